@@ -1,0 +1,39 @@
+# The three kinds of target that this project has.
+
+add_library(ledgerline_options INTERFACE)
+target_compile_options(ledgerline_options INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Werror)
+
+# ll_library(NAME SOURCES a.cpp ... DEPS other ...): a static library, included by path from the root ("common/rt/clock.hpp").
+function(ll_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS;PRIVATE_DEPS" ${ARGN})
+  add_library(${name} STATIC ${ARG_SOURCES})
+  target_include_directories(${name} PUBLIC ${CMAKE_SOURCE_DIR})
+  target_link_libraries(${name} PUBLIC ${ARG_DEPS} PRIVATE ledgerline_options ${ARG_PRIVATE_DEPS})
+endfunction()
+
+# What ./fly needs: every program, no test.
+add_custom_target(programs)
+
+# ll_program(NAME SOURCES main.cpp DEPS its_library): a program in bin/.
+function(ll_program name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ledgerline_options ${ARG_DEPS})
+  add_dependencies(programs ${name})
+endfunction()
+
+# ll_test(NAME SOURCES a_test.cpp DEPS ... [SERIAL] [LABELS ...]): a GoogleTest program, one ctest entry a program.
+function(ll_test name)
+  cmake_parse_arguments(ARG "SERIAL" "TIMEOUT" "SOURCES;DEPS;LABELS" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ledgerline_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
+  add_test(NAME ${name} COMMAND ${name})
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "unit;${ARG_LABELS}")
+  if(ARG_SERIAL)
+    set_tests_properties(${name} PROPERTIES RUN_SERIAL ON)
+  endif()
+endfunction()

@@ -1,0 +1,125 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/rt/result.hpp"
+
+/// Signatures and identities as Fabric uses them: ECDSA P-256 over SHA-256, DER, low S (high S is refused).
+/// mbedTLS and libcrypto are both built; the config says which one signs and which one verifies.
+namespace ledgerline::crypto {
+
+using Digest = std::array<unsigned char, 32>;
+Digest sha256(std::string_view data);
+std::string hex(std::string_view bytes);
+std::string hex(const Digest& digest);
+
+enum class Library { mbedtls, libcrypto };
+Result<Library> library_from_name(const std::string& name);
+
+/// Holds a private key. The key is neither copied out nor logged. sign() may be called from many threads at once.
+class Signer {
+ public:
+  virtual ~Signer() = default;
+  /// DER signature, low S, over SHA-256 of `message`.
+  virtual Result<std::string> sign(std::string_view message) const = 0;
+};
+/// From a PEM key (PKCS#8 or SEC1).
+Result<std::unique_ptr<Signer>> make_signer(Library library, const std::string& pem_key);
+
+/// A public key that checks signatures; thread-safe.
+class Verifier {
+ public:
+  virtual ~Verifier() = default;
+  /// False for a wrong, malformed or high-S signature.
+  virtual bool verify(std::string_view message, std::string_view der_signature) const = 0;
+};
+Result<std::unique_ptr<Verifier>> make_verifier(Library library, const std::string& pem_certificate);
+
+/// Real nonces and ids; from the operating system.
+std::string random_bytes(std::size_t count);
+
+/// Random that a virtual campaign can replace by a seeded one.
+class Entropy {
+ public:
+  virtual ~Entropy() = default;
+  virtual std::string bytes(std::size_t count) = 0;
+};
+class SystemEntropy final : public Entropy {
+ public:
+  std::string bytes(std::size_t count) override { return random_bytes(count); }
+};
+
+/// What a certificate says (parsed by libcrypto in any case).
+struct Certificate {
+  std::string subject;              ///< RFC 2253: "CN=User1@org1.ledgerline,OU=client,L=...": the identity with the MSP id
+  std::string common_name;
+  std::vector<std::string> units;   ///< OU values: "admin", "client", "peer", "orderer" (NodeOUs)
+  std::int64_t not_before_s = 0, not_after_s = 0;  ///< Unix time
+};
+Result<Certificate> parse_certificate(const std::string& pem);
+
+/// Who signs: MSP id and certificate subject, so that it survives renewal.
+struct IdentityName {
+  std::string msp_id;
+  std::string subject;
+  auto operator<=>(const IdentityName&) const = default;
+};
+
+/// Checks serialized identities (msp.SerializedIdentity) against the CA certificates of each MSP, with a cache of those
+/// already checked (bounded). An abstract class so that campaigns can use a test signer. Thread-safe.
+class MspRegistry {
+ public:
+  struct Member {
+    IdentityName name;
+    std::string pem;
+    bool admin = false;  ///< OU=admin
+    std::shared_ptr<const Verifier> verifier;
+  };
+  virtual ~MspRegistry() = default;
+  /// `serialized`: bytes of msp.SerializedIdentity. Unknown MSP, unknown CA, expired (at now_s): an error in Fabric's words
+  /// (without the "access denied:" around it).
+  virtual Result<std::shared_ptr<const Member>> member(std::string_view serialized, std::int64_t now_s) = 0;
+};
+struct MspRoot {
+  std::string msp_id;
+  std::string ca_pem;
+};
+std::unique_ptr<MspRegistry> make_msp_registry(Library library, std::vector<MspRoot> roots);
+
+/// A signer with its name and its serialized form, ready to make transactions.
+struct SigningIdentity {
+  IdentityName name;
+  std::string serialized;  ///< msp.SerializedIdentity
+  std::shared_ptr<const Signer> signer;
+};
+/// From cryptogen's layout: DIR/signcerts/*.pem and DIR/keystore/*_sk. Refuses a key that others may read (not 0600).
+Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const std::string& msp_dir);
+
+/// A certificate authority of our own, for the embedded node and tests (libcrypto).
+struct KeyAndCertificate {
+  std::string key_pem;
+  std::string certificate_pem;
+};
+struct CertificateRequest {
+  std::string common_name;
+  std::string organization;          ///< O
+  std::optional<std::string> unit;   ///< OU
+  std::vector<std::string> sans;     ///< DNS names and IP addresses
+  bool tls = false;                  ///< server and client authentication
+  int days = 3650;
+};
+Result<KeyAndCertificate> make_ca(const std::string& common_name, const std::string& organization);
+Result<KeyAndCertificate> issue(const KeyAndCertificate& ca, const CertificateRequest& request);
+
+/// Deterministic stand-ins for campaigns: a signature is SHA-256 of name and message, which keeps the bytes the same for a
+/// seed and costs microseconds. The serialized form is a msp.SerializedIdentity whose "certificate" is the text
+/// "test:<subject>"; admins have subjects beginning with "CN=Admin". Never built into a real process.
+SigningIdentity make_test_identity(const IdentityName& name);
+std::unique_ptr<MspRegistry> make_test_registry(std::vector<std::string> msp_ids);
+
+}  // namespace ledgerline::crypto

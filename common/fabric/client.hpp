@@ -1,0 +1,79 @@
+#pragma once
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/transaction.hpp"
+#include "common/rt/result.hpp"
+
+/// Client of a Fabric gateway and its peer's Deliver service. Nothing here knows which ledger it talks to.
+namespace ledgerline::fabric {
+
+struct ClientConfig {
+  std::string endpoint;          ///< "127.0.0.1:7051"
+  std::string tls_ca_file;       ///< PEM of the CA that signed the server's certificate
+  std::string server_name;       ///< empty: the endpoint's host must be in the certificate
+  ChannelAndContract where;
+  crypto::SigningIdentity identity;
+  std::size_t max_in_flight = 64;  ///< further submits are refused at once with Outcome::Kind::overloaded
+  std::chrono::milliseconds deadline{5000};
+};
+
+/// How a submitted call ended.
+struct Outcome {
+  enum class Kind {
+    committed,    ///< in a block and valid
+    invalidated,  ///< in a block, flagged invalid: `code` says why (11 = MVCC_READ_CONFLICT)
+    refused,      ///< the contract or the peer refused it: `message` has the reason
+    unavailable,  ///< ledger not reached, or no answer in time: it may still come
+    overloaded,   ///< too many in flight: nothing was sent
+  };
+  Kind kind = Kind::unavailable;
+  std::string tx_id;
+  std::uint64_t block = 0;
+  int code = 0;
+  std::string message;
+  std::string answer;  ///< the contract's, where it answered
+};
+
+/// All methods may be called from any thread. Callbacks come on a thread of the client: they hand over and return.
+/// Destruction cancels what is in flight; its callbacks still come, as unavailable, before the destructor returns.
+class Client {
+ public:
+  /// Does not connect yet; a bad identity or CA file is an error here.
+  static Result<std::unique_ptr<Client>> create(ClientConfig config);
+  virtual ~Client() = default;
+
+  /// Endorse -> submit -> commit status, as a pipeline that never blocks the caller. `done` comes exactly once.
+  virtual void submit(Call call, std::function<void(Outcome)> done) = 0;
+  /// The same, waiting. For tools and start-up.
+  virtual Outcome submit_and_wait(Call call) = 0;
+  /// Asks without writing; waits for the answer.
+  virtual Result<std::string> evaluate(Call call) = 0;
+
+  /// A running stream; destruction ends it and returns after its last callback.
+  class Stream {
+   public:
+    virtual ~Stream() = default;
+  };
+  struct StreamHandlers {
+    std::function<void(const Block&, std::string_view raw)> on_block;  ///< in order, no gap, no doublet, across reconnects
+    std::function<void(bool connected, const std::string& why)> on_connection;
+  };
+  /// Blocks from number `start` (nullopt: from the next new one on). Reconnects with back-off and jitter, for ever, and
+  /// resumes behind the last block handed over. A block that breaks the chain is reported through on_connection and the
+  /// stream starts again at the last good one.
+  virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;
+  /// Contract events through the gateway's ChaincodeEvents, from block `start` on, resumed behind the last transaction.
+  struct Event {
+    std::uint64_t block = 0;
+    std::string tx_id, name, payload;
+  };
+  virtual std::unique_ptr<Stream> events(std::optional<std::uint64_t> start, std::function<void(const Event&)> on_event,
+                                         std::function<void(bool, const std::string&)> on_connection) = 0;
+};
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,90 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/rt/clock.hpp"
+#include "common/rt/result.hpp"
+
+/// Fabric's transactions and blocks as pure functions over bytes: used by the real client and by virtual campaigns.
+/// All byte strings are serialized protobuf messages of Fabric, named in the comments.
+namespace ledgerline::fabric {
+
+/// One call of a contract.
+struct Call {
+  std::string function;
+  std::vector<std::string> args;
+};
+
+struct ChannelAndContract {
+  std::string channel = "teleop";
+  std::string contract = "ledgerline";
+};
+
+struct Proposal {
+  std::string tx_id;            ///< hex SHA-256(nonce ‖ creator)
+  std::string signed_proposal;  ///< protos.SignedProposal
+};
+/// `timestamp_ns`: real time, goes into the channel header. `nonce`: 24 bytes.
+Result<Proposal> make_proposal(const crypto::SigningIdentity& who, const ChannelAndContract& where, const Call& call,
+                               TimeNs timestamp_ns, std::string nonce);
+
+/// Signs a common.Envelope that came unsigned (from Endorse) and returns it whole.
+Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope);
+
+/// A signed common.Envelope with SeekInfo for Deliver: from block `start` (nullopt: newest) on, for ever, BLOCK_UNTIL_READY.
+Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::string& channel,
+                              std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce);
+
+/// Who endorsed, in a transaction.
+struct Endorsement {
+  std::string endorser;   ///< msp.SerializedIdentity
+  std::string signature;
+};
+
+/// An endorser transaction, taken apart.
+struct Transaction {
+  std::string tx_id;
+  std::string channel;
+  int code = -1;                ///< protos.TxValidationCode; 0 = VALID; -1: the block has no flags (orderer's)
+  TimeNs timestamp_ns = 0;      ///< as the client claimed it
+  std::string creator;          ///< msp.SerializedIdentity
+  std::string event_name;       ///< empty: none
+  std::string event_payload;
+  std::string payload;          ///< common.Payload, signed by creator as `signature`
+  std::string signature;
+  std::string response_payload; ///< ProposalResponsePayload: each endorsement signs it followed by the endorser
+  std::vector<Endorsement> endorsements;
+  bool config = false;          ///< a config transaction: only tx_id, channel and code are set
+};
+
+struct Block {
+  std::uint64_t number = 0;
+  std::string previous_hash;
+  std::string data_hash;
+  std::vector<Transaction> transactions;
+};
+/// Takes a common.Block apart. Malformed bytes: an error that names the block and transaction; never a crash.
+Result<Block> decode_block(std::string_view block);
+
+/// SHA-256 over the ASN.1 of (number, previous hash, data hash): what the next block names as its previous hash.
+std::string block_header_hash(std::uint64_t number, std::string_view previous_hash, std::string_view data_hash);
+
+/// Follows a chain: each block must be the next number and carry the hash of the one before, and its data must match its
+/// own data hash (computed over the concatenated envelopes by decode_block, which refuses a mismatch).
+class ChainCheck {
+ public:
+  /// Starts anywhere: the first block is taken as it is, unless a checkpoint is given.
+  Status add(const Block& block);
+  std::uint64_t height() const { return next_; }
+
+ private:
+  bool started_ = false;
+  std::uint64_t next_ = 0;
+  std::string hash_;
+};
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,97 @@
+#pragma once
+#include <array>
+#include <cstdint>
+
+#include "common/rt/clock.hpp"
+
+/// What link and agent say to each other through shared memory: plain data, no pointers.
+/// Positions and velocities are in the map frame (REP 103/105: x east, y north, z up), metres and metres per second;
+/// yaw is counter-clockwise from x, radians. Times are the drone host's CLOCK_MONOTONIC.
+namespace ledgerline {
+
+/// Drones are numbered from 1: number k is the name `tello<k>` unless the config says otherwise.
+using DroneNumber = std::uint16_t;
+inline constexpr DroneNumber max_drones = 16;
+
+/// What a plan wants. Part of the wire format (ledgerline.proto uses the same values).
+enum class PlanAction : std::uint8_t { fly = 0, takeoff = 1, land = 2, stop = 3 };
+
+/// Where the flight is, as link sees it.
+enum class FlightPhase : std::uint8_t { disconnected = 0, on_ground = 1, taking_off = 2, flying = 3, landing = 4, landed = 5 };
+
+/// What the failsafe does now; `none` while the plan is flown.
+enum class FailsafeMode : std::uint8_t { none = 0, hold = 1, brake = 2, land = 3, cut = 4 };
+
+/// Why the failsafe is in its mode (the causes of the design's table).
+enum class FailsafeCause : std::uint8_t {
+  none = 0, plan_ran_out = 1, held_too_long = 2, agent_silent = 3, ledger_silent = 4, state_stale = 5, pose_lost = 6,
+  fence = 7, battery_low = 8, battery_critical = 9, stopped = 10
+};
+
+/// Why a plan or setpoint was not flown.
+enum class DropReason : std::uint8_t { none = 0, too_old = 1, out_of_order = 2, superseded = 3, bad_value = 4, not_flying = 5, queue_full = 6 };
+
+/// A velocity setpoint for a moment on the drone host's clock.
+struct Setpoint {
+  TimeNs at_ns = 0;
+  std::array<float, 3> velocity_mps{};
+  float yaw_rate_radps = 0;
+};
+
+inline constexpr std::uint32_t max_setpoints = 40;  // 2 s at 20 Hz
+
+/// agent -> link: a verified command. Setpoints are in order of time.
+struct Plan {
+  DroneNumber drone = 0;
+  PlanAction action = PlanAction::fly;
+  std::uint64_t sequence = 0;       ///< grows by one per command of an operator's session (lease epoch)
+  std::uint64_t epoch = 0;          ///< lease epoch; sequence starts anew with it
+  TimeNs state_stamp_ns = 0;        ///< of the state that it was made from
+  TimeNs verified_ns = 0;           ///< when agent handed it over: two-way latency = verified - state_stamp
+  std::uint32_t count = 0;
+  std::array<Setpoint, max_setpoints> setpoints{};
+};
+
+/// agent -> link: fused pose and velocity.
+struct Pose {
+  DroneNumber drone = 0;
+  TimeNs stamp_ns = 0;  ///< of the measurement, not of the fusion
+  std::array<double, 3> position_m{};
+  std::array<double, 3> velocity_mps{};
+  double yaw_rad = 0;
+};
+
+/// agent -> link, at least ten times a second.
+struct AgentBeat {
+  TimeNs stamp_ns = 0;
+  bool ledger_alive = false;  ///< blocks or commits came lately
+};
+
+/// link -> agent: one sample of a drone, and what link really did.
+struct StateSample {
+  DroneNumber drone = 0;
+  FlightPhase phase = FlightPhase::disconnected;
+  FailsafeMode mode = FailsafeMode::none;
+  FailsafeCause cause = FailsafeCause::none;
+  std::uint64_t boot_id = 0;   ///< of this start of link: stamps of another are refused
+  std::uint64_t sequence = 0;  ///< grows by one per drone and sample
+  TimeNs stamp_ns = 0;         ///< when it was sampled
+  TimeNs pose_stamp_ns = 0;    ///< 0: no pose yet
+  std::array<double, 3> position_m{};
+  std::array<double, 3> velocity_mps{};
+  double yaw_rad = 0;
+  float battery = 0;           ///< 0..1
+  float tof_m = 0;
+  float height_m = 0;          ///< the Tello's own `h`, above take-off
+  bool sdk_state_fresh = false;
+  std::uint64_t applied_sequence = 0;  ///< of the last plan a setpoint was flown from
+  TimeNs applied_stamp_ns = 0;         ///< its state's stamp
+  TimeNs applied_late_ns = 0;          ///< sent minus meant
+  std::array<float, 3> sent_velocity_mps{};  ///< the setpoint as sent, after limits and failsafe
+  float sent_yaw_rate_radps = 0;
+  std::uint32_t plans_late = 0;        ///< counters since boot
+  std::uint32_t plans_dropped = 0;
+  std::uint32_t plans_applied = 0;
+};
+
+}  // namespace ledgerline

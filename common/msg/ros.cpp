@@ -1,0 +1,158 @@
+#include "common/msg/ros.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "common/msg/cdr.hpp"
+
+namespace ledgerline {
+namespace {
+
+void put_header(CdrWriter& out, const Header& header) {
+  out.put(static_cast<std::int32_t>(header.stamp_ns / ns_per_s));
+  out.put(static_cast<std::uint32_t>(header.stamp_ns % ns_per_s));
+  out.put(std::string_view(header.frame_id));
+}
+
+Header get_header(CdrReader& in) {
+  Header header;
+  header.stamp_ns = static_cast<TimeNs>(in.get<std::int32_t>()) * ns_per_s;
+  header.stamp_ns += in.get<std::uint32_t>();
+  header.frame_id = in.get_string();
+  return header;
+}
+
+void put_unknown_covariance(CdrWriter& out) { out.put(std::array<double, 36>{}); }
+
+template <typename T>
+Result<T> checked(const CdrReader& in, T value, std::string_view type) {
+  if (!in.ok()) return Error{"malformed CDR of " + std::string(type)};
+  return value;
+}
+
+}  // namespace
+
+std::array<double, 4> quaternion_from_yaw(double yaw_rad) { return {0, 0, std::sin(yaw_rad / 2), std::cos(yaw_rad / 2)}; }
+
+double yaw_from_quaternion(const std::array<double, 4>& q) {
+  return std::atan2(2 * (q[3] * q[2] + q[0] * q[1]), 1 - 2 * (q[1] * q[1] + q[2] * q[2]));
+}
+
+std::string to_cdr(const Odometry& odometry) {
+  CdrWriter out;
+  put_header(out, odometry.header);
+  out.put(std::string_view(odometry.child_frame_id));
+  out.put(odometry.position_m);
+  out.put(odometry.orientation);
+  put_unknown_covariance(out);
+  out.put(odometry.linear_mps);
+  out.put(odometry.angular_radps);
+  put_unknown_covariance(out);
+  return out.take();
+}
+
+Result<Odometry> odometry_from_cdr(std::string_view cdr) {
+  CdrReader in(cdr);
+  Odometry odometry;
+  odometry.header = get_header(in);
+  odometry.child_frame_id = in.get_string();
+  odometry.position_m = in.get_array<double, 3>();
+  odometry.orientation = in.get_array<double, 4>();
+  (void)in.get_array<double, 36>();
+  odometry.linear_mps = in.get_array<double, 3>();
+  odometry.angular_radps = in.get_array<double, 3>();
+  (void)in.get_array<double, 36>();
+  return checked(in, odometry, odometry_type);
+}
+
+std::string to_cdr(const BatteryState& battery) {
+  constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
+  CdrWriter out;
+  put_header(out, battery.header);
+  out.put(battery.voltage_v);
+  out.put(unknown);  // temperature
+  out.put(unknown);  // current
+  out.put(unknown);  // charge
+  out.put(unknown);  // capacity
+  out.put(unknown);  // design_capacity
+  out.put(battery.percentage);
+  out.put(std::uint8_t{2});    // power_supply_status: DISCHARGING
+  out.put(std::uint8_t{0});    // power_supply_health: UNKNOWN
+  out.put(std::uint8_t{3});    // power_supply_technology: LIPO
+  out.put(std::uint8_t{1});    // present
+  out.put(std::uint32_t{0});   // cell_voltage: none measured
+  out.put(std::uint32_t{0});   // cell_temperature
+  out.put(std::string_view{});  // location
+  out.put(std::string_view{});  // serial_number
+  return out.take();
+}
+
+Result<BatteryState> battery_from_cdr(std::string_view cdr) {
+  CdrReader in(cdr);
+  BatteryState battery;
+  battery.header = get_header(in);
+  battery.voltage_v = in.get<float>();
+  for (int i = 0; i < 5; ++i) (void)in.get<float>();
+  battery.percentage = in.get<float>();
+  return checked(in, battery, battery_type);
+}
+
+std::string link_status_to_cdr(const StateSample& s) {
+  CdrWriter out;
+  out.put(static_cast<std::uint8_t>(s.phase));
+  out.put(static_cast<std::uint8_t>(s.mode));
+  out.put(static_cast<std::uint8_t>(s.cause));
+  out.put(s.boot_id);
+  out.put(s.sequence);
+  out.put(s.stamp_ns);
+  out.put(s.pose_stamp_ns);
+  out.put(s.position_m);
+  out.put(s.velocity_mps);
+  out.put(s.yaw_rad);
+  out.put(s.battery);
+  out.put(s.tof_m);
+  out.put(s.height_m);
+  out.put(static_cast<std::uint8_t>(s.sdk_state_fresh));
+  out.put(s.applied_sequence);
+  out.put(s.applied_stamp_ns);
+  out.put(s.applied_late_ns);
+  out.put(s.sent_velocity_mps);
+  out.put(s.sent_yaw_rate_radps);
+  out.put(s.plans_late);
+  out.put(s.plans_dropped);
+  out.put(s.plans_applied);
+  return out.take();
+}
+
+Result<StateSample> link_status_from_cdr(std::string_view cdr) {
+  CdrReader in(cdr);
+  StateSample s;
+  s.phase = static_cast<FlightPhase>(in.get<std::uint8_t>());
+  s.mode = static_cast<FailsafeMode>(in.get<std::uint8_t>());
+  s.cause = static_cast<FailsafeCause>(in.get<std::uint8_t>());
+  if (s.phase > FlightPhase::landed || s.mode > FailsafeMode::cut || s.cause > FailsafeCause::stopped) {
+    return Error{"ledgerline_msgs/msg/LinkStatus: phase, mode or cause is none that this version knows"};
+  }
+  s.boot_id = in.get<std::uint64_t>();
+  s.sequence = in.get<std::uint64_t>();
+  s.stamp_ns = in.get<TimeNs>();
+  s.pose_stamp_ns = in.get<TimeNs>();
+  s.position_m = in.get_array<double, 3>();
+  s.velocity_mps = in.get_array<double, 3>();
+  s.yaw_rad = in.get<double>();
+  s.battery = in.get<float>();
+  s.tof_m = in.get<float>();
+  s.height_m = in.get<float>();
+  s.sdk_state_fresh = in.get<std::uint8_t>() != 0;
+  s.applied_sequence = in.get<std::uint64_t>();
+  s.applied_stamp_ns = in.get<TimeNs>();
+  s.applied_late_ns = in.get<TimeNs>();
+  s.sent_velocity_mps = in.get_array<float, 3>();
+  s.sent_yaw_rate_radps = in.get<float>();
+  s.plans_late = in.get<std::uint32_t>();
+  s.plans_dropped = in.get<std::uint32_t>();
+  s.plans_applied = in.get<std::uint32_t>();
+  return checked(in, s, link_status_type);
+}
+
+}  // namespace ledgerline

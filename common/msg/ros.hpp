@@ -1,0 +1,52 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "common/msg/onboard.hpp"
+#include "common/rt/result.hpp"
+
+/// The ROS 2 messages that a drone's state travels in, to and from CDR.
+namespace ledgerline {
+
+/// std_msgs/msg/Header; real time.
+struct Header {
+  TimeNs stamp_ns = 0;
+  std::string frame_id;
+};
+
+/// nav_msgs/msg/Odometry without its covariances, which are written as zeros ("unknown"). Quaternion order x, y, z, w.
+struct Odometry {
+  Header header;  ///< frame_id "map"
+  std::string child_frame_id;
+  std::array<double, 3> position_m{};
+  std::array<double, 4> orientation{0, 0, 0, 1};
+  std::array<double, 3> linear_mps{};  ///< in the child frame (REP 105)
+  std::array<double, 3> angular_radps{};
+};
+inline constexpr std::string_view odometry_type = "nav_msgs/msg/Odometry";
+std::string to_cdr(const Odometry& odometry);
+Result<Odometry> odometry_from_cdr(std::string_view cdr);
+
+/// sensor_msgs/msg/BatteryState, the fields that a Tello knows; all others NaN or unknown, as the message's comments ask.
+struct BatteryState {
+  Header header;
+  float voltage_v = 0;
+  float percentage = 0;  ///< 0..1
+};
+inline constexpr std::string_view battery_type = "sensor_msgs/msg/BatteryState";
+std::string to_cdr(const BatteryState& battery);
+Result<BatteryState> battery_from_cdr(std::string_view cdr);
+
+/// ledgerline_msgs/msg/LinkStatus: a StateSample whole, so that the ground sees what link really did. Fields in the order
+/// of StateSample, the drone's number left out (its name is in the id).
+inline constexpr std::string_view link_status_type = "ledgerline_msgs/msg/LinkStatus";
+std::string link_status_to_cdr(const StateSample& sample);
+Result<StateSample> link_status_from_cdr(std::string_view cdr);
+
+/// Rotation about z only, from yaw.
+std::array<double, 4> quaternion_from_yaw(double yaw_rad);
+double yaw_from_quaternion(const std::array<double, 4>& xyzw);
+
+}  // namespace ledgerline

@@ -1,0 +1,42 @@
+#pragma once
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "common/msg/onboard.hpp"
+#include "common/rt/result.hpp"
+
+/// The shared-memory channel between link and agent: iceoryx behind plain functions, so that no other header includes it.
+/// Each end is used by one thread; every call is non-blocking and free of heap use after construction.
+namespace ledgerline::ipc {
+
+/// Must be called once a process, before any end is made. RouDi must be running: without it iceoryx waits, so this checks
+/// first that it answers and returns an error that names the cure.
+Status connect(const std::string& program);
+
+/// link's end.
+class LinkEnd {
+ public:
+  static Result<std::unique_ptr<LinkEnd>> create();
+  virtual ~LinkEnd() = default;
+  virtual bool take_plan(Plan& out) noexcept = 0;
+  virtual bool take_pose(Pose& out) noexcept = 0;
+  virtual bool take_beat(AgentBeat& out) noexcept = 0;
+  /// False when there is no chunk left: the sample is lost and the caller counts it.
+  virtual bool send_state(const StateSample& sample) noexcept = 0;
+};
+
+/// agent's end.
+class AgentEnd {
+ public:
+  static Result<std::unique_ptr<AgentEnd>> create();
+  virtual ~AgentEnd() = default;
+  virtual bool take_state(StateSample& out) noexcept = 0;
+  virtual bool send_plan(const Plan& plan) noexcept = 0;
+  virtual bool send_pose(const Pose& pose) noexcept = 0;
+  virtual bool send_beat(const AgentBeat& beat) noexcept = 0;
+  /// Waits until a state may be there or the time is over.
+  virtual void wait(TimeNs timeout_ns) noexcept = 0;
+};
+
+}  // namespace ledgerline::ipc
