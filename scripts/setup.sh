@@ -1,0 +1,83 @@
+# Sourced by ./fly and ./run-tests: what both do before anything runs.
+# shellcheck shell=bash
+
+say() { printf '\033[1m%s\033[0m\n' "$*" >&2; }
+die() { printf 'ledgerline: %s\n' "$*" >&2; exit 1; }
+
+probe_fails() {  # probe_fails cmd:NAME|file:PATH|py:MODULE
+  case $1 in
+    cmd:*) ! command -v "${1#cmd:}" >/dev/null ;;
+    file:*) [ ! -e "${1#file:}" ] ;;
+    py:*) ! python3 -c "import ${1#py:}" 2>/dev/null ;;
+    *) die "scripts/packages.txt: unknown probe $1" ;;
+  esac
+}
+
+# install_packages GROUP...: installs the Debian packages whose probe fails; sudo where not root; a list where neither works.
+install_packages() {
+  local group probe package missing=()
+  while read -r group probe package; do
+    case " $* " in *" $group "*) ;; *) continue ;; esac
+    if probe_fails "$probe"; then missing+=("$package"); fi
+  done < <(grep -v '^#' "$root/scripts/packages.txt")
+  [ ${#missing[@]} -eq 0 ] && return 0
+
+  local as_root=()
+  if [ "$(id -u)" -ne 0 ]; then
+    if command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [ -t 0 ]; }; then
+      as_root=(sudo)
+    else
+      die "these Debian packages are missing and neither root nor sudo is at hand. Ask an administrator for:
+  apt-get install ${missing[*]}"
+    fi
+  fi
+  command -v apt-get >/dev/null || die "these packages are missing and this is no Debian (no apt-get): ${missing[*]}"
+  say "Installing ${#missing[@]} Debian packages"
+  local log="$root/build/install.log"
+  mkdir -p "$root/build"
+  if ! { "${as_root[@]}" apt-get update -qq &&
+         "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}"; } >"$log" 2>&1; then
+    tail -n 15 "$log" >&2
+    die "the installation failed (whole log: $log). Missing: ${missing[*]}"
+  fi
+}
+
+version_at_least() { [ "$(printf '%s\n%s\n' "$1" "$2" | sort -V | head -n 1)" = "$1" ]; }  # version_at_least WANTED IS
+
+check_tools() {
+  local is
+  is=$(cmake --version | sed -n '1s/[^0-9]*//p')
+  version_at_least 3.25 "$is" || die "cmake is $is, 3.25 or newer is needed (Debian 12 has it: apt-get install cmake)"
+  is=$(g++ -dumpfullversion)
+  version_at_least 12.0 "$is" || die "g++ is $is, 12 or newer is needed (Debian 12 has it: apt-get install g++)"
+  is=$(python3 -c 'import platform; print(platform.python_version())')
+  version_at_least 3.9 "$is" || die "python3 is $is, 3.9 or newer is needed"
+}
+
+# build PRESET TARGET: configures where needed and builds, with a bar on a terminal.
+build() {
+  local dir="$root/build/$1" log="$root/build/$1.log"
+  mkdir -p "$root/build"
+  if [ ! -f "$dir/build.ninja" ]; then
+    (cd "$root" && cmake --preset "$1") >"$log" 2>&1 || { tail -n 30 "$log" >&2; die "cmake failed (whole log: $log)"; }
+  fi
+  local bar=0
+  [ -t 2 ] && bar=1
+  NINJA_STATUS='@%f %t ' ninja -C "$dir" "$2" 2>&1 | tee "$log" | awk -v bar=$bar -v what="Building $1" '
+    /^@[0-9]+ [0-9]+ / {
+      split(substr($0, 2), n, " "); percent = int(100 * n[1] / n[2])
+      if (bar) {
+        filled = int(percent * 40 / 100); line = ""
+        for (i = 0; i < 40; i++) line = line (i < filled ? "#" : ".")
+        printf "\r%s [%s] %3d %%  %d of %d ", what, line, percent, n[1], n[2] > "/dev/stderr"
+      } else if (percent >= next_percent && n[2] > 5) {
+        printf "%s: %d %% (%d of %d)\n", what, percent, n[1], n[2] > "/dev/stderr"
+        next_percent = percent + 20
+      }
+    }
+    END { if (bar) printf "\r\033[K" > "/dev/stderr" }'
+  if [ "${PIPESTATUS[0]}" -ne 0 ]; then
+    grep -E -A 15 'FAILED|error:' "$log" | head -n 60 >&2
+    die "the build failed (whole log: $log)"
+  fi
+}
