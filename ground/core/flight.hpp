@@ -1,0 +1,156 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/client.hpp"
+#include "common/fabric/transaction.hpp"
+#include "common/msg/onboard.hpp"
+#include "common/rt/trace.hpp"
+#include "ground/core/controller.hpp"
+#include "ground/core/path.hpp"
+
+namespace ledgerline {
+class Control;
+class DronePlan;
+}  // namespace ledgerline
+
+namespace ledgerline::ground {
+
+struct FlightDrone {
+  std::string name;  ///< "tello1"
+  DroneNumber number = 1;
+};
+
+struct FlightConfig {
+  std::vector<FlightDrone> drones;
+  Shape shape = Shape::square;
+  double side_m = 1.5;
+  int laps = 3;
+  double seconds = 0;  ///< > 0: fly the path this long instead of counting laps
+  ControllerConfig controller;
+  crypto::IdentityName self;  ///< whose lease it must be
+  std::shared_ptr<crypto::MspRegistry>
+      believed;  ///< states must be signed by one of these, the drone's owner; null: not checked
+
+  // Time-outs of the phases; each ends in landing, or in failure where there is nothing to land.
+  TimeNs wait_ns = 30 * ns_per_s;     ///< for the first state with a pose, on the ground, under our lease
+  TimeNs takeoff_ns = 25 * ns_per_s;  ///< until it hovers at the origin
+  TimeNs settle_ns = 8 * ns_per_s;    ///< the part of it that is spent on settling at the origin
+  TimeNs silence_ns = 3 * ns_per_s;   ///< no state at all while flying
+  TimeNs landing_ns = 20 * ns_per_s;
+  double path_factor = 3.0;  ///< path: this many times the time that it should take, and half a minute
+};
+
+/// Per drone: waiting -> takeoff -> path -> landing -> landed, or failed: never took off, or not seen to land.
+enum class DronePhase { waiting, takeoff, path, landing, landed, failed };
+std::string name_of(DronePhase phase);
+
+/// One transaction to submit; its outcome comes back with the same id.
+struct Submission {
+  std::uint64_t id = 0;
+  fabric::Call call;
+};
+
+struct FlightInputs {
+  const fabric::Block* block = nullptr;      ///< the next of the stream, checked as a chain by the client
+  const fabric::Outcome* outcome = nullptr;  ///< of submission `outcome_id`
+  std::uint64_t outcome_id = 0;
+  std::string land;             ///< not empty: land all drones; why
+  std::int64_t realtime_s = 0;  ///< for the expiry of certificates
+};
+
+/// The newest odometry of a drone in this block, as it came.
+struct OdometryCdr {
+  std::size_t drone = 0;  ///< index into FlightConfig::drones
+  std::string cdr;
+};
+
+struct FlightOutputs {
+  std::vector<Submission> submissions;
+  std::vector<TraceRecord> traces;
+  std::vector<OdometryCdr> odometry;
+};
+
+struct FlightStatus {
+  DronePhase phase = DronePhase::waiting;
+  bool finished = false;  ///< flew its whole path
+  int lap = 0;            ///< the one it is in, from 1; 0 before the path
+  double progress = 0;    ///< of the whole flight, 0..1
+  std::array<double, 2> origin_m{};
+  std::vector<double> lap_s;
+  std::string why;  ///< what went wrong
+  std::uint64_t states_received = 0, commands_made = 0, commands_sent = 0, commands_merged = 0;
+};
+
+struct FlightTransactions {
+  std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0, overloaded = 0;
+};
+
+/// Flies N drones around a path, through the ledger: blocks in, `command` calls out. One plan per drone and state, the
+/// plans of all drones in one call, one call in flight until it is committed or `gap_ns` is over; what is made
+/// meanwhile waits, the newest per drone, and what it replaces is counted as merged. A call refused because of one
+/// drone ("tello3: ...") is sent again at once without that drone.
+///
+/// The path of each drone begins where it stands before take-off. Times in plans are the drone host's clock alone: the
+/// ground's clock and the drone's are never compared. How long a state takes from the drone to here and a plan from
+/// here to the drone is taken as twice the time that our own commands take from submission until their block is here.
+///
+/// Deterministic; one thread; call step() for every block, outcome and request at once, and every 50 ms for the
+/// time-outs.
+class FlightCore {
+ public:
+  explicit FlightCore(FlightConfig config);
+  ~FlightCore();
+
+  /// Before the first step: a drone's record, as `get control/<drone>` answered it (bytes of ledgerline.Control). Later
+  /// changes come with the blocks; so read the records behind the start of the block stream.
+  Status set_control(const std::string& control);
+
+  FlightOutputs step(TimeNs now_ns, const FlightInputs& inputs);
+
+  bool done() const;        ///< every drone landed or failed
+  bool ok() const;          ///< every drone finished its path and landed
+  std::string why() const;  ///< of all drones; empty while nothing went wrong
+  const std::vector<FlightDrone>& drones() const { return config_.drones; }
+  FlightStatus status(std::size_t drone) const;
+  const FlightTransactions& transactions() const { return transactions_; }
+  /// The measured way there and back that plans are made for.
+  TimeNs delay_ns() const { return delay_ns_; }
+
+ private:
+  struct Drone;
+  struct InFlight;
+
+  void take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
+  void take_states(TimeNs now_ns, const fabric::Transaction& tx, std::int64_t realtime_s, FlightOutputs& out);
+  void take_own_commands(TimeNs now_ns, const std::string& payload);
+  void take_controls(TimeNs now_ns, const std::string& payload);
+  void take_control(TimeNs now_ns, const Control& control);
+  void take_outcome(const fabric::Outcome& outcome, std::uint64_t id);
+  void advance(TimeNs now_ns, Drone& drone);
+  void check_time(TimeNs now_ns, Drone& drone);
+  void enter(TimeNs now_ns, Drone& drone, DronePhase phase);
+  void land(TimeNs now_ns, Drone& drone, const std::string& why);
+  void make_plan(TimeNs now_ns, Drone& drone, FlightOutputs& out);
+  void submit_pending(TimeNs now_ns, FlightOutputs& out);
+  void measure(TimeNs one_way_ns);
+  std::string believed_signer(const fabric::Transaction& tx, std::int64_t realtime_s,
+                              crypto::IdentityName& signer) const;
+  Drone* find(std::string_view name);
+
+  FlightConfig config_;
+  std::vector<std::unique_ptr<Drone>> drones_;
+  std::vector<InFlight> in_flight_;
+  std::uint64_t next_id_ = 1;
+  FlightTransactions transactions_;
+  std::deque<TimeNs> one_way_ns_;
+  TimeNs delay_ns_ = 25 * ns_per_ms;
+};
+
+}  // namespace ledgerline::ground
