@@ -13,23 +13,48 @@ namespace ledgerline {
 using DroneNumber = std::uint16_t;
 inline constexpr DroneNumber max_drones = 16;
 
-/// What a plan wants. Part of the wire format (ledgerline.proto uses the same values).
-enum class PlanAction : std::uint8_t { fly = 0, takeoff = 1, land = 2, stop = 3 };
+/// What a plan wants. The first three are also on the wire (ledgerline.proto uses the same values); stop and cut are
+/// said by agent alone, from the contract's stop: land now, and motors off at once, only where asked for by name.
+enum class PlanAction : std::uint8_t { fly = 0, takeoff = 1, land = 2, stop = 3, cut = 4 };
 
 /// Where the flight is, as link sees it.
-enum class FlightPhase : std::uint8_t { disconnected = 0, on_ground = 1, taking_off = 2, flying = 3, landing = 4, landed = 5 };
+enum class FlightPhase : std::uint8_t {
+  disconnected = 0,
+  on_ground = 1,
+  taking_off = 2,
+  flying = 3,
+  landing = 4,
+  landed = 5
+};
 
 /// What the failsafe does now; `none` while the plan is flown.
 enum class FailsafeMode : std::uint8_t { none = 0, hold = 1, brake = 2, land = 3, cut = 4 };
 
 /// Why the failsafe is in its mode (the causes of the design's table).
 enum class FailsafeCause : std::uint8_t {
-  none = 0, plan_ran_out = 1, held_too_long = 2, agent_silent = 3, ledger_silent = 4, state_stale = 5, pose_lost = 6,
-  fence = 7, battery_low = 8, battery_critical = 9, stopped = 10
+  none = 0,
+  plan_ran_out = 1,
+  held_too_long = 2,
+  agent_silent = 3,
+  ledger_silent = 4,
+  state_stale = 5,
+  pose_lost = 6,
+  fence = 7,
+  battery_low = 8,
+  battery_critical = 9,
+  stopped = 10
 };
 
 /// Why a plan or setpoint was not flown.
-enum class DropReason : std::uint8_t { none = 0, too_old = 1, out_of_order = 2, superseded = 3, bad_value = 4, not_flying = 5, queue_full = 6 };
+enum class DropReason : std::uint8_t {
+  none = 0,
+  too_old = 1,
+  out_of_order = 2,
+  superseded = 3,
+  bad_value = 4,
+  not_flying = 5,
+  queue_full = 6
+};
 
 /// A velocity setpoint for a moment on the drone host's clock.
 struct Setpoint {
@@ -44,10 +69,10 @@ inline constexpr std::uint32_t max_setpoints = 40;  // 2 s at 20 Hz
 struct Plan {
   DroneNumber drone = 0;
   PlanAction action = PlanAction::fly;
-  std::uint64_t sequence = 0;       ///< grows by one per command of an operator's session (lease epoch)
-  std::uint64_t epoch = 0;          ///< lease epoch; sequence starts anew with it
-  TimeNs state_stamp_ns = 0;        ///< of the state that it was made from
-  TimeNs verified_ns = 0;           ///< when agent handed it over: two-way latency = verified - state_stamp
+  std::uint64_t sequence = 0;  ///< grows by one per command of an operator's session (lease epoch)
+  std::uint64_t epoch = 0;     ///< lease epoch; sequence starts anew with it
+  TimeNs state_stamp_ns = 0;   ///< of the state that it was made from
+  TimeNs verified_ns = 0;      ///< when agent handed it over: two-way latency = verified - state_stamp
   std::uint32_t count = 0;
   std::array<Setpoint, max_setpoints> setpoints{};
 };
@@ -80,16 +105,16 @@ struct StateSample {
   std::array<double, 3> position_m{};
   std::array<double, 3> velocity_mps{};
   double yaw_rad = 0;
-  float battery = 0;           ///< 0..1
+  float battery = 0;  ///< 0..1
   float tof_m = 0;
-  float height_m = 0;          ///< the Tello's own `h`, above take-off
+  float height_m = 0;  ///< the Tello's own `h`, above take-off
   bool sdk_state_fresh = false;
-  std::uint64_t applied_sequence = 0;  ///< of the last plan a setpoint was flown from
-  TimeNs applied_stamp_ns = 0;         ///< its state's stamp
-  TimeNs applied_late_ns = 0;          ///< sent minus meant
+  std::uint64_t applied_sequence = 0;        ///< of the last plan a setpoint was flown from
+  TimeNs applied_stamp_ns = 0;               ///< its state's stamp
+  TimeNs applied_late_ns = 0;                ///< sent minus meant
   std::array<float, 3> sent_velocity_mps{};  ///< the setpoint as sent, after limits and failsafe
   float sent_yaw_rate_radps = 0;
-  std::uint32_t plans_late = 0;        ///< counters since boot
+  std::uint32_t plans_late = 0;  ///< counters since boot
   std::uint32_t plans_dropped = 0;
   std::uint32_t plans_applied = 0;
 };
