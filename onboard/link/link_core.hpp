@@ -1,0 +1,131 @@
+#pragma once
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "common/msg/onboard.hpp"
+#include "common/rt/histogram.hpp"
+#include "common/rt/trace.hpp"
+#include "onboard/link/failsafe.hpp"
+#include "onboard/link/fixed_vector.hpp"
+#include "onboard/link/playout.hpp"
+#include "onboard/link/session.hpp"
+#include "onboard/link/settings.hpp"
+
+namespace ledgerline::link {
+
+/// The two ports of a drone that link hears: answers (8889) and state text (8890).
+enum class Port : std::uint8_t { answer, state };
+
+struct Received {
+  DroneNumber drone = 0;
+  Port port = Port::answer;
+  std::string_view bytes;
+};
+
+/// For the drone's port 8889.
+struct ToSend {
+  DroneNumber drone = 0;
+  CommandText command;
+};
+
+/// What came since the last step, in the order it came.
+struct LinkInputs {
+  std::span<const Received> received;
+  std::span<const Plan> plans;
+  std::span<const Pose> poses;
+  std::span<const AgentBeat> beats;
+  bool stop_all = false;  ///< the local stop key (SIGTERM): every drone lands; stays true once it was
+};
+
+struct LinkOutputs {
+  FixedVector<ToSend, 4 * max_drones> to_send;
+  FixedVector<StateSample, max_drones> states;
+  FixedVector<TraceRecord, 512> trace;
+};
+
+/// Figures of one drone since the start.
+struct DroneReport {
+  std::string name;
+  DroneNumber number = 0;
+  std::uint64_t states_sampled = 0;
+  PlanCounters plans;
+  Quantiles age_ms;     ///< at application: sent - the state's stamp
+  bool landed = false;  ///< it flew and is on the ground again
+  FlightPhase phase = FlightPhase::disconnected;
+};
+
+/// All of link for up to 16 drones: sessions, playout, limits, failsafe. `step` is meant for 1 kHz and works at any
+/// rate. Core: no I/O, no clock, no allocation after construction; one thread.
+class LinkCore {
+ public:
+  /// `boot_id`: random for each start; the shell or the virtual campaign's seed provides it.
+  LinkCore(const LinkSettings& settings, std::uint64_t boot_id);
+
+  /// The outputs are valid until the next step.
+  const LinkOutputs& step(TimeNs now, const LinkInputs& inputs) noexcept;
+
+  /// No drone is in the air, as far as link knows.
+  bool all_on_ground() const noexcept;
+  FlightPhase phase(DroneNumber drone) const noexcept;
+  FailsafeMode mode(DroneNumber drone) const noexcept;
+
+  /// Ends all plans that still wait, so that the counters add up. After the last step.
+  void finish() noexcept;
+  std::vector<DroneReport> reports() const;
+
+ private:
+  struct Drone {
+    Drone(const DroneSettings& drone, const LinkSettings& settings)
+        : name(drone.name),
+          number(drone.number),
+          session(settings.session),
+          playout(settings.playout),
+          limiter(settings.playout) {}
+    std::string name;
+    DroneNumber number;
+    TelloSession session;
+    Playout playout;
+    Limiter limiter;
+    FailsafeState failsafe;
+    FailsafeFacts facts;
+    Pose pose;
+    bool stop = false;  ///< until the next take-off from a state after the landing
+    bool cut = false;
+    TimeNs grounded_at_ns = 0;  ///< end of the last flight: take-off wants a younger state
+    FlightPhase last_phase = FlightPhase::disconnected;
+    TimeNs last_rc_ns = 0;
+    Rc last_rc{};
+    Velocity sent;  ///< as the drone was told, after limits, failsafe and rc's range
+    std::uint64_t states_sampled = 0;
+    std::uint64_t applied_sequence = 0;
+    TimeNs applied_stamp_ns = 0;
+    TimeNs applied_late_ns = 0;
+    Histogram age;
+  };
+
+  Drone* find(DroneNumber number) noexcept;
+  const Drone* find(DroneNumber number) const noexcept;
+  void take_plan(TimeNs now, Drone& drone, const Plan& plan) noexcept;
+  void take_off(TimeNs now, Drone& drone, const Plan& plan) noexcept;
+  void fly(TimeNs now, Drone& drone) noexcept;
+  void send_rc(TimeNs now, Drone& drone, const Velocity& velocity, const Playout::Wish* wish) noexcept;
+  void update_failsafe(TimeNs now, Drone& drone, bool plan_valid) noexcept;
+  void watch_phase(TimeNs now, Drone& drone) noexcept;
+  void sample(TimeNs now, Drone& drone) noexcept;
+  void record_applied(TimeNs now, Drone& drone, const Plan& plan) noexcept;
+  void record_ends(TimeNs now, Drone& drone) noexcept;
+  void record_mode(TimeNs now, const Drone& drone) noexcept;
+
+  LinkSettings settings_;
+  std::uint64_t boot_id_;
+  std::vector<Drone> drones_;  ///< never grows after construction
+  AgentBeat beat_;
+  bool stop_all_ = false;
+  TimeNs last_step_ns_ = 0;
+  TimeNs next_sample_ns_ = 0;
+  LinkOutputs out_;
+};
+
+}  // namespace ledgerline::link

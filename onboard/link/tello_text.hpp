@@ -1,0 +1,37 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+/// The Tello SDK's texts: state packets, answers and the `rc` command. Any bytes may come in; nothing is allocated.
+namespace ledgerline::link {
+
+/// What link uses of a state packet. Fields that a packet lacks keep the value they had.
+struct TelloState {
+  float height_m = 0;  ///< `h`, above take-off, in steps of 0.1 m
+  float tof_m = 0;     ///< 0.1 on the ground; 65.53 when it sees nothing
+  float battery = 0;   ///< 0..1
+  float yaw_deg = 0;   ///< since power on; only ever compared with itself
+};
+
+/// False, and `state` untouched, unless at least battery, h and tof are there as plain numbers in a believable range.
+bool parse_state(std::string_view bytes, TelloState& state) noexcept;
+
+enum class Answer : std::uint8_t { ok, refused, unknown };
+/// `ok` alone (any case, CR LF stripped) is ok; what begins with error, out of range or unknown command is a refusal;
+/// anything else is unknown, and no answer at all to whoever waits for one.
+Answer parse_answer(std::string_view bytes) noexcept;
+
+/// A command as it goes to the drone.
+struct CommandText {
+  std::array<char, 32> bytes{};
+  std::uint8_t size = 0;
+  std::string_view view() const noexcept { return {bytes.data(), size}; }
+};
+CommandText command_text(std::string_view word) noexcept;
+
+/// rc a b c d: right, forward, up, clockwise; -100..100 each.
+using Rc = std::array<int, 4>;
+CommandText rc_text(const Rc& rc) noexcept;
+
+}  // namespace ledgerline::link
