@@ -56,9 +56,9 @@ class SystemEntropy final : public Entropy {
 
 /// What a certificate says (parsed by libcrypto in any case).
 struct Certificate {
-  std::string subject;              ///< RFC 2253: "CN=User1@org1.ledgerline,OU=client,L=...": the identity with the MSP id
+  std::string subject;  ///< RFC 2253: "CN=User1@org1.ledgerline,OU=client,L=...": the identity with the MSP id
   std::string common_name;
-  std::vector<std::string> units;   ///< OU values: "admin", "client", "peer", "orderer" (NodeOUs)
+  std::vector<std::string> units;                  ///< OU values: "admin", "client", "peer", "orderer" (NodeOUs)
   std::int64_t not_before_s = 0, not_after_s = 0;  ///< Unix time
 };
 Result<Certificate> parse_certificate(const std::string& pem);
@@ -78,11 +78,12 @@ class MspRegistry {
     IdentityName name;
     std::string pem;
     bool admin = false;  ///< OU=admin
+    bool peer = false;   ///< OU=peer: may endorse
     std::shared_ptr<const Verifier> verifier;
   };
   virtual ~MspRegistry() = default;
-  /// `serialized`: bytes of msp.SerializedIdentity. Unknown MSP, unknown CA, expired (at now_s): an error in Fabric's words
-  /// (without the "access denied:" around it).
+  /// `serialized`: bytes of msp.SerializedIdentity. Unknown MSP, unknown CA, expired (at now_s): an error in Fabric's
+  /// words (without the "access denied:" around it).
   virtual Result<std::shared_ptr<const Member>> member(std::string_view serialized, std::int64_t now_s) = 0;
 };
 struct MspRoot {
@@ -107,18 +108,19 @@ struct KeyAndCertificate {
 };
 struct CertificateRequest {
   std::string common_name;
-  std::string organization;          ///< O
-  std::optional<std::string> unit;   ///< OU
-  std::vector<std::string> sans;     ///< DNS names and IP addresses
-  bool tls = false;                  ///< server and client authentication
+  std::string organization;         ///< O
+  std::optional<std::string> unit;  ///< OU
+  std::vector<std::string> sans;    ///< DNS names and IP addresses
+  bool tls = false;                 ///< server and client authentication
   int days = 3650;
 };
 Result<KeyAndCertificate> make_ca(const std::string& common_name, const std::string& organization);
 Result<KeyAndCertificate> issue(const KeyAndCertificate& ca, const CertificateRequest& request);
 
-/// Deterministic stand-ins for campaigns: a signature is SHA-256 of name and message, which keeps the bytes the same for a
-/// seed and costs microseconds. The serialized form is a msp.SerializedIdentity whose "certificate" is the text
-/// "test:<subject>"; admins have subjects beginning with "CN=Admin". Never built into a real process.
+/// Deterministic stand-ins for campaigns: a signature is SHA-256 of name and message, which keeps the bytes the same
+/// for a seed and costs microseconds. The serialized form is a msp.SerializedIdentity whose "certificate" is the text
+/// "test:<subject>"; admins have subjects beginning with "CN=Admin", peers with "CN=peer". In the library
+/// ledgerline_crypto_test, so that no real process has them.
 SigningIdentity make_test_identity(const IdentityName& name);
 std::unique_ptr<MspRegistry> make_test_registry(std::vector<std::string> msp_ids);
 

@@ -1,0 +1,70 @@
+#include <fmt/format.h>
+#include <openssl/sha.h>
+#include <sys/random.h>
+
+#include <cerrno>
+#include <stdexcept>
+
+#include "common/crypto/openssl.hpp"
+
+namespace ledgerline::crypto {
+
+Digest sha256(std::string_view data) {
+  Digest out;
+  SHA256(reinterpret_cast<const unsigned char*>(data.data()), data.size(), out.data());
+  return out;
+}
+
+std::string hex(std::string_view bytes) {
+  constexpr char digits[] = "0123456789abcdef";
+  std::string out;
+  out.reserve(bytes.size() * 2);
+  for (const char c : bytes) {
+    const auto byte = static_cast<unsigned char>(c);
+    out.push_back(digits[byte >> 4]);
+    out.push_back(digits[byte & 15]);
+  }
+  return out;
+}
+
+std::string hex(const Digest& digest) {
+  return hex(std::string_view(reinterpret_cast<const char*>(digest.data()), digest.size()));
+}
+
+Result<Library> library_from_name(const std::string& name) {
+  if (name == "mbedtls") return Library::mbedtls;
+  if (name == "libcrypto") return Library::libcrypto;
+  return Error{fmt::format("\"{}\" is no crypto library; use mbedtls or libcrypto", name)};
+}
+
+std::string random_bytes(std::size_t count) {
+  std::string out(count, '\0');
+  std::size_t have = 0;
+  while (have < count) {
+    const ssize_t n = ::getrandom(out.data() + have, count - have, 0);
+    if (n < 0 && errno == EINTR) continue;
+    // Nothing can go on safely without randomness, and it only fails on kernels older than 3.17.
+    if (n < 0) throw std::runtime_error("the operating system gives no random bytes (getrandom)");
+    have += static_cast<std::size_t>(n);
+  }
+  return out;
+}
+
+Result<std::unique_ptr<Signer>> make_signer(Library library, const std::string& pem_key) {
+  return library == Library::mbedtls ? make_mbedtls_signer(pem_key) : make_libcrypto_signer(pem_key);
+}
+
+Result<std::unique_ptr<Verifier>> make_verifier(Library library, X509* certificate) {
+  if (library == Library::libcrypto) return make_libcrypto_verifier(certificate);
+  auto point = public_point(certificate);
+  if (!point) return point.error();
+  return make_mbedtls_verifier(*point);
+}
+
+Result<std::unique_ptr<Verifier>> make_verifier(Library library, const std::string& pem_certificate) {
+  auto certificate = read_certificate(pem_certificate);
+  if (!certificate) return certificate.error();
+  return make_verifier(library, certificate->get());
+}
+
+}  // namespace ledgerline::crypto

@@ -1,0 +1,83 @@
+#include <openssl/err.h>
+#include <openssl/pem.h>
+
+#include <ctime>
+
+#include "common/crypto/openssl.hpp"
+
+namespace ledgerline::crypto {
+namespace {
+
+std::string utf8_of(const X509_NAME_ENTRY* entry) {
+  unsigned char* text = nullptr;
+  const int size = ASN1_STRING_to_UTF8(&text, X509_NAME_ENTRY_get_data(entry));
+  if (size < 0) return {};
+  std::string out(reinterpret_cast<const char*>(text), static_cast<std::size_t>(size));
+  OPENSSL_free(text);
+  return out;
+}
+
+std::vector<std::string> values_of(const X509_NAME* name, int nid) {
+  std::vector<std::string> values;
+  for (int at = X509_NAME_get_index_by_NID(name, nid, -1); at >= 0; at = X509_NAME_get_index_by_NID(name, nid, at)) {
+    values.push_back(utf8_of(X509_NAME_get_entry(name, at)));
+  }
+  return values;
+}
+
+Result<std::int64_t> unix_time(const ASN1_TIME* time) {
+  std::tm parts{};
+  if (ASN1_TIME_to_tm(time, &parts) != 1) return Error{"the certificate's validity cannot be read: " + openssl_error()};
+  return static_cast<std::int64_t>(timegm(&parts));
+}
+
+}  // namespace
+
+std::string openssl_error() {
+  char text[256] = "unknown";
+  if (const unsigned long code = ERR_get_error(); code != 0) ERR_error_string_n(code, text, sizeof text);
+  ERR_clear_error();
+  return text;
+}
+
+BioPtr bio_of(std::string_view text) { return BioPtr(BIO_new_mem_buf(text.data(), static_cast<int>(text.size()))); }
+
+std::string text_of(BIO* bio) {
+  char* data = nullptr;
+  const long size = BIO_get_mem_data(bio, &data);
+  return {data, static_cast<std::size_t>(size)};
+}
+
+Result<X509Ptr> read_certificate(std::string_view pem) {
+  X509Ptr certificate(PEM_read_bio_X509(bio_of(pem).get(), nullptr, nullptr, nullptr));
+  if (!certificate) return Error{"could not decode the PEM structure: " + openssl_error()};
+  return certificate;
+}
+
+Result<Certificate> describe(X509* certificate) {
+  const X509_NAME* name = X509_get_subject_name(certificate);
+  Certificate out;
+  const BioPtr text(BIO_new(BIO_s_mem()));
+  if (!text || X509_NAME_print_ex(text.get(), name, 0, XN_FLAG_RFC2253) < 0) {
+    return Error{"the certificate's subject cannot be read: " + openssl_error()};
+  }
+  out.subject = text_of(text.get());
+  // The last one, which is the most specific: what RFC 2253 writes first.
+  if (auto names = values_of(name, NID_commonName); !names.empty()) out.common_name = names.back();
+  out.units = values_of(name, NID_organizationalUnitName);
+  auto not_before = unix_time(X509_get0_notBefore(certificate));
+  auto not_after = unix_time(X509_get0_notAfter(certificate));
+  if (!not_before) return not_before.error();
+  if (!not_after) return not_after.error();
+  out.not_before_s = *not_before;
+  out.not_after_s = *not_after;
+  return out;
+}
+
+Result<Certificate> parse_certificate(const std::string& pem) {
+  auto certificate = read_certificate(pem);
+  if (!certificate) return certificate.error();
+  return describe(certificate->get());
+}
+
+}  // namespace ledgerline::crypto

@@ -1,0 +1,148 @@
+#include <fmt/format.h>
+#include <mbedtls/ecdsa.h>
+#include <mbedtls/error.h>
+#include <mbedtls/pk.h>
+#include <mbedtls/sha256.h>
+#include <sys/random.h>
+
+#include "common/crypto/der.hpp"
+#include "common/crypto/openssl.hpp"
+
+namespace ledgerline::crypto {
+namespace {
+
+/// mbedTLS fills a table in the group at its first multiplication, without a lock: so each thread has a group of its
+/// own.
+struct Group {
+  Group() {
+    mbedtls_ecp_group_init(&group);
+    valid = mbedtls_ecp_group_load(&group, MBEDTLS_ECP_DP_SECP256R1) == 0;
+  }
+  ~Group() { mbedtls_ecp_group_free(&group); }
+  Group(const Group&) = delete;
+  Group& operator=(const Group&) = delete;
+  mbedtls_ecp_group group{};
+  bool valid = false;
+};
+
+Group& thread_group() {
+  thread_local Group group;
+  return group;
+}
+
+struct Number {
+  Number() { mbedtls_mpi_init(&value); }
+  ~Number() { mbedtls_mpi_free(&value); }  // wipes it
+  Number(const Number&) = delete;
+  Number& operator=(const Number&) = delete;
+  mbedtls_mpi value{};
+};
+
+/// mbedTLS's random source, for blinding: the operating system's.
+int system_random(void*, unsigned char* out, std::size_t count) {
+  while (count > 0) {
+    const ssize_t n = ::getrandom(out, count, 0);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return MBEDTLS_ERR_ECP_RANDOM_FAILED;
+    out += n;
+    count -= static_cast<std::size_t>(n);
+  }
+  return 0;
+}
+
+std::string message_of(int code) { return fmt::format("mbedTLS error -0x{:04x}", static_cast<unsigned>(-code)); }
+
+Digest digest_of(std::string_view message) {
+  Digest out{};
+  mbedtls_sha256_ret(reinterpret_cast<const unsigned char*>(message.data()), message.size(), out.data(), 0);
+  return out;
+}
+
+class MbedtlsSigner final : public Signer {
+ public:
+  /// Copies the secret number out of `pair`.
+  int adopt(const mbedtls_ecp_keypair& pair) { return mbedtls_mpi_copy(&secret_.value, &pair.d); }
+
+  /// Deterministic nonces (RFC 6979): a weak random source cannot leak the key.
+  Result<std::string> sign(std::string_view message) const override {
+    Group& group = thread_group();
+    if (!group.valid) return Error{"mbedTLS cannot sign: P-256 is not built in"};
+    const Digest digest = digest_of(message);
+    Number r, s;
+    EcdsaSignature signature;
+    int code = mbedtls_ecdsa_sign_det_ext(&group.group, &r.value, &s.value, &secret_.value, digest.data(),
+                                          digest.size(), MBEDTLS_MD_SHA256, system_random, nullptr);
+    if (code == 0) code = mbedtls_mpi_write_binary(&r.value, signature.r.data(), signature.r.size());
+    if (code == 0) code = mbedtls_mpi_write_binary(&s.value, signature.s.data(), signature.s.size());
+    if (code != 0) return Error{"mbedTLS cannot sign: " + message_of(code)};
+    return encode_signature(signature);
+  }
+
+ private:
+  Number secret_;
+};
+
+class MbedtlsVerifier final : public Verifier {
+ public:
+  MbedtlsVerifier() { mbedtls_ecp_point_init(&point_); }
+  ~MbedtlsVerifier() override { mbedtls_ecp_point_free(&point_); }
+  MbedtlsVerifier(const MbedtlsVerifier&) = delete;
+  MbedtlsVerifier& operator=(const MbedtlsVerifier&) = delete;
+
+  int adopt(std::string_view point) {
+    const mbedtls_ecp_group& group = thread_group().group;
+    int code = mbedtls_ecp_point_read_binary(&group, &point_, reinterpret_cast<const unsigned char*>(point.data()),
+                                             point.size());
+    if (code == 0) code = mbedtls_ecp_check_pubkey(&group, &point_);
+    return code;
+  }
+
+  bool verify(std::string_view message, std::string_view der) const override {
+    Group& group = thread_group();
+    const auto signature = decode_signature(der);
+    if (!group.valid || !signature) return false;
+    const Digest digest = digest_of(message);
+    Number r, s;
+    return mbedtls_mpi_read_binary(&r.value, signature->r.data(), signature->r.size()) == 0 &&
+           mbedtls_mpi_read_binary(&s.value, signature->s.data(), signature->s.size()) == 0 &&
+           mbedtls_ecdsa_verify(&group.group, digest.data(), digest.size(), &point_, &r.value, &s.value) == 0;
+  }
+
+ private:
+  mbedtls_ecp_point point_{};
+};
+
+struct ParsedKey {
+  ParsedKey() { mbedtls_pk_init(&context); }
+  ~ParsedKey() { mbedtls_pk_free(&context); }
+  ParsedKey(const ParsedKey&) = delete;
+  ParsedKey& operator=(const ParsedKey&) = delete;
+  mbedtls_pk_context context{};
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Signer>> make_mbedtls_signer(const std::string& pem_key) {
+  ParsedKey key;
+  // The length that mbedTLS wants for PEM counts the final NUL.
+  int code = mbedtls_pk_parse_key(&key.context, reinterpret_cast<const unsigned char*>(pem_key.c_str()),
+                                  pem_key.size() + 1, nullptr, 0);
+  if (code != 0) return Error{"not a private key in PEM: " + message_of(code)};
+  if (mbedtls_pk_can_do(&key.context, MBEDTLS_PK_ECDSA) == 0 ||
+      mbedtls_pk_ec(key.context)->grp.id != MBEDTLS_ECP_DP_SECP256R1) {
+    return Error{"the private key is not on the curve P-256"};
+  }
+  auto signer = std::make_unique<MbedtlsSigner>();
+  code = signer->adopt(*mbedtls_pk_ec(key.context));
+  if (code != 0) return Error{"cannot take over the private key: " + message_of(code)};
+  return std::unique_ptr<Signer>(std::move(signer));
+}
+
+Result<std::unique_ptr<Verifier>> make_mbedtls_verifier(std::string_view point) {
+  auto verifier = std::make_unique<MbedtlsVerifier>();
+  if (const int code = verifier->adopt(point); code != 0)
+    return Error{"the certificate's key is no point of P-256: " + message_of(code)};
+  return std::unique_ptr<Verifier>(std::move(verifier));
+}
+
+}  // namespace ledgerline::crypto

@@ -1,0 +1,148 @@
+#include <fmt/format.h>
+#include <openssl/err.h>
+#include <openssl/pem.h>
+#include <openssl/x509_vfy.h>
+#include <openssl/x509v3.h>
+
+#include <algorithm>
+#include <list>
+#include <map>
+#include <mutex>
+#include <unordered_map>
+
+#include "common/crypto/openssl.hpp"
+#include "msp/identities.pb.h"
+
+namespace ledgerline::crypto {
+namespace {
+
+/// Only identities that a CA signed get in, so this bounds memory and not how many may take part.
+constexpr std::size_t cache_size = 1024;
+/// Far above any real certificate; keeps hostile bytes away from the parser.
+constexpr std::size_t max_identity_bytes = 64 * 1024;
+
+using StorePtr = std::unique_ptr<X509_STORE, Freed<X509_STORE_free>>;
+using StoreContextPtr = std::unique_ptr<X509_STORE_CTX, Freed<X509_STORE_CTX_free>>;
+
+struct Validity {
+  std::int64_t from_s = 0, to_s = 0;
+  bool holds(std::int64_t now_s) const { return now_s >= from_s && now_s <= to_s; }
+};
+
+class CachingRegistry final : public MspRegistry {
+ public:
+  CachingRegistry(Library library, std::vector<MspRoot> roots) : library_(library) {
+    for (MspRoot& root : roots) roots_[root.msp_id] += root.ca_pem + "\n";
+  }
+
+  Result<std::shared_ptr<const Member>> member(std::string_view serialized, std::int64_t now_s) override {
+    const std::lock_guard lock(mutex_);
+    auto found = index_.find(serialized);
+    if (found == index_.end()) {
+      auto checked = check(serialized);
+      if (!checked) return checked.error();
+      found = remember(std::move(*checked));
+    } else {
+      entries_.splice(entries_.begin(), entries_, found->second);
+    }
+    const Entry& entry = *found->second;
+    if (!entry.validity.holds(now_s)) {
+      return Error{"the supplied identity is not valid: x509: certificate has expired or is not yet valid"};
+    }
+    return entry.member;
+  }
+
+ private:
+  struct Entry {
+    std::string serialized;
+    std::shared_ptr<const Member> member;
+    Validity validity;
+  };
+  using Index = std::unordered_map<std::string_view, std::list<Entry>::iterator>;
+
+  Index::iterator remember(Entry entry) {
+    if (entries_.size() == cache_size) {
+      index_.erase(entries_.back().serialized);
+      entries_.pop_back();
+    }
+    entries_.push_front(std::move(entry));
+    return index_.emplace(entries_.front().serialized, entries_.begin()).first;
+  }
+
+  Result<Entry> check(std::string_view serialized) const {
+    msp::SerializedIdentity identity;
+    if (serialized.size() > max_identity_bytes ||
+        !identity.ParseFromArray(serialized.data(), static_cast<int>(serialized.size()))) {
+      return Error{"could not deserialize a SerializedIdentity"};
+    }
+    const auto root = roots_.find(identity.mspid());
+    if (root == roots_.end()) return Error{fmt::format("MSP {} is unknown", identity.mspid())};
+    auto certificate = read_certificate(identity.id_bytes());
+    if (!certificate) return certificate.error();
+    Entry entry;
+    entry.serialized = serialized;
+    auto validity = check_chain(root->second, certificate->get());
+    if (!validity) return validity.error();
+    entry.validity = *validity;
+    auto description = describe(certificate->get());
+    if (!description) return description.error();
+    auto verifier = make_verifier(library_, certificate->get());
+    if (!verifier) return verifier.error();
+    const auto has_unit = [&](std::string_view unit) {
+      return std::find(description->units.begin(), description->units.end(), unit) != description->units.end();
+    };
+    entry.member = std::make_shared<const Member>(Member{{identity.mspid(), description->subject},
+                                                         identity.id_bytes(),
+                                                         has_unit("admin"),
+                                                         has_unit("peer"),
+                                                         std::move(*verifier)});
+    return entry;
+  }
+
+  /// Returns when the identity is valid: within its own validity and that of each CA above it. The validity is looked
+  /// at on every use, so the chain is checked without the time.
+  static Result<Validity> check_chain(const std::string& ca_pem, X509* certificate) {
+    if (X509_check_ca(certificate) != 0) {
+      return Error{
+          "An X509 certificate with Basic Constraint: Certificate Authority equals true cannot be used as an identity"};
+    }
+    const StorePtr store(X509_STORE_new());
+    const BioPtr pem = bio_of(ca_pem);
+    while (X509Ptr ca{PEM_read_bio_X509(pem.get(), nullptr, nullptr, nullptr)})
+      X509_STORE_add_cert(store.get(), ca.get());
+    ERR_clear_error();  // the end of the PEM text
+    const StoreContextPtr context(X509_STORE_CTX_new());
+    if (!context || X509_STORE_CTX_init(context.get(), store.get(), certificate, nullptr) != 1) {
+      return Error{"cannot check a certificate: " + openssl_error()};
+    }
+    X509_STORE_CTX_set_flags(context.get(), X509_V_FLAG_NO_CHECK_TIME);
+    if (X509_verify_cert(context.get()) != 1) {
+      ERR_clear_error();
+      return Error{fmt::format("the supplied identity is not valid: x509: certificate signed by unknown authority ({})",
+                               X509_verify_cert_error_string(X509_STORE_CTX_get_error(context.get())))};
+    }
+    Validity validity{0, INT64_MAX};
+    const STACK_OF(X509)* chain = X509_STORE_CTX_get0_chain(context.get());
+    for (int i = 0; i < sk_X509_num(chain); ++i) {
+      auto link = describe(sk_X509_value(chain, i));
+      if (!link) return link.error();
+      validity.from_s = std::max(validity.from_s, link->not_before_s);
+      validity.to_s = std::min(validity.to_s, link->not_after_s);
+    }
+    return validity;
+  }
+
+  Library library_;
+  std::map<std::string, std::string> roots_;  ///< MSP id -> PEM of its CAs
+  std::mutex mutex_;
+  std::list<Entry> entries_;  ///< newest use first
+  Index index_;               ///< keys point into entries_
+};
+
+}  // namespace
+
+std::unique_ptr<MspRegistry> make_msp_registry(Library library, std::vector<MspRoot> roots) {
+  return std::make_unique<CachingRegistry>(library, std::move(roots));
+}
+
+}  // namespace ledgerline::crypto

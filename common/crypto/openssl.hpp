@@ -1,0 +1,45 @@
+#pragma once
+#include <openssl/bio.h>
+#include <openssl/evp.h>
+#include <openssl/x509.h>
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "common/crypto/crypto.hpp"
+
+/// libcrypto's objects as owners. Inside common/crypto alone.
+namespace ledgerline::crypto {
+
+template <auto Free>
+struct Freed {
+  template <typename T>
+  void operator()(T* p) const {
+    Free(p);
+  }
+};
+using BioPtr = std::unique_ptr<BIO, Freed<BIO_free_all>>;
+using KeyPtr = std::unique_ptr<EVP_PKEY, Freed<EVP_PKEY_free>>;
+using X509Ptr = std::unique_ptr<X509, Freed<X509_free>>;
+using MdContextPtr = std::unique_ptr<EVP_MD_CTX, Freed<EVP_MD_CTX_free>>;
+
+/// The oldest error of this thread's queue, which is then emptied: gRPC's TLS on the same thread reads that queue too.
+std::string openssl_error();
+
+/// Read-only view of `text`, which must outlive it.
+BioPtr bio_of(std::string_view text);
+std::string text_of(BIO* bio);
+
+Result<X509Ptr> read_certificate(std::string_view pem);
+Result<Certificate> describe(X509* certificate);
+/// 65 bytes: 4, x, y. Refuses keys on other curves than P-256.
+Result<std::string> public_point(X509* certificate);
+
+Result<std::unique_ptr<Verifier>> make_verifier(Library library, X509* certificate);
+Result<std::unique_ptr<Verifier>> make_libcrypto_verifier(X509* certificate);
+Result<std::unique_ptr<Signer>> make_libcrypto_signer(const std::string& pem_key);
+Result<std::unique_ptr<Verifier>> make_mbedtls_verifier(std::string_view point);
+Result<std::unique_ptr<Signer>> make_mbedtls_signer(const std::string& pem_key);
+
+}  // namespace ledgerline::crypto

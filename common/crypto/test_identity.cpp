@@ -1,0 +1,73 @@
+#include <algorithm>
+#include <map>
+
+#include "common/crypto/crypto.hpp"
+#include "msp/identities.pb.h"
+
+namespace ledgerline::crypto {
+namespace {
+
+constexpr std::string_view test_prefix = "test:";
+
+std::string digest_of(const IdentityName& name, std::string_view message) {
+  const Digest digest = sha256(name.msp_id + "\n" + name.subject + "\n" + std::string(message));
+  return {digest.begin(), digest.end()};
+}
+
+class TestSigner final : public Signer {
+ public:
+  explicit TestSigner(IdentityName name) : name_(std::move(name)) {}
+  Result<std::string> sign(std::string_view message) const override { return digest_of(name_, message); }
+
+ private:
+  IdentityName name_;
+};
+
+class TestVerifier final : public Verifier {
+ public:
+  explicit TestVerifier(IdentityName name) : name_(std::move(name)) {}
+  bool verify(std::string_view message, std::string_view signature) const override {
+    return digest_of(name_, message) == signature;
+  }
+
+ private:
+  IdentityName name_;
+};
+
+class TestRegistry final : public MspRegistry {
+ public:
+  explicit TestRegistry(std::vector<std::string> msp_ids) : msp_ids_(std::move(msp_ids)) {}
+
+  Result<std::shared_ptr<const Member>> member(std::string_view serialized, std::int64_t) override {
+    msp::SerializedIdentity identity;
+    if (!identity.ParseFromArray(serialized.data(), static_cast<int>(serialized.size()))) {
+      return Error{"could not deserialize a SerializedIdentity"};
+    }
+    if (std::find(msp_ids_.begin(), msp_ids_.end(), identity.mspid()) == msp_ids_.end()) {
+      return Error{"MSP " + identity.mspid() + " is unknown"};
+    }
+    if (!identity.id_bytes().starts_with(test_prefix)) return Error{"could not decode the PEM structure"};
+    const IdentityName name{identity.mspid(), identity.id_bytes().substr(test_prefix.size())};
+    return std::make_shared<const Member>(Member{name, identity.id_bytes(), name.subject.starts_with("CN=Admin"),
+                                                 name.subject.starts_with("CN=peer"),
+                                                 std::make_shared<TestVerifier>(name)});
+  }
+
+ private:
+  std::vector<std::string> msp_ids_;
+};
+
+}  // namespace
+
+SigningIdentity make_test_identity(const IdentityName& name) {
+  msp::SerializedIdentity serialized;
+  serialized.set_mspid(name.msp_id);
+  serialized.set_id_bytes(std::string(test_prefix) + name.subject);
+  return {name, serialized.SerializeAsString(), std::make_shared<TestSigner>(name)};
+}
+
+std::unique_ptr<MspRegistry> make_test_registry(std::vector<std::string> msp_ids) {
+  return std::make_unique<TestRegistry>(std::move(msp_ids));
+}
+
+}  // namespace ledgerline::crypto
