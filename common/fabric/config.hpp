@@ -1,0 +1,19 @@
+#pragma once
+#include <memory>
+
+#include "common/config/config.hpp"
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/client.hpp"
+
+/// The tables of a program's config that say where the ledger is and whom to believe; used by agent and ground.
+namespace ledgerline::fabric {
+
+/// Reads [ledger]: endpoint, tls_ca, msp_id, msp_dir (must be there); channel, contract, signer, server_name,
+/// max_in_flight, deadline_ms (have defaults); loads the identity. Wrong keys are reported by config.finish() as always, so
+/// call that first when this fails: it has the lines.
+Result<ClientConfig> ledger_config(Config& config);
+
+/// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are believed, at least one.
+Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);
+
+}  // namespace ledgerline::fabric
