@@ -93,8 +93,10 @@ class LinkCore {
     Pose pose;
     bool stop = false;  ///< until the next take-off from a state after the landing
     bool cut = false;
-    TimeNs grounded_at_ns = 0;  ///< end of the last flight: take-off wants a younger state
+    TimeNs takeoff_after_ns = 0;  ///< end of the last flight, or a stop: take-off wants a younger state
     FlightPhase last_phase = FlightPhase::disconnected;
+    FailsafeMode last_mode = FailsafeMode::none;
+    FailsafeCause last_cause = FailsafeCause::none;
     TimeNs last_rc_ns = 0;
     Rc last_rc{};
     Velocity sent;  ///< as the drone was told, after limits, failsafe and rc's range
@@ -107,16 +109,21 @@ class LinkCore {
 
   Drone* find(DroneNumber number) noexcept;
   const Drone* find(DroneNumber number) const noexcept;
-  void take_plan(TimeNs now, Drone& drone, const Plan& plan) noexcept;
+  void take_inputs(TimeNs now, const LinkInputs& inputs) noexcept;
+  void take_pose(TimeNs now, const Pose& pose) noexcept;
+  void take_plan(TimeNs now, const Plan& plan) noexcept;
   void take_off(TimeNs now, Drone& drone, const Plan& plan) noexcept;
-  void fly(TimeNs now, Drone& drone) noexcept;
-  void send_rc(TimeNs now, Drone& drone, const Velocity& velocity, const Playout::Wish* wish) noexcept;
-  void update_failsafe(TimeNs now, Drone& drone, bool plan_valid) noexcept;
+  void land(TimeNs now, Drone& drone, const Plan& plan) noexcept;
+  void step_drone(TimeNs now, Drone& drone) noexcept;
+  void update_facts(Drone& drone, const Playout::Wish& wish) const noexcept;
+  void obey_failsafe(TimeNs now, Drone& drone) noexcept;
+  void fly(TimeNs now, Drone& drone, const Playout::Wish& wish) noexcept;
+  void send_rc(TimeNs now, Drone& drone, const Velocity& told, const Rc& rc) noexcept;
   void watch_phase(TimeNs now, Drone& drone) noexcept;
   void sample(TimeNs now, Drone& drone) noexcept;
-  void record_applied(TimeNs now, Drone& drone, const Plan& plan) noexcept;
+  void record_applied(TimeNs now, const Drone& drone, std::uint64_t sequence, TimeNs state_stamp_ns) noexcept;
   void record_ends(TimeNs now, Drone& drone) noexcept;
-  void record_mode(TimeNs now, const Drone& drone) noexcept;
+  bool healthy(TimeNs now) const noexcept { return now >= unhealthy_until_ns_; }
 
   LinkSettings settings_;
   std::uint64_t boot_id_;
@@ -124,6 +131,7 @@ class LinkCore {
   AgentBeat beat_;
   bool stop_all_ = false;
   TimeNs last_step_ns_ = 0;
+  TimeNs unhealthy_until_ns_ = 0;
   TimeNs next_sample_ns_ = 0;
   LinkOutputs out_;
 };

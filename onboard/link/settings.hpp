@@ -75,7 +75,9 @@ struct DroneSettings {
 struct LinkSettings {
   std::vector<DroneSettings> drones;
   double rate_hz = 30;                     ///< of state samples
-  TimeNs health_gap_ns = 500 * ns_per_ms;  ///< between two steps; a longer one means link was not healthy
+  TimeNs health_gap_ns = 250 * ns_per_ms;  ///< between two steps; a longer one means that link is not healthy ...
+  TimeNs health_rest_ns =
+      1 * ns_per_s;  ///< ... for this long: no rc, so that a link that stutters lets the Tello land itself
   SessionSettings session;
   PlayoutSettings playout;
   RcSettings rc;

@@ -1,0 +1,361 @@
+#include "onboard/link/link_core.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "onboard/link/body_frame.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+bool finite(const Pose& pose) noexcept {
+  return std::all_of(pose.position_m.begin(), pose.position_m.end(), [](double v) { return std::isfinite(v); }) &&
+         std::all_of(pose.velocity_mps.begin(), pose.velocity_mps.end(), [](double v) { return std::isfinite(v); }) &&
+         std::isfinite(pose.yaw_rad);
+}
+
+bool on_ground(FlightPhase phase) noexcept { return phase == FlightPhase::on_ground || phase == FlightPhase::landed; }
+
+bool in_air(FlightPhase phase) noexcept {
+  return phase == FlightPhase::taking_off || phase == FlightPhase::flying || phase == FlightPhase::landing;
+}
+
+}  // namespace
+
+LinkCore::LinkCore(const LinkSettings& settings, std::uint64_t boot_id) : settings_(settings), boot_id_(boot_id) {
+  drones_.reserve(settings_.drones.size());
+  for (const DroneSettings& drone : settings_.drones) drones_.emplace_back(drone, settings_);
+}
+
+LinkCore::Drone* LinkCore::find(DroneNumber number) noexcept {
+  const auto at = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.number == number; });
+  return at == drones_.end() ? nullptr : &*at;
+}
+
+const LinkCore::Drone* LinkCore::find(DroneNumber number) const noexcept {
+  const auto at = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.number == number; });
+  return at == drones_.end() ? nullptr : &*at;
+}
+
+const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept {
+  out_.to_send.clear();
+  out_.states.clear();
+  out_.trace.clear();
+  if (last_step_ns_ != 0 && now - last_step_ns_ > settings_.health_gap_ns)
+    unhealthy_until_ns_ = now + settings_.health_rest_ns;
+  if (last_step_ns_ == 0) next_sample_ns_ = now;
+  last_step_ns_ = now;
+
+  take_inputs(now, inputs);
+  for (Drone& drone : drones_) step_drone(now, drone);
+
+  if (now >= next_sample_ns_) {
+    // All drones at one moment, so that their samples ride in one frame.
+    for (Drone& drone : drones_) sample(now, drone);
+    const TimeNs period = from_seconds(1.0 / settings_.rate_hz);
+    next_sample_ns_ += period;
+    if (next_sample_ns_ <= now) next_sample_ns_ = now + period;
+  }
+  return out_;
+}
+
+void LinkCore::take_inputs(TimeNs now, const LinkInputs& inputs) noexcept {
+  stop_all_ = stop_all_ || inputs.stop_all;
+  for (const Received& received : inputs.received) {
+    Drone* drone = find(received.drone);
+    if (!drone) continue;
+    if (received.port == Port::answer) {
+      drone->session.on_answer(now, received.bytes);
+    } else {
+      drone->session.on_state(now, received.bytes);
+    }
+  }
+  for (const AgentBeat& beat : inputs.beats) {
+    if (beat.stamp_ns >= beat_.stamp_ns && beat.stamp_ns <= now) beat_ = beat;
+  }
+  for (const Pose& pose : inputs.poses) take_pose(now, pose);
+  for (const Plan& plan : inputs.plans) take_plan(now, plan);
+}
+
+void LinkCore::take_pose(TimeNs now, const Pose& pose) noexcept {
+  Drone* drone = find(pose.drone);
+  if (drone && pose.stamp_ns > drone->pose.stamp_ns && pose.stamp_ns <= now && finite(pose)) drone->pose = pose;
+}
+
+void LinkCore::take_plan(TimeNs now, const Plan& plan) noexcept {
+  Drone* found = find(plan.drone);
+  if (!found) return;
+  Drone& drone = *found;
+  if (drone.playout.admit(now, plan) != DropReason::none) return;
+  const FailsafeMode mode = drone.failsafe.mode;
+  switch (plan.action) {
+    case PlanAction::fly:
+      if (drone.session.phase() == FlightPhase::flying && (mode == FailsafeMode::none || mode == FailsafeMode::hold) &&
+          healthy(now)) {
+        drone.playout.add(now, plan);
+      } else {
+        drone.playout.count_dropped(plan, DropReason::not_flying);
+      }
+      break;
+    case PlanAction::takeoff:
+      take_off(now, drone, plan);
+      break;
+    case PlanAction::land:
+      land(now, drone, plan);
+      break;
+    case PlanAction::stop:
+    case PlanAction::cut:
+      drone.stop = true;
+      drone.cut = drone.cut || plan.action == PlanAction::cut;
+      drone.takeoff_after_ns = now;
+      drone.playout.clear(DropReason::superseded);
+      drone.playout.count_applied();
+      record_applied(now, drone, plan.sequence, plan.state_stamp_ns);
+      break;
+    default:
+      drone.playout.count_dropped(plan, DropReason::bad_value);
+  }
+}
+
+void LinkCore::take_off(TimeNs now, Drone& drone, const Plan& plan) noexcept {
+  const FlightPhase phase = drone.session.phase();
+  const bool met = phase == FlightPhase::taking_off || phase == FlightPhase::flying;
+  if (on_ground(phase)) {
+    if (plan.state_stamp_ns <= drone.takeoff_after_ns) {
+      drone.playout.count_dropped(plan, DropReason::too_old);
+      return;
+    }
+    // Agent passes on no take-off of a stopped drone: one from a state after the stop means that it was resumed.
+    drone.stop = drone.cut = false;
+    update_facts(drone, {});
+    if (takeoff_refusal(settings_.failsafe, now, drone.facts) != FailsafeCause::none ||
+        !drone.session.request_takeoff(now)) {
+      drone.playout.count_dropped(plan, DropReason::not_flying);
+      return;
+    }
+  } else if (!met) {
+    drone.playout.count_dropped(plan, DropReason::not_flying);
+    return;
+  }
+  drone.playout.count_applied();
+  record_applied(now, drone, plan.sequence, plan.state_stamp_ns);
+}
+
+void LinkCore::land(TimeNs now, Drone& drone, const Plan& plan) noexcept {
+  if (drone.session.phase() == FlightPhase::disconnected) {
+    drone.playout.count_dropped(plan, DropReason::not_flying);
+    return;
+  }
+  drone.session.request_land(now);
+  drone.playout.clear(DropReason::superseded);
+  drone.playout.count_applied();
+  record_applied(now, drone, plan.sequence, plan.state_stamp_ns);
+}
+
+void LinkCore::update_facts(Drone& drone, const Playout::Wish& wish) const noexcept {
+  FailsafeFacts& facts = drone.facts;
+  facts.phase = drone.session.phase();
+  facts.flying_since_ns = drone.session.phase_since_ns();
+  facts.plan_valid = wish.valid;
+  facts.covered_until_ns = drone.playout.covered_until_ns();
+  facts.beat_ns = beat_.stamp_ns;
+  facts.ledger_alive = beat_.ledger_alive;
+  facts.state_ns = drone.session.state_at_ns();
+  facts.pose_ns = drone.pose.stamp_ns;
+  facts.position_m = drone.pose.position_m;
+  facts.velocity_mps = drone.pose.velocity_mps;
+  facts.height_m = drone.session.state().height_m;
+  facts.battery = drone.session.state().battery;
+  facts.stop = drone.stop || stop_all_;
+  facts.cut = drone.cut;
+}
+
+void LinkCore::step_drone(TimeNs now, Drone& drone) noexcept {
+  watch_phase(now, drone);
+  const Playout::Wish wish = drone.playout.wish(now);
+  update_facts(drone, wish);
+  drone.failsafe = update(settings_.failsafe, settings_.fence, drone.failsafe, now, drone.facts);
+  obey_failsafe(now, drone);
+  if (drone.session.phase() == FlightPhase::flying) fly(now, drone, wish);
+  for (CommandText text; drone.session.next_send(now, text);) out_.to_send.push({drone.number, text});
+  watch_phase(now, drone);
+  record_ends(now, drone);
+}
+
+void LinkCore::obey_failsafe(TimeNs now, Drone& drone) noexcept {
+  switch (drone.failsafe.mode) {
+    case FailsafeMode::land:
+      drone.session.request_land(now);
+      break;
+    case FailsafeMode::cut:
+      drone.session.request_cut(now);
+      break;
+    case FailsafeMode::brake:
+      drone.playout.clear(DropReason::not_flying);
+      break;
+    case FailsafeMode::none:
+    case FailsafeMode::hold:
+      break;
+  }
+}
+
+void LinkCore::fly(TimeNs now, Drone& drone, const Playout::Wish& wish) noexcept {
+  if (!healthy(now)) {
+    // One zero, since the drone goes on with the last rc it got; then silence: see LinkSettings::health_rest_ns.
+    drone.playout.clear(DropReason::not_flying);
+    drone.limiter.reset(now);
+    if (drone.last_rc != Rc{}) send_rc(now, drone, {}, {});
+    return;
+  }
+  const bool follows = wish.valid && drone.failsafe.mode == FailsafeMode::none;
+  const Velocity goal = follows ? clip_at_fence(settings_.fence, drone.pose.position_m, wish.velocity) : Velocity{};
+  const Velocity limited = drone.limiter.step(now, goal, drone.failsafe.mode == FailsafeMode::brake);
+  const BodyCommand command = to_body(settings_.rc, limited, drone.pose.yaw_rad);
+
+  const TimeNs gap = now - drone.last_rc_ns;
+  const TimeNs wanted_gap = follows && wish.fresh         ? settings_.rc.min_gap_ns
+                            : command.rc != drone.last_rc ? settings_.rc.changing_gap_ns
+                                                          : settings_.rc.max_gap_ns;
+  if (gap < wanted_gap) return;
+  send_rc(now, drone, command.told, command.rc);
+  if (!follows) return;
+  const bool first = drone.playout.mark_sent();
+  drone.applied_sequence = wish.sequence;
+  drone.applied_stamp_ns = wish.state_stamp_ns;
+  if (wish.fresh) drone.applied_late_ns = now - wish.meant_ns;
+  if (first) {
+    drone.age.add(now - wish.state_stamp_ns);
+    record_applied(now, drone, wish.sequence, wish.state_stamp_ns);
+  }
+}
+
+void LinkCore::send_rc(TimeNs now, Drone& drone, const Velocity& told, const Rc& rc) noexcept {
+  out_.to_send.push({drone.number, rc_text(rc)});
+  drone.last_rc_ns = now;
+  drone.last_rc = rc;
+  drone.sent = told;
+}
+
+void LinkCore::watch_phase(TimeNs now, Drone& drone) noexcept {
+  const FlightPhase phase = drone.session.phase();
+  if (phase != drone.last_phase) {
+    if (phase == FlightPhase::flying) {
+      drone.limiter.reset(now);
+    } else {
+      drone.playout.clear(DropReason::not_flying);
+      drone.sent = {};
+      drone.last_rc = {};
+    }
+    if (in_air(drone.last_phase) && !in_air(phase)) drone.takeoff_after_ns = now;
+    if (!in_air(phase)) drone.cut = false;
+  }
+  if (phase != drone.last_phase || drone.failsafe.mode != drone.last_mode || drone.failsafe.cause != drone.last_cause) {
+    drone.last_phase = phase;
+    drone.last_mode = drone.failsafe.mode;
+    drone.last_cause = drone.failsafe.cause;
+    out_.trace.push({.t_ns = now,
+                     .kind = TraceKind::mode,
+                     .drone = drone.number,
+                     .extra = static_cast<std::uint32_t>(drone.failsafe.mode),
+                     .id = static_cast<std::uint64_t>(phase),
+                     .stamp_ns = 0,
+                     .v = {static_cast<double>(drone.failsafe.cause)}});
+  }
+}
+
+void LinkCore::sample(TimeNs now, Drone& drone) noexcept {
+  const TelloSession& session = drone.session;
+  const PlanCounters& plans = drone.playout.counters();
+  const StateSample state{
+      .drone = drone.number,
+      .phase = session.phase(),
+      .mode = drone.failsafe.mode,
+      .cause = drone.failsafe.cause,
+      .boot_id = boot_id_,
+      .sequence = ++drone.states_sampled,
+      .stamp_ns = now,
+      .pose_stamp_ns = drone.pose.stamp_ns,
+      .position_m = drone.pose.position_m,
+      .velocity_mps = drone.pose.velocity_mps,
+      .yaw_rad = drone.pose.yaw_rad,
+      .battery = session.state().battery,
+      .tof_m = session.state().tof_m,
+      .height_m = session.state().height_m,
+      .sdk_state_fresh = session.state_at_ns() != 0 && now - session.state_at_ns() <= settings_.failsafe.state_stale_ns,
+      .applied_sequence = drone.applied_sequence,
+      .applied_stamp_ns = drone.applied_stamp_ns,
+      .applied_late_ns = drone.applied_late_ns,
+      .sent_velocity_mps = drone.sent.mps,
+      .sent_yaw_rate_radps = drone.sent.yaw_radps,
+      .plans_late = plans.late,
+      .plans_dropped = plans.dropped,
+      .plans_applied = plans.applied,
+  };
+  out_.states.push(state);
+  out_.trace.push({.t_ns = now,
+                   .kind = TraceKind::state_sampled,
+                   .drone = drone.number,
+                   .extra = static_cast<std::uint32_t>(1000 * state.battery),
+                   .id = state.sequence,
+                   .stamp_ns = now,
+                   .v = {state.position_m[0], state.position_m[1], state.position_m[2], state.yaw_rad}});
+}
+
+void LinkCore::record_applied(TimeNs now, const Drone& drone, std::uint64_t sequence, TimeNs state_stamp_ns) noexcept {
+  out_.trace.push({.t_ns = now,
+                   .kind = TraceKind::command_applied,
+                   .drone = drone.number,
+                   .extra = 0,
+                   .id = sequence,
+                   .stamp_ns = state_stamp_ns,
+                   .v = {drone.sent.mps[0], drone.sent.mps[1], drone.sent.mps[2], drone.sent.yaw_radps}});
+}
+
+void LinkCore::record_ends(TimeNs now, Drone& drone) noexcept {
+  for (const PlanEnd& end : drone.playout.ends()) {
+    out_.trace.push({.t_ns = now,
+                     .kind = TraceKind::refused,
+                     .drone = drone.number,
+                     .extra = static_cast<std::uint32_t>(end.reason),
+                     .id = end.sequence,
+                     .stamp_ns = end.state_stamp_ns,
+                     .v = {}});
+  }
+  drone.playout.clear_ends();
+}
+
+bool LinkCore::all_on_ground() const noexcept {
+  return std::none_of(drones_.begin(), drones_.end(), [](const Drone& d) { return in_air(d.session.phase()); });
+}
+
+FlightPhase LinkCore::phase(DroneNumber number) const noexcept {
+  const Drone* drone = find(number);
+  return drone ? drone->session.phase() : FlightPhase::disconnected;
+}
+
+FailsafeMode LinkCore::mode(DroneNumber number) const noexcept {
+  const Drone* drone = find(number);
+  return drone ? drone->failsafe.mode : FailsafeMode::none;
+}
+
+void LinkCore::finish() noexcept {
+  for (Drone& drone : drones_) drone.playout.clear(DropReason::superseded);
+}
+
+std::vector<DroneReport> LinkCore::reports() const {
+  std::vector<DroneReport> reports;
+  reports.reserve(drones_.size());
+  for (const Drone& drone : drones_) {
+    const FlightPhase phase = drone.session.phase();
+    reports.push_back({.name = drone.name,
+                       .number = drone.number,
+                       .states_sampled = drone.states_sampled,
+                       .plans = drone.playout.counters(),
+                       .age_ms = drone.age.quantiles_ms(),
+                       .landed = drone.session.has_flown() && on_ground(phase),
+                       .phase = phase});
+  }
+  return reports;
+}
+
+}  // namespace ledgerline::link

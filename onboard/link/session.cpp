@@ -1,0 +1,192 @@
+#include "onboard/link/session.hpp"
+
+#include <algorithm>
+
+namespace ledgerline::link {
+
+namespace {
+// State text comes at 10 Hz; what is older than this does not decide about take-off or landing.
+constexpr TimeNs fresh_for_ns = 500 * ns_per_ms;
+// The drone must be seen on the ground this long before it counts as landed without an answer.
+constexpr TimeNs grounded_for_ns = 1 * ns_per_s;
+// Less descent than this between two `land` means that it does not come down.
+constexpr float descent_m = 0.1F;
+}  // namespace
+
+void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
+  phase_ = phase;
+  phase_since_ns_ = now;
+  if (phase == FlightPhase::flying) has_flown_ = true;
+  if (phase == FlightPhase::disconnected) {
+    handshake_ok_ = false;
+    asked_ = Asked::nothing;
+  }
+}
+
+void TelloSession::ask(TimeNs now, Asked what) noexcept {
+  asked_ = what;
+  asked_at_ns_ = now;
+  send_ = true;
+}
+
+bool TelloSession::fresh(TimeNs now) const noexcept { return state_at_ns_ != 0 && now - state_at_ns_ < fresh_for_ns; }
+
+bool TelloSession::seen_airborne(TimeNs now) const noexcept {
+  return fresh(now) && state_.height_m >= settings_.airborne_m;
+}
+
+bool TelloSession::seen_grounded(TimeNs now) const noexcept {
+  return fresh(now) && state_.height_m < settings_.airborne_m && state_.tof_m <= settings_.grounded_m;
+}
+
+void TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
+  if (!parse_state(bytes, state_)) {
+    ++states_refused_;
+    return;
+  }
+  state_at_ns_ = now;
+}
+
+void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
+  const Answer answer = parse_answer(bytes);
+  if (answer == Answer::unknown || asked_ == Asked::nothing || send_) {
+    ++answers_unasked_;
+    return;
+  }
+  switch (asked_) {
+    case Asked::command:
+      if (answer == Answer::ok) {
+        handshake_ok_ = true;
+        asked_ = Asked::nothing;
+      }
+      break;
+    case Asked::takeoff:
+      if (answer == Answer::refused) {
+        asked_ = Asked::nothing;
+        takeoff_not_before_ns_ = now + settings_.refused_pause_ns;
+        enter(now, seen_airborne(now) ? FlightPhase::flying : FlightPhase::on_ground);
+      } else if (seen_airborne(now) || !fresh(now)) {
+        asked_ = Asked::nothing;
+        enter(now, FlightPhase::flying);
+      } else {
+        ++answers_unasked_;  // still seen on the ground: the answer to an earlier command
+      }
+      break;
+    case Asked::land:
+    case Asked::emergency:
+      // A refusal changes nothing: the command goes out again until the drone is down.
+      if (answer == Answer::ok && !seen_airborne(now)) {
+        asked_ = Asked::nothing;
+        enter(now, FlightPhase::landed);
+      }
+      break;
+    case Asked::nothing:
+      break;
+  }
+}
+
+bool TelloSession::request_takeoff(TimeNs now) noexcept {
+  if (phase_ != FlightPhase::on_ground && phase_ != FlightPhase::landed) return false;
+  if (now < takeoff_not_before_ns_ || asked_ != Asked::nothing) return false;
+  ask(now, Asked::takeoff);
+  enter(now, FlightPhase::taking_off);
+  return true;
+}
+
+void TelloSession::request_land(TimeNs now) noexcept {
+  if (phase_ != FlightPhase::flying && phase_ != FlightPhase::taking_off) return;
+  ask(now, Asked::land);
+  lowest_m_ = state_.height_m;
+  grounded_since_ns_ = 0;
+  enter(now, FlightPhase::landing);
+}
+
+void TelloSession::request_cut(TimeNs now) noexcept {
+  if (asked_ == Asked::emergency || phase_ == FlightPhase::disconnected) return;
+  if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) return;
+  ask(now, Asked::emergency);
+  lowest_m_ = state_.height_m;
+  grounded_since_ns_ = 0;
+  if (phase_ != FlightPhase::landing) enter(now, FlightPhase::landing);
+}
+
+void TelloSession::watch_connection(TimeNs now) noexcept {
+  if (phase_ == FlightPhase::disconnected) {
+    if (handshake_ok_ && fresh(now)) {
+      // A link that starts again finds the drone where it is, maybe in the air.
+      enter(now, seen_airborne(now) ? FlightPhase::flying : FlightPhase::on_ground);
+    } else if (asked_ != Asked::command && !handshake_ok_) {
+      timeout_ns_ = settings_.answer_timeout_ns;
+      ask(now, Asked::command);
+    } else if (!send_ && now - asked_at_ns_ >= timeout_ns_) {
+      // No answer; or an answer, but no state text: the drone sends it only after `command`.
+      handshake_ok_ = false;
+      timeout_ns_ = std::min(2 * timeout_ns_, settings_.answer_timeout_max_ns);
+      ask(now, Asked::command);
+    }
+  } else if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) {
+    if (now - std::max(state_at_ns_, phase_since_ns_) >= settings_.lost_after_ns) enter(now, FlightPhase::disconnected);
+  }
+}
+
+void TelloSession::watch_takeoff(TimeNs now) noexcept {
+  if (phase_ != FlightPhase::taking_off || now - phase_since_ns_ < settings_.takeoff_timeout_ns) return;
+  // The answer is lost. What is seen decides; without sight it may be up, and flying is the phase that can land.
+  asked_ = Asked::nothing;
+  enter(now, seen_grounded(now) ? FlightPhase::on_ground : FlightPhase::flying);
+}
+
+void TelloSession::watch_landing(TimeNs now) noexcept {
+  if (phase_ != FlightPhase::landing) return;
+  if (seen_grounded(now)) {
+    if (grounded_since_ns_ == 0) grounded_since_ns_ = now;
+    if (now - grounded_since_ns_ >= grounded_for_ns) {
+      asked_ = Asked::nothing;
+      enter(now, FlightPhase::landed);
+      return;
+    }
+  } else {
+    grounded_since_ns_ = 0;
+  }
+  if (now - std::max(state_at_ns_, phase_since_ns_) >= settings_.landing_lost_after_ns) {
+    enter(now, FlightPhase::disconnected);
+    return;
+  }
+  if (!send_ && now - asked_at_ns_ >= settings_.land_repeat_ns) {
+    const bool descends = fresh(now) && state_.height_m <= lowest_m_ - descent_m;
+    lowest_m_ = std::min(lowest_m_, state_.height_m);
+    if (descends) {
+      asked_at_ns_ = now;
+    } else {
+      ask(now, asked_ == Asked::emergency ? Asked::emergency : Asked::land);
+    }
+  }
+}
+
+bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
+  watch_connection(now);
+  watch_takeoff(now);
+  watch_landing(now);
+  if (asked_ == Asked::nothing || !send_) return false;
+  send_ = false;
+  asked_at_ns_ = now;
+  switch (asked_) {
+    case Asked::command:
+      out = command_text("command");
+      break;
+    case Asked::takeoff:
+      out = command_text("takeoff");
+      break;
+    case Asked::land:
+      out = command_text("land");
+      break;
+    case Asked::emergency:
+      out = command_text("emergency");
+      break;
+    case Asked::nothing:
+      return false;
+  }
+  return true;
+}
+
+}  // namespace ledgerline::link
