@@ -51,8 +51,9 @@ struct Twist {
   std::array<double, 3> angular_radps{};
 };
 
-/// Publishes messages of one type; movable. publish() may be called from any thread, never blocks for a reader
-/// (best effort), and costs some microseconds and a heap allocation inside DDS: not for the real-time loop.
+/// Publishes messages of one type, as a ROS 2 publisher does by default (reliable, keep last 10, volatile). Movable.
+/// publish() may be called from any thread, waits for no reader (the oldest message is overwritten), and costs some
+/// microseconds and a heap allocation inside DDS: not for the real-time loop.
 template <typename Message>
 class Publisher {
  public:
@@ -71,8 +72,9 @@ class Publisher {
   std::unique_ptr<State> state_;
 };
 
-/// Calls `on_message` for each message, on a thread of DDS: hand over and return. Keeps the newest 10 not yet taken
-/// (best effort: a lost one is not sent again). After the destructor no call is running and none will come.
+/// Calls `on_message` for each message, on a thread of DDS: hand over and return. Keeps the newest 10 not yet taken;
+/// best effort, so it hears reliable and best-effort writers alike, and a lost message is not sent again. After the
+/// destructor no call is running and none will come.
 template <typename Message>
 class Subscriber {
  public:
