@@ -23,7 +23,8 @@ struct Config::State {
     for (std::string part; node && std::getline(parts, part, '.');) {
       if (const auto* table = node->as_table()) {
         node = table->get(part);
-      } else if (const auto* array = node->as_array(); array && part.find_first_not_of("0123456789") == std::string::npos) {
+      } else if (const auto* array = node->as_array();
+                 array && part.find_first_not_of("0123456789") == std::string::npos) {
         node = array->get(std::stoul(part));
       } else {
         node = nullptr;
@@ -94,7 +95,8 @@ std::string Config::text(const std::string& key, const std::string& otherwise) {
   return otherwise;
 }
 
-std::string Config::choice(const std::string& key, const std::vector<std::string>& allowed, const std::string& otherwise) {
+std::string Config::choice(const std::string& key, const std::vector<std::string>& allowed,
+                           const std::string& otherwise) {
   const std::string value = text(key, otherwise);
   for (const auto& a : allowed) {
     if (a == value) return value;

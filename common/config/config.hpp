@@ -10,8 +10,8 @@
 namespace ledgerline {
 
 /// Reads one TOML file with every key checked: a program asks for each key it knows, then calls finish(). A key of the
-/// wrong type, out of range, missing without a default, or in the file but never asked for is an error; all of them come
-/// at once from finish(), each as "FILE:LINE: key: what is wrong, what is allowed". One thread.
+/// wrong type, out of range, missing without a default, or in the file but never asked for is an error; all of them
+/// come at once from finish(), each as "FILE:LINE: key: what is wrong, what is allowed". One thread.
 ///
 ///     auto config = Config::load("link.toml");           // Result<Config>
 ///     auto rate = config->number("state.rate_hz", 30.0, 1, 200);

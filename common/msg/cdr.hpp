@@ -19,7 +19,7 @@ class CdrWriter {
   CdrWriter() : bytes_{0, 1, 0, 0} {}
 
   template <typename T>
-    requires std::is_arithmetic_v<T>
+  requires std::is_arithmetic_v<T>
   void put(T value) {
     static_assert(std::endian::native == std::endian::little);
     align(sizeof(T));
@@ -45,8 +45,8 @@ class CdrWriter {
   std::string bytes_;
 };
 
-/// Reads what CdrWriter or any ROS 2 node wrote, in either byte order. After the first read beyond the end, or of a length
-/// that cannot be, `ok()` is false and every further value is zero or empty: check once, at the end.
+/// Reads what CdrWriter or any ROS 2 node wrote, in either byte order. After the first read beyond the end, or of a
+/// length that cannot be, `ok()` is false and every further value is zero or empty: check once, at the end.
 class CdrReader {
  public:
   explicit CdrReader(std::span<const char> bytes) : bytes_(bytes) {
@@ -59,8 +59,7 @@ class CdrReader {
   }
 
   template <typename T>
-    requires std::is_arithmetic_v<T>
-  T get() {
+  requires std::is_arithmetic_v<T> T get() {
     while ((at_ - 4) % sizeof(T) != 0) ++at_;
     if (!ok_ || at_ > bytes_.size() || bytes_.size() - at_ < sizeof(T)) {
       ok_ = false;

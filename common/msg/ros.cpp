@@ -32,7 +32,9 @@ Result<T> checked(const CdrReader& in, T value, std::string_view type) {
 
 }  // namespace
 
-std::array<double, 4> quaternion_from_yaw(double yaw_rad) { return {0, 0, std::sin(yaw_rad / 2), std::cos(yaw_rad / 2)}; }
+std::array<double, 4> quaternion_from_yaw(double yaw_rad) {
+  return {0, 0, std::sin(yaw_rad / 2), std::cos(yaw_rad / 2)};
+}
 
 double yaw_from_quaternion(const std::array<double, 4>& q) {
   return std::atan2(2 * (q[3] * q[2] + q[0] * q[1]), 1 - 2 * (q[1] * q[1] + q[2] * q[2]));
@@ -76,12 +78,12 @@ std::string to_cdr(const BatteryState& battery) {
   out.put(unknown);  // capacity
   out.put(unknown);  // design_capacity
   out.put(battery.percentage);
-  out.put(std::uint8_t{2});    // power_supply_status: DISCHARGING
-  out.put(std::uint8_t{0});    // power_supply_health: UNKNOWN
-  out.put(std::uint8_t{3});    // power_supply_technology: LIPO
-  out.put(std::uint8_t{1});    // present
-  out.put(std::uint32_t{0});   // cell_voltage: none measured
-  out.put(std::uint32_t{0});   // cell_temperature
+  out.put(std::uint8_t{2});     // power_supply_status: DISCHARGING
+  out.put(std::uint8_t{0});     // power_supply_health: UNKNOWN
+  out.put(std::uint8_t{3});     // power_supply_technology: LIPO
+  out.put(std::uint8_t{1});     // present
+  out.put(std::uint32_t{0});    // cell_voltage: none measured
+  out.put(std::uint32_t{0});    // cell_temperature
   out.put(std::string_view{});  // location
   out.put(std::string_view{});  // serial_number
   return out.take();

@@ -29,7 +29,8 @@ inline constexpr std::string_view odometry_type = "nav_msgs/msg/Odometry";
 std::string to_cdr(const Odometry& odometry);
 Result<Odometry> odometry_from_cdr(std::string_view cdr);
 
-/// sensor_msgs/msg/BatteryState, the fields that a Tello knows; all others NaN or unknown, as the message's comments ask.
+/// sensor_msgs/msg/BatteryState, the fields that a Tello knows; all others NaN or unknown, as the message's comments
+/// ask.
 struct BatteryState {
   Header header;
   float voltage_v = 0;
@@ -39,8 +40,8 @@ inline constexpr std::string_view battery_type = "sensor_msgs/msg/BatteryState";
 std::string to_cdr(const BatteryState& battery);
 Result<BatteryState> battery_from_cdr(std::string_view cdr);
 
-/// ledgerline_msgs/msg/LinkStatus: a StateSample whole, so that the ground sees what link really did. Fields in the order
-/// of StateSample, the drone's number left out (its name is in the id).
+/// ledgerline_msgs/msg/LinkStatus: a StateSample whole, so that the ground sees what link really did. Fields in the
+/// order of StateSample, the drone's number left out (its name is in the id).
 inline constexpr std::string_view link_status_type = "ledgerline_msgs/msg/LinkStatus";
 std::string link_status_to_cdr(const StateSample& sample);
 Result<StateSample> link_status_from_cdr(std::string_view cdr);

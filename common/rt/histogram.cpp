@@ -30,7 +30,8 @@ void Histogram::add(TimeNs duration) noexcept {
 
 TimeNs Histogram::quantile(double q) const noexcept {
   if (count_ == 0) return 0;
-  const auto wanted = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(std::ceil(q * static_cast<double>(count_))));
+  const auto wanted =
+      std::max<std::uint64_t>(1, static_cast<std::uint64_t>(std::ceil(q * static_cast<double>(count_))));
   std::uint64_t seen = 0;
   for (int b = 0; b < steps * octaves; ++b) {
     seen += buckets_[static_cast<std::size_t>(b)];

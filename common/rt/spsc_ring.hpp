@@ -8,7 +8,8 @@ namespace ledgerline {
 
 /// Wait-free queue from one producer thread to one consumer thread, of fixed capacity (a power of two).
 /// A full ring refuses the new element; the producer counts or merges, by its own rule. No heap, no system call.
-/// Indices only grow; an element's place is index modulo capacity, so full and empty are told apart without a spare slot.
+/// Indices only grow; an element's place is index modulo capacity, so full and empty are told apart without a spare
+/// slot.
 template <typename T, std::size_t Capacity>
 class SpscRing {
   static_assert((Capacity & (Capacity - 1)) == 0, "capacity is a power of two");
