@@ -17,7 +17,6 @@
 
 namespace ledgerline {
 class Control;
-class DronePlan;
 }  // namespace ledgerline
 
 namespace ledgerline::ground {
@@ -44,7 +43,8 @@ struct FlightConfig {
   TimeNs settle_ns = 8 * ns_per_s;    ///< the part of it that is spent on settling at the origin
   TimeNs silence_ns = 3 * ns_per_s;   ///< no state at all while flying
   TimeNs landing_ns = 20 * ns_per_s;
-  double path_factor = 3.0;  ///< path: this many times the time that it should take, and half a minute
+  TimeNs gap_ns = 100 * ns_per_ms;  ///< a call not committed after this no longer holds back the next
+  double path_factor = 3.0;         ///< path: this many times the time that it should take, and half a minute
 };
 
 /// Per drone: waiting -> takeoff -> path -> landing -> landed, or failed: never took off, or not seen to land.
@@ -85,11 +85,12 @@ struct FlightStatus {
   std::array<double, 2> origin_m{};
   std::vector<double> lap_s;
   std::string why;  ///< what went wrong
-  std::uint64_t states_received = 0, commands_made = 0, commands_sent = 0, commands_merged = 0;
+  std::uint64_t states_received = 0, commands_made = 0, commands_sent = 0, commands_merged = 0, commands_refused = 0;
 };
 
 struct FlightTransactions {
   std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0, overloaded = 0;
+  std::uint64_t unbelieved = 0;  ///< states whose signer is not the owner of the drone, or not believed
 };
 
 /// Flies N drones around a path, through the ledger: blocks in, `command` calls out. One plan per drone and state, the
@@ -129,24 +130,30 @@ class FlightCore {
 
   void take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
   void take_states(TimeNs now_ns, const fabric::Transaction& tx, std::int64_t realtime_s, FlightOutputs& out);
+  bool believed(const fabric::Transaction& tx, std::int64_t realtime_s, const Drone& drone) const;
   void take_own_commands(TimeNs now_ns, const std::string& payload);
   void take_controls(TimeNs now_ns, const std::string& payload);
   void take_control(TimeNs now_ns, const Control& control);
-  void take_outcome(const fabric::Outcome& outcome, std::uint64_t id);
+  void take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id);
+  void resend(InFlight& refused, const std::string& message);
+  void measure(TimeNs one_way_ns);
+
   void advance(TimeNs now_ns, Drone& drone);
+  void advance_path(TimeNs now_ns, Drone& drone);
+  bool settled(const Drone& drone) const;
   void check_time(TimeNs now_ns, Drone& drone);
+  TimeNs path_limit_ns(const Drone& drone) const;
   void enter(TimeNs now_ns, Drone& drone, DronePhase phase);
   void land(TimeNs now_ns, Drone& drone, const std::string& why);
-  void make_plan(TimeNs now_ns, Drone& drone, FlightOutputs& out);
+  void make_plan(TimeNs now_ns, Drone& drone);
+  void count_laps(Drone& drone, TimeNs at_ns);
   void submit_pending(TimeNs now_ns, FlightOutputs& out);
-  void measure(TimeNs one_way_ns);
-  std::string believed_signer(const fabric::Transaction& tx, std::int64_t realtime_s,
-                              crypto::IdentityName& signer) const;
   Drone* find(std::string_view name);
 
   FlightConfig config_;
   std::vector<std::unique_ptr<Drone>> drones_;
   std::vector<InFlight> in_flight_;
+  bool started_ = false;
   std::uint64_t next_id_ = 1;
   FlightTransactions transactions_;
   std::deque<TimeNs> one_way_ns_;

@@ -12,14 +12,15 @@ Result<Shape> shape_from_name(const std::string& name);
 std::string name_of(Shape shape);
 
 /// A closed path of straight pieces in the horizontal plane, metres in the map frame. It begins and ends at its first
-/// corner, the origin, and stays in the quadrant x >= 0, y >= 0 from there:
+/// corner, the origin, and stays in the quadrant x >= 0, y >= 0 from there. The x is the two diagonals of a square,
+/// joined by two of its sides, so that it closes without turning back on itself.
 ///
-///     square          triangle           x: two diagonals of a square, joined by two of its sides,
-///     3 ---- 2            2                 so that it closes without turning back on itself
-///     |      |          /   \            3 -- 2      0 -> 1' (up the diagonal), 1' -> 2' (down a side),
-///     0 ---- 1        0 ---- 1             \/        2' -> 3' (up the other diagonal), 3' -> 0 (down a side)
-///                                          /\        .
-///                                        0 -- 1
+///     square        triangle        x
+///     3 ---- 2         2            3      1
+///     |      |        / \           | \  / |
+///     |      |       /   \          | /  \ |
+///     0 ---- 1      0 --- 1         0      2
+///
 /// Immutable; any thread.
 class Path {
  public:

@@ -1,0 +1,308 @@
+#include "ground/core/flight.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "ground/core/flight_state.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+constexpr double near_m = 0.2;  // of a place: close enough to call it reached
+constexpr double still_mps = 0.2;
+constexpr TimeNs grounded_for_ns = 2 * ns_per_s;  // a take-off command may still be under way
+constexpr TimeNs end_wait_ns = 3 * ns_per_s;      // for the drone to come up to the path's end
+
+std::string_view name_of(FailsafeCause cause) {
+  constexpr std::array<std::string_view, 11> names{"no cause given",
+                                                   "its plan ran out",
+                                                   "held too long without commands",
+                                                   "agent is silent",
+                                                   "the ledger is silent",
+                                                   "its state is stale",
+                                                   "its pose is lost",
+                                                   "it is at the fence",
+                                                   "battery low",
+                                                   "battery critical",
+                                                   "stopped"};
+  const auto i = static_cast<std::size_t>(cause);
+  return i < names.size() ? names[i] : "unknown cause";
+}
+
+}  // namespace
+
+std::string name_of(DronePhase phase) {
+  constexpr std::array<const char*, 6> names{"waiting", "takeoff", "path", "landing", "landed", "failed"};
+  return names[static_cast<std::size_t>(phase)];
+}
+
+FlightCore::FlightCore(FlightConfig config) : config_(std::move(config)) {
+  for (std::size_t i = 0; i < config_.drones.size(); ++i) {
+    auto drone = std::make_unique<Drone>();
+    drone->who = config_.drones[i];
+    drone->index = i;
+    drones_.push_back(std::move(drone));
+  }
+}
+
+FlightCore::~FlightCore() = default;
+
+FlightCore::Drone* FlightCore::find(std::string_view name) {
+  for (auto& drone : drones_) {
+    if (drone->who.name == name) return drone.get();
+  }
+  return nullptr;
+}
+
+FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
+  if (!started_) {
+    started_ = true;
+    for (auto& drone : drones_) drone->entered_ns = now_ns;
+  }
+  FlightOutputs out;
+  if (inputs.outcome) take_outcome(now_ns, *inputs.outcome, inputs.outcome_id);
+  if (inputs.block) take_block(now_ns, inputs, out);
+  for (auto& drone : drones_) {
+    if (!inputs.land.empty()) land(now_ns, *drone, inputs.land);
+    if (drone->fresh) {
+      drone->fresh = false;
+      advance(now_ns, *drone);
+      make_plan(now_ns, *drone);
+    }
+    check_time(now_ns, *drone);
+  }
+  submit_pending(now_ns, out);
+  return out;
+}
+
+void FlightCore::enter(TimeNs now_ns, Drone& drone, DronePhase phase) {
+  drone.status.phase = phase;
+  drone.entered_ns = now_ns;
+}
+
+void FlightCore::land(TimeNs now_ns, Drone& drone, const std::string& why) {
+  if (drone.status.phase >= DronePhase::landing) return;
+  if (drone.status.why.empty()) drone.status.why = why;
+  enter(now_ns, drone, drone.status.phase == DronePhase::waiting ? DronePhase::failed : DronePhase::landing);
+}
+
+bool FlightCore::settled(const Drone& drone) const {
+  const auto& s = drone.state;
+  const auto& origin = drone.status.origin_m;
+  return std::hypot(s.position_m[0] - origin[0], s.position_m[1] - origin[1]) < near_m &&
+         std::abs(s.position_m[2] - config_.controller.height_m) < near_m &&
+         std::hypot(s.velocity_mps[0], s.velocity_mps[1], s.velocity_mps[2]) < still_mps;
+}
+
+// On a new state: which phase is it now?
+void FlightCore::advance(TimeNs now_ns, Drone& drone) {
+  const StateSample& s = drone.state;
+  const bool grounded = s.phase == FlightPhase::on_ground || s.phase == FlightPhase::landed;
+  const bool flying = s.phase == FlightPhase::flying;
+  switch (drone.status.phase) {
+    case DronePhase::waiting:
+      if (!drone.may_command(config_.self) || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
+      drone.status.origin_m = {s.position_m[0], s.position_m[1]};
+      drone.controller = std::make_unique<PathController>(
+          Path(config_.shape, {s.position_m[0], s.position_m[1]}, config_.side_m), config_.controller, s.yaw_rad);
+      enter(now_ns, drone, DronePhase::takeoff);
+      return;
+    case DronePhase::takeoff:
+      if (!flying) {
+        if (drone.flew) land(now_ns, drone, fmt::format("came down by itself: {}", name_of(s.cause)));
+        return;
+      }
+      if (!drone.flew) drone.settling_since_ns = s.stamp_ns;
+      drone.flew = true;
+      if (settled(drone)) {
+        drone.path_since_ns = drone.lap_since_ns = drone.last_at_ns = s.stamp_ns + delay_ns_;
+        drone.controller->start(drone.path_since_ns, config_.seconds > 0
+                                                         ? std::numeric_limits<double>::infinity()
+                                                         : config_.laps * drone.controller->path().length_m());
+        enter(now_ns, drone, DronePhase::path);
+      } else if (s.stamp_ns - drone.settling_since_ns > config_.settle_ns) {
+        land(now_ns, drone,
+             fmt::format("did not settle above where it took off within {:.0f} s", to_seconds(config_.settle_ns)));
+      }
+      return;
+    case DronePhase::path:
+      if (!flying) {
+        land(now_ns, drone, fmt::format("came down by itself: {}", name_of(s.cause)));
+      } else if (s.mode == FailsafeMode::land || s.mode == FailsafeMode::cut) {
+        land(now_ns, drone, fmt::format("its failsafe landed it: {}", name_of(s.cause)));
+      } else {
+        advance_path(now_ns, drone);
+      }
+      return;
+    case DronePhase::landing:
+      if (grounded && (drone.flew || now_ns - drone.entered_ns > grounded_for_ns))
+        enter(now_ns, drone, DronePhase::landed);
+      return;
+    case DronePhase::landed:
+    case DronePhase::failed:
+      return;
+  }
+}
+
+void FlightCore::advance_path(TimeNs now_ns, Drone& drone) {
+  const StateSample& s = drone.state;
+  if (config_.seconds > 0) {
+    const double share = to_seconds(s.stamp_ns - drone.path_since_ns) / config_.seconds;
+    drone.status.progress = std::clamp(share, 0.0, 1.0);
+    drone.status.finished = share >= 1;
+  } else {
+    drone.status.progress = drone.controller->progress_m() / (config_.laps * drone.controller->path().length_m());
+    if (drone.controller->at_end()) {
+      if (drone.end_since_ns == 0) drone.end_since_ns = s.stamp_ns;
+      const auto& origin = drone.status.origin_m;
+      drone.status.finished = std::hypot(s.position_m[0] - origin[0], s.position_m[1] - origin[1]) < near_m;
+      if (!drone.status.finished && s.stamp_ns - drone.end_since_ns > end_wait_ns) {
+        land(now_ns, drone, "did not reach the end of its path");
+      }
+    }
+  }
+  if (drone.status.finished) enter(now_ns, drone, DronePhase::landing);
+}
+
+TimeNs FlightCore::path_limit_ns(const Drone& drone) const {
+  constexpr double spare_s = 30;
+  if (config_.seconds > 0) return from_seconds(config_.seconds + spare_s);
+  // No piece takes longer than at full speed plus from rest to rest at the acceleration allowed.
+  const Path& path = drone.controller->path();
+  const auto pieces = static_cast<double>(path.corners().size());
+  const double lap_s = path.length_m() / config_.controller.speed_mps +
+                       pieces * 2 * std::sqrt(path.length_m() / pieces / config_.controller.acceleration_mps2);
+  return from_seconds(config_.path_factor * lap_s * config_.laps + spare_s);
+}
+
+void FlightCore::check_time(TimeNs now_ns, Drone& drone) {
+  const TimeNs in_phase_ns = now_ns - drone.entered_ns;
+  if (drone.in_air_phase() && now_ns - drone.received_ns > config_.silence_ns) {
+    land(now_ns, drone, fmt::format("no state came for {:.1f} s", to_seconds(config_.silence_ns)));
+    return;
+  }
+  switch (drone.status.phase) {
+    case DronePhase::waiting: {
+      if (in_phase_ns <= config_.wait_ns) return;
+      std::string missing = "it never was ready on the ground";
+      if (!drone.has_state) {
+        missing = "no state came through the ledger";
+      } else if (drone.stopped_by) {
+        missing = "it is stopped by " + drone.stopped_by->subject;
+      } else if (drone.holder != config_.self) {
+        missing = drone.holder ? "its lease is held by " + drone.holder->subject : "nobody holds its lease";
+      } else if (drone.state.pose_stamp_ns == 0) {
+        missing = "it has no pose (no mocap?)";
+      } else if (drone.state.phase == FlightPhase::disconnected) {
+        missing = "link does not reach it";
+      }
+      drone.status.why = fmt::format("{} within {:.0f} s", missing, to_seconds(config_.wait_ns));
+      enter(now_ns, drone, DronePhase::failed);
+      return;
+    }
+    case DronePhase::takeoff:
+      if (in_phase_ns > config_.takeoff_ns) {
+        land(now_ns, drone, fmt::format("did not take off within {:.0f} s", to_seconds(config_.takeoff_ns)));
+      }
+      return;
+    case DronePhase::path:
+      if (in_phase_ns > path_limit_ns(drone)) {
+        land(now_ns, drone, fmt::format("did not finish its path within {:.0f} s", to_seconds(path_limit_ns(drone))));
+      }
+      return;
+    case DronePhase::landing:
+      if (in_phase_ns > config_.landing_ns) {
+        const std::string silent = fmt::format("was not seen to land within {:.0f} s", to_seconds(config_.landing_ns));
+        drone.status.why += (drone.status.why.empty() ? "" : "; ") + silent;
+        enter(now_ns, drone, DronePhase::failed);
+      }
+      return;
+    case DronePhase::landed:
+    case DronePhase::failed:
+      return;
+  }
+}
+
+void FlightCore::count_laps(Drone& drone, TimeNs at_ns) {
+  const double length_m = drone.controller->path().length_m();
+  const double progress_m = drone.controller->progress_m();
+  while (progress_m > drone.last_progress_m) {
+    const double lap_end_m = static_cast<double>(drone.status.lap_s.size() + 1) * length_m;
+    if (progress_m < lap_end_m - 1e-9) break;
+    const double share = (lap_end_m - drone.last_progress_m) / (progress_m - drone.last_progress_m);
+    const TimeNs end_ns = drone.last_at_ns + static_cast<TimeNs>(share * static_cast<double>(at_ns - drone.last_at_ns));
+    drone.status.lap_s.push_back(to_seconds(end_ns - drone.lap_since_ns));
+    drone.lap_since_ns = end_ns;
+  }
+  drone.last_progress_m = progress_m;
+  drone.last_at_ns = at_ns;
+  drone.status.lap = static_cast<int>(drone.status.lap_s.size()) + (drone.controller->at_end() ? 0 : 1);
+}
+
+void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
+  const DronePhase phase = drone.status.phase;
+  const bool active = drone.in_air_phase() || phase == DronePhase::landing;
+  if (!active || !drone.may_command(config_.self)) return;
+  PlannedCommand command;
+  command.made_ns = now_ns;
+  DronePlan& plan = command.plan;
+  plan.set_drone(drone.who.name);
+  plan.set_boot_id(drone.state.boot_id);
+  plan.set_state_stamp_ns(drone.state.stamp_ns);
+  plan.set_epoch(drone.epoch);
+  if (phase == DronePhase::landing) {
+    plan.set_action(LAND);
+  } else if (drone.state.phase != FlightPhase::flying) {
+    plan.set_action(TAKEOFF);
+  } else {
+    plan.set_action(FLY);
+    Motion motion;
+    motion.stamp_ns = drone.state.pose_stamp_ns;
+    motion.position_m = Eigen::Vector3d::Map(drone.state.position_m.data());
+    motion.velocity_mps = Eigen::Vector3d::Map(drone.state.velocity_mps.data());
+    motion.yaw_rad = drone.state.yaw_rad;
+    drone.first_setpoint_ns = std::max(drone.first_setpoint_ns, drone.state.stamp_ns + delay_ns_);
+    for (const Setpoint& setpoint : drone.controller->plan(motion, drone.first_setpoint_ns)) {
+      PlannedSetpoint* p = plan.add_setpoints();
+      p->set_at_ns(setpoint.at_ns);
+      p->set_vx(setpoint.velocity_mps[0]);
+      p->set_vy(setpoint.velocity_mps[1]);
+      p->set_vz(setpoint.velocity_mps[2]);
+      p->set_yaw_rate(setpoint.yaw_rate_radps);
+    }
+    if (phase == DronePhase::path) count_laps(drone, drone.first_setpoint_ns);
+    command.progress_m = drone.controller->progress_m();
+  }
+  ++drone.status.commands_made;
+  if (drone.pending) {
+    ++drone.status.commands_merged;
+    plan.set_sequence(drone.pending->plan.sequence());  // never sent, or refused with others: free to be used again
+  }
+  drone.pending = std::move(command);
+}
+
+bool FlightCore::done() const {
+  return std::all_of(drones_.begin(), drones_.end(),
+                     [](const auto& d) { return d->status.phase >= DronePhase::landed; });
+}
+
+bool FlightCore::ok() const {
+  return std::all_of(drones_.begin(), drones_.end(), [](const auto& d) {
+    return d->status.finished && d->status.phase == DronePhase::landed && d->status.why.empty();
+  });
+}
+
+std::string FlightCore::why() const {
+  std::string all;
+  for (const auto& drone : drones_) {
+    if (drone->status.why.empty()) continue;
+    all += fmt::format("{}{}: {}", all.empty() ? "" : "; ", drone->who.name, drone->status.why);
+  }
+  return all;
+}
+
+FlightStatus FlightCore::status(std::size_t drone) const { return drones_.at(drone)->status; }
+
+}  // namespace ledgerline::ground

@@ -1,0 +1,241 @@
+// FlightCore's talk with the ledger: states and records out of blocks, calls and what became of them.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/msg/form.hpp"
+#include "common/msg/ros.hpp"
+#include "ground/core/flight_state.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+constexpr std::size_t max_in_flight = 16;
+constexpr std::size_t delays_kept = 50;
+constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
+constexpr TimeNs most_delay_ns = 1'200 * ns_per_ms;  // with 0.6 s of setpoints a plan stays within its 2 s
+
+crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
+
+bool is_control_event(const std::string& name) {
+  return name == "enroll" || name == "acquire" || name == "release" || name == "stop" || name == "resume";
+}
+
+}  // namespace
+
+Status FlightCore::set_control(const std::string& control) {
+  Control record;
+  if (auto status = parse_message(control, record); !status) return status;
+  if (!find(record.drone())) return Error{fmt::format("a record of {} came, which does not fly here", record.drone())};
+  take_control(0, record);
+  return ledgerline::done;
+}
+
+void FlightCore::take_control(TimeNs now_ns, const Control& control) {
+  Drone* drone = find(control.drone());
+  if (!drone || control.epoch() < drone->epoch) return;
+  if (control.epoch() != drone->epoch) {
+    drone->next_sequence = 1;
+    drone->pending.reset();
+  }
+  drone->epoch = control.epoch();
+  drone->owner.reset();
+  drone->holder.reset();
+  drone->stopped_by.reset();
+  if (control.has_owner()) drone->owner = to_name(control.owner());
+  if (control.has_holder()) drone->holder = to_name(control.holder());
+  if (control.has_stopped_by()) drone->stopped_by = to_name(control.stopped_by());
+  if (!drone->in_air_phase()) return;
+  if (drone->stopped_by) {
+    land(now_ns, *drone, "stopped by " + drone->stopped_by->subject);
+  } else if (drone->holder != config_.self) {
+    drone->status.why = "lost its lease" + (drone->holder ? " to " + drone->holder->subject : "");
+    enter(now_ns, *drone, DronePhase::failed);
+  }
+}
+
+void FlightCore::take_controls(TimeNs now_ns, const std::string& payload) {
+  Controls controls;
+  if (!parse_message(payload, controls)) return;
+  for (const Control& control : controls.controls()) take_control(now_ns, control);
+}
+
+void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
+  for (const fabric::Transaction& tx : inputs.block->transactions) {
+    if (tx.code != 0 || tx.config) continue;
+    if (tx.event_name == "set") {
+      take_states(now_ns, tx, inputs.realtime_s, out);
+    } else if (tx.event_name == "command") {
+      take_own_commands(now_ns, tx.event_payload);
+    } else if (is_control_event(tx.event_name)) {
+      take_controls(now_ns, tx.event_payload);
+    }
+  }
+}
+
+// The contract let only the drone's owner write; this is the check that does not lean on the peer.
+bool FlightCore::believed(const fabric::Transaction& tx, std::int64_t realtime_s, const Drone& drone) const {
+  if (!config_.believed) return true;
+  const auto member = config_.believed->member(tx.creator, realtime_s);
+  if (!member || (drone.owner && (*member)->name != *drone.owner)) return false;
+  return (*member)->verifier->verify(tx.payload, tx.signature);
+}
+
+void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::int64_t realtime_s,
+                             FlightOutputs& out) {
+  SetCall call;
+  if (!parse_message(tx.event_payload, call)) return;
+  const Drone* checked = nullptr;  // the signature is checked once per drone in a row, not per asset
+  for (const Asset& asset : call.assets()) {
+    const auto slash = asset.id().find('/');
+    Drone* drone = find(std::string_view(asset.id()).substr(0, slash));
+    if (!drone || slash == std::string::npos) continue;
+    const auto what = std::string_view(asset.id()).substr(slash + 1);
+    const bool status = what == "link" && asset.msg_type() == link_status_type;
+    const bool odometry = what == "odom" && asset.msg_type() == odometry_type;
+    if (!status && !odometry) continue;
+    if (drone != checked) {
+      if (!believed(tx, realtime_s, *drone)) {
+        ++transactions_.unbelieved;
+        continue;
+      }
+      checked = drone;
+    }
+    if (odometry) {
+      out.odometry.push_back({drone->index, asset.msg_data()});
+      continue;
+    }
+    auto sample = link_status_from_cdr(asset.msg_data());
+    if (!sample) continue;
+    const bool same_boot = drone->has_state && sample->boot_id == drone->state.boot_id;
+    if (same_boot && sample->sequence <= drone->state.sequence) continue;
+    if (!same_boot) drone->first_setpoint_ns = 0;
+    drone->state = *sample;
+    drone->state.drone = drone->who.number;
+    drone->has_state = drone->fresh = true;
+    drone->received_ns = now_ns;
+    // A ground that was started again under the same lease goes on behind what was flown.
+    drone->next_sequence = std::max(drone->next_sequence, sample->applied_sequence + 1);
+    ++drone->status.states_received;
+    TraceRecord record;
+    record.t_ns = now_ns;
+    record.kind = TraceKind::state_received;
+    record.drone = drone->who.number;
+    record.id = sample->sequence;
+    record.stamp_ns = sample->stamp_ns;
+    out.traces.push_back(record);
+  }
+}
+
+void FlightCore::take_own_commands(TimeNs now_ns, const std::string& payload) {
+  CommandCall call;
+  if (!parse_message(payload, call) || call.plans().empty()) return;
+  const DronePlan& first = call.plans(0);
+  for (InFlight& flight : in_flight_) {
+    const DronePlan& mine = flight.commands.front().plan;
+    if (flight.in_block || mine.drone() != first.drone() || mine.sequence() != first.sequence() ||
+        mine.epoch() != first.epoch() || mine.state_stamp_ns() != first.state_stamp_ns()) {
+      continue;
+    }
+    flight.in_block = true;
+    measure(now_ns - flight.submitted_ns);
+  }
+}
+
+// Plans are made for twice the time that 4 of 5 of our newest commands stayed below.
+void FlightCore::measure(TimeNs one_way_ns) {
+  one_way_ns_.push_back(one_way_ns);
+  if (one_way_ns_.size() > delays_kept) one_way_ns_.pop_front();
+  std::vector<TimeNs> sorted(one_way_ns_.begin(), one_way_ns_.end());
+  std::sort(sorted.begin(), sorted.end());
+  delay_ns_ = std::clamp(2 * sorted[sorted.size() * 4 / 5], least_delay_ns, most_delay_ns);
+}
+
+void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id) {
+  const auto found = std::find_if(in_flight_.begin(), in_flight_.end(), [&](const auto& f) { return f.id == id; });
+  if (found == in_flight_.end()) return;
+  InFlight flight = std::move(*found);
+  in_flight_.erase(found);
+  switch (outcome.kind) {
+    case fabric::Outcome::Kind::committed:
+      ++transactions_.committed;
+      if (!flight.in_block) measure(now_ns - flight.submitted_ns);
+      return;
+    case fabric::Outcome::Kind::invalidated:
+      ++transactions_.invalidated;
+      return;
+    case fabric::Outcome::Kind::refused:
+      ++transactions_.refused;
+      resend(flight, outcome.message);
+      return;
+    case fabric::Outcome::Kind::unavailable:
+      ++transactions_.unavailable;
+      return;
+    case fabric::Outcome::Kind::overloaded:
+      ++transactions_.overloaded;
+      return;
+  }
+}
+
+// All plans but the refused drone's wait again, unless a newer one does already.
+void FlightCore::resend(InFlight& refused, const std::string& message) {
+  const auto names = [&](const Drone& drone) {
+    const auto at = message.find(drone.who.name + ":");
+    return at == 0 || (at != std::string::npos && message[at - 1] == ' ');
+  };
+  const bool one_drone = std::any_of(refused.commands.begin(), refused.commands.end(),
+                                     [&](const PlannedCommand& c) { return names(*find(c.plan.drone())); });
+  for (PlannedCommand& command : refused.commands) {
+    Drone& drone = *find(command.plan.drone());
+    if (!one_drone || names(drone)) {
+      ++drone.status.commands_refused;
+    } else if (drone.pending) {
+      ++drone.status.commands_merged;
+    } else if (command.plan.epoch() == drone.epoch) {
+      drone.pending = std::move(command);
+    }
+  }
+}
+
+void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
+  for (const InFlight& flight : in_flight_) {
+    if (!flight.in_block && now_ns - flight.submitted_ns < config_.gap_ns) return;
+  }
+  if (in_flight_.size() >= max_in_flight) return;
+  InFlight flight;
+  CommandCall call;
+  for (auto& drone : drones_) {
+    if (!drone->pending) continue;
+    PlannedCommand command = std::move(*drone->pending);
+    drone->pending.reset();
+    if (command.plan.sequence() == 0) {
+      command.plan.set_sequence(drone->next_sequence++);
+      ++drone->status.commands_sent;
+      TraceRecord record;
+      record.t_ns = command.made_ns;
+      record.kind = TraceKind::command_made;
+      record.drone = drone->who.number;
+      record.extra = static_cast<std::uint32_t>(command.plan.action());
+      record.id = command.plan.sequence();
+      record.stamp_ns = command.plan.state_stamp_ns();
+      if (!command.plan.setpoints().empty()) {
+        const PlannedSetpoint& first = command.plan.setpoints(0);
+        record.v[0] = first.vx();
+        record.v[1] = first.vy();
+        record.v[2] = first.vz();
+      }
+      record.v[3] = command.progress_m;
+      out.traces.push_back(record);
+    }
+    *call.add_plans() = command.plan;
+    flight.commands.push_back(std::move(command));
+  }
+  if (flight.commands.empty()) return;
+  flight.id = next_id_++;
+  flight.submitted_ns = now_ns;
+  ++transactions_.submitted;
+  out.submissions.push_back({flight.id, {"command", {call.SerializeAsString()}}});
+  in_flight_.push_back(std::move(flight));
+}
+
+}  // namespace ledgerline::ground

@@ -1,0 +1,56 @@
+#pragma once
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "ground/core/flight.hpp"
+#include "ledgerline.pb.h"
+
+/// What FlightCore remembers; included by its .cpp files alone.
+namespace ledgerline::ground {
+
+/// A plan on its way to the ledger.
+struct PlannedCommand {
+  DronePlan plan;  ///< sequence 0: not submitted yet
+  TimeNs made_ns = 0;
+  double progress_m = 0;
+};
+
+struct FlightCore::Drone {
+  FlightDrone who;
+  std::size_t index = 0;
+  FlightStatus status;
+  TimeNs entered_ns = 0;  ///< the phase; the ground's clock
+
+  std::optional<crypto::IdentityName> owner, holder, stopped_by;
+  std::uint64_t epoch = 0;
+  std::uint64_t next_sequence = 1;
+
+  StateSample state;
+  bool has_state = false;
+  bool fresh = false;      ///< the state came with this step
+  TimeNs received_ns = 0;  ///< the ground's clock
+
+  std::unique_ptr<PathController> controller;
+  bool flew = false;
+  TimeNs first_setpoint_ns = 0;  ///< of the newest plan; the drone's clock, as all below
+  TimeNs settling_since_ns = 0;
+  TimeNs path_since_ns = 0, lap_since_ns = 0, end_since_ns = 0;
+  TimeNs last_at_ns = 0;
+  double last_progress_m = 0;
+
+  std::optional<PlannedCommand> pending;
+
+  bool may_command(const crypto::IdentityName& self) const { return holder == self && !stopped_by; }
+  bool in_air_phase() const { return status.phase == DronePhase::takeoff || status.phase == DronePhase::path; }
+};
+
+struct FlightCore::InFlight {
+  std::uint64_t id = 0;
+  TimeNs submitted_ns = 0;
+  bool in_block = false;
+  std::vector<PlannedCommand> commands;
+};
+
+}  // namespace ledgerline::ground

@@ -1,0 +1,141 @@
+#include "ground/core/controller.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/ground/lagged_drone.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+struct Flown {
+  double rms_m = 0, max_m = 0, seconds = 0, worst_height_m = 0;
+  bool finished = false;
+};
+
+// 30 states a second; a plan is there `delay_ms` after its state, and made for that moment.
+Flown fly(Shape shape, double speed_mps, double delay_ms, double lag_s, double gust_mps) {
+  ControllerConfig config;
+  config.speed_mps = speed_mps;
+  PathController controller(Path(shape, {0, 0}, 1.5), config, 0.2);
+  const double end_m = 3 * controller.path().length_m();
+  LaggedDrone drone(lag_s, gust_mps);
+  drone.motion.position_m.z() = 1;
+  drone.motion.yaw_rad = 0.2;
+  controller.start(0, end_m);
+  Flown flown;
+  double squares = 0;
+  int samples = 0;
+  for (TimeNs t = 0; t < 200 * ns_per_s; t += ns_per_s / 30) {
+    drone.run_until(t);
+    const double off = controller.path().distance_m(drone.motion.position_m.head<2>());
+    squares += off * off;
+    ++samples;
+    flown.max_m = std::max(flown.max_m, off);
+    flown.worst_height_m = std::max(flown.worst_height_m, std::abs(drone.motion.position_m.z() - 1));
+    const TimeNs there = drone.motion.stamp_ns + static_cast<TimeNs>(delay_ms * ns_per_ms);
+    drone.deliver(there, controller.plan(drone.motion, there));
+    if (controller.at_end() && drone.motion.position_m.head<2>().norm() < 0.1) {
+      flown.finished = true;
+      flown.seconds = to_seconds(t);
+      break;
+    }
+  }
+  flown.rms_m = std::sqrt(squares / samples);
+  return flown;
+}
+
+TEST(PathController, FollowsEveryShapeThroughLagAndDelay) {
+  for (Shape shape : {Shape::square, Shape::triangle, Shape::x}) {
+    for (double delay_ms : {20.0, 40.0}) {
+      const Flown flown = fly(shape, 0.5, delay_ms, 0.3, 0);
+      EXPECT_TRUE(flown.finished) << name_of(shape);
+      EXPECT_LT(flown.rms_m, 0.03) << name_of(shape);
+      EXPECT_LT(flown.max_m, 0.10) << name_of(shape);
+      RecordProperty(name_of(shape) + "_rms_mm", static_cast<int>(1000 * flown.rms_m));
+    }
+  }
+}
+
+TEST(PathController, HoldsThePathInGusts) {
+  for (Shape shape : {Shape::square, Shape::triangle, Shape::x}) {
+    const Flown flown = fly(shape, 0.5, 30, 0.3, 0.1);
+    EXPECT_TRUE(flown.finished) << name_of(shape);
+    EXPECT_LT(flown.rms_m, 0.10) << name_of(shape);
+  }
+}
+
+TEST(PathController, IsNotUpsetByADroneThatAnswersFasterOrSlowerThanAssumed) {
+  for (double lag_s : {0.15, 0.5}) {
+    const Flown flown = fly(Shape::square, 0.5, 30, lag_s, 0);
+    EXPECT_TRUE(flown.finished) << lag_s;
+    EXPECT_LT(flown.rms_m, 0.10) << lag_s;
+  }
+}
+
+TEST(PathController, SlowsDownAtCornersRatherThanLeavingThePathAtSpeed) {
+  const Flown flown = fly(Shape::square, 1.0, 30, 0.3, 0);
+  EXPECT_TRUE(flown.finished);
+  EXPECT_LT(flown.max_m, 0.12);
+}
+
+TEST(PathController, StaysOnThePathEvenWithHalfASecondOfDelay) {
+  const Flown flown = fly(Shape::square, 0.5, 460, 0.3, 0);
+  EXPECT_TRUE(flown.finished);
+  EXPECT_LT(flown.rms_m, 0.10);
+}
+
+TEST(PathController, NeedsNoMoreThanAThirdLongerThanTheBareLength) {
+  const Flown flown = fly(Shape::square, 0.5, 30, 0.3, 0);
+  EXPECT_LT(flown.seconds, 1.33 * 18 / 0.5);
+}
+
+TEST(PathController, KeepsItsHeight) { EXPECT_LT(fly(Shape::square, 0.5, 30, 0.3, 0).worst_height_m, 0.02); }
+
+TEST(PathController, PlansTwelveSetpointsAFiftiethOfASecondApartFromTheMomentAsked) {
+  PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 0);
+  const auto plan = controller.plan({}, 777);
+  ASSERT_EQ(plan.size(), 12u);
+  for (std::size_t i = 0; i < plan.size(); ++i) EXPECT_EQ(plan[i].at_ns, 777 + static_cast<TimeNs>(i) * 50 * ns_per_ms);
+}
+
+TEST(PathController, HoversAtTheOriginUntilItIsStarted) {
+  PathController controller(Path(Shape::square, {1, 1}, 1.5), {}, 0);
+  Motion motion;
+  motion.position_m = {0.8, 1, 0.7};
+  const auto plan = controller.plan(motion, 0);
+  EXPECT_GT(plan.front().velocity_mps[0], 0.1F);
+  EXPECT_NEAR(plan.front().velocity_mps[1], 0, 1e-6);
+  EXPECT_GT(plan.front().velocity_mps[2], 0.1F);
+  EXPECT_EQ(controller.progress_m(), 0);
+}
+
+TEST(PathController, WaitsForADroneThatIsHeldBack) {
+  PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 0);
+  controller.start(0);
+  Motion stuck;
+  for (TimeNs t = 0; t < 60 * ns_per_s; t += 33 * ns_per_ms) {
+    stuck.stamp_ns = t;
+    (void)controller.plan(stuck, t + 20 * ns_per_ms);
+  }
+  EXPECT_LT(controller.progress_m(), 0.5);
+}
+
+TEST(PathController, TurnsBackToItsYawTheShortWay) {
+  PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 3.1);
+  Motion motion;
+  motion.yaw_rad = -3.1;
+  EXPECT_LT(controller.plan(motion, 0).front().yaw_rate_radps, 0);
+}
+
+TEST(PathController, NeverAsksForMoreThanItsSpeedAllows) {
+  PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 0);
+  Motion far;
+  far.position_m = {100, -100, 50};
+  for (const Setpoint& s : controller.plan(far, 0)) {
+    EXPECT_LE(std::hypot(s.velocity_mps[0], s.velocity_mps[1]), 1.05 + 1e-6);
+    EXPECT_LE(std::abs(s.velocity_mps[2]), 0.5 + 1e-6);
+  }
+}
+
+}  // namespace
+}  // namespace ledgerline::ground
