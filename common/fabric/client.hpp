@@ -13,9 +13,9 @@
 namespace ledgerline::fabric {
 
 struct ClientConfig {
-  std::string endpoint;          ///< "127.0.0.1:7051"
-  std::string tls_ca_file;       ///< PEM of the CA that signed the server's certificate
-  std::string server_name;       ///< empty: the endpoint's host must be in the certificate
+  std::string endpoint;     ///< "127.0.0.1:7051"
+  std::string tls_ca_file;  ///< PEM of the CA that signed the server's certificate
+  std::string server_name;  ///< empty: the endpoint's host must be in the certificate
   ChannelAndContract where;
   crypto::SigningIdentity identity;
   std::size_t max_in_flight = 64;  ///< further submits are refused at once with Outcome::Kind::overloaded
@@ -60,7 +60,8 @@ class Client {
     virtual ~Stream() = default;
   };
   struct StreamHandlers {
-    std::function<void(const Block&, std::string_view raw)> on_block;  ///< in order, no gap, no doublet, across reconnects
+    std::function<void(const Block&, std::string_view raw)>
+        on_block;  ///< in order, no gap, no doublet, across reconnects
     std::function<void(bool connected, const std::string& why)> on_connection;
   };
   /// Blocks from number `start` (nullopt: from the next new one on). Reconnects with back-off and jitter, for ever, and

@@ -9,8 +9,8 @@
 namespace ledgerline::fabric {
 
 /// Reads [ledger]: endpoint, tls_ca, msp_id, msp_dir (must be there); channel, contract, signer, server_name,
-/// max_in_flight, deadline_ms (have defaults); loads the identity. Wrong keys are reported by config.finish() as always, so
-/// call that first when this fails: it has the lines.
+/// max_in_flight, deadline_ms (have defaults); loads the identity. Wrong keys are reported by config.finish() as
+/// always, so call that first when this fails: it has the lines.
 Result<ClientConfig> ledger_config(Config& config);
 
 /// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are believed, at least one.

@@ -32,16 +32,25 @@ struct Proposal {
 Result<Proposal> make_proposal(const crypto::SigningIdentity& who, const ChannelAndContract& where, const Call& call,
                                TimeNs timestamp_ns, std::string nonce);
 
+/// What an endorsed proposal came back as: the contract's answer, and proof that the envelope to sign is our own call.
+/// A gateway that put another call, channel or transaction id into the envelope is found out here; nothing is signed
+/// blindly.
+struct Prepared {
+  std::string answer;
+};
+Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope);
+
 /// Signs a common.Envelope that came unsigned (from Endorse) and returns it whole.
 Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope);
 
-/// A signed common.Envelope with SeekInfo for Deliver: from block `start` (nullopt: newest) on, for ever, BLOCK_UNTIL_READY.
+/// A signed common.Envelope with SeekInfo for Deliver: from block `start` (nullopt: newest) on, for ever,
+/// BLOCK_UNTIL_READY.
 Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::string& channel,
                               std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce);
 
 /// Who endorsed, in a transaction.
 struct Endorsement {
-  std::string endorser;   ///< msp.SerializedIdentity
+  std::string endorser;  ///< msp.SerializedIdentity
   std::string signature;
 };
 
@@ -49,16 +58,17 @@ struct Endorsement {
 struct Transaction {
   std::string tx_id;
   std::string channel;
-  int code = -1;                ///< protos.TxValidationCode; 0 = VALID; -1: the block has no flags (orderer's)
-  TimeNs timestamp_ns = 0;      ///< as the client claimed it
-  std::string creator;          ///< msp.SerializedIdentity
-  std::string event_name;       ///< empty: none
+  std::string contract;     ///< that was called; an event with this name of another contract means something else
+  int code = -1;            ///< protos.TxValidationCode; 0 = VALID; -1: the block has no flags (orderer's)
+  TimeNs timestamp_ns = 0;  ///< as the client claimed it
+  std::string creator;      ///< msp.SerializedIdentity
+  std::string event_name;   ///< empty: none
   std::string event_payload;
-  std::string payload;          ///< common.Payload, signed by creator as `signature`
+  std::string payload;  ///< common.Payload, signed by creator as `signature`
   std::string signature;
-  std::string response_payload; ///< ProposalResponsePayload: each endorsement signs it followed by the endorser
+  std::string response_payload;  ///< ProposalResponsePayload: each endorsement signs it followed by the endorser
   std::vector<Endorsement> endorsements;
-  bool config = false;          ///< a config transaction: only tx_id, channel and code are set
+  bool config = false;  ///< a config transaction: only tx_id, channel and code are set
 };
 
 struct Block {
@@ -67,19 +77,28 @@ struct Block {
   std::string data_hash;
   std::vector<Transaction> transactions;
 };
-/// Takes a common.Block apart. Malformed bytes: an error that names the block and transaction; never a crash.
+/// Takes a common.Block apart. Malformed bytes: an error that names the block and transaction; never a crash. A
+/// transaction that is malformed and not flagged valid is no error, since any member can have one ordered: it is kept
+/// with what could be read (code 2 = BAD_PAYLOAD where the block has no flags), so that it cannot stop those who follow
+/// the chain.
 Result<Block> decode_block(std::string_view block);
 
 /// SHA-256 over the ASN.1 of (number, previous hash, data hash): what the next block names as its previous hash.
 std::string block_header_hash(std::uint64_t number, std::string_view previous_hash, std::string_view data_hash);
 
-/// Follows a chain: each block must be the next number and carry the hash of the one before, and its data must match its
-/// own data hash (computed over the concatenated envelopes by decode_block, which refuses a mismatch).
+/// Follows a chain: each block must be the next number and carry the hash of the one before, and its data must match
+/// its own data hash (computed over the concatenated envelopes by decode_block, which refuses a mismatch).
 class ChainCheck {
  public:
-  /// Starts anywhere: the first block is taken as it is, unless a checkpoint is given.
+  /// Starts anywhere: the first block is taken as it is.
+  ChainCheck() = default;
+  /// Starts behind block `number`, whose header has `hash` (block_header_hash): a checkpoint.
+  static ChainCheck behind(std::uint64_t number, std::string hash);
+  /// After an error nothing has changed: the right block may still come.
   Status add(const Block& block);
   std::uint64_t height() const { return next_; }
+  /// Of the last block's header: with height() - 1 what a checkpoint holds. Empty before the first block.
+  const std::string& hash() const { return hash_; }
 
  private:
   bool started_ = false;
