@@ -61,6 +61,7 @@ struct CutBlock {
   std::uint64_t number = 0;
   std::string bytes;  ///< common.Block with flags in metadata[2]
   std::vector<TxStatus> transactions;
+  std::string warning;  ///< not empty: the block has no orderer's signature, and why
 };
 
 struct Applied {

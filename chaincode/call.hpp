@@ -1,0 +1,71 @@
+#pragma once
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "chaincode/stub.hpp"
+#include "common/msg/form.hpp"
+#include "ledgerline.pb.h"
+
+/// What the contract's functions share: reading calls in their three forms, writing answers and events, keys, records.
+namespace ledgerline::chaincode {
+
+inline Response refuse(std::string why) { return {500, std::move(why), {}}; }
+
+/// A call's arguments in one of their forms.
+struct Arguments {
+  enum class Form { protobuf, json, plain } form = Form::plain;
+  std::string message;                                       ///< protobuf, json
+  std::vector<std::string> names;                            ///< plain: ids or drones
+  std::vector<std::pair<std::string, std::string>> options;  ///< plain: "key=value"
+
+  bool json_out() const { return form != Form::protobuf; }
+  /// An option's value, or `otherwise`.
+  std::string option(std::string_view key, std::string otherwise) const;
+};
+Result<Arguments> read_arguments(const std::vector<std::string>& args);
+
+/// `message` in the form of the call.
+std::string write_form(const Arguments& call, const google::protobuf::Message& message);
+/// The same for a list of assets; `single` chooses JSON's form of one asset.
+std::string write_assets(const Arguments& call, const Assets& assets, bool single);
+
+/// An id is 1 to 128 characters of [A-Za-z0-9_./-], segments are not empty.
+Status check_id(const std::string& id);
+/// A drone's name is one segment, no reserved word, and no MSP id (those end with "MSP").
+Status check_drone_name(const std::string& name);
+std::string first_segment(const std::string& id);
+
+/// Key layout. "stream" assets of one writer live together in frame_key, all others in asset_key.
+std::string asset_key(const std::string& id);
+std::string control_key(const std::string& drone);
+std::string frame_key(const crypto::IdentityName& owner);
+std::string command_key(const crypto::IdentityName& writer);
+std::string role_key(const crypto::IdentityName& who);
+
+Identity to_message(const crypto::IdentityName& name);
+crypto::IdentityName to_name(const Identity& identity);
+std::string to_text(const crypto::IdentityName& name);  ///< "Org1MSP CN=User1@..."
+
+Result<std::optional<Stored>> read_stored(Stub& stub, const std::string& key);
+/// Writes `assets` under `key`, signed with the caller's name.
+Status write_stored(Stub& stub, const std::string& key, std::vector<Asset> assets, bool deleted = false);
+
+/// The control record of a drone; nullopt: not enrolled.
+Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone);
+Status write_control(Stub& stub, const Control& control);
+Result<Role> read_role(Stub& stub, const crypto::IdentityName& who);
+
+Response set_assets(Stub& stub, const Arguments& call);
+Response delete_asset(Stub& stub, const Arguments& call);
+Response get_assets(Stub& stub, const Arguments& call);
+Response get_history(Stub& stub, const Arguments& call);
+Response enroll(Stub& stub, const Arguments& call);
+Response acquire(Stub& stub, const Arguments& call);
+Response release(Stub& stub, const Arguments& call);
+Response command(Stub& stub, const Arguments& call);
+Response stop(Stub& stub, const Arguments& call);
+Response resume(Stub& stub, const Arguments& call);
+
+}  // namespace ledgerline::chaincode

@@ -1,0 +1,86 @@
+#include <cmath>
+#include <set>
+
+#include "chaincode/call.hpp"
+#include "chaincode/limits.hpp"
+
+/// command: plans of the lease's holder.
+namespace ledgerline::chaincode {
+namespace {
+
+Status check_setpoints(const DronePlan& plan) {
+  const auto count = static_cast<std::size_t>(plan.setpoints_size());
+  if (count > max_plan_setpoints) {
+    return Error{"the plan has " + std::to_string(count) + " setpoints; the limit is " +
+                 std::to_string(max_plan_setpoints)};
+  }
+  if (count == 0) {
+    if (plan.action() == FLY) return Error{"the plan has no setpoints"};
+    return done;
+  }
+  TimeNs last = plan.setpoints(0).at_ns();
+  if (last < 0) return Error{"a setpoint's time is negative"};
+  for (const PlannedSetpoint& setpoint : plan.setpoints()) {
+    for (const float value : {setpoint.vx(), setpoint.vy(), setpoint.vz(), setpoint.yaw_rate()}) {
+      if (!std::isfinite(value)) return Error{"a setpoint is not finite"};
+    }
+    if (setpoint.at_ns() < last) return Error{"the plan's times go backwards"};
+    last = setpoint.at_ns();
+  }
+  if (last - plan.setpoints(0).at_ns() > max_plan_ns) {
+    return Error{"the plan lasts " + std::to_string((last - plan.setpoints(0).at_ns()) / ns_per_ms) +
+                 " ms; the limit is " + std::to_string(max_plan_ns / ns_per_ms) + " ms"};
+  }
+  return done;
+}
+
+Status check_plan(Stub& stub, const DronePlan& plan) {
+  if (!Action_IsValid(plan.action())) return Error{"unknown action " + std::to_string(plan.action())};
+  if (Status status = check_setpoints(plan); !status) return status;
+  const auto control = read_control(stub, plan.drone());
+  if (!control) return control.error();
+  if (!*control) return Error{"not enrolled"};
+  if (!(*control)->has_holder() || to_name((*control)->holder()) != stub.caller()) {
+    return Error{"the lease is held by " +
+                 ((*control)->has_holder() ? to_text(to_name((*control)->holder())) : std::string("nobody")) +
+                 ", not by " + to_text(stub.caller())};
+  }
+  if (plan.epoch() != (*control)->epoch()) {
+    return Error{"the lease's epoch is " + std::to_string((*control)->epoch()) + ", the plan says " +
+                 std::to_string(plan.epoch())};
+  }
+  if ((*control)->has_stopped_by() && plan.action() != LAND) {
+    return Error{"stopped by " + to_text(to_name((*control)->stopped_by())) + "; only LAND is accepted"};
+  }
+  return done;
+}
+
+}  // namespace
+
+Response command(Stub& stub, const Arguments& call) {
+  if (call.form == Arguments::Form::plain) return refuse("command: give plans in protobuf or JSON");
+  CommandCall commands;
+  if (Status status = parse_message(call.message, commands); !status) return refuse(status.error().what);
+  if (commands.plans().empty()) return refuse("command: no plans");
+  if (static_cast<std::size_t>(commands.plans_size()) > max_call_assets) {
+    return refuse("the call has " + std::to_string(commands.plans_size()) + " plans; the limit is " +
+                  std::to_string(max_call_assets));
+  }
+  std::set<std::string> drones;
+  for (const DronePlan& plan : commands.plans()) {
+    if (Status status = check_drone_name(plan.drone()); !status) return refuse(status.error().what);
+    if (!drones.insert(plan.drone()).second) return refuse(plan.drone() + ": two plans in one call");
+    if (Status status = check_plan(stub, plan); !status) return refuse(plan.drone() + ": " + status.error().what);
+  }
+  // Written without being read: commands never conflict with each other.
+  Asset asset;
+  asset.set_id(command_key(stub.caller()));
+  asset.set_topic("/" + asset.id());
+  asset.set_msg_type("ledgerline.CommandCall");
+  asset.set_msg_data(commands.SerializeAsString());
+  if (Status status = write_stored(stub, asset.id(), {asset}); !status) return refuse(status.error().what);
+  stub.set_event("command", call.form == Arguments::Form::protobuf ? asset.msg_data() : to_json(commands));
+  return {};
+}
+
+}  // namespace ledgerline::chaincode
