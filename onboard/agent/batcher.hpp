@@ -72,16 +72,19 @@ class Batcher {
 
  private:
   struct Slot {
-    DroneName drone;
-    Counters counters;
-    std::optional<StateSample> waiting;
+    DroneName drone{};
+    Counters counters{};
+    std::optional<StateSample> waiting{};
+    TimeNs heard_ns = INT64_MIN / 2;
     TimeNs paused_until_ns = INT64_MIN;
+    std::uint64_t sent_boot = 0, sent_sequence = 0;  ///< newest submitted: sent again, it is not counted again
   };
   Slot* find(DroneNumber drone);
   const Slot* find(DroneNumber drone) const;
-  Slot* refused_drone(const std::string& message);
+  Slot* refused_drone(const Frame& frame, const std::string& message);
   bool ready(TimeNs now) const;
   void drop_all(const Frame& frame);
+  void send_again_without(TimeNs now, Slot& refused, const Frame& frame);
   void back_off(TimeNs now);
 
   BatchConfig config_;

@@ -24,7 +24,7 @@ enum class Refusal : std::uint8_t {
   malformed = 4,            ///< not a CommandCall, or an action that this version does not know
   unknown_signer = 5,       ///< the creator's certificate is not from an organisation that is believed
   bad_signature = 6,        ///< the creator's signature does not fit the transaction
-  not_endorsed = 7,         ///< no valid endorsement by our own organisation
+  not_endorsed = 7,         ///< no peer of our own organisation signed this result of this proposal
   not_holder = 8,           ///< the signer does not hold the drone's lease at that block
   stopped = 9,              ///< the drone is stopped
   wrong_epoch = 10,         ///< made under another lease
@@ -68,7 +68,7 @@ class CommandCheck {
     Refusal why = Refusal::none;
   };
   struct Checked {
-    std::vector<Plan> plans;  ///< in block order, verified_ns not set yet; stops come as PlanAction::stop
+    std::vector<Plan> plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut
     std::vector<Refused> refused;
     bool chain_ok = true;
     std::string chain_error;  ///< in words, when not chain_ok; the block was then not looked at further
@@ -82,7 +82,7 @@ class CommandCheck {
 
   /// The record of one of our drones, as read from the ledger at start. Others are ignored.
   void set_control(const Control& control);
-  /// A state that was submitted: commands may answer it.
+  /// A state that was submitted: commands may answer it. Of another boot than the one before: that one's are forgotten.
   void sent(const StateSample& sample);
   /// `now_s`: real time, for the certificates' validity.
   Checked check(TimeNs now, std::int64_t now_s, const fabric::Block& block);
@@ -90,6 +90,7 @@ class CommandCheck {
   const Counters& counters(DroneNumber drone) const;
   std::uint64_t height() const { return chain_.height(); }
   std::uint64_t broken_blocks() const { return broken_blocks_; }
+  std::uint64_t malformed_commands() const { return malformed_commands_; }  ///< of no drone, therefore
   std::uint64_t refused_control_events() const { return refused_control_events_; }
 
  private:
@@ -106,7 +107,7 @@ class CommandCheck {
   bool endorsed_by_us(std::int64_t now_s, const fabric::Transaction& tx);
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
   Refusal check_setpoints(TimeNs now, const DronePlan& plan) const;
-  void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Refusal already, Checked& out);
+  void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
   void take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
 
   CheckConfig config_;
@@ -114,6 +115,7 @@ class CommandCheck {
   crypto::MspRegistry& registry_;
   fabric::ChainCheck chain_;
   std::uint64_t broken_blocks_ = 0;
+  std::uint64_t malformed_commands_ = 0;
   std::uint64_t refused_control_events_ = 0;
 };
 

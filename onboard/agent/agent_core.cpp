@@ -1,0 +1,156 @@
+#include "onboard/agent/agent_core.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace ledgerline::agent {
+
+void AgentOutputs::clear() {
+  submits.clear();
+  plans.clear();
+  poses.clear();
+  beat.reset();
+  traces.clear();
+}
+
+AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
+    : config_(std::move(config)),
+      batcher_(config_.batch, config_.drones, config_.seed),
+      check_(config_.check, config_.drones, registry) {
+  for (std::size_t i = 0; i < config_.drones.size(); ++i) {
+    drones_.push_back(Drone{.fusion = Fusion(config_.fusion), .newest = {}, .two_way = {}});
+  }
+}
+
+std::size_t AgentCore::index(DroneNumber drone) const {
+  const auto it =
+      std::find_if(config_.drones.begin(), config_.drones.end(), [&](const DroneName& d) { return d.number == drone; });
+  return static_cast<std::size_t>(it - config_.drones.begin());
+}
+
+void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs&) {
+  const std::size_t i = index(sample.drone);
+  if (i == drones_.size()) return;
+  drones_[i].newest = sample;
+  batcher_.add(now, sample);
+}
+
+void AgentCore::on_mocap(TimeNs, DroneNumber drone, const MocapPose& measured, AgentOutputs& out) {
+  const std::size_t i = index(drone);
+  if (i == drones_.size()) return;
+  if (auto pose = drones_[i].fusion.add(measured)) {
+    pose->drone = drone;
+    out.poses.push_back(*pose);
+  }
+}
+
+void AgentCore::progress(TimeNs) {
+  ever_progress_ = true;
+  unanswered_since_ns_.reset();
+}
+
+void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
+  const auto ended = batcher_.finished(now, frame, outcome);
+  if (!ended || outcome.kind != fabric::Outcome::Kind::committed) return;
+  progress(now);
+  out.traces.push_back(TraceRecord{.t_ns = now,
+                                   .kind = TraceKind::frame_committed,
+                                   .extra = static_cast<std::uint32_t>(ended->samples.size()),
+                                   .id = ended->number,
+                                   .stamp_ns = ended->submitted_ns});
+}
+
+void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out) {
+  auto checked = check_.check(now, (now + real_offset_ns_) / ns_per_s, block);
+  for (const auto& refused : checked.refused) {
+    out.traces.push_back(TraceRecord{.t_ns = now,
+                                     .kind = TraceKind::refused,
+                                     .drone = refused.drone,
+                                     .extra = static_cast<std::uint32_t>(refused.why),
+                                     .id = refused.sequence,
+                                     .stamp_ns = refused.state_stamp_ns});
+  }
+  if (!checked.chain_ok) {
+    last_chain_error_ = checked.chain_error;
+    return;
+  }
+  ++blocks_;
+  progress(now);
+  checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
+}
+
+void AgentCore::on_connection(TimeNs now, bool connected) {
+  if (connected) {
+    disconnected_since_ns_.reset();
+  } else if (!disconnected_since_ns_) {
+    disconnected_since_ns_ = now;
+  }
+}
+
+bool AgentCore::ledger_alive(TimeNs now) const {
+  const auto too_long = [&](const std::optional<TimeNs>& since) {
+    return since && now - *since > config_.ledger_silent_after_ns;
+  };
+  return ever_progress_ && !too_long(unanswered_since_ns_) && !too_long(disconnected_since_ns_);
+}
+
+void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
+  for (Plan& plan : checked_) {
+    plan.verified_ns = now;
+    if (plan.action != PlanAction::stop) {  // a stop answers no state
+      Drone& drone = drones_[index(plan.drone)];
+      drone.last_command_verified_ns = now;
+      drone.two_way.add(now - plan.state_stamp_ns);
+      out.traces.push_back(TraceRecord{.t_ns = now,
+                                       .kind = TraceKind::command_verified,
+                                       .drone = plan.drone,
+                                       .id = plan.sequence,
+                                       .stamp_ns = plan.state_stamp_ns});
+    }
+    out.plans.push_back(plan);
+  }
+  checked_.clear();
+}
+
+void AgentCore::submit_frame(TimeNs now, AgentOutputs& out) {
+  const auto frame = batcher_.next(now);
+  if (!frame) return;
+  for (const StateSample& sample : frame->samples) check_.sent(sample);
+  if (!unanswered_since_ns_) unanswered_since_ns_ = now;
+  out.traces.push_back(TraceRecord{.t_ns = now,
+                                   .kind = TraceKind::frame_submitted,
+                                   .extra = static_cast<std::uint32_t>(frame->samples.size()),
+                                   .id = frame->number});
+  out.submits.push_back({frame->number, encode_frame(*frame, config_.drones, real_offset_ns_)});
+}
+
+void AgentCore::step(TimeNs now, AgentOutputs& out) {
+  hand_over_plans(now, out);
+  submit_frame(now, out);
+  if (now >= next_beat_ns_) {
+    out.beat = AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now)};
+    // Beats keep their grid, except after a pause: then none are made up for.
+    const bool paused = next_beat_ns_ + config_.beat_period_ns <= now;
+    next_beat_ns_ = (paused ? now : next_beat_ns_) + config_.beat_period_ns;
+  }
+}
+
+DroneReport AgentCore::report(DroneNumber drone) const {
+  DroneReport report;
+  const std::size_t i = index(drone);
+  if (i == drones_.size()) return report;
+  report.states = batcher_.counters(drone);
+  report.commands = check_.counters(drone);
+  report.mocap = drones_[i].fusion.counters();
+  report.newest = drones_[i].newest;
+  report.last_command_verified_ns = drones_[i].last_command_verified_ns;
+  report.two_way = drones_[i].two_way;
+  return report;
+}
+
+TimeNs AgentCore::two_way_median(DroneNumber drone) const {
+  const std::size_t i = index(drone);
+  return i == drones_.size() ? 0 : drones_[i].two_way.quantile(0.5);
+}
+
+}  // namespace ledgerline::agent

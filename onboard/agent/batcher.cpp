@@ -1,0 +1,164 @@
+#include "onboard/agent/batcher.hpp"
+
+#include <algorithm>
+#include <string_view>
+
+namespace ledgerline::agent {
+namespace {
+
+/// A drone that was not heard of for longer is not waited for. Three periods of the slowest usual rate, 10 Hz.
+constexpr TimeNs heard_lately_ns = 300 * ns_per_ms;
+
+bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.boot_id || a.sequence > b.sequence; }
+
+}  // namespace
+
+Batcher::Batcher(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
+    : config_(config), random_(seed) {
+  for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
+}
+
+Batcher::Slot* Batcher::find(DroneNumber drone) {
+  const auto it = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.drone.number == drone; });
+  return it == slots_.end() ? nullptr : &*it;
+}
+
+const Batcher::Slot* Batcher::find(DroneNumber drone) const { return const_cast<Batcher*>(this)->find(drone); }
+
+Batcher::Counters Batcher::counters(DroneNumber drone) const {
+  const Slot* slot = find(drone);
+  return slot ? slot->counters : Counters{};
+}
+
+void Batcher::add(TimeNs now, const StateSample& sample) {
+  Slot* slot = find(sample.drone);
+  if (!slot) return;
+  ++slot->counters.sampled;
+  slot->heard_ns = now;
+  if (slot->waiting && !newer(sample, *slot->waiting)) {
+    ++slot->counters.merged;
+    return;
+  }
+  const bool first = std::none_of(slots_.begin(), slots_.end(), [](const Slot& s) { return s.waiting.has_value(); });
+  if (first) first_waiting_ns_ = now;
+  if (slot->waiting) {
+    ++slot->counters.merged;
+  } else {
+    ++slot->counters.pending;
+  }
+  slot->waiting = sample;
+}
+
+bool Batcher::ready(TimeNs now) const {
+  if (in_flight_ || now < not_before_ns_) return false;
+  bool some = false;
+  bool all = true;
+  for (const Slot& slot : slots_) {
+    if (slot.paused_until_ns > now) continue;
+    some = some || slot.waiting.has_value();
+    all = all && (slot.waiting.has_value() || now - slot.heard_ns > heard_lately_ns);
+  }
+  if (!some) return false;
+  if (again_at_once_) return true;
+  return now - last_submitted_ns_ >= config_.min_gap_ns && (all || now - first_waiting_ns_ >= config_.linger_ns);
+}
+
+std::optional<Frame> Batcher::next(TimeNs now) {
+  if (!ready(now)) return std::nullopt;
+  again_at_once_ = false;
+  last_submitted_ns_ = now;
+  Frame frame{.number = ++last_number_, .submitted_ns = now, .samples = {}};
+  for (Slot& slot : slots_) {
+    if (!slot.waiting || slot.paused_until_ns > now) continue;
+    if (slot.sent_boot != slot.waiting->boot_id || slot.sent_sequence != slot.waiting->sequence) ++slot.counters.sent;
+    slot.sent_boot = slot.waiting->boot_id;
+    slot.sent_sequence = slot.waiting->sequence;
+    frame.samples.push_back(*slot.waiting);
+    slot.waiting.reset();
+  }
+  in_flight_ = frame;
+  return frame;
+}
+
+void Batcher::drop_all(const Frame& frame) {
+  for (const StateSample& sample : frame.samples) {
+    Slot* slot = find(sample.drone);
+    --slot->counters.pending;
+    ++slot->counters.dropped;
+  }
+}
+
+void Batcher::back_off(TimeNs now) {
+  back_off_ns_ = std::clamp(2 * back_off_ns_, config_.first_back_off_ns, config_.longest_back_off_ns);
+  not_before_ns_ = now + static_cast<TimeNs>(static_cast<double>(back_off_ns_) * (0.5 + 0.5 * random_.uniform()));
+}
+
+Batcher::Slot* Batcher::refused_drone(const Frame& frame, const std::string& message) {
+  std::string_view reason = message;
+  constexpr std::string_view gateway_prefix =
+      "chaincode response 500, ";  // how a real peer introduces the contract's words
+  if (reason.starts_with(gateway_prefix)) reason.remove_prefix(gateway_prefix.size());
+  for (const StateSample& sample : frame.samples) {
+    Slot* slot = find(sample.drone);
+    if (reason.starts_with(slot->drone.name + ":")) return slot;
+  }
+  return nullptr;
+}
+
+void Batcher::send_again_without(TimeNs now, Slot& refused, const Frame& frame) {
+  refused.paused_until_ns = now + config_.refused_drone_pause_ns;
+  for (const StateSample& sample : frame.samples) {
+    Slot* slot = find(sample.drone);
+    if (slot == &refused) {
+      --slot->counters.pending;
+      ++slot->counters.dropped;
+    } else if (slot->waiting) {
+      --slot->counters.pending;
+      ++slot->counters.merged;
+    } else {
+      slot->waiting = sample;
+    }
+  }
+  again_at_once_ = true;
+}
+
+std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome) {
+  if (!in_flight_ || in_flight_->number != number) return std::nullopt;
+  const Frame frame = *in_flight_;
+  in_flight_.reset();
+  using Kind = fabric::Outcome::Kind;
+  switch (outcome.kind) {
+    case Kind::committed:
+      ++transactions_.committed;
+      back_off_ns_ = 0;
+      for (const StateSample& sample : frame.samples) {
+        Slot* slot = find(sample.drone);
+        --slot->counters.pending;
+        ++slot->counters.on_ledger;
+      }
+      break;
+    case Kind::invalidated:
+      ++transactions_.invalidated;
+      back_off_ns_ = 0;
+      drop_all(frame);
+      break;
+    case Kind::refused:
+      ++transactions_.refused;
+      if (Slot* slot = refused_drone(frame, outcome.message)) {
+        send_again_without(now, *slot, frame);
+      } else {
+        drop_all(frame);
+        back_off(now);
+      }
+      break;
+    case Kind::unavailable:
+    case Kind::overloaded:
+      ++transactions_.unavailable;
+      drop_all(frame);
+      back_off(now);
+      break;
+  }
+  return frame;
+}
+
+}  // namespace ledgerline::agent

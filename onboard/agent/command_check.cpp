@@ -1,0 +1,224 @@
+#include "onboard/agent/command_check.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/msg/form.hpp"
+#include "onboard/agent/endorsed_result.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+constexpr std::array<std::string_view, refusal_count> names = {
+    "none",           "broken_chain",  "invalid_transaction", "wrong_channel", "malformed",
+    "unknown_signer", "bad_signature", "not_endorsed",        "not_holder",    "stopped",
+    "wrong_epoch",    "foreign_boot",  "unknown_stamp",       "replayed",      "too_old",
+    "over_limits"};
+
+bool is_control_event(std::string_view name) {
+  return name == "enroll" || name == "acquire" || name == "release" || name == "stop" || name == "resume";
+}
+
+bool same(const Identity& a, const crypto::IdentityName& b) {
+  return a.msp_id() == b.msp_id && a.subject() == b.subject;
+}
+
+Plan to_plan(DroneNumber drone, const DronePlan& from) {
+  Plan plan;
+  plan.drone = drone;
+  plan.action = static_cast<PlanAction>(from.action());
+  plan.sequence = from.sequence();
+  plan.epoch = from.epoch();
+  plan.state_stamp_ns = from.state_stamp_ns();
+  plan.count = static_cast<std::uint32_t>(from.setpoints_size());
+  for (int i = 0; i < from.setpoints_size(); ++i) {
+    const PlannedSetpoint& s = from.setpoints(i);
+    plan.setpoints[static_cast<std::size_t>(i)] = Setpoint{s.at_ns(), {s.vx(), s.vy(), s.vz()}, s.yaw_rate()};
+  }
+  return plan;
+}
+
+}  // namespace
+
+std::string_view refusal_name(Refusal refusal) { return names.at(static_cast<std::size_t>(refusal)); }
+
+CommandCheck::CommandCheck(CheckConfig config, const std::vector<DroneName>& drones, crypto::MspRegistry& registry)
+    : config_(std::move(config)), registry_(registry) {
+  for (const DroneName& name : drones) {
+    Drone drone;
+    drone.name = name;
+    drones_.push_back(std::move(drone));
+  }
+}
+
+CommandCheck::Drone* CommandCheck::find(std::string_view name) {
+  const auto it = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.name == name; });
+  return it == drones_.end() ? nullptr : &*it;
+}
+
+const CommandCheck::Counters& CommandCheck::counters(DroneNumber drone) const {
+  static const Counters not_ours;
+  const auto it = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == drone; });
+  return it == drones_.end() ? not_ours : it->counters;
+}
+
+void CommandCheck::set_control(const Control& control) {
+  if (Drone* drone = find(control.drone())) drone->control = control;
+}
+
+void CommandCheck::sent(const StateSample& sample) {
+  const auto it =
+      std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == sample.drone; });
+  if (it == drones_.end()) return;
+  if (it->boot_id != sample.boot_id) {
+    it->boot_id = sample.boot_id;
+    it->stamps.clear();
+  }
+  if (!it->stamps.empty() && it->stamps.back() >= sample.stamp_ns) return;  // sent again
+  it->stamps.push_back(sample.stamp_ns);
+  if (it->stamps.size() > config_.stamps_kept) it->stamps.pop_front();
+}
+
+CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const fabric::Block& block) {
+  Checked out;
+  if (const Status linked = chain_.add(block); !linked) {
+    ++broken_blocks_;
+    out.chain_ok = false;
+    out.chain_error = linked.error().what;
+  }
+  for (const fabric::Transaction& tx : block.transactions) {
+    if (tx.config) continue;
+    if (tx.event_name == "command") {
+      take_commands(now, now_s, tx, out);
+    } else if (out.chain_ok && tx.code == 0 && is_control_event(tx.event_name)) {
+      take_controls(now, now_s, tx, out);
+    }
+  }
+  return out;
+}
+
+Refusal CommandCheck::check_transaction(std::int64_t now_s, const fabric::Transaction& tx,
+                                        crypto::IdentityName& signer) {
+  if (tx.channel != config_.where.channel) return Refusal::wrong_channel;
+  const auto creator = registry_.member(tx.creator, now_s);
+  if (!creator) return Refusal::unknown_signer;
+  if (!(*creator)->verifier->verify(tx.payload, tx.signature)) return Refusal::bad_signature;
+  const auto result = endorsed_result(tx);
+  if (!result || !result->of_this_proposal || !endorsed_by_us(now_s, tx)) return Refusal::not_endorsed;
+  if (result->contract != config_.where.contract) return Refusal::wrong_channel;
+  signer = (*creator)->name;
+  return Refusal::none;
+}
+
+bool CommandCheck::endorsed_by_us(std::int64_t now_s, const fabric::Transaction& tx) {
+  return std::any_of(tx.endorsements.begin(), tx.endorsements.end(), [&](const fabric::Endorsement& e) {
+    const auto endorser = registry_.member(e.endorser, now_s);
+    // Peers alone: any other member of our organisation, this agent included, could sign a result of its own making.
+    return endorser && (*endorser)->name.msp_id == config_.msp_id && (*endorser)->peer &&
+           (*endorser)->verifier->verify(tx.response_payload + e.endorser, e.signature);
+  });
+}
+
+void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+  CommandCall call;
+  if (const Status parsed = parse_message(tx.event_payload, call); !parsed) {
+    ++malformed_commands_;
+    out.refused.push_back(Refused{.why = Refusal::malformed});
+    return;
+  }
+  const bool ours =
+      std::any_of(call.plans().begin(), call.plans().end(), [&](const auto& p) { return find(p.drone()); });
+  if (!ours) return;
+
+  crypto::IdentityName signer;
+  Refusal whole = Refusal::none;
+  if (!out.chain_ok) {
+    whole = Refusal::broken_chain;
+  } else if (tx.code != 0) {
+    whole = Refusal::invalid_transaction;
+  } else {
+    whole = check_transaction(now_s, tx, signer);
+  }
+  for (const DronePlan& plan : call.plans()) {
+    Drone* drone = find(plan.drone());
+    if (!drone) continue;
+    if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
+    const Refusal why = whole != Refusal::none ? whole : check_plan(now, *drone, signer, plan);
+    if (why != Refusal::none) {
+      ++drone->counters.refused;
+      ++drone->counters.reasons[static_cast<std::size_t>(why)];
+      out.refused.push_back(Refused{drone->name.number, plan.sequence(), plan.state_stamp_ns(), why});
+      continue;
+    }
+    drone->epoch = plan.epoch();
+    drone->last_sequence = plan.sequence();
+    ++drone->counters.verified;
+    out.plans.push_back(to_plan(drone->name.number, plan));
+  }
+}
+
+Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer,
+                                 const DronePlan& plan) const {
+  if (!drone.control || !drone.control->has_holder() || !same(drone.control->holder(), signer)) {
+    return Refusal::not_holder;
+  }
+  if (drone.control->has_stopped_by()) return Refusal::stopped;
+  if (plan.epoch() != drone.control->epoch()) return Refusal::wrong_epoch;
+  if (plan.boot_id() != drone.boot_id) return Refusal::foreign_boot;
+  if (!std::binary_search(drone.stamps.begin(), drone.stamps.end(), plan.state_stamp_ns())) {
+    return Refusal::unknown_stamp;
+  }
+  const std::uint64_t last = plan.epoch() == drone.epoch ? drone.last_sequence : 0;
+  if (plan.sequence() <= last) return Refusal::replayed;
+  if (now - plan.state_stamp_ns() > config_.max_age_ns) return Refusal::too_old;
+  return check_setpoints(now, plan);
+}
+
+Refusal CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) const {
+  if (plan.action() != FLY && plan.action() != TAKEOFF && plan.action() != LAND) return Refusal::malformed;
+  if (plan.action() == FLY && plan.setpoints_size() == 0) return Refusal::malformed;
+  if (plan.setpoints_size() > static_cast<int>(max_setpoints)) return Refusal::over_limits;
+  TimeNs last_ns = plan.state_stamp_ns();
+  for (const PlannedSetpoint& s : plan.setpoints()) {
+    const double speed = std::hypot(s.vx(), s.vy(), s.vz());
+    // Written so that NaN fails.
+    const bool within = speed <= config_.max_speed_mps && std::abs(s.yaw_rate()) <= config_.max_yaw_rate_radps;
+    if (!within || s.at_ns() < last_ns || s.at_ns() > now + config_.horizon_ns) return Refusal::over_limits;
+    last_ns = s.at_ns();
+  }
+  return Refusal::none;
+}
+
+void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+  Controls event;
+  if (const Status parsed = parse_message(tx.event_payload, event); !parsed) {
+    ++refused_control_events_;
+    out.refused.push_back(Refused{.why = Refusal::malformed});
+    return;
+  }
+  const bool ours =
+      std::any_of(event.controls().begin(), event.controls().end(), [&](const auto& c) { return find(c.drone()); });
+  if (!ours) return;
+  crypto::IdentityName signer;  // who may do what was the contract's to decide; our own peer signed that it did
+  if (const Refusal why = check_transaction(now_s, tx, signer); why != Refusal::none) {
+    ++refused_control_events_;
+    out.refused.push_back(Refused{.why = why});
+    return;
+  }
+  for (const Control& control : event.controls()) {
+    Drone* drone = find(control.drone());
+    if (!drone) continue;
+    drone->control = control;
+    if (tx.event_name != "stop") continue;
+    Plan stop;
+    stop.drone = drone->name.number;
+    stop.action = control.cut() ? PlanAction::cut : PlanAction::stop;
+    stop.epoch = std::max(control.epoch(), drone->epoch);
+    stop.sequence = (stop.epoch == drone->epoch ? drone->last_sequence : 0) + 1;  // newer than any plan that link has
+    stop.state_stamp_ns = drone->stamps.empty() ? now : drone->stamps.back();
+    out.plans.push_back(stop);
+  }
+}
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,219 @@
+#include "onboard/agent/agent_core.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/unit/agent/ledger_of_tests.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+using testing::control;
+using testing::LedgerOfTests;
+using Kind = fabric::Outcome::Kind;
+
+constexpr TimeNs start = 100 * ns_per_s;
+
+class AgentCoreTest : public ::testing::Test {
+ protected:
+  static AgentConfig config() {
+    AgentConfig c;
+    c.drones = {{1, "tello1"}, {2, "tello2"}};
+    return c;
+  }
+
+  AgentCoreTest() { core_.set_control(control("tello1", 1)); }
+
+  static StateSample state(std::uint64_t sequence, TimeNs stamp, DroneNumber drone = 1) {
+    StateSample s;
+    s.drone = drone;
+    s.boot_id = 9;
+    s.sequence = sequence;
+    s.stamp_ns = stamp;
+    return s;
+  }
+
+  LedgerOfTests::Tx command(std::uint64_t sequence, TimeNs stamp) {
+    CommandCall call;
+    auto* plan = call.add_plans();
+    plan->set_drone("tello1");
+    plan->set_action(TAKEOFF);
+    plan->set_boot_id(9);
+    plan->set_state_stamp_ns(stamp);
+    plan->set_sequence(sequence);
+    plan->set_epoch(1);
+    LedgerOfTests::Tx tx;
+    tx.event_payload = call.SerializeAsString();
+    return tx;
+  }
+
+  void commit(TimeNs now) {
+    fabric::Outcome outcome;
+    outcome.kind = Kind::committed;
+    core_.on_outcome(now, out_.submits.back().frame, outcome, out_);
+  }
+
+  std::size_t traces(TraceKind kind) const {
+    return static_cast<std::size_t>(
+        std::count_if(out_.traces.begin(), out_.traces.end(), [&](const TraceRecord& r) { return r.kind == kind; }));
+  }
+
+  std::unique_ptr<crypto::MspRegistry> registry_ = crypto::make_test_registry({"Org1MSP", "Org2MSP"});
+  LedgerOfTests ledger_;
+  AgentOutputs out_;
+  AgentCore core_{config(), *registry_};
+};
+
+TEST_F(AgentCoreTest, AStateIsSubmittedAndItsCommandComesOutAsAPlanWithTheTwoWayLatency) {
+  core_.on_state(start, state(1, start), out_);
+  core_.step(start, out_);
+  ASSERT_EQ(out_.submits.size(), 1U);
+  EXPECT_EQ(out_.submits[0].call.function, "set");
+  commit(start + 5 * ns_per_ms);
+  core_.on_block(start + 12 * ns_per_ms, ledger_.block({command(1, start)}), out_);
+  EXPECT_TRUE(out_.plans.empty()) << "a plan is handed over by step(), which knows the time of it";
+  core_.step(start + 13 * ns_per_ms, out_);
+  ASSERT_EQ(out_.plans.size(), 1U);
+  EXPECT_EQ(out_.plans[0].verified_ns - out_.plans[0].state_stamp_ns, 13 * ns_per_ms);
+  const auto report = core_.report(1);
+  EXPECT_EQ(report.two_way.count(), 1U);
+  EXPECT_NEAR(to_ms(report.two_way.quantile(0.5)), 13, 0.3);
+  EXPECT_EQ(report.commands.verified, 1U);
+  EXPECT_EQ(report.states.on_ledger, 1U);
+  EXPECT_EQ(traces(TraceKind::frame_submitted), 1U);
+  EXPECT_EQ(traces(TraceKind::frame_committed), 1U);
+  EXPECT_EQ(traces(TraceKind::command_verified), 1U);
+}
+
+TEST_F(AgentCoreTest, ARefusedCommandLeavesATraceWithItsReasonAndNoPlan) {
+  core_.on_block(start, ledger_.block({command(1, start)}), out_);
+  core_.step(start, out_);
+  EXPECT_TRUE(out_.plans.empty());
+  ASSERT_EQ(traces(TraceKind::refused), 1U);
+  const auto it = std::find_if(out_.traces.begin(), out_.traces.end(),
+                               [](const TraceRecord& r) { return r.kind == TraceKind::refused; });
+  EXPECT_EQ(it->extra, static_cast<std::uint32_t>(Refusal::foreign_boot));
+  EXPECT_EQ(it->drone, 1);
+}
+
+TEST_F(AgentCoreTest, AStateThatWaitsWasNotSentAndIsNotAnswered) {
+  core_.on_state(start, state(1, start), out_);
+  core_.step(start, out_);
+  core_.on_state(start + 1, state(2, start + 1), out_);
+  core_.step(start + 1, out_);
+  core_.on_block(start + 2, ledger_.block({command(1, start + 1)}), out_);
+  core_.step(start + 2, out_);
+  EXPECT_TRUE(out_.plans.empty());
+  EXPECT_EQ(core_.report(1).commands.reasons[static_cast<std::size_t>(Refusal::unknown_stamp)], 1U);
+}
+
+TEST_F(AgentCoreTest, BeatsTwentyTimesASecond) {
+  int beats = 0;
+  for (TimeNs t = 0; t < ns_per_s; t += ns_per_ms) {
+    out_.clear();
+    core_.step(start + t, out_);
+    beats += out_.beat.has_value();
+  }
+  EXPECT_EQ(beats, 20);
+}
+
+TEST_F(AgentCoreTest, AfterAPauseItBeatsAtOnceAndMakesUpForNone) {
+  core_.step(start, out_);
+  int beats = 0;
+  for (TimeNs t = 5 * ns_per_s; t < 5 * ns_per_s + 100 * ns_per_ms; t += ns_per_ms) {
+    out_.clear();
+    core_.step(start + t, out_);
+    beats += out_.beat.has_value();
+  }
+  EXPECT_LE(beats, 4);
+  EXPECT_GE(beats, 2);
+}
+
+TEST_F(AgentCoreTest, TheLedgerIsNotAliveBeforeItsFirstSign) {
+  EXPECT_FALSE(core_.ledger_alive(start));
+  core_.on_block(start, ledger_.block({}), out_);
+  EXPECT_TRUE(core_.ledger_alive(start));
+}
+
+TEST_F(AgentCoreTest, ALedgerThatDoesNotAnswerWhatWasSentIsSilentAfterASecond) {
+  core_.on_block(start, ledger_.block({}), out_);
+  EXPECT_TRUE(core_.ledger_alive(start + 10 * ns_per_s)) << "nothing was sent: nothing to answer";
+  const TimeNs sent = start + 10 * ns_per_s;
+  core_.on_state(sent, state(1, sent), out_);
+  core_.step(sent, out_);
+  EXPECT_TRUE(core_.ledger_alive(sent + ns_per_s));
+  EXPECT_FALSE(core_.ledger_alive(sent + ns_per_s + 1));
+  commit(sent + 2 * ns_per_s);
+  EXPECT_TRUE(core_.ledger_alive(sent + 2 * ns_per_s));
+}
+
+TEST_F(AgentCoreTest, FramesThatFailDoNotKeepASilentLedgerAlive) {
+  core_.on_block(start, ledger_.block({}), out_);
+  TimeNs now = start;
+  for (std::uint64_t k = 1; k <= 2000; ++k) {
+    now += ns_per_ms;
+    core_.on_state(now, state(k, now), out_);
+    out_.submits.clear();
+    core_.step(now, out_);
+    if (!out_.submits.empty()) core_.on_outcome(now, out_.submits.back().frame, {}, out_);
+  }
+  EXPECT_FALSE(core_.ledger_alive(now));
+}
+
+TEST_F(AgentCoreTest, ALostBlockStreamIsASilentLedgerEvenIfNothingWasSent) {
+  core_.on_block(start, ledger_.block({}), out_);
+  core_.on_connection(start, false);
+  EXPECT_FALSE(core_.ledger_alive(start + ns_per_s + 1));
+  core_.on_connection(start + 2 * ns_per_s, true);
+  EXPECT_TRUE(core_.ledger_alive(start + 2 * ns_per_s));
+}
+
+TEST_F(AgentCoreTest, ABlockThatBreaksTheChainIsNoSignOfLife) {
+  core_.on_block(start, ledger_.block({}), out_);
+  core_.on_state(start, state(1, start), out_);
+  core_.step(start, out_);
+  ledger_.lose_a_block();
+  core_.on_block(start + ns_per_s, ledger_.block({}), out_);
+  EXPECT_FALSE(core_.ledger_alive(start + ns_per_s + 1));
+  EXPECT_EQ(core_.blocks(), 1U);
+  EXPECT_FALSE(core_.last_chain_error().empty());
+}
+
+TEST_F(AgentCoreTest, MocapBecomesAPoseOfItsDroneAndUnknownDronesAreIgnored) {
+  core_.on_mocap(start, 2, MocapPose{start, {1, 2, 3}, 0}, out_);
+  core_.on_mocap(start, 7, MocapPose{start, {1, 2, 3}, 0}, out_);
+  core_.on_state(start, state(1, start, 7), out_);
+  core_.step(start, out_);
+  ASSERT_EQ(out_.poses.size(), 1U);
+  EXPECT_EQ(out_.poses[0].drone, 2);
+  EXPECT_TRUE(out_.submits.empty());
+}
+
+TEST_F(AgentCoreTest, TheSameInputsGiveTheSameBytes) {
+  const auto run = [this] {
+    AgentCore core(config(), *registry_);
+    AgentOutputs out;
+    std::string bytes;
+    Random random(5);
+    for (std::uint64_t k = 1; k <= 500; ++k) {
+      const TimeNs now = start + static_cast<TimeNs>(k) * ns_per_ms;
+      out.clear();
+      core.on_state(now, state(k, now, static_cast<DroneNumber>(1 + k % 2)), out);
+      core.step(now, out);
+      for (const auto& submit : out.submits) {
+        bytes += submit.call.args.at(0);
+        fabric::Outcome outcome;
+        outcome.kind = static_cast<Kind>(random.next() % 5);
+        core.on_outcome(now, submit.frame, outcome, out);
+      }
+    }
+    return bytes;
+  };
+  const std::string once = run();
+  EXPECT_FALSE(once.empty());
+  EXPECT_EQ(once, run());
+}
+
+}  // namespace
+}  // namespace ledgerline::agent
