@@ -6,13 +6,18 @@
 #include "common/msg/onboard.hpp"
 #include "common/rt/result.hpp"
 
-/// The shared-memory channel between link and agent: iceoryx behind plain functions, so that no other header includes it.
-/// Each end is used by one thread; every call is non-blocking and free of heap use after construction.
+/// The shared-memory channel between link and agent: iceoryx behind plain functions, so that no other header includes
+/// it. Each end is used by one thread; every call is non-blocking and free of heap use after construction.
 namespace ledgerline::ipc {
 
-/// Must be called once a process, before any end is made. RouDi must be running: without it iceoryx waits, so this checks
-/// first that it answers and returns an error that names the cure.
+/// Must be called once a process, before any end is made. RouDi must be running: without it iceoryx waits, so this
+/// checks first that it answers and returns an error that names the cure.
 Status connect(const std::string& program);
+
+/// Whether RouDi still answers: a dead one is silent (old links flow, new ends never join), so each process asks now
+/// and then, from a thread that may block for a moment. False for good once another RouDi took its place: then restart
+/// this process.
+bool roudi_lives();
 
 /// link's end.
 class LinkEnd {

@@ -1,0 +1,134 @@
+#include "onboard/ipc/ipc.hpp"
+
+#include <fmt/format.h>
+
+#include <iceoryx_hoofs/log/logmanager.hpp>
+#include <iceoryx_posh/popo/publisher.hpp>
+#include <iceoryx_posh/popo/subscriber.hpp>
+#include <iceoryx_posh/popo/wait_set.hpp>
+#include <iceoryx_posh/runtime/posh_runtime.hpp>
+
+#include "onboard/ipc/roudi_probe.hpp"
+
+namespace ledgerline::ipc {
+namespace {
+
+constexpr const char* roudi_name = "roudi";
+std::uint64_t roudi_inode = 0;  // set once in connect(), before any thread
+
+// No history anywhere: a plan or pose from before the reader came is not to be flown. Queues hold what may gather while
+// the reader is stopped for a moment; then the oldest is lost, which playout and the samples' sequence numbers show.
+constexpr std::uint64_t plan_queue = 128;
+constexpr std::uint64_t pose_queue = 256;
+constexpr std::uint64_t beat_queue = 8;
+constexpr std::uint64_t state_queue = 256;
+
+// The version is part of the name: processes of different builds do not misread each other's plain data.
+iox::capro::ServiceDescription channel(const char* name, std::size_t size) {
+  const std::string version = fmt::format("v1-{}", size);
+  return {"ledgerline", iox::capro::IdString_t(iox::cxx::TruncateToCapacity, version),
+          iox::capro::IdString_t(iox::cxx::TruncateToCapacity, std::string(name))};
+}
+
+template <typename T>
+class Sender {
+ public:
+  explicit Sender(const char* name) : publisher_(channel(name, sizeof(T))) {}
+  bool send(const T& value) noexcept { return !publisher_.publishCopyOf(value).has_error(); }
+
+ private:
+  iox::popo::Publisher<T> publisher_;
+};
+
+template <typename T>
+class Receiver {
+ public:
+  Receiver(const char* name, std::uint64_t depth)
+      : subscriber_(channel(name, sizeof(T)), iox::popo::SubscriberOptions{.queueCapacity = depth}) {}
+  bool take(T& out) noexcept {
+    auto sample = subscriber_.take();
+    if (sample.has_error()) return false;
+    out = **sample;
+    return true;
+  }
+  iox::popo::Subscriber<T>& subscriber() noexcept { return subscriber_; }
+
+ private:
+  iox::popo::Subscriber<T> subscriber_;
+};
+
+class IceoryxLinkEnd final : public LinkEnd {
+ public:
+  bool take_plan(Plan& out) noexcept override { return plans_.take(out); }
+  bool take_pose(Pose& out) noexcept override { return poses_.take(out); }
+  bool take_beat(AgentBeat& out) noexcept override { return beats_.take(out); }
+  bool send_state(const StateSample& sample) noexcept override { return states_.send(sample); }
+
+ private:
+  Receiver<Plan> plans_{"plan", plan_queue};
+  Receiver<Pose> poses_{"pose", pose_queue};
+  Receiver<AgentBeat> beats_{"beat", beat_queue};
+  Sender<StateSample> states_{"state"};
+};
+
+class IceoryxAgentEnd final : public AgentEnd {
+ public:
+  bool attach() {
+    return !waiting_.attachState(states_.subscriber(), iox::popo::SubscriberState::HAS_DATA).has_error();
+  }
+  ~IceoryxAgentEnd() override { waiting_.detachState(states_.subscriber(), iox::popo::SubscriberState::HAS_DATA); }
+  IceoryxAgentEnd() = default;
+  IceoryxAgentEnd(const IceoryxAgentEnd&) = delete;
+  IceoryxAgentEnd& operator=(const IceoryxAgentEnd&) = delete;
+
+  bool take_state(StateSample& out) noexcept override { return states_.take(out); }
+  bool send_plan(const Plan& plan) noexcept override { return plans_.send(plan); }
+  bool send_pose(const Pose& pose) noexcept override { return poses_.send(pose); }
+  bool send_beat(const AgentBeat& beat) noexcept override { return beats_.send(beat); }
+  void wait(TimeNs timeout_ns) noexcept override {
+    if (timeout_ns > 0) waiting_.timedWait(iox::units::Duration::fromNanoseconds(timeout_ns));
+  }
+
+ private:
+  Receiver<StateSample> states_{"state", state_queue};
+  Sender<Plan> plans_{"plan"};
+  Sender<Pose> poses_{"pose"};
+  Sender<AgentBeat> beats_{"beat"};
+  iox::popo::WaitSet<1> waiting_;
+};
+
+}  // namespace
+
+Status connect(const std::string& program) {
+  iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
+  switch (probe(roudi_name)) {
+    case Peer::alive:
+      break;
+    case Peer::forbidden:
+      return Error{
+          "RouDi runs as another user, and shared memory is for one user alone: start ledgerline-roudi and this "
+          "program as the same user"};
+    case Peer::gone:
+      return Error{"RouDi does not answer (/tmp/roudi): start ledgerline-roudi first"};
+  }
+  // iceoryx would end this process with an assertion.
+  if (probe(program) == Peer::alive)
+    return Error{fmt::format("another {} runs already on this machine: stop it first", program)};
+  roudi_inode = socket_inode(roudi_name);
+  iox::runtime::PoshRuntime::initRuntime(iox::RuntimeName_t(iox::cxx::TruncateToCapacity, program));
+  return done;
+}
+
+bool roudi_lives() { return probe(roudi_name) == Peer::alive && socket_inode(roudi_name) == roudi_inode; }
+
+Result<std::unique_ptr<LinkEnd>> LinkEnd::create() {
+  return std::unique_ptr<LinkEnd>(std::make_unique<IceoryxLinkEnd>());
+}
+
+Result<std::unique_ptr<AgentEnd>> AgentEnd::create() {
+  auto end = std::make_unique<IceoryxAgentEnd>();
+  if (!end->attach()) return Error{"iceoryx gave no way to wait for states: too many processes use it on this machine"};
+  return std::unique_ptr<AgentEnd>(std::move(end));
+}
+
+}  // namespace ledgerline::ipc

@@ -1,0 +1,61 @@
+#include "onboard/link/link_loop.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <ctime>
+
+namespace ledgerline::link {
+
+TimeNs LinkLoop::sleep_until_next(TimeNs due) noexcept {
+  const timespec at{static_cast<time_t>(due / ns_per_s), static_cast<long>(due % ns_per_s)};
+  while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr) == EINTR) {
+  }
+  return monotonic_ns();
+}
+
+void LinkLoop::run() noexcept {
+  const TimeNs period = from_seconds(1.0 / settings_.loop_hz);
+  TimeNs due = monotonic_ns() + period;
+  TimeNs give_up_ns = 0;
+  while (true) {
+    const TimeNs now = sleep_until_next(due);
+    const TimeNs late = now - due;
+    figures_.max_late_ns = std::max(figures_.max_late_ns, late);
+    ++figures_.cycles;
+    if (late > period) {
+      // The missed turns are not made up for: a burst of old turns helps nobody.
+      ++figures_.overruns;
+      due = now;
+    }
+    due += period;
+
+    const bool stopping = stop_.load(std::memory_order_relaxed);
+    turn(now, stopping);
+    if (!stopping) continue;
+    if (give_up_ns == 0) give_up_ns = now + settings_.landing_bound_ns;
+    if (core_.all_on_ground() || now >= give_up_ns) break;
+  }
+  ended_.store(true, std::memory_order_release);
+}
+
+void LinkLoop::turn(TimeNs now, bool stopping) noexcept {
+  std::size_t plans = 0, poses = 0, beats = 0;
+  while (beats < max_beats && end_.take_beat(beats_[beats])) ++beats;
+  while (poses < max_poses && end_.take_pose(poses_[poses])) ++poses;
+  while (plans < max_plans && end_.take_plan(plans_[plans])) ++plans;
+
+  const LinkOutputs& out = core_.step(now, {.received = sockets_.receive(),
+                                            .plans = {plans_.data(), plans},
+                                            .poses = {poses_.data(), poses},
+                                            .beats = {beats_.data(), beats},
+                                            .stop_all = stopping});
+  for (const ToSend& message : out.to_send) figures_.sends_failed += sockets_.send(message) ? 0 : 1;
+  for (const StateSample& state : out.states) {
+    if (!end_.send_state(state)) ++figures_.states_lost[std::min<std::size_t>(state.drone, max_drones)];
+    // Only shown to people: a full ring of these is no loss.
+    (void)states_.push(state);
+  }
+  for (const TraceRecord& record : out.trace) figures_.trace_lost += trace_.push(record) ? 0 : 1;
+}
+
+}  // namespace ledgerline::link

@@ -1,0 +1,159 @@
+#include "onboard/link/link_shell.hpp"
+
+#include <fmt/format.h>
+#include <sys/random.h>
+
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <future>
+#include <optional>
+#include <thread>
+
+#include "common/rt/log.hpp"
+#include "onboard/ipc/ipc.hpp"
+#include "onboard/link/link_loop.hpp"
+#include "onboard/link/link_summary.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+constexpr TimeNs housekeeping_period_ns = 10 * ns_per_ms;
+constexpr TimeNs roudi_period_ns = 1 * ns_per_s;
+
+Result<std::uint64_t> random_boot_id() {
+  std::uint64_t id = 0;
+  if (::getrandom(&id, sizeof id, 0) != sizeof id) return Error{"the system gave no random bytes for a boot id"};
+  return id;
+}
+
+// The thread that may block, beside the loop.
+class Housekeeping {
+ public:
+  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace)
+      : settings_(settings), loop_(loop), trace_(std::move(trace)) {}
+
+  void once(TimeNs now) {
+    for (TraceRecord record; loop_.trace().pop(record);) {
+      if (trace_) trace_->add(record);
+      if (record.kind == TraceKind::mode) log_mode(record);
+    }
+    for (StateSample state; loop_.states().pop(state);) newest_[state.drone] = state;
+    if (settings_.status_period_ms > 0 && now >= next_status_ns_) {
+      next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
+      fmt::print("{}\n", status_line(settings_.link, newest_));
+      std::fflush(stdout);
+    }
+    if (now >= next_roudi_ns_) watch_roudi(now);
+  }
+
+  Status close() {
+    if (!trace_) return done;
+    if (trace_->dropped() > 0) spdlog::warn("{} trace records did not fit into {}", trace_->dropped(), settings_.trace);
+    return trace_->flush();
+  }
+
+ private:
+  void log_mode(const TraceRecord& record) const {
+    std::string drone = fmt::format("drone {}", record.drone);
+    for (const DroneSettings& known : settings_.link.drones) {
+      if (known.number == record.drone) drone = known.name;
+    }
+    const auto mode = static_cast<FailsafeMode>(record.extra);
+    const auto cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
+    const auto level = cause == FailsafeCause::none ? spdlog::level::info : spdlog::level::warn;
+    spdlog::log(level, "{}: {}, failsafe {} ({})", drone, name(static_cast<FlightPhase>(record.id)), name(mode),
+                name(cause));
+  }
+
+  void watch_roudi(TimeNs now) {
+    next_roudi_ns_ = now + roudi_period_ns;
+    const bool lives = ipc::roudi_lives();
+    if (roudi_lived_ && !lives) {
+      spdlog::error(
+          "RouDi is gone: what is connected goes on, but nobody new can join; restart roudi, then link and agent, on "
+          "the ground");
+    }
+    roudi_lived_ = lives;
+  }
+
+  const ShellSettings& settings_;
+  LinkLoop& loop_;
+  std::optional<TraceWriter> trace_;
+  std::array<StateSample, max_drones + 1> newest_{};
+  TimeNs next_status_ns_ = 0;
+  TimeNs next_roudi_ns_ = 0;
+  bool roudi_lived_ = true;
+};
+
+// Signals are blocked in every thread; this one picks them up, or waits a turn.
+bool wait_for_signal(const sigset_t& signals) {
+  const timespec turn{0, housekeeping_period_ns};
+  return ::sigtimedwait(&signals, nullptr, &turn) > 0;
+}
+
+int fail(const Error& error) {
+  spdlog::error("{}", error.what);
+  return 1;
+}
+
+}  // namespace
+
+int run_link(const ShellSettings& settings) {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+
+  std::optional<TraceWriter> trace;
+  if (!settings.trace.empty()) {
+    auto writer = TraceWriter::create(settings.trace);
+    if (!writer) return fail(writer.error());
+    trace = std::move(*writer);
+  }
+  auto boot_id = random_boot_id();
+  if (!boot_id) return fail(boot_id.error());
+  auto sockets = TelloSockets::create(settings);
+  if (!sockets) return fail(sockets.error());
+  if (auto status = ipc::connect("ledgerline-link"); !status) return fail(status.error());
+  auto end = ipc::LinkEnd::create();
+  if (!end) return fail(end.error());
+
+  auto core = std::make_unique<LinkCore>(settings.link, *boot_id);
+  auto loop = std::make_unique<LinkLoop>(settings, *core, **end, *sockets);
+  Housekeeping housekeeping(settings, *loop, std::move(trace));
+
+  std::promise<RealTime> entered;
+  auto real_time_result = entered.get_future();
+  std::thread thread([&] {
+    entered.set_value(enter_real_time(settings.priority, settings.cpu));
+    loop->run();
+  });
+  const RealTime real_time = real_time_result.get();
+  for (const std::string& notice : real_time.notices) spdlog::warn("{}", notice);
+  fmt::print("{{\"ready\":true,\"program\":\"ledgerline-link\",\"drones\":{}}}\n", settings.link.drones.size());
+  std::fflush(stdout);
+
+  while (!loop->ended()) {
+    if (wait_for_signal(signals)) {
+      spdlog::info("asked to stop: what flies lands first, for at most {:.0f} s",
+                   to_seconds(settings.landing_bound_ns));
+      loop->request_stop();
+    }
+    housekeeping.once(monotonic_ns());
+  }
+  thread.join();
+  core->finish();
+  housekeeping.once(monotonic_ns());
+  if (!core->all_on_ground())
+    spdlog::error("not every drone was seen on the ground; a Tello lands by itself 15 s after the last command");
+  if (auto status = housekeeping.close(); !status) return fail(status.error());
+  if (!settings.summary.empty()) {
+    if (auto status = write_summary(settings.summary, *core, loop->figures(), real_time.all()); !status)
+      return fail(status.error());
+  }
+  return core->all_on_ground() ? 0 : 1;
+}
+
+}  // namespace ledgerline::link

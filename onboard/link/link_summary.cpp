@@ -1,0 +1,100 @@
+#include "onboard/link/link_summary.hpp"
+
+#include <fmt/format.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::link {
+namespace {
+
+template <typename Enum, std::size_t N>
+const char* look_up(const std::array<const char*, N>& names, Enum value) noexcept {
+  const auto at = static_cast<std::size_t>(value);
+  return at < N ? names[at] : "unknown";
+}
+
+nlohmann::json to_json(const Quantiles& q) {
+  return {{"p5", q.p5},   {"q1", q.q1},   {"median", q.median}, {"q3", q.q3},
+          {"p95", q.p95}, {"p99", q.p99}, {"max", q.max},       {"count", q.count}};
+}
+
+nlohmann::json to_json(const DroneReport& report, std::uint64_t states_lost) {
+  nlohmann::json reasons = nlohmann::json::object();
+  for (std::size_t i = 1; i < report.plans.dropped_by.size(); ++i) {
+    if (report.plans.dropped_by[i] > 0) reasons[name(static_cast<DropReason>(i))] = report.plans.dropped_by[i];
+  }
+  return {{"name", report.name},
+          {"states_sampled", report.states_sampled},
+          {"states_lost", states_lost},
+          {"commands_received", report.plans.received},
+          {"commands_applied", report.plans.applied},
+          {"commands_late", report.plans.late},
+          {"commands_dropped", report.plans.dropped},
+          {"drop_reasons", reasons},
+          {"age_ms", to_json(report.age_ms)},
+          {"landed", report.landed},
+          {"phase", name(report.phase)}};
+}
+
+}  // namespace
+
+const char* name(FlightPhase phase) noexcept {
+  static constexpr std::array<const char*, 6> names{"disconnected", "on_ground", "taking_off",
+                                                    "flying",       "landing",   "landed"};
+  return look_up(names, phase);
+}
+
+const char* name(FailsafeMode mode) noexcept {
+  static constexpr std::array<const char*, 5> names{"none", "hold", "brake", "land", "cut"};
+  return look_up(names, mode);
+}
+
+const char* name(FailsafeCause cause) noexcept {
+  static constexpr std::array<const char*, 11> names{
+      "none",      "plan_ran_out", "held_too_long", "agent_silent",     "ledger_silent", "state_stale",
+      "pose_lost", "fence",        "battery_low",   "battery_critical", "stopped"};
+  return look_up(names, cause);
+}
+
+const char* name(DropReason reason) noexcept {
+  static constexpr std::array<const char*, 7> names{"none",      "too_old",    "out_of_order", "superseded",
+                                                    "bad_value", "not_flying", "queue_full"};
+  return look_up(names, reason);
+}
+
+std::string status_line(const LinkSettings& settings, const std::array<StateSample, max_drones + 1>& newest) {
+  nlohmann::json drones = nlohmann::json::array();
+  for (const DroneSettings& drone : settings.drones) {
+    const StateSample& state = newest[drone.number];
+    drones.push_back({{"name", drone.name},
+                      {"phase", name(state.phase)},
+                      {"mode", name(state.mode)},
+                      {"cause", name(state.cause)},
+                      {"battery", state.battery},
+                      {"applied", state.plans_applied},
+                      {"dropped", state.plans_dropped},
+                      {"late", state.plans_late}});
+  }
+  return nlohmann::json{{"link", {{"drones", drones}}}}.dump();
+}
+
+Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, bool realtime) {
+  nlohmann::json drones = nlohmann::json::array();
+  for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, loop.states_lost[report.number]));
+  const nlohmann::json summary{{"drones", drones},
+                               {"loop",
+                                {{"cycles", loop.cycles},
+                                 {"overruns", loop.overruns},
+                                 {"max_late_us", loop.max_late_ns / ns_per_us},
+                                 {"sends_failed", loop.sends_failed},
+                                 {"trace_lost", loop.trace_lost}}},
+                               {"realtime", realtime}};
+  std::ofstream file(path);
+  file << summary.dump(2) << '\n';
+  file.close();
+  if (!file) return Error{fmt::format("cannot write the summary to {}", path)};
+  return done;
+}
+
+}  // namespace ledgerline::link

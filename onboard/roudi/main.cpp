@@ -1,0 +1,110 @@
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <iceoryx_hoofs/log/logmanager.hpp>
+#include <iceoryx_hoofs/posix_wrapper/posix_access_rights.hpp>
+#include <iceoryx_posh/iceoryx_posh_config.hpp>
+#include <iceoryx_posh/internal/roudi/roudi.hpp>
+#include <iceoryx_posh/roudi/iceoryx_roudi_components.hpp>
+#include <optional>
+
+#include "common/rt/log.hpp"
+#include "onboard/ipc/roudi_probe.hpp"
+
+namespace {
+
+// iceoryx' management segment and our pools take 74 MB; the rest is room for everybody else.
+constexpr std::uint64_t shm_needed = 96ULL << 20;
+
+std::optional<std::string> shared_memory_problem() {
+  struct statvfs info {};
+  if (::statvfs("/dev/shm", &info) != 0) {
+    return "there is no /dev/shm: mount a tmpfs on it (mount -t tmpfs -o size=128m tmpfs /dev/shm)";
+  }
+  const std::uint64_t size = static_cast<std::uint64_t>(info.f_blocks) * info.f_frsize;
+  const std::uint64_t available = static_cast<std::uint64_t>(info.f_bavail) * info.f_frsize;
+  if (size < shm_needed) {
+    return fmt::format(
+        "/dev/shm has {} MB, {} MB are needed: mount -o remount,size=128m /dev/shm (a container: docker run "
+        "--shm-size=128m)",
+        size >> 20, shm_needed >> 20);
+  }
+  if (available < shm_needed) {
+    return fmt::format("/dev/shm has {} MB free of {} MB, {} MB are needed: delete what is left over there",
+                       available >> 20, size >> 20, shm_needed >> 20);
+  }
+  return std::nullopt;
+}
+
+// The user group is the reader's and the writer's: all processes of Ledgerline run as one user.
+iox::RouDiConfig_t small_pools() {
+  iox::mepoo::MePooConfig pools;
+  pools.addMemPool({128, 1024});   // poses, beats
+  pools.addMemPool({384, 1024});   // states
+  pools.addMemPool({1280, 1024});  // plans
+  const auto group = iox::posix::PosixGroup::getGroupOfCurrentProcess().getName();
+  iox::RouDiConfig_t config;
+  config.m_sharedMemorySegments.push_back({group, group, pools});
+  return config;
+}
+
+std::string segment_name() { return std::string(iox::posix::PosixGroup::getGroupOfCurrentProcess().getName().c_str()); }
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Shared memory between link and agent: iceoryx' RouDi with small pools. One runs per machine."};
+  app.footer(
+      "Examples:\n  ledgerline-roudi                 serve until SIGTERM\n"
+      "Exit codes: 0 stopped by a signal, 1 cannot serve, 2 bad usage");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  ledgerline::init_log("roudi");
+  iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
+
+  if (ledgerline::ipc::probe("roudi") != ledgerline::ipc::Peer::gone) {
+    spdlog::error("another RouDi runs already on this machine: stop it first");
+    return 1;
+  }
+  // What a killed RouDi left behind is not counted against the new one.
+  ::shm_unlink("/iceoryx_mgmt");
+  ::shm_unlink(("/" + segment_name()).c_str());
+  if (const auto problem = shared_memory_problem()) {
+    spdlog::error("{}", *problem);
+    return 1;
+  }
+
+  // Blocked before any thread starts, so that only sigwait below sees them.
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  sigprocmask(SIG_BLOCK, &signals, nullptr);
+
+  // Never destroyed: its destructor would run over ports that other processes still use. See below.
+  auto* components = new iox::roudi::IceOryxRouDiComponents(small_pools());
+  new iox::roudi::RouDi(components->rouDiMemoryManager, components->portManager,
+                        iox::roudi::RouDi::RoudiStartupParameters{iox::roudi::MonitoringMode::OFF, false});
+  std::puts(R"({"ready":true,"program":"ledgerline-roudi"})");
+  std::fflush(stdout);
+
+  int signal = 0;
+  sigwait(&signals, &signal);
+  spdlog::info("stopped by {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
+  // Memory that others have mapped stays theirs until they end; only the names go, so that nothing is left behind.
+  ::shm_unlink("/iceoryx_mgmt");
+  ::shm_unlink(("/" + segment_name()).c_str());
+  ::unlink("/tmp/roudi");
+  ::unlink("/tmp/iox-unique-roudi.lock");
+  std::fflush(nullptr);
+  ::_exit(0);
+}
