@@ -40,7 +40,9 @@ struct Outcome {
 };
 
 /// All methods may be called from any thread. Callbacks come on a thread of the client: they hand over and return.
-/// Destruction cancels what is in flight; its callbacks still come, as unavailable, before the destructor returns.
+/// Destruction cancels what is in flight; its callbacks still come, as unavailable, before the destructor returns (so
+/// it must not happen within a callback). The ledger orders one client's transactions as they were submitted:
+/// common/fabric/ pipeline.hpp says how. What must not wait behind them has a client of its own.
 class Client {
  public:
   /// Does not connect yet; a bad identity or CA file is an error here.
@@ -54,7 +56,8 @@ class Client {
   /// Asks without writing; waits for the answer.
   virtual Result<std::string> evaluate(Call call) = 0;
 
-  /// A running stream; destruction ends it and returns after its last callback.
+  /// A running stream; destruction ends it and returns after its last callback (so not from within one). It may outlive
+  /// the client.
   class Stream {
    public:
     virtual ~Stream() = default;
@@ -68,13 +71,16 @@ class Client {
   /// resumes behind the last block handed over. A block that breaks the chain is reported through on_connection and the
   /// stream starts again at the last good one.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;
-  /// Contract events through the gateway's ChaincodeEvents, from block `start` on, resumed behind the last transaction.
+  /// Contract events through the gateway's ChaincodeEvents, from block `start` on (nullopt: from the next new one on),
+  /// behind transaction `after_tx_id` of that block where one is named: the last event handled is a checkpoint.
+  /// Reconnects like blocks(), without loss or doublet.
   struct Event {
     std::uint64_t block = 0;
     std::string tx_id, name, payload;
   };
   virtual std::unique_ptr<Stream> events(std::optional<std::uint64_t> start, std::function<void(const Event&)> on_event,
-                                         std::function<void(bool, const std::string&)> on_connection) = 0;
+                                         std::function<void(bool, const std::string&)> on_connection,
+                                         std::string after_tx_id = {}) = 0;
 };
 
 }  // namespace ledgerline::fabric

@@ -1,0 +1,61 @@
+#include "common/fabric/config.hpp"
+
+#include <fmt/format.h>
+
+#include <fstream>
+#include <sstream>
+
+namespace ledgerline::fabric {
+namespace {
+
+const Error incomplete{"keys of [ledger] or [[msp]] are missing or wrong"};
+
+crypto::Library library_of(Config& config, const std::string& key, const std::string& otherwise) {
+  const std::string name = config.choice(key, {"mbedtls", "libcrypto"}, otherwise);
+  return name == "mbedtls" ? crypto::Library::mbedtls : crypto::Library::libcrypto;
+}
+
+}  // namespace
+
+Result<ClientConfig> ledger_config(Config& config) {
+  ClientConfig out;
+  out.endpoint = config.text("ledger.endpoint");
+  out.tls_ca_file = config.text("ledger.tls_ca");
+  out.server_name = config.text("ledger.server_name", "");
+  out.where.channel = config.text("ledger.channel", out.where.channel);
+  out.where.contract = config.text("ledger.contract", out.where.contract);
+  out.max_in_flight = static_cast<std::size_t>(config.integer("ledger.max_in_flight", 64, 1, 10'000));
+  out.deadline = std::chrono::milliseconds(config.integer("ledger.deadline_ms", 5'000, 100, 600'000));
+  const std::string msp_id = config.text("ledger.msp_id");
+  const std::string msp_dir = config.text("ledger.msp_dir");
+  const crypto::Library signer = library_of(config, "ledger.signer", "mbedtls");
+  (void)library_of(config, "ledger.verifier", "libcrypto");
+  if (out.endpoint.empty() || out.tls_ca_file.empty() || msp_id.empty() || msp_dir.empty()) return incomplete;
+  auto identity = crypto::load_identity(signer, msp_id, msp_dir);
+  if (!identity) return identity.error();
+  out.identity = std::move(*identity);
+  return out;
+}
+
+Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
+  const crypto::Library verifier = library_of(config, "ledger.verifier", "libcrypto");
+  const std::size_t count = config.table_count("msp");
+  if (count == 0) return Error{"the config names no organisation to believe; add [[msp]] with id and ca"};
+  std::vector<crypto::MspRoot> roots;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::string id = config.text(fmt::format("msp.{}.id", i));
+    const std::string path = config.text(fmt::format("msp.{}.ca", i));
+    if (id.empty() || path.empty()) return incomplete;
+    std::ifstream file(path);
+    std::stringstream pem;
+    pem << file.rdbuf();
+    if (!file) return Error{fmt::format("cannot read the CA certificate {} of {}", path, id)};
+    if (auto certificate = crypto::parse_certificate(pem.str()); !certificate) {
+      return Error{fmt::format("{}: {}", path, certificate.error().what)};
+    }
+    roots.push_back({id, pem.str()});
+  }
+  return crypto::make_msp_registry(verifier, std::move(roots));
+}
+
+}  // namespace ledgerline::fabric

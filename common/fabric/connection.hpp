@@ -1,0 +1,43 @@
+#pragma once
+#include <grpcpp/grpcpp.h>
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "common/fabric/client.hpp"
+#include "common/rt/random.hpp"
+
+/// What the pipeline and the streams share. Inside common/fabric alone: it brings in gRPC.
+namespace ledgerline::fabric {
+
+struct Connection {
+  ClientConfig config;
+  std::shared_ptr<grpc::Channel> channel;
+};
+Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
+
+/// The ledger was not reached, or is too busy; asking again may help.
+bool may_pass(const grpc::Status& status);
+
+/// What the peers said (gateway.ErrorDetail), or gRPC's own message where they said nothing.
+std::string describe(const grpc::Status& status);
+
+/// Growing waits between attempts: doubled each time up to `longest`, of which a random half is left out, so that many
+/// clients of a ledger that comes back do not ask all at once.
+class Backoff {
+ public:
+  Backoff(std::chrono::milliseconds first, std::chrono::milliseconds longest);
+  std::chrono::milliseconds next();
+  void reset() { wait_ = first_; }
+
+ private:
+  std::chrono::milliseconds first_, longest_, wait_;
+  Random random_;
+};
+
+/// Attempts of one call that is safe to repeat; with back-off they take well below half a second.
+inline constexpr int max_attempts = 5;
+inline constexpr std::chrono::milliseconds first_retry{20}, longest_retry{200};
+
+}  // namespace ledgerline::fabric

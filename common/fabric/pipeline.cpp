@@ -1,0 +1,279 @@
+#include "common/fabric/pipeline.hpp"
+
+#include <fmt/format.h>
+
+#include "peer/proposal.pb.h"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+/// Nothing is known about a Submit that ended so: it may have been ordered.
+bool leaves_open(const grpc::Status& status) {
+  switch (status.error_code()) {
+    case grpc::StatusCode::UNAVAILABLE:
+    case grpc::StatusCode::DEADLINE_EXCEEDED:
+    case grpc::StatusCode::CANCELLED:
+    case grpc::StatusCode::INTERNAL:
+    case grpc::StatusCode::UNKNOWN:
+      return true;
+    default:
+      return false;
+  }
+}
+
+bool not_reached(const grpc::Status& status) {
+  return may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
+         status.error_code() == grpc::StatusCode::CANCELLED;
+}
+
+}  // namespace
+
+Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
+    : connection_(std::move(connection)),
+      stub_(gateway::Gateway::NewStub(connection_->channel)),
+      thread_([this] { run(); }) {}
+
+Pipeline::~Pipeline() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    if (!woken_) {
+      woken_ = true;
+      auto alarm = std::make_shared<grpc::Alarm>();
+      alarm->Set(&queue_, std::chrono::system_clock::now(), new Tag([this, alarm](bool) { take_inbox(); }));
+    }
+  }
+  thread_.join();
+}
+
+void Pipeline::submit(Call call, std::function<void(Outcome)> done) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!stopping_) {
+      inbox_.push_back(
+          {std::move(call), std::move(done), std::chrono::system_clock::now() + connection_->config.deadline});
+      if (woken_) return;
+      woken_ = true;
+      auto alarm = std::make_shared<grpc::Alarm>();
+      alarm->Set(&queue_, std::chrono::system_clock::now(), new Tag([this, alarm](bool) { take_inbox(); }));
+      return;
+    }
+  }
+  Outcome outcome;
+  outcome.message = "the client is being closed";
+  done(std::move(outcome));
+}
+
+void Pipeline::run() {
+  void* tag = nullptr;
+  bool ok = false;
+  while (queue_.Next(&tag, &ok)) {
+    const std::unique_ptr<Tag> then(static_cast<Tag*>(tag));
+    (*then)(ok);
+  }
+}
+
+void Pipeline::take_inbox() {
+  std::vector<Job> jobs;
+  bool stopping = false;
+  {
+    const std::lock_guard lock(mutex_);
+    woken_ = false;
+    jobs.swap(inbox_);
+    stopping = stopping_;
+  }
+  for (Job& job : jobs) begin(std::move(job));
+  if (stopping) end_all();
+}
+
+void Pipeline::begin(Job job) {
+  auto p = std::make_shared<Pending>();
+  p->number = next_number_++;
+  p->call = std::move(job.call);
+  p->done = std::move(job.done);
+  p->deadline = job.deadline;
+  if (live_.size() >= connection_->config.max_in_flight) {
+    finish(p, Outcome::Kind::overloaded, fmt::format("{} calls are in flight already", live_.size()));
+    return;
+  }
+  live_.emplace(p->number, p);
+  auto proposal = make_proposal(connection_->config.identity, connection_->config.where, p->call, realtime_ns(),
+                                crypto::random_bytes(24));
+  if (!proposal) {
+    finish(p, Outcome::Kind::refused, proposal.error().what);
+    return;
+  }
+  p->proposal = std::move(*proposal);
+  order_.push_back(p);
+  endorse(p);
+}
+
+template <typename Response>
+std::shared_ptr<Pipeline::Unary<Response>> Pipeline::make_unary(const PendingPtr& p) const {
+  auto unary = std::make_shared<Unary<Response>>();
+  unary->context.set_deadline(p->deadline);
+  return unary;
+}
+
+template <typename Response>
+void Pipeline::await(const PendingPtr& p, const std::shared_ptr<Unary<Response>>& unary,
+                     void (Pipeline::*then)(const PendingPtr&)) {
+  // The tag keeps the call alive until gRPC is done with it, also when it was finished before.
+  unary->reader->Finish(&unary->response, &unary->status, new Tag([this, p, unary, then](bool) {
+    if (p->stage != Stage::finished) (this->*then)(p);
+  }));
+}
+
+void Pipeline::endorse(const PendingPtr& p) {
+  gateway::EndorseRequest request;
+  request.set_transaction_id(p->proposal.tx_id);
+  request.set_channel_id(connection_->config.where.channel);
+  request.mutable_proposed_transaction()->ParseFromString(p->proposal.signed_proposal);
+  p->endorse = make_unary<gateway::EndorseResponse>(p);
+  p->endorse->reader = stub_->AsyncEndorse(&p->endorse->context, request, &queue_);
+  await(p, p->endorse, &Pipeline::on_endorsed);
+}
+
+void Pipeline::on_endorsed(const PendingPtr& p) {
+  const grpc::Status& status = p->endorse->status;
+  if (!status.ok()) {
+    if (retry(p, status, &Pipeline::endorse)) return;
+    finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
+    return;
+  }
+  const std::string unsigned_envelope = p->endorse->response.prepared_transaction().SerializeAsString();
+  auto prepared = check_prepared(p->proposal, unsigned_envelope);
+  if (!prepared) {
+    finish(p, Outcome::Kind::refused, prepared.error().what);
+    return;
+  }
+  auto envelope = sign_envelope(connection_->config.identity, unsigned_envelope);
+  if (!envelope) {
+    finish(p, Outcome::Kind::refused, envelope.error().what);
+    return;
+  }
+  p->answer = std::move(prepared->answer);
+  p->envelope = std::move(*envelope);
+  p->stage = Stage::ready;
+  send_next();
+}
+
+void Pipeline::send_next() {
+  while (!order_.empty()) {
+    const PendingPtr p = order_.front();
+    if (p->stage == Stage::ready) {
+      send(p);
+      return;
+    }
+    if (p->stage == Stage::endorsing || p->stage == Stage::sent) return;
+    order_.pop_front();
+  }
+}
+
+void Pipeline::send(const PendingPtr& p) {
+  p->stage = Stage::sent;
+  p->attempts = 0;
+  p->backoff.reset();
+  gateway::SubmitRequest request;
+  request.set_transaction_id(p->proposal.tx_id);
+  request.set_channel_id(connection_->config.where.channel);
+  request.mutable_prepared_transaction()->ParseFromString(p->envelope);
+  p->envelope.clear();
+  p->submit = make_unary<gateway::SubmitResponse>(p);
+  p->submit->reader = stub_->AsyncSubmit(&p->submit->context, request, &queue_);
+  await(p, p->submit, &Pipeline::on_submitted);
+  ask_status(p);
+}
+
+void Pipeline::on_submitted(const PendingPtr& p) {
+  const grpc::Status& status = p->submit->status;
+  if (!status.ok() && !leaves_open(status)) {
+    finish(p, Outcome::Kind::refused, describe(status));
+    return;
+  }
+  if (!status.ok()) p->submit_problem = describe(status);
+  p->stage = Stage::acknowledged;
+  send_next();
+}
+
+void Pipeline::ask_status(const PendingPtr& p) {
+  const crypto::SigningIdentity& who = connection_->config.identity;
+  gateway::CommitStatusRequest question;
+  question.set_transaction_id(p->proposal.tx_id);
+  question.set_channel_id(connection_->config.where.channel);
+  question.set_identity(who.serialized);
+  gateway::SignedCommitStatusRequest request;
+  request.set_request(question.SerializeAsString());
+  auto signature = who.signer->sign(request.request());
+  if (!signature) {
+    finish(p, Outcome::Kind::unavailable, "submitted, but its status is not known: " + signature.error().what);
+    return;
+  }
+  request.set_signature(std::move(*signature));
+  p->status = make_unary<gateway::CommitStatusResponse>(p);
+  p->status->reader = stub_->AsyncCommitStatus(&p->status->context, request, &queue_);
+  await(p, p->status, &Pipeline::on_status);
+}
+
+void Pipeline::on_status(const PendingPtr& p) {
+  const grpc::Status& status = p->status->status;
+  if (!status.ok()) {
+    if (retry(p, status, &Pipeline::ask_status)) return;
+    std::string why = "submitted, but its status is not known: " + describe(status);
+    if (!p->submit_problem.empty()) why += "; Submit: " + p->submit_problem;
+    finish(p, Outcome::Kind::unavailable, why);
+    return;
+  }
+  const gateway::CommitStatusResponse& response = p->status->response;
+  Outcome outcome;
+  outcome.kind = response.result() == protos::VALID ? Outcome::Kind::committed : Outcome::Kind::invalidated;
+  outcome.block = response.block_number();
+  outcome.code = response.result();
+  if (outcome.kind == Outcome::Kind::invalidated) outcome.message = protos::TxValidationCode_Name(response.result());
+  finish(p, std::move(outcome));
+}
+
+bool Pipeline::retry(const PendingPtr& p, const grpc::Status& status, void (Pipeline::*again)(const PendingPtr&)) {
+  const auto at = std::chrono::system_clock::now() + p->backoff.next();
+  if (!may_pass(status) || ++p->attempts >= max_attempts || at >= p->deadline) return false;
+  p->alarm = std::make_shared<grpc::Alarm>();
+  p->alarm->Set(&queue_, at, new Tag([this, p, again](bool) {
+    if (p->stage != Stage::finished) (this->*again)(p);
+  }));
+  return true;
+}
+
+void Pipeline::finish(const PendingPtr& p, Outcome::Kind kind, const std::string& message) {
+  Outcome outcome;
+  outcome.kind = kind;
+  outcome.message = message;
+  if (kind == Outcome::Kind::unavailable) {
+    outcome.message = fmt::format("ledger at {}: {}", connection_->config.endpoint, message);
+  }
+  finish(p, std::move(outcome));
+}
+
+void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
+  p->stage = Stage::finished;
+  // What is still under way comes back as cancelled, finds the call finished, and is dropped.
+  if (p->endorse) p->endorse->context.TryCancel();
+  if (p->submit) p->submit->context.TryCancel();
+  if (p->status) p->status->context.TryCancel();
+  if (p->alarm) p->alarm->Cancel();
+  live_.erase(p->number);
+  outcome.tx_id = p->proposal.tx_id;
+  outcome.answer = std::move(p->answer);
+  const auto done = std::move(p->done);
+  send_next();
+  done(std::move(outcome));
+}
+
+void Pipeline::end_all() {
+  // Nobody's turn comes any more.
+  order_.clear();
+  while (!live_.empty()) finish(live_.begin()->second, Outcome::Kind::unavailable, "the client is being closed");
+  queue_.Shutdown();
+}
+
+}  // namespace ledgerline::fabric
