@@ -126,7 +126,7 @@ void AgentCore::submit_frame(TimeNs now, AgentOutputs& out) {
 
 void AgentCore::step(TimeNs now, AgentOutputs& out) {
   hand_over_plans(now, out);
-  submit_frame(now, out);
+  if (submitting_) submit_frame(now, out);
   if (now >= next_beat_ns_) {
     out.beat = AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now)};
     // Beats keep their grid, except after a pause: then none are made up for.

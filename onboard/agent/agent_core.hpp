@@ -68,6 +68,10 @@ class AgentCore {
   void on_connection(TimeNs now, bool connected);  ///< of the block stream
   void step(TimeNs now, AgentOutputs& out);
 
+  /// From now on step() makes no frame; what is in flight may end. For an orderly end.
+  void stop_submitting() { submitting_ = false; }
+  bool frame_in_flight() const { return batcher_.in_flight().has_value(); }
+
   bool ledger_alive(TimeNs now) const;
   std::uint64_t height() const { return check_.height(); }
   std::uint64_t blocks() const { return blocks_; }
@@ -98,6 +102,7 @@ class AgentCore {
   std::vector<Plan> checked_;  ///< waiting for step()
   TimeNs real_offset_ns_ = 0;
   TimeNs next_beat_ns_ = INT64_MIN;
+  bool submitting_ = true;
   std::uint64_t blocks_ = 0;
   std::string last_chain_error_;
   bool ever_progress_ = false;

@@ -67,12 +67,15 @@ std::optional<Frame> Batcher::next(TimeNs now) {
   if (!ready(now)) return std::nullopt;
   again_at_once_ = false;
   last_submitted_ns_ = now;
-  Frame frame{.number = ++last_number_, .submitted_ns = now, .samples = {}};
+  Frame frame{.number = ++last_number_, .submitted_ns = now, .samples = {}, .repeated = {}};
   for (Slot& slot : slots_) {
-    if (!slot.waiting || slot.paused_until_ns > now) continue;
-    if (slot.sent_boot != slot.waiting->boot_id || slot.sent_sequence != slot.waiting->sequence) ++slot.counters.sent;
-    slot.sent_boot = slot.waiting->boot_id;
-    slot.sent_sequence = slot.waiting->sequence;
+    if (slot.paused_until_ns > now) continue;
+    if (!slot.waiting) {
+      if (slot.sent) frame.repeated.push_back(*slot.sent);
+      continue;
+    }
+    if (!slot.sent || newer(*slot.waiting, *slot.sent)) ++slot.counters.sent;
+    slot.sent = slot.waiting;
     frame.samples.push_back(*slot.waiting);
     slot.waiting.reset();
   }
@@ -98,9 +101,10 @@ Batcher::Slot* Batcher::refused_drone(const Frame& frame, const std::string& mes
   constexpr std::string_view gateway_prefix =
       "chaincode response 500, ";  // how a real peer introduces the contract's words
   if (reason.starts_with(gateway_prefix)) reason.remove_prefix(gateway_prefix.size());
-  for (const StateSample& sample : frame.samples) {
-    Slot* slot = find(sample.drone);
-    if (reason.starts_with(slot->drone.name + ":")) return slot;
+  const auto names_it = [&](const StateSample& s) { return reason.starts_with(find(s.drone)->drone.name + ":"); };
+  for (const auto* samples : {&frame.samples, &frame.repeated}) {
+    const auto it = std::find_if(samples->begin(), samples->end(), names_it);
+    if (it != samples->end()) return find(it->drone);
   }
   return nullptr;
 }

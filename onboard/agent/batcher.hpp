@@ -30,6 +30,9 @@ struct Frame {
   std::uint64_t number = 0;
   TimeNs submitted_ns = 0;
   std::vector<StateSample> samples;
+  /// The last samples of the drones without a new one, sent before and not counted again: the frame is stored under one
+  /// key, so what it leaves out would be gone from `get`. Readers know them by their sequence.
+  std::vector<StateSample> repeated;
 };
 
 /// Few transactions, many samples: at most one frame is in flight, until it is committed. What arrives meanwhile rides
@@ -77,7 +80,7 @@ class Batcher {
     std::optional<StateSample> waiting{};
     TimeNs heard_ns = INT64_MIN / 2;
     TimeNs paused_until_ns = INT64_MIN;
-    std::uint64_t sent_boot = 0, sent_sequence = 0;  ///< newest submitted: sent again, it is not counted again
+    std::optional<StateSample> sent{};  ///< newest submitted: sent again, it is not counted again
   };
   Slot* find(DroneNumber drone);
   const Slot* find(DroneNumber drone) const;
@@ -100,7 +103,8 @@ class Batcher {
   bool again_at_once_ = false;
 };
 
-/// The frame as a call of `set` with stream = true: for each sample `<drone>/odom`, `<drone>/link` and
+/// The frame as a call of `set` with stream = true: for each sample, repeated ones too, `<drone>/odom`, `<drone>/link`
+/// and
 /// `<drone>/battery`. `real_offset_ns`: real time minus the clock of the samples' stamps, for the ROS headers.
 fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& drones, TimeNs real_offset_ns);
 

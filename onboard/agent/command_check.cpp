@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "common/msg/form.hpp"
-#include "onboard/agent/endorsed_result.hpp"
+#include "onboard/agent/proposal_hash.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -100,13 +100,11 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
 
 Refusal CommandCheck::check_transaction(std::int64_t now_s, const fabric::Transaction& tx,
                                         crypto::IdentityName& signer) {
-  if (tx.channel != config_.where.channel) return Refusal::wrong_channel;
+  if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) return Refusal::wrong_channel;
   const auto creator = registry_.member(tx.creator, now_s);
   if (!creator) return Refusal::unknown_signer;
   if (!(*creator)->verifier->verify(tx.payload, tx.signature)) return Refusal::bad_signature;
-  const auto result = endorsed_result(tx);
-  if (!result || !result->of_this_proposal || !endorsed_by_us(now_s, tx)) return Refusal::not_endorsed;
-  if (result->contract != config_.where.contract) return Refusal::wrong_channel;
+  if (!result_is_of_own_proposal(tx) || !endorsed_by_us(now_s, tx)) return Refusal::not_endorsed;
   signer = (*creator)->name;
   return Refusal::none;
 }
@@ -163,7 +161,7 @@ Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::I
   if (!drone.control || !drone.control->has_holder() || !same(drone.control->holder(), signer)) {
     return Refusal::not_holder;
   }
-  if (drone.control->has_stopped_by()) return Refusal::stopped;
+  if (drone.control->has_stopped_by() && plan.action() != LAND) return Refusal::stopped;
   if (plan.epoch() != drone.control->epoch()) return Refusal::wrong_epoch;
   if (plan.boot_id() != drone.boot_id) return Refusal::foreign_boot;
   if (!std::binary_search(drone.stamps.begin(), drone.stamps.end(), plan.state_stamp_ns())) {

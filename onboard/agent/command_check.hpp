@@ -26,7 +26,7 @@ enum class Refusal : std::uint8_t {
   bad_signature = 6,        ///< the creator's signature does not fit the transaction
   not_endorsed = 7,         ///< no peer of our own organisation signed this result of this proposal
   not_holder = 8,           ///< the signer does not hold the drone's lease at that block
-  stopped = 9,              ///< the drone is stopped
+  stopped = 9,              ///< the drone is stopped; its holder may still land it
   wrong_epoch = 10,         ///< made under another lease
   foreign_boot = 11,        ///< answers a state of another start of link
   unknown_stamp = 12,       ///< answers a state that this agent did not send
@@ -41,7 +41,7 @@ struct CheckConfig {
   std::string msp_id = "Org1MSP";  ///< our own organisation: whose endorsement counts
   fabric::ChannelAndContract where;
   TimeNs max_age_ns = 500 * ns_per_ms;
-  double max_speed_mps = 3.0;
+  double max_speed_mps = 8.0;  ///< a Tello's top speed in fast mode (facts/tello.md); link limits further
   double max_yaw_rate_radps = 3.5;
   TimeNs horizon_ns = 2 * ns_per_s;  ///< no setpoint is meant for later than now plus this
   std::size_t stamps_kept = 256;     ///< per drone: newest states sent; 8 s at 30 Hz

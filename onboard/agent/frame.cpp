@@ -31,21 +31,27 @@ Odometry to_odometry(const StateSample& s, const std::string& drone, TimeNs real
   return odometry;
 }
 
+void add_drone(SetCall& call, const StateSample& sample, const std::string& drone, TimeNs real_offset_ns) {
+  BatteryState battery;
+  battery.header = {sample.stamp_ns + real_offset_ns, drone + "/base_link"};
+  battery.voltage_v = std::numeric_limits<float>::quiet_NaN();  // a Tello does not tell
+  battery.percentage = sample.battery;
+  add_asset(call, drone + "/odom", odometry_type, to_cdr(to_odometry(sample, drone, real_offset_ns)));
+  add_asset(call, drone + "/link", link_status_type, link_status_to_cdr(sample));
+  add_asset(call, drone + "/battery", battery_type, to_cdr(battery));
+}
+
 }  // namespace
 
 fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& drones, TimeNs real_offset_ns) {
   SetCall call;
   call.set_stream(true);
-  for (const StateSample& sample : frame.samples) {
-    const auto it = std::find_if(drones.begin(), drones.end(), [&](const auto& d) { return d.number == sample.drone; });
-    if (it == drones.end()) continue;
-    BatteryState battery;
-    battery.header = {sample.stamp_ns + real_offset_ns, it->name + "/base_link"};
-    battery.voltage_v = std::numeric_limits<float>::quiet_NaN();  // a Tello does not tell
-    battery.percentage = sample.battery;
-    add_asset(call, it->name + "/odom", odometry_type, to_cdr(to_odometry(sample, it->name, real_offset_ns)));
-    add_asset(call, it->name + "/link", link_status_type, link_status_to_cdr(sample));
-    add_asset(call, it->name + "/battery", battery_type, to_cdr(battery));
+  for (const auto* samples : {&frame.samples, &frame.repeated}) {
+    for (const StateSample& sample : *samples) {
+      const auto it =
+          std::find_if(drones.begin(), drones.end(), [&](const auto& d) { return d.number == sample.drone; });
+      if (it != drones.end()) add_drone(call, sample, it->name, real_offset_ns);
+    }
   }
   return fabric::Call{.function = "set", .args = {call.SerializeAsString()}};
 }

@@ -106,6 +106,38 @@ TEST(Batcher, DoesNotWaitForADroneThatHasLongBeenSilent) {
   EXPECT_TRUE(batcher.next(ns_per_s));
 }
 
+TEST(Batcher, ADroneWithoutANewSampleRidesAlongWithItsLastOneAndIsNotCountedAgain) {
+  Batcher batcher({}, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  const auto first = batcher.next(0);
+  EXPECT_TRUE(first->repeated.empty());
+  batcher.finished(0, first->number, outcome(Kind::committed));
+  batcher.add(ns_per_s, sample(1, 2));
+  const auto second = batcher.next(ns_per_s);
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->samples.size(), 1U);
+  ASSERT_EQ(second->repeated.size(), 2U);
+  EXPECT_EQ(second->repeated[0].drone, 2);
+  batcher.finished(ns_per_s, second->number, outcome(Kind::committed));
+  EXPECT_EQ(batcher.counters(2).on_ledger, 1U);
+  EXPECT_EQ(batcher.counters(2).sent, 1U);
+  expect_adds_up(batcher, 2);
+}
+
+TEST(Batcher, ADroneThatOnlyRidesAlongAndIsRefusedPausesTooAndNothingIsLost) {
+  Batcher batcher({}, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  batcher.finished(0, batcher.next(0)->number, outcome(Kind::committed));
+  batcher.add(ns_per_s, sample(1, 2));
+  batcher.finished(ns_per_s, batcher.next(ns_per_s)->number, outcome(Kind::refused, "tello2: enrolled to another"));
+  const auto again = batcher.next(ns_per_s);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->samples.at(0).sequence, 2U);
+  ASSERT_EQ(again->repeated.size(), 1U);
+  EXPECT_EQ(again->repeated[0].drone, 3);
+  for (DroneNumber d = 1; d <= 3; ++d) expect_adds_up(batcher, d);
+}
+
 TEST(Batcher, KeepsTheMinimalGapBetweenFrames) {
   BatchConfig config;
   config.min_gap_ns = 10 * ns_per_ms;
@@ -281,12 +313,14 @@ TEST(EncodeFrame, WritesEveryStreamingAssetOfEachDroneWithRealTimeInHeaders) {
   s.yaw_rad = 1.5707963267948966;
   s.battery = 0.75F;
   frame.samples = {s};
+  frame.repeated = {sample(1, 3)};
   const auto call = encode_frame(frame, three, 1000 * ns_per_s);
   EXPECT_EQ(call.function, "set");
   SetCall set;
   ASSERT_TRUE(set.ParseFromString(call.args.at(0)));
   EXPECT_TRUE(set.stream());
-  ASSERT_EQ(set.assets_size(), 3);
+  ASSERT_EQ(set.assets_size(), 6);
+  EXPECT_EQ(set.assets(3).id(), "tello1/odom");
   EXPECT_EQ(set.assets(0).id(), "tello2/odom");
   EXPECT_EQ(set.assets(0).topic(), "/tello2/odom");
   EXPECT_EQ(set.assets(0).msg_type(), "nav_msgs/msg/Odometry");

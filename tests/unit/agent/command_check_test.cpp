@@ -264,6 +264,15 @@ TEST_F(CommandCheckTest, AStoppedDroneTakesNoCommand) {
   expect_refused(command(good_plan()), Refusal::stopped);
 }
 
+TEST_F(CommandCheckTest, AStoppedDroneMayStillBeLandedByItsHolder) {
+  auto stopped = control("tello1", epoch);
+  *stopped.mutable_stopped_by() = stopped.holder();
+  check_.set_control(stopped);
+  auto land = good_plan();
+  land.set_action(LAND);
+  EXPECT_EQ(give({command(land)}).plans.size(), 1U);
+}
+
 TEST_F(CommandCheckTest, ACommandOfAnOldLeaseIsRefused) {
   auto plan = good_plan();
   plan.set_epoch(epoch - 1);
@@ -321,8 +330,8 @@ TEST_F(CommandCheckTest, ACommandFromAnOldStateIsRefusedAtTheLimitExactly) {
 
 TEST_F(CommandCheckTest, ASetpointFasterThanTheLimitIsRefused) {
   auto plan = good_plan();
-  plan.mutable_setpoints(1)->set_vx(2.5F);
-  plan.mutable_setpoints(1)->set_vy(2.5F);
+  plan.mutable_setpoints(1)->set_vx(6.0F);
+  plan.mutable_setpoints(1)->set_vy(6.0F);
   expect_refused(command(plan), Refusal::over_limits);
 }
 

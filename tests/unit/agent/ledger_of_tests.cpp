@@ -65,6 +65,7 @@ fabric::Transaction LedgerOfTests::transaction(const Tx& tx) {
   fabric::Transaction out;
   out.tx_id = tx_id;
   out.channel = tx.channel;
+  out.contract = tx.contract;
   out.code = tx.code;
   out.creator = creator.serialized;
   out.event_name = tx.event_name;
