@@ -8,6 +8,7 @@
 #include <iceoryx_posh/popo/wait_set.hpp>
 #include <iceoryx_posh/runtime/posh_runtime.hpp>
 
+#include "onboard/ipc/quiet_stdout.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 
 namespace ledgerline::ipc {
@@ -100,6 +101,7 @@ class IceoryxAgentEnd final : public AgentEnd {
 }  // namespace
 
 Status connect(const std::string& program) {
+  const QuietStdout quiet;
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
   switch (probe(roudi_name)) {
     case Peer::alive:

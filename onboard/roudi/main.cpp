@@ -15,6 +15,7 @@
 #include <optional>
 
 #include "common/rt/log.hpp"
+#include "onboard/ipc/quiet_stdout.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 
 namespace {
@@ -69,6 +70,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? 0 : 2;
   }
   ledgerline::init_log("roudi");
+  std::optional<ledgerline::ipc::QuietStdout> quiet(std::in_place);
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
 
   if (ledgerline::ipc::probe("roudi") != ledgerline::ipc::Peer::gone) {
@@ -94,6 +96,7 @@ int main(int argc, char** argv) {
   auto* components = new iox::roudi::IceOryxRouDiComponents(small_pools());
   new iox::roudi::RouDi(components->rouDiMemoryManager, components->portManager,
                         iox::roudi::RouDi::RoudiStartupParameters{iox::roudi::MonitoringMode::OFF, false});
+  quiet.reset();
   std::puts(R"({"ready":true,"program":"ledgerline-roudi"})");
   std::fflush(stdout);
 
@@ -104,6 +107,7 @@ int main(int argc, char** argv) {
   ::shm_unlink("/iceoryx_mgmt");
   ::shm_unlink(("/" + segment_name()).c_str());
   ::unlink("/tmp/roudi");
+  ::unlink("/tmp/roudi.lock");
   ::unlink("/tmp/iox-unique-roudi.lock");
   std::fflush(nullptr);
   ::_exit(0);
