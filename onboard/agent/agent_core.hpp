@@ -76,6 +76,7 @@ class AgentCore {
   std::uint64_t height() const { return check_.height(); }
   std::uint64_t blocks() const { return blocks_; }
   const std::string& last_chain_error() const { return last_chain_error_; }
+  std::uint64_t blocks_broken() const { return check_.broken_blocks(); }
   const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
   std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
   const std::vector<DroneName>& drones() const { return config_.drones; }

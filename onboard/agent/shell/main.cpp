@@ -1,0 +1,117 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <set>
+
+#include "common/fabric/config.hpp"
+#include "common/rt/log.hpp"
+#include "onboard/agent/shell/shell.hpp"
+
+namespace {
+
+using namespace ledgerline;
+
+constexpr int exit_usage = 2;
+std::atomic<bool> quit{false};
+
+void ask_to_quit(int) { quit = true; }
+
+void catch_signals() {
+  struct sigaction action {};
+  action.sa_handler = ask_to_quit;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+Status check_drones(const std::vector<agent::DroneName>& drones) {
+  std::set<DroneNumber> numbers;
+  std::set<std::string> names;
+  for (const agent::DroneName& drone : drones) {
+    if (!numbers.insert(drone.number).second || !names.insert(drone.name).second) {
+      return Error{fmt::format("[[drone]] {}: its name or number is there twice", drone.name)};
+    }
+  }
+  if (drones.empty()) return Error{"no [[drone]] is named"};
+  return done;
+}
+
+/// Our own organisation must be among those that are believed: only its peers' endorsements count.
+Status check_own_msp(Config& config, const std::string& msp_id) {
+  for (std::size_t i = 0; i < config.table_count("msp"); ++i) {
+    if (config.text(fmt::format("msp.{}.id", i)) == msp_id) return done;
+  }
+  return Error{
+      fmt::format("no [[msp]] has id = \"{}\": without our own organisation no command could be believed", msp_id)};
+}
+
+int run(Config& config) {
+  auto ledger = fabric::ledger_config(config);
+  auto registry = fabric::msp_registry(config);
+  const fabric::ClientConfig known = ledger ? *ledger : fabric::ClientConfig{};
+  agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
+  if (settings.core.seed == 0) settings.core.seed = static_cast<std::uint64_t>(realtime_ns());
+  Status checked = config.finish();
+  if (checked) checked = check_drones(settings.core.drones);
+  if (checked && !ledger) checked = ledger.error();
+  if (checked && !registry) checked = registry.error();
+  if (checked) checked = check_own_msp(config, known.identity.name.msp_id);
+  if (!checked) {
+    spdlog::error("{}", checked.error().what);
+    return exit_usage;
+  }
+  auto client = fabric::Client::create(std::move(ledger).value());
+  if (!client) {
+    spdlog::error("{}", client.error().what);
+    return exit_usage;
+  }
+  agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(), quit);
+  if (auto status = shell.start(); !status) {
+    spdlog::error("{}", status.error().what);
+    return EXIT_FAILURE;
+  }
+  fmt::print("{{\"ready\":true,\"program\":\"ledgerline-agent\"}}\n");
+  std::fflush(stdout);
+  if (auto status = shell.run(); !status) {
+    spdlog::error("{}", status.error().what);
+    return EXIT_FAILURE;
+  }
+  return EXIT_SUCCESS;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Talks to the ledger for the drones of this host: states from link go out in frames, commands come back in\n"
+      "blocks, are checked, and go to link as plans; mocap becomes pose and velocity.",
+      "ledgerline-agent"};
+  app.footer(
+      "Example:\n  ledgerline-agent --config agent.toml\n\n"
+      "agent.toml: [ledger] endpoint, tls_ca, msp_id, msp_dir; [[msp]] id, ca; [[drone]] name, number;\n"
+      "  [output] trace, summary, status_period_ms; and with defaults\n"
+      "  [mocap] topic, clock (host|arrival), position_sigma_m, acceleration_sigma_mps2, gate_sigma,\n"
+      "          outliers_before_reset, longest_gap_ms\n"
+      "  [check] max_age_ms, max_speed_mps, max_yaw_rate_radps, horizon_ms, stamps_kept\n"
+      "  [batch] min_gap_ms, linger_ms, first_back_off_ms, longest_back_off_ms, refused_drone_pause_ms\n"
+      "  [agent] beat_ms, ledger_silent_after_ms, seed, start_wait_s\n"
+      "A status line (JSON) comes on standard output every status_period_ms. SIGINT and SIGTERM end it.\n"
+      "Exit codes: 0 ended by a signal; 1 RouDi or ledger not reached, or a file not written; 2 bad usage or config");
+  std::string file;
+  app.add_option("--config", file, "TOML file")->required();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : exit_usage;
+  }
+  init_log("agent");
+  catch_signals();
+  auto config = Config::load(file);
+  if (!config) {
+    spdlog::error("{}", config.error().what);
+    return exit_usage;
+  }
+  return run(*config);
+}

@@ -1,0 +1,94 @@
+#include "onboard/agent/shell/report.hpp"
+
+#include <array>
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::agent {
+namespace {
+
+using nlohmann::json;
+
+const char* name_of(FlightPhase phase) {
+  constexpr std::array names = {"disconnected", "on_ground", "taking_off", "flying", "landing", "landed"};
+  return names.at(static_cast<std::size_t>(phase));
+}
+
+const char* name_of(FailsafeMode mode) {
+  constexpr std::array names = {"none", "hold", "brake", "land", "cut"};
+  return names.at(static_cast<std::size_t>(mode));
+}
+
+json to_json(const Quantiles& q) {
+  return {{"p5", q.p5},   {"q1", q.q1},   {"median", q.median}, {"q3", q.q3},
+          {"p95", q.p95}, {"p99", q.p99}, {"max", q.max},       {"count", q.count}};
+}
+
+json to_json(const Batcher::Counters& c) {
+  return {{"sampled", c.sampled}, {"sent", c.sent},       {"on_ledger", c.on_ledger},
+          {"merged", c.merged},   {"dropped", c.dropped}, {"pending", c.pending}};
+}
+
+json to_json(const CommandCheck::Counters& c) {
+  json reasons = json::object();
+  for (std::size_t i = 0; i < refusal_count; ++i) {
+    if (c.reasons[i] > 0) reasons[std::string(refusal_name(static_cast<Refusal>(i)))] = c.reasons[i];
+  }
+  return {{"on_ledger", c.on_ledger}, {"refused", c.refused}, {"refused_reasons", reasons}, {"verified", c.verified}};
+}
+
+json to_json(const Fusion::Counters& c) {
+  return {{"accepted", c.accepted},
+          {"not_finite", c.not_finite},
+          {"not_newer", c.not_newer},
+          {"outliers", c.outliers},
+          {"resets", c.resets}};
+}
+
+}  // namespace
+
+std::string status_line(const AgentCore& core, TimeNs now) {
+  json drones = json::array();
+  for (const DroneName& drone : core.drones()) {
+    const DroneReport report = core.report(drone.number);
+    const StateSample state = report.newest.value_or(StateSample{});
+    json line = {{"name", drone.name},           {"phase", name_of(state.phase)}, {"mode", name_of(state.mode)},
+                 {"position", state.position_m}, {"state_age_ms", nullptr},       {"command_age_ms", nullptr},
+                 {"two_way_ms", nullptr}};
+    if (report.newest) line["state_age_ms"] = to_ms(now - state.stamp_ns);
+    if (report.last_command_verified_ns > 0) {
+      line["command_age_ms"] = to_ms(now - report.last_command_verified_ns);
+      line["two_way_ms"] = to_ms(report.two_way.quantile(0.5));
+    }
+    drones.push_back(std::move(line));
+  }
+  return json{{"agent", {{"height", core.height()}, {"ledger_alive", core.ledger_alive(now)}, {"drones", drones}}}}
+      .dump();
+}
+
+std::string summary(const AgentCore& core, const ShellCounters& shell) {
+  json drones = json::array();
+  for (const DroneName& drone : core.drones()) {
+    const DroneReport report = core.report(drone.number);
+    drones.push_back({{"name", drone.name},
+                      {"states", to_json(report.states)},
+                      {"commands", to_json(report.commands)},
+                      {"mocap", to_json(report.mocap)},
+                      {"two_way_ms", to_json(report.two_way.quantiles_ms())}});
+  }
+  const Batcher::Transactions& t = core.transactions();
+  return json{{"drones", drones},
+              {"transactions",
+               {{"committed", t.committed},
+                {"invalidated", t.invalidated},
+                {"refused", t.refused},
+                {"unavailable", t.unavailable}}},
+              {"blocks", core.blocks()},
+              {"blocks_broken", core.blocks_broken()},
+              {"control_events_refused", core.refused_control_events()},
+              {"plans_not_handed_over", shell.plans_not_handed_over},
+              {"mocap_lost", shell.mocap_lost},
+              {"mocap_implausible", shell.mocap_implausible}}
+      .dump(2);
+}
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,20 @@
+#pragma once
+#include <string>
+
+#include "onboard/agent/agent_core.hpp"
+
+namespace ledgerline::agent {
+
+/// One status line, a JSON object without the newline.
+std::string status_line(const AgentCore& core, TimeNs now);
+
+/// What the shell counts itself.
+struct ShellCounters {
+  std::uint64_t plans_not_handed_over = 0;  ///< no shared memory chunk was left
+  std::uint64_t mocap_lost = 0;             ///< the loop was too slow
+  std::uint64_t mocap_implausible = 0;      ///< a stamp or orientation that cannot be
+};
+/// The summary file's JSON.
+std::string summary(const AgentCore& core, const ShellCounters& shell);
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,23 @@
+#pragma once
+#include <string>
+
+#include "common/config/config.hpp"
+#include "onboard/agent/agent_core.hpp"
+
+namespace ledgerline::agent {
+
+/// Everything of agent.toml but [ledger] and [[msp]], which common/fabric reads.
+struct Settings {
+  AgentConfig core;
+  std::string trace;                          ///< file; empty: none
+  std::string summary;                        ///< file; empty: none
+  TimeNs status_period_ns = 0;                ///< 0: none
+  std::string mocap_topic;                    ///< "{drone}" stands for the drone's name; empty: no mocap
+  bool mocap_stamps_are_of_this_host = true;  ///< else the time of arrival counts
+  TimeNs start_wait_ns = 0;                   ///< for RouDi and the ledger, each
+};
+
+/// Asks for all keys; config.finish() then says what is wrong. `msp_id`: our own organisation.
+Settings read_settings(Config& config, const std::string& msp_id, const fabric::ChannelAndContract& where);
+
+}  // namespace ledgerline::agent

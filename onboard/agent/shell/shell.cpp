@@ -1,0 +1,221 @@
+#include "onboard/agent/shell/shell.hpp"
+
+#include <fmt/format.h>
+#include <poll.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+
+#include "common/rt/log.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+constexpr TimeNs poll_ns = 500 * ns_per_us;  // iceoryx; blocks and outcomes wake at once
+constexpr TimeNs drain_limit_ns = 500 * ns_per_ms;
+constexpr TimeNs log_gap_ns = 1 * ns_per_s;       // of one kind of message
+constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // real time may be slewed
+constexpr std::size_t most_held_blocks = 1024;
+
+TimeNs real_offset() { return realtime_ns() - monotonic_ns(); }
+
+/// Whether `now` is at or beyond `next`, which then moves on.
+bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
+  if (now < next) return false;
+  next = now + period_ns;
+  return true;
+}
+
+}  // namespace
+
+AgentShell::AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry,
+                       std::unique_ptr<fabric::Client> client, const std::atomic<bool>& quit)
+    : settings_(std::move(settings)),
+      quit_(quit),
+      registry_(std::move(registry)),
+      core_(settings_.core, *registry_),
+      client_(std::move(client)) {}
+
+AgentShell::~AgentShell() { mailbox_.close(); }
+
+void AgentShell::wait_for_news() const {
+  pollfd fd{.fd = mailbox_.wake_fd(), .events = POLLIN, .revents = 0};
+  const timespec timeout{.tv_sec = 0, .tv_nsec = poll_ns};
+  (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
+}
+
+Status AgentShell::take_letters() {
+  for (Letter& letter : mailbox_.take_all()) {
+    const TimeNs now = monotonic_ns();
+    if (auto* block = std::get_if<fabric::Block>(&letter)) {
+      if (auto status = take_block(std::move(*block)); !status) return status;
+    } else if (const auto* ended = std::get_if<FrameEnded>(&letter)) {
+      core_.on_outcome(now, ended->frame, ended->outcome, out_);
+      tell_outcome(ended->outcome);
+    } else if (const auto* state = std::get_if<StreamState>(&letter)) {
+      core_.on_connection(now, state->connected);
+      tell_connection(*state);
+    } else if (const auto* read = std::get_if<ControlsRead>(&letter)) {
+      take_controls(*read);
+    }
+    step_and_act();
+  }
+  return done;
+}
+
+// Between the first reading of the records and the first block something may have changed unseen. So they are read anew
+// once the first block is here: what that reading misses is in this block or a later one, and is replayed over it.
+Status AgentShell::take_block(fabric::Block block) {
+  if (!first_block_seen_) {
+    first_block_seen_ = true;
+    control_reader_ = std::jthread([this](const std::stop_token& stop) { read_controls_again(stop); });
+  }
+  if (controls_known_) {
+    core_.on_block(monotonic_ns(), block, out_);
+    return done;
+  }
+  if (held_.size() >= most_held_blocks) {
+    return Error{fmt::format("the control records could not be read while {} blocks came: see the messages above",
+                             held_.size())};
+  }
+  held_.push_back(std::move(block));
+  return done;
+}
+
+void AgentShell::take_controls(const ControlsRead& read) {
+  for (const Control& control : read.controls) core_.set_control(control);
+  controls_known_ = true;
+  for (const fabric::Block& block : held_) core_.on_block(monotonic_ns(), block, out_);
+  held_.clear();
+}
+
+void AgentShell::take_states() {
+  StateSample sample;
+  while (end_->take_state(sample)) core_.on_state(monotonic_ns(), sample, out_);
+}
+
+void AgentShell::take_mocap() {
+  for (Mocap& mocap : mocap_) {
+    MocapMessage message{};
+    while (mocap.ring->pop(message)) {
+      const TimeNs stamp_ns =
+          settings_.mocap_stamps_are_of_this_host ? message.source_real_ns - real_offset_ns_ : message.arrived_ns;
+      const auto& q = message.orientation;
+      const double norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+      const TimeNs delay_ns = message.arrived_ns - stamp_ns;
+      if (delay_ns < -20 * ns_per_ms || delay_ns > ns_per_s || !(std::abs(norm - 1) < 0.05)) {
+        ++counters_.mocap_implausible;
+        if (!mocap_warned_) {
+          spdlog::warn(
+              "a mocap pose of drone {} is not believed (stamp {:.0f} ms before its arrival, quaternion's norm "
+              "{:.3f}); "
+              "if its computer's clock differs from this one's, set clock = \"arrival\" in [mocap]",
+              mocap.drone, to_ms(delay_ns), std::sqrt(norm));
+        }
+        mocap_warned_ = true;
+        continue;
+      }
+      core_.on_mocap(monotonic_ns(), mocap.drone,
+                     MocapPose{stamp_ns, message.position_m, yaw_from_quaternion(message.orientation)}, out_);
+    }
+  }
+}
+
+// What link waits for goes first; signing a frame takes a moment.
+void AgentShell::step_and_act() {
+  core_.step(monotonic_ns(), out_);
+  for (const Plan& plan : out_.plans) {
+    if (end_->send_plan(plan)) continue;
+    ++counters_.plans_not_handed_over;
+    spdlog::error("drone {}: plan {} was lost, no shared memory is left: is link running?", plan.drone, plan.sequence);
+  }
+  // A lost pose or beat is made good by the next one; link watches their age.
+  for (const Pose& pose : out_.poses) (void)end_->send_pose(pose);
+  if (out_.beat) (void)end_->send_beat(*out_.beat);
+  for (AgentOutputs::Submit& submit : out_.submits) {
+    client_->submit(std::move(submit.call), [this, frame = submit.frame](fabric::Outcome outcome) {
+      mailbox_.put(FrameEnded{frame, std::move(outcome)});
+    });
+  }
+  tell_refusals();
+  if (trace_) {
+    for (const TraceRecord& record : out_.traces) trace_->add(record);
+  }
+  out_.clear();
+}
+
+void AgentShell::tell_refusals() {
+  for (const TraceRecord& record : out_.traces) {
+    if (record.kind != TraceKind::refused || !due(record.t_ns, next_refusal_log_ns_, log_gap_ns)) continue;
+    spdlog::warn("drone {}: command {} refused: {}{}", record.drone, record.id,
+                 refusal_name(static_cast<Refusal>(record.extra)),
+                 record.extra == static_cast<std::uint32_t>(Refusal::broken_chain) ? ": " + core_.last_chain_error()
+                                                                                   : std::string());
+  }
+}
+
+void AgentShell::tell_outcome(const fabric::Outcome& outcome) {
+  if (outcome.kind == fabric::Outcome::Kind::committed) return;
+  if (!due(monotonic_ns(), next_outcome_log_ns_, log_gap_ns)) return;
+  spdlog::warn("a frame of states did not get through (block {}, code {}): {}", outcome.block, outcome.code,
+               outcome.message);
+}
+
+void AgentShell::tell_connection(const StreamState& state) {
+  if (state.connected) {
+    spdlog::info("block stream connected");
+  } else {
+    spdlog::warn("block stream: {}", state.why);
+  }
+}
+
+void AgentShell::chores(TimeNs now) {
+  if (due(now, next_clock_ns_, clock_period_ns)) {
+    real_offset_ns_ = real_offset();
+    core_.set_real_offset(real_offset_ns_);
+  }
+  if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
+    fmt::print("{}\n", status_line(core_, now));
+    std::fflush(stdout);
+  }
+}
+
+Status AgentShell::run() {
+  while (!quit_) {
+    wait_for_news();
+    if (auto status = take_letters(); !status) return status;
+    take_mocap();
+    take_states();
+    step_and_act();
+    chores(monotonic_ns());
+  }
+  drain_frame_in_flight();
+  return write_summary();
+}
+
+void AgentShell::drain_frame_in_flight() {
+  core_.stop_submitting();
+  const TimeNs until_ns = monotonic_ns() + drain_limit_ns;
+  while (core_.frame_in_flight() && monotonic_ns() < until_ns) {
+    wait_for_news();
+    if (!take_letters()) return;  // too many blocks: the summary is still worth writing
+  }
+}
+
+Status AgentShell::write_summary() {
+  counters_.mocap_lost = mocap_lost_;
+  if (trace_) {
+    if (auto status = trace_->flush(); !status) return status;
+    if (trace_->dropped() > 0) spdlog::warn("{}: {} records did not fit", settings_.trace, trace_->dropped());
+  }
+  if (settings_.summary.empty()) return done;
+  std::ofstream file(settings_.summary);
+  file << summary(core_, counters_) << "\n";
+  file.close();
+  if (!file) return Error{"cannot write " + settings_.summary};
+  return done;
+}
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,95 @@
+#pragma once
+#include <atomic>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/dds/dds.hpp"
+#include "common/fabric/client.hpp"
+#include "common/rt/spsc_ring.hpp"
+#include "onboard/agent/agent_core.hpp"
+#include "onboard/agent/shell/mailbox.hpp"
+#include "onboard/agent/shell/report.hpp"
+#include "onboard/agent/shell/settings.hpp"
+#include "onboard/ipc/ipc.hpp"
+
+namespace ledgerline::agent {
+
+/// The agent's I/O around AgentCore. One main loop owns the core and the iceoryx end; the ledger client's threads hand
+/// over through the mailbox, whose descriptor wakes the loop at once; DDS hands over through one wait-free ring per
+/// drone; iceoryx is polled twice a millisecond.
+class AgentShell {
+ public:
+  /// `quit` is watched everywhere and must outlive the shell.
+  AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry, std::unique_ptr<fabric::Client> client,
+             const std::atomic<bool>& quit);
+  ~AgentShell();
+
+  /// RouDi, mocap, the block stream, the control records: each with a bounded wait and a message that names the cure.
+  Status start();
+  /// Until `quit`; then waits a moment for the frame in flight, and writes the summary.
+  Status run();
+
+ private:
+  struct MocapMessage {
+    TimeNs source_real_ns, arrived_ns;
+    std::array<double, 3> position_m;
+    std::array<double, 4> orientation;
+  };
+  struct Mocap {
+    DroneNumber drone = 0;
+    std::unique_ptr<SpscRing<MocapMessage, 64>> ring;
+    std::optional<dds::PoseSubscriber> subscriber;
+  };
+
+  template <typename Attempt>
+  Status keep_trying(const std::string& what, Attempt attempt);
+  Status subscribe_to_mocap();
+  void open_block_stream();
+  Status wait_for_block_stream();
+  Result<std::vector<Control>> read_controls();
+  void read_controls_again(const std::stop_token& stop);
+  void watch_roudi(const std::stop_token& stop) const;
+
+  void wait_for_news() const;
+  Status take_letters();
+  Status take_block(fabric::Block block);
+  void take_controls(const ControlsRead& read);
+  void take_states();
+  void take_mocap();
+  void step_and_act();
+  void tell_refusals();
+  void tell_outcome(const fabric::Outcome& outcome);
+  void tell_connection(const StreamState& state);
+  void chores(TimeNs now);
+  void drain_frame_in_flight();
+  Status write_summary();
+
+  Settings settings_;
+  const std::atomic<bool>& quit_;
+  std::unique_ptr<crypto::MspRegistry> registry_;
+  AgentCore core_;
+  AgentOutputs out_;
+  std::unique_ptr<ipc::AgentEnd> end_;
+  std::optional<TraceWriter> trace_;
+  ShellCounters counters_;
+  std::atomic<std::uint64_t> mocap_lost_{0};
+  TimeNs real_offset_ns_ = 0;
+  TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0;
+  bool first_block_seen_ = false, controls_known_ = false, connected_ = false, mocap_warned_ = false;
+  std::string stream_problem_;
+  std::deque<fabric::Block> held_;  ///< until the control records are read anew
+
+  // In this order: the threads and streams below use what is above, and are ended first.
+  Mailbox mailbox_;
+  dds::ParticipantPtr participant_;
+  std::vector<Mocap> mocap_;
+  std::unique_ptr<fabric::Client> client_;
+  std::unique_ptr<fabric::Client::Stream> blocks_;
+  std::jthread control_reader_, roudi_watch_;
+};
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,167 @@
+// AgentShell's beginning: everything that may not be there yet is waited for, for a bounded time.
+#include <fmt/format.h>
+
+#include <chrono>
+
+#include "common/msg/form.hpp"
+#include "common/rt/log.hpp"
+#include "onboard/agent/shell/shell.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+using std::chrono::milliseconds;
+constexpr milliseconds try_again_after{100};
+constexpr milliseconds roudi_watch_period{1000};
+constexpr TimeNs say_again_after_ns = 3 * ns_per_s;
+
+std::string topic_of(const std::string& pattern, const std::string& drone) {
+  std::string topic = pattern;
+  const auto at = topic.find("{drone}");
+  if (at != std::string::npos) topic.replace(at, std::string_view("{drone}").size(), drone);
+  return topic;
+}
+
+}  // namespace
+
+/// Until `attempt` succeeds; its last error when the time is over or the user asks to end.
+template <typename Attempt>
+Status AgentShell::keep_trying(const std::string& what, Attempt attempt) {
+  const TimeNs until_ns = monotonic_ns() + settings_.start_wait_ns;
+  TimeNs next_message_ns = 0;
+  while (true) {
+    const Status status = attempt();
+    if (status) return done;
+    const TimeNs now = monotonic_ns();
+    if (quit_) return Error{fmt::format("asked to end before {}", what)};
+    if (now > until_ns) {
+      return Error{fmt::format("gave up after {:.0f} s waiting until {}: {}", to_seconds(settings_.start_wait_ns), what,
+                               status.error().what)};
+    }
+    if (now >= next_message_ns) {
+      spdlog::warn("waiting until {}: {}", what, status.error().what);
+      next_message_ns = now + say_again_after_ns;
+    }
+    std::this_thread::sleep_for(try_again_after);
+  }
+}
+
+Status AgentShell::start() {
+  real_offset_ns_ = realtime_ns() - monotonic_ns();
+  core_.set_real_offset(real_offset_ns_);
+  if (!settings_.trace.empty()) {
+    auto trace = TraceWriter::create(settings_.trace);
+    if (!trace) return trace.error();
+    trace_ = std::move(trace).value();
+  }
+  if (auto status = keep_trying("RouDi answers", [] { return ipc::connect("ledgerline-agent"); }); !status) {
+    return status;
+  }
+  auto end = ipc::AgentEnd::create();
+  if (!end) return end.error();
+  end_ = std::move(end).value();
+  roudi_watch_ = std::jthread([this](const std::stop_token& stop) { watch_roudi(stop); });
+  if (auto status = subscribe_to_mocap(); !status) return status;
+
+  open_block_stream();
+  if (auto status = wait_for_block_stream(); !status) return status;
+  return keep_trying("the control records can be read", [this]() -> Status {
+    auto controls = read_controls();
+    if (!controls) return controls.error();
+    for (const Control& control : *controls) core_.set_control(control);
+    return done;
+  });
+}
+
+Status AgentShell::subscribe_to_mocap() {
+  if (settings_.mocap_topic.empty()) return done;
+  auto participant = dds::Participant::create();
+  if (!participant) return participant.error();
+  participant_ = std::move(participant).value();
+  for (const DroneName& drone : settings_.core.drones) {
+    Mocap mocap;
+    mocap.drone = drone.number;
+    mocap.ring = std::make_unique<SpscRing<MocapMessage, 64>>();
+    auto subscriber = dds::PoseSubscriber::create(
+        participant_, topic_of(settings_.mocap_topic, drone.name),
+        [this, ring = mocap.ring.get()](const dds::PoseStamped& pose) {
+          const MocapMessage message{pose.header.stamp_ns, monotonic_ns(), pose.position_m, pose.orientation};
+          if (!ring->push(message)) ++mocap_lost_;
+        });
+    if (!subscriber) return subscriber.error();
+    mocap.subscriber = std::move(subscriber).value();
+    mocap_.push_back(std::move(mocap));
+  }
+  return done;
+}
+
+void AgentShell::open_block_stream() {
+  fabric::Client::StreamHandlers handlers;
+  handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_block(block); };
+  handlers.on_connection = [this](bool connected, const std::string& why) {
+    mailbox_.put(StreamState{connected, why});
+  };
+  blocks_ = client_->blocks(std::nullopt, std::move(handlers));
+}
+
+Status AgentShell::wait_for_block_stream() {
+  return keep_trying("the ledger's block stream is open", [this]() -> Status {
+    for (Letter& letter : mailbox_.take_all()) {
+      if (const auto* state = std::get_if<StreamState>(&letter)) {
+        core_.on_connection(monotonic_ns(), state->connected);
+        connected_ = state->connected;
+        stream_problem_ = state->why;
+      } else if (auto* block = std::get_if<fabric::Block>(&letter)) {
+        if (auto status = take_block(std::move(*block)); !status) return status;
+      }
+    }
+    if (connected_) return done;
+    return Error{stream_problem_.empty() ? "no answer yet" : stream_problem_};
+  });
+}
+
+Result<std::vector<Control>> AgentShell::read_controls() {
+  std::vector<Control> controls;
+  for (const DroneName& drone : settings_.core.drones) {
+    QueryCall query;
+    query.set_id("control/" + drone.name);
+    const auto answer = client_->evaluate({"get", {query.SerializeAsString()}});
+    if (!answer) return Error{fmt::format("control/{}: {}", drone.name, answer.error().what)};
+    Assets assets;
+    Control control;
+    if (auto status = parse_message(*answer, assets); !status) return status.error();
+    if (assets.assets_size() != 1) return Error{drone.name + " is not enrolled: enroll it first (ledgerline-fly does)"};
+    if (auto status = parse_message(assets.assets(0).msg_data(), control); !status) return status.error();
+    if (control.drone() != drone.name) return Error{fmt::format("control/{} is the record of another", drone.name)};
+    controls.push_back(std::move(control));
+  }
+  return controls;
+}
+
+void AgentShell::read_controls_again(const std::stop_token& stop) {
+  while (!stop.stop_requested()) {
+    auto controls = read_controls();
+    if (controls) {
+      mailbox_.put(ControlsRead{std::move(controls).value()});
+      return;
+    }
+    spdlog::warn("the control records cannot be read yet, no command is believed: {}", controls.error().what);
+    std::this_thread::sleep_for(try_again_after);
+  }
+}
+
+// Old links flow on without RouDi, so ending here would only take the drone's commands away.
+void AgentShell::watch_roudi(const std::stop_token& stop) const {
+  bool alive = true;
+  while (!stop.stop_requested()) {
+    if (alive && !ipc::roudi_lives()) {
+      alive = false;
+      spdlog::error("RouDi died: flying on, but a link that starts anew will not be heard; restart RouDi, link, agent");
+    }
+    for (milliseconds waited{0}; waited < roudi_watch_period && !stop.stop_requested(); waited += try_again_after) {
+      std::this_thread::sleep_for(try_again_after);
+    }
+  }
+}
+
+}  // namespace ledgerline::agent
