@@ -1,0 +1,81 @@
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "common/rt/clock.hpp"
+#include "common/rt/log.hpp"
+#include "hil/virtual_flight.hpp"
+
+namespace {
+
+using namespace ledgerline;
+
+nlohmann::json to_json(const Quantiles& q) {
+  return {{"p5", q.p5},   {"q1", q.q1},   {"median", q.median}, {"q3", q.q3},
+          {"p95", q.p95}, {"p99", q.p99}, {"max", q.max},       {"count", q.count}};
+}
+
+int virtual_flight(const hil::VirtualFlightConfig& config) {
+  const TimeNs start = monotonic_ns();
+  const auto flight = hil::fly_virtually(config);
+  const double wall_s = to_seconds(monotonic_ns() - start);
+  if (!flight) {
+    spdlog::error("{}", flight.error().what);
+    return 1;
+  }
+  nlohmann::json out{{"ok", flight->ok},
+                     {"why", flight->why},
+                     {"seed", config.seed},
+                     {"digest", crypto::hex(flight->digest)},
+                     {"flown_s", to_seconds(flight->flown_ns)},
+                     {"wall_s", wall_s},
+                     {"times_real_time", to_seconds(flight->flown_ns) / wall_s},
+                     {"blocks", flight->blocks},
+                     {"transactions", flight->transactions},
+                     {"drones", nlohmann::json::array()}};
+  for (const auto& drone : flight->drones) {
+    out["drones"].push_back({{"id", drone.name},
+                             {"two_way_ms", to_json(drone.two_way_ms)},
+                             {"age_ms", to_json(drone.age_ms)},
+                             {"cross_track_m", {{"rms", drone.cross_track_rms_m}, {"max", drone.cross_track_max_m}}},
+                             {"lap_s", drone.lap_s}});
+  }
+  fmt::print("{}\n", out.dump(2));
+  return flight->ok ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  init_log("hil");
+  CLI::App app{
+      "Ledgerline's hardware in the loop.\n\nExample:\n  ledgerline-hil virtual --drones 3 --shape x --seed 7\n"};
+  app.require_subcommand(1);
+
+  hil::VirtualFlightConfig config;
+  std::string shape = "square";
+  auto* flight = app.add_subcommand(
+      "virtual",
+      "A whole flight as cores in one thread on a virtual clock; prints one JSON object.\n"
+      "The same options give the same digest. Exit code 0: all drones finished and landed; 1: not; 2: bad options.");
+  flight->add_option("--drones", config.drones, "1 to 16")->check(CLI::Range(1, 16))->capture_default_str();
+  flight->add_option("--shape", shape, "square, triangle or x")
+      ->check(CLI::IsMember({"square", "triangle", "x"}))
+      ->capture_default_str();
+  flight->add_option("--speed", config.speed_mps, "m/s along the path")
+      ->check(CLI::Range(0.05, 3.0))
+      ->capture_default_str();
+  flight->add_option("--rate", config.rate_hz, "states a second")->check(CLI::Range(1.0, 200.0))->capture_default_str();
+  flight->add_option("--laps", config.laps)->check(CLI::Range(1, 1000))->capture_default_str();
+  flight->add_option("--batch-count", config.batch_count, "transactions a block, at most")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  flight->add_option("--seed", config.seed)->capture_default_str();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  config.shape = *ground::shape_from_name(shape);
+  return virtual_flight(config);
+}

@@ -1,0 +1,93 @@
+#pragma once
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "chaincode/node/core.hpp"
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/client.hpp"
+#include "common/rt/random.hpp"
+
+namespace ledgerline::hil {
+
+/// How long each step of a transaction takes on the virtual clock. Defaults: what the embedded node takes on a desk.
+struct LedgerDelays {
+  TimeNs endorse_ns = 1 * ns_per_ms;   ///< submit() until endorsed
+  TimeNs submit_ns = 1 * ns_per_ms;    ///< endorsed until ordered
+  TimeNs write_ns = 1 * ns_per_ms;     ///< block cut until on disk
+  TimeNs deliver_ns = 1 * ns_per_ms;   ///< on disk until a client has the block or its commit status
+  TimeNs jitter_ns = 500 * ns_per_us;  ///< each of them longer by up to this, uniform
+};
+
+/// The embedded node's core with its clients on a virtual clock: real proposals, endorsements, blocks and flags, with
+/// test signers; only the wire is left out. Deterministic for a seed; one thread.
+class VirtualLedger {
+ public:
+  using Client = std::size_t;
+
+  VirtualLedger(const node::CoreConfig& config, const LedgerDelays& delays, std::uint64_t seed);
+
+  Client add_client(const crypto::IdentityName& name);
+  crypto::MspRegistry& registry() { return *registry_; }
+  std::shared_ptr<crypto::MspRegistry> shared_registry() { return registry_; }
+
+  /// Starts a transaction; its outcome comes out of take_outcomes() with the same `id`.
+  void submit(TimeNs now, Client client, std::uint64_t id, const fabric::Call& call);
+  /// For the set-up before the flight: commits at once, at `now`.
+  Status commit_now(TimeNs now, Client client, const fabric::Call& call);
+  Result<std::string> evaluate(TimeNs now, Client client, const fabric::Call& call);
+
+  /// Runs everything that is due.
+  void step(TimeNs now);
+
+  /// What has reached this client since the last call. Blocks come in order, from the one after add_client() on.
+  std::vector<fabric::Block> take_blocks(TimeNs now, Client client);
+  struct Ended {
+    std::uint64_t id = 0;
+    fabric::Outcome outcome;
+  };
+  std::vector<Ended> take_outcomes(TimeNs now, Client client);
+
+  std::uint64_t height() const { return blocks_.size(); }
+  std::uint64_t transactions() const { return core_->counts().transactions; }
+  /// All blocks as they would lie on disk.
+  const std::vector<std::string>& blocks() const { return blocks_; }
+
+ private:
+  struct Pending {
+    Client client = 0;
+    std::uint64_t id = 0;
+    std::string tx_id;
+    std::string bytes;  ///< a signed proposal, then a signed envelope
+    bool endorsed = false;
+  };
+  struct Member {
+    crypto::SigningIdentity identity;
+    std::deque<std::pair<TimeNs, fabric::Block>> blocks;
+    std::deque<std::pair<TimeNs, Ended>> outcomes;
+  };
+
+  Result<fabric::Proposal> propose(TimeNs now, const Member& member, const fabric::Call& call);
+  TimeNs later(TimeNs now, TimeNs delay);
+  void advance(TimeNs now, Pending pending);
+  void end(TimeNs now, const Pending& pending, const node::Reply& refusal);
+  void cut_if_due(TimeNs now);
+  void apply(TimeNs now, const node::CutBlock& block);
+
+  LedgerDelays delays_;
+  fabric::ChannelAndContract where_;
+  Random random_;
+  std::shared_ptr<crypto::MspRegistry> registry_;
+  std::vector<std::string> blocks_;
+  std::unique_ptr<node::NodeCore> core_;
+  std::vector<Member> members_;
+  std::multimap<TimeNs, Pending> due_;        ///< equal times keep their order of insertion
+  std::map<std::uint64_t, Pending> waiting_;  ///< by waiter, until their block is applied
+  std::uint64_t next_waiter_ = 1;
+  std::optional<std::pair<TimeNs, node::CutBlock>> writing_;
+};
+
+}  // namespace ledgerline::hil

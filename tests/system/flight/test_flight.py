@@ -1,0 +1,144 @@
+"""The whole way with the real processes: ledgerline-fly as a person starts it."""
+import json
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import time
+
+import pytest
+
+BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+QUANTILES = {"p5", "q1", "median", "q3", "p95", "p99", "max", "count"}
+
+
+def fly(out: pathlib.Path, *options: str) -> subprocess.Popen:
+    out.mkdir(exist_ok=True)
+    log = open(out / "fly.out", "wb")
+    return subprocess.Popen([BIN / "ledgerline-fly", "--out", out / "run", "--json", out / "result.json", *options],
+                            stdout=log, stderr=subprocess.STDOUT)
+
+
+def printed(out: pathlib.Path) -> str:
+    return (out / "fly.out").read_text(errors="replace")
+
+
+def result(out: pathlib.Path) -> dict:
+    return json.loads((out / "result.json").read_text())
+
+
+def our_processes() -> dict[int, str]:
+    """Programs of this build in this network namespace."""
+    here = os.readlink("/proc/self/ns/net")
+    found = {}
+    for process in pathlib.Path("/proc").glob("[0-9]*"):
+        try:
+            exe = pathlib.Path(os.readlink(process / "exe"))
+            if exe.parent == BIN and os.readlink(process / "ns/net") == here:
+                found[int(process.name)] = exe.name
+        except OSError:
+            pass  # it ended meanwhile
+    return found
+
+
+def pid_of(program: str) -> int:
+    return next(pid for pid, name in our_processes().items() if name == program)
+
+
+def wait_for_flight(out: pathlib.Path, flight: subprocess.Popen) -> None:
+    """Until the first drone flies, as the ground says."""
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        assert flight.poll() is None, printed(out)
+        if re.search(r"tello1\b.*\bpath\b", printed(out)):
+            return
+        time.sleep(0.1)
+    pytest.fail("not in the air after a minute:\n" + printed(out))
+
+
+def assert_nothing_left() -> None:
+    deadline = time.monotonic() + 5
+    while our_processes() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert our_processes() == {}
+    assert [f for f in os.listdir("/dev/shm")] == []
+
+
+def assert_counts_add_up(drone: dict) -> None:
+    states, commands = drone["states"], drone["commands"]
+    assert states["sampled"] > 100
+    assert states["sampled"] == states["on_ledger"] + states["merged"] + states["dropped"]
+    assert commands["sent"] == commands["on_ledger"]
+    assert commands["on_ledger"] == commands["refused"] + commands["applied"] + commands["late"] + commands["dropped"]
+
+
+@pytest.mark.parametrize("drones,shape", [(1, "square"), (3, "triangle"), (3, "x")])
+def test_drones_finish_their_path_and_land(tmp_path, drones, shape):
+    flight = fly(tmp_path, "--drones", str(drones), "--shape", shape, "--laps", "1")
+    assert flight.wait(180) == 0, printed(tmp_path)
+    report = result(tmp_path)
+    assert report["ok"] is True
+    assert [d["id"] for d in report["drones"]] == [f"tello{k + 1}" for k in range(drones)]
+    for drone in report["drones"]:
+        assert set(drone["two_way_ms"]) >= QUANTILES and set(drone["age_ms"]) >= QUANTILES
+        assert 0 < drone["two_way_ms"]["median"] <= drone["age_ms"]["median"]
+        assert len(drone["lap_s"]) == 1
+        assert 0 < drone["cross_track_m"]["rms"] <= drone["cross_track_m"]["max"] < 0.5
+        assert_counts_add_up(drone)
+    assert report["ledger"]["kind"] == "embedded" and report["ledger"]["blocks"] > 100
+    assert report["messages_per_s"] > 30 and report["transactions_per_s"] > 10
+    pages = list((tmp_path / "run").glob("*.html"))
+    assert len(pages) == 1
+    assert not re.search(r"""(src|href)=["']?(https?:)?//""", pages[0].read_text()), "the page needs a network"
+    assert_nothing_left()
+
+
+def test_ctrl_c_lands_the_drone_and_ends_every_process(tmp_path):
+    flight = fly(tmp_path, "--laps", "50")
+    wait_for_flight(tmp_path, flight)
+    flight.send_signal(signal.SIGINT)
+    assert flight.wait(60) != 0
+    report = result(tmp_path)
+    assert report["ok"] is False and report["why"]
+    sim = json.loads((tmp_path / "run" / "sim.summary.json").read_text())
+    assert sim["drones"][0]["landed"] is True
+    assert_nothing_left()
+
+
+@pytest.mark.parametrize("victim", ["agent", "node", "ground"])
+def test_a_crash_of_one_process_lands_the_drone_and_is_reported(tmp_path, victim):
+    flight = fly(tmp_path, "--laps", "50")
+    wait_for_flight(tmp_path, flight)
+    os.kill(pid_of(f"ledgerline-{victim}"), signal.SIGKILL)
+    assert flight.wait(90) != 0
+    report = result(tmp_path)
+    assert report["ok"] is False and victim in report["why"]
+    sim = json.loads((tmp_path / "run" / "sim.summary.json").read_text())
+    assert sim["drones"][0]["landed"] is True
+    assert_nothing_left()
+
+
+def test_killing_fly_itself_leaves_nothing_behind(tmp_path):
+    flight = fly(tmp_path, "--laps", "50")
+    wait_for_flight(tmp_path, flight)
+    flight.kill()
+    flight.wait(10)
+    deadline = time.monotonic() + 30
+    while our_processes() and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert our_processes() == {}
+    # Whatever shared memory a killed run left, the next one cleans up and flies.
+    again = fly(tmp_path / "again", "--laps", "1")
+    assert again.wait(120) == 0, printed(tmp_path / "again")
+    assert_nothing_left()
+
+
+def test_a_second_run_at_the_same_time_says_so(tmp_path):
+    first = fly(tmp_path / "first", "--laps", "1")
+    wait_for_flight(tmp_path / "first", first)
+    second = fly(tmp_path / "second", "--laps", "1")
+    assert second.wait(20) != 0
+    assert re.search("already|another", printed(tmp_path / "second"))
+    assert first.wait(120) == 0, printed(tmp_path / "first")
+    assert_nothing_left()
