@@ -84,8 +84,13 @@ void FlightCore::enter(TimeNs now_ns, Drone& drone, DronePhase phase) {
 
 void FlightCore::land(TimeNs now_ns, Drone& drone, const std::string& why) {
   if (drone.status.phase >= DronePhase::landing) return;
+  end_path(drone);
   if (drone.status.why.empty()) drone.status.why = why;
   enter(now_ns, drone, drone.status.phase == DronePhase::waiting ? DronePhase::failed : DronePhase::landing);
+}
+
+void FlightCore::end_path(Drone& drone) {
+  if (drone.status.phase == DronePhase::path) drone.status.path_ns[1] = drone.state.stamp_ns;
 }
 
 bool FlightCore::settled(const Drone& drone) const {
@@ -121,6 +126,7 @@ void FlightCore::advance(TimeNs now_ns, Drone& drone) {
         drone.controller->start(drone.path_since_ns, config_.seconds > 0
                                                          ? std::numeric_limits<double>::infinity()
                                                          : config_.laps * drone.controller->path().length_m());
+        drone.status.path_ns[0] = drone.path_since_ns;
         enter(now_ns, drone, DronePhase::path);
       } else if (s.stamp_ns - drone.settling_since_ns > config_.settle_ns) {
         land(now_ns, drone,
@@ -163,7 +169,9 @@ void FlightCore::advance_path(TimeNs now_ns, Drone& drone) {
       }
     }
   }
-  if (drone.status.finished) enter(now_ns, drone, DronePhase::landing);
+  if (!drone.status.finished) return;
+  end_path(drone);
+  enter(now_ns, drone, DronePhase::landing);
 }
 
 TimeNs FlightCore::path_limit_ns(const Drone& drone) const {

@@ -84,7 +84,8 @@ struct FlightStatus {
   double progress = 0;    ///< of the whole flight, 0..1
   std::array<double, 2> origin_m{};
   std::vector<double> lap_s;
-  std::string why;  ///< what went wrong
+  std::array<TimeNs, 2> path_ns{};  ///< when the path began and ended; the drone's clock; 0: not yet
+  std::string why;                  ///< what went wrong
   std::uint64_t states_received = 0, commands_made = 0, commands_sent = 0, commands_merged = 0, commands_refused = 0;
 };
 
@@ -120,6 +121,7 @@ class FlightCore {
   std::string why() const;  ///< of all drones; empty while nothing went wrong
   const std::vector<FlightDrone>& drones() const { return config_.drones; }
   FlightStatus status(std::size_t drone) const;
+  double height_m() const { return config_.controller.height_m; }
   const FlightTransactions& transactions() const { return transactions_; }
   /// The measured way there and back that plans are made for.
   TimeNs delay_ns() const { return delay_ns_; }
@@ -141,6 +143,7 @@ class FlightCore {
   void advance(TimeNs now_ns, Drone& drone);
   void advance_path(TimeNs now_ns, Drone& drone);
   bool settled(const Drone& drone) const;
+  static void end_path(Drone& drone);
   void check_time(TimeNs now_ns, Drone& drone);
   TimeNs path_limit_ns(const Drone& drone) const;
   void enter(TimeNs now_ns, Drone& drone, DronePhase phase);

@@ -49,6 +49,7 @@ void FlightCore::take_control(TimeNs now_ns, const Control& control) {
   if (drone->stopped_by) {
     land(now_ns, *drone, "stopped by " + drone->stopped_by->subject);
   } else if (drone->holder != config_.self) {
+    end_path(*drone);
     drone->status.why = "lost its lease" + (drone->holder ? " to " + drone->holder->subject : "");
     enter(now_ns, *drone, DronePhase::failed);
   }

@@ -1,0 +1,117 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <fstream>
+#include <iterator>
+
+#include "common/fabric/client.hpp"
+#include "common/fabric/config.hpp"
+#include "common/msg/form.hpp"
+#include "common/rt/log.hpp"
+#include "ledgerline.pb.h"
+
+namespace {
+
+using namespace ledgerline;
+
+constexpr int exit_usage = 2;
+
+struct Wish {
+  std::string config;
+  std::string function;
+  std::vector<std::string> drones;
+  std::uint32_t priority = 0;
+  bool cut = false;
+  std::string msp, certificate;
+};
+
+Result<fabric::Call> make_call(const Wish& wish) {
+  const auto with_drones = [&](auto message) {
+    for (const auto& drone : wish.drones) message.add_drones(drone);
+    return message;
+  };
+  if (wish.function == "enroll") {
+    std::ifstream file(wish.certificate);
+    const std::string pem((std::istreambuf_iterator<char>(file)), {});
+    const auto certificate = crypto::parse_certificate(pem);
+    if (!certificate) return Error{wish.certificate + ": " + certificate.error().what};
+    EnrollCall call = with_drones(EnrollCall());
+    call.mutable_identity()->set_msp_id(wish.msp);
+    call.mutable_identity()->set_subject(certificate->subject);
+    return fabric::Call{wish.function, {call.SerializeAsString()}};
+  }
+  if (wish.function == "acquire" || wish.function == "release") {
+    LeaseCall call = with_drones(LeaseCall());
+    call.set_priority(wish.priority);
+    return fabric::Call{wish.function, {call.SerializeAsString()}};
+  }
+  DronesCall call = with_drones(DronesCall());
+  call.set_cut(wish.cut);
+  return fabric::Call{wish.function, {call.SerializeAsString()}};
+}
+
+Status call_contract(const Wish& wish) {
+  auto config = Config::load(wish.config);
+  if (!config) return config.error();
+  auto ledger = fabric::ledger_config(*config);
+  if (auto status = config->finish(); !status) return status;
+  if (!ledger) return ledger.error();
+  auto call = make_call(wish);
+  if (!call) return call.error();
+  auto client = fabric::Client::create(std::move(ledger).value());
+  if (!client) return client.error();
+  const fabric::Outcome outcome = (*client)->submit_and_wait(std::move(call).value());
+  if (outcome.kind != fabric::Outcome::Kind::committed)
+    return Error{fmt::format("{}: {}", wish.function, outcome.message)};
+  Controls answer;
+  if (auto status = parse_message(outcome.answer, answer); !status) return status;
+  fmt::print("{}\n", to_json(answer));
+  return done;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Who may fly what: changes the control records of drones on the ledger, as the identity in the config.\n"
+      "Prints the records as they now are, as JSON. Exit codes: 0 done, 1 refused or not reached, 2 bad usage.",
+      "ledgerline-control"};
+  app.footer(
+      "Examples:\n  ledgerline-control --config operator.toml acquire tello1 tello2\n"
+      "  ledgerline-control --config operator.toml stop tello1\n"
+      "  ledgerline-control --config admin.toml enroll --msp Org1MSP --cert host.pem tello1");
+  Wish wish;
+  app.add_option("--config", wish.config, "TOML file with [ledger]")->required();
+  app.require_subcommand(1);
+  const std::pair<const char*, const char*> verbs[] = {
+      {"enroll", "bind drones to the identity of their host (administrators)"},
+      {"acquire", "take the lease"},
+      {"release", "give the lease back"},
+      {"stop", "land at once, whoever flies"},
+      {"resume", "end a stop"},
+  };
+  for (const auto& [name, help] : verbs) {
+    CLI::App* verb = app.add_subcommand(name, help);
+    verb->add_option("drones", wish.drones, "names of drones")->required();
+    if (std::string(name) == "enroll") {
+      verb->add_option("--msp", wish.msp, "MSP id of the host")->required();
+      verb->add_option("--cert", wish.certificate, "certificate of the host, PEM")
+          ->required()
+          ->check(CLI::ExistingFile);
+    }
+    if (std::string(name) == "acquire") verb->add_option("--priority", wish.priority, "a higher one pre-empts");
+    if (std::string(name) == "stop") verb->add_flag("--cut", wish.cut, "motors off instead of landing");
+    verb->callback([&wish, function = std::string(name)] { wish.function = function; });
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
+  }
+  init_log("control");
+  if (auto status = call_contract(wish); !status) {
+    spdlog::error("{}", status.error().what);
+    return EXIT_FAILURE;
+  }
+  return EXIT_SUCCESS;
+}

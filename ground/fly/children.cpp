@@ -1,0 +1,207 @@
+#include "ground/fly/children.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <deque>
+#include <fstream>
+#include <sstream>
+
+namespace ledgerline::fly {
+namespace {
+
+constexpr std::size_t longest_line = 1 << 20;
+
+// Between fork and exec: only what may be called there.
+[[noreturn]] void become(char* const* command, int output, int log, int death_signal, pid_t parent) {
+  prctl(PR_SET_PDEATHSIG, death_signal);
+  if (getppid() != parent) _exit(127);
+  setpgid(0, 0);
+  sigset_t none;
+  sigemptyset(&none);
+  sigprocmask(SIG_SETMASK, &none, nullptr);
+  const int nothing = ::open("/dev/null", O_RDONLY);
+  if (nothing < 0 || dup2(nothing, 0) < 0 || dup2(output, 1) < 0 || dup2(log, 2) < 0) _exit(127);
+  execv(command[0], command);
+  const char* why = std::strerror(errno);
+  (void)!::write(2, why, std::strlen(why));
+  _exit(127);
+}
+
+}  // namespace
+
+Children::~Children() {
+  for (Child& child : children_) {
+    if (!child.ended) {
+      ::kill(child.pid, SIGKILL);
+      ::waitpid(child.pid, &child.status, 0);
+    }
+    if (child.output >= 0) ::close(child.output);
+  }
+}
+
+Children::Child* Children::find(const std::string& name) {
+  const auto found =
+      std::find_if(children_.begin(), children_.end(), [&](const Child& c) { return c.program.name == name; });
+  return found == children_.end() ? nullptr : &*found;
+}
+
+const Children::Child* Children::find(const std::string& name) const { return const_cast<Children*>(this)->find(name); }
+
+Status Children::start(const Program& program) {
+  const std::string& file = program.command.front();
+  if (::access(file.c_str(), X_OK) != 0) {
+    return Error{fmt::format("{} cannot be run: {}. Build it: ./fly does, or ninja -C build/release programs", file,
+                             std::strerror(errno))};
+  }
+  const int log = ::open(program.log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  if (log < 0) return Error{fmt::format("cannot write {}: {}", program.log, std::strerror(errno))};
+  int pipe[2];
+  if (::pipe2(pipe, O_CLOEXEC) != 0) {
+    ::close(log);
+    return Error{fmt::format("no pipe for {}: {}", program.name, std::strerror(errno))};
+  }
+  std::vector<char*> command;
+  for (const std::string& word : program.command) command.push_back(const_cast<char*>(word.c_str()));
+  command.push_back(nullptr);
+  const pid_t parent = ::getpid();
+  const pid_t pid = ::fork();
+  if (pid == 0) become(command.data(), pipe[1], log, program.death_signal, parent);
+  ::close(pipe[1]);
+  ::close(log);
+  if (pid < 0) {
+    ::close(pipe[0]);
+    return Error{fmt::format("cannot start {}: {}", program.name, std::strerror(errno))};
+  }
+  ::fcntl(pipe[0], F_SETFL, O_NONBLOCK);
+  Child child;
+  child.program = program;
+  child.pid = pid;
+  child.output = pipe[0];
+  if (Child* old = find(program.name)) {
+    *old = std::move(child);  // a program that ran and ended, started again
+  } else {
+    children_.push_back(std::move(child));
+    names_.push_back(program.name);
+  }
+  return done;
+}
+
+void Children::read_output(Child& child) {
+  char buffer[16384];
+  for (;;) {
+    const ssize_t n = ::read(child.output, buffer, sizeof buffer);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0 && errno == EAGAIN) return;
+    if (n <= 0) {
+      ::close(child.output);
+      child.output = -1;
+      return;
+    }
+    child.partial.append(buffer, static_cast<std::size_t>(n));
+    std::size_t start = 0;
+    for (std::size_t end; (end = child.partial.find('\n', start)) != std::string::npos; start = end + 1) {
+      if (handlers_.on_line) handlers_.on_line(child.program.name, child.partial.substr(start, end - start));
+    }
+    child.partial.erase(0, start);
+    if (child.partial.size() > longest_line) child.partial.clear();
+  }
+}
+
+void Children::reap(Child& child) {
+  if (child.ended || ::waitpid(child.pid, &child.status, WNOHANG) != child.pid) return;
+  child.ended = true;
+  if (child.output >= 0) read_output(child);
+}
+
+void Children::poll(TimeNs timeout_ns) {
+  std::vector<pollfd> waiting;
+  std::vector<Child*> whose;
+  for (Child& child : children_) {
+    if (child.output < 0) continue;
+    waiting.push_back({child.output, POLLIN, 0});
+    whose.push_back(&child);
+  }
+  // A signal to the launcher ends the wait early: the caller looks at it.
+  ::poll(waiting.data(), waiting.size(), static_cast<int>(timeout_ns / ns_per_ms));
+  for (std::size_t i = 0; i < waiting.size(); ++i) {
+    if (waiting[i].revents != 0) read_output(*whose[i]);
+  }
+  for (Child& child : children_) reap(child);
+}
+
+bool Children::running(const std::string& name) const {
+  const Child* child = find(name);
+  return child && !child->ended;
+}
+
+bool Children::ended_well(const std::string& name) const {
+  const Child* child = find(name);
+  return child && child->ended && WIFEXITED(child->status) && WEXITSTATUS(child->status) == 0;
+}
+
+std::string Children::how_it_ended(const std::string& name) const {
+  const Child* child = find(name);
+  if (!child || !child->ended) return "";
+  if (WIFSIGNALED(child->status)) {
+    const int signal = WTERMSIG(child->status);
+    return fmt::format("was ended by signal {} ({})", signal, strsignal(signal));
+  }
+  return fmt::format("ended with exit code {}", WEXITSTATUS(child->status));
+}
+
+void Children::signal(const std::string& name, int signal) {
+  Child* child = find(name);
+  if (child && !child->ended) ::kill(child->pid, signal);
+}
+
+bool Children::stop(const std::string& name, TimeNs patience_ns) {
+  if (!running(name)) return true;
+  signal(name, SIGTERM);
+  const TimeNs until_ns = monotonic_ns() + patience_ns;
+  while (running(name) && monotonic_ns() < until_ns) poll(10 * ns_per_ms);
+  if (!running(name)) return true;
+  signal(name, SIGKILL);
+  while (running(name)) poll(10 * ns_per_ms);
+  return false;
+}
+
+// /proc/PID/stat: the fields behind the name in brackets are 3 (state) to 52; 14 and 15 are user and system time.
+double Children::cpu_seconds(const std::string& name) const {
+  const Child* child = find(name);
+  if (!child || child->ended) return 0;
+  std::ifstream file(fmt::format("/proc/{}/stat", child->pid));
+  std::string stat((std::istreambuf_iterator<char>(file)), {});
+  const auto bracket = stat.rfind(')');
+  if (bracket == std::string::npos) return 0;
+  std::istringstream fields(stat.substr(bracket + 1));
+  std::string skipped;
+  for (int i = 3; i < 14; ++i) fields >> skipped;
+  double user = 0, system = 0;
+  fields >> user >> system;
+  return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
+}
+
+std::string Children::log_tail(const std::string& name, int lines) const {
+  const Child* child = find(name);
+  if (!child) return "";
+  std::ifstream file(child->program.log);
+  std::deque<std::string> last;
+  for (std::string line; std::getline(file, line);) {
+    last.push_back(line);
+    if (last.size() > static_cast<std::size_t>(lines)) last.pop_front();
+  }
+  std::string text;
+  for (const auto& line : last) text += "  " + line + "\n";
+  return text;
+}
+
+}  // namespace ledgerline::fly

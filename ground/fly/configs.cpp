@@ -1,0 +1,85 @@
+#include "ground/fly/configs.hpp"
+
+#include <fmt/format.h>
+
+#include <fstream>
+
+#include "ground/fly/machine.hpp"
+
+namespace ledgerline::fly {
+namespace {
+
+std::string organisation_dir(const RunFiles& files, int organisation) {
+  return files.in(fmt::format("ledger/crypto/peerOrganizations/org{}.ledgerline", organisation));
+}
+
+std::string ledger_table(const RunFiles& files, const std::string& endpoint, int organisation,
+                         const std::string& user) {
+  return fmt::format(
+      "[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}/tlsca/tlsca.org1.ledgerline-cert.pem\"\n"
+      "msp_id = \"Org{}MSP\"\nmsp_dir = \"{}/msp\"\n\n",
+      endpoint, organisation_dir(files, 1), organisation, user_dir(files, organisation, user));
+}
+
+std::string msp_tables(const RunFiles& files) {
+  std::string tables;
+  for (int k = 1; k <= 3; ++k) {
+    tables += fmt::format("[[msp]]\nid = \"Org{0}MSP\"\nca = \"{1}/ca/ca.org{0}.ledgerline-cert.pem\"\n\n", k,
+                          organisation_dir(files, k));
+  }
+  return tables;
+}
+
+std::string output_table(const RunFiles& files, const std::string& program) {
+  return fmt::format("[output]\ntrace = \"{}\"\nsummary = \"{}\"\n", files.trace(program), files.summary(program));
+}
+
+std::string drone_tables(int drones, bool with_address) {
+  std::string tables;
+  for (int k = 1; k <= drones; ++k) {
+    tables += fmt::format("\n[[drone]]\nname = \"tello{0}\"\nnumber = {0}\n", k);
+    if (with_address) tables += fmt::format("address = \"{}\"\n", address_of(k));
+  }
+  return tables;
+}
+
+Status write_file(const std::string& path, const std::string& text) {
+  std::ofstream file(path);
+  file << text;
+  file.close();
+  if (!file) return Error{"cannot write " + path};
+  return done;
+}
+
+}  // namespace
+
+std::string user_dir(const RunFiles& files, int organisation, const std::string& user) {
+  return fmt::format("{}/users/{}@org{}.ledgerline", organisation_dir(files, organisation), user, organisation);
+}
+
+Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint) {
+  const std::string with_status = "status_period_ms = 250\n";
+  const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
+                           drone_tables(options.drones, true);
+  const std::string agent = ledger_table(files, endpoint, 1, "User1") + msp_tables(files) +
+                            output_table(files, "agent") + with_status + drone_tables(options.drones, false);
+  const std::string flight = fmt::format(
+      "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
+      "{:.3f}\n",
+      ground::name_of(options.shape), options.speed_mps, options.laps, options.seconds, height_m, side_m);
+  const std::string ground = ledger_table(files, endpoint, 2, "User1") + msp_tables(files) +
+                             output_table(files, "ground") + with_status + flight + drone_tables(options.drones, false);
+  const std::pair<std::string, std::string> all[] = {
+      {"link", link},
+      {"agent", agent},
+      {"ground", ground},
+      {"admin", ledger_table(files, endpoint, 1, "Admin")},
+      {"operator", ledger_table(files, endpoint, 2, "User1")},
+  };
+  for (const auto& [program, text] : all) {
+    if (auto status = write_file(files.config(program), text); !status) return status;
+  }
+  return done;
+}
+
+}  // namespace ledgerline::fly

@@ -1,0 +1,30 @@
+#pragma once
+#include <string>
+
+#include "common/rt/result.hpp"
+#include "ground/fly/options.hpp"
+
+namespace ledgerline::fly {
+
+/// Where everything of a run lies.
+struct RunFiles {
+  std::string directory;
+  std::string in(const std::string& name) const { return directory + "/" + name; }
+  std::string log(const std::string& program) const { return in(program + ".log"); }
+  std::string config(const std::string& program) const { return in(program + ".toml"); }
+  std::string trace(const std::string& program) const { return in(program + ".trace"); }
+  std::string summary(const std::string& program) const { return in(program + ".summary.json"); }
+};
+
+/// Side and height of the paths that fly flies.
+inline constexpr double side_m = 1.5;
+inline constexpr double height_m = 1.0;
+
+/// "User1@org1.ledgerline": the directory with its msp/ in the node's crypto material.
+std::string user_dir(const RunFiles& files, int organisation, const std::string& user);
+
+/// Writes link.toml, agent.toml, ground.toml, and admin.toml and operator.toml for ledgerline-control.
+/// `endpoint`: of the node.
+Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint);
+
+}  // namespace ledgerline::fly

@@ -1,0 +1,223 @@
+#include "ground/fly/launcher.hpp"
+
+#include <fmt/format.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::fly {
+namespace {
+
+using nlohmann::json;
+
+const std::vector<std::string> all_programs{"roudi", "node", "sim", "link", "agent", "ground"};
+constexpr TimeNs watch_ns = 50 * ns_per_ms;
+constexpr TimeNs ready_limit_ns = 20 * ns_per_s;
+constexpr TimeNs patience_ns = 5 * ns_per_s;
+constexpr TimeNs landing_patience_ns = 17 * ns_per_s;  // ground gives itself 15 s, link 10 s
+constexpr int log_lines = 8;
+
+// RouDi removes its shared memory when it is asked to end; nothing that the others hold outlives them.
+int death_signal(const std::string& name) { return name == "roudi" ? SIGTERM : SIGKILL; }
+
+std::string first_certificate(const std::string& directory) {
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(directory, error)) {
+    if (entry.path().extension() == ".pem") return entry.path();
+  }
+  return directory;
+}
+
+}  // namespace
+
+Launcher::Launcher(Options options, RunFiles files, std::string programs, bool terminal,
+                   const std::atomic<int>& interrupts)
+    : options_(std::move(options)),
+      files_(std::move(files)),
+      programs_(std::move(programs)),
+      interrupts_(interrupts),
+      live_(options_.drones, terminal, monotonic_ns()),
+      children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}) {}
+
+void Launcher::take_line(const std::string& name, const std::string& line) {
+  if (line.rfind("{\"ready\":", 0) == 0) {
+    ready_[name] = line;
+  } else {
+    live_.take(line);
+  }
+}
+
+std::string Launcher::crash_of(const std::string& name, const std::string& when) const {
+  const std::string tail = children_.log_tail(name, log_lines);
+  return fmt::format("{} {} {}{}", name, children_.how_it_ended(name), when,
+                     tail.empty() ? fmt::format(" and logged nothing ({})", files_.log(name))
+                                  : fmt::format(". The end of {}:\n{}", files_.log(name), tail));
+}
+
+Status Launcher::start(const std::string& name, std::vector<std::string> arguments) {
+  const std::string program = name.substr(0, name.find('-'));  // control-enroll and control-acquire are one program
+  arguments.insert(arguments.begin(), programs_ + "/ledgerline-" + program);
+  return children_.start({name, std::move(arguments), files_.log(name), death_signal(name)});
+}
+
+Status Launcher::wait_ready(const std::vector<std::string>& names) {
+  const TimeNs until_ns = monotonic_ns() + ready_limit_ns;
+  for (const std::string& name : names) {
+    while (!ready_.contains(name)) {
+      if (interrupts_ > 0) return Error{"interrupted before take-off"};
+      for (const std::string& other : children_.names()) {
+        if (!children_.running(other) && !children_.ended_well(other)) return Error{crash_of(other, "before take-off")};
+      }
+      if (!children_.running(name) && !ready_.contains(name)) return Error{crash_of(name, "before take-off")};
+      if (monotonic_ns() > until_ns) {
+        return Error{fmt::format("{} was not ready within {:.0f} s. The end of {}:\n{}", name,
+                                 to_seconds(ready_limit_ns), files_.log(name), children_.log_tail(name, log_lines))};
+      }
+      children_.poll(watch_ns);
+    }
+  }
+  return done;
+}
+
+Status Launcher::run_to_end(const std::string& name, std::vector<std::string> arguments) {
+  if (auto status = start(name, std::move(arguments)); !status) return status;
+  const TimeNs until_ns = monotonic_ns() + ready_limit_ns;
+  while (children_.running(name)) {
+    if (interrupts_ > 0) return Error{"interrupted before take-off"};
+    if (monotonic_ns() > until_ns)
+      return Error{fmt::format("{} did not end within {:.0f} s", name, to_seconds(ready_limit_ns))};
+    children_.poll(watch_ns);
+  }
+  if (!children_.ended_well(name)) return Error{crash_of(name, "before take-off")};
+  return done;
+}
+
+Status Launcher::start_all() {
+  const std::string drones = std::to_string(options_.drones);
+  if (auto s = start("roudi", {}); !s) return s;
+  if (auto s = start("node", {"--dir", files_.in("ledger"), "--listen", "127.0.0.1:0", "--batch-timeout",
+                              std::to_string(options_.batch_timeout_ns / ns_per_ms), "--batch-count",
+                              std::to_string(options_.batch_count), "--summary", files_.summary("node")});
+      !s) {
+    return s;
+  }
+  if (auto s = start("sim", {"--drones", drones, "--seed", std::to_string(options_.seed), "--trace",
+                             files_.trace("sim"), "--summary", files_.summary("sim")});
+      !s) {
+    return s;
+  }
+  if (auto s = wait_ready({"roudi", "sim", "node"}); !s) return s;
+
+  const json ready = json::parse(ready_["node"], nullptr, false);
+  if (!ready.is_object() || !ready.contains("endpoint") || !ready["endpoint"].is_string()) {
+    return Error{"node did not say its endpoint: " + ready_["node"]};
+  }
+  if (auto s = write_configs(files_, options_, ready["endpoint"].get<std::string>()); !s) return s;
+
+  std::vector<std::string> names;
+  for (int k = 1; k <= options_.drones; ++k) names.push_back(fmt::format("tello{}", k));
+  std::vector<std::string> enroll{"--config",
+                                  files_.config("admin"),
+                                  "enroll",
+                                  "--msp",
+                                  "Org1MSP",
+                                  "--cert",
+                                  first_certificate(user_dir(files_, 1, "User1") + "/msp/signcerts")};
+  std::vector<std::string> acquire{"--config", files_.config("operator"), "acquire"};
+  enroll.insert(enroll.end(), names.begin(), names.end());
+  acquire.insert(acquire.end(), names.begin(), names.end());
+  if (auto s = run_to_end("control-enroll", enroll); !s) return s;
+  if (auto s = run_to_end("control-acquire", acquire); !s) return s;
+
+  for (const char* name : {"link", "agent", "ground"}) {
+    if (auto s = start(name, {"--config", files_.config(name)}); !s) return s;
+  }
+  return wait_ready({"link", "agent", "ground"});
+}
+
+std::string Launcher::ground_why() const {
+  std::ifstream file(files_.summary("ground"));
+  const json summary = json::parse(file, nullptr, false);
+  if (summary.is_object() && summary.contains("why") && summary["why"].is_string() && summary["why"] != "") {
+    return summary["why"].get<std::string>();
+  }
+  return crash_of("ground", "before every drone had finished its path and landed");
+}
+
+Status Launcher::fly() {
+  record_.begin_ns = monotonic_ns();
+  for (const auto& name : all_programs) cpu_at_begin_[name] = children_.cpu_seconds(name);
+  int interrupts_seen = 0;
+  Status result = done;
+  for (bool flying = true; flying;) {
+    std::map<std::string, double> cpu;
+    for (const auto& name : all_programs) cpu[name] = children_.cpu_seconds(name);
+    children_.poll(watch_ns);
+    const TimeNs now_ns = monotonic_ns();
+    record_.end_ns = now_ns;
+    // Of a process that is gone the figures before count: it is at most one watch later.
+    for (const auto& name : all_programs) {
+      const double used_s = cpu[name] - cpu_at_begin_[name];
+      record_.cpu_percent[name] = 100 * used_s / std::max(1e-3, to_seconds(now_ns - record_.begin_ns));
+    }
+    live_.show(now_ns);
+    if (!children_.running("ground")) {
+      if (!children_.ended_well("ground")) result = Error{ground_why()};
+      flying = false;
+    }
+    for (const auto& name : all_programs) {
+      if (name == "ground" || children_.running(name) || !result) continue;
+      result = Error{crash_of(name, "during the flight")};
+      flying = false;
+    }
+    const int interrupts = interrupts_;
+    if (interrupts > interrupts_seen && flying) {
+      if (interrupts_seen == 0) live_.say("Landing all drones (once more Ctrl-C: do not wait for them)");
+      if (interrupts_seen > 0) flying = false;
+      children_.signal("ground", SIGTERM);
+      interrupts_seen = interrupts;
+      if (!flying) result = Error{"interrupted twice: the drones were not awaited"};
+    }
+  }
+  return result;
+}
+
+// Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
+void Launcher::stop_all(bool landed) {
+  const bool hurry = interrupts_ > 1;
+  std::vector<std::string> order{"ground", "agent", "link", "sim", "node", "roudi"};
+  if (!landed && !hurry && children_.running("link") && children_.running("sim") && live_.anything_in_air()) {
+    live_.say("Landing all drones");
+    children_.signal("link", SIGTERM);
+    const TimeNs until_ns = monotonic_ns() + landing_patience_ns;
+    while (children_.running("link") && monotonic_ns() < until_ns && interrupts_ <= 1) {
+      children_.poll(watch_ns);
+      live_.show(monotonic_ns());
+    }
+  }
+  for (const auto& name : order) {
+    if (!children_.running(name)) continue;
+    const bool in_time = children_.stop(name, hurry ? ns_per_s : patience_ns);
+    if (!in_time && !hurry) {
+      record_.ok = false;
+      record_.why +=
+          fmt::format("{}{} did not end when asked to and was killed", record_.why.empty() ? "" : "; ", name);
+    } else if (in_time && landed && !children_.ended_well(name)) {
+      record_.ok = false;
+      record_.why += (record_.why.empty() ? "" : "; ") + crash_of(name, "while ending");
+    }
+  }
+}
+
+RunRecord Launcher::run() {
+  Status status = start_all();
+  if (status) status = fly();
+  record_.ok = status.ok();
+  if (!status) record_.why = status.error().what;
+  stop_all(!children_.running("ground") && children_.running("link"));
+  return record_;
+}
+
+}  // namespace ledgerline::fly

@@ -1,0 +1,45 @@
+#pragma once
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+
+namespace ledgerline::fly {
+
+/// What a person sees while drones fly: a line per drone, rewritten in place on a terminal, one line every few seconds
+/// elsewhere. Fed with the status lines of agent and ground; on standard error.
+class Live {
+ public:
+  Live(int drones, bool terminal, TimeNs start_ns);
+
+  /// A status line of agent or ground; others are ignored. False when it is no JSON object.
+  bool take(const std::string& line);
+  /// Prints if it is time to.
+  void show(TimeNs now_ns);
+  /// Text of its own, above the live lines.
+  void say(const std::string& text);
+  /// The lines as they would be shown; for tests too.
+  std::vector<std::string> lines(TimeNs now_ns) const;
+  /// As ground said last: drones that are in the air, by its phases.
+  bool anything_in_air() const;
+
+ private:
+  struct Drone {
+    std::string name, phase = "waiting", link_phase, mode;
+    int lap = 0;
+    double progress = 0;
+    double position[3] = {};
+    double state_age_ms = -1, command_age_ms = -1, two_way_ms = -1;
+  };
+  void clear();
+
+  std::vector<Drone> drones_;
+  std::uint64_t height_ = 0;
+  bool terminal_;
+  TimeNs start_ns_;
+  TimeNs next_ns_ = 0;
+  std::size_t shown_ = 0;
+};
+
+}  // namespace ledgerline::fly

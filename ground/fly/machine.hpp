@@ -1,0 +1,45 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "common/rt/result.hpp"
+
+namespace ledgerline::fly {
+
+/// One flight at a time on a machine: shared memory and the drones' ports are the machine's own. Children inherit the
+/// lock, so it is held until the last process of a run is gone, even when the launcher was killed.
+class RunLock {
+ public:
+  /// The error names who holds it. `about`: what to tell the next one.
+  static Result<RunLock> take(const std::string& file, const std::string& about);
+  RunLock(RunLock&& other) noexcept : fd_(other.fd_) { other.fd_ = -1; }
+  RunLock& operator=(RunLock&&) = delete;
+  ~RunLock();
+
+ private:
+  explicit RunLock(int fd) : fd_(fd) {}
+  int fd_;
+};
+
+/// What stands in the way of a flight, and its cure.
+struct Problem {
+  std::string what;
+  std::string cure;
+};
+
+/// Looks at shared memory (room, leftovers of a RouDi that died, another RouDi that lives) and at the UDP ports of
+/// `drones` drones and of link. Leftovers of our own are removed: `notes` says so, and what else is good to know.
+std::vector<Problem> check_machine(int drones, std::vector<std::string>& notes);
+
+/// For the results.
+struct Machine {
+  std::string cpu, system;
+  unsigned cores = 0;
+  double memory_gb = 0;
+};
+Machine describe_machine();
+
+/// "127.0.0.2" for drone 1.
+std::string address_of(int drone);
+
+}  // namespace ledgerline::fly

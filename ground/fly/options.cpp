@@ -1,0 +1,90 @@
+#include "ground/fly/options.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <sstream>
+
+#include "common/msg/onboard.hpp"
+
+namespace ledgerline::fly {
+namespace {
+
+constexpr int exit_usage = 2;
+
+std::string check_duration(const std::string& text) {
+  const auto duration = parse_duration(text);
+  return duration ? "" : duration.error().what;
+}
+
+}  // namespace
+
+Result<TimeNs> parse_duration(const std::string& text) {
+  double number = 0;
+  std::string unit;
+  std::istringstream in(text);
+  in >> number >> unit;
+  const double ns = number * static_cast<double>(unit == "s" ? ns_per_s : ns_per_ms);
+  const bool known = unit.empty() || unit == "ms" || unit == "s";
+  if (in.bad() || !known || !(ns >= static_cast<double>(ns_per_ms)) || ns > 60.0 * ns_per_s || !in.eof()) {
+    return Error{fmt::format("\"{}\" is no time from 1ms to 60s, such as 10ms, 2s or 10 (milliseconds)", text)};
+  }
+  return static_cast<TimeNs>(ns);
+}
+
+CommandLine parse_command_line(const std::vector<std::string>& arguments) {
+  CommandLine line;
+  Options& o = line.options;
+  CLI::App app{
+      "Flies simulated drones around a path through the ledger, and reports how well it went.\n"
+      "Ctrl-C lands the drones. Exit codes: 0 every drone finished its path and landed; 1 not so; 2 bad usage.",
+      "ledgerline-fly"};
+  app.footer(
+      "Examples:\n"
+      "  fly                                 one drone, three laps of a square\n"
+      "  fly --drones 3 --shape x --laps 1\n"
+      "  fly --batch-timeout 2s --batch-count 10 --seconds 60    the published ledger's settings\n"
+      "  fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run");
+  std::string shape = "square";
+  std::string batch_timeout = "10ms";
+  app.add_option("--shape", shape, "Path of 1.5 m a side")
+      ->check(CLI::IsMember({"square", "triangle", "x"}))
+      ->capture_default_str();
+  app.add_option("--drones", o.drones, "Number of drones")
+      ->check(CLI::Range(1, static_cast<int>(max_drones)))
+      ->capture_default_str();
+  app.add_option("--rate", o.rate_hz, "States a second of each drone")
+      ->check(CLI::Range(1.0, 200.0))
+      ->capture_default_str();
+  app.add_option("--speed", o.speed_mps, "Along the path, m/s")->check(CLI::Range(0.05, 5.0))->capture_default_str();
+  auto* laps = app.add_option("--laps", o.laps, "Laps to fly")->check(CLI::Range(1, 1000))->capture_default_str();
+  app.add_option("--seconds", o.seconds, "Fly the path this long instead of counting laps")
+      ->check(CLI::Range(1.0, 86'400.0))
+      ->excludes(laps);
+  app.add_option("--ledger", o.ledger, "Which ledger")->check(CLI::IsMember({"embedded"}))->capture_default_str();
+  app.add_option("--batch-timeout", batch_timeout,
+                 "Ledger: a block is cut when its oldest transaction waited this long")
+      ->check(CLI::Validator(check_duration, "TIME"))
+      ->capture_default_str();
+  app.add_option("--batch-count", o.batch_count, "Ledger: a block is cut at this many transactions")
+      ->check(CLI::Range(1, 10'000))
+      ->capture_default_str();
+  app.add_option("--seed", o.seed, "Of wind and sensor noise")->capture_default_str();
+  app.add_option("--json", o.json, "Write the figures to this file, as one JSON object");
+  app.add_option("--out", o.out, "Directory for traces, logs and the page (default: build/runs/TIME)");
+  try {
+    // CLI11 takes them in reverse order.
+    app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
+  } catch (const CLI::ParseError& e) {
+    std::ostringstream text;
+    line.exit_code = app.exit(e, text, text) == 0 ? 0 : exit_usage;
+    line.text = text.str();
+    return line;
+  }
+  o.shape = *ground::shape_from_name(shape);
+  o.batch_timeout_ns = *parse_duration(batch_timeout);
+  line.fly = true;
+  return line;
+}
+
+}  // namespace ledgerline::fly

@@ -1,0 +1,39 @@
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+#include "common/rt/result.hpp"
+#include "ground/core/path.hpp"
+
+namespace ledgerline::fly {
+
+struct Options {
+  ground::Shape shape = ground::Shape::square;
+  int drones = 1;
+  double rate_hz = 30;
+  double speed_mps = 0.5;
+  int laps = 3;
+  double seconds = 0;  ///< > 0: instead of laps
+  std::string ledger = "embedded";
+  TimeNs batch_timeout_ns = 10 * ns_per_ms;
+  int batch_count = 1;
+  std::uint64_t seed = 1;
+  std::string json;  ///< file; empty: none
+  std::string out;   ///< directory of the run; empty: chosen by the time
+};
+
+/// What the command line asks for: a flight, or a text to print and an exit code.
+struct CommandLine {
+  Options options;
+  bool fly = false;
+  int exit_code = 0;
+  std::string text;  ///< help (exit code 0) or what is wrong (2)
+};
+CommandLine parse_command_line(const std::vector<std::string>& arguments);
+
+/// "10ms", "2s", "0.5s", or a plain number of milliseconds; more than nothing, at most a minute.
+Result<TimeNs> parse_duration(const std::string& text);
+
+}  // namespace ledgerline::fly

@@ -1,0 +1,79 @@
+#include <nlohmann/json.hpp>
+
+#include "ground/report/results.hpp"
+
+namespace ledgerline::report {
+namespace {
+
+using nlohmann::json;
+
+double rounded(double value, double digits = 1000) { return std::round(value * digits) / digits; }
+
+json to_json(const Quantiles& q) {
+  return {{"p5", rounded(q.p5)},   {"q1", rounded(q.q1)},   {"median", rounded(q.median)}, {"q3", rounded(q.q3)},
+          {"p95", rounded(q.p95)}, {"p99", rounded(q.p99)}, {"max", rounded(q.max)},       {"count", q.count}};
+}
+
+template <std::size_t N>
+json named(const std::array<std::uint64_t, N>& values, const std::array<const char*, N>& names) {
+  json object = json::object();
+  for (std::size_t i = 0; i < N; ++i) object[names[i]] = values[i];
+  return object;
+}
+
+json to_json(const DroneResult& drone) {
+  json cross_track = nullptr;
+  if (drone.path_flown)
+    cross_track = {{"rms", rounded(drone.cross_track_rms_m)}, {"max", rounded(drone.cross_track_max_m)}};
+  json laps = json::array();
+  for (double lap : drone.lap_s) laps.push_back(rounded(lap));
+  return {{"id", drone.id},
+          {"two_way_ms", to_json(drone.two_way_ms)},
+          {"age_ms", to_json(drone.age_ms)},
+          {"cross_track_m", cross_track},
+          {"lap_s", laps},
+          {"states", named<5>(drone.states, {"sampled", "sent", "on_ledger", "merged", "dropped"})},
+          {"commands", named<6>(drone.commands, {"sent", "on_ledger", "refused", "applied", "late", "dropped"})}};
+}
+
+}  // namespace
+
+json to_json(const Results& r) {
+  json asked{{"shape", ground::name_of(r.asked.shape)},
+             {"drones", r.asked.drones},
+             {"rate_hz", r.asked.rate_hz},
+             {"speed_mps", r.asked.speed_mps},
+             {"laps", r.asked.laps},
+             {"seconds", r.asked.seconds},
+             {"ledger", r.asked.ledger},
+             {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
+             {"batch_count", r.asked.batch_count},
+             {"seed", r.asked.seed}};
+  json cpu = json::object();
+  for (const auto& [name, percent] : r.cpu_percent) cpu[name] = rounded(percent, 10);
+  json drones = json::array();
+  for (const DroneResult& drone : r.drones) drones.push_back(to_json(drone));
+  json object{{"asked", asked},
+              {"machine",
+               {{"cpu", r.machine.cpu},
+                {"cores", r.machine.cores},
+                {"memory_gb", rounded(r.machine.memory_gb, 10)},
+                {"system", r.machine.system}}},
+              {"ledger",
+               {{"kind", r.asked.ledger},
+                {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
+                {"batch_count", r.asked.batch_count},
+                {"storage", r.storage},
+                {"blocks", r.blocks},
+                {"transactions", r.transactions}}},
+              {"drones", drones},
+              {"flight_s", rounded(r.flight_s)},
+              {"messages_per_s", rounded(r.messages_per_s, 10)},
+              {"transactions_per_s", rounded(r.transactions_per_s, 10)},
+              {"cpu_percent", cpu},
+              {"ok", r.ok}};
+  if (!r.ok) object["why"] = r.why;
+  return object;
+}
+
+}  // namespace ledgerline::report

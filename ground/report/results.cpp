@@ -1,0 +1,192 @@
+#include "ground/report/results.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+
+namespace ledgerline::report {
+namespace {
+
+using nlohmann::json;
+
+json read_summary(const fly::RunFiles& files, const std::string& program, Results& results) {
+  std::ifstream file(files.summary(program));
+  json summary = json::parse(file, nullptr, false);
+  if (summary.is_object()) return summary;
+  results.missing.push_back(files.summary(program));
+  return json::object();
+}
+
+std::vector<TraceRecord> read(const fly::RunFiles& files, const std::string& program, Results& results) {
+  auto trace = read_trace(files.trace(program));
+  if (trace) return std::move(trace).value();
+  results.missing.push_back(files.trace(program));
+  return {};
+}
+
+const json& at(const json& object, const std::string& key) {
+  static const json nothing;
+  if (!object.is_object()) return nothing;
+  const auto found = object.find(key);
+  return found == object.end() ? nothing : *found;
+}
+
+std::uint64_t count_of(const json& object, const std::string& key) {
+  const json& value = at(object, key);
+  return value.is_number() ? static_cast<std::uint64_t>(value.get<double>()) : 0;
+}
+
+double number_of(const json& value) { return value.is_number() ? value.get<double>() : 0; }
+
+const json& drone_in(const json& summary, const std::string& name) {
+  static const json nothing;
+  for (const json& drone : at(summary, "drones")) {
+    if (at(drone, "name") == name) return drone;
+  }
+  return nothing;
+}
+
+std::vector<std::array<double, 2>> flown_path(const std::vector<TraceRecord>& truth, std::uint16_t drone,
+                                              TimeNs begin_ns, TimeNs end_ns) {
+  constexpr TimeNs apart_ns = 40 * ns_per_ms;  // for the eye; figures are made from all records
+  std::vector<std::array<double, 2>> points;
+  TimeNs last_ns = 0;
+  for (const TraceRecord& r : truth) {
+    if (r.kind != TraceKind::truth || r.drone != drone || r.t_ns < begin_ns || r.t_ns > end_ns) continue;
+    if (!points.empty() && r.t_ns - last_ns < apart_ns) continue;
+    points.push_back({r.v[0], r.v[1]});
+    last_ns = r.t_ns;
+  }
+  return points;
+}
+
+void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::uint16_t number, ground::Shape shape,
+               DroneResult& drone) {
+  const json& origin = at(ground, "origin");
+  const json& between = at(ground, "path_ns");
+  if (!origin.is_array() || origin.size() != 2 || !between.is_array() || between.size() != 2) return;
+  const auto begin_ns = static_cast<TimeNs>(number_of(between[0]));
+  const auto end_ns = static_cast<TimeNs>(number_of(between[1]));
+  const ground::Path path(shape, {number_of(origin[0]), number_of(origin[1])}, fly::side_m);
+  const CrossTrack error = cross_track(truth, number, path, begin_ns, end_ns);
+  drone.path_flown = error.count > 0;
+  drone.cross_track_rms_m = error.rms_m;
+  drone.cross_track_max_m = error.max_m;
+  for (const auto& corner : path.corners()) drone.wanted.push_back({corner.x(), corner.y()});
+  if (!drone.wanted.empty()) drone.wanted.push_back(drone.wanted.front());
+  drone.flown = flown_path(truth, number, begin_ns, end_ns);
+}
+
+}  // namespace
+
+std::vector<Sample> latencies(const std::vector<TraceRecord>& trace, TraceKind kind, std::uint16_t drone,
+                              TimeNs begin_ns) {
+  std::vector<Sample> samples;
+  std::set<std::uint64_t> seen;
+  for (const TraceRecord& r : trace) {
+    if (r.kind != kind || r.drone != drone || !seen.insert(r.id).second) continue;
+    samples.push_back({to_seconds(r.t_ns - begin_ns), to_ms(r.t_ns - r.stamp_ns)});
+  }
+  return samples;
+}
+
+Quantiles quantiles_of(const std::vector<Sample>& samples) {
+  Histogram histogram;
+  for (const Sample& s : samples) histogram.add(from_seconds(s.ms * 1e-3));
+  return histogram.quantiles_ms();
+}
+
+CrossTrack cross_track(const std::vector<TraceRecord>& truth, std::uint16_t drone, const ground::Path& path,
+                       TimeNs begin_ns, TimeNs end_ns) {
+  CrossTrack result;
+  double squares = 0;
+  for (const TraceRecord& r : truth) {
+    if (r.kind != TraceKind::truth || r.drone != drone || r.t_ns < begin_ns || r.t_ns > end_ns) continue;
+    const double off_m = path.distance_m({r.v[0], r.v[1]});
+    squares += off_m * off_m;
+    result.max_m = std::max(result.max_m, off_m);
+    ++result.count;
+  }
+  if (result.count > 0) result.rms_m = std::sqrt(squares / static_cast<double>(result.count));
+  return result;
+}
+
+Results read_results(const fly::RunFiles& files, const fly::Options& asked, const fly::RunRecord& record) {
+  Results results;
+  results.asked = asked;
+  results.machine = fly::describe_machine();
+  results.ok = record.ok;
+  results.why = record.why;
+  results.cpu_percent = record.cpu_percent;
+  results.flight_s = to_seconds(record.end_ns - record.begin_ns);
+  const json node = read_summary(files, "node", results);
+  const json link = read_summary(files, "link", results);
+  const json agent = read_summary(files, "agent", results);
+  const json ground = read_summary(files, "ground", results);
+  const auto link_trace = read(files, "link", results);
+  const auto agent_trace = read(files, "agent", results);
+  const auto truth = read(files, "sim", results);
+  results.blocks = count_of(node, "blocks");
+  results.transactions = count_of(node, "transactions");
+  results.storage = at(node, "storage").is_string() ? at(node, "storage").get<std::string>() : "unknown";
+
+  std::vector<Sample> all_two_way, all_age;
+  std::uint64_t messages = 0;
+  for (int k = 1; k <= asked.drones; ++k) {
+    const auto number = static_cast<std::uint16_t>(k);
+    DroneResult drone;
+    drone.id = fmt::format("tello{}", k);
+    drone.two_way = latencies(agent_trace, TraceKind::command_verified, number, record.begin_ns);
+    drone.age = latencies(link_trace, TraceKind::command_applied, number, record.begin_ns);
+    drone.two_way_ms = quantiles_of(drone.two_way);
+    drone.age_ms = quantiles_of(drone.age);
+    all_two_way.insert(all_two_way.end(), drone.two_way.begin(), drone.two_way.end());
+    all_age.insert(all_age.end(), drone.age.begin(), drone.age.end());
+
+    const json& l = drone_in(link, drone.id);
+    const json& a = drone_in(agent, drone.id);
+    const json& g = drone_in(ground, drone.id);
+    const json& states = at(a, "states");
+    const json& commands = at(a, "commands");
+    drone.states = {count_of(states, "sampled"), count_of(states, "sent"), count_of(states, "on_ledger"),
+                    count_of(states, "merged"), count_of(states, "dropped") + count_of(l, "states_lost")};
+    drone.commands = {count_of(g, "commands_sent"),
+                      count_of(commands, "on_ledger"),
+                      count_of(commands, "refused") + count_of(g, "commands_refused"),
+                      count_of(l, "commands_applied"),
+                      count_of(l, "commands_late"),
+                      count_of(l, "commands_dropped")};
+    for (const json& lap : at(g, "lap_s")) drone.lap_s.push_back(number_of(lap));
+    read_path(g, truth, number, asked.shape, drone);
+    messages += drone.states[2] + drone.commands[1];
+    results.drones.push_back(std::move(drone));
+  }
+  results.two_way_ms = quantiles_of(all_two_way);
+  results.age_ms = quantiles_of(all_age);
+  const auto transactions =
+      count_of(at(agent, "transactions"), "committed") + count_of(at(ground, "transactions"), "committed");
+  if (results.flight_s > 0) {
+    results.messages_per_s = static_cast<double>(messages) / results.flight_s;
+    results.transactions_per_s = static_cast<double>(transactions) / results.flight_s;
+  }
+  return results;
+}
+
+std::vector<std::string> differences(const Results& r) {
+  return {
+      "theirs: " +
+          std::string("Wi-Fi between three machines and real drones; here: loopback on one machine, simulated drones"),
+      fmt::format(
+          "theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: the embedded node, one process, storage "
+          "{}",
+          r.storage),
+      fmt::format("theirs: blocks of 10 messages or 2 s; here: {} or {:.0f} ms", r.asked.batch_count,
+                  to_ms(r.asked.batch_timeout_ns)),
+      fmt::format("theirs: 70 messages/s with one drone, 250 with three; here: {:.0f}", r.messages_per_s),
+  };
+}
+
+}  // namespace ledgerline::report

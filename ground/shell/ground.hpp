@@ -1,0 +1,65 @@
+#pragma once
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "common/dds/dds.hpp"
+#include "common/fabric/client.hpp"
+#include "common/rt/trace.hpp"
+#include "ground/shell/settings.hpp"
+
+namespace ledgerline::ground {
+
+/// The shell around FlightCore: blocks and outcomes come on the client's threads, are handed over, and wake the one
+/// thread that runs the core, submits its calls, publishes odometry on DDS, and writes trace and status lines.
+class Ground {
+ public:
+  Ground(FlightConfig flight, OutputSettings output, std::unique_ptr<fabric::Client> client);
+  ~Ground();
+
+  /// Opens trace and topics, subscribes to blocks, reads the drones' control records. Ends early, with an error, when
+  /// `quit`.
+  Status start(const std::atomic<bool>& quit);
+  /// Flies until every drone has landed or failed. Once `quit` is set, all drones land, and it returns at the latest
+  /// `landing_limit` later. True when every drone finished its path and landed.
+  Result<bool> run(const std::atomic<bool>& quit);
+
+ private:
+  struct Ended {
+    std::uint64_t id;
+    fabric::Outcome outcome;
+  };
+  using Event = std::variant<fabric::Block, Ended>;
+
+  Status read_controls(const std::atomic<bool>& quit);
+  std::optional<Event> next_event(TimeNs timeout_ns);
+  void hand_over(Event event);
+  void step(FlightInputs inputs);
+  void write_status(TimeNs now_ns);
+  Status write_summary();
+
+  OutputSettings output_;
+  FlightCore core_;
+  std::optional<TraceWriter> trace_;
+  dds::ParticipantPtr participant_;
+  std::vector<dds::OdometryPublisher> odometry_;
+  TimeNs next_status_ns_ = 0;
+
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::deque<Event> events_;
+  bool connected_ = false;
+  std::string connection_problem_;
+
+  // Last, so that they end first: their callbacks use all of the above.
+  std::unique_ptr<fabric::Client> client_;
+  std::unique_ptr<fabric::Client::Stream> blocks_;
+};
+
+}  // namespace ledgerline::ground

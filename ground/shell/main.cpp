@@ -1,0 +1,91 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+
+#include "common/fabric/client.hpp"
+#include "common/fabric/config.hpp"
+#include "common/rt/log.hpp"
+#include "ground/shell/ground.hpp"
+
+namespace {
+
+using namespace ledgerline;
+
+constexpr int exit_usage = 2;
+std::atomic<bool> quit{false};
+
+void ask_to_quit(int) { quit = true; }
+
+void catch_signals() {
+  struct sigaction action {};
+  action.sa_handler = ask_to_quit;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+int fly(Config& config) {
+  ground::FlightConfig flight = ground::flight_config(config);
+  const ground::OutputSettings output = ground::output_settings(config);
+  auto ledger = fabric::ledger_config(config);
+  auto believed = fabric::msp_registry(config);
+  Status checked = config.finish();
+  if (checked && flight.drones.empty()) checked = Error{"no [[drone]] to fly"};
+  if (checked && !ledger) checked = ledger.error();
+  if (checked && !believed) checked = believed.error();
+  if (!checked) {
+    spdlog::error("{}", checked.error().what);
+    return exit_usage;
+  }
+  flight.self = ledger->identity.name;
+  flight.believed = std::move(believed).value();
+  auto client = fabric::Client::create(std::move(ledger).value());
+  if (!client) {
+    spdlog::error("{}", client.error().what);
+    return exit_usage;
+  }
+  ground::Ground ground(std::move(flight), output, std::move(client).value());
+  if (auto status = ground.start(quit); !status) {
+    spdlog::error("{}", status.error().what);
+    return EXIT_FAILURE;
+  }
+  fmt::print("{{\"ready\":true}}\n");
+  std::fflush(stdout);
+  const auto ok = ground.run(quit);
+  if (!ok) {
+    spdlog::error("{}", ok.error().what);
+    return EXIT_FAILURE;
+  }
+  return *ok ? EXIT_SUCCESS : EXIT_FAILURE;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Flies drones around a path: reads their states from the ledger's blocks, and commands them through the ledger.\n"
+      "Exit codes: 0 every drone finished its path and landed; 1 not so; 2 bad usage or config.\n"
+      "SIGINT and SIGTERM land all drones.\n\n"
+      "Example:\n  ledgerline-ground --config ground.toml\n\n"
+      "ground.toml: [ledger] endpoint, tls_ca, msp_id, msp_dir; [[msp]] id, ca; [[drone]] name, number;\n"
+      "  [flight] shape (square|triangle|x), speed_mps, laps, seconds, height_m, side_m, lag_s;\n"
+      "  [output] trace, summary, status_period_ms",
+      "ledgerline-ground"};
+  std::string file;
+  app.add_option("--config", file, "TOML file")->required();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
+  }
+  init_log("ground");
+  catch_signals();
+  auto config = Config::load(file);
+  if (!config) {
+    spdlog::error("{}", config.error().what);
+    return exit_usage;
+  }
+  return fly(*config);
+}

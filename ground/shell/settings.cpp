@@ -1,0 +1,82 @@
+#include "ground/shell/settings.hpp"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::ground {
+
+using nlohmann::json;
+
+FlightConfig flight_config(Config& config) {
+  FlightConfig flight;
+  const auto shape = shape_from_name(config.choice("flight.shape", {"square", "triangle", "x"}, "square"));
+  if (shape) flight.shape = *shape;
+  flight.side_m = config.number("flight.side_m", 1.5, 0.2, 50);
+  flight.laps = static_cast<int>(config.integer("flight.laps", 3, 1, 10'000));
+  flight.seconds = config.number("flight.seconds", 0, 0, 86'400);
+  flight.controller.speed_mps = config.number("flight.speed_mps", 0.5, 0.05, 8);
+  flight.controller.height_m = config.number("flight.height_m", 1.0, 0.3, 10);
+  flight.controller.lag_s = config.number("flight.lag_s", flight.controller.lag_s, 0.01, 2);
+  for (std::size_t i = 0; i < config.table_count("drone"); ++i) {
+    const std::string key = fmt::format("drone.{}.", i);
+    flight.drones.push_back({config.text(key + "name"), static_cast<DroneNumber>(config.integer(
+                                                            key + "number", static_cast<int>(i) + 1, 1, max_drones))});
+  }
+  return flight;
+}
+
+OutputSettings output_settings(Config& config) {
+  OutputSettings output;
+  output.trace = config.text("output.trace", "");
+  output.summary = config.text("output.summary", "");
+  output.status_period_ns = config.integer("output.status_period_ms", 250, 0, 60'000) * ns_per_ms;
+  return output;
+}
+
+std::string status_line(const FlightCore& core) {
+  json drones = json::array();
+  for (std::size_t i = 0; i < core.drones().size(); ++i) {
+    const FlightStatus status = core.status(i);
+    drones.push_back({{"name", core.drones()[i].name},
+                      {"phase", name_of(status.phase)},
+                      {"lap", status.lap},
+                      {"progress", status.progress}});
+  }
+  return json{{"ground", {{"drones", drones}, {"why", core.why()}}}}.dump();
+}
+
+std::string summary(const FlightCore& core) {
+  json drones = json::array();
+  for (std::size_t i = 0; i < core.drones().size(); ++i) {
+    const FlightStatus status = core.status(i);
+    drones.push_back({{"name", core.drones()[i].name},
+                      {"finished", status.finished},
+                      {"landed", status.phase == DronePhase::landed},
+                      {"lap_s", status.lap_s},
+                      {"origin", status.origin_m},
+                      {"height_m", core.height_m()},
+                      {"states_received", status.states_received},
+                      {"commands_made", status.commands_made},
+                      {"commands_sent", status.commands_sent},
+                      {"commands_merged", status.commands_merged},
+                      {"commands_refused", status.commands_refused},
+                      {"path_ns", status.path_ns},
+                      {"why", status.why}});
+  }
+  const FlightTransactions& t = core.transactions();
+  return json{{"drones", drones},
+              {"transactions",
+               {{"submitted", t.submitted},
+                {"committed", t.committed},
+                {"invalidated", t.invalidated},
+                {"refused", t.refused},
+                {"unavailable", t.unavailable},
+                {"overloaded", t.overloaded}}},
+              {"states_unbelieved", t.unbelieved},
+              {"delay_ms", to_ms(core.delay_ns())},
+              {"why", core.why()}}
+      .dump(2);
+}
+
+}  // namespace ledgerline::ground
