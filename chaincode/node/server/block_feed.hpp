@@ -1,0 +1,48 @@
+#pragma once
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "chaincode/node/storage/block_store.hpp"
+
+namespace ledgerline::node {
+
+/// Committed blocks for any number of readers, each at its own pace. A reader that is slow holds nobody back and costs
+/// no memory: it asks for one block after the other, and old ones come from disk. All methods from any thread.
+class BlockFeed {
+ public:
+  explicit BlockFeed(const BlockStore& store) : store_(store) {}
+
+  using Bytes = std::shared_ptr<const std::string>;
+  /// How many blocks are committed.
+  std::uint64_t height() const;
+  Result<Bytes> read(std::uint64_t number) const;
+
+  /// Someone who waits for a block. wake() comes once for each wait, on the publishing thread: it must be short.
+  class Waiter {
+   public:
+    virtual ~Waiter() = default;
+    virtual void wake() = 0;
+  };
+  /// False: the block is there already, no wake will come.
+  bool wait(std::uint64_t number, std::weak_ptr<Waiter> waiter);
+
+  /// After the block with this number is on disk and applied; in order.
+  void publish(std::uint64_t number, std::string bytes);
+  /// At start: blocks that are on disk already.
+  void start_at(std::uint64_t height);
+
+ private:
+  static constexpr std::size_t recent_blocks = 64;
+
+  const BlockStore& store_;
+  mutable std::mutex mutex_;
+  std::uint64_t height_ = 0;
+  std::deque<Bytes> recent_;  // the last of them is block height_ - 1
+  std::vector<std::weak_ptr<Waiter>> waiters_;
+};
+
+}  // namespace ledgerline::node

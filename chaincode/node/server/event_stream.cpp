@@ -1,0 +1,77 @@
+#include "chaincode/node/server/event_stream.hpp"
+
+namespace ledgerline::node {
+
+EventStream* EventStream::start(Node& node, const gateway::SignedChaincodeEventsRequest& signed_request) {
+  auto stream = std::make_shared<EventStream>(node);
+  stream->self_ = stream;
+  gateway::ChaincodeEventsRequest request;
+  if (!request.ParseFromString(signed_request.request())) {
+    stream->finish({grpc::StatusCode::INVALID_ARGUMENT, "the events request does not parse"});
+    return stream.get();
+  }
+  const bool taken = node.post(
+      [stream, request, bytes = signed_request.request(), signature = signed_request.signature()](NodeCore& core) {
+        const auto signer = core.check_signer(request.identity(), bytes, signature, read_now());
+        if (!signer) return stream->finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().what});
+        stream->begin(core, request);
+      });
+  if (!taken) stream->finish(overloaded());
+  return stream.get();
+}
+
+void EventStream::begin(NodeCore& core, const gateway::ChaincodeEventsRequest& request) {
+  if (request.channel_id() != node_.config().channel) {
+    return finish({grpc::StatusCode::NOT_FOUND, "channel " + request.channel_id() + " not found"});
+  }
+  const std::lock_guard lock(mutex_);
+  contract_ = request.chaincode_id();
+  after_ = request.after_transaction_id();
+  next_ = read_start(request.start_position(), core.height());
+  streaming_ = true;
+  // Looking for the first event may take the whole chain: not on the core's thread.
+  to_grpc_thread_.Set(std::chrono::system_clock::now(), [self = shared_from_this()](bool) { self->wake(); });
+}
+
+void EventStream::pump() {
+  while (streaming_ && !busy_ && !finished_) {
+    if (node_.feed().wait(next_, weak_from_this())) return;
+    const auto block = node_.feed().read(next_);
+    response_.Clear();
+    if (!block) return finish_locked({grpc::StatusCode::INTERNAL, block.error().what});
+    if (Status filled = fill_events(**block, contract_, after_, response_); !filled) {
+      return finish_locked({grpc::StatusCode::INTERNAL, filled.error().what});
+    }
+    // A checkpoint speaks of the first block alone.
+    after_.clear();
+    ++next_;
+    if (response_.events().empty()) continue;
+    busy_ = true;
+    StartWrite(&response_);
+  }
+}
+
+void EventStream::OnWriteDone(bool ok) {
+  if (!ok) return finish({grpc::StatusCode::UNAVAILABLE, "the reader is gone"});
+  const std::lock_guard lock(mutex_);
+  busy_ = false;
+  pump();
+}
+
+void EventStream::wake() {
+  const std::lock_guard lock(mutex_);
+  pump();
+}
+
+void EventStream::finish(const grpc::Status& status) {
+  const std::lock_guard lock(mutex_);
+  finish_locked(status);
+}
+
+void EventStream::finish_locked(const grpc::Status& status) {
+  if (finished_) return;
+  finished_ = true;
+  Finish(status);
+}
+
+}  // namespace ledgerline::node

@@ -1,0 +1,40 @@
+#pragma once
+#include <grpcpp/alarm.h>
+#include <grpcpp/support/server_callback.h>
+
+#include "chaincode/node/server/streams.hpp"
+#include "gateway/gateway.pb.h"
+
+namespace ledgerline::node {
+
+/// gateway.ChaincodeEvents: a message for each block that has events of the contract.
+class EventStream final : public grpc::ServerWriteReactor<gateway::ChaincodeEventsResponse>,
+                          public BlockFeed::Waiter,
+                          public std::enable_shared_from_this<EventStream> {
+ public:
+  static EventStream* start(Node& node, const gateway::SignedChaincodeEventsRequest& request);
+  explicit EventStream(Node& node) : node_(node) {}
+
+  void OnWriteDone(bool ok) override;
+  void OnCancel() override { finish(grpc::Status::CANCELLED); }
+  void OnDone() override { self_.reset(); }
+  void wake() override;
+
+ private:
+  void begin(NodeCore& core, const gateway::ChaincodeEventsRequest& request);
+  void pump();
+  void finish(const grpc::Status& status);
+  void finish_locked(const grpc::Status& status);
+
+  Node& node_;
+  std::shared_ptr<EventStream> self_;  // until gRPC is done with it
+  grpc::Alarm to_grpc_thread_;
+
+  std::mutex mutex_;  // guards what follows
+  gateway::ChaincodeEventsResponse response_;
+  std::string contract_, after_;
+  std::uint64_t next_ = 0;
+  bool streaming_ = false, busy_ = false, finished_ = false;
+};
+
+}  // namespace ledgerline::node

@@ -1,0 +1,151 @@
+#include <map>
+
+#include "chaincode/node/server/event_stream.hpp"
+#include "chaincode/node/server/services.hpp"
+#include "gateway/gateway.grpc.pb.h"
+
+namespace ledgerline::node {
+namespace {
+
+/// One CommitStatus call that waits for its transaction. Finished on the core thread alone.
+class CommitWaiter final : public grpc::ServerUnaryReactor {
+ public:
+  explicit CommitWaiter(std::function<void()> on_cancel) : on_cancel_(std::move(on_cancel)) {}
+  void OnCancel() override { on_cancel_(); }
+  void OnDone() override { delete this; }
+
+ private:
+  std::function<void()> on_cancel_;
+};
+
+class GatewayService final : public gateway::Gateway::CallbackService {
+ public:
+  explicit GatewayService(Node& node) : node_(node) {
+    node.on_answer([this](std::uint64_t waiter, const TxStatus& status) { answer(waiter, status); });
+  }
+
+  grpc::ServerUnaryReactor* Evaluate(grpc::CallbackServerContext* context, const gateway::EvaluateRequest* request,
+                                     gateway::EvaluateResponse* response) override {
+    return run(context, [request, response](NodeCore& core) {
+      const Reply reply = core.evaluate(request->proposed_transaction().SerializeAsString(), read_now());
+      if (reply.code == Code::ok && !response->mutable_result()->ParseFromString(reply.bytes)) return broken();
+      return make_status(reply);
+    });
+  }
+
+  grpc::ServerUnaryReactor* Endorse(grpc::CallbackServerContext* context, const gateway::EndorseRequest* request,
+                                    gateway::EndorseResponse* response) override {
+    return run(context, [request, response](NodeCore& core) {
+      const Reply reply = core.endorse(request->proposed_transaction().SerializeAsString(), read_now());
+      if (reply.code == Code::ok && !response->mutable_prepared_transaction()->ParseFromString(reply.bytes)) {
+        return broken();
+      }
+      return make_status(reply);
+    });
+  }
+
+  grpc::ServerUnaryReactor* Submit(grpc::CallbackServerContext* context, const gateway::SubmitRequest* request,
+                                   gateway::SubmitResponse* /*response*/) override {
+    return run(context, [request](NodeCore& core) {
+      const Reply reply = core.order(request->prepared_transaction().SerializeAsString(), read_now());
+      switch (reply.code) {
+        case Code::ok:
+          return grpc::Status::OK;
+        case Code::not_found:
+          return make_status(grpc::StatusCode::FAILED_PRECONDITION, reply.message, reply.detail);
+        case Code::unavailable:
+          return make_status(grpc::StatusCode::UNAVAILABLE, reply.message, reply.detail);
+        default:
+          return make_status(grpc::StatusCode::ABORTED,
+                             "failed to submit transaction to orderer, see attached details for more info",
+                             reply.detail);
+      }
+    });
+  }
+
+  grpc::ServerUnaryReactor* CommitStatus(grpc::CallbackServerContext* /*context*/,
+                                         const gateway::SignedCommitStatusRequest* request,
+                                         gateway::CommitStatusResponse* response) override {
+    const std::uint64_t id = next_waiter_++;
+    auto* reactor =
+        new CommitWaiter([this, id] { node_.post_always([this, id](NodeCore& core) { cancel(core, id); }); });
+    const bool taken = node_.post(
+        [this, id, reactor, request, response](NodeCore& core) { begin(core, id, reactor, *request, response); });
+    if (!taken) reactor->Finish(overloaded());
+    return reactor;
+  }
+
+  grpc::ServerWriteReactor<gateway::ChaincodeEventsResponse>* ChaincodeEvents(
+      grpc::CallbackServerContext* /*context*/, const gateway::SignedChaincodeEventsRequest* request) override {
+    return EventStream::start(node_, *request);
+  }
+
+ private:
+  struct Waiting {
+    CommitWaiter* reactor;
+    gateway::CommitStatusResponse* response;
+    std::string tx_id;
+  };
+
+  static grpc::Status broken() { return {grpc::StatusCode::INTERNAL, "the node made an answer that does not parse"}; }
+
+  /// Runs `work` on the core thread and answers with its status.
+  template <typename Work>
+  grpc::ServerUnaryReactor* run(grpc::CallbackServerContext* context, Work work) {
+    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+    if (!node_.post([work, reactor](NodeCore& core) { reactor->Finish(work(core)); })) reactor->Finish(overloaded());
+    return reactor;
+  }
+
+  static void fill(gateway::CommitStatusResponse& response, const TxStatus& status) {
+    response.set_result(static_cast<protos::TxValidationCode>(status.code));
+    response.set_block_number(status.block);
+  }
+
+  void begin(NodeCore& core, std::uint64_t id, CommitWaiter* reactor,
+             const gateway::SignedCommitStatusRequest& signed_request, gateway::CommitStatusResponse* response) {
+    gateway::CommitStatusRequest request;
+    if (!request.ParseFromString(signed_request.request())) {
+      return reactor->Finish({grpc::StatusCode::INVALID_ARGUMENT, "the status request does not parse"});
+    }
+    const auto signer =
+        core.check_signer(request.identity(), signed_request.request(), signed_request.signature(), read_now());
+    if (!signer) return reactor->Finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().what});
+    if (request.channel_id() != node_.config().channel) {
+      return reactor->Finish({grpc::StatusCode::NOT_FOUND, "channel " + request.channel_id() + " not found"});
+    }
+    if (const auto status = core.watch(request.transaction_id(), id)) {
+      fill(*response, *status);
+      return reactor->Finish(grpc::Status::OK);
+    }
+    waiting_[id] = {reactor, response, request.transaction_id()};
+  }
+
+  void answer(std::uint64_t id, const TxStatus& status) {
+    const auto found = waiting_.find(id);
+    if (found == waiting_.end()) return;
+    const Waiting waiting = found->second;
+    waiting_.erase(found);
+    fill(*waiting.response, status);
+    waiting.reactor->Finish(grpc::Status::OK);
+  }
+
+  void cancel(NodeCore& core, std::uint64_t id) {
+    const auto found = waiting_.find(id);
+    if (found == waiting_.end()) return;
+    const Waiting waiting = found->second;
+    waiting_.erase(found);
+    core.unwatch(waiting.tx_id, id);
+    waiting.reactor->Finish(grpc::Status::CANCELLED);
+  }
+
+  Node& node_;
+  std::atomic<std::uint64_t> next_waiter_{1};
+  std::map<std::uint64_t, Waiting> waiting_;  // core thread only
+};
+
+}  // namespace
+
+std::unique_ptr<grpc::Service> make_gateway_service(Node& node) { return std::make_unique<GatewayService>(node); }
+
+}  // namespace ledgerline::node

@@ -1,0 +1,18 @@
+#pragma once
+#include <grpcpp/support/status.h>
+
+#include <string>
+
+#include "chaincode/node/core.hpp"
+
+namespace ledgerline::node {
+
+/// With a gateway.ErrorDetail (address, MSP id, `detail`) as Fabric's gateway attaches it; none when `detail` is empty.
+grpc::Status make_status(grpc::StatusCode code, const std::string& message, const std::string& detail = {});
+grpc::Status make_status(const Reply& reply);
+/// The queue to the core is full.
+grpc::Status overloaded();
+
+inline Now read_now() { return {monotonic_ns(), realtime_ns()}; }
+
+}  // namespace ledgerline::node

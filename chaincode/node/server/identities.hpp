@@ -1,0 +1,26 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/rt/result.hpp"
+
+namespace ledgerline::node {
+
+/// What the node needs of the identities under DIR/crypto.
+struct Identities {
+  std::vector<crypto::MspRoot> organisations;  ///< Org1MSP..Org3MSP with their certificate authorities
+  std::vector<crypto::SigningIdentity> peers;  ///< one for each
+  crypto::SigningIdentity orderer;
+  std::string server_key_pem, server_certificate_pem;  ///< of Org1's peer
+};
+
+/// Loads them; makes them first when DIR/crypto is missing: three organisations in cryptogen's layout, each with a CA,
+/// a TLS CA, peer0 and the users Admin, User1 and User2 (NodeOUs), and an orderer's organisation. Keys are 0600. Made
+/// under another name and renamed when complete, so that a crash leaves nothing half-made.
+Result<Identities> open_identities(const std::string& dir);
+
+/// A user's msp folder: user_msp_dir(DIR, 2, "User1").
+std::string user_msp_dir(const std::string& dir, int organisation, const std::string& user);
+
+}  // namespace ledgerline::node

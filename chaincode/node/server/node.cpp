@@ -1,0 +1,215 @@
+#include "chaincode/node/server/node.hpp"
+
+#include "common/fabric/transaction.hpp"
+#include "common/rt/log.hpp"
+#include "ledgerline.pb.h"
+
+namespace ledgerline::node {
+namespace {
+
+constexpr int first_drones = 16;
+
+Now read_now() { return {monotonic_ns(), realtime_ns()}; }
+
+}  // namespace
+
+Result<std::unique_ptr<Node>> Node::open(Options options) {
+  std::unique_ptr<Node> node(new Node);
+  node->dir_ = options.dir;
+  auto files = open_directory(options.dir + "/ledger");
+  if (!files) return files.error();
+  node->files_ = std::move(*files);
+  auto identities = open_identities(options.dir);
+  if (!identities) return identities.error();
+  node->identities_ = std::move(*identities);
+  node->config_ = std::move(options.core);
+  node->config_.organisations = node->identities_.organisations;
+  if (Status status = node->open_ledger(); !status) return status.error();
+  if (node->core_->height() < 3) {
+    // A new ledger, or one whose first start was cut short; enrolling again what is enrolled changes nothing.
+    if (Status status = node->enroll_first(); !status) return status.error();
+  }
+  node->feed_ = std::make_unique<BlockFeed>(*node->store_);
+  node->feed_->start_at(node->store_->height());
+  node->core_thread_ = std::thread([raw = node.get()] { raw->run_core(); });
+  node->writer_thread_ = std::thread([raw = node.get()] { raw->run_writer(); });
+  return node;
+}
+
+Node::~Node() { stop(); }
+
+Status Node::open_ledger() {
+  std::shared_ptr<crypto::MspRegistry> registry =
+      crypto::make_msp_registry(crypto::Library::libcrypto, identities_.organisations);
+  core_ = std::make_unique<NodeCore>(config_, registry, identities_.peers, identities_.orderer,
+                                     [this](std::uint64_t number) { return store_->read(number); });
+  auto store = BlockStore::open(
+      *files_, [this](std::string_view block) { return core_->replay(block); },
+      [](const std::string& message) { spdlog::warn("{}", message); });
+  if (!store) return store.error();
+  store_ = std::move(*store);
+  if (core_->height() == 0) return commit_now(core_->genesis());
+  spdlog::info("replayed {} blocks from {}", core_->height(), dir_);
+  return done;
+}
+
+Status Node::commit_now(const CutBlock& block) {
+  if (Status status = store_->append(block.bytes); !status) return status;
+  for (const TxStatus& status : core_->apply(block).transactions) {
+    if (status.code != 0) return Error{"transaction " + status.tx_id + " is invalid: " + std::to_string(status.code)};
+  }
+  return done;
+}
+
+Status Node::submit_now(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg) {
+  const fabric::ChannelAndContract where{config_.channel, config_.contract};
+  const auto proposal = fabric::make_proposal(who, where, {function, {arg}}, realtime_ns(), crypto::random_bytes(24));
+  if (!proposal) return proposal.error();
+  const Reply endorsed = core_->endorse(proposal->signed_proposal, read_now());
+  if (endorsed.code != Code::ok) return Error{function + ": " + endorsed.message + ": " + endorsed.detail};
+  const auto envelope = fabric::sign_envelope(who, endorsed.bytes);
+  if (!envelope) return envelope.error();
+  const Reply ordered = core_->order(*envelope, read_now());
+  if (ordered.code != Code::ok) return Error{function + ": " + ordered.message};
+  Now late = read_now();
+  late.monotonic_ns += config_.batch_timeout_ns;
+  const auto block = core_->cut(late);
+  if (!block) return Error{function + ": no block was cut"};
+  return commit_now(*block);
+}
+
+Status Node::enroll_first() {
+  const auto enroll = [&](int organisation, const EnrollCall& who) -> Status {
+    const std::string msp_id = identities_.organisations[static_cast<std::size_t>(organisation - 1)].msp_id;
+    const auto admin =
+        crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, organisation, "Admin"));
+    const auto user =
+        crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, organisation, "User1"));
+    if (!admin) return admin.error();
+    if (!user) return user.error();
+    EnrollCall call = who;
+    call.mutable_identity()->set_msp_id(user->name.msp_id);
+    call.mutable_identity()->set_subject(user->name.subject);
+    return submit_now(*admin, "enroll", call.SerializeAsString());
+  };
+  EnrollCall drone_host;
+  for (int number = 1; number <= first_drones; ++number) drone_host.add_drones("tello" + std::to_string(number));
+  if (Status status = enroll(1, drone_host); !status) return status;
+  EnrollCall operator_role;
+  operator_role.set_role(OPERATOR);
+  return enroll(2, operator_role);
+}
+
+bool Node::post(Task task) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (tasks_.size() >= max_tasks || stopping_) return false;
+    tasks_.push_back(std::move(task));
+  }
+  core_wakes_.notify_one();
+  return true;
+}
+
+void Node::post_always(Task task) {
+  {
+    const std::lock_guard lock(mutex_);
+    tasks_.push_back(std::move(task));
+  }
+  core_wakes_.notify_one();
+}
+
+void Node::on_answer(std::function<void(std::uint64_t, const TxStatus&)> handler) {
+  post_always([this, handler = std::move(handler)](NodeCore&) { on_answer_ = handler; });
+}
+
+void Node::on_failure(std::function<void(const std::string&)> handler) {
+  const std::lock_guard lock(mutex_);
+  on_failure_ = std::move(handler);
+}
+
+void Node::run_core() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    const auto ready = [&] { return !tasks_.empty() || written_ || stopping_; };
+    if (const auto due = failed_ ? std::nullopt : core_->next_cut()) {
+      const TimeNs now = monotonic_ns();
+      if (!ready() && *due > now) core_wakes_.wait_for(lock, std::chrono::nanoseconds(*due - now), ready);
+    } else {
+      core_wakes_.wait(lock, ready);
+    }
+    if (stopping_ && tasks_.empty() && !writing_ && !written_) break;
+    std::optional<CutBlock> written = std::exchange(written_, std::nullopt);
+    Task task;
+    if (!tasks_.empty()) {
+      task = std::move(tasks_.front());
+      tasks_.pop_front();
+    }
+    const bool may_cut = !failed_;
+    lock.unlock();
+    if (written) apply(*written);
+    if (task) task(*core_);
+    if (may_cut) {
+      if (auto block = core_->cut(read_now())) hand_to_writer(std::move(*block));
+    }
+    lock.lock();
+    // While stopping, a block that is under way is finished; nothing more can come after it but queued tasks.
+    if (stopping_ && tasks_.empty() && writing_) core_wakes_.wait(lock, [&] { return written_ || !writing_; });
+  }
+  core_ended_ = true;
+  writer_wakes_.notify_one();
+}
+
+void Node::hand_to_writer(CutBlock block) {
+  if (!block.warning.empty())
+    spdlog::warn("block {} is without the orderer's signature: {}", block.number, block.warning);
+  {
+    const std::lock_guard lock(mutex_);
+    to_write_ = std::move(block);
+    writing_ = true;
+  }
+  writer_wakes_.notify_one();
+}
+
+void Node::run_writer() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    writer_wakes_.wait(lock, [&] { return to_write_ || core_ended_; });
+    if (!to_write_) return;
+    CutBlock block = std::move(*std::exchange(to_write_, std::nullopt));
+    lock.unlock();
+    const Status stored = store_->append(block.bytes);
+    lock.lock();
+    writing_ = false;
+    if (stored) {
+      written_ = std::move(block);
+    } else {
+      // The block stays under way for ever: nothing is announced that is not on disk.
+      failed_ = true;
+      spdlog::error("the ledger stops: {}", stored.error().what);
+      if (on_failure_) on_failure_(stored.error().what);
+    }
+    core_wakes_.notify_one();
+  }
+}
+
+void Node::apply(const CutBlock& block) {
+  const Applied applied = core_->apply(block);
+  // Readers of blocks first: commands travel that way.
+  feed_->publish(block.number, block.bytes);
+  for (const Applied::Answer& answer : applied.answers) {
+    if (on_answer_) on_answer_(answer.waiter, answer.status);
+  }
+}
+
+void Node::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  core_wakes_.notify_one();
+  if (core_thread_.joinable()) core_thread_.join();
+  if (writer_thread_.joinable()) writer_thread_.join();
+  if (core_) counts_ = core_->counts();
+}
+
+}  // namespace ledgerline::node

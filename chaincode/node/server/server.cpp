@@ -1,0 +1,48 @@
+#include <grpcpp/impl/service_type.h>
+#include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
+
+#include <chrono>
+
+#include "chaincode/node/server/services.hpp"
+
+namespace ledgerline::node {
+
+Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& listen) {
+  const auto colon = listen.rfind(':');
+  if (colon == std::string::npos) return Error{"--listen " + listen + ": give ADDRESS:PORT"};
+  std::unique_ptr<Server> server(new Server);
+  server->services_.push_back(make_gateway_service(node));
+  server->services_.push_back(make_endorser_service(node));
+  server->services_.push_back(make_deliver_service(node));
+  server->services_.push_back(make_orderer_service(node));
+
+  grpc::SslServerCredentialsOptions tls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
+  tls.pem_key_cert_pairs.push_back({node.identities().server_key_pem, node.identities().server_certificate_pem});
+  // One more byte than the largest transaction, with room for its frame, so that the orderer's own answer is heard.
+  constexpr int room = 1 << 20;
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort(listen, grpc::SslServerCredentials(tls), &port);
+  // Two nodes on one port would share its calls in silence.
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  builder.SetMaxReceiveMessageSize(static_cast<int>(node.config().max_envelope_bytes) + room);
+  builder.SetMaxSendMessageSize(-1);
+  for (const auto& service : server->services_) builder.RegisterService(service.get());
+  server->server_ = builder.BuildAndStart();
+  if (!server->server_ || port == 0) return Error{"cannot listen on " + listen + ": is the address in use?"};
+  server->endpoint_ = listen.substr(0, colon + 1) + std::to_string(port);
+  return server;
+}
+
+Server::Server() = default;
+Server::~Server() { stop(); }
+
+void Server::stop() {
+  if (!server_) return;
+  server_->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
+  server_->Wait();
+  server_.reset();
+}
+
+}  // namespace ledgerline::node

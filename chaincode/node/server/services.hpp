@@ -1,0 +1,37 @@
+#pragma once
+#include <map>
+#include <memory>
+
+#include "chaincode/node/server/node.hpp"
+
+namespace grpc {
+class Service;
+class Server;
+}  // namespace grpc
+
+namespace ledgerline::node {
+
+/// The gRPC services: Fabric's gateway, endorser, deliver and ordering, each a thin translation to the core.
+std::unique_ptr<grpc::Service> make_gateway_service(Node& node);
+std::unique_ptr<grpc::Service> make_endorser_service(Node& node);
+std::unique_ptr<grpc::Service> make_deliver_service(Node& node);
+std::unique_ptr<grpc::Service> make_orderer_service(Node& node);
+
+/// All of them behind one TLS endpoint, with the certificate of Org1's peer.
+class Server {
+ public:
+  /// `listen`: "127.0.0.1:7051"; port 0 takes a free one.
+  static Result<std::unique_ptr<Server>> start(Node& node, const std::string& listen);
+  ~Server();
+  const std::string& endpoint() const { return endpoint_; }
+  /// Ends all streams; returns when no call is left.
+  void stop();
+
+ private:
+  Server();
+  std::vector<std::unique_ptr<grpc::Service>> services_;
+  std::unique_ptr<grpc::Server> server_;
+  std::string endpoint_;
+};
+
+}  // namespace ledgerline::node

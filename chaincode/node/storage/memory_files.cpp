@@ -1,0 +1,61 @@
+#include "chaincode/node/storage/files.hpp"
+
+namespace ledgerline::node {
+namespace {
+
+class MemoryFile final : public File {
+ public:
+  MemoryFile(std::string name, std::shared_ptr<MemoryFiles::Content> content)
+      : name_(std::move(name)), content_(std::move(content)) {}
+
+  Status append(std::string_view bytes) override {
+    content_->bytes.append(bytes);
+    return done;
+  }
+  Status sync() override {
+    content_->synced = content_->bytes.size();
+    return done;
+  }
+  Result<std::string> read(std::uint64_t offset, std::size_t size) const override {
+    if (offset + size > content_->bytes.size()) return Error{name_ + " is too short"};
+    return content_->bytes.substr(offset, size);
+  }
+  Result<std::uint64_t> size() const override { return std::uint64_t{content_->bytes.size()}; }
+  Status truncate(std::uint64_t size) override {
+    content_->bytes.resize(size);
+    content_->synced = std::min<std::size_t>(content_->synced, size);
+    return done;
+  }
+
+ private:
+  std::string name_;
+  std::shared_ptr<MemoryFiles::Content> content_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<File>> MemoryFiles::open(const std::string& name) {
+  auto& content = (*contents_)[name];
+  if (!content) content = std::make_shared<Content>();
+  return std::unique_ptr<File>(std::make_unique<MemoryFile>(name, content));
+}
+
+Status MemoryFiles::rename(const std::string& from, const std::string& to) {
+  const auto found = contents_->find(from);
+  if (found == contents_->end()) return Error{from + " does not exist"};
+  (*contents_)[to] = found->second;
+  contents_->erase(from);
+  return done;
+}
+
+Result<std::vector<std::string>> MemoryFiles::list() const {
+  std::vector<std::string> names;
+  for (const auto& [name, content] : *contents_) names.push_back(name);
+  return names;
+}
+
+void MemoryFiles::lose_power() {
+  for (auto& [name, content] : *contents_) content->bytes.resize(content->synced);
+}
+
+}  // namespace ledgerline::node
