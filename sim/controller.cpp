@@ -40,9 +40,10 @@ Motors fly_velocity(const Parameters& parameters, const Body& body, const Vector
   const double yaw_rate = std::clamp(setpoint.yaw_rate, -c.max_yaw_rate_radps, c.max_yaw_rate_radps);
   Motors motors;
   motors.thrust_n = std::max(0.0, force.dot(up));
-  motors.torque_nm = {b.inertia_xy_kgm2 * (w * w * error.x() - 2 * w * body.rates.x()),
-                      b.inertia_xy_kgm2 * (w * w * error.y() - 2 * w * body.rates.y()),
-                      b.inertia_z_kgm2 * (yaw_rate - body.rates.z()) / c.yaw_rate_lag_s};
+  motors.torque_nm = {
+      b.inertia_xy_kgm2 * (w * w * error.x() - 2 * w * body.rates.x()),
+      b.inertia_xy_kgm2 * (w * w * error.y() - 2 * w * body.rates.y()),
+      b.inertia_z_kgm2 * ((yaw_rate - body.rates.z()) / c.yaw_rate_lag_s + b.drag_angular_per_s * body.rates.z())};
   return motors;
 }
 

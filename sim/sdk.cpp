@@ -183,6 +183,7 @@ void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
   }
   if (!sdk_mode_) return;
 
+  if (drone.pilot.busy()) last_heard_ = now;
   const bool silent = now - last_heard_ > from_seconds(p_.sdk.silence_s);
   const bool empty = drone.sensors.battery() < p_.battery.land_below;
   if ((silent || empty) && drone.pilot.phase() == Phase::flying) {

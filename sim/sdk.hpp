@@ -17,6 +17,7 @@ namespace ledgerline::sim {
 /// - each answered command gets exactly one answer; a move's comes when it ends, `error` when `land` or `stop` broke it
 /// off;
 /// - a move while another action runs is refused with `error Not joystick`, one on the ground with `error Motor stop`;
+/// - the 15 s of silence begin when the last action ends;
 /// - `land` is ignored, without an answer, during takeoff and while it is landing already, and `ok` on the ground;
 /// - `rc` counts as a sign of life always, steers only when flying without a move, and is dropped whole if malformed;
 /// - mission pads are never seen, so whatever needs one answers `error`; `streamon` answers `ok` but NO VIDEO IS SENT.

@@ -54,7 +54,7 @@ Telemetry Sensors::read(const Body& body, const Vector& estimated_velocity, doub
   const bool seen = tilt < tof_max_tilt_rad && distance < noise_.tof_max_m;
   t.tof_mm = seen ? std::max(tof_on_ground_mm, rounded(distance * 1000)) : tof_nothing_mm;
   t.height_dm = rounded((body.position.z() - takeoff_z) * 10);
-  t.battery_percent = static_cast<int>(battery_ * 100);
+  t.battery_percent = rounded(battery_ * 100);
   t.barometer_m = barometer_zero_m_ + body.position.z() + noise_.baro_m * random_.normal();
   t.motor_time_s = static_cast<int>(motor_s);
   const Vector g = body.specific_force / gravity_mps2;
