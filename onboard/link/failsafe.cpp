@@ -8,6 +8,12 @@ namespace {
 
 bool older(TimeNs now, TimeNs stamp, TimeNs limit) noexcept { return stamp == 0 || now - stamp > limit; }
 
+// What broke once must do better than just enough to be trusted again: so a pose or state that comes and goes does not
+// make the mode come and go.
+TimeNs tightened(TimeNs limit, const FailsafeState& last) noexcept {
+  return last.mode == FailsafeMode::brake ? limit / 2 : limit;
+}
+
 bool in_flight(FlightPhase phase) noexcept {
   return phase == FlightPhase::taking_off || phase == FlightPhase::flying || phase == FlightPhase::landing;
 }
@@ -69,7 +75,7 @@ FailsafeCause landing_cause(const FailsafeSettings& settings, const FenceSetting
 // While flying: what keeps the plan from being flown, and how.
 FailsafeState hover_or_fly(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
                            TimeNs now, const FailsafeFacts& facts, bool pose_lost) noexcept {
-  const bool state_stale = older(now, facts.state_ns, settings.state_stale_ns);
+  const bool state_stale = older(now, facts.state_ns, tightened(settings.state_stale_ns, last));
   if (state_stale || pose_lost) {
     return change(last, now, FailsafeMode::brake, state_stale ? FailsafeCause::state_stale : FailsafeCause::pose_lost);
   }
@@ -122,7 +128,7 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
   if (memory.mode == FailsafeMode::land || memory.mode == FailsafeMode::cut)
     return memory;  // until it is on the ground
 
-  const bool pose_lost = older(now, facts.pose_ns, settings.pose_lost_ns);
+  const bool pose_lost = older(now, facts.pose_ns, tightened(settings.pose_lost_ns, memory));
   const FailsafeCause cause = landing_cause(settings, fence, memory, now, facts, pose_lost);
   if (cause != FailsafeCause::none) return change(memory, now, FailsafeMode::land, cause);
   if (facts.phase != FlightPhase::flying) return change(memory, now, FailsafeMode::none, FailsafeCause::none);

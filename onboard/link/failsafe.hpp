@@ -30,8 +30,8 @@ struct FailsafeFacts {
 /// | agent_silent     | plan flown to its end, hold   | a plan is valid again (agent must live for one)  |
 /// | ledger_silent    | plan flown to its end, hold   | a plan is valid again                            |
 /// | held_too_long    | land                          | on the ground                                    |
-/// | state_stale      | brake, then land              | state text again for clear_after                 |
-/// | pose_lost        | brake, then land              | pose again for clear_after                       |
+/// | state_stale      | brake, then land              | state text within half the limit for clear_after |
+/// | pose_lost        | brake, then land              | pose within half the limit for clear_after       |
 /// | fence            | none (setpoint clipped), land | inside again; a landing: on the ground           |
 /// | battery_low      | none (a warning)              | above the threshold by battery_margin            |
 /// | battery_critical | land                          | on the ground                                    |

@@ -1,0 +1,151 @@
+#include "onboard/ipc/ipc.hpp"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <thread>
+
+/// Runs in a namespace of its own (in_namespace.sh); argv[1] is ledgerline-roudi.
+namespace ledgerline::ipc {
+namespace {
+
+const char* roudi_program = nullptr;
+
+class Roudi {
+ public:
+  bool start() {
+    int out[2];
+    if (::pipe(out) != 0) return false;
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::dup2(out[1], STDOUT_FILENO);
+      ::execl(roudi_program, roudi_program, nullptr);
+      ::_exit(127);
+    }
+    ::close(out[1]);
+    FILE* lines = ::fdopen(out[0], "r");
+    char line[256] = {};
+    const bool ready = std::fgets(line, sizeof line, lines) != nullptr &&
+                       std::string(line).find("\"ready\":true") != std::string::npos;
+    std::fclose(lines);
+    return ready;
+  }
+  int end(int signal) {
+    ::kill(pid_, signal);
+    int status = 0;
+    ::waitpid(pid_, &status, 0);
+    pid_ = 0;
+    return status;
+  }
+  ~Roudi() {
+    if (pid_ > 0) end(SIGKILL);
+  }
+
+ private:
+  pid_t pid_ = 0;
+};
+
+template <typename Take>
+bool within_two_seconds(Take take) {
+  for (int i = 0; i < 2000; ++i) {
+    if (take()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return false;
+}
+
+// One process may connect to RouDi once, so one test walks the whole way.
+TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
+  const Status without = connect("ipc-test");
+  ASSERT_FALSE(without);
+  EXPECT_NE(without.error().what.find("ledgerline-roudi"), std::string::npos);  // says the cure, and did not wait
+
+  Roudi roudi;
+  ASSERT_TRUE(roudi.start());
+  const Status with = connect("ipc-test");
+  ASSERT_TRUE(with) << with.error().what;
+  EXPECT_TRUE(roudi_lives());
+
+  auto agent = AgentEnd::create();
+  auto link = LinkEnd::create();
+  ASSERT_TRUE(agent && link);
+
+  Plan plan;
+  plan.drone = 3;
+  plan.sequence = 7;
+  plan.count = max_setpoints;
+  plan.setpoints[max_setpoints - 1].velocity_mps = {1, 2, 3};
+  Plan plan_back;
+  // Ends find each other within RouDi's discovery period: what is sent before that is lost, by design (no history).
+  ASSERT_TRUE(within_two_seconds([&] { return (*agent)->send_plan(plan) && (*link)->take_plan(plan_back); }));
+  EXPECT_EQ(plan_back.sequence, 7U);
+  EXPECT_EQ(plan_back.setpoints[max_setpoints - 1].velocity_mps[2], 3);
+
+  Pose pose{.drone = 2, .stamp_ns = 5, .position_m = {1, 2, 3}, .velocity_mps = {}, .yaw_rad = 0.5};
+  Pose pose_back;
+  ASSERT_TRUE(within_two_seconds([&] { return (*agent)->send_pose(pose) && (*link)->take_pose(pose_back); }));
+  EXPECT_EQ(pose_back.yaw_rad, 0.5);
+
+  AgentBeat beat_back;
+  ASSERT_TRUE(within_two_seconds([&] { return (*agent)->send_beat({9, true}) && (*link)->take_beat(beat_back); }));
+  EXPECT_TRUE(beat_back.ledger_alive);
+
+  StateSample state, state_back;
+  state.sequence = 11;
+  ASSERT_TRUE(within_two_seconds([&] { return (*link)->send_state(state) && (*agent)->take_state(state_back); }));
+  EXPECT_EQ(state_back.sequence, 11U);
+
+  // A burst larger than any queue keeps the newest, in order, and never blocks or fails the sender.
+  while ((*agent)->take_state(state_back)) {
+  }
+  for (std::uint64_t i = 1; i <= 2000; ++i) {
+    state.sequence = 1000 + i;
+    ASSERT_TRUE((*link)->send_state(state));
+  }
+  std::uint64_t last = 0, count = 0;
+  while ((*agent)->take_state(state_back)) {
+    EXPECT_GT(state_back.sequence, last);
+    last = state_back.sequence;
+    ++count;
+  }
+  EXPECT_EQ(last, 3000U);
+  EXPECT_GE(count, 200U);
+
+  // The wait ends when a state comes, long before its time is over.
+  const TimeNs before = monotonic_ns();
+  std::thread sender([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    (void)(*link)->send_state(state);
+  });
+  (*agent)->wait(20 * ns_per_s);
+  sender.join();
+  EXPECT_LT(monotonic_ns() - before, 10 * ns_per_s);
+  EXPECT_TRUE((*agent)->take_state(state_back));
+
+  // RouDi ends: what is connected goes on, and its absence is seen.
+  EXPECT_EQ(roudi.end(SIGTERM), 0);
+  EXPECT_FALSE(roudi_lives());
+  plan.sequence = 8;
+  ASSERT_TRUE((*agent)->send_plan(plan));
+  while ((*link)->take_plan(plan_back)) {
+  }
+  EXPECT_EQ(plan_back.sequence, 8U);
+
+  // Another RouDi is not the one that this process knows.
+  Roudi next;
+  ASSERT_TRUE(next.start());
+  EXPECT_FALSE(roudi_lives());
+}
+
+}  // namespace
+}  // namespace ledgerline::ipc
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  if (argc < 2) return 2;
+  ledgerline::ipc::roudi_program = argv[1];
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,65 @@
+#include "onboard/link/link_config.hpp"
+
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+
+namespace ledgerline::link {
+namespace {
+
+class LinkConfig : public ::testing::Test {
+ protected:
+  Result<ShellSettings> load(const std::string& toml) {
+    const std::string path = ::testing::TempDir() + "link_config_test_" + std::to_string(::getpid()) + ".toml";
+    std::ofstream(path) << toml;
+    auto settings = load_settings(path);
+    ::unlink(path.c_str());
+    return settings;
+  }
+  const std::string drone = "[[drone]]\nname = \"tello1\"\nnumber = 3\naddress = \"127.0.0.2\"\n";
+};
+
+TEST_F(LinkConfig, OneDroneIsEnough) {
+  const auto settings = load(drone);
+  ASSERT_TRUE(settings) << settings.error().what;
+  ASSERT_EQ(settings->link.drones.size(), 1U);
+  EXPECT_EQ(settings->link.drones[0].name, "tello1");
+  EXPECT_EQ(settings->link.drones[0].number, 3);
+  EXPECT_EQ(ntohl(settings->addresses[0].sin_addr.s_addr), 0x7F000002U);
+  EXPECT_EQ(ntohs(settings->addresses[0].sin_port), 8889);
+  EXPECT_EQ(settings->link.rate_hz, 30);
+  EXPECT_EQ(settings->link.failsafe.land_after_ns, FailsafeSettings{}.land_after_ns);
+}
+
+TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
+  const auto settings = load(drone +
+                             "[state]\nrate_hz = 50.0\nlisten = \"127.0.0.1:9000\"\n[limits]\nspeed_mps = 0.7\n"
+                             "[failsafe]\nland_after_s = 2.5\npose_lost_ms = 250\n[fence]\nmax_m = [1.0, 2.0, 3.0]\n"
+                             "[realtime]\npriority = 0\ncpu = 1\n[rc]\nsigns = [1, 1, 1, 1]\n");
+  ASSERT_TRUE(settings) << settings.error().what;
+  EXPECT_EQ(settings->link.rate_hz, 50);
+  EXPECT_EQ(ntohs(settings->state_listen.sin_port), 9000);
+  EXPECT_FLOAT_EQ(settings->link.playout.max_speed_mps, 0.7F);
+  EXPECT_EQ(settings->link.failsafe.land_after_ns, 2500 * ns_per_ms);
+  EXPECT_EQ(settings->link.failsafe.pose_lost_ns, 250 * ns_per_ms);
+  EXPECT_EQ(settings->link.fence.max_m[1], 2);
+  EXPECT_EQ(settings->link.rc.signs[0], 1);
+  EXPECT_EQ(settings->priority, 0);
+}
+
+TEST_F(LinkConfig, MistakesAreNamed) {
+  const auto error_of = [&](const std::string& toml) {
+    const auto settings = load(toml);
+    return settings ? std::string() : settings.error().what;
+  };
+  EXPECT_NE(error_of("").find("[[drone]]"), std::string::npos);
+  EXPECT_NE(error_of(drone + "[failsave]\nland_after_s = 1\n").find("failsave"), std::string::npos);
+  EXPECT_NE(error_of(drone + drone).find("number 3"), std::string::npos);
+  EXPECT_NE(error_of(drone + "[state]\nlisten = \"localhost:1\"\n").find("state.listen"), std::string::npos);
+  EXPECT_NE(error_of("[[drone]]\nname = \"tello1\"\naddress = \"tello.local\"\n").find("tello1"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace ledgerline::link
