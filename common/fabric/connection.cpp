@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <google/protobuf/any.pb.h>
 #include <google/protobuf/empty.pb.h>
+#include <google/protobuf/stubs/logging.h>
 
 #include <algorithm>
 #include <cstring>
@@ -32,6 +33,8 @@ std::uint64_t random_seed() {
 }  // namespace
 
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
+  // protobuf would write a line to standard error for each malformed text that a hostile transaction carries.
+  google::protobuf::SetLogHandler(nullptr);
   if (config.endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
   if (!config.identity.signer) return Error{"the ledger's client has no identity to sign with"};
   std::ifstream file(config.tls_ca_file);

@@ -1,0 +1,86 @@
+#include "common/fabric/config.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace ledgerline::fabric {
+namespace {
+
+class LedgerConfig : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::filesystem::create_directories(dir_ + "/msp/signcerts");
+    std::filesystem::create_directories(dir_ + "/msp/keystore");
+    const auto user =
+        crypto::issue(ca_, {.common_name = "User1@org1", .organization = "", .unit = "client", .sans = {}}).value();
+    std::ofstream(dir_ + "/ca.pem") << ca_.certificate_pem;
+    std::ofstream(dir_ + "/msp/signcerts/cert.pem") << user.certificate_pem;
+    std::ofstream(dir_ + "/msp/keystore/priv_sk") << user.key_pem;
+    ::chmod((dir_ + "/msp/keystore/priv_sk").c_str(), 0600);
+  }
+  void TearDown() override { std::filesystem::remove_all(dir_); }
+
+  std::string ledger(const std::string& more = "") const {
+    return "[ledger]\nendpoint = \"127.0.0.1:7051\"\ntls_ca = \"" + dir_ +
+           "/ca.pem\"\nmsp_id = \"Org1MSP\"\nmsp_dir = \"" + dir_ + "/msp\"\n" + more;
+  }
+  std::string msp() const { return "[[msp]]\nid = \"Org1MSP\"\nca = \"" + dir_ + "/ca.pem\"\n"; }
+
+  crypto::KeyAndCertificate ca_ = crypto::make_ca("ca.org1", "org1").value();
+  std::string dir_ = testing::TempDir() + "ledger-config" + std::to_string(::getpid());
+};
+
+TEST_F(LedgerConfig, DefaultsAreTheContractsOwn) {
+  auto config = Config::parse(ledger() + msp(), "agent.toml").value();
+  const auto client = ledger_config(config).value();
+  EXPECT_EQ(client.endpoint, "127.0.0.1:7051");
+  EXPECT_EQ(client.where.channel, "teleop");
+  EXPECT_EQ(client.where.contract, "ledgerline");
+  EXPECT_EQ(client.identity.name.subject, "CN=User1@org1,OU=client");
+  const auto registry = msp_registry(config).value();
+  EXPECT_TRUE(registry->member(client.identity.serialized, std::time(nullptr)));
+  EXPECT_TRUE(config.finish());
+}
+
+TEST_F(LedgerConfig, EveryKeyIsKnown) {
+  auto config =
+      Config::parse(ledger("channel = \"c\"\ncontract = \"x\"\nsigner = \"libcrypto\"\nverifier = \"mbedtls\"\n"
+                           "server_name = \"peer0\"\nmax_in_flight = 3\ndeadline_ms = 700\n") +
+                        msp(),
+                    "agent.toml")
+          .value();
+  const auto client = ledger_config(config).value();
+  ASSERT_TRUE(msp_registry(config));
+  EXPECT_TRUE(config.finish());
+  EXPECT_EQ(client.where.channel, "c");
+  EXPECT_EQ(client.where.contract, "x");
+  EXPECT_EQ(client.server_name, "peer0");
+  EXPECT_EQ(client.max_in_flight, 3U);
+  EXPECT_EQ(client.deadline, std::chrono::milliseconds(700));
+}
+
+TEST_F(LedgerConfig, WrongKeysAreReportedWithTheirLine) {
+  auto config = Config::parse("[ledger]\nendpoint = \"x\"\nsigner = \"none\"\n", "agent.toml").value();
+  EXPECT_FALSE(ledger_config(config));
+  EXPECT_FALSE(msp_registry(config));
+  const std::string what = config.finish().error().what;
+  EXPECT_NE(what.find("agent.toml:3: ledger.signer"), std::string::npos) << what;
+  EXPECT_NE(what.find("ledger.msp_dir: is missing"), std::string::npos) << what;
+}
+
+TEST_F(LedgerConfig, FilesThatAreNotThereAreNamed) {
+  auto config = Config::parse(
+                    "[ledger]\nendpoint = \"x\"\ntls_ca = \"y\"\nmsp_id = \"Org1MSP\"\nmsp_dir = "
+                    "\"/nowhere\"\n[[msp]]\nid = \"Org1MSP\"\nca = \"/no-ca.pem\"\n",
+                    "agent.toml")
+                    .value();
+  EXPECT_NE(ledger_config(config).error().what.find("/nowhere/signcerts"), std::string::npos);
+  EXPECT_NE(msp_registry(config).error().what.find("/no-ca.pem"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace ledgerline::fabric
