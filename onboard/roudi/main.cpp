@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <iceoryx_hoofs/log/logmanager.hpp>
@@ -13,6 +14,7 @@
 #include <iceoryx_posh/internal/roudi/roudi.hpp>
 #include <iceoryx_posh/roudi/iceoryx_roudi_components.hpp>
 #include <optional>
+#include <thread>
 
 #include "common/rt/log.hpp"
 #include "onboard/ipc/quiet_stdout.hpp"
@@ -60,6 +62,14 @@ iox::RouDiConfig_t small_pools() {
 
 std::string segment_name() { return std::string(iox::posix::PosixGroup::getGroupOfCurrentProcess().getName().c_str()); }
 
+bool answers_within(std::chrono::milliseconds bound) {
+  for (auto waited = std::chrono::milliseconds(0); waited < bound; waited += std::chrono::milliseconds(2)) {
+    if (ledgerline::ipc::probe("roudi") == ledgerline::ipc::Peer::alive) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return false;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -99,6 +109,11 @@ int main(int argc, char** argv) {
   auto* components = new iox::roudi::IceOryxRouDiComponents(small_pools());
   new iox::roudi::RouDi(components->rouDiMemoryManager, components->portManager,
                         iox::roudi::RouDi::RoudiStartupParameters{iox::roudi::MonitoringMode::OFF, false});
+  // Its thread opens the socket; ready is when others may connect.
+  if (!answers_within(std::chrono::seconds(5))) {
+    spdlog::error("RouDi did not open /tmp/roudi within 5 s: is /tmp writable?");
+    ::_exit(1);
+  }
   quiet.reset();
   std::puts(R"({"ready":true,"program":"ledgerline-roudi"})");
   std::fflush(stdout);
