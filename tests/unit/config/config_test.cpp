@@ -1,0 +1,119 @@
+#include "common/config/config.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace ledgerline {
+namespace {
+
+Config config_of(const std::string& text) { return Config::parse(text, "link.toml").value(); }
+std::string problems(Config& config) {
+  const auto status = config.finish();
+  return status ? "" : status.error().what;
+}
+
+TEST(Config, GivesWhatIsThereAndDefaultsForTheRest) {
+  auto config = config_of(R"(
+name = "a"
+[state]
+rate_hz = 50
+fast = true
+[fence]
+box = [-1, 2.5, 3.0]
+)");
+  EXPECT_EQ(config.text("name"), "a");
+  EXPECT_EQ(config.text("state.missing", "b"), "b");
+  EXPECT_EQ(config.number("state.rate_hz", 30.0, 1, 200), 50.0);  // whole numbers are numbers
+  EXPECT_EQ(config.number("state.rate_hz", 1, 200), 50.0);
+  EXPECT_EQ(config.number("state.other_hz", 30.0, 1, 200), 30.0);
+  EXPECT_EQ(config.integer("state.rate_hz", 1, 1, 200), 50);
+  EXPECT_TRUE(config.boolean("state.fast", false));
+  EXPECT_EQ(config.numbers("fence.box", 3, {}), (std::vector<double>{-1, 2.5, 3}));
+  EXPECT_EQ(config.choice("shape", {"square", "x"}, "square"), "square");
+  EXPECT_EQ(problems(config), "");
+}
+
+TEST(Config, TablesAreCountedAndIndexed) {
+  auto config = config_of("[[drone]]\nname = \"tello1\"\n[[drone]]\nname = \"tello2\"\n");
+  ASSERT_EQ(config.table_count("drone"), 2U);
+  EXPECT_EQ(config.text("drone.0.name"), "tello1");
+  EXPECT_EQ(config.text("drone.1.name"), "tello2");
+  EXPECT_EQ(config.table_count("msp"), 0U);
+  EXPECT_EQ(problems(config), "");
+}
+
+TEST(Config, ErrorsNameFileLineAndKey) {
+  auto config = config_of(
+      "[state]\nrate_hz = 500\nname = 3\nfast = \"yes\"\ncount = 1.5\nbox = [1]\nshape = \"ring\"\ndrone = 1\n");
+  (void)config.number("state.rate_hz", 30.0, 1, 200);
+  (void)config.text("state.name", "");
+  (void)config.boolean("state.fast", false);
+  (void)config.integer("state.count", 1, 0, 9);
+  (void)config.numbers("state.box", 2, {});
+  (void)config.choice("state.shape", {"square", "x"}, "square");
+  (void)config.table_count("state.drone");
+  const std::string what = problems(config);
+  for (const char* wanted :
+       {"link.toml:2: state.rate_hz: must be a number from 1 to 200", "link.toml:3: state.name: must be a string",
+        "link.toml:4: state.fast: must be true or false",
+        "link.toml:5: state.count: must be a whole number from 0 to 9", "link.toml:6: state.box: must be 2 numbers",
+        "link.toml:7: state.shape: is \"ring\", must be one of square, x",
+        "link.toml:8: state.drone: must be tables"}) {
+    EXPECT_NE(what.find(wanted), std::string::npos) << wanted << "\nin\n" << what;
+  }
+}
+
+TEST(Config, AMissingKeyWithoutADefaultIsAnError) {
+  auto config = config_of("");
+  EXPECT_EQ(config.text("ledger.endpoint"), "");
+  (void)config.number("state.rate_hz", 1, 200);
+  const std::string what = problems(config);
+  EXPECT_NE(what.find("link.toml: ledger.endpoint: is missing"), std::string::npos) << what;
+  EXPECT_NE(what.find("state.rate_hz: is missing (a number from 1 to 200)"), std::string::npos) << what;
+}
+
+TEST(Config, AKeyThatNobodyAskedForIsAnErrorWithItsLine) {
+  auto config = config_of(
+      "name = \"a\"\n[state]\nrate_hz = 30\nrate_hertz = 30\n[[drone]]\nname = \"x\"\nadress = \"y\"\n[empty]\n");
+  (void)config.text("name");
+  (void)config.number("state.rate_hz", 30.0, 1, 200);
+  (void)config.table_count("drone");
+  (void)config.text("drone.0.name");
+  const std::string what = problems(config);
+  EXPECT_NE(what.find("link.toml:4: state.rate_hertz: unknown key"), std::string::npos) << what;
+  EXPECT_NE(what.find("link.toml:7: drone.0.adress: unknown key"), std::string::npos) << what;
+  EXPECT_EQ(what.find("rate_hz:"), std::string::npos) << what;
+}
+
+TEST(Config, NotANumberIsNoNumberInRange) {
+  auto config = config_of("a = nan\nb = inf\n");
+  EXPECT_EQ(config.number("a", 1.0, 0, 2), 1.0);
+  EXPECT_EQ(config.number("b", 1.0, 0, 2), 1.0);
+  EXPECT_NE(problems(config), "");
+}
+
+TEST(Config, SyntaxErrorsHaveTheLineToo) {
+  auto config = Config::parse("a = 1\nb = = 2\n", "link.toml");
+  ASSERT_FALSE(config);
+  EXPECT_EQ(config.error().what.find("link.toml:2: "), 0U) << config.error().what;
+}
+
+TEST(Config, FilesAreReadAndMissingOnesNamed) {
+  const std::string path = testing::TempDir() + "config" + std::to_string(::getpid()) + ".toml";
+  std::ofstream(path) << "a = 1\nb = 2\n";
+  {
+    auto config = Config::load(path).value();
+    EXPECT_EQ(config.integer("a", 0, 0, 9), 1);
+    EXPECT_NE(problems(config).find(path + ":2: b: unknown key"), std::string::npos);
+  }
+  std::filesystem::remove(path);
+  auto gone = Config::load(path);
+  ASSERT_FALSE(gone);
+  EXPECT_NE(gone.error().what.find(path), std::string::npos);
+}
+
+}  // namespace
+}  // namespace ledgerline

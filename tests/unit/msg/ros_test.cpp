@@ -1,0 +1,169 @@
+#include "common/msg/ros.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "common/rt/random.hpp"
+
+namespace ledgerline {
+namespace {
+
+Odometry sample_odometry() {
+  Odometry odometry;
+  odometry.header = {1'700'000'000'123'456'789, "map"};
+  odometry.child_frame_id = "tello1";
+  odometry.position_m = {1.5, -2.25, 1};
+  odometry.orientation = {0, 0, 0.5, 0.75};
+  odometry.linear_mps = {0.5, 0.25, -0.125};
+  odometry.angular_radps = {0, 0, 2};
+  return odometry;
+}
+
+TEST(Ros, OdometryComesBack) {
+  const Odometry wanted = sample_odometry();
+  const Odometry got = odometry_from_cdr(to_cdr(wanted)).value();
+  EXPECT_EQ(got.header.stamp_ns, wanted.header.stamp_ns);
+  EXPECT_EQ(got.header.frame_id, "map");
+  EXPECT_EQ(got.child_frame_id, "tello1");
+  EXPECT_EQ(got.position_m, wanted.position_m);
+  EXPECT_EQ(got.orientation, wanted.orientation);
+  EXPECT_EQ(got.linear_mps, wanted.linear_mps);
+  EXPECT_EQ(got.angular_radps, wanted.angular_radps);
+}
+
+std::string hex(const std::string& bytes) {
+  std::string out;
+  for (const char c : bytes) {
+    out.push_back("0123456789abcdef"[static_cast<unsigned char>(c) >> 4]);
+    out.push_back("0123456789abcdef"[c & 15]);
+  }
+  return out;
+}
+
+// Written by PyPI's rosbags (types of ROS 2 Humble) for the same values, covariances zero.
+TEST(Ros, OdometryHasTheBytesOfAnIndependentWriter) {
+  EXPECT_EQ(hex(to_cdr(sample_odometry())),
+            "0001000000f1536515cd5b07040000006d6170000700000074656c6c6f31000000000000000000000000f83f000000000000"
+            "02c0000000000000f03f00000000000000000000000000000000000000000000e03f000000000000e83f0000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "000000000000000000000000000000000000000000000000000000000000000000000000e03f000000000000d03f00000000"
+            "0000c0bf00000000000000000000000000000000000000000000004000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "00000000000000000000000000000000");
+}
+
+TEST(Ros, BatteryHasTheBytesOfAnIndependentWriter) {
+  EXPECT_EQ(hex(to_cdr(BatteryState{{5 * ns_per_s, "tello1"}, 3.75F, 0.5F})),
+            "0001000005000000000000000700000074656c6c6f310000000070400000c07f0000c07f0000c07f0000c07f0000c07f0000"
+            "003f02000301000000000000000001000000000000000100000000");
+}
+
+TEST(Ros, BatteryComesBack) {
+  const BatteryState got = battery_from_cdr(to_cdr(BatteryState{{5 * ns_per_s, "tello1"}, 3.75F, 0.5F})).value();
+  EXPECT_EQ(got.header.stamp_ns, 5 * ns_per_s);
+  EXPECT_EQ(got.voltage_v, 3.75F);
+  EXPECT_EQ(got.percentage, 0.5F);
+}
+
+StateSample sample_status() {
+  StateSample s;
+  s.phase = FlightPhase::flying;
+  s.mode = FailsafeMode::hold;
+  s.cause = FailsafeCause::plan_ran_out;
+  s.boot_id = 0x0123456789abcdef;
+  s.sequence = 42;
+  s.stamp_ns = 1'000'000'007;
+  s.pose_stamp_ns = 999'999'999;
+  s.position_m = {1, 2, 3};
+  s.velocity_mps = {4, 5, 6};
+  s.yaw_rad = -0.5;
+  s.battery = 0.25F;
+  s.tof_m = 1.25F;
+  s.height_m = 1.5F;
+  s.sdk_state_fresh = true;
+  s.applied_sequence = 41;
+  s.applied_stamp_ns = 990'000'000;
+  s.applied_late_ns = -3;
+  s.sent_velocity_mps = {0.5F, -0.5F, 0.25F};
+  s.sent_yaw_rate_radps = 0.125F;
+  s.plans_late = 1;
+  s.plans_dropped = 2;
+  s.plans_applied = 3;
+  return s;
+}
+
+TEST(Ros, LinkStatusComesBackWhole) {
+  const StateSample wanted = sample_status();
+  const StateSample got = link_status_from_cdr(link_status_to_cdr(wanted)).value();
+  EXPECT_EQ(got.phase, wanted.phase);
+  EXPECT_EQ(got.mode, wanted.mode);
+  EXPECT_EQ(got.cause, wanted.cause);
+  EXPECT_EQ(got.boot_id, wanted.boot_id);
+  EXPECT_EQ(got.sequence, wanted.sequence);
+  EXPECT_EQ(got.stamp_ns, wanted.stamp_ns);
+  EXPECT_EQ(got.pose_stamp_ns, wanted.pose_stamp_ns);
+  EXPECT_EQ(got.position_m, wanted.position_m);
+  EXPECT_EQ(got.velocity_mps, wanted.velocity_mps);
+  EXPECT_EQ(got.yaw_rad, wanted.yaw_rad);
+  EXPECT_EQ(got.battery, wanted.battery);
+  EXPECT_EQ(got.tof_m, wanted.tof_m);
+  EXPECT_EQ(got.height_m, wanted.height_m);
+  EXPECT_EQ(got.sdk_state_fresh, wanted.sdk_state_fresh);
+  EXPECT_EQ(got.applied_sequence, wanted.applied_sequence);
+  EXPECT_EQ(got.applied_stamp_ns, wanted.applied_stamp_ns);
+  EXPECT_EQ(got.applied_late_ns, wanted.applied_late_ns);
+  EXPECT_EQ(got.sent_velocity_mps, wanted.sent_velocity_mps);
+  EXPECT_EQ(got.sent_yaw_rate_radps, wanted.sent_yaw_rate_radps);
+  EXPECT_EQ(got.plans_late, wanted.plans_late);
+  EXPECT_EQ(got.plans_dropped, wanted.plans_dropped);
+  EXPECT_EQ(got.plans_applied, wanted.plans_applied);
+}
+
+TEST(Ros, ValuesOfNoEnumerationAreRefused) {
+  for (const std::size_t at : {4U, 5U, 6U}) {
+    std::string text = link_status_to_cdr(sample_status());
+    text[at] = 100;
+    EXPECT_FALSE(link_status_from_cdr(text));
+  }
+}
+
+TEST(Ros, TruncatedMessagesAreErrorsThatNameTheType) {
+  const std::string odometry = to_cdr(sample_odometry()), status = link_status_to_cdr(sample_status());
+  const std::string battery = to_cdr(BatteryState{{0, "x"}, 1, 1});
+  for (std::size_t cut = 0; cut < odometry.size(); ++cut)
+    ASSERT_FALSE(odometry_from_cdr(odometry.substr(0, cut))) << cut;
+  for (std::size_t cut = 0; cut < status.size(); ++cut)
+    ASSERT_FALSE(link_status_from_cdr(status.substr(0, cut))) << cut;
+  for (std::size_t cut = 0; cut < 40; ++cut) ASSERT_FALSE(battery_from_cdr(battery.substr(0, cut))) << cut;
+  EXPECT_NE(odometry_from_cdr("").error().what.find("nav_msgs/msg/Odometry"), std::string::npos);
+}
+
+TEST(Ros, HostileBytesNeverCrash) {
+  Random random(3);
+  const std::string whole = to_cdr(sample_odometry());
+  for (int i = 0; i < 5000; ++i) {
+    std::string bad = whole;
+    for (int k = 0; k < 4; ++k) bad[random.next() % 60] = static_cast<char>(random.next());
+    (void)odometry_from_cdr(bad);
+    (void)battery_from_cdr(bad);
+    (void)link_status_from_cdr(bad);
+  }
+}
+
+TEST(Ros, YawGoesThroughAQuaternion) {
+  for (double yaw = -3.1; yaw < 3.1; yaw += 0.1) EXPECT_NEAR(yaw_from_quaternion(quaternion_from_yaw(yaw)), yaw, 1e-12);
+  EXPECT_NEAR(quaternion_from_yaw(std::numbers::pi / 2)[2], std::sqrt(0.5), 1e-12);
+}
+
+}  // namespace
+}  // namespace ledgerline
