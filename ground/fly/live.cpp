@@ -74,10 +74,10 @@ std::vector<std::string> Live::lines(TimeNs now_ns) const {
   std::vector<std::string> lines;
   for (const Drone& d : drones_) {
     std::string phase = d.phase;
-    if (d.phase == "path") phase = fmt::format("lap {} {:3.0f} %", d.lap, 100 * d.progress);
+    if (d.phase == "path") phase = fmt::format("path {:.0f} %, lap {}", 100 * d.progress, d.lap);
     if (!d.mode.empty() && d.mode != "none") phase += " (" + d.mode + ")";
     lines.push_back(
-        fmt::format("{:5.1f} s  {:8} {:12} {:6.2f} {:6.2f} {:5.2f} m  state {}  command {}  block {:5}  two-way {}",
+        fmt::format("{:5.1f} s  {:8} {:16} {:6.2f} {:6.2f} {:5.2f} m  state {}  command {}  block {:5}  two-way {}",
                     to_seconds(now_ns - start_ns_), d.name, phase, d.position[0], d.position[1], d.position[2],
                     in_ms(d.state_age_ms), in_ms(d.command_age_ms), height_, in_ms(d.two_way_ms)));
   }

@@ -151,8 +151,9 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
     const json& g = drone_in(ground, drone.id);
     const json& states = at(a, "states");
     const json& commands = at(a, "commands");
-    drone.states = {count_of(states, "sampled"), count_of(states, "sent"), count_of(states, "on_ledger"),
-                    count_of(states, "merged"), count_of(states, "dropped") + count_of(l, "states_lost")};
+    drone.states = {count_of(states, "sampled") + count_of(l, "states_lost"), count_of(states, "sent"),
+                    count_of(states, "on_ledger"), count_of(states, "merged"),
+                    count_of(states, "dropped") + count_of(l, "states_lost")};
     drone.commands = {count_of(g, "commands_sent"),
                       count_of(commands, "on_ledger"),
                       count_of(commands, "refused") + count_of(g, "commands_refused"),
