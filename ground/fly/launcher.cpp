@@ -42,7 +42,8 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
       children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}) {}
 
 void Launcher::take_line(const std::string& name, const std::string& line) {
-  if (line.rfind("{\"ready\":", 0) == 0) {
+  const json message = json::parse(line, nullptr, false);
+  if (message.is_object() && message.value("ready", json()) == true) {
     ready_[name] = line;
   } else {
     live_.take(line);
