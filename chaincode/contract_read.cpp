@@ -56,13 +56,14 @@ class KeyReader {
       return Error{"the bookmark is damaged"};
     }
     read_ = std::stoull(place.substr(0, colon));
-    last_ = place.substr(colon + 1);
-    if (last_.empty()) return done;
+    const std::string sought = place.substr(colon + 1);
+    if (sought.empty()) return done;
+    if (read_ == 0) return Error{"the bookmark is damaged"};
     --read_;
     for (std::size_t looked = 0; looked < 16 * max_page_versions; ++looked) {
       if (Status status = fill(); !status) return status;
       if (raw_.empty()) break;
-      const bool found = raw_.front().tx_id == last_;
+      const bool found = raw_.front().tx_id == sought;
       take_raw();
       if (found) return done;
     }

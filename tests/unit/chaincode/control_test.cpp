@@ -1,0 +1,236 @@
+#include <gmock/gmock.h>
+
+#include <limits>
+
+#include "chaincode/limits.hpp"
+#include "tests/unit/chaincode/fake_stub.hpp"
+
+namespace ledgerline::chaincode {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+class ControlTest : public ContractTest {
+ protected:
+  Response acquire(const crypto::IdentityName& by, const std::vector<std::string>& drones, std::uint32_t priority = 0) {
+    LeaseCall call;
+    for (const std::string& drone : drones) call.add_drones(drone);
+    call.set_priority(priority);
+    return stub.call(by, "acquire", call);
+  }
+
+  DronePlan plan(const std::string& drone, int setpoints = 3) {
+    DronePlan plan;
+    plan.set_drone(drone);
+    plan.set_epoch(control(drone).epoch());
+    for (int i = 0; i < setpoints; ++i) plan.add_setpoints()->set_at_ns(1000 + i * 50 * ns_per_ms);
+    return plan;
+  }
+
+  Response command(const crypto::IdentityName& by, const std::vector<DronePlan>& plans) {
+    CommandCall call;
+    for (const DronePlan& one : plans) *call.add_plans() = one;
+    return stub.call(by, "command", call);
+  }
+};
+
+TEST_F(ControlTest, OnlyAnAdministratorOfTheIdentitysOrganisationEnrolls) {
+  EXPECT_THAT(enroll(host, host, {"tello5"}, ROLE_NONE).message, HasSubstr("only an administrator of Org1MSP"));
+  EXPECT_THAT(enroll(admin2, host, {"tello5"}, ROLE_NONE).message, HasSubstr("only an administrator of Org1MSP"));
+  EXPECT_EQ(enroll(admin1, host, {"tello5"}, ROLE_NONE).status, 200);
+  EXPECT_EQ(control("tello5").owner().subject(), "CN=host");
+}
+
+TEST_F(ControlTest, ADroneOfAnotherOrganisationCannotBeTaken) {
+  EXPECT_THAT(enroll(admin2, pilot, {"tello1"}, ROLE_NONE).message,
+              StartsWith("tello1: enrolled to organisation Org1MSP already"));
+}
+
+TEST_F(ControlTest, EnrollingTheSameAgainIsAcceptedAndChangesNothing) {
+  acquire(pilot, {"tello1"});
+  EXPECT_EQ(enroll(admin1, host, {"tello1", "tello2"}, ROLE_NONE).status, 200);
+  EXPECT_TRUE(stub.writes.empty());
+  EXPECT_EQ(control("tello1").holder().subject(), "CN=pilot");
+  EXPECT_EQ(enroll(admin2, pilot, {}, OPERATOR).status, 200);
+  EXPECT_TRUE(stub.writes.empty());
+}
+
+TEST_F(ControlTest, EnrollingTellsWhoAndWhat) {
+  enroll(admin1, host, {"tello5"}, OPERATOR);
+  EXPECT_EQ(stub.event_name, "enroll");
+  const auto event = parsed<Controls>(stub.event_payload);
+  ASSERT_THAT(event.controls(), SizeIs(1));
+  EXPECT_EQ(event.controls(0).drone(), "tello5");
+  EXPECT_EQ(event.identity().subject(), "CN=host");
+  EXPECT_EQ(event.role(), OPERATOR);
+}
+
+TEST_F(ControlTest, NamesOfOrganisationsAndReservedWordsAreNoDrones) {
+  for (const char* name : {"Org2MSP", "control", "asset", "frame", "a/b", ""}) {
+    EXPECT_NE(enroll(admin1, host, {name}, ROLE_NONE).status, 200) << name;
+  }
+}
+
+TEST_F(ControlTest, OnlyOperatorsAndSupervisorsAcquire) {
+  EXPECT_THAT(acquire(host, {"tello1"}).message, HasSubstr("neither operator nor supervisor"));
+  EXPECT_EQ(acquire(pilot, {"tello1"}).status, 200);
+  EXPECT_EQ(acquire(chief, {"tello2"}).status, 200);
+  EXPECT_THAT(acquire(pilot, {"tello9"}).message, StartsWith("tello9: not enrolled"));
+}
+
+TEST_F(ControlTest, ALeaseIsHeldUntilAHigherPriorityComes) {
+  EXPECT_EQ(acquire(pilot, {"tello1"}, 1).status, 200);
+  EXPECT_THAT(acquire(rival, {"tello1"}, 1).message, StartsWith("tello1: the lease is held by Org2MSP CN=pilot"));
+  EXPECT_EQ(acquire(rival, {"tello1"}, 2).status, 200);
+  EXPECT_EQ(control("tello1").holder().subject(), "CN=rival");
+}
+
+TEST_F(ControlTest, TheEpochGrowsWithEveryChangeOfHolderAndOnlyThen) {
+  const auto first = parsed<Controls>(acquire(pilot, {"tello1"}).payload).controls(0).epoch();
+  EXPECT_EQ(parsed<Controls>(acquire(pilot, {"tello1"}).payload).controls(0).epoch(), first);
+  EXPECT_TRUE(stub.writes.empty()) << "the same holder again changes nothing";
+  const auto second = parsed<Controls>(acquire(rival, {"tello1"}, 1).payload).controls(0).epoch();
+  EXPECT_GT(second, first);
+  stub.call(rival, "release", {"tello1"});
+  acquire(rival, {"tello1"});
+  EXPECT_GT(control("tello1").epoch(), second);
+}
+
+TEST_F(ControlTest, OnlyTheHolderReleases) {
+  acquire(pilot, {"tello1"});
+  EXPECT_THAT(stub.call(rival, "release", {"tello1"}).message, StartsWith("tello1: "));
+  EXPECT_EQ(stub.call(pilot, "release", {"tello1"}).status, 200);
+  EXPECT_FALSE(control("tello1").has_holder());
+  EXPECT_EQ(acquire(rival, {"tello1"}).status, 200);
+}
+
+TEST_F(ControlTest, PlainStringsAreDronesAndOptions) {
+  EXPECT_EQ(stub.call(pilot, "acquire", {"tello1", "tello2", "priority=7"}).status, 200);
+  EXPECT_EQ(stub.event_payload.front(), '{');
+  EXPECT_THAT(parsed<Controls>(stub.event_payload).controls(), SizeIs(2));
+  EXPECT_EQ(control("tello2").priority(), 7U);
+  EXPECT_NE(stub.call(pilot, "acquire", {"tello1", "priority=x"}).status, 200);
+  EXPECT_NE(stub.call(pilot, "acquire", {}).status, 200);
+}
+
+TEST_F(ControlTest, TheHoldersCommandIsWrittenBlindlyAndAnnounced) {
+  acquire(pilot, {"tello1", "tello2"});
+  const std::vector<DronePlan> plans{plan("tello1"), plan("tello2")};
+  EXPECT_EQ(command(pilot, plans).status, 200);
+  EXPECT_EQ(stub.event_name, "command");
+  EXPECT_THAT(parsed<CommandCall>(stub.event_payload).plans(), SizeIs(2));
+  for (const auto& [key, value] : stub.writes) {
+    EXPECT_THAT(key, StartsWith("command/"));
+    EXPECT_THAT(stub.reads, ::testing::Not(::testing::Contains(key)));
+  }
+}
+
+TEST_F(ControlTest, AnyoneElsesCommandIsRefusedWithTheHolder) {
+  EXPECT_THAT(command(pilot, {plan("tello1")}).message, StartsWith("tello1: the lease is held by nobody"));
+  acquire(pilot, {"tello1"});
+  EXPECT_THAT(command(rival, {plan("tello1")}).message, StartsWith("tello1: the lease is held by Org2MSP CN=pilot"));
+  EXPECT_THAT(command(host, {plan("tello1")}).message, StartsWith("tello1: the lease is held by Org2MSP CN=pilot"));
+}
+
+TEST_F(ControlTest, ARefusalForOneDroneBeginsWithItsName) {
+  acquire(pilot, {"tello1"});
+  EXPECT_THAT(command(pilot, {plan("tello1"), plan("tello2")}).message, StartsWith("tello2: "));
+}
+
+TEST_F(ControlTest, ACommandOfAnOldEpochIsRefused) {
+  acquire(pilot, {"tello1"});
+  const DronePlan old = plan("tello1");
+  acquire(rival, {"tello1"}, 1);
+  acquire(pilot, {"tello1"}, 2);
+  EXPECT_THAT(command(pilot, {old}).message, HasSubstr("epoch"));
+}
+
+TEST_F(ControlTest, PlansHaveLimitsAndFiniteValues) {
+  acquire(pilot, {"tello1"});
+  EXPECT_EQ(command(pilot, {plan("tello1", max_plan_setpoints)}).status, 200);
+  EXPECT_THAT(command(pilot, {plan("tello1", max_plan_setpoints + 1)}).message, HasSubstr("the limit is 40"));
+  EXPECT_THAT(command(pilot, {plan("tello1", 0)}).message, HasSubstr("no setpoints"));
+  EXPECT_THAT(command(pilot, {plan("tello1"), plan("tello1")}).message, StartsWith("tello1: two plans"));
+  EXPECT_NE(command(pilot, {}).status, 200);
+
+  DronePlan longest = plan("tello1", 2);
+  longest.mutable_setpoints(1)->set_at_ns(1000 + max_plan_ns);
+  EXPECT_EQ(command(pilot, {longest}).status, 200);
+  longest.mutable_setpoints(1)->set_at_ns(1001 + max_plan_ns);
+  EXPECT_THAT(command(pilot, {longest}).message, HasSubstr("the limit is 2000 ms"));
+
+  DronePlan backwards = plan("tello1", 2);
+  backwards.mutable_setpoints(1)->set_at_ns(1);
+  EXPECT_THAT(command(pilot, {backwards}).message, HasSubstr("backwards"));
+  DronePlan extreme = plan("tello1", 2);
+  extreme.mutable_setpoints(0)->set_at_ns(std::numeric_limits<std::int64_t>::min());
+  extreme.mutable_setpoints(1)->set_at_ns(std::numeric_limits<std::int64_t>::max());
+  EXPECT_NE(command(pilot, {extreme}).status, 200);
+
+  for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    DronePlan wrong = plan("tello1");
+    wrong.mutable_setpoints(1)->set_yaw_rate(bad);
+    EXPECT_THAT(command(pilot, {wrong}).message, HasSubstr("not finite"));
+  }
+}
+
+TEST_F(ControlTest, AStoppedDroneTakesOnlyLanding) {
+  acquire(pilot, {"tello1"});
+  EXPECT_EQ(stub.call(pilot, "stop", {"tello1"}).status, 200);
+  EXPECT_THAT(command(pilot, {plan("tello1")}).message, HasSubstr("stopped by Org2MSP CN=pilot"));
+  DronePlan land = plan("tello1", 0);
+  land.set_action(LAND);
+  EXPECT_EQ(command(pilot, {land}).status, 200);
+  EXPECT_EQ(stub.call(pilot, "resume", {"tello1"}).status, 200);
+  EXPECT_EQ(command(pilot, {plan("tello1")}).status, 200);
+}
+
+TEST_F(ControlTest, OperatorsStopDronesOfTheirOrganisationOrLeaseAndSupervisorsAll) {
+  EXPECT_THAT(stub.call(pilot, "stop", {"tello1"}).message, StartsWith("tello1: Org2MSP CN=pilot may not stop it"));
+  EXPECT_EQ(stub.call(guard, "stop", {"tello1"}).status, 200);
+  acquire(pilot, {"tello2"});
+  EXPECT_EQ(stub.call(pilot, "stop", {"tello2"}).status, 200);
+  EXPECT_NE(stub.call(host, "stop", {"tello2"}).status, 200) << "no role, no stop";
+
+  const crypto::IdentityName far_chief{"Org3MSP", "CN=far"};
+  enroll({"Org3MSP", "CN=Admin@org3"}, far_chief, {}, SUPERVISOR);
+  enroll(admin1, host, {"tello3"}, ROLE_NONE);
+  EXPECT_EQ(stub.call(far_chief, "stop", {"tello3"}).status, 200);
+}
+
+TEST_F(ControlTest, CutIsOnlyWhatWasAskedForByName) {
+  stub.call(guard, "stop", {"tello1"});
+  EXPECT_FALSE(control("tello1").cut());
+  stub.call(guard, "stop", {"tello1", "cut=true"});
+  EXPECT_TRUE(control("tello1").cut());
+  stub.call(guard, "stop", {"tello1"});
+  EXPECT_TRUE(control("tello1").cut()) << "a later, weaker stop takes nothing back";
+}
+
+TEST_F(ControlTest, TheStopperOrASupervisorOfTheDronesOrganisationResumes) {
+  acquire(pilot, {"tello1"});
+  stub.call(guard, "stop", {"tello1"});
+  EXPECT_THAT(stub.call(pilot, "resume", {"tello1"}).message, StartsWith("tello1: stopped by Org1MSP CN=guard"));
+  EXPECT_EQ(stub.call(chief, "resume", {"tello1"}).status, 200);
+  EXPECT_THAT(stub.call(chief, "resume", {"tello1"}).message, StartsWith("tello1: not stopped"));
+}
+
+TEST_F(ControlTest, ASupervisorsStopTakesThePlaceOfAnOperators) {
+  stub.call(guard, "stop", {"tello1"});
+  stub.call(chief, "stop", {"tello1"});
+  EXPECT_NE(stub.call(guard, "resume", {"tello1"}).status, 200);
+  EXPECT_EQ(stub.call(chief, "resume", {"tello1"}).status, 200);
+}
+
+TEST_F(ControlTest, AStopKeepsTheLease) {
+  acquire(pilot, {"tello1"});
+  const auto epoch = control("tello1").epoch();
+  stub.call(pilot, "stop", {"tello1"});
+  EXPECT_EQ(control("tello1").holder().subject(), "CN=pilot");
+  EXPECT_EQ(control("tello1").epoch(), epoch);
+}
+
+}  // namespace
+}  // namespace ledgerline::chaincode
