@@ -18,8 +18,8 @@ constexpr int touchdown_steps = 50;
 constexpr double turn_acceleration_radps2 = 6;
 constexpr double turn_gain_per_s = 3;
 constexpr double upright_rad = 0.3;
-// A flip: climb, one turn with thrust only while the propellers point up, then fly on.
-constexpr double flip_jump_s = 0.3, flip_jump_thrust = 1.9, flip_radps = 20, flip_recover_s = 1.0;
+// A flip: climb, one turn with thrust only while the propellers point up, then back to where it began.
+constexpr double flip_jump_s = 0.25, flip_jump_thrust = 1.8, flip_radps = 20, flip_recover_s = 3.0;
 
 }  // namespace
 
@@ -101,6 +101,8 @@ bool Pilot::turn(double angle_rad, double rate_radps) {
 bool Pilot::flip(Flip direction) {
   if (!ready_for_move()) return false;
   begin_move();
+  hold_xy_ = odometry_.head<2>();
+  hold_z_ = odometry_.z();
   Flipping flip;
   switch (direction) {
     case Flip::forward:
@@ -239,7 +241,9 @@ Motors Pilot::somersault(Flipping& flip, const Body& body) {
     flip.stage = Stage::recover;
     action_s_ = 0;
   }
-  if (action_s_ > flip_recover_s) finish(End::reached);
+  const bool back =
+      std::abs(*hold_z_ - odometry_.z()) < reached_m && (*hold_xy_ - odometry_.head<2>()).norm() < 2 * reached_m;
+  if (action_s_ > flip_recover_s || (back && estimate_.norm() < hold_below_mps)) finish(End::reached);
   return fly_velocity(p_, body, estimate_, hold({}, body));
 }
 
