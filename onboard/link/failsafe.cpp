@@ -14,6 +14,14 @@ TimeNs tightened(TimeNs limit, const FailsafeState& last) noexcept {
   return last.mode == FailsafeMode::brake ? limit / 2 : limit;
 }
 
+// Poses come through agent, so its death takes them along: that is agent's silence, and the plan is still flown to its
+// end. The pose alone is lost when agent has been heard for a while without one.
+bool lost_pose(const FailsafeSettings& settings, const FailsafeState& last, TimeNs now,
+               const FailsafeFacts& facts) noexcept {
+  const TimeNs limit = tightened(settings.pose_lost_ns, last);
+  return older(now, facts.pose_ns, limit) && facts.beat_ns - facts.pose_ns > limit / 2;
+}
+
 bool in_flight(FlightPhase phase) noexcept {
   return phase == FlightPhase::taking_off || phase == FlightPhase::flying || phase == FlightPhase::landing;
 }
@@ -128,7 +136,7 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
   if (memory.mode == FailsafeMode::land || memory.mode == FailsafeMode::cut)
     return memory;  // until it is on the ground
 
-  const bool pose_lost = older(now, facts.pose_ns, tightened(settings.pose_lost_ns, memory));
+  const bool pose_lost = lost_pose(settings, memory, now, facts);
   const FailsafeCause cause = landing_cause(settings, fence, memory, now, facts, pose_lost);
   if (cause != FailsafeCause::none) return change(memory, now, FailsafeMode::land, cause);
   if (facts.phase != FlightPhase::flying) return change(memory, now, FailsafeMode::none, FailsafeCause::none);

@@ -8,13 +8,13 @@ namespace ledgerline::link {
 struct FailsafeFacts {
   FlightPhase phase = FlightPhase::disconnected;
   TimeNs flying_since_ns = 0;
-  bool plan_valid = false;      ///< a plan covers this moment
-  TimeNs covered_until_ns = 0;  ///< end of the newest plan
-  TimeNs beat_ns = 0;           ///< newest beat of agent
-  bool ledger_alive = false;    ///< as that beat says
-  TimeNs state_ns = 0;          ///< newest state text of the drone
-  TimeNs pose_ns = 0;           ///< stamp of the newest pose
-  std::array<double, 3> position_m{};
+  bool plan_valid = false;             ///< a plan covers this moment
+  TimeNs covered_until_ns = 0;         ///< end of the newest plan
+  TimeNs beat_ns = 0;                  ///< newest beat of agent
+  bool ledger_alive = false;           ///< as that beat says
+  TimeNs state_ns = 0;                 ///< newest state text of the drone
+  TimeNs pose_ns = 0;                  ///< stamp of the newest pose
+  std::array<double, 3> position_m{};  ///< of that pose, and moved on by what was sent since
   std::array<double, 3> velocity_mps{};
   float height_m = 0;  ///< the drone's own, for the fence without a pose
   float battery = 1;
@@ -37,6 +37,7 @@ struct FailsafeFacts {
 /// | battery_critical | land                          | on the ground                                    |
 /// | stopped          | land, or cut                  | on the ground and no stop any more               |
 ///
+/// A pose is lost when agent is heard without one; a dead agent takes its poses along, which counts as agent_silent.
 /// land and cut never turn into anything milder in the air. Hold and brake turn into land after land_after, counted
 /// from when flying began at the earliest: taking off gives no free time.
 struct FailsafeState {

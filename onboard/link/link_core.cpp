@@ -44,6 +44,7 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
   if (last_step_ns_ != 0 && now - last_step_ns_ > settings_.health_gap_ns)
     unhealthy_until_ns_ = now + settings_.health_rest_ns;
   if (last_step_ns_ == 0) next_sample_ns_ = now;
+  if (last_step_ns_ != 0) reckon(to_seconds(now - last_step_ns_));
   last_step_ns_ = now;
 
   take_inputs(now, inputs);
@@ -79,7 +80,16 @@ void LinkCore::take_inputs(TimeNs now, const LinkInputs& inputs) noexcept {
 
 void LinkCore::take_pose(TimeNs now, const Pose& pose) noexcept {
   Drone* drone = find(pose.drone);
-  if (drone && pose.stamp_ns > drone->pose.stamp_ns && pose.stamp_ns <= now && finite(pose)) drone->pose = pose;
+  if (!drone || pose.stamp_ns <= drone->pose.stamp_ns || pose.stamp_ns > now || !finite(pose)) return;
+  drone->pose = pose;
+  drone->moved_m = {};
+}
+
+// Without a pose (agent died, its plan is flown to the end) the fence still needs to know about where the drone is.
+void LinkCore::reckon(double seconds) noexcept {
+  for (Drone& drone : drones_) {
+    for (std::size_t i = 0; i < 3; ++i) drone.moved_m[i] += static_cast<double>(drone.sent.mps[i]) * seconds;
+  }
 }
 
 void LinkCore::take_plan(TimeNs now, const Plan& plan) noexcept {
@@ -162,7 +172,7 @@ void LinkCore::update_facts(Drone& drone, const Playout::Wish& wish) const noexc
   facts.ledger_alive = beat_.ledger_alive;
   facts.state_ns = drone.session.state_at_ns();
   facts.pose_ns = drone.pose.stamp_ns;
-  facts.position_m = drone.pose.position_m;
+  for (std::size_t i = 0; i < 3; ++i) facts.position_m[i] = drone.pose.position_m[i] + drone.moved_m[i];
   facts.velocity_mps = drone.pose.velocity_mps;
   facts.height_m = drone.session.state().height_m;
   facts.battery = drone.session.state().battery;
@@ -208,7 +218,7 @@ void LinkCore::fly(TimeNs now, Drone& drone, const Playout::Wish& wish) noexcept
     return;
   }
   const bool follows = wish.valid && drone.failsafe.mode == FailsafeMode::none;
-  const Velocity goal = follows ? clip_at_fence(settings_.fence, drone.pose.position_m, wish.velocity) : Velocity{};
+  const Velocity goal = follows ? clip_at_fence(settings_.fence, drone.facts.position_m, wish.velocity) : Velocity{};
   const Velocity limited = drone.limiter.step(now, goal, drone.failsafe.mode == FailsafeMode::brake);
   const BodyCommand command = to_body(settings_.rc, limited, drone.pose.yaw_rad);
 

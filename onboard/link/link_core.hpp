@@ -91,7 +91,8 @@ class LinkCore {
     FailsafeState failsafe;
     FailsafeFacts facts;
     Pose pose;
-    bool stop = false;  ///< until the next take-off from a state after the landing
+    std::array<double, 3> moved_m{};  ///< since that pose, as far as what was sent tells
+    bool stop = false;                ///< until the next take-off from a state after the landing
     bool cut = false;
     TimeNs takeoff_after_ns = 0;  ///< end of the last flight, or a stop: take-off wants a younger state
     FlightPhase last_phase = FlightPhase::disconnected;
@@ -111,6 +112,7 @@ class LinkCore {
   const Drone* find(DroneNumber number) const noexcept;
   void take_inputs(TimeNs now, const LinkInputs& inputs) noexcept;
   void take_pose(TimeNs now, const Pose& pose) noexcept;
+  void reckon(double seconds) noexcept;
   void take_plan(TimeNs now, const Plan& plan) noexcept;
   void take_off(TimeNs now, Drone& drone, const Plan& plan) noexcept;
   void land(TimeNs now, Drone& drone, const Plan& plan) noexcept;

@@ -17,7 +17,6 @@
 #include <thread>
 
 #include "common/rt/log.hpp"
-#include "onboard/ipc/quiet_stdout.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 
 namespace {
@@ -83,7 +82,10 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? 0 : 2;
   }
   ledgerline::init_log("roudi");
-  std::optional<ledgerline::ipc::QuietStdout> quiet(std::in_place);
+  // iceoryx writes banners to standard output, from a thread of its own too: results go to the real one, the rest to
+  // standard error.
+  const int results = ::dup(STDOUT_FILENO);
+  ::dup2(STDERR_FILENO, STDOUT_FILENO);
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
 
   if (ledgerline::ipc::probe("roudi") != ledgerline::ipc::Peer::gone) {
@@ -114,9 +116,7 @@ int main(int argc, char** argv) {
     spdlog::error("RouDi did not open /tmp/roudi within 5 s: is /tmp writable?");
     ::_exit(1);
   }
-  quiet.reset();
-  std::puts(R"({"ready":true,"program":"ledgerline-roudi"})");
-  std::fflush(stdout);
+  ::dprintf(results, "{\"ready\":true,\"program\":\"ledgerline-roudi\"}\n");
 
   int signal = 0;
   sigwait(&signals, &signal);

@@ -95,6 +95,18 @@ TEST_F(FailsafeTest, WithASilentAgentThePlanInHandIsFlownToItsEnd) {
   expect(FailsafeMode::land, FailsafeCause::agent_silent);
 }
 
+TEST_F(FailsafeTest, ADeadAgentTakesThePosesAlongAndItsPlanIsStillFlownToItsEnd) {
+  pass(ns_per_s);
+  beats = poses = false;
+  pass(2 * ns_per_s);
+  expect(FailsafeMode::none, FailsafeCause::none);
+  facts.plan_valid = false;
+  pass(ns_per_s);
+  expect(FailsafeMode::hold, FailsafeCause::agent_silent);
+  pass(settings.land_after_ns);
+  expect(FailsafeMode::land, FailsafeCause::agent_silent);
+}
+
 TEST_F(FailsafeTest, ASilentLedgerIsToldApartFromASilentAgent) {
   facts.ledger_alive = false;
   pass(2 * ns_per_s);

@@ -1,52 +1,16 @@
 #include "onboard/ipc/ipc.hpp"
 
 #include <gtest/gtest.h>
-#include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <cstdio>
 #include <thread>
+
+#include "tests/unit/onboard/child.hpp"
 
 /// Runs in a namespace of its own (in_namespace.sh); argv[1] is ledgerline-roudi.
 namespace ledgerline::ipc {
 namespace {
 
 const char* roudi_program = nullptr;
-
-class Roudi {
- public:
-  bool start() {
-    int out[2];
-    if (::pipe(out) != 0) return false;
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::dup2(out[1], STDOUT_FILENO);
-      ::execl(roudi_program, roudi_program, nullptr);
-      ::_exit(127);
-    }
-    ::close(out[1]);
-    FILE* lines = ::fdopen(out[0], "r");
-    char line[256] = {};
-    const bool ready = std::fgets(line, sizeof line, lines) != nullptr &&
-                       std::string(line).find("\"ready\":true") != std::string::npos;
-    std::fclose(lines);
-    return ready;
-  }
-  int end(int signal) {
-    ::kill(pid_, signal);
-    int status = 0;
-    ::waitpid(pid_, &status, 0);
-    pid_ = 0;
-    return status;
-  }
-  ~Roudi() {
-    if (pid_ > 0) end(SIGKILL);
-  }
-
- private:
-  pid_t pid_ = 0;
-};
 
 template <typename Take>
 bool within_two_seconds(Take take) {
@@ -63,8 +27,8 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   ASSERT_FALSE(without);
   EXPECT_NE(without.error().what.find("ledgerline-roudi"), std::string::npos);  // says the cure, and did not wait
 
-  Roudi roudi;
-  ASSERT_TRUE(roudi.start());
+  Child roudi;
+  ASSERT_TRUE(roudi.start({roudi_program}));
   const Status with = connect("ipc-test");
   ASSERT_TRUE(with) << with.error().what;
   EXPECT_TRUE(roudi_lives());
@@ -135,8 +99,8 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   EXPECT_EQ(plan_back.sequence, 8U);
 
   // Another RouDi is not the one that this process knows.
-  Roudi next;
-  ASSERT_TRUE(next.start());
+  Child next;
+  ASSERT_TRUE(next.start({roudi_program}));
   EXPECT_FALSE(roudi_lives());
 }
 

@@ -135,7 +135,7 @@ TEST(LinkCore, PlansDuringABrakeAreDroppedAndNotFlownLater) {
   w.fly_plan({0, 0, 0}, 40);
   w.pass(100 * ms);
   w.mocap = false;
-  w.pass(w.settings_.failsafe.pose_lost_ns + 20 * ms);
+  w.pass(w.settings_.failsafe.pose_lost_ns + 60 * ms);
   ASSERT_EQ(w.core.mode(1), FailsafeMode::brake);
   w.fly_plan({1, 0, 0}, 40);
   w.pass(200 * ms);
@@ -158,6 +158,20 @@ TEST(LinkCore, TheFenceHoldsAgainstAPlanThatLeavesIt) {
   }
   EXPECT_GT(w.tellos[0].position[0], 1.8);
   EXPECT_EQ(w.core.phase(1), FlightPhase::flying);
+}
+
+TEST(LinkCore, TheFenceHoldsEvenWhenAgentDiesWithItsPosesAndThePlanGoesOn) {
+  LinkSettings settings;
+  settings.fence.max_m = {1, 2, 3};
+  LinkWorld w(1, settings);
+  w.take_off();
+  w.fly_plan({1, 0, 0}, 40);
+  w.pass(300 * ms);
+  w.agent = w.mocap = false;
+  w.pass(1600 * ms);
+  EXPECT_EQ(w.core.mode(1), FailsafeMode::none);
+  EXPECT_GT(w.tellos[0].position[0], 0.7);
+  EXPECT_LE(w.tellos[0].position[0], 1.05);
 }
 
 TEST(LinkCore, AStopLandsAndOnlyATakeOffFromALaterStateFliesAgain) {

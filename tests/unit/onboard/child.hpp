@@ -1,0 +1,65 @@
+#pragma once
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+namespace ledgerline {
+
+/// A program under test: started, awaited until it says that it is ready, ended; never outlives the test.
+class Child {
+ public:
+  Child() = default;
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+  ~Child() {
+    if (pid_ > 0) end(SIGKILL);
+  }
+
+  /// True once the ready line came; the program's later lines are not read, so it must not write many.
+  bool start(const std::vector<std::string>& command) {
+    int out[2];
+    if (::pipe(out) != 0) return false;
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+      ::dup2(out[1], STDOUT_FILENO);
+      ::close(out[0]);
+      ::close(out[1]);
+      std::vector<char*> arguments;
+      for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
+      arguments.push_back(nullptr);
+      ::execv(arguments[0], arguments.data());
+      ::_exit(127);
+    }
+    ::close(out[1]);
+    lines_ = ::fdopen(out[0], "r");
+    char line[512] = {};
+    return std::fgets(line, sizeof line, lines_) != nullptr &&
+           std::string(line).find("\"ready\":true") != std::string::npos;
+  }
+  void signal(int signal) const { ::kill(pid_, signal); }
+  /// Its exit status, as waitpid gives it.
+  int wait() {
+    int status = 0;
+    ::waitpid(pid_, &status, 0);
+    pid_ = 0;
+    if (lines_) std::fclose(lines_);
+    lines_ = nullptr;
+    return status;
+  }
+  int end(int with) {
+    signal(with);
+    return wait();
+  }
+
+ private:
+  pid_t pid_ = 0;
+  FILE* lines_ = nullptr;
+};
+
+}  // namespace ledgerline
