@@ -38,11 +38,15 @@ Status check_drones(const std::vector<agent::DroneName>& drones) {
   return done;
 }
 
-/// Our own organisation must be among those that are believed: only its peers' endorsements count.
+/// Our own organisation must be among those that are believed: only its peers' endorsements count. Asks for the keys of
+/// all [[msp]], so that finish() does not call those unknown that msp_registry did not reach.
 Status check_own_msp(Config& config, const std::string& msp_id) {
+  bool found = false;
   for (std::size_t i = 0; i < config.table_count("msp"); ++i) {
-    if (config.text(fmt::format("msp.{}.id", i)) == msp_id) return done;
+    (void)config.text(fmt::format("msp.{}.ca", i));
+    found = config.text(fmt::format("msp.{}.id", i)) == msp_id || found;
   }
+  if (found) return done;
   return Error{
       fmt::format("no [[msp]] has id = \"{}\": without our own organisation no command could be believed", msp_id)};
 }
@@ -53,11 +57,12 @@ int run(Config& config) {
   const fabric::ClientConfig known = ledger ? *ledger : fabric::ClientConfig{};
   agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
   if (settings.core.seed == 0) settings.core.seed = static_cast<std::uint64_t>(realtime_ns());
+  const Status own_msp = check_own_msp(config, known.identity.name.msp_id);
   Status checked = config.finish();
   if (checked) checked = check_drones(settings.core.drones);
   if (checked && !ledger) checked = ledger.error();
   if (checked && !registry) checked = registry.error();
-  if (checked) checked = check_own_msp(config, known.identity.name.msp_id);
+  if (checked) checked = own_msp;
   if (!checked) {
     spdlog::error("{}", checked.error().what);
     return exit_usage;

@@ -13,6 +13,7 @@ namespace {
 using std::chrono::milliseconds;
 constexpr milliseconds try_again_after{100};
 constexpr milliseconds roudi_watch_period{1000};
+constexpr TimeNs say_first_after_ns = 500 * ns_per_ms;
 constexpr TimeNs say_again_after_ns = 3 * ns_per_s;
 
 std::string topic_of(const std::string& pattern, const std::string& drone) {
@@ -28,7 +29,7 @@ std::string topic_of(const std::string& pattern, const std::string& drone) {
 template <typename Attempt>
 Status AgentShell::keep_trying(const std::string& what, Attempt attempt) {
   const TimeNs until_ns = monotonic_ns() + settings_.start_wait_ns;
-  TimeNs next_message_ns = 0;
+  TimeNs next_message_ns = monotonic_ns() + say_first_after_ns;
   while (true) {
     const Status status = attempt();
     if (status) return done;
