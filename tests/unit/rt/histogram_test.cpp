@@ -47,7 +47,7 @@ TEST(Histogram, EachSampleAloneIsWithinItsPromise) {
     Histogram histogram;
     histogram.add(us * ns_per_us);
     const auto got = static_cast<double>(histogram.quantile(0.5)), wanted = static_cast<double>(us * ns_per_us);
-    ASSERT_NEAR(got, wanted, wanted * 0.016) << us << " us";
+    ASSERT_NEAR(got, wanted, wanted * 0.008) << us << " us";
   }
 }
 
