@@ -253,6 +253,9 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
   const DronePhase phase = drone.status.phase;
   const bool active = drone.in_air_phase() || phase == DronePhase::landing;
   if (!active || !drone.may_command(config_.self)) return;
+  // What is done already is not asked for again: that plan would come too late to mean anything.
+  if (drone.state.phase == FlightPhase::landing && phase == DronePhase::landing) return;
+  if (drone.state.phase == FlightPhase::taking_off && phase == DronePhase::takeoff) return;
   PlannedCommand command;
   command.made_ns = now_ns;
   DronePlan& plan = command.plan;

@@ -1,0 +1,304 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/ground/flight_world.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+using testing::HasSubstr;
+using Kind = fabric::Outcome::Kind;
+
+/// Blocks and outcomes by hand, one drone's states at a time.
+class FlightByHand : public testing::Test {
+ protected:
+  explicit FlightByHand(int drones = 3) : core(config_for(drones)) {
+    for (const auto& drone : core.drones()) {
+      EXPECT_TRUE(core.set_control(control_record(drone.name, operator_name).SerializeAsString()));
+    }
+  }
+
+  FlightOutputs block(fabric::Transaction tx) {
+    fabric::Block block;
+    block.transactions.push_back(std::move(tx));
+    FlightInputs inputs;
+    inputs.block = &block;
+    return core.step(now_ns, inputs);
+  }
+  /// A new state of each of the drones, on the ground: each wants a TAKEOFF plan.
+  FlightOutputs states(std::initializer_list<int> drones, std::uint64_t applied = 0) {
+    now_ns += 5 * ns_per_ms;
+    SetCall call;
+    for (int k : drones) {
+      StateSample sample;
+      sample.phase = FlightPhase::on_ground;
+      sample.boot_id = 9;
+      sample.sequence = ++sequence;
+      sample.stamp_ns = sample.pose_stamp_ns = now_ns;
+      sample.applied_sequence = applied;
+      *call.add_assets() = status_asset("tello" + std::to_string(k), sample);
+    }
+    return block(event("set", call.SerializeAsString()));
+  }
+  FlightOutputs outcome(std::uint64_t id, Kind kind, const std::string& message = "") {
+    fabric::Outcome outcome;
+    outcome.kind = kind;
+    outcome.message = message;
+    FlightInputs inputs;
+    inputs.outcome = &outcome;
+    inputs.outcome_id = id;
+    return core.step(now_ns, inputs);
+  }
+  static CommandCall call_of(const FlightOutputs& out) {
+    CommandCall call;
+    EXPECT_EQ(out.submissions.size(), 1u);
+    if (!out.submissions.empty()) {
+      EXPECT_EQ(out.submissions[0].call.function, "command");
+      EXPECT_TRUE(call.ParseFromString(out.submissions[0].call.args.at(0)));
+    }
+    return call;
+  }
+  static std::vector<std::string> drones_in(const CommandCall& call) {
+    std::vector<std::string> names;
+    for (const auto& plan : call.plans()) names.push_back(plan.drone());
+    return names;
+  }
+
+  FlightCore core;
+  TimeNs now_ns = ns_per_s;
+  std::uint64_t sequence = 0;
+};
+
+TEST_F(FlightByHand, PlansOfAllDronesOfABlockGoInOneCall) {
+  const auto out = states({1, 2, 3});
+  EXPECT_THAT(drones_in(call_of(out)), testing::ElementsAre("tello1", "tello2", "tello3"));
+  EXPECT_EQ(call_of(out).plans(0).action(), TAKEOFF);
+}
+
+TEST_F(FlightByHand, APlanCarriesTheBootIdStampAndEpochOfWhatItAnswers) {
+  const auto call = call_of(states({1}));
+  EXPECT_EQ(call.plans(0).boot_id(), 9u);
+  EXPECT_EQ(call.plans(0).state_stamp_ns(), now_ns);
+  EXPECT_EQ(call.plans(0).epoch(), 1u);
+  EXPECT_EQ(call.plans(0).sequence(), 1u);
+}
+
+TEST_F(FlightByHand, OneCallIsInFlightUntilItIsCommittedAndNewerPlansReplaceThoseThatWait) {
+  const auto first = states({1});
+  EXPECT_TRUE(states({1}).submissions.empty());
+  EXPECT_TRUE(states({1, 2}).submissions.empty());
+  const TimeNs newest_ns = now_ns;
+  const auto next = call_of(outcome(first.submissions[0].id, Kind::committed));
+  EXPECT_THAT(drones_in(next), testing::ElementsAre("tello1", "tello2"));
+  EXPECT_EQ(next.plans(0).state_stamp_ns(), newest_ns);
+  EXPECT_EQ(next.plans(0).sequence(), 2u) << "a plan that was never sent uses up no number";
+  EXPECT_EQ(core.status(0).commands_made, 3u);
+  EXPECT_EQ(core.status(0).commands_sent, 2u);
+  EXPECT_EQ(core.status(0).commands_merged, 1u);
+}
+
+TEST_F(FlightByHand, ItsOwnCommandInABlockFreesTheWayBeforeTheOutcomeComes) {
+  const auto first = states({1});
+  EXPECT_TRUE(states({1}).submissions.empty());
+  const auto next = block(event("command", first.submissions[0].call.args[0]));
+  EXPECT_EQ(next.submissions.size(), 1u);
+}
+
+TEST_F(FlightByHand, ACallThatHangsDoesNotHoldBackTheNextForLong) {
+  (void)states({1});
+  now_ns += 101 * ns_per_ms;
+  EXPECT_EQ(states({1}).submissions.size(), 1u);
+}
+
+TEST_F(FlightByHand, ACallRefusedForOneDroneIsSentAgainAtOnceWithoutIt) {
+  const auto first = states({1, 2, 3});
+  const auto sent = call_of(first);
+  const auto again = call_of(outcome(first.submissions[0].id, Kind::refused, "tello2: stopped by Org1MSP CN=x"));
+  EXPECT_THAT(drones_in(again), testing::ElementsAre("tello1", "tello3"));
+  EXPECT_EQ(again.plans(0).SerializeAsString(), sent.plans(0).SerializeAsString());
+  EXPECT_EQ(core.status(1).commands_refused, 1u);
+  EXPECT_EQ(core.status(0).commands_refused, 0u);
+  EXPECT_EQ(core.status(0).commands_sent, 1u) << "sent again is not sent twice";
+  EXPECT_EQ(core.transactions().refused, 1u);
+}
+
+TEST_F(FlightByHand, ARefusalInThePeersWordsIsUnderstoodToo) {
+  const auto first = states({1, 2});
+  const auto again = outcome(first.submissions[0].id, Kind::refused, "chaincode response 500, tello1: not the holder");
+  EXPECT_THAT(drones_in(call_of(again)), testing::ElementsAre("tello2"));
+}
+
+TEST_F(FlightByHand, ARefusalOfTello1IsNotOneOfTello11) {
+  const auto first = states({1, 2});
+  const auto again = outcome(first.submissions[0].id, Kind::refused, "tello11: not the holder");
+  EXPECT_TRUE(again.submissions.empty());
+}
+
+TEST_F(FlightByHand, AfterAnInvalidatedCallTheNextPlanGoesOut) {
+  const auto first = states({1});
+  EXPECT_TRUE(outcome(first.submissions[0].id, Kind::invalidated).submissions.empty());
+  EXPECT_EQ(states({1}).submissions.size(), 1u);
+  EXPECT_EQ(core.transactions().invalidated, 1u);
+}
+
+TEST_F(FlightByHand, AStateSeenBeforeMakesNoSecondPlan) {
+  SetCall call;
+  StateSample sample;
+  sample.phase = FlightPhase::on_ground;
+  sample.sequence = 5;
+  sample.stamp_ns = sample.pose_stamp_ns = now_ns;
+  *call.add_assets() = status_asset("tello1", sample);
+  EXPECT_EQ(block(event("set", call.SerializeAsString())).submissions.size(), 1u);
+  now_ns += ns_per_s;
+  EXPECT_TRUE(block(event("set", call.SerializeAsString())).submissions.empty());
+  EXPECT_EQ(core.status(0).states_received, 1u);
+}
+
+TEST_F(FlightByHand, InvalidTransactionsAndForeignAssetsAreNotListenedTo) {
+  fabric::Transaction invalid = event("set", "");
+  StateSample sample;
+  sample.phase = FlightPhase::on_ground;
+  sample.sequence = 5;
+  sample.pose_stamp_ns = now_ns;
+  SetCall call;
+  *call.add_assets() = status_asset("tello1", sample);
+  invalid.event_payload = call.SerializeAsString();
+  invalid.code = 11;
+  EXPECT_TRUE(block(invalid).traces.empty());
+  SetCall foreign;
+  *foreign.add_assets() = status_asset("tello99", sample);
+  EXPECT_TRUE(block(event("set", foreign.SerializeAsString())).traces.empty());
+  EXPECT_TRUE(block(event("set", "\xff\xff garbage")).traces.empty());
+}
+
+TEST_F(FlightByHand, ANewLeaseBeginsTheSequenceAnew) {
+  const auto first = states({1});
+  (void)outcome(first.submissions[0].id, Kind::committed);
+  Controls controls;
+  *controls.add_controls() = control_record("tello1", operator_name, 2);
+  (void)block(event("acquire", controls.SerializeAsString()));
+  const auto call = call_of(states({1}));
+  EXPECT_EQ(call.plans(0).epoch(), 2u);
+  EXPECT_EQ(call.plans(0).sequence(), 1u);
+}
+
+TEST_F(FlightByHand, AStartUnderARunningLeaseGoesOnBehindWhatWasFlown) {
+  EXPECT_EQ(call_of(states({1}, 41)).plans(0).sequence(), 42u);
+}
+
+TEST_F(FlightByHand, AStopEndsTheFlightOfThatDroneAndItIsCommandedNoMore) {
+  const auto first = states({1, 2});
+  (void)outcome(first.submissions[0].id, Kind::committed);
+  Controls controls;
+  Control stopped = control_record("tello1", operator_name);
+  stopped.mutable_stopped_by()->set_subject("CN=Supervisor");
+  *controls.add_controls() = stopped;
+  (void)block(event("stop", controls.SerializeAsString()));
+  EXPECT_EQ(core.status(0).phase, DronePhase::landing);
+  EXPECT_THAT(core.why(), HasSubstr("tello1: stopped by CN=Supervisor"));
+  EXPECT_THAT(drones_in(call_of(states({1, 2}))), testing::ElementsAre("tello2"));
+}
+
+TEST_F(FlightByHand, AStopAsJsonCountsToo) {
+  const auto first = states({1});
+  (void)outcome(first.submissions[0].id, Kind::committed);
+  (void)block(event("stop", R"({"controls":[{"drone":"tello1","epoch":"1","stoppedBy":{"subject":"CN=Somebody"}}]})"));
+  EXPECT_THAT(core.why(), HasSubstr("stopped by CN=Somebody"));
+}
+
+TEST_F(FlightByHand, ALostLeaseIsAFailure) {
+  (void)states({1});
+  Controls controls;
+  *controls.add_controls() = control_record("tello1", stranger_name, 2);
+  (void)block(event("acquire", controls.SerializeAsString()));
+  EXPECT_EQ(core.status(0).phase, DronePhase::failed);
+  EXPECT_THAT(core.why(), HasSubstr("lost its lease to CN=User1@org3"));
+}
+
+TEST_F(FlightByHand, AnOlderRecordDoesNotUndoANewerOne) {
+  Controls controls;
+  *controls.add_controls() = control_record("tello1", stranger_name, 0);
+  (void)block(event("acquire", controls.SerializeAsString()));
+  EXPECT_EQ(states({1}).submissions.size(), 1u);
+}
+
+TEST_F(FlightByHand, TheDelayIsTwiceTheWayOfItsOwnCommands) {
+  for (int i = 0; i < 30; ++i) {
+    const auto out = states({1});
+    now_ns += 40 * ns_per_ms;
+    (void)block(event("command", out.submissions[0].call.args[0]));
+    (void)outcome(out.submissions[0].id, Kind::committed);
+  }
+  EXPECT_NEAR(to_ms(core.delay_ns()), 80, 1);
+}
+
+TEST_F(FlightByHand, TracesSayWhenStatesCameAndPlansWereMade) {
+  const auto out = states({2});
+  ASSERT_EQ(out.traces.size(), 2u);
+  EXPECT_EQ(out.traces[0].kind, TraceKind::state_received);
+  EXPECT_EQ(out.traces[0].drone, 2);
+  EXPECT_EQ(out.traces[0].stamp_ns, now_ns);
+  EXPECT_EQ(out.traces[1].kind, TraceKind::command_made);
+  EXPECT_EQ(out.traces[1].id, 1u);
+}
+
+TEST(FlightBelief, StatesOfAnotherSignerThanTheDronesOwnerAreCountedAndIgnored) {
+  FlightConfig config = config_for(1);
+  config.believed = crypto::make_test_registry({"Org1MSP", "Org3MSP"});
+  FlightCore core(config);
+  ASSERT_TRUE(core.set_control(control_record("tello1", operator_name).SerializeAsString()));
+  StateSample sample;
+  sample.phase = FlightPhase::on_ground;
+  sample.stamp_ns = sample.pose_stamp_ns = ns_per_s;
+  std::uint64_t sequence = 0;
+  const auto give = [&](const crypto::IdentityName& who, bool spoilt) {
+    sample.sequence = ++sequence;
+    SetCall call;
+    *call.add_assets() = status_asset("tello1", sample);
+    fabric::Block block;
+    block.transactions.push_back(event("set", call.SerializeAsString()));
+    const auto identity = crypto::make_test_identity(who);
+    block.transactions[0].creator = identity.serialized;
+    block.transactions[0].payload = "what was signed";
+    block.transactions[0].signature = *identity.signer->sign("what was signed");
+    if (spoilt) block.transactions[0].payload += "?";
+    FlightInputs inputs;
+    inputs.block = &block;
+    return core.step(ns_per_s, inputs).traces.size();
+  };
+  EXPECT_EQ(give(stranger_name, false), 0u);
+  EXPECT_EQ(give(host_name, true), 0u);
+  EXPECT_EQ(core.transactions().unbelieved, 2u);
+  EXPECT_GT(give(host_name, false), 0u);
+}
+
+TEST(FlightWithAFaultyLedger, CountersAddUp) {
+  FlightWorld world(config_for(2));
+  world.run(120);
+  ASSERT_TRUE(world.core.ok()) << world.core.why();
+  for (std::size_t i = 0; i < 2; ++i) {
+    const FlightStatus s = world.core.status(i);
+    EXPECT_EQ(s.commands_made, s.commands_sent + s.commands_merged);
+    EXPECT_EQ(s.commands_sent, world.drones[i].plans.size());
+    for (std::size_t k = 0; k < world.drones[i].plans.size(); ++k)
+      EXPECT_EQ(world.drones[i].plans[k].sequence(), k + 1);
+  }
+  EXPECT_EQ(world.core.transactions().submitted, world.calls.size());
+  EXPECT_EQ(world.odometry, world.core.status(0).states_received + world.core.status(1).states_received);
+}
+
+TEST(FlightWithAFaultyLedger, PlansStayWithinTheContractsLimitsWhenItIsVerySlow) {
+  FlightWorld world(config_for(1));
+  world.one_way_ns = 900 * ns_per_ms;
+  world.run(60);
+  for (const auto& plan : world.drones[0].plans) {
+    EXPECT_LE(plan.setpoints_size(), 40);
+    if (!plan.setpoints().empty()) {
+      EXPECT_LE(plan.setpoints().rbegin()->at_ns() - plan.state_stamp_ns(), 2 * ns_per_s);
+    }
+  }
+  EXPECT_FALSE(world.drones[0].plans.empty());
+}
+
+}  // namespace
+}  // namespace ledgerline::ground

@@ -9,8 +9,8 @@
 
 namespace ledgerline::ground {
 
-/// A drone for tests: velocity follows the setpoint with a first-order lag, in a gusty wind if wanted; plans arrive after a
-/// delay and each setpoint is flown when its time has come.
+/// A drone for tests: velocity follows the setpoint with a first-order lag, in a gusty wind if wanted; plans arrive
+/// after a delay and each setpoint is flown when its time has come.
 class LaggedDrone {
  public:
   explicit LaggedDrone(double lag_s, double gust_mps = 0, std::uint64_t seed = 1)
