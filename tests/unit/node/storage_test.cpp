@@ -1,0 +1,186 @@
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "chaincode/node/storage/block_store.hpp"
+
+namespace ledgerline::node {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+class StorageTest : public ::testing::Test {
+ protected:
+  /// Opens the store and notes what it says.
+  Result<std::unique_ptr<BlockStore>> open(Files& files) {
+    blocks.clear();
+    messages.clear();
+    return BlockStore::open(
+        files,
+        [this](std::string_view block) -> Status {
+          blocks.emplace_back(block);
+          return done;
+        },
+        [this](const std::string& message) { messages.push_back(message); });
+  }
+
+  void write(const std::vector<std::string>& all) {
+    auto store = open(memory);
+    ASSERT_TRUE(store.ok());
+    for (const std::string& block : all) ASSERT_TRUE((*store)->append(block).ok());
+  }
+
+  std::string& bytes() { return memory.content("blocks").bytes; }
+
+  MemoryFiles memory;
+  std::vector<std::string> blocks, messages;
+};
+
+TEST_F(StorageTest, BlocksAreThereAfterAReopen) {
+  write({"zero", "one", std::string(100'000, 'x')});
+  const auto store = open(memory);
+  ASSERT_TRUE(store.ok());
+  EXPECT_THAT(blocks, ElementsAre("zero", "one", std::string(100'000, 'x')));
+  EXPECT_THAT(messages, IsEmpty());
+  EXPECT_EQ((*store)->height(), 3U);
+  EXPECT_EQ(*(*store)->read(1), "one");
+  EXPECT_FALSE((*store)->read(3).ok());
+}
+
+TEST_F(StorageTest, AppendReturnsOnlyWhenTheBlockSurvivesLossOfPower) {
+  write({"zero", "one"});
+  memory.lose_power();
+  ASSERT_TRUE(open(memory).ok());
+  EXPECT_THAT(blocks, ElementsAre("zero", "one"));
+}
+
+TEST_F(StorageTest, ATornTailIsCutOffWithAMessageWhereverItTore) {
+  write({"zero", "one"});
+  const std::string whole = bytes();
+  write({"two"});
+  const std::string longer = bytes();
+  for (std::size_t size = whole.size() + 1; size < longer.size(); ++size) {
+    bytes() = longer.substr(0, size);
+    auto store = open(memory);
+    ASSERT_TRUE(store.ok()) << size;
+    EXPECT_THAT(blocks, ElementsAre("zero", "one"));
+    EXPECT_THAT(messages, ElementsAre(HasSubstr("block 2 was not finished")));
+    EXPECT_EQ(bytes(), whole);
+    ASSERT_TRUE((*store)->append("new").ok());
+    ASSERT_TRUE(open(memory).ok());
+    EXPECT_THAT(blocks, ElementsAre("zero", "one", "new"));
+  }
+}
+
+TEST_F(StorageTest, ATailOfZerosIsCutOff) {
+  write({"zero"});
+  bytes() += std::string(5000, '\0');
+  ASSERT_TRUE(open(memory).ok());
+  EXPECT_THAT(blocks, ElementsAre("zero"));
+  EXPECT_THAT(messages, ElementsAre(HasSubstr("5000 bytes cut off")));
+}
+
+TEST_F(StorageTest, DamageBeforeGoodBlocksIsAnErrorThatNamesThePlace) {
+  write({"zero", "one", "two"});
+  const std::string whole = bytes();
+  const std::size_t record = whole.size() - std::string("two").size() - 24;  // where the last record begins
+  for (std::size_t at = 0; at < record; ++at) {
+    bytes() = whole;
+    bytes()[at] = static_cast<char>(bytes()[at] ^ 0x40);
+    const auto store = open(memory);
+    ASSERT_FALSE(store.ok()) << at;
+    EXPECT_THAT(store.error().what, HasSubstr("is damaged at byte"));
+    EXPECT_EQ(bytes().size(), whole.size()) << "nothing is cut off";
+  }
+}
+
+TEST_F(StorageTest, WhatTheReaderRefusesIsAnError) {
+  write({"zero"});
+  const auto store = BlockStore::open(
+      memory, [](std::string_view) -> Status { return Error{"block 0 does not fit"}; }, [](const std::string&) {});
+  ASSERT_FALSE(store.ok());
+  EXPECT_THAT(store.error().what, HasSubstr("block 0 does not fit"));
+}
+
+/// A disk that fails at the n-th sync.
+class FailingFiles final : public Files {
+ public:
+  class FailingFile final : public File {
+   public:
+    explicit FailingFile(int& left) : left_(left) {}
+    Status append(std::string_view) override { return done; }
+    Status sync() override {
+      if (left_-- > 0) return done;
+      return Error{"the disk is gone"};
+    }
+    Result<std::string> read(std::uint64_t, std::size_t) const override { return Error{"unused"}; }
+    Result<std::uint64_t> size() const override { return std::uint64_t{0}; }
+    Status truncate(std::uint64_t) override { return done; }
+
+   private:
+    int& left_;
+  };
+  explicit FailingFiles(int good_syncs) : left_(good_syncs) {}
+  Result<std::unique_ptr<File>> open(const std::string&) override {
+    return std::unique_ptr<File>(std::make_unique<FailingFile>(left_));
+  }
+  Status rename(const std::string&, const std::string&) override { return done; }
+  Result<std::vector<std::string>> list() const override { return std::vector<std::string>{}; }
+  std::string place() const override { return "failing"; }
+
+ private:
+  int left_;
+};
+
+TEST_F(StorageTest, AfterAFailedSyncNothingMoreIsTaken) {
+  FailingFiles files(1);
+  auto store = open(files);
+  ASSERT_TRUE(store.ok());
+  EXPECT_TRUE((*store)->append("zero").ok());
+  EXPECT_THAT((*store)->append("one").error().what, HasSubstr("the disk is gone"));
+  EXPECT_FALSE((*store)->append("two").ok());
+  EXPECT_EQ((*store)->height(), 1U);
+}
+
+class DiskTest : public StorageTest {
+ protected:
+  DiskTest() : dir_(std::filesystem::temp_directory_path() / ("ledgerline_disk_" + std::to_string(::getpid()))) {
+    std::filesystem::remove_all(dir_);
+  }
+  ~DiskTest() override { std::filesystem::remove_all(dir_); }
+  std::filesystem::path dir_;
+};
+
+TEST_F(DiskTest, ARealDirectoryKeepsTheChainToo) {
+  {
+    auto files = open_directory(dir_);
+    ASSERT_TRUE(files.ok());
+    auto store = open(**files);
+    ASSERT_TRUE(store.ok());
+    ASSERT_TRUE((*store)->append("zero").ok());
+    ASSERT_TRUE((*store)->append("one").ok());
+    EXPECT_EQ(*(*store)->read(1), "one");
+  }
+  std::filesystem::resize_file(dir_ / "blocks", std::filesystem::file_size(dir_ / "blocks") - 1);
+  auto files = open_directory(dir_);
+  ASSERT_TRUE(files.ok());
+  auto store = open(**files);
+  ASSERT_TRUE(store.ok());
+  EXPECT_THAT(blocks, ElementsAre("zero"));
+  ASSERT_TRUE((*store)->append("again").ok());
+  EXPECT_EQ(*(*store)->read(1), "again");
+}
+
+TEST_F(DiskTest, ADirectoryHasOneProcess) {
+  const auto first = open_directory(dir_);
+  ASSERT_TRUE(first.ok());
+  const auto second = open_directory(dir_);
+  ASSERT_FALSE(second.ok());
+  EXPECT_THAT(second.error().what, HasSubstr("in use by another ledgerline-node"));
+}
+
+}  // namespace
+}  // namespace ledgerline::node
