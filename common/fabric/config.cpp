@@ -39,13 +39,18 @@ Result<ClientConfig> ledger_config(Config& config) {
 
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
   const crypto::Library verifier = library_of(config, "ledger.verifier", "libcrypto");
+  // All keys first: what is not asked for would be reported as unknown.
+  std::vector<std::pair<std::string, std::string>> named;
+  bool complete = true;
   const std::size_t count = config.table_count("msp");
-  if (count == 0) return Error{"the config names no organisation to believe; add [[msp]] with id and ca"};
-  std::vector<crypto::MspRoot> roots;
   for (std::size_t i = 0; i < count; ++i) {
-    const std::string id = config.text(fmt::format("msp.{}.id", i));
-    const std::string path = config.text(fmt::format("msp.{}.ca", i));
-    if (id.empty() || path.empty()) return incomplete;
+    named.emplace_back(config.text(fmt::format("msp.{}.id", i)), config.text(fmt::format("msp.{}.ca", i)));
+    complete = complete && !named.back().first.empty() && !named.back().second.empty();
+  }
+  if (named.empty()) return Error{"the config names no organisation to believe; add [[msp]] with id and ca"};
+  if (!complete) return incomplete;
+  std::vector<crypto::MspRoot> roots;
+  for (const auto& [id, path] : named) {
     std::ifstream file(path);
     std::stringstream pem;
     pem << file.rdbuf();

@@ -72,6 +72,17 @@ TEST_F(LedgerConfig, WrongKeysAreReportedWithTheirLine) {
   EXPECT_NE(what.find("ledger.msp_dir: is missing"), std::string::npos) << what;
 }
 
+TEST_F(LedgerConfig, AFailureLeavesNoKeyUnasked) {
+  auto config = Config::parse(
+                    "[ledger]\nendpoint = \"x\"\ntls_ca = \"y\"\nmsp_id = \"Org1MSP\"\nmsp_dir = \"/nowhere\"\n"
+                    "[[msp]]\nid = \"Org1MSP\"\nca = \"/no-ca.pem\"\n[[msp]]\nid = \"Org2MSP\"\nca = \"/no.pem\"\n",
+                    "agent.toml")
+                    .value();
+  EXPECT_FALSE(ledger_config(config));
+  EXPECT_FALSE(msp_registry(config));
+  EXPECT_TRUE(config.finish());
+}
+
 TEST_F(LedgerConfig, FilesThatAreNotThereAreNamed) {
   auto config = Config::parse(
                     "[ledger]\nendpoint = \"x\"\ntls_ca = \"y\"\nmsp_id = \"Org1MSP\"\nmsp_dir = "
