@@ -52,6 +52,24 @@ TEST(Physics, HoveringInGustsStaysNearItsPlace) {
   EXPECT_LT(furthest_up, 0.1);
 }
 
+TEST(Physics, GustsPushADroneThatKnowsItsVelocityExactly) {
+  const auto mean_speed = [](double gust_mps) {
+    Parameters p = Flight::calm();
+    p.wind.gust_mps = gust_mps;
+    Flight flight(p);
+    flight.take_off();
+    double sum = 0;
+    for (int i = 0; i < 100; ++i) {
+      flight.run(0.1);
+      sum += speed(flight.truth());
+    }
+    return sum / 100;
+  };
+  EXPECT_LT(mean_speed(0), 0.001);
+  EXPECT_GT(mean_speed(0.1), 0.002);
+  EXPECT_GT(mean_speed(1.0), 5 * mean_speed(0.1));
+}
+
 TEST(Physics, VelocityFollowsTheSticksAsAFirstOrderLag) {
   Flight flight;
   flight.take_off();
@@ -243,6 +261,17 @@ TEST(Physics, TheSameSeedGivesTheSameBytesAndAnotherDoesNot) {
   EXPECT_GT(first.size(), 100'000u);
   EXPECT_TRUE(first == a_whole_flight(1));
   EXPECT_FALSE(first == a_whole_flight(2));
+}
+
+TEST(Physics, TheSensorsNoiseComesFromTheSeedToo) {
+  const auto on_the_ground = [](std::uint64_t seed) {
+    Parameters p;
+    p.seed = seed;
+    Flight flight(p);
+    flight.run(0.5);
+    return flight.bytes;
+  };
+  EXPECT_FALSE(on_the_ground(1) == on_the_ground(2));
 }
 
 TEST(Physics, HowOftenStepIsCalledChangesNothing) {

@@ -299,6 +299,16 @@ TEST(Sdk, RcIsNeverAnsweredAndDoesNothingOnTheGround) {
   EXPECT_NEAR(flight.truth().position_m[0], 0, 0.02) << "sticks from before takeoff are forgotten";
 }
 
+TEST(Sdk, RcDuringAMoveIsForgotten) {
+  Flight flight;
+  flight.take_off();
+  flight.tell("forward 100");
+  flight.run(0.5);
+  flight.tell("rc 0 100 0 0");
+  flight.run(5);
+  EXPECT_NEAR(flight.truth().position_m[0], 1.0, 0.1);
+}
+
 TEST(Sdk, RcHoldsUntilTheNextOne) {
   Flight flight;
   flight.take_off();
