@@ -28,6 +28,10 @@ Status fill_peer(std::string_view bytes, protos::DeliverResponse& response) {
   return parse(bytes, *response.mutable_block());
 }
 
+Status fill_with_private_data(std::string_view bytes, protos::DeliverResponse& response) {
+  return parse(bytes, *response.mutable_block_and_private_data()->mutable_block());
+}
+
 Status fill_filtered(std::string_view bytes, protos::DeliverResponse& response) {
   common::Block block;
   if (Status status = parse(bytes, block); !status) return status;

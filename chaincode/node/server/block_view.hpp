@@ -13,6 +13,8 @@ namespace ledgerline::node {
 Status fill_peer(std::string_view block, protos::DeliverResponse& response);
 /// Without payloads of events, as Fabric's filtered blocks.
 Status fill_filtered(std::string_view block, protos::DeliverResponse& response);
+/// The contract keeps no private data, so there is none beside the block.
+Status fill_with_private_data(std::string_view block, protos::DeliverResponse& response);
 /// Without the peer's flags.
 Status fill_orderer(std::string_view block, orderer::DeliverResponse& response);
 /// The contract's events of valid transactions; those up to `after` (a transaction's id) are left out if it is in the

@@ -42,6 +42,11 @@ class DeliverService final : public protos::Deliver::CallbackService {
     return DeliverStream<protos::DeliverResponse>::start(node_, fill_filtered);
   }
 
+  grpc::ServerBidiReactor<common::Envelope, protos::DeliverResponse>* DeliverWithPrivateData(
+      grpc::CallbackServerContext*) override {
+    return DeliverStream<protos::DeliverResponse>::start(node_, fill_with_private_data);
+  }
+
  private:
   Node& node_;
 };
