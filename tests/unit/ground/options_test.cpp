@@ -1,0 +1,84 @@
+#include "ground/fly/options.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace ledgerline::fly {
+namespace {
+
+using testing::HasSubstr;
+
+void expect_refused(const std::vector<std::string>& arguments, const std::string& words) {
+  const auto line = parse_command_line(arguments);
+  EXPECT_FALSE(line.fly);
+  EXPECT_EQ(line.exit_code, 2);
+  EXPECT_THAT(line.text, HasSubstr(words));
+}
+
+TEST(FlyOptions, DefaultsAreOneDroneThreeLapsOfASquareOnTheEmbeddedLedger) {
+  const auto line = parse_command_line({});
+  EXPECT_TRUE(line.fly);
+  EXPECT_EQ(line.options.shape, ground::Shape::square);
+  EXPECT_EQ(line.options.drones, 1);
+  EXPECT_EQ(line.options.rate_hz, 30);
+  EXPECT_EQ(line.options.speed_mps, 0.5);
+  EXPECT_EQ(line.options.laps, 3);
+  EXPECT_EQ(line.options.seconds, 0);
+  EXPECT_EQ(line.options.ledger, "embedded");
+  EXPECT_EQ(line.options.batch_timeout_ns, 10 * ns_per_ms);
+  EXPECT_EQ(line.options.batch_count, 1);
+  EXPECT_EQ(line.options.seed, 1u);
+}
+
+TEST(FlyOptions, EveryOptionIsTaken) {
+  const auto line =
+      parse_command_line({"--shape", "x", "--drones", "16",       "--rate",          "50",   "--speed",       "1.5",
+                          "--laps",  "7", "--ledger", "embedded", "--batch-timeout", "2s",   "--batch-count", "10",
+                          "--seed",  "9", "--json",   "r.json",   "--out",           "there"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_EQ(line.options.shape, ground::Shape::x);
+  EXPECT_EQ(line.options.drones, 16);
+  EXPECT_EQ(line.options.rate_hz, 50);
+  EXPECT_EQ(line.options.speed_mps, 1.5);
+  EXPECT_EQ(line.options.laps, 7);
+  EXPECT_EQ(line.options.batch_timeout_ns, 2 * ns_per_s);
+  EXPECT_EQ(line.options.batch_count, 10);
+  EXPECT_EQ(line.options.seed, 9u);
+  EXPECT_EQ(line.options.json, "r.json");
+  EXPECT_EQ(line.options.out, "there");
+}
+
+TEST(FlyOptions, WhatCannotBeFlownIsRefusedInWords) {
+  expect_refused({"--shape", "circle"}, "circle");
+  expect_refused({"--drones", "0"}, "drones");
+  expect_refused({"--drones", "17"}, "drones");
+  expect_refused({"--rate", "fast"}, "rate");
+  expect_refused({"--speed", "-1"}, "speed");
+  expect_refused({"--laps", "0"}, "laps");
+  expect_refused({"--ledger", "paper"}, "ledger");
+  expect_refused({"--batch-timeout", "soon"}, "no time from 1ms to 60s");
+  expect_refused({"--laps", "3", "--seconds", "5"}, "seconds");
+  expect_refused({"--unknown"}, "--unknown");
+  expect_refused({"stray"}, "stray");
+}
+
+TEST(FlyOptions, HelpIsNoErrorAndShowsExamples) {
+  const auto line = parse_command_line({"--help"});
+  EXPECT_FALSE(line.fly);
+  EXPECT_EQ(line.exit_code, 0);
+  EXPECT_THAT(line.text, HasSubstr("Examples"));
+  EXPECT_THAT(line.text, HasSubstr("--batch-timeout"));
+}
+
+TEST(FlyOptions, DurationsHaveUnitsOrAreMilliseconds) {
+  EXPECT_EQ(*parse_duration("10ms"), 10 * ns_per_ms);
+  EXPECT_EQ(*parse_duration("2s"), 2 * ns_per_s);
+  EXPECT_EQ(*parse_duration("0.5s"), 500 * ns_per_ms);
+  EXPECT_EQ(*parse_duration("250"), 250 * ns_per_ms);
+  for (const char* wrong : {"", "ms", "10 years", "-5ms", "0", "61s", "10msx", "nan", "1e99s"}) {
+    EXPECT_FALSE(parse_duration(wrong)) << wrong;
+  }
+}
+
+}  // namespace
+}  // namespace ledgerline::fly

@@ -1,0 +1,60 @@
+#include "ground/shell/settings.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::ground {
+namespace {
+
+TEST(GroundSettings, AWholeConfigIsReadAndDefaultsFillTheRest) {
+  auto config = Config::parse(
+      "[flight]\nshape = \"x\"\nspeed_mps = 0.8\nlaps = 2\n[output]\ntrace = \"t\"\nstatus_period_ms = 0\n"
+      "[[drone]]\nname = \"tello1\"\nnumber = 1\n[[drone]]\nname = \"tello5\"\nnumber = 5\n",
+      "ground.toml");
+  ASSERT_TRUE(config);
+  const FlightConfig flight = flight_config(*config);
+  const OutputSettings output = output_settings(*config);
+  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  EXPECT_EQ(flight.shape, Shape::x);
+  EXPECT_EQ(flight.controller.speed_mps, 0.8);
+  EXPECT_EQ(flight.laps, 2);
+  EXPECT_EQ(flight.side_m, 1.5);
+  ASSERT_EQ(flight.drones.size(), 2u);
+  EXPECT_EQ(flight.drones[1].name, "tello5");
+  EXPECT_EQ(flight.drones[1].number, 5);
+  EXPECT_EQ(output.trace, "t");
+  EXPECT_EQ(output.status_period_ns, 0);
+}
+
+TEST(GroundSettings, EveryWrongKeyIsReportedWithItsLine) {
+  auto config = Config::parse("[flight]\nshape = \"circle\"\nspeed_mps = 99\nlapse = 3\n", "ground.toml");
+  ASSERT_TRUE(config);
+  (void)flight_config(*config);
+  (void)output_settings(*config);
+  const auto status = config->finish();
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:2: flight.shape"));
+  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:3: flight.speed_mps"));
+  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:4: flight.lapse"));
+}
+
+TEST(GroundSettings, StatusAndSummarySayWhatTheContractOfTheProcessesAsksFor) {
+  FlightConfig flight;
+  flight.drones = {{"tello1", 1}};
+  const FlightCore core(flight);
+  const auto status = nlohmann::json::parse(status_line(core));
+  EXPECT_EQ(status["ground"]["drones"][0]["name"], "tello1");
+  EXPECT_EQ(status["ground"]["drones"][0]["phase"], "waiting");
+  EXPECT_EQ(status["ground"]["why"], "");
+  const auto summary_object = nlohmann::json::parse(summary(core));
+  for (const char* key : {"name", "finished", "landed", "lap_s", "origin", "height_m", "states_received",
+                          "commands_made", "commands_sent", "commands_merged"}) {
+    EXPECT_TRUE(summary_object["drones"][0].contains(key)) << key;
+  }
+  EXPECT_TRUE(summary_object.contains("transactions"));
+}
+
+}  // namespace
+}  // namespace ledgerline::ground
