@@ -132,7 +132,7 @@ TEST(LinkCore, WithASilentDroneLinkBrakesAndLandsByAnswersAlone) {
 TEST(LinkCore, PlansDuringABrakeAreDroppedAndNotFlownLater) {
   LinkWorld w;
   w.take_off();
-  w.fly_plan({0, 0, 0}, 40);
+  w.fly_plan({0.5F, 0, 0}, 40);
   w.pass(100 * ms);
   w.mocap = false;
   w.pass(w.settings_.failsafe.pose_lost_ns + 60 * ms);
@@ -182,14 +182,14 @@ TEST(LinkCore, AStopLandsAndOnlyATakeOffFromALaterStateFliesAgain) {
   stop.epoch = 0;
   w.pass(ms);
   EXPECT_EQ(w.core.mode(1), FailsafeMode::land);
-  Plan& late = w.plan(PlanAction::takeoff);
-  late.state_stamp_ns = w.now;
-  w.pass(5 * ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
-  Plan& old = w.plan(PlanAction::takeoff);
-  old.state_stamp_ns = w.now - 1900 * ms > 0 ? w.now - 4 * ns_per_s : 0;
+  for (int i = 0; i < 5000 && w.core.phase(1) != FlightPhase::landed; ++i) w.step();
+  ASSERT_EQ(w.core.phase(1), FlightPhase::landed);
+  Plan& before =
+      w.plan(PlanAction::takeoff);  // of an operator who did not know yet, and still young enough to be flown
+  before.state_stamp_ns = w.now - 500 * ms;
   w.pass(3 * ns_per_s);
   EXPECT_EQ(w.tellos[0].count("takeoff"), 1);
+  EXPECT_EQ(w.core.reports()[0].plans.dropped_by[static_cast<std::size_t>(DropReason::too_old)], 1U);
   w.plan(PlanAction::takeoff);
   w.pass(5 * ns_per_s);
   EXPECT_EQ(w.tellos[0].count("takeoff"), 2);
