@@ -272,7 +272,10 @@ void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
 void Pipeline::end_all() {
   // Nobody's turn comes any more.
   order_.clear();
-  while (!live_.empty()) finish(live_.begin()->second, Outcome::Kind::unavailable, "the client is being closed");
+  while (!live_.empty()) {
+    const PendingPtr p = live_.begin()->second;  // finish() takes it out of live_, so a copy holds it
+    finish(p, Outcome::Kind::unavailable, "the client is being closed");
+  }
   queue_.Shutdown();
 }
 
