@@ -3,6 +3,7 @@ import base64
 import json
 import os
 import pathlib
+import resource
 import shutil
 import signal
 import subprocess
@@ -31,9 +32,10 @@ def node_modules(tmp_path_factory) -> pathlib.Path:
 class Ledger:
     """ledgerline-node in a directory of its own; may be stopped, killed and started again."""
 
-    def __init__(self, directory: pathlib.Path, *options: str):
+    def __init__(self, directory: pathlib.Path, *options: str, file_limit: int | None = None):
         self.directory = directory
         self.options = options
+        self.file_limit = file_limit  # bytes that a file may have: a disk that is full, for this process alone
         self.process = None
         self.start()
 
@@ -42,10 +44,15 @@ class Ledger:
         self.process = subprocess.Popen(
             [BIN / "ledgerline-node", "--dir", self.directory, "--listen", "127.0.0.1:0",
              "--summary", self.directory.with_suffix(".json"), *self.options],
-            stdout=subprocess.PIPE, stderr=log, text=True)
+            stdout=subprocess.PIPE, stderr=log, text=True, preexec_fn=self.limit)
         ready = self.process.stdout.readline()
         assert ready, self.log()
         self.endpoint = json.loads(ready)["endpoint"]
+
+    def limit(self) -> None:
+        if self.file_limit is not None:
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (self.file_limit, self.file_limit))
 
     def stop(self, how=signal.SIGTERM) -> int:
         if self.process.poll() is None:

@@ -177,3 +177,27 @@ def test_a_second_node_in_the_same_directory_says_so(ledger):
     second = subprocess.run([BIN / "ledgerline-node", "--dir", ledger.directory, "--listen", "127.0.0.1:0"],
                             capture_output=True, text=True, timeout=20)
     assert second.returncode == 1 and "in use by another" in second.stderr
+
+
+def test_a_node_whose_disk_takes_no_more_ends_and_loses_nothing_that_it_confirmed(tmp_path: pathlib.Path, node_modules):
+    ledger = Ledger(tmp_path / "node", file_limit=200_000)
+    client = Client(node_modules, ledger, 1, "User1")
+    confirmed = []
+    for number in range(100):
+        answer = client.call("submit", "set", asset(f"tello1/n{number}", bytes(10_000)))
+        if "error" in answer:
+            break
+        confirmed.append(f"tello1/n{number}")
+    client.close()
+    assert 3 < len(confirmed) < 100
+    assert ledger.process.wait(timeout=20) == 1
+    assert "the ledger stops: writing" in ledger.log()
+
+    ledger.file_limit = None
+    ledger.start()
+    assert "was not finished" in ledger.log()
+    client = Client(node_modules, ledger, 1, "User1")
+    kept = json.loads(decode(client.call("evaluate", "get", "tello1/*")["result"]))["assets"]
+    assert {one["id"] for one in kept} == set(confirmed)
+    client.close()
+    assert ledger.stop() == 0
