@@ -31,6 +31,12 @@ set(FABRIC_MESSAGES
   peer/proposal_response peer/collection peer/transaction peer/query peer/resources)
 set(FABRIC_SERVICES gateway/gateway orderer/ab peer/events peer/peer peer/chaincode_shim)
 
+# Generated code is not what the sanitizers look for.
+set(GENERATED_OPTIONS -O1)
+if(LEDGERLINE_SANITIZE)
+  set(GENERATED_OPTIONS -O0 -fno-sanitize=all)
+endif()
+
 set(message_sources)
 set(message_protos)
 foreach(proto ${FABRIC_MESSAGES})
@@ -44,7 +50,8 @@ add_custom_command(OUTPUT ${message_sources} ${message_headers}
 add_library(fabric_protos STATIC ${message_sources})
 target_include_directories(fabric_protos SYSTEM PUBLIC ${GENERATED})
 target_link_libraries(fabric_protos PUBLIC protobuf::libprotobuf)
-target_compile_options(fabric_protos PRIVATE -w -O1)
+target_compile_options(fabric_protos PRIVATE -w ${GENERATED_OPTIONS})
+set_target_properties(fabric_protos PROPERTIES UNITY_BUILD OFF)
 
 if(LEDGERLINE_NETWORK_PARTS)
   set(service_sources)
@@ -59,5 +66,6 @@ if(LEDGERLINE_NETWORK_PARTS)
     DEPENDS ${FABRIC_DESC} ${WKT_DESC})
   add_library(fabric_grpc STATIC ${service_sources})
   target_link_libraries(fabric_grpc PUBLIC fabric_protos gRPC::grpc++)
-  target_compile_options(fabric_grpc PRIVATE -w -O1)
+  target_compile_options(fabric_grpc PRIVATE -w ${GENERATED_OPTIONS})
+  set_target_properties(fabric_grpc PROPERTIES UNITY_BUILD OFF)
 endif()

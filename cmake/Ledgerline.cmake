@@ -2,18 +2,20 @@
 
 add_library(ledgerline_options INTERFACE)
 target_compile_options(ledgerline_options INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Werror)
+  -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Werror)
 
 # ll_library(NAME SOURCES a.cpp ... DEPS other ...): a static library, included by path from the root ("common/rt/clock.hpp").
 function(ll_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPS;PRIVATE_DEPS" ${ARGN})
   add_library(${name} STATIC ${ARG_SOURCES})
   target_include_directories(${name} PUBLIC ${CMAKE_SOURCE_DIR})
+  target_compile_options(${name} PRIVATE -Wshadow)  # not in tests: in a unity build they see each other's names
   target_link_libraries(${name} PUBLIC ${ARG_DEPS} PRIVATE ledgerline_options ${ARG_PRIVATE_DEPS})
 endfunction()
 
-# What ./fly needs: every program, no test.
+# What ./fly needs: every program, no test; and every unit test with the programs that it runs.
 add_custom_target(programs)
+add_custom_target(unit_tests)
 
 # ll_program(NAME SOURCES main.cpp DEPS its_library): a program in bin/.
 function(ll_program name)
@@ -30,6 +32,7 @@ function(ll_test name)
     set(ARG_TIMEOUT 120)
   endif()
   add_executable(${name} ${ARG_SOURCES})
+  add_dependencies(unit_tests ${name})
   target_link_libraries(${name} PRIVATE ledgerline_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
   add_test(NAME ${name} COMMAND ${name})
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "unit;${ARG_LABELS}")

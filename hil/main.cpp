@@ -1,19 +1,14 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
 
 #include "common/rt/clock.hpp"
+#include "common/rt/json.hpp"
 #include "common/rt/log.hpp"
 #include "hil/virtual_flight.hpp"
 
 namespace {
 
 using namespace ledgerline;
-
-nlohmann::json to_json(const Quantiles& q) {
-  return {{"p5", q.p5},   {"q1", q.q1},   {"median", q.median}, {"q3", q.q3},
-          {"p95", q.p95}, {"p99", q.p99}, {"max", q.max},       {"count", q.count}};
-}
 
 int virtual_flight(const hil::VirtualFlightConfig& config) {
   const TimeNs start = monotonic_ns();
@@ -35,8 +30,8 @@ int virtual_flight(const hil::VirtualFlightConfig& config) {
                      {"drones", nlohmann::json::array()}};
   for (const auto& drone : flight->drones) {
     out["drones"].push_back({{"id", drone.name},
-                             {"two_way_ms", to_json(drone.two_way_ms)},
-                             {"age_ms", to_json(drone.age_ms)},
+                             {"two_way_ms", drone.two_way_ms},
+                             {"age_ms", drone.age_ms},
                              {"cross_track_m", {{"rms", drone.cross_track_rms_m}, {"max", drone.cross_track_max_m}}},
                              {"lap_s", drone.lap_s}});
   }

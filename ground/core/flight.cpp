@@ -31,6 +31,12 @@ std::string_view name_of(FailsafeCause cause) {
   return i < names.size() ? names[i] : "unknown cause";
 }
 
+// On the ground link says what speaks against a take-off. A stop it keeps until the next take-off command; whether that
+// is allowed says the ledger.
+bool may_take_off(const StateSample& state) {
+  return state.cause == FailsafeCause::none || state.cause == FailsafeCause::stopped;
+}
+
 }  // namespace
 
 std::string name_of(DronePhase phase) {
@@ -109,6 +115,7 @@ void FlightCore::advance(TimeNs now_ns, Drone& drone) {
   switch (drone.status.phase) {
     case DronePhase::waiting:
       if (!drone.may_command(config_.self) || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
+      if (grounded && !may_take_off(s)) return;
       drone.status.origin_m = {s.position_m[0], s.position_m[1]};
       drone.controller = std::make_unique<PathController>(
           Path(config_.shape, {s.position_m[0], s.position_m[1]}, config_.side_m), config_.controller, s.yaw_rad);
@@ -205,6 +212,8 @@ void FlightCore::check_time(TimeNs now_ns, Drone& drone) {
         missing = "it has no pose (no mocap?)";
       } else if (drone.state.phase == FlightPhase::disconnected) {
         missing = "link does not reach it";
+      } else if (!may_take_off(drone.state)) {
+        missing = fmt::format("it may not take off ({})", name_of(drone.state.cause));
       }
       drone.status.why = fmt::format("{} within {:.0f} s", missing, to_seconds(config_.wait_ns));
       enter(now_ns, drone, DronePhase::failed);
@@ -256,6 +265,8 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
   // What is done already is not asked for again: that plan would come too late to mean anything.
   if (drone.state.phase == FlightPhase::landing && phase == DronePhase::landing) return;
   if (drone.state.phase == FlightPhase::taking_off && phase == DronePhase::takeoff) return;
+  // Nor what link would refuse now.
+  if (drone.state.phase != FlightPhase::flying && phase == DronePhase::takeoff && !may_take_off(drone.state)) return;
   PlannedCommand command;
   command.made_ns = now_ns;
   DronePlan& plan = command.plan;

@@ -1,18 +1,10 @@
-#include <nlohmann/json.hpp>
-
+#include "common/rt/json.hpp"
 #include "ground/report/results.hpp"
 
 namespace ledgerline::report {
 namespace {
 
 using nlohmann::json;
-
-double rounded(double value, double digits = 1000) { return std::round(value * digits) / digits; }
-
-json to_json(const Quantiles& q) {
-  return {{"p5", rounded(q.p5)},   {"q1", rounded(q.q1)},   {"median", rounded(q.median)}, {"q3", rounded(q.q3)},
-          {"p95", rounded(q.p95)}, {"p99", rounded(q.p99)}, {"max", rounded(q.max)},       {"count", q.count}};
-}
 
 template <std::size_t N>
 json named(const std::array<std::uint64_t, N>& values, const std::array<const char*, N>& names) {
@@ -27,13 +19,15 @@ json to_json(const DroneResult& drone) {
     cross_track = {{"rms", rounded(drone.cross_track_rms_m)}, {"max", rounded(drone.cross_track_max_m)}};
   json laps = json::array();
   for (double lap : drone.lap_s) laps.push_back(rounded(lap));
+  json commands = named<6>(drone.commands, {"sent", "on_ledger", "refused", "applied", "late", "dropped"});
+  commands["reasons"] = drone.reasons;
   return {{"id", drone.id},
-          {"two_way_ms", to_json(drone.two_way_ms)},
-          {"age_ms", to_json(drone.age_ms)},
+          {"two_way_ms", drone.two_way_ms},
+          {"age_ms", drone.age_ms},
           {"cross_track_m", cross_track},
           {"lap_s", laps},
           {"states", named<5>(drone.states, {"sampled", "sent", "on_ledger", "merged", "dropped"})},
-          {"commands", named<6>(drone.commands, {"sent", "on_ledger", "refused", "applied", "late", "dropped"})}};
+          {"commands", commands}};
 }
 
 }  // namespace
@@ -64,6 +58,7 @@ json to_json(const Results& r) {
                 {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
                 {"batch_count", r.asked.batch_count},
                 {"storage", r.storage},
+                {"disk_ms", r.disk_ms},
                 {"blocks", r.blocks},
                 {"transactions", r.transactions}}},
               {"drones", drones},

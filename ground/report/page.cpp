@@ -3,8 +3,8 @@
 #include <ctime>
 #include <fstream>
 #include <iterator>
-#include <nlohmann/json.hpp>
 
+#include "common/rt/json.hpp"
 #include "ground/report/published.hpp"
 #include "ground/report/results.hpp"
 
@@ -27,16 +27,9 @@ json thinned(const std::vector<T>& all, std::size_t most, Make make) {
   return list;
 }
 
-double rounded(double value) { return std::round(value * 1000) / 1000; }
-
 json to_json(const PublishedBox& box) {
   return {{"name", std::string(box.name)}, {"low_s", box.low_s}, {"q1_s", box.q1_s},
           {"median_s", box.median_s},      {"q3_s", box.q3_s},   {"high_s", box.high_s}};
-}
-
-json to_json(const Quantiles& q) {
-  return {{"p5", q.p5},   {"q1", q.q1},   {"median", q.median}, {"q3", q.q3},
-          {"p95", q.p95}, {"p99", q.p99}, {"max", q.max},       {"count", q.count}};
 }
 
 std::string local_date() {
@@ -61,7 +54,7 @@ json page_data(const Results& results) {
     out["flown"] = thinned(drone.flown, 2 * each, point);
     out["wanted"] = thinned(drone.wanted, drone.wanted.size() + 1, point);
   }
-  data["all"] = {{"two_way_ms", to_json(results.two_way_ms)}, {"age_ms", to_json(results.age_ms)}};
+  data["all"] = {{"two_way_ms", results.two_way_ms}, {"age_ms", results.age_ms}};
   data["published"] = json::array();
   for (const PublishedBox& box : published_boxes) data["published"].push_back(to_json(box));
   data["published_beside"] = to_json(published_for(ground::name_of(results.asked.shape), results.asked.drones));

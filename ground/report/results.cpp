@@ -4,8 +4,9 @@
 
 #include <cmath>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <set>
+
+#include "common/rt/json.hpp"
 
 namespace ledgerline::report {
 namespace {
@@ -131,6 +132,7 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
   const auto truth = read(files, "sim", results);
   results.blocks = count_of(node, "blocks");
   results.transactions = count_of(node, "transactions");
+  if (const json& disk = at(node, "disk_ms"); disk.is_object()) results.disk_ms = disk.get<Quantiles>();
   results.storage = at(node, "storage").is_string() ? at(node, "storage").get<std::string>() : "unknown";
 
   std::vector<Sample> all_two_way, all_age;
@@ -160,6 +162,10 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
                       count_of(l, "commands_applied"),
                       count_of(l, "commands_late"),
                       count_of(l, "commands_dropped")};
+    for (const json& reasons : {at(commands, "refused_reasons"), at(l, "drop_reasons")}) {
+      for (const auto& [reason, count] : reasons.items())
+        drone.reasons[reason] += static_cast<std::uint64_t>(number_of(count));
+    }
     for (const json& lap : at(g, "lap_s")) drone.lap_s.push_back(number_of(lap));
     read_path(g, truth, number, asked.shape, drone);
     messages += drone.states[2] + drone.commands[1];

@@ -27,8 +27,9 @@ struct DroneResult {
   double cross_track_rms_m = 0, cross_track_max_m = 0;
   bool path_flown = false;  ///< there is a cross-track error to speak of
   std::vector<double> lap_s;
-  std::array<std::uint64_t, 5> states{};    ///< sampled, sent, on_ledger, merged, dropped
-  std::array<std::uint64_t, 6> commands{};  ///< sent, on_ledger, refused, applied, late, dropped
+  std::array<std::uint64_t, 5> states{};         ///< sampled, sent, on_ledger, merged, dropped
+  std::array<std::uint64_t, 6> commands{};       ///< sent, on_ledger, refused, applied, late, dropped
+  std::map<std::string, std::uint64_t> reasons;  ///< of those refused by agent or dropped by link
   std::vector<std::array<double, 2>> wanted, flown;
 };
 
@@ -37,6 +38,7 @@ struct Results {
   fly::Machine machine;
   std::string storage;
   std::uint64_t blocks = 0, transactions = 0;
+  Quantiles disk_ms;  ///< how long blocks took to be on disk
   std::vector<DroneResult> drones;
   Quantiles two_way_ms, age_ms;  ///< of all drones
   double flight_s = 0;

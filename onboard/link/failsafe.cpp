@@ -22,10 +22,6 @@ bool lost_pose(const FailsafeSettings& settings, const FailsafeState& last, Time
   return older(now, facts.pose_ns, limit) && facts.beat_ns - facts.pose_ns > limit / 2;
 }
 
-bool in_flight(FlightPhase phase) noexcept {
-  return phase == FlightPhase::taking_off || phase == FlightPhase::flying || phase == FlightPhase::landing;
-}
-
 // How far outside the fence (0: inside), and the speed away from it.
 struct Outside {
   double distance_m = 0;
@@ -125,11 +121,8 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
   if (!in_flight(facts.phase)) {
     FailsafeState grounded = change(memory, now, FailsafeMode::none, FailsafeCause::none);
     grounded.outward_since_ns = 0;
-    if (facts.stop || facts.cut) {
-      grounded.cause = FailsafeCause::stopped;
-    } else if (memory.battery_low) {
-      grounded.cause = FailsafeCause::battery_low;
-    }
+    grounded.cause = takeoff_refusal(settings, now, facts);
+    if (grounded.cause == FailsafeCause::none && memory.battery_low) grounded.cause = FailsafeCause::battery_low;
     return grounded;
   }
   if (facts.cut) return change(memory, now, FailsafeMode::cut, FailsafeCause::stopped);

@@ -16,10 +16,6 @@ bool finite(const Pose& pose) noexcept {
 
 bool on_ground(FlightPhase phase) noexcept { return phase == FlightPhase::on_ground || phase == FlightPhase::landed; }
 
-bool in_air(FlightPhase phase) noexcept {
-  return phase == FlightPhase::taking_off || phase == FlightPhase::flying || phase == FlightPhase::landing;
-}
-
 }  // namespace
 
 LinkCore::LinkCore(const LinkSettings& settings, std::uint64_t boot_id) : settings_(settings), boot_id_(boot_id) {
@@ -256,8 +252,8 @@ void LinkCore::watch_phase(TimeNs now, Drone& drone) noexcept {
       drone.sent = {};
       drone.last_rc = {};
     }
-    if (in_air(drone.last_phase) && !in_air(phase)) drone.takeoff_after_ns = now;
-    if (!in_air(phase)) drone.cut = false;
+    if (in_flight(drone.last_phase) && !in_flight(phase)) drone.takeoff_after_ns = now;
+    if (!in_flight(phase)) drone.cut = false;
   }
   if (phase != drone.last_phase || drone.failsafe.mode != drone.last_mode || drone.failsafe.cause != drone.last_cause) {
     drone.last_phase = phase;
@@ -335,7 +331,7 @@ void LinkCore::record_ends(TimeNs now, Drone& drone) noexcept {
 }
 
 bool LinkCore::all_on_ground() const noexcept {
-  return std::none_of(drones_.begin(), drones_.end(), [](const Drone& d) { return in_air(d.session.phase()); });
+  return std::none_of(drones_.begin(), drones_.end(), [](const Drone& d) { return in_flight(d.session.phase()); });
 }
 
 FlightPhase LinkCore::phase(DroneNumber number) const noexcept {

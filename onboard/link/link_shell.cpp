@@ -61,9 +61,11 @@ class Housekeeping {
     }
     const auto mode = static_cast<FailsafeMode>(record.extra);
     const auto cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
-    const auto level = cause == FailsafeCause::none ? spdlog::level::info : spdlog::level::warn;
-    spdlog::log(level, "{}: {}, failsafe {} ({})", drone, name(static_cast<FlightPhase>(record.id)), name(mode),
-                name(cause));
+    const auto phase = static_cast<FlightPhase>(record.id);
+    // On the ground a cause only says what a take-off waits for.
+    const bool calm = cause == FailsafeCause::none || !in_flight(phase);
+    spdlog::log(calm ? spdlog::level::info : spdlog::level::warn, "{}: {}, failsafe {} ({})", drone, name(phase),
+                name(mode), name(cause));
   }
 
   void watch_roudi(TimeNs now) {

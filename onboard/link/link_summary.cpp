@@ -3,7 +3,8 @@
 #include <fmt/format.h>
 
 #include <fstream>
-#include <nlohmann/json.hpp>
+
+#include "common/rt/json.hpp"
 
 namespace ledgerline::link {
 namespace {
@@ -12,11 +13,6 @@ template <typename Enum, std::size_t N>
 const char* look_up(const std::array<const char*, N>& names, Enum value) noexcept {
   const auto at = static_cast<std::size_t>(value);
   return at < N ? names[at] : "unknown";
-}
-
-nlohmann::json to_json(const Quantiles& q) {
-  return {{"p5", q.p5},   {"q1", q.q1},   {"median", q.median}, {"q3", q.q3},
-          {"p95", q.p95}, {"p99", q.p99}, {"max", q.max},       {"count", q.count}};
 }
 
 nlohmann::json to_json(const DroneReport& report, std::uint64_t states_lost) {
@@ -32,7 +28,7 @@ nlohmann::json to_json(const DroneReport& report, std::uint64_t states_lost) {
           {"commands_late", report.plans.late},
           {"commands_dropped", report.plans.dropped},
           {"drop_reasons", reasons},
-          {"age_ms", to_json(report.age_ms)},
+          {"age_ms", report.age_ms},
           {"landed", report.landed},
           {"phase", name(report.phase)}};
 }

@@ -5,9 +5,9 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <fstream>
-#include <nlohmann/json.hpp>
 
 #include "chaincode/node/server/services.hpp"
+#include "common/rt/json.hpp"
 #include "common/rt/log.hpp"
 
 namespace {
@@ -29,11 +29,13 @@ int fail(const std::string& what) {
   return 1;
 }
 
-Status write_summary(const std::string& path, const node::NodeCore::Counts& counts, const std::string& storage) {
+Status write_summary(const std::string& path, const node::Node& ledger, const std::string& storage) {
+  const node::NodeCore::Counts counts = ledger.counts();
   const nlohmann::json summary{{"blocks", counts.blocks},
                                {"transactions", counts.transactions},
                                {"invalid", counts.invalid},
-                               {"storage", storage}};
+                               {"storage", storage},
+                               {"disk_ms", ledger.disk_ms()}};
   std::ofstream out(path);
   out << summary.dump(2) << "\n";
   out.close();
@@ -94,7 +96,7 @@ int main(int argc, char** argv) {
   (*server)->stop();
   ledger.stop();
   if (!summary.empty()) {
-    if (Status status = write_summary(summary, ledger.counts(), *storage); !status) return fail(status.error().what);
+    if (Status status = write_summary(summary, ledger, *storage); !status) return fail(status.error().what);
   }
   return signal == SIGUSR1 ? 1 : 0;
 }

@@ -8,6 +8,7 @@ namespace ledgerline::node {
 namespace {
 
 constexpr int first_drones = 16;
+constexpr TimeNs slow_disk_ns = 100 * ns_per_ms;  // everybody waits that long: worth a line in the log
 
 Now read_now() { return {monotonic_ns(), realtime_ns()}; }
 
@@ -177,7 +178,11 @@ void Node::run_writer() {
     if (!to_write_) return;
     CutBlock block = std::move(*std::exchange(to_write_, std::nullopt));
     lock.unlock();
+    const TimeNs begin = monotonic_ns();
     const Status stored = store_->append(block.bytes);
+    const TimeNs took = monotonic_ns() - begin;
+    disk_.add(took);
+    if (took > slow_disk_ns) spdlog::warn("the disk took {:.0f} ms for block {}", to_ms(took), block.number);
     lock.lock();
     writing_ = false;
     if (stored) {

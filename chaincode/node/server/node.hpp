@@ -13,6 +13,7 @@
 #include "chaincode/node/server/block_feed.hpp"
 #include "chaincode/node/server/identities.hpp"
 #include "chaincode/node/storage/block_store.hpp"
+#include "common/rt/histogram.hpp"
 
 namespace ledgerline::node {
 
@@ -49,6 +50,8 @@ class Node {
   /// Stops the threads after the tasks that are queued and the block under way.
   void stop();
   NodeCore::Counts counts() const { return counts_; }  ///< after stop()
+  /// How long blocks took to be on disk; after stop().
+  Quantiles disk_ms() const { return disk_.quantiles_ms(); }
 
  private:
   static constexpr std::size_t max_tasks = 4096;
@@ -71,6 +74,7 @@ class Node {
   std::unique_ptr<BlockFeed> feed_;
   std::unique_ptr<NodeCore> core_;
   NodeCore::Counts counts_;
+  Histogram disk_;  // of the writer thread
   std::function<void(std::uint64_t, const TxStatus&)> on_answer_;
   std::function<void(const std::string&)> on_failure_;
 

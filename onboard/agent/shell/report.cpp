@@ -1,7 +1,8 @@
 #include "onboard/agent/shell/report.hpp"
 
 #include <array>
-#include <nlohmann/json.hpp>
+
+#include "common/rt/json.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -16,11 +17,6 @@ const char* name_of(FlightPhase phase) {
 const char* name_of(FailsafeMode mode) {
   constexpr std::array names = {"none", "hold", "brake", "land", "cut"};
   return names.at(static_cast<std::size_t>(mode));
-}
-
-json to_json(const Quantiles& q) {
-  return {{"p5", q.p5},   {"q1", q.q1},   {"median", q.median}, {"q3", q.q3},
-          {"p95", q.p95}, {"p99", q.p99}, {"max", q.max},       {"count", q.count}};
 }
 
 json to_json(const Batcher::Counters& c) {
@@ -73,7 +69,7 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
                       {"states", to_json(report.states)},
                       {"commands", to_json(report.commands)},
                       {"mocap", to_json(report.mocap)},
-                      {"two_way_ms", to_json(report.two_way.quantiles_ms())}});
+                      {"two_way_ms", report.two_way.quantiles_ms()}});
   }
   const Batcher::Transactions& t = core.transactions();
   return json{{"drones", drones},

@@ -7,27 +7,27 @@
 namespace ledgerline::agent {
 namespace {
 
-TimeNs milliseconds(Config& config, const std::string& key, TimeNs otherwise_ns, double min_ms, double max_ms) {
+TimeNs duration_ms(Config& config, const std::string& key, TimeNs otherwise_ns, double min_ms, double max_ms) {
   return from_seconds(config.number(key, to_ms(otherwise_ns), min_ms, max_ms) * 1e-3);
 }
 
 BatchConfig batch(Config& config) {
   BatchConfig b;
-  b.min_gap_ns = milliseconds(config, "batch.min_gap_ms", b.min_gap_ns, 0, 10'000);
-  b.linger_ns = milliseconds(config, "batch.linger_ms", b.linger_ns, 0, 1'000);
-  b.first_back_off_ns = milliseconds(config, "batch.first_back_off_ms", b.first_back_off_ns, 1, 10'000);
-  b.longest_back_off_ns = milliseconds(config, "batch.longest_back_off_ms", b.longest_back_off_ns, 1, 60'000);
-  b.refused_drone_pause_ns = milliseconds(config, "batch.refused_drone_pause_ms", b.refused_drone_pause_ns, 0, 60'000);
+  b.min_gap_ns = duration_ms(config, "batch.min_gap_ms", b.min_gap_ns, 0, 10'000);
+  b.linger_ns = duration_ms(config, "batch.linger_ms", b.linger_ns, 0, 1'000);
+  b.first_back_off_ns = duration_ms(config, "batch.first_back_off_ms", b.first_back_off_ns, 1, 10'000);
+  b.longest_back_off_ns = duration_ms(config, "batch.longest_back_off_ms", b.longest_back_off_ns, 1, 60'000);
+  b.refused_drone_pause_ns = duration_ms(config, "batch.refused_drone_pause_ms", b.refused_drone_pause_ns, 0, 60'000);
   b.longest_back_off_ns = std::max(b.longest_back_off_ns, b.first_back_off_ns);
   return b;
 }
 
 CheckConfig check(Config& config) {
   CheckConfig c;
-  c.max_age_ns = milliseconds(config, "check.max_age_ms", c.max_age_ns, 1, 60'000);
+  c.max_age_ns = duration_ms(config, "check.max_age_ms", c.max_age_ns, 1, 60'000);
   c.max_speed_mps = config.number("check.max_speed_mps", c.max_speed_mps, 0.01, 100);
   c.max_yaw_rate_radps = config.number("check.max_yaw_rate_radps", c.max_yaw_rate_radps, 0.01, 100);
-  c.horizon_ns = milliseconds(config, "check.horizon_ms", c.horizon_ns, 10, 60'000);
+  c.horizon_ns = duration_ms(config, "check.horizon_ms", c.horizon_ns, 10, 60'000);
   c.stamps_kept = static_cast<std::size_t>(
       config.integer("check.stamps_kept", static_cast<std::int64_t>(c.stamps_kept), 1, 100'000));
   return c;
@@ -40,7 +40,7 @@ FusionConfig fusion(Config& config) {
   f.gate_sigma = config.number("mocap.gate_sigma", f.gate_sigma, 1, 1'000);
   f.outliers_before_reset =
       static_cast<int>(config.integer("mocap.outliers_before_reset", f.outliers_before_reset, 1, 1'000));
-  f.longest_gap_ns = milliseconds(config, "mocap.longest_gap_ms", f.longest_gap_ns, 1, 60'000);
+  f.longest_gap_ns = duration_ms(config, "mocap.longest_gap_ms", f.longest_gap_ns, 1, 60'000);
   return f;
 }
 
@@ -58,9 +58,9 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
   s.core.check.msp_id = msp_id;
   s.core.check.where = where;
   s.core.fusion = fusion(config);
-  s.core.beat_period_ns = milliseconds(config, "agent.beat_ms", s.core.beat_period_ns, 1, 100);
+  s.core.beat_period_ns = duration_ms(config, "agent.beat_ms", s.core.beat_period_ns, 1, 100);
   s.core.ledger_silent_after_ns =
-      milliseconds(config, "agent.ledger_silent_after_ms", s.core.ledger_silent_after_ns, 10, 60'000);
+      duration_ms(config, "agent.ledger_silent_after_ms", s.core.ledger_silent_after_ns, 10, 60'000);
   s.core.seed = static_cast<std::uint64_t>(config.integer("agent.seed", 0, 0, INT64_MAX));
   s.start_wait_ns = from_seconds(config.number("agent.start_wait_s", 15, 0.1, 3'600));
   s.trace = config.text("output.trace", "");

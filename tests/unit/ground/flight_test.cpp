@@ -95,6 +95,12 @@ TEST(Flight, WaitingTooLongNamesWhatIsMissing) {
   blind.run(60);
   EXPECT_THAT(blind.core.why(), HasSubstr("it has no pose"));
 
+  FlightWorld empty(config_for(1));
+  empty.drones[0].cause = FailsafeCause::battery_low;
+  empty.run(60);
+  EXPECT_THAT(empty.core.why(), HasSubstr("it may not take off (battery low)"));
+  EXPECT_TRUE(empty.calls.empty());  // what link would refuse is not asked
+
   FlightWorld other(config_for(1));
   ASSERT_TRUE(other.core.set_control(control_record("tello1", stranger_name, 2).SerializeAsString()));
   other.run(60);

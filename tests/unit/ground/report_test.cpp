@@ -84,13 +84,15 @@ class RunDirectory : public testing::Test {
 
   /// What the programs of a flight of one drone leave.
   void fill() {
-    write(files.summary("node"), R"({"blocks":12,"transactions":11,"invalid":0,"storage":"tmpfs"})");
+    write(files.summary("node"), R"({"blocks":12,"transactions":11,"invalid":0,"storage":"tmpfs",)"
+                                 R"("disk_ms":{"p5":1,"q1":2,"median":3,"q3":4,"p95":5,"p99":6,"max":7,"count":12}})");
     write(
         files.summary("link"),
-        R"({"drones":[{"name":"tello1","states_lost":1,"commands_applied":7,"commands_late":1,"commands_dropped":2}]})");
-    write(files.summary("agent"),
-          R"({"drones":[{"name":"tello1","states":{"sampled":20,"sent":18,"on_ledger":17,"merged":2,"dropped":1},)"
-          R"("commands":{"on_ledger":10,"refused":3}}],"transactions":{"committed":17}})");
+        R"({"drones":[{"name":"tello1","states_lost":1,"commands_applied":7,"commands_late":1,"commands_dropped":2,"drop_reasons":{"not_flying":2}}]})");
+    write(
+        files.summary("agent"),
+        R"({"drones":[{"name":"tello1","states":{"sampled":20,"sent":18,"on_ledger":17,"merged":2,"dropped":1},)"
+        R"("commands":{"on_ledger":10,"refused":3,"refused_reasons":{"too_old":3}}}],"transactions":{"committed":17}})");
     write(
         files.summary("ground"),
         R"({"drones":[{"name":"tello1","finished":true,"landed":true,"lap_s":[12.5,13.5],"origin":[1.0,2.0],"height_m":1.0,)"
@@ -120,6 +122,7 @@ TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   EXPECT_FALSE(r.contains("why"));
   EXPECT_EQ(r["ledger"]["kind"], "embedded");
   EXPECT_EQ(r["ledger"]["storage"], "tmpfs");
+  EXPECT_EQ(r["ledger"]["disk_ms"]["max"], 7);
   EXPECT_EQ(r["ledger"]["blocks"], 12);
   EXPECT_EQ(r["ledger"]["transactions"], 11);
   EXPECT_EQ(r["cpu_percent"]["link"], 12.3);
@@ -138,8 +141,13 @@ TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   EXPECT_NEAR(drone["cross_track_m"]["rms"].get<double>(), 0.1, 1e-6);
   EXPECT_EQ(drone["lap_s"], json({12.5, 13.5}));
   EXPECT_EQ(drone["states"], json({{"sampled", 21}, {"sent", 18}, {"on_ledger", 17}, {"merged", 2}, {"dropped", 2}}));
-  EXPECT_EQ(drone["commands"],
-            json({{"sent", 11}, {"on_ledger", 10}, {"refused", 4}, {"applied", 7}, {"late", 1}, {"dropped", 2}}));
+  EXPECT_EQ(drone["commands"], json({{"sent", 11},
+                                     {"on_ledger", 10},
+                                     {"refused", 4},
+                                     {"applied", 7},
+                                     {"late", 1},
+                                     {"dropped", 2},
+                                     {"reasons", {{"not_flying", 2}, {"too_old", 3}}}}));
 }
 
 TEST_F(RunDirectory, ARunThatWentWrongSaysWhyAndNamesWhatIsMissing) {

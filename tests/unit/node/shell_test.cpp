@@ -140,12 +140,12 @@ TEST_F(ShellTest, WhatWasAnsweredIsThereAfterARestart) {
 }
 
 TEST_F(ShellTest, TheQueueToTheCoreIsBounded) {
-  std::mutex gate;
-  gate.lock();
-  node->post([&](NodeCore&) { const std::lock_guard wait(gate); });
+  const auto gate = std::make_shared<std::mutex>();  // shared: the core's thread may leave it after this test has ended
+  gate->lock();
+  node->post([gate](NodeCore&) { const std::lock_guard wait(*gate); });
   std::size_t taken = 0;
   while (taken < 100'000 && node->post([](NodeCore&) {})) ++taken;
-  gate.unlock();
+  gate->unlock();
   EXPECT_LT(taken, 10'000U);
   EXPECT_GT(taken, 1'000U);
 }

@@ -1,11 +1,10 @@
 #include "onboard/link/failsafe.hpp"
 
 #include <gtest/gtest.h>
+#include "tests/unit/onboard/times.hpp"
 
 namespace ledgerline::link {
 namespace {
-
-constexpr TimeNs ms = ns_per_ms;
 
 /// A flight in which all is well, until a test takes something away.
 class FailsafeTest : public ::testing::Test {
@@ -258,6 +257,16 @@ TEST_F(FailsafeTest, AStopOutlastsTheLanding) {
   facts.phase = FlightPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::stopped);
+}
+
+TEST_F(FailsafeTest, OnTheGroundTheCauseSaysWhatATakeOffWaitsFor) {
+  facts.phase = FlightPhase::on_ground;
+  facts.ledger_alive = false;
+  pass(ms);
+  expect(FailsafeMode::none, FailsafeCause::ledger_silent);
+  facts.ledger_alive = true;
+  pass(ms);
+  expect(FailsafeMode::none, FailsafeCause::none);
 }
 
 TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {

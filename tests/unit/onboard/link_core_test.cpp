@@ -5,11 +5,10 @@
 #include <numbers>
 
 #include "tests/unit/onboard/link_world.hpp"
+#include "tests/unit/onboard/times.hpp"
 
 namespace ledgerline::link {
 namespace {
-
-constexpr TimeNs ms = ns_per_ms;
 
 TEST(LinkCore, FliesAWholeFlightFromHandshakeToLanding) {
   LinkWorld w;

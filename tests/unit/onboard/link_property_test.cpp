@@ -4,12 +4,11 @@
 
 #include "common/rt/random.hpp"
 #include "tests/unit/onboard/link_world.hpp"
+#include "tests/unit/onboard/times.hpp"
 
 /// What must hold for any plans at all, in any order, at any time: seeded, so that a failure can be repeated.
 namespace ledgerline::link {
 namespace {
-
-constexpr TimeNs ms = ns_per_ms;
 
 float random_speed(Random& random) {
   switch (random.next() % 8) {

@@ -3,11 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include "tests/unit/onboard/times.hpp"
 
 namespace ledgerline::link {
 namespace {
-
-constexpr TimeNs ms = ns_per_ms;
 
 /// A plan of `count` setpoints 50 ms apart from `at`, flying x at `speed`.
 Plan plan_of(std::uint64_t sequence, TimeNs at, std::uint32_t count, float speed, TimeNs stamp) {
