@@ -32,6 +32,7 @@ int virtual_flight(const hil::VirtualFlightConfig& config) {
     out["drones"].push_back({{"id", drone.name},
                              {"two_way_ms", drone.two_way_ms},
                              {"age_ms", drone.age_ms},
+                             {"commands", {{"sent", drone.commands_sent}, {"applied", drone.commands_applied}}},
                              {"cross_track_m", {{"rms", drone.cross_track_rms_m}, {"max", drone.cross_track_max_m}}},
                              {"lap_s", drone.lap_s}});
   }

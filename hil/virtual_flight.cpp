@@ -265,7 +265,8 @@ class Flight {
       const auto& tracking = tracking_[i];
       const double rms = tracking.count ? std::sqrt(tracking.sum2 / static_cast<double>(tracking.count)) : 0;
       result.drones.push_back({reports[i].name, agent_.report(reports[i].number).two_way.quantiles_ms(),
-                               reports[i].age_ms, rms, tracking.max, ground_.status(i).lap_s});
+                               reports[i].age_ms, rms, tracking.max, ground_.status(i).lap_s,
+                               ground_.status(i).commands_sent, reports[i].plans.applied});
     }
     return result;
   }

@@ -34,6 +34,7 @@ struct VirtualFlightResult {
     Quantiles two_way_ms, age_ms;
     double cross_track_rms_m = 0, cross_track_max_m = 0;
     std::vector<double> lap_s;
+    std::uint64_t commands_sent = 0, commands_applied = 0;  ///< by ground; by link
   };
   std::vector<Drone> drones;
 };

@@ -10,17 +10,18 @@ namespace ledgerline {
 
 /// What a trace record is about. Values are part of the file format: only append.
 enum class TraceKind : std::uint16_t {
-  truth = 1,          ///< sim: id 0, stamp 0, v = x, y, z [m], yaw [rad], ground speed [m/s]; extra = 1 while in flight
-  state_sampled = 2,  ///< link: id = state sequence, stamp = its time, v = x, y, z [m], yaw [rad], battery [0..1]
-  frame_submitted = 3,  ///< agent: id = frame number, extra = samples in it
-  frame_committed = 4,  ///< agent: id = frame number, extra = samples in it, stamp = when it was submitted
-  state_received = 5,   ///< ground: id = state sequence, stamp = the state's
-  command_made = 6,  ///< ground: id = plan sequence, stamp = its state's, v = vx, vy, vz [m/s], yaw rate [rad/s], path
-                     ///< progress [m]
+  truth = 1,             ///< sim: id 0, stamp 0, v = x, y, z [m], yaw [rad]; extra = 1 while in flight
+  state_sampled = 2,     ///< link: id = state sequence, stamp = its time, v = x, y, z [m], yaw [rad];
+                         ///< extra = battery, per mille
+  frame_submitted = 3,   ///< agent: id = frame number, extra = samples in it
+  frame_committed = 4,   ///< agent: id = frame number, extra = samples in it, stamp = when it was submitted
+  state_received = 5,    ///< ground: id = state sequence, stamp = the state's
+  command_made = 6,      ///< ground: id = plan sequence, stamp = its state's, v = vx, vy, vz [m/s] of its first
+                         ///< setpoint, progress [m]; extra = its action
   command_verified = 7,  ///< agent: id = plan sequence, stamp = its state's; two-way latency = t - stamp
   command_applied =
       8,     ///< link: id = plan sequence, stamp = its state's; age at application = t - stamp; v = setpoint as sent
-  mode = 9,  ///< link: id = flight phase, extra = failsafe mode
+  mode = 9,  ///< link: id = flight phase, extra = failsafe mode, v[0] = its cause
   refused = 10,  ///< agent or link: id = plan sequence, stamp = its state's, extra = reason
 };
 

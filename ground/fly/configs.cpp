@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include "ground/fly/machine.hpp"
@@ -43,6 +44,16 @@ std::string drone_tables(int drones, bool with_address) {
   return tables;
 }
 
+// A slow ledger is the user's wish: on board, a command may be older and a quiet ledger is not yet a silent one. Link's
+// own limit of 2 s for any command stays.
+std::string patience(const Options& options) {
+  if (options.batch_count == 1) return "";  // every transaction is a block at once
+  const TimeNs both_ways_ns = std::min(2 * options.batch_timeout_ns, 55 * ns_per_s);
+  constexpr TimeNs max_age_ns = 500 * ns_per_ms, silent_after_ns = ns_per_s;  // agent's defaults
+  return fmt::format("\n[check]\nmax_age_ms = {:.0f}\n\n[agent]\nledger_silent_after_ms = {:.0f}\n",
+                     to_ms(max_age_ns + both_ways_ns), to_ms(silent_after_ns + both_ways_ns));
+}
+
 Status write_file(const std::string& path, const std::string& text) {
   std::ofstream file(path);
   file << text;
@@ -62,7 +73,8 @@ Status write_configs(const RunFiles& files, const Options& options, const std::s
   const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
                            drone_tables(options.drones, true);
   const std::string agent = ledger_table(files, endpoint, 1, "User1") + msp_tables(files) +
-                            output_table(files, "agent") + with_status + drone_tables(options.drones, false);
+                            output_table(files, "agent") + with_status + patience(options) +
+                            drone_tables(options.drones, false);
   const std::string flight = fmt::format(
       "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
       "{:.3f}\n",

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/unit/campaign.hpp"
+
 namespace ledgerline::hil {
 namespace {
 
@@ -44,6 +46,18 @@ TEST(VirtualFlight, TheSameSeedGivesTheSameBytesAndAnotherSeedOthers) {
   const auto other = fly(config);
   EXPECT_EQ(first.digest, second.digest);
   EXPECT_NE(first.digest, other.digest);
+}
+
+TEST(VirtualFlight, EverySeedFliesItsLapAndLosesNoCommand) {
+  for (int seed = 100; seed < 100 + seeds(2, 1000); ++seed) {
+    VirtualFlightConfig config;
+    config.laps = 1;
+    config.seed = static_cast<std::uint64_t>(seed);
+    const auto flight = fly(config);
+    ASSERT_TRUE(flight.ok) << "seed " << seed << ": " << flight.why;
+    EXPECT_LT(flight.drones[0].cross_track_max_m, 0.4) << "seed " << seed;
+    EXPECT_EQ(flight.drones[0].commands_applied, flight.drones[0].commands_sent) << "seed " << seed;
+  }
 }
 
 TEST(VirtualFlight, LatencyIsThatOfTheLedgerTwice) {
