@@ -11,11 +11,26 @@ constexpr TimeNs fresh_for_ns = 500 * ns_per_ms;
 constexpr TimeNs grounded_for_ns = 1 * ns_per_s;
 // Less descent than this between two `land` means that it does not come down.
 constexpr float descent_m = 0.1F;
+// What is believed to be on the ground but seen aloft this long is in flight, whatever the answers said.
+constexpr TimeNs aloft_for_ns = 300 * ns_per_ms;
+// What is believed to fly but seen on the ground this long has come down by itself.
+constexpr TimeNs down_for_ns = 3 * ns_per_s;
+
+// Whether `seen` was true for all of `long_enough`; `since` remembers from when.
+bool held(TimeNs now, bool seen, TimeNs& since, TimeNs long_enough) noexcept {
+  if (!seen) {
+    since = 0;
+  } else if (since == 0) {
+    since = now;
+  }
+  return seen && now - since >= long_enough;
+}
 }  // namespace
 
 void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
   phase_ = phase;
   phase_since_ns_ = now;
+  grounded_since_ns_ = aloft_since_ns_ = 0;
   if (phase == FlightPhase::flying) has_flown_ = true;
   if (phase == FlightPhase::disconnected) {
     handshake_ok_ = false;
@@ -45,6 +60,7 @@ void TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
     return;
   }
   state_at_ns_ = now;
+  if (seen_airborne(now)) rising_until_ns_ = 0;
 }
 
 void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
@@ -73,8 +89,14 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
       }
       break;
     case Asked::land:
+      // A refusal changes nothing: the command goes out again until the drone is down. While a take-off may still lift
+      // it, an ok may be the take-off's.
+      if (answer == Answer::ok && !seen_airborne(now) && now >= rising_until_ns_) {
+        asked_ = Asked::nothing;
+        enter(now, FlightPhase::landed);
+      }
+      break;
     case Asked::emergency:
-      // A refusal changes nothing: the command goes out again until the drone is down.
       if (answer == Answer::ok && !seen_airborne(now)) {
         asked_ = Asked::nothing;
         enter(now, FlightPhase::landed);
@@ -89,6 +111,7 @@ bool TelloSession::request_takeoff(TimeNs now) noexcept {
   if (phase_ != FlightPhase::on_ground && phase_ != FlightPhase::landed) return false;
   if (now < takeoff_not_before_ns_ || asked_ != Asked::nothing) return false;
   ask(now, Asked::takeoff);
+  rising_until_ns_ = now + settings_.takeoff_timeout_ns;
   enter(now, FlightPhase::taking_off);
   return true;
 }
@@ -97,7 +120,6 @@ void TelloSession::request_land(TimeNs now) noexcept {
   if (phase_ != FlightPhase::flying && phase_ != FlightPhase::taking_off) return;
   ask(now, Asked::land);
   lowest_m_ = state_.height_m;
-  grounded_since_ns_ = 0;
   enter(now, FlightPhase::landing);
 }
 
@@ -136,17 +158,24 @@ void TelloSession::watch_takeoff(TimeNs now) noexcept {
   enter(now, seen_grounded(now) ? FlightPhase::on_ground : FlightPhase::flying);
 }
 
+void TelloSession::watch_sight(TimeNs now) noexcept {
+  if (phase_ == FlightPhase::flying) {
+    if (!held(now, seen_grounded(now), grounded_since_ns_, down_for_ns)) return;
+    request_land(now);  // does no harm where the sight is wrong
+  } else if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) {
+    if (!held(now, seen_airborne(now) && state_.tof_m > settings_.grounded_m, aloft_since_ns_, aloft_for_ns)) return;
+    asked_ = Asked::nothing;
+    enter(now, FlightPhase::flying);
+  }
+}
+
 void TelloSession::watch_landing(TimeNs now) noexcept {
   if (phase_ != FlightPhase::landing) return;
-  if (seen_grounded(now)) {
-    if (grounded_since_ns_ == 0) grounded_since_ns_ = now;
-    if (now - grounded_since_ns_ >= grounded_for_ns) {
-      asked_ = Asked::nothing;
-      enter(now, FlightPhase::landed);
-      return;
-    }
-  } else {
-    grounded_since_ns_ = 0;
+  // `land` is ignored during a take-off, which begins on the ground: seen there, it may yet rise.
+  if (held(now, seen_grounded(now) && now >= rising_until_ns_, grounded_since_ns_, grounded_for_ns)) {
+    asked_ = Asked::nothing;
+    enter(now, FlightPhase::landed);
+    return;
   }
   if (now - std::max(state_at_ns_, phase_since_ns_) >= settings_.landing_lost_after_ns) {
     enter(now, FlightPhase::disconnected);
@@ -166,6 +195,7 @@ void TelloSession::watch_landing(TimeNs now) noexcept {
 bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
   watch_connection(now);
   watch_takeoff(now);
+  watch_sight(now);
   watch_landing(now);
   if (asked_ == Asked::nothing || !send_) return false;
   send_ = false;

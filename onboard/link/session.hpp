@@ -50,6 +50,7 @@ class TelloSession {
   void ask(TimeNs now, Asked what) noexcept;
   void watch_connection(TimeNs now) noexcept;
   void watch_takeoff(TimeNs now) noexcept;
+  void watch_sight(TimeNs now) noexcept;
   void watch_landing(TimeNs now) noexcept;
   bool fresh(TimeNs now) const noexcept;
   bool seen_airborne(TimeNs now) const noexcept;
@@ -67,7 +68,8 @@ class TelloSession {
   TimeNs asked_at_ns_ = 0;
   TimeNs timeout_ns_ = 0;
   TimeNs takeoff_not_before_ns_ = 0;
-  TimeNs grounded_since_ns_ = 0;
+  TimeNs rising_until_ns_ = 0;  ///< until then a take-off that was sent may still lift it; 0: seen in the air since
+  TimeNs grounded_since_ns_ = 0, aloft_since_ns_ = 0;
   float lowest_m_ = 0;  ///< since the last `land` was sent
   std::uint32_t states_refused_ = 0;
   std::uint32_t answers_unasked_ = 0;

@@ -17,11 +17,12 @@ struct FakeTello {
   DroneNumber number = 1;
   bool connected = false;
   bool answers = true, states = true;
-  enum class Motion { ground, climbing, hovering, sinking } motion = Motion::ground;
+  enum class Motion { ground, spinning_up, climbing, hovering, sinking } motion = Motion::ground;
   std::array<double, 3> position{};
   double yaw = 0;
   std::array<int, 4> rc{};
   int battery = 90;
+  double spin_up_s = 1.5, spun_s = 0;  // from `takeoff` until it leaves the ground
   std::vector<std::string> heard;
   std::vector<std::string> answer_queue;
 
@@ -31,7 +32,7 @@ struct FakeTello {
       connected = true;
       say("ok");
     } else if (text == "takeoff") {
-      motion = motion == Motion::ground ? Motion::climbing : motion;
+      if (motion == Motion::ground) motion = Motion::spinning_up, spun_s = 0;
     } else if (text == "land") {
       if (motion == Motion::hovering) motion = Motion::sinking;
     } else if (text == "emergency") {
@@ -43,6 +44,7 @@ struct FakeTello {
     }
   }
   void move(double dt) {
+    if (motion == Motion::spinning_up && (spun_s += dt) >= spin_up_s) motion = Motion::climbing;
     if (motion == Motion::climbing && (position[2] += 0.5 * dt) >= 1) {
       motion = Motion::hovering;
       rc = {};

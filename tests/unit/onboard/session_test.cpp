@@ -134,6 +134,53 @@ TEST_F(Session, ARefusedTakeOffIsNotTriedAgainAtOnce) {
   EXPECT_TRUE(session.request_takeoff(now));
 }
 
+TEST_F(Session, ALandingAskedForBeforeItLiftsOffIsNotOverWhileItMayStillRise) {
+  connect();
+  ASSERT_TRUE(session.request_takeoff(now));
+  pass(100 * ns_per_ms);
+  session.request_land(now);
+  pass(2 * ns_per_s);  // spins up; `land` is ignored meanwhile
+  EXPECT_EQ(session.phase(), FlightPhase::landing);
+  height_m = 1;
+  pass(200 * ns_per_ms);
+  answer("ok");  // the take-off's
+  pass(3 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::landing);
+  EXPECT_GE(count("land"), 4);
+  height_m = 0;
+  pass(2 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::landed);
+}
+
+TEST_F(Session, ALandingAskedForBeforeATakeOffThatNeverCameEnds) {
+  connect();
+  ASSERT_TRUE(session.request_takeoff(now));
+  session.request_land(now);
+  pass(settings.takeoff_timeout_ns + 2 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::landed);
+}
+
+TEST_F(Session, WhatIsSeenAloftIsInFlightWhateverWasAnswered) {
+  connect();
+  ASSERT_TRUE(session.request_takeoff(now));
+  pass(tick);
+  answer("error");  // of an earlier command
+  ASSERT_EQ(session.phase(), FlightPhase::on_ground);
+  height_m = 0.8F;
+  pass(ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::flying);
+}
+
+TEST_F(Session, WhatCameDownByItselfIsLandedAndNotFlownOn) {
+  fly();
+  height_m = 0;
+  pass(2 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  pass(3 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::landed);
+  EXPECT_GE(count("land"), 1);
+}
+
 TEST_F(Session, LandIsRepeatedUntilTheDroneIsDown) {
   fly();
   session.request_land(now);
