@@ -63,7 +63,7 @@ build() {
   fi
   local bar=0
   [ -t 2 ] && bar=1
-  NINJA_STATUS='@%f %t ' ninja -C "$dir" "$2" 2>&1 | tee "$log" | awk -v bar=$bar -v what="Building $1" '
+  if ! NINJA_STATUS='@%f %t ' ninja -C "$dir" "$2" 2>&1 | tee "$log" | awk -v bar=$bar -v what="Building $1" '
     /^@[0-9]+ [0-9]+ / {
       split(substr($0, 2), n, " "); percent = int(100 * n[1] / n[2])
       if (bar) {
@@ -75,8 +75,7 @@ build() {
         next_percent = percent + 20
       }
     }
-    END { if (bar) printf "\r\033[K" > "/dev/stderr" }'
-  if [ "${PIPESTATUS[0]}" -ne 0 ]; then
+    END { if (bar) printf "\r\033[K" > "/dev/stderr" }'; then
     grep -E -A 15 'FAILED|error:' "$log" | head -n 60 >&2
     die "the build failed (whole log: $log)"
   fi

@@ -47,6 +47,7 @@ struct CoreConfig {
   TimeNs batch_timeout_ns = 10 * ns_per_ms;     ///< or the oldest has waited this long
   std::size_t max_envelope_bytes = 10'000'000;  ///< larger ones are refused (Fabric's AbsoluteMaxBytes)
   std::size_t max_waiting = 10'000;             ///< envelopes that wait for a block; more are refused
+  std::size_t max_waiting_bytes = 64'000'000;   ///< of them together; one alone is always taken
   std::vector<crypto::MspRoot> organisations;   ///< written into the config block
 };
 

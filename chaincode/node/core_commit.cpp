@@ -85,7 +85,8 @@ Reply NodeCore::order(std::string_view bytes, Now now) {
   }
   const auto member = parts_->check(signature_header.creator(), envelope.payload(), envelope.signature(), now);
   if (!member) return refuse(Code::permission_denied, "FORBIDDEN", member.error().what);
-  if (parts_->pending.size() >= config.max_waiting) {
+  const bool heavy = !parts_->pending.empty() && parts_->pending_bytes + bytes.size() > config.max_waiting_bytes;
+  if (parts_->pending.size() >= config.max_waiting || heavy) {
     return refuse(Code::unavailable, "SERVICE_UNAVAILABLE",
                   std::to_string(parts_->pending.size()) + " envelopes wait for a block already");
   }

@@ -42,11 +42,14 @@ double PathController::speed_at(double s_m) const {
   return std::max(speed, std::min(creep_mps, config_.speed_mps));
 }
 
+// The share of its speed that the reference moves with: whole up to half the leash, none at its end.
+double PathController::pace(double s_m, const Eigen::Vector2d& drone) const {
+  if (!started_ || s_m >= end_m_) return 0;
+  return std::clamp(2.0 - 2.0 * (path_.point(s_m) - drone).norm() / config_.leash_m, 0.0, 1.0);
+}
+
 double PathController::advance(double s_m, const Eigen::Vector2d& drone, double dt_s) const {
-  if (!started_ || s_m >= end_m_) return s_m;
-  const double lead_m = (path_.point(s_m) - drone).norm();
-  const double patience = std::clamp(2.0 - 2.0 * lead_m / config_.leash_m, 0.0, 1.0);  // whole up to half the leash
-  return std::min(end_m_, s_m + patience * speed_at(s_m) * dt_s);
+  return std::min(std::max(s_m, end_m_), s_m + pace(s_m, drone) * speed_at(s_m) * dt_s);
 }
 
 Motion PathController::move(const Motion& from, const Setpoint& setpoint, double dt_s) const {
@@ -86,7 +89,8 @@ Setpoint PathController::steer(const Motion& from, double s_m) const {
   const Eigen::Vector2d target = path_.point(s_m);
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();
   Eigen::Vector2d lead = Eigen::Vector2d::Zero();
-  if (started_ && s_m < end_m_) {
+  // A reference that waits has no velocity: with it the drone would come to rest beside a reference that waits for it.
+  if (const double share = pace(s_m, from.position_m.head<2>()); share > 0) {
     constexpr double ds_m = 0.01;
     const double speed = speed_at(s_m);
     // v dv/ds within the piece; a corner's change of direction is left to the corrections.
@@ -94,8 +98,8 @@ Setpoint PathController::steer(const Motion& from, double s_m) const {
     const double ahead_m = std::min(ds_m, 0.5 * to_corner_m);
     const double acceleration = ahead_m > 1e-6 ? speed * (speed_at(s_m + ahead_m) - speed) / ahead_m : 0.0;
     const double bound = config_.acceleration_mps2;
-    reference = speed * path_.direction(s_m);
-    lead = config_.lag_s * std::clamp(acceleration, -bound, bound) * path_.direction(s_m);
+    reference = share * speed * path_.direction(s_m);
+    lead = share * config_.lag_s * std::clamp(acceleration, -bound, bound) * path_.direction(s_m);
   }
   Eigen::Vector2d wanted = reference + lead + config_.position_gain * (target - from.position_m.head<2>()) +
                            config_.velocity_gain * (reference - from.velocity_mps.head<2>());

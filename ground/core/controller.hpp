@@ -56,6 +56,7 @@ class PathController {
 
  private:
   double speed_at(double s_m) const;
+  double pace(double s_m, const Eigen::Vector2d& drone) const;
   double advance(double s_m, const Eigen::Vector2d& drone, double dt_s) const;
   Motion predict(const Motion& state, TimeNs at_ns) const;
   Motion move(const Motion& from, const Setpoint& setpoint, double dt_s) const;

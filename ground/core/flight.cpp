@@ -79,7 +79,7 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
     }
     check_time(now_ns, *drone);
   }
-  submit_pending(now_ns, out);
+  if (!inputs.more) submit_pending(now_ns, out);
   return out;
 }
 

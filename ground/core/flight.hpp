@@ -61,6 +61,7 @@ struct FlightInputs {
   const fabric::Block* block = nullptr;      ///< the next of the stream, checked as a chain by the client
   const fabric::Outcome* outcome = nullptr;  ///< of submission `outcome_id`
   std::uint64_t outcome_id = 0;
+  bool more = false;            ///< there is newer input already: nothing is sent before that was seen
   std::string land;             ///< not empty: land all drones; why
   std::int64_t realtime_s = 0;  ///< for the expiry of certificates
 };

@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::size_t max_in_flight = 16;
 constexpr std::size_t delays_kept = 50;
+constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
 constexpr TimeNs most_delay_ns = 1'200 * ns_per_ms;  // with 0.6 s of setpoints a plan stays within its 2 s
 
@@ -115,8 +116,9 @@ void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::
     drone->state.drone = drone->who.number;
     drone->has_state = drone->fresh = true;
     drone->received_ns = now_ns;
-    // A ground that was started again under the same lease goes on behind what was flown.
-    drone->next_sequence = std::max(drone->next_sequence, sample->applied_sequence + 1);
+    // A ground that was started again under the same lease goes on behind what was flown, and what may be under way.
+    if (!same_boot && sample->applied_sequence > 0)
+      drone->next_sequence = std::max(drone->next_sequence, sample->applied_sequence + sequence_gap);
     ++drone->status.states_received;
     TraceRecord record;
     record.t_ns = now_ns;
@@ -190,8 +192,8 @@ void FlightCore::resend(InFlight& refused, const std::string& message) {
     Drone& drone = *find(command.plan.drone());
     if (!one_drone || names(drone)) {
       ++drone.status.commands_refused;
-    } else if (drone.pending) {
-      ++drone.status.commands_merged;
+    } else if (drone.pending || command.plan.sequence() + 1 != drone.next_sequence) {
+      ++drone.status.commands_merged;  // a newer one waits, or is on its way
     } else if (command.plan.epoch() == drone.epoch) {
       drone.pending = std::move(command);
     }

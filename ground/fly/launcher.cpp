@@ -217,7 +217,7 @@ RunRecord Launcher::run() {
   if (status) status = fly();
   record_.ok = status.ok();
   if (!status) record_.why = status.error().what;
-  stop_all(!children_.running("ground") && children_.running("link"));
+  stop_all(children_.ended_well("ground"));
   return record_;
 }
 

@@ -43,7 +43,7 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
       "Examples:\n"
       "  fly                                 one drone, three laps of a square\n"
       "  fly --drones 3 --shape x --laps 1\n"
-      "  fly --batch-timeout 2s --batch-count 10 --seconds 60    the published ledger's settings\n"
+      "  fly --batch-timeout 100ms --batch-count 10 --seconds 60    a slower ledger\n"
       "  fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run");
   std::string shape = "square";
   std::string batch_timeout = "10ms";

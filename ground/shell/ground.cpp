@@ -22,14 +22,29 @@ constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
 Ground::Ground(FlightConfig flight, OutputSettings output, std::unique_ptr<fabric::Client> client)
     : output_(std::move(output)), core_(std::move(flight)), client_(std::move(client)) {}
 
-Ground::~Ground() = default;
+Ground::~Ground() {
+  {
+    const std::lock_guard lock(mutex_);
+    closing_ = true;
+  }
+  room_.notify_all();
+}
 
 void Ground::hand_over(Event event) {
   {
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
+    // Blocks wait in the stream; outcomes are as many as there are calls in flight.
+    if (std::holds_alternative<fabric::Block>(event)) {
+      room_.wait(lock, [&] { return events_.size() < max_events || closing_; });
+    }
     events_.push_back(std::move(event));
   }
   wake_.notify_one();
+}
+
+bool Ground::has_event() {
+  const std::lock_guard lock(mutex_);
+  return !events_.empty();
 }
 
 std::optional<Ground::Event> Ground::next_event(TimeNs timeout_ns) {
@@ -38,6 +53,7 @@ std::optional<Ground::Event> Ground::next_event(TimeNs timeout_ns) {
   if (events_.empty()) return std::nullopt;
   Event event = std::move(events_.front());
   events_.pop_front();
+  room_.notify_one();
   return event;
 }
 
@@ -119,6 +135,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
         }
       }
     }
+    inputs.more = has_event();
     const TimeNs now_ns = monotonic_ns();
     if (quit && leave_ns == 0) {
       spdlog::info("asked to end: landing all drones");

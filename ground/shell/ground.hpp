@@ -40,6 +40,7 @@ class Ground {
   Status read_controls(const std::atomic<bool>& quit);
   std::optional<Event> next_event(TimeNs timeout_ns);
   void hand_over(Event event);
+  bool has_event();
   void step(FlightInputs inputs);
   void write_status(TimeNs now_ns);
   Status write_summary();
@@ -52,7 +53,9 @@ class Ground {
   TimeNs next_status_ns_ = 0;
 
   std::mutex mutex_;
-  std::condition_variable wake_;
+  std::condition_variable wake_, room_;
+  bool closing_ = false;
+  static constexpr std::size_t max_events = 256;
   std::deque<Event> events_;
   bool connected_ = false;
   std::string connection_problem_;

@@ -4,6 +4,11 @@
 #include <utility>
 
 namespace ledgerline::agent {
+namespace {
+
+constexpr TimeNs stop_gap_ns = 100 * ns_per_ms;  // between two times that one stop is said to link
+
+}  // namespace
 
 void AgentOutputs::clear() {
   submits.clear();
@@ -28,11 +33,27 @@ std::size_t AgentCore::index(DroneNumber drone) const {
   return static_cast<std::size_t>(it - config_.drones.begin());
 }
 
-void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs&) {
+void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& out) {
   const std::size_t i = index(sample.drone);
   if (i == drones_.size()) return;
   drones_[i].newest = sample;
   batcher_.add(now, sample);
+  repeat_stop(now, sample, out);
+}
+
+// The event of a stop comes once; agent or link may have been down then, or the plan may not have reached link.
+void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs& out) {
+  Drone& drone = drones_[index(sample.drone)];
+  if (!in_flight(sample.phase) || now < drone.next_stop_ns) return;
+  auto stop = check_.standing_stop(now, sample.drone);
+  if (!stop) return;
+  const bool obeyed = stop->action == PlanAction::cut
+                          ? sample.mode == FailsafeMode::cut
+                          : sample.mode >= FailsafeMode::land || sample.phase == FlightPhase::landing;
+  if (obeyed) return;
+  drone.next_stop_ns = now + stop_gap_ns;
+  stop->verified_ns = now;
+  out.plans.push_back(*stop);
 }
 
 void AgentCore::on_mocap(TimeNs, DroneNumber drone, const MocapPose& measured, AgentOutputs& out) {
@@ -97,7 +118,7 @@ bool AgentCore::ledger_alive(TimeNs now) const {
 void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
   for (Plan& plan : checked_) {
     plan.verified_ns = now;
-    if (plan.action != PlanAction::stop) {  // a stop answers no state
+    if (plan.action != PlanAction::stop && plan.action != PlanAction::cut) {  // these answer no state
       Drone& drone = drones_[index(plan.drone)];
       drone.last_command_verified_ns = now;
       drone.two_way.add(now - plan.state_stamp_ns);

@@ -89,8 +89,10 @@ class AgentCore {
     Fusion fusion;
     std::optional<StateSample> newest;
     TimeNs last_command_verified_ns = 0;
+    TimeNs next_stop_ns = 0;
     Histogram two_way;
   };
+  void repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs& out);
   std::size_t index(DroneNumber drone) const;  ///< drones_.size(): not ours
   void hand_over_plans(TimeNs now, AgentOutputs& out);
   void submit_frame(TimeNs now, AgentOutputs& out);

@@ -209,15 +209,21 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
     Drone* drone = find(control.drone());
     if (!drone) continue;
     drone->control = control;
-    if (tx.event_name != "stop") continue;
-    Plan stop;
-    stop.drone = drone->name.number;
-    stop.action = control.cut() ? PlanAction::cut : PlanAction::stop;
-    stop.epoch = std::max(control.epoch(), drone->epoch);
-    stop.sequence = (stop.epoch == drone->epoch ? drone->last_sequence : 0) + 1;  // newer than any plan that link has
-    stop.state_stamp_ns = drone->stamps.empty() ? now : drone->stamps.back();
-    out.plans.push_back(stop);
+    if (tx.event_name == "stop") out.plans.push_back(*standing_stop(now, drone->name.number));
   }
+}
+
+std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) const {
+  const auto drone =
+      std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == number; });
+  if (drone == drones_.end() || !drone->control || !drone->control->has_stopped_by()) return std::nullopt;
+  Plan stop;
+  stop.drone = number;
+  stop.action = drone->control->cut() ? PlanAction::cut : PlanAction::stop;
+  stop.epoch = std::max(drone->control->epoch(), drone->epoch);
+  stop.sequence = (stop.epoch == drone->epoch ? drone->last_sequence : 0) + 1;  // newer than any plan that link has
+  stop.state_stamp_ns = drone->stamps.empty() ? now : drone->stamps.back();
+  return stop;
 }
 
 }  // namespace ledgerline::agent

@@ -87,6 +87,9 @@ class CommandCheck {
   /// `now_s`: real time, for the certificates' validity.
   Checked check(TimeNs now, std::int64_t now_s, const fabric::Block& block);
 
+  /// The stop that the ledger's record asks of link; none when the drone is not stopped.
+  std::optional<Plan> standing_stop(TimeNs now, DroneNumber drone) const;
+
   const Counters& counters(DroneNumber drone) const;
   std::uint64_t height() const { return chain_.height(); }
   std::uint64_t broken_blocks() const { return broken_blocks_; }

@@ -21,7 +21,7 @@ Odometry to_odometry(const StateSample& s, const std::string& drone, TimeNs real
   const double c = std::cos(s.yaw_rad);
   const double n = std::sin(s.yaw_rad);
   Odometry odometry;
-  odometry.header = {s.stamp_ns + real_offset_ns, "map"};
+  odometry.header = {s.pose_stamp_ns + real_offset_ns, "map"};  // the pose's own: a lost mocap shows as an old one
   odometry.child_frame_id = drone + "/base_link";
   odometry.position_m = s.position_m;
   odometry.orientation = quaternion_from_yaw(s.yaw_rad);
@@ -36,7 +36,9 @@ void add_drone(SetCall& call, const StateSample& sample, const std::string& dron
   battery.header = {sample.stamp_ns + real_offset_ns, drone + "/base_link"};
   battery.voltage_v = std::numeric_limits<float>::quiet_NaN();  // a Tello does not tell
   battery.percentage = sample.battery;
-  add_asset(call, drone + "/odom", odometry_type, to_cdr(to_odometry(sample, drone, real_offset_ns)));
+  if (sample.pose_stamp_ns != 0) {
+    add_asset(call, drone + "/odom", odometry_type, to_cdr(to_odometry(sample, drone, real_offset_ns)));
+  }
   add_asset(call, drone + "/link", link_status_type, link_status_to_cdr(sample));
   add_asset(call, drone + "/battery", battery_type, to_cdr(battery));
 }

@@ -42,7 +42,7 @@ grpc::Status make_status(const Reply& reply) {
 }
 
 grpc::Status overloaded() {
-  return make_status(grpc::StatusCode::UNAVAILABLE, "the node has too many requests waiting; try again");
+  return make_status(grpc::StatusCode::RESOURCE_EXHAUSTED, "the node has too many requests waiting; try again");
 }
 
 }  // namespace ledgerline::node

@@ -4,6 +4,7 @@ import os
 import pathlib
 import re
 import signal
+import struct
 import subprocess
 import time
 
@@ -65,12 +66,24 @@ def assert_nothing_left() -> None:
     assert [f for f in os.listdir("/dev/shm")] == []
 
 
+COMMAND_APPLIED = 8  # TraceKind in common/rt/trace.hpp
+
+
+def applied(out: pathlib.Path, drone: int) -> list[int]:
+    """Sequence numbers of the plans that link flew, in the order in which it did."""
+    records = struct.iter_unpack("<qHHIQq4d", (out / "run" / "link.trace").read_bytes())
+    return [r[4] for r in records if r[1] == COMMAND_APPLIED and r[2] == drone]
+
+
 def assert_counts_add_up(drone: dict) -> None:
     states, commands = drone["states"], drone["commands"]
     assert states["sampled"] > 100
     assert states["sampled"] == states["on_ledger"] + states["merged"] + states["dropped"]
     assert commands["sent"] == commands["on_ledger"]
     assert commands["on_ledger"] == commands["refused"] + commands["applied"] + commands["late"] + commands["dropped"]
+    assert commands["refused"] + commands["dropped"] == sum(commands["reasons"].values())
+    assert set(commands["reasons"]) <= {"too_old"}, "nothing but a stalled disk may cost a command"
+    assert commands["applied"] > 0.9 * commands["sent"]
 
 
 @pytest.mark.parametrize("drones,shape", [(1, "square"), (3, "triangle"), (3, "x")])
@@ -86,6 +99,9 @@ def test_drones_finish_their_path_and_land(tmp_path, drones, shape):
         assert len(drone["lap_s"]) == 1
         assert 0 < drone["cross_track_m"]["rms"] <= drone["cross_track_m"]["max"] < 0.5
         assert_counts_add_up(drone)
+        order = applied(tmp_path, int(drone["id"].removeprefix("tello")))
+        assert len(order) == drone["commands"]["applied"]
+        assert all(a < b for a, b in zip(order, order[1:])), "applied out of order"
     assert report["ledger"]["kind"] == "embedded" and report["ledger"]["blocks"] > 100
     assert report["messages_per_s"] > 30 and report["transactions_per_s"] > 10
     pages = list((tmp_path / "run").glob("*.html"))
@@ -101,6 +117,19 @@ def test_ctrl_c_lands_the_drone_and_ends_every_process(tmp_path):
     assert flight.wait(60) != 0
     report = result(tmp_path)
     assert report["ok"] is False and report["why"]
+    sim = json.loads((tmp_path / "run" / "sim.summary.json").read_text())
+    assert sim["drones"][0]["landed"] is True
+    assert_nothing_left()
+
+
+def test_a_stop_on_the_ledger_lands_the_drone(tmp_path):
+    flight = fly(tmp_path, "--laps", "50")
+    wait_for_flight(tmp_path, flight)
+    stop = subprocess.run([BIN / "ledgerline-control", "--config", tmp_path / "run" / "operator.toml", "stop", "tello1"],
+                          capture_output=True, text=True, timeout=30)
+    assert stop.returncode == 0, stop.stderr
+    assert flight.wait(60) == 1, printed(tmp_path)
+    assert "stopped by" in result(tmp_path)["why"]
     sim = json.loads((tmp_path / "run" / "sim.summary.json").read_text())
     assert sim["drones"][0]["landed"] is True
     assert_nothing_left()

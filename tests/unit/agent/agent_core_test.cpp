@@ -97,6 +97,29 @@ TEST_F(AgentCoreTest, ARefusedCommandLeavesATraceWithItsReasonAndNoPlan) {
   EXPECT_EQ(it->drone, 1);
 }
 
+TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
+  Control stopped = control("tello1", 1);  // as an agent reads it that starts after the stop
+  stopped.mutable_stopped_by()->set_msp_id("Org2MSP");
+  core_.set_control(stopped);
+  StateSample flying = state(1, start);
+  core_.on_state(start, flying, out_);
+  EXPECT_TRUE(out_.plans.empty()) << "on the ground there is nothing to stop";
+  flying.phase = FlightPhase::flying;
+  for (int i = 0; i < 30; ++i) core_.on_state(start + i * 33 * ns_per_ms, flying, out_);
+  ASSERT_GE(out_.plans.size(), 8U);
+  ASSERT_LE(out_.plans.size(), 11U) << "at most ten a second";
+  EXPECT_EQ(out_.plans.back().action, PlanAction::stop);
+  out_.plans.clear();
+  flying.mode = FailsafeMode::land;
+  core_.on_state(start + 2 * ns_per_s, flying, out_);
+  EXPECT_TRUE(out_.plans.empty());
+  stopped.set_cut(true);
+  core_.set_control(stopped);
+  core_.on_state(start + 3 * ns_per_s, flying, out_);
+  ASSERT_EQ(out_.plans.size(), 1U);
+  EXPECT_EQ(out_.plans[0].action, PlanAction::cut);
+}
+
 TEST_F(AgentCoreTest, AStateThatWaitsWasNotSentAndIsNotAnswered) {
   core_.on_state(start, state(1, start), out_);
   core_.step(start, out_);

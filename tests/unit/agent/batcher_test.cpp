@@ -305,6 +305,14 @@ TEST(Batcher, CountersAddUpAndNeverTwoAreInFlightWhateverHappens) {
   }
 }
 
+TEST(EncodeFrame, WithoutAPoseThereIsNoOdometry) {
+  Frame frame;
+  frame.samples = {sample(1, 3)};
+  SetCall set;
+  ASSERT_TRUE(set.ParseFromString(encode_frame(frame, three, 0).args.at(0)));
+  for (const Asset& asset : set.assets()) EXPECT_NE(asset.id(), "tello1/odom");
+}
+
 TEST(EncodeFrame, WritesEveryStreamingAssetOfEachDroneWithRealTimeInHeaders) {
   Frame frame;
   auto s = sample(2, 9, 5 * ns_per_s);
@@ -312,8 +320,11 @@ TEST(EncodeFrame, WritesEveryStreamingAssetOfEachDroneWithRealTimeInHeaders) {
   s.velocity_mps = {1, 0, 0.5};
   s.yaw_rad = 1.5707963267948966;
   s.battery = 0.75F;
+  s.pose_stamp_ns = s.stamp_ns - 5 * ns_per_ms;
+  auto old = sample(1, 3);
+  old.pose_stamp_ns = 1;
   frame.samples = {s};
-  frame.repeated = {sample(1, 3)};
+  frame.repeated = {old};
   const auto call = encode_frame(frame, three, 1000 * ns_per_s);
   EXPECT_EQ(call.function, "set");
   SetCall set;
@@ -326,7 +337,7 @@ TEST(EncodeFrame, WritesEveryStreamingAssetOfEachDroneWithRealTimeInHeaders) {
   EXPECT_EQ(set.assets(0).msg_type(), "nav_msgs/msg/Odometry");
   const auto odometry = odometry_from_cdr(set.assets(0).msg_data());
   ASSERT_TRUE(odometry);
-  EXPECT_EQ(odometry->header.stamp_ns, 1005 * ns_per_s);
+  EXPECT_EQ(odometry->header.stamp_ns, 1005 * ns_per_s - 5 * ns_per_ms) << "the pose's own time";
   EXPECT_EQ(odometry->header.frame_id, "map");
   // Moving east while looking north is moving to the right: REP 105's y is to the left.
   EXPECT_NEAR(odometry->linear_mps[0], 0, 1e-9);

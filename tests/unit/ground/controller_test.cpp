@@ -120,6 +120,26 @@ TEST(PathController, WaitsForADroneThatIsHeldBack) {
   EXPECT_LT(controller.progress_m(), 0.5);
 }
 
+// A ledger that stalls right after the start lets the drone fly its last plan far beyond the reference.
+TEST(PathController, ADroneThatIsFarAheadComesBackAndGoesOn) {
+  for (TimeNs under_way = 0; under_way < ns_per_s; under_way += 50 * ns_per_ms) {
+    ControllerConfig config;
+    PathController controller(Path(Shape::square, {0, 0}, 1.5), config, 0);
+    LaggedDrone drone(0.3);
+    drone.motion.position_m = {0, 0, 1};
+    controller.start(0);
+    for (TimeNs t = 0; t <= under_way; t += 50 * ns_per_ms) (void)controller.plan(drone.motion, t);
+    drone.motion.stamp_ns = ns_per_s;
+    drone.motion.position_m = {0.7, 0, 1};
+    for (TimeNs t = ns_per_s; t < 10 * ns_per_s; t += ns_per_s / 30) {
+      drone.run_until(t);
+      const TimeNs there = t + 20 * ns_per_ms;
+      drone.deliver(there, controller.plan(drone.motion, there));
+    }
+    EXPECT_GT(controller.progress_m(), 1.5) << to_ms(under_way) << " ms after the start";
+  }
+}
+
 TEST(PathController, TurnsBackToItsYawTheShortWay) {
   PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 3.1);
   Motion motion;

@@ -183,7 +183,7 @@ TEST_F(FlightByHand, ANewLeaseBeginsTheSequenceAnew) {
 }
 
 TEST_F(FlightByHand, AStartUnderARunningLeaseGoesOnBehindWhatWasFlown) {
-  EXPECT_EQ(call_of(states({1}, 41)).plans(0).sequence(), 42u);
+  EXPECT_GE(call_of(states({1}, 41)).plans(0).sequence(), 541u) << "plans that were under way have numbers, too";
 }
 
 TEST_F(FlightByHand, AStopEndsTheFlightOfThatDroneAndItIsCommandedNoMore) {

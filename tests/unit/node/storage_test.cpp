@@ -75,6 +75,16 @@ TEST_F(StorageTest, ATornTailIsCutOffWithAMessageWhereverItTore) {
   }
 }
 
+TEST_F(StorageTest, WhatAKillLeftUnsyncedIsOnDiskBeforeReadersSeeItAgain) {
+  write({"zero", "one"});
+  memory.content("blocks").synced = 0;  // written, but the kill came before the sync
+  ASSERT_TRUE(open(memory).ok());
+  EXPECT_THAT(blocks, ElementsAre("zero", "one"));
+  memory.lose_power();
+  ASSERT_TRUE(open(memory).ok());
+  EXPECT_THAT(blocks, ElementsAre("zero", "one"));
+}
+
 TEST_F(StorageTest, ATailOfZerosIsCutOff) {
   write({"zero"});
   bytes() += std::string(5000, '\0');
