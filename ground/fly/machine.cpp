@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -146,7 +147,14 @@ Result<RunLock> RunLock::take(const std::string& file, const std::string& about)
   const bool ours = fd >= 0;
   if (!ours) fd = ::open(file.c_str(), O_RDONLY);
   if (fd < 0) return Error{fmt::format("cannot open {}: {}", file, std::strerror(errno))};
-  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
+  // The last process of a flight that was killed may be ending just now.
+  constexpr int tries = 20;
+  int held = -1;
+  for (int i = 0; i < tries && held != 0; ++i) {
+    if (i > 0) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    held = ::flock(fd, LOCK_EX | LOCK_NB);
+  }
+  if (held != 0) {
     char text[1024] = {};
     const ssize_t n = ::pread(fd, text, sizeof text - 1, 0);
     ::close(fd);
