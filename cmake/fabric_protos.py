@@ -27,9 +27,11 @@ def main() -> None:
     out = pathlib.Path(sys.argv[1])
     pins = pathlib.Path(__file__).with_name("fabric-protos.txt")
     with tempfile.TemporaryDirectory() as tmp:
-        subprocess.run(
+        fetched = subprocess.run(
             [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
-             "--require-hashes", "--dest", tmp, "--requirement", str(pins)], check=True)
+             "--require-hashes", "--dest", tmp, "--requirement", str(pins)])
+        if fetched.returncode != 0:
+            sys.exit("Fabric's protobuf descriptors could not be fetched: pip needs its package index (see its words above)")
         wheel = zipfile.ZipFile(next(pathlib.Path(tmp).glob("*.whl")))
         descriptor_set = b""
         for name in sorted(wheel.namelist()):

@@ -6,7 +6,7 @@
 namespace ledgerline::sim {
 namespace {
 
-constexpr double rate_loop_s = 0.02;
+constexpr double rate_loop_s = 0.02;  // [A] the body rates' loop, well above attitude_rad_per_s
 
 Vector limited(const Vector& v, double horizontal, double vertical) {
   Vector out = v;

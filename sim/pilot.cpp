@@ -7,14 +7,15 @@
 namespace ledgerline::sim {
 namespace {
 
+// What no parameter describes. Sources as in parameters.hpp; all of these are [A], assumed: nobody published them.
 constexpr int steps_per_flow_error = 10;
 constexpr double hold_below_mps = 0.15;  // sticks are centred and the drone is about at rest: hold this place
 constexpr double reached_m = 0.08;       // a move's end
 constexpr double reached_rad = 0.03;
-constexpr double settle_s = 1.0;  // a move ends this long after its profile in any case
-constexpr double floor_m = 0.2;   // the Tello does not fly lower unless it lands
-constexpr double slow_landing_below_m = 0.3;
-constexpr int touchdown_steps = 50;
+constexpr double settle_s = 1.0;              // a move ends this long after its profile in any case
+constexpr double floor_m = 0.2;               // the Tello does not fly lower unless it lands
+constexpr double slow_landing_below_m = 0.3;  // from here on at touchdown_mps
+constexpr int touchdown_steps = 50;           // at rest on the ground this long: motors off
 constexpr double turn_acceleration_radps2 = 6;
 constexpr double turn_gain_per_s = 3;
 constexpr double upright_rad = 0.3;

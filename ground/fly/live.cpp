@@ -99,10 +99,8 @@ void Live::show(TimeNs now_ns) {
   next_ns_ = now_ns + (terminal_ ? terminal_period_ns : log_period_ns);
   clear();
   const auto all = lines(now_ns);
-  // A log needs no sixteen lines every few seconds.
-  const std::size_t count = terminal_ ? all.size() : std::min<std::size_t>(all.size(), 4);
-  for (std::size_t i = 0; i < count; ++i) std::fprintf(stderr, "%s\n", all[i].c_str());
-  if (terminal_) shown_ = count;
+  for (const std::string& line : all) std::fprintf(stderr, "%s\n", line.c_str());
+  if (terminal_) shown_ = all.size();
 }
 
 bool Live::anything_in_air() const {

@@ -29,6 +29,16 @@ Status write_file(const fs::path& path, const std::string& content, int mode) {
   return done;
 }
 
+// All names under `dir`, and its own, survive a loss of power from here on; done once, at the first start.
+Status sync_file_system(const std::string& dir) {
+  const int fd = ::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const bool synced = fd >= 0 && ::syncfs(fd) == 0;
+  const std::string why = synced ? "" : std::strerror(errno);
+  if (fd >= 0) ::close(fd);
+  if (!synced) return Error{"syncing " + dir + ": " + why};
+  return done;
+}
+
 Status write_public(const fs::path& path, const std::string& content) { return write_file(path, content, 0644); }
 Status write_secret(const fs::path& path, const std::string& content) { return write_file(path, content, 0600); }
 
@@ -144,13 +154,19 @@ std::string user_msp_dir(const std::string& dir, int organisation, const std::st
 Result<Identities> open_identities(const std::string& dir) {
   const fs::path crypto = fs::path(dir) / "crypto";
   if (!fs::exists(crypto)) {
-    const fs::path unfinished = fs::path(dir) / "crypto.unfinished";
     std::error_code error;
+    if (const fs::path blocks = fs::path(dir) / "ledger" / "blocks";
+        fs::exists(blocks) && fs::file_size(blocks, error) > 0) {
+      return Error{crypto.string() + " is missing, but " + blocks.string() +
+                   " holds blocks signed under it. Restore it from a copy, or begin in an empty directory"};
+    }
+    const fs::path unfinished = fs::path(dir) / "crypto.unfinished";
     fs::remove_all(unfinished, error);
     if (error) return Error{"removing " + unfinished.string() + ": " + error.message()};
     if (Status s = make_identities(unfinished); !s) return s.error();
     fs::rename(unfinished, crypto, error);
     if (error) return Error{"renaming " + unfinished.string() + ": " + error.message()};
+    if (Status s = sync_file_system(dir); !s) return s.error();
   }
   Identities identities;
   for (int number = 1; number <= organisation_count; ++number) {

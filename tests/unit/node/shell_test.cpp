@@ -139,6 +139,17 @@ TEST_F(ShellTest, WhatWasAnsweredIsThereAfterARestart) {
   EXPECT_EQ(found.wait_for(1)[0]->block, status.block);
 }
 
+TEST_F(ShellTest, NoNewAuthoritiesAreMadeOverAnOldChain) {
+  node.reset();
+  std::filesystem::rename(dir_ / "crypto", dir_ / "elsewhere");
+  Node::Options options;
+  options.dir = dir_;
+  const auto opened = Node::open(options);
+  ASSERT_FALSE(opened.ok());
+  EXPECT_THAT(opened.error().what, HasSubstr("crypto is missing"));
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "crypto"));
+}
+
 TEST_F(ShellTest, TheQueueToTheCoreIsBounded) {
   const auto gate = std::make_shared<std::mutex>();  // shared: the core's thread may leave it after this test has ended
   gate->lock();

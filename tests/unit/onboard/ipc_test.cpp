@@ -4,7 +4,7 @@
 
 #include <thread>
 
-#include "tests/unit/onboard/child.hpp"
+#include "tests/unit/child.hpp"
 
 /// Runs in a namespace of its own (in_namespace.sh); argv[1] is ledgerline-roudi.
 namespace ledgerline::ipc {

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "onboard/ipc/ipc.hpp"
-#include "tests/unit/onboard/child.hpp"
+#include "tests/unit/child.hpp"
 
 /// The real ledgerline-link flies the real ledgerline-sim; this test stands in for agent. Runs in a namespace of its
 /// own (in_namespace.sh); arguments: roudi, sim, link. Virtual poses: the drone believes to stand still at the origin,

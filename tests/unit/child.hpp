@@ -39,9 +39,10 @@ class Child {
     ::close(out[1]);
     lines_ = ::fdopen(out[0], "r");
     char line[512] = {};
-    return std::fgets(line, sizeof line, lines_) != nullptr &&
-           std::string(line).find("\"ready\":true") != std::string::npos;
+    ready_line_ = std::fgets(line, sizeof line, lines_) != nullptr ? line : "";
+    return ready_line_.find("\"ready\":true") != std::string::npos;
   }
+  const std::string& ready_line() const { return ready_line_; }
   void signal(int signal) const { ::kill(pid_, signal); }
   /// Its exit status, as waitpid gives it.
   int wait() {
@@ -60,6 +61,7 @@ class Child {
  private:
   pid_t pid_ = 0;
   FILE* lines_ = nullptr;
+  std::string ready_line_;
 };
 
 }  // namespace ledgerline
