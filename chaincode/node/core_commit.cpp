@@ -34,8 +34,7 @@ bool NodeCore::Parts::endorsed(const TransactionParts& transaction, Now now) {
   return false;
 }
 
-int NodeCore::Parts::validate(const TransactionParts& transaction, const Overlay& overlay, Now now,
-                              kvrwset::KVRWSet& set) {
+int NodeCore::Parts::validate(const TransactionParts& transaction, Now now, kvrwset::KVRWSet& set) {
   if (transaction.code != protos::VALID) return transaction.code;
   if (state.find_tx(transaction.channel_header.tx_id())) return protos::DUPLICATE_TXID;
   if (transaction.action.chaincode_id().name() != config.contract) return protos::INVALID_CHAINCODE;
@@ -43,7 +42,7 @@ int NodeCore::Parts::validate(const TransactionParts& transaction, const Overlay
   ContractSet contract_set = read_contract_set(transaction.action, config.contract);
   if (contract_set.code != protos::VALID) return contract_set.code;
   set = std::move(contract_set.set);
-  return overlay.check(set);
+  return protos::VALID;
 }
 
 CutBlock NodeCore::Parts::finish_block(const std::vector<std::string>& envelopes, const std::vector<TxStatus>& statuses,
@@ -125,8 +124,10 @@ std::optional<CutBlock> NodeCore::cut(Now now) {
   for (const std::string& envelope : envelopes) {
     const TransactionParts transaction = read_transaction(envelope);
     kvrwset::KVRWSet set;
-    int code = parts_->validate(transaction, overlay, now, set);
+    int code = parts_->validate(transaction, now, set);
+    // As in Fabric, a transaction that fails for what it read has used its id up, also within the block.
     if (code == protos::VALID && !ids.insert(transaction.channel_header.tx_id()).second) code = protos::DUPLICATE_TXID;
+    if (code == protos::VALID) code = overlay.check(set);
     if (code == protos::VALID) {
       overlay.add(set);
       writes.push_back({{parts_->height, statuses.size()}, std::move(set)});

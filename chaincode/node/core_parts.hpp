@@ -67,8 +67,8 @@ struct NodeCore::Parts {
   Result<protos::Endorsement> endorse_by(const crypto::SigningIdentity& peer, const std::string& payload) const;
   Result<chaincode::KeyVersion> version_of(const std::string& key, Version version);
 
-  /// A protos.TxValidationCode; fills `set` when the form is right.
-  int validate(const TransactionParts& transaction, const Overlay& overlay, Now now, kvrwset::KVRWSet& set);
+  /// A protos.TxValidationCode of everything but what was read; fills `set` when it is VALID.
+  int validate(const TransactionParts& transaction, Now now, kvrwset::KVRWSet& set);
   bool endorsed(const TransactionParts& transaction, Now now);
   CutBlock finish_block(const std::vector<std::string>& envelopes, const std::vector<TxStatus>& statuses,
                         std::vector<Write> writes);

@@ -88,6 +88,7 @@ class CachingRegistry final : public MspRegistry {
     if (!description) return description.error();
     auto verifier = make_verifier(library_, certificate->get());
     if (!verifier) return verifier.error();
+    if (Status status = check_units(*description, identity.mspid()); !status) return status.error();
     const auto has_unit = [&](std::string_view unit) {
       return std::find(description->units.begin(), description->units.end(), unit) != description->units.end();
     };
@@ -97,6 +98,23 @@ class CachingRegistry final : public MspRegistry {
                                                          has_unit("peer"),
                                                          std::move(*verifier)});
     return entry;
+  }
+
+  /// Exactly one of the roles that NodeOUs name, as Fabric demands it.
+  static Status check_units(const Certificate& certificate, const std::string& msp_id) {
+    const auto is_role = [](const std::string& unit) {
+      return unit == "client" || unit == "peer" || unit == "admin" || unit == "orderer";
+    };
+    const auto roles = std::count_if(certificate.units.begin(), certificate.units.end(), is_role);
+    if (roles == 1) return done;
+    const std::string units = fmt::format("OUs: [{}], MSP: [{}]", fmt::join(certificate.units, ", "), msp_id);
+    if (roles == 0) {
+      return Error{"the identity does not have an OU that resolves to client, peer, orderer, or admin. " + units};
+    }
+    return Error{
+        "the identity must be a client, a peer, an orderer or an admin identity to be valid, not a combination of "
+        "them. " +
+        units};
   }
 
   /// Returns when the identity is valid: within its own validity and that of each CA above it. The validity is looked

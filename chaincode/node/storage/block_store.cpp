@@ -7,8 +7,9 @@
 namespace ledgerline::node {
 namespace {
 
-constexpr std::string_view magic = "LLB1";
-constexpr std::size_t check_size = 8;
+constexpr std::string_view file_magic = "LLF1", magic = "LLB1";
+constexpr std::size_t salt_size = 16, check_size = 8;
+constexpr std::size_t head_size = 4 + salt_size + check_size;
 constexpr std::size_t header_size = 4 + 4 + 2 * check_size;
 
 std::string check_of(std::string_view bytes) {
@@ -16,12 +17,21 @@ std::string check_of(std::string_view bytes) {
   return {digest.begin(), digest.begin() + check_size};
 }
 
-std::string make_header(std::string_view content) {
+std::string make_head() {
+  const std::string salted = std::string(file_magic) + crypto::random_bytes(salt_size);
+  return salted + check_of(salted);
+}
+
+bool is_head(std::string_view bytes) {
+  return bytes.substr(0, 4) == file_magic && check_of(bytes.substr(0, 4 + salt_size)) == bytes.substr(4 + salt_size);
+}
+
+std::string make_header(const std::string& salt, std::string_view content) {
   std::string length;
   for (int shift = 0; shift < 32; shift += 8) length += static_cast<char>((content.size() >> shift) & 0xff);
   const std::string content_check = check_of(content);
-  std::string head = std::string(magic) + length;
-  return head + check_of(head + content_check) + content_check;
+  const std::string begin = std::string(magic) + length;
+  return begin + check_of(salt + begin + content_check) + content_check;
 }
 
 struct Header {
@@ -29,10 +39,12 @@ struct Header {
   std::string content_check;
 };
 
-std::optional<Header> read_header(std::string_view bytes) {
+std::optional<Header> read_header(const std::string& salt, std::string_view bytes) {
   if (bytes.size() < header_size || bytes.substr(0, 4) != magic) return std::nullopt;
   const std::string content_check(bytes.substr(8 + check_size, check_size));
-  if (check_of(std::string(bytes.substr(0, 8)) + content_check) != bytes.substr(8, check_size)) return std::nullopt;
+  if (check_of(salt + std::string(bytes.substr(0, 8)) + content_check) != bytes.substr(8, check_size)) {
+    return std::nullopt;
+  }
   std::size_t size = 0;
   for (std::size_t i = 0; i < 4; ++i)
     size |= static_cast<std::size_t>(static_cast<unsigned char>(bytes[4 + i])) << (8 * i);
@@ -40,12 +52,13 @@ std::optional<Header> read_header(std::string_view bytes) {
 }
 
 /// The record at `offset`: its content, nullopt when it is damaged or unfinished, an error when the disk fails.
-Result<std::optional<std::string>> read_record(const File& file, std::uint64_t offset, std::uint64_t end) {
+Result<std::optional<std::string>> read_record(const File& file, const std::string& salt, std::uint64_t offset,
+                                               std::uint64_t end) {
   const std::optional<std::string> none;
   if (end - offset < header_size) return none;
   const auto head = file.read(offset, header_size);
   if (!head) return head.error();
-  const auto header = read_header(*head);
+  const auto header = read_header(salt, *head);
   if (!header || end - offset - header_size < header->size) return none;
   auto content = file.read(offset + header_size, header->size);
   if (!content) return content.error();
@@ -68,8 +81,9 @@ Result<std::unique_ptr<BlockStore>> BlockStore::open(Files& files, const OnBlock
 Status BlockStore::load(const OnBlock& on_block, const OnMessage& on_message) {
   const auto size = file_->size();
   if (!size) return size.error();
+  if (Status status = open_head(*size, on_message); !status) return status;
   while (end_ < *size) {
-    const auto content = read_record(*file_, end_, *size);
+    const auto content = read_record(*file_, salt_, end_, *size);
     if (!content) return content.error();
     if (!*content) break;
     if (Status status = on_block(**content); !status) return Error{name_ + ": " + status.error().what};
@@ -77,7 +91,7 @@ Status BlockStore::load(const OnBlock& on_block, const OnMessage& on_message) {
     end_ += header_size + (*content)->size();
   }
   // What was written before a kill may be in the page cache alone; readers are about to be told of it.
-  if (end_ == *size) return end_ == 0 ? done : file_->sync();
+  if (end_ >= *size) return file_->sync();
 
   const auto behind = record_behind(end_ + 1, *size);
   if (!behind) return behind.error();
@@ -91,6 +105,28 @@ Status BlockStore::load(const OnBlock& on_block, const OnMessage& on_message) {
   return file_->sync();
 }
 
+Status BlockStore::open_head(std::uint64_t size, const OnMessage& on_message) {
+  end_ = head_size;
+  if (size >= head_size) {
+    auto head = file_->read(0, head_size);
+    if (!head) return head.error();
+    if (is_head(*head)) {
+      salt_ = head->substr(4, salt_size);
+      return done;
+    }
+    // Nothing is written behind a head before it is synced.
+    if (size > head_size) return Error{name_ + " is damaged at byte 0, or no ledger of this program: restore it"};
+  }
+  if (size > 0) {
+    on_message(name_ + " was not begun when the node last stopped; " + std::to_string(size) + " bytes cut off");
+    if (Status status = file_->truncate(0); !status) return status;
+  }
+  const std::string head = make_head();
+  salt_ = head.substr(4, salt_size);
+  if (Status status = file_->append(head); !status) return status;
+  return file_->sync();
+}
+
 Result<bool> BlockStore::record_behind(std::uint64_t offset, std::uint64_t end) const {
   constexpr std::uint64_t step = 1 << 20;
   for (std::uint64_t at = offset; at < end; at += step) {
@@ -98,7 +134,7 @@ Result<bool> BlockStore::record_behind(std::uint64_t offset, std::uint64_t end) 
     const auto bytes = file_->read(at, std::min(step + magic.size() - 1, end - at));
     if (!bytes) return bytes.error();
     for (auto found = bytes->find(magic); found != std::string::npos; found = bytes->find(magic, found + 1)) {
-      const auto content = read_record(*file_, at + found, end);
+      const auto content = read_record(*file_, salt_, at + found, end);
       if (!content) return content.error();
       if (*content) return true;
     }
@@ -110,7 +146,7 @@ Status BlockStore::append(std::string_view block) {
   if (broken_) return Error{name_ + " takes no more blocks after an error"};
   broken_ = true;
   if (block.size() > UINT32_MAX) return Error{"a block of " + std::to_string(block.size()) + " bytes is too long"};
-  std::string record = make_header(block);
+  std::string record = make_header(salt_, block);
   record.append(block);
   if (Status status = file_->append(record); !status) return status;
   if (Status status = file_->sync(); !status) return status;

@@ -9,14 +9,16 @@
 
 namespace ledgerline::node {
 
-/// The chain on disk: one file, only ever appended to. A record is
+/// The chain on disk: one file, only ever appended to. It begins with "LLF1" | random salt, 16 bytes | check, 8; then
+/// come records:
 ///
 ///     "LLB1" | length, 4 bytes LE | header check, 8 | content check, 8 | content
 ///
-/// where a check is the first 8 bytes of a SHA-256 (header check: over magic, length and content check). A record
+/// where a check is the first 8 bytes of a SHA-256 (header check: over salt, magic, length and content check). A record
 /// counts once it is synced, and the next one is begun only then; so a crash can leave at most the last record
 /// unfinished. That one is cut off at the next open, with a message. Damage with whole records behind it is no crash:
-/// opening fails and says where.
+/// opening fails and says where. The salt is told to nobody: what looks like a record inside a member's transaction is
+/// none.
 ///
 /// append from one thread; read and height from any.
 class BlockStore {
@@ -38,10 +40,12 @@ class BlockStore {
   };
   BlockStore(std::unique_ptr<File> file, std::string name) : file_(std::move(file)), name_(std::move(name)) {}
   Status load(const OnBlock& on_block, const OnMessage& on_message);
+  Status open_head(std::uint64_t size, const OnMessage& on_message);
   Result<bool> record_behind(std::uint64_t offset, std::uint64_t end) const;
 
   std::unique_ptr<File> file_;
   std::string name_;
+  std::string salt_;
   std::uint64_t end_ = 0;
   bool broken_ = false;
   mutable std::mutex mutex_;  // guards places_

@@ -59,6 +59,15 @@ TEST_F(Msp, UnitsSayWhoIsAdminAndWhoIsPeer) {
       registry_->member(serialized("Org1MSP", user_of(ca_, "peer0.org1", "peer").certificate_pem), now_).value()->peer);
 }
 
+TEST_F(Msp, AMemberHasExactlyOneRole) {
+  const auto of = [&](const std::string& unit) {
+    return refusal(serialized("Org1MSP", user_of(ca_, "User1@org1", unit).certificate_pem));
+  };
+  EXPECT_EQ(of("client"), "accepted");
+  EXPECT_NE(of("drones").find("does not have an OU that resolves to client, peer, orderer, or admin"),
+            std::string::npos);
+}
+
 TEST_F(Msp, RenewalKeepsTheName) {
   const auto first =
       registry_->member(serialized("Org1MSP", user_of(ca_, "User1@org1", "client").certificate_pem), now_).value();

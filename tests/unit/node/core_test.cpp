@@ -267,6 +267,16 @@ TEST_F(CoreTest, ATransactionTwiceInOneBlockIsAcceptedOnce) {
   EXPECT_THAT(net.commit(), ElementsAre(protos::VALID, protos::DUPLICATE_TXID));
 }
 
+TEST_F(CoreTest, AnIdIsUsedUpWithinABlockByATransactionThatReadOldValues) {
+  const std::string stale = net.endorsed(net.host, "set", note("tello1/a"));
+  net.submit(net.admin1, "enroll", enroll_call({"Org1MSP", "CN=new"}, {"tello1"}));
+  net.config.batch_count = 2;
+  net.restart();
+  net.core->order(stale, net.now);
+  net.core->order(stale, net.now);
+  EXPECT_THAT(net.commit(), ElementsAre(protos::MVCC_READ_CONFLICT, protos::DUPLICATE_TXID));
+}
+
 TEST_F(CoreTest, AProposalIsNotEndorsedAgainAfterItsCommit) {
   const auto proposal = net.propose(net.host, "set", note("tello1/a"));
   net.core->order(*fabric::sign_envelope(net.host, net.core->endorse(proposal.signed_proposal, net.now).bytes),

@@ -107,6 +107,37 @@ TEST_F(StorageTest, DamageBeforeGoodBlocksIsAnErrorThatNamesThePlace) {
   }
 }
 
+TEST_F(StorageTest, AnUnfinishedBlockThatHoldsARecordOfAnotherFileIsCutOff) {
+  MemoryFiles elsewhere;
+  ASSERT_TRUE((*open(elsewhere))->append("a member's own record").ok());
+  write({"zero", "begin " + elsewhere.content("blocks").bytes + " and a long end"});
+  bytes().resize(bytes().size() - 5);
+  ASSERT_TRUE(open(memory).ok());
+  EXPECT_THAT(blocks, ElementsAre("zero"));
+  EXPECT_THAT(messages, ElementsAre(HasSubstr("block 1 was not finished")));
+}
+
+TEST_F(StorageTest, AFileThatIsNoLedgerIsLeftAlone) {
+  const std::string other(200, 'x');
+  open(memory);
+  bytes() = other;
+  const auto store = open(memory);
+  ASSERT_FALSE(store.ok());
+  EXPECT_THAT(store.error().what, HasSubstr("no ledger of this program"));
+  EXPECT_EQ(bytes(), other);
+}
+
+TEST_F(StorageTest, AnUnfinishedBeginIsBegunAnew) {
+  write({});
+  const std::string head = bytes();
+  for (std::size_t size = 1; size < head.size(); ++size) {
+    bytes() = head.substr(0, size);
+    ASSERT_TRUE((*open(memory))->append("zero").ok()) << size;
+    ASSERT_TRUE(open(memory).ok());
+    EXPECT_THAT(blocks, ElementsAre("zero"));
+  }
+}
+
 TEST_F(StorageTest, WhatTheReaderRefusesIsAnError) {
   write({"zero"});
   const auto store = BlockStore::open(
