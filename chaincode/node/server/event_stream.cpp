@@ -2,9 +2,13 @@
 
 namespace ledgerline::node {
 
-EventStream* EventStream::start(Node& node, const gateway::SignedChaincodeEventsRequest& signed_request) {
-  auto stream = std::make_shared<EventStream>(node);
+EventStream* EventStream::start(Node& node, Limit& limit, const gateway::SignedChaincodeEventsRequest& signed_request) {
+  auto stream = std::make_shared<EventStream>(node, limit);
   stream->self_ = stream;
+  if (!stream->place_) {
+    stream->finish(too_many(limit));
+    return stream.get();
+  }
   gateway::ChaincodeEventsRequest request;
   if (!request.ParseFromString(signed_request.request())) {
     stream->finish({grpc::StatusCode::INVALID_ARGUMENT, "the events request does not parse"});

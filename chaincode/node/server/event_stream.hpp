@@ -12,8 +12,8 @@ class EventStream final : public grpc::ServerWriteReactor<gateway::ChaincodeEven
                           public BlockFeed::Waiter,
                           public std::enable_shared_from_this<EventStream> {
  public:
-  static EventStream* start(Node& node, const gateway::SignedChaincodeEventsRequest& request);
-  explicit EventStream(Node& node) : node_(node) {}
+  static EventStream* start(Node& node, Limit& limit, const gateway::SignedChaincodeEventsRequest& request);
+  EventStream(Node& node, Limit& limit) : node_(node), place_(limit.take()) {}
 
   void OnWriteDone(bool ok) override;
   void OnCancel() override { finish(grpc::Status::CANCELLED); }
@@ -27,6 +27,7 @@ class EventStream final : public grpc::ServerWriteReactor<gateway::ChaincodeEven
   void finish_locked(const grpc::Status& status);
 
   Node& node_;
+  const Limit::Place place_;
   std::shared_ptr<EventStream> self_;  // until gRPC is done with it
   grpc::Alarm to_grpc_thread_;
 

@@ -8,6 +8,9 @@
 namespace ledgerline::node {
 namespace {
 
+/// Fabric's peer.limits.concurrency.endorserService and deliverService; its orderer has no limit, ours has the same.
+constexpr int most_peer_calls = 2500;
+
 class EndorserService final : public protos::Endorser::CallbackService {
  public:
   explicit EndorserService(Node& node) : node_(node) {}
@@ -15,7 +18,12 @@ class EndorserService final : public protos::Endorser::CallbackService {
   grpc::ServerUnaryReactor* ProcessProposal(grpc::CallbackServerContext* context, const protos::SignedProposal* request,
                                             protos::ProposalResponse* response) override {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    const bool taken = node_.post([request, response, reactor](NodeCore& core) {
+    const Limit::Place place = limit_.take();
+    if (!place) {
+      reactor->Finish(too_many(limit_));
+      return reactor;
+    }
+    const bool taken = node_.post([request, response, reactor, place](NodeCore& core) {
       const Reply reply = core.process_proposal(request->SerializeAsString(), read_now());
       if (reply.code == Code::ok && !response->ParseFromString(reply.bytes)) {
         return reactor->Finish({grpc::StatusCode::INTERNAL, "the node made an answer that does not parse"});
@@ -29,39 +37,45 @@ class EndorserService final : public protos::Endorser::CallbackService {
 
  private:
   Node& node_;
+  Limit limit_{"/protos.Endorser", most_peer_calls};
 };
 
 class DeliverService final : public protos::Deliver::CallbackService {
  public:
   explicit DeliverService(Node& node) : node_(node) {}
   grpc::ServerBidiReactor<common::Envelope, protos::DeliverResponse>* Deliver(grpc::CallbackServerContext*) override {
-    return DeliverStream<protos::DeliverResponse>::start(node_, fill_peer);
+    return DeliverStream<protos::DeliverResponse>::start(node_, limit_, fill_peer);
   }
   grpc::ServerBidiReactor<common::Envelope, protos::DeliverResponse>* DeliverFiltered(
       grpc::CallbackServerContext*) override {
-    return DeliverStream<protos::DeliverResponse>::start(node_, fill_filtered);
+    return DeliverStream<protos::DeliverResponse>::start(node_, limit_, fill_filtered);
   }
 
   grpc::ServerBidiReactor<common::Envelope, protos::DeliverResponse>* DeliverWithPrivateData(
       grpc::CallbackServerContext*) override {
-    return DeliverStream<protos::DeliverResponse>::start(node_, fill_with_private_data);
+    return DeliverStream<protos::DeliverResponse>::start(node_, limit_, fill_with_private_data);
   }
 
  private:
   Node& node_;
+  Limit limit_{"/protos.Deliver", most_peer_calls};
 };
 
 /// orderer Broadcast: one envelope after the other, acknowledged in order.
 class BroadcastStream final : public grpc::ServerBidiReactor<common::Envelope, orderer::BroadcastResponse>,
                               public std::enable_shared_from_this<BroadcastStream> {
  public:
-  static BroadcastStream* start(Node& node) {
-    auto stream = std::make_shared<BroadcastStream>(node);
+  static BroadcastStream* start(Node& node, Limit& limit) {
+    auto stream = std::make_shared<BroadcastStream>(node, limit);
     stream->self_ = stream;
-    stream->StartRead(&stream->request_);
+    if (stream->place_) {
+      stream->StartRead(&stream->request_);
+    } else {
+      stream->finish(too_many(limit));
+    }
     return stream.get();
   }
-  explicit BroadcastStream(Node& node) : node_(node) {}
+  BroadcastStream(Node& node, Limit& limit) : node_(node), place_(limit.take()) {}
 
   void OnReadDone(bool ok) override {
     if (!ok) return finish(grpc::Status::OK);
@@ -109,6 +123,7 @@ class BroadcastStream final : public grpc::ServerBidiReactor<common::Envelope, o
   }
 
   Node& node_;
+  const Limit::Place place_;
   common::Envelope request_;
   orderer::BroadcastResponse response_;
   std::shared_ptr<BroadcastStream> self_;  // until gRPC is done with it
@@ -121,14 +136,15 @@ class OrdererService final : public orderer::AtomicBroadcast::CallbackService {
   explicit OrdererService(Node& node) : node_(node) {}
   grpc::ServerBidiReactor<common::Envelope, orderer::BroadcastResponse>* Broadcast(
       grpc::CallbackServerContext*) override {
-    return BroadcastStream::start(node_);
+    return BroadcastStream::start(node_, limit_);
   }
   grpc::ServerBidiReactor<common::Envelope, orderer::DeliverResponse>* Deliver(grpc::CallbackServerContext*) override {
-    return DeliverStream<orderer::DeliverResponse>::start(node_, fill_orderer);
+    return DeliverStream<orderer::DeliverResponse>::start(node_, limit_, fill_orderer);
   }
 
  private:
   Node& node_;
+  Limit limit_{"/orderer.AtomicBroadcast", most_peer_calls};
 };
 
 }  // namespace

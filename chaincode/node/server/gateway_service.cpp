@@ -7,14 +7,19 @@
 namespace ledgerline::node {
 namespace {
 
+/// Fabric's peer.limits.concurrency.gatewayService.
+constexpr int most_gateway_calls = 500;
+
 /// One CommitStatus call that waits for its transaction. Finished on the core thread alone.
 class CommitWaiter final : public grpc::ServerUnaryReactor {
  public:
-  explicit CommitWaiter(std::function<void()> on_cancel) : on_cancel_(std::move(on_cancel)) {}
+  CommitWaiter(Limit::Place place, std::function<void()> on_cancel)
+      : place_(std::move(place)), on_cancel_(std::move(on_cancel)) {}
   void OnCancel() override { on_cancel_(); }
   void OnDone() override { delete this; }
 
  private:
+  Limit::Place place_;
   std::function<void()> on_cancel_;
 };
 
@@ -63,12 +68,15 @@ class GatewayService final : public gateway::Gateway::CallbackService {
     });
   }
 
-  grpc::ServerUnaryReactor* CommitStatus(grpc::CallbackServerContext* /*context*/,
+  grpc::ServerUnaryReactor* CommitStatus(grpc::CallbackServerContext* context,
                                          const gateway::SignedCommitStatusRequest* request,
                                          gateway::CommitStatusResponse* response) override {
+    Limit::Place place = limit_.take();
+    if (!place) return refuse(context, too_many(limit_));
     const std::uint64_t id = next_waiter_++;
-    auto* reactor =
-        new CommitWaiter([this, id] { node_.post_always([this, id](NodeCore& core) { cancel(core, id); }); });
+    auto* reactor = new CommitWaiter(std::move(place), [this, id] {
+      node_.post_always([this, id](NodeCore& core) { cancel(core, id); });
+    });
     const bool taken = node_.post(
         [this, id, reactor, request, response](NodeCore& core) { begin(core, id, reactor, *request, response); });
     if (!taken) reactor->Finish(overloaded());
@@ -77,7 +85,7 @@ class GatewayService final : public gateway::Gateway::CallbackService {
 
   grpc::ServerWriteReactor<gateway::ChaincodeEventsResponse>* ChaincodeEvents(
       grpc::CallbackServerContext* /*context*/, const gateway::SignedChaincodeEventsRequest* request) override {
-    return EventStream::start(node_, *request);
+    return EventStream::start(node_, limit_, *request);
   }
 
  private:
@@ -89,11 +97,20 @@ class GatewayService final : public gateway::Gateway::CallbackService {
 
   static grpc::Status broken() { return {grpc::StatusCode::INTERNAL, "the node made an answer that does not parse"}; }
 
+  static grpc::ServerUnaryReactor* refuse(grpc::CallbackServerContext* context, const grpc::Status& status) {
+    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+    reactor->Finish(status);
+    return reactor;
+  }
+
   /// Runs `work` on the core thread and answers with its status.
   template <typename Work>
   grpc::ServerUnaryReactor* run(grpc::CallbackServerContext* context, Work work) {
+    const Limit::Place place = limit_.take();
+    if (!place) return refuse(context, too_many(limit_));
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    if (!node_.post([work, reactor](NodeCore& core) { reactor->Finish(work(core)); })) reactor->Finish(overloaded());
+    const auto task = [work, reactor, place](NodeCore& core) { reactor->Finish(work(core)); };
+    if (!node_.post(task)) reactor->Finish(overloaded());
     return reactor;
   }
 
@@ -140,6 +157,7 @@ class GatewayService final : public gateway::Gateway::CallbackService {
   }
 
   Node& node_;
+  Limit limit_{"/gateway.Gateway", most_gateway_calls};
   std::atomic<std::uint64_t> next_waiter_{1};
   std::map<std::uint64_t, Waiting> waiting_;  // core thread only
 };

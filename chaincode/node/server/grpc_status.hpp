@@ -4,6 +4,7 @@
 #include <string>
 
 #include "chaincode/node/core.hpp"
+#include "chaincode/node/server/limit.hpp"
 
 namespace ledgerline::node {
 
@@ -12,6 +13,8 @@ grpc::Status make_status(grpc::StatusCode code, const std::string& message, cons
 grpc::Status make_status(const Reply& reply);
 /// The queue to the core is full.
 grpc::Status overloaded();
+/// As many calls of this service are open as may be.
+inline grpc::Status too_many(const Limit& limit) { return {grpc::StatusCode::RESOURCE_EXHAUSTED, limit.refusal()}; }
 
 inline Now read_now() { return {monotonic_ns(), realtime_ns()}; }
 

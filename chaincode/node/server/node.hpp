@@ -35,7 +35,8 @@ class Node {
   using Task = std::function<void(NodeCore&)>;
   /// Any thread. False: the queue is full, the task was not taken.
   bool post(Task task);
-  /// The same without a limit: for what ends something (a cancelled call), which must never be lost.
+  /// The same without a limit: for what ends something (a cancelled call), which must never be lost. There is one for
+  /// each open call at most.
   void post_always(Task task);
 
   BlockFeed& feed() { return *feed_; }

@@ -44,7 +44,7 @@ Result<SeekRequest> read_seek(const common::Envelope& envelope) {
   common::Payload payload;
   common::ChannelHeader channel_header;
   common::SignatureHeader signature_header;
-  if (!payload.ParseFromString(envelope.payload()) ||
+  if (!payload.ParseFromString(envelope.payload()) || !payload.has_header() ||
       !channel_header.ParseFromString(payload.header().channel_header()) ||
       !signature_header.ParseFromString(payload.header().signature_header()) ||
       !request.seek.ParseFromString(payload.data())) {

@@ -39,13 +39,17 @@ class DeliverStream final : public grpc::ServerBidiReactor<common::Envelope, Res
  public:
   using Fill = Status (*)(std::string_view block, Response& response);
 
-  static DeliverStream* start(Node& node, Fill fill) {
-    auto stream = std::make_shared<DeliverStream>(node, fill);
+  static DeliverStream* start(Node& node, Limit& limit, Fill fill) {
+    auto stream = std::make_shared<DeliverStream>(node, limit, fill);
     stream->self_ = stream;
-    stream->StartRead(&stream->request_);
+    if (stream->place_) {
+      stream->StartRead(&stream->request_);
+    } else {
+      stream->finish(too_many(limit));
+    }
     return stream.get();
   }
-  DeliverStream(Node& node, Fill fill) : node_(node), fill_(fill) {}
+  DeliverStream(Node& node, Limit& limit, Fill fill) : node_(node), place_(limit.take()), fill_(fill) {}
 
   void OnReadDone(bool ok) override {
     if (!ok) return finish(grpc::Status::OK);
@@ -125,6 +129,7 @@ class DeliverStream final : public grpc::ServerBidiReactor<common::Envelope, Res
   }
 
   Node& node_;
+  const Limit::Place place_;
   const Fill fill_;
   common::Envelope request_;
   std::shared_ptr<DeliverStream> self_;  // until gRPC is done with it

@@ -1,8 +1,4 @@
 #include <gmock/gmock.h>
-#include <openssl/bn.h>
-#include <openssl/ec.h>
-#include <openssl/ecdsa.h>
-#include <openssl/obj_mac.h>
 
 #include <memory>
 
@@ -10,6 +6,7 @@
 #include "common/fabric/transaction.hpp"
 #include "msp/identities.pb.h"
 #include "peer/proposal.pb.h"
+#include "tests/unit/node/high_s.hpp"
 
 /// The core with real keys: what test identities cannot show.
 namespace ledgerline::node {
@@ -31,22 +28,6 @@ crypto::SigningIdentity identity(const crypto::KeyAndCertificate& ca, const std:
   return {{msp_id, crypto::parse_certificate(issued->certificate_pem)->subject},
           serialized.SerializeAsString(),
           *crypto::make_signer(crypto::Library::libcrypto, issued->key_pem)};
-}
-
-/// The other signature of the same message, with s in the upper half of the order of P-256.
-std::string with_high_s(const std::string& der) {
-  const auto* in = reinterpret_cast<const unsigned char*>(der.data());
-  std::unique_ptr<ECDSA_SIG, void (*)(ECDSA_SIG*)> signature(d2i_ECDSA_SIG(nullptr, &in, static_cast<long>(der.size())),
-                                                             ECDSA_SIG_free);
-  std::unique_ptr<EC_GROUP, void (*)(EC_GROUP*)> group(EC_GROUP_new_by_curve_name(NID_X9_62_prime256v1), EC_GROUP_free);
-  BIGNUM* s = BN_new();
-  BN_sub(s, EC_GROUP_get0_order(group.get()), ECDSA_SIG_get0_s(signature.get()));
-  ECDSA_SIG_set0(signature.get(), BN_dup(ECDSA_SIG_get0_r(signature.get())), s);
-  unsigned char* bytes = nullptr;
-  const int size = i2d_ECDSA_SIG(signature.get(), &bytes);
-  std::string result(reinterpret_cast<char*>(bytes), static_cast<std::size_t>(size));
-  OPENSSL_free(bytes);
-  return result;
 }
 
 class SignatureTest : public ::testing::Test {
