@@ -32,9 +32,14 @@ void EventStream::begin(NodeCore& core, const gateway::ChaincodeEventsRequest& r
   contract_ = request.chaincode_id();
   after_ = request.after_transaction_id();
   next_ = read_start(request.start_position(), core.height());
+  // No other contract has events here: nothing to look for in what there is.
+  if (contract_ != node_.config().contract) next_ = std::max(next_, core.height());
   streaming_ = true;
-  // Looking for the first event may take the whole chain: not on the core's thread.
-  to_grpc_thread_.Set(std::chrono::system_clock::now(), [self = shared_from_this()](bool) { self->wake(); });
+  // Looking for the first event may take the whole chain: not on the core's thread. The alarm keeps the function, and
+  // must not keep us by it.
+  to_grpc_thread_.Set(std::chrono::system_clock::now(), [weak = weak_from_this()](bool) {
+    if (const auto self = weak.lock()) self->wake();
+  });
 }
 
 void EventStream::pump() {

@@ -131,6 +131,13 @@ Result<std::unique_ptr<Files>> open_directory(const std::string& path) {
   if (error) return Error{"making " + path + ": " + error.message()};
   Descriptor directory(::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (directory.get() < 0) return failed("opening", path);
+  struct stat info {};
+  if (::fstat(directory.get(), &info) != 0) return failed("looking at", path);
+  // Also root: what it makes here the owner could not read any more.
+  if (info.st_uid != ::geteuid()) {
+    return Error{path + " belongs to user " + std::to_string(info.st_uid) + ", and this is user " +
+                 std::to_string(::geteuid()) + ": run as its owner, or give a directory of your own"};
+  }
   const std::string lock_path = path + "/lock";
   Descriptor lock(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (lock.get() < 0) return failed("opening", lock_path);

@@ -36,8 +36,8 @@ class Files {
   virtual std::string place() const = 0;
 };
 
-/// A directory on disk, made when it is missing. Held by one process at a time: a second one gets an error that says
-/// so.
+/// A directory on disk, made when it is missing. Held by one process at a time, and only by its owner's: others get an
+/// error that says so.
 Result<std::unique_ptr<Files>> open_directory(const std::string& path);
 
 /// "disk" or "tmpfs": on the latter a loss of power loses all, and latencies are not those of a disk.

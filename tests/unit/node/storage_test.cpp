@@ -1,7 +1,9 @@
 #include <gmock/gmock.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <filesystem>
+#include <functional>
 
 #include "chaincode/node/storage/block_store.hpp"
 
@@ -119,7 +121,7 @@ TEST_F(StorageTest, AnUnfinishedBlockThatHoldsARecordOfAnotherFileIsCutOff) {
 
 TEST_F(StorageTest, AFileThatIsNoLedgerIsLeftAlone) {
   const std::string other(200, 'x');
-  open(memory);
+  write({});
   bytes() = other;
   const auto store = open(memory);
   ASSERT_FALSE(store.ok());
@@ -177,7 +179,7 @@ class FailingFiles final : public Files {
 };
 
 TEST_F(StorageTest, AfterAFailedSyncNothingMoreIsTaken) {
-  FailingFiles files(1);
+  FailingFiles files(2);  // the file's head, and one block
   auto store = open(files);
   ASSERT_TRUE(store.ok());
   EXPECT_TRUE((*store)->append("zero").ok());
@@ -221,6 +223,64 @@ TEST_F(DiskTest, ADirectoryHasOneProcess) {
   const auto second = open_directory(dir_);
   ASSERT_FALSE(second.ok());
   EXPECT_THAT(second.error().what, HasSubstr("in use by another ledgerline-node"));
+}
+
+/// What `action` says when it runs without root's powers, in a process of its own.
+std::string said_by_nobody(const std::function<std::string()>& action) {
+  int out[2];
+  EXPECT_EQ(::pipe(out), 0);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const bool dropped = ::geteuid() != 0 || (::setgid(65534) == 0 && ::setuid(65534) == 0);
+    const std::string said = dropped ? action() : "cannot become nobody";
+    const bool told = ::write(out[1], said.data(), said.size()) == static_cast<ssize_t>(said.size());
+    ::_exit(told ? 0 : 1);
+  }
+  ::close(out[1]);
+  std::string said(4096, '\0');
+  const ssize_t size = ::read(out[0], said.data(), said.size());
+  said.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
+  ::close(out[0]);
+  ::waitpid(child, nullptr, 0);
+  return said;
+}
+
+TEST_F(DiskTest, ADirectoryThatCannotBeWrittenIsNamedAndKeepsItsBlocks) {
+  const auto owner = std::filesystem::perms::owner_all;
+  std::filesystem::create_directories(dir_);
+  if (::geteuid() == 0) {
+    ASSERT_EQ(::chown(dir_.c_str(), 65534, 65534), 0);
+  }
+  const auto append = [&]() -> std::string {
+    auto files = open_directory(dir_);
+    if (!files) return files.error().what;
+    auto store = open(**files);
+    if (!store) return store.error().what;
+    const Status status = (*store)->append("zero");
+    return status ? "good" : status.error().what;
+  };
+  EXPECT_EQ(said_by_nobody(append), "good");
+  const auto size = std::filesystem::file_size(dir_ / "blocks");
+  std::filesystem::permissions(dir_, std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec);
+  std::filesystem::permissions(dir_ / "blocks", std::filesystem::perms::owner_read);
+  EXPECT_EQ(said_by_nobody(append), "opening " + (dir_ / "blocks").string() + ": Permission denied");
+  std::filesystem::permissions(dir_ / "lock", std::filesystem::perms::none);
+  EXPECT_EQ(said_by_nobody(append), "opening " + (dir_ / "lock").string() + ": Permission denied");
+  EXPECT_EQ(std::filesystem::file_size(dir_ / "blocks"), size);
+  std::filesystem::permissions(dir_, owner);
+  std::filesystem::permissions(dir_ / "lock", owner);
+  std::filesystem::permissions(dir_ / "blocks", owner);
+  EXPECT_EQ(said_by_nobody(append), "good") << "nothing was lost";
+}
+
+TEST_F(DiskTest, ADirectoryOfAnotherUserIsRefused) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can give a directory away";
+  std::filesystem::create_directories(dir_);
+  ASSERT_EQ(::chown(dir_.c_str(), 65534, 65534), 0);
+  const auto files = open_directory(dir_);
+  ASSERT_FALSE(files.ok());
+  EXPECT_THAT(files.error().what, HasSubstr(dir_.string() + " belongs to user 65534, and this is user 0"));
+  EXPECT_TRUE(std::filesystem::is_empty(dir_));
 }
 
 }  // namespace
