@@ -60,7 +60,7 @@ class KeyReader {
     if (sought.empty()) return done;
     if (read_ == 0) return Error{"the bookmark is damaged"};
     --read_;
-    for (std::size_t looked = 0; looked < 16 * max_page_versions; ++looked) {
+    for (std::size_t looked = 0; looked < 4 * max_page_versions; ++looked) {
       if (Status status = fill(); !status) return status;
       if (raw_.empty()) break;
       const bool found = raw_.front().tx_id == sought;
@@ -145,9 +145,9 @@ Result<std::vector<std::string>> keys_of(Stub& stub, const std::string& id) {
   return keys;
 }
 
-/// An id that streams: from the newest frame, else from the frames before it.
+/// An id that streams: from the newest frame, else from the frames before it; those are counted in `looked`.
 Result<std::optional<Asset>> get_streaming(Stub& stub, const Control& control, const std::string& id,
-                                           const std::optional<Stored>& frame) {
+                                           const std::optional<Stored>& frame, std::size_t& looked) {
   if (frame) {
     if (const Asset* asset = find_in(*frame, id)) return std::optional<Asset>(*asset);
   }
@@ -158,6 +158,7 @@ Result<std::optional<Asset>> get_streaming(Stub& stub, const Control& control, c
     std::size_t budget = max_page_versions;
     const auto newest = versions.peek(budget);
     if (!newest) return newest.error();
+    looked += max_page_versions - budget;
     if (*newest != nullptr) return std::optional<Asset>((*newest)->asset());
   }
   return std::optional<Asset>{};
@@ -182,7 +183,8 @@ Result<std::optional<Asset>> get_one(Stub& stub, const std::string& id) {
       if (std::find(streams.begin(), streams.end(), id) != streams.end()) {
         const auto frame = read_stored(stub, frame_key(to_name((*control)->owner())));
         if (!frame) return frame.error();
-        return get_streaming(stub, **control, id, *frame);
+        std::size_t looked = 0;
+        return get_streaming(stub, **control, id, *frame, looked);
       }
     }
   }
@@ -214,37 +216,52 @@ Result<std::vector<Control>> controls_for(Stub& stub, const std::string& prefix)
   }
 }
 
-/// Newest values of streaming ids that begin with `prefix` and come after `after`.
-Result<std::map<std::string, Asset>> streaming(Stub& stub, const std::string& prefix, const std::string& after) {
+/// Newest values of streaming ids that begin with `prefix` and come after `after`, in order of id. When the old frames
+/// that one call may look at are used up, the rest is left to the next call.
+struct Streaming {
   std::map<std::string, Asset> assets;
+  std::optional<std::string> upto;  ///< the last id that was looked for; nullopt: all were
+};
+Result<Streaming> streaming(Stub& stub, const std::string& prefix, const std::string& after) {
   const auto controls = controls_for(stub, prefix);
   if (!controls) return controls.error();
-  std::map<std::string, std::optional<Stored>> frames;
+  std::map<std::string, const Control*> wanted;
   for (const Control& control : *controls) {
     for (const std::string& id : control.streams()) {
-      if (id.compare(0, prefix.size(), prefix) != 0 || id <= after) continue;
-      const std::string key = frame_key(to_name(control.owner()));
-      if (!frames.contains(key)) {
-        auto frame = read_stored(stub, key);
-        if (!frame) return frame.error();
-        frames.emplace(key, std::move(*frame));
-      }
-      auto asset = get_streaming(stub, control, id, frames.at(key));
-      if (!asset) return asset.error();
-      if (*asset) assets.emplace(id, std::move(**asset));
+      if (id.compare(0, prefix.size(), prefix) == 0 && id > after) wanted.emplace(id, &control);
     }
   }
-  return assets;
+  Streaming found;
+  std::map<std::string, std::optional<Stored>> frames;
+  std::size_t looked = 0;
+  for (const auto& [id, control] : wanted) {
+    if (looked >= max_page_versions) return found;
+    const std::string key = frame_key(to_name(control->owner()));
+    if (!frames.contains(key)) {
+      auto frame = read_stored(stub, key);
+      if (!frame) return frame.error();
+      frames.emplace(key, std::move(*frame));
+    }
+    auto asset = get_streaming(stub, *control, id, frames.at(key), looked);
+    if (!asset) return asset.error();
+    if (*asset) found.assets.emplace(id, std::move(**asset));
+    found.upto = id;
+  }
+  found.upto.reset();
+  return found;
 }
 
-/// One page of the assets whose ids begin with `prefix` (empty: all), in order of id; the bookmark is the last id.
+/// One page of the assets whose ids begin with `prefix` (empty: all), in order of id; the bookmark is the last id that
+/// was looked at.
 Result<Assets> get_page(Stub& stub, const Arguments& call, const std::string& prefix, const std::string& after) {
   const bool records = is_record(prefix);
   std::map<std::string, Asset> waiting;
+  std::optional<std::string> last;
   if (!records) {
     auto streams = streaming(stub, prefix, after);
     if (!streams) return streams.error();
-    waiting = std::move(*streams);
+    waiting = std::move(streams->assets);
+    last = std::move(streams->upto);
   }
   const std::string root = records ? "" : "asset/";
   std::string start = std::max(root + prefix, root + after + '\0');
@@ -270,6 +287,10 @@ Result<Assets> get_page(Stub& stub, const Arguments& call, const std::string& pr
     const std::string upto = more ? start.substr(root.size()) : "";
     while (!waiting.empty() && (!more || waiting.begin()->first < upto)) {
       const Asset& asset = waiting.begin()->second;
+      if (last && asset.id() > *last) {
+        page.set_bookmark(*last);
+        return page;
+      }
       const std::size_t size = size_in(call, asset);
       if (!page.assets().empty() && bytes + size > max_page_bytes) {
         page.set_bookmark(page.assets(page.assets_size() - 1).id());
@@ -280,6 +301,7 @@ Result<Assets> get_page(Stub& stub, const Arguments& call, const std::string& pr
       waiting.erase(waiting.begin());
     }
   }
+  if (last) page.set_bookmark(*last);
   return page;
 }
 

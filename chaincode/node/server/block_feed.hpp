@@ -1,9 +1,11 @@
 #pragma once
+#include <condition_variable>
 #include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "chaincode/node/storage/block_store.hpp"
@@ -14,14 +16,16 @@ namespace ledgerline::node {
 /// no memory: it asks for one block after the other, and old ones come from disk. All methods from any thread.
 class BlockFeed {
  public:
-  explicit BlockFeed(const BlockStore& store) : store_(store) {}
+  explicit BlockFeed(const BlockStore& store) : store_(store), thread_([this] { run(); }) {}
+  ~BlockFeed();
 
   using Bytes = std::shared_ptr<const std::string>;
   /// How many blocks are committed.
   std::uint64_t height() const;
   Result<Bytes> read(std::uint64_t number) const;
 
-  /// Someone who waits for a block. wake() comes once for each wait, on the publishing thread: it must be short.
+  /// Someone who waits for a block. wake() comes once for each wait, on the feed's own thread, so that many readers do
+  /// not hold up the core.
   class Waiter {
    public:
     virtual ~Waiter() = default;
@@ -37,12 +41,18 @@ class BlockFeed {
 
  private:
   static constexpr std::size_t recent_blocks = 64;
+  void run();
 
   const BlockStore& store_;
-  mutable std::mutex mutex_;
+  mutable std::mutex mutex_;  // guards what follows
+  std::condition_variable published_;
   std::uint64_t height_ = 0;
   std::deque<Bytes> recent_;  // the last of them is block height_ - 1
   std::vector<std::weak_ptr<Waiter>> waiters_;
+  std::size_t crowd_ = 64;  // so many waiters, and it is time to look for those who have gone
+  bool news_ = false, ended_ = false;
+
+  std::thread thread_;
 };
 
 }  // namespace ledgerline::node

@@ -1,12 +1,19 @@
 #include "chaincode/node/server/event_stream.hpp"
 
+#include "chaincode/node/server/block_view.hpp"
+
 namespace ledgerline::node {
 
-EventStream* EventStream::start(Node& node, Limit& limit, const gateway::SignedChaincodeEventsRequest& signed_request) {
+EventStream* EventStream::start(Node& node, Limit& limit, const grpc::ByteBuffer& bytes) {
   auto stream = std::make_shared<EventStream>(node, limit);
   stream->self_ = stream;
   if (!stream->place_) {
     stream->finish(too_many(limit));
+    return stream.get();
+  }
+  gateway::SignedChaincodeEventsRequest signed_request;
+  if (!parse(bytes, signed_request)) {
+    stream->finish(unparsable("gateway.SignedChaincodeEventsRequest"));
     return stream.get();
   }
   gateway::ChaincodeEventsRequest request;
@@ -15,8 +22,8 @@ EventStream* EventStream::start(Node& node, Limit& limit, const gateway::SignedC
     return stream.get();
   }
   const bool taken = node.post(
-      [stream, request, bytes = signed_request.request(), signature = signed_request.signature()](NodeCore& core) {
-        const auto signer = core.check_signer(request.identity(), bytes, signature, read_now());
+      [stream, request, message = signed_request.request(), signature = signed_request.signature()](NodeCore& core) {
+        const auto signer = core.check_signer(request.identity(), message, signature, read_now());
         if (!signer) return stream->finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().what});
         stream->begin(core, request);
       });
@@ -46,16 +53,17 @@ void EventStream::pump() {
   while (streaming_ && !busy_ && !finished_) {
     if (node_.feed().wait(next_, weak_from_this())) return;
     const auto block = node_.feed().read(next_);
-    response_.Clear();
     if (!block) return finish_locked({grpc::StatusCode::INTERNAL, block.error().what});
-    if (Status filled = fill_events(**block, contract_, after_, response_); !filled) {
+    gateway::ChaincodeEventsResponse response;
+    if (Status filled = fill_events(**block, contract_, after_, response); !filled) {
       return finish_locked({grpc::StatusCode::INTERNAL, filled.error().what});
     }
     // A checkpoint speaks of the first block alone.
     after_.clear();
     ++next_;
-    if (response_.events().empty()) continue;
+    if (response.events().empty()) continue;
     busy_ = true;
+    response_ = to_buffer(response);
     StartWrite(&response_);
   }
 }

@@ -8,11 +8,11 @@
 namespace ledgerline::node {
 
 /// gateway.ChaincodeEvents: a message for each block that has events of the contract.
-class EventStream final : public grpc::ServerWriteReactor<gateway::ChaincodeEventsResponse>,
+class EventStream final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
                           public BlockFeed::Waiter,
                           public std::enable_shared_from_this<EventStream> {
  public:
-  static EventStream* start(Node& node, Limit& limit, const gateway::SignedChaincodeEventsRequest& request);
+  static EventStream* start(Node& node, Limit& limit, const grpc::ByteBuffer& request);
   EventStream(Node& node, Limit& limit) : node_(node), place_(limit.take()) {}
 
   void OnWriteDone(bool ok) override;
@@ -32,7 +32,7 @@ class EventStream final : public grpc::ServerWriteReactor<gateway::ChaincodeEven
   grpc::Alarm to_grpc_thread_;
 
   std::mutex mutex_;  // guards what follows
-  gateway::ChaincodeEventsResponse response_;
+  grpc::ByteBuffer response_;
   std::string contract_, after_;
   std::uint64_t next_ = 0;
   bool streaming_ = false, busy_ = false, finished_ = false;

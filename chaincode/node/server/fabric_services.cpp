@@ -1,3 +1,5 @@
+#include "chaincode/node/server/block_view.hpp"
+#include "chaincode/node/server/on_core.hpp"
 #include "chaincode/node/server/services.hpp"
 #include "chaincode/node/server/streams.hpp"
 #include "orderer/ab.grpc.pb.h"
@@ -11,28 +13,22 @@ namespace {
 /// Fabric's peer.limits.concurrency.endorserService and deliverService; its orderer has no limit, ours has the same.
 constexpr int most_peer_calls = 2500;
 
-class EndorserService final : public protos::Endorser::CallbackService {
+class EndorserService final
+    : public protos::Endorser::WithRawCallbackMethod_ProcessProposal<protos::Endorser::Service> {
  public:
   explicit EndorserService(Node& node) : node_(node) {}
 
-  grpc::ServerUnaryReactor* ProcessProposal(grpc::CallbackServerContext* context, const protos::SignedProposal* request,
-                                            protos::ProposalResponse* response) override {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    const Limit::Place place = limit_.take();
-    if (!place) {
-      reactor->Finish(too_many(limit_));
-      return reactor;
-    }
-    const bool taken = node_.post([request, response, reactor, place](NodeCore& core) {
-      const Reply reply = core.process_proposal(request->SerializeAsString(), read_now());
-      if (reply.code == Code::ok && !response->ParseFromString(reply.bytes)) {
-        return reactor->Finish({grpc::StatusCode::INTERNAL, "the node made an answer that does not parse"});
-      }
-      reactor->Finish(reply.code == Code::ok ? grpc::Status::OK
-                                             : make_status(grpc::StatusCode::UNKNOWN, reply.message));
-    });
-    if (!taken) reactor->Finish(overloaded());
-    return reactor;
+  grpc::ServerUnaryReactor* ProcessProposal(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
+                                            grpc::ByteBuffer* response) override {
+    return answer_on_core<protos::SignedProposal>(node_, limit_, context, *request, Node::Turn::first,
+                                                  [response](NodeCore& core, const protos::SignedProposal& proposal) {
+                                                    const Reply reply =
+                                                        core.process_proposal(proposal.SerializeAsString(), read_now());
+                                                    if (reply.code != Code::ok)
+                                                      return make_status(grpc::StatusCode::UNKNOWN, reply.message);
+                                                    *response = to_buffer(reply.bytes);
+                                                    return grpc::Status::OK;
+                                                  });
   }
 
  private:
@@ -40,29 +36,53 @@ class EndorserService final : public protos::Endorser::CallbackService {
   Limit limit_{"/protos.Endorser", most_peer_calls};
 };
 
-class DeliverService final : public protos::Deliver::CallbackService {
- public:
-  explicit DeliverService(Node& node) : node_(node) {}
-  grpc::ServerBidiReactor<common::Envelope, protos::DeliverResponse>* Deliver(grpc::CallbackServerContext*) override {
-    return DeliverStream<protos::DeliverResponse>::start(node_, limit_, fill_peer);
-  }
-  grpc::ServerBidiReactor<common::Envelope, protos::DeliverResponse>* DeliverFiltered(
-      grpc::CallbackServerContext*) override {
-    return DeliverStream<protos::DeliverResponse>::start(node_, limit_, fill_filtered);
-  }
+template <typename Response>
+grpc::ByteBuffer status_message(common::Status status) {
+  Response response;
+  response.set_status(status);
+  return to_buffer(response);
+}
 
-  grpc::ServerBidiReactor<common::Envelope, protos::DeliverResponse>* DeliverWithPrivateData(
+/// Shows blocks as `fill` makes them.
+template <typename Response>
+DeliverStream::View view_of(const BlockFeed& feed, Status (*fill)(std::string_view block, Response& response)) {
+  const auto make = [fill](std::string_view block) -> Result<grpc::ByteBuffer> {
+    Response response;
+    if (Status filled = fill(block, response); !filled) return filled.error();
+    return to_buffer(response);
+  };
+  return {{feed, make}, status_message<Response>};
+}
+
+using Blocks = protos::Deliver;
+class DeliverService final : public Blocks::WithRawCallbackMethod_Deliver<Blocks::WithRawCallbackMethod_DeliverFiltered<
+                                 Blocks::WithRawCallbackMethod_DeliverWithPrivateData<Blocks::Service>>> {
+ public:
+  explicit DeliverService(Node& node)
+      : node_(node),
+        whole_(view_of(node.feed(), fill_peer)),
+        filtered_(view_of(node.feed(), fill_filtered)),
+        with_private_data_(view_of(node.feed(), fill_with_private_data)) {}
+
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Deliver(grpc::CallbackServerContext*) override {
+    return DeliverStream::start(node_, limit_, whole_);
+  }
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* DeliverFiltered(grpc::CallbackServerContext*) override {
+    return DeliverStream::start(node_, limit_, filtered_);
+  }
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* DeliverWithPrivateData(
       grpc::CallbackServerContext*) override {
-    return DeliverStream<protos::DeliverResponse>::start(node_, limit_, fill_with_private_data);
+    return DeliverStream::start(node_, limit_, with_private_data_);
   }
 
  private:
   Node& node_;
   Limit limit_{"/protos.Deliver", most_peer_calls};
+  DeliverStream::View whole_, filtered_, with_private_data_;
 };
 
 /// orderer Broadcast: one envelope after the other, acknowledged in order.
-class BroadcastStream final : public grpc::ServerBidiReactor<common::Envelope, orderer::BroadcastResponse>,
+class BroadcastStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                               public std::enable_shared_from_this<BroadcastStream> {
  public:
   static BroadcastStream* start(Node& node, Limit& limit) {
@@ -79,8 +99,10 @@ class BroadcastStream final : public grpc::ServerBidiReactor<common::Envelope, o
 
   void OnReadDone(bool ok) override {
     if (!ok) return finish(grpc::Status::OK);
-    const bool taken = node_.post([self = shared_from_this()](NodeCore& core) {
-      self->acknowledge(core.order(self->request_.SerializeAsString(), read_now()));
+    common::Envelope envelope;
+    if (!parse(request_, envelope)) return finish(unparsable("common.Envelope"));
+    const bool taken = node_.post([self = shared_from_this(), bytes = envelope.SerializeAsString()](NodeCore& core) {
+      self->acknowledge(core.order(bytes, read_now()));
     });
     if (!taken) acknowledge({Code::unavailable, "the node has too many requests waiting; try again", {}, {}});
   }
@@ -110,8 +132,10 @@ class BroadcastStream final : public grpc::ServerBidiReactor<common::Envelope, o
   void acknowledge(const Reply& reply) {
     const std::lock_guard lock(mutex_);
     if (finished_) return;
-    response_.set_status(status_of(reply.code));
-    response_.set_info(reply.message);
+    orderer::BroadcastResponse response;
+    response.set_status(status_of(reply.code));
+    response.set_info(reply.message);
+    response_ = to_buffer(response);
     StartWrite(&response_);
   }
 
@@ -124,27 +148,28 @@ class BroadcastStream final : public grpc::ServerBidiReactor<common::Envelope, o
 
   Node& node_;
   const Limit::Place place_;
-  common::Envelope request_;
-  orderer::BroadcastResponse response_;
+  grpc::ByteBuffer request_, response_;
   std::shared_ptr<BroadcastStream> self_;  // until gRPC is done with it
   std::mutex mutex_;                       // guards finished_ and the start of a write
   bool finished_ = false;
 };
 
-class OrdererService final : public orderer::AtomicBroadcast::CallbackService {
+using Ordering = orderer::AtomicBroadcast;
+class OrdererService final
+    : public Ordering::WithRawCallbackMethod_Broadcast<Ordering::WithRawCallbackMethod_Deliver<Ordering::Service>> {
  public:
-  explicit OrdererService(Node& node) : node_(node) {}
-  grpc::ServerBidiReactor<common::Envelope, orderer::BroadcastResponse>* Broadcast(
-      grpc::CallbackServerContext*) override {
+  explicit OrdererService(Node& node) : node_(node), ordered_(view_of(node.feed(), fill_orderer)) {}
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Broadcast(grpc::CallbackServerContext*) override {
     return BroadcastStream::start(node_, limit_);
   }
-  grpc::ServerBidiReactor<common::Envelope, orderer::DeliverResponse>* Deliver(grpc::CallbackServerContext*) override {
-    return DeliverStream<orderer::DeliverResponse>::start(node_, limit_, fill_orderer);
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Deliver(grpc::CallbackServerContext*) override {
+    return DeliverStream::start(node_, limit_, ordered_);
   }
 
  private:
   Node& node_;
   Limit limit_{"/orderer.AtomicBroadcast", most_peer_calls};
+  DeliverStream::View ordered_;
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include <map>
 
 #include "chaincode/node/server/event_stream.hpp"
+#include "chaincode/node/server/on_core.hpp"
 #include "chaincode/node/server/services.hpp"
 #include "gateway/gateway.grpc.pb.h"
 
@@ -23,104 +24,109 @@ class CommitWaiter final : public grpc::ServerUnaryReactor {
   std::function<void()> on_cancel_;
 };
 
-class GatewayService final : public gateway::Gateway::CallbackService {
+using Gateway = gateway::Gateway;
+using RawGateway = Gateway::WithRawCallbackMethod_Endorse<Gateway::WithRawCallbackMethod_Submit<
+    Gateway::WithRawCallbackMethod_Evaluate<Gateway::WithRawCallbackMethod_CommitStatus<
+        Gateway::WithRawCallbackMethod_ChaincodeEvents<Gateway::Service>>>>>;
+
+class GatewayService final : public RawGateway {
  public:
   explicit GatewayService(Node& node) : node_(node) {
     node.on_answer([this](std::uint64_t waiter, const TxStatus& status) { answer(waiter, status); });
   }
 
-  grpc::ServerUnaryReactor* Evaluate(grpc::CallbackServerContext* context, const gateway::EvaluateRequest* request,
-                                     gateway::EvaluateResponse* response) override {
-    return run(context, [request, response](NodeCore& core) {
-      const Reply reply = core.evaluate(request->proposed_transaction().SerializeAsString(), read_now());
-      if (reply.code == Code::ok && !response->mutable_result()->ParseFromString(reply.bytes)) return broken();
-      return make_status(reply);
-    });
+  grpc::ServerUnaryReactor* Evaluate(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
+                                     grpc::ByteBuffer* response) override {
+    return answer_on_core<gateway::EvaluateRequest>(
+        node_, limit_, context, *request, Node::Turn::later,
+        [response](NodeCore& core, const gateway::EvaluateRequest& call) {
+          const Reply reply = core.evaluate(call.proposed_transaction().SerializeAsString(), read_now());
+          gateway::EvaluateResponse message;
+          if (reply.code == Code::ok && !message.mutable_result()->ParseFromString(reply.bytes)) return broken();
+          *response = to_buffer(message);
+          return make_status(reply);
+        });
   }
 
-  grpc::ServerUnaryReactor* Endorse(grpc::CallbackServerContext* context, const gateway::EndorseRequest* request,
-                                    gateway::EndorseResponse* response) override {
-    return run(context, [request, response](NodeCore& core) {
-      const Reply reply = core.endorse(request->proposed_transaction().SerializeAsString(), read_now());
-      if (reply.code == Code::ok && !response->mutable_prepared_transaction()->ParseFromString(reply.bytes)) {
-        return broken();
-      }
-      return make_status(reply);
-    });
+  grpc::ServerUnaryReactor* Endorse(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
+                                    grpc::ByteBuffer* response) override {
+    return answer_on_core<gateway::EndorseRequest>(
+        node_, limit_, context, *request, Node::Turn::first,
+        [response](NodeCore& core, const gateway::EndorseRequest& call) {
+          const Reply reply = core.endorse(call.proposed_transaction().SerializeAsString(), read_now());
+          gateway::EndorseResponse message;
+          if (reply.code == Code::ok && !message.mutable_prepared_transaction()->ParseFromString(reply.bytes)) {
+            return broken();
+          }
+          *response = to_buffer(message);
+          return make_status(reply);
+        });
   }
 
-  grpc::ServerUnaryReactor* Submit(grpc::CallbackServerContext* context, const gateway::SubmitRequest* request,
-                                   gateway::SubmitResponse* /*response*/) override {
-    return run(context, [request](NodeCore& core) {
-      const Reply reply = core.order(request->prepared_transaction().SerializeAsString(), read_now());
-      switch (reply.code) {
-        case Code::ok:
-          return grpc::Status::OK;
-        case Code::not_found:
-          return make_status(grpc::StatusCode::FAILED_PRECONDITION, reply.message, reply.detail);
-        case Code::unavailable:
-          return make_status(grpc::StatusCode::UNAVAILABLE, reply.message, reply.detail);
-        default:
-          return make_status(grpc::StatusCode::ABORTED,
-                             "failed to submit transaction to orderer, see attached details for more info",
-                             reply.detail);
-      }
-    });
+  grpc::ServerUnaryReactor* Submit(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
+                                   grpc::ByteBuffer* response) override {
+    *response = to_buffer(gateway::SubmitResponse());
+    return answer_on_core<gateway::SubmitRequest>(
+        node_, limit_, context, *request, Node::Turn::first, [](NodeCore& core, const gateway::SubmitRequest& call) {
+          const Reply reply = core.order(call.prepared_transaction().SerializeAsString(), read_now());
+          switch (reply.code) {
+            case Code::ok:
+              return grpc::Status::OK;
+            case Code::not_found:
+              return make_status(grpc::StatusCode::FAILED_PRECONDITION, reply.message, reply.detail);
+            case Code::unavailable:
+              return make_status(grpc::StatusCode::UNAVAILABLE, reply.message, reply.detail);
+            default:
+              return make_status(grpc::StatusCode::ABORTED,
+                                 "failed to submit transaction to orderer, see attached details for more info",
+                                 reply.detail);
+          }
+        });
   }
 
-  grpc::ServerUnaryReactor* CommitStatus(grpc::CallbackServerContext* context,
-                                         const gateway::SignedCommitStatusRequest* request,
-                                         gateway::CommitStatusResponse* response) override {
+  grpc::ServerUnaryReactor* CommitStatus(grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes,
+                                         grpc::ByteBuffer* response) override {
+    const auto refuse = [context](const grpc::Status& status) {
+      grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+      reactor->Finish(status);
+      return reactor;
+    };
     Limit::Place place = limit_.take();
-    if (!place) return refuse(context, too_many(limit_));
+    if (!place) return refuse(too_many(limit_));
+    gateway::SignedCommitStatusRequest request;
+    if (!parse(*bytes, request)) return refuse(unparsable(request.GetDescriptor()->full_name()));
     const std::uint64_t id = next_waiter_++;
-    auto* reactor = new CommitWaiter(std::move(place), [this, id] {
-      node_.post_always([this, id](NodeCore& core) { cancel(core, id); });
-    });
+    auto* reactor = new CommitWaiter(
+        std::move(place), [this, id] { node_.post_always([this, id](NodeCore& core) { cancel(core, id); }); });
     const bool taken = node_.post(
-        [this, id, reactor, request, response](NodeCore& core) { begin(core, id, reactor, *request, response); });
+        [this, id, reactor, request, response](NodeCore& core) { begin(core, id, reactor, request, response); });
     if (!taken) reactor->Finish(overloaded());
     return reactor;
   }
 
-  grpc::ServerWriteReactor<gateway::ChaincodeEventsResponse>* ChaincodeEvents(
-      grpc::CallbackServerContext* /*context*/, const gateway::SignedChaincodeEventsRequest* request) override {
+  grpc::ServerWriteReactor<grpc::ByteBuffer>* ChaincodeEvents(grpc::CallbackServerContext* /*context*/,
+                                                              const grpc::ByteBuffer* request) override {
     return EventStream::start(node_, limit_, *request);
   }
 
  private:
   struct Waiting {
     CommitWaiter* reactor;
-    gateway::CommitStatusResponse* response;
+    grpc::ByteBuffer* response;
     std::string tx_id;
   };
 
   static grpc::Status broken() { return {grpc::StatusCode::INTERNAL, "the node made an answer that does not parse"}; }
 
-  static grpc::ServerUnaryReactor* refuse(grpc::CallbackServerContext* context, const grpc::Status& status) {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    reactor->Finish(status);
-    return reactor;
-  }
-
-  /// Runs `work` on the core thread and answers with its status.
-  template <typename Work>
-  grpc::ServerUnaryReactor* run(grpc::CallbackServerContext* context, Work work) {
-    const Limit::Place place = limit_.take();
-    if (!place) return refuse(context, too_many(limit_));
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    const auto task = [work, reactor, place](NodeCore& core) { reactor->Finish(work(core)); };
-    if (!node_.post(task)) reactor->Finish(overloaded());
-    return reactor;
-  }
-
-  static void fill(gateway::CommitStatusResponse& response, const TxStatus& status) {
-    response.set_result(static_cast<protos::TxValidationCode>(status.code));
-    response.set_block_number(status.block);
+  static grpc::ByteBuffer message_of(const TxStatus& status) {
+    gateway::CommitStatusResponse message;
+    message.set_result(static_cast<protos::TxValidationCode>(status.code));
+    message.set_block_number(status.block);
+    return to_buffer(message);
   }
 
   void begin(NodeCore& core, std::uint64_t id, CommitWaiter* reactor,
-             const gateway::SignedCommitStatusRequest& signed_request, gateway::CommitStatusResponse* response) {
+             const gateway::SignedCommitStatusRequest& signed_request, grpc::ByteBuffer* response) {
     gateway::CommitStatusRequest request;
     if (!request.ParseFromString(signed_request.request())) {
       return reactor->Finish({grpc::StatusCode::INVALID_ARGUMENT, "the status request does not parse"});
@@ -132,7 +138,7 @@ class GatewayService final : public gateway::Gateway::CallbackService {
       return reactor->Finish({grpc::StatusCode::NOT_FOUND, "channel " + request.channel_id() + " not found"});
     }
     if (const auto status = core.watch(request.transaction_id(), id)) {
-      fill(*response, *status);
+      *response = message_of(*status);
       return reactor->Finish(grpc::Status::OK);
     }
     waiting_[id] = {reactor, response, request.transaction_id()};
@@ -143,7 +149,7 @@ class GatewayService final : public gateway::Gateway::CallbackService {
     if (found == waiting_.end()) return;
     const Waiting waiting = found->second;
     waiting_.erase(found);
-    fill(*waiting.response, status);
+    *waiting.response = message_of(status);
     waiting.reactor->Finish(grpc::Status::OK);
   }
 

@@ -101,11 +101,12 @@ Status Node::enroll_first() {
   return enroll(2, operator_role);
 }
 
-bool Node::post(Task task) {
+bool Node::post(Task task, Turn turn) {
   {
     const std::lock_guard lock(mutex_);
-    if (tasks_.size() >= max_tasks || stopping_) return false;
-    tasks_.push_back(std::move(task));
+    std::deque<Task>& queue = turn == Turn::first ? tasks_ : later_;
+    if (queue.size() >= max_tasks || stopping_) return false;
+    queue.push_back(std::move(task));
   }
   core_wakes_.notify_one();
   return true;
@@ -131,19 +132,21 @@ void Node::on_failure(std::function<void(const std::string&)> handler) {
 void Node::run_core() {
   std::unique_lock lock(mutex_);
   for (;;) {
-    const auto ready = [&] { return !tasks_.empty() || written_ || stopping_; };
+    const auto idle = [&] { return tasks_.empty() && later_.empty(); };
+    const auto ready = [&] { return !idle() || written_ || stopping_; };
     if (const auto due = failed_ ? std::nullopt : core_->next_cut()) {
       const TimeNs now = monotonic_ns();
       if (!ready() && *due > now) core_wakes_.wait_for(lock, std::chrono::nanoseconds(*due - now), ready);
     } else {
       core_wakes_.wait(lock, ready);
     }
-    if (stopping_ && tasks_.empty() && !writing_ && !written_) break;
+    if (stopping_ && idle() && !writing_ && !written_) break;
     std::optional<CutBlock> written = std::exchange(written_, std::nullopt);
     Task task;
-    if (!tasks_.empty()) {
-      task = std::move(tasks_.front());
-      tasks_.pop_front();
+    if (!idle()) {
+      std::deque<Task>& queue = tasks_.empty() ? later_ : tasks_;
+      task = std::move(queue.front());
+      queue.pop_front();
     }
     const bool may_cut = !failed_;
     lock.unlock();
@@ -154,7 +157,7 @@ void Node::run_core() {
     }
     lock.lock();
     // While stopping, a block that is under way is finished; nothing more can come after it but queued tasks.
-    if (stopping_ && tasks_.empty() && writing_) core_wakes_.wait(lock, [&] { return written_ || !writing_; });
+    if (stopping_ && idle() && writing_) core_wakes_.wait(lock, [&] { return written_ || !writing_; });
   }
   core_ended_ = true;
   writer_wakes_.notify_one();

@@ -33,8 +33,10 @@ class Node {
   Node& operator=(const Node&) = delete;
 
   using Task = std::function<void(NodeCore&)>;
+  /// Who waits for commands and states goes first; who only asks comes after them.
+  enum class Turn { first, later };
   /// Any thread. False: the queue is full, the task was not taken.
-  bool post(Task task);
+  bool post(Task task, Turn turn = Turn::first);
   /// The same without a limit: for what ends something (a cancelled call), which must never be lost. There is one for
   /// each open call at most.
   void post_always(Task task);
@@ -81,7 +83,7 @@ class Node {
 
   std::mutex mutex_;  // guards what follows
   std::condition_variable core_wakes_, writer_wakes_;
-  std::deque<Task> tasks_;
+  std::deque<Task> tasks_, later_;
   std::optional<CutBlock> to_write_, written_;
   bool writing_ = false, failed_ = false, stopping_ = false, core_ended_ = false;
 

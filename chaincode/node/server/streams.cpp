@@ -57,4 +57,91 @@ Result<SeekRequest> read_seek(const common::Envelope& envelope) {
   return request;
 }
 
+DeliverStream* DeliverStream::start(Node& node, Limit& limit, View& view) {
+  auto stream = std::make_shared<DeliverStream>(node, limit, view);
+  stream->self_ = stream;
+  if (stream->place_) {
+    stream->StartRead(&stream->request_);
+  } else {
+    stream->finish(too_many(limit));
+  }
+  return stream.get();
+}
+
+void DeliverStream::OnReadDone(bool ok) {
+  if (!ok) return finish(grpc::Status::OK);
+  common::Envelope envelope;
+  if (!parse(request_, envelope)) return finish(unparsable("common.Envelope"));
+  const auto request = read_seek(envelope);
+  if (!request) return send_status(common::BAD_REQUEST);
+  if (request->channel != node_.config().channel) return send_status(common::NOT_FOUND);
+  const bool taken = node_.post([self = shared_from_this(), request = *request](NodeCore& core) {
+    const auto signer = core.check_signer(request.creator, request.payload, request.signature, read_now());
+    const auto range = read_range(request.seek, core.height());
+    if (!signer) return self->send_status(common::FORBIDDEN);
+    if (!range) return self->send_status(common::BAD_REQUEST);
+    self->begin(*range);
+  });
+  if (!taken) send_status(common::SERVICE_UNAVAILABLE);
+}
+
+void DeliverStream::OnWriteDone(bool ok) {
+  if (!ok) return finish({grpc::StatusCode::UNAVAILABLE, "the reader is gone"});
+  std::unique_lock lock(mutex_);
+  busy_ = false;
+  if (written_ == common::UNKNOWN) return pump();
+  const bool success = written_ == common::SUCCESS;
+  lock.unlock();
+  if (!success) return finish(grpc::Status::OK);
+  StartRead(&request_);
+}
+
+void DeliverStream::wake() {
+  const std::lock_guard lock(mutex_);
+  pump();
+}
+
+void DeliverStream::begin(const SeekRange& range) {
+  const std::lock_guard lock(mutex_);
+  range_ = range;
+  streaming_ = true;
+  pump();
+}
+
+/// Sends the next block, or waits for it.
+void DeliverStream::pump() {
+  if (!streaming_ || busy_ || finished_) return;
+  if (range_.start > range_.stop) return write_status(common::SUCCESS);
+  if (range_.fail_if_not_ready && range_.start >= node_.feed().height()) return write_status(common::NOT_FOUND);
+  if (node_.feed().wait(range_.start, weak_from_this())) return;
+  auto block = view_.blocks.read(range_.start);
+  if (!block) return write_status(common::INTERNAL_SERVER_ERROR);
+  ++range_.start;
+  written_ = common::UNKNOWN;
+  busy_ = true;
+  response_ = std::move(*block);
+  StartWrite(&response_);
+}
+
+void DeliverStream::send_status(common::Status status) {
+  const std::lock_guard lock(mutex_);
+  write_status(status);
+}
+
+void DeliverStream::write_status(common::Status status) {
+  streaming_ = false;
+  if (finished_ || busy_) return;
+  written_ = status;
+  busy_ = true;
+  response_ = view_.status(status);
+  StartWrite(&response_);
+}
+
+void DeliverStream::finish(const grpc::Status& status) {
+  const std::lock_guard lock(mutex_);
+  if (finished_) return;
+  finished_ = true;
+  Finish(status);
+}
+
 }  // namespace ledgerline::node

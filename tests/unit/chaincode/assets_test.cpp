@@ -211,6 +211,32 @@ TEST_F(AssetsTest, LongListsComeInPagesThatTogetherAreWhole) {
   EXPECT_EQ(pages, 5);
 }
 
+TEST_F(AssetsTest, AListingLooksAtABoundedNumberOfOldFramesAndGoesOnInTheNextPage) {
+  std::vector<std::string> expected;
+  for (int i = 10; i < 40; ++i) {  // ids that streamed once, long ago
+    expected.push_back("tello1/once" + std::to_string(i));
+    set(host, {asset(expected.back())}, true);
+  }
+  for (std::size_t i = 0; i < max_page_versions / 2; ++i) set(host, {asset("tello1/odom")}, true);
+  set(host, {asset("tello1/zebra")});
+  expected.insert(expected.begin(), "tello1/odom");
+  expected.push_back("tello1/zebra");
+  std::vector<std::string> found;
+  QueryCall query;
+  query.set_id("tello1/*");
+  int pages = 0;
+  do {
+    stub.looked = 0;
+    const auto page = parsed<Assets>(stub.call(other, "get", query).payload);
+    for (const Asset& one : page.assets()) found.push_back(one.id());
+    query.set_bookmark(page.bookmark());
+    EXPECT_LE(stub.looked, 3 * max_page_versions);
+    ASSERT_LT(++pages, 40);
+  } while (!query.bookmark().empty());
+  EXPECT_EQ(found, expected);
+  EXPECT_GT(pages, 5);
+}
+
 TEST_F(AssetsTest, HistoryPagesHaveNoGapAndNoDoubletWhileNewVersionsArrive) {
   std::vector<std::string> expected;
   for (int i = 0; i < 300; ++i) {

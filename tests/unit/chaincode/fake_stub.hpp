@@ -36,6 +36,7 @@ class FakeStub final : public Stub {
     std::vector<KeyVersion> found;
     const auto& all = history[key];
     for (std::size_t i = skip; i < all.size() && found.size() < limit; ++i) found.push_back(all[all.size() - 1 - i]);
+    looked += found.size();
     return found;
   }
   void set_event(const std::string& name, const std::string& payload) override {
@@ -70,6 +71,7 @@ class FakeStub final : public Stub {
   std::vector<std::string> reads;
   std::string event_name, event_payload;
   TimeNs transactions = 0;
+  std::size_t looked = 0;  ///< old versions that were handed out
   crypto::IdentityName who;
 };
 

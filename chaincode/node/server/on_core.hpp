@@ -1,0 +1,34 @@
+#pragma once
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <memory>
+
+#include "chaincode/node/server/grpc_status.hpp"
+#include "chaincode/node/server/node.hpp"
+#include "chaincode/node/server/raw.hpp"
+
+namespace ledgerline::node {
+
+/// A unary call: parsed here, then `work(core, request)` on the core's thread, whose status ends the call.
+template <typename Request, typename Work>
+grpc::ServerUnaryReactor* answer_on_core(Node& node, Limit& limit, grpc::CallbackServerContext* context,
+                                         const grpc::ByteBuffer& bytes, Node::Turn turn, Work work) {
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  const auto refuse = [reactor](const grpc::Status& status) {
+    reactor->Finish(status);
+    return reactor;
+  };
+  const Limit::Place place = limit.take();
+  if (!place) return refuse(too_many(limit));
+  const auto request = std::make_shared<Request>();
+  if (!parse(bytes, *request)) return refuse(unparsable(Request::descriptor()->full_name()));
+  const auto task = [=](NodeCore& core) {
+    (void)place;  // held until the task is done
+    reactor->Finish(work(core, *request));
+  };
+  if (!node.post(task, turn)) return refuse(overloaded());
+  return reactor;
+}
+
+}  // namespace ledgerline::node
