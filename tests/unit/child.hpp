@@ -43,6 +43,7 @@ class Child {
     return ready_line_.find("\"ready\":true") != std::string::npos;
   }
   const std::string& ready_line() const { return ready_line_; }
+  pid_t pid() const { return pid_; }
   void signal(int signal) const { ::kill(pid_, signal); }
   /// Its exit status, as waitpid gives it.
   int wait() {
