@@ -80,8 +80,9 @@ std::string describe(const grpc::Status& status) {
     gateway::ErrorDetail detail;
     if (fields.field(i).number() != 3 ||
         fields.field(i).type() != google::protobuf::UnknownField::TYPE_LENGTH_DELIMITED ||
-        !any.ParseFromString(fields.field(i).length_delimited()) || !any.UnpackTo(&detail) ||
-        detail.message().empty() || text.find(detail.message()) != std::string::npos) {
+        !any.ParseFromString(fields.field(i).length_delimited()) || !any.type_url().ends_with("/gateway.ErrorDetail") ||
+        !detail.ParseFromString(any.value()) || detail.message().empty() ||
+        text.find(detail.message()) != std::string::npos) {
       continue;
     }
     text += (text.empty() ? "" : "; ") + detail.message();

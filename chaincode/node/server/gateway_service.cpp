@@ -94,7 +94,7 @@ class GatewayService final : public RawGateway {
     Limit::Place place = limit_.take();
     if (!place) return refuse(too_many(limit_));
     gateway::SignedCommitStatusRequest request;
-    if (!parse(*bytes, request)) return refuse(unparsable(request.GetDescriptor()->full_name()));
+    if (!parse(*bytes, request)) return refuse(unparsable(request.GetTypeName()));
     const std::uint64_t id = next_waiter_++;
     auto* reactor = new CommitWaiter(
         std::move(place), [this, id] { node_.post_always([this, id](NodeCore& core) { cancel(core, id); }); });

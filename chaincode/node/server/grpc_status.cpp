@@ -32,7 +32,8 @@ grpc::Status make_status(grpc::StatusCode code, const std::string& message, cons
   error.set_msp_id("Org1MSP");
   error.set_message(detail);
   google::protobuf::Any any;
-  any.PackFrom(error);
+  any.set_type_url("type.googleapis.com/gateway.ErrorDetail");
+  any.set_value(error.SerializeAsString());
   return {code, message, rpc_status(code, message, any)};
 }
 

@@ -22,7 +22,7 @@ grpc::ServerUnaryReactor* answer_on_core(Node& node, Limit& limit, grpc::Callbac
   const Limit::Place place = limit.take();
   if (!place) return refuse(too_many(limit));
   const auto request = std::make_shared<Request>();
-  if (!parse(bytes, *request)) return refuse(unparsable(Request::descriptor()->full_name()));
+  if (!parse(bytes, *request)) return refuse(unparsable(request->GetTypeName()));
   const auto task = [=](NodeCore& core) {
     (void)place;  // held until the task is done
     reactor->Finish(work(core, *request));

@@ -36,7 +36,8 @@ grpc::Status to_grpc(const FakeStatus& status) {
   detail.set_msp_id("Org1MSP");
   detail.set_message(status.detail);
   google::protobuf::Any any;
-  any.PackFrom(detail);
+  any.set_type_url("type.googleapis.com/gateway.ErrorDetail");
+  any.set_value(detail.SerializeAsString());
   google::protobuf::Empty details;  // as google.rpc.Status: code 1, message 2, details 3
   auto* fields = details.GetReflection()->MutableUnknownFields(&details);
   fields->AddVarint(1, static_cast<std::uint64_t>(status.code));
