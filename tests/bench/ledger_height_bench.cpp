@@ -1,0 +1,161 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <condition_variable>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <nlohmann/json.hpp>
+
+#include "chaincode/node/server/node.hpp"
+#include "common/fabric/client.hpp"
+#include "tests/unit/child.hpp"
+
+/// What a long chain costs ledgerline-node: time to start, memory, bytes; and what it does to the latency, against a
+/// node with a short chain that is asked in turns.
+namespace {
+
+using namespace ledgerline;
+namespace fs = std::filesystem;
+
+constexpr const char* organisation = "/crypto/peerOrganizations/org1.ledgerline";
+
+fabric::Call state_of_a_drone() {
+  const std::string data(936, 'A');  // base64 of 702 bytes, as an odometry message has
+  return {"set", {R"({"assets":[{"id":"tello1/odom","msgType":"t","msgData":")" + data + R"("}],"stream":true})"}};
+}
+
+crypto::SigningIdentity user_of(const std::string& dir) {
+  return crypto::load_identity(crypto::Library::libcrypto, "Org1MSP",
+                               dir + organisation + "/users/User1@org1.ledgerline/msp")
+      .value();
+}
+
+[[noreturn]] void give_up(const std::string& why) {
+  fmt::print(stderr, "{}\n", why);
+  std::exit(1);
+}
+
+/// One transaction a block, until the chain is so high.
+void grow(const std::string& dir, std::uint64_t height) {
+  auto node = node::Node::open({dir, {}});
+  if (!node) give_up(node.error().what);
+  const crypto::SigningIdentity user = user_of(dir);
+  std::mutex mutex;
+  std::condition_variable done;
+  std::uint64_t waiting = 0;
+  (*node)->on_answer([&](std::uint64_t, const node::TxStatus&) {
+    const std::lock_guard lock(mutex);
+    --waiting;
+    done.notify_one();
+  });
+  for (std::uint64_t number = (*node)->feed().height(); number < height; ++number) {
+    const auto proposal = *fabric::make_proposal(user, {}, state_of_a_drone(), realtime_ns(), crypto::random_bytes(24));
+    {
+      std::unique_lock lock(mutex);
+      done.wait(lock, [&] { return waiting < 32; });
+      ++waiting;
+    }
+    (*node)->post_always([&user, proposal](node::NodeCore& core) {
+      const node::Now now{monotonic_ns(), realtime_ns()};
+      const node::Reply endorsed = core.endorse(proposal.signed_proposal, now);
+      if (endorsed.code != node::Code::ok) give_up(endorsed.message + endorsed.detail);
+      core.watch(proposal.tx_id, 1);
+      core.order(*fabric::sign_envelope(user, endorsed.bytes), now);
+    });
+  }
+  std::unique_lock lock(mutex);
+  done.wait(lock, [&] { return waiting == 0; });
+}
+
+struct Running {
+  Child process;
+  std::unique_ptr<fabric::Client> client;
+  double start_s = 0;
+  std::vector<double> medians_ms;
+
+  double resident_mb() const {
+    std::ifstream statm("/proc/" + std::to_string(process.pid()) + "/statm");
+    double size = 0, resident = 0;
+    statm >> size >> resident;
+    return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / 1e6;
+  }
+
+  void start(const std::string& program, const std::string& dir) {
+    const TimeNs begin = monotonic_ns();
+    if (!process.start({program, "--dir", dir, "--listen", "127.0.0.1:0"})) give_up("the node does not start");
+    start_s = to_seconds(monotonic_ns() - begin);
+    fabric::ClientConfig config;
+    config.endpoint = nlohmann::json::parse(process.ready_line())["endpoint"];
+    config.tls_ca_file = dir + organisation + "/tlsca/tlsca.org1.ledgerline-cert.pem";
+    config.identity = user_of(dir);
+    auto made = fabric::Client::create(std::move(config));
+    if (!made) give_up(made.error().what);
+    client = std::move(*made);
+  }
+
+  /// A turn of calls, one after the other; keeps their median.
+  void turn(int calls) {
+    std::vector<double> took_ms;
+    for (int i = 0; i < calls; ++i) {
+      const TimeNs begin = monotonic_ns();
+      const auto outcome = client->submit_and_wait(state_of_a_drone());
+      if (outcome.kind != fabric::Outcome::Kind::committed) give_up(outcome.message);
+      took_ms.push_back(to_ms(monotonic_ns() - begin));
+    }
+    std::nth_element(took_ms.begin(), took_ms.begin() + calls / 2, took_ms.end());
+    medians_ms.push_back(took_ms[static_cast<std::size_t>(calls / 2)]);
+  }
+};
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Start-up, memory and latency of ledgerline-node with a short and a long chain.\n\nExample:\n"
+      "  bench_ledger_height --node build/release/bin/ledgerline-node --dir /var/tmp/height"};
+  std::string program, dir;
+  std::uint64_t low = 100, high = 100'000;
+  int turns = 40, calls = 50;
+  app.add_option("--node", program, "ledgerline-node")->required()->check(CLI::ExistingFile);
+  app.add_option("--dir", dir, "Where the chains are made, and left")->required();
+  app.add_option("--low", low, "Height of the short chain")->capture_default_str();
+  app.add_option("--high", high, "Height of the long chain")->capture_default_str();
+  app.add_option("--turns", turns, "How often the two take turns")->capture_default_str();
+  app.add_option("--calls", calls, "Transactions a turn")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+
+  Running short_chain, long_chain;
+  for (auto [running, name, height] : {std::tuple{&short_chain, "short", low}, std::tuple{&long_chain, "long", high}}) {
+    const std::string where = dir + "/" + name;
+    grow(where, height);
+    running->start(program, where);
+    fmt::print("{:>7} blocks: ready after {:.2f} s, {:.0f} MB resident, {} bytes a transaction on disk\n", height,
+               running->start_s, running->resident_mb(), fs::file_size(where + "/ledger/blocks") / height);
+  }
+  // Both grow as they are asked, so the short one is short only at first.
+  short_chain.turn(20);
+  long_chain.turn(20);
+  short_chain.medians_ms.clear();
+  long_chain.medians_ms.clear();
+  std::vector<double> ratios;
+  for (int i = 0; i < turns; ++i) {
+    Running& first = i % 2 == 0 ? short_chain : long_chain;
+    Running& second = i % 2 == 0 ? long_chain : short_chain;
+    first.turn(calls);
+    second.turn(calls);
+    ratios.push_back(long_chain.medians_ms.back() / short_chain.medians_ms.back());
+  }
+  std::sort(ratios.begin(), ratios.end());
+  fmt::print("submit to commit status, median of {} turns of {} calls: {:.2f} ms short, {:.2f} ms long\n", turns, calls,
+             median(short_chain.medians_ms), median(long_chain.medians_ms));
+  fmt::print("ratio long/short, turn by turn: median {:.3f} (quartiles {:.3f} to {:.3f})\n", median(ratios),
+             ratios[ratios.size() / 4], ratios[ratios.size() * 3 / 4]);
+}
