@@ -40,3 +40,20 @@ function(ll_test name)
     set_tests_properties(${name} PROPERTIES RUN_SERIAL ON)
   endif()
 endfunction()
+
+# ll_namespaced_test(NAME SOURCES a_test.cpp PROGRAMS program ... DEPS ...): a GoogleTest program with a main of its own that
+# takes the paths of the programs. Each run gets its own /dev/shm, /tmp and loopback (RouDi is one per machine, and so are a
+# drone's addresses), which needs root.
+function(ll_namespaced_test name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;PROGRAMS;DEPS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ledgerline_options GTest::gtest ${ARG_DEPS})
+  add_dependencies(${name} ${ARG_PROGRAMS})
+  add_dependencies(unit_tests ${name})
+  set(paths)
+  foreach(program ${ARG_PROGRAMS})
+    list(APPEND paths $<TARGET_FILE:${program}>)
+  endforeach()
+  add_test(NAME ${name} COMMAND ${CMAKE_SOURCE_DIR}/tests/unit/in_namespace.sh $<TARGET_FILE:${name}> ${paths})
+  set_tests_properties(${name} PROPERTIES TIMEOUT 120 LABELS unit SKIP_RETURN_CODE 77)
+endfunction()

@@ -99,11 +99,13 @@ bool DroneSockets::wait(TimeNs until, const sigset_t& signals_while_waiting) {
   const TimeNs left = std::max<TimeNs>(0, until - monotonic_ns());
   const timespec timeout{left / ns_per_s, left % ns_per_s};
   next_ = 0;
+  taken_ = 0;
   return ppoll(polled.data(), sockets_.size(), &timeout, &signals_while_waiting) >= 0 || errno != EINTR;
 }
 
 bool DroneSockets::receive(Received& out) {
-  for (; next_ < sockets_.size(); ++next_) {
+  for (; next_ < sockets_.size(); ++next_, taken_ = 0) {
+    if (taken_ == most_at_once) continue;
     sockaddr_in from{};
     socklen_t length = sizeof from;
     const ssize_t got =
@@ -112,6 +114,7 @@ bool DroneSockets::receive(Received& out) {
     out.drone = static_cast<DroneNumber>(next_ + 1);
     out.from = {ntohl(from.sin_addr.s_addr), ntohs(from.sin_port)};
     out.bytes = std::string_view(buffer_.data(), static_cast<std::size_t>(got));
+    ++taken_;
     return true;
   }
   return false;
