@@ -116,7 +116,8 @@ class EventEntry final : public Entry {
     const std::uint64_t before = flying_->core().status(0).states_received;
     if (!flying_->give(name_, std::string(bytes))) return refused("");
     const bool heard = name_ == "set" ? flying_->core().status(0).states_received > before : parses(bytes);
-    if (heard) flying_.reset();  // the drone may be anywhere now
+    // A state that was taken is the newest for good; the others leave a flight that goes on for a while.
+    if (name_ == "set" ? heard : ++fed_ % 50 == 0) flying_.reset();
     return heard ? accepted() : dropped();
   }
 
@@ -129,6 +130,7 @@ class EventEntry final : public Entry {
 
   std::string name_;
   std::unique_ptr<Flying> flying_;
+  int fed_ = 0;
 };
 
 /// The state alone, as CDR, of a drone in flight; and again and again, so that one strange state follows another.
