@@ -6,12 +6,14 @@
 
 #include "chaincode/stub.hpp"
 #include "common/msg/form.hpp"
+#include "common/rt/clear_text.hpp"
 #include "ledgerline.pb.h"
 
 /// What the contract's functions share: reading calls in their three forms, writing answers and events, keys, records.
 namespace ledgerline::chaincode {
 
-inline Response refuse(std::string why) { return {500, std::move(why), {}}; }
+/// Refusals quote the call, which may hold anything; they go into text fields, headers and terminals.
+inline Response refuse(const std::string& why) { return {500, clear_text(why), {}}; }
 
 /// A call's arguments in one of their forms.
 struct Arguments {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
+#include "common/rt/clear_text.hpp"
 #include "common/rt/clock.hpp"
 #include "common/rt/result.hpp"
 
@@ -33,6 +34,9 @@ struct Reply {
   std::string detail;
   std::string bytes;
 };
+
+/// Names that strangers chose are shown up to here (clear_text).
+inline constexpr std::size_t longest_name = 200;
 
 struct Now {
   TimeNs monotonic_ns = 0;

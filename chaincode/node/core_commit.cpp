@@ -76,7 +76,8 @@ Reply NodeCore::order(std::string_view bytes, Now now) {
     return refuse(Code::invalid_argument, "BAD_REQUEST", "the envelope does not parse");
   }
   if (channel_header.channel_id() != config.channel) {
-    return refuse(Code::not_found, "NOT_FOUND", "channel " + channel_header.channel_id() + " not found");
+    return refuse(Code::not_found, "NOT_FOUND",
+                  "channel " + clear_text(channel_header.channel_id(), longest_name) + " not found");
   }
   if (channel_header.type() != common::ENDORSER_TRANSACTION) {
     return refuse(Code::invalid_argument, "BAD_REQUEST",

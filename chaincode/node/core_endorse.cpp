@@ -44,13 +44,15 @@ std::variant<Simulated, Unanswered> NodeCore::Parts::simulate(std::string_view s
   auto proposal = read_proposal(outer.proposal_bytes());
   if (!proposal) return Unanswered{Kind::malformed, proposal.error().what};
   if (proposal->channel_header.channel_id() != config.channel) {
-    return Unanswered{Kind::unknown_channel, "channel '" + proposal->channel_header.channel_id() + "' not found"};
+    return Unanswered{Kind::unknown_channel,
+                      "channel '" + clear_text(proposal->channel_header.channel_id(), longest_name) + "' not found"};
   }
   auto member = check(proposal->signature_header.creator(), outer.proposal_bytes(), outer.signature(), now);
   if (!member) return Unanswered{Kind::denied, "error validating proposal: " + member.error().what};
   if (proposal->contract != config.contract) {
-    return Unanswered{Kind::unknown_contract, "no contract named '" + proposal->contract + "' on channel '" +
-                                                  config.channel + "'; there is '" + config.contract + "'"};
+    return Unanswered{Kind::unknown_contract, "no contract named '" + clear_text(proposal->contract, longest_name) +
+                                                  "' on channel '" + config.channel + "'; there is '" +
+                                                  config.contract + "'"};
   }
   const std::string tx_id = proposal->channel_header.tx_id();
   if (state.find_tx(tx_id)) {

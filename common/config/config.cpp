@@ -4,10 +4,23 @@
 #include <fmt/ranges.h>
 #include <toml++/toml.h>
 
+#include <cmath>
 #include <set>
 #include <sstream>
 
+#include "common/rt/clear_text.hpp"
+
 namespace ledgerline {
+namespace {
+
+constexpr std::size_t longest_text = 1'000;  // a path, even in a message
+constexpr std::size_t longest_key = 200;     // as shown; a damaged file may hold any
+
+Error parse_error(const std::string& name, const toml::parse_error& e) {
+  return Error{fmt::format("{}:{}: {}", name, e.source().begin.line, clear_text(e.description()))};
+}
+
+}  // namespace
 
 struct Config::State {
   std::string name;
@@ -34,7 +47,7 @@ struct Config::State {
   }
   void problem(const toml::node* node, const std::string& key, const std::string& what) {
     const std::string line = node ? fmt::format(":{}", node->source().begin.line) : "";
-    problems.push_back(fmt::format("{}{}: {}: {}", name, line, key, what));
+    problems.push_back(fmt::format("{}{}: {}: {}", name, line, clear_text(key, longest_key), clear_text(what)));
   }
   void missing(const std::string& key, const std::string& wanted) {
     problem(nullptr, key, fmt::format("is missing ({})", wanted));
@@ -63,7 +76,7 @@ Result<Config> Config::load(const std::string& path) {
   try {
     state->root = toml::parse_file(path);
   } catch (const toml::parse_error& e) {
-    return Error{fmt::format("{}:{}: {}", path, e.source().begin.line, e.description())};
+    return parse_error(path, e);
   }
   return Config(std::move(state));
 }
@@ -74,7 +87,7 @@ Result<Config> Config::parse(std::string_view text, const std::string& name) {
   try {
     state->root = toml::parse(text, name);
   } catch (const toml::parse_error& e) {
-    return Error{fmt::format("{}:{}: {}", name, e.source().begin.line, e.description())};
+    return parse_error(name, e);
   }
   return Config(std::move(state));
 }
@@ -90,8 +103,9 @@ std::string Config::text(const std::string& key) {
 std::string Config::text(const std::string& key, const std::string& otherwise) {
   const toml::node* node = state_->find(key);
   if (!node) return otherwise;
-  if (const auto* value = node->as_string()) return value->get();
-  state_->problem(node, key, "must be a string");
+  const auto* value = node->as_string();
+  if (value && clear_text(value->get(), longest_text) == value->get()) return value->get();
+  state_->problem(node, key, value ? "must be one line of text without control characters" : "must be a string");
   return otherwise;
 }
 
@@ -149,7 +163,7 @@ std::vector<double> Config::numbers(const std::string& key, std::size_t count, c
   std::vector<double> values;
   if (const auto* array = node->as_array()) {
     for (const auto& element : *array) {
-      if (const auto value = element.value<double>()) values.push_back(*value);
+      if (const auto value = element.value<double>(); value && std::isfinite(*value)) values.push_back(*value);
     }
     if (values.size() == array->size() && values.size() == count) return values;
   }

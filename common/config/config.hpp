@@ -26,7 +26,8 @@ class Config {
   Config& operator=(Config&&) noexcept;
   ~Config();
 
-  /// With a default the key may be missing; without one it must be there.
+  /// With a default the key may be missing; without one it must be there. One line, no control characters: texts become
+  /// names, paths and messages.
   std::string text(const std::string& key);
   std::string text(const std::string& key, const std::string& otherwise);
   /// Must be one of `allowed`.

@@ -118,7 +118,7 @@ Result<KeyAndCertificate> make_ca(const std::string& common_name, const std::str
 Result<KeyAndCertificate> issue(const KeyAndCertificate& ca, const CertificateRequest& request) {
   auto issuer = read_certificate(ca.certificate_pem);
   if (!issuer) return issuer.error();
-  const KeyPtr issuer_key(PEM_read_bio_PrivateKey(bio_of(ca.key_pem).get(), nullptr, nullptr, nullptr));
+  const KeyPtr issuer_key(PEM_read_bio_PrivateKey(bio_of(ca.key_pem).get(), nullptr, no_pass_phrase, nullptr));
   if (!issuer_key) return Error{"the CA's key is not a private key in PEM: " + openssl_error()};
   Template wanted{request.common_name, request.organization, request.unit.value_or(""), request.days, {}};
   wanted.extensions = {

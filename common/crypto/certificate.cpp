@@ -49,8 +49,17 @@ std::string text_of(BIO* bio) {
 }
 
 Result<X509Ptr> read_certificate(std::string_view pem) {
-  X509Ptr certificate(PEM_read_bio_X509(bio_of(pem).get(), nullptr, nullptr, nullptr));
+  unsigned char* der = nullptr;
+  long size = 0;
+  if (PEM_bytes_read_bio(&der, &size, nullptr, PEM_STRING_X509, bio_of(pem).get(), no_pass_phrase, nullptr) != 1) {
+    return Error{"could not decode the PEM structure: " + openssl_error()};
+  }
+  const unsigned char* end = der;
+  X509Ptr certificate(d2i_X509(nullptr, &end, size));
+  const bool whole = end == der + size;
+  OPENSSL_free(der);
   if (!certificate) return Error{"could not decode the PEM structure: " + openssl_error()};
+  if (!whole) return Error{"x509: trailing data behind the certificate"};  // refused by Fabric's peers, too
   return certificate;
 }
 

@@ -66,7 +66,7 @@ class LibcryptoVerifier final : public Verifier {
 }  // namespace
 
 Result<std::unique_ptr<Signer>> make_libcrypto_signer(const std::string& pem_key) {
-  KeyPtr key(PEM_read_bio_PrivateKey(bio_of(pem_key).get(), nullptr, nullptr, nullptr));
+  KeyPtr key(PEM_read_bio_PrivateKey(bio_of(pem_key).get(), nullptr, no_pass_phrase, nullptr));
   if (!key) return Error{"not a private key in PEM: " + openssl_error()};
   if (!is_p256(key.get())) return Error{"the private key is not on the curve P-256"};
   return std::unique_ptr<Signer>(std::make_unique<LibcryptoSigner>(std::move(key)));

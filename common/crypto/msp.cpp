@@ -11,6 +11,7 @@
 #include <unordered_map>
 
 #include "common/crypto/openssl.hpp"
+#include "common/rt/clear_text.hpp"
 #include "msp/identities.pb.h"
 
 namespace ledgerline::crypto {
@@ -76,7 +77,7 @@ class CachingRegistry final : public MspRegistry {
       return Error{"could not deserialize a SerializedIdentity"};
     }
     const auto root = roots_.find(identity.mspid());
-    if (root == roots_.end()) return Error{fmt::format("MSP {} is unknown", identity.mspid())};
+    if (root == roots_.end()) return Error{fmt::format("MSP {} is unknown", clear_text(identity.mspid(), 200))};
     auto certificate = read_certificate(identity.id_bytes());
     if (!certificate) return certificate.error();
     Entry entry;
@@ -126,7 +127,7 @@ class CachingRegistry final : public MspRegistry {
     }
     const StorePtr store(X509_STORE_new());
     const BioPtr pem = bio_of(ca_pem);
-    while (X509Ptr ca{PEM_read_bio_X509(pem.get(), nullptr, nullptr, nullptr)})
+    while (X509Ptr ca{PEM_read_bio_X509(pem.get(), nullptr, no_pass_phrase, nullptr)})
       X509_STORE_add_cert(store.get(), ca.get());
     ERR_clear_error();  // the end of the PEM text
     const StoreContextPtr context(X509_STORE_CTX_new());

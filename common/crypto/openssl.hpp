@@ -31,6 +31,10 @@ std::string openssl_error();
 BioPtr bio_of(std::string_view text);
 std::string text_of(BIO* bio);
 
+/// For every reader of PEM: without it libcrypto would ask for the pass phrase of an encrypted text at the terminal, or
+/// read it from standard input, and so wait for ever.
+inline int no_pass_phrase(char*, int, int, void*) { return -1; }
+
 Result<X509Ptr> read_certificate(std::string_view pem);
 Result<Certificate> describe(X509* certificate);
 /// 65 bytes: 4, x, y. Refuses keys on other curves than P-256.

@@ -2,6 +2,7 @@
 #include <map>
 
 #include "common/crypto/crypto.hpp"
+#include "common/rt/clear_text.hpp"
 #include "msp/identities.pb.h"
 
 namespace ledgerline::crypto {
@@ -44,7 +45,7 @@ class TestRegistry final : public MspRegistry {
       return Error{"could not deserialize a SerializedIdentity"};
     }
     if (std::find(msp_ids_.begin(), msp_ids_.end(), identity.mspid()) == msp_ids_.end()) {
-      return Error{"MSP " + identity.mspid() + " is unknown"};
+      return Error{"MSP " + clear_text(identity.mspid(), 200) + " is unknown"};
     }
     if (!identity.id_bytes().starts_with(test_prefix)) return Error{"could not decode the PEM structure"};
     const IdentityName name{identity.mspid(), identity.id_bytes().substr(test_prefix.size())};

@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 
+#include "common/rt/clear_text.hpp"
 #include "common/rt/result.hpp"
 
 /// The two forms of every message of the contract: protobuf bytes, or the same message as JSON text. A call, its answer
@@ -24,7 +25,8 @@ inline Status parse_message(std::string_view bytes, google::protobuf::Message& m
   message.Clear();
   const auto status = google::protobuf::util::JsonStringToMessage({bytes.data(), bytes.size()}, &message);
   if (status.ok()) return done;
-  return Error{"not a " + message.GetDescriptor()->name() + " in JSON: " + std::string(status.message())};
+  const auto why = status.message();  // quotes the text, as it is
+  return Error{"not a " + message.GetDescriptor()->name() + " in JSON: " + clear_text({why.data(), why.size()})};
 }
 
 /// As JSON, fields that are zero left out.

@@ -1,5 +1,6 @@
 #include "common/msg/ros.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -99,6 +100,28 @@ Result<BatteryState> battery_from_cdr(std::string_view cdr) {
   return checked(in, battery, battery_type);
 }
 
+namespace {
+
+/// Times and places that arithmetic can be done with: no clock and no room goes beyond.
+bool is_time(TimeNs t) {
+  constexpr TimeNs last = INT64_MAX / 4;
+  return t >= 0 && t <= last;
+}
+template <typename Numbers>
+bool are_sizes(const Numbers& values) {
+  constexpr double largest = 1e6;                                                                     // m, m/s
+  return std::all_of(values.begin(), values.end(), [](double v) { return std::abs(v) <= largest; });  // NaN fails
+}
+
+bool believable(const StateSample& s) {
+  return is_time(s.stamp_ns) && is_time(s.pose_stamp_ns) && is_time(s.applied_stamp_ns) &&
+         is_time(std::abs(std::max(s.applied_late_ns, -INT64_MAX))) && are_sizes(s.position_m) &&
+         are_sizes(s.velocity_mps) && are_sizes(s.sent_velocity_mps) &&
+         are_sizes(std::array<double, 5>{s.yaw_rad, s.battery, s.tof_m, s.height_m, s.sent_yaw_rate_radps});
+}
+
+}  // namespace
+
 std::string link_status_to_cdr(const StateSample& s) {
   CdrWriter out;
   out.put(static_cast<std::uint8_t>(s.phase));
@@ -154,6 +177,9 @@ Result<StateSample> link_status_from_cdr(std::string_view cdr) {
   s.plans_late = in.get<std::uint32_t>();
   s.plans_dropped = in.get<std::uint32_t>();
   s.plans_applied = in.get<std::uint32_t>();
+  if (in.ok() && !believable(s)) {
+    return Error{"ledgerline_msgs/msg/LinkStatus: a time or a number is beyond what a drone can say"};
+  }
   return checked(in, s, link_status_type);
 }
 

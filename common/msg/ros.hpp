@@ -41,7 +41,8 @@ std::string to_cdr(const BatteryState& battery);
 Result<BatteryState> battery_from_cdr(std::string_view cdr);
 
 /// ledgerline_msgs/msg/LinkStatus: a StateSample whole, so that the ground sees what link really did. Fields in the
-/// order of StateSample, the drone's number left out (its name is in the id).
+/// order of StateSample, the drone's number left out (its name is in the id). Times that are negative or would overflow
+/// and numbers that are not finite or beyond 1e6 are refused: what is read goes into controllers.
 inline constexpr std::string_view link_status_type = "ledgerline_msgs/msg/LinkStatus";
 std::string link_status_to_cdr(const StateSample& sample);
 Result<StateSample> link_status_from_cdr(std::string_view cdr);

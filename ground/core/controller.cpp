@@ -10,6 +10,8 @@ namespace {
 // The reference must leave a corner at which it would stand still.
 constexpr double creep_mps = 0.05;
 constexpr double prediction_step_s = 0.01;
+// Nothing is predicted over more than this: a pose or a plan that far back says nothing, and costs time.
+constexpr TimeNs longest_gap_ns = 3 * ns_per_s;
 
 double wrap(double angle) { return std::remainder(angle, 2 * std::numbers::pi); }
 
@@ -65,6 +67,7 @@ Motion PathController::move(const Motion& from, const Setpoint& setpoint, double
 
 Motion PathController::predict(const Motion& state, TimeNs at_ns) const {
   Motion now = state;
+  now.stamp_ns = std::max(now.stamp_ns, at_ns - longest_gap_ns);
   while (now.stamp_ns < at_ns) {
     // The newest setpoint whose time has come; before the first one the drone is taken to keep its velocity.
     const auto next = std::upper_bound(sent_.begin(), sent_.end(), now.stamp_ns,
@@ -118,7 +121,7 @@ Setpoint PathController::steer(const Motion& from, double s_m) const {
 
 std::vector<Setpoint> PathController::plan(const Motion& state, TimeNs first_ns) {
   predicted_ = predict(state, first_ns);
-  if (!started_) reference_ns_ = first_ns;
+  reference_ns_ = started_ ? std::max(reference_ns_, first_ns - longest_gap_ns) : first_ns;
   while (reference_ns_ < first_ns) {
     const TimeNs dt_ns = std::min(step_ns, first_ns - reference_ns_);
     progress_m_ = advance(progress_m_, predicted_.position_m.head<2>(), to_seconds(dt_ns));

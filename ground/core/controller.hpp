@@ -34,7 +34,9 @@ struct Motion {
 /// Follows a path: a reference point moves along it (slower at corners, waiting when the drone falls behind), and the
 /// drone is steered to the reference by velocity setpoints: the reference's velocity, led by the drone's lag, plus
 /// corrections of position and velocity. Each plan starts from the state predicted for the moment when its first
-/// setpoint is meant to be flown, by a first-order lag under the setpoints already sent. Deterministic; one thread.
+/// setpoint is meant to be flown, by a first-order lag under the setpoints already sent. The work of a plan is bounded,
+/// whatever the times in the state: after a pause of more than 3 s the reference goes on from where it was, as it would
+/// after 3 s. Deterministic; one thread.
 class PathController {
  public:
   static constexpr TimeNs step_ns = 50 * ns_per_ms;

@@ -18,6 +18,10 @@ double number(const json& object, const char* key, double otherwise) {
   return found != object.end() && found->is_number() ? found->get<double>() : otherwise;
 }
 
+double count(const json& object, const char* key, double otherwise) {
+  return std::clamp(number(object, key, otherwise), 0.0, 1e9);
+}
+
 std::string text(const json& object, const char* key, const std::string& otherwise) {
   const auto found = object.find(key);
   return found != object.end() && found->is_string() ? found->get<std::string>() : otherwise;
@@ -41,7 +45,7 @@ bool Live::take(const std::string& line) {
   for (const char* who : {"agent", "ground"}) {
     const auto part = message.find(who);
     if (part == message.end() || !part->is_object()) continue;
-    height_ = static_cast<std::uint64_t>(number(*part, "height", static_cast<double>(height_)));
+    height_ = static_cast<std::uint64_t>(count(*part, "height", static_cast<double>(height_)));
     const auto list = part->find("drones");
     if (list == part->end() || !list->is_array()) continue;
     for (const json& one : *list) {
@@ -51,7 +55,7 @@ bool Live::take(const std::string& line) {
       if (drone == drones_.end()) continue;
       if (std::string_view(who) == "ground") {
         drone->phase = text(one, "phase", drone->phase);
-        drone->lap = static_cast<int>(number(one, "lap", drone->lap));
+        drone->lap = static_cast<int>(count(one, "lap", drone->lap));
         drone->progress = number(one, "progress", drone->progress);
         continue;
       }

@@ -35,12 +35,22 @@ const json& at(const json& object, const std::string& key) {
   return found == object.end() ? nothing : *found;
 }
 
-std::uint64_t count_of(const json& object, const std::string& key) {
-  const json& value = at(object, key);
-  return value.is_number() ? static_cast<std::uint64_t>(value.get<double>()) : 0;
-}
-
 double number_of(const json& value) { return value.is_number() ? value.get<double>() : 0; }
+
+// Beyond these it is no count and no time: a damaged file.
+std::uint64_t count_of(const json& value) {
+  const double number = number_of(value);
+  return number > 0 && number < 1e15 ? static_cast<std::uint64_t>(number) : 0;
+}
+std::uint64_t count_of(const json& object, const std::string& key) { return count_of(at(object, key)); }
+TimeNs time_of(const json& value) { return static_cast<TimeNs>(std::clamp(number_of(value), 0.0, 4e18)); }
+bool is_time(TimeNs t) { return t >= 0 && t <= INT64_MAX / 2; }
+
+Quantiles quantiles_in(const json& q) {
+  const auto part = [&](const char* name) { return number_of(at(q, name)); };
+  return {part("p5"),  part("q1"),  part("median"), part("q3"),
+          part("p95"), part("p99"), part("max"),    count_of(q, "count")};
+}
 
 const json& drone_in(const json& summary, const std::string& name) {
   static const json nothing;
@@ -69,8 +79,7 @@ void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::u
   const json& origin = at(ground, "origin");
   const json& between = at(ground, "path_ns");
   if (!origin.is_array() || origin.size() != 2 || !between.is_array() || between.size() != 2) return;
-  const auto begin_ns = static_cast<TimeNs>(number_of(between[0]));
-  const auto end_ns = static_cast<TimeNs>(number_of(between[1]));
+  const TimeNs begin_ns = time_of(between[0]), end_ns = time_of(between[1]);
   const ground::Path path(shape, {number_of(origin[0]), number_of(origin[1])}, fly::side_m);
   const CrossTrack error = cross_track(truth, number, path, begin_ns, end_ns);
   drone.path_flown = error.count > 0;
@@ -88,7 +97,8 @@ std::vector<Sample> latencies(const std::vector<TraceRecord>& trace, TraceKind k
   std::vector<Sample> samples;
   std::set<std::uint64_t> seen;
   for (const TraceRecord& r : trace) {
-    if (r.kind != kind || r.drone != drone || !seen.insert(r.id).second) continue;
+    if (r.kind != kind || r.drone != drone || !is_time(r.t_ns) || !is_time(r.stamp_ns)) continue;
+    if (!seen.insert(r.id).second) continue;
     samples.push_back({to_seconds(r.t_ns - begin_ns), to_ms(r.t_ns - r.stamp_ns)});
   }
   return samples;
@@ -132,7 +142,7 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
   const auto truth = read(files, "sim", results);
   results.blocks = count_of(node, "blocks");
   results.transactions = count_of(node, "transactions");
-  if (const json& disk = at(node, "disk_ms"); disk.is_object()) results.disk_ms = disk.get<Quantiles>();
+  results.disk_ms = quantiles_in(at(node, "disk_ms"));
   results.storage = at(node, "storage").is_string() ? at(node, "storage").get<std::string>() : "unknown";
 
   std::vector<Sample> all_two_way, all_age;
@@ -163,8 +173,7 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
                       count_of(l, "commands_late"),
                       count_of(l, "commands_dropped")};
     for (const json& reasons : {at(commands, "refused_reasons"), at(l, "drop_reasons")}) {
-      for (const auto& [reason, count] : reasons.items())
-        drone.reasons[reason] += static_cast<std::uint64_t>(number_of(count));
+      for (const auto& [reason, count] : reasons.items()) drone.reasons[reason] += count_of(count);
     }
     for (const json& lap : at(g, "lap_s")) drone.lap_s.push_back(number_of(lap));
     read_path(g, truth, number, asked.shape, drone);

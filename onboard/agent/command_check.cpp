@@ -209,7 +209,8 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
     Drone* drone = find(control.drone());
     if (!drone) continue;
     drone->control = control;
-    if (tx.event_name == "stop") out.plans.push_back(*standing_stop(now, drone->name.number));
+    if (tx.event_name != "stop") continue;
+    if (auto stop = standing_stop(now, drone->name.number)) out.plans.push_back(*stop);
   }
 }
 

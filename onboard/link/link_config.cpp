@@ -16,7 +16,7 @@ Result<sockaddr_in> parse_address(const std::string& host, const std::string& po
   address.sin_family = AF_INET;
   std::uint16_t number = 0;
   const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), number);
-  if (error != std::errc{} || end != port.data() + port.size() ||
+  if (error != std::errc{} || end != port.data() + port.size() || number == 0 ||
       ::inet_pton(AF_INET, host.c_str(), &address.sin_addr) != 1) {
     return Error{fmt::format(
         "'{}:{}' is not an IPv4 address and port (a name will not do: answers are told apart by address)", host, port)};
@@ -111,6 +111,17 @@ Status check_drones(const std::string& path, const std::vector<DroneTable>& tabl
   return done;
 }
 
+// A fence without room inside would hold every drone at once.
+Status check_fence(const std::string& path, const FenceSettings& fence) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (fence.min_m[i] >= fence.max_m[i]) {
+      return Error{fmt::format("{}: fence.min_m must be below fence.max_m: {} and {} ({})", path, fence.min_m[i],
+                               fence.max_m[i], "xyz"[i])};
+    }
+  }
+  return done;
+}
+
 }  // namespace
 
 Result<ShellSettings> load_settings(const std::string& path) {
@@ -131,6 +142,7 @@ Result<ShellSettings> load_settings(const std::string& path) {
   read_safety(*config, settings.link);
   if (auto status = config->finish(); !status) return status.error();
   if (auto status = check_drones(path, tables); !status) return status.error();
+  if (auto status = check_fence(path, settings.link.fence); !status) return status.error();
 
   const std::size_t colon = listen.rfind(':');
   auto state_listen = colon == std::string::npos ? parse_address(listen, "")

@@ -33,7 +33,8 @@ EventStream* EventStream::start(Node& node, Limit& limit, const grpc::ByteBuffer
 
 void EventStream::begin(NodeCore& core, const gateway::ChaincodeEventsRequest& request) {
   if (request.channel_id() != node_.config().channel) {
-    return finish({grpc::StatusCode::NOT_FOUND, "channel " + request.channel_id() + " not found"});
+    return finish(
+        {grpc::StatusCode::NOT_FOUND, "channel " + clear_text(request.channel_id(), longest_name) + " not found"});
   }
   const std::lock_guard lock(mutex_);
   contract_ = request.chaincode_id();

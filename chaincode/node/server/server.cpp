@@ -1,16 +1,36 @@
+#include <grpc/support/log.h>
 #include <grpcpp/impl/service_type.h>
 #include <grpcpp/server.h>
 #include <grpcpp/server_builder.h>
 
+#include <atomic>
 #include <chrono>
 
 #include "chaincode/node/server/services.hpp"
+#include "common/rt/log.hpp"
 
 namespace ledgerline::node {
+namespace {
+
+/// Strangers cause most of gRPC's lines (each handshake that fails is one): at most one a second.
+void log_seldom(gpr_log_func_args* line) {
+  static std::atomic<TimeNs> next{0};
+  static std::atomic<std::uint64_t> left_out{0};
+  const TimeNs now = monotonic_ns();
+  TimeNs due = next;
+  if (now < due || !next.compare_exchange_strong(due, now + ns_per_s)) {
+    ++left_out;
+    return;
+  }
+  spdlog::warn("gRPC: {} ({} lines left out before)", clear_text(line->message), left_out.exchange(0));
+}
+
+}  // namespace
 
 Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& listen) {
   const auto colon = listen.rfind(':');
   if (colon == std::string::npos) return Error{"--listen " + listen + ": give ADDRESS:PORT"};
+  gpr_set_log_function(log_seldom);
   std::unique_ptr<Server> server(new Server);
   server->services_.push_back(make_gateway_service(node));
   server->services_.push_back(make_endorser_service(node));

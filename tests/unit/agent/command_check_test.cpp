@@ -420,6 +420,11 @@ TEST_F(CommandCheckTest, AStopGivesAStopPlanAtOnceThatIsNewerThanAllBefore) {
   EXPECT_EQ(checked.refused.at(0).why, Refusal::stopped);
 }
 
+TEST_F(CommandCheckTest, AStopThatNamesNobodyIsARecordThatStopsNothing) {
+  const auto checked = give({control_event("stop", control("tello1", epoch))});
+  EXPECT_TRUE(checked.plans.empty());
+}
+
 TEST_F(CommandCheckTest, AStopByNameWithMotorsOffGivesACut) {
   auto stopped = control("tello1", epoch);
   *stopped.mutable_stopped_by() = stopped.holder();

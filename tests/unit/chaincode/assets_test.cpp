@@ -285,6 +285,17 @@ TEST_F(AssetsTest, HistorySurvivesANewOwner) {
   EXPECT_EQ(versions.versions(1).asset().msg_data(), "by host");
 }
 
+TEST_F(AssetsTest, ARefusalIsOneReadableLineWhateverTheCallHolds) {
+  EXPECT_EQ(stub.call(host, "f\xff\n\x1b[2J", {"x"}).message.find("unknown function f???[2J; known"), 0U);
+  EXPECT_LE(stub.call(host, std::string(500'000, 'f'), {"x"}).message.size(), 1'000U);
+  Asset wrong = asset("tello1/odom");
+  wrong.set_topic("/x\n" + std::string(500'000, 'y'));
+  const std::string why = set(host, {wrong}).message;
+  EXPECT_EQ(why.find("tello1/odom: the topic is /x?yyy"), 0U);
+  EXPECT_LE(why.size(), 1'000U);
+  EXPECT_THAT(stub.call(host, "set", {"{\"id\":\xff\n}"}).message, StartsWith("not a SetCall in JSON: "));
+}
+
 TEST_F(AssetsTest, AnUnknownFunctionIsNamed) {
   EXPECT_THAT(stub.call(host, "anchor", {"x"}).message, StartsWith("unknown function anchor"));
 }

@@ -95,6 +95,31 @@ TEST(Config, NotANumberIsNoNumberInRange) {
   EXPECT_NE(problems(config), "");
 }
 
+TEST(Config, ATextIsOneLineWithoutControlCharacters) {
+  auto config = config_of("a = \"x\\u0000y\"\nb = \"\"\"two\nlines\"\"\"\nc = \"caf\u00e9\"\n");
+  EXPECT_EQ(config.text("a", "other"), "other");
+  EXPECT_EQ(config.text("b", "other"), "other");
+  EXPECT_EQ(config.text("c"), "caf\u00e9");
+  const std::string what = problems(config);
+  EXPECT_NE(what.find("link.toml:1: a: must be one line"), std::string::npos) << what;
+  EXPECT_NE(what.find("link.toml:2: b: must be one line"), std::string::npos) << what;
+}
+
+TEST(Config, NumbersOfAListMustBeFinite) {
+  for (const char* list : {"a = [nan, 1.0]\n", "a = [1.0, inf]\n", "a = [-inf, 1.0]\n"}) {
+    auto config = config_of(list);
+    EXPECT_EQ(config.numbers("a", 2, {3, 4}), (std::vector<double>{3, 4})) << list;
+    EXPECT_NE(problems(config), "") << list;
+  }
+}
+
+TEST(Config, AKeyOfADamagedFileIsShownAsAPersonCanReadIt) {
+  auto config = config_of("\"a\\u001b[2J" + std::string(5'000, 'x') + "\" = 1\n");
+  const std::string what = problems(config);
+  EXPECT_NE(what.find("a?[2Jxxx"), std::string::npos) << what;
+  EXPECT_LT(what.size(), 400U);
+}
+
 TEST(Config, SyntaxErrorsHaveTheLineToo) {
   auto config = Config::parse("a = 1\nb = = 2\n", "link.toml");
   ASSERT_FALSE(config);

@@ -2,6 +2,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
@@ -88,6 +89,27 @@ TEST_F(Msp, StrangersAreRefusedWithTheReason) {
   EXPECT_NE(refusal(serialized("Org1MSP", "no certificate")).find("PEM"), std::string::npos);
   EXPECT_NE(refusal("\xff\xff\xff").find("could not deserialize"), std::string::npos);
   EXPECT_NE(refusal(std::string(1 << 20, 'x')).find("could not deserialize"), std::string::npos);
+}
+
+TEST_F(Msp, AnEncryptedCertificateIsRefusedWithoutAskingForItsPassPhrase) {
+  std::string pem = user_of(ca_, "User1@org1", "client").certificate_pem;
+  pem.insert(pem.find('\n') + 1, "Proc-Type: 4,ENCRYPTED\nDEK-Info: AES-128-CBC,000102030405060708090a0b0c0d0e0f\n\n");
+  EXPECT_NE(refusal(serialized("Org1MSP", pem)).find("could not decode the PEM structure"), std::string::npos);
+  EXPECT_FALSE(parse_certificate(pem));
+  EXPECT_FALSE(make_signer(Library::libcrypto, pem));
+}
+
+TEST_F(Msp, BytesBehindACertificateAreRefused) {
+  std::string pem = user_of(ca_, "User1@org1", "client").certificate_pem;
+  std::replace(pem.begin(), pem.end(), '=', 'A');  // the padding of base64
+  pem.insert(pem.find("\n-----END"), "AAAA");
+  EXPECT_NE(refusal(serialized("Org1MSP", pem)).find("trailing data"), std::string::npos);
+}
+
+TEST_F(Msp, TheNameOfAnUnknownOrganisationIsShownAsAPersonCanReadIt) {
+  const std::string why = refusal(serialized("a\nb\x1b[2J" + std::string(10'000, 'x'), ""));
+  EXPECT_EQ(why.find("MSP a?b?[2Jxxx"), 0U) << why;
+  EXPECT_LT(why.size(), 300U);
 }
 
 TEST_F(Msp, ValidityIsCheckedOnEveryUse) {

@@ -147,6 +147,18 @@ TEST(PathController, TurnsBackToItsYawTheShortWay) {
   EXPECT_LT(controller.plan(motion, 0).front().yaw_rate_radps, 0);
 }
 
+TEST(PathController, AStateWhoseTimesAreYearsApartTakesNoLongerThanAnyOther) {
+  PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 0);
+  Motion state;
+  state.position_m.z() = 1;
+  controller.start(0);
+  constexpr TimeNs years = INT64_MAX / 4;
+  EXPECT_EQ(controller.plan(state, years).size(), PathController::steps);
+  EXPECT_LT(controller.progress_m(), 2);
+  state.stamp_ns = years;
+  EXPECT_EQ(controller.plan(state, years + ns_per_s).size(), PathController::steps);
+}
+
 TEST(PathController, NeverAsksForMoreThanItsSpeedAllows) {
   PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 0);
   Motion far;

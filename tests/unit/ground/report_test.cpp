@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "ground/report/published.hpp"
@@ -110,6 +111,22 @@ class RunDirectory : public testing::Test {
   fly::Options options;
   fly::RunRecord run;
 };
+
+TEST_F(RunDirectory, FiguresThatCannotBeAreLeftOut) {
+  fill();
+  write(files.summary("node"), R"({"blocks":-1,"transactions":1e300,"storage":7,"disk_ms":{"p5":"x","max":7}})");
+  write(files.summary("ground"), R"({"drones":[{"name":"tello1","origin":[1,2],"path_ns":[-1e300,1e300],"lap_s":3}]})");
+  constexpr TimeNs lowest = std::numeric_limits<TimeNs>::min();
+  write_trace("agent", {record(TraceKind::command_verified, 2'010'000'000, 1, 1, lowest),
+                        record(TraceKind::command_verified, lowest, 1, 2, 2'000'000'000),
+                        record(TraceKind::command_verified, 2'010'000'000, 1, 3, 2'000'000'000)});
+  const Results r = read_results(files, options, run);
+  EXPECT_EQ(r.blocks, 0u);
+  EXPECT_EQ(r.transactions, 0u);
+  EXPECT_EQ(r.disk_ms.max, 7);
+  EXPECT_EQ(r.disk_ms.p5, 0);
+  EXPECT_EQ(r.drones.at(0).two_way.size(), 1u);
+}
 
 TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   fill();

@@ -137,6 +137,24 @@ TEST(Ros, ValuesOfNoEnumerationAreRefused) {
   }
 }
 
+TEST(Ros, TimesAndNumbersThatNoDroneCanSayAreRefused) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto refused = [](const auto& spoil) {
+    StateSample s = sample_status();
+    spoil(s);
+    return !link_status_from_cdr(link_status_to_cdr(s));
+  };
+  EXPECT_TRUE(refused([](auto& s) { s.stamp_ns = -1; }));
+  EXPECT_TRUE(refused([](auto& s) { s.stamp_ns = INT64_MAX; }));
+  EXPECT_TRUE(refused([](auto& s) { s.pose_stamp_ns = INT64_MIN; }));
+  EXPECT_TRUE(refused([](auto& s) { s.applied_late_ns = INT64_MIN; }));
+  EXPECT_TRUE(refused([](auto& s) { s.position_m[2] = nan; }));
+  EXPECT_TRUE(refused([](auto& s) { s.velocity_mps[0] = -1e300; }));
+  EXPECT_TRUE(refused([](auto& s) { s.yaw_rad = std::numeric_limits<double>::infinity(); }));
+  EXPECT_TRUE(refused([](auto& s) { s.battery = static_cast<float>(nan); }));
+  EXPECT_FALSE(refused([](auto& s) { s.applied_late_ns = -3 * ns_per_s; }));
+}
+
 TEST(Ros, TruncatedMessagesAreErrorsThatNameTheType) {
   const std::string odometry = to_cdr(sample_odometry()), status = link_status_to_cdr(sample_status());
   const std::string battery = to_cdr(BatteryState{{0, "x"}, 1, 1});

@@ -86,6 +86,7 @@ class ServedNode {
             *crypto::make_signer(crypto::Library::libcrypto, made->key_pem)};
   }
 
+  const std::string& endpoint() const { return server_->endpoint(); }
   Node& node() { return *node_; }
   const CoreConfig& config() const { return node_->config(); }
 

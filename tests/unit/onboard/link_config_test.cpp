@@ -56,8 +56,12 @@ TEST_F(LinkConfig, MistakesAreNamed) {
   };
   EXPECT_NE(error_of("").find("[[drone]]"), std::string::npos);
   EXPECT_NE(error_of(drone + "[failsave]\nland_after_s = 1\n").find("failsave"), std::string::npos);
+  EXPECT_NE(error_of(drone + "[fence]\nmin_m = [1.0, 0.0, 0.0]\nmax_m = [1.0, 2.0, 3.0]\n").find("fence.min_m"),
+            std::string::npos);
+  EXPECT_NE(error_of(drone + "[fence]\nmin_m = [nan, 0.0, 0.0]\n").find("fence.min_m"), std::string::npos);
   EXPECT_NE(error_of(drone + drone).find("number 3"), std::string::npos);
   EXPECT_NE(error_of(drone + "[state]\nlisten = \"localhost:1\"\n").find("state.listen"), std::string::npos);
+  EXPECT_NE(error_of(drone + "[state]\nlisten = \"0.0.0.0:0\"\n").find("state.listen"), std::string::npos);
   EXPECT_NE(error_of("[[drone]]\nname = \"tello1\"\naddress = \"tello.local\"\n").find("tello1"), std::string::npos);
 }
 
