@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "common/msg/form.hpp"
 #include "onboard/agent/agent_core.hpp"

@@ -1,3 +1,5 @@
+#include <stdexcept>
+
 #include "tests/fuzz/entry.hpp"
 #include "tests/unit/chaincode/fake_stub.hpp"
 
@@ -108,6 +110,7 @@ class ContractEntry final : public Entry {
       args.emplace_back(bytes);
     }
     stub_.who = call_.who;
+    stub_.reads.clear();
     stub_.writes.clear();
     stub_.event_name.clear();
     const Response response = chaincode::invoke(stub_, call_.function, args);

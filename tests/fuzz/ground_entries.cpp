@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "common/msg/form.hpp"
 #include "tests/fuzz/entry.hpp"
 #include "tests/unit/ground/flight_world.hpp"
 

@@ -179,12 +179,15 @@ std::string sign_status(std::string_view bytes) {
 }
 
 std::string events_request() {
-  (void)status_request();  // so that there is an event
+  // From the newest block that has an event: the node sends ahead what the connection takes.
+  const Answer committed = call(gateway_service + "CommitStatus", sign_status(status_request()), milliseconds(20'000));
+  gateway::CommitStatusResponse status;
+  status.ParseFromString(committed.message);
   gateway::ChaincodeEventsRequest request;
   request.set_channel_id("teleop");
   request.set_chaincode_id("ledgerline");
   request.set_identity(user().serialized);
-  request.mutable_start_position()->mutable_oldest();
+  request.mutable_start_position()->mutable_specified()->set_number(status.block_number());
   return request.SerializeAsString();
 }
 std::string sign_events(std::string_view bytes) {

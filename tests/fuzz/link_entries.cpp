@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "onboard/link/session.hpp"
 #include "tests/fuzz/entry.hpp"
 
