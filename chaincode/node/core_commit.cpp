@@ -3,6 +3,7 @@
 
 #include "chaincode/node/core_parts.hpp"
 #include "ledger/rwset/rwset.pb.h"
+#include "peer/chaincode_event.pb.h"
 #include "peer/transaction.pb.h"
 
 /// The committing half of the core: envelopes are checked, cut into blocks, validated and applied.
@@ -34,6 +35,18 @@ bool NodeCore::Parts::endorsed(const TransactionParts& transaction, Now now) {
   return false;
 }
 
+namespace {
+
+/// An event that names another contract or transaction would reach readers under a false name.
+bool own_event(const TransactionParts& transaction, const std::string& contract) {
+  if (transaction.action.events().empty()) return true;
+  protos::ChaincodeEvent event;
+  return event.ParseFromString(transaction.action.events()) && event.chaincode_id() == contract &&
+         event.tx_id() == transaction.channel_header.tx_id();
+}
+
+}  // namespace
+
 int NodeCore::Parts::validate(const TransactionParts& transaction, Now now, kvrwset::KVRWSet& set) {
   if (transaction.code != protos::VALID) return transaction.code;
   if (state.find_tx(transaction.channel_header.tx_id())) return protos::DUPLICATE_TXID;
@@ -41,6 +54,7 @@ int NodeCore::Parts::validate(const TransactionParts& transaction, Now now, kvrw
   if (!endorsed(transaction, now)) return protos::ENDORSEMENT_POLICY_FAILURE;
   ContractSet contract_set = read_contract_set(transaction.action, config.contract);
   if (contract_set.code != protos::VALID) return contract_set.code;
+  if (!own_event(transaction, config.contract)) return protos::INVALID_OTHER_REASON;
   set = std::move(contract_set.set);
   return protos::VALID;
 }

@@ -1,3 +1,4 @@
+#include <google/protobuf/stubs/logging.h>
 #include <grpc/support/log.h>
 #include <grpcpp/impl/service_type.h>
 #include <grpcpp/server.h>
@@ -31,6 +32,8 @@ Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& lis
   const auto colon = listen.rfind(':');
   if (colon == std::string::npos) return Error{"--listen " + listen + ": give ADDRESS:PORT"};
   gpr_set_log_function(log_seldom);
+  // protobuf would write a line for each text of a stranger that is no UTF-8.
+  google::protobuf::SetLogHandler(nullptr);
   std::unique_ptr<Server> server(new Server);
   server->services_.push_back(make_gateway_service(node));
   server->services_.push_back(make_endorser_service(node));

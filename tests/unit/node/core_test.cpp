@@ -2,6 +2,7 @@
 
 #include "chaincode/node/block.hpp"
 #include "gateway/gateway.pb.h"
+#include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"
@@ -322,6 +323,28 @@ TEST_F(CoreTest, OneGoodEndorsementIsEnough) {
   });
   net.core->order(envelope, net.now);
   EXPECT_THAT(net.commit(), ElementsAre(protos::VALID));
+}
+
+TEST_F(CoreTest, AnEventInAFalseNameIsInvalidThoughAPeerEndorsedIt) {
+  const crypto::SigningIdentity peer = crypto::make_test_identity({"Org1MSP", "CN=peer0"});
+  const auto with_event = [&](const std::function<void(protos::ChaincodeEvent&)>& change) {
+    return forge(net.host, net.endorsed(net.host, "set", note("tello1/a")), [&](auto& payload) {
+      change_action(payload, [&](auto& action) {
+        protos::ChaincodeEvent event;
+        event.ParseFromString(action.events());
+        change(event);
+        action.set_events(event.SerializeAsString());
+      });
+      auto& endorsement = *payload.mutable_action()->mutable_endorsements(0);
+      endorsement.set_endorser(peer.serialized);
+      endorsement.set_signature(*peer.signer->sign(payload.action().proposal_response_payload() + peer.serialized));
+    });
+  };
+  net.core->order(with_event([](auto&) {}), net.now);
+  EXPECT_THAT(net.commit(), ElementsAre(protos::VALID)) << "an endorsement like any other";
+  net.core->order(with_event([](auto& event) { event.set_chaincode_id("other"); }), net.now);
+  net.core->order(with_event([](auto& event) { event.set_tx_id("another"); }), net.now);
+  EXPECT_THAT(net.commit(), ElementsAre(protos::INVALID_OTHER_REASON, protos::INVALID_OTHER_REASON));
 }
 
 TEST_F(CoreTest, AnInvalidTransactionWritesNothing) {
