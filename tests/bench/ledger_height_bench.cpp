@@ -38,8 +38,8 @@ crypto::SigningIdentity user_of(const std::string& dir) {
   std::exit(1);
 }
 
-/// One transaction a block, until the chain is so high.
-void grow(const std::string& dir, std::uint64_t height) {
+/// One transaction a block, until the chain is so high; returns its height.
+std::uint64_t grow(const std::string& dir, std::uint64_t height) {
   auto node = node::Node::open({dir, {}});
   if (!node) give_up(node.error().what);
   const crypto::SigningIdentity user = user_of(dir);
@@ -68,6 +68,7 @@ void grow(const std::string& dir, std::uint64_t height) {
   }
   std::unique_lock lock(mutex);
   done.wait(lock, [&] { return waiting == 0; });
+  return (*node)->feed().height();
 }
 
 struct Running {
@@ -135,10 +136,10 @@ int main(int argc, char** argv) {
   Running short_chain, long_chain;
   for (auto [running, name, height] : {std::tuple{&short_chain, "short", low}, std::tuple{&long_chain, "long", high}}) {
     const std::string where = dir + "/" + name;
-    grow(where, height);
+    const std::uint64_t blocks = grow(where, height);
     running->start(program, where);
-    fmt::print("{:>7} blocks: ready after {:.2f} s, {:.0f} MB resident, {} bytes a transaction on disk\n", height,
-               running->start_s, running->resident_mb(), fs::file_size(where + "/ledger/blocks") / height);
+    fmt::print("{:>7} blocks: ready after {:.2f} s, {:.0f} MB resident, {} bytes a transaction on disk\n", blocks,
+               running->start_s, running->resident_mb(), fs::file_size(where + "/ledger/blocks") / blocks);
   }
   // Both grow as they are asked, so the short one is short only at first.
   short_chain.turn(20);
