@@ -19,8 +19,7 @@ class RawCall final : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::Byt
   using Done = std::function<void(const grpc::Status& status)>;
 
   static void start(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
-                    const std::string& request, std::chrono::milliseconds deadline, Message on_message,
-                    Done on_done) {
+                    const std::string& request, std::chrono::milliseconds deadline, Message on_message, Done on_done) {
     auto* call = new RawCall(std::move(on_message), std::move(on_done));
     call->context_.set_deadline(std::chrono::system_clock::now() + deadline);
     const grpc::Slice bytes(request);
