@@ -60,7 +60,7 @@ class KeyReader {
     if (sought.empty()) return done;
     if (read_ == 0) return Error{"the bookmark is damaged"};
     --read_;
-    for (std::size_t looked = 0; looked < 4 * max_page_versions; ++looked) {
+    for (std::size_t looked = 0; looked < 8 * max_page_versions; ++looked) {
       if (Status status = fill(); !status) return status;
       if (raw_.empty()) break;
       const bool found = raw_.front().tx_id == sought;
@@ -145,21 +145,56 @@ Result<std::vector<std::string>> keys_of(Stub& stub, const std::string& id) {
   return keys;
 }
 
-/// An id that streams: from the newest frame, else from the frames before it; those are counted in `looked`.
-Result<std::optional<Asset>> get_streaming(Stub& stub, const Control& control, const std::string& id,
-                                           const std::optional<Stored>& frame, std::size_t& looked) {
+/// Old frames under their keys, newest first, each read once in a call; at most max_page_versions of a key.
+class OldFrames {
+ public:
+  explicit OldFrames(Stub& stub) : stub_(stub) {}
+
+  /// The newest old value of an id under a key.
+  Result<std::optional<Asset>> find(const std::string& key, const std::string& id) {
+    Frames& frames = all_[key];
+    for (std::size_t i = 0; i < max_page_versions; ++i) {
+      if (i == frames.read.size()) {
+        if (frames.end) break;
+        auto more = stub_.get_history(key, i, history_step);
+        if (!more) return more.error();
+        frames.end = more->size() < history_step;
+        looked_ += more->size();
+        for (const KeyVersion& version : *more) {
+          if (!frames.read.emplace_back().ParseFromString(version.value)) {
+            return Error{"an old value of " + key + " is damaged"};
+          }
+        }
+        if (i == frames.read.size()) break;
+      }
+      if (const Asset* asset = find_in(frames.read[i], id)) return std::optional<Asset>(*asset);
+    }
+    return std::optional<Asset>{};
+  }
+  /// How many were read.
+  std::size_t looked() const { return looked_; }
+
+ private:
+  struct Frames {
+    std::deque<Stored> read;
+    bool end = false;
+  };
+  Stub& stub_;
+  std::map<std::string, Frames> all_;
+  std::size_t looked_ = 0;
+};
+
+/// An id that streams: from the newest frame, else from the frames before it.
+Result<std::optional<Asset>> get_streaming(OldFrames& old, const Control& control, const std::string& id,
+                                           const std::optional<Stored>& frame) {
   if (frame) {
     if (const Asset* asset = find_in(*frame, id)) return std::optional<Asset>(*asset);
   }
   std::vector<Identity> owners{control.owner()};
   owners.insert(owners.end(), control.former_owners().rbegin(), control.former_owners().rend());
   for (const Identity& owner : owners) {
-    KeyReader versions(stub, frame_key(to_name(owner)), id);
-    std::size_t budget = max_page_versions;
-    const auto newest = versions.peek(budget);
-    if (!newest) return newest.error();
-    looked += max_page_versions - budget;
-    if (*newest != nullptr) return std::optional<Asset>((*newest)->asset());
+    auto newest = old.find(frame_key(to_name(owner)), id);
+    if (!newest || *newest) return newest;
   }
   return std::optional<Asset>{};
 }
@@ -183,8 +218,8 @@ Result<std::optional<Asset>> get_one(Stub& stub, const std::string& id) {
       if (std::find(streams.begin(), streams.end(), id) != streams.end()) {
         const auto frame = read_stored(stub, frame_key(to_name((*control)->owner())));
         if (!frame) return frame.error();
-        std::size_t looked = 0;
-        return get_streaming(stub, **control, id, *frame, looked);
+        OldFrames old(stub);
+        return get_streaming(old, **control, id, *frame);
       }
     }
   }
@@ -233,16 +268,16 @@ Result<Streaming> streaming(Stub& stub, const std::string& prefix, const std::st
   }
   Streaming found;
   std::map<std::string, std::optional<Stored>> frames;
-  std::size_t looked = 0;
+  OldFrames old(stub);
   for (const auto& [id, control] : wanted) {
-    if (looked >= max_page_versions) return found;
+    if (old.looked() >= max_page_versions) return found;
     const std::string key = frame_key(to_name(control->owner()));
     if (!frames.contains(key)) {
       auto frame = read_stored(stub, key);
       if (!frame) return frame.error();
       frames.emplace(key, std::move(*frame));
     }
-    auto asset = get_streaming(stub, *control, id, frames.at(key), looked);
+    auto asset = get_streaming(old, *control, id, frames.at(key));
     if (!asset) return asset.error();
     if (*asset) found.assets.emplace(id, std::move(**asset));
     found.upto = id;

@@ -37,7 +37,8 @@ bool NodeCore::Parts::endorsed(const TransactionParts& transaction, Now now) {
 
 namespace {
 
-/// An event that names another contract or transaction would reach readers under a false name.
+/// An event that names another contract or transaction would reach readers under a false name. (Fabric looks at the
+/// contract alone.)
 bool own_event(const TransactionParts& transaction, const std::string& contract) {
   if (transaction.action.events().empty()) return true;
   protos::ChaincodeEvent event;
@@ -51,10 +52,10 @@ int NodeCore::Parts::validate(const TransactionParts& transaction, Now now, kvrw
   if (transaction.code != protos::VALID) return transaction.code;
   if (state.find_tx(transaction.channel_header.tx_id())) return protos::DUPLICATE_TXID;
   if (transaction.action.chaincode_id().name() != config.contract) return protos::INVALID_CHAINCODE;
-  if (!endorsed(transaction, now)) return protos::ENDORSEMENT_POLICY_FAILURE;
   ContractSet contract_set = read_contract_set(transaction.action, config.contract);
   if (contract_set.code != protos::VALID) return contract_set.code;
   if (!own_event(transaction, config.contract)) return protos::INVALID_OTHER_REASON;
+  if (!endorsed(transaction, now)) return protos::ENDORSEMENT_POLICY_FAILURE;
   set = std::move(contract_set.set);
   return protos::VALID;
 }

@@ -105,7 +105,10 @@ std::string Config::text(const std::string& key, const std::string& otherwise) {
   if (!node) return otherwise;
   const auto* value = node->as_string();
   if (value && clear_text(value->get(), longest_text) == value->get()) return value->get();
-  state_->problem(node, key, value ? "must be one line of text without control characters" : "must be a string");
+  state_->problem(
+      node, key,
+      value ? fmt::format("must be one line of text without control characters, at most {} bytes", longest_text)
+            : "must be a string");
   return otherwise;
 }
 

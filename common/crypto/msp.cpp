@@ -110,7 +110,7 @@ class CachingRegistry final : public MspRegistry {
     if (roles == 1) return done;
     const std::string units = fmt::format("OUs: [{}], MSP: [{}]", fmt::join(certificate.units, ", "), msp_id);
     if (roles == 0) {
-      return Error{"the identity does not have an OU that resolves to client, peer, orderer, or admin. " + units};
+      return Error{"the identity does not have an OU that resolves to client, peer, orderer, or admin role. " + units};
     }
     return Error{
         "the identity must be a client, a peer, an orderer or an admin identity to be valid, not a combination of "

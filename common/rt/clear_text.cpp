@@ -19,6 +19,13 @@ std::size_t character_size(std::string_view text) {
   return overlong || surrogate || beyond ? 0 : size;
 }
 
+// U+0080 to U+009F are controls as well (U+009B begins a terminal's commands), U+2028 and U+2029 end lines.
+bool is_control(std::string_view character) {
+  if (character.size() == 1) return character[0] < ' ' || character[0] == '\x7f';
+  return (character.size() == 2 && character[0] == '\xc2' && static_cast<unsigned char>(character[1]) < 0xa0) ||
+         character == "\xe2\x80\xa8" || character == "\xe2\x80\xa9";
+}
+
 }  // namespace
 
 std::string clear_text(std::string_view text, std::size_t most) {
@@ -27,7 +34,7 @@ std::string clear_text(std::string_view text, std::size_t most) {
   std::size_t cut = 0;  // where the rest may begin
   while (!text.empty()) {
     const std::size_t size = character_size(text);
-    const bool printable = size > 1 || (size == 1 && text[0] >= ' ' && text[0] != '\x7f');
+    const bool printable = size > 0 && !is_control(text.substr(0, size));
     out += printable ? text.substr(0, size) : "?";
     text.remove_prefix(size == 0 ? 1 : size);
     if (out.size() + rest.size() <= most) cut = out.size();

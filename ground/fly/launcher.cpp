@@ -69,7 +69,8 @@ Status Launcher::wait_ready(const std::vector<std::string>& names) {
     while (!ready_.contains(name)) {
       if (interrupts_ > 0) return Error{"interrupted before take-off"};
       for (const std::string& other : children_.names()) {
-        if (!children_.running(other) && !children_.ended_well(other)) return Error{crash_of(other, "before take-off")};
+        if (children_.running(other) || children_.ended_well(other)) continue;
+        return Error{other == "ground" ? ground_why() : crash_of(other, "before take-off")};
       }
       if (!children_.running(name) && !ready_.contains(name)) return Error{crash_of(name, "before take-off")};
       if (monotonic_ns() > until_ns) {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "ground/fly/children.hpp"
+#include "common/process/children.hpp"
 #include "ground/fly/configs.hpp"
 #include "ground/fly/live.hpp"
 #include "ground/fly/options.hpp"

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <mutex>
 
+#include "common/fabric/connection.hpp"
 #include "gateway/gateway.pb.h"
 #include "orderer/ab.pb.h"
 #include "peer/events.pb.h"
@@ -100,19 +101,25 @@ class Method final : public Entry {
     // A good question about what is not there yet waits for it, which is no refusal; a valid one has its answer at
     // once.
     const bool valid = std::find(seeds_.begin(), seeds_.end(), bytes) != seeds_.end();
+    const bool at_once = valid || !may_wait_;
     const Answer answer =
-        call(name_, wrap_ ? wrap_(bytes) : std::string(bytes), valid ? milliseconds(20'000) : milliseconds(5));
+        call(name_, wrap_ ? wrap_(bytes) : std::string(bytes), at_once ? milliseconds(20'000) : milliseconds(5));
     if (answer.answered) {
       const std::string why = refusal_(answer.message);
       return why.empty() ? accepted() : refused(why);
     }
     const bool waits = answer.status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
-    if (waits) return valid ? refused("no answer") : accepted();
-    return refused(answer.status.error_message());
+    if (waits) return at_once ? refused("") : accepted();
+    // What a client shows: the detail, or else the message.
+    const std::string shown = fabric::describe(answer.status);
+    return refused(answer.status.error_message().empty() || shown.empty() ? "" : shown);
   }
 
  private:
   const std::string name_;
+  const bool may_wait_ = name_.find("CommitStatus") != std::string::npos ||
+                         name_.find("ChaincodeEvents") != std::string::npos ||
+                         name_.find("Deliver") != std::string::npos;
   const std::vector<std::string> seeds_;
   const Refusal refusal_;
   const Wrap wrap_;

@@ -1,6 +1,6 @@
 #include "chaincode/node/block.hpp"
 #include "chaincode/node/proposal.hpp"
-#include "common/rt/clear_text.hpp"
+#include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"
@@ -14,11 +14,10 @@ namespace {
 
 using namespace node;
 
-/// The core quotes names as they came; the services make them fit to be read (clear_text) where they leave the node.
 Outcome outcome_of_reply(const Reply& reply) {
   if (reply.code == Code::ok) return accepted();
   const std::string& why = reply.detail.empty() ? reply.message : reply.detail;
-  return refused(reply.message.empty() ? "" : clear_text(why));
+  return refused(reply.message.empty() ? "" : why);
 }
 
 /// Enrolled: tello1; operator with the lease: pilot.
@@ -187,6 +186,7 @@ class OrderEntry final : public Entry {
     }
     transaction.mutable_actions(0)->set_header(payload.header().signature_header());
     response.set_proposal_hash(proposal_hash(payload.header(), action.chaincode_proposal_payload()));
+    right_event(*response.mutable_extension(), payload);
     const std::string result = response.SerializeAsString();
     action.mutable_action()->set_proposal_response_payload(result);
     action.mutable_action()->clear_endorsements();
@@ -195,6 +195,20 @@ class OrderEntry final : public Entry {
     endorsement.set_endorser(peer.serialized);
     endorsement.set_signature(*peer.signer->sign(result + peer.serialized));
     transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
+  }
+
+  /// The event names its transaction.
+  static void right_event(std::string& extension, const common::Payload& payload) {
+    protos::ChaincodeAction action;
+    protos::ChaincodeEvent event;
+    common::ChannelHeader header;
+    if (!read(action, extension) || action.events().empty() || !read(event, action.events()) ||
+        !read(header, payload.header().channel_header())) {
+      return;
+    }
+    event.set_tx_id(header.tx_id());
+    action.set_events(event.SerializeAsString());
+    extension = action.SerializeAsString();
   }
 
   Signed by_;

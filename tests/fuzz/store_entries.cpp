@@ -49,11 +49,11 @@ class StoreEntry final : public Entry {
     // chain's own hashes to refuse it.
     if (!store) return refused(store.error().what);
     if ((*store)->height() != given) return refused("");
+    const bool cut_off = files.content(file_name).bytes.size() < bytes.size();
     if (!(*store)->append("new")) return refused("");
     const auto last = (*store)->read(given);
     if (!last || *last != "new") return refused("");
     if (strange) return spliced(bytes) ? accepted() : refused("");
-    const bool cut_off = files.content(file_name).bytes.size() < bytes.size();
     return cut_off && message.empty() ? refused("") : accepted();
   }
 

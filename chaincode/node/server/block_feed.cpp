@@ -31,6 +31,15 @@ bool BlockFeed::wait(std::uint64_t number, std::weak_ptr<Waiter> waiter) {
   return true;
 }
 
+void BlockFeed::wake_soon(std::weak_ptr<Waiter> waiter) {
+  {
+    const std::lock_guard lock(mutex_);
+    waiters_.push_back(std::move(waiter));
+    news_ = true;
+  }
+  published_.notify_one();
+}
+
 void BlockFeed::publish(std::uint64_t number, std::string bytes) {
   {
     const std::lock_guard lock(mutex_);

@@ -31,6 +31,8 @@ class BlockFeed {
     virtual ~Waiter() = default;
     virtual void wake() = 0;
   };
+  /// A wake in any case, and soon: for the first look, which the core's thread has no time for.
+  void wake_soon(std::weak_ptr<Waiter> waiter);
   /// False: the block is there already, no wake will come.
   bool wait(std::uint64_t number, std::weak_ptr<Waiter> waiter);
 

@@ -4,8 +4,8 @@
 
 namespace ledgerline::node {
 
-EventStream* EventStream::start(Node& node, Limit& limit, const grpc::ByteBuffer& bytes) {
-  auto stream = std::make_shared<EventStream>(node, limit);
+EventStream* EventStream::start(Node& node, Limit& limit, ViewCache& events, const grpc::ByteBuffer& bytes) {
+  auto stream = std::make_shared<EventStream>(node, limit, events);
   stream->self_ = stream;
   if (!stream->place_) {
     stream->finish(too_many(limit));
@@ -37,11 +37,10 @@ void EventStream::begin(NodeCore& core, const gateway::ChaincodeEventsRequest& r
         {grpc::StatusCode::NOT_FOUND, "channel " + clear_text(request.channel_id(), longest_name) + " not found"});
   }
   const std::lock_guard lock(mutex_);
-  contract_ = request.chaincode_id();
+  // No other contract has events here.
+  if (request.chaincode_id() != node_.config().contract) return;
   after_ = request.after_transaction_id();
   next_ = read_start(request.start_position(), core.height());
-  // No other contract has events here: nothing to look for in what there is.
-  if (contract_ != node_.config().contract) next_ = std::max(next_, core.height());
   streaming_ = true;
   // Looking for the first event may take the whole chain: not on the core's thread. The alarm keeps the function, and
   // must not keep us by it.
@@ -53,18 +52,15 @@ void EventStream::begin(NodeCore& core, const gateway::ChaincodeEventsRequest& r
 void EventStream::pump() {
   while (streaming_ && !busy_ && !finished_) {
     if (node_.feed().wait(next_, weak_from_this())) return;
-    const auto block = node_.feed().read(next_);
-    if (!block) return finish_locked({grpc::StatusCode::INTERNAL, block.error().what});
-    gateway::ChaincodeEventsResponse response;
-    if (Status filled = fill_events(**block, contract_, after_, response); !filled) {
-      return finish_locked({grpc::StatusCode::INTERNAL, filled.error().what});
-    }
     // A checkpoint speaks of the first block alone.
+    auto message = after_.empty() ? events_.read(next_)
+                                  : ViewCache(node_.feed(), view_of(node_.config().contract, after_)).read(next_);
+    if (!message) return finish_locked({grpc::StatusCode::INTERNAL, message.error().what});
     after_.clear();
     ++next_;
-    if (response.events().empty()) continue;
+    if (message->Length() == 0) continue;
     busy_ = true;
-    response_ = to_buffer(response);
+    response_ = std::move(*message);
     StartWrite(&response_);
   }
 }
@@ -90,6 +86,14 @@ void EventStream::finish_locked(const grpc::Status& status) {
   if (finished_) return;
   finished_ = true;
   Finish(status);
+}
+
+ViewCache::Make EventStream::view_of(const std::string& contract, const std::string& after) {
+  return [=](std::string_view block) -> Result<grpc::ByteBuffer> {
+    gateway::ChaincodeEventsResponse response;
+    if (Status filled = fill_events(block, contract, after, response); !filled) return filled.error();
+    return response.events().empty() ? grpc::ByteBuffer() : to_buffer(response);
+  };
 }
 
 }  // namespace ledgerline::node

@@ -12,8 +12,11 @@ class EventStream final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
                           public BlockFeed::Waiter,
                           public std::enable_shared_from_this<EventStream> {
  public:
-  static EventStream* start(Node& node, Limit& limit, const grpc::ByteBuffer& request);
-  EventStream(Node& node, Limit& limit) : node_(node), place_(limit.take()) {}
+  /// `events`: the contract's events, block by block, as view_of makes them. Limit and cache outlive the stream.
+  static EventStream* start(Node& node, Limit& limit, ViewCache& events, const grpc::ByteBuffer& request);
+  EventStream(Node& node, Limit& limit, ViewCache& events) : node_(node), place_(limit.take()), events_(events) {}
+  /// A block's message; empty when it has no event.
+  static ViewCache::Make view_of(const std::string& contract, const std::string& after = {});
 
   void OnWriteDone(bool ok) override;
   void OnCancel() override { finish(grpc::Status::CANCELLED); }
@@ -28,12 +31,13 @@ class EventStream final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
 
   Node& node_;
   const Limit::Place place_;
+  ViewCache& events_;
   std::shared_ptr<EventStream> self_;  // until gRPC is done with it
   grpc::Alarm to_grpc_thread_;
 
   std::mutex mutex_;  // guards what follows
   grpc::ByteBuffer response_;
-  std::string contract_, after_;
+  std::string after_;
   std::uint64_t next_ = 0;
   bool streaming_ = false, busy_ = false, finished_ = false;
 };

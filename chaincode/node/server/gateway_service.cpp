@@ -8,10 +8,11 @@
 namespace ledgerline::node {
 namespace {
 
-/// Fabric's peer.limits.concurrency.gatewayService.
-constexpr int most_gateway_calls = 500;
+/// Fabric's peer.limits.concurrency.gatewayService. Calls that wait have a limit of their own, so that many of them
+/// keep nobody from endorsing.
+constexpr int most_gateway_calls = 500, most_gateway_waiting = 2500;
 
-/// One CommitStatus call that waits for its transaction. Finished on the core thread alone.
+/// One CommitStatus call that waits for its transaction. Once the core knows of it, it is finished on the core thread.
 class CommitWaiter final : public grpc::ServerUnaryReactor {
  public:
   CommitWaiter(Limit::Place place, std::function<void()> on_cancel)
@@ -31,7 +32,8 @@ using RawGateway = Gateway::WithRawCallbackMethod_Endorse<Gateway::WithRawCallba
 
 class GatewayService final : public RawGateway {
  public:
-  explicit GatewayService(Node& node) : node_(node) {
+  explicit GatewayService(Node& node)
+      : node_(node), events_(node.feed(), EventStream::view_of(node.config().contract)) {
     node.on_answer([this](std::uint64_t waiter, const TxStatus& status) { answer(waiter, status); });
   }
 
@@ -91,8 +93,8 @@ class GatewayService final : public RawGateway {
       reactor->Finish(status);
       return reactor;
     };
-    Limit::Place place = limit_.take();
-    if (!place) return refuse(too_many(limit_));
+    Limit::Place place = waiting_limit_.take();
+    if (!place) return refuse(too_many(waiting_limit_));
     gateway::SignedCommitStatusRequest request;
     if (!parse(*bytes, request)) return refuse(unparsable(request.GetTypeName()));
     const std::uint64_t id = next_waiter_++;
@@ -106,7 +108,7 @@ class GatewayService final : public RawGateway {
 
   grpc::ServerWriteReactor<grpc::ByteBuffer>* ChaincodeEvents(grpc::CallbackServerContext* /*context*/,
                                                               const grpc::ByteBuffer* request) override {
-    return EventStream::start(node_, limit_, *request);
+    return EventStream::start(node_, waiting_limit_, events_, *request);
   }
 
  private:
@@ -165,6 +167,8 @@ class GatewayService final : public RawGateway {
 
   Node& node_;
   Limit limit_{"/gateway.Gateway", most_gateway_calls};
+  Limit waiting_limit_{"/gateway.Gateway (calls that wait)", most_gateway_waiting};
+  ViewCache events_;
   std::atomic<std::uint64_t> next_waiter_{1};
   std::map<std::uint64_t, Waiting> waiting_;  // core thread only
 };

@@ -16,6 +16,4 @@ grpc::Status overloaded();
 /// As many calls of this service are open as may be.
 inline grpc::Status too_many(const Limit& limit) { return {grpc::StatusCode::RESOURCE_EXHAUSTED, limit.refusal()}; }
 
-inline Now read_now() { return {monotonic_ns(), realtime_ns()}; }
-
 }  // namespace ledgerline::node

@@ -15,9 +15,7 @@ struct Identities {
   std::string server_key_pem, server_certificate_pem;  ///< of Org1's peer
 };
 
-/// Loads them; makes them first when DIR/crypto is missing: three organisations in cryptogen's layout, each with a CA,
-/// a TLS CA, peer0 and the users Admin, User1 and User2 (NodeOUs), and an orderer's organisation. Keys are 0600. Made
-/// under another name and renamed when complete, so that a crash leaves nothing half-made.
+/// Loads them; makes them first when DIR/crypto is missing (chaincode/identities).
 Result<Identities> open_identities(const std::string& dir);
 
 /// A user's msp folder: user_msp_dir(DIR, 2, "User1").

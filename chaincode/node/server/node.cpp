@@ -1,16 +1,13 @@
 #include "chaincode/node/server/node.hpp"
 
+#include "chaincode/first_enrolments.hpp"
 #include "common/fabric/transaction.hpp"
 #include "common/rt/log.hpp"
-#include "ledgerline.pb.h"
 
 namespace ledgerline::node {
 namespace {
 
-constexpr int first_drones = 16;
 constexpr TimeNs slow_disk_ns = 100 * ns_per_ms;  // everybody waits that long: worth a line in the log
-
-Now read_now() { return {monotonic_ns(), realtime_ns()}; }
 
 }  // namespace
 
@@ -80,25 +77,17 @@ Status Node::submit_now(const crypto::SigningIdentity& who, const std::string& f
 }
 
 Status Node::enroll_first() {
-  const auto enroll = [&](int organisation, const EnrollCall& who) -> Status {
-    const std::string msp_id = identities_.organisations[static_cast<std::size_t>(organisation - 1)].msp_id;
+  for (const FirstEnrolment& enrolment : first_enrolments()) {
+    const std::string& msp_id = identities_.organisations[static_cast<std::size_t>(enrolment.organisation - 1)].msp_id;
     const auto admin =
-        crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, organisation, "Admin"));
+        crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, enrolment.organisation, "Admin"));
     const auto user =
-        crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, organisation, "User1"));
+        crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, enrolment.organisation, "User1"));
     if (!admin) return admin.error();
     if (!user) return user.error();
-    EnrollCall call = who;
-    call.mutable_identity()->set_msp_id(user->name.msp_id);
-    call.mutable_identity()->set_subject(user->name.subject);
-    return submit_now(*admin, "enroll", call.SerializeAsString());
-  };
-  EnrollCall drone_host;
-  for (int number = 1; number <= first_drones; ++number) drone_host.add_drones("tello" + std::to_string(number));
-  if (Status status = enroll(1, drone_host); !status) return status;
-  EnrollCall operator_role;
-  operator_role.set_role(OPERATOR);
-  return enroll(2, operator_role);
+    if (Status s = submit_now(*admin, "enroll", enrolment.call(user->name)); !s) return s;
+  }
+  return done;
 }
 
 bool Node::post(Task task, Turn turn) {
@@ -130,6 +119,8 @@ void Node::on_failure(std::function<void(const std::string&)> handler) {
 }
 
 void Node::run_core() {
+  constexpr int most_in_a_row = 16;
+  int in_a_row = 0;
   std::unique_lock lock(mutex_);
   for (;;) {
     const auto idle = [&] { return tasks_.empty() && later_.empty(); };
@@ -144,14 +135,17 @@ void Node::run_core() {
     std::optional<CutBlock> written = std::exchange(written_, std::nullopt);
     Task task;
     if (!idle()) {
-      std::deque<Task>& queue = tasks_.empty() ? later_ : tasks_;
+      // Now and then a question has its turn though others wait, so that it is answered at all.
+      const bool question = tasks_.empty() || (!later_.empty() && ++in_a_row >= most_in_a_row);
+      if (question) in_a_row = 0;
+      std::deque<Task>& queue = question ? later_ : tasks_;
       task = std::move(queue.front());
       queue.pop_front();
     }
     const bool may_cut = !failed_;
     lock.unlock();
     if (written) apply(*written);
-    if (task) task(*core_);
+    if (task) std::exchange(task, nullptr)(*core_);
     if (may_cut) {
       if (auto block = core_->cut(read_now())) hand_to_writer(std::move(*block));
     }

@@ -17,9 +17,11 @@
 
 namespace ledgerline::node {
 
-/// The core with its two threads. The core thread alone touches the core; it takes tasks from a bounded queue and cuts
-/// blocks when they are due. The writer thread puts each block on disk, while the core goes on endorsing; then the core
-/// applies it, and readers and waiters hear of it.
+inline Now read_now() { return {monotonic_ns(), realtime_ns()}; }
+
+/// The core with its two threads. The core thread alone touches the core; it takes tasks from two bounded queues and
+/// cuts blocks when they are due. The writer thread puts each block on disk, while the core goes on endorsing; then the
+/// core applies it, and readers and waiters hear of it.
 class Node {
  public:
   struct Options {
@@ -33,7 +35,7 @@ class Node {
   Node& operator=(const Node&) = delete;
 
   using Task = std::function<void(NodeCore&)>;
-  /// Who waits for commands and states goes first; who only asks comes after them.
+  /// Who waits for commands and states goes first; who only asks comes after them (but is not kept waiting for ever).
   enum class Turn { first, later };
   /// Any thread. False: the queue is full, the task was not taken.
   bool post(Task task, Turn turn = Turn::first);

@@ -24,7 +24,8 @@ class Server {
   static Result<std::unique_ptr<Server>> start(Node& node, const std::string& listen);
   ~Server();
   const std::string& endpoint() const { return endpoint_; }
-  /// Ends all streams; returns when no call is left.
+  /// Ends all streams; returns when no call is left. To be destroyed only after Node::stop(): tasks of calls that have
+  /// ended may wait there.
   void stop();
 
  private:

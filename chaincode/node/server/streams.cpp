@@ -102,10 +102,12 @@ void DeliverStream::wake() {
 }
 
 void DeliverStream::begin(const SeekRange& range) {
-  const std::lock_guard lock(mutex_);
-  range_ = range;
-  streaming_ = true;
-  pump();
+  {
+    const std::lock_guard lock(mutex_);
+    range_ = range;
+    streaming_ = true;
+  }
+  node_.feed().wake_soon(weak_from_this());
 }
 
 /// Sends the next block, or waits for it.

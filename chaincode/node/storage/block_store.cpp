@@ -115,10 +115,16 @@ Status BlockStore::open_head(std::uint64_t size, const OnMessage& on_message) {
       salt_ = head->substr(4, salt_size);
       return done;
     }
-    // Nothing is written behind a head before it is synced.
-    if (size > head_size) return Error{name_ + " is damaged at byte 0, or no ledger of this program: restore it"};
   }
   if (size > 0) {
+    // Nothing is written behind a head before it is synced. An unfinished one is a begin of ours, or zeros.
+    const auto begin = file_->read(0, std::min<std::uint64_t>(size, file_magic.size()));
+    if (!begin) return begin.error();
+    const bool ours = file_magic.starts_with(*begin) || begin->find_first_not_of('\0') == std::string::npos;
+    if (size > head_size || !ours) {
+      return Error{name_ +
+                   " is damaged at byte 0, or no ledger of this version of the program: restore it from a copy"};
+    }
     on_message(name_ + " was not begun when the node last stopped; " + std::to_string(size) + " bytes cut off");
     if (Status status = file_->truncate(0); !status) return status;
   }

@@ -86,8 +86,10 @@ class FloodTest : public ::testing::Test {
     Flood(std::vector<std::shared_ptr<grpc::Channel>> channels, std::string method, std::string request)
         : channels_(std::move(channels)), method_(std::move(method)), request_(std::move(request)) {}
     ~Flood() { end(); }
+    /// Returns when it has begun to be felt.
     void begin(int count) {
       for (int i = 0; i < count; ++i) open(i);
+      for (int i = 0; i < 1000 && messages + ends == 0; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
     void end() {
       over_ = true;
@@ -99,7 +101,7 @@ class FloodTest : public ::testing::Test {
     void open(int number) {
       ++open_;
       RawCall::start(
-          channels_[static_cast<std::size_t>(number) % channels_.size()], method_, request_, 60s,
+          channels_[static_cast<std::size_t>(number) % channels_.size()], method_, request_, 5s,
           [this](const std::string&) {
             ++messages;
             return !over_;

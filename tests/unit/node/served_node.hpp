@@ -40,8 +40,9 @@ class ServedNode {
     server_ = std::move(*started);
   }
   ~ServedNode() {
+    server_->stop();
+    node_->stop();
     server_.reset();
-    node_.reset();
     std::filesystem::remove_all(dir_);
   }
 

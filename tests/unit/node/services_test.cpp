@@ -140,7 +140,6 @@ class ServicesTest : public ::testing::Test {
   /// Reads a stream of blocks up to its status; `blocks` counts what came before it.
   template <typename Response, typename Stream>
   common::Status read_to_status(Stream stream, const common::Envelope& envelope) {
-    blocks = 0;
     Response response;
     EXPECT_TRUE(stream->Write(envelope));
     stream->WritesDone();
@@ -157,6 +156,7 @@ class ServicesTest : public ::testing::Test {
   }
   std::vector<common::Status> deliver_everywhere(const common::Envelope& envelope) {
     std::vector<common::Status> statuses;
+    blocks = 0;
     using Peer = protos::DeliverResponse;
     auto context = within();
     statuses.push_back(read_to_status<Peer>(blocks_of->Deliver(context.get()), envelope));
@@ -347,7 +347,7 @@ TEST_F(ServicesTest, AStatusThatNeverComesIsNotAnswered) {
 
 TEST_F(ServicesTest, BlocksAreDeliveredUpToTheStop) {
   EXPECT_THAT(deliver_everywhere(seek(host)), ::testing::Each(common::SUCCESS));
-  EXPECT_EQ(blocks, 2);
+  EXPECT_EQ(blocks, 4 * 2);
 }
 
 TEST_F(ServicesTest, CallsBeyondTheLimitAreRefusedAndOtherServicesGoOn) {
@@ -362,32 +362,40 @@ TEST_F(ServicesTest, CallsBeyondTheLimitAreRefusedAndOtherServicesGoOn) {
     std::unique_ptr<grpc::ClientContext> context = within();
     gateway::CommitStatusResponse response;
   };
-  std::vector<Waiting> calls(520);
+  constexpr int most = 2500, more = 20;
+  std::vector<Waiting> calls(most + more);
   std::mutex mutex;
   std::condition_variable ended;
   int refused = 0, other = 0;
+  std::string refusal;
   for (Waiting& call : calls) {
     gateway->async()->CommitStatus(call.context.get(), &signed_request, &call.response, [&](const grpc::Status& end) {
       const std::lock_guard lock(mutex);
-      ++(end.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED ? refused : other);
+      const bool full = end.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
+      ++(full ? refused : other);
+      if (full) refusal = end.error_message();
       ended.notify_one();
     });
   }
   std::unique_lock lock(mutex);
-  ended.wait(lock, [&] { return refused + other == 20; });
-  EXPECT_EQ(refused, 20);
+  ended.wait(lock, [&] { return refused + other >= more; });
+  EXPECT_EQ(refused, more);
+  EXPECT_THAT(refusal, HasSubstr("exceeding concurrency limit (2500)"));
   lock.unlock();
   EXPECT_THAT(deliver_everywhere(seek(host)), ::testing::Each(common::SUCCESS));
-  EXPECT_EQ(endorse(propose(host)).code, grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(endorse(propose(host)).code, grpc::StatusCode::OK);
+  gateway::CommitStatusResponse status;
+  EXPECT_EQ(status_of(host, "one more", &status).code, grpc::StatusCode::RESOURCE_EXHAUSTED);
   for (Waiting& call : calls) call.context->TryCancel();
   lock.lock();
-  ended.wait(lock, [&] { return refused + other == 520; });
+  ended.wait(lock, [&] { return refused + other == most + more; });
   lock.unlock();
   // A place is free once the node has seen the end of its call.
-  for (int i = 0; i < 100 && endorse(propose(host)).code != grpc::StatusCode::OK; ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  const auto asked = [&] { return status_of(host, "never", &status, 1).code; };
+  for (int i = 0; i < 20 && asked() == grpc::StatusCode::RESOURCE_EXHAUSTED; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
-  EXPECT_EQ(endorse(propose(host)).code, grpc::StatusCode::OK);
+  EXPECT_EQ(asked(), grpc::StatusCode::DEADLINE_EXCEEDED);
 }
 
 }  // namespace

@@ -120,13 +120,15 @@ TEST_F(StorageTest, AnUnfinishedBlockThatHoldsARecordOfAnotherFileIsCutOff) {
 }
 
 TEST_F(StorageTest, AFileThatIsNoLedgerIsLeftAlone) {
-  const std::string other(200, 'x');
   write({});
-  bytes() = other;
-  const auto store = open(memory);
-  ASSERT_FALSE(store.ok());
-  EXPECT_THAT(store.error().what, HasSubstr("no ledger of this program"));
-  EXPECT_EQ(bytes(), other);
+  for (const std::size_t size : {1, 5, 28, 200}) {
+    const std::string other(size, 'x');
+    bytes() = other;
+    const auto store = open(memory);
+    ASSERT_FALSE(store.ok());
+    EXPECT_THAT(store.error().what, HasSubstr("no ledger of this version"));
+    EXPECT_EQ(bytes(), other);
+  }
 }
 
 TEST_F(StorageTest, AnUnfinishedBeginIsBegunAnew) {

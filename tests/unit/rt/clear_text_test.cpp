@@ -14,6 +14,9 @@ TEST(ClearText, WhatAPersonCanReadStaysAsItIs) {
 
 TEST(ClearText, ControlCharactersAndBrokenUtf8AreShownAsQuestionMarks) {
   EXPECT_EQ(clear_text(std::string_view("a\nb\0c\x1b[2J\x7f", 10)), "a?b?c?[2J?");
+  EXPECT_EQ(clear_text("a\xc2\x9b"
+                       "2J\xc2\x85|\xe2\x80\xa8|\xc2\xa0"),
+            "a?2J?|?|\xc2\xa0");
   EXPECT_EQ(clear_text("\xff|\xc0\x80|\xed\xa0\x80|\xf4\x90\x80\x80|\xe2\x82"), "?|??|???|????|??");
 }
 

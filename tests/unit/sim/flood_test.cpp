@@ -72,7 +72,9 @@ class Flood {
     const TimeNs begin = monotonic_ns();
     while (!over_) {
       const auto due = static_cast<int>((monotonic_ns() - begin) * datagrams_a_second / ns_per_s);
-      for (; sent < due; ++sent) (void)client.tell(inputs[static_cast<std::size_t>(sent) % std::size(inputs)]);
+      for (int i = sent; i < due; ++i) {
+        if (client.tell(inputs[static_cast<std::size_t>(i) % std::size(inputs)])) ++sent;
+      }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
   }

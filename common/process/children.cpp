@@ -1,4 +1,4 @@
-#include "ground/fly/children.hpp"
+#include "common/process/children.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -15,13 +15,14 @@
 #include <fstream>
 #include <sstream>
 
-namespace ledgerline::fly {
+namespace ledgerline {
 namespace {
 
 constexpr std::size_t longest_line = 1 << 20;
 
 // Between fork and exec: only what may be called there.
-[[noreturn]] void become(char* const* command, int output, int log, int death_signal, pid_t parent) {
+[[noreturn]] void become(char* const* command, char* const* environment, int output, int log, int death_signal,
+                         pid_t parent) {
   prctl(PR_SET_PDEATHSIG, death_signal);
   if (getppid() != parent) _exit(127);
   setpgid(0, 0);
@@ -30,7 +31,7 @@ constexpr std::size_t longest_line = 1 << 20;
   sigprocmask(SIG_SETMASK, &none, nullptr);
   const int nothing = ::open("/dev/null", O_RDONLY);
   if (nothing < 0 || dup2(nothing, 0) < 0 || dup2(output, 1) < 0 || dup2(log, 2) < 0) _exit(127);
-  execv(command[0], command);
+  execve(command[0], command, environment);
   const char* why = std::strerror(errno);
   (void)!::write(2, why, std::strlen(why));
   _exit(127);
@@ -72,9 +73,13 @@ Status Children::start(const Program& program) {
   std::vector<char*> command;
   for (const std::string& word : program.command) command.push_back(const_cast<char*>(word.c_str()));
   command.push_back(nullptr);
+  std::vector<char*> environment;
+  for (const std::string& variable : program.environment) environment.push_back(const_cast<char*>(variable.c_str()));
+  for (char** own = environ; *own != nullptr; ++own) environment.push_back(*own);
+  environment.push_back(nullptr);
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
-  if (pid == 0) become(command.data(), pipe[1], log, program.death_signal, parent);
+  if (pid == 0) become(command.data(), environment.data(), pipe[1], log, program.death_signal, parent);
   ::close(pipe[1]);
   ::close(log);
   if (pid < 0) {
@@ -204,4 +209,4 @@ std::string Children::log_tail(const std::string& name, int lines) const {
   return text;
 }
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline

@@ -8,19 +8,20 @@
 #include "common/rt/clock.hpp"
 #include "common/rt/result.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline {
 
-/// The programs of a run. Each one is a process of its own group (a Ctrl-C at the terminal reaches the launcher alone),
-/// has its standard output read line by line, its standard error in a file, and ends when the launcher dies, however it
-/// dies. Owned by the main thread, which must be the one that lives longest: Linux ends children with the thread that
-/// made them.
+/// The programs of a launcher. Each one is a process of its own group (a Ctrl-C at the terminal reaches the launcher
+/// alone), has its standard output read line by line, its standard error in a file, and ends when the launcher dies,
+/// however it dies. Owned by the main thread, which must be the one that lives longest: Linux ends children with the
+/// thread that made them.
 class Children {
  public:
   struct Program {
     std::string name;  ///< "node"
     std::vector<std::string> command;
-    std::string log;   ///< file for standard error
-    int death_signal;  ///< what it gets when the launcher dies
+    std::string log;                            ///< file for standard error
+    int death_signal;                           ///< what it gets when the launcher dies
+    std::vector<std::string> environment = {};  ///< "NAME=value", beside the launcher's own
   };
   struct Handlers {
     std::function<void(const std::string& name, const std::string& line)> on_line;
@@ -66,4 +67,4 @@ class Children {
   std::vector<std::string> names_;
 };
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline

@@ -1,0 +1,254 @@
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "chaincode/fabric/network.hpp"
+#include "chaincode/fabric/texts.hpp"
+#include "common/rt/log.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using fabric_network::Network;
+using fabric_network::Options;
+
+constexpr const char* examples = R"(
+Examples:
+  ledgerline fabric up --dir /tmp/net                       three organisations, one orderer; returns when the contract answers
+  ledgerline fabric up --dir /tmp/net3 --orderers 3 --batch-count 10 --batch-timeout 5
+  ledgerline fabric status --dir /tmp/net
+  ledgerline fabric logs --dir /tmp/net peer1
+  ledgerline fabric down --dir /tmp/net                     ends it; the directory stays, and `up` goes on with it
+  ledgerline fabric run --dir /tmp/net                      the same in the foreground, until SIGINT or SIGTERM
+
+`run` prints {"ready":true,...} when it serves. Exit codes: 0 good, 1 failed, 2 wrong usage, 3 (status) it does not run.)";
+
+std::atomic<int> end_asked{0};
+
+int fail(const std::string& what) {
+  spdlog::error("{}", what);
+  return 1;
+}
+
+/// Held by the network's process as long as it lives; its text is what `status` shows.
+class RunFile {
+ public:
+  explicit RunFile(const std::string& dir) : path_(dir + "/network.json") {}
+  ~RunFile() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  RunFile(const RunFile&) = delete;
+  RunFile& operator=(const RunFile&) = delete;
+
+  /// False: another process holds it.
+  bool take() {
+    fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+    if (fd_ < 0 || ::flock(fd_, LOCK_EX | LOCK_NB) != 0) return false;
+    return write("");
+  }
+  bool write(const std::string& text) const {
+    return ::ftruncate(fd_, 0) == 0 && ::pwrite(fd_, text.data(), text.size(), 0) == static_cast<ssize_t>(text.size());
+  }
+  /// What a living network says of itself; nullopt: none runs.
+  std::optional<nlohmann::json> read() const {
+    const int fd = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
+    if (fd < 0) return std::nullopt;
+    const bool held = ::flock(fd, LOCK_SH | LOCK_NB) != 0;
+    ::close(fd);
+    if (!held) return std::nullopt;
+    std::ifstream in(path_);
+    const auto json = nlohmann::json::parse(in, nullptr, false);
+    return json.is_object() ? json : nlohmann::json::object();
+  }
+
+ private:
+  std::string path_;
+  int fd_ = -1;
+};
+
+nlohmann::json describe(const Network& network) {
+  nlohmann::json peers = nlohmann::json::array(), orderers = nlohmann::json::array();
+  for (int k = 1; k <= 3; ++k) peers.push_back(address(network.options(), network.ports().peer(k)));
+  for (int k = 1; k <= network.options().orderers; ++k) {
+    orderers.push_back(address(network.options(), network.ports().orderer(k)));
+  }
+  return {{"ready", true},        {"endpoint", peers[0]},  {"peers", peers},
+          {"orderers", orderers}, {"process", ::getpid()}, {"channel", network.options().channel}};
+}
+
+Status write_summary(const std::string& path, const std::map<std::string, double>& cpu_seconds) {
+  if (path.empty()) return done;
+  std::ofstream out(path);
+  out << nlohmann::json{{"cpu_seconds", cpu_seconds}}.dump(2) << "\n";
+  out.close();
+  if (!out) return Error{"cannot write " + path};
+  return done;
+}
+
+/// Until SIGINT or SIGTERM. `ready`: called once.
+int run(const Options& options, const std::string& summary, const std::function<void(const std::string&)>& ready) {
+  std::error_code error;
+  std::filesystem::create_directories(options.dir, error);
+  RunFile file(options.dir);
+  if (!file.take()) return fail("a network runs in " + options.dir + " already, or the directory cannot be written");
+  for (const int signal : {SIGINT, SIGTERM}) {
+    struct sigaction action {};
+    action.sa_handler = [](int) { ++end_asked; };
+    ::sigaction(signal, &action, nullptr);
+  }
+  ::signal(SIGPIPE, SIG_IGN);
+  Network network(options);
+  const TimeNs begin = monotonic_ns();
+  Status status = network.up();
+  if (status) {
+    spdlog::info("up after {:.1f} s", to_seconds(monotonic_ns() - begin));
+    const std::string text = describe(network).dump();
+    if (!file.write(text)) return fail("cannot write " + options.dir + "/network.json");
+    ready(text);
+    while (status && end_asked == 0) status = network.tend(200 * ns_per_ms);
+  }
+  const auto cpu = network.cpu_seconds();
+  const bool in_time = network.down();
+  if (Status written = write_summary(summary, cpu); !written) return fail(written.error().what);
+  if (!status) return fail(status.error().what);
+  return in_time ? 0 : fail("a process had to be killed");
+}
+
+/// In the background; returns when it serves, or with what went wrong.
+int up(const Options& options) {
+  if (const auto running = RunFile(options.dir).read()) {
+    std::printf("%s\n", running->dump().c_str());
+    return 0;
+  }
+  int pipe[2];
+  if (::pipe(pipe) != 0) return fail("no pipe");
+  std::error_code error;
+  std::filesystem::create_directories(options.dir, error);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::setsid();
+    ::close(pipe[0]);
+    const int log = ::open((options.dir + "/network.log").c_str(), O_WRONLY | O_CREAT | O_APPEND, 0644);
+    const int nothing = ::open("/dev/null", O_RDWR);
+    if (log < 0 || nothing < 0) ::_exit(1);
+    ::dup2(nothing, 0);
+    ::dup2(nothing, 1);
+    ::dup2(log, 2);
+    ::fcntl(pipe[1], F_SETFD, FD_CLOEXEC);
+    ::_exit(run(options, {}, [&](const std::string& text) {
+      (void)!::write(pipe[1], text.data(), text.size());
+      ::close(pipe[1]);
+    }));
+  }
+  ::close(pipe[1]);
+  std::string text(4096, '\0');
+  const ssize_t size = ::read(pipe[0], text.data(), text.size());
+  if (child < 0 || size <= 0) {
+    std::ifstream log(options.dir + "/network.log");
+    std::string last, line;
+    while (std::getline(log, line)) last = line;
+    return fail(fmt::format("the network did not start; the end of {}/network.log: {}", options.dir, last));
+  }
+  text.resize(static_cast<std::size_t>(size));
+  std::printf("%s\n", text.c_str());
+  return 0;
+}
+
+int down(const std::string& dir) {
+  const RunFile file(dir);
+  const auto running = file.read();
+  if (!running) {
+    std::printf("no network runs in %s\n", dir.c_str());
+    return 0;
+  }
+  const pid_t process = running->value("process", 0);
+  if (process <= 0) return fail("the network in " + dir + " is just starting; try again");
+  ::kill(process, SIGTERM);
+  constexpr int tries = 400;
+  for (int i = 0; i < tries && file.read(); ++i) ::usleep(50'000);
+  return file.read() ? fail(fmt::format("process {} does not end", process)) : 0;
+}
+
+int status(const std::string& dir) {
+  const auto running = RunFile(dir).read();
+  std::printf("%s\n", running ? running->dump(2).c_str() : "it does not run");
+  return running ? 0 : 3;
+}
+
+int logs(const std::string& dir, const std::string& which) {
+  const std::string path = which.empty() ? dir + "/network.log" : dir + "/logs/" + which + ".log";
+  std::ifstream in(path);
+  if (!in) return fail("there is no " + path);
+  for (std::string line; std::getline(in, line);) std::printf("%s\n", line.c_str());
+  return 0;
+}
+
+/// Beside this program; the tools where scripts/fabric-tools puts them.
+void find_programs(Options& options) {
+  std::error_code error;
+  const auto own = std::filesystem::read_symlink("/proc/self/exe", error);
+  options.chaincode = own.parent_path() / "ledgerline-chaincode";
+  if (options.tools.empty()) options.tools = own.parent_path().parent_path().parent_path() / "fabric";
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"A Fabric 2.5 network on this host, with Ledgerline's contract on it"};
+  app.footer(examples);
+  app.require_subcommand(1);
+  Options options;
+  std::string which, summary;
+  double batch_timeout_ms = 10;
+  std::vector<CLI::App*> starting;
+  for (const auto& [name, about] :
+       std::map<std::string, std::string>{{"up", "Start it, or say that it runs"},
+                                          {"run", "Start it and stay"},
+                                          {"down", "End it"},
+                                          {"status", "Does it run, and where"},
+                                          {"logs", "What it or one of its processes logged"}}) {
+    CLI::App* verb = app.add_subcommand(name, about);
+    verb->add_option("--dir", options.dir, "Everything of the network: identities, ledgers, logs")->required();
+    if (name == "logs") verb->add_option("process", which, "peer1, orderer1, chaincode1, ...");
+    if (name != "up" && name != "run") continue;
+    verb->add_option("--tools", options.tools, "Fabric's programs, made by scripts/fabric-tools");
+    verb->add_option("--orderers", options.orderers, "1 or 3")->check(CLI::IsMember({1, 3}))->capture_default_str();
+    verb->add_option("--channel", options.channel, "The channel's name")->capture_default_str();
+    verb->add_option("--first-port", options.first_port, "The first of 15 TCP ports; 0 looks for free ones")
+        ->capture_default_str();
+    verb->add_option("--batch-timeout", batch_timeout_ms, "Cut a block after this many ms")
+        ->check(CLI::Range(1.0, 60'000.0))
+        ->capture_default_str();
+    verb->add_option("--batch-count", options.batch_count, "or with this many transactions")
+        ->check(CLI::Range(1, 10'000))
+        ->capture_default_str();
+    verb->add_flag("--majority", options.majority, "Endorsed by two of the three organisations, not by any one");
+    if (name == "run") verb->add_option("--summary", summary, "Write the processes' CPU times here at the end");
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  init_log("fabric");
+  options.batch_timeout_ns = static_cast<TimeNs>(batch_timeout_ms * ns_per_ms);
+  find_programs(options);
+  const std::string verb = app.get_subcommands().front()->get_name();
+  if (verb == "up") return up(options);
+  if (verb == "down") return down(options.dir);
+  if (verb == "status") return status(options.dir);
+  if (verb == "logs") return logs(options.dir, which);
+  return run(options, summary, [](const std::string& text) {
+    std::printf("%s\n", text.c_str());
+    std::fflush(stdout);
+  });
+}

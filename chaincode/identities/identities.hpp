@@ -1,0 +1,29 @@
+#pragma once
+#include <filesystem>
+#include <string>
+
+#include "common/crypto/crypto.hpp"
+#include "common/rt/result.hpp"
+
+/// The identities of a network of our own, in cryptogen's layout under DIR/crypto: three organisations (Org1MSP ...),
+/// each with a CA, a TLS CA, peer0, a TLS certificate for its chaincode service, and the users Admin, User1 and User2
+/// (NodeOUs); and an organisation of orderers. The embedded node and the real network have the same.
+namespace ledgerline::identities {
+
+inline constexpr int organisations = 3;
+
+std::string domain_of(int organisation);  ///< "org1.ledgerline"
+std::string msp_id_of(int organisation);  ///< "Org1MSP"
+std::string orderer_name(int number);     ///< "orderer.ledgerline", "orderer2.ledgerline", ...
+
+std::filesystem::path organisation_dir(const std::string& dir, int organisation);
+std::filesystem::path peer_dir(const std::string& dir, int organisation);
+std::filesystem::path user_dir(const std::string& dir, int organisation, const std::string& user);
+std::filesystem::path ordering_dir(const std::string& dir);
+std::filesystem::path orderer_dir(const std::string& dir, int number);
+
+/// Makes them when DIR/crypto is missing. Keys are 0600. Made under another name and renamed when complete, so that a
+/// crash leaves nothing half-made.
+Status make(const std::string& dir, int orderers);
+
+}  // namespace ledgerline::identities

@@ -1,0 +1,165 @@
+#include <grpcpp/impl/service_type.h>
+#include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
+#include <grpcpp/server_context.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "chaincode/shim/session.hpp"
+#include "common/rt/log.hpp"
+#include "peer/chaincode_shim.grpc.pb.h"
+
+namespace ledgerline::shim {
+namespace {
+
+constexpr int max_message_bytes = 100 * 1024 * 1024;  // as Fabric's own shims
+constexpr int keepalive_ms = 60'000, keepalive_timeout_ms = 20'000;
+
+Result<std::string> read_file(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::stringstream text;
+  if (!in || !(text << in.rdbuf())) return Error{"cannot read " + path};
+  return text.str();
+}
+
+Result<std::shared_ptr<grpc::ServerCredentials>> credentials(const Options& options) {
+  if (options.key_file.empty() && options.certificate_file.empty()) {
+    if (!options.client_ca_file.empty()) return Error{"a client CA without key and certificate: give all three"};
+    return grpc::InsecureServerCredentials();
+  }
+  const auto key = read_file(options.key_file);
+  if (!key) return key.error();
+  const auto certificate = read_file(options.certificate_file);
+  if (!certificate) return certificate.error();
+  grpc::SslServerCredentialsOptions tls(options.client_ca_file.empty()
+                                            ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
+                                            : GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+  tls.pem_key_cert_pairs.push_back({*key, *certificate});
+  if (!options.client_ca_file.empty()) {
+    const auto ca = read_file(options.client_ca_file);
+    if (!ca) return ca.error();
+    tls.pem_root_certs = *ca;
+  }
+  return grpc::SslServerCredentials(tls);
+}
+
+class Service final : public protos::Chaincode::Service {
+ public:
+  Service(const Options& options, Invoke invoke)
+      : id_(options.chaincode_id), invoke_(std::move(invoke)), workers_(options.threads) {}
+
+  grpc::Status Connect(grpc::ServerContext* context,
+                       grpc::ServerReaderWriter<protos::ChaincodeMessage, protos::ChaincodeMessage>* stream) override {
+    spdlog::info("peer {} connected", context->peer());
+    // Transactions outlive the stream: after its end nothing is written to it any more.
+    struct Writer {
+      std::mutex mutex;
+      decltype(stream) to;
+    };
+    const auto writer = std::make_shared<Writer>();
+    writer->to = stream;
+    const auto session = std::make_shared<Session>(
+        id_, invoke_,
+        [writer](const protos::ChaincodeMessage& message) {
+          const std::lock_guard lock(writer->mutex);
+          return writer->to != nullptr && writer->to->Write(message);
+        },
+        workers_);
+    session->begin();
+    grpc::Status end = grpc::Status::OK;
+    for (protos::ChaincodeMessage message; stream->Read(&message);) {
+      if (Status status = session->on_message(std::move(message)); !status) {
+        spdlog::warn("peer {}: {}", context->peer(), status.error().what);
+        end = {grpc::StatusCode::INVALID_ARGUMENT, status.error().what};
+        break;
+      }
+    }
+    session->end();
+    {
+      const std::lock_guard lock(writer->mutex);
+      writer->to = nullptr;
+    }
+    spdlog::info("peer {} is gone", context->peer());
+    return end;
+  }
+
+ private:
+  const std::string id_;
+  const Invoke invoke_;
+  Workers workers_;
+};
+
+class GrpcServer final : public Server {
+ public:
+  GrpcServer(const Options& options, Invoke invoke) : service_(options, std::move(invoke)) {}
+  ~GrpcServer() override { GrpcServer::stop(); }
+
+  Status listen(const Options& options) {
+    const auto tls = credentials(options);
+    if (!tls) return tls.error();
+    grpc::ServerBuilder builder;
+    int port = 0;
+    builder.AddListeningPort(options.address, *tls, &port);
+    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, keepalive_ms);
+    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, keepalive_timeout_ms);
+    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+    builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, keepalive_ms / 2);
+    builder.SetMaxReceiveMessageSize(max_message_bytes);
+    builder.SetMaxSendMessageSize(max_message_bytes);
+    builder.RegisterService(&service_);
+    server_ = builder.BuildAndStart();
+    const auto colon = options.address.rfind(':');
+    if (!server_ || port == 0 || colon == std::string::npos) {
+      return Error{"cannot listen on " + options.address + ": ADDRESS:PORT, and is it free?"};
+    }
+    endpoint_ = options.address.substr(0, colon + 1) + std::to_string(port);
+    return done;
+  }
+
+  const std::string& endpoint() const override { return endpoint_; }
+  void stop() override {
+    if (!server_) return;
+    server_->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
+    server_->Wait();
+    server_.reset();
+  }
+
+ private:
+  Service service_;
+  std::unique_ptr<grpc::Server> server_;
+  std::string endpoint_;
+};
+
+}  // namespace
+
+Result<Options> options_from_environment() {
+  const auto text = [](const char* name) {
+    const char* value = std::getenv(name);
+    return std::string(value != nullptr ? value : "");
+  };
+  Options options;
+  options.chaincode_id = text("CHAINCODE_ID");
+  options.address = text("CHAINCODE_SERVER_ADDRESS");
+  options.key_file = text("CHAINCODE_TLS_KEY");
+  options.certificate_file = text("CHAINCODE_TLS_CERT");
+  options.client_ca_file = text("CHAINCODE_TLS_CLIENT_CA");
+  if (options.chaincode_id.empty()) return Error{"CHAINCODE_ID is not set: the package id, LABEL:HASH"};
+  if (options.address.empty()) return Error{"CHAINCODE_SERVER_ADDRESS is not set: where to listen, ADDRESS:PORT"};
+  if (options.key_file.empty() != options.certificate_file.empty()) {
+    return Error{"CHAINCODE_TLS_KEY and CHAINCODE_TLS_CERT belong together: one of them is not set"};
+  }
+  return options;
+}
+
+Result<std::unique_ptr<Server>> Server::start(const Options& options, Invoke invoke) {
+  auto server = std::make_unique<GrpcServer>(options, std::move(invoke));
+  if (Status status = server->listen(options); !status) return status.error();
+  return std::unique_ptr<Server>(std::move(server));
+}
+
+}  // namespace ledgerline::shim
