@@ -68,7 +68,7 @@ std::string configtx_yaml(const Options& options, const Ports& ports) {
     Orderer:
       OrdererType: etcdraft
       BatchTimeout: {timeout_us}us
-      BatchSize: {{MaxMessageCount: {count}, AbsoluteMaxBytes: 10 MB, PreferredMaxBytes: {bytes} B}}
+      BatchSize: {{MaxMessageCount: {count}, AbsoluteMaxBytes: 10 MB, PreferredMaxBytes: {bytes}}}
       EtcdRaft:
         Consenters:
 {consenters}        Options: {{TickInterval: 100ms, ElectionTick: 10, HeartbeatTick: 1, MaxInflightBlocks: 5, SnapshotIntervalSize: 16 MB}}
