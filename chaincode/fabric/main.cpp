@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <signal.h>
 #include <sys/file.h>
+#include <sys/vfs.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -85,10 +86,23 @@ nlohmann::json describe(const Network& network) {
           {"orderers", orderers}, {"process", ::getpid()}, {"channel", network.options().channel}};
 }
 
-Status write_summary(const std::string& path, const std::map<std::string, double>& cpu_seconds) {
-  if (path.empty()) return done;
+/// "disk" or "tmpfs".
+std::string storage_of(const std::string& dir) {
+  struct statfs info {};
+  constexpr auto tmpfs = 0x01021994;  // TMPFS_MAGIC
+  return ::statfs(dir.c_str(), &info) == 0 && info.f_type == tmpfs ? "tmpfs" : "disk";
+}
+
+Status write_summary(const std::string& path, Network& network) {
+  const auto counts = network.count();
+  if (!counts) return counts.error();
   std::ofstream out(path);
-  out << nlohmann::json{{"cpu_seconds", cpu_seconds}}.dump(2) << "\n";
+  out << nlohmann::json{{"blocks", counts->blocks},
+                        {"transactions", counts->transactions},
+                        {"storage", storage_of(network.options().dir)},
+                        {"cpu_seconds", network.cpu_seconds()}}
+             .dump(2)
+      << "\n";
   out.close();
   if (!out) return Error{"cannot write " + path};
   return done;
@@ -116,9 +130,10 @@ int run(const Options& options, const std::string& summary, const std::function<
     ready(text);
     while (status && end_asked == 0) status = network.tend(200 * ns_per_ms);
   }
-  const auto cpu = network.cpu_seconds();
+  Status written = done;
+  if (status && !summary.empty()) written = write_summary(summary, network);
   const bool in_time = network.down();
-  if (Status written = write_summary(summary, cpu); !written) return fail(written.error().what);
+  if (!written) return fail(written.error().what);
   if (!status) return fail(status.error().what);
   return in_time ? 0 : fail("a process had to be killed");
 }
@@ -232,7 +247,8 @@ int main(int argc, char** argv) {
         ->check(CLI::Range(1, 10'000))
         ->capture_default_str();
     verb->add_flag("--majority", options.majority, "Endorsed by two of the three organisations, not by any one");
-    if (name == "run") verb->add_option("--summary", summary, "Write the processes' CPU times here at the end");
+    if (name == "run")
+      verb->add_option("--summary", summary, "Write blocks, transactions and CPU times here at the end");
   }
   try {
     app.parse(argc, argv);

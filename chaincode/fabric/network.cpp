@@ -7,9 +7,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <condition_variable>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
@@ -130,6 +132,48 @@ std::map<std::string, double> Network::cpu_seconds() const {
   std::map<std::string, double> all;
   for (const std::string& name : services_) all[name] = children_.cpu_seconds(name);
   return all;
+}
+
+Result<Network::Counts> Network::count() {
+  const auto printed =
+      run("asking peer 1 for its height", {options_.tools + "/peer", "channel", "getinfo", "-c", options_.channel},
+          admin_environment(options_, ports_, 1));
+  if (!printed) return printed.error();
+  const auto brace = printed->find('{');
+  const auto info = nlohmann::json::parse(printed->substr(std::min(brace, printed->size())), nullptr, false);
+  Counts counts;
+  counts.blocks = info.is_object() ? info.value("height", std::uint64_t{0}) : 0;
+  if (counts.blocks == 0) return Error{"peer 1 does not say its height: " + *printed};
+  const auto client = connect(1, "Admin");
+  if (!client) return client.error();
+  std::mutex mutex;
+  std::condition_variable grown;
+  std::uint64_t seen = 0;
+  fabric::Client::StreamHandlers handlers;
+  handlers.on_block = [&](const fabric::Block& block, std::string_view) {
+    const std::lock_guard lock(mutex);
+    counts.transactions += block.transactions.size();
+    seen = block.number + 1;
+    grown.notify_one();
+  };
+  handlers.on_connection = [](bool, const std::string&) {};
+  const auto stream = (*client)->blocks(0, std::move(handlers));
+  std::unique_lock lock(mutex);
+  const bool all = grown.wait_for(lock, std::chrono::seconds(20), [&] { return seen >= counts.blocks; });
+  if (!all) return Error{fmt::format("peer 1 gave {} of {} blocks within 20 s", seen, counts.blocks)};
+  return counts;
+}
+
+Result<std::unique_ptr<fabric::Client>> Network::connect(int organisation, const std::string& user) const {
+  fabric::ClientConfig config;
+  config.endpoint = address(options_, ports_.peer(organisation));
+  config.tls_ca_file = identities::peer_dir(options_.dir, organisation) / "tls" / "ca.crt";
+  config.where.channel = options_.channel;
+  auto identity = crypto::load_identity(crypto::Library::libcrypto, identities::msp_id_of(organisation),
+                                        identities::user_dir(options_.dir, organisation, user) / "msp");
+  if (!identity) return identity.error();
+  config.identity = std::move(*identity);
+  return fabric::Client::create(std::move(config));
 }
 
 bool Network::down() {
@@ -370,19 +414,11 @@ Status Network::enroll_first() {
   if (marked("enrolments")) return done;
   for (const FirstEnrolment& enrolment : first_enrolments()) {
     const int k = enrolment.organisation;
-    fabric::ClientConfig config;
-    config.endpoint = address(options_, ports_.peer(k));
-    config.tls_ca_file = identities::peer_dir(options_.dir, k) / "tls" / "ca.crt";
-    config.where.channel = options_.channel;
-    auto admin = crypto::load_identity(crypto::Library::libcrypto, identities::msp_id_of(k),
-                                       identities::user_dir(options_.dir, k, "Admin") / "msp");
     const auto pem = read_file(first_file(identities::user_dir(options_.dir, k, "User1") / "msp" / "signcerts"));
-    if (!admin) return admin.error();
     if (!pem) return pem.error();
     const auto user = crypto::parse_certificate(*pem);
     if (!user) return user.error();
-    config.identity = std::move(*admin);
-    const auto client = fabric::Client::create(std::move(config));
+    const auto client = connect(k, "Admin");
     if (!client) return client.error();
     const auto outcome =
         (*client)->submit_and_wait({"enroll", {enrolment.call({identities::msp_id_of(k), user->subject})}});

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "chaincode/fabric/options.hpp"
+#include "common/fabric/client.hpp"
 #include "common/process/children.hpp"
 #include "common/rt/result.hpp"
 
@@ -26,6 +27,11 @@ class Network {
 
   const Options& options() const { return options_; }
   const Ports& ports() const { return ports_; }
+  /// What the first peer has committed, the config block and the deployment among it.
+  struct Counts {
+    std::uint64_t blocks = 0, transactions = 0;
+  };
+  Result<Counts> count();
   /// User and system time of each process so far, by name ("peer1", "orderer1", "chaincode1").
   std::map<std::string, double> cpu_seconds() const;
 
@@ -40,6 +46,7 @@ class Network {
   Status deploy();
   Status wait_for_contract();
   Status enroll_first();
+  Result<std::unique_ptr<fabric::Client>> connect(int organisation, const std::string& user) const;
 
   std::string in(const std::string& name) const { return options_.dir + "/" + name; }
   bool marked(const std::string& step) const;

@@ -37,6 +37,23 @@ constexpr std::size_t longest_line = 1 << 20;
   _exit(127);
 }
 
+// /proc/PID/stat: the fields behind the name in brackets are 3 (state) to 52; 14 and 15 are user and system time.
+double cpu_seconds_of(pid_t pid) {
+  std::ifstream file(fmt::format("/proc/{}/stat", pid));
+  std::string stat((std::istreambuf_iterator<char>(file)), {});
+  const auto bracket = stat.rfind(')');
+  if (bracket == std::string::npos) return 0;
+  std::istringstream fields(stat.substr(bracket + 1));
+  std::string skipped;
+  for (int i = 3; i < 14; ++i) fields >> skipped;
+  double user = 0, system = 0;
+  fields >> user >> system;
+  double sum = (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
+  std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", pid));
+  for (pid_t of = 0; children >> of;) sum += cpu_seconds_of(of);
+  return sum;
+}
+
 }  // namespace
 
 Children::~Children() {
@@ -179,20 +196,9 @@ bool Children::stop(const std::string& name, TimeNs patience_ns) {
   return false;
 }
 
-// /proc/PID/stat: the fields behind the name in brackets are 3 (state) to 52; 14 and 15 are user and system time.
 double Children::cpu_seconds(const std::string& name) const {
   const Child* child = find(name);
-  if (!child || child->ended) return 0;
-  std::ifstream file(fmt::format("/proc/{}/stat", child->pid));
-  std::string stat((std::istreambuf_iterator<char>(file)), {});
-  const auto bracket = stat.rfind(')');
-  if (bracket == std::string::npos) return 0;
-  std::istringstream fields(stat.substr(bracket + 1));
-  std::string skipped;
-  for (int i = 3; i < 14; ++i) fields >> skipped;
-  double user = 0, system = 0;
-  fields >> user >> system;
-  return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
+  return !child || child->ended ? 0 : cpu_seconds_of(child->pid);
 }
 
 std::string Children::log_tail(const std::string& name, int lines) const {

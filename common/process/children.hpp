@@ -42,7 +42,7 @@ class Children {
   void signal(const std::string& name, int signal);
   /// SIGTERM, then SIGKILL after `patience_ns`. False when it took the SIGKILL.
   bool stop(const std::string& name, TimeNs patience_ns);
-  /// User and system time so far; 0 when it does not run.
+  /// User and system time so far, with that of the processes it started and which still run; 0 when it does not run.
   double cpu_seconds(const std::string& name) const;
   const std::vector<std::string>& names() const { return names_; }
   /// The last lines that it logged.

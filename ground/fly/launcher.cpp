@@ -12,15 +12,15 @@ namespace {
 
 using nlohmann::json;
 
-const std::vector<std::string> all_programs{"roudi", "node", "sim", "link", "agent", "ground"};
 constexpr TimeNs watch_ns = 50 * ns_per_ms;
-constexpr TimeNs ready_limit_ns = 20 * ns_per_s;
-constexpr TimeNs patience_ns = 5 * ns_per_s;
+constexpr TimeNs ready_limit_ns = 20 * ns_per_s, fabric_ready_limit_ns = 120 * ns_per_s;
+constexpr TimeNs patience_ns = 5 * ns_per_s, fabric_patience_ns = 30 * ns_per_s;
 constexpr TimeNs landing_patience_ns = 17 * ns_per_s;  // ground gives itself 15 s, link 10 s
 constexpr int log_lines = 8;
 
 // RouDi removes its shared memory when it is asked to end; nothing that the others hold outlives them.
-int death_signal(const std::string& name) { return name == "roudi" ? SIGTERM : SIGKILL; }
+// Fabric's network ends its own processes.
+int death_signal(const std::string& name) { return name == "roudi" || name == "fabric" ? SIGTERM : SIGKILL; }
 
 std::string first_certificate(const std::string& directory) {
   std::error_code error;
@@ -39,7 +39,9 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
       programs_(std::move(programs)),
       interrupts_(interrupts),
       live_(options_.drones, terminal, monotonic_ns()),
-      children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}) {}
+      children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}),
+      ledger_(ledger_program(options_)),
+      all_programs_{"roudi", ledger_, "sim", "link", "agent", "ground"} {}
 
 void Launcher::take_line(const std::string& name, const std::string& line) {
   const json message = json::parse(line, nullptr, false);
@@ -64,7 +66,8 @@ Status Launcher::start(const std::string& name, std::vector<std::string> argumen
 }
 
 Status Launcher::wait_ready(const std::vector<std::string>& names) {
-  const TimeNs until_ns = monotonic_ns() + ready_limit_ns;
+  const TimeNs limit_ns = ledger_ == "fabric" ? fabric_ready_limit_ns : ready_limit_ns;
+  const TimeNs until_ns = monotonic_ns() + limit_ns;
   for (const std::string& name : names) {
     while (!ready_.contains(name)) {
       if (interrupts_ > 0) return Error{"interrupted before take-off"};
@@ -74,8 +77,8 @@ Status Launcher::wait_ready(const std::vector<std::string>& names) {
       }
       if (!children_.running(name) && !ready_.contains(name)) return Error{crash_of(name, "before take-off")};
       if (monotonic_ns() > until_ns) {
-        return Error{fmt::format("{} was not ready within {:.0f} s. The end of {}:\n{}", name,
-                                 to_seconds(ready_limit_ns), files_.log(name), children_.log_tail(name, log_lines))};
+        return Error{fmt::format("{} was not ready within {:.0f} s. The end of {}:\n{}", name, to_seconds(limit_ns),
+                                 files_.log(name), children_.log_tail(name, log_lines))};
       }
       children_.poll(watch_ns);
     }
@@ -99,22 +102,26 @@ Status Launcher::run_to_end(const std::string& name, std::vector<std::string> ar
 Status Launcher::start_all() {
   const std::string drones = std::to_string(options_.drones);
   if (auto s = start("roudi", {}); !s) return s;
-  if (auto s = start("node", {"--dir", files_.in("ledger"), "--listen", "127.0.0.1:0", "--batch-timeout",
-                              std::to_string(options_.batch_timeout_ns / ns_per_ms), "--batch-count",
-                              std::to_string(options_.batch_count), "--summary", files_.summary("node")});
-      !s) {
-    return s;
+  std::vector<std::string> ledger{
+      "--dir",     files_.in("ledger"),     "--batch-count",   std::to_string(options_.batch_count),
+      "--summary", files_.summary(ledger_), "--batch-timeout", std::to_string(options_.batch_timeout_ns / ns_per_ms)};
+  if (ledger_ == "fabric") {
+    ledger.insert(ledger.begin(), "run");
+    ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
+  } else {
+    ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
   }
+  if (auto s = start(ledger_, ledger); !s) return s;
   if (auto s = start("sim", {"--drones", drones, "--seed", std::to_string(options_.seed), "--trace",
                              files_.trace("sim"), "--summary", files_.summary("sim")});
       !s) {
     return s;
   }
-  if (auto s = wait_ready({"roudi", "sim", "node"}); !s) return s;
+  if (auto s = wait_ready({"roudi", "sim", ledger_}); !s) return s;
 
-  const json ready = json::parse(ready_["node"], nullptr, false);
+  const json ready = json::parse(ready_[ledger_], nullptr, false);
   if (!ready.is_object() || !ready.contains("endpoint") || !ready["endpoint"].is_string()) {
-    return Error{"node did not say its endpoint: " + ready_["node"]};
+    return Error{ledger_ + " did not say its endpoint: " + ready_[ledger_]};
   }
   if (auto s = write_configs(files_, options_, ready["endpoint"].get<std::string>()); !s) return s;
 
@@ -150,17 +157,17 @@ std::string Launcher::ground_why() const {
 
 Status Launcher::fly() {
   record_.begin_ns = monotonic_ns();
-  for (const auto& name : all_programs) cpu_at_begin_[name] = children_.cpu_seconds(name);
+  for (const auto& name : all_programs_) cpu_at_begin_[name] = children_.cpu_seconds(name);
   int interrupts_seen = 0;
   Status result = done;
   for (bool flying = true; flying;) {
     std::map<std::string, double> cpu;
-    for (const auto& name : all_programs) cpu[name] = children_.cpu_seconds(name);
+    for (const auto& name : all_programs_) cpu[name] = children_.cpu_seconds(name);
     children_.poll(watch_ns);
     const TimeNs now_ns = monotonic_ns();
     record_.end_ns = now_ns;
     // Of a process that is gone the figures before count: it is at most one watch later.
-    for (const auto& name : all_programs) {
+    for (const auto& name : all_programs_) {
       const double used_s = cpu[name] - cpu_at_begin_[name];
       record_.cpu_percent[name] = 100 * used_s / std::max(1e-3, to_seconds(now_ns - record_.begin_ns));
     }
@@ -169,7 +176,7 @@ Status Launcher::fly() {
       if (!children_.ended_well("ground")) result = Error{ground_why()};
       flying = false;
     }
-    for (const auto& name : all_programs) {
+    for (const auto& name : all_programs_) {
       if (name == "ground" || children_.running(name) || !result) continue;
       result = Error{crash_of(name, "during the flight")};
       flying = false;
@@ -189,7 +196,7 @@ Status Launcher::fly() {
 // Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
 void Launcher::stop_all(bool landed) {
   const bool hurry = interrupts_ > 1;
-  std::vector<std::string> order{"ground", "agent", "link", "sim", "node", "roudi"};
+  std::vector<std::string> order{"ground", "agent", "link", "sim", ledger_, "roudi"};
   if (!landed && !hurry && children_.running("link") && children_.running("sim") && live_.anything_in_air()) {
     live_.say("Landing all drones");
     children_.signal("link", SIGTERM);
@@ -201,7 +208,8 @@ void Launcher::stop_all(bool landed) {
   }
   for (const auto& name : order) {
     if (!children_.running(name)) continue;
-    const bool in_time = children_.stop(name, hurry ? ns_per_s : patience_ns);
+    const TimeNs patience = name == "fabric" ? fabric_patience_ns : hurry ? ns_per_s : patience_ns;
+    const bool in_time = children_.stop(name, patience);
     if (!in_time && !hurry) {
       record_.ok = false;
       record_.why +=

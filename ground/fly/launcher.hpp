@@ -21,7 +21,7 @@ struct RunRecord {
 
 /// Starts the programs of a flight, watches them, and ends every one of them, whatever happens:
 ///
-///     roudi, node, sim  ->  enroll, acquire  ->  link, agent, ground  ->  ground ends  ->  agent, link, sim, node,
+///     roudi, ledger, sim  ->  enroll, acquire  ->  link, agent, ground  ->  ground ends  ->  agent, link, sim, ledger,
 ///     roudi
 ///
 /// `interrupts` counts Ctrl-C: the first one lands the drones, a second one does not wait for that.
@@ -51,6 +51,8 @@ class Launcher {
   std::map<std::string, std::string> ready_;  ///< the line that a program said it serves with
   RunRecord record_;
   std::map<std::string, double> cpu_at_begin_;
+  const std::string ledger_;                     ///< the process that is the ledger: node or fabric
+  const std::vector<std::string> all_programs_;  ///< that live through the flight
 };
 
 }  // namespace ledgerline::fly

@@ -43,6 +43,7 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
       "Examples:\n"
       "  fly                                 one drone, three laps of a square\n"
       "  fly --drones 3 --shape x --laps 1\n"
+      "  fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)\n"
       "  fly --batch-timeout 100ms --batch-count 10 --seconds 60    a slower ledger\n"
       "  fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run");
   std::string shape = "square";
@@ -61,7 +62,12 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   app.add_option("--seconds", o.seconds, "Fly the path this long instead of counting laps")
       ->check(CLI::Range(1.0, 86'400.0))
       ->excludes(laps);
-  app.add_option("--ledger", o.ledger, "Which ledger")->check(CLI::IsMember({"embedded"}))->capture_default_str();
+  app.add_option("--ledger", o.ledger, "Which ledger")
+      ->check(CLI::IsMember({"embedded", "fabric"}))
+      ->capture_default_str();
+  app.add_option("--orderers", o.orderers, "Fabric: how many orderers")
+      ->check(CLI::IsMember({1, 3}))
+      ->capture_default_str();
   app.add_option("--batch-timeout", batch_timeout,
                  "Ledger: a block is cut when its oldest transaction waited this long")
       ->check(CLI::Validator(check_duration, "TIME"))

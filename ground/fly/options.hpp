@@ -15,14 +15,18 @@ struct Options {
   double rate_hz = 30;
   double speed_mps = 0.5;
   int laps = 3;
-  double seconds = 0;  ///< > 0: instead of laps
-  std::string ledger = "embedded";
+  double seconds = 0;               ///< > 0: instead of laps
+  std::string ledger = "embedded";  ///< or "fabric"
+  int orderers = 1;                 ///< of Fabric: 1 or 3
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
   std::uint64_t seed = 1;
   std::string json;  ///< file; empty: none
   std::string out;   ///< directory of the run; empty: chosen by the time
 };
+
+/// The program that is the ledger, and the name of its process.
+inline std::string ledger_program(const Options& options) { return options.ledger == "fabric" ? "fabric" : "node"; }
 
 /// What the command line asks for: a flight, or a text to print and an exit code.
 struct CommandLine {

@@ -134,7 +134,7 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
   results.why = record.why;
   results.cpu_percent = record.cpu_percent;
   results.flight_s = to_seconds(record.end_ns - record.begin_ns);
-  const json node = read_summary(files, "node", results);
+  const json node = read_summary(files, fly::ledger_program(asked), results);
   const json link = read_summary(files, "link", results);
   const json agent = read_summary(files, "agent", results);
   const json ground = read_summary(files, "ground", results);
@@ -196,10 +196,11 @@ std::vector<std::string> differences(const Results& r) {
   return {
       "theirs: " +
           std::string("Wi-Fi between three machines and real drones; here: loopback on one machine, simulated drones"),
-      fmt::format(
-          "theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: the embedded node, one process, storage "
-          "{}",
-          r.storage),
+      fmt::format("theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: {}, storage {}",
+                  r.asked.ledger == "fabric"
+                      ? fmt::format("Hyperledger Fabric 2.5, 3 organisations, {} Raft orderer(s)", r.asked.orderers)
+                      : "the embedded node, one process",
+                  r.storage),
       fmt::format("theirs: blocks of 10 messages or 2 s; here: {} or {:.0f} ms", r.asked.batch_count,
                   to_ms(r.asked.batch_timeout_ns)),
       fmt::format("theirs: 70 messages/s with one drone, 250 with three; here: {:.0f}", r.messages_per_s),

@@ -50,10 +50,9 @@ std::string to_table(const Results& r) {
     for (const auto& [reason, count] : d.reasons) text += fmt::format("  {:<10}{} x {}\n", "", count, reason);
   }
   text += fmt::format(
-      "\n  {:.1f} messages/s, {:.1f} transactions/s over {:.1f} s; ledger: {} blocks, {} transactions, on {} ({:.1f} "
-      "ms a block, at most {:.0f})\n",
-      r.messages_per_s, r.transactions_per_s, r.flight_s, r.blocks, r.transactions, r.storage, r.disk_ms.median,
-      r.disk_ms.max);
+      "\n  {:.1f} messages/s, {:.1f} transactions/s over {:.1f} s; ledger: {} blocks, {} transactions, on {}{}\n",
+      r.messages_per_s, r.transactions_per_s, r.flight_s, r.blocks, r.transactions, r.storage,
+      r.disk_ms.count == 0 ? "" : fmt::format(" ({:.1f} ms a block, at most {:.0f})", r.disk_ms.median, r.disk_ms.max));
   text += "  CPU:";
   for (const auto& [name, percent] : r.cpu_percent) text += fmt::format("  {} {:.1f} %", name, percent);
   text += "\n";
