@@ -9,6 +9,7 @@ import subprocess
 import time
 
 import pytest
+from fabric import FABRIC, needs_fabric
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 QUANTILES = {"p5", "q1", "median", "q3", "p95", "p99", "max", "count"}
@@ -30,13 +31,13 @@ def result(out: pathlib.Path) -> dict:
 
 
 def our_processes() -> dict[int, str]:
-    """Programs of this build in this network namespace."""
+    """Programs of this build, and Fabric's, in this network namespace."""
     here = os.readlink("/proc/self/ns/net")
     found = {}
     for process in pathlib.Path("/proc").glob("[0-9]*"):
         try:
             exe = pathlib.Path(os.readlink(process / "exe"))
-            if exe.parent == BIN and os.readlink(process / "ns/net") == here:
+            if exe.parent in (BIN, FABRIC) and os.readlink(process / "ns/net") == here:
                 found[int(process.name)] = exe.name
         except OSError:
             pass  # it ended meanwhile
@@ -87,9 +88,12 @@ def assert_counts_add_up(drone: dict) -> None:
     assert commands["applied"] > 0.9 * commands["sent"]
 
 
-@pytest.mark.parametrize("drones,shape", [(1, "square"), (3, "triangle"), (3, "x")])
-def test_drones_finish_their_path_and_land(tmp_path, drones, shape):
-    flight = fly(tmp_path, "--drones", str(drones), "--shape", shape, "--laps", "1")
+@pytest.mark.parametrize("drones,shape,ledger", [(1, "square", "embedded"), (3, "triangle", "embedded"),
+                                                 (3, "x", "embedded"), (1, "square", "fabric")])
+def test_drones_finish_their_path_and_land(tmp_path, drones, shape, ledger):
+    if ledger == "fabric":
+        needs_fabric()
+    flight = fly(tmp_path, "--drones", str(drones), "--shape", shape, "--laps", "1", "--ledger", ledger)
     assert flight.wait(180) == 0, printed(tmp_path)
     report = result(tmp_path)
     assert report["ok"] is True
@@ -103,7 +107,7 @@ def test_drones_finish_their_path_and_land(tmp_path, drones, shape):
         order = applied(tmp_path, int(drone["id"].removeprefix("tello")))
         assert len(order) == drone["commands"]["applied"]
         assert all(a < b for a, b in zip(order, order[1:])), "applied out of order"
-    assert report["ledger"]["kind"] == "embedded" and report["ledger"]["blocks"] > 100
+    assert report["ledger"]["kind"] == ledger and report["ledger"]["blocks"] > 100
     assert report["messages_per_s"] > 30 and report["transactions_per_s"] > 10
     pages = list((tmp_path / "run").glob("*.html"))
     assert len(pages) == 1

@@ -1,4 +1,4 @@
-"""A running ledgerline-node and Fabric's official Node.js client."""
+"""A running ledgerline-node, or Fabric itself, and Fabric's official Node.js client."""
 import base64
 import json
 import os
@@ -9,6 +9,7 @@ import signal
 import subprocess
 
 import pytest
+from fabric import FABRIC, needs_fabric
 
 HERE = pathlib.Path(__file__).parent
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
@@ -69,6 +70,29 @@ class Ledger:
         return self.directory / "crypto" / "peerOrganizations" / f"org{number}.ledgerline"
 
 
+class Fabric:
+    """A real Fabric network with our contract on it; what tests want of a Ledger."""
+
+    def __init__(self, directory: pathlib.Path):
+        self.directory = directory
+        self.process = subprocess.Popen(
+            [BIN / "ledgerline-fabric", "run", "--dir", directory, "--tools", FABRIC],
+            stdout=subprocess.PIPE, stderr=open(directory.with_suffix(".log"), "ab"), text=True)
+        ready = self.process.stdout.readline()
+        assert ready, self.log()
+        self.endpoint = json.loads(ready)["endpoint"]
+
+    def stop(self) -> int:
+        self.process.terminate()
+        return self.process.wait(timeout=60)
+
+    def log(self) -> str:
+        return self.directory.with_suffix(".log").read_text()
+
+    def organisation(self, number: int) -> pathlib.Path:
+        return self.directory / "crypto" / "peerOrganizations" / f"org{number}.ledgerline"
+
+
 class Client:
     """The official client, as one user."""
 
@@ -112,9 +136,13 @@ def decode(text: str) -> bytes:
     return base64.b64decode(text)
 
 
-@pytest.fixture(scope="module")
-def ledger(tmp_path_factory):
-    running = Ledger(tmp_path_factory.mktemp("ledger") / "node")
+@pytest.fixture(scope="module", params=["embedded", "fabric"])
+def ledger(request, tmp_path_factory):
+    """One suite, two ledgers: where they differ, Fabric is right."""
+    directory = tmp_path_factory.mktemp("ledger") / "node"
+    if request.param == "fabric":
+        needs_fabric()
+    running = Ledger(directory) if request.param == "embedded" else Fabric(directory)
     yield running
     assert running.stop() == 0, running.log()
 

@@ -1,4 +1,4 @@
-"""Hyperledger's own client (@hyperledger/fabric-gateway) against ledgerline-node."""
+"""Hyperledger's own client (@hyperledger/fabric-gateway) against ledgerline-node and against Fabric itself."""
 import base64
 import hashlib
 import json
@@ -173,10 +173,12 @@ def test_keys_are_for_their_owner_only(ledger):
     assert {oct(path.stat().st_mode & 0o777) for path in keys} == {"0o600"}
 
 
-def test_a_second_node_in_the_same_directory_says_so(ledger):
+def test_a_second_node_in_the_same_directory_says_so(tmp_path: pathlib.Path):
+    ledger = Ledger(tmp_path / "node")
     second = subprocess.run([BIN / "ledgerline-node", "--dir", ledger.directory, "--listen", "127.0.0.1:0"],
                             capture_output=True, text=True, timeout=20)
     assert second.returncode == 1 and "in use by another" in second.stderr
+    assert ledger.stop() == 0
 
 
 def test_a_node_whose_disk_takes_no_more_ends_and_loses_nothing_that_it_confirmed(tmp_path: pathlib.Path, node_modules):
