@@ -4,18 +4,27 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/transaction.hpp"
 #include "common/rt/result.hpp"
 
-/// Client of a Fabric gateway and its peer's Deliver service. Nothing here knows which ledger it talks to.
+/// Client of a Fabric gateway, its peer's Endorser and Deliver services, and orderers. Nothing here knows which ledger
+/// it talks to.
 namespace ledgerline::fabric {
 
 struct ClientConfig {
   std::string endpoint;     ///< "127.0.0.1:7051"
   std::string tls_ca_file;  ///< PEM of the CA that signed the server's certificate
   std::string server_name;  ///< empty: the endpoint's host must be in the certificate
+  /// An orderer, for the direct path: calls are endorsed by the peer at `endpoint` itself and sent to an orderer, which
+  /// saves the gateway's two steps. Empty: everything through the gateway.
+  struct Orderer {
+    std::string endpoint;
+    std::string tls_ca_file;
+  };
+  std::vector<Orderer> orderers;
   ChannelAndContract where;
   crypto::SigningIdentity identity;
   std::size_t max_in_flight = 64;  ///< further submits are refused at once with Outcome::Kind::overloaded

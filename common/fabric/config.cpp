@@ -26,6 +26,11 @@ Result<ClientConfig> ledger_config(Config& config) {
   out.where.contract = config.text("ledger.contract", out.where.contract);
   out.max_in_flight = static_cast<std::size_t>(config.integer("ledger.max_in_flight", 64, 1, 10'000));
   out.deadline = std::chrono::milliseconds(config.integer("ledger.deadline_ms", 5'000, 100, 600'000));
+  const std::size_t orderers = config.table_count("orderer");
+  for (std::size_t i = 0; i < orderers; ++i) {
+    out.orderers.push_back(
+        {config.text(fmt::format("orderer.{}.endpoint", i)), config.text(fmt::format("orderer.{}.tls_ca", i))});
+  }
   const std::string msp_id = config.text("ledger.msp_id");
   const std::string msp_dir = config.text("ledger.msp_dir");
   // libcrypto signs in a tenth of mbedTLS's time.

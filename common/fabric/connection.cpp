@@ -30,19 +30,15 @@ std::uint64_t random_seed() {
   return seed;
 }
 
-}  // namespace
-
-Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
-  // protobuf would write a line to standard error for each malformed text that a hostile transaction carries.
-  google::protobuf::SetLogHandler(nullptr);
-  if (config.endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
-  if (!config.identity.signer) return Error{"the ledger's client has no identity to sign with"};
-  std::ifstream file(config.tls_ca_file);
+Result<std::shared_ptr<grpc::Channel>> make_channel(const std::string& endpoint, const std::string& tls_ca_file,
+                                                    const std::string& server_name) {
+  if (endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
+  std::ifstream file(tls_ca_file);
   std::stringstream pem;
   pem << file.rdbuf();
-  if (!file) return Error{fmt::format("cannot read the CA certificate {}", config.tls_ca_file)};
+  if (!file) return Error{fmt::format("cannot read the CA certificate {}", tls_ca_file)};
   if (auto certificate = crypto::parse_certificate(pem.str()); !certificate) {
-    return Error{fmt::format("{}: {}", config.tls_ca_file, certificate.error().what)};
+    return Error{fmt::format("{}: {}", tls_ca_file, certificate.error().what)};
   }
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, keepalive_ms);
@@ -55,11 +51,27 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
   arguments.SetMaxSendMessageSize(max_message_bytes);
   // Each client has a connection of its own, also when one process has several.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  if (!config.server_name.empty()) arguments.SetSslTargetNameOverride(config.server_name);
+  if (!server_name.empty()) arguments.SetSslTargetNameOverride(server_name);
   grpc::SslCredentialsOptions tls;
   tls.pem_root_certs = pem.str();
+  return grpc::CreateCustomChannel(endpoint, grpc::SslCredentials(tls), arguments);
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
+  // protobuf would write a line to standard error for each malformed text that a hostile transaction carries.
+  google::protobuf::SetLogHandler(nullptr);
+  if (!config.identity.signer) return Error{"the ledger's client has no identity to sign with"};
   auto connection = std::make_shared<Connection>();
-  connection->channel = grpc::CreateCustomChannel(config.endpoint, grpc::SslCredentials(tls), arguments);
+  auto channel = make_channel(config.endpoint, config.tls_ca_file, config.server_name);
+  if (!channel) return channel.error();
+  connection->channel = std::move(*channel);
+  for (const ClientConfig::Orderer& orderer : config.orderers) {
+    auto to_orderer = make_channel(orderer.endpoint, orderer.tls_ca_file, "");
+    if (!to_orderer) return to_orderer.error();
+    connection->orderers.push_back(std::move(*to_orderer));
+  }
   connection->config = std::move(config);
   return std::shared_ptr<const Connection>(std::move(connection));
 }

@@ -14,6 +14,7 @@ namespace ledgerline::fabric {
 struct Connection {
   ClientConfig config;
   std::shared_ptr<grpc::Channel> channel;
+  std::vector<std::shared_ptr<grpc::Channel>> orderers;
 };
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
 

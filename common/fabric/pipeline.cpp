@@ -32,7 +32,10 @@ bool not_reached(const grpc::Status& status) {
 Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
     : connection_(std::move(connection)),
       stub_(gateway::Gateway::NewStub(connection_->channel)),
-      thread_([this] { run(); }) {}
+      endorser_(protos::Endorser::NewStub(connection_->channel)) {
+  if (!connection_->orderers.empty()) ordering_.emplace(connection_->orderers, queue_);
+  thread_ = std::thread([this] { run(); });
+}
 
 Pipeline::~Pipeline() {
   {
@@ -126,6 +129,14 @@ void Pipeline::await(const PendingPtr& p, const std::shared_ptr<Unary<Response>>
 }
 
 void Pipeline::endorse(const PendingPtr& p) {
+  if (ordering_) {
+    protos::SignedProposal proposal;
+    proposal.ParseFromString(p->proposal.signed_proposal);
+    p->propose = make_unary<protos::ProposalResponse>(p);
+    p->propose->reader = endorser_->AsyncProcessProposal(&p->propose->context, proposal, &queue_);
+    await(p, p->propose, &Pipeline::on_proposed);
+    return;
+  }
   gateway::EndorseRequest request;
   request.set_transaction_id(p->proposal.tx_id);
   request.set_channel_id(connection_->config.where.channel);
@@ -142,13 +153,30 @@ void Pipeline::on_endorsed(const PendingPtr& p) {
     finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
     return;
   }
-  const std::string unsigned_envelope = p->endorse->response.prepared_transaction().SerializeAsString();
-  auto prepared = check_prepared(p->proposal, unsigned_envelope);
+  take_endorsed(p, p->endorse->response.prepared_transaction().SerializeAsString());
+}
+
+void Pipeline::on_proposed(const PendingPtr& p) {
+  const grpc::Status& status = p->propose->status;
+  if (!status.ok()) {
+    if (retry(p, status, &Pipeline::endorse)) return;
+    finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
+    return;
+  }
+  take_endorsed(p, assemble(p->proposal, {p->propose->response.SerializeAsString()}));
+}
+
+void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope) {
+  if (!unsigned_envelope) {
+    finish(p, Outcome::Kind::refused, unsigned_envelope.error().what);
+    return;
+  }
+  auto prepared = check_prepared(p->proposal, *unsigned_envelope);
   if (!prepared) {
     finish(p, Outcome::Kind::refused, prepared.error().what);
     return;
   }
-  auto envelope = sign_envelope(connection_->config.identity, unsigned_envelope);
+  auto envelope = sign_envelope(connection_->config.identity, *unsigned_envelope);
   if (!envelope) {
     finish(p, Outcome::Kind::refused, envelope.error().what);
     return;
@@ -160,7 +188,7 @@ void Pipeline::on_endorsed(const PendingPtr& p) {
 }
 
 void Pipeline::send_next() {
-  while (!order_.empty()) {
+  while (!order_.empty() && !(ordering_ && ordering_->busy())) {
     const PendingPtr p = order_.front();
     if (p->stage == Stage::ready) {
       send(p);
@@ -175,6 +203,36 @@ void Pipeline::send(const PendingPtr& p) {
   p->stage = Stage::sent;
   p->attempts = 0;
   p->backoff.reset();
+  if (ordering_) {
+    ordering_->send(p->envelope, p->deadline, [this, p](Ordering::Ended ended, const std::string& why) {
+      // Its status may have come before the acknowledgement; the next one has waited for this all the same.
+      p->stage == Stage::finished ? send_next() : on_ordered(p, ended, why);
+    });
+  } else {
+    submit_through_gateway(p);
+  }
+  if (p->stage == Stage::sent) ask_status(p);
+}
+
+void Pipeline::on_ordered(const PendingPtr& p, Ordering::Ended ended, const std::string& why) {
+  switch (ended) {
+    case Ordering::Ended::refused:
+      finish(p, Outcome::Kind::refused, "the orderer: " + why);
+      return;
+    case Ordering::Ended::not_sent:
+      submit_through_gateway(p);
+      return;
+    case Ordering::Ended::open:
+      p->submit_problem = "the orderer: " + why;
+      break;
+    case Ordering::Ended::acknowledged:
+      break;
+  }
+  p->stage = Stage::acknowledged;
+  send_next();
+}
+
+void Pipeline::submit_through_gateway(const PendingPtr& p) {
   gateway::SubmitRequest request;
   request.set_transaction_id(p->proposal.tx_id);
   request.set_channel_id(connection_->config.where.channel);
@@ -183,7 +241,6 @@ void Pipeline::send(const PendingPtr& p) {
   p->submit = make_unary<gateway::SubmitResponse>(p);
   p->submit->reader = stub_->AsyncSubmit(&p->submit->context, request, &queue_);
   await(p, p->submit, &Pipeline::on_submitted);
-  ask_status(p);
 }
 
 void Pipeline::on_submitted(const PendingPtr& p) {
@@ -258,6 +315,7 @@ void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
   p->stage = Stage::finished;
   // What is still under way comes back as cancelled, finds the call finished, and is dropped.
   if (p->endorse) p->endorse->context.TryCancel();
+  if (p->propose) p->propose->context.TryCancel();
   if (p->submit) p->submit->context.TryCancel();
   if (p->status) p->status->context.TryCancel();
   if (p->alarm) p->alarm->Cancel();
@@ -276,6 +334,7 @@ void Pipeline::end_all() {
     const PendingPtr p = live_.begin()->second;  // finish() takes it out of live_, so a copy holds it
     finish(p, Outcome::Kind::unavailable, "the client is being closed");
   }
+  if (ordering_) ordering_->end();
   queue_.Shutdown();
 }
 

@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "common/fabric/connection.hpp"
+#include "common/fabric/ordering.hpp"
 #include "gateway/gateway.grpc.pb.h"
+#include "peer/peer.grpc.pb.h"
 
 namespace ledgerline::fabric {
 
@@ -23,6 +25,9 @@ namespace ledgerline::fabric {
 /// the next one leaves when the orderer has acknowledged the one before or it has failed. So the ledger orders one
 /// client's transactions as they were submitted. A Submit is never repeated: where its answer is lost, CommitStatus
 /// tells. That one is asked together with Submit, which saves a round trip.
+///
+/// With orderers in the config the call goes the direct path: ProcessProposal at the peer in place of Endorse,
+/// Broadcast in place of Submit; where no orderer is reached, the gateway's Submit after all.
 class Pipeline {
  public:
   explicit Pipeline(std::shared_ptr<const Connection> connection);
@@ -53,6 +58,7 @@ class Pipeline {
     int attempts = 0;            ///< of the call that may be repeated now
     Backoff backoff{first_retry, longest_retry};
     std::shared_ptr<Unary<gateway::EndorseResponse>> endorse;
+    std::shared_ptr<Unary<protos::ProposalResponse>> propose;  ///< on the direct path in place of endorse
     std::shared_ptr<Unary<gateway::SubmitResponse>> submit;
     std::shared_ptr<Unary<gateway::CommitStatusResponse>> status;
     std::shared_ptr<grpc::Alarm> alarm;
@@ -70,9 +76,13 @@ class Pipeline {
   void begin(Job job);
   void endorse(const PendingPtr& p);
   void on_endorsed(const PendingPtr& p);
+  void on_proposed(const PendingPtr& p);
+  void take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope);
   void send_next();
   void send(const PendingPtr& p);
+  void submit_through_gateway(const PendingPtr& p);
   void on_submitted(const PendingPtr& p);
+  void on_ordered(const PendingPtr& p, Ordering::Ended ended, const std::string& why);
   void ask_status(const PendingPtr& p);
   void on_status(const PendingPtr& p);
   bool retry(const PendingPtr& p, const grpc::Status& status, void (Pipeline::*again)(const PendingPtr&));
@@ -87,6 +97,7 @@ class Pipeline {
 
   const std::shared_ptr<const Connection> connection_;
   const std::unique_ptr<gateway::Gateway::Stub> stub_;
+  const std::unique_ptr<protos::Endorser::Stub> endorser_;
   grpc::CompletionQueue queue_;
 
   std::mutex mutex_;  ///< guards the three below, and that nothing is put into the queue after its shutdown
@@ -97,7 +108,8 @@ class Pipeline {
   // The thread's own.
   std::uint64_t next_number_ = 0;
   std::map<std::uint64_t, PendingPtr> live_;
-  std::deque<PendingPtr> order_;  ///< not yet acknowledged, oldest first
+  std::deque<PendingPtr> order_;      ///< not yet acknowledged, oldest first
+  std::optional<Ordering> ordering_;  ///< on the direct path
   std::thread thread_;
 };
 

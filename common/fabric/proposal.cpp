@@ -3,6 +3,7 @@
 #include "orderer/ab.pb.h"
 #include "peer/chaincode.pb.h"
 #include "peer/proposal.pb.h"
+#include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::fabric {
@@ -80,6 +81,42 @@ Result<Proposal> make_proposal(const crypto::SigningIdentity& who, const Channel
   signed_proposal.set_signature(std::move(*signature));
   out.signed_proposal = signed_proposal.SerializeAsString();
   return out;
+}
+
+Result<std::string> assemble(const Proposal& proposal, const std::vector<std::string>& responses) {
+  protos::SignedProposal signed_proposal;
+  protos::Proposal asked;
+  common::Header header;
+  protos::ChaincodeProposalPayload input;
+  if (!parse(signed_proposal, proposal.signed_proposal) || !parse(asked, signed_proposal.proposal_bytes()) ||
+      !parse(header, asked.header()) || !parse(input, asked.payload())) {
+    return Error{"the proposal is malformed"};
+  }
+  input.clear_transientmap();
+  protos::ChaincodeActionPayload action;
+  action.set_chaincode_proposal_payload(input.SerializeAsString());
+  for (const std::string& bytes : responses) {
+    protos::ProposalResponse response;
+    if (!parse(response, bytes)) return Error{"a peer's answer is malformed"};
+    if (response.response().status() >= 400) {
+      return Error{"chaincode response " + std::to_string(response.response().status()) + ", " +
+                   response.response().message()};
+    }
+    if (!response.has_endorsement()) return Error{"a peer's answer has no endorsement"};
+    std::string& payload = *action.mutable_action()->mutable_proposal_response_payload();
+    if (payload.empty()) payload = response.payload();
+    if (payload != response.payload()) return Error{"the peers' answers differ"};
+    *action.mutable_action()->add_endorsements() = response.endorsement();
+  }
+  protos::Transaction transaction;
+  transaction.add_actions()->set_header(header.signature_header());
+  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
+  common::Payload payload;
+  *payload.mutable_header() = header;
+  payload.set_data(transaction.SerializeAsString());
+  common::Envelope envelope;
+  envelope.set_payload(payload.SerializeAsString());
+  return envelope.SerializeAsString();
 }
 
 Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope) {

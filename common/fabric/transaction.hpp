@@ -32,6 +32,10 @@ struct Proposal {
 Result<Proposal> make_proposal(const crypto::SigningIdentity& who, const ChannelAndContract& where, const Call& call,
                                TimeNs timestamp_ns, std::string nonce);
 
+/// The transaction of a proposal that one peer or more endorsed, as common.Envelope without signature, or what the
+/// contract refused: for those who ask peers themselves. `responses`: protos.ProposalResponse of each.
+Result<std::string> assemble(const Proposal& proposal, const std::vector<std::string>& responses);
+
 /// What an endorsed proposal came back as: the contract's answer, and proof that the envelope to sign is our own call.
 /// A gateway that put another call, channel or transaction id into the envelope is found out here; nothing is signed
 /// blindly.

@@ -68,18 +68,24 @@ std::string user_dir(const RunFiles& files, int organisation, const std::string&
   return fmt::format("{}/users/{}@org{}.ledgerline", organisation_dir(files, organisation), user, organisation);
 }
 
-Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint) {
+Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,
+                     const std::vector<std::string>& orderers) {
+  std::string direct;
+  for (const std::string& orderer : orderers) {
+    direct += fmt::format("[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n", orderer,
+                          files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"));
+  }
   const std::string with_status = "status_period_ms = 250\n";
   const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
                            drone_tables(options.drones, true);
-  const std::string agent = ledger_table(files, endpoint, 1, "User1") + msp_tables(files) +
+  const std::string agent = ledger_table(files, endpoint, 1, "User1") + direct + msp_tables(files) +
                             output_table(files, "agent") + with_status + patience(options) +
                             drone_tables(options.drones, false);
   const std::string flight = fmt::format(
       "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
       "{:.3f}\n",
       ground::name_of(options.shape), options.speed_mps, options.laps, options.seconds, height_m, side_m);
-  const std::string ground = ledger_table(files, endpoint, 2, "User1") + msp_tables(files) +
+  const std::string ground = ledger_table(files, endpoint, 2, "User1") + direct + msp_tables(files) +
                              output_table(files, "ground") + with_status + flight + drone_tables(options.drones, false);
   const std::pair<std::string, std::string> all[] = {
       {"link", link},

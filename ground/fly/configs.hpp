@@ -1,5 +1,6 @@
 #pragma once
 #include <string>
+#include <vector>
 
 #include "common/rt/result.hpp"
 #include "ground/fly/options.hpp"
@@ -24,7 +25,8 @@ inline constexpr double height_m = 1.0;
 std::string user_dir(const RunFiles& files, int organisation, const std::string& user);
 
 /// Writes link.toml, agent.toml, ground.toml, and admin.toml and operator.toml for ledgerline-control.
-/// `endpoint`: of the node.
-Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint);
+/// `endpoint`: of the node, or of the peer of the drones' organisation. `orderers`: of Fabric, for the direct path.
+Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,
+                     const std::vector<std::string>& orderers);
 
 }  // namespace ledgerline::fly

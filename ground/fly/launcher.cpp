@@ -123,7 +123,11 @@ Status Launcher::start_all() {
   if (!ready.is_object() || !ready.contains("endpoint") || !ready["endpoint"].is_string()) {
     return Error{ledger_ + " did not say its endpoint: " + ready_[ledger_]};
   }
-  if (auto s = write_configs(files_, options_, ready["endpoint"].get<std::string>()); !s) return s;
+  std::vector<std::string> orderers;
+  if (ready.contains("orderers") && ready["orderers"].is_array()) {
+    for (const json& one : ready["orderers"]) orderers.push_back(one.is_string() ? one.get<std::string>() : "");
+  }
+  if (auto s = write_configs(files_, options_, ready["endpoint"].get<std::string>(), orderers); !s) return s;
 
   std::vector<std::string> names;
   for (int k = 1; k <= options_.drones; ++k) names.push_back(fmt::format("tello{}", k));

@@ -56,7 +56,7 @@ class ServedNode {
   /// A connection of its own.
   std::shared_ptr<grpc::Channel> connect() const {
     grpc::SslCredentialsOptions tls;
-    tls.pem_root_certs = text_of(organisation(1) / "tlsca" / "tlsca.org1.ledgerline-cert.pem");
+    tls.pem_root_certs = text_of(tls_ca_file());
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
     return grpc::CreateCustomChannel(server_->endpoint(), grpc::SslCredentials(tls), arguments);
@@ -87,6 +87,7 @@ class ServedNode {
             *crypto::make_signer(crypto::Library::libcrypto, made->key_pem)};
   }
 
+  std::string tls_ca_file() const { return organisation(1) / "tlsca" / "tlsca.org1.ledgerline-cert.pem"; }
   const std::string& endpoint() const { return server_->endpoint(); }
   Node& node() { return *node_; }
   const CoreConfig& config() const { return node_->config(); }

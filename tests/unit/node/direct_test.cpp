@@ -1,0 +1,88 @@
+#include <gmock/gmock.h>
+
+#include <future>
+
+#include "common/fabric/client.hpp"
+#include "tests/unit/node/served_node.hpp"
+
+/// The client's direct path (ProcessProposal at the peer, Broadcast at an orderer) against the node, which is both.
+namespace ledgerline::node {
+namespace {
+
+using ::testing::HasSubstr;
+using Kind = fabric::Outcome::Kind;
+
+class DirectTest : public ::testing::Test {
+ protected:
+  std::unique_ptr<fabric::Client> connect(const std::vector<std::string>& orderers) {
+    fabric::ClientConfig config;
+    config.endpoint = served.endpoint();
+    config.tls_ca_file = served.tls_ca_file();
+    for (const std::string& one : orderers) config.orderers.push_back({one, served.tls_ca_file()});
+    config.identity = served.user(1, "User1");
+    auto client = fabric::Client::create(std::move(config));
+    EXPECT_TRUE(client.ok()) << client.error().what;
+    return std::move(*client);
+  }
+  static fabric::Call note(const std::string& id) { return {"set", {R"({"id":")" + id + R"(","msgType":"t"})"}}; }
+
+  ServedNode served;
+};
+
+TEST_F(DirectTest, ACallCommitsWithOneEndorsement) {
+  const auto client = connect({served.endpoint()});
+  const auto outcome = client->submit_and_wait(note("tello1/a"));
+  ASSERT_EQ(outcome.kind, Kind::committed) << outcome.message;
+  const auto block = fabric::decode_block(**served.node().feed().read(outcome.block));
+  EXPECT_EQ(block->transactions[0].tx_id, outcome.tx_id);
+  EXPECT_EQ(block->transactions[0].endorsements.size(), 1U) << "through the gateway all three peers endorse";
+}
+
+TEST_F(DirectTest, ARefusalOfTheContractHasItsWords) {
+  const auto outcome = connect({served.endpoint()})->submit_and_wait(note("Org2MSP/a"));
+  EXPECT_EQ(outcome.kind, Kind::refused);
+  EXPECT_THAT(outcome.message, HasSubstr("chaincode response 500, Org2MSP: not enrolled"));
+}
+
+TEST_F(DirectTest, WhatIsTooLargeForTheOrdererIsRefusedWithItsSize) {
+  fabric::Call call = note("tello1/a");
+  call.args[0].insert(call.args[0].size() - 1, ",\"msgData\":\"" + std::string(100'000, 'A') + "\"");
+  const auto client = connect({served.endpoint()});
+  const auto outcome = client->submit_and_wait(call);
+  EXPECT_EQ(outcome.kind, Kind::refused);
+  EXPECT_THAT(outcome.message, HasSubstr("message payload is"));
+  EXPECT_EQ(client->submit_and_wait(note("tello1/a")).kind, Kind::committed) << "on a new stream";
+}
+
+TEST_F(DirectTest, ManyCallsAtOnceAreOrderedAsTheyWereSubmitted) {
+  const auto client = connect({served.endpoint()});
+  std::vector<std::promise<fabric::Outcome>> outcomes(40);
+  for (std::size_t i = 0; i < outcomes.size(); ++i) {
+    client->submit(note("tello1/n" + std::to_string(i)),
+                   [&outcomes, i](fabric::Outcome outcome) { outcomes[i].set_value(std::move(outcome)); });
+  }
+  std::uint64_t last = 0;
+  for (auto& outcome : outcomes) {
+    const auto got = outcome.get_future().get();
+    ASSERT_EQ(got.kind, Kind::committed) << got.message;
+    EXPECT_GT(got.block, last);
+    last = got.block;
+  }
+}
+
+TEST_F(DirectTest, AnOrdererThatIsGoneIsPassedOver) {
+  const auto client = connect({"127.0.0.1:1", served.endpoint()});
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(client->submit_and_wait(note("tello1/a")).kind, Kind::committed);
+}
+
+TEST_F(DirectTest, AClientThatEndsInTheMiddleAnswersEveryCall) {
+  std::promise<fabric::Outcome> outcome;
+  {
+    const auto client = connect({"127.0.0.1:1"});
+    client->submit(note("tello1/a"), [&](fabric::Outcome got) { outcome.set_value(std::move(got)); });
+  }
+  EXPECT_EQ(outcome.get_future().get().kind, Kind::unavailable);
+}
+
+}  // namespace
+}  // namespace ledgerline::node
