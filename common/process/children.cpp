@@ -40,7 +40,8 @@ constexpr std::size_t longest_line = 1 << 20;
 // /proc/PID/stat: the fields behind the name in brackets are 3 (state) to 52; 14 and 15 are user and system time.
 double cpu_seconds_of(pid_t pid) {
   std::ifstream file(fmt::format("/proc/{}/stat", pid));
-  std::string stat((std::istreambuf_iterator<char>(file)), {});
+  std::string stat;
+  std::getline(file, stat);  // unlike the stream's buffer it does not throw when the process ends meanwhile
   const auto bracket = stat.rfind(')');
   if (bracket == std::string::npos) return 0;
   std::istringstream fields(stat.substr(bracket + 1));

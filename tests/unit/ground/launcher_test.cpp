@@ -224,6 +224,18 @@ TEST_F(FakePrograms, TheLockLastsUntilTheLastProcessOfARunIsGone) {
   EXPECT_TRUE(eventually([&] { return RunLock::take(file, "z").ok(); }));
 }
 
+TEST_F(FakePrograms, TheTimeOfAProcessThatIsJustEndingIsNoError) {
+  Children children({});
+  for (int i = 0; i < 100; ++i) {
+    // With a child of its own, which ends at another moment.
+    ASSERT_TRUE(children.start({"short", {"/bin/sh", "-c", "true & true"}, files.log("short"), SIGKILL}));
+    while (children.running("short")) {
+      for (int k = 0; k < 200; ++k) EXPECT_GE(children.cpu_seconds("short"), 0);
+      children.poll(0);
+    }
+  }
+}
+
 TEST_F(FakePrograms, AChildThatDoesNotListenIsKilledAfterItsPatience) {
   write("deaf", "trap '' TERM\necho deaf >> ended\n" + stays);
   Children children({});
