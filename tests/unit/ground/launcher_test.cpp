@@ -228,7 +228,10 @@ TEST_F(FakePrograms, TheTimeOfAProcessThatIsJustEndingIsNoError) {
   Children children({});
   for (int i = 0; i < 100; ++i) {
     // With a child of its own, which ends at another moment.
-    ASSERT_TRUE(children.start({"short", {"/bin/sh", "-c", "for i in 1 2 3 4 5 6 7 8; do /bin/true & done; wait"}, files.log("short"), SIGKILL}));
+    ASSERT_TRUE(children.start({"short",
+                                {"/bin/sh", "-c", "for i in 1 2 3 4 5 6 7 8; do /bin/true & done; wait"},
+                                files.log("short"),
+                                SIGKILL}));
     while (children.running("short")) {
       for (int k = 0; k < 200; ++k) EXPECT_GE(children.cpu_seconds("short"), 0);
       children.poll(0);
