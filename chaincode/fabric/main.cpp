@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 #include <signal.h>
 #include <sys/file.h>
-#include <sys/vfs.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -14,6 +13,8 @@
 
 #include "chaincode/fabric/network.hpp"
 #include "chaincode/fabric/texts.hpp"
+#include "chaincode/identities/identities.hpp"
+#include "chaincode/node/storage/files.hpp"
 #include "common/rt/log.hpp"
 
 namespace {
@@ -78,7 +79,8 @@ class RunFile {
 
 nlohmann::json describe(const Network& network) {
   nlohmann::json peers = nlohmann::json::array(), orderers = nlohmann::json::array();
-  for (int k = 1; k <= 3; ++k) peers.push_back(address(network.options(), network.ports().peer(k)));
+  for (int k = 1; k <= identities::organisations; ++k)
+    peers.push_back(address(network.options(), network.ports().peer(k)));
   for (int k = 1; k <= network.options().orderers; ++k) {
     orderers.push_back(address(network.options(), network.ports().orderer(k)));
   }
@@ -86,20 +88,15 @@ nlohmann::json describe(const Network& network) {
           {"orderers", orderers}, {"process", ::getpid()}, {"channel", network.options().channel}};
 }
 
-/// "disk" or "tmpfs".
-std::string storage_of(const std::string& dir) {
-  struct statfs info {};
-  constexpr auto tmpfs = 0x01021994;  // TMPFS_MAGIC
-  return ::statfs(dir.c_str(), &info) == 0 && info.f_type == tmpfs ? "tmpfs" : "disk";
-}
-
 Status write_summary(const std::string& path, Network& network) {
   const auto counts = network.count();
   if (!counts) return counts.error();
+  const auto storage = node::storage_kind(network.options().dir);
+  if (!storage) return storage.error();
   std::ofstream out(path);
   out << nlohmann::json{{"blocks", counts->blocks},
                         {"transactions", counts->transactions},
-                        {"storage", storage_of(network.options().dir)},
+                        {"storage", *storage},
                         {"cpu_seconds", network.cpu_seconds()}}
              .dump(2)
       << "\n";

@@ -13,13 +13,13 @@
 #include <fstream>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <thread>
 
 #include "chaincode/fabric/texts.hpp"
 #include "chaincode/first_enrolments.hpp"
 #include "chaincode/identities/identities.hpp"
 #include "common/fabric/client.hpp"
+#include "common/rt/file.hpp"
 #include "common/rt/log.hpp"
 
 namespace ledgerline::fabric_network {
@@ -30,13 +30,6 @@ namespace fs = std::filesystem;
 constexpr TimeNs command_limit_ns = 60 * ns_per_s, starting_limit_ns = 20 * ns_per_s, stop_patience_ns = 5 * ns_per_s;
 constexpr int log_lines = 10;
 constexpr const char* label = "ledgerline_1";
-
-Result<std::string> read_file(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::stringstream text;
-  if (!in || !(text << in.rdbuf())) return Error{"cannot read " + path.string()};
-  return text.str();
-}
 
 Status write_file(const fs::path& path, const std::string& text, int mode) {
   std::error_code error;

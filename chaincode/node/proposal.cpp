@@ -1,5 +1,6 @@
 #include "chaincode/node/proposal.hpp"
 
+#include "common/fabric/envelope.hpp"
 #include "peer/chaincode.pb.h"
 #include "peer/transaction.pb.h"
 
@@ -62,20 +63,7 @@ Result<ProposalParts> read_proposal(std::string_view proposal_bytes) {
 
 std::string make_envelope(const ProposalParts& proposal, const std::string& response_payload,
                           const std::vector<protos::Endorsement>& endorsements) {
-  protos::ChaincodeActionPayload action;
-  action.set_chaincode_proposal_payload(proposal.payload);
-  action.mutable_action()->set_proposal_response_payload(response_payload);
-  for (const protos::Endorsement& endorsement : endorsements)
-    *action.mutable_action()->add_endorsements() = endorsement;
-  protos::Transaction transaction;
-  transaction.add_actions()->set_header(proposal.header.signature_header());
-  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
-  common::Payload payload;
-  *payload.mutable_header() = proposal.header;
-  payload.set_data(transaction.SerializeAsString());
-  common::Envelope envelope;
-  envelope.set_payload(payload.SerializeAsString());
-  return envelope.SerializeAsString();
+  return fabric::unsigned_envelope(proposal.header, proposal.payload, response_payload, endorsements);
 }
 
 TransactionParts read_transaction(std::string_view bytes) {

@@ -5,11 +5,10 @@
 
 #include <atomic>
 #include <cstdlib>
-#include <fstream>
 #include <set>
-#include <sstream>
 
 #include "chaincode/shim/session.hpp"
+#include "common/rt/file.hpp"
 #include "common/rt/log.hpp"
 #include "peer/chaincode_shim.grpc.pb.h"
 
@@ -18,13 +17,6 @@ namespace {
 
 constexpr int max_message_bytes = 100 * 1024 * 1024;  // as Fabric's own shims
 constexpr int keepalive_ms = 60'000, keepalive_timeout_ms = 20'000;
-
-Result<std::string> read_file(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::stringstream text;
-  if (!in || !(text << in.rdbuf())) return Error{"cannot read " + path};
-  return text.str();
-}
 
 Result<std::shared_ptr<grpc::ServerCredentials>> credentials(const Options& options) {
   if (options.key_file.empty() && options.certificate_file.empty()) {

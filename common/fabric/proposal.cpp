@@ -1,4 +1,5 @@
 #include "common/common.pb.h"
+#include "common/fabric/envelope.hpp"
 #include "common/fabric/transaction.hpp"
 #include "orderer/ab.pb.h"
 #include "peer/chaincode.pb.h"
@@ -93,8 +94,8 @@ Result<std::string> assemble(const Proposal& proposal, const std::vector<std::st
     return Error{"the proposal is malformed"};
   }
   input.clear_transientmap();
-  protos::ChaincodeActionPayload action;
-  action.set_chaincode_proposal_payload(input.SerializeAsString());
+  std::string result;
+  std::vector<protos::Endorsement> endorsements;
   for (const std::string& bytes : responses) {
     protos::ProposalResponse response;
     if (!parse(response, bytes)) return Error{"a peer's answer is malformed"};
@@ -103,19 +104,28 @@ Result<std::string> assemble(const Proposal& proposal, const std::vector<std::st
                    response.response().message()};
     }
     if (!response.has_endorsement()) return Error{"a peer's answer has no endorsement"};
-    std::string& payload = *action.mutable_action()->mutable_proposal_response_payload();
-    if (payload.empty()) payload = response.payload();
-    if (payload != response.payload()) return Error{"the peers' answers differ"};
-    *action.mutable_action()->add_endorsements() = response.endorsement();
+    if (result.empty()) result = response.payload();
+    if (result != response.payload()) return Error{"the peers' answers differ"};
+    endorsements.push_back(response.endorsement());
   }
+  return unsigned_envelope(header, input.SerializeAsString(), result, endorsements);
+}
+
+std::string unsigned_envelope(const common::Header& header, const std::string& payload,
+                              const std::string& response_payload,
+                              const std::vector<protos::Endorsement>& endorsements) {
+  protos::ChaincodeActionPayload action;
+  action.set_chaincode_proposal_payload(payload);
+  action.mutable_action()->set_proposal_response_payload(response_payload);
+  for (const protos::Endorsement& one : endorsements) *action.mutable_action()->add_endorsements() = one;
   protos::Transaction transaction;
   transaction.add_actions()->set_header(header.signature_header());
   transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
-  common::Payload payload;
-  *payload.mutable_header() = header;
-  payload.set_data(transaction.SerializeAsString());
+  common::Payload whole;
+  *whole.mutable_header() = header;
+  whole.set_data(transaction.SerializeAsString());
   common::Envelope envelope;
-  envelope.set_payload(payload.SerializeAsString());
+  envelope.set_payload(whole.SerializeAsString());
   return envelope.SerializeAsString();
 }
 

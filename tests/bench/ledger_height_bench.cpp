@@ -77,13 +77,6 @@ struct Running {
   double start_s = 0;
   std::vector<double> medians_ms;
 
-  double resident_mb() const {
-    std::ifstream statm("/proc/" + std::to_string(process.pid()) + "/statm");
-    double size = 0, resident = 0;
-    statm >> size >> resident;
-    return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / 1e6;
-  }
-
   void start(const std::string& program, const std::string& dir) {
     const TimeNs begin = monotonic_ns();
     if (!process.start({program, "--dir", dir, "--listen", "127.0.0.1:0"})) give_up("the node does not start");
@@ -139,7 +132,7 @@ int main(int argc, char** argv) {
     const std::uint64_t blocks = grow(where, height);
     running->start(program, where);
     fmt::print("{:>7} blocks: ready after {:.2f} s, {:.0f} MB resident, {} bytes a transaction on disk\n", blocks,
-               running->start_s, running->resident_mb(), fs::file_size(where + "/ledger/blocks") / blocks);
+               running->start_s, running->process.resident_mb(), fs::file_size(where + "/ledger/blocks") / blocks);
   }
   // Both grow as they are asked, so the short one is short only at first.
   short_chain.turn(20);

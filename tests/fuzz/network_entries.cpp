@@ -10,25 +10,13 @@
 #include "gateway/gateway.pb.h"
 #include "onboard/agent/shell/settings.hpp"
 #include "onboard/link/link_config.hpp"
+#include "tests/fuzz/directory.hpp"
 #include "tests/fuzz/entry.hpp"
 
 /// What only programs with network parts read: the settings of link and agent, those of a ledger's client, and why a
 /// peer refused.
 namespace ledgerline::fuzz::network_part {
 namespace {
-
-class Directory {
- public:
-  Directory() {
-    std::string name =
-        std::string(std::filesystem::exists("/dev/shm") ? "/dev/shm" : "/tmp") + "/ledgerline-fuzz-XXXXXX";
-    path = ::mkdtemp(name.data());
-  }
-  ~Directory() { std::filesystem::remove_all(path); }
-  Directory(const Directory&) = delete;
-  Directory& operator=(const Directory&) = delete;
-  std::string path;
-};
 
 class LinkEntry final : public Entry {
  public:

@@ -8,25 +8,12 @@
 #include "common/rt/trace.hpp"
 #include "ground/fly/live.hpp"
 #include "ground/report/results.hpp"
+#include "tests/fuzz/directory.hpp"
 #include "tests/fuzz/entry.hpp"
 
 /// What programs leave behind or say while they run, as the launcher and the report read it.
 namespace ledgerline::fuzz::report_part {
 namespace {
-
-class Directory {
- public:
-  Directory() {
-    // Memory where there is some: files are made ten thousand times.
-    std::string name =
-        std::string(std::filesystem::exists("/dev/shm") ? "/dev/shm" : "/tmp") + "/ledgerline-fuzz-XXXXXX";
-    path = ::mkdtemp(name.data());
-  }
-  ~Directory() { std::filesystem::remove_all(path); }
-  Directory(const Directory&) = delete;
-  Directory& operator=(const Directory&) = delete;
-  std::string path;
-};
 
 void write(const std::string& path, std::string_view bytes) {
   std::ofstream file(path, std::ios::binary);

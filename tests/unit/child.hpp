@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -44,6 +45,12 @@ class Child {
   }
   const std::string& ready_line() const { return ready_line_; }
   pid_t pid() const { return pid_; }
+  double resident_mb() const {
+    std::ifstream statm("/proc/" + std::to_string(pid_) + "/statm");
+    double size = 0, resident = 0;
+    statm >> size >> resident;
+    return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / 1e6;
+  }
   void signal(int signal) const { ::kill(pid_, signal); }
   /// Its exit status, as waitpid gives it.
   int wait() {

@@ -6,11 +6,7 @@ namespace ledgerline::node {
 
 EventStream* EventStream::start(Node& node, Limit& limit, ViewCache& events, const grpc::ByteBuffer& bytes) {
   auto stream = std::make_shared<EventStream>(node, limit, events);
-  stream->self_ = stream;
-  if (!stream->place_) {
-    stream->finish(too_many(limit));
-    return stream.get();
-  }
+  if (!admit(stream, limit)) return stream.get();
   gateway::SignedChaincodeEventsRequest signed_request;
   if (!parse(bytes, signed_request)) {
     stream->finish(unparsable("gateway.SignedChaincodeEventsRequest"));
@@ -75,17 +71,6 @@ void EventStream::OnWriteDone(bool ok) {
 void EventStream::wake() {
   const std::lock_guard lock(mutex_);
   pump();
-}
-
-void EventStream::finish(const grpc::Status& status) {
-  const std::lock_guard lock(mutex_);
-  finish_locked(status);
-}
-
-void EventStream::finish_locked(const grpc::Status& status) {
-  if (finished_) return;
-  finished_ = true;
-  Finish(status);
 }
 
 ViewCache::Make EventStream::view_of(const std::string& contract, const std::string& after) {

@@ -82,20 +82,15 @@ class DeliverService final : public Blocks::WithRawCallbackMethod_Deliver<Blocks
 };
 
 /// orderer Broadcast: one envelope after the other, acknowledged in order.
-class BroadcastStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
-                              public std::enable_shared_from_this<BroadcastStream> {
+class BroadcastStream final
+    : public ServedStream<BroadcastStream, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>> {
  public:
   static BroadcastStream* start(Node& node, Limit& limit) {
     auto stream = std::make_shared<BroadcastStream>(node, limit);
-    stream->self_ = stream;
-    if (stream->place_) {
-      stream->StartRead(&stream->request_);
-    } else {
-      stream->finish(too_many(limit));
-    }
+    if (admit(stream, limit)) stream->StartRead(&stream->request_);
     return stream.get();
   }
-  BroadcastStream(Node& node, Limit& limit) : node_(node), place_(limit.take()) {}
+  BroadcastStream(Node& node, Limit& limit) : ServedStream(limit), node_(node) {}
 
   void OnReadDone(bool ok) override {
     if (!ok) return finish(grpc::Status::OK);
@@ -110,8 +105,6 @@ class BroadcastStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, g
     if (!ok) return finish({grpc::StatusCode::UNAVAILABLE, "the reader is gone"});
     StartRead(&request_);
   }
-  void OnCancel() override { finish(grpc::Status::CANCELLED); }
-  void OnDone() override { self_.reset(); }
 
  private:
   static common::Status status_of(Code code) {
@@ -139,19 +132,8 @@ class BroadcastStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, g
     StartWrite(&response_);
   }
 
-  void finish(const grpc::Status& status) {
-    const std::lock_guard lock(mutex_);
-    if (finished_) return;
-    finished_ = true;
-    Finish(status);
-  }
-
   Node& node_;
-  const Limit::Place place_;
   grpc::ByteBuffer request_, response_;
-  std::shared_ptr<BroadcastStream> self_;  // until gRPC is done with it
-  std::mutex mutex_;                       // guards finished_ and the start of a write
-  bool finished_ = false;
 };
 
 using Ordering = orderer::AtomicBroadcast;

@@ -88,15 +88,10 @@ class GatewayService final : public RawGateway {
 
   grpc::ServerUnaryReactor* CommitStatus(grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes,
                                          grpc::ByteBuffer* response) override {
-    const auto refuse = [context](const grpc::Status& status) {
-      grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-      reactor->Finish(status);
-      return reactor;
-    };
     Limit::Place place = waiting_limit_.take();
-    if (!place) return refuse(too_many(waiting_limit_));
+    if (!place) return refuse(context, too_many(waiting_limit_));
     gateway::SignedCommitStatusRequest request;
-    if (!parse(*bytes, request)) return refuse(unparsable(request.GetTypeName()));
+    if (!parse(*bytes, request)) return refuse(context, unparsable(request.GetTypeName()));
     const std::uint64_t id = next_waiter_++;
     auto* reactor = new CommitWaiter(
         std::move(place), [this, id] { node_.post_always([this, id](NodeCore& core) { cancel(core, id); }); });

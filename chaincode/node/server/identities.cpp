@@ -1,24 +1,13 @@
 #include "chaincode/node/server/identities.hpp"
 
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 
 #include "chaincode/identities/identities.hpp"
+#include "common/rt/file.hpp"
 
 namespace ledgerline::node {
-namespace {
 
 namespace fs = std::filesystem;
-
-Result<std::string> read_file(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::stringstream content;
-  if (!in || !(content << in.rdbuf())) return Error{"cannot read " + path.string()};
-  return content.str();
-}
-
-}  // namespace
 
 std::string user_msp_dir(const std::string& dir, int organisation, const std::string& user) {
   return identities::user_dir(dir, organisation, user) / "msp";

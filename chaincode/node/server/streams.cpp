@@ -59,12 +59,7 @@ Result<SeekRequest> read_seek(const common::Envelope& envelope) {
 
 DeliverStream* DeliverStream::start(Node& node, Limit& limit, View& view) {
   auto stream = std::make_shared<DeliverStream>(node, limit, view);
-  stream->self_ = stream;
-  if (stream->place_) {
-    stream->StartRead(&stream->request_);
-  } else {
-    stream->finish(too_many(limit));
-  }
+  if (admit(stream, limit)) stream->StartRead(&stream->request_);
   return stream.get();
 }
 
@@ -137,13 +132,6 @@ void DeliverStream::write_status(common::Status status) {
   busy_ = true;
   response_ = view_.status(status);
   StartWrite(&response_);
-}
-
-void DeliverStream::finish(const grpc::Status& status) {
-  const std::lock_guard lock(mutex_);
-  if (finished_) return;
-  finished_ = true;
-  Finish(status);
 }
 
 }  // namespace ledgerline::node

@@ -8,6 +8,7 @@
 #include "chaincode/node/server/grpc_status.hpp"
 #include "chaincode/node/server/node.hpp"
 #include "chaincode/node/server/raw.hpp"
+#include "chaincode/node/server/served_stream.hpp"
 #include "chaincode/node/server/view_cache.hpp"
 #include "orderer/ab.pb.h"
 
@@ -33,9 +34,9 @@ struct SeekRequest {
 Result<SeekRequest> read_seek(const common::Envelope& envelope);
 
 /// peer Deliver and DeliverFiltered, orderer Deliver. One seek after the other.
-class DeliverStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
-                            public BlockFeed::Waiter,
-                            public std::enable_shared_from_this<DeliverStream> {
+class DeliverStream final
+    : public ServedStream<DeliverStream, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>>,
+      public BlockFeed::Waiter {
  public:
   /// A service's way to show blocks and statuses. Outlives its streams.
   struct View {
@@ -43,12 +44,10 @@ class DeliverStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grp
     std::function<grpc::ByteBuffer(common::Status)> status;
   };
   static DeliverStream* start(Node& node, Limit& limit, View& view);
-  DeliverStream(Node& node, Limit& limit, View& view) : node_(node), place_(limit.take()), view_(view) {}
+  DeliverStream(Node& node, Limit& limit, View& view) : ServedStream(limit), node_(node), view_(view) {}
 
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
-  void OnCancel() override { finish(grpc::Status::CANCELLED); }
-  void OnDone() override { self_.reset(); }
   void wake() override;
 
  private:
@@ -58,19 +57,16 @@ class DeliverStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grp
   void write_status(common::Status status);
 
   void send_status(common::Status status);
-  void finish(const grpc::Status& status);
 
   Node& node_;
-  const Limit::Place place_;
   View& view_;
   grpc::ByteBuffer request_;
-  std::shared_ptr<DeliverStream> self_;  // until gRPC is done with it
 
-  std::mutex mutex_;  // guards what follows
+  // Guarded by the mutex:
   grpc::ByteBuffer response_;
   SeekRange range_;
   common::Status written_ = common::UNKNOWN;  // the status under way; UNKNOWN: a block
-  bool streaming_ = false, busy_ = false, finished_ = false;
+  bool streaming_ = false, busy_ = false;
 };
 
 }  // namespace ledgerline::node

@@ -69,15 +69,8 @@ class FloodTest : public ::testing::Test {
       took_ms.push_back(static_cast<double>(monotonic_ns() - begin) / ns_per_ms);
     }
     std::sort(took_ms.begin(), took_ms.end());
-    std::printf("normal client %s: median %.1f ms, longest %.1f ms, node %zu MB\n", when, took_ms[calls / 2],
-                took_ms.back(), resident_mb());
-  }
-
-  std::size_t resident_mb() const {
-    std::ifstream statm("/proc/" + std::to_string(node_.pid()) + "/statm");
-    std::size_t size = 0, resident = 0;
-    statm >> size >> resident;
-    return resident * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE)) / 1'000'000;
+    std::printf("normal client %s: median %.1f ms, longest %.1f ms, node %.0f MB\n", when, took_ms[calls / 2],
+                took_ms.back(), node_.resident_mb());
   }
 
   /// Keeps `count` calls open until `over`, each opened again when it ends, then waits for their ends.
@@ -154,7 +147,7 @@ TEST_F(FloodTest, ManyLargeRequestsAtOnceLeaveANormalClientServed) {
   normal_client("during");
   EXPECT_GT(flood.ends, 0U) << "there was no flood";
   std::printf("%llu requests of 8 MB were refused\n", static_cast<unsigned long long>(flood.ends));
-  EXPECT_LT(resident_mb(), 1500U);
+  EXPECT_LT(node_.resident_mb(), 1500);
   flood.end();
   normal_client("after");
 }
