@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <openssl/crypto.h>
 #include <openssl/sha.h>
 #include <sys/random.h>
 
@@ -8,6 +9,13 @@
 #include "common/crypto/openssl.hpp"
 
 namespace ledgerline::crypto {
+namespace {
+
+// libcrypto would clear itself away at exit, under threads that nobody can join (gRPC's own): they would leak their
+// random generators then, or use what is gone. Has to come before anything else of libcrypto.
+[[maybe_unused]] const int stays_until_the_end = ::OPENSSL_init_crypto(OPENSSL_INIT_NO_ATEXIT, nullptr);
+
+}  // namespace
 
 Digest sha256(std::string_view data) {
   Digest out;
