@@ -6,6 +6,7 @@
 #include <string>
 
 #include "common/fabric/client.hpp"
+#include "common/fabric/commits.hpp"
 #include "common/rt/random.hpp"
 
 /// What the pipeline and the streams share. Inside common/fabric alone: it brings in gRPC.
@@ -15,6 +16,7 @@ struct Connection {
   ClientConfig config;
   std::shared_ptr<grpc::Channel> channel;
   std::vector<std::shared_ptr<grpc::Channel>> orderers;
+  std::shared_ptr<Commits> commits = std::make_shared<Commits>();
 };
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
 

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "peer/proposal.pb.h"
 #include "peer/transaction.pb.h"
 
@@ -22,9 +24,22 @@ bool leaves_open(const grpc::Status& status) {
   }
 }
 
+// A block stream that has not brought a transaction after this may be far behind; the peer is asked then.
+constexpr std::chrono::milliseconds stream_patience{500};
+
 bool not_reached(const grpc::Status& status) {
   return may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
          status.error_code() == grpc::StatusCode::CANCELLED;
+}
+
+Outcome in_block(std::uint64_t block, int code) {
+  Outcome outcome;
+  outcome.kind = code == protos::VALID ? Outcome::Kind::committed : Outcome::Kind::invalidated;
+  outcome.block = block;
+  outcome.code = code;
+  if (code != protos::VALID)
+    outcome.message = protos::TxValidationCode_Name(static_cast<protos::TxValidationCode>(code));
+  return outcome;
 }
 
 }  // namespace
@@ -34,20 +49,28 @@ Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
       stub_(gateway::Gateway::NewStub(connection_->channel)),
       endorser_(protos::Endorser::NewStub(connection_->channel)) {
   if (!connection_->orderers.empty()) ordering_.emplace(connection_->orderers, queue_);
+  connection_->commits->on_news([this] {
+    const std::lock_guard lock(mutex_);
+    wake();
+  });
   thread_ = std::thread([this] { run(); });
 }
 
 Pipeline::~Pipeline() {
+  connection_->commits->on_news({});
   {
     const std::lock_guard lock(mutex_);
+    wake();
     stopping_ = true;
-    if (!woken_) {
-      woken_ = true;
-      auto alarm = std::make_shared<grpc::Alarm>();
-      alarm->Set(&queue_, std::chrono::system_clock::now(), new Tag([this, alarm](bool) { take_inbox(); }));
-    }
   }
   thread_.join();
+}
+
+void Pipeline::wake() {
+  if (woken_ || stopping_) return;
+  woken_ = true;
+  auto alarm = std::make_shared<grpc::Alarm>();
+  alarm->Set(&queue_, std::chrono::system_clock::now(), new Tag([this, alarm](bool) { take_inbox(); }));
 }
 
 void Pipeline::submit(Call call, std::function<void(Outcome)> done) {
@@ -56,10 +79,7 @@ void Pipeline::submit(Call call, std::function<void(Outcome)> done) {
     if (!stopping_) {
       inbox_.push_back(
           {std::move(call), std::move(done), std::chrono::system_clock::now() + connection_->config.deadline});
-      if (woken_) return;
-      woken_ = true;
-      auto alarm = std::make_shared<grpc::Alarm>();
-      alarm->Set(&queue_, std::chrono::system_clock::now(), new Tag([this, alarm](bool) { take_inbox(); }));
+      wake();
       return;
     }
   }
@@ -87,7 +107,26 @@ void Pipeline::take_inbox() {
     stopping = stopping_;
   }
   for (Job& job : jobs) begin(std::move(job));
+  take_commits();
   if (stopping) end_all();
+}
+
+void Pipeline::take_commits() {
+  const Commits::News news = connection_->commits->take();
+  for (const Commits::Seen& seen : news.seen) {
+    const auto found = std::find_if(live_.begin(), live_.end(),
+                                    [&](const auto& one) { return one.second->proposal.tx_id == seen.tx_id; });
+    if (found == live_.end()) continue;
+    const PendingPtr p = found->second;
+    // Sent twice after a lost acknowledgement: only the peer knows what became of the first one.
+    seen.code == protos::DUPLICATE_TXID ? ask_status(p) : finish(p, in_block(seen.block, seen.code));
+  }
+  if (!news.lost) return;
+  std::vector<PendingPtr> awaited;
+  for (const auto& [number, p] : live_) {
+    if (p->awaited) awaited.push_back(p);
+  }
+  for (const PendingPtr& p : awaited) ask_status(p);
 }
 
 void Pipeline::begin(Job job) {
@@ -203,6 +242,7 @@ void Pipeline::send(const PendingPtr& p) {
   p->stage = Stage::sent;
   p->attempts = 0;
   p->backoff.reset();
+  p->awaited = p->call.told_by_block && connection_->commits->await(p->proposal.tx_id);
   if (ordering_) {
     ordering_->send(p->envelope, p->deadline, [this, p](Ordering::Ended ended, const std::string& why) {
       // Its status may have come before the acknowledgement; the next one has waited for this all the same.
@@ -211,7 +251,7 @@ void Pipeline::send(const PendingPtr& p) {
   } else {
     submit_through_gateway(p);
   }
-  if (p->stage == Stage::sent) ask_status(p);
+  p->awaited ? await_commit(p) : ask_status(p);
 }
 
 void Pipeline::on_ordered(const PendingPtr& p, Ordering::Ended ended, const std::string& why) {
@@ -254,7 +294,17 @@ void Pipeline::on_submitted(const PendingPtr& p) {
   send_next();
 }
 
+void Pipeline::await_commit(const PendingPtr& p) {
+  p->alarm = std::make_shared<grpc::Alarm>();
+  p->alarm->Set(&queue_, std::min(p->deadline, std::chrono::system_clock::now() + stream_patience),
+                new Tag([this, p](bool ok) {
+                  if (ok && p->awaited) ask_status(p);
+                }));
+}
+
 void Pipeline::ask_status(const PendingPtr& p) {
+  if (p->awaited) connection_->commits->forget(p->proposal.tx_id);
+  p->awaited = false;
   const crypto::SigningIdentity& who = connection_->config.identity;
   gateway::CommitStatusRequest question;
   question.set_transaction_id(p->proposal.tx_id);
@@ -283,12 +333,7 @@ void Pipeline::on_status(const PendingPtr& p) {
     return;
   }
   const gateway::CommitStatusResponse& response = p->status->response;
-  Outcome outcome;
-  outcome.kind = response.result() == protos::VALID ? Outcome::Kind::committed : Outcome::Kind::invalidated;
-  outcome.block = response.block_number();
-  outcome.code = response.result();
-  if (outcome.kind == Outcome::Kind::invalidated) outcome.message = protos::TxValidationCode_Name(response.result());
-  finish(p, std::move(outcome));
+  finish(p, in_block(response.block_number(), response.result()));
 }
 
 bool Pipeline::retry(const PendingPtr& p, const grpc::Status& status, void (Pipeline::*again)(const PendingPtr&)) {
@@ -319,6 +364,8 @@ void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
   if (p->submit) p->submit->context.TryCancel();
   if (p->status) p->status->context.TryCancel();
   if (p->alarm) p->alarm->Cancel();
+  if (p->awaited) connection_->commits->forget(p->proposal.tx_id);
+  p->awaited = false;
   live_.erase(p->number);
   outcome.tx_id = p->proposal.tx_id;
   outcome.answer = std::move(p->answer);

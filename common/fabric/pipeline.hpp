@@ -24,7 +24,8 @@ namespace ledgerline::fabric {
 /// Order: proposals are endorsed side by side, but only one Submit is on its way at a time, in the order of submit();
 /// the next one leaves when the orderer has acknowledged the one before or it has failed. So the ledger orders one
 /// client's transactions as they were submitted. A Submit is never repeated: where its answer is lost, CommitStatus
-/// tells. That one is asked together with Submit, which saves a round trip.
+/// tells. That one is asked together with Submit, which saves a round trip; not at all, where a block stream of the
+/// same client tells in time and the call allows it (Call::told_by_block).
 ///
 /// With orderers in the config the call goes the direct path: ProcessProposal at the peer in place of Endorse,
 /// Broadcast in place of Submit; where no orderer is reached, the gateway's Submit after all.
@@ -55,6 +56,7 @@ class Pipeline {
     std::string envelope;  ///< signed
     std::string answer;
     std::string submit_problem;  ///< why it is not known whether Submit arrived
+    bool awaited = false;        ///< a block stream is to tell its end
     int attempts = 0;            ///< of the call that may be repeated now
     Backoff backoff{first_retry, longest_retry};
     std::shared_ptr<Unary<gateway::EndorseResponse>> endorse;
@@ -72,7 +74,10 @@ class Pipeline {
   };
 
   void run();
+  /// Has the thread look at the inbox. With mutex_ held.
+  void wake();
   void take_inbox();
+  void take_commits();
   void begin(Job job);
   void endorse(const PendingPtr& p);
   void on_endorsed(const PendingPtr& p);
@@ -83,6 +88,7 @@ class Pipeline {
   void submit_through_gateway(const PendingPtr& p);
   void on_submitted(const PendingPtr& p);
   void on_ordered(const PendingPtr& p, Ordering::Ended ended, const std::string& why);
+  void await_commit(const PendingPtr& p);
   void ask_status(const PendingPtr& p);
   void on_status(const PendingPtr& p);
   bool retry(const PendingPtr& p, const grpc::Status& status, void (Pipeline::*again)(const PendingPtr&));

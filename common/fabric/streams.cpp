@@ -44,7 +44,11 @@ class BlockReader {
     const Follower::Cancellable cancellable(follower, context);
     const auto stream = stub_->Deliver(&context);
     if (std::string problem = seek(*connection_, *stream, next_); !problem.empty()) return problem;
-    if (next_) follower.connected();
+    std::optional<Seeing> seeing;
+    if (next_) {
+      seeing.emplace(*connection_->commits);
+      follower.connected();
+    }
     protos::DeliverResponse response;
     while (stream->Read(&response)) {
       std::string problem = take(response);
@@ -53,6 +57,7 @@ class BlockReader {
         (void)stream->Finish();
         return problem;
       }
+      if (!seeing) seeing.emplace(*connection_->commits);
       follower.connected();
       follower.progress();
     }
@@ -60,6 +65,18 @@ class BlockReader {
   }
 
  private:
+  /// While it lives, every block that is committed comes through here.
+  class Seeing {
+   public:
+    explicit Seeing(Commits& commits) : commits_(commits) { commits_.connected(true); }
+    ~Seeing() { commits_.connected(false); }
+    Seeing(const Seeing&) = delete;
+    Seeing& operator=(const Seeing&) = delete;
+
+   private:
+    Commits& commits_;
+  };
+
   std::string take(const protos::DeliverResponse& response) {
     if (response.Type_case() == protos::DeliverResponse::kStatus) {
       return fmt::format("the peer refused the stream: {}", common::Status_Name(response.status()));
@@ -73,6 +90,7 @@ class BlockReader {
     const bool wanted = next_.has_value();
     next_ = chain_.height();
     if (wanted && handlers_.on_block) handlers_.on_block(*block, response.block().SerializeAsString());
+    connection_->commits->block(*block);
     return {};
   }
 

@@ -17,6 +17,9 @@ namespace ledgerline::fabric {
 struct Call {
   std::string function;
   std::vector<std::string> args;
+  /// Its end may be told as soon as a block stream of the same client brings it, which is sooner and cheaper than
+  /// asking the peer; the peer's state may not show it yet, though. For writes that no later call of the client reads.
+  bool told_by_block = false;
 };
 
 struct ChannelAndContract {

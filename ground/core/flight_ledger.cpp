@@ -237,7 +237,7 @@ void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
   flight.id = next_id_++;
   flight.submitted_ns = now_ns;
   ++transactions_.submitted;
-  out.submissions.push_back({flight.id, {"command", {call.SerializeAsString()}}});
+  out.submissions.push_back({flight.id, {"command", {call.SerializeAsString()}, true}});
   in_flight_.push_back(std::move(flight));
 }
 

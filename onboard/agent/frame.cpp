@@ -55,7 +55,7 @@ fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& dron
       if (it != drones.end()) add_drone(call, sample, it->name, real_offset_ns);
     }
   }
-  return fabric::Call{.function = "set", .args = {call.SerializeAsString()}};
+  return fabric::Call{.function = "set", .args = {call.SerializeAsString()}, .told_by_block = true};
 }
 
 }  // namespace ledgerline::agent

@@ -1,8 +1,10 @@
 #include <grpcpp/support/status.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <fstream>
+#include <future>
 #include <mutex>
 #include <thread>
 
@@ -158,6 +160,76 @@ TEST(Pipeline, AnAnswerThatComesTooLateIsUnavailable) {
   EXPECT_EQ(outcome.kind, Kind::unavailable);
   EXPECT_NE(outcome.message.find("submitted, but its status is not known"), std::string::npos) << outcome.message;
   EXPECT_NE(outcome.message.find("connection lost"), std::string::npos) << outcome.message;
+}
+
+/// A client with a block stream that is there, and how often its peer was asked for a status.
+struct Watched {
+  std::atomic<int> asked{0};
+  Door blocks, connected;
+  FakeGateway gateway;
+  std::unique_ptr<Client> client;
+  std::unique_ptr<Client::Stream> stream;
+
+  explicit Watched(FakeBehaviour behaviour = {}) : gateway(with_count(std::move(behaviour))) {
+    client = client_of(gateway);
+    stream = client->blocks(0, {.on_block = {}, .on_connection = [this](bool is, const std::string&) {
+                                  if (is) connected.open();
+                                }});
+    connected.pass();
+  }
+  FakeBehaviour with_count(FakeBehaviour behaviour) {
+    behaviour.status = [this](const std::string&) {
+      ++asked;
+      return FakeStatus{};
+    };
+    return behaviour;
+  }
+};
+
+TEST(Pipeline, ABlockStreamOfTheClientTellsTheEnd) {
+  Watched watched({.flag = [](const Call& call) { return call.args[0] == "bad" ? '\x0b' : '\0'; }});
+  const Outcome good = watched.client->submit_and_wait({"set", {"good"}, true});
+  EXPECT_EQ(good.kind, Kind::committed) << good.message;
+  EXPECT_EQ(watched.gateway.chain().at(good.block).transactions.at(0).tx_id, good.tx_id);
+  const Outcome bad = watched.client->submit_and_wait({"set", {"bad"}, true});
+  EXPECT_EQ(bad.kind, Kind::invalidated);
+  EXPECT_EQ(bad.code, 11);
+  EXPECT_EQ(watched.asked, 0);
+  EXPECT_EQ(watched.client->submit_and_wait({"set", {"good"}}).kind, Kind::committed);
+  EXPECT_EQ(watched.asked, 1) << "who reads what he wrote is told by the peer's state";
+}
+
+TEST(Pipeline, ThePeerIsAskedWhereTheBlockStreamIsSilent) {
+  Door door;
+  Watched watched({.deliver = [&door](const common::Block&) -> std::optional<common::Block> {
+    door.pass();
+    return std::nullopt;
+  }});
+  EXPECT_EQ(watched.client->submit_and_wait({"set", {"a"}, true}).kind, Kind::committed);
+  EXPECT_EQ(watched.asked, 1);
+  door.open();
+}
+
+TEST(Pipeline, ThePeerIsAskedWhereTheBlockStreamIsLost) {
+  Door lost;
+  Watched watched({.after_submit =
+                       [&lost](const std::string&) {
+                         lost.pass();
+                         return FakeStatus{};
+                       },
+                   .deliver = [](const common::Block& block) -> std::optional<common::Block> {
+                     // Others' blocks alone: with ours the stream breaks off.
+                     if (block.header().number() < 2) return std::nullopt;
+                     common::Block wrong = block;
+                     wrong.mutable_header()->set_number(77);
+                     return wrong;
+                   }});
+  watched.gateway.add_block("set", "other");
+  std::promise<Outcome> outcome;
+  watched.client->submit({"set", {"a"}, true}, [&](Outcome got) { outcome.set_value(std::move(got)); });
+  watched.gateway.await_status_calls(1);
+  lost.open();
+  EXPECT_EQ(outcome.get_future().get().kind, Kind::committed);
 }
 
 TEST(Pipeline, TheStatusIsAskedAgainAfterALostConnection) {
