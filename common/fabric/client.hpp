@@ -45,7 +45,8 @@ struct Outcome {
   std::uint64_t block = 0;
   int code = 0;
   std::string message;
-  std::string answer;  ///< the contract's, where it answered
+  std::string answer;           ///< the contract's, where it answered
+  TimeNs ordered_after_ns = 0;  ///< from the submit to the orderer's acknowledgement; 0: not known
 };
 
 /// All methods may be called from any thread. Callbacks come on a thread of the client: they hand over and return.

@@ -135,6 +135,7 @@ void Pipeline::begin(Job job) {
   p->call = std::move(job.call);
   p->done = std::move(job.done);
   p->deadline = job.deadline;
+  p->begun_ns = monotonic_ns();
   if (live_.size() >= connection_->config.max_in_flight) {
     finish(p, Outcome::Kind::overloaded, fmt::format("{} calls are in flight already", live_.size()));
     return;
@@ -266,11 +267,14 @@ void Pipeline::on_ordered(const PendingPtr& p, Ordering::Ended ended, const std:
       p->submit_problem = "the orderer: " + why;
       break;
     case Ordering::Ended::acknowledged:
+      acknowledged(p);
       break;
   }
   p->stage = Stage::acknowledged;
   send_next();
 }
+
+void Pipeline::acknowledged(const PendingPtr& p) { p->ordered_after_ns = monotonic_ns() - p->begun_ns; }
 
 void Pipeline::submit_through_gateway(const PendingPtr& p) {
   gateway::SubmitRequest request;
@@ -289,7 +293,11 @@ void Pipeline::on_submitted(const PendingPtr& p) {
     finish(p, Outcome::Kind::refused, describe(status));
     return;
   }
-  if (!status.ok()) p->submit_problem = describe(status);
+  if (status.ok()) {
+    acknowledged(p);
+  } else {
+    p->submit_problem = describe(status);
+  }
   p->stage = Stage::acknowledged;
   send_next();
 }
@@ -369,6 +377,7 @@ void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
   live_.erase(p->number);
   outcome.tx_id = p->proposal.tx_id;
   outcome.answer = std::move(p->answer);
+  outcome.ordered_after_ns = p->ordered_after_ns;
   const auto done = std::move(p->done);
   send_next();
   done(std::move(outcome));

@@ -56,8 +56,9 @@ class Pipeline {
     std::string envelope;  ///< signed
     std::string answer;
     std::string submit_problem;  ///< why it is not known whether Submit arrived
-    bool awaited = false;        ///< a block stream is to tell its end
-    int attempts = 0;            ///< of the call that may be repeated now
+    TimeNs begun_ns = 0, ordered_after_ns = 0;
+    bool awaited = false;  ///< a block stream is to tell its end
+    int attempts = 0;      ///< of the call that may be repeated now
     Backoff backoff{first_retry, longest_retry};
     std::shared_ptr<Unary<gateway::EndorseResponse>> endorse;
     std::shared_ptr<Unary<protos::ProposalResponse>> propose;  ///< on the direct path in place of endorse
@@ -91,6 +92,7 @@ class Pipeline {
   void await_commit(const PendingPtr& p);
   void ask_status(const PendingPtr& p);
   void on_status(const PendingPtr& p);
+  static void acknowledged(const PendingPtr& p);
   bool retry(const PendingPtr& p, const grpc::Status& status, void (Pipeline::*again)(const PendingPtr&));
   void finish(const PendingPtr& p, Outcome::Kind kind, const std::string& message);
   void finish(const PendingPtr& p, Outcome outcome);

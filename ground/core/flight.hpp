@@ -9,6 +9,7 @@
 
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client.hpp"
+#include "common/fabric/pacing.hpp"
 #include "common/fabric/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/trace.hpp"
@@ -43,8 +44,7 @@ struct FlightConfig {
   TimeNs settle_ns = 8 * ns_per_s;    ///< the part of it that is spent on settling at the origin
   TimeNs silence_ns = 3 * ns_per_s;   ///< no state at all while flying
   TimeNs landing_ns = 20 * ns_per_s;
-  TimeNs gap_ns = 100 * ns_per_ms;  ///< a call not committed after this no longer holds back the next
-  double path_factor = 3.0;         ///< path: this many times the time that it should take, and half a minute
+  double path_factor = 3.0;  ///< path: this many times the time that it should take, and half a minute
 };
 
 /// Per drone: waiting -> takeoff -> path -> landing -> landed, or failed: never took off, or not seen to land.
@@ -96,8 +96,8 @@ struct FlightTransactions {
 };
 
 /// Flies N drones around a path, through the ledger: blocks in, `command` calls out. One plan per drone and state, the
-/// plans of all drones in one call, one call in flight until it is committed or `gap_ns` is over; what is made
-/// meanwhile waits, the newest per drone, and what it replaces is counted as merged. A call refused because of one
+/// plans of all drones in one call, one call in flight until it is committed, or behind a gap (fabric::Pacing); what is
+/// made meanwhile waits, the newest per drone, and what it replaces is counted as merged. A call refused because of one
 /// drone ("tello3: ...") is sent again at once without that drone.
 ///
 /// The path of each drone begins where it stands before take-off. Times in plans are the drone host's clock alone: the
@@ -156,7 +156,8 @@ class FlightCore {
 
   FlightConfig config_;
   std::vector<std::unique_ptr<Drone>> drones_;
-  std::vector<InFlight> in_flight_;
+  std::vector<InFlight> in_flight_;  ///< oldest first
+  fabric::Pacing pacing_;
   bool started_ = false;
   std::uint64_t next_id_ = 1;
   FlightTransactions transactions_;

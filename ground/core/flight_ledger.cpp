@@ -10,7 +10,7 @@
 namespace ledgerline::ground {
 namespace {
 
-constexpr std::size_t max_in_flight = 16;
+constexpr std::size_t max_in_flight = 32;
 constexpr std::size_t delays_kept = 50;
 constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
@@ -159,6 +159,7 @@ void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std
   if (found == in_flight_.end()) return;
   InFlight flight = std::move(*found);
   in_flight_.erase(found);
+  pacing_.ended(outcome);
   switch (outcome.kind) {
     case fabric::Outcome::Kind::committed:
       ++transactions_.committed;
@@ -201,8 +202,12 @@ void FlightCore::resend(InFlight& refused, const std::string& message) {
 }
 
 void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
-  for (const InFlight& flight : in_flight_) {
-    if (!flight.in_block && now_ns - flight.submitted_ns < config_.gap_ns) return;
+  const auto open = [](const InFlight& flight) { return !flight.in_block; };
+  const auto oldest = std::find_if(in_flight_.begin(), in_flight_.end(), open);
+  if (oldest != in_flight_.end() &&
+      !pacing_.may_go(now_ns, oldest->submitted_ns,
+                      std::find_if(in_flight_.rbegin(), in_flight_.rend(), open)->submitted_ns)) {
+    return;
   }
   if (in_flight_.size() >= max_in_flight) return;
   InFlight flight;

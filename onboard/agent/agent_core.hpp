@@ -70,7 +70,7 @@ class AgentCore {
 
   /// From now on step() makes no frame; what is in flight may end. For an orderly end.
   void stop_submitting() { submitting_ = false; }
-  bool frame_in_flight() const { return batcher_.in_flight().has_value(); }
+  bool frame_in_flight() const { return batcher_.in_flight() > 0; }
 
   bool ledger_alive(TimeNs now) const;
   std::uint64_t height() const { return check_.height(); }

@@ -9,6 +9,8 @@ namespace {
 /// A drone that was not heard of for longer is not waited for. Three periods of the slowest usual rate, 10 Hz.
 constexpr TimeNs heard_lately_ns = 300 * ns_per_ms;
 
+constexpr std::size_t most_in_flight = 32;
+
 bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.boot_id || a.sequence > b.sequence; }
 
 }  // namespace
@@ -50,7 +52,10 @@ void Batcher::add(TimeNs now, const StateSample& sample) {
 }
 
 bool Batcher::ready(TimeNs now) const {
-  if (in_flight_ || now < not_before_ns_) return false;
+  if (now < not_before_ns_ || in_flight_.size() >= most_in_flight) return false;
+  if (!again_at_once_ && !in_flight_.empty() &&
+      !pacing_.may_go(now, in_flight_.front().submitted_ns, last_submitted_ns_))
+    return false;
   bool some = false;
   bool all = true;
   for (const Slot& slot : slots_) {
@@ -79,7 +84,7 @@ std::optional<Frame> Batcher::next(TimeNs now) {
     frame.samples.push_back(*slot.waiting);
     slot.waiting.reset();
   }
-  in_flight_ = frame;
+  in_flight_.push_back(frame);
   return frame;
 }
 
@@ -116,7 +121,7 @@ void Batcher::send_again_without(TimeNs now, Slot& refused, const Frame& frame) 
     if (slot == &refused) {
       --slot->counters.pending;
       ++slot->counters.dropped;
-    } else if (slot->waiting) {
+    } else if (slot->waiting || newer(*slot->sent, sample)) {  // a newer one waits, or is on its way
       --slot->counters.pending;
       ++slot->counters.merged;
     } else {
@@ -127,9 +132,12 @@ void Batcher::send_again_without(TimeNs now, Slot& refused, const Frame& frame) 
 }
 
 std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome) {
-  if (!in_flight_ || in_flight_->number != number) return std::nullopt;
-  const Frame frame = *in_flight_;
-  in_flight_.reset();
+  const auto found =
+      std::find_if(in_flight_.begin(), in_flight_.end(), [&](const Frame& f) { return f.number == number; });
+  if (found == in_flight_.end()) return std::nullopt;
+  const Frame frame = std::move(*found);
+  in_flight_.erase(found);
+  pacing_.ended(outcome);
   using Kind = fabric::Outcome::Kind;
   switch (outcome.kind) {
     case Kind::committed:

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/fabric/client.hpp"
+#include "common/fabric/pacing.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/random.hpp"
 
@@ -17,7 +18,7 @@ struct DroneName {
 };
 
 struct BatchConfig {
-  TimeNs min_gap_ns = 0;                      ///< between the starts of two frames; 0: as soon as the last is committed
+  TimeNs min_gap_ns = 0;                      ///< between the starts of two frames, whatever is committed
   TimeNs linger_ns = 500 * ns_per_us;         ///< wait so long for the samples of the other drones of the same instant
   TimeNs first_back_off_ns = 20 * ns_per_ms;  ///< after the first failure; doubles, with jitter (half to whole of it)
   TimeNs longest_back_off_ns = 1 * ns_per_s;
@@ -35,8 +36,9 @@ struct Frame {
   std::vector<StateSample> repeated;
 };
 
-/// Few transactions, many samples: at most one frame is in flight, until it is committed. What arrives meanwhile rides
-/// in the next one; of each drone only the newest sample rides, older ones are merged. How a frame ends:
+/// Few transactions, many samples: one frame is in flight until it is committed; where that takes long, the next one
+/// goes behind a gap (fabric::Pacing), up to 32. What arrives meanwhile rides in the next one; of each drone only the
+/// newest sample rides, older ones are merged. How a frame ends:
 ///
 ///     committed      on_ledger, next frame at once (or after min_gap)
 ///     invalidated    dropped (a newer sample says more), next frame goes on
@@ -64,10 +66,10 @@ class Batcher {
   void add(TimeNs now, const StateSample& sample);
   /// The frame to submit now, if any; it is then in flight.
   std::optional<Frame> next(TimeNs now);
-  /// How frame `number` ended. Returns it; nothing if it is not the one in flight (then nothing changes).
+  /// How frame `number` ended. Returns it; nothing if it is not in flight (then nothing changes).
   std::optional<Frame> finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
 
-  const std::optional<Frame>& in_flight() const { return in_flight_; }
+  std::size_t in_flight() const { return in_flight_.size(); }
   Counters counters(DroneNumber drone) const;
   const Transactions& transactions() const { return transactions_; }
   /// Nothing goes out before this time.
@@ -93,7 +95,8 @@ class Batcher {
   BatchConfig config_;
   std::vector<Slot> slots_;
   Random random_;
-  std::optional<Frame> in_flight_;
+  std::vector<Frame> in_flight_;  ///< oldest first
+  fabric::Pacing pacing_;
   Transactions transactions_;
   std::uint64_t last_number_ = 0;
   TimeNs first_waiting_ns_ = 0;

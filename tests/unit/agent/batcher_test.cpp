@@ -43,15 +43,70 @@ TEST(Batcher, TheNewestSampleOfEachDroneRidesInOneFrame) {
   EXPECT_EQ(frame->samples.size(), 3U);
 }
 
-TEST(Batcher, NothingGoesOutWhileAFrameIsInFlight) {
+TEST(Batcher, OneFrameIsInFlightWhereThatIsCommittedSoon) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
   const auto first = batcher.next(0);
   ASSERT_TRUE(first);
   batcher.add(1, sample(1, 2));
-  EXPECT_FALSE(batcher.next(10 * ns_per_s));
-  batcher.finished(10 * ns_per_s, first->number, outcome(Kind::committed));
-  EXPECT_TRUE(batcher.next(10 * ns_per_s));
+  EXPECT_FALSE(batcher.next(50 * ns_per_ms));
+  batcher.finished(50 * ns_per_ms, first->number, outcome(Kind::committed));
+  EXPECT_TRUE(batcher.next(50 * ns_per_ms));
+}
+
+// Frames that go out within `limit` while nothing is committed and samples come at 100 Hz.
+int frames_in_flight(Batcher& batcher, TimeNs from, TimeNs limit) {
+  int frames = 0;
+  std::uint64_t sequence = 10;
+  for (TimeNs now = from; now < from + limit; now += 10 * ns_per_ms) {
+    batcher.add(now, sample(1, ++sequence));
+    frames += batcher.next(now) ? 1 : 0;
+  }
+  return frames;
+}
+
+TEST(Batcher, WhereBlocksAreCutLateFramesFollowEachOtherBehindAGap) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 1));
+  auto quick = outcome(Kind::committed);
+  quick.ordered_after_ns = 2 * ns_per_ms;
+  batcher.finished(0, batcher.next(0)->number, quick);
+  const int quickly_ordered = frames_in_flight(batcher, 0, 160 * ns_per_ms);
+  EXPECT_GE(quickly_ordered, 9) << "the published settings cut a block of 10";
+  EXPECT_LE(quickly_ordered, 16);
+  expect_adds_up(batcher, 1);
+}
+
+TEST(Batcher, ALedgerAtItsLimitGetsFewerFrames) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 1));
+  auto slow = outcome(Kind::committed);
+  slow.ordered_after_ns = 30 * ns_per_ms;
+  batcher.finished(0, batcher.next(0)->number, slow);
+  EXPECT_LE(frames_in_flight(batcher, 0, 110 * ns_per_ms), 1);
+}
+
+TEST(Batcher, ALedgerThatIsAwayFindsABoundedNumber) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  EXPECT_LE(frames_in_flight(batcher, 0, 5 * ns_per_s), 32);
+  expect_adds_up(batcher, 1);
+}
+
+TEST(Batcher, OfSeveralRefusedForOneDroneTheNewestSamplesOfTheOthersGoAgain) {
+  Batcher batcher({}, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  const auto first = batcher.next(0);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(ns_per_s, sample(d, 2));
+  const auto second = batcher.next(ns_per_s);
+  ASSERT_TRUE(second);
+  batcher.finished(ns_per_s, first->number, outcome(Kind::refused, "tello2: enrolled to another"));
+  EXPECT_FALSE(batcher.next(ns_per_s)) << "newer ones are on their way";
+  batcher.finished(ns_per_s, second->number, outcome(Kind::refused, "tello2: enrolled to another"));
+  const auto again = batcher.next(ns_per_s);
+  ASSERT_TRUE(again);
+  ASSERT_EQ(again->samples.size(), 2U);
+  EXPECT_EQ(again->samples[0].sequence, 2U);
+  for (DroneNumber d = 1; d <= 3; ++d) expect_adds_up(batcher, d);
 }
 
 TEST(Batcher, OfWhatArrivesMeanwhileTheNewestRidesAndTheOthersCountAsMerged) {
