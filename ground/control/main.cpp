@@ -22,7 +22,7 @@ struct Wish {
   std::vector<std::string> drones;
   std::uint32_t priority = 0;
   bool cut = false;
-  std::string msp, certificate;
+  std::string msp, certificate, role;
 };
 
 Result<fabric::Call> make_call(const Wish& wish) {
@@ -38,6 +38,8 @@ Result<fabric::Call> make_call(const Wish& wish) {
     EnrollCall call = with_drones(EnrollCall());
     call.mutable_identity()->set_msp_id(wish.msp);
     call.mutable_identity()->set_subject(certificate->subject);
+    if (wish.role == "operator") call.set_role(OPERATOR);
+    if (wish.role == "supervisor") call.set_role(SUPERVISOR);
     return fabric::Call{wish.function, {call.SerializeAsString()}};
   }
   if (wish.function == "acquire" || wish.function == "release") {
@@ -79,12 +81,13 @@ int main(int argc, char** argv) {
   app.footer(
       "Examples:\n  ledgerline-control --config operator.toml acquire tello1 tello2\n"
       "  ledgerline-control --config operator.toml stop tello1\n"
-      "  ledgerline-control --config admin.toml enroll --msp Org1MSP --cert host.pem tello1");
+      "  ledgerline-control --config admin.toml enroll --msp Org1MSP --cert host.pem tello1\n"
+      "  ledgerline-control --config admin.toml enroll --msp Org2MSP --cert pilot.pem --role operator");
   Wish wish;
   app.add_option("--config", wish.config, "TOML file with [ledger]")->required();
   app.require_subcommand(1);
   const std::pair<const char*, const char*> verbs[] = {
-      {"enroll", "bind drones to the identity of their host (administrators)"},
+      {"enroll", "bind drones to the identity of their host, or give an identity a role (administrators)"},
       {"acquire", "take the lease"},
       {"release", "give the lease back"},
       {"stop", "land at once, whoever flies"},
@@ -92,8 +95,10 @@ int main(int argc, char** argv) {
   };
   for (const auto& [name, help] : verbs) {
     CLI::App* verb = app.add_subcommand(name, help);
-    verb->add_option("drones", wish.drones, "names of drones")->required();
-    if (std::string(name) == "enroll") {
+    const bool enrolls = std::string(name) == "enroll";
+    verb->add_option("drones", wish.drones, "names of drones")->required(!enrolls);
+    if (enrolls) {
+      verb->add_option("--role", wish.role, "what else it may do")->check(CLI::IsMember({"operator", "supervisor"}));
       verb->add_option("--msp", wish.msp, "MSP id of the host")->required();
       verb->add_option("--cert", wish.certificate, "certificate of the host, PEM")
           ->required()

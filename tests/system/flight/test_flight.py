@@ -115,6 +115,48 @@ def test_drones_finish_their_path_and_land(tmp_path, drones, shape, ledger):
     assert_nothing_left()
 
 
+MODE = 9  # TraceKind: v[0] = cause, extra = failsafe mode, id = flight phase
+FLYING = 3  # FlightPhase
+
+
+def taken_over(out: pathlib.Path, drones: range, begin_ns: int, end_ns: int) -> list[str]:
+    """When in that time the failsafe took over one of them while it flew, and why."""
+    data = (out / "run" / "link.trace").read_bytes()
+    return [f"tello{r[2]} after {(r[0] - begin_ns) / 1e9:.1f} s: mode {r[3]}, cause {r[6]:.0f}"
+            for r in struct.iter_unpack("<qHHIQq4d", data[len(data) % 64:])
+            if r[1] == MODE and r[4] == FLYING and r[3] != 0 and r[2] in drones and begin_ns < r[0] < end_ns]
+
+
+@pytest.mark.parametrize("ledger", ["embedded", "fabric"])
+def test_a_drone_that_two_operators_fight_over_does_not_touch_its_neighbours(tmp_path, ledger):
+    if ledger == "fabric":
+        needs_fabric()
+    flight = fly(tmp_path, "--drones", "16", "--seconds", "20", "--ledger", ledger)
+    wait_for_flight(tmp_path, flight)
+    run = tmp_path / "run"
+    crypto = run / "ledger" / "crypto" / "peerOrganizations" / "org3.ledgerline"
+    for user, into in (("Admin", "admin3"), ("User1", "operator3")):
+        text = (run / "operator.toml").read_text().replace("Org2MSP", "Org3MSP")
+        msp = crypto / "users" / f"{user}@org3.ledgerline" / "msp"
+        (run / f"{into}.toml").write_text(re.sub(r'msp_dir = ".*"', f'msp_dir = "{msp}"', text))
+    subprocess.run([BIN / "ledgerline-control", "--config", run / "admin3.toml", "enroll", "--msp", "Org3MSP", "--cert",
+                    next((crypto / "users" / "User1@org3.ledgerline" / "msp" / "signcerts").iterdir()), "--role", "operator"],
+                   check=True, timeout=30)
+    begin_ns = time.monotonic_ns()
+    fight = subprocess.run([BIN / "test_fight", "--config", run / "operator.toml", run / "operator3.toml",
+                            "--drone", "tello16", "--hz", "10", "--seconds", "10"],
+                           stdout=subprocess.PIPE, text=True, check=True, timeout=60)
+    assert json.loads(fight.stdout)["committed"] > 80, fight.stdout
+    end_ns = time.monotonic_ns()
+    flight.wait(120)
+    report = result(tmp_path)
+    print(fight.stdout.strip(), report["drones"][0]["two_way_ms"])
+    assert [d["id"] for d in report["drones"] if not d["lap_s"]] == ["tello16"], printed(tmp_path)
+    assert taken_over(tmp_path, range(1, 16), begin_ns, end_ns) == []
+    assert taken_over(tmp_path, range(16, 17), begin_ns, end_ns), "the test sees a drone that loses its pilot"
+    assert_nothing_left()
+
+
 def test_ctrl_c_lands_the_drone_and_ends_every_process(tmp_path):
     flight = fly(tmp_path, "--laps", "50")
     wait_for_flight(tmp_path, flight)

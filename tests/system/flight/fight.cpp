@@ -1,0 +1,50 @@
+// Two operators fight over a drone: in turn each takes its lease with a higher priority, at a steady rate. Prints how
+// often that was committed, as JSON.
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <thread>
+
+#include "common/config/config.hpp"
+#include "common/fabric/client.hpp"
+#include "common/fabric/config.hpp"
+#include "ledgerline.pb.h"
+
+using namespace ledgerline;
+
+int main(int argc, char** argv) {
+  CLI::App app{"Two operators fight over a drone"};
+  std::vector<std::string> configs;
+  std::string drone;
+  double hz = 10, seconds = 10;
+  app.add_option("--config", configs, "TOML files with [ledger], one per operator")->required()->expected(2);
+  app.add_option("--drone", drone)->required();
+  app.add_option("--hz", hz, "Changes of the lease a second");
+  app.add_option("--seconds", seconds);
+  CLI11_PARSE(app, argc, argv);
+  std::vector<std::unique_ptr<fabric::Client>> operators;
+  for (const std::string& path : configs) {
+    auto config = Config::load(path);
+    if (!config) return std::fprintf(stderr, "%s\n", config.error().what.c_str()), 1;
+    auto ledger = fabric::ledger_config(*config);
+    if (!ledger) return std::fprintf(stderr, "%s\n", ledger.error().what.c_str()), 1;
+    auto client = fabric::Client::create(std::move(ledger).value());
+    if (!client) return std::fprintf(stderr, "%s\n", client.error().what.c_str()), 1;
+    operators.push_back(std::move(*client));
+  }
+  int committed = 0, others = 0;
+  auto at = std::chrono::steady_clock::now();
+  for (int i = 1; i <= static_cast<int>(hz * seconds); ++i) {
+    at += std::chrono::microseconds(static_cast<int>(1e6 / hz));
+    std::this_thread::sleep_until(at);
+    LeaseCall call;
+    call.add_drones(drone);
+    call.set_priority(static_cast<std::uint32_t>(i + 1));
+    const auto outcome =
+        operators[static_cast<std::size_t>(i % 2)]->submit_and_wait({"acquire", {call.SerializeAsString()}});
+    const bool good = outcome.kind == fabric::Outcome::Kind::committed;
+    ++(good ? committed : others);
+    if (!good) std::fprintf(stderr, "%s\n", outcome.message.c_str());
+  }
+  std::printf("{\"committed\": %d, \"others\": %d}\n", committed, others);
+}
