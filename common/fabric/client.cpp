@@ -12,9 +12,7 @@ namespace {
 class GatewayClient final : public Client {
  public:
   explicit GatewayClient(std::shared_ptr<const Connection> connection)
-      : connection_(std::move(connection)),
-        stub_(gateway::Gateway::NewStub(connection_->channel)),
-        pipeline_(connection_) {}
+      : connection_(std::move(connection)), pipeline_(connection_) {}
 
   void submit(Call call, std::function<void(Outcome)> done) override {
     pipeline_.submit(std::move(call), std::move(done));
@@ -40,7 +38,8 @@ class GatewayClient final : public Client {
       grpc::ClientContext context;
       context.set_deadline(deadline);
       gateway::EvaluateResponse response;
-      const grpc::Status status = stub_->Evaluate(&context, request, &response);
+      const auto stub = gateway::Gateway::NewStub(connection_->peers[connection_->peer()]);
+      const grpc::Status status = stub->Evaluate(&context, request, &response);
       if (status.ok()) return std::move(*response.mutable_result()->mutable_payload());
       const auto wait = backoff.next();
       if (!may_pass(status) || attempt == max_attempts || std::chrono::system_clock::now() + wait >= deadline) {
@@ -62,7 +61,6 @@ class GatewayClient final : public Client {
 
  private:
   const std::shared_ptr<const Connection> connection_;
-  const std::unique_ptr<gateway::Gateway::Stub> stub_;
   Pipeline pipeline_;
 };
 

@@ -18,13 +18,17 @@ struct ClientConfig {
   std::string endpoint;     ///< "127.0.0.1:7051"
   std::string tls_ca_file;  ///< PEM of the CA that signed the server's certificate
   std::string server_name;  ///< empty: the endpoint's host must be in the certificate
-  /// An orderer, for the direct path: calls are endorsed by the peer at `endpoint` itself and sent to an orderer, which
-  /// saves the gateway's two steps. Empty: everything through the gateway.
-  struct Orderer {
+  struct Server {
     std::string endpoint;
     std::string tls_ca_file;
   };
-  std::vector<Orderer> orderers;
+  /// Orderers, for the direct path: calls are endorsed by the peer at `endpoint` itself and sent to an orderer, which
+  /// saves the gateway's two steps. Empty: everything through the gateway.
+  std::vector<Server> orderers;
+  /// Peers that stand in while the one at `endpoint` is not reached, for everything; the first that is reached.
+  std::vector<Server> other_peers;
+  /// Compare each block's header with the one that an orderer tells (needs `orderers`): see blocks().
+  bool cross_check = false;
   ChannelAndContract where;
   crypto::SigningIdentity identity;
   std::size_t max_in_flight = 64;  ///< further submits are refused at once with Outcome::Kind::overloaded
@@ -79,7 +83,8 @@ class Client {
   };
   /// Blocks from number `start` (nullopt: from the next new one on). Reconnects with back-off and jitter, for ever, and
   /// resumes behind the last block handed over. A block that breaks the chain is reported through on_connection and the
-  /// stream starts again at the last good one.
+  /// stream starts again at the last good one. With cross_check a second stream brings an orderer's blocks; once the
+  /// two differ, nothing more is handed over, and on_connection says so.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;
   /// Contract events through the gateway's ChaincodeEvents, from block `start` on (nullopt: from the next new one on),
   /// behind transaction `after_tx_id` of that block where one is named: the last event handled is a checkpoint.

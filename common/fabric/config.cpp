@@ -26,11 +26,14 @@ Result<ClientConfig> ledger_config(Config& config) {
   out.where.contract = config.text("ledger.contract", out.where.contract);
   out.max_in_flight = static_cast<std::size_t>(config.integer("ledger.max_in_flight", 64, 1, 10'000));
   out.deadline = std::chrono::milliseconds(config.integer("ledger.deadline_ms", 5'000, 100, 600'000));
-  const std::size_t orderers = config.table_count("orderer");
-  for (std::size_t i = 0; i < orderers; ++i) {
-    out.orderers.push_back(
-        {config.text(fmt::format("orderer.{}.endpoint", i)), config.text(fmt::format("orderer.{}.tls_ca", i))});
+  for (const auto& [table, servers] : {std::pair("orderer", &out.orderers), std::pair("peer", &out.other_peers)}) {
+    const std::size_t count = config.table_count(table);
+    for (std::size_t i = 0; i < count; ++i) {
+      servers->push_back(
+          {config.text(fmt::format("{}.{}.endpoint", table, i)), config.text(fmt::format("{}.{}.tls_ca", table, i))});
+    }
   }
+  out.cross_check = config.boolean("ledger.cross_check", !out.orderers.empty());
   const std::string msp_id = config.text("ledger.msp_id");
   const std::string msp_dir = config.text("ledger.msp_dir");
   // libcrypto signs in a tenth of mbedTLS's time.

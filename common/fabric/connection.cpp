@@ -66,14 +66,25 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
   auto connection = std::make_shared<Connection>();
   auto channel = make_channel(config.endpoint, config.tls_ca_file, config.server_name);
   if (!channel) return channel.error();
-  connection->channel = std::move(*channel);
-  for (const ClientConfig::Orderer& orderer : config.orderers) {
-    auto to_orderer = make_channel(orderer.endpoint, orderer.tls_ca_file, "");
-    if (!to_orderer) return to_orderer.error();
-    connection->orderers.push_back(std::move(*to_orderer));
+  connection->peers.push_back(std::move(*channel));
+  for (const auto& [servers, into] :
+       {std::pair(&config.other_peers, &connection->peers), std::pair(&config.orderers, &connection->orderers)}) {
+    for (const ClientConfig::Server& server : *servers) {
+      auto to_server = make_channel(server.endpoint, server.tls_ca_file, "");
+      if (!to_server) return to_server.error();
+      into->push_back(std::move(*to_server));
+    }
   }
   connection->config = std::move(config);
   return std::shared_ptr<const Connection>(std::move(connection));
+}
+
+std::size_t Connection::peer() const {
+  if (peers.size() == 1 || peers[0]->GetState(true) != GRPC_CHANNEL_TRANSIENT_FAILURE) return 0;
+  for (std::size_t i = 1; i < peers.size(); ++i) {
+    if (peers[i]->GetState(true) == GRPC_CHANNEL_READY) return i;
+  }
+  return 0;
 }
 
 bool may_pass(const grpc::Status& status) {

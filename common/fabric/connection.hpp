@@ -14,9 +14,12 @@ namespace ledgerline::fabric {
 
 struct Connection {
   ClientConfig config;
-  std::shared_ptr<grpc::Channel> channel;
+  std::vector<std::shared_ptr<grpc::Channel>> peers;  ///< the own one first, then those that stand in
   std::vector<std::shared_ptr<grpc::Channel>> orderers;
   std::shared_ptr<Commits> commits = std::make_shared<Commits>();
+
+  /// Index of the peer to ask now: the own one, or while that is not reached the first other one that is.
+  std::size_t peer() const;
 };
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
 

@@ -44,10 +44,11 @@ Outcome in_block(std::uint64_t block, int code) {
 
 }  // namespace
 
-Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
-    : connection_(std::move(connection)),
-      stub_(gateway::Gateway::NewStub(connection_->channel)),
-      endorser_(protos::Endorser::NewStub(connection_->channel)) {
+Pipeline::Pipeline(std::shared_ptr<const Connection> connection) : connection_(std::move(connection)) {
+  for (const auto& peer : connection_->peers) {
+    gateways_.push_back(gateway::Gateway::NewStub(peer));
+    endorsers_.push_back(protos::Endorser::NewStub(peer));
+  }
   if (!connection_->orderers.empty()) ordering_.emplace(connection_->orderers, queue_);
   connection_->commits->on_news([this] {
     const std::lock_guard lock(mutex_);
@@ -173,7 +174,7 @@ void Pipeline::endorse(const PendingPtr& p) {
     protos::SignedProposal proposal;
     proposal.ParseFromString(p->proposal.signed_proposal);
     p->propose = make_unary<protos::ProposalResponse>(p);
-    p->propose->reader = endorser_->AsyncProcessProposal(&p->propose->context, proposal, &queue_);
+    p->propose->reader = endorsers_[connection_->peer()]->AsyncProcessProposal(&p->propose->context, proposal, &queue_);
     await(p, p->propose, &Pipeline::on_proposed);
     return;
   }
@@ -182,7 +183,7 @@ void Pipeline::endorse(const PendingPtr& p) {
   request.set_channel_id(connection_->config.where.channel);
   request.mutable_proposed_transaction()->ParseFromString(p->proposal.signed_proposal);
   p->endorse = make_unary<gateway::EndorseResponse>(p);
-  p->endorse->reader = stub_->AsyncEndorse(&p->endorse->context, request, &queue_);
+  p->endorse->reader = gateways_[connection_->peer()]->AsyncEndorse(&p->endorse->context, request, &queue_);
   await(p, p->endorse, &Pipeline::on_endorsed);
 }
 
@@ -283,7 +284,7 @@ void Pipeline::submit_through_gateway(const PendingPtr& p) {
   request.mutable_prepared_transaction()->ParseFromString(p->envelope);
   p->envelope.clear();
   p->submit = make_unary<gateway::SubmitResponse>(p);
-  p->submit->reader = stub_->AsyncSubmit(&p->submit->context, request, &queue_);
+  p->submit->reader = gateways_[connection_->peer()]->AsyncSubmit(&p->submit->context, request, &queue_);
   await(p, p->submit, &Pipeline::on_submitted);
 }
 
@@ -327,7 +328,7 @@ void Pipeline::ask_status(const PendingPtr& p) {
   }
   request.set_signature(std::move(*signature));
   p->status = make_unary<gateway::CommitStatusResponse>(p);
-  p->status->reader = stub_->AsyncCommitStatus(&p->status->context, request, &queue_);
+  p->status->reader = gateways_[connection_->peer()]->AsyncCommitStatus(&p->status->context, request, &queue_);
   await(p, p->status, &Pipeline::on_status);
 }
 

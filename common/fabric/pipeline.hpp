@@ -104,8 +104,8 @@ class Pipeline {
              void (Pipeline::*then)(const PendingPtr&));
 
   const std::shared_ptr<const Connection> connection_;
-  const std::unique_ptr<gateway::Gateway::Stub> stub_;
-  const std::unique_ptr<protos::Endorser::Stub> endorser_;
+  std::vector<std::unique_ptr<gateway::Gateway::Stub>> gateways_;  ///< of each peer
+  std::vector<std::unique_ptr<protos::Endorser::Stub>> endorsers_;
   grpc::CompletionQueue queue_;
 
   std::mutex mutex_;  ///< guards the three below, and that nothing is put into the queue after its shutdown

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 
+#include "common/fabric/cross_check.hpp"
 #include "common/fabric/decode.hpp"
 #include "gateway/gateway.grpc.pb.h"
+#include "orderer/ab.grpc.pb.h"
 #include "peer/events.grpc.pb.h"
 
 namespace ledgerline::fabric {
@@ -13,14 +15,13 @@ namespace {
 
 constexpr std::chrono::milliseconds first_reconnect{20}, longest_reconnect{1000};
 
-using DeliverStream = grpc::ClientReaderWriter<common::Envelope, protos::DeliverResponse>;
-
 std::string text_of(const grpc::Status& status) {
-  return status.ok() ? "the peer ended the stream"
+  return status.ok() ? "the ledger ended the stream"
                      : fmt::format("{} (gRPC {})", describe(status), static_cast<int>(status.error_code()));
 }
 
 /// Asks for blocks from `start` on; an empty text when the question is on its way.
+template <typename DeliverStream>
 std::string seek(const Connection& connection, DeliverStream& stream, std::optional<std::uint64_t> start) {
   auto envelope = make_seek(connection.config.identity, connection.config.where.channel, start, realtime_ns(),
                             crypto::random_bytes(24));
@@ -33,16 +34,17 @@ std::string seek(const Connection& connection, DeliverStream& stream, std::optio
 class BlockReader {
  public:
   BlockReader(std::shared_ptr<const Connection> connection, std::optional<std::uint64_t> start,
-              Client::StreamHandlers handlers)
+              Client::StreamHandlers handlers, std::shared_ptr<CrossCheck> cross_check)
       : connection_(std::move(connection)),
-        stub_(protos::Deliver::NewStub(connection_->channel)),
         next_(start),
-        handlers_(std::move(handlers)) {}
+        handlers_(std::move(handlers)),
+        cross_check_(std::move(cross_check)) {}
 
   std::string follow(Follower& follower) {
     grpc::ClientContext context;
     const Follower::Cancellable cancellable(follower, context);
-    const auto stream = stub_->Deliver(&context);
+    const auto stub = protos::Deliver::NewStub(connection_->peers[connection_->peer()]);
+    const auto stream = stub->Deliver(&context);
     if (std::string problem = seek(*connection_, *stream, next_); !problem.empty()) return problem;
     std::optional<Seeing> seeing;
     if (next_) {
@@ -86,6 +88,12 @@ class BlockReader {
     if (!block) return block.error().what;
     if (next_ && block->number != *next_) return fmt::format("block {} came where {} was due", block->number, *next_);
     if (auto s = chain_.add(*block); !s) return s.error().what;
+    if (cross_check_) {
+      if (std::string problem = cross_check_->add(CrossCheck::Source::peer, block->number, chain_.hash());
+          !problem.empty()) {
+        return problem;
+      }
+    }
     // "From the next new one on": the newest block that the peer sends first only says where that is.
     const bool wanted = next_.has_value();
     next_ = chain_.height();
@@ -95,21 +103,53 @@ class BlockReader {
   }
 
   const std::shared_ptr<const Connection> connection_;
-  const std::unique_ptr<protos::Deliver::Stub> stub_;
   std::optional<std::uint64_t> next_;
   ChainCheck chain_;
   const Client::StreamHandlers handlers_;
+  const std::shared_ptr<CrossCheck> cross_check_;
+};
+
+/// What an orderer tells, of which the headers alone count; the next orderer when one goes away.
+class OrderedReader {
+ public:
+  OrderedReader(std::shared_ptr<const Connection> connection, std::shared_ptr<CrossCheck> cross_check)
+      : connection_(std::move(connection)), cross_check_(std::move(cross_check)) {}
+
+  std::string follow(Follower& follower) {
+    grpc::ClientContext context;
+    const Follower::Cancellable cancellable(follower, context);
+    const auto stub = orderer::AtomicBroadcast::NewStub(connection_->orderers[which_++ % connection_->orderers.size()]);
+    const auto stream = stub->Deliver(&context);
+    if (std::string problem = seek(*connection_, *stream, std::nullopt); !problem.empty()) return problem;
+    orderer::DeliverResponse response;
+    while (stream->Read(&response)) {
+      const common::BlockHeader& header = response.block().header();
+      if (response.has_block()) {
+        (void)cross_check_->add(CrossCheck::Source::orderer, header.number(),
+                                block_header_hash(header.number(), header.previous_hash(), header.data_hash()));
+        follower.progress();
+      }
+      if (!response.has_block() || follower.stopping()) context.TryCancel();
+    }
+    return text_of(stream->Finish());
+  }
+
+ private:
+  const std::shared_ptr<const Connection> connection_;
+  const std::shared_ptr<CrossCheck> cross_check_;
+  std::size_t which_ = 0;
+};
+
+/// Both run until this is gone.
+struct CheckedBlocks final : Client::Stream {
+  std::unique_ptr<Client::Stream> blocks, ordered;
 };
 
 class EventReader {
  public:
   EventReader(std::shared_ptr<const Connection> connection, std::optional<std::uint64_t> start, std::string after_tx_id,
               std::function<void(const Client::Event&)> on_event)
-      : connection_(std::move(connection)),
-        gateway_(gateway::Gateway::NewStub(connection_->channel)),
-        deliver_(protos::Deliver::NewStub(connection_->channel)),
-        block_(start),
-        on_event_(std::move(on_event)) {
+      : connection_(std::move(connection)), block_(start), on_event_(std::move(on_event)) {
     if (!after_tx_id.empty()) handed_over_.push_back(std::move(after_tx_id));
   }
 
@@ -121,9 +161,11 @@ class EventReader {
     if (std::string problem = make_request(request); !problem.empty()) return problem;
     grpc::ClientContext context;
     const Follower::Cancellable cancellable(follower, context);
-    const auto stream = gateway_->ChaincodeEvents(&context, request);
+    const std::shared_ptr<grpc::Channel>& peer = connection_->peers[connection_->peer()];
+    const auto stub = gateway::Gateway::NewStub(peer);
+    const auto stream = stub->ChaincodeEvents(&context, request);
     // The first answer may be far off; the question is out when the channel stands.
-    if (connection_->channel->GetState(false) == GRPC_CHANNEL_READY) follower.connected();
+    if (peer->GetState(false) == GRPC_CHANNEL_READY) follower.connected();
     gateway::ChaincodeEventsResponse response;
     while (stream->Read(&response)) {
       follower.connected();
@@ -143,7 +185,8 @@ class EventReader {
   std::string find_start(Follower& follower) {
     grpc::ClientContext context;
     const Follower::Cancellable cancellable(follower, context);
-    const auto stream = deliver_->Deliver(&context);
+    const auto stub = protos::Deliver::NewStub(connection_->peers[connection_->peer()]);
+    const auto stream = stub->Deliver(&context);
     if (std::string problem = seek(*connection_, *stream, std::nullopt); !problem.empty()) return problem;
     protos::DeliverResponse response;
     if (!stream->Read(&response)) return text_of(stream->Finish());
@@ -185,8 +228,6 @@ class EventReader {
   }
 
   const std::shared_ptr<const Connection> connection_;
-  const std::unique_ptr<gateway::Gateway::Stub> gateway_;
-  const std::unique_ptr<protos::Deliver::Stub> deliver_;
   std::optional<std::uint64_t> block_;    ///< of the last event handed over, or where to start
   std::vector<std::string> handed_over_;  ///< transactions of that block
   const std::function<void(const Client::Event&)> on_event_;
@@ -249,8 +290,18 @@ void Follower::run() {
 std::unique_ptr<Client::Stream> follow_blocks(std::shared_ptr<const Connection> connection,
                                               std::optional<std::uint64_t> start, Client::StreamHandlers handlers) {
   auto on_connection = handlers.on_connection;
-  auto reader = std::make_shared<BlockReader>(std::move(connection), start, std::move(handlers));
-  return std::make_unique<Follower>([reader](Follower& f) { return reader->follow(f); }, std::move(on_connection));
+  const bool checked = connection->config.cross_check && !connection->orderers.empty();
+  const auto cross_check = checked ? std::make_shared<CrossCheck>() : nullptr;
+  const auto run = [](auto reader, Follower::OnConnection tell) {
+    return std::make_unique<Follower>([reader](Follower& f) { return reader->follow(f); }, std::move(tell));
+  };
+  auto blocks =
+      run(std::make_shared<BlockReader>(connection, start, std::move(handlers), cross_check), std::move(on_connection));
+  if (!checked) return blocks;
+  auto both = std::make_unique<CheckedBlocks>();
+  both->blocks = std::move(blocks);
+  both->ordered = run(std::make_shared<OrderedReader>(connection, cross_check), nullptr);
+  return both;
 }
 
 std::unique_ptr<Client::Stream> follow_events(std::shared_ptr<const Connection> connection,

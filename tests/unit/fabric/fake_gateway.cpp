@@ -17,7 +17,7 @@
 #include <stdexcept>
 
 #include "gateway/gateway.grpc.pb.h"
-#include "orderer/ab.pb.h"
+#include "orderer/ab.grpc.pb.h"
 #include "peer/events.grpc.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/transaction.pb.h"
@@ -125,8 +125,10 @@ struct FakeGateway::State {
 
   struct GatewayService;
   struct DeliverService;
+  struct OrdererService;
   std::unique_ptr<gateway::Gateway::Service> gateway_service;
   std::unique_ptr<protos::Deliver::Service> deliver_service;
+  std::unique_ptr<orderer::AtomicBroadcast::Service> orderer_service;
   std::unique_ptr<grpc::Server> server;
   int port = 0;
 };
@@ -279,44 +281,62 @@ struct FakeGateway::State::GatewayService final : gateway::Gateway::Service {
   State& state;
 };
 
+namespace {
+
+template <typename State, typename Response>
+grpc::Status serve_blocks(State& state, grpc::ServerContext* context,
+                          grpc::ServerReaderWriter<Response, common::Envelope>* stream,
+                          const std::function<std::optional<common::Block>(const common::Block&)>& bent) {
+  common::Envelope envelope;
+  if (!stream->Read(&envelope)) return grpc::Status::CANCELLED;
+  common::Payload payload;
+  common::SignatureHeader signature;
+  orderer::SeekInfo seek;
+  payload.ParseFromString(envelope.payload());
+  signature.ParseFromString(payload.header().signature_header());
+  seek.ParseFromString(payload.data());
+  Response response;
+  std::uint64_t number = 0;
+  {
+    const std::lock_guard lock(state.mutex);
+    ++state.deliver_calls;
+    number = seek.start().has_newest() ? state.chain.size() - 1 : seek.start().specified().number();
+  }
+  if (state.behaviour.refuse_deliver ||
+      !state.signed_well(signature.creator(), envelope.payload(), envelope.signature())) {
+    response.set_status(static_cast<common::Status>(state.behaviour.refuse_deliver.value_or(common::FORBIDDEN)));
+    stream->Write(response);
+    return grpc::Status::OK;
+  }
+  for (;; ++number) {
+    common::Block block;
+    if (!state.await_block(number, *context, block)) return {grpc::StatusCode::UNAVAILABLE, "the peer is going down"};
+    if (bent) {
+      if (auto other = bent(block)) block = std::move(*other);
+    }
+    *response.mutable_block() = block;
+    if (!stream->Write(response)) return grpc::Status::CANCELLED;
+    if (state.behaviour.cut && state.behaviour.cut(number, 0)) return {grpc::StatusCode::UNAVAILABLE, "cut"};
+  }
+}
+
+}  // namespace
+
 struct FakeGateway::State::DeliverService final : protos::Deliver::Service {
   explicit DeliverService(State& s) : state(s) {}
-
   grpc::Status Deliver(grpc::ServerContext* context,
                        grpc::ServerReaderWriter<protos::DeliverResponse, common::Envelope>* stream) override {
-    common::Envelope envelope;
-    if (!stream->Read(&envelope)) return grpc::Status::CANCELLED;
-    common::Payload payload;
-    common::SignatureHeader signature;
-    orderer::SeekInfo seek;
-    payload.ParseFromString(envelope.payload());
-    signature.ParseFromString(payload.header().signature_header());
-    seek.ParseFromString(payload.data());
-    protos::DeliverResponse response;
-    std::uint64_t number = 0;
-    {
-      const std::lock_guard lock(state.mutex);
-      ++state.deliver_calls;
-      number = seek.start().has_newest() ? state.chain.size() - 1 : seek.start().specified().number();
-    }
-    if (state.behaviour.refuse_deliver ||
-        !state.signed_well(signature.creator(), envelope.payload(), envelope.signature())) {
-      response.set_status(static_cast<common::Status>(state.behaviour.refuse_deliver.value_or(common::FORBIDDEN)));
-      stream->Write(response);
-      return grpc::Status::OK;
-    }
-    for (;; ++number) {
-      common::Block block;
-      if (!state.await_block(number, *context, block)) return {grpc::StatusCode::UNAVAILABLE, "the peer is going down"};
-      if (state.behaviour.deliver) {
-        if (auto other = state.behaviour.deliver(block)) block = std::move(*other);
-      }
-      *response.mutable_block() = block;
-      if (!stream->Write(response)) return grpc::Status::CANCELLED;
-      if (state.behaviour.cut && state.behaviour.cut(number, 0)) return {grpc::StatusCode::UNAVAILABLE, "cut"};
-    }
+    return serve_blocks(state, context, stream, state.behaviour.deliver);
   }
+  State& state;
+};
 
+struct FakeGateway::State::OrdererService final : orderer::AtomicBroadcast::Service {
+  explicit OrdererService(State& s) : state(s) {}
+  grpc::Status Deliver(grpc::ServerContext* context,
+                       grpc::ServerReaderWriter<orderer::DeliverResponse, common::Envelope>* stream) override {
+    return serve_blocks(state, context, stream, state.behaviour.ordered);
+  }
   State& state;
 };
 
@@ -327,6 +347,7 @@ void FakeGateway::start() {
   state_->stopping = false;
   state_->gateway_service = std::make_unique<State::GatewayService>(*state_);
   state_->deliver_service = std::make_unique<State::DeliverService>(*state_);
+  state_->orderer_service = std::make_unique<State::OrdererService>(*state_);
   grpc::SslServerCredentialsOptions options;
   options.pem_key_cert_pairs.push_back({state_->tls.key_pem, state_->tls.certificate_pem});
   grpc::ServerBuilder builder;
@@ -334,6 +355,7 @@ void FakeGateway::start() {
                            &state_->port);
   builder.RegisterService(state_->gateway_service.get());
   builder.RegisterService(state_->deliver_service.get());
+  builder.RegisterService(state_->orderer_service.get());
   state_->server = builder.BuildAndStart();
   if (!state_->server) throw std::runtime_error("the fake gateway cannot listen");
 }

@@ -8,9 +8,9 @@
 #include "common/fabric/client.hpp"
 #include "tests/unit/fabric/chain_of_tests.hpp"
 
-/// A peer's gateway and Deliver over real TLS on a free loopback port, whose every answer a test can bend: late, lost,
-/// cut off or forged. One transaction a block; its contract answers "answer to FUNCTION" and emits the first argument
-/// as an event.
+/// A peer's gateway and Deliver, and an orderer's Deliver, over real TLS on a free loopback port, whose every answer a
+/// test can bend: late, lost, cut off or forged. One transaction a block; its contract answers "answer to FUNCTION" and
+/// emits the first argument as an event.
 namespace ledgerline::fabric {
 
 /// How a call ends; code 0 is success (grpc::StatusCode).
@@ -30,8 +30,9 @@ struct FakeBehaviour {
   std::function<char(const Call&)> flag = {};                                      ///< of the transaction in its block
   std::function<std::optional<common::Block>(const common::Block&)> deliver = {};  ///< another block instead
   std::function<bool(std::uint64_t block, std::size_t transaction)> cut =
-      {};                                  ///< end the stream with UNAVAILABLE behind this one
-  std::optional<int> refuse_deliver = {};  ///< common.Status
+      {};  ///< end the stream with UNAVAILABLE behind this one
+  std::function<std::optional<common::Block>(const common::Block&)> ordered = {};  ///< the same at the orderer
+  std::optional<int> refuse_deliver = {};                                          ///< common.Status
 };
 
 class FakeGateway {

@@ -5,7 +5,9 @@
 #include <condition_variable>
 #include <mutex>
 #include <set>
+#include <thread>
 
+#include "common/fabric/cross_check.hpp"
 #include "tests/unit/fabric/fake_gateway.hpp"
 
 namespace ledgerline::fabric {
@@ -314,6 +316,63 @@ TEST_F(EventStream, EndsAtAnyMoment) {
                                        logs.on_connection());
     if (i % 4 == 0) logs.events.await(2);
   }
+}
+
+std::unique_ptr<Client> checking_client_of(const FakeGateway& gateway) {
+  ClientConfig config = gateway.client_config();
+  config.orderers.push_back({config.endpoint, config.tls_ca_file});
+  config.cross_check = true;
+  return Client::create(std::move(config)).value();
+}
+
+TEST(CrossCheckedBlocks, ComeAsTheyWereOrdered) {
+  FakeGateway gateway;
+  Logs logs;
+  const auto client = checking_client_of(gateway);
+  const auto stream = client->blocks(0, logs.handlers());
+  for (int i = 0; i < 50; ++i) gateway.add_block("set", "x");
+  EXPECT_EQ(logs.blocks.await(51).back().number, 50U);
+  EXPECT_EQ(logs.connection.now().size(), 1U) << "it came once and stayed";
+}
+
+TEST(CrossCheckedBlocks, EndWhereThePeerTellsAnotherChainThanWasOrdered) {
+  FakeGateway gateway({.ordered = [](const common::Block& block) -> std::optional<common::Block> {
+    if (block.header().number() != 3) return std::nullopt;
+    common::Block other = block;
+    other.mutable_header()->set_data_hash(std::string(32, 'x'));
+    return other;
+  }});
+  Logs logs;
+  const auto client = checking_client_of(gateway);
+  const auto stream = client->blocks(0, logs.handlers());
+  logs.await_connection();
+  const auto found_out = [&] {
+    for (const auto& [there, why] : logs.connection.now()) {
+      if (!there && why == "block 3 of the peer is not the one that was ordered") return true;
+    }
+    return false;
+  };
+  for (int i = 0; i < 2000 && !found_out(); ++i) {
+    gateway.add_block("set", "x");
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_TRUE(found_out());
+  const std::size_t handed_over = logs.blocks.now().size();
+  for (int i = 0; i < 10; ++i) gateway.add_block("set", "x");
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_EQ(logs.blocks.now().size(), handed_over) << "for good";
+}
+
+TEST(CrossCheck, NeitherSideWaitsAndWhatIsKeptIsBounded) {
+  using Source = CrossCheck::Source;
+  CrossCheck check;
+  for (std::uint64_t i = 0; i < 2 * CrossCheck::most_kept; ++i) EXPECT_EQ(check.add(Source::orderer, i, "a"), "");
+  EXPECT_EQ(check.add(Source::peer, 0, "b"), "") << "forgotten";
+  EXPECT_EQ(check.compared(), 0U);
+  EXPECT_EQ(check.add(Source::peer, 2 * CrossCheck::most_kept - 1, "a"), "");
+  EXPECT_EQ(check.compared(), 1U);
+  EXPECT_NE(check.add(Source::peer, 2 * CrossCheck::most_kept - 2, "b"), "");
+  EXPECT_NE(check.add(Source::peer, 2 * CrossCheck::most_kept - 3, "a"), "") << "for good";
 }
 
 }  // namespace

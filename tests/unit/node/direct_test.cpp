@@ -14,9 +14,11 @@ using Kind = fabric::Outcome::Kind;
 
 class DirectTest : public ::testing::Test {
  protected:
-  std::unique_ptr<fabric::Client> connect(const std::vector<std::string>& orderers) {
+  std::unique_ptr<fabric::Client> connect(const std::vector<std::string>& orderers, const std::string& own_peer = "") {
     fabric::ClientConfig config;
-    config.endpoint = served.endpoint();
+    config.endpoint = own_peer.empty() ? served.endpoint() : own_peer;
+    if (!own_peer.empty()) config.other_peers.push_back({served.endpoint(), served.tls_ca_file()});
+    config.cross_check = true;
     config.tls_ca_file = served.tls_ca_file();
     for (const std::string& one : orderers) config.orderers.push_back({one, served.tls_ca_file()});
     config.identity = served.user(1, "User1");
@@ -73,6 +75,23 @@ TEST_F(DirectTest, ManyCallsAtOnceAreOrderedAsTheyWereSubmitted) {
 TEST_F(DirectTest, AnOrdererThatIsGoneIsPassedOver) {
   const auto client = connect({"127.0.0.1:1", served.endpoint()});
   for (int i = 0; i < 3; ++i) EXPECT_EQ(client->submit_and_wait(note("tello1/a")).kind, Kind::committed);
+}
+
+TEST_F(DirectTest, AnotherPeerStandsInForOneThatIsGone) {
+  const std::string gone = "127.0.0.1:1";
+  for (const auto& orderers : {std::vector<std::string>{served.endpoint()}, std::vector<std::string>{}}) {
+    const auto client = connect(orderers, gone);
+    std::promise<std::uint64_t> seen;
+    std::atomic<bool> told{false};
+    const auto stream = client->blocks(0, {.on_block =
+                                               [&](const fabric::Block& block, std::string_view) {
+                                                 if (!told.exchange(true)) seen.set_value(block.number);
+                                               },
+                                           .on_connection = {}});
+    EXPECT_EQ(seen.get_future().get(), 0U);
+    EXPECT_EQ(client->submit_and_wait(note("tello1/a")).kind, Kind::committed);
+    EXPECT_TRUE(client->evaluate({"get", {}}).ok());
+  }
 }
 
 TEST_F(DirectTest, AClientThatEndsInTheMiddleAnswersEveryCall) {
