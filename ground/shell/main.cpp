@@ -69,7 +69,8 @@ int main(int argc, char** argv) {
       "Exit codes: 0 every drone finished its path and landed; 1 not so; 2 bad usage or config.\n"
       "SIGINT and SIGTERM land all drones.\n\n"
       "Example:\n  ledgerline-ground --config ground.toml\n\n"
-      "ground.toml: [ledger] endpoint, tls_ca, msp_id, msp_dir; [[msp]] id, ca; [[drone]] name, number;\n"
+      "ground.toml: [ledger] endpoint, tls_ca, msp_id, msp_dir, cross_check;\n"
+      "          [[orderer]], [[peer]] endpoint, tls_ca; [[msp]] id, ca; [[drone]] name, number;\n"
       "  [flight] shape (square|triangle|x), speed_mps, laps, seconds, height_m, side_m, lag_s;\n"
       "  [output] trace, summary, status_period_ms",
       "ledgerline-ground"};

@@ -95,7 +95,8 @@ int main(int argc, char** argv) {
       "ledgerline-agent"};
   app.footer(
       "Example:\n  ledgerline-agent --config agent.toml\n\n"
-      "agent.toml: [ledger] endpoint, tls_ca, msp_id, msp_dir; [[msp]] id, ca; [[drone]] name, number;\n"
+      "agent.toml: [ledger] endpoint, tls_ca, msp_id, msp_dir, cross_check;\n"
+      "          [[orderer]], [[peer]] endpoint, tls_ca; [[msp]] id, ca; [[drone]] name, number;\n"
       "  [output] trace, summary, status_period_ms; and with defaults\n"
       "  [mocap] topic, clock (host|arrival), position_sigma_m, acceleration_sigma_mps2, gate_sigma,\n"
       "          outliers_before_reset, longest_gap_ms\n"
