@@ -22,7 +22,7 @@ add_custom_command(OUTPUT ${WKT_DESC}
     google/protobuf/timestamp.proto google/protobuf/empty.proto google/protobuf/duration.proto google/protobuf/any.proto)
 
 set(FABRIC_MESSAGES
-  common/common common/configtx common/configuration common/policies
+  common/common common/configtx common/configuration common/ledger common/policies
   gateway/gateway
   ledger/queryresult/kv_query_result ledger/rwset/rwset ledger/rwset/kvrwset/kv_rwset
   msp/identities msp/msp_config msp/msp_principal

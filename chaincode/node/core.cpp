@@ -25,14 +25,19 @@ NodeCore::~NodeCore() = default;
 std::uint64_t NodeCore::height() const { return parts_->height; }
 NodeCore::Counts NodeCore::counts() const { return parts_->counts; }
 
+Result<common::Block> NodeCore::Parts::block_at(std::uint64_t number) const {
+  auto bytes = read_block(number);
+  if (!bytes) return bytes.error();
+  common::Block block;
+  if (!block.ParseFromString(*bytes)) return Error{"block " + std::to_string(number) + " is damaged"};
+  return block;
+}
+
 Result<chaincode::KeyVersion> NodeCore::Parts::version_of(const std::string& key, Version version) {
   if (!history_block || history_block->header().number() != version.block) {
-    auto bytes = read_block(version.block);
-    if (!bytes) return bytes.error();
-    if (!history_block.emplace().ParseFromString(*bytes)) {
-      history_block.reset();
-      return Error{"block " + std::to_string(version.block) + " is damaged"};
-    }
+    auto block = block_at(version.block);
+    if (!block) return block.error();
+    history_block = std::move(*block);
   }
   const std::string place = std::to_string(version.tx) + " of block " + std::to_string(version.block);
   if (version.tx >= static_cast<std::uint64_t>(history_block->data().data_size())) {

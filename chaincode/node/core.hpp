@@ -49,7 +49,7 @@ struct CoreConfig {
   std::size_t batch_count = 1;                  ///< a block is cut when this many envelopes wait,
   std::size_t batch_bytes = 2'000'000;          ///< or this many bytes,
   TimeNs batch_timeout_ns = 10 * ns_per_ms;     ///< or the oldest has waited this long
-  std::size_t max_envelope_bytes = 10'000'000;  ///< larger ones are refused (Fabric's AbsoluteMaxBytes)
+  std::size_t max_envelope_bytes = 10 << 20;    ///< larger ones are refused (Fabric's AbsoluteMaxBytes)
   std::size_t max_waiting = 10'000;             ///< envelopes that wait for a block; more are refused
   std::size_t max_waiting_bytes = 64'000'000;   ///< of them together; one alone is always taken
   std::vector<crypto::MspRoot> organisations;   ///< written into the config block
@@ -112,11 +112,13 @@ class NodeCore {
   /// gateway.Evaluate. In: protos.SignedProposal. Out: protos.Response.
   Reply evaluate(std::string_view signed_proposal, Now now);
   /// protos.Endorser.ProcessProposal. Out: protos.ProposalResponse of the first peer (refusals too, as Fabric does; a
-  /// code only when the proposal cannot be answered).
+  /// code only when the proposal cannot be answered). Here and in evaluate the peer's own contracts answer as well
+  /// (core_system.cpp).
   Reply process_proposal(std::string_view signed_proposal, Now now);
   /// gateway.Submit and orderer.Broadcast. In: common.Envelope. Out: nothing; ok = accepted for ordering. `detail` of a
   /// refusal is in the words of Fabric's gateway; invalid_argument stands for the orderer's BAD_REQUEST,
-  /// permission_denied for FORBIDDEN, unavailable for SERVICE_UNAVAILABLE, not_found for an unknown channel.
+  /// permission_denied for FORBIDDEN, unavailable for SERVICE_UNAVAILABLE, not_found for BAD_REQUEST as well, but the
+  /// gateway tells it apart: an unknown channel.
   Reply order(std::string_view envelope, Now now);
   /// Checks a signed request of a member: `signature` of `message` by `serialized` (a msp.SerializedIdentity).
   Result<crypto::IdentityName> check_signer(std::string_view serialized, std::string_view message,

@@ -75,11 +75,6 @@ Reply NodeCore::order(std::string_view bytes, Now now) {
     return Reply{code, info, "received unsuccessful response from orderer: status=" + status + ", info=" + info, {}};
   };
   const CoreConfig& config = parts_->config;
-  if (bytes.size() > config.max_envelope_bytes) {
-    return refuse(Code::invalid_argument, "BAD_REQUEST",
-                  "message payload is " + std::to_string(bytes.size()) + " bytes and maximum allowed is " +
-                      std::to_string(config.max_envelope_bytes) + " bytes");
-  }
   common::Envelope envelope;
   common::Payload payload;
   common::ChannelHeader channel_header;
@@ -91,14 +86,23 @@ Reply NodeCore::order(std::string_view bytes, Now now) {
     return refuse(Code::invalid_argument, "BAD_REQUEST", "the envelope does not parse");
   }
   if (channel_header.channel_id() != config.channel) {
-    return refuse(Code::not_found, "NOT_FOUND",
+    return refuse(Code::not_found, "BAD_REQUEST",
                   "channel " + clear_text(channel_header.channel_id(), longest_name) + " not found");
   }
   if (channel_header.type() != common::ENDORSER_TRANSACTION) {
     return refuse(Code::invalid_argument, "BAD_REQUEST",
                   "header type " + std::to_string(channel_header.type()) + " is not served by this node");
   }
+  const std::size_t size = envelope.payload().size() + envelope.signature().size();
+  if (size > config.max_envelope_bytes) {
+    return refuse(Code::invalid_argument, "BAD_REQUEST",
+                  "message payload is " + std::to_string(size) + " bytes and exceeds maximum allowed " +
+                      std::to_string(config.max_envelope_bytes) + " bytes");
+  }
   const auto member = parts_->check(signature_header.creator(), envelope.payload(), envelope.signature(), now);
+  if (!member && Parts::has_expired(signature_header.creator(), now)) {
+    return refuse(Code::invalid_argument, "BAD_REQUEST", "broadcast client identity expired");
+  }
   if (!member) return refuse(Code::permission_denied, "FORBIDDEN", member.error().what);
   const bool heavy = !parts_->pending.empty() && parts_->pending_bytes + bytes.size() > config.max_waiting_bytes;
   if (parts_->pending.size() >= config.max_waiting || heavy) {

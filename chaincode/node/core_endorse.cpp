@@ -1,5 +1,6 @@
 #include "chaincode/node/core_parts.hpp"
 #include "ledger/rwset/rwset.pb.h"
+#include "msp/identities.pb.h"
 #include "peer/transaction.pb.h"
 
 /// The endorsing half of the core: proposals are checked, run and signed.
@@ -36,6 +37,13 @@ Result<std::shared_ptr<const crypto::MspRegistry::Member>> NodeCore::Parts::chec
   return member;
 }
 
+bool NodeCore::Parts::has_expired(const std::string& serialized, Now now) {
+  msp::SerializedIdentity identity;
+  if (!identity.ParseFromString(serialized)) return false;
+  const auto certificate = crypto::parse_certificate(identity.id_bytes());
+  return certificate && certificate->not_after_s < now.real_ns / ns_per_s;
+}
+
 std::variant<Simulated, Unanswered> NodeCore::Parts::simulate(std::string_view signed_proposal, Now now) {
   protos::SignedProposal outer;
   if (!outer.ParseFromArray(signed_proposal.data(), static_cast<int>(signed_proposal.size()))) {
@@ -43,12 +51,15 @@ std::variant<Simulated, Unanswered> NodeCore::Parts::simulate(std::string_view s
   }
   auto proposal = read_proposal(outer.proposal_bytes());
   if (!proposal) return Unanswered{Kind::malformed, proposal.error().what};
-  if (proposal->channel_header.channel_id() != config.channel) {
+  // Of the peer's own contracts some are asked without a channel.
+  const bool of_peer = proposal->channel_header.channel_id().empty() && is_system(proposal->contract);
+  if (proposal->channel_header.channel_id() != config.channel && !of_peer) {
     return Unanswered{Kind::unknown_channel,
                       "channel '" + clear_text(proposal->channel_header.channel_id(), longest_name) + "' not found"};
   }
   auto member = check(proposal->signature_header.creator(), outer.proposal_bytes(), outer.signature(), now);
   if (!member) return Unanswered{Kind::denied, "error validating proposal: " + member.error().what};
+  if (auto answer = ask_system(*proposal)) return Simulated{std::move(*proposal), std::move(*answer), {}};
   if (proposal->contract != config.contract) {
     return Unanswered{Kind::unknown_contract, "no contract named '" + clear_text(proposal->contract, longest_name) +
                                                   "' on channel '" + config.channel + "'; there is '" +
@@ -116,6 +127,9 @@ Reply NodeCore::endorse(std::string_view signed_proposal, Now now) {
   }
   const auto& simulated = std::get<Simulated>(answer);
   if (simulated.response.status >= 400) return {Code::aborted, failed, refusal(simulated.response), {}};
+  if (simulated.payload.empty()) {
+    return {Code::failed_precondition, "'" + simulated.proposal.contract + "' answers questions alone", {}, {}};
+  }
   std::vector<protos::Endorsement> endorsements;
   for (const crypto::SigningIdentity& peer : parts_->peers) {
     auto endorsement = parts_->endorse_by(peer, simulated.payload);
@@ -149,12 +163,21 @@ Reply NodeCore::evaluate(std::string_view signed_proposal, Now now) {
 
 Reply NodeCore::process_proposal(std::string_view signed_proposal, Now now) {
   const auto answer = parts_->simulate(signed_proposal, now);
-  if (const auto* none = std::get_if<Unanswered>(&answer)) return {Code::unknown, none->what, none->what, {}};
-  const auto& simulated = std::get<Simulated>(answer);
   protos::ProposalResponse response;
+  if (const auto* none = std::get_if<Unanswered>(&answer)) {
+    switch (none->kind) {
+      case Kind::unknown_channel:
+      case Kind::unknown_contract:
+        *response.mutable_response() = to_message({500, none->what, {}});
+        return {Code::ok, {}, {}, response.SerializeAsString()};
+      default:
+        return {Code::unknown, none->what, none->what, {}};
+    }
+  }
+  const auto& simulated = std::get<Simulated>(answer);
   response.set_version(1);
   *response.mutable_response() = to_message(simulated.response);
-  if (simulated.response.status < 400) {
+  if (!simulated.payload.empty()) {
     auto endorsement = parts_->endorse_by(parts_->peers.front(), simulated.payload);
     if (!endorsement) return {Code::unknown, endorsement.error().what, {}, {}};
     *response.mutable_endorsement() = std::move(*endorsement);

@@ -15,8 +15,11 @@ namespace ledgerline::node {
 struct Simulated {
   ProposalParts proposal;
   chaincode::Response response;
-  std::string payload;  ///< ProposalResponsePayload
+  std::string payload;  ///< ProposalResponsePayload; empty: nothing to endorse
 };
+
+/// One of the peer's own contracts.
+bool is_system(const std::string& contract);
 
 /// Why a proposal got no answer of the contract. The services give these different codes.
 struct Unanswered {
@@ -63,6 +66,11 @@ struct NodeCore::Parts {
   Result<std::shared_ptr<const crypto::MspRegistry::Member>> check(std::string_view serialized,
                                                                    std::string_view message, std::string_view signature,
                                                                    Now now);
+  /// The certificate of a SerializedIdentity is one whose time is over.
+  static bool has_expired(const std::string& serialized, Now now);
+  /// What the peer's own contracts say (qscc, cscc); nullopt: it is none of them.
+  std::optional<chaincode::Response> ask_system(const ProposalParts& proposal);
+  Result<common::Block> block_at(std::uint64_t number) const;
   std::variant<Simulated, Unanswered> simulate(std::string_view signed_proposal, Now now);
   Result<protos::Endorsement> endorse_by(const crypto::SigningIdentity& peer, const std::string& payload) const;
   Result<chaincode::KeyVersion> version_of(const std::string& key, Version version);

@@ -30,13 +30,18 @@ EventStream* EventStream::start(Node& node, Limit& limit, ViewCache& events, con
 void EventStream::begin(NodeCore& core, const gateway::ChaincodeEventsRequest& request) {
   if (request.channel_id() != node_.config().channel) {
     return finish(
-        {grpc::StatusCode::NOT_FOUND, "channel " + clear_text(request.channel_id(), longest_name) + " not found"});
+        {grpc::StatusCode::PERMISSION_DENIED, "channel " + clear_text(request.channel_id(), longest_name) + " not found"});
+  }
+  const auto place = request.start_position().Type_case();
+  if (place == orderer::SeekPosition::kOldest || place == orderer::SeekPosition::kNewest) {
+    return finish({grpc::StatusCode::INVALID_ARGUMENT, "invalid start position: give a block's number, or none"});
   }
   const std::lock_guard lock(mutex_);
   // No other contract has events here.
   if (request.chaincode_id() != node_.config().contract) return;
   after_ = request.after_transaction_id();
-  next_ = read_start(request.start_position(), core.height());
+  const auto behind = core.find(after_);
+  next_ = behind ? behind->block : read_start(request.start_position(), core.height());
   streaming_ = true;
   // Looking for the first event may take the whole chain: not on the core's thread. The alarm keeps the function, and
   // must not keep us by it.

@@ -113,8 +113,6 @@ class BroadcastStream final
         return common::SUCCESS;
       case Code::permission_denied:
         return common::FORBIDDEN;
-      case Code::not_found:
-        return common::NOT_FOUND;
       case Code::unavailable:
         return common::SERVICE_UNAVAILABLE;
       default:

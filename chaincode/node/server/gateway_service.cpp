@@ -75,13 +75,11 @@ class GatewayService final : public RawGateway {
             case Code::ok:
               return grpc::Status::OK;
             case Code::not_found:
-              return make_status(grpc::StatusCode::FAILED_PRECONDITION, reply.message, reply.detail);
+              return make_status(grpc::StatusCode::FAILED_PRECONDITION, reply.message);
             case Code::unavailable:
               return make_status(grpc::StatusCode::UNAVAILABLE, reply.message, reply.detail);
             default:
-              return make_status(grpc::StatusCode::ABORTED,
-                                 "failed to submit transaction to orderer, see attached details for more info",
-                                 reply.detail);
+              return make_status(grpc::StatusCode::ABORTED, reply.detail);
           }
         });
   }
@@ -133,7 +131,7 @@ class GatewayService final : public RawGateway {
     if (!signer) return reactor->Finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().what});
     if (request.channel_id() != node_.config().channel) {
       return reactor->Finish(
-          {grpc::StatusCode::NOT_FOUND, "channel " + clear_text(request.channel_id(), longest_name) + " not found"});
+          {grpc::StatusCode::PERMISSION_DENIED, "channel " + clear_text(request.channel_id(), longest_name) + " not found"});
     }
     if (const auto status = core.watch(request.transaction_id(), id)) {
       *response = message_of(*status);

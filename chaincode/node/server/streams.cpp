@@ -5,6 +5,7 @@
 namespace ledgerline::node {
 namespace {
 
+constexpr TimeNs time_window_ns = 900 * ns_per_s;
 constexpr std::uint64_t no_end = std::numeric_limits<std::uint64_t>::max() - 1;
 
 std::uint64_t place(const orderer::SeekPosition& position, std::uint64_t height, std::uint64_t otherwise) {
@@ -54,7 +55,14 @@ Result<SeekRequest> read_seek(const common::Envelope& envelope) {
   request.creator = signature_header.creator();
   request.payload = envelope.payload();
   request.signature = envelope.signature();
+  if (channel_header.has_timestamp() && std::abs(channel_header.timestamp().seconds()) < INT64_MAX / ns_per_s) {
+    request.sent_ns = channel_header.timestamp().seconds() * ns_per_s;
+  }
   return request;
+}
+
+bool is_fresh(const SeekRequest& request, TimeNs real_ns) {
+  return request.sent_ns && std::abs(*request.sent_ns - real_ns) <= time_window_ns;
 }
 
 DeliverStream* DeliverStream::start(Node& node, Limit& limit, View& view) {
@@ -68,7 +76,7 @@ void DeliverStream::OnReadDone(bool ok) {
   common::Envelope envelope;
   if (!parse(request_, envelope)) return finish(unparsable("common.Envelope"));
   const auto request = read_seek(envelope);
-  if (!request) return send_status(common::BAD_REQUEST);
+  if (!request || !is_fresh(*request, read_now().real_ns)) return send_status(common::BAD_REQUEST);
   if (request->channel != node_.config().channel) return send_status(common::NOT_FOUND);
   const bool taken = node_.post([self = shared_from_this(), request = *request](NodeCore& core) {
     const auto signer = core.check_signer(request.creator, request.payload, request.signature, read_now());

@@ -29,9 +29,12 @@ std::uint64_t read_start(const orderer::SeekPosition& position, std::uint64_t he
 struct SeekRequest {
   std::string channel;
   std::string creator, payload, signature;
+  std::optional<TimeNs> sent_ns;  ///< real time, by the client's clock
   orderer::SeekInfo seek;
 };
 Result<SeekRequest> read_seek(const common::Envelope& envelope);
+/// One that somebody has kept, or that tells no time, is refused (Fabric's authentication.timewindow).
+bool is_fresh(const SeekRequest& request, TimeNs real_ns);
 
 /// peer Deliver and DeliverFiltered, orderer Deliver. One seek after the other.
 class DeliverStream final

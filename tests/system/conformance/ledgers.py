@@ -1,0 +1,172 @@
+"""The two ledgers as tests see them, and the identities that they know."""
+import json
+import os
+import pathlib
+import resource
+import signal
+import subprocess
+import time
+
+from fabric import FABRIC
+
+BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+# Blocks that hold several transactions, when these come at once.
+CUTTING = ("--batch-count", "10", "--batch-timeout", "25")
+
+
+class Ledger:
+    """A running ledger in a directory of its own; may be stopped, killed and started again."""
+
+    def __init__(self, directory: pathlib.Path, *options: str):
+        self.directory = directory
+        self.options = options
+        self.process = None
+        self.endpoint = None
+        self.start()
+
+    def start(self) -> None:
+        with open(self.directory.with_suffix(".log"), "ab") as log:
+            self.process = subprocess.Popen(self.command(), stdout=subprocess.PIPE, stderr=log, text=True,
+                                            preexec_fn=self.limit)
+        ready = self.process.stdout.readline()
+        assert ready, self.log()
+        self.ready = json.loads(ready)
+        self.endpoint = self.ready["endpoint"]
+
+    def limit(self) -> None:
+        """Called in the new process."""
+
+    def stop(self) -> int:
+        if self.process.poll() is None:
+            self.process.terminate()
+        return self.process.wait(timeout=60)
+
+    def kill(self) -> None:
+        """All of its processes, at once."""
+        children = pathlib.Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+        for process in (self.process.pid, *map(int, children)):
+            os.kill(process, signal.SIGKILL)
+        self.process.wait(timeout=20)
+        deadline = time.monotonic() + 20
+        while any(alive(int(process)) for process in children):
+            assert time.monotonic() < deadline, "a killed process does not end"
+            time.sleep(0.02)
+
+    def log(self) -> str:
+        return self.directory.with_suffix(".log").read_text()
+
+    def organisation(self, number: int) -> pathlib.Path:
+        return self.directory / "crypto" / "peerOrganizations" / f"org{number}.ledgerline"
+
+    def ca_file(self, number: int) -> pathlib.Path:
+        """The CA of that organisation's TLS certificates."""
+        return self.organisation(number) / "tlsca" / f"tlsca.org{number}.ledgerline-cert.pem"
+
+    def msp_dir(self, organisation: int, user: str) -> pathlib.Path:
+        return self.organisation(organisation) / "users" / f"{user}@org{organisation}.ledgerline" / "msp"
+
+    def identity(self, organisation: int, user: str) -> dict:
+        msp = self.msp_dir(organisation, user)
+        return {"mspId": f"Org{organisation}MSP", "certificate": next((msp / "signcerts").iterdir()).read_text(),
+                "key": next((msp / "keystore").iterdir()).read_text()}
+
+
+def alive(process: int) -> bool:
+    try:
+        return pathlib.Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+class Embedded(Ledger):
+    name = "ledgerline-node"
+
+    def __init__(self, directory: pathlib.Path, *options: str, file_limit: int | None = None):
+        self.file_limit = file_limit  # bytes that a file may have: a disk that is full, for this process alone
+        super().__init__(directory, *options)
+
+    def command(self) -> list:
+        return [BIN / "ledgerline-node", "--dir", self.directory, "--listen", self.endpoint or "127.0.0.1:0",
+                "--summary", self.directory.with_suffix(".json"), *self.options]
+
+    def limit(self) -> None:
+        if self.file_limit is not None:
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (self.file_limit, self.file_limit))
+
+    def peer(self, _organisation: int) -> tuple[str, pathlib.Path]:
+        """One process is everybody's peer, with the certificate of the first organisation's."""
+        return self.endpoint, self.ca_file(1)
+
+    def orderer(self) -> tuple[str, pathlib.Path]:
+        return self.peer(1)
+
+    def summary(self) -> dict:
+        return json.loads(self.directory.with_suffix(".json").read_text())
+
+
+class Fabric(Ledger):
+    """A real network with our contract on it."""
+    name = "fabric"
+
+    def command(self) -> list:
+        return [BIN / "ledgerline-fabric", "run", "--dir", self.directory, "--tools", FABRIC, *self.options]
+
+    def peer(self, organisation: int) -> tuple[str, pathlib.Path]:
+        return self.ready["peers"][organisation - 1], self.ca_file(organisation)
+
+    def orderer(self) -> tuple[str, pathlib.Path]:
+        return (self.ready["orderers"][0],
+                self.directory / "crypto" / "ordererOrganizations" / "ledgerline" / "tlsca" / "tlsca.ledgerline-cert.pem")
+
+
+class Authority:
+    """Issues certificates by the CA of one organisation, whose key is in the network's directory."""
+
+    def __init__(self, ledger: Ledger, organisation: int, home: pathlib.Path):
+        self.organisation = organisation
+        self.domain = f"org{organisation}.ledgerline"
+        self.certificate = ledger.organisation(organisation) / "ca" / f"ca.{self.domain}-cert.pem"
+        self.key = self.certificate.parent / "priv_sk"
+        self.home = home
+        home.mkdir()
+        (home / "index.txt").write_text("")
+        (home / "settings").write_text(
+            f"[ca]\ndefault_ca=own\n[own]\ndatabase={home}/index.txt\nnew_certs_dir={home}\nrand_serial=yes\n"
+            "default_md=sha256\npolicy=names\nx509_extensions=extensions\nunique_subject=no\n"
+            "[names]\norganizationName=supplied\norganizationalUnitName=supplied\ncommonName=supplied\n"
+            "[extensions]\nbasicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\n"
+            "authorityKeyIdentifier=keyid\n")
+
+    def replace_by_own_ca(self) -> None:
+        """A CA of the same name with a key of its own: what somebody would make who wants to be taken for it."""
+        self.key, certificate = self.home / "ca.key", self.home / "ca.pem"
+        openssl("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "10",
+                "-subj", f"/O={self.domain}/CN=ca.{self.domain}", "-keyout", self.key, "-out", certificate)
+        self.certificate = certificate
+
+    def issue(self, user: str, start: float, end: float) -> dict:
+        """A client valid from `start` to `end` (Unix time)."""
+        key, request, certificate = (self.home / f"{user}.{kind}" for kind in ("key", "csr", "pem"))
+        openssl("genpkey", "-algorithm", "EC", "-pkeyopt", "ec_paramgen_curve:P-256", "-out", key)
+        openssl("req", "-new", "-key", key, "-out", request,
+                "-subj", f"/O={self.domain}/OU=client/CN={user}@{self.domain}")
+        openssl("ca", "-batch", "-notext", "-preserveDN", "-config", self.home / "settings", "-in", request,
+                "-out", certificate, "-cert", self.certificate, "-keyfile", self.key,
+                "-startdate", asn1_time(start), "-enddate", asn1_time(end))
+        return {"mspId": f"Org{self.organisation}MSP", "certificate": certificate.read_text(), "key": key.read_text()}
+
+    def begin(self) -> float:
+        """From when on the CA's own certificate is valid."""
+        text = openssl("x509", "-in", self.certificate, "-noout", "-startdate").split("=", 1)[1].strip()
+        return time.mktime(time.strptime(text, "%b %d %H:%M:%S %Y %Z")) - time.timezone
+
+
+def asn1_time(seconds: float) -> str:
+    return time.strftime("%Y%m%d%H%M%SZ", time.gmtime(seconds))
+
+
+def openssl(*arguments) -> str:
+    done = subprocess.run(["openssl", *arguments], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout

@@ -1,0 +1,302 @@
+"""Every function of the contract and every refusal (docs/ledger.md), through the official client."""
+import base64
+import json
+
+import pytest
+from conftest import subject
+from official import ABORTED, asset, asset_bytes, decode, field, message
+
+HOST = f"Org1MSP {subject(1, 'User1')}"
+OPERATOR = f"Org2MSP {subject(2, 'User1')}"
+RIVAL = f"Org2MSP {subject(2, 'User2')}"
+SUPERVISOR = f"Org1MSP {subject(1, 'User2')}"
+NOBODY = f"Org3MSP {subject(3, 'User2')}"
+
+
+def control(client, drone: str) -> dict:
+    """The record of who flies it, as `get` shows it: in protobuf, in an asset."""
+    record = message(base64.b64decode(client.read("get", f"control/{drone}")["msgData"]))
+    return {"drone": record[1][0].decode(), "owner": record[2][0], "held": 3 in record, "stopped": 6 in record,
+            "streams": [one.decode() for one in record.get(8, [])]}
+
+
+def plan(drone: str, **more) -> dict:
+    at = {"atNs": "1000", "vx": 0.5}
+    return {"drone": drone, "action": "FLY", "epoch": "1", "setpoints": [at], **more}
+
+
+def points(*times: int) -> list[dict]:
+    return [{"atNs": str(time)} for time in times]
+
+
+def test_an_asset_in_json_is_written_and_read_back(drone_host):
+    drone_host.submit("set", asset("tello1/json"))
+    assert drone_host.read("get", "tello1/json") == {**asset("tello1/json"), "topic": "/tello1/json"}
+
+
+def test_an_asset_in_protobuf_is_written_and_read_back(drone_host):
+    drone_host.submit("set", asset_bytes("tello2/binary", b"\x00\xff"))
+    answer = message(drone_host.evaluate("get", field(1, b"tello2/binary")))
+    assert message(answer[1][0]) == {1: [b"tello2/binary"], 2: [b"/tello2/binary"], 3: [b"a/msg/B"], 4: [b"\x00\xff"]}
+
+
+def test_many_assets_of_one_call_are_read_by_their_prefix_in_order(drone_host, nobody):
+    names = [f"tello3/many/{number:03}" for number in range(130)]  # more than Fabric gives for one round trip
+    drone_host.submit("set", {"assets": [asset(name) for name in reversed(names)]})
+    assert [one["id"] for one in nobody.read("get", "tello3/many/*")["assets"]] == names
+    assert nobody.read("get", "tello3/none/*") == {}
+
+
+def test_an_organisation_writes_under_its_own_name(nobody):
+    nobody.submit("set", asset("Org3MSP/notes"))
+    assert nobody.read("get", "Org3MSP/notes")["id"] == "Org3MSP/notes"
+
+
+def test_streaming_assets_live_in_their_owners_frame(enroll):
+    host = enroll("streamer")
+    frame = [asset("streamer/odom", b"odom"), asset("streamer/battery", b"full")]
+    host.submit("set", {"assets": frame, "stream": True})
+    host.submit("set", {"assets": [asset("streamer/odom", b"newer"), frame[1]], "stream": True})
+    assert control(host, "streamer")["streams"] == ["streamer/battery", "streamer/odom"]
+    assert base64.b64decode(host.read("get", "streamer/odom")["msgData"]) == b"newer"
+    assert [one["id"] for one in host.read("get", "streamer/*")["assets"]] == ["streamer/battery", "streamer/odom"]
+    versions = host.read("history", "streamer/odom")["versions"]
+    assert [base64.b64decode(one["asset"]["msgData"]) for one in versions] == [b"newer", b"odom"]
+    # Another frame of the same host: what streams no longer in it is found in the older one.
+    host.submit("set", {"assets": [asset("streamer/odom", b"newest")], "stream": True})
+    assert base64.b64decode(host.read("get", "streamer/battery")["msgData"]) == b"full"
+    host.submit("delete", "streamer/battery")
+    assert host.refusal("get", "streamer/battery") == "streamer/battery: not found"
+
+
+def test_history_shows_signers_and_deletion_newest_first(drone_host, nobody):
+    written = [drone_host.submit("set", asset("tello1/past", data)) for data in (b"one", b"two")]
+    written.append(drone_host.submit("delete", "tello1/past"))
+    assert drone_host.refusal("get", "tello1/past") == "tello1/past: not found"
+    versions = nobody.read("history", "tello1/past")["versions"]
+    assert [version["txId"] for version in versions] == [one["tx"] for one in reversed(written)]
+    assert [version.get("deleted", False) for version in versions] == [True, False, False]
+    assert [base64.b64decode(version["asset"]["msgData"]) for version in versions[1:]] == [b"two", b"one"]
+    assert all(version["signer"] == {"mspId": "Org1MSP", "subject": subject(1, "User1")} for version in versions)
+    times = [int(version["timestampNs"]) for version in versions]
+    assert times == sorted(times, reverse=True)
+
+
+def pages(client, fn: str, what: str) -> list[list[dict]]:
+    """An answer in all its parts; each part is at most a megabyte and some brackets."""
+    found, bookmark = [], []
+    while True:
+        answer = client.evaluate(fn, what, *bookmark)
+        assert len(answer) < 1_100_000
+        page = json.loads(answer)
+        found.append(page.get("assets", []) + page.get("versions", []))
+        if "bookmark" not in page:
+            return found
+        bookmark = [f"bookmark={page['bookmark']}"]
+
+
+def test_many_assets_come_in_pages_of_a_megabyte(drone_host, nobody):
+    names = [f"tello4/page/{number}" for number in range(7)]
+    for name in names:
+        drone_host.submit("set", asset_bytes(name, bytes(300_000)))
+    found = pages(nobody, "get", "tello4/page/*")
+    assert [len(page) for page in found] == [2, 2, 2, 1]
+    assert [one["id"] for page in found for one in page] == names
+
+
+def test_a_long_history_comes_in_pages_of_a_megabyte(drone_host, nobody):
+    for number in range(3):
+        drone_host.submit("set", asset_bytes("tello1/long", bytes([number]) * 450_000))
+    found = [one for page in pages(nobody, "history", "tello1/long") for one in page]
+    assert [base64.b64decode(one["asset"]["msgData"])[0] for one in found] == [2, 1, 0]
+
+
+def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, operator):
+    host, rival = enroll("flown"), enroll(organisation=2, user="User2", role="OPERATOR")
+    supervisor = enroll(user="User2", role="SUPERVISOR")
+
+    def controls(answer: dict) -> list[dict]:
+        return json.loads(decode(answer["result"]))["controls"]
+
+    (lease,) = controls(operator.submit("acquire", "flown"))
+    assert lease["epoch"] == "1" and lease["holder"] == {"mspId": "Org2MSP", "subject": subject(2, "User1")}
+    assert lease["owner"] == {"mspId": "Org1MSP", "subject": subject(1, "User1")}
+    operator.submit("command", {"plans": [plan("flown")]})
+    (lease,) = controls(rival.submit("acquire", "flown", "priority=3"))
+    assert (lease["epoch"], lease["priority"], lease["holder"]["subject"]) == ("2", 3, subject(2, "User2"))
+    assert operator.refusal("command", {"plans": [plan("flown")]}) == (
+        f"flown: the lease is held by {RIVAL}, not by {OPERATOR}")
+    (stopped,) = controls(rival.submit("stop", "flown"))
+    assert stopped["stoppedBy"]["subject"] == subject(2, "User2") and "cut" not in stopped
+    (stopped,) = controls(supervisor.submit("stop", "flown", "cut=true"))
+    assert stopped["stoppedBy"]["subject"] == subject(1, "User2") and stopped["cut"]
+    rival.submit("command", {"plans": [plan("flown", action="LAND", epoch="2", setpoints=[])]})
+    (resumed,) = controls(supervisor.submit("resume", "flown"))
+    assert "stoppedBy" not in resumed and "cut" not in resumed
+    (released,) = controls(rival.submit("release", "flown"))
+    assert released["epoch"] == "3" and "holder" not in released
+    assert control(host, "flown") == {"drone": "flown", "owner": control(host, "tello1")["owner"], "held": False,
+                                      "stopped": False, "streams": []}
+
+
+def test_each_function_that_writes_emits_its_event_in_the_form_of_the_call(enroll, operator, nobody):
+    host = enroll("told")
+    start = host.submit("set", asset("told/a"))["block"]
+    host.submit("set", asset_bytes("told/b", b"b"))
+    host.submit("delete", "told/a")
+    host.submit("delete", field(1, b"told/b"))
+    operator.submit("acquire", field(1, b"told"))
+    operator.submit("command", {"plans": [plan("told")]})
+    operator.submit("stop", "told")
+    operator.submit("resume", {"drones": ["told"]})
+    operator.submit("release", "told")
+    enroll("told2")
+    events = nobody.ask("events", start=start, count=10)["events"]
+    assert [event["name"] for event in events] == ["set", "set", "delete", "delete", "acquire", "command", "stop",
+                                                   "resume", "release", "enroll"]
+    payloads = [decode(event["payload"]) for event in events]
+    assert json.loads(payloads[0]) == {"assets": [{**asset("told/a"), "topic": "/told/a"}]}
+    assert message(message(payloads[1])[1][0])[4] == [b"b"]
+    assert json.loads(payloads[2]) == {"id": "told/a"}
+    assert payloads[3] == field(1, b"told/b")
+    assert message(message(payloads[4])[1][0])[1] == [b"told"]
+    assert json.loads(payloads[5])["plans"][0]["setpoints"] == [{"atNs": "1000", "vx": 0.5}]
+    for payload, stopped in zip(payloads[6:9], (True, False, False)):
+        (record,) = json.loads(payload)["controls"]
+        assert record["drone"] == "told" and ("stoppedBy" in record) == stopped
+    assert json.loads(payloads[9])["controls"][0]["drone"] == "told2"
+
+
+@pytest.fixture(scope="session")
+def scene(enroll, admin, drone_host, operator, nobody):
+    """What refusals need: `leased` flown by the operator, `stopped` besides stopped by a supervisor, `free` streams."""
+    enroll("leased", "stopped", "free", "full")
+    rival = enroll(organisation=2, user="User2", role="OPERATOR")
+    supervisor = enroll(user="User2", role="SUPERVISOR")
+    operator.submit("acquire", "leased", "stopped", "priority=5")
+    supervisor.submit("stop", "stopped")
+    drone_host.submit("set", asset("leased/gone"))
+    drone_host.submit("delete", "leased/gone")
+    streams = [{"id": f"full/{number}", "msgType": "t"} for number in range(64)]
+    drone_host.submit("set", {"assets": streams, "stream": True})
+    drone_host.submit("set", {"assets": [asset("free/odom")], "stream": True})
+    return {"host": drone_host, "operator": operator, "rival": rival, "supervisor": supervisor, "nobody": nobody,
+            "admin": admin(1), "other admin": admin(2)}
+
+
+def small(number: int) -> list[dict]:
+    return [{"id": f"free/{i}", "msgType": "t"} for i in range(number)]
+
+
+WHO = {"mspId": "Org1MSP", "subject": subject(1, "User1")}
+ODOM = {"id": "free/odom", "msgType": "t"}
+REFUSALS = [
+    ("host", "fly", ["x"], "unknown function fly; known are set, get, history, delete, enroll, acquire, release, "
+                           "command, stop, resume"),
+    ("host", "get", ["a" * 1_000_001], "get: the call has 1000001 bytes; the limit is 1000000"),
+    ("host", "get", ["{}", "x"], "get: give one message in protobuf or JSON, or plain ids; not both"),
+
+    ("host", "set", ["tello1/a"], "set: give assets in protobuf or JSON"),
+    ("host", "set", ['{"id": 1'], "not a SetCall in JSON: "),
+    ("host", "set", [b"\xff\xff"], "not a SetCall in protobuf"),
+    ("host", "set", [{"assets": []}], "set: no assets"),
+    ("host", "set", [{"assets": small(1001)}], "the call has 1001 assets; the limit is 1000"),
+    ("host", "set", [{"id": "", "msgType": "t"}], "an asset has no id"),
+    ("host", "set", [{"id": "a" * 129, "msgType": "t"}], "a" * 128 + "...: the id has 129 characters; the limit is 128"),
+    ("host", "set", [{"id": "tello1/ä", "msgType": "t"}], "an id has characters other than [A-Za-z0-9_./-]"),
+    ("host", "set", [{"id": "tello1//a", "msgType": "t"}], "tello1//a: an id's segments must not be empty"),
+    ("host", "set", [{"id": "tello1/a", "topic": "/b", "msgType": "t"}],
+     "tello1/a: the topic is /b, it must be /tello1/a"),
+    ("host", "set", [{"id": "tello1/a"}], "tello1/a: msg_type must have 1 to 128 characters"),
+    ("operator", "set", [asset("tello1/a")], f"tello1: enrolled to {HOST}, not to {OPERATOR}"),
+    ("host", "set", [asset("ghost/a")], "ghost: not enrolled, and not your organisation (Org1MSP)"),
+    ("host", "set", [asset("Org2MSP/a")], "Org2MSP: not enrolled, and not your organisation (Org1MSP)"),
+    ("host", "set", [asset("free/odom")], "free/odom: it streams; set it with stream, or delete it first"),
+    ("host", "set", [{"assets": [asset("Org1MSP/a")], "stream": True}],
+     "Org1MSP/a: only ids under an enrolled name may stream"),
+    ("host", "set", [{"assets": [asset("free/odom", bytes(32_000))], "stream": True}], "the frame has 32"),
+    ("host", "set", [{"assets": [{"id": "full/more", "msgType": "t"}], "stream": True}],
+     "full: 65 ids would stream; the limit is 64"),
+
+    ("nobody", "get", ["a", "b"], "get: give one id"),
+    ("nobody", "get", ["tello1/never"], "tello1/never: not found"),
+    ("nobody", "get", ["control/ghost"], "control/ghost: not found"),
+    ("nobody", "get", ["a//*"], "a/: an id's segments must not be empty"),
+    ("nobody", "history", ["a", "b"], "history: give one id"),
+    ("nobody", "history", ["tello1/never"], "tello1/never: not found"),
+    ("nobody", "history", ["leased/gone", "bookmark=x"], "leased/gone: the bookmark is damaged"),
+    ("nobody", "history", ["leased/gone", "bookmark=1:abc"], "leased/gone: the bookmark is too old; begin again"),
+
+    ("host", "delete", ["a", "b"], "delete: give one id"),
+    ("host", "delete", ["tello1/never"], "tello1/never: not found"),
+    ("host", "delete", ["leased/gone"], "leased/gone: not found"),
+    ("operator", "delete", ["leased/gone"], f"leased: enrolled to {HOST}, not to {OPERATOR}"),
+
+    ("admin", "enroll", ["x"], "enroll: give an EnrollCall in protobuf or JSON"),
+    ("admin", "enroll", [{"drones": ["x"]}], "enroll: identity needs mspId and subject"),
+    ("host", "enroll", [{"identity": WHO, "drones": ["x"]}],
+     "enroll: only an administrator of Org1MSP may enroll its identities"),
+    ("other admin", "enroll", [{"identity": WHO, "drones": ["x"]}],
+     "enroll: only an administrator of Org1MSP may enroll its identities"),
+    ("admin", "enroll", [{"identity": WHO}], "enroll: name drones or a role"),
+    ("admin", "enroll", [{"identity": WHO, "role": 9}], "enroll: unknown role 9"),
+    ("admin", "enroll", [{"identity": WHO, "drones": ["control"]}], "control: a reserved word"),
+    ("admin", "enroll", [{"identity": WHO, "drones": ["OrgMSP"]}], "OrgMSP: names that end with MSP belong to"),
+    ("admin", "enroll", [{"identity": WHO, "drones": ["a/b"]}], "a/b: a drone's name is one segment, without /"),
+    ("other admin", "enroll", [{"identity": {**WHO, "mspId": "Org2MSP"}, "drones": ["leased"]}],
+     "leased: enrolled to organisation Org1MSP already"),
+
+    ("operator", "acquire", [], "acquire: no drone is named"),
+    ("operator", "acquire", ["free", "priority=high"], "acquire: priority must be a number up to 999999999"),
+    ("operator", "acquire", ["ghost"], "ghost: not enrolled"),
+    ("host", "acquire", ["free"], f"acquire: {HOST} is neither operator nor supervisor"),
+    ("rival", "acquire", ["leased", "priority=5"], f"leased: the lease is held by {OPERATOR} with priority 5"),
+    ("rival", "release", ["leased"], f"leased: {RIVAL} does not hold the lease"),
+    ("rival", "release", [], "release: no drone is named"),
+
+    ("operator", "command", ["leased"], "command: give plans in protobuf or JSON"),
+    ("operator", "command", [{"plans": []}], "command: no plans"),
+    ("operator", "command", [{"plans": [plan("ghost")]}], "ghost: not enrolled"),
+    ("operator", "command", [{"plans": [plan("leased"), plan("leased")]}], "leased: two plans in one call"),
+    ("operator", "command", [{"plans": [plan("free")]}], f"free: the lease is held by nobody, not by {OPERATOR}"),
+    ("rival", "command", [{"plans": [plan("leased")]}], f"leased: the lease is held by {OPERATOR}, not by {RIVAL}"),
+    ("operator", "command", [{"plans": [plan("leased", epoch="7")]}],
+     "leased: the lease's epoch is 1, the plan says 7"),
+    ("operator", "command", [{"plans": [plan("stopped")]}], f"stopped: stopped by {SUPERVISOR}; only LAND is accepted"),
+    ("operator", "command", [{"plans": [plan("leased", action=9)]}], "leased: unknown action 9"),
+    ("operator", "command", [{"plans": [plan("leased", setpoints=[])]}], "leased: the plan has no setpoints"),
+    ("operator", "command", [{"plans": [plan("leased", setpoints=points(*range(41)))]}],
+     "leased: the plan has 41 setpoints; the limit is 40"),
+    ("operator", "command", [{"plans": [plan("leased", setpoints=points(-1))]}],
+     "leased: a setpoint's time is negative"),
+    ("operator", "command", [{"plans": [plan("leased", setpoints=points(2, 1))]}], "leased: the plan's times go backwards"),
+    ("operator", "command", [{"plans": [plan("leased", setpoints=points(0, 2_001_000_000))]}],
+     "leased: the plan lasts 2001 ms; the limit is 2000 ms"),
+    ("operator", "command", [{"plans": [plan("leased", setpoints=[{"vx": "NaN"}])]}],
+     "leased: a setpoint is not finite"),
+    ("operator", "command", [{"plans": [plan(f"d{i}", setpoints=[]) for i in range(1001)]}],
+     "the call has 1001 plans; the limit is 1000"),
+
+    ("nobody", "stop", ["leased"], f"leased: {NOBODY} may not stop it: neither a supervisor, nor an operator of its "
+                                   "organisation or with its lease"),
+    ("rival", "stop", ["leased"], f"leased: {RIVAL} may not stop it"),
+    ("operator", "stop", ["leased", "cut=maybe"], "stop: cut must be true or false"),
+    ("operator", "stop", [], "stop: no drone is named"),
+    ("operator", "resume", ["leased"], "leased: not stopped"),
+    ("operator", "resume", ["stopped"], f"stopped: stopped by {SUPERVISOR}; only they or a supervisor of Org1MSP may"),
+]
+
+
+@pytest.mark.parametrize("who, fn, args, words", REFUSALS, ids=[f"{r[1]}: {r[3][:60]}" for r in REFUSALS])
+def test_the_contract_refuses(scene, who, fn, args, words):
+    refusal = scene[who].refusal(fn, *args)
+    assert refusal.startswith(words), refusal
+
+
+def test_what_the_contract_refuses_is_not_endorsed(operator):
+    refused = operator.call("submit", "set", asset("tello1/a"))["error"]
+    assert refused["name"] == "EndorseError" and refused["code"] == ABORTED
+    assert refused["details"][0].startswith("chaincode response 500, tello1: enrolled to Org1MSP")
+    proposed = operator.call("propose", "set", asset("tello1/a"))
+    assert proposed["status"] == 500 and not proposed["endorsed"]
+    assert proposed["message"].startswith("tello1: enrolled to Org1MSP")

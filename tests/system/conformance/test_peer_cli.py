@@ -1,0 +1,122 @@
+"""Fabric's own command line, `peer`, on both ledgers."""
+import hashlib
+import json
+import os
+import subprocess
+
+import pytest
+from fabric import FABRIC, needs_fabric
+from official import VALID, asset, decode, message
+
+
+class Peer:
+    """`peer` as one user; answers as (exit code, standard output, standard error)."""
+
+    def __init__(self, ledger, organisation: int, user: str, msp_id: str | None = None):
+        endpoint, ca_file = ledger.peer(organisation)
+        self.ordering = ["-o", ledger.orderer()[0], "--tls", "--cafile", str(ledger.orderer()[1])]
+        self.environment = {
+            **os.environ, "FABRIC_CFG_PATH": str(FABRIC / "config"), "FABRIC_LOGGING_SPEC": "info",
+            "CORE_PEER_ADDRESS": endpoint, "CORE_PEER_LOCALMSPID": msp_id or f"Org{organisation}MSP",
+            "CORE_PEER_MSPCONFIGPATH": str(ledger.msp_dir(organisation, user)), "CORE_PEER_TLS_ENABLED": "true",
+            "CORE_PEER_TLS_ROOTCERT_FILE": str(ca_file)}
+
+    def run(self, *arguments) -> subprocess.CompletedProcess:
+        return subprocess.run([FABRIC / "peer", *map(str, arguments)], env=self.environment, capture_output=True,
+                              text=True, timeout=60)
+
+    def good(self, *arguments) -> str:
+        done = self.run(*arguments)
+        assert done.returncode == 0, done.stderr
+        return done.stdout + done.stderr
+
+    def query(self, *args: str) -> subprocess.CompletedProcess:
+        return self.run("chaincode", "query", *on_contract(*args))
+
+    def invoke(self, *args: str, more=()) -> subprocess.CompletedProcess:
+        return self.run("chaincode", "invoke", *self.ordering, *on_contract(*args), *more)
+
+
+def on_contract(*args: str) -> tuple:
+    return "-C", "teleop", "-n", "ledgerline", "-c", json.dumps({"Args": args})
+
+
+@pytest.fixture(scope="session")
+def peer(ledger):
+    needs_fabric()  # the program is Fabric's, whichever ledger it asks
+    return Peer(ledger, 1, "User1")
+
+
+def test_it_invokes_and_queries_the_contract(peer, drone_host):
+    done = peer.invoke("set", json.dumps(asset("tello1/cli")), more=("--waitForEvent",))
+    assert done.returncode == 0, done.stderr
+    assert "committed with status (VALID)" in done.stderr
+    read = peer.query("get", "tello1/cli")
+    assert read.returncode == 0, read.stderr
+    assert json.loads(read.stdout) == drone_host.read("get", "tello1/cli")
+
+
+def test_an_answer_of_the_contract_is_shown(peer, ledger, enroll):
+    enroll("clidrone")
+    operator = Peer(ledger, 2, "User1")
+    done = operator.invoke("acquire", "clidrone", more=("--waitForEvent",))
+    assert done.returncode == 0 and "Chaincode invoke successful. result: status:200 payload:" in done.stderr
+    assert "clidrone" in done.stderr
+    assert operator.invoke("release", "clidrone", more=("--waitForEvent",)).returncode == 0
+
+
+def test_a_refusal_is_shown_in_the_contracts_words(peer, ledger):
+    for done in (peer.query("get", "tello1/never"), peer.invoke("delete", "tello1/never")):
+        assert done.returncode == 1
+        assert "tello1/never: not found" in done.stderr
+    stranger = Peer(ledger, 1, "User1", msp_id="Org2MSP").query("get")
+    assert stranger.returncode == 1 and "access denied" in stranger.stderr
+
+
+def test_it_tells_height_and_hash_of_the_chain(peer, drone_host, nobody):
+    end = drone_host.submit("set", asset("tello1/height"))["block"] + 1
+    info = json.loads(peer.good("channel", "getinfo", "-c", "teleop").split("Blockchain info: ")[1].splitlines()[0])
+    assert info["height"] == end
+    after = drone_host.submit("set", asset("tello1/height"))["block"]
+    (block,) = nobody.ask("blocks", start=after, count=1)["blocks"]
+    assert info["currentBlockHash"] == block["previous"]
+    assert "teleop" in peer.good("channel", "list").splitlines()
+    wrong = peer.run("channel", "getinfo", "-c", "nowhere")
+    assert wrong.returncode == 1 and "Invalid chain ID, nowhere" in wrong.stderr
+
+
+@pytest.mark.parametrize("source", ["peer", "orderer"])
+def test_it_fetches_blocks(peer, drone_host, nobody, tmp_path, source):
+    ordering = peer.ordering if source == "orderer" else []
+    newest = drone_host.submit("set", asset("tello1/fetched"))["block"]
+
+    def fetch(what) -> tuple[int, dict]:
+        path = tmp_path / "block"
+        peer.good("channel", "fetch", what, path, "-c", "teleop", *ordering)
+        parts = message(path.read_bytes())
+        header = parts[1][0]
+        number = 0 if header[0] != 8 else int.from_bytes(bytes([header[1]]), "little")
+        assert hashlib.sha256(b"".join(message(parts[2][0])[1])).digest() == message(header)[3][0]
+        return number, parts
+
+    assert fetch("oldest")[0] == 0
+    assert fetch(1)[0] == 1
+    assert message(fetch("newest")[1][1][0])[3] == [decode(nobody.ask("blocks", start=newest, count=1)["blocks"][0]["dataHash"])]
+    # The last config block is the first block: nothing has changed since.
+    assert fetch("config")[0] == 0
+
+
+def test_the_gateway_client_asks_the_peers_own_contract_too(drone_host):
+    written = drone_host.submit("set", asset("tello1/asked"))
+
+    def ask(function: str, *args):
+        return drone_host.call("evaluate", function, "teleop", *args, contract="qscc")
+
+    block = decode(ask("GetBlockByNumber", str(written["block"]))["result"])
+    assert block == decode(ask("GetBlockByTxID", written["tx"])["result"])
+    (envelope,) = message(message(block)[2][0])[1]
+    transaction = decode(ask("GetTransactionByID", written["tx"])["result"])
+    assert message(transaction) == {1: [envelope]}  # its flag, 0, is not written
+    assert message(decode(ask("GetChainInfo")["result"]))[3] == message(message(block)[1][0])[2]
+    for question in (("GetBlockByNumber", "1000000"), ("GetTransactionByID", "none"), ("Nothing", "x")):
+        assert ask(*question)["error"]["details"][0].startswith("chaincode response 500, ")
