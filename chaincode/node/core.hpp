@@ -46,13 +46,13 @@ struct Now {
 struct CoreConfig {
   std::string channel = "teleop";
   std::string contract = "ledgerline";
-  std::size_t batch_count = 1;                  ///< a block is cut when this many envelopes wait,
-  std::size_t batch_bytes = 2'000'000;          ///< or this many bytes,
-  TimeNs batch_timeout_ns = 10 * ns_per_ms;     ///< or the oldest has waited this long
-  std::size_t max_envelope_bytes = 10 << 20;    ///< larger ones are refused (Fabric's AbsoluteMaxBytes)
-  std::size_t max_waiting = 10'000;             ///< envelopes that wait for a block; more are refused
-  std::size_t max_waiting_bytes = 64'000'000;   ///< of them together; one alone is always taken
-  std::vector<crypto::MspRoot> organisations;   ///< written into the config block
+  std::size_t batch_count = 1;                 ///< a block is cut when this many envelopes wait,
+  std::size_t batch_bytes = 2'000'000;         ///< or this many bytes,
+  TimeNs batch_timeout_ns = 10 * ns_per_ms;    ///< or the oldest has waited this long
+  std::size_t max_envelope_bytes = 10 << 20;   ///< larger ones are refused (Fabric's AbsoluteMaxBytes)
+  std::size_t max_waiting = 10'000;            ///< envelopes that wait for a block; more are refused
+  std::size_t max_waiting_bytes = 64'000'000;  ///< of them together; one alone is always taken
+  std::vector<crypto::MspRoot> organisations;  ///< written into the config block
 };
 
 struct TxStatus {

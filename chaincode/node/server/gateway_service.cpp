@@ -130,8 +130,8 @@ class GatewayService final : public RawGateway {
         core.check_signer(request.identity(), signed_request.request(), signed_request.signature(), read_now());
     if (!signer) return reactor->Finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().what});
     if (request.channel_id() != node_.config().channel) {
-      return reactor->Finish(
-          {grpc::StatusCode::PERMISSION_DENIED, "channel " + clear_text(request.channel_id(), longest_name) + " not found"});
+      return reactor->Finish({grpc::StatusCode::PERMISSION_DENIED,
+                              "channel " + clear_text(request.channel_id(), longest_name) + " not found"});
     }
     if (const auto status = core.watch(request.transaction_id(), id)) {
       *response = message_of(*status);

@@ -3,6 +3,7 @@ import json
 import os
 import pathlib
 import resource
+import select
 import signal
 import subprocess
 import time
@@ -44,13 +45,13 @@ class Ledger:
     def kill(self) -> None:
         """All of its processes, at once."""
         children = pathlib.Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
-        for process in (self.process.pid, *map(int, children)):
-            os.kill(process, signal.SIGKILL)
+        handles = [os.pidfd_open(process) for process in (self.process.pid, *map(int, children))]
+        for handle in handles:
+            signal.pidfd_send_signal(handle, signal.SIGKILL)
+        for handle in handles:  # readable once the last thread is gone, and its ports with it
+            assert select.select([handle], [], [], 20)[0], "a killed process does not end"
+            os.close(handle)
         self.process.wait(timeout=20)
-        deadline = time.monotonic() + 20
-        while any(alive(int(process)) for process in children):
-            assert time.monotonic() < deadline, "a killed process does not end"
-            time.sleep(0.02)
 
     def log(self) -> str:
         return self.directory.with_suffix(".log").read_text()
@@ -69,13 +70,6 @@ class Ledger:
         msp = self.msp_dir(organisation, user)
         return {"mspId": f"Org{organisation}MSP", "certificate": next((msp / "signcerts").iterdir()).read_text(),
                 "key": next((msp / "keystore").iterdir()).read_text()}
-
-
-def alive(process: int) -> bool:
-    try:
-        return pathlib.Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 class Embedded(Ledger):

@@ -1,10 +1,12 @@
 #include <gmock/gmock.h>
 
 #include "chaincode/node/block.hpp"
+#include "common/ledger.pb.h"
 #include "gateway/gateway.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
+#include "peer/query.pb.h"
 #include "peer/transaction.pb.h"
 #include "tests/unit/node/fake_network.hpp"
 
@@ -153,6 +155,90 @@ TEST_F(CoreTest, OtherChannelsAndContractsAreTold) {
   EXPECT_EQ(net.core->endorse(propose({"other", "ledgerline"}), net.now).code, Code::failed_precondition);
   EXPECT_EQ(net.core->evaluate(propose({"other", "ledgerline"}), net.now).code, Code::unavailable);
   EXPECT_EQ(net.core->endorse(propose({"teleop", "other"}), net.now).code, Code::failed_precondition);
+  for (const auto& [where, why] : std::map<std::string, std::string>{{"other", "channel 'other' not found"},
+                                                                     {"teleop", "no contract named 'other'"}}) {
+    const Reply reply = net.core->process_proposal(propose({where, "other"}), net.now);
+    protos::ProposalResponse response;
+    EXPECT_EQ(reply.code, Code::ok) << "the peer itself answers";
+    ASSERT_TRUE(response.ParseFromString(reply.bytes));
+    EXPECT_EQ(response.response().status(), 500);
+    EXPECT_THAT(response.response().message(), HasSubstr(why));
+  }
+}
+
+/// What `peer channel getinfo` and others ask.
+class SystemTest : public CoreTest {
+ protected:
+  protos::ProposalResponse ask(const fabric::ChannelAndContract& where, const std::vector<std::string>& args) {
+    const auto proposal =
+        fabric::make_proposal(net.host, where, {args[0], {args.begin() + 1, args.end()}}, 0, std::string(24, 'n'));
+    const Reply reply = net.core->process_proposal(proposal->signed_proposal, net.now);
+    EXPECT_EQ(reply.code, Code::ok) << reply.message;
+    protos::ProposalResponse response;
+    EXPECT_TRUE(response.ParseFromString(reply.bytes));
+    EXPECT_FALSE(response.has_endorsement());
+    return response;
+  }
+  protos::Response of_chain(std::vector<std::string> args) {
+    args.insert(args.begin() + 1, "teleop");
+    return ask({"teleop", "qscc"}, args).response();
+  }
+};
+
+TEST_F(SystemTest, HeightAndHashesAreTold) {
+  net.submit(net.host, "set", note("tello1/a"));
+  for (const char* channel : {"", "teleop"}) {
+    common::BlockchainInfo info;
+    ASSERT_TRUE(info.ParseFromString(ask({channel, "qscc"}, {"GetChainInfo", "teleop"}).response().payload()));
+    EXPECT_EQ(info.height(), 3U);
+    EXPECT_EQ(info.previousblockhash(), net.block(2).previous_hash);
+    net.submit(net.host, "set", note("tello1/a"));
+    EXPECT_EQ(info.currentblockhash(), net.block(3).previous_hash);
+    net.chain.pop_back();
+    net.restart();
+  }
+}
+
+TEST_F(SystemTest, BlocksAndTransactionsAreFound) {
+  net.submit(net.host, "set", note("tello1/a"));
+  const std::string id = net.block(2).transactions[0].tx_id;
+  EXPECT_EQ(of_chain({"GetBlockByNumber", "2"}).payload(), net.chain[2]);
+  EXPECT_EQ(of_chain({"GetBlockByTxID", id}).payload(), net.chain[2]);
+  EXPECT_EQ(ask({"teleop", "cscc"}, {"GetConfigBlock", "teleop"}).response().payload(), net.chain[0]);
+  protos::ProcessedTransaction transaction;
+  ASSERT_TRUE(transaction.ParseFromString(of_chain({"GetTransactionByID", id}).payload()));
+  EXPECT_EQ(transaction.validationcode(), protos::VALID);
+  EXPECT_THAT(net.chain[2], HasSubstr(transaction.transactionenvelope().payload()));
+  protos::ChannelQueryResponse channels;
+  ASSERT_TRUE(channels.ParseFromString(ask({"", "cscc"}, {"GetChannels"}).response().payload()));
+  ASSERT_EQ(channels.channels_size(), 1);
+  EXPECT_EQ(channels.channels(0).channel_id(), "teleop");
+}
+
+TEST_F(SystemTest, WhatIsNotThereIsRefused) {
+  for (const std::vector<std::string>& args : {std::vector<std::string>{"GetBlockByNumber", "3"},
+                                               {"GetBlockByNumber", "-1"},
+                                               {"GetBlockByNumber", "1x"},
+                                               {"GetBlockByNumber"},
+                                               {"GetTransactionByID", "none"},
+                                               {"GetBlockByTxID"},
+                                               {"Nothing"}}) {
+    EXPECT_EQ(of_chain(args).status(), 500) << args[0];
+  }
+  EXPECT_THAT(ask({"teleop", "qscc"}, {"GetChainInfo", "other"}).response().message(), HasSubstr("Invalid chain ID"));
+  EXPECT_EQ(ask({"teleop", "qscc"}, {"GetChainInfo"}).response().status(), 500);
+  EXPECT_EQ(ask({"", "ledgerline"}, {"get"}).response().status(), 500) << "the contract has a channel";
+}
+
+TEST_F(SystemTest, WhoIsNoMemberIsNotAnsweredAndNothingIsEndorsed) {
+  const auto stranger = crypto::make_test_identity({"Org9MSP", "CN=x"});
+  const auto propose = [&](const crypto::SigningIdentity& who) {
+    return fabric::make_proposal(who, {"teleop", "qscc"}, {"GetChainInfo", {"teleop"}}, 0, std::string(24, 'n'))
+        ->signed_proposal;
+  };
+  EXPECT_EQ(net.core->process_proposal(propose(stranger), net.now).code, Code::unknown);
+  EXPECT_EQ(net.core->evaluate(propose(net.host), net.now).code, Code::ok);
+  EXPECT_EQ(net.core->endorse(propose(net.host), net.now).code, Code::failed_precondition);
 }
 
 TEST_F(CoreTest, GarbageIsAnAnswerNotACrash) {
@@ -190,13 +276,20 @@ TEST_F(CoreTest, AnUnsignedEnvelopeIsForbidden) {
 }
 
 TEST_F(CoreTest, AnEnvelopeThatIsTooLargeIsTold) {
-  const std::string envelope = net.endorsed(net.host, "set", note("tello1/a"));
-  net.config.max_envelope_bytes = envelope.size() - 1;
+  const std::string bytes = net.endorsed(net.host, "set", note("tello1/a"));
+  common::Envelope envelope;
+  ASSERT_TRUE(envelope.ParseFromString(bytes));
+  // As Fabric's orderer counts.
+  const std::size_t size = envelope.payload().size() + envelope.signature().size();
+  net.config.max_envelope_bytes = size - 1;
   net.restart();
-  const Reply reply = net.core->order(envelope, net.now);
+  const Reply reply = net.core->order(bytes, net.now);
   EXPECT_EQ(reply.code, Code::invalid_argument);
-  EXPECT_THAT(reply.detail,
-              HasSubstr("status=BAD_REQUEST, info=message payload is " + std::to_string(envelope.size())));
+  EXPECT_THAT(reply.detail, HasSubstr("status=BAD_REQUEST, info=message payload is " + std::to_string(size) +
+                                      " bytes and exceeds maximum allowed " + std::to_string(size - 1) + " bytes"));
+  net.config.max_envelope_bytes = size;
+  net.restart();
+  EXPECT_EQ(net.core->order(bytes, net.now).code, Code::ok);
 }
 
 TEST_F(CoreTest, TooManyWaitingEnvelopesAreRefused) {

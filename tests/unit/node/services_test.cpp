@@ -91,6 +91,16 @@ class ServicesTest : public ::testing::Test {
     return envelope;
   }
 
+  /// With another header, signed by the host.
+  common::Envelope changed(common::Envelope envelope, const std::function<void(common::Header&)>& change) {
+    common::Payload payload;
+    EXPECT_TRUE(payload.ParseFromString(envelope.payload()));
+    change(*payload.mutable_header());
+    envelope.set_payload(payload.SerializeAsString());
+    envelope.set_signature(*host.signer->sign(envelope.payload()));
+    return envelope;
+  }
+
   Ended status_of(const crypto::SigningIdentity& who, const std::string& id, gateway::CommitStatusResponse* response,
                   int seconds = 20, const std::string& channel = "teleop") {
     gateway::CommitStatusRequest request;
@@ -103,12 +113,15 @@ class ServicesTest : public ::testing::Test {
     return ended(gateway->CommitStatus(within(seconds).get(), signed_request, response));
   }
 
-  Ended events(const crypto::SigningIdentity& who, const std::string& channel = "teleop") {
+  /// The first event's transaction is in `tx_id`.
+  Ended events(const crypto::SigningIdentity& who, const std::string& channel = "teleop",
+               const std::function<void(gateway::ChaincodeEventsRequest&)>& change = {}) {
     gateway::ChaincodeEventsRequest request;
     request.set_channel_id(channel);
     request.set_chaincode_id("ledgerline");
     request.set_identity(who.serialized);
-    request.mutable_start_position()->mutable_oldest();
+    request.mutable_start_position()->mutable_specified()->set_number(0);
+    if (change) change(request);
     gateway::SignedChaincodeEventsRequest signed_request;
     signed_request.set_request(request.SerializeAsString());
     signed_request.set_signature(*who.signer->sign(signed_request.request()));
@@ -116,6 +129,7 @@ class ServicesTest : public ::testing::Test {
     const auto stream = gateway->ChaincodeEvents(context.get(), signed_request);
     gateway::ChaincodeEventsResponse response;
     if (stream->Read(&response)) {
+      tx_id = response.events(0).tx_id();
       context->TryCancel();
       (void)stream->Finish();
       return {grpc::StatusCode::OK, {}, {}};
@@ -253,7 +267,7 @@ TEST_F(ServicesTest, WhoIsNoMemberIsDeniedEverywhere) {
       envelope.set_signature(*who.signer->sign(envelope.payload()));
       const Ended submitted = submit(envelope);
       EXPECT_EQ(submitted.code, grpc::StatusCode::ABORTED);
-      EXPECT_THAT(submitted.detail, HasSubstr("from orderer: status=FORBIDDEN"));
+      EXPECT_THAT(submitted.message, HasSubstr("from orderer: status=FORBIDDEN"));
       EXPECT_EQ(broadcast(envelope).status(), common::FORBIDDEN);
     }
     gateway::CommitStatusResponse status;
@@ -271,10 +285,94 @@ TEST_F(ServicesTest, OtherChannelsAndContractsAreTold) {
   EXPECT_EQ(evaluate(propose(host, good_call, {"other", "ledgerline"})).code, grpc::StatusCode::UNAVAILABLE);
   EXPECT_EQ(endorse(propose(host, good_call, {"teleop", "other"})).code, grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_EQ(evaluate(propose(host, good_call, {"teleop", "other"})).code, grpc::StatusCode::FAILED_PRECONDITION);
+  for (const fabric::ChannelAndContract& where :
+       {fabric::ChannelAndContract{"other", "ledgerline"}, fabric::ChannelAndContract{"teleop", "other"}}) {
+    protos::ProposalResponse response;
+    EXPECT_EQ(process(propose(host, good_call, where), &response).code, grpc::StatusCode::OK);
+    EXPECT_EQ(response.response().status(), 500);
+  }
   EXPECT_THAT(deliver_everywhere(seek(host, "other")), ::testing::Each(common::NOT_FOUND));
-  EXPECT_EQ(events(host, "other").code, grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(events(host, "other").code, grpc::StatusCode::PERMISSION_DENIED);
   gateway::CommitStatusResponse status;
-  EXPECT_EQ(status_of(host, "any", &status, 20, "other").code, grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(status_of(host, "any", &status, 20, "other").code, grpc::StatusCode::PERMISSION_DENIED);
+  const common::Envelope elsewhere = changed(envelope_of(host), [](common::Header& header) {
+    common::ChannelHeader channel_header;
+    channel_header.ParseFromString(header.channel_header());
+    channel_header.set_channel_id("other");
+    header.set_channel_header(channel_header.SerializeAsString());
+  });
+  EXPECT_EQ(submit(elsewhere).code, grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(broadcast(elsewhere).status(), common::BAD_REQUEST);
+}
+
+TEST_F(ServicesTest, WhoseCertificateHasExpiredCannotSubmitWhatWasEndorsedBefore) {
+  const crypto::SigningIdentity expired = served.issued(-1);
+  common::Envelope envelope = changed(envelope_of(host), [&](common::Header& header) {
+    common::SignatureHeader signer;
+    signer.ParseFromString(header.signature_header());
+    signer.set_creator(expired.serialized);
+    header.set_signature_header(signer.SerializeAsString());
+  });
+  envelope.set_signature(*expired.signer->sign(envelope.payload()));
+  const orderer::BroadcastResponse response = broadcast(envelope);
+  EXPECT_EQ(response.status(), common::BAD_REQUEST);
+  EXPECT_EQ(response.info(), "broadcast client identity expired");
+  EXPECT_THAT(submit(envelope).message, HasSubstr("status=BAD_REQUEST, info=broadcast client identity expired"));
+}
+
+TEST_F(ServicesTest, ARequestForBlocksThatSomebodyHasKeptIsRefused) {
+  const auto sent = [&](std::optional<TimeNs> real_ns) {
+    common::Envelope envelope = changed(seek(host), [&](common::Header& header) {
+      common::ChannelHeader channel_header;
+      channel_header.ParseFromString(header.channel_header());
+      channel_header.clear_timestamp();
+      if (real_ns) channel_header.mutable_timestamp()->set_seconds(*real_ns / ns_per_s);
+      header.set_channel_header(channel_header.SerializeAsString());
+    });
+    return deliver_everywhere(envelope);
+  };
+  constexpr TimeNs minute_ns = 60 * ns_per_s;
+  const TimeNs now = realtime_ns();
+  for (const TimeNs good : {now - 14 * minute_ns, now, now + 14 * minute_ns}) {
+    EXPECT_THAT(sent(good), ::testing::Each(common::SUCCESS));
+  }
+  for (const std::optional<TimeNs> bad : {std::optional(now - 16 * minute_ns), std::optional(now + 16 * minute_ns),
+                                          std::optional<TimeNs>(0), std::optional<TimeNs>()}) {
+    EXPECT_THAT(sent(bad), ::testing::Each(common::BAD_REQUEST));
+    EXPECT_EQ(blocks, 0);
+  }
+}
+
+TEST_F(ServicesTest, EventsGoOnBehindATransactionWhereverItIs) {
+  std::vector<std::string> written;
+  for (int i = 0; i < 3; ++i) {
+    const common::Envelope envelope = envelope_of(host);
+    written.push_back(tx_id);
+    EXPECT_EQ(submit(envelope).code, grpc::StatusCode::OK);
+    gateway::CommitStatusResponse status;
+    EXPECT_EQ(status_of(host, tx_id, &status).code, grpc::StatusCode::OK);
+  }
+  for (const std::uint64_t start : {0, 1000}) {
+    EXPECT_EQ(events(host, "teleop",
+                     [&](gateway::ChaincodeEventsRequest& request) {
+                       request.mutable_start_position()->mutable_specified()->set_number(start);
+                       request.set_after_transaction_id(written[1]);
+                     })
+                  .code,
+              grpc::StatusCode::OK);
+    EXPECT_EQ(tx_id, written[2]);
+  }
+}
+
+TEST_F(ServicesTest, EventsBeginAtABlocksNumberOrNow) {
+  const auto oldest = [](gateway::ChaincodeEventsRequest& request) {
+    request.mutable_start_position()->mutable_oldest();
+  };
+  const auto newest = [](gateway::ChaincodeEventsRequest& request) {
+    request.mutable_start_position()->mutable_newest();
+  };
+  EXPECT_EQ(events(host, "teleop", oldest).code, grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(events(host, "teleop", newest).code, grpc::StatusCode::INVALID_ARGUMENT);
 }
 
 TEST_F(ServicesTest, AProposalIsNotEndorsedAgainAfterItsCommit) {
@@ -316,7 +414,7 @@ TEST_F(ServicesTest, WhatDoesNotParseIsToldSo) {
   EXPECT_EQ(process(proposal, &response).code, grpc::StatusCode::UNKNOWN);
   common::Envelope envelope;
   envelope.set_payload("\xff\xff\xff");
-  EXPECT_THAT(submit(envelope).detail, HasSubstr("status=BAD_REQUEST"));
+  EXPECT_THAT(submit(envelope).message, HasSubstr("status=BAD_REQUEST"));
   EXPECT_EQ(broadcast(envelope).status(), common::BAD_REQUEST);
   EXPECT_THAT(deliver_everywhere(envelope), ::testing::Each(common::BAD_REQUEST));
   EXPECT_THAT(deliver_everywhere(common::Envelope()), ::testing::Each(common::BAD_REQUEST));
@@ -331,10 +429,10 @@ TEST_F(ServicesTest, AnEnvelopeThatIsTooLargeIsToldItsSize) {
   common::Envelope envelope = envelope_of(host);
   envelope.mutable_payload()->append(served.config().max_envelope_bytes, 'x');
   envelope.set_signature(*host.signer->sign(envelope.payload()));
-  const std::string size = std::to_string(envelope.ByteSizeLong());
+  const std::string size = std::to_string(envelope.payload().size() + envelope.signature().size());
   const Ended end = submit(envelope);
   EXPECT_EQ(end.code, grpc::StatusCode::ABORTED);
-  EXPECT_THAT(end.detail, HasSubstr("status=BAD_REQUEST, info=message payload is " + size + " bytes"));
+  EXPECT_THAT(end.message, HasSubstr("status=BAD_REQUEST, info=message payload is " + size + " bytes and exceeds"));
   EXPECT_EQ(broadcast(envelope).status(), common::BAD_REQUEST);
   envelope.mutable_payload()->append(2'000'000, 'x');
   EXPECT_EQ(submit(envelope).code, grpc::StatusCode::RESOURCE_EXHAUSTED) << "gRPC's own limit";
