@@ -1,0 +1,77 @@
+#pragma once
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+/// What the runs of a side-by-side measurement say together. No I/O.
+namespace ledgerline::two_way {
+
+/// Who may be measured, in the order of the table.
+enum class Way { gateway, direct, polling, ledgerline };
+struct Contender {
+  std::string id;     ///< "published"
+  std::string title;  ///< for the table
+  Way way = Way::gateway;
+  bool published_settings = false;  ///< three orderers, 2 s / 10; otherwise one, a block for each transaction
+  std::string signer;               ///< of Ledgerline alone: "libcrypto" or "mbedtls"
+};
+const std::vector<Contender>& contenders();
+const Contender* find_contender(const std::string& id);
+
+/// One contender at one rate, once.
+struct Run {
+  std::string contender;
+  int rate = 0;         ///< msg/s, both directions
+  int alternation = 0;  ///< from 0
+  int position = 0;     ///< in its alternation, from 0
+  std::uint64_t sent = 0, answered = 0, replaced = 0;
+  std::vector<double> times_ms;  ///< of every message sent, as Account has them; in any order
+  double cpu_s = 0;              ///< of both clients, in the measured time
+  std::uint64_t answers = 0;     ///< in the measured time
+  std::uint64_t transactions = 0, failed = 0, dropped = 0;  ///< of both clients, warm-up too
+  bool timed_out = false;                                   ///< it was ended by its time limit
+  std::string why;                                          ///< what a client complained of last
+
+  std::uint64_t lost() const { return sent - answered - replaced; }
+  /// Nearest rank. 0 when there is none.
+  double quantile_ms(double q) const;
+  /// A message has two ends: an exchange is two messages. Nothing without an answer.
+  std::optional<double> cpu_ms_per_message() const;
+  /// More than 1 % without an answer of their own, or p99 above 1 s.
+  bool saturated() const;
+  /// It had to be ended, or the drain was over, with more than 1 % lost.
+  bool collapsed() const;
+};
+
+struct Spread {
+  double median = 0, low = 0, high = 0;
+  int count = 0;
+};
+/// Nothing of nothing.
+std::optional<Spread> spread_of(std::vector<double> values);
+
+struct Figures {
+  std::optional<Spread> p50_ms, p99_ms, cpu_ms_per_message;
+  std::uint64_t sent = 0, answered = 0, replaced = 0, lost = 0;
+  int runs = 0, saturated = 0, collapsed = 0;
+};
+/// Ledgerline divided by a baseline, within each alternation: below 1, Ledgerline is better.
+struct Ratios {
+  std::string against;
+  int rate = 0;
+  std::optional<Spread> p50, p99, cpu, cpu_mbedtls;
+};
+
+struct Summary {
+  std::map<int, std::map<std::string, Figures>> figures;  ///< by rate, by contender
+  std::vector<Ratios> ratios;                             ///< by rate, as the table
+  /// The lowest rate at which at least half of the runs saturate; nothing: none did.
+  std::map<std::string, std::optional<int>> saturates_at;
+};
+Summary summarize(const std::vector<Run>& runs);
+
+std::string to_table(const Summary& summary);
+
+}  // namespace ledgerline::two_way
