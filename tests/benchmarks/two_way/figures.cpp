@@ -11,37 +11,37 @@ namespace {
 constexpr double tolerated_share = 0.01;
 constexpr double saturated_ms = 1000;
 
-using Value = std::optional<double> (*)(const Run&);
-std::optional<double> p50(const Run& run) {
+using Value = std::optional<double> (*)(const Turn&);
+std::optional<double> p50(const Turn& run) {
   return run.times_ms.empty() ? std::nullopt : std::optional(run.quantile_ms(0.5));
 }
-std::optional<double> p99(const Run& run) {
+std::optional<double> p99(const Turn& run) {
   return run.times_ms.empty() ? std::nullopt : std::optional(run.quantile_ms(0.99));
 }
-std::optional<double> cpu(const Run& run) { return run.cpu_ms_per_message(); }
+std::optional<double> cpu(const Turn& run) { return run.cpu_ms_per_message(); }
 
-using Runs = std::vector<const Run*>;
-Runs select(const std::vector<Run>& runs, int rate, const std::string& contender) {
-  Runs found;
-  for (const Run& run : runs) {
+using Turns = std::vector<const Turn*>;
+Turns select(const std::vector<Turn>& runs, int rate, const std::string& contender) {
+  Turns found;
+  for (const Turn& run : runs) {
     if (run.rate == rate && run.contender == contender) found.push_back(&run);
   }
   return found;
 }
 
-std::optional<Spread> spread(const Runs& runs, Value value) {
+std::optional<Spread> spread(const Turns& runs, Value value) {
   std::vector<double> values;
-  for (const Run* run : runs) {
+  for (const Turn* run : runs) {
     if (const auto v = value(*run)) values.push_back(*v);
   }
   return spread_of(std::move(values));
 }
 
-std::optional<Spread> ratio(const Runs& ours, const Runs& theirs, Value value) {
+std::optional<Spread> ratio(const Turns& ours, const Turns& theirs, Value value) {
   std::vector<double> ratios;
-  for (const Run* one : ours) {
+  for (const Turn* one : ours) {
     const auto other =
-        std::find_if(theirs.begin(), theirs.end(), [&](const Run* r) { return r->alternation == one->alternation; });
+        std::find_if(theirs.begin(), theirs.end(), [&](const Turn* r) { return r->alternation == one->alternation; });
     if (other == theirs.end()) continue;
     const auto above = value(*one), below = value(**other);
     if (above && below && *below > 0) ratios.push_back(*above / *below);
@@ -49,9 +49,9 @@ std::optional<Spread> ratio(const Runs& ours, const Runs& theirs, Value value) {
   return spread_of(std::move(ratios));
 }
 
-Figures figures_of(const Runs& runs) {
+Figures figures_of(const Turns& runs) {
   Figures f{.p50_ms = spread(runs, p50), .p99_ms = spread(runs, p99), .cpu_ms_per_message = spread(runs, cpu)};
-  for (const Run* run : runs) {
+  for (const Turn* run : runs) {
     f.sent += run->sent;
     f.answered += run->answered;
     f.replaced += run->replaced;
@@ -91,7 +91,7 @@ const Contender* find_contender(const std::string& id) {
   return found == all.end() ? nullptr : &*found;
 }
 
-double Run::quantile_ms(double q) const {
+double Turn::quantile_ms(double q) const {
   if (times_ms.empty()) return 0;
   std::vector<double> sorted = times_ms;
   const auto rank = static_cast<std::size_t>(std::ceil(q * static_cast<double>(sorted.size())));
@@ -100,17 +100,17 @@ double Run::quantile_ms(double q) const {
   return *at;
 }
 
-std::optional<double> Run::cpu_ms_per_message() const {
+std::optional<double> Turn::cpu_ms_per_message() const {
   if (answers == 0) return std::nullopt;
   return 1e3 * cpu_s / (2.0 * static_cast<double>(answers));
 }
 
-bool Run::saturated() const {
+bool Turn::saturated() const {
   return sent == 0 || static_cast<double>(sent - answered) > tolerated_share * static_cast<double>(sent) ||
          quantile_ms(0.99) > saturated_ms;
 }
 
-bool Run::collapsed() const {
+bool Turn::collapsed() const {
   return timed_out || static_cast<double>(lost()) > tolerated_share * static_cast<double>(sent);
 }
 
@@ -121,15 +121,15 @@ std::optional<Spread> spread_of(std::vector<double> values) {
   return Spread{(values[(n - 1) / 2] + values[n / 2]) / 2, values.front(), values.back(), static_cast<int>(n)};
 }
 
-Summary summarize(const std::vector<Run>& runs) {
+Summary summarize(const std::vector<Turn>& runs) {
   Summary summary;
-  for (const Run& run : runs) summary.figures[run.rate][run.contender] = {};
+  for (const Turn& run : runs) summary.figures[run.rate][run.contender] = {};
   for (auto& [rate, of_rate] : summary.figures) {
     for (auto& [id, figures] : of_rate) figures = figures_of(select(runs, rate, id));
-    const Runs ours = select(runs, rate, "ledgerline"), mbedtls = select(runs, rate, "ledgerline-mbedtls");
+    const Turns ours = select(runs, rate, "ledgerline"), mbedtls = select(runs, rate, "ledgerline-mbedtls");
     for (const Contender& baseline : contenders()) {
       if (baseline.way == Way::ledgerline || of_rate.count(baseline.id) == 0) continue;
-      const Runs theirs = select(runs, rate, baseline.id);
+      const Turns theirs = select(runs, rate, baseline.id);
       summary.ratios.push_back({baseline.id, rate, ratio(ours, theirs, p50), ratio(ours, theirs, p99),
                                 ratio(ours, theirs, cpu), ratio(mbedtls, theirs, cpu)});
     }

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <map>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,18 +22,18 @@ const std::vector<Contender>& contenders();
 const Contender* find_contender(const std::string& id);
 
 /// One contender at one rate, once.
-struct Run {
+struct Turn {
   std::string contender;
   int rate = 0;         ///< msg/s, both directions
   int alternation = 0;  ///< from 0
   int position = 0;     ///< in its alternation, from 0
   std::uint64_t sent = 0, answered = 0, replaced = 0;
-  std::vector<double> times_ms;  ///< of every message sent, as Account has them; in any order
-  double cpu_s = 0;              ///< of both clients, in the measured time
-  std::uint64_t answers = 0;     ///< in the measured time
+  std::vector<double> times_ms = {};  ///< of every message sent, as Account has them; in any order
+  double cpu_s = 0;                   ///< of both clients, in the measured time
+  std::uint64_t answers = 0;          ///< in the measured time
   std::uint64_t transactions = 0, failed = 0, dropped = 0;  ///< of both clients, warm-up too
   bool timed_out = false;                                   ///< it was ended by its time limit
-  std::string why;                                          ///< what a client complained of last
+  std::string why = {};                                     ///< what a client complained of last
 
   std::uint64_t lost() const { return sent - answered - replaced; }
   /// Nearest rank. 0 when there is none.
@@ -70,8 +71,11 @@ struct Summary {
   /// The lowest rate at which at least half of the runs saturate; nothing: none did.
   std::map<std::string, std::optional<int>> saturates_at;
 };
-Summary summarize(const std::vector<Run>& runs);
+Summary summarize(const std::vector<Turn>& runs);
 
 std::string to_table(const Summary& summary);
+/// Whole: with every time.
+nlohmann::json to_json(const Turn& run);
+nlohmann::json to_json(const Summary& summary);
 
 }  // namespace ledgerline::two_way

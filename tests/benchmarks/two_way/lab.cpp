@@ -183,7 +183,7 @@ class Pair {
         interrupts_(interrupts),
         children_({[this](const std::string& name, const std::string& line) { take(name, line); }}) {}
 
-  Result<Run> run() {
+  Result<Turn> run() {
     for (const char* name : {"b", "a"}) {  // who asks comes last
       if (auto s = start(name); !s) return s.error();
     }
@@ -295,15 +295,15 @@ class Pair {
   const Schedule& schedule_;
   fs::path dir_;
   const std::atomic<int>& interrupts_;
-  Run run_;
+  Turn run_;
   std::map<std::string, Side> sides_;
   Children children_;
 };
 
 }  // namespace
 
-Result<Run> exchange(const Place& place, const Network& network, const Contender& contender, const Schedule& schedule,
-                     const fs::path& dir, const std::atomic<int>& interrupts) {
+Result<Turn> exchange(const Place& place, const Network& network, const Contender& contender, const Schedule& schedule,
+                      const fs::path& dir, const std::atomic<int>& interrupts) {
   return Pair(place, network, contender, schedule, dir, interrupts).run();
 }
 

@@ -65,7 +65,7 @@ class Network {
 
 /// Both clients of a contender on a network, once. An error: they did not start, or it was interrupted; whatever
 /// happens later is in the run.
-Result<Run> exchange(const Place& place, const Network& network, const Contender& contender, const Schedule& schedule,
-                     const std::filesystem::path& dir, const std::atomic<int>& interrupts);
+Result<Turn> exchange(const Place& place, const Network& network, const Contender& contender, const Schedule& schedule,
+                      const std::filesystem::path& dir, const std::atomic<int>& interrupts);
 
 }  // namespace ledgerline::two_way

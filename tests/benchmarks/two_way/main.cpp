@@ -5,19 +5,17 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <csignal>
-#include <fstream>
+#include <sstream>
 
-#include "common/rt/json.hpp"
 #include "common/rt/log.hpp"
 #include "ground/fly/machine.hpp"
-#include "tests/benchmarks/two_way/lab.hpp"
+#include "tests/benchmarks/two_way/measurement.hpp"
 
 namespace {
 
 using namespace ledgerline;
 using namespace ledgerline::two_way;
 namespace fs = std::filesystem;
-using nlohmann::json;
 
 constexpr const char* about =
     R"(Two-way exchange: side a (organisation 1) sends messages of 500 bytes, side b (organisation 2) answers each as it
@@ -39,15 +37,6 @@ Examples:
   ledgerline bench two-way --dir /var/tmp/two-way              ledgers on that disk
 
 Exit codes: 0 measured (a client that collapses is a figure), 1 failed or interrupted, 2 wrong usage.)";
-
-struct Options {
-  std::vector<int> rates{30, 70, 110, 250, 1000};
-  std::vector<std::string> clients;
-  double seconds = 20, warm_up_s = 10, drain_s = 10;
-  int alternations = 5;
-  std::string ledger = "fabric", dir, json;
-  Place place;
-};
 
 std::atomic<int> interrupts{0};
 
@@ -96,189 +85,8 @@ Status check(const Options& o) {
   return done;
 }
 
-json to_json(const std::optional<Spread>& s) {
-  if (!s) return nullptr;
-  return {{"median", rounded(s->median, 1e4)},
-          {"low", rounded(s->low, 1e4)},
-          {"high", rounded(s->high, 1e4)},
-          {"count", s->count}};
-}
-
-json to_json(const Run& r) {
-  json times = json::array();
-  for (const double ms : r.times_ms) times.push_back(rounded(ms));
-  const auto cpu = r.cpu_ms_per_message();
-  return {{"client", r.contender},
-          {"rate", r.rate},
-          {"alternation", r.alternation},
-          {"position", r.position},
-          {"p50_ms", rounded(r.quantile_ms(0.5))},
-          {"p99_ms", rounded(r.quantile_ms(0.99))},
-          {"cpu_ms_per_message", cpu ? json(rounded(*cpu, 1e4)) : json()},
-          {"sent", r.sent},
-          {"answered", r.answered},
-          {"replaced", r.replaced},
-          {"lost", r.lost()},
-          {"cpu_s", rounded(r.cpu_s, 1e6)},
-          {"answers", r.answers},
-          {"transactions", r.transactions},
-          {"failed", r.failed},
-          {"dropped", r.dropped},
-          {"saturated", r.saturated()},
-          {"collapsed", r.collapsed()},
-          {"timed_out", r.timed_out},
-          {"why", r.why},
-          {"latencies_ms", times}};
-}
-
-json to_json(const Summary& summary) {
-  json figures = json::array(), ratios = json::array(), saturates = json::object();
-  for (const auto& [rate, of_rate] : summary.figures) {
-    for (const auto& [id, f] : of_rate) {
-      figures.push_back({{"rate", rate},
-                         {"client", id},
-                         {"p50_ms", to_json(f.p50_ms)},
-                         {"p99_ms", to_json(f.p99_ms)},
-                         {"cpu_ms_per_message", to_json(f.cpu_ms_per_message)},
-                         {"sent", f.sent},
-                         {"answered", f.answered},
-                         {"replaced", f.replaced},
-                         {"lost", f.lost},
-                         {"runs", f.runs},
-                         {"saturated", f.saturated},
-                         {"collapsed", f.collapsed}});
-    }
-  }
-  for (const Ratios& r : summary.ratios) {
-    ratios.push_back({{"rate", r.rate},
-                      {"against", r.against},
-                      {"p50", to_json(r.p50)},
-                      {"p99", to_json(r.p99)},
-                      {"cpu", to_json(r.cpu)},
-                      {"cpu_mbedtls", to_json(r.cpu_mbedtls)}});
-  }
-  for (const auto& [id, rate] : summary.saturates_at) saturates[id] = rate ? json(*rate) : json();
-  return {{"figures", figures}, {"ratios", ratios}, {"saturates_at", saturates}};
-}
-
-/// Networks and runs, one after the other.
-class Measurement {
- public:
-  explicit Measurement(const Options& options) : o_(options) {}
-
-  Status run() {
-    for (int alternation = 0; alternation < o_.alternations; ++alternation) {
-      for (const int rate : o_.rates) {
-        position_ = 0;
-        std::vector<const Contender*> order;
-        for (const std::string& id : o_.clients) order.push_back(find_contender(id));
-        if (alternation % 2 == 1) std::reverse(order.begin(), order.end());
-        for (auto from = order.begin(); from != order.end();) {
-          const auto to = std::find_if(
-              from, order.end(), [&](const auto* c) { return c->published_settings != (*from)->published_settings; });
-          if (auto s = group({from, to}, rate, alternation); !s) return s;
-          from = to;
-        }
-      }
-    }
-    return done;
-  }
-
-  const std::vector<Run>& runs() const { return runs_; }
-  std::string storage() const {
-    for (const json& one : networks_) {
-      if (one.contains("storage") && one["storage"].is_string()) return one["storage"];
-    }
-    return "not known";
-  }
-
-  Status write_json() const {
-    if (o_.json.empty()) return done;
-    const fly::Machine machine = fly::describe_machine();
-    const json head{{"asked",
-                     {{"rates", o_.rates},
-                      {"clients", o_.clients},
-                      {"alternations", o_.alternations},
-                      {"seconds", o_.seconds},
-                      {"warm_up_s", o_.warm_up_s},
-                      {"drain_s", o_.drain_s},
-                      {"poll_ms", o_.place.poll_ms}}},
-                    {"ledger", {{"kind", o_.ledger}, {"storage", storage()}, {"networks", networks_}}},
-                    {"machine",
-                     {{"cpu", machine.cpu},
-                      {"system", machine.system},
-                      {"cores", machine.cores},
-                      {"memory_gb", rounded(machine.memory_gb)}}},
-                    {"summary", to_json(summarize(runs_))}};
-    std::string text = head.dump(1);
-    text.resize(text.size() - 2);  // "\n}": the runs follow, one a line
-    text += ",\n \"runs\": [";
-    for (std::size_t i = 0; i < runs_.size(); ++i) text += (i > 0 ? ",\n  " : "\n  ") + to_json(runs_[i]).dump();
-    std::ofstream file(o_.json);
-    file << text << "\n ]\n}\n";
-    file.close();
-    if (!file) return Error{"cannot write " + o_.json};
-    return done;
-  }
-
- private:
-  /// Contenders on one network; a new one after a collapse, so that nobody finds another's backlog.
-  Status group(const std::vector<const Contender*>& contenders, int rate, int alternation) {
-    std::optional<Network> network;
-    const bool published = contenders.front()->published_settings;
-    for (const Contender* contender : contenders) {
-      if (!network) {
-        network.emplace(o_.place, Network::settings(published), o_.place.dir / fmt::format("network{}", ++directories_),
-                        interrupts);
-        if (auto s = network->up(); !s) return s;
-      }
-      const Schedule schedule = make_schedule(rate, o_.warm_up_s, o_.seconds, o_.drain_s);
-      auto run = exchange(o_.place, *network, *contender, schedule,
-                          o_.place.dir / fmt::format("run{}", runs_.size() + 1), interrupts);
-      if (!run) return run.error();
-      run->rate = rate;
-      run->alternation = alternation;
-      run->position = position_++;
-      tell(*run);
-      runs_.push_back(std::move(*run));
-      if (runs_.back().collapsed() || contender == contenders.back()) {
-        if (auto s = end(*network, published); !s) return s;
-        network.reset();
-      }
-      if (auto s = write_json(); !s) return s;
-    }
-    return done;
-  }
-
-  Status end(Network& network, bool published) {
-    auto summary = network.down();
-    if (!summary) return summary.error();
-    const Network::Settings settings = Network::settings(published);
-    (*summary)["orderers"] = settings.orderers;
-    (*summary)["batch_count"] = settings.batch_count;
-    (*summary)["batch_timeout_ms"] = settings.batch_timeout_ms;
-    networks_.push_back(std::move(*summary));
-    std::error_code error;
-    fs::remove_all(o_.place.dir / fmt::format("network{}", directories_), error);
-    return done;
-  }
-
-  void tell(const Run& r) const {
-    const auto cpu = r.cpu_ms_per_message();
-    spdlog::info(
-        "{}/{} {:>4} msg/s  {:<26} p50 {:.1f} ms, p99 {:.1f} ms, CPU {:.2f} ms a message, {} of {} answered{}{}",
-        r.alternation + 1, o_.alternations, r.rate, find_contender(r.contender)->title, r.quantile_ms(0.5),
-        r.quantile_ms(0.99), cpu.value_or(0), r.answered, r.sent, r.collapsed() ? ", collapsed" : "",
-        r.why.empty() ? "" : " (" + r.why + ")");
-  }
-
-  const Options& o_;
-  int directories_ = 0, position_ = 0;
-  std::vector<Run> runs_;
-  json networks_ = json::array();
-};
-
 int measure(Options& options) {
+  const bool given = !options.dir.empty();
   find_programs(options);
   if (auto s = check(options); !s) {
     spdlog::error("{}", s.error().what);
@@ -290,7 +98,7 @@ int measure(Options& options) {
     ::sigaction(signal, &action, nullptr);
   }
   std::signal(SIGPIPE, SIG_IGN);
-  Measurement measurement(options);
+  Measurement measurement(options, interrupts);
   Status status = measurement.run();
   if (!measurement.runs().empty()) {
     fmt::print("{}\n{}, ledgers on {}; {} alternations of {:g} s after {:g} s of warm-up; {} cores\n",
@@ -299,12 +107,13 @@ int measure(Options& options) {
                fly::describe_machine().cores);
     if (auto written = measurement.write_json(); !written && status) status = written;
   }
-  std::error_code error;
   if (!status) {
     spdlog::error("{} (what is left is in {})", status.error().what, options.place.dir.string());
     return 1;
   }
-  fs::remove_all(options.place.dir, error);
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(options.place.dir, error)) fs::remove_all(entry.path(), error);
+  if (!given) fs::remove(options.place.dir, error);
   return 0;
 }
 

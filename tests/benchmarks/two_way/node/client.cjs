@@ -144,9 +144,10 @@ async function events(each) {
 // By asking again and again, and comparing with a cache of what was there the last time.
 async function polling(each) {
   const cache = new Map();
+  const wanted = others.ids.length === 1 ? others.ids[0] : `${others.mspId}/*`;
   const poll = async () => {
     try {
-      const answer = await contract.evaluateTransaction('get', `${others.mspId}/*`);
+      const answer = await contract.evaluateTransaction('get', wanted);
       take(JSON.parse(Buffer.from(answer)).assets ?? [], (id, n, stamp) => {
         if (cache.get(id) === n) return;
         cache.set(id, n);
