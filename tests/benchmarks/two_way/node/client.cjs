@@ -147,14 +147,15 @@ async function polling(each) {
   const wanted = others.ids.length === 1 ? others.ids[0] : `${others.mspId}/*`;
   const poll = async () => {
     try {
-      const answer = await contract.evaluateTransaction('get', wanted);
-      take(JSON.parse(Buffer.from(answer)).assets ?? [], (id, n, stamp) => {
+      const answer = JSON.parse(Buffer.from(await contract.evaluateTransaction('get', wanted)));
+      take(answer.assets ?? [answer], (id, n, stamp) => {
         if (cache.get(id) === n) return;
         cache.set(id, n);
         each(id, n, stamp);
       });
     } catch (error) {
-      counts.why = error.message;
+      const why = `${error.message} ${(error.details ?? []).map((detail) => detail.message)}`;
+      if (!why.includes('not found')) counts.why = why; // as before the first message
     }
     setTimeout(poll, ledger.pollMs);
   };

@@ -1,0 +1,114 @@
+"""`ledgerline bench two-way`: the clients exchange messages, and its JSON has what its table says."""
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+
+import pytest
+from fabric import FABRIC, needs_fabric
+
+BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+NPM = pathlib.Path(os.environ["LEDGERLINE_NPM"])
+
+
+def needs_node() -> None:
+    if shutil.which("node") is None or not (NPM / "node_modules" / "@hyperledger" / "fabric-gateway").is_dir():
+        pytest.skip("the official Node.js client is missing: ./run-tests installs it")
+
+
+def bench(*options, programs: pathlib.Path = BIN) -> subprocess.CompletedProcess:
+    return subprocess.run([BIN / "ledgerline", "bench", "two-way", "--npm", NPM, "--fabric", FABRIC, *map(str, options)],
+                          capture_output=True, text=True, timeout=120, env={**os.environ, "LEDGERLINE_BIN": str(programs)})
+
+
+def measure(directory: pathlib.Path, *options, programs: pathlib.Path = BIN) -> tuple[dict, str]:
+    file, place = directory / "two-way.json", directory / "ledgers"
+    done = bench("--json", file, "--dir", place, *options, programs=programs)
+    assert done.returncode == 0, done.stderr
+    assert not any(place.iterdir()), "something was left behind"
+    return json.loads(file.read_text()), done.stdout
+
+
+def number(value: float) -> str:
+    return f"{value:.{0 if value >= 100 else 1 if value >= 10 else 2}f}"
+
+
+def check(result: dict, table: str, rate: int, seconds: float) -> None:
+    """Every message of the measured time is accounted for, raw and summed up alike."""
+    lines = [line.split() for line in table.splitlines()]
+    for run in result["runs"]:
+        assert run["sent"] == rate / 2 * seconds
+        assert run["sent"] == run["answered"] + run["replaced"], run["why"]
+        assert run["answered"] > 0
+        assert len(run["latencies_ms"]) == run["sent"]
+        assert min(run["latencies_ms"]) <= run["p50_ms"] <= run["p99_ms"] <= max(run["latencies_ms"])
+        assert 0 < run["cpu_s"] and not run["collapsed"]
+        (figures,) = [f for f in result["summary"]["figures"] if f["client"] == run["client"]]
+        assert figures["p50_ms"]["median"] == pytest.approx(run["p50_ms"], abs=1e-3)
+        said = [number(figures[what]["median"]) for what in ("p50_ms", "p99_ms", "cpu_ms_per_message")]
+        said += [str(figures[what]) for what in ("sent", "answered", "replaced", "lost")]
+        assert any(line[-len(said):] == said for line in lines), (said, table)
+    for ratios in result["summary"]["ratios"]:
+        theirs, ours = ([run for run in result["runs"] if run["client"] == client] for client in (ratios["against"], "ledgerline"))
+        assert ratios["p50"]["median"] == pytest.approx(ours[0]["p50_ms"] / theirs[0]["p50_ms"], abs=1e-3)
+
+
+def test_every_client_exchanges_messages(tmp_path):
+    needs_node()
+    clients = ["gateway", "direct", "polling", "ledgerline", "ledgerline-mbedtls"]
+    result, table = measure(tmp_path, "--ledger", "embedded", "--rates", 40, "--clients", ",".join(clients),
+                            "--alternations", 1, "--seconds", 1, "--warm-up", 1)
+    assert [run["client"] for run in result["runs"]] == clients
+    assert [ratios["against"] for ratios in result["summary"]["ratios"]] == clients[:3]
+    assert result["ledger"]["storage"] in table
+    check(result, table, 40, 1)
+
+
+def test_on_fabric_with_the_published_settings_and_ours(tmp_path):
+    needs_node()
+    needs_fabric()
+    result, table = measure(tmp_path, "--rates", 40, "--clients", "published,ledgerline", "--alternations", 1,
+                            "--seconds", 1, "--warm-up", 1)
+    networks = result["ledger"]["networks"]
+    assert [(n["orderers"], n["batch_count"], n["batch_timeout_ms"]) for n in networks] == [(3, 10, 2000), (1, 1, 10)]
+    assert networks[0]["transactions"] > 2 * networks[0]["blocks"]
+    check(result, table, 40, 1)
+
+
+def test_every_other_alternation_is_in_reverse_order(tmp_path):
+    result, _ = measure(tmp_path, "--ledger", "embedded", "--rates", 40, "--clients", "ledgerline,ledgerline-mbedtls",
+                        "--alternations", 2, "--seconds", 0.5, "--warm-up", 0)
+    assert [run["client"] for run in result["runs"]] == ["ledgerline", "ledgerline-mbedtls", "ledgerline-mbedtls", "ledgerline"]
+    assert [run["position"] for run in result["runs"]] == [0, 1, 0, 1]
+
+
+def test_a_client_that_never_ends_is_ended_and_reported(tmp_path):
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    for program in BIN.iterdir():
+        (programs / program.name).symlink_to(program)
+    (programs / "two_way_client").unlink()
+    (programs / "two_way_client").write_text(
+        "#!/bin/sh\necho \"{\\\"ready\\\":true,\\\"pid\\\":$$}\"\n"
+        "echo '{\"progress\":{\"sent\":10,\"answered\":3}}'\nexec sleep 1000\n")
+    (programs / "two_way_client").chmod(0o755)
+    result, table = measure(tmp_path, "--ledger", "embedded", "--rates", 40, "--clients", "ledgerline", "--alternations", 1,
+                            "--seconds", 0.5, "--warm-up", 0, "--drain", 0.5, programs=programs)
+    (run,) = result["runs"]
+    assert run["timed_out"] and run["collapsed"] and (run["sent"], run["answered"], run["lost"]) == (10, 3, 7)
+    assert "collapsed 1 of 1" in table
+
+
+@pytest.mark.parametrize("options, code, words", [
+    (["--rates", "0"], 2, "--rates"),
+    (["--clients", "nobody"], 2, "--clients"),
+    (["--npm", "/nowhere", "--clients", "gateway"], 1, "/nowhere/node_modules"),
+    (["--fabric", "/nowhere", "--clients", "ledgerline"], 1, "scripts/fabric-tools"),
+    (["--dir", "/proc", "--clients", "ledgerline", "--ledger", "embedded"], 1, "/proc is not empty"),
+])
+def test_what_is_wrong_is_named(options, code, words):
+    command = [BIN / "ledgerline-bench", "two-way", *options]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20)
+    assert done.returncode == code
+    assert words in done.stderr + done.stdout
