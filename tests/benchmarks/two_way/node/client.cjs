@@ -20,6 +20,9 @@ const [own, others] = ask ? [ofA, ofB] : [ofB, ofA];
 
 const say = (line) => process.stdout.write(`${JSON.stringify(line)}\n`);
 const now = () => process.hrtime.bigint(); // CLOCK_MONOTONIC
+// A GatewayError lists what peers said; gRPC's own errors have a text.
+const textOf = (error) => (Array.isArray(error.details)
+  ? `${error.message} ${error.details.map((detail) => detail.message)}` : error.message);
 const counts = { transactions: 0, failed: 0, dropped: 0, inFlight: 0, why: '' };
 
 const only = (dir) => fs.readFileSync(path.join(ledger.mspDir, dir, fs.readdirSync(path.join(ledger.mspDir, dir))[0]));
@@ -116,7 +119,7 @@ async function send(n, stamp) {
     counts.transactions += 1;
   } catch (error) {
     counts.failed += 1;
-    counts.why = `${error.message} ${(error.details ?? []).map((detail) => detail.message)}`;
+    counts.why = textOf(error);
   }
   counts.inFlight -= 1;
 }
@@ -137,7 +140,7 @@ async function events(each) {
       if (event.eventName === 'set') take(JSON.parse(Buffer.from(event.payload)).assets ?? [], each);
     }
   })().catch((error) => {
-    counts.why = error.message;
+    counts.why = textOf(error);
   });
 }
 
@@ -154,7 +157,7 @@ async function polling(each) {
         each(id, n, stamp);
       });
     } catch (error) {
-      const why = `${error.message} ${(error.details ?? []).map((detail) => detail.message)}`;
+      const why = textOf(error);
       if (!why.includes('not found')) counts.why = why; // as before the first message
     }
     setTimeout(poll, ledger.pollMs);
