@@ -107,14 +107,15 @@ int measure(Options& options) {
                fly::describe_machine().cores);
     if (auto written = measurement.write_json(); !written && status) status = written;
   }
-  if (!status) {
-    spdlog::error("{} (what is left is in {})", status.error().what, options.place.dir.string());
+  if (!status && interrupts == 0) {
+    spdlog::error("{} (logs and ledgers are left in {})", status.error().what, options.place.dir.string());
     return 1;
   }
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(options.place.dir, error)) fs::remove_all(entry.path(), error);
   if (!given) fs::remove(options.place.dir, error);
-  return 0;
+  if (!status) spdlog::error("{}", status.error().what);
+  return status ? 0 : 1;
 }
 
 }  // namespace

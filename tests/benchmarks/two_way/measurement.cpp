@@ -6,6 +6,7 @@
 #include <fstream>
 #include <optional>
 
+#include "chaincode/node/storage/files.hpp"
 #include "common/rt/json.hpp"
 #include "common/rt/log.hpp"
 #include "ground/fly/machine.hpp"
@@ -15,6 +16,11 @@ namespace ledgerline::two_way {
 using nlohmann::json;
 
 Status Measurement::run() {
+  std::error_code error;
+  std::filesystem::create_directories(o_.place.dir, error);
+  const auto storage = node::storage_kind(o_.place.dir);
+  if (!storage) return storage.error();
+  storage_ = *storage;
   for (int alternation = 0; alternation < o_.alternations; ++alternation) {
     for (const int rate : o_.rates) {
       position_ = 0;
@@ -32,13 +38,6 @@ Status Measurement::run() {
   return done;
 }
 
-std::string Measurement::storage() const {
-  for (const json& one : networks_) {
-    if (one.contains("storage") && one["storage"].is_string()) return one["storage"];
-  }
-  return "not known";
-}
-
 Status Measurement::write_json() const {
   if (o_.json.empty()) return done;
   const fly::Machine machine = fly::describe_machine();
@@ -50,7 +49,7 @@ Status Measurement::write_json() const {
                     {"warm_up_s", o_.warm_up_s},
                     {"drain_s", o_.drain_s},
                     {"poll_ms", o_.place.poll_ms}}},
-                  {"ledger", {{"kind", o_.ledger}, {"storage", storage()}, {"networks", networks_}}},
+                  {"ledger", {{"kind", o_.ledger}, {"storage", storage_}, {"networks", networks_}}},
                   {"machine",
                    {{"cpu", machine.cpu},
                     {"system", machine.system},

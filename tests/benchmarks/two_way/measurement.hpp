@@ -27,7 +27,7 @@ class Measurement {
 
   Status run();
   const std::vector<Turn>& runs() const { return runs_; }
-  std::string storage() const;  ///< "disk" or "tmpfs", as the networks said
+  const std::string& storage() const { return storage_; }  ///< "disk" or "tmpfs"
   /// To Options::json, if that is asked for.
   Status write_json() const;
 
@@ -38,6 +38,7 @@ class Measurement {
 
   const Options& o_;
   const std::atomic<int>& interrupts_;
+  std::string storage_;
   int directories_ = 0, position_ = 0;
   std::vector<Turn> runs_;
   nlohmann::json networks_ = nlohmann::json::array();

@@ -2,8 +2,11 @@
 import json
 import os
 import pathlib
+import re
 import shutil
+import signal
 import subprocess
+import time
 
 import pytest
 from fabric import FABRIC, needs_fabric
@@ -30,13 +33,14 @@ def measure(directory: pathlib.Path, *options, programs: pathlib.Path = BIN) -> 
     return json.loads(file.read_text()), done.stdout
 
 
-def number(value: float) -> str:
-    return f"{value:.{0 if value >= 100 else 1 if value >= 10 else 2}f}"
+def rows(table: str) -> list[list[float]]:
+    """The figures at the end of each line that has all of them."""
+    found = [re.findall(r"(?<!\S)\d+(?:\.\d+)?(?!\S)", line)[-7:] for line in table.splitlines()]
+    return [[float(one) for one in row] for row in found if len(row) == 7]
 
 
 def check(result: dict, table: str, rate: int, seconds: float) -> None:
     """Every message of the measured time is accounted for, raw and summed up alike."""
-    lines = [line.split() for line in table.splitlines()]
     for run in result["runs"]:
         assert run["sent"] == rate / 2 * seconds
         assert run["sent"] == run["answered"] + run["replaced"], run["why"]
@@ -46,9 +50,8 @@ def check(result: dict, table: str, rate: int, seconds: float) -> None:
         assert 0 < run["cpu_s"] and not run["collapsed"]
         (figures,) = [f for f in result["summary"]["figures"] if f["client"] == run["client"]]
         assert figures["p50_ms"]["median"] == pytest.approx(run["p50_ms"], abs=1e-3)
-        said = [number(figures[what]["median"]) for what in ("p50_ms", "p99_ms", "cpu_ms_per_message")]
-        said += [str(figures[what]) for what in ("sent", "answered", "replaced", "lost")]
-        assert any(line[-len(said):] == said for line in lines), (said, table)
+        raw = [run["p50_ms"], run["p99_ms"], run["cpu_ms_per_message"]] + [run[what] for what in ("sent", "answered", "replaced", "lost")]
+        assert any(row == pytest.approx(raw, rel=0.01, abs=0.01) for row in rows(table)), (raw, table)
     for ratios in result["summary"]["ratios"]:
         theirs, ours = ([run for run in result["runs"] if run["client"] == client] for client in (ratios["against"], "ledgerline"))
         assert ratios["p50"]["median"] == pytest.approx(ours[0]["p50_ms"] / theirs[0]["p50_ms"], abs=1e-3)
@@ -98,6 +101,22 @@ def test_a_client_that_never_ends_is_ended_and_reported(tmp_path):
     (run,) = result["runs"]
     assert run["timed_out"] and run["collapsed"] and (run["sent"], run["answered"], run["lost"]) == (10, 3, 7)
     assert "collapsed 1 of 1" in table
+
+
+def test_an_interrupt_keeps_what_was_measured_and_leaves_nothing_behind(tmp_path):
+    file, place = tmp_path / "two-way.json", tmp_path / "ledgers"
+    process = subprocess.Popen(
+        [BIN / "ledgerline-bench", "two-way", "--ledger", "embedded", "--rates", "40", "--clients", "ledgerline", "--seconds", "0.5",
+         "--warm-up", "0", "--alternations", "1000", "--json", file, "--dir", place], stdout=subprocess.PIPE, text=True)
+    for _ in range(600):
+        if file.exists():
+            break
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    table, _ = process.communicate(timeout=60)
+    assert process.returncode == 1 and "Ledgerline, libcrypto" in table
+    assert json.loads(file.read_text())["runs"]
+    assert not any(place.iterdir())
 
 
 @pytest.mark.parametrize("options, code, words", [
