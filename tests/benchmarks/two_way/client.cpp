@@ -1,5 +1,5 @@
-// One side of a two-way exchange as Ledgerline does it: agent's batching (frames, one in flight until it is committed)
-// over the ledger client that agent and ground use. Started by ledgerline-bench.
+// One side of a two-way exchange as Ledgerline does it: agent's batching and pacing of frames over the ledger client
+// that agent and ground use. Started by ledgerline-bench.
 #include <fmt/format.h>
 #include <poll.h>
 #include <unistd.h>
@@ -135,7 +135,7 @@ class Side {
   /// Waits for news, at most until `until`, and acts on all of it.
   void turn(TimeNs until) {
     TimeNs wait_ns = std::clamp<TimeNs>(until - monotonic_ns(), 0, tick_ns);
-    if (something_waits()) wait_ns = std::min(wait_ns, linger_poll_ns);
+    if (waiting_) wait_ns = std::min(wait_ns, linger_poll_ns);
     pollfd fd{.fd = mailbox_.wake_fd(), .events = POLLIN, .revents = 0};
     const timespec timeout{.tv_sec = 0, .tv_nsec = wait_ns};
     (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
@@ -144,6 +144,7 @@ class Side {
         take(*block);
       } else if (const auto* ended = std::get_if<agent::FrameEnded>(&letter)) {
         (void)batcher_.finished(monotonic_ns(), ended->frame, ended->outcome);
+        waiting_ = true;  // a refused frame's samples may wait again
         if (ended->outcome.kind != fabric::Outcome::Kind::committed) why_ = ended->outcome.message;
       } else if (const auto* state = std::get_if<agent::StreamState>(&letter)) {
         connected_ = state->connected;
@@ -152,14 +153,6 @@ class Side {
       submit();
     }
     submit();
-  }
-
-  bool something_waits() const {
-    if (batcher_.in_flight()) return false;
-    for (int k = 1; k <= schedule_.streams; ++k) {
-      if (batcher_.counters(static_cast<DroneNumber>(k)).pending > 0) return true;
-    }
-    return false;
   }
 
   void take(const fabric::Block& block) {
@@ -191,11 +184,13 @@ class Side {
     sample.sequence = n + 1;
     sample.stamp_ns = stamp_ns;
     batcher_.add(now, sample);
+    waiting_ = true;
   }
 
   void submit() {
     const auto frame = batcher_.next(monotonic_ns());
     if (!frame) return;
+    waiting_ = false;
     client_->submit(encode(*frame), [this, number = frame->number](fabric::Outcome outcome) {
       mailbox_.put(agent::FrameEnded{number, std::move(outcome)});
     });
@@ -224,6 +219,7 @@ class Side {
   std::map<std::string, std::uint64_t> streams_;
   std::vector<std::uint64_t> newest_;
   bool connected_ = false;
+  bool waiting_ = false;  ///< perhaps a sample waits for its frame
   std::string why_;
 
   // In this order: the threads and streams below use what is above, and are ended first.

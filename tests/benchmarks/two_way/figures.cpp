@@ -76,6 +76,7 @@ std::string text(const std::optional<Spread>& s) {
 const std::vector<Contender>& contenders() {
   static const std::vector<Contender> all{
       {"published", "published settings, gateway", Way::gateway, true, ""},
+      {"ledgerline-published", "published settings, Ledgerline", Way::ledgerline, true, "libcrypto"},
       {"gateway", "gateway", Way::gateway, false, ""},
       {"direct", "direct path", Way::direct, false, ""},
       {"polling", "gateway, polling", Way::polling, false, ""},
@@ -144,7 +145,7 @@ Summary summarize(const std::vector<Turn>& runs) {
 }
 
 std::string to_table(const Summary& summary) {
-  std::string out = fmt::format("\n{:>5}  {:<29}{:<22}{:<22}{:<20}{:>8}{:>9}{:>9}{:>7}\n", "msg/s", "client", "p50, ms",
+  std::string out = fmt::format("\n{:>5}  {:<31}{:<22}{:<22}{:<20}{:>8}{:>9}{:>9}{:>7}\n", "msg/s", "client", "p50, ms",
                                 "p99, ms", "CPU, ms a message", "sent", "answered", "replaced", "lost");
   for (const auto& [rate, of_rate] : summary.figures) {
     for (const Contender& one : contenders()) {
@@ -152,16 +153,16 @@ std::string to_table(const Summary& summary) {
       if (found == of_rate.end()) continue;
       const Figures& f = found->second;
       const std::string note = f.collapsed > 0 ? fmt::format("  collapsed {} of {}", f.collapsed, f.runs) : "";
-      out += fmt::format("{:>5}  {:<29}{:<22}{:<22}{:<20}{:>8}{:>9}{:>9}{:>7}{}\n", rate, one.title, text(f.p50_ms),
+      out += fmt::format("{:>5}  {:<31}{:<22}{:<22}{:<20}{:>8}{:>9}{:>9}{:>7}{}\n", rate, one.title, text(f.p50_ms),
                          text(f.p99_ms), text(f.cpu_ms_per_message), f.sent, f.answered, f.replaced, f.lost, note);
     }
   }
   if (!summary.ratios.empty()) {
     out +=
-        fmt::format("\nLedgerline / baseline, median (lowest-highest alternation)\n{:>5}  {:<29}{:<22}{:<22}{:<22}{}\n",
+        fmt::format("\nLedgerline / baseline, median (lowest-highest alternation)\n{:>5}  {:<31}{:<22}{:<22}{:<22}{}\n",
                     "msg/s", "baseline", "p50", "p99", "CPU, libcrypto", "CPU, mbedTLS");
     for (const Ratios& r : summary.ratios) {
-      out += fmt::format("{:>5}  {:<29}{:<22}{:<22}{:<22}{}\n", r.rate, find_contender(r.against)->title, text(r.p50),
+      out += fmt::format("{:>5}  {:<31}{:<22}{:<22}{:<22}{}\n", r.rate, find_contender(r.against)->title, text(r.p50),
                          text(r.p99), text(r.cpu), text(r.cpu_mbedtls));
     }
   }
@@ -169,7 +170,7 @@ std::string to_table(const Summary& summary) {
   for (const Contender& one : contenders()) {
     const auto found = summary.saturates_at.find(one.id);
     if (found == summary.saturates_at.end()) continue;
-    out += fmt::format("       {:<29}{}\n", one.title,
+    out += fmt::format("       {:<31}{}\n", one.title,
                        found->second ? fmt::format("{} msg/s", *found->second) : std::string("none"));
   }
   return out;

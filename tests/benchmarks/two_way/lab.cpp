@@ -112,9 +112,8 @@ Status Network::up() {
     return list;
   };
   peers_ = texts(place_.embedded ? "endpoint" : "peers");
-  const auto orderers = texts(place_.embedded ? "endpoint" : "orderers");
-  if (peers_.empty() || orderers.empty()) return Error{name_ + " did not say its endpoints: " + ready_};
-  orderer_ = orderers.front();
+  orderers_ = texts(place_.embedded ? "endpoint" : "orderers");
+  if (peers_.empty() || orderers_.empty()) return Error{name_ + " did not say its endpoints: " + ready_};
   return enroll();
 }
 
@@ -130,8 +129,8 @@ Network::Access Network::access(int organisation, const std::string& user) const
           .tls_ca = peer_ca,
           .msp_id = identities::msp_id_of(organisation),
           .msp_dir = identities::user_dir(ledger, organisation, user) / "msp",
-          .orderer = orderer_,
-          .orderer_tls_ca = place_.embedded ? peer_ca : tls_ca_of(identities::ordering_dir(ledger), "ledgerline")};
+          .orderer_tls_ca = place_.embedded ? peer_ca : tls_ca_of(identities::ordering_dir(ledger), "ledgerline"),
+          .orderers = orderers_};
 }
 
 // Side a speaks for tello1 ..., which every new ledger knows; side b's names are enrolled here.
@@ -219,9 +218,10 @@ class Pair {
     Children::Program program{name, {}, log(name), SIGKILL};
     if (contender_.way == Way::ledgerline) {
       const fs::path config = dir_ / (name + ".toml");
-      const std::string text =
-          ledger_table(access) + fmt::format("signer = \"{}\"\n\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n",
-                                             contender_.signer, access.orderer, access.orderer_tls_ca);
+      std::string text = ledger_table(access) + fmt::format("signer = \"{}\"\n", contender_.signer);
+      for (const std::string& orderer : access.orderers) {
+        text += fmt::format("\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", orderer, access.orderer_tls_ca);
+      }
       if (auto s = write_file(config, text); !s) return s;
       program.command = {place_.programs / "two_way_client", "--role", name, "--config", config, "--schedule",
                          write_schedule(schedule_)};
@@ -233,7 +233,7 @@ class Pair {
                         {"endpoint", access.endpoint},
                         {"tlsCa", access.tls_ca},
                         {"mspDir", access.msp_dir},
-                        {"orderer", access.orderer},
+                        {"orderer", access.orderers.front()},
                         {"ordererTlsCa", access.orderer_tls_ca},
                         {"pollMs", place_.poll_ms}};
       program.command = {place_.node, place_.script, name, write_schedule(schedule_), ledger.dump()};

@@ -45,7 +45,8 @@ class Network {
 
   /// What a client of organisation 1 (side a) or 2 (side b) needs.
   struct Access {
-    std::string endpoint, tls_ca, msp_id, msp_dir, orderer, orderer_tls_ca;
+    std::string endpoint, tls_ca, msp_id, msp_dir, orderer_tls_ca;
+    std::vector<std::string> orderers;
   };
   Access access(int organisation, const std::string& user = "User1") const;
 
@@ -58,8 +59,7 @@ class Network {
   std::filesystem::path dir_;
   const std::atomic<int>& interrupts_;
   std::string name_, ready_;
-  std::vector<std::string> peers_;
-  std::string orderer_;
+  std::vector<std::string> peers_, orderers_;
   Children children_;
 };
 

@@ -24,12 +24,13 @@ together, as the published figures do: 70 msg/s are 35 messages and 35 answers a
 
 constexpr const char* notes = R"(
 Clients:
-  published           Fabric's official Node.js client, one transaction a message, events; three orderers, 2 s / 10
-  gateway             the same on one orderer, a block for each transaction ("our settings")
-  direct              the same past the gateway: the peer's Endorser, one Broadcast stream to the orderer
-  polling             as gateway, but asking again and again, with a cache of what was there the last time
-  ledgerline          frames and the direct path, as agent and ground do, signed by libcrypto
-  ledgerline-mbedtls  the same, signed by mbedTLS
+  published             Fabric's official Node.js client, one transaction a message, events; three orderers, 2 s / 10
+  ledgerline-published  Ledgerline on the published settings
+  gateway               as published, on one orderer, a block for each transaction ("our settings")
+  direct                the same past the gateway: the peer's Endorser, one Broadcast stream to the orderer
+  polling               as gateway, but asking again and again, with a cache of what was there the last time
+  ledgerline            frames and the direct path, as agent and ground do, signed by libcrypto
+  ledgerline-mbedtls    the same, signed by mbedTLS
 
 Examples:
   ledgerline bench two-way --rates 30,70 --json two-way.json

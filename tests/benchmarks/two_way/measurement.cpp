@@ -110,7 +110,7 @@ Status Measurement::end(Network& network, bool published) {
 
 void Measurement::tell(const Turn& r) const {
   const auto cpu = r.cpu_ms_per_message();
-  spdlog::info("{}/{} {:>4} msg/s  {:<26} p50 {:.1f} ms, p99 {:.1f} ms, CPU {:.2f} ms a message, {} of {} answered{}{}",
+  spdlog::info("{}/{} {:>4} msg/s  {:<31} p50 {:.1f} ms, p99 {:.1f} ms, CPU {:.2f} ms a message, {} of {} answered{}{}",
                r.alternation + 1, o_.alternations, r.rate, find_contender(r.contender)->title, r.quantile_ms(0.5),
                r.quantile_ms(0.99), cpu.value_or(0), r.answered, r.sent, r.collapsed() ? ", collapsed" : "",
                r.why.empty() ? "" : " (" + r.why + ")");

@@ -71,7 +71,7 @@ def test_every_client_exchanges_messages(tmp_path):
 def test_on_fabric_with_the_published_settings_and_ours(tmp_path):
     needs_node()
     needs_fabric()
-    result, table = measure(tmp_path, "--rates", 40, "--clients", "published,ledgerline", "--alternations", 1,
+    result, table = measure(tmp_path, "--rates", 40, "--clients", "published,ledgerline-published,ledgerline", "--alternations", 1,
                             "--seconds", 1, "--warm-up", 1)
     networks = result["ledger"]["networks"]
     assert [(n["orderers"], n["batch_count"], n["batch_timeout_ms"]) for n in networks] == [(3, 10, 2000), (1, 1, 10)]
