@@ -76,7 +76,7 @@ std::string text(const std::optional<Spread>& s) {
 const std::vector<Contender>& contenders() {
   static const std::vector<Contender> all{
       {"published", "published settings, gateway", Way::gateway, true, ""},
-      {"ledgerline-published", "published settings, Ledgerline", Way::ledgerline, true, "libcrypto"},
+      {"ledgerline-published", "published settings, Ledgerline", Way::ledgerline, true, "libcrypto", true},
       {"gateway", "gateway", Way::gateway, false, ""},
       {"direct", "direct path", Way::direct, false, ""},
       {"polling", "gateway, polling", Way::polling, false, ""},

@@ -16,7 +16,8 @@ struct Contender {
   std::string title;  ///< for the table
   Way way = Way::gateway;
   bool published_settings = false;  ///< three orderers, 2 s / 10; otherwise one, a block for each transaction
-  std::string signer;               ///< of Ledgerline alone: "libcrypto" or "mbedtls"
+  std::string signer = {};          ///< of Ledgerline alone: "libcrypto" or "mbedtls"
+  bool only_when_asked = false;
 };
 const std::vector<Contender>& contenders();
 const Contender* find_contender(const std::string& id);
