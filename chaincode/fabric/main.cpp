@@ -26,12 +26,16 @@ using fabric_network::Options;
 constexpr const char* examples = R"(
 Examples:
   ledgerline fabric up --dir /tmp/net                       three organisations, one orderer; returns when the contract answers
-  ledgerline fabric up --dir /tmp/net3 --orderers 3 --batch-count 10 --batch-timeout 5
-  ledgerline fabric status --dir /tmp/net
+  ledgerline fabric up --dir /tmp/net3 --orderers 3 --batch-count 10 --batch-timeout 5 --channel teleop --channel yard
+  ledgerline fabric status --dir /tmp/net                   every process: where it listens, pid, restarts
   ledgerline fabric logs --dir /tmp/net peer1
   ledgerline fabric down --dir /tmp/net                     ends it; the directory stays, and `up` goes on with it
   ledgerline fabric run --dir /tmp/net                      the same in the foreground, until SIGINT or SIGTERM
+On three hosts (docs/fabric.md):
+  ledgerline fabric identities --config net.toml --dir net  once; copy the directory `net` to each host
+  ledgerline fabric run --config net.toml --dir net --only org1 --only orderer1
 
+A process of the network that ends is started again; when that does not help, the network ends and says why.
 `run` prints {"ready":true,...} when it serves. Exit codes: 0 good, 1 failed, 2 wrong usage, 3 (status) it does not run.)";
 
 std::atomic<int> end_asked{0};
@@ -60,15 +64,20 @@ class RunFile {
   bool write(const std::string& text) const {
     return ::ftruncate(fd_, 0) == 0 && ::pwrite(fd_, text.data(), text.size(), 0) == static_cast<ssize_t>(text.size());
   }
-  /// What a living network says of itself; nullopt: none runs.
+  /// What a living network says of itself, nothing yet while it starts; nullopt: none runs.
   std::optional<nlohmann::json> read() const {
-    const int fd = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
-    if (fd < 0) return std::nullopt;
-    const bool held = ::flock(fd, LOCK_SH | LOCK_NB) != 0;
-    ::close(fd);
-    if (!held) return std::nullopt;
-    std::ifstream in(path_);
-    const auto json = nlohmann::json::parse(in, nullptr, false);
+    nlohmann::json json;
+    // It may be writing just now.
+    for (int tries = 0; tries < 5 && !json.is_object(); ++tries) {
+      if (tries > 0) ::usleep(10'000);
+      const int fd = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
+      if (fd < 0) return std::nullopt;
+      const bool held = ::flock(fd, LOCK_SH | LOCK_NB) != 0;
+      ::close(fd);
+      if (!held) return std::nullopt;
+      std::ifstream in(path_);
+      json = nlohmann::json::parse(in, nullptr, false);
+    }
     return json.is_object() ? json : nlohmann::json::object();
   }
 
@@ -78,14 +87,29 @@ class RunFile {
 };
 
 nlohmann::json describe(const Network& network) {
-  nlohmann::json peers = nlohmann::json::array(), orderers = nlohmann::json::array();
-  for (int k = 1; k <= identities::organisations; ++k)
-    peers.push_back(address(network.options(), network.ports().peer(k)));
-  for (int k = 1; k <= network.options().orderers; ++k) {
-    orderers.push_back(address(network.options(), network.ports().orderer(k)));
+  const Options& options = network.options();
+  nlohmann::json peers = nlohmann::json::array(), orderers = nlohmann::json::array(),
+                 processes = nlohmann::json::array();
+  std::string endpoint;
+  for (int k = 1; k <= identities::organisations; ++k) {
+    peers.push_back(network.places().peer(k));
+    if (endpoint.empty() && options.runs_organisation(k)) endpoint = network.places().peer(k);
   }
-  return {{"ready", true},        {"endpoint", peers[0]},  {"peers", peers},
-          {"orderers", orderers}, {"process", ::getpid()}, {"channel", network.options().channel}};
+  for (int k = 1; k <= options.orderers; ++k) orderers.push_back(network.places().orderer(k));
+  for (const auto& one : network.processes()) {
+    processes.push_back({{"name", one.name}, {"address", one.address}, {"pid", one.pid}, {"restarts", one.restarts}});
+    if (one.name.starts_with("orderer")) {
+      processes.back()["operations"] = network.places().orderer_operations(std::stoi(one.name.substr(7)));
+    }
+  }
+  return {{"ready", true},
+          {"endpoint", endpoint},
+          {"peers", peers},
+          {"orderers", orderers},
+          {"process", ::getpid()},
+          {"channel", options.channels.front()},
+          {"channels", options.channels},
+          {"processes", processes}};
 }
 
 Status write_summary(const std::string& path, Network& network) {
@@ -93,11 +117,17 @@ Status write_summary(const std::string& path, Network& network) {
   if (!counts) return counts.error();
   const auto storage = node::storage_kind(network.options().dir);
   if (!storage) return storage.error();
+  nlohmann::json cpu = nlohmann::json::object(), restarts = nlohmann::json::object();
+  for (const auto& one : network.processes()) {
+    cpu[one.name] = one.cpu_s;
+    restarts[one.name] = one.restarts;
+  }
   std::ofstream out(path);
   out << nlohmann::json{{"blocks", counts->blocks},
                         {"transactions", counts->transactions},
                         {"storage", *storage},
-                        {"cpu_seconds", network.cpu_seconds()}}
+                        {"cpu_seconds", cpu},
+                        {"restarts", restarts}}
              .dump(2)
       << "\n";
   out.close();
@@ -122,10 +152,14 @@ int run(const Options& options, const std::string& summary, const std::function<
   Status status = network.up();
   if (status) {
     spdlog::info("up after {:.1f} s", to_seconds(monotonic_ns() - begin));
-    const std::string text = describe(network).dump();
-    if (!file.write(text)) return fail("cannot write " + options.dir + "/network.json");
-    ready(text);
-    while (status && end_asked == 0) status = network.tend(200 * ns_per_ms);
+    std::string text, said;
+    while (status && end_asked == 0) {
+      text = describe(network).dump();
+      if (text != said && !file.write(text)) status = Error{"cannot write " + options.dir + "/network.json"};
+      if (said.empty() && status) ready(text);
+      said = text;
+      if (status) status = network.tend(200 * ns_per_ms);
+    }
   }
   Status written = done;
   if (status && !summary.empty()) written = write_summary(summary, network);
@@ -145,11 +179,14 @@ int up(const Options& options) {
   if (::pipe(pipe) != 0) return fail("no pipe");
   std::error_code error;
   std::filesystem::create_directories(options.dir, error);
+  const std::string log_file = options.dir + "/network.log";
+  const auto logged_before = std::filesystem::file_size(log_file, error);
+  const bool fresh_log = static_cast<bool>(error);
   const pid_t child = ::fork();
   if (child == 0) {
     ::setsid();
     ::close(pipe[0]);
-    const int log = ::open((options.dir + "/network.log").c_str(), O_WRONLY | O_CREAT | O_APPEND, 0644);
+    const int log = ::open(log_file.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0644);
     const int nothing = ::open("/dev/null", O_RDWR);
     if (log < 0 || nothing < 0) ::_exit(1);
     ::dup2(nothing, 0);
@@ -162,15 +199,16 @@ int up(const Options& options) {
     }));
   }
   ::close(pipe[1]);
-  std::string text(4096, '\0');
-  const ssize_t size = ::read(pipe[0], text.data(), text.size());
-  if (child < 0 || size <= 0) {
-    std::ifstream log(options.dir + "/network.log");
-    std::string last, line;
-    while (std::getline(log, line)) last = line;
-    return fail(fmt::format("the network did not start; the end of {}/network.log: {}", options.dir, last));
+  std::string text;
+  char part[4096];
+  for (ssize_t n; (n = ::read(pipe[0], part, sizeof part)) > 0;) text.append(part, static_cast<std::size_t>(n));
+  if (child < 0 || text.empty()) {
+    // What it logged this time ends with what went wrong.
+    std::ifstream log(log_file);
+    log.seekg(fresh_log ? 0 : static_cast<std::streamoff>(logged_before));
+    for (std::string line; std::getline(log, line);) std::fprintf(stderr, "%s\n", line.c_str());
+    return fail("the network did not start; all of its log is in " + log_file);
   }
-  text.resize(static_cast<std::size_t>(size));
   std::printf("%s\n", text.c_str());
   return 0;
 }
@@ -204,6 +242,14 @@ int logs(const std::string& dir, const std::string& which) {
   return 0;
 }
 
+int make_identities(const Options& options) {
+  Network network(options);
+  const Status status = network.prepare();
+  if (!status) return fail(status.error().what);
+  std::printf("%s is made: copy it to every host of the network\n", network.options().dir.c_str());
+  return 0;
+}
+
 /// Beside this program; the tools where scripts/fabric-tools puts them.
 void find_programs(Options& options) {
   std::error_code error;
@@ -212,31 +258,55 @@ void find_programs(Options& options) {
   if (options.tools.empty()) options.tools = own.parent_path().parent_path().parent_path() / "fabric";
 }
 
+Status add_places(Options& options, const std::vector<std::string>& organisations,
+                  const std::vector<std::string>& orderers) {
+  for (const auto& [texts, places] :
+       {std::pair{&organisations, &options.organisation_places}, std::pair{&orderers, &options.orderer_places}}) {
+    if (!texts->empty()) places->clear();
+    for (const std::string& text : *texts) {
+      auto place = fabric_network::parse_place(text);
+      if (!place) return place.error();
+      places->push_back(std::move(*place));
+    }
+  }
+  if (!options.orderer_places.empty()) options.orderers = static_cast<int>(options.orderer_places.size());
+  return fabric_network::check(options);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"A Fabric 2.5 network on this host, with Ledgerline's contract on it"};
+  CLI::App app{"A Fabric 2.5 network on this host, or this host's part of one, with Ledgerline's contract on it"};
   app.footer(examples);
   app.require_subcommand(1);
   Options options;
-  std::string which, summary;
-  double batch_timeout_ms = 10;
-  std::vector<CLI::App*> starting;
+  std::string which, summary, config;
+  std::vector<std::string> organisations, orderers;
+  double batch_timeout_ms = to_ms(options.batch_timeout_ns);
   for (const auto& [name, about] :
        std::map<std::string, std::string>{{"up", "Start it, or say that it runs"},
                                           {"run", "Start it and stay"},
+                                          {"identities", "Only make identities and first blocks, for several hosts"},
                                           {"down", "End it"},
                                           {"status", "Does it run, and where"},
                                           {"logs", "What it or one of its processes logged"}}) {
     CLI::App* verb = app.add_subcommand(name, about);
     verb->add_option("--dir", options.dir, "Everything of the network: identities, ledgers, logs")->required();
     if (name == "logs") verb->add_option("process", which, "peer1, orderer1, chaincode1, ...");
-    if (name != "up" && name != "run") continue;
+    if (name != "up" && name != "run" && name != "identities") continue;
+    verb->add_option("--config", config, "TOML file with the network's settings; options here come before it");
     verb->add_option("--tools", options.tools, "Fabric's programs, made by scripts/fabric-tools");
     verb->add_option("--orderers", options.orderers, "1 or 3")->check(CLI::IsMember({1, 3}))->capture_default_str();
-    verb->add_option("--channel", options.channel, "The channel's name")->capture_default_str();
-    verb->add_option("--first-port", options.first_port, "The first of 15 TCP ports; 0 looks for free ones")
+    verb->add_option("--channel", options.channels, "A channel's name; give it again for more")
+        ->allow_extra_args(false)
         ->capture_default_str();
+    verb->add_option("--first-port", options.first_port, "The first of the TCP ports, 3 a part; 0 looks for free ones")
+        ->capture_default_str();
+    verb->add_option("--organisation", organisations, "HOST:PORT of one; three times, for several hosts")
+        ->allow_extra_args(false);
+    verb->add_option("--orderer", orderers, "HOST:PORT of one, once or three times")->allow_extra_args(false);
+    verb->add_option("--only", options.only, "A part that this host runs: org1, orderer1, ...; all if none is named")
+        ->allow_extra_args(false);
     verb->add_option("--batch-timeout", batch_timeout_ms, "Cut a block after this many ms")
         ->check(CLI::Range(1.0, 60'000.0))
         ->capture_default_str();
@@ -245,21 +315,31 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     verb->add_flag("--majority", options.majority, "Endorsed by two of the three organisations, not by any one");
     if (name == "run")
-      verb->add_option("--summary", summary, "Write blocks, transactions and CPU times here at the end");
+      verb->add_option("--summary", summary, "Write blocks, transactions, CPU times and restarts here at the end");
   }
+  init_log("fabric");
   try {
     app.parse(argc, argv);
+    if (!config.empty()) {
+      // The file first, and over it what the command line says.
+      auto read = fabric_network::read_options(config, {});
+      if (!read) return spdlog::error("{}", read.error().what), 2;
+      options = std::move(*read);
+      batch_timeout_ms = to_ms(options.batch_timeout_ns);
+      app.parse(argc, argv);
+    }
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
-  init_log("fabric");
   options.batch_timeout_ns = static_cast<TimeNs>(batch_timeout_ms * ns_per_ms);
-  find_programs(options);
   const std::string verb = app.get_subcommands().front()->get_name();
-  if (verb == "up") return up(options);
   if (verb == "down") return down(options.dir);
   if (verb == "status") return status(options.dir);
   if (verb == "logs") return logs(options.dir, which);
+  if (Status s = add_places(options, organisations, orderers); !s) return spdlog::error("{}", s.error().what), 2;
+  find_programs(options);
+  if (verb == "up") return up(options);
+  if (verb == "identities") return make_identities(options);
   return run(options, summary, [](const std::string& text) {
     std::printf("%s\n", text.c_str());
     std::fflush(stdout);

@@ -41,22 +41,22 @@ std::string tls_file(const std::filesystem::path& member, const char* name) { re
 
 }  // namespace
 
-std::string address(const Options& options, std::uint16_t port) { return fmt::format("{}:{}", options.host, port); }
-
-std::string configtx_yaml(const Options& options, const Ports& ports) {
+std::string configtx_yaml(const Options& options, const Places& places) {
   std::string organisations, members, endpoints, consenters;
   for (int k = 1; k <= options.orderers; ++k) {
     const auto dir = identities::orderer_dir(options.dir, k);
-    endpoints += fmt::format("      - {}\n", address(options, ports.orderer(k)));
-    consenters += fmt::format("        - {{Host: {}, Port: {}, ClientTLSCert: {}, ServerTLSCert: {}}}\n", options.host,
-                              ports.orderer(k), tls_file(dir, "server.crt"), tls_file(dir, "server.crt"));
+    const Place& place = places.orderers[static_cast<std::size_t>(k - 1)];
+    endpoints += fmt::format("      - {}\n", places.orderer(k));
+    consenters += fmt::format("        - {{Host: {}, Port: {}, ClientTLSCert: {}, ServerTLSCert: {}}}\n", place.host,
+                              place.port, tls_file(dir, "server.crt"), tls_file(dir, "server.crt"));
   }
   organisations += organisation_yaml("OrdererMSP", identities::ordering_dir(options.dir) / "msp",
                                      "    OrdererEndpoints:\n" + endpoints);
   for (int k = 1; k <= identities::organisations; ++k) {
-    organisations += organisation_yaml(
-        msp_id_of(k), identities::organisation_dir(options.dir, k) / "msp",
-        fmt::format("    AnchorPeers:\n      - {{Host: {}, Port: {}}}\n", options.host, ports.peer(k)));
+    const Place& place = places.organisations[static_cast<std::size_t>(k - 1)];
+    organisations +=
+        organisation_yaml(msp_id_of(k), identities::organisation_dir(options.dir, k) / "msp",
+                          fmt::format("    AnchorPeers:\n      - {{Host: {}, Port: {}}}\n", place.host, place.port));
     members += fmt::format("        - *{}\n", msp_id_of(k));
   }
   // A leader that is gone is missed after 1 s (Raft's ElectionTick x TickInterval).
@@ -90,15 +90,16 @@ std::string configtx_yaml(const Options& options, const Ports& ports) {
                                                                    {"Endorsement", "MAJORITY Endorsement"}})));
 }
 
-std::vector<std::string> orderer_environment(const Options& options, const Ports& ports, int number) {
+std::vector<std::string> orderer_environment(const Options& options, const Places& places, int number) {
   const auto own = identities::orderer_dir(options.dir, number);
+  const Place& place = places.orderers[static_cast<std::size_t>(number - 1)];
   const std::string data = fmt::format("{}/orderer{}", options.dir, number);
   const std::string key = tls_file(own, "server.key"), certificate = tls_file(own, "server.crt"),
                     ca = tls_file(own, "ca.crt");
   return {"FABRIC_CFG_PATH=" + options.tools + "/config",
           "FABRIC_LOGGING_SPEC=warn",
-          "ORDERER_GENERAL_LISTENADDRESS=" + options.host,
-          fmt::format("ORDERER_GENERAL_LISTENPORT={}", ports.orderer(number)),
+          "ORDERER_GENERAL_LISTENADDRESS=" + place.host,
+          fmt::format("ORDERER_GENERAL_LISTENPORT={}", place.port),
           "ORDERER_GENERAL_LOCALMSPID=OrdererMSP",
           "ORDERER_GENERAL_LOCALMSPDIR=" + (own / "msp").string(),
           "ORDERER_GENERAL_BOOTSTRAPMETHOD=none",
@@ -110,24 +111,24 @@ std::vector<std::string> orderer_environment(const Options& options, const Ports
           "ORDERER_GENERAL_CLUSTER_CLIENTCERTIFICATE=" + certificate,
           "ORDERER_GENERAL_CLUSTER_ROOTCAS=[" + ca + "]",
           "ORDERER_CHANNELPARTICIPATION_ENABLED=true",
-          "ORDERER_ADMIN_LISTENADDRESS=" + address(options, ports.orderer_admin(number)),
+          "ORDERER_ADMIN_LISTENADDRESS=" + places.orderer_admin(number),
           "ORDERER_ADMIN_TLS_ENABLED=true",
           "ORDERER_ADMIN_TLS_PRIVATEKEY=" + key,
           "ORDERER_ADMIN_TLS_CERTIFICATE=" + certificate,
           "ORDERER_ADMIN_TLS_ROOTCAS=[" + ca + "]",
           "ORDERER_ADMIN_TLS_CLIENTAUTHREQUIRED=true",
           "ORDERER_ADMIN_TLS_CLIENTROOTCAS=[" + ca + "]",
-          "ORDERER_OPERATIONS_LISTENADDRESS=127.0.0.1:0",
-          "ORDERER_METRICS_PROVIDER=disabled",
+          "ORDERER_OPERATIONS_LISTENADDRESS=" + places.orderer_operations(number),
+          "ORDERER_METRICS_PROVIDER=prometheus",  // who leads is said there alone
           "ORDERER_FILELEDGER_LOCATION=" + data + "/ledger",
           "ORDERER_CONSENSUS_WALDIR=" + data + "/wal",
           "ORDERER_CONSENSUS_SNAPDIR=" + data + "/snapshots"};
 }
 
-std::vector<std::string> peer_environment(const Options& options, const Ports& ports, int organisation) {
+std::vector<std::string> peer_environment(const Options& options, const Places& places, int organisation) {
   const auto own = identities::peer_dir(options.dir, organisation);
   const std::string data = fmt::format("{}/peer{}", options.dir, organisation);
-  const std::string listen = address(options, ports.peer(organisation));
+  const std::string listen = places.peer(organisation);
   return {
       "FABRIC_CFG_PATH=" + options.tools + "/config",
       "FABRIC_LOGGING_SPEC=warn",
@@ -135,7 +136,7 @@ std::vector<std::string> peer_environment(const Options& options, const Ports& p
       "CORE_PEER_NETWORKID=ledgerline",
       "CORE_PEER_ADDRESS=" + listen,
       "CORE_PEER_LISTENADDRESS=" + listen,
-      "CORE_PEER_CHAINCODELISTENADDRESS=" + address(options, ports.peer_chaincode(organisation)),
+      "CORE_PEER_CHAINCODELISTENADDRESS=" + places.peer_chaincode(organisation),
       "CORE_PEER_LOCALMSPID=" + msp_id_of(organisation),
       "CORE_PEER_MSPCONFIGPATH=" + (own / "msp").string(),
       "CORE_PEER_FILESYSTEMPATH=" + data,
@@ -158,27 +159,27 @@ std::vector<std::string> peer_environment(const Options& options, const Ports& p
       "CORE_METRICS_PROVIDER=disabled"};
 }
 
-std::vector<std::string> admin_environment(const Options& options, const Ports& ports, int organisation) {
+std::vector<std::string> admin_environment(const Options& options, const Places& places, int organisation) {
   return {"FABRIC_CFG_PATH=" + options.tools + "/config",
           "FABRIC_LOGGING_SPEC=warn",
-          "CORE_PEER_ADDRESS=" + address(options, ports.peer(organisation)),
+          "CORE_PEER_ADDRESS=" + places.peer(organisation),
           "CORE_PEER_LOCALMSPID=" + msp_id_of(organisation),
           "CORE_PEER_MSPCONFIGPATH=" + (identities::user_dir(options.dir, organisation, "Admin") / "msp").string(),
           "CORE_PEER_TLS_ENABLED=true",
           "CORE_PEER_TLS_ROOTCERT_FILE=" + tls_file(identities::peer_dir(options.dir, organisation), "ca.crt")};
 }
 
-std::vector<std::string> chaincode_environment(const Options& options, const Ports& ports, int organisation,
+std::vector<std::string> chaincode_environment(const Options& options, const Places& places, int organisation,
                                                const std::string& package_id) {
   const auto own = identities::organisation_dir(options.dir, organisation) / "chaincode";
-  return {"CHAINCODE_ID=" + package_id, "CHAINCODE_SERVER_ADDRESS=" + address(options, ports.chaincode(organisation)),
+  return {"CHAINCODE_ID=" + package_id, "CHAINCODE_SERVER_ADDRESS=" + places.chaincode(organisation),
           "CHAINCODE_TLS_KEY=" + tls_file(own, "server.key"), "CHAINCODE_TLS_CERT=" + tls_file(own, "server.crt"),
           "CHAINCODE_TLS_CLIENT_CA=" + tls_file(identities::peer_dir(options.dir, organisation), "ca.crt")};
 }
 
-std::string connection_json(const Options& options, const Ports& ports, int organisation, const std::string& ca_pem,
+std::string connection_json(const Places& places, int organisation, const std::string& ca_pem,
                             const std::string& peer_key_pem, const std::string& peer_certificate_pem) {
-  return nlohmann::json{{"address", address(options, ports.chaincode(organisation))},
+  return nlohmann::json{{"address", places.chaincode(organisation)},
                         {"dial_timeout", "10s"},
                         {"tls_required", true},
                         {"client_auth_required", true},

@@ -7,21 +7,19 @@
 /// What Fabric's programs read: pure functions of the options.
 namespace ledgerline::fabric_network {
 
-std::string address(const Options& options, std::uint16_t port);
-
 /// configtx.yaml with the profile `Ledgerline`.
-std::string configtx_yaml(const Options& options, const Ports& ports);
+std::string configtx_yaml(const Options& options, const Places& places);
 
 /// "NAME=value" for an orderer, a peer, and the `peer` command line in the name of an organisation's administrator.
-std::vector<std::string> orderer_environment(const Options& options, const Ports& ports, int number);
-std::vector<std::string> peer_environment(const Options& options, const Ports& ports, int organisation);
-std::vector<std::string> admin_environment(const Options& options, const Ports& ports, int organisation);
+std::vector<std::string> orderer_environment(const Options& options, const Places& places, int number);
+std::vector<std::string> peer_environment(const Options& options, const Places& places, int organisation);
+std::vector<std::string> admin_environment(const Options& options, const Places& places, int organisation);
 /// Of an organisation's chaincode service, whose package has this id.
-std::vector<std::string> chaincode_environment(const Options& options, const Ports& ports, int organisation,
+std::vector<std::string> chaincode_environment(const Options& options, const Places& places, int organisation,
                                                const std::string& package_id);
 
 /// connection.json of an organisation's chaincode package: mutual TLS.
-std::string connection_json(const Options& options, const Ports& ports, int organisation, const std::string& ca_pem,
+std::string connection_json(const Places& places, int organisation, const std::string& ca_pem,
                             const std::string& peer_key_pem, const std::string& peer_certificate_pem);
 
 /// The peers' external builder for chaincode as a service: the programs detect, build and release.

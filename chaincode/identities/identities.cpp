@@ -81,11 +81,11 @@ class Organisation {
   }
 
   /// For a server that signs nothing.
-  Status make_tls(const std::string& folder, const std::string& name) {
+  Status make_tls(const std::string& folder, const std::string& name, const std::vector<std::string>& sans) {
     crypto::CertificateRequest request;
     request.common_name = name;
     request.organization = domain_;
-    request.sans = {name, "localhost", "127.0.0.1"};
+    request.sans = sans;
     request.tls = true;
     const auto tls = crypto::issue(tls_ca_, request);
     if (!tls) return tls.error();
@@ -115,14 +115,28 @@ class Organisation {
   crypto::KeyAndCertificate ca_, tls_ca_;
 };
 
-Status make_peer_organisation(const fs::path& crypto, int number) {
+std::vector<std::string> names_of_server(const std::string& name, const std::vector<std::string>& hosts, int number) {
+  std::vector<std::string> names{name, "localhost", "127.0.0.1"};
+  const auto index = static_cast<std::size_t>(number - 1);
+  if (index < hosts.size() && hosts[index] != names.back()) names.push_back(hosts[index]);
+  return names;
+}
+
+Status make_peer_organisation(const fs::path& crypto, int number, const Hosts& hosts) {
   const std::string domain = domain_of(number);
   Organisation organisation(crypto / "peerOrganizations" / domain, domain);
   if (Status s = organisation.make_authorities(); !s) return s;
   const std::string peer = "peer0." + domain;
-  if (Status s = organisation.make_member("peers", peer, "peer", {peer, "localhost", "127.0.0.1"}, "server"); !s)
+  if (Status s =
+          organisation.make_member("peers", peer, "peer", names_of_server(peer, hosts.organisations, number), "server");
+      !s) {
     return s;
-  if (Status s = organisation.make_tls("chaincode", "chaincode." + domain); !s) return s;
+  }
+  const std::string chaincode = "chaincode." + domain;
+  if (Status s = organisation.make_tls("chaincode", chaincode, names_of_server(chaincode, hosts.organisations, number));
+      !s) {
+    return s;
+  }
   for (const char* user : {"Admin", "User1", "User2"}) {
     const std::string name = std::string(user) + "@" + domain;
     const std::string unit = std::string(user) == "Admin" ? "admin" : "client";
@@ -131,16 +145,18 @@ Status make_peer_organisation(const fs::path& crypto, int number) {
   return done;
 }
 
-Status make_all(const fs::path& crypto, int orderers) {
+Status make_all(const fs::path& crypto, int orderers, const Hosts& hosts) {
   for (int number = 1; number <= organisations; ++number) {
-    if (Status s = make_peer_organisation(crypto, number); !s) return s;
+    if (Status s = make_peer_organisation(crypto, number, hosts); !s) return s;
   }
   Organisation ordering(crypto / "ordererOrganizations" / "ledgerline", "ledgerline");
   if (Status s = ordering.make_authorities(); !s) return s;
   if (Status s = ordering.make_member("users", "Admin@ledgerline", "admin", {}, "client"); !s) return s;
   for (int number = 1; number <= orderers; ++number) {
     const std::string name = orderer_name(number);
-    if (Status s = ordering.make_member("orderers", name, "orderer", {name, "localhost", "127.0.0.1"}, "server"); !s) {
+    if (Status s =
+            ordering.make_member("orderers", name, "orderer", names_of_server(name, hosts.orderers, number), "server");
+        !s) {
       return s;
     }
   }
@@ -171,13 +187,13 @@ fs::path orderer_dir(const std::string& dir, int number) {
   return ordering_dir(dir) / "orderers" / orderer_name(number);
 }
 
-Status make(const std::string& dir, int orderers) {
+Status make(const std::string& dir, int orderers, const Hosts& hosts) {
   const fs::path crypto = fs::path(dir) / "crypto", unfinished = fs::path(dir) / "crypto.unfinished";
   std::error_code error;
   if (fs::exists(crypto, error)) return done;
   fs::remove_all(unfinished, error);
   if (error) return Error{"removing " + unfinished.string() + ": " + error.message()};
-  if (Status s = make_all(unfinished, orderers); !s) return s;
+  if (Status s = make_all(unfinished, orderers, hosts); !s) return s;
   fs::rename(unfinished, crypto, error);
   if (error) return Error{"renaming " + unfinished.string() + ": " + error.message()};
   return sync_file_system(dir);

@@ -1,6 +1,7 @@
 #pragma once
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "common/crypto/crypto.hpp"
 #include "common/rt/result.hpp"
@@ -22,8 +23,13 @@ std::filesystem::path user_dir(const std::string& dir, int organisation, const s
 std::filesystem::path ordering_dir(const std::string& dir);
 std::filesystem::path orderer_dir(const std::string& dir, int number);
 
+/// Names or addresses of hosts that TLS certificates are good for beside localhost; empty: none.
+struct Hosts {
+  std::vector<std::string> organisations, orderers;  ///< by number, from 1 on
+};
+
 /// Makes them when DIR/crypto is missing. Keys are 0600. Made under another name and renamed when complete, so that a
 /// crash leaves nothing half-made.
-Status make(const std::string& dir, int orderers);
+Status make(const std::string& dir, int orderers, const Hosts& hosts = {});
 
 }  // namespace ledgerline::identities

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -110,6 +111,8 @@ Status Children::start(const Program& program) {
   child.pid = pid;
   child.output = pipe[0];
   if (Child* old = find(program.name)) {
+    child.cpu_before_s = old->cpu_before_s;
+    if (old->output >= 0) ::close(old->output);
     *old = std::move(child);  // a program that ran and ended, started again
   } else {
     children_.push_back(std::move(child));
@@ -140,8 +143,12 @@ void Children::read_output(Child& child) {
 }
 
 void Children::reap(Child& child) {
-  if (child.ended || ::waitpid(child.pid, &child.status, WNOHANG) != child.pid) return;
+  rusage used{};
+  if (child.ended || ::wait4(child.pid, &child.status, WNOHANG, &used) != child.pid) return;
   child.ended = true;
+  for (const timeval& time : {used.ru_utime, used.ru_stime}) {
+    child.cpu_before_s += static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_usec) * 1e-6;
+  }
   if (child.output >= 0) read_output(child);
 }
 
@@ -165,6 +172,8 @@ bool Children::running(const std::string& name) const {
   const Child* child = find(name);
   return child && !child->ended;
 }
+
+pid_t Children::pid(const std::string& name) const { return running(name) ? find(name)->pid : 0; }
 
 bool Children::ended_well(const std::string& name) const {
   const Child* child = find(name);
@@ -199,7 +208,7 @@ bool Children::stop(const std::string& name, TimeNs patience_ns) {
 
 double Children::cpu_seconds(const std::string& name) const {
   const Child* child = find(name);
-  return !child || child->ended ? 0 : cpu_seconds_of(child->pid);
+  return !child || child->ended ? 0 : child->cpu_before_s + cpu_seconds_of(child->pid);
 }
 
 std::string Children::log_tail(const std::string& name, int lines) const {

@@ -36,13 +36,16 @@ class Children {
   /// Waits up to `timeout_ns` for output or the end of a child, and reads both.
   void poll(TimeNs timeout_ns);
   bool running(const std::string& name) const;
+  /// 0 when it does not run.
+  pid_t pid(const std::string& name) const;
   /// "ended with exit code 1", "was ended by signal 11 (Segmentation fault)"; empty while it runs or if it never did.
   std::string how_it_ended(const std::string& name) const;
   bool ended_well(const std::string& name) const;
   void signal(const std::string& name, int signal);
   /// SIGTERM, then SIGKILL after `patience_ns`. False when it took the SIGKILL.
   bool stop(const std::string& name, TimeNs patience_ns);
-  /// User and system time so far, with that of the processes it started and which still run; 0 when it does not run.
+  /// User and system time so far, with that of the processes it started and which still run, and of programs of its
+  /// name that ran before it; 0 when it does not run.
   double cpu_seconds(const std::string& name) const;
   const std::vector<std::string>& names() const { return names_; }
   /// The last lines that it logged.
@@ -55,6 +58,7 @@ class Children {
     int output = -1;
     bool ended = false;
     int status = 0;
+    double cpu_before_s = 0;  ///< of those that had its name before, and its own when it has ended
     std::string partial;
   };
   Child* find(const std::string& name);

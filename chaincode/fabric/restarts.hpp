@@ -1,0 +1,37 @@
+#pragma once
+#include <deque>
+#include <optional>
+
+#include "common/rt/clock.hpp"
+#include "common/rt/random.hpp"
+
+namespace ledgerline::fabric_network {
+
+/// When a process that ended is started again. Waits are doubled with each end within `within`, of which a random half
+/// is left out, so that processes that died together do not start together; an end too many there is the last.
+///
+///     runs -- ended() --> waits -- the time it gave --> runs
+///                 \-- nullopt: given up
+class Restarts {
+ public:
+  struct Limits {
+    int most = 8;  ///< within `within`
+    TimeNs within = 60 * ns_per_s;
+    TimeNs first_wait = 100 * ns_per_ms, longest_wait = 5 * ns_per_s;
+  };
+  Restarts(Limits limits, std::uint64_t seed) : limits_(limits), random_(seed) {}
+
+  /// It ended: when to start it again.
+  std::optional<TimeNs> ended(TimeNs now);
+  /// How often it has been given a new start.
+  std::uint64_t count() const { return count_; }
+  const Limits& limits() const { return limits_; }
+
+ private:
+  const Limits limits_;
+  Random random_;
+  std::deque<TimeNs> recent_;  ///< at most limits_.most
+  std::uint64_t count_ = 0;
+};
+
+}  // namespace ledgerline::fabric_network
