@@ -17,7 +17,7 @@ crypto::Library library_of(Config& config, const std::string& key, const std::st
 
 }  // namespace
 
-Result<ClientConfig> ledger_config(Config& config) {
+Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds deadline) {
   ClientConfig out;
   out.endpoint = config.text("ledger.endpoint");
   out.tls_ca_file = config.text("ledger.tls_ca");
@@ -25,7 +25,7 @@ Result<ClientConfig> ledger_config(Config& config) {
   out.where.channel = config.text("ledger.channel", out.where.channel);
   out.where.contract = config.text("ledger.contract", out.where.contract);
   out.max_in_flight = static_cast<std::size_t>(config.integer("ledger.max_in_flight", 64, 1, 10'000));
-  out.deadline = std::chrono::milliseconds(config.integer("ledger.deadline_ms", 5'000, 100, 600'000));
+  out.deadline = std::chrono::milliseconds(config.integer("ledger.deadline_ms", deadline.count(), 100, 600'000));
   for (const auto& [table, servers] : {std::pair("orderer", &out.orderers), std::pair("peer", &out.other_peers)}) {
     const std::size_t count = config.table_count(table);
     for (std::size_t i = 0; i < count; ++i) {

@@ -9,9 +9,9 @@
 namespace ledgerline::fabric {
 
 /// Reads [ledger]: endpoint, tls_ca, msp_id, msp_dir (must be there); channel, contract, signer, server_name,
-/// max_in_flight, deadline_ms (have defaults); loads the identity. Wrong keys are reported by config.finish() as
-/// always, so call that first when this fails: it has the lines.
-Result<ClientConfig> ledger_config(Config& config);
+/// max_in_flight, deadline_ms (have defaults, the last one by the caller); loads the identity. Wrong keys are reported
+/// by config.finish() as always, so call that first when this fails: it has the lines.
+Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds deadline = std::chrono::seconds(5));
 
 /// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are believed, at least one.
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);

@@ -3,8 +3,9 @@
 namespace ledgerline::fabric {
 namespace {
 
-// An orderer that does not answer the connection is passed over after this.
-constexpr std::chrono::milliseconds connect_limit{500}, first_pause{10}, longest_pause{200};
+// An orderer that does not answer the connection, or an envelope, is passed over after this: one that has just lost its
+// leader may hold an envelope for seconds.
+constexpr std::chrono::milliseconds connect_limit{500}, answer_limit{500}, first_pause{10}, longest_pause{200};
 
 }  // namespace
 
@@ -14,7 +15,7 @@ Ordering::Ordering(std::vector<std::shared_ptr<grpc::Channel>> orderers, grpc::C
 Ordering::Tag* Ordering::tag(std::function<void(bool ok)> then) {
   // Stream and alarm are kept until gRPC is done with them, also when they belong to a send that has ended.
   return new Tag([this, number = number_, stream = stream_, pause = pause_, then = std::move(then)](bool ok) {
-    if (number == number_ && done_) then(ok);
+    if (number == number_ && stream == stream_ && done_) then(ok);
   });
 }
 
@@ -29,6 +30,7 @@ void Ordering::send(std::string_view envelope, std::chrono::system_clock::time_p
     if (!ok || number != number_ || !done_) return;
     if (stream_) stream_->context.TryCancel();
     stream_.reset();
+    which_ = (which_ + 1) % orderers_.size();
     finish(sent_ ? Ended::open : Ended::not_sent, "no acknowledgement in time");
   }));
   if (stream_) return write();
@@ -53,6 +55,10 @@ void Ordering::connect() {
 
 void Ordering::write() {
   sent_ = true;
+  silence_ = std::make_shared<grpc::Alarm>();
+  silence_->Set(&queue_, std::chrono::system_clock::now() + answer_limit, tag([this, silence = silence_](bool ok) {
+    if (ok) go_on("no acknowledgement in time");
+  }));
   stream_->io->Write(envelope_, tag([this](bool ok) {
                        if (!ok) return go_on("the orderer's stream broke");
                        stream_->io->Read(&stream_->response, tag([this](bool read) { on_acknowledged(read); }));
@@ -80,6 +86,7 @@ void Ordering::on_acknowledged(bool ok) {
 void Ordering::go_on(const std::string& why) {
   if (stream_) stream_->context.TryCancel();
   stream_.reset();
+  if (silence_) silence_->Cancel();
   if (ended_) return finish(sent_ ? Ended::open : Ended::not_sent, why);
   which_ = (which_ + 1) % orderers_.size();
   pause_ = std::make_shared<grpc::Alarm>();
@@ -88,6 +95,7 @@ void Ordering::go_on(const std::string& why) {
 
 void Ordering::finish(Ended ended, const std::string& why) {
   limit_->Cancel();
+  if (silence_) silence_->Cancel();
   const Done done = std::exchange(done_, nullptr);
   done(ended, why);
 }
@@ -98,6 +106,7 @@ void Ordering::end() {
   stream_.reset();
   if (pause_) pause_->Cancel();
   if (limit_) limit_->Cancel();
+  if (silence_) silence_->Cancel();
   done_ = nullptr;
 }
 

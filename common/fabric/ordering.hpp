@@ -15,7 +15,7 @@ namespace ledgerline::fabric {
 /// and the thread of a Pipeline; its tags are std::function<void(bool)>*, as the pipeline's.
 ///
 ///     send() -> connecting -> writing -> waiting for the acknowledgement -> done
-///                  ^             |  broken, no leader: the next orderer, after a back-off
+///                  ^             |  broken, silent, no leader: the next orderer, after a back-off
 ///                  +-------------+
 ///
 /// An envelope may be sent twice when an acknowledgement was lost; the ledger takes a transaction once.
@@ -50,14 +50,14 @@ class Ordering {
   void on_acknowledged(bool ok);
   void go_on(const std::string& why);
   void finish(Ended ended, const std::string& why);
-  /// A tag that counts only while the same send is under way.
+  /// A tag that counts only while the same send is under way on the same stream.
   Tag* tag(std::function<void(bool ok)> then);
 
   const std::vector<std::shared_ptr<grpc::Channel>> orderers_;
   grpc::CompletionQueue& queue_;
   std::size_t which_ = 0;
   std::shared_ptr<Stream> stream_;
-  std::shared_ptr<grpc::Alarm> pause_, limit_;
+  std::shared_ptr<grpc::Alarm> pause_, limit_, silence_;
   Backoff backoff_;
 
   // Of the send that is under way.

@@ -29,7 +29,8 @@ void catch_signals() {
 int fly(Config& config) {
   ground::FlightConfig flight = ground::flight_config(config);
   const ground::OutputSettings output = ground::output_settings(config);
-  auto ledger = fabric::ledger_config(config);
+  // What a leader that died took with it is given up soon: newer commands say more.
+  auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto believed = fabric::msp_registry(config);
   Status checked = config.finish();
   if (checked && flight.drones.empty()) checked = Error{"no [[drone]] to fly"};

@@ -52,7 +52,8 @@ Status check_own_msp(Config& config, const std::string& msp_id) {
 }
 
 int run(Config& config) {
-  auto ledger = fabric::ledger_config(config);
+  // What a leader that died took with it is given up soon: newer states say more.
+  auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto registry = fabric::msp_registry(config);
   const fabric::ClientConfig known = ledger ? *ledger : fabric::ClientConfig{};
   agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
