@@ -42,7 +42,7 @@ struct FlightConfig {
   TimeNs wait_ns = 30 * ns_per_s;     ///< for the first state with a pose, on the ground, under our lease
   TimeNs takeoff_ns = 25 * ns_per_s;  ///< until it hovers at the origin
   TimeNs settle_ns = 8 * ns_per_s;    ///< the part of it that is spent on settling at the origin
-  TimeNs silence_ns = 3 * ns_per_s;   ///< no state at all while flying
+  TimeNs silence_ns = 5 * ns_per_s;   ///< no state at all while flying; a ledger may be choosing a new leader
   TimeNs landing_ns = 20 * ns_per_s;
   double path_factor = 3.0;  ///< path: this many times the time that it should take, and half a minute
 };

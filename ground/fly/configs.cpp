@@ -14,12 +14,17 @@ std::string organisation_dir(const RunFiles& files, int organisation) {
   return files.in(fmt::format("ledger/crypto/peerOrganizations/org{}.ledgerline", organisation));
 }
 
-std::string ledger_table(const RunFiles& files, const std::string& endpoint, int organisation,
-                         const std::string& user) {
+// A slow ledger is the user's wish.
+TimeNs both_ways(const Options& options) {
+  return options.batch_count == 1 ? 0 : std::min(2 * options.batch_timeout_ns, 55 * ns_per_s);  // 1: a block at once
+}
+
+std::string ledger_table(const RunFiles& files, const std::string& endpoint, int organisation, const std::string& user,
+                         const std::string& more = {}) {
   return fmt::format(
       "[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}/tlsca/tlsca.org1.ledgerline-cert.pem\"\n"
-      "msp_id = \"Org{}MSP\"\nmsp_dir = \"{}/msp\"\n\n",
-      endpoint, organisation_dir(files, 1), organisation, user_dir(files, organisation, user));
+      "msp_id = \"Org{}MSP\"\nmsp_dir = \"{}/msp\"\n{}\n",
+      endpoint, organisation_dir(files, 1), organisation, user_dir(files, organisation, user), more);
 }
 
 std::string msp_tables(const RunFiles& files) {
@@ -44,14 +49,20 @@ std::string drone_tables(int drones, bool with_address) {
   return tables;
 }
 
-// A slow ledger is the user's wish: on board, a command may be older and a quiet ledger is not yet a silent one. Link's
-// own limit of 2 s for any command stays.
+// On a slow ledger a command may be older, and a quiet ledger is not yet a silent one. Link's own limit of 2 s for any
+// command stays.
 std::string patience(const Options& options) {
-  if (options.batch_count == 1) return "";  // every transaction is a block at once
-  const TimeNs both_ways_ns = std::min(2 * options.batch_timeout_ns, 55 * ns_per_s);
+  if (both_ways(options) == 0) return "";
   constexpr TimeNs max_age_ns = 500 * ns_per_ms, silent_after_ns = ns_per_s;  // agent's defaults
   return fmt::format("\n[check]\nmax_age_ms = {:.0f}\n\n[agent]\nledger_silent_after_ms = {:.0f}\n",
-                     to_ms(max_age_ns + both_ways_ns), to_ms(silent_after_ns + both_ways_ns));
+                     to_ms(max_age_ns + both_ways(options)), to_ms(silent_after_ns + both_ways(options)));
+}
+
+// Of agent's and ground's transactions.
+std::string deadline(const Options& options) {
+  if (both_ways(options) == 0) return "";
+  constexpr TimeNs deadline_ns = ns_per_s;  // their default
+  return fmt::format("deadline_ms = {:.0f}\n", to_ms(deadline_ns + both_ways(options)));
 }
 
 Status write_file(const std::string& path, const std::string& text) {
@@ -78,14 +89,14 @@ Status write_configs(const RunFiles& files, const Options& options, const std::s
   const std::string with_status = "status_period_ms = 250\n";
   const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
                            drone_tables(options.drones, true);
-  const std::string agent = ledger_table(files, endpoint, 1, "User1") + direct + msp_tables(files) +
+  const std::string agent = ledger_table(files, endpoint, 1, "User1", deadline(options)) + direct + msp_tables(files) +
                             output_table(files, "agent") + with_status + patience(options) +
                             drone_tables(options.drones, false);
   const std::string flight = fmt::format(
       "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
       "{:.3f}\n",
       ground::name_of(options.shape), options.speed_mps, options.laps, options.seconds, height_m, side_m);
-  const std::string ground = ledger_table(files, endpoint, 2, "User1") + direct + msp_tables(files) +
+  const std::string ground = ledger_table(files, endpoint, 2, "User1", deadline(options)) + direct + msp_tables(files) +
                              output_table(files, "ground") + with_status + flight + drone_tables(options.drones, false);
   const std::pair<std::string, std::string> all[] = {
       {"link", link},

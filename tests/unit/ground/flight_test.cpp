@@ -121,9 +121,9 @@ TEST(Flight, SilenceInTheAirEndsInLandingAndThenInFailure) {
   world.run(10);
   ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
   world.drones[0].silent = true;
-  world.run(3.5);
+  world.run(5.5);
   EXPECT_EQ(world.core.status(0).phase, DronePhase::landing);
-  EXPECT_THAT(world.core.why(), HasSubstr("no state came for 3.0 s"));
+  EXPECT_THAT(world.core.why(), HasSubstr("no state came for 5.0 s"));
   world.run(30);
   EXPECT_EQ(world.core.status(0).phase, DronePhase::failed);
   EXPECT_THAT(world.core.why(), HasSubstr("was not seen to land within 20 s"));

@@ -1,8 +1,12 @@
 #include <gmock/gmock.h>
+#include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
 
+#include <atomic>
 #include <future>
 
 #include "common/fabric/client.hpp"
+#include "orderer/ab.grpc.pb.h"
 #include "tests/unit/node/served_node.hpp"
 
 /// The client's direct path (ProcessProposal at the peer, Broadcast at an orderer) against the node, which is both.
@@ -11,6 +15,35 @@ namespace {
 
 using ::testing::HasSubstr;
 using Kind = fabric::Outcome::Kind;
+
+/// Takes envelopes and says nothing, as an orderer does whose leader has just died.
+class SilentOrderer final : public orderer::AtomicBroadcast::Service {
+ public:
+  explicit SilentOrderer(const ServedNode& as) {
+    const auto tls =
+        std::filesystem::path(as.tls_ca_file()).parent_path().parent_path() / "peers" / "peer0.org1.ledgerline" / "tls";
+    grpc::SslServerCredentialsOptions options;
+    options.pem_key_cert_pairs.push_back({text_of(tls / "server.key"), text_of(tls / "server.crt")});
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(options), &port_);
+    builder.RegisterService(this);
+    server_ = builder.BuildAndStart();
+  }
+  ~SilentOrderer() override { server_->Shutdown(std::chrono::system_clock::now()); }
+  std::string endpoint() const { return "127.0.0.1:" + std::to_string(port_); }
+  int taken() const { return taken_; }
+
+  grpc::Status Broadcast(grpc::ServerContext*,
+                         grpc::ServerReaderWriter<orderer::BroadcastResponse, common::Envelope>* stream) override {
+    for (common::Envelope envelope; stream->Read(&envelope);) ++taken_;
+    return grpc::Status::OK;
+  }
+
+ private:
+  int port_ = 0;
+  std::atomic<int> taken_{0};
+  std::unique_ptr<grpc::Server> server_;
+};
 
 class DirectTest : public ::testing::Test {
  protected:
@@ -92,6 +125,16 @@ TEST_F(DirectTest, AnotherPeerStandsInForOneThatIsGone) {
     EXPECT_EQ(client->submit_and_wait(note("tello1/a")).kind, Kind::committed);
     EXPECT_TRUE(client->evaluate({"get", {}}).ok());
   }
+}
+
+TEST_F(DirectTest, AnOrdererThatIsSilentIsPassedOver) {
+  const SilentOrderer silent(served);
+  const auto client = connect({silent.endpoint(), served.endpoint()});
+  for (int i = 0; i < 3; ++i) {
+    const auto outcome = client->submit_and_wait(note("tello1/a"));
+    EXPECT_EQ(outcome.kind, Kind::committed) << outcome.message;
+  }
+  EXPECT_EQ(silent.taken(), 1) << "what comes after goes to the one that answers";
 }
 
 TEST_F(DirectTest, AClientThatEndsInTheMiddleAnswersEveryCall) {
