@@ -22,6 +22,7 @@
 #include "common/fabric/client.hpp"
 #include "common/rt/file.hpp"
 #include "common/rt/log.hpp"
+#include "common/rt/space.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
@@ -125,9 +126,10 @@ Status Network::prepare() {
 }
 
 Status Network::up() {
-  for (const auto step : {&Network::prepare, &Network::check_ports, &Network::make_packages, &Network::start_processes,
-                          &Network::join_orderers, &Network::join_peers, &Network::start_chaincodes, &Network::install,
-                          &Network::deploy, &Network::wait_for_contract, &Network::enroll_first}) {
+  for (const auto step :
+       {&Network::check_room, &Network::prepare, &Network::check_ports, &Network::make_packages,
+        &Network::start_processes, &Network::join_orderers, &Network::join_peers, &Network::start_chaincodes,
+        &Network::install, &Network::deploy, &Network::wait_for_contract, &Network::enroll_first}) {
     if (Status s = (this->*step)(); !s) return s;
   }
   processes_->supervise();
@@ -167,6 +169,15 @@ Status Network::look_at_directory() {
   if (error) return Error{"looking at " + options_.dir + ": " + error.message()};
   processes_ = std::make_unique<Processes>(in("logs"));
   return done;
+}
+
+/// Each orderer makes two files of 64 MB for each channel beforehand; some more is for what is written later. What the
+/// directory has already is not needed again.
+Status Network::check_room() {
+  constexpr std::uint64_t orderer_channel = 128ULL << 20, more = 64ULL << 20;
+  const std::uint64_t all = own_orderers().size() * options_.channels.size() * orderer_channel + more;
+  const std::uint64_t there = bytes_below(options_.dir);
+  return check_space(options_.dir, std::max(all - std::min(all, there), more), "the network");
 }
 
 Status Network::make_identities() {

@@ -41,6 +41,7 @@ class Network {
 
  private:
   Status look_at_directory();
+  Status check_room();
   Status make_identities();
   Status choose_places();
   Status check_ports();

@@ -7,6 +7,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "common/rt/space.hpp"
+
 namespace ledgerline::fly {
 namespace {
 
@@ -160,6 +162,7 @@ std::string Launcher::ground_why() const {
 }
 
 Status Launcher::fly() {
+  const std::uint64_t ledger_before = bytes_below(files_.in("ledger/."));
   record_.begin_ns = monotonic_ns();
   for (const auto& name : all_programs_) cpu_at_begin_[name] = children_.cpu_seconds(name);
   int interrupts_seen = 0;
@@ -194,6 +197,8 @@ Status Launcher::fly() {
       if (!flying) result = Error{"interrupted twice: the drones were not awaited"};
     }
   }
+  const std::uint64_t ledger_after = bytes_below(files_.in("ledger/."));
+  record_.ledger_grown_bytes = ledger_after > ledger_before ? ledger_after - ledger_before : 0;
   return result;
 }
 

@@ -17,6 +17,7 @@ struct RunRecord {
   std::string why;                  ///< when not ok
   TimeNs begin_ns = 0, end_ns = 0;  ///< of the flight: all programs serve, until ground ended
   std::map<std::string, double> cpu_percent;
+  std::uint64_t ledger_grown_bytes = 0;  ///< of the ledger's directory, during the flight
 };
 
 /// Starts the programs of a flight, watches them, and ends every one of them, whatever happens:

@@ -8,12 +8,15 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <memory>
 #include <nlohmann/json.hpp>
 
+#include "common/rt/space.hpp"
 #include "ground/fly/configs.hpp"
 #include "ground/fly/launcher.hpp"
 #include "ground/fly/machine.hpp"
 #include "ground/fly/options.hpp"
+#include "ground/fly/space.hpp"
 #include "ground/report/results.hpp"
 
 namespace {
@@ -68,6 +71,32 @@ int fail(const std::string& what) {
   return EXIT_FAILURE;
 }
 
+/// The ledger's directory in memory: one flight at a time has it, and what a killed one left is removed.
+class MemoryDirectory {
+ public:
+  static Status make(const fly::RunFiles& files, std::unique_ptr<MemoryDirectory>& out) {
+    std::error_code error;
+    fs::remove_all(path, error);
+    if (!error) fs::create_directory(path, error);
+    if (!error) fs::permissions(path, fs::perms::owner_all, error);
+    if (!error) fs::create_symlink(path, files.in("ledger"), error);
+    if (error) return Error{fmt::format("cannot make {}: {}", path, error.message())};
+    out.reset(new MemoryDirectory(files.in("ledger")));
+    return done;
+  }
+  ~MemoryDirectory() {
+    std::error_code error;
+    fs::remove_all(path, error);
+    if (error) fmt::print(stderr, "fly: cannot remove {}: {}\n", path, error.message());
+    fs::remove(link_, error);
+  }
+  static constexpr const char* path = "/dev/shm/ledgerline-ledger";
+
+ private:
+  explicit MemoryDirectory(std::string link) : link_(std::move(link)) {}
+  std::string link_;
+};
+
 int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
   fmt::print(stderr, "{} around a {} through the ledger; everything of this run is in {}\n",
              options.drones == 1 ? "One drone" : fmt::format("{} drones", options.drones),
@@ -112,6 +141,14 @@ int main(int argc, char** argv) {
   if (error) return fail(fmt::format("cannot make {}: {}", files.directory, error.message()));
   if (fs::exists(files.in("ledger")))
     return fail(fmt::format("{} holds another run already: choose another --out", files.directory));
+  const std::string ledger = line.options.tmpfs ? MemoryDirectory::path : files.in("ledger");
+  const auto needed = fly::expected_ledger_bytes(line.options);
+  const auto what = fmt::format("the ledger of a flight of {:.0f} s", fly::expected_seconds(line.options));
+  std::unique_ptr<MemoryDirectory> memory;
+  if (line.options.tmpfs) {
+    if (const Status made = MemoryDirectory::make(files, memory); !made) return fail(made.error().what);
+  }
+  if (const Status room = check_space(ledger, needed, what); !room) return fail(room.error().what);
   catch_signals();
   return fly_and_report(line.options, files);
 }

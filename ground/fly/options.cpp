@@ -48,6 +48,7 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
       "  fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run");
   std::string shape = "square";
   std::string batch_timeout = "10ms";
+  std::string storage = "disk";
   app.add_option("--shape", shape, "Path of 1.5 m a side")
       ->check(CLI::IsMember({"square", "triangle", "x"}))
       ->capture_default_str();
@@ -67,6 +68,9 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
       ->capture_default_str();
   app.add_option("--orderers", o.orderers, "Fabric: how many orderers")
       ->check(CLI::IsMember({1, 3}))
+      ->capture_default_str();
+  app.add_option("--storage", storage, "Ledger: in the run's directory, or in memory and gone after the flight")
+      ->check(CLI::IsMember({"disk", "tmpfs"}))
       ->capture_default_str();
   app.add_option("--batch-timeout", batch_timeout,
                  "Ledger: a block is cut when its oldest transaction waited this long")
@@ -89,6 +93,7 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   }
   o.shape = *ground::shape_from_name(shape);
   o.batch_timeout_ns = *parse_duration(batch_timeout);
+  o.tmpfs = storage == "tmpfs";
   line.fly = true;
   return line;
 }

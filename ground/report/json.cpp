@@ -40,6 +40,8 @@ json to_json(const Results& r) {
              {"laps", r.asked.laps},
              {"seconds", r.asked.seconds},
              {"ledger", r.asked.ledger},
+             {"orderers", r.asked.ledger == "fabric" ? json(r.asked.orderers) : json(nullptr)},
+             {"storage", r.asked.tmpfs ? "tmpfs" : "disk"},
              {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
              {"batch_count", r.asked.batch_count},
              {"seed", r.asked.seed}};
@@ -58,6 +60,8 @@ json to_json(const Results& r) {
                 {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
                 {"batch_count", r.asked.batch_count},
                 {"storage", r.storage},
+                {"bytes_per_drone_hour", rounded(r.bytes_per_drone_hour, 1e-6)},
+                {"restarts", r.restarts},
                 {"disk_ms", r.disk_ms},
                 {"blocks", r.blocks},
                 {"transactions", r.transactions}}},

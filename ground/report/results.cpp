@@ -146,6 +146,16 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
   results.disk_ms = quantiles_in(at(node, "disk_ms"));
   results.storage = at(node, "storage").is_string() ? at(node, "storage").get<std::string>() : "unknown";
 
+  if (results.flight_s > 0) {
+    constexpr double hour_s = 3600;
+    results.bytes_per_drone_hour =
+        static_cast<double>(record.ledger_grown_bytes) / asked.drones / results.flight_s * hour_s;
+  }
+  const json& restarts = at(node, "restarts");
+  for (const auto& [name, count] : restarts.items()) {
+    if (count_of(count) > 0) results.restarts[name] = count_of(count);
+  }
+
   std::vector<Sample> all_two_way, all_age;
   std::uint64_t messages = 0;
   for (int k = 1; k <= asked.drones; ++k) {

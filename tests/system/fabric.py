@@ -1,12 +1,17 @@
-"""Where tests find Fabric's own programs, and what Fabric's peers want of a test's network."""
+"""Fabric itself for tests: its programs, what its peers want of a test's network, and a network of our own on it."""
+import json
 import os
 import pathlib
 import socket
 import subprocess
+import time
+import urllib.request
 
 import pytest
 
+BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 FABRIC = pathlib.Path(os.environ["LEDGERLINE_FABRIC"])
+PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
 
 
 def needs_fabric() -> None:
@@ -17,3 +22,98 @@ def needs_fabric() -> None:
         for command in ("link add fabric0 type veth peer name fabric1", "addr add 192.0.2.1/24 dev fabric0",
                         "link set fabric0 up", "link set fabric1 up"):
             subprocess.run(["ip", *command.split()], check=True)
+
+
+def fabric(*words) -> subprocess.CompletedProcess:
+    """`ledgerline fabric ...` to its end."""
+    return subprocess.run([BIN / "ledgerline-fabric", *words], capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+def processes_in(directory: pathlib.Path) -> dict[str, dict]:
+    """Of the network that runs there, by name."""
+    done = fabric("status", "--dir", directory)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return {process["name"]: process for process in json.loads(done.stdout)["processes"]}
+
+
+def leader_in(directory: pathlib.Path, channel: str = "teleop") -> str:
+    """The Raft leader, as the orderers' own metrics have it; there may be none for a moment."""
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        for name, process in processes_in(directory).items():
+            if "operations" not in process or process["pid"] == 0:
+                continue
+            try:
+                with urllib.request.urlopen(f"http://{process['operations']}/metrics", timeout=5) as answer:
+                    if f'consensus_etcdraft_is_leader{{channel="{channel}"}} 1' in answer.read().decode():
+                        return name
+            except OSError:
+                pass  # it is just starting
+        time.sleep(0.1)
+    raise AssertionError("no orderer leads")
+
+
+class Network:
+    """`ledgerline fabric run`, until stop()."""
+
+    def __init__(self, directory: pathlib.Path, *options, command=lambda *words: list(words)):
+        self.directory = directory
+        self.summary = directory.with_suffix(".json")
+        self.log_file = directory.with_suffix(".log")
+        self.process = subprocess.Popen(
+            command(BIN / "ledgerline-fabric", "run", "--dir", directory, "--tools", FABRIC, "--summary", self.summary, *options),
+            stdout=subprocess.PIPE, stderr=open(self.log_file, "ab"), text=True)
+
+    def wait_ready(self) -> "Network":
+        line = self.process.stdout.readline()
+        assert line, self.log()
+        self.ready = json.loads(line)
+        return self
+
+    def stop(self) -> None:
+        self.process.terminate()
+        assert self.process.wait(timeout=PATIENCE_S) == 0, self.log()
+
+    def log(self) -> str:
+        return self.log_file.read_text()
+
+
+def organisation_dir(directory: pathlib.Path, number: int) -> pathlib.Path:
+    return directory / "crypto" / "peerOrganizations" / f"org{number}.ledgerline"
+
+
+class Peer:
+    """Fabric's own command line at a peer, as a user of an organisation."""
+
+    def __init__(self, directory: pathlib.Path, address: str, organisation: int, orderer: str, user: str = "User1",
+                 command=lambda *words: list(words)):
+        home = organisation_dir(directory, organisation)
+        self.command = command
+        self.environment = {
+            **os.environ, "FABRIC_CFG_PATH": str(FABRIC / "config"), "FABRIC_LOGGING_SPEC": "error", "CORE_PEER_ADDRESS": address,
+            "CORE_PEER_LOCALMSPID": f"Org{organisation}MSP", "CORE_PEER_TLS_ENABLED": "true",
+            "CORE_PEER_MSPCONFIGPATH": str(home / "users" / f"{user}@org{organisation}.ledgerline" / "msp"),
+            "CORE_PEER_TLS_ROOTCERT_FILE": str(home / "tlsca" / f"tlsca.org{organisation}.ledgerline-cert.pem")}
+        self.ordering = ["-o", orderer, "--tls", "--cafile",
+                         directory / "crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"]
+
+    def _call(self, *words) -> subprocess.CompletedProcess:
+        return subprocess.run(self.command(FABRIC / "peer", "chaincode", *words), env=self.environment, capture_output=True,
+                              text=True, timeout=PATIENCE_S)
+
+    def invoke(self, channel: str, *arguments: str) -> None:
+        """Returns when it is committed at this peer."""
+        done = self._call("invoke", *self.ordering, "-C", channel, "-n", "ledgerline", "-c", json.dumps({"Args": arguments}),
+                          "--waitForEvent")
+        assert done.returncode == 0, done.stderr
+
+    def query(self, channel: str, *arguments: str) -> str:
+        """The answer, or what went wrong."""
+        done = self._call("query", "-C", channel, "-n", "ledgerline", "-c", json.dumps({"Args": arguments}))
+        return done.stdout if done.returncode == 0 else done.stderr
+
+    def wait_for(self, channel: str, text: str, *arguments: str) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while text not in (answer := self.query(channel, *arguments)):
+            assert time.monotonic() < deadline, answer
+            time.sleep(0.1)

@@ -5,79 +5,54 @@ import pathlib
 import random
 import re
 import signal
+import struct
 import subprocess
 import time
-import urllib.request
 
-from fabric import FABRIC, needs_fabric
+import pytest
+from fabric import BIN, PATIENCE_S, Network, leader_in, needs_fabric, organisation_dir, processes_in
 
-BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 KINDS = ["leader", "orderer", "peer", "gateway peer", "chaincode"]
-PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
 
 
-class Network:
-    def __init__(self, directory: pathlib.Path):
-        self.directory = directory
-        self.summary = directory.with_suffix(".json")
-        self.log = directory.with_suffix(".log")
-        self.process = subprocess.Popen(
-            [BIN / "ledgerline-fabric", "run", "--dir", directory, "--tools", FABRIC, "--orderers", "3", "--summary", self.summary],
-            stdout=subprocess.PIPE, stderr=open(self.log, "ab"), text=True)
-        ready = self.process.stdout.readline()
-        assert ready, self.log.read_text()
-        self.ready = json.loads(ready)
+def victim(directory: pathlib.Path, kind: str) -> str:
+    """The load's client talks to peer1, whose contract is in chaincode1, and to orderer1 first."""
+    if kind == "leader":
+        return leader_in(directory)
+    if kind == "orderer":
+        leader = leader_in(directory)
+        return "orderer1" if leader != "orderer1" else random.choice(["orderer2", "orderer3"])
+    return {"peer": random.choice(["peer2", "peer3"]), "gateway peer": "peer1", "chaincode": "chaincode1"}[kind]
 
-    def processes(self) -> dict[str, dict]:
-        done = subprocess.run([BIN / "ledgerline-fabric", "status", "--dir", self.directory], capture_output=True, text=True)
-        assert done.returncode == 0, done.stdout + self.log.read_text()
-        return {process["name"]: process for process in json.loads(done.stdout)["processes"]}
 
-    def leader(self) -> str:
-        """As the orderers' own metrics have it; there may be none for a moment."""
-        deadline = time.monotonic() + PATIENCE_S
-        while time.monotonic() < deadline:
-            for name, process in self.processes().items():
-                if "operations" not in process or process["pid"] == 0:
-                    continue
-                try:
-                    with urllib.request.urlopen(f"http://{process['operations']}/metrics", timeout=5) as answer:
-                        if re.search(rb'consensus_etcdraft_is_leader\{channel="teleop"\} 1', answer.read()):
-                            return name
-                except OSError:
-                    pass  # it is just starting
-            time.sleep(0.1)
-        raise AssertionError("no orderer leads")
+def kill(directory: pathlib.Path, name: str) -> dict:
+    process = processes_in(directory)[name]
+    os.kill(process["pid"], signal.SIGKILL)
+    return process
 
-    def victim(self, kind: str) -> str:
-        if kind == "leader":
-            return self.leader()
-        if kind == "orderer":
-            return random.choice([f"orderer{k}" for k in (1, 2, 3) if f"orderer{k}" != self.leader()])
-        return {"peer": random.choice(["peer2", "peer3"]), "gateway peer": "peer1", "chaincode": "chaincode1"}[kind]
 
-    def client_config(self, path: pathlib.Path, organisation: int) -> pathlib.Path:
-        """Org1's drone host, at a peer of an organisation, on the direct path."""
-        crypto = self.directory / "crypto"
-        org = lambda k: crypto / "peerOrganizations" / f"org{k}.ledgerline"
-        text = (f'[ledger]\nendpoint = "{self.ready["peers"][organisation - 1]}"\n'
-                f'tls_ca = "{org(organisation)}/tlsca/tlsca.org{organisation}.ledgerline-cert.pem"\n'
-                f'msp_id = "Org1MSP"\nmsp_dir = "{org(1)}/users/User1@org1.ledgerline/msp"\n')
-        for orderer in self.ready["orderers"]:
-            text += (f'[[orderer]]\nendpoint = "{orderer}"\n'
-                     f'tls_ca = "{crypto}/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"\n')
-        path.write_text(text)
-        return path
+def wait_until_back(directory: pathlib.Path, name: str, before: dict) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while (now := processes_in(directory)[name])["restarts"] == before["restarts"] or now["pid"] == 0:
+        assert time.monotonic() < deadline, f"{name} does not come back"
+        time.sleep(0.05)
 
-    def stop(self) -> None:
-        self.process.terminate()
-        assert self.process.wait(timeout=PATIENCE_S) == 0, self.log.read_text()
+
+def client_config(network: Network, path: pathlib.Path, organisation: int) -> pathlib.Path:
+    """Org1's drone host at the peer of an organisation, on the direct path."""
+    tls = organisation_dir(network.directory, organisation) / "tlsca" / f"tlsca.org{organisation}.ledgerline-cert.pem"
+    user = organisation_dir(network.directory, 1) / "users" / "User1@org1.ledgerline"
+    ordering = network.directory / "crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"
+    path.write_text(f'[ledger]\nendpoint = "{network.ready["peers"][organisation - 1]}"\ntls_ca = "{tls}"\n'
+                    f'msp_id = "Org1MSP"\nmsp_dir = "{user}/msp"\n'
+                    + "".join(f'[[orderer]]\nendpoint = "{orderer}"\ntls_ca = "{ordering}"\n' for orderer in network.ready["orderers"]))
+    return path
 
 
 class Load:
     def __init__(self, network: Network, directory: pathlib.Path):
-        configs = [network.client_config(directory / f"peer{k}.toml", k) for k in (1, 2, 3)]
+        configs = [client_config(network, directory / f"peer{k}.toml", k) for k in (1, 2, 3)]
         self.process = subprocess.Popen(
             [BIN / "fault_load", "--config", configs[0], *(word for config in configs for word in ("--peer", config))],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -102,7 +77,7 @@ class Load:
 def test_what_was_confirmed_stays_and_nothing_is_applied_twice(tmp_path):
     needs_fabric()
     random.seed(5)
-    network = Network(tmp_path / "net")
+    network = Network(tmp_path / "net", "--orderers", "3").wait_ready()
     load = Load(network, tmp_path)
     load.wait_for_traffic(50)
     gaps: dict[str, list[float]] = {kind: [] for kind in KINDS}
@@ -110,14 +85,9 @@ def test_what_was_confirmed_stays_and_nothing_is_applied_twice(tmp_path):
     if LONG:
         random.shuffle(kinds)
     for kind in kinds:
-        name = network.victim(kind)
-        before = network.processes()[name]
+        name = victim(network.directory, kind)
         load.ask("mark")
-        os.kill(before["pid"], signal.SIGKILL)
-        deadline = time.monotonic() + PATIENCE_S
-        while (now := network.processes()[name])["restarts"] == before["restarts"] or now["pid"] == 0:
-            assert time.monotonic() < deadline, f"{name} does not come back"
-            time.sleep(0.05)
+        wait_until_back(network.directory, name, kill(network.directory, name))
         sent = load.ask("watch")["committed"]
         seen = load.wait_for_traffic(sent + 50)
         gaps[kind].append(seen["gap_ms"] / 1e3)
@@ -135,3 +105,35 @@ def test_what_was_confirmed_stays_and_nothing_is_applied_twice(tmp_path):
         assert verdict[wrong] == 0, wrong
     restarts = json.loads(network.summary.read_text())["restarts"]
     assert sum(restarts.values()) == len(kinds)
+
+
+COMMAND_APPLIED = 8  # TraceKind in common/rt/trace.hpp
+
+
+def longest_gap_s(trace: pathlib.Path) -> float:
+    """Without a command that link flew, between the first lap's beginning and the end."""
+    data = trace.read_bytes()
+    times = [r[0] for r in struct.iter_unpack("<qHHIQq4d", data[len(data) % 64:]) if r[1] == COMMAND_APPLIED]
+    times = [t for t in times if t - times[0] > 5e9]  # the first one asks for the take-off
+    return max(b - a for a, b in zip(times, times[1:])) / 1e9
+
+
+@pytest.mark.parametrize("kind", KINDS if LONG else ["leader"])
+def test_a_flight_goes_on_when_a_part_is_killed_in_mid_lap(tmp_path, kind):
+    needs_fabric()
+    out, run = tmp_path / "fly.out", tmp_path / "run"
+    flight = subprocess.Popen([BIN / "ledgerline-fly", "--out", run, "--json", tmp_path / "result.json", "--ledger", "fabric",
+                               "--orderers", "3", "--laps", "2"], stdout=open(out, "wb"), stderr=subprocess.STDOUT)
+    deadline = time.monotonic() + PATIENCE_S
+    while not re.search(r"tello1\b.*\bpath [1-9]\d %, lap 1", out.read_text()):
+        assert flight.poll() is None and time.monotonic() < deadline, out.read_text()
+        time.sleep(0.1)
+    name = victim(run / "ledger", kind)
+    kill(run / "ledger", name)
+    assert flight.wait(PATIENCE_S) == 0, out.read_text()
+    result = json.loads((tmp_path / "result.json").read_text())
+    drone = result["drones"][0]
+    print(f"{kind} {name} killed: {longest_gap_s(run / 'link.trace'):.2f} s without a command in the air; cross-track error "
+          f"{drone['cross_track_m']['max']:.2f} m at most")
+    assert result["ok"] and len(drone["lap_s"]) == 2
+    assert result["ledger"]["restarts"] == {name: 1}

@@ -48,6 +48,11 @@ TEST(FlyOptions, EveryOptionIsTaken) {
   EXPECT_EQ(line.options.out, "there");
 }
 
+TEST(FlyOptions, TheLedgerMayLieInMemory) {
+  EXPECT_FALSE(parse_command_line({}).options.tmpfs);
+  EXPECT_TRUE(parse_command_line({"--storage", "tmpfs"}).options.tmpfs);
+}
+
 TEST(FlyOptions, WhatCannotBeFlownIsRefusedInWords) {
   expect_refused({"--shape", "circle"}, "circle");
   expect_refused({"--drones", "0"}, "drones");
@@ -56,6 +61,7 @@ TEST(FlyOptions, WhatCannotBeFlownIsRefusedInWords) {
   expect_refused({"--speed", "-1"}, "speed");
   expect_refused({"--laps", "0"}, "laps");
   expect_refused({"--ledger", "paper"}, "ledger");
+  expect_refused({"--storage", "paper"}, "storage");
   expect_refused({"--batch-timeout", "soon"}, "no time from 1ms to 60s");
   expect_refused({"--laps", "3", "--seconds", "5"}, "seconds");
   expect_refused({"--unknown"}, "--unknown");

@@ -85,8 +85,9 @@ class RunDirectory : public testing::Test {
 
   /// What the programs of a flight of one drone leave.
   void fill() {
-    write(files.summary("node"), R"({"blocks":12,"transactions":11,"invalid":0,"storage":"tmpfs",)"
-                                 R"("disk_ms":{"p5":1,"q1":2,"median":3,"q3":4,"p95":5,"p99":6,"max":7,"count":12}})");
+    write(files.summary("node"),
+          R"({"blocks":12,"transactions":11,"invalid":0,"storage":"tmpfs","restarts":{"peer1":2,"peer2":0},)"
+          R"("disk_ms":{"p5":1,"q1":2,"median":3,"q3":4,"p95":5,"p99":6,"max":7,"count":12}})");
     write(
         files.summary("link"),
         R"({"drones":[{"name":"tello1","states_lost":1,"commands_applied":7,"commands_late":1,"commands_dropped":2,"drop_reasons":{"not_flying":2}}]})");
@@ -105,6 +106,7 @@ class RunDirectory : public testing::Test {
     run.begin_ns = ns_per_s;
     run.end_ns = 11 * ns_per_s;
     run.cpu_percent = {{"link", 12.34}, {"node", 5}};
+    run.ledger_grown_bytes = 5'000'000;
   }
 
   fly::RunFiles files;
@@ -141,6 +143,8 @@ TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   EXPECT_EQ(r["ledger"]["storage"], "tmpfs");
   EXPECT_EQ(r["ledger"]["disk_ms"]["max"], 7);
   EXPECT_EQ(r["ledger"]["blocks"], 12);
+  EXPECT_EQ(r["ledger"]["bytes_per_drone_hour"], 1.8e9) << "5 MB in 10 s by one drone";
+  EXPECT_EQ(r["ledger"]["restarts"], (json{{"peer1", 2}}));
   EXPECT_EQ(r["ledger"]["transactions"], 11);
   EXPECT_EQ(r["cpu_percent"]["link"], 12.3);
   EXPECT_NEAR(r["messages_per_s"].get<double>(), 2.7, 1e-9);

@@ -1,0 +1,74 @@
+"""One network on three hosts: three network namespaces at a bridge, one organisation with its orderer in each."""
+import json
+import shutil
+import subprocess
+
+from fabric import FABRIC, Network, Peer, fabric, needs_fabric
+from netns import Namespace
+
+HOSTS = {k: f"10.77.0.{k}" for k in (1, 2, 3)}
+
+
+def make_hosts() -> list[Namespace]:
+    """Namespaces with an interface each at a bridge in this one."""
+    ip = lambda words: subprocess.run(["ip", *words.split()], check=True)
+    ip("link add hosts type bridge")
+    ip("link set hosts up")
+    spaces = []
+    for k, address in HOSTS.items():
+        space = Namespace()
+        ip(f"link add host{k} type veth peer name eth0 netns {space.holder.pid}")
+        ip(f"link set host{k} master hosts up")
+        space.run("ip", "addr", "add", f"{address}/24", "dev", "eth0")
+        space.run("ip", "link", "set", "eth0", "up")
+        spaces.append(space)
+    return spaces
+
+
+def test_a_transaction_through_each_host_is_read_at_the_others(tmp_path):
+    needs_fabric()
+    config = tmp_path / "net.toml"
+    config.write_text("batch_count = 1\n" + "".join(
+        f'[[{table}]]\nhost = "{address}"\nport = {port}\n'
+        for table, port in (("organisation", 7051), ("orderer", 7061)) for address in HOSTS.values()))
+    made = fabric("identities", "--config", config, "--dir", tmp_path / "made", "--tools", FABRIC)
+    assert made.returncode == 0, made.stderr
+    spaces = make_hosts()
+    networks, peers = [], []
+    try:
+        for k, space in enumerate(spaces, 1):
+            shutil.copytree(tmp_path / "made", tmp_path / f"host{k}")  # "scp"
+            networks.append(Network(tmp_path / f"host{k}", "--config", config, "--only", f"org{k}", "--only", f"orderer{k}",
+                                    command=space.command))
+        for k, (space, network) in enumerate(zip(spaces, networks), 1):
+            ready = network.wait_ready().ready
+            assert ready["endpoint"] == f"{HOSTS[k]}:7051"
+            assert [p["name"] for p in ready["processes"]] == [f"orderer{k}", f"peer{k}", f"chaincode{k}"]
+            peers.append(Peer(network.directory, ready["endpoint"], k, f"{HOSTS[k]}:7061", command=space.command))
+        for k, peer in enumerate(peers, 1):
+            identifier = f"Org{k}MSP/note"
+            peer.invoke("teleop", "set", json.dumps({"id": identifier, "msgType": f"from host {k}"}))
+            for other in peers:
+                other.wait_for("teleop", f'"from host {k}"', "get", identifier)
+        # A host that ends and comes again catches up.
+        networks[2].stop()
+        peers[0].invoke("teleop", "set", json.dumps({"id": "Org1MSP/note", "msgType": "while host 3 was away"}))
+        networks[2] = Network(tmp_path / "host3", "--config", config, "--only", "org3", "--only", "orderer3",
+                              command=spaces[2].command).wait_ready()
+        peers[2].wait_for("teleop", '"while host 3 was away"', "get", "Org1MSP/note")
+        for network in networks:
+            network.stop()
+    finally:
+        for network in networks:
+            network.process.kill()
+        for space in spaces:
+            space.close()
+
+
+def test_a_host_without_the_common_identities_is_told_so(tmp_path):
+    config = tmp_path / "net.toml"
+    config.write_text("".join(f'[[{table}]]\nhost = "127.0.0.1"\nport = {port + 10 * k}\n'
+                              for table, port in (("organisation", 7051), ("orderer", 7151)) for k in (1, 2, 3)))
+    done = fabric("up", "--config", config, "--dir", tmp_path / "net", "--tools", FABRIC, "--only", "org1")
+    assert done.returncode == 1
+    assert "crypto is missing" in done.stderr and "ledgerline fabric identities" in done.stderr
