@@ -15,7 +15,7 @@ namespace ledgerline::fabric_network {
 class Restarts {
  public:
   struct Limits {
-    int most = 8;  ///< within `within`
+    int most = 10;  ///< within `within`
     TimeNs within = 60 * ns_per_s;
     TimeNs first_wait = 100 * ns_per_ms, longest_wait = 5 * ns_per_s;
   };
