@@ -82,6 +82,7 @@ const std::vector<Contender>& contenders() {
       {"polling", "gateway, polling", Way::polling, false, ""},
       {"ledgerline", "Ledgerline, libcrypto", Way::ledgerline, false, "libcrypto"},
       {"ledgerline-mbedtls", "Ledgerline, mbedTLS", Way::ledgerline, false, "mbedtls"},
+      {"ledgerline-checked", "Ledgerline, cross-checked", Way::ledgerline, false, "libcrypto", false, true},
   };
   return all;
 }

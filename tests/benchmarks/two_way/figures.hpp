@@ -18,6 +18,7 @@ struct Contender {
   bool published_settings = false;  ///< three orderers, 2 s / 10; otherwise one, a block for each transaction
   std::string signer = {};          ///< of Ledgerline alone: "libcrypto" or "mbedtls"
   bool only_when_asked = false;
+  bool cross_check = false;  ///< of Ledgerline: an orderer's stream is compared with the peer's
 };
 const std::vector<Contender>& contenders();
 const Contender* find_contender(const std::string& id);

@@ -218,7 +218,8 @@ class Pair {
     Children::Program program{name, {}, log(name), SIGKILL};
     if (contender_.way == Way::ledgerline) {
       const fs::path config = dir_ / (name + ".toml");
-      std::string text = ledger_table(access) + fmt::format("signer = \"{}\"\n", contender_.signer);
+      std::string text = ledger_table(access) +
+                         fmt::format("signer = \"{}\"\ncross_check = {}\n", contender_.signer, contender_.cross_check);
       for (const std::string& orderer : access.orderers) {
         text += fmt::format("\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", orderer, access.orderer_tls_ca);
       }

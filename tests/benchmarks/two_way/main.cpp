@@ -29,8 +29,9 @@ Clients:
   gateway               as published, on one orderer, a block for each transaction ("our settings")
   direct                the same past the gateway: the peer's Endorser, one Broadcast stream to the orderer
   polling               as gateway, but asking again and again, with a cache of what was there the last time
-  ledgerline            frames and the direct path, as agent and ground do, signed by libcrypto
+  ledgerline            frames and the direct path, signed by libcrypto; reads from its peer alone, as the others
   ledgerline-mbedtls    the same, signed by mbedTLS
+  ledgerline-checked    as ledgerline, and an orderer's blocks are compared with the peer's, as agent and ground do
 
 Examples:
   ledgerline bench two-way --rates 30,70 --json two-way.json
