@@ -136,6 +136,35 @@ Status Network::up() {
   return done;
 }
 
+Status Network::tend(TimeNs duration) {
+  if (Status s = processes_->tend(duration); !s) return s;
+  watch_orderers();
+  return done;
+}
+
+void Network::watch_orderers() {
+  constexpr TimeNs between = ns_per_s, limit = 10 * ns_per_s;
+  const TimeNs now = monotonic_ns();
+  if (now < next_watch_) return;
+  next_watch_ = now + between;
+  for (const Processes::State& state : processes_->states()) {
+    if (!state.name.starts_with("orderer") || state.pid == 0) continue;
+    Watched& watched = watched_[state.name];
+    if (watched.pid != state.pid) watched = {state.pid, StartCheck(options_.channels, limit)};
+    if (!watched.check) continue;
+    const int number = std::stoi(state.name.substr(std::strlen("orderer")));
+    const auto metrics = fetch_metrics(places_.orderer_operations(number));
+    if (!metrics) continue;  // it does not listen yet; one that ends is seen by itself
+    const auto verdict = watched.check->update(now, raft_signs(*metrics));
+    if (verdict == StartCheck::Verdict::not_known) continue;
+    watched.check.reset();
+    if (verdict == StartCheck::Verdict::takes_part) continue;
+    spdlog::warn("{} has not taken part in Raft for {:.0f} s since its start: it hangs, and is ended", state.name,
+                 to_seconds(limit));
+    processes_->kill(state.name);
+  }
+}
+
 Status Network::for_each_channel(const std::string& step, Status (Network::*make)(const std::string& channel)) {
   for (const std::string& channel : options_.channels) {
     if (marked(step + "-" + channel)) continue;

@@ -1,11 +1,13 @@
 #pragma once
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "chaincode/fabric/options.hpp"
 #include "chaincode/fabric/processes.hpp"
+#include "chaincode/fabric/start_check.hpp"
 #include "common/fabric/client.hpp"
 #include "common/rt/result.hpp"
 
@@ -25,7 +27,7 @@ class Network {
   /// has the last log lines of what failed.
   Status up();
   /// Looks after the processes for so long: one that ended is started again. An error: it ended too often.
-  Status tend(TimeNs duration) { return processes_->tend(duration); }
+  Status tend(TimeNs duration);
   /// Ends all, peers first. False: one of them had to be killed.
   bool down() { return !processes_ || processes_->stop(); }
 
@@ -40,6 +42,7 @@ class Network {
   Result<Counts> count();
 
  private:
+  void watch_orderers();
   Status look_at_directory();
   Status check_room();
   Status make_identities();
@@ -79,6 +82,12 @@ class Network {
   Places places_;
   std::map<int, std::string> package_ids_;
   std::unique_ptr<Processes> processes_;
+  struct Watched {
+    pid_t pid = 0;
+    std::optional<StartCheck> check;  ///< none: it takes part
+  };
+  std::map<std::string, Watched> watched_;  ///< orderers since their last start
+  TimeNs next_watch_ = 0;
 };
 
 }  // namespace ledgerline::fabric_network

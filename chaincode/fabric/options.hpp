@@ -30,7 +30,9 @@ struct Options {
   std::vector<std::string> channels{"teleop"};
   int batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
-  std::uint64_t batch_bytes = 2'000'000;
+  /// Also how much of Raft's log an orderer reads at a time when it starts: more than lies between two snapshots,
+  /// because 2.5.0 may hang when it comes in parts (issue 4199 of hyperledger/fabric; Network::watch_orderers).
+  std::uint64_t batch_bytes = 10'000'000;
   bool majority = false;  ///< endorsed by a majority of the organisations instead of by any one
 
   bool runs_organisation(int number) const { return runs("org" + std::to_string(number)); }

@@ -66,6 +66,8 @@ Status Processes::look_after(Service& service) {
   return children_.start({service.name, service.command, log_of(service.name), SIGTERM, service.environment});
 }
 
+void Processes::kill(const std::string& name) { children_.signal(name, SIGKILL); }
+
 bool Processes::stop() {
   bool in_time = true;
   for (auto s = services_.rbegin(); s != services_.rend(); ++s) children_.signal(s->name, SIGTERM);

@@ -23,6 +23,8 @@ class Processes {
   void supervise() { supervising_ = true; }
   /// Looks after them for so long. An error, with the last lines of its log: one has ended, and is not started again.
   Status tend(TimeNs duration);
+  /// Ends one that hangs; it starts again as any that ended.
+  void kill(const std::string& name);
   /// Ends all, the last one started first. False: one of them had to be killed.
   bool stop();
 

@@ -71,7 +71,7 @@ std::string configtx_yaml(const Options& options, const Places& places) {
       BatchSize: {{MaxMessageCount: {count}, AbsoluteMaxBytes: 10 MB, PreferredMaxBytes: {bytes}}}
       EtcdRaft:
         Consenters:
-{consenters}        Options: {{TickInterval: 100ms, ElectionTick: 10, HeartbeatTick: 1, MaxInflightBlocks: 5, SnapshotIntervalSize: 16 MB}}
+{consenters}        Options: {{TickInterval: 100ms, ElectionTick: 10, HeartbeatTick: 1, MaxInflightBlocks: 5, SnapshotIntervalSize: 8 MB}}
       Organizations:
         - *OrdererMSP
       Policies:

@@ -39,12 +39,12 @@ def wait_until_back(directory: pathlib.Path, name: str, before: dict) -> None:
 
 
 def client_config(network: Network, path: pathlib.Path, organisation: int) -> pathlib.Path:
-    """Org1's drone host at the peer of an organisation, on the direct path."""
+    """Org1's drone host at the peer of an organisation, on the direct path, as patient as agent and ground."""
     tls = organisation_dir(network.directory, organisation) / "tlsca" / f"tlsca.org{organisation}.ledgerline-cert.pem"
     user = organisation_dir(network.directory, 1) / "users" / "User1@org1.ledgerline"
     ordering = network.directory / "crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"
     path.write_text(f'[ledger]\nendpoint = "{network.ready["peers"][organisation - 1]}"\ntls_ca = "{tls}"\n'
-                    f'msp_id = "Org1MSP"\nmsp_dir = "{user}/msp"\n'
+                    f'msp_id = "Org1MSP"\nmsp_dir = "{user}/msp"\ndeadline_ms = 1000\n'
                     + "".join(f'[[orderer]]\nendpoint = "{orderer}"\ntls_ca = "{ordering}"\n' for orderer in network.ready["orderers"]))
     return path
 
