@@ -138,19 +138,22 @@ const forgeries = {
     return Buffer.concat([payload.serializeBinary(), Buffer.from([0x7a]), length, Buffer.alloc(wanted)]);
   },
 };
-async function forge(request, endorsedTransaction) {
-  const prepared = gatewayProtos.PreparedTransaction.deserializeBinary(endorsedTransaction.getBytes());
+function partsOf(prepared) {
   const envelope = prepared.getEnvelope();
   const payload = common.Payload.deserializeBinary(envelope.getPayload_asU8());
   const transaction = peer.Transaction.deserializeBinary(payload.getData_asU8());
-  const [first] = transaction.getActionsList();
-  const actionPayload = peer.ChaincodeActionPayload.deserializeBinary(first.getPayload_asU8());
+  const actionPayload = peer.ChaincodeActionPayload.deserializeBinary(transaction.getActionsList()[0].getPayload_asU8());
   const endorsed = actionPayload.getAction();
   const response = peer.ProposalResponsePayload.deserializeBinary(endorsed.getProposalResponsePayload_asU8());
   const action = peer.ChaincodeAction.deserializeBinary(response.getExtension_asU8());
-  const parts = { request, session: request.session, envelope, payload, transaction, actionPayload, endorsed, response, action };
-  const bytes = await forgeries[request.how](parts);
-  first.setPayload(actionPayload.serializeBinary());
+  return { envelope, payload, transaction, actionPayload, endorsed, response, action };
+}
+async function forge(request, endorsedTransaction) {
+  const prepared = gatewayProtos.PreparedTransaction.deserializeBinary(endorsedTransaction.getBytes());
+  const parts = partsOf(prepared);
+  const { envelope, payload, transaction, actionPayload } = parts;
+  const bytes = await forgeries[request.how]({ ...parts, request, session: request.session });
+  transaction.getActionsList()[0].setPayload(actionPayload.serializeBinary());
   payload.setData(transaction.serializeBinary());
   envelope.setPayload(bytes ?? payload.serializeBinary());
   const { gateway } = request.session;
@@ -233,6 +236,13 @@ const operations = {
   async endorse(request) {
     const transaction = await proposalOf(request, request).endorse();
     return { result: base64(transaction.getResult()), tx: transaction.getTransactionId() };
+  },
+  async endorsers(request) {
+    const transaction = await proposalOf(request, request).endorse();
+    const { endorsed } = partsOf(gatewayProtos.PreparedTransaction.deserializeBinary(transaction.getBytes()));
+    const mspIds = endorsed.getEndorsementsList()
+      .map((one) => msp.SerializedIdentity.deserializeBinary(one.getEndorser_asU8()).getMspid());
+    return { endorsers: mspIds };
   },
   // Endorses all calls, one after the other, before any is submitted: they have read the same state. Then submits them
   // all at once.

@@ -5,8 +5,9 @@ import shutil
 import subprocess
 
 import pytest
+from cli import Peer
 from fabric import needs_fabric
-from ledgers import CUTTING, Embedded, Fabric
+from ledgers import CUTTING, Authority, Embedded, Fabric
 from official import HERE, Client, Node
 
 
@@ -63,6 +64,19 @@ def nobody(node) -> Client:
 def admin(node):
     """The administrator of an organisation."""
     return lambda organisation: node.user(organisation, "Admin")
+
+
+@pytest.fixture(scope="session")
+def authority(ledger, tmp_path_factory) -> Authority:
+    """The CA of the first organisation."""
+    return Authority(ledger, 1, tmp_path_factory.mktemp("ca") / "org1")
+
+
+@pytest.fixture(scope="session")
+def peer(ledger) -> Peer:
+    """Fabric's command line, as the drone host; the program is Fabric's, whichever ledger it asks."""
+    needs_fabric()
+    return Peer(ledger, 1, "User1")
 
 
 @pytest.fixture(scope="session")

@@ -139,16 +139,18 @@ class Authority:
                 "-subj", f"/O={self.domain}/CN=ca.{self.domain}", "-keyout", self.key, "-out", certificate)
         self.certificate = certificate
 
-    def issue(self, user: str, start: float, end: float) -> dict:
-        """A client valid from `start` to `end` (Unix time)."""
+    def issue(self, user: str, start: float, end: float | None = None, lasts_s: float = 0) -> dict:
+        """A client valid from `start` to `end` (Unix time), or for so long from now on."""
         key, request, certificate = (self.home / f"{user}.{kind}" for kind in ("key", "csr", "pem"))
         openssl("genpkey", "-algorithm", "EC", "-pkeyopt", "ec_paramgen_curve:P-256", "-out", key)
         openssl("req", "-new", "-key", key, "-out", request,
                 "-subj", f"/O={self.domain}/OU=client/CN={user}@{self.domain}")
+        end = end or time.time() + lasts_s
         openssl("ca", "-batch", "-notext", "-preserveDN", "-config", self.home / "settings", "-in", request,
                 "-out", certificate, "-cert", self.certificate, "-keyfile", self.key,
                 "-startdate", asn1_time(start), "-enddate", asn1_time(end))
-        return {"mspId": f"Org{self.organisation}MSP", "certificate": certificate.read_text(), "key": key.read_text()}
+        return {"mspId": f"Org{self.organisation}MSP", "certificate": certificate.read_text(), "key": key.read_text(),
+                "end": end}
 
     def begin(self) -> float:
         """From when on the CA's own certificate is valid."""

@@ -3,15 +3,8 @@ import hashlib
 import json
 
 import pytest
-from cli import Peer
-from fabric import needs_fabric
+from cli import Peer, on_contract
 from official import asset, decode, message
-
-
-@pytest.fixture(scope="session")
-def peer(ledger):
-    needs_fabric()  # the program is Fabric's, whichever ledger it asks
-    return Peer(ledger, 1, "User1")
 
 
 def test_it_invokes_and_queries_the_contract(peer, drone_host):
@@ -38,6 +31,11 @@ def test_a_refusal_is_shown_in_the_contracts_words(peer, ledger):
         assert "tello1/never: not found" in done.stderr
     stranger = Peer(ledger, 1, "User1", msp_id="Org2MSP").query("get")
     assert stranger.returncode == 1 and "access denied" in stranger.stderr
+
+
+def test_an_invoke_needs_an_orderers_address(peer):
+    done = peer.run("chaincode", "invoke", *peer.ordering[2:], *on_contract("get"))
+    assert done.returncode == 1 and "orderer endpoint" in done.stderr
 
 
 def test_it_tells_height_and_hash_of_the_chain(peer, drone_host, nobody):

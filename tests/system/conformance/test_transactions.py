@@ -148,16 +148,6 @@ def test_a_transaction_under_a_wrong_id_is_flagged(drone_host):
     assert flags(drone_host, wrong, start) == [BAD_PROPOSAL_TXID]
 
 
-def test_an_id_that_somebody_has_claimed(ledger, drone_host, operator):
-    """The thief's transaction is no valid one; still Fabric's peers take its id for used."""
-    claimed = drone_host.call("stolen", "set", asset("tello1/mine"), thief=operator.identity,
-                              theft=call("get"))
-    if ledger.name == "fabric":
-        assert "duplicate transaction found" in claimed["error"]["details"][0]
-    else:
-        assert claimed["code"] == VALID
-
-
 def test_an_orderer_acknowledges_or_says_why_not(drone_host):
     def acknowledged(how: str, **more) -> dict:
         return drone_host.call("forged", "set", asset("tello1/ordered"), how=how, broadcast=True, **more)
