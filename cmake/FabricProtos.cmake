@@ -53,7 +53,7 @@ add_custom_command(OUTPUT ${message_sources} ${message_headers}
   COMMAND protobuf::protoc --descriptor_set_in=${FABRIC_DESC}:${WKT_DESC} --cpp_out=lite:${GENERATED} ${message_protos}
   DEPENDS ${FABRIC_DESC} ${WKT_DESC})
 add_library(fabric_protos STATIC ${message_sources})
-target_include_directories(fabric_protos SYSTEM PUBLIC ${GENERATED})
+target_include_directories(fabric_protos SYSTEM PUBLIC $<BUILD_INTERFACE:${GENERATED}>)
 target_link_libraries(fabric_protos PUBLIC protobuf::libprotobuf)
 target_compile_options(fabric_protos PRIVATE -w ${GENERATED_OPTIONS})
 set_target_properties(fabric_protos PROPERTIES UNITY_BUILD OFF)

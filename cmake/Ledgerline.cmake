@@ -8,9 +8,9 @@ target_compile_options(ledgerline_options INTERFACE
 function(ll_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPS;PRIVATE_DEPS" ${ARGN})
   add_library(${name} STATIC ${ARG_SOURCES})
-  target_include_directories(${name} PUBLIC ${CMAKE_SOURCE_DIR})
+  target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}>)
   target_compile_options(${name} PRIVATE -Wshadow)  # not in tests: in a unity build they see each other's names
-  target_link_libraries(${name} PUBLIC ${ARG_DEPS} PRIVATE ledgerline_options ${ARG_PRIVATE_DEPS})
+  target_link_libraries(${name} PUBLIC ${ARG_DEPS} PRIVATE $<BUILD_INTERFACE:ledgerline_options> ${ARG_PRIVATE_DEPS})
 endfunction()
 
 # What ./fly needs: every program, no test; and every unit test with the programs that it runs.

@@ -8,8 +8,10 @@
 #include "common/rt/clock.hpp"
 #include "common/rt/result.hpp"
 
-/// C++ chaincode for Fabric 2.5, as a service: the peers connect to this process (protos.Chaincode/Connect). An example
-/// is example.cpp beside this file; a real one is ../service.
+/// C++ chaincode for Fabric 2.5, as a service: the peers connect to this process (protos.Chaincode/Connect), as many as
+/// want to, and come back by themselves. An example is example.cpp beside this file; a real one is ../service; the
+/// tutorial is docs/library.md. Keys, values, arguments and payloads are bytes; keys must be UTF-8 (Fabric's rule).
+/// Left out of Fabric's shims: private data, rich queries, calls of other chaincodes, endorsement policies of keys.
 namespace ledgerline::shim {
 
 struct KeyValue {
@@ -26,7 +28,8 @@ struct KeyModification {
 
 /// The ledger as one transaction sees it: reads give the committed state, never the transaction's own writes. Each call
 /// but set_event and the plain facts is a round trip to the peer; an error says what the peer said, or that it is gone.
-/// To be used on the thread that Invoke was called on, until it returns.
+/// To be used on the thread that Invoke was called on, until it returns. Every peer that endorses runs the transaction
+/// and all must come to the same writes: no clocks, no random numbers, no state of the process.
 class Stub {
  public:
   virtual ~Stub() = default;
@@ -53,9 +56,9 @@ class Stub {
 };
 
 struct Response {
-  int status = 200;  ///< 400 and above: refused
-  std::string message;
-  std::string payload;
+  int status = 200;     ///< 400 and above: refused, nothing is written; as Fabric's shims, 200 and 500 are usual
+  std::string message;  ///< why it was refused, for people
+  std::string payload;  ///< the answer, at most 100 MB
 };
 
 /// The chaincode. Called on many threads at once; must not throw.
@@ -74,8 +77,11 @@ struct Options {
 /// chaincode services are started everywhere; the last three name files and may be missing together.
 Result<Options> options_from_environment();
 
+/// Serves on threads of its own until stop() or its end; all methods from any thread, stop() not from within Invoke. A
+/// call more than 1,000 that wait for a thread is refused. Losing a peer ends that peer's transactions alone.
 class Server {
  public:
+  /// An error: address, key or certificate cannot be used.
   static Result<std::unique_ptr<Server>> start(const Options& options, Invoke invoke);
   virtual ~Server() = default;
   /// With the port that was taken.

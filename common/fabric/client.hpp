@@ -11,7 +11,7 @@
 #include "common/rt/result.hpp"
 
 /// Client of a Fabric gateway, its peer's Endorser and Deliver services, and orderers. Nothing here knows which ledger
-/// it talks to.
+/// it talks to. An example is example.cpp beside this file; for use outside this tree see docs/library.md.
 namespace ledgerline::fabric {
 
 struct ClientConfig {
@@ -31,8 +31,8 @@ struct ClientConfig {
   bool cross_check = false;
   ChannelAndContract where;
   crypto::SigningIdentity identity;
-  std::size_t max_in_flight = 64;  ///< further submits are refused at once with Outcome::Kind::overloaded
-  std::chrono::milliseconds deadline{5000};
+  std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
+  std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end
 };
 
 /// How a submitted call ended.
@@ -47,9 +47,9 @@ struct Outcome {
   Kind kind = Kind::unavailable;
   std::string tx_id;
   std::uint64_t block = 0;
-  int code = 0;
+  int code = 0;  ///< protos.TxValidationCode where it is in a block; 0: valid
   std::string message;
-  std::string answer;           ///< the contract's, where it answered
+  std::string answer;           ///< the contract's bytes, where it answered
   TimeNs ordered_after_ns = 0;  ///< from the submit to the orderer's acknowledgement; 0: not known
 };
 
@@ -67,7 +67,8 @@ class Client {
   virtual void submit(Call call, std::function<void(Outcome)> done) = 0;
   /// The same, waiting. For tools and start-up.
   virtual Outcome submit_and_wait(Call call) = 0;
-  /// Asks without writing; waits for the answer.
+  /// Asks without writing; waits for the answer, at most the deadline. An error has the contract's words, or says why
+  /// the ledger was not reached.
   virtual Result<std::string> evaluate(Call call) = 0;
 
   /// A running stream; destruction ends it and returns after its last callback (so not from within one). It may outlive

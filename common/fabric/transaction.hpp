@@ -13,7 +13,7 @@
 /// All byte strings are serialized protobuf messages of Fabric, named in the comments.
 namespace ledgerline::fabric {
 
-/// One call of a contract.
+/// One call of a contract; arguments are bytes.
 struct Call {
   std::string function;
   std::vector<std::string> args;

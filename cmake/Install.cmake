@@ -1,0 +1,32 @@
+# `cmake --install` gives strangers the client and the shim as a CMake package: docs/library.md. Headers keep their paths of
+# this tree below include/ledgerline, so the examples are the same files here and there.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(public_headers common/crypto/crypto.hpp common/fabric/client.hpp common/fabric/transaction.hpp common/rt/clock.hpp
+  common/rt/result.hpp chaincode/shim/shim.hpp)
+foreach(header ${public_headers})
+  get_filename_component(folder ${header} DIRECTORY)
+  install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline/${folder})
+endforeach()
+
+set_target_properties(ledgerline_fabric_client PROPERTIES EXPORT_NAME client)
+set_target_properties(ledgerline_shim PROPERTIES EXPORT_NAME shim)
+foreach(target ledgerline_fabric_client ledgerline_shim)
+  target_compile_features(${target} INTERFACE cxx_std_20)
+endforeach()
+install(TARGETS ledgerline_fabric_client ledgerline_shim
+    ledgerline_fabric_tx ledgerline_crypto ledgerline_rt ledgerline_shim_session fabric_protos fabric_grpc
+  EXPORT LedgerlineTargets
+  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+  INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline)
+set(package ${CMAKE_INSTALL_LIBDIR}/cmake/Ledgerline)
+install(EXPORT LedgerlineTargets NAMESPACE Ledgerline:: DESTINATION ${package})
+write_basic_package_version_file(${CMAKE_BINARY_DIR}/LedgerlineConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES cmake/LedgerlineConfig.cmake cmake/FindMbedTLS.cmake ${CMAKE_BINARY_DIR}/LedgerlineConfigVersion.cmake
+  DESTINATION ${package})
+
+set(examples ${CMAKE_INSTALL_DATADIR}/ledgerline/examples)
+install(FILES common/fabric/example.cpp DESTINATION ${examples} RENAME client.cpp)
+install(FILES chaincode/shim/example.cpp DESTINATION ${examples} RENAME chaincode.cpp)
+install(FILES cmake/examples.cmake DESTINATION ${examples} RENAME CMakeLists.txt)
