@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "chaincode/fabric/network.hpp"
+#include "chaincode/fabric/revocation.hpp"
 #include "chaincode/fabric/texts.hpp"
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/node/storage/files.hpp"
@@ -29,6 +30,8 @@ Examples:
   ledgerline fabric up --dir /tmp/net3 --orderers 3 --batch-count 10 --batch-timeout 5 --channel teleop --channel yard
   ledgerline fabric status --dir /tmp/net                   every process: where it listens, pid, restarts
   ledgerline fabric logs --dir /tmp/net peer1
+  ledgerline fabric up --dir /tmp/netca --ca                identities from fabric-ca, one server an organisation
+  ledgerline fabric revoke --dir /tmp/netca --org 2 --user User1
   ledgerline fabric down --dir /tmp/net                     ends it; the directory stays, and `up` goes on with it
   ledgerline fabric run --dir /tmp/net                      the same in the foreground, until SIGINT or SIGTERM
 On three hosts (docs/fabric.md):
@@ -96,6 +99,10 @@ nlohmann::json describe(const Network& network) {
     if (endpoint.empty() && options.runs_organisation(k)) endpoint = network.places().peer(k);
   }
   for (int k = 1; k <= options.orderers; ++k) orderers.push_back(network.places().orderer(k));
+  nlohmann::json authorities = nlohmann::json::array();
+  for (std::size_t k = 0; k < network.places().authorities.size(); ++k) {
+    authorities.push_back(network.places().authority(static_cast<int>(k)));
+  }
   for (const auto& one : network.processes()) {
     processes.push_back({{"name", one.name}, {"address", one.address}, {"pid", one.pid}, {"restarts", one.restarts}});
     if (one.name.starts_with("orderer")) {
@@ -106,6 +113,7 @@ nlohmann::json describe(const Network& network) {
           {"endpoint", endpoint},
           {"peers", peers},
           {"orderers", orderers},
+          {"authorities", authorities},
           {"process", ::getpid()},
           {"channel", options.channels.front()},
           {"channels", options.channels},
@@ -247,6 +255,27 @@ int make_identities(const Options& options) {
   const Status status = network.prepare();
   if (!status) return fail(status.error().what);
   std::printf("%s is made: copy it to every host of the network\n", network.options().dir.c_str());
+  return network.down() ? 0 : fail("a process had to be killed");
+}
+
+/// Takes a user of a running network out of it.
+int revoke(Options options, int organisation, const std::string& user) {
+  const auto running = RunFile(options.dir).read();
+  if (!running || !running->contains("authorities")) return fail("no network runs in " + options.dir);
+  options.dir = std::filesystem::canonical(options.dir);
+  options.channels = (*running)["channels"].get<std::vector<std::string>>();
+  fabric_network::Places places;
+  for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
+                                  {"peers", &places.organisations},
+                                  {"authorities", &places.authorities}}) {
+    for (const auto& text : (*running)[name]) {
+      auto place = fabric_network::parse_place(text.get<std::string>());
+      if (!place) return fail(place.error().what);
+      all->push_back(std::move(*place));
+    }
+  }
+  if (Status s = fabric_network::revoke(options, places, organisation, user); !s) return fail(s.error().what);
+  std::printf("%s of organisation %d is revoked\n", user.c_str(), organisation);
   return 0;
 }
 
@@ -280,7 +309,8 @@ int main(int argc, char** argv) {
   app.footer(examples);
   app.require_subcommand(1);
   Options options;
-  std::string which, summary, config;
+  std::string which, summary, config, user;
+  int organisation = 0;
   std::vector<std::string> organisations, orderers;
   double batch_timeout_ms = to_ms(options.batch_timeout_ns);
   for (const auto& [name, about] :
@@ -289,13 +319,21 @@ int main(int argc, char** argv) {
                                           {"identities", "Only make identities and first blocks, for several hosts"},
                                           {"down", "End it"},
                                           {"status", "Does it run, and where"},
-                                          {"logs", "What it or one of its processes logged"}}) {
+                                          {"logs", "What it or one of its processes logged"},
+                                          {"revoke", "Take a user out: peers refuse it from then on"}}) {
     CLI::App* verb = app.add_subcommand(name, about);
     verb->add_option("--dir", options.dir, "Everything of the network: identities, ledgers, logs")->required();
     if (name == "logs") verb->add_option("process", which, "peer1, orderer1, chaincode1, ...");
-    if (name != "up" && name != "run" && name != "identities") continue;
-    verb->add_option("--config", config, "TOML file with the network's settings; options here come before it");
+    if (name == "revoke") {
+      verb->add_option("--org", organisation, "Number of the user's organisation")
+          ->required()
+          ->check(CLI::Range(1, identities::organisations));
+      verb->add_option("--user", user, "User1, ...")->required();
+    }
+    if (name != "up" && name != "run" && name != "identities" && name != "revoke") continue;
     verb->add_option("--tools", options.tools, "Fabric's programs, made by scripts/fabric-tools");
+    if (name == "revoke") continue;
+    verb->add_option("--config", config, "TOML file with the network's settings; options here come before it");
     verb->add_option("--orderers", options.orderers, "1 or 3")->check(CLI::IsMember({1, 3}))->capture_default_str();
     verb->add_option("--channel", options.channels, "A channel's name; give it again for more")
         ->allow_extra_args(false)
@@ -313,6 +351,7 @@ int main(int argc, char** argv) {
     verb->add_option("--batch-count", options.batch_count, "or with this many transactions")
         ->check(CLI::Range(1, 10'000))
         ->capture_default_str();
+    verb->add_flag("--ca", options.ca, "Identities from fabric-ca, one server an organisation, that can be revoked");
     verb->add_flag("--majority", options.majority, "Endorsed by two of the three organisations, not by any one");
     if (name == "run")
       verb->add_option("--summary", summary, "Write blocks, transactions, CPU times and restarts here at the end");
@@ -338,6 +377,7 @@ int main(int argc, char** argv) {
   if (verb == "logs") return logs(options.dir, which);
   if (Status s = add_places(options, organisations, orderers); !s) return spdlog::error("{}", s.error().what), 2;
   find_programs(options);
+  if (verb == "revoke") return revoke(options, organisation, user);
   if (verb == "up") return up(options);
   if (verb == "identities") return make_identities(options);
   return run(options, summary, [](const std::string& text) {

@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "chaincode/fabric/authority.hpp"
 #include "chaincode/fabric/texts.hpp"
 #include "chaincode/first_enrolments.hpp"
 #include "chaincode/identities/identities.hpp"
@@ -59,9 +60,20 @@ std::string in_the_way_at(const Place& at) {
   return why == EADDRINUSE ? "is taken: does this network run already, or another program?" : std::strerror(why);
 }
 
+Status check_free(const std::vector<Place>& places) {
+  for (const Place& place : places) {
+    if (const std::string why = in_the_way_at(place); !why.empty()) {
+      return Error{fmt::format("TCP {}:{} {}", place.host, place.port, why)};
+    }
+  }
+  return done;
+}
+
 nlohmann::json to_json(const Places& places) {
   nlohmann::json json;
-  for (const auto& [name, all] : {std::pair{"orderers", &places.orderers}, {"organisations", &places.organisations}}) {
+  for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
+                                  {"organisations", &places.organisations},
+                                  {"authorities", &places.authorities}}) {
     json[name] = nlohmann::json::array();
     for (const Place& place : *all) json[name].push_back(fmt::format("{}:{}", place.host, place.port));
   }
@@ -70,7 +82,9 @@ nlohmann::json to_json(const Places& places) {
 
 Result<Places> places_in(const nlohmann::json& json) {
   Places places;
-  for (const auto& [name, all] : {std::pair{"orderers", &places.orderers}, {"organisations", &places.organisations}}) {
+  for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
+                                  {"organisations", &places.organisations},
+                                  {"authorities", &places.authorities}}) {
     if (!json.is_object() || !json.contains(name) || !json[name].is_array()) return Error{"it is damaged"};
     for (const auto& one : json[name]) {
       auto place = parse_place(one.is_string() ? one.get<std::string>() : "");
@@ -119,7 +133,7 @@ Status Network::run_until_good(const std::string& what, const std::vector<std::s
 
 Status Network::prepare() {
   for (const auto step :
-       {&Network::look_at_directory, &Network::make_identities, &Network::choose_places, &Network::make_first_blocks}) {
+       {&Network::look_at_directory, &Network::choose_places, &Network::make_identities, &Network::make_first_blocks}) {
     if (Status s = (this->*step)(); !s) return s;
   }
   return done;
@@ -196,6 +210,11 @@ Status Network::look_at_directory() {
   if (error) return Error{"making " + in("logs") + ": " + error.message()};
   options_.dir = fs::canonical(options_.dir, error);
   if (error) return Error{"looking at " + options_.dir + ": " + error.message()};
+  if (has_authorities(options_.dir)) {
+    options_.ca = true;  // a network begun with them goes on with them
+  } else if (options_.ca && fs::exists(in("crypto"))) {
+    return Error{in("crypto") + " is not from fabric-ca: begin in an empty directory"};
+  }
   processes_ = std::make_unique<Processes>(in("logs"));
   return done;
 }
@@ -218,17 +237,40 @@ Status Network::make_identities() {
   identities::Hosts hosts;
   for (const Place& place : options_.organisation_places) hosts.organisations.push_back(place.host);
   for (const Place& place : options_.orderer_places) hosts.orderers.push_back(place.host);
-  if (Status s = identities::make(options_.dir, options_.orderers, hosts); !s) return s;
+  if (Status s = issue_identities(hosts); !s) return s;
   for (const char* name : {"detect", "build", "release"}) {
     if (Status s = write_file(in(std::string("builder/bin/") + name), builder_script(name), 0755); !s) return s;
   }
   return done;
 }
 
+Status Network::issue_identities(const identities::Hosts& hosts) {
+  if (!options_.ca) return identities::make(options_.dir, options_.orderers, hosts);
+  const Authorities all = authorities(options_, places_);
+  if (Status s = prepare_authorities(all); !s) return s;
+  if (Status s = check_free(places_.authorities); !s) return s;
+  for (int k = 0; k <= identities::organisations; ++k) {
+    if (Status s = processes_->start(authority_name(k), places_.authority(k), authority_command(all),
+                                     authority_environment(all, k));
+        !s) {
+      return s;
+    }
+  }
+  const TimeNs until = monotonic_ns() + starting_limit_ns;
+  for (int k = 0; k <= identities::organisations; ++k) {
+    while (!authority_listens(all, k)) {
+      if (Status s = processes_->tend(10 * ns_per_ms); !s) return s;
+      if (monotonic_ns() > until) return Error{authority_name(k) + " does not listen"};
+    }
+  }
+  return identities::make(options_.dir, options_.orderers, hosts,
+                          [&](const auto& wanted) { return issue_by_authorities(all, wanted); });
+}
+
 /// The places are in the channels' first blocks and in packages: a directory keeps them.
 Status Network::choose_places() {
   const bool given = !options_.organisation_places.empty();
-  const Places wanted{options_.orderer_places, options_.organisation_places};
+  const Places wanted{options_.orderer_places, options_.organisation_places, {}};
   if (const auto kept = read_file(in("places.json")); kept) {
     const auto places = places_in(nlohmann::json::parse(*kept, nullptr, false));
     if (!places) return Error{in("places.json") + ": " + places.error().what};
@@ -236,19 +278,25 @@ Status Network::choose_places() {
     if (static_cast<int>(places_.orderers.size()) != options_.orderers || (given && places_ != wanted)) {
       return Error{in("places.json") + " is of a network with other places: begin in an empty directory"};
     }
+    if (options_.ca == places_.authorities.empty()) {
+      return Error{fmt::format("{} is of a network {} fabric-ca: begin in an empty directory", in("places.json"),
+                               options_.ca ? "without" : "with")};
+    }
     return done;
   }
   if (given) {
     places_ = wanted;
   } else {
     constexpr int lowest = 20'000, highest = 32'000;  // below the kernel's own choices
-    const auto count = static_cast<std::uint16_t>(Places::ports_each * (identities::organisations + options_.orderers));
+    const int parts = Places::ports_each * (identities::organisations + options_.orderers);
+    const auto count = static_cast<std::uint16_t>(parts + (options_.ca ? identities::organisations + 1 : 0));
     auto first = options_.first_port != 0 ? options_.first_port
                                           : static_cast<std::uint16_t>(lowest + (::getpid() * 31) % (highest - lowest));
     places_ = places_from(options_, first);
     for (int tried = 0; options_.first_port == 0 && tried < 200; ++tried) {
-      const auto all = places_.bound({});
-      if (std::all_of(all.begin(), all.end(), [](const Place& place) { return in_the_way_at(place).empty(); })) break;
+      auto all = places_.bound({});
+      all.insert(all.end(), places_.authorities.begin(), places_.authorities.end());
+      if (check_free(all)) break;
       first = static_cast<std::uint16_t>(first + count);
       places_ = places_from(options_, first);
     }
@@ -256,14 +304,7 @@ Status Network::choose_places() {
   return write_file(in("places.json"), to_json(places_).dump(1), 0644);
 }
 
-Status Network::check_ports() {
-  for (const Place& place : places_.bound(options_)) {
-    if (const std::string why = in_the_way_at(place); !why.empty()) {
-      return Error{fmt::format("TCP {}:{} {}", place.host, place.port, why)};
-    }
-  }
-  return done;
-}
+Status Network::check_ports() { return check_free(places_.bound(options_)); }
 
 Status Network::make_first_block(const std::string& channel) {
   const auto made = processes_->run("making the first block of channel " + channel,

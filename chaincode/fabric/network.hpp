@@ -8,6 +8,7 @@
 #include "chaincode/fabric/options.hpp"
 #include "chaincode/fabric/processes.hpp"
 #include "chaincode/fabric/start_check.hpp"
+#include "chaincode/identities/identities.hpp"
 #include "common/fabric/client.hpp"
 #include "common/rt/result.hpp"
 
@@ -46,6 +47,7 @@ class Network {
   Status look_at_directory();
   Status check_room();
   Status make_identities();
+  Status issue_identities(const identities::Hosts& hosts);
   Status choose_places();
   Status check_ports();
   Status make_first_blocks();

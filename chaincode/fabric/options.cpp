@@ -29,6 +29,7 @@ Result<Options> read_options(const std::string& file, Options options) {
   auto config = Config::load(file);
   if (!config) return config.error();
   options.majority = config->boolean("majority", options.majority);
+  options.ca = config->boolean("ca", options.ca);
   options.batch_count = static_cast<int>(config->integer("batch_count", options.batch_count, 1, 10'000));
   options.batch_timeout_ns =
       static_cast<TimeNs>(config->number("batch_timeout_ms", to_ms(options.batch_timeout_ns), 1, 60'000) * ns_per_ms);
@@ -63,7 +64,10 @@ Status check(const Options& options) {
     return Error{fmt::format("{} places of organisations and {} of orderers: give {} and {}, or none", organisations,
                              orderers, identities::organisations, options.orderers)};
   }
-  const Places places{options.orderer_places, options.organisation_places};
+  if (options.ca && organisations != 0) {
+    return Error{"fabric-ca issues identities of a network on one host: give no places with --ca"};
+  }
+  const Places places{options.orderer_places, options.organisation_places, {}};
   std::vector<Place> all = places.orderers;
   all.insert(all.end(), places.organisations.begin(), places.organisations.end());
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -139,13 +143,14 @@ std::vector<Place> Places::bound(const Options& options) const {
 Places places_from(const Options& options, std::uint16_t first_port) {
   Places places;
   int port = first_port;
-  const auto next = [&] {
+  const auto next = [&](int ports = Places::ports_each) {
     const Place place{options.host, static_cast<std::uint16_t>(port)};
-    port += Places::ports_each;
+    port += ports;
     return place;
   };
   for (int k = 1; k <= options.orderers; ++k) places.orderers.push_back(next());
   for (int k = 1; k <= identities::organisations; ++k) places.organisations.push_back(next());
+  for (int k = 0; options.ca && k <= identities::organisations; ++k) places.authorities.push_back(next(1));
   return places;
 }
 

@@ -33,6 +33,7 @@ struct Options {
   /// Also how much of Raft's log an orderer reads at a time when it starts: more than lies between two snapshots,
   /// because 2.5.0 may hang when it comes in parts (issue 4199 of hyperledger/fabric; Network::watch_orderers).
   std::uint64_t batch_bytes = 10'000'000;
+  bool ca = false;        ///< identities from fabric-ca, one an organisation; on one host alone
   bool majority = false;  ///< endorsed by a majority of the organisations instead of by any one
 
   bool runs_organisation(int number) const { return runs("org" + std::to_string(number)); }
@@ -57,13 +58,16 @@ struct Places {
   static constexpr int ports_each = 3;
 
   std::vector<Place> orderers, organisations;
+  std::vector<Place> authorities;  ///< of fabric-ca, one port each, the orderers' first; empty: there are none
   std::string orderer(int number) const { return text(orderers, number, 0); }
   std::string orderer_admin(int number) const { return text(orderers, number, 1); }
   std::string orderer_operations(int number) const;
   std::string peer(int organisation) const { return text(organisations, organisation, 0); }
   std::string peer_chaincode(int organisation) const { return text(organisations, organisation, 1); }
+  /// 0: the orderers'.
+  std::string authority(int organisation) const { return text(authorities, organisation + 1, 0); }
   std::string chaincode(int organisation) const { return text(organisations, organisation, 2); }
-  /// Those that this host needs, as they are bound.
+  /// Those that this host needs, as they are bound; without the authorities', which listen before the others.
   std::vector<Place> bound(const Options& options) const;
   bool operator==(const Places&) const = default;
 

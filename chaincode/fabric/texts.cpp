@@ -41,6 +41,12 @@ std::string tls_file(const std::filesystem::path& member, const char* name) { re
 
 }  // namespace
 
+Authorities authorities(const Options& options, const Places& places) {
+  Authorities all{options.dir, options.tools, {}};
+  for (int k = 0; k <= identities::organisations; ++k) all.addresses.push_back(places.authority(k));
+  return all;
+}
+
 std::string configtx_yaml(const Options& options, const Places& places) {
   std::string organisations, members, endpoints, consenters;
   for (int k = 1; k <= options.orderers; ++k) {

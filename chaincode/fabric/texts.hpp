@@ -2,10 +2,14 @@
 #include <string>
 #include <vector>
 
+#include "chaincode/fabric/authority.hpp"
 #include "chaincode/fabric/options.hpp"
 
 /// What Fabric's programs read: pure functions of the options.
 namespace ledgerline::fabric_network {
+
+/// Of the fabric-ca of each organisation.
+Authorities authorities(const Options& options, const Places& places);
 
 /// configtx.yaml with the profile `Ledgerline`.
 std::string configtx_yaml(const Options& options, const Places& places);

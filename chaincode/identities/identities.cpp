@@ -39,67 +39,55 @@ Status sync_file_system(const std::string& dir) {
 Status write_public(const fs::path& path, const std::string& content) { return write_file(path, content, 0644); }
 Status write_secret(const fs::path& path, const std::string& content) { return write_file(path, content, 0600); }
 
-/// Writes one organisation's files; the first failure stops it and is kept.
+/// 0: the orderers'.
+std::string domain_or_ordering(int organisation) { return organisation == 0 ? "ledgerline" : domain_of(organisation); }
+
+/// Writes one organisation's files; the first failure stops it.
 class Organisation {
  public:
-  Organisation(fs::path root, std::string domain) : root_(std::move(root)), domain_(std::move(domain)) {}
+  Organisation(const fs::path& crypto, int number, const Issued& issued)
+      : domain_(domain_or_ordering(number)),
+        root_(crypto / (number == 0 ? "ordererOrganizations" : "peerOrganizations") / domain_),
+        issued_(issued) {}
 
-  Status make_authorities() {
-    for (auto [name, authority] : {std::pair{"ca", &ca_}, std::pair{"tlsca", &tls_ca_}}) {
-      const std::string common_name = std::string(name) + "." + domain_;
-      auto made = crypto::make_ca(common_name, domain_);
-      if (!made) return made.error();
-      *authority = std::move(*made);
-      if (Status s = write_public(root_ / name / (common_name + "-cert.pem"), authority->certificate_pem); !s) return s;
+  Status write(const std::vector<Wanted>& wanted) {
+    for (const auto& [name, authority] : {std::pair{"ca", &issued_.ca}, std::pair{"tlsca", &issued_.tls_ca}}) {
+      const fs::path file = root_ / name / (std::string(name) + "." + domain_ + "-cert.pem");
+      if (Status s = write_public(file, authority->certificate_pem); !s) return s;
+      if (authority->key_pem.empty()) continue;
       if (Status s = write_secret(root_ / name / "priv_sk", authority->key_pem); !s) return s;
     }
-    return write_msp(root_ / "msp");
-  }
-
-  /// `kind`: peers, orderers or users. `tls_name`: server or client.
-  Status make_member(const std::string& kind, const std::string& name, const std::string& unit,
-                     const std::vector<std::string>& sans, const std::string& tls_name) {
-    const fs::path dir = root_ / kind / name;
-    crypto::CertificateRequest request;
-    request.common_name = name;
-    request.organization = domain_;
-    request.unit = unit;
-    const auto identity = crypto::issue(ca_, request);
-    if (!identity) return identity.error();
-    if (Status s = write_msp(dir / "msp"); !s) return s;
-    if (Status s = write_public(dir / "msp" / "signcerts" / (name + "-cert.pem"), identity->certificate_pem); !s)
-      return s;
-    if (Status s = write_secret(dir / "msp" / "keystore" / "priv_sk", identity->key_pem); !s) return s;
-    request.unit.reset();
-    request.sans = sans;
-    request.tls = true;
-    const auto tls = crypto::issue(tls_ca_, request);
-    if (!tls) return tls.error();
-    if (Status s = write_public(dir / "tls" / "ca.crt", tls_ca_.certificate_pem); !s) return s;
-    if (Status s = write_public(dir / "tls" / (tls_name + ".crt"), tls->certificate_pem); !s) return s;
-    return write_secret(dir / "tls" / (tls_name + ".key"), tls->key_pem);
-  }
-
-  /// For a server that signs nothing.
-  Status make_tls(const std::string& folder, const std::string& name, const std::vector<std::string>& sans) {
-    crypto::CertificateRequest request;
-    request.common_name = name;
-    request.organization = domain_;
-    request.sans = sans;
-    request.tls = true;
-    const auto tls = crypto::issue(tls_ca_, request);
-    if (!tls) return tls.error();
-    if (Status s = write_public(root_ / folder / "tls" / "server.crt", tls->certificate_pem); !s) return s;
-    return write_secret(root_ / folder / "tls" / "server.key", tls->key_pem);
+    if (Status s = write_msp(root_ / "msp"); !s) return s;
+    for (std::size_t i = 0; i < wanted.size(); ++i) {
+      const auto& one = wanted[i];
+      if (Status s = one.request.tls ? write_tls(one, issued_.members[i]) : write_member(one, issued_.members[i]); !s) {
+        return s;
+      }
+    }
+    return done;
   }
 
  private:
+  Status write_member(const Wanted& wanted, const crypto::KeyAndCertificate& identity) {
+    const fs::path msp = root_ / wanted.folder / "msp";
+    if (Status s = write_msp(msp); !s) return s;
+    const std::string file = wanted.request.common_name + "-cert.pem";
+    if (Status s = write_public(msp / "signcerts" / file, identity.certificate_pem); !s) return s;
+    return write_secret(msp / "keystore" / "priv_sk", identity.key_pem);
+  }
+
+  Status write_tls(const Wanted& wanted, const crypto::KeyAndCertificate& tls) {
+    const fs::path folder = root_ / wanted.folder / "tls";
+    if (Status s = write_public(folder / "ca.crt", issued_.tls_ca.certificate_pem); !s) return s;
+    if (Status s = write_public(folder / (wanted.tls_name + ".crt"), tls.certificate_pem); !s) return s;
+    return write_secret(folder / (wanted.tls_name + ".key"), tls.key_pem);
+  }
+
   Status write_msp(const fs::path& msp) const {
     const std::string ca_file = "ca." + domain_ + "-cert.pem";
-    if (Status s = write_public(msp / "cacerts" / ca_file, ca_.certificate_pem); !s) return s;
-    if (Status s = write_public(msp / "tlscacerts" / ("tlsca." + domain_ + "-cert.pem"), tls_ca_.certificate_pem); !s) {
-      return s;
-    }
+    if (Status s = write_public(msp / "cacerts" / ca_file, issued_.ca.certificate_pem); !s) return s;
+    const std::string tls_file = "tlsca." + domain_ + "-cert.pem";
+    if (Status s = write_public(msp / "tlscacerts" / tls_file, issued_.tls_ca.certificate_pem); !s) return s;
     std::string config = "NodeOUs:\n  Enable: true\n";
     for (const char* unit : {"Client", "Peer", "Admin", "Orderer"}) {
       std::string lower = unit;
@@ -110,9 +98,9 @@ class Organisation {
     return write_public(msp / "config.yaml", config);
   }
 
-  fs::path root_;
-  std::string domain_;
-  crypto::KeyAndCertificate ca_, tls_ca_;
+  const std::string domain_;
+  const fs::path root_;
+  const Issued& issued_;
 };
 
 std::vector<std::string> names_of_server(const std::string& name, const std::vector<std::string>& hosts, int number) {
@@ -122,45 +110,32 @@ std::vector<std::string> names_of_server(const std::string& name, const std::vec
   return names;
 }
 
-Status make_peer_organisation(const fs::path& crypto, int number, const Hosts& hosts) {
-  const std::string domain = domain_of(number);
-  Organisation organisation(crypto / "peerOrganizations" / domain, domain);
-  if (Status s = organisation.make_authorities(); !s) return s;
-  const std::string peer = "peer0." + domain;
-  if (Status s =
-          organisation.make_member("peers", peer, "peer", names_of_server(peer, hosts.organisations, number), "server");
-      !s) {
-    return s;
-  }
-  const std::string chaincode = "chaincode." + domain;
-  if (Status s = organisation.make_tls("chaincode", chaincode, names_of_server(chaincode, hosts.organisations, number));
-      !s) {
-    return s;
-  }
-  for (const char* user : {"Admin", "User1", "User2"}) {
-    const std::string name = std::string(user) + "@" + domain;
-    const std::string unit = std::string(user) == "Admin" ? "admin" : "client";
-    if (Status s = organisation.make_member("users", name, unit, {}, "client"); !s) return s;
+Status make_all(const fs::path& crypto, int orderers, const Hosts& hosts, const Issue& issue) {
+  std::vector<std::vector<Wanted>> wanted;
+  for (int number = 0; number <= organisations; ++number) wanted.push_back(wanted_of(number, orderers, hosts));
+  const auto issued = issue(wanted);
+  if (!issued) return issued.error();
+  for (int number = 0; number <= organisations; ++number) {
+    Organisation organisation(crypto, number, issued->at(number));
+    if (Status s = organisation.write(wanted[number]); !s) return s;
   }
   return done;
 }
 
-Status make_all(const fs::path& crypto, int orderers, const Hosts& hosts) {
-  for (int number = 1; number <= organisations; ++number) {
-    if (Status s = make_peer_organisation(crypto, number, hosts); !s) return s;
+Result<Issued> issue_of(int organisation, const std::vector<Wanted>& wanted) {
+  const std::string domain = domain_or_ordering(organisation);
+  Issued issued;
+  for (const auto& [name, authority] : {std::pair{"ca.", &issued.ca}, std::pair{"tlsca.", &issued.tls_ca}}) {
+    auto made = crypto::make_ca(name + domain, domain);
+    if (!made) return made.error();
+    *authority = std::move(*made);
   }
-  Organisation ordering(crypto / "ordererOrganizations" / "ledgerline", "ledgerline");
-  if (Status s = ordering.make_authorities(); !s) return s;
-  if (Status s = ordering.make_member("users", "Admin@ledgerline", "admin", {}, "client"); !s) return s;
-  for (int number = 1; number <= orderers; ++number) {
-    const std::string name = orderer_name(number);
-    if (Status s =
-            ordering.make_member("orderers", name, "orderer", names_of_server(name, hosts.orderers, number), "server");
-        !s) {
-      return s;
-    }
+  for (const Wanted& one : wanted) {
+    auto made = crypto::issue(one.request.tls ? issued.tls_ca : issued.ca, one.request);
+    if (!made) return made.error();
+    issued.members.push_back(std::move(*made));
   }
-  return done;
+  return issued;
 }
 
 }  // namespace
@@ -187,13 +162,58 @@ fs::path orderer_dir(const std::string& dir, int number) {
   return ordering_dir(dir) / "orderers" / orderer_name(number);
 }
 
-Status make(const std::string& dir, int orderers, const Hosts& hosts) {
+std::vector<Wanted> wanted_of(int organisation, int orderers, const Hosts& hosts) {
+  const std::string domain = domain_or_ordering(organisation);
+  std::vector<Wanted> all;
+  const auto add = [&](const fs::path& folder, const std::string& name, const std::string& unit,
+                       const std::vector<std::string>& sans) {
+    crypto::CertificateRequest request;
+    request.common_name = name;
+    request.organization = domain;
+    request.unit = unit;
+    if (!unit.empty()) all.push_back({folder, "", request});
+    request.unit.reset();
+    request.tls = true;
+    request.sans = sans;
+    all.push_back({folder, sans.empty() ? "client" : "server", request});
+  };
+  const auto add_user = [&](const std::string& user, const char* unit) {
+    const std::string name = user + "@" + domain;
+    add(fs::path("users") / name, name, unit, {});
+  };
+  add_user("Admin", "admin");
+  if (organisation == 0) {
+    for (int number = 1; number <= orderers; ++number) {
+      const std::string name = orderer_name(number);
+      add(fs::path("orderers") / name, name, "orderer", names_of_server(name, hosts.orderers, number));
+    }
+    return all;
+  }
+  const std::string peer = "peer0." + domain, chaincode = "chaincode." + domain;
+  add(fs::path("peers") / peer, peer, "peer", names_of_server(peer, hosts.organisations, organisation));
+  // A server that signs nothing.
+  add("chaincode", chaincode, "", names_of_server(chaincode, hosts.organisations, organisation));
+  for (const char* user : {"User1", "User2"}) add_user(user, "client");
+  return all;
+}
+
+Result<std::vector<Issued>> issue_here(const std::vector<std::vector<Wanted>>& wanted) {
+  std::vector<Issued> all;
+  for (std::size_t k = 0; k < wanted.size(); ++k) {
+    auto issued = issue_of(static_cast<int>(k), wanted[k]);
+    if (!issued) return issued.error();
+    all.push_back(std::move(*issued));
+  }
+  return all;
+}
+
+Status make(const std::string& dir, int orderers, const Hosts& hosts, const Issue& issue) {
   const fs::path crypto = fs::path(dir) / "crypto", unfinished = fs::path(dir) / "crypto.unfinished";
   std::error_code error;
   if (fs::exists(crypto, error)) return done;
   fs::remove_all(unfinished, error);
   if (error) return Error{"removing " + unfinished.string() + ": " + error.message()};
-  if (Status s = make_all(unfinished, orderers, hosts); !s) return s;
+  if (Status s = make_all(unfinished, orderers, hosts, issue); !s) return s;
   fs::rename(unfinished, crypto, error);
   if (error) return Error{"renaming " + unfinished.string() + ": " + error.message()};
   return sync_file_system(dir);

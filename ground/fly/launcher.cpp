@@ -110,6 +110,7 @@ Status Launcher::start_all() {
   if (ledger_ == "fabric") {
     ledger.insert(ledger.begin(), "run");
     ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
+    if (options_.ca) ledger.push_back("--ca");
   } else {
     ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
   }

@@ -72,6 +72,7 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   app.add_option("--storage", storage, "Ledger: in the run's directory, or in memory and gone after the flight")
       ->check(CLI::IsMember({"disk", "tmpfs"}))
       ->capture_default_str();
+  app.add_flag("--ca", o.ca, "Fabric: identities from fabric-ca, one server an organisation");
   app.add_option("--batch-timeout", batch_timeout,
                  "Ledger: a block is cut when its oldest transaction waited this long")
       ->check(CLI::Validator(check_duration, "TIME"))
@@ -89,6 +90,11 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
     std::ostringstream text;
     line.exit_code = app.exit(e, text, text) == 0 ? 0 : exit_usage;
     line.text = text.str();
+    return line;
+  }
+  if (o.ca && o.ledger != "fabric") {
+    line.exit_code = exit_usage;
+    line.text = "--ca goes with --ledger fabric: the embedded ledger issues its identities itself\n";
     return line;
   }
   o.shape = *ground::shape_from_name(shape);

@@ -19,6 +19,7 @@ struct Options {
   std::string ledger = "embedded";  ///< or "fabric"
   int orderers = 1;                 ///< of Fabric: 1 or 3
   bool tmpfs = false;               ///< the ledger in memory, gone after the flight
+  bool ca = false;                  ///< Fabric's identities come from fabric-ca
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
   std::uint64_t seed = 1;

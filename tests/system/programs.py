@@ -15,7 +15,7 @@ def user_msp(directory: pathlib.Path, number: int, user: str) -> pathlib.Path:
 
 
 def ask(endpoint: str, directory: pathlib.Path, number: int, msp: pathlib.Path, *words: str,
-        program: pathlib.Path = BIN / "client_example") -> subprocess.CompletedProcess:
+        program: pathlib.Path = BIN / "client_example", channel: str = "teleop") -> subprocess.CompletedProcess:
     ca = organisation(directory, 1) / "tlsca" / "tlsca.org1.ledgerline-cert.pem"
     return subprocess.run([program, endpoint, ca, f"Org{number}MSP", msp, *words], capture_output=True, text=True,
-                          timeout=60)
+                          timeout=60, env={**os.environ, "LEDGER_CHANNEL": channel})

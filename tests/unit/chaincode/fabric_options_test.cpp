@@ -61,7 +61,7 @@ TEST(FabricOptions, AFileSaysWhereThePartsAre) {
   ASSERT_TRUE(check(*options).ok());
   EXPECT_TRUE(options->runs_organisation(2) && options->runs_orderer(2));
   EXPECT_FALSE(options->runs_organisation(1) || options->runs_orderer(3));
-  const Places places{options->orderer_places, options->organisation_places};
+  const Places places{options->orderer_places, options->organisation_places, {}};
   for (const Place& bound : places.bound(*options)) EXPECT_THAT(bound.host, testing::AnyOf("10.0.0.2", "127.0.0.1"));
   EXPECT_EQ(places.bound(*options).size(), 6U);
 }
@@ -69,7 +69,7 @@ TEST(FabricOptions, AFileSaysWhereThePartsAre) {
 TEST(FabricOptions, AddressesOfAllHostsAreInTheChannel) {
   const auto options = options_of(three_hosts);
   ASSERT_TRUE(options.ok()) << options.error().what;
-  const std::string yaml = configtx_yaml(*options, {options->orderer_places, options->organisation_places});
+  const std::string yaml = configtx_yaml(*options, {options->orderer_places, options->organisation_places, {}});
   for (const char* part : {"- 10.0.0.3:7060", "{Host: 10.0.0.2, Port: 7060,", "{Host: 10.0.0.3, Port: 7051}"}) {
     EXPECT_THAT(yaml, HasSubstr(part));
   }
@@ -91,6 +91,7 @@ TEST(FabricOptions, WhatDoesNotFitTogetherIsRefusedByName) {
   EXPECT_THAT(why([](Options& o) { o.channels = {"teleop", "teleop"}; }), HasSubstr("twice"));
   EXPECT_THAT(why([](Options& o) { o.channels = {"Tele op"}; }), HasSubstr("\"Tele op\""));
   EXPECT_THAT(why([](Options& o) { o.channels = {}; }), HasSubstr("channel"));
+  EXPECT_THAT(why([](Options& o) { o.ca = true; }), HasSubstr("one host"));
   EXPECT_THAT(why([](Options& o) {
                 o.orderer_places.clear();
                 o.organisation_places.clear();
@@ -121,6 +122,16 @@ TEST(FabricOptions, OnOneHostThePartsLieSideBySide) {
   EXPECT_EQ(ports.size(), 18U);
   EXPECT_EQ(*ports.begin(), 20'000);
   EXPECT_EQ(*ports.rbegin(), 20'017);
+  EXPECT_TRUE(places.authorities.empty());
+}
+
+TEST(FabricOptions, AuthoritiesLieBehindTheParts) {
+  Options options = *options_of("ca = true\n");
+  ASSERT_TRUE(check(options).ok());
+  const Places places = places_from(options, 20'000);
+  EXPECT_EQ(places.authority(0), "127.0.0.1:20012");
+  EXPECT_EQ(places.authority(3), "127.0.0.1:20015");
+  for (const Place& place : places.bound(options)) EXPECT_LT(place.port, 20'012);
 }
 
 }  // namespace

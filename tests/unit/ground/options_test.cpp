@@ -53,6 +53,14 @@ TEST(FlyOptions, TheLedgerMayLieInMemory) {
   EXPECT_TRUE(parse_command_line({"--storage", "tmpfs"}).options.tmpfs);
 }
 
+TEST(FlyOptions, AuthoritiesGoWithFabricAlone) {
+  const auto line = parse_command_line({"--ledger", "fabric", "--ca"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_TRUE(line.options.ca);
+  EXPECT_FALSE(parse_command_line({"--ledger", "fabric"}).options.ca);
+  expect_refused({"--ca"}, "--ledger fabric");
+}
+
 TEST(FlyOptions, WhatCannotBeFlownIsRefusedInWords) {
   expect_refused({"--shape", "circle"}, "circle");
   expect_refused({"--drones", "0"}, "drones");

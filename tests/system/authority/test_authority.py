@@ -1,0 +1,200 @@
+"""A network whose identities fabric-ca issued: members, revocation, a second start."""
+import json
+import os
+import pathlib
+import shutil
+import ssl
+import stat
+import subprocess
+import time
+
+import pytest
+from fabric import FABRIC, needs_fabric
+from programs import BIN, ask, organisation, user_msp
+
+
+def needs_ca() -> None:
+    needs_fabric()
+    if not (FABRIC / "ca.go.sum").exists():
+        pytest.skip("fabric-ca is missing: scripts/fabric-tools --ca builds it (Go 1.24 or newer)")
+
+
+class Network:
+    def __init__(self, directory: pathlib.Path):
+        self.directory = directory
+
+    def start(self, *options: str) -> None:
+        self.process = subprocess.Popen(
+            [BIN / "ledgerline-fabric", "run", "--dir", self.directory, "--tools", FABRIC, *options],
+            stdout=subprocess.PIPE, stderr=open(self.directory.with_suffix(".log"), "ab"), text=True)
+        ready = self.process.stdout.readline()
+        assert ready, self.log()
+        self.endpoint = json.loads(ready)["endpoint"]
+
+    def stop(self) -> int:
+        self.process.terminate()
+        return self.process.wait(timeout=60)
+
+    def log(self) -> str:
+        return self.directory.with_suffix(".log").read_text()
+
+    def ask(self, number: int, user: str, *words: str) -> subprocess.CompletedProcess:
+        return ask(self.endpoint, self.directory, number, user_msp(self.directory, number, user), *words)
+
+    def good(self, number: int, user: str, *words: str) -> str:
+        ran = self.ask(number, user, *words)
+        assert ran.returncode == 0, ran.stderr
+        return ran.stdout
+
+    def on_channel(self, channel: str, number: int, user: str, *words: str) -> subprocess.CompletedProcess:
+        return ask(self.endpoint, self.directory, number, user_msp(self.directory, number, user), *words, channel=channel)
+
+    def refused(self, number: int, user: str, *words: str) -> None:
+        ran = self.ask(number, user, *words)
+        assert ran.returncode == 1 and "access denied" in ran.stderr, ran.stdout + ran.stderr
+
+    def peer_cli(self, user: str, *words: str) -> subprocess.CompletedProcess:
+        """Fabric's own program at the first peer: what it asks the peer itself, not the channel."""
+        home = organisation(self.directory, 1)
+        return subprocess.run([FABRIC / "peer", *words], capture_output=True, text=True, timeout=60, env={
+            **os.environ, "FABRIC_CFG_PATH": str(FABRIC / "config"), "CORE_PEER_ADDRESS": self.endpoint,
+            "CORE_PEER_LOCALMSPID": "Org1MSP", "CORE_PEER_MSPCONFIGPATH": str(user_msp(self.directory, 1, user)),
+            "CORE_PEER_TLS_ENABLED": "true",
+            "CORE_PEER_TLS_ROOTCERT_FILE": str(home / "peers/peer0.org1.ledgerline/tls/ca.crt")})
+
+    def revoke(self, number: int, user: str) -> subprocess.CompletedProcess:
+        return subprocess.run([BIN / "ledgerline-fabric", "revoke", "--dir", self.directory, "--tools", FABRIC,
+                               "--org", str(number), "--user", user], capture_output=True, text=True, timeout=120)
+
+
+def note(key: str, data: str = "") -> tuple[str, ...]:
+    return "submit", "set", json.dumps({"id": key, "msgType": "t", "msgData": data})
+
+
+@pytest.fixture(scope="module")
+def network(tmp_path_factory):
+    needs_ca()
+    running = Network(tmp_path_factory.mktemp("authority") / "net")
+    # As a crash in the midst of issuing leaves it: authorities, and no identities.
+    cut_off = running.directory / "ca" / "org1.ledgerline"
+    cut_off.mkdir(parents=True)
+    (cut_off / "ca-cert.pem").write_text("not a certificate")
+    running.start("--ca", "--channel", "teleop", "--channel", "yard")
+    yield running
+    assert running.stop() == 0, running.log()
+
+
+def test_secrets_are_their_owners_alone(network):
+    assert stat.S_IMODE((network.directory / "ca").stat().st_mode) == 0o700
+    keys = [*(network.directory / "crypto").rglob("priv_sk"), *(network.directory / "crypto").rglob("*.key"),
+            *(network.directory / "ca").rglob("*_sk"), *(network.directory / "ca").glob("*/registrar.secret")]
+    assert len(keys) > 40
+    assert {stat.S_IMODE(key.stat().st_mode) for key in keys} == {0o600}
+    assert not list((network.directory / "ca").glob("*/issuing")), "members' keys are where they belong alone"
+
+
+def test_certificates_are_what_the_layout_says(network):
+    def subject(path: pathlib.Path) -> dict:
+        found = ssl._ssl._test_decode_cert(str(path))
+        names = {key: value for part in found["subject"] for key, value in part}
+        return names | {"sans": {value for _, value in found.get("subjectAltName", ())}}
+
+    home = organisation(network.directory, 2)
+    peer = subject(home / "peers/peer0.org2.ledgerline/msp/signcerts/peer0.org2.ledgerline-cert.pem")
+    assert peer["commonName"] == "peer0.org2.ledgerline" and peer["organizationalUnitName"] == "peer"
+    assert subject(home / "peers/peer0.org2.ledgerline/tls/server.crt")["sans"] >= {
+        "peer0.org2.ledgerline", "localhost", "127.0.0.1"}
+    admin = subject(next((user_msp(network.directory, 2, "Admin") / "signcerts").iterdir()))
+    assert admin["organizationalUnitName"] == "admin" and admin["organizationName"] == "org2.ledgerline"
+    orderer = network.directory / "crypto/ordererOrganizations/ledgerline/orderers/orderer.ledgerline"
+    assert subject(next((orderer / "msp/signcerts").iterdir()))["organizationalUnitName"] == "orderer"
+
+
+def test_members_write_and_read(network):
+    network.good(1, "User1", *note("tello1/note"))
+    assert json.loads(network.good(2, "User2", "evaluate", "get", "tello1/note"))["id"] == "tello1/note"
+
+
+def test_certificates_that_are_no_members_are_refused(network, tmp_path):
+    # Of the same CA, and of no role: the registrar's, which revokes, and those for TLS.
+    found = {"registrar": network.directory / "ca" / "org1.ledgerline" / "registrar" / "msp"}
+    home = organisation(network.directory, 1)
+    for name, tls, kind in (("service", home / "chaincode/tls", "server"),
+                            ("peer", home / "peers/peer0.org1.ledgerline/tls", "server"),
+                            ("user", user_msp(network.directory, 1, "User1").parent / "tls", "client")):
+        found[name] = tmp_path / name
+        for folder, file, to in (("signcerts", f"{kind}.crt", "cert.pem"), ("keystore", f"{kind}.key", "priv_sk")):
+            (found[name] / folder).mkdir(parents=True)
+            shutil.copy2(tls / file, found[name] / folder / to)
+    for name, msp in found.items():
+        ran = ask(network.endpoint, network.directory, 1, msp, *note("Org1MSP/intruder"))
+        assert ran.returncode == 1 and "access denied" in ran.stderr, name + ran.stdout + ran.stderr
+
+
+def test_a_revoked_user_is_refused_and_what_it_wrote_stays(network):
+    network.good(1, "User1", *note("tello1/last"))
+    assert network.on_channel("yard", 1, "User1", "evaluate", "get").returncode == 0
+    revoked = network.revoke(1, "User1")
+    assert revoked.returncode == 0, revoked.stderr
+    network.refused(1, "User1", *note("tello1/later"))
+    network.refused(1, "User1", *note("Org1MSP/later"))
+    elsewhere = network.on_channel("yard", 1, "User1", "evaluate", "get")
+    assert elsewhere.returncode == 1 and "access denied" in elsewhere.stderr, "on every channel"
+    network.good(1, "User2", *note("Org1MSP/others-go-on"))
+    network.good(3, "User1", *note("Org3MSP/others-go-on"))
+    history = network.good(2, "User1", "evaluate", "history", "tello1/last")
+    assert "User1@org1.ledgerline" in history
+    again = network.revoke(1, "User1")
+    assert again.returncode == 0, again.stderr
+
+
+def test_who_cannot_be_revoked_is_said(network):
+    admin = network.revoke(1, "Admin")
+    assert admin.returncode == 1 and "signs for its organisation" in admin.stderr
+    nobody = network.revoke(1, "Nobody")
+    assert nobody.returncode == 1 and "Nobody@org1.ledgerline was not found" in nobody.stderr
+    network.good(1, "Admin", "evaluate", "get")
+
+
+def test_a_second_start_goes_on_with_what_was_issued_and_revoked(network):
+    def certificates() -> dict:
+        return {path: path.read_bytes() for path in (network.directory / "crypto").rglob("*.pem")}
+
+    assert network.revoke(1, "User1").returncode == 0
+    before = certificates()
+    assert network.stop() == 0, network.log()
+    network.start("--channel", "teleop", "--channel", "yard")  # the directory knows that it has authorities
+    assert certificates() == before
+    network.refused(1, "User1", *note("Org1MSP/still-out"))
+    deadline = time.monotonic() + 30  # the orderer is just electing itself its leader
+    while network.ask(1, "User2", *note("Org1MSP/still-in")).returncode != 0 and time.monotonic() < deadline:
+        time.sleep(0.2)
+    network.good(1, "User2", "evaluate", "get", "Org1MSP/still-in")
+    listed = network.peer_cli("User2", "channel", "list")
+    assert listed.returncode == 0 and "teleop" in listed.stdout, listed.stderr
+    listed = network.peer_cli("User1", "channel", "list")
+    assert listed.returncode != 0 and "access denied" in listed.stderr, "the peer itself knows the list too"
+    revoked = network.revoke(3, "User2")
+    assert revoked.returncode == 0, revoked.stderr
+    network.refused(3, "User2", *note("Org3MSP/out"))
+    network.refused(1, "User1", *note("Org1MSP/still-out"))
+
+
+def test_identities_of_another_origin_are_not_mixed(tmp_path):
+    needs_ca()
+    (tmp_path / "net" / "crypto").mkdir(parents=True)
+    ran = subprocess.run([BIN / "ledgerline-fabric", "run", "--dir", tmp_path / "net", "--tools", FABRIC, "--ca"],
+                         capture_output=True, text=True, timeout=60)
+    assert ran.returncode == 1 and "begin in an empty directory" in ran.stderr
+
+
+def test_a_drone_flies_with_identities_of_fabric_ca(tmp_path):
+    needs_ca()
+    with open(tmp_path / "fly.out", "wb") as out:
+        flown = subprocess.run([BIN / "ledgerline-fly", "--ledger", "fabric", "--ca", "--laps", "1", "--out", tmp_path / "run",
+                                "--json", tmp_path / "result.json"], stdout=out, stderr=subprocess.STDOUT, timeout=240)
+    assert flown.returncode == 0, (tmp_path / "fly.out").read_text(errors="replace")
+    report = json.loads((tmp_path / "result.json").read_text())
+    assert report["ok"] is True and report["drones"][0]["commands"]["applied"] > 100
+    assert (tmp_path / "run" / "ledger" / "ca" / "org1.ledgerline" / "ca-cert.pem").exists()
+    assert os.listdir("/dev/shm") == []
