@@ -75,7 +75,8 @@ Status check(const Options& o) {
   if (baselines && o.place.node.empty()) return Error{"node is not on PATH: the baselines need Node.js 20.9 or newer"};
   const fs::path client = o.place.npm / "node_modules/@hyperledger/fabric-gateway";
   if (baselines && !fs::exists(client)) {
-    return Error{client.string() + " is missing: ./run-tests installs it, or npm ci in a copy of tests/system/conformance"};
+    return Error{client.string() +
+                 " is missing: ./run-tests installs it, or npm ci in a copy of tests/system/conformance"};
   }
   if (baselines && !fs::exists(o.place.script)) return Error{o.place.script.string() + " is missing"};
   if (!o.place.embedded && !fs::exists(o.place.fabric / "peer")) {
