@@ -8,6 +8,7 @@ import time
 import urllib.request
 
 import pytest
+from netns import die_with_parent
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 FABRIC = pathlib.Path(os.environ["LEDGERLINE_FABRIC"])
@@ -62,7 +63,7 @@ class Network:
         self.log_file = directory.with_suffix(".log")
         self.process = subprocess.Popen(
             command(BIN / "ledgerline-fabric", "run", "--dir", directory, "--tools", FABRIC, "--summary", self.summary, *options),
-            stdout=subprocess.PIPE, stderr=open(self.log_file, "ab"), text=True)
+            stdout=subprocess.PIPE, stderr=open(self.log_file, "ab"), text=True, preexec_fn=die_with_parent)
 
     def wait_ready(self) -> "Network":
         line = self.process.stdout.readline()

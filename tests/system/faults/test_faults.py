@@ -11,6 +11,7 @@ import time
 
 import pytest
 from fabric import BIN, PATIENCE_S, Network, leader_in, needs_fabric, organisation_dir, processes_in
+from netns import die_with_parent
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 KINDS = ["leader", "orderer", "peer", "gateway peer", "chaincode"]
@@ -54,7 +55,7 @@ class Load:
         configs = [client_config(network, directory / f"peer{k}.toml", k) for k in (1, 2, 3)]
         self.process = subprocess.Popen(
             [BIN / "fault_load", "--config", configs[0], *(word for config in configs for word in ("--peer", config))],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, preexec_fn=die_with_parent)
         assert json.loads(self.process.stdout.readline())["ready"]
 
     def ask(self, command: str) -> dict:

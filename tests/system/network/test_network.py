@@ -15,8 +15,11 @@ ROOT = pathlib.Path(__file__).parents[3]
 
 
 @pytest.fixture(autouse=True)
-def _needs_fabric():
+def _needs_fabric(tmp_path):
     needs_fabric()
+    yield
+    for network in tmp_path.glob("*/network.json"):  # of a test that failed
+        fabric("down", "--dir", network.parent)
 
 
 def living(directory: pathlib.Path) -> list[str]:
