@@ -87,30 +87,33 @@ class Peer:
     """Fabric's own command line at a peer, as a user of an organisation."""
 
     def __init__(self, directory: pathlib.Path, address: str, organisation: int, orderer: str, user: str = "User1",
-                 command=lambda *words: list(words)):
+                 command=lambda *words: list(words), ca_files: tuple[pathlib.Path, pathlib.Path] | None = None):
+        """`ca_files`: of the TLS certificates of peer and orderer, where they are not those of their organisations."""
         home = organisation_dir(directory, organisation)
+        ca_file, orderer_ca_file = ca_files or (
+            home / "tlsca" / f"tlsca.org{organisation}.ledgerline-cert.pem",
+            directory / "crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem")
         self.command = command
         self.environment = {
             **os.environ, "FABRIC_CFG_PATH": str(FABRIC / "config"), "FABRIC_LOGGING_SPEC": "error", "CORE_PEER_ADDRESS": address,
             "CORE_PEER_LOCALMSPID": f"Org{organisation}MSP", "CORE_PEER_TLS_ENABLED": "true",
             "CORE_PEER_MSPCONFIGPATH": str(home / "users" / f"{user}@org{organisation}.ledgerline" / "msp"),
-            "CORE_PEER_TLS_ROOTCERT_FILE": str(home / "tlsca" / f"tlsca.org{organisation}.ledgerline-cert.pem")}
-        self.ordering = ["-o", orderer, "--tls", "--cafile",
-                         directory / "crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"]
+            "CORE_PEER_TLS_ROOTCERT_FILE": str(ca_file)}
+        self.ordering = ["-o", orderer, "--tls", "--cafile", orderer_ca_file]
 
-    def _call(self, *words) -> subprocess.CompletedProcess:
-        return subprocess.run(self.command(FABRIC / "peer", "chaincode", *words), env=self.environment, capture_output=True,
+    def run(self, *words) -> subprocess.CompletedProcess:
+        return subprocess.run(self.command(FABRIC / "peer", *map(str, words)), env=self.environment, capture_output=True,
                               text=True, timeout=PATIENCE_S)
 
     def invoke(self, channel: str, *arguments: str) -> None:
         """Returns when it is committed at this peer."""
-        done = self._call("invoke", *self.ordering, "-C", channel, "-n", "ledgerline", "-c", json.dumps({"Args": arguments}),
+        done = self.run("chaincode", "invoke", *self.ordering, "-C", channel, "-n", "ledgerline", "-c", json.dumps({"Args": arguments}),
                           "--waitForEvent")
         assert done.returncode == 0, done.stderr
 
     def query(self, channel: str, *arguments: str) -> str:
         """The answer, or what went wrong."""
-        done = self._call("query", "-C", channel, "-n", "ledgerline", "-c", json.dumps({"Args": arguments}))
+        done = self.run("chaincode", "query", "-C", channel, "-n", "ledgerline", "-c", json.dumps({"Args": arguments}))
         return done.stdout if done.returncode == 0 else done.stderr
 
     def wait_for(self, channel: str, text: str, *arguments: str) -> None:

@@ -1,38 +1,33 @@
-"""Fabric's own command line, `peer`."""
+"""Fabric's own command line, `peer`, at either ledger."""
 import json
-import os
 import subprocess
 
-from fabric import FABRIC
+from fabric import Peer
+from ledgers import Ledger
 
 
-class Peer:
-    """`peer` as one user; answers as (exit code, standard output, standard error)."""
-
-    def __init__(self, ledger, organisation: int, user: str, msp_id: str | None = None):
-        endpoint, ca_file = ledger.peer(organisation)
-        self.ordering = ["-o", ledger.orderer()[0], "--tls", "--cafile", str(ledger.orderer()[1])]
-        self.environment = {
-            **os.environ, "FABRIC_CFG_PATH": str(FABRIC / "config"), "FABRIC_LOGGING_SPEC": "info",
-            "CORE_PEER_ADDRESS": endpoint, "CORE_PEER_LOCALMSPID": msp_id or f"Org{organisation}MSP",
-            "CORE_PEER_MSPCONFIGPATH": str(ledger.msp_dir(organisation, user)), "CORE_PEER_TLS_ENABLED": "true",
-            "CORE_PEER_TLS_ROOTCERT_FILE": str(ca_file)}
-
-    def run(self, *arguments) -> subprocess.CompletedProcess:
-        return subprocess.run([FABRIC / "peer", *map(str, arguments)], env=self.environment, capture_output=True,
-                              text=True, timeout=60)
-
-    def good(self, *arguments) -> str:
-        done = self.run(*arguments)
-        assert done.returncode == 0, done.stderr
-        return done.stdout + done.stderr
-
-    def query(self, *args: str) -> subprocess.CompletedProcess:
-        return self.run("chaincode", "query", *on_contract(*args))
-
-    def invoke(self, *args: str, more=()) -> subprocess.CompletedProcess:
-        return self.run("chaincode", "invoke", *self.ordering, *on_contract(*args), *more)
+def peer_of(ledger: Ledger, organisation: int, user: str, msp_id: str | None = None) -> Peer:
+    """As a user of an organisation; `msp_id`: who says to be of another one."""
+    (endpoint, ca_file), (orderer, orderer_ca_file) = ledger.peer(organisation), ledger.orderer()
+    peer = Peer(ledger.directory, endpoint, organisation, orderer, user, ca_files=(ca_file, orderer_ca_file))
+    peer.environment["FABRIC_LOGGING_SPEC"] = "info"  # what it says of a transaction
+    peer.environment["CORE_PEER_LOCALMSPID"] = msp_id or f"Org{organisation}MSP"
+    return peer
 
 
-def on_contract(*args: str) -> tuple:
-    return "-C", "teleop", "-n", "ledgerline", "-c", json.dumps({"Args": args})
+def good(peer: Peer, *words) -> str:
+    done = peer.run(*words)
+    assert done.returncode == 0, done.stderr
+    return done.stdout + done.stderr
+
+
+def query(peer: Peer, *args: str, contract: str = "ledgerline") -> subprocess.CompletedProcess:
+    return peer.run("chaincode", "query", *on_contract(*args, contract=contract))
+
+
+def invoke(peer: Peer, *args: str, more=()) -> subprocess.CompletedProcess:
+    return peer.run("chaincode", "invoke", *peer.ordering, *on_contract(*args), *more)
+
+
+def on_contract(*args: str, contract: str = "ledgerline") -> tuple:
+    return "-C", "teleop", "-n", contract, "-c", json.dumps({"Args": args})

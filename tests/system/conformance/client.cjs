@@ -248,7 +248,10 @@ const operations = {
   // all at once.
   async together(request) {
     const endorsed = [];
-    for (const call of request.calls) endorsed.push(await proposalOf(request, call).endorse());
+    for (const call of request.calls) {
+      const transaction = await proposalOf(request, call).endorse();
+      endorsed.push(call.how ? await forge({ ...request, ...call }, transaction) : transaction);
+    }
     return { all: await Promise.all(endorsed.map(async (transaction) => statusOf(await transaction.submit()))) };
   },
   // A transaction that is submitted when its signer's time is over.

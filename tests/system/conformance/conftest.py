@@ -5,8 +5,8 @@ import shutil
 import subprocess
 
 import pytest
-from cli import Peer
-from fabric import needs_fabric
+from cli import peer_of
+from fabric import Peer, needs_fabric
 from ledgers import CUTTING, Authority, Embedded, Fabric
 from official import HERE, Client, Node
 
@@ -76,7 +76,7 @@ def authority(ledger, tmp_path_factory) -> Authority:
 def peer(ledger) -> Peer:
     """Fabric's command line, as the drone host; the program is Fabric's, whichever ledger it asks."""
     needs_fabric()
-    return Peer(ledger, 1, "User1")
+    return peer_of(ledger, 1, "User1")
 
 
 @pytest.fixture(scope="session")

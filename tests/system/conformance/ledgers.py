@@ -8,11 +8,11 @@ import signal
 import subprocess
 import time
 
-from fabric import FABRIC
+from fabric import BIN, FABRIC, organisation_dir
 
-BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
-# Blocks that hold several transactions, when these come at once.
+# Blocks that hold several transactions, when these come at once, and as many bytes as those of our network of Fabric.
 CUTTING = ("--batch-count", "10", "--batch-timeout", "25")
+BATCH_BYTES = 10_000_000
 
 
 class Ledger:
@@ -57,7 +57,7 @@ class Ledger:
         return self.directory.with_suffix(".log").read_text()
 
     def organisation(self, number: int) -> pathlib.Path:
-        return self.directory / "crypto" / "peerOrganizations" / f"org{number}.ledgerline"
+        return organisation_dir(self.directory, number)
 
     def ca_file(self, number: int) -> pathlib.Path:
         """The CA of that organisation's TLS certificates."""
@@ -81,7 +81,7 @@ class Embedded(Ledger):
 
     def command(self) -> list:
         return [BIN / "ledgerline-node", "--dir", self.directory, "--listen", self.endpoint or "127.0.0.1:0",
-                "--summary", self.directory.with_suffix(".json"), *self.options]
+                "--summary", self.directory.with_suffix(".json"), "--batch-bytes", str(BATCH_BYTES), *self.options]
 
     def limit(self) -> None:
         if self.file_limit is not None:

@@ -9,9 +9,9 @@ import tarfile
 import time
 
 import pytest
-from cli import Peer
-from fabric import needs_fabric
-from ledgers import BIN, CUTTING, Fabric
+from cli import good, peer_of, query
+from fabric import BIN, needs_fabric
+from ledgers import CUTTING, Fabric
 from official import Node, call, decode
 
 PACKAGE, KEEPALIVE_S = "counter_1", 1
@@ -90,15 +90,15 @@ def counter(network, tmp_path_factory):
     process.stop()
     process.package_id = package_id
     process.start()
-    admins = [Peer(network, number, "Admin") for number in (1, 2)]
+    admins = [peer_of(network, number, "Admin") for number in (1, 2)]
     definition = ("--channelID", "teleop", "--name", "counter", "--version", "1", "--sequence", "1",
                   "--signature-policy", "OR('Org1MSP.peer','Org2MSP.peer')")
     for admin in admins:
-        admin.good("lifecycle", "chaincode", "install", package)
-        admin.good("lifecycle", "chaincode", "approveformyorg", "--package-id", package_id, *admin.ordering, *definition)
+        good(admin, "lifecycle", "chaincode", "install", package)
+        good(admin, "lifecycle", "chaincode", "approveformyorg", "--package-id", package_id, *admin.ordering, *definition)
     targets = [part for number in (1, 2) for endpoint, ca_file in [network.peer(number)]
                for part in ("--peerAddresses", endpoint, "--tlsRootCertFiles", ca_file)]
-    admins[0].good("lifecycle", "chaincode", "commit", *admins[0].ordering, *definition, *targets)
+    good(admins[0], "lifecycle", "chaincode", "commit", *admins[0].ordering, *definition, *targets)
     yield process
     process.stop()
 
@@ -145,10 +145,9 @@ def test_events_and_refusals_are_those_of_the_chaincode(counter, client):
 def test_many_transactions_of_two_peers_run_at_once(network, counter, client):
     requests = [client.send("submit", **call("add", f"m{number}"), contract="counter") for number in range(60)]
     assert all(client.receive(request).get("successful") for request in requests)
-    other = Peer(network, 2, "User1")
+    other = peer_of(network, 2, "User1")
     for number in range(3):
-        read = other.run("chaincode", "query", "-C", "teleop", "-n", "counter", "-c",
-                         json.dumps({"Args": ["read", f"m{number}"]}))
+        read = query(other, "read", f"m{number}", contract="counter")
         assert read.returncode == 0 and read.stdout.strip() == "1", read.stderr
     assert counter.connections() == 2
 

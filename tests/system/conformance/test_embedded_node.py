@@ -2,7 +2,8 @@
 import json
 import subprocess
 
-from ledgers import BIN, Embedded
+from fabric import BIN
+from ledgers import Embedded
 from official import Node, asset
 
 

@@ -3,33 +3,33 @@ import hashlib
 import json
 
 import pytest
-from cli import Peer, on_contract
+from cli import good, invoke, on_contract, peer_of, query
 from official import asset, decode, message
 
 
 def test_it_invokes_and_queries_the_contract(peer, drone_host):
-    done = peer.invoke("set", json.dumps(asset("tello1/cli")), more=("--waitForEvent",))
+    done = invoke(peer, "set", json.dumps(asset("tello1/cli")), more=("--waitForEvent",))
     assert done.returncode == 0, done.stderr
     assert "committed with status (VALID)" in done.stderr
-    read = peer.query("get", "tello1/cli")
+    read = query(peer, "get", "tello1/cli")
     assert read.returncode == 0, read.stderr
     assert json.loads(read.stdout) == drone_host.read("get", "tello1/cli")
 
 
 def test_an_answer_of_the_contract_is_shown(peer, ledger, enroll):
     enroll("clidrone")
-    operator = Peer(ledger, 2, "User1")
-    done = operator.invoke("acquire", "clidrone", more=("--waitForEvent",))
+    operator = peer_of(ledger, 2, "User1")
+    done = invoke(operator, "acquire", "clidrone", more=("--waitForEvent",))
     assert done.returncode == 0 and "Chaincode invoke successful. result: status:200 payload:" in done.stderr
     assert "clidrone" in done.stderr
-    assert operator.invoke("release", "clidrone", more=("--waitForEvent",)).returncode == 0
+    assert invoke(operator, "release", "clidrone", more=("--waitForEvent",)).returncode == 0
 
 
 def test_a_refusal_is_shown_in_the_contracts_words(peer, ledger):
-    for done in (peer.query("get", "tello1/never"), peer.invoke("delete", "tello1/never")):
+    for done in (query(peer, "get", "tello1/never"), invoke(peer, "delete", "tello1/never")):
         assert done.returncode == 1
         assert "tello1/never: not found" in done.stderr
-    stranger = Peer(ledger, 1, "User1", msp_id="Org2MSP").query("get")
+    stranger = query(peer_of(ledger, 1, "User1", msp_id="Org2MSP"), "get")
     assert stranger.returncode == 1 and "access denied" in stranger.stderr
 
 
@@ -40,12 +40,12 @@ def test_an_invoke_needs_an_orderers_address(peer):
 
 def test_it_tells_height_and_hash_of_the_chain(peer, drone_host, nobody):
     end = drone_host.submit("set", asset("tello1/height"))["block"] + 1
-    info = json.loads(peer.good("channel", "getinfo", "-c", "teleop").split("Blockchain info: ")[1].splitlines()[0])
+    info = json.loads(good(peer, "channel", "getinfo", "-c", "teleop").split("Blockchain info: ")[1].splitlines()[0])
     assert info["height"] == end
     after = drone_host.submit("set", asset("tello1/height"))["block"]
     (block,) = nobody.ask("blocks", start=after, count=1)["blocks"]
     assert info["currentBlockHash"] == block["previous"]
-    assert "teleop" in peer.good("channel", "list").splitlines()
+    assert "teleop" in good(peer, "channel", "list").splitlines()
     wrong = peer.run("channel", "getinfo", "-c", "nowhere")
     assert wrong.returncode == 1 and "Invalid chain ID, nowhere" in wrong.stderr
 
@@ -57,7 +57,7 @@ def test_it_fetches_blocks(peer, drone_host, nobody, tmp_path, source):
 
     def fetch(what) -> tuple[int, dict]:
         path = tmp_path / "block"
-        peer.good("channel", "fetch", what, path, "-c", "teleop", *ordering)
+        good(peer, "channel", "fetch", what, path, "-c", "teleop", *ordering)
         parts = message(path.read_bytes())
         header = parts[1][0]
         number = 0 if header[0] != 8 else int.from_bytes(bytes([header[1]]), "little")
@@ -66,7 +66,8 @@ def test_it_fetches_blocks(peer, drone_host, nobody, tmp_path, source):
 
     assert fetch("oldest")[0] == 0
     assert fetch(1)[0] == 1
-    assert message(fetch("newest")[1][1][0])[3] == [decode(nobody.ask("blocks", start=newest, count=1)["blocks"][0]["dataHash"])]
+    (block,) = nobody.ask("blocks", start=newest, count=1)["blocks"]
+    assert message(fetch("newest")[1][1][0])[3] == [decode(block["dataHash"])]
     # The last config block is the first block: nothing has changed since.
     assert fetch("config")[0] == 0
 

@@ -6,7 +6,7 @@ from official import UNAVAILABLE, VALID, asset
 
 
 def submit_when_ready(client, *args) -> dict:
-    """An orderer of Fabric that has just started has no leader yet, and says so: a client has to try again."""
+    """While Fabric's orderers have no leader, or the peer has not found one, a client has to try again."""
     deadline = time.monotonic() + 20
     while (answer := client.call("submit", *args)).get("error", {}).get("code") == UNAVAILABLE:
         assert time.monotonic() < deadline, answer

@@ -2,9 +2,11 @@
 import base64
 
 import pytest
+from ledgers import BATCH_BYTES
 from official import (ABORTED, BAD_PROPOSAL_TXID, BAD_REQUEST, DEADLINE_EXCEEDED, DUPLICATE_TXID,
-                      ENDORSEMENT_POLICY_FAILURE, FAILED_PRECONDITION, FORBIDDEN, INVALID_ENDORSER_TRANSACTION, MVCC_READ_CONFLICT, PERMISSION_DENIED,
-                      PHANTOM_READ_CONFLICT, SUCCESS, UNAVAILABLE, VALID, asset, asset_bytes, call)
+                      ENDORSEMENT_POLICY_FAILURE, FAILED_PRECONDITION, FORBIDDEN, INVALID_ENDORSER_TRANSACTION,
+                      MVCC_READ_CONFLICT, PERMISSION_DENIED, PHANTOM_READ_CONFLICT, SUCCESS, UNAVAILABLE, VALID, asset,
+                      asset_bytes, call, decode)
 
 LIMIT = 10 * 1024 * 1024  # AbsoluteMaxBytes
 TRIES = 20  # until two transactions share a block: they are sent at once, and a block waits 25 ms
@@ -176,17 +178,23 @@ def test_an_envelope_above_the_orderers_limit_is_refused_with_its_size(drone_hos
     assert drone_host.call("forged", "set", asset("tello1/size"), how="size", bytes=LIMIT)["code"] == VALID
 
 
-def test_an_asset_of_nearly_a_megabyte_has_a_block_of_its_own(drone_host):
-    data = bytes(range(256)) * 3906  # 999,936 bytes; the call may have 1,000,000
+def test_an_envelope_above_the_bytes_of_a_block_has_one_of_its_own(drone_host):
     small = call("set", asset("tello1/small"))
+    large = {**small, "how": "size", "bytes": BATCH_BYTES + 100_000}
     for _ in range(TRIES):
-        done = drone_host.ask("together", calls=[small, call("set", asset_bytes("tello1/large", data)), small, small])["all"]
+        done = drone_host.ask("together", calls=[small, large, small, small])["all"]
         assert [one["code"] for one in done] == [VALID] * 4
         blocks = [one["block"] for one in done]
-        # Larger than the bytes that a block should have, so it shares one with nobody.
         assert blocks.count(blocks[1]) == 1
-        if len(set(blocks)) < 4:  # and the others did share one
+        if len(set(blocks)) < 4:  # the others did share one
             break
     else:
         pytest.fail("no two of the small ones came into one block")
-    assert base64.b64decode(drone_host.read("get", "tello1/large")["msgData"]) == data
+
+
+def test_an_asset_of_nearly_a_megabyte_is_read_back(drone_host, nobody):
+    data = bytes(range(256)) * 3906  # 999,936 bytes; the call may have 1,000,000
+    written = drone_host.submit("set", asset_bytes("tello1/large", data))
+    assert base64.b64decode(nobody.read("get", "tello1/large")["msgData"]) == data
+    (event,) = nobody.ask("events", start=written["block"], count=1)["events"]
+    assert decode(event["payload"]).endswith(data)
