@@ -31,6 +31,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr TimeNs starting_limit_ns = 20 * ns_per_s;
+constexpr TimeNs leader_limit_ns = 40 * ns_per_s;  // one that hangs at its start is found and started again meanwhile
 constexpr const char* label = "ledgerline_1";
 
 Status write_file(const fs::path& path, const std::string& text, int mode) {
@@ -147,6 +148,36 @@ Status Network::up() {
     if (Status s = (this->*step)(); !s) return s;
   }
   processes_->supervise();
+  return wait_for_leader();
+}
+
+/// After a restart peers answer before the orderers have elected their leader. Where other hosts run orderers too, the
+/// leader may be theirs, and cannot be seen from here.
+Status Network::wait_for_leader() {
+  const TimeNs until = monotonic_ns() + leader_limit_ns;
+  for (const std::string& channel : options_.channels) {
+    const auto led = [&] {
+      bool all_own = true, leads = false;
+      for (int k = 1; k <= options_.orderers; ++k) {
+        if (!options_.runs_orderer(k)) {
+          all_own = false;
+          continue;
+        }
+        const auto metrics = fetch_metrics(places_.orderer_operations(k));
+        if (!metrics) continue;
+        const auto signs = raft_signs(*metrics);
+        const auto sign = signs.find(channel);
+        leads = leads || (sign != signs.end() && sign->second.leads);
+      }
+      return leads || !all_own;
+    };
+    while (!led()) {
+      if (Status s = tend(20 * ns_per_ms); !s) return s;
+      if (monotonic_ns() > until) {
+        return Error{fmt::format("no orderer leads channel {} after {:.0f} s", channel, to_seconds(leader_limit_ns))};
+      }
+    }
+  }
   return done;
 }
 

@@ -59,6 +59,7 @@ class Network {
   Status install();
   Status deploy();
   Status wait_for_contract();
+  Status wait_for_leader();
   Status enroll_first();
   Status for_each_channel(const std::string& step, Status (Network::*make)(const std::string& channel));
   Status make_first_block(const std::string& channel);

@@ -55,7 +55,10 @@ Result<SeekRequest> read_seek(const common::Envelope& envelope) {
   request.creator = signature_header.creator();
   request.payload = envelope.payload();
   request.signature = envelope.signature();
-  if (channel_header.has_timestamp() && std::abs(channel_header.timestamp().seconds()) < INT64_MAX / ns_per_s) {
+  // Half of what fits, so that its distance from now can be computed.
+  constexpr std::int64_t farthest_s = INT64_MAX / ns_per_s / 2;
+  const std::int64_t sent_s = channel_header.timestamp().seconds();
+  if (channel_header.has_timestamp() && -farthest_s < sent_s && sent_s < farthest_s) {
     request.sent_ns = channel_header.timestamp().seconds() * ns_per_s;
   }
   return request;

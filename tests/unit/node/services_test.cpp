@@ -321,23 +321,24 @@ TEST_F(ServicesTest, WhoseCertificateHasExpiredCannotSubmitWhatWasEndorsedBefore
 }
 
 TEST_F(ServicesTest, ARequestForBlocksThatSomebodyHasKeptIsRefused) {
-  const auto sent = [&](std::optional<TimeNs> real_ns) {
+  const auto sent = [&](std::optional<std::int64_t> real_s) {
     common::Envelope envelope = changed(seek(host), [&](common::Header& header) {
       common::ChannelHeader channel_header;
       channel_header.ParseFromString(header.channel_header());
       channel_header.clear_timestamp();
-      if (real_ns) channel_header.mutable_timestamp()->set_seconds(*real_ns / ns_per_s);
+      if (real_s) channel_header.mutable_timestamp()->set_seconds(*real_s);
       header.set_channel_header(channel_header.SerializeAsString());
     });
     return deliver_everywhere(envelope);
   };
-  constexpr TimeNs minute_ns = 60 * ns_per_s;
-  const TimeNs now = realtime_ns();
-  for (const TimeNs good : {now - 14 * minute_ns, now, now + 14 * minute_ns}) {
+  constexpr std::int64_t minute = 60;
+  const std::int64_t now = realtime_ns() / ns_per_s;
+  for (const std::int64_t good : {now - 14 * minute, now, now + 14 * minute}) {
     EXPECT_THAT(sent(good), ::testing::Each(common::SUCCESS));
   }
-  for (const std::optional<TimeNs> bad : {std::optional(now - 16 * minute_ns), std::optional(now + 16 * minute_ns),
-                                          std::optional<TimeNs>(0), std::optional<TimeNs>()}) {
+  using Bad = std::optional<std::int64_t>;
+  for (const Bad bad : {Bad(now - 16 * minute), Bad(now + 16 * minute), Bad(0), Bad(), Bad(INT64_MIN), Bad(INT64_MAX),
+                        Bad(INT64_MAX / ns_per_s)}) {
     EXPECT_THAT(sent(bad), ::testing::Each(common::BAD_REQUEST));
     EXPECT_EQ(blocks, 0);
   }
