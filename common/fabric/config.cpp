@@ -33,7 +33,7 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
           {config.text(fmt::format("{}.{}.endpoint", table, i)), config.text(fmt::format("{}.{}.tls_ca", table, i))});
     }
   }
-  out.cross_check = config.boolean("ledger.cross_check", !out.orderers.empty());
+  out.cross_check = config.boolean("ledger.cross_check", out.cross_check);
   const std::string msp_id = config.text("ledger.msp_id");
   const std::string msp_dir = config.text("ledger.msp_dir");
   // libcrypto signs in a tenth of mbedTLS's time.

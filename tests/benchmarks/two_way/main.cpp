@@ -31,7 +31,7 @@ Clients:
   polling               as gateway, but asking again and again, with a cache of what was there the last time
   ledgerline            frames and the direct path, signed by libcrypto; reads from its peer alone, as the others
   ledgerline-mbedtls    the same, signed by mbedTLS
-  ledgerline-checked    as ledgerline, and an orderer's blocks are compared with the peer's, as agent and ground do
+  ledgerline-checked    as ledgerline, and an orderer's blocks are compared with the peer's
 
 Examples:
   ledgerline bench two-way --rates 30,70 --json two-way.json
