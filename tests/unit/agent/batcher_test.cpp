@@ -65,12 +65,18 @@ int frames_in_flight(Batcher& batcher, TimeNs from, TimeNs limit) {
   return frames;
 }
 
-TEST(Batcher, WhereBlocksAreCutLateFramesFollowEachOtherBehindAGap) {
+// Whose first frame took so long to be endorsed and ordered.
+Batcher after_one_frame(TimeNs ordered_after_ns) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
-  auto quick = outcome(Kind::committed);
-  quick.ordered_after_ns = 2 * ns_per_ms;
-  batcher.finished(0, batcher.next(0)->number, quick);
+  auto committed = outcome(Kind::committed);
+  committed.ordered_after_ns = ordered_after_ns;
+  batcher.finished(0, batcher.next(0)->number, committed);
+  return batcher;
+}
+
+TEST(Batcher, WhereBlocksAreCutLateFramesFollowEachOtherBehindAGap) {
+  Batcher batcher = after_one_frame(2 * ns_per_ms);
   const int quickly_ordered = frames_in_flight(batcher, 0, 160 * ns_per_ms);
   EXPECT_GE(quickly_ordered, 9) << "the published settings cut a block of 10";
   EXPECT_LE(quickly_ordered, 16);
@@ -78,11 +84,7 @@ TEST(Batcher, WhereBlocksAreCutLateFramesFollowEachOtherBehindAGap) {
 }
 
 TEST(Batcher, ALedgerAtItsLimitGetsFewerFrames) {
-  Batcher batcher({}, {{1, "tello1"}}, 1);
-  batcher.add(0, sample(1, 1));
-  auto slow = outcome(Kind::committed);
-  slow.ordered_after_ns = 30 * ns_per_ms;
-  batcher.finished(0, batcher.next(0)->number, slow);
+  Batcher batcher = after_one_frame(30 * ns_per_ms);
   EXPECT_LE(frames_in_flight(batcher, 0, 110 * ns_per_ms), 1);
 }
 

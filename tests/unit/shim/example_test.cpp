@@ -13,6 +13,7 @@
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
 #include "tests/unit/child.hpp"
+#include "tests/unit/shim/messages.hpp"
 
 /// The example chaincode as a peer meets it: the program, its transport, its TLS. Argument: the program.
 namespace ledgerline::shim {
@@ -85,25 +86,9 @@ class Peer {
     return {};
   }
 
-  static protos::Response response_in(const Message& end) {
-    protos::Response response;
-    EXPECT_EQ(end.type(), Message::COMPLETED) << end.payload();
-    EXPECT_TRUE(response.ParseFromString(end.payload()));
-    return response;
-  }
-
   std::map<std::string, std::string> state;
 
  private:
-  static Message message(Message::Type type, const std::string& payload, const std::string& tx) {
-    Message out;
-    out.set_type(type);
-    out.set_payload(payload);
-    out.set_txid(tx);
-    out.set_channel_id("teleop");
-    return out;
-  }
-
   std::unique_ptr<protos::Chaincode::Stub> stub_;
   grpc::ClientContext context_;
   std::unique_ptr<grpc::ClientReaderWriter<Message, Message>> stream_;
@@ -140,15 +125,15 @@ TEST_F(ExampleTest, CountsOnTheLedgerAndEndsOnItsSignal) {
   for (const char* expected : {"1", "2"}) {
     peer.call("tx", {"add", "laps"});
     const Message end = peer.next_end();
-    EXPECT_EQ(Peer::response_in(end).payload(), expected);
+    EXPECT_EQ(response_in(end).payload(), expected);
     EXPECT_EQ(end.chaincode_event().event_name(), "added");
     EXPECT_EQ(end.chaincode_event().payload(), expected);
     EXPECT_EQ(peer.state["laps"], expected);
   }
   peer.call("tx", {"read", "laps"});
-  EXPECT_EQ(Peer::response_in(peer.next_end()).payload(), "2");
+  EXPECT_EQ(response_in(peer.next_end()).payload(), "2");
   peer.call("tx", {"halve", "laps"});
-  const auto refused = Peer::response_in(peer.next_end());
+  const auto refused = response_in(peer.next_end());
   EXPECT_EQ(refused.status(), 500);
   EXPECT_THAT(refused.message(), HasSubstr("unknown function halve"));
   EXPECT_EQ(child.end(SIGTERM), 0);
@@ -160,8 +145,8 @@ TEST_F(ExampleTest, ServesManyPeers) {
   ASSERT_TRUE(one.registers() && other.registers());
   one.call("tx", {"add", "a"});
   other.call("tx", {"add", "a"});
-  EXPECT_EQ(Peer::response_in(one.next_end()).payload(), "1");
-  EXPECT_EQ(Peer::response_in(other.next_end()).payload(), "1");
+  EXPECT_EQ(response_in(one.next_end()).payload(), "1");
+  EXPECT_EQ(response_in(other.next_end()).payload(), "1");
   EXPECT_EQ(child.end(SIGTERM), 0);
 }
 

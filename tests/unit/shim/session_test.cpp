@@ -9,6 +9,7 @@
 #include "peer/chaincode.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
+#include "tests/unit/shim/messages.hpp"
 
 /// A peer's stream as the chaincode sees it.
 namespace ledgerline::shim {
@@ -37,15 +38,6 @@ class FakePeer {
   void tell(Message::Type type, const std::string& payload = {}, const std::string& tx = {}) {
     EXPECT_TRUE(session->on_message(message(type, payload, tx)).ok());
   }
-  static Message message(Message::Type type, const std::string& payload, const std::string& tx) {
-    Message out;
-    out.set_type(type);
-    out.set_payload(payload);
-    out.set_txid(tx);
-    out.set_channel_id("teleop");
-    return out;
-  }
-
   void transaction(const std::string& tx, const std::vector<std::string>& args) {
     protos::ChaincodeInput input;
     for (const std::string& arg : args) input.add_args(arg);
@@ -66,13 +58,6 @@ class FakePeer {
     changed.wait(lock, [&] { return ends.contains(tx); });
     return ends[tx];
   }
-  static protos::Response response_in(const Message& end) {
-    protos::Response response;
-    EXPECT_EQ(end.type(), Message::COMPLETED) << end.payload();
-    EXPECT_TRUE(response.ParseFromString(end.payload()));
-    return response;
-  }
-
   std::map<std::string, std::string> state;
   std::vector<std::pair<std::string, std::string>> range;  ///< what a query gives, two a page
   std::set<std::string> held;                              ///< transactions whose questions are not answered
@@ -171,7 +156,7 @@ TEST(ShimSession, ATransactionReadsWritesAndEmitsItsEvent) {
   });
   peer.transaction("tx1", {"set", "payload"});
   const Message end = peer.end_of("tx1");
-  EXPECT_EQ(FakePeer::response_in(end).payload(), "tx1");
+  EXPECT_EQ(response_in(end).payload(), "tx1");
   EXPECT_EQ(end.chaincode_event().event_name(), "set");
   EXPECT_EQ(end.chaincode_event().payload(), "payload");
   EXPECT_EQ(peer.state["key"], "value");
@@ -181,7 +166,7 @@ TEST(ShimSession, ARefusalIsAResponseAndHasNoEvent) {
   FakePeer peer([](Stub&) { return Response{500, "tello1: not yours", ""}; });
   peer.transaction("tx1", {"set"});
   const Message end = peer.end_of("tx1");
-  EXPECT_EQ(FakePeer::response_in(end).message(), "tello1: not yours");
+  EXPECT_EQ(response_in(end).message(), "tello1: not yours");
   EXPECT_FALSE(end.has_chaincode_event());
 }
 
@@ -194,9 +179,9 @@ TEST(ShimSession, TransactionsDoNotWaitForEachOther) {
   peer.held = {"slow"};
   peer.transaction("slow", {"get"});
   peer.transaction("fast", {"get"});
-  EXPECT_EQ(FakePeer::response_in(peer.end_of("fast")).payload(), "value");
+  EXPECT_EQ(response_in(peer.end_of("fast")).payload(), "value");
   peer.tell(Message::RESPONSE, "late", "slow");
-  EXPECT_EQ(FakePeer::response_in(peer.end_of("slow")).payload(), "late");
+  EXPECT_EQ(response_in(peer.end_of("slow")).payload(), "late");
 }
 
 TEST(ShimSession, AnErrorOfThePeerReachesTheChaincode) {
@@ -205,7 +190,7 @@ TEST(ShimSession, AnErrorOfThePeerReachesTheChaincode) {
     return Response{500, status ? "written" : status.error().what, ""};
   });
   peer.transaction("tx1", {"set"});
-  EXPECT_EQ(FakePeer::response_in(peer.end_of("tx1")).message(), "no such luck");
+  EXPECT_EQ(response_in(peer.end_of("tx1")).message(), "no such luck");
 }
 
 TEST(ShimSession, TheEndOfTheStreamReleasesWhoWaits) {
@@ -236,13 +221,13 @@ TEST(ShimSession, ARangeIsReadPageByPageAndClosedAtTheLimit) {
   });
   peer.range = {{"a", "1"}, {"b", "2"}, {"c", "3"}, {"d", "4"}, {"e", "5"}};
   peer.transaction("tx1", {"get"});
-  EXPECT_EQ(FakePeer::response_in(peer.end_of("tx1")).payload(), "a=1 b=2 c=3 ");
+  EXPECT_EQ(response_in(peer.end_of("tx1")).payload(), "a=1 b=2 c=3 ");
   EXPECT_THAT(peer.asked, ElementsAre(Message::REGISTER, Message::GET_STATE_BY_RANGE, Message::QUERY_STATE_NEXT,
                                       Message::QUERY_STATE_CLOSE, Message::COMPLETED));
   limit = 10;
   peer.asked.clear();
   peer.transaction("tx2", {"get"});
-  EXPECT_EQ(FakePeer::response_in(peer.end_of("tx2")).payload(), "a=1 b=2 c=3 d=4 e=5 ");
+  EXPECT_EQ(response_in(peer.end_of("tx2")).payload(), "a=1 b=2 c=3 d=4 e=5 ");
   EXPECT_THAT(peer.asked, ElementsAre(Message::GET_STATE_BY_RANGE, Message::QUERY_STATE_NEXT, Message::QUERY_STATE_NEXT,
                                       Message::COMPLETED))
       << "the peer has closed it";
@@ -257,7 +242,7 @@ TEST(ShimSession, HistoryLeavesOutTheNewestAsAsked) {
   });
   peer.range = {{"t5", "e"}, {"t4", "d"}, {"t3", "c"}, {"t2", "b"}};
   peer.transaction("tx1", {"history"});
-  EXPECT_EQ(FakePeer::response_in(peer.end_of("tx1")).payload(), "t4 t3 ");
+  EXPECT_EQ(response_in(peer.end_of("tx1")).payload(), "t4 t3 ");
 }
 
 TEST(ShimSession, MoreThanCanWaitAreRefusedAtOnce) {
@@ -274,7 +259,7 @@ TEST(ShimSession, MoreThanCanWaitAreRefusedAtOnce) {
   EXPECT_EQ(refused.type(), Message::ERROR);
   EXPECT_THAT(refused.payload(), HasSubstr("too many transactions"));
   go.set_value();
-  FakePeer::response_in(peer.end_of("tx999"));
+  response_in(peer.end_of("tx999"));
 }
 
 TEST(ShimSession, WhatDoesNotParseIsAnErrorOfThatTransactionAlone) {
@@ -282,12 +267,12 @@ TEST(ShimSession, WhatDoesNotParseIsAnErrorOfThatTransactionAlone) {
   peer.tell(Message::TRANSACTION, "\xff\xff", "bad");
   EXPECT_EQ(peer.end_of("bad").type(), Message::ERROR);
   peer.transaction("good", {"get"});
-  FakePeer::response_in(peer.end_of("good"));
+  response_in(peer.end_of("good"));
 }
 
 TEST(ShimSession, AMessageThatHasNoPlaceEndsTheStream) {
   FakePeer peer([](Stub&) { return ok(""); });
-  EXPECT_FALSE(peer.session->on_message(FakePeer::message(Message::PUT_STATE, "", "tx")).ok());
+  EXPECT_FALSE(peer.session->on_message(message(Message::PUT_STATE, "", "tx")).ok());
   peer.tell(Message::KEEPALIVE);
   peer.tell(Message::RESPONSE, "of a transaction that has ended", "nobody");
 }
