@@ -188,23 +188,18 @@ void Pipeline::endorse(const PendingPtr& p) {
 }
 
 void Pipeline::on_endorsed(const PendingPtr& p) {
-  const grpc::Status& status = p->endorse->status;
-  if (!status.ok()) {
-    if (retry(p, status, &Pipeline::endorse)) return;
-    finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
-    return;
-  }
+  if (!p->endorse->status.ok()) return on_not_endorsed(p, p->endorse->status);
   take_endorsed(p, p->endorse->response.prepared_transaction().SerializeAsString());
 }
 
 void Pipeline::on_proposed(const PendingPtr& p) {
-  const grpc::Status& status = p->propose->status;
-  if (!status.ok()) {
-    if (retry(p, status, &Pipeline::endorse)) return;
-    finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
-    return;
-  }
+  if (!p->propose->status.ok()) return on_not_endorsed(p, p->propose->status);
   take_endorsed(p, assemble(p->proposal, {p->propose->response.SerializeAsString()}));
+}
+
+void Pipeline::on_not_endorsed(const PendingPtr& p, const grpc::Status& status) {
+  if (retry(p, status, &Pipeline::endorse)) return;
+  finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
 }
 
 void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope) {

@@ -83,6 +83,7 @@ class Pipeline {
   void endorse(const PendingPtr& p);
   void on_endorsed(const PendingPtr& p);
   void on_proposed(const PendingPtr& p);
+  void on_not_endorsed(const PendingPtr& p, const grpc::Status& status);
   void take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope);
   void send_next();
   void send(const PendingPtr& p);
