@@ -1,7 +1,5 @@
 #include "chaincode/fabric/authority.hpp"
 
-#include <arpa/inet.h>
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -18,35 +16,19 @@ namespace ledgerline::fabric_network {
 namespace {
 
 namespace fs = std::filesystem;
+using identities::domain_of;
 
 constexpr std::size_t secret_bytes = 16;
 constexpr const char* registrar = "registrar";
 
-std::string domain_at(int organisation) {
-  return organisation == 0 ? "ledgerline" : identities::domain_of(organisation);
-}
-fs::path home_of(const std::string& dir, int organisation) { return fs::path(dir) / "ca" / domain_at(organisation); }
+fs::path home_of(const std::string& dir, int organisation) { return fs::path(dir) / "ca" / domain_of(organisation); }
 fs::path certificate_of(const std::string& dir, int organisation) { return home_of(dir, organisation) / "ca-cert.pem"; }
-
-std::pair<std::string, std::string> host_and_port(const std::string& address) {
-  const auto colon = address.rfind(':');
-  return {address.substr(0, colon), address.substr(colon + 1)};
-}
-
-Status write_private(const fs::path& path, const std::string& text) {
-  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
-  const bool written = fd >= 0 && ::write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
-  const std::string why = written ? "" : std::strerror(errno);
-  if (fd >= 0) ::close(fd);
-  if (!written) return Error{"writing " + path.string() + ": " + why};
-  return done;
-}
 
 /// Roles of members are the types of NodeOUs. The registrar has one that no MSP knows, so its certificate registers and
 /// revokes and is no member of the channel.
 std::string server_config(const Authorities& authorities, int organisation, const std::string& secret) {
-  const std::string domain = domain_at(organisation);
-  const auto [host, port] = host_and_port(authorities.addresses[organisation]);
+  const std::string domain = domain_of(organisation);
+  const Place& place = authorities.places[organisation];
   // Certificates and lists hold for ten years, as those of chaincode/identities do.
   return fmt::format(R"yaml(address: {host}
 port: {port}
@@ -76,7 +58,7 @@ cfg: {{identities: {{passwordattempts: 10}}}}
 operations: {{listenAddress: "127.0.0.1:0"}}
 metrics: {{provider: disabled}}
 )yaml",
-                     fmt::arg("host", host), fmt::arg("port", port), fmt::arg("domain", domain),
+                     fmt::arg("host", place.host), fmt::arg("port", place.port), fmt::arg("domain", domain),
                      fmt::arg("registrar", registrar), fmt::arg("secret", secret));
 }
 
@@ -88,7 +70,7 @@ Command client_command(const Authorities& authorities, int organisation, const s
   return {what,
           std::move(words),
           {"FABRIC_CA_CLIENT_HOME=" + home.string(),
-           "FABRIC_CA_CLIENT_URL=https://" + who + authorities.addresses[organisation],
+           "FABRIC_CA_CLIENT_URL=https://" + who + authorities.places[organisation].text(),
            "FABRIC_CA_CLIENT_TLS_CERTFILES=" + certificate_of(authorities.dir, organisation).string()}};
 }
 
@@ -106,7 +88,7 @@ std::vector<Command> issuing_commands(const Authorities& authorities, int organi
                                       const std::vector<identities::Wanted>& wanted, const std::string& secret) {
   const fs::path own = home_of(authorities.dir, organisation) / registrar;
   std::vector<Command> commands{client_command(authorities, organisation,
-                                               fmt::format("enrolling the registrar of {}", domain_at(organisation)),
+                                               fmt::format("enrolling the registrar of {}", domain_of(organisation)),
                                                own, {"enroll"}, registrar, secret)};
   for (std::size_t i = 0; i < wanted.size(); ++i) {
     const auto& request = wanted[i].request;
@@ -162,12 +144,12 @@ Status prepare_authorities(const Authorities& authorities) {
     if (error) return Error{"making " + home.string() + ": " + error.message()};
     if (::chmod(all.c_str(), 0700) != 0) return Error{"chmod " + all.string() + ": " + std::strerror(errno)};
     if (!fs::exists(home / "registrar.secret")) {
-      Status written = write_private(home / "registrar.secret", crypto::hex(crypto::random_bytes(secret_bytes)));
+      Status written = write_file(home / "registrar.secret", crypto::hex(crypto::random_bytes(secret_bytes)), 0600);
       if (!written) return written;
     }
     const auto secret = read_file(home / "registrar.secret");
     if (!secret) return secret.error();
-    if (Status s = write_private(home / "fabric-ca-server-config.yaml", server_config(authorities, k, *secret)); !s)
+    if (Status s = write_file(home / "fabric-ca-server-config.yaml", server_config(authorities, k, *secret), 0600); !s)
       return s;
   }
   return done;
@@ -182,11 +164,7 @@ std::vector<std::string> authority_environment(const Authorities& authorities, i
 
 bool authority_listens(const Authorities& authorities, int organisation) {
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in place{};
-  place.sin_family = AF_INET;
-  const auto [host, port] = host_and_port(authorities.addresses[organisation]);
-  place.sin_port = htons(static_cast<std::uint16_t>(std::stoi(port)));
-  ::inet_pton(AF_INET, host.c_str(), &place.sin_addr);
+  const sockaddr_in place = authorities.places[organisation].address();
   const bool listens = ::connect(fd, reinterpret_cast<const sockaddr*>(&place), sizeof place) == 0;
   ::close(fd);
   return listens;
@@ -220,7 +198,7 @@ Result<std::vector<identities::Issued>> issue_by_authorities(
 
 Result<std::string> revoke_at_authority(const Authorities& authorities, int organisation, const std::string& user) {
   const fs::path own = home_of(authorities.dir, organisation) / registrar;
-  const std::string name = user + "@" + domain_at(organisation);
+  const std::string name = user + "@" + domain_of(organisation);
   const auto ran =
       run_lanes({{client_command(authorities, organisation, "revoking " + name, own, {"revoke", "--revoke.name", name}),
                   client_command(authorities, organisation, "listing what is revoked", own, {"gencrl"})}},

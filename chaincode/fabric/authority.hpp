@@ -2,6 +2,7 @@
 #include <string>
 #include <vector>
 
+#include "chaincode/fabric/options.hpp"
 #include "chaincode/identities/identities.hpp"
 #include "common/rt/result.hpp"
 
@@ -15,8 +16,8 @@
 namespace ledgerline::fabric_network {
 
 struct Authorities {
-  std::string dir, tools;              ///< of the network, and the folder with fabric-ca's programs
-  std::vector<std::string> addresses;  ///< "127.0.0.1:7054", the orderers' first
+  std::string dir, tools;     ///< of the network, and the folder with fabric-ca's programs
+  std::vector<Place> places;  ///< the orderers' first
 };
 
 /// DIR has authorities: a network begun with them goes on with them.

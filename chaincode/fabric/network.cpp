@@ -1,9 +1,7 @@
 #include "chaincode/fabric/network.hpp"
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,7 +9,6 @@
 #include <condition_variable>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -34,26 +31,12 @@ constexpr TimeNs starting_limit_ns = 20 * ns_per_s;
 constexpr TimeNs leader_limit_ns = 40 * ns_per_s;  // one that hangs at its start is found and started again meanwhile
 constexpr const char* label = "ledgerline_1";
 
-Status write_file(const fs::path& path, const std::string& text, int mode) {
-  std::error_code error;
-  fs::create_directories(path.parent_path(), error);
-  std::ofstream out(path, std::ios::binary);
-  ::chmod(path.c_str(), static_cast<mode_t>(mode));
-  out << text;
-  out.close();
-  if (!out) return Error{"cannot write " + path.string()};
-  return done;
-}
-
 /// Empty: it is free. Otherwise why it cannot be listened on.
 std::string in_the_way_at(const Place& at) {
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int on = 1;
   ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-  sockaddr_in place{};
-  place.sin_family = AF_INET;
-  place.sin_port = htons(at.port);
-  ::inet_pton(AF_INET, at.host.c_str(), &place.sin_addr);
+  const sockaddr_in place = at.address();
   const bool free = ::bind(fd, reinterpret_cast<const sockaddr*>(&place), sizeof place) == 0;
   const int why = errno;
   ::close(fd);
@@ -64,7 +47,7 @@ std::string in_the_way_at(const Place& at) {
 Status check_free(const std::vector<Place>& places) {
   for (const Place& place : places) {
     if (const std::string why = in_the_way_at(place); !why.empty()) {
-      return Error{fmt::format("TCP {}:{} {}", place.host, place.port, why)};
+      return Error{fmt::format("TCP {} {}", place.text(), why)};
     }
   }
   return done;
@@ -76,7 +59,7 @@ nlohmann::json to_json(const Places& places) {
                                   {"organisations", &places.organisations},
                                   {"authorities", &places.authorities}}) {
     json[name] = nlohmann::json::array();
-    for (const Place& place : *all) json[name].push_back(fmt::format("{}:{}", place.host, place.port));
+    for (const Place& place : *all) json[name].push_back(place.text());
   }
   return json;
 }
@@ -154,24 +137,11 @@ Status Network::up() {
 /// After a restart peers answer before the orderers have elected their leader. Where other hosts run orderers too, the
 /// leader may be theirs, and cannot be seen from here.
 Status Network::wait_for_leader() {
+  const std::vector<int> own = own_orderers();
+  if (own.size() < static_cast<std::size_t>(options_.orderers)) return done;
   const TimeNs until = monotonic_ns() + leader_limit_ns;
   for (const std::string& channel : options_.channels) {
-    const auto led = [&] {
-      bool all_own = true, leads = false;
-      for (int k = 1; k <= options_.orderers; ++k) {
-        if (!options_.runs_orderer(k)) {
-          all_own = false;
-          continue;
-        }
-        const auto metrics = fetch_metrics(places_.orderer_operations(k));
-        if (!metrics) continue;
-        const auto signs = raft_signs(*metrics);
-        const auto sign = signs.find(channel);
-        leads = leads || (sign != signs.end() && sign->second.leads);
-      }
-      return leads || !all_own;
-    };
-    while (!led()) {
+    while (std::none_of(own.begin(), own.end(), [&](int k) { return signs_of(k)[channel].leads; })) {
       if (Status s = tend(20 * ns_per_ms); !s) return s;
       if (monotonic_ns() > until) {
         return Error{fmt::format("no orderer leads channel {} after {:.0f} s", channel, to_seconds(leader_limit_ns))};
@@ -179,6 +149,12 @@ Status Network::wait_for_leader() {
     }
   }
   return done;
+}
+
+/// Of one of this host's orderers; none: it does not listen yet.
+std::map<std::string, RaftSign> Network::signs_of(int orderer) const {
+  const auto metrics = fetch_metrics(places_.orderer_operations(orderer));
+  return metrics ? raft_signs(*metrics) : std::map<std::string, RaftSign>{};
 }
 
 Status Network::tend(TimeNs duration) {
@@ -198,9 +174,7 @@ void Network::watch_orderers() {
     if (watched.pid != state.pid) watched = {state.pid, StartCheck(options_.channels, limit)};
     if (!watched.check) continue;
     const int number = std::stoi(state.name.substr(std::strlen("orderer")));
-    const auto metrics = fetch_metrics(places_.orderer_operations(number));
-    if (!metrics) continue;  // it does not listen yet; one that ends is seen by itself
-    const auto verdict = watched.check->update(now, raft_signs(*metrics));
+    const auto verdict = watched.check->update(now, signs_of(number));  // one that ends is seen by itself
     if (verdict == StartCheck::Verdict::not_known) continue;
     watched.check.reset();
     if (verdict == StartCheck::Verdict::takes_part) continue;

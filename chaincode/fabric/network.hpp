@@ -60,6 +60,7 @@ class Network {
   Status deploy();
   Status wait_for_contract();
   Status wait_for_leader();
+  std::map<std::string, RaftSign> signs_of(int orderer) const;
   Status enroll_first();
   Status for_each_channel(const std::string& step, Status (Network::*make)(const std::string& channel));
   Status make_first_block(const std::string& channel);

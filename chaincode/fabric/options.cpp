@@ -114,15 +114,18 @@ Result<Place> parse_place(const std::string& text) {
   return Error{fmt::format("\"{}\" is no HOST:PORT, such as 10.0.0.1:7051", text)};
 }
 
-std::string Places::text(const std::vector<Place>& places, int number, int offset) {
-  const Place& place = places[static_cast<std::size_t>(number - 1)];
-  return fmt::format("{}:{}", place.host, place.port + offset);
+std::string Place::text(int port_offset) const { return fmt::format("{}:{}", host, port + port_offset); }
+
+sockaddr_in Place::address() const {
+  sockaddr_in out{};
+  out.sin_family = AF_INET;
+  out.sin_port = htons(port);
+  ::inet_pton(AF_INET, host.c_str(), &out.sin_addr);
+  return out;
 }
 
 // Without TLS, so for this host alone.
-std::string Places::orderer_operations(int number) const {
-  return fmt::format("{}:{}", loopback, orderers[static_cast<std::size_t>(number - 1)].port + 2);
-}
+std::string Places::orderer_operations(int number) const { return Place{loopback, at(orderers, number).port}.text(2); }
 
 std::vector<Place> Places::bound(const Options& options) const {
   std::vector<Place> all;

@@ -1,4 +1,6 @@
 #pragma once
+#include <netinet/in.h>
+
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -12,6 +14,8 @@ namespace ledgerline::fabric_network {
 struct Place {
   std::string host;
   std::uint16_t port = 0;
+  std::string text(int port_offset = 0) const;  ///< "HOST:PORT"
+  sockaddr_in address() const;
   bool operator==(const Place&) const = default;
 };
 
@@ -59,20 +63,22 @@ struct Places {
 
   std::vector<Place> orderers, organisations;
   std::vector<Place> authorities;  ///< of fabric-ca, one port each, the orderers' first; empty: there are none
-  std::string orderer(int number) const { return text(orderers, number, 0); }
-  std::string orderer_admin(int number) const { return text(orderers, number, 1); }
+  std::string orderer(int number) const { return at(orderers, number).text(); }
+  std::string orderer_admin(int number) const { return at(orderers, number).text(1); }
   std::string orderer_operations(int number) const;
-  std::string peer(int organisation) const { return text(organisations, organisation, 0); }
-  std::string peer_chaincode(int organisation) const { return text(organisations, organisation, 1); }
+  std::string peer(int organisation) const { return at(organisations, organisation).text(); }
+  std::string peer_chaincode(int organisation) const { return at(organisations, organisation).text(1); }
   /// 0: the orderers'.
-  std::string authority(int organisation) const { return text(authorities, organisation + 1, 0); }
-  std::string chaincode(int organisation) const { return text(organisations, organisation, 2); }
+  std::string authority(int organisation) const { return at(authorities, organisation + 1).text(); }
+  std::string chaincode(int organisation) const { return at(organisations, organisation).text(2); }
   /// Those that this host needs, as they are bound; without the authorities', which listen before the others.
   std::vector<Place> bound(const Options& options) const;
   bool operator==(const Places&) const = default;
 
  private:
-  static std::string text(const std::vector<Place>& places, int number, int offset);
+  static const Place& at(const std::vector<Place>& places, int number) {
+    return places[static_cast<std::size_t>(number - 1)];
+  }
 };
 
 /// All on one host, one after the other.

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 
 #include "chaincode/fabric/authority.hpp"
 #include "chaincode/fabric/commands.hpp"
@@ -80,16 +79,6 @@ bool lists(const msp::FabricMSPConfig& msp, const std::string& list) {
   return msp.revocation_list_size() == 1 && msp.revocation_list(0) == list;
 }
 
-Status write_public_file(const fs::path& path, std::string_view bytes) {
-  std::error_code error;
-  fs::create_directories(path.parent_path(), error);
-  std::ofstream out(path, std::ios::binary);
-  out << bytes;
-  out.close();
-  if (!out) return Error{"cannot write " + path.string()};
-  return done;
-}
-
 /// A channel of a running network.
 struct Where {
   const Options& options;
@@ -117,7 +106,7 @@ Result<std::string> fetch_config(const Where& where, int organisation, const std
 Status write_lists(const Options& options, int organisation, const std::string& list) {
   for (const fs::path& msp : {identities::organisation_dir(options.dir, organisation) / "msp",
                               identities::peer_dir(options.dir, organisation) / "msp"}) {
-    if (Status s = write_public_file(msp / "crls" / "crl.pem", list); !s) return s;
+    if (Status s = write_file(msp / "crls" / "crl.pem", list); !s) return s;
   }
   return done;
 }
@@ -148,7 +137,7 @@ Status update_channel(const Where& where, int organisation, int number, const st
   const auto update = revocation_update(*block, msp_id, list);
   if (!update) return update.error();
   const std::string file = fmt::format("{}/update.{}.tx", options.dir, ::getpid());
-  if (Status s = write_public_file(file, *update); !s) return s;
+  if (Status s = write_file(file, *update); !s) return s;
   Command command{"updating the configuration of channel " + where.channel,
                   {options.tools + "/peer", "channel", "update", "-f", file, "-c", where.channel},
                   admin_environment(options, where.places, organisation)};

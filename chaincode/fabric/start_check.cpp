@@ -1,6 +1,5 @@
 #include "chaincode/fabric/start_check.hpp"
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -44,10 +43,7 @@ std::map<std::string, RaftSign> raft_signs(const std::string& metrics) {
 Result<std::string> fetch_metrics(const std::string& address) {
   const auto place = parse_place(address);
   if (!place) return place.error();
-  sockaddr_in to{};
-  to.sin_family = AF_INET;
-  to.sin_port = htons(place->port);
-  ::inet_pton(AF_INET, place->host.c_str(), &to.sin_addr);
+  const sockaddr_in to = place->address();
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   constexpr timeval patience{0, 200'000};
   ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);

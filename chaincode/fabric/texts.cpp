@@ -42,9 +42,7 @@ std::string tls_file(const std::filesystem::path& member, const char* name) { re
 }  // namespace
 
 Authorities authorities(const Options& options, const Places& places) {
-  Authorities all{options.dir, options.tools, {}};
-  for (int k = 0; k <= identities::organisations; ++k) all.addresses.push_back(places.authority(k));
-  return all;
+  return {options.dir, options.tools, places.authorities};
 }
 
 std::string configtx_yaml(const Options& options, const Places& places) {

@@ -39,14 +39,11 @@ Status sync_file_system(const std::string& dir) {
 Status write_public(const fs::path& path, const std::string& content) { return write_file(path, content, 0644); }
 Status write_secret(const fs::path& path, const std::string& content) { return write_file(path, content, 0600); }
 
-/// 0: the orderers'.
-std::string domain_or_ordering(int organisation) { return organisation == 0 ? "ledgerline" : domain_of(organisation); }
-
 /// Writes one organisation's files; the first failure stops it.
 class Organisation {
  public:
   Organisation(const fs::path& crypto, int number, const Issued& issued)
-      : domain_(domain_or_ordering(number)),
+      : domain_(domain_of(number)),
         root_(crypto / (number == 0 ? "ordererOrganizations" : "peerOrganizations") / domain_),
         issued_(issued) {}
 
@@ -123,7 +120,7 @@ Status make_all(const fs::path& crypto, int orderers, const Hosts& hosts, const 
 }
 
 Result<Issued> issue_of(int organisation, const std::vector<Wanted>& wanted) {
-  const std::string domain = domain_or_ordering(organisation);
+  const std::string domain = domain_of(organisation);
   Issued issued;
   for (const auto& [name, authority] : {std::pair{"ca.", &issued.ca}, std::pair{"tlsca.", &issued.tls_ca}}) {
     auto made = crypto::make_ca(name + domain, domain);
@@ -140,7 +137,9 @@ Result<Issued> issue_of(int organisation, const std::vector<Wanted>& wanted) {
 
 }  // namespace
 
-std::string domain_of(int organisation) { return "org" + std::to_string(organisation) + ".ledgerline"; }
+std::string domain_of(int organisation) {
+  return organisation == 0 ? "ledgerline" : "org" + std::to_string(organisation) + ".ledgerline";
+}
 std::string msp_id_of(int organisation) { return "Org" + std::to_string(organisation) + "MSP"; }
 std::string orderer_name(int number) {
   return "orderer" + (number == 1 ? std::string() : std::to_string(number)) + ".ledgerline";
@@ -163,7 +162,7 @@ fs::path orderer_dir(const std::string& dir, int number) {
 }
 
 std::vector<Wanted> wanted_of(int organisation, int orderers, const Hosts& hosts) {
-  const std::string domain = domain_or_ordering(organisation);
+  const std::string domain = domain_of(organisation);
   std::vector<Wanted> all;
   const auto add = [&](const fs::path& folder, const std::string& name, const std::string& unit,
                        const std::vector<std::string>& sans) {

@@ -14,7 +14,7 @@ namespace ledgerline::identities {
 
 inline constexpr int organisations = 3;
 
-std::string domain_of(int organisation);  ///< "org1.ledgerline"
+std::string domain_of(int organisation);  ///< "org1.ledgerline"; 0: the orderers', "ledgerline"
 std::string msp_id_of(int organisation);  ///< "Org1MSP"
 std::string orderer_name(int number);     ///< "orderer.ledgerline", "orderer2.ledgerline", ...
 

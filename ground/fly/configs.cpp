@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 
+#include "common/rt/file.hpp"
 #include "ground/fly/machine.hpp"
 
 namespace ledgerline::fly {
@@ -63,14 +63,6 @@ std::string deadline(const Options& options) {
   if (both_ways(options) == 0) return "";
   constexpr TimeNs deadline_ns = ns_per_s;  // their default
   return fmt::format("deadline_ms = {:.0f}\n", to_ms(deadline_ns + both_ways(options)));
-}
-
-Status write_file(const std::string& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file) return Error{"cannot write " + path};
-  return done;
 }
 
 }  // namespace

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <csignal>
 #include <ctime>
-#include <fstream>
 #include <optional>
 
 #include "chaincode/identities/identities.hpp"
@@ -23,14 +22,6 @@ constexpr TimeNs network_patience_ns = 30 * ns_per_s, client_patience_ns = 5 * n
 constexpr double overtime_s = 10;
 constexpr int log_lines = 8;
 constexpr int names_of_b = 16;
-
-Status write_file(const fs::path& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file) return Error{"cannot write " + path.string()};
-  return done;
-}
 
 std::string ledger_table(const Network::Access& access) {
   return fmt::format("[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nmsp_id = \"{}\"\nmsp_dir = \"{}\"\n",
