@@ -1,5 +1,5 @@
-// Two operators fight over a drone: in turn each takes its lease with a higher priority, at a steady rate. Prints how
-// often that was committed, as JSON.
+// Two operators fight over a drone: in turn each takes its lease with a higher priority, at a steady rate. Prints as
+// JSON when (CLOCK_MONOTONIC) that was committed, and how often it was not.
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
@@ -8,6 +8,7 @@
 #include "common/config/config.hpp"
 #include "common/fabric/client.hpp"
 #include "common/fabric/config.hpp"
+#include "common/rt/clock.hpp"
 #include "ledgerline.pb.h"
 
 using namespace ledgerline;
@@ -32,7 +33,8 @@ int main(int argc, char** argv) {
     if (!client) return std::fprintf(stderr, "%s\n", client.error().what.c_str()), 1;
     operators.push_back(std::move(*client));
   }
-  int committed = 0, others = 0;
+  std::string committed_ns;
+  int others = 0;
   auto at = std::chrono::steady_clock::now();
   for (int i = 1; i <= static_cast<int>(hz * seconds); ++i) {
     at += std::chrono::microseconds(static_cast<int>(1e6 / hz));
@@ -42,9 +44,12 @@ int main(int argc, char** argv) {
     call.set_priority(static_cast<std::uint32_t>(i + 1));
     const auto outcome =
         operators[static_cast<std::size_t>(i % 2)]->submit_and_wait({"acquire", {call.SerializeAsString()}});
-    const bool good = outcome.kind == fabric::Outcome::Kind::committed;
-    ++(good ? committed : others);
-    if (!good) std::fprintf(stderr, "%s\n", outcome.message.c_str());
+    if (outcome.kind == fabric::Outcome::Kind::committed) {
+      committed_ns += (committed_ns.empty() ? "" : ", ") + std::to_string(monotonic_ns());
+    } else {
+      ++others;
+      std::fprintf(stderr, "%s\n", outcome.message.c_str());
+    }
   }
-  std::printf("{\"committed\": %d, \"others\": %d}\n", committed, others);
+  std::printf("{\"committed_ns\": [%s], \"others\": %d}\n", committed_ns.c_str(), others);
 }

@@ -84,7 +84,7 @@ def assert_counts_add_up(drone: dict) -> None:
     assert commands["sent"] == commands["on_ledger"]
     assert commands["on_ledger"] == commands["refused"] + commands["applied"] + commands["late"] + commands["dropped"]
     assert commands["refused"] + commands["dropped"] == sum(commands["reasons"].values())
-    assert set(commands["reasons"]) <= {"too_old"}, "nothing but a stalled disk may cost a command"
+    assert set(commands["reasons"]) <= {"too_old", "superseded"}, "nothing but a ledger that stood still may cost a command"
     assert commands["applied"] > 0.9 * commands["sent"]
 
 
@@ -119,12 +119,17 @@ MODE = 9  # TraceKind: v[0] = cause, extra = failsafe mode, id = flight phase
 FLYING = 3  # FlightPhase
 
 
-def taken_over(out: pathlib.Path, drones: range, begin_ns: int, end_ns: int) -> list[str]:
-    """When in that time the failsafe took over one of them while it flew, and why."""
+def taken_over(out: pathlib.Path, drones: range, commits_ns: list[int]) -> list[str]:
+    """When between these commits the failsafe took over one of them while it flew, and why. Not told are moments when the
+    whole ledger stood still, as the commits themselves witness: ten a second, none for 0.35 s (a stalled disk or machine)."""
     data = (out / "run" / "link.trace").read_bytes()
-    return [f"tello{r[2]} after {(r[0] - begin_ns) / 1e9:.1f} s: mode {r[3]}, cause {r[6]:.0f}"
+    gaps = [(a, b) for a, b in zip(commits_ns, commits_ns[1:]) if b - a > 350_000_000]
+    assert sum(b - a for a, b in gaps) < (commits_ns[-1] - commits_ns[0]) / 4, "a ledger that stands still shows nothing"
+    return [f"tello{r[2]} after {(r[0] - commits_ns[0]) / 1e9:.1f} s: mode {r[3]}, cause {r[6]:.0f}"
             for r in struct.iter_unpack("<qHHIQq4d", data[len(data) % 64:])
-            if r[1] == MODE and r[4] == FLYING and r[3] != 0 and r[2] in drones and begin_ns < r[0] < end_ns]
+            if r[1] == MODE and r[4] == FLYING and r[3] != 0 and r[2] in drones
+            and commits_ns[0] < r[0] < commits_ns[-1]
+            and not any(a < r[0] < b + 600_000_000 for a, b in gaps)]
 
 
 @pytest.mark.parametrize("ledger", ["embedded", "fabric"])
@@ -142,18 +147,17 @@ def test_a_drone_that_two_operators_fight_over_does_not_touch_its_neighbours(tmp
     subprocess.run([BIN / "ledgerline-control", "--config", run / "admin3.toml", "enroll", "--msp", "Org3MSP", "--cert",
                     next((crypto / "users" / "User1@org3.ledgerline" / "msp" / "signcerts").iterdir()), "--role", "operator"],
                    check=True, timeout=30)
-    begin_ns = time.monotonic_ns()
     fight = subprocess.run([BIN / "test_fight", "--config", run / "operator.toml", run / "operator3.toml",
                             "--drone", "tello16", "--hz", "10", "--seconds", "10"],
                            stdout=subprocess.PIPE, text=True, check=True, timeout=60)
-    assert json.loads(fight.stdout)["committed"] > 80, fight.stdout
-    end_ns = time.monotonic_ns()
+    commits_ns = json.loads(fight.stdout)["committed_ns"]
+    assert len(commits_ns) > 80, fight.stdout
     flight.wait(120)
     report = result(tmp_path)
-    print(fight.stdout.strip(), report["drones"][0]["two_way_ms"])
+    print(len(commits_ns), "changes committed", report["drones"][0]["two_way_ms"])
     assert [d["id"] for d in report["drones"] if not d["lap_s"]] == ["tello16"], printed(tmp_path)
-    assert taken_over(tmp_path, range(1, 16), begin_ns, end_ns) == []
-    assert taken_over(tmp_path, range(16, 17), begin_ns, end_ns), "the test sees a drone that loses its pilot"
+    assert taken_over(tmp_path, range(1, 16), commits_ns) == []
+    assert taken_over(tmp_path, range(16, 17), commits_ns), "the test sees a drone that loses its pilot"
     assert_nothing_left()
 
 
