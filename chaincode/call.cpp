@@ -83,7 +83,7 @@ std::string first_segment(const std::string& id) { return id.substr(0, id.find('
 Status check_drone_name(const std::string& name) {
   if (Status status = check_id(name); !status) return status;
   if (name.find('/') != std::string::npos) return Error{name + ": a drone's name is one segment, without /"};
-  for (const char* reserved : {"asset", "control", "frame", "command", "role"}) {
+  for (const char* reserved : {"asset", "control", "frame", "command", "role", "lease", "host"}) {
     if (name == reserved) return Error{name + ": a reserved word"};
   }
   if (name.size() >= 3 && name.compare(name.size() - 3, 3, "MSP") == 0) {
@@ -97,6 +97,10 @@ std::string control_key(const std::string& drone) { return "control/" + drone; }
 std::string frame_key(const crypto::IdentityName& owner) { return "frame/" + name_hash(owner); }
 std::string command_key(const crypto::IdentityName& writer) { return "command/" + name_hash(writer); }
 std::string role_key(const crypto::IdentityName& who) { return "role/" + name_hash(who); }
+std::string lease_key(const crypto::IdentityName& holder, std::uint64_t epoch) {
+  return "lease/" + name_hash(holder) + "/" + std::to_string(epoch);
+}
+std::string host_key(const crypto::IdentityName& host) { return "host/" + name_hash(host); }
 
 Identity to_message(const crypto::IdentityName& name) {
   Identity identity;
@@ -124,37 +128,6 @@ Status write_stored(Stub& stub, const std::string& key, std::vector<Asset> asset
   for (Asset& asset : assets) *stored.add_assets() = std::move(asset);
   stored.set_deleted(deleted);
   return stub.put_state(key, stored.SerializeAsString());
-}
-
-Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone) {
-  auto stored = read_stored(stub, control_key(drone));
-  if (!stored) return stored.error();
-  if (!*stored) return std::optional<Control>{};
-  Control control;
-  if ((*stored)->assets_size() != 1 || !control.ParseFromString((*stored)->assets(0).msg_data())) {
-    return Error{"the control record of " + drone + " is damaged"};
-  }
-  return std::optional(std::move(control));
-}
-
-Status write_control(Stub& stub, const Control& control) {
-  Asset asset;
-  asset.set_id(control_key(control.drone()));
-  asset.set_topic("/" + asset.id());
-  asset.set_msg_type("ledgerline.Control");
-  asset.set_msg_data(control.SerializeAsString());
-  return write_stored(stub, asset.id(), {asset});
-}
-
-Result<Role> read_role(Stub& stub, const crypto::IdentityName& who) {
-  auto stored = read_stored(stub, role_key(who));
-  if (!stored) return stored.error();
-  if (!*stored) return ROLE_NONE;
-  EnrollCall record;
-  if ((*stored)->assets_size() != 1 || !record.ParseFromString((*stored)->assets(0).msg_data())) {
-    return Error{"the role record of " + to_text(who) + " is damaged"};
-  }
-  return record.role();
 }
 
 }  // namespace ledgerline::chaincode

@@ -45,6 +45,8 @@ std::string control_key(const std::string& drone);
 std::string frame_key(const crypto::IdentityName& owner);
 std::string command_key(const crypto::IdentityName& writer);
 std::string role_key(const crypto::IdentityName& who);
+std::string lease_key(const crypto::IdentityName& holder, std::uint64_t epoch);
+std::string host_key(const crypto::IdentityName& host);
 
 Identity to_message(const crypto::IdentityName& name);
 crypto::IdentityName to_name(const Identity& identity);
@@ -53,11 +55,6 @@ std::string to_text(const crypto::IdentityName& name);  ///< "Org1MSP CN=User1@.
 Result<std::optional<Stored>> read_stored(Stub& stub, const std::string& key);
 /// Writes `assets` under `key`, signed with the caller's name.
 Status write_stored(Stub& stub, const std::string& key, std::vector<Asset> assets, bool deleted = false);
-
-/// The control record of a drone; nullopt: not enrolled.
-Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone);
-Status write_control(Stub& stub, const Control& control);
-Result<Role> read_role(Stub& stub, const crypto::IdentityName& who);
 
 Response set_assets(Stub& stub, const Arguments& call);
 Response delete_asset(Stub& stub, const Arguments& call);

@@ -1,8 +1,8 @@
 #include <cmath>
 #include <set>
 
-#include "chaincode/call.hpp"
 #include "chaincode/limits.hpp"
+#include "chaincode/records.hpp"
 
 /// command: plans of the lease's holder.
 namespace ledgerline::chaincode {
@@ -34,9 +34,8 @@ Status check_setpoints(const DronePlan& plan) {
   return done;
 }
 
-Status check_plan(Stub& stub, const DronePlan& plan) {
-  if (!Action_IsValid(plan.action())) return Error{"unknown action " + std::to_string(plan.action())};
-  if (Status status = check_setpoints(plan); !status) return status;
+/// What one finds in the control record of a drone that the lease does not let fly.
+Status why_not(Stub& stub, const DronePlan& plan) {
   const auto control = read_control(stub, plan.drone());
   if (!control) return control.error();
   if (!*control) return Error{"not enrolled"};
@@ -49,10 +48,21 @@ Status check_plan(Stub& stub, const DronePlan& plan) {
     return Error{"the lease's epoch is " + std::to_string((*control)->epoch()) + ", the plan says " +
                  std::to_string(plan.epoch())};
   }
-  if ((*control)->has_stopped_by() && plan.action() != LAND) {
+  if ((*control)->has_stopped_by()) {
     return Error{"stopped by " + to_text(to_name((*control)->stopped_by())) + "; only LAND is accepted"};
   }
-  return done;
+  return Error{"its lease's record does not name it"};
+}
+
+Status check_plan(Stub& stub, const DronePlan& plan, Records<Lease>& leases) {
+  if (!Action_IsValid(plan.action())) return Error{"unknown action " + std::to_string(plan.action())};
+  if (Status status = check_setpoints(plan); !status) return status;
+  const auto lease = leases.at(lease_key(stub.caller(), plan.epoch()));
+  if (!lease) return lease.error();
+  const bool held = contains((*lease)->drones(), plan.drone());
+  const bool stopped = contains((*lease)->stopped(), plan.drone());
+  if (held && (!stopped || plan.action() == LAND)) return done;
+  return why_not(stub, plan);
 }
 
 }  // namespace
@@ -67,10 +77,12 @@ Response command(Stub& stub, const Arguments& call) {
                   std::to_string(max_call_assets));
   }
   std::set<std::string> drones;
+  Records<Lease> leases(stub);
   for (const DronePlan& plan : commands.plans()) {
     if (Status status = check_drone_name(plan.drone()); !status) return refuse(status.error().what);
     if (!drones.insert(plan.drone()).second) return refuse(plan.drone() + ": two plans in one call");
-    if (Status status = check_plan(stub, plan); !status) return refuse(plan.drone() + ": " + status.error().what);
+    if (Status status = check_plan(stub, plan, leases); !status)
+      return refuse(plan.drone() + ": " + status.error().what);
   }
   // Written without being read: commands never conflict with each other.
   Asset asset;

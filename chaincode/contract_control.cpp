@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <functional>
 
-#include "chaincode/call.hpp"
 #include "chaincode/limits.hpp"
+#include "chaincode/records.hpp"
 
 /// enroll, acquire, release, stop and resume: who may fly what.
 namespace ledgerline::chaincode {
@@ -26,60 +26,90 @@ Result<Message> read_drones(const Arguments& call) {
   return message;
 }
 
+std::vector<std::string> sorted_names(const Names& list) {
+  std::vector<std::string> names(list.begin(), list.end());
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
+/// Keeps the leases true to a control record that has changed.
+Status follow(Records<Lease>& leases, const Control& before, const Control& after) {
+  const auto key = [](const Control& control) {
+    return control.has_holder() ? lease_key(to_name(control.holder()), control.epoch()) : std::string();
+  };
+  if (const std::string old = key(before); !old.empty() && old != key(after)) {
+    const auto lease = leases.at(old);
+    if (!lease) return lease.error();
+    erase(*(*lease)->mutable_drones(), before.drone());
+    erase(*(*lease)->mutable_stopped(), before.drone());
+  }
+  if (key(after).empty()) return done;
+  const auto lease = leases.at(key(after));
+  if (!lease) return lease.error();
+  insert(*(*lease)->mutable_drones(), after.drone());
+  (after.has_stopped_by() ? insert : erase)(*(*lease)->mutable_stopped(), after.drone());
+  return done;
+}
+
 /// Changes the control record of each drone. `change` says whether it has to be written, or why it is refused (without
-/// the drone's name, which comes first in every refusal). Event and answer hold all records as they now are.
-Response change_controls(Stub& stub, const Arguments& call, const std::string& event, std::vector<std::string> drones,
-                         const std::function<Result<bool>(Control&)>& change) {
-  std::sort(drones.begin(), drones.end());
-  drones.erase(std::unique(drones.begin(), drones.end()), drones.end());
+/// the drone's name, which comes first in every refusal); it gets an epoch that is new to all of them. Event and answer
+/// hold all records as they now are.
+Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
+                         const std::function<Result<bool>(Control&, std::uint64_t new_epoch)>& change) {
   Controls all;
-  for (const std::string& drone : drones) {
+  std::uint64_t new_epoch = 1;
+  for (const std::string& drone : sorted_names(drones)) {
     if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
     auto control = read_control(stub, drone);
     if (!control) return refuse(control.error().what);
     if (!*control) return refuse(drone + ": not enrolled");
-    const auto changed = change(**control);
-    if (!changed) return refuse(drone + ": " + changed.error().what);
-    if (*changed) {
-      if (Status status = write_control(stub, **control); !status) return refuse(status.error().what);
-    }
+    new_epoch = std::max(new_epoch, (*control)->epoch() + 1);
     *all.add_controls() = std::move(**control);
   }
+  Records<Lease> leases(stub);
+  for (Control& control : *all.mutable_controls()) {
+    const Control before = control;
+    const auto changed = change(control, new_epoch);
+    if (!changed) return refuse(control.drone() + ": " + changed.error().what);
+    if (!*changed) continue;
+    if (Status status = write_control(stub, control); !status) return refuse(status.error().what);
+    if (Status status = follow(leases, before, control); !status) return refuse(status.error().what);
+  }
+  if (Status status = leases.write(); !status) return refuse(status.error().what);
   const std::string payload = write_form(call, all);
   stub.set_event(event, payload);
   return {200, {}, payload};
 }
 
-std::vector<std::string> names(const google::protobuf::RepeatedPtrField<std::string>& list) {
-  return {list.begin(), list.end()};
-}
-
-/// Binds one drone; says whether the record has to be written.
-Result<bool> bind(Control& control, const std::optional<Control>& old, const Identity& identity) {
-  if (!old) {
-    *control.mutable_owner() = identity;
-    return true;
+/// Binds one drone; says whether its record has to be written. What streams goes along to the new owner.
+Result<bool> bind(Records<Host>& hosts, Control& control, const std::optional<Control>& old, const Identity& identity) {
+  if (old) {
+    control = *old;
+    if (old->owner().msp_id() != identity.msp_id()) {
+      return Error{old->drone() + ": enrolled to organisation " + old->owner().msp_id() + " already"};
+    }
+    if (to_name(old->owner()) == to_name(identity)) return false;
   }
-  control = *old;
-  if (old->owner().msp_id() != identity.msp_id()) {
-    return Error{old->drone() + ": enrolled to organisation " + old->owner().msp_id() + " already"};
+  const auto host = hosts.at(host_key(to_name(identity)));
+  if (!host) return host.error();
+  insert(*(*host)->mutable_drones(), control.drone());
+  if (old) {
+    const auto former = hosts.at(host_key(to_name(old->owner())));
+    if (!former) return former.error();
+    erase(*(*former)->mutable_drones(), control.drone());
+    std::vector<std::string> streams;
+    for (const std::string& id : (*former)->streams()) {
+      if (first_segment(id) == control.drone()) streams.push_back(id);
+    }
+    for (const std::string& id : streams) {
+      erase(*(*former)->mutable_streams(), id);
+      insert(*(*host)->mutable_streams(), id);
+    }
+    if (!streams.empty()) *control.add_former_owners() = old->owner();
   }
-  if (to_name(old->owner()) == to_name(identity)) return false;
-  if (!control.streams().empty()) *control.add_former_owners() = old->owner();
   *control.mutable_owner() = identity;
   return true;
-}
-
-Status write_role(Stub& stub, const EnrollCall& enrolment) {
-  EnrollCall record;
-  *record.mutable_identity() = enrolment.identity();
-  record.set_role(enrolment.role());
-  Asset asset;
-  asset.set_id(role_key(to_name(enrolment.identity())));
-  asset.set_topic("/" + asset.id());
-  asset.set_msg_type("ledgerline.EnrollCall");
-  asset.set_msg_data(record.SerializeAsString());
-  return write_stored(stub, asset.id(), {asset});
 }
 
 Status check_enrolment(Stub& stub, const EnrollCall& call) {
@@ -105,26 +135,29 @@ Response enroll(Stub& stub, const Arguments& call) {
   if (Status status = parse_message(call.message, enrolment); !status) return refuse(status.error().what);
   if (Status status = check_enrolment(stub, enrolment); !status) return refuse(status.error().what);
 
-  std::vector<std::string> drones = names(enrolment.drones());
-  std::sort(drones.begin(), drones.end());
-  drones.erase(std::unique(drones.begin(), drones.end()), drones.end());
   Controls all;
-  for (const std::string& drone : drones) {
+  Records<Host> hosts(stub);
+  for (const std::string& drone : sorted_names(enrolment.drones())) {
     if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
     const auto old = read_control(stub, drone);
     if (!old) return refuse(old.error().what);
     Control& control = *all.add_controls();
     control.set_drone(drone);
-    const auto changed = bind(control, *old, enrolment.identity());
+    const auto changed = bind(hosts, control, *old, enrolment.identity());
     if (!changed) return refuse(changed.error().what);
     if (!*changed) continue;
     if (Status status = write_control(stub, control); !status) return refuse(status.error().what);
   }
+  if (Status status = hosts.write(); !status) return refuse(status.error().what);
   if (enrolment.role() != ROLE_NONE) {
     const auto role = read_role(stub, to_name(enrolment.identity()));
     if (!role) return refuse(role.error().what);
     if (*role != enrolment.role()) {
-      if (Status status = write_role(stub, enrolment); !status) return refuse(status.error().what);
+      EnrollCall record;
+      *record.mutable_identity() = enrolment.identity();
+      record.set_role(enrolment.role());
+      const Status status = write_record(stub, role_key(to_name(enrolment.identity())), record);
+      if (!status) return refuse(status.error().what);
     }
   }
   *all.mutable_identity() = enrolment.identity();
@@ -148,34 +181,36 @@ Response acquire(Stub& stub, const Arguments& call) {
   if (!role) return refuse(role.error().what);
   if (!may_operate(*role)) return refuse("acquire: " + to_text(stub.caller()) + " is neither operator nor supervisor");
 
-  return change_controls(stub, call, "acquire", names(lease->drones()), [&](Control& control) -> Result<bool> {
-    const bool mine = control.has_holder() && to_name(control.holder()) == stub.caller();
-    if (control.has_holder() && !mine && lease->priority() <= control.priority()) {
-      return Error{"the lease is held by " + to_text(to_name(control.holder())) + " with priority " +
-                   std::to_string(control.priority())};
-    }
-    if (mine && control.priority() == lease->priority()) return false;
-    if (!mine) {
-      *control.mutable_holder() = to_message(stub.caller());
-      control.set_epoch(control.epoch() + 1);
-    }
-    control.set_priority(lease->priority());
-    return true;
-  });
+  return change_controls(stub, call, "acquire", lease->drones(),
+                         [&](Control& control, std::uint64_t new_epoch) -> Result<bool> {
+                           const bool mine = control.has_holder() && to_name(control.holder()) == stub.caller();
+                           if (control.has_holder() && !mine && lease->priority() <= control.priority()) {
+                             return Error{"the lease is held by " + to_text(to_name(control.holder())) +
+                                          " with priority " + std::to_string(control.priority())};
+                           }
+                           if (mine && control.priority() == lease->priority()) return false;
+                           if (!mine) {
+                             *control.mutable_holder() = to_message(stub.caller());
+                             control.set_epoch(new_epoch);
+                           }
+                           control.set_priority(lease->priority());
+                           return true;
+                         });
 }
 
 Response release(Stub& stub, const Arguments& call) {
   const auto lease = read_drones<LeaseCall>(call);
   if (!lease) return refuse("release: " + lease.error().what);
-  return change_controls(stub, call, "release", names(lease->drones()), [&](Control& control) -> Result<bool> {
-    if (!control.has_holder() || to_name(control.holder()) != stub.caller()) {
-      return Error{to_text(stub.caller()) + " does not hold the lease"};
-    }
-    control.clear_holder();
-    control.set_priority(0);
-    control.set_epoch(control.epoch() + 1);
-    return true;
-  });
+  return change_controls(stub, call, "release", lease->drones(),
+                         [&](Control& control, std::uint64_t new_epoch) -> Result<bool> {
+                           if (!control.has_holder() || to_name(control.holder()) != stub.caller()) {
+                             return Error{to_text(stub.caller()) + " does not hold the lease"};
+                           }
+                           control.clear_holder();
+                           control.set_priority(0);
+                           control.set_epoch(new_epoch);
+                           return true;
+                         });
 }
 
 Response stop(Stub& stub, const Arguments& call) {
@@ -188,7 +223,7 @@ Response stop(Stub& stub, const Arguments& call) {
   if (!role) return refuse(role.error().what);
   const bool supervisor = *role == SUPERVISOR;
 
-  return change_controls(stub, call, "stop", names(target->drones()), [&](Control& control) -> Result<bool> {
+  return change_controls(stub, call, "stop", target->drones(), [&](Control& control, std::uint64_t) -> Result<bool> {
     const bool own = control.owner().msp_id() == stub.caller().msp_id;
     const bool holds = control.has_holder() && to_name(control.holder()) == stub.caller();
     if (!supervisor && !(*role == OPERATOR && (own || holds))) {
@@ -211,7 +246,7 @@ Response resume(Stub& stub, const Arguments& call) {
   const auto role = read_role(stub, stub.caller());
   if (!role) return refuse(role.error().what);
 
-  return change_controls(stub, call, "resume", names(target->drones()), [&](Control& control) -> Result<bool> {
+  return change_controls(stub, call, "resume", target->drones(), [&](Control& control, std::uint64_t) -> Result<bool> {
     if (!control.has_stopped_by()) return Error{"not stopped"};
     const bool stopper = to_name(control.stopped_by()) == stub.caller();
     const bool supervisor = *role == SUPERVISOR && control.owner().msp_id() == stub.caller().msp_id;

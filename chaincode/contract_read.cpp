@@ -3,8 +3,8 @@
 #include <map>
 #include <set>
 
-#include "chaincode/call.hpp"
 #include "chaincode/limits.hpp"
+#include "chaincode/records.hpp"
 
 /// get and history.
 namespace ledgerline::chaincode {
@@ -33,7 +33,7 @@ std::size_t size_in(const Arguments& call, const google::protobuf::Message& mess
 
 bool is_record(const std::string& id) {
   const std::string kind = first_segment(id);
-  return kind == "control" || kind == "role" || kind == "command";
+  return kind == "control" || kind == "role" || kind == "command" || kind == "lease" || kind == "host";
 }
 
 const Asset* find_in(const Stored& frame, const std::string& id) {
@@ -206,7 +206,7 @@ Result<std::optional<Asset>> get_own_key(Stub& stub, const std::string& key) {
   return std::optional<Asset>(std::move(*(*stored)->mutable_assets(0)));
 }
 
-/// At most two reads: the control record says where it lives.
+/// At most three reads: the control record names the host, whose record says where the id lives.
 Result<std::optional<Asset>> get_one(Stub& stub, const std::string& id) {
   if (is_record(id)) return get_own_key(stub, id);
   const std::string name = first_segment(id);
@@ -214,9 +214,11 @@ Result<std::optional<Asset>> get_one(Stub& stub, const std::string& id) {
     const auto control = read_control(stub, name);
     if (!control) return control.error();
     if (*control) {
-      const auto& streams = (*control)->streams();
-      if (std::find(streams.begin(), streams.end(), id) != streams.end()) {
-        const auto frame = read_stored(stub, frame_key(to_name((*control)->owner())));
+      const crypto::IdentityName owner = to_name((*control)->owner());
+      const auto host = read_record<Host>(stub, host_key(owner));
+      if (!host) return host.error();
+      if (*host && contains((*host)->streams(), id)) {
+        const auto frame = read_stored(stub, frame_key(owner));
         if (!frame) return frame.error();
         OldFrames old(stub);
         return get_streaming(old, **control, id, *frame);
@@ -261,9 +263,14 @@ Result<Streaming> streaming(Stub& stub, const std::string& prefix, const std::st
   const auto controls = controls_for(stub, prefix);
   if (!controls) return controls.error();
   std::map<std::string, const Control*> wanted;
+  Records<Host> hosts(stub);
   for (const Control& control : *controls) {
-    for (const std::string& id : control.streams()) {
-      if (id.compare(0, prefix.size(), prefix) == 0 && id > after) wanted.emplace(id, &control);
+    const auto host = hosts.at(host_key(to_name(control.owner())));
+    if (!host) return host.error();
+    for (const std::string& id : (*host)->streams()) {
+      if (first_segment(id) == control.drone() && id.compare(0, prefix.size(), prefix) == 0 && id > after) {
+        wanted.emplace(id, &control);
+      }
     }
   }
   Streaming found;

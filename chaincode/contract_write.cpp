@@ -1,36 +1,26 @@
-#include <algorithm>
 #include <map>
 
-#include "chaincode/call.hpp"
 #include "chaincode/limits.hpp"
+#include "chaincode/records.hpp"
 
 /// set and delete.
 namespace ledgerline::chaincode {
 namespace {
 
-/// Control records that one call has read, by drone.
-using Controls = std::map<std::string, Control>;
-
-/// Whose id it is: the writer's own MSP, or the identity that the first segment is enrolled to.
-Status check_owner(Stub& stub, const std::string& id, Controls& controls) {
+/// Whose id it is: the writer's own MSP, or the identity that the first segment is enrolled to. `hosts` holds the
+/// writer's own record alone.
+Status check_owner(Stub& stub, const std::string& id, Records<Host>& hosts) {
   const std::string name = first_segment(id);
   if (name == stub.caller().msp_id) return done;
-  auto known = controls.find(name);
-  if (known == controls.end()) {
-    auto control = read_control(stub, name);
-    if (!control) return control.error();
-    if (!*control) {
-      return Error{name + ": not enrolled, and not your organisation (" + stub.caller().msp_id + ")"};
-    }
-    known = controls.emplace(name, std::move(**control)).first;
+  const auto host = hosts.at(host_key(stub.caller()));
+  if (!host) return host.error();
+  if (contains((*host)->drones(), name)) return done;
+  const auto control = read_control(stub, name);
+  if (!control) return control.error();
+  if (!*control) {
+    return Error{name + ": not enrolled, and not your organisation (" + stub.caller().msp_id + ")"};
   }
-  const crypto::IdentityName owner = to_name(known->second.owner());
-  if (owner == stub.caller()) return done;
-  return Error{name + ": enrolled to " + to_text(owner) + ", not to " + to_text(stub.caller())};
-}
-
-bool streams(const Control& control, const std::string& id) {
-  return std::find(control.streams().begin(), control.streams().end(), id) != control.streams().end();
+  return Error{name + ": enrolled to " + to_text(to_name((*control)->owner())) + ", not to " + to_text(stub.caller())};
 }
 
 Result<SetCall> read_set(const Arguments& call) {
@@ -69,29 +59,43 @@ std::map<std::string, const Asset*> newest(const SetCall& set) {
   return assets;
 }
 
-Status write_own_keys(Stub& stub, const SetCall& set, const Controls& controls) {
+/// Whether an id of the writer's lives in its frame.
+Result<bool> in_frame(Stub& stub, const std::string& id, Records<Host>& hosts) {
+  if (first_segment(id) == stub.caller().msp_id) return false;
+  const auto host = hosts.at(host_key(stub.caller()));
+  if (!host) return host.error();
+  return contains((*host)->streams(), id);
+}
+
+Status write_own_keys(Stub& stub, const SetCall& set, Records<Host>& hosts) {
   for (const auto& [id, asset] : newest(set)) {
-    const auto control = controls.find(first_segment(id));
-    if (control != controls.end() && streams(control->second, id)) {
-      return Error{id + ": it streams; set it with stream, or delete it first"};
-    }
+    const auto streams = in_frame(stub, id, hosts);
+    if (!streams) return streams.error();
+    if (*streams) return Error{id + ": it streams; set it with stream, or delete it first"};
     if (Status status = write_stored(stub, asset_key(id), {*asset}); !status) return status;
   }
   return done;
 }
 
-/// Writes the caller's frame. A control record is written only when an id streams for the first time: on the hot path
+/// Writes the caller's frame. The host's record is written only when an id streams for the first time: on the hot path
 /// it is only read.
-Status write_frame(Stub& stub, const SetCall& set, Controls& controls) {
+Status write_frame(Stub& stub, const SetCall& set, Records<Host>& hosts) {
+  const auto host = hosts.at(host_key(stub.caller()));
+  if (!host) return host.error();
+  Names& streams = *(*host)->mutable_streams();
   std::vector<Asset> frame;
   std::size_t bytes = 0;
-  std::map<std::string, bool> extended;
   for (const auto& [id, asset] : newest(set)) {
-    const auto control = controls.find(first_segment(id));
-    if (control == controls.end()) return Error{id + ": only ids under an enrolled name may stream"};
-    if (!streams(control->second, id)) {
-      control->second.add_streams(id);
-      extended[control->first] = true;
+    const std::string drone = first_segment(id);
+    if (!contains((*host)->drones(), drone)) return Error{id + ": only ids under an enrolled name may stream"};
+    if (!contains(streams, id)) {
+      insert(streams, id);
+      const auto of_drone = static_cast<std::size_t>(std::count_if(
+          streams.begin(), streams.end(), [&](const std::string& one) { return first_segment(one) == drone; }));
+      if (of_drone > max_drone_streams) {
+        return Error{drone + ": " + std::to_string(of_drone) + " ids would stream; the limit is " +
+                     std::to_string(max_drone_streams)};
+      }
     }
     bytes += asset->ByteSizeLong();
     frame.push_back(*asset);
@@ -99,14 +103,7 @@ Status write_frame(Stub& stub, const SetCall& set, Controls& controls) {
   if (bytes > max_frame_bytes) {
     return Error{"the frame has " + std::to_string(bytes) + " bytes; the limit is " + std::to_string(max_frame_bytes)};
   }
-  for (const auto& [drone, yes] : extended) {
-    const Control& control = controls.at(drone);
-    if (static_cast<std::size_t>(control.streams_size()) > max_drone_streams) {
-      return Error{drone + ": " + std::to_string(control.streams_size()) + " ids would stream; the limit is " +
-                   std::to_string(max_drone_streams)};
-    }
-    if (Status status = write_control(stub, control); !status) return status;
-  }
+  if (Status status = hosts.write(); !status) return status;
   return write_stored(stub, frame_key(stub.caller()), std::move(frame));
 }
 
@@ -120,12 +117,12 @@ Response set_assets(Stub& stub, const Arguments& call) {
     return refuse("the call has " + std::to_string(set->assets_size()) + " assets; the limit is " +
                   std::to_string(max_call_assets));
   }
-  Controls controls;
+  Records<Host> hosts(stub);
   for (Asset& asset : *set->mutable_assets()) {
     if (Status status = check_asset(asset); !status) return refuse(status.error().what);
-    if (Status status = check_owner(stub, asset.id(), controls); !status) return refuse(status.error().what);
+    if (Status status = check_owner(stub, asset.id(), hosts); !status) return refuse(status.error().what);
   }
-  Status written = set->stream() ? write_frame(stub, *set, controls) : write_own_keys(stub, *set, controls);
+  Status written = set->stream() ? write_frame(stub, *set, hosts) : write_own_keys(stub, *set, hosts);
   if (!written) return refuse(written.error().what);
   stub.set_event("set", write_form(call, *set));
   return {};
@@ -141,15 +138,15 @@ Response delete_asset(Stub& stub, const Arguments& call) {
   }
   const std::string& id = target.id();
   if (Status status = check_id(id); !status) return refuse(status.error().what);
-  Controls controls;
-  if (Status status = check_owner(stub, id, controls); !status) return refuse(status.error().what);
+  Records<Host> hosts(stub);
+  if (Status status = check_owner(stub, id, hosts); !status) return refuse(status.error().what);
 
-  const auto control = controls.find(first_segment(id));
-  if (control != controls.end() && streams(control->second, id)) {
+  const auto streams = in_frame(stub, id, hosts);
+  if (!streams) return refuse(streams.error().what);
+  if (*streams) {
     // The frame itself is not touched: it is written 50 times a second. What is not in the list does not count.
-    auto& list = *control->second.mutable_streams();
-    list.erase(std::remove(list.begin(), list.end(), id), list.end());
-    if (Status status = write_control(stub, control->second); !status) return refuse(status.error().what);
+    erase(*(*hosts.at(host_key(stub.caller())))->mutable_streams(), id);
+    if (Status status = hosts.write(); !status) return refuse(status.error().what);
   } else {
     auto stored = read_stored(stub, asset_key(id));
     if (!stored) return refuse(stored.error().what);

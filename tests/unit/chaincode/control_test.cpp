@@ -68,7 +68,7 @@ TEST_F(ControlTest, EnrollingTellsWhoAndWhat) {
 }
 
 TEST_F(ControlTest, NamesOfOrganisationsAndReservedWordsAreNoDrones) {
-  for (const char* name : {"Org2MSP", "control", "asset", "frame", "a/b", ""}) {
+  for (const char* name : {"Org2MSP", "control", "asset", "frame", "lease", "host", "a/b", ""}) {
     EXPECT_NE(enroll(admin1, host, {name}, ROLE_NONE).status, 200) << name;
   }
 }
@@ -125,6 +125,59 @@ TEST_F(ControlTest, TheHoldersCommandIsWrittenBlindlyAndAnnounced) {
     EXPECT_THAT(key, StartsWith("command/"));
     EXPECT_THAT(stub.reads, ::testing::Not(::testing::Contains(key)));
   }
+}
+
+TEST_F(ControlTest, OneReadTellsWhoFliesTheDronesThatWereAcquiredTogether) {
+  acquire(rival, {"tello2"});
+  stub.call(rival, "release", {"tello2"});  // its epoch is ahead of tello1's
+  acquire(pilot, {"tello1", "tello2"});
+  EXPECT_EQ(command(pilot, {plan("tello1"), plan("tello2")}).status, 200);
+  EXPECT_THAT(stub.reads, ::testing::ElementsAre(StartsWith("lease/")));
+}
+
+TEST_F(ControlTest, WhoeverTakesOrStopsADroneWritesWhatTheHoldersCommandsRead) {
+  // So on a ledger the commands of the old holder that are on their way are invalid (MVCC).
+  acquire(pilot, {"tello1", "tello2"});
+  const DronePlan one = plan("tello1"), two = plan("tello2");
+  EXPECT_EQ(command(pilot, {one, two}).status, 200);
+  const std::string read = stub.reads.front();
+  acquire(rival, {"tello2"}, 1);
+  EXPECT_TRUE(stub.writes.contains(read));
+  EXPECT_THAT(command(pilot, {one, two}).message, StartsWith("tello2: the lease is held by Org2MSP CN=rival"));
+  EXPECT_EQ(command(pilot, {one}).status, 200);
+  stub.call(guard, "stop", {"tello1"});
+  EXPECT_TRUE(stub.writes.contains(read));
+  EXPECT_THAT(command(pilot, {one}).message, StartsWith("tello1: stopped by Org1MSP CN=guard"));
+  stub.call(guard, "resume", {"tello1"});
+  EXPECT_EQ(command(pilot, {one}).status, 200);
+  stub.call(pilot, "release", {"tello1"});
+  EXPECT_TRUE(stub.writes.contains(read));
+  EXPECT_THAT(command(pilot, {one}).message, StartsWith("tello1: the lease is held by nobody"));
+}
+
+TEST_F(ControlTest, AFightOverOneDroneWritesNothingThatItsNeighboursRead) {
+  acquire(pilot, {"tello1", "tello2"});
+  const DronePlan one = plan("tello1");
+  EXPECT_EQ(command(pilot, {one}).status, 200);
+  const std::string read = stub.reads.front();
+  acquire(rival, {"tello2"}, 1);
+  for (std::uint32_t priority = 2; priority < 6; ++priority) {
+    EXPECT_EQ(acquire(priority % 2 == 0 ? pilot : rival, {"tello2"}, priority).status, 200);
+    EXPECT_FALSE(stub.writes.contains(read));
+    EXPECT_EQ(command(priority % 2 == 0 ? pilot : rival, {plan("tello2")}).status, 200);
+  }
+  EXPECT_EQ(set(host, {asset("tello1/odom")}, true).status, 200);
+  EXPECT_THAT(stub.reads, ::testing::ElementsAre(StartsWith("host/")));
+  EXPECT_EQ(command(pilot, {one}).status, 200);
+}
+
+TEST_F(ControlTest, AStoppedDroneStaysStoppedWithANewHolder) {
+  acquire(pilot, {"tello1"});
+  stub.call(guard, "stop", {"tello1"});
+  acquire(rival, {"tello1"}, 1);
+  EXPECT_THAT(command(rival, {plan("tello1")}).message, HasSubstr("stopped by Org1MSP CN=guard"));
+  stub.call(guard, "resume", {"tello1"});
+  EXPECT_EQ(command(rival, {plan("tello1")}).status, 200);
 }
 
 TEST_F(ControlTest, AnyoneElsesCommandIsRefusedWithTheHolder) {
