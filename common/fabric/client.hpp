@@ -51,6 +51,8 @@ struct Outcome {
   std::string message;
   std::string answer;           ///< the contract's bytes, where it answered
   TimeNs ordered_after_ns = 0;  ///< from the submit to the orderer's acknowledgement; 0: not known
+  TimeNs endorsed_ns = 0;       ///< CLOCK_MONOTONIC, when it was endorsed and signed; 0: it was not
+  TimeNs ordered_ns = 0;        ///< when the orderer acknowledged it; 0: not known, or its block came first
 };
 
 /// All methods may be called from any thread. Callbacks come on a thread of the client: they hand over and return.

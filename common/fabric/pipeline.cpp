@@ -219,6 +219,7 @@ void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& uns
   }
   p->answer = std::move(prepared->answer);
   p->envelope = std::move(*envelope);
+  p->endorsed_ns = monotonic_ns();
   p->stage = Stage::ready;
   send_next();
 }
@@ -270,7 +271,7 @@ void Pipeline::on_ordered(const PendingPtr& p, Ordering::Ended ended, const std:
   send_next();
 }
 
-void Pipeline::acknowledged(const PendingPtr& p) { p->ordered_after_ns = monotonic_ns() - p->begun_ns; }
+void Pipeline::acknowledged(const PendingPtr& p) { p->ordered_ns = monotonic_ns(); }
 
 void Pipeline::submit_through_gateway(const PendingPtr& p) {
   gateway::SubmitRequest request;
@@ -373,7 +374,9 @@ void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
   live_.erase(p->number);
   outcome.tx_id = p->proposal.tx_id;
   outcome.answer = std::move(p->answer);
-  outcome.ordered_after_ns = p->ordered_after_ns;
+  if (p->ordered_ns != 0) outcome.ordered_after_ns = p->ordered_ns - p->begun_ns;
+  outcome.endorsed_ns = p->endorsed_ns;
+  outcome.ordered_ns = p->ordered_ns;
   const auto done = std::move(p->done);
   send_next();
   done(std::move(outcome));

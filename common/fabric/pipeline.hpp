@@ -56,7 +56,7 @@ class Pipeline {
     std::string envelope;  ///< signed
     std::string answer;
     std::string submit_problem;  ///< why it is not known whether Submit arrived
-    TimeNs begun_ns = 0, ordered_after_ns = 0;
+    TimeNs begun_ns = 0, endorsed_ns = 0, ordered_ns = 0;
     bool awaited = false;  ///< a block stream is to tell its end
     int attempts = 0;      ///< of the call that may be repeated now
     Backoff backoff{first_retry, longest_retry};

@@ -84,8 +84,10 @@ class BlockReader {
       return fmt::format("the peer refused the stream: {}", common::Status_Name(response.status()));
     }
     if (response.Type_case() != protos::DeliverResponse::kBlock) return "the peer sent something else than blocks";
+    const TimeNs received_ns = monotonic_ns();
     auto block = decode_block(response.block());
     if (!block) return block.error().what;
+    block->received_ns = received_ns;
     if (next_ && block->number != *next_) return fmt::format("block {} came where {} was due", block->number, *next_);
     if (auto s = chain_.add(*block); !s) return s.error().what;
     if (cross_check_) {

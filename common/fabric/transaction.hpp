@@ -83,6 +83,7 @@ struct Block {
   std::string previous_hash;
   std::string data_hash;
   std::vector<Transaction> transactions;
+  TimeNs received_ns = 0;  ///< CLOCK_MONOTONIC, when the client's stream had its bytes; 0: not known
 };
 /// Takes a common.Block apart. Malformed bytes: an error that names the block and transaction; never a crash. A
 /// transaction that is malformed and not flagged valid is no error, since any member can have one ordered: it is kept

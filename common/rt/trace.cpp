@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <utility>
@@ -13,6 +14,7 @@ namespace ledgerline {
 namespace {
 
 constexpr std::size_t buffered_records = 256;
+constexpr TimeNs longest_buffered_ns = ns_per_s;  // whoever follows the file is not further behind
 
 struct FileHeader {
   char magic[8] = {'L', 'L', 'T', 'R', 'A', 'C', 'E', '1'};
@@ -71,7 +73,9 @@ void TraceWriter::add(const TraceRecord& record) {
   }
   --left_;
   buffer_.push_back(record);
-  if (buffer_.size() >= buffered_records && !flush()) left_ = 0;  // a full disk: the rest is counted as dropped
+  const bool old = record.t_ns - buffer_.front().t_ns > longest_buffered_ns;
+  if ((old || buffer_.size() >= buffered_records) && !flush())
+    left_ = 0;  // a full disk: the rest is counted as dropped
 }
 
 Status TraceWriter::flush() {
@@ -81,30 +85,44 @@ Status TraceWriter::flush() {
   return status;
 }
 
-Result<std::vector<TraceRecord>> read_trace(const std::string& path) {
+Result<TraceReader> TraceReader::open(const std::string& path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) return file_error("cannot open trace", path);
-  struct stat info {};
+  TraceReader reader(fd, path);
   FileHeader header;
   const FileHeader expected;
-  if (::fstat(fd, &info) != 0 || ::read(fd, &header, sizeof header) != sizeof header ||
-      std::memcmp(&header, &expected, sizeof header) != 0) {
-    ::close(fd);
+  if (::read(fd, &header, sizeof header) != sizeof header || std::memcmp(&header, &expected, sizeof header) != 0) {
     return Error{fmt::format("{} is not a Ledgerline trace of this version", path)};
   }
-  std::vector<TraceRecord> records((static_cast<std::size_t>(info.st_size) - sizeof header) / sizeof(TraceRecord));
+  return reader;
+}
+
+TraceReader::~TraceReader() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+Result<std::vector<TraceRecord>> TraceReader::read_new() {
+  struct stat info {};
+  const off_t at = ::lseek(fd_, 0, SEEK_CUR);
+  if (at < 0 || ::fstat(fd_, &info) != 0) return file_error("cannot read trace", path_);
+  std::vector<TraceRecord> records(static_cast<std::size_t>(std::max<off_t>(0, info.st_size - at)) /
+                                   sizeof(TraceRecord));
   auto* p = reinterpret_cast<char*>(records.data());
   std::size_t left = records.size() * sizeof(TraceRecord);
   while (left > 0) {
-    const ssize_t n = ::read(fd, p, left);
+    const ssize_t n = ::read(fd_, p, left);
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) break;
+    if (n <= 0) return file_error("cannot read trace", path_);
     p += n;
     left -= static_cast<std::size_t>(n);
   }
-  ::close(fd);
-  if (left > 0) return file_error("cannot read trace", path);
   return records;
+}
+
+Result<std::vector<TraceRecord>> read_trace(const std::string& path) {
+  auto reader = TraceReader::open(path);
+  if (!reader) return reader.error();
+  return reader->read_new();
 }
 
 }  // namespace ledgerline

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/rt/clock.hpp"
@@ -19,10 +20,21 @@ enum class TraceKind : std::uint16_t {
   command_made = 6,      ///< ground: id = plan sequence, stamp = its state's, v = vx, vy, vz [m/s] of its first
                          ///< setpoint, progress [m]; extra = its action
   command_verified = 7,  ///< agent: id = plan sequence, stamp = its state's; two-way latency = t - stamp
-  command_applied =
-      8,     ///< link: id = plan sequence, stamp = its state's; age at application = t - stamp; v = setpoint as sent
-  mode = 9,  ///< link: id = flight phase, extra = failsafe mode, v[0] = its cause
-  refused = 10,  ///< agent or link: id = plan sequence, stamp = its state's, extra = reason
+  command_applied = 8,  ///< link: id = plan sequence, stamp = its state's; age at application = t - stamp; v = setpoint
+                        ///< as sent; extra = how late, us: t minus when it was meant for
+  mode = 9,             ///< link: id = flight phase, extra = failsafe mode, v[0] = its cause
+  refused = 10,         ///< agent or link: id = plan sequence, stamp = its state's, extra = reason
+  state_taken = 11,     ///< agent: id = state sequence, stamp = the state's; out of link's ring
+  state_batched = 12,   ///< agent: id = state sequence, stamp = the state's, extra = frame number
+  call_endorsed = 13,   ///< agent: id = frame number; ground: id = call number; stamp = when it was submitted
+  call_ordered = 14,    ///< the same, when the orderer acknowledged it
+  command_submitted = 15,  ///< ground: id = plan sequence, stamp = its state's, extra = call number
+  command_in_block = 16,   ///< agent: id = plan sequence, stamp = its state's; when its block reached this host
+  command_taken = 17,      ///< agent: the same, when the main loop took the block up; what follows is its checking
+  plan_received = 18,      ///< link: id = plan sequence, stamp = its state's; out of agent's ring
+  setpoint_sent = 19,      ///< link: as command_applied, when the datagram had left
+  loop_turns = 20,         ///< link: id = number of the first turn, extra = how many, stamp = when the first was due,
+                           ///< v = how late each began: 16 × 16 bits, us (PackedTurns in common/rt/turns.hpp)
 };
 
 /// One fixed 64-byte record of the binary trace, host byte order (little-endian).
@@ -37,8 +49,9 @@ struct TraceRecord {
 };
 static_assert(sizeof(TraceRecord) == 64);
 
-/// Appends records to a file, buffered; bounded: after `max_records` further ones are only counted, and close() says
-/// so. One thread. A real-time loop does not call it: it hands records over through an SpscRing.
+/// Appends records to a file, buffered for at most a second of records; bounded: after `max_records` further ones are
+/// only counted, and dropped() says so. One thread. A real-time loop does not call it: it hands records over through an
+/// SpscRing.
 class TraceWriter {
  public:
   static Result<TraceWriter> create(const std::string& path, std::uint64_t max_records = 16'000'000);
@@ -57,6 +70,22 @@ class TraceWriter {
   std::vector<TraceRecord> buffer_;
   std::uint64_t left_ = 0;
   std::uint64_t dropped_ = 0;
+};
+
+/// Reads a trace while it grows: each call brings what is new and whole. One thread.
+class TraceReader {
+ public:
+  static Result<TraceReader> open(const std::string& path);
+  TraceReader(TraceReader&& other) noexcept : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
+  TraceReader& operator=(TraceReader&&) = delete;
+  ~TraceReader();
+
+  Result<std::vector<TraceRecord>> read_new();
+
+ private:
+  TraceReader(int fd, std::string path) : fd_(fd), path_(std::move(path)) {}
+  int fd_;
+  std::string path_;
 };
 
 /// Reads a whole trace; a torn last record (a killed writer) is left out.

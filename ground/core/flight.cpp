@@ -68,7 +68,7 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
     for (auto& drone : drones_) drone->entered_ns = now_ns;
   }
   FlightOutputs out;
-  if (inputs.outcome) take_outcome(now_ns, *inputs.outcome, inputs.outcome_id);
+  if (inputs.outcome) take_outcome(now_ns, *inputs.outcome, inputs.outcome_id, out);
   if (inputs.block) take_block(now_ns, inputs, out);
   for (auto& drone : drones_) {
     if (!inputs.land.empty()) land(now_ns, *drone, inputs.land);

@@ -137,7 +137,7 @@ class FlightCore {
   void take_own_commands(TimeNs now_ns, const std::string& payload);
   void take_controls(TimeNs now_ns, const std::string& payload);
   void take_control(TimeNs now_ns, const Control& control);
-  void take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id);
+  void take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
   void resend(InFlight& refused, const std::string& message);
   void measure(TimeNs one_way_ns);
 

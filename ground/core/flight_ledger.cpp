@@ -154,12 +154,16 @@ void FlightCore::measure(TimeNs one_way_ns) {
   delay_ns_ = std::clamp(2 * sorted[sorted.size() * 4 / 5], least_delay_ns, most_delay_ns);
 }
 
-void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id) {
+void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out) {
   const auto found = std::find_if(in_flight_.begin(), in_flight_.end(), [&](const auto& f) { return f.id == id; });
   if (found == in_flight_.end()) return;
   InFlight flight = std::move(*found);
   in_flight_.erase(found);
   pacing_.ended(outcome);
+  for (const auto& [kind, t_ns] : {std::pair{TraceKind::call_endorsed, outcome.endorsed_ns},
+                                   std::pair{TraceKind::call_ordered, outcome.ordered_ns}}) {
+    if (t_ns != 0) out.traces.push_back({.t_ns = t_ns, .kind = kind, .id = id, .stamp_ns = flight.submitted_ns});
+  }
   switch (outcome.kind) {
     case fabric::Outcome::Kind::committed:
       ++transactions_.committed;
@@ -235,6 +239,12 @@ void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
       record.v[3] = command.progress_m;
       out.traces.push_back(record);
     }
+    out.traces.push_back({.t_ns = now_ns,
+                          .kind = TraceKind::command_submitted,
+                          .drone = drone->who.number,
+                          .extra = static_cast<std::uint32_t>(next_id_),
+                          .id = command.plan.sequence(),
+                          .stamp_ns = command.plan.state_stamp_ns()});
     *call.add_plans() = command.plan;
     flight.commands.push_back(std::move(command));
   }

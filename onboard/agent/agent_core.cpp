@@ -8,6 +8,16 @@ namespace {
 
 constexpr TimeNs stop_gap_ns = 100 * ns_per_ms;  // between two times that one stop is said to link
 
+TraceRecord record_of(TraceKind kind, TimeNs now, DroneNumber drone, std::uint64_t id, TimeNs stamp_ns,
+                      std::uint64_t extra = 0) {
+  return {.t_ns = now,
+          .kind = kind,
+          .drone = drone,
+          .extra = static_cast<std::uint32_t>(extra),
+          .id = id,
+          .stamp_ns = stamp_ns};
+}
+
 }  // namespace
 
 void AgentOutputs::clear() {
@@ -37,6 +47,7 @@ void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& ou
   const std::size_t i = index(sample.drone);
   if (i == drones_.size()) return;
   drones_[i].newest = sample;
+  out.traces.push_back(record_of(TraceKind::state_taken, now, sample.drone, sample.sequence, sample.stamp_ns));
   batcher_.add(now, sample);
   repeat_stop(now, sample, out);
 }
@@ -72,7 +83,12 @@ void AgentCore::progress(TimeNs) {
 
 void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
   const auto ended = batcher_.finished(now, frame, outcome);
-  if (!ended || outcome.kind != fabric::Outcome::Kind::committed) return;
+  if (!ended) return;
+  if (outcome.endorsed_ns != 0)
+    out.traces.push_back(record_of(TraceKind::call_endorsed, outcome.endorsed_ns, 0, frame, ended->submitted_ns));
+  if (outcome.ordered_ns != 0)
+    out.traces.push_back(record_of(TraceKind::call_ordered, outcome.ordered_ns, 0, frame, ended->submitted_ns));
+  if (outcome.kind != fabric::Outcome::Kind::committed) return;
   progress(now);
   out.traces.push_back(TraceRecord{.t_ns = now,
                                    .kind = TraceKind::frame_committed,
@@ -97,6 +113,12 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
   }
   ++blocks_;
   progress(now);
+  for (const Plan& plan : checked.plans) {
+    if (block.received_ns != 0)
+      out.traces.push_back(
+          record_of(TraceKind::command_in_block, block.received_ns, plan.drone, plan.sequence, plan.state_stamp_ns));
+    out.traces.push_back(record_of(TraceKind::command_taken, now, plan.drone, plan.sequence, plan.state_stamp_ns));
+  }
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
 }
 
@@ -136,7 +158,11 @@ void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
 void AgentCore::submit_frame(TimeNs now, AgentOutputs& out) {
   const auto frame = batcher_.next(now);
   if (!frame) return;
-  for (const StateSample& sample : frame->samples) check_.sent(sample);
+  for (const StateSample& sample : frame->samples) {
+    check_.sent(sample);
+    out.traces.push_back(
+        record_of(TraceKind::state_batched, now, sample.drone, sample.sequence, sample.stamp_ns, frame->number));
+  }
   if (!unanswered_since_ns_) unanswered_since_ns_ = now;
   out.traces.push_back(TraceRecord{.t_ns = now,
                                    .kind = TraceKind::frame_submitted,

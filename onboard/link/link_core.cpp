@@ -92,6 +92,13 @@ void LinkCore::take_plan(TimeNs now, const Plan& plan) noexcept {
   Drone* found = find(plan.drone);
   if (!found) return;
   Drone& drone = *found;
+  out_.trace.push({.t_ns = now,
+                   .kind = TraceKind::plan_received,
+                   .drone = drone.number,
+                   .extra = 0,
+                   .id = plan.sequence,
+                   .stamp_ns = plan.state_stamp_ns,
+                   .v = {}});
   if (drone.playout.admit(now, plan) != DropReason::none) return;
   const FailsafeMode mode = drone.failsafe.mode;
   switch (plan.action) {
@@ -231,7 +238,7 @@ void LinkCore::fly(TimeNs now, Drone& drone, const Playout::Wish& wish) noexcept
   if (wish.fresh) drone.applied_late_ns = now - wish.meant_ns;
   if (first) {
     drone.age.add(now - wish.state_stamp_ns);
-    record_applied(now, drone, wish.sequence, wish.state_stamp_ns);
+    record_applied(now, drone, wish.sequence, wish.state_stamp_ns, wish.fresh ? now - wish.meant_ns : 0);
   }
 }
 
@@ -307,11 +314,12 @@ void LinkCore::sample(TimeNs now, Drone& drone) noexcept {
                    .v = {state.position_m[0], state.position_m[1], state.position_m[2], state.yaw_rad}});
 }
 
-void LinkCore::record_applied(TimeNs now, const Drone& drone, std::uint64_t sequence, TimeNs state_stamp_ns) noexcept {
+void LinkCore::record_applied(TimeNs now, const Drone& drone, std::uint64_t sequence, TimeNs state_stamp_ns,
+                              TimeNs late_ns) noexcept {
   out_.trace.push({.t_ns = now,
                    .kind = TraceKind::command_applied,
                    .drone = drone.number,
-                   .extra = 0,
+                   .extra = static_cast<std::uint32_t>(std::clamp<TimeNs>(late_ns / ns_per_us, 0, UINT32_MAX)),
                    .id = sequence,
                    .stamp_ns = state_stamp_ns,
                    .v = {drone.sent.mps[0], drone.sent.mps[1], drone.sent.mps[2], drone.sent.yaw_radps}});

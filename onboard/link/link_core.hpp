@@ -123,7 +123,8 @@ class LinkCore {
   void send_rc(TimeNs now, Drone& drone, const Velocity& told, const Rc& rc) noexcept;
   void watch_phase(TimeNs now, Drone& drone) noexcept;
   void sample(TimeNs now, Drone& drone) noexcept;
-  void record_applied(TimeNs now, const Drone& drone, std::uint64_t sequence, TimeNs state_stamp_ns) noexcept;
+  void record_applied(TimeNs now, const Drone& drone, std::uint64_t sequence, TimeNs state_stamp_ns,
+                      TimeNs late_ns = 0) noexcept;
   void record_ends(TimeNs now, Drone& drone) noexcept;
   bool healthy(TimeNs now) const noexcept { return now >= unhealthy_until_ns_; }
 

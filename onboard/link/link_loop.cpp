@@ -1,33 +1,15 @@
 #include "onboard/link/link_loop.hpp"
 
 #include <algorithm>
-#include <cerrno>
-#include <ctime>
 
 namespace ledgerline::link {
 
-TimeNs LinkLoop::sleep_until_next(TimeNs due) noexcept {
-  const timespec at{static_cast<time_t>(due / ns_per_s), static_cast<long>(due % ns_per_s)};
-  while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr) == EINTR) {
-  }
-  return monotonic_ns();
-}
-
 void LinkLoop::run() noexcept {
-  const TimeNs period = from_seconds(1.0 / settings_.loop_hz);
-  TimeNs due = monotonic_ns() + period;
+  Turns turns(from_seconds(1.0 / settings_.loop_hz));
   TimeNs give_up_ns = 0;
   while (true) {
-    const TimeNs now = sleep_until_next(due);
-    const TimeNs late = now - due;
-    figures_.max_late_ns = std::max(figures_.max_late_ns, late);
-    ++figures_.cycles;
-    if (late > period) {
-      // The missed turns are not made up for: a burst of old turns helps nobody.
-      ++figures_.overruns;
-      due = now;
-    }
-    due += period;
+    const TimeNs now = turns.wait();
+    if (packed_turns_.add(turns.due_ns(), now)) hand_over(packed_turns_.record());
 
     const bool stopping = stop_.load(std::memory_order_relaxed);
     turn(now, stopping);
@@ -35,6 +17,10 @@ void LinkLoop::run() noexcept {
     if (give_up_ns == 0) give_up_ns = now + settings_.landing_bound_ns;
     if (core_.all_on_ground() || now >= give_up_ns) break;
   }
+  if (packed_turns_.record().extra < PackedTurns::capacity) hand_over(packed_turns_.record());
+  figures_.cycles = turns.count();
+  figures_.overruns = turns.overruns();
+  figures_.max_late_ns = turns.late().max();
   ended_.store(true, std::memory_order_release);
 }
 
@@ -50,12 +36,19 @@ void LinkLoop::turn(TimeNs now, bool stopping) noexcept {
                                             .beats = {beats_.data(), beats},
                                             .stop_all = stopping});
   for (const ToSend& message : out.to_send) figures_.sends_failed += sockets_.send(message) ? 0 : 1;
+  const TimeNs sent_ns = out.to_send.empty() ? now : monotonic_ns();
   for (const StateSample& state : out.states) {
     if (!end_.send_state(state)) ++figures_.states_lost[std::min<std::size_t>(state.drone, max_drones)];
     // Only shown to people: a full ring of these is no loss.
     (void)states_.push(state);
   }
-  for (const TraceRecord& record : out.trace) figures_.trace_lost += trace_.push(record) ? 0 : 1;
+  for (TraceRecord record : out.trace) {
+    hand_over(record);
+    if (record.kind != TraceKind::command_applied) continue;
+    record.kind = TraceKind::setpoint_sent;
+    record.t_ns = sent_ns;
+    hand_over(record);
+  }
 }
 
 }  // namespace ledgerline::link

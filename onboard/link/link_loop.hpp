@@ -3,11 +3,12 @@
 #include <atomic>
 #include <cstdint>
 
+#include "common/rt/real_time.hpp"
 #include "common/rt/spsc_ring.hpp"
+#include "common/rt/turns.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/link_config.hpp"
 #include "onboard/link/link_core.hpp"
-#include "onboard/link/real_time.hpp"
 #include "onboard/link/tello_sockets.hpp"
 
 namespace ledgerline::link {
@@ -49,8 +50,8 @@ class LinkLoop {
   static constexpr std::size_t max_poses = 128;
   static constexpr std::size_t max_beats = 8;
 
-  TimeNs sleep_until_next(TimeNs due) noexcept;
   void turn(TimeNs now, bool stopping) noexcept;
+  void hand_over(const TraceRecord& record) noexcept { figures_.trace_lost += trace_.push(record) ? 0 : 1; }
 
   const ShellSettings& settings_;
   LinkCore& core_;
@@ -60,6 +61,7 @@ class LinkLoop {
   std::array<Pose, max_poses> poses_{};
   std::array<AgentBeat, max_beats> beats_{};
   SpscRing<TraceRecord, 16384> trace_;
+  PackedTurns packed_turns_;
   SpscRing<StateSample, 512> states_;
   LoopFigures figures_;
   std::atomic<bool> stop_{false};

@@ -129,6 +129,7 @@ int run_link(const ShellSettings& settings) {
   std::promise<RealTime> entered;
   auto real_time_result = entered.get_future();
   std::thread thread([&] {
+    ::pthread_setname_np(::pthread_self(), "loop");
     entered.set_value(enter_real_time(settings.priority, settings.cpu));
     loop->run();
   });

@@ -86,6 +86,39 @@ TEST_F(AgentCoreTest, AStateIsSubmittedAndItsCommandComesOutAsAPlanWithTheTwoWay
   EXPECT_EQ(traces(TraceKind::command_verified), 1U);
 }
 
+TEST_F(AgentCoreTest, EveryPlaceThatASampleComesByIsInTheTrace) {
+  core_.on_state(start, state(7, start - 1), out_);
+  core_.step(start + 1, out_);
+  ASSERT_EQ(out_.submits.size(), 1U);
+  fabric::Outcome outcome;
+  outcome.kind = Kind::committed;
+  outcome.endorsed_ns = start + 2;
+  outcome.ordered_ns = start + 3;
+  core_.on_outcome(start + 4, out_.submits[0].frame, outcome, out_);
+  auto block = ledger_.block({command(1, start - 1)});
+  block.received_ns = start + 5;
+  core_.on_block(start + 6, block, out_);
+  core_.step(start + 7, out_);
+  const auto expect = [&](TraceKind kind, TimeNs t_ns, std::uint64_t id, TimeNs stamp_ns, std::uint32_t extra = 0) {
+    const auto it =
+        std::find_if(out_.traces.begin(), out_.traces.end(), [&](const TraceRecord& r) { return r.kind == kind; });
+    ASSERT_NE(it, out_.traces.end());
+    EXPECT_EQ(traces(kind), 1U);
+    EXPECT_EQ(it->t_ns, t_ns);
+    EXPECT_EQ(it->id, id);
+    EXPECT_EQ(it->stamp_ns, stamp_ns);
+    EXPECT_EQ(it->extra, extra);
+  };
+  const auto frame = out_.submits[0].frame;
+  expect(TraceKind::state_taken, start, 7, start - 1);
+  expect(TraceKind::state_batched, start + 1, 7, start - 1, static_cast<std::uint32_t>(frame));
+  expect(TraceKind::call_endorsed, start + 2, frame, start + 1);
+  expect(TraceKind::call_ordered, start + 3, frame, start + 1);
+  expect(TraceKind::command_in_block, start + 5, 1, start - 1);
+  expect(TraceKind::command_taken, start + 6, 1, start - 1);
+  expect(TraceKind::command_verified, start + 7, 1, start - 1);
+}
+
 TEST_F(AgentCoreTest, ARefusedCommandLeavesATraceWithItsReasonAndNoPlan) {
   core_.on_block(start, ledger_.block({command(1, start)}), out_);
   core_.step(start, out_);

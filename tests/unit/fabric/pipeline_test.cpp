@@ -72,8 +72,12 @@ TEST(Pipeline, ACallIsEndorsedSubmittedAndCommitted) {
   FakeGateway gateway;
   for (const crypto::Library library : {crypto::Library::mbedtls, crypto::Library::libcrypto}) {
     const auto client = Client::create(gateway.client_config(library)).value();
+    const TimeNs before_ns = monotonic_ns();
     const Outcome outcome = client->submit_and_wait({"set", {"payload"}});
     ASSERT_EQ(outcome.kind, Kind::committed) << outcome.message;
+    EXPECT_LE(before_ns, outcome.endorsed_ns);
+    EXPECT_LE(outcome.endorsed_ns, monotonic_ns());
+    EXPECT_TRUE(outcome.ordered_ns == 0 || outcome.endorsed_ns <= outcome.ordered_ns);
     EXPECT_EQ(outcome.code, 0);
     EXPECT_EQ(outcome.answer, "answer to set");
     const Transaction transaction = gateway.chain().at(outcome.block).transactions.at(0);
@@ -102,6 +106,7 @@ TEST(Pipeline, ARefusalCarriesTheContractsReason) {
   const Outcome outcome = client_of(gateway)->submit_and_wait({"command", {}});
   EXPECT_EQ(outcome.kind, Kind::refused);
   EXPECT_EQ(outcome.message, "chaincode response 500, tello1: lease held by CN=x");
+  EXPECT_EQ(outcome.endorsed_ns, 0);
   EXPECT_EQ(gateway.endorse_calls(), 1);
   EXPECT_EQ(gateway.submit_calls(), 0);
 }

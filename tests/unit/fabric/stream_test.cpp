@@ -98,8 +98,11 @@ TEST(BlockStream, GivesAllBlocksFromTheStartAndThenTheNewOnes) {
   const auto client = client_of(gateway);
   const auto stream = client->blocks(0, logs.handlers());
   logs.blocks.await(4);
+  const TimeNs before_ns = monotonic_ns();
   gateway.add_block("set", "new");
   const auto blocks = logs.blocks.await(5);
+  EXPECT_LE(before_ns, blocks[4].received_ns);
+  EXPECT_LE(blocks[4].received_ns, monotonic_ns());
   expect_numbers(blocks, 0);
   EXPECT_EQ(blocks[4].transactions[0].event_payload, "new");
   EXPECT_EQ(logs.connection.now(), (std::vector<std::pair<bool, std::string>>{{true, ""}}));

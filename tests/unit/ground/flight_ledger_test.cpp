@@ -234,12 +234,33 @@ TEST_F(FlightByHand, TheDelayIsTwiceTheWayOfItsOwnCommands) {
 
 TEST_F(FlightByHand, TracesSayWhenStatesCameAndPlansWereMade) {
   const auto out = states({2});
-  ASSERT_EQ(out.traces.size(), 2u);
+  ASSERT_EQ(out.traces.size(), 3u);
   EXPECT_EQ(out.traces[0].kind, TraceKind::state_received);
   EXPECT_EQ(out.traces[0].drone, 2);
   EXPECT_EQ(out.traces[0].stamp_ns, now_ns);
   EXPECT_EQ(out.traces[1].kind, TraceKind::command_made);
   EXPECT_EQ(out.traces[1].id, 1u);
+  EXPECT_EQ(out.traces[2].kind, TraceKind::command_submitted);
+  EXPECT_EQ(out.traces[2].stamp_ns, now_ns);
+  EXPECT_EQ(out.traces[2].extra, out.submissions[0].id);
+}
+
+TEST_F(FlightByHand, TracesSayWhenItsCallWasEndorsedAndOrdered) {
+  const auto sent = states({1});
+  fabric::Outcome committed;
+  committed.kind = Kind::committed;
+  committed.endorsed_ns = now_ns + 1;
+  committed.ordered_ns = now_ns + 2;
+  FlightInputs inputs;
+  inputs.outcome = &committed;
+  inputs.outcome_id = sent.submissions[0].id;
+  const auto out = core.step(now_ns + 3, inputs);
+  ASSERT_EQ(out.traces.size(), 2u);
+  EXPECT_EQ(out.traces[0].kind, TraceKind::call_endorsed);
+  EXPECT_EQ(out.traces[0].t_ns, now_ns + 1);
+  EXPECT_EQ(out.traces[1].kind, TraceKind::call_ordered);
+  EXPECT_EQ(out.traces[1].t_ns, now_ns + 2);
+  EXPECT_EQ(out.traces[1].id, sent.submissions[0].id);
 }
 
 TEST(FlightBelief, StatesOfAnotherSignerThanTheDronesOwnerAreCountedAndIgnored) {

@@ -300,11 +300,13 @@ TEST(LinkCore, TheTraceNamesEveryPlanOnce) {
   }
   w.pass(ns_per_s);
   const PlanCounters plans = w.core.reports()[0].plans;
-  std::uint32_t applied = 0, ended = 0;
+  std::uint32_t received = 0, applied = 0, ended = 0;
   for (const TraceRecord& record : w.trace) {
+    received += record.kind == TraceKind::plan_received;
     applied += record.kind == TraceKind::command_applied;
     ended += record.kind == TraceKind::refused;
   }
+  EXPECT_EQ(received, w.sequence + 6) << "six were handed over twice";
   EXPECT_EQ(applied, plans.applied);
   EXPECT_EQ(ended, plans.dropped + plans.late);
   EXPECT_EQ(plans.received, plans.applied + plans.dropped + plans.late);

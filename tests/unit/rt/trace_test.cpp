@@ -62,6 +62,38 @@ TEST_F(Trace, ATornLastRecordIsLeftOut) {
   }
 }
 
+TEST_F(Trace, AReaderFollowsWhileItGrows) {
+  auto writer = TraceWriter::create(path_);
+  ASSERT_TRUE(writer);
+  auto reader = TraceReader::open(path_);
+  ASSERT_TRUE(reader) << reader.error().what;
+  EXPECT_TRUE(reader->read_new()->empty());
+  for (std::uint64_t i = 0; i < 5; ++i) {
+    writer->add(record(i));
+    ASSERT_TRUE(writer->flush());
+    const auto fresh = reader->read_new();
+    ASSERT_TRUE(fresh);
+    ASSERT_EQ(fresh->size(), 1U);
+    EXPECT_EQ(fresh->front().id, i);
+  }
+  const auto size = std::filesystem::file_size(path_);
+  writer->add(record(5));
+  ASSERT_TRUE(writer->flush());
+  std::filesystem::resize_file(path_, size + 10);  // the writer was in the middle of it
+  EXPECT_TRUE(reader->read_new()->empty());
+}
+
+TEST_F(Trace, WhatIsOlderThanASecondIsInTheFile) {
+  auto writer = TraceWriter::create(path_);
+  ASSERT_TRUE(writer);
+  TraceRecord r = record(1);
+  for (int i = 0; i <= 10; ++i) {
+    r.t_ns = i * 110 * ns_per_ms;
+    writer->add(r);
+  }
+  EXPECT_EQ(read_trace(path_)->size(), 11U);
+}
+
 TEST_F(Trace, BeyondItsBoundRecordsAreOnlyCounted) {
   write(10, 4);
   EXPECT_EQ(dropped_, 6U);

@@ -2,7 +2,7 @@
 #include <string>
 #include <vector>
 
-namespace ledgerline::link {
+namespace ledgerline {
 
 /// What the calling thread and its process got of what was asked for.
 struct RealTime {
@@ -16,4 +16,4 @@ struct RealTime {
 /// not permitted is a notice, not an error: on a desk the loop runs well enough without.
 RealTime enter_real_time(int priority, int cpu);
 
-}  // namespace ledgerline::link
+}  // namespace ledgerline

@@ -1,4 +1,4 @@
-#include "onboard/link/real_time.hpp"
+#include "common/rt/real_time.hpp"
 
 #include <fmt/format.h>
 #include <pthread.h>
@@ -8,7 +8,7 @@
 #include <cerrno>
 #include <cstring>
 
-namespace ledgerline::link {
+namespace ledgerline {
 
 RealTime enter_real_time(int priority, int cpu) {
   RealTime result;
@@ -40,4 +40,4 @@ RealTime enter_real_time(int priority, int cpu) {
   return result;
 }
 
-}  // namespace ledgerline::link
+}  // namespace ledgerline

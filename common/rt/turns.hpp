@@ -1,0 +1,57 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+#include "common/rt/histogram.hpp"
+#include "common/rt/trace.hpp"
+
+namespace ledgerline {
+
+/// The beat of a time-triggered loop: a turn is due every period. One that begins more than a period late is an
+/// overrun; the turns missed by it are not made up for, since a burst of old turns helps nobody. One thread; its system
+/// calls are the clock and the sleep; no allocation.
+class Turns {
+ public:
+  explicit Turns(TimeNs period_ns) noexcept : period_ns_(period_ns), next_ns_(monotonic_ns() + period_ns) {}
+
+  /// Sleeps until the next turn is due; the time when it really began.
+  TimeNs wait() noexcept;
+  /// When the turn that began last was due.
+  TimeNs due_ns() const noexcept { return due_ns_; }
+
+  std::uint64_t count() const noexcept { return late_.count(); }
+  std::uint64_t overruns() const noexcept { return overruns_; }
+  const Histogram& late() const noexcept { return late_; }
+
+ private:
+  TimeNs period_ns_;
+  TimeNs next_ns_;
+  TimeNs due_ns_ = 0;
+  std::uint64_t overruns_ = 0;
+  Histogram late_;
+};
+
+/// How late each turn began, 16 turns a trace record, so that a record of every turn costs 4 bytes. One thread; no
+/// allocation.
+class PackedTurns {
+ public:
+  static constexpr std::size_t capacity = 16;
+
+  /// True when record() is full: hand it over before the next one.
+  bool add(TimeNs due_ns, TimeNs begun_ns) noexcept;
+  /// Those since the last full one; `extra` says how many.
+  const TraceRecord& record() const noexcept { return record_; }
+
+  /// Microseconds of each; 65,535 stands for that and more. Empty for a record of another kind or with a count that
+  /// cannot be.
+  static std::vector<std::uint16_t> late_us(const TraceRecord& record);
+
+ private:
+  TraceRecord record_;
+  std::array<std::uint16_t, capacity> late_us_{};
+  std::uint64_t turns_ = 0;
+};
+
+}  // namespace ledgerline
