@@ -7,7 +7,9 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "common/rt/file.hpp"
 #include "common/rt/space.hpp"
+#include "ground/timing/usage.hpp"
 
 namespace ledgerline::fly {
 namespace {
@@ -15,6 +17,7 @@ namespace {
 using nlohmann::json;
 
 constexpr TimeNs watch_ns = 50 * ns_per_ms;
+constexpr TimeNs usage_period_ns = ns_per_s;  // looking at all threads has its price
 constexpr TimeNs ready_limit_ns = 20 * ns_per_s, fabric_ready_limit_ns = 120 * ns_per_s;
 constexpr TimeNs patience_ns = 5 * ns_per_s, fabric_patience_ns = 30 * ns_per_s;
 constexpr TimeNs landing_patience_ns = 17 * ns_per_s;  // ground gives itself 15 s, link 10 s
@@ -162,13 +165,24 @@ std::string Launcher::ground_why() const {
   return crash_of("ground", "before every drone had finished its path and landed");
 }
 
+// For ledgerline-timing; the flight does not depend on it.
+void Launcher::write_usage(const timing::UsageRecord& usage) {
+  const auto written = write_file(files_.in(timing::usage_file), timing::to_json(usage).dump() + "\n");
+  if (!written) live_.say(written.error().what);
+}
+
 Status Launcher::fly() {
   const std::uint64_t ledger_before = bytes_below(files_.in("ledger/."));
   record_.begin_ns = monotonic_ns();
   for (const auto& name : all_programs_) cpu_at_begin_[name] = children_.cpu_seconds(name);
+  timing::UsageRecord usage;
+  for (const auto& name : all_programs_) usage.programs[name] = children_.pid(name);
+  usage.begin = usage.end = timing::read_snapshot(usage.programs);
+  write_usage(usage);
   int interrupts_seen = 0;
   Status result = done;
   for (bool flying = true; flying;) {
+    if (monotonic_ns() - usage.end.t_ns >= usage_period_ns) usage.end = timing::read_snapshot(usage.programs);
     std::map<std::string, double> cpu;
     for (const auto& name : all_programs_) cpu[name] = children_.cpu_seconds(name);
     children_.poll(watch_ns);
@@ -198,6 +212,7 @@ Status Launcher::fly() {
       if (!flying) result = Error{"interrupted twice: the drones were not awaited"};
     }
   }
+  write_usage(usage);
   const std::uint64_t ledger_after = bytes_below(files_.in("ledger/."));
   record_.ledger_grown_bytes = ledger_after > ledger_before ? ledger_after - ledger_before : 0;
   return result;

@@ -9,6 +9,9 @@
 #include "ground/fly/live.hpp"
 #include "ground/fly/options.hpp"
 
+namespace ledgerline::timing {
+struct UsageRecord;
+}
 namespace ledgerline::fly {
 
 /// How a run went, as the launcher saw it.
@@ -38,6 +41,7 @@ class Launcher {
   Status wait_ready(const std::vector<std::string>& names);
   Status run_to_end(const std::string& name, std::vector<std::string> arguments);
   Status fly();
+  void write_usage(const timing::UsageRecord& usage);
   void stop_all(bool landed);
   void take_line(const std::string& name, const std::string& line);
   std::string crash_of(const std::string& name, const std::string& when) const;

@@ -1,10 +1,10 @@
 #include <fmt/format.h>
 
-#include <ctime>
 #include <fstream>
 #include <iterator>
 
 #include "common/rt/json.hpp"
+#include "ground/report/html.hpp"
 #include "ground/report/published.hpp"
 #include "ground/report/results.hpp"
 
@@ -32,15 +32,6 @@ json to_json(const PublishedBox& box) {
           {"median_s", box.median_s},      {"q3_s", box.q3_s},   {"high_s", box.high_s}};
 }
 
-std::string local_date() {
-  const std::time_t now = std::time(nullptr);
-  std::tm local{};
-  localtime_r(&now, &local);
-  char text[64];
-  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M", &local);
-  return text;
-}
-
 json page_data(const Results& results) {
   json data = to_json(results);
   const std::size_t each = points_in_page / std::max<std::size_t>(1, 4 * results.drones.size());
@@ -62,18 +53,6 @@ json page_data(const Results& results) {
   data["date"] = local_date();
   if (!data.contains("why")) data["why"] = "";
   return data;
-}
-
-// Inside a script element no text may look like its end.
-std::string for_script(const json& data) {
-  std::string text = data.dump(-1, ' ', false, json::error_handler_t::replace);
-  for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos; at += 6) text.replace(at, 1, "\\u003c");
-  return text;
-}
-
-std::string filled(const std::string& page, const std::string& mark, const std::string& content) {
-  const auto at = page.find(mark);
-  return page.substr(0, at) + content + page.substr(at + mark.size());
 }
 
 }  // namespace

@@ -4,10 +4,13 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "common/rt/trace.hpp"
 #include "ground/fly/live.hpp"
 #include "ground/report/results.hpp"
+#include "ground/timing/perfetto.hpp"
+#include "ground/timing/show.hpp"
 #include "tests/fuzz/directory.hpp"
 #include "tests/fuzz/entry.hpp"
 
@@ -99,6 +102,56 @@ class TraceEntry final : public Entry {
   Directory directory_;
 };
 
+/// A flight's traces, spoilt, as `timing` reads them: one file for all three programs.
+class WalksEntry final : public Entry {
+ public:
+  std::vector<std::string> seeds() override {
+    std::vector<TraceRecord> records;
+    for (std::uint16_t kind = 1; kind <= 20; ++kind) {
+      TraceRecord r;
+      r.t_ns = 2 * ns_per_s + kind * ns_per_ms;
+      r.kind = static_cast<TraceKind>(kind);
+      r.drone = 1;
+      r.id = r.extra = 1;
+      r.stamp_ns = 2 * ns_per_s;
+      records.push_back(r);
+    }
+    return {trace_of(records)};
+  }
+  Outcome feed(std::string_view bytes) override {
+    const std::string path = directory_.path + "/t";
+    write(path, bytes);
+    const auto records = read_trace(path);
+    if (!records) return refused(records.error().what);
+    timing::Walks open;
+    for (const auto writer : {timing::Writer::link, timing::Writer::agent, timing::Writer::ground})
+      open.add(writer, *records);
+    const auto walks = open.take();
+    std::ostringstream events;
+    (void)timing::write_perfetto(events, walks, *records);
+    const auto figures = timing::make_figures(walks, *records);
+    return timing::to_table(figures, 3).empty() || !nlohmann::json::accept(events.str()) ? refused("") : accepted();
+  }
+
+ private:
+  Directory directory_;
+};
+
+class UsageEntry final : public Entry {
+ public:
+  std::vector<std::string> seeds() override {
+    timing::UsageRecord record{{{"link", 5}}, {}, {}};
+    record.end.threads.push_back({.program = "link", .name = "loop"});
+    return {timing::to_json(record).dump()};
+  }
+  Outcome feed(std::string_view bytes) override {
+    const auto record = timing::usage_from_json(std::string(bytes));
+    if (!record) return refused(record.error().what);
+    (void)timing::load_between(record->begin, record->end);
+    return accepted();
+  }
+};
+
 class LiveEntry final : public Entry {
  public:
   std::vector<std::string> seeds() override {
@@ -121,6 +174,8 @@ class LiveEntry final : public Entry {
 };
 
 const Registration trace({"report.trace", Kind::bytes, [] { return std::make_unique<TraceEntry>(); }});
+const Registration walks({"timing.walks", Kind::bytes, [] { return std::make_unique<WalksEntry>(); }, 0.02});
+const Registration usage({"timing.usage", Kind::json, [] { return std::make_unique<UsageEntry>(); }});
 const Registration live({"fly.status_line", Kind::json, [] { return std::make_unique<LiveEntry>(); }});
 
 Registered run_file(const std::string& name, const std::string& file, Kind kind,

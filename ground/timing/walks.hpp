@@ -1,0 +1,90 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <map>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "common/rt/trace.hpp"
+
+namespace ledgerline::timing {
+
+/// The places that a sample comes by, in order: as a state to the ground, as the command made from it back.
+enum class Mark : std::uint8_t {
+  sampled,
+  taken,
+  batched,
+  endorsed,
+  ordered,
+  delivered,
+  made,
+  submitted,
+  command_endorsed,
+  command_ordered,
+  in_block,
+  picked_up,
+  verified,
+  received,
+  applied,
+  sent,
+};
+inline constexpr std::size_t mark_count = 16;
+
+/// Whose trace records are from.
+enum class Writer : std::uint8_t { link, agent, ground };
+
+/// One sample's way. Times are of one clock: traces of another host must not be given.
+struct Walk {
+  std::uint16_t drone = 0;
+  std::uint64_t sequence = 0;              ///< of the state
+  std::array<TimeNs, mark_count> at_ns{};  ///< 0: did not come by there, or nobody wrote it down
+  TimeNs late_ns = 0;                      ///< its setpoint: sent minus meant
+
+  TimeNs at(Mark mark) const { return at_ns[static_cast<std::size_t>(mark)]; }
+  bool has(Mark mark) const { return at(mark) != 0; }
+  Mark last() const;
+  /// Its setpoint was meant for a moment that had passed when link got the plan: playout did not wait on purpose.
+  bool due_at_once() const;
+};
+
+/// Joins the records of a flight to walks, whatever order they come in. A sample is known by its drone and stamp, which
+/// every later record carries. Rules:
+///   - of records that are there twice the first counts; of a sample that rode in two frames (the first one was
+///     refused), or a plan in two calls, the last;
+///   - the orderer's acknowledgement may come after the block itself, or not at all: then the block's time counts;
+///   - link stamps with the beginning of its turn; a plan that came within the turn counts as received when verified;
+///   - a record whose sample link did not write down is a stray: not part of any walk;
+///   - a walk whose times go backwards (a damaged trace) is left out.
+/// One thread.
+class Walks {
+ public:
+  struct Counters {
+    std::uint64_t doubled = 0, strays = 0, backwards = 0;
+  };
+
+  void add(Writer writer, std::span<const TraceRecord> records);
+  /// The walks sampled before that time, in order of it; they are then forgotten.
+  std::vector<Walk> take(TimeNs sampled_before_ns = INT64_MAX);
+  const Counters& counters() const { return counters_; }
+
+ private:
+  struct Open {
+    Walk walk;
+    std::uint64_t frame = 0, call = 0;  ///< 0: none
+  };
+  struct Call {
+    TimeNs submitted_ns = 0, endorsed_ns = 0, ordered_ns = 0;
+  };
+  using Calls = std::map<std::uint64_t, Call>;
+
+  void add(Writer writer, const TraceRecord& record);
+  void see(const TraceRecord& record, Mark mark);
+  bool finish(Open& open) const;
+
+  std::map<std::pair<TimeNs, std::uint16_t>, Open> open_;
+  Calls frames_, calls_;  ///< agent's and ground's transactions
+  Counters counters_;
+};
+
+}  // namespace ledgerline::timing
