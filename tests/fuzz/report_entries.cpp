@@ -127,6 +127,7 @@ class WalksEntry final : public Entry {
     for (const auto writer : {timing::Writer::link, timing::Writer::agent, timing::Writer::ground})
       open.add(writer, *records);
     const auto walks = open.take();
+    if (++read_ % 8 != 0) return accepted();  // showing costs far more than reading
     std::ostringstream events;
     (void)timing::write_perfetto(events, walks, *records);
     const auto figures = timing::make_figures(walks, *records);
@@ -135,6 +136,7 @@ class WalksEntry final : public Entry {
 
  private:
   Directory directory_;
+  int read_ = 0;
 };
 
 class UsageEntry final : public Entry {
