@@ -106,7 +106,9 @@ TEST(BurstsTest, BlocksOfManyCommandsFlyAsEvenlyAsSingleOnes) {
     EXPECT_LT(with.spacing_ms, 1.2 * even.spacing_ms) << block;
     EXPECT_LT(with.jerk_mps3, 1.2 * even.jerk_mps3) << block;
     EXPECT_EQ(with.plans.dropped_by[static_cast<std::size_t>(DropReason::queue_full)], 0U) << block;
-    if (block >= 5) EXPECT_GT(without.spacing_ms, 1.2 * even.spacing_ms) << "the measure sees what smoothing is for";
+    if (block >= 5) {
+      EXPECT_GT(without.spacing_ms, 1.2 * even.spacing_ms) << "the measure sees what smoothing is for";
+    }
   }
 }
 
