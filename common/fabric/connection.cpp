@@ -69,9 +69,9 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
     if (!channel) return channel.error();
     into->push_back(std::move(*channel));
   }
-  for (const auto& [servers, into] : {std::pair(&config.other_peers, &connection->peers),
-                                      std::pair(&config.other_peers, &connection->stream_peers),
-                                      std::pair(&config.orderers, &connection->orderers)}) {
+  for (const auto& [servers, into] :
+       {std::pair(&config.other_peers, &connection->peers), std::pair(&config.other_peers, &connection->stream_peers),
+        std::pair(&config.orderers, &connection->orderers)}) {
     for (const ClientConfig::Server& server : *servers) {
       auto to_server = make_channel(server.endpoint, server.tls_ca_file, "");
       if (!to_server) return to_server.error();

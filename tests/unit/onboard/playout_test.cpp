@@ -178,10 +178,10 @@ TEST_F(PlayoutTest, BadNumbersAreDroppedNotFlown) {
 }
 
 TEST_F(PlayoutTest, AFullQueueGivesUpAPlanAndSaysSo) {
-  for (std::uint64_t i = 0; i < 20; ++i) give(t, plan_of(i + 1, t + static_cast<TimeNs>(i + 1) * 50 * ms, 4, 1, t));
-  EXPECT_EQ(playout.counters().dropped_by[static_cast<std::size_t>(DropReason::queue_full)], 4U);
-  for (TimeNs now = t; now < t + 2 * ns_per_s; now += ms) fly(now);
-  EXPECT_EQ(playout.counters().applied, 16U);
+  for (std::uint64_t i = 0; i < 70; ++i) give(t, plan_of(i + 1, t + static_cast<TimeNs>(i + 1) * 50 * ms, 4, 1, t));
+  EXPECT_EQ(playout.counters().dropped_by[static_cast<std::size_t>(DropReason::queue_full)], 6U);
+  for (TimeNs now = t; now < t + 4 * ns_per_s; now += ms) fly(now);
+  EXPECT_EQ(playout.counters().applied, 64U);
   expect_sums();
 }
 
