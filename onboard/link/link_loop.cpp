@@ -31,6 +31,7 @@ void LinkLoop::run() noexcept {
 
     const bool stopping = stop_.load(std::memory_order_relaxed);
     turn(now, stopping);
+    turns_.store(figures_.cycles, std::memory_order_relaxed);
     if (!stopping) continue;
     if (give_up_ns == 0) give_up_ns = now + settings_.landing_bound_ns;
     if (core_.all_on_ground() || now >= give_up_ns) break;

@@ -36,6 +36,8 @@ class LinkLoop {
   /// Any thread.
   void request_stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
   bool ended() const noexcept { return ended_.load(std::memory_order_acquire); }
+  /// How many turns were made: the proof that the loop goes on.
+  std::uint64_t turns() const noexcept { return turns_.load(std::memory_order_relaxed); }
 
   /// The other thread's ends of the rings: one thread.
   SpscRing<TraceRecord, 16384>& trace() noexcept { return trace_; }
@@ -64,6 +66,7 @@ class LinkLoop {
   LoopFigures figures_;
   std::atomic<bool> stop_{false};
   std::atomic<bool> ended_{false};
+  std::atomic<std::uint64_t> turns_{0};
 };
 
 }  // namespace ledgerline::link

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "common/rt/log.hpp"
+#include "common/rt/service_manager.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/link_loop.hpp"
 #include "onboard/link/link_summary.hpp"
@@ -30,8 +31,8 @@ Result<std::uint64_t> random_boot_id() {
 // The thread that may block, beside the loop.
 class Housekeeping {
  public:
-  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace)
-      : settings_(settings), loop_(loop), trace_(std::move(trace)) {}
+  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace, ServiceManager& manager)
+      : settings_(settings), loop_(loop), trace_(std::move(trace)), manager_(manager) {}
 
   void once(TimeNs now) {
     for (TraceRecord record; loop_.trace().pop(record);) {
@@ -45,6 +46,8 @@ class Housekeeping {
       std::fflush(stdout);
     }
     if (now >= next_roudi_ns_) watch_roudi(now);
+    // The loop's own turns: a loop that hangs is not spoken for.
+    if (auto status = manager_.alive(now, loop_.turns()); !status) spdlog::warn("{}", status.error().what);
   }
 
   Status close() {
@@ -82,6 +85,7 @@ class Housekeeping {
   const ShellSettings& settings_;
   LinkLoop& loop_;
   std::optional<TraceWriter> trace_;
+  ServiceManager& manager_;
   std::array<StateSample, max_drones + 1> newest_{};
   TimeNs next_status_ns_ = 0;
   TimeNs next_roudi_ns_ = 0;
@@ -114,6 +118,8 @@ int run_link(const ShellSettings& settings) {
     if (!writer) return fail(writer.error());
     trace = std::move(*writer);
   }
+  auto manager = ServiceManager::from_environment();
+  if (!manager) return fail(manager.error());
   auto boot_id = random_boot_id();
   if (!boot_id) return fail(boot_id.error());
   auto sockets = TelloSockets::create(settings);
@@ -124,7 +130,7 @@ int run_link(const ShellSettings& settings) {
 
   auto core = std::make_unique<LinkCore>(settings.link, *boot_id);
   auto loop = std::make_unique<LinkLoop>(settings, *core, **end, *sockets);
-  Housekeeping housekeeping(settings, *loop, std::move(trace));
+  Housekeeping housekeeping(settings, *loop, std::move(trace), *manager);
 
   std::promise<RealTime> entered;
   auto real_time_result = entered.get_future();
@@ -136,6 +142,7 @@ int run_link(const ShellSettings& settings) {
   for (const std::string& notice : real_time.notices) spdlog::warn("{}", notice);
   fmt::print("{{\"ready\":true,\"program\":\"ledgerline-link\",\"drones\":{}}}\n", settings.link.drones.size());
   std::fflush(stdout);
+  if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
 
   while (!loop->ended()) {
     if (wait_for_signal(signals)) {

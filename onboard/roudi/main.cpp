@@ -17,6 +17,7 @@
 #include <thread>
 
 #include "common/rt/log.hpp"
+#include "common/rt/service_manager.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 
 namespace {
@@ -88,6 +89,11 @@ int main(int argc, char** argv) {
   ::dup2(STDERR_FILENO, STDOUT_FILENO);
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
 
+  auto manager = ledgerline::ServiceManager::from_environment();
+  if (!manager) {
+    spdlog::error("{}", manager.error().what);
+    return 1;
+  }
   if (ledgerline::ipc::probe("roudi") != ledgerline::ipc::Peer::gone) {
     spdlog::error("another RouDi runs already on this machine: stop it first");
     return 1;
@@ -117,6 +123,7 @@ int main(int argc, char** argv) {
     ::_exit(1);
   }
   ::dprintf(results, "{\"ready\":true,\"program\":\"ledgerline-roudi\"}\n");
+  if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
 
   int signal = 0;
   sigwait(&signals, &signal);

@@ -191,9 +191,11 @@ void AgentShell::chores(TimeNs now) {
     fmt::print("{}\n", status_line(core_, now));
     std::fflush(stdout);
   }
+  if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().what);
 }
 
 Status AgentShell::run() {
+  if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
   while (!quit_) {
     wait_for_news();
     if (auto status = take_letters(); !status) return status;

@@ -9,6 +9,7 @@
 
 #include "common/dds/dds.hpp"
 #include "common/fabric/client.hpp"
+#include "common/rt/service_manager.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/agent/agent_core.hpp"
 #include "onboard/agent/shell/mailbox.hpp"
@@ -76,6 +77,8 @@ class AgentShell {
   std::unique_ptr<ipc::AgentEnd> end_;
   std::optional<TraceWriter> trace_;
   ShellCounters counters_;
+  std::optional<ServiceManager> manager_;
+  std::uint64_t turns_ = 0;  ///< of run()
   std::atomic<std::uint64_t> mocap_lost_{0};
   TimeNs real_offset_ns_ = 0;
   TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0;

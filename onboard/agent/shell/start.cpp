@@ -48,6 +48,9 @@ Status AgentShell::keep_trying(const std::string& what, Attempt attempt) {
 }
 
 Status AgentShell::start() {
+  auto manager = ServiceManager::from_environment();
+  if (!manager) return manager.error();
+  manager_.emplace(std::move(manager).value());
   real_offset_ns_ = realtime_ns() - monotonic_ns();
   core_.set_real_offset(real_offset_ns_);
   if (!settings_.trace.empty()) {
