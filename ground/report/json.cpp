@@ -27,6 +27,7 @@ json to_json(const DroneResult& drone) {
           {"cross_track_m", cross_track},
           {"lap_s", laps},
           {"states", named<5>(drone.states, {"sampled", "sent", "on_ledger", "merged", "dropped"})},
+          {"transitions", named<3>(drone.transitions, {"made", "on_ledger", "lost"})},
           {"commands", commands}};
 }
 

@@ -177,6 +177,9 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
     drone.states = {count_of(states, "sampled") + count_of(l, "states_lost"), count_of(states, "sent"),
                     count_of(states, "on_ledger"), count_of(states, "merged"),
                     count_of(states, "dropped") + count_of(l, "states_lost")};
+    const json& transitions = at(l, "transitions");
+    drone.transitions = {count_of(transitions, "made"), count_of(at(a, "transitions"), "on_ledger"),
+                         count_of(transitions, "lost")};
     drone.commands = {count_of(g, "commands_sent"),
                       count_of(commands, "on_ledger"),
                       count_of(commands, "refused") + count_of(g, "commands_refused"),

@@ -28,6 +28,7 @@ struct DroneResult {
   bool path_flown = false;  ///< there is a cross-track error to speak of
   std::vector<double> lap_s;
   std::array<std::uint64_t, 5> states{};         ///< sampled, sent, on_ledger, merged, dropped
+  std::array<std::uint64_t, 3> transitions{};    ///< of the failsafe: made, on_ledger, lost
   std::array<std::uint64_t, 6> commands{};       ///< sent, on_ledger, refused, applied, late, dropped
   std::map<std::string, std::uint64_t> reasons;  ///< of those refused by agent or dropped by link
   std::vector<std::array<double, 2>> wanted, flown;

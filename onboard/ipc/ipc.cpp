@@ -18,11 +18,13 @@ constexpr const char* roudi_name = "roudi";
 std::uint64_t roudi_inode = 0;  // set once in connect(), before any thread
 
 // No history anywhere: a plan or pose from before the reader came is not to be flown. Queues hold what may gather while
-// the reader is stopped for a moment; then the oldest is lost, which playout and the samples' sequence numbers show.
+// the reader is stopped for a moment; then the oldest is lost, which playout and the samples' sequence numbers show;
+// transitions come again.
 constexpr std::uint64_t plan_queue = 128;
 constexpr std::uint64_t pose_queue = 256;
 constexpr std::uint64_t beat_queue = 8;
 constexpr std::uint64_t state_queue = 256;
+constexpr std::uint64_t transition_queue = 256;
 
 // The version is part of the name: processes of different builds do not misread each other's plain data.
 iox::capro::ServiceDescription channel(const char* name, std::size_t size) {
@@ -64,12 +66,14 @@ class IceoryxLinkEnd final : public LinkEnd {
   bool take_pose(Pose& out) noexcept override { return poses_.take(out); }
   bool take_beat(AgentBeat& out) noexcept override { return beats_.take(out); }
   bool send_state(const StateSample& sample) noexcept override { return states_.send(sample); }
+  bool send_transition(const Transition& transition) noexcept override { return transitions_.send(transition); }
 
  private:
   Receiver<Plan> plans_{"plan", plan_queue};
   Receiver<Pose> poses_{"pose", pose_queue};
   Receiver<AgentBeat> beats_{"beat", beat_queue};
   Sender<StateSample> states_{"state"};
+  Sender<Transition> transitions_{"transition"};
 };
 
 class IceoryxAgentEnd final : public AgentEnd {
@@ -83,6 +87,7 @@ class IceoryxAgentEnd final : public AgentEnd {
   IceoryxAgentEnd& operator=(const IceoryxAgentEnd&) = delete;
 
   bool take_state(StateSample& out) noexcept override { return states_.take(out); }
+  bool take_transition(Transition& out) noexcept override { return transitions_.take(out); }
   bool send_plan(const Plan& plan) noexcept override { return plans_.send(plan); }
   bool send_pose(const Pose& pose) noexcept override { return poses_.send(pose); }
   bool send_beat(const AgentBeat& beat) noexcept override { return beats_.send(beat); }
@@ -92,6 +97,7 @@ class IceoryxAgentEnd final : public AgentEnd {
 
  private:
   Receiver<StateSample> states_{"state", state_queue};
+  Receiver<Transition> transitions_{"transition", transition_queue};
   Sender<Plan> plans_{"plan"};
   Sender<Pose> poses_{"pose"};
   Sender<AgentBeat> beats_{"beat"};

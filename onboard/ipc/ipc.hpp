@@ -29,6 +29,7 @@ class LinkEnd {
   virtual bool take_beat(AgentBeat& out) noexcept = 0;
   /// False when there is no chunk left: the sample is lost and the caller counts it.
   virtual bool send_state(const StateSample& sample) noexcept = 0;
+  virtual bool send_transition(const Transition& transition) noexcept = 0;
 };
 
 /// agent's end.
@@ -37,6 +38,7 @@ class AgentEnd {
   static Result<std::unique_ptr<AgentEnd>> create();
   virtual ~AgentEnd() = default;
   virtual bool take_state(StateSample& out) noexcept = 0;
+  virtual bool take_transition(Transition& out) noexcept = 0;
   virtual bool send_plan(const Plan& plan) noexcept = 0;
   virtual bool send_pose(const Pose& pose) noexcept = 0;
   virtual bool send_beat(const AgentBeat& beat) noexcept = 0;

@@ -56,6 +56,8 @@ void LinkLoop::turn(TimeNs now, bool stopping) noexcept {
     // Only shown to people: a full ring of these is no loss.
     (void)states_.push(state);
   }
+  // What cannot be handed over, or nobody takes, the core gives again after agent's next beat.
+  for (const Transition& transition : out.transitions) (void)end_.send_transition(transition);
   for (const TraceRecord& record : out.trace) figures_.trace_lost += trace_.push(record) ? 0 : 1;
 }
 

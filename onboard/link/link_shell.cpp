@@ -10,6 +10,7 @@
 #include <optional>
 #include <thread>
 
+#include "common/msg/names.hpp"
 #include "common/rt/log.hpp"
 #include "common/rt/service_manager.hpp"
 #include "onboard/ipc/ipc.hpp"
@@ -98,6 +99,17 @@ bool wait_for_signal(const sigset_t& signals) {
   return ::sigtimedwait(&signals, nullptr, &turn) > 0;
 }
 
+void tell_transitions(const LinkCore& core) {
+  for (const DroneReport& report : core.reports()) {
+    const TransitionLog::Counters& t = report.transitions;
+    if (t.lost > 0)
+      spdlog::error("{}: {} transitions of the failsafe are lost, agent was away too long", report.name, t.lost);
+    if (t.kept > 0)
+      spdlog::warn("{}: {} transitions of the failsafe were not on the ledger yet, as far as agent told", report.name,
+                   t.kept);
+  }
+}
+
 int fail(const Error& error) {
   spdlog::error("{}", error.what);
   return 1;
@@ -157,6 +169,7 @@ int run_link(const ShellSettings& settings) {
   housekeeping.once(monotonic_ns());
   if (!core->all_on_ground())
     spdlog::error("not every drone was seen on the ground; a Tello lands by itself 15 s after the last command");
+  tell_transitions(*core);
   if (auto status = housekeeping.close(); !status) return fail(status.error());
   if (!settings.summary.empty()) {
     if (auto status = write_summary(settings.summary, *core, loop->figures(), real_time.all()); !status)

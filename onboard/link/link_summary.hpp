@@ -13,9 +13,6 @@ std::string status_line(const LinkSettings& settings, const std::array<StateSamp
 /// Writes the summary at the end of the run.
 Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, bool realtime);
 
-const char* name(FlightPhase phase) noexcept;
-const char* name(FailsafeMode mode) noexcept;
-const char* name(FailsafeCause cause) noexcept;
 const char* name(DropReason reason) noexcept;
 
 }  // namespace ledgerline::link

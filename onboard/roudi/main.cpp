@@ -51,8 +51,8 @@ std::optional<std::string> shared_memory_problem() {
 // The user group is the reader's and the writer's: all processes of Ledgerline run as one user.
 iox::RouDiConfig_t small_pools() {
   iox::mepoo::MePooConfig pools;
-  pools.addMemPool({128, 1024});   // poses, beats
-  pools.addMemPool({384, 1024});   // states
+  pools.addMemPool({128, 1024});   // poses, transitions
+  pools.addMemPool({384, 1024});   // states, beats
   pools.addMemPool({1280, 1024});  // plans
   const auto group = iox::posix::PosixGroup::getGroupOfCurrentProcess().getName();
   iox::RouDiConfig_t config;

@@ -60,9 +60,23 @@ std::unique_ptr<Entry> link_status() {
       });
 }
 
+std::unique_ptr<Entry> transitions() {
+  const Transition hold{.phase = FlightPhase::flying,
+                        .mode = FailsafeMode::hold,
+                        .cause = FailsafeCause::plan_ran_out,
+                        .boot_id = 77,
+                        .number = 5,
+                        .stamp_ns = 55 * ns_per_s};
+  return std::make_unique<Function>(
+      std::vector<std::string>{transitions_to_cdr({ns_per_s, "tello1"}, "tello1", {hold, hold}),
+                               transitions_to_cdr({}, "", {})},
+      [](std::string_view bytes) { return outcome_of(transitions_from_cdr(bytes)); });
+}
+
 const Registration cdr_odometry({"cdr.odometry", Kind::bytes, odometry});
 const Registration cdr_battery({"cdr.battery", Kind::bytes, battery, 0.1});
 const Registration cdr_link_status({"cdr.link_status", Kind::bytes, link_status});
+const Registration cdr_transitions({"cdr.transitions", Kind::bytes, transitions});
 
 // ---- forms
 

@@ -68,12 +68,14 @@ int run(Config& config) {
     spdlog::error("{}", checked.error().what);
     return exit_usage;
   }
-  auto client = fabric::Client::create(std::move(ledger).value());
-  if (!client) {
-    spdlog::error("{}", client.error().what);
+  auto client = fabric::Client::create(known);
+  auto urgent = fabric::Client::create(known);
+  if (!client || !urgent) {
+    spdlog::error("{}", (client ? urgent : client).error().what);
     return exit_usage;
   }
-  agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(), quit);
+  agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(),
+                          std::move(urgent).value(), quit);
   if (auto status = shell.start(); !status) {
     spdlog::error("{}", status.error().what);
     return EXIT_FAILURE;

@@ -42,12 +42,14 @@ bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
 }  // namespace
 
 AgentShell::AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry,
-                       std::unique_ptr<fabric::Client> client, const std::atomic<bool>& quit)
+                       std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent,
+                       const std::atomic<bool>& quit)
     : settings_(std::move(settings)),
       quit_(quit),
       registry_(std::move(registry)),
       core_(settings_.core, *registry_),
-      client_(std::move(client)) {}
+      client_(std::move(client)),
+      urgent_(std::move(urgent)) {}
 
 AgentShell::~AgentShell() { mailbox_.close(); }
 
@@ -105,6 +107,8 @@ void AgentShell::take_controls(const ControlsRead& read) {
 void AgentShell::take_states() {
   StateSample sample;
   while (end_->take_state(sample)) core_.on_state(monotonic_ns(), sample, out_);
+  Transition transition;
+  while (end_->take_transition(transition)) core_.on_transition(transition);
 }
 
 void AgentShell::take_mocap() {
@@ -146,9 +150,10 @@ void AgentShell::step_and_act() {
   for (const Pose& pose : out_.poses) (void)end_->send_pose(pose);
   if (out_.beat) (void)end_->send_beat(*out_.beat);
   for (AgentOutputs::Submit& submit : out_.submits) {
-    client_->submit(std::move(submit.call), [this, frame = submit.frame](fabric::Outcome outcome) {
-      mailbox_.put(FrameEnded{frame, std::move(outcome)});
-    });
+    (submit.urgent ? urgent_ : client_)
+        ->submit(std::move(submit.call), [this, frame = submit.frame](fabric::Outcome outcome) {
+          mailbox_.put(FrameEnded{frame, std::move(outcome)});
+        });
   }
   tell_refusals();
   if (trace_) {
@@ -170,8 +175,7 @@ void AgentShell::tell_refusals() {
 void AgentShell::tell_outcome(const fabric::Outcome& outcome) {
   if (outcome.kind == fabric::Outcome::Kind::committed) return;
   if (!due(monotonic_ns(), next_outcome_log_ns_, log_gap_ns)) return;
-  spdlog::warn("a frame of states did not get through (block {}, code {}): {}", outcome.block, outcome.code,
-               outcome.message);
+  spdlog::warn("a call did not get through (block {}, code {}): {}", outcome.block, outcome.code, outcome.message);
 }
 
 void AgentShell::tell_connection(const StreamState& state) {
@@ -182,10 +186,19 @@ void AgentShell::tell_connection(const StreamState& state) {
   }
 }
 
+void AgentShell::tell_lost_transitions() {
+  std::uint64_t lost = 0;
+  for (const DroneName& drone : core_.drones()) lost += core_.report(drone.number).transitions.lost;
+  if (lost > transitions_lost_)
+    spdlog::error("{} transitions of the failsafe are lost: link had to keep more than it can", lost);
+  transitions_lost_ = lost;
+}
+
 void AgentShell::chores(TimeNs now) {
   if (due(now, next_clock_ns_, clock_period_ns)) {
     real_offset_ns_ = real_offset();
     core_.set_real_offset(real_offset_ns_);
+    tell_lost_transitions();
   }
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
     fmt::print("{}\n", status_line(core_, now));
@@ -204,16 +217,17 @@ Status AgentShell::run() {
     step_and_act();
     chores(monotonic_ns());
   }
-  drain_frame_in_flight();
+  drain();
   return write_summary();
 }
 
-void AgentShell::drain_frame_in_flight() {
+void AgentShell::drain() {
   core_.stop_submitting();
   const TimeNs until_ns = monotonic_ns() + drain_limit_ns;
-  while (core_.frame_in_flight() && monotonic_ns() < until_ns) {
+  while (core_.anything_under_way() && monotonic_ns() < until_ns) {
     wait_for_news();
     if (!take_letters()) return;  // too many blocks: the summary is still worth writing
+    step_and_act();
   }
 }
 

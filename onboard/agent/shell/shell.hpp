@@ -25,13 +25,14 @@ namespace ledgerline::agent {
 class AgentShell {
  public:
   /// `quit` is watched everywhere and must outlive the shell.
+  /// `client` is for states and blocks, `urgent` for what must not wait behind states.
   AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry, std::unique_ptr<fabric::Client> client,
-             const std::atomic<bool>& quit);
+             std::unique_ptr<fabric::Client> urgent, const std::atomic<bool>& quit);
   ~AgentShell();
 
   /// RouDi, mocap, the block stream, the control records: each with a bounded wait and a message that names the cure.
   Status start();
-  /// Until `quit`; then waits a moment for the frame in flight, and writes the summary.
+  /// Until `quit`; then waits a moment for what is under way, and writes the summary.
   Status run();
 
  private:
@@ -65,8 +66,9 @@ class AgentShell {
   void tell_refusals();
   void tell_outcome(const fabric::Outcome& outcome);
   void tell_connection(const StreamState& state);
+  void tell_lost_transitions();
   void chores(TimeNs now);
-  void drain_frame_in_flight();
+  void drain();
   Status write_summary();
 
   Settings settings_;
@@ -82,6 +84,7 @@ class AgentShell {
   std::atomic<std::uint64_t> mocap_lost_{0};
   TimeNs real_offset_ns_ = 0;
   TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0;
+  std::uint64_t transitions_lost_ = 0;  ///< as told last
   bool first_block_seen_ = false, controls_known_ = false, connected_ = false, mocap_warned_ = false;
   std::string stream_problem_;
   std::deque<fabric::Block> held_;  ///< until the control records are read anew
@@ -90,7 +93,7 @@ class AgentShell {
   Mailbox mailbox_;
   dds::ParticipantPtr participant_;
   std::vector<Mocap> mocap_;
-  std::unique_ptr<fabric::Client> client_;
+  std::unique_ptr<fabric::Client> client_, urgent_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
   std::jthread control_reader_, roudi_watch_;
 };

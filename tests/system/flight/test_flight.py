@@ -104,6 +104,8 @@ def test_drones_finish_their_path_and_land(tmp_path, drones, shape, ledger):
         assert len(drone["lap_s"]) == 1
         assert 0 < drone["cross_track_m"]["rms"] <= drone["cross_track_m"]["max"] < 0.5
         assert_counts_add_up(drone)
+        transitions = drone["transitions"]
+        assert transitions["made"] == transitions["on_ledger"] >= 5 and transitions["lost"] == 0, transitions
         order = applied(tmp_path, int(drone["id"].removeprefix("tello")))
         assert len(order) == drone["commands"]["applied"]
         assert all(a < b for a, b in zip(order, order[1:])), "applied out of order"

@@ -90,10 +90,10 @@ class RunDirectory : public testing::Test {
           R"("disk_ms":{"p5":1,"q1":2,"median":3,"q3":4,"p95":5,"p99":6,"max":7,"count":12}})");
     write(
         files.summary("link"),
-        R"({"drones":[{"name":"tello1","states_lost":1,"commands_applied":7,"commands_late":1,"commands_dropped":2,"drop_reasons":{"not_flying":2}}]})");
+        R"({"drones":[{"name":"tello1","states_lost":1,"transitions":{"made":6,"on_ledger":5,"lost":1,"kept":0},"commands_applied":7,"commands_late":1,"commands_dropped":2,"drop_reasons":{"not_flying":2}}]})");
     write(
         files.summary("agent"),
-        R"({"drones":[{"name":"tello1","states":{"sampled":20,"sent":18,"on_ledger":17,"merged":2,"dropped":1},)"
+        R"({"drones":[{"name":"tello1","states":{"sampled":20,"sent":18,"on_ledger":17,"merged":2,"dropped":1},"transitions":{"on_ledger":5},)"
         R"("commands":{"on_ledger":10,"refused":3,"refused_reasons":{"too_old":3}}}],"transactions":{"committed":17}})");
     write(
         files.summary("ground"),
@@ -161,6 +161,7 @@ TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   EXPECT_NEAR(drone["age_ms"]["max"].get<double>(), 20, 1e-6);
   EXPECT_NEAR(drone["cross_track_m"]["rms"].get<double>(), 0.1, 1e-6);
   EXPECT_EQ(drone["lap_s"], json({12.5, 13.5}));
+  EXPECT_EQ(drone["transitions"], json({{"made", 6}, {"on_ledger", 5}, {"lost", 1}}));
   EXPECT_EQ(drone["states"], json({{"sampled", 21}, {"sent", 18}, {"on_ledger", 17}, {"merged", 2}, {"dropped", 2}}));
   EXPECT_EQ(drone["commands"], json({{"sent", 11},
                                      {"on_ledger", 10},

@@ -54,13 +54,20 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   EXPECT_EQ(pose_back.yaw_rad, 0.5);
 
   AgentBeat beat_back;
-  ASSERT_TRUE(within_two_seconds([&] { return (*agent)->send_beat({9, true}) && (*link)->take_beat(beat_back); }));
+  ASSERT_TRUE(within_two_seconds(
+      [&] { return (*agent)->send_beat({.stamp_ns = 9, .ledger_alive = true}) && (*link)->take_beat(beat_back); }));
   EXPECT_TRUE(beat_back.ledger_alive);
 
   StateSample state, state_back;
   state.sequence = 11;
   ASSERT_TRUE(within_two_seconds([&] { return (*link)->send_state(state) && (*agent)->take_state(state_back); }));
   EXPECT_EQ(state_back.sequence, 11U);
+
+  Transition transition, transition_back;
+  transition.number = 13;
+  ASSERT_TRUE(within_two_seconds(
+      [&] { return (*link)->send_transition(transition) && (*agent)->take_transition(transition_back); }));
+  EXPECT_EQ(transition_back.number, 13U);
 
   // A burst larger than any queue keeps the newest, in order, and never blocks or fails the sender.
   while ((*agent)->take_state(state_back)) {

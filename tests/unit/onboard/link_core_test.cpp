@@ -154,6 +154,7 @@ TEST(LinkCore, TheFenceHoldsAgainstAPlanThatLeavesIt) {
     w.pass(33 * ms);
     ASSERT_LE(w.tellos[0].position[0], 2.0);
     ASSERT_LE(w.tellos[0].position[2], 3.0);
+    ASSERT_EQ(w.core.mode(1), FailsafeMode::none) << "it clips before it acts";
   }
   EXPECT_GT(w.tellos[0].position[0], 1.8);
   EXPECT_EQ(w.core.phase(1), FlightPhase::flying);

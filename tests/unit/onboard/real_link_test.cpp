@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -38,17 +39,29 @@ class RealLink : public ::testing::Test {
     for (const TimeNs end = monotonic_ns() + bound; monotonic_ns() < end;) {
       const TimeNs now = monotonic_ns();
       if (lives) {
-        (void)agent->send_beat({now, true});
+        beat.stamp_ns = now;
+        beat.ledger_alive = true;
+        (void)agent->send_beat(beat);
         for (DroneNumber drone = 1; drone <= 2; ++drone) {
           (void)agent->send_pose(
               {.drone = drone, .stamp_ns = now, .position_m = {0, 0, 1}, .velocity_mps = {}, .yaw_rad = 0});
         }
       }
       for (StateSample sample; agent->take_state(sample);) newest[sample.drone] = sample;
+      if (lives) take_transitions();
       if (reached()) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     return false;
+  }
+  void take_transitions() {
+    for (Transition t; agent->take_transition(t);) {
+      auto& drone = transitions[t.drone];
+      if (t.number != drone.size() + 1) continue;
+      drone.push_back(t);
+      beat.boot_id = t.boot_id;
+      beat.transitions_taken[t.drone] = beat.transitions_on_ledger[t.drone] = t.number;
+    }
   }
   bool all(FlightPhase phase) const { return newest[1].phase == phase && newest[2].phase == phase; }
   void command(PlanAction action, float vx = 0) {
@@ -75,6 +88,8 @@ class RealLink : public ::testing::Test {
   std::uint64_t sequence = 0;
   std::uint64_t commands = 0;
   std::array<StateSample, 3> newest{};
+  AgentBeat beat;
+  std::array<std::vector<Transition>, 3> transitions;
 };
 
 // One process may connect to RouDi once, so one flight shows it all.
@@ -107,8 +122,17 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatSigtermEnds) {
   EXPECT_EQ(newest[1].sent_velocity_mps[0], 0);
   EXPECT_EQ(newest[1].phase, FlightPhase::landed);
 
+  // What the failsafe did meanwhile is told when agent is back.
   lives = true;
   run_until(ns_per_s, [] { return false; });
+  for (const auto& drone : {transitions[1], transitions[2]}) {
+    const auto silent = std::count_if(drone.begin(), drone.end(), [](const Transition& t) {
+      return t.mode == FailsafeMode::hold && t.cause == FailsafeCause::agent_silent;
+    });
+    EXPECT_EQ(silent, 1);
+    ASSERT_FALSE(drone.empty());
+    EXPECT_EQ(drone.back().phase, FlightPhase::landed);
+  }
   command(PlanAction::takeoff);
   ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(FlightPhase::flying); }));
   link.signal(SIGTERM);
@@ -125,6 +149,8 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatSigtermEnds) {
                                                          drone["commands_late"].get<int>() +
                                                          drone["commands_dropped"].get<int>());
     EXPECT_EQ(drone["states_lost"], 0);
+    EXPECT_GT(drone["transitions"]["on_ledger"], 6);
+    EXPECT_EQ(drone["transitions"]["lost"], 0);
     received += drone["commands_received"].get<std::uint64_t>();
   }
   EXPECT_EQ(received, commands);
