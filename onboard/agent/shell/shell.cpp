@@ -194,6 +194,7 @@ void AgentShell::chores(TimeNs now) {
 }
 
 Status AgentShell::run() {
+  hurry("the main loop");
   while (!quit_) {
     wait_for_news();
     if (auto status = take_letters(); !status) return status;
