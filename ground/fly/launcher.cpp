@@ -15,6 +15,7 @@ namespace {
 using nlohmann::json;
 
 constexpr TimeNs watch_ns = 50 * ns_per_ms;
+constexpr TimeNs memory_period_ns = 5 * ns_per_s;
 constexpr TimeNs ready_limit_ns = 20 * ns_per_s, fabric_ready_limit_ns = 120 * ns_per_s;
 constexpr TimeNs patience_ns = 5 * ns_per_s, fabric_patience_ns = 30 * ns_per_s;
 constexpr TimeNs landing_patience_ns = 17 * ns_per_s;  // ground gives itself 15 s, link 10 s
@@ -167,6 +168,7 @@ Status Launcher::fly() {
   record_.begin_ns = monotonic_ns();
   for (const auto& name : all_programs_) cpu_at_begin_[name] = children_.cpu_seconds(name);
   int interrupts_seen = 0;
+  TimeNs next_memory_ns = 0;
   Status result = done;
   for (bool flying = true; flying;) {
     std::map<std::string, double> cpu;
@@ -178,6 +180,12 @@ Status Launcher::fly() {
     for (const auto& name : all_programs_) {
       const double used_s = cpu[name] - cpu_at_begin_[name];
       record_.cpu_percent[name] = 100 * used_s / std::max(1e-3, to_seconds(now_ns - record_.begin_ns));
+    }
+    if (now_ns >= next_memory_ns) {
+      next_memory_ns = now_ns + memory_period_ns;
+      for (const auto& name : all_programs_) {
+        if (const double mb = children_.memory_mb(name); mb > 0) record_.memory_mb[name] = mb;
+      }
     }
     live_.show(now_ns);
     if (!children_.running("ground")) {

@@ -17,7 +17,8 @@ struct RunRecord {
   std::string why;                  ///< when not ok
   TimeNs begin_ns = 0, end_ns = 0;  ///< of the flight: all programs serve, until ground ended
   std::map<std::string, double> cpu_percent;
-  std::uint64_t ledger_grown_bytes = 0;  ///< of the ledger's directory, during the flight
+  std::map<std::string, double> memory_mb;  ///< proportional set size, as last seen
+  std::uint64_t ledger_grown_bytes = 0;     ///< of the ledger's directory, during the flight
 };
 
 /// Starts the programs of a flight, watches them, and ends every one of them, whatever happens:

@@ -133,6 +133,7 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
   results.ok = record.ok;
   results.why = record.why;
   results.cpu_percent = record.cpu_percent;
+  results.memory_mb = record.memory_mb;
   results.flight_s = to_seconds(record.end_ns - record.begin_ns);
   const json node = read_summary(files, fly::ledger_program(asked), results);
   const json link = read_summary(files, "link", results);

@@ -47,6 +47,7 @@ struct Results {
   double flight_s = 0;
   double messages_per_s = 0, transactions_per_s = 0;
   std::map<std::string, double> cpu_percent;
+  std::map<std::string, double> memory_mb;  ///< proportional set size
   bool ok = false;
   std::string why;
   std::vector<std::string> missing;  ///< traces and summaries that a program did not leave

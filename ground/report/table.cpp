@@ -57,6 +57,8 @@ std::string to_table(const Results& r) {
   for (const auto& [name, count] : r.restarts) text += fmt::format("  {} was restarted {} x\n", name, count);
   text += "  CPU:";
   for (const auto& [name, percent] : r.cpu_percent) text += fmt::format("  {} {:.1f} %", name, percent);
+  text += "\n  memory:";
+  for (const auto& [name, mb] : r.memory_mb) text += fmt::format("  {} {:.0f} MB", name, mb);
   text += "\n";
   for (const auto& file : r.missing) text += fmt::format("  missing or unreadable: {}\n", file);
   return text;

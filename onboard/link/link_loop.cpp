@@ -1,6 +1,5 @@
 #include "onboard/link/link_loop.hpp"
 
-#include <algorithm>
 #include <cerrno>
 #include <ctime>
 
@@ -20,7 +19,7 @@ void LinkLoop::run() noexcept {
   while (true) {
     const TimeNs now = sleep_until_next(due);
     const TimeNs late = now - due;
-    figures_.max_late_ns = std::max(figures_.max_late_ns, late);
+    figures_.lateness.add(late);
     ++figures_.cycles;
     if (late > period) {
       // The missed turns are not made up for: a burst of old turns helps nobody.
@@ -52,12 +51,13 @@ void LinkLoop::turn(TimeNs now, bool stopping) noexcept {
                                             .stop_all = stopping});
   for (const ToSend& message : out.to_send) figures_.sends_failed += sockets_.send(message) ? 0 : 1;
   for (const StateSample& state : out.states) {
-    if (!end_.send_state(state)) ++figures_.states_lost[std::min<std::size_t>(state.drone, max_drones)];
+    courier_.put(state);
     // Only shown to people: a full ring of these is no loss.
     (void)states_.push(state);
   }
   // What cannot be handed over, or nobody takes, the core gives again after agent's next beat.
-  for (const Transition& transition : out.transitions) (void)end_.send_transition(transition);
+  for (const Transition& transition : out.transitions) courier_.put(transition);
+  if (!out.states.empty() || !out.transitions.empty()) courier_.wake();
   for (const TraceRecord& record : out.trace) figures_.trace_lost += trace_.push(record) ? 0 : 1;
 }
 

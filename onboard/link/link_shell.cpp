@@ -1,8 +1,10 @@
 #include "onboard/link/link_shell.hpp"
 
 #include <fmt/format.h>
+#include <pthread.h>
 #include <sys/random.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <ctime>
@@ -22,6 +24,7 @@ namespace {
 
 constexpr TimeNs housekeeping_period_ns = 10 * ns_per_ms;
 constexpr TimeNs roudi_period_ns = 1 * ns_per_s;
+constexpr int courier_below_loop = 10;  // priorities between the two are for what a user wants there
 
 Result<std::uint64_t> random_boot_id() {
   std::uint64_t id = 0;
@@ -140,13 +143,16 @@ int run_link(const ShellSettings& settings) {
   auto end = ipc::LinkEnd::create();
   if (!end) return fail(end.error());
 
+  auto courier = Courier::start(**end, settings.priority > 0 ? std::max(settings.priority - courier_below_loop, 1) : 0);
+  if (!courier) return fail(courier.error());
   auto core = std::make_unique<LinkCore>(settings.link, *boot_id);
-  auto loop = std::make_unique<LinkLoop>(settings, *core, **end, *sockets);
+  auto loop = std::make_unique<LinkLoop>(settings, *core, **end, **courier, *sockets);
   Housekeeping housekeeping(settings, *loop, std::move(trace), *manager);
 
   std::promise<RealTime> entered;
   auto real_time_result = entered.get_future();
   std::thread thread([&] {
+    ::pthread_setname_np(::pthread_self(), "loop");
     entered.set_value(enter_real_time(settings.priority, settings.cpu));
     loop->run();
   });
@@ -172,7 +178,7 @@ int run_link(const ShellSettings& settings) {
   tell_transitions(*core);
   if (auto status = housekeeping.close(); !status) return fail(status.error());
   if (!settings.summary.empty()) {
-    if (auto status = write_summary(settings.summary, *core, loop->figures(), real_time.all()); !status)
+    if (auto status = write_summary(settings.summary, *core, loop->figures(), **courier, real_time.all()); !status)
       return fail(status.error());
   }
   return core->all_on_ground() ? 0 : 1;

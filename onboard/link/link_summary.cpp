@@ -33,6 +33,20 @@ nlohmann::json to_json(const DroneReport& report, std::uint64_t states_lost) {
           {"phase", name(report.phase)}};
 }
 
+nlohmann::json to_json(const LoopFigures& loop) {
+  const auto late_us = [&](double quantile) { return loop.lateness.quantile(quantile) / ns_per_us; };
+  return {{"cycles", loop.cycles},
+          {"overruns", loop.overruns},
+          {"lateness_us",
+           {{"p50", late_us(0.5)},
+            {"p95", late_us(0.95)},
+            {"p99", late_us(0.99)},
+            {"p99_9", late_us(0.999)},
+            {"max", loop.lateness.max() / ns_per_us}}},
+          {"sends_failed", loop.sends_failed},
+          {"trace_lost", loop.trace_lost}};
+}
+
 }  // namespace
 
 const char* name(DropReason reason) noexcept {
@@ -58,17 +72,11 @@ std::string status_line(const LinkSettings& settings, const std::array<StateSamp
   return nlohmann::json{{"link", {{"drones", drones}}}}.dump();
 }
 
-Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, bool realtime) {
+Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, const Courier& courier,
+                     bool realtime) {
   nlohmann::json drones = nlohmann::json::array();
-  for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, loop.states_lost[report.number]));
-  const nlohmann::json summary{{"drones", drones},
-                               {"loop",
-                                {{"cycles", loop.cycles},
-                                 {"overruns", loop.overruns},
-                                 {"max_late_us", loop.max_late_ns / ns_per_us},
-                                 {"sends_failed", loop.sends_failed},
-                                 {"trace_lost", loop.trace_lost}}},
-                               {"realtime", realtime}};
+  for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, courier.lost(report.number)));
+  const nlohmann::json summary{{"drones", drones}, {"loop", to_json(loop)}, {"realtime", realtime}};
   std::ofstream file(path);
   file << summary.dump(2) << '\n';
   file.close();

@@ -208,6 +208,7 @@ void AgentShell::chores(TimeNs now) {
 }
 
 Status AgentShell::run() {
+  hurry("the main loop");
   if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
   while (!quit_) {
     wait_for_news();

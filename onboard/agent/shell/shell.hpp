@@ -50,6 +50,7 @@ class AgentShell {
   template <typename Attempt>
   Status keep_trying(const std::string& what, Attempt attempt);
   Status subscribe_to_mocap();
+  void hurry(const char* thread) const;
   void open_block_stream();
   Status wait_for_block_stream();
   Result<std::vector<Control>> read_controls();

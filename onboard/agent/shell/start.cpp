@@ -2,9 +2,11 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <utility>
 
 #include "common/msg/form.hpp"
 #include "common/rt/log.hpp"
+#include "common/rt/scheduling.hpp"
 #include "onboard/agent/shell/shell.hpp"
 
 namespace ledgerline::agent {
@@ -99,9 +101,19 @@ Status AgentShell::subscribe_to_mocap() {
   return done;
 }
 
+// For the calling thread: a block's way to link is the stream's thread, then the main loop.
+void AgentShell::hurry(const char* thread) const {
+  if (settings_.priority == 0) return;
+  if (const Status status = schedule_fifo(settings_.priority); !status)
+    spdlog::warn("{}: {}", thread, status.error().what);
+}
+
 void AgentShell::open_block_stream() {
   fabric::Client::StreamHandlers handlers;
-  handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_block(block); };
+  handlers.on_block = [this, first = true](const fabric::Block& block, std::string_view) mutable {
+    if (std::exchange(first, false)) hurry("the block stream");
+    mailbox_.put_block(block);
+  };
   handlers.on_connection = [this](bool connected, const std::string& why) {
     mailbox_.put(StreamState{connected, why});
   };

@@ -99,6 +99,7 @@ TEST_F(FakePrograms, AGoodFlightStartsAndEndsEverythingInOrder) {
   EXPECT_THAT(lines("ended"), testing::ElementsAre("agent", "link", "sim", "node", "roudi"));
   EXPECT_TRUE(all_gone());
   EXPECT_TRUE(record.cpu_percent.contains("node"));
+  EXPECT_GT(record.memory_mb.at("node"), 0);
 }
 
 TEST_F(FakePrograms, EnrolsAndAcquiresBeforeAnythingCanFly) {

@@ -106,6 +106,7 @@ class RunDirectory : public testing::Test {
     run.begin_ns = ns_per_s;
     run.end_ns = 11 * ns_per_s;
     run.cpu_percent = {{"link", 12.34}, {"node", 5}};
+    run.memory_mb = {{"link", 45.67}};
     run.ledger_grown_bytes = 5'000'000;
   }
 
@@ -133,8 +134,8 @@ TEST_F(RunDirectory, FiguresThatCannotBeAreLeftOut) {
 TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   fill();
   const json r = to_json(read_results(files, options, run));
-  for (const char* key :
-       {"asked", "machine", "ledger", "drones", "messages_per_s", "transactions_per_s", "cpu_percent", "ok"}) {
+  for (const char* key : {"asked", "machine", "ledger", "drones", "messages_per_s", "transactions_per_s", "cpu_percent",
+                          "memory_mb", "ok"}) {
     EXPECT_TRUE(r.contains(key)) << key;
   }
   EXPECT_EQ(r["ok"], true);
@@ -147,6 +148,7 @@ TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   EXPECT_EQ(r["ledger"]["restarts"], (json{{"peer1", 2}}));
   EXPECT_EQ(r["ledger"]["transactions"], 11);
   EXPECT_EQ(r["cpu_percent"]["link"], 12.3);
+  EXPECT_EQ(r["memory_mb"]["link"], 45.7);
   EXPECT_NEAR(r["messages_per_s"].get<double>(), 2.7, 1e-9);
   EXPECT_NEAR(r["transactions_per_s"].get<double>(), 2.7, 1e-9);
   ASSERT_EQ(r["drones"].size(), 1u);

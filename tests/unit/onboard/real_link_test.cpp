@@ -1,4 +1,7 @@
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <fstream>
@@ -6,16 +9,18 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "common/rt/file.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "tests/unit/child.hpp"
 
 /// The real ledgerline-link flies the real ledgerline-sim; this test stands in for agent. Runs in a namespace of its
-/// own (in_namespace.sh); arguments: roudi, sim, link. Virtual poses: the drone believes to stand still at the origin,
-/// which is enough to fly, since nothing here steers by position.
+/// own (in_namespace.sh); arguments: roudi, sim, link, and but with sanitizers loop_watch, which proves meanwhile that
+/// link's loop allocates, locks and throws nothing and makes no system call but the allowed ones. Virtual poses: the
+/// drone believes to stand still at the origin, which is enough to fly, since nothing here steers by position.
 namespace ledgerline::ipc {
 namespace {
 
-std::string roudi_program, sim_program, link_program;
+std::string roudi_program, sim_program, link_program, loop_watch;
 
 class RealLink : public ::testing::Test {
  protected:
@@ -24,6 +29,7 @@ class RealLink : public ::testing::Test {
     ASSERT_TRUE(sim.start({sim_program, "--drones", "2", "--summary", "/tmp/sim.json"}));
     std::ofstream("/tmp/link.toml") << "[[drone]]\nname = \"tello1\"\naddress = \"127.0.0.2\"\n"
                                        "[[drone]]\nname = \"tello2\"\naddress = \"127.0.0.3\"\n"
+                                       "[[drone]]\nname = \"nobody\"\naddress = \"127.0.0.9\"\n"
                                        "[state]\nlisten = \"127.0.0.1:8890\"\n"
                                        "[failsafe]\nland_after_s = 1.0\n"
                                        "[output]\ntrace = \"/tmp/link.trace\"\nsummary = \"/tmp/link.json\"\n";
@@ -31,7 +37,10 @@ class RealLink : public ::testing::Test {
     auto end = AgentEnd::create();
     ASSERT_TRUE(end);
     agent = std::move(*end);
-    ASSERT_TRUE(link.start({link_program, "--config", "/tmp/link.toml"}));
+    std::vector<std::string> command{link_program, "--config", "/tmp/link.toml"};
+    if (!loop_watch.empty())
+      command.insert(command.begin(), {"/usr/bin/env", "LD_PRELOAD=" + loop_watch, "LOOP_WATCH_REPORT=/tmp/watch.txt"});
+    ASSERT_TRUE(link.start(command));
   }
 
   /// Does agent's chores until `reached`, or says false after `bound`.
@@ -80,6 +89,17 @@ class RealLink : public ::testing::Test {
       ++commands;
     }
   }
+  /// To the port of state texts, from an address that is no drone's.
+  static void shout(int times) {
+    const int fd = ::socket(AF_INET, SOCK_DGRAM, 0);
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_port = htons(8890);
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    for (int i = 0; i < times; ++i)
+      (void)!::sendto(fd, "bat:1;", 6, MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&to), sizeof to);
+    ::close(fd);
+  }
   static nlohmann::json read(const std::string& path) { return nlohmann::json::parse(std::ifstream(path)); }
 
   Child roudi, sim, link;
@@ -87,9 +107,9 @@ class RealLink : public ::testing::Test {
   bool lives = true;
   std::uint64_t sequence = 0;
   std::uint64_t commands = 0;
-  std::array<StateSample, 3> newest{};
+  std::array<StateSample, 4> newest{};
   AgentBeat beat;
-  std::array<std::vector<Transition>, 3> transitions;
+  std::array<std::vector<Transition>, 4> transitions;
 };
 
 // One process may connect to RouDi once, so one flight shows it all.
@@ -115,9 +135,16 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatSigtermEnds) {
   EXPECT_NEAR(newest[1].sent_velocity_mps[0], 0.3, 0.02);
   EXPECT_EQ(newest[1].mode, FailsafeMode::none);
   EXPECT_GT(newest[1].plans_applied, 20U);
+  for (int i = 0; i < 40; ++i) command(PlanAction::fly, 0.3F);
+  shout(200);
+  run_until(ns_per_s / 5, [] { return false; });
 
   // agent falls silent: zero, then down.
   lives = false;
+  agent.reset();
+  auto again = AgentEnd::create();
+  ASSERT_TRUE(again);
+  agent = std::move(*again);
   ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(FlightPhase::landed); }));
   EXPECT_EQ(newest[1].sent_velocity_mps[0], 0);
   EXPECT_EQ(newest[1].phase, FlightPhase::landed);
@@ -144,7 +171,7 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatSigtermEnds) {
   for (const auto& drone : sim_summary["drones"]) EXPECT_TRUE(drone["landed"]) << drone;
   std::uint64_t received = 0;
   for (const auto& drone : link_summary["drones"]) {
-    EXPECT_TRUE(drone["landed"]);
+    EXPECT_EQ(drone["landed"], drone["name"] != "nobody") << drone;
     EXPECT_EQ(drone["commands_received"].get<int>(), drone["commands_applied"].get<int>() +
                                                          drone["commands_late"].get<int>() +
                                                          drone["commands_dropped"].get<int>());
@@ -154,6 +181,18 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatSigtermEnds) {
     received += drone["commands_received"].get<std::uint64_t>();
   }
   EXPECT_EQ(received, commands);
+
+  const auto cycles = link_summary["loop"]["cycles"].get<std::uint64_t>();
+  EXPECT_GT(cycles, 1000U);
+  if (!loop_watch.empty()) {
+    // Every turn was watched, and none did what it must not.
+    const auto report = read_file("/tmp/watch.txt");
+    ASSERT_TRUE(report) << report.error().what;
+    EXPECT_EQ(*report, "turns " + std::to_string(cycles) + "\n");
+  }
+  const nlohmann::json& lateness_us = link_summary["loop"]["lateness_us"];
+  EXPECT_LE(lateness_us["p50"], lateness_us["p99_9"]);
+  EXPECT_LE(lateness_us["p99_9"], lateness_us["max"]);
 }
 
 }  // namespace
@@ -165,5 +204,6 @@ int main(int argc, char** argv) {
   ledgerline::ipc::roudi_program = argv[1];
   ledgerline::ipc::sim_program = argv[2];
   ledgerline::ipc::link_program = argv[3];
+  if (argc > 4) ledgerline::ipc::loop_watch = argv[4];
   return RUN_ALL_TESTS();
 }
