@@ -70,6 +70,7 @@ json to_json(const Results& r) {
               {"messages_per_s", rounded(r.messages_per_s, 10)},
               {"transactions_per_s", rounded(r.transactions_per_s, 10)},
               {"cpu_percent", cpu},
+              {"restarts", r.onboard_restarts},
               {"ok", r.ok}};
   if (!r.ok) object["why"] = r.why;
   return object;

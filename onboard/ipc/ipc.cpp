@@ -5,7 +5,6 @@
 #include <iceoryx_hoofs/log/logmanager.hpp>
 #include <iceoryx_posh/popo/publisher.hpp>
 #include <iceoryx_posh/popo/subscriber.hpp>
-#include <iceoryx_posh/popo/wait_set.hpp>
 #include <iceoryx_posh/runtime/posh_runtime.hpp>
 
 #include "onboard/ipc/quiet_stdout.hpp"
@@ -52,7 +51,6 @@ class Receiver {
     out = **sample;
     return true;
   }
-  iox::popo::Subscriber<T>& subscriber() noexcept { return subscriber_; }
 
  private:
   iox::popo::Subscriber<T> subscriber_;
@@ -74,28 +72,16 @@ class IceoryxLinkEnd final : public LinkEnd {
 
 class IceoryxAgentEnd final : public AgentEnd {
  public:
-  bool attach() {
-    return !waiting_.attachState(states_.subscriber(), iox::popo::SubscriberState::HAS_DATA).has_error();
-  }
-  ~IceoryxAgentEnd() override { waiting_.detachState(states_.subscriber(), iox::popo::SubscriberState::HAS_DATA); }
-  IceoryxAgentEnd() = default;
-  IceoryxAgentEnd(const IceoryxAgentEnd&) = delete;
-  IceoryxAgentEnd& operator=(const IceoryxAgentEnd&) = delete;
-
   bool take_state(StateSample& out) noexcept override { return states_.take(out); }
   bool send_plan(const Plan& plan) noexcept override { return plans_.send(plan); }
   bool send_pose(const Pose& pose) noexcept override { return poses_.send(pose); }
   bool send_beat(const AgentBeat& beat) noexcept override { return beats_.send(beat); }
-  void wait(TimeNs timeout_ns) noexcept override {
-    if (timeout_ns > 0) waiting_.timedWait(iox::units::Duration::fromNanoseconds(timeout_ns));
-  }
 
  private:
   Receiver<StateSample> states_{"state", state_queue};
   Sender<Plan> plans_{"plan"};
   Sender<Pose> poses_{"pose"};
   Sender<AgentBeat> beats_{"beat"};
-  iox::popo::WaitSet<1> waiting_;
 };
 
 }  // namespace
@@ -128,9 +114,7 @@ Result<std::unique_ptr<LinkEnd>> LinkEnd::create() {
 }
 
 Result<std::unique_ptr<AgentEnd>> AgentEnd::create() {
-  auto end = std::make_unique<IceoryxAgentEnd>();
-  if (!end->attach()) return Error{"iceoryx gave no way to wait for states: too many processes use it on this machine"};
-  return std::unique_ptr<AgentEnd>(std::move(end));
+  return std::unique_ptr<AgentEnd>(std::make_unique<IceoryxAgentEnd>());
 }
 
 }  // namespace ledgerline::ipc

@@ -18,6 +18,7 @@ constexpr TimeNs poll_ns = 500 * ns_per_us;  // iceoryx; blocks and outcomes wak
 constexpr TimeNs drain_limit_ns = 500 * ns_per_ms;
 constexpr TimeNs log_gap_ns = 1 * ns_per_s;       // of one kind of message
 constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // real time may be slewed
+constexpr TimeNs flight_silent_ns = 1 * ns_per_s;
 constexpr std::size_t most_held_blocks = 1024;
 
 // The narrowest of three readings: this thread may be put aside between two clocks, and mocap stamps would all move.
@@ -104,7 +105,10 @@ void AgentShell::take_controls(const ControlsRead& read) {
 
 void AgentShell::take_states() {
   StateSample sample;
-  while (end_->take_state(sample)) core_.on_state(monotonic_ns(), sample, out_);
+  while (end_->take_state(sample)) {
+    if (in_flight(sample.phase)) flight_heard_ns_ = monotonic_ns();
+    core_.on_state(monotonic_ns(), sample, out_);
+  }
 }
 
 void AgentShell::take_mocap() {
@@ -193,8 +197,11 @@ void AgentShell::chores(TimeNs now) {
   }
 }
 
+// What was connected flows on without RouDi, so ending while a drone flies would only take its commands away.
+bool AgentShell::cut_off(TimeNs now) const { return roudi_gone_ && now - flight_heard_ns_ > flight_silent_ns; }
+
 Status AgentShell::run() {
-  while (!quit_) {
+  while (!quit_ && !cut_off(monotonic_ns())) {
     wait_for_news();
     if (auto status = take_letters(); !status) return status;
     take_mocap();
