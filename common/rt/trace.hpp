@@ -22,7 +22,8 @@ enum class TraceKind : std::uint16_t {
   command_applied =
       8,     ///< link: id = plan sequence, stamp = its state's; age at application = t - stamp; v = setpoint as sent
   mode = 9,  ///< link: id = flight phase, extra = failsafe mode, v[0] = its cause
-  refused = 10,  ///< agent or link: id = plan sequence, stamp = its state's, extra = reason
+  refused = 10,    ///< agent or link: id = plan sequence, stamp = its state's, extra = reason
+  late_turn = 21,  ///< link: a turn of its loop that began more than a period late; id = its number, stamp = when due
 };
 
 /// One fixed 64-byte record of the binary trace, host byte order (little-endian).

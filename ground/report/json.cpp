@@ -74,6 +74,7 @@ json to_json(const Results& r) {
               {"transactions_per_s", rounded(r.transactions_per_s, 10)},
               {"cpu_percent", cpu},
               {"memory_mb", memory},
+              {"restarts", r.onboard_restarts},
               {"ok", r.ok}};
   if (!r.ok) object["why"] = r.why;
   return object;

@@ -39,9 +39,10 @@ struct Results {
   fly::Machine machine;
   std::string storage;
   std::uint64_t blocks = 0, transactions = 0;
-  double bytes_per_drone_hour = 0;                ///< that the ledger grows on its file system
-  std::map<std::string, std::uint64_t> restarts;  ///< of Fabric's processes, by name; those that were restarted
-  Quantiles disk_ms;                              ///< how long blocks took to be on disk
+  double bytes_per_drone_hour = 0;                        ///< that the ledger grows on its file system
+  std::map<std::string, std::uint64_t> restarts;          ///< of Fabric's processes, by name; those that were restarted
+  std::map<std::string, std::uint64_t> onboard_restarts;  ///< of RouDi, link and agent
+  Quantiles disk_ms;                                      ///< how long blocks took to be on disk
   std::vector<DroneResult> drones;
   Quantiles two_way_ms, age_ms;  ///< of all drones
   double flight_s = 0;

@@ -17,8 +17,8 @@ namespace ledgerline::ipc {
 Status connect(const std::string& program);
 
 /// Whether RouDi still answers: a dead one is silent (old links flow, new ends never join), so each process asks now
-/// and then, from a thread that may block for a moment. False for good once another RouDi took its place: then restart
-/// this process.
+/// and then, from a thread that may block for a moment. False for good once another RouDi took its place: only a
+/// new start of this process connects it to that one.
 bool roudi_lives();
 
 /// link's end.

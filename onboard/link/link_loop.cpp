@@ -24,6 +24,8 @@ void LinkLoop::run() noexcept {
     if (late > period) {
       // The missed turns are not made up for: a burst of old turns helps nobody.
       ++figures_.overruns;
+      figures_.trace_lost +=
+          trace_.push({.t_ns = now, .kind = TraceKind::late_turn, .id = figures_.cycles, .stamp_ns = due}) ? 0 : 1;
       due = now;
     }
     due += period;

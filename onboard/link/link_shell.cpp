@@ -54,6 +54,12 @@ class Housekeeping {
     if (auto status = manager_.alive(now, loop_.turns()); !status) spdlog::warn("{}", status.error().what);
   }
 
+  /// RouDi is not the one that link is connected to any more, and nothing flies: only a new start connects it again.
+  bool must_start_anew() const {
+    return !roudi_lives_ &&
+           std::none_of(newest_.begin(), newest_.end(), [](const StateSample& s) { return in_flight(s.phase); });
+  }
+
   Status close() {
     if (!trace_) return done;
     if (trace_->dropped() > 0) spdlog::warn("{} trace records did not fit into {}", trace_->dropped(), settings_.trace);
@@ -78,12 +84,12 @@ class Housekeeping {
   void watch_roudi(TimeNs now) {
     next_roudi_ns_ = now + roudi_period_ns;
     const bool lives = ipc::roudi_lives();
-    if (roudi_lived_ && !lives) {
+    if (roudi_lives_ && !lives) {
       spdlog::error(
-          "RouDi is gone: what is connected goes on, but nobody new can join; restart roudi, then link and agent, on "
-          "the ground");
+          "RouDi is gone: what is connected goes on, but nobody new can join; once nothing flies, link ends, to be "
+          "started again behind a new RouDi");
     }
-    roudi_lived_ = lives;
+    roudi_lives_ = lives;
   }
 
   const ShellSettings& settings_;
@@ -93,7 +99,7 @@ class Housekeeping {
   std::array<StateSample, max_drones + 1> newest_{};
   TimeNs next_status_ns_ = 0;
   TimeNs next_roudi_ns_ = 0;
-  bool roudi_lived_ = true;
+  bool roudi_lives_ = true;
 };
 
 // Signals are blocked in every thread; this one picks them up, or waits a turn.
@@ -169,6 +175,7 @@ int run_link(const ShellSettings& settings) {
       loop->request_stop();
     }
     housekeeping.once(monotonic_ns());
+    if (housekeeping.must_start_anew()) loop->request_stop();
   }
   thread.join();
   core->finish();

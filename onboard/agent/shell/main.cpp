@@ -108,7 +108,10 @@ int main(int argc, char** argv) {
       "  [agent] beat_ms, ledger_silent_after_ms, seed, start_wait_s\n"
       "  [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)\n"
       "A status line (JSON) comes on standard output every status_period_ms. SIGINT and SIGTERM end it.\n"
-      "Exit codes: 0 ended by a signal; 1 RouDi or ledger not reached, or a file not written; 2 bad usage or config");
+      "It ends by itself, too, when RouDi is gone and no drone of its link is in the air: start it behind a new "
+      "RouDi.\n"
+      "Exit codes: 0 ended by a signal or for a new RouDi; 1 RouDi or ledger not reached, or a file not written; 2 bad "
+      "usage or config");
   std::string file;
   app.add_option("--config", file, "TOML file")->required();
   try {

@@ -18,6 +18,7 @@ constexpr TimeNs poll_ns = 500 * ns_per_us;  // iceoryx; blocks and outcomes wak
 constexpr TimeNs drain_limit_ns = 500 * ns_per_ms;
 constexpr TimeNs log_gap_ns = 1 * ns_per_s;       // of one kind of message
 constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // real time may be slewed
+constexpr TimeNs flight_silent_ns = 1 * ns_per_s;
 constexpr std::size_t most_held_blocks = 1024;
 
 // The narrowest of three readings: this thread may be put aside between two clocks, and mocap stamps would all move.
@@ -106,7 +107,10 @@ void AgentShell::take_controls(const ControlsRead& read) {
 
 void AgentShell::take_states() {
   StateSample sample;
-  while (end_->take_state(sample)) core_.on_state(monotonic_ns(), sample, out_);
+  while (end_->take_state(sample)) {
+    if (in_flight(sample.phase)) flight_heard_ns_ = monotonic_ns();
+    core_.on_state(monotonic_ns(), sample, out_);
+  }
   Transition transition;
   while (end_->take_transition(transition)) core_.on_transition(transition);
 }
@@ -207,10 +211,13 @@ void AgentShell::chores(TimeNs now) {
   if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().what);
 }
 
+// What was connected flows on without RouDi, so ending while a drone flies would only take its commands away.
+bool AgentShell::cut_off(TimeNs now) const { return roudi_gone_ && now - flight_heard_ns_ > flight_silent_ns; }
+
 Status AgentShell::run() {
   hurry("the main loop");
   if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
-  while (!quit_) {
+  while (!quit_ && !cut_off(monotonic_ns())) {
     wait_for_news();
     if (auto status = take_letters(); !status) return status;
     take_mocap();

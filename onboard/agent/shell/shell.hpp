@@ -32,7 +32,8 @@ class AgentShell {
 
   /// RouDi, mocap, the block stream, the control records: each with a bounded wait and a message that names the cure.
   Status start();
-  /// Until `quit`; then waits a moment for what is under way, and writes the summary.
+  /// Until `quit`, or until RouDi is gone and link, too, or on the ground; then waits a moment for what is under way, and
+  /// writes the summary.
   Status run();
 
  private:
@@ -55,7 +56,8 @@ class AgentShell {
   Status wait_for_block_stream();
   Result<std::vector<Control>> read_controls();
   void read_controls_again(const std::stop_token& stop);
-  void watch_roudi(const std::stop_token& stop) const;
+  void watch_roudi(const std::stop_token& stop);
+  bool cut_off(TimeNs now) const;
 
   void wait_for_news() const;
   Status take_letters();
@@ -83,6 +85,8 @@ class AgentShell {
   std::optional<ServiceManager> manager_;
   std::uint64_t turns_ = 0;  ///< of run()
   std::atomic<std::uint64_t> mocap_lost_{0};
+  std::atomic<bool> roudi_gone_{false};
+  TimeNs flight_heard_ns_ = 0;  ///< newest state of a drone in the air
   TimeNs real_offset_ns_ = 0;
   TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0;
   std::uint64_t transitions_lost_ = 0;  ///< as told last

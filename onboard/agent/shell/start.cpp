@@ -166,13 +166,13 @@ void AgentShell::read_controls_again(const std::stop_token& stop) {
   }
 }
 
-// Old links flow on without RouDi, so ending here would only take the drone's commands away.
-void AgentShell::watch_roudi(const std::stop_token& stop) const {
-  bool alive = true;
+void AgentShell::watch_roudi(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
-    if (alive && !ipc::roudi_lives()) {
-      alive = false;
-      spdlog::error("RouDi died: flying on, but a link that starts anew will not be heard; restart RouDi, link, agent");
+    if (!roudi_gone_ && !ipc::roudi_lives()) {
+      roudi_gone_ = true;
+      spdlog::error(
+          "RouDi is gone: what is connected goes on, but a link that starts anew is not heard; once none is heard or "
+          "nothing flies, agent ends, to be started again behind a new RouDi");
     }
     for (milliseconds waited{0}; waited < roudi_watch_period && !stop.stop_requested(); waited += try_again_after) {
       std::this_thread::sleep_for(try_again_after);

@@ -113,7 +113,7 @@ class RealLink : public ::testing::Test {
 };
 
 // One process may connect to RouDi once, so one flight shows it all.
-TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatSigtermEnds) {
+TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndThatSigtermEnds) {
   ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(FlightPhase::on_ground) && newest[1].sdk_state_fresh; }));
   EXPECT_NE(newest[1].boot_id, 0U);
   EXPECT_GT(newest[1].battery, 0.9F);
@@ -162,6 +162,12 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatSigtermEnds) {
   }
   command(PlanAction::takeoff);
   ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(FlightPhase::flying); }));
+  // Without RouDi they fly on.
+  roudi.end(SIGKILL);
+  EXPECT_FALSE(run_until(3 * ns_per_s, [&, turn = 0]() mutable {
+    if (turn++ % 3 == 0) command(PlanAction::fly);
+    return !all(FlightPhase::flying);
+  }));
   link.signal(SIGTERM);
   EXPECT_EQ(link.wait(), 0);
   EXPECT_EQ(sim.end(SIGTERM), 0);
