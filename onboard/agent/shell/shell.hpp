@@ -32,8 +32,8 @@ class AgentShell {
 
   /// RouDi, mocap, the block stream, the control records: each with a bounded wait and a message that names the cure.
   Status start();
-  /// Until `quit`, or until RouDi is gone and link, too, or on the ground; then waits a moment for what is under way, and
-  /// writes the summary.
+  /// Until `quit`, or until RouDi is gone and link, too, or on the ground; then waits a moment for what is under way,
+  /// and writes the summary.
   Status run();
 
  private:
