@@ -81,7 +81,6 @@ class FakePeer {
       case Message::ERROR:
         ends[question.txid()] = question;
         if (on_end) on_end();
-        changed.notify_all();
         return true;
       case Message::GET_STATE: {
         protos::GetState request;
