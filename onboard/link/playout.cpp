@@ -31,7 +31,7 @@ void Margin::add(TimeNs now, TimeNs lateness_ns) noexcept {
   // A burst of plans pays for one look only.
   if (count_ < margin_plans || now - target_since_ns_ < margin_look_ns) return;
   target_since_ns_ = now;
-  std::array<TimeNs, 256> sorted = lateness_ns_;
+  auto sorted = lateness_ns_;
   const std::size_t known = std::min(count_, sorted.size());
   const auto rank = static_cast<std::size_t>(settings_.margin_quantile * static_cast<double>(known - 1));
   std::nth_element(sorted.begin(), sorted.begin() + rank, sorted.begin() + known);

@@ -116,7 +116,7 @@ bool add_forms(const std::string& name, const std::vector<const char*>& texts) {
 const char* const asset =
     R"({"id":"tello1/odom","topic":"/tello1/odom","msgType":"nav_msgs/msg/Odometry","msgData":"AAEAAA=="})";
 const char* const control =
-    R"({"drone":"tello1","owner":{"mspId":"Org1MSP","subject":"CN=host"},"holder":{"mspId":"Org2MSP","subject":"CN=pilot"},"epoch":"7","priority":3,"stoppedBy":{"mspId":"Org1MSP","subject":"CN=x"},"cut":true,"streams":["tello1/odom"],"formerOwners":[{"mspId":"Org1MSP","subject":"CN=old"}]})";
+    R"({"drone":"tello1","owner":{"mspId":"Org1MSP","subject":"CN=host"},"holder":{"mspId":"Org2MSP","subject":"CN=pilot"},"epoch":"7","priority":3,"stoppedBy":{"mspId":"Org1MSP","subject":"CN=x"},"cut":true,"formerOwners":[{"mspId":"Org1MSP","subject":"CN=old"}]})";
 
 const std::string asset_list = std::string(R"({"assets":[)") + asset + "," + asset + "]";
 const std::string assets_text = asset_list + R"(,"bookmark":"a/b"})", set_text = asset_list + R"(,"stream":true})";
