@@ -53,7 +53,7 @@ std::optional<std::string> shared_memory_problem() {
 
 using ledgerline::roudi::LeakWatch;
 
-constexpr LeakWatch::Chunks kept_by_publishers{2, 1, 1};  // poses and beats, states, plans
+constexpr LeakWatch::Chunks kept_by_publishers{2, 2, 1};  // of the pools below
 constexpr long look_period_ns = 250'000'000;
 
 // The user group is the reader's and the writer's: all processes of Ledgerline run as one user.

@@ -177,12 +177,13 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
   for (const auto& drone : sim_summary["drones"]) EXPECT_TRUE(drone["landed"]) << drone;
   std::uint64_t received = 0;
   for (const auto& drone : link_summary["drones"]) {
-    EXPECT_EQ(drone["landed"], drone["name"] != "nobody") << drone;
+    const bool flew = drone["name"] != "nobody";
+    EXPECT_EQ(drone["landed"], flew) << drone;
     EXPECT_EQ(drone["commands_received"].get<int>(), drone["commands_applied"].get<int>() +
                                                          drone["commands_late"].get<int>() +
                                                          drone["commands_dropped"].get<int>());
     EXPECT_EQ(drone["states_lost"], 0);
-    EXPECT_GT(drone["transitions"]["on_ledger"], 6);
+    EXPECT_GT(drone["transitions"]["on_ledger"], flew ? 6 : -1) << drone;
     EXPECT_EQ(drone["transitions"]["lost"], 0);
     received += drone["commands_received"].get<std::uint64_t>();
   }
