@@ -85,13 +85,9 @@ Response command(Stub& stub, const Arguments& call) {
       return refuse(plan.drone() + ": " + status.error().what);
   }
   // Written without being read: commands never conflict with each other.
-  Asset asset;
-  asset.set_id(command_key(stub.caller()));
-  asset.set_topic("/" + asset.id());
-  asset.set_msg_type("ledgerline.CommandCall");
-  asset.set_msg_data(commands.SerializeAsString());
-  if (Status status = write_stored(stub, asset.id(), {asset}); !status) return refuse(status.error().what);
-  stub.set_event("command", call.form == Arguments::Form::protobuf ? asset.msg_data() : to_json(commands));
+  const Status written = write_record(stub, command_key(stub.caller()), commands);
+  if (!written) return refuse(written.error().what);
+  stub.set_event("command", write_form(call, commands));
   return {};
 }
 

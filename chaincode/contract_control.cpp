@@ -38,14 +38,15 @@ Status follow(Records<Lease>& leases, const Control& before, const Control& afte
   const auto key = [](const Control& control) {
     return control.has_holder() ? lease_key(to_name(control.holder()), control.epoch()) : std::string();
   };
-  if (const std::string old = key(before); !old.empty() && old != key(after)) {
-    const auto lease = leases.at(old);
+  const std::string from = key(before), to = key(after);
+  if (!from.empty() && from != to) {
+    const auto lease = leases.at(from);
     if (!lease) return lease.error();
     erase(*(*lease)->mutable_drones(), before.drone());
     erase(*(*lease)->mutable_stopped(), before.drone());
   }
-  if (key(after).empty()) return done;
-  const auto lease = leases.at(key(after));
+  if (to.empty()) return done;
+  const auto lease = leases.at(to);
   if (!lease) return lease.error();
   insert(*(*lease)->mutable_drones(), after.drone());
   (after.has_stopped_by() ? insert : erase)(*(*lease)->mutable_stopped(), after.drone());

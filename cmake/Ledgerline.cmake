@@ -13,15 +13,18 @@ function(ll_library name)
   target_link_libraries(${name} PUBLIC ${ARG_DEPS} PRIVATE $<BUILD_INTERFACE:ledgerline_options> ${ARG_PRIVATE_DEPS})
 endfunction()
 
-# What ./fly needs: every program, no test; and every unit test with the programs that it runs.
+# What ./fly needs: every program, no test; and every unit test with the programs that it runs. onboard_tests: those of
+# what runs on a companion computer (docs/onboard.md) that need none of the programs; they have the label `onboard`.
 add_custom_target(programs)
 add_custom_target(unit_tests)
+add_custom_target(onboard_tests)
 
 # ll_program(NAME SOURCES main.cpp DEPS its_library): a program in bin/.
 function(ll_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ledgerline_options ${ARG_DEPS})
+  target_link_options(${name} PRIVATE LINKER:--as-needed)  # packages' CMake files name more libraries than are used
   add_dependencies(programs ${name})
 endfunction()
 
@@ -36,6 +39,9 @@ function(ll_test name)
   target_link_libraries(${name} PRIVATE ledgerline_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
   add_test(NAME ${name} COMMAND ${name})
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "unit;${ARG_LABELS}")
+  if(onboard IN_LIST ARG_LABELS)
+    add_dependencies(onboard_tests ${name})
+  endif()
   if(ARG_SERIAL)
     set_tests_properties(${name} PROPERTIES RUN_SERIAL ON)
   endif()

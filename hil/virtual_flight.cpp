@@ -194,6 +194,7 @@ class Flight {
 
   void step_agent() {
     for (const auto& state : states_) agent_.on_state(now_, state, agent_out_);
+    for (const auto& transition : transitions_) agent_.on_transition(transition);
     for (const auto& ended : ledger_.take_outcomes(now_, host_))
       agent_.on_outcome(now_, ended.id, ended.outcome, agent_out_);
     for (const auto& block : ledger_.take_blocks(now_, host_)) agent_.on_block(now_, block, agent_out_);
@@ -248,6 +249,7 @@ class Flight {
       sim_.datagram(send.drone, link_endpoint, send.command.view());
     }
     states_.assign(out.states.begin(), out.states.end());
+    transitions_.assign(out.transitions.begin(), out.transitions.end());
     for (const auto& trace : out.trace) digest_.put(trace);
   }
 
@@ -290,6 +292,7 @@ class Flight {
   std::vector<sim::Outgoing> to_link_;
   std::vector<link::Received> received_;
   std::vector<StateSample> states_;
+  std::vector<Transition> transitions_;
   std::vector<Plan> plans_;
   std::vector<Pose> poses_;
   std::vector<AgentBeat> beats_;

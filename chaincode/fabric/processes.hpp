@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "chaincode/fabric/restarts.hpp"
 #include "common/process/children.hpp"
+#include "common/process/restarts.hpp"
 #include "common/rt/result.hpp"
 
 namespace ledgerline::fabric_network {

@@ -244,16 +244,20 @@ void Session::run(const Message& transaction) {
     send(answer);
     return;
   }
-  RemoteStub stub(*this, {transaction.channel_id(), transaction.txid()}, *creator,
-                  {input.args().begin(), input.args().end()});
-  const Response response = invoke_(stub);
+  Response response;
+  {
+    RemoteStub stub(*this, {transaction.channel_id(), transaction.txid()}, *creator,
+                    {input.args().begin(), input.args().end()});
+    response = invoke_(stub);
+    if (stub.event) *answer.mutable_chaincode_event() = std::move(*stub.event);
+  }
+  // Only now: once the peer knows the end it may begin a transaction of the same id, whose answers must find it.
   protos::Response out;
   out.set_status(response.status);
   out.set_message(response.message);
   out.set_payload(response.payload);
   answer.set_type(Message::COMPLETED);
   answer.set_payload(out.SerializeAsString());
-  if (stub.event) *answer.mutable_chaincode_event() = std::move(*stub.event);
   send(answer);
 }
 

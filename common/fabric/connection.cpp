@@ -64,11 +64,14 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
   google::protobuf::SetLogHandler(nullptr);
   if (!config.identity.signer) return Error{"the ledger's client has no identity to sign with"};
   auto connection = std::make_shared<Connection>();
-  auto channel = make_channel(config.endpoint, config.tls_ca_file, config.server_name);
-  if (!channel) return channel.error();
-  connection->peers.push_back(std::move(*channel));
+  for (auto* into : {&connection->peers, &connection->stream_peers}) {
+    auto channel = make_channel(config.endpoint, config.tls_ca_file, config.server_name);
+    if (!channel) return channel.error();
+    into->push_back(std::move(*channel));
+  }
   for (const auto& [servers, into] :
-       {std::pair(&config.other_peers, &connection->peers), std::pair(&config.orderers, &connection->orderers)}) {
+       {std::pair(&config.other_peers, &connection->peers), std::pair(&config.other_peers, &connection->stream_peers),
+        std::pair(&config.orderers, &connection->orderers)}) {
     for (const ClientConfig::Server& server : *servers) {
       auto to_server = make_channel(server.endpoint, server.tls_ca_file, "");
       if (!to_server) return to_server.error();

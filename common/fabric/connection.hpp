@@ -15,6 +15,9 @@ namespace ledgerline::fabric {
 struct Connection {
   ClientConfig config;
   std::vector<std::shared_ptr<grpc::Channel>> peers;  ///< the own one first, then those that stand in
+  /// The same peers, for streams alone: where a stream and calls share a connection, whichever thread wakes for its
+  /// bytes reads them, and must wake the other.
+  std::vector<std::shared_ptr<grpc::Channel>> stream_peers;
   std::vector<std::shared_ptr<grpc::Channel>> orderers;
   std::shared_ptr<Commits> commits = std::make_shared<Commits>();
 

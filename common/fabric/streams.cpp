@@ -43,7 +43,7 @@ class BlockReader {
   std::string follow(Follower& follower) {
     grpc::ClientContext context;
     const Follower::Cancellable cancellable(follower, context);
-    const auto stub = protos::Deliver::NewStub(connection_->peers[connection_->peer()]);
+    const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
     const auto stream = stub->Deliver(&context);
     if (std::string problem = seek(*connection_, *stream, next_); !problem.empty()) return problem;
     std::optional<Seeing> seeing;
@@ -163,7 +163,7 @@ class EventReader {
     if (std::string problem = make_request(request); !problem.empty()) return problem;
     grpc::ClientContext context;
     const Follower::Cancellable cancellable(follower, context);
-    const std::shared_ptr<grpc::Channel>& peer = connection_->peers[connection_->peer()];
+    const std::shared_ptr<grpc::Channel>& peer = connection_->stream_peers[connection_->peer()];
     const auto stub = gateway::Gateway::NewStub(peer);
     const auto stream = stub->ChaincodeEvents(&context, request);
     // The first answer may be far off; the question is out when the channel stands.
@@ -187,7 +187,7 @@ class EventReader {
   std::string find_start(Follower& follower) {
     grpc::ClientContext context;
     const Follower::Cancellable cancellable(follower, context);
-    const auto stub = protos::Deliver::NewStub(connection_->peers[connection_->peer()]);
+    const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
     const auto stream = stub->Deliver(&context);
     if (std::string problem = seek(*connection_, *stream, std::nullopt); !problem.empty()) return problem;
     protos::DeliverResponse response;

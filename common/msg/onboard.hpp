@@ -93,6 +93,25 @@ struct Pose {
 struct AgentBeat {
   TimeNs stamp_ns = 0;
   bool ledger_alive = false;  ///< blocks or commits came lately
+  /// Of each drone's transitions, by its number: the newest that agent keeps, and the newest on the ledger; of that
+  /// boot of link.
+  std::uint64_t boot_id = 0;
+  std::array<std::uint64_t, max_drones + 1> transitions_taken{};
+  std::array<std::uint64_t, max_drones + 1> transitions_on_ledger{};
+};
+
+/// link -> agent: the failsafe changed its mode or cause, or the flight its phase. On the ground the cause, which only
+/// says what a take-off waits for, is none. Unlike states none may be lost: link keeps each until it is on the ledger.
+struct Transition {
+  DroneNumber drone = 0;
+  FlightPhase phase = FlightPhase::disconnected;
+  FailsafeMode mode = FailsafeMode::none;
+  FailsafeCause cause = FailsafeCause::none;
+  std::uint64_t boot_id = 0;
+  std::uint64_t number = 0;  ///< from 1, one more each time, for each drone and boot: a gap shows what is missing
+  std::uint64_t oldest = 0;  ///< number of the oldest that link keeps
+  std::uint64_t lost = 0;    ///< how many of this boot link had to drop, see TransitionLog
+  TimeNs stamp_ns = 0;
 };
 
 /// link -> agent: one sample of a drone, and what link really did.

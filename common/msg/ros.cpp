@@ -1,10 +1,12 @@
 #include "common/msg/ros.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <limits>
 
 #include "common/msg/cdr.hpp"
+#include "common/msg/names.hpp"
 
 namespace ledgerline {
 namespace {
@@ -181,6 +183,89 @@ Result<StateSample> link_status_from_cdr(std::string_view cdr) {
     return Error{"ledgerline_msgs/msg/LinkStatus: a time or a number is beyond what a drone can say"};
   }
   return checked(in, s, link_status_type);
+}
+
+namespace {
+
+std::uint8_t level(const Transition& t) {
+  if (t.mode >= FailsafeMode::land) return 2;
+  return t.mode == FailsafeMode::none && t.cause == FailsafeCause::none ? 0 : 1;
+}
+
+template <typename Number>
+bool read_number(std::string_view text, Number& out) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out);
+  return error == std::errc() && end == text.data() + text.size();
+}
+
+template <typename Enum>
+bool read_name(std::string_view text, Enum& out) {
+  const auto value = from_name<Enum>(text);
+  if (value) out = *value;
+  return value.has_value();
+}
+
+// Keys that are none of ours are of a later version.
+bool read_value(std::string_view key, std::string_view value, Transition& t) {
+  if (key == "boot_id") return read_number(value, t.boot_id);
+  if (key == "number") return read_number(value, t.number);
+  if (key == "lost") return read_number(value, t.lost);
+  if (key == "stamp_ns") return read_number(value, t.stamp_ns) && is_time(t.stamp_ns);
+  if (key == "phase") return read_name(value, t.phase);
+  if (key == "mode") return read_name(value, t.mode);
+  if (key == "cause") return read_name(value, t.cause);
+  return true;
+}
+
+}  // namespace
+
+std::string transitions_to_cdr(const Header& header, const std::string& drone,
+                               const std::vector<Transition>& transitions) {
+  CdrWriter out;
+  put_header(out, header);
+  out.put(static_cast<std::uint32_t>(transitions.size()));
+  for (const Transition& t : transitions) {
+    out.put(level(t));
+    out.put(std::string_view(drone + "/failsafe"));
+    out.put(std::string_view(std::string(name(t.phase)) + ", failsafe " + name(t.mode) + " (" + name(t.cause) + ")"));
+    out.put(std::string_view(drone));
+    const std::array<std::pair<std::string_view, std::string>, 7> values{{{"boot_id", std::to_string(t.boot_id)},
+                                                                          {"number", std::to_string(t.number)},
+                                                                          {"lost", std::to_string(t.lost)},
+                                                                          {"stamp_ns", std::to_string(t.stamp_ns)},
+                                                                          {"phase", name(t.phase)},
+                                                                          {"mode", name(t.mode)},
+                                                                          {"cause", name(t.cause)}}};
+    out.put(static_cast<std::uint32_t>(values.size()));
+    for (const auto& [key, value] : values) {
+      out.put(key);
+      out.put(std::string_view(value));
+    }
+  }
+  return out.take();
+}
+
+Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr) {
+  CdrReader in(cdr);
+  (void)get_header(in);
+  std::vector<Transition> transitions;
+  bool known = true;
+  const auto count = in.get<std::uint32_t>();
+  for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
+    Transition t;
+    (void)in.get<std::uint8_t>();
+    for (int text = 0; text < 3; ++text) (void)in.get_string();
+    const auto values = in.get<std::uint32_t>();
+    for (std::uint32_t k = 0; k < values && in.ok(); ++k) {
+      const std::string key = in.get_string();
+      const std::string value = in.get_string();
+      known = known && read_value(key, value, t);
+    }
+    transitions.push_back(t);
+  }
+  if (in.ok() && !known)
+    return Error{"diagnostic_msgs/msg/DiagnosticArray: a value of a transition is none that can be"};
+  return checked(in, transitions, transitions_type);
 }
 
 }  // namespace ledgerline

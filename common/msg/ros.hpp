@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/msg/onboard.hpp"
 #include "common/rt/result.hpp"
@@ -46,6 +47,15 @@ Result<BatteryState> battery_from_cdr(std::string_view cdr);
 inline constexpr std::string_view link_status_type = "ledgerline_msgs/msg/LinkStatus";
 std::string link_status_to_cdr(const StateSample& sample);
 Result<StateSample> link_status_from_cdr(std::string_view cdr);
+
+/// diagnostic_msgs/msg/DiagnosticArray: transitions of one drone, oldest first, a DiagnosticStatus each. Its name is
+/// "<drone>/failsafe", its level 0 (OK), 1 (WARN: a cause, hold, brake) or 2 (ERROR: land, cut), its message a
+/// sentence, its values boot_id, number, lost, stamp_ns (the drone host's CLOCK_MONOTONIC), phase, mode and cause.
+inline constexpr std::string_view transitions_type = "diagnostic_msgs/msg/DiagnosticArray";
+std::string transitions_to_cdr(const Header& header, const std::string& drone,
+                               const std::vector<Transition>& transitions);
+/// The drone's number is left out: its name is in the id.
+Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr);
 
 /// Rotation about z only, from yaw.
 std::array<double, 4> quaternion_from_yaw(double yaw_rad);

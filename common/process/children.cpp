@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <fstream>
@@ -53,6 +54,18 @@ double cpu_seconds_of(pid_t pid) {
   double sum = (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
   std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", pid));
   for (pid_t of = 0; children >> of;) sum += cpu_seconds_of(of);
+  return sum;
+}
+
+double memory_mb_of(pid_t pid) {
+  constexpr double kb_per_mb = 1e6 / 1024;
+  double sum = 0;
+  std::ifstream rollup(fmt::format("/proc/{}/smaps_rollup", pid));
+  for (std::string line; std::getline(rollup, line);) {
+    if (line.rfind("Pss:", 0) == 0) sum += std::strtod(line.c_str() + 4, nullptr) / kb_per_mb;
+  }
+  std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", pid));
+  for (pid_t of = 0; children >> of;) sum += memory_mb_of(of);
   return sum;
 }
 
@@ -209,6 +222,11 @@ bool Children::stop(const std::string& name, TimeNs patience_ns) {
 double Children::cpu_seconds(const std::string& name) const {
   const Child* child = find(name);
   return !child || child->ended ? 0 : child->cpu_before_s + cpu_seconds_of(child->pid);
+}
+
+double Children::memory_mb(const std::string& name) const {
+  const Child* child = find(name);
+  return !child || child->ended ? 0 : memory_mb_of(child->pid);
 }
 
 std::string Children::log_tail(const std::string& name, int lines) const {

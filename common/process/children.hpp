@@ -47,6 +47,9 @@ class Children {
   /// User and system time so far, with that of the processes it started and which still run, and of programs of its
   /// name that ran before it; 0 when it does not run.
   double cpu_seconds(const std::string& name) const;
+  /// Proportional set size, a share of what others share with it, with that of the processes it started and which still
+  /// run; 0 when it does not run. The kernel walks its page tables for it: not often.
+  double memory_mb(const std::string& name) const;
   const std::vector<std::string>& names() const { return names_; }
   /// The last lines that it logged.
   std::string log_tail(const std::string& name, int lines) const;

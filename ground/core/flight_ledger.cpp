@@ -114,8 +114,11 @@ void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::
     if (!same_boot) drone->first_setpoint_ns = 0;
     drone->state = *sample;
     drone->state.drone = drone->who.number;
-    drone->has_state = drone->fresh = true;
-    drone->received_ns = now_ns;
+    drone->has_state = true;
+    // A link that was started again while the drone flies has yet to find it: it knows nothing, and the silence goes
+    // on.
+    drone->fresh = !(sample->phase == FlightPhase::disconnected && drone->in_air_phase());
+    if (drone->fresh) drone->received_ns = now_ns;
     // A ground that was started again under the same lease goes on behind what was flown, and what may be under way.
     if (!same_boot && sample->applied_sequence > 0)
       drone->next_sequence = std::max(drone->next_sequence, sample->applied_sequence + sequence_gap);

@@ -14,6 +14,10 @@ struct RunFiles {
   std::string log(const std::string& program) const { return in(program + ".log"); }
   std::string config(const std::string& program) const { return in(program + ".toml"); }
   std::string trace(const std::string& program) const { return in(program + ".trace"); }
+  /// What it left when it ended for the `times`th time and was started again.
+  std::string trace(const std::string& program, std::uint64_t times) const {
+    return in(program + "." + std::to_string(times) + ".trace");
+  }
   std::string summary(const std::string& program) const { return in(program + ".summary.json"); }
 };
 

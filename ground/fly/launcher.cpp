@@ -9,6 +9,7 @@
 
 #include "common/rt/file.hpp"
 #include "common/rt/space.hpp"
+#include "ground/fly/machine.hpp"
 #include "ground/timing/usage.hpp"
 
 namespace ledgerline::fly {
@@ -18,10 +19,14 @@ using nlohmann::json;
 
 constexpr TimeNs watch_ns = 50 * ns_per_ms;
 constexpr TimeNs usage_period_ns = ns_per_s;  // looking at all threads has its price
+constexpr TimeNs memory_period_ns = 5 * ns_per_s;
 constexpr TimeNs ready_limit_ns = 20 * ns_per_s, fabric_ready_limit_ns = 120 * ns_per_s;
 constexpr TimeNs patience_ns = 5 * ns_per_s, fabric_patience_ns = 30 * ns_per_s;
 constexpr TimeNs landing_patience_ns = 17 * ns_per_s;  // ground gives itself 15 s, link 10 s
 constexpr int log_lines = 8;
+// Soon: without link a drone goes on with its last setpoint, and without agent it is not to come to landing. What dies
+// faster than this does not fly.
+constexpr Restarts::Limits onboard_limits{6, 15 * ns_per_s, 50 * ns_per_ms, 500 * ns_per_ms};
 
 // RouDi removes its shared memory when it is asked to end; nothing that the others hold outlives them.
 // Fabric's network ends its own processes.
@@ -46,12 +51,19 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
       live_(options_.drones, terminal, monotonic_ns()),
       children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}),
       ledger_(ledger_program(options_)),
-      all_programs_{"roudi", ledger_, "sim", "link", "agent", "ground"} {}
+      all_programs_{"roudi", ledger_, "sim", "link", "agent", "ground"} {
+  for (const char* name : {"roudi", "link", "agent"}) {
+    onboard_.push_back({name, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()) + onboard_.size())});
+  }
+}
 
 void Launcher::take_line(const std::string& name, const std::string& line) {
   const json message = json::parse(line, nullptr, false);
   if (message.is_object() && message.value("ready", json()) == true) {
     ready_[name] = line;
+  } else if (name == "roudi") {
+    const json leaked = message.is_object() ? message.value("leaked", json()) : json();
+    if (leaked.is_number_unsigned()) chunks_leaked_ = leaked > 0;
   } else {
     live_.take(line);
   }
@@ -106,7 +118,7 @@ Status Launcher::run_to_end(const std::string& name, std::vector<std::string> ar
 
 Status Launcher::start_all() {
   const std::string drones = std::to_string(options_.drones);
-  if (auto s = start("roudi", {}); !s) return s;
+  if (auto s = start("roudi", {"--summary", files_.summary("roudi")}); !s) return s;
   std::vector<std::string> ledger{
       "--dir",     files_.in("ledger"),     "--batch-count",   std::to_string(options_.batch_count),
       "--summary", files_.summary(ledger_), "--batch-timeout", std::to_string(options_.batch_timeout_ns / ns_per_ms)};
@@ -180,6 +192,7 @@ Status Launcher::fly() {
   usage.begin = usage.end = timing::read_snapshot(usage.programs);
   write_usage(usage);
   int interrupts_seen = 0;
+  TimeNs next_memory_ns = 0;
   Status result = done;
   for (bool flying = true; flying;) {
     if (monotonic_ns() - usage.end.t_ns >= usage_period_ns) usage.end = timing::read_snapshot(usage.programs);
@@ -190,19 +203,26 @@ Status Launcher::fly() {
     record_.end_ns = now_ns;
     // Of a process that is gone the figures before count: it is at most one watch later.
     for (const auto& name : all_programs_) {
+      if (cpu[name] < cpu_at_begin_[name]) continue;
       const double used_s = cpu[name] - cpu_at_begin_[name];
       record_.cpu_percent[name] = 100 * used_s / std::max(1e-3, to_seconds(now_ns - record_.begin_ns));
+    }
+    if (now_ns >= next_memory_ns) {
+      next_memory_ns = now_ns + memory_period_ns;
+      for (const auto& name : all_programs_) {
+        if (const double mb = children_.memory_mb(name); mb > 0) record_.memory_mb[name] = mb;
+      }
     }
     live_.show(now_ns);
     if (!children_.running("ground")) {
       if (!children_.ended_well("ground")) result = Error{ground_why()};
       flying = false;
     }
-    for (const auto& name : all_programs_) {
-      if (name == "ground" || children_.running(name) || !result) continue;
-      result = Error{crash_of(name, "during the flight")};
-      flying = false;
+    for (const auto& name : {ledger_, std::string("sim")}) {
+      if (!children_.running(name) && result) result = Error{crash_of(name, "during the flight")};
     }
+    if (flying && result) result = look_after_onboard(now_ns);
+    flying = flying && result;
     const int interrupts = interrupts_;
     if (interrupts > interrupts_seen && flying) {
       if (interrupts_seen == 0) live_.say("Landing all drones (once more Ctrl-C: do not wait for them)");
@@ -216,6 +236,60 @@ Status Launcher::fly() {
   const std::uint64_t ledger_after = bytes_below(files_.in("ledger/."));
   record_.ledger_grown_bytes = ledger_after > ledger_before ? ledger_after - ledger_before : 0;
   return result;
+}
+
+// A process ends; or RouDi lost chunks with one that was killed, and nothing flies: a new one has them all.
+Status Launcher::look_after_onboard(TimeNs now_ns) {
+  if (chunks_leaked_ && !live_.anything_in_air()) recycle_shared_memory();
+  for (Onboard& one : onboard_) {
+    if (children_.running(one.name)) continue;
+    if (one.start_at_ns == 0) {
+      const auto at = one.restarts.ended(now_ns);
+      if (!at) {
+        const Restarts::Limits& limits = one.restarts.limits();
+        return Error{
+            crash_of(one.name, fmt::format("during the flight, more than {} times within {:.0f} s, and is given up",
+                                           limits.most, to_seconds(limits.within)))};
+      }
+      one.start_at_ns = *at;
+      live_.say(fmt::format("{} {} and is started again", one.name, children_.how_it_ended(one.name)));
+    }
+    if (now_ns < one.start_at_ns || !may_start(one.name)) continue;
+    one.start_at_ns = 0;
+    if (auto status = start_again(one.name); !status) return status;
+  }
+  return done;
+}
+
+// In order. What link and agent share goes on without RouDi, so a drone in the air is not disturbed for a new one; on
+// the ground both end by themselves. Where one of them has ended, it needs RouDi to come back.
+bool Launcher::may_start(const std::string& name) const {
+  if (name == "roudi") return !live_.anything_in_air() || !serves("link") || !serves("agent");
+  return serves("roudi") && (name == "link" || serves("link"));
+}
+
+Status Launcher::start_again(const std::string& name) {
+  ready_.erase(name);
+  const std::uint64_t times = ++record_.restarts[name];
+  if (name == "roudi") {
+    chunks_leaked_ = false;
+    // A link in the air that only a dead agent could hear would land; a new one goes on.
+    if (live_.anything_in_air() && serves("link")) {
+      ready_.erase("link");
+      children_.signal("link", SIGKILL);
+    }
+    return start(name, {"--summary", files_.summary(name)});
+  }
+  std::error_code error;  // it may have left none
+  std::filesystem::rename(files_.trace(name), files_.trace(name, times), error);
+  return start(name, {"--config", files_.config(name)});
+}
+
+void Launcher::recycle_shared_memory() {
+  if (!children_.running("roudi")) return;
+  chunks_leaked_ = false;
+  live_.say("RouDi lost shared memory with a process that was killed: it starts anew, nothing is in the air");
+  children_.signal("roudi", SIGTERM);
 }
 
 // Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
@@ -252,6 +326,7 @@ RunRecord Launcher::run() {
   record_.ok = status.ok();
   if (!status) record_.why = status.error().what;
   stop_all(children_.ended_well("ground"));
+  if (!children_.ended_well("roudi")) remove_roudi_leftovers();
   return record_;
 }
 

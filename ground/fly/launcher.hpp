@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/process/children.hpp"
+#include "common/process/restarts.hpp"
 #include "ground/fly/configs.hpp"
 #include "ground/fly/live.hpp"
 #include "ground/fly/options.hpp"
@@ -20,13 +21,18 @@ struct RunRecord {
   std::string why;                  ///< when not ok
   TimeNs begin_ns = 0, end_ns = 0;  ///< of the flight: all programs serve, until ground ended
   std::map<std::string, double> cpu_percent;
-  std::uint64_t ledger_grown_bytes = 0;  ///< of the ledger's directory, during the flight
+  std::map<std::string, double> memory_mb;        ///< proportional set size, as last seen
+  std::map<std::string, std::uint64_t> restarts;  ///< of RouDi, link and agent, during the flight
+  std::uint64_t ledger_grown_bytes = 0;           ///< of the ledger's directory, during the flight
 };
 
 /// Starts the programs of a flight, watches them, and ends every one of them, whatever happens:
 ///
 ///     roudi, ledger, sim  ->  enroll, acquire  ->  link, agent, ground  ->  ground ends  ->  agent, link, sim, ledger,
 ///     roudi
+///
+/// RouDi, link and agent are started again when they end in flight, each a bounded number of times; any other one's end
+/// ends the flight. docs/deaths.md says what each death means for a drone in the air.
 ///
 /// `interrupts` counts Ctrl-C: the first one lands the drones, a second one does not wait for that.
 class Launcher {
@@ -36,12 +42,24 @@ class Launcher {
   RunRecord run();
 
  private:
+  /// One that is started again when it ends.
+  struct Onboard {
+    std::string name;
+    Restarts restarts;
+    TimeNs start_at_ns = 0;  ///< > 0: it has ended and waits
+  };
+
   Status start_all();
   Status start(const std::string& name, std::vector<std::string> arguments);
   Status wait_ready(const std::vector<std::string>& names);
   Status run_to_end(const std::string& name, std::vector<std::string> arguments);
   Status fly();
   void write_usage(const timing::UsageRecord& usage);
+  Status look_after_onboard(TimeNs now_ns);
+  bool serves(const std::string& name) const { return children_.running(name) && ready_.contains(name); }
+  bool may_start(const std::string& name) const;
+  Status start_again(const std::string& name);
+  void recycle_shared_memory();
   void stop_all(bool landed);
   void take_line(const std::string& name, const std::string& line);
   std::string crash_of(const std::string& name, const std::string& when) const;
@@ -56,6 +74,8 @@ class Launcher {
   std::map<std::string, std::string> ready_;  ///< the line that a program said it serves with
   RunRecord record_;
   std::map<std::string, double> cpu_at_begin_;
+  std::vector<Onboard> onboard_;                 ///< in the order of their start: RouDi before those that need it
+  bool chunks_leaked_ = false;                   ///< as RouDi says
   const std::string ledger_;                     ///< the process that is the ledger: node or fabric
   const std::vector<std::string> all_programs_;  ///< that live through the flight
 };

@@ -184,6 +184,12 @@ std::vector<Problem> check_machine(int drones, std::vector<std::string>& notes) 
   return problems;
 }
 
+void remove_roudi_leftovers() {
+  if (roudi_lives()) return;
+  std::error_code error;  // another user's stay: the next flight's check names them
+  for (const fs::path& file : roudi_leftovers()) fs::remove(file, error);
+}
+
 Machine describe_machine() {
   utsname kernel{};
   ::uname(&kernel);

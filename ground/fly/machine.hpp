@@ -31,6 +31,9 @@ struct Problem {
 /// `drones` drones and of link. Leftovers of our own are removed: `notes` says so, and what else is good to know.
 std::vector<Problem> check_machine(int drones, std::vector<std::string>& notes);
 
+/// Removes what a RouDi that is gone left in /dev/shm and /tmp, unless another one lives.
+void remove_roudi_leftovers();
+
 /// For the results.
 struct Machine {
   std::string cpu, system;

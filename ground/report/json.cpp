@@ -27,6 +27,7 @@ json to_json(const DroneResult& drone) {
           {"cross_track_m", cross_track},
           {"lap_s", laps},
           {"states", named<5>(drone.states, {"sampled", "sent", "on_ledger", "merged", "dropped"})},
+          {"transitions", named<3>(drone.transitions, {"made", "on_ledger", "lost"})},
           {"commands", commands}};
 }
 
@@ -47,6 +48,8 @@ json to_json(const Results& r) {
              {"seed", r.asked.seed}};
   json cpu = json::object();
   for (const auto& [name, percent] : r.cpu_percent) cpu[name] = rounded(percent, 10);
+  json memory = json::object();
+  for (const auto& [name, mb] : r.memory_mb) memory[name] = rounded(mb, 10);
   json drones = json::array();
   for (const DroneResult& drone : r.drones) drones.push_back(to_json(drone));
   json object{{"asked", asked},
@@ -70,6 +73,8 @@ json to_json(const Results& r) {
               {"messages_per_s", rounded(r.messages_per_s, 10)},
               {"transactions_per_s", rounded(r.transactions_per_s, 10)},
               {"cpu_percent", cpu},
+              {"memory_mb", memory},
+              {"restarts", r.onboard_restarts},
               {"ok", r.ok}};
   if (!r.ok) object["why"] = r.why;
   return object;

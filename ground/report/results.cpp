@@ -23,10 +23,17 @@ json read_summary(const fly::RunFiles& files, const std::string& program, Result
 }
 
 std::vector<TraceRecord> read(const fly::RunFiles& files, const std::string& program, Results& results) {
-  auto trace = read_trace(files.trace(program));
-  if (trace) return std::move(trace).value();
-  results.missing.push_back(files.trace(program));
-  return {};
+  std::vector<TraceRecord> all;
+  const auto append = [&](const std::string& file) {
+    const auto trace = read_trace(file);
+    if (trace) all.insert(all.end(), trace->begin(), trace->end());
+    if (!trace) results.missing.push_back(file);
+  };
+  const auto restarts = results.onboard_restarts.find(program);
+  const std::uint64_t times = restarts == results.onboard_restarts.end() ? 0 : restarts->second;
+  for (std::uint64_t i = 1; i <= times; ++i) append(files.trace(program, i));
+  append(files.trace(program));
+  return all;
 }
 
 const json& at(const json& object, const std::string& key) {
@@ -133,6 +140,8 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
   results.ok = record.ok;
   results.why = record.why;
   results.cpu_percent = record.cpu_percent;
+  results.memory_mb = record.memory_mb;
+  results.onboard_restarts = record.restarts;
   results.flight_s = to_seconds(record.end_ns - record.begin_ns);
   const json node = read_summary(files, fly::ledger_program(asked), results);
   const json link = read_summary(files, "link", results);
@@ -177,6 +186,9 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
     drone.states = {count_of(states, "sampled") + count_of(l, "states_lost"), count_of(states, "sent"),
                     count_of(states, "on_ledger"), count_of(states, "merged"),
                     count_of(states, "dropped") + count_of(l, "states_lost")};
+    const json& transitions = at(l, "transitions");
+    drone.transitions = {count_of(transitions, "made"), count_of(at(a, "transitions"), "on_ledger"),
+                         count_of(transitions, "lost")};
     drone.commands = {count_of(g, "commands_sent"),
                       count_of(commands, "on_ledger"),
                       count_of(commands, "refused") + count_of(g, "commands_refused"),

@@ -28,6 +28,7 @@ struct DroneResult {
   bool path_flown = false;  ///< there is a cross-track error to speak of
   std::vector<double> lap_s;
   std::array<std::uint64_t, 5> states{};         ///< sampled, sent, on_ledger, merged, dropped
+  std::array<std::uint64_t, 3> transitions{};    ///< of the failsafe: made, on_ledger, lost
   std::array<std::uint64_t, 6> commands{};       ///< sent, on_ledger, refused, applied, late, dropped
   std::map<std::string, std::uint64_t> reasons;  ///< of those refused by agent or dropped by link
   std::vector<std::array<double, 2>> wanted, flown;
@@ -38,14 +39,16 @@ struct Results {
   fly::Machine machine;
   std::string storage;
   std::uint64_t blocks = 0, transactions = 0;
-  double bytes_per_drone_hour = 0;                ///< that the ledger grows on its file system
-  std::map<std::string, std::uint64_t> restarts;  ///< of Fabric's processes, by name; those that were restarted
-  Quantiles disk_ms;                              ///< how long blocks took to be on disk
+  double bytes_per_drone_hour = 0;                        ///< that the ledger grows on its file system
+  std::map<std::string, std::uint64_t> restarts;          ///< of Fabric's processes, by name; those that were restarted
+  std::map<std::string, std::uint64_t> onboard_restarts;  ///< of RouDi, link and agent
+  Quantiles disk_ms;                                      ///< how long blocks took to be on disk
   std::vector<DroneResult> drones;
   Quantiles two_way_ms, age_ms;  ///< of all drones
   double flight_s = 0;
   double messages_per_s = 0, transactions_per_s = 0;
   std::map<std::string, double> cpu_percent;
+  std::map<std::string, double> memory_mb;  ///< proportional set size
   bool ok = false;
   std::string why;
   std::vector<std::string> missing;  ///< traces and summaries that a program did not leave

@@ -54,9 +54,13 @@ std::string to_table(const Results& r) {
       r.messages_per_s, r.transactions_per_s, r.flight_s, r.blocks, r.transactions, r.storage,
       r.disk_ms.count == 0 ? "" : fmt::format(" ({:.1f} ms a block, at most {:.0f})", r.disk_ms.median, r.disk_ms.max));
   text += fmt::format("  the ledger grows by {:.2f} GB per drone and hour\n", r.bytes_per_drone_hour * 1e-9);
-  for (const auto& [name, count] : r.restarts) text += fmt::format("  {} was restarted {} x\n", name, count);
+  for (const auto& counts : {r.restarts, r.onboard_restarts}) {
+    for (const auto& [name, count] : counts) text += fmt::format("  {} was restarted {} x\n", name, count);
+  }
   text += "  CPU:";
   for (const auto& [name, percent] : r.cpu_percent) text += fmt::format("  {} {:.1f} %", name, percent);
+  text += "\n  memory:";
+  for (const auto& [name, mb] : r.memory_mb) text += fmt::format("  {} {:.0f} MB", name, mb);
   text += "\n";
   for (const auto& file : r.missing) text += fmt::format("  missing or unreadable: {}\n", file);
   return text;

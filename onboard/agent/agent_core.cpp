@@ -31,6 +31,7 @@ void AgentOutputs::clear() {
 AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
     : config_(std::move(config)),
       batcher_(config_.batch, config_.drones, config_.seed),
+      transitions_(config_.batch, config_.drones, config_.seed + 1),
       check_(config_.check, config_.drones, registry) {
   for (std::size_t i = 0; i < config_.drones.size(); ++i) {
     drones_.push_back(Drone{.fusion = Fusion(config_.fusion), .newest = {}, .two_way = {}});
@@ -82,6 +83,10 @@ void AgentCore::progress(TimeNs) {
 }
 
 void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
+  if (transitions_.finished(now, frame, outcome)) {
+    if (outcome.kind == fabric::Outcome::Kind::committed) progress(now);
+    return;
+  }
   const auto ended = batcher_.finished(now, frame, outcome);
   if (!ended) return;
   if (outcome.endorsed_ns != 0)
@@ -168,14 +173,23 @@ void AgentCore::submit_frame(TimeNs now, AgentOutputs& out) {
                                    .kind = TraceKind::frame_submitted,
                                    .extra = static_cast<std::uint32_t>(frame->samples.size()),
                                    .id = frame->number});
-  out.submits.push_back({frame->number, encode_frame(*frame, config_.drones, real_offset_ns_)});
+  out.submits.push_back({frame->number, encode_frame(*frame, config_.drones, real_offset_ns_), false});
+}
+
+void AgentCore::submit_transitions(TimeNs now, AgentOutputs& out) {
+  while (const auto sending = transitions_.next(now)) {
+    if (!unanswered_since_ns_) unanswered_since_ns_ = now;
+    out.submits.push_back({sending->number, encode_transitions(*sending, real_offset_ns_), true});
+  }
 }
 
 void AgentCore::step(TimeNs now, AgentOutputs& out) {
   hand_over_plans(now, out);
+  submit_transitions(now, out);
   if (submitting_) submit_frame(now, out);
   if (now >= next_beat_ns_) {
     out.beat = AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now)};
+    transitions_.tell(*out.beat);
     // Beats keep their grid, except after a pause: then none are made up for.
     const bool paused = next_beat_ns_ + config_.beat_period_ns <= now;
     next_beat_ns_ = (paused ? now : next_beat_ns_) + config_.beat_period_ns;
@@ -187,6 +201,7 @@ DroneReport AgentCore::report(DroneNumber drone) const {
   const std::size_t i = index(drone);
   if (i == drones_.size()) return report;
   report.states = batcher_.counters(drone);
+  report.transitions = transitions_.counters(drone);
   report.commands = check_.counters(drone);
   report.mocap = drones_[i].fusion.counters();
   report.newest = drones_[i].newest;

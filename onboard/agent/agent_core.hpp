@@ -10,6 +10,7 @@
 #include "onboard/agent/batcher.hpp"
 #include "onboard/agent/command_check.hpp"
 #include "onboard/agent/fusion.hpp"
+#include "onboard/agent/transition_sender.hpp"
 
 namespace ledgerline::agent {
 
@@ -28,6 +29,7 @@ struct AgentOutputs {
   struct Submit {
     std::uint64_t frame = 0;  ///< give it back to on_outcome()
     fabric::Call call;
+    bool urgent = false;  ///< transitions: must not wait behind states
   };
   std::vector<Submit> submits;
   std::vector<Plan> plans;  ///< to link
@@ -40,6 +42,7 @@ struct AgentOutputs {
 /// One drone as the agent sees it, for status lines and summaries.
 struct DroneReport {
   Batcher::Counters states;
+  TransitionSender::Counters transitions;
   CommandCheck::Counters commands;
   Fusion::Counters mocap;
   std::optional<StateSample> newest;    ///< from link
@@ -62,15 +65,17 @@ class AgentCore {
   void set_control(const Control& control) { check_.set_control(control); }
 
   void on_state(TimeNs now, const StateSample& sample, AgentOutputs& out);
+  void on_transition(const Transition& transition) { transitions_.add(transition); }
   void on_mocap(TimeNs now, DroneNumber drone, const MocapPose& measured, AgentOutputs& out);
   void on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out);
   void on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out);
   void on_connection(TimeNs now, bool connected);  ///< of the block stream
   void step(TimeNs now, AgentOutputs& out);
 
-  /// From now on step() makes no frame; what is in flight may end. For an orderly end.
+  /// From now on step() makes no frame of states; what is in flight may end, and transitions still go. For an orderly
+  /// end.
   void stop_submitting() { submitting_ = false; }
-  bool frame_in_flight() const { return batcher_.in_flight() > 0; }
+  bool anything_under_way() const { return batcher_.in_flight() > 0 || transitions_.pending(); }
 
   bool ledger_alive(TimeNs now) const;
   std::uint64_t height() const { return check_.height(); }
@@ -96,10 +101,12 @@ class AgentCore {
   std::size_t index(DroneNumber drone) const;  ///< drones_.size(): not ours
   void hand_over_plans(TimeNs now, AgentOutputs& out);
   void submit_frame(TimeNs now, AgentOutputs& out);
+  void submit_transitions(TimeNs now, AgentOutputs& out);
   void progress(TimeNs now);
 
   AgentConfig config_;
   Batcher batcher_;
+  TransitionSender transitions_;
   CommandCheck check_;
   std::vector<Drone> drones_;  ///< as in config_.drones
   std::vector<Plan> checked_;  ///< waiting for step()
@@ -109,7 +116,7 @@ class AgentCore {
   std::uint64_t blocks_ = 0;
   std::string last_chain_error_;
   bool ever_progress_ = false;
-  std::optional<TimeNs> unanswered_since_ns_;  ///< first frame sent after the last sign of life
+  std::optional<TimeNs> unanswered_since_ns_;  ///< first call sent after the last sign of life
   std::optional<TimeNs> disconnected_since_ns_;
 };
 

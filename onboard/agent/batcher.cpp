@@ -41,14 +41,17 @@ void Batcher::add(TimeNs now, const StateSample& sample) {
     ++slot->counters.merged;
     return;
   }
-  const bool first = std::none_of(slots_.begin(), slots_.end(), [](const Slot& s) { return s.waiting.has_value(); });
-  if (first) first_waiting_ns_ = now;
+  if (!has_waiting()) first_waiting_ns_ = now;
   if (slot->waiting) {
     ++slot->counters.merged;
   } else {
     ++slot->counters.pending;
   }
   slot->waiting = sample;
+}
+
+bool Batcher::has_waiting() const {
+  return std::any_of(slots_.begin(), slots_.end(), [](const Slot& s) { return s.waiting.has_value(); });
 }
 
 bool Batcher::ready(TimeNs now) const {

@@ -70,6 +70,8 @@ class Batcher {
   std::optional<Frame> finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
 
   std::size_t in_flight() const { return in_flight_.size(); }
+  /// A sample waits, so next() may have a frame soon.
+  bool has_waiting() const;
   Counters counters(DroneNumber drone) const;
   const Transactions& transactions() const { return transactions_; }
   /// Nothing goes out before this time.

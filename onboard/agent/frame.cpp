@@ -5,6 +5,7 @@
 #include "common/msg/ros.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/agent/batcher.hpp"
+#include "onboard/agent/transition_sender.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -56,6 +57,14 @@ fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& dron
     }
   }
   return fabric::Call{.function = "set", .args = {call.SerializeAsString()}, .told_by_block = true};
+}
+
+fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs real_offset_ns) {
+  const std::string& drone = sending.drone->name;
+  const Header header{sending.transitions.back().stamp_ns + real_offset_ns, drone + "/base_link"};
+  SetCall call;
+  add_asset(call, drone + "/failsafe", transitions_type, transitions_to_cdr(header, drone, sending.transitions));
+  return fabric::Call{.function = "set", .args = {call.SerializeAsString()}};
 }
 
 }  // namespace ledgerline::agent

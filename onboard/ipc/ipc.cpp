@@ -5,7 +5,6 @@
 #include <iceoryx_hoofs/log/logmanager.hpp>
 #include <iceoryx_posh/popo/publisher.hpp>
 #include <iceoryx_posh/popo/subscriber.hpp>
-#include <iceoryx_posh/popo/wait_set.hpp>
 #include <iceoryx_posh/runtime/posh_runtime.hpp>
 
 #include "onboard/ipc/quiet_stdout.hpp"
@@ -18,11 +17,13 @@ constexpr const char* roudi_name = "roudi";
 std::uint64_t roudi_inode = 0;  // set once in connect(), before any thread
 
 // No history anywhere: a plan or pose from before the reader came is not to be flown. Queues hold what may gather while
-// the reader is stopped for a moment; then the oldest is lost, which playout and the samples' sequence numbers show.
+// the reader is stopped for a moment; then the oldest is lost, which playout and the samples' sequence numbers show;
+// transitions come again.
 constexpr std::uint64_t plan_queue = 128;
 constexpr std::uint64_t pose_queue = 256;
 constexpr std::uint64_t beat_queue = 8;
 constexpr std::uint64_t state_queue = 256;
+constexpr std::uint64_t transition_queue = 256;
 
 // The version is part of the name: processes of different builds do not misread each other's plain data.
 iox::capro::ServiceDescription channel(const char* name, std::size_t size) {
@@ -52,7 +53,6 @@ class Receiver {
     out = **sample;
     return true;
   }
-  iox::popo::Subscriber<T>& subscriber() noexcept { return subscriber_; }
 
  private:
   iox::popo::Subscriber<T> subscriber_;
@@ -64,38 +64,30 @@ class IceoryxLinkEnd final : public LinkEnd {
   bool take_pose(Pose& out) noexcept override { return poses_.take(out); }
   bool take_beat(AgentBeat& out) noexcept override { return beats_.take(out); }
   bool send_state(const StateSample& sample) noexcept override { return states_.send(sample); }
+  bool send_transition(const Transition& transition) noexcept override { return transitions_.send(transition); }
 
  private:
   Receiver<Plan> plans_{"plan", plan_queue};
   Receiver<Pose> poses_{"pose", pose_queue};
   Receiver<AgentBeat> beats_{"beat", beat_queue};
   Sender<StateSample> states_{"state"};
+  Sender<Transition> transitions_{"transition"};
 };
 
 class IceoryxAgentEnd final : public AgentEnd {
  public:
-  bool attach() {
-    return !waiting_.attachState(states_.subscriber(), iox::popo::SubscriberState::HAS_DATA).has_error();
-  }
-  ~IceoryxAgentEnd() override { waiting_.detachState(states_.subscriber(), iox::popo::SubscriberState::HAS_DATA); }
-  IceoryxAgentEnd() = default;
-  IceoryxAgentEnd(const IceoryxAgentEnd&) = delete;
-  IceoryxAgentEnd& operator=(const IceoryxAgentEnd&) = delete;
-
   bool take_state(StateSample& out) noexcept override { return states_.take(out); }
+  bool take_transition(Transition& out) noexcept override { return transitions_.take(out); }
   bool send_plan(const Plan& plan) noexcept override { return plans_.send(plan); }
   bool send_pose(const Pose& pose) noexcept override { return poses_.send(pose); }
   bool send_beat(const AgentBeat& beat) noexcept override { return beats_.send(beat); }
-  void wait(TimeNs timeout_ns) noexcept override {
-    if (timeout_ns > 0) waiting_.timedWait(iox::units::Duration::fromNanoseconds(timeout_ns));
-  }
 
  private:
   Receiver<StateSample> states_{"state", state_queue};
+  Receiver<Transition> transitions_{"transition", transition_queue};
   Sender<Plan> plans_{"plan"};
   Sender<Pose> poses_{"pose"};
   Sender<AgentBeat> beats_{"beat"};
-  iox::popo::WaitSet<1> waiting_;
 };
 
 }  // namespace
@@ -128,9 +120,7 @@ Result<std::unique_ptr<LinkEnd>> LinkEnd::create() {
 }
 
 Result<std::unique_ptr<AgentEnd>> AgentEnd::create() {
-  auto end = std::make_unique<IceoryxAgentEnd>();
-  if (!end->attach()) return Error{"iceoryx gave no way to wait for states: too many processes use it on this machine"};
-  return std::unique_ptr<AgentEnd>(std::move(end));
+  return std::unique_ptr<AgentEnd>(std::make_unique<IceoryxAgentEnd>());
 }
 
 }  // namespace ledgerline::ipc

@@ -7,7 +7,9 @@
 #include "common/rt/result.hpp"
 
 /// The shared-memory channel between link and agent: iceoryx behind plain functions, so that no other header includes
-/// it. Each end is used by one thread; every call is non-blocking and free of heap use after construction.
+/// it. Each end takes in one thread and sends in one, which may be another; no call uses the heap after construction. A
+/// take is lock-free. A send is not: iceoryx 2.0 locks in shared memory, so a process killed at that moment may hold
+/// it.
 namespace ledgerline::ipc {
 
 /// Must be called once a process, before any end is made. RouDi must be running: without it iceoryx waits, so this
@@ -15,8 +17,8 @@ namespace ledgerline::ipc {
 Status connect(const std::string& program);
 
 /// Whether RouDi still answers: a dead one is silent (old links flow, new ends never join), so each process asks now
-/// and then, from a thread that may block for a moment. False for good once another RouDi took its place: then restart
-/// this process.
+/// and then, from a thread that may block for a moment. False for good once another RouDi took its place: only a
+/// new start of this process connects it to that one.
 bool roudi_lives();
 
 /// link's end.
@@ -29,6 +31,7 @@ class LinkEnd {
   virtual bool take_beat(AgentBeat& out) noexcept = 0;
   /// False when there is no chunk left: the sample is lost and the caller counts it.
   virtual bool send_state(const StateSample& sample) noexcept = 0;
+  virtual bool send_transition(const Transition& transition) noexcept = 0;
 };
 
 /// agent's end.
@@ -37,11 +40,10 @@ class AgentEnd {
   static Result<std::unique_ptr<AgentEnd>> create();
   virtual ~AgentEnd() = default;
   virtual bool take_state(StateSample& out) noexcept = 0;
+  virtual bool take_transition(Transition& out) noexcept = 0;
   virtual bool send_plan(const Plan& plan) noexcept = 0;
   virtual bool send_pose(const Pose& pose) noexcept = 0;
   virtual bool send_beat(const AgentBeat& beat) noexcept = 0;
-  /// Waits until a state may be there or the time is over.
-  virtual void wait(TimeNs timeout_ns) noexcept = 0;
 };
 
 }  // namespace ledgerline::ipc

@@ -47,24 +47,27 @@ Outside outside(const FenceSettings& fence, const FailsafeFacts& facts, bool pos
   return worst;
 }
 
+bool hovers(FailsafeMode mode) noexcept { return mode == FailsafeMode::hold || mode == FailsafeMode::brake; }
+
 FailsafeState change(const FailsafeState& last, TimeNs now, FailsafeMode mode, FailsafeCause cause) noexcept {
   FailsafeState next = last;
-  const bool hovers = mode == FailsafeMode::hold || mode == FailsafeMode::brake;
-  next.hovering_since_ns = !hovers ? 0 : last.hovering_since_ns != 0 ? last.hovering_since_ns : now;
-  next.cause_gone_since_ns = 0;
+  next.hovering_since_ns = !hovers(mode) ? 0 : last.hovering_since_ns != 0 ? last.hovering_since_ns : now;
+  if (mode != last.mode || cause != last.cause) next.cause_gone_since_ns = 0;
   next.mode = mode;
   next.cause = cause;
   return next;
 }
 
-// Causes that land at once, in their order of weight; none: there is none.
-FailsafeCause landing_cause(const FailsafeSettings& settings, const FenceSettings& fence, FailsafeState& memory,
-                            TimeNs now, const FailsafeFacts& facts, bool pose_lost) noexcept {
-  if (facts.stop) return FailsafeCause::stopped;
-  if (!older(now, facts.state_ns, settings.state_stale_ns) && facts.battery <= settings.battery_critical) {
-    return FailsafeCause::battery_critical;
-  }
+void remember_battery(const FailsafeSettings& settings, FailsafeState& memory, const FailsafeFacts& facts) noexcept {
+  if (facts.state_ns == 0) return;
+  if (facts.battery <= settings.battery_low) memory.battery_low = true;
+  if (facts.battery > settings.battery_low + settings.battery_margin) memory.battery_low = false;
+}
+
+void remember_fence(const FenceSettings& fence, FailsafeState& memory, TimeNs now, const FailsafeFacts& facts,
+                    bool pose_lost) noexcept {
   const Outside out = outside(fence, facts, pose_lost);
+  if (out.distance_m > 0) memory.outside_ns = now;
   const bool outward =
       out.distance_m > fence.far_beyond_m || (out.distance_m > 0 && (pose_lost || out.outward_mps > fence.outward_mps));
   if (!outward) {
@@ -72,75 +75,126 @@ FailsafeCause landing_cause(const FailsafeSettings& settings, const FenceSetting
   } else if (memory.outward_since_ns == 0) {
     memory.outward_since_ns = now;
   }
-  if (outward && now - memory.outward_since_ns >= settings.fence_land_after_ns) return FailsafeCause::fence;
-  return FailsafeCause::none;
 }
 
-// While flying: what keeps the plan from being flown, and how.
-FailsafeState hover_or_fly(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
-                           TimeNs now, const FailsafeFacts& facts, bool pose_lost) noexcept {
-  const bool state_stale = older(now, facts.state_ns, tightened(settings.state_stale_ns, last));
-  if (state_stale || pose_lost) {
-    return change(last, now, FailsafeMode::brake, state_stale ? FailsafeCause::state_stale : FailsafeCause::pose_lost);
-  }
-  if (last.mode == FailsafeMode::brake) {
-    FailsafeState next = last;
-    if (next.cause_gone_since_ns == 0) next.cause_gone_since_ns = now;
-    if (now - next.cause_gone_since_ns < settings.clear_after_ns) return next;
-    // The brake dropped the plans it met: without a new one this is a hold, and its clock goes on.
-  }
-  if (!facts.plan_valid) {
-    const TimeNs since = std::max(facts.covered_until_ns, facts.flying_since_ns);
-    const bool hovered = last.mode == FailsafeMode::hold || last.mode == FailsafeMode::brake;
-    if (hovered || now - since >= settings.hold_grace_ns) {
-      const bool agent_silent = older(now, facts.beat_ns, settings.agent_silent_ns);
-      const FailsafeCause cause = agent_silent          ? FailsafeCause::agent_silent
-                                  : !facts.ledger_alive ? FailsafeCause::ledger_silent
-                                                        : FailsafeCause::plan_ran_out;
-      return change(last, now, FailsafeMode::hold, cause);
-    }
-  }
-  FailsafeCause warning = FailsafeCause::none;
-  if (outside(fence, facts, false).distance_m > 0) {
-    warning = FailsafeCause::fence;
-  } else if (last.battery_low) {
-    warning = FailsafeCause::battery_low;
-  }
-  return change(last, now, FailsafeMode::none, warning);
+// Why there is nothing to fly; none: there is a plan, or it ended only just now.
+FailsafeCause lack_of_plan(const FailsafeSettings& settings, const FailsafeState& memory, TimeNs now,
+                           const FailsafeFacts& facts) noexcept {
+  if (facts.plan_valid) return FailsafeCause::none;
+  const TimeNs since = std::max(facts.covered_until_ns, facts.flying_since_ns);
+  if (!hovers(memory.mode) && now - since < settings.hold_grace_ns) return FailsafeCause::none;
+  const bool was_silent = memory.mode == FailsafeMode::hold && memory.cause == FailsafeCause::agent_silent;
+  const TimeNs limit = was_silent ? settings.agent_silent_ns / 2 : settings.agent_silent_ns;
+  if (older(now, facts.beat_ns, limit)) return FailsafeCause::agent_silent;
+  return facts.ledger_alive ? FailsafeCause::plan_ran_out : FailsafeCause::ledger_silent;
 }
 
 }  // namespace
 
+/// What the rows look at: the facts against the limits, and what is remembered.
+struct FailsafeMoment {
+  const FailsafeSettings& settings;
+  const FailsafeState& memory;
+  TimeNs now;
+  const FailsafeFacts& facts;
+  bool state_stale = false;
+  bool pose_lost = false;
+  FailsafeCause no_plan = FailsafeCause::none;
+  bool resting = false;  ///< what made it hover is away, but not long enough
+};
+
+namespace {
+
+using Moment = FailsafeMoment;
+
+// A hold for want of a plan becomes one of silence at once, but not the other way about: so a silence that comes and
+// goes does not make the cause come and go. A brake rests the same way.
+void rest(Moment& at, FailsafeState& memory) noexcept {
+  bool away = false;
+  if (memory.mode == FailsafeMode::brake) away = !at.state_stale && !at.pose_lost;
+  if (memory.mode == FailsafeMode::hold)
+    away = memory.cause != FailsafeCause::plan_ran_out && at.no_plan != memory.cause;
+  if (!away) {
+    memory.cause_gone_since_ns = 0;
+    return;
+  }
+  if (memory.cause_gone_since_ns == 0) memory.cause_gone_since_ns = at.now;
+  at.resting = at.now - memory.cause_gone_since_ns < at.settings.clear_after_ns;
+  if (at.resting && memory.mode == FailsafeMode::hold && at.no_plan != FailsafeCause::none) at.no_plan = memory.cause;
+}
+
+bool brakes_for(const Moment& at, FailsafeCause cause) noexcept {
+  return at.resting && at.memory.mode == FailsafeMode::brake && at.memory.cause == cause;
+}
+
+bool cut(const Moment& at) { return at.facts.cut; }
+bool stopped(const Moment& at) { return at.facts.stop; }
+bool battery_critical(const Moment& at) {
+  return !older(at.now, at.facts.state_ns, at.settings.state_stale_ns) &&
+         at.facts.battery <= at.settings.battery_critical;
+}
+bool leaves_fence(const Moment& at) {
+  return at.memory.outward_since_ns != 0 && at.now - at.memory.outward_since_ns >= at.settings.fence_land_after_ns;
+}
+bool state_stale(const Moment& at) { return at.state_stale || brakes_for(at, FailsafeCause::state_stale); }
+bool pose_lost(const Moment& at) { return at.pose_lost || brakes_for(at, FailsafeCause::pose_lost); }
+bool agent_silent(const Moment& at) { return at.no_plan == FailsafeCause::agent_silent; }
+bool ledger_silent(const Moment& at) { return at.no_plan == FailsafeCause::ledger_silent; }
+bool plan_ran_out(const Moment& at) { return at.no_plan == FailsafeCause::plan_ran_out; }
+bool held_too_long(const Moment& at) {
+  const TimeNs since = at.memory.hovering_since_ns;
+  const bool goes_on = state_stale(at) || pose_lost(at) || at.no_plan != FailsafeCause::none;
+  return at.facts.phase == FlightPhase::flying && since != 0 && goes_on && at.now - since >= at.settings.land_after_ns;
+}
+bool outside_fence(const Moment& at) {
+  return at.memory.outside_ns != 0 && at.now - at.memory.outside_ns <= at.settings.clear_after_ns;
+}
+bool battery_low(const Moment& at) { return at.memory.battery_low; }
+
+}  // namespace
+
+const std::array<FailsafeRow, 12> failsafe_table{{
+    {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, Clears::on_ground, cut},
+    {"FS-02", FailsafeCause::stopped, FailsafeMode::land, Clears::on_ground, stopped},
+    {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, Clears::on_ground, battery_critical},
+    {"FS-04", FailsafeCause::fence, FailsafeMode::land, Clears::on_ground, leaves_fence},
+    {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, Clears::on_ground, held_too_long},
+    {"FS-06", FailsafeCause::state_stale, FailsafeMode::brake, Clears::when_rested, state_stale},
+    {"FS-07", FailsafeCause::pose_lost, FailsafeMode::brake, Clears::when_rested, pose_lost},
+    {"FS-08", FailsafeCause::agent_silent, FailsafeMode::hold, Clears::with_a_plan, agent_silent},
+    {"FS-09", FailsafeCause::ledger_silent, FailsafeMode::hold, Clears::with_a_plan, ledger_silent},
+    {"FS-10", FailsafeCause::plan_ran_out, FailsafeMode::hold, Clears::with_a_plan, plan_ran_out},
+    {"FS-11", FailsafeCause::fence, FailsafeMode::none, Clears::back_inside, outside_fence},
+    {"FS-12", FailsafeCause::battery_low, FailsafeMode::none, Clears::when_charged, battery_low},
+}};
+
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
                      TimeNs now, const FailsafeFacts& facts) noexcept {
   FailsafeState memory = last;
-  if (facts.state_ns != 0) {
-    if (facts.battery <= settings.battery_low) memory.battery_low = true;
-    if (facts.battery > settings.battery_low + settings.battery_margin) memory.battery_low = false;
-  }
+  remember_battery(settings, memory, facts);
   if (!in_flight(facts.phase)) {
-    FailsafeState grounded = change(memory, now, FailsafeMode::none, FailsafeCause::none);
-    grounded.outward_since_ns = 0;
+    FailsafeState grounded;
+    grounded.battery_low = memory.battery_low;
     grounded.cause = takeoff_refusal(settings, now, facts);
     if (grounded.cause == FailsafeCause::none && memory.battery_low) grounded.cause = FailsafeCause::battery_low;
     return grounded;
   }
-  if (facts.cut) return change(memory, now, FailsafeMode::cut, FailsafeCause::stopped);
-  if (memory.mode == FailsafeMode::land || memory.mode == FailsafeMode::cut)
-    return memory;  // until it is on the ground
+  // Until it is on the ground, unless a cut is asked for.
+  if (memory.mode == FailsafeMode::cut || (memory.mode == FailsafeMode::land && !facts.cut)) return memory;
 
-  const bool pose_lost = lost_pose(settings, memory, now, facts);
-  const FailsafeCause cause = landing_cause(settings, fence, memory, now, facts, pose_lost);
-  if (cause != FailsafeCause::none) return change(memory, now, FailsafeMode::land, cause);
-  if (facts.phase != FlightPhase::flying) return change(memory, now, FailsafeMode::none, FailsafeCause::none);
-
-  const FailsafeState next = hover_or_fly(settings, fence, memory, now, facts, pose_lost);
-  if (next.hovering_since_ns != 0 && now - next.hovering_since_ns >= settings.land_after_ns) {
+  Moment at{.settings = settings, .memory = memory, .now = now, .facts = facts};
+  at.state_stale = older(now, facts.state_ns, tightened(settings.state_stale_ns, memory));
+  at.pose_lost = lost_pose(settings, memory, now, facts);
+  at.no_plan = lack_of_plan(settings, memory, now, facts);
+  remember_fence(fence, memory, now, facts, at.pose_lost);
+  rest(at, memory);
+  for (const FailsafeRow& row : failsafe_table) {
+    if ((row.mode < FailsafeMode::land && facts.phase != FlightPhase::flying) || !row.applies(at)) continue;
     // The cause stays readable: only a mere lack of plans becomes "held too long".
-    return change(next, now, FailsafeMode::land,
-                  next.cause == FailsafeCause::plan_ran_out ? FailsafeCause::held_too_long : next.cause);
+    const bool known = row.cause == FailsafeCause::held_too_long && memory.cause != FailsafeCause::plan_ran_out;
+    return change(memory, now, row.mode, known ? memory.cause : row.cause);
   }
-  return next;
+  return change(memory, now, FailsafeMode::none, FailsafeCause::none);
 }
 
 FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, const FailsafeFacts& facts) noexcept {

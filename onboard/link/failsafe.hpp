@@ -1,4 +1,6 @@
 #pragma once
+#include <array>
+
 #include "onboard/link/playout.hpp"
 #include "onboard/link/settings.hpp"
 
@@ -22,36 +24,49 @@ struct FailsafeFacts {
   bool cut = false;   ///< asked for by name
 };
 
-/// What the failsafe remembers and says. mode is the action:
-///
-/// | cause            | mode                          | clears when                                      |
-/// | ---------------- | ----------------------------- | ------------------------------------------------ |
-/// | plan_ran_out     | hold                          | a plan is valid again                            |
-/// | agent_silent     | plan flown to its end, hold   | a plan is valid again (agent must live for one)  |
-/// | ledger_silent    | plan flown to its end, hold   | a plan is valid again                            |
-/// | held_too_long    | land                          | on the ground                                    |
-/// | state_stale      | brake, then land              | state text within half the limit for clear_after |
-/// | pose_lost        | brake, then land              | pose within half the limit for clear_after       |
-/// | fence            | none (setpoint clipped), land | inside again; a landing: on the ground           |
-/// | battery_low      | none (a warning)              | above the threshold by battery_margin            |
-/// | battery_critical | land                          | on the ground                                    |
-/// | stopped          | land, or cut                  | on the ground and no stop any more               |
-///
-/// A pose is lost when agent is heard without one; a dead agent takes its poses along, which counts as agent_silent.
-/// land and cut never turn into anything milder in the air. Hold and brake turn into land after land_after, counted
-/// from when flying began at the earliest: taking off gives no free time.
+/// What the failsafe remembers and says; mode is the action.
 struct FailsafeState {
   FailsafeMode mode = FailsafeMode::none;
   FailsafeCause cause = FailsafeCause::none;
-  TimeNs hovering_since_ns = 0;  ///< of hold or brake without a break
-  TimeNs cause_gone_since_ns = 0;
-  TimeNs outward_since_ns = 0;
+  TimeNs hovering_since_ns = 0;    ///< of hold or brake without a break
+  TimeNs cause_gone_since_ns = 0;  ///< while it hovers: since when its cause is away
+  TimeNs outward_since_ns = 0;     ///< beyond the fence and still going outward
+  TimeNs outside_ns = 0;           ///< when it was beyond the fence last
   bool battery_low = false;
 };
+
+/// How a row ends.
+enum class Clears : std::uint8_t {
+  on_ground,    ///< once on the ground: a landing is never taken back in the air
+  when_rested,  ///< its cause, measured at half the limit, has been away for clear_after
+  with_a_plan,  ///< a plan covers this moment again
+  back_inside,  ///< inside the fence for clear_after
+  when_charged  ///< above the threshold by battery_margin
+};
+
+struct FailsafeMoment;
+
+/// One requirement: this cause leads to this mode. docs/failsafe.md has them in words, with the test of each.
+struct FailsafeRow {
+  const char* id;
+  FailsafeCause cause;
+  FailsafeMode mode;
+  Clears clears;
+  bool (*applies)(const FailsafeMoment&);
+};
+
+/// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground,
+/// the others while the drone flies.
+extern const std::array<FailsafeRow, 12> failsafe_table;
 
 /// Pure: the next state from the last one, the time and the facts.
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
                      TimeNs now, const FailsafeFacts& facts) noexcept;
+
+/// Whether a flying drone is told the plan's setpoint (clipped at the fence). If not, it is told zero, or to land.
+constexpr bool follows_plan(FailsafeMode mode, bool plan_valid) noexcept {
+  return plan_valid && mode == FailsafeMode::none;
+}
 
 /// Why the drone must not take off now; none: it may.
 FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, const FailsafeFacts& facts) noexcept;

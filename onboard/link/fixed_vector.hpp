@@ -19,10 +19,11 @@ class FixedVector {
   }
   /// Keeps the count of refusals.
   void clear() noexcept { size_ = 0; }
-  void erase(std::size_t at) noexcept {
-    for (std::size_t i = at + 1; i < size_; ++i) elements_[i - 1] = elements_[i];
-    --size_;
+  void erase_front(std::size_t count) noexcept {
+    for (std::size_t i = count; i < size_; ++i) elements_[i - count] = elements_[i];
+    size_ -= count;
   }
+  void pop_back() noexcept { --size_; }
   std::size_t size() const noexcept { return size_; }
   bool empty() const noexcept { return size_ == 0; }
   bool full() const noexcept { return size_ == Capacity; }

@@ -48,6 +48,7 @@ void read_motion(Config& config, LinkSettings& link) {
       read_float(config, "limits.yaw_acceleration_radps2", playout.max_yaw_acceleration_radps2, 0.1, 100);
   playout.max_age_ns = read_ms(config, "playout.max_age_ms", playout.max_age_ns, 10, 60'000);
   playout.max_ahead_ns = read_ms(config, "playout.max_ahead_ms", playout.max_ahead_ns, 10, 60'000);
+  playout.max_margin_ns = read_ms(config, "playout.max_margin_ms", playout.max_margin_ns, 0, 10'000);
 
   RcSettings& rc = link.rc;
   rc.full_scale_mps = read_float(config, "rc.full_scale_mps", rc.full_scale_mps, 0.1, 20);

@@ -36,6 +36,7 @@ const LinkCore::Drone* LinkCore::find(DroneNumber number) const noexcept {
 const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept {
   out_.to_send.clear();
   out_.states.clear();
+  out_.transitions.clear();
   out_.trace.clear();
   if (last_step_ns_ != 0 && now - last_step_ns_ > settings_.health_gap_ns)
     unhealthy_until_ns_ = now + settings_.health_rest_ns;
@@ -68,10 +69,20 @@ void LinkCore::take_inputs(TimeNs now, const LinkInputs& inputs) noexcept {
     }
   }
   for (const AgentBeat& beat : inputs.beats) {
-    if (beat.stamp_ns >= beat_.stamp_ns && beat.stamp_ns <= now) beat_ = beat;
+    if (beat.stamp_ns >= beat_.stamp_ns && beat.stamp_ns <= now) take_beat(beat);
   }
   for (const Pose& pose : inputs.poses) take_pose(now, pose);
   for (const Plan& plan : inputs.plans) take_plan(now, plan);
+}
+
+void LinkCore::take_beat(const AgentBeat& beat) noexcept {
+  beat_ = beat;
+  const bool of_this_boot = beat.boot_id == boot_id_;  // an agent that started anew knows of no boot
+  for (Drone& drone : drones_) {
+    const std::size_t i = std::min(drone.number, max_drones);
+    drone.transitions.heard(of_this_boot ? beat.transitions_taken[i] : 0,
+                            of_this_boot ? beat.transitions_on_ledger[i] : 0);
+  }
 }
 
 void LinkCore::take_pose(TimeNs now, const Pose& pose) noexcept {
@@ -192,6 +203,7 @@ void LinkCore::step_drone(TimeNs now, Drone& drone) noexcept {
   if (drone.session.phase() == FlightPhase::flying) fly(now, drone, wish);
   for (CommandText text; drone.session.next_send(now, text);) out_.to_send.push({drone.number, text});
   watch_phase(now, drone);
+  record_transition(now, drone);
   record_ends(now, drone);
 }
 
@@ -220,7 +232,7 @@ void LinkCore::fly(TimeNs now, Drone& drone, const Playout::Wish& wish) noexcept
     if (drone.last_rc != Rc{}) send_rc(now, drone, {}, {});
     return;
   }
-  const bool follows = wish.valid && drone.failsafe.mode == FailsafeMode::none;
+  const bool follows = follows_plan(drone.failsafe.mode, wish.valid);
   const Velocity goal = follows ? clip_at_fence(settings_.fence, drone.facts.position_m, wish.velocity) : Velocity{};
   const Velocity limited = drone.limiter.step(now, goal, drone.failsafe.mode == FailsafeMode::brake);
   const BodyCommand command = to_body(settings_.rc, limited, drone.pose.yaw_rad);
@@ -274,6 +286,18 @@ void LinkCore::watch_phase(TimeNs now, Drone& drone) noexcept {
                      .stamp_ns = 0,
                      .v = {static_cast<double>(drone.failsafe.cause)}});
   }
+}
+
+void LinkCore::record_transition(TimeNs now, Drone& drone) noexcept {
+  Transition& last = drone.last_transition;
+  const FlightPhase phase = drone.session.phase();
+  const FailsafeMode mode = drone.failsafe.mode;
+  const FailsafeCause cause = in_flight(phase) ? drone.failsafe.cause : FailsafeCause::none;
+  if (phase != last.phase || mode != last.mode || cause != last.cause) {
+    last = {.drone = drone.number, .phase = phase, .mode = mode, .cause = cause, .boot_id = boot_id_, .stamp_ns = now};
+    drone.transitions.add(last);
+  }
+  if (Transition next; drone.transitions.next(next)) out_.transitions.push(next);
 }
 
 void LinkCore::sample(TimeNs now, Drone& drone) noexcept {
@@ -365,6 +389,7 @@ std::vector<DroneReport> LinkCore::reports() const {
                        .number = drone.number,
                        .states_sampled = drone.states_sampled,
                        .plans = drone.playout.counters(),
+                       .transitions = drone.transitions.counters(),
                        .age_ms = drone.age.quantiles_ms(),
                        .landed = drone.session.has_flown() && on_ground(phase),
                        .phase = phase});

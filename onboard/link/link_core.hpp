@@ -12,6 +12,7 @@
 #include "onboard/link/playout.hpp"
 #include "onboard/link/session.hpp"
 #include "onboard/link/settings.hpp"
+#include "onboard/link/transition_log.hpp"
 
 namespace ledgerline::link {
 
@@ -42,6 +43,7 @@ struct LinkInputs {
 struct LinkOutputs {
   FixedVector<ToSend, 4 * max_drones> to_send;
   FixedVector<StateSample, max_drones> states;
+  FixedVector<Transition, max_drones> transitions;  ///< what is lost on the way comes again
   FixedVector<TraceRecord, 512> trace;
 };
 
@@ -51,6 +53,7 @@ struct DroneReport {
   DroneNumber number = 0;
   std::uint64_t states_sampled = 0;
   PlanCounters plans;
+  TransitionLog::Counters transitions;
   Quantiles age_ms;     ///< at application: sent - the state's stamp
   bool landed = false;  ///< it flew and is on the ground again
   FlightPhase phase = FlightPhase::disconnected;
@@ -90,6 +93,8 @@ class LinkCore {
     Limiter limiter;
     FailsafeState failsafe;
     FailsafeFacts facts;
+    TransitionLog transitions;
+    Transition last_transition;
     Pose pose;
     std::array<double, 3> moved_m{};  ///< since that pose, as far as what was sent tells
     bool stop = false;                ///< until the next take-off from a state after the landing
@@ -111,6 +116,7 @@ class LinkCore {
   Drone* find(DroneNumber number) noexcept;
   const Drone* find(DroneNumber number) const noexcept;
   void take_inputs(TimeNs now, const LinkInputs& inputs) noexcept;
+  void take_beat(const AgentBeat& beat) noexcept;
   void take_pose(TimeNs now, const Pose& pose) noexcept;
   void reckon(double seconds) noexcept;
   void take_plan(TimeNs now, const Plan& plan) noexcept;
@@ -122,6 +128,7 @@ class LinkCore {
   void fly(TimeNs now, Drone& drone, const Playout::Wish& wish) noexcept;
   void send_rc(TimeNs now, Drone& drone, const Velocity& told, const Rc& rc) noexcept;
   void watch_phase(TimeNs now, Drone& drone) noexcept;
+  void record_transition(TimeNs now, Drone& drone) noexcept;
   void sample(TimeNs now, Drone& drone) noexcept;
   void record_applied(TimeNs now, const Drone& drone, std::uint64_t sequence, TimeNs state_stamp_ns,
                       TimeNs late_ns = 0) noexcept;

@@ -1,7 +1,5 @@
 #include "onboard/link/link_loop.hpp"
 
-#include <algorithm>
-
 namespace ledgerline::link {
 
 void LinkLoop::run() noexcept {
@@ -13,6 +11,7 @@ void LinkLoop::run() noexcept {
 
     const bool stopping = stop_.load(std::memory_order_relaxed);
     turn(now, stopping);
+    turns_.store(turns.count(), std::memory_order_relaxed);
     if (!stopping) continue;
     if (give_up_ns == 0) give_up_ns = now + settings_.landing_bound_ns;
     if (core_.all_on_ground() || now >= give_up_ns) break;
@@ -20,7 +19,7 @@ void LinkLoop::run() noexcept {
   if (packed_turns_.record().extra < PackedTurns::capacity) hand_over(packed_turns_.record());
   figures_.cycles = turns.count();
   figures_.overruns = turns.overruns();
-  figures_.max_late_ns = turns.late().max();
+  figures_.lateness = turns.late();
   ended_.store(true, std::memory_order_release);
 }
 
@@ -38,10 +37,13 @@ void LinkLoop::turn(TimeNs now, bool stopping) noexcept {
   for (const ToSend& message : out.to_send) figures_.sends_failed += sockets_.send(message) ? 0 : 1;
   const TimeNs sent_ns = out.to_send.empty() ? now : monotonic_ns();
   for (const StateSample& state : out.states) {
-    if (!end_.send_state(state)) ++figures_.states_lost[std::min<std::size_t>(state.drone, max_drones)];
+    courier_.put(state);
     // Only shown to people: a full ring of these is no loss.
     (void)states_.push(state);
   }
+  // What cannot be handed over, or nobody takes, the core gives again after agent's next beat.
+  for (const Transition& transition : out.transitions) courier_.put(transition);
+  if (!out.states.empty() || !out.transitions.empty()) courier_.wake();
   for (TraceRecord record : out.trace) {
     hand_over(record);
     if (record.kind != TraceKind::command_applied) continue;

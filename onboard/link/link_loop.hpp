@@ -3,10 +3,12 @@
 #include <atomic>
 #include <cstdint>
 
+#include "common/rt/histogram.hpp"
 #include "common/rt/real_time.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "common/rt/turns.hpp"
 #include "onboard/ipc/ipc.hpp"
+#include "onboard/link/courier.hpp"
 #include "onboard/link/link_config.hpp"
 #include "onboard/link/link_core.hpp"
 #include "onboard/link/tello_sockets.hpp"
@@ -17,19 +19,18 @@ namespace ledgerline::link {
 struct LoopFigures {
   std::uint64_t cycles = 0;
   std::uint64_t overruns = 0;  ///< cycles that began more than a period late
-  TimeNs max_late_ns = 0;
+  Histogram lateness;          ///< of each cycle's begin
   std::uint64_t sends_failed = 0;
-  std::uint64_t trace_lost = 0;                             ///< the writer was behind
-  std::array<std::uint64_t, max_drones + 1> states_lost{};  ///< by drone number: agent's queue had no chunk left
+  std::uint64_t trace_lost = 0;  ///< the writer was behind
 };
 
 /// The one real-time loop: time-triggered, each turn polls shared memory and sockets, steps the core, sends. Its only
-/// system calls are clock, sleep, non-blocking receive and send; it takes no lock and allocates nothing. What others
-/// want to see leaves through wait-free rings.
+/// system calls are clock, sleep, non-blocking receive and send; it takes no lock, allocates nothing and throws nothing
+/// (tests/unit/onboard/real_link_test.cpp watches it). What others want to see leaves through wait-free rings.
 class LinkLoop {
  public:
-  LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, TelloSockets& sockets)
-      : settings_(settings), core_(core), end_(end), sockets_(sockets) {}
+  LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, Courier& courier, TelloSockets& sockets)
+      : settings_(settings), core_(core), end_(end), courier_(courier), sockets_(sockets) {}
 
   /// Runs in the calling thread until request_stop(), and then until all drones are on the ground or the bound is over.
   void run() noexcept;
@@ -37,6 +38,8 @@ class LinkLoop {
   /// Any thread.
   void request_stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
   bool ended() const noexcept { return ended_.load(std::memory_order_acquire); }
+  /// How many turns were made: the proof that the loop goes on.
+  std::uint64_t turns() const noexcept { return turns_.load(std::memory_order_relaxed); }
 
   /// The other thread's ends of the rings: one thread.
   SpscRing<TraceRecord, 16384>& trace() noexcept { return trace_; }
@@ -56,6 +59,7 @@ class LinkLoop {
   const ShellSettings& settings_;
   LinkCore& core_;
   ipc::LinkEnd& end_;
+  Courier& courier_;
   TelloSockets& sockets_;
   std::array<Plan, max_plans> plans_{};
   std::array<Pose, max_poses> poses_{};
@@ -66,6 +70,7 @@ class LinkLoop {
   LoopFigures figures_;
   std::atomic<bool> stop_{false};
   std::atomic<bool> ended_{false};
+  std::atomic<std::uint64_t> turns_{0};
 };
 
 }  // namespace ledgerline::link

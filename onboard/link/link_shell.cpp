@@ -1,8 +1,10 @@
 #include "onboard/link/link_shell.hpp"
 
 #include <fmt/format.h>
+#include <pthread.h>
 #include <sys/random.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <ctime>
@@ -10,7 +12,9 @@
 #include <optional>
 #include <thread>
 
+#include "common/msg/names.hpp"
 #include "common/rt/log.hpp"
+#include "common/rt/service_manager.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/link_loop.hpp"
 #include "onboard/link/link_summary.hpp"
@@ -20,6 +24,7 @@ namespace {
 
 constexpr TimeNs housekeeping_period_ns = 10 * ns_per_ms;
 constexpr TimeNs roudi_period_ns = 1 * ns_per_s;
+constexpr int courier_below_loop = 10;  // priorities between the two are for what a user wants there
 
 Result<std::uint64_t> random_boot_id() {
   std::uint64_t id = 0;
@@ -30,8 +35,8 @@ Result<std::uint64_t> random_boot_id() {
 // The thread that may block, beside the loop.
 class Housekeeping {
  public:
-  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace)
-      : settings_(settings), loop_(loop), trace_(std::move(trace)) {}
+  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace, ServiceManager& manager)
+      : settings_(settings), loop_(loop), trace_(std::move(trace)), manager_(manager) {}
 
   void once(TimeNs now) {
     for (TraceRecord record; loop_.trace().pop(record);) {
@@ -45,6 +50,14 @@ class Housekeeping {
       std::fflush(stdout);
     }
     if (now >= next_roudi_ns_) watch_roudi(now);
+    // The loop's own turns: a loop that hangs is not spoken for.
+    if (auto status = manager_.alive(now, loop_.turns()); !status) spdlog::warn("{}", status.error().what);
+  }
+
+  /// RouDi is not the one that link is connected to any more, and nothing flies: only a new start connects it again.
+  bool must_start_anew() const {
+    return !roudi_lives_ &&
+           std::none_of(newest_.begin(), newest_.end(), [](const StateSample& s) { return in_flight(s.phase); });
   }
 
   Status close() {
@@ -71,27 +84,39 @@ class Housekeeping {
   void watch_roudi(TimeNs now) {
     next_roudi_ns_ = now + roudi_period_ns;
     const bool lives = ipc::roudi_lives();
-    if (roudi_lived_ && !lives) {
+    if (roudi_lives_ && !lives) {
       spdlog::error(
-          "RouDi is gone: what is connected goes on, but nobody new can join; restart roudi, then link and agent, on "
-          "the ground");
+          "RouDi is gone: what is connected goes on, but nobody new can join; once nothing flies, link ends, to be "
+          "started again behind a new RouDi");
     }
-    roudi_lived_ = lives;
+    roudi_lives_ = lives;
   }
 
   const ShellSettings& settings_;
   LinkLoop& loop_;
   std::optional<TraceWriter> trace_;
+  ServiceManager& manager_;
   std::array<StateSample, max_drones + 1> newest_{};
   TimeNs next_status_ns_ = 0;
   TimeNs next_roudi_ns_ = 0;
-  bool roudi_lived_ = true;
+  bool roudi_lives_ = true;
 };
 
 // Signals are blocked in every thread; this one picks them up, or waits a turn.
 bool wait_for_signal(const sigset_t& signals) {
   const timespec turn{0, housekeeping_period_ns};
   return ::sigtimedwait(&signals, nullptr, &turn) > 0;
+}
+
+void tell_transitions(const LinkCore& core) {
+  for (const DroneReport& report : core.reports()) {
+    const TransitionLog::Counters& t = report.transitions;
+    if (t.lost > 0)
+      spdlog::error("{}: {} transitions of the failsafe are lost, agent was away too long", report.name, t.lost);
+    if (t.kept > 0)
+      spdlog::warn("{}: {} transitions of the failsafe were not on the ledger yet, as far as agent told", report.name,
+                   t.kept);
+  }
 }
 
 int fail(const Error& error) {
@@ -114,6 +139,8 @@ int run_link(const ShellSettings& settings) {
     if (!writer) return fail(writer.error());
     trace = std::move(*writer);
   }
+  auto manager = ServiceManager::from_environment();
+  if (!manager) return fail(manager.error());
   auto boot_id = random_boot_id();
   if (!boot_id) return fail(boot_id.error());
   auto sockets = TelloSockets::create(settings);
@@ -122,9 +149,11 @@ int run_link(const ShellSettings& settings) {
   auto end = ipc::LinkEnd::create();
   if (!end) return fail(end.error());
 
+  auto courier = Courier::start(**end, settings.priority > 0 ? std::max(settings.priority - courier_below_loop, 1) : 0);
+  if (!courier) return fail(courier.error());
   auto core = std::make_unique<LinkCore>(settings.link, *boot_id);
-  auto loop = std::make_unique<LinkLoop>(settings, *core, **end, *sockets);
-  Housekeeping housekeeping(settings, *loop, std::move(trace));
+  auto loop = std::make_unique<LinkLoop>(settings, *core, **end, **courier, *sockets);
+  Housekeeping housekeeping(settings, *loop, std::move(trace), *manager);
 
   std::promise<RealTime> entered;
   auto real_time_result = entered.get_future();
@@ -137,6 +166,7 @@ int run_link(const ShellSettings& settings) {
   for (const std::string& notice : real_time.notices) spdlog::warn("{}", notice);
   fmt::print("{{\"ready\":true,\"program\":\"ledgerline-link\",\"drones\":{}}}\n", settings.link.drones.size());
   std::fflush(stdout);
+  if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
 
   while (!loop->ended()) {
     if (wait_for_signal(signals)) {
@@ -145,15 +175,17 @@ int run_link(const ShellSettings& settings) {
       loop->request_stop();
     }
     housekeeping.once(monotonic_ns());
+    if (housekeeping.must_start_anew()) loop->request_stop();
   }
   thread.join();
   core->finish();
   housekeeping.once(monotonic_ns());
   if (!core->all_on_ground())
     spdlog::error("not every drone was seen on the ground; a Tello lands by itself 15 s after the last command");
+  tell_transitions(*core);
   if (auto status = housekeeping.close(); !status) return fail(status.error());
   if (!settings.summary.empty()) {
-    if (auto status = write_summary(settings.summary, *core, loop->figures(), real_time.all()); !status)
+    if (auto status = write_summary(settings.summary, *core, loop->figures(), **courier, real_time.all()); !status)
       return fail(status.error());
   }
   return core->all_on_ground() ? 0 : 1;

@@ -4,16 +4,11 @@
 
 #include <fstream>
 
+#include "common/msg/names.hpp"
 #include "common/rt/json.hpp"
 
 namespace ledgerline::link {
 namespace {
-
-template <typename Enum, std::size_t N>
-const char* look_up(const std::array<const char*, N>& names, Enum value) noexcept {
-  const auto at = static_cast<std::size_t>(value);
-  return at < N ? names[at] : "unknown";
-}
 
 nlohmann::json to_json(const DroneReport& report, std::uint64_t states_lost) {
   nlohmann::json reasons = nlohmann::json::object();
@@ -28,35 +23,37 @@ nlohmann::json to_json(const DroneReport& report, std::uint64_t states_lost) {
           {"commands_late", report.plans.late},
           {"commands_dropped", report.plans.dropped},
           {"drop_reasons", reasons},
+          {"transitions",
+           {{"made", report.transitions.made},
+            {"on_ledger", report.transitions.on_ledger},
+            {"lost", report.transitions.lost},
+            {"kept", report.transitions.kept}}},
           {"age_ms", report.age_ms},
           {"landed", report.landed},
           {"phase", name(report.phase)}};
 }
 
+nlohmann::json to_json(const LoopFigures& loop) {
+  const auto late_us = [&](double quantile) { return loop.lateness.quantile(quantile) / ns_per_us; };
+  return {{"cycles", loop.cycles},
+          {"overruns", loop.overruns},
+          {"lateness_us",
+           {{"p50", late_us(0.5)},
+            {"p95", late_us(0.95)},
+            {"p99", late_us(0.99)},
+            {"p99_9", late_us(0.999)},
+            {"max", loop.lateness.max() / ns_per_us}}},
+          {"sends_failed", loop.sends_failed},
+          {"trace_lost", loop.trace_lost}};
+}
+
 }  // namespace
-
-const char* name(FlightPhase phase) noexcept {
-  static constexpr std::array<const char*, 6> names{"disconnected", "on_ground", "taking_off",
-                                                    "flying",       "landing",   "landed"};
-  return look_up(names, phase);
-}
-
-const char* name(FailsafeMode mode) noexcept {
-  static constexpr std::array<const char*, 5> names{"none", "hold", "brake", "land", "cut"};
-  return look_up(names, mode);
-}
-
-const char* name(FailsafeCause cause) noexcept {
-  static constexpr std::array<const char*, 11> names{
-      "none",      "plan_ran_out", "held_too_long", "agent_silent",     "ledger_silent", "state_stale",
-      "pose_lost", "fence",        "battery_low",   "battery_critical", "stopped"};
-  return look_up(names, cause);
-}
 
 const char* name(DropReason reason) noexcept {
   static constexpr std::array<const char*, 7> names{"none",      "too_old",    "out_of_order", "superseded",
                                                     "bad_value", "not_flying", "queue_full"};
-  return look_up(names, reason);
+  const auto at = static_cast<std::size_t>(reason);
+  return at < names.size() ? names[at] : "unknown";
 }
 
 std::string status_line(const LinkSettings& settings, const std::array<StateSample, max_drones + 1>& newest) {
@@ -75,17 +72,11 @@ std::string status_line(const LinkSettings& settings, const std::array<StateSamp
   return nlohmann::json{{"link", {{"drones", drones}}}}.dump();
 }
 
-Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, bool realtime) {
+Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, const Courier& courier,
+                     bool realtime) {
   nlohmann::json drones = nlohmann::json::array();
-  for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, loop.states_lost[report.number]));
-  const nlohmann::json summary{{"drones", drones},
-                               {"loop",
-                                {{"cycles", loop.cycles},
-                                 {"overruns", loop.overruns},
-                                 {"max_late_us", loop.max_late_ns / ns_per_us},
-                                 {"sends_failed", loop.sends_failed},
-                                 {"trace_lost", loop.trace_lost}}},
-                               {"realtime", realtime}};
+  for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, courier.lost(report.number)));
+  const nlohmann::json summary{{"drones", drones}, {"loop", to_json(loop)}, {"realtime", realtime}};
   std::ofstream file(path);
   file << summary.dump(2) << '\n';
   file.close();

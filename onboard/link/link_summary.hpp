@@ -11,11 +11,9 @@ namespace ledgerline::link {
 std::string status_line(const LinkSettings& settings, const std::array<StateSample, max_drones + 1>& newest);
 
 /// Writes the summary at the end of the run.
-Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, bool realtime);
+Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, const Courier& courier,
+                     bool realtime);
 
-const char* name(FlightPhase phase) noexcept;
-const char* name(FailsafeMode mode) noexcept;
-const char* name(FailsafeCause cause) noexcept;
 const char* name(DropReason reason) noexcept;
 
 }  // namespace ledgerline::link

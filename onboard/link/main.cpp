@@ -16,7 +16,9 @@ int main(int argc, char** argv) {
       "A config for one simulated drone:\n"
       "  [[drone]]\n  name = \"tello1\"\n  address = \"127.0.0.2\"\n"
       "  [state]\n  listen = \"127.0.0.1:8890\"\n  rate_hz = 30.0\n"
-      "SIGTERM lands what flies (at most 10 s), then ends.\n"
+      "SIGTERM lands what flies (at most 10 s), then ends. So it does when RouDi is gone, but not before all drones "
+      "are\n"
+      "on the ground: start it again behind a new RouDi.\n"
       "Exit codes: 0 all drones on the ground, 1 cannot serve or a drone was not seen down, 2 bad usage or config");
   try {
     app.parse(argc, argv);

@@ -10,6 +10,9 @@ namespace {
 constexpr float absurd_mps = 100;
 constexpr float absurd_radps = 100;
 
+constexpr TimeNs margin_look_ns = 100 * ns_per_ms;
+constexpr std::size_t margin_plans = 32;  // fewer say nothing about a quantile
+
 // A stop comes from the contract, not from the lease's holder: it is in nobody's sequence and obeyed at any time.
 bool outranks_order(const Plan& plan) noexcept {
   return plan.action == PlanAction::stop || plan.action == PlanAction::cut;
@@ -21,6 +24,30 @@ bool believable(const Setpoint& setpoint) noexcept {
          std::isfinite(setpoint.yaw_rate_radps) && std::abs(setpoint.yaw_rate_radps) <= absurd_radps;
 }
 }  // namespace
+
+void Margin::add(TimeNs now, TimeNs lateness_ns) noexcept {
+  lateness_ns_[count_ % lateness_ns_.size()] = lateness_ns;
+  ++count_;
+  // A burst of plans pays for one look only.
+  if (count_ < margin_plans || now - target_since_ns_ < margin_look_ns) return;
+  target_since_ns_ = now;
+  auto sorted = lateness_ns_;
+  const std::size_t known = std::min(count_, sorted.size());
+  const auto rank = static_cast<std::size_t>(settings_.margin_quantile * static_cast<double>(known - 1));
+  std::nth_element(sorted.begin(), sorted.begin() + rank, sorted.begin() + known);
+  target_ns_ = std::clamp<TimeNs>(sorted[rank], 0, settings_.max_margin_ns);
+}
+
+TimeNs Margin::step(TimeNs now) noexcept {
+  const TimeNs passed = std::max<TimeNs>(0, now - last_ns_);
+  last_ns_ = now;
+  if (margin_ns_ < target_ns_) {
+    margin_ns_ = std::min(target_ns_, margin_ns_ + passed / 2);
+  } else {
+    margin_ns_ = std::max(target_ns_, margin_ns_ - passed / 20);
+  }
+  return margin_ns_;
+}
 
 DropReason Playout::check(TimeNs now, const Plan& plan) const noexcept {
   if (outranks_order(plan)) return DropReason::none;
@@ -80,42 +107,43 @@ TimeNs Playout::end_of(const Plan& plan) const noexcept {
 }
 
 void Playout::add(TimeNs now, const Plan& plan) noexcept {
+  margin_.add(now, now - plan.setpoints[0].at_ns);
   const Waiting waiting{plan, end_of(plan), false, -1};
-  if (waiting.end_ns <= now) {
+  if (waiting.end_ns <= now - margin_.value()) {
     finish(waiting, DropReason::none);
     return;
   }
   if (waiting_.full()) {
     // What waits longest is flown soonest; the newest one waiting speaks of the time that this plan speaks of, too.
     finish(waiting_[waiting_.size() - 1], DropReason::queue_full);
-    waiting_.erase(waiting_.size() - 1);
+    waiting_.pop_back();
   }
   waiting_.push(waiting);
 }
 
 Playout::Wish Playout::wish(TimeNs now) noexcept {
+  const TimeNs time = now - margin_.step(now);  // of playout
   // The newest plan that is due takes over, and what is older than it will never be flown again.
   std::size_t due = waiting_.size();
   for (std::size_t i = 0; i < waiting_.size(); ++i) {
-    if (waiting_[i].plan.setpoints[0].at_ns <= now) due = i;
+    if (waiting_[i].plan.setpoints[0].at_ns <= time) due = i;
   }
   if (due < waiting_.size()) {
-    for (; due > 0; --due) {
-      finish(waiting_[0], waiting_[0].end_ns <= now ? DropReason::none : DropReason::superseded);
-      waiting_.erase(0);
+    for (std::size_t i = 0; i < due; ++i) {
+      finish(waiting_[i], waiting_[i].end_ns <= time ? DropReason::none : DropReason::superseded);
     }
-    covered_until_ns_ = waiting_[0].end_ns;
-    if (waiting_[0].end_ns <= now) {
+    waiting_.erase_front(due);
+    covered_until_ns_ = waiting_[0].end_ns + margin_.value();
+    if (waiting_[0].end_ns <= time) {
       finish(waiting_[0], DropReason::none);
-      waiting_.erase(0);
-      due = waiting_.size();
+      waiting_.erase_front(1);
     }
   }
   wished_setpoint_ = -1;
-  if (waiting_.empty() || waiting_[0].plan.setpoints[0].at_ns > now) return {};
+  if (waiting_.empty() || waiting_[0].plan.setpoints[0].at_ns > time) return {};
   const Waiting& flown = waiting_[0];
   std::uint32_t at = 0;
-  while (at + 1 < flown.plan.count && flown.plan.setpoints[at + 1].at_ns <= now) ++at;
+  while (at + 1 < flown.plan.count && flown.plan.setpoints[at + 1].at_ns <= time) ++at;
   wished_setpoint_ = static_cast<std::int32_t>(at);
   const Setpoint& setpoint = flown.plan.setpoints[at];
   return {.valid = true,

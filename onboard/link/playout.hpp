@@ -29,13 +29,35 @@ struct PlanEnd {
   DropReason reason = DropReason::none;  ///< none: late
 };
 
-/// Flies each setpoint at the time it is meant for. Plans come in bursts; a newer plan takes over when its first
-/// setpoint is due, until then the one before it is flown, so a late successor leaves no gap. A plan once flown is
-/// never followed by an older one. When the newest plan is over, the wish is zero, and the limiter ramps down to it.
-/// Core: no allocation; one thread.
+/// How late plans come, and how much later than they say their setpoints are to be flown for it, as an audio jitter
+/// buffer does: a quantile of the lateness of the newest 256 plans, never negative. The margin moves to it slowly, so
+/// that the time of playout never goes back: it rises by half a second a second, falls by a twentieth.
+class Margin {
+ public:
+  explicit Margin(const PlayoutSettings& settings) noexcept : settings_(settings) {}
+  /// A plan came, this long after the time of its first setpoint (negative: before it).
+  void add(TimeNs now, TimeNs lateness_ns) noexcept;
+  /// Moves on to `now`.
+  TimeNs step(TimeNs now) noexcept;
+  TimeNs value() const noexcept { return margin_ns_; }
+
+ private:
+  PlayoutSettings settings_;
+  std::array<TimeNs, 256> lateness_ns_{};
+  std::size_t count_ = 0;  ///< plans so far
+  TimeNs target_ns_ = 0;
+  TimeNs target_since_ns_ = 0;
+  TimeNs margin_ns_ = 0;
+  TimeNs last_ns_ = 0;
+};
+
+/// Flies each setpoint at the time it is meant for, or behind it by a margin where plans come late. Plans come in
+/// bursts; a newer plan takes over when its first setpoint is due, until then the one before it is flown, so a late
+/// successor leaves no gap. A plan once flown is never followed by an older one. When the newest plan is over, the wish
+/// is zero, and the limiter ramps down to it. Core: no allocation; one thread.
 class Playout {
  public:
-  explicit Playout(const PlayoutSettings& settings) noexcept : settings_(settings) {}
+  explicit Playout(const PlayoutSettings& settings) noexcept : settings_(settings), margin_(settings) {}
 
   /// The order check of every plan, whatever its action: counts it as received; anything but `none` means it was
   /// dropped.
@@ -53,7 +75,7 @@ class Playout {
     Velocity velocity;
     std::uint64_t sequence = 0;
     TimeNs state_stamp_ns = 0;
-    TimeNs meant_ns = 0;  ///< when the setpoint was meant to be flown
+    TimeNs meant_ns = 0;  ///< when the setpoint was meant to be flown; it is by the margin later
   };
   Wish wish(TimeNs now) noexcept;
 
@@ -63,6 +85,8 @@ class Playout {
   /// No plan is to be flown any more (landing, or the end): the waiting ones are dropped with this reason.
   void clear(DropReason reason) noexcept;
 
+  /// How much later than they say setpoints are flown now.
+  TimeNs margin_ns() const noexcept { return margin_.value(); }
   /// When the newest plan ended or will end; 0: there was none.
   TimeNs covered_until_ns() const noexcept { return covered_until_ns_; }
   const PlanCounters& counters() const noexcept { return counters_; }
@@ -83,7 +107,8 @@ class Playout {
   TimeNs end_of(const Plan& plan) const noexcept;
 
   PlayoutSettings settings_;
-  FixedVector<Waiting, 16> waiting_;  ///< in order; the first is the one being flown, if it is due
+  Margin margin_;
+  FixedVector<Waiting, 64> waiting_;  ///< in order; the first is the one being flown, if it is due
   std::uint64_t newest_epoch_ = 0;
   std::uint64_t newest_sequence_ = 0;
   bool any_ = false;

@@ -28,6 +28,8 @@ struct PlayoutSettings {
   TimeNs max_ahead_ns = 5 * ns_per_s;        ///< a setpoint further in the future is a bad value
   TimeNs default_hold_ns = 100 * ns_per_ms;  ///< how long the only setpoint of a plan is valid
   TimeNs max_hold_ns = 500 * ns_per_ms;      ///< how long the last setpoint of any plan is valid, at most
+  TimeNs max_margin_ns = 1 * ns_per_s;       ///< setpoints are flown later than they say by so much at most; 0: never
+  double margin_quantile = 0.98;             ///< of the plans' lateness: so many are to come in time
   float max_speed_mps = 2.0F;                ///< of the horizontal velocity
   float max_vertical_mps = 1.0F;
   float max_yaw_rate_radps = 1.75F;

@@ -8,16 +8,20 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <fstream>
 #include <iceoryx_hoofs/log/logmanager.hpp>
 #include <iceoryx_hoofs/posix_wrapper/posix_access_rights.hpp>
 #include <iceoryx_posh/iceoryx_posh_config.hpp>
 #include <iceoryx_posh/internal/roudi/roudi.hpp>
 #include <iceoryx_posh/roudi/iceoryx_roudi_components.hpp>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
 
 #include "common/rt/log.hpp"
+#include "common/rt/service_manager.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
+#include "onboard/roudi/leak_watch.hpp"
 
 namespace {
 
@@ -47,11 +51,16 @@ std::optional<std::string> shared_memory_problem() {
   return std::nullopt;
 }
 
+using ledgerline::roudi::LeakWatch;
+
+constexpr LeakWatch::Chunks kept_by_publishers{2, 2, 1};  // of the pools below
+constexpr long look_period_ns = 250'000'000;
+
 // The user group is the reader's and the writer's: all processes of Ledgerline run as one user.
 iox::RouDiConfig_t small_pools() {
   iox::mepoo::MePooConfig pools;
-  pools.addMemPool({128, 1024});   // poses, beats
-  pools.addMemPool({384, 1024});   // states
+  pools.addMemPool({128, 1024});   // poses, transitions
+  pools.addMemPool({384, 1024});   // states, beats
   pools.addMemPool({1280, 1024});  // plans
   const auto group = iox::posix::PosixGroup::getGroupOfCurrentProcess().getName();
   iox::RouDiConfig_t config;
@@ -60,6 +69,41 @@ iox::RouDiConfig_t small_pools() {
 }
 
 std::string segment_name() { return std::string(iox::posix::PosixGroup::getGroupOfCurrentProcess().getName().c_str()); }
+
+LeakWatch::Chunks chunks_in_use(iox::mepoo::MemoryManager& memory) {
+  LeakWatch::Chunks used{};
+  for (std::uint32_t i = 0; i < used.size(); ++i) used[i] = memory.getMemPoolInfo(i).m_usedChunks;
+  return used;
+}
+
+/// Until SIGINT or SIGTERM, which it returns. What is found out is said when it changes.
+int serve(const sigset_t& signals, iox::mepoo::MemoryManager& memory, LeakWatch& watch, int results) {
+  for (std::uint32_t said = 0;;) {
+    const timespec period{0, look_period_ns};
+    const int signal = ::sigtimedwait(&signals, nullptr, &period);
+    if (signal > 0) return signal;
+    watch.look(chunks_in_use(memory));
+    if (watch.leaked() == said) continue;
+    if (said == 0) {
+      spdlog::warn(
+          "{} chunks of shared memory stay in use, of processes that were killed or of a reader that stands still; the "
+          "cure for the first: start RouDi, link and agent anew while nothing flies",
+          watch.leaked());
+    }
+    said = watch.leaked();
+    ::dprintf(results, "{\"leaked\":%u}\n", said);
+  }
+}
+
+bool write_summary(const std::string& path, const LeakWatch::Chunks& used, const LeakWatch& watch) {
+  if (path.empty()) return true;
+  std::ofstream file(path);
+  file << nlohmann::json{{"chunks_in_use", used}, {"leaked", watch.leaked()}, {"leaked_at_most", watch.most()}}.dump(2)
+       << "\n";
+  file.close();
+  if (!file) spdlog::error("cannot write {}", path);
+  return static_cast<bool>(file);
+}
 
 bool answers_within(std::chrono::milliseconds bound) {
   for (auto waited = std::chrono::milliseconds(0); waited < bound; waited += std::chrono::milliseconds(2)) {
@@ -75,7 +119,10 @@ int main(int argc, char** argv) {
   CLI::App app{"Shared memory between link and agent: iceoryx' RouDi with small pools. One runs per machine."};
   app.footer(
       "Examples:\n  ledgerline-roudi                 serve until SIGTERM\n"
-      "Exit codes: 0 stopped by a signal, 1 cannot serve, 2 bad usage");
+      "A line {\"leaked\":N} on standard output says that N chunks were lost with processes that were killed.\n"
+      "Exit codes: 0 stopped by a signal, 1 cannot serve or write the summary, 2 bad usage");
+  std::string summary;
+  app.add_option("--summary", summary, "Write here at the end: chunks in use by size, and how many were lost");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -88,6 +135,11 @@ int main(int argc, char** argv) {
   ::dup2(STDERR_FILENO, STDOUT_FILENO);
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
 
+  auto manager = ledgerline::ServiceManager::from_environment();
+  if (!manager) {
+    spdlog::error("{}", manager.error().what);
+    return 1;
+  }
   if (ledgerline::ipc::probe("roudi") != ledgerline::ipc::Peer::gone) {
     spdlog::error("another RouDi runs already on this machine: stop it first");
     return 1;
@@ -117,9 +169,15 @@ int main(int argc, char** argv) {
     ::_exit(1);
   }
   ::dprintf(results, "{\"ready\":true,\"program\":\"ledgerline-roudi\"}\n");
+  if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
 
-  int signal = 0;
-  sigwait(&signals, &signal);
+  const auto segments = components->rouDiMemoryManager.segmentManager();
+  const auto segment =
+      (*segments)->getSegmentInformationWithWriteAccessForUser(iox::posix::PosixUser::getUserOfCurrentProcess());
+  iox::mepoo::MemoryManager& memory = segment.m_memoryManager->get();
+  LeakWatch watch(kept_by_publishers);
+  const int signal = serve(signals, memory, watch, results);
+  const bool written = write_summary(summary, chunks_in_use(memory), watch);
   spdlog::info("stopped by {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
   // Memory that others have mapped stays theirs until they end; only the names go, so that nothing is left behind.
   ::shm_unlink("/iceoryx_mgmt");
@@ -128,5 +186,5 @@ int main(int argc, char** argv) {
   ::unlink("/tmp/roudi.lock");
   ::unlink("/tmp/iox-unique-roudi.lock");
   std::fflush(nullptr);
-  ::_exit(0);
+  ::_exit(written ? 0 : 1);
 }

@@ -60,9 +60,23 @@ std::unique_ptr<Entry> link_status() {
       });
 }
 
+std::unique_ptr<Entry> transitions() {
+  const Transition hold{.phase = FlightPhase::flying,
+                        .mode = FailsafeMode::hold,
+                        .cause = FailsafeCause::plan_ran_out,
+                        .boot_id = 77,
+                        .number = 5,
+                        .stamp_ns = 55 * ns_per_s};
+  return std::make_unique<Function>(
+      std::vector<std::string>{transitions_to_cdr({ns_per_s, "tello1"}, "tello1", {hold, hold}),
+                               transitions_to_cdr({}, "", {})},
+      [](std::string_view bytes) { return outcome_of(transitions_from_cdr(bytes)); });
+}
+
 const Registration cdr_odometry({"cdr.odometry", Kind::bytes, odometry});
 const Registration cdr_battery({"cdr.battery", Kind::bytes, battery, 0.1});
 const Registration cdr_link_status({"cdr.link_status", Kind::bytes, link_status});
+const Registration cdr_transitions({"cdr.transitions", Kind::bytes, transitions});
 
 // ---- forms
 
@@ -102,7 +116,7 @@ bool add_forms(const std::string& name, const std::vector<const char*>& texts) {
 const char* const asset =
     R"({"id":"tello1/odom","topic":"/tello1/odom","msgType":"nav_msgs/msg/Odometry","msgData":"AAEAAA=="})";
 const char* const control =
-    R"({"drone":"tello1","owner":{"mspId":"Org1MSP","subject":"CN=host"},"holder":{"mspId":"Org2MSP","subject":"CN=pilot"},"epoch":"7","priority":3,"stoppedBy":{"mspId":"Org1MSP","subject":"CN=x"},"cut":true,"streams":["tello1/odom"],"formerOwners":[{"mspId":"Org1MSP","subject":"CN=old"}]})";
+    R"({"drone":"tello1","owner":{"mspId":"Org1MSP","subject":"CN=host"},"holder":{"mspId":"Org2MSP","subject":"CN=pilot"},"epoch":"7","priority":3,"stoppedBy":{"mspId":"Org1MSP","subject":"CN=x"},"cut":true,"formerOwners":[{"mspId":"Org1MSP","subject":"CN=old"}]})";
 
 const std::string asset_list = std::string(R"({"assets":[)") + asset + "," + asset + "]";
 const std::string assets_text = asset_list + R"(,"bookmark":"a/b"})", set_text = asset_list + R"(,"stream":true})";

@@ -59,7 +59,7 @@ std::unique_ptr<Entry> agent_settings() {
           "500\nmax_speed_mps = 8\nstamps_kept = 256\n[mocap]\ntopic = \"/vrpn_mocap/{drone}/pose\"\nclock = "
           "\"arrival\"\n"
           "gate_sigma = 6\noutliers_before_reset = 5\n[agent]\nbeat_ms = 50\nseed = 7\nstart_wait_s = 15.0\n[output]\n"
-          "status_period_ms = 250\n",
+          "status_period_ms = 250\n[realtime]\npriority = 10\n",
           "[[drone]]\nname = \"tello1\"\n"},
       [](std::string_view bytes) {
         auto config = Config::parse(bytes, "agent.toml");

@@ -68,12 +68,14 @@ int run(Config& config) {
     spdlog::error("{}", checked.error().what);
     return exit_usage;
   }
-  auto client = fabric::Client::create(std::move(ledger).value());
-  if (!client) {
-    spdlog::error("{}", client.error().what);
+  auto client = fabric::Client::create(known);
+  auto urgent = fabric::Client::create(known);
+  if (!client || !urgent) {
+    spdlog::error("{}", (client ? urgent : client).error().what);
     return exit_usage;
   }
-  agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(), quit);
+  agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(),
+                          std::move(urgent).value(), quit);
   if (auto status = shell.start(); !status) {
     spdlog::error("{}", status.error().what);
     return EXIT_FAILURE;
@@ -104,8 +106,12 @@ int main(int argc, char** argv) {
       "  [check] max_age_ms, max_speed_mps, max_yaw_rate_radps, horizon_ms, stamps_kept\n"
       "  [batch] min_gap_ms, linger_ms, first_back_off_ms, longest_back_off_ms, refused_drone_pause_ms\n"
       "  [agent] beat_ms, ledger_silent_after_ms, seed, start_wait_s\n"
+      "  [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)\n"
       "A status line (JSON) comes on standard output every status_period_ms. SIGINT and SIGTERM end it.\n"
-      "Exit codes: 0 ended by a signal; 1 RouDi or ledger not reached, or a file not written; 2 bad usage or config");
+      "It ends by itself, too, when RouDi is gone and no drone of its link is in the air: start it behind a new "
+      "RouDi.\n"
+      "Exit codes: 0 ended by a signal or for a new RouDi; 1 RouDi or ledger not reached, or a file not written; 2 bad "
+      "usage or config");
   std::string file;
   app.add_option("--config", file, "TOML file")->required();
   try {

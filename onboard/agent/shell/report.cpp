@@ -1,7 +1,6 @@
 #include "onboard/agent/shell/report.hpp"
 
-#include <array>
-
+#include "common/msg/names.hpp"
 #include "common/rt/json.hpp"
 
 namespace ledgerline::agent {
@@ -9,19 +8,17 @@ namespace {
 
 using nlohmann::json;
 
-const char* name_of(FlightPhase phase) {
-  constexpr std::array names = {"disconnected", "on_ground", "taking_off", "flying", "landing", "landed"};
-  return names.at(static_cast<std::size_t>(phase));
-}
-
-const char* name_of(FailsafeMode mode) {
-  constexpr std::array names = {"none", "hold", "brake", "land", "cut"};
-  return names.at(static_cast<std::size_t>(mode));
-}
-
 json to_json(const Batcher::Counters& c) {
   return {{"sampled", c.sampled}, {"sent", c.sent},       {"on_ledger", c.on_ledger},
           {"merged", c.merged},   {"dropped", c.dropped}, {"pending", c.pending}};
+}
+
+json to_json(const TransitionSender::Counters& c) {
+  return {{"taken", c.taken},
+          {"on_ledger", c.on_ledger},
+          {"pending", c.pending},
+          {"calls_repeated", c.calls_repeated},
+          {"lost", c.lost}};
 }
 
 json to_json(const CommandCheck::Counters& c) {
@@ -47,8 +44,8 @@ std::string status_line(const AgentCore& core, TimeNs now) {
   for (const DroneName& drone : core.drones()) {
     const DroneReport report = core.report(drone.number);
     const StateSample state = report.newest.value_or(StateSample{});
-    json line = {{"name", drone.name},           {"phase", name_of(state.phase)}, {"mode", name_of(state.mode)},
-                 {"position", state.position_m}, {"state_age_ms", nullptr},       {"command_age_ms", nullptr},
+    json line = {{"name", drone.name},           {"phase", name(state.phase)}, {"mode", name(state.mode)},
+                 {"position", state.position_m}, {"state_age_ms", nullptr},    {"command_age_ms", nullptr},
                  {"two_way_ms", nullptr}};
     if (report.newest) line["state_age_ms"] = to_ms(now - state.stamp_ns);
     if (report.last_command_verified_ns > 0) {
@@ -67,6 +64,7 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
     const DroneReport report = core.report(drone.number);
     drones.push_back({{"name", drone.name},
                       {"states", to_json(report.states)},
+                      {"transitions", to_json(report.transitions)},
                       {"commands", to_json(report.commands)},
                       {"mocap", to_json(report.mocap)},
                       {"two_way_ms", report.two_way.quantiles_ms()}});

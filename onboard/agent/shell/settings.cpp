@@ -63,6 +63,7 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
       duration_ms(config, "agent.ledger_silent_after_ms", s.core.ledger_silent_after_ns, 10, 60'000);
   s.core.seed = static_cast<std::uint64_t>(config.integer("agent.seed", 0, 0, INT64_MAX));
   s.start_wait_ns = from_seconds(config.number("agent.start_wait_s", 15, 0.1, 3'600));
+  s.priority = static_cast<int>(config.integer("realtime.priority", 0, 0, 98));
   s.trace = config.text("output.trace", "");
   s.summary = config.text("output.summary", "");
   s.status_period_ns = config.integer("output.status_period_ms", 250, 0, 60'000) * ns_per_ms;

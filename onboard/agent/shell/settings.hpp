@@ -15,6 +15,7 @@ struct Settings {
   std::string mocap_topic;                    ///< "{drone}" stands for the drone's name; empty: no mocap
   bool mocap_stamps_are_of_this_host = true;  ///< else the time of arrival counts
   TimeNs start_wait_ns = 0;                   ///< for RouDi and the ledger, each
+  int priority = 0;  ///< SCHED_FIFO of the threads between a block and its plans; 0: ordinary. Below link's (80)
 };
 
 /// Asks for all keys; config.finish() then says what is wrong. `msp_id`: our own organisation.

@@ -18,6 +18,7 @@ constexpr TimeNs poll_ns = 500 * ns_per_us;  // iceoryx; blocks and outcomes wak
 constexpr TimeNs drain_limit_ns = 500 * ns_per_ms;
 constexpr TimeNs log_gap_ns = 1 * ns_per_s;       // of one kind of message
 constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // real time may be slewed
+constexpr TimeNs flight_silent_ns = 1 * ns_per_s;
 constexpr std::size_t most_held_blocks = 1024;
 
 // The narrowest of three readings: this thread may be put aside between two clocks, and mocap stamps would all move.
@@ -42,12 +43,14 @@ bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
 }  // namespace
 
 AgentShell::AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry,
-                       std::unique_ptr<fabric::Client> client, const std::atomic<bool>& quit)
+                       std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent,
+                       const std::atomic<bool>& quit)
     : settings_(std::move(settings)),
       quit_(quit),
       registry_(std::move(registry)),
       core_(settings_.core, *registry_),
-      client_(std::move(client)) {}
+      client_(std::move(client)),
+      urgent_(std::move(urgent)) {}
 
 AgentShell::~AgentShell() { mailbox_.close(); }
 
@@ -104,7 +107,12 @@ void AgentShell::take_controls(const ControlsRead& read) {
 
 void AgentShell::take_states() {
   StateSample sample;
-  while (end_->take_state(sample)) core_.on_state(monotonic_ns(), sample, out_);
+  while (end_->take_state(sample)) {
+    if (in_flight(sample.phase)) flight_heard_ns_ = monotonic_ns();
+    core_.on_state(monotonic_ns(), sample, out_);
+  }
+  Transition transition;
+  while (end_->take_transition(transition)) core_.on_transition(transition);
 }
 
 void AgentShell::take_mocap() {
@@ -146,9 +154,10 @@ void AgentShell::step_and_act() {
   for (const Pose& pose : out_.poses) (void)end_->send_pose(pose);
   if (out_.beat) (void)end_->send_beat(*out_.beat);
   for (AgentOutputs::Submit& submit : out_.submits) {
-    client_->submit(std::move(submit.call), [this, frame = submit.frame](fabric::Outcome outcome) {
-      mailbox_.put(FrameEnded{frame, std::move(outcome)});
-    });
+    (submit.urgent ? urgent_ : client_)
+        ->submit(std::move(submit.call), [this, frame = submit.frame](fabric::Outcome outcome) {
+          mailbox_.put(FrameEnded{frame, std::move(outcome)});
+        });
   }
   tell_refusals();
   if (trace_) {
@@ -170,8 +179,7 @@ void AgentShell::tell_refusals() {
 void AgentShell::tell_outcome(const fabric::Outcome& outcome) {
   if (outcome.kind == fabric::Outcome::Kind::committed) return;
   if (!due(monotonic_ns(), next_outcome_log_ns_, log_gap_ns)) return;
-  spdlog::warn("a frame of states did not get through (block {}, code {}): {}", outcome.block, outcome.code,
-               outcome.message);
+  spdlog::warn("a call did not get through (block {}, code {}): {}", outcome.block, outcome.code, outcome.message);
 }
 
 void AgentShell::tell_connection(const StreamState& state) {
@@ -182,19 +190,34 @@ void AgentShell::tell_connection(const StreamState& state) {
   }
 }
 
+void AgentShell::tell_lost_transitions() {
+  std::uint64_t lost = 0;
+  for (const DroneName& drone : core_.drones()) lost += core_.report(drone.number).transitions.lost;
+  if (lost > transitions_lost_)
+    spdlog::error("{} transitions of the failsafe are lost: link had to keep more than it can", lost);
+  transitions_lost_ = lost;
+}
+
 void AgentShell::chores(TimeNs now) {
   if (due(now, next_clock_ns_, clock_period_ns)) {
     real_offset_ns_ = real_offset();
     core_.set_real_offset(real_offset_ns_);
+    tell_lost_transitions();
   }
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
     fmt::print("{}\n", status_line(core_, now));
     std::fflush(stdout);
   }
+  if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().what);
 }
 
+// What was connected flows on without RouDi, so ending while a drone flies would only take its commands away.
+bool AgentShell::cut_off(TimeNs now) const { return roudi_gone_ && now - flight_heard_ns_ > flight_silent_ns; }
+
 Status AgentShell::run() {
-  while (!quit_) {
+  hurry("the main loop");
+  if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
+  while (!quit_ && !cut_off(monotonic_ns())) {
     wait_for_news();
     if (auto status = take_letters(); !status) return status;
     take_mocap();
@@ -202,16 +225,17 @@ Status AgentShell::run() {
     step_and_act();
     chores(monotonic_ns());
   }
-  drain_frame_in_flight();
+  drain();
   return write_summary();
 }
 
-void AgentShell::drain_frame_in_flight() {
+void AgentShell::drain() {
   core_.stop_submitting();
   const TimeNs until_ns = monotonic_ns() + drain_limit_ns;
-  while (core_.frame_in_flight() && monotonic_ns() < until_ns) {
+  while (core_.anything_under_way() && monotonic_ns() < until_ns) {
     wait_for_news();
     if (!take_letters()) return;  // too many blocks: the summary is still worth writing
+    step_and_act();
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "common/dds/dds.hpp"
 #include "common/fabric/client.hpp"
+#include "common/rt/service_manager.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/agent/agent_core.hpp"
 #include "onboard/agent/shell/mailbox.hpp"
@@ -24,13 +25,15 @@ namespace ledgerline::agent {
 class AgentShell {
  public:
   /// `quit` is watched everywhere and must outlive the shell.
+  /// `client` is for states and blocks, `urgent` for what must not wait behind states.
   AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry, std::unique_ptr<fabric::Client> client,
-             const std::atomic<bool>& quit);
+             std::unique_ptr<fabric::Client> urgent, const std::atomic<bool>& quit);
   ~AgentShell();
 
   /// RouDi, mocap, the block stream, the control records: each with a bounded wait and a message that names the cure.
   Status start();
-  /// Until `quit`; then waits a moment for the frame in flight, and writes the summary.
+  /// Until `quit`, or until RouDi is gone and link, too, or on the ground; then waits a moment for what is under way,
+  /// and writes the summary.
   Status run();
 
  private:
@@ -48,11 +51,13 @@ class AgentShell {
   template <typename Attempt>
   Status keep_trying(const std::string& what, Attempt attempt);
   Status subscribe_to_mocap();
+  void hurry(const char* thread) const;
   void open_block_stream();
   Status wait_for_block_stream();
   Result<std::vector<Control>> read_controls();
   void read_controls_again(const std::stop_token& stop);
-  void watch_roudi(const std::stop_token& stop) const;
+  void watch_roudi(const std::stop_token& stop);
+  bool cut_off(TimeNs now) const;
 
   void wait_for_news() const;
   Status take_letters();
@@ -64,8 +69,9 @@ class AgentShell {
   void tell_refusals();
   void tell_outcome(const fabric::Outcome& outcome);
   void tell_connection(const StreamState& state);
+  void tell_lost_transitions();
   void chores(TimeNs now);
-  void drain_frame_in_flight();
+  void drain();
   Status write_summary();
 
   Settings settings_;
@@ -76,9 +82,14 @@ class AgentShell {
   std::unique_ptr<ipc::AgentEnd> end_;
   std::optional<TraceWriter> trace_;
   ShellCounters counters_;
+  std::optional<ServiceManager> manager_;
+  std::uint64_t turns_ = 0;  ///< of run()
   std::atomic<std::uint64_t> mocap_lost_{0};
+  std::atomic<bool> roudi_gone_{false};
+  TimeNs flight_heard_ns_ = 0;  ///< newest state of a drone in the air
   TimeNs real_offset_ns_ = 0;
   TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0;
+  std::uint64_t transitions_lost_ = 0;  ///< as told last
   bool first_block_seen_ = false, controls_known_ = false, connected_ = false, mocap_warned_ = false;
   std::string stream_problem_;
   std::deque<fabric::Block> held_;  ///< until the control records are read anew
@@ -87,7 +98,7 @@ class AgentShell {
   Mailbox mailbox_;
   dds::ParticipantPtr participant_;
   std::vector<Mocap> mocap_;
-  std::unique_ptr<fabric::Client> client_;
+  std::unique_ptr<fabric::Client> client_, urgent_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
   std::jthread control_reader_, roudi_watch_;
 };

@@ -2,9 +2,11 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <utility>
 
 #include "common/msg/form.hpp"
 #include "common/rt/log.hpp"
+#include "common/rt/real_time.hpp"
 #include "onboard/agent/shell/shell.hpp"
 
 namespace ledgerline::agent {
@@ -48,6 +50,9 @@ Status AgentShell::keep_trying(const std::string& what, Attempt attempt) {
 }
 
 Status AgentShell::start() {
+  auto manager = ServiceManager::from_environment();
+  if (!manager) return manager.error();
+  manager_.emplace(std::move(manager).value());
   real_offset_ns_ = realtime_ns() - monotonic_ns();
   core_.set_real_offset(real_offset_ns_);
   if (!settings_.trace.empty()) {
@@ -96,9 +101,19 @@ Status AgentShell::subscribe_to_mocap() {
   return done;
 }
 
+// For the calling thread: a block's way to link is the stream's thread, then the main loop.
+void AgentShell::hurry(const char* thread) const {
+  if (settings_.priority == 0) return;
+  if (const Status status = schedule_fifo(settings_.priority); !status)
+    spdlog::warn("{}: {}", thread, status.error().what);
+}
+
 void AgentShell::open_block_stream() {
   fabric::Client::StreamHandlers handlers;
-  handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_block(block); };
+  handlers.on_block = [this, first = true](const fabric::Block& block, std::string_view) mutable {
+    if (std::exchange(first, false)) hurry("the block stream");
+    mailbox_.put_block(block);
+  };
   handlers.on_connection = [this](bool connected, const std::string& why) {
     mailbox_.put(StreamState{connected, why});
   };
@@ -151,13 +166,13 @@ void AgentShell::read_controls_again(const std::stop_token& stop) {
   }
 }
 
-// Old links flow on without RouDi, so ending here would only take the drone's commands away.
-void AgentShell::watch_roudi(const std::stop_token& stop) const {
-  bool alive = true;
+void AgentShell::watch_roudi(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
-    if (alive && !ipc::roudi_lives()) {
-      alive = false;
-      spdlog::error("RouDi died: flying on, but a link that starts anew will not be heard; restart RouDi, link, agent");
+    if (!roudi_gone_ && !ipc::roudi_lives()) {
+      roudi_gone_ = true;
+      spdlog::error(
+          "RouDi is gone: what is connected goes on, but a link that starts anew is not heard; once none is heard or "
+          "nothing flies, agent ends, to be started again behind a new RouDi");
     }
     for (milliseconds waited{0}; waited < roudi_watch_period && !stop.stop_requested(); waited += try_again_after) {
       std::this_thread::sleep_for(try_again_after);

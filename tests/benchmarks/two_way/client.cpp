@@ -135,7 +135,7 @@ class Side {
   /// Waits for news, at most until `until`, and acts on all of it.
   void turn(TimeNs until) {
     TimeNs wait_ns = std::clamp<TimeNs>(until - monotonic_ns(), 0, tick_ns);
-    if (waiting_) wait_ns = std::min(wait_ns, linger_poll_ns);
+    if (batcher_.has_waiting()) wait_ns = std::min(wait_ns, linger_poll_ns);
     pollfd fd{.fd = mailbox_.wake_fd(), .events = POLLIN, .revents = 0};
     const timespec timeout{.tv_sec = 0, .tv_nsec = wait_ns};
     (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
@@ -144,7 +144,6 @@ class Side {
         take(*block);
       } else if (const auto* ended = std::get_if<agent::FrameEnded>(&letter)) {
         (void)batcher_.finished(monotonic_ns(), ended->frame, ended->outcome);
-        waiting_ = true;  // a refused frame's samples may wait again
         if (ended->outcome.kind != fabric::Outcome::Kind::committed) why_ = ended->outcome.message;
       } else if (const auto* state = std::get_if<agent::StreamState>(&letter)) {
         connected_ = state->connected;
@@ -184,13 +183,11 @@ class Side {
     sample.sequence = n + 1;
     sample.stamp_ns = stamp_ns;
     batcher_.add(now, sample);
-    waiting_ = true;
   }
 
   void submit() {
     const auto frame = batcher_.next(monotonic_ns());
     if (!frame) return;
-    waiting_ = false;
     client_->submit(encode(*frame), [this, number = frame->number](fabric::Outcome outcome) {
       mailbox_.put(agent::FrameEnded{number, std::move(outcome)});
     });
@@ -219,7 +216,6 @@ class Side {
   std::map<std::string, std::uint64_t> streams_;
   std::vector<std::uint64_t> newest_;
   bool connected_ = false;
-  bool waiting_ = false;  ///< perhaps a sample waits for its frame
   std::string why_;
 
   // In this order: the threads and streams below use what is above, and are ended first.

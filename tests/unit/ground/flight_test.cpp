@@ -129,6 +129,31 @@ TEST(Flight, SilenceInTheAirEndsInLandingAndThenInFailure) {
   EXPECT_THAT(world.core.why(), HasSubstr("was not seen to land within 20 s"));
 }
 
+TEST(Flight, ALinkThatIsStartedAgainInTheAirIsWaitedForAndFlownOn) {
+  FlightWorld world(config_for(1));
+  world.run(10);
+  ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+  world.drones[0].boot_id = 8;
+  world.drones[0].sequence = 0;
+  world.drones[0].phase = FlightPhase::disconnected;  // it has yet to find its drone
+  world.run(1);
+  ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+  world.drones[0].phase = FlightPhase::flying;
+  world.run(60);
+  EXPECT_TRUE(world.core.ok()) << world.core.why();
+  EXPECT_EQ(world.drones[0].plans.back().boot_id(), 8U);
+}
+
+TEST(Flight, ALinkThatDoesNotFindItsDroneAgainIsSilence) {
+  FlightWorld world(config_for(1));
+  world.run(10);
+  world.drones[0].boot_id = 8;
+  world.drones[0].phase = FlightPhase::disconnected;
+  world.run(5.5);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::landing);
+  EXPECT_THAT(world.core.why(), HasSubstr("no state came for 5.0 s"));
+}
+
 TEST(Flight, ADroneThatDoesNotLandFails) {
   FlightWorld world(config_for(1));
   world.drones[0].obeys_landing = false;

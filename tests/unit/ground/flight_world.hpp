@@ -67,7 +67,7 @@ class FlightWorld {
     LaggedDrone model{0.3};
     FlightPhase phase = FlightPhase::on_ground;
     TimeNs phase_since_ns = 0;
-    std::uint64_t sequence = 0;
+    std::uint64_t boot_id = 7, sequence = 0;
     FailsafeCause cause = FailsafeCause::none;
     bool obeys_takeoff = true, obeys_landing = true, silent = false, has_pose = true;
     std::vector<DronePlan> plans;  ///< as they came
@@ -151,7 +151,7 @@ class FlightWorld {
       StateSample sample;
       sample.phase = drone.phase;
       sample.cause = drone.cause;
-      sample.boot_id = 7;
+      sample.boot_id = drone.boot_id;
       sample.sequence = ++drone.sequence;
       sample.stamp_ns = now_ns;
       sample.pose_stamp_ns = drone.has_pose ? now_ns : 0;

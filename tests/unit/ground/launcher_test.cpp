@@ -83,6 +83,33 @@ sleep 0.2; exit 0)");
     });
   }
 
+  /// What the programs do is shell: once in the first process of that name only, then it stays.
+  std::string once(const std::string& program, const std::string& what) const {
+    return fmt::format("[ -e {0}.done ] || {{ touch {0}.done; {1}; }}\n{2}", program, what, stays);
+  }
+  static std::string until_started(const std::string& program, int times) {
+    return fmt::format("while [ $(grep -c '^{} ' started) -lt {} ]; do sleep 0.02; done; sleep 0.2; exit 0", program,
+                       times);
+  }
+  std::vector<std::string> started_since_take_off() const {
+    std::vector<std::string> names;
+    for (const auto& line : lines("started")) {
+      const std::string name = line.substr(0, line.find(' '));
+      if (name == "take-off") {
+        names.clear();
+      } else {
+        names.push_back(name);
+      }
+    }
+    return names;
+  }
+
+  const std::string in_the_air = R"(echo '{"ground":{"drones":[{"name":"tello1","phase":"path"}]}}'
+sleep 0.3; echo take-off >> started
+)";
+  const std::string on_the_ground = R"(echo '{"ground":{"drones":[{"name":"tello1","phase":"landed"}]}}'
+)";
+  const std::string after_take_off = "while ! grep -q take-off started; do sleep 0.02; done";
   const std::string stays = "while :; do sleep 0.02; done";
   RunFiles files;
   std::atomic<int> interrupts{0};
@@ -99,6 +126,7 @@ TEST_F(FakePrograms, AGoodFlightStartsAndEndsEverythingInOrder) {
   EXPECT_THAT(lines("ended"), testing::ElementsAre("agent", "link", "sim", "node", "roudi"));
   EXPECT_TRUE(all_gone());
   EXPECT_TRUE(record.cpu_percent.contains("node"));
+  EXPECT_GT(record.memory_mb.at("node"), 0);
 }
 
 TEST_F(FakePrograms, EnrolsAndAcquiresBeforeAnythingCanFly) {
@@ -110,7 +138,7 @@ TEST_F(FakePrograms, EnrolsAndAcquiresBeforeAnythingCanFly) {
 }
 
 TEST_F(FakePrograms, ACrashInFlightIsNamedWithItsLastWordsAndEverythingEnds) {
-  for (const char* victim : {"agent", "node", "link", "sim", "roudi"}) {
+  for (const char* victim : {"agent", "node", "link", "sim"}) {
     SCOPED_TRACE(victim);
     for (const char* program : {"roudi", "node", "sim", "link", "agent"}) write(program, stays);
     write("ground", R"(echo '{"ground":{"drones":[{"name":"tello1","phase":"path"}]}}'
@@ -123,6 +151,9 @@ TEST_F(FakePrograms, ACrashInFlightIsNamedWithItsLastWordsAndEverythingEnds) {
     EXPECT_FALSE(record.ok);
     EXPECT_THAT(record.why, HasSubstr(fmt::format("{} was ended by signal 9", victim)));
     EXPECT_THAT(record.why, HasSubstr("last words"));
+    const bool started_again = std::string(victim) == "agent" || std::string(victim) == "link";
+    EXPECT_EQ(record.why.find("is given up") != std::string::npos, started_again) << record.why;
+    EXPECT_EQ(record.restarts.contains(victim) ? record.restarts.at(victim) : 0, started_again ? 6U : 0U);
     EXPECT_TRUE(all_gone());
     const auto ended = lines("ended");
     ASSERT_FALSE(ended.empty());
@@ -130,6 +161,48 @@ TEST_F(FakePrograms, ACrashInFlightIsNamedWithItsLastWordsAndEverythingEnds) {
     if (!link_can_land) continue;
     EXPECT_EQ(ended[0], "link") << "where the way through the ledger is broken, link lands first";
   }
+}
+
+TEST_F(FakePrograms, AgentAndLinkThatDieInFlightAreStartedAgainAndTheFlightGoesOn) {
+  for (const char* victim : {"agent", "link"}) {
+    SCOPED_TRACE(victim);
+    for (const char* program : {"link", "agent"}) write(program, stays);
+    for (const char* file : {"started", "ended", "pids"}) fs::remove(files.in(file));
+    write(victim, fmt::format("echo first > {0}.trace; [ -e {0}.died ] || {{ {1}; touch {0}.died; kill -9 $$; }}\n{2}",
+                              victim, after_take_off, stays));
+    write("ground", in_the_air + until_started(victim, 2));
+    const RunRecord record = run();
+    EXPECT_TRUE(record.ok) << record.why;
+    EXPECT_EQ(record.restarts, (std::map<std::string, std::uint64_t>{{victim, 1}}));
+    EXPECT_THAT(lines(std::string(victim) + ".1.trace"), testing::ElementsAre("first")) << "what it recorded is kept";
+    EXPECT_TRUE(all_gone());
+  }
+}
+
+TEST_F(FakePrograms, ARoudiThatDiesInFlightIsStartedAgainOnTheGround) {
+  write("roudi", once("roudi", after_take_off + "; kill -9 $$"));
+  write("ground", in_the_air + "sleep 0.7; echo landed >> started\n" + on_the_ground + until_started("roudi", 2));
+  const RunRecord record = run();
+  EXPECT_TRUE(record.ok) << record.why;
+  EXPECT_THAT(started_since_take_off(), testing::ElementsAre("landed", "roudi"));
+}
+
+TEST_F(FakePrograms, AnAgentThatDiesInFlightBringsBackARoudiThatDiedBeforeItAndALinkThatItCanHear) {
+  write("roudi", once("roudi", after_take_off + "; kill -9 $$"));
+  write("agent", once("agent", after_take_off + "; sleep 0.5; kill -9 $$"));
+  write("ground", in_the_air + until_started("agent", 2));
+  const RunRecord record = run();
+  EXPECT_TRUE(record.ok) << record.why;
+  EXPECT_THAT(started_since_take_off(), testing::ElementsAre("roudi", "link", "agent"));
+}
+
+TEST_F(FakePrograms, SharedMemoryThatLeakedIsMadeAnewWhenNothingFlies) {
+  write("roudi", once("roudi", after_take_off + "; echo '{\"leaked\":3}'"));
+  write("ground", in_the_air + "sleep 0.7; echo landed >> started\n" + on_the_ground + until_started("roudi", 2));
+  const RunRecord record = run();
+  EXPECT_TRUE(record.ok) << record.why;
+  EXPECT_THAT(started_since_take_off(), testing::ElementsAre("landed", "roudi"));
+  EXPECT_EQ(lines("ended")[0], "roudi");
 }
 
 TEST_F(FakePrograms, AGroundThatGivesUpIsNoSuccessAndItsSummarySaysWhy) {

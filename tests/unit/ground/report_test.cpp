@@ -90,10 +90,10 @@ class RunDirectory : public testing::Test {
           R"("disk_ms":{"p5":1,"q1":2,"median":3,"q3":4,"p95":5,"p99":6,"max":7,"count":12}})");
     write(
         files.summary("link"),
-        R"({"drones":[{"name":"tello1","states_lost":1,"commands_applied":7,"commands_late":1,"commands_dropped":2,"drop_reasons":{"not_flying":2}}]})");
+        R"({"drones":[{"name":"tello1","states_lost":1,"transitions":{"made":6,"on_ledger":5,"lost":1,"kept":0},"commands_applied":7,"commands_late":1,"commands_dropped":2,"drop_reasons":{"not_flying":2}}]})");
     write(
         files.summary("agent"),
-        R"({"drones":[{"name":"tello1","states":{"sampled":20,"sent":18,"on_ledger":17,"merged":2,"dropped":1},)"
+        R"({"drones":[{"name":"tello1","states":{"sampled":20,"sent":18,"on_ledger":17,"merged":2,"dropped":1},"transitions":{"on_ledger":5},)"
         R"("commands":{"on_ledger":10,"refused":3,"refused_reasons":{"too_old":3}}}],"transactions":{"committed":17}})");
     write(
         files.summary("ground"),
@@ -106,6 +106,7 @@ class RunDirectory : public testing::Test {
     run.begin_ns = ns_per_s;
     run.end_ns = 11 * ns_per_s;
     run.cpu_percent = {{"link", 12.34}, {"node", 5}};
+    run.memory_mb = {{"link", 45.67}};
     run.ledger_grown_bytes = 5'000'000;
   }
 
@@ -133,8 +134,8 @@ TEST_F(RunDirectory, FiguresThatCannotBeAreLeftOut) {
 TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   fill();
   const json r = to_json(read_results(files, options, run));
-  for (const char* key :
-       {"asked", "machine", "ledger", "drones", "messages_per_s", "transactions_per_s", "cpu_percent", "ok"}) {
+  for (const char* key : {"asked", "machine", "ledger", "drones", "messages_per_s", "transactions_per_s", "cpu_percent",
+                          "memory_mb", "ok"}) {
     EXPECT_TRUE(r.contains(key)) << key;
   }
   EXPECT_EQ(r["ok"], true);
@@ -147,6 +148,7 @@ TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   EXPECT_EQ(r["ledger"]["restarts"], (json{{"peer1", 2}}));
   EXPECT_EQ(r["ledger"]["transactions"], 11);
   EXPECT_EQ(r["cpu_percent"]["link"], 12.3);
+  EXPECT_EQ(r["memory_mb"]["link"], 45.7);
   EXPECT_NEAR(r["messages_per_s"].get<double>(), 2.7, 1e-9);
   EXPECT_NEAR(r["transactions_per_s"].get<double>(), 2.7, 1e-9);
   ASSERT_EQ(r["drones"].size(), 1u);
@@ -161,6 +163,7 @@ TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   EXPECT_NEAR(drone["age_ms"]["max"].get<double>(), 20, 1e-6);
   EXPECT_NEAR(drone["cross_track_m"]["rms"].get<double>(), 0.1, 1e-6);
   EXPECT_EQ(drone["lap_s"], json({12.5, 13.5}));
+  EXPECT_EQ(drone["transitions"], json({{"made", 6}, {"on_ledger", 5}, {"lost", 1}}));
   EXPECT_EQ(drone["states"], json({{"sampled", 21}, {"sent", 18}, {"on_ledger", 17}, {"merged", 2}, {"dropped", 2}}));
   EXPECT_EQ(drone["commands"], json({{"sent", 11},
                                      {"on_ledger", 10},

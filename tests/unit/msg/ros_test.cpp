@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/msg/names.hpp"
 #include "common/rt/random.hpp"
 
 namespace ledgerline {
@@ -129,6 +130,59 @@ TEST(Ros, LinkStatusComesBackWhole) {
   EXPECT_EQ(got.plans_applied, wanted.plans_applied);
 }
 
+std::vector<Transition> sample_transitions() {
+  Transition hold{.phase = FlightPhase::flying,
+                  .mode = FailsafeMode::hold,
+                  .cause = FailsafeCause::agent_silent,
+                  .boot_id = UINT64_MAX - 1,
+                  .number = 41,
+                  .lost = 2,
+                  .stamp_ns = 77 * ns_per_s};
+  Transition landed = hold;
+  landed.phase = FlightPhase::landed;
+  landed.mode = FailsafeMode::none;
+  landed.cause = FailsafeCause::none;
+  landed.number = 42;
+  return {hold, landed};
+}
+
+TEST(Ros, TransitionsComeBackWholeAndInOrder) {
+  const auto got = transitions_from_cdr(transitions_to_cdr({5, "tello1/base_link"}, "tello1", sample_transitions()));
+  ASSERT_TRUE(got);
+  ASSERT_EQ(got->size(), 2U);
+  EXPECT_EQ((*got)[0].phase, FlightPhase::flying);
+  EXPECT_EQ((*got)[0].mode, FailsafeMode::hold);
+  EXPECT_EQ((*got)[0].cause, FailsafeCause::agent_silent);
+  EXPECT_EQ((*got)[0].boot_id, UINT64_MAX - 1);
+  EXPECT_EQ((*got)[0].number, 41U);
+  EXPECT_EQ((*got)[0].lost, 2U);
+  EXPECT_EQ((*got)[0].stamp_ns, 77 * ns_per_s);
+  EXPECT_EQ((*got)[1].phase, FlightPhase::landed);
+  EXPECT_EQ((*got)[1].number, 42U);
+}
+
+TEST(Ros, TransitionsWithValuesThatCannotBeAreRefused) {
+  std::string text = transitions_to_cdr({5, "tello1/base_link"}, "tello1", sample_transitions());
+  for (std::size_t cut = 0; cut < text.size(); ++cut) ASSERT_FALSE(transitions_from_cdr(text.substr(0, cut))) << cut;
+  const auto at = text.rfind("landed");
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at, 6, "Landed");
+  EXPECT_FALSE(transitions_from_cdr(text));
+}
+
+TEST(Ros, EveryModeCauseAndPhaseHasANameOfItsOwn) {
+  for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(FailsafeCause::stopped); ++i) {
+    EXPECT_EQ(from_name<FailsafeCause>(name(static_cast<FailsafeCause>(i))), static_cast<FailsafeCause>(i));
+  }
+  for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(FailsafeMode::cut); ++i) {
+    EXPECT_EQ(from_name<FailsafeMode>(name(static_cast<FailsafeMode>(i))), static_cast<FailsafeMode>(i));
+  }
+  for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(FlightPhase::landed); ++i) {
+    EXPECT_EQ(from_name<FlightPhase>(name(static_cast<FlightPhase>(i))), static_cast<FlightPhase>(i));
+  }
+  EXPECT_FALSE(from_name<FailsafeMode>("unknown"));
+}
+
 TEST(Ros, ValuesOfNoEnumerationAreRefused) {
   for (const std::size_t at : {4U, 5U, 6U}) {
     std::string text = link_status_to_cdr(sample_status());
@@ -175,6 +229,7 @@ TEST(Ros, HostileBytesNeverCrash) {
     (void)odometry_from_cdr(bad);
     (void)battery_from_cdr(bad);
     (void)link_status_from_cdr(bad);
+    (void)transitions_from_cdr(bad);
   }
 }
 

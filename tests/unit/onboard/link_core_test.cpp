@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <numbers>
 
 #include "tests/unit/onboard/link_world.hpp"
@@ -154,6 +155,7 @@ TEST(LinkCore, TheFenceHoldsAgainstAPlanThatLeavesIt) {
     w.pass(33 * ms);
     ASSERT_LE(w.tellos[0].position[0], 2.0);
     ASSERT_LE(w.tellos[0].position[2], 3.0);
+    ASSERT_EQ(w.core.mode(1), FailsafeMode::none) << "it clips before it acts";
   }
   EXPECT_GT(w.tellos[0].position[0], 1.8);
   EXPECT_EQ(w.core.phase(1), FlightPhase::flying);
@@ -271,6 +273,32 @@ TEST(LinkCore, AStutteringLinkStopsTheDroneAndThenKeepsSilentSoThatItLandsByItse
   EXPECT_EQ(w.sent[0].second, "rc 0 0 0 0");
   w.pass(500 * ms);
   EXPECT_GT(w.sent.size(), 5U);  // healthy again: hold keeps the drone awake
+}
+
+TEST(LinkCore, ALinkThatIsStartedAgainInTheAirBeginsWithZeroAndWithinItsLimits) {
+  LinkWorld w;
+  w.take_off();
+  w.fly_plan({1, 0, 0}, 20);
+  w.pass(900 * ms);
+  ASSERT_GT(w.tellos[0].rc[1], 80);
+  w.core = LinkCore(w.settings_, 43);
+  w.sent.clear();
+  w.pass(300 * ms);
+  ASSERT_EQ(w.core.phase(1), FlightPhase::flying);
+  EXPECT_EQ(w.states.back().boot_id, 43U);
+  ASSERT_GE(w.sent.size(), 2U);
+  EXPECT_EQ(w.sent[0].second, "command");
+  for (std::size_t i = 1; i < w.sent.size(); ++i) EXPECT_EQ(w.sent[i].second, "rc 0 0 0 0");
+  w.sent.clear();
+  const TimeNs begin = w.now;
+  w.fly_plan({1, 0, 0}, 20);
+  w.pass(500 * ms);
+  EXPECT_GT(w.tellos[0].rc[1], 80);
+  for (const auto& [at, text] : w.sent) {
+    int right = 0, forward = 0;
+    ASSERT_EQ(std::sscanf(text.c_str(), "rc %d %d", &right, &forward), 2) << text;
+    EXPECT_LE(forward, 100 * w.settings_.playout.max_acceleration_mps2 * to_seconds(at - begin) + 1);
+  }
 }
 
 TEST(LinkCore, PlansAndPosesThatAreNotForItsDronesOrNotFiniteAreIgnored) {

@@ -109,7 +109,11 @@ class LinkWorld {
       }
     }
     std::vector<AgentBeat> beats;
-    if (agent && now % (50 * ns_per_ms) == 0) beats.push_back({now, ledger});
+    if (agent && now % (50 * ns_per_ms) == 0) {
+      beat.stamp_ns = now;
+      beat.ledger_alive = ledger;
+      beats.push_back(beat);
+    }
     const LinkOutputs& out =
         core.step(now, {.received = received, .plans = plans, .poses = poses, .beats = beats, .stop_all = stop_all});
     plans.clear();
@@ -118,6 +122,7 @@ class LinkWorld {
       tellos[message.drone - 1].hear(message.command.view());
     }
     for (const StateSample& state : out.states) states.push_back(state);
+    for (const Transition& transition : out.transitions) transitions.push_back(transition);
     for (const TraceRecord& record : out.trace) trace.push_back(record);
   }
 
@@ -162,6 +167,8 @@ class LinkWorld {
   bool mocap = true, agent = true, ledger = true, stop_all = false;
   std::vector<std::pair<TimeNs, std::string>> sent;
   std::vector<StateSample> states;
+  std::vector<Transition> transitions;
+  AgentBeat beat;  ///< what else it says
   std::vector<TraceRecord> trace;
 };
 

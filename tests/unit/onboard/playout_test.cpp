@@ -178,10 +178,10 @@ TEST_F(PlayoutTest, BadNumbersAreDroppedNotFlown) {
 }
 
 TEST_F(PlayoutTest, AFullQueueGivesUpAPlanAndSaysSo) {
-  for (std::uint64_t i = 0; i < 20; ++i) give(t, plan_of(i + 1, t + static_cast<TimeNs>(i + 1) * 50 * ms, 4, 1, t));
-  EXPECT_EQ(playout.counters().dropped_by[static_cast<std::size_t>(DropReason::queue_full)], 4U);
-  for (TimeNs now = t; now < t + 2 * ns_per_s; now += ms) fly(now);
-  EXPECT_EQ(playout.counters().applied, 16U);
+  for (std::uint64_t i = 0; i < 70; ++i) give(t, plan_of(i + 1, t + static_cast<TimeNs>(i + 1) * 50 * ms, 4, 1, t));
+  EXPECT_EQ(playout.counters().dropped_by[static_cast<std::size_t>(DropReason::queue_full)], 6U);
+  for (TimeNs now = t; now < t + 4 * ns_per_s; now += ms) fly(now);
+  EXPECT_EQ(playout.counters().applied, 64U);
   expect_sums();
 }
 
@@ -191,6 +191,60 @@ TEST_F(PlayoutTest, EveryPlanThatEndsUnflownIsNamedWithItsReason) {
   ASSERT_EQ(playout.ends().size(), 2U);
   EXPECT_EQ(playout.ends()[0].reason, DropReason::none);
   EXPECT_EQ(playout.ends()[1].reason, DropReason::out_of_order);
+}
+
+/// Plans 33 ms apart that come `late` after the time of their first setpoint; the wish is asked for every ms.
+class MarginTest : public PlayoutTest {
+ protected:
+  void plans(int count, TimeNs late) {
+    for (int i = 0; i < count; ++i) {
+      give(t, plan_of(++sequence, t - late, 10, 1, t - late));
+      for (const TimeNs next = t + 33 * ms; t < next; t += ms) {
+        fly(t);
+        EXPECT_GE(t - playout.margin_ns(), time) << "the time of playout never goes back";
+        time = t - playout.margin_ns();
+      }
+    }
+  }
+  std::uint64_t sequence = 0;
+  TimeNs time = 0;
+};
+
+TEST_F(MarginTest, PlansThatComeInTimeAreFlownAtTheirTime) {
+  plans(300, -5 * ms);
+  EXPECT_EQ(playout.margin_ns(), 0);
+}
+
+TEST_F(MarginTest, PlansThatComeLateAreFlownLaterByAsMuch) {
+  plans(300, 80 * ms);
+  EXPECT_EQ(playout.margin_ns(), 80 * ms);
+  give(t, plan_of(++sequence, t - 70 * ms, 10, 2, t - 70 * ms));
+  EXPECT_EQ(fly(t + 9 * ms).velocity.mps[0], 1);
+  EXPECT_EQ(fly(t + 10 * ms).velocity.mps[0], 2);
+  EXPECT_FALSE(fly(t + 10 * ms + 500 * ms).valid) << "the plan's end is as much later, not more";
+  expect_sums();
+}
+
+TEST_F(MarginTest, AFewLatePlansAreNotWaitedFor) {
+  for (int i = 0; i < 6; ++i) {
+    plans(60, 0);
+    plans(1, 300 * ms);
+  }
+  EXPECT_EQ(playout.margin_ns(), 0);
+}
+
+TEST_F(MarginTest, TheMarginEndsAtItsLimitAndGoesWhenPlansComeInTimeAgain) {
+  plans(300, 1'500 * ms);
+  EXPECT_EQ(playout.margin_ns(), settings.max_margin_ns);
+  plans(900, 0);
+  EXPECT_EQ(playout.margin_ns(), 0);
+}
+
+TEST_F(MarginTest, ALimitOfZeroMeansNone) {
+  settings.max_margin_ns = 0;
+  playout = Playout(settings);
+  plans(300, 80 * ms);
+  EXPECT_EQ(playout.margin_ns(), 0);
 }
 
 }  // namespace

@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cstdint>
 #include <thread>
+
+#include "tests/unit/campaign.hpp"
 
 namespace ledgerline {
 namespace {
@@ -41,7 +44,7 @@ struct Element {
 };
 
 TEST(SpscRing, TwoThreadsLoseTearAndRepeatNothing) {
-  constexpr std::uint64_t count = 200'000;
+  const auto count = static_cast<std::uint64_t>(seeds(200'000, 20'000'000));
   SpscRing<Element, 16> ring;
   std::thread producer([&] {
     Element element;
@@ -63,6 +66,41 @@ TEST(SpscRing, TwoThreadsLoseTearAndRepeatNothing) {
   producer.join();
   EXPECT_EQ(wrong, 0U);
   EXPECT_FALSE(ring.pop(element));
+}
+
+/// As in link's loop: nobody waits for the other. What is refused is missing at the other end, and nothing else.
+TEST(SpscRing, AFullRingLosesWhatItRefusedAndAThirdThreadMayLook) {
+  const auto count = static_cast<std::uint64_t>(seeds(200'000, 20'000'000));
+  SpscRing<Element, 16> ring;
+  std::atomic<bool> produced{false};
+  std::uint64_t refused = 0, taken = 0, last = 0, wrong = 0, over = 0;
+  std::thread producer([&] {
+    Element element;
+    for (std::uint64_t i = 1; i <= count; ++i) {
+      element.number = i;
+      for (auto& copy : element.copies) copy = i;
+      if (!ring.push(element)) ++refused;
+      if (i % 64 == 0) std::this_thread::yield();
+    }
+    produced = true;
+  });
+  std::thread watcher([&] {
+    while (!produced) over += ring.size() > 16 ? 1 : 0;
+  });
+  const auto drain = [&] {
+    for (Element element; ring.pop(element);) {
+      wrong += element.number > last && element.copies[6] == element.number ? 0 : 1;
+      last = element.number;
+      ++taken;
+    }
+  };
+  while (!produced) drain();
+  drain();
+  producer.join();
+  watcher.join();
+  EXPECT_EQ(taken + refused, count);
+  EXPECT_EQ(wrong, 0U);
+  EXPECT_EQ(over, 0U);
 }
 
 }  // namespace

@@ -2,7 +2,10 @@
 
 #include <gmock/gmock.h>
 
+#include <atomic>
+#include <functional>
 #include <future>
+#include <thread>
 
 #include "common/common.pb.h"
 #include "ledger/queryresult/kv_query_result.pb.h"
@@ -66,6 +69,7 @@ class FakePeer {
   std::condition_variable changed;
   std::map<std::string, Message> ends;
   std::shared_ptr<Session> session;
+  std::function<void()> on_end;  ///< as a transaction's end comes, before the chaincode goes on
 
  private:
   bool take(const Message& question) {
@@ -76,6 +80,7 @@ class FakePeer {
       case Message::COMPLETED:
       case Message::ERROR:
         ends[question.txid()] = question;
+        if (on_end) on_end();
         return true;
       case Message::GET_STATE: {
         protos::GetState request;
@@ -275,6 +280,30 @@ TEST(ShimSession, AMessageThatHasNoPlaceEndsTheStream) {
   EXPECT_FALSE(peer.session->on_message(message(Message::PUT_STATE, "", "tx")).ok());
   peer.tell(Message::KEEPALIVE);
   peer.tell(Message::RESPONSE, "of a transaction that has ended", "nobody");
+}
+
+TEST(ShimSession, ATransactionOfTheSameIdMayFollowAtOnce) {
+  std::atomic<int> begun{0};
+  int ended = 0;
+  std::promise<void> second_began;
+  FakePeer peer([&](Stub& stub) {
+    if (++begun == 2) {
+      second_began.set_value();
+      // While the first one is cleared away.
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    const auto value = stub.get_state("key");
+    return Response{value ? 200 : 500, {}, {}};
+  });
+  peer.on_end = [&] {
+    if (++ended > 1) return;
+    peer.transaction("tx", {"read"});
+    second_began.get_future().wait();
+  };
+  peer.transaction("tx", {"read"});
+  std::unique_lock lock(peer.mutex);
+  EXPECT_TRUE(peer.changed.wait_for(lock, std::chrono::seconds(30), [&] { return ended == 2; }))
+      << "the second one never got its answer";
 }
 
 }  // namespace

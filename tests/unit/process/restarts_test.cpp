@@ -2,9 +2,9 @@
 
 #include <set>
 
-#include "chaincode/fabric/restarts.hpp"
+#include "common/process/restarts.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline {
 namespace {
 
 constexpr Restarts::Limits restart_limits{3, 60 * ns_per_s, 100 * ns_per_ms, 300 * ns_per_ms};
@@ -48,4 +48,4 @@ TEST(Restarts, ProcessesThatEndTogetherDoNotStartTogether) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline

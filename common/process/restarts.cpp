@@ -1,8 +1,8 @@
-#include "chaincode/fabric/restarts.hpp"
+#include "common/process/restarts.hpp"
 
 #include <algorithm>
 
-namespace ledgerline::fabric_network {
+namespace ledgerline {
 
 std::optional<TimeNs> Restarts::ended(TimeNs now) {
   while (!recent_.empty() && now - recent_.front() > limits_.within) recent_.pop_front();
@@ -15,4 +15,4 @@ std::optional<TimeNs> Restarts::ended(TimeNs now) {
   return now + static_cast<TimeNs>(static_cast<double>(wait) * (0.5 + random_.uniform() / 2));
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline

@@ -5,7 +5,7 @@
 #include "common/rt/clock.hpp"
 #include "common/rt/random.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline {
 
 /// When a process that ended is started again. Waits are doubled with each end within `within`, of which a random half
 /// is left out, so that processes that died together do not start together; an end too many there is the last.
@@ -34,4 +34,4 @@ class Restarts {
   std::uint64_t count_ = 0;
 };
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline

@@ -1,0 +1,41 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "common/msg/onboard.hpp"
+
+/// The words for what link says: in logs, status lines, summaries and on the ledger.
+namespace ledgerline {
+
+constexpr const char* name(FlightPhase phase) noexcept {
+  constexpr std::array names{"disconnected", "on_ground", "taking_off", "flying", "landing", "landed"};
+  const auto at = static_cast<std::size_t>(phase);
+  return at < names.size() ? names[at] : "unknown";
+}
+
+constexpr const char* name(FailsafeMode mode) noexcept {
+  constexpr std::array names{"none", "hold", "brake", "land", "cut"};
+  const auto at = static_cast<std::size_t>(mode);
+  return at < names.size() ? names[at] : "unknown";
+}
+
+constexpr const char* name(FailsafeCause cause) noexcept {
+  constexpr std::array names{"none",          "plan_ran_out",     "held_too_long", "agent_silent",
+                             "ledger_silent", "state_stale",      "pose_lost",     "fence",
+                             "battery_low",   "battery_critical", "stopped"};
+  const auto at = static_cast<std::size_t>(cause);
+  return at < names.size() ? names[at] : "unknown";
+}
+
+/// The value that has this name.
+template <typename Enum>
+constexpr std::optional<Enum> from_name(std::string_view text) noexcept {
+  for (std::uint8_t i = 0; std::string_view(name(static_cast<Enum>(i))) != "unknown"; ++i) {
+    if (text == name(static_cast<Enum>(i))) return static_cast<Enum>(i);
+  }
+  return std::nullopt;
+}
+
+}  // namespace ledgerline

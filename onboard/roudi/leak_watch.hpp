@@ -1,0 +1,44 @@
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace ledgerline::roudi {
+
+/// Tells chunks that are lost from those in use. A process that was killed may take chunks with it that nobody gives
+/// back. Chunks in transit come and go, so what is in use at each of the last looks, beyond what publishers keep while
+/// nothing moves, is lost, or waits in the queue of a reader that stands still (then the figure goes down again).
+/// Core: one thread.
+class LeakWatch {
+ public:
+  static constexpr std::size_t pools = 3;
+  static constexpr std::size_t looks = 10;
+  using Chunks = std::array<std::uint32_t, pools>;
+
+  /// `kept`: by the publishers of each pool, one chunk a publisher.
+  explicit LeakWatch(const Chunks& kept) : kept_(kept) {}
+
+  /// What is in use now.
+  void look(const Chunks& used) {
+    history_[looks_++ % looks] = used;
+    if (looks_ < looks) return;
+    leaked_ = 0;
+    for (std::size_t pool = 0; pool < pools; ++pool) {
+      std::uint32_t least = history_[0][pool];
+      for (const Chunks& one : history_) least = std::min(least, one[pool]);
+      leaked_ += least - std::min(least, kept_[pool]);
+    }
+    most_ = std::max(most_, leaked_);
+  }
+  std::uint32_t leaked() const { return leaked_; }
+  std::uint32_t most() const { return most_; }
+
+ private:
+  Chunks kept_;
+  std::array<Chunks, looks> history_{};
+  std::uint64_t looks_ = 0;
+  std::uint32_t leaked_ = 0, most_ = 0;
+};
+
+}  // namespace ledgerline::roudi

@@ -1,0 +1,71 @@
+"""One flight of ledgerline-fly, as a person starts it, watched from outside."""
+import json
+import os
+import pathlib
+import re
+import struct
+import subprocess
+import time
+
+import pytest
+from fabric import FABRIC
+
+BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+
+
+def fly(out: pathlib.Path, *options: str) -> subprocess.Popen:
+    out.mkdir(exist_ok=True)
+    log = open(out / "fly.out", "wb")
+    return subprocess.Popen([BIN / "ledgerline-fly", "--out", out / "run", "--json", out / "result.json", *options],
+                            stdout=log, stderr=subprocess.STDOUT)
+
+
+def printed(out: pathlib.Path) -> str:
+    return (out / "fly.out").read_text(errors="replace")
+
+
+def result(out: pathlib.Path) -> dict:
+    return json.loads((out / "result.json").read_text())
+
+
+def our_processes() -> dict[int, str]:
+    """Programs of this build, and Fabric's, in this network namespace."""
+    here = os.readlink("/proc/self/ns/net")
+    found = {}
+    for process in pathlib.Path("/proc").glob("[0-9]*"):
+        try:
+            exe = pathlib.Path(os.readlink(process / "exe"))
+            if exe.parent in (BIN, FABRIC) and os.readlink(process / "ns/net") == here:
+                found[int(process.name)] = exe.name
+        except OSError:
+            pass  # it ended meanwhile
+    return found
+
+
+def pid_of(program: str) -> int:
+    return next(pid for pid, name in our_processes().items() if name == program)
+
+
+def wait_for_flight(out: pathlib.Path, flight: subprocess.Popen) -> None:
+    """Until the first drone flies, as the ground says."""
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        assert flight.poll() is None, printed(out)
+        if re.search(r"tello1\b.*\bpath\b", printed(out)):
+            return
+        time.sleep(0.1)
+    pytest.fail("not in the air after a minute:\n" + printed(out))
+
+
+def assert_nothing_left() -> None:
+    deadline = time.monotonic() + 5
+    while our_processes() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert our_processes() == {}
+    assert [f for f in os.listdir("/dev/shm")] == []
+
+
+def records(trace: pathlib.Path) -> list[tuple]:
+    """Of a trace (common/rt/trace.hpp): time, kind, drone, extra, id, stamp, four values."""
+    data = trace.read_bytes()[16:]  # behind the file's header
+    return list(struct.iter_unpack("<qHHIQq4d", data[:len(data) // 64 * 64]))

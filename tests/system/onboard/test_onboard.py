@@ -1,0 +1,169 @@
+"""What goes to a companion computer: what its programs need, what systemd is told of them, and they themselves, cross-built."""
+import contextlib
+import ctypes
+import json
+import os
+import pathlib
+import re
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import time
+
+import pytest
+
+BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+ROOT = pathlib.Path(__file__).parents[3]
+AARCH64 = ROOT / "build" / "aarch64" / "bin"
+SYSROOT = ROOT / "build" / "sysroot-aarch64"
+LONG = os.environ.get("LEDGERLINE_LONG") == "1"
+PROGRAMS = ["ledgerline-link", "ledgerline-agent", "ledgerline-roudi"]
+
+
+def listed(program: str) -> set[str]:
+    """The libraries that docs/onboard.md lists."""
+    row = re.search(rf"^\| `{program}` .*$", (ROOT / "docs/onboard.md").read_text(), re.MULTILINE)
+    return set(re.findall(r"`(lib[^`]+)`", row[0]))
+
+
+def needed(program: pathlib.Path) -> set[str]:
+    dynamic = subprocess.run(["readelf", "--dynamic", "--wide", program], capture_output=True, text=True, check=True).stdout
+    return set(re.findall(r"\(NEEDED\).*\[(.+)\]", dynamic))
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("built", [BIN, AARCH64], ids=["here", "aarch64"])
+def test_a_program_needs_the_libraries_that_the_page_lists(program, built):
+    if built == AARCH64 and not (AARCH64 / program).exists():
+        pytest.skip("not cross-built: ./run-tests does it")
+    assert needed(built / program) - {"ld-linux-aarch64.so.1"} == listed(program)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory) -> pathlib.Path:
+    prefix = tmp_path_factory.mktemp("installed")
+    subprocess.run(["cmake", "--install", BIN.parent, "--component", "onboard", "--prefix", prefix], check=True,
+                   capture_output=True)
+    return prefix
+
+
+def test_an_installation_has_programs_units_and_their_user(installed):
+    files = {str(file.relative_to(installed)) for file in installed.rglob("*") if file.is_file()}
+    assert files == {f"bin/{p}" for p in PROGRAMS} | {f"lib/systemd/system/{p}.service" for p in PROGRAMS} | {
+        "lib/systemd/system/ledgerline-.service.d/hardening.conf", "lib/sysusers.d/ledgerline.conf"}
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_systemd_finds_nothing_wrong_with_a_unit(installed, program):
+    if not shutil.which("systemd-analyze"):
+        pytest.skip("systemd is not here")
+    unit = installed / "lib/systemd/system" / f"{program}.service"
+    ran = subprocess.run(["systemd-analyze", "verify", "--man=no", "--recursive-errors=no", unit], capture_output=True,
+                         text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
+
+
+class Manager:
+    """In systemd's place: hears what the programs of a flight say, and who says it."""
+
+    def __init__(self, folder: pathlib.Path):
+        self.name = folder / "notify"
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(str(self.name))
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
+
+    def listen(self, seconds: float, enough=lambda heard: False) -> list[tuple[str, str]]:
+        heard, until = [], time.monotonic() + seconds
+        while not enough(heard) and time.monotonic() < until:
+            self.socket.settimeout(max(0.01, until - time.monotonic()))
+            with contextlib.suppress(TimeoutError):
+                message, ancillary, _, _ = self.socket.recvmsg(256, socket.CMSG_SPACE(12))
+                pid = struct.unpack("3i", ancillary[0][2])[0]
+                heard.append((os.path.basename(os.readlink(f"/proc/{pid}/exe")), message.decode()))
+        return heard
+
+
+def loop_of_link() -> int:
+    """link's real-time thread."""
+    here = os.readlink("/proc/self/ns/net")
+    for process in pathlib.Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if os.readlink(process / "exe") == str(BIN / "ledgerline-link") and os.readlink(process / "ns/net") == here:
+                for thread in (int(task.name) for task in (process / "task").iterdir()):
+                    if os.sched_getscheduler(thread) == os.SCHED_FIFO:
+                        return thread
+    pytest.skip("link got no SCHED_FIFO on this machine, by which its loop is known")
+
+
+@contextlib.contextmanager
+def standing_still(thread: int):
+    """One thread alone, while those beside it run on."""
+    seize, interrupt, detach, wait_all = 0x4206, 0x4207, 17, 0x40000000
+    ptrace = ctypes.CDLL(None, use_errno=True).ptrace
+    assert ptrace(seize, thread, None, None) == 0 and ptrace(interrupt, thread, None, None) == 0, os.strerror(ctypes.get_errno())
+    os.waitpid(thread, wait_all)
+    try:
+        yield
+    finally:
+        ptrace(detach, thread, None, None)
+
+
+def hear_of_a_flight(manager: Manager) -> None:
+    watched = [("ledgerline-link", "WATCHDOG=1"), ("ledgerline-agent", "WATCHDOG=1")]
+    heard = manager.listen(60, lambda heard: all(heard.count(one) >= 3 for one in watched))
+    assert {p for p, message in heard if message == "READY=1"} == set(PROGRAMS)
+    assert all(heard.count(one) >= 3 for one in watched), heard
+    assert ("ledgerline-roudi", "WATCHDOG=1") not in heard
+    for program, _ in watched:
+        assert [message for p, message in heard if p == program].index("READY=1") == 0, "ready before it is watched"
+
+    with standing_still(loop_of_link()):
+        manager.listen(0.7)  # what the loop did before, of which is told every half second
+        heard = manager.listen(2)
+        assert watched[0] not in heard, "link's other thread spoke for a loop that stands still"
+        assert watched[1] in heard
+    assert watched[0] in manager.listen(10, lambda heard: watched[0] in heard)
+
+
+def test_systemd_hears_of_programs_that_are_ready_and_live_and_of_no_loop_that_stands_still(tmp_path):
+    manager = Manager(tmp_path)
+    flight = subprocess.Popen([BIN / "ledgerline-fly", "--out", tmp_path / "run", "--laps", "50"],
+                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                              env={**os.environ, "NOTIFY_SOCKET": str(manager.name), "WATCHDOG_USEC": "1000000"})
+    try:
+        hear_of_a_flight(manager)
+    finally:
+        flight.send_signal(signal.SIGINT)
+        flight.wait(60)
+
+
+# qemu-user knows no multicast.
+UNICAST = """<CycloneDDS><Domain id="any"><General><AllowMulticast>false</AllowMulticast>
+<Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces></General><Discovery>
+<ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
+
+
+def test_the_cross_built_programs_fly_a_lap_under_qemu(tmp_path):
+    if not LONG:
+        pytest.skip("with ./run-tests --long")
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    for native in BIN.glob("ledgerline-*"):
+        (programs / native.name).symlink_to(native)
+    for program in PROGRAMS:
+        script = programs / program
+        script.unlink()
+        script.write_text(f'#!/bin/sh\nexec qemu-aarch64-static -L {SYSROOT} {AARCH64 / program} "$@"\n')
+        script.chmod(0o755)
+    result = tmp_path / "result.json"
+    flight = subprocess.run([BIN / "ledgerline-fly", "--out", tmp_path / "run", "--json", result, "--laps", "1"],
+                            env={**os.environ, "LEDGERLINE_BIN": str(programs), "CYCLONEDDS_URI": UNICAST},
+                            capture_output=True, text=True, timeout=300)
+    assert flight.returncode == 0, flight.stdout + flight.stderr
+    report = json.loads(result.read_text())
+    print(flight.stdout)
+    drone = report["drones"][0]
+    assert report["ok"] is True and len(drone["lap_s"]) == 1
+    assert drone["commands"]["applied"] > 0.5 * drone["commands"]["sent"] > 100
