@@ -195,7 +195,10 @@ Status Launcher::fly() {
   TimeNs next_memory_ns = 0;
   Status result = done;
   for (bool flying = true; flying;) {
-    if (monotonic_ns() - usage.end.t_ns >= usage_period_ns) usage.end = timing::read_snapshot(usage.programs);
+    if (monotonic_ns() - usage.end.t_ns >= usage_period_ns) {
+      for (auto& [name, process] : usage.programs) process = children_.pid(name);
+      usage.end = timing::read_snapshot(usage.programs);
+    }
     std::map<std::string, double> cpu;
     for (const auto& name : all_programs_) cpu[name] = children_.cpu_seconds(name);
     children_.poll(watch_ns);

@@ -1,5 +1,7 @@
 #include "ground/timing/recording.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 
@@ -7,12 +9,16 @@
 
 namespace ledgerline::timing {
 
-std::vector<Recording::File> Recording::make_files() {
-  std::vector<File> files;
-  files.push_back({Writer::link, "link.trace"});
-  files.push_back({Writer::agent, "agent.trace"});
-  files.push_back({Writer::ground, "ground.trace"});
-  return files;
+Recording::Recording(std::string directory) : directory_(std::move(directory)) {
+  for (const auto& [writer, name] :
+       {std::pair{Writer::link, "link"}, {Writer::agent, "agent"}, {Writer::ground, "ground"}}) {
+    // The last life's trace has no number.
+    std::uint32_t life = 0;
+    for (std::string file;
+         file = fmt::format("{}.{}.trace", name, life + 1), std::filesystem::exists(directory_ + "/" + file); ++life)
+      files_.push_back({writer, life, file});
+    files_.push_back({writer, life, fmt::format("{}.trace", name)});
+  }
 }
 
 Status Recording::read_new() {
@@ -26,7 +32,7 @@ Status Recording::read_new() {
     }
     const auto records = file.reader->read_new();
     if (!records) return records.error();
-    walks_.add(file.writer, *records);
+    walks_.add(file.writer, *records, file.life);
     if (file.writer != Writer::link) continue;
     std::copy_if(records->begin(), records->end(), std::back_inserter(loop_turns_),
                  [](const TraceRecord& r) { return r.kind == TraceKind::loop_turns; });

@@ -8,9 +8,11 @@
 namespace ledgerline::timing {
 
 /// The folder of a run: link's, agent's and ground's traces and fly's record of CPU time, complete or still growing.
+/// A program that was started again during the flight has a trace of each life; of those that begin while the traces
+/// are being followed, nothing is read.
 class Recording {
  public:
-  explicit Recording(std::string directory) : directory_(std::move(directory)) {}
+  explicit Recording(std::string directory);
 
   /// Reads what is new in the traces. An error when a file is damaged, or link's is not there; the other two may be
   /// missing (see missing()).
@@ -28,15 +30,14 @@ class Recording {
  private:
   struct File {
     Writer writer;
-    const char* name;
+    std::uint32_t life;
+    std::string name;
     std::optional<TraceReader> reader = {};
   };
   std::string directory_;
-  std::vector<File> files_ = make_files();
+  std::vector<File> files_;
   Walks walks_;
   std::vector<TraceRecord> loop_turns_;
-
-  static std::vector<File> make_files();
 };
 
 }  // namespace ledgerline::timing

@@ -37,46 +37,46 @@ bool Walk::due_at_once() const {
   return has(Mark::applied) && has(Mark::received) && at(Mark::applied) - late_ns - ns_per_us < at(Mark::received);
 }
 
-void Walks::add(Writer writer, std::span<const TraceRecord> records) {
+void Walks::add(Writer writer, std::span<const TraceRecord> records, std::uint32_t life) {
   for (const TraceRecord& record : records) {
     // Nobody's clock says this: a damaged record, and differences of such times could overflow.
     if (record.t_ns <= 0 || record.t_ns > INT64_MAX / 2) {
       ++counters_.strays;
     } else {
-      add(writer, record);
+      add(writer, record, life);
     }
   }
 }
 
-void Walks::add(Writer writer, const TraceRecord& record) {
+void Walks::add(Writer writer, const TraceRecord& record, std::uint32_t life) {
   if (writer == Writer::link) {
-    if (record.kind == TraceKind::state_sampled) see(record, Mark::sampled);
-    if (record.kind == TraceKind::plan_received) see(record, Mark::received);
-    if (record.kind == TraceKind::command_applied) see(record, Mark::applied);
-    if (record.kind == TraceKind::setpoint_sent) see(record, Mark::sent);
+    if (record.kind == TraceKind::state_sampled) see(record, Mark::sampled, life);
+    if (record.kind == TraceKind::plan_received) see(record, Mark::received, life);
+    if (record.kind == TraceKind::command_applied) see(record, Mark::applied, life);
+    if (record.kind == TraceKind::setpoint_sent) see(record, Mark::sent, life);
     return;
   }
   Calls& calls = writer == Writer::agent ? frames_ : calls_;
   if (record.kind == TraceKind::call_endorsed || record.kind == TraceKind::call_ordered) {
-    Call& call = calls[record.id];
+    Call& call = calls[{life, record.id}];
     call.submitted_ns = record.stamp_ns;
     (record.kind == TraceKind::call_endorsed ? call.endorsed_ns : call.ordered_ns) = record.t_ns;
     return;
   }
   if (writer == Writer::agent) {
-    if (record.kind == TraceKind::state_taken) see(record, Mark::taken);
-    if (record.kind == TraceKind::state_batched) see(record, Mark::batched);
-    if (record.kind == TraceKind::command_in_block) see(record, Mark::in_block);
-    if (record.kind == TraceKind::command_taken) see(record, Mark::picked_up);
-    if (record.kind == TraceKind::command_verified) see(record, Mark::verified);
+    if (record.kind == TraceKind::state_taken) see(record, Mark::taken, life);
+    if (record.kind == TraceKind::state_batched) see(record, Mark::batched, life);
+    if (record.kind == TraceKind::command_in_block) see(record, Mark::in_block, life);
+    if (record.kind == TraceKind::command_taken) see(record, Mark::picked_up, life);
+    if (record.kind == TraceKind::command_verified) see(record, Mark::verified, life);
   } else {
-    if (record.kind == TraceKind::state_received) see(record, Mark::delivered);
-    if (record.kind == TraceKind::command_made) see(record, Mark::made);
-    if (record.kind == TraceKind::command_submitted) see(record, Mark::submitted);
+    if (record.kind == TraceKind::state_received) see(record, Mark::delivered, life);
+    if (record.kind == TraceKind::command_made) see(record, Mark::made, life);
+    if (record.kind == TraceKind::command_submitted) see(record, Mark::submitted, life);
   }
 }
 
-void Walks::see(const TraceRecord& record, Mark mark) {
+void Walks::see(const TraceRecord& record, Mark mark, std::uint32_t life) {
   Open& open = open_[{record.stamp_ns, record.drone}];
   const bool before = open.walk.has(mark);
   const bool last_counts = mark == Mark::batched || mark == Mark::submitted;
@@ -86,8 +86,8 @@ void Walks::see(const TraceRecord& record, Mark mark) {
   }
   at(open.walk, mark) = std::max(open.walk.at(mark), record.t_ns);
   if (mark == Mark::sampled) open.walk.sequence = record.id;
-  if (mark == Mark::batched) open.frame = record.extra;
-  if (mark == Mark::submitted) open.call = record.extra;
+  if (mark == Mark::batched) open.frame = {life, record.extra};
+  if (mark == Mark::submitted) open.call = {life, record.extra};
   if (mark == Mark::applied) open.walk.late_ns = static_cast<TimeNs>(record.extra) * ns_per_us;
 }
 

@@ -63,23 +63,25 @@ class Walks {
     std::uint64_t doubled = 0, strays = 0, backwards = 0;
   };
 
-  void add(Writer writer, std::span<const TraceRecord> records);
+  /// `life`: counts up when the writer was started again, since the numbers of its transactions begin anew with it.
+  void add(Writer writer, std::span<const TraceRecord> records, std::uint32_t life = 0);
   /// The walks sampled before that time, in order of it; they are then forgotten.
   std::vector<Walk> take(TimeNs sampled_before_ns = INT64_MAX);
   const Counters& counters() const { return counters_; }
 
  private:
+  using CallKey = std::pair<std::uint32_t, std::uint64_t>;  ///< life of the writer, number
   struct Open {
     Walk walk;
-    std::uint64_t frame = 0, call = 0;  ///< 0: none
+    CallKey frame{}, call{};  ///< number 0: none
   };
   struct Call {
     TimeNs submitted_ns = 0, endorsed_ns = 0, ordered_ns = 0;
   };
-  using Calls = std::map<std::uint64_t, Call>;
+  using Calls = std::map<CallKey, Call>;
 
-  void add(Writer writer, const TraceRecord& record);
-  void see(const TraceRecord& record, Mark mark);
+  void add(Writer writer, const TraceRecord& record, std::uint32_t life);
+  void see(const TraceRecord& record, Mark mark, std::uint32_t life);
   bool finish(Open& open) const;
 
   std::map<std::pair<TimeNs, std::uint16_t>, Open> open_;

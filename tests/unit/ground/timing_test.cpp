@@ -148,6 +148,21 @@ TEST(Walks, OfTwoFramesThatASampleRodeInTheLastCounts) {
   EXPECT_EQ(walk.at(Mark::endorsed), start + 3 * ms);
 }
 
+TEST(Walks, NumbersOfTransactionsBeginAnewWithEachLifeOfTheirWriter) {
+  Walks walks;
+  for (const std::uint32_t life : {0U, 1U}) {
+    Flight flight;
+    flight.walk(start + life * ns_per_s, 1);
+    walks.add(Writer::link, flight.link, life);
+    walks.add(Writer::agent, flight.agent, life);
+    walks.add(Writer::ground, flight.ground, life);
+  }
+  const auto both = walks.take();
+  ASSERT_EQ(both.size(), 2U);
+  EXPECT_EQ(both[0].at(Mark::endorsed), start + 3 * ms);
+  EXPECT_EQ(both[1].at(Mark::endorsed), start + ns_per_s + 3 * ms);
+}
+
 TEST(Walks, AnAcknowledgementThatComesAfterTheBlockCountsAsTheBlock) {
   Flight flight;
   flight.walk(start, 1);
