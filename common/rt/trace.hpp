@@ -31,7 +31,8 @@ enum class TraceKind : std::uint16_t {
   command_submitted = 15,  ///< ground: id = plan sequence, stamp = its state's, extra = call number
   command_in_block = 16,   ///< agent: id = plan sequence, stamp = its state's; when its block reached this host
   command_taken = 17,      ///< agent: the same, when the main loop took the block up; what follows is its checking
-  plan_received = 18,      ///< link: id = plan sequence, stamp = its state's; out of agent's ring
+  plan_received = 18,      ///< link: id = plan sequence, stamp = its state's; out of agent's ring; extra = playout's
+                           ///< margin then, us
   setpoint_sent = 19,      ///< link: as command_applied, when the datagram had left
   loop_turns = 20,         ///< link: id = number of the first turn, extra = how many, stamp = when the first was due,
                            ///< v = how late each began: 16 × 16 bits, us (PackedTurns in common/rt/turns.hpp)

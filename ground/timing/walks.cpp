@@ -32,9 +32,10 @@ Mark Walk::last() const {
   return static_cast<Mark>(last);
 }
 
-// The record's lateness is cut to whole microseconds.
+// Lateness and margin are cut to whole microseconds.
 bool Walk::due_at_once() const {
-  return has(Mark::applied) && has(Mark::received) && at(Mark::applied) - late_ns - ns_per_us < at(Mark::received);
+  return has(Mark::applied) && has(Mark::received) &&
+         at(Mark::applied) - late_ns + margin_ns - ns_per_us < at(Mark::received);
 }
 
 void Walks::add(Writer writer, std::span<const TraceRecord> records, std::uint32_t life) {
@@ -88,6 +89,7 @@ void Walks::see(const TraceRecord& record, Mark mark, std::uint32_t life) {
   if (mark == Mark::sampled) open.walk.sequence = record.id;
   if (mark == Mark::batched) open.frame = {life, record.extra};
   if (mark == Mark::submitted) open.call = {life, record.extra};
+  if (mark == Mark::received) open.walk.margin_ns = static_cast<TimeNs>(record.extra) * ns_per_us;
   if (mark == Mark::applied) open.walk.late_ns = static_cast<TimeNs>(record.extra) * ns_per_us;
 }
 

@@ -40,11 +40,13 @@ struct Walk {
   std::uint64_t sequence = 0;              ///< of the state
   std::array<TimeNs, mark_count> at_ns{};  ///< 0: did not come by there, or nobody wrote it down
   TimeNs late_ns = 0;                      ///< its setpoint: sent minus meant
+  TimeNs margin_ns = 0;                    ///< that playout kept to when the plan came
 
   TimeNs at(Mark mark) const { return at_ns[static_cast<std::size_t>(mark)]; }
   bool has(Mark mark) const { return at(mark) != 0; }
   Mark last() const;
-  /// Its setpoint was meant for a moment that had passed when link got the plan: playout did not wait on purpose.
+  /// Its setpoint was meant for a moment that, playout's margin included, had passed when link got the plan: nothing
+  /// was held back on purpose.
   bool due_at_once() const;
 };
 

@@ -71,7 +71,18 @@ bool Batcher::ready(TimeNs now) const {
   return now - last_submitted_ns_ >= config_.min_gap_ns && (all || now - first_waiting_ns_ >= config_.linger_ns);
 }
 
+void Batcher::drop_stale(TimeNs now) {
+  for (Slot& slot : slots_) {
+    if (!slot.waiting || now - slot.waiting->stamp_ns <= config_.freshness_ns) continue;
+    slot.waiting.reset();
+    --slot.counters.pending;
+    ++slot.counters.dropped;
+    ++slot.counters.stale;
+  }
+}
+
 std::optional<Frame> Batcher::next(TimeNs now) {
+  drop_stale(now);
   if (!ready(now)) return std::nullopt;
   again_at_once_ = false;
   last_submitted_ns_ = now;

@@ -20,6 +20,7 @@ struct DroneName {
 struct BatchConfig {
   TimeNs min_gap_ns = 0;                      ///< between the starts of two frames, whatever is committed
   TimeNs linger_ns = 500 * ns_per_us;         ///< wait so long for the samples of the other drones of the same instant
+  TimeNs freshness_ns = 500 * ns_per_ms;      ///< a sample that had to wait until it is older is not sent any more
   TimeNs first_back_off_ns = 20 * ns_per_ms;  ///< after the first failure; doubles, with jitter (half to whole of it)
   TimeNs longest_back_off_ns = 1 * ns_per_s;
   TimeNs refused_drone_pause_ns = 1 * ns_per_s;  ///< a drone that made a frame be refused stays out of frames so long
@@ -38,7 +39,7 @@ struct Frame {
 
 /// Few transactions, many samples: one frame is in flight until it is committed; where that takes long, the next one
 /// goes behind a gap (fabric::Pacing), up to 32. What arrives meanwhile rides in the next one; of each drone only the
-/// newest sample rides, older ones are merged. How a frame ends:
+/// newest sample rides, older ones are merged; what waited past its freshness is dropped. How a frame ends:
 ///
 ///     committed      on_ledger, next frame at once (or after min_gap)
 ///     invalidated    dropped (a newer sample says more), next frame goes on
@@ -55,6 +56,7 @@ class Batcher {
   struct Counters {
     std::uint64_t sampled = 0, sent = 0, on_ledger = 0, merged = 0, dropped = 0;
     std::uint64_t pending = 0;  ///< waiting or in flight
+    std::uint64_t stale = 0;    ///< of the dropped: waited past their freshness
   };
   struct Transactions {
     std::uint64_t committed = 0, invalidated = 0, refused = 0, unavailable = 0;
@@ -91,6 +93,7 @@ class Batcher {
   Slot* refused_drone(const Frame& frame, const std::string& message);
   bool ready(TimeNs now) const;
   void drop_all(const Frame& frame);
+  void drop_stale(TimeNs now);
   void send_again_without(TimeNs now, Slot& refused, const Frame& frame);
   void back_off(TimeNs now);
 

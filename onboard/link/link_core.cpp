@@ -106,7 +106,7 @@ void LinkCore::take_plan(TimeNs now, const Plan& plan) noexcept {
   out_.trace.push({.t_ns = now,
                    .kind = TraceKind::plan_received,
                    .drone = drone.number,
-                   .extra = 0,
+                   .extra = static_cast<std::uint32_t>(drone.playout.margin_ns() / ns_per_us),
                    .id = plan.sequence,
                    .stamp_ns = plan.state_stamp_ns,
                    .v = {}});

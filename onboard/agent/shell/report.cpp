@@ -9,8 +9,8 @@ namespace {
 using nlohmann::json;
 
 json to_json(const Batcher::Counters& c) {
-  return {{"sampled", c.sampled}, {"sent", c.sent},       {"on_ledger", c.on_ledger},
-          {"merged", c.merged},   {"dropped", c.dropped}, {"pending", c.pending}};
+  return {{"sampled", c.sampled}, {"sent", c.sent},   {"on_ledger", c.on_ledger}, {"merged", c.merged},
+          {"dropped", c.dropped}, {"stale", c.stale}, {"pending", c.pending}};
 }
 
 json to_json(const TransitionSender::Counters& c) {

@@ -15,6 +15,7 @@ BatchConfig batch(Config& config) {
   BatchConfig b;
   b.min_gap_ns = duration_ms(config, "batch.min_gap_ms", b.min_gap_ns, 0, 10'000);
   b.linger_ns = duration_ms(config, "batch.linger_ms", b.linger_ns, 0, 1'000);
+  b.freshness_ns = duration_ms(config, "batch.freshness_ms", b.freshness_ns, 1, 10'000);
   b.first_back_off_ns = duration_ms(config, "batch.first_back_off_ms", b.first_back_off_ns, 1, 10'000);
   b.longest_back_off_ns = duration_ms(config, "batch.longest_back_off_ms", b.longest_back_off_ns, 1, 60'000);
   b.refused_drone_pause_ns = duration_ms(config, "batch.refused_drone_pause_ms", b.refused_drone_pause_ns, 0, 60'000);

@@ -48,7 +48,7 @@ TEST(Batcher, OneFrameIsInFlightWhereThatIsCommittedSoon) {
   batcher.add(0, sample(1, 1));
   const auto first = batcher.next(0);
   ASSERT_TRUE(first);
-  batcher.add(1, sample(1, 2));
+  batcher.add(1, sample(1, 2, 1));
   EXPECT_FALSE(batcher.next(50 * ns_per_ms));
   batcher.finished(50 * ns_per_ms, first->number, outcome(Kind::committed));
   EXPECT_TRUE(batcher.next(50 * ns_per_ms));
@@ -59,7 +59,7 @@ int frames_in_flight(Batcher& batcher, TimeNs from, TimeNs limit) {
   int frames = 0;
   std::uint64_t sequence = 10;
   for (TimeNs now = from; now < from + limit; now += 10 * ns_per_ms) {
-    batcher.add(now, sample(1, ++sequence));
+    batcher.add(now, sample(1, ++sequence, now));
     frames += batcher.next(now) ? 1 : 0;
   }
   return frames;
@@ -98,7 +98,7 @@ TEST(Batcher, OfSeveralRefusedForOneDroneTheNewestSamplesOfTheOthersGoAgain) {
   Batcher batcher({}, three, 1);
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   const auto first = batcher.next(0);
-  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(ns_per_s, sample(d, 2));
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(ns_per_s, sample(d, 2, ns_per_s));
   const auto second = batcher.next(ns_per_s);
   ASSERT_TRUE(second);
   batcher.finished(ns_per_s, first->number, outcome(Kind::refused, "tello2: enrolled to another"));
@@ -115,7 +115,7 @@ TEST(Batcher, OfWhatArrivesMeanwhileTheNewestRidesAndTheOthersCountAsMerged) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
   const auto first = batcher.next(0);
-  for (std::uint64_t k = 2; k <= 5; ++k) batcher.add(1, sample(1, k));
+  for (std::uint64_t k = 2; k <= 5; ++k) batcher.add(1, sample(1, k, 1));
   batcher.finished(2, first->number, outcome(Kind::committed));
   const auto second = batcher.next(2);
   ASSERT_TRUE(second);
@@ -149,7 +149,7 @@ TEST(Batcher, WaitsALittleForTheOtherDronesOfTheSameInstant) {
   Batcher batcher(config, three, 1);
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   batcher.finished(0, batcher.next(0)->number, outcome(Kind::committed));
-  batcher.add(1000, sample(1, 2));
+  batcher.add(1000, sample(1, 2, 1000));
   EXPECT_FALSE(batcher.next(1000));
   EXPECT_FALSE(batcher.next(1499));
   EXPECT_TRUE(batcher.next(1500));
@@ -159,7 +159,7 @@ TEST(Batcher, DoesNotWaitForADroneThatHasLongBeenSilent) {
   Batcher batcher({}, three, 1);
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   batcher.finished(0, batcher.next(0)->number, outcome(Kind::committed));
-  batcher.add(ns_per_s, sample(1, 2));
+  batcher.add(ns_per_s, sample(1, 2, ns_per_s));
   EXPECT_TRUE(batcher.next(ns_per_s));
 }
 
@@ -169,7 +169,7 @@ TEST(Batcher, ADroneWithoutANewSampleRidesAlongWithItsLastOneAndIsNotCountedAgai
   const auto first = batcher.next(0);
   EXPECT_TRUE(first->repeated.empty());
   batcher.finished(0, first->number, outcome(Kind::committed));
-  batcher.add(ns_per_s, sample(1, 2));
+  batcher.add(ns_per_s, sample(1, 2, ns_per_s));
   const auto second = batcher.next(ns_per_s);
   ASSERT_TRUE(second);
   EXPECT_EQ(second->samples.size(), 1U);
@@ -185,7 +185,7 @@ TEST(Batcher, ADroneThatOnlyRidesAlongAndIsRefusedPausesTooAndNothingIsLost) {
   Batcher batcher({}, three, 1);
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   batcher.finished(0, batcher.next(0)->number, outcome(Kind::committed));
-  batcher.add(ns_per_s, sample(1, 2));
+  batcher.add(ns_per_s, sample(1, 2, ns_per_s));
   batcher.finished(ns_per_s, batcher.next(ns_per_s)->number, outcome(Kind::refused, "tello2: enrolled to another"));
   const auto again = batcher.next(ns_per_s);
   ASSERT_TRUE(again);
@@ -201,7 +201,7 @@ TEST(Batcher, KeepsTheMinimalGapBetweenFrames) {
   Batcher batcher(config, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
   batcher.finished(ns_per_ms, batcher.next(0)->number, outcome(Kind::committed));
-  batcher.add(ns_per_ms, sample(1, 2));
+  batcher.add(ns_per_ms, sample(1, 2, ns_per_ms));
   EXPECT_FALSE(batcher.next(10 * ns_per_ms - 1));
   EXPECT_TRUE(batcher.next(10 * ns_per_ms));
 }
@@ -212,7 +212,7 @@ TEST(Batcher, AFrameRefusedBecauseOfOneDroneIsSentAgainAtOnceWithoutIt) {
   Batcher batcher(config, three, 1);
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   const auto first = batcher.next(0);
-  batcher.add(1, sample(1, 2));
+  batcher.add(1, sample(1, 2, 1));
   batcher.finished(2, first->number, outcome(Kind::refused, "tello3: is enrolled to somebody else"));
   const auto again = batcher.next(2);
   ASSERT_TRUE(again);
@@ -245,7 +245,7 @@ TEST(Batcher, ARefusedDronePausesAndThenRidesAgain) {
   Batcher batcher(config, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
   batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, "tello1: not enrolled"));
-  batcher.add(1, sample(1, 2));
+  batcher.add(1, sample(1, 2, config.refused_drone_pause_ns - 1));
   EXPECT_FALSE(batcher.next(config.refused_drone_pause_ns - 1));
   EXPECT_TRUE(batcher.next(config.refused_drone_pause_ns));
 }
@@ -254,7 +254,7 @@ TEST(Batcher, SamplesOfAnInvalidatedFrameAreDroppedAndTheNextGoesOnAtOnce) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
   const auto first = batcher.next(0);
-  batcher.add(1, sample(1, 2));
+  batcher.add(1, sample(1, 2, 1));
   batcher.finished(2, first->number, outcome(Kind::invalidated));
   EXPECT_EQ(batcher.counters(1).dropped, 1U);
   EXPECT_EQ(batcher.transactions().invalidated, 1U);
@@ -267,14 +267,14 @@ TEST(Batcher, AnUnreachableLedgerIsLeftAloneForATimeThatGrowsToItsBound) {
   TimeNs now = 0;
   TimeNs longest = 0;
   for (std::uint64_t k = 1; k <= 20; ++k) {
-    batcher.add(now, sample(1, k));
+    batcher.add(now, sample(1, k, now));
     const auto frame = batcher.next(now);
     ASSERT_TRUE(frame);
     batcher.finished(now, frame->number, outcome(Kind::unavailable));
     const TimeNs pause = batcher.back_off_until_ns() - now;
     EXPECT_GE(pause, config.first_back_off_ns / 2);
     EXPECT_LE(pause, config.longest_back_off_ns);
-    batcher.add(now, sample(1, 1000 + k));
+    batcher.add(now, sample(1, 1000 + k, now));
     EXPECT_FALSE(batcher.next(batcher.back_off_until_ns() - 1));
     longest = std::max(longest, pause);
     now = batcher.back_off_until_ns();
@@ -282,12 +282,30 @@ TEST(Batcher, AnUnreachableLedgerIsLeftAloneForATimeThatGrowsToItsBound) {
   EXPECT_GE(longest, config.longest_back_off_ns / 2);
 }
 
+TEST(Batcher, ASampleThatHadToWaitPastItsFreshnessIsDroppedAndCounted) {
+  BatchConfig config;
+  Batcher batcher(config, {{1, "tello1"}, {2, "tello2"}}, 1);
+  for (DroneNumber d = 1; d <= 2; ++d) batcher.add(0, sample(d, 1));
+  const auto first = batcher.next(0);
+  batcher.add(1, sample(1, 2, 1));
+  batcher.add(config.freshness_ns, sample(2, 2, config.freshness_ns));
+  batcher.finished(config.freshness_ns + 2, first->number, outcome(Kind::committed));
+  const auto second = batcher.next(config.freshness_ns + 2);
+  ASSERT_TRUE(second);
+  ASSERT_EQ(second->samples.size(), 1U);
+  EXPECT_EQ(second->samples[0].drone, 2);
+  EXPECT_EQ(batcher.counters(1).stale, 1U);
+  EXPECT_EQ(batcher.counters(1).dropped, 1U);
+  EXPECT_EQ(batcher.counters(2).stale, 0U);
+  for (DroneNumber d = 1; d <= 2; ++d) expect_adds_up(batcher, d);
+}
+
 TEST(Batcher, ACommitEndsTheGrowthOfTheBackOff) {
   BatchConfig config;
   Batcher batcher(config, {{1, "tello1"}}, 1);
   TimeNs now = 0;
   const auto round = [&](Kind kind, std::uint64_t k) {
-    batcher.add(now, sample(1, k));
+    batcher.add(now, sample(1, k, now));
     batcher.finished(now, batcher.next(now)->number, outcome(kind));
     const TimeNs pause = std::max<TimeNs>(0, batcher.back_off_until_ns() - now);
     now += pause;
@@ -331,7 +349,7 @@ TEST(Batcher, CountersAddUpAndNeverTwoAreInFlightWhateverHappens) {
       now += static_cast<TimeNs>(random.uniform() * 3e6);
       if (random.uniform() < 0.6) {
         const auto drone = static_cast<DroneNumber>(1 + random.next() % 3);
-        batcher.add(now, sample(drone, ++sequence));
+        batcher.add(now, sample(drone, ++sequence, now));
         ++added[drone];
       }
       if (auto frame = batcher.next(now)) {
@@ -351,14 +369,14 @@ TEST(Batcher, CountersAddUpAndNeverTwoAreInFlightWhateverHappens) {
         ASSERT_EQ(c.sampled, added[d]);
         ASSERT_EQ(c.sampled, c.on_ledger + c.merged + c.dropped + c.pending) << "seed " << seed;
         ASSERT_LE(c.pending, 2U) << "one in flight and one waiting at most: memory is bounded";
-        ASSERT_LE(c.on_ledger + c.dropped, c.sent);
+        ASSERT_LE(c.on_ledger + c.dropped - c.stale, c.sent);
       }
     }
     if (!in_flight.empty()) batcher.finished(now, in_flight.front(), outcome(Kind::unavailable));
-    batcher.add(now, sample(1, ++sequence));
     const BatchConfig defaults;
-    EXPECT_TRUE(batcher.next(now + defaults.longest_back_off_ns + defaults.refused_drone_pause_ns))
-        << "it always goes on, seed " << seed;
+    now += defaults.longest_back_off_ns + defaults.refused_drone_pause_ns;
+    batcher.add(now, sample(1, ++sequence, now));
+    EXPECT_TRUE(batcher.next(now + defaults.linger_ns)) << "it always goes on, seed " << seed;
   }
 }
 

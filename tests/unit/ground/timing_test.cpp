@@ -251,6 +251,14 @@ TEST(Walks, DueAtOnceIsWhatPlayoutDidNotHoldBack) {
   EXPECT_TRUE(walks[1].due_at_once());
   EXPECT_TRUE(walks[2].due_at_once());
   EXPECT_EQ(make_figures(walks, {}).find(at_once)->count(), 2U);
+
+  // Playout keeps to a margin on purpose.
+  for (TraceRecord& r : flight.link) {
+    if (r.kind == TraceKind::plan_received) r.extra = 900;
+  }
+  const auto held_back = flight.walks().take();
+  EXPECT_FALSE(held_back[1].due_at_once());
+  EXPECT_TRUE(held_back[2].due_at_once());
 }
 
 std::vector<TraceRecord> turns(std::initializer_list<std::vector<TimeNs>> late_us_of_each) {
