@@ -73,7 +73,8 @@ void TraceWriter::add(const TraceRecord& record) {
   }
   --left_;
   buffer_.push_back(record);
-  const bool old = record.t_ns - buffer_.front().t_ns > longest_buffered_ns;
+  // Halves: whatever is written, their difference does not overflow.
+  const bool old = record.t_ns / 2 - buffer_.front().t_ns / 2 > longest_buffered_ns / 2;
   if ((old || buffer_.size() >= buffered_records) && !flush())
     left_ = 0;  // a full disk: the rest is counted as dropped
 }
