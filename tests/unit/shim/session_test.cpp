@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <atomic>
 #include <functional>
 #include <future>
@@ -60,6 +61,11 @@ class FakePeer {
     std::unique_lock lock(mutex);
     changed.wait(lock, [&] { return ends.contains(tx); });
     return ends[tx];
+  }
+  /// Until the chaincode has asked for so many values.
+  void wait_for_questions(std::ptrdiff_t count) {
+    std::unique_lock lock(mutex);
+    changed.wait(lock, [&] { return std::count(asked.begin(), asked.end(), Message::GET_STATE) >= count; });
   }
   std::map<std::string, std::string> state;
   std::vector<std::pair<std::string, std::string>> range;  ///< what a query gives, two a page
@@ -185,6 +191,7 @@ TEST(ShimSession, TransactionsDoNotWaitForEachOther) {
   peer.transaction("slow", {"get"});
   peer.transaction("fast", {"get"});
   EXPECT_EQ(response_in(peer.end_of("fast")).payload(), "value");
+  peer.wait_for_questions(2);
   peer.tell(Message::RESPONSE, "late", "slow");
   EXPECT_EQ(response_in(peer.end_of("slow")).payload(), "late");
 }
@@ -207,10 +214,7 @@ TEST(ShimSession, TheEndOfTheStreamReleasesWhoWaits) {
   });
   peer.held = {"tx1"};
   peer.transaction("tx1", {"get"});
-  {
-    std::unique_lock lock(peer.mutex);
-    peer.changed.wait(lock, [&] { return peer.asked.back() == Message::GET_STATE; });
-  }
+  peer.wait_for_questions(1);
   peer.session->end();
   EXPECT_EQ(said.get_future().get(), "the peer is gone");
   EXPECT_FALSE(peer.session->ready());
