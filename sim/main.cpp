@@ -1,16 +1,32 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "common/dds/config.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/log.hpp"
 #include "sim/shell.hpp"
 
+namespace {
+
+using namespace ledgerline;
+
+/// `file` may be empty: as if [dds] were.
+Result<dds::ParticipantOptions> read_dds(const std::string& file) {
+  auto config = file.empty() ? Config::parse("", "") : Config::load(file);
+  if (!config) return config.error();
+  const auto options = dds::participant_options(*config, "ledgerline_sim");
+  if (auto status = config->finish(); !status) return status.error();
+  return options;
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  using namespace ledgerline;
   init_log("sim");
   sim::ShellOptions options;
   sim::Parameters& p = options.parameters;
   double virtual_s = 0, battery_percent = 100;
+  std::string config;
 
   CLI::App app{
       "Simulated Tello drones: each speaks the Tello SDK 2.0 (UDP 8889, state to 8890) on an address of its own, and "
@@ -30,6 +46,8 @@ int main(int argc, char** argv) {
   app.add_option("--mocap-hz", p.mocap_hz, "poses a second on DDS; 0: none, and no DDS")
       ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
+  app.add_option("--config", config,
+                 "TOML file: [dds] domain, local_only, and the files of DDS Security (docs/dds.md)");
   app.add_option("--spacing", p.spacing_m, "m between drones at the start, in rows of 4")
       ->check(CLI::Range(0.3, 100.0))
       ->capture_default_str();
@@ -49,6 +67,12 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? 0 : 2;
   }
   p.battery.start = battery_percent / 100;
+  const auto dds = read_dds(config);
+  if (!dds) {
+    spdlog::error("{}", dds.error().what);
+    return 2;
+  }
+  options.dds = *dds;
 
   const Status ended = virtual_s > 0 ? sim::run_virtual(options, virtual_s) : sim::run_real_time(options);
   if (ended) return 0;

@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "common/dds/dds.hpp"
+#include "common/msg/ros.hpp"
 #include "common/rt/log.hpp"
 #include "common/rt/trace.hpp"
 #include "sim/drone_sockets.hpp"
@@ -27,12 +27,13 @@ std::string drone_name(int number) { return fmt::format("tello{}", number); }
 /// Mocap as vrpn_mocap publishes it.
 class MocapOutput {
  public:
-  static Result<MocapOutput> open(int drones) {
-    auto participant = dds::Participant::create();
+  static Result<MocapOutput> open(const dds::ParticipantOptions& options, int drones) {
+    auto participant = dds::Participant::create(options);
     if (!participant) return participant.error();
     MocapOutput output;
     for (int k = 1; k <= drones; ++k) {
-      auto publisher = dds::PosePublisher::create(*participant, "/vrpn_mocap/" + drone_name(k) + "/pose");
+      auto publisher =
+          dds::RawWriter::create(*participant, "/vrpn_mocap/" + drone_name(k) + "/pose", std::string(pose_type), {});
       if (!publisher) return publisher.error();
       output.publishers_.push_back(std::move(*publisher));
     }
@@ -43,7 +44,7 @@ class MocapOutput {
     message_.header.stamp_ns = pose.stamp_ns + (realtime_ns() - monotonic_ns());
     message_.position_m = pose.position_m;
     message_.orientation = pose.orientation;
-    const auto sent = publishers_[pose.drone - 1u].publish(message_);
+    const auto sent = publishers_[pose.drone - 1u].publish(to_cdr(message_));
     if (!sent && !warned_) {
       spdlog::warn("mocap of {}: {}", drone_name(pose.drone), sent.error().what);
       warned_ = true;
@@ -52,8 +53,8 @@ class MocapOutput {
 
  private:
   MocapOutput() { message_.header.frame_id = "map"; }
-  std::vector<dds::PosePublisher> publishers_;
-  dds::PoseStamped message_;
+  std::vector<dds::RawWriter> publishers_;
+  PoseStamped message_;
   bool warned_ = false;
 };
 
@@ -151,7 +152,7 @@ Status run_real_time(const ShellOptions& options) {
   if (!sockets) return sockets.error();
   std::optional<MocapOutput> mocap;
   if (options.parameters.mocap_hz > 0) {
-    auto opened = MocapOutput::open(options.parameters.drones);
+    auto opened = MocapOutput::open(options.dds, options.parameters.drones);
     if (!opened) return opened.error();
     mocap.emplace(std::move(*opened));
   }

@@ -1,6 +1,7 @@
 #pragma once
 #include <string>
 
+#include "common/dds/dds.hpp"
 #include "common/rt/result.hpp"
 #include "sim/parameters.hpp"
 
@@ -9,8 +10,9 @@ namespace ledgerline::sim {
 struct ShellOptions {
   Parameters parameters;
   std::string first_address = "127.0.0.2";
-  std::string trace_file;    ///< empty: none
-  std::string summary_file;  ///< empty: none
+  dds::ParticipantOptions dds{};  ///< of mocap
+  std::string trace_file;         ///< empty: none
+  std::string summary_file;       ///< empty: none
 };
 
 /// Real time: sockets, mocap on DDS, truth traced 30 times a second; until SIGINT or SIGTERM.

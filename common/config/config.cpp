@@ -183,6 +183,8 @@ std::size_t Config::table_count(const std::string& key) {
   return 0;
 }
 
+void Config::wrong(const std::string& key, const std::string& what) { state_->problem(state_->find(key), key, what); }
+
 Status Config::finish() {
   state_->find_unknown(state_->root, "");
   if (state_->problems.empty()) return done;

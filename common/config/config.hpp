@@ -39,6 +39,8 @@ class Config {
   std::vector<double> numbers(const std::string& key, std::size_t count, const std::vector<double>& otherwise);
   /// Number of [[key]] tables; their keys are then "key.0.x", "key.1.x" ...
   std::size_t table_count(const std::string& key);
+  /// What the program itself finds wrong with a key's value, for finish(): "must ...".
+  void wrong(const std::string& key, const std::string& what);
 
   Status finish();
 

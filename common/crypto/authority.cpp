@@ -2,6 +2,7 @@
 #include <openssl/core_names.h>
 #include <openssl/err.h>
 #include <openssl/pem.h>
+#include <openssl/pkcs7.h>
 #include <openssl/rand.h>
 #include <openssl/x509v3.h>
 
@@ -102,6 +103,17 @@ Result<KeyAndCertificate> make(const Template& wanted, X509* issuer, EVP_PKEY* i
   return KeyAndCertificate{text_of(key_text.get()), text_of(certificate_text.get())};
 }
 
+Result<KeyPtr> read_key(const KeyAndCertificate& ca) {
+  KeyPtr key(PEM_read_bio_PrivateKey(bio_of(ca.key_pem).get(), nullptr, no_pass_phrase, nullptr));
+  if (!key) return Error{"the CA's key is not a private key in PEM: " + openssl_error()};
+  return key;
+}
+
+void remove_extension(X509* certificate, int nid) {
+  for (int at; (at = X509_get_ext_by_NID(certificate, nid, -1)) >= 0;)
+    const ExtensionPtr removed(X509_delete_ext(certificate, at));
+}
+
 }  // namespace
 
 Result<KeyAndCertificate> make_ca(const std::string& common_name, const std::string& organization) {
@@ -118,8 +130,8 @@ Result<KeyAndCertificate> make_ca(const std::string& common_name, const std::str
 Result<KeyAndCertificate> issue(const KeyAndCertificate& ca, const CertificateRequest& request) {
   auto issuer = read_certificate(ca.certificate_pem);
   if (!issuer) return issuer.error();
-  const KeyPtr issuer_key(PEM_read_bio_PrivateKey(bio_of(ca.key_pem).get(), nullptr, no_pass_phrase, nullptr));
-  if (!issuer_key) return Error{"the CA's key is not a private key in PEM: " + openssl_error()};
+  auto issuer_key = read_key(ca);
+  if (!issuer_key) return issuer_key.error();
   Template wanted{request.common_name, request.organization, request.unit.value_or(""), request.days, {}};
   wanted.extensions = {
       {NID_key_usage, request.tls ? "critical,digitalSignature,keyEncipherment" : "critical,digitalSignature"},
@@ -128,7 +140,37 @@ Result<KeyAndCertificate> issue(const KeyAndCertificate& ca, const CertificateRe
   if (request.tls) wanted.extensions.emplace_back(NID_ext_key_usage, "serverAuth,clientAuth");
   if (!request.sans.empty())
     wanted.extensions.emplace_back(NID_subject_alt_name, subject_alternative_names(request.sans));
-  return make(wanted, issuer->get(), issuer_key.get());
+  return make(wanted, issuer->get(), issuer_key->get());
+}
+
+Result<std::string> make_document_authority(const KeyAndCertificate& ca) {
+  auto certificate = read_certificate(ca.certificate_pem);
+  if (!certificate) return certificate.error();
+  auto key = read_key(ca);
+  if (!key) return key.error();
+  X509* const x509 = certificate->get();
+  if (X509_check_private_key(x509, key->get()) != 1) return Error{"the CA's key is not its certificate's"};
+  for (const int nid : {NID_ext_key_usage, NID_key_usage, NID_authority_key_identifier}) remove_extension(x509, nid);
+  const BioPtr text(BIO_new(BIO_s_mem()));
+  const bool good = set_serial(x509) && X509_set_issuer_name(x509, X509_get_subject_name(x509)) == 1 &&
+                    add_extension(x509, x509, NID_key_usage, "critical,digitalSignature,keyCertSign,cRLSign") &&
+                    sign_with_low_s(x509, key->get()) && PEM_write_bio_X509(text.get(), x509) == 1;
+  if (!good) return Error{"cannot make the certificate that signs documents: " + openssl_error()};
+  return text_of(text.get());
+}
+
+Result<std::string> sign_document(const KeyAndCertificate& ca, std::string_view text) {
+  auto certificate = read_certificate(ca.certificate_pem);
+  if (!certificate) return certificate.error();
+  auto key = read_key(ca);
+  if (!key) return key.error();
+  constexpr int form = PKCS7_DETACHED | PKCS7_TEXT | PKCS7_STREAM;
+  const BioPtr in = bio_of(text), out(BIO_new(BIO_s_mem()));
+  const std::unique_ptr<PKCS7, Freed<PKCS7_free>> signature(
+      PKCS7_sign(certificate->get(), key->get(), nullptr, in.get(), form));
+  if (!signature || SMIME_write_PKCS7(out.get(), signature.get(), in.get(), form) != 1)
+    return Error{"cannot sign a document: " + openssl_error()};
+  return text_of(out.get());
 }
 
 }  // namespace ledgerline::crypto

@@ -117,6 +117,12 @@ struct CertificateRequest {
 Result<KeyAndCertificate> make_ca(const std::string& common_name, const std::string& organization);
 Result<KeyAndCertificate> issue(const KeyAndCertificate& ca, const CertificateRequest& request);
 
+/// The CA's own certificate made anew, of the same name and key, that may sign documents: Fabric's CAs are for TLS and
+/// certificates alone. What the CA has issued is of this one, too.
+Result<std::string> make_document_authority(const KeyAndCertificate& ca);
+/// S/MIME (PKCS #7, the text in the clear), as DDS Security takes its documents; `ca`'s certificate from above.
+Result<std::string> sign_document(const KeyAndCertificate& ca, std::string_view text);
+
 /// Deterministic stand-ins for campaigns: a signature is SHA-256 of name and message, which keeps the bytes the same
 /// for a seed and costs microseconds. The serialized form is a msp.SerializedIdentity whose "certificate" is the text
 /// "test:<subject>"; admins have subjects beginning with "CN=Admin", peers with "CN=peer". In the library

@@ -1,28 +1,39 @@
 #pragma once
-#include <array>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 
-#include "common/msg/ros.hpp"
+#include "common/dds/raw.hpp"
 #include "common/rt/result.hpp"
 
-/// ROS 2 topics over Cyclone DDS: names, types and QoS are those of a ROS 2 node, so a ROS 2 machine sees them. Topics
-/// are given as in ROS ("/tello1/odom"); on the wire they are "rt/tello1/odom". No type of DDS is visible here.
+/// ROS 2 over Cyclone DDS: names, types and QoS are those of a ROS 2 node, so a ROS 2 machine sees them. Topics are
+/// given as in ROS ("/tello1/odom"); on the wire they are "rt/tello1/odom". No type of DDS is visible here.
 namespace ledgerline::dds {
+
+class NodeInfo;
+
+/// Files of DDS Security, which common/dds/security.hpp makes from an organisation's authority.
+struct Security {
+  std::string identity_ca;               ///< PEM; signed the documents, too
+  std::string certificate, private_key;  ///< PEM; a key that others may read is refused
+  std::string governance, permissions;   ///< S/MIME
+};
 
 struct ParticipantOptions {
   /// Loopback only, discovery included; works whether or not lo can multicast. CYCLONEDDS_URI, where it is set, decides
   /// instead.
   bool local_only = true;
   /// Else ROS_DOMAIN_ID, else 0. A ROS_DOMAIN_ID that is no number of 0..232 is an error.
-  std::optional<std::uint32_t> domain;
+  std::optional<std::uint32_t> domain{};
+  /// As ROS 2's tools list it, "agent" or "/fleet/agent"; empty: they see topics, but no node.
+  std::string node{};
+  /// Where it is set, only participants whose certificate is of the same authority are heard and hear this one.
+  std::optional<Security> security{};
 };
 
-/// A process's place in a DDS domain; one is enough. Thread-safe. Publishers and subscribers keep it alive. The first
-/// one of a process decides how its domain is reached: a second for the same domain shares the first one's interfaces.
+/// A process's place in a DDS domain; one is enough. Thread-safe. Readers and writers keep it alive. The first one of a
+/// process decides how its domain is reached: a second for the same domain shares the first one's interfaces.
 class Participant {
  public:
   static Result<std::shared_ptr<Participant>> create(const ParticipantOptions& options = {});
@@ -31,74 +42,14 @@ class Participant {
   Participant& operator=(const Participant&) = delete;
 
   int handle() const { return handle_; }
+  /// Null where the options name no node.
+  NodeInfo* node() const { return node_.get(); }
 
  private:
-  explicit Participant(int handle) : handle_(handle) {}
+  explicit Participant(int handle);
   int handle_;
+  std::unique_ptr<NodeInfo> node_;
 };
-using ParticipantPtr = std::shared_ptr<Participant>;
-
-/// geometry_msgs/msg/PoseStamped.
-struct PoseStamped {
-  Header header;  ///< real time
-  std::array<double, 3> position_m{};
-  std::array<double, 4> orientation{0, 0, 0, 1};  ///< x, y, z, w
-};
-
-/// geometry_msgs/msg/Twist.
-struct Twist {
-  std::array<double, 3> linear_mps{};
-  std::array<double, 3> angular_radps{};
-};
-
-/// Publishes messages of one type, as a ROS 2 publisher does by default (reliable, keep last 10, volatile). Movable.
-/// publish() may be called from any thread, waits for no reader (the oldest message is overwritten), and costs some
-/// microseconds and a heap allocation inside DDS: not for the real-time loop.
-template <typename Message>
-class Publisher {
- public:
-  static Result<Publisher> create(ParticipantPtr participant, const std::string& topic);
-  Publisher(Publisher&&) noexcept;
-  Publisher& operator=(Publisher&&) noexcept;
-  ~Publisher();
-
-  Status publish(const Message& message);
-  /// Readers that are matched now.
-  int readers() const;
-
- private:
-  struct State;
-  explicit Publisher(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;
-};
-
-/// Calls `on_message` for each message, on a thread of DDS: hand over and return. Keeps the newest 10 not yet taken;
-/// best effort, so it hears reliable and best-effort writers alike, and a lost message is not sent again. After the
-/// destructor no call is running and none will come.
-template <typename Message>
-class Subscriber {
- public:
-  using Callback = std::function<void(const Message&)>;
-  static Result<Subscriber> create(ParticipantPtr participant, const std::string& topic, Callback on_message);
-  Subscriber(Subscriber&&) noexcept;
-  Subscriber& operator=(Subscriber&&) noexcept;
-  ~Subscriber();
-
-  /// Writers that are matched now.
-  int writers() const;
-
- private:
-  struct State;
-  explicit Subscriber(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;
-};
-
-using PosePublisher = Publisher<PoseStamped>;
-using PoseSubscriber = Subscriber<PoseStamped>;  ///< mocap: "/vrpn_mocap/<drone>/pose"
-using OdometryPublisher = Publisher<Odometry>;   ///< "/<drone>/odom"
-using OdometrySubscriber = Subscriber<Odometry>;
-using TwistPublisher = Publisher<Twist>;
-using TwistSubscriber = Subscriber<Twist>;  ///< "/<drone>/cmd_vel"
 
 /// "/a/b" -> "rt/a/b". A name that is empty, relative or has characters that ROS 2 does not allow is an error.
 Result<std::string> dds_topic(const std::string& ros_topic);

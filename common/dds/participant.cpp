@@ -1,4 +1,7 @@
 #include <dds/dds.h>
+#include <dds/security/dds_security_api_defs.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -7,6 +10,8 @@
 #include <string>
 
 #include "common/dds/dds.hpp"
+#include "common/dds/endpoint.hpp"
+#include "common/dds/node.hpp"
 
 namespace ledgerline::dds {
 namespace {
@@ -61,6 +66,39 @@ Result<std::shared_ptr<LocalDomain>> local_domain(std::uint32_t id) {
   return made;
 }
 
+Status check(const Security& files) {
+  for (const std::string& path :
+       {files.identity_ca, files.certificate, files.private_key, files.governance, files.permissions}) {
+    if (::access(path.c_str(), R_OK) != 0) return Error{"DDS Security: cannot read '" + path + "'"};
+  }
+  struct stat info {};
+  if (::stat(files.private_key.c_str(), &info) != 0 || (info.st_mode & 077) != 0)
+    return Error{"DDS Security: " + files.private_key + " may be read by others than its owner; run: chmod 600 " +
+                 files.private_key};
+  return done;
+}
+
+void use(const Security& files, dds_qos_t* qos) {
+  const auto plugin = [qos](const std::string& what, const std::string& library, const std::string& function) {
+    const std::string key = DDS_SEC_PROP_PREFIX + what + ".library.";
+    dds_qset_prop(qos, (key + "path").c_str(), (LEDGERLINE_DDS_PLUGINS "/libdds_security_" + library + ".so").c_str());
+    dds_qset_prop(qos, (key + "init").c_str(), ("init_" + function).c_str());
+    dds_qset_prop(qos, (key + "finalize").c_str(), ("finalize_" + function).c_str());
+  };
+  plugin("auth", "auth", "authentication");
+  plugin("crypto", "crypto", "crypto");
+  plugin("access", "ac", "access_control");
+  const auto file = [qos](const char* key, const std::string& path) {
+    dds_qset_prop(qos, key, ("file:" + path).c_str());
+  };
+  file(DDS_SEC_PROP_AUTH_IDENTITY_CA, files.identity_ca);
+  file(DDS_SEC_PROP_AUTH_IDENTITY_CERT, files.certificate);
+  file(DDS_SEC_PROP_AUTH_PRIV_KEY, files.private_key);
+  file(DDS_SEC_PROP_ACCESS_PERMISSIONS_CA, files.identity_ca);
+  file(DDS_SEC_PROP_ACCESS_GOVERNANCE, files.governance);
+  file(DDS_SEC_PROP_ACCESS_PERMISSIONS, files.permissions);
+}
+
 }  // namespace
 
 Result<ParticipantPtr> Participant::create(const ParticipantOptions& options) {
@@ -80,26 +118,34 @@ Result<ParticipantPtr> Participant::create(const ParticipantOptions& options) {
     if (!made) return made.error();
     local = *made;
   }
-  const dds_entity_t handle = dds_create_participant(domain, nullptr, nullptr);
+  const QosPtr qos(dds_create_qos());
+  // How ROS 2 knows that a participant is one of its own.
+  constexpr std::string_view enclave = "enclave=/;";
+  if (!options.node.empty()) dds_qset_userdata(qos.get(), enclave.data(), enclave.size());
+  if (options.security) {
+    if (auto checked = check(*options.security); !checked) return checked.error();
+    use(*options.security, qos.get());
+  }
+  const dds_entity_t handle = dds_create_participant(domain, qos.get(), nullptr);
   if (handle < 0)
     return Error{"no DDS participant in domain " + std::to_string(domain) + ": " + dds_strretcode(handle) +
-                 " (the reason is in Cyclone's own message above; check CYCLONEDDS_URI and the network interfaces)"};
+                 " (the reason is in Cyclone's own message above; check CYCLONEDDS_URI, the network interfaces" +
+                 (options.security ? " and the files of DDS Security)" : ")")};
   // The participant goes before its domain.
-  return ParticipantPtr(new Participant(handle), [local](const Participant* participant) { delete participant; });
+  ParticipantPtr participant(new Participant(handle), [local](const Participant* p) { delete p; });
+  if (!options.node.empty()) {
+    auto node = NodeInfo::create(handle, options.node);
+    if (!node) return node.error();
+    participant->node_ = std::move(*node);
+  }
+  return participant;
 }
 
-Participant::~Participant() { dds_delete(handle_); }
+Participant::Participant(int handle) : handle_(handle) {}
 
-Result<std::string> dds_topic(const std::string& ros_topic) {
-  const auto allowed = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '/';
-  };
-  const bool good = ros_topic.size() > 1 && ros_topic.front() == '/' && ros_topic.back() != '/' &&
-                    ros_topic.find("//") == std::string::npos &&
-                    std::all_of(ros_topic.begin(), ros_topic.end(), allowed);
-  if (!good)
-    return Error{"'" + ros_topic + "' is no ROS 2 topic: it begins with / and has letters, digits, _ and / only"};
-  return "rt" + ros_topic;
+Participant::~Participant() {
+  node_.reset();
+  dds_delete(handle_);
 }
 
 }  // namespace ledgerline::dds

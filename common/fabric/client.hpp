@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
@@ -54,6 +55,13 @@ struct Outcome {
   TimeNs endorsed_ns = 0;       ///< CLOCK_MONOTONIC, when it was endorsed and signed; 0: it was not
   TimeNs ordered_ns = 0;        ///< when the orderer acknowledged it; 0: not known, or its block came first
 };
+
+/// The contract's words in a refusal, without what a real peer puts before them.
+inline std::string_view words_of_contract(std::string_view message) {
+  constexpr std::string_view prefix = "chaincode response 500, ";
+  if (message.starts_with(prefix)) message.remove_prefix(prefix.size());
+  return message;
+}
 
 /// All methods may be called from any thread. Callbacks come on a thread of the client: they hand over and return.
 /// Destruction cancels what is in flight; its callbacks still come, as unavailable, before the destructor returns (so

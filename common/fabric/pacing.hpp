@@ -3,6 +3,7 @@
 
 #include "common/fabric/client.hpp"
 #include "common/rt/clock.hpp"
+#include "common/rt/random.hpp"
 
 namespace ledgerline::fabric {
 
@@ -31,6 +32,25 @@ class Pacing {
  private:
   TimeNs smoothed_ns_ = 0;
   TimeNs gap_ns_ = 10 * shortest_ns;  // until something is known
+};
+
+/// The pause behind a failure: twice as long each time up to `longest`, with jitter (half to whole of it).
+class Pause {
+ public:
+  Pause(TimeNs first_ns, TimeNs longest_ns) : first_ns_(first_ns), longest_ns_(longest_ns) {}
+
+  void failed(TimeNs now, Random& random) {
+    wait_ns_ = std::clamp(2 * wait_ns_, first_ns_, longest_ns_);
+    until_ns_ = now + static_cast<TimeNs>(static_cast<double>(wait_ns_) * (0.5 + 0.5 * random.uniform()));
+  }
+  void succeeded() { wait_ns_ = 0; }
+  bool over(TimeNs now) const { return now >= until_ns_; }
+  TimeNs until_ns() const { return until_ns_; }
+
+ private:
+  TimeNs first_ns_, longest_ns_;
+  TimeNs wait_ns_ = 0;
+  TimeNs until_ns_ = INT64_MIN;
 };
 
 }  // namespace ledgerline::fabric

@@ -139,6 +139,9 @@ struct StateSample {
   std::uint32_t plans_late = 0;  ///< counters since boot
   std::uint32_t plans_dropped = 0;
   std::uint32_t plans_applied = 0;
+  /// Roll, pitch and yaw as the Tello tells them, in REP 103's signs; its yaw counts from power on.
+  std::array<float, 3> attitude_rad{};
+  std::array<float, 3> acceleration_mps2{};  ///< its own, with gravity: x forward, y left, z up; 0, 0, 9.8 at rest
 };
 
 }  // namespace ledgerline

@@ -35,6 +35,14 @@ Result<T> checked(const CdrReader& in, T value, std::string_view type) {
 
 }  // namespace
 
+std::array<double, 4> quaternion_from_attitude(double roll_rad, double pitch_rad, double yaw_rad) {
+  const double cr = std::cos(roll_rad / 2), sr = std::sin(roll_rad / 2);
+  const double cp = std::cos(pitch_rad / 2), sp = std::sin(pitch_rad / 2);
+  const double cy = std::cos(yaw_rad / 2), sy = std::sin(yaw_rad / 2);
+  return {sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy,
+          cr * cp * cy + sr * sp * sy};
+}
+
 std::array<double, 4> quaternion_from_yaw(double yaw_rad) {
   return {0, 0, std::sin(yaw_rad / 2), std::cos(yaw_rad / 2)};
 }
@@ -68,6 +76,56 @@ Result<Odometry> odometry_from_cdr(std::string_view cdr) {
   odometry.angular_radps = in.get_array<double, 3>();
   (void)in.get_array<double, 36>();
   return checked(in, odometry, odometry_type);
+}
+
+std::string to_cdr(const PoseStamped& pose) {
+  CdrWriter out;
+  put_header(out, pose.header);
+  out.put(pose.position_m);
+  out.put(pose.orientation);
+  return out.take();
+}
+
+Result<PoseStamped> pose_from_cdr(std::string_view cdr) {
+  CdrReader in(cdr);
+  PoseStamped pose;
+  pose.header = get_header(in);
+  pose.position_m = in.get_array<double, 3>();
+  pose.orientation = in.get_array<double, 4>();
+  return checked(in, pose, pose_type);
+}
+
+std::string to_cdr(const std::vector<TransformStamped>& transforms) {
+  CdrWriter out;
+  out.put(static_cast<std::uint32_t>(transforms.size()));
+  for (const TransformStamped& t : transforms) {
+    put_header(out, t.header);
+    out.put(std::string_view(t.child_frame_id));
+    out.put(t.translation_m);
+    out.put(t.rotation);
+  }
+  return out.take();
+}
+
+Result<Twist> twist_from_cdr(std::string_view cdr) {
+  CdrReader in(cdr);
+  Twist twist;
+  twist.linear_mps = in.get_array<double, 3>();
+  twist.angular_radps = in.get_array<double, 3>();
+  return checked(in, twist, twist_type);
+}
+
+std::string to_cdr(const Imu& imu) {
+  constexpr std::array<double, 9> unknown{}, not_measured{-1};
+  CdrWriter out;
+  put_header(out, imu.header);
+  out.put(imu.orientation);
+  out.put(unknown);
+  out.put(std::array<double, 3>{});  // angular_velocity
+  out.put(not_measured);
+  out.put(imu.acceleration_mps2);
+  out.put(unknown);
+  return out.take();
 }
 
 std::string to_cdr(const BatteryState& battery) {
@@ -118,7 +176,8 @@ bool are_sizes(const Numbers& values) {
 bool believable(const StateSample& s) {
   return is_time(s.stamp_ns) && is_time(s.pose_stamp_ns) && is_time(s.applied_stamp_ns) &&
          is_time(std::abs(std::max(s.applied_late_ns, -INT64_MAX))) && are_sizes(s.position_m) &&
-         are_sizes(s.velocity_mps) && are_sizes(s.sent_velocity_mps) &&
+         are_sizes(s.velocity_mps) && are_sizes(s.sent_velocity_mps) && are_sizes(s.attitude_rad) &&
+         are_sizes(s.acceleration_mps2) &&
          are_sizes(std::array<double, 5>{s.yaw_rad, s.battery, s.tof_m, s.height_m, s.sent_yaw_rate_radps});
 }
 
@@ -148,6 +207,8 @@ std::string link_status_to_cdr(const StateSample& s) {
   out.put(s.plans_late);
   out.put(s.plans_dropped);
   out.put(s.plans_applied);
+  out.put(s.attitude_rad);
+  out.put(s.acceleration_mps2);
   return out.take();
 }
 
@@ -179,6 +240,8 @@ Result<StateSample> link_status_from_cdr(std::string_view cdr) {
   s.plans_late = in.get<std::uint32_t>();
   s.plans_dropped = in.get<std::uint32_t>();
   s.plans_applied = in.get<std::uint32_t>();
+  s.attitude_rad = in.get_array<float, 3>();
+  s.acceleration_mps2 = in.get_array<float, 3>();
   if (in.ok() && !believable(s)) {
     return Error{"ledgerline_msgs/msg/LinkStatus: a time or a number is beyond what a drone can say"};
   }

@@ -30,6 +30,48 @@ inline constexpr std::string_view odometry_type = "nav_msgs/msg/Odometry";
 std::string to_cdr(const Odometry& odometry);
 Result<Odometry> odometry_from_cdr(std::string_view cdr);
 
+/// geometry_msgs/msg/PoseStamped.
+struct PoseStamped {
+  Header header;  ///< real time
+  std::array<double, 3> position_m{};
+  std::array<double, 4> orientation{0, 0, 0, 1};  ///< x, y, z, w
+};
+inline constexpr std::string_view pose_type = "geometry_msgs/msg/PoseStamped";
+std::string to_cdr(const PoseStamped& pose);
+Result<PoseStamped> pose_from_cdr(std::string_view cdr);
+
+/// geometry_msgs/msg/TransformStamped: where the child frame is in the header's.
+struct TransformStamped {
+  Header header;
+  std::string child_frame_id;
+  std::array<double, 3> translation_m{};
+  std::array<double, 4> rotation{0, 0, 0, 1};
+};
+/// As tf2_msgs/msg/TFMessage.
+inline constexpr std::string_view transforms_type = "tf2_msgs/msg/TFMessage";
+std::string to_cdr(const std::vector<TransformStamped>& transforms);
+
+/// geometry_msgs/msg/Twist. Numbers are as they came: whoever flies them looks at them first.
+struct Twist {
+  std::array<double, 3> linear_mps{};
+  std::array<double, 3> angular_radps{};
+};
+inline constexpr std::string_view twist_type = "geometry_msgs/msg/Twist";
+Result<Twist> twist_from_cdr(std::string_view cdr);
+
+/// std_msgs/msg/Empty: that it came is all it says.
+inline constexpr std::string_view empty_type = "std_msgs/msg/Empty";
+
+/// sensor_msgs/msg/Imu of a drone that tells no angular velocity (its covariance begins with -1, as the message's
+/// comments ask); the other covariances are zeros ("unknown").
+struct Imu {
+  Header header;
+  std::array<double, 4> orientation{0, 0, 0, 1};
+  std::array<double, 3> acceleration_mps2{};  ///< with gravity: 0, 0, 9.8 at rest
+};
+inline constexpr std::string_view imu_type = "sensor_msgs/msg/Imu";
+std::string to_cdr(const Imu& imu);
+
 /// sensor_msgs/msg/BatteryState, the fields that a Tello knows; all others NaN or unknown, as the message's comments
 /// ask.
 struct BatteryState {
@@ -57,6 +99,8 @@ std::string transitions_to_cdr(const Header& header, const std::string& drone,
 /// The drone's number is left out: its name is in the id.
 Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr);
 
+/// From roll about x, pitch about y and yaw about z (REP 103), turned in the order yaw, pitch, roll.
+std::array<double, 4> quaternion_from_attitude(double roll_rad, double pitch_rad, double yaw_rad);
 /// Rotation about z only, from yaw.
 std::array<double, 4> quaternion_from_yaw(double yaw_rad);
 double yaw_from_quaternion(const std::array<double, 4>& xyzw);

@@ -9,18 +9,13 @@ namespace {
 
 // The reference must leave a corner at which it would stand still.
 constexpr double creep_mps = 0.05;
-constexpr double prediction_step_s = 0.01;
-// Nothing is predicted over more than this: a pose or a plan that far back says nothing, and costs time.
-constexpr TimeNs longest_gap_ns = 3 * ns_per_s;
 
 double wrap(double angle) { return std::remainder(angle, 2 * std::numbers::pi); }
-
-Eigen::Vector3d velocity_of(const Setpoint& s) { return {s.velocity_mps[0], s.velocity_mps[1], s.velocity_mps[2]}; }
 
 }  // namespace
 
 PathController::PathController(Path path, ControllerConfig config, double yaw_rad)
-    : path_(std::move(path)), config_(config), yaw_rad_(yaw_rad) {}
+    : path_(std::move(path)), config_(config), yaw_rad_(yaw_rad), prediction_(config.lag_s) {}
 
 void PathController::start(TimeNs from_ns, double end_m) {
   started_ = true;
@@ -52,40 +47,6 @@ double PathController::pace(double s_m, const Eigen::Vector2d& drone) const {
 
 double PathController::advance(double s_m, const Eigen::Vector2d& drone, double dt_s) const {
   return std::min(std::max(s_m, end_m_), s_m + pace(s_m, drone) * speed_at(s_m) * dt_s);
-}
-
-Motion PathController::move(const Motion& from, const Setpoint& setpoint, double dt_s) const {
-  Motion to = from;
-  const Eigen::Vector3d wanted = velocity_of(setpoint);
-  const double rest = std::exp(-dt_s / config_.lag_s);
-  to.velocity_mps = wanted + (from.velocity_mps - wanted) * rest;
-  to.position_m += wanted * dt_s + (from.velocity_mps - wanted) * config_.lag_s * (1 - rest);
-  to.yaw_rad += static_cast<double>(setpoint.yaw_rate_radps) * dt_s;
-  to.stamp_ns += from_seconds(dt_s);
-  return to;
-}
-
-Motion PathController::predict(const Motion& state, TimeNs at_ns) const {
-  Motion now = state;
-  now.stamp_ns = std::max(now.stamp_ns, at_ns - longest_gap_ns);
-  while (now.stamp_ns < at_ns) {
-    // The newest setpoint whose time has come; before the first one the drone is taken to keep its velocity.
-    const auto next = std::upper_bound(sent_.begin(), sent_.end(), now.stamp_ns,
-                                       [](TimeNs t, const Setpoint& s) { return t < s.at_ns; });
-    Setpoint flown;
-    if (next != sent_.begin()) {
-      flown = *(next - 1);
-    } else {
-      for (int i = 0; i < 3; ++i)
-        flown.velocity_mps[static_cast<std::size_t>(i)] = static_cast<float>(now.velocity_mps[i]);
-    }
-    TimeNs until_ns = std::min(at_ns, now.stamp_ns + from_seconds(prediction_step_s));
-    if (next != sent_.end()) until_ns = std::min(until_ns, next->at_ns);
-    const TimeNs start_ns = now.stamp_ns;
-    now = move(now, flown, to_seconds(until_ns - start_ns));
-    now.stamp_ns = until_ns;
-  }
-  return now;
 }
 
 Setpoint PathController::steer(const Motion& from, double s_m) const {
@@ -120,8 +81,8 @@ Setpoint PathController::steer(const Motion& from, double s_m) const {
 }
 
 std::vector<Setpoint> PathController::plan(const Motion& state, TimeNs first_ns) {
-  predicted_ = predict(state, first_ns);
-  reference_ns_ = started_ ? std::max(reference_ns_, first_ns - longest_gap_ns) : first_ns;
+  predicted_ = prediction_.at(state, first_ns);
+  reference_ns_ = started_ ? std::max(reference_ns_, first_ns - Prediction::longest_ns) : first_ns;
   while (reference_ns_ < first_ns) {
     const TimeNs dt_ns = std::min(step_ns, first_ns - reference_ns_);
     progress_m_ = advance(progress_m_, predicted_.position_m.head<2>(), to_seconds(dt_ns));
@@ -136,12 +97,11 @@ std::vector<Setpoint> PathController::plan(const Motion& state, TimeNs first_ns)
     Setpoint setpoint = steer(now, s_m);
     setpoint.at_ns = first_ns + static_cast<TimeNs>(i) * step_ns;
     plan.push_back(setpoint);
-    now = move(now, setpoint, dt_s);
+    now = prediction_.move(now, setpoint, dt_s);
     s_m = advance(s_m, now.position_m.head<2>(), dt_s);
   }
 
-  std::erase_if(sent_, [&](const Setpoint& s) { return s.at_ns >= first_ns || s.at_ns < state.stamp_ns - ns_per_s; });
-  sent_.insert(sent_.end(), plan.begin(), plan.end());
+  prediction_.sent(state, plan);
   return plan;
 }
 

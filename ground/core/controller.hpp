@@ -1,10 +1,9 @@
 #pragma once
-#include <Eigen/Core>
 #include <limits>
 #include <vector>
 
-#include "common/msg/onboard.hpp"
 #include "ground/core/path.hpp"
+#include "ground/core/prediction.hpp"
 
 namespace ledgerline::ground {
 
@@ -21,14 +20,6 @@ struct ControllerConfig {
   double max_vertical_mps = 0.5;
   double max_yaw_rate_radps = 0.7;
   double leash_m = 0.4;  ///< the reference stops when it is this far ahead of the drone
-};
-
-/// What the controller needs of a state; map frame, the drone's clock.
-struct Motion {
-  TimeNs stamp_ns = 0;
-  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
-  Eigen::Vector3d velocity_mps = Eigen::Vector3d::Zero();
-  double yaw_rad = 0;
 };
 
 /// Follows a path: a reference point moves along it (slower at corners, waiting when the drone falls behind), and the
@@ -60,8 +51,6 @@ class PathController {
   double speed_at(double s_m) const;
   double pace(double s_m, const Eigen::Vector2d& drone) const;
   double advance(double s_m, const Eigen::Vector2d& drone, double dt_s) const;
-  Motion predict(const Motion& state, TimeNs at_ns) const;
-  Motion move(const Motion& from, const Setpoint& setpoint, double dt_s) const;
   Setpoint steer(const Motion& from, double s_m) const;
 
   Path path_;
@@ -71,8 +60,8 @@ class PathController {
   double end_m_ = 0;
   TimeNs reference_ns_ = 0;  ///< the moment that progress_m_ belongs to
   double progress_m_ = 0;
+  Prediction prediction_;
   Motion predicted_;
-  std::vector<Setpoint> sent_;  ///< what the drone is thought to fly, in order of time
 };
 
 }  // namespace ledgerline::ground

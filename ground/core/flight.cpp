@@ -14,6 +14,8 @@ constexpr double near_m = 0.2;  // of a place: close enough to call it reached
 constexpr double still_mps = 0.2;
 constexpr TimeNs grounded_for_ns = 2 * ns_per_s;  // a take-off command may still be under way
 constexpr TimeNs end_wait_ns = 3 * ns_per_s;      // for the drone to come up to the path's end
+constexpr TimeNs new_enough_ns =
+    200 * ns_per_ms;  // a state to make a plan from at once; agent takes none beyond 500 ms
 
 std::string_view name_of(FailsafeCause cause) {
   constexpr std::array<std::string_view, 11> names{"no cause given",
@@ -40,13 +42,13 @@ bool may_take_off(const StateSample& state) {
 }  // namespace
 
 std::string name_of(DronePhase phase) {
-  constexpr std::array<const char*, 6> names{"waiting", "takeoff", "path", "landing", "landed", "failed"};
+  constexpr std::array<const char*, 7> names{"waiting", "takeoff", "path", "manual", "landing", "landed", "failed"};
   return names[static_cast<std::size_t>(phase)];
 }
 
 FlightCore::FlightCore(FlightConfig config) : config_(std::move(config)) {
   for (std::size_t i = 0; i < config_.drones.size(); ++i) {
-    auto drone = std::make_unique<Drone>();
+    auto drone = std::make_unique<Drone>(config_);
     drone->who = config_.drones[i];
     drone->index = i;
     drones_.push_back(std::move(drone));
@@ -63,22 +65,25 @@ FlightCore::Drone* FlightCore::find(std::string_view name) {
 }
 
 FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
-  if (!started_) {
-    started_ = true;
+  if (started_ns_ == 0) {
+    started_ns_ = now_ns;
     for (auto& drone : drones_) drone->entered_ns = now_ns;
   }
   FlightOutputs out;
   if (inputs.outcome) take_outcome(now_ns, *inputs.outcome, inputs.outcome_id, out);
   if (inputs.block) take_block(now_ns, inputs, out);
+  const bool time_is_up = config_.manual && config_.seconds > 0 && now_ns - started_ns_ > from_seconds(config_.seconds);
+  ending_ = ending_ || (config_.manual && (time_is_up || !inputs.land.empty()));
+  for (const PilotWish& wish : inputs.wishes) take_wish(now_ns, wish, out);
   for (auto& drone : drones_) {
-    if (!inputs.land.empty()) land(now_ns, *drone, inputs.land);
-    if (drone->fresh) {
-      drone->fresh = false;
-      advance(now_ns, *drone);
-      make_plan(now_ns, *drone);
-    }
+    if (ending_ && drone->in_air_phase()) land(now_ns, *drone, "");
+    if (!inputs.land.empty() && !config_.manual) land(now_ns, *drone, inputs.land);
+    if (drone->fresh) advance(now_ns, *drone);
+    if (drone->fresh || (drone->wished && now_ns - drone->received_ns < new_enough_ns)) make_plan(now_ns, *drone);
+    drone->fresh = drone->wished = false;
     check_time(now_ns, *drone);
   }
+  submit_stops(now_ns, out);
   if (!inputs.more) submit_pending(now_ns, out);
   return out;
 }
@@ -96,7 +101,8 @@ void FlightCore::land(TimeNs now_ns, Drone& drone, const std::string& why) {
 }
 
 void FlightCore::end_path(Drone& drone) {
-  if (drone.status.phase == DronePhase::path) drone.status.path_ns[1] = drone.state.stamp_ns;
+  if (drone.status.phase == DronePhase::path || drone.status.phase == DronePhase::manual)
+    drone.status.path_ns[1] = drone.state.stamp_ns;
 }
 
 bool FlightCore::settled(const Drone& drone) const {
@@ -114,6 +120,11 @@ void FlightCore::advance(TimeNs now_ns, Drone& drone) {
   const bool flying = s.phase == FlightPhase::flying;
   switch (drone.status.phase) {
     case DronePhase::waiting:
+      if (config_.manual) {
+        // Found in the air, it is held there: see takeoff.
+        if (flying && not_ready(drone).empty()) enter(now_ns, drone, DronePhase::takeoff);
+        return;
+      }
       if (!drone.may_command(config_.self) || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
       if (grounded && !may_take_off(s)) return;
       drone.status.origin_m = {s.position_m[0], s.position_m[1]};
@@ -128,6 +139,11 @@ void FlightCore::advance(TimeNs now_ns, Drone& drone) {
       }
       if (!drone.flew) drone.settling_since_ns = s.stamp_ns;
       drone.flew = true;
+      if (config_.manual) {
+        drone.status.path_ns = {s.stamp_ns, 0};
+        enter(now_ns, drone, DronePhase::manual);
+        return;
+      }
       if (settled(drone)) {
         drone.path_since_ns = drone.lap_since_ns = drone.last_at_ns = s.stamp_ns + delay_ns_;
         drone.controller->start(drone.path_since_ns, config_.seconds > 0
@@ -141,13 +157,8 @@ void FlightCore::advance(TimeNs now_ns, Drone& drone) {
       }
       return;
     case DronePhase::path:
-      if (!flying) {
-        land(now_ns, drone, fmt::format("came down by itself: {}", name_of(s.cause)));
-      } else if (s.mode == FailsafeMode::land || s.mode == FailsafeMode::cut) {
-        land(now_ns, drone, fmt::format("its failsafe landed it: {}", name_of(s.cause)));
-      } else {
-        advance_path(now_ns, drone);
-      }
+    case DronePhase::manual:
+      advance_flown(now_ns, drone);
       return;
     case DronePhase::landing:
       if (grounded && (drone.flew || now_ns - drone.entered_ns > grounded_for_ns))
@@ -156,6 +167,17 @@ void FlightCore::advance(TimeNs now_ns, Drone& drone) {
     case DronePhase::landed:
     case DronePhase::failed:
       return;
+  }
+}
+
+void FlightCore::advance_flown(TimeNs now_ns, Drone& drone) {
+  const StateSample& s = drone.state;
+  if (s.phase != FlightPhase::flying) {
+    land(now_ns, drone, fmt::format("came down by itself: {}", name_of(s.cause)));
+  } else if (s.mode == FailsafeMode::land || s.mode == FailsafeMode::cut) {
+    land(now_ns, drone, fmt::format("its failsafe landed it: {}", name_of(s.cause)));
+  } else if (drone.status.phase == DronePhase::path) {
+    advance_path(now_ns, drone);
   }
 }
 
@@ -192,6 +214,19 @@ TimeNs FlightCore::path_limit_ns(const Drone& drone) const {
   return from_seconds(config_.path_factor * lap_s * config_.laps + spare_s);
 }
 
+// What speaks against a take-off; empty: nothing.
+std::string FlightCore::not_ready(const Drone& drone) const {
+  if (!drone.has_state) return "no state came through the ledger";
+  if (drone.stopped_by) return "it is stopped by " + drone.stopped_by->subject;
+  if (drone.holder != config_.self)
+    return drone.holder ? "its lease is held by " + drone.holder->subject : "nobody holds its lease";
+  if (drone.state.pose_stamp_ns == 0) return "it has no pose (no mocap?)";
+  if (drone.state.phase == FlightPhase::disconnected) return "link does not reach it";
+  if (!in_flight(drone.state.phase) && !may_take_off(drone.state))
+    return fmt::format("it may not take off ({})", name_of(drone.state.cause));
+  return "";
+}
+
 void FlightCore::check_time(TimeNs now_ns, Drone& drone) {
   const TimeNs in_phase_ns = now_ns - drone.entered_ns;
   if (drone.in_air_phase() && now_ns - drone.received_ns > config_.silence_ns) {
@@ -200,22 +235,11 @@ void FlightCore::check_time(TimeNs now_ns, Drone& drone) {
   }
   switch (drone.status.phase) {
     case DronePhase::waiting: {
-      if (in_phase_ns <= config_.wait_ns) return;
-      std::string missing = "it never was ready on the ground";
-      if (!drone.has_state) {
-        missing = "no state came through the ledger";
-      } else if (drone.stopped_by) {
-        missing = "it is stopped by " + drone.stopped_by->subject;
-      } else if (drone.holder != config_.self) {
-        missing = drone.holder ? "its lease is held by " + drone.holder->subject : "nobody holds its lease";
-      } else if (drone.state.pose_stamp_ns == 0) {
-        missing = "it has no pose (no mocap?)";
-      } else if (drone.state.phase == FlightPhase::disconnected) {
-        missing = "link does not reach it";
-      } else if (!may_take_off(drone.state)) {
-        missing = fmt::format("it may not take off ({})", name_of(drone.state.cause));
-      }
-      drone.status.why = fmt::format("{} within {:.0f} s", missing, to_seconds(config_.wait_ns));
+      if (config_.manual || in_phase_ns <= config_.wait_ns) return;
+      const std::string missing = not_ready(drone);
+      drone.status.why =
+          fmt::format("{} within {:.0f} s", missing.empty() ? "it never was ready on the ground" : missing,
+                      to_seconds(config_.wait_ns));
       enter(now_ns, drone, DronePhase::failed);
       return;
     }
@@ -236,6 +260,7 @@ void FlightCore::check_time(TimeNs now_ns, Drone& drone) {
         enter(now_ns, drone, DronePhase::failed);
       }
       return;
+    case DronePhase::manual:
     case DronePhase::landed:
     case DronePhase::failed:
       return;
@@ -285,8 +310,11 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
     motion.position_m = Eigen::Vector3d::Map(drone.state.position_m.data());
     motion.velocity_mps = Eigen::Vector3d::Map(drone.state.velocity_mps.data());
     motion.yaw_rad = drone.state.yaw_rad;
-    drone.first_setpoint_ns = std::max(drone.first_setpoint_ns, drone.state.stamp_ns + delay_ns_);
-    for (const Setpoint& setpoint : drone.controller->plan(motion, drone.first_setpoint_ns)) {
+    const TimeNs stamp_now_ns = drone.state.stamp_ns + (now_ns - drone.received_ns);
+    drone.first_setpoint_ns = std::max(drone.first_setpoint_ns, stamp_now_ns + delay_ns_);
+    const std::vector<Setpoint> setpoints = config_.manual ? drone.manual.plan(now_ns, motion, drone.first_setpoint_ns)
+                                                           : drone.controller->plan(motion, drone.first_setpoint_ns);
+    for (const Setpoint& setpoint : setpoints) {
       PlannedSetpoint* p = plan.add_setpoints();
       p->set_at_ns(setpoint.at_ns);
       p->set_vx(setpoint.velocity_mps[0]);
@@ -295,7 +323,7 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
       p->set_yaw_rate(setpoint.yaw_rate_radps);
     }
     if (phase == DronePhase::path) count_laps(drone, drone.first_setpoint_ns);
-    command.progress_m = drone.controller->progress_m();
+    if (drone.controller) command.progress_m = drone.controller->progress_m();
   }
   ++drone.status.commands_made;
   if (drone.pending) {
@@ -306,12 +334,18 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
 }
 
 bool FlightCore::done() const {
+  if (config_.manual) {
+    return ending_ && std::none_of(drones_.begin(), drones_.end(), [](const auto& d) {
+             return d->in_air_phase() || d->status.phase == DronePhase::landing;
+           });
+  }
   return std::all_of(drones_.begin(), drones_.end(),
                      [](const auto& d) { return d->status.phase >= DronePhase::landed; });
 }
 
 bool FlightCore::ok() const {
-  return std::all_of(drones_.begin(), drones_.end(), [](const auto& d) {
+  return std::all_of(drones_.begin(), drones_.end(), [&](const auto& d) {
+    if (config_.manual) return d->status.phase != DronePhase::failed && d->status.why.empty();
     return d->status.finished && d->status.phase == DronePhase::landed && d->status.why.empty();
   });
 }

@@ -4,6 +4,7 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "common/fabric/pacing.hpp"
 #include "common/fabric/transaction.hpp"
 #include "common/msg/onboard.hpp"
+#include "common/msg/ros.hpp"
 #include "common/rt/trace.hpp"
 #include "ground/core/controller.hpp"
 #include "ground/core/path.hpp"
@@ -29,10 +31,12 @@ struct FlightDrone {
 
 struct FlightConfig {
   std::vector<FlightDrone> drones;
+  bool manual = false;                      ///< flown by a pilot's messages instead of around a path
+  TimeNs cmd_timeout_ns = 300 * ns_per_ms;  ///< a pilot's velocity holds so long
   Shape shape = Shape::square;
   double side_m = 1.5;
   int laps = 3;
-  double seconds = 0;  ///< > 0: fly the path this long instead of counting laps
+  double seconds = 0;  ///< > 0: fly the path this long instead of counting laps; manual: land and end after so long
   ControllerConfig controller;
   crypto::IdentityName self;  ///< whose lease it must be
   std::shared_ptr<crypto::MspRegistry>
@@ -48,34 +52,62 @@ struct FlightConfig {
 };
 
 /// Per drone: waiting -> takeoff -> path -> landing -> landed, or failed: never took off, or not seen to land.
-enum class DronePhase { waiting, takeoff, path, landing, landed, failed };
+/// In a manual flight `manual` stands for the path, and a take-off is possible whenever the drone is on the ground.
+enum class DronePhase { waiting, takeoff, path, manual, landing, landed, failed };
 std::string name_of(DronePhase phase);
 
 /// One transaction to submit; its outcome comes back with the same id.
 struct Submission {
   std::uint64_t id = 0;
   fabric::Call call;
+  bool urgent = false;  ///< a stop: must not wait behind commands
+};
+
+/// What a pilot wants of one drone, since the last time. Of several words the safest counts: cut, stop, land.
+struct PilotWish {
+  std::size_t drone = 0;  ///< index into FlightConfig::drones
+  std::optional<Twist> velocity{};
+  TimeNs came_ns = 0;  ///< when the velocity came; the ground's clock
+  bool takeoff = false, land = false;
+  bool stop = false, cut = false;  ///< the contract's stop: land now, whoever flies; motors off at once
+  std::uint64_t replaced = 0;      ///< velocities for which a newer one came before anybody looked
+  std::uint64_t bad_values = 0;    ///< velocities that no drone can fly
+  std::uint64_t malformed = 0;     ///< messages that are not what their topic says
 };
 
 struct FlightInputs {
   const fabric::Block* block = nullptr;      ///< the next of the stream, checked as a chain by the client
   const fabric::Outcome* outcome = nullptr;  ///< of submission `outcome_id`
   std::uint64_t outcome_id = 0;
-  bool more = false;            ///< there is newer input already: nothing is sent before that was seen
-  std::string land;             ///< not empty: land all drones; why
+  bool more = false;  ///< there is newer input already: nothing is sent before that was seen
+  std::string land;   ///< not empty: land all drones and end; why
+  std::span<const PilotWish> wishes;
   std::int64_t realtime_s = 0;  ///< for the expiry of certificates
 };
 
-/// The newest odometry of a drone in this block, as it came.
-struct OdometryCdr {
+/// What a block says of a drone; CDR as it came. Empty is what it does not say, or has said before.
+struct DroneNews {
   std::size_t drone = 0;  ///< index into FlightConfig::drones
-  std::string cdr;
+  std::optional<StateSample> state;
+  std::string odometry, battery;  ///< of the state's moment
+  std::string transitions;        ///< of the failsafe
 };
 
 struct FlightOutputs {
   std::vector<Submission> submissions;
   std::vector<TraceRecord> traces;
-  std::vector<OdometryCdr> odometry;
+  std::vector<DroneNews> news;
+  std::vector<std::string> notes;  ///< for the log: what a pilot wished and did not get
+};
+
+/// What became of a pilot's wishes.
+struct PilotCounters {
+  std::uint64_t velocities = 0;  ///< made into plans
+  std::uint64_t replaced = 0;    ///< velocities for which a newer one was there already
+  std::uint64_t bad_values = 0;  ///< velocities with numbers that no drone can fly
+  std::uint64_t not_flying = 0;  ///< velocities for a drone that is not in manual flight
+  std::uint64_t malformed = 0;   ///< messages that are not what their topic says
+  std::uint64_t refused = 0;     ///< take-offs and stops
 };
 
 struct FlightStatus {
@@ -87,11 +119,13 @@ struct FlightStatus {
   std::vector<double> lap_s;
   std::array<TimeNs, 2> path_ns{};  ///< when the path began and ended; the drone's clock; 0: not yet
   std::string why;                  ///< what went wrong
+  PilotCounters pilot;
   std::uint64_t states_received = 0, commands_made = 0, commands_sent = 0, commands_merged = 0, commands_refused = 0;
 };
 
 struct FlightTransactions {
   std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0, overloaded = 0;
+  std::uint64_t malformed = 0;   ///< frames and states that are none
   std::uint64_t unbelieved = 0;  ///< states whose signer is not the owner of the drone, or not believed
 };
 
@@ -99,6 +133,11 @@ struct FlightTransactions {
 /// plans of all drones in one call, one call in flight until it is committed, or behind a gap (fabric::Pacing); what is
 /// made meanwhile waits, the newest per drone, and what it replaces is counted as merged. A call refused because of one
 /// drone ("tello3: ...") is sent again at once without that drone.
+///
+/// Manual: no path, a pilot's wishes instead. A velocity makes a plan at once, from the newest state; one that is not
+/// renewed ends in zero after cmd_timeout_ns, and the drone hovers until it hears more or its failsafe lands it. A stop
+/// goes out by itself, at once, and again until the ledger has it or refuses it. It ends when it is asked to, and every
+/// drone is down.
 ///
 /// The path of each drone begins where it stands before take-off. Times in plans are the drone host's clock alone: the
 /// ground's clock and the drone's are never compared. How long a state takes from the drone to here and a plan from
@@ -117,8 +156,8 @@ class FlightCore {
 
   FlightOutputs step(TimeNs now_ns, const FlightInputs& inputs);
 
-  bool done() const;        ///< every drone landed or failed
-  bool ok() const;          ///< every drone finished its path and landed
+  bool done() const;        ///< every drone landed or failed; manual: asked to end, and no drone is in the air
+  bool ok() const;          ///< every drone finished its path and landed; manual: nothing went wrong
   std::string why() const;  ///< of all drones; empty while nothing went wrong
   const std::vector<FlightDrone>& drones() const { return config_.drones; }
   FlightStatus status(std::size_t drone) const;
@@ -143,6 +182,15 @@ class FlightCore {
 
   void advance(TimeNs now_ns, Drone& drone);
   void advance_path(TimeNs now_ns, Drone& drone);
+  void advance_flown(TimeNs now_ns, Drone& drone);
+  std::string not_ready(const Drone& drone) const;
+
+  void take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& out);
+  void take_velocity(const PilotWish& wish, Drone& drone);
+  void take_off(TimeNs now_ns, Drone& drone, FlightOutputs& out);
+  void submit_stops(TimeNs now_ns, FlightOutputs& out);
+  bool take_stop_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
+  static void refuse(TimeNs now_ns, Drone& drone, const std::string& why, FlightOutputs& out);
   bool settled(const Drone& drone) const;
   static void end_path(Drone& drone);
   void check_time(TimeNs now_ns, Drone& drone);
@@ -158,7 +206,8 @@ class FlightCore {
   std::vector<std::unique_ptr<Drone>> drones_;
   std::vector<InFlight> in_flight_;  ///< oldest first
   fabric::Pacing pacing_;
-  bool started_ = false;
+  TimeNs started_ns_ = 0;  ///< 0: not yet
+  bool ending_ = false;    ///< manual: asked to
   std::uint64_t next_id_ = 1;
   FlightTransactions transactions_;
   std::deque<TimeNs> one_way_ns_;

@@ -86,8 +86,12 @@ bool FlightCore::believed(const fabric::Transaction& tx, std::int64_t realtime_s
 void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::int64_t realtime_s,
                              FlightOutputs& out) {
   SetCall call;
-  if (!parse_message(tx.event_payload, call)) return;
+  if (!parse_message(tx.event_payload, call)) {
+    ++transactions_.malformed;
+    return;
+  }
   const Drone* checked = nullptr;  // the signature is checked once per drone in a row, not per asset
+  std::vector<DroneNews> all(drones_.size());
   for (const Asset& asset : call.assets()) {
     const auto slash = asset.id().find('/');
     Drone* drone = find(std::string_view(asset.id()).substr(0, slash));
@@ -95,7 +99,9 @@ void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::
     const auto what = std::string_view(asset.id()).substr(slash + 1);
     const bool status = what == "link" && asset.msg_type() == link_status_type;
     const bool odometry = what == "odom" && asset.msg_type() == odometry_type;
-    if (!status && !odometry) continue;
+    const bool battery = what == "battery" && asset.msg_type() == battery_type;
+    const bool transitions = what == "failsafe" && asset.msg_type() == transitions_type;
+    if (!status && !odometry && !battery && !transitions) continue;
     if (drone != checked) {
       if (!believed(tx, realtime_s, *drone)) {
         ++transactions_.unbelieved;
@@ -103,14 +109,19 @@ void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::
       }
       checked = drone;
     }
-    if (odometry) {
-      out.odometry.push_back({drone->index, asset.msg_data()});
+    DroneNews& news = all[drone->index];
+    if (odometry) news.odometry = asset.msg_data();
+    if (battery) news.battery = asset.msg_data();
+    if (transitions) news.transitions = asset.msg_data();
+    if (!status) continue;
+    auto sample = link_status_from_cdr(asset.msg_data());
+    if (!sample) {
+      ++transactions_.malformed;
       continue;
     }
-    auto sample = link_status_from_cdr(asset.msg_data());
-    if (!sample) continue;
     const bool same_boot = drone->has_state && sample->boot_id == drone->state.boot_id;
     if (same_boot && sample->sequence <= drone->state.sequence) continue;
+    news.state = *sample;
     if (!same_boot) drone->first_setpoint_ns = 0;
     drone->state = *sample;
     drone->state.drone = drone->who.number;
@@ -130,6 +141,12 @@ void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::
     record.id = sample->sequence;
     record.stamp_ns = sample->stamp_ns;
     out.traces.push_back(record);
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    DroneNews& news = all[i];
+    news.drone = i;
+    if (!news.state) news.odometry = news.battery = "";  // sent again for the frame's sake
+    if (news.state || !news.transitions.empty()) out.news.push_back(std::move(news));
   }
 }
 
@@ -158,6 +175,7 @@ void FlightCore::measure(TimeNs one_way_ns) {
 }
 
 void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out) {
+  if (take_stop_outcome(now_ns, outcome, id, out)) return;
   const auto found = std::find_if(in_flight_.begin(), in_flight_.end(), [&](const auto& f) { return f.id == id; });
   if (found == in_flight_.end()) return;
   InFlight flight = std::move(*found);

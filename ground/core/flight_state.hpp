@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "ground/core/flight.hpp"
+#include "ground/core/manual.hpp"
 #include "ledgerline.pb.h"
 
 /// What FlightCore remembers; included by its .cpp files alone.
@@ -18,6 +19,8 @@ struct PlannedCommand {
 };
 
 struct FlightCore::Drone {
+  explicit Drone(const FlightConfig& config) : manual(config.controller, config.cmd_timeout_ns) {}
+
   FlightDrone who;
   std::size_t index = 0;
   FlightStatus status;
@@ -30,9 +33,11 @@ struct FlightCore::Drone {
   StateSample state;
   bool has_state = false;
   bool fresh = false;      ///< the state came with this step
+  bool wished = false;     ///< the pilot said something with this step
   TimeNs received_ns = 0;  ///< the ground's clock
 
-  std::unique_ptr<PathController> controller;
+  std::unique_ptr<PathController> controller;  ///< of a path
+  ManualController manual;
   bool flew = false;
   TimeNs first_setpoint_ns = 0;  ///< of the newest plan; the drone's clock, as all below
   TimeNs settling_since_ns = 0;
@@ -42,8 +47,13 @@ struct FlightCore::Drone {
 
   std::optional<PlannedCommand> pending;
 
+  std::optional<DronesCall> stop;  ///< to be submitted, or under way
+  std::uint64_t stop_id = 0;       ///< 0: not under way
+  TimeNs next_stop_ns = 0;
+  TimeNs next_note_ns = 0;
+
   bool may_command(const crypto::IdentityName& self) const { return holder == self && !stopped_by; }
-  bool in_air_phase() const { return status.phase == DronePhase::takeoff || status.phase == DronePhase::path; }
+  bool in_air_phase() const { return status.phase >= DronePhase::takeoff && status.phase <= DronePhase::manual; }
 };
 
 struct FlightCore::InFlight {

@@ -49,6 +49,13 @@ std::string drone_tables(int drones, bool with_address) {
   return tables;
 }
 
+enum class Side { drones, ground };
+
+std::string dds_table(const Options& options, Side side) {
+  if (options.domains.empty()) return "";
+  return fmt::format("\n[dds]\ndomain = {}\n", options.domains[side == Side::drones ? 0 : 1]);
+}
+
 // On a slow ledger a command may be older, and a quiet ledger is not yet a silent one. Link's own limit of 2 s for any
 // command stays.
 std::string patience(const Options& options) {
@@ -71,6 +78,10 @@ std::string user_dir(const RunFiles& files, int organisation, const std::string&
   return fmt::format("{}/users/{}@org{}.ledgerline", organisation_dir(files, organisation), user, organisation);
 }
 
+Status write_sim_config(const RunFiles& files, const Options& options) {
+  return write_file(files.config("sim"), dds_table(options, Side::drones));
+}
+
 Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,
                      const std::vector<std::string>& orderers) {
   std::string direct;
@@ -83,13 +94,14 @@ Status write_configs(const RunFiles& files, const Options& options, const std::s
                            drone_tables(options.drones, true);
   const std::string agent = ledger_table(files, endpoint, 1, "User1", deadline(options)) + direct + msp_tables(files) +
                             output_table(files, "agent") + with_status + patience(options) +
-                            drone_tables(options.drones, false);
+                            dds_table(options, Side::drones) + drone_tables(options.drones, false);
   const std::string flight = fmt::format(
       "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
       "{:.3f}\n",
-      ground::name_of(options.shape), options.speed_mps, options.laps, options.seconds, height_m, side_m);
+      shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, side_m);
   const std::string ground = ledger_table(files, endpoint, 2, "User1", deadline(options)) + direct + msp_tables(files) +
-                             output_table(files, "ground") + with_status + flight + drone_tables(options.drones, false);
+                             output_table(files, "ground") + with_status + flight + dds_table(options, Side::ground) +
+                             drone_tables(options.drones, false);
   const std::pair<std::string, std::string> all[] = {
       {"link", link},
       {"agent", agent},

@@ -28,6 +28,9 @@ inline constexpr double height_m = 1.0;
 /// "User1@org1.ledgerline": the directory with its msp/ in the node's crypto material.
 std::string user_dir(const RunFiles& files, int organisation, const std::string& user);
 
+/// Writes sim.toml, which sim needs before anything else is there.
+Status write_sim_config(const RunFiles& files, const Options& options);
+
 /// Writes link.toml, agent.toml, ground.toml, and admin.toml and operator.toml for ledgerline-control.
 /// `endpoint`: of the node, or of the peer of the drones' organisation. `orderers`: of Fabric, for the direct path.
 Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,

@@ -130,8 +130,10 @@ Status Launcher::start_all() {
     ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
   }
   if (auto s = start(ledger_, ledger); !s) return s;
-  if (auto s = start("sim", {"--drones", drones, "--seed", std::to_string(options_.seed), "--trace",
-                             files_.trace("sim"), "--summary", files_.summary("sim")});
+  if (auto s = write_sim_config(files_, options_); !s) return s;
+  if (auto s =
+          start("sim", {"--config", files_.config("sim"), "--drones", drones, "--seed", std::to_string(options_.seed),
+                        "--trace", files_.trace("sim"), "--summary", files_.summary("sim")});
       !s) {
     return s;
   }

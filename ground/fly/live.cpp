@@ -109,8 +109,8 @@ void Live::show(TimeNs now_ns) {
 
 bool Live::anything_in_air() const {
   return std::any_of(drones_.begin(), drones_.end(), [](const Drone& d) {
-    return d.phase == "takeoff" || d.phase == "path" || d.phase == "landing" || d.link_phase == "taking_off" ||
-           d.link_phase == "flying" || d.link_phase == "landing";
+    return d.phase == "takeoff" || d.phase == "path" || d.phase == "manual" || d.phase == "landing" ||
+           d.link_phase == "taking_off" || d.link_phase == "flying" || d.link_phase == "landing";
   });
 }
 

@@ -98,9 +98,11 @@ class MemoryDirectory {
 };
 
 int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
-  fmt::print(stderr, "{} around a {} through the ledger; everything of this run is in {}\n",
+  fmt::print(stderr, "{} {} through the ledger; everything of this run is in {}\n",
              options.drones == 1 ? "One drone" : fmt::format("{} drones", options.drones),
-             ground::name_of(options.shape), files.directory);
+             options.manual ? "flown by ROS 2 topics (/tello1/takeoff, cmd_vel, land)"
+                            : "around a " + ground::name_of(options.shape),
+             files.directory);
   fly::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, interrupts);
   const fly::RunRecord record = launcher.run();
   report::Results results = report::read_results(files, options, record);

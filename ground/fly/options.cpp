@@ -37,20 +37,23 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   Options& o = line.options;
   CLI::App app{
       "Flies simulated drones around a path through the ledger, and reports how well it went.\n"
-      "Ctrl-C lands the drones. Exit codes: 0 every drone finished its path and landed; 1 not so; 2 bad usage.",
+      "Ctrl-C lands the drones. Exit codes: 0 every drone finished its path and landed (manual: landed, and nothing "
+      "went wrong);\n"
+      "1 not so; 2 bad usage.",
       "ledgerline-fly"};
   app.footer(
       "Examples:\n"
       "  fly                                 one drone, three laps of a square\n"
       "  fly --drones 3 --shape x --laps 1\n"
+      "  fly --shape manual                  until Ctrl-C, by any ROS 2 teleop on /tello1/cmd_vel\n"
       "  fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)\n"
       "  fly --batch-timeout 100ms --batch-count 10 --seconds 60    a slower ledger\n"
       "  fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run");
   std::string shape = "square";
   std::string batch_timeout = "10ms";
   std::string storage = "disk";
-  app.add_option("--shape", shape, "Path of 1.5 m a side")
-      ->check(CLI::IsMember({"square", "triangle", "x"}))
+  app.add_option("--shape", shape, "Path of 1.5 m a side; manual: none, fly by /tello1/takeoff, cmd_vel and land")
+      ->check(CLI::IsMember({"square", "triangle", "x", "manual"}))
       ->capture_default_str();
   app.add_option("--drones", o.drones, "Number of drones")
       ->check(CLI::Range(1, static_cast<int>(max_drones)))
@@ -60,7 +63,7 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
       ->capture_default_str();
   app.add_option("--speed", o.speed_mps, "Along the path, m/s")->check(CLI::Range(0.05, 5.0))->capture_default_str();
   auto* laps = app.add_option("--laps", o.laps, "Laps to fly")->check(CLI::Range(1, 1000))->capture_default_str();
-  app.add_option("--seconds", o.seconds, "Fly the path this long instead of counting laps")
+  app.add_option("--seconds", o.seconds, "Fly the path this long instead of counting laps; manual: land after so long")
       ->check(CLI::Range(1.0, 86'400.0))
       ->excludes(laps);
   app.add_option("--ledger", o.ledger, "Which ledger")
@@ -80,6 +83,11 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   app.add_option("--batch-count", o.batch_count, "Ledger: a block is cut at this many transactions")
       ->check(CLI::Range(1, 10'000))
       ->capture_default_str();
+  app.add_option("--domains", o.domains,
+                 "DDS domains of the drones and of ground, such as 1,2 (default: ROS_DOMAIN_ID, else 0, for both)")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(CLI::Range(0, 232));
   app.add_option("--seed", o.seed, "Of wind and sensor noise")->capture_default_str();
   app.add_option("--json", o.json, "Write the figures to this file, as one JSON object");
   app.add_option("--out", o.out, "Directory for traces, logs and the page (default: build/runs/TIME)");
@@ -97,7 +105,13 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
     line.text = "--ca goes with --ledger fabric: the embedded ledger issues its identities itself\n";
     return line;
   }
-  o.shape = *ground::shape_from_name(shape);
+  o.manual = shape == "manual";
+  if (o.manual && laps->count() > 0) {
+    line.exit_code = exit_usage;
+    line.text = "--laps goes with a path: a manual flight lasts until Ctrl-C, or for --seconds\n";
+    return line;
+  }
+  if (!o.manual) o.shape = *ground::shape_from_name(shape);
   o.batch_timeout_ns = *parse_duration(batch_timeout);
   o.tmpfs = storage == "tmpfs";
   line.fly = true;

@@ -11,21 +11,27 @@ namespace ledgerline::fly {
 
 struct Options {
   ground::Shape shape = ground::Shape::square;
+  bool manual = false;  ///< no path: a pilot flies, by ROS 2 topics
   int drones = 1;
   double rate_hz = 30;
   double speed_mps = 0.5;
   int laps = 3;
-  double seconds = 0;               ///< > 0: instead of laps
+  double seconds = 0;               ///< > 0: instead of laps; manual: until it lands and ends; 0: until Ctrl-C
   std::string ledger = "embedded";  ///< or "fabric"
   int orderers = 1;                 ///< of Fabric: 1 or 3
   bool tmpfs = false;               ///< the ledger in memory, gone after the flight
   bool ca = false;                  ///< Fabric's identities come from fabric-ca
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
+  std::vector<int> domains;  ///< of DDS: that of sim and agent, that of ground; empty: ROS_DOMAIN_ID, else 0
   std::uint64_t seed = 1;
   std::string json;  ///< file; empty: none
   std::string out;   ///< directory of the run; empty: chosen by the time
 };
+
+inline std::string shape_name(const Options& options) {
+  return options.manual ? "manual" : ground::name_of(options.shape);
+}
 
 /// The program that is the ledger, and the name of its process.
 inline std::string ledger_program(const Options& options) { return options.ledger == "fabric" ? "fabric" : "node"; }

@@ -22,7 +22,9 @@ constexpr double rate_measured_hz = 30, margin = 1.5;
 
 double expected_seconds(const Options& options) {
   constexpr double up_and_down_s = 20, corner_s = 2;
+  constexpr double manual_s = 600;  // lasts as long as the pilot likes
   if (options.seconds > 0) return options.seconds + up_and_down_s;
+  if (options.manual) return manual_s;
   const ground::Path path(options.shape, {0, 0}, side_m);
   const double lap_s = path.length_m() / options.speed_mps + corner_s * static_cast<double>(path.corners().size());
   return options.laps * lap_s + up_and_down_s;

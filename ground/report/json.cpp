@@ -34,11 +34,11 @@ json to_json(const DroneResult& drone) {
 }  // namespace
 
 json to_json(const Results& r) {
-  json asked{{"shape", ground::name_of(r.asked.shape)},
+  json asked{{"shape", fly::shape_name(r.asked)},
              {"drones", r.asked.drones},
              {"rate_hz", r.asked.rate_hz},
              {"speed_mps", r.asked.speed_mps},
-             {"laps", r.asked.laps},
+             {"laps", r.asked.manual ? 0 : r.asked.laps},
              {"seconds", r.asked.seconds},
              {"ledger", r.asked.ledger},
              {"orderers", r.asked.ledger == "fabric" ? json(r.asked.orderers) : json(nullptr)},

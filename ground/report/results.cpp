@@ -82,20 +82,21 @@ std::vector<std::array<double, 2>> flown_path(const std::vector<TraceRecord>& tr
   return points;
 }
 
-void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::uint16_t number, ground::Shape shape,
-               DroneResult& drone) {
+void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::uint16_t number,
+               const fly::Options& asked, DroneResult& drone) {
   const json& origin = at(ground, "origin");
   const json& between = at(ground, "path_ns");
   if (!origin.is_array() || origin.size() != 2 || !between.is_array() || between.size() != 2) return;
   const TimeNs begin_ns = time_of(between[0]), end_ns = time_of(between[1]);
-  const ground::Path path(shape, {number_of(origin[0]), number_of(origin[1])}, fly::side_m);
+  drone.flown = flown_path(truth, number, begin_ns, end_ns);
+  if (asked.manual) return;
+  const ground::Path path(asked.shape, {number_of(origin[0]), number_of(origin[1])}, fly::side_m);
   const CrossTrack error = cross_track(truth, number, path, begin_ns, end_ns);
   drone.path_flown = error.count > 0;
   drone.cross_track_rms_m = error.rms_m;
   drone.cross_track_max_m = error.max_m;
   for (const auto& corner : path.corners()) drone.wanted.push_back({corner.x(), corner.y()});
   if (!drone.wanted.empty()) drone.wanted.push_back(drone.wanted.front());
-  drone.flown = flown_path(truth, number, begin_ns, end_ns);
 }
 
 }  // namespace
@@ -199,7 +200,7 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
       for (const auto& [reason, count] : reasons.items()) drone.reasons[reason] += count_of(count);
     }
     for (const json& lap : at(g, "lap_s")) drone.lap_s.push_back(number_of(lap));
-    read_path(g, truth, number, asked.shape, drone);
+    read_path(g, truth, number, asked, drone);
     messages += drone.states[2] + drone.commands[1];
     results.drones.push_back(std::move(drone));
   }

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <fstream>
@@ -16,11 +17,17 @@ namespace {
 constexpr TimeNs tick_ns = 20 * ns_per_ms;  // for time-outs and signals; blocks and outcomes wake at once
 constexpr TimeNs start_limit_ns = 15 * ns_per_s;
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
+constexpr TimeNs warning_gap_ns = ns_per_s;
 
 }  // namespace
 
-Ground::Ground(FlightConfig flight, OutputSettings output, std::unique_ptr<fabric::Client> client)
-    : output_(std::move(output)), core_(std::move(flight)), client_(std::move(client)) {}
+Ground::Ground(FlightConfig flight, OutputSettings output, dds::ParticipantPtr participant,
+               std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent)
+    : output_(std::move(output)),
+      core_(std::move(flight)),
+      participant_(std::move(participant)),
+      client_(std::move(client)),
+      urgent_(std::move(urgent)) {}
 
 Ground::~Ground() {
   {
@@ -49,12 +56,17 @@ bool Ground::has_event() {
 
 std::optional<Ground::Event> Ground::next_event(TimeNs timeout_ns) {
   std::unique_lock lock(mutex_);
-  wake_.wait_for(lock, std::chrono::nanoseconds(timeout_ns), [&] { return !events_.empty(); });
+  wake_.wait_for(lock, std::chrono::nanoseconds(timeout_ns), [&] { return !events_.empty() || !wishes_.empty(); });
   if (events_.empty()) return std::nullopt;
   Event event = std::move(events_.front());
   events_.pop_front();
   room_.notify_one();
   return event;
+}
+
+std::vector<PilotWish> Ground::take_wishes() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(wishes_, {});
 }
 
 Status Ground::start(const std::atomic<bool>& quit) {
@@ -63,14 +75,7 @@ Status Ground::start(const std::atomic<bool>& quit) {
     if (!trace) return trace.error();
     trace_ = std::move(trace).value();
   }
-  auto participant = dds::Participant::create();
-  if (!participant) return participant.error();
-  participant_ = std::move(participant).value();
-  for (const FlightDrone& drone : core_.drones()) {
-    auto publisher = dds::OdometryPublisher::create(participant_, "/" + drone.name + "/odom");
-    if (!publisher) return publisher.error();
-    odometry_.push_back(std::move(publisher).value());
-  }
+  if (auto status = open_topics(); !status) return status;
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [this](const fabric::Block& block, std::string_view) { hand_over(block); };
   handlers.on_connection = [this](bool connected, const std::string& why) {
@@ -87,7 +92,47 @@ Status Ground::start(const std::atomic<bool>& quit) {
     wake_.notify_one();
   };
   blocks_ = client_->blocks(std::nullopt, std::move(handlers));
-  return read_controls(quit);
+  if (auto status = read_controls(quit); !status) return status;
+  return hear_pilots();
+}
+
+Status Ground::open_topics() {
+  for (const DroneTopic& topic : drone_topics) {
+    writers_.emplace_back();
+    for (const FlightDrone& drone : core_.drones()) {
+      if (topic.of_all && !writers_.back().empty()) continue;
+      auto writer = dds::RawWriter::create(participant_, topic_of(topic, drone.name), std::string(topic.type),
+                                           {.transient_local = topic.latched});
+      if (!writer) return writer.error();
+      writers_.back().push_back(std::move(writer).value());
+    }
+  }
+  return done;
+}
+
+Status Ground::hear_pilots() {
+  for (std::size_t i = 0; i < core_.drones().size(); ++i) {
+    for (const PilotTopic& topic : pilot_topics) {
+      auto reader = dds::RawReader::create(participant_, topic_of(topic, core_.drones()[i].name),
+                                           std::string(topic.type), {.reliable = topic.reliable},
+                                           [this, i, &topic](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
+                                             hear(i, topic, dds::text_of(cdr));
+                                           });
+      if (!reader) return reader.error();
+      readers_.push_back(std::move(reader).value());
+    }
+  }
+  return done;
+}
+
+void Ground::hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
+  {
+    const std::lock_guard lock(mutex_);
+    auto wish = std::find_if(wishes_.begin(), wishes_.end(), [&](const PilotWish& w) { return w.drone == drone; });
+    if (wish == wishes_.end()) wish = wishes_.insert(wish, {.drone = drone});
+    topic.take(cdr, monotonic_ns(), *wish);
+  }
+  wake_.notify_one();
 }
 
 // Behind the start of the block stream, so that no change of a record can be missed between the two.
@@ -135,6 +180,8 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
         }
       }
     }
+    const std::vector<PilotWish> wishes = take_wishes();
+    inputs.wishes = wishes;
     inputs.more = has_event();
     const TimeNs now_ns = monotonic_ns();
     if (quit && leave_ns == 0) {
@@ -159,21 +206,39 @@ void Ground::step(FlightInputs inputs) {
   FlightOutputs out = core_.step(monotonic_ns(), inputs);
   for (Submission& submission : out.submissions) {
     const std::uint64_t id = submission.id;
-    client_->submit(std::move(submission.call), [this, id](fabric::Outcome outcome) {
+    (submission.urgent ? urgent_ : client_)->submit(std::move(submission.call), [this, id](fabric::Outcome outcome) {
       hand_over(Ended{id, std::move(outcome)});
     });
   }
   if (trace_) {
     for (const TraceRecord& record : out.traces) trace_->add(record);
   }
-  for (const OdometryCdr& one : out.odometry) {
-    const auto odometry = odometry_from_cdr(one.cdr);
-    if (!odometry) {
-      spdlog::warn("{}: its odometry is no nav_msgs/msg/Odometry: {}", core_.drones()[one.drone].name,
-                   odometry.error().what);
-    } else if (auto status = odometry_[one.drone].publish(*odometry); !status) {
-      spdlog::warn("{}", status.error().what);
-    }
+  for (const std::string& note : out.notes) spdlog::warn("{}", note);
+  for (const DroneNews& news : out.news) publish(news);
+}
+
+void Ground::publish(const DroneNews& news) {
+  const std::string& drone = core_.drones()[news.drone].name;
+  for (std::size_t i = 0; i < drone_topics.size(); ++i) {
+    const DroneTopic& topic = drone_topics[i];
+    const auto message = topic.make(news, drone);
+    Status published = message ? done : Status(message.error());
+    if (message && !message->empty()) published = writers_[i][topic.of_all ? 0 : news.drone].publish(*message);
+    if (published) continue;
+    ++counters_.news_unpublished;
+    if (monotonic_ns() < next_warning_ns_) continue;
+    next_warning_ns_ = monotonic_ns() + warning_gap_ns;
+    spdlog::warn("{}: {}", topic_of(topic, drone), published.error().what);
+  }
+}
+
+void Ground::count_losses() {
+  counters_.pilots.assign(core_.drones().size(), {});
+  for (std::size_t i = 0; i < readers_.size(); ++i) {
+    ShellCounters::Pilot& pilot = counters_.pilots[i / pilot_topics.size()];
+    const dds::Refused refused = readers_[i].refused();
+    pilot.dds_lost += readers_[i].lost();
+    pilot.dds_refused += refused.malformed + refused.too_long;
   }
 }
 
@@ -189,8 +254,9 @@ Status Ground::write_summary() {
     if (trace_->dropped() > 0) spdlog::warn("{}: {} records did not fit", output_.trace, trace_->dropped());
   }
   if (output_.summary.empty()) return done;
+  count_losses();
   std::ofstream file(output_.summary);
-  file << summary(core_) << "\n";
+  file << summary(core_, counters_) << "\n";
   file.close();
   if (!file) return Error{"cannot write " + output_.summary};
   return done;

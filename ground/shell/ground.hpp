@@ -10,17 +10,22 @@
 #include <vector>
 
 #include "common/dds/dds.hpp"
+#include "common/dds/raw.hpp"
 #include "common/fabric/client.hpp"
 #include "common/rt/trace.hpp"
+#include "ground/core/topics.hpp"
 #include "ground/shell/settings.hpp"
 
 namespace ledgerline::ground {
 
-/// The shell around FlightCore: blocks and outcomes come on the client's threads, are handed over, and wake the one
-/// thread that runs the core, submits its calls, publishes odometry on DDS, and writes trace and status lines.
+/// The shell around FlightCore: blocks and outcomes come on the client's threads, a pilot's messages on DDS's; they are
+/// handed over and wake the one thread that runs the core, submits its calls, publishes the drones' topics, and writes
+/// trace and status lines.
 class Ground {
  public:
-  Ground(FlightConfig flight, OutputSettings output, std::unique_ptr<fabric::Client> client);
+  /// `client` is for commands and blocks, `urgent` for what must not wait behind commands.
+  Ground(FlightConfig flight, OutputSettings output, dds::ParticipantPtr participant,
+         std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent);
   ~Ground();
 
   /// Opens trace and topics, subscribes to blocks, reads the drones' control records. Ends early, with an error, when
@@ -37,11 +42,17 @@ class Ground {
   };
   using Event = std::variant<fabric::Block, Ended>;
 
+  Status open_topics();
+  Status hear_pilots();
+  void hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr);
+  void publish(const DroneNews& news);
   Status read_controls(const std::atomic<bool>& quit);
   std::optional<Event> next_event(TimeNs timeout_ns);
   void hand_over(Event event);
   bool has_event();
+  std::vector<PilotWish> take_wishes();
   void step(FlightInputs inputs);
+  void count_losses();
   void write_status(TimeNs now_ns);
   Status write_summary();
 
@@ -49,19 +60,23 @@ class Ground {
   FlightCore core_;
   std::optional<TraceWriter> trace_;
   dds::ParticipantPtr participant_;
-  std::vector<dds::OdometryPublisher> odometry_;
+  std::vector<std::vector<dds::RawWriter>> writers_;  ///< a row for each of drone_topics, a drone each
+  ShellCounters counters_;
   TimeNs next_status_ns_ = 0;
+  TimeNs next_warning_ns_ = 0;
 
   std::mutex mutex_;
   std::condition_variable wake_, room_;
   bool closing_ = false;
   static constexpr std::size_t max_events = 256;
   std::deque<Event> events_;
+  std::vector<PilotWish> wishes_;  ///< at most one for each drone
   bool connected_ = false;
   std::string connection_problem_;
 
   // Last, so that they end first: their callbacks use all of the above.
-  std::unique_ptr<fabric::Client> client_;
+  std::vector<dds::RawReader> readers_;  ///< of each drone one for each of pilot_topics
+  std::unique_ptr<fabric::Client> client_, urgent_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
 };
 

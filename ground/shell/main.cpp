@@ -5,6 +5,8 @@
 #include <csignal>
 #include <cstdio>
 
+#include "common/bridge/bridges.hpp"
+#include "common/dds/config.hpp"
 #include "common/fabric/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/rt/log.hpp"
@@ -29,6 +31,8 @@ void catch_signals() {
 int fly(Config& config) {
   ground::FlightConfig flight = ground::flight_config(config);
   const ground::OutputSettings output = ground::output_settings(config);
+  const bridge::BridgeConfig bridged = ground::read_bridge(config, flight.drones);
+  const dds::ParticipantOptions dds = dds::participant_options(config, "ledgerline_ground");
   // What a leader that died took with it is given up soon: newer commands say more.
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto believed = fabric::msp_registry(config);
@@ -42,14 +46,25 @@ int fly(Config& config) {
   }
   flight.self = ledger->identity.name;
   flight.believed = std::move(believed).value();
-  auto client = fabric::Client::create(std::move(ledger).value());
-  if (!client) {
-    spdlog::error("{}", client.error().what);
+  auto client = fabric::Client::create(*ledger);
+  auto urgent = fabric::Client::create(std::move(ledger).value());
+  if (!client || !urgent) {
+    spdlog::error("{}", (client ? urgent : client).error().what);
     return exit_usage;
   }
-  ground::Ground ground(std::move(flight), output, std::move(client).value());
+  auto participant = dds::Participant::create(dds);
+  if (!participant) {
+    spdlog::error("{}", participant.error().what);
+    return EXIT_FAILURE;
+  }
+  ground::Ground ground(std::move(flight), output, *participant, std::move(client).value(), std::move(urgent).value());
   if (auto status = ground.start(quit); !status) {
     spdlog::error("{}", status.error().what);
+    return EXIT_FAILURE;
+  }
+  const auto bridges = bridge::BesideBridges::create(config, bridged, *participant);
+  if (!bridges) {
+    spdlog::error("{}", bridges.error().what);
     return EXIT_FAILURE;
   }
   fmt::print("{{\"ready\":true}}\n");
@@ -66,14 +81,19 @@ int fly(Config& config) {
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "Flies drones around a path: reads their states from the ledger's blocks, and commands them through the ledger.\n"
+      "Flies drones around a path, or as a pilot's ROS 2 messages say (shape manual: /<drone>/takeoff, cmd_vel, "
+      "land):\n"
+      "reads their states from the ledger's blocks, and commands them through the ledger.\n"
       "Exit codes: 0 every drone finished its path and landed; 1 not so; 2 bad usage or config.\n"
       "SIGINT and SIGTERM land all drones.\n\n"
       "Example:\n  ledgerline-ground --config ground.toml\n\n"
       "ground.toml: [ledger] endpoint, tls_ca, msp_id, msp_dir, cross_check;\n"
       "          [[orderer]], [[peer]] endpoint, tls_ca; [[msp]] id, ca; [[drone]] name, number;\n"
-      "  [flight] shape (square|triangle|x), speed_mps, laps, seconds, height_m, side_m, lag_s;\n"
-      "  [output] trace, summary, status_period_ms",
+      "  [flight] shape (square|triangle|x|manual), speed_mps, laps, seconds, height_m, side_m, lag_s, "
+      "cmd_timeout_ms;\n"
+      "  [output] trace, summary, status_period_ms; [dds] domain (ROS_DOMAIN_ID), local_only, and for DDS Security\n"
+      "    identity_ca, certificate, private_key, governance, permissions;\n"
+      "  [[topic]], [[enrolled]], [bridge], [output] status: any ROS 2 topic, as `ledgerline bridge --help` has it",
       "ledgerline-ground"};
   std::string file;
   app.add_option("--config", file, "TOML file")->required();

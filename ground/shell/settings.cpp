@@ -4,14 +4,18 @@
 
 #include <nlohmann/json.hpp>
 
+#include "ground/core/topics.hpp"
+
 namespace ledgerline::ground {
 
 using nlohmann::json;
 
 FlightConfig flight_config(Config& config) {
   FlightConfig flight;
-  const auto shape = shape_from_name(config.choice("flight.shape", {"square", "triangle", "x"}, "square"));
-  if (shape) flight.shape = *shape;
+  const std::string shape = config.choice("flight.shape", {"square", "triangle", "x", "manual"}, "square");
+  flight.manual = shape == "manual";
+  if (!flight.manual) flight.shape = *shape_from_name(shape);
+  flight.cmd_timeout_ns = config.integer("flight.cmd_timeout_ms", 300, 50, 500) * ns_per_ms;
   flight.side_m = config.number("flight.side_m", 1.5, 0.2, 50);
   flight.laps = static_cast<int>(config.integer("flight.laps", 3, 1, 10'000));
   flight.seconds = config.number("flight.seconds", 0, 0, 86'400);
@@ -24,6 +28,15 @@ FlightConfig flight_config(Config& config) {
                                                             key + "number", static_cast<int>(i) + 1, 1, max_drones))});
   }
   return flight;
+}
+
+bridge::BridgeConfig read_bridge(Config& config, const std::vector<FlightDrone>& drones) {
+  bridge::Host host;
+  for (const FlightDrone& drone : drones) {
+    for (const DroneTopic& topic : drone_topics) host.topics.push_back(topic_of(topic, drone.name));
+    for (const PilotTopic& topic : pilot_topics) host.topics.push_back(topic_of(topic, drone.name));
+  }
+  return bridge::read_bridge(config, &host);
 }
 
 OutputSettings output_settings(Config& config) {
@@ -46,10 +59,11 @@ std::string status_line(const FlightCore& core) {
   return json{{"ground", {{"drones", drones}, {"why", core.why()}}}}.dump();
 }
 
-std::string summary(const FlightCore& core) {
+std::string summary(const FlightCore& core, const ShellCounters& shell) {
   json drones = json::array();
   for (std::size_t i = 0; i < core.drones().size(); ++i) {
     const FlightStatus status = core.status(i);
+    const PilotCounters& p = status.pilot;
     drones.push_back({{"name", core.drones()[i].name},
                       {"finished", status.finished},
                       {"landed", status.phase == DronePhase::landed},
@@ -62,6 +76,15 @@ std::string summary(const FlightCore& core) {
                       {"commands_merged", status.commands_merged},
                       {"commands_refused", status.commands_refused},
                       {"path_ns", status.path_ns},
+                      {"pilot",
+                       {{"velocities", p.velocities},
+                        {"replaced", p.replaced},
+                        {"bad_values", p.bad_values},
+                        {"not_flying", p.not_flying},
+                        {"malformed", p.malformed},
+                        {"refused", p.refused},
+                        {"dds_lost", shell.pilots[i].dds_lost},
+                        {"dds_refused", shell.pilots[i].dds_refused}}},
                       {"why", status.why}});
   }
   const FlightTransactions& t = core.transactions();
@@ -73,7 +96,9 @@ std::string summary(const FlightCore& core) {
                 {"refused", t.refused},
                 {"unavailable", t.unavailable},
                 {"overloaded", t.overloaded}}},
+              {"states_malformed", t.malformed},
               {"states_unbelieved", t.unbelieved},
+              {"news_unpublished", shell.news_unpublished},
               {"delay_ms", to_ms(core.delay_ns())},
               {"why", core.why()}}
       .dump(2);

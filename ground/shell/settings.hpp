@@ -1,6 +1,7 @@
 #pragma once
 #include <string>
 
+#include "common/bridge/rules.hpp"
 #include "common/config/config.hpp"
 #include "ground/core/flight.hpp"
 
@@ -14,11 +15,22 @@ struct OutputSettings {
 
 /// Reads [flight] and [[drone]]; what is wrong comes with config.finish().
 FlightConfig flight_config(Config& config);
+/// Reads what else ground bridges: not the drones' topics and pilots'.
+bridge::BridgeConfig read_bridge(Config& config, const std::vector<FlightDrone>& drones);
 /// Reads [output].
 OutputSettings output_settings(Config& config);
 
+/// What the shell counts itself.
+struct ShellCounters {
+  struct Pilot {
+    std::uint64_t dds_lost = 0, dds_refused = 0;  ///< messages that DDS did not hand over
+  };
+  std::vector<Pilot> pilots;           ///< of each drone
+  std::uint64_t news_unpublished = 0;  ///< what the ledger had was no such message, or DDS did not take it
+};
+
 /// The status line and the summary, as JSON text.
 std::string status_line(const FlightCore& core);
-std::string summary(const FlightCore& core);
+std::string summary(const FlightCore& core, const ShellCounters& shell);
 
 }  // namespace ledgerline::ground

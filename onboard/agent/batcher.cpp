@@ -16,7 +16,7 @@ bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.b
 }  // namespace
 
 Batcher::Batcher(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
-    : config_(config), random_(seed) {
+    : config_(config), random_(seed), pause_(config.first_back_off_ns, config.longest_back_off_ns) {
   for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
 }
 
@@ -55,7 +55,7 @@ bool Batcher::has_waiting() const {
 }
 
 bool Batcher::ready(TimeNs now) const {
-  if (now < not_before_ns_ || in_flight_.size() >= most_in_flight) return false;
+  if (!pause_.over(now) || in_flight_.size() >= most_in_flight) return false;
   if (!again_at_once_ && !in_flight_.empty() &&
       !pacing_.may_go(now, in_flight_.front().submitted_ns, last_submitted_ns_))
     return false;
@@ -110,16 +110,8 @@ void Batcher::drop_all(const Frame& frame) {
   }
 }
 
-void Batcher::back_off(TimeNs now) {
-  back_off_ns_ = std::clamp(2 * back_off_ns_, config_.first_back_off_ns, config_.longest_back_off_ns);
-  not_before_ns_ = now + static_cast<TimeNs>(static_cast<double>(back_off_ns_) * (0.5 + 0.5 * random_.uniform()));
-}
-
 Batcher::Slot* Batcher::refused_drone(const Frame& frame, const std::string& message) {
-  std::string_view reason = message;
-  constexpr std::string_view gateway_prefix =
-      "chaincode response 500, ";  // how a real peer introduces the contract's words
-  if (reason.starts_with(gateway_prefix)) reason.remove_prefix(gateway_prefix.size());
+  const std::string_view reason = fabric::words_of_contract(message);
   const auto names_it = [&](const StateSample& s) { return reason.starts_with(find(s.drone)->drone.name + ":"); };
   for (const auto* samples : {&frame.samples, &frame.repeated}) {
     const auto it = std::find_if(samples->begin(), samples->end(), names_it);
@@ -156,7 +148,7 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
   switch (outcome.kind) {
     case Kind::committed:
       ++transactions_.committed;
-      back_off_ns_ = 0;
+      pause_.succeeded();
       for (const StateSample& sample : frame.samples) {
         Slot* slot = find(sample.drone);
         --slot->counters.pending;
@@ -165,7 +157,7 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
       break;
     case Kind::invalidated:
       ++transactions_.invalidated;
-      back_off_ns_ = 0;
+      pause_.succeeded();
       drop_all(frame);
       break;
     case Kind::refused:
@@ -174,14 +166,14 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
         send_again_without(now, *slot, frame);
       } else {
         drop_all(frame);
-        back_off(now);
+        pause_.failed(now, random_);
       }
       break;
     case Kind::unavailable:
     case Kind::overloaded:
       ++transactions_.unavailable;
       drop_all(frame);
-      back_off(now);
+      pause_.failed(now, random_);
       break;
   }
   return frame;

@@ -7,7 +7,6 @@
 #include "common/fabric/client.hpp"
 #include "common/fabric/pacing.hpp"
 #include "common/msg/onboard.hpp"
-#include "common/rt/random.hpp"
 
 namespace ledgerline::agent {
 
@@ -77,7 +76,7 @@ class Batcher {
   Counters counters(DroneNumber drone) const;
   const Transactions& transactions() const { return transactions_; }
   /// Nothing goes out before this time.
-  TimeNs back_off_until_ns() const { return not_before_ns_; }
+  TimeNs back_off_until_ns() const { return pause_.until_ns(); }
 
  private:
   struct Slot {
@@ -95,19 +94,17 @@ class Batcher {
   void drop_all(const Frame& frame);
   void drop_stale(TimeNs now);
   void send_again_without(TimeNs now, Slot& refused, const Frame& frame);
-  void back_off(TimeNs now);
 
   BatchConfig config_;
   std::vector<Slot> slots_;
   Random random_;
   std::vector<Frame> in_flight_;  ///< oldest first
   fabric::Pacing pacing_;
+  fabric::Pause pause_;
   Transactions transactions_;
   std::uint64_t last_number_ = 0;
   TimeNs first_waiting_ns_ = 0;
   TimeNs last_submitted_ns_ = INT64_MIN / 2;
-  TimeNs not_before_ns_ = INT64_MIN;
-  TimeNs back_off_ns_ = 0;
   bool again_at_once_ = false;
 };
 

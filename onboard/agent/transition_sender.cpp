@@ -5,8 +5,9 @@
 namespace ledgerline::agent {
 
 TransitionSender::TransitionSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
-    : config_(config), random_(seed) {
-  for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
+    : random_(seed) {
+  for (const DroneName& drone : drones)
+    slots_.push_back(Slot{.drone = drone, .pause{config.first_back_off_ns, config.longest_back_off_ns}});
 }
 
 void TransitionSender::add(const Transition& transition) {
@@ -27,7 +28,7 @@ void TransitionSender::add(const Transition& transition) {
 
 std::optional<TransitionSender::Sending> TransitionSender::next(TimeNs now) {
   const auto slot = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) {
-    return !s.kept.empty() && s.in_flight == 0 && now >= s.not_before_ns;
+    return !s.kept.empty() && s.in_flight == 0 && s.pause.over(now);
   });
   if (slot == slots_.end()) return std::nullopt;
   slot->in_flight = std::min(slot->kept.size(), most_per_call);
@@ -45,12 +46,10 @@ bool TransitionSender::finished(TimeNs now, std::uint64_t number, const fabric::
   if (outcome.kind != fabric::Outcome::Kind::committed) {
     ++slot->counters.calls_repeated;
     slot->in_flight = 0;
-    slot->back_off_ns = std::clamp(2 * slot->back_off_ns, config_.first_back_off_ns, config_.longest_back_off_ns);
-    slot->not_before_ns =
-        now + static_cast<TimeNs>(static_cast<double>(slot->back_off_ns) * (0.5 + 0.5 * random_.uniform()));
+    slot->pause.failed(now, random_);
     return true;
   }
-  slot->back_off_ns = 0;
+  slot->pause.succeeded();
   slot->counters.on_ledger += slot->in_flight;
   slot->counters.pending -= slot->in_flight;
   for (; slot->in_flight > 0; --slot->in_flight) {

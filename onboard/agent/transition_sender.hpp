@@ -6,7 +6,6 @@
 
 #include "common/fabric/client.hpp"
 #include "common/msg/onboard.hpp"
-#include "common/rt/random.hpp"
 #include "onboard/agent/batcher.hpp"
 
 namespace ledgerline::agent {
@@ -54,16 +53,14 @@ class TransitionSender {
  private:
   struct Slot {
     DroneName drone{};
+    fabric::Pause pause;
     Counters counters{};
     std::deque<Transition> kept{};
     std::size_t in_flight = 0;  ///< so many of the front
     std::uint64_t call = 0;
     std::uint64_t newest = 0, on_ledger = 0;  ///< numbers of this boot
-    TimeNs not_before_ns = INT64_MIN;
-    TimeNs back_off_ns = 0;
   };
 
-  BatchConfig config_;
   std::vector<Slot> slots_;
   Random random_;
   std::uint64_t boot_id_ = 0;

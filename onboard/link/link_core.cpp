@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "onboard/link/body_frame.hpp"
 
@@ -12,6 +13,23 @@ bool finite(const Pose& pose) noexcept {
   return std::all_of(pose.position_m.begin(), pose.position_m.end(), [](double v) { return std::isfinite(v); }) &&
          std::all_of(pose.velocity_mps.begin(), pose.velocity_mps.end(), [](double v) { return std::isfinite(v); }) &&
          std::isfinite(pose.yaw_rad);
+}
+
+// The Tello's axes are forward, right, down; REP 103's forward, left, up.
+constexpr std::array<float, 3> forward_left_up{1, -1, -1};
+
+std::array<float, 3> attitude_rad(const TelloState& state) noexcept {
+  constexpr float rad_per_deg = std::numbers::pi_v<float> / 180;
+  std::array<float, 3> out{};
+  for (std::size_t i = 0; i < 3; ++i) out[i] = forward_left_up[i] * state.attitude_deg[i] * rad_per_deg;
+  return out;
+}
+
+std::array<float, 3> acceleration_mps2(const TelloState& state) noexcept {
+  constexpr float mps2_per_mg = 9.80665F / 1000;
+  std::array<float, 3> out{};
+  for (std::size_t i = 0; i < 3; ++i) out[i] = forward_left_up[i] * state.acceleration_mg[i] * mps2_per_mg;
+  return out;
 }
 
 bool on_ground(FlightPhase phase) noexcept { return phase == FlightPhase::on_ground || phase == FlightPhase::landed; }
@@ -327,6 +345,8 @@ void LinkCore::sample(TimeNs now, Drone& drone) noexcept {
       .plans_late = plans.late,
       .plans_dropped = plans.dropped,
       .plans_applied = plans.applied,
+      .attitude_rad = attitude_rad(session.state()),
+      .acceleration_mps2 = acceleration_mps2(session.state()),
   };
   out_.states.push(state);
   out_.trace.push({.t_ns = now,

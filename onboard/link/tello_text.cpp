@@ -17,6 +17,15 @@ bool parse_number(std::string_view text, float& out) noexcept {
   return true;
 }
 
+constexpr std::array<std::string_view, 3> attitude_keys{"roll", "pitch", "yaw"};
+constexpr std::array<std::string_view, 3> acceleration_keys{"agx", "agy", "agz"};
+
+// -1: none of them.
+int index_of(const std::array<std::string_view, 3>& keys, std::string_view key) noexcept {
+  const auto at = std::find(keys.begin(), keys.end(), key);
+  return at == keys.end() ? -1 : static_cast<int>(at - keys.begin());
+}
+
 bool begins_with(std::string_view text, std::string_view lower) noexcept {
   if (text.size() < lower.size()) return false;
   for (std::size_t i = 0; i < lower.size(); ++i) {
@@ -54,8 +63,10 @@ bool parse_state(std::string_view bytes, TelloState& state) noexcept {
     } else if (key == "bat" && value >= 0 && value <= 100) {
       parsed.battery = value / 100;
       battery = true;
-    } else if (key == "yaw" && std::abs(value) <= 360) {
-      parsed.yaw_deg = value;
+    } else if (const int axis = index_of(attitude_keys, key); axis >= 0 && std::abs(value) <= 360) {
+      parsed.attitude_deg[static_cast<std::size_t>(axis)] = value;
+    } else if (const int along = index_of(acceleration_keys, key); along >= 0 && std::abs(value) < 50'000) {
+      parsed.acceleration_mg[static_cast<std::size_t>(along)] = value;
     }
   }
   if (!height || !tof || !battery) return false;

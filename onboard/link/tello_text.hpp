@@ -11,7 +11,9 @@ struct TelloState {
   float height_m = 0;  ///< `h`, above take-off, in steps of 0.1 m
   float tof_m = 0;     ///< 0.1 on the ground; 65.53 when it sees nothing
   float battery = 0;   ///< 0..1
-  float yaw_deg = 0;   ///< since power on; only ever compared with itself
+  /// Roll (right), pitch (up) and yaw (clockwise, since power on); positive as in the brackets.
+  std::array<float, 3> attitude_deg{};
+  std::array<float, 3> acceleration_mg{};  ///< forward, right, down, with gravity: about 0, 0, -1000 at rest
 };
 
 /// False, and `state` untouched, unless at least battery, h and tof are there as plain numbers in a believable range.

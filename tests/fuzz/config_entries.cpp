@@ -12,6 +12,7 @@ const std::string ground_toml =
     "# a flight\n[flight]\nshape = \"square\"\nside_m = 1.5\nlaps = 3\nseconds = 0.0\nspeed_mps = 0.5\nheight_m = 1\n"
     "lag_s = 0.3\n\n[[drone]]\nname = \"tello1\"\nnumber = 1\n[[drone]]\nname = \"tello2\"\n\n"
     "[output]\ntrace = \"a.trace\"\nsummary = \"a.json\"\nstatus_period_ms = 250\n";
+const std::string bridged = "[[topic]]\nname = \"/tello1/*\"\ndirection = \"from_ledger\"\nfrom = \"tello1\"\n";
 
 Outcome every_type(std::string_view bytes) {
   auto config = Config::parse(bytes, "x.toml");
@@ -45,6 +46,7 @@ Outcome ground_settings(std::string_view bytes) {
   if (!config) return refused(config.error().what);
   const ground::FlightConfig flight = ground::flight_config(*config);
   (void)ground::output_settings(*config);
+  (void)ground::read_bridge(*config, flight.drones);
   const Status status = config->finish();
   if (!status) return refused(status.error().what);
   return flight.side_m > 0 && flight.controller.speed_mps > 0 ? accepted() : refused("");
@@ -63,7 +65,8 @@ std::unique_ptr<Entry> make_every_type() {
 const Registration toml({"config.toml", Kind::toml, make_every_type});
 const Registration ground_config({"config.ground", Kind::toml, [] {
                                     return std::make_unique<Function>(
-                                        std::vector<std::string>{ground_toml, "[[drone]]\nname = \"tello1\"\n"},
+                                        std::vector<std::string>{ground_toml,
+                                                                 "[[drone]]\nname = \"tello1\"\n" + bridged},
                                         ground_settings);
                                   }});
 

@@ -26,13 +26,14 @@ const std::vector<std::string> answers{"ok",
                                        "error No valid imu"};
 
 Outcome state_alone(std::string_view bytes) {
-  TelloState state{.height_m = 7, .tof_m = 8, .battery = 0.5F, .yaw_deg = 9};
+  TelloState state{.height_m = 7, .tof_m = 8, .battery = 0.5F, .attitude_deg = {1, 2, 9}};
   if (!parse_state(bytes, state)) {
-    const bool untouched = state.height_m == 7 && state.tof_m == 8 && state.battery == 0.5F && state.yaw_deg == 9;
+    const bool untouched =
+        state.height_m == 7 && state.tof_m == 8 && state.battery == 0.5F && state.attitude_deg[2] == 9;
     return untouched ? dropped() : refused("");  // a refusal without a word is what the campaign fails on
   }
   const bool sane = std::abs(state.height_m) < 200 && state.tof_m >= 0 && state.tof_m < 100 && state.battery >= 0 &&
-                    state.battery <= 1 && std::abs(state.yaw_deg) <= 360;
+                    state.battery <= 1 && std::abs(state.attitude_deg[2]) <= 360;
   return sane ? accepted() : refused("");
 }
 

@@ -44,6 +44,13 @@ std::unique_ptr<Entry> battery() {
                                     [](std::string_view bytes) { return outcome_of(battery_from_cdr(bytes)); });
 }
 
+std::unique_ptr<Entry> twist() {
+  std::string message("\0\1\0\0", 4);
+  message.resize(4 + 6 * sizeof(double));
+  return std::make_unique<Function>(std::vector<std::string>{message},
+                                    [](std::string_view bytes) { return outcome_of(twist_from_cdr(bytes)); });
+}
+
 std::unique_ptr<Entry> link_status() {
   return std::make_unique<Function>(
       std::vector<std::string>{link_status_to_cdr(sample()), link_status_to_cdr(StateSample{})},
@@ -75,6 +82,7 @@ std::unique_ptr<Entry> transitions() {
 
 const Registration cdr_odometry({"cdr.odometry", Kind::bytes, odometry});
 const Registration cdr_battery({"cdr.battery", Kind::bytes, battery, 0.1});
+const Registration cdr_twist({"cdr.twist", Kind::bytes, twist, 0.1});
 const Registration cdr_link_status({"cdr.link_status", Kind::bytes, link_status});
 const Registration cdr_transitions({"cdr.transitions", Kind::bytes, transitions});
 

@@ -3,6 +3,7 @@ import json
 import os
 import pathlib
 import re
+import signal
 import struct
 import subprocess
 import time
@@ -13,11 +14,28 @@ from fabric import FABRIC
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 
 
+started = []
+
+
+@pytest.fixture(autouse=True)
+def no_flight_outlives_its_test():
+    """One that failed must not fail those after it: there is one flight at a time."""
+    yield
+    for flight in started:
+        for _ in range(2):  # the second one: without waiting for the drones
+            if flight.poll() is None:
+                flight.send_signal(signal.SIGINT)
+                time.sleep(0.5)
+        flight.wait(60)
+    started.clear()
+
+
 def fly(out: pathlib.Path, *options: str) -> subprocess.Popen:
     out.mkdir(exist_ok=True)
     log = open(out / "fly.out", "wb")
-    return subprocess.Popen([BIN / "ledgerline-fly", "--out", out / "run", "--json", out / "result.json", *options],
-                            stdout=log, stderr=subprocess.STDOUT)
+    started.append(subprocess.Popen([BIN / "ledgerline-fly", "--out", out / "run", "--json", out / "result.json", *options],
+                                    stdout=log, stderr=subprocess.STDOUT))
+    return started[-1]
 
 
 def printed(out: pathlib.Path) -> str:

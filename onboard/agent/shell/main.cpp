@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <set>
 
+#include "common/bridge/bridges.hpp"
+#include "common/dds/config.hpp"
 #include "common/fabric/config.hpp"
 #include "common/rt/log.hpp"
 #include "onboard/agent/shell/shell.hpp"
@@ -57,6 +59,8 @@ int run(Config& config) {
   auto registry = fabric::msp_registry(config);
   const fabric::ClientConfig known = ledger ? *ledger : fabric::ClientConfig{};
   agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
+  const bridge::BridgeConfig bridged = agent::read_bridge(config, settings.core.drones);
+  const dds::ParticipantOptions dds = dds::participant_options(config, "ledgerline_agent");
   if (settings.core.seed == 0) settings.core.seed = static_cast<std::uint64_t>(realtime_ns());
   const Status own_msp = check_own_msp(config, known.identity.name.msp_id);
   Status checked = config.finish();
@@ -74,10 +78,24 @@ int run(Config& config) {
     spdlog::error("{}", (client ? urgent : client).error().what);
     return exit_usage;
   }
+  dds::ParticipantPtr participant;
+  if (!settings.mocap_topic.empty() || bridged.carries_something()) {
+    auto made = dds::Participant::create(dds);
+    if (!made) {
+      spdlog::error("{}", made.error().what);
+      return EXIT_FAILURE;
+    }
+    participant = std::move(made).value();
+  }
   agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(),
-                          std::move(urgent).value(), quit);
+                          std::move(urgent).value(), participant, quit);
   if (auto status = shell.start(); !status) {
     spdlog::error("{}", status.error().what);
+    return EXIT_FAILURE;
+  }
+  const auto bridges = bridge::BesideBridges::create(config, bridged, participant);
+  if (!bridges) {
+    spdlog::error("{}", bridges.error().what);
     return EXIT_FAILURE;
   }
   fmt::print("{{\"ready\":true,\"program\":\"ledgerline-agent\"}}\n");
@@ -107,6 +125,9 @@ int main(int argc, char** argv) {
       "  [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, longest_back_off_ms, refused_drone_pause_ms\n"
       "  [agent] beat_ms, ledger_silent_after_ms, seed, start_wait_s\n"
       "  [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)\n"
+      "  [dds] domain (ROS_DOMAIN_ID), local_only, and for DDS Security\n"
+      "          identity_ca, certificate, private_key, governance, permissions\n"
+      "  [[topic]], [[enrolled]], [bridge], [output] status: any ROS 2 topic, as `ledgerline bridge --help` has it\n"
       "A status line (JSON) comes on standard output every status_period_ms. SIGINT and SIGTERM end it.\n"
       "It ends by itself, too, when RouDi is gone and no drone of its link is in the air: start it behind a new "
       "RouDi.\n"

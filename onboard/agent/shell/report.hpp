@@ -11,7 +11,7 @@ std::string status_line(const AgentCore& core, TimeNs now);
 /// What the shell counts itself.
 struct ShellCounters {
   std::uint64_t plans_not_handed_over = 0;  ///< no shared memory chunk was left
-  std::uint64_t mocap_lost = 0;             ///< the loop was too slow
+  std::uint64_t mocap_lost = 0;             ///< the loop was too slow, or it was no pose
   std::uint64_t mocap_implausible = 0;      ///< a stamp or orientation that cannot be
 };
 /// The summary file's JSON.

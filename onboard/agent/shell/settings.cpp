@@ -73,4 +73,14 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
   return s;
 }
 
+bridge::BridgeConfig read_bridge(Config& config, const std::vector<DroneName>& drones) {
+  bridge::Host host{.topics = {}, .enrolled = {}, .has_frame = true};
+  for (const DroneName& drone : drones) {
+    host.enrolled.push_back(drone.name);
+    for (const char* own : {"odom", "link", "battery", "failsafe"})
+      host.topics.push_back(fmt::format("/{}/{}", drone.name, own));
+  }
+  return bridge::read_bridge(config, &host);
+}
+
 }  // namespace ledgerline::agent

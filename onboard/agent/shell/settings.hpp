@@ -1,6 +1,7 @@
 #pragma once
 #include <string>
 
+#include "common/bridge/rules.hpp"
 #include "common/config/config.hpp"
 #include "onboard/agent/agent_core.hpp"
 
@@ -20,5 +21,9 @@ struct Settings {
 
 /// Asks for all keys; config.finish() then says what is wrong. `msp_id`: our own organisation.
 Settings read_settings(Config& config, const std::string& msp_id, const fabric::ChannelAndContract& where);
+
+/// Reads what else agent bridges: topics below its drones' names may be written by it, but for those that it writes of
+/// their states and transitions.
+bridge::BridgeConfig read_bridge(Config& config, const std::vector<DroneName>& drones);
 
 }  // namespace ledgerline::agent

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <limits>
 
+#include "common/msg/ros.hpp"
 #include "common/rt/log.hpp"
 
 namespace ledgerline::agent {
@@ -44,11 +45,12 @@ bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
 
 AgentShell::AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry,
                        std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent,
-                       const std::atomic<bool>& quit)
+                       dds::ParticipantPtr participant, const std::atomic<bool>& quit)
     : settings_(std::move(settings)),
       quit_(quit),
       registry_(std::move(registry)),
       core_(settings_.core, *registry_),
+      participant_(std::move(participant)),
       client_(std::move(client)),
       urgent_(std::move(urgent)) {}
 
@@ -241,6 +243,10 @@ void AgentShell::drain() {
 
 Status AgentShell::write_summary() {
   counters_.mocap_lost = mocap_lost_;
+  for (const Mocap& mocap : mocap_) {
+    const dds::Refused refused = mocap.subscriber->refused();
+    counters_.mocap_lost += refused.malformed + refused.too_long;
+  }
   if (trace_) {
     if (auto status = trace_->flush(); !status) return status;
     if (trace_->dropped() > 0) spdlog::warn("{}: {} records did not fit", settings_.trace, trace_->dropped());

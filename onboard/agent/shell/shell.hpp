@@ -26,8 +26,9 @@ class AgentShell {
  public:
   /// `quit` is watched everywhere and must outlive the shell.
   /// `client` is for states and blocks, `urgent` for what must not wait behind states.
+  /// `participant`: for mocap.
   AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry, std::unique_ptr<fabric::Client> client,
-             std::unique_ptr<fabric::Client> urgent, const std::atomic<bool>& quit);
+             std::unique_ptr<fabric::Client> urgent, dds::ParticipantPtr participant, const std::atomic<bool>& quit);
   ~AgentShell();
 
   /// RouDi, mocap, the block stream, the control records: each with a bounded wait and a message that names the cure.
@@ -45,7 +46,7 @@ class AgentShell {
   struct Mocap {
     DroneNumber drone = 0;
     std::unique_ptr<SpscRing<MocapMessage, 64>> ring;
-    std::optional<dds::PoseSubscriber> subscriber;
+    std::optional<dds::RawReader> subscriber;
   };
 
   template <typename Attempt>

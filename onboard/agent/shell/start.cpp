@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/msg/form.hpp"
+#include "common/msg/ros.hpp"
 #include "common/rt/log.hpp"
 #include "common/rt/real_time.hpp"
 #include "onboard/agent/shell/shell.hpp"
@@ -81,18 +82,17 @@ Status AgentShell::start() {
 
 Status AgentShell::subscribe_to_mocap() {
   if (settings_.mocap_topic.empty()) return done;
-  auto participant = dds::Participant::create();
-  if (!participant) return participant.error();
-  participant_ = std::move(participant).value();
   for (const DroneName& drone : settings_.core.drones) {
     Mocap mocap;
     mocap.drone = drone.number;
     mocap.ring = std::make_unique<SpscRing<MocapMessage, 64>>();
-    auto subscriber = dds::PoseSubscriber::create(
-        participant_, topic_of(settings_.mocap_topic, drone.name),
-        [this, ring = mocap.ring.get()](const dds::PoseStamped& pose) {
-          const MocapMessage message{pose.header.stamp_ns, monotonic_ns(), pose.position_m, pose.orientation};
-          if (!ring->push(message)) ++mocap_lost_;
+    // Best effort hears both kinds of writers, and a pose that was lost is not worth sending again.
+    auto subscriber = dds::RawReader::create(
+        participant_, topic_of(settings_.mocap_topic, drone.name), std::string(pose_type), {.reliable = false},
+        [this, ring = mocap.ring.get()](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
+          const auto pose = pose_from_cdr(dds::text_of(cdr));
+          if (!pose || !ring->push({pose->header.stamp_ns, monotonic_ns(), pose->position_m, pose->orientation}))
+            ++mocap_lost_;
         });
     if (!subscriber) return subscriber.error();
     mocap.subscriber = std::move(subscriber).value();

@@ -10,7 +10,8 @@ import subprocess
 import time
 
 import pytest
-from flights import BIN, assert_nothing_left, fly, our_processes, pid_of, printed, records, result, wait_for_flight
+from flights import (BIN, assert_nothing_left, fly, no_flight_outlives_its_test, our_processes, pid_of,
+                     printed, records, result, wait_for_flight)
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
@@ -51,22 +52,22 @@ def assert_stayed_up(out: pathlib.Path, since_ns: int, until_ns: int) -> None:
     assert landings == []
 
 
-def wait_for_another(program: str, pid: int) -> int:
+def wait_for_another(out: pathlib.Path, program: str, pid: int) -> int:
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         for other, name in our_processes().items():
             if name == program and other != pid:
                 return other
         time.sleep(0.02)
-    pytest.fail(f"{program} does not come back")
+    pytest.fail(f"{program} does not come back; there are {sorted(our_processes().values())}. The flight says:\n{printed(out)[-4000:]}")
 
 
-def kill(program: str) -> tuple[int, int]:
+def kill(out: pathlib.Path, program: str) -> tuple[int, int]:
     """When, and the process that took its place."""
     pid = pid_of(program)
     at_ns = time.monotonic_ns()
     os.kill(pid, signal.SIGKILL)
-    return at_ns, wait_for_another(program, pid)
+    return at_ns, wait_for_another(out, program, pid)
 
 
 def steal_s() -> float:
@@ -81,7 +82,7 @@ def kill_agent_in_flight(out: pathlib.Path, kills: int) -> dict:
     time.sleep(2)
     at_ns = []
     for _ in range(kills):
-        at_ns.append(kill("ledgerline-agent")[0])
+        at_ns.append(kill(out, "ledgerline-agent")[0])
         time.sleep(max(0, random.uniform(2.6, 3.4) - (time.monotonic_ns() - at_ns[-1]) / 1e9))
     end_ns = time.monotonic_ns()
     stolen_s = steal_s() - stolen_s
@@ -190,7 +191,7 @@ def test_a_link_that_is_killed_is_back_in_the_air_without_a_jerk_and_the_flight_
     at_ns = []
     for _ in range(kills):
         time.sleep(random.uniform(3, 4))
-        at_ns.append(kill("ledgerline-link")[0])
+        at_ns.append(kill(tmp_path, "ledgerline-link")[0])
     end_ns = time.monotonic_ns() + 3_000_000_000
     assert flight.wait(PATIENCE_S) == 0, printed(tmp_path)
     report = result(tmp_path)
@@ -210,7 +211,7 @@ def test_a_link_that_is_killed_is_back_in_the_air_without_a_jerk_and_the_flight_
 
 
 def test_without_roudi_the_flight_goes_on_and_all_three_come_back_in_order_when_link_dies_too(tmp_path):
-    flight = fly(tmp_path, "--seconds", "25")
+    flight = fly(tmp_path, "--seconds", "25", "--storage", "tmpfs")
     wait_for_flight(tmp_path, flight)
     before = {name: pid for pid, name in our_processes().items()}
     os.kill(pid_of("ledgerline-roudi"), signal.SIGKILL)
@@ -219,8 +220,8 @@ def test_without_roudi_the_flight_goes_on_and_all_three_come_back_in_order_when_
     now = {name: pid for pid, name in our_processes().items()}
     assert "ledgerline-roudi" not in now
     assert [now[name] for name in ("ledgerline-link", "ledgerline-agent")] == [before[name] for name in ("ledgerline-link", "ledgerline-agent")]
-    killed_ns, _ = kill("ledgerline-link")
-    wait_for_another("ledgerline-agent", before["ledgerline-agent"])
+    killed_ns, _ = kill(tmp_path, "ledgerline-link")
+    wait_for_another(tmp_path, "ledgerline-agent", before["ledgerline-agent"])
     back_ns = time.monotonic_ns() + 2_000_000_000
     assert flight.wait(PATIENCE_S) == 0, printed(tmp_path)
     assert result(tmp_path)["restarts"] == {"roudi": 1, "link": 1, "agent": 1}

@@ -9,7 +9,8 @@ import time
 
 import pytest
 from fabric import needs_fabric
-from flights import BIN, assert_nothing_left, fly, our_processes, pid_of, printed, records, result, wait_for_flight
+from flights import (BIN, assert_nothing_left, fly, no_flight_outlives_its_test, our_processes, pid_of,
+                     printed, records, result, wait_for_flight)
 
 QUANTILES = {"p5", "q1", "median", "q3", "p95", "p99", "max", "count"}
 COMMAND_APPLIED = 8  # TraceKind in common/rt/trace.hpp

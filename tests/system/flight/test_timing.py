@@ -6,7 +6,7 @@ import re
 import subprocess
 
 import pytest
-from test_flight import assert_nothing_left, fly, printed, wait_for_flight
+from flights import assert_nothing_left, fly, no_flight_outlives_its_test, printed, wait_for_flight
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 STAGES = ["ring", "batch", "endorse", "order", "deliver", "control", "queue", "command_endorse", "command_order",

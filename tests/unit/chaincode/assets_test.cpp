@@ -41,6 +41,35 @@ TEST_F(AssetsTest, AnyMemberWritesUnderItsOwnOrganisation) {
   EXPECT_EQ(value_of("Org2MSP/notes"), "by pilot");
 }
 
+TEST_F(AssetsTest, AnAssetKeepsItsOriginInTheEventAndInGet) {
+  Asset one = asset("Org2MSP/chatter");
+  one.mutable_origin()->set_writer(1);
+  one.mutable_origin()->set_life(2);
+  one.mutable_origin()->set_sequence(3);
+  one.mutable_origin()->set_stamp_ns(-4);
+  one.GetReflection()->MutableUnknownFields(&one)->AddVarint(99, 5);
+  EXPECT_EQ(set(pilot, {one}).status, 200);
+  QueryCall query;
+  query.set_id("Org2MSP/chatter");
+  const auto got = parsed<Assets>(stub.call(other, "get", query).payload).assets(0);
+  set(pilot, {one});
+  for (const Asset& read : {parsed<SetCall>(stub.event_payload).assets(0), got}) {
+    EXPECT_EQ(read.origin().sequence(), 3U);
+    EXPECT_EQ(read.origin().stamp_ns(), -4);
+    EXPECT_EQ(read.GetReflection()->GetUnknownFields(read).field_count(), 1) << "what a newer version has";
+  }
+}
+
+TEST_F(AssetsTest, ATopicThatItsWriterMayNotWriteHasNoEvent) {
+  for (const auto& [who, id] : {std::pair(pilot, "tello1/cmd_vel"), std::pair(pilot, "Org1MSP/chatter"),
+                                std::pair(host, "Org2MSP/chatter"), std::pair(guard, "tello1/odom")}) {
+    for (const bool stream : {false, true}) {
+      EXPECT_NE(set(who, {asset(id)}, stream).status, 200) << id;
+      EXPECT_EQ(stub.event_name, "") << id;
+    }
+  }
+}
+
 TEST_F(AssetsTest, TheTopicMustAgreeWithTheId) {
   Asset wrong = asset("tello1/note");
   wrong.set_topic("/tello2/note");

@@ -154,6 +154,38 @@ TEST_F(FlightByHand, AStateSeenBeforeMakesNoSecondPlan) {
   EXPECT_EQ(core.status(0).states_received, 1u);
 }
 
+TEST_F(FlightByHand, WhatRidesAgainInAFrameIsNoNewsButTransitionsAlwaysAre) {
+  StateSample sample;
+  sample.boot_id = 9;
+  sample.sequence = 5;
+  sample.stamp_ns = sample.pose_stamp_ns = now_ns;
+  SetCall call;
+  *call.add_assets() = status_asset("tello2", sample);
+  for (const auto& [id, type] : {std::pair{"tello2/odom", odometry_type}, std::pair{"tello2/battery", battery_type}}) {
+    Asset* asset = call.add_assets();
+    asset->set_id(id);
+    asset->set_msg_type(std::string(type));
+    asset->set_msg_data(id);
+  }
+  const auto first = block(event("set", call.SerializeAsString()));
+  ASSERT_EQ(first.news.size(), 1U);
+  EXPECT_EQ(first.news[0].drone, 1U);
+  EXPECT_EQ(first.news[0].state->sequence, 5U);
+  EXPECT_EQ(first.news[0].odometry, "tello2/odom");
+  EXPECT_EQ(first.news[0].battery, "tello2/battery");
+  EXPECT_TRUE(block(event("set", call.SerializeAsString())).news.empty());
+
+  Asset* failsafe = call.add_assets();
+  failsafe->set_id("tello2/failsafe");
+  failsafe->set_msg_type(std::string(transitions_type));
+  failsafe->set_msg_data("transitions");
+  const auto again = block(event("set", call.SerializeAsString()));
+  ASSERT_EQ(again.news.size(), 1U);
+  EXPECT_EQ(again.news[0].transitions, "transitions");
+  EXPECT_TRUE(again.news[0].odometry.empty());
+  EXPECT_FALSE(again.news[0].state);
+}
+
 TEST_F(FlightByHand, InvalidTransactionsAndForeignAssetsAreNotListenedTo) {
   fabric::Transaction invalid = event("set", "");
   StateSample sample;
@@ -285,12 +317,34 @@ TEST(FlightBelief, StatesOfAnotherSignerThanTheDronesOwnerAreCountedAndIgnored) 
     if (spoilt) block.transactions[0].payload += "?";
     FlightInputs inputs;
     inputs.block = &block;
-    return core.step(ns_per_s, inputs).traces.size();
+    const FlightOutputs out = core.step(ns_per_s, inputs);
+    EXPECT_EQ(out.news.empty(), out.traces.empty());
+    return out.traces.size();
   };
   EXPECT_EQ(give(stranger_name, false), 0u);
   EXPECT_EQ(give(host_name, true), 0u);
   EXPECT_EQ(core.transactions().unbelieved, 2u);
   EXPECT_GT(give(host_name, false), 0u);
+}
+
+TEST(FlightWithAFaultyLedger, WhatIsNoFrameOrNoStateIsCounted) {
+  FlightCore core(config_for(1));
+  StateSample sample;
+  sample.sequence = 1;
+  SetCall good, cut;
+  *good.add_assets() = *cut.add_assets() = status_asset("tello1", sample);
+  std::string& cdr = *cut.mutable_assets(0)->mutable_msg_data();
+  cdr.resize(cdr.size() / 2);
+  const std::string frame = good.SerializeAsString();
+  for (const std::string& payload : {frame.substr(0, frame.size() / 2), cut.SerializeAsString(), frame}) {
+    fabric::Block block;
+    block.transactions.push_back(event("set", payload));
+    FlightInputs inputs;
+    inputs.block = &block;
+    (void)core.step(ns_per_s, inputs);
+  }
+  EXPECT_EQ(core.transactions().malformed, 2u);
+  EXPECT_EQ(core.status(0).states_received, 1u);
 }
 
 TEST(FlightWithAFaultyLedger, CountersAddUp) {
@@ -305,7 +359,7 @@ TEST(FlightWithAFaultyLedger, CountersAddUp) {
       EXPECT_EQ(world.drones[i].plans[k].sequence(), k + 1);
   }
   EXPECT_EQ(world.core.transactions().submitted, world.calls.size());
-  EXPECT_EQ(world.odometry, world.core.status(0).states_received + world.core.status(1).states_received);
+  EXPECT_EQ(world.news, world.core.status(0).states_received + world.core.status(1).states_received);
 }
 
 TEST(FlightWithAFaultyLedger, PlansStayWithinTheContractsLimitsWhenItIsVerySlow) {

@@ -104,6 +104,14 @@ class FlightWorld {
     }
   }
 
+  /// The pilot's words, with the core's next step, which is now.
+  void say(PilotWish wish) {
+    wish.came_ns = now_ns;
+    FlightInputs inputs;
+    inputs.wishes = {&wish, 1};
+    give(inputs);
+  }
+
   void put_block(fabric::Transaction tx) {
     fabric::Block block;
     block.number = height++;
@@ -119,7 +127,11 @@ class FlightWorld {
   std::uint64_t height = 1;
   std::vector<TraceRecord> traces;
   std::vector<CommandCall> calls;
-  std::size_t odometry = 0;
+  std::size_t news = 0;  ///< with odometry
+  std::vector<std::string> notes;
+  std::vector<DronesCall> stops;  ///< as they were submitted
+  bool all_stops_urgent = true;
+  fabric::Outcome::Kind end_of_stops = fabric::Outcome::Kind::committed;
 
  private:
   struct Ended {
@@ -131,8 +143,13 @@ class FlightWorld {
   void give(const FlightInputs& inputs) {
     FlightOutputs out = core.step(now_ns, inputs);
     traces.insert(traces.end(), out.traces.begin(), out.traces.end());
-    odometry += out.odometry.size();
+    for (const DroneNews& one : out.news) news += one.odometry.empty() ? 0 : 1;
+    notes.insert(notes.end(), out.notes.begin(), out.notes.end());
     for (const Submission& submission : out.submissions) {
+      if (submission.call.function == "stop") {
+        take_stop(submission);
+        continue;
+      }
       CommandCall call;
       call.ParseFromString(submission.call.args.at(0));
       calls.push_back(call);
@@ -141,6 +158,26 @@ class FlightWorld {
       outcome.kind = fabric::Outcome::Kind::committed;
       outcomes_.push_back({now_ns + one_way_ns + ns_per_ms, submission.id, outcome});
     }
+  }
+
+  void take_stop(const Submission& submission) {
+    all_stops_urgent = all_stops_urgent && submission.urgent;
+    stops.emplace_back();
+    stops.back().ParseFromString(submission.call.args.at(0));
+    fabric::Outcome outcome;
+    outcome.kind = end_of_stops;
+    outcome.message = "as the test wants it";
+    outcomes_.push_back({now_ns + one_way_ns + ns_per_ms, submission.id, outcome});
+    if (end_of_stops != fabric::Outcome::Kind::committed) return;
+    Controls controls;
+    for (const std::string& name : stops.back().drones()) {
+      *controls.add_controls() = control_record(name, operator_name);
+      controls.mutable_controls()->rbegin()->mutable_stopped_by()->set_subject(operator_name.subject);
+      for (Drone& drone : drones) {
+        if (drone.name == name && in_flight(drone.phase)) enter(drone, FlightPhase::landing);
+      }
+    }
+    put_block(event("stop", controls.SerializeAsString()));
   }
 
   void send_frame() {
@@ -159,6 +196,7 @@ class FlightWorld {
         sample.position_m[static_cast<std::size_t>(i)] = drone.model.motion.position_m[i];
         sample.velocity_mps[static_cast<std::size_t>(i)] = drone.model.motion.velocity_mps[i];
       }
+      sample.yaw_rad = drone.model.motion.yaw_rad;
       *call.add_assets() = status_asset(drone.name, sample);
       Asset odom;
       odom.set_id(drone.name + "/odom");
@@ -176,7 +214,7 @@ class FlightWorld {
       for (Drone& drone : drones) {
         if (drone.name != plan.drone()) continue;
         drone.plans.push_back(plan);
-        if (plan.action() == TAKEOFF && drone.phase == FlightPhase::on_ground && drone.obeys_takeoff) {
+        if (plan.action() == TAKEOFF && !in_flight(drone.phase) && drone.obeys_takeoff) {
           enter(drone, FlightPhase::taking_off);
         } else if (plan.action() == LAND && drone.phase == FlightPhase::flying && drone.obeys_landing) {
           enter(drone, FlightPhase::landing);

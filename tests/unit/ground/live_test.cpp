@@ -23,6 +23,13 @@ TEST(Live, AgentAndGroundTogetherMakeTheLineOfADrone) {
   EXPECT_TRUE(live.anything_in_air());
 }
 
+TEST(Live, ADroneThatItsPilotFliesIsInTheAir) {
+  Live live(1, false, 0);
+  live.take(R"({"ground":{"drones":[{"name":"tello1","phase":"manual"}]}})");
+  EXPECT_TRUE(live.anything_in_air());
+  EXPECT_THAT(live.lines(0)[0], HasSubstr("manual"));
+}
+
 TEST(Live, AFailsafeModeIsShown) {
   Live live(1, false, 0);
   live.take(R"({"agent":{"height":1,"drones":[{"name":"tello1","mode":"hold"}]}})");

@@ -61,6 +61,22 @@ TEST(FlyOptions, AuthoritiesGoWithFabricAlone) {
   expect_refused({"--ca"}, "--ledger fabric");
 }
 
+TEST(FlyOptions, DronesAndGroundMayHaveDomainsOfTheirOwn) {
+  EXPECT_THAT(parse_command_line({}).options.domains, testing::IsEmpty());
+  EXPECT_THAT(parse_command_line({"--domains", "31,232"}).options.domains, testing::ElementsAre(31, 232));
+  expect_refused({"--domains", "31"}, "At least 2");
+  expect_refused({"--domains", "31,32,33"}, "At Most 2");
+  expect_refused({"--domains", "31,233"}, "233");
+}
+
+TEST(FlyOptions, AManualFlightHasNoPathAndNoLaps) {
+  const auto line = parse_command_line({"--shape", "manual", "--seconds", "60"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_TRUE(line.options.manual);
+  EXPECT_EQ(shape_name(line.options), "manual");
+  expect_refused({"--shape", "manual", "--laps", "2"}, "--laps goes with a path");
+}
+
 TEST(FlyOptions, WhatCannotBeFlownIsRefusedInWords) {
   expect_refused({"--shape", "circle"}, "circle");
   expect_refused({"--drones", "0"}, "drones");

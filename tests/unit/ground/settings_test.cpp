@@ -28,6 +28,34 @@ TEST(GroundSettings, AWholeConfigIsReadAndDefaultsFillTheRest) {
   EXPECT_EQ(output.status_period_ns, 0);
 }
 
+TEST(GroundSettings, APilotFliesWhereTheShapeIsManual) {
+  auto config = Config::parse("[flight]\nshape = \"manual\"\ncmd_timeout_ms = 200\n", "ground.toml");
+  ASSERT_TRUE(config);
+  const FlightConfig flight = flight_config(*config);
+  ASSERT_TRUE(config->finish());
+  EXPECT_TRUE(flight.manual);
+  EXPECT_EQ(flight.cmd_timeout_ns, 200 * ns_per_ms);
+
+  auto stone = Config::parse("[flight]\nshape = \"manual\"\ncmd_timeout_ms = 5000\n", "ground.toml");
+  EXPECT_FALSE(flight_config(*stone).cmd_timeout_ns < 0);
+  const auto status = stone->finish();
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:3: flight.cmd_timeout_ms"));
+  EXPECT_THAT(status.error().what, testing::HasSubstr("500"));
+}
+
+TEST(GroundSettings, WhatGroundBringsToROS2ItselfIsNotBridged) {
+  auto config = Config::parse("[[drone]]\nname = \"tello1\"\n[[topic]]\nname = \"/*\"\n", "ground.toml");
+  const FlightConfig flight = flight_config(*config);
+  const bridge::BridgeConfig bridged = read_bridge(*config, flight.drones);
+  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  for (const char* own : {"/tello1/odom", "/tello1/imu", "/tf", "/diagnostics", "/tello1/cmd_vel", "/tello1/stop"}) {
+    EXPECT_EQ(bridge::rule_up(bridged.rules, own), nullptr) << own;
+    EXPECT_EQ(bridge::rule_down(bridged.rules, own, std::string(own).substr(1)), nullptr) << own;
+  }
+  EXPECT_NE(bridge::rule_down(bridged.rules, "/tello1/note", "tello1/note"), nullptr);
+}
+
 TEST(GroundSettings, EveryWrongKeyIsReportedWithItsLine) {
   auto config = Config::parse("[flight]\nshape = \"circle\"\nspeed_mps = 99\nlapse = 3\n", "ground.toml");
   ASSERT_TRUE(config);
@@ -48,11 +76,13 @@ TEST(GroundSettings, StatusAndSummarySayWhatTheContractOfTheProcessesAsksFor) {
   EXPECT_EQ(status["ground"]["drones"][0]["name"], "tello1");
   EXPECT_EQ(status["ground"]["drones"][0]["phase"], "waiting");
   EXPECT_EQ(status["ground"]["why"], "");
-  const auto summary_object = nlohmann::json::parse(summary(core));
+  const auto summary_object = nlohmann::json::parse(summary(core, {.pilots = {{.dds_lost = 4, .dds_refused = 3}}}));
   for (const char* key : {"name", "finished", "landed", "lap_s", "origin", "height_m", "states_received",
                           "commands_made", "commands_sent", "commands_merged"}) {
     EXPECT_TRUE(summary_object["drones"][0].contains(key)) << key;
   }
+  EXPECT_EQ(summary_object["drones"][0]["pilot"]["dds_refused"], 3);
+  EXPECT_EQ(summary_object["drones"][0]["pilot"]["dds_lost"], 4);
   EXPECT_TRUE(summary_object.contains("transactions"));
 }
 

@@ -63,6 +63,49 @@ TEST(Ros, OdometryHasTheBytesOfAnIndependentWriter) {
             "00000000000000000000000000000000");
 }
 
+TEST(Ros, PoseHasTheBytesOfAnIndependentWriter) {
+  const PoseStamped pose{{5 * ns_per_s + 7, "map"}, {1.5, -2.25, 1}, {0, 0, 0.5, 0.75}};
+  EXPECT_EQ(hex(to_cdr(pose)),
+            "000100000500000007000000040000006d617000000000000000f83f00000000000002c0000000000000f03f000000000000"
+            "00000000000000000000000000000000e03f000000000000e83f");
+}
+
+TEST(Ros, TransformsHaveTheBytesOfAnIndependentWriter) {
+  const std::vector<TransformStamped> transforms{
+      {{5 * ns_per_s + 7, "map"}, "tello1/base_link", {1.5, -2.25, 1}, {0, 0, 0.5, 0.75}},
+      {{6 * ns_per_s + 8, "map"}, "tello12", {0, 0, 3}, {0, 0, 0, 1}}};
+  EXPECT_EQ(hex(to_cdr(transforms)),
+            "00010000020000000500000007000000040000006d6170001100000074656c6c6f312f626173655f6c696e6b000000000000"
+            "0000000000000000f83f00000000000002c0000000000000f03f00000000000000000000000000000000000000000000e03f"
+            "000000000000e83f0600000008000000040000006d6170000800000074656c6c6f3132000000000000000000000000000000"
+            "0000000000000000000000000840000000000000000000000000000000000000000000000000000000000000f03f");
+}
+
+TEST(Ros, ImuHasTheBytesOfAnIndependentWriter) {
+  const Imu imu{{5 * ns_per_s + 7, "tello1/base_link"}, {0, 0, 0.5, 0.75}, {0.5, -0.25, 9.75}};
+  EXPECT_EQ(hex(to_cdr(imu)),
+            "0001000005000000070000001100000074656c6c6f312f626173655f6c696e6b000000000000000000000000000000000000"
+            "0000000000000000e03f000000000000e83f0000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000f0bf00000000000000000000000000000000000000000000000000000000"
+            "000000000000000000000000000000000000000000000000000000000000000000000000000000000000e03f000000000000"
+            "d0bf000000000080234000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+            "0000000000000000000000000000000000000000000000000000000000000000");
+}
+
+TEST(Ros, ATwistOfAnIndependentWriterIsRead) {
+  const std::string wanted =
+      "00010000000000000000e03f000000000000d0bf000000000000c03f000000000000f03f0000000000000040000000000000"
+      "08c0";
+  std::string bytes;
+  for (std::size_t i = 0; i < wanted.size(); i += 2)
+    bytes.push_back(static_cast<char>(std::stoi(wanted.substr(i, 2), nullptr, 16)));
+  const Twist twist = twist_from_cdr(bytes).value();
+  EXPECT_EQ(twist.linear_mps, (std::array<double, 3>{0.5, -0.25, 0.125}));
+  EXPECT_EQ(twist.angular_radps, (std::array<double, 3>{1, 2, -3}));
+  for (std::size_t cut = 0; cut < bytes.size(); ++cut) ASSERT_FALSE(twist_from_cdr(bytes.substr(0, cut))) << cut;
+}
+
 TEST(Ros, BatteryHasTheBytesOfAnIndependentWriter) {
   EXPECT_EQ(hex(to_cdr(BatteryState{{5 * ns_per_s, "tello1"}, 3.75F, 0.5F})),
             "0001000005000000000000000700000074656c6c6f310000000070400000c07f0000c07f0000c07f0000c07f0000c07f0000"
@@ -100,6 +143,8 @@ StateSample sample_status() {
   s.plans_late = 1;
   s.plans_dropped = 2;
   s.plans_applied = 3;
+  s.attitude_rad = {0.25F, -0.5F, 1.5F};
+  s.acceleration_mps2 = {0.5F, -0.25F, 9.75F};
   return s;
 }
 
@@ -128,6 +173,8 @@ TEST(Ros, LinkStatusComesBackWhole) {
   EXPECT_EQ(got.plans_late, wanted.plans_late);
   EXPECT_EQ(got.plans_dropped, wanted.plans_dropped);
   EXPECT_EQ(got.plans_applied, wanted.plans_applied);
+  EXPECT_EQ(got.attitude_rad, wanted.attitude_rad);
+  EXPECT_EQ(got.acceleration_mps2, wanted.acceleration_mps2);
 }
 
 std::vector<Transition> sample_transitions() {
@@ -206,6 +253,8 @@ TEST(Ros, TimesAndNumbersThatNoDroneCanSayAreRefused) {
   EXPECT_TRUE(refused([](auto& s) { s.velocity_mps[0] = -1e300; }));
   EXPECT_TRUE(refused([](auto& s) { s.yaw_rad = std::numeric_limits<double>::infinity(); }));
   EXPECT_TRUE(refused([](auto& s) { s.battery = static_cast<float>(nan); }));
+  EXPECT_TRUE(refused([](auto& s) { s.attitude_rad[1] = static_cast<float>(nan); }));
+  EXPECT_TRUE(refused([](auto& s) { s.acceleration_mps2[2] = 1e30F; }));
   EXPECT_FALSE(refused([](auto& s) { s.applied_late_ns = -3 * ns_per_s; }));
 }
 
@@ -230,7 +279,23 @@ TEST(Ros, HostileBytesNeverCrash) {
     (void)battery_from_cdr(bad);
     (void)link_status_from_cdr(bad);
     (void)transitions_from_cdr(bad);
+    (void)twist_from_cdr(bad);
+    (void)pose_from_cdr(bad);
   }
+}
+
+TEST(Ros, AnAttitudeTurnsYawFirstThenPitchThenRoll) {
+  constexpr double right = std::numbers::pi / 2;
+  const auto near = [](const std::array<double, 4>& a, const std::array<double, 4>& b) {
+    for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(a[i], b[i], 1e-12) << i;
+  };
+  const double h = std::sqrt(0.5);
+  near(quaternion_from_attitude(right, 0, 0), {h, 0, 0, h});
+  near(quaternion_from_attitude(0, right, 0), {0, h, 0, h});
+  near(quaternion_from_attitude(0, 0, right), {0, 0, h, h});
+  // Nose to the left, then nose down: what was ahead is down, what was left is behind.
+  near(quaternion_from_attitude(0, right, right), {-0.5, 0.5, 0.5, 0.5});
+  near(quaternion_from_attitude(right, 0, right), {0.5, 0.5, 0.5, 0.5});
 }
 
 TEST(Ros, YawGoesThroughAQuaternion) {

@@ -86,6 +86,21 @@ TEST(LinkCore, AgeAtApplicationIsFromTheStateToTheFirstSetpointSent) {
   EXPECT_EQ(state.plans_applied, 51U);
 }
 
+TEST(LinkCore, AttitudeAndAccelerationAreToldInRep103sSigns) {
+  LinkWorld w;
+  // Right side down, nose up, turned clockwise; pushed forward and to the right, and at rest against gravity.
+  w.tellos[0].attitude_text = "pitch:10;roll:20;yaw:30;agx:100;agy:200;agz:-1000;";
+  w.pass(2000 * ms);
+  const StateSample& state = w.states.back();
+  constexpr float rad_per_deg = std::numbers::pi_v<float> / 180;
+  EXPECT_FLOAT_EQ(state.attitude_rad[0], 20 * rad_per_deg);
+  EXPECT_FLOAT_EQ(state.attitude_rad[1], -10 * rad_per_deg);
+  EXPECT_FLOAT_EQ(state.attitude_rad[2], -30 * rad_per_deg);
+  EXPECT_FLOAT_EQ(state.acceleration_mps2[0], 0.980665F);
+  EXPECT_FLOAT_EQ(state.acceleration_mps2[1], -1.96133F);
+  EXPECT_FLOAT_EQ(state.acceleration_mps2[2], 9.80665F);
+}
+
 TEST(LinkCore, StatesComeAtTheirRateWithBootIdAndWithoutAGapInTheSequence) {
   LinkSettings settings;
   settings.rate_hz = 50;

@@ -22,6 +22,7 @@ struct FakeTello {
   double yaw = 0;
   std::array<int, 4> rc{};
   int battery = 90;
+  std::string attitude_text;
   double spin_up_s = 1.5, spun_s = 0;  // from `takeoff` until it leaves the ground
   std::vector<std::string> heard;
   std::vector<std::string> answer_queue;
@@ -65,7 +66,8 @@ struct FakeTello {
   }
   std::string state_text() const {
     return "tof:" + std::to_string(static_cast<int>(position[2] * 100) + 10) +
-           ";h:" + std::to_string(static_cast<int>(position[2] * 10) * 10) + ";bat:" + std::to_string(battery) + ";";
+           ";h:" + std::to_string(static_cast<int>(position[2] * 10) * 10) + ";bat:" + std::to_string(battery) + ";" +
+           attitude_text;
   }
   long count(const std::string& command) const { return std::count(heard.begin(), heard.end(), command); }
 };

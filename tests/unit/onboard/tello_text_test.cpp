@@ -20,12 +20,21 @@ TEST(TelloText, ARealStatePacketIsReadInMetresAndShares) {
   EXPECT_FLOAT_EQ(state.height_m, 0.7F);
   EXPECT_FLOAT_EQ(state.tof_m, 0.81F);
   EXPECT_FLOAT_EQ(state.battery, 0.64F);
-  EXPECT_FLOAT_EQ(state.yaw_deg, -12);
+  EXPECT_EQ(state.attitude_deg, (std::array<float, 3>{-1, 0, -12}));
+  EXPECT_EQ(state.acceleration_mg, (std::array<float, 3>{-5, 7, -999}));
 }
 
 TEST(TelloText, APacketOfSdk13WithoutPadsIsReadToo) {
   TelloState state;
   EXPECT_TRUE(parse_state("pitch:0;roll:0;yaw:0;tof:10;h:0;bat:100;\r\n", state));
+}
+
+TEST(TelloText, AnAttitudeOrAccelerationThatCannotBeLeavesTheOneBefore) {
+  TelloState state;
+  ASSERT_TRUE(parse_state(real_state, state));
+  ASSERT_TRUE(parse_state("pitch:361;roll:nan;yaw:-5;agx:1e9;agy:inf;agz:-900.5;tof:10;h:0;bat:100;\r\n", state));
+  EXPECT_EQ(state.attitude_deg, (std::array<float, 3>{-1, 0, -5}));
+  EXPECT_EQ(state.acceleration_mg, (std::array<float, 3>{-5, 7, -900.5F}));
 }
 
 TEST(TelloText, APacketWithoutBatteryHeightOrTofLeavesTheStateAsItWas) {

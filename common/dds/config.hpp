@@ -1,0 +1,13 @@
+#pragma once
+#include <string>
+
+#include "common/config/config.hpp"
+#include "common/dds/dds.hpp"
+
+namespace ledgerline::dds {
+
+/// Reads [dds] of a program's config: domain, local_only (have defaults), and the files of DDS Security: identity_ca,
+/// certificate, private_key, governance, permissions (all of them or none). What is wrong comes with config.finish().
+ParticipantOptions participant_options(Config& config, const std::string& node);
+
+}  // namespace ledgerline::dds

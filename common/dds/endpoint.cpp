@@ -1,0 +1,136 @@
+#include "common/dds/endpoint.hpp"
+
+#include <algorithm>
+#include <vector>
+
+#include "common/dds/dds.hpp"
+
+namespace ledgerline::dds {
+namespace {
+
+struct ListenerDelete {
+  void operator()(dds_listener_t* listener) const { dds_delete_listener(listener); }
+};
+
+QosPtr make_qos(const Qos& wanted) {
+  QosPtr qos(dds_create_qos());
+  dds_qset_reliability(qos.get(), wanted.reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT,
+                       DDS_MSECS(100));
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, wanted.depth);
+  dds_qset_durability(qos.get(), wanted.transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
+  // What a late joiner gets.
+  if (wanted.transient_local)
+    dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, wanted.depth, DDS_LENGTH_UNLIMITED,
+                                DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
+  dds_qset_ignorelocal(qos.get(), DDS_IGNORELOCAL_PARTICIPANT);
+  const dds_data_representation_id_t plain_cdr = DDS_DATA_REPRESENTATION_XCDR1;
+  dds_qset_data_representation(qos.get(), 1, &plain_cdr);
+  return qos;
+}
+
+Status check(const Qos& qos, const std::string& topic) {
+  if (qos.depth < 1) return Error{topic + ": a history's depth is 1 or more, not " + std::to_string(qos.depth)};
+  return done;
+}
+
+bool is_name(std::string_view text) {
+  const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  const auto allowed = [&](char c) { return letter(c) || (c >= '0' && c <= '9') || c == '_'; };
+  return !text.empty() && letter(text.front()) && std::all_of(text.begin(), text.end(), allowed);
+}
+
+std::vector<std::string_view> split(std::string_view text, std::string_view by) {
+  std::vector<std::string_view> parts;
+  for (std::size_t at; (at = text.find(by)) != std::string_view::npos; text.remove_prefix(at + by.size()))
+    parts.push_back(text.substr(0, at));
+  parts.push_back(text);
+  return parts;
+}
+
+}  // namespace
+
+Endpoint::~Endpoint() {
+  // Waits for a running callback.
+  if (handle_ > 0) dds_delete(handle_);
+  if (topic_ > 0) dds_delete(topic_);
+}
+
+Status Endpoint::open_topic(dds_entity_t participant, const std::string& topic, const std::string& type) {
+  type_ = make_raw_type(type, refused_);
+  topic_ = dds_create_topic_sertype(participant, topic.c_str(), &type_, nullptr, nullptr, nullptr);
+  if (topic_ > 0) return done;
+  ddsi_sertype_unref(type_);
+  return Error{"DDS topic " + topic + ": " + dds_strretcode(topic_)};
+}
+
+Status Endpoint::open_writer(dds_entity_t participant, const std::string& topic, const std::string& type,
+                             const Qos& qos) {
+  if (auto checked = check(qos, topic); !checked) return checked;
+  if (auto opened = open_topic(participant, topic, type); !opened) return opened;
+  handle_ = dds_create_writer(participant, topic_, make_qos(qos).get(), nullptr);
+  if (handle_ < 0) return Error{"DDS writer of " + topic + ": " + dds_strretcode(handle_)};
+  return done;
+}
+
+Status Endpoint::open_reader(dds_entity_t participant, const std::string& topic, const std::string& type,
+                             const Qos& qos, dds_on_data_available_fn on_data, void* argument) {
+  if (auto checked = check(qos, topic); !checked) return checked;
+  if (auto opened = open_topic(participant, topic, type); !opened) return opened;
+  const std::unique_ptr<dds_listener_t, ListenerDelete> listener(dds_create_listener(argument));
+  dds_lset_data_available(listener.get(), on_data);
+  handle_ = dds_create_reader(participant, topic_, make_qos(qos).get(), listener.get());
+  if (handle_ < 0) return Error{"DDS reader of " + topic + ": " + dds_strretcode(handle_)};
+  return done;
+}
+
+Status Endpoint::write(std::span<const std::uint8_t> cdr, TimeNs source_time_ns) {
+  ddsi_serdata* message = make_raw_message(type_, cdr);
+  if (!message)
+    return Error{"a message of " + std::to_string(cdr.size()) +
+                 " bytes is not sent: it must be plain CDR with its encapsulation header, of 4 to " +
+                 std::to_string(max_message_bytes) + " bytes"};
+  message->timestamp.v = source_time_ns;
+  const dds_return_t code = source_time_ns == 0 ? dds_writecdr(handle_, message) : dds_forwardcdr(handle_, message);
+  if (code < 0) return Error{std::string("DDS write: ") + dds_strretcode(code)};
+  return done;
+}
+
+Result<std::string> dds_topic(const std::string& ros_topic) {
+  const auto allowed = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '/';
+  };
+  const bool good = ros_topic.size() > 1 && ros_topic.front() == '/' && ros_topic.back() != '/' &&
+                    ros_topic.find("//") == std::string::npos &&
+                    std::all_of(ros_topic.begin(), ros_topic.end(), allowed);
+  if (!good)
+    return Error{"'" + ros_topic + "' is no ROS 2 topic: it begins with / and has letters, digits, _ and / only"};
+  return "rt" + ros_topic;
+}
+
+Result<std::string> dds_type(const std::string& ros_type) {
+  const auto parts = split(ros_type, "/");
+  if (parts.size() != 3 || !std::all_of(parts.begin(), parts.end(), is_name))
+    return Error{"'" + ros_type + "' is no ROS 2 type: give it like geometry_msgs/msg/Twist"};
+  return std::string(parts[0]) + "::" + std::string(parts[1]) + "::dds_::" + std::string(parts[2]) + "_";
+}
+
+std::string ros_topic(const std::string& name) {
+  if (!name.starts_with("rt/") || !dds_topic(name.substr(2))) return {};
+  return name.substr(2);
+}
+
+std::string ros_type(const std::string& name) {
+  const auto parts = split(name, "::");
+  if (parts.size() != 4 || parts[2] != "dds_" || !parts[3].ends_with('_')) return {};
+  const std::string type =
+      std::string(parts[0]) + "/" + std::string(parts[1]) + "/" + std::string(parts[3].substr(0, parts[3].size() - 1));
+  return dds_type(type) ? type : std::string{};
+}
+
+Guid guid_of(dds_entity_t entity) {
+  dds_guid_t guid{};
+  (void)dds_get_guid(entity, &guid);
+  return std::to_array(guid.v);
+}
+
+}  // namespace ledgerline::dds

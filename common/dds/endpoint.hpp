@@ -1,0 +1,53 @@
+#pragma once
+#include <array>
+#include <memory>
+#include <string>
+
+#include "common/dds/sertype.hpp"
+
+/// What readers and writers are made of. Inside common/dds alone.
+namespace ledgerline::dds {
+
+struct QosDelete {
+  void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
+};
+using QosPtr = std::unique_ptr<dds_qos_t, QosDelete>;
+
+/// Owns a reader or a writer and the topic under it. The participant must outlive it.
+class Endpoint {
+ public:
+  Endpoint() = default;
+  ~Endpoint();
+  Endpoint(const Endpoint&) = delete;
+  Endpoint& operator=(const Endpoint&) = delete;
+
+  /// Names as DDS has them ("rt/a", "pkg::msg::dds_::Type_").
+  Status open_writer(dds_entity_t participant, const std::string& topic, const std::string& type, const Qos& qos);
+  Status open_reader(dds_entity_t participant, const std::string& topic, const std::string& type, const Qos& qos,
+                     dds_on_data_available_fn on_data, void* argument);
+  /// `source_time_ns`: real time; 0: now.
+  Status write(std::span<const std::uint8_t> cdr, TimeNs source_time_ns = 0);
+
+  dds_entity_t handle() const { return handle_; }
+  Refused refused() const { return refused_->read(); }
+
+ private:
+  Status open_topic(dds_entity_t participant, const std::string& topic, const std::string& type);
+
+  std::shared_ptr<RefusedCounters> refused_ = std::make_shared<RefusedCounters>();
+  ddsi_sertype* type_ = nullptr;  ///< the topic's
+  dds_entity_t topic_ = 0;
+  dds_entity_t handle_ = 0;
+};
+
+/// "nav_msgs/msg/Odometry" -> "nav_msgs::msg::dds_::Odometry_"; an error where ROS 2 does not allow it.
+Result<std::string> dds_type(const std::string& ros_type);
+/// The other way; empty where the name is none of ROS 2's.
+std::string ros_topic(const std::string& dds_topic);
+std::string ros_type(const std::string& dds_type);
+
+/// A GUID as it stands on the wire.
+using Guid = std::array<std::uint8_t, 16>;
+Guid guid_of(dds_entity_t entity);
+
+}  // namespace ledgerline::dds

@@ -1,0 +1,61 @@
+#include "ground/core/manual.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ledgerline::ground {
+namespace {
+
+constexpr double absurd = 100;  // m/s or rad/s, as link has it
+
+}  // namespace
+
+bool believable(const Twist& wish) {
+  const auto within = [](const std::array<double, 3>& values) {
+    return std::all_of(values.begin(), values.end(), [](double v) { return std::abs(v) <= absurd; });  // NaN fails
+  };
+  return within(wish.linear_mps) && within(wish.angular_radps);
+}
+
+ManualController::ManualController(const ControllerConfig& config, TimeNs timeout_ns)
+    : config_(config), timeout_ns_(std::min(timeout_ns, longest_timeout_ns)), prediction_(config.lag_s) {}
+
+bool ManualController::take(TimeNs came_ns, const Twist& wish) {
+  if (!believable(wish)) return false;
+  velocity_mps_ = wish.linear_mps;
+  const double speed = std::hypot(velocity_mps_[0], velocity_mps_[1]);
+  if (speed > config_.speed_mps) {
+    velocity_mps_[0] *= config_.speed_mps / speed;
+    velocity_mps_[1] *= config_.speed_mps / speed;
+  }
+  velocity_mps_[2] = std::clamp(velocity_mps_[2], -config_.max_vertical_mps, config_.max_vertical_mps);
+  yaw_rate_radps_ = std::clamp(wish.angular_radps[2], -config_.max_yaw_rate_radps, config_.max_yaw_rate_radps);
+  until_ns_ = came_ns + timeout_ns_;
+  return true;
+}
+
+std::vector<Setpoint> ManualController::plan(TimeNs now_ns, const Motion& state, TimeNs first_ns) {
+  const TimeNs wished_ns = std::clamp<TimeNs>(until_ns_ - now_ns, 0, timeout_ns_);
+  std::vector<Setpoint> plan;
+  Motion motion = prediction_.at(state, first_ns);
+  for (TimeNs at_ns = 0; at_ns < horizon_ns;) {
+    Setpoint setpoint;
+    setpoint.at_ns = first_ns + at_ns;
+    TimeNs next_ns = at_ns + step_ns;
+    if (at_ns < wished_ns) {
+      next_ns = std::min(next_ns, wished_ns);
+      const double c = std::cos(motion.yaw_rad), s = std::sin(motion.yaw_rad);
+      setpoint.velocity_mps = {static_cast<float>(c * velocity_mps_[0] - s * velocity_mps_[1]),
+                               static_cast<float>(s * velocity_mps_[0] + c * velocity_mps_[1]),
+                               static_cast<float>(velocity_mps_[2])};
+      setpoint.yaw_rate_radps = static_cast<float>(yaw_rate_radps_);
+    }
+    plan.push_back(setpoint);
+    motion = prediction_.move(motion, setpoint, to_seconds(next_ns - at_ns));
+    at_ns = next_ns;
+  }
+  prediction_.sent(state, plan);
+  return plan;
+}
+
+}  // namespace ledgerline::ground

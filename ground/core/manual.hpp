@@ -1,0 +1,47 @@
+#pragma once
+#include <array>
+#include <vector>
+
+#include "common/msg/ros.hpp"
+#include "ground/core/controller.hpp"
+
+namespace ledgerline::ground {
+
+/// Every number finite and within 100 m/s or rad/s: what is not is an error, not a wish to be limited.
+bool believable(const Twist& wish);
+
+/// A person flies: turns the velocity that was wished last (geometry_msgs/msg/Twist in the drone's frame: x forward, y
+/// left, z up, yaw counter-clockwise) into plans in the map frame. A wish holds for `timeout_ns` and not a moment
+/// longer: every plan ends in zero, so that a pilot who falls silent leaves a drone that hovers.
+///
+///     no wish --take()--> flies it --timeout_ns after it came, or release()--> no wish: zero
+///
+/// Two clocks come in and are never compared: of the ground, when wishes come; of the drone, when setpoints are flown.
+/// Deterministic; one thread.
+class ManualController {
+ public:
+  static constexpr TimeNs step_ns = 50 * ns_per_ms;
+  static constexpr TimeNs horizon_ns = 600 * ns_per_ms;          ///< of a plan
+  static constexpr TimeNs longest_timeout_ns = 500 * ns_per_ms;  ///< so that a plan always has its zero
+
+  /// Of the config: speed, vertical speed and yaw rate as limits, and the drone's lag.
+  ManualController(const ControllerConfig& config, TimeNs timeout_ns);
+
+  /// A wish that came at `came_ns`, the ground's clock. False, and nothing changes, when it is not believable. Roll and
+  /// pitch rates are left out.
+  bool take(TimeNs came_ns, const Twist& wish);
+  void release() { until_ns_ = 0; }
+
+  /// Setpoints from `first_ns` (the drone's clock) on, which stands for `now_ns` (the ground's).
+  std::vector<Setpoint> plan(TimeNs now_ns, const Motion& state, TimeNs first_ns);
+
+ private:
+  ControllerConfig config_;
+  TimeNs timeout_ns_;
+  Prediction prediction_;
+  std::array<double, 3> velocity_mps_{};  ///< the drone's frame
+  double yaw_rate_radps_ = 0;
+  TimeNs until_ns_ = 0;  ///< the ground's clock
+};
+
+}  // namespace ledgerline::ground

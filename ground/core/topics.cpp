@@ -1,0 +1,107 @@
+#include "ground/core/topics.hpp"
+
+#include "ground/core/manual.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+const std::string nothing;
+
+/// `message` as it is, if it can be read as what it says it is.
+template <typename Read>
+Result<std::string> as_it_is(const std::string& message, Read read) {
+  if (message.empty()) return nothing;
+  if (const auto whole = read(message); !whole) return whole.error();
+  return message;
+}
+
+Result<std::string> odometry(const DroneNews& news, const std::string&) {
+  return as_it_is(news.odometry, odometry_from_cdr);
+}
+
+template <typename Make>
+Result<std::string> from_odometry(const DroneNews& news, Make make) {
+  if (news.odometry.empty()) return nothing;
+  const auto odometry = odometry_from_cdr(news.odometry);
+  if (!odometry) return odometry.error();
+  return make(*odometry);
+}
+
+Result<std::string> pose(const DroneNews& news, const std::string&) {
+  return from_odometry(news, [](const Odometry& o) {
+    return to_cdr(PoseStamped{o.header, o.position_m, o.orientation});
+  });
+}
+
+Result<std::string> transform(const DroneNews& news, const std::string&) {
+  return from_odometry(news, [](const Odometry& o) {
+    return to_cdr(std::vector<TransformStamped>{{o.header, o.child_frame_id, o.position_m, o.orientation}});
+  });
+}
+
+Result<std::string> battery(const DroneNews& news, const std::string&) {
+  return as_it_is(news.battery, battery_from_cdr);
+}
+
+// The battery's header has the state's moment in real time, which the state itself does not know.
+Result<std::string> imu(const DroneNews& news, const std::string&) {
+  if (!news.state || !news.state->sdk_state_fresh || news.battery.empty()) return nothing;
+  const auto of_moment = battery_from_cdr(news.battery);
+  if (!of_moment) return of_moment.error();
+  const auto& [roll, pitch, yaw] = news.state->attitude_rad;
+  const auto& a = news.state->acceleration_mps2;
+  return to_cdr(Imu{of_moment->header, quaternion_from_attitude(roll, pitch, yaw), {a[0], a[1], a[2]}});
+}
+
+Result<std::string> diagnostics(const DroneNews& news, const std::string&) {
+  return as_it_is(news.transitions, transitions_from_cdr);
+}
+
+void velocity(std::string_view cdr, TimeNs came_ns, PilotWish& wish) {
+  const auto twist = twist_from_cdr(cdr);
+  if (!twist) {
+    ++wish.malformed;
+    return;
+  }
+  if (!believable(*twist)) {
+    ++wish.bad_values;
+    return;
+  }
+  if (wish.velocity) ++wish.replaced;
+  wish.velocity = *twist;
+  wish.came_ns = came_ns;
+}
+
+template <bool PilotWish::*word>
+void say(std::string_view, TimeNs, PilotWish& wish) {
+  wish.*word = true;
+}
+
+}  // namespace
+
+const std::array<DroneTopic, 6> drone_topics{{
+    {"/odom", false, odometry_type, false, odometry},
+    {"/pose", false, pose_type, false, pose},
+    {"/tf", true, transforms_type, false, transform},
+    {"/battery", false, battery_type, false, battery},
+    {"/imu", false, imu_type, false, imu},
+    {"/diagnostics", true, transitions_type, true, diagnostics},
+}};
+
+const std::array<PilotTopic, 5> pilot_topics{{
+    {"/cmd_vel", twist_type, false, velocity},
+    {"/takeoff", empty_type, true, say<&PilotWish::takeoff>},
+    {"/land", empty_type, true, say<&PilotWish::land>},
+    {"/stop", empty_type, true, say<&PilotWish::stop>},
+    {"/emergency", empty_type, true, say<&PilotWish::cut>},
+}};
+
+std::string topic_of(const DroneTopic& topic, const std::string& drone) {
+  return (topic.of_all ? "" : "/" + drone) + std::string(topic.name);
+}
+
+std::string topic_of(const PilotTopic& topic, const std::string& drone) {
+  return "/" + drone + std::string(topic.name);
+}
+
+}  // namespace ledgerline::ground
