@@ -1,5 +1,6 @@
 """Figures of an experiment's JSON, as PNG: what was published in light grey, ours in colour."""
 import pathlib
+import textwrap
 
 import matplotlib
 
@@ -47,7 +48,7 @@ def draw_boxes(axes, document: dict, cases: dict, published: dict) -> None:
                      whiskerprops={"color": shade}, capprops={"color": shade})
             axes.annotate(f"{1e3 * stats['median']:.0f} ms", (at, stats["high"]), textcoords="offset points", xytext=(0, 4),
                           ha="center", fontsize=8, color=shade)
-            labels.append((at, f"{name}\n{whose}"))
+            labels.append((at, f"{textwrap.fill(name, 14)}\n{whose}"))
             at += 1
         at += 0.5
     axes.set_xticks([at for at, _ in labels], [label for _, label in labels], fontsize=7)
@@ -78,11 +79,11 @@ def trajectories(document: dict, figure: dict, _published: dict):
         axes.axis("off")
     for axes, (name, repetitions) in zip(all_axes.flat, cases.items()):
         for i, track in enumerate(list(repetitions[0].get("tracks", {}).values())[:MOST_TRACKS]):
-            if not track:
+            if not track["flown"]:
                 continue
-            points = np.array(track)
+            points = np.array(track["flown"])
             options = document["asked"]["cases"][name]
-            path = wanted(options.get("shape", "square"), options.get("side", 1.5), points[0])
+            path = wanted(options.get("shape", "square"), options.get("side", 1.5), np.array(track["origin"]))
             if path is not None:
                 axes.plot(*path.T, "--", color=WANTED, linewidth=1)
             axes.plot(*points.T, color=colour(i), linewidth=1.2)
@@ -94,7 +95,7 @@ def trajectories(document: dict, figure: dict, _published: dict):
 
 
 def velocities(document: dict, figure: dict, _published: dict):
-    cases = {name: all for name, all in chosen(document, figure).items() if "profile" in all[0]}
+    cases = {name: all for name, all in chosen(document, figure).items() if all[0].get("profile")}
     fig, all_axes = plt.subplots(max(1, len(cases)), 1, figsize=(8, 2.6 * max(1, len(cases))), squeeze=False)
     for axes, (name, repetitions) in zip(all_axes.flat, cases.items()):
         profile = repetitions[0]["profile"]

@@ -1,5 +1,6 @@
 """ledgerline experiment: the published experiments and those beyond, repeated with seeds; JSON, figures, one page."""
 import argparse
+import dataclasses
 import os
 import pathlib
 import signal
@@ -33,11 +34,16 @@ def arguments(experiments: list[config.Experiment]) -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="few repetitions, short ones: a look, not a result")
     parser.add_argument("--ledger", choices=("embedded", "fabric"), default="embedded")
     parser.add_argument("--seeds", type=int, metavar="N", help="repetitions of each case, instead of the config's")
+    parser.add_argument("--case", action="append", default=[], metavar="CASE", help="only this one; may be given again")
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR",
                         help="[build/experiments/LEDGER, with --quick build/experiments/LEDGER-quick]")
     asked = parser.parse_args()
     if asked.seeds is not None and not 1 <= asked.seeds <= 1000:
         parser.error("--seeds: from 1 to 1000")
+    known = {case.name for one in experiments if asked.name in (one.name, "all") for case in one.cases}
+    for case in asked.case:
+        if case not in known:
+            parser.error(f"--case: {case!r} is none of {'; '.join(sorted(known))}")
     asked.out = (asked.out or root() / "build/experiments" / (asked.ledger + ("-quick" if asked.quick else ""))).resolve()
     return asked
 
@@ -129,6 +135,8 @@ def main() -> int:
         experiments = config.read_all()
         asked = arguments(experiments)
         chosen = [one for one in config.read_all(asked.quick) if asked.name in (one.name, "all")]
+        if asked.case:
+            chosen = [dataclasses.replace(one, cases=[case for case in one.cases if case.name in asked.case]) for one in chosen]
     except config.ConfigError as error:
         print(f"experiment: {error}", file=sys.stderr)
         return EXIT_USAGE

@@ -42,8 +42,9 @@ class Place:
 
 
 def digest(place: Place, runs: str) -> str:
-    """Of the programs that a repetition ran: figures of other programs are not taken for theirs."""
-    total = hashlib.sha256()
+    """Of the programs that a repetition ran and what takes its figures: those of others are not taken for theirs."""
+    total = hashlib.sha256(b"".join(pathlib.Path(module.__file__).read_bytes() for module in (traces, verdicts)))
+    total.update(pathlib.Path(__file__).read_bytes())
     for name in PROGRAMS[runs]:
         path = place.programs / f"ledgerline-{name}"
         if path.exists():
@@ -141,9 +142,9 @@ def flight(case: Case, place: Place, seed: int) -> dict:
         raise NotMeasured(f"fly {' '.join(words(options))}: {tail(log)}")
     out = json.loads(result.read_text())
     records = traces.read(run)
-    times = traces.path_times(run)
+    paths = traces.paths(run)
     two_way, age = (traces.latencies_ms(records, kind) for kind in (traces.COMMAND_VERIFIED, traces.COMMAND_APPLIED))
-    if not times or not len(age):
+    if not paths or not len(age):
         raise NotMeasured(out.get("why") or "no drone got onto its path")
     turns = turns_of(out["drones"])
     figures = {**quantile_figures("two_way_ms", two_way), **quantile_figures("age_ms", age),
@@ -156,8 +157,9 @@ def flight(case: Case, place: Place, seed: int) -> dict:
     numbers = {drone["id"]: k for k, drone in enumerate(out["drones"], 1)}
     return {"figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": turns,
             "two_way_ms": verdicts.distribution(two_way), "age_ms": verdicts.distribution(age),
-            "tracks": {name: traces.track(records, numbers[name], between) for name, between in times.items()},
-            "profile": traces.profile(records, 1, next(iter(times.values())))}
+            "tracks": {name: {"origin": path["origin"], "flown": traces.track(records, numbers[name], path["between"])}
+                       for name, path in paths.items()},
+            "profile": traces.profile(records, 1, paths["tello1"]["between"]) if "tello1" in paths else {}}
 
 
 def virtual(case: Case, place: Place, seed: int) -> dict:

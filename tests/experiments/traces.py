@@ -34,8 +34,9 @@ def latencies_ms(records: np.ndarray, kind: int) -> np.ndarray:
     return (chosen["t"] - chosen["stamp"])[first] * 1e-6
 
 
-def path_times(directory: pathlib.Path) -> dict[str, tuple[int, int]]:
-    """Between which moments each drone was on its path, by whoever flew it."""
+def paths(directory: pathlib.Path) -> dict[str, dict]:
+    """Of each drone: between which moments it was on its path (`between`, ns), and where that begins (`origin`, m), as the one
+    who flew it says in its summary."""
     found = {}
     for file in sorted(directory.glob("*.summary.json")):
         try:
@@ -44,7 +45,7 @@ def path_times(directory: pathlib.Path) -> dict[str, tuple[int, int]]:
             continue
         for drone in drones if isinstance(drones, list) else []:
             if isinstance(drone, dict) and len(drone.get("path_ns") or []) == 2 and drone["path_ns"][1] > 0:
-                found[drone["name"]] = tuple(drone["path_ns"])
+                found[drone["name"]] = {"between": tuple(drone["path_ns"]), "origin": drone["origin"]}
     return found
 
 

@@ -63,21 +63,24 @@ def margins(bar: dict, cases: dict[str, list[dict]], boxes: dict) -> list[tuple[
 
 def verdict(bar: dict, cases: dict[str, list[dict]], boxes: dict, ledger: str) -> dict:
     """`kept` or `missed` over every repetition, the worst one decides; `not measured` where one is missing or the bar is for
-    another ledger. Fewer seeds than the bar asks for are said."""
+    another ledger; cases that were not asked for (a quick look) do not count. Fewer seeds than the bar asks for are said."""
     out = {"what": bar["what"], "limit": bar.get("limit", bar.get("factor")), "rule": bar["rule"], "note": ""}
     values = margins(bar, cases, boxes)
     out["values"] = spread([value for _, _, value in values])
     if bar["ledger"] not in (None, ledger):
         return {**out, "verdict": "not measured", "note": f"the bar is for {bar['ledger']}, this was on {ledger}"}
+    asked = [name for name in bar["cases"] if name in cases]
     measured = {name for name, _, _ in values}
-    missing = [name for name in bar["cases"] if name not in measured]
+    missing = [name for name in asked if name not in measured] if asked else bar["cases"]
     if missing:
         return {**out, "verdict": "not measured", "note": "nothing of " + "; ".join(missing)}
     above = bar["rule"] != "at_most"
     worst = (min if above else max)(values, key=lambda one: one[2])
     kept = worst[2] >= out["limit"] if above else worst[2] <= out["limit"]
-    seeds = min(len([1 for name, _, _ in values if name == case]) for case in bar["cases"])
+    seeds = min(len([1 for name, _, _ in values if name == case]) for case in asked)
     out["note"] = f"worst: {worst[2]:.3g} ({worst[0]}, seed {worst[1]})"
+    if len(asked) < len(bar["cases"]):
+        out["note"] += f"; {len(asked)} of {len(bar['cases'])} cases"
     if seeds < bar["seeds"]:
         out["note"] += f"; {seeds} of the {bar['seeds']} repetitions that the bar asks for"
     return {**out, "verdict": "kept" if kept else "missed"}
