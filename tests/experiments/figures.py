@@ -8,6 +8,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+import traces
 import verdicts
 
 OURS, GREY, WANTED = ("#2563c9", "#c2571a", "#1d7d46", "#8e44ad", "#b3261e", "#0f8b8d"), "#8a94a3", "#9aa3ae"
@@ -63,13 +64,6 @@ def boxes(document: dict, figure: dict, published: dict):
     return fig
 
 
-def wanted(shape: str, side: float, origin) -> np.ndarray | None:
-    """Corners of the paths of fly (ground/core/path.hpp), closed."""
-    corners = {"square": [(0, 0), (1, 0), (1, 1), (0, 1)], "triangle": [(0, 0), (1, 0), (0.5, 3**0.5 / 2)],
-               "x": [(0, 0), (1, 1), (1, 0), (0, 1)]}.get(shape)
-    return None if corners is None else np.array(corners + corners[:1]) * side + origin
-
-
 def trajectories(document: dict, figure: dict, _published: dict):
     cases = chosen(document, figure)
     columns = min(4, len(cases))
@@ -83,7 +77,7 @@ def trajectories(document: dict, figure: dict, _published: dict):
                 continue
             points = np.array(track["flown"])
             options = document["asked"]["cases"][name]
-            path = wanted(options.get("shape", "square"), options.get("side", 1.5), np.array(track["origin"]))
+            path = traces.corners(options.get("shape", "square"), options.get("side", 1.5), track["origin"])
             if path is not None:
                 axes.plot(*path.T, "--", color=WANTED, linewidth=1)
             axes.plot(*points.T, color=colour(i), linewidth=1.2)

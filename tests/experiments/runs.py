@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 
+import hosts as three_hosts
 import traces
 import verdicts
 from config import SETTINGS, Case
@@ -133,6 +134,16 @@ def flight_options(case: Case, place: Place, seed: int) -> dict:
     return {**options, "ledger": ledger, "seed": seed}
 
 
+def flown(records, paths: dict) -> dict:
+    """What is in the traces of a flight, whoever started it."""
+    two_way, age = (traces.latencies_ms(records, kind) for kind in (traces.COMMAND_VERIFIED, traces.COMMAND_APPLIED))
+    return {"figures": {**quantile_figures("two_way_ms", two_way), **quantile_figures("age_ms", age)},
+            "two_way_ms": verdicts.distribution(two_way), "age_ms": verdicts.distribution(age),
+            "tracks": {name: {"origin": path["origin"], "flown": traces.track(records, path["number"], path["between"])}
+                       for name, path in paths.items()},
+            "profile": traces.profile(records, 1, paths["tello1"]["between"]) if "tello1" in paths else {}}
+
+
 def flight(case: Case, place: Place, seed: int) -> dict:
     options = flight_options(case, place, seed)
     run, result, log = place.work / "run", place.work / "result.json", place.work / "fly.log"
@@ -143,23 +154,17 @@ def flight(case: Case, place: Place, seed: int) -> dict:
     out = json.loads(result.read_text())
     records = traces.read(run)
     paths = traces.paths(run)
-    two_way, age = (traces.latencies_ms(records, kind) for kind in (traces.COMMAND_VERIFIED, traces.COMMAND_APPLIED))
-    if not paths or not len(age):
+    if not paths:
         raise NotMeasured(out.get("why") or "no drone got onto its path")
+    seen = flown(records, paths)
     turns = turns_of(out["drones"])
-    figures = {**quantile_figures("two_way_ms", two_way), **quantile_figures("age_ms", age),
-               **tracking_figures(out["drones"], out["ok"]),
+    figures = {**seen["figures"], **tracking_figures(out["drones"], out["ok"]),
                **{name: out[name] for name in ("messages_per_s", "transactions_per_s") if name in out},
                **{f"cpu_percent.{name}": value for name, value in out["cpu_percent"].items()},
                "cpu_percent.all": sum(out["cpu_percent"].values())}
     if turns:
         figures["top_speed_mps"] = verdicts.top_speed(turns)
-    numbers = {drone["id"]: k for k, drone in enumerate(out["drones"], 1)}
-    return {"figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": turns,
-            "two_way_ms": verdicts.distribution(two_way), "age_ms": verdicts.distribution(age),
-            "tracks": {name: {"origin": path["origin"], "flown": traces.track(records, numbers[name], path["between"])}
-                       for name, path in paths.items()},
-            "profile": traces.profile(records, 1, paths["tello1"]["between"]) if "tello1" in paths else {}}
+    return {**seen, "figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": turns}
 
 
 def virtual(case: Case, place: Place, seed: int) -> dict:
@@ -216,7 +221,21 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
 
 
 def hosts(case: Case, place: Place, seed: int) -> dict:
-    raise NotMeasured("three hosts: the proxy that is to be the Wi-Fi between them is not there")
+    if place.ledger != "embedded":
+        raise NotMeasured("three hosts are flown on the embedded ledger alone")
+    run = place.work / "run"
+    try:
+        finished = three_hosts.fly(place.program, run, case.options, seed, PATIENCE_S)
+    except (three_hosts.Failed, RuntimeError, subprocess.SubprocessError, OSError) as error:
+        raise NotMeasured(f"three hosts: {error}") from None
+    records, paths = traces.read(run), traces.paths(run)
+    if "tello1" not in paths:
+        raise NotMeasured("three hosts: the drone did not get onto its path")
+    out = flown(records, paths)
+    error = traces.cross_track(out["tracks"]["tello1"]["flown"],
+                               traces.corners(case.options["shape"], three_hosts.SIDE_M, paths["tello1"]["origin"]))
+    figures = out["figures"] | tracking_figures([{"cross_track_m": error, "lap_s": paths["tello1"]["lap_s"]}], finished)
+    return {**out, "figures": figures, "why": "" if finished else "the path was not finished", "turns": []}
 
 
 RUN = {"flight": flight, "virtual": virtual, "exchange": exchange, "hosts": hosts}

@@ -45,7 +45,8 @@ def paths(directory: pathlib.Path) -> dict[str, dict]:
             continue
         for drone in drones if isinstance(drones, list) else []:
             if isinstance(drone, dict) and len(drone.get("path_ns") or []) == 2 and drone["path_ns"][1] > 0:
-                found[drone["name"]] = {"between": tuple(drone["path_ns"]), "origin": drone["origin"]}
+                found[drone["name"]] = {"between": tuple(drone["path_ns"]), "origin": drone["origin"],
+                                        "number": int(drone["name"].removeprefix("tello")), "lap_s": drone.get("lap_s", [])}
     return found
 
 
@@ -58,6 +59,22 @@ def track(records: np.ndarray, drone: int, between: tuple[int, int]) -> list:
     truth = of_kind(records, TRUTH, drone)
     truth = truth[(truth["t"] >= between[0]) & (truth["t"] <= between[1])]
     return np.round(thin(truth["v"][:, :2]), 3).tolist()
+
+
+def corners(shape: str, side_m: float, origin) -> np.ndarray | None:
+    """Of the paths of fly (ground/core/path.hpp), closed; None: not one of polylines."""
+    unit = {"square": [(0, 0), (1, 0), (1, 1), (0, 1)], "triangle": [(0, 0), (1, 0), (0.5, 3**0.5 / 2)],
+            "x": [(0, 0), (1, 1), (1, 0), (0, 1)]}.get(shape)
+    return None if unit is None else np.array(unit + unit[:1]) * side_m + np.asarray(origin)
+
+
+def cross_track(points, path: np.ndarray) -> dict:
+    """Distances to the nearest point of the whole path, metres."""
+    p = np.asarray(points, float)[:, None, :]
+    begin, along = path[:-1][None], np.diff(path, axis=0)[None]
+    share = np.clip(((p - begin) * along).sum(-1) / (along**2).sum(-1), 0, 1)
+    off = np.linalg.norm(p - begin - share[..., None] * along, axis=-1).min(axis=1)
+    return {"rms": float(np.sqrt((off**2).mean())), "max": float(off.max())}
 
 
 def profile(records: np.ndarray, drone: int, between: tuple[int, int]) -> dict:

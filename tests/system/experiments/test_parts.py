@@ -269,7 +269,14 @@ def test_a_virtual_velocity_stands_at_its_states_moment_a_flown_one_at_its_own(t
 
 def test_paths_are_what_the_one_who_flew_says(tmp_path):
     (tmp_path / "ground.summary.json").write_text(json.dumps({"drones": [
-        {"name": "tello1", "origin": [1, 2], "path_ns": [5, 9]}, {"name": "tello2", "origin": [0, 0], "path_ns": [0, 0]}]}))
+        {"name": "tello1", "origin": [1, 2], "path_ns": [5, 9], "lap_s": [3.5]}, {"name": "tello2", "origin": [0, 0], "path_ns": [0, 0]}]}))
     (tmp_path / "link.summary.json").write_text(json.dumps({"drones": [{"name": "tello1"}]}))
     (tmp_path / "sim.summary.json").write_text("{")
-    assert traces.paths(tmp_path) == {"tello1": {"between": (5, 9), "origin": [1, 2]}}
+    assert traces.paths(tmp_path) == {"tello1": {"between": (5, 9), "origin": [1, 2], "number": 1, "lap_s": [3.5]}}
+
+
+def test_an_error_is_the_distance_to_the_nearest_piece_of_the_path():
+    square = traces.corners("square", 2, (1, 1))
+    assert square.tolist() == [[1, 1], [3, 1], [3, 3], [1, 3], [1, 1]]
+    assert traces.cross_track([(2, 1), (2, 1.3), (3.4, 3)], square) == pytest.approx({"rms": (0.25 / 3) ** 0.5, "max": 0.4})
+    assert traces.corners("eight", 2, (0, 0)) is None
