@@ -50,7 +50,6 @@ bool send_all(int fd, std::string_view bytes) {
 Result<FaultSocket> FaultSocket::open(const std::string& path) {
   const auto address = place(path);
   if (!address) return address.error();
-  FaultSocket out(path);
   struct stat there {};
   if (::lstat(path.c_str(), &there) == 0) {
     if (!S_ISSOCK(there.st_mode)) return Error{path + " is there already, and is no socket"};
@@ -62,11 +61,10 @@ Result<FaultSocket> FaultSocket::open(const std::string& path) {
   const bool bound = fd >= 0 && ::bind(fd, reinterpret_cast<const sockaddr*>(&*address), sizeof *address) == 0;
   const int why = errno;
   ::umask(before);
+  FaultSocket out;
   out.listener_ = fd;
-  if (!bound) {
-    out.path_.clear();
-    return Error{fmt::format("cannot make the socket {}: {}", path, std::strerror(why))};
-  }
+  if (!bound) return Error{fmt::format("cannot make the socket {}: {}", path, std::strerror(why))};
+  out.path_ = path;
   if (::listen(fd, most_askers) != 0) return Error{fmt::format("cannot listen on {}: {}", path, std::strerror(errno))};
   return out;
 }

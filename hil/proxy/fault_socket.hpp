@@ -35,10 +35,10 @@ class FaultSocket {
     std::string line = {};
     TimeNs until = 0;
   };
-  explicit FaultSocket(std::string path) : path_(std::move(path)) {}
+  FaultSocket() = default;
   bool serve(Asker& asker, const Do& act);
 
-  std::string path_;
+  std::string path_;  // its own, to be removed
   int listener_ = -1;
   std::vector<Asker> askers_;
 };
