@@ -7,6 +7,7 @@ import select
 import signal
 import subprocess
 import sys
+import time
 
 import netns
 
@@ -52,10 +53,12 @@ class Peer:
             self.lines.extend(whole)
         return json.loads(self.lines.popleft())
 
-    def lines_until(self, key: str) -> list:
-        """Up to and with the first that has the key."""
+    def lines_until(self, key: str, within_s: float = 300) -> list:
+        """Up to and with the first that has the key; fails where it has not come after `within_s`."""
+        deadline = time.monotonic() + within_s
         lines = [self.line()]
         while key not in lines[-1]:
+            assert time.monotonic() < deadline, f"{self.process.args}: no {key} within {within_s} s; last {lines[-3:]}"
             lines.append(self.line())
         return lines
 

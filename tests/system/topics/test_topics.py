@@ -215,7 +215,10 @@ def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, mon
     neighbour = Neighbour(cyclone_config=peers.LAN)
     flight = fly(tmp_path, "--shape", "manual", "--seconds", LONGEST_S, "--domains", f"{DRONES},{GROUND}")
     pilot = peers.pilot(GROUND, "tello1", forward_mps, seconds)
-    said = pilot.lines_until("landed")
+    try:
+        said = pilot.lines_until("landed")
+    except AssertionError as why:
+        raise AssertionError(f"{why}\n{printed(tmp_path)}") from why
     neighbour.assert_ground_is_not_here()
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == 0, printed(tmp_path)
