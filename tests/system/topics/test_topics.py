@@ -233,7 +233,8 @@ def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, mon
     there = truth_at(begun["land"])
     dx, dy = there[0] - x, there[1] - y
     ahead, aside = dx * math.cos(nose) + dy * math.sin(nose), -dx * math.sin(nose) + dy * math.cos(nose)
-    print(f"ros2-client: {ahead:.2f} m ahead, {aside:.2f} m aside, of {forward_mps} m/s for {seconds} s")
+    print(f"ros2-client: {ahead:.2f} m ahead, {aside:.2f} m aside, of {forward_mps} m/s for {seconds} s; "
+          f"pressed again: {[line['unanswered'] for line in said if 'unanswered' in line]}")
     assert 0.7 < ahead / (forward_mps * seconds) < 1.3 and abs(aside) < 0.3, (ahead, aside)
     assert_hover_was_commanded(tmp_path, begun["silence"], begun["land"])
     assert math.dist(truth_at(begun["land"] - 1)[:2], there[:2]) < 0.3, "a pilot who is silent leaves a drone that stands"

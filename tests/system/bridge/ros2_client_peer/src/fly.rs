@@ -133,9 +133,15 @@ pub async fn fly(node: &mut Node, drone: &str, forward_mps: f64, flying: Duratio
     };
     let height = || newest.get().0;
     let pilot = async {
-        takeoff.wait_for_subscription(node).await;
-        land.wait_for_subscription(node).await;
-        cmd_vel.wait_for_subscription(node).await;
+        // wait_for_subscription() would wait for ever where the reader was found between its look and its listening, and
+        // events of a busy node are dropped: who is not found by then is pressed for all the same.
+        let found = || {
+            let buttons = [&takeoff, &land].iter().all(|button| button.get_subscription_count(node) > 0);
+            buttons && cmd_vel.get_subscription_count(node) > 0
+        };
+        if !until(found, Duration::from_secs(20)).await {
+            say(r#"{"unanswered":"discovery"}"#);
+        }
         Timer::after(Duration::from_secs(1)).await; // they have yet to find us, and hear nothing from before that
         say_begin("takeoff");
         press(&takeoff, "takeoff", || height() > 0.15).await;
