@@ -205,15 +205,18 @@ def test_a_stranger_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
     assert_nothing_left()
 
 
-def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, monkeypatch):
+@pytest.mark.parametrize("ledger", ["embedded", "fabric"])
+def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, monkeypatch, ledger):
     """By ros2-client: takes off, flies straight ahead, is silent, lands."""
+    if ledger == "fabric":
+        needs_fabric()
     if missing := peers.why_missing("ros2-client"):
         pytest.skip(missing)
     peers.make_lan()
     monkeypatch.setenv("CYCLONEDDS_URI", peers.LAN)
     forward_mps, seconds = 0.4, 3
     neighbour = Neighbour(cyclone_config=peers.LAN)
-    flight = fly(tmp_path, "--shape", "manual", "--seconds", LONGEST_S, "--domains", f"{DRONES},{GROUND}")
+    flight = fly(tmp_path, "--shape", "manual", "--seconds", LONGEST_S, "--ledger", ledger, "--domains", f"{DRONES},{GROUND}")
     pilot = peers.pilot(GROUND, "tello1", forward_mps, seconds)
     try:
         said = pilot.lines_until("landed")
