@@ -15,9 +15,11 @@ endfunction()
 
 # What ./fly needs: every program, no test; and every unit test with the programs that it runs. onboard_tests: those of
 # what runs on a companion computer (docs/onboard.md) that need none of the programs; they have the label `onboard`.
+# threads_tests: those that start threads, so that tsan has something to find; they have the label `threads`.
 add_custom_target(programs)
 add_custom_target(unit_tests)
 add_custom_target(onboard_tests)
+add_custom_target(threads_tests)
 
 # ll_program(NAME SOURCES main.cpp DEPS its_library): a program in bin/.
 function(ll_program name)
@@ -39,9 +41,11 @@ function(ll_test name)
   target_link_libraries(${name} PRIVATE ledgerline_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
   add_test(NAME ${name} COMMAND ${name})
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "unit;${ARG_LABELS}")
-  if(onboard IN_LIST ARG_LABELS)
-    add_dependencies(onboard_tests ${name})
-  endif()
+  foreach(label onboard threads)
+    if(label IN_LIST ARG_LABELS)
+      add_dependencies(${label}_tests ${name})
+    endif()
+  endforeach()
   if(ARG_SERIAL)
     set_tests_properties(${name} PROPERTIES RUN_SERIAL ON)
   endif()

@@ -274,7 +274,7 @@ void Bridge::note_losses() {
 
 void Bridge::note_losses(Input& input) {
   const dds::Refused refusals = input.reader->refused();
-  const std::uint64_t lost = input.reader->lost(), refused = refusals.malformed + refusals.too_long;
+  const std::uint64_t lost = input.reader->lost(), refused = refusals.total();
   const std::lock_guard lock(up_mutex_);
   uplink_.note_dds(input.index, lost - std::exchange(input.dds_lost, lost),
                    refused - std::exchange(input.dds_refused, refused));

@@ -34,6 +34,8 @@ struct Qos {
 struct Refused {
   std::uint64_t malformed = 0;  ///< shorter than an encapsulation header, or one that is not PLAIN_CDR
   std::uint64_t too_long = 0;
+
+  std::uint64_t total() const { return malformed + too_long; }
 };
 
 /// One topic of one type, written. Movable; publish() may be called from any thread.

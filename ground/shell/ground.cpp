@@ -238,7 +238,7 @@ void Ground::count_losses() {
     ShellCounters::Pilot& pilot = counters_.pilots[i / pilot_topics.size()];
     const dds::Refused refused = readers_[i].refused();
     pilot.dds_lost += readers_[i].lost();
-    pilot.dds_refused += refused.malformed + refused.too_long;
+    pilot.dds_refused += refused.total();
   }
 }
 

@@ -30,7 +30,7 @@ class CdrEntry final : public Entry {
     ddsi_serdata_unref(whole);
     ddsi_serdata_unref(fragmented);
     const auto after = refused_->read();
-    const std::uint64_t counted = after.malformed + after.too_long - before.malformed - before.too_long;
+    const std::uint64_t counted = after.total() - before.total();
     if (!same || !as_it_came || counted != (taken ? 0 : 2)) return refused("");
     return taken ? accepted() : dropped();
   }

@@ -1,5 +1,6 @@
 """Peers on DDS: programs that know nothing of this project, on a domain each."""
 import collections
+import functools
 import json
 import os
 import pathlib
@@ -7,6 +8,7 @@ import select
 import signal
 import subprocess
 import sys
+import time
 
 import netns
 
@@ -18,8 +20,9 @@ LAN = """<CycloneDDS><Domain id="any"><General><Interfaces><NetworkInterface nam
 </CycloneDDS>"""
 
 
+@functools.cache
 def make_lan() -> None:
-    """A network card in this namespace: ros2-client does not talk over loopback."""
+    """A network card in this namespace, once: ros2-client does not talk over loopback."""
     for command in ("link add lan0 type veth peer name lan1", "addr add 10.88.0.1/24 dev lan0", "link set lan0 up",
                     "link set lan1 up", "route add 224.0.0.0/4 dev lan0"):
         subprocess.run(["ip", *command.split()], check=True)
@@ -52,10 +55,12 @@ class Peer:
             self.lines.extend(whole)
         return json.loads(self.lines.popleft())
 
-    def lines_until(self, key: str) -> list:
-        """Up to and with the first that has the key."""
+    def lines_until(self, key: str, within_s: float = 300) -> list:
+        """Up to and with the first that has the key; fails where it has not come after `within_s`."""
+        deadline = time.monotonic() + within_s
         lines = [self.line()]
         while key not in lines[-1]:
+            assert time.monotonic() < deadline, f"{self.process.args}: no {key} within {within_s} s; last {lines[-3:]}"
             lines.append(self.line())
         return lines
 

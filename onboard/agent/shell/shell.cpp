@@ -245,7 +245,7 @@ Status AgentShell::write_summary() {
   counters_.mocap_lost = mocap_lost_;
   for (const Mocap& mocap : mocap_) {
     const dds::Refused refused = mocap.subscriber->refused();
-    counters_.mocap_lost += refused.malformed + refused.too_long;
+    counters_.mocap_lost += refused.total();
   }
   if (trace_) {
     if (auto status = trace_->flush(); !status) return status;

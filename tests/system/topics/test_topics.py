@@ -205,17 +205,23 @@ def test_a_stranger_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
     assert_nothing_left()
 
 
-def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, monkeypatch):
+@pytest.mark.parametrize("ledger", ["embedded", "fabric"])
+def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, monkeypatch, ledger):
     """By ros2-client: takes off, flies straight ahead, is silent, lands."""
+    if ledger == "fabric":
+        needs_fabric()
     if missing := peers.why_missing("ros2-client"):
         pytest.skip(missing)
     peers.make_lan()
     monkeypatch.setenv("CYCLONEDDS_URI", peers.LAN)
     forward_mps, seconds = 0.4, 3
     neighbour = Neighbour(cyclone_config=peers.LAN)
-    flight = fly(tmp_path, "--shape", "manual", "--seconds", LONGEST_S, "--domains", f"{DRONES},{GROUND}")
+    flight = fly(tmp_path, "--shape", "manual", "--seconds", LONGEST_S, "--ledger", ledger, "--domains", f"{DRONES},{GROUND}")
     pilot = peers.pilot(GROUND, "tello1", forward_mps, seconds)
-    said = pilot.lines_until("landed")
+    try:
+        said = pilot.lines_until("landed")
+    except AssertionError as why:
+        raise AssertionError(f"{why}\n{printed(tmp_path)}") from why
     neighbour.assert_ground_is_not_here()
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == 0, printed(tmp_path)
@@ -230,7 +236,8 @@ def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, mon
     there = truth_at(begun["land"])
     dx, dy = there[0] - x, there[1] - y
     ahead, aside = dx * math.cos(nose) + dy * math.sin(nose), -dx * math.sin(nose) + dy * math.cos(nose)
-    print(f"ros2-client: {ahead:.2f} m ahead, {aside:.2f} m aside, of {forward_mps} m/s for {seconds} s")
+    print(f"ros2-client: {ahead:.2f} m ahead, {aside:.2f} m aside, of {forward_mps} m/s for {seconds} s; "
+          f"pressed again: {[line['unanswered'] for line in said if 'unanswered' in line]}")
     assert 0.7 < ahead / (forward_mps * seconds) < 1.3 and abs(aside) < 0.3, (ahead, aside)
     assert_hover_was_commanded(tmp_path, begun["silence"], begun["land"])
     assert math.dist(truth_at(begun["land"] - 1)[:2], there[:2]) < 0.3, "a pilot who is silent leaves a drone that stands"

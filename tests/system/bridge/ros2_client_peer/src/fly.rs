@@ -6,7 +6,9 @@ use ros2_client::{MessageTypeName, Name, Node, Publisher, Subscription};
 use serde::{de::DeserializeOwned, Deserialize, Serialize};
 use smol::Timer;
 use std::cell::Cell;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+const PATIENCE: Duration = Duration::from_secs(60); // no limit on speed: only how long a broken flight may take
 
 #[derive(Debug, Serialize)]
 struct Empty {
@@ -89,6 +91,30 @@ fn subscription<M: DeserializeOwned + 'static>(node: &mut Node, name: &str, pack
     node.create_subscription(&topic.expect("topic"), None).expect("subscription")
 }
 
+/// Whether it came to hold within that time.
+async fn until(holds: impl Fn() -> bool, patience: Duration) -> bool {
+    let end = Instant::now() + patience;
+    while !holds() {
+        if Instant::now() > end {
+            return false;
+        }
+        Timer::after(Duration::from_millis(20)).await;
+    }
+    true
+}
+
+/// Again where nothing happens, as people do: a reader that found us late has heard nothing of the first time.
+async fn press(button: &Publisher<Empty>, word: &str, done: impl Fn() -> bool) {
+    for _ in 0..5 {
+        button.async_publish(Empty { structure_needs_at_least_one_member: 0 }).await.expect("publish");
+        if until(&done, Duration::from_secs(12)).await {
+            return;
+        }
+        say(&format!(r#"{{"unanswered":"{word}"}}"#));
+    }
+    panic!("no answer to {word}");
+}
+
 pub async fn fly(node: &mut Node, drone: &str, forward_mps: f64, flying: Duration) {
     let takeoff = publisher::<Empty>(node, &format!("/{drone}/takeoff"), "std_msgs", "Empty");
     let land = publisher::<Empty>(node, &format!("/{drone}/land"), "std_msgs", "Empty");
@@ -105,23 +131,21 @@ pub async fn fly(node: &mut Node, drone: &str, forward_mps: f64, flying: Duratio
             say_odometry(&o);
         }
     };
-    let until = |holds: fn((f64, f64)) -> bool| {
-        let newest = &newest;
-        async move {
-            while !holds(newest.get()) {
-                Timer::after(Duration::from_millis(20)).await;
-            }
-        }
-    };
-    let empty = || Empty { structure_needs_at_least_one_member: 0 };
+    let height = || newest.get().0;
     let pilot = async {
-        takeoff.wait_for_subscription(node).await;
-        land.wait_for_subscription(node).await;
-        cmd_vel.wait_for_subscription(node).await;
+        // wait_for_subscription() would wait for ever where the reader was found between its look and its listening, and
+        // events of a busy node are dropped: who is not found by then is pressed for all the same.
+        let found = || {
+            let buttons = [&takeoff, &land].iter().all(|button| button.get_subscription_count(node) > 0);
+            buttons && cmd_vel.get_subscription_count(node) > 0
+        };
+        if !until(found, Duration::from_secs(20)).await {
+            say(r#"{"unanswered":"discovery"}"#);
+        }
         Timer::after(Duration::from_secs(1)).await; // they have yet to find us, and hear nothing from before that
         say_begin("takeoff");
-        takeoff.async_publish(empty()).await.expect("publish");
-        until(|(height, climb)| height > 0.5 && climb.abs() < 0.05).await;
+        press(&takeoff, "takeoff", || height() > 0.15).await;
+        assert!(until(|| height() > 0.5 && newest.get().1.abs() < 0.05, PATIENCE).await, "no hover");
 
         say_begin("cmd_vel");
         let ahead = Twist { linear: Vector3 { x: forward_mps, ..ZERO }, angular: ZERO };
@@ -132,8 +156,7 @@ pub async fn fly(node: &mut Node, drone: &str, forward_mps: f64, flying: Duratio
         say_begin("silence");
         Timer::after(Duration::from_secs(3)).await;
         say_begin("land");
-        land.async_publish(empty()).await.expect("publish");
-        until(|(height, _)| height < 0.15).await;
+        press(&land, "land", || height() < 0.15).await;
     };
     pin_mut!(hear, pilot);
     future::select(pilot, hear).await;
