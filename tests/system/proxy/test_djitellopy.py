@@ -51,8 +51,8 @@ def test_it_flies_with_and_without_delay_loss_reordering_and_duplicates(sky):
         # rc is never answered, so what is lost of it and of the state is not asked for again. Both go by the proxy's seed.
         tell(proxy.socket, "drone tello1 to delay 200ms, loss 5%, reorder 10% 60ms, duplicate 10% 30ms")
         tell(proxy.socket, "drone tello1 state delay 200ms, loss 5%, reorder 10% 150ms, duplicate 10% 120ms")
-        steer(tello, 0, 40, 2)
-        steer(tello, 0, -40, 2)
+        steer(tello, 0, 40, 1.5)
+        steer(tello, 0, -40, 1.5)
         steer(tello, 0, 0, 0.5)
         assert tello.get_height() == 100
         tell(proxy.socket, "clear")

@@ -38,10 +38,10 @@ def test_a_flight_through_delays_loss_and_duplicates_holds_while_ground_is_stall
     script = tmp_path / "faults.toml"
     drone = "drone tello1 both delay 10ms, jitter uniform 0ms 10ms, loss 2%, duplicate 10% 5ms, reorder 5% 20ms"
     script.write_text(f'[[fault]]\nat_s = 0\ndo = "{drone}"\n[[fault]]\nat_s = 0\ndo = "server * both delay 10ms"\n')
-    flight = fly(tmp_path, "--proxy", "--faults", str(script), "--laps", "1", "--speed", "0.7", "--storage", "tmpfs")
-    wait_for_path(tmp_path, flight, 20)
+    flight = fly(tmp_path, "--proxy", "--faults", str(script), "--laps", "1", "--speed", "1.0", "--storage", "tmpfs")
+    wait_for_path(tmp_path, flight, 10)
     tell(tmp_path / "run" / "faults.sock", "server ground both stall")
-    time.sleep(2)
+    time.sleep(1.5)
     tell(tmp_path / "run" / "faults.sock", "server ground both stall off")
     assert flight.wait(PATIENCE_S) == 0, printed(tmp_path)
     report = result(tmp_path)
