@@ -48,6 +48,7 @@ struct World::State {
   dJointGroupID contacts = nullptr;
   std::vector<Drone> drones;
   std::uint64_t steps = 0;
+  Vector steady_wind = Vector::Zero();
 
   void gusts();
   void forces(Drone& drone) const;
@@ -110,6 +111,8 @@ void World::kick(int drone, const Vector& velocity) {
   dBodySetLinearVel(body, v.x(), v.y(), v.z());
 }
 
+void World::set_wind(const Vector& velocity) { state_->steady_wind = velocity; }
+
 void World::State::gusts() {
   const double dt = steps_per_gust * step_s;
   const double keep = std::exp(-dt / p.wind.gust_s);
@@ -137,7 +140,7 @@ void World::State::forces(Drone& drone) const {
   }
   if (!dBodyIsEnabled(drone.body)) return;
 
-  const Vector through_air = drone.seen.velocity - drone.wind;
+  const Vector through_air = drone.seen.velocity - drone.wind - steady_wind;
   const Vector drag = -b.mass_kg * Vector(b.drag_xy_per_s * through_air.x(), b.drag_xy_per_s * through_air.y(),
                                           b.drag_z_per_s * through_air.z());
   // Wind pushes what flies; what stands with its motors off is held by the ground.
