@@ -12,7 +12,7 @@ constexpr TimeNs stale_period_ns = 20 * ns_per_ms;
 }  // namespace
 
 LedgerPort::LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed)
-    : ledger_(ledger), client_(ledger.add_client(name)), seeds_(seed) {}
+    : ledger_(ledger), client_(ledger.add_client(name)), draws_to_(seed), draws_from_(~seed) {}
 
 // TCP keeps the order, whatever each piece is delayed by.
 TimeNs LedgerPort::in_order(TimeNs due_ns, TimeNs& last_ns) {
@@ -30,7 +30,7 @@ void LedgerPort::submit(TimeNs now, std::uint64_t id, fabric::Call call) {
     end({number, outcome});
     return;
   }
-  to_.push_back({in_order(now + (delay_to_ ? delay_to_->next() : 0), last_to_ns_), number, std::move(call)});
+  to_.push_back({in_order(now + (delay_to_ ? draws_to_.next(*delay_to_) : 0), last_to_ns_), number, std::move(call)});
 }
 
 void LedgerPort::end(const VirtualLedger::Ended& ended) {
@@ -98,12 +98,12 @@ void LedgerPort::step(TimeNs now) {
   for (auto& ended : ledger_.take_outcomes(now, client_)) {
     // An answer to a broken connection is lost; the call ended with it.
     if (connected) {
-      const TimeNs due_ns = in_order(now + (delay_from_ ? delay_from_->next() : 0), last_from_ns_);
+      const TimeNs due_ns = in_order(now + (delay_from_ ? draws_from_.next(*delay_from_) : 0), last_from_ns_);
       outcomes_.emplace_back(due_ns, std::move(ended));
     }
   }
   for (auto& block : ledger_.take_blocks(now, client_)) {
-    const TimeNs due_ns = in_order(now + (delay_from_ ? delay_from_->next() : 0), last_from_ns_);
+    const TimeNs due_ns = in_order(now + (delay_from_ ? draws_from_.next(*delay_from_) : 0), last_from_ns_);
     blocks_.emplace_back(due_ns, std::move(block));
   }
   if (connected && !stalled_from_) {

@@ -37,8 +37,8 @@ class LedgerPort {
   void forget();
 
   // Faults.
-  void delay_to(std::optional<Draws> draws) { delay_to_ = std::move(draws); }
-  void delay_from(std::optional<Draws> draws) { delay_from_ = std::move(draws); }
+  void delay_to(std::optional<Distribution> delay) { delay_to_ = std::move(delay); }
+  void delay_from(std::optional<Distribution> delay) { delay_from_ = std::move(delay); }
   void stall_to(bool stalled) { stalled_to_ = stalled; }
   void stall_from(bool stalled) { stalled_from_ = stalled; }
   /// The connection breaks and cannot be made anew: what is under way ends as unavailable, so does what is submitted.
@@ -66,8 +66,8 @@ class LedgerPort {
 
   VirtualLedger& ledger_;
   VirtualLedger::Client client_;
-  Random seeds_;
-  std::optional<Draws> delay_to_, delay_from_;
+  Draws draws_to_, draws_from_;
+  std::optional<Distribution> delay_to_, delay_from_;
   bool stalled_to_ = false, stalled_from_ = false, cut_ = false, stale_ = false;
   TimeNs last_to_ns_ = 0, last_from_ns_ = 0, connect_at_ns_ = 0, next_stale_ns_ = 0;
   std::optional<bool> connection_;

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
+#include <cassert>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -364,12 +364,21 @@ void VirtualWorld::stop_drone(std::size_t drone, bool cut) {
 }
 
 void VirtualWorld::impair(LineAt at, std::size_t drone, const Impairment& impairment) {
-  [[maybe_unused]] const Status set = wires_->drones[drone].lines[static_cast<std::size_t>(at)].set(impairment);
+  Line& line = wires_->drones[drone].lines[static_cast<std::size_t>(at)];
+  if (text_of(line.impairment()) == text_of(impairment)) return;
+  [[maybe_unused]] const Status set = line.set(impairment);
   assert(set.ok());  // datagrams take every effect
 }
 
 void VirtualWorld::set_sensor_faults(std::size_t drone, std::vector<SensorFault> faults) {
-  wires_->drones[drone].sensors = std::move(faults);
+  std::vector<SensorFault>& known = wires_->drones[drone].sensors;
+  for (SensorFault& fault : faults) {
+    const auto before = std::find_if(known.begin(), known.end(), [&](const SensorFault& k) {
+      return k.kind == fault.kind && k.field == fault.field;
+    });
+    if (before != known.end()) fault = *before;  // what goes on remembers what it said
+  }
+  known = std::move(faults);
 }
 
 void VirtualWorld::set_mocap_fault(std::size_t drone, const MocapFault& fault) {
