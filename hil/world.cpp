@@ -643,7 +643,7 @@ void VirtualWorld::deliver_to_drones() {
 }
 
 void VirtualWorld::look() {
-  bool quiet = ground_done() && (!agent_ || !agent_->anything_under_way());
+  bool quiet = ground_done();
   for (std::size_t i = 0; i < facts_.size(); ++i) {
     DroneFacts& facts = facts_[i];
     facts.truth = sim_.truth(facts.number);

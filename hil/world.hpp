@@ -113,7 +113,7 @@ class VirtualWorld {
   /// Of the last step, and what was done to the world before it.
   const std::vector<WorldEvent>& events() const { return events_; }
 
-  /// Ground has ended, every drone is on the ground and known to be, and nothing is under way to the ledger.
+  /// Ground has ended, and every drone is on the ground and known to be, for half a second.
   bool over() const;
   bool ground_done() const { return !ground_ || ground_->done(); }
   bool ok() const { return ground_ && ground_->ok(); }

@@ -44,6 +44,7 @@ struct World::State {
   Parameters p;
   Random random;
   dWorldID world = nullptr;
+  dThreadingImplementationID threading = nullptr;
   dGeomID ground = nullptr;
   dJointGroupID contacts = nullptr;
   std::vector<Drone> drones;
@@ -61,6 +62,9 @@ World::World(const Parameters& parameters) : state_(std::make_unique<State>(para
   start_ode();
   State& s = *state_;
   s.world = dWorldCreate();
+  // Its own: ODE's default one is shared by all worlds, which then must not step at once.
+  s.threading = dThreadingAllocateSelfThreadedImplementation();
+  dWorldSetStepThreadingImplementation(s.world, dThreadingImplementationGetFunctions(s.threading), s.threading);
   dWorldSetGravity(s.world, 0, 0, -gravity_mps2);
   dWorldSetERP(s.world, 0.2);
   dWorldSetCFM(s.world, 1e-6);
@@ -92,6 +96,7 @@ World::~World() {
   dGeomDestroy(state_->ground);
   dJointGroupDestroy(state_->contacts);
   dWorldDestroy(state_->world);
+  dThreadingFreeImplementation(state_->threading);
 }
 
 int World::size() const { return static_cast<int>(state_->drones.size()); }
