@@ -34,6 +34,7 @@ json to_json(const Fusion::Counters& c) {
           {"not_finite", c.not_finite},
           {"not_newer", c.not_newer},
           {"outliers", c.outliers},
+          {"frozen", c.frozen},
           {"resets", c.resets}};
 }
 
