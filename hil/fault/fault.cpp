@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "hil/sensor_text.hpp"
 #include "hil/words.hpp"
@@ -199,7 +200,43 @@ Status parse_ledger(Fault& fault, const Words& words) {
   return allowed(fault.text, usage);
 }
 
-Status parse_other(Fault& fault, const Words& words) {
+// What the real processes alone have; nothing: it is none of that.
+std::optional<Status> parse_real(Fault& fault, const Words& words) {
+  const std::string_view name = words[0];
+  if (name == "disk") return allowed(fault.text, "a full disk is not built: the node's tests have it");
+  if (name == "roudi") {
+    fault.what = What::kill_roudi;
+    if (words.size() == 2 && words[1] == "kill") return done;
+    return allowed(fault.text, "must be `roudi kill`");
+  }
+  if (name == "cpu") {
+    fault.what = What::burn;
+    const auto core = words.size() == 3 && words[2] == "burn" ? parse_number(words[1]) : std::nullopt;
+    fault.value = core.value_or(-1);
+    if (core && *core >= 0 && *core < 1024 && *core == std::floor(*core)) return done;
+    return allowed(fault.text, "must be `cpu N burn`, N being a core from 0 on");
+  }
+  if (name == "memory") {
+    fault.what = What::take_memory;
+    const bool size = words.size() == 3 && words[1] == "take" && words[2].ends_with("MB");
+    const auto megabytes = size ? parse_number(words[2].substr(0, words[2].size() - 2)) : std::nullopt;
+    fault.value = megabytes.value_or(0) * 1e6;
+    if (megabytes && *megabytes >= 1 && *megabytes <= 1e6) return done;
+    return allowed(fault.text, "must be `memory take 500MB`, with at least 1MB");
+  }
+  for (const auto& [part, most] : {std::pair("peer", 3), std::pair("orderer", 3), std::pair("chaincode", 3)}) {
+    if (name != part) continue;
+    fault.what = What::kill_part;
+    const auto number = words.size() == 3 && words[2] == "kill" ? parse_number(words[1]) : std::nullopt;
+    if (!number || *number < 1 || *number > most || *number != std::floor(*number))
+      return allowed(fault.text, fmt::format("must be `{} N kill`, N from 1 to {}", part, most));
+    fault.part = fmt::format("{}{:.0f}", part, *number);
+    return done;
+  }
+  return std::nullopt;
+}
+
+Status parse_other(Fault& fault, const Words& words, bool real) {
   if (words[0] == "wind") {
     const auto v = vector_of(words, 1);
     if (!v) return allowed(fault.text, "wind must be followed by three velocities in m/s");
@@ -230,10 +267,14 @@ Status parse_other(Fault& fault, const Words& words) {
     fault.value = words[1] == "cut" ? 1 : 0;
     return done;
   }
-  for (const std::string_view real : {"peer", "orderer", "chaincode", "cpu", "memory", "disk", "roudi"}) {
-    if (words[0] == real)
-      return allowed(fault.text, fmt::format("{} is not there in virtual time: such a fault needs the real processes",
-                                             real));
+  if (real) {
+    if (const auto parsed = parse_real(fault, words)) return *parsed;
+  }
+  for (const std::string_view part : {"peer", "orderer", "chaincode", "cpu", "memory", "disk", "roudi"}) {
+    if (words[0] == part)
+      return allowed(fault.text, fmt::format("{} is not there in virtual time: such a fault needs the real processes "
+                                             "(--real)",
+                                             part));
   }
   return allowed(fault.text,
                  "must begin with drone, sensor, mocap, wind, ledger, agent, link, ground, clock or operator");
@@ -311,10 +352,11 @@ Result<Trigger> parse_trigger(std::string_view text) {
 
 bool Fault::momentary() const {
   return what == What::reboot || what == What::battery || what == What::kick || what == What::propeller ||
-         what == What::ledger_restart || what == What::clock_jump || what == What::stop_drone;
+         what == What::ledger_restart || what == What::clock_jump || what == What::stop_drone ||
+         what == What::kill_part || what == What::kill_roudi;
 }
 
-Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration) {
+Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration, bool real) {
   Fault fault;
   fault.text = trimmed(text);
   const Words words = words_of(fault.text);
@@ -323,7 +365,7 @@ Result<Fault> parse_fault(std::string_view text, std::string_view at, std::strin
                   : words[0] == "sensor" ? parse_sensor(fault, words)
                   : words[0] == "mocap"  ? parse_mocap(fault, words)
                   : words[0] == "ledger" ? parse_ledger(fault, words)
-                                         : parse_other(fault, words);
+                                         : parse_other(fault, words, real);
   if (!parsed) return parsed.error();
   if (!at.empty()) {
     auto trigger = parse_trigger(at);

@@ -48,6 +48,10 @@ struct Fault {
     stop,
     clock_jump,
     stop_drone,
+    kill_part,    // with the real processes alone, as what follows
+    kill_roudi,
+    burn,         // computing on a core
+    take_memory,
   };
   std::string text;
   std::string at = "path";  ///< as written
@@ -63,7 +67,8 @@ struct Fault {
   bool to = false, from = false; ///< ledger_delay, ledger_hold
   std::optional<Distribution> delay;
   std::array<double, 3> vector{};  ///< mocap_offset, kick, wind
-  double value = 0;                ///< battery, drain [0..1], mocap_noise [m], stop_drone (1: cut)
+  double value = 0;  ///< battery, drain [0..1], mocap_noise [m], stop_drone (1: cut), burn (core), take_memory [bytes]
+  std::string part{};              ///< kill_part: of Fabric's network, "peer1"
   TimeNs time_ns = 0;              ///< clock_jump, mocap_every
 
   /// Whether it is over by itself as soon as it began.
@@ -72,7 +77,8 @@ struct Fault {
 
 /// `text` as in the class comment; what cannot be done in virtual time is refused with the reason, as is what a
 /// connection cannot have. `for` and `at` are texts too; an empty `for` means until the end.
-Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration);
+/// `real`: for a flight with the real processes, which has some faults more.
+Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration, bool real = false);
 
 /// Brings faults into a world when their moment comes, and takes them out again. One thread.
 class FaultSchedule {

@@ -4,12 +4,15 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
 #include "common/rt/clock.hpp"
 #include "common/rt/log.hpp"
 #include "hil/fault/campaign.hpp"
+#include "hil/fault/real.hpp"
+#include "hil/fault/replay.hpp"
 
 namespace {
 
@@ -18,6 +21,7 @@ using namespace ledgerline::hil;
 namespace fs = std::filesystem;
 
 constexpr int exit_broken = 1, exit_usage = 2;
+constexpr double agree_within_m = 0.1;  // of the real processes and the virtual run of a script without faults
 constexpr std::size_t most_kept = 200;  // results for the files; broken ones first
 
 struct Options {
@@ -25,6 +29,8 @@ struct Options {
   unsigned jobs = 1;
   std::string json, junit, html, out;
   bool quiet = false;
+  bool real = false;
+  std::string ledger = "embedded";  // of --real
 };
 
 bool write(const std::string& path, const std::string& text) {
@@ -95,6 +101,50 @@ int files_and_code(const Options& options, std::vector<RunResult>& kept, std::si
   return failed || broken > 0 || !written ? exit_broken : 0;
 }
 
+/// The real processes, one flight after another; where nothing goes wrong the virtual run of the same script must
+/// agree.
+int run_all_really(const std::vector<Script>& scripts, std::pair<std::uint64_t, std::uint64_t> seeds,
+                   const Options& options) {
+  const char* elsewhere = std::getenv("LEDGERLINE_BIN");  // as for ledgerline-fly
+  std::error_code error;
+  const fs::path own = fs::read_symlink("/proc/self/exe", error).parent_path();
+  for (const Script& script : scripts) {  // before any of them flies
+    if (const auto possible = check_real(script, {options.ledger == "fabric"}); !possible) {
+      fmt::print(stderr, "{}\n", possible.error().what);
+      return exit_usage;
+    }
+  }
+  Teller teller(scripts.size() * (seeds.second - seeds.first + 1), options.quiet);
+  std::vector<RunResult> kept;
+  bool failed = false;
+  for (const Script& script : scripts) {
+    for (std::uint64_t seed = seeds.first; seed <= seeds.second; ++seed) {
+      const std::string directory = fmt::format("{}/{}-{}", fs::absolute(options.out).string(), script.name, seed);
+      auto result =
+          run_really(script, seed, {elsewhere ? elsewhere : own.string(), directory, {options.ledger == "fabric"}});
+      if (!result) {
+        spdlog::error("{}: {}", script.name, result.error().what);
+        failed = true;
+        continue;
+      }
+      teller.told(*result);
+      if (script.faults.empty()) {
+        const auto virtually = run_script(script, seed);
+        const Agreement agreement = virtually ? compare(*result, *virtually) : Agreement{false, 0, "no virtual run"};
+        const bool agrees = agreement.same_transitions && agreement.farthest_m <= agree_within_m;
+        failed = failed || !agrees;
+        fmt::print("{} its virtual run: {} transitions, places within {:.3f} m ({:.1f} m may be){}\n",
+                   agrees ? "agrees with" : "DIFFERS from", agreement.same_transitions ? "the same" : "other",
+                   agreement.farthest_m, agree_within_m,
+                   agreement.difference.empty() ? "" : "\n  " + agreement.difference);
+      }
+      keep(kept, std::move(*result));
+    }
+  }
+  teller.end();
+  return files_and_code(options, kept, teller.broken(), failed);
+}
+
 int run(const std::vector<std::string>& paths, const Options& options) {
   std::vector<std::string> files;
   for (const std::string& path : paths) {
@@ -109,7 +159,7 @@ int run(const std::vector<std::string>& paths, const Options& options) {
   std::sort(files.begin(), files.end());
   std::vector<Script> scripts;
   for (const std::string& file : files) {
-    auto script = load_script(file);
+    auto script = load_script(file, options.real);
     if (!script) {
       fmt::print(stderr, "{}\n", script.error().what);
       return exit_usage;
@@ -121,13 +171,16 @@ int run(const std::vector<std::string>& paths, const Options& options) {
     fmt::print(stderr, "{}\n", seeds.error().what);
     return exit_usage;
   }
+  if (options.real) return run_all_really(scripts, *seeds, options);
   const std::size_t each = seeds->second - seeds->first + 1;
   Teller teller(scripts.size() * each, options.quiet);
   std::vector<RunResult> kept;
   bool failed = false;
   fly_all(
       scripts.size() * each, options.jobs,
-      [&](std::size_t i) { return Flight{scripts[i / each], seeds->first + i % each}; },
+      [&](std::size_t i) {
+        return Flight{scripts[i / each], seeds->first + i % each};
+      },
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (!result) {
           spdlog::error("{}: {}", flight.script.name, result.error().what);
@@ -217,7 +270,18 @@ int main(int argc, char** argv) {
   runs->add_option("SCRIPT", paths, "files or folders")->required()->check(CLI::ExistingPath);
   runs->add_flag("--quiet", options.quiet, "say broken runs only");
   common(runs);
-  auto* randoms = app.add_subcommand("random", "Flies scripts drawn at random, number FIRST to LAST; shrinks what breaks");
+  auto* real =
+      runs->add_flag("--real", options.real,
+                     "with the real processes, in real time, one flight after another (./fly --proxy); a script "
+                     "without faults must agree with its virtual run");
+  runs->add_option("--ledger", options.ledger, "of --real")
+      ->needs(real)
+      ->check(CLI::IsMember({"embedded", "fabric"}))
+      ->capture_default_str();
+  auto* out =
+      runs->add_option("--out", options.out, "of --real: folder for what each flight leaves behind")->needs(real);
+  auto* randoms =
+      app.add_subcommand("random", "Flies scripts drawn at random, number FIRST to LAST; shrinks what breaks");
   common(randoms);
   randoms->add_option("--out", options.out, "folder for the shortest scripts that break");
   bool shrinks = true;
@@ -226,6 +290,10 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : exit_usage;
+  }
+  if (options.real && (out->count() == 0 || options.jobs != 1)) {
+    fmt::print(stderr, "--real goes with --out FOLDER, and without --jobs: there is one flight at a time\n");
+    return exit_usage;
   }
   return runs->parsed() ? run(paths, options) : random(options, shrinks);
 }

@@ -37,7 +37,7 @@ TimeNs duration(Config& config, const std::string& key, TimeNs otherwise, TimeNs
 
 }  // namespace
 
-Result<Script> parse_script(std::string_view toml, const std::string& file) {
+Result<Script> parse_script(std::string_view toml, const std::string& file, bool real) {
   auto parsed = Config::parse(toml, file);
   if (!parsed) return parsed.error();
   Config& config = *parsed;
@@ -66,10 +66,10 @@ Result<Script> parse_script(std::string_view toml, const std::string& file) {
     const std::string what = config.text(key + "what"), at = config.text(key + "at", "path"),
                       lasts = config.text(key + "for", "");
     if (what.empty()) continue;
-    auto fault = parse_fault(what, at, lasts);
+    auto fault = parse_fault(what, at, lasts, real);
     if (!fault) {
       // Which of the three it is: the one that is wrong alone.
-      const std::string wrong = !parse_fault(what, "", "") ? "what" : !parse_trigger(at) ? "at" : "for";
+      const std::string wrong = !parse_fault(what, "", "", real) ? "what" : !parse_trigger(at) ? "at" : "for";
       config.wrong(key + wrong, fault.error().what);
       continue;
     }
@@ -95,10 +95,10 @@ Result<Script> parse_script(std::string_view toml, const std::string& file) {
   return script;
 }
 
-Result<Script> load_script(const std::string& path) {
+Result<Script> load_script(const std::string& path, bool real) {
   const auto text = read_file(path);
   if (!text) return text.error();
-  return parse_script(*text, path);
+  return parse_script(*text, path, real);
 }
 
 std::string text_of(const Script& script) {

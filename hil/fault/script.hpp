@@ -20,8 +20,9 @@ struct Script {
 };
 
 /// An error is all that is wrong, each as "FILE:LINE: key: what is wrong, what is allowed".
-Result<Script> parse_script(std::string_view toml, const std::string& file);
-Result<Script> load_script(const std::string& path);
+/// `real`: for a flight with the real processes (hil/fault/real_script.hpp).
+Result<Script> parse_script(std::string_view toml, const std::string& file, bool real = false);
+Result<Script> load_script(const std::string& path, bool real = false);
 /// What parse_script() reads as the same again.
 std::string text_of(const Script& script);
 
