@@ -127,7 +127,9 @@ int run(const std::vector<std::string>& paths, const Options& options) {
   bool failed = false;
   fly_all(
       scripts.size() * each, options.jobs,
-      [&](std::size_t i) { return Flight{scripts[i / each], seeds->first + i % each}; },
+      [&](std::size_t i) {
+        return Flight{scripts[i / each], seeds->first + i % each};
+      },
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (!result) {
           spdlog::error("{}: {}", flight.script.name, result.error().what);
@@ -217,7 +219,8 @@ int main(int argc, char** argv) {
   runs->add_option("SCRIPT", paths, "files or folders")->required()->check(CLI::ExistingPath);
   runs->add_flag("--quiet", options.quiet, "say broken runs only");
   common(runs);
-  auto* randoms = app.add_subcommand("random", "Flies scripts drawn at random, number FIRST to LAST; shrinks what breaks");
+  auto* randoms =
+      app.add_subcommand("random", "Flies scripts drawn at random, number FIRST to LAST; shrinks what breaks");
   common(randoms);
   randoms->add_option("--out", options.out, "folder for the shortest scripts that break");
   bool shrinks = true;

@@ -32,9 +32,9 @@ struct RunResult {
   std::string why;
   crypto::Digest digest{};
   std::uint64_t blocks = 0, transactions = 0;
-  std::vector<WorldEvent> events;                     ///< without `applied`; at most most_events
+  std::vector<WorldEvent> events;  ///< without `applied`; at most most_events
   std::vector<std::string> drones;
-  std::vector<std::vector<TimelinePoint>> timeline;   ///< by drone, every 50 ms
+  std::vector<std::vector<TimelinePoint>> timeline;  ///< by drone, every 50 ms
   std::array<double, 2> fence_min_m{}, fence_max_m{};
 };
 inline constexpr std::size_t most_events = 5'000;
