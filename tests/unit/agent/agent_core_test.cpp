@@ -55,7 +55,7 @@ class AgentCoreTest : public ::testing::Test {
   }
 
   void hear_poses(TimeNs now) {
-    for (const DroneNumber drone : {1, 2}) core_.on_mocap(now, drone, {.stamp_ns = now}, out_);
+    for (DroneNumber drone = 1; drone <= 2; ++drone) core_.on_mocap(now, drone, {.stamp_ns = now}, out_);
   }
 
   std::size_t traces(TraceKind kind) const {
