@@ -72,12 +72,12 @@ class LedgerPort {
   TimeNs last_to_ns_ = 0, last_from_ns_ = 0, connect_at_ns_ = 0, next_stale_ns_ = 0;
   std::optional<bool> connection_;
 
-  std::uint64_t next_call_ = 1;                                             ///< as the ledger knows calls
-  std::map<std::uint64_t, std::pair<std::uint64_t, TimeNs>> open_;          ///< by call: the caller's id, the deadline
+  std::uint64_t next_call_ = 1;                                     ///< as the ledger knows calls
+  std::map<std::uint64_t, std::pair<std::uint64_t, TimeNs>> open_;  ///< by call: the caller's id, the deadline
   std::deque<Waiting> to_;
-  std::deque<std::pair<TimeNs, VirtualLedger::Ended>> outcomes_;            ///< on their way back
+  std::deque<std::pair<TimeNs, VirtualLedger::Ended>> outcomes_;  ///< on their way back
   std::deque<std::pair<TimeNs, fabric::Block>> blocks_;
-  std::deque<fabric::Block> newest_;                                        ///< that came, for `stale`
+  std::deque<fabric::Block> newest_;  ///< that came, for `stale`
   std::vector<fabric::Block> arrived_blocks_;
   std::vector<VirtualLedger::Ended> arrived_outcomes_;
   std::vector<std::string> acknowledged_;

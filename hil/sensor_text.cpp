@@ -12,9 +12,10 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr std::array<std::string_view, 16> fields{"pitch", "roll", "yaw",  "vgx",  "vgy", "vgz", "templ", "temph",
-                                                  "tof",   "h",    "bat",  "baro", "time", "agx", "agy",   "agz"};
-constexpr std::array<std::string_view, 8> nonsense{"", "nan", "-", "99999999999999999999", "1e300", "0x10", "12;", "\xff\x00"};
+constexpr std::array<std::string_view, 16> fields{"pitch", "roll", "yaw", "vgx",  "vgy",  "vgz", "templ", "temph",
+                                                  "tof",   "h",    "bat", "baro", "time", "agx", "agy",   "agz"};
+constexpr std::array<std::string_view, 8> nonsense{"",      "nan",  "-",   "99999999999999999999",
+                                                   "1e300", "0x10", "12;", "\xff\x00"};
 
 // Where the value of a field is; npos: it is not there.
 std::pair<std::size_t, std::size_t> place_of(const std::string& text, const std::string& field) {
@@ -28,9 +29,7 @@ std::pair<std::size_t, std::size_t> place_of(const std::string& text, const std:
 
 }  // namespace
 
-bool known_field(const std::string& field) {
-  return std::find(fields.begin(), fields.end(), field) != fields.end();
-}
+bool known_field(const std::string& field) { return std::find(fields.begin(), fields.end(), field) != fields.end(); }
 
 bool misreport(TimeNs now, SensorFault& fault, Random& random, std::string& text) {
   if (fault.kind == SensorFault::Kind::every) {
@@ -38,8 +37,8 @@ bool misreport(TimeNs now, SensorFault& fault, Random& random, std::string& text
     fault.next_ns = now + fault.period_ns;
     return true;
   }
-  const auto [at, size] = fault.field.empty() ? std::pair<std::size_t, std::size_t>(0, text.size())
-                                              : place_of(text, fault.field);
+  const auto [at, size] =
+      fault.field.empty() ? std::pair<std::size_t, std::size_t>(0, text.size()) : place_of(text, fault.field);
   if (at == std::string::npos) return true;
   const std::string said = text.substr(at, size);
   std::string wrong = said;

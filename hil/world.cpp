@@ -24,8 +24,8 @@ constexpr std::int64_t real_epoch_s = 1'767'225'600;
 constexpr sim::Endpoint link_endpoint{0x7F000001, 40000};
 constexpr double rc_full_mps = 1.0;
 
-// Lengths of iceoryx's queues (onboard/ipc/ipc.cpp), where the oldest goes, and of the agent's ring for mocap, where the
-// newest goes; what a socket of 208 kB holds of datagrams of this size.
+// Lengths of iceoryx's queues (onboard/ipc/ipc.cpp), where the oldest goes, and of the agent's ring for mocap, where
+// the newest goes; what a socket of 208 kB holds of datagrams of this size.
 constexpr std::size_t plan_queue = 128, pose_queue = 256, beat_queue = 8, state_queue = 256, transition_queue = 256;
 constexpr std::size_t mocap_ring = 64, socket_queue = 256;
 
@@ -311,10 +311,7 @@ void VirtualWorld::kill(Process process) {
       operator_.forget();
       break;
   }
-  note(WorldEvent::Kind::ended, 0,
-       process == Process::agent  ? "agent"
-       : process == Process::link ? "link"
-                                  : "ground");
+  note(WorldEvent::Kind::ended, 0, process == Process::agent ? "agent" : process == Process::link ? "link" : "ground");
 }
 
 void VirtualWorld::start(Process process) {
@@ -604,9 +601,8 @@ void VirtualWorld::step_link() {
     if (plan.action != PlanAction::fly || plan.count == 0 || plan.count > max_setpoints) continue;
     const link::PlayoutSettings settings;
     const TimeNs last = plan.setpoints[plan.count - 1].at_ns;
-    const TimeNs hold =
-        plan.count == 1 ? settings.default_hold_ns
-                        : std::min(last - plan.setpoints[plan.count - 2].at_ns, settings.max_hold_ns);
+    const TimeNs hold = plan.count == 1 ? settings.default_hold_ns
+                                        : std::min(last - plan.setpoints[plan.count - 2].at_ns, settings.max_hold_ns);
     TimeNs margin = 0;
     for (const TraceRecord& record : out.trace) {
       if (record.kind == TraceKind::plan_received && record.drone == plan.drone && record.id == plan.sequence)
@@ -708,7 +704,8 @@ std::vector<std::string> VirtualWorld::lost_transitions() const {
         }
         for (const Transition& t : *transitions) {
           std::uint64_t& last = newest[{asset.id().substr(0, slash), t.boot_id}];
-          if (t.number > last + 1) lost.push_back(fmt::format("{}: transition {} after {}", asset.id(), t.number, last));
+          if (t.number > last + 1)
+            lost.push_back(fmt::format("{}: transition {} after {}", asset.id(), t.number, last));
           last = std::max(last, t.number);
         }
       }

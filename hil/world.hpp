@@ -27,15 +27,15 @@ struct WorldConfig {
   double speed_mps = 0.5;
   double rate_hz = 30;
   int laps = 1;
-  double battery = 1.0;           ///< of every drone at the start, 0..1
-  double room_m = 3;              ///< the fence's distance from the drones' places
+  double battery = 1.0;  ///< of every drone at the start, 0..1
+  double room_m = 3;     ///< the fence's distance from the drones' places
   std::size_t batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   std::uint64_t seed = 1;
 };
 
-/// What a run is judged by: one drone at one moment. What link, agent and ground say is as they say it; the truth is the
-/// simulator's.
+/// What a run is judged by: one drone at one moment. What link, agent and ground say is as they say it; the truth is
+/// the simulator's.
 struct DroneFacts {
   std::string name;
   DroneNumber number = 0;
@@ -123,7 +123,8 @@ class VirtualWorld {
   bool runs(Process process) const;
   const ground::FlightStatus status(std::size_t drone) const;
 
-  /// What ground and agent were told is on the ledger, and is not in its blocks as valid: must be none. Reads all blocks.
+  /// What ground and agent were told is on the ledger, and is not in its blocks as valid: must be none. Reads all
+  /// blocks.
   std::vector<std::string> lost_acknowledged() const;
   /// Transitions that are neither on the ledger nor kept by link or agent: drones with such, in words; of the link that
   /// runs now.

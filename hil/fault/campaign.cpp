@@ -33,12 +33,12 @@ json events_json(const RunResult& result) {
   for (const WorldEvent& event : result.events)
     events.push_back({{"t_s", rounded(to_seconds(event.t_ns))},
                       {"drone", result.drones.at(event.drone)},
-                      {"kind", event.kind == WorldEvent::Kind::mode    ? "mode"
-                               : event.kind == WorldEvent::Kind::fault ? "fault"
-                               : event.kind == WorldEvent::Kind::sent  ? "sent"
-                               : event.kind == WorldEvent::Kind::bad_rc
-                                   ? "bad_rc"
-                                   : event.kind == WorldEvent::Kind::started ? "started" : "ended"},
+                      {"kind", event.kind == WorldEvent::Kind::mode      ? "mode"
+                               : event.kind == WorldEvent::Kind::fault   ? "fault"
+                               : event.kind == WorldEvent::Kind::sent    ? "sent"
+                               : event.kind == WorldEvent::Kind::bad_rc  ? "bad_rc"
+                               : event.kind == WorldEvent::Kind::started ? "started"
+                                                                         : "ended"},
                       {"text", event.text}});
   return events;
 }
@@ -72,12 +72,18 @@ json timeline_json(const std::vector<TimelinePoint>& points) {
 std::string for_xml(const std::string& text) {
   std::string out;
   for (const char c : text) {
-    if (c == '&') out += "&amp;";
-    else if (c == '<') out += "&lt;";
-    else if (c == '>') out += "&gt;";
-    else if (c == '"') out += "&quot;";
-    else if (static_cast<unsigned char>(c) < 32 && c != '\n') out += ' ';
-    else out += c;
+    if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '>')
+      out += "&gt;";
+    else if (c == '"')
+      out += "&quot;";
+    else if (static_cast<unsigned char>(c) < 32 && c != '\n')
+      out += ' ';
+    else
+      out += c;
   }
   return out;
 }
@@ -121,7 +127,8 @@ std::string broken_text(const RunResult& result) {
   std::string text;
   for (const Verdict& verdict : result.verdicts) {
     if (!verdict.held)
-      text += fmt::format("  broke at {:.3f} s: {}: {}\n", to_seconds(verdict.broken_ns), verdict.rule.text, verdict.what);
+      text +=
+          fmt::format("  broke at {:.3f} s: {}: {}\n", to_seconds(verdict.broken_ns), verdict.rule.text, verdict.what);
   }
   return text;
 }
@@ -137,7 +144,8 @@ std::string json_text(const std::vector<RunResult>& results) {
 std::string junit_text(const std::vector<RunResult>& results) {
   const auto broken = std::count_if(results.begin(), results.end(), [](const RunResult& r) { return !r.held(); });
   std::string text = fmt::format(
-      "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"ledgerline fault\" tests=\"{}\" failures=\"{}\">\n",
+      "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"ledgerline fault\" tests=\"{}\" "
+      "failures=\"{}\">\n",
       results.size(), broken);
   for (const RunResult& result : results) {
     text += fmt::format("  <testcase classname=\"{}\" name=\"seed {}\" time=\"{:.3f}\"", for_xml(result.script),

@@ -32,7 +32,8 @@ std::string effect(Draw& draw) {
     case 1:
       return fmt::format("jitter uniform 0ms {}", milliseconds(draw.between(10, 400)));
     case 2:
-      return fmt::format("jitter gamma {} {}", milliseconds(draw.between(20, 300)), milliseconds(draw.between(20, 200)));
+      return fmt::format("jitter gamma {} {}", milliseconds(draw.between(20, 300)),
+                         milliseconds(draw.between(20, 200)));
     case 3:
       return fmt::format("loss {:.0f}%", draw.between(1, 90));
     case 4:
@@ -171,7 +172,8 @@ Script draw_script(std::uint64_t number) {
   flight.rate_hz = draw.of(rates);
   constexpr std::array<std::size_t, 3> batches{1, 1, 10};
   flight.batch_count = draw.of(batches);
-  flight.batch_timeout_ns = flight.batch_count > 1 ? static_cast<TimeNs>(draw.between(10, 200)) * ns_per_ms : 10 * ns_per_ms;
+  flight.batch_timeout_ns =
+      flight.batch_count > 1 ? static_cast<TimeNs>(draw.between(10, 200)) * ns_per_ms : 10 * ns_per_ms;
   script.limit_ns = 240 * ns_per_s;
   const std::size_t faults = 1 + draw.below(4);
   while (script.faults.size() < faults) {

@@ -123,8 +123,9 @@ Status parse_sensor(Fault& fault, const Words& words) {
 
 Status parse_mocap(Fault& fault, const Words& words) {
   if (words.size() < 3)
-    return allowed(fault.text, "must be `mocap NAME|* ` and frozen, jump X Y Z, noise M, every 500ms, or an effect "
-                               "(delay, jitter, loss ...)");
+    return allowed(fault.text,
+                   "must be `mocap NAME|* ` and frozen, jump X Y Z, noise M, every 500ms, or an effect "
+                   "(delay, jitter, loss ...)");
   fault.drone = drone_of(words[1]);
   const std::string_view what = words[2];
   if (what == "frozen" && words.size() == 3) {
@@ -158,7 +159,8 @@ Status parse_mocap(Fault& fault, const Words& words) {
 
 Status parse_ledger(Fault& fault, const Words& words) {
   constexpr std::string_view usage =
-      "must be `ledger stall`, `ledger restart`, or `ledger agent|ground|both ` and cut, stale, or [to|from] with stall "
+      "must be `ledger stall`, `ledger restart`, or `ledger agent|ground|both ` and cut, stale, or [to|from] with "
+      "stall "
       "or delay DISTRIBUTION";
   if (words.size() == 2 && words[1] == "stall") {
     fault.what = What::ledger_stall;
@@ -307,7 +309,8 @@ bool Trigger::reached(TimeNs now, const DroneFacts& drone) const {
 Result<Trigger> parse_trigger(std::string_view text) {
   const std::string_view whole = trimmed(text);
   constexpr std::string_view usage =
-      "must be a time as 5s, or takeoff, flying, path, lap N, height METRES, landing or landed, which may be followed by "
+      "must be a time as 5s, or takeoff, flying, path, lap N, height METRES, landing or landed, which may be followed "
+      "by "
       "+ 2s";
   Trigger trigger;
   std::string_view head = whole;
@@ -404,9 +407,8 @@ void FaultSchedule::step(VirtualWorld& world) {
   for (Item& item : items_) {
     const Fault& fault = item.fault;
     if (!item.reached_ns) {
-      const bool reached = std::any_of(item.drones.begin(), item.drones.end(), [&](std::size_t i) {
-        return fault.trigger.reached(now, world.facts()[i]);
-      });
+      const bool reached = std::any_of(item.drones.begin(), item.drones.end(),
+                                       [&](std::size_t i) { return fault.trigger.reached(now, world.facts()[i]); });
       if (!reached) continue;
       item.reached_ns = fault.trigger.kind == Trigger::Kind::time ? now - fault.trigger.after_ns : now;
     }
@@ -494,8 +496,8 @@ void FaultSchedule::end(VirtualWorld& world, Item& item) {
   const auto goes_on = [&](What what, Process process) {
     return std::any_of(items_.begin(), items_.end(), [&](const Item& other) {
       return other.active() && other.fault.what == what &&
-             (other.fault.ends.empty() || std::find(other.fault.ends.begin(), other.fault.ends.end(), process) !=
-                                              other.fault.ends.end());
+             (other.fault.ends.empty() ||
+              std::find(other.fault.ends.begin(), other.fault.ends.end(), process) != other.fault.ends.end());
     });
   };
   switch (fault.what) {

@@ -12,13 +12,13 @@
 namespace ledgerline::hil {
 
 /// A moment of a flight, as text: "5s" (of the run), "takeoff" (it leaves the ground), "flying", "path", "lap 2" (it
-/// begins), "height 0.5", "landing", "landed"; each but the first with "+ 2s" behind it, if wanted. Of the fault's drone;
-/// of the first one that gets there where the fault is no drone's.
+/// begins), "height 0.5", "landing", "landed"; each but the first with "+ 2s" behind it, if wanted. Of the fault's
+/// drone; of the first one that gets there where the fault is no drone's.
 struct Trigger {
   enum class Kind : std::uint8_t { time, takeoff, flying, path, lap, height, landing, landed };
   Kind kind = Kind::time;
-  double value = 0;      ///< the lap's number; the height [m]
-  TimeNs after_ns = 0;   ///< time: the moment itself
+  double value = 0;                                         ///< the lap's number; the height [m]
+  TimeNs after_ns = 0;                                      ///< time: the moment itself
   bool reached(TimeNs now, const DroneFacts& drone) const;  ///< without `after_ns`; not for time
 };
 Result<Trigger> parse_trigger(std::string_view text);
@@ -48,9 +48,9 @@ struct Fault {
     stop,
     clock_jump,
     stop_drone,
-    kill_part,    // with the real processes alone, as what follows
+    kill_part,  // with the real processes alone, as what follows
     kill_roudi,
-    burn,         // computing on a core
+    burn,  // computing on a core
     take_memory,
   };
   std::string text;
@@ -59,17 +59,17 @@ struct Fault {
   TimeNs for_ns = 0;  ///< 0: until the flight's end
 
   What what{};
-  std::string drone;             ///< empty: every drone
-  std::vector<LineAt> lines;     ///< line
-  std::string effects;           ///< line
-  SensorFault sensor;            ///< sensor
-  std::vector<Process> ends;     ///< ledger_*: whose connection; kill, stop: who
-  bool to = false, from = false; ///< ledger_delay, ledger_hold
+  std::string drone;              ///< empty: every drone
+  std::vector<LineAt> lines;      ///< line
+  std::string effects;            ///< line
+  SensorFault sensor;             ///< sensor
+  std::vector<Process> ends;      ///< ledger_*: whose connection; kill, stop: who
+  bool to = false, from = false;  ///< ledger_delay, ledger_hold
   std::optional<Distribution> delay;
   std::array<double, 3> vector{};  ///< mocap_offset, kick, wind
   double value = 0;  ///< battery, drain [0..1], mocap_noise [m], stop_drone (1: cut), burn (core), take_memory [bytes]
-  std::string part{};              ///< kill_part: of Fabric's network, "peer1"
-  TimeNs time_ns = 0;              ///< clock_jump, mocap_every
+  std::string part{};  ///< kill_part: of Fabric's network, "peer1"
+  TimeNs time_ns = 0;  ///< clock_jump, mocap_every
 
   /// Whether it is over by itself as soon as it began.
   bool momentary() const;

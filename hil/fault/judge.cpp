@@ -19,14 +19,10 @@ namespace invariants {
 enum Which : std::uint8_t { too_fast, too_high, too_far, silent, hovers, rc_range, in_the_air, hangs, lost, count };
 }  // namespace invariants
 constexpr std::array<std::string_view, invariants::count> invariant_names{
-    "always: never faster than the limits",
-    "always: never higher than the limits",
-    "always: never farther than the limits",
-    "always: a hold or a landing after silence",
-    "always: a hold ends in a landing",
-    "always: rc in the SDK's range",
-    "always: on the ground in the end",
-    "always: no hang",
+    "always: never faster than the limits",  "always: never higher than the limits",
+    "always: never farther than the limits", "always: a hold or a landing after silence",
+    "always: a hold ends in a landing",      "always: rc in the SDK's range",
+    "always: on the ground in the end",      "always: no hang",
     "always: nothing acknowledged is lost",
 };
 
@@ -53,6 +49,9 @@ std::optional<FailsafeCause> cause_of(std::string_view text) {
   return std::nullopt;
 }
 
+// Of a rule's amount, to the nanosecond.
+bool longer(TimeNs duration, double seconds) { return duration > std::llround(seconds * 1e9); }
+
 std::string joined(const Words& words, std::size_t from, std::size_t to) {
   std::string text;
   for (std::size_t i = from; i < to; ++i) text += (text.empty() ? "" : " ") + std::string(words[i]);
@@ -63,7 +62,8 @@ std::string joined(const Words& words, std::size_t from, std::size_t to) {
 std::optional<std::pair<std::size_t, bool>> seen_at(const Words& words) {
   const std::size_t n = words.size();
   if (n >= 3 && words[n - 1] == "seen" && words[n - 2] == "is") return std::pair(n - 2, false);
-  if (n >= 4 && words[n - 1] == "seen" && words[n - 2] == "never" && words[n - 3] == "is") return std::pair(n - 3, true);
+  if (n >= 4 && words[n - 1] == "seen" && words[n - 2] == "never" && words[n - 3] == "is")
+    return std::pair(n - 3, true);
   return std::nullopt;
 }
 
@@ -89,7 +89,8 @@ std::string rule_help() {
          "  holds|brakes|lands within 2 s            of the first fault's beginning; lands: it is on the ground\n"
          "  resumes within 2 s                       of the last fault's end: the plan is flown again\n"
          "  MODE is seen, MODE is never seen         hold, brake, land, cut\n"
-         "  CAUSE is seen, CAUSE is never seen       plan ran out, agent silent, ledger silent, state stale, pose lost ...\n"
+         "  CAUSE is seen, CAUSE is never seen       plan ran out, agent silent, ledger silent, state stale, pose lost "
+         "...\n"
          "  no command older than 500 ms applied\n"
          "  height below 3 m\n"
          "  speed below 1.5 m/s\n"
@@ -123,8 +124,7 @@ Result<Rule> parse_rule(std::string_view sentence) {
   if (rule.text == "no crash") return found(Kind::no_crash);
   constexpr std::string_view after_plan = " after the plan's end";
   if (is("hold within ") && rule.text.ends_with(after_plan)) {
-    const auto amount = parse_amount(
-        std::string_view(rule.text).substr(12, rule.text.size() - 12 - after_plan.size()));
+    const auto amount = parse_amount(std::string_view(rule.text).substr(12, rule.text.size() - 12 - after_plan.size()));
     if (amount && amount->unit == Unit::time) {
       rule.amount = amount->value;
       return found(Kind::hold_after_plan);
@@ -200,9 +200,11 @@ void Judge::look_after(const Moment& moment, std::size_t index) {
   const auto& v = facts.truth.velocity_mps;
   if (!moment.physical && facts.truth.in_flight && !facts.truth.crashed) {
     const double speed = std::hypot(v[0], v[1], v[2]);
-    if (speed > limits_.speed_mps) broke(invariant(invariants::too_fast), now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
+    if (speed > limits_.speed_mps)
+      broke(invariant(invariants::too_fast), now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
     if (!moment.drone_deaf) {
-      if (at[2] > limits_.height_m) broke(invariant(invariants::too_high), now, fmt::format("{}: {:.2f} m", facts.name, at[2]));
+      if (at[2] > limits_.height_m)
+        broke(invariant(invariants::too_high), now, fmt::format("{}: {:.2f} m", facts.name, at[2]));
       for (std::size_t i = 0; i < 2; ++i) {
         if (at[i] < limits_.min_m[i] || at[i] > limits_.max_m[i])
           broke(invariant(invariants::too_far), now, fmt::format("{}: at {:.2f}, {:.2f} m", facts.name, at[0], at[1]));
@@ -226,8 +228,9 @@ void Judge::look_after(const Moment& moment, std::size_t index) {
             fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name, to_ms(silent_for)));
     }
     if (rested && silent_for > hold_within_ns + ramp_ns && facts.told_mps > 0) {
-      broke(invariant(invariants::silent), now, fmt::format("{}: told {:.2f} m/s {:.0f} ms after its plan's end", facts.name,
-                                                facts.told_mps, to_ms(silent_for)));
+      broke(invariant(invariants::silent), now,
+            fmt::format("{}: told {:.2f} m/s {:.0f} ms after its plan's end", facts.name, facts.told_mps,
+                        to_ms(silent_for)));
     }
   }
   const bool hovering = flies && (facts.mode == FailsafeMode::hold || facts.mode == FailsafeMode::brake);
@@ -236,8 +239,8 @@ void Judge::look_after(const Moment& moment, std::size_t index) {
   } else if (drone.hovering_since_ns == 0) {
     drone.hovering_since_ns = now;
   } else if (now - drone.hovering_since_ns > land_after_ns) {
-    broke(invariant(invariants::hovers), now, fmt::format("{} hovers for {:.1f} s", facts.name,
-                                              to_seconds(now - drone.hovering_since_ns)));
+    broke(invariant(invariants::hovers), now,
+          fmt::format("{} hovers for {:.1f} s", facts.name, to_seconds(now - drone.hovering_since_ns)));
   }
 }
 
@@ -288,9 +291,9 @@ void Judge::look_at(const Moment& moment, State& state) {
         break;
       case Kind::hold_after_plan:
         if (moment.link_runs && facts.phase == FlightPhase::flying && facts.plan_end_ns != 0 &&
-            to_seconds(now - facts.plan_end_ns) > rule.amount && facts.mode == FailsafeMode::none)
-          broke(state, now, fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name,
-                                        to_ms(now - facts.plan_end_ns)));
+            longer(now - facts.plan_end_ns, rule.amount) && facts.mode == FailsafeMode::none)
+          broke(state, now,
+                fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name, to_ms(now - facts.plan_end_ns)));
         break;
       case Kind::seen:
       case Kind::never_seen:
@@ -307,13 +310,13 @@ void Judge::look_at(const Moment& moment, State& state) {
           // One drone is enough: a fault may be another's.
           state.done[i] = state.seen = true;
         }
-        if (!state.seen && to_seconds(now - *moment.first_fault_ns) > rule.amount)
+        if (!state.seen && longer(now - *moment.first_fault_ns, rule.amount))
           broke(state, now, fmt::format("not within {:g} s", rule.amount));
         break;
       case Kind::resumes:
         if (!moment.last_fault_end_ns || state.done[i]) break;
         if (facts.mode == FailsafeMode::none && facts.told_ns != 0 && facts.plan_end_ns > now) state.done[i] = true;
-        if (!state.done[i] && to_seconds(now - *moment.last_fault_end_ns) > rule.amount)
+        if (!state.done[i] && longer(now - *moment.last_fault_end_ns, rule.amount))
           broke(state, now, fmt::format("{}: not within {:g} s", facts.name, rule.amount));
         break;
       default:
@@ -331,7 +334,7 @@ std::vector<Verdict> Judge::finish(const Ending& ending) {
         if (!ending.ok) broke(state, ending.now, ending.why.empty() ? "not finished" : ending.why);
         break;
       case Kind::ends:
-        if (to_seconds(ending.now) > rule.amount || !ending.over)
+        if (longer(ending.now, rule.amount) || !ending.over)
           broke(state, ending.now, fmt::format("{:.1f} s", to_seconds(ending.now)));
         break;
       case Kind::nothing_lost:

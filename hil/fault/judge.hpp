@@ -23,22 +23,22 @@ std::optional<Amount> parse_amount(std::string_view text);
 /// beginning, or from the last one's end.
 struct Rule {
   enum class Kind : std::uint8_t {
-    finishes,            ///< finishes
-    hold_after_plan,     ///< hold within 300 ms after the plan's end
-    reacts,              ///< hold|brake|land within 1 s
-    lands,               ///< lands within 6 s: on the ground
-    resumes,             ///< resumes within 2 s: after the last fault's end
-    seen,                ///< hold is seen; cause pose lost is seen
-    never_seen,          ///< land is never seen
-    command_age,         ///< no command older than 500 ms applied
-    height,              ///< height below 3 m
-    speed,               ///< speed below 1.5 m/s
-    path,                ///< path within 0.4 m
-    estimate,            ///< pose within 0.2 m: what link believes, of the truth
-    nothing_lost,        ///< nothing acknowledged is lost
-    ends,                ///< ends within 60 s
-    sent,                ///< sends emergency; sends no emergency
-    no_crash,            ///< no crash
+    finishes,         ///< finishes
+    hold_after_plan,  ///< hold within 300 ms after the plan's end
+    reacts,           ///< hold|brake|land within 1 s
+    lands,            ///< lands within 6 s: on the ground
+    resumes,          ///< resumes within 2 s: after the last fault's end
+    seen,             ///< hold is seen; cause pose lost is seen
+    never_seen,       ///< land is never seen
+    command_age,      ///< no command older than 500 ms applied
+    height,           ///< height below 3 m
+    speed,            ///< speed below 1.5 m/s
+    path,             ///< path within 0.4 m
+    estimate,         ///< pose within 0.2 m: what link believes, of the truth
+    nothing_lost,     ///< nothing acknowledged is lost
+    ends,             ///< ends within 60 s
+    sent,             ///< sends emergency; sends no emergency
+    no_crash,         ///< no crash
   };
   Kind kind{};
   std::string text;
@@ -61,9 +61,10 @@ struct Moment {
   TimeNs now = 0;
   std::span<const DroneFacts> drones;
   std::span<const WorldEvent> events;
-  bool link_runs = true;   ///< alive and not stopped
-  bool physical = false;   ///< something was broken or pushed: speed and height are not the flight's own any more
-  bool drone_deaf = false; ///< what it is told may not get there, or its sensors lie: its speed and height may be anybody's
+  bool link_runs = true;  ///< alive and not stopped
+  bool physical = false;  ///< something was broken or pushed: speed and height are not the flight's own any more
+  bool drone_deaf =
+      false;  ///< what it is told may not get there, or its sensors lie: its speed and height may be anybody's
   std::optional<TimeNs> first_fault_ns, last_fault_end_ns;
 };
 
@@ -74,7 +75,7 @@ struct Ending {
   bool ok = false;    ///< every drone finished its path and landed
   std::string why;
   std::vector<std::string> in_the_air;  ///< drones
-  std::vector<std::string> lost;  ///< acknowledged transactions and transitions that are not on the ledger
+  std::vector<std::string> lost;        ///< acknowledged transactions and transitions that are not on the ledger
 };
 
 struct Verdict {
@@ -94,7 +95,8 @@ struct Limits {
 /// Judges a run moment by moment: the script's rules, and the invariants of every run:
 ///
 ///     speed, height, distance   never beyond the limits, as long as nothing pushed or broke the drone
-///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later tells the
+///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later tells
+///     the
 ///                               drone zero
 ///     landing after a hold      a hold or brake of land_after (5 s) and 0.5 s more is a landing
 ///     rc in range               as the SDK takes it

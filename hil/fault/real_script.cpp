@@ -65,7 +65,6 @@ std::string reason_against(const Rule& rule) {
   switch (rule.kind) {
     case Rule::Kind::hold_after_plan:
       return "the traces do not tell a plan's end";
-    case Rule::Kind::estimate:
     case Rule::Kind::sent:
       return "the traces do not tell it";
     default:

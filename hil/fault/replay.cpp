@@ -12,7 +12,6 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr TimeNs timeline_period_ns = 50 * ns_per_ms;
 constexpr double in_the_air_m = 0.1;  // places lower than this say nothing about a path
 
 /// Goes through the traces, moment by moment.
@@ -90,6 +89,8 @@ class Player {
       drone->cause = static_cast<FailsafeCause>(static_cast<int>(r.v[0]));
       events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::mode, index, 0,
                          fmt::format("{}, {} ({})", name(drone->phase), name(drone->mode), name(drone->cause))});
+    } else if (r.kind == TraceKind::state_sampled) {
+      drone->pose = Pose{.drone = r.drone, .stamp_ns = r.stamp_ns, .position_m = {r.v[0], r.v[1], r.v[2]}};
     } else if (r.kind == TraceKind::command_applied) {
       drone->plan_end_ns = r.t_ns - begin_ns_ + longest_plan_ns;
       drone->told_ns = r.t_ns - begin_ns_;
@@ -114,31 +115,6 @@ class Player {
   int laps_ = 1;
   std::size_t link_ = 0, sim_ = 0, ground_ = 0;
 };
-
-Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
-  constexpr double slack_m = 1.5;
-  Limits limits;
-  limits.min_m = {-script.flight.room_m - slack_m, -script.flight.room_m - slack_m};
-  limits.max_m = limits.min_m;
-  for (const DroneFacts& drone : drones) {
-    for (std::size_t i = 0; i < 2; ++i)
-      limits.max_m[i] =
-          std::max(limits.max_m[i], drone.start_m[i] + script.flight.side_m + script.flight.room_m + slack_m);
-  }
-  return limits;
-}
-
-TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
-  TimelinePoint point;
-  point.t_ns = now;
-  for (std::size_t i = 0; i < 3; ++i)
-    point.at_m[i] = point.believed_m[i] = static_cast<float>(facts.truth.position_m[i]);
-  point.phase = facts.phase;
-  point.mode = facts.mode;
-  point.cause = facts.cause;
-  point.lap = static_cast<std::uint8_t>(std::min(facts.lap, 255));
-  return point;
-}
 
 double distance_m(const TimelinePoint& p, const TimelinePoint& a, const TimelinePoint& b) {
   double along = 0, length = 0;

@@ -10,15 +10,13 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr TimeNs timeline_period_ns = 50 * ns_per_ms;
-
 using What = Fault::What;
 
 // What the drone is told may not get there: then it flies on with the last rc it got, as a Tello does, and nobody on
 // this side can help it.
 bool deafens(const Fault& fault) {
-  const bool line = fault.what == What::line &&
-                    std::find(fault.lines.begin(), fault.lines.end(), LineAt::to) != fault.lines.end();
+  const bool line =
+      fault.what == What::line && std::find(fault.lines.begin(), fault.lines.end(), LineAt::to) != fault.lines.end();
   return line || ((fault.what == What::kill || fault.what == What::stop) && fault.ends[0] == Process::link);
 }
 
@@ -26,12 +24,13 @@ bool deafens(const Fault& fault) {
 double misled_m(const std::vector<Fault>& faults) {
   double metres = 0;
   for (const Fault& fault : faults) {
-    if (fault.what == What::mocap_offset)
-      metres += std::hypot(fault.vector[0], fault.vector[1], fault.vector[2]);
+    if (fault.what == What::mocap_offset) metres += std::hypot(fault.vector[0], fault.vector[1], fault.vector[2]);
     if (fault.what == What::mocap_noise) metres += 3 * fault.value;
   }
   return metres;
 }
+
+}  // namespace
 
 Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
   const double slack = 1.5 + misled_m(script.faults);
@@ -61,8 +60,6 @@ TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
   point.lap = static_cast<std::uint8_t>(std::min(facts.lap, 255));
   return point;
 }
-
-}  // namespace
 
 bool RunResult::held() const {
   return std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.held; });
@@ -109,8 +106,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
       result.events.push_back(event);
       if (event.kind == WorldEvent::Kind::mode) {
         const DroneFacts& facts = world.facts()[event.drone];
-        result.events.back().text =
-            fmt::format("{}, {} ({})", name(facts.phase), name(facts.mode), name(facts.cause));
+        result.events.back().text = fmt::format("{}, {} ({})", name(facts.phase), name(facts.mode), name(facts.cause));
       }
     }
     if (world.now() >= next_point_ns) {

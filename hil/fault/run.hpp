@@ -11,7 +11,7 @@
 
 namespace ledgerline::hil {
 
-/// One drone at one moment, for pictures.
+/// One drone at one moment, for pictures; a point each timeline_period_ns.
 struct TimelinePoint {
   TimeNs t_ns = 0;
   std::array<float, 3> at_m{}, believed_m{};  ///< the truth; what link was told last
@@ -21,6 +21,12 @@ struct TimelinePoint {
   FailsafeCause cause{};
   std::uint8_t lap = 0;
 };
+
+inline constexpr TimeNs timeline_period_ns = 50 * ns_per_ms;
+TimelinePoint point_of(TimeNs now, const DroneFacts& facts);
+
+/// What the invariants allow in a flight of this script, whose drones stand where the facts say.
+Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones);
 
 struct RunResult {
   std::string script, title;
@@ -32,9 +38,9 @@ struct RunResult {
   std::string why;
   crypto::Digest digest{};
   std::uint64_t blocks = 0, transactions = 0;
-  std::vector<WorldEvent> events;                     ///< without `applied`; at most most_events
+  std::vector<WorldEvent> events;  ///< without `applied`; at most most_events
   std::vector<std::string> drones;
-  std::vector<std::vector<TimelinePoint>> timeline;   ///< by drone, every 50 ms
+  std::vector<std::vector<TimelinePoint>> timeline;  ///< by drone, every 50 ms
   std::array<double, 2> fence_min_m{}, fence_max_m{};
 };
 inline constexpr std::size_t most_events = 5'000;

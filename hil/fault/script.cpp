@@ -28,8 +28,8 @@ TimeNs duration(Config& config, const std::string& key, TimeNs otherwise, TimeNs
   const auto amount = parse_amount(text);
   if (!amount || amount->unit != Amount::Unit::time || amount->value < to_seconds(least) ||
       amount->value > to_seconds(most)) {
-    config.wrong(key, fmt::format("must be a time from {:g} s to {:g} s, as in \"30 s\"", to_seconds(least),
-                                  to_seconds(most)));
+    config.wrong(
+        key, fmt::format("must be a time from {:g} s to {:g} s, as in \"30 s\"", to_seconds(least), to_seconds(most)));
     return otherwise;
   }
   return from_seconds(amount->value);
@@ -54,8 +54,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   flight.battery = config.number("flight.battery", flight.battery, 0, 1);
   flight.room_m = config.number("flight.room_m", flight.room_m, 0, 100);
   flight.batch_count = static_cast<std::size_t>(config.integer("flight.batch_count", 1, 1, 1'000));
-  flight.batch_timeout_ns =
-      duration(config, "flight.batch_timeout", flight.batch_timeout_ns, ns_per_ms, 10 * ns_per_s);
+  flight.batch_timeout_ns = duration(config, "flight.batch_timeout", flight.batch_timeout_ns, ns_per_ms, 10 * ns_per_s);
   script.limit_ns = duration(config, "flight.limit", script.limit_ns, ns_per_s, 3600 * ns_per_s);
 
   const std::size_t faults = config.table_count("fault");

@@ -8,8 +8,8 @@
 
 namespace ledgerline::hil {
 
-/// One flight, what goes wrong in it, and what must hold: a TOML file (docs/faults.md). Everything is checked when it is
-/// read; what a script does not say has the default.
+/// One flight, what goes wrong in it, and what must hold: a TOML file (docs/faults.md). Everything is checked when it
+/// is read; what a script does not say has the default.
 struct Script {
   std::string name;   ///< of the file, without folder and ending
   std::string title;  ///< one sentence

@@ -27,8 +27,7 @@ void Fusion::start(const MocapPose& measured) {
 
 // Whether the same place has come for too long.
 bool Fusion::frozen(const MocapPose& measured) {
-  const bool same =
-      repeated_ && repeated_->position_m == measured.position_m && repeated_->yaw_rad == measured.yaw_rad;
+  const bool same = repeated_ && repeated_->position_m == measured.position_m && repeated_->yaw_rad == measured.yaw_rad;
   if (!same) repeated_ = measured;
   return measured.stamp_ns - repeated_->stamp_ns >= config_.frozen_after_ns;
 }
