@@ -350,15 +350,15 @@ Result<Recording> RealFlight::recording() const {
   }
   recording.begin_ns = live_.begin_ns();
   recording.over = over_;
-  bool link_died = false;
+  bool died = false;  // link or agent, with its counts
   for (const Planned& planned : planned_) {
     if (planned.begun_ns == 0) continue;
     const Fault& fault = planned.fault;
     const bool link = (fault.what == What::kill || fault.what == What::stop) && fault.ends[0] == Process::link;
     const bool to = std::find(fault.lines.begin(), fault.lines.end(), LineAt::to) != fault.lines.end();
+    died = died || fault.what == What::kill || fault.what == What::kill_roudi;
     recording.faults.push_back({fault.text, planned.begun_ns, planned.ended_ns, link || to});
     if (!link) continue;
-    link_died = link_died || fault.what == What::kill;
     const auto back = std::find_if(recording.link.begin(), recording.link.end(),
                                    [&](const TraceRecord& r) { return r.t_ns > planned.begun_ns; });
     const TimeNs until = planned.ended_ns != 0          ? planned.ended_ns
@@ -374,7 +374,7 @@ Result<Recording> RealFlight::recording() const {
   for (const auto& drone : report["drones"]) {
     const auto& transitions = drone["transitions"];
     const std::uint64_t made = transitions["made"], on_ledger = transitions["on_ledger"], lost = transitions["lost"];
-    if (lost > 0 || (recording.ok && !link_died && on_ledger < made))
+    if (lost > 0 || (recording.ok && !died && on_ledger < made))
       recording.lost.push_back(
           fmt::format("{}: {} transitions made, {} on the ledger", drone["id"].get<std::string>(), made, on_ledger));
   }

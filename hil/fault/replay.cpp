@@ -142,13 +142,14 @@ double farthest_m(const std::vector<TimelinePoint>& from, const std::vector<Time
   return farthest;
 }
 
-/// From take-off on: before it the two begin in their own ways.
+/// From take-off until it has landed: before and behind it the two begin and end in their own ways.
 std::vector<std::string> transitions_of(const RunResult& run, std::size_t drone) {
   std::vector<std::string> texts;
   for (const WorldEvent& event : run.events) {
     if (event.kind != WorldEvent::Kind::mode || event.drone != drone) continue;
-    if (event.text.starts_with(name(FlightPhase::taking_off)) && texts.empty()) texts.emplace_back();
-    if (!texts.empty() && texts.back() != event.text) texts.push_back(event.text);
+    if (texts.empty() && !event.text.starts_with(name(FlightPhase::taking_off))) continue;
+    if (texts.empty() || texts.back() != event.text) texts.push_back(event.text);
+    if (event.text.starts_with(name(FlightPhase::landed))) break;
   }
   return texts;
 }

@@ -35,8 +35,8 @@ struct Recording {
 RunResult judge_recording(const Script& script, std::uint64_t seed, const Recording& recording);
 inline constexpr TimeNs longest_plan_ns = 2'050 * ns_per_ms;
 
-/// How much two runs of one script are alike: the modes and phases that each drone went through, and how far any place
-/// in the air of one is from the nearest of the other.
+/// How much two runs of one script are alike: the modes and phases that each drone went through from take-off to
+/// landing, and how far any place in the air of one is from the nearest of the other.
 struct Agreement {
   bool same_transitions = true;
   double farthest_m = 0;

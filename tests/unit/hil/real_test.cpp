@@ -235,7 +235,8 @@ TEST_F(Flight, ComparesTransitionsFromTakeOffOnAndPlacesInTheAir) {
   for (TraceRecord& r : recording.sim) {
     if (r.t_ns - start > 8 * ns_per_s && r.t_ns - start < 9 * ns_per_s) r.v[1] = 0.25;
   }
-  mode(500 * ns_per_ms, FlightPhase::disconnected);  // before take-off
+  mode(500 * ns_per_ms, FlightPhase::disconnected);                                      // before take-off
+  mode(19 * ns_per_s, FlightPhase::landed, FailsafeMode::none, FailsafeCause::stopped);  // link ends
   Agreement other = compare(a, judge_recording(script, 1, recording));
   EXPECT_TRUE(other.same_transitions);
   EXPECT_NEAR(other.farthest_m, 0.25, 0.01);
