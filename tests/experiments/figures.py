@@ -113,8 +113,8 @@ def draw_ramp(axes, cases: dict) -> None:
         axes.axhline(bound, color=GREY, linestyle="--", linewidth=1)
         axes.annotate(text, (0, bound), xycoords=("axes fraction", "data"), fontsize=7, color=GREY)
     axes.set_yscale("log")
-    axes.set_xlabel("speed of the turn, m/s")
-    axes.set_ylabel("largest error of the turn, m")
+    axes.set_xlabel("speed asked for the lap, m/s")
+    axes.set_ylabel("largest error of the lap, m")
     axes.legend(fontsize=7)
 
 

@@ -40,11 +40,22 @@ def test_a_spread_leaves_out_what_is_no_number():
     assert verdicts.spread([None]) is None
 
 
-def test_the_top_speed_is_the_largest_with_a_small_error_on_a_finished_turn():
-    turns = [{"speed_mps": speed, "max_m": error, "finished": finished}
-             for speed, error, finished in ((0.5, 0.1, True), (1.0, 0.39, True), (1.5, 0.4, True), (2.0, 0.1, False))]
-    assert verdicts.top_speed(turns) == 1.0
-    assert verdicts.top_speed(turns[2:]) == 0
+def lap(speed: float, error: float, finished: bool = True, flown: float = 0.0, seconds: float = 10.0, rms: float = 0.1) -> dict:
+    return {"speed_mps": speed, "max_m": error, "finished": finished, "flown_mps": flown, "seconds": seconds, "rms_m": rms}
+
+
+def test_the_top_speed_is_that_of_the_last_good_lap():
+    laps = [lap(0.5, 0.1, flown=0.45), lap(1.0, 0.39, flown=0.8), lap(1.5, 0.4, flown=1.2), lap(2.0, 0.1, flown=1.5)]
+    assert verdicts.ramp_figures(laps) == {"top_speed_mps": 1.0, "top_lap_mps": 0.8}
+    assert verdicts.ramp_figures(laps[2:]) == {"top_speed_mps": 0, "top_lap_mps": 0}
+    assert verdicts.ramp_figures([lap(0.5, 0.1, flown=0.4), lap(1.0, 0.1, finished=False)])["top_speed_mps"] == 0.5
+
+
+def test_what_is_learned_is_judged_from_the_third_lap_on():
+    laps = [lap(1, 0.1, rms=9.0), lap(1, 0.1, rms=9.0), lap(1, 0.1, rms=0.3, seconds=10), lap(1, 0.1, rms=0.4, seconds=30)]
+    figures = verdicts.later_figures(laps)
+    assert figures["later_lap_s"] == 20 and figures["later_rms_m"] == pytest.approx(((0.09 * 10 + 0.16 * 30) / 40) ** 0.5)
+    assert verdicts.later_figures(laps[:2]) == {}
 
 
 def test_the_worst_repetition_and_the_worst_quantile_decide():
@@ -265,6 +276,27 @@ def test_a_virtual_velocity_stands_at_its_states_moment_a_flown_one_at_its_own(t
         assert true == pytest.approx(0.5, abs=0.01)
         assert virtual == pytest.approx(now, abs=0.02) and flown == pytest.approx(now - 1, abs=0.02)
     assert traces.track(records, 1, (0, 1_000_000_000))[-1] == pytest.approx([0.3, 0.4], abs=1e-3)
+
+
+def test_laps_of_a_flight_are_judged_one_by_one(tmp_path):
+    """Two laps of a square at 1 and 2 m/s, the second one 0.3 m off on its first side, and a third one that does not end."""
+    data, t = bytes(16), 0.0
+    corners = [(0, 0), (1.5, 0), (1.5, 1.5), (0, 1.5), (0, 0)]
+    for number, speed in enumerate((1.0, 2.0, 3.0)):
+        for side, (a, b) in enumerate(zip(corners, corners[1:])):
+            if number == 2 and side == 2:
+                break
+            for i in range(50):
+                off = -0.3 if (number, side) == (1, 0) else 0
+                data += record(t, traces.TRUTH, v=(a[0] + (b[0] - a[0]) * i / 50, a[1] + (b[1] - a[1]) * i / 50 + off, 1, 0))
+                t += 1.5 / speed / 50
+    (tmp_path / "sim.trace").write_bytes(data)
+    path = {"origin": (0, 0), "number": 1, "between": (0, int((t + 1) * 1e9)), "lap_s": [6.0, 3.0]}
+    laps = runs.flight_laps(traces.read(tmp_path), path, {"shape": "square", "ramp": "1:1", "laps": 4})
+    assert [(one["speed_mps"], one["finished"]) for one in laps] == [(1, True), (2, True), (3, False)]
+    assert [one["flown_mps"] for one in laps] == pytest.approx([1, 2, 0])
+    assert [one["max_m"] for one in laps[:2]] == pytest.approx([0, 0.3], abs=1e-9)
+    assert len(runs.flight_laps(traces.read(tmp_path), path, {"shape": "square", "ramp": "1:1", "laps": 2})) == 2
 
 
 def test_paths_are_what_the_one_who_flew_says(tmp_path):
