@@ -13,7 +13,7 @@ FLIGHT = {"settings": str, "shape": str, "drones": int, "rate": NUMBER, "speed":
           "storage": str, "ledger": str, "orderers": int, "batch_count": int, "batch_timeout": str, "predict": str, "ramp": str,
           "smoothing": str, "crypto": str, "gateway": bool, "majority": bool}
 VIRTUAL = {"shape": str, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "side": NUMBER, "batch_count": int,
-           "batch_timeout": str, "mode": str, "predict": str, "ramp": str, "delay": (int, float, str), "model_error": NUMBER,
+           "batch_timeout": NUMBER, "max_age": NUMBER, "full_scale": NUMBER, "mode": str, "predict": str, "ramp": str, "delay": (int, float, str), "model_error": NUMBER,
            "gust": NUMBER, "smoothing": str}
 EXCHANGE = {"rates": list, "clients": list, "seconds": NUMBER, "warm_up": NUMBER, "drain": NUMBER, "ledger": str}
 HOSTS = {"shape": str, "rate": NUMBER, "speed": NUMBER, "laps": int, "wifi": str}

@@ -275,7 +275,7 @@ def test_a_virtual_velocity_stands_at_its_states_moment_a_flown_one_at_its_own(t
         now = 2 + t
         assert true == pytest.approx(0.5, abs=0.01)
         assert virtual == pytest.approx(now, abs=0.02) and flown == pytest.approx(now - 1, abs=0.02)
-    assert traces.track(records, 1, (0, 1_000_000_000))[-1] == pytest.approx([0.3, 0.4], abs=1e-3)
+    assert traces.track(records, 1, (0, 1_050_000_000))[-1] == pytest.approx([0.3, 0.4], abs=1e-3)
 
 
 def test_laps_of_a_flight_are_judged_one_by_one(tmp_path):
