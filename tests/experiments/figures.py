@@ -178,18 +178,17 @@ def bars(document: dict, figure: dict, _published: dict):
 
 
 def lines(document: dict, figure: dict, _published: dict):
-    """One figure over one option, a line for each value of another: medians, lowest to highest as a band."""
+    """One figure over one option that is a number, a line for each value of another: medians, lowest to highest as a band."""
     fig, axes = plt.subplots(figsize=(7, 4))
     series = {}
     for name, repetitions in chosen(document, figure).items():
         options = document["asked"]["cases"][name]
         values = values_of(repetitions, figure["figure"])
-        if values and figure["x"] in options:
+        if values and isinstance(options.get(figure["x"]), (int, float)):
             series.setdefault(str(options.get(figure["by"], "")), []).append((options[figure["x"]], values))
     for i, (label, points) in enumerate(series.items()):
-        if all(isinstance(x, (int, float)) for x, _ in points):
-            points.sort(key=lambda one: one[0])
-        x = [x if isinstance(x, (int, float)) else str(x) for x, _ in points]
+        points.sort(key=lambda one: one[0])
+        x = [x for x, _ in points]
         axes.plot(x, [np.median(v) for _, v in points], "o-", color=colour(i), label=f"{figure['by']} {label}" if figure["by"] else None)
         axes.fill_between(x, [min(v) for _, v in points], [max(v) for _, v in points], color=colour(i), alpha=0.15)
     axes.set_xlabel(figure["x"].replace("_", " "))

@@ -205,6 +205,8 @@ def virtual(case: Case, place: Place, seed: int) -> dict:
     for name in ("two_way_ms", "age_ms"):
         worst = max((drone[name] for drone in out["drones"] if drone[name]["count"]), key=lambda q: q["median"], default={})
         figures.update({f"{name}.{key}": value for key, value in worst.items()})
+    if out["blocks"]:
+        figures["commands_per_block"] = sum(drone["commands"]["sent"] for drone in out["drones"]) / out["blocks"]
     for name in ("limit_mps", "slowed_to_mps"):
         if out["drones"][0].get(name) is not None:
             figures[name] = out["drones"][0][name]
