@@ -54,6 +54,14 @@ check_tools() {
   version_at_least 3.9 "$is" || die "python3 is $is, 3.9 or newer is needed"
 }
 
+make_venv() {  # make_venv DIRECTORY REQUIREMENTS: a Python venv of pinned requirements, made anew when they change
+  if cmp -s "$2" "$1/requirements.txt"; then return 0; fi
+  rm -rf "$1"
+  python3 -m venv "$1" || die "cannot make a Python venv (apt-get install python3-venv)"
+  "$1/bin/pip" install --quiet --disable-pip-version-check --no-deps -r "$2" || die "pip install failed"
+  cp "$2" "$1/requirements.txt"
+}
+
 # build PRESET TARGET: configures where needed and builds, with a bar on a terminal.
 build() {
   local dir="$root/build/$1" log="$root/build/$1.log"

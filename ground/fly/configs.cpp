@@ -72,6 +72,12 @@ std::string deadline(const Options& options) {
   return fmt::format("deadline_ms = {:.0f}\n", to_ms(deadline_ns + both_ways(options)));
 }
 
+// What both sides of the ledger add to their [ledger].
+std::string ledger_keys(const Options& options) {
+  return deadline(options) +
+         fmt::format("signer = \"{0}\"\nverifier = \"{0}\"\n", options.mbedtls ? "mbedtls" : "libcrypto");
+}
+
 }  // namespace
 
 std::string user_dir(const RunFiles& files, int organisation, const std::string& user) {
@@ -85,23 +91,26 @@ Status write_sim_config(const RunFiles& files, const Options& options) {
 Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,
                      const std::vector<std::string>& orderers) {
   std::string direct;
-  for (const std::string& orderer : orderers) {
+  // The direct path carries one endorsement: a majority is the gateway's.
+  const bool past_gateway = !options.gateway && !options.majority;
+  for (const std::string& orderer : past_gateway ? orderers : std::vector<std::string>()) {
     direct += fmt::format("[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n", orderer,
                           files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"));
   }
   const std::string with_status = "status_period_ms = 250\n";
   const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
+                           (options.smoothing ? "" : "\n[playout]\nmax_margin_ms = 0\n") +
                            drone_tables(options.drones, true);
-  const std::string agent = ledger_table(files, endpoint, 1, "User1", deadline(options)) + direct + msp_tables(files) +
-                            output_table(files, "agent") + with_status + patience(options) +
+  const std::string agent = ledger_table(files, endpoint, 1, "User1", ledger_keys(options)) + direct +
+                            msp_tables(files) + output_table(files, "agent") + with_status + patience(options) +
                             dds_table(options, Side::drones) + drone_tables(options.drones, false);
   const std::string flight = fmt::format(
       "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
       "{:.3f}\n",
       shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, side_m);
-  const std::string ground = ledger_table(files, endpoint, 2, "User1", deadline(options)) + direct + msp_tables(files) +
-                             output_table(files, "ground") + with_status + flight + dds_table(options, Side::ground) +
-                             drone_tables(options.drones, false);
+  const std::string ground = ledger_table(files, endpoint, 2, "User1", ledger_keys(options)) + direct +
+                             msp_tables(files) + output_table(files, "ground") + with_status + flight +
+                             dds_table(options, Side::ground) + drone_tables(options.drones, false);
   const std::pair<std::string, std::string> all[] = {
       {"link", link},
       {"agent", agent},

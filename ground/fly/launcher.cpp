@@ -126,6 +126,7 @@ Status Launcher::start_all() {
     ledger.insert(ledger.begin(), "run");
     ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
     if (options_.ca) ledger.push_back("--ca");
+    if (options_.majority) ledger.push_back("--majority");
   } else {
     ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
   }

@@ -52,6 +52,8 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   std::string shape = "square";
   std::string batch_timeout = "10ms";
   std::string storage = "disk";
+  std::string smoothing = "on";
+  std::string crypto = "libcrypto";
   app.add_option("--shape", shape, "Path of 1.5 m a side; manual: none, fly by /tello1/takeoff, cmd_vel and land")
       ->check(CLI::IsMember({"square", "triangle", "x", "manual"}))
       ->capture_default_str();
@@ -76,6 +78,14 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
       ->check(CLI::IsMember({"disk", "tmpfs"}))
       ->capture_default_str();
   app.add_flag("--ca", o.ca, "Fabric: identities from fabric-ca, one server an organisation");
+  app.add_flag("--gateway", o.gateway, "Fabric: transactions through the gateway instead of the direct path");
+  app.add_flag("--majority", o.majority, "Fabric: two of the three organisations endorse; through the gateway");
+  app.add_option("--crypto", crypto, "What signs and verifies in agent and ground")
+      ->check(CLI::IsMember({"libcrypto", "mbedtls"}))
+      ->capture_default_str();
+  app.add_option("--smoothing", smoothing, "off: setpoints that come late are never flown later for it")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
   app.add_option("--batch-timeout", batch_timeout,
                  "Ledger: a block is cut when its oldest transaction waited this long")
       ->check(CLI::Validator(check_duration, "TIME"))
@@ -105,6 +115,11 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
     line.text = "--ca goes with --ledger fabric: the embedded ledger issues its identities itself\n";
     return line;
   }
+  if ((o.gateway || o.majority) && o.ledger != "fabric") {
+    line.exit_code = exit_usage;
+    line.text = "--gateway and --majority go with --ledger fabric: the embedded ledger is one process\n";
+    return line;
+  }
   o.manual = shape == "manual";
   if (o.manual && laps->count() > 0) {
     line.exit_code = exit_usage;
@@ -114,6 +129,8 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   if (!o.manual) o.shape = *ground::shape_from_name(shape);
   o.batch_timeout_ns = *parse_duration(batch_timeout);
   o.tmpfs = storage == "tmpfs";
+  o.smoothing = smoothing == "on";
+  o.mbedtls = crypto == "mbedtls";
   line.fly = true;
   return line;
 }

@@ -45,6 +45,10 @@ json to_json(const Results& r) {
              {"storage", r.asked.tmpfs ? "tmpfs" : "disk"},
              {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
              {"batch_count", r.asked.batch_count},
+             {"gateway", r.asked.gateway},
+             {"majority", r.asked.majority},
+             {"crypto", r.asked.mbedtls ? "mbedtls" : "libcrypto"},
+             {"smoothing", r.asked.smoothing},
              {"seed", r.asked.seed}};
   json cpu = json::object();
   for (const auto& [name, percent] : r.cpu_percent) cpu[name] = rounded(percent, 10);

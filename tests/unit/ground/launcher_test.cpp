@@ -20,6 +20,7 @@ namespace ledgerline::fly {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 namespace fs = std::filesystem;
 
 constexpr int patience_s = 60;  // not a limit on speed: only how long a broken test may take
@@ -135,6 +136,29 @@ TEST_F(FakePrograms, EnrolsAndAcquiresBeforeAnythingCanFly) {
   ASSERT_GE(started.size(), 8u);
   EXPECT_THAT(started[3], HasSubstr("control --config " + files.config("admin") + " enroll --msp Org1MSP"));
   EXPECT_THAT(started[4], HasSubstr("control --config " + files.config("operator") + " acquire tello1"));
+}
+
+TEST_F(FakePrograms, WhatIsSwitchedStandsInTheConfigs) {
+  const auto text = [&](const std::string& program) {
+    std::ifstream in(files.config(program));
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  ASSERT_TRUE(write_configs(files, {}, "127.0.0.1:1", {"127.0.0.1:2"}));
+  for (const char* side : {"agent", "ground"}) {
+    EXPECT_THAT(text(side), HasSubstr("signer = \"libcrypto\"\nverifier = \"libcrypto\""));
+    EXPECT_THAT(text(side), HasSubstr("[[orderer]]\nendpoint = \"127.0.0.1:2\""));
+  }
+  EXPECT_THAT(text("link"), Not(HasSubstr("max_margin_ms")));
+
+  Options options;
+  options.mbedtls = options.gateway = true;
+  options.smoothing = false;
+  ASSERT_TRUE(write_configs(files, options, "127.0.0.1:1", {"127.0.0.1:2"}));
+  for (const char* side : {"agent", "ground"}) {
+    EXPECT_THAT(text(side), HasSubstr("signer = \"mbedtls\"\nverifier = \"mbedtls\""));
+    EXPECT_THAT(text(side), Not(HasSubstr("[[orderer]]")));
+  }
+  EXPECT_THAT(text("link"), HasSubstr("[playout]\nmax_margin_ms = 0\n"));
 }
 
 TEST_F(FakePrograms, ACrashInFlightIsNamedWithItsLastWordsAndEverythingEnds) {

@@ -61,6 +61,21 @@ TEST(FlyOptions, AuthoritiesGoWithFabricAlone) {
   expect_refused({"--ca"}, "--ledger fabric");
 }
 
+TEST(FlyOptions, TheWayPastTheGatewayAndTheNumberOfEndorsementsAreFabrics) {
+  EXPECT_TRUE(parse_command_line({"--ledger", "fabric", "--gateway"}).options.gateway);
+  EXPECT_TRUE(parse_command_line({"--ledger", "fabric", "--majority"}).options.majority);
+  expect_refused({"--gateway"}, "--ledger fabric");
+  expect_refused({"--majority"}, "--ledger fabric");
+}
+
+TEST(FlyOptions, SafeguardsMayBeSwitched) {
+  EXPECT_TRUE(parse_command_line({}).options.smoothing);
+  EXPECT_FALSE(parse_command_line({"--smoothing", "off"}).options.smoothing);
+  EXPECT_FALSE(parse_command_line({}).options.mbedtls);
+  EXPECT_TRUE(parse_command_line({"--crypto", "mbedtls"}).options.mbedtls);
+  expect_refused({"--crypto", "none"}, "--crypto");
+}
+
 TEST(FlyOptions, DronesAndGroundMayHaveDomainsOfTheirOwn) {
   EXPECT_THAT(parse_command_line({}).options.domains, testing::IsEmpty());
   EXPECT_THAT(parse_command_line({"--domains", "31,232"}).options.domains, testing::ElementsAre(31, 232));

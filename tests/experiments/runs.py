@@ -1,0 +1,274 @@
+"""One repetition of one case, on the programs themselves: a flight, a virtual flight, an exchange of messages, three hosts."""
+import contextlib
+import ctypes
+import dataclasses
+import hashlib
+import json
+import pathlib
+import shutil
+import signal
+import subprocess
+
+import hosts as three_hosts
+import numpy as np
+import traces
+import verdicts
+from config import SETTINGS, Case
+
+PATIENCE_S = 900     # beyond what was asked: only how long something broken may take
+UNFINISHED_S = 1     # a path that ended so soon behind a lap's end has no further lap
+LANDING_S = 60       # that an interrupted run gets to land and end
+PR_SET_PDEATHSIG = 1
+PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric", "chaincode", "local"],
+            "virtual": ["hil"], "exchange": ["bench", "node", "fabric", "chaincode"],
+            "hosts": ["link", "agent", "ground", "sim", "node", "hil"]}
+libc = ctypes.CDLL(None, use_errno=True)
+
+
+class NotMeasured(Exception):
+    """Why there are no figures."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    programs: pathlib.Path  # bin/
+    npm: pathlib.Path
+    fabric: pathlib.Path
+    work: pathlib.Path      # for the run's files, which are removed when its figures are taken
+    ledger: str             # embedded or fabric
+
+    def program(self, name: str) -> pathlib.Path:
+        path = self.programs / f"ledgerline-{name}"
+        if not path.exists():
+            raise NotMeasured(f"{path.name} is not built: ninja -C build/release {path.name}")
+        return path
+
+
+def digest(place: Place, runs: str) -> str:
+    """Of the programs that a repetition ran and what takes its figures: those of others are not taken for theirs."""
+    total = hashlib.sha256(b"".join(pathlib.Path(module.__file__).read_bytes() for module in (traces, verdicts)))
+    total.update(pathlib.Path(__file__).read_bytes())
+    for name in PROGRAMS[runs]:
+        path = place.programs / f"ledgerline-{name}"
+        if path.exists():
+            total.update(name.encode() + hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()[:16]
+
+
+def words(options: dict) -> list[str]:
+    """As options of a program: true is a flag alone, false is none."""
+    found = []
+    for name, value in options.items():
+        if value is False:
+            continue
+        found.append("--" + name.replace("_", "-"))
+        if value is not True:
+            found.append(",".join(map(str, value)) if isinstance(value, list) else str(value))
+    return found
+
+
+def run_program(command: list, log: pathlib.Path, limit_s: float) -> tuple[int, str]:
+    """To its end; its exit code and what it wrote to stdout. An interrupt reaches it as one, and it may land its drones."""
+    with open(log, "wb") as errors:
+        process = subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, stderr=errors, text=True,
+                                   start_new_session=True,
+                                   preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGINT))
+    try:
+        out, _ = process.communicate(timeout=limit_s)
+        return process.returncode, out
+    except subprocess.TimeoutExpired:
+        raise NotMeasured(f"{pathlib.Path(command[0]).name} did not end within {limit_s:.0f} s") from None
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.communicate(timeout=LANDING_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.communicate()
+
+
+def tail(log: pathlib.Path, lines: int = 5) -> str:
+    with contextlib.suppress(OSError):
+        return "\n".join(log.read_text(errors="replace").strip().splitlines()[-lines:])
+    return ""
+
+
+def quantile_figures(name: str, samples) -> dict:
+    points = verdicts.distribution(samples)
+    if not points:
+        return {}
+    at = lambda share: points[round(share * (len(points) - 1))]
+    return {f"{name}.{key}": at(share) for key, share in
+            (("q1", 0.25), ("median", 0.5), ("q3", 0.75), ("p95", 0.95), ("p99", 0.99), ("max", 1.0))}
+
+
+def tracking_figures(drones: list[dict], finished: bool) -> dict:
+    """Of the worst drone."""
+    errors = [drone["cross_track_m"] for drone in drones if drone.get("cross_track_m")]
+    laps = [lap for drone in drones for lap in drone["lap_s"]]
+    figures = {"finished": 1.0 if finished else 0.0}
+    if errors:
+        figures.update(rms_m=max(error["rms"] for error in errors), max_m=max(error["max"] for error in errors))
+    if laps:
+        figures["lap_s"] = sum(laps) / len(laps)
+    figures["fails"] = 0.0 if finished and errors and figures["max_m"] <= verdicts.FAILS_BEYOND_M else 1.0
+    return figures
+
+
+def flight_laps(records, path: dict, options: dict) -> list[dict]:
+    """Lap by lap, of a path of straight pieces, by the true positions; the last one may be unfinished. `asked` grows with --ramp."""
+    corners = traces.corners(options.get("shape", "square"), three_hosts.SIDE_M, path["origin"])
+    if corners is None:
+        return []
+    start, step = map(float, options["ramp"].split(":")) if "ramp" in options else (options.get("speed", 0.5), 0.0)
+    length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
+    begin, end = path["between"]
+    ends = begin + np.cumsum(path["lap_s"]) * 1e9
+    laps = []
+    for i, until in enumerate([*ends, end]):
+        since = begin if i == 0 else ends[i - 1]
+        points = traces.positions(records, path["number"], (since, until))
+        finished = i < len(ends)
+        if not finished and (until - since < UNFINISHED_S * 1e9 or len(path["lap_s"]) >= options.get("laps", 3)):
+            continue
+        error, seconds = traces.cross_track(points, corners), (until - since) * 1e-9
+        laps.append({"speed_mps": start + i * step, "flown_mps": length / seconds if finished else 0.0, "seconds": seconds,
+                     "rms_m": error["rms"], "max_m": error["max"], "finished": finished})
+    return laps
+
+
+def virtual_laps(drone: dict) -> list[dict]:
+    return [{"speed_mps": lap["asked_mps"], "flown_mps": lap["flown_mps"], "seconds": lap["seconds"], "rms_m": lap["rms_m"],
+             "max_m": lap["max_m"], "finished": lap["seconds"] > 0} for lap in drone["laps"]]
+
+
+def lap_figures(laps: list[dict], ramp: bool) -> dict:
+    return {**(verdicts.ramp_figures(laps) if ramp else {}), **verdicts.later_figures(laps)}
+
+
+def flight_options(case: Case, place: Place, seed: int) -> dict:
+    options = dict(case.options)
+    ledger = options.pop("ledger", place.ledger)
+    settings = SETTINGS[options.pop("settings", "ours")]
+    if ledger != "none":
+        options = {**settings, **options}
+    if ledger != "fabric":
+        options.pop("orderers", None)
+        for name in ("gateway", "majority"):
+            if options.get(name):
+                raise NotMeasured(f"--{name} needs --ledger fabric")
+    return {**options, "ledger": ledger, "seed": seed}
+
+
+def flown(records, paths: dict) -> dict:
+    """What is in the traces of a flight, whoever started it."""
+    two_way, age = (traces.latencies_ms(records, kind) for kind in (traces.COMMAND_VERIFIED, traces.COMMAND_APPLIED))
+    return {"figures": {**quantile_figures("two_way_ms", two_way), **quantile_figures("age_ms", age)},
+            "two_way_ms": verdicts.distribution(two_way), "age_ms": verdicts.distribution(age),
+            "tracks": {name: {"origin": path["origin"], "flown": traces.track(records, path["number"], path["between"])}
+                       for name, path in paths.items()},
+            "profile": traces.profile(records, 1, paths["tello1"]["between"]) if "tello1" in paths else {}}
+
+
+def flight(case: Case, place: Place, seed: int) -> dict:
+    options = flight_options(case, place, seed)
+    run, result, log = place.work / "run", place.work / "result.json", place.work / "fly.log"
+    command = [place.program("fly"), "--out", run, "--json", result, *words(options)]
+    code, _ = run_program(command, log, PATIENCE_S + options.get("seconds", 0))
+    if code == 2 or not result.exists():
+        raise NotMeasured(f"fly {' '.join(words(options))}: {tail(log)}")
+    out = json.loads(result.read_text())
+    records = traces.read(run)
+    paths = traces.paths(run)
+    if not paths:
+        raise NotMeasured(out.get("why") or "no drone got onto its path")
+    seen = flown(records, paths)
+    laps = flight_laps(records, paths["tello1"], options) if "tello1" in paths else []
+    figures = {**seen["figures"], **tracking_figures(out["drones"], out["ok"]),
+               **{name: out[name] for name in ("messages_per_s", "transactions_per_s") if name in out},
+               **{f"cpu_percent.{name}": value for name, value in out["cpu_percent"].items()},
+               "cpu_percent.all": sum(out["cpu_percent"].values()), **lap_figures(laps, "ramp" in options)}
+    return {**seen, "figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": laps}
+
+
+def virtual(case: Case, place: Place, seed: int) -> dict:
+    log = place.work / "hil.log"
+    options = {**case.options, "seed": seed}
+    code, printed = run_program([place.program("hil"), "virtual", *words(options)], log, PATIENCE_S)
+    try:
+        out = json.loads(printed)
+    except ValueError:
+        raise NotMeasured(f"hil virtual {' '.join(words(options))}: {printed.strip()[-500:]} {tail(log)}") from None
+    laps = virtual_laps(out["drones"][0])
+    figures = {**tracking_figures(out["drones"], code == 0), **lap_figures(laps, "ramp" in options)}
+    for name in ("two_way_ms", "age_ms"):
+        worst = max((drone[name] for drone in out["drones"] if drone[name]["count"]), key=lambda q: q["median"], default={})
+        figures.update({f"{name}.{key}": value for key, value in worst.items()})
+    if out["blocks"]:
+        figures["commands_per_block"] = sum(drone["commands"]["sent"] for drone in out["drones"]) / out["blocks"]
+    for name in ("limit_mps", "slowed_to_mps"):
+        if out["drones"][0].get(name) is not None:
+            figures[name] = out["drones"][0][name]
+    return {"figures": figures, "why": out["why"], "turns": laps, "times_real_time": out["times_real_time"],
+            "digest": out["digest"]}
+
+
+def exchange(case: Case, place: Place, seed: int) -> dict:
+    result, log = place.work / "exchange.json", place.work / "bench.log"
+    options = {"ledger": place.ledger, **case.options}
+    ours = [client for client in options["clients"] if client.startswith("ledgerline")]
+    missing = ""
+    if shutil.which("node") is None or not (place.npm / "node_modules/@hyperledger/fabric-gateway").is_dir():
+        missing = "without Node.js and its packages (./run-tests installs them) the baselines are not measured"
+        options["clients"] = ours
+    # Each repetition is one alternation: every other one in reverse order.
+    if seed % 2 == 0:
+        options["clients"] = options["clients"][::-1]
+    options |= {"alternations": 1, "npm": place.npm, "fabric": place.fabric, "dir": place.work / "ledgers", "json": result}
+    code, _ = run_program([place.program("bench"), "two-way", *words(options)], log, 2 * PATIENCE_S)
+    if code != 0 or not result.exists():
+        raise NotMeasured(f"bench two-way: {tail(log)}")
+    out = json.loads(result.read_text())
+    figures, samples = {}, {}
+    for one in out["runs"]:
+        name = f"{one['client']}.{one['rate']}"
+        times = one["latencies_ms"]
+        figures.update(quantile_figures(name + ".ms", times))
+        figures[name + ".lost_percent"] = 100 * one["lost"] / max(1, one["sent"])
+        figures[name + ".collapsed"] = float(one["collapsed"])
+        if one["cpu_ms_per_message"] is not None:
+            # Of one core: each message and each answer costs that.
+            figures[name + ".cpu_percent"] = one["cpu_ms_per_message"] * one["rate"] / 10
+        samples[name] = verdicts.distribution(times)
+    return {"figures": figures, "why": missing, "incomplete": missing, "ledger": out["ledger"], "exchange_ms": samples}
+
+
+def hosts(case: Case, place: Place, seed: int) -> dict:
+    if place.ledger != "embedded":
+        raise NotMeasured("three hosts are flown on the embedded ledger alone")
+    run = place.work / "run"
+    try:
+        finished = three_hosts.fly(place.program, run, case.options, seed, PATIENCE_S)
+    except (three_hosts.Failed, RuntimeError, subprocess.SubprocessError, OSError) as error:
+        raise NotMeasured(f"three hosts: {error}") from None
+    records, paths = traces.read(run), traces.paths(run)
+    if "tello1" not in paths:
+        raise NotMeasured("three hosts: the drone did not get onto its path")
+    out = flown(records, paths)
+    error = traces.cross_track(out["tracks"]["tello1"]["flown"],
+                               traces.corners(case.options["shape"], three_hosts.SIDE_M, paths["tello1"]["origin"]))
+    figures = out["figures"] | tracking_figures([{"cross_track_m": error, "lap_s": paths["tello1"]["lap_s"]}], finished)
+    return {**out, "figures": figures, "why": "" if finished else "the path was not finished", "turns": []}
+
+
+RUN = {"flight": flight, "virtual": virtual, "exchange": exchange, "hosts": hosts}
+
+
+def repetition(runs: str, case: Case, place: Place, seed: int) -> dict:
+    """Its figures; raises NotMeasured. The run's files are gone afterwards, but not those of one that was not measured."""
+    shutil.rmtree(place.work, ignore_errors=True)
+    place.work.mkdir(parents=True)
+    out = RUN[runs](case, place, seed)
+    shutil.rmtree(place.work)
+    return out

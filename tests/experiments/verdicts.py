@@ -1,0 +1,105 @@
+"""Boxes, spreads and verdicts: pure functions of figures."""
+import itertools
+import math
+
+import numpy as np
+
+GOOD_BELOW_M = 0.4    # the top speed is the largest one of a ramp with a maximum error below this
+FAILS_BEYOND_M = 1.0  # "fails": an error above this, or a lap unfinished
+QUANTILE_POINTS = 201  # a distribution is kept as so many quantiles, evenly spaced
+
+
+def distribution(samples) -> list[float]:
+    """Quantiles 0, 0.5 %, ... 100 %: small, and whole enough for boxes and pooling."""
+    if len(samples) == 0:
+        return []
+    return np.round(np.quantile(np.asarray(samples, float), np.linspace(0, 1, QUANTILE_POINTS)), 4).tolist()
+
+
+def box(values) -> dict:
+    """Quartiles and median; whiskers at the farthest value within 1.5 times the box from it (Tukey), as box plots have it."""
+    values = np.sort(np.asarray(values, float))
+    q1, median, q3 = np.quantile(values, [0.25, 0.5, 0.75])
+    reach = 1.5 * (q3 - q1)
+    return {"low": float(values[values >= q1 - reach][0]), "q1": float(q1), "median": float(median), "q3": float(q3),
+            "high": float(values[values <= q3 + reach][-1])}
+
+
+def spread(values) -> dict | None:
+    """Of one figure over its repetitions."""
+    values = [value for value in values if value is not None and math.isfinite(value)]
+    if not values:
+        return None
+    return {"median": float(np.median(values)), "low": float(min(values)), "high": float(max(values)),
+            "mean": float(np.mean(values)), "deviation": float(np.std(values, ddof=1)) if len(values) > 1 else None,
+            "count": len(values)}
+
+
+def good_turns(turns: list[dict], limit_m: float = GOOD_BELOW_M) -> list[dict]:
+    """Of a ramp: the laps up to the first one that was not finished or had an error that is not below the limit."""
+    return list(itertools.takewhile(lambda turn: turn["finished"] and turn["max_m"] < limit_m, turns))
+
+
+def ramp_figures(turns: list[dict]) -> dict:
+    """The fastest good lap: as it was asked for, and on the mean over the lap, which corners and the controller's own limit
+    slow down; 0: none was good."""
+    good = good_turns(turns)
+    return {"top_speed_mps": max((turn["speed_mps"] for turn in good), default=0.0),
+            "top_lap_mps": max((turn["flown_mps"] for turn in good), default=0.0)}
+
+
+def later_figures(laps: list[dict], first: int = 3) -> dict:
+    """From the `first`-th lap on, when the model has been learned."""
+    later = [lap for lap in laps[first - 1:] if lap["finished"]]
+    if not later:
+        return {}
+    seconds = sum(lap["seconds"] for lap in later)
+    return {"later_rms_m": math.sqrt(sum(lap["rms_m"]**2 * lap["seconds"] for lap in later) / seconds),
+            "later_lap_s": seconds / len(later)}
+
+
+def margins(bar: dict, cases: dict[str, list[dict]], boxes: dict) -> list[tuple[str, int, float]]:
+    """For each case and repetition the value that the bar bounds: (case, seed, value)."""
+    found = []
+    for name in bar["cases"]:
+        for repetition in cases.get(name, []):
+            figures, seed = repetition["figures"], repetition["seed"]
+            if bar["rule"] == "times_below_published":
+                box_there = boxes[repetition["published"]]
+                ours = [figures.get(f"two_way_ms.{q}") for q in ("q1", "median", "q3")]
+                if all(ours):
+                    found.append((name, seed, min(1e3 * box_there[q] / own
+                                                  for q, own in zip(("q1", "median", "q3"), ours))))
+                continue
+            value = figures.get(bar["figure"])
+            if bar["against"]:
+                other = [one["figures"].get(bar["figure"]) for one in cases.get(bar["against"], []) if one["seed"] == seed]
+                value = value / other[0] if value is not None and other and other[0] else None
+            if value is not None:
+                found.append((name, seed, float(value)))
+    return found
+
+
+def verdict(bar: dict, cases: dict[str, list[dict]], boxes: dict, ledger: str) -> dict:
+    """`kept` or `missed` over every repetition, the worst one decides; `not measured` where one is missing or the bar is for
+    another ledger; cases that were not asked for (a quick look) do not count. Fewer seeds than the bar asks for are said."""
+    out = {"what": bar["what"], "limit": bar.get("limit", bar.get("factor")), "rule": bar["rule"], "note": ""}
+    values = margins(bar, cases, boxes)
+    out["values"] = spread([value for _, _, value in values])
+    if bar["ledger"] not in (None, ledger):
+        return {**out, "verdict": "not measured", "note": f"the bar is for {bar['ledger']}, this was on {ledger}"}
+    asked = [name for name in bar["cases"] if name in cases]
+    measured = {name for name, _, _ in values}
+    missing = [name for name in asked if name not in measured] if asked else bar["cases"]
+    if missing:
+        return {**out, "verdict": "not measured", "note": "nothing of " + "; ".join(missing)}
+    above = bar["rule"] != "at_most"
+    worst = (min if above else max)(values, key=lambda one: one[2])
+    kept = worst[2] >= out["limit"] if above else worst[2] <= out["limit"]
+    seeds = min(len([1 for name, _, _ in values if name == case]) for case in asked)
+    out["note"] = f"worst: {worst[2]:.3g} ({worst[0]}, seed {worst[1]})"
+    if len(asked) < len(bar["cases"]):
+        out["note"] += f"; {len(asked)} of {len(bar['cases'])} cases"
+    if seeds < bar["seeds"]:
+        out["note"] += f"; {seeds} of the {bar['seeds']} repetitions that the bar asks for"
+    return {**out, "verdict": "kept" if kept else "missed"}

@@ -1,0 +1,59 @@
+"""`ledgerline experiment` end to end: a real flight, its JSON, its verdicts, its page."""
+import json
+import os
+import pathlib
+import re
+import subprocess
+
+BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+
+
+def experiment(*words) -> subprocess.CompletedProcess:
+    return subprocess.run([BIN / "ledgerline", "experiment", *map(str, words)], capture_output=True, text=True, timeout=300)
+
+
+def test_one_experiment_from_flight_to_page_and_once_more_from_what_is_kept(tmp_path):
+    asked = ("latency", "--quick", "--case", "square", "--out", tmp_path)
+    done = experiment(*asked)
+    assert done.returncode == 0, done.stdout + done.stderr
+    document = json.loads((tmp_path / "latency.json").read_text())
+    assert document["asked"]["ledger"] == "embedded" and document["asked"]["quick"] and list(document["cases"]) == ["square"]
+    assert document["machine"]["cores"] >= 1 and document["not_measured"] == []
+    (flight,) = document["cases"]["square"]
+    figures = flight["figures"]
+    assert 0 < figures["two_way_ms.q1"] <= figures["two_way_ms.median"] <= figures["two_way_ms.q3"] <= figures["two_way_ms.max"]
+    assert figures["finished"] == 1 and 0 < figures["rms_m"] < figures["max_m"]
+    assert flight["ledger"]["batch_count"] == 1 and flight["ledger"]["storage"]
+    assert len(flight["tracks"]["tello1"]["flown"]) > 100 and len(flight["profile"]["virtual"]) > 100
+    verdicts = {bar["what"]: bar for bar in document["bars"]}
+    assert verdicts["every flight finishes its path"]["verdict"] == "kept"
+    (fifteen,) = [bar for what, bar in verdicts.items() if "fifteen" in what]
+    assert fifteen["verdict"] == "not measured" and "fabric" in fifteen["note"]
+    assert fifteen["values"]["low"] == min(1e3 * box / own for box, own in zip(
+        (0.396, 0.456, 0.525), (figures[f"two_way_ms.{q}"] for q in ("q1", "median", "q3"))))
+
+    page = (tmp_path / "report.html").read_text()
+    assert page.count('src="data:image/png;base64,') == 3, "boxes, paths, speeds"
+    assert not re.findall(r'(?:src|href)="(?!data:|#)', page), "it opens without a network"
+    assert "350 to 400 ms" in page and "0.55 s" in page and "fifteen times" in page
+    assert (tmp_path / "experiments.png").stat().st_size > 5_000
+    assert not (tmp_path / "running").exists()
+
+    again = experiment(*asked)
+    assert again.returncode == 0 and "square, seed 1" in again.stdout and "kept from before" in again.stdout
+    assert json.loads((tmp_path / "latency.json").read_text())["cases"] == document["cases"]
+
+
+def test_what_is_asked_wrongly_is_named(tmp_path):
+    for words, named in ((("nothing",), "nothing"), (("latency", "--case", "circle"), "circle"), (("latency", "--seeds", "0"), "--seeds")):
+        done = experiment(*words, "--out", tmp_path)
+        assert done.returncode == 2 and named in done.stderr, done.stderr
+
+
+def test_what_cannot_be_measured_is_no_success(tmp_path):
+    """The published client needs its packages."""
+    done = subprocess.run([BIN / "ledgerline", "experiment", "events", "--quick", "--out", tmp_path], capture_output=True, text=True,
+                          timeout=300, env={**os.environ, "LEDGERLINE_NPM": "/nowhere", "LEDGERLINE_BIN": str(tmp_path)})
+    assert done.returncode == 1
+    assert "ledgerline-bench is not built" in done.stdout and "Traceback" not in done.stderr
+    assert json.loads((tmp_path / "events.json").read_text())["not_measured"][0]["case"] == "our settings"
