@@ -6,6 +6,8 @@
 #include "common/rt/json.hpp"
 #include "common/rt/log.hpp"
 #include "ground/shell/course_file.hpp"
+#include "hil/proxy/fault_socket.hpp"
+#include "hil/proxy/proxy.hpp"
 #include "hil/virtual_flight.hpp"
 
 namespace {
@@ -79,12 +81,37 @@ Status read_texts(const std::string& shape, const std::string& ramp, const std::
   return done;
 }
 
+int run_proxy(const std::string& config, const std::string& script) {
+  const auto settings = hil::proxy::read_settings(config, script);
+  if (!settings) {
+    spdlog::error("{}", settings.error().what);
+    return 2;
+  }
+  if (const auto ran = hil::proxy::run(*settings); !ran) {
+    spdlog::error("{}", ran.error().what);
+    return 1;
+  }
+  return 0;
+}
+
+int tell_faults(const std::string& socket, const std::string& command) {
+  const auto answer = hil::proxy::tell(socket, command);
+  if (!answer) {
+    spdlog::error("{}", answer.error().what);
+    return 1;
+  }
+  fmt::print("{}", *answer);
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   init_log("hil");
   CLI::App app{
-      "Ledgerline's hardware in the loop.\n\nExample:\n  ledgerline-hil virtual --drones 3 --shape x --seed 7\n"};
+      "Ledgerline's hardware in the loop.\n\nExamples:\n  ledgerline-hil virtual --drones 3 --shape x --seed 7\n"
+      "  ledgerline-hil proxy --config proxy.toml\n"
+      "  ledgerline-hil faults faults.sock 'drone tello1 to delay 200ms, loss 5%'\n"};
   app.require_subcommand(1);
 
   hil::VirtualFlightConfig config;
@@ -137,11 +164,32 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();
   flight->add_option("--seed", config.seed)->capture_default_str();
+
+  std::string proxy_config, script;
+  auto* proxy = app.add_subcommand(
+      "proxy",
+      "Stands between Tello clients and drones (UDP), and between Fabric clients and servers (TCP), and impairs what "
+      "goes\nthrough (docs/proxy.md), until SIGINT or SIGTERM. Exit code 0: ended as asked; 1: something failed; 2: "
+      "bad "
+      "options or file.");
+  proxy->add_option("--config", proxy_config, "TOML file: what it stands before")->required();
+  proxy->add_option("--script", script, "TOML file: what is switched when");
+
+  std::string socket, command;
+  auto* faults = app.add_subcommand(
+      "faults",
+      "Tells a running proxy what to switch: drone NAME to|answers|state|video|from|both EFFECTS, server NAME "
+      "to|from|both EFFECTS,\nserver NAME cut, clear, list (docs/proxy.md). Exit code 0: done; 1: refused or not "
+      "reached; 2: bad options.");
+  faults->add_option("SOCKET", socket, "[proxy] faults of its config")->required();
+  faults->add_option("COMMAND", command, "in quotes: 'drone tello1 to delay 200ms, loss 5%'")->required();
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
+  if (proxy->parsed()) return run_proxy(proxy_config, script);
+  if (faults->parsed()) return tell_faults(socket, command);
   config.mode = mode == "local" ? hil::VirtualFlightConfig::Mode::local : hil::VirtualFlightConfig::Mode::ledger;
   config.predict = predict == "on";
   config.max_age_ns = from_seconds(max_age_s);

@@ -25,19 +25,42 @@ std::string contract_words(const node::Reply& reply) {
 }  // namespace
 
 VirtualLedger::VirtualLedger(const node::CoreConfig& config, const LedgerDelays& delays, std::uint64_t seed)
-    : delays_(delays), where_{config.channel, config.contract}, random_(seed) {
+    : config_(config), delays_(delays), where_{config.channel, config.contract}, random_(seed) {
   std::vector<std::string> msp_ids = organisations;
   msp_ids.push_back("OrdererMSP");
   registry_ = crypto::make_test_registry(msp_ids);
+  core_ = make_core();
+  apply(0, core_->genesis());
+}
+
+std::unique_ptr<node::NodeCore> VirtualLedger::make_core() {
   std::vector<crypto::SigningIdentity> peers;
   for (const auto& msp_id : organisations) peers.push_back(crypto::make_test_identity({msp_id, "CN=peer0"}));
-  core_ = std::make_unique<node::NodeCore>(config, registry_, peers,
-                                           crypto::make_test_identity({"OrdererMSP", "CN=orderer"}),
-                                           [this](std::uint64_t number) -> Result<std::string> {
-                                             if (number < blocks_.size()) return blocks_[number];
-                                             return Error{"no block " + std::to_string(number)};
-                                           });
-  apply(0, core_->genesis());
+  return std::make_unique<node::NodeCore>(config_, registry_, peers,
+                                          crypto::make_test_identity({"OrdererMSP", "CN=orderer"}),
+                                          [this](std::uint64_t number) -> Result<std::string> {
+                                            if (number < blocks_.size()) return blocks_[number];
+                                            return Error{"no block " + std::to_string(number)};
+                                          });
+}
+
+void VirtualLedger::restart(TimeNs now) {
+  core_ = make_core();
+  for (const std::string& block : blocks_) {
+    [[maybe_unused]] const Status replayed = core_->replay(block);
+    assert(replayed.ok());
+  }
+  writing_.reset();
+  const auto lose = [&](const Pending& pending) {
+    fabric::Outcome outcome;
+    outcome.tx_id = pending.tx_id;
+    outcome.message = "the node ended";
+    members_[pending.client].outcomes.emplace_back(later(now, delays_.deliver_ns), Ended{pending.id, outcome});
+  };
+  for (const auto& [due, pending] : due_) lose(pending);
+  for (const auto& [waiter, pending] : waiting_) lose(pending);
+  due_.clear();
+  waiting_.clear();
 }
 
 VirtualLedger::Client VirtualLedger::add_client(const crypto::IdentityName& name) {

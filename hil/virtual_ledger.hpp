@@ -45,6 +45,9 @@ class VirtualLedger {
   /// Runs everything that is due.
   void step(TimeNs now);
 
+  /// The node ends and starts again from its blocks. What was not in a block is gone: it ends as unavailable.
+  void restart(TimeNs now);
+
   /// What has reached this client since the last call. Blocks come in order, from the one after add_client() on.
   std::vector<fabric::Block> take_blocks(TimeNs now, Client client);
   struct Ended {
@@ -55,6 +58,7 @@ class VirtualLedger {
 
   std::uint64_t height() const { return blocks_.size(); }
   std::uint64_t transactions() const { return core_->counts().transactions; }
+  std::optional<node::TxStatus> find(const std::string& tx_id) const { return core_->find(tx_id); }
   /// All blocks as they would lie on disk.
   const std::vector<std::string>& blocks() const { return blocks_; }
 
@@ -74,6 +78,7 @@ class VirtualLedger {
   };
 
   Result<fabric::Proposal> propose(TimeNs now, const Member& member, const fabric::Call& call);
+  std::unique_ptr<node::NodeCore> make_core();
   TimeNs later(TimeNs now, TimeNs delay);
   TimeNs delivered(TimeNs now, Member& member);
   void advance(TimeNs now, Pending pending);
@@ -81,6 +86,7 @@ class VirtualLedger {
   void cut_if_due(TimeNs now);
   void apply(TimeNs now, const node::CutBlock& block);
 
+  node::CoreConfig config_;
   LedgerDelays delays_;
   fabric::ChannelAndContract where_;
   Random random_;

@@ -34,6 +34,7 @@ struct ControlParameters {
   double takeoff_height_m = 1.0;        ///< [T] gazebo stand-in: to 1.0 m
   double takeoff_mps = 0.5;             ///< [T] gazebo stand-in: at 0.5 m/s
   double spin_up_s = 1.0;               ///< [A] motors before lift-off
+  double takeoff_limit_s = 10.0;        ///< [A] what is not up by then is broken off: it lands, the answer is `error`
   double landing_mps = 0.5;             ///< [A] as takeoff
   double touchdown_mps = 0.25;          ///< [A] below 0.3 m
   double position_gain_per_s = 1.5;     ///< [A] hover and moves: velocity per metre of error

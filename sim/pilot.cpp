@@ -64,11 +64,15 @@ bool Pilot::takeoff(const Body& body) {
 bool Pilot::land() {
   if (phase_ != Phase::flying) return false;
   action_ = std::monostate{};
+  begin_landing();
+  return true;
+}
+
+void Pilot::begin_landing() {
   begin_move();
   phase_ = Phase::landing;
   phase_s_ = 0;
   touching_steps_ = 0;
-  return true;
 }
 
 Vector Pilot::to_map(const Vector& v) const {
@@ -273,6 +277,11 @@ Motors Pilot::step(const Body& body) {
       return motors;
     }
     case Phase::climbing: {
+      if (phase_s_ > p_.control.takeoff_limit_s) {
+        finish(End::broken_off);
+        begin_landing();
+        return fly_velocity(p_, body, estimate_, hold({}, body));
+      }
       const double left = takeoff_z_ + p_.control.takeoff_height_m - body.position.z();
       VelocitySetpoint wanted = hold({}, body);
       wanted.velocity.z() = std::min(p_.control.takeoff_mps, p_.control.position_gain_per_s * left);

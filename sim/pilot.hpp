@@ -73,6 +73,7 @@ class Pilot {
   void finish(End end);
   bool ready_for_move() const { return phase_ == Phase::flying && !busy(); }
   void begin_move();
+  void begin_landing();
   Vector to_map(const Vector& heading_frame) const;
   VelocitySetpoint hold(const VelocitySetpoint& wanted, const Body& body);
   VelocitySetpoint fly(const Body& body);

@@ -369,11 +369,16 @@ Sdk::Answer Sdk::set_ports(Call& call) {
 Sdk::Answer Sdk::reboot(Call& call) {
   // On the ground only: afterwards it waits for `command` as after switching on.
   if (call.drone.pilot.phase() != Pilot::Phase::off) return "error";
+  restart();
+  return {};
+}
+
+void Sdk::restart() {
   sdk_mode_ = false;
   pads_wanted_ = false;
   state_port_ = state_port;
   speed_cmps_ = p_.sdk.default_speed_cmps;
-  return {};
+  waiting_.reset();
 }
 
 Sdk::Answer Sdk::query(Call& call) {

@@ -34,6 +34,8 @@ class Sdk {
   void receive(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, std::vector<Outgoing>& out);
   /// Every millisecond: ends of moves, landing after silence or on a low battery, state.
   void step(TimeNs now, Drone drone, std::vector<Outgoing>& out);
+  /// As after switching on: only `command` is heard, and nobody waits for an answer.
+  void restart();
 
  private:
   struct Call {

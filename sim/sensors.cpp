@@ -31,7 +31,7 @@ Sensors::Sensors(const Parameters& parameters, std::uint64_t seed)
 
 void Sensors::step(bool flying) {
   const double share = flying ? 1.0 : battery_parameters_.idle_share;
-  battery_ = std::max(0.0, battery_ - share * step_s / battery_parameters_.flight_s);
+  battery_ = std::max(0.0, battery_ - (share / battery_parameters_.flight_s + drain_per_s_) * step_s);
   temperature_c_ += ((flying ? warm_c : cool_c) - temperature_c_) * step_s / warming_s;
 }
 

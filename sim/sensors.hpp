@@ -33,12 +33,16 @@ class Sensors {
   Telemetry read(const Body& body, const Vector& estimated_velocity, double takeoff_z, double motor_s);
 
   double battery() const { return battery_; }  ///< 0..1
+  void set_battery(double share) { battery_ = share; }
+  /// So much of the whole a second beside what flying takes.
+  void drain(double per_s) { drain_per_s_ = per_s; }
 
  private:
   BatteryParameters battery_parameters_;
   SensorParameters noise_;
   Random random_;
   double battery_;
+  double drain_per_s_ = 0;
   double temperature_c_;
   double barometer_zero_m_;
 };

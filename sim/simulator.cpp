@@ -19,7 +19,19 @@ struct Drone {
   Pilot pilot;
   Sensors sensors;
   Sdk sdk;
+  bool propeller_lost = false;
 };
+
+// What is left when the right front propeller (x forward, y left) is gone: three quarters of the thrust, and its moment
+// about the middle, which the flight controller can do nothing about.
+Motors three_propellers(const BodyParameters& body, const Motors& four) {
+  const double arm_m = body.length_m / 4;
+  const double lost_n = four.thrust_n / 4;
+  Motors three;
+  three.thrust_n = four.thrust_n - lost_n;
+  three.torque_nm = {arm_m * lost_n, arm_m * lost_n, 0};
+  return three;
+}
 
 }  // namespace
 
@@ -65,7 +77,11 @@ void Simulator::datagram(DroneNumber drone, Endpoint from, std::string_view byte
 
 void Simulator::State::one_step() {
   now += ns_per_ms;
-  for (int i = 0; i < p.drones; ++i) world.set_motors(i, drones[static_cast<std::size_t>(i)].pilot.step(world.body(i)));
+  for (int i = 0; i < p.drones; ++i) {
+    Drone& drone = drones[static_cast<std::size_t>(i)];
+    const Motors motors = drone.pilot.step(world.body(i));
+    world.set_motors(i, drone.propeller_lost ? three_propellers(p.body, motors) : motors);
+  }
   world.step();
   for (int i = 0; i < p.drones; ++i) {
     Drone& drone = drones[static_cast<std::size_t>(i)];
@@ -126,5 +142,25 @@ Truth Simulator::truth(DroneNumber number) const {
 void Simulator::kick(DroneNumber drone, const std::array<double, 3>& v) {
   state_->world.kick(state_->index(drone), Vector(v[0], v[1], v[2]));
 }
+
+void Simulator::set_battery(DroneNumber drone, double share) {
+  state_->drones[static_cast<std::size_t>(state_->index(drone))].sensors.set_battery(share);
+}
+
+void Simulator::drain_battery(DroneNumber drone, double per_s) {
+  state_->drones[static_cast<std::size_t>(state_->index(drone))].sensors.drain(per_s);
+}
+
+void Simulator::lose_propeller(DroneNumber drone) {
+  state_->drones[static_cast<std::size_t>(state_->index(drone))].propeller_lost = true;
+}
+
+void Simulator::restart(DroneNumber number) {
+  Drone& drone = state_->drones[static_cast<std::size_t>(state_->index(number))];
+  drone.pilot.cut();
+  drone.sdk.restart();
+}
+
+void Simulator::set_wind(const std::array<double, 3>& v) { state_->world.set_wind(Vector(v[0], v[1], v[2])); }
 
 }  // namespace ledgerline::sim

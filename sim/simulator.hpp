@@ -81,6 +81,16 @@ class Simulator {
   Truth truth(DroneNumber drone) const;
   /// A push from outside, as a velocity in the map frame added at once; for tests and fault scripts.
   void kick(DroneNumber drone, const std::array<double, 3>& velocity_mps);
+  /// What breaks, for fault scripts. A battery holds `share` (0..1) now, and loses `per_s` of the whole a second beside
+  /// what flying takes.
+  void set_battery(DroneNumber drone, double share);
+  void drain_battery(DroneNumber drone, double per_s);
+  /// The right front propeller comes off: a quarter of the thrust is gone there, and nothing holds the balance.
+  void lose_propeller(DroneNumber drone);
+  /// Off and on again: the motors stop, and it waits for `command` as after switching on.
+  void restart(DroneNumber drone);
+  /// Wind of this velocity, map frame, beside the gusts; for all drones.
+  void set_wind(const std::array<double, 3>& velocity_mps);
 
  private:
   struct State;

@@ -44,10 +44,12 @@ struct World::State {
   Parameters p;
   Random random;
   dWorldID world = nullptr;
+  dThreadingImplementationID threading = nullptr;
   dGeomID ground = nullptr;
   dJointGroupID contacts = nullptr;
   std::vector<Drone> drones;
   std::uint64_t steps = 0;
+  Vector steady_wind = Vector::Zero();
 
   void gusts();
   void forces(Drone& drone) const;
@@ -60,6 +62,9 @@ World::World(const Parameters& parameters) : state_(std::make_unique<State>(para
   start_ode();
   State& s = *state_;
   s.world = dWorldCreate();
+  // Its own: ODE's default one is shared by all worlds, which then must not step at once.
+  s.threading = dThreadingAllocateSelfThreadedImplementation();
+  dWorldSetStepThreadingImplementation(s.world, dThreadingImplementationGetFunctions(s.threading), s.threading);
   dWorldSetGravity(s.world, 0, 0, -gravity_mps2);
   dWorldSetERP(s.world, 0.2);
   dWorldSetCFM(s.world, 1e-6);
@@ -91,6 +96,7 @@ World::~World() {
   dGeomDestroy(state_->ground);
   dJointGroupDestroy(state_->contacts);
   dWorldDestroy(state_->world);
+  dThreadingFreeImplementation(state_->threading);
 }
 
 int World::size() const { return static_cast<int>(state_->drones.size()); }
@@ -109,6 +115,8 @@ void World::kick(int drone, const Vector& velocity) {
   dBodyEnable(body);
   dBodySetLinearVel(body, v.x(), v.y(), v.z());
 }
+
+void World::set_wind(const Vector& velocity) { state_->steady_wind = velocity; }
 
 void World::State::gusts() {
   const double dt = steps_per_gust * step_s;
@@ -137,7 +145,7 @@ void World::State::forces(Drone& drone) const {
   }
   if (!dBodyIsEnabled(drone.body)) return;
 
-  const Vector through_air = drone.seen.velocity - drone.wind;
+  const Vector through_air = drone.seen.velocity - drone.wind - steady_wind;
   const Vector drag = -b.mass_kg * Vector(b.drag_xy_per_s * through_air.x(), b.drag_xy_per_s * through_air.y(),
                                           b.drag_z_per_s * through_air.z());
   // Wind pushes what flies; what stands with its motors off is held by the ground.

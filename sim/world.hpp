@@ -47,6 +47,8 @@ class World {
   const Body& body(int drone) const;
   Vector wind(int drone) const;
   void kick(int drone, const Vector& velocity);
+  /// A steady wind beside the gusts; map frame.
+  void set_wind(const Vector& velocity);
 
  private:
   struct State;

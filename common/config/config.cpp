@@ -174,6 +174,22 @@ std::vector<double> Config::numbers(const std::string& key, std::size_t count, c
   return otherwise;
 }
 
+std::vector<std::string> Config::texts(const std::string& key, std::size_t most) {
+  const toml::node* node = state_->find(key);
+  if (!node) return {};
+  std::vector<std::string> values;
+  const auto* array = node->as_array();
+  for (std::size_t i = 0; array && i < array->size() && i < most; ++i) {
+    const auto* value = array->get_as<std::string>(i);
+    if (!value || clear_text(value->get(), longest_text) != value->get()) break;
+    values.push_back(value->get());
+  }
+  if (array && values.size() == array->size()) return values;
+  state_->problem(node, key,
+                  fmt::format("must be a list of at most {} texts of one line each, as in [\"...\", \"...\"]", most));
+  return {};
+}
+
 std::size_t Config::table_count(const std::string& key) {
   const toml::node* node = state_->find(key);
   if (!node) return 0;

@@ -37,6 +37,8 @@ class Config {
   std::int64_t integer(const std::string& key, std::int64_t otherwise, std::int64_t min, std::int64_t max);
   bool boolean(const std::string& key, bool otherwise);
   std::vector<double> numbers(const std::string& key, std::size_t count, const std::vector<double>& otherwise);
+  /// A list of texts, each as text(); empty where the key is missing.
+  std::vector<std::string> texts(const std::string& key, std::size_t most);
   /// Number of [[key]] tables; their keys are then "key.0.x", "key.1.x" ...
   std::size_t table_count(const std::string& key);
   /// What the program itself finds wrong with a key's value, for finish(): "must ...".

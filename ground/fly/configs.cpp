@@ -40,13 +40,27 @@ std::string output_table(const RunFiles& files, const std::string& program) {
   return fmt::format("[output]\ntrace = \"{}\"\nsummary = \"{}\"\n", files.trace(program), files.summary(program));
 }
 
-std::string drone_tables(int drones, bool with_address) {
+// Where the proxy stands for a drone.
+std::string proxied_address_of(int drone) { return fmt::format("127.0.1.{}", drone + 1); }
+const char* const proxy_address = "127.0.2.1";  // toward the drones; link has the ports for state at the others
+
+std::string drone_tables(const Options& options, bool with_address) {
   std::string tables;
-  for (int k = 1; k <= drones; ++k) {
+  for (int k = 1; k <= options.drones; ++k) {
     tables += fmt::format("\n[[drone]]\nname = \"tello{0}\"\nnumber = {0}\n", k);
-    if (with_address) tables += fmt::format("address = \"{}\"\n", address_of(k));
+    const std::string address = options.proxy ? proxied_address_of(k) : address_of(k);
+    if (with_address) tables += fmt::format("address = \"{}\"\n", address);
   }
   return tables;
+}
+
+// One host's way to the ledger, through the proxy where there is one.
+std::string place(const Proxied& proxied, const std::string& name, const std::string& otherwise) {
+  const auto found = proxied.find(name);
+  return found == proxied.end() ? otherwise : found->second;
+}
+std::string orderer_name(const std::string& program, std::size_t i) {
+  return fmt::format("{}-orderer{}", program, i + 1);
 }
 
 enum class Side { drones, ground };
@@ -88,29 +102,52 @@ Status write_sim_config(const RunFiles& files, const Options& options) {
   return write_file(files.config("sim"), dds_table(options, Side::drones));
 }
 
+Status write_proxy_config(const RunFiles& files, const Options& options, const std::string& endpoint,
+                          const std::vector<std::string>& orderers) {
+  std::string text = fmt::format("[proxy]\nseed = {}\nfaults = \"{}\"\nsummary = \"{}\"\nsource = \"{}\"\n",
+                                 options.seed, files.in("faults.sock"), files.summary(proxy_name), proxy_address);
+  for (int k = 1; k <= options.drones; ++k) {
+    text += fmt::format("\n[[drone]]\nname = \"tello{}\"\nlisten = \"{}\"\naddress = \"{}\"\n", k,
+                        proxied_address_of(k), address_of(k));
+  }
+  const auto server = [&](const std::string& name, const std::string& address) {
+    text += fmt::format("\n[[server]]\nname = \"{}\"\nlisten = \"127.0.0.1:0\"\naddress = \"{}\"\n", name, address);
+  };
+  for (const std::string program : {"agent", "ground"}) {
+    server(program, endpoint);
+    for (std::size_t i = 0; i < orderers.size(); ++i) server(orderer_name(program, i), orderers[i]);
+  }
+  return write_file(files.config(proxy_name), text);
+}
+
 Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,
-                     const std::vector<std::string>& orderers) {
-  std::string direct;
+                     const std::vector<std::string>& orderers, const Proxied& proxied) {
   // The direct path carries one endorsement: a majority is the gateway's.
   const bool past_gateway = !options.gateway && !options.majority;
-  for (const std::string& orderer : past_gateway ? orderers : std::vector<std::string>()) {
-    direct += fmt::format("[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n", orderer,
-                          files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"));
-  }
+  const auto direct = [&](const std::string& program) {
+    std::string tables;
+    for (std::size_t i = 0; past_gateway && i < orderers.size(); ++i) {
+      tables += fmt::format("[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n",
+                            place(proxied, orderer_name(program, i), orderers[i]),
+                            files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"));
+    }
+    return tables;
+  };
+  const auto ledger = [&](const std::string& program, int organisation) {
+    return ledger_table(files, place(proxied, program, endpoint), organisation, "User1", ledger_keys(options)) +
+           direct(program);
+  };
   const std::string with_status = "status_period_ms = 250\n";
   const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
-                           (options.smoothing ? "" : "\n[playout]\nmax_margin_ms = 0\n") +
-                           drone_tables(options.drones, true);
-  const std::string agent = ledger_table(files, endpoint, 1, "User1", ledger_keys(options)) + direct +
-                            msp_tables(files) + output_table(files, "agent") + with_status + patience(options) +
-                            dds_table(options, Side::drones) + drone_tables(options.drones, false);
+                           (options.smoothing ? "" : "\n[playout]\nmax_margin_ms = 0\n") + drone_tables(options, true);
+  const std::string agent = ledger("agent", 1) + msp_tables(files) + output_table(files, "agent") + with_status +
+                            patience(options) + dds_table(options, Side::drones) + drone_tables(options, false);
   const std::string flight = fmt::format(
       "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
       "{:.3f}\n",
       shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, side_m);
-  const std::string ground = ledger_table(files, endpoint, 2, "User1", ledger_keys(options)) + direct +
-                             msp_tables(files) + output_table(files, "ground") + with_status + flight +
-                             dds_table(options, Side::ground) + drone_tables(options.drones, false);
+  const std::string ground = ledger("ground", 2) + msp_tables(files) + output_table(files, "ground") + with_status +
+                             flight + dds_table(options, Side::ground) + drone_tables(options, false);
   const std::pair<std::string, std::string> all[] = {
       {"link", link},
       {"agent", agent},

@@ -32,6 +32,13 @@ constexpr Restarts::Limits onboard_limits{6, 15 * ns_per_s, 50 * ns_per_ms, 500 
 // Fabric's network ends its own processes.
 int death_signal(const std::string& name) { return name == "roudi" || name == "fabric" ? SIGTERM : SIGKILL; }
 
+// That live through the flight.
+std::vector<std::string> programs_of(const Options& options) {
+  std::vector<std::string> names{"roudi", ledger_program(options), "sim", "link", "agent", "ground"};
+  if (options.proxy) names.push_back(proxy_name);
+  return names;
+}
+
 std::string first_certificate(const std::string& directory) {
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(directory, error)) {
@@ -51,7 +58,7 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
       live_(options_.drones, terminal, monotonic_ns()),
       children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}),
       ledger_(ledger_program(options_)),
-      all_programs_{"roudi", ledger_, "sim", "link", "agent", "ground"} {
+      all_programs_(programs_of(options_)) {
   for (const char* name : {"roudi", "link", "agent"}) {
     onboard_.push_back({name, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()) + onboard_.size())});
   }
@@ -148,7 +155,12 @@ Status Launcher::start_all() {
   if (ready.contains("orderers") && ready["orderers"].is_array()) {
     for (const json& one : ready["orderers"]) orderers.push_back(one.is_string() ? one.get<std::string>() : "");
   }
-  if (auto s = write_configs(files_, options_, ready["endpoint"].get<std::string>(), orderers); !s) return s;
+  const std::string endpoint = ready["endpoint"];
+  Proxied proxied;
+  if (options_.proxy) {
+    if (auto s = start_proxy(endpoint, orderers, proxied); !s) return s;
+  }
+  if (auto s = write_configs(files_, options_, endpoint, orderers, proxied); !s) return s;
 
   std::vector<std::string> names;
   for (int k = 1; k <= options_.drones; ++k) names.push_back(fmt::format("tello{}", k));
@@ -169,6 +181,22 @@ Status Launcher::start_all() {
     if (auto s = start(name, {"--config", files_.config(name)}); !s) return s;
   }
   return wait_ready({"link", "agent", "ground"});
+}
+
+Status Launcher::start_proxy(const std::string& endpoint, const std::vector<std::string>& orderers, Proxied& proxied) {
+  if (auto s = write_proxy_config(files_, options_, endpoint, orderers); !s) return s;
+  std::vector<std::string> arguments{"proxy", "--config", files_.config(proxy_name)};
+  if (!options_.faults.empty()) arguments.insert(arguments.end(), {"--script", options_.faults});
+  if (auto s = start(proxy_name, std::move(arguments)); !s) return s;
+  if (auto s = wait_ready({proxy_name}); !s) return s;
+  const json ready = json::parse(ready_[proxy_name], nullptr, false);
+  const json servers = ready.is_object() ? ready.value("servers", json()) : json();
+  for (const auto& [name, address] : servers.items()) {
+    if (address.is_string()) proxied[name] = address.get<std::string>();
+  }
+  if (!proxied.contains("agent") || !proxied.contains("ground"))
+    return Error{"the proxy did not say where it listens: " + ready_[proxy_name]};
+  return done;
 }
 
 std::string Launcher::ground_why() const {
@@ -224,7 +252,8 @@ Status Launcher::fly() {
       if (!children_.ended_well("ground")) result = Error{ground_why()};
       flying = false;
     }
-    for (const auto& name : {ledger_, std::string("sim")}) {
+    for (const auto& name : {ledger_, std::string("sim"), proxy_name}) {
+      if (name == proxy_name && !options_.proxy) continue;
       if (!children_.running(name) && result) result = Error{crash_of(name, "during the flight")};
     }
     if (flying && result) result = look_after_onboard(now_ns);
@@ -301,7 +330,7 @@ void Launcher::recycle_shared_memory() {
 // Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
 void Launcher::stop_all(bool landed) {
   const bool hurry = interrupts_ > 1;
-  std::vector<std::string> order{"ground", "agent", "link", "sim", ledger_, "roudi"};
+  std::vector<std::string> order{"ground", "agent", "link", proxy_name, "sim", ledger_, "roudi"};
   if (!landed && !hurry && children_.running("link") && children_.running("sim") && live_.anything_in_air()) {
     live_.say("Landing all drones");
     children_.signal("link", SIGTERM);

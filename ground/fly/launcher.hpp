@@ -28,8 +28,8 @@ struct RunRecord {
 
 /// Starts the programs of a flight, watches them, and ends every one of them, whatever happens:
 ///
-///     roudi, ledger, sim  ->  enroll, acquire  ->  link, agent, ground  ->  ground ends  ->  agent, link, sim, ledger,
-///     roudi
+///     roudi, ledger, sim, proxy (where asked for)  ->  enroll, acquire  ->  link, agent, ground  ->  ground ends  ->
+///     agent, link, proxy, sim, ledger, roudi
 ///
 /// RouDi, link and agent are started again when they end in flight, each a bounded number of times; any other one's end
 /// ends the flight. docs/deaths.md says what each death means for a drone in the air.
@@ -53,6 +53,7 @@ class Launcher {
   Status start(const std::string& name, std::vector<std::string> arguments);
   Status wait_ready(const std::vector<std::string>& names);
   Status run_to_end(const std::string& name, std::vector<std::string> arguments);
+  Status start_proxy(const std::string& endpoint, const std::vector<std::string>& orderers, Proxied& proxied);
   Status fly();
   void write_usage(const timing::UsageRecord& usage);
   Status look_after_onboard(TimeNs now_ns);

@@ -93,6 +93,12 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   app.add_option("--batch-count", o.batch_count, "Ledger: a block is cut at this many transactions")
       ->check(CLI::Range(1, 10'000))
       ->capture_default_str();
+  auto* proxy = app.add_flag("--proxy", o.proxy,
+                             "Drones and ledger behind a proxy that `ledgerline hil faults OUT/faults.sock` impairs "
+                             "(docs/proxy.md)");
+  app.add_option("--faults", o.faults, "TOML file: what the proxy switches when")
+      ->needs(proxy)
+      ->check(CLI::ExistingFile);
   app.add_option("--domains", o.domains,
                  "DDS domains of the drones and of ground, such as 1,2 (default: ROS_DOMAIN_ID, else 0, for both)")
       ->delimiter(',')

@@ -27,6 +27,8 @@ struct Options {
   bool smoothing = true;            ///< false: link's playout has no margin
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
+  bool proxy = false;        ///< drones and ledger are reached through ledgerline-hil proxy
+  std::string faults;        ///< file of what the proxy switches when; empty: none
   std::vector<int> domains;  ///< of DDS: that of sim and agent, that of ground; empty: ROS_DOMAIN_ID, else 0
   std::uint64_t seed = 1;
   std::string json;  ///< file; empty: none

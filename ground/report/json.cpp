@@ -49,6 +49,7 @@ json to_json(const Results& r) {
              {"majority", r.asked.majority},
              {"crypto", r.asked.mbedtls ? "mbedtls" : "libcrypto"},
              {"smoothing", r.asked.smoothing},
+             {"proxy", r.asked.proxy},
              {"seed", r.asked.seed}};
   json cpu = json::object();
   for (const auto& [name, percent] : r.cpu_percent) cpu[name] = rounded(percent, 10);

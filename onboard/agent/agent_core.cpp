@@ -71,8 +71,10 @@ void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs&
 void AgentCore::on_mocap(TimeNs, DroneNumber drone, const MocapPose& measured, AgentOutputs& out) {
   const std::size_t i = index(drone);
   if (i == drones_.size()) return;
-  if (auto pose = drones_[i].fusion.add(measured)) {
+  const bool flies = drones_[i].newest && in_flight(drones_[i].newest->phase);
+  if (auto pose = drones_[i].fusion.add(measured, flies)) {
     pose->drone = drone;
+    drones_[i].has_pose = true;
     out.poses.push_back(*pose);
   }
 }
@@ -183,11 +185,19 @@ void AgentCore::submit_transitions(TimeNs now, AgentOutputs& out) {
   }
 }
 
+// A beat without a pose says that the pose is lost. An agent that was started again in mid-flight has not lost it, only
+// not yet heard it.
+bool AgentCore::may_beat(TimeNs now) {
+  if (!first_step_ns_) first_step_ns_ = now;
+  return now - *first_step_ns_ >= config_.first_beat_wait_ns ||
+         std::all_of(drones_.begin(), drones_.end(), [](const Drone& d) { return d.has_pose; });
+}
+
 void AgentCore::step(TimeNs now, AgentOutputs& out) {
   hand_over_plans(now, out);
   submit_transitions(now, out);
   if (submitting_) submit_frame(now, out);
-  if (now >= next_beat_ns_) {
+  if (now >= next_beat_ns_ && may_beat(now)) {
     out.beat = AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now)};
     transitions_.tell(*out.beat);
     // Beats keep their grid, except after a pause: then none are made up for.

@@ -20,6 +20,7 @@ struct AgentConfig {
   CheckConfig check;
   FusionConfig fusion;
   TimeNs beat_period_ns = 50 * ns_per_ms;
+  TimeNs first_beat_wait_ns = 200 * ns_per_ms;  ///< for a pose of every drone, at most
   TimeNs ledger_silent_after_ns = 1 * ns_per_s;
   std::uint64_t seed = 1;  ///< of the back-off's jitter
 };
@@ -93,6 +94,7 @@ class AgentCore {
   struct Drone {
     Fusion fusion;
     std::optional<StateSample> newest;
+    bool has_pose = false;
     TimeNs last_command_verified_ns = 0;
     TimeNs next_stop_ns = 0;
     Histogram two_way;
@@ -103,6 +105,7 @@ class AgentCore {
   void submit_frame(TimeNs now, AgentOutputs& out);
   void submit_transitions(TimeNs now, AgentOutputs& out);
   void progress(TimeNs now);
+  bool may_beat(TimeNs now);
 
   AgentConfig config_;
   Batcher batcher_;
@@ -112,6 +115,7 @@ class AgentCore {
   std::vector<Plan> checked_;  ///< waiting for step()
   TimeNs real_offset_ns_ = 0;
   TimeNs next_beat_ns_ = INT64_MIN;
+  std::optional<TimeNs> first_step_ns_;
   bool submitting_ = true;
   std::uint64_t blocks_ = 0;
   std::string last_chain_error_;

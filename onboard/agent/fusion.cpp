@@ -25,13 +25,24 @@ void Fusion::start(const MocapPose& measured) {
   outliers_in_a_row_ = 0;
 }
 
-std::optional<Pose> Fusion::add(const MocapPose& measured) {
+// Whether the same place has come for too long.
+bool Fusion::frozen(const MocapPose& measured) {
+  const bool same = repeated_ && repeated_->position_m == measured.position_m && repeated_->yaw_rad == measured.yaw_rad;
+  if (!same) repeated_ = measured;
+  return measured.stamp_ns - repeated_->stamp_ns >= config_.frozen_after_ns;
+}
+
+std::optional<Pose> Fusion::add(const MocapPose& measured, bool in_flight) {
   if (!finite(measured)) {
     ++counters_.not_finite;
     return std::nullopt;
   }
   if (started_ && measured.stamp_ns <= stamp_ns_) {
     ++counters_.not_newer;
+    return std::nullopt;
+  }
+  if (frozen(measured) && in_flight) {
+    ++counters_.frozen;
     return std::nullopt;
   }
   if (started_ && measured.stamp_ns - stamp_ns_ > config_.longest_gap_ns) {

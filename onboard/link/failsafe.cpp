@@ -119,7 +119,8 @@ void rest(Moment& at, FailsafeState& memory) noexcept {
     return;
   }
   if (memory.cause_gone_since_ns == 0) memory.cause_gone_since_ns = at.now;
-  at.resting = at.now - memory.cause_gone_since_ns < at.settings.clear_after_ns;
+  // Beyond it, not at it: half of state_stale is as long, and one lonely state text must not end a brake.
+  at.resting = at.now - memory.cause_gone_since_ns <= at.settings.clear_after_ns;
   if (at.resting && memory.mode == FailsafeMode::hold && at.no_plan != FailsafeCause::none) at.no_plan = memory.cause;
 }
 

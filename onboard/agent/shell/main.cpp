@@ -120,7 +120,7 @@ int main(int argc, char** argv) {
       "          [[orderer]], [[peer]] endpoint, tls_ca; [[msp]] id, ca; [[drone]] name, number;\n"
       "  [output] trace, summary, status_period_ms; and with defaults\n"
       "  [mocap] topic, clock (host|arrival), position_sigma_m, acceleration_sigma_mps2, gate_sigma,\n"
-      "          outliers_before_reset, longest_gap_ms\n"
+      "          outliers_before_reset, longest_gap_ms, frozen_after_ms\n"
       "  [check] max_age_ms, max_speed_mps, max_yaw_rate_radps, horizon_ms, stamps_kept\n"
       "  [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, longest_back_off_ms, refused_drone_pause_ms\n"
       "  [agent] beat_ms, ledger_silent_after_ms, seed, start_wait_s\n"

@@ -30,11 +30,8 @@ json to_json(const CommandCheck::Counters& c) {
 }
 
 json to_json(const Fusion::Counters& c) {
-  return {{"accepted", c.accepted},
-          {"not_finite", c.not_finite},
-          {"not_newer", c.not_newer},
-          {"outliers", c.outliers},
-          {"resets", c.resets}};
+  return {{"accepted", c.accepted}, {"not_finite", c.not_finite}, {"not_newer", c.not_newer},
+          {"outliers", c.outliers}, {"frozen", c.frozen},         {"resets", c.resets}};
 }
 
 }  // namespace

@@ -42,6 +42,7 @@ FusionConfig fusion(Config& config) {
   f.outliers_before_reset =
       static_cast<int>(config.integer("mocap.outliers_before_reset", f.outliers_before_reset, 1, 1'000));
   f.longest_gap_ns = duration_ms(config, "mocap.longest_gap_ms", f.longest_gap_ns, 1, 60'000);
+  f.frozen_after_ns = duration_ms(config, "mocap.frozen_after_ms", f.frozen_after_ns, 1, 60'000);
   return f;
 }
 

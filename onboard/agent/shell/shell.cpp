@@ -22,6 +22,15 @@ constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // real time may be slewed
 constexpr TimeNs flight_silent_ns = 1 * ns_per_s;
 constexpr std::size_t most_held_blocks = 1024;
 
+/// Whether `now` is at or beyond `next`, which then moves on.
+bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
+  if (now < next) return false;
+  next = now + period_ns;
+  return true;
+}
+
+}  // namespace
+
 // The narrowest of three readings: this thread may be put aside between two clocks, and mocap stamps would all move.
 TimeNs real_offset() {
   TimeNs narrowest = std::numeric_limits<TimeNs>::max(), offset = 0;
@@ -33,15 +42,6 @@ TimeNs real_offset() {
   }
   return offset;
 }
-
-/// Whether `now` is at or beyond `next`, which then moves on.
-bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
-  if (now < next) return false;
-  next = now + period_ns;
-  return true;
-}
-
-}  // namespace
 
 AgentShell::AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry,
                        std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent,
@@ -121,25 +121,25 @@ void AgentShell::take_mocap() {
   for (Mocap& mocap : mocap_) {
     MocapMessage message{};
     while (mocap.ring->pop(message)) {
-      const TimeNs stamp_ns =
-          settings_.mocap_stamps_are_of_this_host ? message.source_real_ns - real_offset_ns_ : message.arrived_ns;
+      const auto stamp_ns = settings_.mocap_stamps_are_of_this_host
+                                ? clock_.stamp(message.source_real_ns, message.arrived_ns)
+                                : std::optional(message.arrived_ns);
       const auto& q = message.orientation;
       const double norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-      const TimeNs delay_ns = message.arrived_ns - stamp_ns;
-      if (delay_ns < -20 * ns_per_ms || delay_ns > ns_per_s || !(std::abs(norm - 1) < 0.05)) {
+      if (!stamp_ns || !(std::abs(norm - 1) < 0.05)) {
         ++counters_.mocap_implausible;
         if (!mocap_warned_) {
           spdlog::warn(
               "a mocap pose of drone {} is not believed (stamp {:.0f} ms before its arrival, quaternion's norm "
               "{:.3f}); "
               "if its computer's clock differs from this one's, set clock = \"arrival\" in [mocap]",
-              mocap.drone, to_ms(delay_ns), std::sqrt(norm));
+              mocap.drone, to_ms(message.arrived_ns - (message.source_real_ns - clock_.offset_ns())), std::sqrt(norm));
         }
         mocap_warned_ = true;
         continue;
       }
       core_.on_mocap(monotonic_ns(), mocap.drone,
-                     MocapPose{stamp_ns, message.position_m, yaw_from_quaternion(message.orientation)}, out_);
+                     MocapPose{*stamp_ns, message.position_m, yaw_from_quaternion(message.orientation)}, out_);
     }
   }
 }
@@ -202,8 +202,8 @@ void AgentShell::tell_lost_transitions() {
 
 void AgentShell::chores(TimeNs now) {
   if (due(now, next_clock_ns_, clock_period_ns)) {
-    real_offset_ns_ = real_offset();
-    core_.set_real_offset(real_offset_ns_);
+    clock_.refresh();
+    core_.set_real_offset(clock_.offset_ns());
     tell_lost_transitions();
   }
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {

@@ -12,12 +12,16 @@
 #include "common/rt/service_manager.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/agent/agent_core.hpp"
+#include "onboard/agent/mocap_clock.hpp"
 #include "onboard/agent/shell/mailbox.hpp"
 #include "onboard/agent/shell/report.hpp"
 #include "onboard/agent/shell/settings.hpp"
 #include "onboard/ipc/ipc.hpp"
 
 namespace ledgerline::agent {
+
+/// Real time minus CLOCK_MONOTONIC, now.
+TimeNs real_offset();
 
 /// The agent's I/O around AgentCore. One main loop owns the core and the iceoryx end; the ledger client's threads hand
 /// over through the mailbox, whose descriptor wakes the loop at once; DDS hands over through one wait-free ring per
@@ -88,7 +92,7 @@ class AgentShell {
   std::atomic<std::uint64_t> mocap_lost_{0};
   std::atomic<bool> roudi_gone_{false};
   TimeNs flight_heard_ns_ = 0;  ///< newest state of a drone in the air
-  TimeNs real_offset_ns_ = 0;
+  MocapClock clock_{real_offset};
   TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0;
   std::uint64_t transitions_lost_ = 0;  ///< as told last
   bool first_block_seen_ = false, controls_known_ = false, connected_ = false, mocap_warned_ = false;

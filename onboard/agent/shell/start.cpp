@@ -54,8 +54,7 @@ Status AgentShell::start() {
   auto manager = ServiceManager::from_environment();
   if (!manager) return manager.error();
   manager_.emplace(std::move(manager).value());
-  real_offset_ns_ = realtime_ns() - monotonic_ns();
-  core_.set_real_offset(real_offset_ns_);
+  core_.set_real_offset(clock_.offset_ns());
   if (!settings_.trace.empty()) {
     auto trace = TraceWriter::create(settings_.trace);
     if (!trace) return trace.error();

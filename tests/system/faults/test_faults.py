@@ -5,12 +5,12 @@ import pathlib
 import random
 import re
 import signal
-import struct
 import subprocess
 import time
 
 import pytest
 from fabric import BIN, PATIENCE_S, Network, leader_in, needs_fabric, organisation_dir, processes_in
+from flights import records
 from netns import die_with_parent
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
@@ -105,15 +105,27 @@ def test_what_was_confirmed_stays_and_nothing_is_applied_twice(tmp_path):
     assert sum(restarts.values()) == len(kinds)
 
 
-COMMAND_APPLIED = 8  # TraceKind in common/rt/trace.hpp
+COMMAND_APPLIED, MODE = 8, 9  # TraceKind in common/rt/trace.hpp
+FLYING = 3  # FlightPhase
+NONE, HOLD = 0, 1  # FailsafeMode
+HELD_AFTER_S = 1.0  # the plan in hand is flown to its end, which is less than this away, then link holds
 
 
-def longest_gap_s(trace: pathlib.Path) -> float:
-    """Without a command that link flew, between the first lap's beginning and the end."""
-    data = trace.read_bytes()
-    times = [r[0] for r in struct.iter_unpack("<qHHIQq4d", data[len(data) % 64:]) if r[1] == COMMAND_APPLIED]
+def without_commands(trace: list[tuple]) -> float:
+    """The longest time in which link flew no new command, between the first lap's beginning and the end."""
+    times = [r[0] for r in trace if r[1] == COMMAND_APPLIED]
     times = [t for t in times if t - times[0] > 5e9]  # the first one asks for the take-off
     return max(b - a for a, b in zip(times, times[1:])) / 1e9
+
+
+def holds(trace: list[tuple], since_ns: int) -> list[tuple[float, float]]:
+    """When each hold in the air began after `since_ns`, and how long it lasted [s]; nothing but holds may be there."""
+    modes = [(r[0], r[3]) for r in trace if r[1] == MODE and r[4] == FLYING and r[0] > since_ns]
+    assert {m for _, m in modes} <= {NONE, HOLD}, modes
+    assert not modes or modes[-1][1] == NONE, modes
+    changes = [m for before, m in zip([(0, NONE), *modes], modes) if before[1] != m[1]]  # a hold may change its cause
+    return [((begin - since_ns) / 1e9, (end - begin) / 1e9)
+            for (begin, mode), (end, _) in zip(changes, changes[1:]) if mode == HOLD]
 
 
 @pytest.mark.parametrize("kind", KINDS if LONG else ["leader"])
@@ -127,11 +139,16 @@ def test_a_flight_goes_on_when_a_part_is_killed_in_mid_lap(tmp_path, kind):
         assert flight.poll() is None and time.monotonic() < deadline, out.read_text()
         time.sleep(0.1)
     name = victim(run / "ledger", kind)
+    killed_ns = time.monotonic_ns()
     kill(run / "ledger", name)
     assert flight.wait(PATIENCE_S) == 0, out.read_text()
     result = json.loads((tmp_path / "result.json").read_text())
     drone = result["drones"][0]
-    print(f"{kind} {name} killed: {longest_gap_s(run / 'link.trace'):.2f} s without a command in the air; cross-track error "
-          f"{drone['cross_track_m']['max']:.2f} m at most")
+    trace = records(run / "link.trace")
+    gap_s, held = without_commands(trace), holds(trace, killed_ns)
+    print(f"{kind} {name} killed: {gap_s:.2f} s without a command in the air; held "
+          f"{', '.join(f'{begin:.2f} s after it for {lasted:.2f} s' for begin, lasted in held) or 'never'}; cross-track error "
+          f"{drone['cross_track_m']['max']:.2f} m at most", flush=True)
+    assert held or gap_s < HELD_AFTER_S
     assert result["ok"] and len(drone["lap_s"]) == 2
     assert result["ledger"]["restarts"] == {name: 1}

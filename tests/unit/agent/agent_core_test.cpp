@@ -54,6 +54,10 @@ class AgentCoreTest : public ::testing::Test {
     core_.on_outcome(now, out_.submits.back().frame, outcome, out_);
   }
 
+  void hear_poses(TimeNs now) {
+    for (DroneNumber drone = 1; drone <= 2; ++drone) core_.on_mocap(now, drone, {.stamp_ns = now}, out_);
+  }
+
   std::size_t traces(TraceKind kind) const {
     return static_cast<std::size_t>(
         std::count_if(out_.traces.begin(), out_.traces.end(), [&](const TraceRecord& r) { return r.kind == kind; }));
@@ -165,6 +169,7 @@ TEST_F(AgentCoreTest, AStateThatWaitsWasNotSentAndIsNotAnswered) {
 }
 
 TEST_F(AgentCoreTest, BeatsTwentyTimesASecond) {
+  hear_poses(start);
   int beats = 0;
   for (TimeNs t = 0; t < ns_per_s; t += ns_per_ms) {
     out_.clear();
@@ -174,7 +179,43 @@ TEST_F(AgentCoreTest, BeatsTwentyTimesASecond) {
   EXPECT_EQ(beats, 20);
 }
 
+// Link would take a beat without a pose for the loss of the pose.
+TEST_F(AgentCoreTest, TheFirstBeatWaitsForAPoseOfEveryDrone) {
+  core_.on_mocap(start, 1, {.stamp_ns = start}, out_);
+  core_.step(start, out_);
+  core_.step(start + 50 * ns_per_ms, out_);
+  EXPECT_FALSE(out_.beat);
+  core_.on_mocap(start + 60 * ns_per_ms, 2, {.stamp_ns = start + 60 * ns_per_ms}, out_);
+  core_.step(start + 60 * ns_per_ms, out_);
+  EXPECT_TRUE(out_.beat);
+}
+
+TEST_F(AgentCoreTest, TheFirstBeatWaitsForPosesNoLongerThanSetAndLaterOnesNeverDo) {
+  core_.step(start, out_);
+  core_.step(start + 199 * ns_per_ms, out_);
+  EXPECT_FALSE(out_.beat);
+  core_.step(start + 200 * ns_per_ms, out_);
+  EXPECT_TRUE(out_.beat);
+  out_.clear();
+  core_.step(start + 250 * ns_per_ms, out_);
+  EXPECT_TRUE(out_.beat);
+}
+
+TEST_F(AgentCoreTest, APoseThatStandsStillToTheLastBitIsBelievedOnTheGroundAndNotInFlight) {
+  for (const FlightPhase phase : {FlightPhase::on_ground, FlightPhase::flying}) {
+    StateSample sample = state(phase == FlightPhase::flying ? 2 : 1, start);
+    sample.phase = phase;
+    core_.on_state(start, sample, out_);
+    out_.clear();
+    const TimeNs from = start + (phase == FlightPhase::flying ? 10 : 1) * ns_per_s;
+    for (int i = 0; i < 50; ++i)
+      core_.on_mocap(from, 1, {.stamp_ns = from + i * 10 * ns_per_ms, .position_m = {1, 2, 3}}, out_);
+    EXPECT_EQ(out_.poses.empty(), phase == FlightPhase::flying);
+  }
+}
+
 TEST_F(AgentCoreTest, AfterAPauseItBeatsAtOnceAndMakesUpForNone) {
+  hear_poses(start);
   core_.step(start, out_);
   int beats = 0;
   for (TimeNs t = 5 * ns_per_s; t < 5 * ns_per_s + 100 * ns_per_ms; t += ns_per_ms) {

@@ -103,6 +103,23 @@ TEST(Fusion, AMeasurementThatIsNotNewerIsRejected) {
   EXPECT_EQ(fusion.counters().not_newer, 2U);
 }
 
+TEST(Fusion, InFlightOnePlaceOverAndOverIsNotBelieved) {
+  FusionConfig config;
+  Fusion fusion(config);
+  fly(fusion, 1, 50);
+  int believed = 0;
+  TimeNs stamp = 51 * period;
+  for (int i = 0; i < 100; ++i, stamp += period) believed += fusion.add(at(stamp, 0.51), true).has_value();
+  EXPECT_EQ(believed, config.frozen_after_ns / period);
+  EXPECT_EQ(fusion.counters().frozen, 100U - static_cast<unsigned>(believed));
+  EXPECT_TRUE(fusion.add(at(stamp, 0.5100001), true)) << "it moves again";
+}
+
+TEST(Fusion, EachPoseTwiceIsASystemThatMeasuresMoreSeldom) {
+  Fusion fusion({});
+  for (int i = 1; i <= 200; ++i) ASSERT_TRUE(fusion.add(at(i * period, 0.01 * (i / 5)), true)) << i;
+}
+
 TEST(Fusion, AfterALongGapTheOldVelocityIsForgotten) {
   FusionConfig config;
   Fusion fusion(config);

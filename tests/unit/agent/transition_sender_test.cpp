@@ -190,7 +190,7 @@ TEST(AgentTransitions, GoAtOnceOnAWayOfTheirOwnWhateverBecomesOfTheStates) {
   EXPECT_TRUE(core.ledger_alive(2)) << "that is a sign of life";
   EXPECT_EQ(core.report(1).transitions.on_ledger, 1U);
   out.clear();
-  core.step(60 * ns_per_ms, out);
+  core.step(200 * ns_per_ms, out);  // its first beat waits so long for poses
   ASSERT_TRUE(out.beat);
   EXPECT_EQ(out.beat->transitions_on_ledger[1], 1U);
 }

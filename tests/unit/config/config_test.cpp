@@ -18,6 +18,7 @@ std::string problems(Config& config) {
 TEST(Config, GivesWhatIsThereAndDefaultsForTheRest) {
   auto config = config_of(R"(
 name = "a"
+words = ["a", "b c"]
 [state]
 rate_hz = 50
 fast = true
@@ -32,6 +33,8 @@ box = [-1, 2.5, 3.0]
   EXPECT_EQ(config.integer("state.rate_hz", 1, 1, 200), 50);
   EXPECT_TRUE(config.boolean("state.fast", false));
   EXPECT_EQ(config.numbers("fence.box", 3, {}), (std::vector<double>{-1, 2.5, 3}));
+  EXPECT_EQ(config.texts("words", 3), (std::vector<std::string>{"a", "b c"}));
+  EXPECT_TRUE(config.texts("no.words", 3).empty());
   EXPECT_EQ(config.choice("shape", {"square", "x"}, "square"), "square");
   EXPECT_EQ(problems(config), "");
 }
@@ -110,6 +113,14 @@ TEST(Config, NumbersOfAListMustBeFinite) {
     auto config = config_of(list);
     EXPECT_EQ(config.numbers("a", 2, {3, 4}), (std::vector<double>{3, 4})) << list;
     EXPECT_NE(problems(config), "") << list;
+  }
+}
+
+TEST(Config, AListOfTextsHoldsLinesAndNotTooMany) {
+  for (const char* list : {"a = [1]\n", "a = \"x\"\n", "a = [\"x\", \"y\\n\"]\n", "a = [\"x\", \"y\", \"z\"]\n"}) {
+    auto config = config_of(list);
+    EXPECT_TRUE(config.texts("a", 2).empty()) << list;
+    EXPECT_NE(problems(config).find("link.toml:1: a: must be a list of at most 2 texts"), std::string::npos) << list;
   }
 }
 

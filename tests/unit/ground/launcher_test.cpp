@@ -161,6 +161,54 @@ TEST_F(FakePrograms, WhatIsSwitchedStandsInTheConfigs) {
   EXPECT_THAT(text("link"), HasSubstr("[playout]\nmax_margin_ms = 0\n"));
 }
 
+TEST_F(FakePrograms, AProxyStandsBetweenBothHostsAndTheLedgerAndBetweenLinkAndTheDrones) {
+  write("hil", "echo '{\"ready\":true,\"servers\":{\"agent\":\"127.0.0.1:11\",\"ground\":\"127.0.0.1:12\"}}'\n" + stays,
+        false);
+  const auto fly = [&] {
+    Options options;
+    options.proxy = true;
+    options.faults = "faults.toml";
+    return Launcher(options, files, files.directory, false, interrupts).run();
+  };
+  const RunRecord record = fly();
+  EXPECT_TRUE(record.ok) << record.why;
+  const auto text = [&](const std::string& program) {
+    std::ifstream in(files.config(program));
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  EXPECT_THAT(text("agent"), HasSubstr("endpoint = \"127.0.0.1:11\""));
+  EXPECT_THAT(text("ground"), HasSubstr("endpoint = \"127.0.0.1:12\""));
+  EXPECT_THAT(text("admin"), HasSubstr("endpoint = \"127.0.0.1:1\""));
+  EXPECT_THAT(text("link"), HasSubstr("address = \"127.0.1.2\""));
+  EXPECT_THAT(text(proxy_name), HasSubstr("listen = \"127.0.1.2\"\naddress = \"127.0.0.2\""));
+  const auto started = lines("started");
+  ASSERT_GE(started.size(), 9u);
+  EXPECT_EQ(started[3], "hil proxy --config " + files.config(proxy_name) + " --script faults.toml");
+  EXPECT_THAT(lines("ended"), testing::ElementsAre("agent", "link", "hil", "sim", "node", "roudi"));
+  EXPECT_TRUE(all_gone());
+
+  write("hil", stays);
+  EXPECT_THAT(fly().why, HasSubstr("the proxy did not say where it listens"));
+  write("hil", "echo 'no such fault' >&2; exit 2", false);
+  EXPECT_THAT(fly().why, HasSubstr("no such fault"));
+}
+
+TEST_F(FakePrograms, OrderersAreBehindTheProxyTooForEachHostByItself) {
+  Options options;
+  options.proxy = true;
+  ASSERT_TRUE(write_proxy_config(files, options, "127.0.0.1:1", {"127.0.0.1:2", "127.0.0.1:3"}));
+  std::ifstream in(files.config(proxy_name));
+  const std::string text(std::istreambuf_iterator<char>(in), {});
+  for (const char* server :
+       {"agent", "ground", "agent-orderer1", "agent-orderer2", "ground-orderer1", "ground-orderer2"})
+    EXPECT_THAT(text, HasSubstr(fmt::format("name = \"{}\"", server)));
+  ASSERT_TRUE(write_configs(files, options, "127.0.0.1:1", {"127.0.0.1:2", "127.0.0.1:3"},
+                            {{"agent", "127.0.0.1:11"}, {"agent-orderer2", "127.0.0.1:13"}}));
+  std::ifstream agent(files.config("agent"));
+  EXPECT_THAT(std::string(std::istreambuf_iterator<char>(agent), {}),
+              AllOf(HasSubstr("127.0.0.1:11"), HasSubstr("127.0.0.1:2"), HasSubstr("127.0.0.1:13")));
+}
+
 TEST_F(FakePrograms, ACrashInFlightIsNamedWithItsLastWordsAndEverythingEnds) {
   for (const char* victim : {"agent", "node", "link", "sim"}) {
     SCOPED_TRACE(victim);

@@ -61,6 +61,14 @@ TEST(FlyOptions, AuthoritiesGoWithFabricAlone) {
   expect_refused({"--ca"}, "--ledger fabric");
 }
 
+TEST(FlyOptions, AProxyIsAskedForAndAScriptGoesWithOne) {
+  EXPECT_FALSE(parse_command_line({}).options.proxy);
+  EXPECT_TRUE(parse_command_line({"--proxy"}).options.proxy);
+  EXPECT_EQ(parse_command_line({"--proxy", "--faults", "/dev/null"}).options.faults, "/dev/null");
+  expect_refused({"--faults", "/dev/null"}, "--proxy");
+  expect_refused({"--proxy", "--faults", "/no/such/file"}, "/no/such/file");
+}
+
 TEST(FlyOptions, TheWayPastTheGatewayAndTheNumberOfEndorsementsAreFabrics) {
   EXPECT_TRUE(parse_command_line({"--ledger", "fabric", "--gateway"}).options.gateway);
   EXPECT_TRUE(parse_command_line({"--ledger", "fabric", "--majority"}).options.majority);

@@ -159,6 +159,20 @@ TEST_F(FailsafeTest, FS06StaleStateTextMeansBrakeUntilItIsBackForAWhile) {
   expect(FailsafeMode::land, FailsafeCause::state_stale);
 }
 
+TEST_F(FailsafeTest, OneLonelyStateTextDoesNotEndABrake) {
+  pass(ns_per_s);
+  states = false;
+  pass(settings.state_stale_ns + 2 * ms);
+  expect(FailsafeMode::brake, FailsafeCause::state_stale);
+  states = true;
+  pass(ms);
+  states = false;
+  for (int i = 0; i < 900; ++i) {
+    pass(ms);
+    expect(FailsafeMode::brake, FailsafeCause::state_stale);
+  }
+}
+
 TEST_F(FailsafeTest, FS07ALostPoseMeansBrakeUntilItIsBackForAWhile) {
   pass(ns_per_s);
   poses = false;

@@ -70,6 +70,18 @@ TEST(Physics, GustsPushADroneThatKnowsItsVelocityExactly) {
   EXPECT_GT(mean_speed(1.0), 5 * mean_speed(0.1));
 }
 
+TEST(Physics, ASteadyWindPushesWhatFliesUntilItEnds) {
+  Flight flight;
+  flight.take_off();
+  const double before = flight.truth().position_m[0];
+  flight.simulator.set_wind({2, 0, 0});
+  flight.run(0.5);
+  EXPECT_GT(flight.truth().position_m[0], before + 0.005);
+  flight.simulator.set_wind({});
+  flight.run(5);
+  EXPECT_NEAR(flight.truth().velocity_mps[0], 0, 0.02);
+}
+
 TEST(Physics, VelocityFollowsTheSticksAsAFirstOrderLag) {
   Flight flight;
   flight.take_off();

@@ -370,6 +370,48 @@ TEST(Sdk, ALowBatteryRefusesFlipsAndAnEmptyOneTakeoff) {
   EXPECT_EQ(empty.ask("takeoff", 0.01), "error");
 }
 
+TEST(Sdk, ATakeoffThatDoesNotGetUpIsBrokenOff) {
+  Parameters p = Flight::calm();
+  p.body.max_thrust_by_weight = 0.9;
+  Flight heavy(p);
+  heavy.ask("command");
+  EXPECT_EQ(heavy.ask("takeoff", p.control.takeoff_limit_s + 0.1), "error");
+  heavy.run(1);
+  EXPECT_FALSE(heavy.truth().motors_on);
+}
+
+TEST(Sdk, ADroneThatStartsAnewInTheAirFallsAndWaitsForCommand) {
+  Flight flight;
+  flight.take_off();
+  flight.simulator.restart(1);
+  flight.run(1);
+  EXPECT_FALSE(flight.truth().in_flight);
+  EXPECT_LT(flight.truth().position_m[2], 0.1);
+  EXPECT_EQ(flight.ask("battery?", 0.5), "");
+  EXPECT_EQ(flight.ask("command", 0.5), "ok");
+}
+
+TEST(Sdk, ADrainedBatteryLandsTheDroneAndSaysSo) {
+  Flight flight;
+  flight.take_off();
+  flight.simulator.set_battery(1, 0.1);
+  flight.simulator.drain_battery(1, 0.02);
+  EXPECT_NEAR(flight.truth().battery, 0.1, 0.001);
+  flight.run(2);
+  EXPECT_NEAR(flight.truth().battery, 0.06, 0.005);
+  flight.run(5);
+  EXPECT_FALSE(flight.truth().in_flight);
+}
+
+TEST(Sdk, WithoutAPropellerItTurnsOver) {
+  Flight flight;
+  flight.take_off();
+  flight.simulator.lose_propeller(1);
+  flight.run(2);
+  EXPECT_TRUE(flight.truth().crashed);
+  EXPECT_FALSE(flight.truth().motors_on);
+}
+
 TEST(Sdk, RebootLeavesSdkModeWithoutAnAnswer) {
   Flight flight;
   flight.ask("command");

@@ -1,0 +1,62 @@
+#pragma once
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+#include "common/rt/file.hpp"
+#include "common/rt/random.hpp"
+#include "common/rt/result.hpp"
+
+namespace ledgerline::hil {
+
+/// No delay that is set or drawn is longer: what a distribution's tail brings beyond it is cut to it.
+inline constexpr TimeNs longest_delay = 60 * ns_per_s;
+
+/// How durations are distributed: plain data that may be copied and shared. Every draw is from 0 to longest_delay; what
+/// a formula gives outside is cut to that.
+struct Distribution {
+  enum class Kind { constant, uniform, normal, gamma, recorded };
+  Kind kind = Kind::constant;
+  TimeNs a = 0;  ///< constant: the value; uniform: the least; normal and gamma: the mean
+  TimeNs b = 0;  ///< uniform: the most; normal and gamma: the standard deviation
+  std::shared_ptr<const std::vector<TimeNs>> values;  ///< recorded: in the order of the recording; never empty
+  std::string file;                                   ///< recorded: for text_of()
+
+  static Distribution constant(TimeNs value) { return {Kind::constant, value, 0, nullptr, {}}; }
+};
+
+/// Draws from distributions, the same ones for the same seed, on every machine. A recording is played in its order and
+/// around, from a place that the seed chooses, so that what followed each other follows each other. One thread.
+class Draws {
+ public:
+  explicit Draws(std::uint64_t seed) : random_(seed), place_(random_.next()) {}
+  TimeNs next(const Distribution& distribution) noexcept;
+
+ private:
+  Random random_;
+  std::uint64_t place_;
+};
+
+/// Where recordings come from; what is not a file's content comes from tests.
+using ReadFile = std::function<Result<std::string>(const std::string& path)>;
+
+/// Reads one of
+///     200ms                        constant; also `constant 200ms`. Units: us, ms, s
+///     uniform 10ms 50ms            least and most
+///     normal 50ms 10ms             mean and standard deviation
+///     gamma 0.46s 0.2s             mean and standard deviation, which must be more than nothing
+///     recorded delays.txt          a file of seconds, one a line; empty lines and those with # are passed over
+/// The error quotes what is wrong and says what is allowed.
+Result<Distribution> parse_distribution(std::string_view text, const ReadFile& read = read_file);
+/// What parse_distribution() reads as the same again.
+std::string text_of(const Distribution& distribution);
+
+/// "200ms", "0.5s", "250us": nothing to longest_delay.
+Result<TimeNs> parse_time(std::string_view text);
+/// The shortest such text: "200ms".
+std::string time_text(TimeNs time);
+
+}  // namespace ledgerline::hil

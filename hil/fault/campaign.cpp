@@ -1,0 +1,174 @@
+#include "hil/fault/campaign.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "common/msg/names.hpp"
+#include "common/rt/json.hpp"
+#include "ground/report/html.hpp"
+
+namespace ledgerline::hil {
+
+extern const char fault_template[];
+
+namespace {
+
+using nlohmann::json;
+
+json verdict_json(const Verdict& verdict) {
+  json out{{"rule", verdict.rule.text}, {"held", verdict.held}};
+  if (!verdict.held) {
+    out["broken_s"] = to_seconds(verdict.broken_ns);
+    out["what"] = verdict.what;
+  }
+  return out;
+}
+
+json events_json(const RunResult& result) {
+  json events = json::array();
+  for (const WorldEvent& event : result.events)
+    events.push_back({{"t_s", rounded(to_seconds(event.t_ns))},
+                      {"drone", result.drones.at(event.drone)},
+                      {"kind", event.kind == WorldEvent::Kind::mode      ? "mode"
+                               : event.kind == WorldEvent::Kind::fault   ? "fault"
+                               : event.kind == WorldEvent::Kind::sent    ? "sent"
+                               : event.kind == WorldEvent::Kind::bad_rc  ? "bad_rc"
+                               : event.kind == WorldEvent::Kind::started ? "started"
+                                                                         : "ended"},
+                      {"text", event.text}});
+  return events;
+}
+
+json run_json(const RunResult& result) {
+  json verdicts = json::array();
+  for (const Verdict& verdict : result.verdicts) verdicts.push_back(verdict_json(verdict));
+  return {{"script", result.script},
+          {"title", result.title},
+          {"seed", result.seed},
+          {"held", result.held()},
+          {"verdicts", verdicts},
+          {"flown_s", to_seconds(result.flown_ns)},
+          {"finished", result.ok},
+          {"why", result.why},
+          {"digest", crypto::hex(result.digest)},
+          {"blocks", result.blocks},
+          {"transactions", result.transactions},
+          {"events", events_json(result)}};
+}
+
+json timeline_json(const std::vector<TimelinePoint>& points) {
+  json out = json::array();
+  for (const TimelinePoint& p : points)
+    out.push_back({rounded(to_seconds(p.t_ns)), rounded(p.at_m[0]), rounded(p.at_m[1]), rounded(p.at_m[2]),
+                   rounded(p.believed_m[0]), rounded(p.believed_m[1]), rounded(p.believed_m[2]), rounded(p.told_mps),
+                   static_cast<int>(p.phase), static_cast<int>(p.mode), name(p.cause), p.lap});
+  return out;
+}
+
+std::string for_xml(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '>')
+      out += "&gt;";
+    else if (c == '"')
+      out += "&quot;";
+    else if (static_cast<unsigned char>(c) < 32 && c != '\n')
+      out += ' ';
+    else
+      out += c;
+  }
+  return out;
+}
+
+}  // namespace
+
+void fly_all(std::size_t count, unsigned jobs, const std::function<Flight(std::size_t)>& make,
+             const std::function<bool(std::size_t, const Flight&, Result<RunResult>)>& done) {
+  std::mutex mutex;
+  std::size_t next = 0;
+  const auto work = [&] {
+    std::unique_lock lock(mutex);
+    while (next < count) {
+      const std::size_t mine = next++;
+      const Flight flight = make(mine);
+      lock.unlock();
+      Result<RunResult> result = run_script(flight.script, flight.seed);
+      lock.lock();
+      if (!done(mine, flight, std::move(result))) next = count;
+    }
+  };
+  std::vector<std::jthread> threads;
+  for (unsigned i = 1; i < jobs; ++i) threads.emplace_back(work);
+  work();
+}
+
+Result<std::pair<std::uint64_t, std::uint64_t>> parse_seeds(const std::string& text) {
+  const auto number = [](const std::string& digits) -> std::uint64_t {
+    if (digits.empty() || digits.size() > 18 || digits.find_first_not_of("0123456789") != std::string::npos) return 0;
+    return std::stoull(digits);
+  };
+  const auto dots = text.find("..");
+  const std::uint64_t first = number(text.substr(0, dots));
+  const std::uint64_t last = dots == std::string::npos ? first : number(text.substr(dots + 2));
+  if (first == 0 || last < first)
+    return Error{fmt::format("\"{}\": seeds must be a number from 1 on, or two with .. between, as in 1..1000", text)};
+  return std::pair(first, last);
+}
+
+std::string broken_text(const RunResult& result) {
+  std::string text;
+  for (const Verdict& verdict : result.verdicts) {
+    if (!verdict.held)
+      text +=
+          fmt::format("  broke at {:.3f} s: {}: {}\n", to_seconds(verdict.broken_ns), verdict.rule.text, verdict.what);
+  }
+  return text;
+}
+
+std::string json_text(const std::vector<RunResult>& results) {
+  json runs = json::array();
+  for (const RunResult& result : results) runs.push_back(run_json(result));
+  const auto broken = std::count_if(results.begin(), results.end(), [](const RunResult& r) { return !r.held(); });
+  return json{{"held", broken == 0}, {"runs", runs}, {"broken", broken}}.dump(2, ' ', false,
+                                                                              json::error_handler_t::replace);
+}
+
+std::string junit_text(const std::vector<RunResult>& results) {
+  const auto broken = std::count_if(results.begin(), results.end(), [](const RunResult& r) { return !r.held(); });
+  std::string text = fmt::format(
+      "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"ledgerline fault\" tests=\"{}\" "
+      "failures=\"{}\">\n",
+      results.size(), broken);
+  for (const RunResult& result : results) {
+    text += fmt::format("  <testcase classname=\"{}\" name=\"seed {}\" time=\"{:.3f}\"", for_xml(result.script),
+                        result.seed, to_seconds(result.flown_ns));
+    text += result.held() ? "/>\n"
+                          : fmt::format(">\n    <failure message=\"{}\">{}</failure>\n  </testcase>\n",
+                                        for_xml(result.title), for_xml(broken_text(result)));
+  }
+  return text + "</testsuite>\n";
+}
+
+std::string html_text(const std::vector<RunResult>& results) {
+  json runs = json::array();
+  for (const RunResult& result : results) {
+    json run = run_json(result);
+    json drones = json::array();
+    for (std::size_t i = 0; i < result.drones.size(); ++i)
+      drones.push_back({{"id", result.drones[i]}, {"points", timeline_json(result.timeline[i])}});
+    run["drones"] = drones;
+    runs.push_back(run);
+  }
+  std::string page = report::filled(fault_template, "@DATE@", report::local_date());
+  return report::filled(page, "@DATA@", report::for_script(runs));
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,239 @@
+// Scripts at random, and the shortest one that still fails.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "hil/fault/run.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+class Draw {
+ public:
+  explicit Draw(std::uint64_t seed) : random_(seed) {}
+  std::size_t below(std::size_t n) { return random_.next() % n; }
+  double between(double least, double most) { return least + (most - least) * random_.uniform(); }
+  template <typename T, std::size_t N>
+  const T& of(const std::array<T, N>& all) {
+    return all[below(N)];
+  }
+
+ private:
+  Random random_;
+};
+
+std::string milliseconds(double ms) { return fmt::format("{:.0f}ms", ms); }
+
+std::string effect(Draw& draw) {
+  switch (draw.below(11)) {
+    case 0:
+      return "delay " + milliseconds(draw.between(5, 600));
+    case 1:
+      return fmt::format("jitter uniform 0ms {}", milliseconds(draw.between(10, 400)));
+    case 2:
+      return fmt::format("jitter gamma {} {}", milliseconds(draw.between(20, 300)),
+                         milliseconds(draw.between(20, 200)));
+    case 3:
+      return fmt::format("loss {:.0f}%", draw.between(1, 90));
+    case 4:
+      return fmt::format("loss bursts {:.0f}% {:.0f}%", draw.between(1, 20), draw.between(5, 50));
+    case 5:
+      return fmt::format("duplicate {:.0f}% {}", draw.between(1, 60), milliseconds(draw.between(0, 300)));
+    case 6:
+      return fmt::format("reorder {:.0f}% {}", draw.between(1, 60), milliseconds(draw.between(1, 200)));
+    case 7:
+      return fmt::format("corrupt {:.0f}%", draw.between(1, 60));
+    case 8:
+      return fmt::format("truncate {:.0f}%", draw.between(1, 60));
+    case 9:
+      return "stall";
+    default:
+      return "partition";
+  }
+}
+
+std::string ledger_fault(Draw& draw) {
+  constexpr std::array<const char*, 3> ends{"agent", "ground", "both"};
+  constexpr std::array<const char*, 3> ways{"", "to ", "from "};
+  switch (draw.below(6)) {
+    case 0:
+      return "ledger stall";
+    case 1:
+      return fmt::format("ledger {} {}stall", draw.of(ends), draw.of(ways));
+    case 2:
+      return fmt::format("ledger {} cut", draw.of(ends));
+    case 3:
+      return fmt::format("ledger {} stale", draw.of(ends));
+    case 4:
+      return fmt::format("ledger {} {}delay gamma {} {}", draw.of(ends), draw.of(ways),
+                         milliseconds(draw.between(20, 800)), milliseconds(draw.between(10, 300)));
+    default:
+      return fmt::format("ledger {} {}delay {}", draw.of(ends), draw.of(ways), milliseconds(draw.between(5, 1500)));
+  }
+}
+
+std::string sensor_fault(Draw& draw, const std::string& drone) {
+  constexpr std::array<const char*, 5> fields{"h", "tof", "bat", "yaw", "all"};
+  const std::string field = draw.of(fields);
+  switch (draw.below(4)) {
+    case 0:
+      return fmt::format("sensor {} {} stuck", drone, field);
+    case 1:
+      return fmt::format("sensor {} {} garbage", drone, field);
+    case 2:
+      return fmt::format("sensor {} {} bias {:.0f}", drone, field == "all" ? "h" : field, draw.between(-60, 60));
+    default:
+      return fmt::format("sensor {} all every {}", drone, milliseconds(draw.between(200, 3000)));
+  }
+}
+
+std::string mocap_fault(Draw& draw, const std::string& drone) {
+  switch (draw.below(5)) {
+    case 0:
+      return fmt::format("mocap {} frozen", drone);
+    case 1:
+      return fmt::format("mocap {} jump {:.2f} {:.2f} {:.2f}", drone, draw.between(-1.5, 1.5), draw.between(-1.5, 1.5),
+                         draw.between(-0.5, 0.5));
+    case 2:
+      return fmt::format("mocap {} noise {:.3f}", drone, draw.between(0.002, 0.1));
+    case 3:
+      return fmt::format("mocap {} every {}", drone, milliseconds(draw.between(20, 600)));
+    default:
+      return fmt::format("mocap {} {}", drone, effect(draw));
+  }
+}
+
+std::string what(Draw& draw, const std::string& drone) {
+  constexpr std::array<const char*, 5> ways{"to", "answers", "states", "from", "both"};
+  constexpr std::array<const char*, 3> processes{"agent", "link", "ground"};
+  switch (draw.below(20)) {
+    case 0:
+      return fmt::format("drone {} reboot", drone);
+    case 1:
+      return fmt::format("drone {} battery {:.0f}%", drone, draw.between(4, 30));
+    case 2:
+      return fmt::format("drone {} drain {:.0f}%", drone, draw.between(1, 5));
+    case 3:
+      return fmt::format("drone {} propeller", drone);
+    case 4:
+      return fmt::format("drone {} kick {:.1f} {:.1f} {:.1f}", drone, draw.between(-2, 2), draw.between(-2, 2),
+                         draw.between(-1, 1));
+    case 5:
+      return fmt::format("wind {:.1f} {:.1f} 0", draw.between(-2, 2), draw.between(-2, 2));
+    case 6:
+      return fmt::format("clock jump {}{}", draw.below(2) == 0 ? "-" : "", milliseconds(draw.between(10, 20'000)));
+    case 7:
+      return fmt::format("operator {} {}", draw.below(4) == 0 ? "cut" : "stop", drone);
+    case 8:
+    case 9:
+      return fmt::format("{} kill", draw.of(processes));
+    case 10:
+    case 11:
+      return fmt::format("{} stop", draw.of(processes));
+    case 12:
+    case 13:
+    case 14:
+      return ledger_fault(draw);
+    case 15:
+      return sensor_fault(draw, drone);
+    case 16:
+    case 17:
+      return mocap_fault(draw, drone);
+    default:
+      return fmt::format("drone {} {} {}", drone, draw.of(ways), effect(draw));
+  }
+}
+
+std::string moment(Draw& draw) {
+  constexpr std::array<const char*, 7> triggers{"takeoff", "flying", "path", "path", "path", "height 0.5", "landing"};
+  const std::string trigger = draw.of(triggers);
+  if (draw.below(12) == 0) return milliseconds(draw.between(1, 5'000));
+  const double most_ms = trigger == "path" ? 15'000 : 2'000;
+  return fmt::format("{} + {}", trigger, milliseconds(draw.between(1, most_ms)));
+}
+
+}  // namespace
+
+Script draw_script(std::uint64_t number) {
+  Draw draw(number * 7919 + 17);
+  Script script;
+  script.name = fmt::format("random-{}", number);
+  script.title = fmt::format("Drawn at random, number {}", number);
+  WorldConfig& flight = script.flight;
+  flight.drones = draw.below(8) == 0 ? 2 : 1;
+  constexpr std::array<ground::Shape, 3> shapes{ground::Shape::square, ground::Shape::triangle, ground::Shape::x};
+  flight.shape = draw.of(shapes);
+  // A lap of 20 s or so; with take-off and landing about 30 s.
+  flight.speed_mps = draw.between(0.3, 1.0);
+  const double lap_m = flight.side_m * (flight.shape == ground::Shape::triangle ? 3 : 4.4);
+  flight.laps = std::max(1, static_cast<int>(18 * flight.speed_mps / lap_m));
+  constexpr std::array<double, 4> rates{10, 20, 30, 50};
+  flight.rate_hz = draw.of(rates);
+  constexpr std::array<std::size_t, 3> batches{1, 1, 10};
+  flight.batch_count = draw.of(batches);
+  flight.batch_timeout_ns =
+      flight.batch_count > 1 ? static_cast<TimeNs>(draw.between(10, 200)) * ns_per_ms : 10 * ns_per_ms;
+  script.limit_ns = 240 * ns_per_s;
+  const std::size_t faults = 1 + draw.below(4);
+  while (script.faults.size() < faults) {
+    const std::string drone = draw.below(4) == 0 ? "*" : fmt::format("tello{}", 1 + draw.below(flight.drones));
+    const std::string text = what(draw, drone), at = moment(draw);
+    const double lasts_ms = draw.below(3) == 0 ? draw.between(1'000, 15'000) : draw.between(20, 3'000);
+    auto tried = parse_fault(text, at, "");
+    if (!tried) continue;  // none of what is drawn is refused; a loop that ends shows it in the test
+    const bool lasts = !tried->momentary() && tried->what != Fault::What::propeller;
+    auto fault = parse_fault(text, at, lasts ? milliseconds(lasts_ms) : "");
+    if (fault) script.faults.push_back(std::move(*fault));
+  }
+  return script;
+}
+
+Script shrink(Script script, const std::function<bool(const Script&)>& fails, int most) {
+  int left = most;
+  const auto better = [&](const Script& shorter) {
+    if (left-- <= 0 || !fails(shorter)) return false;
+    script = shorter;
+    return true;
+  };
+  for (bool progress = true; progress && left > 0;) {
+    progress = false;
+    for (std::size_t i = script.faults.size(); i-- > 0;) {
+      Script shorter = script;
+      shorter.faults.erase(shorter.faults.begin() + static_cast<std::ptrdiff_t>(i));
+      progress = better(shorter) || progress;
+    }
+    for (std::size_t i = 0; i < script.faults.size(); ++i) {
+      Script shorter = script;
+      shorter.faults[i].for_ns /= 2;
+      if (shorter.faults[i].for_ns >= ns_per_ms) progress = better(shorter) || progress;
+    }
+    for (std::size_t i = 0; i < script.faults.size(); ++i) {
+      const auto plus = script.faults[i].at.find('+');
+      if (plus == std::string::npos) continue;
+      Script shorter = script;
+      Fault& fault = shorter.faults[i];
+      fault.trigger.after_ns = fault.trigger.after_ns / 2 / ns_per_ms * ns_per_ms;
+      const std::string head = fault.at.substr(0, plus);
+      fault.at = fault.trigger.after_ns > 0 ? head + "+ " + time_text(fault.trigger.after_ns)
+                                            : head.substr(0, head.find_last_not_of(' ') + 1);
+      progress = better(shorter) || progress;
+    }
+    if (script.flight.laps > 1) {
+      Script shorter = script;
+      shorter.flight.laps /= 2;
+      progress = better(shorter) || progress;
+    }
+    if (script.flight.drones > 1) {
+      Script shorter = script;
+      shorter.flight.drones = 1;
+      const bool named = std::any_of(shorter.faults.begin(), shorter.faults.end(), [](const Fault& fault) {
+        return !fault.drone.empty() && fault.drone != "tello1";
+      });
+      if (!named) progress = better(shorter) || progress;
+    }
+  }
+  return script;
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,588 @@
+#include "hil/fault/fault.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "hil/sensor_text.hpp"
+#include "hil/words.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using Words = std::vector<std::string_view>;
+using What = Fault::What;
+
+Error allowed(std::string_view text, std::string_view what) { return Error{fmt::format("\"{}\": {}", text, what)}; }
+
+std::string joined(const Words& words, std::size_t from) {
+  std::string text;
+  for (std::size_t i = from; i < words.size(); ++i) text += (text.empty() ? "" : " ") + std::string(words[i]);
+  return text;
+}
+
+std::optional<std::array<double, 3>> vector_of(const Words& words, std::size_t from) {
+  if (words.size() != from + 3) return std::nullopt;
+  std::array<double, 3> v{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto value = parse_number(words[from + i]);
+    if (!value || std::abs(*value) > 100) return std::nullopt;
+    v[i] = *value;
+  }
+  return v;
+}
+
+std::optional<double> share_of(std::string_view word) {
+  if (!word.ends_with('%')) return std::nullopt;
+  const auto value = parse_number(word.substr(0, word.size() - 1));
+  if (!value || *value < 0 || *value > 100) return std::nullopt;
+  return *value / 100;
+}
+
+// "*" or a drone's name.
+std::string drone_of(std::string_view word) { return word == "*" ? std::string() : std::string(word); }
+
+Status line_effects(Fault& fault, const Words& words, std::size_t from) {
+  fault.what = What::line;
+  fault.effects = joined(words, from);
+  Impairment tried;
+  return apply_effects(fault.effects, tried);
+}
+
+Status parse_drone(Fault& fault, const Words& words) {
+  constexpr std::string_view usage =
+      "must be `drone NAME|* ` and one of to, answers, states, from, both with an effect (delay, jitter, loss, "
+      "duplicate, reorder, corrupt, truncate, rate, stall, partition), or reboot, battery 10%, drain 1%, propeller, "
+      "kick X Y Z";
+  if (words.size() < 3) return allowed(fault.text, usage);
+  fault.drone = drone_of(words[1]);
+  const std::string_view what = words[2];
+  const bool alone = words.size() == 3;
+  if (what == "to") fault.lines = {LineAt::to};
+  if (what == "answers") fault.lines = {LineAt::answers};
+  if (what == "states") fault.lines = {LineAt::states};
+  if (what == "from") fault.lines = {LineAt::answers, LineAt::states};
+  if (what == "both") fault.lines = {LineAt::to, LineAt::answers, LineAt::states};
+  if (!fault.lines.empty()) return line_effects(fault, words, 3);
+  if (what == "reboot" && alone) {
+    fault.what = What::reboot;
+    return done;
+  }
+  if (what == "propeller" && alone) {
+    fault.what = What::propeller;
+    return done;
+  }
+  if (what == "kick") {
+    const auto v = vector_of(words, 3);
+    if (!v) return allowed(fault.text, "kick must be followed by three velocities in m/s");
+    fault.what = What::kick;
+    fault.vector = *v;
+    return done;
+  }
+  if ((what == "battery" || what == "drain") && words.size() == 4) {
+    const auto share = share_of(words[3]);
+    if (!share) return allowed(fault.text, "battery and drain must be followed by a share, 0% to 100%");
+    fault.what = what == "battery" ? What::battery : What::drain;
+    fault.value = *share;
+    return done;
+  }
+  return allowed(fault.text, usage);
+}
+
+Status parse_sensor(Fault& fault, const Words& words) {
+  constexpr std::string_view usage =
+      "must be `sensor NAME|* FIELD|all stuck|garbage`, `sensor NAME|* FIELD bias NUMBER` or `sensor NAME|* all every "
+      "2s`; fields are those of the Tello's state text: h, tof, bat, yaw, vgx ...";
+  if (words.size() < 4) return allowed(fault.text, usage);
+  fault.what = What::sensor;
+  fault.drone = drone_of(words[1]);
+  fault.sensor.field = words[2] == "all" ? std::string() : std::string(words[2]);
+  if (!fault.sensor.field.empty() && !known_field(fault.sensor.field)) return allowed(fault.text, usage);
+  const std::string_view what = words[3];
+  if (words.size() == 4 && (what == "stuck" || what == "garbage")) {
+    fault.sensor.kind = what == "stuck" ? SensorFault::Kind::stuck : SensorFault::Kind::garbage;
+    return done;
+  }
+  if (words.size() == 5 && what == "bias" && !fault.sensor.field.empty()) {
+    const auto bias = parse_number(words[4]);
+    if (!bias || std::abs(*bias) > 1e6) return allowed(fault.text, usage);
+    fault.sensor.kind = SensorFault::Kind::bias;
+    fault.sensor.bias = *bias;
+    return done;
+  }
+  if (words.size() == 5 && what == "every" && fault.sensor.field.empty()) {
+    const auto period = parse_time(words[4]);
+    if (!period) return period.error();
+    fault.sensor.kind = SensorFault::Kind::every;
+    fault.sensor.period_ns = *period;
+    return done;
+  }
+  return allowed(fault.text, usage);
+}
+
+Status parse_mocap(Fault& fault, const Words& words) {
+  if (words.size() < 3)
+    return allowed(fault.text,
+                   "must be `mocap NAME|* ` and frozen, jump X Y Z, noise M, every 500ms, or an effect "
+                   "(delay, jitter, loss ...)");
+  fault.drone = drone_of(words[1]);
+  const std::string_view what = words[2];
+  if (what == "frozen" && words.size() == 3) {
+    fault.what = What::mocap_frozen;
+    return done;
+  }
+  if (what == "jump") {
+    const auto v = vector_of(words, 3);
+    if (!v) return allowed(fault.text, "jump must be followed by three distances in m");
+    fault.what = What::mocap_offset;
+    fault.vector = *v;
+    return done;
+  }
+  if (what == "noise" && words.size() == 4) {
+    const auto sigma = parse_number(words[3]);
+    if (!sigma || *sigma < 0 || *sigma > 100) return allowed(fault.text, "noise must be followed by 0 to 100 m");
+    fault.what = What::mocap_noise;
+    fault.value = *sigma;
+    return done;
+  }
+  if (what == "every" && words.size() == 4) {
+    const auto period = parse_time(words[3]);
+    if (!period) return period.error();
+    fault.what = What::mocap_every;
+    fault.time_ns = *period;
+    return done;
+  }
+  fault.lines = {LineAt::mocap};
+  return line_effects(fault, words, 2);
+}
+
+Status parse_ledger(Fault& fault, const Words& words) {
+  constexpr std::string_view usage =
+      "must be `ledger stall`, `ledger restart`, or `ledger agent|ground|both ` and cut, stale, or [to|from] with "
+      "stall "
+      "or delay DISTRIBUTION";
+  if (words.size() == 2 && words[1] == "stall") {
+    fault.what = What::ledger_stall;
+    return done;
+  }
+  if (words.size() == 2 && words[1] == "restart") {
+    fault.what = What::ledger_restart;
+    return done;
+  }
+  if (words.size() < 3) return allowed(fault.text, usage);
+  if (words[1] == "agent" || words[1] == "both") fault.ends.push_back(Process::agent);
+  if (words[1] == "ground" || words[1] == "both") fault.ends.push_back(Process::ground);
+  if (fault.ends.empty()) return allowed(fault.text, usage);
+  if (words.size() == 3 && (words[2] == "cut" || words[2] == "stale")) {
+    fault.what = words[2] == "cut" ? What::ledger_cut : What::ledger_stale;
+    return done;
+  }
+  const bool one_way = words[2] == "to" || words[2] == "from";
+  fault.to = !one_way || words[2] == "to";
+  fault.from = !one_way || words[2] == "from";
+  const std::size_t at = one_way ? 3 : 2;
+  if (words.size() == at + 1 && words[at] == "stall") {
+    fault.what = What::ledger_hold;
+    return done;
+  }
+  if (words.size() > at + 1 && words[at] == "delay") {
+    auto delay = parse_distribution(joined(words, at + 1));
+    if (!delay) return delay.error();
+    fault.what = What::ledger_delay;
+    fault.delay = std::move(*delay);
+    return done;
+  }
+  for (const std::string_view effect : {"loss", "duplicate", "reorder", "corrupt", "truncate", "jitter", "partition"}) {
+    if (words.size() > at && words[at] == effect)
+      return allowed(fault.text, fmt::format("a ledger's connection is a stream (TCP) and has no {}: use delay, stall "
+                                             "or cut",
+                                             effect));
+  }
+  return allowed(fault.text, usage);
+}
+
+// What the real processes alone have; nothing: it is none of that.
+std::optional<Status> parse_real(Fault& fault, const Words& words) {
+  const std::string_view name = words[0];
+  if (name == "disk") return allowed(fault.text, "a full disk is not built: the node's tests have it");
+  if (name == "roudi") {
+    fault.what = What::kill_roudi;
+    if (words.size() == 2 && words[1] == "kill") return done;
+    return allowed(fault.text, "must be `roudi kill`");
+  }
+  if (name == "cpu") {
+    fault.what = What::burn;
+    const auto core = words.size() == 3 && words[2] == "burn" ? parse_number(words[1]) : std::nullopt;
+    fault.value = core.value_or(-1);
+    if (core && *core >= 0 && *core < 1024 && *core == std::floor(*core)) return done;
+    return allowed(fault.text, "must be `cpu N burn`, N being a core from 0 on");
+  }
+  if (name == "memory") {
+    fault.what = What::take_memory;
+    const bool size = words.size() == 3 && words[1] == "take" && words[2].ends_with("MB");
+    const auto megabytes = size ? parse_number(words[2].substr(0, words[2].size() - 2)) : std::nullopt;
+    fault.value = megabytes.value_or(0) * 1e6;
+    if (megabytes && *megabytes >= 1 && *megabytes <= 1e6) return done;
+    return allowed(fault.text, "must be `memory take 500MB`, with at least 1MB");
+  }
+  for (const auto& [part, most] : {std::pair("peer", 3), std::pair("orderer", 3), std::pair("chaincode", 3)}) {
+    if (name != part) continue;
+    fault.what = What::kill_part;
+    const auto number = words.size() == 3 && words[2] == "kill" ? parse_number(words[1]) : std::nullopt;
+    if (!number || *number < 1 || *number > most || *number != std::floor(*number))
+      return allowed(fault.text, fmt::format("must be `{} N kill`, N from 1 to {}", part, most));
+    fault.part = fmt::format("{}{:.0f}", part, *number);
+    return done;
+  }
+  return std::nullopt;
+}
+
+Status parse_other(Fault& fault, const Words& words, bool real) {
+  if (words[0] == "wind") {
+    const auto v = vector_of(words, 1);
+    if (!v) return allowed(fault.text, "wind must be followed by three velocities in m/s");
+    fault.what = What::wind;
+    fault.vector = *v;
+    return done;
+  }
+  for (const auto& [name, process] :
+       {std::pair("agent", Process::agent), std::pair("link", Process::link), std::pair("ground", Process::ground)}) {
+    if (words[0] != name) continue;
+    if (words.size() != 2 || (words[1] != "kill" && words[1] != "stop"))
+      return allowed(fault.text, fmt::format("must be `{} kill` or `{} stop`", name, name));
+    fault.what = words[1] == "kill" ? What::kill : What::stop;
+    fault.ends = {process};
+    return done;
+  }
+  if (words[0] == "clock" && words.size() == 3 && words[1] == "jump") {
+    const bool back = words[2].starts_with('-');
+    const auto by = parse_time(words[2].substr(back ? 1 : 0));
+    if (!by) return by.error();
+    fault.what = What::clock_jump;
+    fault.time_ns = back ? -*by : *by;
+    return done;
+  }
+  if (words[0] == "operator" && words.size() == 3 && (words[1] == "stop" || words[1] == "cut")) {
+    fault.what = What::stop_drone;
+    fault.drone = drone_of(words[2]);
+    fault.value = words[1] == "cut" ? 1 : 0;
+    return done;
+  }
+  if (real) {
+    if (const auto parsed = parse_real(fault, words)) return *parsed;
+  }
+  for (const std::string_view part : {"peer", "orderer", "chaincode", "cpu", "memory", "disk", "roudi"}) {
+    if (words[0] == part)
+      return allowed(fault.text, fmt::format("{} is not there in virtual time: such a fault needs the real processes "
+                                             "(--real)",
+                                             part));
+  }
+  return allowed(fault.text,
+                 "must begin with drone, sensor, mocap, wind, ledger, agent, link, ground, clock or operator");
+}
+
+}  // namespace
+
+bool Trigger::reached(TimeNs now, const DroneFacts& drone) const {
+  switch (kind) {
+    case Kind::time:
+      return now >= after_ns;
+    case Kind::takeoff:
+      return drone.truth.in_flight;
+    case Kind::flying:
+      return drone.phase == FlightPhase::flying;
+    case Kind::path:
+      return drone.ground_phase == ground::DronePhase::path;
+    case Kind::lap:
+      return drone.lap >= static_cast<int>(value);
+    case Kind::height:
+      return drone.truth.position_m[2] >= value;
+    case Kind::landing:
+      return drone.phase == FlightPhase::landing;
+    case Kind::landed:
+      return drone.phase == FlightPhase::landed;
+  }
+  return false;
+}
+
+Result<Trigger> parse_trigger(std::string_view text) {
+  const std::string_view whole = trimmed(text);
+  constexpr std::string_view usage =
+      "must be a time as 5s, or takeoff, flying, path, lap N, height METRES, landing or landed, which may be followed "
+      "by "
+      "+ 2s";
+  Trigger trigger;
+  std::string_view head = whole;
+  if (const auto plus = whole.find('+'); plus != std::string_view::npos) {
+    const auto after = parse_time(trimmed(whole.substr(plus + 1)));
+    if (!after) return allowed(text, usage);
+    trigger.after_ns = *after;
+    head = trimmed(whole.substr(0, plus));
+  }
+  const Words words = words_of(head);
+  using Kind = Trigger::Kind;
+  constexpr std::array<std::pair<std::string_view, Kind>, 5> plain{{{"takeoff", Kind::takeoff},
+                                                                    {"flying", Kind::flying},
+                                                                    {"path", Kind::path},
+                                                                    {"landing", Kind::landing},
+                                                                    {"landed", Kind::landed}}};
+  if (words.size() == 1) {
+    for (const auto& [name, kind] : plain) {
+      if (words[0] != name) continue;
+      trigger.kind = kind;
+      return trigger;
+    }
+    const auto time = parse_time(words[0]);
+    if (time && head == whole) {
+      trigger.after_ns = *time;
+      return trigger;
+    }
+  }
+  if (words.size() == 2 && (words[0] == "lap" || words[0] == "height")) {
+    const auto value = parse_number(words[1]);
+    const bool lap = words[0] == "lap";
+    const bool good = value && (lap ? *value >= 1 && *value <= 1000 && *value == static_cast<int>(*value)
+                                    : *value > 0 && *value <= 100);
+    if (good) {
+      trigger.kind = lap ? Kind::lap : Kind::height;
+      trigger.value = *value;
+      return trigger;
+    }
+  }
+  return allowed(text, usage);
+}
+
+bool Fault::momentary() const {
+  return what == What::reboot || what == What::battery || what == What::kick || what == What::propeller ||
+         what == What::ledger_restart || what == What::clock_jump || what == What::stop_drone ||
+         what == What::kill_part || what == What::kill_roudi;
+}
+
+Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration, bool real) {
+  Fault fault;
+  fault.text = trimmed(text);
+  const Words words = words_of(fault.text);
+  if (words.empty()) return Error{"a fault must say where and what, as in \"drone tello1 to delay 200ms\""};
+  Status parsed = words[0] == "drone"    ? parse_drone(fault, words)
+                  : words[0] == "sensor" ? parse_sensor(fault, words)
+                  : words[0] == "mocap"  ? parse_mocap(fault, words)
+                  : words[0] == "ledger" ? parse_ledger(fault, words)
+                                         : parse_other(fault, words, real);
+  if (!parsed) return parsed.error();
+  if (!at.empty()) {
+    auto trigger = parse_trigger(at);
+    if (!trigger) return trigger.error();
+    fault.trigger = *trigger;
+    fault.at = at;
+  }
+  if (!duration.empty()) {
+    const auto time = parse_time(duration);
+    if (!time) return time.error();
+    if (*time <= 0) return allowed(duration, "a fault lasts longer than nothing; leave `for` out for one to the end");
+    if (fault.momentary()) return allowed(fault.text, "happens at one moment: leave `for` out");
+    fault.for_ns = *time;
+  }
+  return fault;
+}
+
+Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std::vector<DroneFacts>& drones) {
+  std::vector<Item> items;
+  for (Fault& fault : faults) {
+    Item item;
+    for (std::size_t i = 0; i < drones.size(); ++i) {
+      if (fault.drone.empty() || fault.drone == drones[i].name) item.drones.push_back(i);
+    }
+    if (item.drones.empty())
+      return allowed(fault.text, fmt::format("no {} flies here, only tello1 to tello{}", fault.drone, drones.size()));
+    item.fault = std::move(fault);
+    items.push_back(std::move(item));
+  }
+  return FaultSchedule(std::move(items));
+}
+
+void FaultSchedule::step(VirtualWorld& world) {
+  const TimeNs now = world.now();
+  bool changed = false;
+  for (Item& item : items_) {
+    const Fault& fault = item.fault;
+    if (!item.reached_ns) {
+      const bool reached = std::any_of(item.drones.begin(), item.drones.end(),
+                                       [&](std::size_t i) { return fault.trigger.reached(now, world.facts()[i]); });
+      if (!reached) continue;
+      item.reached_ns = fault.trigger.kind == Trigger::Kind::time ? now - fault.trigger.after_ns : now;
+    }
+    if (!item.begun_ns && now >= *item.reached_ns + fault.trigger.after_ns) {
+      item.begun_ns = now;
+      begin(world, item);
+      if (fault.momentary()) item.ended_ns = now;
+      changed = true;
+    }
+    if (item.active() && fault.for_ns > 0 && now >= *item.begun_ns + fault.for_ns) {
+      item.ended_ns = now;
+      end(world, item);
+      changed = true;
+    }
+  }
+  if (changed) apply(world);
+}
+
+void FaultSchedule::begin(VirtualWorld& world, Item& item) {
+  const Fault& fault = item.fault;
+  const TimeNs now = world.now();
+  world.note(WorldEvent::Kind::fault, item.drones[0], "begins: " + fault.text);
+  for (const std::size_t i : item.drones) {
+    const DroneNumber number = world.facts()[i].number;
+    switch (fault.what) {
+      case What::reboot:
+        world.sim().restart(number);
+        break;
+      case What::battery:
+        world.sim().set_battery(number, fault.value);
+        break;
+      case What::drain:
+        world.sim().drain_battery(number, fault.value);
+        break;
+      case What::propeller:
+        world.sim().lose_propeller(number);
+        break;
+      case What::kick:
+        world.sim().kick(number, fault.vector);
+        break;
+      case What::stop_drone:
+        world.stop_drone(i, fault.value > 0);
+        break;
+      default:
+        break;
+    }
+  }
+  switch (fault.what) {
+    case What::wind:
+      world.sim().set_wind(fault.vector);
+      break;
+    case What::ledger_stall:
+      world.stall_ledger(true);
+      break;
+    case What::ledger_restart:
+      world.restart_ledger();
+      break;
+    case What::kill:
+      world.kill(fault.ends[0]);
+      break;
+    case What::stop:
+      world.stop(fault.ends[0], true);
+      break;
+    case What::clock_jump:
+      world.jump_clock(fault.time_ns);
+      break;
+    default:
+      break;
+  }
+  for (const Process process : fault.ends) {
+    if (fault.what == What::ledger_cut) world.port(process).cut(now, true);
+    if (fault.what == What::ledger_stale) world.port(process).stale(true);
+    if (fault.what == What::ledger_delay && fault.to) world.port(process).delay_to(fault.delay);
+    if (fault.what == What::ledger_delay && fault.from) world.port(process).delay_from(fault.delay);
+    if (fault.what == What::ledger_hold && fault.to) world.port(process).stall_to(true);
+    if (fault.what == What::ledger_hold && fault.from) world.port(process).stall_from(true);
+  }
+}
+
+void FaultSchedule::end(VirtualWorld& world, Item& item) {
+  const Fault& fault = item.fault;
+  const TimeNs now = world.now();
+  world.note(WorldEvent::Kind::fault, item.drones[0], "ends: " + fault.text);
+  // Of the same kind another may go on.
+  const auto goes_on = [&](What what, Process process) {
+    return std::any_of(items_.begin(), items_.end(), [&](const Item& other) {
+      return other.active() && other.fault.what == what &&
+             (other.fault.ends.empty() ||
+              std::find(other.fault.ends.begin(), other.fault.ends.end(), process) != other.fault.ends.end());
+    });
+  };
+  switch (fault.what) {
+    case What::drain:
+      for (const std::size_t i : item.drones) world.sim().drain_battery(world.facts()[i].number, 0);
+      break;
+    case What::wind:
+      world.sim().set_wind({});
+      break;
+    case What::ledger_stall:
+      world.stall_ledger(goes_on(What::ledger_stall, Process::agent));
+      break;
+    case What::kill:
+      if (!goes_on(What::kill, fault.ends[0])) world.start(fault.ends[0]);
+      break;
+    case What::stop:
+      world.stop(fault.ends[0], goes_on(What::stop, fault.ends[0]));
+      break;
+    default:
+      break;
+  }
+  for (const Process process : fault.ends) {
+    if (goes_on(fault.what, process)) continue;
+    if (fault.what == What::ledger_cut) world.port(process).cut(now, false);
+    if (fault.what == What::ledger_stale) world.port(process).stale(false);
+    if (fault.what == What::ledger_delay && fault.to) world.port(process).delay_to(std::nullopt);
+    if (fault.what == What::ledger_delay && fault.from) world.port(process).delay_from(std::nullopt);
+    if (fault.what == What::ledger_hold && fault.to) world.port(process).stall_to(false);
+    if (fault.what == What::ledger_hold && fault.from) world.port(process).stall_from(false);
+  }
+}
+
+void FaultSchedule::apply(VirtualWorld& world) const {
+  for (std::size_t drone = 0; drone < world.facts().size(); ++drone) {
+    std::array<Impairment, line_count> lines;
+    std::vector<SensorFault> sensors;
+    MocapFault mocap;
+    for (const Item& item : items_) {
+      const Fault& fault = item.fault;
+      if (!item.active() || std::find(item.drones.begin(), item.drones.end(), drone) == item.drones.end()) continue;
+      for (const LineAt at : fault.lines) {
+        [[maybe_unused]] const Status applied = apply_effects(fault.effects, lines[static_cast<std::size_t>(at)]);
+        assert(applied.ok());  // parse_fault() has tried it
+      }
+      if (fault.what == What::sensor) sensors.push_back(fault.sensor);
+      if (fault.what == What::mocap_frozen) mocap.frozen = true;
+      if (fault.what == What::mocap_noise) mocap.noise_m = fault.value;
+      if (fault.what == What::mocap_every) mocap.period_ns = fault.time_ns;
+      if (fault.what == What::mocap_offset) {
+        for (std::size_t i = 0; i < 3; ++i) mocap.offset_m[i] += fault.vector[i];
+      }
+    }
+    for (std::size_t i = 0; i < line_count; ++i) world.impair(static_cast<LineAt>(i), drone, lines[i]);
+    world.set_sensor_faults(drone, std::move(sensors));
+    world.set_mocap_fault(drone, mocap);
+  }
+}
+
+bool FaultSchedule::any_active() const {
+  return std::any_of(items_.begin(), items_.end(), [](const Item& item) { return item.active(); });
+}
+
+std::optional<TimeNs> FaultSchedule::first_begun_ns() const {
+  std::optional<TimeNs> first;
+  for (const Item& item : items_) {
+    if (item.begun_ns && (!first || *item.begun_ns < *first)) first = item.begun_ns;
+  }
+  return first;
+}
+
+std::optional<TimeNs> FaultSchedule::last_ended_ns() const {
+  std::optional<TimeNs> last;
+  for (const Item& item : items_) {
+    if (!item.ended_ns) return std::nullopt;
+    if (!last || *item.ended_ns > *last) last = item.ended_ns;
+  }
+  return last;
+}
+
+bool FaultSchedule::physical_begun() const {
+  return std::any_of(items_.begin(), items_.end(), [](const Item& item) {
+    const What what = item.fault.what;
+    return item.begun_ns && (what == What::kick || what == What::propeller || what == What::reboot ||
+                             what == What::wind || (what == What::stop_drone && item.fault.value > 0));
+  });
+}
+
+}  // namespace ledgerline::hil

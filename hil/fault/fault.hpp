@@ -1,0 +1,115 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/rt/result.hpp"
+#include "hil/world.hpp"
+
+namespace ledgerline::hil {
+
+/// A moment of a flight, as text: "5s" (of the run), "takeoff" (it leaves the ground), "flying", "path", "lap 2" (it
+/// begins), "height 0.5", "landing", "landed"; each but the first with "+ 2s" behind it, if wanted. Of the fault's
+/// drone; of the first one that gets there where the fault is no drone's.
+struct Trigger {
+  enum class Kind : std::uint8_t { time, takeoff, flying, path, lap, height, landing, landed };
+  Kind kind = Kind::time;
+  double value = 0;                                         ///< the lap's number; the height [m]
+  TimeNs after_ns = 0;                                      ///< time: the moment itself
+  bool reached(TimeNs now, const DroneFacts& drone) const;  ///< without `after_ns`; not for time
+};
+Result<Trigger> parse_trigger(std::string_view text);
+
+/// One fault as it is written: where and what, e.g. "drone tello1 to delay 200ms". docs/faults.md lists all of them.
+struct Fault {
+  enum class What : std::uint8_t {
+    line,  // effects of hil/impairment.hpp on a drone's datagrams or its mocap
+    sensor,
+    mocap_frozen,
+    mocap_offset,
+    mocap_noise,
+    mocap_every,
+    reboot,
+    battery,
+    drain,
+    propeller,
+    kick,
+    wind,
+    ledger_delay,
+    ledger_hold,  // of one process' connection: to and from
+    ledger_cut,
+    ledger_stale,
+    ledger_stall,
+    ledger_restart,
+    kill,
+    stop,
+    clock_jump,
+    stop_drone,
+    kill_part,  // with the real processes alone, as what follows
+    kill_roudi,
+    burn,  // computing on a core
+    take_memory,
+  };
+  std::string text;
+  std::string at = "path";  ///< as written
+  Trigger trigger{Trigger::Kind::path, 0, 0};
+  TimeNs for_ns = 0;  ///< 0: until the flight's end
+
+  What what{};
+  std::string drone;              ///< empty: every drone
+  std::vector<LineAt> lines;      ///< line
+  std::string effects;            ///< line
+  SensorFault sensor;             ///< sensor
+  std::vector<Process> ends;      ///< ledger_*: whose connection; kill, stop: who
+  bool to = false, from = false;  ///< ledger_delay, ledger_hold
+  std::optional<Distribution> delay;
+  std::array<double, 3> vector{};  ///< mocap_offset, kick, wind
+  double value = 0;  ///< battery, drain [0..1], mocap_noise [m], stop_drone (1: cut), burn (core), take_memory [bytes]
+  std::string part{};  ///< kill_part: of Fabric's network, "peer1"
+  TimeNs time_ns = 0;  ///< clock_jump, mocap_every
+
+  /// Whether it is over by itself as soon as it began.
+  bool momentary() const;
+};
+
+/// `text` as in the class comment; what cannot be done in virtual time is refused with the reason, as is what a
+/// connection cannot have. `for` and `at` are texts too; an empty `for` means until the end.
+/// `real`: for a flight with the real processes, which has some faults more.
+Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration, bool real = false);
+
+/// Brings faults into a world when their moment comes, and takes them out again. One thread.
+class FaultSchedule {
+ public:
+  /// The error names a drone that does not fly.
+  static Result<FaultSchedule> create(std::vector<Fault> faults, const std::vector<DroneFacts>& drones);
+
+  /// Before each step of the world.
+  void step(VirtualWorld& world);
+
+  struct Item {
+    Fault fault;
+    std::vector<std::size_t> drones;  ///< indices
+    std::optional<TimeNs> reached_ns, begun_ns, ended_ns;
+    bool active() const { return begun_ns && !ended_ns; }
+  };
+  const std::vector<Item>& items() const { return items_; }
+  bool any_active() const;
+  /// When the first one began, the last one ended; nothing while there is none.
+  std::optional<TimeNs> first_begun_ns() const;
+  std::optional<TimeNs> last_ended_ns() const;  ///< nothing while one is to come or goes on; momentary: its beginning
+  /// Whether one was a push from outside or a broken drone: then how fast and how high it gets says nothing.
+  bool physical_begun() const;
+
+ private:
+  explicit FaultSchedule(std::vector<Item> items) : items_(std::move(items)) {}
+  void begin(VirtualWorld& world, Item& item);
+  void end(VirtualWorld& world, Item& item);
+  void apply(VirtualWorld& world) const;  ///< of what can lie upon each other: lines, sensors, mocap
+
+  std::vector<Item> items_;
+};
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,142 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/rt/result.hpp"
+#include "hil/world.hpp"
+
+namespace ledgerline::hil {
+
+/// A number with its unit: "300 ms", "6s", "3 m", "0.5 m/s". Times are in seconds.
+struct Amount {
+  enum class Unit : std::uint8_t { time, metres, speed };
+  double value = 0;
+  Unit unit{};
+};
+std::optional<Amount> parse_amount(std::string_view text);
+
+/// What must hold, as a sentence; docs/faults.md lists them. Those that count from a fault count from the first one's
+/// beginning, or from the last one's end.
+struct Rule {
+  enum class Kind : std::uint8_t {
+    finishes,         ///< finishes
+    hold_after_plan,  ///< hold within 300 ms after the plan's end
+    reacts,           ///< hold|brake|land within 1 s
+    lands,            ///< lands within 6 s: on the ground
+    resumes,          ///< resumes within 2 s: after the last fault's end
+    seen,             ///< hold is seen; cause pose lost is seen
+    never_seen,       ///< land is never seen
+    command_age,      ///< no command older than 500 ms applied
+    height,           ///< height below 3 m
+    speed,            ///< speed below 1.5 m/s
+    path,             ///< path within 0.4 m
+    estimate,         ///< pose within 0.2 m: what link believes, of the truth
+    nothing_lost,     ///< nothing acknowledged is lost
+    ends,             ///< ends within 60 s
+    sent,             ///< sends emergency; sends no emergency
+    no_crash,         ///< no crash
+  };
+  Kind kind{};
+  std::string text;
+  std::optional<FailsafeMode> mode{};    ///< reacts, seen, never_seen
+  std::optional<FailsafeCause> cause{};  ///< seen, never_seen
+  double amount = 0;                     ///< s, m or m/s
+  std::string command;                   ///< sent: what; `negated`: never
+  bool negated = false;
+  bool always = false;  ///< an invariant of every run, not of this script
+
+  bool needs_fault() const { return kind == Kind::reacts || kind == Kind::lands || kind == Kind::resumes; }
+};
+/// The error says which sentences there are.
+Result<Rule> parse_rule(std::string_view sentence);
+/// All kinds of sentences, one a line, for help and errors.
+std::string rule_help();
+
+/// What a run looks like to the judge at one moment, besides the drones.
+struct Moment {
+  TimeNs now = 0;
+  std::span<const DroneFacts> drones;
+  std::span<const WorldEvent> events;
+  bool link_runs = true;  ///< alive and not stopped
+  bool physical = false;  ///< something was broken or pushed: speed and height are not the flight's own any more
+  bool drone_deaf =
+      false;  ///< what it is told may not get there, or its sensors lie: its speed and height may be anybody's
+  std::optional<TimeNs> first_fault_ns, last_fault_end_ns;
+};
+
+/// How one run ended, for what is judged at its end.
+struct Ending {
+  TimeNs now = 0;
+  bool over = false;  ///< by itself, not by the limit
+  bool ok = false;    ///< every drone finished its path and landed
+  std::string why;
+  std::vector<std::string> in_the_air;  ///< drones
+  std::vector<std::string> lost;        ///< acknowledged transactions and transitions that are not on the ledger
+};
+
+struct Verdict {
+  Rule rule;
+  bool held = true;
+  TimeNs broken_ns = 0;  ///< when it broke
+  std::string what;      ///< what was seen instead
+};
+
+/// Limits of the always-on invariants.
+struct Limits {
+  double speed_mps = 2.6;  ///< link's limit of 2 m/s horizontally, 1 m/s vertically, and what wind and lag add
+  double height_m = 3.6;   ///< the fence is at 3 m
+  std::array<double, 2> min_m{-100, -100}, max_m{100, 100};
+};
+
+/// Judges a run moment by moment: the script's rules, and the invariants of every run:
+///
+///     speed, height, distance   never beyond the limits, as long as nothing pushed or broke the drone
+///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later tells
+///     the
+///                               drone zero
+///     landing after a hold      a hold or brake of land_after (5 s) and 0.5 s more is a landing
+///     rc in range               as the SDK takes it
+///     down in the end           when the run is over, or its time is up, nothing is in the air
+///     no hang                   it is over before its time is up
+///     nothing is lost           that was acknowledged as committed; transitions have no gap
+///
+/// Plain data in, verdicts out. One thread.
+class Judge {
+ public:
+  Judge(const std::vector<Rule>& rules, const Limits& limits);
+
+  /// After each step of the world.
+  void look(const Moment& moment);
+  /// After the last one.
+  std::vector<Verdict> finish(const Ending& ending);
+
+  static constexpr TimeNs hold_within_ns = 300 * ns_per_ms;
+  static constexpr TimeNs ramp_ns = 600 * ns_per_ms;  ///< from 2 m/s at 4 m/s2, and a step of rc
+  static constexpr TimeNs land_after_ns = 5'500 * ns_per_ms;
+
+ private:
+  struct Drone {
+    TimeNs hovering_since_ns = 0;
+    TimeNs rested_since_ns = 0;  ///< link runs and the drone flies, without a break
+  };
+  struct State {
+    Verdict verdict;
+    bool seen = false;
+    std::vector<bool> done;  ///< by drone
+  };
+  void look_at(const Moment& moment, State& state);
+  void look_after(const Moment& moment, std::size_t drone);
+  static void broke(State& state, TimeNs now, std::string what);
+  State& invariant(std::size_t which) { return states_[rules_ + which]; }
+
+  Limits limits_;
+  std::size_t rules_;
+  std::vector<State> states_;  ///< the script's, then the invariants
+  std::vector<Drone> drones_;
+};
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,211 @@
+#include "hil/fault/real_script.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <csignal>
+
+#include "hil/proxy/switches.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using What = Fault::What;
+
+constexpr int fabric_orderers = 3;
+constexpr TimeNs longest_death = ns_per_s;  // the launcher starts again what died, within half a second
+
+std::string name_of(Process process) {
+  return process == Process::agent ? "agent" : process == Process::link ? "link" : "ground";
+}
+
+/// Why a fault cannot be; empty: it can.
+std::string reason_against(const Fault& fault, const RealLedger& ledger) {
+  switch (fault.what) {
+    case What::line:
+      return std::find(fault.lines.begin(), fault.lines.end(), LineAt::mocap) == fault.lines.end()
+                 ? ""
+                 : "mocap goes past the proxy, by DDS";
+    case What::sensor:
+    case What::mocap_frozen:
+    case What::mocap_offset:
+    case What::mocap_noise:
+    case What::mocap_every:
+    case What::reboot:
+    case What::battery:
+    case What::drain:
+    case What::propeller:
+    case What::kick:
+    case What::wind:
+      return "it is inside of the simulation: virtual time alone has it";
+    case What::ledger_stale:
+      return "a peer that is behind its channel is not built: virtual time alone has it";
+    case What::ledger_restart:
+      return ledger.fabric ? "name the part: `peer 1 kill`, `orderer 1 kill`, `chaincode 1 kill`"
+                           : "the embedded node's end is the flight's end: use `ledger stall`, or fly on Fabric";
+    case What::clock_jump:
+      return "the machine's clock is not this flight's alone: virtual time alone has it";
+    case What::kill:
+      if (fault.ends[0] == Process::ground) return "ground's end is the flight's end: use `ground stop`";
+      return fault.for_ns == 0 || fault.for_ns > longest_death
+                 ? "the launcher starts it again at once: `for` must be at most 1 s"
+                 : "";
+    case What::stop_drone:
+      return fault.value > 0 ? "ledgerline-control stops a drone, it does not cut its motors" : "";
+    case What::kill_part:
+      return ledger.fabric ? "" : "it is a part of Fabric: fly on it with --ledger fabric";
+    default:
+      return "";
+  }
+}
+
+/// Why a rule cannot be judged.
+std::string reason_against(const Rule& rule) {
+  switch (rule.kind) {
+    case Rule::Kind::hold_after_plan:
+      return "the traces do not tell a plan's end";
+    case Rule::Kind::sent:
+      return "the traces do not tell it";
+    default:
+      return "";
+  }
+}
+
+std::vector<std::string> servers_of(Process process, const RealLedger& ledger) {
+  std::vector<std::string> names{name_of(process)};
+  for (int k = 1; ledger.fabric && k <= fabric_orderers; ++k)
+    names.push_back(fmt::format("{}-orderer{}", name_of(process), k));
+  return names;
+}
+
+/// The commands of an effect on a process' connections; `way`: to, from or both.
+void on_servers(const Fault& fault, const RealLedger& ledger, const std::string& effect, RealActs& acts) {
+  const std::string way = fault.to == fault.from ? "both" : fault.to ? "to" : "from";
+  for (const Process process : fault.ends) {
+    for (const std::string& server : servers_of(process, ledger))
+      acts.proxy.push_back(fmt::format("server {} {} {}", server, way, effect));
+  }
+}
+
+std::string way_of(LineAt line) { return line == LineAt::to ? "to" : line == LineAt::answers ? "answers" : "state"; }
+
+void stop_programs(const Fault& fault, const RealLedger& ledger, int signal, RealActs& acts) {
+  if (fault.what == What::ledger_stall && ledger.fabric) {
+    for (int k = 1; k <= fabric_orderers; ++k) acts.parts.emplace_back(fmt::format("orderer{}", k), signal);
+  } else if (fault.what == What::ledger_stall) {
+    acts.programs.emplace_back("ledgerline-node", signal);
+  } else {
+    acts.programs.emplace_back("ledgerline-" + name_of(fault.ends[0]), signal);
+  }
+}
+
+}  // namespace
+
+Status check_real(const Script& script, const RealLedger& ledger) {
+  std::vector<std::string> reasons;
+  const WorldConfig usual, &flight = script.flight;
+  if (flight.side_m != usual.side_m) reasons.push_back("flight.side_m: ./fly flies paths of 1.5 m a side");
+  if (flight.battery != usual.battery) reasons.push_back("flight.battery: ./fly flies with full batteries");
+  if (flight.room_m != usual.room_m) reasons.push_back("flight.room_m: ./fly flies with the usual fence");
+  for (const Fault& fault : script.faults) {
+    if (const auto why = reason_against(fault, ledger); !why.empty())
+      reasons.push_back(fmt::format("\"{}\": {}", fault.text, why));
+  }
+  for (const Rule& rule : script.must) {
+    if (const auto why = reason_against(rule); !why.empty())
+      reasons.push_back(fmt::format("\"{}\": {}", rule.text, why));
+  }
+  if (reasons.empty()) return done;
+  return Error{
+      fmt::format("{} cannot be flown with the real processes:\n  {}", script.name, fmt::join(reasons, "\n  "))};
+}
+
+std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed, const RealLedger& ledger) {
+  const WorldConfig& flight = script.flight;
+  std::vector<std::string> arguments{"--proxy",
+                                     "--drones",
+                                     std::to_string(flight.drones),
+                                     "--shape",
+                                     ground::name_of(flight.shape),
+                                     "--speed",
+                                     fmt::format("{:g}", flight.speed_mps),
+                                     "--rate",
+                                     fmt::format("{:g}", flight.rate_hz),
+                                     "--laps",
+                                     std::to_string(flight.laps),
+                                     "--batch-count",
+                                     std::to_string(flight.batch_count),
+                                     "--batch-timeout",
+                                     fmt::format("{}ms", flight.batch_timeout_ns / ns_per_ms),
+                                     "--seed",
+                                     std::to_string(seed)};
+  if (ledger.fabric)
+    arguments.insert(arguments.end(), {"--ledger", "fabric", "--orderers", std::to_string(fabric_orderers)});
+  return arguments;
+}
+
+RealActs acts_at_begin(const Fault& fault, const RealLedger& ledger) {
+  RealActs acts;
+  switch (fault.what) {
+    case What::line:
+      for (const LineAt line : fault.lines)
+        acts.proxy.push_back(
+            fmt::format("drone {} {} {}", fault.drone.empty() ? "*" : fault.drone, way_of(line), fault.effects));
+      break;
+    case What::ledger_delay:
+      on_servers(fault, ledger, "delay " + text_of(*fault.delay), acts);
+      break;
+    case What::ledger_hold:
+      on_servers(fault, ledger, "stall", acts);
+      break;
+    case What::ledger_cut:  // and nothing comes up again until it is over
+      on_servers(fault, ledger, "partition", acts);
+      for (const Process process : fault.ends) {
+        for (const std::string& server : servers_of(process, ledger)) acts.proxy.push_back("server " + server + " cut");
+      }
+      break;
+    case What::ledger_stall:
+    case What::stop:
+      stop_programs(fault, ledger, SIGSTOP, acts);
+      break;
+    case What::kill:
+      stop_programs(fault, ledger, SIGKILL, acts);
+      break;
+    case What::kill_roudi:
+      acts.programs.emplace_back("ledgerline-roudi", SIGKILL);
+      break;
+    case What::kill_part:
+      acts.parts.emplace_back(fault.part, SIGKILL);
+      break;
+    case What::stop_drone:
+      acts.control = {"stop", fault.drone};
+      break;
+    case What::burn:
+      acts.burn_core = static_cast<int>(fault.value);
+      break;
+    case What::take_memory:
+      acts.take_bytes = static_cast<std::uint64_t>(fault.value);
+      break;
+    default:
+      break;
+  }
+  return acts;
+}
+
+RealActs acts_at_end(const Fault& fault, const RealLedger& ledger) {
+  if (fault.momentary() || fault.what == What::kill) return {};
+  RealActs acts;
+  if (fault.what == What::stop || fault.what == What::ledger_stall) {
+    stop_programs(fault, ledger, SIGCONT, acts);
+    return acts;
+  }
+  acts = acts_at_begin(fault, ledger);
+  std::erase_if(acts.proxy, [](const std::string& command) { return command.ends_with(" cut"); });
+  for (std::string& command : acts.proxy) {
+    if (const auto off = proxy::opposite(command)) command = *off;
+  }
+  return acts;
+}
+
+}  // namespace ledgerline::hil

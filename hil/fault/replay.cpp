@@ -1,0 +1,237 @@
+#include "hil/fault/replay.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "common/msg/names.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr double in_the_air_m = 0.1;  // places lower than this say nothing about a path
+
+/// Goes through the traces, moment by moment.
+class Player {
+ public:
+  Player(const Script& script, const Recording& recording)
+      : recording_(recording), begin_ns_(recording.begin_ns), facts_(static_cast<std::size_t>(script.flight.drones)) {
+    for (std::size_t i = 0; i < facts_.size(); ++i) {
+      facts_[i].number = static_cast<DroneNumber>(i + 1);
+      facts_[i].name = fmt::format("tello{}", i + 1);
+    }
+    std::vector<bool> placed(facts_.size());
+    for (const TraceRecord& r : recording.sim) {  // where each stands at first
+      DroneFacts* drone = of(r);
+      if (!drone || placed[r.drone - 1u]) continue;
+      placed[r.drone - 1u] = true;
+      for (std::size_t k = 0; k < 3; ++k) drone->truth.position_m[k] = r.v[k];
+    }
+    for (DroneFacts& drone : facts_) {
+      drone.start_m = {drone.truth.position_m[0], drone.truth.position_m[1]};
+      paths_.emplace_back(script.flight.shape, Eigen::Vector2d(drone.start_m[0], drone.start_m[1]),
+                          script.flight.side_m);
+    }
+    laps_ = script.flight.laps;
+  }
+
+  /// Everything up to `t_ns`, of the recording's clock.
+  void play(TimeNs t_ns) {
+    events_.clear();
+    for (; sim_ < recording_.sim.size() && recording_.sim[sim_].t_ns <= t_ns; ++sim_) see(recording_.sim[sim_]);
+    for (; link_ < recording_.link.size() && recording_.link[link_].t_ns <= t_ns; ++link_) hear(recording_.link[link_]);
+    for (; ground_ < recording_.ground.size() && recording_.ground[ground_].t_ns <= t_ns; ++ground_)
+      command(recording_.ground[ground_]);
+    for (const auto& fault : recording_.faults) {
+      const auto tell = [&](TimeNs at_ns, const char* what) {
+        if (at_ns > told_ns_ && at_ns <= t_ns)
+          events_.push_back({at_ns - begin_ns_, WorldEvent::Kind::fault, 0, 0, fault.text + what});
+      };
+      tell(fault.begun_ns, " begins");
+      tell(fault.ended_ns, " ends");
+    }
+    told_ns_ = t_ns;
+  }
+  const std::vector<DroneFacts>& facts() const { return facts_; }
+  const std::vector<WorldEvent>& events() const { return events_; }
+
+ private:
+  DroneFacts* of(const TraceRecord& r) {
+    return r.drone >= 1 && r.drone <= facts_.size() ? &facts_[r.drone - 1u] : nullptr;
+  }
+
+  void see(const TraceRecord& r) {
+    DroneFacts* drone = of(r);
+    if (!drone || r.kind != TraceKind::truth) return;
+    const std::array<double, 3> at{r.v[0], r.v[1], r.v[2]};
+    const double dt = to_seconds(r.t_ns - seen_ns_);
+    seen_ns_ = r.drone == facts_.size() ? r.t_ns : seen_ns_;
+    for (std::size_t k = 0; k < 3; ++k)
+      drone->truth.velocity_mps[k] = dt > 1e-3 && dt < 1 ? (at[k] - drone->truth.position_m[k]) / dt : 0;
+    drone->truth.position_m = at;
+    drone->truth.in_flight = r.extra == 1;
+    drone->truth.battery = 1;
+    drone->off_path_m.reset();
+    if (drone->ground_phase == ground::DronePhase::path)
+      drone->off_path_m = paths_[r.drone - 1u].distance_m({at[0], at[1]});
+  }
+
+  void hear(const TraceRecord& r) {
+    DroneFacts* drone = of(r);
+    if (!drone) return;
+    const std::size_t index = r.drone - 1u;
+    if (r.kind == TraceKind::mode) {
+      drone->phase = static_cast<FlightPhase>(r.id);
+      drone->mode = static_cast<FailsafeMode>(r.extra);
+      drone->cause = static_cast<FailsafeCause>(static_cast<int>(r.v[0]));
+      events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::mode, index, 0,
+                         fmt::format("{}, {} ({})", name(drone->phase), name(drone->mode), name(drone->cause))});
+    } else if (r.kind == TraceKind::state_sampled) {
+      drone->pose = Pose{.drone = r.drone, .stamp_ns = r.stamp_ns, .position_m = {r.v[0], r.v[1], r.v[2]}};
+    } else if (r.kind == TraceKind::command_applied) {
+      drone->plan_end_ns = r.t_ns - begin_ns_ + longest_plan_ns;
+      drone->told_ns = r.t_ns - begin_ns_;
+      events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::applied, index, to_seconds(r.t_ns - r.stamp_ns), {}});
+    }
+  }
+
+  void command(const TraceRecord& r) {
+    DroneFacts* drone = of(r);
+    if (!drone || r.kind != TraceKind::command_made) return;
+    const double length_m = paths_[r.drone - 1u].length_m();
+    const bool on_path = r.v[3] > 0 && r.v[3] < laps_ * length_m;
+    drone->ground_phase = on_path ? ground::DronePhase::path : ground::DronePhase::waiting;
+    if (on_path) drone->lap = 1 + static_cast<int>(r.v[3] / length_m);
+  }
+
+  const Recording& recording_;
+  TimeNs begin_ns_, told_ns_ = 0, seen_ns_ = 0;
+  std::vector<DroneFacts> facts_;
+  std::vector<ground::Path> paths_;
+  std::vector<WorldEvent> events_;
+  int laps_ = 1;
+  std::size_t link_ = 0, sim_ = 0, ground_ = 0;
+};
+
+double distance_m(const TimelinePoint& p, const TimelinePoint& a, const TimelinePoint& b) {
+  double along = 0, length = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    along += (p.at_m[i] - a.at_m[i]) * (b.at_m[i] - a.at_m[i]);
+    length += (b.at_m[i] - a.at_m[i]) * (b.at_m[i] - a.at_m[i]);
+  }
+  const double share = length > 0 ? std::clamp(along / length, 0.0, 1.0) : 0;
+  double squares = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double off = p.at_m[i] - (a.at_m[i] + share * (b.at_m[i] - a.at_m[i]));
+    squares += off * off;
+  }
+  return std::sqrt(squares);
+}
+
+double farthest_m(const std::vector<TimelinePoint>& from, const std::vector<TimelinePoint>& to) {
+  double farthest = 0;
+  for (const TimelinePoint& p : from) {
+    if (p.at_m[2] < in_the_air_m) continue;
+    double nearest = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 1; i < to.size(); ++i) nearest = std::min(nearest, distance_m(p, to[i - 1], to[i]));
+    farthest = std::max(farthest, nearest);
+  }
+  return farthest;
+}
+
+/// From take-off on: before it the two begin in their own ways.
+std::vector<std::string> transitions_of(const RunResult& run, std::size_t drone) {
+  std::vector<std::string> texts;
+  for (const WorldEvent& event : run.events) {
+    if (event.kind != WorldEvent::Kind::mode || event.drone != drone) continue;
+    if (event.text.starts_with(name(FlightPhase::taking_off)) && texts.empty()) texts.emplace_back();
+    if (!texts.empty() && texts.back() != event.text) texts.push_back(event.text);
+  }
+  return texts;
+}
+
+}  // namespace
+
+RunResult judge_recording(const Script& script, std::uint64_t seed, const Recording& recording) {
+  RunResult result;
+  result.script = script.name;
+  result.title = script.title;
+  result.seed = seed;
+  Player player(script, recording);
+  const Limits limits = limits_of(script, player.facts());
+  result.fence_min_m = limits.min_m;
+  result.fence_max_m = limits.max_m;
+  for (const DroneFacts& drone : player.facts()) result.drones.push_back(drone.name);
+  result.timeline.resize(player.facts().size());
+  Judge judge(script.must, limits);
+  bool deaf = false;
+  std::optional<TimeNs> first, last;
+  bool all_ended = !recording.faults.empty();
+  for (const auto& fault : recording.faults) {
+    const TimeNs begun = fault.begun_ns - recording.begin_ns, ended = fault.ended_ns - recording.begin_ns;
+    if (!first || begun < *first) first = begun;
+    if (fault.ended_ns == 0)
+      all_ended = false;
+    else if (!last || ended > *last)
+      last = ended;
+  }
+  TimeNs next_point_ns = 0;
+  for (TimeNs now = 0; now <= recording.end_ns - recording.begin_ns; now += ns_per_ms) {
+    const TimeNs t_ns = recording.begin_ns + now;
+    player.play(t_ns);
+    for (const auto& fault : recording.faults) deaf = deaf || (fault.deafens && fault.begun_ns <= t_ns);
+    const bool away = std::any_of(recording.link_away.begin(), recording.link_away.end(),
+                                  [&](const auto& span) { return span.first <= t_ns && t_ns < span.second; });
+    judge.look({.now = now,
+                .drones = player.facts(),
+                .events = player.events(),
+                .link_runs = !away,
+                .physical = false,
+                .drone_deaf = deaf,
+                .first_fault_ns = first && *first <= now ? first : std::nullopt,
+                .last_fault_end_ns = all_ended && last && *last <= now ? last : std::nullopt});
+    for (const WorldEvent& event : player.events()) {
+      if (event.kind != WorldEvent::Kind::applied && result.events.size() < most_events) result.events.push_back(event);
+    }
+    if (now < next_point_ns) continue;
+    next_point_ns = now + timeline_period_ns;
+    for (std::size_t i = 0; i < player.facts().size(); ++i)
+      result.timeline[i].push_back(point_of(now, player.facts()[i]));
+  }
+  Ending ending;
+  ending.now = recording.end_ns - recording.begin_ns;
+  ending.over = recording.over;
+  ending.ok = recording.ok;
+  ending.why = recording.why;
+  for (const DroneFacts& drone : player.facts()) {
+    if (drone.truth.in_flight) ending.in_the_air.push_back(drone.name);
+  }
+  ending.lost = recording.lost;
+  result.verdicts = judge.finish(ending);
+  result.flown_ns = ending.now;
+  result.over = ending.over;
+  result.ok = ending.ok;
+  result.why = ending.why;
+  return result;
+}
+
+Agreement compare(const RunResult& a, const RunResult& b) {
+  Agreement agreement;
+  for (std::size_t i = 0; i < std::min(a.timeline.size(), b.timeline.size()); ++i) {
+    agreement.farthest_m = std::max(
+        {agreement.farthest_m, farthest_m(a.timeline[i], b.timeline[i]), farthest_m(b.timeline[i], a.timeline[i])});
+    const auto of_a = transitions_of(a, i), of_b = transitions_of(b, i);
+    const auto [x, y] = std::mismatch(of_a.begin(), of_a.end(), of_b.begin(), of_b.end());
+    if (x == of_a.end() && y == of_b.end()) continue;
+    if (!std::exchange(agreement.same_transitions, false)) continue;
+    agreement.difference = fmt::format("{}: after \"{}\" the one has \"{}\", the other \"{}\"", a.drones[i],
+                                       x == of_a.begin() ? "" : *std::prev(x), x == of_a.end() ? "nothing" : *x,
+                                       y == of_b.end() ? "nothing" : *y);
+  }
+  return agreement;
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,47 @@
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/rt/trace.hpp"
+#include "hil/fault/run.hpp"
+
+namespace ledgerline::hil {
+
+/// What a flight of the real processes left behind: their traces, on one clock, and how it ended.
+struct Recording {
+  std::vector<TraceRecord> link;    ///< of all its lives, in the order of time
+  std::vector<TraceRecord> sim;     ///< where the drones were
+  std::vector<TraceRecord> ground;  ///< its commands
+  TimeNs begin_ns = 0, end_ns = 0;
+  bool over = false;  ///< ended by itself
+  bool ok = false;
+  std::string why;
+  std::vector<std::string> lost;  ///< what should be on the ledger and is not, in words
+  struct Fault {
+    std::string text;
+    TimeNs begun_ns = 0;
+    TimeNs ended_ns = 0;   ///< 0: it lasted to the end
+    bool deafens = false;  ///< what a drone is told may not get there
+  };
+  std::vector<Fault> faults;
+  std::vector<std::pair<TimeNs, TimeNs>> link_away;  ///< when link was dead or stood still
+};
+
+/// Judges a recording by the script's rules and the invariants, as run_script() judges a virtual run, with what traces
+/// tell: the truth thirty times a second, link's modes, the commands applied. Times are from the recording's beginning.
+/// A plan's end is not in them: link must hold longest_plan (the contract's limit, and how long a last setpoint is
+/// flown) after the newest command, not after its own end.
+RunResult judge_recording(const Script& script, std::uint64_t seed, const Recording& recording);
+inline constexpr TimeNs longest_plan_ns = 2'050 * ns_per_ms;
+
+/// How much two runs of one script are alike: the modes and phases that each drone went through, and how far any place
+/// in the air of one is from the nearest of the other.
+struct Agreement {
+  bool same_transitions = true;
+  double farthest_m = 0;
+  std::string difference;  ///< the first one of the transitions
+};
+Agreement compare(const RunResult& a, const RunResult& b);
+
+}  // namespace ledgerline::hil

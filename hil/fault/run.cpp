@@ -1,0 +1,146 @@
+#include "hil/fault/run.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/msg/names.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using What = Fault::What;
+
+// What the drone is told may not get there: then it flies on with the last rc it got, as a Tello does, and nobody on
+// this side can help it.
+bool deafens(const Fault& fault) {
+  const bool line =
+      fault.what == What::line && std::find(fault.lines.begin(), fault.lines.end(), LineAt::to) != fault.lines.end();
+  return line || ((fault.what == What::kill || fault.what == What::stop) && fault.ends[0] == Process::link);
+}
+
+// How far the fence may be off, since what link believes is off.
+double misled_m(const std::vector<Fault>& faults) {
+  double metres = 0;
+  for (const Fault& fault : faults) {
+    if (fault.what == What::mocap_offset) metres += std::hypot(fault.vector[0], fault.vector[1], fault.vector[2]);
+    if (fault.what == What::mocap_noise) metres += 3 * fault.value;
+  }
+  return metres;
+}
+
+}  // namespace
+
+Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
+  const double slack = 1.5 + misled_m(script.faults);
+  Limits limits;
+  limits.height_m += misled_m(script.faults);
+  limits.min_m = {-script.flight.room_m - slack, -script.flight.room_m - slack};
+  limits.max_m = limits.min_m;
+  for (const DroneFacts& drone : drones) {
+    for (std::size_t i = 0; i < 2; ++i)
+      limits.max_m[i] =
+          std::max(limits.max_m[i], drone.start_m[i] + script.flight.side_m + script.flight.room_m + slack);
+  }
+  return limits;
+}
+
+TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
+  TimelinePoint point;
+  point.t_ns = now;
+  for (std::size_t i = 0; i < 3; ++i) {
+    point.at_m[i] = static_cast<float>(facts.truth.position_m[i]);
+    if (facts.pose) point.believed_m[i] = static_cast<float>(facts.pose->position_m[i]);
+  }
+  point.told_mps = static_cast<float>(facts.told_mps);
+  point.phase = facts.phase;
+  point.mode = facts.mode;
+  point.cause = facts.cause;
+  point.lap = static_cast<std::uint8_t>(std::min(facts.lap, 255));
+  return point;
+}
+
+bool RunResult::held() const {
+  return std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.held; });
+}
+
+Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
+  WorldConfig config = script.flight;
+  config.seed = seed;
+  auto made = VirtualWorld::create(config);
+  if (!made) return made.error();
+  VirtualWorld& world = **made;
+  auto scheduled = FaultSchedule::create(script.faults, world.facts());
+  if (!scheduled) return scheduled.error();
+  FaultSchedule& schedule = *scheduled;
+
+  RunResult result;
+  result.script = script.name;
+  result.title = script.title;
+  result.seed = seed;
+  for (const DroneFacts& drone : world.facts()) result.drones.push_back(drone.name);
+  result.timeline.resize(world.facts().size());
+  const Limits limits = limits_of(script, world.facts());
+  result.fence_min_m = limits.min_m;
+  result.fence_max_m = limits.max_m;
+  Judge judge(script.must, limits);
+
+  bool battery_empty = false, deaf = false;
+  TimeNs next_point_ns = 0;
+  while (!world.over() && world.now() < script.limit_ns) {
+    schedule.step(world);
+    world.step();
+    for (const auto& item : schedule.items()) deaf = deaf || (item.begun_ns && deafens(item.fault));
+    for (const DroneFacts& drone : world.facts()) battery_empty = battery_empty || drone.truth.battery <= 0;
+    judge.look({.now = world.now(),
+                .drones = world.facts(),
+                .events = world.events(),
+                .link_runs = world.runs(Process::link),
+                .physical = battery_empty || schedule.physical_begun(),
+                .drone_deaf = deaf,
+                .first_fault_ns = schedule.first_begun_ns(),
+                .last_fault_end_ns = schedule.last_ended_ns()});
+    for (const WorldEvent& event : world.events()) {
+      if (event.kind == WorldEvent::Kind::applied || result.events.size() >= most_events) continue;
+      result.events.push_back(event);
+      if (event.kind == WorldEvent::Kind::mode) {
+        const DroneFacts& facts = world.facts()[event.drone];
+        result.events.back().text = fmt::format("{}, {} ({})", name(facts.phase), name(facts.mode), name(facts.cause));
+      }
+    }
+    if (world.now() >= next_point_ns) {
+      next_point_ns = world.now() + timeline_period_ns;
+      for (std::size_t i = 0; i < world.facts().size(); ++i)
+        result.timeline[i].push_back(point_of(world.now(), world.facts()[i]));
+    }
+  }
+
+  Ending ending;
+  ending.now = world.now();
+  ending.over = world.over();
+  ending.ok = world.ok();
+  ending.why = world.why();
+  for (const DroneFacts& drone : world.facts()) {
+    if (drone.truth.in_flight) ending.in_the_air.push_back(drone.name);
+  }
+  ending.lost = world.lost_acknowledged();
+  for (std::string& gap : world.lost_transitions()) ending.lost.push_back(std::move(gap));
+  // With both processes alive and the ledger reached, nothing may be left behind.
+  if (ending.over && world.runs(Process::agent) && world.runs(Process::link) && !schedule.any_active()) {
+    for (int i = 0; i < 3'000 && world.transitions_pending() > 0; ++i) world.step();
+    if (const auto pending = world.transitions_pending(); pending > 0)
+      ending.lost.push_back(fmt::format("{} transitions never got onto the ledger", pending));
+  }
+  result.verdicts = judge.finish(ending);
+  result.flown_ns = ending.now;
+  result.over = ending.over;
+  result.ok = ending.ok;
+  result.why = ending.why;
+  result.blocks = world.blocks();
+  result.transactions = world.transactions();
+  result.digest = world.digest();
+  return result;
+}
+
+}  // namespace ledgerline::hil

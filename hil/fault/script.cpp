@@ -1,0 +1,130 @@
+#include "hil/fault/script.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "common/config/config.hpp"
+#include "common/rt/file.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr std::size_t most_rules = 50;
+
+// For a text in double quotes.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + "\"";
+}
+
+TimeNs duration(Config& config, const std::string& key, TimeNs otherwise, TimeNs least, TimeNs most) {
+  const std::string text = config.text(key, "");
+  if (text.empty()) return otherwise;
+  const auto amount = parse_amount(text);
+  if (!amount || amount->unit != Amount::Unit::time || amount->value < to_seconds(least) ||
+      amount->value > to_seconds(most)) {
+    config.wrong(
+        key, fmt::format("must be a time from {:g} s to {:g} s, as in \"30 s\"", to_seconds(least), to_seconds(most)));
+    return otherwise;
+  }
+  return from_seconds(amount->value);
+}
+
+}  // namespace
+
+Result<Script> parse_script(std::string_view toml, const std::string& file, bool real) {
+  auto parsed = Config::parse(toml, file);
+  if (!parsed) return parsed.error();
+  Config& config = *parsed;
+  Script script;
+  script.name = std::filesystem::path(file).stem().string();
+  script.title = config.text("title");
+  WorldConfig& flight = script.flight;
+  flight.drones = static_cast<int>(config.integer("flight.drones", flight.drones, 1, max_drones));
+  flight.shape = *ground::shape_from_name(config.choice("flight.shape", {"square", "triangle", "x"}, "square"));
+  flight.side_m = config.number("flight.side_m", flight.side_m, 0.3, 20);
+  flight.speed_mps = config.number("flight.speed_mps", flight.speed_mps, 0.05, 3);
+  flight.rate_hz = config.number("flight.rate_hz", flight.rate_hz, 1, 200);
+  flight.laps = static_cast<int>(config.integer("flight.laps", flight.laps, 1, 100));
+  flight.battery = config.number("flight.battery", flight.battery, 0, 1);
+  flight.room_m = config.number("flight.room_m", flight.room_m, 0, 100);
+  flight.batch_count = static_cast<std::size_t>(config.integer("flight.batch_count", 1, 1, 1'000));
+  flight.batch_timeout_ns = duration(config, "flight.batch_timeout", flight.batch_timeout_ns, ns_per_ms, 10 * ns_per_s);
+  script.limit_ns = duration(config, "flight.limit", script.limit_ns, ns_per_s, 3600 * ns_per_s);
+
+  const std::size_t faults = config.table_count("fault");
+  std::vector<DroneFacts> drones(static_cast<std::size_t>(flight.drones));
+  for (std::size_t i = 0; i < drones.size(); ++i) drones[i].name = fmt::format("tello{}", i + 1);
+  for (std::size_t i = 0; i < faults; ++i) {
+    const std::string key = fmt::format("fault.{}.", i);
+    const std::string what = config.text(key + "what"), at = config.text(key + "at", "path"),
+                      lasts = config.text(key + "for", "");
+    if (what.empty()) continue;
+    auto fault = parse_fault(what, at, lasts, real);
+    if (!fault) {
+      // Which of the three it is: the one that is wrong alone.
+      const std::string wrong = !parse_fault(what, "", "", real) ? "what" : !parse_trigger(at) ? "at" : "for";
+      config.wrong(key + wrong, fault.error().what);
+      continue;
+    }
+    if (const auto tried = FaultSchedule::create({*fault}, drones); !tried) {
+      config.wrong(key + "what", tried.error().what);
+      continue;
+    }
+    script.faults.push_back(std::move(*fault));
+  }
+  for (const std::string& sentence : config.texts("must", most_rules)) {
+    auto rule = parse_rule(sentence);
+    if (!rule) {
+      config.wrong("must", rule.error().what);
+      continue;
+    }
+    if (rule->needs_fault() && faults == 0) {
+      config.wrong("must", fmt::format("\"{}\" counts from a fault, and there is none", sentence));
+      continue;
+    }
+    script.must.push_back(std::move(*rule));
+  }
+  if (auto status = config.finish(); !status) return status.error();
+  return script;
+}
+
+Result<Script> load_script(const std::string& path, bool real) {
+  const auto text = read_file(path);
+  if (!text) return text.error();
+  return parse_script(*text, path, real);
+}
+
+std::string text_of(const Script& script) {
+  const WorldConfig usual;
+  const WorldConfig& f = script.flight;
+  std::string text = fmt::format("title = {}\n", quoted(script.title));
+  text += "must = [";
+  for (const Rule& rule : script.must) text += fmt::format("\n  {},", quoted(rule.text));
+  text += script.must.empty() ? "]\n" : "\n]\n";
+  text += "\n[flight]\n";
+  if (f.drones != usual.drones) text += fmt::format("drones = {}\n", f.drones);
+  if (f.shape != usual.shape) text += fmt::format("shape = \"{}\"\n", ground::name_of(f.shape));
+  if (f.side_m != usual.side_m) text += fmt::format("side_m = {}\n", f.side_m);
+  if (f.speed_mps != usual.speed_mps) text += fmt::format("speed_mps = {}\n", f.speed_mps);
+  if (f.rate_hz != usual.rate_hz) text += fmt::format("rate_hz = {}\n", f.rate_hz);
+  if (f.laps != usual.laps) text += fmt::format("laps = {}\n", f.laps);
+  if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
+  if (f.room_m != usual.room_m) text += fmt::format("room_m = {}\n", f.room_m);
+  if (f.batch_count != usual.batch_count) text += fmt::format("batch_count = {}\n", f.batch_count);
+  if (f.batch_timeout_ns != usual.batch_timeout_ns)
+    text += fmt::format("batch_timeout = \"{} ms\"\n", to_ms(f.batch_timeout_ns));
+  text += fmt::format("limit = \"{:g} s\"\n", to_seconds(script.limit_ns));
+  for (const Fault& fault : script.faults) {
+    text += fmt::format("\n[[fault]]\nwhat = {}\nat = {}\n", quoted(fault.text), quoted(fault.at));
+    if (fault.for_ns > 0) text += fmt::format("for = {}\n", quoted(time_text(fault.for_ns)));
+  }
+  return text;
+}
+
+}  // namespace ledgerline::hil

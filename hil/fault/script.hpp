@@ -1,0 +1,29 @@
+#pragma once
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "hil/fault/fault.hpp"
+#include "hil/fault/judge.hpp"
+
+namespace ledgerline::hil {
+
+/// One flight, what goes wrong in it, and what must hold: a TOML file (docs/faults.md). Everything is checked when it
+/// is read; what a script does not say has the default.
+struct Script {
+  std::string name;   ///< of the file, without folder and ending
+  std::string title;  ///< one sentence
+  WorldConfig flight;
+  TimeNs limit_ns = 120 * ns_per_s;  ///< longer a run never takes: not over by then is broken
+  std::vector<Fault> faults;
+  std::vector<Rule> must;
+};
+
+/// An error is all that is wrong, each as "FILE:LINE: key: what is wrong, what is allowed".
+/// `real`: for a flight with the real processes (hil/fault/real_script.hpp).
+Result<Script> parse_script(std::string_view toml, const std::string& file, bool real = false);
+Result<Script> load_script(const std::string& path, bool real = false);
+/// What parse_script() reads as the same again.
+std::string text_of(const Script& script);
+
+}  // namespace ledgerline::hil

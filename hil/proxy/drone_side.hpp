@@ -1,0 +1,87 @@
+#pragma once
+#include <poll.h>
+
+#include <array>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "hil/line.hpp"
+#include "hil/proxy/settings.hpp"
+
+namespace ledgerline::hil::proxy {
+
+/// Where the drones' state (8890) and video (11111) arrive: one socket each for all drones, told apart by source
+/// address. One thread.
+class SharedPorts {
+ public:
+  static Result<SharedPorts> open(in_addr source);
+  SharedPorts(SharedPorts&& other) noexcept;
+  SharedPorts& operator=(SharedPorts&&) = delete;
+  ~SharedPorts();
+  int state() const { return state_; }
+  int video() const { return video_; }
+
+ private:
+  SharedPorts() = default;
+  int state_ = -1, video_ = -1;
+};
+
+/// Between the clients of one drone and the drone: four lines, to it, and answers, state and video from it. Each client
+/// has a socket of its own toward the drone, so that answers find back; state and video go to the client whose
+/// `command` went through last, as a Tello does. `port` commands are answered with `error`: state and video would go
+/// past the proxy. One thread.
+class DroneSide {
+ public:
+  static constexpr std::size_t most_clients = 8;
+  static constexpr TimeNs client_patience = 10 * ns_per_s;  ///< one that was silent for so long gives way to another
+
+  static Result<DroneSide> open(const DroneRoute& route, in_addr source, std::uint64_t seed);
+  DroneSide(DroneSide&&) noexcept;
+  DroneSide& operator=(DroneSide&&) = delete;
+  ~DroneSide();
+
+  const DroneRoute& route() const { return route_; }
+  void impair(Way way, const Impairment& impairment);
+  /// Adds the sockets that it waits for, sockets() of them.
+  void add_to(std::vector<pollfd>& polled) const;
+  std::size_t sockets() const { return 1 + clients_.size(); }
+  /// Reads its own sockets, at most so many datagrams of each. `polled`: what add_to() added, after poll().
+  void receive(TimeNs now, std::span<const pollfd> polled);
+  /// State or video that came from its drone.
+  void take(Way way, TimeNs now, std::string_view bytes);
+  /// Sends what is due.
+  void send(TimeNs now);
+  std::optional<TimeNs> next_due() const;
+  nlohmann::json summary() const;
+
+ private:
+  struct Client {
+    sockaddr_in address{};
+    int back = -1;  ///< toward the drone
+    TimeNs heard = 0;
+  };
+  DroneSide(const DroneRoute& route, in_addr source, std::uint64_t seed);
+  Line& line(Way way) { return lines_[static_cast<std::size_t>(way)]; }
+  Client* client_at(const sockaddr_in& address, TimeNs now);
+  void take_from_client(TimeNs now, const sockaddr_in& from, std::string_view bytes);
+  void send_to_drone(TimeNs now, const Line::Unit& unit);
+  void send_to_client(Way way, const Line::Unit& unit);
+
+  DroneRoute route_;
+  in_addr source_;
+  int lock_ = -1, front_ = -1;
+  std::array<Line, 4> lines_;
+  std::vector<Client> clients_;
+  std::optional<sockaddr_in> commander_;
+  std::uint64_t too_many_clients_ = 0, nobody_ = 0, unsent_ = 0, ports_refused_ = 0;
+};
+
+/// Reads one socket of all drones and gives each datagram to the side of the drone that sent it; how many came from
+/// others.
+std::uint64_t receive_shared(int socket, Way way, TimeNs now, std::span<DroneSide> sides);
+
+nlohmann::json to_json(const LineCounts& counts);
+
+}  // namespace ledgerline::hil::proxy

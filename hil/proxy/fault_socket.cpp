@@ -1,0 +1,147 @@
+#include "hil/proxy/fault_socket.hpp"
+
+#include <fmt/format.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/time.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+namespace ledgerline::hil::proxy {
+namespace {
+
+constexpr std::size_t most_askers = 8, longest_line = 1'000, longest_answer = 1'000'000;
+constexpr TimeNs patience = 5 * ns_per_s;
+
+Result<sockaddr_un> place(const std::string& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (path.size() >= sizeof address.sun_path)
+    return Error{fmt::format("{}: a socket's path has at most {} bytes: choose a shorter one", path,
+                             sizeof address.sun_path - 1)};
+  std::copy(path.begin(), path.end(), address.sun_path);
+  return address;
+}
+
+bool reaches(const sockaddr_un& address) {
+  const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const bool good = fd >= 0 && ::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  if (fd >= 0) ::close(fd);
+  return good;
+}
+
+bool send_all(int fd, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t sent = ::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    if (sent <= 0) return false;
+    bytes.remove_prefix(static_cast<std::size_t>(sent));
+  }
+  return true;
+}
+
+}  // namespace
+
+Result<FaultSocket> FaultSocket::open(const std::string& path) {
+  const auto address = place(path);
+  if (!address) return address.error();
+  struct stat there {};
+  if (::lstat(path.c_str(), &there) == 0) {
+    if (!S_ISSOCK(there.st_mode)) return Error{path + " is there already, and is no socket"};
+    if (reaches(*address)) return Error{path + " is another program's: end it, or choose another path"};
+    ::unlink(path.c_str());
+  }
+  const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const mode_t before = ::umask(0177);  // so that it is never open to others, not even for a moment
+  const bool bound = fd >= 0 && ::bind(fd, reinterpret_cast<const sockaddr*>(&*address), sizeof *address) == 0;
+  const int why = errno;
+  ::umask(before);
+  FaultSocket out;
+  out.listener_ = fd;
+  if (!bound) return Error{fmt::format("cannot make the socket {}: {}", path, std::strerror(why))};
+  out.path_ = path;
+  if (::listen(fd, most_askers) != 0) return Error{fmt::format("cannot listen on {}: {}", path, std::strerror(errno))};
+  return out;
+}
+
+FaultSocket::FaultSocket(FaultSocket&& other) noexcept
+    : path_(std::exchange(other.path_, {})),
+      listener_(std::exchange(other.listener_, -1)),
+      askers_(std::exchange(other.askers_, {})) {}
+
+FaultSocket::~FaultSocket() {
+  for (const Asker& asker : askers_) ::close(asker.fd);
+  if (listener_ >= 0) ::close(listener_);
+  if (!path_.empty()) ::unlink(path_.c_str());
+}
+
+void FaultSocket::add_to(std::vector<pollfd>& polled) const {
+  polled.push_back({askers_.size() < most_askers ? listener_ : -1, POLLIN, 0});
+  for (const Asker& asker : askers_) polled.push_back({asker.fd, POLLIN, 0});
+}
+
+void FaultSocket::serve(TimeNs now, std::span<const pollfd> polled, const Do& act) {
+  for (std::size_t i = 0; i < askers_.size(); ++i) {
+    Asker& asker = askers_[i];
+    const bool spoke = polled[i + 1].revents != 0;
+    if (spoke ? serve(asker, act) : now < asker.until) {
+      if (spoke) asker.until = now + patience;
+      continue;
+    }
+    ::close(std::exchange(asker.fd, -1));
+  }
+  std::erase_if(askers_, [](const Asker& asker) { return asker.fd < 0; });
+  if (polled[0].revents == 0) return;
+  const int fd = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+  if (fd >= 0) askers_.push_back({fd, {}, now + patience});
+}
+
+bool FaultSocket::serve(Asker& asker, const Do& act) {
+  std::array<char, longest_line> buffer;
+  const ssize_t got = ::recv(asker.fd, buffer.data(), buffer.size(), 0);
+  if (got <= 0) return got < 0 && (errno == EAGAIN || errno == EINTR);
+  asker.line.append(buffer.data(), static_cast<std::size_t>(got));
+  for (std::size_t end; (end = asker.line.find('\n')) != std::string::npos;) {
+    const auto result = act(asker.line.substr(0, end));
+    asker.line.erase(0, end + 1);
+    const std::string answer = result ? "ok\n" + *result : "error: " + result.error().what + "\n";
+    // An answer fits the socket's buffer; who lets several of them lie there is let go.
+    if (!send_all(asker.fd, answer + "\n")) return false;
+  }
+  return asker.line.size() <= longest_line;
+}
+
+Result<std::string> tell(const std::string& socket_path, const std::string& command) {
+  const auto address = place(socket_path);
+  if (!address) return address.error();
+  if (command.find('\n') != std::string::npos || command.size() >= longest_line)
+    return Error{fmt::format("a command is one line of less than {} bytes", longest_line)};
+  const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const timeval wait{patience / ns_per_s, 0};
+  std::string answer;
+  int why = 0;
+  bool good = fd >= 0 && ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait) == 0 &&
+              ::connect(fd, reinterpret_cast<const sockaddr*>(&*address), sizeof *address) == 0 &&
+              send_all(fd, command + "\n");
+  while (good && !answer.ends_with("\n\n") && answer.size() < longest_answer) {
+    std::array<char, 4'096> buffer;
+    const ssize_t got = ::recv(fd, buffer.data(), buffer.size(), 0);
+    good = got > 0;
+    why = got == 0 ? ECONNRESET : errno;
+    if (good) answer.append(buffer.data(), static_cast<std::size_t>(got));
+  }
+  if (!good && why == 0) why = errno;
+  if (fd >= 0) ::close(fd);
+  if (!good) return Error{fmt::format("{} does not answer: {}", socket_path, std::strerror(why))};
+  while (answer.ends_with("\n")) answer.pop_back();
+  if (answer.starts_with("error: ")) return Error{answer.substr(7)};
+  if (answer.starts_with("ok")) return answer.size() > 3 ? answer.substr(3) + "\n" : "";
+  return Error{fmt::format("{} is not a proxy's socket: it answered \"{}\"", socket_path, answer.substr(0, 100))};
+}
+
+}  // namespace ledgerline::hil::proxy

@@ -1,0 +1,49 @@
+#pragma once
+#include <poll.h>
+
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+#include "common/rt/result.hpp"
+
+namespace ledgerline::hil::proxy {
+
+/// A Unix socket (stream, mode 0600: its user's alone) on which a running program is told commands: one line each, and
+/// an answer of lines that ends with one empty line. The first word of an answer is `ok` or `error:`. Bounded: a few
+/// askers at a time, each with a line of at most 1,000 bytes, and gone after some seconds of silence. One thread.
+class FaultSocket {
+ public:
+  /// What a command does; its text is the answer behind `ok`.
+  using Do = std::function<Result<std::string>(const std::string& command)>;
+
+  /// Takes over a socket that nobody serves any more; the error says who is in the way, or that the path is too long.
+  static Result<FaultSocket> open(const std::string& path);
+  FaultSocket(FaultSocket&& other) noexcept;
+  FaultSocket& operator=(FaultSocket&&) = delete;
+  ~FaultSocket();
+
+  void add_to(std::vector<pollfd>& polled) const;
+  /// `polled`: what add_to() added, after poll().
+  void serve(TimeNs now, std::span<const pollfd> polled, const Do& act);
+
+ private:
+  struct Asker {
+    int fd = -1;
+    std::string line = {};
+    TimeNs until = 0;
+  };
+  FaultSocket() = default;
+  bool serve(Asker& asker, const Do& act);
+
+  std::string path_;  // its own, to be removed
+  int listener_ = -1;
+  std::vector<Asker> askers_;
+};
+
+/// Tells one command to the program behind the socket: its answer, or what went wrong. Waits for it at most 5 s.
+Result<std::string> tell(const std::string& socket_path, const std::string& command);
+
+}  // namespace ledgerline::hil::proxy

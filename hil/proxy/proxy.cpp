@@ -1,0 +1,212 @@
+#include "hil/proxy/proxy.hpp"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/prctl.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <utility>
+
+#include "common/rt/file.hpp"
+#include "common/rt/log.hpp"
+#include "hil/proxy/drone_side.hpp"
+#include "hil/proxy/fault_socket.hpp"
+#include "hil/proxy/server_side.hpp"
+
+namespace ledgerline::hil::proxy {
+namespace {
+
+constexpr TimeNs longest_wait = ns_per_s;
+constexpr std::size_t most_switched = 10'000;  // commands that the summary names
+
+volatile std::sig_atomic_t end_asked = 0;
+
+/// Signals come in only while the loop waits, so that none is missed between a check and the next wait.
+sigset_t catch_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { end_asked = 1; };
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  sigset_t blocked, before;
+  sigemptyset(&blocked);
+  sigaddset(&blocked, SIGINT);
+  sigaddset(&blocked, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &blocked, &before);
+  sigdelset(&before, SIGINT);
+  sigdelset(&before, SIGTERM);
+  return before;
+}
+
+class Proxy {
+ public:
+  static Result<Proxy> open(const Settings& settings);
+
+  void announce() const;
+  Status run_until_signal();
+  Status write_summary() const;
+
+ private:
+  Proxy(const Settings& settings, Script script)
+      : settings_(settings), switches_(settings.targets()), script_(std::move(script)) {}
+  TimeNs next_wake(TimeNs now) const;
+  void turn(TimeNs now);
+  Result<std::string> act(TimeNs now, const std::string& command);
+  void set_all();
+
+  Settings settings_;
+  Switches switches_;
+  Script script_;
+  std::optional<SharedPorts> shared_;
+  std::vector<DroneSide> drones_;
+  std::vector<ServerSide> servers_;
+  std::optional<FaultSocket> socket_;
+  TimeNs start_ = 0;
+  std::vector<pollfd> polled_;
+  std::uint64_t strangers_ = 0, unnamed_ = 0;
+  TimeNs latest_ = 0;  // how much later than due the loop came to it, at most
+  nlohmann::json switched_ = nlohmann::json::array();
+};
+
+Result<Proxy> Proxy::open(const Settings& settings) {
+  auto script = Script::make(settings.faults, Switches(settings.targets()));
+  if (!script) return script.error();
+  Proxy proxy(settings, std::move(*script));
+  Random seeds(settings.seed);
+  for (const DroneRoute& route : settings.drones) {
+    auto side = DroneSide::open(route, settings.source, seeds.next());
+    if (!side) return side.error();
+    proxy.drones_.push_back(std::move(*side));
+  }
+  if (!settings.drones.empty()) {
+    auto shared = SharedPorts::open(settings.source);
+    if (!shared) return shared.error();
+    proxy.shared_.emplace(std::move(*shared));
+  }
+  for (const ServerRoute& route : settings.servers) {
+    auto side = ServerSide::open(route, seeds.next());
+    if (!side) return side.error();
+    proxy.servers_.push_back(std::move(*side));
+  }
+  if (!settings.faults_socket.empty()) {
+    auto socket = FaultSocket::open(settings.faults_socket);
+    if (!socket) return socket.error();
+    proxy.socket_.emplace(std::move(*socket));
+  }
+  return proxy;
+}
+
+void Proxy::announce() const {
+  nlohmann::json servers = nlohmann::json::object();
+  for (const ServerSide& side : servers_) servers[side.route().name] = address_text(side.listening());
+  std::puts(nlohmann::json{{"ready", true}, {"servers", servers}}.dump().c_str());
+  std::fflush(stdout);
+}
+
+Status Proxy::run_until_signal() {
+  const sigset_t waiting = catch_signals();
+  ::prctl(PR_SET_TIMERSLACK, ns_per_us);  // 50 us otherwise
+  announce();
+  start_ = monotonic_ns();
+  while (!end_asked) {
+    const TimeNs now = monotonic_ns();
+    while (const auto command = script_.take(now - start_)) {
+      if (const auto acted = act(now, *command); !acted) spdlog::error("{}", acted.error().what);
+    }
+    polled_.clear();
+    if (shared_) polled_.insert(polled_.end(), {{shared_->state(), POLLIN, 0}, {shared_->video(), POLLIN, 0}});
+    for (const DroneSide& side : drones_) side.add_to(polled_);
+    for (const ServerSide& side : servers_) side.add_to(now, polled_);
+    if (socket_) socket_->add_to(polled_);
+    const TimeNs wake = next_wake(now);
+    const TimeNs left = std::max<TimeNs>(0, wake - now);
+    const timespec timeout{left / ns_per_s, left % ns_per_s};
+    if (::ppoll(polled_.data(), polled_.size(), &timeout, &waiting) < 0) {
+      if (errno == EINTR) continue;
+      return Error{fmt::format("cannot wait for {} sockets: {}", polled_.size(), std::strerror(errno))};
+    }
+    const TimeNs then = monotonic_ns();
+    if (wake < now + longest_wait) latest_ = std::max(latest_, then - wake);
+    turn(then);
+  }
+  return done;
+}
+
+TimeNs Proxy::next_wake(TimeNs now) const {
+  TimeNs wake = now + longest_wait;
+  const auto consider = [&](std::optional<TimeNs> due) { wake = std::min(wake, due.value_or(wake)); };
+  for (const DroneSide& side : drones_) consider(side.next_due());
+  for (const ServerSide& side : servers_) consider(side.next_due(now));
+  if (const auto next = script_.next()) consider(start_ + *next);
+  return wake;
+}
+
+// The sockets lie in polled_ in the order in which run_until_signal() put them there.
+void Proxy::turn(TimeNs now) {
+  std::span<const pollfd> left(polled_);
+  const auto take = [&](std::size_t count) { return std::exchange(left, left.subspan(count)).first(count); };
+  if (shared_) {
+    const auto ports = take(2);
+    if (ports[0].revents != 0) strangers_ += receive_shared(ports[0].fd, Way::state, now, drones_);
+    if (ports[1].revents != 0) strangers_ += receive_shared(ports[1].fd, Way::video, now, drones_);
+  }
+  for (DroneSide& side : drones_) {
+    side.receive(now, take(side.sockets()));
+    side.send(now);
+  }
+  for (ServerSide& side : servers_) side.serve(now, take(side.sockets()));
+  if (socket_) socket_->serve(now, left, [&](const std::string& command) { return act(now, command); });
+}
+
+Result<std::string> Proxy::act(TimeNs now, const std::string& command) {
+  if (const auto applied = switches_.apply(command); !applied) return applied.error();
+  if (command == "list") return switches_.list();
+  set_all();
+  if (switched_.size() < most_switched)
+    switched_.push_back({{"t_ns", now}, {"command", command}});
+  else
+    ++unnamed_;
+  spdlog::info("{}", command);
+  return std::string();
+}
+
+void Proxy::set_all() {
+  for (std::size_t i = 0; i < drones_.size(); ++i) {
+    for (const Way way : {Way::to, Way::answers, Way::state, Way::video}) drones_[i].impair(way, switches_.of(i, way));
+  }
+  for (std::size_t i = 0; i < servers_.size(); ++i) {
+    const std::size_t target = drones_.size() + i;
+    for (const Way way : {Way::to, Way::from}) servers_[i].impair(way, switches_.of(target, way));
+    if (switches_.take_cut(target)) servers_[i].cut();
+  }
+}
+
+Status Proxy::write_summary() const {
+  if (settings_.summary_file.empty()) return done;
+  nlohmann::json summary{{"seed", settings_.seed},
+                         {"drones", nlohmann::json::array()},
+                         {"servers", nlohmann::json::array()},
+                         {"strangers", strangers_},
+                         {"switched", switched_},
+                         {"switched_unnamed", unnamed_},
+                         {"latest_ms", to_ms(latest_)}};
+  for (const DroneSide& side : drones_) summary["drones"].push_back(side.summary());
+  for (const ServerSide& side : servers_) summary["servers"].push_back(side.summary());
+  return write_file(settings_.summary_file, summary.dump(2) + "\n");
+}
+
+}  // namespace
+
+Status run(const Settings& settings) {
+  auto proxy = Proxy::open(settings);
+  if (!proxy) return proxy.error();
+  if (auto ran = proxy->run_until_signal(); !ran) return ran;
+  return proxy->write_summary();
+}
+
+}  // namespace ledgerline::hil::proxy

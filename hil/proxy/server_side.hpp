@@ -1,0 +1,62 @@
+#pragma once
+#include <poll.h>
+
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "hil/line.hpp"
+#include "hil/proxy/settings.hpp"
+
+namespace ledgerline::hil::proxy {
+
+/// Between the clients of one server and the server (TCP): two lines a connection. While a direction is partitioned no
+/// connection is taken up: it waits, as it would for a lost SYN. One that is reset on one side is reset on the other.
+/// One thread.
+class ServerSide {
+ public:
+  static constexpr std::size_t most_connections = 64;  ///< beyond them a new one is reset
+
+  static Result<ServerSide> open(const ServerRoute& route, std::uint64_t seed);
+  ServerSide(ServerSide&&) noexcept;
+  ServerSide& operator=(ServerSide&&) = delete;
+  ~ServerSide();
+
+  const ServerRoute& route() const { return route_; }
+  /// Where it really listens.
+  const sockaddr_in& listening() const { return listening_; }
+  void impair(Way way, const Impairment& impairment);
+  /// Resets every connection.
+  void cut();
+  /// Adds the sockets that it waits for, sockets() of them.
+  void add_to(TimeNs now, std::vector<pollfd>& polled) const;
+  std::size_t sockets() const { return 1 + 2 * connections_.size(); }
+  /// Takes connections, reads and writes, what is possible and due. `polled`: what add_to() added, after poll().
+  void serve(TimeNs now, std::span<const pollfd> polled);
+  /// When there is something to do though no socket says so.
+  std::optional<TimeNs> next_due(TimeNs now) const;
+  nlohmann::json summary() const;
+
+ private:
+  struct Half;
+  struct Connection;
+  ServerSide(const ServerRoute& route, std::uint64_t seed);
+  bool may_accept() const;
+  void accept_all();
+  void close(Connection& connection, bool reset);
+  void add_counts(const Connection& connection);
+
+  ServerRoute route_;
+  std::uint64_t seed_;
+  sockaddr_in listening_{};
+  int listener_ = -1;
+  Impairment to_, from_;
+  std::vector<std::unique_ptr<Connection>> connections_;
+  LineCounts to_counts_, from_counts_;  ///< of connections that ended
+  std::uint64_t taken_ = 0, too_many_ = 0, unreached_ = 0, resets_ = 0, cut_ = 0;
+};
+
+}  // namespace ledgerline::hil::proxy

@@ -1,0 +1,135 @@
+#include "hil/proxy/settings.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+
+#include <charconv>
+#include <limits>
+#include <set>
+
+#include "common/config/config.hpp"
+#include "common/msg/onboard.hpp"
+
+namespace ledgerline::hil::proxy {
+namespace {
+
+constexpr std::size_t most_servers = 64, most_faults = 10'000;
+constexpr double longest_script_s = 86'400;
+
+std::optional<in_addr> parse_host(const std::string& text) {
+  in_addr address{};
+  if (::inet_pton(AF_INET, text.c_str(), &address) != 1) return std::nullopt;
+  return address;
+}
+
+in_addr host(Config& config, const std::string& key, const std::string& text) {
+  const auto address = parse_host(text);
+  if (!address && !text.empty()) config.wrong(key, "must be an IPv4 address, such as 127.0.1.2");
+  return address.value_or(in_addr{});
+}
+
+sockaddr_in host_and_port(Config& config, const std::string& key, unsigned least_port) {
+  const std::string text = config.text(key);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  const std::size_t colon = std::min(text.rfind(':'), text.size());
+  const auto ip = parse_host(text.substr(0, colon));
+  const std::string port_text = text.substr(std::min(colon + 1, text.size()));
+  unsigned port = 0;
+  const auto [end, error] = std::from_chars(port_text.data(), port_text.data() + port_text.size(), port);
+  const bool good = ip && error == std::errc() && end == port_text.data() + port_text.size() && port >= least_port &&
+                    port <= std::numeric_limits<std::uint16_t>::max();
+  if (!good && !text.empty()) config.wrong(key, "must be an IPv4 address and a port, such as 127.0.0.1:7051");
+  if (good) {
+    address.sin_addr = *ip;
+    address.sin_port = htons(static_cast<std::uint16_t>(port));
+  }
+  return address;
+}
+
+/// A name is a word of a command.
+std::string name(Config& config, const std::string& key, std::set<std::string>& names) {
+  const std::string name = config.text(key);
+  if (name == "*" || name.find_first_of(" \t,") != std::string::npos)
+    config.wrong(key, "must be one word without a comma, and not *");
+  else if (!name.empty() && !names.insert(name).second)
+    config.wrong(key, "must be a name that no other has");
+  return name;
+}
+
+Result<std::vector<ScriptedFault>> read_script(const std::string& file, const std::vector<Target>& targets) {
+  auto config = Config::load(file);
+  if (!config) return config.error();
+  std::vector<ScriptedFault> faults;
+  const std::size_t count = config->table_count("fault");
+  if (count == 0 || count > most_faults) config->wrong("fault", fmt::format("must be 1 to {} tables", most_faults));
+  for (std::size_t i = 0; i < std::min(count, most_faults); ++i) {
+    const std::string table = fmt::format("fault.{}.", i);
+    ScriptedFault fault;
+    fault.at_ns = from_seconds(config->number(table + "at_s", 0, longest_script_s));
+    const double for_s = config->number(table + "for_s", 0, 0, longest_script_s);
+    if (for_s > 0) fault.for_ns = from_seconds(for_s);
+    fault.command = config->text(table + "do");
+    // One by one, so that the error names the line; what was switched before matters to none.
+    const auto possible = Script::make({fault}, Switches(targets));
+    if (!fault.command.empty() && !possible) config->wrong(table + "do", possible.error().what);
+    faults.push_back(std::move(fault));
+  }
+  if (auto status = config->finish(); !status) return status.error();
+  return faults;
+}
+
+}  // namespace
+
+std::vector<Target> Settings::targets() const {
+  std::vector<Target> targets;
+  for (const auto& drone : drones) targets.push_back({Target::Kind::drone, drone.name});
+  for (const auto& server : servers) targets.push_back({Target::Kind::server, server.name});
+  return targets;
+}
+
+Result<Settings> read_settings(const std::string& config_file, const std::string& script_file) {
+  auto config = Config::load(config_file);
+  if (!config) return config.error();
+  Settings settings;
+  settings.seed =
+      static_cast<std::uint64_t>(config->integer("proxy.seed", 1, 0, std::numeric_limits<std::int64_t>::max()));
+  settings.faults_socket = config->text("proxy.faults", "");
+  settings.summary_file = config->text("proxy.summary", "");
+  settings.source = host(*config, "proxy.source", config->text("proxy.source", "0.0.0.0"));
+  std::set<std::string> drones, servers;
+  const std::size_t drone_count = config->table_count("drone"), server_count = config->table_count("server");
+  if (drone_count > max_drones) config->wrong("drone", fmt::format("must be {} tables at most", max_drones));
+  if (server_count > most_servers) config->wrong("server", fmt::format("must be {} tables at most", most_servers));
+  if (drone_count + server_count == 0) config->wrong("drone", "must be there, or [[server]]: what to stand before");
+  for (std::size_t i = 0; i < std::min<std::size_t>(drone_count, max_drones); ++i) {
+    const std::string table = fmt::format("drone.{}.", i);
+    DroneRoute route;
+    route.name = name(*config, table + "name", drones);
+    route.listen = host(*config, table + "listen", config->text(table + "listen"));
+    route.address = host(*config, table + "address", config->text(table + "address"));
+    settings.drones.push_back(route);
+  }
+  for (std::size_t i = 0; i < std::min(server_count, most_servers); ++i) {
+    const std::string table = fmt::format("server.{}.", i);
+    ServerRoute route;
+    route.name = name(*config, table + "name", servers);
+    route.listen = host_and_port(*config, table + "listen", 0);
+    route.address = host_and_port(*config, table + "address", 1);
+    settings.servers.push_back(route);
+  }
+  if (auto status = config->finish(); !status) return status.error();
+  if (script_file.empty()) return settings;
+  auto faults = read_script(script_file, settings.targets());
+  if (!faults) return faults.error();
+  settings.faults = std::move(*faults);
+  return settings;
+}
+
+std::string address_text(const sockaddr_in& address) {
+  char host[INET_ADDRSTRLEN] = {};
+  ::inet_ntop(AF_INET, &address.sin_addr, host, sizeof host);
+  return fmt::format("{}:{}", host, ntohs(address.sin_port));
+}
+
+}  // namespace ledgerline::hil::proxy

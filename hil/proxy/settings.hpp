@@ -1,0 +1,46 @@
+#pragma once
+#include <netinet/in.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/rt/result.hpp"
+#include "hil/proxy/switches.hpp"
+
+namespace ledgerline::hil::proxy {
+
+inline constexpr std::uint16_t command_port = 8889, state_port = 8890, video_port = 11111;
+
+/// Addresses of all kinds are IPv4.
+struct DroneRoute {
+  std::string name;
+  in_addr listen{};   ///< the address that clients fly, port 8889; what comes from the drone leaves from it
+  in_addr address{};  ///< of the drone, port 8889
+};
+struct ServerRoute {
+  std::string name;
+  sockaddr_in listen{};   ///< port 0: any free one, which the ready line tells
+  sockaddr_in address{};  ///< of the server
+};
+
+struct Settings {
+  std::uint64_t seed = 1;
+  std::string faults_socket;  ///< for commands while it runs; empty: none
+  std::string summary_file;   ///< empty: none
+  in_addr source{};           ///< the own address toward drones; any by default
+  std::vector<DroneRoute> drones;
+  std::vector<ServerRoute> servers;
+  std::vector<ScriptedFault> faults;
+
+  /// All of them as what commands are about: drones first, both in the order of the file.
+  std::vector<Target> targets() const;
+};
+
+/// From a config and, where its name is not empty, a script: a file of [[fault]] tables with `at_s`, `for_s` (may be
+/// missing) and `do`, a command. Errors name file, line and key (common/config).
+Result<Settings> read_settings(const std::string& config_file, const std::string& script_file);
+
+std::string address_text(const sockaddr_in& address);
+
+}  // namespace ledgerline::hil::proxy

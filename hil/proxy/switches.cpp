@@ -1,0 +1,164 @@
+#include "hil/proxy/switches.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/rt/clear_text.hpp"
+#include "hil/words.hpp"
+
+namespace ledgerline::hil::proxy {
+namespace {
+
+constexpr std::array<std::string_view, ways> way_names{"to", "answers", "state", "video", "from"};
+constexpr std::string_view allowed =
+    "allowed are: drone NAME to|answers|state|video|from|both EFFECTS, server NAME to|from|both EFFECTS, server NAME "
+    "cut, clear, list";
+
+Error wrong(std::string_view command, std::string_view why) {
+  return Error{fmt::format("\"{}\": {}", clear_text(command, 200), why)};
+}
+
+/// Takes the first word off.
+std::string_view take_word(std::string_view& text) {
+  text = trimmed(text);
+  const std::size_t end = std::min(text.find_first_of(" \t\r"), text.size());
+  const std::string_view word = text.substr(0, end);
+  text = trimmed(text.substr(end));
+  return word;
+}
+
+std::vector<Way> ways_of(Target::Kind kind, std::string_view name) {
+  std::vector<Way> found;
+  for (std::size_t i = 0; i < ways; ++i) {
+    const Way way{static_cast<int>(i)};
+    if (!Target{kind, {}}.has(way)) continue;
+    const bool comes_back = way != Way::to;
+    if (name == way_names[i] || name == "both" || (name == "from" && comes_back)) found.push_back(way);
+  }
+  return found;
+}
+
+std::string kind_name(Target::Kind kind) { return kind == Target::Kind::drone ? "drone" : "server"; }
+
+}  // namespace
+
+std::string_view name_of(Way way) { return way_names[static_cast<std::size_t>(way)]; }
+
+Switches::Switches(std::vector<Target> targets)
+    : targets_(std::move(targets)), impairments_(targets_.size()), cut_(targets_.size(), false) {}
+
+Status Switches::apply(std::string_view command) {
+  std::string_view rest = command;
+  const std::string_view first = take_word(rest);
+  if (rest.empty() && first == "list") return done;
+  if (rest.empty() && first == "clear") {
+    for (auto& impairments : impairments_) impairments = {};
+    return done;
+  }
+  if (first != "drone" && first != "server") return wrong(command, allowed);
+  const std::string_view name = take_word(rest);
+  if (rest.empty()) return wrong(command, allowed);
+  const auto applied = apply_to(first == "drone" ? Target::Kind::drone : Target::Kind::server, name, rest);
+  if (!applied) return wrong(command, applied.error().what);
+  return done;
+}
+
+Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_view rest) {
+  std::vector<std::size_t> meant;
+  std::string names;
+  for (std::size_t i = 0; i < targets_.size(); ++i) {
+    if (targets_[i].kind != kind) continue;
+    names += (names.empty() ? "" : ", ") + targets_[i].name;
+    if (name == "*" || name == targets_[i].name) meant.push_back(i);
+  }
+  if (meant.empty())
+    return Error{
+        fmt::format("there is no such {}; there {}", kind_name(kind), names.empty() ? "is none" : "are " + names)};
+  const std::string_view way = take_word(rest);
+  if (way == "cut" && rest.empty()) {
+    if (kind == Target::Kind::drone) return Error{"a drone has no connection that could be cut: allowed is partition"};
+    for (const std::size_t i : meant) cut_[i] = true;
+    return done;
+  }
+  const auto meant_ways = ways_of(kind, way);
+  if (meant_ways.empty())
+    return Error{fmt::format("a {} has {}", kind_name(kind),
+                             kind == Target::Kind::drone
+                                 ? "to, answers, state, video, from (all that comes from it) and both"
+                                 : "to, from, both and cut")};
+  auto changed = impairments_;
+  for (const std::size_t i : meant) {
+    for (const Way one : meant_ways) {
+      Impairment& impairment = changed[i][static_cast<std::size_t>(one)];
+      if (auto applied = apply_effects(rest, impairment); !applied) return applied;
+      if (kind == Target::Kind::drone) continue;
+      if (auto possible = check_for_stream(impairment); !possible) return possible;
+    }
+  }
+  impairments_ = std::move(changed);
+  return done;
+}
+
+bool Switches::take_cut(std::size_t target) {
+  const bool cut = cut_[target];
+  cut_[target] = false;
+  return cut;
+}
+
+std::string Switches::list() const {
+  std::string lines;
+  for (std::size_t i = 0; i < targets_.size(); ++i) {
+    for (std::size_t k = 0; k < ways; ++k) {
+      const Impairment& impairment = impairments_[i][k];
+      if (!impairment.any()) continue;
+      lines += fmt::format("{} {} {} {}\n", kind_name(targets_[i].kind), targets_[i].name, way_names[k],
+                           text_of(impairment));
+    }
+  }
+  return lines;
+}
+
+Result<std::string> opposite(std::string_view command) {
+  std::string_view rest = command;
+  const std::string_view kind = take_word(rest), name = take_word(rest), way = take_word(rest);
+  const bool effects = !rest.empty() && (kind == "drone" || kind == "server");
+  std::string off;
+  while (effects && !rest.empty()) {
+    const std::size_t comma = std::min(rest.find(','), rest.size());
+    std::string_view effect = rest.substr(0, comma);
+    rest.remove_prefix(std::min(comma + 1, rest.size()));
+    const std::string_view what = take_word(effect);
+    if (what == "clear" || effect == "off") return wrong(command, "only what is switched on lasts for a time");
+    off += fmt::format("{}{} off", off.empty() ? "" : ", ", what);
+  }
+  if (off.empty()) return wrong(command, "only effects last for a time");
+  return fmt::format("{} {} {} {}", kind, name, way, off);
+}
+
+Result<Script> Script::make(const std::vector<ScriptedFault>& faults, Switches switches) {
+  Script script;
+  for (const ScriptedFault& fault : faults) {
+    if (auto possible = switches.apply(fault.command); !possible) return possible.error();
+    script.commands_.emplace_back(fault.at_ns, fault.command);
+    if (!fault.for_ns) continue;
+    auto off = opposite(fault.command);
+    if (!off) return off.error();
+    script.commands_.emplace_back(fault.at_ns + *fault.for_ns, std::move(*off));
+  }
+  std::stable_sort(script.commands_.begin(), script.commands_.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  return script;
+}
+
+std::optional<std::string> Script::take(TimeNs since_start) {
+  if (done_ == commands_.size() || commands_[done_].first > since_start) return std::nullopt;
+  return commands_[done_++].second;
+}
+
+std::optional<TimeNs> Script::next() const {
+  if (done_ == commands_.size()) return std::nullopt;
+  return commands_[done_].first;
+}
+
+}  // namespace ledgerline::hil::proxy

@@ -1,0 +1,82 @@
+#pragma once
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+#include "hil/impairment.hpp"
+
+namespace ledgerline::hil::proxy {
+
+/// The directions of a drone and of a server, each impaired by itself.
+enum class Way { to, answers, state, video, from };
+inline constexpr std::size_t ways = 5;
+std::string_view name_of(Way way);
+
+/// A drone (UDP: to, answers, state, video) or a server (TCP: to, from) behind the proxy.
+struct Target {
+  enum class Kind { drone, server };
+  Kind kind = Kind::drone;
+  std::string name;
+  bool has(Way way) const { return way == Way::to || (way == Way::from) == (kind == Kind::server); }
+};
+
+/// What is switched at the moment, and how commands change it. A core; one thread. Commands:
+///
+///     drone tello1 to delay 200ms, loss 5%     EFFECTS of hil/impairment.hpp
+///     drone * both clear                       `*`: every drone. to; answers, state, video, or from for all three;
+///     both server agent from stall                  to, from, both server agent cut                         its
+///     connections are reset, once clear                                    everything is as if nothing had been
+///     switched list                                     changes nothing
+///
+/// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why.
+class Switches {
+ public:
+  /// Names are unique within a kind.
+  explicit Switches(std::vector<Target> targets);
+
+  Status apply(std::string_view command);
+  const std::vector<Target>& targets() const { return targets_; }
+  const Impairment& of(std::size_t target, Way way) const {
+    return impairments_[target][static_cast<std::size_t>(way)];
+  }
+  /// Whether the target's connections are to be reset, since the last call.
+  bool take_cut(std::size_t target);
+  /// One line of text a direction that is impaired, as a command would say it.
+  std::string list() const;
+
+ private:
+  Status apply_to(Target::Kind kind, std::string_view name, std::string_view rest);
+  std::vector<Target> targets_;
+  std::vector<std::array<Impairment, ways>> impairments_;
+  std::vector<bool> cut_;
+};
+
+/// A command at a time after the proxy's start; `for_ns` later what it switched is switched off again.
+struct ScriptedFault {
+  TimeNs at_ns = 0;
+  std::optional<TimeNs> for_ns;
+  std::string command;
+};
+
+/// Commands in the order of their time, checked as a whole before the first one is due. A core; one thread.
+class Script {
+ public:
+  /// The error names the command that cannot be.
+  static Result<Script> make(const std::vector<ScriptedFault>& faults, Switches switches);
+
+  /// The next command that is due at `since_start`; call until there is none.
+  std::optional<std::string> take(TimeNs since_start);
+  std::optional<TimeNs> next() const;
+
+ private:
+  std::vector<std::pair<TimeNs, std::string>> commands_;
+  std::size_t done_ = 0;
+};
+
+/// The command that switches off what this one switched on; an error where there is no such command (`cut`, `clear`).
+Result<std::string> opposite(std::string_view command);
+
+}  // namespace ledgerline::hil::proxy

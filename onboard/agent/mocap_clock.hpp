@@ -1,0 +1,43 @@
+#pragma once
+#include <functional>
+#include <optional>
+#include <utility>
+
+#include "common/rt/clock.hpp"
+
+namespace ledgerline::agent {
+
+/// Mocap stamps are real time, decisions are made on CLOCK_MONOTONIC: this turns one into the other, and believes no
+/// stamp that lies more than 20 ms in the future or 1 s in the past. Real time may jump (NTP, a person): so before a
+/// stamp is refused the clocks are read once more, and a jump costs the poses that were under way, not all until the
+/// next regular reading. One thread.
+class MocapClock {
+ public:
+  static constexpr TimeNs longest_delay_ns = 1 * ns_per_s;
+  static constexpr TimeNs most_ahead_ns = 20 * ns_per_ms;
+  using ReadOffset = std::function<TimeNs()>;
+
+  /// `read`: real time minus CLOCK_MONOTONIC, now.
+  explicit MocapClock(ReadOffset read) : read_(std::move(read)), offset_ns_(read_()) {}
+
+  /// Regularly: real time may be slewed.
+  void refresh() { offset_ns_ = read_(); }
+  TimeNs offset_ns() const { return offset_ns_; }
+
+  static bool plausible(TimeNs stamp_ns, TimeNs arrived_ns) {
+    return stamp_ns - arrived_ns <= most_ahead_ns && arrived_ns - stamp_ns <= longest_delay_ns;
+  }
+  /// The stamp on CLOCK_MONOTONIC; nothing where it is not believed.
+  std::optional<TimeNs> stamp(TimeNs source_real_ns, TimeNs arrived_ns) {
+    if (!plausible(source_real_ns - offset_ns_, arrived_ns)) refresh();
+    const TimeNs stamp_ns = source_real_ns - offset_ns_;
+    if (!plausible(stamp_ns, arrived_ns)) return std::nullopt;
+    return stamp_ns;
+  }
+
+ private:
+  ReadOffset read_;
+  TimeNs offset_ns_;
+};
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,372 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "hil/fault/campaign.hpp"
+#include "tests/unit/campaign.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Sanitizers make each flight ten times as long: a part of the library is enough to look into every corner.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr std::size_t every = 8;
+#else
+constexpr std::size_t every = 1;
+#endif
+
+std::vector<std::string> library() {
+  std::vector<std::string> files;
+  for (const auto& entry : fs::directory_iterator(SCENARIOS)) {
+    if (entry.path().extension() == ".toml") files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+std::string error_of(const std::string& toml) {
+  const auto script = parse_script(toml, "x.toml");
+  return script ? "" : script.error().what;
+}
+
+Script scripted(const std::string& toml) {
+  auto script = parse_script(toml, "x.toml");
+  EXPECT_TRUE(script.ok()) << script.error().what;
+  return *script;
+}
+
+// --- scripts -------------------------------------------------------------------------------------------------------
+
+TEST(FaultScript, SaysFileLineKeyAndWhatIsAllowed) {
+  const std::string error = error_of(
+      "title = \"t\"\nmust = [\"flies well\"]\n[flight]\nlaps = 0\nwings = 2\n[[fault]]\nwhat = \"drone tello1 to "
+      "sideways\"\n[[fault]]\nwhat = \"ledger stall\"\nat = \"noon\"\n[[fault]]\nwhat = \"ledger stall\"\nfor = "
+      "\"long\"\n");
+  for (const char* wanted :
+       {"x.toml:2: must: \"flies well\" is no rule; there are", "x.toml:4: flight.laps: must be a whole number from 1",
+        "x.toml:5: flight.wings: unknown key",
+        "x.toml:7: fault.0.what:", "x.toml:10: fault.1.at: \"noon\": must be a time", "x.toml:13: fault.2.for:"})
+    EXPECT_NE(error.find(wanted), std::string::npos) << wanted << "\nis not in\n" << error;
+}
+
+TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
+  for (const char* what : {"peer kill",
+                           "orderer kill",
+                           "chaincode kill",
+                           "cpu burn",
+                           "memory 1GB",
+                           "disk full",
+                           "roudi kill",
+                           "ledger agent loss 5%",
+                           "ledger both from corrupt 1%",
+                           "ledger agent partition",
+                           "drone tello1 sideways",
+                           "drone tello1 to",
+                           "drone tello2 to stall",
+                           "sensor tello1 speed stuck",
+                           "sensor tello1 h wild",
+                           "mocap tello1",
+                           "agent pause",
+                           "wind 1 2",
+                           "clock jump soon",
+                           "operator dance tello1",
+                           "drone tello1 battery 200%"}) {
+    const std::string error = error_of(std::string("title = \"t\"\n[[fault]]\nwhat = \"") + what + "\"\n");
+    EXPECT_NE(error.find("x.toml:3: fault.0.what:"), std::string::npos) << what << ": " << error;
+  }
+  EXPECT_NE(error_of("title = \"t\"\n[[fault]]\nwhat = \"clock jump 1s\"\nfor = \"1s\"\n").find("leave `for` out"),
+            std::string::npos);
+  EXPECT_NE(error_of("title = \"t\"\nmust = [\"lands within 3 s\"]\n").find("there is none"), std::string::npos);
+}
+
+TEST(FaultScript, IsReadAgainAsItWasWritten) {
+  std::set<std::string> texts;
+  for (std::uint64_t number = 1; number <= 500; ++number) {
+    const Script drawn = draw_script(number);
+    const std::string text = text_of(drawn);
+    const auto again = parse_script(text, drawn.name + ".toml");
+    ASSERT_TRUE(again.ok()) << again.error().what << "\n" << text;
+    EXPECT_EQ(text_of(*again), text);
+    texts.insert(text);
+  }
+  EXPECT_EQ(texts.size(), 500U);
+  for (const std::string& file : library()) {
+    const auto script = load_script(file);
+    ASSERT_TRUE(script.ok()) << script.error().what;
+    const auto again = parse_script(text_of(*script), file);
+    ASSERT_TRUE(again.ok()) << again.error().what;
+    EXPECT_EQ(text_of(*again), text_of(*script));
+  }
+}
+
+// --- the judge -----------------------------------------------------------------------------------------------------
+
+/// One drone in steady flight, as the judge sees it; a test makes something wrong.
+class Judged {
+ public:
+  explicit Judged(const std::string& rule) {
+    std::vector<Rule> rules;
+    if (!rule.empty()) {
+      auto parsed = parse_rule(rule);
+      EXPECT_TRUE(parsed.ok()) << parsed.error().what;
+      rules.push_back(*parsed);
+    }
+    judge_ = std::make_unique<Judge>(rules, Limits{});
+    drones.resize(1);
+    drones[0].name = "tello1";
+    drones[0].phase = FlightPhase::flying;
+    drones[0].truth.in_flight = true;
+    drones[0].truth.position_m = {0, 0, 1};
+  }
+  void pass(TimeNs duration) {
+    for (const TimeNs end = moment.now + duration; moment.now < end;) {
+      moment.now += ns_per_ms;
+      if (piloted) drones[0].plan_end_ns = moment.now + 100 * ns_per_ms;
+      moment.drones = drones;
+      moment.events = events;
+      judge_->look(moment);
+      events.clear();
+    }
+  }
+  /// What broke, in the words of the rules; empty: nothing.
+  std::map<std::string, TimeNs> broken() {
+    std::map<std::string, TimeNs> all;
+    ending.now = moment.now;
+    for (const Verdict& verdict : judge_->finish(ending)) {
+      if (!verdict.held) all[verdict.rule.text] = verdict.broken_ns;
+    }
+    return all;
+  }
+
+  std::vector<DroneFacts> drones;
+  std::vector<WorldEvent> events;
+  Moment moment;
+  Ending ending{.now = 0, .over = true, .ok = true, .why = {}, .in_the_air = {}, .lost = {}};
+  bool piloted = true;
+
+ private:
+  std::unique_ptr<Judge> judge_;
+};
+
+TEST(FaultJudge, ASteadyFlightBreaksNothing) {
+  for (const char* rule : {"finishes", "recovers and finishes the lap", "hold within 300 ms after the plan's end",
+                           "no command older than 500 ms applied", "height below 3 m", "speed below 1.5 m/s",
+                           "path within 0.4 m", "pose within 0.2 m", "nothing acknowledged is lost", "ends within 60 s",
+                           "land is never seen", "pose lost is never seen", "sends no emergency", "no crash"}) {
+    Judged run(rule);
+    run.pass(10 * ns_per_s);
+    EXPECT_TRUE(run.broken().empty()) << rule << ": " << run.broken().begin()->first;
+  }
+}
+
+TEST(FaultJudge, SaysTheMomentWhenARuleBroke) {
+  const TimeNs moment = 2 * ns_per_s + ns_per_ms;
+  const auto broken_at = [&](const std::string& rule, const std::function<void(Judged&)>& wrong) {
+    Judged run(rule);
+    run.moment.first_fault_ns = run.moment.last_fault_end_ns = ns_per_s;
+    run.pass(2 * ns_per_s);
+    wrong(run);
+    run.pass(ns_per_s);
+    const auto broken = run.broken();
+    return broken.contains(rule) ? broken.at(rule) : -1;
+  };
+  EXPECT_EQ(broken_at("height below 2 m", [](Judged& r) { r.drones[0].truth.position_m[2] = 2.1; }), moment);
+  EXPECT_EQ(broken_at("speed below 1 m/s", [](Judged& r) { r.drones[0].truth.velocity_mps[1] = -1.1; }), moment);
+  EXPECT_EQ(broken_at("path within 0.4 m", [](Judged& r) { r.drones[0].off_path_m = 0.5; }), moment);
+  EXPECT_EQ(broken_at("pose within 0.2 m", [](Judged& r) { r.drones[0].pose = Pose{}; }), moment);
+  EXPECT_EQ(broken_at("no crash", [](Judged& r) { r.drones[0].truth.crashed = true; }), moment);
+  EXPECT_EQ(broken_at("brake is never seen", [](Judged& r) { r.drones[0].mode = FailsafeMode::brake; }), moment);
+  EXPECT_EQ(broken_at("pose lost is never seen", [](Judged& r) { r.drones[0].cause = FailsafeCause::pose_lost; }),
+            moment);
+  EXPECT_EQ(broken_at("sends no emergency",
+                      [](Judged& r) {
+                        r.events.push_back({0, WorldEvent::Kind::sent, 0, 0, "emergency"});
+                      }),
+            moment);
+  EXPECT_EQ(broken_at("no command older than 500 ms applied",
+                      [](Judged& r) {
+                        r.events.push_back({0, WorldEvent::Kind::applied, 0, 0.501, {}});
+                      }),
+            moment);
+  EXPECT_EQ(broken_at("brakes within 1500 ms", [](Judged&) {}), 2'501 * ns_per_ms);
+  EXPECT_EQ(broken_at("lands within 1.5 s", [](Judged&) {}), 2'501 * ns_per_ms);
+  // The plan ends 100 ms behind the moment.
+  EXPECT_EQ(broken_at("hold within 300 ms after the plan's end", [](Judged& r) { r.piloted = false; }),
+            2'401 * ns_per_ms);
+  // At the end, 3 s.
+  EXPECT_EQ(broken_at("finishes", [](Judged& r) { r.ending.ok = false; }), 3 * ns_per_s);
+  EXPECT_EQ(broken_at("ends within 2 s", [](Judged&) {}), 3 * ns_per_s);
+  EXPECT_EQ(broken_at("hold is seen", [](Judged&) {}), 3 * ns_per_s);
+  EXPECT_EQ(broken_at("sends takeoff", [](Judged&) {}), 3 * ns_per_s);
+  EXPECT_EQ(broken_at("nothing acknowledged is lost", [](Judged& r) { r.ending.lost = {"x"}; }), 3 * ns_per_s);
+}
+
+TEST(FaultJudge, ResumesCountsFromTheLastFaultsEnd) {
+  for (const bool again : {true, false}) {
+    Judged run("resumes within 2 s");
+    run.drones[0].told_ns = 1;
+    run.drones[0].mode = FailsafeMode::hold;
+    run.piloted = false;
+    run.pass(ns_per_s);
+    run.moment.last_fault_end_ns = run.moment.now;
+    run.pass(1'900 * ns_per_ms);
+    run.piloted = again;
+    run.drones[0].mode = again ? FailsafeMode::none : FailsafeMode::hold;
+    run.pass(ns_per_s);
+    EXPECT_EQ(run.broken().contains("resumes within 2 s"), !again);
+  }
+}
+
+TEST(FaultJudge, InvariantsAreJudgedInEveryRun) {
+  const auto broken_by = [](const std::function<void(Judged&)>& wrong) {
+    Judged run("");
+    run.pass(2 * ns_per_s);
+    wrong(run);
+    run.pass(6 * ns_per_s);
+    const auto broken = run.broken();
+    return broken.empty() ? std::string() : broken.begin()->first;
+  };
+  EXPECT_EQ(broken_by([](Judged&) {}), "");
+  EXPECT_EQ(broken_by([](Judged& r) { r.drones[0].truth.velocity_mps[0] = 3; }),
+            "always: never faster than the limits");
+  EXPECT_EQ(broken_by([](Judged& r) { r.drones[0].truth.position_m[2] = 4; }), "always: never higher than the limits");
+  EXPECT_EQ(broken_by([](Judged& r) { r.drones[0].truth.position_m[1] = 101; }),
+            "always: never farther than the limits");
+  EXPECT_EQ(broken_by([](Judged& r) { r.piloted = false; }), "always: a hold or a landing after silence");
+  EXPECT_EQ(broken_by([](Judged& r) {
+              r.piloted = false;
+              r.drones[0].mode = FailsafeMode::land;
+              r.drones[0].told_mps = 0.3;
+            }),
+            "always: a hold or a landing after silence");
+  EXPECT_EQ(broken_by([](Judged& r) { r.drones[0].mode = FailsafeMode::hold; }), "always: a hold ends in a landing");
+  EXPECT_EQ(broken_by([](Judged& r) {
+              r.events.push_back({0, WorldEvent::Kind::bad_rc, 0, 0, "rc 300 0 0 0"});
+            }),
+            "always: rc in the SDK's range");
+  EXPECT_EQ(broken_by([](Judged& r) { r.ending.in_the_air = {"tello1"}; }), "always: on the ground in the end");
+  EXPECT_EQ(broken_by([](Judged& r) { r.ending.over = false; }), "always: no hang");
+  EXPECT_EQ(broken_by([](Judged& r) { r.ending.lost = {"transaction"}; }), "always: nothing acknowledged is lost");
+}
+
+// --- runs ----------------------------------------------------------------------------------------------------------
+
+RunResult flown(const Script& script, std::uint64_t seed) {
+  auto result = run_script(script, seed);
+  EXPECT_TRUE(result.ok()) << result.error().what;
+  return result ? std::move(*result) : RunResult{};
+}
+
+TEST(FaultLibrary, EveryScenarioHolds) {
+  const auto files = library();
+  EXPECT_GE(files.size(), 60U);
+  std::vector<Flight> flights;
+  for (std::size_t i = 0; i < files.size(); i += every) {
+    auto script = load_script(files[i]);
+    ASSERT_TRUE(script.ok()) << script.error().what;
+    for (int seed = 1; seed <= seeds(1, 20); ++seed) flights.push_back({*script, static_cast<std::uint64_t>(seed)});
+  }
+  double flown_s = 0;
+  const TimeNs begin = monotonic_ns();
+  fly_all(
+      flights.size(), 2, [&](std::size_t i) { return flights[i]; },
+      [&](std::size_t, const Flight& flight, Result<RunResult> result) {
+        EXPECT_TRUE(result.ok()) << flight.script.name;
+        if (!result) return true;
+        flown_s += to_seconds(result->flown_ns);
+        EXPECT_TRUE(result->held()) << flight.script.name << " seed " << flight.seed << "\n" << broken_text(*result);
+        return true;
+      });
+  std::printf("%zu flights, %.0f s flown, %.0f times real time in two threads\n", flights.size(), flown_s,
+              flown_s / to_seconds(monotonic_ns() - begin));
+}
+
+TEST(FaultRun, TheSameSeedGivesTheSameVerdictAndTheSameBytes) {
+  for (int number = 1; number <= seeds(3, 100); ++number) {
+    const Script script = draw_script(static_cast<std::uint64_t>(number) + 100'000);
+    const RunResult first = flown(script, 7), second = flown(script, 7);
+    EXPECT_EQ(first.digest, second.digest) << script.name;
+    EXPECT_EQ(json_text({first}), json_text({second})) << script.name;
+    if (number > 2) continue;
+    EXPECT_NE(first.digest, flown(script, 8).digest) << script.name;
+  }
+}
+
+TEST(FaultRun, ABrokenRuleIsToldWithItsMomentInEveryForm) {
+  const Script script = scripted(
+      "title = \"Not <so>\"\nmust = [\"height below 0.5 m\", \"no crash\"]\n[[fault]]\nwhat = \"operator stop "
+      "tello1\"\n"
+      "at = \"height 0.8\"\n");
+  const RunResult result = flown(script, 1);
+  EXPECT_FALSE(result.held());
+  EXPECT_NE(broken_text(result).find("height below 0.5 m: tello1: 0.50 m"), std::string::npos) << broken_text(result);
+  EXPECT_NE(json_text({result}).find("\"rule\": \"height below 0.5 m\""), std::string::npos);
+  EXPECT_NE(json_text({result}).find("\"broken\": 1"), std::string::npos);
+  const std::string junit = junit_text({result});
+  EXPECT_NE(junit.find("failures=\"1\""), std::string::npos);
+  EXPECT_NE(junit.find("message=\"Not &lt;so&gt;\""), std::string::npos);
+  const std::string html = html_text({result});
+  EXPECT_NE(html.find("height below 0.5 m"), std::string::npos);
+  EXPECT_EQ(html.find("Not <so>"), std::string::npos);
+  EXPECT_EQ(html.find("@DATA@"), std::string::npos);
+}
+
+TEST(FaultRandom, NoInvariantBreaks) {
+  const std::size_t count = static_cast<std::size_t>(seeds(20, 10'000)) / every;
+  double flown_s = 0;
+  const TimeNs begin = monotonic_ns();
+  fly_all(
+      count, 2,
+      [](std::size_t i) {
+        return Flight{draw_script(i + 1), i + 1};
+      },
+      [&](std::size_t, const Flight& flight, Result<RunResult> result) {
+        EXPECT_TRUE(result.ok()) << flight.script.name;
+        if (!result) return true;
+        flown_s += to_seconds(result->flown_ns);
+        EXPECT_TRUE(result->held()) << text_of(flight.script) << broken_text(*result);
+        return true;
+      });
+  std::printf("%zu random flights, %.0f s flown, %.0f times real time in two threads\n", count, flown_s,
+              flown_s / to_seconds(monotonic_ns() - begin));
+}
+
+TEST(FaultRandom, AFailingScriptIsShrunkToWhatMakesItFail) {
+  Script script = draw_script(4);
+  script.flight.laps = 8;
+  const auto add = [&](const char* what, const char* at, const char* lasts) {
+    auto fault = parse_fault(what, at, lasts);
+    ASSERT_TRUE(fault.ok()) << fault.error().what;
+    script.faults.push_back(*fault);
+  };
+  add("mocap tello1 frozen", "path + 1600ms", "800ms");
+  // The "failure": a frozen mocap of at least 100 ms, whatever else.
+  const auto fails = [](const Script& tried) {
+    return std::any_of(tried.faults.begin(), tried.faults.end(), [](const Fault& fault) {
+      return fault.what == Fault::What::mocap_frozen && fault.for_ns >= 100 * ns_per_ms;
+    });
+  };
+  const Script shortest = shrink(script, fails);
+  ASSERT_EQ(shortest.faults.size(), 1U);
+  EXPECT_EQ(shortest.faults[0].text, "mocap tello1 frozen");
+  EXPECT_EQ(shortest.faults[0].for_ns, 100 * ns_per_ms);
+  EXPECT_EQ(shortest.faults[0].at, "path");
+  EXPECT_EQ(shortest.flight.laps, 1);
+  EXPECT_TRUE(parse_script(text_of(shortest), "x.toml").ok());
+}
+
+TEST(FaultSeeds, AreANumberOrTwo) {
+  EXPECT_EQ(*parse_seeds("7"), std::pair(std::uint64_t{7}, std::uint64_t{7}));
+  EXPECT_EQ(*parse_seeds("1..1000"), std::pair(std::uint64_t{1}, std::uint64_t{1000}));
+  for (const char* bad : {"", "0", "5..4", "a", "1..", "..2", "-1", "1...3", "99999999999999999999"})
+    EXPECT_FALSE(parse_seeds(bad)) << bad;
+}
+
+}  // namespace
+}  // namespace ledgerline::hil
