@@ -147,8 +147,7 @@ class Flight {
     settings.playout.max_speed_mps =
         std::max(settings.playout.max_speed_mps, 1.5F * static_cast<float>(config.full_scale_mps));
     settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, max_age_ns(config));
-    // The plain controller's command is for now.
-    if (!config.predict || !config.smoothing) settings.playout.max_margin_ns = 0;
+    settings.playout.max_margin_ns = 0;  // ground counts on plans taking over as they come
     for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
     return settings;
   }

@@ -10,7 +10,7 @@ namespace ledgerline::ground {
 namespace {
 
 constexpr double peaks = 3;               // of the prediction's error over its rms
-constexpr double gain_by_age = 1.3;       // position gain times age at application, at most
+constexpr double gain_by_age = 1.6;       // position gain times age at application, at most
 constexpr double short_way_m = 0.1;       // over less, gusts and noise hide the model's error
 constexpr double gusts_m = 0.015;         // of a prediction's error is no model's fault
 constexpr double forget = 1 - 1.0 / 100;  // of predictions: about three seconds
@@ -30,8 +30,8 @@ motion::TrackLimits limits_of(const ControllerConfig& config) {
 
 motion::PredictorConfig predictor_of(const ControllerConfig& config) {
   motion::PredictorConfig predictor;
-  // Whoever says how slowly a drone answers means all of it.
-  const double dead_s = std::min(predictor.first.dead_s, 0.2 * config.lag_s);
+  // Whoever says how slowly a drone answers means all of it; a third of that goes into leaning over.
+  const double dead_s = config.lag_s / 3;
   predictor.first.dead_s = dead_s;
   predictor.first.lag_s = config.lag_s - dead_s;
   predictor.told_acceleration_mps2 = config.told_mps2;
@@ -229,7 +229,8 @@ std::vector<Setpoint> PathController::plan_plain(TimeNs first_ns) {
   const bool moving = started_ && progress_m_ < end_m_;
   const Eigen::Vector2d reference =
       moving ? Eigen::Vector2d(asked_mps(progress_m_) * path_.direction(progress_m_)) : Eigen::Vector2d::Zero();
-  Eigen::Vector2d wanted = reference + config_.position_gain * (path_.point(progress_m_) - raw_.position_m.head<2>());
+  Eigen::Vector2d wanted = reference + config_.position_gain * (path_.point(progress_m_) - raw_.position_m.head<2>()) +
+                           config_.velocity_gain * (reference - raw_.velocity_mps.head<2>());
   const double most = std::min(config_.told_mps, 1.5 * asked_mps(progress_m_) + 0.3);
   if (wanted.norm() > most) wanted *= most / wanted.norm();
   Setpoint setpoint = level(raw_, config_.height_m, 0);

@@ -28,8 +28,8 @@ struct ControllerConfig {
   double lag_s = 0.3;          ///< of the drone's answer to a velocity setpoint, taken until it was learned
   double told_mps = 1.0;       ///< what the drone can be told at most: rc 100
   double told_mps2 = 4.0;      ///< link's limit of acceleration
-  double position_gain = 2.0;  ///< 1/s; with the lag: damped nearly critically by velocity_gain
-  double velocity_gain = 0.4;
+  double position_gain = 2.5;  ///< 1/s; with the lag: damped nearly critically by velocity_gain
+  double velocity_gain = 0.5;
   double height_gain = 1.0;  ///< 1/s
   double yaw_gain = 1.0;     ///< 1/s
   double max_vertical_mps = 0.5;
@@ -66,7 +66,7 @@ class PredictionError {
 ///
 /// With u told, and the model lag v' = gain u + drift - v, the law
 ///     u = (v_ref + lag a_ref + K (p_ref - p) + V (v_ref - v) - drift) / gain
-/// leaves lag e'' + (1 + V) e' + K e = 0 of the error. K falls with the age at application, as 1.3 / age: what the
+/// leaves lag e'' + (1 + V) e' + K e = 0 of the error. K falls with the age at application, as 1.6 / age: what the
 /// model does not say must not be corrected faster than it is seen.
 ///
 /// A latency-aware limit: with a share of the way by which predictions miss, and the age, three times their error stays

@@ -46,13 +46,16 @@ class Applications {
  public:
   /// Once for each plan of which a state says that it is flown.
   void add(TimeNs origin_stamp_ns, TimeNs flown_ns, TimeNs late_ns);
-  /// By how much link flies setpoints later than they say: the median of the newest, never negative.
-  TimeNs late_ns() const { return late_.quantile(0.5).value_or(0); }
+  /// By how much link flies setpoints later than they say: the median of the newest five, never negative.
+  TimeNs late_ns() const;
   /// Nothing while no plan was flown.
   std::optional<TimeNs> age_ns(double q) const { return ages_.quantile(q); }
 
  private:
-  Window ages_, late_;
+  static constexpr std::size_t late_kept = 5;
+  Window ages_;
+  std::array<TimeNs, late_kept> late_{};
+  std::size_t count_ = 0;
 };
 
 }  // namespace ledgerline::motion

@@ -13,10 +13,10 @@ constexpr double jump_m = 0.5;          // no drone is that far from where it wa
 constexpr std::size_t told_kept = 512;  // 2.5 s at 200 states a second
 constexpr std::size_t sent_kept = 256;
 // Measurements: agent's fused pose from optical mocap; its velocity lags by some 50 ms, so it counts little.
-constexpr double position_sigma_m = 0.004, velocity_sigma_mps = 0.15;
+constexpr double position_sigma_m = 0.002, velocity_sigma_mps = 0.3;
 // What the model leaves out, as white noise: of acceleration, and of the drift's change.
-constexpr double acceleration_noise = 0.25;  // m/s2 / sqrt(Hz)
-constexpr double drift_noise = 0.02;         // m/s / sqrt(s)
+constexpr double acceleration_noise = 0.1;  // m/s2 / sqrt(Hz)
+constexpr double drift_noise = 0.02;        // m/s / sqrt(s)
 constexpr double first_drift_sigma_mps = 0.03, first_velocity_sigma_mps = 0.2;
 constexpr double most_drift_mps = 0.5;
 

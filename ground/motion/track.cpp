@@ -56,7 +56,10 @@ void Track::lay(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& o
     const Eigen::Vector2d in = edge(i + n - 1).normalized(), out = edge(i).normalized();
     corners[i].turn = std::atan2(in.x() * out.y() - in.y() * out.x(), in.dot(out));
     const double room = 0.5 * std::min(edge(i + n - 1).norm(), edge(i).norm());
-    if (std::abs(corners[i].turn) > 1e-6) corners[i].cut = std::min(limits.rounding_m, room);
+    // A circle of radius r misses its corner by r (1 / cos(turn / 2) - 1), and begins r tan(turn / 2) before it.
+    const double half = 0.5 * std::abs(corners[i].turn);
+    if (half > 1e-6)
+      corners[i].cut = std::min(limits.cut_m * std::sin(half) / std::max(1e-9, 1 - std::cos(half)), room);
   }
 
   // The origin is the first corner itself in the waypoints' words; on the rounded track arc length 0 is the middle of

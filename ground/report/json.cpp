@@ -48,7 +48,6 @@ json to_json(const Results& r) {
              {"gateway", r.asked.gateway},
              {"majority", r.asked.majority},
              {"crypto", r.asked.mbedtls ? "mbedtls" : "libcrypto"},
-             {"smoothing", r.asked.smoothing},
              {"seed", r.asked.seed}};
   json cpu = json::object();
   for (const auto& [name, percent] : r.cpu_percent) cpu[name] = rounded(percent, 10);
