@@ -273,6 +273,10 @@ def repetition(runs: str, case: Case, place: Place, seed: int) -> dict:
     """Its figures; raises NotMeasured. The run's files are gone afterwards, but not those of one that was not measured."""
     shutil.rmtree(place.work, ignore_errors=True)
     place.work.mkdir(parents=True)
-    out = RUN[runs](case, place, seed)
+    try:
+        out = RUN[runs](case, place, seed)
+    except KeyboardInterrupt:
+        shutil.rmtree(place.work)
+        raise
     shutil.rmtree(place.work)
     return out
