@@ -117,7 +117,6 @@ int main(int argc, char** argv) {
   hil::VirtualFlightConfig config;
   std::string shape = "square", mode = "ledger", predict = "on", ramp, delay = "none";
   double max_age_s = 0, batch_timeout_s = to_seconds(config.batch_timeout_ns);
-  std::string smoothing = "on";
   auto* flight = app.add_subcommand(
       "virtual",
       "A whole flight as cores in one thread on a virtual clock; prints one JSON object.\n"
@@ -160,9 +159,6 @@ int main(int argc, char** argv) {
   flight->add_option("--batch-timeout", batch_timeout_s, "s: a block is cut when its oldest transaction waited so long")
       ->check(CLI::Range(0.001, 60.0))
       ->capture_default_str();
-  flight->add_option("--smoothing", smoothing, "off: setpoints that come late are never flown later for it")
-      ->check(CLI::IsMember({"on", "off"}))
-      ->capture_default_str();
   flight->add_option("--seed", config.seed)->capture_default_str();
 
   std::string proxy_config, script;
@@ -194,7 +190,6 @@ int main(int argc, char** argv) {
   config.predict = predict == "on";
   config.max_age_ns = from_seconds(max_age_s);
   config.batch_timeout_ns = from_seconds(batch_timeout_s);
-  config.smoothing = smoothing == "on";
   if (const Status read = read_texts(shape, ramp, delay, config); !read) {
     spdlog::error("{}", read.error().what);
     return 2;

@@ -25,7 +25,6 @@ struct VirtualFlightConfig {
   int laps = 3;
   std::size_t batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
-  bool smoothing = true;  ///< false: link's playout has no margin
   LedgerDelays delays;
   TimeNs max_age_ns = 0;      ///< of a command, at agent and link; 0: their defaults, 5 s with an added delay
   double model_error = 0;     ///< the simulator's drone has mass, gain and lag larger by this share

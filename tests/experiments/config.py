@@ -11,10 +11,10 @@ NUMBER = (int, float)
 # What can be asked of a run, and of what type. `settings` is one of SETTINGS; the rest are options of the program.
 FLIGHT = {"settings": str, "shape": str, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "seconds": NUMBER,
           "storage": str, "ledger": str, "orderers": int, "batch_count": int, "batch_timeout": str, "predict": str, "ramp": str,
-          "smoothing": str, "crypto": str, "gateway": bool, "majority": bool}
+          "crypto": str, "gateway": bool, "majority": bool}
 VIRTUAL = {"shape": str, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "side": NUMBER, "batch_count": int,
            "batch_timeout": NUMBER, "max_age": NUMBER, "full_scale": NUMBER, "mode": str, "predict": str, "ramp": str, "delay": (int, float, str), "model_error": NUMBER,
-           "gust": NUMBER, "smoothing": str}
+           "gust": NUMBER}
 EXCHANGE = {"rates": list, "clients": list, "seconds": NUMBER, "warm_up": NUMBER, "drain": NUMBER, "ledger": str}
 HOSTS = {"shape": str, "rate": NUMBER, "speed": NUMBER, "laps": int, "wifi": str}
 OPTIONS = {"flight": FLIGHT, "virtual": VIRTUAL, "exchange": EXCHANGE, "hosts": HOSTS}

@@ -8,6 +8,7 @@ import pathlib
 import shutil
 import signal
 import subprocess
+import tempfile
 
 import hosts as three_hosts
 import numpy as np
@@ -36,6 +37,7 @@ class Place:
     fabric: pathlib.Path
     work: pathlib.Path      # for the run's files, which are removed when its figures are taken
     ledger: str             # embedded or fabric
+    storage: str            # of the ledger where a case does not say: disk or tmpfs
 
     def program(self, name: str) -> pathlib.Path:
         path = self.programs / f"ledgerline-{name}"
@@ -152,7 +154,7 @@ def flight_options(case: Case, place: Place, seed: int) -> dict:
     ledger = options.pop("ledger", place.ledger)
     settings = SETTINGS[options.pop("settings", "ours")]
     if ledger != "none":
-        options = {**settings, **options}
+        options = {**settings, "storage": place.storage, **options}
     if ledger != "fabric":
         options.pop("orderers", None)
         for name in ("gateway", "majority"):
@@ -225,8 +227,10 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
     # Each repetition is one alternation: every other one in reverse order.
     if seed % 2 == 0:
         options["clients"] = options["clients"][::-1]
-    options |= {"alternations": 1, "npm": place.npm, "fabric": place.fabric, "dir": place.work / "ledgers", "json": result}
-    code, _ = run_program([place.program("bench"), "two-way", *words(options)], log, 2 * PATIENCE_S)
+    options |= {"alternations": 1, "npm": place.npm, "fabric": place.fabric, "json": result}
+    with tempfile.TemporaryDirectory(prefix="ledgerline-experiment-",
+                                     dir="/dev/shm" if place.storage == "tmpfs" else place.work) as ledgers:
+        code, _ = run_program([place.program("bench"), "two-way", "--dir", ledgers, *words(options)], log, 2 * PATIENCE_S)
     if code != 0 or not result.exists():
         raise NotMeasured(f"bench two-way: {tail(log)}")
     out = json.loads(result.read_text())
@@ -269,6 +273,10 @@ def repetition(runs: str, case: Case, place: Place, seed: int) -> dict:
     """Its figures; raises NotMeasured. The run's files are gone afterwards, but not those of one that was not measured."""
     shutil.rmtree(place.work, ignore_errors=True)
     place.work.mkdir(parents=True)
-    out = RUN[runs](case, place, seed)
+    try:
+        out = RUN[runs](case, place, seed)
+    except KeyboardInterrupt:
+        shutil.rmtree(place.work)
+        raise
     shutil.rmtree(place.work)
     return out

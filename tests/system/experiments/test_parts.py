@@ -179,7 +179,7 @@ def experiment(tmp_path):
 def place(tmp_path):
     (tmp_path / "bin").mkdir()
     (tmp_path / "bin/ledgerline-fly").write_text("one")
-    return runs.Place(tmp_path / "bin", tmp_path, tmp_path, tmp_path / "running", "embedded")
+    return runs.Place(tmp_path / "bin", tmp_path, tmp_path, tmp_path / "running", "embedded", "disk")
 
 
 def test_what_is_finished_is_kept_and_only_the_rest_is_run(tmp_path, monkeypatch, experiment, place):
@@ -243,7 +243,8 @@ def test_options_become_words_of_a_command_line():
 def test_settings_are_the_ledgers_and_fabrics_orderers_only_fabrics(place):
     case = config.Case("c", {"settings": "published", "shape": "x"})
     assert runs.flight_options(case, place, 7) == {
-        "batch_count": 10, "batch_timeout": "2s", "shape": "x", "ledger": "embedded", "seed": 7}
+        "batch_count": 10, "batch_timeout": "2s", "storage": "disk", "shape": "x", "ledger": "embedded", "seed": 7}
+    assert runs.flight_options(config.Case("c", {"storage": "tmpfs"}), place, 7)["storage"] == "tmpfs"
     assert runs.flight_options(config.Case("c", {"ledger": "none"}), place, 7) == {"ledger": "none", "seed": 7}
     with pytest.raises(runs.NotMeasured, match="--gateway needs --ledger fabric"):
         runs.flight_options(config.Case("c", {"gateway": True}), place, 7)
