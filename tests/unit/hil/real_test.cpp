@@ -1,0 +1,249 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+
+#include "hil/fault/real_script.hpp"
+#include "hil/fault/replay.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Pair;
+
+Script script_of(const std::string& text) {
+  auto script = parse_script("title = \"t\"\n" + text, "t.toml", true);
+  EXPECT_TRUE(script) << script.error().what;
+  return script ? std::move(*script) : Script{};
+}
+
+Fault fault_of(const std::string& text, const std::string& lasts = "") {
+  auto fault = parse_fault(text, "path", lasts, true);
+  EXPECT_TRUE(fault) << text << ": " << fault.error().what;
+  return fault ? *fault : Fault{};
+}
+
+std::string refusal_of(const std::string& what, const std::string& lasts = "", bool fabric = false) {
+  const std::string line = lasts.empty() ? "" : "for = \"" + lasts + "\"\n";
+  const auto checked = check_real(script_of("[[fault]]\nwhat = \"" + what + "\"\n" + line), {fabric});
+  return checked ? "" : checked.error().what;
+}
+
+TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
+  for (const char* what : {"drone tello1 to delay 200ms", "drone * both loss 5%", "ledger agent delay 20ms",
+                           "ledger both from stall", "ledger ground cut", "ledger stall", "agent stop", "ground stop",
+                           "roudi kill", "cpu 0 burn", "memory take 100MB", "operator stop tello1"}) {
+    EXPECT_EQ(refusal_of(what), "") << what;
+  }
+  EXPECT_EQ(refusal_of("agent kill", "500ms"), "");
+  const std::pair<const char*, const char*> cases[] = {
+      {"sensor tello1 h stuck", "inside of the simulation"},
+      {"mocap tello1 frozen", "inside of the simulation"},
+      {"mocap tello1 loss 5%", "goes past the proxy"},
+      {"drone tello1 reboot", "inside of the simulation"},
+      {"wind 1 0 0", "inside of the simulation"},
+      {"ledger restart", "the flight's end"},
+      {"ledger agent stale", "virtual time alone"},
+      {"clock jump 5s", "not this flight's alone"},
+      {"agent kill", "`for` must be at most 1 s"},
+      {"ground kill", "use `ground stop`"},
+      {"peer 1 kill", "a part of Fabric"},
+      {"operator cut tello1", "does not cut"},
+  };
+  for (const auto& [what, why] : cases) EXPECT_THAT(refusal_of(what), HasSubstr(why)) << what;
+  EXPECT_EQ(refusal_of("peer 1 kill", "", true), "");
+  EXPECT_EQ(refusal_of("orderer 3 kill", "", true), "");
+  EXPECT_THAT(refusal_of("ledger restart", "", true), HasSubstr("name the part"));
+  EXPECT_THAT(check_real(script_of("must = [\"hold within 300 ms after the plan's end\"]"), {}).error().what,
+              HasSubstr("do not tell a plan's end"));
+  EXPECT_THAT(check_real(script_of("[flight]\nside_m = 3\nbattery = 0.5"), {}).error().what,
+              testing::AllOf(HasSubstr("flight.side_m"), HasSubstr("flight.battery")));
+}
+
+TEST(RealScript, VirtualTimeRefusesWhatTheRealProcessesAloneHave) {
+  for (const char* what : {"peer 1 kill", "orderer 1 kill", "chaincode 1 kill", "cpu 0 burn", "memory take 1MB",
+                           "roudi kill", "disk full"}) {
+    EXPECT_THAT(parse_fault(what, "path", "").error().what, HasSubstr("needs the real processes")) << what;
+  }
+  for (const char* what : {"peer 4 kill", "peer 1 stop", "orderer leader kill", "cpu -1 burn", "cpu 0.5 burn", "cpu 0",
+                           "memory take 0MB", "memory take 5", "roudi stop", "disk full"}) {
+    EXPECT_FALSE(parse_fault(what, "path", "", true)) << what;
+  }
+}
+
+TEST(RealScript, SwitchesTheProxyOnAndOffAgain) {
+  const auto acts = [](const std::string& text, bool fabric = false) {
+    const Fault fault = fault_of(text, "1s");
+    return std::pair(acts_at_begin(fault, {fabric}).proxy, acts_at_end(fault, {fabric}).proxy);
+  };
+  EXPECT_THAT(acts("drone tello2 from delay 20ms, loss 5%"),
+              Pair(ElementsAre("drone tello2 answers delay 20ms, loss 5%", "drone tello2 state delay 20ms, loss 5%"),
+                   ElementsAre("drone tello2 answers delay off, loss off", "drone tello2 state delay off, loss off")));
+  EXPECT_THAT(acts("ledger agent to delay uniform 10ms 20ms"),
+              Pair(ElementsAre("server agent to delay uniform 10ms 20ms"), ElementsAre("server agent to delay off")));
+  EXPECT_THAT(acts("ledger both stall"),
+              Pair(ElementsAre("server agent both stall", "server ground both stall"),
+                   ElementsAre("server agent both stall off", "server ground both stall off")));
+  EXPECT_THAT(acts("ledger ground cut"), Pair(ElementsAre("server ground both partition", "server ground cut"),
+                                              ElementsAre("server ground both partition off")));
+  EXPECT_THAT(acts("ledger agent from stall", true).first,
+              ElementsAre("server agent from stall", "server agent-orderer1 from stall",
+                          "server agent-orderer2 from stall", "server agent-orderer3 from stall"));
+}
+
+TEST(RealScript, SignalsTheProgramThatIsMeant) {
+  const auto signals = [](const Fault& fault, bool fabric = false) {
+    const RealActs begin = acts_at_begin(fault, {fabric}), end = acts_at_end(fault, {fabric});
+    return std::pair(fabric ? begin.parts : begin.programs, fabric ? end.parts : end.programs);
+  };
+  EXPECT_THAT(signals(fault_of("agent stop", "1s")),
+              Pair(ElementsAre(Pair("ledgerline-agent", SIGSTOP)), ElementsAre(Pair("ledgerline-agent", SIGCONT))));
+  EXPECT_THAT(signals(fault_of("link kill", "1s")), Pair(ElementsAre(Pair("ledgerline-link", SIGKILL)), IsEmpty()));
+  EXPECT_THAT(signals(fault_of("ledger stall", "1s")),
+              Pair(ElementsAre(Pair("ledgerline-node", SIGSTOP)), ElementsAre(Pair("ledgerline-node", SIGCONT))));
+  EXPECT_THAT(signals(fault_of("ledger stall", "1s"), true).first,
+              ElementsAre(Pair("orderer1", SIGSTOP), Pair("orderer2", SIGSTOP), Pair("orderer3", SIGSTOP)));
+  EXPECT_THAT(signals(fault_of("chaincode 2 kill"), true), Pair(ElementsAre(Pair("chaincode2", SIGKILL)), IsEmpty()));
+  EXPECT_EQ(acts_at_begin(fault_of("cpu 1 burn"), {}).burn_core, 1);
+  EXPECT_EQ(acts_at_begin(fault_of("memory take 5MB"), {}).take_bytes, 5'000'000u);
+}
+
+/// A made-up flight of one drone: up for 3 s, along the first side of the square, down.
+class Flight : public testing::Test {
+ protected:
+  static constexpr TimeNs start = 1'000 * ns_per_s;
+
+  Flight() {
+    recording.begin_ns = start;
+    recording.end_ns = start + 20 * ns_per_s;
+    recording.over = recording.ok = true;
+    for (TimeNs t = 0; t <= 20 * ns_per_s; t += ns_per_s / 30) place(t, position(t));
+    mode(0, FlightPhase::on_ground);
+    mode(ns_per_s, FlightPhase::taking_off);
+    mode(3 * ns_per_s, FlightPhase::flying);
+    for (TimeNs t = 3 * ns_per_s; t < 15 * ns_per_s; t += 50 * ns_per_ms) {
+      applied(t, 80 * ns_per_ms);
+      made(t, t < 4 * ns_per_s ? 0 : to_seconds(t - 4 * ns_per_s) * 0.15);
+    }
+    mode(15 * ns_per_s, FlightPhase::landing);
+    mode(18 * ns_per_s, FlightPhase::landed);
+  }
+  static std::array<double, 3> position(TimeNs t) {
+    const double s = to_seconds(t);
+    const double z = s < 1 ? 0 : s < 3 ? (s - 1) / 2 : s < 15 ? 1 : std::max(0.0, 1 - (s - 15) / 3);
+    return {std::clamp((s - 4) * 0.15, 0.0, 1.5), 0, z};
+  }
+  void place(TimeNs t, const std::array<double, 3>& at) {
+    TraceRecord r{.t_ns = start + t, .kind = TraceKind::truth, .drone = 1, .extra = at[2] > 0.02 ? 1u : 0u};
+    std::copy(at.begin(), at.end(), r.v);
+    recording.sim.push_back(r);
+  }
+  void mode(TimeNs t, FlightPhase phase, FailsafeMode mode = FailsafeMode::none,
+            FailsafeCause cause = FailsafeCause::none) {
+    TraceRecord r{.t_ns = start + t,
+                  .kind = TraceKind::mode,
+                  .drone = 1,
+                  .extra = static_cast<std::uint32_t>(mode),
+                  .id = static_cast<std::uint64_t>(phase)};
+    r.v[0] = static_cast<double>(cause);
+    recording.link.push_back(r);
+    sort();
+  }
+  void applied(TimeNs t, TimeNs age) {
+    recording.link.push_back(
+        {.t_ns = start + t, .kind = TraceKind::command_applied, .drone = 1, .stamp_ns = start + t - age});
+    sort();
+  }
+  void made(TimeNs t, double progress_m) {
+    TraceRecord r{.t_ns = start + t, .kind = TraceKind::command_made, .drone = 1};
+    r.v[3] = progress_m;
+    recording.ground.push_back(r);
+  }
+  void sort() {
+    std::stable_sort(recording.link.begin(), recording.link.end(),
+                     [](const TraceRecord& a, const TraceRecord& b) { return a.t_ns < b.t_ns; });
+  }
+  /// What broke, of a script with these rules.
+  std::vector<std::string> broken(const std::string& rules, const std::string& more = "") {
+    const RunResult result = judge_recording(script_of("must = [" + rules + "]\n" + more), 1, recording);
+    std::vector<std::string> texts;
+    for (const Verdict& verdict : result.verdicts) {
+      if (!verdict.held) texts.push_back(verdict.rule.text);
+    }
+    return texts;
+  }
+
+  Recording recording;
+};
+
+TEST_F(Flight, HoldsWhatItShouldWhenNothingIsWrong) {
+  EXPECT_THAT(broken("\"finishes\", \"height below 1.1 m\", \"path within 0.1 m\", \"speed below 0.8 m/s\", "
+                     "\"no command older than 100 ms applied\", \"hold is never seen\", \"ends within 21 s\""),
+              IsEmpty());
+  EXPECT_THAT(broken("\"height below 0.9 m\", \"path within 0.1 m\", \"speed below 0.4 m/s\", "
+                     "\"no command older than 70 ms applied\", \"hold is seen\", \"ends within 19 s\""),
+              ElementsAre("height below 0.9 m", "speed below 0.4 m/s", "no command older than 70 ms applied",
+                          "hold is seen", "ends within 19 s"));
+}
+
+TEST_F(Flight, IsBrokenByWhatTheTracesShow) {
+  const Recording good = recording;
+  for (TraceRecord& r : recording.sim) {
+    if (r.t_ns - start > 8 * ns_per_s && r.t_ns - start < 9 * ns_per_s) r.v[1] = 0.5;
+  }
+  EXPECT_THAT(broken("\"path within 0.4 m\""), testing::Contains("path within 0.4 m"));
+  recording = good;
+  for (TraceRecord& r : recording.sim) {
+    if (r.t_ns - start > 19 * ns_per_s) r.extra = 1;
+  }
+  EXPECT_THAT(broken(""), ElementsAre("always: on the ground in the end"));
+  recording = good;
+  std::erase_if(recording.link, [](const TraceRecord& r) {
+    return r.kind == TraceKind::command_applied && r.t_ns - start > 8 * ns_per_s;
+  });
+  EXPECT_THAT(broken(""), ElementsAre("always: a hold or a landing after silence"));
+  mode(9 * ns_per_s, FlightPhase::flying, FailsafeMode::hold, FailsafeCause::plan_ran_out);
+  EXPECT_THAT(broken(""), ElementsAre("always: a hold ends in a landing"));
+  recording = good;
+  recording.over = false;
+  recording.lost = {"tello1: 5 transitions made, 4 on the ledger"};
+  EXPECT_THAT(broken("\"nothing acknowledged is lost\""),
+              ElementsAre("nothing acknowledged is lost", "always: no hang", "always: nothing acknowledged is lost"));
+}
+
+TEST_F(Flight, CountsFromTheFaultsThatItHad) {
+  recording.faults = {{"ledger stall", start + 6 * ns_per_s, start + 8 * ns_per_s}};
+  const std::string fault = "[[fault]]\nwhat = \"ledger stall\"\nfor = \"2s\"\n";
+  mode(6'700 * ns_per_ms, FlightPhase::flying, FailsafeMode::hold, FailsafeCause::ledger_silent);
+  mode(8'300 * ns_per_ms, FlightPhase::flying);
+  EXPECT_THAT(broken("\"holds within 1 s\", \"resumes within 500 ms\", \"ledger silent is seen\"", fault), IsEmpty());
+  EXPECT_THAT(broken("\"holds within 500 ms\", \"resumes within 200 ms\", \"pose lost is seen\"", fault),
+              ElementsAre("holds within 500 ms", "resumes within 200 ms", "pose lost is seen"));
+}
+
+TEST_F(Flight, ComparesTransitionsFromTakeOffOnAndPlacesInTheAir) {
+  const Script script = script_of("");
+  const RunResult a = judge_recording(script, 1, recording);
+  const Agreement same = compare(a, a);
+  EXPECT_TRUE(same.same_transitions);
+  EXPECT_LT(same.farthest_m, 1e-6);
+  for (TraceRecord& r : recording.sim) {
+    if (r.t_ns - start > 8 * ns_per_s && r.t_ns - start < 9 * ns_per_s) r.v[1] = 0.25;
+  }
+  mode(500 * ns_per_ms, FlightPhase::disconnected);  // before take-off
+  Agreement other = compare(a, judge_recording(script, 1, recording));
+  EXPECT_TRUE(other.same_transitions);
+  EXPECT_NEAR(other.farthest_m, 0.25, 0.01);
+  mode(9 * ns_per_s, FlightPhase::flying, FailsafeMode::hold, FailsafeCause::plan_ran_out);
+  other = compare(a, judge_recording(script, 1, recording));
+  EXPECT_FALSE(other.same_transitions);
+  EXPECT_THAT(other.difference, HasSubstr("flying, hold (plan_ran_out)"));
+}
+
+}  // namespace
+}  // namespace ledgerline::hil
