@@ -1,9 +1,11 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
+#include <cmath>
 
 #include "common/rt/clock.hpp"
 #include "common/rt/json.hpp"
 #include "common/rt/log.hpp"
+#include "ground/shell/course_file.hpp"
 #include "hil/proxy/fault_socket.hpp"
 #include "hil/proxy/proxy.hpp"
 #include "hil/virtual_flight.hpp"
@@ -11,6 +13,20 @@
 namespace {
 
 using namespace ledgerline;
+
+using nlohmann::json;
+
+json laps_of(const hil::VirtualFlightResult::Drone& drone) {
+  json laps = json::array();
+  for (const auto& lap : drone.laps) {
+    laps.push_back({{"asked_mps", lap.asked_mps},
+                    {"flown_mps", lap.flown_mps},
+                    {"seconds", lap.seconds},
+                    {"rms_m", lap.rms_m},
+                    {"max_m", lap.max_m}});
+  }
+  return laps;
+}
 
 int virtual_flight(const hil::VirtualFlightConfig& config) {
   const TimeNs start = monotonic_ns();
@@ -20,26 +36,49 @@ int virtual_flight(const hil::VirtualFlightConfig& config) {
     spdlog::error("{}", flight.error().what);
     return 1;
   }
-  nlohmann::json out{{"ok", flight->ok},
-                     {"why", flight->why},
-                     {"seed", config.seed},
-                     {"digest", crypto::hex(flight->digest)},
-                     {"flown_s", to_seconds(flight->flown_ns)},
-                     {"wall_s", wall_s},
-                     {"times_real_time", to_seconds(flight->flown_ns) / wall_s},
-                     {"blocks", flight->blocks},
-                     {"transactions", flight->transactions},
-                     {"drones", nlohmann::json::array()}};
+  json out{{"ok", flight->ok},
+           {"why", flight->why},
+           {"seed", config.seed},
+           {"digest", crypto::hex(flight->digest)},
+           {"flown_s", to_seconds(flight->flown_ns)},
+           {"wall_s", wall_s},
+           {"times_real_time", to_seconds(flight->flown_ns) / wall_s},
+           {"blocks", flight->blocks},
+           {"transactions", flight->transactions},
+           {"drones", json::array()}};
   for (const auto& drone : flight->drones) {
-    out["drones"].push_back({{"id", drone.name},
-                             {"two_way_ms", drone.two_way_ms},
-                             {"age_ms", drone.age_ms},
-                             {"commands", {{"sent", drone.commands_sent}, {"applied", drone.commands_applied}}},
-                             {"cross_track_m", {{"rms", drone.cross_track_rms_m}, {"max", drone.cross_track_max_m}}},
-                             {"lap_s", drone.lap_s}});
+    out["drones"].push_back(
+        {{"id", drone.name},
+         {"two_way_ms", drone.two_way_ms},
+         {"age_ms", drone.age_ms},
+         {"commands", {{"sent", drone.commands_sent}, {"applied", drone.commands_applied}}},
+         {"cross_track_m", {{"rms", drone.cross_track_rms_m}, {"max", drone.cross_track_max_m}}},
+         {"lap_s", drone.lap_s},
+         {"laps", laps_of(drone)},
+         {"limit_mps", std::isfinite(drone.limit_mps) ? json(drone.limit_mps) : json()},
+         {"slowed_to_mps", drone.slowed_to_mps ? json(*drone.slowed_to_mps) : json()},
+         {"response",
+          {{"gain", drone.response.gain}, {"lag_s", drone.response.lag_s}, {"dead_s", drone.response.dead_s}}}});
   }
   fmt::print("{}\n", out.dump(2));
   return flight->ok ? 0 : 1;
+}
+
+Status read_texts(const std::string& shape, const std::string& ramp, const std::string& delay,
+                  hil::VirtualFlightConfig& config) {
+  auto course = ground::course_from(shape);
+  if (!course) return course.error();
+  config.shape = course->shape;
+  config.waypoints = std::move(course->waypoints);
+  if (!ramp.empty()) {
+    const auto read = ground::ramp_from(ramp);
+    if (!read) return Error{"--ramp: " + read.error().what};
+    config.ramp = *read;
+  }
+  const auto added = hil::added_delay_from(delay);
+  if (!added) return Error{"--delay: " + added.error().what};
+  config.delays.added = *added;
+  return done;
 }
 
 int run_proxy(const std::string& config, const std::string& script) {
@@ -76,22 +115,49 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
 
   hil::VirtualFlightConfig config;
-  std::string shape = "square";
+  std::string shape = "square", mode = "ledger", predict = "on", ramp, delay = "none";
+  double max_age_s = 0, batch_timeout_s = to_seconds(config.batch_timeout_ns);
   auto* flight = app.add_subcommand(
       "virtual",
       "A whole flight as cores in one thread on a virtual clock; prints one JSON object.\n"
       "The same options give the same digest. Exit code 0: all drones finished and landed; 1: not; 2: bad options.");
   flight->add_option("--drones", config.drones, "1 to 16")->check(CLI::Range(1, 16))->capture_default_str();
-  flight->add_option("--shape", shape, "square, triangle or x")
-      ->check(CLI::IsMember({"square", "triangle", "x"}))
+  flight->add_option("--mode", mode, "ledger, or local: the same controller beside the driver, without a ledger")
+      ->check(CLI::IsMember({"ledger", "local"}))
+      ->capture_default_str();
+  flight->add_option("--shape", shape, "square, triangle, x, eight, or a CSV file: x,y[,z[,speed]] a line")
+      ->capture_default_str();
+  flight->add_option("--side", config.side_m, "of the shape, m")->check(CLI::Range(0.5, 15.0))->capture_default_str();
+  flight->add_option("--predict", predict, "off: the plain controller: newest state, newest command")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+  flight->add_option("--ramp", ramp, "START:STEP: the speed of the first lap, and by how much each one is faster, m/s");
+  flight
+      ->add_option("--delay", delay,
+                   "Two-way, beside the ledger's own: none, seconds (0 to 3), or published (median 0.46 s, tail "
+                   "beyond 0.8 s)")
+      ->capture_default_str();
+  flight->add_option("--max-age", max_age_s, "s: agent and link take no older command (default: 5 with a delay)")
+      ->check(CLI::Range(0.05, 60.0));
+  flight->add_option("--model-error", config.model_error, "The simulated drone's mass, gain and lag are larger by this")
+      ->check(CLI::Range(-0.5, 1.0))
+      ->capture_default_str();
+  flight->add_option("--gust", config.gust_mps, "Standard deviation of the wind, m/s")
+      ->check(CLI::Range(0.0, 3.0))
+      ->capture_default_str();
+  flight->add_option("--full-scale", config.full_scale_mps, "What rc 100 means, m/s")
+      ->check(CLI::Range(0.5, 5.0))
       ->capture_default_str();
   flight->add_option("--speed", config.speed_mps, "m/s along the path")
-      ->check(CLI::Range(0.05, 3.0))
+      ->check(CLI::Range(0.05, 5.0))
       ->capture_default_str();
   flight->add_option("--rate", config.rate_hz, "states a second")->check(CLI::Range(1.0, 200.0))->capture_default_str();
   flight->add_option("--laps", config.laps)->check(CLI::Range(1, 1000))->capture_default_str();
   flight->add_option("--batch-count", config.batch_count, "transactions a block, at most")
       ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  flight->add_option("--batch-timeout", batch_timeout_s, "s: a block is cut when its oldest transaction waited so long")
+      ->check(CLI::Range(0.001, 60.0))
       ->capture_default_str();
   flight->add_option("--seed", config.seed)->capture_default_str();
 
@@ -120,6 +186,13 @@ int main(int argc, char** argv) {
   }
   if (proxy->parsed()) return run_proxy(proxy_config, script);
   if (faults->parsed()) return tell_faults(socket, command);
-  config.shape = *ground::shape_from_name(shape);
+  config.mode = mode == "local" ? hil::VirtualFlightConfig::Mode::local : hil::VirtualFlightConfig::Mode::ledger;
+  config.predict = predict == "on";
+  config.max_age_ns = from_seconds(max_age_s);
+  config.batch_timeout_ns = from_seconds(batch_timeout_s);
+  if (const Status read = read_texts(shape, ramp, delay, config); !read) {
+    spdlog::error("{}", read.error().what);
+    return 2;
+  }
   return virtual_flight(config);
 }

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <map>
 #include <string_view>
+#include <tuple>
 
 #include "common/msg/ros.hpp"
 #include "ground/core/flight.hpp"
@@ -17,6 +19,7 @@ namespace {
 
 constexpr TimeNs tick_ns = 1 * ns_per_ms;
 constexpr TimeNs ground_period_ns = 50 * ns_per_ms;
+constexpr TimeNs beat_period_ns = 50 * ns_per_ms;
 constexpr TimeNs truth_period_ns = 33 * ns_per_ms;
 constexpr std::int64_t real_epoch_s = 1'767'225'600;
 constexpr sim::Endpoint link_endpoint{0x7F000001, 40000};
@@ -100,9 +103,13 @@ class Flight {
     while (!ground_.done() && now_ < config_.longest_ns) {
       now_ += tick_ns;
       step_sim();
-      ledger_.step(now_);
-      step_agent();
-      step_ground();
+      if (local()) {
+        step_local();
+      } else {
+        ledger_.step(now_);
+        step_agent();
+        step_ground();
+      }
       step_link();
     }
     link_.finish();
@@ -120,17 +127,37 @@ class Flight {
     sim::Parameters parameters;
     parameters.drones = config.drones;
     parameters.seed = config.seed;
+    parameters.wind.gust_mps = config.gust_mps;
+    // A heavier drone hovers as well as any, its flight controller sees to that; but the same wind moves it less, and
+    // its motors have less to spare.
+    const double factor = 1 + config.model_error;
+    parameters.body.mass_kg *= factor;
+    parameters.body.drag_xy_per_s /= factor;
+    parameters.body.drag_z_per_s /= factor;
+    parameters.body.max_thrust_by_weight /= factor;
+    parameters.control.velocity_lag_s *= factor;
+    parameters.sdk.rc_full_mps = config.full_scale_mps * factor;
+    parameters.control.max_speed_mps = std::max(parameters.control.max_speed_mps, 1.5 * config.full_scale_mps);
     return parameters;
   }
   static link::LinkSettings link_settings(const VirtualFlightConfig& config) {
     link::LinkSettings settings;
     settings.rate_hz = config.rate_hz;
+    settings.rc.full_scale_mps = static_cast<float>(config.full_scale_mps);
+    settings.playout.max_speed_mps =
+        std::max(settings.playout.max_speed_mps, 1.5F * static_cast<float>(config.full_scale_mps));
+    settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, max_age_ns(config));
+    settings.playout.max_margin_ns = 0;  // ground counts on plans taking over as they come
     for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
     return settings;
   }
   static agent::AgentConfig agent_config(const VirtualFlightConfig& config) {
     agent::AgentConfig agent;
     agent.seed = config.seed;
+    if (const TimeNs max_age = max_age_ns(config); max_age > 0) {
+      agent.check.max_age_ns = max_age;
+      agent.ledger_silent_after_ns += max_age;  // a far ledger is not yet a silent one
+    }
     for (int k = 1; k <= config.drones; ++k) agent.drones.push_back({static_cast<DroneNumber>(k), drone_name(k)});
     return agent;
   }
@@ -138,12 +165,25 @@ class Flight {
     ground::FlightConfig ground;
     for (int k = 1; k <= config.drones; ++k) ground.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
     ground.shape = config.shape;
+    ground.side_m = config.side_m;
+    ground.waypoints = config.waypoints;
+    ground.ledger = config.mode == VirtualFlightConfig::Mode::ledger;
+    ground.controller.predict = config.predict;
+    ground.controller.ramp = config.ramp;
+    ground.controller.told_mps = config.full_scale_mps;
     ground.laps = config.laps;
     ground.controller.speed_mps = config.speed_mps;
     ground.self = operator_name;
     ground.believed = ledger.shared_registry();
     return ground;
   }
+
+  // Of a command; 0: the defaults.
+  static TimeNs max_age_ns(const VirtualFlightConfig& config) {
+    if (config.max_age_ns > 0) return config.max_age_ns;
+    return config.delays.added.kind == AddedDelay::Kind::none ? 0 : 5 * ns_per_s;
+  }
+  bool local() const { return config_.mode == VirtualFlightConfig::Mode::local; }
 
   Status set_up() {
     std::vector<std::string> names;
@@ -160,6 +200,7 @@ class Flight {
       if (auto s = ground_.set_control(*record); !s) return s;
     }
     tracking_.resize(names.size());
+    fusions_.resize(names.size(), agent::Fusion({}));
     return done;
   }
 
@@ -169,9 +210,17 @@ class Flight {
       digest_.put(datagram.bytes);
       to_link_.push_back(datagram);
     }
+    poses_.clear();
     for (const auto& pose : out.poses) {
-      agent_.on_mocap(now_, pose.drone, {pose.stamp_ns, pose.position_m, yaw_from_quaternion(pose.orientation)},
-                      agent_out_);
+      const agent::MocapPose measured{pose.stamp_ns, pose.position_m, yaw_from_quaternion(pose.orientation)};
+      if (local()) {
+        auto fused = fusions_[pose.drone - 1U].add(measured);
+        if (!fused) continue;
+        fused->drone = pose.drone;
+        poses_.push_back(*fused);
+      } else {
+        agent_.on_mocap(now_, pose.drone, measured, agent_out_);
+      }
     }
     if (now_ >= next_truth_ns_) {
       next_truth_ns_ = now_ + truth_period_ns;
@@ -184,12 +233,25 @@ class Flight {
       const auto status = ground_.status(i);
       if (status.phase != ground::DronePhase::path) continue;
       const auto truth = sim_.truth(ground_.drones()[i].number);
-      const ground::Path path(config_.shape, {status.origin_m[0], status.origin_m[1]}, ground_side_m_);
-      const double error = path.distance_m({truth.position_m[0], truth.position_m[1]});
-      tracking_[i].sum2 += error * error;
-      tracking_[i].max = std::max(tracking_[i].max, error);
-      ++tracking_[i].count;
+      const double error = ground_.controller(i)->path().distance_m({truth.position_m[0], truth.position_m[1]});
+      tracking_[i].push_back({now_, error});
     }
+  }
+
+  // States and plans go from hand to hand.
+  void step_local() {
+    ground::FlightInputs inputs;
+    inputs.states = states_;
+    beats_.clear();
+    if (now_ >= next_beat_ns_) {
+      next_beat_ns_ = now_ + beat_period_ns;
+      AgentBeat beat;
+      beat.stamp_ns = now_;
+      beat.ledger_alive = true;
+      beats_.push_back(beat);
+    }
+    plans_.clear();
+    if (!states_.empty() || now_ >= next_ground_ns_) give_ground(inputs);
   }
 
   void step_agent() {
@@ -227,6 +289,8 @@ class Flight {
     next_ground_ns_ = now_ + ground_period_ns;
     inputs.realtime_s = real_epoch_s + now_ / ns_per_s;
     const auto out = ground_.step(now_, inputs);
+    plans_.insert(plans_.end(), out.plans.begin(), out.plans.end());
+    for (const Plan& plan : out.plans) two_way_[plan.drone].add(now_ - plan.state_stamp_ns);
     for (const auto& submission : out.submissions) ledger_.submit(now_, operator_, submission.id, submission.call);
     for (const auto& trace : out.traces) digest_.put(trace);
   }
@@ -264,19 +328,54 @@ class Flight {
     result.digest = digest_.result();
     const auto reports = link_.reports();
     for (std::size_t i = 0; i < reports.size(); ++i) {
-      const auto& tracking = tracking_[i];
-      const double rms = tracking.count ? std::sqrt(tracking.sum2 / static_cast<double>(tracking.count)) : 0;
-      result.drones.push_back({reports[i].name, agent_.report(reports[i].number).two_way.quantiles_ms(),
-                               reports[i].age_ms, rms, tracking.max, ground_.status(i).lap_s,
-                               ground_.status(i).commands_sent, reports[i].plans.applied});
+      const ground::FlightStatus status = ground_.status(i);
+      VirtualFlightResult::Drone drone;
+      drone.name = reports[i].name;
+      drone.two_way_ms = local() ? two_way_[reports[i].number].quantiles_ms()
+                                 : agent_.report(reports[i].number).two_way.quantiles_ms();
+      drone.age_ms = reports[i].age_ms;
+      std::tie(drone.cross_track_rms_m, drone.cross_track_max_m) = error(i, 0, now_);
+      drone.lap_s = status.lap_s;
+      drone.laps = laps(i, status);
+      drone.limit_mps = status.limit_mps;
+      drone.slowed_to_mps = status.slowed_to_mps;
+      drone.response = status.response;
+      drone.commands_sent = status.commands_sent;
+      drone.commands_applied = reports[i].plans.applied;
+      result.drones.push_back(std::move(drone));
     }
     return result;
   }
 
-  struct Tracking {
-    double sum2 = 0, max = 0;
+  // Rms and greatest cross-track error between two moments.
+  std::pair<double, double> error(std::size_t drone, TimeNs from_ns, TimeNs to_ns) const {
+    double squares = 0, most = 0;
     std::uint64_t count = 0;
-  };
+    for (const auto& [t_ns, error] : tracking_[drone]) {
+      if (t_ns < from_ns || t_ns >= to_ns) continue;
+      squares += error * error;
+      most = std::max(most, error);
+      ++count;
+    }
+    return {count ? std::sqrt(squares / static_cast<double>(count)) : 0, most};
+  }
+
+  std::vector<VirtualFlightResult::Drone::Lap> laps(std::size_t i, const ground::FlightStatus& status) const {
+    std::vector<VirtualFlightResult::Drone::Lap> laps;
+    const ground::PathController* controller = ground_.controller(i);
+    TimeNs from_ns = status.path_ns[0];
+    for (const double lap_s : status.lap_s) {
+      const TimeNs to_ns = from_ns + from_seconds(lap_s);
+      VirtualFlightResult::Drone::Lap lap;
+      lap.asked_mps = controller->asked_mps((static_cast<double>(laps.size()) + 0.5) * controller->lap_m());
+      lap.flown_mps = controller->lap_m() / lap_s;
+      lap.seconds = lap_s;
+      std::tie(lap.rms_m, lap.max_m) = error(i, from_ns, to_ns);
+      laps.push_back(lap);
+      from_ns = to_ns;
+    }
+    return laps;
+  }
 
   VirtualFlightConfig config_;
   VirtualLedger ledger_;
@@ -284,7 +383,6 @@ class Flight {
   link::LinkCore link_;
   agent::AgentCore agent_;
   ground::FlightCore ground_;
-  double ground_side_m_ = ground::FlightConfig{}.side_m;
   VirtualLedger::Client host_ = 0, operator_ = 0;
   TimeNs now_ = 0, next_truth_ns_ = 0, next_ground_ns_ = 0;
 
@@ -298,7 +396,10 @@ class Flight {
   std::vector<AgentBeat> beats_;
   agent::AgentOutputs agent_out_;
 
-  std::vector<Tracking> tracking_;
+  std::vector<std::vector<std::pair<TimeNs, double>>> tracking_;  ///< of each drone: cross-track error by time
+  std::vector<agent::Fusion> fusions_;                            ///< local: agent is not there
+  std::map<DroneNumber, Histogram> two_way_;                      ///< local
+  TimeNs next_beat_ns_ = 0;
   Digester digest_;
 };
 
@@ -308,6 +409,10 @@ Result<VirtualFlightResult> fly_virtually(const VirtualFlightConfig& config) {
   if (config.drones < 1 || config.drones > max_drones) {
     return Error{fmt::format("{} drones asked for; 1 to {} can fly", config.drones, max_drones)};
   }
+  if (config.model_error < -0.5 || config.model_error > 1)
+    return Error{fmt::format("a model error of {}: -0.5 to 1 can be flown", config.model_error)};
+  if (config.mode == VirtualFlightConfig::Mode::local && config.delays.added.kind != AddedDelay::Kind::none)
+    return Error{"a local flight has no ledger that could be delayed"};
   return Flight(config).run();
 }
 

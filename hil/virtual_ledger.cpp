@@ -64,7 +64,7 @@ void VirtualLedger::restart(TimeNs now) {
 }
 
 VirtualLedger::Client VirtualLedger::add_client(const crypto::IdentityName& name) {
-  members_.push_back({crypto::make_test_identity(name), {}, {}});
+  members_.push_back({crypto::make_test_identity(name), WayDelay(delays_.added, random_.next()), {}, {}});
   return members_.size() - 1;
 }
 
@@ -79,7 +79,7 @@ TimeNs VirtualLedger::later(TimeNs now, TimeNs delay) {
 }
 
 void VirtualLedger::submit(TimeNs now, Client client, std::uint64_t id, const fabric::Call& call) {
-  Pending pending{client, id, {}, {}, false};
+  Pending pending{client, id, {}, {}, false, now, 0};
   const auto proposal = propose(now, members_[client], call);
   if (!proposal) {
     end(now, pending, {node::Code::invalid_argument, proposal.error().what, {}, {}});
@@ -95,7 +95,12 @@ void VirtualLedger::end(TimeNs now, const Pending& pending, const node::Reply& r
   outcome.kind = fabric::Outcome::Kind::refused;
   outcome.tx_id = pending.tx_id;
   outcome.message = contract_words(refusal);
-  members_[pending.client].outcomes.emplace_back(later(now, delays_.deliver_ns), Ended{pending.id, outcome});
+  Member& member = members_[pending.client];
+  member.outcomes.emplace_back(delivered(now, member), Ended{pending.id, outcome});
+}
+
+TimeNs VirtualLedger::delivered(TimeNs now, Member& member) {
+  return later(now, delays_.deliver_ns) + member.added.at(now);
 }
 
 void VirtualLedger::advance(TimeNs now, Pending pending) {
@@ -111,6 +116,7 @@ void VirtualLedger::advance(TimeNs now, Pending pending) {
   }
   const node::Reply reply = core_->order(pending.bytes, at(now));
   if (reply.code != node::Code::ok) return end(now, pending, reply);
+  pending.ordered_after_ns = now - pending.begun_ns;
   const std::uint64_t waiter = next_waiter_++;
   core_->watch(pending.tx_id, waiter);  // never committed already: one transaction id is submitted once
   waiting_.emplace(waiter, std::move(pending));
@@ -130,7 +136,7 @@ void VirtualLedger::apply(TimeNs now, const node::CutBlock& block) {
   for (auto& member : members_) {
     // A stream keeps its order: no block overtakes the one before.
     const TimeNs earliest = member.blocks.empty() ? 0 : member.blocks.back().first;
-    member.blocks.emplace_back(std::max(earliest, later(now, delays_.deliver_ns)), *decoded);
+    member.blocks.emplace_back(std::max(earliest, delivered(now, member)), *decoded);
   }
   for (const auto& answer : applied.answers) {
     const auto found = waiting_.find(answer.waiter);
@@ -140,7 +146,9 @@ void VirtualLedger::apply(TimeNs now, const node::CutBlock& block) {
     outcome.block = answer.status.block;
     outcome.code = answer.status.code;
     const Pending& pending = found->second;
-    members_[pending.client].outcomes.emplace_back(later(now, delays_.deliver_ns), Ended{pending.id, outcome});
+    outcome.ordered_after_ns = pending.ordered_after_ns;
+    Member& member = members_[pending.client];
+    member.outcomes.emplace_back(delivered(now, member), Ended{pending.id, outcome});
     waiting_.erase(found);
   }
 }

@@ -10,6 +10,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client.hpp"
 #include "common/rt/random.hpp"
+#include "hil/way_delay.hpp"
 
 namespace ledgerline::hil {
 
@@ -20,6 +21,7 @@ struct LedgerDelays {
   TimeNs write_ns = 1 * ns_per_ms;     ///< block cut until on disk
   TimeNs deliver_ns = 1 * ns_per_ms;   ///< on disk until a client has the block or its commit status
   TimeNs jitter_ns = 500 * ns_per_us;  ///< each of them longer by up to this, uniform
+  AddedDelay added{};                  ///< to deliver_ns; each client has its own
 };
 
 /// The embedded node's core with its clients on a virtual clock: real proposals, endorsements, blocks and flags, with
@@ -67,9 +69,12 @@ class VirtualLedger {
     std::string tx_id;
     std::string bytes;  ///< a signed proposal, then a signed envelope
     bool endorsed = false;
+    TimeNs begun_ns = 0;
+    TimeNs ordered_after_ns = 0;
   };
   struct Member {
     crypto::SigningIdentity identity;
+    WayDelay added;
     std::deque<std::pair<TimeNs, fabric::Block>> blocks;
     std::deque<std::pair<TimeNs, Ended>> outcomes;
   };
@@ -77,6 +82,7 @@ class VirtualLedger {
   Result<fabric::Proposal> propose(TimeNs now, const Member& member, const fabric::Call& call);
   std::unique_ptr<node::NodeCore> make_core();
   TimeNs later(TimeNs now, TimeNs delay);
+  TimeNs delivered(TimeNs now, Member& member);
   void advance(TimeNs now, Pending pending);
   void end(TimeNs now, const Pending& pending, const node::Reply& refusal);
   void cut_if_due(TimeNs now);

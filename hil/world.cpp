@@ -67,6 +67,8 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   const sim::Parameters places;
   link::LinkSettings settings;
   settings.rate_hz = config.rate_hz;
+  settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, config.max_age_ns);
+  if (!config.predict) settings.playout.max_margin_ns = 0;  // the plain controller's command is for now
   for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
   const int columns = std::min(config.drones, places.columns);
   const int rows = (config.drones + places.columns - 1) / places.columns;
@@ -79,6 +81,9 @@ link::LinkSettings link_settings(const WorldConfig& config) {
 agent::AgentConfig agent_config(const WorldConfig& config, std::uint64_t starts) {
   agent::AgentConfig agent;
   agent.seed = config.seed + starts;
+  // A far ledger is not yet a silent one.
+  agent.ledger_silent_after_ns += std::max<TimeNs>(0, config.max_age_ns - agent.check.max_age_ns);
+  agent.check.max_age_ns = config.max_age_ns;
   for (int k = 1; k <= config.drones; ++k) agent.drones.push_back({static_cast<DroneNumber>(k), drone_name(k)});
   return agent;
 }
@@ -90,6 +95,7 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
   ground.side_m = config.side_m;
   ground.laps = config.laps;
   ground.controller.speed_mps = config.speed_mps;
+  ground.controller.predict = config.predict;
   ground.self = operator_name;
   ground.believed = ledger.shared_registry();
   return ground;
@@ -389,6 +395,24 @@ LineCounts VirtualWorld::line_counts(LineAt at, std::size_t drone) const {
 
 const LedgerPort::Counts& VirtualWorld::counts(Process process) const {
   return process == Process::agent ? host_.counts() : operator_.counts();
+}
+
+std::string VirtualWorld::plans_text(std::size_t drone) const {
+  std::string text;
+  if (agent_) {
+    const auto commands = agent_->report(facts_[drone].number).commands;
+    text += fmt::format("agent: {} on the ledger, {} verified", commands.on_ledger, commands.verified);
+    for (std::size_t i = 0; i < agent::refusal_count; ++i) {
+      if (commands.reasons[i] > 0)
+        text += fmt::format(", {} {}", commands.reasons[i], agent::refusal_name(static_cast<agent::Refusal>(i)));
+    }
+  }
+  if (link_) {
+    const link::PlanCounters plans = link_->reports()[drone].plans;
+    text += fmt::format("{}link: {} received, {} applied, {} late, {} dropped", text.empty() ? "" : "; ", plans.received,
+                        plans.applied, plans.late, plans.dropped);
+  }
+  return text;
 }
 
 const ground::FlightStatus VirtualWorld::status(std::size_t drone) const {

@@ -27,6 +27,8 @@ struct WorldConfig {
   double speed_mps = 0.5;
   double rate_hz = 30;
   int laps = 1;
+  bool predict = true;
+  TimeNs max_age_ns = 500 * ns_per_ms;  ///< of a command, from its state's stamp; for a far ledger more
   double battery = 1.0;  ///< of every drone at the start, 0..1
   double room_m = 3;     ///< the fence's distance from the drones' places
   std::size_t batch_count = 1;
@@ -136,6 +138,8 @@ class VirtualWorld {
   std::uint64_t blocks() const { return ledger_.height(); }
   std::uint64_t transactions() const { return ledger_.transactions(); }
   const LedgerPort::Counts& counts(Process process) const;
+  /// What became of a drone's plans, in words: agent's refusals and link's counters, of those that run now.
+  std::string plans_text(std::size_t drone) const;
   LineCounts line_counts(LineAt at, std::size_t drone) const;
 
   // Faults. Drones are indices.

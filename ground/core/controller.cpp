@@ -1,21 +1,97 @@
 #include "ground/core/controller.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <numbers>
+#include <string_view>
 
 namespace ledgerline::ground {
 namespace {
 
-// The reference must leave a corner at which it would stand still.
-constexpr double creep_mps = 0.05;
+constexpr double peaks = 3;               // of the prediction's error over its rms
+constexpr double gain_by_age = 1.6;       // position gain times age at application, at most
+constexpr double short_way_m = 0.1;       // over less, gusts and noise hide the model's error
+constexpr double gusts_m = 0.015;         // of a prediction's error is no model's fault
+constexpr double forget = 1 - 1.0 / 100;  // of predictions: about three seconds
+constexpr std::size_t expected_kept = 512;
+constexpr TimeNs plain_apart_ns = 500 * ns_per_ms;  // link holds the last setpoint of a plan so long
+constexpr int plain_setpoints = 4;
 
 double wrap(double angle) { return std::remainder(angle, 2 * std::numbers::pi); }
 
+motion::TrackLimits limits_of(const ControllerConfig& config) {
+  motion::TrackLimits limits;
+  limits.told_mps = config.told_mps;
+  limits.lag_s = config.lag_s;
+  limits.vertical_mps = 0.8 * config.max_vertical_mps;
+  return limits;
+}
+
+motion::PredictorConfig predictor_of(const ControllerConfig& config) {
+  motion::PredictorConfig predictor;
+  // Whoever says how slowly a drone answers means all of it; a third of that goes into leaning over.
+  const double dead_s = config.lag_s / 3;
+  predictor.first.dead_s = dead_s;
+  predictor.first.lag_s = config.lag_s - dead_s;
+  predictor.told_acceleration_mps2 = config.told_mps2;
+  return predictor;
+}
+
 }  // namespace
 
-PathController::PathController(Path path, ControllerConfig config, double yaw_rad)
-    : path_(std::move(path)), config_(config), yaw_rad_(yaw_rad), prediction_(config.lag_s) {}
+Result<Ramp> ramp_from(const std::string& text) {
+  const auto number = [](std::string_view cell, double& out) {
+    const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), out);
+    return error == std::errc{} && end == cell.data() + cell.size();
+  };
+  const std::string_view whole = text;
+  const auto colon = whole.find(':');
+  Ramp ramp;
+  if (colon == std::string_view::npos || !number(whole.substr(0, colon), ramp.start_mps) ||
+      !number(whole.substr(colon + 1), ramp.step_mps) || !(ramp.start_mps >= 0.05 && ramp.start_mps <= 8) ||
+      !(ramp.step_mps >= 0 && ramp.step_mps <= 2)) {
+    return Error{"\"" + text + "\" is no START:STEP in m/s, such as 0.5:0.1 (0.05 to 8, 0 to 2)"};
+  }
+  return ramp;
+}
+
+void PredictionError::predicted(TimeNs at_ns, const Eigen::Vector2d& position_m) {
+  if (!expected_.empty() && at_ns <= expected_.back().at_ns) return;
+  expected_.push_back({at_ns, position_m, last_.position_m.head<2>()});
+  if (expected_.size() > expected_kept) expected_.pop_front();
+}
+
+void PredictionError::seen(const Motion& state) {
+  while (!expected_.empty() && expected_.front().at_ns <= state.stamp_ns) {
+    const Expected expected = expected_.front();
+    expected_.pop_front();
+    const double ago_s = to_seconds(state.stamp_ns - expected.at_ns);
+    if (ago_s > 0.2) continue;  // behind a gap nobody knows where it was then
+    const Eigen::Vector2d was = state.position_m.head<2>() - ago_s * state.velocity_mps.head<2>();
+    const double way_m = (was - expected.from_m).norm();
+    if (way_m < short_way_m) continue;
+    const double error_m2 = std::max(0.0, (was - expected.position_m).squaredNorm() - gusts_m * gusts_m);
+    errors_m2_ = forget * errors_m2_ + error_m2;
+    ways_m2_ = forget * ways_m2_ + way_m * way_m;
+  }
+  last_ = state;
+}
+
+double PredictionError::share() const {
+  constexpr double doubt_m2 = 0.5;  // metres of way, squared, until what was seen weighs as much as not knowing
+  const double mean = (errors_m2_ + unknown * unknown * doubt_m2) / (ways_m2_ + doubt_m2);
+  return std::max(least, std::sqrt(mean));
+}
+
+PathController::PathController(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin,
+                               ControllerConfig config, double yaw_rad)
+    : config_(config),
+      path_(waypoints, origin),
+      track_(waypoints, origin, config.height_m, limits_of(config)),
+      yaw_rad_(yaw_rad),
+      predictor_(predictor_of(config)),
+      position_gain_(config.position_gain) {}
 
 void PathController::start(TimeNs from_ns, double end_m) {
   started_ = true;
@@ -23,85 +99,153 @@ void PathController::start(TimeNs from_ns, double end_m) {
   reference_ns_ = from_ns;
 }
 
-// As fast as a constant acceleration allows between the corners, each passed at a speed that falls with its angle.
-double PathController::speed_at(double s_m) const {
-  const auto at_corner = [&](double angle_rad) {
-    const double share = std::clamp(1.5 - angle_rad / std::numbers::pi, 0.25, 1.5);  // 1 at 90 degrees
-    return std::min(config_.speed_mps, config_.corner_speed_mps * share);
-  };
-  const auto reachable = [&](double from_mps, double distance_m) {
-    return std::sqrt(from_mps * from_mps + 2 * config_.acceleration_mps2 * std::max(0.0, distance_m));
-  };
-  const Path::Turn turns = path_.turns(s_m);
-  double speed = std::min({config_.speed_mps, reachable(at_corner(turns.ahead_rad), turns.ahead_m),
-                           reachable(at_corner(turns.behind_rad), turns.behind_m)});
-  speed = std::min({speed, reachable(0, s_m), reachable(0, end_m_ - s_m)});  // from rest, to rest
-  return std::max(speed, std::min(creep_mps, config_.speed_mps));
+void PathController::observe(const StateSample& state, TimeNs late_ns) {
+  if (state.pose_stamp_ns <= raw_.stamp_ns) return;
+  raw_.stamp_ns = state.pose_stamp_ns;
+  raw_.position_m = Eigen::Vector3d::Map(state.position_m.data());
+  raw_.velocity_mps = Eigen::Vector3d::Map(state.velocity_mps.data());
+  raw_.yaw_rad = state.yaw_rad;
+  raw_stamp_ns_ = state.stamp_ns;
+  predictor_.observe(state, late_ns);
+  error_.seen(predictor_.newest());
 }
 
-// The share of its speed that the reference moves with: whole up to half the leash, none at its end.
+double PathController::asked_mps(double s_m) const {
+  if (config_.ramp.start_mps <= 0) return config_.speed_mps;
+  return config_.ramp.start_mps + config_.ramp.step_mps * std::floor(std::max(0.0, s_m) / lap_m() + 1e-9);
+}
+
+double PathController::expected_s(int laps) const {
+  const double slowest = std::min(asked_mps(0), slowed_to_mps_.value_or(limit_mps_));
+  return laps * (config_.predict ? track_.lap_s(slowest) : path_.length_m() / slowest);
+}
+
+double PathController::speed_at(double s_m) const {
+  const double most = std::min({asked_mps(s_m), limit_mps_, config_.told_mps * predictor_.response().gain});
+  const double a = motion::TrackLimits{}.acceleration_mps2;
+  const double from_rest = std::sqrt(2 * a * std::max(0.0, s_m) + 0.01);
+  const double to_rest = std::sqrt(2 * a * std::max(0.0, end_m_ - s_m) + 0.0025);
+  return std::min({track_.speed_at(s_m), most, from_rest, to_rest});
+}
+
+// The share of its speed that the reference moves with: whole up to half the leash, none at its end. For a drone that is
+// ahead it need not wait.
 double PathController::pace(double s_m, const Eigen::Vector2d& drone) const {
   if (!started_ || s_m >= end_m_) return 0;
-  return std::clamp(2.0 - 2.0 * (path_.point(s_m) - drone).norm() / config_.leash_m, 0.0, 1.0);
+  const motion::Track::Place place = track_.at(s_m);
+  const Eigen::Vector2d direction = place.direction.head<2>();
+  Eigen::Vector2d behind = place.position_m.head<2>() - drone;
+  if (const double along = behind.dot(direction); along < 0) behind -= along * direction;
+  return std::clamp(2.0 - 2.0 * behind.norm() / config_.leash_m, 0.0, 1.0);
 }
 
 double PathController::advance(double s_m, const Eigen::Vector2d& drone, double dt_s) const {
   return std::min(std::max(s_m, end_m_), s_m + pace(s_m, drone) * speed_at(s_m) * dt_s);
 }
 
-Setpoint PathController::steer(const Motion& from, double s_m) const {
-  const Eigen::Vector2d target = path_.point(s_m);
-  Eigen::Vector2d reference = Eigen::Vector2d::Zero();
-  Eigen::Vector2d lead = Eigen::Vector2d::Zero();
-  // A reference that waits has no velocity: with it the drone would come to rest beside a reference that waits for it.
-  if (const double share = pace(s_m, from.position_m.head<2>()); share > 0) {
-    constexpr double ds_m = 0.01;
-    const double speed = speed_at(s_m);
-    // v dv/ds within the piece; a corner's change of direction is left to the corrections.
-    const double to_corner_m = std::min(path_.turns(s_m).ahead_m, end_m_ - s_m);
-    const double ahead_m = std::min(ds_m, 0.5 * to_corner_m);
-    const double acceleration = ahead_m > 1e-6 ? speed * (speed_at(s_m + ahead_m) - speed) / ahead_m : 0.0;
-    const double bound = config_.acceleration_mps2;
-    reference = share * speed * path_.direction(s_m);
-    lead = share * config_.lag_s * std::clamp(acceleration, -bound, bound) * path_.direction(s_m);
-  }
-  Eigen::Vector2d wanted = reference + lead + config_.position_gain * (target - from.position_m.head<2>()) +
-                           config_.velocity_gain * (reference - from.velocity_mps.head<2>());
-  const double most = 1.5 * config_.speed_mps + 0.3;
-  if (wanted.norm() > most) wanted *= most / wanted.norm();
-  const double vertical = std::clamp(config_.height_gain * (config_.height_m - from.position_m.z()),
+// Height and yaw alone.
+Setpoint PathController::level(const Motion& from, double height_m, double climb_mps) const {
+  const double vertical = std::clamp(climb_mps + config_.height_gain * (height_m - from.position_m.z()),
                                      -config_.max_vertical_mps, config_.max_vertical_mps);
   const double yaw_rate = std::clamp(config_.yaw_gain * wrap(yaw_rad_ - from.yaw_rad), -config_.max_yaw_rate_radps,
                                      config_.max_yaw_rate_radps);
   Setpoint setpoint;
-  setpoint.velocity_mps = {static_cast<float>(wanted.x()), static_cast<float>(wanted.y()),
-                           static_cast<float>(vertical)};
+  setpoint.velocity_mps[2] = static_cast<float>(vertical);
   setpoint.yaw_rate_radps = static_cast<float>(yaw_rate);
   return setpoint;
 }
 
-std::vector<Setpoint> PathController::plan(const Motion& state, TimeNs first_ns) {
-  predicted_ = prediction_.at(state, first_ns);
-  reference_ns_ = started_ ? std::max(reference_ns_, first_ns - Prediction::longest_ns) : first_ns;
+Setpoint PathController::steer(const Motion& from, double s_m) const {
+  const motion::Response& model = predictor_.response();
+  const motion::Track::Place place = track_.at(s_m);
+  const Eigen::Vector2d direction = place.direction.head<2>();
+  Eigen::Vector2d reference = Eigen::Vector2d::Zero(), lead = Eigen::Vector2d::Zero();
+  double climb = 0;
+  // A reference that waits has no velocity: with it the drone would come to rest beside a reference that waits for it.
+  if (const double share = pace(s_m, from.position_m.head<2>()); share > 0) {
+    constexpr double ds_m = 0.01;
+    const double speed = share * speed_at(s_m);
+    const double gained = speed_at(s_m + ds_m) - speed_at(s_m);
+    const double a = motion::TrackLimits{}.acceleration_mps2;
+    const double along = share * std::clamp(speed * gained / ds_m, -a, a);
+    reference = speed * direction;
+    lead = model.lag_s * (along * direction + speed * speed * place.bend_per_m);
+    climb = speed * place.direction.z();
+  }
+  Eigen::Vector2d wanted = reference + lead +
+                           position_gain_ * (place.position_m.head<2>() - from.position_m.head<2>()) +
+                           config_.velocity_gain * (reference - from.velocity_mps.head<2>());
+  wanted = (wanted - predictor_.drift_mps().head<2>()) / model.gain;
+  const double most = std::min(config_.told_mps, 1.5 * asked_mps(s_m) / model.gain + 0.3);
+  if (wanted.norm() > most) wanted *= most / wanted.norm();
+  Setpoint setpoint = level(from, place.position_m.z(), climb);
+  setpoint.velocity_mps[0] = static_cast<float>(wanted.x());
+  setpoint.velocity_mps[1] = static_cast<float>(wanted.y());
+  return setpoint;
+}
+
+void PathController::limit(double age_s) {
+  position_gain_ = std::min(config_.position_gain, gain_by_age / std::max(0.05, age_s));
+  const double limit = config_.allowed_error_m / (peaks * error_.share() * std::max(0.05, age_s));
+  limit_mps_ = std::max(config_.least_limit_mps, limit);
+  if (started_ && !at_end() && limit_mps_ < asked_mps(progress_m_))
+    slowed_to_mps_ = std::min(limit_mps_, slowed_to_mps_.value_or(limit_mps_));
+}
+
+std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, std::size_t count) {
+  if (!config_.predict) return plan_plain(first_ns);
+  motion::Predictor::Rollout rollout = predictor_.until(first_ns);
+  limit(to_seconds(rollout.effect().stamp_ns - predictor_.newest().stamp_ns));
+  error_.predicted(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
+
+  reference_ns_ = started_ ? std::max(reference_ns_, first_ns - longest_ns) : first_ns;
   while (reference_ns_ < first_ns) {
     const TimeNs dt_ns = std::min(step_ns, first_ns - reference_ns_);
-    progress_m_ = advance(progress_m_, predicted_.position_m.head<2>(), to_seconds(dt_ns));
+    progress_m_ = advance(progress_m_, rollout.effect().position_m.head<2>(), to_seconds(dt_ns));
     reference_ns_ += dt_ns;
   }
 
   std::vector<Setpoint> plan;
-  Motion now = predicted_;
   double s_m = progress_m_;
   const double dt_s = to_seconds(step_ns);
-  for (std::size_t i = 0; i < steps; ++i) {
-    Setpoint setpoint = steer(now, s_m);
+  for (std::size_t i = 0; i < std::clamp<std::size_t>(count, steps, max_setpoints); ++i) {
+    const Motion now = rollout.effect();
+    const double next_m = advance(s_m, now.position_m.head<2>(), dt_s);
+    // A setpoint is flown over the whole step: its middle is what it is right for.
+    Motion middle = now;
+    middle.position_m += 0.5 * dt_s * now.velocity_mps;
+    Setpoint setpoint = steer(middle, 0.5 * (s_m + next_m));
     setpoint.at_ns = first_ns + static_cast<TimeNs>(i) * step_ns;
     plan.push_back(setpoint);
-    now = prediction_.move(now, setpoint, dt_s);
-    s_m = advance(s_m, now.position_m.head<2>(), dt_s);
+    const Eigen::Vector3d told(setpoint.velocity_mps[0], setpoint.velocity_mps[1], setpoint.velocity_mps[2]);
+    rollout.tell(told, static_cast<double>(setpoint.yaw_rate_radps), rollout.told_until_ns() + step_ns);
+    s_m = next_m;
   }
+  predictor_.sent(id, plan);
+  return plan;
+}
 
-  prediction_.sent(state, plan);
+std::vector<Setpoint> PathController::plan_plain(TimeNs first_ns) {
+  reference_ns_ = started_ ? std::max(reference_ns_, first_ns - longest_ns) : first_ns;
+  if (started_ && first_ns > reference_ns_ && progress_m_ < end_m_) {
+    progress_m_ = std::min(end_m_, progress_m_ + asked_mps(progress_m_) * to_seconds(first_ns - reference_ns_));
+  }
+  reference_ns_ = std::max(reference_ns_, first_ns);
+  const bool moving = started_ && progress_m_ < end_m_;
+  const Eigen::Vector2d reference =
+      moving ? Eigen::Vector2d(asked_mps(progress_m_) * path_.direction(progress_m_)) : Eigen::Vector2d::Zero();
+  Eigen::Vector2d wanted = reference + config_.position_gain * (path_.point(progress_m_) - raw_.position_m.head<2>()) +
+                           config_.velocity_gain * (reference - raw_.velocity_mps.head<2>());
+  const double most = std::min(config_.told_mps, 1.5 * asked_mps(progress_m_) + 0.3);
+  if (wanted.norm() > most) wanted *= most / wanted.norm();
+  Setpoint setpoint = level(raw_, config_.height_m, 0);
+  setpoint.velocity_mps[0] = static_cast<float>(wanted.x());
+  setpoint.velocity_mps[1] = static_cast<float>(wanted.y());
+  std::vector<Setpoint> plan;
+  for (int i = 0; i < plain_setpoints; ++i) {
+    setpoint.at_ns = first_ns + i * plain_apart_ns;
+    plan.push_back(setpoint);
+  }
   return plan;
 }
 

@@ -1,67 +1,144 @@
 #pragma once
+#include <deque>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "ground/core/path.hpp"
 #include "ground/core/prediction.hpp"
+#include "ground/motion/predictor.hpp"
+#include "ground/motion/track.hpp"
 
 namespace ledgerline::ground {
 
+/// Speed growing at every turn, a turn being a lap: start, start + step, ...; a step of 0: always the same.
+struct Ramp {
+  double start_mps = 0;  ///< 0: no ramp
+  double step_mps = 0;
+};
+
+/// "START:STEP", m/s: 0.05 to 8, and 0 to 2.
+Result<Ramp> ramp_from(const std::string& text);
+
 struct ControllerConfig {
+  bool predict = true;  ///< else the plain controller: newest state, newest command, no model
   double speed_mps = 0.5;
+  Ramp ramp;
   double height_m = 1.0;
-  double lag_s = 0.3;              ///< of the drone's answer to a velocity setpoint, first order
-  double acceleration_mps2 = 1.0;  ///< of the reference along the path
-  double corner_speed_mps = 0.2;   ///< through a turn of 90 degrees; less for sharper turns
-  double position_gain = 2.0;      ///< 1/s; with the lag: damped nearly critically by velocity_gain
-  double velocity_gain = 0.4;
+  double lag_s = 0.3;          ///< of the drone's answer to a velocity setpoint, taken until it was learned
+  double told_mps = 1.0;       ///< what the drone can be told at most: rc 100
+  double told_mps2 = 4.0;      ///< link's limit of acceleration
+  double position_gain = 2.5;  ///< 1/s; with the lag: damped nearly critically by velocity_gain
+  double velocity_gain = 0.5;
   double height_gain = 1.0;  ///< 1/s
   double yaw_gain = 1.0;     ///< 1/s
   double max_vertical_mps = 0.5;
   double max_yaw_rate_radps = 0.7;
-  double leash_m = 0.4;  ///< the reference stops when it is this far ahead of the drone
+  double leash_m = 0.4;          ///< the reference stops when it is this far ahead of the drone
+  double allowed_error_m = 0.4;  ///< that prediction's error may reach; speed is limited so that it does not
+  double least_limit_mps = 0.2;  ///< but never below this
 };
 
-/// Follows a path: a reference point moves along it (slower at corners, waiting when the drone falls behind), and the
-/// drone is steered to the reference by velocity setpoints: the reference's velocity, led by the drone's lag, plus
-/// corrections of position and velocity. Each plan starts from the state predicted for the moment when its first
-/// setpoint is meant to be flown, by a first-order lag under the setpoints already sent. The work of a plan is bounded,
-/// whatever the times in the state: after a pause of more than 3 s the reference goes on from where it was, as it would
-/// after 3 s. Deterministic; one thread.
+/// How sure predictions are: the share of the way flown meanwhile by which they missed, from predictions that were made
+/// and the states that came when their time was over. Bounded; one thread.
+class PredictionError {
+ public:
+  static constexpr double unknown = 0.2, least = 0.02;  ///< of the way
+  void predicted(TimeNs at_ns, const Eigen::Vector2d& position_m);
+  /// The newest state: where the drone was, and how fast.
+  void seen(const Motion& state);
+  double share() const;
+
+ private:
+  struct Expected {
+    TimeNs at_ns;
+    Eigen::Vector2d position_m, from_m;
+  };
+  std::deque<Expected> expected_;
+  Motion last_;
+  double errors_m2_ = 0, ways_m2_ = 0;
+};
+
+/// Follows a path: a reference moves along the Track (slower in bends, waiting when the drone falls behind), and the
+/// drone is steered to it by velocity setpoints: the reference's velocity, led by what the drone's lag takes, plus
+/// corrections of position and velocity, less the wind's drift, over the drone's gain. Each plan starts from the state
+/// predicted for the moment when its first setpoint takes effect (motion::Predictor), and ends as late as asked for.
+///
+/// With u told, and the model lag v' = gain u + drift - v, the law
+///     u = (v_ref + lag a_ref + K (p_ref - p) + V (v_ref - v) - drift) / gain
+/// leaves lag e'' + (1 + V) e' + K e = 0 of the error. K falls with the age at application, as 1.6 / age: what the
+/// model does not say must not be corrected faster than it is seen.
+///
+/// A latency-aware limit: with a share of the way by which predictions miss, and the age, three times their error stays
+/// within allowed_error_m at limit_mps(); above it the reference is slowed.
+///
+/// Without prediction: a reference that runs along the sharp path at constant speed and waits for nobody; the velocity
+/// for the newest state as it came, held until the next one.
+///
+/// The work of a plan is bounded, whatever the times in the state: after a pause of more than 3 s the reference goes on
+/// from where it was, as it would after 3 s. Deterministic; one thread.
 class PathController {
  public:
   static constexpr TimeNs step_ns = 50 * ns_per_ms;
-  static constexpr std::size_t steps = 12;  // 0.6 s
+  static constexpr std::size_t steps = 12;  ///< of a plan at least: 0.6 s
+  static constexpr TimeNs longest_ns = 3 * ns_per_s;
 
-  PathController(Path path, ControllerConfig config, double yaw_rad);
+  PathController(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin, ControllerConfig config,
+                 double yaw_rad);
 
-  /// Lets the reference move from `from_ns` on, as far as `end_m` along the path (laps count on); until then it waits
+  /// Lets the reference move from `from_ns` on, as far as `end_m` along the track (laps count on); until then it waits
   /// at the origin.
   void start(TimeNs from_ns, double end_m = std::numeric_limits<double>::infinity());
-  /// Setpoints for first_ns, first_ns + 50 ms, ...; first_ns must not go back from plan to plan.
-  std::vector<Setpoint> plan(const Motion& state, TimeNs first_ns);
+  /// A state in flight; `late_ns`: how much later than they say link flies setpoints (motion::Applications).
+  void observe(const StateSample& state, TimeNs late_ns);
+  /// Setpoints for first_ns, first_ns + 50 ms, ... as many as asked for (12 to 40); first_ns must not go back from plan
+  /// to plan. Without prediction: one velocity, held for 2 s from first_ns on. `id` is for withdraw().
+  std::vector<Setpoint> plan(std::uint64_t id, TimeNs first_ns, std::size_t count = steps);
+  /// The plan will not be flown.
+  void withdraw(std::uint64_t id) { predictor_.withdraw(id); }
 
   /// Of the reference, over all laps.
   double progress_m() const { return progress_m_; }
   bool at_end() const { return started_ && progress_m_ >= end_m_; }
+  /// Of one lap, as progress counts it.
+  double lap_m() const { return config_.predict ? track_.length_m() : path_.length_m(); }
   const Path& path() const { return path_; }
-  const Eigen::Vector3d& predicted_m() const { return predicted_.position_m; }
+  /// The time that these laps should take.
+  double expected_s(int laps) const;
+
+  /// The speed asked for at this place, by the ramp.
+  double asked_mps(double s_m) const;
+  /// The latency-aware limit; infinite without prediction.
+  double limit_mps() const { return limit_mps_; }
+  /// The least limit that slowed the reference down; nothing: it never did.
+  std::optional<double> slowed_to_mps() const { return slowed_to_mps_; }
+  const motion::Predictor& predictor() const { return predictor_; }
+  double prediction_error_share() const { return error_.share(); }
 
  private:
-  double speed_at(double s_m) const;
   double pace(double s_m, const Eigen::Vector2d& drone) const;
+  double speed_at(double s_m) const;
   double advance(double s_m, const Eigen::Vector2d& drone, double dt_s) const;
   Setpoint steer(const Motion& from, double s_m) const;
+  void limit(double age_s);
+  std::vector<Setpoint> plan_plain(TimeNs first_ns);
+  Setpoint level(const Motion& from, double height_m, double climb_mps) const;
 
-  Path path_;
   ControllerConfig config_;
+  Path path_;
+  motion::Track track_;
   double yaw_rad_;
+  motion::Predictor predictor_;
+  PredictionError error_;
+  Motion raw_;  ///< the newest state as it came
+  TimeNs raw_stamp_ns_ = 0;
   bool started_ = false;
   double end_m_ = 0;
   TimeNs reference_ns_ = 0;  ///< the moment that progress_m_ belongs to
   double progress_m_ = 0;
-  Prediction prediction_;
-  Motion predicted_;
+  double position_gain_;
+  double limit_mps_ = std::numeric_limits<double>::infinity();
+  std::optional<double> slowed_to_mps_;
 };
 
 }  // namespace ledgerline::ground

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "ground/core/flight_state.hpp"
 
@@ -13,6 +14,7 @@ namespace {
 constexpr double near_m = 0.2;  // of a place: close enough to call it reached
 constexpr double still_mps = 0.2;
 constexpr TimeNs grounded_for_ns = 2 * ns_per_s;  // a take-off command may still be under way
+constexpr TimeNs beside_ns = 5 * ns_per_ms;       // without a ledger: until link has the plan
 constexpr TimeNs end_wait_ns = 3 * ns_per_s;      // for the drone to come up to the path's end
 constexpr TimeNs new_enough_ns =
     200 * ns_per_ms;  // a state to make a plan from at once; agent takes none beyond 500 ms
@@ -72,6 +74,11 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
   FlightOutputs out;
   if (inputs.outcome) take_outcome(now_ns, *inputs.outcome, inputs.outcome_id, out);
   if (inputs.block) take_block(now_ns, inputs, out);
+  for (const StateSample& state : inputs.states) {
+    const auto of = [&](const auto& drone) { return drone->who.number == state.drone; };
+    const auto drone = std::find_if(drones_.begin(), drones_.end(), of);
+    if (drone != drones_.end()) take_state(now_ns, **drone, state, out);
+  }
   const bool time_is_up = config_.manual && config_.seconds > 0 && now_ns - started_ns_ > from_seconds(config_.seconds);
   ending_ = ending_ || (config_.manual && (time_is_up || !inputs.land.empty()));
   for (const PilotWish& wish : inputs.wishes) take_wish(now_ns, wish, out);
@@ -82,9 +89,18 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
     if (drone->fresh || (drone->wished && now_ns - drone->received_ns < new_enough_ns)) make_plan(now_ns, *drone);
     drone->fresh = drone->wished = false;
     check_time(now_ns, *drone);
+    if (drone->status.slowed_to_mps && !std::exchange(drone->slowed_said, true)) {
+      out.notes.push_back(fmt::format(
+          "{}: slowed to {:.2f} m/s: at the age that its commands are flown with, more might leave the path",
+          drone->who.name, *drone->status.slowed_to_mps));
+    }
   }
   submit_stops(now_ns, out);
-  if (!inputs.more) submit_pending(now_ns, out);
+  if (!config_.ledger) {
+    hand_over_plans(now_ns, out);
+  } else if (!inputs.more) {
+    submit_pending(now_ns, out);
+  }
   return out;
 }
 
@@ -125,11 +141,11 @@ void FlightCore::advance(TimeNs now_ns, Drone& drone) {
         if (flying && not_ready(drone).empty()) enter(now_ns, drone, DronePhase::takeoff);
         return;
       }
-      if (!drone.may_command(config_.self) || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
+      if (!may_command(drone) || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
       if (grounded && !may_take_off(s)) return;
       drone.status.origin_m = {s.position_m[0], s.position_m[1]};
       drone.controller = std::make_unique<PathController>(
-          Path(config_.shape, {s.position_m[0], s.position_m[1]}, config_.side_m), config_.controller, s.yaw_rad);
+          waypoints(config_), Eigen::Vector2d(s.position_m[0], s.position_m[1]), config_.controller, s.yaw_rad);
       enter(now_ns, drone, DronePhase::takeoff);
       return;
     case DronePhase::takeoff:
@@ -146,9 +162,8 @@ void FlightCore::advance(TimeNs now_ns, Drone& drone) {
       }
       if (settled(drone)) {
         drone.path_since_ns = drone.lap_since_ns = drone.last_at_ns = s.stamp_ns + delay_ns_;
-        drone.controller->start(drone.path_since_ns, config_.seconds > 0
-                                                         ? std::numeric_limits<double>::infinity()
-                                                         : config_.laps * drone.controller->path().length_m());
+        drone.controller->start(drone.path_since_ns, config_.seconds > 0 ? std::numeric_limits<double>::infinity()
+                                                                         : config_.laps * drone.controller->lap_m());
         drone.status.path_ns[0] = drone.path_since_ns;
         enter(now_ns, drone, DronePhase::path);
       } else if (s.stamp_ns - drone.settling_since_ns > config_.settle_ns) {
@@ -188,7 +203,7 @@ void FlightCore::advance_path(TimeNs now_ns, Drone& drone) {
     drone.status.progress = std::clamp(share, 0.0, 1.0);
     drone.status.finished = share >= 1;
   } else {
-    drone.status.progress = drone.controller->progress_m() / (config_.laps * drone.controller->path().length_m());
+    drone.status.progress = drone.controller->progress_m() / (config_.laps * drone.controller->lap_m());
     if (drone.controller->at_end()) {
       if (drone.end_since_ns == 0) drone.end_since_ns = s.stamp_ns;
       const auto& origin = drone.status.origin_m;
@@ -206,19 +221,14 @@ void FlightCore::advance_path(TimeNs now_ns, Drone& drone) {
 TimeNs FlightCore::path_limit_ns(const Drone& drone) const {
   constexpr double spare_s = 30;
   if (config_.seconds > 0) return from_seconds(config_.seconds + spare_s);
-  // No piece takes longer than at full speed plus from rest to rest at the acceleration allowed.
-  const Path& path = drone.controller->path();
-  const auto pieces = static_cast<double>(path.corners().size());
-  const double lap_s = path.length_m() / config_.controller.speed_mps +
-                       pieces * 2 * std::sqrt(path.length_m() / pieces / config_.controller.acceleration_mps2);
-  return from_seconds(config_.path_factor * lap_s * config_.laps + spare_s);
+  return from_seconds(config_.path_factor * drone.controller->expected_s(config_.laps) + spare_s);
 }
 
 // What speaks against a take-off; empty: nothing.
 std::string FlightCore::not_ready(const Drone& drone) const {
   if (!drone.has_state) return "no state came through the ledger";
   if (drone.stopped_by) return "it is stopped by " + drone.stopped_by->subject;
-  if (drone.holder != config_.self)
+  if (!may_command(drone))
     return drone.holder ? "its lease is held by " + drone.holder->subject : "nobody holds its lease";
   if (drone.state.pose_stamp_ns == 0) return "it has no pose (no mocap?)";
   if (drone.state.phase == FlightPhase::disconnected) return "link does not reach it";
@@ -268,7 +278,7 @@ void FlightCore::check_time(TimeNs now_ns, Drone& drone) {
 }
 
 void FlightCore::count_laps(Drone& drone, TimeNs at_ns) {
-  const double length_m = drone.controller->path().length_m();
+  const double length_m = drone.controller->lap_m();
   const double progress_m = drone.controller->progress_m();
   while (progress_m > drone.last_progress_m) {
     const double lap_end_m = static_cast<double>(drone.status.lap_s.size() + 1) * length_m;
@@ -286,12 +296,17 @@ void FlightCore::count_laps(Drone& drone, TimeNs at_ns) {
 void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
   const DronePhase phase = drone.status.phase;
   const bool active = drone.in_air_phase() || phase == DronePhase::landing;
-  if (!active || !drone.may_command(config_.self)) return;
+  if (!active || !may_command(drone)) return;
   // What is done already is not asked for again: that plan would come too late to mean anything.
   if (drone.state.phase == FlightPhase::landing && phase == DronePhase::landing) return;
   if (drone.state.phase == FlightPhase::taking_off && phase == DronePhase::takeoff) return;
   // Nor what link would refuse now.
   if (drone.state.phase != FlightPhase::flying && phase == DronePhase::takeoff && !may_take_off(drone.state)) return;
+  // Nor a path without a pose: link brakes, and a plan from nowhere would say nothing.
+  if (drone.state.phase == FlightPhase::flying && phase != DronePhase::landing && !config_.manual &&
+      !drone.controller->predictor().ready()) {
+    return;
+  }
   PlannedCommand command;
   command.made_ns = now_ns;
   DronePlan& plan = command.plan;
@@ -305,15 +320,22 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
     plan.set_action(TAKEOFF);
   } else {
     plan.set_action(FLY);
-    Motion motion;
-    motion.stamp_ns = drone.state.pose_stamp_ns;
-    motion.position_m = Eigen::Vector3d::Map(drone.state.position_m.data());
-    motion.velocity_mps = Eigen::Vector3d::Map(drone.state.velocity_mps.data());
-    motion.yaw_rad = drone.state.yaw_rad;
     const TimeNs stamp_now_ns = drone.state.stamp_ns + (now_ns - drone.received_ns);
-    drone.first_setpoint_ns = std::max(drone.first_setpoint_ns, stamp_now_ns + delay_ns_);
-    const std::vector<Setpoint> setpoints = config_.manual ? drone.manual.plan(now_ns, motion, drone.first_setpoint_ns)
-                                                           : drone.controller->plan(motion, drone.first_setpoint_ns);
+    const bool plain = !config_.manual && !config_.controller.predict;  // its command is for now, whenever it comes
+    const TimeNs ahead_ns = plain ? 0 : config_.ledger ? delay_ns_ : beside_ns;
+    drone.first_setpoint_ns = std::max(drone.first_setpoint_ns, stamp_now_ns + ahead_ns);
+    command.id = drone.next_plan++;
+    std::vector<Setpoint> setpoints;
+    if (config_.manual) {
+      Motion motion;
+      motion.stamp_ns = drone.state.pose_stamp_ns;
+      motion.position_m = Eigen::Vector3d::Map(drone.state.position_m.data());
+      motion.velocity_mps = Eigen::Vector3d::Map(drone.state.velocity_mps.data());
+      motion.yaw_rad = drone.state.yaw_rad;
+      setpoints = drone.manual.plan(now_ns, motion, drone.first_setpoint_ns);
+    } else {
+      setpoints = drone.controller->plan(command.id, drone.first_setpoint_ns, plan_steps_);
+    }
     for (const Setpoint& setpoint : setpoints) {
       PlannedSetpoint* p = plan.add_setpoints();
       p->set_at_ns(setpoint.at_ns);
@@ -323,12 +345,18 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
       p->set_yaw_rate(setpoint.yaw_rate_radps);
     }
     if (phase == DronePhase::path) count_laps(drone, drone.first_setpoint_ns);
-    if (drone.controller) command.progress_m = drone.controller->progress_m();
+    if (drone.controller) {
+      command.progress_m = drone.controller->progress_m();
+      drone.status.limit_mps = config_.controller.predict ? drone.controller->limit_mps() : 0;
+      drone.status.slowed_to_mps = drone.controller->slowed_to_mps();
+      drone.status.response = drone.controller->predictor().response();
+    }
   }
   ++drone.status.commands_made;
   if (drone.pending) {
     ++drone.status.commands_merged;
     plan.set_sequence(drone.pending->plan.sequence());  // never sent, or refused with others: free to be used again
+    forget(*drone.pending);
   }
   drone.pending = std::move(command);
 }
@@ -360,5 +388,13 @@ std::string FlightCore::why() const {
 }
 
 FlightStatus FlightCore::status(std::size_t drone) const { return drones_.at(drone)->status; }
+
+const PathController* FlightCore::controller(std::size_t drone) const { return drones_.at(drone)->controller.get(); }
+
+std::vector<Waypoint> FlightCore::waypoints(const FlightConfig& config) {
+  return config.waypoints.empty() ? motion::waypoints_of(config.shape, config.side_m) : config.waypoints;
+}
+
+bool FlightCore::may_command(const Drone& drone) const { return !config_.ledger || drone.may_command(config_.self); }
 
 }  // namespace ledgerline::ground

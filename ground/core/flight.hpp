@@ -1,7 +1,6 @@
 #pragma once
 #include <array>
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <optional>
 #include <span>
@@ -17,12 +16,15 @@
 #include "common/rt/trace.hpp"
 #include "ground/core/controller.hpp"
 #include "ground/core/path.hpp"
+#include "ground/motion/delays.hpp"
 
 namespace ledgerline {
 class Control;
 }  // namespace ledgerline
 
 namespace ledgerline::ground {
+
+struct PlannedCommand;
 
 struct FlightDrone {
   std::string name;  ///< "tello1"
@@ -35,6 +37,8 @@ struct FlightConfig {
   TimeNs cmd_timeout_ns = 300 * ns_per_ms;  ///< a pilot's velocity holds so long
   Shape shape = Shape::square;
   double side_m = 1.5;
+  std::vector<Waypoint> waypoints;  ///< of a path of one's own; empty: the shape
+  bool ledger = true;  ///< false: states come by FlightInputs::states, plans go out by FlightOutputs::plans
   int laps = 3;
   double seconds = 0;  ///< > 0: fly the path this long instead of counting laps; manual: land and end after so long
   ControllerConfig controller;
@@ -82,7 +86,8 @@ struct FlightInputs {
   bool more = false;  ///< there is newer input already: nothing is sent before that was seen
   std::string land;   ///< not empty: land all drones and end; why
   std::span<const PilotWish> wishes;
-  std::int64_t realtime_s = 0;  ///< for the expiry of certificates
+  std::span<const StateSample> states;  ///< without a ledger: straight from link
+  std::int64_t realtime_s = 0;          ///< for the expiry of certificates
 };
 
 /// What a block says of a drone; CDR as it came. Empty is what it does not say, or has said before.
@@ -97,7 +102,8 @@ struct FlightOutputs {
   std::vector<Submission> submissions;
   std::vector<TraceRecord> traces;
   std::vector<DroneNews> news;
-  std::vector<std::string> notes;  ///< for the log: what a pilot wished and did not get
+  std::vector<std::string> notes;  ///< for the log: what a pilot wished and did not get; a path that is flown slower
+  std::vector<Plan> plans;         ///< without a ledger: straight to link
 };
 
 /// What became of a pilot's wishes.
@@ -120,6 +126,9 @@ struct FlightStatus {
   std::array<TimeNs, 2> path_ns{};  ///< when the path began and ended; the drone's clock; 0: not yet
   std::string why;                  ///< what went wrong
   PilotCounters pilot;
+  double limit_mps = 0;                 ///< the latency-aware limit now; 0: none known, or no prediction
+  std::optional<double> slowed_to_mps;  ///< the least limit that was below the speed asked for
+  motion::Response response;            ///< as learned so far
   std::uint64_t states_received = 0, commands_made = 0, commands_sent = 0, commands_merged = 0, commands_refused = 0;
 };
 
@@ -140,8 +149,13 @@ struct FlightTransactions {
 /// drone is down.
 ///
 /// The path of each drone begins where it stands before take-off. Times in plans are the drone host's clock alone: the
-/// ground's clock and the drone's are never compared. How long a state takes from the drone to here and a plan from
-/// here to the drone is taken as twice the time that our own commands take from submission until their block is here.
+/// ground's clock and the drone's are never compared. A plan's first setpoint is for the moment when three of four
+/// plans are there, by how long our own commands take (motion::TwoWay); its last one covers the delay's tail, so one
+/// that comes later takes over from its predecessor then. Where link flies plans later than they say (its playout's
+/// margin) it says so, and predictions are for that moment.
+///
+/// Without a ledger (FlightConfig::ledger) the same core flies beside the driver: no lease, a plan goes out at once,
+/// for a few milliseconds later.
 ///
 /// Deterministic; one thread; call step() for every block, outcome and request at once, and every 50 ms for the
 /// time-outs.
@@ -165,6 +179,10 @@ class FlightCore {
   const FlightTransactions& transactions() const { return transactions_; }
   /// The measured way there and back that plans are made for.
   TimeNs delay_ns() const { return delay_ns_; }
+  /// The controller of a path that is flown or was; null before.
+  const PathController* controller(std::size_t drone) const;
+  /// As flown: the shape's waypoints or one's own.
+  static std::vector<Waypoint> waypoints(const FlightConfig& config);
 
  private:
   struct Drone;
@@ -172,6 +190,11 @@ class FlightCore {
 
   void take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
   void take_states(TimeNs now_ns, const fabric::Transaction& tx, std::int64_t realtime_s, FlightOutputs& out);
+  void take_state(TimeNs now_ns, Drone& drone, const StateSample& sample, FlightOutputs& out);
+  void observe(Drone& drone);
+  bool may_command(const Drone& drone) const;
+  void hand_over_plans(TimeNs now_ns, FlightOutputs& out);
+  void forget(const PlannedCommand& command);
   bool believed(const fabric::Transaction& tx, std::int64_t realtime_s, const Drone& drone) const;
   void take_own_commands(TimeNs now_ns, const std::string& payload);
   void take_controls(TimeNs now_ns, const std::string& payload);
@@ -210,8 +233,9 @@ class FlightCore {
   bool ending_ = false;    ///< manual: asked to
   std::uint64_t next_id_ = 1;
   FlightTransactions transactions_;
-  std::deque<TimeNs> one_way_ns_;
-  TimeNs delay_ns_ = 25 * ns_per_ms;
+  motion::TwoWay two_way_;
+  TimeNs delay_ns_ = motion::TwoWay::unknown_ns;
+  std::size_t plan_steps_ = PathController::steps;
 };
 
 }  // namespace ledgerline::ground

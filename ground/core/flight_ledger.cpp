@@ -11,10 +11,10 @@ namespace ledgerline::ground {
 namespace {
 
 constexpr std::size_t max_in_flight = 32;
-constexpr std::size_t delays_kept = 50;
 constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
-constexpr TimeNs most_delay_ns = 1'200 * ns_per_ms;  // with 0.6 s of setpoints a plan stays within its 2 s
+constexpr TimeNs most_delay_ns = 4 * ns_per_s;
+constexpr double in_time = 0.75;  // of the plans, before their first setpoint's moment; the others replace the rest
 
 crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
 
@@ -119,28 +119,10 @@ void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::
       ++transactions_.malformed;
       continue;
     }
-    const bool same_boot = drone->has_state && sample->boot_id == drone->state.boot_id;
-    if (same_boot && sample->sequence <= drone->state.sequence) continue;
+    if (drone->has_state && sample->boot_id == drone->state.boot_id && sample->sequence <= drone->state.sequence)
+      continue;
     news.state = *sample;
-    if (!same_boot) drone->first_setpoint_ns = 0;
-    drone->state = *sample;
-    drone->state.drone = drone->who.number;
-    drone->has_state = true;
-    // A link that was started again while the drone flies has yet to find it: it knows nothing, and the silence goes
-    // on.
-    drone->fresh = !(sample->phase == FlightPhase::disconnected && drone->in_air_phase());
-    if (drone->fresh) drone->received_ns = now_ns;
-    // A ground that was started again under the same lease goes on behind what was flown, and what may be under way.
-    if (!same_boot && sample->applied_sequence > 0)
-      drone->next_sequence = std::max(drone->next_sequence, sample->applied_sequence + sequence_gap);
-    ++drone->status.states_received;
-    TraceRecord record;
-    record.t_ns = now_ns;
-    record.kind = TraceKind::state_received;
-    record.drone = drone->who.number;
-    record.id = sample->sequence;
-    record.stamp_ns = sample->stamp_ns;
-    out.traces.push_back(record);
+    take_state(now_ns, *drone, *sample, out);
   }
   for (std::size_t i = 0; i < all.size(); ++i) {
     DroneNews& news = all[i];
@@ -148,6 +130,42 @@ void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::
     if (!news.state) news.odometry = news.battery = "";  // sent again for the frame's sake
     if (news.state || !news.transitions.empty()) out.news.push_back(std::move(news));
   }
+}
+
+void FlightCore::take_state(TimeNs now_ns, Drone& drone, const StateSample& sample, FlightOutputs& out) {
+  const bool same_boot = drone.has_state && sample.boot_id == drone.state.boot_id;
+  if (same_boot && sample.sequence <= drone.state.sequence) return;
+  if (!same_boot) drone.first_setpoint_ns = 0;
+  drone.state = sample;
+  drone.state.drone = drone.who.number;
+  drone.has_state = true;
+  // A link that was started again while the drone flies has yet to find it: it knows nothing, and the silence goes on.
+  drone.fresh = !(sample.phase == FlightPhase::disconnected && drone.in_air_phase());
+  if (drone.fresh) drone.received_ns = now_ns;
+  // A ground that was started again under the same lease goes on behind what was flown, and what may be under way.
+  if (!same_boot && sample.applied_sequence > 0)
+    drone.next_sequence = std::max(drone.next_sequence, sample.applied_sequence + sequence_gap);
+  observe(drone);
+  ++drone.status.states_received;
+  TraceRecord record;
+  record.t_ns = now_ns;
+  record.kind = TraceKind::state_received;
+  record.drone = drone.who.number;
+  record.id = sample.sequence;
+  record.stamp_ns = sample.stamp_ns;
+  out.traces.push_back(record);
+}
+
+// Every state counts, not the newest of a burst alone.
+void FlightCore::observe(Drone& drone) {
+  const StateSample& s = drone.state;
+  if (s.applied_sequence != drone.applied_sequence) {
+    drone.applied_sequence = s.applied_sequence;
+    const Drone::First& first = drone.firsts[s.applied_sequence % drone.firsts.size()];
+    if (first.sequence == s.applied_sequence && first.sequence != 0)
+      drone.applications.add(s.applied_stamp_ns, first.at_ns + s.applied_late_ns, s.applied_late_ns);
+  }
+  if (drone.controller && s.phase == FlightPhase::flying) drone.controller->observe(s, drone.applications.late_ns());
 }
 
 void FlightCore::take_own_commands(TimeNs now_ns, const std::string& payload) {
@@ -165,13 +183,19 @@ void FlightCore::take_own_commands(TimeNs now_ns, const std::string& payload) {
   }
 }
 
-// Plans are made for twice the time that 4 of 5 of our newest commands stayed below.
 void FlightCore::measure(TimeNs one_way_ns) {
-  one_way_ns_.push_back(one_way_ns);
-  if (one_way_ns_.size() > delays_kept) one_way_ns_.pop_front();
-  std::vector<TimeNs> sorted(one_way_ns_.begin(), one_way_ns_.end());
-  std::sort(sorted.begin(), sorted.end());
-  delay_ns_ = std::clamp(2 * sorted[sorted.size() * 4 / 5], least_delay_ns, most_delay_ns);
+  two_way_.add(one_way_ns);
+  delay_ns_ = std::clamp(two_way_.quantile(in_time), least_delay_ns, most_delay_ns);
+  // Long enough for a successor that comes as late as one of a hundred, and one of a hundred again.
+  const TimeNs tail_ns = std::max<TimeNs>(0, two_way_.quantile(0.99) - two_way_.quantile(0.5));
+  plan_steps_ = std::min<std::size_t>(
+      max_setpoints, PathController::steps + static_cast<std::size_t>(2 * tail_ns / PathController::step_ns));
+}
+
+// A plan that will not be flown.
+void FlightCore::forget(const PlannedCommand& command) {
+  Drone* drone = find(command.plan.drone());
+  if (drone && drone->controller) drone->controller->withdraw(command.id);
 }
 
 void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out) {
@@ -184,6 +208,9 @@ void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std
   for (const auto& [kind, t_ns] : {std::pair{TraceKind::call_endorsed, outcome.endorsed_ns},
                                    std::pair{TraceKind::call_ordered, outcome.ordered_ns}}) {
     if (t_ns != 0) out.traces.push_back({.t_ns = t_ns, .kind = kind, .id = id, .stamp_ns = flight.submitted_ns});
+  }
+  if (outcome.kind != fabric::Outcome::Kind::committed && outcome.kind != fabric::Outcome::Kind::refused) {
+    for (const PlannedCommand& command : flight.commands) forget(command);
   }
   switch (outcome.kind) {
     case fabric::Outcome::Kind::committed:
@@ -218,8 +245,10 @@ void FlightCore::resend(InFlight& refused, const std::string& message) {
     Drone& drone = *find(command.plan.drone());
     if (!one_drone || names(drone)) {
       ++drone.status.commands_refused;
+      forget(command);
     } else if (drone.pending || command.plan.sequence() + 1 != drone.next_sequence) {
       ++drone.status.commands_merged;  // a newer one waits, or is on its way
+      forget(command);
     } else if (command.plan.epoch() == drone.epoch) {
       drone.pending = std::move(command);
     }
@@ -256,6 +285,7 @@ void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
         record.v[0] = first.vx();
         record.v[1] = first.vy();
         record.v[2] = first.vz();
+        drone->firsts[command.plan.sequence() % drone->firsts.size()] = {command.plan.sequence(), first.at_ns()};
       }
       record.v[3] = command.progress_m;
       out.traces.push_back(record);
@@ -275,6 +305,40 @@ void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
   ++transactions_.submitted;
   out.submissions.push_back({flight.id, {"command", {call.SerializeAsString()}, true}});
   in_flight_.push_back(std::move(flight));
+}
+
+// Without a ledger.
+void FlightCore::hand_over_plans(TimeNs now_ns, FlightOutputs& out) {
+  for (auto& drone : drones_) {
+    if (!drone->pending) continue;
+    const PlannedCommand command = std::move(*drone->pending);
+    drone->pending.reset();
+    Plan plan;
+    plan.drone = drone->who.number;
+    plan.action = static_cast<PlanAction>(command.plan.action());
+    plan.sequence = drone->next_sequence++;
+    plan.epoch = 1;
+    plan.state_stamp_ns = command.plan.state_stamp_ns();
+    plan.count = static_cast<std::uint32_t>(command.plan.setpoints_size());
+    for (std::uint32_t i = 0; i < plan.count; ++i) {
+      const PlannedSetpoint& s = command.plan.setpoints(static_cast<int>(i));
+      plan.setpoints[i] = {s.at_ns(), {s.vx(), s.vy(), s.vz()}, s.yaw_rate()};
+    }
+    if (plan.count > 0) drone->firsts[plan.sequence % drone->firsts.size()] = {plan.sequence, plan.setpoints[0].at_ns};
+    ++drone->status.commands_sent;
+    TraceRecord record;
+    record.t_ns = now_ns;
+    record.kind = TraceKind::command_made;
+    record.drone = drone->who.number;
+    record.extra = static_cast<std::uint32_t>(plan.action);
+    record.id = plan.sequence;
+    record.stamp_ns = plan.state_stamp_ns;
+    for (std::size_t i = 0; i < 3 && plan.count > 0; ++i)
+      record.v[i] = static_cast<double>(plan.setpoints[0].velocity_mps[i]);
+    record.v[3] = command.progress_m;
+    out.traces.push_back(record);
+    out.plans.push_back(plan);
+  }
 }
 
 }  // namespace ledgerline::ground

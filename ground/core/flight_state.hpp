@@ -16,6 +16,7 @@ struct PlannedCommand {
   DronePlan plan;  ///< sequence 0: not submitted yet
   TimeNs made_ns = 0;
   double progress_m = 0;
+  std::uint64_t id = 0;  ///< for PathController::withdraw
 };
 
 struct FlightCore::Drone {
@@ -37,6 +38,16 @@ struct FlightCore::Drone {
   TimeNs received_ns = 0;  ///< the ground's clock
 
   std::unique_ptr<PathController> controller;  ///< of a path
+  motion::Applications applications;
+  std::uint64_t next_plan = 1;
+  /// Of the newest commands submitted: what states say of them belongs to these times.
+  struct First {
+    std::uint64_t sequence = 0;
+    TimeNs at_ns = 0;  ///< of the first setpoint
+  };
+  std::array<First, 128> firsts{};
+  std::uint64_t applied_sequence = 0;  ///< as the newest state had it
+  bool slowed_said = false;
   ManualController manual;
   bool flew = false;
   TimeNs first_setpoint_ns = 0;  ///< of the newest plan; the drone's clock, as all below

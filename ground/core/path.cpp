@@ -1,40 +1,13 @@
 #include "ground/core/path.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace ledgerline::ground {
-namespace {
 
-std::vector<Eigen::Vector2d> unit_corners(Shape shape) {
-  switch (shape) {
-    case Shape::square:
-      return {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
-    case Shape::triangle:
-      return {{0, 0}, {1, 0}, {0.5, std::sqrt(3.0) / 2}};
-    case Shape::x:
-      break;
-  }
-  return {{0, 0}, {1, 1}, {1, 0}, {0, 1}};
-}
-
-}  // namespace
-
-Result<Shape> shape_from_name(const std::string& name) {
-  for (Shape shape : {Shape::square, Shape::triangle, Shape::x}) {
-    if (name == name_of(shape)) return shape;
-  }
-  return Error{fmt::format("no shape \"{}\": square, triangle or x", name)};
-}
-
-std::string name_of(Shape shape) {
-  return shape == Shape::square ? "square" : shape == Shape::triangle ? "triangle" : "x";
-}
-
-Path::Path(Shape shape, Eigen::Vector2d origin, double side_m) : corners_(unit_corners(shape)), starts_m_{0} {
-  for (auto& corner : corners_) corner = origin + side_m * corner;
+Path::Path(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin) : starts_m_{0} {
+  for (const Waypoint& waypoint : waypoints) corners_.push_back(origin + waypoint.at_m);
   for (std::size_t i = 0; i < corners_.size(); ++i) {
     const auto& next = corners_[(i + 1) % corners_.size()];
     starts_m_.push_back(starts_m_.back() + (next - corners_[i]).norm());
@@ -70,18 +43,6 @@ double Path::distance_m(const Eigen::Vector2d& p) const {
     nearest = std::min(nearest, (p - corners_[i] - along * piece).norm());
   }
   return nearest;
-}
-
-double Path::turn_at(std::size_t corner) const {
-  const std::size_t n = corners_.size();
-  const auto in = corners_[corner % n] - corners_[(corner + n - 1) % n];
-  const auto out = corners_[(corner + 1) % n] - corners_[corner % n];
-  return std::acos(std::clamp(in.normalized().dot(out.normalized()), -1.0, 1.0));
-}
-
-Path::Turn Path::turns(double s_m) const {
-  const std::size_t i = piece_at(s_m);
-  return {starts_m_[i + 1] - starts_m_[i] - s_m, turn_at(i + 1), s_m, turn_at(i)};
 }
 
 }  // namespace ledgerline::ground

@@ -4,16 +4,11 @@
 #include <vector>
 
 #include "common/msg/onboard.hpp"
+#include "ground/motion/predictor.hpp"
 
 namespace ledgerline::ground {
 
-/// What controllers need of a state; map frame, the drone's clock.
-struct Motion {
-  TimeNs stamp_ns = 0;
-  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
-  Eigen::Vector3d velocity_mps = Eigen::Vector3d::Zero();
-  double yaw_rad = 0;
-};
+using motion::Motion;
 
 /// Where a drone will be: its velocity follows the setpoints with a first-order lag. Remembers what was sent, so that a
 /// plan can start from the state at the moment when its first setpoint is meant to be flown. Bounded in work and

@@ -139,7 +139,7 @@ Status write_configs(const RunFiles& files, const Options& options, const std::s
   };
   const std::string with_status = "status_period_ms = 250\n";
   const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
-                           (options.smoothing ? "" : "\n[playout]\nmax_margin_ms = 0\n") + drone_tables(options, true);
+                           drone_tables(options, true);
   const std::string agent = ledger("agent", 1) + msp_tables(files) + output_table(files, "agent") + with_status +
                             patience(options) + dds_table(options, Side::drones) + drone_tables(options, false);
   const std::string flight = fmt::format(

@@ -52,7 +52,6 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   std::string shape = "square";
   std::string batch_timeout = "10ms";
   std::string storage = "disk";
-  std::string smoothing = "on";
   std::string crypto = "libcrypto";
   app.add_option("--shape", shape, "Path of 1.5 m a side; manual: none, fly by /tello1/takeoff, cmd_vel and land")
       ->check(CLI::IsMember({"square", "triangle", "x", "manual"}))
@@ -82,9 +81,6 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   app.add_flag("--majority", o.majority, "Fabric: two of the three organisations endorse; through the gateway");
   app.add_option("--crypto", crypto, "What signs and verifies in agent and ground")
       ->check(CLI::IsMember({"libcrypto", "mbedtls"}))
-      ->capture_default_str();
-  app.add_option("--smoothing", smoothing, "off: setpoints that come late are never flown later for it")
-      ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();
   app.add_option("--batch-timeout", batch_timeout,
                  "Ledger: a block is cut when its oldest transaction waited this long")
@@ -135,7 +131,6 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   if (!o.manual) o.shape = *ground::shape_from_name(shape);
   o.batch_timeout_ns = *parse_duration(batch_timeout);
   o.tmpfs = storage == "tmpfs";
-  o.smoothing = smoothing == "on";
   o.mbedtls = crypto == "mbedtls";
   line.fly = true;
   return line;

@@ -24,7 +24,6 @@ struct Options {
   bool gateway = false;             ///< Fabric: transactions through the gateway, not the direct path
   bool majority = false;            ///< Fabric: endorsed by two of the three organisations, through the gateway
   bool mbedtls = false;             ///< signs and verifies in agent and ground, in libcrypto's place
-  bool smoothing = true;            ///< false: link's playout has no margin
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
   bool proxy = false;        ///< drones and ledger are reached through ledgerline-hil proxy

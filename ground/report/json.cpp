@@ -48,7 +48,6 @@ json to_json(const Results& r) {
              {"gateway", r.asked.gateway},
              {"majority", r.asked.majority},
              {"crypto", r.asked.mbedtls ? "mbedtls" : "libcrypto"},
-             {"smoothing", r.asked.smoothing},
              {"proxy", r.asked.proxy},
              {"seed", r.asked.seed}};
   json cpu = json::object();

@@ -54,6 +54,7 @@ json run_json(const RunResult& result) {
           {"flown_s", to_seconds(result.flown_ns)},
           {"finished", result.ok},
           {"why", result.why},
+          {"plans", result.plans},
           {"digest", crypto::hex(result.digest)},
           {"blocks", result.blocks},
           {"transactions", result.transactions},

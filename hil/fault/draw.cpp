@@ -162,12 +162,15 @@ Script draw_script(std::uint64_t number) {
   script.title = fmt::format("Drawn at random, number {}", number);
   WorldConfig& flight = script.flight;
   flight.drones = draw.below(8) == 0 ? 2 : 1;
-  constexpr std::array<ground::Shape, 3> shapes{ground::Shape::square, ground::Shape::triangle, ground::Shape::x};
+  constexpr std::array<ground::Shape, 4> shapes{ground::Shape::square, ground::Shape::triangle, ground::Shape::x,
+                                                ground::Shape::eight};
   flight.shape = draw.of(shapes);
   // A lap of 20 s or so; with take-off and landing about 30 s.
   flight.speed_mps = draw.between(0.3, 1.0);
   const double lap_m = flight.side_m * (flight.shape == ground::Shape::triangle ? 3 : 4.4);
   flight.laps = std::max(1, static_cast<int>(18 * flight.speed_mps / lap_m));
+  flight.predict = draw.below(4) != 0;
+  if (draw.below(4) == 0) flight.max_age_ns = 3 * ns_per_s;
   constexpr std::array<double, 4> rates{10, 20, 30, 50};
   flight.rate_hz = draw.of(rates);
   constexpr std::array<std::size_t, 3> batches{1, 1, 10};

@@ -116,6 +116,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
     }
   }
 
+  for (std::size_t i = 0; i < world.facts().size(); ++i) result.plans.push_back(world.plans_text(i));
   Ending ending;
   ending.now = world.now();
   ending.over = world.over();

@@ -40,6 +40,7 @@ struct RunResult {
   std::uint64_t blocks = 0, transactions = 0;
   std::vector<WorldEvent> events;  ///< without `applied`; at most most_events
   std::vector<std::string> drones;
+  std::vector<std::string> plans;  ///< by drone: what became of them, as agent and link that ran last counted
   std::vector<std::vector<TimelinePoint>> timeline;  ///< by drone, every 50 ms
   std::array<double, 2> fence_min_m{}, fence_max_m{};
 };

@@ -46,10 +46,12 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   script.title = config.text("title");
   WorldConfig& flight = script.flight;
   flight.drones = static_cast<int>(config.integer("flight.drones", flight.drones, 1, max_drones));
-  flight.shape = *ground::shape_from_name(config.choice("flight.shape", {"square", "triangle", "x"}, "square"));
+  flight.shape = *ground::shape_from_name(config.choice("flight.shape", motion::shape_names(), "square"));
   flight.side_m = config.number("flight.side_m", flight.side_m, 0.3, 20);
   flight.speed_mps = config.number("flight.speed_mps", flight.speed_mps, 0.05, 3);
   flight.rate_hz = config.number("flight.rate_hz", flight.rate_hz, 1, 200);
+  flight.predict = config.boolean("flight.predict", flight.predict);
+  flight.max_age_ns = duration(config, "flight.max_age", flight.max_age_ns, 100 * ns_per_ms, 10 * ns_per_s);
   flight.laps = static_cast<int>(config.integer("flight.laps", flight.laps, 1, 100));
   flight.battery = config.number("flight.battery", flight.battery, 0, 1);
   flight.room_m = config.number("flight.room_m", flight.room_m, 0, 100);
@@ -114,6 +116,8 @@ std::string text_of(const Script& script) {
   if (f.speed_mps != usual.speed_mps) text += fmt::format("speed_mps = {}\n", f.speed_mps);
   if (f.rate_hz != usual.rate_hz) text += fmt::format("rate_hz = {}\n", f.rate_hz);
   if (f.laps != usual.laps) text += fmt::format("laps = {}\n", f.laps);
+  if (f.predict != usual.predict) text += fmt::format("predict = {}\n", f.predict);
+  if (f.max_age_ns != usual.max_age_ns) text += fmt::format("max_age = \"{:g} s\"\n", to_seconds(f.max_age_ns));
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
   if (f.room_m != usual.room_m) text += fmt::format("room_m = {}\n", f.room_m);
   if (f.batch_count != usual.batch_count) text += fmt::format("batch_count = {}\n", f.batch_count);

@@ -11,10 +11,10 @@ NUMBER = (int, float)
 # What can be asked of a run, and of what type. `settings` is one of SETTINGS; the rest are options of the program.
 FLIGHT = {"settings": str, "shape": str, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "seconds": NUMBER,
           "storage": str, "ledger": str, "orderers": int, "batch_count": int, "batch_timeout": str, "predict": str, "ramp": str,
-          "smoothing": str, "crypto": str, "gateway": bool, "majority": bool}
+          "crypto": str, "gateway": bool, "majority": bool}
 VIRTUAL = {"shape": str, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "side": NUMBER, "batch_count": int,
-           "batch_timeout": str, "mode": str, "predict": str, "ramp": str, "delay": (int, float, str), "model_error": NUMBER,
-           "gust": NUMBER, "smoothing": str}
+           "batch_timeout": NUMBER, "max_age": NUMBER, "full_scale": NUMBER, "mode": str, "predict": str, "ramp": str, "delay": (int, float, str), "model_error": NUMBER,
+           "gust": NUMBER}
 EXCHANGE = {"rates": list, "clients": list, "seconds": NUMBER, "warm_up": NUMBER, "drain": NUMBER, "ledger": str}
 HOSTS = {"shape": str, "rate": NUMBER, "speed": NUMBER, "laps": int, "wifi": str}
 OPTIONS = {"flight": FLIGHT, "virtual": VIRTUAL, "exchange": EXCHANGE, "hosts": HOSTS}
@@ -105,7 +105,8 @@ def options_of(file: pathlib.Path, where: str, runs: str, values: dict) -> dict:
     return found
 
 
-def cases_of(file: pathlib.Path, runs: str, common: dict, matrix: dict, tables: list, quick: dict, boxes) -> list[Case]:
+def cases_of(file: pathlib.Path, runs: str, common: dict, matrix: dict, tables: list, quick: dict, boxes, whole: dict) -> list[Case]:
+    """`whole`: the matrix before quick's; an option that has several values there is in the names."""
     cases = []
     if matrix:
         for name, values in matrix.items():
@@ -115,7 +116,7 @@ def cases_of(file: pathlib.Path, runs: str, common: dict, matrix: dict, tables: 
                 options_of(file, "matrix", runs, {name: value})
         for values in itertools.product(*matrix.values()):
             chosen = dict(zip(matrix, values))
-            name = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in chosen.items())
+            name = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in chosen.items() if len(whole[key]) > 1)
             cases.append(Case(name, {**common, **chosen, **quick}))
     for i, values in enumerate(tables):
         table = Table(file, f"case[{i}]", values)
@@ -189,7 +190,7 @@ def read_experiment(file: pathlib.Path, quick: bool = False) -> Experiment:
     short = Table(file, "quick", table.take("quick", dict, {}))
     common = options_of(file, "options", runs, table.take("options", dict, {}))
     matrix, tables = table.take("matrix", dict, {}), table.take("case", list, [])
-    all_cases = cases_of(file, runs, common, matrix, tables, {}, boxes)
+    all_cases = cases_of(file, runs, common, matrix, tables, {}, boxes, matrix)
     quick_options = options_of(file, "quick.options", runs, short.take("options", dict, {}))
     quick_matrix = short.take("matrix", dict, {})
     quick_seeds = short.take("seeds", int, 1)
@@ -204,7 +205,7 @@ def read_experiment(file: pathlib.Path, quick: bool = False) -> Experiment:
     cases = all_cases
     if quick:
         seeds = quick_seeds
-        cases = cases_of(file, runs, common, {**matrix, **quick_matrix}, tables, quick_options, boxes)
+        cases = cases_of(file, runs, common, {**matrix, **quick_matrix}, tables, quick_options, boxes, matrix)
         cases = [case for case in cases if named is None or case.name in named]
     if seeds < 1:
         table.fail("seeds", f"{seeds} is below 1")

@@ -13,6 +13,7 @@ import verdicts
 
 OURS, GREY, WANTED = ("#2563c9", "#c2571a", "#1d7d46", "#8e44ad", "#b3261e", "#0f8b8d"), "#8a94a3", "#9aa3ae"
 MOST_TRACKS = 16
+OVERVIEW = {"latency": "Two-way latency beside the published boxes", "delay": "Speed growing every lap, square of 6 m"}
 plt.rcParams.update({"font.size": 9, "axes.grid": True, "grid.color": "#e3e6ea", "axes.axisbelow": True, "figure.dpi": 100,
                      "axes.spines.top": False, "axes.spines.right": False})
 
@@ -111,11 +112,12 @@ def draw_ramp(axes, cases: dict) -> None:
                       linewidth=1, alpha=0.8, color=colour(i), label=name if k == 0 else None)
     for bound, text in ((verdicts.GOOD_BELOW_M, "good below"), (verdicts.FAILS_BEYOND_M, "failed above")):
         axes.axhline(bound, color=GREY, linestyle="--", linewidth=1)
-        axes.annotate(text, (0, bound), xycoords=("axes fraction", "data"), fontsize=7, color=GREY)
+        axes.annotate(text, (0, bound), xycoords=("axes fraction", "data"), textcoords="offset points", xytext=(2, 2), fontsize=7,
+                      color=GREY)
     axes.set_yscale("log")
-    axes.set_xlabel("speed of the turn, m/s")
-    axes.set_ylabel("largest error of the turn, m")
-    axes.legend(fontsize=7)
+    axes.set_xlabel("speed asked for the lap, m/s")
+    axes.set_ylabel("largest error of the lap, m")
+    axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2)
 
 
 def ramp(document: dict, figure: dict, _published: dict):
@@ -178,18 +180,17 @@ def bars(document: dict, figure: dict, _published: dict):
 
 
 def lines(document: dict, figure: dict, _published: dict):
-    """One figure over one option, a line for each value of another: medians, lowest to highest as a band."""
+    """One figure over one option that is a number, a line for each value of another: medians, lowest to highest as a band."""
     fig, axes = plt.subplots(figsize=(7, 4))
     series = {}
     for name, repetitions in chosen(document, figure).items():
         options = document["asked"]["cases"][name]
         values = values_of(repetitions, figure["figure"])
-        if values and figure["x"] in options:
-            series.setdefault(str(options.get(figure["by"], "")), []).append((options[figure["x"]], values))
+        if values and isinstance(options.get(figure["x"]), (int, float)) and (figure["by"] is None or figure["by"] in options):
+            series.setdefault(str(options[figure["by"]]) if figure["by"] else "", []).append((options[figure["x"]], values))
     for i, (label, points) in enumerate(series.items()):
-        if all(isinstance(x, (int, float)) for x, _ in points):
-            points.sort(key=lambda one: one[0])
-        x = [x if isinstance(x, (int, float)) else str(x) for x, _ in points]
+        points.sort(key=lambda one: one[0])
+        x = [x for x, _ in points]
         axes.plot(x, [np.median(v) for _, v in points], "o-", color=colour(i), label=f"{figure['by']} {label}" if figure["by"] else None)
         axes.fill_between(x, [min(v) for _, v in points], [max(v) for _, v in points], color=colour(i), alpha=0.15)
     axes.set_xlabel(figure["x"].replace("_", " "))
@@ -225,18 +226,20 @@ def draw(document: dict, published: dict, directory: pathlib.Path) -> list[tuple
 
 
 def overview(documents: dict[str, dict], published: dict, file: pathlib.Path) -> bool:
-    """One picture: latencies beside the published boxes, and the ramp where it was flown. False: there is neither."""
-    parts = [name for name in ("latency", "ramp") if name in documents and any(documents[name]["cases"].values())]
-    if not parts:
+    """One picture: latencies beside the published boxes, and ramps under the published delay. False: there is neither."""
+    drawn = []
+    for name, draw_it in (("latency", lambda axes, document, cases: draw_boxes(axes, document, cases, published)),
+                          ("delay", lambda axes, _document, cases: draw_ramp(axes, cases))):
+        cases = {case: all for case, all in documents.get(name, {"cases": {}})["cases"].items()
+                 if all and "published settings" not in case and (name != "delay" or case.startswith("ramp"))}
+        if cases:
+            drawn.append((documents[name], cases, draw_it))
+    if not drawn:
         return False
-    fig, all_axes = plt.subplots(1, len(parts), figsize=(6.4 * len(parts), 3.6), squeeze=False)
-    for axes, name in zip(all_axes.flat, parts):
-        document = documents[name]
-        cases = {case: all for case, all in document["cases"].items() if all and "published settings" not in case}
-        if name == "latency":
-            draw_boxes(axes, document, cases, published)
-        else:
-            draw_ramp(axes, cases)
-        axes.set_title(document["title"], fontsize=9)
+    fig, all_axes = plt.subplots(1, len(drawn), figsize=(6.4 * len(drawn), 3.6), squeeze=False)
+    for axes, (document, cases, draw_it) in zip(all_axes.flat, drawn):
+        draw_it(axes, document, cases)
+        where = "virtual time" if document["asked"]["runs"] == "virtual" else f"{document['asked']['ledger']} ledger"
+        axes.set_title(f"{OVERVIEW[document['experiment']]} ({where})", fontsize=9)
     save(fig, file)
     return True

@@ -33,6 +33,7 @@ def arguments(experiments: list[config.Experiment]) -> argparse.Namespace:
     parser.add_argument("name", choices=[one.name for one in experiments] + ["all", "report"], metavar="NAME")
     parser.add_argument("--quick", action="store_true", help="few repetitions, short ones: a look, not a result")
     parser.add_argument("--ledger", choices=("embedded", "fabric"), default="embedded")
+    parser.add_argument("--storage", choices=("disk", "tmpfs"), default="disk", help="where ledgers lie [disk]")
     parser.add_argument("--seeds", type=int, metavar="N", help="repetitions of each case, instead of the config's")
     parser.add_argument("--case", action="append", default=[], metavar="CASE", help="only this one; may be given again")
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR",
@@ -76,7 +77,7 @@ def measure(experiment: config.Experiment, place: runs.Place, out: pathlib.Path,
     not_measured = []
     document = {"experiment": experiment.name, "number": experiment.number, "title": experiment.title,
                 "question": experiment.question, "notes": experiment.notes, "figures_asked": experiment.figures,
-                "asked": {"runs": experiment.runs, "ledger": place.ledger, "quick": experiment.quick,
+                "asked": {"runs": experiment.runs, "ledger": place.ledger, "storage": place.storage, "quick": experiment.quick,
                           "seeds": seeds or experiment.seeds,
                           "cases": {case.name: case.options for case in chosen}},
                 "left_out": {case.name: f"only on {case.on}" for case in experiment.cases if case not in chosen},
@@ -93,7 +94,7 @@ def measure(experiment: config.Experiment, place: runs.Place, out: pathlib.Path,
         for case in chosen:
             file = store.repetition_file(out, experiment.name, case.name, seed)
             asked = {"runs": experiment.runs, "options": case.options, "published": case.published, "seed": seed,
-                     "ledger": place.ledger, "programs": programs}
+                     "ledger": place.ledger, "storage": place.storage, "programs": programs}
             found = store.kept(file, asked)
             began = time.monotonic()
             if found is None:
@@ -144,7 +145,7 @@ def main() -> int:
     bin_directory = pathlib.Path(os.environ["LEDGERLINE_BIN"])
     build = root() / "build"
     place = runs.Place(bin_directory, pathlib.Path(os.environ.get("LEDGERLINE_NPM", build / "npm")),
-                       pathlib.Path(os.environ.get("LEDGERLINE_FABRIC", build / "fabric")), asked.out / "running", asked.ledger)
+                       pathlib.Path(os.environ.get("LEDGERLINE_FABRIC", build / "fabric")), asked.out / "running", asked.ledger, asked.storage)
     all_measured, times = True, []
     try:
         for experiment in chosen:

@@ -15,7 +15,7 @@ STYLE = (config.HERE.parent.parent / "ground/report/style.css").read_text() + ""
 """
 COLUMNS = (("two_way_ms.q1", "two-way q1, ms"), ("two_way_ms.median", "median"), ("two_way_ms.q3", "q3"), ("two_way_ms.p99", "p99"),
            ("age_ms.median", "age median, ms"), ("rms_m", "error rms, m"), ("max_m", "max, m"), ("lap_s", "lap, s"),
-           ("top_speed_mps", "top speed, m/s"), ("limit_mps", "own limit, m/s"), ("messages_per_s", "msg/s"),
+           ("top_speed_mps", "top speed, m/s"), ("top_lap_mps", "its lap, m/s"), ("slowed_to_mps", "slowed to, m/s"), ("messages_per_s", "msg/s"), ("commands_per_block", "commands a block"),
            ("cpu_percent.all", "CPU, %"), ("finished", "finished"))
 HOW = """Two-way latency is from the moment a state is sampled until the command made from it is verified on board and ready for
 playout; age at application until its setpoint is sent to the drone, with the wait that playout adds on purpose. Both are differences of
@@ -85,7 +85,7 @@ def cases_table(document: dict) -> str:
 
 def section(document: dict, drawn: list[tuple[str, pathlib.Path]]) -> str:
     asked, machine = document["asked"], document["machine"]
-    where = "virtual time" if asked["runs"] == "virtual" else f"ledger: {asked['ledger']}"
+    where = "virtual time" if asked["runs"] == "virtual" else f"ledger: {asked['ledger']}, on {asked['storage']} where a case says nothing else"
     parts = [f'<section class="card" id="{document["experiment"]}"><h2>{document["number"]}. {escape(document["title"])}</h2>',
              f"<p>{escape(document['question'])}</p>",
              f"<p>{escape(where)}; {asked['seeds']} repetition{'s' if asked['seeds'] > 1 else ''} of each case"

@@ -8,13 +8,16 @@ import pathlib
 import shutil
 import signal
 import subprocess
+import tempfile
 
 import hosts as three_hosts
+import numpy as np
 import traces
 import verdicts
 from config import SETTINGS, Case
 
 PATIENCE_S = 900     # beyond what was asked: only how long something broken may take
+UNFINISHED_S = 1     # a path that ended so soon behind a lap's end has no further lap
 LANDING_S = 60       # that an interrupted run gets to land and end
 PR_SET_PDEATHSIG = 1
 PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric", "chaincode", "local"],
@@ -34,6 +37,7 @@ class Place:
     fabric: pathlib.Path
     work: pathlib.Path      # for the run's files, which are removed when its figures are taken
     ledger: str             # embedded or fabric
+    storage: str            # of the ledger where a case does not say: disk or tmpfs
 
     def program(self, name: str) -> pathlib.Path:
         path = self.programs / f"ledgerline-{name}"
@@ -114,10 +118,35 @@ def tracking_figures(drones: list[dict], finished: bool) -> dict:
     return figures
 
 
-def turns_of(drones: list[dict]) -> list[dict]:
-    """Of a ramp: speed and error turn by turn, of the first drone."""
-    return [{"speed_mps": turn["speed_mps"], "rms_m": turn["rms_m"], "max_m": turn["max_m"],
-             "finished": bool(turn.get("finished", True))} for turn in (drones[0].get("turns") or [])] if drones else []
+def flight_laps(records, path: dict, options: dict) -> list[dict]:
+    """Lap by lap, of a path of straight pieces, by the true positions; the last one may be unfinished. `asked` grows with --ramp."""
+    corners = traces.corners(options.get("shape", "square"), three_hosts.SIDE_M, path["origin"])
+    if corners is None:
+        return []
+    start, step = map(float, options["ramp"].split(":")) if "ramp" in options else (options.get("speed", 0.5), 0.0)
+    length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
+    begin, end = path["between"]
+    ends = begin + np.cumsum(path["lap_s"]) * 1e9
+    laps = []
+    for i, until in enumerate([*ends, end]):
+        since = begin if i == 0 else ends[i - 1]
+        points = traces.positions(records, path["number"], (since, until))
+        finished = i < len(ends)
+        if not finished and (until - since < UNFINISHED_S * 1e9 or len(path["lap_s"]) >= options.get("laps", 3)):
+            continue
+        error, seconds = traces.cross_track(points, corners), (until - since) * 1e-9
+        laps.append({"speed_mps": start + i * step, "flown_mps": length / seconds if finished else 0.0, "seconds": seconds,
+                     "rms_m": error["rms"], "max_m": error["max"], "finished": finished})
+    return laps
+
+
+def virtual_laps(drone: dict) -> list[dict]:
+    return [{"speed_mps": lap["asked_mps"], "flown_mps": lap["flown_mps"], "seconds": lap["seconds"], "rms_m": lap["rms_m"],
+             "max_m": lap["max_m"], "finished": lap["seconds"] > 0} for lap in drone["laps"]]
+
+
+def lap_figures(laps: list[dict], ramp: bool) -> dict:
+    return {**(verdicts.ramp_figures(laps) if ramp else {}), **verdicts.later_figures(laps)}
 
 
 def flight_options(case: Case, place: Place, seed: int) -> dict:
@@ -125,7 +154,7 @@ def flight_options(case: Case, place: Place, seed: int) -> dict:
     ledger = options.pop("ledger", place.ledger)
     settings = SETTINGS[options.pop("settings", "ours")]
     if ledger != "none":
-        options = {**settings, **options}
+        options = {**settings, "storage": place.storage, **options}
     if ledger != "fabric":
         options.pop("orderers", None)
         for name in ("gateway", "majority"):
@@ -157,14 +186,12 @@ def flight(case: Case, place: Place, seed: int) -> dict:
     if not paths:
         raise NotMeasured(out.get("why") or "no drone got onto its path")
     seen = flown(records, paths)
-    turns = turns_of(out["drones"])
+    laps = flight_laps(records, paths["tello1"], options) if "tello1" in paths else []
     figures = {**seen["figures"], **tracking_figures(out["drones"], out["ok"]),
                **{name: out[name] for name in ("messages_per_s", "transactions_per_s") if name in out},
                **{f"cpu_percent.{name}": value for name, value in out["cpu_percent"].items()},
-               "cpu_percent.all": sum(out["cpu_percent"].values())}
-    if turns:
-        figures["top_speed_mps"] = verdicts.top_speed(turns)
-    return {**seen, "figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": turns}
+               "cpu_percent.all": sum(out["cpu_percent"].values()), **lap_figures(laps, "ramp" in options)}
+    return {**seen, "figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": laps}
 
 
 def virtual(case: Case, place: Place, seed: int) -> dict:
@@ -175,18 +202,17 @@ def virtual(case: Case, place: Place, seed: int) -> dict:
         out = json.loads(printed)
     except ValueError:
         raise NotMeasured(f"hil virtual {' '.join(words(options))}: {printed.strip()[-500:]} {tail(log)}") from None
-    turns = turns_of(out["drones"])
-    figures = {**tracking_figures(out["drones"], code == 0)}
+    laps = virtual_laps(out["drones"][0])
+    figures = {**tracking_figures(out["drones"], code == 0), **lap_figures(laps, "ramp" in options)}
     for name in ("two_way_ms", "age_ms"):
         worst = max((drone[name] for drone in out["drones"] if drone[name]["count"]), key=lambda q: q["median"], default={})
         figures.update({f"{name}.{key}": value for key, value in worst.items()})
-    if turns:
-        figures["top_speed_mps"] = verdicts.top_speed(turns)
-    if "slowed" in out["drones"][0]:
-        figures["slowed"] = out["drones"][0]["slowed"]
-    if out["drones"][0].get("limit_mps") is not None:
-        figures["limit_mps"] = out["drones"][0]["limit_mps"]
-    return {"figures": figures, "why": out["why"], "turns": turns, "times_real_time": out["times_real_time"],
+    if out["blocks"]:
+        figures["commands_per_block"] = sum(drone["commands"]["sent"] for drone in out["drones"]) / out["blocks"]
+    for name in ("limit_mps", "slowed_to_mps"):
+        if out["drones"][0].get(name) is not None:
+            figures[name] = out["drones"][0][name]
+    return {"figures": figures, "why": out["why"], "turns": laps, "times_real_time": out["times_real_time"],
             "digest": out["digest"]}
 
 
@@ -201,8 +227,10 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
     # Each repetition is one alternation: every other one in reverse order.
     if seed % 2 == 0:
         options["clients"] = options["clients"][::-1]
-    options |= {"alternations": 1, "npm": place.npm, "fabric": place.fabric, "dir": place.work / "ledgers", "json": result}
-    code, _ = run_program([place.program("bench"), "two-way", *words(options)], log, 2 * PATIENCE_S)
+    options |= {"alternations": 1, "npm": place.npm, "fabric": place.fabric, "json": result}
+    with tempfile.TemporaryDirectory(prefix="ledgerline-experiment-",
+                                     dir="/dev/shm" if place.storage == "tmpfs" else place.work) as ledgers:
+        code, _ = run_program([place.program("bench"), "two-way", "--dir", ledgers, *words(options)], log, 2 * PATIENCE_S)
     if code != 0 or not result.exists():
         raise NotMeasured(f"bench two-way: {tail(log)}")
     out = json.loads(result.read_text())
@@ -245,6 +273,10 @@ def repetition(runs: str, case: Case, place: Place, seed: int) -> dict:
     """Its figures; raises NotMeasured. The run's files are gone afterwards, but not those of one that was not measured."""
     shutil.rmtree(place.work, ignore_errors=True)
     place.work.mkdir(parents=True)
-    out = RUN[runs](case, place, seed)
+    try:
+        out = RUN[runs](case, place, seed)
+    except KeyboardInterrupt:
+        shutil.rmtree(place.work)
+        raise
     shutil.rmtree(place.work)
     return out

@@ -54,11 +54,16 @@ def thin(points: np.ndarray) -> np.ndarray:
     return points[::max(1, -(-len(points) // POINTS))]
 
 
-def track(records: np.ndarray, drone: int, between: tuple[int, int]) -> list:
-    """True positions on the path, metres."""
+def positions(records: np.ndarray, drone: int, between) -> np.ndarray:
+    """True ones, x and y in metres."""
     truth = of_kind(records, TRUTH, drone)
-    truth = truth[(truth["t"] >= between[0]) & (truth["t"] <= between[1])]
-    return np.round(thin(truth["v"][:, :2]), 3).tolist()
+    truth = truth[(truth["t"] >= between[0]) & (truth["t"] < between[1])]
+    return truth[np.argsort(truth["t"], kind="stable")]["v"][:, :2]
+
+
+def track(records: np.ndarray, drone: int, between: tuple[int, int]) -> list:
+    """True positions on the path, for the eye."""
+    return np.round(thin(positions(records, drone, between)), 3).tolist()
 
 
 def corners(shape: str, side_m: float, origin) -> np.ndarray | None:

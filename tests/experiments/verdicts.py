@@ -1,4 +1,5 @@
 """Boxes, spreads and verdicts: pure functions of figures."""
+import itertools
 import math
 
 import numpy as np
@@ -34,9 +35,27 @@ def spread(values) -> dict | None:
             "count": len(values)}
 
 
-def top_speed(turns: list[dict], limit_m: float = GOOD_BELOW_M) -> float:
-    """The largest speed of a ramp with a maximum error below the limit; 0: none."""
-    return max((turn["speed_mps"] for turn in turns if turn["finished"] and turn["max_m"] < limit_m), default=0.0)
+def good_turns(turns: list[dict], limit_m: float = GOOD_BELOW_M) -> list[dict]:
+    """Of a ramp: the laps up to the first one that was not finished or had an error that is not below the limit."""
+    return list(itertools.takewhile(lambda turn: turn["finished"] and turn["max_m"] < limit_m, turns))
+
+
+def ramp_figures(turns: list[dict]) -> dict:
+    """The fastest good lap: as it was asked for, and on the mean over the lap, which corners and the controller's own limit
+    slow down; 0: none was good."""
+    good = good_turns(turns)
+    return {"top_speed_mps": max((turn["speed_mps"] for turn in good), default=0.0),
+            "top_lap_mps": max((turn["flown_mps"] for turn in good), default=0.0)}
+
+
+def later_figures(laps: list[dict], first: int = 3) -> dict:
+    """From the `first`-th lap on, when the model has been learned."""
+    later = [lap for lap in laps[first - 1:] if lap["finished"]]
+    if not later:
+        return {}
+    seconds = sum(lap["seconds"] for lap in later)
+    return {"later_rms_m": math.sqrt(sum(lap["rms_m"]**2 * lap["seconds"] for lap in later) / seconds),
+            "later_lap_s": seconds / len(later)}
 
 
 def margins(bar: dict, cases: dict[str, list[dict]], boxes: dict) -> list[tuple[str, int, float]]:

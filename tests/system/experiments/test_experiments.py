@@ -3,7 +3,9 @@ import json
 import os
 import pathlib
 import re
+import signal
 import subprocess
+import time
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 
@@ -57,3 +59,22 @@ def test_what_cannot_be_measured_is_no_success(tmp_path):
     assert done.returncode == 1
     assert "ledgerline-bench is not built" in done.stdout and "Traceback" not in done.stderr
     assert json.loads((tmp_path / "events.json").read_text())["not_measured"][0]["case"] == "our settings"
+
+
+def test_an_interrupt_lets_the_flight_land_first(tmp_path):
+    """The flight is a script that only looks like fly: it notes what it is told."""
+    programs, out = tmp_path / "bin", tmp_path / "out"
+    programs.mkdir()
+    (programs / "ledgerline-fly").write_text(f"#!/bin/sh\ntrap 'sleep 0.5; echo landed > {tmp_path}/landed; exit 1' INT\n"
+                                             f"touch {tmp_path}/flies\nwhile :; do sleep 0.05; done\n")
+    (programs / "ledgerline-fly").chmod(0o755)
+    process = subprocess.Popen([BIN / "ledgerline", "experiment", "latency", "--quick", "--case", "square", "--out", out],
+                               stdout=subprocess.PIPE, text=True, env={**os.environ, "LEDGERLINE_BIN": str(programs)})
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "flies").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGTERM)
+    printed, _ = process.communicate(timeout=60)
+    assert process.returncode == 1 and "interrupted" in printed
+    assert (tmp_path / "landed").read_text() == "landed\n"
+    assert not (out / "running").exists() and (out / "report.html").exists()

@@ -24,9 +24,9 @@ def bar(rule: str, cases: list, **more) -> dict:
 
 
 def test_a_box_has_quartiles_and_whiskers_within_one_and_a_half_boxes():
-    box = verdicts.box([1, 2, 3, 4, 5, 6, 7, 8, 9, 100])
+    box = verdicts.box([-100, 2, 3, 4, 5, 6, 7, 8, 9, 100])
     assert (box["q1"], box["median"], box["q3"]) == (3.25, 5.5, 7.75)
-    assert (box["low"], box["high"]) == (1, 9), "the farthest value within 1.5 x 4.5 of the box"
+    assert (box["low"], box["high"]) == (2, 9), "the farthest value within 1.5 x 4.5 of the box"
 
 
 def test_a_distribution_is_kept_whole_enough():
@@ -40,11 +40,22 @@ def test_a_spread_leaves_out_what_is_no_number():
     assert verdicts.spread([None]) is None
 
 
-def test_the_top_speed_is_the_largest_with_a_small_error_on_a_finished_turn():
-    turns = [{"speed_mps": speed, "max_m": error, "finished": finished}
-             for speed, error, finished in ((0.5, 0.1, True), (1.0, 0.39, True), (1.5, 0.4, True), (2.0, 0.1, False))]
-    assert verdicts.top_speed(turns) == 1.0
-    assert verdicts.top_speed(turns[2:]) == 0
+def lap(speed: float, error: float, finished: bool = True, flown: float = 0.0, seconds: float = 10.0, rms: float = 0.1) -> dict:
+    return {"speed_mps": speed, "max_m": error, "finished": finished, "flown_mps": flown, "seconds": seconds, "rms_m": rms}
+
+
+def test_the_top_speed_is_that_of_the_last_good_lap():
+    laps = [lap(0.5, 0.1, flown=0.45), lap(1.0, 0.39, flown=0.8), lap(1.5, 0.4, flown=1.2), lap(2.0, 0.1, flown=1.5)]
+    assert verdicts.ramp_figures(laps) == {"top_speed_mps": 1.0, "top_lap_mps": 0.8}
+    assert verdicts.ramp_figures(laps[2:]) == {"top_speed_mps": 0, "top_lap_mps": 0}
+    assert verdicts.ramp_figures([lap(0.5, 0.1, flown=0.4), lap(1.0, 0.1, finished=False)])["top_speed_mps"] == 0.5
+
+
+def test_what_is_learned_is_judged_from_the_third_lap_on():
+    laps = [lap(1, 0.1, rms=9.0), lap(1, 0.1, rms=9.0), lap(1, 0.1, rms=0.3, seconds=10), lap(1, 0.1, rms=0.4, seconds=30)]
+    figures = verdicts.later_figures(laps)
+    assert figures["later_lap_s"] == 20 and figures["later_rms_m"] == pytest.approx(((0.09 * 10 + 0.16 * 30) / 40) ** 0.5)
+    assert verdicts.later_figures(laps[:2]) == {}
 
 
 def test_the_worst_repetition_and_the_worst_quantile_decide():
@@ -149,12 +160,12 @@ def test_a_bad_config_is_named_with_file_and_key(tmp_path, found, instead, words
 def test_a_matrix_is_every_combination_and_quick_changes_what_it_names(tmp_path):
     file = tmp_path / "made-up.toml"
     file.write_text(GOOD.split("[[case]]")[0] + '[matrix]\nrate = [30, 50]\nbatch_count = [1, 10]\n'
-                    "[quick]\nseeds = 2\nmatrix = { rate = [30] }\noptions = { laps = 1 }\n")
+                    "[quick]\nseeds = 2\nmatrix = { rate = [30] }\noptions = { laps = 1, rate = 40 }\n")
     assert [case.options for case in config.read_experiment(file).cases] == [
         {"speed": 0.5, "rate": rate, "batch_count": count} for rate in (30, 50) for count in (1, 10)]
     quick = config.read_experiment(file, quick=True)
     assert quick.seeds == 2 and [case.options for case in quick.cases] == [
-        {"speed": 0.5, "rate": 30, "batch_count": count, "laps": 1} for count in (1, 10)]
+        {"speed": 0.5, "rate": 40, "batch_count": count, "laps": 1} for count in (1, 10)]
 
 
 @pytest.fixture
@@ -168,7 +179,7 @@ def experiment(tmp_path):
 def place(tmp_path):
     (tmp_path / "bin").mkdir()
     (tmp_path / "bin/ledgerline-fly").write_text("one")
-    return runs.Place(tmp_path / "bin", tmp_path, tmp_path, tmp_path / "running", "embedded")
+    return runs.Place(tmp_path / "bin", tmp_path, tmp_path, tmp_path / "running", "embedded", "disk")
 
 
 def test_what_is_finished_is_kept_and_only_the_rest_is_run(tmp_path, monkeypatch, experiment, place):
@@ -232,7 +243,8 @@ def test_options_become_words_of_a_command_line():
 def test_settings_are_the_ledgers_and_fabrics_orderers_only_fabrics(place):
     case = config.Case("c", {"settings": "published", "shape": "x"})
     assert runs.flight_options(case, place, 7) == {
-        "batch_count": 10, "batch_timeout": "2s", "shape": "x", "ledger": "embedded", "seed": 7}
+        "batch_count": 10, "batch_timeout": "2s", "storage": "disk", "shape": "x", "ledger": "embedded", "seed": 7}
+    assert runs.flight_options(config.Case("c", {"storage": "tmpfs"}), place, 7)["storage"] == "tmpfs"
     assert runs.flight_options(config.Case("c", {"ledger": "none"}), place, 7) == {"ledger": "none", "seed": 7}
     with pytest.raises(runs.NotMeasured, match="--gateway needs --ledger fabric"):
         runs.flight_options(config.Case("c", {"gateway": True}), place, 7)
@@ -264,7 +276,28 @@ def test_a_virtual_velocity_stands_at_its_states_moment_a_flown_one_at_its_own(t
         now = 2 + t
         assert true == pytest.approx(0.5, abs=0.01)
         assert virtual == pytest.approx(now, abs=0.02) and flown == pytest.approx(now - 1, abs=0.02)
-    assert traces.track(records, 1, (0, 1_000_000_000))[-1] == pytest.approx([0.3, 0.4], abs=1e-3)
+    assert traces.track(records, 1, (0, 1_050_000_000))[-1] == pytest.approx([0.3, 0.4], abs=1e-3)
+
+
+def test_laps_of_a_flight_are_judged_one_by_one(tmp_path):
+    """Two laps of a square at 1 and 2 m/s, the second one 0.3 m off on its first side, and a third one that does not end."""
+    data, t = bytes(16), 0.0
+    corners = [(0, 0), (1.5, 0), (1.5, 1.5), (0, 1.5), (0, 0)]
+    for number, speed in enumerate((1.0, 2.0, 3.0)):
+        for side, (a, b) in enumerate(zip(corners, corners[1:])):
+            if number == 2 and side == 2:
+                break
+            for i in range(50):
+                off = -0.3 if (number, side) == (1, 0) else 0
+                data += record(t, traces.TRUTH, v=(a[0] + (b[0] - a[0]) * i / 50, a[1] + (b[1] - a[1]) * i / 50 + off, 1, 0))
+                t += 1.5 / speed / 50
+    (tmp_path / "sim.trace").write_bytes(data)
+    path = {"origin": (0, 0), "number": 1, "between": (0, int((t + 1) * 1e9)), "lap_s": [6.0, 3.0]}
+    laps = runs.flight_laps(traces.read(tmp_path), path, {"shape": "square", "ramp": "1:1", "laps": 4})
+    assert [(one["speed_mps"], one["finished"]) for one in laps] == [(1, True), (2, True), (3, False)]
+    assert [one["flown_mps"] for one in laps] == pytest.approx([1, 2, 0])
+    assert [one["max_m"] for one in laps[:2]] == pytest.approx([0, 0.3], abs=1e-9)
+    assert len(runs.flight_laps(traces.read(tmp_path), path, {"shape": "square", "ramp": "1:1", "laps": 2})) == 2
 
 
 def test_paths_are_what_the_one_who_flew_says(tmp_path):

@@ -16,8 +16,8 @@ struct Flown {
 Flown fly(Shape shape, double speed_mps, double delay_ms, double lag_s, double gust_mps) {
   ControllerConfig config;
   config.speed_mps = speed_mps;
-  PathController controller(Path(shape, {0, 0}, 1.5), config, 0.2);
-  const double end_m = 3 * controller.path().length_m();
+  PathController controller(motion::waypoints_of(shape, 1.5), {0, 0}, config, 0.2);
+  const double end_m = 3 * controller.lap_m();
   LaggedDrone drone(lag_s, gust_mps);
   drone.motion.position_m.z() = 1;
   drone.motion.yaw_rad = 0.2;
@@ -25,6 +25,7 @@ Flown fly(Shape shape, double speed_mps, double delay_ms, double lag_s, double g
   Flown flown;
   double squares = 0;
   int samples = 0;
+  std::uint64_t plans = 0;
   for (TimeNs t = 0; t < 200 * ns_per_s; t += ns_per_s / 30) {
     drone.run_until(t);
     const double off = controller.path().distance_m(drone.motion.position_m.head<2>());
@@ -33,7 +34,8 @@ Flown fly(Shape shape, double speed_mps, double delay_ms, double lag_s, double g
     flown.max_m = std::max(flown.max_m, off);
     flown.worst_height_m = std::max(flown.worst_height_m, std::abs(drone.motion.position_m.z() - 1));
     const TimeNs there = drone.motion.stamp_ns + static_cast<TimeNs>(delay_ms * ns_per_ms);
-    drone.deliver(there, controller.plan(drone.motion, there));
+    controller.observe(drone.state(), 0);
+    drone.deliver(there, controller.plan(++plans, there));
     if (controller.at_end() && drone.motion.position_m.head<2>().norm() < 0.1) {
       flown.finished = true;
       flown.seconds = to_seconds(t);
@@ -44,8 +46,20 @@ Flown fly(Shape shape, double speed_mps, double delay_ms, double lag_s, double g
   return flown;
 }
 
+PathController square_at(const Eigen::Vector2d& origin, double yaw_rad = 0) {
+  return {motion::waypoints_of(Shape::square, 1.5), origin, {}, yaw_rad};
+}
+
+StateSample hovering(TimeNs stamp_ns, const Eigen::Vector3d& at) {
+  StateSample state;
+  state.phase = FlightPhase::flying;
+  state.stamp_ns = state.pose_stamp_ns = stamp_ns;
+  state.position_m = {at.x(), at.y(), at.z()};
+  return state;
+}
+
 TEST(PathController, FollowsEveryShapeThroughLagAndDelay) {
-  for (Shape shape : {Shape::square, Shape::triangle, Shape::x}) {
+  for (Shape shape : {Shape::square, Shape::triangle, Shape::x, Shape::eight}) {
     for (double delay_ms : {20.0, 40.0}) {
       const Flown flown = fly(shape, 0.5, delay_ms, 0.3, 0);
       EXPECT_TRUE(flown.finished) << name_of(shape);
@@ -92,30 +106,29 @@ TEST(PathController, NeedsNoMoreThanAThirdLongerThanTheBareLength) {
 TEST(PathController, KeepsItsHeight) { EXPECT_LT(fly(Shape::square, 0.5, 30, 0.3, 0).worst_height_m, 0.02); }
 
 TEST(PathController, PlansTwelveSetpointsAFiftiethOfASecondApartFromTheMomentAsked) {
-  PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 0);
-  const auto plan = controller.plan({}, 777);
+  PathController controller = square_at({0, 0});
+  const auto plan = controller.plan(1, 777);
   ASSERT_EQ(plan.size(), 12u);
   for (std::size_t i = 0; i < plan.size(); ++i) EXPECT_EQ(plan[i].at_ns, 777 + static_cast<TimeNs>(i) * 50 * ns_per_ms);
 }
 
 TEST(PathController, HoversAtTheOriginUntilItIsStarted) {
-  PathController controller(Path(Shape::square, {1, 1}, 1.5), {}, 0);
-  Motion motion;
-  motion.position_m = {0.8, 1, 0.7};
-  const auto plan = controller.plan(motion, 0);
+  PathController controller = square_at({1, 1});
+  controller.observe(hovering(1, {0.8, 1, 0.7}), 0);
+  const auto plan = controller.plan(1, 1);
   EXPECT_GT(plan.front().velocity_mps[0], 0.1F);
-  EXPECT_NEAR(plan.front().velocity_mps[1], 0, 1e-6);
+  EXPECT_NEAR(plan.front().velocity_mps[1], 0, 0.1);  // to the middle of the rounded corner
   EXPECT_GT(plan.front().velocity_mps[2], 0.1F);
   EXPECT_EQ(controller.progress_m(), 0);
 }
 
 TEST(PathController, WaitsForADroneThatIsHeldBack) {
-  PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 0);
+  PathController controller = square_at({0, 0});
   controller.start(0);
-  Motion stuck;
-  for (TimeNs t = 0; t < 60 * ns_per_s; t += 33 * ns_per_ms) {
-    stuck.stamp_ns = t;
-    (void)controller.plan(stuck, t + 20 * ns_per_ms);
+  std::uint64_t plans = 0;
+  for (TimeNs t = 33 * ns_per_ms; t < 60 * ns_per_s; t += 33 * ns_per_ms) {
+    controller.observe(hovering(t, {0, 0, 1}), 0);
+    (void)controller.plan(++plans, t + 20 * ns_per_ms);
   }
   EXPECT_LT(controller.progress_m(), 0.5);
 }
@@ -123,50 +136,103 @@ TEST(PathController, WaitsForADroneThatIsHeldBack) {
 // A ledger that stalls right after the start lets the drone fly its last plan far beyond the reference.
 TEST(PathController, ADroneThatIsFarAheadComesBackAndGoesOn) {
   for (TimeNs under_way = 0; under_way < ns_per_s; under_way += 50 * ns_per_ms) {
-    ControllerConfig config;
-    PathController controller(Path(Shape::square, {0, 0}, 1.5), config, 0);
+    PathController controller = square_at({0, 0});
     LaggedDrone drone(0.3);
     drone.motion.position_m = {0, 0, 1};
+    drone.motion.stamp_ns = 1;
     controller.start(0);
-    for (TimeNs t = 0; t <= under_way; t += 50 * ns_per_ms) (void)controller.plan(drone.motion, t);
+    controller.observe(drone.state(), 0);
+    std::uint64_t plans = 0;
+    for (TimeNs t = 0; t <= under_way; t += 50 * ns_per_ms) (void)controller.plan(++plans, t);
     drone.motion.stamp_ns = ns_per_s;
     drone.motion.position_m = {0.7, 0, 1};
     for (TimeNs t = ns_per_s; t < 10 * ns_per_s; t += ns_per_s / 30) {
       drone.run_until(t);
       const TimeNs there = t + 20 * ns_per_ms;
-      drone.deliver(there, controller.plan(drone.motion, there));
+      controller.observe(drone.state(), 0);
+      drone.deliver(there, controller.plan(++plans, there));
     }
     EXPECT_GT(controller.progress_m(), 1.5) << to_ms(under_way) << " ms after the start";
   }
 }
 
 TEST(PathController, TurnsBackToItsYawTheShortWay) {
-  PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 3.1);
-  Motion motion;
-  motion.yaw_rad = -3.1;
-  EXPECT_LT(controller.plan(motion, 0).front().yaw_rate_radps, 0);
+  PathController controller = square_at({0, 0}, 3.1);
+  StateSample state = hovering(1, {0, 0, 1});
+  state.yaw_rad = -3.1;
+  controller.observe(state, 0);
+  EXPECT_LT(controller.plan(1, 1).front().yaw_rate_radps, 0);
 }
 
 TEST(PathController, AStateWhoseTimesAreYearsApartTakesNoLongerThanAnyOther) {
-  PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 0);
-  Motion state;
-  state.position_m.z() = 1;
+  PathController controller = square_at({0, 0});
+  controller.observe(hovering(1, {0, 0, 1}), 0);
   controller.start(0);
   constexpr TimeNs years = INT64_MAX / 4;
-  EXPECT_EQ(controller.plan(state, years).size(), PathController::steps);
+  EXPECT_EQ(controller.plan(1, years).size(), PathController::steps);
   EXPECT_LT(controller.progress_m(), 2);
-  state.stamp_ns = years;
-  EXPECT_EQ(controller.plan(state, years + ns_per_s).size(), PathController::steps);
+  controller.observe(hovering(years, {0, 0, 1}), years);
+  EXPECT_EQ(controller.plan(2, years + ns_per_s).size(), PathController::steps);
 }
 
 TEST(PathController, NeverAsksForMoreThanItsSpeedAllows) {
-  PathController controller(Path(Shape::square, {0, 0}, 1.5), {}, 0);
-  Motion far;
-  far.position_m = {100, -100, 50};
-  for (const Setpoint& s : controller.plan(far, 0)) {
+  PathController controller = square_at({0, 0});
+  controller.observe(hovering(1, {100, -100, 50}), 0);
+  for (const Setpoint& s : controller.plan(1, 1)) {
     EXPECT_LE(std::hypot(s.velocity_mps[0], s.velocity_mps[1]), 1.05 + 1e-6);
     EXPECT_LE(std::abs(s.velocity_mps[2]), 0.5 + 1e-6);
   }
+}
+
+TEST(PathController, ALapOfARampIsFasterThanTheOneBefore) {
+  ControllerConfig config;
+  config.ramp = {0.3, 0.2};
+  const PathController controller(motion::waypoints_of(Shape::square, 1.5), {0, 0}, config, 0);
+  EXPECT_DOUBLE_EQ(controller.asked_mps(0), 0.3);
+  EXPECT_DOUBLE_EQ(controller.asked_mps(0.99 * controller.lap_m()), 0.3);
+  EXPECT_DOUBLE_EQ(controller.asked_mps(2.5 * controller.lap_m()), 0.7);
+}
+
+TEST(PathController, ARampIsReadFromStartAndStep) {
+  const auto ramp = ramp_from("0.5:0.1");
+  ASSERT_TRUE(ramp.ok());
+  EXPECT_DOUBLE_EQ(ramp->start_mps, 0.5);
+  EXPECT_DOUBLE_EQ(ramp->step_mps, 0.1);
+  for (const char* wrong : {"", "0.5", "0.5:", ":0.1", "0.5:0.1x", "nan:0.1", "0.5:-1", "9:0.1", "0.5:0.1:2"})
+    EXPECT_FALSE(ramp_from(wrong).ok()) << wrong;
+}
+
+TEST(PathController, OldCommandsOfADroneThatIsNotKnownYetSlowItDownAndItSaysSo) {
+  ControllerConfig config;
+  config.speed_mps = 1.0;
+  PathController controller(motion::waypoints_of(Shape::square, 1.5), {0, 0}, config, 0);
+  controller.observe(hovering(1, {0, 0, 1}), 0);
+  controller.start(1);
+  (void)controller.plan(1, 2 * ns_per_s);
+  EXPECT_LT(controller.limit_mps(), 0.5);
+  EXPECT_GE(controller.limit_mps(), config.least_limit_mps);
+  ASSERT_TRUE(controller.slowed_to_mps());
+  EXPECT_DOUBLE_EQ(*controller.slowed_to_mps(), controller.limit_mps());
+
+  PathController near(motion::waypoints_of(Shape::square, 1.5), {0, 0}, config, 0);
+  near.observe(hovering(1, {0, 0, 1}), 0);
+  near.start(1);
+  (void)near.plan(1, 20 * ns_per_ms);
+  EXPECT_FALSE(near.slowed_to_mps());
+}
+
+TEST(PathController, WithoutPredictionOneVelocityIsHeldUntilTheNextOneComes) {
+  ControllerConfig config;
+  config.predict = false;
+  PathController controller(motion::waypoints_of(Shape::square, 1.5), {0, 0}, config, 0);
+  controller.observe(hovering(5, {0, 0.1, 1}), 0);
+  controller.start(5);
+  (void)controller.plan(1, 5);
+  const auto plan = controller.plan(2, ns_per_s);
+  for (const Setpoint& s : plan) EXPECT_EQ(s.velocity_mps, plan.front().velocity_mps);
+  EXPECT_EQ(plan.back().at_ns - plan.front().at_ns, 1'500 * ns_per_ms);  // link holds the last one half a second
+  EXPECT_NEAR(controller.progress_m(), config.speed_mps, 1e-6);          // it waits for nobody
+  EXPECT_LT(plan.front().velocity_mps[1], 0);
 }
 
 }  // namespace

@@ -254,7 +254,7 @@ TEST_F(FlightByHand, AnOlderRecordDoesNotUndoANewerOne) {
   EXPECT_EQ(states({1}).submissions.size(), 1u);
 }
 
-TEST_F(FlightByHand, TheDelayIsTwiceTheWayOfItsOwnCommands) {
+TEST_F(FlightByHand, TheDelayIsTheWayOfItsOwnCommandsThereAndBack) {
   for (int i = 0; i < 30; ++i) {
     const auto out = states({1});
     now_ns += 40 * ns_per_ms;

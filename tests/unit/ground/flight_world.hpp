@@ -197,6 +197,13 @@ class FlightWorld {
         sample.velocity_mps[static_cast<std::size_t>(i)] = drone.model.motion.velocity_mps[i];
       }
       sample.yaw_rad = drone.model.motion.yaw_rad;
+      for (std::size_t i = 0; i < 3; ++i)
+        sample.sent_velocity_mps[i] = static_cast<float>(drone.model.told_mps[static_cast<int>(i)]);
+      for (const DronePlan& plan : drone.plans) {
+        if (plan.action() != FLY || plan.setpoints(0).at_ns() > now_ns) continue;
+        sample.applied_sequence = plan.sequence();
+        sample.applied_stamp_ns = plan.state_stamp_ns();
+      }
       *call.add_assets() = status_asset(drone.name, sample);
       Asset odom;
       odom.set_id(drone.name + "/odom");

@@ -148,17 +148,14 @@ TEST_F(FakePrograms, WhatIsSwitchedStandsInTheConfigs) {
     EXPECT_THAT(text(side), HasSubstr("signer = \"libcrypto\"\nverifier = \"libcrypto\""));
     EXPECT_THAT(text(side), HasSubstr("[[orderer]]\nendpoint = \"127.0.0.1:2\""));
   }
-  EXPECT_THAT(text("link"), Not(HasSubstr("max_margin_ms")));
 
   Options options;
   options.mbedtls = options.gateway = true;
-  options.smoothing = false;
   ASSERT_TRUE(write_configs(files, options, "127.0.0.1:1", {"127.0.0.1:2"}));
   for (const char* side : {"agent", "ground"}) {
     EXPECT_THAT(text(side), HasSubstr("signer = \"mbedtls\"\nverifier = \"mbedtls\""));
     EXPECT_THAT(text(side), Not(HasSubstr("[[orderer]]")));
   }
-  EXPECT_THAT(text("link"), HasSubstr("[playout]\nmax_margin_ms = 0\n"));
 }
 
 TEST_F(FakePrograms, AProxyStandsBetweenBothHostsAndTheLedgerAndBetweenLinkAndTheDrones) {

@@ -76,9 +76,7 @@ TEST(FlyOptions, TheWayPastTheGatewayAndTheNumberOfEndorsementsAreFabrics) {
   expect_refused({"--majority"}, "--ledger fabric");
 }
 
-TEST(FlyOptions, SafeguardsMayBeSwitched) {
-  EXPECT_TRUE(parse_command_line({}).options.smoothing);
-  EXPECT_FALSE(parse_command_line({"--smoothing", "off"}).options.smoothing);
+TEST(FlyOptions, WhatSignsMayBeSwitched) {
   EXPECT_FALSE(parse_command_line({}).options.mbedtls);
   EXPECT_TRUE(parse_command_line({"--crypto", "mbedtls"}).options.mbedtls);
   expect_refused({"--crypto", "none"}, "--crypto");

@@ -55,21 +55,11 @@ TEST(Path, DistanceIsToTheNearestPointEvenOfAnotherPiece) {
   EXPECT_NEAR(Path(Shape::x, {0, 0}, 1).distance_m({0.5, 0.5}), 0, 1e-12);
 }
 
-TEST(Path, SaysHowFarAndHowSharpTheTurnsAre) {
-  const Path square(Shape::square, origin, 1.5);
-  const auto turns = square.turns(square.length_m() + 0.4);
-  EXPECT_NEAR(turns.ahead_m, 1.1, 1e-9);
-  EXPECT_NEAR(turns.behind_m, 0.4, 1e-9);
-  EXPECT_NEAR(turns.ahead_rad, pi / 2, 1e-9);
-  EXPECT_NEAR(Path(Shape::triangle, origin, 1).turns(0.1).ahead_rad, 2 * pi / 3, 1e-9);
-  EXPECT_NEAR(Path(Shape::x, origin, 1).turns(0.1).ahead_rad, 3 * pi / 4, 1e-9);
-}
-
 TEST(Path, AnUnknownShapeIsRefusedWithTheKnownOnes) {
   EXPECT_EQ(*shape_from_name("triangle"), Shape::triangle);
   const auto circle = shape_from_name("circle");
   ASSERT_FALSE(circle);
-  EXPECT_NE(circle.error().what.find("square, triangle or x"), std::string::npos);
+  EXPECT_NE(circle.error().what.find("square, triangle, x or eight"), std::string::npos);
 }
 
 }  // namespace

@@ -1,0 +1,144 @@
+#include "ground/motion/course.hpp"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+#include <numbers>
+#include <string_view>
+
+namespace ledgerline::motion {
+namespace {
+
+constexpr std::size_t fewest = 3, most = 500;
+constexpr double farthest_m = 100, closest_m = 0.01;
+constexpr double lowest_m = 0.3, highest_m = 10, slowest_mps = 0.05, fastest_mps = 8;
+
+std::string_view trimmed(std::string_view text) {
+  const auto from = text.find_first_not_of(" \t\r");
+  if (from == std::string_view::npos) return {};
+  return text.substr(from, text.find_last_not_of(" \t\r") - from + 1);
+}
+
+std::vector<std::string_view> cells_of(std::string_view line) {
+  std::vector<std::string_view> cells;
+  for (;;) {
+    const auto comma = line.find(',');
+    cells.push_back(trimmed(line.substr(0, comma)));
+    if (comma == std::string_view::npos) return cells;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+Result<double> number_in(std::string_view cell, const char* what, double least, double greatest) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+  if (error != std::errc{} || end != cell.data() + cell.size() || !(value >= least && value <= greatest))
+    return Error{fmt::format("{} \"{}\" is no number from {} to {}", what, cell, least, greatest)};
+  return value;
+}
+
+Result<Waypoint> waypoint_of(const std::vector<std::string_view>& cells) {
+  if (cells.size() < 2 || cells.size() > 4) return Error{fmt::format("{} columns, not x,y[,z[,speed]]", cells.size())};
+  const auto x = number_in(cells[0], "x", -farthest_m, farthest_m);
+  if (!x) return x.error();
+  const auto y = number_in(cells[1], "y", -farthest_m, farthest_m);
+  if (!y) return y.error();
+  Waypoint point{{*x, *y}};
+  if (cells.size() > 2 && !cells[2].empty()) {
+    const auto z = number_in(cells[2], "z", lowest_m, highest_m);
+    if (!z) return z.error();
+    point.height_m = *z;
+  }
+  if (cells.size() > 3 && !cells[3].empty()) {
+    const auto speed = number_in(cells[3], "speed", slowest_mps, fastest_mps);
+    if (!speed) return speed.error();
+    point.speed_mps = *speed;
+  }
+  return point;
+}
+
+bool is_heading(const std::vector<std::string_view>& cells) {
+  return !cells.empty() && !cells[0].empty() && std::isalpha(static_cast<unsigned char>(cells[0].front())) != 0 &&
+         cells[0] != "nan" && cells[0] != "inf";
+}
+
+}  // namespace
+
+const std::vector<std::string>& shape_names() {
+  static const std::vector<std::string> names{"square", "triangle", "x", "eight"};
+  return names;
+}
+
+std::string name_of(Shape shape) { return shape_names()[static_cast<std::size_t>(shape)]; }
+
+Result<Shape> shape_from_name(const std::string& name) {
+  for (Shape shape : {Shape::square, Shape::triangle, Shape::x, Shape::eight}) {
+    if (name == name_of(shape)) return shape;
+  }
+  return Error{fmt::format("no shape \"{}\": square, triangle, x or eight", name)};
+}
+
+std::vector<Waypoint> waypoints_of(Shape shape, double side_m) {
+  std::vector<Waypoint> points;
+  const auto add = [&](double x, double y) { points.push_back({side_m * Eigen::Vector2d(x, y)}); };
+  switch (shape) {
+    case Shape::square:
+      for (const auto& [x, y] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}}) add(x, y);
+      break;
+    case Shape::triangle:
+      add(0, 0);
+      add(1, 0);
+      add(0.5, std::sqrt(3.0) / 2);
+      break;
+    case Shape::x:
+      for (const auto& [x, y] : {std::pair{0, 0}, {1, 1}, {1, 0}, {0, 1}}) add(x, y);
+      break;
+    case Shape::eight: {
+      constexpr int pieces = 96;
+      for (int i = 0; i < pieces; ++i) {
+        const double t = std::numbers::pi * (1 - 2.0 * i / pieces);
+        add(0.5 * (1 + std::cos(t)), -0.25 * std::sin(2 * t));
+      }
+      break;
+    }
+  }
+  return points;
+}
+
+Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const std::string& file) {
+  std::vector<Waypoint> points;
+  std::vector<int> lines;
+  int number = 0;
+  bool first = true;
+  for (std::string_view rest = text; !rest.empty();) {
+    ++number;
+    const auto end = rest.find('\n');
+    std::string_view line = rest.substr(0, end);
+    rest = end == std::string_view::npos ? std::string_view{} : rest.substr(end + 1);
+    line = trimmed(line.substr(0, line.find('#')));
+    if (line.empty()) continue;
+    const auto cells = cells_of(line);
+    if (std::exchange(first, false) && is_heading(cells)) continue;
+    const auto point = waypoint_of(cells);
+    if (!point) return Error{fmt::format("{}:{}: {}", file, number, point.error().what)};
+    if (!points.empty() && (point->at_m - points.back().at_m).norm() < closest_m)
+      return Error{fmt::format("{}:{}: closer than 1 cm to the point before", file, number)};
+    if (points.size() == most) return Error{fmt::format("{}:{}: more than {} points", file, number, most)};
+    points.push_back(*point);
+    lines.push_back(number);
+  }
+  if (points.size() < fewest)
+    return Error{fmt::format("{}: {} points, at least {} are needed", file, points.size(), fewest)};
+  if ((points.back().at_m - points.front().at_m).norm() < closest_m)
+    return Error{fmt::format("{}:{}: the first point again: the path closes by itself", file, lines.back())};
+  const Eigen::Vector2d origin = points.front().at_m;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    points[i].at_m -= origin;
+    if (points[i].at_m.norm() > farthest_m)
+      return Error{fmt::format("{}:{}: more than {} m from the first point", file, lines[i], farthest_m)};
+  }
+  return points;
+}
+
+}  // namespace ledgerline::motion

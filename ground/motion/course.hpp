@@ -1,0 +1,41 @@
+#pragma once
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/rt/result.hpp"
+
+namespace ledgerline::motion {
+
+enum class Shape { square, triangle, x, eight };
+Result<Shape> shape_from_name(const std::string& name);
+std::string name_of(Shape shape);
+/// "square", "triangle", "x", "eight".
+const std::vector<std::string>& shape_names();
+
+/// A corner of a path. Metres from the first one, which lies where the drone takes off.
+struct Waypoint {
+  Eigen::Vector2d at_m = Eigen::Vector2d::Zero();
+  std::optional<double> height_m{};   ///< above the map's zero; else the flight's height
+  std::optional<double> speed_mps{};  ///< at most, from here to the next; else the flight's speed
+};
+
+/// A closed path: from each waypoint straight to the next, from the last to the first, which is its origin.
+///
+///     square        triangle        x                 eight (Gerono's)
+///     3 ---- 2         2            3      1           _     _
+///     |      |        / \           | \  / |          / \   / \       begins at its left end, 0, upwards;
+///     |      |       /   \          | /  \ |         0   \_/   |      as wide as a side, half as high,
+///     0 ---- 1      0 --- 1         0      2          \_/ \ _ /       a quarter of a side above and below 0
+///
+/// The first three stay in the quadrant x >= 0, y >= 0. The x is the two diagonals of a square, joined by two of its
+/// sides, so that it closes without turning back on itself. The eight is 96 pieces.
+std::vector<Waypoint> waypoints_of(Shape shape, double side_m);
+
+/// Waypoints as text: a line each, `x,y[,z[,speed]]` in metres and m/s, empty z or speed as if not there; `#` begins a
+/// comment; a first line with the columns' names is allowed. 3 to 500 points, within 100 m of each other, no two in a
+/// row closer than 1 cm, 0.3 <= z <= 10, 0.05 <= speed <= 8. An error names file, line and what is allowed.
+Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const std::string& file);
+
+}  // namespace ledgerline::motion

@@ -1,0 +1,61 @@
+#pragma once
+#include <array>
+#include <cstddef>
+#include <optional>
+
+#include "common/rt/clock.hpp"
+
+namespace ledgerline::motion {
+
+/// The newest `kept` samples of a time, oldest overwritten; quantiles by sorting a copy. Bounded; one thread.
+class Window {
+ public:
+  static constexpr std::size_t kept = 64;
+  void add(TimeNs t_ns);
+  std::size_t size() const { return count_ < kept ? count_ : kept; }
+  /// Sorted, the first size() of it.
+  std::array<TimeNs, kept> sorted() const;
+  /// 0 <= q <= 1; nothing while there is no sample.
+  std::optional<TimeNs> quantile(double q) const;
+
+ private:
+  std::array<TimeNs, kept> samples_{};
+  std::size_t count_ = 0;
+};
+
+/// How long a state's way and its command's way take together, as a distribution, without comparing clocks: on the
+/// ground's clock alone, from what our own commands take from submission until their block is back here. That is one
+/// command's way to the ledger and one way from the ledger, as a state's is; so the sum of two such samples has the
+/// distribution of a state's and a command's ways together. What that misses (ways that differ) shows on the drone's
+/// clock: see Applications. Deterministic; one thread.
+class TwoWay {
+ public:
+  static constexpr TimeNs unknown_ns = 25 * ns_per_ms;  ///< while nothing was measured
+  void add(TimeNs submission_to_block_ns);
+  /// Of both ways together, over all pairs of samples.
+  TimeNs quantile(double q) const;
+
+ private:
+  Window ways_;
+};
+
+/// What states say of the plans that were flown, on the drone's clock alone: their age (from the stamp of the state
+/// that a plan was made from until it was flown), and how much later than it said link flew it: its playout's margin,
+/// which grows where plans come late. Deterministic; one thread.
+class Applications {
+ public:
+  /// Once for each plan of which a state says that it is flown.
+  void add(TimeNs origin_stamp_ns, TimeNs flown_ns, TimeNs late_ns);
+  /// By how much link flies setpoints later than they say: the median of the newest five, never negative.
+  TimeNs late_ns() const;
+  /// Nothing while no plan was flown.
+  std::optional<TimeNs> age_ns(double q) const { return ages_.quantile(q); }
+
+ private:
+  static constexpr std::size_t late_kept = 5;
+  Window ages_;
+  std::array<TimeNs, late_kept> late_{};
+  std::size_t count_ = 0;
+};
+
+}  // namespace ledgerline::motion

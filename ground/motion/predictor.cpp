@@ -1,0 +1,194 @@
+#include "ground/motion/predictor.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace ledgerline::motion {
+namespace {
+
+constexpr TimeNs cell_ns = 10 * ns_per_ms;
+constexpr TimeNs pause_ns = ns_per_s;   // between states: after it the filter starts anew
+constexpr double jump_m = 0.5;          // no drone is that far from where it was expected
+constexpr std::size_t told_kept = 512;  // 2.5 s at 200 states a second
+constexpr std::size_t sent_kept = 256;
+// Measurements: agent's fused pose from optical mocap; its velocity lags by some 50 ms, so it counts little.
+constexpr double position_sigma_m = 0.002, velocity_sigma_mps = 0.3;
+// What the model leaves out, as white noise: of acceleration, and of the drift's change.
+constexpr double acceleration_noise = 0.1;  // m/s2 / sqrt(Hz)
+constexpr double drift_noise = 0.02;        // m/s / sqrt(s)
+constexpr double first_drift_sigma_mps = 0.03, first_velocity_sigma_mps = 0.2;
+constexpr double most_drift_mps = 0.5;
+
+Eigen::Vector3d vector(const std::array<float, 3>& v) { return {v[0], v[1], v[2]}; }
+
+// One step of the model with a constant told velocity; exact for it.
+void step(const Response& r, const Eigen::Vector3d& told, const Eigen::Vector3d& drift, double dt_s,
+          Eigen::Vector3d& position, Eigen::Vector3d& velocity) {
+  const Eigen::Vector3d end = r.gain * told + drift;
+  const double rest = std::exp(-dt_s / r.lag_s);
+  position += end * dt_s + (velocity - end) * r.lag_s * (1 - rest);
+  velocity = end + (velocity - end) * rest;
+}
+
+}  // namespace
+
+Predictor::Predictor(const PredictorConfig& config)
+    : config_(config), estimator_(config.first), response_(config.first) {}
+
+Motion Predictor::newest() const { return {stamp_ns_, position_, velocity_, yaw_rad_}; }
+
+void Predictor::start(const StateSample& state) {
+  stamp_ns_ = state.pose_stamp_ns;
+  position_ = Eigen::Vector3d::Map(state.position_m.data());
+  velocity_ = Eigen::Vector3d::Map(state.velocity_mps.data());
+  drift_.setZero();
+  covariance_.setZero();
+  covariance_.diagonal() << position_sigma_m * position_sigma_m, first_velocity_sigma_mps * first_velocity_sigma_mps,
+      first_drift_sigma_mps * first_drift_sigma_mps;
+  estimator_.interrupt();
+}
+
+void Predictor::observe(const StateSample& state, TimeNs late_ns) {
+  late_ns_ = late_ns;
+  if (state.pose_stamp_ns <= stamp_ns_ || (!told_.empty() && state.stamp_ns <= told_.back().stamp_ns)) return;
+  told_.push_back({state.stamp_ns, vector(state.sent_velocity_mps)});
+  if (told_.size() > told_kept) told_.pop_front();
+  const Eigen::Vector3d measured = Eigen::Vector3d::Map(state.position_m.data());
+  const bool gap = stamp_ns_ == 0 || state.pose_stamp_ns - stamp_ns_ > pause_ns;
+  if (!gap) propagate(state.pose_stamp_ns);
+  if (gap || (measured - position_).norm() > jump_m) {
+    start(state);
+  } else {
+    correct(state);
+  }
+  yaw_rad_ = state.yaw_rad;
+  if (!config_.learn) return;
+  estimator_.add(state.pose_stamp_ns, measured.head<2>(),
+                 [this](TimeNs t) -> Eigen::Vector2d { return told_at(t).head<2>(); });
+  response_ = estimator_.response();
+}
+
+// Between two of link's words: the line between them. A step somewhere between is half a period off at most, and as
+// often early as late.
+Eigen::Vector3d Predictor::told_at(TimeNs t_ns) const {
+  if (told_.empty()) return Eigen::Vector3d::Zero();
+  const auto next =
+      std::lower_bound(told_.begin(), told_.end(), t_ns, [](const Told& told, TimeNs t) { return told.stamp_ns < t; });
+  if (next == told_.begin()) return next->velocity_mps;
+  if (next == told_.end()) return told_.back().velocity_mps;
+  const Told& before = *(next - 1);
+  const double share =
+      static_cast<double>(t_ns - before.stamp_ns) / static_cast<double>(next->stamp_ns - before.stamp_ns);
+  return before.velocity_mps + share * (next->velocity_mps - before.velocity_mps);
+}
+
+void Predictor::propagate(TimeNs to_ns) {
+  const TimeNs dead_ns = from_seconds(response_.dead_s);
+  while (stamp_ns_ < to_ns) {
+    const TimeNs until_ns = std::min(to_ns, stamp_ns_ + cell_ns);
+    const double dt = to_seconds(until_ns - stamp_ns_);
+    step(response_, told_at((stamp_ns_ + until_ns) / 2 - dead_ns), drift_, dt, position_, velocity_);
+    const double rest = std::exp(-dt / response_.lag_s), moved = response_.lag_s * (1 - rest);
+    Eigen::Matrix3d f;
+    f << 1, moved, dt - moved,  //
+        0, rest, 1 - rest,      //
+        0, 0, 1;
+    covariance_ = f * covariance_ * f.transpose();
+    covariance_(1, 1) += acceleration_noise * acceleration_noise * dt;
+    covariance_(2, 2) += drift_noise * drift_noise * dt;
+    stamp_ns_ = until_ns;
+  }
+}
+
+void Predictor::correct(const StateSample& state) {
+  Eigen::Matrix<double, 2, 3> h;
+  h << 1, 0, 0, 0, 1, 0;
+  Eigen::Matrix2d noise = Eigen::Matrix2d::Zero();
+  noise.diagonal() << position_sigma_m * position_sigma_m, velocity_sigma_mps * velocity_sigma_mps;
+  const Eigen::Matrix2d innovation = h * covariance_ * h.transpose() + noise;
+  const Eigen::Matrix<double, 3, 2> gain = covariance_ * h.transpose() * innovation.inverse();
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto i = static_cast<std::size_t>(axis);
+    const Eigen::Vector2d error(state.position_m[i] - position_[axis], state.velocity_mps[i] - velocity_[axis]);
+    const Eigen::Vector3d change = gain * error;
+    position_[axis] += change[0];
+    velocity_[axis] += change[1];
+    drift_[axis] = std::clamp(drift_[axis] + change[2], -most_drift_mps, most_drift_mps);
+  }
+  covariance_ = (Eigen::Matrix3d::Identity() - gain * h) * covariance_;
+  covariance_ = 0.5 * (covariance_ + covariance_.transpose().eval());
+}
+
+void Predictor::sent(std::uint64_t id, std::span<const Setpoint> plan) {
+  if (plan.empty()) return;
+  sent_.push_back({id, {plan.begin(), plan.end()}});
+  if (sent_.size() > sent_kept) sent_.pop_front();
+  // What a newer plan replaced before the newest state is over.
+  while (sent_.size() > 1 && sent_[1].plan.front().at_ns + late_ns_ < stamp_ns_ - ns_per_s) sent_.pop_front();
+}
+
+void Predictor::withdraw(std::uint64_t id) {
+  std::erase_if(sent_, [&](const Sent& sent) { return sent.id == id; });
+}
+
+// The newest plan that has begun by then, as link's playout has it.
+const Setpoint* Predictor::planned(TimeNs at_ns) const {
+  for (auto sent = sent_.rbegin(); sent != sent_.rend(); ++sent) {
+    if (sent->plan.front().at_ns > at_ns) continue;
+    const auto next = std::upper_bound(sent->plan.begin(), sent->plan.end(), at_ns,
+                                       [](TimeNs t, const Setpoint& s) { return t < s.at_ns; });
+    return &*(next - 1);
+  }
+  return nullptr;
+}
+
+void Predictor::Rollout::move(const Eigen::Vector3d& told, double dt_s) {
+  step(response_, told, drift_, dt_s, motion_.position_m, motion_.velocity_mps);
+  motion_.stamp_ns += from_seconds(dt_s);
+}
+
+void Predictor::Rollout::tell(const Eigen::Vector3d& velocity_mps, double yaw_rate_radps, TimeNs until_ns) {
+  while (told_ns_ < until_ns) {
+    const TimeNs dt_ns = std::min(cell_ns, until_ns - told_ns_);
+    const double dt_s = to_seconds(dt_ns);
+    const Eigen::Vector3d change = velocity_mps - told_;
+    const double most = told_acceleration_mps2_ * dt_s;
+    const Eigen::Vector3d before = told_;
+    told_ = change.norm() <= most ? velocity_mps : Eigen::Vector3d(told_ + change * (most / change.norm()));
+    move(0.5 * (before + told_), dt_s);
+    motion_.yaw_rad += yaw_rate_radps * dt_s;
+    told_ns_ += dt_ns;
+  }
+}
+
+Predictor::Rollout Predictor::until(TimeNs meant_ns) const {
+  Rollout out;
+  out.response_ = response_;
+  out.told_acceleration_mps2_ = config_.told_acceleration_mps2;
+  out.drift_ = drift_;
+  out.motion_ = newest();
+  const TimeNs dead_ns = from_seconds(response_.dead_s);
+  const TimeNs until_ns = std::min(meant_ns + late_ns_, stamp_ns_ + longest_ns);
+  // Up to the last of link's words they count, behind it what was planned.
+  const TimeNs known_ns = told_.empty() ? stamp_ns_ : std::max(stamp_ns_ - dead_ns, told_.back().stamp_ns);
+  out.told_ns_ = stamp_ns_ - dead_ns;
+  for (const TimeNs end_ns = std::min(known_ns, until_ns); out.told_ns_ < end_ns;) {
+    const TimeNs dt_ns = std::min(cell_ns, end_ns - out.told_ns_);
+    out.move(told_at(out.told_ns_ + dt_ns / 2), to_seconds(dt_ns));
+    out.told_ns_ += dt_ns;
+  }
+  out.told_ = told_at(out.told_ns_);
+  while (out.told_ns_ < until_ns) {
+    const TimeNs to_ns = std::min(out.told_ns_ + cell_ns, until_ns);
+    const Setpoint* setpoint = planned(out.told_ns_ - late_ns_);
+    if (setpoint) {
+      out.tell(vector(setpoint->velocity_mps), static_cast<double>(setpoint->yaw_rate_radps), to_ns);
+    } else {
+      out.tell(out.told_, 0, to_ns);
+    }
+  }
+  return out;
+}
+
+}  // namespace ledgerline::motion
