@@ -106,6 +106,11 @@ Status check_real(const Script& script, const RealLedger& ledger) {
   std::vector<std::string> reasons;
   const WorldConfig usual, &flight = script.flight;
   if (flight.side_m != usual.side_m) reasons.push_back("flight.side_m: ./fly flies paths of 1.5 m a side");
+  const std::string shape = ground::name_of(flight.shape);
+  if (shape != "square" && shape != "triangle" && shape != "x")
+    reasons.push_back(fmt::format("flight.shape: ./fly flies no {}", shape));
+  if (flight.predict != usual.predict) reasons.push_back("flight.predict: ./fly flies with the predictor");
+  if (flight.max_age_ns != usual.max_age_ns) reasons.push_back("flight.max_age: ./fly chooses it by the ledger");
   if (flight.battery != usual.battery) reasons.push_back("flight.battery: ./fly flies with full batteries");
   if (flight.room_m != usual.room_m) reasons.push_back("flight.room_m: ./fly flies with the usual fence");
   for (const Fault& fault : script.faults) {

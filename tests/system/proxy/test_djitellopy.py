@@ -112,5 +112,10 @@ def test_a_whole_flight_of_moves_lands_under(sky, effects):
         print(f"{effects}: {refused} of {len(moves)} moves refused, {shifted} answers nobody asked for")
 
     sim.fly(client, timeout_s=300)
-    proxy.end()
+    one = proxy.end()["drones"][0]
+    for what, counted in (("loss", "lost"), ("duplicate", "duplicated"), ("reorder", "reordered")):
+        counts = {way: one[way][counted] for way in ("to", "answers", "state")}
+        if what in effects:
+            print(f"{effects}: {counted} {counts}")
+        assert (sum(counts.values()) > 0) == (what in effects)
     assert sim.end()["drones"][0]["landed"]

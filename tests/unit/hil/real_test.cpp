@@ -61,8 +61,10 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
   EXPECT_THAT(refusal_of("ledger restart", "", true), HasSubstr("name the part"));
   EXPECT_THAT(check_real(script_of("must = [\"hold within 300 ms after the plan's end\"]"), {}).error().what,
               HasSubstr("do not tell a plan's end"));
-  EXPECT_THAT(check_real(script_of("[flight]\nside_m = 3\nbattery = 0.5"), {}).error().what,
-              testing::AllOf(HasSubstr("flight.side_m"), HasSubstr("flight.battery")));
+  EXPECT_THAT(
+      check_real(script_of("[flight]\nside_m = 3\nbattery = 0.5\nshape = \"eight\"\npredict = false"), {}).error().what,
+      testing::AllOf(HasSubstr("flight.side_m"), HasSubstr("flight.battery"), HasSubstr("no eight"),
+                     HasSubstr("flight.predict")));
 }
 
 TEST(RealScript, VirtualTimeRefusesWhatTheRealProcessesAloneHave) {
