@@ -14,7 +14,8 @@ namespace {
 using What = Fault::What;
 
 constexpr int fabric_orderers = 3;
-constexpr TimeNs longest_death = ns_per_s;  // the launcher starts again what died, within half a second
+constexpr double least_side_m = 0.5, most_side_m = 15;  // of ground/fly/options.cpp
+constexpr TimeNs longest_death = ns_per_s;              // the launcher starts again what died, within half a second
 
 std::string name_of(Process process) {
   return process == Process::agent ? "agent" : process == Process::link ? "link" : "ground";
@@ -105,12 +106,8 @@ void stop_programs(const Fault& fault, const RealLedger& ledger, int signal, Rea
 Status check_real(const Script& script, const RealLedger& ledger) {
   std::vector<std::string> reasons;
   const WorldConfig usual, &flight = script.flight;
-  if (flight.side_m != usual.side_m) reasons.push_back("flight.side_m: ./fly flies paths of 1.5 m a side");
-  const std::string shape = ground::name_of(flight.shape);
-  if (shape != "square" && shape != "triangle" && shape != "x")
-    reasons.push_back(fmt::format("flight.shape: ./fly flies no {}", shape));
-  if (flight.predict != usual.predict) reasons.push_back("flight.predict: ./fly flies with the predictor");
-  if (flight.max_age_ns != usual.max_age_ns) reasons.push_back("flight.max_age: ./fly chooses it by the ledger");
+  if (flight.side_m < least_side_m || flight.side_m > most_side_m)
+    reasons.push_back(fmt::format("flight.side_m: ./fly flies paths of {} to {} m a side", least_side_m, most_side_m));
   if (flight.battery != usual.battery) reasons.push_back("flight.battery: ./fly flies with full batteries");
   if (flight.room_m != usual.room_m) reasons.push_back("flight.room_m: ./fly flies with the usual fence");
   for (const Fault& fault : script.faults) {
@@ -133,6 +130,12 @@ std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed,
                                      std::to_string(flight.drones),
                                      "--shape",
                                      ground::name_of(flight.shape),
+                                     "--side",
+                                     fmt::format("{:g}", flight.side_m),
+                                     "--predict",
+                                     flight.predict ? "on" : "off",
+                                     "--max-age",
+                                     fmt::format("{}ms", flight.max_age_ns / ns_per_ms),
                                      "--speed",
                                      fmt::format("{:g}", flight.speed_mps),
                                      "--rate",

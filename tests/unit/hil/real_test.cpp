@@ -61,10 +61,8 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
   EXPECT_THAT(refusal_of("ledger restart", "", true), HasSubstr("name the part"));
   EXPECT_THAT(check_real(script_of("must = [\"hold within 300 ms after the plan's end\"]"), {}).error().what,
               HasSubstr("do not tell a plan's end"));
-  EXPECT_THAT(
-      check_real(script_of("[flight]\nside_m = 3\nbattery = 0.5\nshape = \"eight\"\npredict = false"), {}).error().what,
-      testing::AllOf(HasSubstr("flight.side_m"), HasSubstr("flight.battery"), HasSubstr("no eight"),
-                     HasSubstr("flight.predict")));
+  EXPECT_THAT(check_real(script_of("[flight]\nside_m = 0.4\nbattery = 0.5\nroom_m = 9"), {}).error().what,
+              testing::AllOf(HasSubstr("flight.side_m"), HasSubstr("flight.battery"), HasSubstr("flight.room_m")));
 }
 
 TEST(RealScript, VirtualTimeRefusesWhatTheRealProcessesAloneHave) {
