@@ -75,7 +75,7 @@ class Player {
     drone->truth.in_flight = r.extra == 1;
     drone->truth.battery = 1;
     drone->off_path_m.reset();
-    if (drone->ground_phase == ground::DronePhase::path)
+    if (drone->ground_phase == ground::DronePhase::path && drone->phase == FlightPhase::flying)
       drone->off_path_m = paths_[r.drone - 1u].distance_m({at[0], at[1]});
   }
 
