@@ -75,7 +75,7 @@ def measure(experiment: config.Experiment, place: runs.Place, out: pathlib.Path,
     chosen = [case for case in experiment.cases if case.on in (None, place.ledger)]
     cases = {case.name: [] for case in chosen}
     not_measured = []
-    document = {"experiment": experiment.name, "number": experiment.number, "title": experiment.title,
+    document = {"format": store.FORMAT, "experiment": experiment.name, "number": experiment.number, "title": experiment.title,
                 "question": experiment.question, "notes": experiment.notes, "figures_asked": experiment.figures,
                 "asked": {"runs": experiment.runs, "ledger": place.ledger, "storage": place.storage, "quick": experiment.quick,
                           "seeds": seeds or experiment.seeds,

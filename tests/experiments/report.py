@@ -2,6 +2,7 @@
 import base64
 import html
 import pathlib
+import sys
 import time
 
 import config
@@ -64,12 +65,13 @@ def bars_table(document: dict) -> str:
 def exchange_table(document: dict) -> str:
     names = dict.fromkeys(name[:-len(".ms.median")] for spreads in document["spread"].values() for name in spreads
                           if name.endswith(".ms.median"))
-    rows = [row(("case", "client, msg/s", "q1, ms", "median", "q3", "p99", "lost, %", "CPU, %"), "th", 2)]
+    rows = [row(("case", "client, msg/s", "q1, ms", "median", "q3", "p99", "lost, %", "CPU, %", "top speed, m/s"), "th", 2)]
     for case, spreads in document["spread"].items():
         for name in names:
             if f"{name}.ms.median" in spreads:
                 rows.append(row((escape(case), escape(" at ".join(name.rsplit(".", 1))), *(spread(spreads.get(f"{name}.{what}")) for what in
-                            ("ms.q1", "ms.median", "ms.q3", "ms.p99", "lost_percent", "cpu_percent"))), text=2))
+                            ("ms.q1", "ms.median", "ms.q3", "ms.p99", "lost_percent", "cpu_percent",
+                            "top_speed_mps"))), text=2))
     return table(rows)
 
 
@@ -123,7 +125,9 @@ def read_documents(out: pathlib.Path) -> dict[str, dict]:
     found = {}
     for file in sorted(out.glob("*.json")):
         document = store.read(file)
-        if isinstance(document, dict) and "experiment" in document:
+        if not isinstance(document, dict) or document.get("format") != store.FORMAT:
+            print(f"{file}: no experiment of this version; not in the page", file=sys.stderr)
+        else:
             found[document["experiment"]] = document
     return dict(sorted(found.items(), key=lambda item: item[1]["number"]))
 

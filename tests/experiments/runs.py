@@ -21,8 +21,11 @@ UNFINISHED_S = 1     # a path that ended so soon behind a lap's end has no furth
 LANDING_S = 60       # that an interrupted run gets to land and end
 PR_SET_PDEATHSIG = 1
 PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric", "chaincode", "local"],
-            "virtual": ["hil"], "exchange": ["bench", "node", "fabric", "chaincode"],
+            "virtual": ["hil"], "exchange": ["bench", "node", "fabric", "chaincode", "hil"],
             "hosts": ["link", "agent", "ground", "sim", "node", "hil"]}
+STATE_HZ = {70: 30, 110: 50}  # states a second of the published rates, messages a second
+LONGEST_DELAY_MS = 3000       # of hil virtual
+VIRTUAL_LEDGER_MS = 17        # two-way latency of hil virtual without a delay added
 libc = ctypes.CDLL(None, use_errno=True)
 
 
@@ -219,6 +222,7 @@ def virtual(case: Case, place: Place, seed: int) -> dict:
 def exchange(case: Case, place: Place, seed: int) -> dict:
     result, log = place.work / "exchange.json", place.work / "bench.log"
     options = {"ledger": place.ledger, **case.options}
+    ramp = {name: options.pop(name) for name in ("ramp", "laps")}
     ours = [client for client in options["clients"] if client.startswith("ledgerline")]
     missing = ""
     if shutil.which("node") is None or not (place.npm / "node_modules/@hyperledger/fabric-gateway").is_dir():
@@ -245,7 +249,15 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
             # Of one core: each message and each answer costs that.
             figures[name + ".cpu_percent"] = one["cpu_ms_per_message"] * one["rate"] / 10
         samples[name] = verdicts.distribution(times)
+        if one["rate"] in STATE_HZ and not one["collapsed"] and figures[name + ".ms.median"] < LONGEST_DELAY_MS:
+            figures[name + ".top_speed_mps"] = plain_top_speed(place, seed, one["rate"], figures[name + ".ms.median"], ramp)
     return {"figures": figures, "why": missing, "incomplete": missing, "ledger": out["ledger"], "exchange_ms": samples}
+
+
+def plain_top_speed(place: Place, seed: int, rate: int, median_ms: float, ramp: dict) -> float:
+    """What a controller without prediction, as the published one, reaches with this latency, in virtual time."""
+    options = {**ramp, "predict": "off", "rate": STATE_HZ[rate], "delay": round(max(0.0, median_ms - VIRTUAL_LEDGER_MS) * 1e-3, 4)}
+    return virtual(Case("top speed", options), place, seed)["figures"]["top_speed_mps"]
 
 
 def hosts(case: Case, place: Place, seed: int) -> dict:

@@ -41,7 +41,9 @@ def test_one_experiment_from_flight_to_page_and_once_more_from_what_is_kept(tmp_
     assert (tmp_path / "experiments.png").stat().st_size > 5_000
     assert not (tmp_path / "running").exists()
 
+    (tmp_path / "old.json").write_text('{"experiment": "old"}')
     again = experiment(*asked)
+    assert "old.json: no experiment of this version" in again.stderr
     assert again.returncode == 0 and "square, seed 1" in again.stdout and "kept from before" in again.stdout
     assert json.loads((tmp_path / "latency.json").read_text())["cases"] == document["cases"]
 
