@@ -9,12 +9,12 @@ CONFIGS = HERE / "configs"
 
 NUMBER = (int, float)
 # What can be asked of a run, and of what type. `settings` is one of SETTINGS; the rest are options of the program.
-FLIGHT = {"settings": str, "shape": str, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "seconds": NUMBER,
-          "storage": str, "ledger": str, "orderers": int, "batch_count": int, "batch_timeout": str, "predict": str, "ramp": str,
-          "crypto": str, "gateway": bool, "majority": bool}
-VIRTUAL = {"shape": str, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "side": NUMBER, "batch_count": int,
-           "batch_timeout": NUMBER, "max_age": NUMBER, "full_scale": NUMBER, "mode": str, "predict": str, "ramp": str, "delay": (int, float, str), "model_error": NUMBER,
-           "gust": NUMBER}
+FLIGHT = {"settings": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int,
+          "seconds": NUMBER, "ramp": str, "predict": str, "max_age": str, "ledger": str, "storage": str, "orderers": int,
+          "batch_count": int, "batch_timeout": str, "crypto": str, "gateway": bool, "majority": bool}
+VIRTUAL = {"mode": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "ramp": str,
+           "predict": str, "max_age": NUMBER, "delay": (int, float, str), "model_error": NUMBER, "gust": NUMBER,
+           "full_scale": NUMBER, "batch_count": int, "batch_timeout": NUMBER}
 EXCHANGE = {"rates": list, "clients": list, "seconds": NUMBER, "warm_up": NUMBER, "drain": NUMBER, "ramp": str, "laps": int}
 HOSTS = {"shape": str, "rate": NUMBER, "speed": NUMBER, "laps": int, "wifi": str}
 OPTIONS = {"flight": FLIGHT, "virtual": VIRTUAL, "exchange": EXCHANGE, "hosts": HOSTS}

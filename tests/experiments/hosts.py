@@ -62,7 +62,7 @@ def configs(run: pathlib.Path, endpoints: dict, options: dict) -> dict[str, str]
     output = lambda name: f'[output]\ntrace = "{run}/{name}.trace"\nsummary = "{run}/{name}.summary.json"\n\n'
     drone = '[[drone]]\nname = "tello1"\nnumber = 1\n'
     return {
-        "link": output("link") + f"[state]\nrate_hz = {options['rate']}\n\n" + drone + 'address = "127.0.0.2"\n',
+        "link": output("link") + f"[state]\nrate_hz = {options['rate']}\n\n[playout]\nmax_margin_ms = 0\n\n" + drone + 'address = "127.0.0.2"\n',
         "agent": ledger(endpoints["drones"], 1, "User1") + msps + output("agent") + drone,
         "ground": ledger(endpoints["ground"], 2, "User1") + msps + output("ground") +
                   f'[flight]\nshape = "{options["shape"]}"\nspeed_mps = {options["speed"]}\nlaps = {options["laps"]}\n'

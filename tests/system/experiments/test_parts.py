@@ -279,25 +279,13 @@ def test_a_virtual_velocity_stands_at_its_states_moment_a_flown_one_at_its_own(t
     assert traces.track(records, 1, (0, 1_050_000_000))[-1] == pytest.approx([0.3, 0.4], abs=1e-3)
 
 
-def test_laps_of_a_flight_are_judged_one_by_one(tmp_path):
-    """Two laps of a square at 1 and 2 m/s, the second one 0.3 m off on its first side, and a third one that does not end."""
-    data, t = bytes(16), 0.0
-    corners = [(0, 0), (1.5, 0), (1.5, 1.5), (0, 1.5), (0, 0)]
-    for number, speed in enumerate((1.0, 2.0, 3.0)):
-        for side, (a, b) in enumerate(zip(corners, corners[1:])):
-            if number == 2 and side == 2:
-                break
-            for i in range(50):
-                off = -0.3 if (number, side) == (1, 0) else 0
-                data += record(t, traces.TRUTH, v=(a[0] + (b[0] - a[0]) * i / 50, a[1] + (b[1] - a[1]) * i / 50 + off, 1, 0))
-                t += 1.5 / speed / 50
-    (tmp_path / "sim.trace").write_bytes(data)
-    path = {"origin": (0, 0), "number": 1, "between": (0, int((t + 1) * 1e9)), "lap_s": [6.0, 3.0]}
-    laps = runs.flight_laps(traces.read(tmp_path), path, {"shape": "square", "ramp": "1:1", "laps": 4})
-    assert [(one["speed_mps"], one["finished"]) for one in laps] == [(1, True), (2, True), (3, False)]
-    assert [one["flown_mps"] for one in laps] == pytest.approx([1, 2, 0])
-    assert [one["max_m"] for one in laps[:2]] == pytest.approx([0, 0.3], abs=1e-9)
-    assert len(runs.flight_laps(traces.read(tmp_path), path, {"shape": "square", "ramp": "1:1", "laps": 2})) == 2
+def test_laps_are_what_the_programs_say():
+    turn = {"asked_mps": 1.0, "flown_mps": 0.7, "rms_m": 0.1, "max_m": 0.2}
+    same = {"speed_mps": 1.0, "flown_mps": 0.7, "rms_m": 0.1, "max_m": 0.2, "seconds": 8.5, "finished": True}
+    assert runs.flight_laps({"turns": [turn, turn], "lap_s": [8.5]}) == [same], "the second one did not end"
+    assert runs.virtual_laps({"laps": [{**turn, "seconds": 8.5}, {**turn, "seconds": 0}]}) == [
+        same, {**same, "seconds": 0, "finished": False}]
+    assert runs.own_limit({"limit_mps": 2.0, "slowed_to_mps": None}) == {"limit_mps": 2.0}
 
 
 def test_paths_are_what_the_one_who_flew_says(tmp_path):
