@@ -105,7 +105,8 @@ def options_of(file: pathlib.Path, where: str, runs: str, values: dict) -> dict:
     return found
 
 
-def cases_of(file: pathlib.Path, runs: str, common: dict, matrix: dict, tables: list, quick: dict, boxes, whole: dict) -> list[Case]:
+def cases_of(file: pathlib.Path, runs: str, common: dict, matrix: dict, tables: list, quick: dict, boxes,
+             whole: dict) -> list[Case]:
     """`whole`: the matrix before quick's; an option that has several values there is in the names."""
     cases = []
     if matrix:

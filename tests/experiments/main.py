@@ -145,7 +145,8 @@ def main() -> int:
     bin_directory = pathlib.Path(os.environ["LEDGERLINE_BIN"])
     build = root() / "build"
     place = runs.Place(bin_directory, pathlib.Path(os.environ.get("LEDGERLINE_NPM", build / "npm")),
-                       pathlib.Path(os.environ.get("LEDGERLINE_FABRIC", build / "fabric")), asked.out / "running", asked.ledger, asked.storage)
+                       pathlib.Path(os.environ.get("LEDGERLINE_FABRIC", build / "fabric")), asked.out / "running",
+                       asked.ledger, asked.storage)
     all_measured, times = True, []
     try:
         for experiment in chosen:

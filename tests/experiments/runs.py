@@ -131,7 +131,7 @@ def virtual_laps(drone: dict) -> list[dict]:
 
 
 def own_limit(drone: dict) -> dict:
-    """What the controller's own limit of speed was at the end, and how far it slowed down in between; nothing where it did not."""
+    """The controller's own limit of speed at the end, and how far it slowed down in between; nothing where it did not."""
     return {name: drone[name] for name in ("limit_mps", "slowed_to_mps") if drone.get(name) is not None}
 
 
@@ -180,7 +180,8 @@ def flight(case: Case, place: Place, seed: int) -> dict:
     figures = {**seen["figures"], **tracking_figures(out["drones"], out["ok"]),
                **{name: out[name] for name in ("messages_per_s", "transactions_per_s") if name in out},
                **{f"cpu_percent.{name}": value for name, value in out["cpu_percent"].items()},
-               "cpu_percent.all": sum(out["cpu_percent"].values()), **lap_figures(laps, "ramp" in options), **own_limit(out["drones"][0])}
+               "cpu_percent.all": sum(out["cpu_percent"].values()),
+               **lap_figures(laps, "ramp" in options), **own_limit(out["drones"][0])}
     return {**seen, "figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": laps}
 
 
@@ -241,7 +242,8 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
 
 def plain_top_speed(place: Place, seed: int, rate: int, median_ms: float, ramp: dict) -> float:
     """What a controller without prediction, as the published one, reaches with this latency, in virtual time."""
-    options = {**ramp, "predict": "off", "rate": STATE_HZ[rate], "delay": round(max(0.0, median_ms - VIRTUAL_LEDGER_MS) * 1e-3, 4)}
+    delay_s = round(max(0.0, median_ms - VIRTUAL_LEDGER_MS) * 1e-3, 4)
+    options = {**ramp, "predict": "off", "rate": STATE_HZ[rate], "delay": delay_s}
     return virtual(Case("top speed", options), place, seed)["figures"]["top_speed_mps"]
 
 

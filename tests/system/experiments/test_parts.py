@@ -16,7 +16,8 @@ BOXES = {"square": {"q1": 0.396, "median": 0.456, "q3": 0.525}}
 
 
 def repetition(seed: int, published: str | None = None, **figures) -> dict:
-    return {"seed": seed, "published": published, "figures": {name.replace("__", "."): value for name, value in figures.items()}}
+    return {"seed": seed, "published": published,
+            "figures": {name.replace("__", "."): value for name, value in figures.items()}}
 
 
 def bar(rule: str, cases: list, **more) -> dict:
@@ -36,7 +37,8 @@ def test_a_distribution_is_kept_whole_enough():
 
 
 def test_a_spread_leaves_out_what_is_no_number():
-    assert verdicts.spread([3, None, 1, float("nan"), 2]) == {"median": 2, "low": 1, "high": 3, "mean": 2, "deviation": 1, "count": 3}
+    assert verdicts.spread([3, None, 1, float("nan"), 2]) == {
+        "median": 2, "low": 1, "high": 3, "mean": 2, "deviation": 1, "count": 3}
     assert verdicts.spread([None]) is None
 
 
@@ -71,8 +73,10 @@ def test_the_worst_repetition_and_the_worst_quantile_decide():
 def test_a_ratio_is_taken_within_a_seed():
     cases = {"predicted": [repetition(1, rms_m=0.2), repetition(2, rms_m=0.13)],
              "local": [repetition(2, rms_m=0.1), repetition(1, rms_m=0.2)]}
-    found = verdicts.verdict(bar("at_most", ["predicted"], figure="rms_m", against="local", limit=1.3), cases, BOXES, "embedded")
-    assert found["verdict"] == "kept" and found["values"]["high"] == pytest.approx(1.3) and found["values"]["low"] == pytest.approx(1)
+    of = bar("at_most", ["predicted"], figure="rms_m", against="local", limit=1.3)
+    found = verdicts.verdict(of, cases, BOXES, "embedded")
+    assert found["verdict"] == "kept"
+    assert found["values"]["high"] == pytest.approx(1.3) and found["values"]["low"] == pytest.approx(1)
 
 
 def test_what_is_missing_is_no_verdict():
@@ -255,9 +259,10 @@ def record(t_s: float, kind: int, identifier: int = 0, stamp_s: float = 0, v=(0,
 
 
 def test_latency_is_of_the_first_of_each_plan(tmp_path):
-    (tmp_path / "agent.trace").write_bytes(bytes(16) + record(1.030, traces.COMMAND_VERIFIED, 5, 1.0) +
-                                           record(1.010, traces.COMMAND_VERIFIED, 4, 1.0) + record(1.020, traces.COMMAND_VERIFIED, 5, 1.0) +
-                                           record(1.020, traces.COMMAND_VERIFIED, 5, 1.015, drone=2) + b"torn")
+    verified = traces.COMMAND_VERIFIED
+    (tmp_path / "agent.trace").write_bytes(
+        bytes(16) + record(1.030, verified, 5, 1.0) + record(1.010, verified, 4, 1.0) + record(1.020, verified, 5, 1.0) +
+        record(1.020, verified, 5, 1.015, drone=2) + b"torn")
     assert sorted(traces.latencies_ms(traces.read(tmp_path), traces.COMMAND_VERIFIED)) == pytest.approx([5, 10, 20])
     assert len(traces.latencies_ms(traces.read(tmp_path), traces.COMMAND_APPLIED)) == 0
 
@@ -290,7 +295,8 @@ def test_laps_are_what_the_programs_say():
 
 def test_paths_are_what_the_one_who_flew_says(tmp_path):
     (tmp_path / "ground.summary.json").write_text(json.dumps({"drones": [
-        {"name": "tello1", "origin": [1, 2], "path_ns": [5, 9], "lap_s": [3.5]}, {"name": "tello2", "origin": [0, 0], "path_ns": [0, 0]}]}))
+        {"name": "tello1", "origin": [1, 2], "path_ns": [5, 9], "lap_s": [3.5]},
+        {"name": "tello2", "origin": [0, 0], "path_ns": [0, 0]}]}))
     (tmp_path / "link.summary.json").write_text(json.dumps({"drones": [{"name": "tello1"}]}))
     (tmp_path / "sim.summary.json").write_text("{")
     assert traces.paths(tmp_path) == {"tello1": {"between": (5, 9), "origin": [1, 2], "number": 1, "lap_s": [3.5]}}
