@@ -56,7 +56,7 @@ TimeNs VirtualLedger::later(TimeNs now, TimeNs delay) {
 }
 
 void VirtualLedger::submit(TimeNs now, Client client, std::uint64_t id, const fabric::Call& call) {
-  Pending pending{client, id, {}, {}, false};
+  Pending pending{client, id, {}, {}, false, now, 0};
   const auto proposal = propose(now, members_[client], call);
   if (!proposal) {
     end(now, pending, {node::Code::invalid_argument, proposal.error().what, {}, {}});
@@ -93,6 +93,7 @@ void VirtualLedger::advance(TimeNs now, Pending pending) {
   }
   const node::Reply reply = core_->order(pending.bytes, at(now));
   if (reply.code != node::Code::ok) return end(now, pending, reply);
+  pending.ordered_after_ns = now - pending.begun_ns;
   const std::uint64_t waiter = next_waiter_++;
   core_->watch(pending.tx_id, waiter);  // never committed already: one transaction id is submitted once
   waiting_.emplace(waiter, std::move(pending));
@@ -122,6 +123,7 @@ void VirtualLedger::apply(TimeNs now, const node::CutBlock& block) {
     outcome.block = answer.status.block;
     outcome.code = answer.status.code;
     const Pending& pending = found->second;
+    outcome.ordered_after_ns = pending.ordered_after_ns;
     Member& member = members_[pending.client];
     member.outcomes.emplace_back(delivered(now, member), Ended{pending.id, outcome});
     waiting_.erase(found);

@@ -65,6 +65,8 @@ class VirtualLedger {
     std::string tx_id;
     std::string bytes;  ///< a signed proposal, then a signed envelope
     bool endorsed = false;
+    TimeNs begun_ns = 0;
+    TimeNs ordered_after_ns = 0;
   };
   struct Member {
     crypto::SigningIdentity identity;

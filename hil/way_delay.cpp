@@ -9,7 +9,7 @@ namespace ledgerline::hil {
 namespace {
 
 constexpr TimeNs draw_period_ns = 100 * ns_per_ms;
-constexpr double way_shape = 9, way_mean_s = 0.189;
+constexpr double way_shape = 9, way_mean_s = 0.204;
 constexpr double longest_added_s = 3;
 
 }  // namespace

@@ -128,10 +128,15 @@ double PathController::speed_at(double s_m) const {
   return std::min({track_.speed_at(s_m), most, from_rest, to_rest});
 }
 
-// The share of its speed that the reference moves with: whole up to half the leash, none at its end.
+// The share of its speed that the reference moves with: whole up to half the leash, none at its end. For a drone that is
+// ahead it need not wait.
 double PathController::pace(double s_m, const Eigen::Vector2d& drone) const {
   if (!started_ || s_m >= end_m_) return 0;
-  return std::clamp(2.0 - 2.0 * (track_.at(s_m).position_m.head<2>() - drone).norm() / config_.leash_m, 0.0, 1.0);
+  const motion::Track::Place place = track_.at(s_m);
+  const Eigen::Vector2d direction = place.direction.head<2>();
+  Eigen::Vector2d behind = place.position_m.head<2>() - drone;
+  if (const double along = behind.dot(direction); along < 0) behind -= along * direction;
+  return std::clamp(2.0 - 2.0 * behind.norm() / config_.leash_m, 0.0, 1.0);
 }
 
 double PathController::advance(double s_m, const Eigen::Vector2d& drone, double dt_s) const {

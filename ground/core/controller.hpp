@@ -28,8 +28,8 @@ struct ControllerConfig {
   double lag_s = 0.3;          ///< of the drone's answer to a velocity setpoint, taken until it was learned
   double told_mps = 1.0;       ///< what the drone can be told at most: rc 100
   double told_mps2 = 4.0;      ///< link's limit of acceleration
-  double position_gain = 2.5;  ///< 1/s; with the lag: damped nearly critically by velocity_gain
-  double velocity_gain = 0.5;
+  double position_gain = 2.0;  ///< 1/s; with the lag: damped nearly critically by velocity_gain
+  double velocity_gain = 0.4;
   double height_gain = 1.0;  ///< 1/s
   double yaw_gain = 1.0;     ///< 1/s
   double max_vertical_mps = 0.5;

@@ -14,7 +14,8 @@ constexpr std::size_t max_in_flight = 32;
 constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
 constexpr TimeNs most_delay_ns = 4 * ns_per_s;
-constexpr double in_time = 0.75;  // of the plans, before their first setpoint's moment; the others replace the rest
+constexpr double in_time =
+    0.9;  // of the plans: before their first setpoint's moment; the others take over as they come
 
 crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
 

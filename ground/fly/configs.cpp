@@ -57,12 +57,23 @@ std::string dds_table(const Options& options, Side side) {
 }
 
 // On a slow ledger a command may be older, and a quiet ledger is not yet a silent one. Link's own limit of 2 s for any
-// command stays.
+// command stays, unless a longer one was asked for.
 std::string patience(const Options& options) {
-  if (both_ways(options) == 0) return "";
+  const TimeNs longer_ns = both_ways(options);
+  if (longer_ns == 0 && options.max_age_ns == 0) return "";
   constexpr TimeNs max_age_ns = 500 * ns_per_ms, silent_after_ns = ns_per_s;  // agent's defaults
   return fmt::format("\n[check]\nmax_age_ms = {:.0f}\n\n[agent]\nledger_silent_after_ms = {:.0f}\n",
-                     to_ms(max_age_ns + both_ways(options)), to_ms(silent_after_ns + both_ways(options)));
+                     to_ms(options.max_age_ns > 0 ? options.max_age_ns : max_age_ns + longer_ns),
+                     to_ms(silent_after_ns + std::max(longer_ns, options.max_age_ns)));
+}
+
+// Ground counts on plans that take over as they come; a pilot's are all for now, and smoothed.
+std::string playout_table(const Options& options) {
+  constexpr TimeNs link_max_age_ns = 2 * ns_per_s;
+  std::string table = "\n[playout]\n";
+  if (options.max_age_ns > link_max_age_ns) table += fmt::format("max_age_ms = {:.0f}\n", to_ms(options.max_age_ns));
+  if (!options.manual) table += "max_margin_ms = 0\n";
+  return table;
 }
 
 // Of agent's and ground's transactions.
@@ -78,6 +89,19 @@ std::string ledger_keys(const Options& options) {
          fmt::format("signer = \"{0}\"\nverifier = \"{0}\"\n", options.mbedtls ? "mbedtls" : "libcrypto");
 }
 
+std::string flight_table(const Options& options) {
+  std::string table = fmt::format(
+      "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
+      "{:.3f}\npredict = {}\n",
+      shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, options.side_m, options.predict);
+  if (!options.course_file.empty()) table += fmt::format("waypoints = \"{}\"\n", options.course_file);
+  if (options.ramp.start_mps > 0) {
+    table +=
+        fmt::format("ramp_start_mps = {:.3f}\nramp_step_mps = {:.3f}\n", options.ramp.start_mps, options.ramp.step_mps);
+  }
+  return table;
+}
+
 }  // namespace
 
 std::string user_dir(const RunFiles& files, int organisation, const std::string& user) {
@@ -86,6 +110,15 @@ std::string user_dir(const RunFiles& files, int organisation, const std::string&
 
 Status write_sim_config(const RunFiles& files, const Options& options) {
   return write_file(files.config("sim"), dds_table(options, Side::drones));
+}
+
+Status write_local_configs(const RunFiles& files, const Options& options) {
+  const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
+                           playout_table(options) + drone_tables(options.drones, true);
+  const std::string local = output_table(files, "local") + "status_period_ms = 250\n" + flight_table(options) +
+                            dds_table(options, Side::drones) + drone_tables(options.drones, false);
+  if (auto status = write_file(files.config("link"), link); !status) return status;
+  return write_file(files.config("local"), local);
 }
 
 Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,
@@ -99,14 +132,11 @@ Status write_configs(const RunFiles& files, const Options& options, const std::s
   }
   const std::string with_status = "status_period_ms = 250\n";
   const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
-                           drone_tables(options.drones, true);
+                           playout_table(options) + drone_tables(options.drones, true);
   const std::string agent = ledger_table(files, endpoint, 1, "User1", ledger_keys(options)) + direct +
                             msp_tables(files) + output_table(files, "agent") + with_status + patience(options) +
                             dds_table(options, Side::drones) + drone_tables(options.drones, false);
-  const std::string flight = fmt::format(
-      "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
-      "{:.3f}\n",
-      shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, side_m);
+  const std::string flight = flight_table(options);
   const std::string ground = ledger_table(files, endpoint, 2, "User1", ledger_keys(options)) + direct +
                              msp_tables(files) + output_table(files, "ground") + with_status + flight +
                              dds_table(options, Side::ground) + drone_tables(options.drones, false);

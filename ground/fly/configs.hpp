@@ -21,8 +21,7 @@ struct RunFiles {
   std::string summary(const std::string& program) const { return in(program + ".summary.json"); }
 };
 
-/// Side and height of the paths that fly flies.
-inline constexpr double side_m = 1.5;
+/// Of the paths that fly flies.
 inline constexpr double height_m = 1.0;
 
 /// "User1@org1.ledgerline": the directory with its msp/ in the node's crypto material.
@@ -30,6 +29,9 @@ std::string user_dir(const RunFiles& files, int organisation, const std::string&
 
 /// Writes sim.toml, which sim needs before anything else is there.
 Status write_sim_config(const RunFiles& files, const Options& options);
+
+/// Without a ledger: link.toml and local.toml.
+Status write_local_configs(const RunFiles& files, const Options& options);
 
 /// Writes link.toml, agent.toml, ground.toml, and admin.toml and operator.toml for ledgerline-control.
 /// `endpoint`: of the node, or of the peer of the drones' organisation. `orderers`: of Fabric, for the direct path.

@@ -51,8 +51,12 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
       live_(options_.drones, terminal, monotonic_ns()),
       children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}),
       ledger_(ledger_program(options_)),
-      all_programs_{"roudi", ledger_, "sim", "link", "agent", "ground"} {
+      controller_(controller_program(options_)),
+      all_programs_(ledger_.empty() ? std::vector<std::string>{"roudi", "sim", "link", controller_}
+                                    : std::vector<std::string>{"roudi", ledger_, "sim", "link", "agent", controller_}) {
+  // Without a ledger the controller is link's other end; a flight does not outlive it.
   for (const char* name : {"roudi", "link", "agent"}) {
+    if (ledger_.empty()) break;
     onboard_.push_back({name, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()) + onboard_.size())});
   }
 }
@@ -90,7 +94,7 @@ Status Launcher::wait_ready(const std::vector<std::string>& names) {
       if (interrupts_ > 0) return Error{"interrupted before take-off"};
       for (const std::string& other : children_.names()) {
         if (children_.running(other) || children_.ended_well(other)) continue;
-        return Error{other == "ground" ? ground_why() : crash_of(other, "before take-off")};
+        return Error{other == controller_ ? ground_why() : crash_of(other, "before take-off")};
       }
       if (!children_.running(name) && !ready_.contains(name)) return Error{crash_of(name, "before take-off")};
       if (monotonic_ns() > until_ns) {
@@ -117,8 +121,36 @@ Status Launcher::run_to_end(const std::string& name, std::vector<std::string> ar
 }
 
 Status Launcher::start_all() {
-  const std::string drones = std::to_string(options_.drones);
   if (auto s = start("roudi", {"--summary", files_.summary("roudi")}); !s) return s;
+  if (ledger_.empty()) return start_local();
+  if (auto s = start_ledger(); !s) return s;
+  if (auto s = start_sim(); !s) return s;
+  if (auto s = wait_ready({"roudi", "sim", ledger_}); !s) return s;
+  if (auto s = prepare_ledger(); !s) return s;
+  for (const char* name : {"link", "agent", "ground"}) {
+    if (auto s = start(name, {"--config", files_.config(name)}); !s) return s;
+  }
+  return wait_ready({"link", "agent", "ground"});
+}
+
+Status Launcher::start_local() {
+  if (auto s = start_sim(); !s) return s;
+  if (auto s = wait_ready({"roudi", "sim"}); !s) return s;
+  if (auto s = write_local_configs(files_, options_); !s) return s;
+  for (const std::string& name : {std::string("link"), controller_}) {
+    if (auto s = start(name, {"--config", files_.config(name)}); !s) return s;
+  }
+  return wait_ready({"link", controller_});
+}
+
+Status Launcher::start_sim() {
+  if (auto s = write_sim_config(files_, options_); !s) return s;
+  return start("sim",
+               {"--config", files_.config("sim"), "--drones", std::to_string(options_.drones), "--seed",
+                std::to_string(options_.seed), "--trace", files_.trace("sim"), "--summary", files_.summary("sim")});
+}
+
+Status Launcher::start_ledger() {
   std::vector<std::string> ledger{
       "--dir",     files_.in("ledger"),     "--batch-count",   std::to_string(options_.batch_count),
       "--summary", files_.summary(ledger_), "--batch-timeout", std::to_string(options_.batch_timeout_ns / ns_per_ms)};
@@ -130,16 +162,10 @@ Status Launcher::start_all() {
   } else {
     ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
   }
-  if (auto s = start(ledger_, ledger); !s) return s;
-  if (auto s = write_sim_config(files_, options_); !s) return s;
-  if (auto s =
-          start("sim", {"--config", files_.config("sim"), "--drones", drones, "--seed", std::to_string(options_.seed),
-                        "--trace", files_.trace("sim"), "--summary", files_.summary("sim")});
-      !s) {
-    return s;
-  }
-  if (auto s = wait_ready({"roudi", "sim", ledger_}); !s) return s;
+  return start(ledger_, ledger);
+}
 
+Status Launcher::prepare_ledger() {
   const json ready = json::parse(ready_[ledger_], nullptr, false);
   if (!ready.is_object() || !ready.contains("endpoint") || !ready["endpoint"].is_string()) {
     return Error{ledger_ + " did not say its endpoint: " + ready_[ledger_]};
@@ -163,21 +189,16 @@ Status Launcher::start_all() {
   enroll.insert(enroll.end(), names.begin(), names.end());
   acquire.insert(acquire.end(), names.begin(), names.end());
   if (auto s = run_to_end("control-enroll", enroll); !s) return s;
-  if (auto s = run_to_end("control-acquire", acquire); !s) return s;
-
-  for (const char* name : {"link", "agent", "ground"}) {
-    if (auto s = start(name, {"--config", files_.config(name)}); !s) return s;
-  }
-  return wait_ready({"link", "agent", "ground"});
+  return run_to_end("control-acquire", acquire);
 }
 
 std::string Launcher::ground_why() const {
-  std::ifstream file(files_.summary("ground"));
+  std::ifstream file(files_.summary(controller_));
   const json summary = json::parse(file, nullptr, false);
   if (summary.is_object() && summary.contains("why") && summary["why"].is_string() && summary["why"] != "") {
     return summary["why"].get<std::string>();
   }
-  return crash_of("ground", "before every drone had finished its path and landed");
+  return crash_of(controller_, "before every drone had finished its path and landed");
 }
 
 // For ledgerline-timing; the flight does not depend on it.
@@ -187,7 +208,7 @@ void Launcher::write_usage(const timing::UsageRecord& usage) {
 }
 
 Status Launcher::fly() {
-  const std::uint64_t ledger_before = bytes_below(files_.in("ledger/."));
+  const std::uint64_t ledger_before = ledger_.empty() ? 0 : bytes_below(files_.in("ledger/."));
   record_.begin_ns = monotonic_ns();
   for (const auto& name : all_programs_) cpu_at_begin_[name] = children_.cpu_seconds(name);
   timing::UsageRecord usage;
@@ -220,11 +241,14 @@ Status Launcher::fly() {
       }
     }
     live_.show(now_ns);
-    if (!children_.running("ground")) {
-      if (!children_.ended_well("ground")) result = Error{ground_why()};
+    if (!children_.running(controller_)) {
+      if (!children_.ended_well(controller_)) result = Error{ground_why()};
       flying = false;
     }
-    for (const auto& name : {ledger_, std::string("sim")}) {
+    // Without a ledger nothing is started again: it is a reference, not a flight to be kept up.
+    const auto given_up =
+        ledger_.empty() ? std::vector<std::string>{"sim", "link", "roudi"} : std::vector<std::string>{ledger_, "sim"};
+    for (const auto& name : given_up) {
       if (!children_.running(name) && result) result = Error{crash_of(name, "during the flight")};
     }
     if (flying && result) result = look_after_onboard(now_ns);
@@ -233,13 +257,13 @@ Status Launcher::fly() {
     if (interrupts > interrupts_seen && flying) {
       if (interrupts_seen == 0) live_.say("Landing all drones (once more Ctrl-C: do not wait for them)");
       if (interrupts_seen > 0) flying = false;
-      children_.signal("ground", SIGTERM);
+      children_.signal(controller_, SIGTERM);
       interrupts_seen = interrupts;
       if (!flying) result = Error{"interrupted twice: the drones were not awaited"};
     }
   }
   write_usage(usage);
-  const std::uint64_t ledger_after = bytes_below(files_.in("ledger/."));
+  const std::uint64_t ledger_after = ledger_.empty() ? 0 : bytes_below(files_.in("ledger/."));
   record_.ledger_grown_bytes = ledger_after > ledger_before ? ledger_after - ledger_before : 0;
   return result;
 }
@@ -301,7 +325,7 @@ void Launcher::recycle_shared_memory() {
 // Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
 void Launcher::stop_all(bool landed) {
   const bool hurry = interrupts_ > 1;
-  std::vector<std::string> order{"ground", "agent", "link", "sim", ledger_, "roudi"};
+  std::vector<std::string> order{controller_, "agent", "link", "sim", ledger_, "roudi"};
   if (!landed && !hurry && children_.running("link") && children_.running("sim") && live_.anything_in_air()) {
     live_.say("Landing all drones");
     children_.signal("link", SIGTERM);
@@ -312,7 +336,7 @@ void Launcher::stop_all(bool landed) {
     }
   }
   for (const auto& name : order) {
-    if (!children_.running(name)) continue;
+    if (name.empty() || !children_.running(name)) continue;
     const TimeNs patience = name == "fabric" ? fabric_patience_ns : hurry ? ns_per_s : patience_ns;
     const bool in_time = children_.stop(name, patience);
     if (!in_time && !hurry) {
@@ -331,7 +355,7 @@ RunRecord Launcher::run() {
   if (status) status = fly();
   record_.ok = status.ok();
   if (!status) record_.why = status.error().what;
-  stop_all(children_.ended_well("ground"));
+  stop_all(children_.ended_well(controller_));
   if (!children_.ended_well("roudi")) remove_roudi_leftovers();
   return record_;
 }

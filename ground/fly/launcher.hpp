@@ -31,6 +31,7 @@ struct RunRecord {
 ///     roudi, ledger, sim  ->  enroll, acquire  ->  link, agent, ground  ->  ground ends  ->  agent, link, sim, ledger,
 ///     roudi
 ///
+/// Without a ledger: roudi, sim -> link, local -> local ends -> link, sim, roudi; nothing is started again.
 /// RouDi, link and agent are started again when they end in flight, each a bounded number of times; any other one's end
 /// ends the flight. docs/deaths.md says what each death means for a drone in the air.
 ///
@@ -50,6 +51,10 @@ class Launcher {
   };
 
   Status start_all();
+  Status start_local();
+  Status start_sim();
+  Status start_ledger();
+  Status prepare_ledger();
   Status start(const std::string& name, std::vector<std::string> arguments);
   Status wait_ready(const std::vector<std::string>& names);
   Status run_to_end(const std::string& name, std::vector<std::string> arguments);
@@ -76,7 +81,8 @@ class Launcher {
   std::map<std::string, double> cpu_at_begin_;
   std::vector<Onboard> onboard_;                 ///< in the order of their start: RouDi before those that need it
   bool chunks_leaked_ = false;                   ///< as RouDi says
-  const std::string ledger_;                     ///< the process that is the ledger: node or fabric
+  const std::string ledger_;                     ///< the process that is the ledger: node or fabric; empty: none
+  const std::string controller_;                 ///< ground; local without a ledger
   const std::vector<std::string> all_programs_;  ///< that live through the flight
 };
 

@@ -98,11 +98,12 @@ class MemoryDirectory {
 };
 
 int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
-  fmt::print(stderr, "{} {} through the ledger; everything of this run is in {}\n",
+  fmt::print(stderr, "{} {} {}; everything of this run is in {}\n",
              options.drones == 1 ? "One drone" : fmt::format("{} drones", options.drones),
-             options.manual ? "flown by ROS 2 topics (/tello1/takeoff, cmd_vel, land)"
-                            : "around a " + ground::name_of(options.shape),
-             files.directory);
+             options.manual              ? "flown by ROS 2 topics (/tello1/takeoff, cmd_vel, land)"
+             : options.waypoints.empty() ? "around a " + ground::name_of(options.shape)
+                                         : "along " + options.course_file,
+             options.ledger == "none" ? "without a ledger" : "through the ledger", files.directory);
   fly::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, interrupts);
   const fly::RunRecord record = launcher.run();
   report::Results results = report::read_results(files, options, record);

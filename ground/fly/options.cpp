@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <sstream>
 
 #include "common/msg/onboard.hpp"
+#include "ground/shell/course_file.hpp"
 
 namespace ledgerline::fly {
 namespace {
@@ -15,6 +17,24 @@ constexpr int exit_usage = 2;
 std::string check_duration(const std::string& text) {
   const auto duration = parse_duration(text);
   return duration ? "" : duration.error().what;
+}
+
+// What speaks against it; empty: nothing.
+std::string read_flight(Options& o, const std::string& shape, const std::string& ramp) {
+  if (o.ledger == "none" && o.manual) return "--shape manual goes with a ledger: its pilots speak to ground";
+  if (!o.manual) {
+    auto course = ground::course_from(shape);
+    if (!course) return "--shape: " + course.error().what;
+    o.shape = course->shape;
+    o.waypoints = std::move(course->waypoints);
+    if (!o.waypoints.empty()) o.course_file = std::filesystem::absolute(shape);
+  }
+  if (ramp.empty()) return "";
+  if (o.manual || o.seconds > 0) return "--ramp goes with a path and its laps";
+  const auto read = ground::ramp_from(ramp);
+  if (!read) return "--ramp: " + read.error().what;
+  o.ramp = *read;
+  return "";
 }
 
 }  // namespace
@@ -45,17 +65,26 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
       "Examples:\n"
       "  fly                                 one drone, three laps of a square\n"
       "  fly --drones 3 --shape x --laps 1\n"
+      "  fly --side 4 --ramp 0.5:0.1 --laps 6 --ledger none        each lap faster, with no ledger between\n"
       "  fly --shape manual                  until Ctrl-C, by any ROS 2 teleop on /tello1/cmd_vel\n"
       "  fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)\n"
       "  fly --batch-timeout 100ms --batch-count 10 --seconds 60    a slower ledger\n"
       "  fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run");
   std::string shape = "square";
   std::string batch_timeout = "10ms";
-  std::string storage = "disk";
-  std::string crypto = "libcrypto";
-  app.add_option("--shape", shape, "Path of 1.5 m a side; manual: none, fly by /tello1/takeoff, cmd_vel and land")
-      ->check(CLI::IsMember({"square", "triangle", "x", "manual"}))
+  std::string storage = "disk", crypto = "libcrypto", predict = "on", ramp, max_age;
+  app.add_option("--shape", shape,
+                 "square, triangle, x, eight, or a CSV file of waypoints, x,y[,z[,speed]] a line;\n"
+                 "manual: none, fly by /tello1/takeoff, cmd_vel and land")
       ->capture_default_str();
+  app.add_option("--side", o.side_m, "Of the shape, m")->check(CLI::Range(0.5, 15.0))->capture_default_str();
+  app.add_option("--predict", predict,
+                 "on: commands for where the drone will be when they take effect; off: newest state, newest command")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+  app.add_option("--ramp", ramp, "START:STEP, m/s: speed of the first lap, and by how much each one is faster");
+  app.add_option("--max-age", max_age, "Agent and link take no command made from an older state (default: 500ms)")
+      ->check(CLI::Validator(check_duration, "TIME"));
   app.add_option("--drones", o.drones, "Number of drones")
       ->check(CLI::Range(1, static_cast<int>(max_drones)))
       ->capture_default_str();
@@ -67,8 +96,8 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   app.add_option("--seconds", o.seconds, "Fly the path this long instead of counting laps; manual: land after so long")
       ->check(CLI::Range(1.0, 86'400.0))
       ->excludes(laps);
-  app.add_option("--ledger", o.ledger, "Which ledger")
-      ->check(CLI::IsMember({"embedded", "fabric"}))
+  app.add_option("--ledger", o.ledger, "Which ledger; none: the same controller beside the driver, as a reference")
+      ->check(CLI::IsMember({"embedded", "fabric", "none"}))
       ->capture_default_str();
   app.add_option("--orderers", o.orderers, "Fabric: how many orderers")
       ->check(CLI::IsMember({1, 3}))
@@ -106,6 +135,15 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
     line.text = text.str();
     return line;
   }
+  if (o.ledger == "none") {
+    for (const char* of_ledgers :
+         {"--orderers", "--storage", "--batch-timeout", "--batch-count", "--ca", "--max-age"}) {
+      if (app.get_option(of_ledgers)->count() == 0) continue;
+      line.exit_code = exit_usage;
+      line.text = fmt::format("{} goes with a ledger: with --ledger none there is none\n", of_ledgers);
+      return line;
+    }
+  }
   if (o.ca && o.ledger != "fabric") {
     line.exit_code = exit_usage;
     line.text = "--ca goes with --ledger fabric: the embedded ledger issues its identities itself\n";
@@ -122,7 +160,13 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
     line.text = "--laps goes with a path: a manual flight lasts until Ctrl-C, or for --seconds\n";
     return line;
   }
-  if (!o.manual) o.shape = *ground::shape_from_name(shape);
+  if (const std::string wrong = read_flight(o, shape, ramp); !wrong.empty()) {
+    line.exit_code = exit_usage;
+    line.text = wrong + "\n";
+    return line;
+  }
+  o.predict = predict == "on";
+  if (!max_age.empty()) o.max_age_ns = *parse_duration(max_age);
   o.batch_timeout_ns = *parse_duration(batch_timeout);
   o.tmpfs = storage == "tmpfs";
   o.mbedtls = crypto == "mbedtls";

@@ -5,19 +5,25 @@
 
 #include "common/rt/clock.hpp"
 #include "common/rt/result.hpp"
-#include "ground/core/path.hpp"
+#include "ground/core/controller.hpp"
 
 namespace ledgerline::fly {
 
 struct Options {
   ground::Shape shape = ground::Shape::square;
-  bool manual = false;  ///< no path: a pilot flies, by ROS 2 topics
+  std::string course_file;                  ///< a path of one's own, absolute; empty: the shape
+  std::vector<ground::Waypoint> waypoints;  ///< of that file
+  double side_m = 1.5;                      ///< of the shape
+  bool manual = false;                      ///< no path: a pilot flies, by ROS 2 topics
+  bool predict = true;                      ///< false: the plain controller: newest state, newest command
+  ground::Ramp ramp;
+  TimeNs max_age_ns = 0;  ///< agent and link take no older command; 0: their defaults, longer on a slow ledger
   int drones = 1;
   double rate_hz = 30;
   double speed_mps = 0.5;
   int laps = 3;
   double seconds = 0;               ///< > 0: instead of laps; manual: until it lands and ends; 0: until Ctrl-C
-  std::string ledger = "embedded";  ///< or "fabric"
+  std::string ledger = "embedded";  ///< or "fabric", or "none": the same controller beside the driver
   int orderers = 1;                 ///< of Fabric: 1 or 3
   bool tmpfs = false;               ///< the ledger in memory, gone after the flight
   bool ca = false;                  ///< Fabric's identities come from fabric-ca
@@ -33,11 +39,22 @@ struct Options {
 };
 
 inline std::string shape_name(const Options& options) {
+  if (!options.waypoints.empty()) return "waypoints";
   return options.manual ? "manual" : ground::name_of(options.shape);
 }
 
-/// The program that is the ledger, and the name of its process.
-inline std::string ledger_program(const Options& options) { return options.ledger == "fabric" ? "fabric" : "node"; }
+/// As it is asked for, sharp corners and all, from this origin.
+inline ground::Path path_of(const Options& options, const Eigen::Vector2d& origin) {
+  return options.waypoints.empty() ? ground::Path(options.shape, origin, options.side_m)
+                                   : ground::Path(options.waypoints, origin);
+}
+
+/// The program that is the ledger, and the name of its process; empty: there is none.
+inline std::string ledger_program(const Options& options) {
+  return options.ledger == "none" ? "" : options.ledger == "fabric" ? "fabric" : "node";
+}
+/// The program that flies: ground, or beside the driver.
+inline std::string controller_program(const Options& options) { return options.ledger == "none" ? "local" : "ground"; }
 
 /// What the command line asks for: a flight, or a text to print and an exit code.
 struct CommandLine {

@@ -25,12 +25,14 @@ double expected_seconds(const Options& options) {
   constexpr double manual_s = 600;  // lasts as long as the pilot likes
   if (options.seconds > 0) return options.seconds + up_and_down_s;
   if (options.manual) return manual_s;
-  const ground::Path path(options.shape, {0, 0}, side_m);
-  const double lap_s = path.length_m() / options.speed_mps + corner_s * static_cast<double>(path.corners().size());
+  const ground::Path path = path_of(options, {0, 0});
+  const double lap_s = path.length_m() / (options.ramp.start_mps > 0 ? options.ramp.start_mps : options.speed_mps) +
+                       corner_s * static_cast<double>(path.corners().size());
   return options.laps * lap_s + up_and_down_s;
 }
 
 std::uint64_t expected_ledger_bytes(const Options& options) {
+  if (options.ledger == "none") return 0;
   const bool real = options.ledger == "fabric";
   const double orderers = real ? options.orderers : 0;
   const Growth& base = real ? fabric : embedded;

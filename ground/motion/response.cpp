@@ -12,10 +12,10 @@ constexpr TimeNs gap_ns = 200 * ns_per_ms;
 constexpr std::size_t points_kept = 128;  // a window at 200 states a second, and room
 // Memory of about 1,500 samples, two a state: some 25 s of a flight at 30 Hz.
 constexpr double forget = 1 - 1.0 / 1'500;
-constexpr double excited_mps = 0.08;  // change of velocity, or of what was told, that says something
+constexpr double excited_mps = 0.08;  // change of what was told that says something
 constexpr double first_gain_sigma = 0.5, first_lag_sigma_s = 0.3, first_wind_sigma_mps = 0.05;
-constexpr double noise_m = 0.004;   // of a window's way, model's error included
-constexpr std::size_t enough = 60;  // samples before the estimate is used
+constexpr double noise_m = 0.004;    // of a window's way, model's error included
+constexpr std::size_t enough = 120;  // samples before the estimate is used
 constexpr TimeNs quadrature_ns = 10 * ns_per_ms;
 
 }  // namespace
@@ -70,7 +70,7 @@ void ResponseEstimator::add(TimeNs stamp_ns, const Eigen::Vector2d& position_m,
     const TimeNs dead_ns = from_seconds(candidate_step_s * static_cast<double>(c));
     integrals[c] = way_until(to_ns - dead_ns) - way_until(from_ns - dead_ns);
   }
-  if ((most - least).maxCoeff() < excited_mps && change.norm() < excited_mps) return;
+  if ((most - least).maxCoeff() < excited_mps) return;
   fit(to_seconds(to_ns - from_ns), points_[to].position_m - points_[1].position_m, change, integrals);
   choose();
 }

@@ -128,13 +128,15 @@ void Track::pace(const TrackLimits& limits) {
   for (std::size_t i = 2 * n; i-- > 0;) {
     Knot& knot = knots_[i % n];
     const Knot& next = knots_[(i + 1) % n];
-    knot.speed = std::min(knot.speed, reached(next.speed, along(next, next.speed)));
+    const double braking = std::min(along(knot, next.speed), along(next, next.speed));
+    knot.speed = std::min(knot.speed, reached(next.speed, braking));
   }
   for (std::size_t i = 0; i < 2 * n; ++i) {
     const Knot& knot = knots_[i % n];
     Knot& next = knots_[(i + 1) % n];
     const double room = std::max(0.0, limits.told_mps - knot.speed) / limits.lag_s;
-    next.speed = std::min(next.speed, reached(knot.speed, std::min(along(knot, knot.speed), room)));
+    const double gaining = std::min({along(knot, knot.speed), along(next, knot.speed), room});
+    next.speed = std::min(next.speed, reached(knot.speed, gaining));
   }
 }
 

@@ -19,6 +19,13 @@ json to_json(const DroneResult& drone) {
     cross_track = {{"rms", rounded(drone.cross_track_rms_m)}, {"max", rounded(drone.cross_track_max_m)}};
   json laps = json::array();
   for (double lap : drone.lap_s) laps.push_back(rounded(lap));
+  json turns = json::array();
+  for (const DroneResult::Turn& turn : drone.turns) {
+    turns.push_back({{"asked_mps", rounded(turn.asked_mps)},
+                     {"flown_mps", rounded(turn.flown_mps)},
+                     {"rms_m", rounded(turn.rms_m)},
+                     {"max_m", rounded(turn.max_m)}});
+  }
   json commands = named<6>(drone.commands, {"sent", "on_ledger", "refused", "applied", "late", "dropped"});
   commands["reasons"] = drone.reasons;
   return {{"id", drone.id},
@@ -26,6 +33,9 @@ json to_json(const DroneResult& drone) {
           {"age_ms", drone.age_ms},
           {"cross_track_m", cross_track},
           {"lap_s", laps},
+          {"turns", turns},
+          {"limit_mps", drone.limit_mps ? json(rounded(*drone.limit_mps)) : json()},
+          {"slowed_to_mps", drone.slowed_to_mps ? json(rounded(*drone.slowed_to_mps)) : json()},
           {"states", named<5>(drone.states, {"sampled", "sent", "on_ledger", "merged", "dropped"})},
           {"transitions", named<3>(drone.transitions, {"made", "on_ledger", "lost"})},
           {"commands", commands}};
@@ -37,6 +47,11 @@ json to_json(const Results& r) {
   json asked{{"shape", fly::shape_name(r.asked)},
              {"drones", r.asked.drones},
              {"rate_hz", r.asked.rate_hz},
+             {"side_m", r.asked.side_m},
+             {"predict", r.asked.predict},
+             {"ramp", r.asked.ramp.start_mps > 0
+                          ? json{{"start_mps", r.asked.ramp.start_mps}, {"step_mps", r.asked.ramp.step_mps}}
+                          : json()},
              {"speed_mps", r.asked.speed_mps},
              {"laps", r.asked.manual ? 0 : r.asked.laps},
              {"seconds", r.asked.seconds},

@@ -90,11 +90,21 @@ void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::u
   const TimeNs begin_ns = time_of(between[0]), end_ns = time_of(between[1]);
   drone.flown = flown_path(truth, number, begin_ns, end_ns);
   if (asked.manual) return;
-  const ground::Path path(asked.shape, {number_of(origin[0]), number_of(origin[1])}, fly::side_m);
+  const ground::Path path = fly::path_of(asked, {number_of(origin[0]), number_of(origin[1])});
   const CrossTrack error = cross_track(truth, number, path, begin_ns, end_ns);
   drone.path_flown = error.count > 0;
   drone.cross_track_rms_m = error.rms_m;
   drone.cross_track_max_m = error.max_m;
+  TimeNs from_ns = begin_ns;
+  for (const double lap_s : drone.lap_s) {
+    const TimeNs to_ns = from_ns + from_seconds(std::clamp(lap_s, 0.0, 1e6));
+    const CrossTrack of_lap = cross_track(truth, number, path, from_ns, to_ns);
+    const double asked_mps = asked.ramp.start_mps > 0
+                                 ? asked.ramp.start_mps + asked.ramp.step_mps * static_cast<double>(drone.turns.size())
+                                 : asked.speed_mps;
+    drone.turns.push_back({asked_mps, lap_s > 0 ? path.length_m() / lap_s : 0, of_lap.rms_m, of_lap.max_m});
+    from_ns = to_ns;
+  }
   for (const auto& corner : path.corners()) drone.wanted.push_back({corner.x(), corner.y()});
   if (!drone.wanted.empty()) drone.wanted.push_back(drone.wanted.front());
 }
@@ -144,12 +154,14 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
   results.memory_mb = record.memory_mb;
   results.onboard_restarts = record.restarts;
   results.flight_s = to_seconds(record.end_ns - record.begin_ns);
-  const json node = read_summary(files, fly::ledger_program(asked), results);
+  const bool ledger = asked.ledger != "none";
+  const std::string controller = fly::controller_program(asked);
+  const json node = ledger ? read_summary(files, fly::ledger_program(asked), results) : json::object();
   const json link = read_summary(files, "link", results);
-  const json agent = read_summary(files, "agent", results);
-  const json ground = read_summary(files, "ground", results);
+  const json agent = ledger ? read_summary(files, "agent", results) : json::object();
+  const json ground = read_summary(files, controller, results);
   const auto link_trace = read(files, "link", results);
-  const auto agent_trace = read(files, "agent", results);
+  const auto agent_trace = read(files, ledger ? "agent" : controller, results);
   const auto truth = read(files, "sim", results);
   results.blocks = count_of(node, "blocks");
   results.transactions = count_of(node, "transactions");
@@ -200,6 +212,8 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
       for (const auto& [reason, count] : reasons.items()) drone.reasons[reason] += count_of(count);
     }
     for (const json& lap : at(g, "lap_s")) drone.lap_s.push_back(number_of(lap));
+    if (at(g, "limit_mps").is_number()) drone.limit_mps = number_of(at(g, "limit_mps"));
+    if (at(g, "slowed_to_mps").is_number()) drone.slowed_to_mps = number_of(at(g, "slowed_to_mps"));
     read_path(g, truth, number, asked, drone);
     messages += drone.states[2] + drone.commands[1];
     results.drones.push_back(std::move(drone));
@@ -220,7 +234,8 @@ std::vector<std::string> differences(const Results& r) {
       "theirs: " +
           std::string("Wi-Fi between three machines and real drones; here: loopback on one machine, simulated drones"),
       fmt::format("theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: {}, storage {}",
-                  r.asked.ledger == "fabric"
+                  r.asked.ledger == "none" ? "no ledger, the controller beside the driver"
+                  : r.asked.ledger == "fabric"
                       ? fmt::format("Hyperledger Fabric 2.5, 3 organisations, {} Raft orderer(s)", r.asked.orderers)
                       : "the embedded node, one process",
                   r.storage),

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,10 +28,15 @@ struct DroneResult {
   double cross_track_rms_m = 0, cross_track_max_m = 0;
   bool path_flown = false;  ///< there is a cross-track error to speak of
   std::vector<double> lap_s;
-  std::array<std::uint64_t, 5> states{};         ///< sampled, sent, on_ledger, merged, dropped
-  std::array<std::uint64_t, 3> transitions{};    ///< of the failsafe: made, on_ledger, lost
-  std::array<std::uint64_t, 6> commands{};       ///< sent, on_ledger, refused, applied, late, dropped
-  std::map<std::string, std::uint64_t> reasons;  ///< of those refused by agent or dropped by link
+  struct Turn {
+    double asked_mps = 0, flown_mps = 0, rms_m = 0, max_m = 0;
+  };
+  std::vector<Turn> turns;                         ///< laps, by the truth
+  std::optional<double> limit_mps, slowed_to_mps;  ///< the latency-aware limit at the end; the least that slowed it
+  std::array<std::uint64_t, 5> states{};           ///< sampled, sent, on_ledger, merged, dropped
+  std::array<std::uint64_t, 3> transitions{};      ///< of the failsafe: made, on_ledger, lost
+  std::array<std::uint64_t, 6> commands{};         ///< sent, on_ledger, refused, applied, late, dropped
+  std::map<std::string, std::uint64_t> reasons;    ///< of those refused by agent or dropped by link
   std::vector<std::array<double, 2>> wanted, flown;
 };
 

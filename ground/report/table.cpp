@@ -47,6 +47,10 @@ std::string to_table(const Results& r) {
                     fmt::format("{} on the ledger, {} merged, {} dropped", d.states[2], d.states[3], d.states[4]),
                     fmt::format("{} of {} on the ledger, {} applied, {} refused, {} late, {} dropped", d.commands[1],
                                 d.commands[0], d.commands[3], d.commands[2], d.commands[4], d.commands[5]));
+    if (d.slowed_to_mps) {
+      text +=
+          fmt::format("  {:<10}slowed to {:.2f} m/s for a while: its commands were flown late\n", "", *d.slowed_to_mps);
+    }
     for (const auto& [reason, count] : d.reasons) text += fmt::format("  {:<10}{} x {}\n", "", count, reason);
   }
   text += fmt::format(

@@ -2,20 +2,34 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+
 #include "common/rt/file.hpp"
 
 namespace ledgerline::ground {
+namespace {
+
+constexpr std::uintmax_t most_bytes = 1'000'000;
+
+}  // namespace
+
+Result<std::vector<Waypoint>> read_waypoints(const std::string& file) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) return Error{fmt::format("there is no file {}", file)};
+  if (std::filesystem::file_size(file, error) > most_bytes || error)
+    return Error{fmt::format("{}: more than 1 MB is no file of waypoints", file)};
+  const auto text = read_file(file);
+  if (!text) return text.error();
+  return motion::waypoints_from_csv(*text, file);
+}
 
 Result<Course> course_from(const std::string& shape_or_file) {
   if (const auto shape = shape_from_name(shape_or_file)) return Course{*shape, {}};
-  const auto text = read_file(shape_or_file);
-  if (!text) {
-    return Error{fmt::format("\"{}\" is neither square, triangle, x nor eight, nor a file of waypoints: {}",
-                             shape_or_file, text.error().what)};
-  }
-  auto waypoints = motion::waypoints_from_csv(*text, shape_or_file);
-  if (!waypoints) return waypoints.error();
-  return Course{Shape::square, std::move(waypoints).value()};
+  auto waypoints = read_waypoints(shape_or_file);
+  if (waypoints) return Course{Shape::square, std::move(waypoints).value()};
+  std::error_code error;
+  if (std::filesystem::exists(shape_or_file, error)) return waypoints.error();
+  return Error{fmt::format("\"{}\" is neither square, triangle, x nor eight, nor a file of waypoints", shape_or_file)};
 }
 
 }  // namespace ledgerline::ground

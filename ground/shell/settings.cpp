@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "ground/core/topics.hpp"
+#include "ground/shell/course_file.hpp"
 
 namespace ledgerline::ground {
 
@@ -12,15 +14,29 @@ using nlohmann::json;
 
 FlightConfig flight_config(Config& config) {
   FlightConfig flight;
-  const std::string shape = config.choice("flight.shape", {"square", "triangle", "x", "manual"}, "square");
+  const std::string shape =
+      config.choice("flight.shape", {"square", "triangle", "x", "eight", "manual", "waypoints"}, "square");
   flight.manual = shape == "manual";
-  if (!flight.manual) flight.shape = *shape_from_name(shape);
+  if (shape == "waypoints") {
+    auto waypoints = read_waypoints(config.text("flight.waypoints"));
+    if (waypoints) {
+      flight.waypoints = std::move(waypoints).value();
+    } else {
+      config.wrong("flight.waypoints", "must be a file of waypoints: " + waypoints.error().what);
+    }
+  } else if (!flight.manual) {
+    flight.shape = *shape_from_name(shape);
+  }
   flight.cmd_timeout_ns = config.integer("flight.cmd_timeout_ms", 300, 50, 500) * ns_per_ms;
   flight.side_m = config.number("flight.side_m", 1.5, 0.2, 50);
   flight.laps = static_cast<int>(config.integer("flight.laps", 3, 1, 10'000));
   flight.seconds = config.number("flight.seconds", 0, 0, 86'400);
   flight.controller.speed_mps = config.number("flight.speed_mps", 0.5, 0.05, 8);
   flight.controller.height_m = config.number("flight.height_m", 1.0, 0.3, 10);
+  flight.controller.predict = config.boolean("flight.predict", true);
+  flight.controller.ramp.start_mps = config.number("flight.ramp_start_mps", 0, 0, 8);
+  flight.controller.ramp.step_mps = config.number("flight.ramp_step_mps", 0, 0, 2);
+  flight.controller.told_mps = config.number("flight.told_mps", flight.controller.told_mps, 0.1, 20);
   flight.controller.lag_s = config.number("flight.lag_s", flight.controller.lag_s, 0.01, 2);
   for (std::size_t i = 0; i < config.table_count("drone"); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
@@ -64,28 +80,33 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
   for (std::size_t i = 0; i < core.drones().size(); ++i) {
     const FlightStatus status = core.status(i);
     const PilotCounters& p = status.pilot;
-    drones.push_back({{"name", core.drones()[i].name},
-                      {"finished", status.finished},
-                      {"landed", status.phase == DronePhase::landed},
-                      {"lap_s", status.lap_s},
-                      {"origin", status.origin_m},
-                      {"height_m", core.height_m()},
-                      {"states_received", status.states_received},
-                      {"commands_made", status.commands_made},
-                      {"commands_sent", status.commands_sent},
-                      {"commands_merged", status.commands_merged},
-                      {"commands_refused", status.commands_refused},
-                      {"path_ns", status.path_ns},
-                      {"pilot",
-                       {{"velocities", p.velocities},
-                        {"replaced", p.replaced},
-                        {"bad_values", p.bad_values},
-                        {"not_flying", p.not_flying},
-                        {"malformed", p.malformed},
-                        {"refused", p.refused},
-                        {"dds_lost", shell.pilots[i].dds_lost},
-                        {"dds_refused", shell.pilots[i].dds_refused}}},
-                      {"why", status.why}});
+    drones.push_back(
+        {{"name", core.drones()[i].name},
+         {"finished", status.finished},
+         {"landed", status.phase == DronePhase::landed},
+         {"lap_s", status.lap_s},
+         {"origin", status.origin_m},
+         {"height_m", core.height_m()},
+         {"states_received", status.states_received},
+         {"commands_made", status.commands_made},
+         {"commands_sent", status.commands_sent},
+         {"commands_merged", status.commands_merged},
+         {"commands_refused", status.commands_refused},
+         {"path_ns", status.path_ns},
+         {"limit_mps", std::isfinite(status.limit_mps) && status.limit_mps > 0 ? json(status.limit_mps) : json()},
+         {"slowed_to_mps", status.slowed_to_mps ? json(*status.slowed_to_mps) : json()},
+         {"response",
+          {{"gain", status.response.gain}, {"lag_s", status.response.lag_s}, {"dead_s", status.response.dead_s}}},
+         {"pilot",
+          {{"velocities", p.velocities},
+           {"replaced", p.replaced},
+           {"bad_values", p.bad_values},
+           {"not_flying", p.not_flying},
+           {"malformed", p.malformed},
+           {"refused", p.refused},
+           {"dds_lost", shell.pilots[i].dds_lost},
+           {"dds_refused", shell.pilots[i].dds_refused}}},
+         {"why", status.why}});
   }
   const FlightTransactions& t = core.transactions();
   return json{{"drones", drones},

@@ -23,7 +23,7 @@ TEST(Flight, DronesTakeOffFlyTheirLapsAndLand) {
     ASSERT_EQ(status.lap_s.size(), 2u);
     for (double lap_s : status.lap_s) EXPECT_NEAR(lap_s, 13, 1.5);
     EXPECT_EQ(world.drones[i].phase, FlightPhase::landed);
-    EXPECT_GT(status.path_ns[1] - status.path_ns[0], 24 * ns_per_s);
+    EXPECT_GT(status.path_ns[1] - status.path_ns[0], 22 * ns_per_s);
   }
 }
 

@@ -3,6 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "common/rt/file.hpp"
+
 namespace ledgerline::fly {
 namespace {
 
@@ -88,6 +92,46 @@ TEST(FlyOptions, AManualFlightHasNoPathAndNoLaps) {
   EXPECT_TRUE(line.options.manual);
   EXPECT_EQ(shape_name(line.options), "manual");
   expect_refused({"--shape", "manual", "--laps", "2"}, "--laps goes with a path");
+}
+
+TEST(FlyOptions, PredictionIsOnUnlessItIsSwitchedOff) {
+  EXPECT_TRUE(parse_command_line({}).options.predict);
+  EXPECT_FALSE(parse_command_line({"--predict", "off"}).options.predict);
+  expect_refused({"--predict", "maybe"}, "predict");
+}
+
+TEST(FlyOptions, ARampHasAStartAndAStepAndLaps) {
+  const auto line = parse_command_line({"--ramp", "0.5:0.1", "--side", "4", "--laps", "6", "--max-age", "3s"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_DOUBLE_EQ(line.options.ramp.start_mps, 0.5);
+  EXPECT_DOUBLE_EQ(line.options.ramp.step_mps, 0.1);
+  EXPECT_DOUBLE_EQ(line.options.side_m, 4);
+  EXPECT_EQ(line.options.max_age_ns, 3 * ns_per_s);
+  expect_refused({"--ramp", "fast"}, "\"fast\" is no START:STEP");
+  expect_refused({"--ramp", "0.5:0.1", "--seconds", "9"}, "--ramp goes with a path and its laps");
+}
+
+TEST(FlyOptions, APathOfOnesOwnIsAFileOfWaypoints) {
+  const std::string file = testing::TempDir() + "/way.csv";
+  ASSERT_TRUE(write_file(file, "0,0\n1,0\n1,1\n"));
+  const auto line = parse_command_line({"--shape", file});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_EQ(line.options.waypoints.size(), 3u);
+  EXPECT_EQ(shape_name(line.options), "waypoints");
+  EXPECT_NEAR(path_of(line.options, {2, 3}).length_m(), 2 + std::sqrt(2.0), 1e-9);
+  ASSERT_TRUE(write_file(file, "0,0\n1\n1,1\n"));
+  expect_refused({"--shape", file}, "way.csv:2: 1 columns");
+  expect_refused({"--shape", testing::TempDir()}, "there is no file");
+}
+
+TEST(FlyOptions, WithoutALedgerNothingIsAskedOfOne) {
+  const auto line = parse_command_line({"--ledger", "none"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_EQ(ledger_program(line.options), "");
+  EXPECT_EQ(controller_program(line.options), "local");
+  expect_refused({"--ledger", "none", "--batch-count", "3"}, "--batch-count goes with a ledger");
+  expect_refused({"--ledger", "none", "--storage", "tmpfs"}, "--storage goes with a ledger");
+  expect_refused({"--ledger", "none", "--shape", "manual"}, "--shape manual goes with a ledger");
 }
 
 TEST(FlyOptions, WhatCannotBeFlownIsRefusedInWords) {

@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "common/rt/file.hpp"
+
 namespace ledgerline::ground {
 namespace {
 
@@ -42,6 +44,28 @@ TEST(GroundSettings, APilotFliesWhereTheShapeIsManual) {
   ASSERT_FALSE(status);
   EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:3: flight.cmd_timeout_ms"));
   EXPECT_THAT(status.error().what, testing::HasSubstr("500"));
+}
+
+TEST(GroundSettings, PredictionRampAndWaypointsAreRead) {
+  const std::string file = testing::TempDir() + "/ground_way.csv";
+  ASSERT_TRUE(write_file(file, "0,0\n1,0\n1,1\n"));
+  auto config = Config::parse("[flight]\nshape = \"waypoints\"\nwaypoints = \"" + file +
+                                  "\"\npredict = false\nramp_start_mps = 0.5\nramp_step_mps = 0.1\n",
+                              "ground.toml");
+  ASSERT_TRUE(config);
+  const FlightConfig flight = flight_config(*config);
+  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  EXPECT_EQ(flight.waypoints.size(), 3u);
+  EXPECT_FALSE(flight.controller.predict);
+  EXPECT_EQ(flight.controller.ramp.start_mps, 0.5);
+  EXPECT_EQ(flight.controller.ramp.step_mps, 0.1);
+
+  auto lost = Config::parse("[flight]\nshape = \"waypoints\"\nwaypoints = \"/nowhere/way.csv\"\n", "ground.toml");
+  (void)flight_config(*lost);
+  const auto status = lost->finish();
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:3: flight.waypoints"));
+  EXPECT_THAT(status.error().what, testing::HasSubstr("there is no file /nowhere/way.csv"));
 }
 
 TEST(GroundSettings, WhatGroundBringsToROS2ItselfIsNotBridged) {

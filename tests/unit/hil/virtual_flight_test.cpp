@@ -25,7 +25,7 @@ TEST(VirtualFlight, OneDroneFinishesItsSquareAndLands) {
 }
 
 TEST(VirtualFlight, ThreeDronesFlyEveryShape) {
-  for (const auto shape : {ground::Shape::square, ground::Shape::triangle, ground::Shape::x}) {
+  for (const auto shape : {ground::Shape::square, ground::Shape::triangle, ground::Shape::x, ground::Shape::eight}) {
     VirtualFlightConfig config;
     config.drones = 3;
     config.laps = 1;
@@ -34,6 +34,34 @@ TEST(VirtualFlight, ThreeDronesFlyEveryShape) {
     EXPECT_TRUE(flight.ok) << ground::name_of(shape) << ": " << flight.why;
     for (const auto& drone : flight.drones) EXPECT_LT(drone.cross_track_max_m, 0.4) << drone.name;
   }
+}
+
+TEST(VirtualFlight, WaypointsAreFlownWithTheirHeightsAndSpeeds) {
+  const auto waypoints = motion::waypoints_from_csv("0,0,1\n2,0,1.5,0.4\n2,1,1.5\n1,2\n0,1\n", "way.csv");
+  ASSERT_TRUE(waypoints.ok());
+  VirtualFlightConfig config;
+  config.laps = 1;
+  config.speed_mps = 0.8;
+  config.waypoints = *waypoints;
+  const auto flight = fly(config);
+  EXPECT_TRUE(flight.ok) << flight.why;
+  EXPECT_LT(flight.drones[0].cross_track_max_m, 0.2);
+}
+
+TEST(VirtualFlight, ALocalFlightHasNoLedgerAndFliesTheSamePath) {
+  VirtualFlightConfig config;
+  config.mode = VirtualFlightConfig::Mode::local;
+  config.drones = 2;
+  config.laps = 1;
+  const auto flight = fly(config);
+  EXPECT_TRUE(flight.ok) << flight.why;
+  for (const auto& drone : flight.drones) {
+    EXPECT_LT(drone.cross_track_max_m, 0.2);
+    EXPECT_LT(drone.two_way_ms.max, 5);
+    EXPECT_EQ(drone.commands_applied, drone.commands_sent);
+  }
+  config.delays.added = {AddedDelay::Kind::constant, 1};
+  EXPECT_FALSE(fly_virtually(config).ok());
 }
 
 TEST(VirtualFlight, TheSameSeedGivesTheSameBytesAndAnotherSeedOthers) {

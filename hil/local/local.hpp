@@ -1,0 +1,63 @@
+#pragma once
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/dds/dds.hpp"
+#include "common/dds/raw.hpp"
+#include "common/rt/spsc_ring.hpp"
+#include "common/rt/trace.hpp"
+#include "ground/shell/settings.hpp"
+#include "onboard/agent/fusion.hpp"
+#include "onboard/ipc/ipc.hpp"
+
+namespace ledgerline::hil {
+
+/// Ground's controller beside the driver: states from link and plans to link through shared memory, mocap from DDS, no
+/// ledger. The reference that flights through a ledger are compared with; not for real drones: nobody signs, and nobody
+/// but this process can stop them. One thread runs the core; DDS hands over through one wait-free ring a drone.
+class LocalShell {
+ public:
+  LocalShell(ground::FlightConfig flight, ground::OutputSettings output, dds::ParticipantPtr participant,
+             const std::atomic<bool>& quit);
+
+  /// RouDi (waited for, 15 s at most), shared memory, mocap, trace.
+  Status start();
+  /// Until every drone has landed or failed; once `quit` is set all land. True: every one finished its path.
+  Result<bool> run();
+
+ private:
+  struct MocapMessage {
+    TimeNs source_real_ns, arrived_ns;
+    std::array<double, 3> position_m;
+    std::array<double, 4> orientation;
+  };
+  struct Drone {
+    DroneNumber number = 0;
+    agent::Fusion fusion{agent::FusionConfig{}};
+    std::unique_ptr<SpscRing<MocapMessage, 64>> ring;
+    std::optional<dds::RawReader> reader;
+  };
+
+  Status hear_mocap();
+  void take_mocap();
+  void take_states(std::vector<StateSample>& states);
+  void beat(TimeNs now_ns);
+  void step(const ground::FlightInputs& inputs);
+  Status write_summary();
+
+  ground::OutputSettings output_;
+  ground::FlightCore core_;
+  dds::ParticipantPtr participant_;
+  const std::atomic<bool>& quit_;
+  std::unique_ptr<ipc::AgentEnd> end_;
+  std::optional<TraceWriter> trace_;
+  AgentBeat beat_;
+  TimeNs next_beat_ns_ = 0, next_status_ns_ = 0;
+  std::uint64_t plans_lost_ = 0;
+  std::vector<Drone> drones_;  ///< last: their readers end first
+};
+
+}  // namespace ledgerline::hil
