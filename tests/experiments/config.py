@@ -9,13 +9,13 @@ CONFIGS = HERE / "configs"
 
 NUMBER = (int, float)
 # What can be asked of a run, and of what type. `settings` is one of SETTINGS; the rest are options of the program.
-FLIGHT = {"settings": str, "shape": str, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "seconds": NUMBER,
-          "storage": str, "ledger": str, "orderers": int, "batch_count": int, "batch_timeout": str, "predict": str, "ramp": str,
-          "crypto": str, "gateway": bool, "majority": bool}
-VIRTUAL = {"shape": str, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "side": NUMBER, "batch_count": int,
-           "batch_timeout": NUMBER, "max_age": NUMBER, "full_scale": NUMBER, "mode": str, "predict": str, "ramp": str, "delay": (int, float, str), "model_error": NUMBER,
-           "gust": NUMBER}
-EXCHANGE = {"rates": list, "clients": list, "seconds": NUMBER, "warm_up": NUMBER, "drain": NUMBER, "ledger": str}
+FLIGHT = {"settings": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int,
+          "seconds": NUMBER, "ramp": str, "predict": str, "max_age": str, "ledger": str, "storage": str, "orderers": int,
+          "batch_count": int, "batch_timeout": str, "crypto": str, "gateway": bool, "majority": bool}
+VIRTUAL = {"mode": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "ramp": str,
+           "predict": str, "max_age": NUMBER, "delay": (int, float, str), "model_error": NUMBER, "gust": NUMBER,
+           "full_scale": NUMBER, "batch_count": int, "batch_timeout": NUMBER}
+EXCHANGE = {"rates": list, "clients": list, "seconds": NUMBER, "warm_up": NUMBER, "drain": NUMBER, "ramp": str, "laps": int}
 HOSTS = {"shape": str, "rate": NUMBER, "speed": NUMBER, "laps": int, "wifi": str}
 OPTIONS = {"flight": FLIGHT, "virtual": VIRTUAL, "exchange": EXCHANGE, "hosts": HOSTS}
 # The ledger's settings: what they mean for a flight.
@@ -105,7 +105,8 @@ def options_of(file: pathlib.Path, where: str, runs: str, values: dict) -> dict:
     return found
 
 
-def cases_of(file: pathlib.Path, runs: str, common: dict, matrix: dict, tables: list, quick: dict, boxes, whole: dict) -> list[Case]:
+def cases_of(file: pathlib.Path, runs: str, common: dict, matrix: dict, tables: list, quick: dict, boxes,
+             whole: dict) -> list[Case]:
     """`whole`: the matrix before quick's; an option that has several values there is in the names."""
     cases = []
     if matrix:

@@ -28,7 +28,8 @@ def chosen(document: dict, figure: dict) -> dict[str, list[dict]]:
 
 
 def seconds(stats: dict) -> dict:
-    return {"whislo": stats["low"], "q1": stats["q1"], "med": stats["median"], "q3": stats["q3"], "whishi": stats["high"], "fliers": []}
+    return {"whislo": stats["low"], "q1": stats["q1"], "med": stats["median"], "q3": stats["q3"], "whishi": stats["high"],
+            "fliers": []}
 
 
 def pooled(repetitions: list[dict], name: str = "two_way_ms") -> list[float]:
@@ -108,12 +109,12 @@ def velocities(document: dict, figure: dict, _published: dict):
 def draw_ramp(axes, cases: dict) -> None:
     for i, (name, repetitions) in enumerate(cases.items()):
         for k, one in enumerate(repetitions):
-            axes.plot([turn["speed_mps"] for turn in one["turns"]], [turn["max_m"] for turn in one["turns"]], "o-", markersize=3,
-                      linewidth=1, alpha=0.8, color=colour(i), label=name if k == 0 else None)
+            axes.plot([turn["speed_mps"] for turn in one["turns"]], [turn["max_m"] for turn in one["turns"]], "o-",
+                      markersize=3, linewidth=1, alpha=0.8, color=colour(i), label=name if k == 0 else None)
     for bound, text in ((verdicts.GOOD_BELOW_M, "good below"), (verdicts.FAILS_BEYOND_M, "failed above")):
         axes.axhline(bound, color=GREY, linestyle="--", linewidth=1)
-        axes.annotate(text, (0, bound), xycoords=("axes fraction", "data"), textcoords="offset points", xytext=(2, 2), fontsize=7,
-                      color=GREY)
+        axes.annotate(text, (0, bound), xycoords=("axes fraction", "data"), textcoords="offset points", xytext=(2, 2),
+                      fontsize=7, color=GREY)
     axes.set_yscale("log")
     axes.set_xlabel("speed asked for the lap, m/s")
     axes.set_ylabel("largest error of the lap, m")
@@ -135,7 +136,8 @@ def exchange(document: dict, figure: dict, published: dict):
         for one in repetitions:
             for name, samples in one["exchange_ms"].items():
                 client, rate = name.rsplit(".", 1)
-                series.setdefault(client, {}).setdefault(int(rate), []).append((samples, one["figures"].get(name + ".cpu_percent")))
+                cpu = one["figures"].get(name + ".cpu_percent")
+                series.setdefault(client, {}).setdefault(int(rate), []).append((samples, cpu))
     for i, (client, rates) in enumerate(sorted(series.items())):
         at = sorted(rates)
         box = [np.quantile([value for samples, _ in rates[rate] for value in samples], [0.25, 0.5, 0.75]) for rate in at]
@@ -147,7 +149,8 @@ def exchange(document: dict, figure: dict, published: dict):
         if cpu:
             right.plot(*zip(*cpu), "o-", color=colour(i), label=client)
     there = [one for one in published["exchange"] if "latency" in one]
-    left.plot([one["messages_per_s"] for one in there], [1e3 * one["latency"] for one in there], "s", color=GREY, label="published")
+    left.plot([one["messages_per_s"] for one in there], [1e3 * one["latency"] for one in there], "s", color=GREY,
+              label="published")
     for axes, label in ((left, "latency, ms (median and quartiles)"), (right, "CPU of both clients, % of a core")):
         axes.set_xscale("log")
         axes.set_yscale("log")
@@ -191,7 +194,8 @@ def lines(document: dict, figure: dict, _published: dict):
     for i, (label, points) in enumerate(series.items()):
         points.sort(key=lambda one: one[0])
         x = [x for x, _ in points]
-        axes.plot(x, [np.median(v) for _, v in points], "o-", color=colour(i), label=f"{figure['by']} {label}" if figure["by"] else None)
+        axes.plot(x, [np.median(v) for _, v in points], "o-", color=colour(i),
+                  label=f"{figure['by']} {label}" if figure["by"] else None)
         axes.fill_between(x, [min(v) for _, v in points], [max(v) for _, v in points], color=colour(i), alpha=0.15)
     axes.set_xlabel(figure["x"].replace("_", " "))
     axes.set_ylabel(figure["label"])
@@ -202,8 +206,8 @@ def lines(document: dict, figure: dict, _published: dict):
     return fig
 
 
-DRAW = {"boxes": boxes, "trajectories": trajectories, "velocities": velocities, "ramp": ramp, "exchange": exchange, "bars": bars,
-        "lines": lines}
+DRAW = {"boxes": boxes, "trajectories": trajectories, "velocities": velocities, "ramp": ramp, "exchange": exchange,
+        "bars": bars, "lines": lines}
 
 
 def save(fig, file: pathlib.Path) -> None:

@@ -1,5 +1,5 @@
-"""A flight on three hosts: network namespaces for the drones, the ledger and the ground, with nothing but cables between them, or
-the proxy of hil as the Wi-Fi of the drones' host and of the ground."""
+"""A flight on three hosts: network namespaces for the drones, the ledger and the ground, with nothing but cables between them,
+or the proxy of hil as the Wi-Fi of the drones' host and of the ground."""
 import contextlib
 import json
 import pathlib
@@ -58,11 +58,13 @@ def configs(run: pathlib.Path, endpoints: dict, options: dict) -> dict[str, str]
                 f'tls_ca = "{organisation(1)}/tlsca/tlsca.org1.ledgerline-cert.pem"\nmsp_id = "Org{k}MSP"\n'
                 f'msp_dir = "{organisation(k)}/users/{user}@org{k}.ledgerline/msp"\n\n')
 
-    msps = "".join(f'[[msp]]\nid = "Org{k}MSP"\nca = "{organisation(k)}/ca/ca.org{k}.ledgerline-cert.pem"\n\n' for k in (1, 2, 3))
+    msps = "".join(f'[[msp]]\nid = "Org{k}MSP"\nca = "{organisation(k)}/ca/ca.org{k}.ledgerline-cert.pem"\n\n'
+                   for k in (1, 2, 3))
     output = lambda name: f'[output]\ntrace = "{run}/{name}.trace"\nsummary = "{run}/{name}.summary.json"\n\n'
     drone = '[[drone]]\nname = "tello1"\nnumber = 1\n'
     return {
-        "link": output("link") + f"[state]\nrate_hz = {options['rate']}\n\n" + drone + 'address = "127.0.0.2"\n',
+        "link": output("link") + f"[state]\nrate_hz = {options['rate']}\n\n[playout]\nmax_margin_ms = 0\n\n" + drone +
+                'address = "127.0.0.2"\n',
         "agent": ledger(endpoints["drones"], 1, "User1") + msps + output("agent") + drone,
         "ground": ledger(endpoints["ground"], 2, "User1") + msps + output("ground") +
                   f'[flight]\nshape = "{options["shape"]}"\nspeed_mps = {options["speed"]}\nlaps = {options["laps"]}\n'
@@ -110,8 +112,10 @@ def fly(program, run: pathlib.Path, options: dict, seed: int, limit_s: float) ->
             (run / f"{name}.toml").write_text(text)
         start(drones, "roudi", "--summary", run / "roudi.summary.json")
         start(drones, "sim", "--seed", seed, "--trace", run / "sim.trace", "--summary", run / "sim.summary.json")
-        certificate = next((run / "ledger/crypto/peerOrganizations/org1.ledgerline/users/User1@org1.ledgerline/msp/signcerts").iterdir())
-        to_end(drones, "control-enroll", "--config", run / "admin.toml", "enroll", "--msp", "Org1MSP", "--cert", certificate, "tello1")
+        user = run / "ledger/crypto/peerOrganizations/org1.ledgerline/users/User1@org1.ledgerline"
+        certificate = next((user / "msp/signcerts").iterdir())
+        to_end(drones, "control-enroll", "--config", run / "admin.toml", "enroll", "--msp", "Org1MSP", "--cert", certificate,
+               "tello1")
         to_end(ground, "control-acquire", "--config", run / "operator.toml", "acquire", "tello1")
         for space, name in ((drones, "link"), (drones, "agent"), (ground, "ground")):
             start(space, name, "--config", run / f"{name}.toml")

@@ -75,7 +75,7 @@ def measure(experiment: config.Experiment, place: runs.Place, out: pathlib.Path,
     chosen = [case for case in experiment.cases if case.on in (None, place.ledger)]
     cases = {case.name: [] for case in chosen}
     not_measured = []
-    document = {"experiment": experiment.name, "number": experiment.number, "title": experiment.title,
+    document = {"format": store.FORMAT, "experiment": experiment.name, "number": experiment.number, "title": experiment.title,
                 "question": experiment.question, "notes": experiment.notes, "figures_asked": experiment.figures,
                 "asked": {"runs": experiment.runs, "ledger": place.ledger, "storage": place.storage, "quick": experiment.quick,
                           "seeds": seeds or experiment.seeds,
@@ -145,7 +145,8 @@ def main() -> int:
     bin_directory = pathlib.Path(os.environ["LEDGERLINE_BIN"])
     build = root() / "build"
     place = runs.Place(bin_directory, pathlib.Path(os.environ.get("LEDGERLINE_NPM", build / "npm")),
-                       pathlib.Path(os.environ.get("LEDGERLINE_FABRIC", build / "fabric")), asked.out / "running", asked.ledger, asked.storage)
+                       pathlib.Path(os.environ.get("LEDGERLINE_FABRIC", build / "fabric")), asked.out / "running",
+                       asked.ledger, asked.storage)
     all_measured, times = True, []
     try:
         for experiment in chosen:

@@ -2,6 +2,7 @@
 import base64
 import html
 import pathlib
+import sys
 import time
 
 import config
@@ -10,20 +11,24 @@ import store
 
 STYLE = (config.HERE.parent.parent / "ground/report/style.css").read_text() + """
   main { max-width: 1100px; } img { max-width: 100%; background: #fff; border-radius: 6px; } section { margin: 26px 0; }
-  .kept { color: var(--good); font-weight: 600; } .missed { color: var(--bad); font-weight: 600; } .not-measured { color: var(--soft); }
+  .kept { color: var(--good); font-weight: 600; } .missed { color: var(--bad); font-weight: 600; }
+  .not-measured { color: var(--soft); }
   td.text, th.text { text-align: left; white-space: normal; } h3 { font-size: 13.5px; margin: 16px 0 4px; }
 """
-COLUMNS = (("two_way_ms.q1", "two-way q1, ms"), ("two_way_ms.median", "median"), ("two_way_ms.q3", "q3"), ("two_way_ms.p99", "p99"),
-           ("age_ms.median", "age median, ms"), ("rms_m", "error rms, m"), ("max_m", "max, m"), ("lap_s", "lap, s"),
-           ("top_speed_mps", "top speed, m/s"), ("top_lap_mps", "its lap, m/s"), ("slowed_to_mps", "slowed to, m/s"), ("messages_per_s", "msg/s"), ("commands_per_block", "commands a block"),
+COLUMNS = (("two_way_ms.q1", "two-way q1, ms"), ("two_way_ms.median", "median"), ("two_way_ms.q3", "q3"),
+           ("two_way_ms.p99", "p99"), ("age_ms.median", "age median, ms"), ("rms_m", "error rms, m"), ("max_m", "max, m"),
+           ("lap_s", "lap, s"), ("top_speed_mps", "top speed, m/s"), ("top_lap_mps", "its lap, m/s"),
+           ("slowed_to_mps", "slowed to, m/s"), ("messages_per_s", "msg/s"), ("commands_per_block", "commands a block"),
            ("cpu_percent.all", "CPU, %"), ("finished", "finished"))
-HOW = """Two-way latency is from the moment a state is sampled until the command made from it is verified on board and ready for
-playout; age at application until its setpoint is sent to the drone, with the wait that playout adds on purpose. Both are differences of
-one clock, that of the drone's host: the state's stamp goes to the ground and comes back in the command. The clocks of two hosts are never
-compared, so no one-way latency is given. Errors are distances of the simulator's true position from the path. Boxes are quartiles and
-median, whiskers reach to the farthest value within 1.5 boxes (Tukey). Where a table has three numbers they are the median of the repetitions,
-and the lowest and highest. Drones are simulated, gusts are on; on one machine all programs share its cores, and between them is loopback:
-the published ones had Wi-Fi and a machine each."""
+EXCHANGE_COLUMNS = (("ms.q1", "q1, ms"), ("ms.median", "median"), ("ms.q3", "q3"), ("ms.p99", "p99"), ("lost_percent", "lost, %"),
+                    ("cpu_percent", "CPU, %"), ("top_speed_mps", "top speed, m/s"))
+HOW = """Two-way latency is from the moment a state is sampled until the command made from it is verified on board and
+ready for playout; age at application until its setpoint is sent to the drone, with the wait that playout adds on purpose.
+Both are differences of one clock, that of the drone's host: the state's stamp goes to the ground and comes back in the command.
+The clocks of two hosts are never compared, so no one-way latency is given. Errors are distances of the simulator's true
+position from the path. Boxes are quartiles and median, whiskers reach to the farthest value within 1.5 boxes (Tukey). Where a
+table has three numbers they are the median of the repetitions, and the lowest and highest. Drones are simulated, gusts are on;
+on one machine all programs share its cores, and between them is loopback: the published ones had Wi-Fi and a machine each."""
 
 
 def escape(text) -> str:
@@ -43,7 +48,9 @@ def spread(one: dict | None) -> str:
 
 
 def row(cells, tag: str = "td", text: int = 1) -> str:
-    return "<tr>" + "".join(f"<{tag}{' class=text' if i < text else ''}>{cell}</{tag}>" for i, cell in enumerate(cells)) + "</tr>"
+    """`text`: how many cells are text; the others are numbers."""
+    one = lambda i, cell: f"<{tag}{' class=text' if i < text else ''}>{cell}</{tag}>"
+    return f"<tr>{''.join(one(i, cell) for i, cell in enumerate(cells))}</tr>"
 
 
 def table(rows: list[str]) -> str:
@@ -57,19 +64,20 @@ def bars_table(document: dict) -> str:
     for bar in document["bars"]:
         sign = "≤" if bar["rule"] == "at_most" else "≥"
         verdict = f'<span class="{bar["verdict"].replace(" ", "-")}">{bar["verdict"]}</span>'
-        rows.append(row((escape(bar["what"]), verdict, f"{sign} {bar['limit']:g}", spread(bar["values"]), escape(bar["note"])), text=2))
+        rows.append(row((escape(bar["what"]), verdict, f"{sign} {bar['limit']:g}", spread(bar["values"]), escape(bar["note"])),
+                        text=2))
     return table(rows)
 
 
 def exchange_table(document: dict) -> str:
     names = dict.fromkeys(name[:-len(".ms.median")] for spreads in document["spread"].values() for name in spreads
                           if name.endswith(".ms.median"))
-    rows = [row(("case", "client, msg/s", "q1, ms", "median", "q3", "p99", "lost, %", "CPU, %"), "th", 2)]
+    rows = [row(("case", "client, msg/s", *(title for _, title in EXCHANGE_COLUMNS)), "th", 2)]
     for case, spreads in document["spread"].items():
         for name in names:
             if f"{name}.ms.median" in spreads:
-                rows.append(row((escape(case), escape(" at ".join(name.rsplit(".", 1))), *(spread(spreads.get(f"{name}.{what}")) for what in
-                            ("ms.q1", "ms.median", "ms.q3", "ms.p99", "lost_percent", "cpu_percent"))), text=2))
+                figures = (spread(spreads.get(f"{name}.{key}")) for key, _ in EXCHANGE_COLUMNS)
+                rows.append(row((escape(case), escape(" at ".join(name.rsplit(".", 1))), *figures), text=2))
     return table(rows)
 
 
@@ -85,7 +93,9 @@ def cases_table(document: dict) -> str:
 
 def section(document: dict, drawn: list[tuple[str, pathlib.Path]]) -> str:
     asked, machine = document["asked"], document["machine"]
-    where = "virtual time" if asked["runs"] == "virtual" else f"ledger: {asked['ledger']}, on {asked['storage']} where a case says nothing else"
+    where = f"ledger: {asked['ledger']}, on {asked['storage']} where a case says nothing else"
+    if asked["runs"] == "virtual":
+        where = "virtual time"
     parts = [f'<section class="card" id="{document["experiment"]}"><h2>{document["number"]}. {escape(document["title"])}</h2>',
              f"<p>{escape(document['question'])}</p>",
              f"<p>{escape(where)}; {asked['seeds']} repetition{'s' if asked['seeds'] > 1 else ''} of each case"
@@ -116,14 +126,17 @@ def published_table(published: dict) -> str:
     more = [row(("published exchange", "states/s", "msg/s", "latency, s", "top speed, m/s", "CPU"), "th")]
     more += [row((escape(one["way"]), one["rate_hz"], one["messages_per_s"], one.get("latency", "–"), one.get("speed", "–"),
                   escape(one["cpu"]))) for one in published["exchange"]]
-    return (f'<section class="card"><h2>What is published</h2><p>{escape(published["setting"])}</p>{table(rows)}{table(more)}</section>')
+    return (f'<section class="card"><h2>What is published</h2><p>{escape(published["setting"])}</p>{table(rows)}{table(more)}'
+            "</section>")
 
 
 def read_documents(out: pathlib.Path) -> dict[str, dict]:
     found = {}
     for file in sorted(out.glob("*.json")):
         document = store.read(file)
-        if isinstance(document, dict) and "experiment" in document:
+        if not isinstance(document, dict) or document.get("format") != store.FORMAT:
+            print(f"{file}: no experiment of this version; not in the page", file=sys.stderr)
+        else:
             found[document["experiment"]] = document
     return dict(sorted(found.items(), key=lambda item: item[1]["number"]))
 

@@ -11,18 +11,19 @@ import subprocess
 import tempfile
 
 import hosts as three_hosts
-import numpy as np
 import traces
 import verdicts
 from config import SETTINGS, Case
 
 PATIENCE_S = 900     # beyond what was asked: only how long something broken may take
-UNFINISHED_S = 1     # a path that ended so soon behind a lap's end has no further lap
 LANDING_S = 60       # that an interrupted run gets to land and end
 PR_SET_PDEATHSIG = 1
 PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric", "chaincode", "local"],
-            "virtual": ["hil"], "exchange": ["bench", "node", "fabric", "chaincode"],
+            "virtual": ["hil"], "exchange": ["bench", "node", "fabric", "chaincode", "hil"],
             "hosts": ["link", "agent", "ground", "sim", "node", "hil"]}
+STATE_HZ = {70: 30, 110: 50}  # states a second of the published rates, messages a second
+LONGEST_DELAY_MS = 3000       # of hil virtual
+VIRTUAL_LEDGER_MS = 17        # two-way latency of hil virtual without a delay added
 libc = ctypes.CDLL(None, use_errno=True)
 
 
@@ -118,31 +119,20 @@ def tracking_figures(drones: list[dict], finished: bool) -> dict:
     return figures
 
 
-def flight_laps(records, path: dict, options: dict) -> list[dict]:
-    """Lap by lap, of a path of straight pieces, by the true positions; the last one may be unfinished. `asked` grows with --ramp."""
-    corners = traces.corners(options.get("shape", "square"), three_hosts.SIDE_M, path["origin"])
-    if corners is None:
-        return []
-    start, step = map(float, options["ramp"].split(":")) if "ramp" in options else (options.get("speed", 0.5), 0.0)
-    length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
-    begin, end = path["between"]
-    ends = begin + np.cumsum(path["lap_s"]) * 1e9
-    laps = []
-    for i, until in enumerate([*ends, end]):
-        since = begin if i == 0 else ends[i - 1]
-        points = traces.positions(records, path["number"], (since, until))
-        finished = i < len(ends)
-        if not finished and (until - since < UNFINISHED_S * 1e9 or len(path["lap_s"]) >= options.get("laps", 3)):
-            continue
-        error, seconds = traces.cross_track(points, corners), (until - since) * 1e-9
-        laps.append({"speed_mps": start + i * step, "flown_mps": length / seconds if finished else 0.0, "seconds": seconds,
-                     "rms_m": error["rms"], "max_m": error["max"], "finished": finished})
-    return laps
+def flight_laps(drone: dict) -> list[dict]:
+    """Those that were finished."""
+    return [{"speed_mps": turn["asked_mps"], "flown_mps": turn["flown_mps"], "seconds": seconds, "rms_m": turn["rms_m"],
+             "max_m": turn["max_m"], "finished": True} for turn, seconds in zip(drone["turns"], drone["lap_s"])]
 
 
 def virtual_laps(drone: dict) -> list[dict]:
     return [{"speed_mps": lap["asked_mps"], "flown_mps": lap["flown_mps"], "seconds": lap["seconds"], "rms_m": lap["rms_m"],
              "max_m": lap["max_m"], "finished": lap["seconds"] > 0} for lap in drone["laps"]]
+
+
+def own_limit(drone: dict) -> dict:
+    """The controller's own limit of speed at the end, and how far it slowed down in between; nothing where it did not."""
+    return {name: drone[name] for name in ("limit_mps", "slowed_to_mps") if drone.get(name) is not None}
 
 
 def lap_figures(laps: list[dict], ramp: bool) -> dict:
@@ -186,11 +176,12 @@ def flight(case: Case, place: Place, seed: int) -> dict:
     if not paths:
         raise NotMeasured(out.get("why") or "no drone got onto its path")
     seen = flown(records, paths)
-    laps = flight_laps(records, paths["tello1"], options) if "tello1" in paths else []
+    laps = flight_laps(out["drones"][0])
     figures = {**seen["figures"], **tracking_figures(out["drones"], out["ok"]),
                **{name: out[name] for name in ("messages_per_s", "transactions_per_s") if name in out},
                **{f"cpu_percent.{name}": value for name, value in out["cpu_percent"].items()},
-               "cpu_percent.all": sum(out["cpu_percent"].values()), **lap_figures(laps, "ramp" in options)}
+               "cpu_percent.all": sum(out["cpu_percent"].values()),
+               **lap_figures(laps, "ramp" in options), **own_limit(out["drones"][0])}
     return {**seen, "figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": laps}
 
 
@@ -209,9 +200,7 @@ def virtual(case: Case, place: Place, seed: int) -> dict:
         figures.update({f"{name}.{key}": value for key, value in worst.items()})
     if out["blocks"]:
         figures["commands_per_block"] = sum(drone["commands"]["sent"] for drone in out["drones"]) / out["blocks"]
-    for name in ("limit_mps", "slowed_to_mps"):
-        if out["drones"][0].get(name) is not None:
-            figures[name] = out["drones"][0][name]
+    figures.update(own_limit(out["drones"][0]))
     return {"figures": figures, "why": out["why"], "turns": laps, "times_real_time": out["times_real_time"],
             "digest": out["digest"]}
 
@@ -219,6 +208,7 @@ def virtual(case: Case, place: Place, seed: int) -> dict:
 def exchange(case: Case, place: Place, seed: int) -> dict:
     result, log = place.work / "exchange.json", place.work / "bench.log"
     options = {"ledger": place.ledger, **case.options}
+    ramp = {name: options.pop(name) for name in ("ramp", "laps")}
     ours = [client for client in options["clients"] if client.startswith("ledgerline")]
     missing = ""
     if shutil.which("node") is None or not (place.npm / "node_modules/@hyperledger/fabric-gateway").is_dir():
@@ -245,7 +235,16 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
             # Of one core: each message and each answer costs that.
             figures[name + ".cpu_percent"] = one["cpu_ms_per_message"] * one["rate"] / 10
         samples[name] = verdicts.distribution(times)
+        if one["rate"] in STATE_HZ and not one["collapsed"] and figures[name + ".ms.median"] < LONGEST_DELAY_MS:
+            figures[name + ".top_speed_mps"] = plain_top_speed(place, seed, one["rate"], figures[name + ".ms.median"], ramp)
     return {"figures": figures, "why": missing, "incomplete": missing, "ledger": out["ledger"], "exchange_ms": samples}
+
+
+def plain_top_speed(place: Place, seed: int, rate: int, median_ms: float, ramp: dict) -> float:
+    """What a controller without prediction, as the published one, reaches with this latency, in virtual time."""
+    delay_s = round(max(0.0, median_ms - VIRTUAL_LEDGER_MS) * 1e-3, 4)
+    options = {**ramp, "predict": "off", "rate": STATE_HZ[rate], "delay": delay_s}
+    return virtual(Case("top speed", options), place, seed)["figures"]["top_speed_mps"]
 
 
 def hosts(case: Case, place: Place, seed: int) -> dict:

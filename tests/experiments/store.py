@@ -6,6 +6,9 @@ import platform
 import re
 
 
+FORMAT = 1  # of an experiment's JSON: what report.py reads
+
+
 def slug(text: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
 

@@ -41,21 +41,24 @@ def test_one_experiment_from_flight_to_page_and_once_more_from_what_is_kept(tmp_
     assert (tmp_path / "experiments.png").stat().st_size > 5_000
     assert not (tmp_path / "running").exists()
 
+    (tmp_path / "old.json").write_text('{"experiment": "old"}')
     again = experiment(*asked)
+    assert "old.json: no experiment of this version" in again.stderr
     assert again.returncode == 0 and "square, seed 1" in again.stdout and "kept from before" in again.stdout
     assert json.loads((tmp_path / "latency.json").read_text())["cases"] == document["cases"]
 
 
 def test_what_is_asked_wrongly_is_named(tmp_path):
-    for words, named in ((("nothing",), "nothing"), (("latency", "--case", "circle"), "circle"), (("latency", "--seeds", "0"), "--seeds")):
+    for words, named in ((("nothing",), "nothing"), (("latency", "--case", "circle"), "circle"),
+                         (("latency", "--seeds", "0"), "--seeds")):
         done = experiment(*words, "--out", tmp_path)
         assert done.returncode == 2 and named in done.stderr, done.stderr
 
 
 def test_what_cannot_be_measured_is_no_success(tmp_path):
     """The published client needs its packages."""
-    done = subprocess.run([BIN / "ledgerline", "experiment", "events", "--quick", "--out", tmp_path], capture_output=True, text=True,
-                          timeout=300, env={**os.environ, "LEDGERLINE_NPM": "/nowhere", "LEDGERLINE_BIN": str(tmp_path)})
+    done = subprocess.run([BIN / "ledgerline", "experiment", "events", "--quick", "--out", tmp_path], capture_output=True,
+                          text=True, timeout=300, env={**os.environ, "LEDGERLINE_NPM": "/nowhere", "LEDGERLINE_BIN": str(tmp_path)})
     assert done.returncode == 1
     assert "ledgerline-bench is not built" in done.stdout and "Traceback" not in done.stderr
     assert json.loads((tmp_path / "events.json").read_text())["not_measured"][0]["case"] == "our settings"

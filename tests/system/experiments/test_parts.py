@@ -16,7 +16,8 @@ BOXES = {"square": {"q1": 0.396, "median": 0.456, "q3": 0.525}}
 
 
 def repetition(seed: int, published: str | None = None, **figures) -> dict:
-    return {"seed": seed, "published": published, "figures": {name.replace("__", "."): value for name, value in figures.items()}}
+    return {"seed": seed, "published": published,
+            "figures": {name.replace("__", "."): value for name, value in figures.items()}}
 
 
 def bar(rule: str, cases: list, **more) -> dict:
@@ -36,7 +37,8 @@ def test_a_distribution_is_kept_whole_enough():
 
 
 def test_a_spread_leaves_out_what_is_no_number():
-    assert verdicts.spread([3, None, 1, float("nan"), 2]) == {"median": 2, "low": 1, "high": 3, "mean": 2, "deviation": 1, "count": 3}
+    assert verdicts.spread([3, None, 1, float("nan"), 2]) == {
+        "median": 2, "low": 1, "high": 3, "mean": 2, "deviation": 1, "count": 3}
     assert verdicts.spread([None]) is None
 
 
@@ -71,8 +73,10 @@ def test_the_worst_repetition_and_the_worst_quantile_decide():
 def test_a_ratio_is_taken_within_a_seed():
     cases = {"predicted": [repetition(1, rms_m=0.2), repetition(2, rms_m=0.13)],
              "local": [repetition(2, rms_m=0.1), repetition(1, rms_m=0.2)]}
-    found = verdicts.verdict(bar("at_most", ["predicted"], figure="rms_m", against="local", limit=1.3), cases, BOXES, "embedded")
-    assert found["verdict"] == "kept" and found["values"]["high"] == pytest.approx(1.3) and found["values"]["low"] == pytest.approx(1)
+    of = bar("at_most", ["predicted"], figure="rms_m", against="local", limit=1.3)
+    found = verdicts.verdict(of, cases, BOXES, "embedded")
+    assert found["verdict"] == "kept"
+    assert found["values"]["high"] == pytest.approx(1.3) and found["values"]["low"] == pytest.approx(1)
 
 
 def test_what_is_missing_is_no_verdict():
@@ -255,9 +259,10 @@ def record(t_s: float, kind: int, identifier: int = 0, stamp_s: float = 0, v=(0,
 
 
 def test_latency_is_of_the_first_of_each_plan(tmp_path):
-    (tmp_path / "agent.trace").write_bytes(bytes(16) + record(1.030, traces.COMMAND_VERIFIED, 5, 1.0) +
-                                           record(1.010, traces.COMMAND_VERIFIED, 4, 1.0) + record(1.020, traces.COMMAND_VERIFIED, 5, 1.0) +
-                                           record(1.020, traces.COMMAND_VERIFIED, 5, 1.015, drone=2) + b"torn")
+    verified = traces.COMMAND_VERIFIED
+    (tmp_path / "agent.trace").write_bytes(
+        bytes(16) + record(1.030, verified, 5, 1.0) + record(1.010, verified, 4, 1.0) + record(1.020, verified, 5, 1.0) +
+        record(1.020, verified, 5, 1.015, drone=2) + b"torn")
     assert sorted(traces.latencies_ms(traces.read(tmp_path), traces.COMMAND_VERIFIED)) == pytest.approx([5, 10, 20])
     assert len(traces.latencies_ms(traces.read(tmp_path), traces.COMMAND_APPLIED)) == 0
 
@@ -279,30 +284,19 @@ def test_a_virtual_velocity_stands_at_its_states_moment_a_flown_one_at_its_own(t
     assert traces.track(records, 1, (0, 1_050_000_000))[-1] == pytest.approx([0.3, 0.4], abs=1e-3)
 
 
-def test_laps_of_a_flight_are_judged_one_by_one(tmp_path):
-    """Two laps of a square at 1 and 2 m/s, the second one 0.3 m off on its first side, and a third one that does not end."""
-    data, t = bytes(16), 0.0
-    corners = [(0, 0), (1.5, 0), (1.5, 1.5), (0, 1.5), (0, 0)]
-    for number, speed in enumerate((1.0, 2.0, 3.0)):
-        for side, (a, b) in enumerate(zip(corners, corners[1:])):
-            if number == 2 and side == 2:
-                break
-            for i in range(50):
-                off = -0.3 if (number, side) == (1, 0) else 0
-                data += record(t, traces.TRUTH, v=(a[0] + (b[0] - a[0]) * i / 50, a[1] + (b[1] - a[1]) * i / 50 + off, 1, 0))
-                t += 1.5 / speed / 50
-    (tmp_path / "sim.trace").write_bytes(data)
-    path = {"origin": (0, 0), "number": 1, "between": (0, int((t + 1) * 1e9)), "lap_s": [6.0, 3.0]}
-    laps = runs.flight_laps(traces.read(tmp_path), path, {"shape": "square", "ramp": "1:1", "laps": 4})
-    assert [(one["speed_mps"], one["finished"]) for one in laps] == [(1, True), (2, True), (3, False)]
-    assert [one["flown_mps"] for one in laps] == pytest.approx([1, 2, 0])
-    assert [one["max_m"] for one in laps[:2]] == pytest.approx([0, 0.3], abs=1e-9)
-    assert len(runs.flight_laps(traces.read(tmp_path), path, {"shape": "square", "ramp": "1:1", "laps": 2})) == 2
+def test_laps_are_what_the_programs_say():
+    turn = {"asked_mps": 1.0, "flown_mps": 0.7, "rms_m": 0.1, "max_m": 0.2}
+    same = {"speed_mps": 1.0, "flown_mps": 0.7, "rms_m": 0.1, "max_m": 0.2, "seconds": 8.5, "finished": True}
+    assert runs.flight_laps({"turns": [turn, turn], "lap_s": [8.5]}) == [same], "the second one did not end"
+    assert runs.virtual_laps({"laps": [{**turn, "seconds": 8.5}, {**turn, "seconds": 0}]}) == [
+        same, {**same, "seconds": 0, "finished": False}]
+    assert runs.own_limit({"limit_mps": 2.0, "slowed_to_mps": None}) == {"limit_mps": 2.0}
 
 
 def test_paths_are_what_the_one_who_flew_says(tmp_path):
     (tmp_path / "ground.summary.json").write_text(json.dumps({"drones": [
-        {"name": "tello1", "origin": [1, 2], "path_ns": [5, 9], "lap_s": [3.5]}, {"name": "tello2", "origin": [0, 0], "path_ns": [0, 0]}]}))
+        {"name": "tello1", "origin": [1, 2], "path_ns": [5, 9], "lap_s": [3.5]},
+        {"name": "tello2", "origin": [0, 0], "path_ns": [0, 0]}]}))
     (tmp_path / "link.summary.json").write_text(json.dumps({"drones": [{"name": "tello1"}]}))
     (tmp_path / "sim.summary.json").write_text("{")
     assert traces.paths(tmp_path) == {"tello1": {"between": (5, 9), "origin": [1, 2], "number": 1, "lap_s": [3.5]}}
