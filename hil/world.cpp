@@ -308,7 +308,7 @@ void VirtualWorld::kill(Process process) {
         drone.phase = FlightPhase::disconnected;
         drone.mode = FailsafeMode::none;
         drone.cause = FailsafeCause::none;
-        drone.plan_end_ns = 0;
+        drone.told_until_ns = drone.plan_end_ns = 0;
       }
       break;
     case Process::ground:
@@ -409,8 +409,8 @@ std::string VirtualWorld::plans_text(std::size_t drone) const {
   }
   if (link_) {
     const link::PlanCounters plans = link_->reports()[drone].plans;
-    text += fmt::format("{}link: {} received, {} applied, {} late, {} dropped", text.empty() ? "" : "; ", plans.received,
-                        plans.applied, plans.late, plans.dropped);
+    text += fmt::format("{}link: {} received, {} applied, {} late, {} dropped", text.empty() ? "" : "; ",
+                        plans.received, plans.applied, plans.late, plans.dropped);
   }
   return text;
 }
@@ -627,13 +627,11 @@ void VirtualWorld::step_link() {
     const TimeNs last = plan.setpoints[plan.count - 1].at_ns;
     const TimeNs hold = plan.count == 1 ? settings.default_hold_ns
                                         : std::min(last - plan.setpoints[plan.count - 2].at_ns, settings.max_hold_ns);
-    TimeNs margin = 0;
-    for (const TraceRecord& record : out.trace) {
-      if (record.kind == TraceKind::plan_received && record.drone == plan.drone && record.id == plan.sequence)
-        margin = static_cast<TimeNs>(record.extra) * ns_per_us;
-    }
     DroneFacts& facts = facts_[plan.drone - 1U];
-    facts.plan_end_ns = std::max(facts.plan_end_ns, last + hold + margin);
+    facts.told_until_ns = std::max(facts.told_until_ns, last + hold);
+  }
+  for (DroneFacts& facts : facts_) {
+    if (facts.told_until_ns != 0) facts.plan_end_ns = facts.told_until_ns + link_->margin_ns(facts.number);
   }
 }
 

@@ -29,8 +29,8 @@ struct WorldConfig {
   int laps = 1;
   bool predict = true;
   TimeNs max_age_ns = 500 * ns_per_ms;  ///< of a command, from its state's stamp; for a far ledger more
-  double battery = 1.0;  ///< of every drone at the start, 0..1
-  double room_m = 3;     ///< the fence's distance from the drones' places
+  double battery = 1.0;                 ///< of every drone at the start, 0..1
+  double room_m = 3;                    ///< the fence's distance from the drones' places
   std::size_t batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   std::uint64_t seed = 1;
@@ -47,7 +47,8 @@ struct DroneFacts {
   FailsafeCause cause = FailsafeCause::none;
   double told_mps = 0;       ///< horizontal and vertical speed of the newest rc, together
   TimeNs told_ns = 0;        ///< when it was sent; 0: never
-  TimeNs plan_end_ns = 0;    ///< of the newest plan that link was given, its margin of then in it; 0: none
+  TimeNs told_until_ns = 0;  ///< end of the newest plan that link was given, as it says; 0: none
+  TimeNs plan_end_ns = 0;    ///< the same, later by playout's margin now; 0: none
   std::optional<Pose> pose;  ///< newest that link was given
   ground::DronePhase ground_phase = ground::DronePhase::waiting;
   bool finished = false;

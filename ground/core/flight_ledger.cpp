@@ -200,8 +200,8 @@ void FlightCore::measure(TimeNs one_way_ns) {
                                     PathController::step_ns);
   };
   plan_steps_ = std::max(PathController::steps, std::min(plan_steps_, fitting(delay_ns_)));
-  delay_ns_ = std::min(delay_ns_, quick_ns + most_beyond_ns -
-                                      static_cast<TimeNs>(PathController::steps) * PathController::step_ns);
+  delay_ns_ = std::min(
+      delay_ns_, quick_ns + most_beyond_ns - static_cast<TimeNs>(PathController::steps) * PathController::step_ns);
 }
 
 // A plan that will not be flown.

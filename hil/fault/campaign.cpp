@@ -46,18 +46,12 @@ json events_json(const RunResult& result) {
 json run_json(const RunResult& result) {
   json verdicts = json::array();
   for (const Verdict& verdict : result.verdicts) verdicts.push_back(verdict_json(verdict));
-  return {{"script", result.script},
-          {"title", result.title},
-          {"seed", result.seed},
-          {"held", result.held()},
-          {"verdicts", verdicts},
-          {"flown_s", to_seconds(result.flown_ns)},
-          {"finished", result.ok},
-          {"why", result.why},
-          {"plans", result.plans},
-          {"digest", crypto::hex(result.digest)},
-          {"blocks", result.blocks},
-          {"transactions", result.transactions},
+  return {{"script", result.script},      {"title", result.title},
+          {"seed", result.seed},          {"held", result.held()},
+          {"verdicts", verdicts},         {"flown_s", to_seconds(result.flown_ns)},
+          {"finished", result.ok},        {"why", result.why},
+          {"plans", result.plans},        {"digest", crypto::hex(result.digest)},
+          {"blocks", result.blocks},      {"transactions", result.transactions},
           {"events", events_json(result)}};
 }
 

@@ -396,6 +396,11 @@ FailsafeMode LinkCore::mode(DroneNumber number) const noexcept {
   return drone ? drone->failsafe.mode : FailsafeMode::none;
 }
 
+TimeNs LinkCore::margin_ns(DroneNumber number) const noexcept {
+  const Drone* drone = find(number);
+  return drone ? drone->playout.margin_ns() : 0;
+}
+
 void LinkCore::finish() noexcept {
   for (Drone& drone : drones_) drone.playout.clear(DropReason::superseded);
 }

@@ -73,6 +73,8 @@ class LinkCore {
   bool all_on_ground() const noexcept;
   FlightPhase phase(DroneNumber drone) const noexcept;
   FailsafeMode mode(DroneNumber drone) const noexcept;
+  /// How much later than they say its setpoints are flown now.
+  TimeNs margin_ns(DroneNumber drone) const noexcept;
 
   /// Ends all plans that still wait, so that the counters add up. After the last step.
   void finish() noexcept;
