@@ -128,8 +128,8 @@ double PathController::speed_at(double s_m) const {
   return std::min({track_.speed_at(s_m), most, from_rest, to_rest});
 }
 
-// The share of its speed that the reference moves with: whole up to half the leash, none at its end. For a drone that is
-// ahead it need not wait.
+// The share of its speed that the reference moves with: whole up to half the leash, none at its end. For a drone that
+// is ahead it need not wait.
 double PathController::pace(double s_m, const Eigen::Vector2d& drone) const {
   if (!started_ || s_m >= end_m_) return 0;
   const motion::Track::Place place = track_.at(s_m);

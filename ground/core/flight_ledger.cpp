@@ -13,9 +13,9 @@ namespace {
 constexpr std::size_t max_in_flight = 32;
 constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
+constexpr TimeNs most_beyond_ns = 1'900 * ns_per_ms;  // agent takes no setpoint for later than 2 s from now
 constexpr TimeNs most_delay_ns = 4 * ns_per_s;
-constexpr double in_time =
-    0.9;  // of the plans: before their first setpoint's moment; the others take over as they come
+constexpr double in_time = 0.9;  // of the plans: there before their first setpoint's moment
 
 crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
 
@@ -187,10 +187,20 @@ void FlightCore::take_own_commands(TimeNs now_ns, const std::string& payload) {
 void FlightCore::measure(TimeNs one_way_ns) {
   two_way_.add(one_way_ns);
   delay_ns_ = std::clamp(two_way_.quantile(in_time), least_delay_ns, most_delay_ns);
-  // Long enough for a successor that comes as late as one of a hundred, and one of a hundred again.
+  // Long enough for two successors in a row that come as late as one of a hundred.
   const TimeNs tail_ns = std::max<TimeNs>(0, two_way_.quantile(0.99) - two_way_.quantile(0.5));
   plan_steps_ = std::min<std::size_t>(
       max_setpoints, PathController::steps + static_cast<std::size_t>(2 * tail_ns / PathController::step_ns));
+  // After an outage the tail is long, and agent would refuse every plan that comes sooner: none may speak of more than
+  // most_beyond_ns behind its arrival, be it as quick as one of ten. Shorter plans first, then sooner ones.
+  const TimeNs quick_ns = two_way_.quantile(1 - in_time);
+  const auto fitting = [&](TimeNs delay_ns) {
+    return static_cast<std::size_t>(std::max<TimeNs>(0, most_beyond_ns - (delay_ns - quick_ns)) /
+                                    PathController::step_ns);
+  };
+  plan_steps_ = std::max(PathController::steps, std::min(plan_steps_, fitting(delay_ns_)));
+  delay_ns_ = std::min(
+      delay_ns_, quick_ns + most_beyond_ns - static_cast<TimeNs>(PathController::steps) * PathController::step_ns);
 }
 
 // A plan that will not be flown.

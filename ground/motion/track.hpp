@@ -12,7 +12,7 @@ struct TrackLimits {
   double told_mps = 1.0;      ///< a velocity told to the drone can be no greater (rc 100)
   double lag_s = 0.3;         ///< so that gaining speed, which needs a told velocity ahead of it, respects told_mps
   double vertical_mps = 0.4;  ///< up or down, where waypoints differ in height
-  double cut_m = 0.06;        ///< by which a bend may miss its corner; it begins at half the shorter piece at most
+  double cut_m = 0.07;        ///< by which a bend may miss its corner; it begins at half the shorter piece at most
 };
 
 /// A closed path as it is to be flown: the waypoints' polygon with its corners rounded by arcs, and for each place the

@@ -230,17 +230,19 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
 }
 
 std::vector<std::string> differences(const Results& r) {
+  const std::string embedded = "the embedded node, one process, storage " + r.storage;
   return {
       "theirs: " +
           std::string("Wi-Fi between three machines and real drones; here: loopback on one machine, simulated drones"),
-      fmt::format("theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: {}, storage {}",
-                  r.asked.ledger == "none" ? "no ledger, the controller beside the driver"
-                  : r.asked.ledger == "fabric"
-                      ? fmt::format("Hyperledger Fabric 2.5, 3 organisations, {} Raft orderer(s)", r.asked.orderers)
-                      : "the embedded node, one process",
-                  r.storage),
-      fmt::format("theirs: blocks of 10 messages or 2 s; here: {} or {:.0f} ms", r.asked.batch_count,
-                  to_ms(r.asked.batch_timeout_ns)),
+      "theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: " +
+          (r.asked.ledger == "none" ? "no ledger, the controller beside the driver"
+           : r.asked.ledger == "fabric"
+               ? fmt::format("Hyperledger Fabric 2.5, 3 organisations, {} Raft orderer(s), storage {}",
+                             r.asked.orderers, r.storage)
+               : embedded),
+      r.asked.ledger == "none" ? std::string("theirs: blocks of 10 messages or 2 s; here: none")
+                               : fmt::format("theirs: blocks of 10 messages or 2 s; here: {} or {:.0f} ms",
+                                             r.asked.batch_count, to_ms(r.asked.batch_timeout_ns)),
       fmt::format("theirs: 70 messages/s with one drone, 250 with three; here: {:.0f}", r.messages_per_s),
   };
 }
