@@ -231,7 +231,7 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
         figures.update(quantile_figures(name + ".ms", times))
         figures[name + ".lost_percent"] = 100 * one["lost"] / max(1, one["sent"])
         figures[name + ".collapsed"] = float(one["collapsed"])
-        if one["cpu_ms_per_message"] is not None:
+        if one["cpu_ms_per_message"] is not None and not one["collapsed"]:
             # Of one core: each message and each answer costs that.
             figures[name + ".cpu_percent"] = one["cpu_ms_per_message"] * one["rate"] / 10
         samples[name] = verdicts.distribution(times)
