@@ -1,6 +1,8 @@
 """Prediction with the real processes: a slow ledger, and the same controller with none."""
+import os
 import signal
 
+import pytest
 from flights import assert_nothing_left, fly, no_flight_outlives_its_test, printed, result, wait_for_flight  # noqa: F401
 
 
@@ -33,6 +35,7 @@ def test_without_a_ledger_waypoints_are_flown_by_the_controller_beside_the_drive
     assert_nothing_left()
 
 
+@pytest.mark.skipif(os.environ.get("LEDGERLINE_LONG") != "1", reason="one more flight in real time; LEDGERLINE_LONG=1")
 def test_without_a_ledger_ctrl_c_lands_the_drone(tmp_path):
     flight = fly(tmp_path, "--ledger", "none")
     wait_for_flight(tmp_path, flight)
