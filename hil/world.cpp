@@ -415,7 +415,7 @@ std::string VirtualWorld::plans_text(std::size_t drone) const {
   return text;
 }
 
-const ground::FlightStatus VirtualWorld::status(std::size_t drone) const {
+ground::FlightStatus VirtualWorld::status(std::size_t drone) const {
   return ground_ ? ground_->status(drone) : ground::FlightStatus{};
 }
 

@@ -124,7 +124,7 @@ class VirtualWorld {
   bool lives(Process process) const;
   /// It runs: it lives and was not stopped.
   bool runs(Process process) const;
-  const ground::FlightStatus status(std::size_t drone) const;
+  ground::FlightStatus status(std::size_t drone) const;
 
   /// What ground and agent were told is on the ledger, and is not in its blocks as valid: must be none. Reads all
   /// blocks.
