@@ -34,7 +34,8 @@ def test_ten_thousand_messages_of_a_made_up_type(ledger, bridges, running, kind)
     assert [one["number"] for one in got] == list(range(1, count + 1)), \
         f"{here.topic('/made_up', 'to_ledger')}\n{there.topic('/made_up', 'from_ledger')}"
     assert all(made_up.in_whole_words(one["cdr"]) == made_up.cdr(one["number"]) for one in got)
-    up, down = here.topic("/made_up", "to_ledger"), there.topic("/made_up", "from_ledger")
+    up = here.wait_for("/made_up", "to_ledger", lambda t: t["messages"] == t["taken"] > count)
+    down = there.wait_for("/made_up", "from_ledger", lambda t: t["messages"] >= up["messages"])
     print(f"\n{ledger.name}, {kind}: {up['messages']} messages in {up['batches']} transactions; ms from DDS to the ledger: "
           f"median {up['age_ms']['median']}, p99 {up['age_ms']['p99']}")
     assert up["messages"] == down["messages"] >= count + 1 and up["drops"] == {} and down["drops"] == {}
