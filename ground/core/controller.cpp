@@ -100,13 +100,15 @@ void PathController::start(TimeNs from_ns, double end_m) {
 }
 
 void PathController::observe(const StateSample& state, TimeNs late_ns) {
+  if (state.stamp_ns <= raw_stamp_ns_) return;
+  raw_stamp_ns_ = state.stamp_ns;
+  waits_ = state.mode == FailsafeMode::brake || state.stamp_ns - state.pose_stamp_ns > config_.pose_lost_ns;
+  predictor_.observe(state, late_ns);
   if (state.pose_stamp_ns <= raw_.stamp_ns) return;
   raw_.stamp_ns = state.pose_stamp_ns;
   raw_.position_m = Eigen::Vector3d::Map(state.position_m.data());
   raw_.velocity_mps = Eigen::Vector3d::Map(state.velocity_mps.data());
   raw_.yaw_rad = state.yaw_rad;
-  raw_stamp_ns_ = state.stamp_ns;
-  predictor_.observe(state, late_ns);
   error_.seen(predictor_.newest());
 }
 
@@ -129,9 +131,9 @@ double PathController::speed_at(double s_m) const {
 }
 
 // The share of its speed that the reference moves with: whole up to half the leash, none at its end. For a drone that
-// is ahead it need not wait.
+// is ahead it need not wait; for one that link keeps from flying plans it does.
 double PathController::pace(double s_m, const Eigen::Vector2d& drone) const {
-  if (!started_ || s_m >= end_m_) return 0;
+  if (!started_ || waits_ || s_m >= end_m_) return 0;
   const motion::Track::Place place = track_.at(s_m);
   const Eigen::Vector2d direction = place.direction.head<2>();
   Eigen::Vector2d behind = place.position_m.head<2>() - drone;
@@ -196,7 +198,7 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
   if (!config_.predict) return plan_plain(first_ns);
   motion::Predictor::Rollout rollout = predictor_.until(first_ns);
   limit(to_seconds(rollout.effect().stamp_ns - predictor_.newest().stamp_ns));
-  error_.predicted(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
+  if (!waits_) error_.predicted(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
 
   reference_ns_ = started_ ? std::max(reference_ns_, first_ns - longest_ns) : first_ns;
   while (reference_ns_ < first_ns) {

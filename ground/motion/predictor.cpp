@@ -51,9 +51,11 @@ void Predictor::start(const StateSample& state) {
 
 void Predictor::observe(const StateSample& state, TimeNs late_ns) {
   late_ns_ = late_ns;
-  if (state.pose_stamp_ns <= stamp_ns_ || (!told_.empty() && state.stamp_ns <= told_.back().stamp_ns)) return;
+  if (!told_.empty() && state.stamp_ns <= told_.back().stamp_ns) return;
+  // What link told the drone is news without a new pose, too: it brakes while mocap is away.
   told_.push_back({state.stamp_ns, vector(state.sent_velocity_mps)});
   if (told_.size() > told_kept) told_.pop_front();
+  if (state.pose_stamp_ns <= stamp_ns_) return;
   const Eigen::Vector3d measured = Eigen::Vector3d::Map(state.position_m.data());
   const bool gap = stamp_ns_ == 0 || state.pose_stamp_ns - stamp_ns_ > pause_ns;
   if (!gap) propagate(state.pose_stamp_ns);

@@ -33,10 +33,11 @@ struct PredictorConfig {
 ///    late as link flies them, no faster than its limit of acceleration lets the told velocity change;
 ///  - the Response is learned meanwhile (ResponseEstimator).
 ///
-/// States may come in bursts, with gaps, twice or out of order: they are taken by their pose's stamp, one that is not
-/// newer changes nothing. A pause of more than 1 s, or a pose more than 0.5 m from where it was expected, starts the
-/// filter anew; what was learned of the response stays. Bounded in memory, and in work by longest_ns, whatever the
-/// times say. Deterministic; one thread. Horizontal axes and height share one response; yaw simply follows its rate.
+/// States may come in bursts, with gaps, twice or out of order: one that is not newer changes nothing, one whose pose
+/// is not newer says what the drone was told and no more. A pause of more than 1 s, or a pose more than 0.5 m from
+/// where it was expected, starts the filter anew; what was learned of the response stays. Bounded in memory, and in
+/// work by longest_ns, whatever the times say. Deterministic; one thread. Horizontal axes and height share one
+/// response; yaw simply follows its rate.
 class Predictor {
  public:
   /// Nothing is predicted over more than this.

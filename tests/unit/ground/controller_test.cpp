@@ -133,6 +133,39 @@ TEST(PathController, WaitsForADroneThatIsHeldBack) {
   EXPECT_LT(controller.progress_m(), 0.5);
 }
 
+TEST(PathController, TheReferenceWaitsWhileLinkBrakesOrThePoseIsLost) {
+  for (const bool brakes : {true, false}) {
+    PathController controller = square_at({0, 0});
+    LaggedDrone drone(0.3);
+    drone.motion.position_m = {0, 0, 1};
+    controller.start(0);
+    std::uint64_t plans = 0;
+    const auto fly_until = [&](TimeNs until_ns) {
+      for (TimeNs t = drone.motion.stamp_ns + ns_per_s / 30; t < until_ns; t += ns_per_s / 30) {
+        drone.run_until(t);
+        controller.observe(drone.state(), 0);
+        drone.deliver(t + 20 * ns_per_ms, controller.plan(++plans, t + 20 * ns_per_ms));
+      }
+    };
+    fly_until(2 * ns_per_s);
+    const double before_m = controller.progress_m();
+    EXPECT_GT(before_m, 0.3);
+    // Poses stop; without a brake a pose of 300 ms is still taken for one.
+    StateSample state = drone.state();
+    state.sent_velocity_mps = {};
+    state.mode = brakes ? FailsafeMode::brake : FailsafeMode::none;
+    for (int i = 1; i <= 60; ++i) {
+      state.stamp_ns = state.pose_stamp_ns + i * ns_per_s / 30;
+      controller.observe(state, 0);
+      (void)controller.plan(++plans, state.stamp_ns + 20 * ns_per_ms);
+    }
+    EXPECT_LT(controller.progress_m() - before_m, brakes ? 0.03 : 0.25);
+    drone.motion.stamp_ns = state.stamp_ns;
+    fly_until(state.stamp_ns + 2 * ns_per_s);
+    EXPECT_GT(controller.progress_m() - before_m, 0.4);  // and goes on
+  }
+}
+
 // A ledger that stalls right after the start lets the drone fly its last plan far beyond the reference.
 TEST(PathController, ADroneThatIsFarAheadComesBackAndGoesOn) {
   for (TimeNs under_way = 0; under_way < ns_per_s; under_way += 50 * ns_per_ms) {

@@ -117,6 +117,12 @@ StateSample at(TimeNs stamp_ns, double x) {
   return s;
 }
 
+std::vector<Setpoint> steady(TimeNs first_ns, float mps, int count) {
+  std::vector<Setpoint> plan;
+  for (int i = 0; i < count; ++i) plan.push_back({first_ns + i * 50 * ns_per_ms, {mps, 0, 0}, 0});
+  return plan;
+}
+
 TEST(Predictor, AStateThatIsNotNewerChangesNothing) {
   Predictor one(knowing(known)), two(knowing(known));
   for (int i = 1; i < 40; ++i) {
@@ -129,6 +135,32 @@ TEST(Predictor, AStateThatIsNotNewerChangesNothing) {
   EXPECT_EQ(one.newest().position_m, two.newest().position_m);
   EXPECT_EQ(one.newest().velocity_mps, two.newest().velocity_mps);
   EXPECT_EQ(one.until(3 * ns_per_s).effect().position_m, two.until(3 * ns_per_s).effect().position_m);
+}
+
+TEST(Predictor, WhatTheDroneWasToldCountsWithoutANewPose) {
+  Predictor predictor(knowing(known));
+  const auto flying_on = steady(ns_per_s, 0.7F, 100);
+  TimeNs t = ns_per_s;
+  for (int i = 0; i < 60; ++i, t += state_period_ns) {
+    StateSample state = at(t, 0.7 * to_seconds(t - ns_per_s));
+    state.velocity_mps = {0.7, 0, 0};
+    state.sent_velocity_mps = {0.7F, 0, 0};
+    predictor.observe(state, 0);
+  }
+  predictor.sent(1, flying_on);
+  const Motion last = predictor.newest();
+  // Mocap is away for a second: link brakes, and the plan goes on speaking of 0.7 m/s.
+  StateSample braking = at(t, last.position_m.x());
+  for (int i = 0; i < 30; ++i, t += state_period_ns) {
+    braking.stamp_ns = t;
+    braking.pose_stamp_ns = last.stamp_ns;
+    braking.mode = FailsafeMode::brake;
+    predictor.observe(braking, 0);
+  }
+  EXPECT_EQ(predictor.newest().stamp_ns, last.stamp_ns);
+  const double on_m = predictor.until(t).effect().position_m.x() - last.position_m.x();
+  EXPECT_LT(on_m, 0.7 * (known.lag_s + known.dead_s + 0.1));
+  EXPECT_GT(on_m, 0.7 * known.lag_s);
 }
 
 TEST(Predictor, AWithdrawnPlanIsNotFlown) {
