@@ -166,8 +166,7 @@ TEST(Predictor, WhatTheDroneWasToldCountsWithoutANewPose) {
 TEST(Predictor, AWithdrawnPlanIsNotFlown) {
   Predictor predictor(knowing(known));
   predictor.observe(at(ns_per_s, 0), 0);
-  const Setpoint go{ns_per_s, {1, 0, 0}, 0};
-  predictor.sent(1, {&go, 1});
+  predictor.sent(1, steady(ns_per_s, 1, 20));
   EXPECT_GT(predictor.until(2 * ns_per_s).effect().position_m.x(), 0.5);
   predictor.withdraw(1);
   EXPECT_NEAR(predictor.until(2 * ns_per_s).effect().position_m.x(), 0, 0.01);
@@ -176,13 +175,31 @@ TEST(Predictor, AWithdrawnPlanIsNotFlown) {
 TEST(Predictor, ANewerPlanReplacesTheOlderFromItsFirstSetpointOn) {
   Predictor predictor(knowing(known));
   predictor.observe(at(ns_per_s, 0), 0);
-  const Setpoint go{ns_per_s, {1, 0, 0}, 0}, stop{3 * ns_per_s / 2, {0, 0, 0}, 0};
-  predictor.sent(1, {&go, 1});
-  predictor.sent(2, {&stop, 1});
+  predictor.sent(1, steady(ns_per_s, 1, 40));
+  predictor.sent(2, steady(3 * ns_per_s / 2, 0, 40));
   const double when_stopped = predictor.until(3 * ns_per_s / 2).effect().position_m.x();
   const double later = predictor.until(3 * ns_per_s).effect().position_m.x();
   EXPECT_GT(when_stopped, 0.1);
   EXPECT_NEAR(later - when_stopped, known.lag_s, 0.05);  // what a drone of 1 m/s still rolls on
+}
+
+TEST(Predictor, BehindAPlansEndTheDroneIsToldToStopAsLinkDoes) {
+  struct Case {
+    std::vector<Setpoint> plan;
+    TimeNs hold_ns;  // of the last setpoint
+  };
+  const std::vector<Setpoint> far_apart{{ns_per_s, {1, 0, 0}, 0}, {2 * ns_per_s, {1, 0, 0}, 0}};
+  for (const Case& one : {Case{steady(ns_per_s, 1, 10), 50 * ns_per_ms}, Case{steady(ns_per_s, 1, 1), 100 * ns_per_ms},
+                          Case{far_apart, 500 * ns_per_ms}}) {
+    Predictor predictor(knowing(known));
+    predictor.observe(at(ns_per_s, 0), 0);
+    predictor.sent(1, one.plan);
+    const TimeNs end_ns = one.plan.back().at_ns + one.hold_ns;
+    // Flown at 1 m/s to its end; less what it took to get there it rolls on for as much.
+    const double end_m = predictor.until(end_ns + ns_per_s).effect().position_m.x();
+    EXPECT_NEAR(end_m, to_seconds(end_ns - ns_per_s), 0.05) << to_seconds(end_ns);
+    EXPECT_LT(end_m - predictor.until(end_ns).effect().position_m.x(), known.lag_s);
+  }
 }
 
 TEST(Predictor, ToldVelocitiesChangeNoFasterThanLinkLetsThem) {
