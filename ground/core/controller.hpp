@@ -106,6 +106,8 @@ class PathController {
   /// Of one lap, as progress counts it.
   double lap_m() const { return config_.predict ? track_.length_m() : path_.length_m(); }
   const Path& path() const { return path_; }
+  /// Of the first waypoint: where it hovers until it is started.
+  double start_height_m() const { return track_.at(0).position_m.z(); }
   /// The time that these laps should take.
   double expected_s(int laps) const;
 

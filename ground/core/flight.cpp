@@ -125,7 +125,7 @@ bool FlightCore::settled(const Drone& drone) const {
   const auto& s = drone.state;
   const auto& origin = drone.status.origin_m;
   return std::hypot(s.position_m[0] - origin[0], s.position_m[1] - origin[1]) < near_m &&
-         std::abs(s.position_m[2] - config_.controller.height_m) < near_m &&
+         std::abs(s.position_m[2] - drone.controller->start_height_m()) < near_m &&
          std::hypot(s.velocity_mps[0], s.velocity_mps[1], s.velocity_mps[2]) < still_mps;
 }
 

@@ -31,7 +31,8 @@ struct PredictorConfig {
 ///    changing), driven by what link says it told the drone, through the Response (Bar-Shalom, Li, Kirubarajan:
 ///    Estimation with Applications to Tracking and Navigation, 5.2 and 6.2);
 ///  - from the newest state on, the plans that were sent and are not flown yet drive the same model, each setpoint as
-///    late as link flies them and as long, zero behind a plan's end, no faster than its limit of acceleration lets the told velocity change;
+///    late as link flies them and as long, zero behind a plan's end, no faster than its limit of acceleration lets the
+///    told velocity change;
 ///  - the Response is learned meanwhile (ResponseEstimator).
 ///
 /// States may come in bursts, with gaps, twice or out of order: one that is not newer changes nothing, one whose pose
