@@ -75,8 +75,8 @@ class PredictionError {
 ///
 /// While link brakes, or its pose is older than it takes one for, the reference waits.
 ///
-/// Without prediction: a reference that runs along the sharp path at constant speed and waits for nobody; the velocity
-/// for the newest state as it came, held until the next one.
+/// Without prediction: a reference that runs along the sharp path at the speed asked for, or the waypoint's, and waits
+/// for nobody; the velocity for the newest state as it came, held until the next one.
 ///
 /// The work of a plan is bounded, whatever the times in the state: after a pause of more than 3 s the reference goes on
 /// from where it was, as it would after 3 s. Deterministic; one thread.
@@ -126,6 +126,7 @@ class PathController {
   double advance(double s_m, const Eigen::Vector2d& drone, double dt_s) const;
   Setpoint steer(const Motion& from, double s_m) const;
   void limit(double age_s);
+  double plain_mps(double s_m) const;
   std::vector<Setpoint> plan_plain(TimeNs first_ns);
   Setpoint level(const Motion& from, double height_m, double climb_mps) const;
 

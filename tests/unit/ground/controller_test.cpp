@@ -268,5 +268,28 @@ TEST(PathController, WithoutPredictionOneVelocityIsHeldUntilTheNextOneComes) {
   EXPECT_LT(plan.front().velocity_mps[1], 0);
 }
 
+TEST(PathController, WithoutPredictionWaypointsKeepTheirHeightsAndSpeeds) {
+  const auto points = motion::waypoints_from_csv("0,0,1.5\n2,0,2,0.2\n2,2\n0,2\n", "f");
+  ASSERT_TRUE(points.ok());
+  ControllerConfig config;
+  config.predict = false;
+  PathController controller(*points, {0, 0}, config, 0);
+  EXPECT_DOUBLE_EQ(controller.start_height_m(), 1.5);
+  controller.observe(hovering(1, {0, 0, 1}), 0);
+  EXPECT_FLOAT_EQ(controller.plan(1, 1).front().velocity_mps[2], 0.5F);  // half a metre below its first point
+  controller.start(1);
+  const auto vertical_at = [&](TimeNs t, const Eigen::Vector3d& at) {
+    controller.observe(hovering(t, at), 0);
+    return controller.plan(2, t).front().velocity_mps[2];
+  };
+  // 0.5 m/s along the first piece, half of it in 2 s, climbing a quarter of that.
+  EXPECT_NEAR(vertical_at(1 + 2 * ns_per_s, {1, 0, 1.75}), 0.125F, 1e-5F);
+  EXPECT_NEAR(controller.progress_m(), 1, 1e-6);
+  // The second is flown at 0.2 m/s, falling from 2 m to the flight's own.
+  (void)vertical_at(1 + 4 * ns_per_s, {2, 0, 2});
+  EXPECT_NEAR(vertical_at(1 + 6 * ns_per_s, {2, 0.4, 1.8}), -0.1F, 1e-4F);
+  EXPECT_NEAR(controller.progress_m(), 2.4, 1e-6);
+}
+
 }  // namespace
 }  // namespace ledgerline::ground
