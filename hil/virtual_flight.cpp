@@ -200,6 +200,7 @@ class Flight {
       if (auto s = ground_.set_control(*record); !s) return s;
     }
     tracking_.resize(names.size());
+    heights_.resize(names.size());
     fusions_.resize(names.size(), agent::Fusion({}));
     return done;
   }
@@ -234,6 +235,9 @@ class Flight {
       if (status.phase != ground::DronePhase::path) continue;
       const auto truth = sim_.truth(ground_.drones()[i].number);
       const double error = ground_.controller(i)->path().distance_m({truth.position_m[0], truth.position_m[1]});
+      if (tracking_[i].empty()) heights_[i] = {truth.position_m[2], truth.position_m[2]};
+      heights_[i].first = std::min(heights_[i].first, truth.position_m[2]);
+      heights_[i].second = std::max(heights_[i].second, truth.position_m[2]);
       tracking_[i].push_back({now_, error});
     }
   }
@@ -335,6 +339,7 @@ class Flight {
                                  : agent_.report(reports[i].number).two_way.quantiles_ms();
       drone.age_ms = reports[i].age_ms;
       std::tie(drone.cross_track_rms_m, drone.cross_track_max_m) = error(i, 0, now_);
+      std::tie(drone.lowest_m, drone.highest_m) = heights_[i];
       drone.lap_s = status.lap_s;
       drone.laps = laps(i, status);
       drone.limit_mps = status.limit_mps;
@@ -397,6 +402,7 @@ class Flight {
   agent::AgentOutputs agent_out_;
 
   std::vector<std::vector<std::pair<TimeNs, double>>> tracking_;  ///< of each drone: cross-track error by time
+  std::vector<std::pair<double, double>> heights_;                ///< lowest and highest of each, on its path
   std::vector<agent::Fusion> fusions_;                            ///< local: agent is not there
   std::map<DroneNumber, Histogram> two_way_;                      ///< local
   TimeNs next_beat_ns_ = 0;

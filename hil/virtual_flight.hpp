@@ -44,6 +44,7 @@ struct VirtualFlightResult {
     std::string name;
     Quantiles two_way_ms, age_ms;
     double cross_track_rms_m = 0, cross_track_max_m = 0;
+    double lowest_m = 0, highest_m = 0;  ///< on its path, by the truth, above the map's zero; 0: it never was on it
     std::vector<double> lap_s;
     /// Each lap by the truth; of a ramp each has its speed.
     struct Lap {

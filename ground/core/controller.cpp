@@ -100,13 +100,15 @@ void PathController::start(TimeNs from_ns, double end_m) {
 }
 
 void PathController::observe(const StateSample& state, TimeNs late_ns) {
+  if (state.stamp_ns <= raw_stamp_ns_) return;
+  raw_stamp_ns_ = state.stamp_ns;
+  waits_ = state.mode == FailsafeMode::brake || state.stamp_ns - state.pose_stamp_ns > config_.pose_lost_ns;
+  predictor_.observe(state, late_ns);
   if (state.pose_stamp_ns <= raw_.stamp_ns) return;
   raw_.stamp_ns = state.pose_stamp_ns;
   raw_.position_m = Eigen::Vector3d::Map(state.position_m.data());
   raw_.velocity_mps = Eigen::Vector3d::Map(state.velocity_mps.data());
   raw_.yaw_rad = state.yaw_rad;
-  raw_stamp_ns_ = state.stamp_ns;
-  predictor_.observe(state, late_ns);
   error_.seen(predictor_.newest());
 }
 
@@ -117,7 +119,7 @@ double PathController::asked_mps(double s_m) const {
 
 double PathController::expected_s(int laps) const {
   const double slowest = std::min(asked_mps(0), slowed_to_mps_.value_or(limit_mps_));
-  return laps * (config_.predict ? track_.lap_s(slowest) : path_.length_m() / slowest);
+  return laps * track_.lap_s(slowest);
 }
 
 double PathController::speed_at(double s_m) const {
@@ -129,9 +131,9 @@ double PathController::speed_at(double s_m) const {
 }
 
 // The share of its speed that the reference moves with: whole up to half the leash, none at its end. For a drone that
-// is ahead it need not wait.
+// is ahead it need not wait; for one that link keeps from flying plans it does.
 double PathController::pace(double s_m, const Eigen::Vector2d& drone) const {
-  if (!started_ || s_m >= end_m_) return 0;
+  if (!started_ || waits_ || s_m >= end_m_) return 0;
   const motion::Track::Place place = track_.at(s_m);
   const Eigen::Vector2d direction = place.direction.head<2>();
   Eigen::Vector2d behind = place.position_m.head<2>() - drone;
@@ -196,7 +198,7 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
   if (!config_.predict) return plan_plain(first_ns);
   motion::Predictor::Rollout rollout = predictor_.until(first_ns);
   limit(to_seconds(rollout.effect().stamp_ns - predictor_.newest().stamp_ns));
-  error_.predicted(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
+  if (!waits_) error_.predicted(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
 
   reference_ns_ = started_ ? std::max(reference_ns_, first_ns - longest_ns) : first_ns;
   while (reference_ns_ < first_ns) {
@@ -225,20 +227,28 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
   return plan;
 }
 
+// What the waypoint allows of the speed asked for; no more, either, than height can follow.
+double PathController::plain_mps(double s_m) const {
+  const double asked = std::min(asked_mps(s_m), path_.speed_mps(s_m).value_or(asked_mps(s_m)));
+  const double climb = std::abs(path_.climb(s_m, config_.height_m));
+  return climb > 0 ? std::min(asked, limits_of(config_).vertical_mps / climb) : asked;
+}
+
 std::vector<Setpoint> PathController::plan_plain(TimeNs first_ns) {
   reference_ns_ = started_ ? std::max(reference_ns_, first_ns - longest_ns) : first_ns;
   if (started_ && first_ns > reference_ns_ && progress_m_ < end_m_) {
-    progress_m_ = std::min(end_m_, progress_m_ + asked_mps(progress_m_) * to_seconds(first_ns - reference_ns_));
+    progress_m_ = std::min(end_m_, progress_m_ + plain_mps(progress_m_) * to_seconds(first_ns - reference_ns_));
   }
   reference_ns_ = std::max(reference_ns_, first_ns);
   const bool moving = started_ && progress_m_ < end_m_;
   const Eigen::Vector2d reference =
-      moving ? Eigen::Vector2d(asked_mps(progress_m_) * path_.direction(progress_m_)) : Eigen::Vector2d::Zero();
+      moving ? Eigen::Vector2d(plain_mps(progress_m_) * path_.direction(progress_m_)) : Eigen::Vector2d::Zero();
   Eigen::Vector2d wanted = reference + config_.position_gain * (path_.point(progress_m_) - raw_.position_m.head<2>()) +
                            config_.velocity_gain * (reference - raw_.velocity_mps.head<2>());
-  const double most = std::min(config_.told_mps, 1.5 * asked_mps(progress_m_) + 0.3);
+  const double most = std::min(config_.told_mps, 1.5 * plain_mps(progress_m_) + 0.3);
   if (wanted.norm() > most) wanted *= most / wanted.norm();
-  Setpoint setpoint = level(raw_, config_.height_m, 0);
+  const double climb_mps = moving ? plain_mps(progress_m_) * path_.climb(progress_m_, config_.height_m) : 0;
+  Setpoint setpoint = level(raw_, path_.height_m(progress_m_, config_.height_m), climb_mps);
   setpoint.velocity_mps[0] = static_cast<float>(wanted.x());
   setpoint.velocity_mps[1] = static_cast<float>(wanted.y());
   std::vector<Setpoint> plan;

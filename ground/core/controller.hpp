@@ -34,9 +34,10 @@ struct ControllerConfig {
   double yaw_gain = 1.0;     ///< 1/s
   double max_vertical_mps = 0.5;
   double max_yaw_rate_radps = 0.7;
-  double leash_m = 0.4;          ///< the reference stops when it is this far ahead of the drone
-  double allowed_error_m = 0.4;  ///< that prediction's error may reach; speed is limited so that it does not
-  double least_limit_mps = 0.2;  ///< but never below this
+  double leash_m = 0.4;                   ///< the reference stops when it is this far ahead of the drone
+  TimeNs pose_lost_ns = 300 * ns_per_ms;  ///< link's limit: it brakes with an older pose, and the reference waits
+  double allowed_error_m = 0.4;           ///< that prediction's error may reach; speed is limited so that it does not
+  double least_limit_mps = 0.2;           ///< but never below this
 };
 
 /// How sure predictions are: the share of the way flown meanwhile by which they missed, from predictions that were made
@@ -72,8 +73,10 @@ class PredictionError {
 /// A latency-aware limit: with a share of the way by which predictions miss, and the age, three times their error stays
 /// within allowed_error_m at limit_mps(); above it the reference is slowed.
 ///
-/// Without prediction: a reference that runs along the sharp path at constant speed and waits for nobody; the velocity
-/// for the newest state as it came, held until the next one.
+/// While link brakes, or its pose is older than it takes one for, the reference waits.
+///
+/// Without prediction: a reference that runs along the sharp path at the speed asked for, or the waypoint's, and waits
+/// for nobody; the velocity for the newest state as it came, held until the next one.
 ///
 /// The work of a plan is bounded, whatever the times in the state: after a pause of more than 3 s the reference goes on
 /// from where it was, as it would after 3 s. Deterministic; one thread.
@@ -103,6 +106,8 @@ class PathController {
   /// Of one lap, as progress counts it.
   double lap_m() const { return config_.predict ? track_.length_m() : path_.length_m(); }
   const Path& path() const { return path_; }
+  /// Of the first waypoint: where it hovers until it is started.
+  double start_height_m() const { return track_.at(0).position_m.z(); }
   /// The time that these laps should take.
   double expected_s(int laps) const;
 
@@ -121,6 +126,7 @@ class PathController {
   double advance(double s_m, const Eigen::Vector2d& drone, double dt_s) const;
   Setpoint steer(const Motion& from, double s_m) const;
   void limit(double age_s);
+  double plain_mps(double s_m) const;
   std::vector<Setpoint> plan_plain(TimeNs first_ns);
   Setpoint level(const Motion& from, double height_m, double climb_mps) const;
 
@@ -132,6 +138,7 @@ class PathController {
   PredictionError error_;
   Motion raw_;  ///< the newest state as it came
   TimeNs raw_stamp_ns_ = 0;
+  bool waits_ = false;  ///< link brakes, or is about to: plans are not flown
   bool started_ = false;
   double end_m_ = 0;
   TimeNs reference_ns_ = 0;  ///< the moment that progress_m_ belongs to

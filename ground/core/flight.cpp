@@ -125,7 +125,7 @@ bool FlightCore::settled(const Drone& drone) const {
   const auto& s = drone.state;
   const auto& origin = drone.status.origin_m;
   return std::hypot(s.position_m[0] - origin[0], s.position_m[1] - origin[1]) < near_m &&
-         std::abs(s.position_m[2] - config_.controller.height_m) < near_m &&
+         std::abs(s.position_m[2] - drone.controller->start_height_m()) < near_m &&
          std::hypot(s.velocity_mps[0], s.velocity_mps[1], s.velocity_mps[2]) < still_mps;
 }
 
@@ -334,7 +334,10 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
       motion.yaw_rad = drone.state.yaw_rad;
       setpoints = drone.manual.plan(now_ns, motion, drone.first_setpoint_ns);
     } else {
-      setpoints = drone.controller->plan(command.id, drone.first_setpoint_ns, plan_steps_);
+      // Not sooner than the plan before it, even where the delay fell: then shorter.
+      const TimeNs room = (farthest_ns_ - (drone.first_setpoint_ns - stamp_now_ns)) / PathController::step_ns;
+      const auto steps = static_cast<std::size_t>(std::max<TimeNs>(0, room));
+      setpoints = drone.controller->plan(command.id, drone.first_setpoint_ns, std::min(plan_steps_, steps));
     }
     for (const Setpoint& setpoint : setpoints) {
       PlannedSetpoint* p = plan.add_setpoints();

@@ -236,6 +236,7 @@ class FlightCore {
   motion::TwoWay two_way_;
   TimeNs delay_ns_ = motion::TwoWay::unknown_ns;
   std::size_t plan_steps_ = PathController::steps;
+  TimeNs farthest_ns_ = 0;  ///< from a state on, no setpoint of its plan may be for later
 };
 
 }  // namespace ledgerline::ground

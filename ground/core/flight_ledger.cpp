@@ -38,6 +38,7 @@ void FlightCore::take_control(TimeNs now_ns, const Control& control) {
   if (!drone || control.epoch() < drone->epoch) return;
   if (control.epoch() != drone->epoch) {
     drone->next_sequence = 1;
+    if (drone->pending) forget(*drone->pending);
     drone->pending.reset();
   }
   drone->epoch = control.epoch();
@@ -192,15 +193,10 @@ void FlightCore::measure(TimeNs one_way_ns) {
   plan_steps_ = std::min<std::size_t>(
       max_setpoints, PathController::steps + static_cast<std::size_t>(2 * tail_ns / PathController::step_ns));
   // After an outage the tail is long, and agent would refuse every plan that comes sooner: none may speak of more than
-  // most_beyond_ns behind its arrival, be it as quick as one of ten. Shorter plans first, then sooner ones.
-  const TimeNs quick_ns = two_way_.quantile(1 - in_time);
-  const auto fitting = [&](TimeNs delay_ns) {
-    return static_cast<std::size_t>(std::max<TimeNs>(0, most_beyond_ns - (delay_ns - quick_ns)) /
-                                    PathController::step_ns);
-  };
-  plan_steps_ = std::max(PathController::steps, std::min(plan_steps_, fitting(delay_ns_)));
-  delay_ns_ = std::min(
-      delay_ns_, quick_ns + most_beyond_ns - static_cast<TimeNs>(PathController::steps) * PathController::step_ns);
+  // most_beyond_ns behind its arrival, be it as quick as one of ten. Shorter plans first (see make_plan), then sooner
+  // ones.
+  farthest_ns_ = two_way_.quantile(1 - in_time) + most_beyond_ns;
+  delay_ns_ = std::min(delay_ns_, farthest_ns_ - static_cast<TimeNs>(PathController::steps) * PathController::step_ns);
 }
 
 // A plan that will not be flown.
@@ -262,6 +258,8 @@ void FlightCore::resend(InFlight& refused, const std::string& message) {
       forget(command);
     } else if (command.plan.epoch() == drone.epoch) {
       drone.pending = std::move(command);
+    } else {
+      forget(command);  // of an earlier lease
     }
   }
 }

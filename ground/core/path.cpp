@@ -6,7 +6,8 @@
 
 namespace ledgerline::ground {
 
-Path::Path(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin) : starts_m_{0} {
+Path::Path(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin)
+    : waypoints_(waypoints), starts_m_{0} {
   for (const Waypoint& waypoint : waypoints) corners_.push_back(origin + waypoint.at_m);
   for (std::size_t i = 0; i < corners_.size(); ++i) {
     const auto& next = corners_[(i + 1) % corners_.size()];
@@ -34,6 +35,20 @@ Eigen::Vector2d Path::direction(double s_m) const {
   const std::size_t i = piece_at(s_m);
   return (corners_[(i + 1) % corners_.size()] - corners_[i]).normalized();
 }
+
+double Path::climb(double s_m, double otherwise_m) const {
+  const std::size_t i = piece_at(s_m), next = (i + 1) % corners_.size();
+  const double rise_m = waypoints_[next].height_m.value_or(otherwise_m) - waypoints_[i].height_m.value_or(otherwise_m);
+  return rise_m / (corners_[next] - corners_[i]).norm();
+}
+
+double Path::height_m(double s_m, double otherwise_m) const {
+  const double slope = climb(s_m, otherwise_m);
+  const std::size_t i = piece_at(s_m);
+  return waypoints_[i].height_m.value_or(otherwise_m) + s_m * slope;
+}
+
+std::optional<double> Path::speed_mps(double s_m) const { return waypoints_[piece_at(s_m)].speed_mps; }
 
 double Path::distance_m(const Eigen::Vector2d& p) const {
   double nearest = std::numeric_limits<double>::infinity();

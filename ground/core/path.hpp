@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "ground/motion/course.hpp"
@@ -12,7 +13,8 @@ using motion::shape_from_name;
 using motion::Waypoint;
 
 /// A closed polygon in the horizontal plane, metres in the map frame: what cross-track errors are measured against,
-/// with its corners sharp. It begins and ends at its first corner, the origin. Immutable; any thread.
+/// with its corners sharp; its waypoints' heights and speeds along with it. It begins and ends at its first corner, the
+/// origin. Immutable; any thread.
 class Path {
  public:
   Path(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin);
@@ -25,12 +27,19 @@ class Path {
   Eigen::Vector2d point(double s_m) const;
   /// Unit vector of the direction of travel; at a corner that of the piece that begins there.
   Eigen::Vector2d direction(double s_m) const;
+  /// At that arc length, on the line between its piece's ends; `otherwise_m` where a waypoint says none.
+  double height_m(double s_m, double otherwise_m) const;
+  /// Climb per metre of the piece there.
+  double climb(double s_m, double otherwise_m) const;
+  /// The limit of the piece there; nothing: its waypoint says none.
+  std::optional<double> speed_mps(double s_m) const;
   /// Distance to the nearest point of the whole path: the cross-track error.
   double distance_m(const Eigen::Vector2d& p) const;
 
  private:
   std::size_t piece_at(double& s_m) const;
 
+  std::vector<Waypoint> waypoints_;  ///< for their heights and speeds
   std::vector<Eigen::Vector2d> corners_;
   std::vector<double> starts_m_;  ///< arc length of each corner, then of the end
 };

@@ -20,6 +20,15 @@ constexpr double drift_noise = 0.02;        // m/s / sqrt(s)
 constexpr double first_drift_sigma_mps = 0.03, first_velocity_sigma_mps = 0.2;
 constexpr double most_drift_mps = 0.5;
 
+// Link's: how long it flies the only setpoint of a plan, and the last one of any plan at most.
+constexpr TimeNs default_hold_ns = 100 * ns_per_ms, max_hold_ns = 500 * ns_per_ms;
+
+TimeNs end_of(const std::vector<Setpoint>& plan) {
+  const TimeNs last_ns = plan.back().at_ns;
+  if (plan.size() == 1) return last_ns + default_hold_ns;
+  return last_ns + std::min(last_ns - plan[plan.size() - 2].at_ns, max_hold_ns);
+}
+
 Eigen::Vector3d vector(const std::array<float, 3>& v) { return {v[0], v[1], v[2]}; }
 
 // One step of the model with a constant told velocity; exact for it.
@@ -51,9 +60,11 @@ void Predictor::start(const StateSample& state) {
 
 void Predictor::observe(const StateSample& state, TimeNs late_ns) {
   late_ns_ = late_ns;
-  if (state.pose_stamp_ns <= stamp_ns_ || (!told_.empty() && state.stamp_ns <= told_.back().stamp_ns)) return;
+  if (!told_.empty() && state.stamp_ns <= told_.back().stamp_ns) return;
+  // What link told the drone is news without a new pose, too: it brakes while mocap is away.
   told_.push_back({state.stamp_ns, vector(state.sent_velocity_mps)});
   if (told_.size() > told_kept) told_.pop_front();
+  if (state.pose_stamp_ns <= stamp_ns_) return;
   const Eigen::Vector3d measured = Eigen::Vector3d::Map(state.position_m.data());
   const bool gap = stamp_ns_ == 0 || state.pose_stamp_ns - stamp_ns_ > pause_ns;
   if (!gap) propagate(state.pose_stamp_ns);
@@ -132,15 +143,17 @@ void Predictor::withdraw(std::uint64_t id) {
   std::erase_if(sent_, [&](const Sent& sent) { return sent.id == id; });
 }
 
-// The newest plan that has begun by then, as link's playout has it.
-const Setpoint* Predictor::planned(TimeNs at_ns) const {
+// What the newest plan that has begun by then wants, as link's playout has it: behind its end, zero. Nothing: none has
+// begun.
+std::optional<Setpoint> Predictor::planned(TimeNs at_ns) const {
   for (auto sent = sent_.rbegin(); sent != sent_.rend(); ++sent) {
     if (sent->plan.front().at_ns > at_ns) continue;
+    if (end_of(sent->plan) <= at_ns) return Setpoint{};
     const auto next = std::upper_bound(sent->plan.begin(), sent->plan.end(), at_ns,
                                        [](TimeNs t, const Setpoint& s) { return t < s.at_ns; });
-    return &*(next - 1);
+    return *(next - 1);
   }
-  return nullptr;
+  return std::nullopt;
 }
 
 void Predictor::Rollout::move(const Eigen::Vector3d& told, double dt_s) {
@@ -181,7 +194,7 @@ Predictor::Rollout Predictor::until(TimeNs meant_ns) const {
   out.told_ = told_at(out.told_ns_);
   while (out.told_ns_ < until_ns) {
     const TimeNs to_ns = std::min(out.told_ns_ + cell_ns, until_ns);
-    const Setpoint* setpoint = planned(out.told_ns_ - late_ns_);
+    const std::optional<Setpoint> setpoint = planned(out.told_ns_ - late_ns_);
     if (setpoint) {
       out.tell(vector(setpoint->velocity_mps), static_cast<double>(setpoint->yaw_rate_radps), to_ns);
     } else {

@@ -2,6 +2,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -30,13 +31,15 @@ struct PredictorConfig {
 ///    changing), driven by what link says it told the drone, through the Response (Bar-Shalom, Li, Kirubarajan:
 ///    Estimation with Applications to Tracking and Navigation, 5.2 and 6.2);
 ///  - from the newest state on, the plans that were sent and are not flown yet drive the same model, each setpoint as
-///    late as link flies them, no faster than its limit of acceleration lets the told velocity change;
+///    late as link flies them and as long, zero behind a plan's end, no faster than its limit of acceleration lets the
+///    told velocity change;
 ///  - the Response is learned meanwhile (ResponseEstimator).
 ///
-/// States may come in bursts, with gaps, twice or out of order: they are taken by their pose's stamp, one that is not
-/// newer changes nothing. A pause of more than 1 s, or a pose more than 0.5 m from where it was expected, starts the
-/// filter anew; what was learned of the response stays. Bounded in memory, and in work by longest_ns, whatever the
-/// times say. Deterministic; one thread. Horizontal axes and height share one response; yaw simply follows its rate.
+/// States may come in bursts, with gaps, twice or out of order: one that is not newer changes nothing, one whose pose
+/// is not newer says what the drone was told and no more. A pause of more than 1 s, or a pose more than 0.5 m from
+/// where it was expected, starts the filter anew; what was learned of the response stays. Bounded in memory, and in
+/// work by longest_ns, whatever the times say. Deterministic; one thread. Horizontal axes and height share one
+/// response; yaw simply follows its rate.
 class Predictor {
  public:
   /// Nothing is predicted over more than this.
@@ -94,7 +97,7 @@ class Predictor {
   void propagate(TimeNs to_ns);
   void correct(const StateSample& state);
   void start(const StateSample& state);
-  const Setpoint* planned(TimeNs at_ns) const;
+  std::optional<Setpoint> planned(TimeNs at_ns) const;
 
   PredictorConfig config_;
   ResponseEstimator estimator_;

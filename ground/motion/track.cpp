@@ -32,6 +32,15 @@ Eigen::Vector2d point_on(const Piece& piece, double s) {
   return piece.from + (std::sin(turn) * piece.direction + (1 - std::cos(turn)) * left_of(piece.direction)) / piece.bend;
 }
 
+double climb_of(const Piece& piece) { return (piece.height_to - piece.height_from) / piece.length; }
+
+double limit_of(const Piece& piece, const TrackLimits& limits) {
+  double limit = piece.speed;
+  if (piece.bend != 0) limit = std::min(limit, std::sqrt(limits.acceleration_mps2 / std::abs(piece.bend)));
+  if (const double climb = climb_of(piece); climb != 0) limit = std::min(limit, limits.vertical_mps / std::abs(climb));
+  return limit;
+}
+
 }  // namespace
 
 Track::Track(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin, double height_m,
@@ -100,10 +109,14 @@ void Track::lay(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& o
     const double along = s - begin;
     const Eigen::Vector2d direction = direction_on(piece, along);
     const Eigen::Vector2d place = point_on(piece, along);
-    const double climb = (piece.height_to - piece.height_from) / piece.length;
-    double limit = piece.speed;
-    if (piece.bend != 0) limit = std::min(limit, std::sqrt(limits.acceleration_mps2 / std::abs(piece.bend)));
-    if (climb != 0) limit = std::min(limit, limits.vertical_mps / std::abs(climb));
+    const double climb = climb_of(piece);
+    // The least of all pieces up to the next knot: a bend may be shorter than the way between two.
+    double limit = limit_of(piece, limits);
+    std::size_t ahead = k;
+    for (double end = begin + piece.length; end <= s + step_m_; end += pieces[ahead].length) {
+      ahead = (ahead + 1) % pieces.size();
+      limit = std::min(limit, limit_of(pieces[ahead], limits));
+    }
     limit = std::clamp(limit, creep_mps, limits.told_mps);
     knots_.push_back({{place.x(), place.y(), piece.height_from + along * climb},
                       direction,

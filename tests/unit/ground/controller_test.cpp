@@ -133,6 +133,39 @@ TEST(PathController, WaitsForADroneThatIsHeldBack) {
   EXPECT_LT(controller.progress_m(), 0.5);
 }
 
+TEST(PathController, TheReferenceWaitsWhileLinkBrakesOrThePoseIsLost) {
+  for (const bool brakes : {true, false}) {
+    PathController controller = square_at({0, 0});
+    LaggedDrone drone(0.3);
+    drone.motion.position_m = {0, 0, 1};
+    controller.start(0);
+    std::uint64_t plans = 0;
+    const auto fly_until = [&](TimeNs until_ns) {
+      for (TimeNs t = drone.motion.stamp_ns + ns_per_s / 30; t < until_ns; t += ns_per_s / 30) {
+        drone.run_until(t);
+        controller.observe(drone.state(), 0);
+        drone.deliver(t + 20 * ns_per_ms, controller.plan(++plans, t + 20 * ns_per_ms));
+      }
+    };
+    fly_until(2 * ns_per_s);
+    const double before_m = controller.progress_m();
+    EXPECT_GT(before_m, 0.3);
+    // Poses stop; without a brake a pose of 300 ms is still taken for one.
+    StateSample state = drone.state();
+    state.sent_velocity_mps = {};
+    state.mode = brakes ? FailsafeMode::brake : FailsafeMode::none;
+    for (int i = 1; i <= 60; ++i) {
+      state.stamp_ns = state.pose_stamp_ns + i * ns_per_s / 30;
+      controller.observe(state, 0);
+      (void)controller.plan(++plans, state.stamp_ns + 20 * ns_per_ms);
+    }
+    EXPECT_LT(controller.progress_m() - before_m, brakes ? 0.03 : 0.25);
+    drone.motion.stamp_ns = state.stamp_ns;
+    fly_until(state.stamp_ns + 2 * ns_per_s);
+    EXPECT_GT(controller.progress_m() - before_m, 0.4);  // and goes on
+  }
+}
+
 // A ledger that stalls right after the start lets the drone fly its last plan far beyond the reference.
 TEST(PathController, ADroneThatIsFarAheadComesBackAndGoesOn) {
   for (TimeNs under_way = 0; under_way < ns_per_s; under_way += 50 * ns_per_ms) {
@@ -233,6 +266,29 @@ TEST(PathController, WithoutPredictionOneVelocityIsHeldUntilTheNextOneComes) {
   EXPECT_EQ(plan.back().at_ns - plan.front().at_ns, 1'500 * ns_per_ms);  // link holds the last one half a second
   EXPECT_NEAR(controller.progress_m(), config.speed_mps, 1e-6);          // it waits for nobody
   EXPECT_LT(plan.front().velocity_mps[1], 0);
+}
+
+TEST(PathController, WithoutPredictionWaypointsKeepTheirHeightsAndSpeeds) {
+  const auto points = motion::waypoints_from_csv("0,0,1.5\n2,0,2,0.2\n2,2\n0,2\n", "f");
+  ASSERT_TRUE(points.ok());
+  ControllerConfig config;
+  config.predict = false;
+  PathController controller(*points, {0, 0}, config, 0);
+  EXPECT_DOUBLE_EQ(controller.start_height_m(), 1.5);
+  controller.observe(hovering(1, {0, 0, 1}), 0);
+  EXPECT_FLOAT_EQ(controller.plan(1, 1).front().velocity_mps[2], 0.5F);  // half a metre below its first point
+  controller.start(1);
+  const auto vertical_at = [&](TimeNs t, const Eigen::Vector3d& at) {
+    controller.observe(hovering(t, at), 0);
+    return controller.plan(2, t).front().velocity_mps[2];
+  };
+  // 0.5 m/s along the first piece, half of it in 2 s, climbing a quarter of that.
+  EXPECT_NEAR(vertical_at(1 + 2 * ns_per_s, {1, 0, 1.75}), 0.125F, 1e-5F);
+  EXPECT_NEAR(controller.progress_m(), 1, 1e-6);
+  // The second is flown at 0.2 m/s, falling from 2 m to the flight's own.
+  (void)vertical_at(1 + 4 * ns_per_s, {2, 0, 2});
+  EXPECT_NEAR(vertical_at(1 + 6 * ns_per_s, {2, 0.4, 1.8}), -0.1F, 1e-4F);
+  EXPECT_NEAR(controller.progress_m(), 2.4, 1e-6);
 }
 
 }  // namespace

@@ -40,6 +40,28 @@ class FlightByHand : public testing::Test {
     }
     return block(event("set", call.SerializeAsString()));
   }
+  /// The same in flight, at that height: from the second on each wants a FLY plan.
+  FlightOutputs flying(std::initializer_list<int> drones, double height_m) {
+    now_ns += 5 * ns_per_ms;
+    SetCall call;
+    for (int k : drones) {
+      StateSample sample;
+      sample.phase = FlightPhase::flying;
+      sample.boot_id = 9;
+      sample.sequence = ++sequence;
+      sample.stamp_ns = sample.pose_stamp_ns = now_ns;
+      sample.position_m = {0, 0, height_m};
+      *call.add_assets() = status_asset("tello" + std::to_string(k), sample);
+    }
+    return block(event("set", call.SerializeAsString()));
+  }
+  void new_lease_of_tello1() {
+    Controls controls;
+    *controls.add_controls() = control_record("tello1", operator_name, 2);
+    (void)block(event("acquire", controls.SerializeAsString()));
+  }
+  /// What tello1 will be told then, upward, as the predictor has it.
+  double told_mps(TimeNs meant_ns) const { return core.controller(0)->predictor().until(meant_ns).told_mps().z(); }
   FlightOutputs outcome(std::uint64_t id, Kind kind, const std::string& message = "") {
     fabric::Outcome outcome;
     outcome.kind = kind;
@@ -262,6 +284,56 @@ TEST_F(FlightByHand, TheDelayIsTheWayOfItsOwnCommandsThereAndBack) {
     (void)outcome(out.submissions[0].id, Kind::committed);
   }
   EXPECT_NEAR(to_ms(core.delay_ns()), 80, 1);
+}
+
+// Agent takes no setpoint for later than 2 s from when it comes, and the quickest plan comes first.
+TEST_F(FlightByHand, AfterAnOutageNoPlanSpeaksOfMoreThanTwoSecondsBehindItsArrival) {
+  constexpr TimeNs quick_ns = 40 * ns_per_ms;
+  (void)flying({1}, 1.0);
+  for (const TimeNs long_ns : {1'000 * ns_per_ms, 2'500 * ns_per_ms}) {
+    for (int i = 0; i < 90; ++i) {
+      const auto out = flying({1}, 1.0);
+      const auto call = call_of(out);
+      ASSERT_EQ(call.plans_size(), 1);
+      const auto& plan = call.plans(0);
+      ASSERT_EQ(plan.action(), FLY);
+      const TimeNs last_ns = plan.setpoints(plan.setpoints_size() - 1).at_ns();
+      EXPECT_LE(last_ns, plan.state_stamp_ns() + 2 * quick_ns + 2 * ns_per_s) << to_ms(long_ns) << ", plan " << i;
+      now_ns += i >= 60 && i < 68 ? long_ns : quick_ns;
+      (void)block(event("command", out.submissions[0].call.args[0]));
+      (void)outcome(out.submissions[0].id, Kind::committed);
+    }
+    // Its margin is used: the outage made plans later than the quick way alone would.
+    EXPECT_GT(core.delay_ns(), 2 * quick_ns + 500 * ns_per_ms);
+  }
+}
+
+TEST_F(FlightByHand, APlanThatWaitsIsForgottenWithItsLease) {
+  (void)flying({1}, 0);
+  EXPECT_EQ(flying({1}, 0).submissions.size(), 1u);
+  const TimeNs first_ns = now_ns;
+  while (now_ns < first_ns + 90 * ns_per_ms) EXPECT_TRUE(flying({1}, 0).submissions.empty());
+  // The plan on its way ends 0.6 s behind its beginning, the one that waits 90 ms later.
+  const TimeNs end_ns = now_ns + 610 * ns_per_ms;
+  EXPECT_GT(told_mps(end_ns), 0.45);
+  new_lease_of_tello1();
+  EXPECT_LT(told_mps(end_ns), 0.3);
+}
+
+TEST_F(FlightByHand, APlanOfAnEarlierLeaseThatWouldBeSentAgainIsForgotten) {
+  (void)flying({1, 2}, 0);
+  new_lease_of_tello1();
+  const auto earlier = flying({1, 2}, 0);
+  Controls controls;
+  *controls.add_controls() = control_record("tello1", operator_name, 3);
+  (void)block(event("acquire", controls.SerializeAsString()));
+  now_ns += 101 * ns_per_ms;
+  const auto later = call_of(flying({1}, 0));
+  EXPECT_EQ(later.plans(0).epoch(), 3u);
+  const TimeNs before_ns = later.plans(0).setpoints(0).at_ns() - ns_per_ms;
+  EXPECT_GT(told_mps(before_ns), 0.03);  // by the earlier plan
+  (void)outcome(earlier.submissions[0].id, Kind::refused, "tello2: not the holder");
+  EXPECT_EQ(told_mps(before_ns), 0);
 }
 
 TEST_F(FlightByHand, TracesSayWhenStatesCameAndPlansWereMade) {

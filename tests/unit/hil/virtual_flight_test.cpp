@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <tuple>
+
 #include "tests/unit/campaign.hpp"
 
 namespace ledgerline::hil {
@@ -36,16 +38,45 @@ TEST(VirtualFlight, ThreeDronesFlyEveryShape) {
   }
 }
 
+// A lap as it should be timed: the reference's own, and the same path without its waypoints' speeds.
+struct LapTimes {
+  double s = 0, unlimited_s = 0;
+};
+
+LapTimes lap_times(const VirtualFlightConfig& config) {
+  auto free = config.waypoints;
+  for (auto& waypoint : free) waypoint.speed_mps.reset();
+  const auto of = [&](const std::vector<ground::Waypoint>& waypoints) {
+    return motion::Track(waypoints, {0, 0}, ground::ControllerConfig{}.height_m, {}).lap_s(config.speed_mps);
+  };
+  return {of(config.waypoints), of(free)};
+}
+
 TEST(VirtualFlight, WaypointsAreFlownWithTheirHeightsAndSpeeds) {
-  const auto waypoints = motion::waypoints_from_csv("0,0,1\n2,0,1.5,0.4\n2,1,1.5\n1,2\n0,1\n", "way.csv");
-  ASSERT_TRUE(waypoints.ok());
-  VirtualFlightConfig config;
-  config.laps = 1;
-  config.speed_mps = 0.8;
-  config.waypoints = *waypoints;
-  const auto flight = fly(config);
-  EXPECT_TRUE(flight.ok) << flight.why;
-  EXPECT_LT(flight.drones[0].cross_track_max_m, 0.2);
+  // With a first point as high as the flight, and higher.
+  for (const auto& [predict, csv, lowest_m, highest_m] :
+       {std::tuple{true, "0,0,1\n2,0,1.5,0.2\n2,1,1.5\n1,2\n0,1\n", 1.0, 1.5},
+        std::tuple{true, "0,0,1.5\n2,0,1.5,0.2\n2,1,1.5\n1,2,2\n0,1,1.5\n", 1.5, 2.0},
+        std::tuple{false, "0,0,1.5\n2,0,1.5,0.2\n2,1,1.5\n1,2,2\n0,1,1.5\n", 1.5, 2.0}}) {
+    const auto waypoints = motion::waypoints_from_csv(csv, "way.csv");
+    ASSERT_TRUE(waypoints.ok());
+    VirtualFlightConfig config;
+    config.laps = 1;
+    config.predict = predict;
+    config.speed_mps = predict ? 0.8 : 0.5;
+    config.waypoints = *waypoints;
+    const LapTimes lap = lap_times(config);
+    ASSERT_GT(lap.s, 1.3 * lap.unlimited_s);
+    const auto flight = fly(config);
+    ASSERT_TRUE(flight.ok) << flight.why;
+    const auto& drone = flight.drones[0];
+    EXPECT_LT(drone.cross_track_max_m, predict ? 0.2 : 0.4);
+    // It may begin 0.2 m below its first point.
+    EXPECT_NEAR(drone.lowest_m, lowest_m - 0.05, 0.17);
+    EXPECT_NEAR(drone.highest_m, highest_m, 0.12);
+    ASSERT_EQ(drone.lap_s.size(), 1U);
+    EXPECT_NEAR(drone.lap_s[0], lap.s, 0.15 * lap.s);
+  }
 }
 
 TEST(VirtualFlight, ALocalFlightHasNoLedgerAndFliesTheSamePath) {

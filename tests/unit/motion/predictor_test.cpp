@@ -117,6 +117,12 @@ StateSample at(TimeNs stamp_ns, double x) {
   return s;
 }
 
+std::vector<Setpoint> steady(TimeNs first_ns, float mps, int count) {
+  std::vector<Setpoint> plan;
+  for (int i = 0; i < count; ++i) plan.push_back({first_ns + i * 50 * ns_per_ms, {mps, 0, 0}, 0});
+  return plan;
+}
+
 TEST(Predictor, AStateThatIsNotNewerChangesNothing) {
   Predictor one(knowing(known)), two(knowing(known));
   for (int i = 1; i < 40; ++i) {
@@ -131,11 +137,36 @@ TEST(Predictor, AStateThatIsNotNewerChangesNothing) {
   EXPECT_EQ(one.until(3 * ns_per_s).effect().position_m, two.until(3 * ns_per_s).effect().position_m);
 }
 
+TEST(Predictor, WhatTheDroneWasToldCountsWithoutANewPose) {
+  Predictor predictor(knowing(known));
+  const auto flying_on = steady(ns_per_s, 0.7F, 100);
+  TimeNs t = ns_per_s;
+  for (int i = 0; i < 60; ++i, t += state_period_ns) {
+    StateSample state = at(t, 0.7 * to_seconds(t - ns_per_s));
+    state.velocity_mps = {0.7, 0, 0};
+    state.sent_velocity_mps = {0.7F, 0, 0};
+    predictor.observe(state, 0);
+  }
+  predictor.sent(1, flying_on);
+  const Motion last = predictor.newest();
+  // Mocap is away for a second: link brakes, and the plan goes on speaking of 0.7 m/s.
+  StateSample braking = at(t, last.position_m.x());
+  for (int i = 0; i < 30; ++i, t += state_period_ns) {
+    braking.stamp_ns = t;
+    braking.pose_stamp_ns = last.stamp_ns;
+    braking.mode = FailsafeMode::brake;
+    predictor.observe(braking, 0);
+  }
+  EXPECT_EQ(predictor.newest().stamp_ns, last.stamp_ns);
+  const double on_m = predictor.until(t).effect().position_m.x() - last.position_m.x();
+  EXPECT_LT(on_m, 0.7 * (known.lag_s + known.dead_s + 0.1));
+  EXPECT_GT(on_m, 0.7 * known.lag_s);
+}
+
 TEST(Predictor, AWithdrawnPlanIsNotFlown) {
   Predictor predictor(knowing(known));
   predictor.observe(at(ns_per_s, 0), 0);
-  const Setpoint go{ns_per_s, {1, 0, 0}, 0};
-  predictor.sent(1, {&go, 1});
+  predictor.sent(1, steady(ns_per_s, 1, 20));
   EXPECT_GT(predictor.until(2 * ns_per_s).effect().position_m.x(), 0.5);
   predictor.withdraw(1);
   EXPECT_NEAR(predictor.until(2 * ns_per_s).effect().position_m.x(), 0, 0.01);
@@ -144,13 +175,31 @@ TEST(Predictor, AWithdrawnPlanIsNotFlown) {
 TEST(Predictor, ANewerPlanReplacesTheOlderFromItsFirstSetpointOn) {
   Predictor predictor(knowing(known));
   predictor.observe(at(ns_per_s, 0), 0);
-  const Setpoint go{ns_per_s, {1, 0, 0}, 0}, stop{3 * ns_per_s / 2, {0, 0, 0}, 0};
-  predictor.sent(1, {&go, 1});
-  predictor.sent(2, {&stop, 1});
+  predictor.sent(1, steady(ns_per_s, 1, 40));
+  predictor.sent(2, steady(3 * ns_per_s / 2, 0, 40));
   const double when_stopped = predictor.until(3 * ns_per_s / 2).effect().position_m.x();
   const double later = predictor.until(3 * ns_per_s).effect().position_m.x();
   EXPECT_GT(when_stopped, 0.1);
   EXPECT_NEAR(later - when_stopped, known.lag_s, 0.05);  // what a drone of 1 m/s still rolls on
+}
+
+TEST(Predictor, BehindAPlansEndTheDroneIsToldToStopAsLinkDoes) {
+  struct Case {
+    std::vector<Setpoint> plan;
+    TimeNs hold_ns;  // of the last setpoint
+  };
+  const std::vector<Setpoint> far_apart{{ns_per_s, {1, 0, 0}, 0}, {2 * ns_per_s, {1, 0, 0}, 0}};
+  for (const Case& one : {Case{steady(ns_per_s, 1, 10), 50 * ns_per_ms}, Case{steady(ns_per_s, 1, 1), 100 * ns_per_ms},
+                          Case{far_apart, 500 * ns_per_ms}}) {
+    Predictor predictor(knowing(known));
+    predictor.observe(at(ns_per_s, 0), 0);
+    predictor.sent(1, one.plan);
+    const TimeNs end_ns = one.plan.back().at_ns + one.hold_ns;
+    // Flown at 1 m/s to its end; less what it took to get there it rolls on for as much.
+    const double end_m = predictor.until(end_ns + ns_per_s).effect().position_m.x();
+    EXPECT_NEAR(end_m, to_seconds(end_ns - ns_per_s), 0.05) << to_seconds(end_ns);
+    EXPECT_LT(end_m - predictor.until(end_ns).effect().position_m.x(), known.lag_s);
+  }
 }
 
 TEST(Predictor, ToldVelocitiesChangeNoFasterThanLinkLetsThem) {

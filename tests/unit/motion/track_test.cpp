@@ -119,6 +119,14 @@ TEST(Track, TurningBackOnItselfIsSlowButNotTheEnd) {
   ASSERT_TRUE(points.ok());
   const Track track(*points, {0, 0}, 1.0, {});
   EXPECT_LT(track.lap_s(1.0), 20);
+  // One of its two turns is at its beginning, the other half a lap later. A bend of a few millimetres lies between two
+  // knots or on one: the knot before it is as slow as it.
+  for (const double turn_m : {0.0, track.length_m() / 2}) {
+    double slowest = 1e9;
+    for (double s = turn_m - 0.03; s <= turn_m + 0.03; s += 0.001) slowest = std::min(slowest, track.speed_at(s));
+    EXPECT_LT(slowest, 0.08) << turn_m;
+  }
+  EXPECT_GT(track.speed_at(track.length_m() / 4), 0.8);
   for (double s = 0; s < track.length_m(); s += 0.01) EXPECT_TRUE(track.at(s).position_m.allFinite());
 }
 
