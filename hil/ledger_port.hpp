@@ -18,7 +18,7 @@ namespace ledgerline::hil {
 /// without gap or doublet, also behind a cut. Deterministic for a seed; one thread.
 class LedgerPort {
  public:
-  static constexpr TimeNs deadline_ns = 5 * ns_per_s;  ///< as fabric::ClientConfig
+  static constexpr TimeNs deadline_ns = 1 * ns_per_s;  ///< as agent and ground, of a ledger that is not far
   static constexpr TimeNs reconnect_ns = 150 * ns_per_ms;
 
   LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed);

@@ -68,7 +68,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   link::LinkSettings settings;
   settings.rate_hz = config.rate_hz;
   settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, config.max_age_ns);
-  if (!config.predict) settings.playout.max_margin_ns = 0;  // the plain controller's command is for now
+  settings.playout.max_margin_ns = 0;  // as ./fly: ground counts on plans that take over as they come
   for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
   const int columns = std::min(config.drones, places.columns);
   const int rows = (config.drones + places.columns - 1) / places.columns;
