@@ -39,10 +39,18 @@ class LedgerPort {
   // Faults.
   void delay_to(std::optional<Distribution> delay) { delay_to_ = std::move(delay); }
   void delay_from(std::optional<Distribution> delay) { delay_from_ = std::move(delay); }
+  const std::optional<Distribution>& delay_to() const { return delay_to_; }
+  const std::optional<Distribution>& delay_from() const { return delay_from_; }
   void stall_to(bool stalled) { stalled_to_ = stalled; }
   void stall_from(bool stalled) { stalled_from_ = stalled; }
   /// The connection breaks and cannot be made anew: what is under way ends as unavailable, so does what is submitted.
   void cut(TimeNs now, bool away);
+  /// The peer starts anew: as a cut that is over at once, where none lasts.
+  void restart(TimeNs now) {
+    if (cut_) return;
+    cut(now, true);
+    cut(now, false);
+  }
   /// The peer shows its last blocks over and over, and no new one.
   void stale(bool stale) { stale_ = stale; }
 

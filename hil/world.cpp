@@ -287,12 +287,14 @@ void VirtualWorld::note(WorldEvent::Kind kind, std::size_t drone, std::string te
 }
 
 void VirtualWorld::kill(Process process) {
+  // Also one that is not there yet, since its start waits for the ledger.
+  if (process == Process::agent) agent_wanted_ = false;
+  if (process == Process::ground) ground_wanted_ = false;
   if (!lives(process)) return;
   switch (process) {
     case Process::agent:
       agent_.reset();
       agent_out_.clear();
-      agent_wanted_ = false;
       host_.forget();
       wires_->states.clear();
       wires_->transitions.clear();
@@ -313,7 +315,6 @@ void VirtualWorld::kill(Process process) {
       break;
     case Process::ground:
       ground_.reset();
-      ground_wanted_ = false;
       operator_.forget();
       break;
   }
@@ -352,10 +353,7 @@ void VirtualWorld::stop(Process process, bool stopped) {
 
 void VirtualWorld::restart_ledger() {
   ledger_.restart(now_);
-  for (LedgerPort* port : {&host_, &operator_}) {
-    port->cut(now_, true);
-    port->cut(now_, false);
-  }
+  for (LedgerPort* port : {&host_, &operator_}) port->restart(now_);
 }
 
 void VirtualWorld::stop_drone(std::size_t drone, bool cut) {
@@ -376,10 +374,11 @@ void VirtualWorld::impair(LineAt at, std::size_t drone, const Impairment& impair
 void VirtualWorld::set_sensor_faults(std::size_t drone, std::vector<SensorFault> faults) {
   std::vector<SensorFault>& known = wires_->drones[drone].sensors;
   for (SensorFault& fault : faults) {
-    const auto before = std::find_if(known.begin(), known.end(), [&](const SensorFault& k) {
-      return k.kind == fault.kind && k.field == fault.field;
-    });
-    if (before != known.end()) fault = *before;  // what goes on remembers what it said
+    const auto before =
+        std::find_if(known.begin(), known.end(), [&](const SensorFault& k) { return k.item == fault.item; });
+    if (before == known.end()) continue;
+    fault.last = before->last;  // what goes on remembers what it said
+    fault.next_ns = before->next_ns;
   }
   known = std::move(faults);
 }

@@ -56,7 +56,8 @@ struct Fault {
   std::string text;
   std::string at = "path";  ///< as written
   Trigger trigger{Trigger::Kind::path, 0, 0};
-  TimeNs for_ns = 0;  ///< 0: until the flight's end
+  TimeNs for_ns = 0;      ///< 0: until the flight's end
+  bool optional = false;  ///< its moment may never come; otherwise a run without it has not held
 
   What what{};
   std::string drone;              ///< empty: every drone
@@ -80,6 +81,9 @@ struct Fault {
 /// `real`: for a flight with the real processes, which has some faults more.
 Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration, bool real = false);
 
+/// That its moment never came, in words.
+std::string never_text(const Fault& fault);
+
 /// Brings faults into a world when their moment comes, and takes them out again. One thread.
 class FaultSchedule {
  public:
@@ -97,6 +101,10 @@ class FaultSchedule {
   };
   const std::vector<Item>& items() const { return items_; }
   bool any_active() const;
+  /// Faults that are not optional and whose moment has not come, in words.
+  std::vector<std::string> never_begun() const;
+  /// A process is dead, and its start is still to come: the run is not over.
+  bool starts_to_come() const;
   /// When the first one began, the last one ended; nothing while there is none.
   std::optional<TimeNs> first_begun_ns() const;
   std::optional<TimeNs> last_ended_ns() const;  ///< nothing while one is to come or goes on; momentary: its beginning
@@ -107,7 +115,11 @@ class FaultSchedule {
   explicit FaultSchedule(std::vector<Item> items) : items_(std::move(items)) {}
   void begin(VirtualWorld& world, Item& item);
   void end(VirtualWorld& world, Item& item);
-  void apply(VirtualWorld& world) const;  ///< of what can lie upon each other: lines, sensors, mocap
+  /// Anew from all that is active, since faults can lie upon each other: lines, sensors, mocap, drain, and what
+  /// follows.
+  void apply(VirtualWorld& world) const;
+  void apply_processes(VirtualWorld& world) const;
+  void apply_wind(VirtualWorld& world) const;
 
   std::vector<Item> items_;
 };

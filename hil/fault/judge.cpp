@@ -16,13 +16,30 @@ using Kind = Rule::Kind;
 using Words = std::vector<std::string_view>;
 
 namespace invariants {
-enum Which : std::uint8_t { too_fast, too_high, too_far, silent, hovers, rc_range, in_the_air, hangs, lost, count };
+enum Which : std::uint8_t {
+  too_fast,
+  too_high,
+  too_far,
+  silent,
+  hovers,
+  rc_range,
+  in_the_air,
+  hangs,
+  missing,
+  lost,
+  count
+};
 }  // namespace invariants
 constexpr std::array<std::string_view, invariants::count> invariant_names{
-    "always: never faster than the limits",  "always: never higher than the limits",
-    "always: never farther than the limits", "always: a hold or a landing after silence",
-    "always: a hold ends in a landing",      "always: rc in the SDK's range",
-    "always: on the ground in the end",      "always: no hang",
+    "always: never faster than the limits",
+    "always: never higher than the limits",
+    "always: never farther than the limits",
+    "always: a hold or a landing after silence",
+    "always: a hold ends in a landing",
+    "always: rc in the SDK's range",
+    "always: on the ground in the end",
+    "always: no hang",
+    "always: every fault began",
     "always: nothing acknowledged is lost",
 };
 
@@ -359,6 +376,7 @@ std::vector<Verdict> Judge::finish(const Ending& ending) {
     }
   }
   if (!ending.over) broke(invariant(invariants::hangs), ending.now, ending.why.empty() ? "it goes on" : ending.why);
+  if (!ending.missing.empty()) broke(invariant(invariants::missing), ending.now, ending.missing.front());
   if (!ending.lost.empty())
     broke(invariant(invariants::lost), ending.now,
           fmt::format("{}{}", ending.lost.front(),

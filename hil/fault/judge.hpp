@@ -75,6 +75,7 @@ struct Ending {
   bool ok = false;    ///< every drone finished its path and landed
   std::string why;
   std::vector<std::string> in_the_air;  ///< drones
+  std::vector<std::string> missing{};   ///< faults of the script that never began, in words
   std::vector<std::string> lost;        ///< acknowledged transactions and transitions that are not on the ledger
 };
 
@@ -102,6 +103,7 @@ struct Limits {
 ///     rc in range               as the SDK takes it
 ///     down in the end           when the run is over, or its time is up, nothing is in the air
 ///     no hang                   it is over before its time is up
+///     every fault began         of the script, but those that are optional: otherwise the run says nothing about it
 ///     nothing is lost           that was acknowledged as committed; transitions have no gap
 ///
 /// Plain data in, verdicts out. One thread.

@@ -210,6 +210,15 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
   for (const DroneFacts& drone : player.facts()) {
     if (drone.truth.in_flight) ending.in_the_air.push_back(drone.name);
   }
+  std::vector<std::string> begun;
+  for (const auto& fault : recording.faults) begun.push_back(fault.text);
+  for (const Fault& fault : script.faults) {
+    if (const auto found = std::find(begun.begin(), begun.end(), fault.text); found != begun.end()) {
+      begun.erase(found);
+    } else if (!fault.optional) {
+      ending.missing.push_back(never_text(fault));
+    }
+  }
   ending.lost = recording.lost;
   result.verdicts = judge.finish(ending);
   result.flown_ns = ending.now;

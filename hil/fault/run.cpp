@@ -88,7 +88,8 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
 
   bool battery_empty = false, deaf = false;
   TimeNs next_point_ns = 0;
-  while (!world.over() && world.now() < script.limit_ns) {
+  const auto over = [&] { return world.over() && !schedule.starts_to_come(); };
+  while (!over() && world.now() < script.limit_ns) {
     schedule.step(world);
     world.step();
     for (const auto& item : schedule.items()) deaf = deaf || (item.begun_ns && deafens(item.fault));
@@ -119,7 +120,8 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   for (std::size_t i = 0; i < world.facts().size(); ++i) result.plans.push_back(world.plans_text(i));
   Ending ending;
   ending.now = world.now();
-  ending.over = world.over();
+  ending.over = over();
+  ending.missing = schedule.never_begun();
   ending.ok = world.ok();
   ending.why = world.why();
   for (const DroneFacts& drone : world.facts()) {
