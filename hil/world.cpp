@@ -675,7 +675,8 @@ void VirtualWorld::look() {
         facts.off_path_m = path.distance_m({facts.truth.position_m[0], facts.truth.position_m[1]});
       }
     }
-    quiet = quiet && !facts.truth.in_flight && !in_flight(facts.phase);
+    const bool down = !facts.truth.in_flight && facts.truth.position_m[2] < on_ground_m;  // not still falling
+    quiet = quiet && down && !in_flight(facts.phase);
   }
   if (!quiet) {
     quiet_since_ns_ = 0;

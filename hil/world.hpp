@@ -20,6 +20,8 @@
 
 namespace ledgerline::hil {
 
+inline constexpr double on_ground_m = 0.1;  ///< a drone below it, its motors off, is on the ground
+
 struct WorldConfig {
   int drones = 1;
   ground::Shape shape = ground::Shape::square;

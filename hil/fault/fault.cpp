@@ -362,6 +362,16 @@ Result<Trigger> parse_trigger(std::string_view text) {
   return allowed(text, usage);
 }
 
+bool Fault::pushes() const {
+  return what == What::kick || what == What::propeller || what == What::reboot || what == What::wind ||
+         (what == What::stop_drone && value > 0);
+}
+
+bool Fault::deafens() const {
+  const bool link = (what == What::kill || what == What::stop) && ends[0] == Process::link;
+  return link || (what == What::line && std::find(lines.begin(), lines.end(), LineAt::to) != lines.end());
+}
+
 bool Fault::momentary() const {
   return what == What::reboot || what == What::battery || what == What::kick || what == What::propeller ||
          what == What::ledger_restart || what == What::clock_jump || what == What::stop_drone ||
@@ -598,12 +608,23 @@ std::optional<TimeNs> FaultSchedule::last_ended_ns() const {
   return last;
 }
 
-bool FaultSchedule::physical_begun() const {
-  return std::any_of(items_.begin(), items_.end(), [](const Item& item) {
-    const What what = item.fault.what;
-    return item.begun_ns && (what == What::kick || what == What::propeller || what == What::reboot ||
-                             what == What::wind || (what == What::stop_drone && item.fault.value > 0));
-  });
+std::span<const std::size_t> FaultSchedule::first_drones() const {
+  const auto first = first_begun_ns();
+  const auto found =
+      std::find_if(items_.begin(), items_.end(), [&](const Item& item) { return first && item.begun_ns == first; });
+  return found == items_.end() ? std::span<const std::size_t>() : std::span<const std::size_t>(found->drones);
+}
+
+FaultSchedule::Effect FaultSchedule::effect_on(std::size_t drone, TimeNs now) const {
+  Effect effect;
+  for (const Item& item : items_) {
+    const bool its = std::find(item.drones.begin(), item.drones.end(), drone) != item.drones.end();
+    const bool for_good = item.fault.what == What::propeller;
+    if (!item.begun_ns || !its || (!for_good && item.ended_ns && now > *item.ended_ns + aftermath_ns)) continue;
+    effect.pushed = effect.pushed || item.fault.pushes();
+    effect.deafened = effect.deafened || item.fault.deafens();
+  }
+  return effect;
 }
 
 }  // namespace ledgerline::hil

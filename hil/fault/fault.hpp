@@ -2,6 +2,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -72,6 +73,8 @@ struct Fault {
   std::string part{};  ///< kill_part: of Fabric's network, "peer1"
   TimeNs time_ns = 0;  ///< clock_jump, mocap_every
 
+  bool pushes() const;
+  bool deafens() const;
   /// Whether it is over by itself as soon as it began.
   bool momentary() const;
 };
@@ -108,8 +111,16 @@ class FaultSchedule {
   /// When the first one began, the last one ended; nothing while there is none.
   std::optional<TimeNs> first_begun_ns() const;
   std::optional<TimeNs> last_ended_ns() const;  ///< nothing while one is to come or goes on; momentary: its beginning
-  /// Whether one was a push from outside or a broken drone: then how fast and how high it gets says nothing.
-  bool physical_begun() const;
+  /// Of the first one that began; empty: none has.
+  std::span<const std::size_t> first_drones() const;
+
+  /// What a fault does to one drone, from its beginning until aftermath_ns behind its end.
+  struct Effect {
+    bool pushed = false;    ///< from outside, or broken (that for good): how fast and how high it gets says nothing
+    bool deafened = false;  ///< what it is told may not get there: it flies on with the last rc it got, as a Tello does
+  };
+  Effect effect_on(std::size_t drone, TimeNs now) const;
+  static constexpr TimeNs aftermath_ns = 5 * ns_per_s;
 
  private:
   explicit FaultSchedule(std::vector<Item> items) : items_(std::move(items)) {}

@@ -230,6 +230,56 @@ TEST(FaultJudge, ResumesCountsFromTheLastFaultsEnd) {
   }
 }
 
+TEST(FaultJudge, SendsIsOfTheCommandsThatLinkHas) {
+  for (const char* command : {"command", "takeoff", "land", "emergency"})
+    EXPECT_TRUE(parse_rule(std::string("sends no ") + command)) << command;
+  for (const char* bad : {"sends no emergncy", "sends rc", "sends no", "sends no no land"})
+    EXPECT_FALSE(parse_rule(bad)) << bad;
+}
+
+TEST(FaultJudge, EveryDroneThatTheFirstFaultNamesHasToLand) {
+  const auto lands = [](std::vector<std::size_t> named, const std::function<void(Judged&)>& what) {
+    Judged run("lands within 2 s");
+    run.drones.push_back(run.drones[0]);
+    run.drones[1].name = "tello2";
+    run.pass(ns_per_s);
+    run.moment.first_fault_ns = run.moment.now;
+    run.moment.first_fault_drones = named;
+    run.pass(ns_per_s);
+    what(run);
+    run.pass(2 * ns_per_s);
+    return !run.broken().contains("lands within 2 s");
+  };
+  const auto land = [](Judged& run, std::size_t drone) {
+    run.drones[drone].truth.in_flight = false;
+    run.drones[drone].truth.position_m[2] = 0.02;
+  };
+  EXPECT_TRUE(lands({0}, [&](Judged& r) { land(r, 0); }));
+  EXPECT_FALSE(lands({0}, [&](Judged& r) { land(r, 1); }));
+  EXPECT_FALSE(lands({0, 1}, [&](Judged& r) { land(r, 0); }));
+  EXPECT_FALSE(lands({}, [&](Judged& r) { land(r, 1); }));
+  EXPECT_TRUE(lands({}, [&](Judged& r) { land(r, 0), land(r, 1); }));
+  EXPECT_FALSE(lands({0}, [](Judged& r) { r.drones[0].truth.in_flight = false; }));  // it falls
+  Judged grounded("lands within 2 s");                                               // never flew
+  land(grounded, 0);
+  grounded.moment.first_fault_ns = 0;
+  grounded.pass(3 * ns_per_s);
+  EXPECT_TRUE(grounded.broken().contains("lands within 2 s"));
+}
+
+TEST(FaultJudge, AnExcuseIsOfOneDroneAlone) {
+  for (const std::size_t excused : {0U, 1U}) {
+    Judged run("");
+    run.drones.push_back(run.drones[0]);
+    std::vector<Moment::Excuse> excuses(2);
+    excuses[excused].deaf = true;
+    run.moment.excuses = excuses;
+    run.drones[0].truth.position_m[2] = 5;
+    run.pass(ns_per_s);
+    EXPECT_EQ(run.broken().contains("always: never higher than the limits"), excused == 1);
+  }
+}
+
 TEST(FaultJudge, InvariantsAreJudgedInEveryRun) {
   const auto broken_by = [](const std::function<void(Judged&)>& wrong) {
     Judged run("");
@@ -347,6 +397,19 @@ TEST(FaultOverlap, WhoWaitsForTheLedgerCanBeKilled) {
       run.fly_to(t_s);
       EXPECT_EQ(run.world->lives(process), lives) << name << " " << t_s;
     }
+  }
+}
+
+TEST(FaultOverlap, AnExcuseEndsFiveSecondsBehindTheFault) {
+  WorldConfig config;
+  config.drones = 2;
+  Faulty run({{"drone tello2 to loss 1%", "1s", "2s"}, {"drone tello1 kick 0 0 0", "2s", ""}}, config);
+  run.fly_to(8.5);
+  for (const auto& [t_s, pushed, deafened] : {std::tuple(6.9, true, true), {7.5, false, true}, {8.2, false, false}}) {
+    EXPECT_EQ(run.schedule->effect_on(0, from_seconds(t_s)).pushed, pushed) << t_s;
+    EXPECT_FALSE(run.schedule->effect_on(0, from_seconds(t_s)).deafened) << t_s;
+    EXPECT_EQ(run.schedule->effect_on(1, from_seconds(t_s)).deafened, deafened) << t_s;
+    EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(t_s)).pushed) << t_s;
   }
 }
 
