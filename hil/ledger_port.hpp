@@ -18,7 +18,7 @@ namespace ledgerline::hil {
 /// without gap or doublet, also behind a cut. Deterministic for a seed; one thread.
 class LedgerPort {
  public:
-  static constexpr TimeNs deadline_ns = 5 * ns_per_s;  ///< as fabric::ClientConfig
+  static constexpr TimeNs deadline_ns = 1 * ns_per_s;  ///< as agent and ground, of a ledger that is not far
   static constexpr TimeNs reconnect_ns = 150 * ns_per_ms;
 
   LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed);
@@ -39,10 +39,18 @@ class LedgerPort {
   // Faults.
   void delay_to(std::optional<Distribution> delay) { delay_to_ = std::move(delay); }
   void delay_from(std::optional<Distribution> delay) { delay_from_ = std::move(delay); }
+  const std::optional<Distribution>& delay_to() const { return delay_to_; }
+  const std::optional<Distribution>& delay_from() const { return delay_from_; }
   void stall_to(bool stalled) { stalled_to_ = stalled; }
   void stall_from(bool stalled) { stalled_from_ = stalled; }
   /// The connection breaks and cannot be made anew: what is under way ends as unavailable, so does what is submitted.
   void cut(TimeNs now, bool away);
+  /// The peer starts anew: as a cut that is over at once, where none lasts.
+  void restart(TimeNs now) {
+    if (cut_) return;
+    cut(now, true);
+    cut(now, false);
+  }
   /// The peer shows its last blocks over and over, and no new one.
   void stale(bool stale) { stale_ = stale; }
 

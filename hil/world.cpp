@@ -68,7 +68,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   link::LinkSettings settings;
   settings.rate_hz = config.rate_hz;
   settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, config.max_age_ns);
-  if (!config.predict) settings.playout.max_margin_ns = 0;  // the plain controller's command is for now
+  settings.playout.max_margin_ns = 0;  // as ./fly: ground counts on plans that take over as they come
   for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
   const int columns = std::min(config.drones, places.columns);
   const int rows = (config.drones + places.columns - 1) / places.columns;
@@ -287,12 +287,14 @@ void VirtualWorld::note(WorldEvent::Kind kind, std::size_t drone, std::string te
 }
 
 void VirtualWorld::kill(Process process) {
+  // Also one that is not there yet, since its start waits for the ledger.
+  if (process == Process::agent) agent_wanted_ = false;
+  if (process == Process::ground) ground_wanted_ = false;
   if (!lives(process)) return;
   switch (process) {
     case Process::agent:
       agent_.reset();
       agent_out_.clear();
-      agent_wanted_ = false;
       host_.forget();
       wires_->states.clear();
       wires_->transitions.clear();
@@ -313,7 +315,6 @@ void VirtualWorld::kill(Process process) {
       break;
     case Process::ground:
       ground_.reset();
-      ground_wanted_ = false;
       operator_.forget();
       break;
   }
@@ -352,10 +353,7 @@ void VirtualWorld::stop(Process process, bool stopped) {
 
 void VirtualWorld::restart_ledger() {
   ledger_.restart(now_);
-  for (LedgerPort* port : {&host_, &operator_}) {
-    port->cut(now_, true);
-    port->cut(now_, false);
-  }
+  for (LedgerPort* port : {&host_, &operator_}) port->restart(now_);
 }
 
 void VirtualWorld::stop_drone(std::size_t drone, bool cut) {
@@ -376,10 +374,11 @@ void VirtualWorld::impair(LineAt at, std::size_t drone, const Impairment& impair
 void VirtualWorld::set_sensor_faults(std::size_t drone, std::vector<SensorFault> faults) {
   std::vector<SensorFault>& known = wires_->drones[drone].sensors;
   for (SensorFault& fault : faults) {
-    const auto before = std::find_if(known.begin(), known.end(), [&](const SensorFault& k) {
-      return k.kind == fault.kind && k.field == fault.field;
-    });
-    if (before != known.end()) fault = *before;  // what goes on remembers what it said
+    const auto before =
+        std::find_if(known.begin(), known.end(), [&](const SensorFault& k) { return k.item == fault.item; });
+    if (before == known.end()) continue;
+    fault.last = before->last;  // what goes on remembers what it said
+    fault.next_ns = before->next_ns;
   }
   known = std::move(faults);
 }
@@ -676,7 +675,8 @@ void VirtualWorld::look() {
         facts.off_path_m = path.distance_m({facts.truth.position_m[0], facts.truth.position_m[1]});
       }
     }
-    quiet = quiet && !facts.truth.in_flight && !in_flight(facts.phase);
+    const bool down = !facts.truth.in_flight && facts.truth.position_m[2] < on_ground_m;  // not still falling
+    quiet = quiet && down && !in_flight(facts.phase);
   }
   if (!quiet) {
     quiet_since_ns_ = 0;

@@ -20,6 +20,8 @@
 
 namespace ledgerline::hil {
 
+inline constexpr double on_ground_m = 0.1;  ///< a drone below it, its motors off, is on the ground
+
 struct WorldConfig {
   int drones = 1;
   ground::Shape shape = ground::Shape::square;
@@ -85,7 +87,8 @@ struct SensorFault {
   std::string field;  ///< of the state text: "h", "tof", "bat" ...; empty: all of it (stuck, garbage, every)
   double bias = 0;    ///< in the text's unit
   TimeNs period_ns = 0;
-  std::string last{};  ///< stuck: what it said first
+  std::size_t item = 0;  ///< which of the drone's faults it is, so that it is known again: see set_sensor_faults()
+  std::string last{};    ///< stuck: what it said first
   TimeNs next_ns = 0;
 };
 
@@ -118,7 +121,8 @@ class VirtualWorld {
 
   /// Ground has ended, and every drone is on the ground and known to be, for half a second.
   bool over() const;
-  bool ground_done() const { return !ground_ || ground_->done(); }
+  /// It has ended; a dead one that was told to start has not.
+  bool ground_done() const { return ground_ ? ground_->done() : !ground_wanted_; }
   bool ok() const { return ground_ && ground_->ok(); }
   std::string why() const { return ground_ ? ground_->why() : "ground is not running"; }
   bool lives(Process process) const;
@@ -145,9 +149,10 @@ class VirtualWorld {
 
   // Faults. Drones are indices.
   void impair(LineAt at, std::size_t drone, const Impairment& impairment);
+  /// All that it has now; one that it had before, by `item`, goes on with what it said and when.
   void set_sensor_faults(std::size_t drone, std::vector<SensorFault> faults);
   void set_mocap_fault(std::size_t drone, const MocapFault& fault);
-  void kill(Process process);
+  void kill(Process process);   ///< also one whose start waits for the ledger
   void start(Process process);  ///< no effect while it lives
   void stop(Process process, bool stopped);
   void stall_ledger(bool stalled) { ledger_stalled_ = stalled; }

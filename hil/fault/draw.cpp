@@ -187,7 +187,9 @@ Script draw_script(std::uint64_t number) {
     if (!tried) continue;  // none of what is drawn is refused; a loop that ends shows it in the test
     const bool lasts = !tried->momentary() && tried->what != Fault::What::propeller;
     auto fault = parse_fault(text, at, lasts ? milliseconds(lasts_ms) : "");
-    if (fault) script.faults.push_back(std::move(*fault));
+    if (!fault) continue;
+    fault->optional = true;  // one may keep the other's moment from coming
+    script.faults.push_back(std::move(*fault));
   }
   return script;
 }

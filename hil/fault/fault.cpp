@@ -46,8 +46,15 @@ std::string drone_of(std::string_view word) { return word == "*" ? std::string()
 Status line_effects(Fault& fault, const Words& words, std::size_t from) {
   fault.what = What::line;
   fault.effects = joined(words, from);
-  Impairment tried;
-  return apply_effects(fault.effects, tried);
+  for (std::size_t begin = 0; begin <= fault.effects.size();) {
+    const std::size_t comma = std::min(fault.effects.find(',', begin), fault.effects.size());
+    Impairment tried;
+    if (auto applied = apply_effect(std::string_view(fault.effects).substr(begin, comma - begin), tried); !applied)
+      return applied;
+    if (!tried.any()) return allowed(fault.text, "does nothing: a fault ends by its `for`, not by `off` or `clear`");
+    begin = comma + 1;
+  }
+  return done;
 }
 
 Status parse_drone(Fault& fault, const Words& words) {
@@ -114,6 +121,7 @@ Status parse_sensor(Fault& fault, const Words& words) {
   if (words.size() == 5 && what == "every" && fault.sensor.field.empty()) {
     const auto period = parse_time(words[4]);
     if (!period) return period.error();
+    if (*period <= 0) return allowed(fault.text, "every must be followed by more than 0 s");
     fault.sensor.kind = SensorFault::Kind::every;
     fault.sensor.period_ns = *period;
     return done;
@@ -149,6 +157,7 @@ Status parse_mocap(Fault& fault, const Words& words) {
   if (what == "every" && words.size() == 4) {
     const auto period = parse_time(words[3]);
     if (!period) return period.error();
+    if (*period <= 0) return allowed(fault.text, "every must be followed by more than 0 s");
     fault.what = What::mocap_every;
     fault.time_ns = *period;
     return done;
@@ -353,6 +362,16 @@ Result<Trigger> parse_trigger(std::string_view text) {
   return allowed(text, usage);
 }
 
+bool Fault::pushes() const {
+  return what == What::kick || what == What::propeller || what == What::reboot || what == What::wind ||
+         (what == What::stop_drone && value > 0);
+}
+
+bool Fault::deafens() const {
+  const bool link = (what == What::kill || what == What::stop) && ends[0] == Process::link;
+  return link || (what == What::line && std::find(lines.begin(), lines.end(), LineAt::to) != lines.end());
+}
+
 bool Fault::momentary() const {
   return what == What::reboot || what == What::battery || what == What::kick || what == What::propeller ||
          what == What::ledger_restart || what == What::clock_jump || what == What::stop_drone ||
@@ -385,6 +404,8 @@ Result<Fault> parse_fault(std::string_view text, std::string_view at, std::strin
   }
   return fault;
 }
+
+std::string never_text(const Fault& fault) { return fmt::format("\"{}\" at {} never began", fault.text, fault.at); }
 
 Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std::vector<DroneFacts>& drones) {
   std::vector<Item> items;
@@ -429,7 +450,6 @@ void FaultSchedule::step(VirtualWorld& world) {
 
 void FaultSchedule::begin(VirtualWorld& world, Item& item) {
   const Fault& fault = item.fault;
-  const TimeNs now = world.now();
   world.note(WorldEvent::Kind::fault, item.drones[0], "begins: " + fault.text);
   for (const std::size_t i : item.drones) {
     const DroneNumber number = world.facts()[i].number;
@@ -439,9 +459,6 @@ void FaultSchedule::begin(VirtualWorld& world, Item& item) {
         break;
       case What::battery:
         world.sim().set_battery(number, fault.value);
-        break;
-      case What::drain:
-        world.sim().drain_battery(number, fault.value);
         break;
       case What::propeller:
         world.sim().lose_propeller(number);
@@ -457,20 +474,11 @@ void FaultSchedule::begin(VirtualWorld& world, Item& item) {
     }
   }
   switch (fault.what) {
-    case What::wind:
-      world.sim().set_wind(fault.vector);
-      break;
-    case What::ledger_stall:
-      world.stall_ledger(true);
-      break;
     case What::ledger_restart:
       world.restart_ledger();
       break;
     case What::kill:
       world.kill(fault.ends[0]);
-      break;
-    case What::stop:
-      world.stop(fault.ends[0], true);
       break;
     case What::clock_jump:
       world.jump_clock(fault.time_ns);
@@ -478,71 +486,40 @@ void FaultSchedule::begin(VirtualWorld& world, Item& item) {
     default:
       break;
   }
-  for (const Process process : fault.ends) {
-    if (fault.what == What::ledger_cut) world.port(process).cut(now, true);
-    if (fault.what == What::ledger_stale) world.port(process).stale(true);
-    if (fault.what == What::ledger_delay && fault.to) world.port(process).delay_to(fault.delay);
-    if (fault.what == What::ledger_delay && fault.from) world.port(process).delay_from(fault.delay);
-    if (fault.what == What::ledger_hold && fault.to) world.port(process).stall_to(true);
-    if (fault.what == What::ledger_hold && fault.from) world.port(process).stall_from(true);
-  }
 }
 
 void FaultSchedule::end(VirtualWorld& world, Item& item) {
   const Fault& fault = item.fault;
-  const TimeNs now = world.now();
   world.note(WorldEvent::Kind::fault, item.drones[0], "ends: " + fault.text);
-  // Of the same kind another may go on.
-  const auto goes_on = [&](What what, Process process) {
-    return std::any_of(items_.begin(), items_.end(), [&](const Item& other) {
-      return other.active() && other.fault.what == what &&
-             (other.fault.ends.empty() ||
-              std::find(other.fault.ends.begin(), other.fault.ends.end(), process) != other.fault.ends.end());
-    });
-  };
-  switch (fault.what) {
-    case What::drain:
-      for (const std::size_t i : item.drones) world.sim().drain_battery(world.facts()[i].number, 0);
-      break;
-    case What::wind:
-      world.sim().set_wind({});
-      break;
-    case What::ledger_stall:
-      world.stall_ledger(goes_on(What::ledger_stall, Process::agent));
-      break;
-    case What::kill:
-      if (!goes_on(What::kill, fault.ends[0])) world.start(fault.ends[0]);
-      break;
-    case What::stop:
-      world.stop(fault.ends[0], goes_on(What::stop, fault.ends[0]));
-      break;
-    default:
-      break;
-  }
-  for (const Process process : fault.ends) {
-    if (goes_on(fault.what, process)) continue;
-    if (fault.what == What::ledger_cut) world.port(process).cut(now, false);
-    if (fault.what == What::ledger_stale) world.port(process).stale(false);
-    if (fault.what == What::ledger_delay && fault.to) world.port(process).delay_to(std::nullopt);
-    if (fault.what == What::ledger_delay && fault.from) world.port(process).delay_from(std::nullopt);
-    if (fault.what == What::ledger_hold && fault.to) world.port(process).stall_to(false);
-    if (fault.what == What::ledger_hold && fault.from) world.port(process).stall_from(false);
-  }
+  if (fault.what != What::kill) return;
+  // Of the same process another may go on.
+  const bool goes_on = std::any_of(items_.begin(), items_.end(), [&](const Item& other) {
+    return other.active() && other.fault.what == What::kill && other.fault.ends == fault.ends;
+  });
+  if (!goes_on) world.start(fault.ends[0]);
 }
 
 void FaultSchedule::apply(VirtualWorld& world) const {
+  apply_processes(world);
+  apply_wind(world);
   for (std::size_t drone = 0; drone < world.facts().size(); ++drone) {
     std::array<Impairment, line_count> lines;
     std::vector<SensorFault> sensors;
     MocapFault mocap;
-    for (const Item& item : items_) {
+    double drain_per_s = 0;
+    for (std::size_t number = 0; number < items_.size(); ++number) {
+      const Item& item = items_[number];
       const Fault& fault = item.fault;
       if (!item.active() || std::find(item.drones.begin(), item.drones.end(), drone) == item.drones.end()) continue;
       for (const LineAt at : fault.lines) {
         [[maybe_unused]] const Status applied = apply_effects(fault.effects, lines[static_cast<std::size_t>(at)]);
         assert(applied.ok());  // parse_fault() has tried it
       }
-      if (fault.what == What::sensor) sensors.push_back(fault.sensor);
+      if (fault.what == What::sensor) {
+        sensors.push_back(fault.sensor);
+        sensors.back().item = number;
+      }
+      if (fault.what == What::drain) drain_per_s += fault.value;
       if (fault.what == What::mocap_frozen) mocap.frozen = true;
       if (fault.what == What::mocap_noise) mocap.noise_m = fault.value;
       if (fault.what == What::mocap_every) mocap.period_ns = fault.time_ns;
@@ -553,7 +530,61 @@ void FaultSchedule::apply(VirtualWorld& world) const {
     for (std::size_t i = 0; i < line_count; ++i) world.impair(static_cast<LineAt>(i), drone, lines[i]);
     world.set_sensor_faults(drone, std::move(sensors));
     world.set_mocap_fault(drone, mocap);
+    world.sim().drain_battery(world.facts()[drone].number, drain_per_s);
   }
+}
+
+// The ledger and its connections, and who stands still.
+void FaultSchedule::apply_processes(VirtualWorld& world) const {
+  const auto active = [&](What what, auto&& fits) {
+    return std::any_of(items_.begin(), items_.end(),
+                       [&](const Item& item) { return item.active() && item.fault.what == what && fits(item.fault); });
+  };
+  world.stall_ledger(active(What::ledger_stall, [](const Fault&) { return true; }));
+  for (const Process process : {Process::agent, Process::link, Process::ground}) {
+    const auto of_it = [&](const Fault& fault) {
+      return std::find(fault.ends.begin(), fault.ends.end(), process) != fault.ends.end();
+    };
+    world.stop(process, active(What::stop, of_it));
+    if (process == Process::link) continue;  // it has no connection
+    LedgerPort& port = world.port(process);
+    port.cut(world.now(), active(What::ledger_cut, of_it));
+    port.stale(active(What::ledger_stale, of_it));
+    port.stall_to(active(What::ledger_hold, [&](const Fault& fault) { return of_it(fault) && fault.to; }));
+    port.stall_from(active(What::ledger_hold, [&](const Fault& fault) { return of_it(fault) && fault.from; }));
+    std::optional<Distribution> to, from;  // the later one in the script
+    for (const Item& item : items_) {
+      if (!item.active() || item.fault.what != What::ledger_delay || !of_it(item.fault)) continue;
+      if (item.fault.to) to = item.fault.delay;
+      if (item.fault.from) from = item.fault.delay;
+    }
+    port.delay_to(std::move(to));
+    port.delay_from(std::move(from));
+  }
+}
+
+// Winds add up.
+void FaultSchedule::apply_wind(VirtualWorld& world) const {
+  std::array<double, 3> wind{};
+  for (const Item& item : items_) {
+    if (!item.active() || item.fault.what != What::wind) continue;
+    for (std::size_t i = 0; i < 3; ++i) wind[i] += item.fault.vector[i];
+  }
+  world.sim().set_wind(wind);
+}
+
+std::vector<std::string> FaultSchedule::never_begun() const {
+  std::vector<std::string> texts;
+  for (const Item& item : items_) {
+    if (!item.begun_ns && !item.fault.optional) texts.push_back(never_text(item.fault));
+  }
+  return texts;
+}
+
+bool FaultSchedule::starts_to_come() const {
+  return std::any_of(items_.begin(), items_.end(), [](const Item& item) {
+    return item.active() && item.fault.what == What::kill && item.fault.for_ns > 0;
+  });
 }
 
 bool FaultSchedule::any_active() const {
@@ -577,12 +608,23 @@ std::optional<TimeNs> FaultSchedule::last_ended_ns() const {
   return last;
 }
 
-bool FaultSchedule::physical_begun() const {
-  return std::any_of(items_.begin(), items_.end(), [](const Item& item) {
-    const What what = item.fault.what;
-    return item.begun_ns && (what == What::kick || what == What::propeller || what == What::reboot ||
-                             what == What::wind || (what == What::stop_drone && item.fault.value > 0));
-  });
+std::span<const std::size_t> FaultSchedule::first_drones() const {
+  const auto first = first_begun_ns();
+  const auto found =
+      std::find_if(items_.begin(), items_.end(), [&](const Item& item) { return first && item.begun_ns == first; });
+  return found == items_.end() ? std::span<const std::size_t>() : std::span<const std::size_t>(found->drones);
+}
+
+FaultSchedule::Effect FaultSchedule::effect_on(std::size_t drone, TimeNs now) const {
+  Effect effect;
+  for (const Item& item : items_) {
+    const bool its = std::find(item.drones.begin(), item.drones.end(), drone) != item.drones.end();
+    const bool for_good = item.fault.what == What::propeller;
+    if (!item.begun_ns || !its || (!for_good && item.ended_ns && now > *item.ended_ns + aftermath_ns)) continue;
+    effect.pushed = effect.pushed || item.fault.pushes();
+    effect.deafened = effect.deafened || item.fault.deafens();
+  }
+  return effect;
 }
 
 }  // namespace ledgerline::hil

@@ -2,6 +2,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -56,7 +57,8 @@ struct Fault {
   std::string text;
   std::string at = "path";  ///< as written
   Trigger trigger{Trigger::Kind::path, 0, 0};
-  TimeNs for_ns = 0;  ///< 0: until the flight's end
+  TimeNs for_ns = 0;      ///< 0: until the flight's end
+  bool optional = false;  ///< its moment may never come; otherwise a run without it has not held
 
   What what{};
   std::string drone;              ///< empty: every drone
@@ -71,6 +73,8 @@ struct Fault {
   std::string part{};  ///< kill_part: of Fabric's network, "peer1"
   TimeNs time_ns = 0;  ///< clock_jump, mocap_every
 
+  bool pushes() const;
+  bool deafens() const;
   /// Whether it is over by itself as soon as it began.
   bool momentary() const;
 };
@@ -79,6 +83,9 @@ struct Fault {
 /// connection cannot have. `for` and `at` are texts too; an empty `for` means until the end.
 /// `real`: for a flight with the real processes, which has some faults more.
 Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration, bool real = false);
+
+/// That its moment never came, in words.
+std::string never_text(const Fault& fault);
 
 /// Brings faults into a world when their moment comes, and takes them out again. One thread.
 class FaultSchedule {
@@ -97,17 +104,33 @@ class FaultSchedule {
   };
   const std::vector<Item>& items() const { return items_; }
   bool any_active() const;
+  /// Faults that are not optional and whose moment has not come, in words.
+  std::vector<std::string> never_begun() const;
+  /// A process is dead, and its start is still to come: the run is not over.
+  bool starts_to_come() const;
   /// When the first one began, the last one ended; nothing while there is none.
   std::optional<TimeNs> first_begun_ns() const;
   std::optional<TimeNs> last_ended_ns() const;  ///< nothing while one is to come or goes on; momentary: its beginning
-  /// Whether one was a push from outside or a broken drone: then how fast and how high it gets says nothing.
-  bool physical_begun() const;
+  /// Of the first one that began; empty: none has.
+  std::span<const std::size_t> first_drones() const;
+
+  /// What a fault does to one drone, from its beginning until aftermath_ns behind its end.
+  struct Effect {
+    bool pushed = false;    ///< from outside, or broken (that for good): how fast and how high it gets says nothing
+    bool deafened = false;  ///< what it is told may not get there: it flies on with the last rc it got, as a Tello does
+  };
+  Effect effect_on(std::size_t drone, TimeNs now) const;
+  static constexpr TimeNs aftermath_ns = 5 * ns_per_s;
 
  private:
   explicit FaultSchedule(std::vector<Item> items) : items_(std::move(items)) {}
   void begin(VirtualWorld& world, Item& item);
   void end(VirtualWorld& world, Item& item);
-  void apply(VirtualWorld& world) const;  ///< of what can lie upon each other: lines, sensors, mocap
+  /// Anew from all that is active, since faults can lie upon each other: lines, sensors, mocap, drain, and what
+  /// follows.
+  void apply(VirtualWorld& world) const;
+  void apply_processes(VirtualWorld& world) const;
+  void apply_wind(VirtualWorld& world) const;
 
   std::vector<Item> items_;
 };

@@ -16,13 +16,30 @@ using Kind = Rule::Kind;
 using Words = std::vector<std::string_view>;
 
 namespace invariants {
-enum Which : std::uint8_t { too_fast, too_high, too_far, silent, hovers, rc_range, in_the_air, hangs, lost, count };
+enum Which : std::uint8_t {
+  too_fast,
+  too_high,
+  too_far,
+  silent,
+  hovers,
+  rc_range,
+  in_the_air,
+  hangs,
+  missing,
+  lost,
+  count
+};
 }  // namespace invariants
 constexpr std::array<std::string_view, invariants::count> invariant_names{
-    "always: never faster than the limits",  "always: never higher than the limits",
-    "always: never farther than the limits", "always: a hold or a landing after silence",
-    "always: a hold ends in a landing",      "always: rc in the SDK's range",
-    "always: on the ground in the end",      "always: no hang",
+    "always: never faster than the limits",
+    "always: never higher than the limits",
+    "always: never farther than the limits",
+    "always: a hold or a landing after silence",
+    "always: a hold ends in a landing",
+    "always: rc in the SDK's range",
+    "always: on the ground in the end",
+    "always: no hang",
+    "always: every fault began",
     "always: nothing acknowledged is lost",
 };
 
@@ -67,6 +84,11 @@ std::optional<std::pair<std::size_t, bool>> seen_at(const Words& words) {
   return std::nullopt;
 }
 
+bool is_named(const Moment& moment, std::size_t drone) {
+  const auto& named = moment.first_fault_drones;
+  return named.empty() || std::find(named.begin(), named.end(), drone) != named.end();
+}
+
 }  // namespace
 
 std::optional<Amount> parse_amount(std::string_view text) {
@@ -98,7 +120,7 @@ std::string rule_help() {
          "  pose within 0.2 m                        of what link believes from the truth, in flight\n"
          "  nothing acknowledged is lost\n"
          "  ends within 60 s\n"
-         "  sends emergency, sends no emergency      any command but rc\n"
+         "  sends emergency, sends no emergency      command, takeoff, land\n"
          "  no crash                                 no drone turns over\n";
 }
 
@@ -151,7 +173,9 @@ Result<Rule> parse_rule(std::string_view sentence) {
   }
   if (words.size() >= 2 && words[0] == "sends") {
     rule.negated = words.size() == 3 && words[1] == "no";
-    if (rule.negated || words.size() == 2) {
+    constexpr std::array<std::string_view, 4> commands{"command", "takeoff", "land", "emergency"};
+    const bool known = std::find(commands.begin(), commands.end(), words.back()) != commands.end();
+    if (known && (rule.negated || words.size() == 2)) {
       rule.command = words.back();
       return found(Kind::sent);
     }
@@ -166,12 +190,12 @@ Result<Rule> parse_rule(std::string_view sentence) {
 }
 
 Judge::Judge(const std::vector<Rule>& rules, const Limits& limits) : limits_(limits), rules_(rules.size()) {
-  for (const Rule& rule : rules) states_.push_back({{rule, true, 0, {}}, false, {}});
+  for (const Rule& rule : rules) states_.push_back({{rule, true, 0, {}}, false, false, {}});
   for (const std::string_view text : invariant_names) {
     Rule rule;
     rule.text = text;
     rule.always = true;
-    states_.push_back({{rule, true, 0, {}}, false, {}});
+    states_.push_back({{rule, true, 0, {}}, false, false, {}});
   }
 }
 
@@ -198,11 +222,13 @@ void Judge::look_after(const Moment& moment, std::size_t index) {
   const TimeNs now = moment.now;
   const auto& at = facts.truth.position_m;
   const auto& v = facts.truth.velocity_mps;
-  if (!moment.physical && facts.truth.in_flight && !facts.truth.crashed) {
+  drone.flew = drone.flew || (facts.truth.in_flight && at[2] > on_ground_m);
+  const Moment::Excuse excuse = moment.excuses.empty() ? Moment::Excuse{} : moment.excuses[index];
+  if (!excuse.physical && facts.truth.in_flight && !facts.truth.crashed) {
     const double speed = std::hypot(v[0], v[1], v[2]);
     if (speed > limits_.speed_mps)
       broke(invariant(invariants::too_fast), now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
-    if (!moment.drone_deaf) {
+    if (!excuse.deaf) {
       if (at[2] > limits_.height_m)
         broke(invariant(invariants::too_high), now, fmt::format("{}: {:.2f} m", facts.name, at[2]));
       for (std::size_t i = 0; i < 2; ++i) {
@@ -246,6 +272,7 @@ void Judge::look_after(const Moment& moment, std::size_t index) {
 
 void Judge::look_at(const Moment& moment, State& state) {
   const Rule& rule = state.verdict.rule;
+  state.waits = false;
   const TimeNs now = moment.now;
   state.done.resize(moment.drones.size());
   switch (rule.kind) {
@@ -305,13 +332,12 @@ void Judge::look_at(const Moment& moment, State& state) {
         break;
       case Kind::reacts:
       case Kind::lands:
-        if (!moment.first_fault_ns || state.done[i]) break;
-        if (rule.kind == Kind::reacts ? facts.mode == *rule.mode : !facts.truth.in_flight) {
-          // One drone is enough: a fault may be another's.
+        if (!moment.first_fault_ns || state.done[i] || !is_named(moment, i)) break;
+        if (drones_[i].flew && (rule.kind == Kind::reacts ? facts.mode == *rule.mode : on_ground(facts.truth)))
           state.done[i] = state.seen = true;
-        }
-        if (!state.seen && longer(now - *moment.first_fault_ns, rule.amount))
-          broke(state, now, fmt::format("not within {:g} s", rule.amount));
+        if (!state.done[i] && longer(now - *moment.first_fault_ns, rule.amount))
+          broke(state, now, fmt::format("{}: not within {:g} s", facts.name, rule.amount));
+        if (!state.done[i]) state.waits = true;
         break;
       case Kind::resumes:
         if (!moment.last_fault_end_ns || state.done[i]) break;
@@ -348,7 +374,7 @@ std::vector<Verdict> Judge::finish(const Ending& ending) {
         break;
       case Kind::reacts:
       case Kind::lands:
-        if (!state.seen) broke(state, ending.now, "never");
+        if (!state.seen || state.waits) broke(state, ending.now, "never");
         break;
       case Kind::resumes:
         if (std::find(state.done.begin(), state.done.end(), false) != state.done.end())
@@ -359,6 +385,7 @@ std::vector<Verdict> Judge::finish(const Ending& ending) {
     }
   }
   if (!ending.over) broke(invariant(invariants::hangs), ending.now, ending.why.empty() ? "it goes on" : ending.why);
+  if (!ending.missing.empty()) broke(invariant(invariants::missing), ending.now, ending.missing.front());
   if (!ending.lost.empty())
     broke(invariant(invariants::lost), ending.now,
           fmt::format("{}{}", ending.lost.front(),

@@ -26,7 +26,7 @@ struct Rule {
     finishes,         ///< finishes
     hold_after_plan,  ///< hold within 300 ms after the plan's end
     reacts,           ///< hold|brake|land within 1 s
-    lands,            ///< lands within 6 s: on the ground
+    lands,            ///< lands within 6 s: on the ground; these two of every drone that the first fault names
     resumes,          ///< resumes within 2 s: after the last fault's end
     seen,             ///< hold is seen; cause pose lost is seen
     never_seen,       ///< land is never seen
@@ -62,10 +62,14 @@ struct Moment {
   std::span<const DroneFacts> drones;
   std::span<const WorldEvent> events;
   bool link_runs = true;  ///< alive and not stopped
-  bool physical = false;  ///< something was broken or pushed: speed and height are not the flight's own any more
-  bool drone_deaf =
-      false;  ///< what it is told may not get there, or its sensors lie: its speed and height may be anybody's
+  /// By drone, empty: for none: limits that say nothing now.
+  struct Excuse {
+    bool physical = false;  ///< it was broken or pushed: speed, height and place are not the flight's own
+    bool deaf = false;      ///< what it is told may not get there: its height and place are of what it heard last
+  };
+  std::span<const Excuse> excuses{};
   std::optional<TimeNs> first_fault_ns, last_fault_end_ns;
+  std::span<const std::size_t> first_fault_drones{};  ///< indices of those that the first fault names; empty: all
 };
 
 /// How one run ended, for what is judged at its end.
@@ -75,6 +79,7 @@ struct Ending {
   bool ok = false;    ///< every drone finished its path and landed
   std::string why;
   std::vector<std::string> in_the_air;  ///< drones
+  std::vector<std::string> missing{};   ///< faults of the script that never began, in words
   std::vector<std::string> lost;        ///< acknowledged transactions and transitions that are not on the ledger
 };
 
@@ -94,7 +99,8 @@ struct Limits {
 
 /// Judges a run moment by moment: the script's rules, and the invariants of every run:
 ///
-///     speed, height, distance   never beyond the limits, as long as nothing pushed or broke the drone
+///     speed, height, distance   never beyond the limits, but of a drone that was pushed, broken or deafened, until 5 s
+///                               behind that fault's end
 ///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later tells
 ///     the
 ///                               drone zero
@@ -102,6 +108,7 @@ struct Limits {
 ///     rc in range               as the SDK takes it
 ///     down in the end           when the run is over, or its time is up, nothing is in the air
 ///     no hang                   it is over before its time is up
+///     every fault began         of the script, but those that are optional: otherwise the run says nothing about it
 ///     nothing is lost           that was acknowledged as committed; transitions have no gap
 ///
 /// Plain data in, verdicts out. One thread.
@@ -114,6 +121,9 @@ class Judge {
   /// After the last one.
   std::vector<Verdict> finish(const Ending& ending);
 
+  /// Whether it is there, motors off: one whose motors were cut may still be falling.
+  static bool on_ground(const sim::Truth& truth) { return !truth.in_flight && truth.position_m[2] < on_ground_m; }
+
   static constexpr TimeNs hold_within_ns = 300 * ns_per_ms;
   static constexpr TimeNs ramp_ns = 600 * ns_per_ms;  ///< from 2 m/s at 4 m/s2, and a step of rc
   static constexpr TimeNs land_after_ns = 5'500 * ns_per_ms;
@@ -121,11 +131,13 @@ class Judge {
  private:
   struct Drone {
     TimeNs hovering_since_ns = 0;
+    bool flew = false;           ///< was higher than on_ground_m, in flight
     TimeNs rested_since_ns = 0;  ///< link runs and the drone flies, without a break
   };
   struct State {
     Verdict verdict;
     bool seen = false;
+    bool waits = false;      ///< a drone of the first fault is not yet `done`
     std::vector<bool> done;  ///< by drone
   };
   void look_at(const Moment& moment, State& state);

@@ -355,9 +355,8 @@ Result<Recording> RealFlight::recording() const {
     if (planned.begun_ns == 0) continue;
     const Fault& fault = planned.fault;
     const bool link = (fault.what == What::kill || fault.what == What::stop) && fault.ends[0] == Process::link;
-    const bool to = std::find(fault.lines.begin(), fault.lines.end(), LineAt::to) != fault.lines.end();
     died = died || fault.what == What::kill || fault.what == What::kill_roudi;
-    recording.faults.push_back({fault.text, planned.begun_ns, planned.ended_ns, link || to});
+    recording.faults.push_back({fault.text, planned.begun_ns, planned.ended_ns, fault.deafens(), fault.drone});
     if (!link) continue;
     const auto back = std::find_if(recording.link.begin(), recording.link.end(),
                                    [&](const TraceRecord& r) { return r.t_ns > planned.begun_ns; });

@@ -168,12 +168,22 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
   for (const DroneFacts& drone : player.facts()) result.drones.push_back(drone.name);
   result.timeline.resize(player.facts().size());
   Judge judge(script.must, limits);
-  bool deaf = false;
+  const auto has = [&](const Recording::Fault& fault, std::size_t drone) {
+    return fault.drone.empty() || fault.drone == player.facts()[drone].name;
+  };
+  std::vector<Moment::Excuse> excuses(player.facts().size());
+  std::vector<std::size_t> first_drones;
   std::optional<TimeNs> first, last;
   bool all_ended = !recording.faults.empty();
   for (const auto& fault : recording.faults) {
     const TimeNs begun = fault.begun_ns - recording.begin_ns, ended = fault.ended_ns - recording.begin_ns;
-    if (!first || begun < *first) first = begun;
+    if (!first || begun < *first) {
+      first = begun;
+      first_drones.clear();
+      for (std::size_t i = 0; i < excuses.size(); ++i) {
+        if (has(fault, i)) first_drones.push_back(i);
+      }
+    }
     if (fault.ended_ns == 0)
       all_ended = false;
     else if (!last || ended > *last)
@@ -183,17 +193,23 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
   for (TimeNs now = 0; now <= recording.end_ns - recording.begin_ns; now += ns_per_ms) {
     const TimeNs t_ns = recording.begin_ns + now;
     player.play(t_ns);
-    for (const auto& fault : recording.faults) deaf = deaf || (fault.deafens && fault.begun_ns <= t_ns);
+    for (std::size_t i = 0; i < excuses.size(); ++i) {
+      excuses[i].deaf =
+          std::any_of(recording.faults.begin(), recording.faults.end(), [&](const Recording::Fault& fault) {
+            const bool ended = fault.ended_ns != 0 && t_ns > fault.ended_ns + FaultSchedule::aftermath_ns;
+            return fault.deafens && has(fault, i) && fault.begun_ns <= t_ns && !ended;
+          });
+    }
     const bool away = std::any_of(recording.link_away.begin(), recording.link_away.end(),
                                   [&](const auto& span) { return span.first <= t_ns && t_ns < span.second; });
     judge.look({.now = now,
                 .drones = player.facts(),
                 .events = player.events(),
                 .link_runs = !away,
-                .physical = false,
-                .drone_deaf = deaf,
+                .excuses = excuses,
                 .first_fault_ns = first && *first <= now ? first : std::nullopt,
-                .last_fault_end_ns = all_ended && last && *last <= now ? last : std::nullopt});
+                .last_fault_end_ns = all_ended && last && *last <= now ? last : std::nullopt,
+                .first_fault_drones = first_drones});
     for (const WorldEvent& event : player.events()) {
       if (event.kind != WorldEvent::Kind::applied && result.events.size() < most_events) result.events.push_back(event);
     }
@@ -208,7 +224,16 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
   ending.ok = recording.ok;
   ending.why = recording.why;
   for (const DroneFacts& drone : player.facts()) {
-    if (drone.truth.in_flight) ending.in_the_air.push_back(drone.name);
+    if (!Judge::on_ground(drone.truth)) ending.in_the_air.push_back(drone.name);
+  }
+  std::vector<std::string> begun;
+  for (const auto& fault : recording.faults) begun.push_back(fault.text);
+  for (const Fault& fault : script.faults) {
+    if (const auto found = std::find(begun.begin(), begun.end(), fault.text); found != begun.end()) {
+      begun.erase(found);
+    } else if (!fault.optional) {
+      ending.missing.push_back(never_text(fault));
+    }
   }
   ending.lost = recording.lost;
   result.verdicts = judge.finish(ending);

@@ -23,6 +23,7 @@ struct Recording {
     TimeNs begun_ns = 0;
     TimeNs ended_ns = 0;   ///< 0: it lasted to the end
     bool deafens = false;  ///< what a drone is told may not get there
+    std::string drone{};   ///< whose fault it is; empty: every drone's
   };
   std::vector<Fault> faults;
   std::vector<std::pair<TimeNs, TimeNs>> link_away;  ///< when link was dead or stood still

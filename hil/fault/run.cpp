@@ -12,14 +12,6 @@ namespace {
 
 using What = Fault::What;
 
-// What the drone is told may not get there: then it flies on with the last rc it got, as a Tello does, and nobody on
-// this side can help it.
-bool deafens(const Fault& fault) {
-  const bool line =
-      fault.what == What::line && std::find(fault.lines.begin(), fault.lines.end(), LineAt::to) != fault.lines.end();
-  return line || ((fault.what == What::kill || fault.what == What::stop) && fault.ends[0] == Process::link);
-}
-
 // How far the fence may be off, since what link believes is off.
 double misled_m(const std::vector<Fault>& faults) {
   double metres = 0;
@@ -86,21 +78,24 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   result.fence_max_m = limits.max_m;
   Judge judge(script.must, limits);
 
-  bool battery_empty = false, deaf = false;
+  std::vector<Moment::Excuse> excuses(world.facts().size());
   TimeNs next_point_ns = 0;
-  while (!world.over() && world.now() < script.limit_ns) {
+  const auto over = [&] { return world.over() && !schedule.starts_to_come(); };
+  while (!over() && world.now() < script.limit_ns) {
     schedule.step(world);
     world.step();
-    for (const auto& item : schedule.items()) deaf = deaf || (item.begun_ns && deafens(item.fault));
-    for (const DroneFacts& drone : world.facts()) battery_empty = battery_empty || drone.truth.battery <= 0;
+    for (std::size_t i = 0; i < excuses.size(); ++i) {
+      const FaultSchedule::Effect effect = schedule.effect_on(i, world.now());
+      excuses[i] = {effect.pushed || world.facts()[i].truth.battery <= 0, effect.deafened};
+    }
     judge.look({.now = world.now(),
                 .drones = world.facts(),
                 .events = world.events(),
                 .link_runs = world.runs(Process::link),
-                .physical = battery_empty || schedule.physical_begun(),
-                .drone_deaf = deaf,
+                .excuses = excuses,
                 .first_fault_ns = schedule.first_begun_ns(),
-                .last_fault_end_ns = schedule.last_ended_ns()});
+                .last_fault_end_ns = schedule.last_ended_ns(),
+                .first_fault_drones = schedule.first_drones()});
     for (const WorldEvent& event : world.events()) {
       if (event.kind == WorldEvent::Kind::applied || result.events.size() >= most_events) continue;
       result.events.push_back(event);
@@ -119,11 +114,12 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   for (std::size_t i = 0; i < world.facts().size(); ++i) result.plans.push_back(world.plans_text(i));
   Ending ending;
   ending.now = world.now();
-  ending.over = world.over();
+  ending.over = over();
+  ending.missing = schedule.never_begun();
   ending.ok = world.ok();
   ending.why = world.why();
   for (const DroneFacts& drone : world.facts()) {
-    if (drone.truth.in_flight) ending.in_the_air.push_back(drone.name);
+    if (!Judge::on_ground(drone.truth)) ending.in_the_air.push_back(drone.name);
   }
   ending.lost = world.lost_acknowledged();
   for (std::string& gap : world.lost_transitions()) ending.lost.push_back(std::move(gap));

@@ -78,6 +78,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
       config.wrong(key + "what", tried.error().what);
       continue;
     }
+    fault->optional = config.boolean(key + "optional", false);
     script.faults.push_back(std::move(*fault));
   }
   for (const std::string& sentence : config.texts("must", most_rules)) {
@@ -127,6 +128,7 @@ std::string text_of(const Script& script) {
   for (const Fault& fault : script.faults) {
     text += fmt::format("\n[[fault]]\nwhat = {}\nat = {}\n", quoted(fault.text), quoted(fault.at));
     if (fault.for_ns > 0) text += fmt::format("for = {}\n", quoted(time_text(fault.for_ns)));
+    if (fault.optional) text += "optional = true\n";
   }
   return text;
 }

@@ -76,6 +76,12 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
                            "wind 1 2",
                            "clock jump soon",
                            "operator dance tello1",
+                           "drone tello1 to loss off",
+                           "drone tello1 to delay 10ms, loss off",
+                           "drone tello1 to clear",
+                           "mocap tello1 clear",
+                           "mocap tello1 every 0s",
+                           "sensor tello1 all every 0s",
                            "drone tello1 battery 200%"}) {
     const std::string error = error_of(std::string("title = \"t\"\n[[fault]]\nwhat = \"") + what + "\"\n");
     EXPECT_NE(error.find("x.toml:3: fault.0.what:"), std::string::npos) << what << ": " << error;
@@ -148,7 +154,7 @@ class Judged {
   std::vector<DroneFacts> drones;
   std::vector<WorldEvent> events;
   Moment moment;
-  Ending ending{.now = 0, .over = true, .ok = true, .why = {}, .in_the_air = {}, .lost = {}};
+  Ending ending{.now = 0, .over = true, .ok = true, .why = {}, .in_the_air = {}, .missing = {}, .lost = {}};
   bool piloted = true;
 
  private:
@@ -224,6 +230,56 @@ TEST(FaultJudge, ResumesCountsFromTheLastFaultsEnd) {
   }
 }
 
+TEST(FaultJudge, SendsIsOfTheCommandsThatLinkHas) {
+  for (const char* command : {"command", "takeoff", "land", "emergency"})
+    EXPECT_TRUE(parse_rule(std::string("sends no ") + command)) << command;
+  for (const char* bad : {"sends no emergncy", "sends rc", "sends no", "sends no no land"})
+    EXPECT_FALSE(parse_rule(bad)) << bad;
+}
+
+TEST(FaultJudge, EveryDroneThatTheFirstFaultNamesHasToLand) {
+  const auto lands = [](std::vector<std::size_t> named, const std::function<void(Judged&)>& what) {
+    Judged run("lands within 2 s");
+    run.drones.push_back(run.drones[0]);
+    run.drones[1].name = "tello2";
+    run.pass(ns_per_s);
+    run.moment.first_fault_ns = run.moment.now;
+    run.moment.first_fault_drones = named;
+    run.pass(ns_per_s);
+    what(run);
+    run.pass(2 * ns_per_s);
+    return !run.broken().contains("lands within 2 s");
+  };
+  const auto land = [](Judged& run, std::size_t drone) {
+    run.drones[drone].truth.in_flight = false;
+    run.drones[drone].truth.position_m[2] = 0.02;
+  };
+  EXPECT_TRUE(lands({0}, [&](Judged& r) { land(r, 0); }));
+  EXPECT_FALSE(lands({0}, [&](Judged& r) { land(r, 1); }));
+  EXPECT_FALSE(lands({0, 1}, [&](Judged& r) { land(r, 0); }));
+  EXPECT_FALSE(lands({}, [&](Judged& r) { land(r, 1); }));
+  EXPECT_TRUE(lands({}, [&](Judged& r) { land(r, 0), land(r, 1); }));
+  EXPECT_FALSE(lands({0}, [](Judged& r) { r.drones[0].truth.in_flight = false; }));  // it falls
+  Judged grounded("lands within 2 s");                                               // never flew
+  land(grounded, 0);
+  grounded.moment.first_fault_ns = 0;
+  grounded.pass(3 * ns_per_s);
+  EXPECT_TRUE(grounded.broken().contains("lands within 2 s"));
+}
+
+TEST(FaultJudge, AnExcuseIsOfOneDroneAlone) {
+  for (const std::size_t excused : {0U, 1U}) {
+    Judged run("");
+    run.drones.push_back(run.drones[0]);
+    std::vector<Moment::Excuse> excuses(2);
+    excuses[excused].deaf = true;
+    run.moment.excuses = excuses;
+    run.drones[0].truth.position_m[2] = 5;
+    run.pass(ns_per_s);
+    EXPECT_EQ(run.broken().contains("always: never higher than the limits"), excused == 1);
+  }
+}
+
 TEST(FaultJudge, InvariantsAreJudgedInEveryRun) {
   const auto broken_by = [](const std::function<void(Judged&)>& wrong) {
     Judged run("");
@@ -253,7 +309,124 @@ TEST(FaultJudge, InvariantsAreJudgedInEveryRun) {
             "always: rc in the SDK's range");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.in_the_air = {"tello1"}; }), "always: on the ground in the end");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.over = false; }), "always: no hang");
+  EXPECT_EQ(broken_by([](Judged& r) { r.ending.missing = {"fault"}; }), "always: every fault began");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.lost = {"transaction"}; }), "always: nothing acknowledged is lost");
+}
+
+// --- faults that lie upon each other -------------------------------------------------------------------------------
+
+struct Written {
+  const char *what, *at, *lasts;
+};
+
+/// A world and its faults, step by step.
+class Faulty {
+ public:
+  explicit Faulty(const std::vector<Written>& written, const WorldConfig& config = {}) {
+    world = std::move(*VirtualWorld::create(config));
+    std::vector<Fault> faults;
+    for (const Written& w : written) {
+      auto fault = parse_fault(w.what, w.at, w.lasts);
+      EXPECT_TRUE(fault.ok()) << fault.error().what;
+      faults.push_back(*fault);
+    }
+    schedule = std::make_unique<FaultSchedule>(std::move(*FaultSchedule::create(std::move(faults), world->facts())));
+  }
+  void fly_to(double t_s) {
+    while (world->now() < from_seconds(t_s)) {
+      schedule->step(*world);
+      world->step();
+    }
+  }
+
+  std::unique_ptr<VirtualWorld> world;
+  std::unique_ptr<FaultSchedule> schedule;
+};
+
+TEST(FaultOverlap, TheEndOfOneLeavesTheOtherAsItIs) {
+  Faulty stalls({{"ledger agent stall", "100ms", "1s"}, {"ledger agent to stall", "500ms", "2s"}});
+  const LedgerPort& port = stalls.world->port(Process::agent);
+  for (const auto& [t_s, reachable] : {std::pair(0.05, true), {0.3, false}, {1.5, false}, {2.6, true}}) {
+    stalls.fly_to(t_s);
+    EXPECT_EQ(port.reachable(), reachable) << t_s;
+  }
+  Faulty delays({{"ledger agent delay 300ms", "100ms", "3s"}, {"ledger agent to delay 10ms", "500ms", "1s"}});
+  const LedgerPort& delayed = delays.world->port(Process::agent);
+  for (const auto& [t_s, to, from] :
+       {std::tuple(0.3, "300ms", "300ms"), {1.0, "10ms", "300ms"}, {2.0, "300ms", "300ms"}, {3.2, "", ""}}) {
+    delays.fly_to(t_s);
+    EXPECT_EQ(delayed.delay_to() ? text_of(*delayed.delay_to()) : "", to) << t_s;
+    EXPECT_EQ(delayed.delay_from() ? text_of(*delayed.delay_from()) : "", from) << t_s;
+  }
+  Faulty drains({{"drone tello1 drain 10%", "100ms", "3s"}, {"drone tello1 drain 5%", "500ms", "1s"}});
+  const auto drained = [&](double from_s, double to_s) {
+    drains.fly_to(from_s);
+    const double before = drains.world->facts()[0].truth.battery;
+    drains.fly_to(to_s);
+    return before - drains.world->facts()[0].truth.battery;
+  };
+  EXPECT_NEAR(drained(0.6, 1.4), 0.8 * 0.15, 0.005);
+  EXPECT_NEAR(drained(1.6, 2.6), 0.1, 0.005);
+  EXPECT_NEAR(drained(3.2, 4.2), 0, 0.005);
+  // A wind that is none changes nothing of another.
+  Faulty one({{"wind 2 0 0", "takeoff", "3s"}}),
+      both({{"wind 2 0 0", "takeoff", "3s"}, {"wind 0 0 0", "takeoff + 1s", "500ms"}}), calm({});
+  for (Faulty* run : {&one, &both, &calm}) run->fly_to(6);
+  EXPECT_EQ(one.world->facts()[0].truth.position_m, both.world->facts()[0].truth.position_m);
+  EXPECT_NE(one.world->facts()[0].truth.position_m, calm.world->facts()[0].truth.position_m);
+}
+
+TEST(FaultOverlap, ARestartEndsNoCut) {
+  Faulty run({{"ledger both cut", "1s", "2s"}, {"ledger restart", "2s", ""}});
+  for (const Process process : {Process::agent, Process::ground}) {
+    EXPECT_TRUE(run.world->port(process).reachable());
+  }
+  for (const auto& [t_s, reachable] : {std::pair(1.5, false), {2.1, false}, {2.9, false}, {3.1, true}}) {
+    run.fly_to(t_s);
+    for (const Process process : {Process::agent, Process::ground})
+      EXPECT_EQ(run.world->port(process).reachable(), reachable) << t_s;
+  }
+}
+
+TEST(FaultOverlap, WhoWaitsForTheLedgerCanBeKilled) {
+  for (const auto& [name, process] : {std::pair("agent", Process::agent), std::pair("ground", Process::ground)}) {
+    const std::string kill = std::string(name) + " kill", cut = std::string("ledger ") + name + " cut";
+    // Started at 1.5 s, but not before the cut's end at 3 s; killed again before.
+    Faulty run({{kill.c_str(), "500ms", "1s"}, {cut.c_str(), "1s", "2s"}, {kill.c_str(), "2s", "3s"}});
+    for (const auto& [t_s, lives] : {std::pair(0.4, true), {1.8, false}, {3.5, false}, {5.1, true}}) {
+      run.fly_to(t_s);
+      EXPECT_EQ(run.world->lives(process), lives) << name << " " << t_s;
+    }
+  }
+}
+
+TEST(FaultOverlap, AnExcuseEndsFiveSecondsBehindTheFault) {
+  WorldConfig config;
+  config.drones = 2;
+  Faulty run({{"drone tello2 to loss 1%", "1s", "2s"}, {"drone tello1 kick 0 0 0", "2s", ""}}, config);
+  run.fly_to(8.5);
+  for (const auto& [t_s, pushed, deafened] : {std::tuple(6.9, true, true), {7.5, false, true}, {8.2, false, false}}) {
+    EXPECT_EQ(run.schedule->effect_on(0, from_seconds(t_s)).pushed, pushed) << t_s;
+    EXPECT_FALSE(run.schedule->effect_on(0, from_seconds(t_s)).deafened) << t_s;
+    EXPECT_EQ(run.schedule->effect_on(1, from_seconds(t_s)).deafened, deafened) << t_s;
+    EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(t_s)).pushed) << t_s;
+  }
+}
+
+TEST(FaultOverlap, TwoBiasesAddUp) {
+  const auto lands = [](const std::vector<Written>& faults) {
+    Faulty run(faults);
+    bool seen = false;
+    while (run.world->now() < 10 * ns_per_s) {
+      run.fly_to(to_seconds(run.world->now()) + 0.01);
+      const FailsafeCause cause = run.world->facts()[0].cause;
+      seen = seen || cause == FailsafeCause::battery_critical;
+    }
+    return seen;
+  };
+  EXPECT_FALSE(lands({{"sensor tello1 bat bias -1", "path", ""}}));
+  EXPECT_FALSE(lands({{"sensor tello1 bat bias -60", "path + 1s", ""}}));
+  EXPECT_TRUE(lands({{"sensor tello1 bat bias -35", "path", ""}, {"sensor tello1 bat bias -60", "path + 1s", ""}}));
 }
 
 // --- runs ----------------------------------------------------------------------------------------------------------
@@ -316,6 +489,23 @@ TEST(FaultRun, ABrokenRuleIsToldWithItsMomentInEveryForm) {
   EXPECT_NE(html.find("height below 0.5 m"), std::string::npos);
   EXPECT_EQ(html.find("Not <so>"), std::string::npos);
   EXPECT_EQ(html.find("@DATA@"), std::string::npos);
+}
+
+TEST(FaultRun, WhoseFaultNeverCameHasNotHeld) {
+  for (const char* optional : {"", "optional = true\n"}) {
+    const RunResult result = flown(
+        scripted(std::string("title = \"t\"\n[[fault]]\nwhat = \"ledger stall\"\nat = \"height 50\"\n") + optional), 1);
+    EXPECT_EQ(result.held(), *optional != '\0');
+    EXPECT_EQ(broken_text(result).find("\"ledger stall\" at height 50 never began") != std::string::npos,
+              *optional == '\0');
+  }
+}
+
+TEST(FaultRun, WaitsForTheStartOfWhatItKilled) {
+  const RunResult result =
+      flown(scripted("title = \"t\"\n[[fault]]\nwhat = \"ground kill\"\nat = \"path\"\nfor = \"40s\"\n"), 1);
+  EXPECT_TRUE(result.over);
+  EXPECT_GT(result.flown_ns, 40 * ns_per_s);
 }
 
 TEST(FaultRandom, NoInvariantBreaks) {
