@@ -177,6 +177,12 @@ int run(const std::vector<std::string>& paths, const Options& options) {
     }
     seeds = *parsed;
   }
+  constexpr std::uint64_t most_flights = 200'000;  // all are held ready
+  if (seeds && seeds->second - seeds->first >= most_flights / scripts.size()) {
+    fmt::print(stderr, "{} are too many seeds for {} scripts: {} flights are the most\n", options.seeds, scripts.size(),
+               most_flights);
+    return exit_usage;
+  }
   const std::vector<Flight> flights = flights_of(scripts, seeds);
   if (options.real) return run_all_really(flights, options);
   Teller teller(flights.size(), options.quiet);
