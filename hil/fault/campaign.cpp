@@ -118,6 +118,17 @@ Result<std::pair<std::uint64_t, std::uint64_t>> parse_seeds(const std::string& t
   return std::pair(first, last);
 }
 
+std::vector<Flight> flights_of(const std::vector<Script>& scripts,
+                               const std::optional<std::pair<std::uint64_t, std::uint64_t>>& seeds) {
+  std::vector<Flight> flights;
+  for (const Script& script : scripts) {
+    const std::uint64_t own = script.seed.value_or(1);
+    const auto [first, last] = seeds.value_or(std::pair(own, own));
+    for (std::uint64_t seed = first; seed <= last; ++seed) flights.push_back({script, seed});
+  }
+  return flights;
+}
+
 std::string broken_text(const RunResult& result) {
   std::string text;
   for (const Verdict& verdict : result.verdicts) {

@@ -24,6 +24,10 @@ void fly_all(std::size_t count, unsigned jobs, const std::function<Flight(std::s
 /// "7" or "1..1000": the first and the last.
 Result<std::pair<std::uint64_t, std::uint64_t>> parse_seeds(const std::string& text);
 
+/// Each script with each seed from `seeds`; without seeds each with its own one, or 1.
+std::vector<Flight> flights_of(const std::vector<Script>& scripts,
+                               const std::optional<std::pair<std::uint64_t, std::uint64_t>>& seeds);
+
 /// "  broke at 12.345 s: RULE: what was seen", a line for each.
 std::string broken_text(const RunResult& result);
 

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -25,7 +26,7 @@ constexpr double agree_within_m = 0.1;  // of the real processes and the virtual
 constexpr std::size_t most_kept = 200;  // results for the files; broken ones first
 
 struct Options {
-  std::string seeds = "1";
+  std::string seeds;  // empty: each script's own, or 1
   unsigned jobs = 1;
   std::string json, junit, html, out;
   bool quiet = false;
@@ -103,43 +104,40 @@ int files_and_code(const Options& options, std::vector<RunResult>& kept, std::si
 
 /// The real processes, one flight after another; where nothing goes wrong the virtual run of the same script must
 /// agree.
-int run_all_really(const std::vector<Script>& scripts, std::pair<std::uint64_t, std::uint64_t> seeds,
-                   const Options& options) {
+int run_all_really(const std::vector<Flight>& flights, const Options& options) {
   const char* elsewhere = std::getenv("LEDGERLINE_BIN");  // as for ledgerline-fly
   std::error_code error;
   const fs::path own = fs::read_symlink("/proc/self/exe", error).parent_path();
-  for (const Script& script : scripts) {  // before any of them flies
+  for (const auto& [script, seed] : flights) {  // before any of them flies
     if (const auto possible = check_real(script, {options.ledger == "fabric"}); !possible) {
       fmt::print(stderr, "{}\n", possible.error().what);
       return exit_usage;
     }
   }
-  Teller teller(scripts.size() * (seeds.second - seeds.first + 1), options.quiet);
+  Teller teller(flights.size(), options.quiet);
   std::vector<RunResult> kept;
   bool failed = false;
-  for (const Script& script : scripts) {
-    for (std::uint64_t seed = seeds.first; seed <= seeds.second; ++seed) {
-      const std::string directory = fmt::format("{}/{}-{}", fs::absolute(options.out).string(), script.name, seed);
-      auto result =
-          run_really(script, seed, {elsewhere ? elsewhere : own.string(), directory, {options.ledger == "fabric"}});
-      if (!result) {
-        spdlog::error("{}: {}", script.name, result.error().what);
-        failed = true;
-        continue;
-      }
-      teller.told(*result);
-      if (script.faults.empty()) {
-        const auto virtually = run_script(script, seed);
-        const Agreement agreement = virtually ? compare(*result, *virtually) : Agreement{false, 0, "no virtual run"};
-        const bool agrees = agreement.same_transitions && agreement.farthest_m <= agree_within_m;
-        failed = failed || !agrees;
-        fmt::print("{} its virtual run: {} transitions, places within {:.3f} m ({:.1f} m may be){}\n",
-                   agrees ? "agrees with" : "DIFFERS from", agreement.same_transitions ? "the same" : "other",
-                   agreement.farthest_m, agree_within_m,
-                   agreement.difference.empty() ? "" : "\n  " + agreement.difference);
-      }
-      keep(kept, std::move(*result));
+  for (const auto& [script, seed] : flights) {
+    const std::string directory = fmt::format("{}/{}-{}", fs::absolute(options.out).string(), script.name, seed);
+    auto result =
+        run_really(script, seed, {elsewhere ? elsewhere : own.string(), directory, {options.ledger == "fabric"}});
+    if (!result) {
+      spdlog::error("{}: {}", script.name, result.error().what);
+      failed = true;
+      continue;
     }
+    teller.told(*result);
+    if (script.faults.empty()) {
+      const auto virtually = run_script(script, seed);
+      const Agreement agreement = virtually ? compare(*result, *virtually) : Agreement{false, 0, "no virtual run"};
+      const bool agrees = agreement.same_transitions && agreement.farthest_m <= agree_within_m;
+      failed = failed || !agrees;
+      fmt::print("{} its virtual run: {} transitions, places within {:.3f} m ({:.1f} m may be){}\n",
+                 agrees ? "agrees with" : "DIFFERS from", agreement.same_transitions ? "the same" : "other",
+                 agreement.farthest_m, agree_within_m,
+                 agreement.difference.empty() ? "" : "\n  " + agreement.difference);
+    }
+    keep(kept, std::move(*result));
   }
   teller.end();
   return files_and_code(options, kept, teller.broken(), failed);
@@ -166,21 +164,32 @@ int run(const std::vector<std::string>& paths, const Options& options) {
     }
     scripts.push_back(std::move(*script));
   }
-  const auto seeds = parse_seeds(options.seeds);
-  if (!seeds) {
-    fmt::print(stderr, "{}\n", seeds.error().what);
+  if (scripts.empty()) {
+    fmt::print(stderr, "there is no *.toml in {}\n", fmt::join(paths, ", "));
     return exit_usage;
   }
-  if (options.real) return run_all_really(scripts, *seeds, options);
-  const std::size_t each = seeds->second - seeds->first + 1;
-  Teller teller(scripts.size() * each, options.quiet);
+  std::optional<std::pair<std::uint64_t, std::uint64_t>> seeds;
+  if (!options.seeds.empty()) {
+    const auto parsed = parse_seeds(options.seeds);
+    if (!parsed) {
+      fmt::print(stderr, "{}\n", parsed.error().what);
+      return exit_usage;
+    }
+    seeds = *parsed;
+  }
+  constexpr std::uint64_t most_flights = 200'000;  // all are held ready
+  if (seeds && seeds->second - seeds->first >= most_flights / scripts.size()) {
+    fmt::print(stderr, "{} are too many seeds for {} scripts: {} flights are the most\n", options.seeds, scripts.size(),
+               most_flights);
+    return exit_usage;
+  }
+  const std::vector<Flight> flights = flights_of(scripts, seeds);
+  if (options.real) return run_all_really(flights, options);
+  Teller teller(flights.size(), options.quiet);
   std::vector<RunResult> kept;
   bool failed = false;
   fly_all(
-      scripts.size() * each, options.jobs,
-      [&](std::size_t i) {
-        return Flight{scripts[i / each], seeds->first + i % each};
-      },
+      flights.size(), options.jobs, [&](std::size_t i) { return flights[i]; },
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (!result) {
           spdlog::error("{}: {}", flight.script.name, result.error().what);
@@ -196,7 +205,7 @@ int run(const std::vector<std::string>& paths, const Options& options) {
 }
 
 int random(const Options& options, bool shrinks) {
-  const auto seeds = parse_seeds(options.seeds);
+  const auto seeds = parse_seeds(options.seeds.empty() ? "1" : options.seeds);
   if (!seeds) {
     fmt::print(stderr, "{}\n", seeds.error().what);
     return exit_usage;
@@ -231,6 +240,7 @@ int random(const Options& options, bool shrinks) {
         return again && !again->held();
       });
     }
+    script.seed = flight.seed;
     const auto result = run_script(script, flight.seed);
     fmt::print("\n# {}, seed {}\n{}{}", script.name, flight.seed, text_of(script), result ? broken_text(*result) : "");
     if (!options.out.empty()) {
@@ -260,7 +270,7 @@ int main(int argc, char** argv) {
   Options options;
   std::vector<std::string> paths;
   const auto common = [&](CLI::App* command) {
-    command->add_option("--seed,--seeds", options.seeds, "N or FIRST..LAST")->capture_default_str();
+    command->add_option("--seed,--seeds", options.seeds, "N or FIRST..LAST; left out: the script's own, or 1");
     command->add_option("--jobs", options.jobs, "flights at once")->check(CLI::Range(1, 64))->capture_default_str();
     command->add_option("--json", options.json, "everything as one object (of at most 200 runs, broken ones first)");
     command->add_option("--junit", options.junit, "JUnit XML of the same runs");

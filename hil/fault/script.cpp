@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <limits>
 
 #include "common/config/config.hpp"
 #include "common/rt/file.hpp"
@@ -44,6 +45,8 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   Script script;
   script.name = std::filesystem::path(file).stem().string();
   script.title = config.text("title");
+  constexpr std::int64_t most_seed = std::numeric_limits<std::int64_t>::max();
+  if (const auto seed = config.integer("seed", 0, 1, most_seed); seed > 0) script.seed = seed;
   WorldConfig& flight = script.flight;
   flight.drones = static_cast<int>(config.integer("flight.drones", flight.drones, 1, max_drones));
   flight.shape = *ground::shape_from_name(config.choice("flight.shape", motion::shape_names(), "square"));
@@ -107,6 +110,7 @@ std::string text_of(const Script& script) {
   const WorldConfig usual;
   const WorldConfig& f = script.flight;
   std::string text = fmt::format("title = {}\n", quoted(script.title));
+  if (script.seed) text += fmt::format("seed = {}\n", *script.seed);
   text += "must = [";
   for (const Rule& rule : script.must) text += fmt::format("\n  {},", quoted(rule.text));
   text += script.must.empty() ? "]\n" : "\n]\n";

@@ -1,4 +1,6 @@
 #pragma once
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -14,7 +16,8 @@ struct Script {
   std::string name;   ///< of the file, without folder and ending
   std::string title;  ///< one sentence
   WorldConfig flight;
-  TimeNs limit_ns = 120 * ns_per_s;  ///< longer a run never takes: not over by then is broken
+  std::optional<std::uint64_t> seed;  ///< it is flown with, unless another is asked for
+  TimeNs limit_ns = 120 * ns_per_s;   ///< longer a run never takes: not over by then is broken
   std::vector<Fault> faults;
   std::vector<Rule> must;
 };

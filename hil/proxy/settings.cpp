@@ -67,8 +67,9 @@ Result<std::vector<ScriptedFault>> read_script(const std::string& file, const st
     const std::string table = fmt::format("fault.{}.", i);
     ScriptedFault fault;
     fault.at_ns = from_seconds(config->number(table + "at_s", 0, longest_script_s));
-    const double for_s = config->number(table + "for_s", 0, 0, longest_script_s);
+    const double for_s = config->number(table + "for_s", -1, 0, longest_script_s);  // left out: -1
     if (for_s > 0) fault.for_ns = from_seconds(for_s);
+    if (for_s == 0) config->wrong(table + "for_s", "must be more than 0; leave it out for a fault that stays");
     fault.command = config->text(table + "do");
     // One by one, so that the error names the line; what was switched before matters to none.
     const auto possible = Script::make({fault}, Switches(targets));

@@ -552,6 +552,21 @@ TEST(FaultRandom, AFailingScriptIsShrunkToWhatMakesItFail) {
   EXPECT_TRUE(parse_script(text_of(shortest), "x.toml").ok());
 }
 
+TEST(FaultSeeds, AScriptFliesWithItsOwnUnlessAskedOtherwise) {
+  Script drawn = draw_script(3);
+  drawn.seed = 77;
+  const auto again = parse_script(text_of(drawn), "x.toml");
+  ASSERT_TRUE(again.ok()) << again.error().what;
+  const auto seeds_of = [&](std::optional<std::pair<std::uint64_t, std::uint64_t>> asked) {
+    std::vector<std::uint64_t> seeds;
+    for (const Flight& flight : flights_of({*again, scripted("title = \"t\"\n")}, asked)) seeds.push_back(flight.seed);
+    return seeds;
+  };
+  EXPECT_EQ(seeds_of({}), (std::vector<std::uint64_t>{77, 1}));
+  EXPECT_EQ(seeds_of(std::pair(4, 5)), (std::vector<std::uint64_t>{4, 5, 4, 5}));
+  EXPECT_NE(error_of("title = \"t\"\nseed = 0\n"), "");
+}
+
 TEST(FaultSeeds, AreANumberOrTwo) {
   EXPECT_EQ(*parse_seeds("7"), std::pair(std::uint64_t{7}, std::uint64_t{7}));
   EXPECT_EQ(*parse_seeds("1..1000"), std::pair(std::uint64_t{1}, std::uint64_t{1000}));
