@@ -1,6 +1,6 @@
 //! A pilot who knows ROS 2's messages and a drone's name, nothing else.
 
-use crate::{let_writers_in, qos, say};
+use crate::{qos, say};
 use futures::{future, pin_mut, StreamExt};
 use ros2_client::{MessageTypeName, Name, Node, Publisher, Subscription};
 use serde::{de::DeserializeOwned, Deserialize, Serialize};
@@ -8,7 +8,6 @@ use smol::Timer;
 use std::cell::Cell;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-const APART: Duration = Duration::from_millis(200);
 const PATIENCE: Duration = Duration::from_secs(60); // no limit on speed: only how long a broken flight may take
 
 #[derive(Debug, Serialize)]
@@ -118,9 +117,7 @@ async fn press(button: &Publisher<Empty>, word: &str, done: impl Fn() -> bool) {
 
 pub async fn fly(node: &mut Node, drone: &str, forward_mps: f64, flying: Duration) {
     let takeoff = publisher::<Empty>(node, &format!("/{drone}/takeoff"), "std_msgs", "Empty");
-    let_writers_in(APART).await;
     let land = publisher::<Empty>(node, &format!("/{drone}/land"), "std_msgs", "Empty");
-    let_writers_in(APART).await;
     let cmd_vel = publisher::<Twist>(node, &format!("/{drone}/cmd_vel"), "geometry_msgs", "Twist");
     let odometry = subscription::<Odometry>(node, &format!("/{drone}/odom"), "nav_msgs", "Odometry");
     let newest = Cell::new((0.0, 0.0)); // height, m, and climb, m/s

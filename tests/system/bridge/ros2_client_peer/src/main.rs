@@ -68,12 +68,6 @@ fn say(line: &str) {
     std::io::stdout().flush().expect("stdout");
 }
 
-/// RustDDS's create_datawriter waits for room among ten new writers with a lock in hand that its event loop needs before it
-/// takes them out: it stands for ever where they come faster. A node brings nearly ten of its own.
-pub(crate) async fn let_writers_in(time: std::time::Duration) {
-    smol::Timer::after(time).await;
-}
-
 async fn publish(node: &mut Node, topic: &Name, first: u32, count: u32, period: std::time::Duration) {
     let topic = node.create_topic(topic, MessageTypeName::new("made_up_msgs", "Nested"), &qos()).expect("topic");
     let publisher = node.create_publisher::<Nested>(&topic, None).expect("publisher");
@@ -141,7 +135,6 @@ fn main() {
     smol::spawn(node.spinner().expect("spinner").spin()).detach();
     let topic = |i: usize| Name::parse(text(i)).expect("topic");
     smol::block_on(async {
-        let_writers_in(std::time::Duration::from_secs(1)).await;
         match text(0) {
             "publish" => {
                 let period = std::time::Duration::from_millis(number(4).into());
