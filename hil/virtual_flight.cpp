@@ -9,6 +9,7 @@
 
 #include "common/msg/ros.hpp"
 #include "ground/core/flight.hpp"
+#include "hil/digester.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/agent/agent_core.hpp"
 #include "onboard/link/link_core.hpp"
@@ -28,29 +29,6 @@ const crypto::IdentityName drone_host{"Org1MSP", "CN=User1@org1.ledgerline"};
 const crypto::IdentityName operator_name{"Org2MSP", "CN=User1@org2.ledgerline"};
 
 std::string drone_name(int number) { return fmt::format("tello{}", number); }
-
-// SHA-256 of everything that is put in, folded whenever a megabyte has come together.
-class Digester {
- public:
-  void put(std::string_view bytes) {
-    buffer_.append(bytes);
-    if (buffer_.size() > 1'000'000) fold();
-  }
-  void put(const TraceRecord& record) { put({reinterpret_cast<const char*>(&record), sizeof record}); }
-  crypto::Digest result() {
-    fold();
-    crypto::Digest digest{};
-    std::copy(buffer_.begin(), buffer_.end(), digest.begin());
-    return digest;
-  }
-
- private:
-  void fold() {
-    const crypto::Digest digest = crypto::sha256(buffer_);
-    buffer_.assign(digest.begin(), digest.end());
-  }
-  std::string buffer_;
-};
 
 // enroll and acquire, as the launcher does before take-off.
 Status prepare(VirtualLedger& ledger, const std::vector<std::string>& drones) {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/msg/ros.hpp"
+#include "hil/digester.hpp"
 #include "hil/sensor_text.hpp"
 #include "hil/words.hpp"
 #include "ledgerline.pb.h"
@@ -124,29 +125,6 @@ Status prepare(VirtualLedger& ledger, const std::vector<DroneFacts>& drones) {
 }
 
 }  // namespace
-
-// SHA-256 of everything that is put in, folded whenever a megabyte has come together.
-class VirtualWorld::Digester {
- public:
-  void put(std::string_view bytes) {
-    buffer_.append(bytes);
-    if (buffer_.size() > 1'000'000) fold();
-  }
-  void put(const TraceRecord& record) { put({reinterpret_cast<const char*>(&record), sizeof record}); }
-  crypto::Digest result() {
-    fold();
-    crypto::Digest digest{};
-    std::copy(buffer_.begin(), buffer_.end(), digest.begin());
-    return digest;
-  }
-
- private:
-  void fold() {
-    const crypto::Digest digest = crypto::sha256(buffer_);
-    buffer_.assign(digest.begin(), digest.end());
-  }
-  std::string buffer_;
-};
 
 /// What is on its way between two parts.
 struct VirtualWorld::Wires {

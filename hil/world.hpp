@@ -20,6 +20,8 @@
 
 namespace ledgerline::hil {
 
+class Digester;
+
 inline constexpr double on_ground_m = 0.1;  ///< a drone below it, its motors off, is on the ground
 
 struct WorldConfig {
@@ -166,7 +168,6 @@ class VirtualWorld {
 
  private:
   struct Wires;
-  class Digester;
   explicit VirtualWorld(const WorldConfig& config);
   Status set_up();
   Status start_agent();
