@@ -108,7 +108,7 @@ def kill_agent_in_flight(out: pathlib.Path, kills: int) -> dict:
 
 
 def test_an_agent_that_is_killed_at_any_moment_is_taken_back_and_disturbs_link_nowhere(tmp_path):
-    kills, per_flight = (1000, 150) if LONG else (20, 20)  # a battery lasts twelve minutes
+    kills, per_flight = (1000, 150) if LONG else (12, 12)  # a battery lasts twelve minutes
     random.seed(6)
     flights = []
     while (left := kills - sum(f["kills"] for f in flights)) > 0:
@@ -185,7 +185,7 @@ def hardest_m_s2(truth: list[tuple], begin: int, end: int) -> float:
 
 
 def test_a_link_that_is_killed_is_back_in_the_air_without_a_jerk_and_the_flight_goes_on(tmp_path):
-    kills = 100 if LONG else 4
+    kills = 100 if LONG else 3
     flight = fly(tmp_path, "--seconds", str(5 * kills + 8), "--storage", "tmpfs")
     wait_for_flight(tmp_path, flight)
     at_ns = []
