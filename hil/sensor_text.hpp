@@ -1,10 +1,21 @@
 #pragma once
 #include <string>
 
+#include "common/rt/clock.hpp"
 #include "common/rt/random.hpp"
-#include "hil/world.hpp"
 
 namespace ledgerline::hil {
+
+/// What the drone's state text says wrongly.
+struct SensorFault {
+  enum class Kind { stuck, garbage, bias, every } kind{};
+  std::string field;  ///< of the state text: "h", "tof", "bat" ...; empty: all of it (stuck, garbage, every)
+  double bias = 0;    ///< in the text's unit
+  TimeNs period_ns = 0;
+  std::size_t item = 0;  ///< which of the drone's faults it is, so that it is known again: see set_sensor_faults()
+  std::string last{};    ///< stuck: what it said first
+  TimeNs next_ns = 0;
+};
 
 /// Whether a Tello's state text has such a field.
 bool known_field(const std::string& field);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/msg/names.hpp"
+#include "hil/fault/schedule.hpp"
 
 namespace ledgerline::hil {
 namespace {

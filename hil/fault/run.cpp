@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/msg/names.hpp"
+#include "hil/fault/schedule.hpp"
 
 namespace ledgerline::hil {
 namespace {

@@ -7,6 +7,7 @@
 
 #include "common/config/config.hpp"
 #include "common/rt/file.hpp"
+#include "hil/fault/schedule.hpp"
 
 namespace ledgerline::hil {
 namespace {

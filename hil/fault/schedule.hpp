@@ -1,0 +1,60 @@
+#pragma once
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "hil/fault/fault.hpp"
+#include "hil/world.hpp"
+
+namespace ledgerline::hil {
+
+/// Brings faults into a world when their moment comes, and takes them out again. One thread.
+class FaultSchedule {
+ public:
+  /// The error names a drone that does not fly.
+  static Result<FaultSchedule> create(std::vector<Fault> faults, const std::vector<DroneFacts>& drones);
+
+  /// Before each step of the world.
+  void step(VirtualWorld& world);
+
+  struct Item {
+    Fault fault;
+    std::vector<std::size_t> drones;  ///< indices
+    std::optional<TimeNs> reached_ns, begun_ns, ended_ns;
+    bool active() const { return begun_ns && !ended_ns; }
+  };
+  const std::vector<Item>& items() const { return items_; }
+  bool any_active() const;
+  /// Faults that are not optional and whose moment has not come, in words.
+  std::vector<std::string> never_begun() const;
+  /// A process is dead, and its start is still to come: the run is not over.
+  bool starts_to_come() const;
+  /// When the first one began, the last one ended; nothing while there is none.
+  std::optional<TimeNs> first_begun_ns() const;
+  std::optional<TimeNs> last_ended_ns() const;  ///< nothing while one is to come or goes on; momentary: its beginning
+  /// Of the first one that began; empty: none has.
+  std::span<const std::size_t> first_drones() const;
+
+  /// What a fault does to one drone, from its beginning until aftermath_ns behind its end.
+  struct Effect {
+    bool pushed = false;    ///< from outside, or broken (that for good): how fast and how high it gets says nothing
+    bool deafened = false;  ///< what it is told may not get there: it flies on with the last rc it got, as a Tello does
+  };
+  Effect effect_on(std::size_t drone, TimeNs now) const;
+  static constexpr TimeNs aftermath_ns = 5 * ns_per_s;
+
+ private:
+  explicit FaultSchedule(std::vector<Item> items) : items_(std::move(items)) {}
+  void begin(VirtualWorld& world, Item& item);
+  void end(VirtualWorld& world, Item& item);
+  /// Anew from all that is active, since faults can lie upon each other: lines, sensors, mocap, drain, and what
+  /// follows.
+  void apply(VirtualWorld& world) const;
+  void apply_processes(VirtualWorld& world) const;
+  void apply_wind(VirtualWorld& world) const;
+
+  std::vector<Item> items_;
+};
+
+}  // namespace ledgerline::hil

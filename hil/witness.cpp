@@ -1,0 +1,116 @@
+#include "hil/witness.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "hil/words.hpp"
+#include "hil/world_setup.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr double rc_full_mps = 1.0;
+
+}  // namespace
+
+Witness::Witness(int drones, const sim::Simulator& sim) {
+  for (int k = 1; k <= drones; ++k) {
+    DroneFacts facts;
+    facts.name = drone_name(k);
+    facts.number = static_cast<DroneNumber>(k);
+    const sim::Truth truth = sim.truth(facts.number);
+    facts.start_m = {truth.position_m[0], truth.position_m[1]};
+    facts_.push_back(facts);
+  }
+}
+
+void Witness::note(TimeNs now, WorldEvent::Kind kind, std::size_t drone, std::string text) {
+  noted_.push_back({now, kind, drone, 0, std::move(text)});
+}
+
+void Witness::begin_step() { events_ = std::exchange(noted_, {}); }
+
+void Witness::given(const std::vector<Pose>& poses) {
+  for (const Pose& pose : poses) facts_[pose.drone - 1U].pose = pose;
+}
+
+void Witness::given(const std::vector<Plan>& plans) {
+  for (const Plan& plan : plans) {
+    if (plan.action != PlanAction::fly || plan.count == 0 || plan.count > max_setpoints) continue;
+    const link::PlayoutSettings settings;
+    const TimeNs last = plan.setpoints[plan.count - 1].at_ns;
+    const TimeNs hold = plan.count == 1 ? settings.default_hold_ns
+                                        : std::min(last - plan.setpoints[plan.count - 2].at_ns, settings.max_hold_ns);
+    DroneFacts& facts = facts_[plan.drone - 1U];
+    facts.told_until_ns = std::max(facts.told_until_ns, last + hold);
+  }
+}
+
+void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command) {
+  const std::size_t i = drone - 1U;
+  const auto words = words_of(command);
+  if (words.empty() || words[0] != "rc") {
+    events_.push_back({now, WorldEvent::Kind::sent, i, 0, std::string(command)});
+    return;
+  }
+  std::array<double, 4> sticks{};
+  bool good = words.size() == 5;
+  for (std::size_t k = 0; good && k < 4; ++k) {
+    const auto value = parse_number(words[k + 1]);
+    good = value && std::abs(*value) <= 100;
+    if (good) sticks[k] = *value / 100 * rc_full_mps;
+  }
+  if (!good) events_.push_back({now, WorldEvent::Kind::bad_rc, i, 0, std::string(command)});
+  facts_[i].told_mps = std::hypot(sticks[0], sticks[1], sticks[2]);
+  facts_[i].told_ns = now;
+}
+
+void Witness::traced(TimeNs now, const TraceRecord& record) {
+  DroneFacts& facts = facts_[record.drone - 1U];
+  if (record.kind == TraceKind::mode) {
+    facts.phase = static_cast<FlightPhase>(record.id);
+    facts.mode = static_cast<FailsafeMode>(record.extra);
+    facts.cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
+    events_.push_back({now, WorldEvent::Kind::mode, record.drone - 1U, 0, {}});
+  } else if (record.kind == TraceKind::command_applied) {
+    events_.push_back(
+        {now, WorldEvent::Kind::applied, record.drone - 1U, to_seconds(record.t_ns - record.stamp_ns), {}});
+  }
+}
+
+void Witness::link_ended() {
+  for (DroneFacts& facts : facts_) {
+    facts.phase = FlightPhase::disconnected;
+    facts.mode = FailsafeMode::none;
+    facts.cause = FailsafeCause::none;
+    facts.told_until_ns = facts.plan_end_ns = 0;
+  }
+}
+
+void Witness::end_step(const sim::Simulator& sim, const ground::FlightCore* ground, const link::LinkCore* link) {
+  for (WorldEvent& event : std::exchange(noted_, {})) events_.push_back(std::move(event));
+  for (std::size_t i = 0; i < facts_.size(); ++i) {
+    DroneFacts& facts = facts_[i];
+    facts.truth = sim.truth(facts.number);
+    if (link && facts.told_until_ns != 0) facts.plan_end_ns = facts.told_until_ns + link->margin_ns(facts.number);
+    facts.off_path_m.reset();
+    if (!ground) continue;
+    const auto status = ground->status(i);
+    facts.ground_phase = status.phase;
+    facts.finished = status.finished;
+    facts.lap = status.lap;
+    if (status.phase == ground::DronePhase::path)
+      facts.off_path_m =
+          ground->controller(i)->path().distance_m({facts.truth.position_m[0], facts.truth.position_m[1]});
+  }
+}
+
+bool Witness::all_down() const {
+  return std::all_of(facts_.begin(), facts_.end(), [](const DroneFacts& facts) {
+    const bool down = !facts.truth.in_flight && facts.truth.position_m[2] < on_ground_m;  // not still falling
+    return down && !in_flight(facts.phase);
+  });
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,44 @@
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "ground/core/flight.hpp"
+#include "hil/virtual_ledger.hpp"
+#include "onboard/agent/agent_core.hpp"
+#include "onboard/link/settings.hpp"
+#include "sim/simulator.hpp"
+
+namespace ledgerline::hil {
+
+struct WorldConfig {
+  int drones = 1;
+  ground::Shape shape = ground::Shape::square;
+  double side_m = 1.5;
+  double speed_mps = 0.5;
+  double rate_hz = 30;
+  int laps = 1;
+  bool predict = true;
+  TimeNs max_age_ns = 500 * ns_per_ms;  ///< of a command, from its state's stamp; for a far ledger more
+  double battery = 1.0;                 ///< of every drone at the start, 0..1
+  double room_m = 3;                    ///< the fence's distance from the drones' places
+  std::size_t batch_count = 1;
+  TimeNs batch_timeout_ns = 10 * ns_per_ms;
+  std::uint64_t seed = 1;
+};
+
+// Who takes part.
+extern const crypto::IdentityName drone_host, operator_name;
+std::string drone_name(int number);
+
+// What each part of such a world is told.
+node::CoreConfig node_config(const WorldConfig& config);
+sim::Parameters sim_parameters(const WorldConfig& config);
+link::LinkSettings link_settings(const WorldConfig& config);
+/// `starts` differs from start to start.
+agent::AgentConfig agent_config(const WorldConfig& config, std::uint64_t starts);
+ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& ledger);
+
+/// enroll and acquire, as the launcher does before take-off.
+Status prepare(VirtualLedger& ledger, int drones);
+
+}  // namespace ledgerline::hil
