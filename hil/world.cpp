@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <cstring>
 #include <map>
 #include <utility>
 
@@ -49,6 +50,15 @@ std::vector<T> take(std::deque<T>& queue) {
   return all;
 }
 
+std::string bytes_of(const Plan& plan) { return {reinterpret_cast<const char*>(&plan), sizeof plan}; }
+
+Plan plan_of(const std::string& bytes) {
+  Plan plan;
+  assert(bytes.size() == sizeof plan);
+  std::memcpy(&plan, bytes.data(), sizeof plan);
+  return plan;
+}
+
 node::CoreConfig node_config(const WorldConfig& config) {
   node::CoreConfig node;
   node.batch_count = config.batch_count;
@@ -73,7 +83,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
   const int columns = std::min(config.drones, places.columns);
   const int rows = (config.drones + places.columns - 1) / places.columns;
-  settings.fence.min_m = {-config.room_m, -config.room_m, 0};
+  settings.fence.min_m = {-std::abs(config.room_m), -std::abs(config.room_m), 0};
   settings.fence.max_m = {(columns - 1) * places.spacing_m + config.side_m + config.room_m,
                           (rows - 1) * places.spacing_m + config.side_m + config.room_m, 3};
   return settings;
@@ -166,8 +176,9 @@ VirtualWorld::VirtualWorld(const WorldConfig& config)
     facts.number = static_cast<DroneNumber>(k);
     facts_.push_back(facts);
     Wires::Drone wires;
-    for (std::size_t i = 0; i < line_count; ++i) wires.lines.emplace_back(Line::Kind::datagrams, seeds.next());
+    for (std::size_t i = 0; i < line_count - 1; ++i) wires.lines.emplace_back(Line::Kind::datagrams, seeds.next());
     wires.noise = Random(seeds.next());
+    wires.lines.emplace_back(Line::Kind::datagrams, ~config.seed + static_cast<std::uint64_t>(k));  // plans
     wires_->drones.push_back(std::move(wires));
   }
 }
@@ -213,7 +224,8 @@ Result<std::string> VirtualWorld::control_record(LedgerPort& port, const std::st
 
 void VirtualWorld::start_link() {
   // Any number that differs from start to start, as the shell's random one does.
-  link_.emplace(link_settings(config_), Random(config_.seed * 1000 + ++starts_).next());
+  link_start_ = ++starts_;
+  link_.emplace(link_settings(config_), Random(config_.seed * 1000 + link_start_).next());
 }
 
 Status VirtualWorld::start_agent() {
@@ -514,7 +526,13 @@ void VirtualWorld::step_agent() {
   for (auto& submit : agent_out_.submits) host_.submit(now_, submit.frame, std::move(submit.call));
   for (const auto& trace : agent_out_.traces) digester_->put(trace);
   if (link_) {
-    for (const Plan& plan : agent_out_.plans) put(wires_->plans, plan, plan_queue);
+    for (const Plan& plan : agent_out_.plans) {
+      // A stop is in nobody's order.
+      if (plan.action != PlanAction::stop && plan.action != PlanAction::cut)
+        events_.push_back({now_, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
+      wires_->drones[plan.drone - 1U].lines[static_cast<std::size_t>(LineAt::plans)].push(now_, bytes_of(plan),
+                                                                                          link_start_);
+    }
     for (const Pose& pose : agent_out_.poses) put(wires_->poses, pose, pose_queue);
     if (agent_out_.beat) put(wires_->beats, *agent_out_.beat, beat_queue);
   }
@@ -566,6 +584,11 @@ void VirtualWorld::step_link() {
   std::vector<link::Received> received;
   received.reserve(datagrams.size());
   for (const auto& datagram : datagrams) received.push_back({datagram.drone, datagram.port, datagram.bytes});
+  for (Wires::Drone& drone : wires_->drones) {
+    while (auto unit = drone.lines[static_cast<std::size_t>(LineAt::plans)].pop(now_)) {
+      if (unit->tag == link_start_) put(wires_->plans, plan_of(unit->bytes), plan_queue);
+    }
+  }
   const auto plans = take(wires_->plans);
   const auto poses = take(wires_->poses);
   const auto beats = take(wires_->beats);
@@ -591,6 +614,9 @@ void VirtualWorld::step_link() {
     }
     if (!good) events_.push_back({now_, WorldEvent::Kind::bad_rc, send.drone - 1U, 0, std::string(text)});
     facts.told_mps = std::hypot(sticks[0], sticks[1], sticks[2]);
+    const double yaw = facts.pose ? facts.pose->yaw_rad : 0;  // rc is right, forward, up
+    facts.told = {sticks[1] * std::cos(yaw) + sticks[0] * std::sin(yaw),
+                  sticks[1] * std::sin(yaw) - sticks[0] * std::cos(yaw), sticks[2]};
     facts.told_ns = now_;
   }
   if (agent_) {
@@ -606,6 +632,7 @@ void VirtualWorld::step_link() {
                                         : std::min(last - plan.setpoints[plan.count - 2].at_ns, settings.max_hold_ns);
     DroneFacts& facts = facts_[plan.drone - 1U];
     facts.told_until_ns = std::max(facts.told_until_ns, last + hold);
+    ++facts.plans_given;
   }
   for (DroneFacts& facts : facts_) {
     if (facts.told_until_ns != 0) facts.plan_end_ns = facts.told_until_ns + link_->margin_ns(facts.number);
@@ -622,8 +649,12 @@ void VirtualWorld::take_link_traces(const link::LinkOutputs& out) {
       facts.cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
       events_.push_back({now_, WorldEvent::Kind::mode, record.drone - 1U, 0, {}});
     } else if (record.kind == TraceKind::command_applied) {
-      events_.push_back(
-          {now_, WorldEvent::Kind::applied, record.drone - 1U, to_seconds(record.t_ns - record.stamp_ns), {}});
+      events_.push_back({now_,
+                         WorldEvent::Kind::applied,
+                         record.drone - 1U,
+                         to_seconds(record.t_ns - record.stamp_ns),
+                         {},
+                         record.id});
     }
   }
 }
@@ -665,21 +696,13 @@ void VirtualWorld::look() {
 
 bool VirtualWorld::over() const { return quiet_since_ns_ != 0 && now_ - quiet_since_ns_ >= quiet_ns; }
 
-std::vector<std::string> VirtualWorld::lost_acknowledged() const {
+std::vector<std::string> VirtualWorld::lost_acknowledged() {
+  restart_ledger();
   std::vector<std::string> lost;
-  std::map<std::string, int> in_blocks;
-  for (const std::string& bytes : ledger_.blocks()) {
-    const auto block = fabric::decode_block(bytes);
-    if (!block) {
-      lost.push_back("a block cannot be read: " + block.error().what);
-      continue;
-    }
-    for (const auto& tx : block->transactions) in_blocks[tx.tx_id] = tx.code;
-  }
   for (const LedgerPort* port : {&host_, &operator_}) {
     for (const std::string& tx_id : port->acknowledged()) {
-      const auto found = in_blocks.find(tx_id);
-      if (found == in_blocks.end() || found->second != 0) lost.push_back("transaction " + tx_id);
+      const auto known = ledger_.find(tx_id);
+      if (!known || known->code != 0) lost.push_back("transaction " + tx_id);
     }
   }
   return lost;

@@ -34,7 +34,7 @@ struct WorldConfig {
   bool predict = true;
   TimeNs max_age_ns = 500 * ns_per_ms;  ///< of a command, from its state's stamp; for a far ledger more
   double battery = 1.0;                 ///< of every drone at the start, 0..1
-  double room_m = 3;                    ///< the fence's distance from the drones' places
+  double room_m = 3;                    ///< the fence's distance from the paths; below 0 its far sides cut through them
   std::size_t batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   std::uint64_t seed = 1;
@@ -49,11 +49,13 @@ struct DroneFacts {
   FlightPhase phase = FlightPhase::disconnected;
   FailsafeMode mode = FailsafeMode::none;
   FailsafeCause cause = FailsafeCause::none;
-  double told_mps = 0;       ///< horizontal and vertical speed of the newest rc, together
-  TimeNs told_ns = 0;        ///< when it was sent; 0: never
-  TimeNs told_until_ns = 0;  ///< end of the newest plan that link was given, as it says; 0: none
-  TimeNs plan_end_ns = 0;    ///< the same, later by playout's margin now; 0: none
-  std::optional<Pose> pose;  ///< newest that link was given
+  double told_mps = 0;            ///< horizontal and vertical speed of the newest rc, together
+  std::array<double, 3> told{};   ///< the same as a velocity of the map frame, by the yaw that link believes [m/s]
+  TimeNs told_ns = 0;             ///< when it was sent; 0: never
+  TimeNs told_until_ns = 0;       ///< end of the newest plan that link was given, as it says; 0: none
+  TimeNs plan_end_ns = 0;         ///< the same, later by playout's margin now; 0: none
+  std::uint64_t plans_given = 0;  ///< FLY plans that link was given
+  std::optional<Pose> pose;       ///< newest that link was given
   ground::DronePhase ground_phase = ground::DronePhase::waiting;
   bool finished = false;
   int lap = 0;                       ///< 0 before the path
@@ -65,7 +67,8 @@ struct DroneFacts {
 struct WorldEvent {
   enum class Kind {
     mode,     ///< link's phase, mode or cause changed; the facts have them
-    applied,  ///< a plan's first setpoint was sent: `value` is its age [s]
+    handed,   ///< agent handed a command on to link: `sequence`
+    applied,  ///< a plan's first setpoint was sent: `sequence`; `value` is its age [s]
     sent,     ///< a command that is no rc went to the drone: `text`
     bad_rc,   ///< an rc that the SDK would not take: `text`
     started,  ///< a process: `text`
@@ -77,11 +80,12 @@ struct WorldEvent {
   std::size_t drone = 0;  ///< index; of a process 0
   double value = 0;
   std::string text{};
+  std::uint64_t sequence = 0;  ///< of the plan; 0: not known
 };
 
-/// The lines between the parts: to a drone's port 8889, its answers, its state text, its mocap.
-enum class LineAt : std::uint8_t { to, answers, states, mocap };
-inline constexpr std::size_t line_count = 4;
+/// The lines between the parts: to a drone's port 8889, its answers, its state text, its mocap, agent's plans for it.
+enum class LineAt : std::uint8_t { to, answers, states, mocap, plans };
+inline constexpr std::size_t line_count = 5;
 
 /// What the drone's state text says wrongly.
 struct SensorFault {
@@ -132,9 +136,9 @@ class VirtualWorld {
   bool runs(Process process) const;
   ground::FlightStatus status(std::size_t drone) const;
 
-  /// What ground and agent were told is on the ledger, and is not in its blocks as valid: must be none. Reads all
-  /// blocks.
-  std::vector<std::string> lost_acknowledged() const;
+  /// What ground and agent were told is on the ledger, and what a node that starts anew from its store knows nothing
+  /// of, or holds for invalid: must be none. At the end: it restarts the node.
+  std::vector<std::string> lost_acknowledged();
   /// Transitions that are neither on the ledger nor kept by link or agent: drones with such, in words; of the link that
   /// runs now.
   std::vector<std::string> lost_transitions() const;
@@ -196,7 +200,7 @@ class VirtualWorld {
   std::unique_ptr<Wires> wires_;
   std::unique_ptr<Digester> digester_;
   TimeNs now_ = 0, next_ground_ns_ = 0, next_clock_ns_ = 0, quiet_since_ns_ = 0, clock_jump_ns_ = 0;
-  std::uint64_t starts_ = 0;
+  std::uint64_t starts_ = 0, link_start_ = 0;
   bool ledger_stalled_ = false, agent_stopped_ = false, link_stopped_ = false, ground_stopped_ = false;
   bool agent_wanted_ = true, ground_wanted_ = true;  ///< to live: a start waits until the ledger is reached
   std::uint64_t next_call_ = 1;
