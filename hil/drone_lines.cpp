@@ -9,9 +9,10 @@
 
 namespace ledgerline::hil {
 
-DroneLines::DroneLines(Random& seeds) {
-  for (std::size_t i = 0; i < line_count; ++i) lines_.emplace_back(Line::Kind::datagrams, seeds.next());
+DroneLines::DroneLines(Random& seeds, std::uint64_t plans_seed) {
+  for (std::size_t i = 0; i < line_count - 1; ++i) lines_.emplace_back(Line::Kind::datagrams, seeds.next());
   noise_ = Random(seeds.next());
+  lines_.emplace_back(Line::Kind::datagrams, plans_seed);
 }
 
 void DroneLines::push_state(TimeNs now, std::string_view text) {

@@ -11,9 +11,9 @@
 
 namespace ledgerline::hil {
 
-/// The lines between the parts: to a drone's port 8889, its answers, its state text, its mocap.
-enum class LineAt : std::uint8_t { to, answers, states, mocap };
-inline constexpr std::size_t line_count = 4;
+/// The lines between the parts: to a drone's port 8889, its answers, its state text, its mocap, agent's plans for it.
+enum class LineAt : std::uint8_t { to, answers, states, mocap, plans };
+inline constexpr std::size_t line_count = 5;
 
 /// What mocap says wrongly about a drone.
 struct MocapFault {
@@ -26,9 +26,9 @@ struct MocapFault {
 /// All lines of one drone, and what is said wrongly at their beginning. One thread.
 class DroneLines {
  public:
-  explicit DroneLines(Random& seeds);
+  DroneLines(Random& seeds, std::uint64_t plans_seed);
 
-  void push(TimeNs now, LineAt at, std::string_view bytes) { line(at).push(now, bytes); }
+  void push(TimeNs now, LineAt at, std::string_view bytes, std::uint64_t tag = 0) { line(at).push(now, bytes, tag); }
   /// A state text, with the sensors' faults in it.
   void push_state(TimeNs now, std::string_view text);
   /// A measurement of mocap with its faults, as a geometry_msgs/PoseStamped. `real_offset_ns`: real time minus `now`.

@@ -21,11 +21,13 @@ struct DroneFacts {
   FlightPhase phase = FlightPhase::disconnected;
   FailsafeMode mode = FailsafeMode::none;
   FailsafeCause cause = FailsafeCause::none;
-  double told_mps = 0;       ///< horizontal and vertical speed of the newest rc, together
-  TimeNs told_ns = 0;        ///< when it was sent; 0: never
-  TimeNs told_until_ns = 0;  ///< end of the newest plan that link was given, as it says; 0: none
-  TimeNs plan_end_ns = 0;    ///< the same, later by playout's margin now; 0: none
-  std::optional<Pose> pose;  ///< newest that link was given
+  double told_mps = 0;            ///< horizontal and vertical speed of the newest rc, together
+  std::array<double, 3> told{};   ///< the same as a velocity of the map frame, by the yaw that link believes [m/s]
+  TimeNs told_ns = 0;             ///< when it was sent; 0: never
+  TimeNs told_until_ns = 0;       ///< end of the newest plan that link was given, as it says; 0: none
+  TimeNs plan_end_ns = 0;         ///< the same, later by playout's margin now; 0: none
+  std::uint64_t plans_given = 0;  ///< FLY plans that link was given
+  std::optional<Pose> pose;       ///< newest that link was given
   ground::DronePhase ground_phase = ground::DronePhase::waiting;
   bool finished = false;
   int lap = 0;                       ///< 0 before the path
@@ -37,7 +39,8 @@ struct DroneFacts {
 struct WorldEvent {
   enum class Kind {
     mode,     ///< link's phase, mode or cause changed; the facts have them
-    applied,  ///< a plan's first setpoint was sent: `value` is its age [s]
+    handed,   ///< agent handed a command on to link: `sequence`
+    applied,  ///< a plan's first setpoint was sent: `sequence`; `value` is its age [s]
     sent,     ///< a command that is no rc went to the drone: `text`
     bad_rc,   ///< an rc that the SDK would not take: `text`
     started,  ///< a process: `text`
@@ -49,6 +52,7 @@ struct WorldEvent {
   std::size_t drone = 0;  ///< index; of a process 0
   double value = 0;
   std::string text{};
+  std::uint64_t sequence = 0;  ///< of the plan; 0: not known
 };
 
 }  // namespace ledgerline::hil

@@ -13,25 +13,6 @@
 
 namespace ledgerline::hil {
 
-std::vector<std::string> missing_transactions(const std::vector<std::string>& blocks,
-                                              const std::vector<std::string>& acknowledged) {
-  std::vector<std::string> lost;
-  std::map<std::string, int> in_blocks;
-  for (const std::string& bytes : blocks) {
-    const auto block = fabric::decode_block(bytes);
-    if (!block) {
-      lost.push_back("a block cannot be read: " + block.error().what);
-      continue;
-    }
-    for (const auto& tx : block->transactions) in_blocks[tx.tx_id] = tx.code;
-  }
-  for (const std::string& tx_id : acknowledged) {
-    const auto found = in_blocks.find(tx_id);
-    if (found == in_blocks.end() || found->second != 0) lost.push_back("transaction " + tx_id);
-  }
-  return lost;
-}
-
 std::vector<std::string> transition_gaps(const std::vector<std::string>& blocks) {
   std::map<std::pair<std::string, std::uint64_t>, std::uint64_t> newest;  // by drone and boot
   std::vector<std::string> lost;

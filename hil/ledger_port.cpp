@@ -1,7 +1,10 @@
 #include "hil/ledger_port.hpp"
 
 #include <algorithm>
+#include <array>
 #include <limits>
+
+#include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
 namespace {
@@ -9,7 +12,93 @@ namespace {
 constexpr std::size_t stale_blocks = 5;
 constexpr TimeNs stale_period_ns = 20 * ns_per_ms;
 
+constexpr std::array<std::pair<std::string_view, Lie>, 9> all_lies{{{"hash", Lie::hash},
+                                                                    {"number", Lie::number},
+                                                                    {"signature", Lie::signature},
+                                                                    {"endorsement", Lie::endorsement},
+                                                                    {"stranger", Lie::stranger},
+                                                                    {"member", Lie::member},
+                                                                    {"channel", Lie::channel},
+                                                                    {"contract", Lie::contract},
+                                                                    {"flag", Lie::flag}}};
+constexpr std::array<std::pair<std::string_view, Slip>, 5> all_slips{{{"boot", Slip::boot},
+                                                                      {"stamp", Slip::stamp},
+                                                                      {"speed", Slip::speed},
+                                                                      {"late", Slip::late},
+                                                                      {"twice", Slip::twice}}};
+
+template <typename Pairs>
+auto value_of(const Pairs& pairs, std::string_view word) -> std::optional<decltype(pairs[0].second)> {
+  for (const auto& [name, value] : pairs) {
+    if (name == word) return value;
+  }
+  return std::nullopt;
+}
+
+template <typename Pairs>
+std::string names_of(const Pairs& pairs) {
+  std::string text;
+  for (const auto& pair : pairs) text += (text.empty() ? "" : ", ") + std::string(pair.first);
+  return text;
+}
+
+std::vector<fabric::Endorsement> endorsed_by(const fabric::Transaction& tx, const crypto::IdentityName& name) {
+  const auto who = crypto::make_test_identity(name);
+  const auto signature = who.signer->sign(tx.response_payload + who.serialized);
+  return {{who.serialized, signature ? *signature : std::string()}};
+}
+
+void lie_about(fabric::Transaction& tx, Lie lie) {
+  switch (lie) {
+    case Lie::signature:
+      if (!tx.signature.empty()) tx.signature[0] ^= 1;
+      return;
+    case Lie::endorsement:
+      tx.endorsements.clear();
+      return;
+    case Lie::stranger:
+      tx.endorsements = endorsed_by(tx, {"Org2MSP", "CN=peer0"});
+      return;
+    case Lie::member:
+      tx.endorsements = endorsed_by(tx, {"Org1MSP", "CN=User1@org1.ledgerline"});
+      return;
+    case Lie::channel:
+      tx.channel = "another";
+      return;
+    case Lie::contract:
+      tx.contract = "another";
+      return;
+    case Lie::flag:
+      tx.code = 11;  // MVCC_READ_CONFLICT
+      return;
+    case Lie::none:
+    case Lie::hash:
+    case Lie::number:
+      return;
+  }
+}
+
+void let_slip(fabric::Call& call, Slip slip) {
+  CommandCall command;
+  if (call.function != "command" || !command.ParseFromString(call.args.at(0))) return;
+  for (DronePlan& plan : *command.mutable_plans()) {
+    if (slip == Slip::boot) plan.set_boot_id(plan.boot_id() ^ 1);
+    if (slip == Slip::stamp) plan.set_state_stamp_ns(plan.state_stamp_ns() + 1);
+    if (slip == Slip::speed && plan.setpoints_size() > 0) plan.mutable_setpoints(0)->set_vx(9);
+    if (slip == Slip::late && plan.setpoints_size() > 0) {
+      PlannedSetpoint& last = *plan.mutable_setpoints(plan.setpoints_size() - 1);
+      last.set_at_ns(last.at_ns() + 10 * ns_per_s);
+    }
+  }
+  call.args[0] = command.SerializeAsString();
+}
+
 }  // namespace
+
+std::optional<Lie> lie_from(std::string_view word) { return value_of(all_lies, word); }
+std::string lies() { return names_of(all_lies); }
+std::optional<Slip> slip_from(std::string_view word) { return value_of(all_slips, word); }
+std::string slips() { return names_of(all_slips); }
 
 LedgerPort::LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed)
     : ledger_(ledger), client_(ledger.add_client(name)), draws_to_(seed), draws_from_(~seed) {}
@@ -30,7 +119,25 @@ void LedgerPort::submit(TimeNs now, std::uint64_t id, fabric::Call call) {
     end({number, outcome});
     return;
   }
+  if (slip_ != Slip::none) let_slip(call, slip_);
+  if (slip_ == Slip::twice && call.function == "command") send(now, next_call_++, call);  // nobody waits for the first
+  send(now, number, std::move(call));
+}
+
+void LedgerPort::send(TimeNs now, std::uint64_t number, fabric::Call call) {
   to_.push_back({in_order(now + (delay_to_ ? draws_to_.next(*delay_to_) : 0), last_to_ns_), number, std::move(call)});
+}
+
+void LedgerPort::arrive(fabric::Block block) {
+  if (lie_ == Lie::hash || lie_ == Lie::number) {
+    fabric::Block empty = block;
+    empty.transactions.clear();
+    if (lie_ == Lie::number) ++empty.number;
+    if (lie_ == Lie::hash) empty.previous_hash[0] ^= 1;
+    arrived_blocks_.push_back(std::move(empty));
+  }
+  for (fabric::Transaction& tx : block.transactions) lie_about(tx, lie_);
+  arrived_blocks_.push_back(std::move(block));
 }
 
 void LedgerPort::end(const VirtualLedger::Ended& ended) {
@@ -112,7 +219,7 @@ void LedgerPort::step(TimeNs now) {
       newest_.push_back(blocks_.front().second);
       if (newest_.size() > stale_blocks) newest_.pop_front();
       ++counts_.blocks;
-      arrived_blocks_.push_back(std::move(blocks_.front().second));
+      arrive(std::move(blocks_.front().second));
     }
     if (stale_ && now >= next_stale_ns_) {
       next_stale_ns_ = now + stale_period_ns;

@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -12,6 +13,34 @@
 #include "hil/virtual_ledger.hpp"
 
 namespace ledgerline::hil {
+
+/// What a lying peer shows instead of its blocks, or before them.
+enum class Lie : std::uint8_t {
+  none,
+  hash,         ///< before each block an empty one of its number, which names another previous hash
+  number,       ///< before each block an empty one of the next number
+  signature,    ///< transactions whose creator did not sign them
+  endorsement,  ///< nobody endorsed them
+  stranger,     ///< a peer of another organisation alone did
+  member,       ///< a member of our organisation did, who is no peer
+  channel,      ///< of another channel
+  contract,     ///< of another contract
+  flag,         ///< flagged invalid
+};
+std::optional<Lie> lie_from(std::string_view word);
+std::string lies();  ///< all of them, for errors
+
+/// What is wrong with the operator's own commands, signed all the same.
+enum class Slip : std::uint8_t {
+  none,
+  boot,   ///< they answer another start of link
+  stamp,  ///< they answer a state that never was
+  speed,  ///< 9 m/s ahead
+  late,   ///< setpoints for a moment behind the horizon
+  twice,  ///< each is submitted twice
+};
+std::optional<Slip> slip_from(std::string_view word);
+std::string slips();
 
 /// One process' connection to the virtual ledger, with what may be wrong with it. It keeps its order, as TCP does, and
 /// behaves as fabric::Client: every call ends once, as unavailable when no answer came within the deadline; blocks come
@@ -53,6 +82,8 @@ class LedgerPort {
   }
   /// The peer shows its last blocks over and over, and no new one.
   void stale(bool stale) { stale_ = stale; }
+  void lie(Lie lie) { lie_ = lie; }
+  void slip(Slip slip) { slip_ = slip; }
 
   struct Counts {
     std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0;
@@ -70,12 +101,16 @@ class LedgerPort {
     fabric::Call call;
   };
   void end(const VirtualLedger::Ended& ended);
+  void send(TimeNs now, std::uint64_t number, fabric::Call call);
+  void arrive(fabric::Block block);
   static TimeNs in_order(TimeNs due_ns, TimeNs& last_ns);
 
   VirtualLedger& ledger_;
   VirtualLedger::Client client_;
   Draws draws_to_, draws_from_;
   std::optional<Distribution> delay_to_, delay_from_;
+  Lie lie_ = Lie::none;
+  Slip slip_ = Slip::none;
   bool stalled_to_ = false, stalled_from_ = false, cut_ = false, stale_ = false;
   TimeNs last_to_ns_ = 0, last_from_ns_ = 0, connect_at_ns_ = 0, next_stale_ns_ = 0;
   std::optional<bool> connection_;

@@ -29,27 +29,26 @@ VirtualLedger::VirtualLedger(const node::CoreConfig& config, const LedgerDelays&
   std::vector<std::string> msp_ids = organisations;
   msp_ids.push_back("OrdererMSP");
   registry_ = crypto::make_test_registry(msp_ids);
-  core_ = make_core();
-  apply(0, core_->genesis());
+  open();
 }
 
-std::unique_ptr<node::NodeCore> VirtualLedger::make_core() {
+// From what the store has; the first time it is empty.
+void VirtualLedger::open() {
   std::vector<crypto::SigningIdentity> peers;
   for (const auto& msp_id : organisations) peers.push_back(crypto::make_test_identity({msp_id, "CN=peer0"}));
-  return std::make_unique<node::NodeCore>(config_, registry_, peers,
-                                          crypto::make_test_identity({"OrdererMSP", "CN=orderer"}),
-                                          [this](std::uint64_t number) -> Result<std::string> {
-                                            if (number < blocks_.size()) return blocks_[number];
-                                            return Error{"no block " + std::to_string(number)};
-                                          });
+  core_ = std::make_unique<node::NodeCore>(config_, registry_, peers,
+                                           crypto::make_test_identity({"OrdererMSP", "CN=orderer"}),
+                                           [this](std::uint64_t number) { return store_->read(number); });
+  auto store = node::BlockStore::open(
+      files_, [this](std::string_view block) { return core_->replay(std::string(block)); }, [](const std::string&) {});
+  assert(store.ok());
+  store_ = std::move(*store);
+  if (store_->height() == 0) apply(0, core_->genesis());
 }
 
 void VirtualLedger::restart(TimeNs now) {
-  core_ = make_core();
-  for (const std::string& block : blocks_) {
-    [[maybe_unused]] const Status replayed = core_->replay(block);
-    assert(replayed.ok());
-  }
+  files_.lose_power();
+  open();
   writing_.reset();
   const auto lose = [&](const Pending& pending) {
     fabric::Outcome outcome;
@@ -61,6 +60,16 @@ void VirtualLedger::restart(TimeNs now) {
   for (const auto& [waiter, pending] : waiting_) lose(pending);
   due_.clear();
   waiting_.clear();
+}
+
+std::vector<std::string> VirtualLedger::blocks() const {
+  std::vector<std::string> blocks;
+  for (std::uint64_t number = 0; number < store_->height(); ++number) {
+    auto block = store_->read(number);
+    assert(block.ok());
+    blocks.push_back(std::move(*block));
+  }
+  return blocks;
 }
 
 VirtualLedger::Client VirtualLedger::add_client(const crypto::IdentityName& name) {
@@ -129,7 +138,8 @@ void VirtualLedger::cut_if_due(TimeNs now) {
 }
 
 void VirtualLedger::apply(TimeNs now, const node::CutBlock& block) {
-  blocks_.push_back(block.bytes);
+  [[maybe_unused]] const Status stored = store_->append(block.bytes);
+  assert(stored.ok());
   const node::Applied applied = core_->apply(block);
   const auto decoded = fabric::decode_block(block.bytes);
   assert(decoded.ok());

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "chaincode/node/core.hpp"
+#include "chaincode/node/storage/block_store.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client.hpp"
 #include "common/rt/random.hpp"
@@ -45,7 +46,8 @@ class VirtualLedger {
   /// Runs everything that is due.
   void step(TimeNs now);
 
-  /// The node ends and starts again from its blocks. What was not in a block is gone: it ends as unavailable.
+  /// The node ends, its machine loses power, and it starts again from its store (in memory). What was not in a block is
+  /// gone: it ends as unavailable.
   void restart(TimeNs now);
 
   /// What has reached this client since the last call. Blocks come in order, from the one after add_client() on.
@@ -56,11 +58,11 @@ class VirtualLedger {
   };
   std::vector<Ended> take_outcomes(TimeNs now, Client client);
 
-  std::uint64_t height() const { return blocks_.size(); }
+  std::uint64_t height() const { return store_->height(); }
   std::uint64_t transactions() const { return core_->counts().transactions; }
   std::optional<node::TxStatus> find(const std::string& tx_id) const { return core_->find(tx_id); }
-  /// All blocks as they would lie on disk.
-  const std::vector<std::string>& blocks() const { return blocks_; }
+  /// All blocks as they lie in the store.
+  std::vector<std::string> blocks() const;
 
  private:
   struct Pending {
@@ -80,7 +82,7 @@ class VirtualLedger {
   };
 
   Result<fabric::Proposal> propose(TimeNs now, const Member& member, const fabric::Call& call);
-  std::unique_ptr<node::NodeCore> make_core();
+  void open();
   TimeNs later(TimeNs now, TimeNs delay);
   TimeNs delivered(TimeNs now, Member& member);
   void advance(TimeNs now, Pending pending);
@@ -93,7 +95,8 @@ class VirtualLedger {
   fabric::ChannelAndContract where_;
   Random random_;
   std::shared_ptr<crypto::MspRegistry> registry_;
-  std::vector<std::string> blocks_;
+  node::MemoryFiles files_;
+  std::unique_ptr<node::BlockStore> store_;
   std::unique_ptr<node::NodeCore> core_;
   std::vector<Member> members_;
   std::multimap<TimeNs, Pending> due_;        ///< equal times keep their order of insertion

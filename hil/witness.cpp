@@ -44,7 +44,14 @@ void Witness::given(const std::vector<Plan>& plans) {
                                         : std::min(last - plan.setpoints[plan.count - 2].at_ns, settings.max_hold_ns);
     DroneFacts& facts = facts_[plan.drone - 1U];
     facts.told_until_ns = std::max(facts.told_until_ns, last + hold);
+    ++facts.plans_given;
   }
+}
+
+void Witness::handed(TimeNs now, const Plan& plan) {
+  // A stop is in nobody's order.
+  if (plan.action == PlanAction::stop || plan.action == PlanAction::cut) return;
+  events_.push_back({now, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
 }
 
 void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command) {
@@ -62,8 +69,12 @@ void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command) {
     if (good) sticks[k] = *value / 100 * rc_full_mps;
   }
   if (!good) events_.push_back({now, WorldEvent::Kind::bad_rc, i, 0, std::string(command)});
-  facts_[i].told_mps = std::hypot(sticks[0], sticks[1], sticks[2]);
-  facts_[i].told_ns = now;
+  DroneFacts& facts = facts_[i];
+  facts.told_mps = std::hypot(sticks[0], sticks[1], sticks[2]);
+  const double yaw = facts.pose ? facts.pose->yaw_rad : 0;  // rc is right, forward, up
+  facts.told = {sticks[1] * std::cos(yaw) + sticks[0] * std::sin(yaw),
+                sticks[1] * std::sin(yaw) - sticks[0] * std::cos(yaw), sticks[2]};
+  facts.told_ns = now;
 }
 
 void Witness::traced(TimeNs now, const TraceRecord& record) {
@@ -75,7 +86,7 @@ void Witness::traced(TimeNs now, const TraceRecord& record) {
     events_.push_back({now, WorldEvent::Kind::mode, record.drone - 1U, 0, {}});
   } else if (record.kind == TraceKind::command_applied) {
     events_.push_back(
-        {now, WorldEvent::Kind::applied, record.drone - 1U, to_seconds(record.t_ns - record.stamp_ns), {}});
+        {now, WorldEvent::Kind::applied, record.drone - 1U, to_seconds(record.t_ns - record.stamp_ns), {}, record.id});
   }
 }
 

@@ -23,6 +23,7 @@ class Witness {
   void begin_step();
   void given(const std::vector<Pose>& poses);
   void given(const std::vector<Plan>& plans);
+  void handed(TimeNs now, const Plan& plan);
   void sent(TimeNs now, DroneNumber drone, std::string_view command);
   void traced(TimeNs now, const TraceRecord& record);
   void link_ended();

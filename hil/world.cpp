@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <cassert>
 #include <cmath>
+#include <cstring>
 #include <deque>
 #include <utility>
 
@@ -40,6 +42,15 @@ std::vector<T> take(std::deque<T>& queue) {
   return all;
 }
 
+std::string bytes_of(const Plan& plan) { return {reinterpret_cast<const char*>(&plan), sizeof plan}; }
+
+Plan plan_of(const std::string& bytes) {
+  Plan plan;
+  assert(bytes.size() == sizeof plan);
+  std::memcpy(&plan, bytes.data(), sizeof plan);
+  return plan;
+}
+
 }  // namespace
 
 /// What is on its way between two parts.
@@ -72,7 +83,8 @@ VirtualWorld::VirtualWorld(const WorldConfig& config)
       digester_(std::make_unique<Digester>()),
       witness_(config.drones, sim_) {
   Random seeds(config.seed ^ 0x6c696e6573ULL);
-  for (int k = 1; k <= config.drones; ++k) wires_->drones.push_back({DroneLines(seeds)});
+  for (int k = 1; k <= config.drones; ++k)
+    wires_->drones.push_back({DroneLines(seeds, ~config.seed + static_cast<std::uint64_t>(k))});
 }
 
 VirtualWorld::~VirtualWorld() = default;
@@ -110,7 +122,8 @@ Result<std::string> VirtualWorld::control_record(LedgerPort& port, const std::st
 
 void VirtualWorld::start_link() {
   // Any number that differs from start to start, as the shell's random one does.
-  link_.emplace(link_settings(config_), Random(config_.seed * 1000 + ++starts_).next());
+  link_start_ = ++starts_;
+  link_.emplace(link_settings(config_), Random(config_.seed * 1000 + link_start_).next());
 }
 
 Status VirtualWorld::start_agent() {
@@ -354,7 +367,10 @@ void VirtualWorld::step_agent() {
   for (auto& submit : agent_out_.submits) host_.submit(now_, submit.frame, std::move(submit.call));
   for (const auto& trace : agent_out_.traces) digester_->put(trace);
   if (link_) {
-    for (const Plan& plan : agent_out_.plans) put(wires_->plans, plan, plan_queue);
+    for (const Plan& plan : agent_out_.plans) {
+      witness_.handed(now_, plan);
+      wires_->drones[plan.drone - 1U].lines.push(now_, LineAt::plans, bytes_of(plan), link_start_);
+    }
     for (const Pose& pose : agent_out_.poses) put(wires_->poses, pose, pose_queue);
     if (agent_out_.beat) put(wires_->beats, *agent_out_.beat, beat_queue);
   }
@@ -406,6 +422,11 @@ void VirtualWorld::step_link() {
   std::vector<link::Received> received;
   received.reserve(datagrams.size());
   for (const auto& datagram : datagrams) received.push_back({datagram.drone, datagram.port, datagram.bytes});
+  for (Wires::Drone& drone : wires_->drones) {
+    while (auto unit = drone.lines.pop(now_, LineAt::plans)) {
+      if (unit->tag == link_start_) put(wires_->plans, plan_of(unit->bytes), plan_queue);
+    }
+  }
   const auto plans = take(wires_->plans);
   const auto poses = take(wires_->poses);
   const auto beats = take(wires_->beats);
@@ -440,10 +461,16 @@ void VirtualWorld::deliver_to_drones() {
 
 bool VirtualWorld::over() const { return quiet_since_ns_ != 0 && now_ - quiet_since_ns_ >= quiet_ns; }
 
-std::vector<std::string> VirtualWorld::lost_acknowledged() const {
-  std::vector<std::string> acknowledged = host_.acknowledged();
-  acknowledged.insert(acknowledged.end(), operator_.acknowledged().begin(), operator_.acknowledged().end());
-  return missing_transactions(ledger_.blocks(), acknowledged);
+std::vector<std::string> VirtualWorld::lost_acknowledged() {
+  restart_ledger();
+  std::vector<std::string> lost;
+  for (const LedgerPort* port : {&host_, &operator_}) {
+    for (const std::string& tx_id : port->acknowledged()) {
+      const auto known = ledger_.find(tx_id);
+      if (!known || known->code != 0) lost.push_back("transaction " + tx_id);
+    }
+  }
+  return lost;
 }
 
 std::vector<std::string> VirtualWorld::lost_transitions() const { return transition_gaps(ledger_.blocks()); }

@@ -49,9 +49,9 @@ class VirtualWorld {
   bool runs(Process process) const;
   ground::FlightStatus status(std::size_t drone) const;
 
-  /// What ground and agent were told is on the ledger, and is not in its blocks as valid: must be none. Reads all
-  /// blocks.
-  std::vector<std::string> lost_acknowledged() const;
+  /// What ground and agent were told is on the ledger, and what a node that starts anew from its store knows nothing
+  /// of, or holds for invalid: must be none. At the end: it restarts the node.
+  std::vector<std::string> lost_acknowledged();
   /// Transitions that are neither on the ledger nor kept by link or agent: drones with such, in words; of the link that
   /// runs now.
   std::vector<std::string> lost_transitions() const;
@@ -110,7 +110,7 @@ class VirtualWorld {
   std::unique_ptr<Digester> digester_;
   Witness witness_;
   TimeNs now_ = 0, next_ground_ns_ = 0, next_clock_ns_ = 0, quiet_since_ns_ = 0, clock_jump_ns_ = 0;
-  std::uint64_t starts_ = 0;
+  std::uint64_t starts_ = 0, link_start_ = 0;
   bool ledger_stalled_ = false, agent_stopped_ = false, link_stopped_ = false, ground_stopped_ = false;
   bool agent_wanted_ = true, ground_wanted_ = true;  ///< to live: a start waits until the ledger is reached
   std::uint64_t next_call_ = 1;

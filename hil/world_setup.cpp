@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "ledgerline.pb.h"
 
@@ -37,7 +38,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
   const int columns = std::min(config.drones, places.columns);
   const int rows = (config.drones + places.columns - 1) / places.columns;
-  settings.fence.min_m = {-config.room_m, -config.room_m, 0};
+  settings.fence.min_m = {-std::abs(config.room_m), -std::abs(config.room_m), 0};
   settings.fence.max_m = {(columns - 1) * places.spacing_m + config.side_m + config.room_m,
                           (rows - 1) * places.spacing_m + config.side_m + config.room_m, 3};
   return settings;

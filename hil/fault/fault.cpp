@@ -59,7 +59,7 @@ Status line_effects(Fault& fault, const Words& words, std::size_t from) {
 
 Status parse_drone(Fault& fault, const Words& words) {
   constexpr std::string_view usage =
-      "must be `drone NAME|* ` and one of to, answers, states, from, both with an effect (delay, jitter, loss, "
+      "must be `drone NAME|* ` and one of to, answers, states, from, both, plans with an effect (delay, jitter, loss, "
       "duplicate, reorder, corrupt, truncate, rate, stall, partition), or reboot, battery 10%, drain 1%, propeller, "
       "kick X Y Z";
   if (words.size() < 3) return allowed(fault.text, usage);
@@ -71,6 +71,13 @@ Status parse_drone(Fault& fault, const Words& words) {
   if (what == "states") fault.lines = {LineAt::states};
   if (what == "from") fault.lines = {LineAt::answers, LineAt::states};
   if (what == "both") fault.lines = {LineAt::to, LineAt::answers, LineAt::states};
+  if (what == "plans") {
+    fault.lines = {LineAt::plans};
+    for (const std::string_view effect : {"corrupt", "truncate", "rate"}) {
+      if (fault.text.find(effect) != std::string::npos)
+        return allowed(fault.text, fmt::format("agent hands plans on in shared memory, which has no {}", effect));
+    }
+  }
   if (!fault.lines.empty()) return line_effects(fault, words, 3);
   if (what == "reboot" && alone) {
     fault.what = What::reboot;
@@ -168,9 +175,9 @@ Status parse_mocap(Fault& fault, const Words& words) {
 
 Status parse_ledger(Fault& fault, const Words& words) {
   constexpr std::string_view usage =
-      "must be `ledger stall`, `ledger restart`, or `ledger agent|ground|both ` and cut, stale, or [to|from] with "
-      "stall "
-      "or delay DISTRIBUTION";
+      "must be `ledger stall`, `ledger restart`, or `ledger agent|ground|both ` and cut, stale, lies WHAT, or "
+      "[to|from] "
+      "with stall or delay DISTRIBUTION";
   if (words.size() == 2 && words[1] == "stall") {
     fault.what = What::ledger_stall;
     return done;
@@ -185,6 +192,13 @@ Status parse_ledger(Fault& fault, const Words& words) {
   if (fault.ends.empty()) return allowed(fault.text, usage);
   if (words.size() == 3 && (words[2] == "cut" || words[2] == "stale")) {
     fault.what = words[2] == "cut" ? What::ledger_cut : What::ledger_stale;
+    return done;
+  }
+  if (words[2] == "lies") {
+    const auto lie = words.size() == 4 ? lie_from(words[3]) : std::nullopt;
+    if (!lie) return allowed(fault.text, "lies must be followed by one of " + lies());
+    fault.what = What::ledger_lie;
+    fault.lie = *lie;
     return done;
   }
   const bool one_way = words[2] == "to" || words[2] == "from";
@@ -276,6 +290,14 @@ Status parse_other(Fault& fault, const Words& words, bool real) {
     fault.what = What::stop_drone;
     fault.drone = drone_of(words[2]);
     fault.value = words[1] == "cut" ? 1 : 0;
+    return done;
+  }
+  if (words[0] == "operator" && words.size() >= 2 && words[1] == "errs") {
+    const auto slip = words.size() == 3 ? slip_from(words[2]) : std::nullopt;
+    if (!slip) return allowed(fault.text, "operator errs must be followed by one of " + slips());
+    fault.what = What::slip;
+    fault.slip = *slip;
+    fault.ends = {Process::ground};
     return done;
   }
   if (real) {

@@ -10,6 +10,7 @@
 #include "hil/distribution.hpp"
 #include "hil/drone_lines.hpp"
 #include "hil/facts.hpp"
+#include "hil/ledger_port.hpp"
 
 namespace ledgerline::hil {
 
@@ -44,12 +45,14 @@ struct Fault {
     ledger_hold,  // of one process' connection: to and from
     ledger_cut,
     ledger_stale,
+    ledger_lie,
     ledger_stall,
     ledger_restart,
     kill,
     stop,
     clock_jump,
     stop_drone,
+    slip,
     kill_part,  // with the real processes alone, as what follows
     kill_roudi,
     burn,  // computing on a core
@@ -68,6 +71,8 @@ struct Fault {
   SensorFault sensor;             ///< sensor
   std::vector<Process> ends;      ///< ledger_*: whose connection; kill, stop: who
   bool to = false, from = false;  ///< ledger_delay, ledger_hold
+  Lie lie = Lie::none;            ///< ledger_lie
+  Slip slip = Slip::none;
   std::optional<Distribution> delay;
   std::array<double, 3> vector{};  ///< mocap_offset, kick, wind
   double value = 0;  ///< battery, drain [0..1], mocap_noise [m], stop_drone (1: cut), burn (core), take_memory [bytes]

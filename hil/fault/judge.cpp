@@ -23,6 +23,9 @@ enum Which : std::uint8_t {
   silent,
   hovers,
   rc_range,
+  ramps,
+  order,
+  old_plans,
   in_the_air,
   hangs,
   missing,
@@ -37,6 +40,9 @@ constexpr std::array<std::string_view, invariants::count> invariant_names{
     "always: a hold or a landing after silence",
     "always: a hold ends in a landing",
     "always: rc in the SDK's range",
+    "always: told speed ramps",
+    "always: commands in order, each once",
+    "always: a brake takes its plans with it",
     "always: on the ground in the end",
     "always: no hang",
     "always: every fault began",
@@ -118,6 +124,7 @@ std::string rule_help() {
          "  speed below 1.5 m/s\n"
          "  path within 0.4 m                        of the true place from the path\n"
          "  pose within 0.2 m                        of what link believes from the truth, in flight\n"
+         "  fence kept within 0.2 m                  the true place is nowhere farther beyond it\n"
          "  nothing acknowledged is lost\n"
          "  ends within 60 s\n"
          "  sends emergency, sends no emergency      command, takeoff, land\n"
@@ -164,6 +171,7 @@ Result<Rule> parse_rule(std::string_view sentence) {
   if (amount_behind("speed below ", Unit::speed)) return found(Kind::speed);
   if (amount_behind("path within ", Unit::metres)) return found(Kind::path);
   if (amount_behind("pose within ", Unit::metres)) return found(Kind::estimate);
+  if (amount_behind("fence kept within ", Unit::metres)) return found(Kind::fence);
   if (amount_behind("ends within ", Unit::time)) return found(Kind::ends);
   if (amount_behind("lands within ", Unit::time)) return found(Kind::lands);
   if (amount_behind("resumes within ", Unit::time)) return found(Kind::resumes);
@@ -213,6 +221,60 @@ void Judge::look(const Moment& moment) {
   for (const WorldEvent& event : moment.events) {
     if (event.kind == WorldEvent::Kind::bad_rc) broke(invariant(invariants::rc_range), moment.now, event.text);
   }
+  look_at_order(moment);
+}
+
+void Judge::look_at_order(const Moment& moment) {
+  for (const WorldEvent& event : moment.events) {
+    if (event.kind == WorldEvent::Kind::started) {  // it knows of nothing before
+      for (Drone& drone : drones_) {
+        if (event.text == "agent") drone.handed = 0;
+        if (event.text == "link") drone.applied = 0;
+      }
+    }
+    const bool handed = event.kind == WorldEvent::Kind::handed;
+    const DroneFacts& facts = moment.drones[event.drone];
+    // Else it may be a stop, whose sequence is nobody's.
+    const bool applied = event.kind == WorldEvent::Kind::applied && facts.phase == FlightPhase::flying &&
+                         facts.mode < FailsafeMode::land;
+    if ((!handed && !applied) || event.sequence == 0) continue;
+    std::uint64_t& newest = handed ? drones_[event.drone].handed : drones_[event.drone].applied;
+    if (event.sequence <= newest)
+      broke(invariant(invariants::order), moment.now,
+            fmt::format("{}: {} {} after {}", facts.name, handed ? "agent hands on" : "link flies", event.sequence,
+                        newest));
+    newest = event.sequence;
+  }
+}
+
+void Judge::look_at_ramp(const Moment& moment, std::size_t index, bool rested) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const double changed =
+      std::hypot(facts.told[0] - drone.told[0], facts.told[1] - drone.told[1], facts.told[2] - drone.told[2]);
+  const double limit = limits_.told_mps2 * (facts.mode == FailsafeMode::brake ? 2 : 1);
+  drone.may_change_mps =
+      std::min(told_at_once_mps, drone.may_change_mps + limit * to_seconds(moment.now - drone.looked_ns));
+  drone.looked_ns = moment.now;
+  drone.told = facts.told;
+  if (!rested) return;
+  drone.may_change_mps -= changed;
+  if (drone.may_change_mps < 0)
+    broke(invariant(invariants::ramps), moment.now,
+          fmt::format("{}: told {:.2f} m/s more or less at once", facts.name, changed));
+}
+
+void Judge::look_at_brake(const Moment& moment, std::size_t index, bool flies) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  if (facts.mode == FailsafeMode::brake || !flies) {
+    drone.braked = flies;
+    drone.plans_at_brake = facts.plans_given;
+  }
+  if (drone.braked && facts.plans_given == drone.plans_at_brake && facts.mode == FailsafeMode::none &&
+      facts.told_mps > 0)
+    broke(invariant(invariants::old_plans), moment.now,
+          fmt::format("{}: told {:.2f} m/s after its brake, and no plan came", facts.name, facts.told_mps));
 }
 
 // The invariants.
@@ -244,11 +306,13 @@ void Judge::look_after(const Moment& moment, std::size_t index) {
   } else if (drone.rested_since_ns == 0) {
     drone.rested_since_ns = now;
   }
+  // A link that stood still says nothing for a second, so that the drone may land itself: see LinkSettings.
+  const bool rested = flies && now - drone.rested_since_ns > 1'500 * ns_per_ms;
+  look_at_ramp(moment, index, rested);
+  look_at_brake(moment, index, flies);
   if (flies) {
     const TimeNs silent_since = std::max(facts.plan_end_ns, drone.rested_since_ns);
     const TimeNs silent_for = now - silent_since;
-    // A link that stood still says nothing for a second, so that the drone may land itself: see LinkSettings.
-    const bool rested = now - drone.rested_since_ns > 1'500 * ns_per_ms;
     if (rested && silent_for > hold_within_ns && facts.mode == FailsafeMode::none) {
       broke(invariant(invariants::silent), now,
             fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name, to_ms(silent_for)));
@@ -311,6 +375,12 @@ void Judge::look_at(const Moment& moment, State& state) {
           const auto& p = facts.pose->position_m;
           const double off = std::hypot(p[0] - at[0], p[1] - at[1], p[2] - at[2]);
           if (off > rule.amount) broke(state, now, fmt::format("{}: {:.2f} m off", facts.name, off));
+        }
+        break;
+      case Kind::fence:
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          const double beyond = std::max(limits_.fence_min_m[axis] - at[axis], at[axis] - limits_.fence_max_m[axis]);
+          if (beyond > rule.amount) broke(state, now, fmt::format("{}: {:.2f} m beyond it", facts.name, beyond));
         }
         break;
       case Kind::no_crash:

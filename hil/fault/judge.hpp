@@ -39,6 +39,7 @@ struct Rule {
     ends,             ///< ends within 60 s
     sent,             ///< sends emergency; sends no emergency
     no_crash,         ///< no crash
+    fence,            ///< fence kept within 0.2 m: the truth is nowhere farther beyond it
   };
   Kind kind{};
   std::string text;
@@ -95,6 +96,8 @@ struct Limits {
   double speed_mps = 2.6;  ///< link's limit of 2 m/s horizontally, 1 m/s vertically, and what wind and lag add
   double height_m = 3.6;   ///< the fence is at 3 m
   std::array<double, 2> min_m{-100, -100}, max_m{100, 100};
+  std::array<double, 3> fence_min_m{-100, -100, 0}, fence_max_m{100, 100, 3};  ///< the fence itself
+  double told_mps2 = 4.4;  ///< link's limit of 4 m/s2, and what rounding adds; a brake has twice as much
 };
 
 /// Judges a run moment by moment: the script's rules, and the invariants of every run:
@@ -106,6 +109,11 @@ struct Limits {
 ///                               drone zero
 ///     landing after a hold      a hold or brake of land_after (5 s) and 0.5 s more is a landing
 ///     rc in range               as the SDK takes it
+///     ramps                     what the drone is told changes no faster than the limit of acceleration, but for a
+///     link
+///                               that stood still
+///     commands in order         agent hands each one on once, link flies from each one once, none after a newer one
+///     a brake takes its plans   after it nothing is flown before another plan came
 ///     down in the end           when the run is over, or its time is up, nothing is in the air
 ///     no hang                   it is over before its time is up
 ///     every fault began         of the script, but those that are optional: otherwise the run says nothing about it
@@ -126,6 +134,7 @@ class Judge {
 
   static constexpr TimeNs hold_within_ns = 300 * ns_per_ms;
   static constexpr TimeNs ramp_ns = 600 * ns_per_ms;  ///< from 2 m/s at 4 m/s2, and a step of rc
+  static constexpr double told_at_once_mps = 0.3;     ///< between two rc of a ramp, and their rounding
   static constexpr TimeNs land_after_ns = 5'500 * ns_per_ms;
 
  private:
@@ -133,6 +142,12 @@ class Judge {
     TimeNs hovering_since_ns = 0;
     bool flew = false;           ///< was higher than on_ground_m, in flight
     TimeNs rested_since_ns = 0;  ///< link runs and the drone flies, without a break
+    std::array<double, 3> told{};
+    double may_change_mps = 0;  ///< what it is told, now
+    TimeNs looked_ns = 0;
+    std::uint64_t handed = 0, applied = 0;  ///< newest sequences
+    bool braked = false;
+    std::uint64_t plans_at_brake = 0;  ///< that link had been given when it ended
   };
   struct State {
     Verdict verdict;
@@ -142,6 +157,9 @@ class Judge {
   };
   void look_at(const Moment& moment, State& state);
   void look_after(const Moment& moment, std::size_t drone);
+  void look_at_ramp(const Moment& moment, std::size_t drone, bool rested);
+  void look_at_order(const Moment& moment);
+  void look_at_brake(const Moment& moment, std::size_t drone, bool flies);
   static void broke(State& state, TimeNs now, std::string what);
   State& invariant(std::size_t which) { return states_[rules_ + which]; }
 

@@ -25,6 +25,7 @@ std::string name_of(Process process) {
 std::string reason_against(const Fault& fault, const RealLedger& ledger) {
   switch (fault.what) {
     case What::line:
+      if (fault.lines == std::vector{LineAt::plans}) return "plans go from agent to link in shared memory";
       return std::find(fault.lines.begin(), fault.lines.end(), LineAt::mocap) == fault.lines.end()
                  ? ""
                  : "mocap goes past the proxy, by DDS";
@@ -42,6 +43,9 @@ std::string reason_against(const Fault& fault, const RealLedger& ledger) {
       return "it is inside of the simulation: virtual time alone has it";
     case What::ledger_stale:
       return "a peer that is behind its channel is not built: virtual time alone has it";
+    case What::ledger_lie:
+    case What::slip:
+      return "no real peer or operator does this: virtual time alone has it";
     case What::ledger_restart:
       return ledger.fabric ? "name the part: `peer 1 kill`, `orderer 1 kill`, `chaincode 1 kill`"
                            : "the embedded node's end is the flight's end: use `ledger stall`, or fly on Fabric";

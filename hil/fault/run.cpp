@@ -26,15 +26,16 @@ double misled_m(const std::vector<Fault>& faults) {
 }  // namespace
 
 Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
-  const double slack = 1.5 + misled_m(script.faults);
+  const double slack = 1.5 + misled_m(script.faults), room = script.flight.room_m;
   Limits limits;
   limits.height_m += misled_m(script.faults);
-  limits.min_m = {-script.flight.room_m - slack, -script.flight.room_m - slack};
-  limits.max_m = limits.min_m;
-  for (const DroneFacts& drone : drones) {
-    for (std::size_t i = 0; i < 2; ++i)
-      limits.max_m[i] =
-          std::max(limits.max_m[i], drone.start_m[i] + script.flight.side_m + script.flight.room_m + slack);
+  limits.fence_min_m = {-std::abs(room), -std::abs(room), 0};
+  limits.fence_max_m = {0, 0, 3};
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (const DroneFacts& drone : drones)
+      limits.fence_max_m[i] = std::max(limits.fence_max_m[i], drone.start_m[i] + script.flight.side_m + room);
+    limits.min_m[i] = limits.fence_min_m[i] - slack;
+    limits.max_m[i] = limits.fence_max_m[i] + slack;
   }
   return limits;
 }
@@ -98,7 +99,9 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
                 .last_fault_end_ns = schedule.last_ended_ns(),
                 .first_fault_drones = schedule.first_drones()});
     for (const WorldEvent& event : world.events()) {
-      if (event.kind == WorldEvent::Kind::applied || result.events.size() >= most_events) continue;
+      if (event.kind == WorldEvent::Kind::applied || event.kind == WorldEvent::Kind::handed ||
+          result.events.size() >= most_events)
+        continue;
       result.events.push_back(event);
       if (event.kind == WorldEvent::Kind::mode) {
         const DroneFacts& facts = world.facts()[event.drone];
@@ -122,14 +125,14 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   for (const DroneFacts& drone : world.facts()) {
     if (!Judge::on_ground(drone.truth)) ending.in_the_air.push_back(drone.name);
   }
-  ending.lost = world.lost_acknowledged();
-  for (std::string& gap : world.lost_transitions()) ending.lost.push_back(std::move(gap));
   // With both processes alive and the ledger reached, nothing may be left behind.
   if (ending.over && world.runs(Process::agent) && world.runs(Process::link) && !schedule.any_active()) {
     for (int i = 0; i < 3'000 && world.transitions_pending() > 0; ++i) world.step();
     if (const auto pending = world.transitions_pending(); pending > 0)
       ending.lost.push_back(fmt::format("{} transitions never got onto the ledger", pending));
   }
+  for (std::string& lost : world.lost_acknowledged()) ending.lost.push_back(std::move(lost));
+  for (std::string& gap : world.lost_transitions()) ending.lost.push_back(std::move(gap));
   result.verdicts = judge.finish(ending);
   result.flown_ns = ending.now;
   result.over = ending.over;

@@ -156,6 +156,13 @@ void FaultSchedule::apply_processes(VirtualWorld& world) const {
     LedgerPort& port = world.port(process);
     port.cut(world.now(), active(What::ledger_cut, of_it));
     port.stale(active(What::ledger_stale, of_it));
+    port.lie(Lie::none);
+    port.slip(Slip::none);
+    for (const Item& item : items_) {
+      if (!item.active() || !of_it(item.fault)) continue;
+      if (item.fault.what == What::ledger_lie) port.lie(item.fault.lie);
+      if (item.fault.what == What::slip) port.slip(item.fault.slip);
+    }
     port.stall_to(active(What::ledger_hold, [&](const Fault& fault) { return of_it(fault) && fault.to; }));
     port.stall_from(active(What::ledger_hold, [&](const Fault& fault) { return of_it(fault) && fault.from; }));
     std::optional<Distribution> to, from;  // the later one in the script

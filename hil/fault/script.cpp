@@ -58,7 +58,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   flight.max_age_ns = duration(config, "flight.max_age", flight.max_age_ns, 100 * ns_per_ms, 10 * ns_per_s);
   flight.laps = static_cast<int>(config.integer("flight.laps", flight.laps, 1, 100));
   flight.battery = config.number("flight.battery", flight.battery, 0, 1);
-  flight.room_m = config.number("flight.room_m", flight.room_m, 0, 100);
+  flight.room_m = config.number("flight.room_m", flight.room_m, -10, 100);
   flight.batch_count = static_cast<std::size_t>(config.integer("flight.batch_count", 1, 1, 1'000));
   flight.batch_timeout_ns = duration(config, "flight.batch_timeout", flight.batch_timeout_ns, ns_per_ms, 10 * ns_per_s);
   script.limit_ns = duration(config, "flight.limit", script.limit_ns, ns_per_s, 3600 * ns_per_s);
