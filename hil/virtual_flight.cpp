@@ -10,6 +10,7 @@
 #include "common/msg/ros.hpp"
 #include "ground/core/flight.hpp"
 #include "hil/digester.hpp"
+#include "hil/world_setup.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/agent/agent_core.hpp"
 #include "onboard/link/link_core.hpp"
@@ -24,34 +25,6 @@ constexpr TimeNs beat_period_ns = 50 * ns_per_ms;
 constexpr TimeNs truth_period_ns = 33 * ns_per_ms;
 constexpr std::int64_t real_epoch_s = 1'767'225'600;
 constexpr sim::Endpoint link_endpoint{0x7F000001, 40000};
-
-const crypto::IdentityName drone_host{"Org1MSP", "CN=User1@org1.ledgerline"};
-const crypto::IdentityName operator_name{"Org2MSP", "CN=User1@org2.ledgerline"};
-
-std::string drone_name(int number) { return fmt::format("tello{}", number); }
-
-// enroll and acquire, as the launcher does before take-off.
-Status prepare(VirtualLedger& ledger, const std::vector<std::string>& drones) {
-  const auto admin1 = ledger.add_client({"Org1MSP", "CN=Admin@org1.ledgerline"});
-  const auto admin2 = ledger.add_client({"Org2MSP", "CN=Admin@org2.ledgerline"});
-  const auto holder = ledger.add_client(operator_name);
-
-  EnrollCall host;
-  host.mutable_identity()->set_msp_id(drone_host.msp_id);
-  host.mutable_identity()->set_subject(drone_host.subject);
-  EnrollCall role;
-  role.mutable_identity()->set_msp_id(operator_name.msp_id);
-  role.mutable_identity()->set_subject(operator_name.subject);
-  role.set_role(OPERATOR);
-  LeaseCall lease;
-  for (const auto& drone : drones) {
-    host.add_drones(drone);
-    lease.add_drones(drone);
-  }
-  if (auto s = ledger.commit_now(0, admin1, {"enroll", {host.SerializeAsString()}}); !s) return s;
-  if (auto s = ledger.commit_now(0, admin2, {"enroll", {role.SerializeAsString()}}); !s) return s;
-  return ledger.commit_now(0, holder, {"acquire", {lease.SerializeAsString()}});
-}
 
 Result<std::string> control_record(VirtualLedger& ledger, VirtualLedger::Client client, const std::string& drone) {
   QueryCall query;
@@ -164,22 +137,20 @@ class Flight {
   bool local() const { return config_.mode == VirtualFlightConfig::Mode::local; }
 
   Status set_up() {
-    std::vector<std::string> names;
-    for (const auto& drone : ground_.drones()) names.push_back(drone.name);
-    if (auto s = prepare(ledger_, names); !s) return s;
+    if (auto s = prepare(ledger_, config_.drones); !s) return s;
     host_ = ledger_.add_client(drone_host);
     operator_ = ledger_.add_client(operator_name);
-    for (const auto& name : names) {
-      const auto record = control_record(ledger_, operator_, name);
+    for (const auto& drone : ground_.drones()) {
+      const auto record = control_record(ledger_, operator_, drone.name);
       if (!record) return record.error();
       Control control;
-      if (!control.ParseFromString(*record)) return Error{name + ": malformed control record"};
+      if (!control.ParseFromString(*record)) return Error{drone.name + ": malformed control record"};
       agent_.set_control(control);
       if (auto s = ground_.set_control(*record); !s) return s;
     }
-    tracking_.resize(names.size());
-    heights_.resize(names.size());
-    fusions_.resize(names.size(), agent::Fusion({}));
+    tracking_.resize(ground_.drones().size());
+    heights_.resize(ground_.drones().size());
+    fusions_.resize(ground_.drones().size(), agent::Fusion({}));
     return done;
   }
 

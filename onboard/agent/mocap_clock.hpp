@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <functional>
 #include <optional>
 #include <utility>
@@ -8,9 +9,9 @@
 namespace ledgerline::agent {
 
 /// Mocap stamps are real time, decisions are made on CLOCK_MONOTONIC: this turns one into the other, and believes no
-/// stamp that lies more than 20 ms in the future or 1 s in the past. Real time may jump (NTP, a person): so before a
-/// stamp is refused the clocks are read once more, and a jump costs the poses that were under way, not all until the
-/// next regular reading. One thread.
+/// stamp that lies more than 20 ms in the future or 1 s in the past. None comes out as newer than its arrival: link
+/// refuses poses of the future. Real time may jump (NTP, a person), be it by less than those bounds: so the clocks are
+/// read for every pose, and a jump costs the poses that were under way at most. One thread.
 class MocapClock {
  public:
   static constexpr TimeNs longest_delay_ns = 1 * ns_per_s;
@@ -20,7 +21,6 @@ class MocapClock {
   /// `read`: real time minus CLOCK_MONOTONIC, now.
   explicit MocapClock(ReadOffset read) : read_(std::move(read)), offset_ns_(read_()) {}
 
-  /// Regularly: real time may be slewed.
   void refresh() { offset_ns_ = read_(); }
   TimeNs offset_ns() const { return offset_ns_; }
 
@@ -29,10 +29,10 @@ class MocapClock {
   }
   /// The stamp on CLOCK_MONOTONIC; nothing where it is not believed.
   std::optional<TimeNs> stamp(TimeNs source_real_ns, TimeNs arrived_ns) {
-    if (!plausible(source_real_ns - offset_ns_, arrived_ns)) refresh();
+    refresh();
     const TimeNs stamp_ns = source_real_ns - offset_ns_;
     if (!plausible(stamp_ns, arrived_ns)) return std::nullopt;
-    return stamp_ns;
+    return std::min(stamp_ns, arrived_ns);
   }
 
  private:

@@ -5,6 +5,7 @@
 
 #include <charconv>
 #include <set>
+#include <utility>
 
 #include "common/config/config.hpp"
 
@@ -61,11 +62,12 @@ void read_safety(Config& config, LinkSettings& link) {
   FailsafeSettings& failsafe = link.failsafe;
   failsafe.hold_grace_ns = read_ms(config, "failsafe.hold_grace_ms", failsafe.hold_grace_ns, 0, 5'000);
   failsafe.land_after_ns = read_s(config, "failsafe.land_after_s", failsafe.land_after_ns, 0.1, 600);
-  failsafe.agent_silent_ns = read_ms(config, "failsafe.agent_silent_ms", failsafe.agent_silent_ns, 100, 60'000);
-  failsafe.state_stale_ns = read_ms(config, "failsafe.state_stale_ms", failsafe.state_stale_ns, 200, 60'000);
+  // At half of it, what comes as seldom as it may must still be in time: agent's beats each 100 ms, state texts too.
+  failsafe.agent_silent_ns = read_ms(config, "failsafe.agent_silent_ms", failsafe.agent_silent_ns, 250, 60'000);
+  failsafe.state_stale_ns = read_ms(config, "failsafe.state_stale_ms", failsafe.state_stale_ns, 250, 60'000);
   failsafe.pose_lost_ns = read_ms(config, "failsafe.pose_lost_ms", failsafe.pose_lost_ns, 20, 60'000);
   failsafe.clear_after_ns = read_ms(config, "failsafe.clear_after_ms", failsafe.clear_after_ns, 0, 60'000);
-  failsafe.battery_low = read_float(config, "failsafe.battery_low", failsafe.battery_low, 0, 1);
+  failsafe.battery_low = read_float(config, "failsafe.battery_low", failsafe.battery_low, 0, 0.95);
   failsafe.battery_critical = read_float(config, "failsafe.battery_critical", failsafe.battery_critical, 0, 1);
 
   FenceSettings& fence = link.fence;
@@ -123,6 +125,31 @@ Status check_fence(const std::string& path, const FenceSettings& fence) {
   return done;
 }
 
+// The table's rows count on this order (docs/failsafe.md, FS-29).
+Status check_failsafe(const std::string& path, const FailsafeSettings& failsafe) {
+  for (const auto& [key, limit_ns] :
+       {std::pair("agent_silent_ms", failsafe.agent_silent_ns), std::pair("state_stale_ms", failsafe.state_stale_ns),
+        std::pair("pose_lost_ms", failsafe.pose_lost_ns)}) {
+    if (failsafe.clear_after_ns >= limit_ns / 2) continue;
+    return Error{fmt::format(
+        "{}: failsafe.clear_after_ms must be at least half of failsafe.{}: {:.0f} and {:.0f} (or a lonely sign of life "
+        "ends a brake or a silence)",
+        path, key, to_ms(failsafe.clear_after_ns), to_ms(limit_ns))};
+  }
+  if (failsafe.land_after_ns <= failsafe.clear_after_ns) {
+    return Error{
+        fmt::format("{}: failsafe.land_after_s must be longer than failsafe.clear_after_ms: {:.3f} s and {:.0f} ms (or "
+                    "no brake ends "
+                    "but in a landing)",
+                    path, to_seconds(failsafe.land_after_ns), to_ms(failsafe.clear_after_ns))};
+  }
+  if (failsafe.battery_critical >= failsafe.battery_low) {
+    return Error{fmt::format("{}: failsafe.battery_critical must be below failsafe.battery_low: {} and {}", path,
+                             failsafe.battery_critical, failsafe.battery_low)};
+  }
+  return done;
+}
+
 }  // namespace
 
 Result<ShellSettings> load_settings(const std::string& path) {
@@ -144,6 +171,7 @@ Result<ShellSettings> load_settings(const std::string& path) {
   if (auto status = config->finish(); !status) return status.error();
   if (auto status = check_drones(path, tables); !status) return status.error();
   if (auto status = check_fence(path, settings.link.fence); !status) return status.error();
+  if (auto status = check_failsafe(path, settings.link.failsafe); !status) return status.error();
 
   const std::size_t colon = listen.rfind(':');
   auto state_listen = colon == std::string::npos ? parse_address(listen, "")

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "hil/fault/campaign.hpp"
+#include "hil/fault/schedule.hpp"
 #include "tests/unit/campaign.hpp"
 
 namespace ledgerline::hil {
@@ -385,6 +386,22 @@ TEST(FaultOverlap, ARestartEndsNoCut) {
     run.fly_to(t_s);
     for (const Process process : {Process::agent, Process::ground})
       EXPECT_EQ(run.world->port(process).reachable(), reachable) << t_s;
+  }
+}
+
+TEST(FaultClock, AJumpShorterThanStampsMayBeOffLosesNoPose) {
+  for (const char* jump : {"clock jump 3ms", "clock jump 20ms", "clock jump -20ms", "clock jump -900ms"}) {
+    Faulty run({{jump, "flying + 500ms", ""}});
+    while (run.world->facts()[0].phase != FlightPhase::flying) run.fly_to(to_seconds(run.world->now()) + 0.1);
+    const double begin_s = to_seconds(run.world->now());
+    for (double t_s = begin_s; t_s < begin_s + 2; t_s += 0.01) {
+      run.fly_to(t_s);
+      const DroneFacts& drone = run.world->facts()[0];
+      ASSERT_NE(drone.cause, FailsafeCause::pose_lost) << jump << " " << t_s;
+      ASSERT_LE(run.world->now() - drone.pose->stamp_ns, 30 * ns_per_ms) << jump << " " << t_s;
+      ASSERT_LE(drone.pose->stamp_ns, run.world->now()) << jump << " " << t_s;
+    }
+    EXPECT_EQ(run.schedule->never_begun(), std::vector<std::string>()) << jump;
   }
 }
 

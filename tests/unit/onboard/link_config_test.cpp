@@ -65,5 +65,27 @@ TEST_F(LinkConfig, MistakesAreNamed) {
   EXPECT_NE(error_of("[[drone]]\nname = \"tello1\"\naddress = \"tello.local\"\n").find("tello1"), std::string::npos);
 }
 
+TEST_F(LinkConfig, AnOrderOfTimesThatTheFailsafeCannotKeepIsRefused) {
+  const auto error_of = [&](const std::string& keys) {
+    const auto settings = load(drone + "[failsafe]\n" + keys);
+    return settings ? std::string() : settings.error().what;
+  };
+  const auto names = [](const std::string& error, const char* one, const char* other) {
+    return error.find(one) != std::string::npos && error.find(other) != std::string::npos;
+  };
+  for (const char* key : {"agent_silent_ms", "state_stale_ms", "pose_lost_ms"}) {
+    const std::string error = error_of(std::string(key) + " = 1001\n");
+    EXPECT_TRUE(names(error, "failsafe.clear_after_ms", key)) << error;
+    EXPECT_EQ(error_of(std::string(key) + " = 1000\n"), "");
+    EXPECT_EQ(error_of(std::string(key) + " = 3000\nclear_after_ms = 1500\n"), "");
+  }
+  EXPECT_TRUE(names(error_of("land_after_s = 0.5\n"), "failsafe.land_after_s", "failsafe.clear_after_ms"));
+  EXPECT_EQ(error_of("land_after_s = 0.51\n"), "");
+  EXPECT_TRUE(names(error_of("battery_critical = 0.15\n"), "failsafe.battery_critical", "failsafe.battery_low"));
+  EXPECT_NE(error_of("battery_low = 0.97\n").find("failsafe.battery_low"), std::string::npos);
+  EXPECT_NE(error_of("agent_silent_ms = 200\n").find("failsafe.agent_silent_ms"), std::string::npos);
+  EXPECT_NE(error_of("state_stale_ms = 200\n").find("failsafe.state_stale_ms"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace ledgerline::link
