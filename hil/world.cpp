@@ -350,15 +350,7 @@ void VirtualWorld::impair(LineAt at, std::size_t drone, const Impairment& impair
 }
 
 void VirtualWorld::set_sensor_faults(std::size_t drone, std::vector<SensorFault> faults) {
-  std::vector<SensorFault>& known = wires_->drones[drone].sensors;
-  for (SensorFault& fault : faults) {
-    const auto before =
-        std::find_if(known.begin(), known.end(), [&](const SensorFault& k) { return k.item == fault.item; });
-    if (before == known.end()) continue;
-    fault.last = before->last;  // what goes on remembers what it said
-    fault.next_ns = before->next_ns;
-  }
-  known = std::move(faults);
+  renew(wires_->drones[drone].sensors, std::move(faults));
 }
 
 void VirtualWorld::set_mocap_fault(std::size_t drone, const MocapFault& fault) {
@@ -424,9 +416,8 @@ void VirtualWorld::step_sim() {
       continue;
     }
     std::string bytes = datagram.bytes;
-    bool said = true;
-    for (SensorFault& fault : drone.sensors) said = said && misreport(now_, fault, drone.noise, bytes);
-    if (said) drone.lines[static_cast<std::size_t>(LineAt::states)].push(now_, bytes);
+    if (misreport(now_, drone.sensors, drone.noise, bytes))
+      drone.lines[static_cast<std::size_t>(LineAt::states)].push(now_, bytes);
   }
   for (std::size_t i = 0; i < facts_.size(); ++i) {
     Wires::Drone& drone = wires_->drones[i];

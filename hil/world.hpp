@@ -12,6 +12,7 @@
 #include "ground/core/flight.hpp"
 #include "hil/ledger_port.hpp"
 #include "hil/line.hpp"
+#include "hil/sensor_text.hpp"
 #include "hil/virtual_ledger.hpp"
 #include "onboard/agent/agent_core.hpp"
 #include "onboard/agent/mocap_clock.hpp"
@@ -82,17 +83,6 @@ struct WorldEvent {
 /// The lines between the parts: to a drone's port 8889, its answers, its state text, its mocap.
 enum class LineAt : std::uint8_t { to, answers, states, mocap };
 inline constexpr std::size_t line_count = 4;
-
-/// What the drone's state text says wrongly.
-struct SensorFault {
-  enum class Kind { stuck, garbage, bias, every } kind{};
-  std::string field;  ///< of the state text: "h", "tof", "bat" ...; empty: all of it (stuck, garbage, every)
-  double bias = 0;    ///< in the text's unit
-  TimeNs period_ns = 0;
-  std::size_t item = 0;  ///< which of the drone's faults it is, so that it is known again: see set_sensor_faults()
-  std::string last{};    ///< stuck: what it said first
-  TimeNs next_ns = 0;
-};
 
 /// What mocap says wrongly about a drone.
 struct MocapFault {
