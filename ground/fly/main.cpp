@@ -132,7 +132,7 @@ int main(int argc, char** argv) {
   std::error_code error;
   fs::create_directories(files.directory, error);
   if (error) return fail(fmt::format("cannot make {}: {}", files.directory, error.message()));
-  if (fs::exists(files.in("ledger")))
+  if (fs::exists(files.in("ledger"), error) && !fs::is_empty(files.in("ledger"), error))
     return fail(fmt::format("{} holds another run already: choose another --out", files.directory));
   const std::string ledger = line.options.tmpfs ? MemoryDirectory::path : files.in("ledger");
   const auto needed = fly::expected_ledger_bytes(line.options);

@@ -55,6 +55,7 @@ struct Fault {
     kill_roudi,
     burn,  // computing on a core
     take_memory,
+    fill_disk,  // the ledger's
   };
   std::string text;
   std::string at = "path";  ///< as written

@@ -1,13 +1,18 @@
 #include "hil/fault/real.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <pthread.h>
+#include <sched.h>
+#include <sys/mount.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <csignal>
+#include <cstring>
 #include <deque>
 #include <filesystem>
 #include <fstream>
@@ -32,6 +37,7 @@ using What = Fault::What;
 constexpr TimeNs watch_ns = 20 * ns_per_ms;
 constexpr TimeNs start_patience_ns = 180 * ns_per_s;  // Fabric's network comes up first
 constexpr TimeNs ending_patience_ns = 60 * ns_per_s;  // landing, and all processes' ends
+constexpr const char* small_disk = "size=256m";       // the ledger of a flight of some minutes
 constexpr TimeNs errand_patience_ns = 20 * ns_per_s;
 
 /// A trace that grows, and is begun anew when its program is.
@@ -218,10 +224,42 @@ class RealFlight {
   bool over_ = true;
 };
 
+/// A small disk of this process and those that it starts.
+Status mount_small_disk(const std::string& directory) {
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (error) return Error{fmt::format("cannot make {}: {}", directory, error.message())};
+  if (::unshare(CLONE_NEWNS) == 0 && ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0 &&
+      ::mount("none", directory.c_str(), "tmpfs", 0, small_disk) == 0)
+    return done;
+  return Error{
+      fmt::format("`disk full` needs a file system of its own for the ledger: {}. Run it as root, or in a user "
+                  "namespace (unshare -Urm)",
+                  std::strerror(errno))};
+}
+
+/// Makes a file that leaves no byte of the disk.
+Status fill(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+  if (fd < 0) return Error{fmt::format("cannot make {}: {}", path, std::strerror(errno))};
+  const std::string bytes(1 << 20, 'x');
+  while (::write(fd, bytes.data(), bytes.size()) > 0) {
+  }
+  const int why = errno;
+  ::close(fd);
+  if (why != ENOSPC) return Error{fmt::format("cannot fill {}: {}", path, std::strerror(why))};
+  return done;
+}
+
 Status RealFlight::start() {
   std::error_code error;
   fs::create_directories(options_.directory, error);
   if (error) return Error{fmt::format("cannot make {}: {}", options_.directory, error.message())};
+  const bool fills = std::any_of(script_.faults.begin(), script_.faults.end(),
+                                 [](const Fault& fault) { return fault.what == What::fill_disk; });
+  if (fills) {
+    if (auto mounted = mount_small_disk(run_ + "/ledger"); !mounted) return mounted;
+  }
   std::vector<std::string> command{options_.programs + "/ledgerline-fly", "--out", run_, "--json",
                                    options_.directory + "/result.json"};
   const auto arguments = fly_arguments(script_, seed_, options_.ledger);
@@ -320,6 +358,12 @@ Status RealFlight::act(const RealActs& acts, bool begin, const std::function<voi
     memory_.push_back(std::make_unique<std::vector<char>>(acts.take_bytes, 1));
   } else if (acts.take_bytes > 0 && !memory_.empty()) {
     memory_.pop_back();
+  }
+  const std::string filler = run_ + "/ledger/filler";
+  if (acts.fill_disk && begin) {
+    if (auto filled = fill(filler); !filled) return filled;
+  } else if (acts.fill_disk && ::unlink(filler.c_str()) != 0) {
+    return Error{fmt::format("cannot remove {}: {}", filler, std::strerror(errno))};
   }
   if (!acts.parts.empty()) {
     signal_parts(acts.parts, monotonic_ns() + errand_patience_ns, acted);

@@ -53,6 +53,8 @@ std::string reason_against(const Fault& fault, const RealLedger& ledger) {
                  : "";
     case What::stop_drone:
       return fault.value > 0 ? "ledgerline-control stops a drone, it does not cut its motors" : "";
+    case What::fill_disk:
+      return ledger.fabric ? "Fabric's parts end on a full disk: fly on the embedded node" : "";
     case What::kill_part:
       return ledger.fabric ? "" : "it is a part of Fabric: fly on it with --ledger fabric";
     default:
@@ -230,6 +232,9 @@ RealActs acts_at_begin(const Fault& fault, const std::vector<Fault>& active, int
     case What::take_memory:
       acts.take_bytes = static_cast<std::uint64_t>(fault.value);
       break;
+    case What::fill_disk:
+      acts.fill_disk = true;
+      break;
     default:
       break;
   }
@@ -246,6 +251,7 @@ RealActs acts_at_end(const Fault& fault, const std::vector<Fault>& active, int d
   if (fault.what == What::take_memory) acts.take_bytes = static_cast<std::uint64_t>(fault.value);
   if (goes_on) return acts;
   if (fault.what == What::stop || fault.what == What::ledger_stall) stop_programs(fault, ledger, SIGCONT, acts);
+  if (fault.what == What::fill_disk) acts.fill_disk = true;
   if (fault.what == What::burn) acts.burn_core = static_cast<int>(fault.value);
   return acts;
 }

@@ -29,6 +29,7 @@ struct RealActs {
   std::vector<std::string> control;  ///< arguments of ledgerline-control
   int burn_core = -1;                ///< begin, or no longer, to compute on this core
   std::uint64_t take_bytes = 0;      ///< memory to take, or to give back
+  bool fill_disk = false;            ///< to fill the ledger's disk, or to make room again
 };
 /// Of a fault that check_real() lets through, as it begins and as it ends. `active`: all that go on then, in the order
 /// of the script; with the one that begins, without the one that ends. What another one keeps up is not ended.

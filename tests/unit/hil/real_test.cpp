@@ -37,8 +37,8 @@ std::string refusal_of(const std::string& what, const std::string& lasts = "", b
 TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
   for (const char* what :
        {"drone tello1 to delay 200ms", "drone * both loss 5%", "ledger agent delay 20ms", "ledger both from stall",
-        "ledger ground cut", "ledger stall", "agent stop", "ground stop", "sensor tello1 h stuck", "roudi kill",
-        "cpu 0 burn", "memory take 100MB", "operator stop tello1"}) {
+        "ledger ground cut", "ledger stall", "agent stop", "ground stop", "sensor tello1 h stuck", "disk full",
+        "roudi kill", "cpu 0 burn", "memory take 100MB", "operator stop tello1"}) {
     EXPECT_EQ(refusal_of(what), "") << what;
   }
   EXPECT_EQ(refusal_of("agent kill", "500ms"), "");
@@ -56,6 +56,7 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
       {"operator cut tello1", "does not cut"},
   };
   for (const auto& [what, why] : cases) EXPECT_THAT(refusal_of(what), HasSubstr(why)) << what;
+  EXPECT_THAT(refusal_of("disk full", "", true), HasSubstr("Fabric's parts end"));
   EXPECT_EQ(refusal_of("peer 1 kill", "", true), "");
   EXPECT_EQ(refusal_of("orderer 3 kill", "", true), "");
   EXPECT_EQ(refusal_of("orderer leader kill", "", true), "");
@@ -72,7 +73,7 @@ TEST(RealScript, VirtualTimeRefusesWhatTheRealProcessesAloneHave) {
     EXPECT_THAT(parse_fault(what, "path", "").error().what, HasSubstr("needs the real processes")) << what;
   }
   for (const char* what : {"peer 4 kill", "peer 1 stop", "peer leader kill", "orderer leader stop", "cpu -1 burn",
-                           "cpu 0.5 burn", "cpu 0", "memory take 0MB", "memory take 5", "roudi stop", "disk full"}) {
+                           "cpu 0.5 burn", "cpu 0", "memory take 0MB", "memory take 5", "roudi stop", "disk half"}) {
     EXPECT_FALSE(parse_fault(what, "path", "", true)) << what;
   }
 }
@@ -130,6 +131,8 @@ TEST(RealScript, TheEndOfOneFaultLeavesTheOtherAsItIs) {
   EXPECT_THAT(end_of({"ledger stall", "ledger stall"}, 0, 1, true).parts, IsEmpty());
   EXPECT_EQ(end_of({"cpu 1 burn", "cpu 1 burn"}).burn_core, -1);
   EXPECT_EQ(end_of({"cpu 1 burn", "cpu 0 burn"}).burn_core, 1);
+  EXPECT_FALSE(end_of({"disk full", "disk full"}).fill_disk);
+  EXPECT_TRUE(end_of({"disk full", "ledger stall"}).fill_disk);
   EXPECT_EQ(end_of({"memory take 5MB", "memory take 5MB"}).take_bytes, 5'000'000U);
 }
 
