@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "common/rt/clear_text.hpp"
+#include "common/rt/file.hpp"
 #include "hil/words.hpp"
 
 namespace ledgerline::hil {
@@ -34,12 +36,12 @@ double gamma_s(double mean, double deviation, Random& random) noexcept {
   }
 }
 
-Result<Distribution> parse_recording(const std::string& path, const ReadFile& read) {
-  const auto content = read(path);
-  if (!content) return content.error();
+}  // namespace
+
+Result<Distribution::Recording> parse_recording(const std::string& path, std::string_view content) {
   std::vector<TimeNs> values;
   int number = 0;
-  std::string_view left = *content;
+  std::string_view left = content;
   while (!left.empty()) {
     const std::size_t end = std::min(left.find('\n'), left.size());
     const std::string_view line = trimmed(left.substr(0, end));
@@ -55,11 +57,25 @@ Result<Distribution> parse_recording(const std::string& path, const ReadFile& re
     values.push_back(from_seconds(*seconds));
   }
   if (values.empty()) return Error{path + ": no values: one number of seconds a line is expected"};
-  return Distribution{Distribution::Kind::recorded, 0, 0,
-                      std::make_shared<const std::vector<TimeNs>>(std::move(values)), path};
+  return std::make_shared<const std::vector<TimeNs>>(std::move(values));
 }
 
-}  // namespace
+Result<Distribution::Recording> read_recording(const std::string& path) {
+  const auto content = read_file(path);
+  if (!content) return content.error();
+  return parse_recording(path, *content);
+}
+
+ReadRecording reading_once(ReadRecording read) {
+  using Known = std::map<std::string, Distribution::Recording>;
+  return [read = std::move(read),
+          known = std::make_shared<Known>()](const std::string& path) -> Result<Distribution::Recording> {
+    if (const auto found = known->find(path); found != known->end()) return found->second;
+    auto recording = read(path);
+    if (recording) known->emplace(path, *recording);
+    return recording;
+  };
+}
 
 TimeNs Draws::next(const Distribution& distribution) noexcept {
   const double a = to_seconds(distribution.a), b = to_seconds(distribution.b);
@@ -78,7 +94,7 @@ TimeNs Draws::next(const Distribution& distribution) noexcept {
   return 0;
 }
 
-Result<Distribution> parse_distribution(std::string_view text, const ReadFile& read) {
+Result<Distribution> parse_distribution(std::string_view text, const ReadRecording& read) {
   const auto words = words_of(text);
   if (words.empty()) return Error{fmt::format("a time is missing: {}", distribution_forms)};
   using Kind = Distribution::Kind;
@@ -91,7 +107,12 @@ Result<Distribution> parse_distribution(std::string_view text, const ReadFile& r
   const Kind kind = named ? known->second : Kind::constant;
   const std::size_t needed = (named ? 1 : 0) + (kind == Kind::constant || kind == Kind::recorded ? 1 : 2);
   if (words.size() != needed) return Error{fmt::format("\"{}\": {}", clear_text(text, 80), distribution_forms)};
-  if (kind == Kind::recorded) return parse_recording(std::string(words[1]), read);
+  if (kind == Kind::recorded) {
+    const std::string file(words[1]);
+    auto recording = read(file);
+    if (!recording) return recording.error();
+    return Distribution{kind, 0, 0, std::move(*recording), file};
+  }
 
   const auto a = parse_time(words[named ? 1 : 0]);
   if (!a) return a.error();

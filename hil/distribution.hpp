@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "common/rt/clock.hpp"
-#include "common/rt/file.hpp"
 #include "common/rt/random.hpp"
 #include "common/rt/result.hpp"
 
@@ -22,8 +21,9 @@ struct Distribution {
   Kind kind = Kind::constant;
   TimeNs a = 0;  ///< constant: the value; uniform: the least; normal and gamma: the mean
   TimeNs b = 0;  ///< uniform: the most; normal and gamma: the standard deviation
-  std::shared_ptr<const std::vector<TimeNs>> values;  ///< recorded: in the order of the recording; never empty
-  std::string file;                                   ///< recorded: for text_of()
+  using Recording = std::shared_ptr<const std::vector<TimeNs>>;
+  Recording values;  ///< recorded: in the order of the recording; never empty
+  std::string file;  ///< recorded: for text_of()
 
   static Distribution constant(TimeNs value) { return {Kind::constant, value, 0, nullptr, {}}; }
 };
@@ -40,8 +40,13 @@ class Draws {
   std::uint64_t place_;
 };
 
-/// Where recordings come from; what is not a file's content comes from tests.
-using ReadFile = std::function<Result<std::string>(const std::string& path)>;
+/// Where recordings come from.
+using ReadRecording = std::function<Result<Distribution::Recording>(const std::string& path)>;
+Result<Distribution::Recording> read_recording(const std::string& path);
+/// From a file's content; `path` is for errors.
+Result<Distribution::Recording> parse_recording(const std::string& path, std::string_view content);
+/// Reads each file once, and gives that again whatever becomes of it; copies know what the others read. One thread.
+ReadRecording reading_once(ReadRecording read = read_recording);
 
 /// Reads one of
 ///     200ms                        constant; also `constant 200ms`. Units: us, ms, s
@@ -50,7 +55,7 @@ using ReadFile = std::function<Result<std::string>(const std::string& path)>;
 ///     gamma 0.46s 0.2s             mean and standard deviation, which must be more than nothing
 ///     recorded delays.txt          a file of seconds, one a line; empty lines and those with # are passed over
 /// The error quotes what is wrong and says what is allowed.
-Result<Distribution> parse_distribution(std::string_view text, const ReadFile& read = read_file);
+Result<Distribution> parse_distribution(std::string_view text, const ReadRecording& read = read_recording);
 /// What parse_distribution() reads as the same again.
 std::string text_of(const Distribution& distribution);
 

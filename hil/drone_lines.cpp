@@ -1,6 +1,5 @@
 #include "hil/drone_lines.hpp"
 
-#include <algorithm>
 #include <cassert>
 #include <string>
 #include <utility>
@@ -17,9 +16,7 @@ DroneLines::DroneLines(Random& seeds, std::uint64_t plans_seed) {
 
 void DroneLines::push_state(TimeNs now, std::string_view text) {
   std::string bytes(text);
-  bool said = true;
-  for (SensorFault& fault : sensors_) said = said && misreport(now, fault, noise_, bytes);
-  if (said) push(now, LineAt::states, bytes);
+  if (misreport(now, sensors_, noise_, bytes)) push(now, LineAt::states, bytes);
 }
 
 void DroneLines::push_mocap(TimeNs now, TimeNs real_offset_ns, const sim::MocapPose& measured) {
@@ -50,16 +47,7 @@ void DroneLines::impair(LineAt at, const Impairment& impairment) {
   assert(set.ok());  // datagrams take every effect
 }
 
-void DroneLines::set_sensor_faults(std::vector<SensorFault> faults) {
-  for (SensorFault& fault : faults) {
-    const auto before =
-        std::find_if(sensors_.begin(), sensors_.end(), [&](const SensorFault& k) { return k.item == fault.item; });
-    if (before == sensors_.end()) continue;
-    fault.last = before->last;  // what goes on remembers what it said
-    fault.next_ns = before->next_ns;
-  }
-  sensors_ = std::move(faults);
-}
+void DroneLines::set_sensor_faults(std::vector<SensorFault> faults) { renew(sensors_, std::move(faults)); }
 
 void DroneLines::set_mocap_fault(const MocapFault& fault) {
   mocap_ = fault;

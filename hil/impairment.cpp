@@ -52,7 +52,7 @@ std::string_view rest(std::string_view effect, std::string_view first_word) {
   return trimmed(effect.substr(first_word.size()));
 }
 
-Status set_distribution(std::string_view text, const ReadFile& read, std::optional<Distribution>& out) {
+Status set_distribution(std::string_view text, const ReadRecording& read, std::optional<Distribution>& out) {
   auto distribution = parse_distribution(text, read);
   if (!distribution) return distribution.error();
   out = std::move(*distribution);
@@ -88,7 +88,7 @@ Status set_loss(const Words& words, std::optional<Impairment::Loss>& out) {
 }
 
 /// Of duplication and reordering: a share and a distribution.
-Status set_share_and_time(std::string_view effect, const Words& words, const ReadFile& read, bool time_needed,
+Status set_share_and_time(std::string_view effect, const Words& words, const ReadRecording& read, bool time_needed,
                           double& share, Distribution& time) {
   if (words.size() < (time_needed ? 3u : 2u))
     return wrong(words, fmt::format("allowed is {} SHARE {}, such as {} 5% 30ms", words[0],
@@ -163,11 +163,41 @@ bool switch_off(std::string_view name, Impairment& impairment) {
 
 }  // namespace
 
-bool Impairment::any() const {
-  return delay || jitter || loss || duplicate || reorder || corrupt > 0 || truncate > 0 || rate || stall || partition;
+bool Impairment::any() const { return kinds_in(*this) != 0; }
+
+unsigned kinds_in(const Impairment& i) {
+  const bool there[] = {i.delay.has_value(),
+                        i.jitter.has_value(),
+                        i.loss.has_value(),
+                        i.duplicate.has_value(),
+                        i.reorder.has_value(),
+                        i.corrupt > 0,
+                        i.truncate > 0,
+                        i.rate.has_value(),
+                        i.stall,
+                        i.partition};
+  unsigned kinds = 0;
+  for (std::size_t k = 0; k < std::size(there); ++k) kinds |= there[k] ? 1U << k : 0;
+  return kinds;
 }
 
-Status apply_effect(std::string_view text, Impairment& impairment, const ReadFile& read) {
+void lay_over(const Impairment& over, Impairment& impairment) {
+  const auto take = [](const auto& from, auto& to) {
+    if (from) to = from;
+  };
+  take(over.delay, impairment.delay);
+  take(over.jitter, impairment.jitter);
+  take(over.loss, impairment.loss);
+  take(over.duplicate, impairment.duplicate);
+  take(over.reorder, impairment.reorder);
+  if (over.corrupt > 0) impairment.corrupt = over.corrupt;
+  if (over.truncate > 0) impairment.truncate = over.truncate;
+  take(over.rate, impairment.rate);
+  take(over.stall, impairment.stall);
+  take(over.partition, impairment.partition);
+}
+
+Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read) {
   const std::string_view effect = trimmed(text);
   const Words words = words_of(effect);
   constexpr std::string_view allowed =
@@ -201,7 +231,7 @@ Status apply_effect(std::string_view text, Impairment& impairment, const ReadFil
   return wrong(words, allowed);
 }
 
-Status apply_effects(std::string_view text, Impairment& impairment, const ReadFile& read) {
+Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read) {
   Impairment changed = impairment;
   for (;;) {
     const std::size_t comma = std::min(text.find(','), text.size());

@@ -49,6 +49,12 @@ struct Impairment {
   bool any() const;
 };
 
+/// A bit for each kind of effect that it has.
+unsigned kinds_in(const Impairment& impairment);
+
+/// Puts the effects that `over` has in the place of those of their kinds.
+void lay_over(const Impairment& over, Impairment& impairment);
+
 /// Puts one effect in the place of the one of its kind, or takes it out:
 ///
 ///     delay 200ms                     any DISTRIBUTION of hil/distribution.hpp, here and below
@@ -67,10 +73,10 @@ struct Impairment {
 ///     clear                           all of them off
 ///
 /// On an error nothing is changed; it quotes what is wrong and says what is allowed.
-Status apply_effect(std::string_view text, Impairment& impairment, const ReadFile& read = read_file);
+Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read = read_recording);
 
 /// Several effects with commas between, all of them or, on an error, none: "delay 200ms, loss 5%".
-Status apply_effects(std::string_view text, Impairment& impairment, const ReadFile& read = read_file);
+Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read = read_recording);
 
 /// What apply_effects() reads as the same again; "clear" where nothing is impaired.
 std::string text_of(const Impairment& impairment);

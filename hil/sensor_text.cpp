@@ -7,6 +7,8 @@
 #include <cmath>
 #include <string_view>
 
+#include "common/rt/clear_text.hpp"
+#include "hil/distribution.hpp"
 #include "hil/words.hpp"
 
 namespace ledgerline::hil {
@@ -26,10 +28,6 @@ std::pair<std::size_t, std::size_t> place_of(const std::string& text, const std:
   at += begin.size();
   return {at, std::min(text.find(';', at), text.size()) - at};
 }
-
-}  // namespace
-
-bool known_field(const std::string& field) { return std::find(fields.begin(), fields.end(), field) != fields.end(); }
 
 bool misreport(TimeNs now, SensorFault& fault, Random& random, std::string& text) {
   if (fault.kind == SensorFault::Kind::every) {
@@ -64,6 +62,59 @@ bool misreport(TimeNs now, SensorFault& fault, Random& random, std::string& text
   }
   text.replace(at, size, wrong);
   return true;
+}
+
+}  // namespace
+
+Result<SensorFault> parse_sensor(std::string_view text) {
+  const Error wrong{
+      fmt::format("\"{}\": must be `FIELD|all stuck|garbage`, `FIELD bias NUMBER` or `all every 2s`; fields are those "
+                  "of the Tello's "
+                  "state text: h, tof, bat, yaw, vgx ...",
+                  clear_text(text, 100))};
+  const auto words = words_of(text);
+  if (words.size() < 2 || words.size() > 3) return wrong;
+  SensorFault fault;
+  const bool all = words[0] == "all";
+  if (!all) fault.field = words[0];
+  if (!all && std::find(fields.begin(), fields.end(), words[0]) == fields.end()) return wrong;
+  const std::string_view what = words[1];
+  if (words.size() == 2 && (what == "stuck" || what == "garbage")) {
+    fault.kind = what == "stuck" ? SensorFault::Kind::stuck : SensorFault::Kind::garbage;
+    return fault;
+  }
+  if (words.size() == 3 && what == "bias" && !all) {
+    const auto bias = parse_number(words[2]);
+    if (!bias || std::abs(*bias) > 1e6) return wrong;
+    fault.kind = SensorFault::Kind::bias;
+    fault.bias = *bias;
+    return fault;
+  }
+  if (words.size() == 3 && what == "every" && all) {
+    const auto period = parse_time(words[2]);
+    if (!period) return period.error();
+    if (*period <= 0) return Error{"every must be followed by more than 0 s"};
+    fault.kind = SensorFault::Kind::every;
+    fault.period_ns = *period;
+    return fault;
+  }
+  return wrong;
+}
+
+void renew(std::vector<SensorFault>& known, std::vector<SensorFault> faults) {
+  for (SensorFault& fault : faults) {
+    const auto before =
+        std::find_if(known.begin(), known.end(), [&](const SensorFault& k) { return k.item == fault.item; });
+    if (before == known.end()) continue;
+    fault.last = before->last;
+    fault.next_ns = before->next_ns;
+  }
+  known = std::move(faults);
+}
+
+bool misreport(TimeNs now, std::vector<SensorFault>& faults, Random& random, std::string& text) {
+  return std::all_of(faults.begin(), faults.end(),
+                     [&](SensorFault& fault) { return misreport(now, fault, random, text); });
 }
 
 }  // namespace ledgerline::hil

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "common/msg/ros.hpp"
+#include "common/rt/end_signals.hpp"
 #include "common/rt/log.hpp"
 #include "common/rt/trace.hpp"
 #include "sim/drone_sockets.hpp"
@@ -82,7 +82,7 @@ class Record {
       record.t_ns = now;
       record.kind = TraceKind::truth;
       record.drone = static_cast<std::uint16_t>(k);
-      record.extra = truth.in_flight ? 1 : 0;
+      record.extra = truth.crashed ? 2 : truth.in_flight ? 1 : 0;
       for (std::size_t i = 0; i < 3; ++i) record.v[i] = truth.position_m[i];
       record.v[3] = truth.yaw_rad;
       trace_->add(record);
@@ -119,24 +119,6 @@ class Record {
   TimeNs next_ = 0;
 };
 
-volatile std::sig_atomic_t end_asked = 0;
-
-/// Signals come in only while the loop waits, so that none is missed between a check and the next wait.
-sigset_t catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { end_asked = 1; };
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  sigset_t blocked, before;
-  sigemptyset(&blocked);
-  sigaddset(&blocked, SIGINT);
-  sigaddset(&blocked, SIGTERM);
-  pthread_sigmask(SIG_BLOCK, &blocked, &before);
-  sigdelset(&before, SIGINT);
-  sigdelset(&before, SIGTERM);
-  return before;
-}
-
 void print_line(const nlohmann::json& json) {
   std::puts(json.dump().c_str());
   std::fflush(stdout);
@@ -147,7 +129,7 @@ void print_line(const nlohmann::json& json) {
 Status run_real_time(const ShellOptions& options) {
   const auto address = parse_address(options.first_address);
   if (!address) return address.error();
-  const sigset_t waiting = catch_signals();  // before DDS's threads, which inherit the mask
+  const sigset_t waiting = catch_end_signals_while_waiting();  // before DDS's threads, which inherit the mask
   auto sockets = DroneSockets::open(*address, options.parameters.drones);
   if (!sockets) return sockets.error();
   std::optional<MocapOutput> mocap;

@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -13,9 +12,11 @@
 
 #include "chaincode/fabric/network.hpp"
 #include "chaincode/fabric/revocation.hpp"
+#include "chaincode/fabric/start_check.hpp"
 #include "chaincode/fabric/texts.hpp"
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/node/storage/files.hpp"
+#include "common/rt/end_signals.hpp"
 #include "common/rt/log.hpp"
 
 namespace {
@@ -28,7 +29,7 @@ constexpr const char* examples = R"(
 Examples:
   ledgerline fabric up --dir /tmp/net                       three organisations, one orderer; returns when the contract answers
   ledgerline fabric up --dir /tmp/net3 --orderers 3 --batch-count 10 --batch-timeout 5 --channel teleop --channel yard
-  ledgerline fabric status --dir /tmp/net                   every process: where it listens, pid, restarts
+  ledgerline fabric status --dir /tmp/net                   every process: where it listens, pid, restarts; who leads
   ledgerline fabric logs --dir /tmp/net peer1
   ledgerline fabric up --dir /tmp/netca --ca                identities from fabric-ca, one server an organisation
   ledgerline fabric revoke --dir /tmp/netca --org 2 --user User1
@@ -40,8 +41,6 @@ On three hosts (docs/fabric.md):
 
 A process of the network that ends is started again; when that does not help, the network ends and says why.
 `run` prints {"ready":true,...} when it serves. Exit codes: 0 good, 1 failed, 2 wrong usage, 3 (status) it does not run.)";
-
-std::atomic<int> end_asked{0};
 
 int fail(const std::string& what) {
   spdlog::error("{}", what);
@@ -149,11 +148,7 @@ int run(const Options& options, const std::string& summary, const std::function<
   std::filesystem::create_directories(options.dir, error);
   RunFile file(options.dir);
   if (!file.take()) return fail("a network runs in " + options.dir + " already, or the directory cannot be written");
-  for (const int signal : {SIGINT, SIGTERM}) {
-    struct sigaction action {};
-    action.sa_handler = [](int) { ++end_asked; };
-    ::sigaction(signal, &action, nullptr);
-  }
+  catch_end_signals();
   ::signal(SIGPIPE, SIG_IGN);
   Network network(options);
   const TimeNs begin = monotonic_ns();
@@ -161,7 +156,7 @@ int run(const Options& options, const std::string& summary, const std::function<
   if (status) {
     spdlog::info("up after {:.1f} s", to_seconds(monotonic_ns() - begin));
     std::string text, said;
-    while (status && end_asked == 0) {
+    while (status && !end_asked) {
       text = describe(network).dump();
       if (text != said && !file.write(text)) status = Error{"cannot write " + options.dir + "/network.json"};
       if (said.empty() && status) ready(text);
@@ -236,8 +231,22 @@ int down(const std::string& dir) {
   return file.read() ? fail(fmt::format("process {} does not end", process)) : 0;
 }
 
+/// Who leads is asked now; none may for a moment.
+void add_leads(nlohmann::json& running) {
+  for (auto& process : running["processes"]) {
+    if (!process.contains("operations") || process.value("pid", 0) <= 0) continue;
+    const auto metrics = fabric_network::fetch_metrics(process["operations"].get<std::string>());
+    process["leads"] = nlohmann::json::array();
+    if (!metrics) continue;
+    for (const auto& [channel, sign] : fabric_network::raft_signs(*metrics)) {
+      if (sign.leads) process["leads"].push_back(channel);
+    }
+  }
+}
+
 int status(const std::string& dir) {
-  const auto running = RunFile(dir).read();
+  auto running = RunFile(dir).read();
+  if (running && running->contains("processes")) add_leads(*running);
   std::printf("%s\n", running ? running->dump(2).c_str() : "it does not run");
   return running ? 0 : 3;
 }

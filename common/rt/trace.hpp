@@ -11,7 +11,8 @@ namespace ledgerline {
 
 /// What a trace record is about. Values are part of the file format: only append.
 enum class TraceKind : std::uint16_t {
-  truth = 1,             ///< sim: id 0, stamp 0, v = x, y, z [m], yaw [rad]; extra = 1 while in flight
+  truth = 1,             ///< sim: id 0, stamp 0, v = x, y, z [m], yaw [rad]; extra = 1 while in flight, 2 once it
+                         ///< turned over
   state_sampled = 2,     ///< link: id = state sequence, stamp = its time, v = x, y, z [m], yaw [rad];
                          ///< extra = battery, per mille
   frame_submitted = 3,   ///< agent: id = frame number, extra = samples in it
@@ -36,6 +37,7 @@ enum class TraceKind : std::uint16_t {
   setpoint_sent = 19,      ///< link: as command_applied, when the datagram had left
   loop_turns = 20,         ///< link: id = number of the first turn, extra = how many, stamp = when the first was due,
                            ///< v = how late each began: 16 × 16 bits, us (PackedTurns in common/rt/turns.hpp)
+  rc_sent = 21,            ///< link: v = the four sticks of an rc, as the SDK has them
 };
 
 /// One fixed 64-byte record of the binary trace, host byte order (little-endian).

@@ -1,14 +1,13 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <utility>
 
 #include "common/bridge/bridges.hpp"
 #include "common/dds/config.hpp"
 #include "common/fabric/config.hpp"
+#include "common/rt/end_signals.hpp"
 #include "common/rt/log.hpp"
 
 namespace {
@@ -16,16 +15,6 @@ namespace {
 using namespace ledgerline;
 
 constexpr int exit_usage = 2;
-std::atomic<bool> quit{false};
-
-void ask_to_quit(int) { quit = true; }
-
-void catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = ask_to_quit;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 Status carry(const bridge::BridgeConfig& carried, const dds::ParticipantOptions& dds,
              const fabric::ClientConfig& ledger, crypto::MspRegistry& believed) {
@@ -33,7 +22,7 @@ Status carry(const bridge::BridgeConfig& carried, const dds::ParticipantOptions&
   if (!participant) return participant.error();
   auto bridges = bridge::Bridges::create(carried, ledger, believed, *participant);
   if (!bridges) return bridges.error();
-  return (*bridges)->run(quit, [ready = false](const std::string& status) mutable {
+  return (*bridges)->run(end_asked, [ready = false](const std::string& status) mutable {
     if (!std::exchange(ready, true)) fmt::print("{{\"ready\":true,\"program\":\"ledgerline-bridge\"}}\n");
     fmt::print("{}\n", status);
     std::fflush(stdout);
@@ -90,7 +79,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
   }
   init_log("bridge");
-  catch_signals();
+  catch_end_signals();
   auto config = Config::load(file);
   if (!config) {
     spdlog::error("{}", config.error().what);

@@ -81,6 +81,10 @@ void Launcher::take_line(const std::string& name, const std::string& line) {
   }
 }
 
+void Launcher::ended_early(const std::string& name) {
+  if (!children_.ended_well(name)) record_.ended_early.emplace_back(name, children_.how_it_ended(name));
+}
+
 std::string Launcher::crash_of(const std::string& name, const std::string& when) const {
   const std::string tail = children_.log_tail(name, log_lines);
   return fmt::format("{} {} {}{}", name, children_.how_it_ended(name), when,
@@ -272,6 +276,8 @@ Status Launcher::fly() {
     live_.show(now_ns);
     if (!children_.running(controller_)) {
       if (!children_.ended_well(controller_)) result = Error{ground_why()};
+      // Its exit code says how the flight went.
+      if (children_.how_it_ended(controller_).find("signal") != std::string::npos) ended_early(controller_);
       flying = false;
     }
     // Without a ledger nothing is started again: it is a reference, not a flight to be kept up.
@@ -279,7 +285,9 @@ Status Launcher::fly() {
         ledger_.empty() ? std::vector<std::string>{"sim", "link", "roudi"} : std::vector<std::string>{ledger_, "sim"};
     if (options_.proxy) given_up.push_back(proxy_name);
     for (const auto& name : given_up) {
-      if (!children_.running(name) && result) result = Error{crash_of(name, "during the flight")};
+      if (children_.running(name)) continue;
+      ended_early(name);
+      if (result) result = Error{crash_of(name, "during the flight")};
     }
     if (flying && result) result = look_after_onboard(now_ns);
     flying = flying && result;
@@ -304,6 +312,7 @@ Status Launcher::look_after_onboard(TimeNs now_ns) {
   for (Onboard& one : onboard_) {
     if (children_.running(one.name)) continue;
     if (one.start_at_ns == 0) {
+      if (one.name != "link" || !std::exchange(link_given_up_, false)) ended_early(one.name);
       const auto at = one.restarts.ended(now_ns);
       if (!at) {
         const Restarts::Limits& limits = one.restarts.limits();
@@ -337,6 +346,7 @@ Status Launcher::start_again(const std::string& name) {
     if (live_.anything_in_air() && serves("link")) {
       ready_.erase("link");
       children_.signal("link", SIGKILL);
+      link_given_up_ = true;
     }
     return start(name, {"--summary", files_.summary(name)});
   }

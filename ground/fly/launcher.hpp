@@ -23,7 +23,9 @@ struct RunRecord {
   std::map<std::string, double> cpu_percent;
   std::map<std::string, double> memory_mb;        ///< proportional set size, as last seen
   std::map<std::string, std::uint64_t> restarts;  ///< of RouDi, link and agent, during the flight
-  std::uint64_t ledger_grown_bytes = 0;           ///< of the ledger's directory, during the flight
+  /// Programs that ended unasked during the flight, and how; each time.
+  std::vector<std::pair<std::string, std::string>> ended_early;
+  std::uint64_t ledger_grown_bytes = 0;  ///< of the ledger's directory, during the flight
 };
 
 /// Starts the programs of a flight, watches them, and ends every one of them, whatever happens:
@@ -68,6 +70,7 @@ class Launcher {
   void recycle_shared_memory();
   void stop_all(bool landed);
   void take_line(const std::string& name, const std::string& line);
+  void ended_early(const std::string& name);
   std::string crash_of(const std::string& name, const std::string& when) const;
   std::string ground_why() const;
 
@@ -82,6 +85,7 @@ class Launcher {
   std::map<std::string, double> cpu_at_begin_;
   std::vector<Onboard> onboard_;                 ///< in the order of their start: RouDi before those that need it
   bool chunks_leaked_ = false;                   ///< as RouDi says
+  bool link_given_up_ = false;                   ///< killed here, for a new RouDi
   const std::string ledger_;                     ///< the process that is the ledger: node or fabric; empty: none
   const std::string controller_;                 ///< ground; local without a ledger
   const std::vector<std::string> all_programs_;  ///< that live through the flight

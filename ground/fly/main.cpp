@@ -11,6 +11,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "common/rt/end_signals.hpp"
 #include "common/rt/space.hpp"
 #include "ground/fly/configs.hpp"
 #include "ground/fly/launcher.hpp"
@@ -25,17 +26,6 @@ using namespace ledgerline;
 namespace fs = std::filesystem;
 
 const char* const lock_file = "/tmp/ledgerline-fly.lock";
-std::atomic<int> interrupts{0};
-
-void count_interrupt(int) { ++interrupts; }
-
-void catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = count_interrupt;
-  for (int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
-}
-
 fs::path own_directory() {
   std::error_code error;
   return fs::read_symlink("/proc/self/exe", error).parent_path();
@@ -104,7 +94,7 @@ int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
              : options.waypoints.empty() ? "around a " + ground::name_of(options.shape)
                                          : "along " + options.course_file,
              options.ledger == "none" ? "without a ledger" : "through the ledger", files.directory);
-  fly::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, interrupts);
+  fly::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, ends_asked);
   const fly::RunRecord record = launcher.run();
   report::Results results = report::read_results(files, options, record);
   bool written = true;
@@ -142,7 +132,7 @@ int main(int argc, char** argv) {
   std::error_code error;
   fs::create_directories(files.directory, error);
   if (error) return fail(fmt::format("cannot make {}: {}", files.directory, error.message()));
-  if (fs::exists(files.in("ledger")))
+  if (fs::exists(files.in("ledger"), error) && !fs::is_empty(files.in("ledger"), error))
     return fail(fmt::format("{} holds another run already: choose another --out", files.directory));
   const std::string ledger = line.options.tmpfs ? MemoryDirectory::path : files.in("ledger");
   const auto needed = fly::expected_ledger_bytes(line.options);
@@ -152,6 +142,7 @@ int main(int argc, char** argv) {
     if (const Status made = MemoryDirectory::make(files, memory); !made) return fail(made.error().what);
   }
   if (const Status room = check_space(ledger, needed, what); !room) return fail(room.error().what);
-  catch_signals();
+  catch_end_signals({SIGINT, SIGTERM, SIGHUP});
+  std::signal(SIGPIPE, SIG_IGN);
   return fly_and_report(line.options, files);
 }

@@ -71,6 +71,8 @@ json to_json(const Results& r) {
   for (const auto& [name, mb] : r.memory_mb) memory[name] = rounded(mb, 10);
   json drones = json::array();
   for (const DroneResult& drone : r.drones) drones.push_back(to_json(drone));
+  json ended_early = json::array();
+  for (const auto& [program, how] : r.ended_early) ended_early.push_back({{"program", program}, {"how", how}});
   json object{{"asked", asked},
               {"machine",
                {{"cpu", r.machine.cpu},
@@ -94,6 +96,7 @@ json to_json(const Results& r) {
               {"cpu_percent", cpu},
               {"memory_mb", memory},
               {"restarts", r.onboard_restarts},
+              {"ended_early", ended_early},
               {"ok", r.ok}};
   if (!r.ok) object["why"] = r.why;
   return object;

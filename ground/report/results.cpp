@@ -153,6 +153,7 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
   results.cpu_percent = record.cpu_percent;
   results.memory_mb = record.memory_mb;
   results.onboard_restarts = record.restarts;
+  results.ended_early = record.ended_early;
   results.flight_s = to_seconds(record.end_ns - record.begin_ns);
   const bool ledger = asked.ledger != "none";
   const std::string controller = fly::controller_program(asked);

@@ -48,7 +48,8 @@ struct Results {
   double bytes_per_drone_hour = 0;                        ///< that the ledger grows on its file system
   std::map<std::string, std::uint64_t> restarts;          ///< of Fabric's processes, by name; those that were restarted
   std::map<std::string, std::uint64_t> onboard_restarts;  ///< of RouDi, link and agent
-  Quantiles disk_ms;                                      ///< how long blocks took to be on disk
+  std::vector<std::pair<std::string, std::string>> ended_early;  ///< programs that ended unasked in flight, and how
+  Quantiles disk_ms;                                             ///< how long blocks took to be on disk
   std::vector<DroneResult> drones;
   Quantiles two_way_ms, age_ms;  ///< of all drones
   double flight_s = 0;

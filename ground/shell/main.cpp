@@ -1,14 +1,13 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
-#include <csignal>
 #include <cstdio>
 
 #include "common/bridge/bridges.hpp"
 #include "common/dds/config.hpp"
 #include "common/fabric/client.hpp"
 #include "common/fabric/config.hpp"
+#include "common/rt/end_signals.hpp"
 #include "common/rt/log.hpp"
 #include "ground/shell/ground.hpp"
 
@@ -17,16 +16,6 @@ namespace {
 using namespace ledgerline;
 
 constexpr int exit_usage = 2;
-std::atomic<bool> quit{false};
-
-void ask_to_quit(int) { quit = true; }
-
-void catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = ask_to_quit;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 int fly(Config& config) {
   ground::FlightConfig flight = ground::flight_config(config);
@@ -58,7 +47,7 @@ int fly(Config& config) {
     return EXIT_FAILURE;
   }
   ground::Ground ground(std::move(flight), output, *participant, std::move(client).value(), std::move(urgent).value());
-  if (auto status = ground.start(quit); !status) {
+  if (auto status = ground.start(end_asked); !status) {
     spdlog::error("{}", status.error().what);
     return EXIT_FAILURE;
   }
@@ -69,7 +58,7 @@ int fly(Config& config) {
   }
   fmt::print("{{\"ready\":true}}\n");
   std::fflush(stdout);
-  const auto ok = ground.run(quit);
+  const auto ok = ground.run(end_asked);
   if (!ok) {
     spdlog::error("{}", ok.error().what);
     return EXIT_FAILURE;
@@ -104,7 +93,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
   }
   init_log("ground");
-  catch_signals();
+  catch_end_signals();
   auto config = Config::load(file);
   if (!config) {
     spdlog::error("{}", config.error().what);

@@ -2,14 +2,13 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
-#include <csignal>
 #include <deque>
 #include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "common/rt/end_signals.hpp"
 #include "common/rt/file.hpp"
 #include "ground/fly/machine.hpp"
 #include "ground/timing/perfetto.hpp"
@@ -26,9 +25,6 @@ using nlohmann::json;
 constexpr int exit_limit = 1, exit_usage = 2, exit_unreadable = 3;
 constexpr TimeNs window_ns = 10 * ns_per_s;
 constexpr TimeNs settled_after_ns = 4 * ns_per_s;  // a sample's walk is over, and its last record is in the file
-std::atomic<bool> quit{false};
-
-void ask_to_quit(int) { quit = true; }
 
 struct Options {
   std::string directory;
@@ -101,7 +97,7 @@ int follow(const Options& options, const std::vector<Limit>& limits) {
   if (!usage) return fail("no flight to follow: " + usage.error().what);
   Snapshot before = usage->begin;
   const TimeNs until_ns = options.seconds > 0 ? monotonic_ns() + from_seconds(options.seconds) : INT64_MAX;
-  while (!quit && monotonic_ns() < until_ns) {
+  while (!end_asked && monotonic_ns() < until_ns) {
     if (auto status = recording.read_new(); !status) return fail(status.error().what);
     const Snapshot now = read_snapshot(usage->programs);
     if (now.threads.empty()) break;
@@ -114,7 +110,7 @@ int follow(const Options& options, const std::vector<Limit>& limits) {
     figures.load = load_between(before, now);
     before = now;
     std::cout << (::isatty(STDOUT_FILENO) ? "\033[H\033[J" : "") << to_table(figures, options.threads) << std::flush;
-    for (TimeNs waited = 0; waited < from_seconds(options.every_s) && !quit; waited += 50 * ns_per_ms)
+    for (TimeNs waited = 0; waited < from_seconds(options.every_s) && !end_asked; waited += 50 * ns_per_ms)
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
   std::cout << "\nThe whole flight so far:\n";
@@ -203,8 +199,7 @@ int main(int argc, char** argv) {
     }
     limits.push_back(std::move(*limit));
   }
-  std::signal(SIGINT, ask_to_quit);
-  std::signal(SIGTERM, ask_to_quit);
+  catch_end_signals();
   if (o.self_test) return self_test(o);
   return o.live ? follow(o, limits) : lay_open(o, limits, {});
 }

@@ -2,13 +2,12 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <optional>
 #include <thread>
 
+#include "common/rt/end_signals.hpp"
 #include "common/rt/file.hpp"
 #include "common/rt/log.hpp"
 #include "ground/topics/show.hpp"
@@ -18,9 +17,6 @@ namespace {
 using namespace ledgerline;
 
 constexpr int exit_usage = 2;
-std::atomic<bool> quit{false};
-
-void ask_to_quit(int) { quit = true; }
 
 struct Wish {
   std::string file;
@@ -44,10 +40,10 @@ Status show(const Wish& wish) {
     std::fflush(stdout);
     before = std::move(*now);
     for (const TimeNs until_ns = monotonic_ns() + from_seconds(wish.period_s);
-         !wish.once && !quit && monotonic_ns() < until_ns;) {
+         !wish.once && !end_asked && monotonic_ns() < until_ns;) {
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
-  } while (!wish.once && !quit);
+  } while (!wish.once && !end_asked);
   return done;
 }
 
@@ -74,8 +70,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
   }
   init_log("topics");
-  std::signal(SIGINT, ask_to_quit);
-  std::signal(SIGTERM, ask_to_quit);
+  catch_end_signals();
   if (auto status = show(wish); !status) {
     spdlog::error("{}", status.error().what);
     return EXIT_FAILURE;

@@ -46,12 +46,19 @@ json events_json(const RunResult& result) {
 json run_json(const RunResult& result) {
   json verdicts = json::array();
   for (const Verdict& verdict : result.verdicts) verdicts.push_back(verdict_json(verdict));
-  return {{"script", result.script},      {"title", result.title},
-          {"seed", result.seed},          {"held", result.held()},
-          {"verdicts", verdicts},         {"flown_s", to_seconds(result.flown_ns)},
-          {"finished", result.ok},        {"why", result.why},
-          {"plans", result.plans},        {"digest", crypto::hex(result.digest)},
-          {"blocks", result.blocks},      {"transactions", result.transactions},
+  return {{"script", result.script},
+          {"title", result.title},
+          {"seed", result.seed},
+          {"held", result.held()},
+          {"verdicts", verdicts},
+          {"not_judged", result.not_judged},
+          {"flown_s", to_seconds(result.flown_ns)},
+          {"finished", result.ok},
+          {"why", result.why},
+          {"plans", result.plans},
+          {"digest", crypto::hex(result.digest)},
+          {"blocks", result.blocks},
+          {"transactions", result.transactions},
           {"events", events_json(result)}};
 }
 
@@ -139,6 +146,12 @@ std::string broken_text(const RunResult& result) {
   return text;
 }
 
+std::string not_judged_text(const RunResult& result) {
+  std::string text;
+  for (const std::string& what : result.not_judged) text += fmt::format("  not judged: {}\n", what);
+  return text;
+}
+
 std::string json_text(const std::vector<RunResult>& results) {
   json runs = json::array();
   for (const RunResult& result : results) runs.push_back(run_json(result));
@@ -156,9 +169,13 @@ std::string junit_text(const std::vector<RunResult>& results) {
   for (const RunResult& result : results) {
     text += fmt::format("  <testcase classname=\"{}\" name=\"seed {}\" time=\"{:.3f}\"", for_xml(result.script),
                         result.seed, to_seconds(result.flown_ns));
-    text += result.held() ? "/>\n"
-                          : fmt::format(">\n    <failure message=\"{}\">{}</failure>\n  </testcase>\n",
-                                        for_xml(result.title), for_xml(broken_text(result)));
+    text += ">\n";
+    if (!result.held())
+      text += fmt::format("    <failure message=\"{}\">{}</failure>\n", for_xml(result.title),
+                          for_xml(broken_text(result)));
+    if (!result.not_judged.empty())
+      text += fmt::format("    <system-out>{}</system-out>\n", for_xml(not_judged_text(result)));
+    text += "  </testcase>\n";
   }
   return text + "</testsuite>\n";
 }

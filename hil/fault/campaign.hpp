@@ -31,6 +31,9 @@ std::vector<Flight> flights_of(const std::vector<Script>& scripts,
 /// "  broke at 12.345 s: RULE: what was seen", a line for each.
 std::string broken_text(const RunResult& result);
 
+/// "  not judged: WHAT", a line for each.
+std::string not_judged_text(const RunResult& result);
+
 /// One JSON object, with the events; the timeline is left out.
 std::string json_text(const std::vector<RunResult>& results);
 /// As CI systems read it: a testcase for each run.

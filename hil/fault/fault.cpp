@@ -48,10 +48,11 @@ Status line_effects(Fault& fault, const Words& words, std::size_t from) {
   fault.effects = joined(words, from);
   for (std::size_t begin = 0; begin <= fault.effects.size();) {
     const std::size_t comma = std::min(fault.effects.find(',', begin), fault.effects.size());
-    Impairment tried;
-    if (auto applied = apply_effect(std::string_view(fault.effects).substr(begin, comma - begin), tried); !applied)
+    Impairment effect;
+    if (auto applied = apply_effect(std::string_view(fault.effects).substr(begin, comma - begin), effect); !applied)
       return applied;
-    if (!tried.any()) return allowed(fault.text, "does nothing: a fault ends by its `for`, not by `off` or `clear`");
+    if (!effect.any()) return allowed(fault.text, "does nothing: a fault ends by its `for`, not by `off` or `clear`");
+    lay_over(effect, fault.impairment);
     begin = comma + 1;
   }
   return done;
@@ -105,35 +106,13 @@ Status parse_drone(Fault& fault, const Words& words) {
 }
 
 Status parse_sensor(Fault& fault, const Words& words) {
-  constexpr std::string_view usage =
-      "must be `sensor NAME|* FIELD|all stuck|garbage`, `sensor NAME|* FIELD bias NUMBER` or `sensor NAME|* all every "
-      "2s`; fields are those of the Tello's state text: h, tof, bat, yaw, vgx ...";
-  if (words.size() < 4) return allowed(fault.text, usage);
+  if (words.size() < 4) return allowed(fault.text, "must be `sensor NAME|* FIELD|all stuck`, garbage, bias or every");
+  auto sensor = hil::parse_sensor(joined(words, 2));
+  if (!sensor) return allowed(fault.text, sensor.error().what);
   fault.what = What::sensor;
   fault.drone = drone_of(words[1]);
-  fault.sensor.field = words[2] == "all" ? std::string() : std::string(words[2]);
-  if (!fault.sensor.field.empty() && !known_field(fault.sensor.field)) return allowed(fault.text, usage);
-  const std::string_view what = words[3];
-  if (words.size() == 4 && (what == "stuck" || what == "garbage")) {
-    fault.sensor.kind = what == "stuck" ? SensorFault::Kind::stuck : SensorFault::Kind::garbage;
-    return done;
-  }
-  if (words.size() == 5 && what == "bias" && !fault.sensor.field.empty()) {
-    const auto bias = parse_number(words[4]);
-    if (!bias || std::abs(*bias) > 1e6) return allowed(fault.text, usage);
-    fault.sensor.kind = SensorFault::Kind::bias;
-    fault.sensor.bias = *bias;
-    return done;
-  }
-  if (words.size() == 5 && what == "every" && fault.sensor.field.empty()) {
-    const auto period = parse_time(words[4]);
-    if (!period) return period.error();
-    if (*period <= 0) return allowed(fault.text, "every must be followed by more than 0 s");
-    fault.sensor.kind = SensorFault::Kind::every;
-    fault.sensor.period_ns = *period;
-    return done;
-  }
-  return allowed(fault.text, usage);
+  fault.sensor = std::move(*sensor);
+  return done;
 }
 
 Status parse_mocap(Fault& fault, const Words& words) {
@@ -228,7 +207,11 @@ Status parse_ledger(Fault& fault, const Words& words) {
 // What the real processes alone have; nothing: it is none of that.
 std::optional<Status> parse_real(Fault& fault, const Words& words) {
   const std::string_view name = words[0];
-  if (name == "disk") return allowed(fault.text, "a full disk is not built: the node's tests have it");
+  if (name == "disk") {
+    fault.what = What::fill_disk;
+    if (words.size() == 2 && words[1] == "full") return done;
+    return allowed(fault.text, "must be `disk full`: the ledger's");
+  }
   if (name == "roudi") {
     fault.what = What::kill_roudi;
     if (words.size() == 2 && words[1] == "kill") return done;
@@ -252,9 +235,13 @@ std::optional<Status> parse_real(Fault& fault, const Words& words) {
   for (const auto& [part, most] : {std::pair("peer", 3), std::pair("orderer", 3), std::pair("chaincode", 3)}) {
     if (name != part) continue;
     fault.what = What::kill_part;
+    fault.part = leader_part;
+    if (words.size() == 3 && words[1] == "leader" && words[2] == "kill" && part == std::string_view("orderer"))
+      return done;
     const auto number = words.size() == 3 && words[2] == "kill" ? parse_number(words[1]) : std::nullopt;
     if (!number || *number < 1 || *number > most || *number != std::floor(*number))
-      return allowed(fault.text, fmt::format("must be `{} N kill`, N from 1 to {}", part, most));
+      return allowed(fault.text, fmt::format("must be `{} N kill`, N from 1 to {}{}", part, most,
+                                             part == std::string_view("orderer") ? ", or `orderer leader kill`" : ""));
     fault.part = fmt::format("{}{:.0f}", part, *number);
     return done;
   }

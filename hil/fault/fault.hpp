@@ -26,6 +26,8 @@ struct Trigger {
 };
 Result<Trigger> parse_trigger(std::string_view text);
 
+inline constexpr std::string_view leader_part = "orderer leader";
+
 /// One fault as it is written: where and what, e.g. "drone tello1 to delay 200ms". docs/faults.md lists all of them.
 struct Fault {
   enum class What : std::uint8_t {
@@ -57,6 +59,7 @@ struct Fault {
     kill_roudi,
     burn,  // computing on a core
     take_memory,
+    fill_disk,  // the ledger's
   };
   std::string text;
   std::string at = "path";  ///< as written
@@ -68,6 +71,7 @@ struct Fault {
   std::string drone;              ///< empty: every drone
   std::vector<LineAt> lines;      ///< line
   std::string effects;            ///< line
+  Impairment impairment;          ///< the same
   SensorFault sensor;             ///< sensor
   std::vector<Process> ends;      ///< ledger_*: whose connection; kill, stop: who
   bool to = false, from = false;  ///< ledger_delay, ledger_hold
@@ -76,7 +80,7 @@ struct Fault {
   std::optional<Distribution> delay;
   std::array<double, 3> vector{};  ///< mocap_offset, kick, wind
   double value = 0;  ///< battery, drain [0..1], mocap_noise [m], stop_drone (1: cut), burn (core), take_memory [bytes]
-  std::string part{};  ///< kill_part: of Fabric's network, "peer1"
+  std::string part{};  ///< kill_part: of Fabric's network, "peer1"; leader_part: the orderer that leads
   TimeNs time_ns = 0;  ///< clock_jump, mocap_every
 
   bool pushes() const;

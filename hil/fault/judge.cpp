@@ -128,7 +128,7 @@ std::string rule_help() {
          "  nothing acknowledged is lost\n"
          "  ends within 60 s\n"
          "  sends emergency, sends no emergency      command, takeoff, land\n"
-         "  no crash                                 no drone turns over\n";
+         "  no crash                                 no drone turns over, and no process ends but by a fault\n";
 }
 
 Result<Rule> parse_rule(std::string_view sentence) {
@@ -435,6 +435,9 @@ std::vector<Verdict> Judge::finish(const Ending& ending) {
         break;
       case Kind::nothing_lost:
         if (!ending.lost.empty()) broke(state, ending.now, ending.lost.front());
+        break;
+      case Kind::no_crash:
+        if (!ending.crashed.empty()) broke(state, ending.now, ending.crashed.front());
         break;
       case Kind::seen:
         if (!state.seen) broke(state, ending.now, "never");

@@ -82,6 +82,7 @@ struct Ending {
   std::vector<std::string> in_the_air;  ///< drones
   std::vector<std::string> missing{};   ///< faults of the script that never began, in words
   std::vector<std::string> lost;        ///< acknowledged transactions and transitions that are not on the ledger
+  std::vector<std::string> crashed{};   ///< programs that ended though nobody asked for it, in words
 };
 
 struct Verdict {

@@ -54,8 +54,8 @@ class Teller {
     if (!result.held()) ++broken_;
     if (!result.held() || !quiet_) {
       clear();
-      fmt::print("{} {} seed {}: {:.1f} s flown\n{}", result.held() ? "held  " : "BROKEN", result.script, result.seed,
-                 to_seconds(result.flown_ns), broken_text(result));
+      fmt::print("{} {} seed {}: {:.1f} s flown\n{}{}", result.held() ? "held  " : "BROKEN", result.script, result.seed,
+                 to_seconds(result.flown_ns), broken_text(result), not_judged_text(result));
       std::fflush(stdout);
     }
     if (terminal_ && done_ < all_) {

@@ -1,18 +1,26 @@
 #include "hil/fault/real.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <pthread.h>
+#include <sched.h>
+#include <sys/mount.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <csignal>
+#include <cstring>
+#include <deque>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <thread>
 
 #include "common/process/children.hpp"
@@ -29,7 +37,8 @@ using What = Fault::What;
 constexpr TimeNs watch_ns = 20 * ns_per_ms;
 constexpr TimeNs start_patience_ns = 180 * ns_per_s;  // Fabric's network comes up first
 constexpr TimeNs ending_patience_ns = 60 * ns_per_s;  // landing, and all processes' ends
-constexpr TimeNs helper_patience_ns = 20 * ns_per_s;
+constexpr const char* small_disk = "size=256m";       // the ledger of a flight of some minutes
+constexpr TimeNs errand_patience_ns = 20 * ns_per_s;
 
 /// A trace that grows, and is begun anew when its program is.
 class GrowingTrace {
@@ -161,6 +170,15 @@ struct Planned {
   Fault fault;
   std::vector<std::size_t> drones;
   TimeNs reached_ns = 0, begun_ns = 0, ended_ns = 0;  ///< CLOCK_MONOTONIC; 0: not yet
+  bool begin_asked = false, end_asked = false;        ///< an errand may still be on its way
+};
+
+/// Something that another program has to do or to say, while the flight is watched.
+struct Errand {
+  std::string name;
+  std::vector<std::string> command;
+  std::function<Status(const std::string& said)> then;
+  TimeNs until_ns = 0;  ///< 0: not begun
 };
 
 class RealFlight {
@@ -183,10 +201,13 @@ class RealFlight {
   Status watch();
   Status step_faults(TimeNs now);
   bool due(const Planned& planned, TimeNs now) const;
-  Status act(const RealActs& acts, bool begin);
-  Status signal_part(const std::string& part, int signal);
-  Result<std::string> helper(const std::string& name, std::vector<std::string> command);
+  std::vector<Fault> active(const Planned* without) const;
+  Status act(const RealActs& acts, bool begin, const std::function<void()>& acted);
+  void signal_parts(const std::vector<std::pair<std::string, int>>& parts, TimeNs until,
+                    const std::function<void()>& signalled);
+  Status run_errands(TimeNs now);
   Result<Recording> recording() const;
+  std::vector<std::string> crashes(const nlohmann::json& report) const;
 
   const Script& script_;
   std::uint64_t seed_;
@@ -194,17 +215,51 @@ class RealFlight {
   std::string run_;
   LiveFacts live_;
   std::vector<Planned> planned_;
-  std::map<std::string, std::string> lines_;  // of helpers
+  std::map<std::string, std::string> lines_;  // of errands
+  std::deque<Errand> errands_;                // at most two a fault
+  std::set<std::string> killed_parts_;        // of Fabric's network
   Children children_{{[this](const std::string& name, const std::string& line) { lines_[name] += line + "\n"; }}};
   std::map<int, std::unique_ptr<Burner>> burners_;
   std::vector<std::unique_ptr<std::vector<char>>> memory_;
   bool over_ = true;
 };
 
+/// A small disk of this process and those that it starts.
+Status mount_small_disk(const std::string& directory) {
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (error) return Error{fmt::format("cannot make {}: {}", directory, error.message())};
+  if (::unshare(CLONE_NEWNS) == 0 && ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0 &&
+      ::mount("none", directory.c_str(), "tmpfs", 0, small_disk) == 0)
+    return done;
+  return Error{
+      fmt::format("`disk full` needs a file system of its own for the ledger: {}. Run it as root, or in a user "
+                  "namespace (unshare -Urm)",
+                  std::strerror(errno))};
+}
+
+/// Makes a file that leaves no byte of the disk.
+Status fill(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+  if (fd < 0) return Error{fmt::format("cannot make {}: {}", path, std::strerror(errno))};
+  const std::string bytes(1 << 20, 'x');
+  while (::write(fd, bytes.data(), bytes.size()) > 0) {
+  }
+  const int why = errno;
+  ::close(fd);
+  if (why != ENOSPC) return Error{fmt::format("cannot fill {}: {}", path, std::strerror(why))};
+  return done;
+}
+
 Status RealFlight::start() {
   std::error_code error;
   fs::create_directories(options_.directory, error);
   if (error) return Error{fmt::format("cannot make {}: {}", options_.directory, error.message())};
+  const bool fills = std::any_of(script_.faults.begin(), script_.faults.end(),
+                                 [](const Fault& fault) { return fault.what == What::fill_disk; });
+  if (fills) {
+    if (auto mounted = mount_small_disk(run_ + "/ledger"); !mounted) return mounted;
+  }
   std::vector<std::string> command{options_.programs + "/ledgerline-fly", "--out", run_, "--json",
                                    options_.directory + "/result.json"};
   const auto arguments = fly_arguments(script_, seed_, options_.ledger);
@@ -223,6 +278,7 @@ Status RealFlight::watch() {
       return Error{fmt::format("no flight within {:.0f} s: see {}", to_seconds(start_patience_ns), options_.directory)};
     if (live_.begin_ns() == 0) continue;
     if (auto stepped = step_faults(now); !stepped) return stepped;
+    if (auto run = run_errands(now); !run) return run;
     const TimeNs late_ns = now - live_.begin_ns() - script_.limit_ns;
     if (late_ns > 0 && over_) {
       over_ = false;
@@ -251,23 +307,36 @@ Status RealFlight::step_faults(TimeNs now) {
                                        [&](std::size_t i) { return fault.trigger.reached(now, live_.facts()[i]); });
       if (reached) planned.reached_ns = now;
     }
-    if (planned.begun_ns == 0 && due(planned, now)) {
-      planned.begun_ns = monotonic_ns();
-      if (auto acted = act(acts_at_begin(fault, options_.ledger), true); !acted)
+    if (!planned.begin_asked && due(planned, now)) {
+      planned.begin_asked = true;
+      const auto begun = [&planned] {
+        planned.begun_ns = monotonic_ns();
+        if (planned.fault.momentary()) planned.ended_ns = planned.begun_ns;
+      };
+      const auto acts = acts_at_begin(fault, active(nullptr), script_.flight.drones, options_.ledger);
+      if (auto acted = act(acts, true, begun); !acted)
         return Error{fmt::format("\"{}\": {}", fault.text, acted.error().what)};
-      if (fault.momentary()) planned.ended_ns = planned.begun_ns;
     }
     const bool lasts = planned.begun_ns != 0 && planned.ended_ns == 0 && fault.for_ns > 0;
-    if (lasts && now - planned.begun_ns >= fault.for_ns) {
-      if (auto acted = act(acts_at_end(fault, options_.ledger), false); !acted)
+    if (lasts && !planned.end_asked && now - planned.begun_ns >= fault.for_ns) {
+      planned.end_asked = true;
+      const auto acts = acts_at_end(fault, active(&planned), script_.flight.drones, options_.ledger);
+      if (auto acted = act(acts, false, [&planned] { planned.ended_ns = monotonic_ns(); }); !acted)
         return Error{fmt::format("the end of \"{}\": {}", fault.text, acted.error().what)};
-      planned.ended_ns = monotonic_ns();
     }
   }
   return done;
 }
 
-Status RealFlight::act(const RealActs& acts, bool begin) {
+std::vector<Fault> RealFlight::active(const Planned* without) const {
+  std::vector<Fault> faults;
+  for (const Planned& planned : planned_) {
+    if (planned.begin_asked && !planned.end_asked && &planned != without) faults.push_back(planned.fault);
+  }
+  return faults;
+}
+
+Status RealFlight::act(const RealActs& acts, bool begin, const std::function<void()>& acted) {
   for (const std::string& command : acts.proxy) {
     if (auto told = proxy::tell(run_ + "/faults.sock", command); !told) return told.error();
   }
@@ -275,14 +344,6 @@ Status RealFlight::act(const RealActs& acts, bool begin) {
     const auto pids = descendants(children_.pid("fly"), program);
     if (pids.empty()) return Error{program + " does not run"};
     for (const pid_t pid : pids) ::kill(pid, signal);
-  }
-  for (const auto& [part, signal] : acts.parts) {
-    if (auto signalled = signal_part(part, signal); !signalled) return signalled;
-  }
-  if (!acts.control.empty()) {
-    std::vector<std::string> command{options_.programs + "/ledgerline-control", "--config", run_ + "/operator.toml"};
-    command.insert(command.end(), acts.control.begin(), acts.control.end());
-    if (auto done_so = helper("control", std::move(command)); !done_so) return done_so.error();
   }
   if (acts.burn_core >= 0 && begin) {
     auto burner = std::make_unique<Burner>(acts.burn_core);
@@ -298,34 +359,99 @@ Status RealFlight::act(const RealActs& acts, bool begin) {
   } else if (acts.take_bytes > 0 && !memory_.empty()) {
     memory_.pop_back();
   }
+  const std::string filler = run_ + "/ledger/filler";
+  if (acts.fill_disk && begin) {
+    if (auto filled = fill(filler); !filled) return filled;
+  } else if (acts.fill_disk && ::unlink(filler.c_str()) != 0) {
+    return Error{fmt::format("cannot remove {}: {}", filler, std::strerror(errno))};
+  }
+  if (!acts.parts.empty()) {
+    signal_parts(acts.parts, monotonic_ns() + errand_patience_ns, acted);
+  } else if (!acts.control.empty()) {
+    std::vector<std::string> command{options_.programs + "/ledgerline-control", "--config", run_ + "/operator.toml"};
+    command.insert(command.end(), acts.control.begin(), acts.control.end());
+    errands_.push_back({"control", std::move(command), [acted](const std::string&) {
+                          acted();
+                          return done;
+                        }});
+  } else {
+    acted();
+  }
   return done;
 }
 
-Result<std::string> RealFlight::helper(const std::string& name, std::vector<std::string> command) {
-  lines_[name].clear();
-  if (auto started = children_.start({name, std::move(command), options_.directory + "/" + name + ".log", SIGKILL});
-      !started)
-    return started.error();
-  const TimeNs until = monotonic_ns() + helper_patience_ns;
-  while (children_.running(name) && monotonic_ns() < until) children_.poll(watch_ns);
+/// One after the other; the first one's answer is taken when it is there.
+Status RealFlight::run_errands(TimeNs now) {
+  if (errands_.empty()) return done;
+  Errand& errand = errands_.front();
+  const std::string& name = errand.name;
+  if (errand.until_ns == 0) {
+    errand.until_ns = now + errand_patience_ns;
+    lines_[name].clear();
+    return children_.start({name, errand.command, options_.directory + "/" + name + ".log", SIGKILL});
+  }
+  if (children_.running(name)) {
+    if (now < errand.until_ns) return done;
+    return Error{fmt::format("{} has not ended within {:.0f} s", name, to_seconds(errand_patience_ns))};
+  }
   if (!children_.ended_well(name))
-    return Error{fmt::format("{}: {}", children_.how_it_ended(name), children_.log_tail(name, 3))};
-  return lines_[name];
+    return Error{fmt::format("{} {}: {}", name, children_.how_it_ended(name), children_.log_tail(name, 3))};
+  const auto then = std::move(errand.then);
+  errands_.pop_front();
+  return then(lines_[name]);
 }
 
-Status RealFlight::signal_part(const std::string& part, int signal) {
-  auto status =
-      helper("fabric-status", {options_.programs + "/ledgerline-fabric", "status", "--dir", run_ + "/ledger"});
-  if (!status) return status.error();
-  const auto parsed = nlohmann::json::parse(*status, nullptr, false);
-  if (parsed.is_object() && parsed.contains("processes")) {
-    for (const auto& process : parsed["processes"]) {
-      if (process.value("name", "") != part || process.value("pid", 0) <= 0) continue;
-      ::kill(process["pid"].get<pid_t>(), signal);
-      return done;
+/// Asks the network who they are, again while no orderer leads.
+void RealFlight::signal_parts(const std::vector<std::pair<std::string, int>>& parts, TimeNs until,
+                              const std::function<void()>& signalled) {
+  const auto then = [this, parts, until, signalled](const std::string& said) -> Status {
+    const auto status = nlohmann::json::parse(said, nullptr, false);
+    const auto processes =
+        status.is_object() ? status.value("processes", nlohmann::json::array()) : nlohmann::json::array();
+    for (const auto& [part, signal] : parts) {
+      const auto is_it = [&, name = std::string_view(part)](const nlohmann::json& process) {
+        if (process.value("pid", 0) <= 0) return false;
+        return name == leader_part ? process.contains("leads") && !process["leads"].empty()
+                                   : process.value("name", "") == name;
+      };
+      const auto found = std::find_if(processes.begin(), processes.end(), is_it);
+      if (found == processes.end()) {
+        if (part != leader_part || monotonic_ns() > until) return Error{part + " does not run"};
+        signal_parts(parts, until, signalled);
+        return done;
+      }
+      if (signal == SIGKILL) killed_parts_.insert((*found)["name"].get<std::string>());
+      ::kill((*found)["pid"].get<pid_t>(), signal);
     }
+    signalled();
+    return done;
+  };
+  errands_.push_back(
+      {"fabric-status", {options_.programs + "/ledgerline-fabric", "status", "--dir", run_ + "/ledger"}, then});
+}
+
+/// What ended though no fault did it. A death by SIGKILL is a fault's, as often as there was one; without RouDi link
+/// and agent end by themselves on the ground.
+std::vector<std::string> RealFlight::crashes(const nlohmann::json& report) const {
+  std::map<std::string, int> killed;
+  for (const Planned& planned : planned_) {
+    if (planned.begun_ns == 0) continue;
+    if (planned.fault.what == What::kill) ++killed[planned.fault.ends[0] == Process::link ? "link" : "agent"];
+    if (planned.fault.what == What::kill_roudi) ++killed["roudi"];
   }
-  return Error{part + " does not run"};
+  std::vector<std::string> texts;
+  for (const auto& end : report.value("ended_early", nlohmann::json::array())) {
+    const std::string program = end.value("program", ""), how = end.value("how", "");
+    if (how.starts_with("was ended by signal 9 ") && killed[program]-- > 0) continue;
+    const bool without_roudi = killed.contains("roudi") && (program == "link" || program == "agent");
+    if (without_roudi && how.starts_with("ended with exit code")) continue;
+    texts.push_back(program + " " + how);
+  }
+  const auto parts = report.value("ledger", nlohmann::json::object()).value("restarts", nlohmann::json::object());
+  for (const auto& [part, count] : parts.items()) {
+    if (!killed_parts_.contains(part)) texts.push_back(fmt::format("{} ended {} times", part, count.get<int>()));
+  }
+  return texts;
 }
 
 Result<Recording> RealFlight::recording() const {
@@ -370,10 +496,12 @@ Result<Recording> RealFlight::recording() const {
   if (!report.is_object()) return Error{fmt::format("the flight left no figures: see {}", options_.directory)};
   recording.ok = report.value("ok", false);
   recording.why = report.contains("why") ? report["why"].get<std::string>() : "";
+  recording.crashed = crashes(report);
+  recording.lost_is_known = recording.ok && !died;
   for (const auto& drone : report["drones"]) {
     const auto& transitions = drone["transitions"];
     const std::uint64_t made = transitions["made"], on_ledger = transitions["on_ledger"], lost = transitions["lost"];
-    if (lost > 0 || (recording.ok && !died && on_ledger < made))
+    if (lost > 0 || (recording.lost_is_known && on_ledger < made))
       recording.lost.push_back(
           fmt::format("{}: {} transitions made, {} on the ledger", drone["id"].get<std::string>(), made, on_ledger));
   }

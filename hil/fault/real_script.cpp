@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <csignal>
 
-#include "hil/proxy/switches.hpp"
+#include "hil/words.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -29,7 +29,6 @@ std::string reason_against(const Fault& fault, const RealLedger& ledger) {
       return std::find(fault.lines.begin(), fault.lines.end(), LineAt::mocap) == fault.lines.end()
                  ? ""
                  : "mocap goes past the proxy, by DDS";
-    case What::sensor:
     case What::mocap_frozen:
     case What::mocap_offset:
     case What::mocap_noise:
@@ -58,6 +57,8 @@ std::string reason_against(const Fault& fault, const RealLedger& ledger) {
                  : "";
     case What::stop_drone:
       return fault.value > 0 ? "ledgerline-control stops a drone, it does not cut its motors" : "";
+    case What::fill_disk:
+      return ledger.fabric ? "Fabric's parts end on a full disk: fly on the embedded node" : "";
     case What::kill_part:
       return ledger.fabric ? "" : "it is a part of Fabric: fly on it with --ledger fabric";
     default:
@@ -84,16 +85,61 @@ std::vector<std::string> servers_of(Process process, const RealLedger& ledger) {
   return names;
 }
 
-/// The commands of an effect on a process' connections; `way`: to, from or both.
-void on_servers(const Fault& fault, const RealLedger& ledger, const std::string& effect, RealActs& acts) {
-  const std::string way = fault.to == fault.from ? "both" : fault.to ? "to" : "from";
-  for (const Process process : fault.ends) {
-    for (const std::string& server : servers_of(process, ledger))
-      acts.proxy.push_back(fmt::format("server {} {} {}", server, way, effect));
+std::string way_of(LineAt line) { return line == LineAt::to ? "to" : line == LineAt::answers ? "answers" : "state"; }
+
+template <typename Values, typename Value>
+bool has(const Values& values, const Value& value) {
+  return std::find(values.begin(), values.end(), value) != values.end();
+}
+
+std::string all_of_it(const Impairment& impairment) {
+  return impairment.any() ? "clear, " + text_of(impairment) : "clear";
+}
+
+/// The directions that a fault is about, each with all that lies upon it now: of one kind the later one in the script.
+void set_lines(const Fault& changed, const std::vector<Fault>& active, int drones, RealActs& acts) {
+  for (int k = 1; k <= drones; ++k) {
+    const std::string drone = fmt::format("tello{}", k);
+    const auto its = [&](const Fault& fault) { return fault.drone.empty() || fault.drone == drone; };
+    if (!its(changed)) continue;
+    for (const LineAt line : changed.lines) {
+      Impairment all;
+      for (const Fault& fault : active) {
+        if (fault.what == What::line && its(fault) && has(fault.lines, line)) lay_over(fault.impairment, all);
+      }
+      acts.proxy.push_back(fmt::format("drone {} {} {}", drone, way_of(line), all_of_it(all)));
+    }
   }
 }
 
-std::string way_of(LineAt line) { return line == LineAt::to ? "to" : line == LineAt::answers ? "answers" : "state"; }
+/// The same of connections to the ledger. A cut: nothing comes up again until it is over.
+void set_servers(const Fault& changed, const std::vector<Fault>& active, const RealLedger& ledger, RealActs& acts) {
+  for (const Process process : changed.ends) {
+    for (const bool to : {true, false}) {
+      if (changed.what != What::ledger_cut && !(to ? changed.to : changed.from)) continue;
+      Impairment all;
+      for (const Fault& fault : active) {
+        if (!has(fault.ends, process)) continue;
+        const bool its_way = to ? fault.to : fault.from;
+        if (fault.what == What::ledger_delay && its_way) all.delay = fault.delay;
+        if (fault.what == What::ledger_hold && its_way) all.stall = true;
+        if (fault.what == What::ledger_cut) all.partition = true;
+      }
+      for (const std::string& server : servers_of(process, ledger))
+        acts.proxy.push_back(fmt::format("server {} {} {}", server, to ? "to" : "from", all_of_it(all)));
+    }
+  }
+}
+
+RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int drones, const RealLedger& ledger) {
+  RealActs acts;
+  if (changed.what == What::line) set_lines(changed, active, drones, acts);
+  if (changed.what == What::ledger_delay || changed.what == What::ledger_hold || changed.what == What::ledger_cut)
+    set_servers(changed, active, ledger, acts);
+  return acts;
+}
+
+std::string sensor_text(const Fault& fault) { return fmt::format("{}", fmt::join(words_of(fault.text), " ")); }
 
 void stop_programs(const Fault& fault, const RealLedger& ledger, int signal, RealActs& acts) {
   if (fault.what == What::ledger_stall && ledger.fabric) {
@@ -157,25 +203,16 @@ std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed,
   return arguments;
 }
 
-RealActs acts_at_begin(const Fault& fault, const RealLedger& ledger) {
-  RealActs acts;
+RealActs acts_at_begin(const Fault& fault, const std::vector<Fault>& active, int drones, const RealLedger& ledger) {
+  RealActs acts = set_proxy(fault, active, drones, ledger);
   switch (fault.what) {
-    case What::line:
-      for (const LineAt line : fault.lines)
-        acts.proxy.push_back(
-            fmt::format("drone {} {} {}", fault.drone.empty() ? "*" : fault.drone, way_of(line), fault.effects));
-      break;
-    case What::ledger_delay:
-      on_servers(fault, ledger, "delay " + text_of(*fault.delay), acts);
-      break;
-    case What::ledger_hold:
-      on_servers(fault, ledger, "stall", acts);
-      break;
-    case What::ledger_cut:  // and nothing comes up again until it is over
-      on_servers(fault, ledger, "partition", acts);
+    case What::ledger_cut:
       for (const Process process : fault.ends) {
         for (const std::string& server : servers_of(process, ledger)) acts.proxy.push_back("server " + server + " cut");
       }
+      break;
+    case What::sensor:
+      acts.proxy.push_back(sensor_text(fault));
       break;
     case What::ledger_stall:
     case What::stop:
@@ -199,24 +236,27 @@ RealActs acts_at_begin(const Fault& fault, const RealLedger& ledger) {
     case What::take_memory:
       acts.take_bytes = static_cast<std::uint64_t>(fault.value);
       break;
+    case What::fill_disk:
+      acts.fill_disk = true;
+      break;
     default:
       break;
   }
   return acts;
 }
 
-RealActs acts_at_end(const Fault& fault, const RealLedger& ledger) {
+RealActs acts_at_end(const Fault& fault, const std::vector<Fault>& active, int drones, const RealLedger& ledger) {
   if (fault.momentary() || fault.what == What::kill) return {};
-  RealActs acts;
-  if (fault.what == What::stop || fault.what == What::ledger_stall) {
-    stop_programs(fault, ledger, SIGCONT, acts);
-    return acts;
-  }
-  acts = acts_at_begin(fault, ledger);
-  std::erase_if(acts.proxy, [](const std::string& command) { return command.ends_with(" cut"); });
-  for (std::string& command : acts.proxy) {
-    if (const auto off = proxy::opposite(command)) command = *off;
-  }
+  RealActs acts = set_proxy(fault, active, drones, ledger);
+  const bool goes_on = std::any_of(active.begin(), active.end(), [&](const Fault& other) {
+    return other.what == fault.what && other.ends == fault.ends && other.value == fault.value;
+  });
+  if (fault.what == What::sensor) acts.proxy.push_back(sensor_text(fault) + " off");
+  if (fault.what == What::take_memory) acts.take_bytes = static_cast<std::uint64_t>(fault.value);
+  if (goes_on) return acts;
+  if (fault.what == What::stop || fault.what == What::ledger_stall) stop_programs(fault, ledger, SIGCONT, acts);
+  if (fault.what == What::fill_disk) acts.fill_disk = true;
+  if (fault.what == What::burn) acts.burn_core = static_cast<int>(fault.value);
   return acts;
 }
 

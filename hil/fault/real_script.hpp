@@ -24,13 +24,16 @@ std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed,
 struct RealActs {
   std::vector<std::string> proxy;                     ///< commands of hil/proxy/switches.hpp
   std::vector<std::pair<std::string, int>> programs;  ///< signals to programs of the flight: "ledgerline-agent"
-  std::vector<std::pair<std::string, int>> parts;     ///< signals to parts of Fabric's network: "peer1"
-  std::vector<std::string> control;                   ///< arguments of ledgerline-control
-  int burn_core = -1;                                 ///< begin, or no longer, to compute on this core
-  std::uint64_t take_bytes = 0;                       ///< memory to take, or to give back
+  /// Signals to parts of Fabric's network: "peer1"; leader_part: the orderer that leads.
+  std::vector<std::pair<std::string, int>> parts;
+  std::vector<std::string> control;  ///< arguments of ledgerline-control
+  int burn_core = -1;                ///< begin, or no longer, to compute on this core
+  std::uint64_t take_bytes = 0;      ///< memory to take, or to give back
+  bool fill_disk = false;            ///< to fill the ledger's disk, or to make room again
 };
-/// Of a fault that check_real() lets through.
-RealActs acts_at_begin(const Fault& fault, const RealLedger& ledger);
-RealActs acts_at_end(const Fault& fault, const RealLedger& ledger);
+/// Of a fault that check_real() lets through, as it begins and as it ends. `active`: all that go on then, in the order
+/// of the script; with the one that begins, without the one that ends. What another one keeps up is not ended.
+RealActs acts_at_begin(const Fault& fault, const std::vector<Fault>& active, int drones, const RealLedger& ledger);
+RealActs acts_at_end(const Fault& fault, const std::vector<Fault>& active, int drones, const RealLedger& ledger);
 
 }  // namespace ledgerline::hil

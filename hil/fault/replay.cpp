@@ -13,6 +13,7 @@
 namespace ledgerline::hil {
 namespace {
 
+constexpr double rc_full_mps = 1;     // what rc 100 means in ./fly
 constexpr double in_the_air_m = 0.1;  // places lower than this say nothing about a path
 
 /// Goes through the traces, moment by moment.
@@ -74,6 +75,7 @@ class Player {
       drone->truth.velocity_mps[k] = dt > 1e-3 && dt < 1 ? (at[k] - drone->truth.position_m[k]) / dt : 0;
     drone->truth.position_m = at;
     drone->truth.in_flight = r.extra == 1;
+    drone->truth.crashed = r.extra == 2;
     drone->truth.battery = 1;
     drone->off_path_m.reset();
     if (drone->ground_phase == ground::DronePhase::path && drone->phase == FlightPhase::flying)
@@ -92,6 +94,12 @@ class Player {
                          fmt::format("{}, {} ({})", name(drone->phase), name(drone->mode), name(drone->cause))});
     } else if (r.kind == TraceKind::state_sampled) {
       drone->pose = Pose{.drone = r.drone, .stamp_ns = r.stamp_ns, .position_m = {r.v[0], r.v[1], r.v[2]}};
+    } else if (r.kind == TraceKind::rc_sent) {
+      if (std::any_of(std::begin(r.v), std::end(r.v), [](double stick) { return !(std::abs(stick) <= 100); }))
+        events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::bad_rc, index, 0,
+                           fmt::format("rc {} {} {} {}", r.v[0], r.v[1], r.v[2], r.v[3])});
+      drone->told_mps = std::hypot(r.v[0], r.v[1], r.v[2]) / 100 * rc_full_mps;
+      drone->told_ns = r.t_ns - begin_ns_;
     } else if (r.kind == TraceKind::command_applied) {
       drone->plan_end_ns = r.t_ns - begin_ns_ + longest_plan_ns;
       drone->told_ns = r.t_ns - begin_ns_;
@@ -237,6 +245,11 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
     }
   }
   ending.lost = recording.lost;
+  ending.crashed = recording.crashed;
+  result.not_judged = {"that each plan's own end is followed by a hold: it is judged 2.05 s behind the newest command",
+                       recording.lost_is_known
+                           ? "commits that were acknowledged: the failsafe's transitions alone are looked for"
+                           : "whether the ledger has all that was acknowledged: who counts it was killed"};
   result.verdicts = judge.finish(ending);
   result.flown_ns = ending.now;
   result.over = ending.over;

@@ -17,7 +17,9 @@ struct Recording {
   bool over = false;  ///< ended by itself
   bool ok = false;
   std::string why;
-  std::vector<std::string> lost;  ///< what should be on the ledger and is not, in words
+  std::vector<std::string> lost;     ///< what should be on the ledger and is not, in words
+  std::vector<std::string> crashed;  ///< programs that ended though no fault did it, in words
+  bool lost_is_known = true;         ///< who counts transitions has lived to the end
   struct Fault {
     std::string text;
     TimeNs begun_ns = 0;

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cassert>
 
 namespace ledgerline::hil {
 namespace {
@@ -117,10 +116,7 @@ void FaultSchedule::apply(VirtualWorld& world) const {
       const Item& item = items_[number];
       const Fault& fault = item.fault;
       if (!item.active() || std::find(item.drones.begin(), item.drones.end(), drone) == item.drones.end()) continue;
-      for (const LineAt at : fault.lines) {
-        [[maybe_unused]] const Status applied = apply_effects(fault.effects, lines[static_cast<std::size_t>(at)]);
-        assert(applied.ok());  // parse_fault() has tried it
-      }
+      for (const LineAt at : fault.lines) lay_over(fault.impairment, lines[static_cast<std::size_t>(at)]);
       if (fault.what == What::sensor) {
         sensors.push_back(fault.sensor);
         sensors.back().item = number;

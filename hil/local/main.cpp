@@ -1,11 +1,10 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
-#include <csignal>
 #include <cstdio>
 
 #include "common/dds/config.hpp"
+#include "common/rt/end_signals.hpp"
 #include "common/rt/log.hpp"
 #include "hil/local/local.hpp"
 
@@ -14,9 +13,6 @@ namespace {
 using namespace ledgerline;
 
 constexpr int exit_usage = 2;
-std::atomic<bool> quit{false};
-
-void ask_to_quit(int) { quit = true; }
 
 int fly(Config& config) {
   ground::FlightConfig flight = ground::flight_config(config);
@@ -35,7 +31,7 @@ int fly(Config& config) {
     spdlog::error("{}", participant.error().what);
     return EXIT_FAILURE;
   }
-  hil::LocalShell local(std::move(flight), output, *participant, quit);
+  hil::LocalShell local(std::move(flight), output, *participant, end_asked);
   if (auto status = local.start(); !status) {
     spdlog::error("{}", status.error().what);
     return EXIT_FAILURE;
@@ -68,10 +64,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
   }
   init_log("local");
-  struct sigaction action {};
-  action.sa_handler = ask_to_quit;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
+  catch_end_signals();
   auto config = Config::load(file);
   if (!config) {
     spdlog::error("{}", config.error().what);

@@ -137,7 +137,8 @@ DroneSide::DroneSide(const DroneRoute& route, in_addr source, std::uint64_t seed
     : route_(route),
       source_(source),
       lines_{Line(Line::Kind::datagrams, seed), Line(Line::Kind::datagrams, seed + 1),
-             Line(Line::Kind::datagrams, seed + 2), Line(Line::Kind::datagrams, seed + 3)} {}
+             Line(Line::Kind::datagrams, seed + 2), Line(Line::Kind::datagrams, seed + 3)},
+      noise_(seed + 4) {}
 
 Result<DroneSide> DroneSide::open(const DroneRoute& route, in_addr source, std::uint64_t seed) {
   DroneSide side(route, source, seed);
@@ -157,6 +158,7 @@ DroneSide::DroneSide(DroneSide&& other) noexcept
       lock_(std::exchange(other.lock_, -1)),
       front_(std::exchange(other.front_, -1)),
       lines_(std::move(other.lines_)),
+      noise_(other.noise_),
       clients_(std::exchange(other.clients_, {})) {}
 
 DroneSide::~DroneSide() {
@@ -198,8 +200,10 @@ void DroneSide::take_from_client(TimeNs now, const sockaddr_in& from, std::strin
 }
 
 void DroneSide::take(Way way, TimeNs now, std::string_view bytes) {
+  std::string said(bytes);
+  if (way == Way::state && !hil::misreport(now, sensors_, noise_, said)) return;
   if (commander_)
-    line(way).push(now, bytes, tag_of(*commander_));
+    line(way).push(now, said, tag_of(*commander_));
   else
     ++nobody_;
 }

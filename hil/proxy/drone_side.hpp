@@ -44,6 +44,8 @@ class DroneSide {
 
   const DroneRoute& route() const { return route_; }
   void impair(Way way, const Impairment& impairment);
+  /// What its state text says wrongly from now on.
+  void misreport(std::vector<SensorFault> faults) { renew(sensors_, std::move(faults)); }
   /// Adds the sockets that it waits for, sockets() of them.
   void add_to(std::vector<pollfd>& polled) const;
   std::size_t sockets() const { return 1 + clients_.size(); }
@@ -73,6 +75,8 @@ class DroneSide {
   in_addr source_;
   int lock_ = -1, front_ = -1;
   std::array<Line, 4> lines_;
+  std::vector<SensorFault> sensors_;
+  Random noise_;
   std::vector<Client> clients_;
   std::optional<sockaddr_in> commander_;
   std::uint64_t too_many_clients_ = 0, nobody_ = 0, unsent_ = 0, ports_refused_ = 0;

@@ -17,7 +17,7 @@ namespace ledgerline::hil::proxy {
 namespace {
 
 constexpr std::size_t most_askers = 8, longest_line = 1'000, longest_answer = 1'000'000;
-constexpr TimeNs patience = 5 * ns_per_s;
+constexpr TimeNs patience = 5 * ns_per_s, accept_pause = 100 * ns_per_ms;
 
 Result<sockaddr_un> place(const std::string& path) {
   sockaddr_un address{};
@@ -80,8 +80,8 @@ FaultSocket::~FaultSocket() {
   if (!path_.empty()) ::unlink(path_.c_str());
 }
 
-void FaultSocket::add_to(std::vector<pollfd>& polled) const {
-  polled.push_back({askers_.size() < most_askers ? listener_ : -1, POLLIN, 0});
+void FaultSocket::add_to(TimeNs now, std::vector<pollfd>& polled) const {
+  polled.push_back({askers_.size() < most_askers && now >= accept_from_ ? listener_ : -1, POLLIN, 0});
   for (const Asker& asker : askers_) polled.push_back({asker.fd, POLLIN, 0});
 }
 
@@ -98,7 +98,10 @@ void FaultSocket::serve(TimeNs now, std::span<const pollfd> polled, const Do& ac
   std::erase_if(askers_, [](const Asker& asker) { return asker.fd < 0; });
   if (polled[0].revents == 0) return;
   const int fd = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
-  if (fd >= 0) askers_.push_back({fd, {}, now + patience});
+  if (fd >= 0)
+    askers_.push_back({fd, {}, now + patience});
+  else if (errno != EAGAIN && errno != EINTR && errno != ECONNABORTED)
+    accept_from_ = now + accept_pause;
 }
 
 bool FaultSocket::serve(Asker& asker, const Do& act) {

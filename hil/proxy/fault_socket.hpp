@@ -25,7 +25,7 @@ class FaultSocket {
   FaultSocket& operator=(FaultSocket&&) = delete;
   ~FaultSocket();
 
-  void add_to(std::vector<pollfd>& polled) const;
+  void add_to(TimeNs now, std::vector<pollfd>& polled) const;
   /// `polled`: what add_to() added, after poll().
   void serve(TimeNs now, std::span<const pollfd> polled, const Do& act);
 
@@ -41,6 +41,7 @@ class FaultSocket {
   std::string path_;  // its own, to be removed
   int listener_ = -1;
   std::vector<Asker> askers_;
+  TimeNs accept_from_ = 0;  // when this process may open no more files it waits a while
 };
 
 /// Tells one command to the program behind the socket: its answer, or what went wrong. Waits for it at most 5 s.

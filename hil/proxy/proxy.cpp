@@ -6,13 +6,13 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <utility>
 
+#include "common/rt/end_signals.hpp"
 #include "common/rt/file.hpp"
 #include "common/rt/log.hpp"
 #include "hil/proxy/drone_side.hpp"
@@ -25,24 +25,6 @@ namespace {
 constexpr TimeNs longest_wait = ns_per_s;
 constexpr std::size_t most_switched = 10'000;  // commands that the summary names
 
-volatile std::sig_atomic_t end_asked = 0;
-
-/// Signals come in only while the loop waits, so that none is missed between a check and the next wait.
-sigset_t catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { end_asked = 1; };
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  sigset_t blocked, before;
-  sigemptyset(&blocked);
-  sigaddset(&blocked, SIGINT);
-  sigaddset(&blocked, SIGTERM);
-  pthread_sigmask(SIG_BLOCK, &blocked, &before);
-  sigdelset(&before, SIGINT);
-  sigdelset(&before, SIGTERM);
-  return before;
-}
-
 class Proxy {
  public:
   static Result<Proxy> open(const Settings& settings);
@@ -52,8 +34,8 @@ class Proxy {
   Status write_summary() const;
 
  private:
-  Proxy(const Settings& settings, Script script)
-      : settings_(settings), switches_(settings.targets()), script_(std::move(script)) {}
+  Proxy(const Settings& settings, Switches switches, Script script)
+      : settings_(settings), switches_(std::move(switches)), script_(std::move(script)) {}
   TimeNs next_wake(TimeNs now) const;
   void turn(TimeNs now);
   Result<std::string> act(TimeNs now, const std::string& command);
@@ -74,9 +56,10 @@ class Proxy {
 };
 
 Result<Proxy> Proxy::open(const Settings& settings) {
-  auto script = Script::make(settings.faults, Switches(settings.targets()));
+  const Switches switches(settings.targets());
+  auto script = Script::make(settings.faults, switches);  // which reads its recordings for both
   if (!script) return script.error();
-  Proxy proxy(settings, std::move(*script));
+  Proxy proxy(settings, switches, std::move(*script));
   Random seeds(settings.seed);
   for (const DroneRoute& route : settings.drones) {
     auto side = DroneSide::open(route, settings.source, seeds.next());
@@ -109,7 +92,7 @@ void Proxy::announce() const {
 }
 
 Status Proxy::run_until_signal() {
-  const sigset_t waiting = catch_signals();
+  const sigset_t waiting = catch_end_signals_while_waiting();
   ::prctl(PR_SET_TIMERSLACK, ns_per_us);  // 50 us otherwise
   announce();
   start_ = monotonic_ns();
@@ -122,7 +105,7 @@ Status Proxy::run_until_signal() {
     if (shared_) polled_.insert(polled_.end(), {{shared_->state(), POLLIN, 0}, {shared_->video(), POLLIN, 0}});
     for (const DroneSide& side : drones_) side.add_to(polled_);
     for (const ServerSide& side : servers_) side.add_to(now, polled_);
-    if (socket_) socket_->add_to(polled_);
+    if (socket_) socket_->add_to(now, polled_);
     const TimeNs wake = next_wake(now);
     const TimeNs left = std::max<TimeNs>(0, wake - now);
     const timespec timeout{left / ns_per_s, left % ns_per_s};
@@ -178,6 +161,7 @@ Result<std::string> Proxy::act(TimeNs now, const std::string& command) {
 void Proxy::set_all() {
   for (std::size_t i = 0; i < drones_.size(); ++i) {
     for (const Way way : {Way::to, Way::answers, Way::state, Way::video}) drones_[i].impair(way, switches_.of(i, way));
+    drones_[i].misreport(switches_.sensors(i));
   }
   for (std::size_t i = 0; i < servers_.size(); ++i) {
     const std::size_t target = drones_.size() + i;

@@ -136,14 +136,14 @@ void ServerSide::cut() {
   connections_.clear();
 }
 
-bool ServerSide::may_accept() const { return !to_.partition && !from_.partition; }
+bool ServerSide::may_accept(TimeNs now) const { return !to_.partition && !from_.partition && now >= accept_from_; }
 
 void ServerSide::add_to(TimeNs now, std::vector<pollfd>& polled) const {
   const auto wanted = [&](int fd, const Half& reads, const Half& writes) -> pollfd {
     const int events = (reads.may_read(now) ? POLLIN : 0) | (writes.pending.empty() ? 0 : POLLOUT);
     return {events == 0 ? -1 : fd, static_cast<short>(events), 0};  // its end would be told again and again
   };
-  polled.push_back({may_accept() ? listener_ : -1, POLLIN, 0});
+  polled.push_back({may_accept(now) ? listener_ : -1, POLLIN, 0});
   for (const auto& c : connections_) {
     if (c->reached) {
       polled.push_back(wanted(c->client, c->to, c->from));
@@ -178,12 +178,17 @@ void ServerSide::serve(TimeNs now, std::span<const pollfd> polled) {
     if (!good || (c.to.end_sent && c.from.end_sent)) close(c, !good);
   }
   std::erase_if(connections_, [](const auto& c) { return c->client < 0; });
-  if (polled[0].revents != 0) accept_all();
+  if (polled[0].revents != 0) accept_all(now);
 }
 
-void ServerSide::accept_all() {
+void ServerSide::accept_all(TimeNs now) {
   for (;;) {
     const int client = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (client < 0 && !would_block() && errno != ECONNABORTED) {  // it stays readable
+      accept_from_ = now + accept_pause;
+      if (not_taken_++ == 0)
+        spdlog::warn("{}: no connection can be taken for now: {}", route_.name, std::strerror(errno));
+    }
     if (client < 0) return;
     const int server =
         connections_.size() < most_connections ? ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0) : -1;
@@ -215,6 +220,7 @@ void ServerSide::accept_all() {
 
 std::optional<TimeNs> ServerSide::next_due(TimeNs now) const {
   std::optional<TimeNs> least;
+  if (now < accept_from_) least = accept_from_;
   const auto consider = [&](const Half& half) {
     auto due = half.pending.empty() ? half.line.next_due() : std::nullopt;
     if (!half.end_read && half.line.room(now) == 0) due = std::min(due.value_or(now + room_period), now + room_period);
@@ -250,7 +256,8 @@ nlohmann::json ServerSide::summary() const {
   };
   return {{"name", route_.name},   {"connections", taken_},   {"open", connections_.size()},
           {"too_many", too_many_}, {"unreached", unreached_}, {"resets", resets_},
-          {"cut", cut_},           {"to", counts(to)},        {"from", counts(from)}};
+          {"cut", cut_},           {"not_taken", not_taken_}, {"to", counts(to)},
+          {"from", counts(from)}};
 }
 
 }  // namespace ledgerline::hil::proxy

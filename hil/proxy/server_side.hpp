@@ -18,7 +18,8 @@ namespace ledgerline::hil::proxy {
 /// One thread.
 class ServerSide {
  public:
-  static constexpr std::size_t most_connections = 64;  ///< beyond them a new one is reset
+  static constexpr std::size_t most_connections = 64;      ///< beyond them a new one is reset
+  static constexpr TimeNs accept_pause = 100 * ns_per_ms;  ///< when this process may open no more files
 
   static Result<ServerSide> open(const ServerRoute& route, std::uint64_t seed);
   ServerSide(ServerSide&&) noexcept;
@@ -44,8 +45,8 @@ class ServerSide {
   struct Half;
   struct Connection;
   ServerSide(const ServerRoute& route, std::uint64_t seed);
-  bool may_accept() const;
-  void accept_all();
+  bool may_accept(TimeNs now) const;
+  void accept_all(TimeNs now);
   void close(Connection& connection, bool reset);
   void add_counts(const Connection& connection);
 
@@ -56,7 +57,8 @@ class ServerSide {
   Impairment to_, from_;
   std::vector<std::unique_ptr<Connection>> connections_;
   LineCounts to_counts_, from_counts_;  ///< of connections that ended
-  std::uint64_t taken_ = 0, too_many_ = 0, unreached_ = 0, resets_ = 0, cut_ = 0;
+  std::uint64_t taken_ = 0, too_many_ = 0, unreached_ = 0, resets_ = 0, cut_ = 0, not_taken_ = 0;
+  TimeNs accept_from_ = 0;
 };
 
 }  // namespace ledgerline::hil::proxy

@@ -77,6 +77,11 @@ Result<std::vector<ScriptedFault>> read_script(const std::string& file, const st
     faults.push_back(std::move(fault));
   }
   if (auto status = config->finish(); !status) return status.error();
+  std::size_t which = 0;
+  if (const auto possible = Script::make(faults, Switches(targets), &which); !possible) {
+    config->wrong(fmt::format("fault.{}.do", which), possible.error().what);
+    return config->finish().error();
+  }
   return faults;
 }
 

@@ -1,6 +1,7 @@
 #include "hil/proxy/switches.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
@@ -13,7 +14,7 @@ namespace {
 constexpr std::array<std::string_view, ways> way_names{"to", "answers", "state", "video", "from"};
 constexpr std::string_view allowed =
     "allowed are: drone NAME to|answers|state|video|from|both EFFECTS, server NAME to|from|both EFFECTS, server NAME "
-    "cut, clear, list";
+    "cut, sensor NAME FIELD|all stuck|garbage|bias N|every TIME, clear, list";
 
 Error wrong(std::string_view command, std::string_view why) {
   return Error{fmt::format("\"{}\": {}", clear_text(command, 200), why)};
@@ -45,8 +46,12 @@ std::string kind_name(Target::Kind kind) { return kind == Target::Kind::drone ? 
 
 std::string_view name_of(Way way) { return way_names[static_cast<std::size_t>(way)]; }
 
-Switches::Switches(std::vector<Target> targets)
-    : targets_(std::move(targets)), impairments_(targets_.size()), cut_(targets_.size(), false) {}
+Switches::Switches(std::vector<Target> targets, ReadRecording read)
+    : targets_(std::move(targets)),
+      read_(std::move(read)),
+      sensors_(targets_.size()),
+      impairments_(targets_.size()),
+      cut_(targets_.size(), false) {}
 
 Status Switches::apply(std::string_view command) {
   std::string_view rest = command;
@@ -54,17 +59,20 @@ Status Switches::apply(std::string_view command) {
   if (rest.empty() && first == "list") return done;
   if (rest.empty() && first == "clear") {
     for (auto& impairments : impairments_) impairments = {};
+    for (auto& sensors : sensors_) sensors.clear();
     return done;
   }
-  if (first != "drone" && first != "server") return wrong(command, allowed);
+  if (first != "drone" && first != "server" && first != "sensor") return wrong(command, allowed);
   const std::string_view name = take_word(rest);
   if (rest.empty()) return wrong(command, allowed);
-  const auto applied = apply_to(first == "drone" ? Target::Kind::drone : Target::Kind::server, name, rest);
+  const auto applied = first == "sensor"
+                           ? apply_to_sensors(name, rest)
+                           : apply_to(first == "drone" ? Target::Kind::drone : Target::Kind::server, name, rest);
   if (!applied) return wrong(command, applied.error().what);
   return done;
 }
 
-Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_view rest) {
+Result<std::vector<std::size_t>> Switches::named(Target::Kind kind, std::string_view name) const {
   std::vector<std::size_t> meant;
   std::string names;
   for (std::size_t i = 0; i < targets_.size(); ++i) {
@@ -75,10 +83,49 @@ Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_
   if (meant.empty())
     return Error{
         fmt::format("there is no such {}; there {}", kind_name(kind), names.empty() ? "is none" : "are " + names)};
+  return meant;
+}
+
+Status Switches::apply_to_sensors(std::string_view name, std::string_view rest) {
+  const auto meant = named(Target::Kind::drone, name);
+  if (!meant) return meant.error();
+  const bool off = rest.ends_with(" off");
+  if (off) rest = trimmed(rest.substr(0, rest.size() - 4));
+  auto fault = parse_sensor(rest);
+  if (!fault) return fault.error();
+  const std::string text = fmt::format("{}", fmt::join(words_of(rest), " "));
+  auto changed = sensors_;
+  for (const std::size_t i : *meant) {
+    std::vector<Sensor>& sensors = changed[i];
+    if (off) {
+      const auto last =
+          std::find_if(sensors.rbegin(), sensors.rend(), [&](const Sensor& sensor) { return sensor.text == text; });
+      if (last != sensors.rend()) sensors.erase(std::next(last).base());
+      continue;
+    }
+    if (sensors.size() == most_sensor_faults)
+      return Error{fmt::format("{} has {} faults of its sensors already, which are the most", targets_[i].name,
+                               most_sensor_faults)};
+    fault->item = ++items_;
+    sensors.push_back({text, *fault});
+  }
+  sensors_ = std::move(changed);
+  return done;
+}
+
+std::vector<SensorFault> Switches::sensors(std::size_t target) const {
+  std::vector<SensorFault> faults;
+  for (const Sensor& sensor : sensors_[target]) faults.push_back(sensor.fault);
+  return faults;
+}
+
+Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_view rest) {
+  const auto meant = named(kind, name);
+  if (!meant) return meant.error();
   const std::string_view way = take_word(rest);
   if (way == "cut" && rest.empty()) {
     if (kind == Target::Kind::drone) return Error{"a drone has no connection that could be cut: allowed is partition"};
-    for (const std::size_t i : meant) cut_[i] = true;
+    for (const std::size_t i : *meant) cut_[i] = true;
     return done;
   }
   const auto meant_ways = ways_of(kind, way);
@@ -88,10 +135,10 @@ Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_
                                  ? "to, answers, state, video, from (all that comes from it) and both"
                                  : "to, from, both and cut")};
   auto changed = impairments_;
-  for (const std::size_t i : meant) {
+  for (const std::size_t i : *meant) {
     for (const Way one : meant_ways) {
       Impairment& impairment = changed[i][static_cast<std::size_t>(one)];
-      if (auto applied = apply_effects(rest, impairment); !applied) return applied;
+      if (auto applied = apply_effects(rest, impairment, read_); !applied) return applied;
       if (kind == Target::Kind::drone) continue;
       if (auto possible = check_for_stream(impairment); !possible) return possible;
     }
@@ -116,12 +163,17 @@ std::string Switches::list() const {
                            text_of(impairment));
     }
   }
+  for (std::size_t i = 0; i < targets_.size(); ++i) {
+    for (const Sensor& sensor : sensors_[i]) lines += fmt::format("sensor {} {}\n", targets_[i].name, sensor.text);
+  }
   return lines;
 }
 
 Result<std::string> opposite(std::string_view command) {
   std::string_view rest = command;
-  const std::string_view kind = take_word(rest), name = take_word(rest), way = take_word(rest);
+  const std::string_view kind = take_word(rest);
+  if (kind == "sensor" && !trimmed(command).ends_with(" off")) return fmt::format("{} off", trimmed(command));
+  const std::string_view name = take_word(rest), way = take_word(rest);
   const bool effects = !rest.empty() && (kind == "drone" || kind == "server");
   std::string off;
   while (effects && !rest.empty()) {
@@ -136,29 +188,51 @@ Result<std::string> opposite(std::string_view command) {
   return fmt::format("{} {} {} {}", kind, name, way, off);
 }
 
-Result<Script> Script::make(const std::vector<ScriptedFault>& faults, Switches switches) {
+Result<Script> Script::make(const std::vector<ScriptedFault>& faults, Switches switches, std::size_t* which) {
   Script script;
-  for (const ScriptedFault& fault : faults) {
-    if (auto possible = switches.apply(fault.command); !possible) return possible.error();
-    script.commands_.emplace_back(fault.at_ns, fault.command);
+  for (std::size_t i = 0; i < faults.size(); ++i) {
+    const ScriptedFault& fault = faults[i];
+    script.commands_.push_back({fault.at_ns, true, fault.for_ns.has_value(), i, fault.command});
     if (!fault.for_ns) continue;
     auto off = opposite(fault.command);
     if (!off) return off.error();
-    script.commands_.emplace_back(fault.at_ns + *fault.for_ns, std::move(*off));
+    script.commands_.push_back({fault.at_ns + *fault.for_ns, false, false, i, std::move(*off)});
   }
-  std::stable_sort(script.commands_.begin(), script.commands_.end(),
-                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::stable_sort(script.commands_.begin(), script.commands_.end(), [](const Command& a, const Command& b) {
+    return std::pair(a.at_ns, a.on) < std::pair(b.at_ns, b.on);  // what ends makes room for what begins then
+  });
+  // All of it in order; of each direction those of its effects that will end by themselves.
+  const Switches none = switches;
+  std::vector<unsigned> timed(switches.targets().size() * ways);
+  for (const Command& command : script.commands_) {
+    if (which) *which = command.fault;
+    Switches alone = none;
+    if (auto possible = alone.apply(command.text); !possible) return possible.error();
+    for (std::size_t i = 0; i < timed.size(); ++i) {
+      const std::size_t target = i / ways;
+      const Way way{static_cast<int>(i % ways)};
+      const unsigned wanted = command.on ? kinds_in(alone.of(target, way)) : 0;
+      if ((wanted & (command.lasts ? kinds_in(switches.of(target, way)) : timed[i])) != 0)
+        return wrong(command.text, fmt::format("{} {} has such an effect then, and the end of one would end both: let "
+                                               "them follow each other",
+                                               switches.targets()[target].name, name_of(way)));
+      if (command.lasts) timed[i] |= wanted;
+    }
+    if (auto possible = switches.apply(command.text); !possible) return possible.error();
+    for (std::size_t i = 0; i < timed.size(); ++i)
+      timed[i] &= kinds_in(switches.of(i / ways, Way{static_cast<int>(i % ways)}));
+  }
   return script;
 }
 
 std::optional<std::string> Script::take(TimeNs since_start) {
-  if (done_ == commands_.size() || commands_[done_].first > since_start) return std::nullopt;
-  return commands_[done_++].second;
+  if (done_ == commands_.size() || commands_[done_].at_ns > since_start) return std::nullopt;
+  return commands_[done_++].text;
 }
 
 std::optional<TimeNs> Script::next() const {
   if (done_ == commands_.size()) return std::nullopt;
-  return commands_[done_].first;
+  return commands_[done_].at_ns;
 }
 
 }  // namespace ledgerline::hil::proxy

@@ -7,6 +7,7 @@
 
 #include "common/rt/clock.hpp"
 #include "hil/impairment.hpp"
+#include "hil/sensor_text.hpp"
 
 namespace ledgerline::hil::proxy {
 
@@ -25,31 +26,46 @@ struct Target {
 
 /// What is switched at the moment, and how commands change it. A core; one thread. Commands:
 ///
-///     drone tello1 to delay 200ms, loss 5%     EFFECTS of hil/impairment.hpp
-///     drone * both clear                       `*`: every drone. to; answers, state, video, or from for all three;
-///     both server agent from stall                  to, from, both server agent cut                         its
-///     connections are reset, once clear                                    everything is as if nothing had been
-///     switched list                                     changes nothing
+///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/impairment.hpp
+///     drone * both clear                     `*`: every drone; to, answers, state, video, from for the last three,
+///     both server agent from stall                to, from, both server agent cut                       its
+///     connections are reset, once sensor tello1 h stuck                  of hil/sensor_text.hpp, one more; with `off`
+///     behind it: one less clear                                  everything is as if nothing had been switched list
+///     changes nothing
 ///
-/// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why.
+/// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why. A recording is
+/// read once, by the first command that names it.
 class Switches {
  public:
+  static constexpr std::size_t most_sensor_faults = 16;  ///< of a drone at once
+
   /// Names are unique within a kind.
-  explicit Switches(std::vector<Target> targets);
+  explicit Switches(std::vector<Target> targets, ReadRecording read = reading_once());
 
   Status apply(std::string_view command);
   const std::vector<Target>& targets() const { return targets_; }
   const Impairment& of(std::size_t target, Way way) const {
     return impairments_[target][static_cast<std::size_t>(way)];
   }
+  /// What the target's state text says wrongly; each has an `item` of its own.
+  std::vector<SensorFault> sensors(std::size_t target) const;
   /// Whether the target's connections are to be reset, since the last call.
   bool take_cut(std::size_t target);
   /// One line of text a direction that is impaired, as a command would say it.
   std::string list() const;
 
  private:
+  struct Sensor {
+    std::string text;
+    SensorFault fault;
+  };
+  Result<std::vector<std::size_t>> named(Target::Kind kind, std::string_view name) const;
   Status apply_to(Target::Kind kind, std::string_view name, std::string_view rest);
+  Status apply_to_sensors(std::string_view name, std::string_view rest);
   std::vector<Target> targets_;
+  ReadRecording read_;
+  std::vector<std::vector<Sensor>> sensors_;
+  std::size_t items_ = 0;
   std::vector<std::array<Impairment, ways>> impairments_;
   std::vector<bool> cut_;
 };
@@ -64,15 +80,24 @@ struct ScriptedFault {
 /// Commands in the order of their time, checked as a whole before the first one is due. A core; one thread.
 class Script {
  public:
-  /// The error names the command that cannot be.
-  static Result<Script> make(const std::vector<ScriptedFault>& faults, Switches switches);
+  /// The error names the command that cannot be, or two that lie upon each other: the end of the one would end the
+  /// other.
+  /// `which` is then the fault's index.
+  static Result<Script> make(const std::vector<ScriptedFault>& faults, Switches switches, std::size_t* which = nullptr);
 
   /// The next command that is due at `since_start`; call until there is none.
   std::optional<std::string> take(TimeNs since_start);
   std::optional<TimeNs> next() const;
 
  private:
-  std::vector<std::pair<TimeNs, std::string>> commands_;
+  struct Command {
+    TimeNs at_ns = 0;
+    bool on = false;        ///< not the end of another
+    bool lasts = false;     ///< until an end of its own
+    std::size_t fault = 0;  ///< its index
+    std::string text;
+  };
+  std::vector<Command> commands_;
   std::size_t done_ = 0;
 };
 

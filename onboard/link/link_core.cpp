@@ -274,6 +274,13 @@ void LinkCore::fly(TimeNs now, Drone& drone, const Playout::Wish& wish) noexcept
 
 void LinkCore::send_rc(TimeNs now, Drone& drone, const Velocity& told, const Rc& rc) noexcept {
   out_.to_send.push({drone.number, rc_text(rc)});
+  out_.trace.push({.t_ns = now,
+                   .kind = TraceKind::rc_sent,
+                   .drone = drone.number,
+                   .extra = 0,
+                   .id = 0,
+                   .stamp_ns = 0,
+                   .v = {double(rc[0]), double(rc[1]), double(rc[2]), double(rc[3])}});
   drone.last_rc_ns = now;
   drone.last_rc = rc;
   drone.sent = told;

@@ -1,3 +1,11 @@
+#include <arpa/inet.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <stdexcept>
+
+#include "hil/proxy/drone_side.hpp"
 #include "hil/proxy/switches.hpp"
 #include "tests/fuzz/entry.hpp"
 
@@ -16,6 +24,8 @@ const std::vector<std::string> commands{
     "server * from stall",
     "server agent cut",
     "drone tello1 state partition off",
+    "sensor tello1 bat bias -5",
+    "sensor * all every 700ms",
     "clear",
 };
 
@@ -37,6 +47,100 @@ Outcome command(std::string_view bytes) {
 
 const Registration commands_entry({"proxy.command", Kind::text,
                                    [] { return std::make_unique<Function>(commands, command); }});
+
+constexpr TimeNs step = ns_per_ms;
+
+/// 127.101.x.y with x of this process: entries of several run side by side.
+sockaddr_in own_address(std::uint8_t last, std::uint16_t port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(127U << 24 | 101U << 16 | static_cast<unsigned>(::getpid() % 256) << 8 | last);
+  address.sin_port = htons(port);
+  return address;
+}
+
+class Socket {
+ public:
+  Socket(int type, const sockaddr_in& at) : fd_(::socket(AF_INET, type | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {
+    const int on = 1;
+    ::setsockopt(fd_, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+    if (::bind(fd_, reinterpret_cast<const sockaddr*>(&at), sizeof at) != 0)
+      throw std::runtime_error("cannot bind " + hil::proxy::address_text(at));
+  }
+  ~Socket() { ::close(fd_); }
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
+  int fd() const { return fd_; }
+  void send(const sockaddr_in& to, std::string_view bytes) const {
+    ::sendto(fd_, bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof to);
+  }
+  /// How many datagrams lie there; takes them off.
+  int take_all() const {
+    char byte = 0;
+    int count = 0;
+    while (::recv(fd_, &byte, 1, MSG_TRUNC) >= 0) ++count;
+    return count;
+  }
+
+ private:
+  int fd_;
+};
+
+/// Datagrams from a client, from the drone (answers and state) and from a stranger, as the first byte says; sensors and
+/// lines are impaired by turns. What goes on to where it belongs is accepted.
+class Datagrams final : public Entry {
+ public:
+  Datagrams()
+      : client_(SOCK_DGRAM, own_address(3, 40'000)),
+        client_state_(SOCK_DGRAM, own_address(3, hil::proxy::state_port)),
+        drone_(SOCK_DGRAM, own_address(2, hil::proxy::command_port)),
+        stranger_(SOCK_DGRAM, own_address(9, 40'000)) {
+    auto side = hil::proxy::DroneSide::open({"tello1", own_address(1, 0).sin_addr, own_address(2, 0).sin_addr},
+                                            own_address(4, 0).sin_addr, 1);
+    auto shared = hil::proxy::SharedPorts::open(own_address(4, 0).sin_addr);
+    if (!side || !shared) throw std::runtime_error(side ? shared.error().what : side.error().what);
+    sides_.push_back(std::move(*side));
+    shared_.emplace(std::move(*shared));
+    talk(client_, own_address(1, hil::proxy::command_port), "command");
+  }
+  std::vector<std::string> seeds() override {
+    return {"ccommand", "crc 0 100 0 -100", "cport 1 2", "spitch:0;roll:0;yaw:0;tof:10;h:0;bat:100;agz:-999.00;\r\n",
+            "xcommand"};
+  }
+  std::vector<std::string> probes() override { return {"ccommand", "crc 0 100 0 -100"}; }
+  Outcome feed(std::string_view bytes) override {
+    if (bytes.empty()) return dropped();
+    const std::string_view rest = bytes.substr(1);
+    auto fault = hil::parse_sensor(++turns_ % 2 == 0 ? "all garbage" : "h bias 5");
+    fault->item = turns_;
+    sides_[0].misreport({*fault});
+    if (bytes[0] == 's') return talk(drone_, own_address(4, hil::proxy::state_port), rest);
+    if (bytes[0] == 'x') return talk(stranger_, own_address(4, hil::proxy::state_port), rest);
+    return talk(client_, own_address(1, hil::proxy::command_port), rest);
+  }
+
+ private:
+  Outcome talk(const Socket& from, const sockaddr_in& to, std::string_view bytes) {
+    from.send(to, bytes);
+    std::vector<pollfd> polled;
+    sides_[0].add_to(polled);
+    ::poll(polled.data(), polled.size(), 0);
+    now_ += step;
+    hil::proxy::receive_shared(shared_->state(), hil::proxy::Way::state, now_, sides_);
+    sides_[0].receive(now_, polled);
+    sides_[0].send(now_);
+    return drone_.take_all() + client_.take_all() + client_state_.take_all() > 0 ? accepted() : dropped();
+  }
+
+  Socket client_, client_state_, drone_, stranger_;
+  std::vector<hil::proxy::DroneSide> sides_;
+  std::optional<hil::proxy::SharedPorts> shared_;
+  std::size_t turns_ = 0;
+  TimeNs now_ = ns_per_s;
+};
+
+const Registration datagrams_entry({"proxy.datagrams", Kind::bytes, [] { return std::make_unique<Datagrams>(); },
+                                    0.05});
 
 }  // namespace
 }  // namespace ledgerline::fuzz::hil_part

@@ -168,6 +168,20 @@ void Node::hand_to_writer(CutBlock block) {
   writer_wakes_.notify_one();
 }
 
+/// Nothing is announced that is not on disk; a full one may have room again.
+Status Node::store(const CutBlock& block) {
+  constexpr std::chrono::milliseconds again_after{100};
+  Status stored = store_->append(block.bytes);
+  for (bool told = false; !stored && store_->full(); stored = store_->append(block.bytes)) {
+    if (!std::exchange(told, true))
+      spdlog::error("block {} waits for room on the disk, and nothing is confirmed meanwhile: {}", block.number,
+                    stored.error().what);
+    std::unique_lock lock(mutex_);
+    if (writer_wakes_.wait_for(lock, again_after, [&] { return stopping_; })) break;
+  }
+  return stored;
+}
+
 void Node::run_writer() {
   std::unique_lock lock(mutex_);
   for (;;) {
@@ -176,7 +190,7 @@ void Node::run_writer() {
     CutBlock block = std::move(*std::exchange(to_write_, std::nullopt));
     lock.unlock();
     const TimeNs begin = monotonic_ns();
-    const Status stored = store_->append(block.bytes);
+    const Status stored = store(block);
     const TimeNs took = monotonic_ns() - begin;
     disk_.add(took);
     if (took > slow_disk_ns) spdlog::warn("the disk took {:.0f} ms for block {}", to_ms(took), block.number);
@@ -209,6 +223,7 @@ void Node::stop() {
     stopping_ = true;
   }
   core_wakes_.notify_one();
+  writer_wakes_.notify_one();
   if (core_thread_.joinable()) core_thread_.join();
   if (writer_thread_.joinable()) writer_thread_.join();
   if (core_) counts_ = core_->counts();

@@ -68,6 +68,7 @@ class Node {
   Status commit_now(const CutBlock& block);
   void run_core();
   void run_writer();
+  Status store(const CutBlock& block);
   void hand_to_writer(CutBlock block);
   void apply(const CutBlock& block);
 

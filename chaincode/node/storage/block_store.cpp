@@ -152,10 +152,15 @@ Result<bool> BlockStore::record_behind(std::uint64_t offset, std::uint64_t end) 
 Status BlockStore::append(std::string_view block) {
   if (broken_) return Error{name_ + " takes no more blocks after an error"};
   broken_ = true;
+  full_ = false;
   if (block.size() > UINT32_MAX) return Error{"a block of " + std::to_string(block.size()) + " bytes is too long"};
   std::string record = make_header(salt_, block);
   record.append(block);
-  if (Status status = file_->append(record); !status) return status;
+  if (Status status = file_->append(record); !status) {
+    full_ = file_->full() && file_->truncate(end_);
+    broken_ = !full_;
+    return status;
+  }
   if (Status status = file_->sync(); !status) return status;
   broken_ = false;
   const std::lock_guard lock(mutex_);

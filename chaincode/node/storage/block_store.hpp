@@ -28,8 +28,10 @@ class BlockStore {
   using OnMessage = std::function<void(const std::string& message)>;
   static Result<std::unique_ptr<BlockStore>> open(Files& files, const OnBlock& on_block, const OnMessage& on_message);
 
-  /// Returns when the block is on disk. After an error the store takes no more: what is on disk is not known.
+  /// Returns when the block is on disk. After an error the store takes no more, what is on disk is not known; but where
+  /// full() says so, nothing of the block is left there, and it may be tried again.
   Status append(std::string_view block);
+  bool full() const { return full_; }
   Result<std::string> read(std::uint64_t number) const;
   std::uint64_t height() const;
 
@@ -47,7 +49,7 @@ class BlockStore {
   std::string name_;
   std::string salt_;
   std::uint64_t end_ = 0;
-  bool broken_ = false;
+  bool broken_ = false, full_ = false;
   mutable std::mutex mutex_;  // guards places_
   std::vector<Place> places_;
 };

@@ -38,14 +38,18 @@ class DiskFile final : public File {
   DiskFile(std::string path, Descriptor fd) : path_(std::move(path)), fd_(std::move(fd)) {}
 
   Status append(std::string_view bytes) override {
+    full_ = false;
     while (!bytes.empty()) {
       const ssize_t written = ::write(fd_.get(), bytes.data(), bytes.size());
       if (written < 0 && errno == EINTR) continue;
+      full_ = written < 0 && (errno == ENOSPC || errno == EDQUOT);
       if (written < 0) return failed("writing", path_);
       bytes.remove_prefix(static_cast<std::size_t>(written));
     }
     return done;
   }
+
+  bool full() const override { return full_; }
 
   Status sync() override {
     if (::fdatasync(fd_.get()) != 0) return failed("syncing", path_);
@@ -78,6 +82,7 @@ class DiskFile final : public File {
  private:
   std::string path_;
   Descriptor fd_;
+  bool full_ = false;
 };
 
 class Directory final : public Files {

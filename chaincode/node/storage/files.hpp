@@ -17,6 +17,8 @@ class File {
  public:
   virtual ~File() = default;
   virtual Status append(std::string_view bytes) = 0;
+  /// Whether the last append failed since there is no room; a part of it may be there.
+  virtual bool full() const { return false; }
   /// Returns when everything appended so far survives a loss of power.
   virtual Status sync() = 0;
   /// Exactly `size` bytes, or an error.
@@ -49,6 +51,7 @@ class MemoryFiles final : public Files {
   struct Content {
     std::string bytes;
     std::size_t synced = 0;
+    std::size_t room = SIZE_MAX;  ///< bytes that it may have
   };
   Result<std::unique_ptr<File>> open(const std::string& name) override;
   Status rename(const std::string& from, const std::string& to) override;

@@ -9,9 +9,13 @@ class MemoryFile final : public File {
       : name_(std::move(name)), content_(std::move(content)) {}
 
   Status append(std::string_view bytes) override {
-    content_->bytes.append(bytes);
+    const std::size_t left = content_->room - std::min(content_->room, content_->bytes.size());
+    full_ = left < bytes.size();
+    content_->bytes.append(bytes.substr(0, left));
+    if (full_) return Error{name_ + " has no room"};
     return done;
   }
+  bool full() const override { return full_; }
   Status sync() override {
     content_->synced = content_->bytes.size();
     return done;
@@ -29,6 +33,7 @@ class MemoryFile final : public File {
 
  private:
   std::string name_;
+  bool full_ = false;
   std::shared_ptr<MemoryFiles::Content> content_;
 };
 

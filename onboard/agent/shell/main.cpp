@@ -1,14 +1,13 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <set>
 
 #include "common/bridge/bridges.hpp"
 #include "common/dds/config.hpp"
 #include "common/fabric/config.hpp"
+#include "common/rt/end_signals.hpp"
 #include "common/rt/log.hpp"
 #include "onboard/agent/shell/shell.hpp"
 
@@ -17,16 +16,6 @@ namespace {
 using namespace ledgerline;
 
 constexpr int exit_usage = 2;
-std::atomic<bool> quit{false};
-
-void ask_to_quit(int) { quit = true; }
-
-void catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = ask_to_quit;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 Status check_drones(const std::vector<agent::DroneName>& drones) {
   std::set<DroneNumber> numbers;
@@ -88,7 +77,7 @@ int run(Config& config) {
     participant = std::move(made).value();
   }
   agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(),
-                          std::move(urgent).value(), participant, quit);
+                          std::move(urgent).value(), participant, end_asked);
   if (auto status = shell.start(); !status) {
     spdlog::error("{}", status.error().what);
     return EXIT_FAILURE;
@@ -141,7 +130,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? 0 : exit_usage;
   }
   init_log("agent");
-  catch_signals();
+  catch_end_signals();
   auto config = Config::load(file);
   if (!config) {
     spdlog::error("{}", config.error().what);

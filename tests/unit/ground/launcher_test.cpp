@@ -220,6 +220,8 @@ TEST_F(FakePrograms, ACrashInFlightIsNamedWithItsLastWordsAndEverythingEnds) {
     EXPECT_FALSE(record.ok);
     EXPECT_THAT(record.why, HasSubstr(fmt::format("{} was ended by signal 9", victim)));
     EXPECT_THAT(record.why, HasSubstr("last words"));
+    ASSERT_FALSE(record.ended_early.empty());
+    EXPECT_EQ(record.ended_early[0].first, victim);
     const bool started_again = std::string(victim) == "agent" || std::string(victim) == "link";
     EXPECT_EQ(record.why.find("is given up") != std::string::npos, started_again) << record.why;
     EXPECT_EQ(record.restarts.contains(victim) ? record.restarts.at(victim) : 0, started_again ? 6U : 0U);
@@ -243,6 +245,9 @@ TEST_F(FakePrograms, AgentAndLinkThatDieInFlightAreStartedAgainAndTheFlightGoesO
     const RunRecord record = run();
     EXPECT_TRUE(record.ok) << record.why;
     EXPECT_EQ(record.restarts, (std::map<std::string, std::uint64_t>{{victim, 1}}));
+    ASSERT_EQ(record.ended_early.size(), 1U);
+    EXPECT_EQ(record.ended_early[0].first, victim);
+    EXPECT_THAT(record.ended_early[0].second, HasSubstr("signal 9"));
     EXPECT_THAT(lines(std::string(victim) + ".1.trace"), testing::ElementsAre("first")) << "what it recorded is kept";
     EXPECT_TRUE(all_gone());
   }
@@ -263,6 +268,9 @@ TEST_F(FakePrograms, AnAgentThatDiesInFlightBringsBackARoudiThatDiedBeforeItAndA
   const RunRecord record = run();
   EXPECT_TRUE(record.ok) << record.why;
   EXPECT_THAT(started_since_take_off(), testing::ElementsAre("roudi", "link", "agent"));
+  std::vector<std::string> early;  // not link, which the launcher ends itself
+  for (const auto& [program, how] : record.ended_early) early.push_back(program);
+  EXPECT_THAT(early, testing::UnorderedElementsAre("roudi", "agent"));
 }
 
 TEST_F(FakePrograms, SharedMemoryThatLeakedIsMadeAnewWhenNothingFlies) {

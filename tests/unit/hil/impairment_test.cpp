@@ -64,9 +64,9 @@ TEST(Distribution, NeverDrawsLessThanNothingOrMoreThanTheLongestDelay) {
 }
 
 TEST(Distribution, PlaysARecordingInItsOrderAndAround) {
-  const auto read = [](const std::string& path) -> Result<std::string> {
+  const auto read = [](const std::string& path) -> Result<Distribution::Recording> {
     if (path != "wifi.txt") return Error{"cannot read " + path};
-    return std::string("# seconds\n0.001\n 0.002 \r\n\n0.003");
+    return parse_recording(path, "# seconds\n0.001\n 0.002 \r\n\n0.003");
   };
   const auto recorded = parse_distribution("recorded wifi.txt", read);
   ASSERT_TRUE(recorded);
@@ -81,10 +81,25 @@ TEST(Distribution, PlaysARecordingInItsOrderAndAround) {
   EXPECT_THAT(parse_distribution("recorded other.txt", read).error().what, HasSubstr("cannot read other.txt"));
 }
 
+TEST(Distribution, ReadsARecordingOnceWhateverBecomesOfTheFile) {
+  std::string content = "0.001";
+  const ReadRecording read = reading_once([&](const std::string& path) -> Result<Distribution::Recording> {
+    if (content.empty()) return Error{path + " is gone"};
+    return parse_recording(path, content);
+  });
+  const ReadRecording copy = read;
+  ASSERT_TRUE(parse_distribution("recorded f", read));
+  content = "0.001\n0.002";
+  EXPECT_EQ(parse_distribution("recorded f", copy)->values->size(), 1U);
+  EXPECT_EQ(parse_distribution("recorded g", read)->values->size(), 2U);
+  content.clear();
+  EXPECT_EQ(parse_distribution("recorded f", read)->values->size(), 1U);
+  EXPECT_FALSE(parse_distribution("recorded h", read));
+}
+
 TEST(Distribution, NamesFileAndLineOfARecordingThatIsNone) {
   const auto error_of = [](const std::string& content) {
-    const auto parsed =
-        parse_distribution("recorded f", [&](const std::string&) -> Result<std::string> { return content; });
+    const auto parsed = parse_recording("f", content);
     return parsed ? "no error" : parsed.error().what;
   };
   EXPECT_THAT(error_of("0.1\nabc\n"), HasSubstr("f:2: \"abc\" is no number of seconds from 0 to 60"));

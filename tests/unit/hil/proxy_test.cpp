@@ -1,13 +1,19 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "hil/proxy/fault_socket.hpp"
+#include "hil/proxy/server_side.hpp"
 #include "hil/proxy/settings.hpp"
 #include "hil/proxy/switches.hpp"
 
@@ -117,6 +123,61 @@ TEST(Script, SwitchesInTheOrderOfTimeAndOffAgainAfterAWhile) {
   EXPECT_EQ(s.list(), "");
 }
 
+TEST(Switches, SensorsAreOneMoreAndOneLess) {
+  Switches s = switches();
+  ASSERT_TRUE(s.apply("sensor tello1 bat bias -5"));
+  ASSERT_TRUE(s.apply("sensor *  bat bias  -5"));
+  EXPECT_EQ(s.list(), "sensor tello1 bat bias -5\nsensor tello1 bat bias -5\nsensor tello2 bat bias -5\n");
+  ASSERT_TRUE(s.apply(*opposite("sensor tello1 bat bias -5")));
+  EXPECT_EQ(s.list(), "sensor tello1 bat bias -5\nsensor tello2 bat bias -5\n");
+  EXPECT_NE(s.sensors(0)[0].item, s.sensors(1)[0].item);
+  EXPECT_THAT(s.apply("sensor tello3 h stuck").error().what, HasSubstr("there is no such drone"));
+  EXPECT_THAT(s.apply("sensor tello1 speed stuck").error().what, HasSubstr("must be `FIELD|all stuck|garbage`"));
+  for (std::size_t i = 1; i < Switches::most_sensor_faults; ++i) ASSERT_TRUE(s.apply("sensor tello1 all garbage"));
+  EXPECT_THAT(s.apply("sensor * h stuck").error().what, HasSubstr("tello1 has 16 faults of its sensors already"));
+  EXPECT_EQ(s.sensors(1).size(), 1U) << "a command that is refused for one changes none";
+  ASSERT_TRUE(s.apply("clear"));
+  EXPECT_EQ(s.list(), "");
+}
+
+TEST(Script, ReadsARecordingOnce) {
+  int reads = 0;
+  Switches s({{Kind::drone, "tello1"}}, reading_once([&](const std::string& path) {
+               ++reads;
+               return parse_recording(path, "0.01");
+             }));
+  const auto script = Script::make({{0, ns_per_s, "drone tello1 to delay recorded f"}}, s);
+  ASSERT_TRUE(script) << script.error().what;
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(s.apply("drone tello1 to delay recorded f"));
+  EXPECT_EQ(reads, 1);
+}
+
+TEST(Script, RefusesWhoseEndWouldEndAnother) {
+  const auto error_of = [](std::vector<ScriptedFault> faults) {
+    const auto script = Script::make(faults, switches());
+    return script ? "" : script.error().what;
+  };
+  constexpr TimeNs s = ns_per_s;
+  const char* why = "and the end of one would end both";
+  // Of two that last: they overlap, whichever is first in the file.
+  EXPECT_THAT(error_of({{1 * s, 5 * s, "drone tello1 to delay 1s"}, {3 * s, s, "drone tello1 to delay 2s"}}),
+              HasSubstr(why));
+  EXPECT_THAT(error_of({{3 * s, s, "drone tello1 to loss 5%"}, {1 * s, 5 * s, "drone * both loss 9%"}}),
+              AllOf(HasSubstr("tello1 to has such an effect"), HasSubstr(why)));
+  // One that stays, and one that ends upon it.
+  EXPECT_THAT(error_of({{1 * s, {}, "server agent to stall"}, {3 * s, s, "server * both stall"}}), HasSubstr(why));
+  EXPECT_THAT(error_of({{1 * s, 5 * s, "server agent to delay 1s"}, {3 * s, {}, "server agent to delay 2s"}}),
+              HasSubstr(why));
+  // One behind the other, other effects, other directions, a change of what stays.
+  EXPECT_EQ(error_of({{3 * s, s, "drone tello1 to delay 2s"}, {1 * s, 2 * s, "drone tello1 to delay 1s"}}), "");
+  EXPECT_EQ(error_of({{1 * s, 5 * s, "drone tello1 to delay 1s"}, {3 * s, s, "drone tello1 to loss 2%"}}), "");
+  EXPECT_EQ(error_of({{1 * s, 5 * s, "drone tello1 to delay 1s"}, {3 * s, s, "drone tello1 from delay 1s"}}), "");
+  EXPECT_EQ(error_of({{1 * s, {}, "drone tello1 to delay 1s"}, {3 * s, {}, "drone tello1 to delay 2s"}}), "");
+  EXPECT_EQ(
+      error_of({{1 * s, 9 * s, "drone tello1 to delay 1s"}, {2 * s, {}, "clear"}, {3 * s, s, "drone * to delay 2s"}}),
+      "");
+}
+
 TEST(Script, RefusesAtOnceWhatCouldNotBeSwitchedLater) {
   const auto error_of = [](ScriptedFault fault) {
     const auto script = Script::make({fault}, switches());
@@ -208,6 +269,10 @@ TEST_F(ProxySettings, NameFileAndKeyOfWhatIsWrong) {
       HasSubstr("drone.1.name: must be a name that no other has"));
   EXPECT_THAT(error_of("", "", "[[fault]]\nat_s = 1\ndo = \"server agent to loss 5%\"\n"),
               AllOf(HasSubstr("script.toml:3: fault.0.do"), HasSubstr("loss is of datagrams")));
+  EXPECT_THAT(error_of("", "",
+                       "[[fault]]\nat_s = 1\nfor_s = 9\ndo = \"server agent to stall\"\n"
+                       "[[fault]]\nat_s = 2\nfor_s = 1\ndo = \"server * both stall\"\n"),
+              AllOf(HasSubstr("script.toml:8: fault.1.do"), HasSubstr("the end of one would end both")));
   EXPECT_THAT(error_of("", "", "[[fault]]\ndo = \"clear\"\n"), HasSubstr("fault.0.at_s: is missing"));
   const auto empty = read_settings(write("empty.toml", ""), "");
   EXPECT_THAT(empty.error().what, HasSubstr("what to stand before"));
@@ -227,7 +292,7 @@ class Served {
   void serve() {
     while (!end_) {
       std::vector<pollfd> polled;
-      socket_.add_to(polled);
+      socket_.add_to(monotonic_ns(), polled);
       ::poll(polled.data(), polled.size(), 5);
       socket_.serve(monotonic_ns(), polled, act_);
     }
@@ -238,7 +303,91 @@ class Served {
   std::thread thread_;
 };
 
+/// Takes this process every file that it may still open.
+class NoFiles {
+ public:
+  NoFiles() {
+    ::getrlimit(RLIMIT_NOFILE, &before_);
+    const int next = ::dup(0);
+    ::close(next);
+    const rlimit none{static_cast<rlim_t>(next), before_.rlim_max};
+    ::setrlimit(RLIMIT_NOFILE, &none);
+  }
+  ~NoFiles() { ::setrlimit(RLIMIT_NOFILE, &before_); }
+
+ private:
+  rlimit before_{};
+};
+
+bool readable(const pollfd& one) {
+  pollfd asked = one;
+  return ::poll(&asked, 1, 0) > 0;
+}
+
+int connected_to(const sockaddr_in& address) {
+  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  EXPECT_EQ(::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  return fd;
+}
+
+TEST(ServerSide, ThatMayOpenNoMoreFilesWaitsAWhileAndDoesNotSpin) {
+  ServerRoute route{"node", {}, {}};
+  route.listen.sin_family = route.address.sin_family = AF_INET;
+  route.listen.sin_addr.s_addr = route.address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  route.address.sin_port = htons(9);
+  auto side = ServerSide::open(route, 1);
+  ASSERT_TRUE(side) << side.error().what;
+  const int client = connected_to(side->listening());
+  const TimeNs now = 5 * ns_per_s;
+  std::vector<pollfd> polled;
+  {
+    const NoFiles none;
+    side->add_to(now, polled);
+    ASSERT_TRUE(readable(polled[0]));
+    polled[0].revents = POLLIN;
+    side->serve(now, polled);
+  }
+  polled.clear();
+  side->add_to(now + ns_per_ms, polled);
+  EXPECT_EQ(polled[0].fd, -1);
+  EXPECT_EQ(side->next_due(now + ns_per_ms), now + ServerSide::accept_pause);
+  EXPECT_EQ(side->summary()["not_taken"], 1);
+  polled.clear();
+  side->add_to(now + ServerSide::accept_pause, polled);
+  ASSERT_TRUE(readable(polled[0]));
+  polled[0].revents = POLLIN;
+  side->serve(now + ServerSide::accept_pause, polled);
+  EXPECT_EQ(side->summary()["connections"], 1);
+  ::close(client);
+}
+
 using Socket = Folder;
+
+TEST_F(Socket, ThatMayOpenNoMoreFilesWaitsAWhileAndDoesNotSpin) {
+  auto socket = FaultSocket::open(in("f.sock"));
+  ASSERT_TRUE(socket) << socket.error().what;
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  in("f.sock").copy(address.sun_path, sizeof address.sun_path - 1);
+  const int client = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  ASSERT_EQ(::connect(client, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  const TimeNs now = 5 * ns_per_s;
+  std::vector<pollfd> polled;
+  socket->add_to(now, polled);
+  ASSERT_TRUE(readable(polled[0]));
+  polled[0].revents = POLLIN;
+  {
+    const NoFiles none;
+    socket->serve(now, polled, {});
+  }
+  polled.clear();
+  socket->add_to(now + ns_per_ms, polled);
+  EXPECT_EQ(polled[0].fd, -1);
+  polled.clear();
+  socket->add_to(now + ns_per_s, polled);
+  EXPECT_TRUE(readable(polled[0]));
+  ::close(client);
+}
 
 TEST_F(Socket, CarriesACommandAndItsAnswerOrError) {
   const std::string path = in("f.sock");

@@ -35,14 +35,14 @@ std::string refusal_of(const std::string& what, const std::string& lasts = "", b
 }
 
 TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
-  for (const char* what : {"drone tello1 to delay 200ms", "drone * both loss 5%", "ledger agent delay 20ms",
-                           "ledger both from stall", "ledger ground cut", "ledger stall", "agent stop", "ground stop",
-                           "roudi kill", "cpu 0 burn", "memory take 100MB", "operator stop tello1"}) {
+  for (const char* what :
+       {"drone tello1 to delay 200ms", "drone * both loss 5%", "ledger agent delay 20ms", "ledger both from stall",
+        "ledger ground cut", "ledger stall", "agent stop", "ground stop", "sensor tello1 h stuck", "disk full",
+        "roudi kill", "cpu 0 burn", "memory take 100MB", "operator stop tello1"}) {
     EXPECT_EQ(refusal_of(what), "") << what;
   }
   EXPECT_EQ(refusal_of("agent kill", "500ms"), "");
   const std::pair<const char*, const char*> cases[] = {
-      {"sensor tello1 h stuck", "inside of the simulation"},
       {"mocap tello1 frozen", "inside of the simulation"},
       {"mocap tello1 loss 5%", "goes past the proxy"},
       {"drone tello1 reboot", "inside of the simulation"},
@@ -56,8 +56,10 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
       {"operator cut tello1", "does not cut"},
   };
   for (const auto& [what, why] : cases) EXPECT_THAT(refusal_of(what), HasSubstr(why)) << what;
+  EXPECT_THAT(refusal_of("disk full", "", true), HasSubstr("Fabric's parts end"));
   EXPECT_EQ(refusal_of("peer 1 kill", "", true), "");
   EXPECT_EQ(refusal_of("orderer 3 kill", "", true), "");
+  EXPECT_EQ(refusal_of("orderer leader kill", "", true), "");
   EXPECT_THAT(refusal_of("ledger restart", "", true), HasSubstr("name the part"));
   EXPECT_THAT(check_real(script_of("must = [\"hold within 300 ms after the plan's end\"]"), {}).error().what,
               HasSubstr("do not tell a plan's end"));
@@ -70,47 +72,86 @@ TEST(RealScript, VirtualTimeRefusesWhatTheRealProcessesAloneHave) {
                            "roudi kill", "disk full"}) {
     EXPECT_THAT(parse_fault(what, "path", "").error().what, HasSubstr("needs the real processes")) << what;
   }
-  for (const char* what : {"peer 4 kill", "peer 1 stop", "orderer leader kill", "cpu -1 burn", "cpu 0.5 burn", "cpu 0",
-                           "memory take 0MB", "memory take 5", "roudi stop", "disk full"}) {
+  for (const char* what : {"peer 4 kill", "peer 1 stop", "peer leader kill", "orderer leader stop", "cpu -1 burn",
+                           "cpu 0.5 burn", "cpu 0", "memory take 0MB", "memory take 5", "roudi stop", "disk half"}) {
     EXPECT_FALSE(parse_fault(what, "path", "", true)) << what;
   }
 }
 
+/// As the first of the texts begins, or ends, while the others go on.
+RealActs begin_of(const std::vector<std::string>& texts, std::size_t which = 0, int drones = 2, bool fabric = false) {
+  std::vector<Fault> active;
+  for (const auto& text : texts) active.push_back(fault_of(text));
+  return acts_at_begin(active[which], active, drones, {fabric});
+}
+RealActs end_of(const std::vector<std::string>& texts, std::size_t which = 0, int drones = 2, bool fabric = false) {
+  std::vector<Fault> active;
+  for (const auto& text : texts) active.push_back(fault_of(text));
+  const Fault ends = active[which];
+  active.erase(active.begin() + static_cast<std::ptrdiff_t>(which));
+  return acts_at_end(ends, active, drones, {fabric});
+}
+
 TEST(RealScript, SwitchesTheProxyOnAndOffAgain) {
-  const auto acts = [](const std::string& text, bool fabric = false) {
-    const Fault fault = fault_of(text, "1s");
-    return std::pair(acts_at_begin(fault, {fabric}).proxy, acts_at_end(fault, {fabric}).proxy);
-  };
+  const auto acts = [](const std::string& text) { return std::pair(begin_of({text}).proxy, end_of({text}).proxy); };
   EXPECT_THAT(acts("drone tello2 from delay 20ms, loss 5%"),
-              Pair(ElementsAre("drone tello2 answers delay 20ms, loss 5%", "drone tello2 state delay 20ms, loss 5%"),
-                   ElementsAre("drone tello2 answers delay off, loss off", "drone tello2 state delay off, loss off")));
-  EXPECT_THAT(acts("ledger agent to delay uniform 10ms 20ms"),
-              Pair(ElementsAre("server agent to delay uniform 10ms 20ms"), ElementsAre("server agent to delay off")));
+              Pair(ElementsAre("drone tello2 answers clear, delay 20ms, loss 5%",
+                               "drone tello2 state clear, delay 20ms, loss 5%"),
+                   ElementsAre("drone tello2 answers clear", "drone tello2 state clear")));
+  EXPECT_THAT(acts("drone * to stall").first,
+              ElementsAre("drone tello1 to clear, stall", "drone tello2 to clear, stall"));
+  EXPECT_THAT(
+      acts("ledger agent to delay uniform 10ms 20ms"),
+      Pair(ElementsAre("server agent to clear, delay uniform 10ms 20ms"), ElementsAre("server agent to clear")));
   EXPECT_THAT(acts("ledger both stall"),
-              Pair(ElementsAre("server agent both stall", "server ground both stall"),
-                   ElementsAre("server agent both stall off", "server ground both stall off")));
-  EXPECT_THAT(acts("ledger ground cut"), Pair(ElementsAre("server ground both partition", "server ground cut"),
-                                              ElementsAre("server ground both partition off")));
-  EXPECT_THAT(acts("ledger agent from stall", true).first,
-              ElementsAre("server agent from stall", "server agent-orderer1 from stall",
-                          "server agent-orderer2 from stall", "server agent-orderer3 from stall"));
+              Pair(ElementsAre("server agent to clear, stall", "server agent from clear, stall",
+                               "server ground to clear, stall", "server ground from clear, stall"),
+                   ElementsAre("server agent to clear", "server agent from clear", "server ground to clear",
+                               "server ground from clear")));
+  EXPECT_THAT(acts("ledger ground cut"), Pair(ElementsAre("server ground to clear, partition",
+                                                          "server ground from clear, partition", "server ground cut"),
+                                              ElementsAre("server ground to clear", "server ground from clear")));
+  EXPECT_THAT(acts("sensor tello1  bat bias -5"),
+              Pair(ElementsAre("sensor tello1 bat bias -5"), ElementsAre("sensor tello1 bat bias -5 off")));
+  EXPECT_THAT(begin_of({"ledger agent from stall"}, 0, 1, true).proxy,
+              ElementsAre("server agent from clear, stall", "server agent-orderer1 from clear, stall",
+                          "server agent-orderer2 from clear, stall", "server agent-orderer3 from clear, stall"));
+}
+
+TEST(RealScript, TheEndOfOneFaultLeavesTheOtherAsItIs) {
+  const std::vector<std::string> delays{"drone tello1 to delay 10ms, loss 5%", "drone * to delay 20ms"};
+  EXPECT_THAT(begin_of(delays, 0).proxy, ElementsAre("drone tello1 to clear, delay 20ms, loss 5%"))
+      << "the later one in the script counts";
+  EXPECT_THAT(end_of(delays, 1).proxy,
+              ElementsAre("drone tello1 to clear, delay 10ms, loss 5%", "drone tello2 to clear"));
+  EXPECT_THAT(end_of({"ledger agent stall", "ledger agent cut", "ledger both to delay 5ms"}, 0).proxy,
+              ElementsAre("server agent to clear, delay 5ms, partition", "server agent from clear, partition"));
+  EXPECT_THAT(end_of({"agent stop", "agent stop"}).programs, IsEmpty());
+  EXPECT_THAT(end_of({"agent stop", "link stop"}).programs, ElementsAre(Pair("ledgerline-agent", SIGCONT)));
+  EXPECT_THAT(end_of({"ledger stall", "ledger stall"}, 0, 1, true).parts, IsEmpty());
+  EXPECT_EQ(end_of({"cpu 1 burn", "cpu 1 burn"}).burn_core, -1);
+  EXPECT_EQ(end_of({"cpu 1 burn", "cpu 0 burn"}).burn_core, 1);
+  EXPECT_FALSE(end_of({"disk full", "disk full"}).fill_disk);
+  EXPECT_TRUE(end_of({"disk full", "ledger stall"}).fill_disk);
+  EXPECT_EQ(end_of({"memory take 5MB", "memory take 5MB"}).take_bytes, 5'000'000U);
 }
 
 TEST(RealScript, SignalsTheProgramThatIsMeant) {
-  const auto signals = [](const Fault& fault, bool fabric = false) {
-    const RealActs begin = acts_at_begin(fault, {fabric}), end = acts_at_end(fault, {fabric});
+  const auto signals = [](const std::string& text, bool fabric = false) {
+    const RealActs begin = begin_of({text}, 0, 1, fabric), end = end_of({text}, 0, 1, fabric);
     return std::pair(fabric ? begin.parts : begin.programs, fabric ? end.parts : end.programs);
   };
-  EXPECT_THAT(signals(fault_of("agent stop", "1s")),
+  EXPECT_THAT(signals("agent stop"),
               Pair(ElementsAre(Pair("ledgerline-agent", SIGSTOP)), ElementsAre(Pair("ledgerline-agent", SIGCONT))));
-  EXPECT_THAT(signals(fault_of("link kill", "1s")), Pair(ElementsAre(Pair("ledgerline-link", SIGKILL)), IsEmpty()));
-  EXPECT_THAT(signals(fault_of("ledger stall", "1s")),
+  EXPECT_THAT(signals("link kill"), Pair(ElementsAre(Pair("ledgerline-link", SIGKILL)), IsEmpty()));
+  EXPECT_THAT(signals("ledger stall"),
               Pair(ElementsAre(Pair("ledgerline-node", SIGSTOP)), ElementsAre(Pair("ledgerline-node", SIGCONT))));
-  EXPECT_THAT(signals(fault_of("ledger stall", "1s"), true).first,
+  EXPECT_THAT(signals("ledger stall", true).first,
               ElementsAre(Pair("orderer1", SIGSTOP), Pair("orderer2", SIGSTOP), Pair("orderer3", SIGSTOP)));
-  EXPECT_THAT(signals(fault_of("chaincode 2 kill"), true), Pair(ElementsAre(Pair("chaincode2", SIGKILL)), IsEmpty()));
-  EXPECT_EQ(acts_at_begin(fault_of("cpu 1 burn"), {}).burn_core, 1);
-  EXPECT_EQ(acts_at_begin(fault_of("memory take 5MB"), {}).take_bytes, 5'000'000u);
+  EXPECT_THAT(signals("chaincode 2 kill", true), Pair(ElementsAre(Pair("chaincode2", SIGKILL)), IsEmpty()));
+  EXPECT_THAT(signals("orderer leader kill", true).first, ElementsAre(Pair(std::string(leader_part), SIGKILL)));
+  EXPECT_EQ(begin_of({"cpu 1 burn"}).burn_core, 1);
+  EXPECT_EQ(begin_of({"memory take 5MB"}).take_bytes, 5'000'000U);
 }
 
 /// A made-up flight of one drone: up for 3 s, along the first side of the square, down.
@@ -157,6 +198,12 @@ class Flight : public testing::Test {
   void applied(TimeNs t, TimeNs age) {
     recording.link.push_back(
         {.t_ns = start + t, .kind = TraceKind::command_applied, .drone = 1, .stamp_ns = start + t - age});
+    sort();
+  }
+  void rc(TimeNs t, const std::array<double, 4>& sticks) {
+    TraceRecord r{.t_ns = start + t, .kind = TraceKind::rc_sent, .drone = 1};
+    std::copy(sticks.begin(), sticks.end(), r.v);
+    recording.link.push_back(r);
     sort();
   }
   void made(TimeNs t, double progress_m) {
@@ -214,6 +261,47 @@ TEST_F(Flight, IsBrokenByWhatTheTracesShow) {
   recording.lost = {"tello1: 5 transitions made, 4 on the ledger"};
   EXPECT_THAT(broken("\"nothing acknowledged is lost\""),
               ElementsAre("nothing acknowledged is lost", "always: no hang", "always: nothing acknowledged is lost"));
+}
+
+TEST_F(Flight, IsBrokenByADroneThatTurnsOverAndByAProgramThatEnds) {
+  EXPECT_THAT(broken("\"no crash\""), IsEmpty());
+  const Recording good = recording;
+  for (TraceRecord& r : recording.sim) {
+    if (r.t_ns - start > 17 * ns_per_s) r.extra = 2;
+  }
+  EXPECT_THAT(broken("\"no crash\""), ElementsAre("no crash"));
+  recording = good;
+  recording.crashed = {"agent was ended by signal 11 (Segmentation fault)"};
+  EXPECT_THAT(broken("\"no crash\""), ElementsAre("no crash"));
+  EXPECT_THAT(broken(""), IsEmpty());
+}
+
+TEST_F(Flight, IsBrokenByAnRcThatTheSdkWouldNotTake) {
+  rc(5 * ns_per_s, {100, -100, 0, 0});
+  EXPECT_THAT(broken(""), IsEmpty());
+  rc(6 * ns_per_s, {0, 0, 101, 0});
+  EXPECT_THAT(broken(""), ElementsAre("always: rc in the SDK's range"));
+}
+
+TEST_F(Flight, IsBrokenByALinkThatHoldsAndStillTellsTheDroneASpeed) {
+  std::erase_if(recording.link, [](const TraceRecord& r) {
+    return r.kind == TraceKind::command_applied && r.t_ns - start > 8 * ns_per_s;
+  });
+  mode(10 * ns_per_s, FlightPhase::flying, FailsafeMode::hold, FailsafeCause::plan_ran_out);
+  mode(12 * ns_per_s, FlightPhase::flying);
+  applied(12 * ns_per_s, 80 * ns_per_ms);
+  mode(13 * ns_per_s, FlightPhase::landing);
+  rc(10 * ns_per_s, {0, 0, 0, 0});
+  EXPECT_THAT(broken(""), IsEmpty());
+  rc(10'100 * ns_per_ms, {0, 30, 0, 0});
+  EXPECT_THAT(broken(""), ElementsAre("always: a hold or a landing after silence"));
+}
+
+TEST_F(Flight, SaysWhatIsNotJudged) {
+  const auto not_judged = [&] { return judge_recording(script_of(""), 1, recording).not_judged; };
+  EXPECT_THAT(not_judged(), ElementsAre(HasSubstr("each plan's own end"), HasSubstr("transitions alone")));
+  recording.lost_is_known = false;
+  EXPECT_THAT(not_judged()[1], HasSubstr("whether the ledger has all"));
 }
 
 TEST_F(Flight, CountsFromTheFaultsThatItHad) {

@@ -1,4 +1,7 @@
+#include <fcntl.h>
 #include <gmock/gmock.h>
+#include <sched.h>
+#include <sys/mount.h>
 #include <unistd.h>
 
 #include <condition_variable>
@@ -137,6 +140,35 @@ TEST_F(ShellTest, WhatWasAnsweredIsThereAfterARestart) {
   node->post([&](NodeCore& core) { found.put(core.find(status.tx_id)); });
   ASSERT_TRUE(found.wait_for(1)[0]);
   EXPECT_EQ(found.wait_for(1)[0]->block, status.block);
+}
+
+TEST_F(ShellTest, AFullDiskConfirmsNothingUntilThereIsRoom) {
+  node.reset();
+  std::filesystem::remove_all(dir_);
+  std::filesystem::create_directories(dir_);
+  if (::unshare(CLONE_NEWNS) != 0 || ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
+      ::mount("none", dir_.c_str(), "tmpfs", 0, "size=4m") != 0)
+    GTEST_SKIP() << "no file system of its own without root";
+  start();
+  submit(R"({"id":"tello1/a","msgType":"t"})");
+  ASSERT_EQ(answers.wait_for(1)[0].code, 0);
+  const std::string filler = dir_ / "filler";
+  const int fd = ::open(filler.c_str(), O_WRONLY | O_CREAT, 0600);
+  const std::string page(4'096, 'x');
+  while (::write(fd, page.data(), page.size()) > 0) {
+  }
+  ::close(fd);
+  const std::uint64_t height = node->feed().height();
+  for (int i = 0; i < 8; ++i) submit(R"({"id":"tello1/a","msgType":"t"})");  // more than a page has left
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_LE(node->feed().height(), height + 1);
+  EXPECT_LT(answers.wait_for(1).size(), 9U);
+  ::unlink(filler.c_str());
+  for (const TxStatus& status : answers.wait_for(9)) EXPECT_EQ(status.code, 0) << status.tx_id;
+  start();
+  EXPECT_GT(node->feed().height(), height) << "all of it is there after a restart";
+  node.reset();
+  ::umount2(dir_.c_str(), MNT_DETACH);
 }
 
 TEST_F(ShellTest, NoNewAuthoritiesAreMadeOverAnOldChain) {

@@ -190,6 +190,27 @@ TEST_F(StorageTest, AfterAFailedSyncNothingMoreIsTaken) {
   EXPECT_EQ((*store)->height(), 1U);
 }
 
+TEST_F(StorageTest, AFullDiskTakesNothingOfABlockAndTheSameBlockWhenThereIsRoom) {
+  auto store = open(memory);
+  ASSERT_TRUE(store.ok());
+  ASSERT_TRUE((*store)->append("zero").ok());
+  const std::string before = bytes();
+  memory.content("blocks").room = before.size() + 30;
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_THAT((*store)->append("one, and more").error().what, HasSubstr("no room"));
+    EXPECT_TRUE((*store)->full());
+    EXPECT_EQ(bytes(), before);
+  }
+  EXPECT_EQ((*store)->height(), 1U);
+  memory.content("blocks").room = SIZE_MAX;
+  EXPECT_TRUE((*store)->append("one, and more").ok());
+  EXPECT_FALSE((*store)->full());
+  memory.lose_power();
+  ASSERT_TRUE(open(memory).ok());
+  EXPECT_THAT(blocks, ElementsAre("zero", "one, and more"));
+  EXPECT_THAT(messages, IsEmpty());
+}
+
 class DiskTest : public StorageTest {
  protected:
   DiskTest() : dir_(std::filesystem::temp_directory_path() / ("ledgerline_disk_" + std::to_string(::getpid()))) {
