@@ -34,7 +34,26 @@ double gamma_s(double mean, double deviation, Random& random) noexcept {
   }
 }
 
-Result<Distribution> parse_recording(const std::string& path, const ReadFile& read) {
+}  // namespace
+
+TimeNs Draws::next(const Distribution& distribution) noexcept {
+  const double a = to_seconds(distribution.a), b = to_seconds(distribution.b);
+  switch (distribution.kind) {
+    case Distribution::Kind::constant:
+      return distribution.a;
+    case Distribution::Kind::uniform:
+      return within_limits(a + (b - a) * random_.uniform());
+    case Distribution::Kind::normal:
+      return within_limits(a + b * random_.normal());
+    case Distribution::Kind::gamma:
+      return within_limits(gamma_s(a, b, random_));
+    case Distribution::Kind::recorded:
+      return (*distribution.values)[place_++ % distribution.values->size()];
+  }
+  return 0;
+}
+
+Result<Distribution> read_recording(const std::string& path, const ReadFile& read) {
   const auto content = read(path);
   if (!content) return content.error();
   std::vector<TimeNs> values;
@@ -59,25 +78,6 @@ Result<Distribution> parse_recording(const std::string& path, const ReadFile& re
                       std::make_shared<const std::vector<TimeNs>>(std::move(values)), path};
 }
 
-}  // namespace
-
-TimeNs Draws::next(const Distribution& distribution) noexcept {
-  const double a = to_seconds(distribution.a), b = to_seconds(distribution.b);
-  switch (distribution.kind) {
-    case Distribution::Kind::constant:
-      return distribution.a;
-    case Distribution::Kind::uniform:
-      return within_limits(a + (b - a) * random_.uniform());
-    case Distribution::Kind::normal:
-      return within_limits(a + b * random_.normal());
-    case Distribution::Kind::gamma:
-      return within_limits(gamma_s(a, b, random_));
-    case Distribution::Kind::recorded:
-      return (*distribution.values)[place_++ % distribution.values->size()];
-  }
-  return 0;
-}
-
 Result<Distribution> parse_distribution(std::string_view text, const ReadFile& read) {
   const auto words = words_of(text);
   if (words.empty()) return Error{fmt::format("a time is missing: {}", distribution_forms)};
@@ -91,7 +91,7 @@ Result<Distribution> parse_distribution(std::string_view text, const ReadFile& r
   const Kind kind = named ? known->second : Kind::constant;
   const std::size_t needed = (named ? 1 : 0) + (kind == Kind::constant || kind == Kind::recorded ? 1 : 2);
   if (words.size() != needed) return Error{fmt::format("\"{}\": {}", clear_text(text, 80), distribution_forms)};
-  if (kind == Kind::recorded) return parse_recording(std::string(words[1]), read);
+  if (kind == Kind::recorded) return read_recording(std::string(words[1]), read);
 
   const auto a = parse_time(words[named ? 1 : 0]);
   if (!a) return a.error();

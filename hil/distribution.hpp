@@ -51,6 +51,8 @@ using ReadFile = std::function<Result<std::string>(const std::string& path)>;
 ///     recorded delays.txt          a file of seconds, one a line; empty lines and those with # are passed over
 /// The error quotes what is wrong and says what is allowed.
 Result<Distribution> parse_distribution(std::string_view text, const ReadFile& read = read_file);
+/// The recorded one of a file, whatever its name.
+Result<Distribution> read_recording(const std::string& path, const ReadFile& read = read_file);
 /// What parse_distribution() reads as the same again.
 std::string text_of(const Distribution& distribution);
 

@@ -167,7 +167,7 @@ class Flight {
     std::vector<std::string> names;
     for (const auto& drone : ground_.drones()) names.push_back(drone.name);
     if (auto s = prepare(ledger_, names); !s) return s;
-    host_ = ledger_.add_client(drone_host);
+    host_ = ledger_.add_client(drone_host, WayDelay::Way::back);
     operator_ = ledger_.add_client(operator_name);
     for (const auto& name : names) {
       const auto record = control_record(ledger_, operator_, name);
