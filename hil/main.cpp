@@ -21,6 +21,7 @@ json laps_of(const hil::VirtualFlightResult::Drone& drone) {
   for (const auto& lap : drone.laps) {
     laps.push_back({{"asked_mps", lap.asked_mps},
                     {"flown_mps", lap.flown_mps},
+                    {"peak_mps", lap.peak_mps},
                     {"seconds", lap.seconds},
                     {"rms_m", lap.rms_m},
                     {"max_m", lap.max_m}});

@@ -10,7 +10,6 @@ namespace {
 
 constexpr TimeNs draw_period_ns = 100 * ns_per_ms;
 constexpr double longest_added_s = 3;
-constexpr double own_s = 0.017;  // of the embedded ledger, both ways
 
 Result<AddedDelay> recorded_from(const std::string& file, const ReadFile& read) {
   auto recorded = read_recording(file, read);
@@ -27,11 +26,10 @@ Result<AddedDelay> recorded_from(const std::string& file, const ReadFile& read) 
 }  // namespace
 
 double PublishedDelay::quantile(double share) const {
-  const std::pair<double, double> knots[] = {
-      {0, low}, {0.25, q1}, {0.5, median}, {0.75, q3}, {1 - beyond_whisker, high}, {1, high + longest_beyond_s}};
-  const auto* to = std::find_if(std::begin(knots) + 1, std::end(knots) - 1, [&](auto& k) { return share < k.first; });
-  const auto* from = to - 1;
-  return from->second + (to->second - from->second) * (share - from->first) / (to->first - from->first);
+  std::size_t to = 1;
+  while (to + 1 < shares.size() && share >= shares[to]) ++to;
+  const double part = (share - shares[to - 1]) / (shares[to] - shares[to - 1]);
+  return quantiles_s[to - 1] + part * (quantiles_s[to] - quantiles_s[to - 1]);
 }
 
 Result<AddedDelay> added_delay_from(const std::string& text, const ReadFile& read) {
@@ -54,7 +52,7 @@ TimeNs WayDelay::draw() {
     case AddedDelay::Kind::constant:
       return from_seconds(delay_.constant_s);
     case AddedDelay::Kind::published:
-      return from_seconds(delay_.published->quantile(random_.uniform()) - own_s);
+      return from_seconds(delay_.published->quantile(random_.uniform()));
     case AddedDelay::Kind::recorded:
       return recording_.next(delay_.recorded);
   }
