@@ -21,6 +21,7 @@ json laps_of(const hil::VirtualFlightResult::Drone& drone) {
   for (const auto& lap : drone.laps) {
     laps.push_back({{"asked_mps", lap.asked_mps},
                     {"flown_mps", lap.flown_mps},
+                    {"peak_mps", lap.peak_mps},
                     {"seconds", lap.seconds},
                     {"rms_m", lap.rms_m},
                     {"max_m", lap.max_m}});
@@ -134,8 +135,8 @@ int main(int argc, char** argv) {
   flight->add_option("--ramp", ramp, "START:STEP: the speed of the first lap, and by how much each one is faster, m/s");
   flight
       ->add_option("--delay", delay,
-                   "Two-way, beside the ledger's own: none, seconds (0 to 3), or published (median 0.46 s, tail "
-                   "beyond 0.8 s)")
+                   "Two-way: none, seconds (0 to 3) beside the ledger's own, a published one (published, which is the "
+                   "square's, published-triangle, published-x, published-three), or a file of seconds, one a line")
       ->capture_default_str();
   flight->add_option("--max-age", max_age_s, "s: agent and link take no older command (default: 5 with a delay)")
       ->check(CLI::Range(0.05, 60.0));

@@ -138,7 +138,7 @@ class Flight {
 
   Status set_up() {
     if (auto s = prepare(ledger_, config_.drones); !s) return s;
-    host_ = ledger_.add_client(drone_host);
+    host_ = ledger_.add_client(drone_host, WayDelay::Way::back);
     operator_ = ledger_.add_client(operator_name);
     for (const auto& drone : ground_.drones()) {
       const auto record = control_record(ledger_, operator_, drone.name);
@@ -187,7 +187,7 @@ class Flight {
       if (tracking_[i].empty()) heights_[i] = {truth.position_m[2], truth.position_m[2]};
       heights_[i].first = std::min(heights_[i].first, truth.position_m[2]);
       heights_[i].second = std::max(heights_[i].second, truth.position_m[2]);
-      tracking_[i].push_back({now_, error});
+      tracking_[i].push_back({now_, error, std::hypot(truth.velocity_mps[0], truth.velocity_mps[1])});
     }
   }
 
@@ -287,7 +287,7 @@ class Flight {
       drone.two_way_ms = local() ? two_way_[reports[i].number].quantiles_ms()
                                  : agent_.report(reports[i].number).two_way.quantiles_ms();
       drone.age_ms = reports[i].age_ms;
-      std::tie(drone.cross_track_rms_m, drone.cross_track_max_m) = error(i, 0, now_);
+      std::tie(drone.cross_track_rms_m, drone.cross_track_max_m, std::ignore) = flown(i, 0, now_);
       std::tie(drone.lowest_m, drone.highest_m) = heights_[i];
       drone.lap_s = status.lap_s;
       drone.laps = laps(i, status);
@@ -301,17 +301,18 @@ class Flight {
     return result;
   }
 
-  // Rms and greatest cross-track error between two moments.
-  std::pair<double, double> error(std::size_t drone, TimeNs from_ns, TimeNs to_ns) const {
-    double squares = 0, most = 0;
+  // Rms and greatest cross-track error and greatest speed between two moments.
+  std::tuple<double, double, double> flown(std::size_t drone, TimeNs from_ns, TimeNs to_ns) const {
+    double squares = 0, most = 0, fastest = 0;
     std::uint64_t count = 0;
-    for (const auto& [t_ns, error] : tracking_[drone]) {
+    for (const auto& [t_ns, error, speed] : tracking_[drone]) {
       if (t_ns < from_ns || t_ns >= to_ns) continue;
       squares += error * error;
       most = std::max(most, error);
+      fastest = std::max(fastest, speed);
       ++count;
     }
-    return {count ? std::sqrt(squares / static_cast<double>(count)) : 0, most};
+    return {count ? std::sqrt(squares / static_cast<double>(count)) : 0, most, fastest};
   }
 
   std::vector<VirtualFlightResult::Drone::Lap> laps(std::size_t i, const ground::FlightStatus& status) const {
@@ -324,7 +325,7 @@ class Flight {
       lap.asked_mps = controller->asked_mps((static_cast<double>(laps.size()) + 0.5) * controller->lap_m());
       lap.flown_mps = controller->lap_m() / lap_s;
       lap.seconds = lap_s;
-      std::tie(lap.rms_m, lap.max_m) = error(i, from_ns, to_ns);
+      std::tie(lap.rms_m, lap.max_m, lap.peak_mps) = flown(i, from_ns, to_ns);
       laps.push_back(lap);
       from_ns = to_ns;
     }
@@ -350,10 +351,10 @@ class Flight {
   std::vector<AgentBeat> beats_;
   agent::AgentOutputs agent_out_;
 
-  std::vector<std::vector<std::pair<TimeNs, double>>> tracking_;  ///< of each drone: cross-track error by time
-  std::vector<std::pair<double, double>> heights_;                ///< lowest and highest of each, on its path
-  std::vector<agent::Fusion> fusions_;                            ///< local: agent is not there
-  std::map<DroneNumber, Histogram> two_way_;                      ///< local
+  std::vector<std::vector<std::tuple<TimeNs, double, double>>> tracking_;  ///< of each: cross-track error and speed
+  std::vector<std::pair<double, double>> heights_;                         ///< lowest and highest of each, on its path
+  std::vector<agent::Fusion> fusions_;                                     ///< local: agent is not there
+  std::map<DroneNumber, Histogram> two_way_;                               ///< local
   TimeNs next_beat_ns_ = 0;
   Digester digest_;
 };

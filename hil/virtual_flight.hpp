@@ -49,6 +49,7 @@ struct VirtualFlightResult {
     /// Each lap by the truth; of a ramp each has its speed.
     struct Lap {
       double asked_mps = 0, flown_mps = 0, seconds = 0, rms_m = 0, max_m = 0;
+      double peak_mps = 0;  ///< flown_mps is the mean
     };
     std::vector<Lap> laps;
     double limit_mps = 0;                                   ///< the latency-aware limit at the end; 0: no prediction

@@ -22,7 +22,7 @@ struct LedgerDelays {
   TimeNs write_ns = 1 * ns_per_ms;     ///< block cut until on disk
   TimeNs deliver_ns = 1 * ns_per_ms;   ///< on disk until a client has the block or its commit status
   TimeNs jitter_ns = 500 * ns_per_us;  ///< each of them longer by up to this, uniform
-  AddedDelay added{};                  ///< to deliver_ns; each client has its own
+  AddedDelay added{};                  ///< to deliver_ns
 };
 
 /// The embedded node's core with its clients on a virtual clock: real proposals, endorsements, blocks and flags, with
@@ -33,7 +33,8 @@ class VirtualLedger {
 
   VirtualLedger(const node::CoreConfig& config, const LedgerDelays& delays, std::uint64_t seed);
 
-  Client add_client(const crypto::IdentityName& name);
+  /// `way`: of the added delay, that from the ledger to this client: `back` for the one that commands go to.
+  Client add_client(const crypto::IdentityName& name, WayDelay::Way way = WayDelay::Way::there);
   crypto::MspRegistry& registry() { return *registry_; }
   std::shared_ptr<crypto::MspRegistry> shared_registry() { return registry_; }
 
@@ -94,6 +95,7 @@ class VirtualLedger {
   LedgerDelays delays_;
   fabric::ChannelAndContract where_;
   Random random_;
+  std::uint64_t added_seed_ = random_.next();
   std::shared_ptr<crypto::MspRegistry> registry_;
   node::MemoryFiles files_;
   std::unique_ptr<node::BlockStore> store_;

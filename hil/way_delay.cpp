@@ -2,45 +2,73 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
-#include <cmath>
 
 namespace ledgerline::hil {
 namespace {
 
 constexpr TimeNs draw_period_ns = 100 * ns_per_ms;
-constexpr double way_shape = 9, way_mean_s = 0.204;
 constexpr double longest_added_s = 3;
+
+Result<AddedDelay> recorded_from(const std::string& file, const ReadRecording& read) {
+  auto recording = read(file);
+  if (!recording) return recording.error();
+  const TimeNs longest = *std::max_element((*recording)->begin(), (*recording)->end());
+  if (longest > from_seconds(longest_added_s))
+    return Error{
+        fmt::format("{}: {} s is longer than the {} s that can be added", file, to_seconds(longest), longest_added_s)};
+  AddedDelay delay{AddedDelay::Kind::recorded};
+  delay.recorded = {Distribution::Kind::recorded, 0, 0, std::move(*recording), file};
+  return delay;
+}
 
 }  // namespace
 
-Result<AddedDelay> added_delay_from(const std::string& text) {
+double PublishedDelay::quantile(double share) const {
+  std::size_t to = 1;
+  while (to + 1 < shares.size() && share >= shares[to]) ++to;
+  const double part = (share - shares[to - 1]) / (shares[to] - shares[to - 1]);
+  return quantiles_s[to - 1] + part * (quantiles_s[to] - quantiles_s[to - 1]);
+}
+
+Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording& read) {
   if (text == "none") return AddedDelay{};
-  if (text == "published") return AddedDelay{AddedDelay::Kind::published};
+  const auto* known = std::find_if(published_delays.begin(), published_delays.end(),
+                                   [&](const PublishedDelay& one) { return one.name == text; });
+  if (known != published_delays.end()) return AddedDelay{AddedDelay::Kind::published, 0, known};
   double seconds = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
-  if (error != std::errc{} || end != text.data() + text.size() || !(seconds >= 0 && seconds <= longest_added_s))
-    return Error{fmt::format("\"{}\" is no delay: none, published, or 0 to {} seconds", text, longest_added_s)};
+  if (error != std::errc{} || end != text.data() + text.size()) return recorded_from(text, read);
+  if (!(seconds >= 0 && seconds <= longest_added_s))
+    return Error{fmt::format("{} is no delay from 0 to {} seconds", text, longest_added_s)};
   return AddedDelay{AddedDelay::Kind::constant, seconds};
 }
 
-TimeNs WayDelay::at(TimeNs now) {
-  if (delay_.kind == AddedDelay::Kind::none) return 0;
-  if (delay_.kind == AddedDelay::Kind::constant) return from_seconds(0.5 * delay_.constant_s);
-  if (now >= next_draw_ns_) {
-    next_draw_ns_ = now + draw_period_ns;
-    drawn_ns_ = from_seconds(way_mean_s / way_shape * gamma(way_shape));
+TimeNs WayDelay::draw() {
+  switch (delay_.kind) {
+    case AddedDelay::Kind::none:
+      return 0;
+    case AddedDelay::Kind::constant:
+      return from_seconds(delay_.constant_s);
+    case AddedDelay::Kind::published:
+      return from_seconds(delay_.published->quantile(random_.uniform()));
+    case AddedDelay::Kind::recorded:
+      return recording_.next(delay_.recorded);
   }
-  return drawn_ns_;
+  return 0;
 }
 
-double WayDelay::gamma(double shape) {
-  const double d = shape - 1.0 / 3, c = 1 / std::sqrt(9 * d);
-  for (;;) {
-    const double x = random_.normal();
-    const double v = std::pow(1 + c * x, 3);
-    if (v > 0 && std::log(1 - random_.uniform()) < 0.5 * x * x + d - d * v + d * std::log(v)) return d * v;
+TimeNs WayDelay::at(TimeNs now) {
+  const auto period = static_cast<std::uint64_t>(now / draw_period_ns);
+  while (drawn_ <= period) halves_[drawn_++ % kept] = draw() / 2;
+  std::uint64_t chosen = period;
+  if (way_ == Way::back) {
+    const std::uint64_t oldest = period - std::min(period, kept - 1);
+    const auto begin = [](std::uint64_t k) { return static_cast<TimeNs>(k) * draw_period_ns; };
+    while (chosen > oldest && begin(chosen) + halves_[chosen % kept] > now) --chosen;
   }
+  return halves_[chosen % kept];
 }
 
 }  // namespace ledgerline::hil

@@ -1,38 +1,65 @@
 #pragma once
+#include <array>
 #include <string>
 
 #include "common/rt/clock.hpp"
 #include "common/rt/random.hpp"
 #include "common/rt/result.hpp"
+#include "hil/distribution.hpp"
 
 namespace ledgerline::hil {
 
+/// Two-way delays that are injected so that what is measured has a published box (ground/report/published.hpp), with a
+/// few of 100 beyond its upper whisker: quantiles, seconds, straight in between. They are not the box itself, since
+/// blocks keep their order: what is slow holds up what follows, and the newest of those that come together is answered.
+/// Found by flying; a test compares boxes.
+struct PublishedDelay {
+  static constexpr std::array shares{0.0, 0.25, 0.5, 0.75, 0.96, 1.0};
+  std::string_view name;  ///< of the option
+  std::array<double, shares.size()> quantiles_s;
+  /// 0 <= share < 1.
+  double quantile(double share) const;
+};
+inline constexpr std::array published_delays{
+    PublishedDelay{"published", {0.277, 0.360, 0.435, 0.500, 0.756, 1.911}},
+    PublishedDelay{"published-triangle", {0.262, 0.346, 0.442, 0.483, 0.743, 1.895}},
+    PublishedDelay{"published-x", {0.252, 0.384, 0.488, 0.592, 1.003, 2.151}},
+    PublishedDelay{"published-three", {0.354, 0.714, 0.778, 0.836, 1.110, 2.242}},
+};
+
 /// What is added to a ledger's own delay between a state and its command, both ways together.
 struct AddedDelay {
-  enum class Kind { none, constant, published };
+  enum class Kind { none, constant, published, recorded };
   Kind kind = Kind::none;
-  double constant_s = 0;  ///< of a constant one
+  double constant_s = 0;                                   ///< of a constant one
+  const PublishedDelay* published = &published_delays[0];  ///< of a published one
+  Distribution recorded{};                                 ///< of a recorded one
 };
-/// "none", "published", or seconds from 0 to 3.
-Result<AddedDelay> added_delay_from(const std::string& text);
+/// "none", seconds from 0 to 3, a name of published_delays, or a file of such seconds, one a line.
+Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording& read = read_recording);
 
-/// One of the two ways of an AddedDelay; the other way is another of these with a seed of its own. Constant: a half.
-/// Published: a gamma distribution, such that both ways and the embedded ledger's own few milliseconds have a median of
-/// 0.46 s and a tail beyond 0.8 s (the published square, one drone: 0.396, 0.456, 0.525 s, whiskers 0.313 to 0.711 s).
-/// It is drawn anew every 100 ms, so what is sent meanwhile stays together. Drawing: Marsaglia and Tsang, A simple
-/// method for generating gamma variables, 2000. Deterministic for a seed; one thread.
+/// One of the two ways of an AddedDelay: half of it. Drawn anew every 100 ms, so what is sent meanwhile stays together;
+/// a recording is played in its order, from a place that the seed chooses. The way back has what the newest that came
+/// there had: with the same seed, both ways of a state and its command together are one draw of the whole delay.
+/// Deterministic for a seed; one thread.
 class WayDelay {
  public:
-  WayDelay(const AddedDelay& delay, std::uint64_t seed) : delay_(delay), random_(seed) {}
+  enum class Way { there, back };
+  WayDelay(const AddedDelay& delay, Way way, std::uint64_t seed)
+      : delay_(delay), way_(way), random_(seed), recording_(seed) {}
   /// Times must not go back.
   TimeNs at(TimeNs now);
 
  private:
-  double gamma(double shape);
+  TimeNs draw();
+
+  static constexpr std::uint64_t kept = 32;  ///< draws: more than the longest way takes
   AddedDelay delay_;
+  Way way_;
   Random random_;
-  TimeNs next_draw_ns_ = 0;
-  TimeNs drawn_ns_ = 0;
+  Draws recording_;
+  std::array<TimeNs, kept> halves_{};
+  std::uint64_t drawn_ = 0;
 };
 
 }  // namespace ledgerline::hil

@@ -149,7 +149,7 @@ struct FlightTransactions {
 /// drone is down.
 ///
 /// The path of each drone begins where it stands before take-off. Times in plans are the drone host's clock alone: the
-/// ground's clock and the drone's are never compared. A plan's first setpoint is for the moment when nine of ten plans
+/// ground's clock and the drone's are never compared. A plan's first setpoint is for the moment when half of the plans
 /// are there, by how long our own commands take (motion::TwoWay); its last one covers the delay's tail, so one
 /// that comes later takes over from its predecessor then. Where link flies plans later than they say (its playout's
 /// margin) it says so, and predictions are for that moment.

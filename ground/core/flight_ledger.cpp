@@ -15,7 +15,10 @@ constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
 constexpr TimeNs most_beyond_ns = 1'900 * ns_per_ms;  // agent takes no setpoint for later than 2 s from now
 constexpr TimeNs most_delay_ns = 4 * ns_per_s;
-constexpr double in_time = 0.9;  // of the plans: there before their first setpoint's moment
+// Of the plans: there before their first setpoint's moment. More would make all of them for later, and what is not
+// foreseen (gusts) grows with that; one that comes late only takes over late.
+constexpr double in_time = 0.5;
+constexpr double quick = 0.1;  // of the plans
 
 crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
 
@@ -195,7 +198,7 @@ void FlightCore::measure(TimeNs one_way_ns) {
   // After an outage the tail is long, and agent would refuse every plan that comes sooner: none may speak of more than
   // most_beyond_ns behind its arrival, be it as quick as one of ten. Shorter plans first (see make_plan), then sooner
   // ones.
-  farthest_ns_ = two_way_.quantile(1 - in_time) + most_beyond_ns;
+  farthest_ns_ = two_way_.quantile(quick) + most_beyond_ns;
   delay_ns_ = std::min(delay_ns_, farthest_ns_ - static_cast<TimeNs>(PathController::steps) * PathController::step_ns);
 }
 

@@ -13,7 +13,7 @@ import verdicts
 
 OURS, GREY, WANTED = ("#2563c9", "#c2571a", "#1d7d46", "#8e44ad", "#b3261e", "#0f8b8d"), "#8a94a3", "#9aa3ae"
 MOST_TRACKS = 16
-OVERVIEW = {"latency": "Two-way latency beside the published boxes", "delay": "Speed growing every lap, square of 6 m"}
+OVERVIEW = {"latency": "Two-way latency beside the published boxes", "delay": "Speed growing every lap, square of 12 m"}
 plt.rcParams.update({"font.size": 9, "axes.grid": True, "grid.color": "#e3e6ea", "axes.axisbelow": True, "figure.dpi": 100,
                      "axes.spines.top": False, "axes.spines.right": False})
 

@@ -24,27 +24,40 @@ class Failed(Exception):
 class Program:
     def __init__(self, space: Namespace, name: str, command: list, directory: pathlib.Path):
         self.name, self.log = name, directory / f"{name}.log"
-        self.process = space.popen(*command, stdout=subprocess.PIPE, stderr=open(self.log, "ab"), text=True)
+        self.said = directory / f"{name}.out"  # a file never makes it wait for a reader
+        with open(self.said, "wb") as out, open(self.log, "ab") as log:
+            self.process = space.popen(*command, stdout=out, stderr=log)
 
     def fail(self, what: str):
         tail = "\n".join(self.log.read_text(errors="replace").splitlines()[-5:])
         raise Failed(f"{self.name} {what}: {tail}")
 
     def wait_ready(self) -> "Program":
-        for line in self.process.stdout:  # one that hangs is ended by its parent's limit
-            with contextlib.suppress(ValueError):
+        until = time.monotonic() + READY_S
+        while time.monotonic() < until:
+            ended = self.process.poll() is not None
+            if self.is_ready():
+                return self
+            if ended:
+                self.fail("ended before it was ready")
+            time.sleep(0.02)
+        self.fail(f"was not ready within {READY_S} s")
+
+    def is_ready(self) -> bool:
+        for line in self.said.read_text(errors="replace").splitlines():
+            with contextlib.suppress(ValueError, AttributeError):
                 if json.loads(line).get("ready") is True:
-                    return self
-        self.fail("ended before it was ready")
+                    return True
+        return False
 
     def end(self) -> None:
         if self.process.poll() is None:
             self.process.terminate()
             try:
-                self.process.communicate(timeout=END_S)
+                self.process.wait(timeout=END_S)
             except subprocess.TimeoutExpired:
                 self.process.kill()
-                self.process.communicate()
+                self.process.wait()
 
 
 def configs(run: pathlib.Path, endpoints: dict, options: dict) -> dict[str, str]:
@@ -94,7 +107,11 @@ def fly(program, run: pathlib.Path, options: dict, seed: int, limit_s: float) ->
 
     def to_end(space: Namespace, name: str, *words) -> None:
         one = start(space, name, *words, ready=False)
-        if one.process.wait(READY_S) != 0:
+        try:
+            code = one.process.wait(READY_S)
+        except subprocess.TimeoutExpired:
+            one.fail(f"did not end within {READY_S} s")
+        if code != 0:
             one.fail("failed")
 
     spaces = []

@@ -62,8 +62,10 @@ def short(result: dict) -> str:
         if name in figures:
             words.append(f"{factor * figures[name]:.3g} {unit}")
     words += [f"{name[:-10]}: {value:.3g} ms" for name, value in figures.items() if name.endswith(".ms.median")]
+    if result.get("ramp_end"):
+        words.append(result["ramp_end"])
     if figures.get("finished") == 0.0:
-        words.append("not finished")
+        words.append(f"not finished: {result['why']}")
     return ", ".join(words)
 
 

@@ -17,7 +17,8 @@ STYLE = (config.HERE.parent.parent / "ground/report/style.css").read_text() + ""
 """
 COLUMNS = (("two_way_ms.q1", "two-way q1, ms"), ("two_way_ms.median", "median"), ("two_way_ms.q3", "q3"),
            ("two_way_ms.p99", "p99"), ("age_ms.median", "age median, ms"), ("rms_m", "error rms, m"), ("max_m", "max, m"),
-           ("lap_s", "lap, s"), ("top_speed_mps", "top speed, m/s"), ("top_lap_mps", "its lap, m/s"),
+           ("lap_s", "lap, s"), ("top_speed_mps", "top speed, m/s"), ("top_lap_mps", "fastest lap's mean, m/s"),
+           ("top_peak_mps", "its peak, m/s"), ("failed_at_mps", "failed at, m/s"), ("unfailed_to_mps", "nothing failed up to, m/s"),
            ("slowed_to_mps", "slowed to, m/s"), ("messages_per_s", "msg/s"), ("commands_per_block", "commands a block"),
            ("cpu_percent.all", "CPU, %"), ("finished", "finished"))
 EXCHANGE_COLUMNS = (("ms.q1", "q1, ms"), ("ms.median", "median"), ("ms.q3", "q3"), ("ms.p99", "p99"), ("lost_percent", "lost, %"),

@@ -15,20 +15,24 @@ import traces
 import verdicts
 from config import SETTINGS, Case
 
+HERE = pathlib.Path(__file__).resolve().parent
 PATIENCE_S = 900     # beyond what was asked: only how long something broken may take
 LANDING_S = 60       # that an interrupted run gets to land and end
 PR_SET_PDEATHSIG = 1
-PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric", "chaincode", "local"],
+PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric", "chaincode", "local", "roudi",
+                       "control"],
             "virtual": ["hil"], "exchange": ["bench", "node", "fabric", "chaincode", "hil"],
-            "hosts": ["link", "agent", "ground", "sim", "node", "hil"]}
+            "hosts": ["link", "agent", "ground", "sim", "node", "hil", "roudi", "control"]}
+SOURCES = {"exchange": [HERE.parent / "benchmarks/two_way/node/client.cjs"], "hosts": [HERE / "hosts.py", HERE.parent / "system/netns.py"]}
 STATE_HZ = {70: 30, 110: 50}  # states a second of the published rates, messages a second
+TOLD_MPS = 1.0                # what a drone can be told at most, where nothing else is asked for: rc 100
 LONGEST_DELAY_MS = 3000       # of hil virtual
 VIRTUAL_LEDGER_MS = 17        # two-way latency of hil virtual without a delay added
 libc = ctypes.CDLL(None, use_errno=True)
 
 
 class NotMeasured(Exception):
-    """Why there are no figures."""
+    """Why there are no figures: something could not be run. What ran and went wrong is a figure: it failed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,8 +53,8 @@ class Place:
 
 def digest(place: Place, runs: str) -> str:
     """Of the programs that a repetition ran and what takes its figures: those of others are not taken for theirs."""
-    total = hashlib.sha256(b"".join(pathlib.Path(module.__file__).read_bytes() for module in (traces, verdicts)))
-    total.update(pathlib.Path(__file__).read_bytes())
+    sources = [HERE / name for name in ("runs.py", "traces.py", "verdicts.py")] + SOURCES.get(runs, [])
+    total = hashlib.sha256(b"".join(source.read_bytes() for source in sources))
     for name in PROGRAMS[runs]:
         path = place.programs / f"ledgerline-{name}"
         if path.exists():
@@ -70,8 +74,8 @@ def words(options: dict) -> list[str]:
     return found
 
 
-def run_program(command: list, log: pathlib.Path, limit_s: float) -> tuple[int, str]:
-    """To its end; its exit code and what it wrote to stdout. An interrupt reaches it as one, and it may land its drones."""
+def run_program(command: list, log: pathlib.Path, limit_s: float) -> tuple[int | None, str]:
+    """To its end; its exit code (None: it did not end in time) and what it wrote to stdout. An interrupt reaches it as one, and it may land its drones."""
     with open(log, "wb") as errors:
         process = subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, stderr=errors, text=True,
                                    start_new_session=True,
@@ -80,7 +84,7 @@ def run_program(command: list, log: pathlib.Path, limit_s: float) -> tuple[int, 
         out, _ = process.communicate(timeout=limit_s)
         return process.returncode, out
     except subprocess.TimeoutExpired:
-        raise NotMeasured(f"{pathlib.Path(command[0]).name} did not end within {limit_s:.0f} s") from None
+        return None, ""
     finally:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
@@ -95,6 +99,11 @@ def tail(log: pathlib.Path, lines: int = 5) -> str:
     with contextlib.suppress(OSError):
         return "\n".join(log.read_text(errors="replace").strip().splitlines()[-lines:])
     return ""
+
+
+def ending(program: str, code: int | None, log: pathlib.Path) -> str:
+    how = "did not end in time" if code is None else f"ended with {code}"
+    return f"{program} {how}: {tail(log)}"
 
 
 def quantile_figures(name: str, samples) -> dict:
@@ -119,15 +128,17 @@ def tracking_figures(drones: list[dict], finished: bool) -> dict:
     return figures
 
 
-def flight_laps(drone: dict) -> list[dict]:
+def flight_laps(drone: dict, peaks: list[float]) -> list[dict]:
     """Those that were finished."""
-    return [{"speed_mps": turn["asked_mps"], "flown_mps": turn["flown_mps"], "seconds": seconds, "rms_m": turn["rms_m"],
-             "max_m": turn["max_m"], "finished": True} for turn, seconds in zip(drone["turns"], drone["lap_s"])]
+    return [{"speed_mps": turn["asked_mps"], "flown_mps": turn["flown_mps"], "peak_mps": peak, "seconds": seconds,
+             "rms_m": turn["rms_m"], "max_m": turn["max_m"], "finished": True}
+            for turn, seconds, peak in zip(drone["turns"], drone["lap_s"], peaks)]
 
 
 def virtual_laps(drone: dict) -> list[dict]:
-    return [{"speed_mps": lap["asked_mps"], "flown_mps": lap["flown_mps"], "seconds": lap["seconds"], "rms_m": lap["rms_m"],
-             "max_m": lap["max_m"], "finished": lap["seconds"] > 0} for lap in drone["laps"]]
+    return [{"speed_mps": lap["asked_mps"], "flown_mps": lap["flown_mps"], "peak_mps": lap["peak_mps"],
+             "seconds": lap["seconds"], "rms_m": lap["rms_m"], "max_m": lap["max_m"], "finished": lap["seconds"] > 0}
+            for lap in drone["laps"]]
 
 
 def own_limit(drone: dict) -> dict:
@@ -135,8 +146,25 @@ def own_limit(drone: dict) -> dict:
     return {name: drone[name] for name in ("limit_mps", "slowed_to_mps") if drone.get(name) is not None}
 
 
-def lap_figures(laps: list[dict], ramp: bool) -> dict:
-    return {**(verdicts.ramp_figures(laps) if ramp else {}), **verdicts.later_figures(laps)}
+def asked_speeds(options: dict) -> list[float]:
+    """Of a ramp's laps."""
+    start, step = map(float, options["ramp"].split(":"))
+    return [start + step * i for i in range(options["laps"])]
+
+
+def lap_figures(laps: list[dict], options: dict, finished: bool) -> dict:
+    """`figures`, and of a ramp what ended it (`ramp_end`)."""
+    figures = verdicts.later_figures(laps)
+    if "ramp" not in options:
+        return {"figures": figures}
+    more, end = verdicts.ramp_figures(laps, asked_speeds(options), finished, options.get("full_scale", TOLD_MPS))
+    return {"figures": figures | more, "ramp_end": end}
+
+
+def failed(why: str, options: dict) -> dict:
+    """A flight that did not get so far as to have figures of its own."""
+    laps = lap_figures([], options, finished=False)
+    return {**laps, "figures": tracking_figures([], False) | laps["figures"], "why": why, "turns": []}
 
 
 def flight_options(case: Case, place: Place, seed: int) -> dict:
@@ -168,40 +196,47 @@ def flight(case: Case, place: Place, seed: int) -> dict:
     run, result, log = place.work / "run", place.work / "result.json", place.work / "fly.log"
     command = [place.program("fly"), "--out", run, "--json", result, *words(options)]
     code, _ = run_program(command, log, PATIENCE_S + options.get("seconds", 0))
-    if code == 2 or not result.exists():
+    if code in (1, 2) and not result.exists():
         raise NotMeasured(f"fly {' '.join(words(options))}: {tail(log)}")
+    if code is None or not result.exists():
+        return failed(ending("fly", code, log), options)
     out = json.loads(result.read_text())
     records = traces.read(run)
     paths = traces.paths(run)
     if not paths:
-        raise NotMeasured(out.get("why") or "no drone got onto its path")
+        return failed(out.get("why") or "no drone got onto its path", options)
     seen = flown(records, paths)
-    laps = flight_laps(out["drones"][0])
-    figures = {**seen["figures"], **tracking_figures(out["drones"], out["ok"]),
+    first = out["drones"][0]
+    laps = flight_laps(first, traces.lap_peaks(records, paths.get(first["id"])))
+    finished = code == 0 and out["ok"]
+    of_laps = lap_figures(laps, options, finished)
+    figures = {**seen["figures"], **tracking_figures(out["drones"], finished),
                **{name: out[name] for name in ("messages_per_s", "transactions_per_s") if name in out},
                **{f"cpu_percent.{name}": value for name, value in out["cpu_percent"].items()},
-               "cpu_percent.all": sum(out["cpu_percent"].values()),
-               **lap_figures(laps, "ramp" in options), **own_limit(out["drones"][0])}
-    return {**seen, "figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": laps}
+               "cpu_percent.all": sum(out["cpu_percent"].values()), **of_laps["figures"], **own_limit(first)}
+    return {**seen, **of_laps, "figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": laps}
 
 
 def virtual(case: Case, place: Place, seed: int) -> dict:
     log = place.work / "hil.log"
     options = {**case.options, "seed": seed}
     code, printed = run_program([place.program("hil"), "virtual", *words(options)], log, PATIENCE_S)
+    if code == 2:
+        raise NotMeasured(f"hil virtual {' '.join(words(options))}: {tail(log)}")
     try:
         out = json.loads(printed)
     except ValueError:
-        raise NotMeasured(f"hil virtual {' '.join(words(options))}: {printed.strip()[-500:]} {tail(log)}") from None
+        return failed(ending("hil virtual", code, log), options)
     laps = virtual_laps(out["drones"][0])
-    figures = {**tracking_figures(out["drones"], code == 0), **lap_figures(laps, "ramp" in options)}
+    of_laps = lap_figures(laps, options, code == 0)
+    figures = {**tracking_figures(out["drones"], code == 0), **of_laps["figures"]}
     for name in ("two_way_ms", "age_ms"):
         worst = max((drone[name] for drone in out["drones"] if drone[name]["count"]), key=lambda q: q["median"], default={})
         figures.update({f"{name}.{key}": value for key, value in worst.items()})
     if out["blocks"]:
         figures["commands_per_block"] = sum(drone["commands"]["sent"] for drone in out["drones"]) / out["blocks"]
     figures.update(own_limit(out["drones"][0]))
-    return {"figures": figures, "why": out["why"], "turns": laps, "times_real_time": out["times_real_time"],
+    return {**of_laps, "figures": figures, "why": out["why"], "turns": laps, "times_real_time": out["times_real_time"],
             "digest": out["digest"]}
 
 
@@ -222,12 +257,18 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
                                      dir="/dev/shm" if place.storage == "tmpfs" else place.work) as ledgers:
         code, _ = run_program([place.program("bench"), "two-way", "--dir", ledgers, *words(options)], log, 2 * PATIENCE_S)
     if code != 0 or not result.exists():
-        raise NotMeasured(f"bench two-way: {tail(log)}")
+        raise NotMeasured(ending("bench two-way", code, log))
     out = json.loads(result.read_text())
+    there = {(one["client"], one["rate"]) for one in out["runs"]}
+    if lacking := [f"{client} at {rate}" for client in options["clients"] for rate in options["rates"]
+                   if (client, rate) not in there]:
+        raise NotMeasured(f"bench two-way says nothing of {', '.join(lacking)}")
     figures, samples = {}, {}
     for one in out["runs"]:
         name = f"{one['client']}.{one['rate']}"
         times = one["latencies_ms"]
+        if not times and not one["collapsed"]:
+            raise NotMeasured(f"bench two-way: no answer came to {one['client']} at {one['rate']}, and it did not collapse")
         figures.update(quantile_figures(name + ".ms", times))
         figures[name + ".lost_percent"] = 100 * one["lost"] / max(1, one["sent"])
         figures[name + ".collapsed"] = float(one["collapsed"])
@@ -253,11 +294,13 @@ def hosts(case: Case, place: Place, seed: int) -> dict:
     run = place.work / "run"
     try:
         finished = three_hosts.fly(place.program, run, case.options, seed, PATIENCE_S)
-    except (three_hosts.Failed, RuntimeError, subprocess.SubprocessError, OSError) as error:
+    except three_hosts.Failed as error:
+        return failed(f"three hosts: {error}", case.options)
+    except (RuntimeError, subprocess.SubprocessError, OSError) as error:
         raise NotMeasured(f"three hosts: {error}") from None
     records, paths = traces.read(run), traces.paths(run)
     if "tello1" not in paths:
-        raise NotMeasured("three hosts: the drone did not get onto its path")
+        return failed("three hosts: the drone did not get onto its path", case.options)
     out = flown(records, paths)
     error = traces.cross_track(out["tracks"]["tello1"]["flown"],
                                traces.corners(case.options["shape"], three_hosts.SIDE_M, paths["tello1"]["origin"]))

@@ -82,6 +82,26 @@ def cross_track(points, path: np.ndarray) -> dict:
     return {"rms": float(np.sqrt((off**2).mean())), "max": float(off.max())}
 
 
+def true_speeds(records: np.ndarray, drone: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times, ns, and horizontal speeds, m/s."""
+    truth = of_kind(records, TRUTH, drone)
+    if len(truth) <= 2:
+        return np.empty(0), np.empty(0)
+    t = truth["t"] * 1e-9
+    half = max(1, int(SPEED_WINDOW_S / 2 / max(1e-3, np.median(np.diff(t)))))
+    moved = np.hypot(*(truth["v"][2 * half:, :2] - truth["v"][:-2 * half, :2]).T)
+    return truth["t"][half:-half], moved / np.maximum(t[2 * half:] - t[:-2 * half], 1e-3)
+
+
+def lap_peaks(records: np.ndarray, path: dict | None) -> list[float]:
+    """The greatest speed of each finished lap."""
+    if path is None:
+        return []
+    times, speeds = true_speeds(records, path["number"])
+    ends = path["between"][0] + 1e9 * np.cumsum([0.0, *path["lap_s"]])
+    return [float(speeds[(times >= a) & (times < b)].max(initial=0)) for a, b in zip(ends, ends[1:])]
+
+
 def profile(records: np.ndarray, drone: int, between: tuple[int, int]) -> dict:
     """Horizontal speeds over time: the drone's true one; the setpoint that was flown; and the virtual one, what the
     controller said of the state of that moment, however much later the drone got to hear it."""
@@ -94,12 +114,7 @@ def profile(records: np.ndarray, drone: int, between: tuple[int, int]) -> dict:
             order = np.argsort(times, kind="stable")
             speeds[name] = np.round(np.interp(grid, times[order], values[order]), 3).tolist()
 
-    truth = of_kind(records, TRUTH, drone)
-    if len(truth) > 2:
-        t = truth["t"] * 1e-9
-        half = max(1, int(SPEED_WINDOW_S / 2 / max(1e-3, np.median(np.diff(t)))))
-        moved = np.hypot(*(truth["v"][2 * half:, :2] - truth["v"][:-2 * half, :2]).T)
-        add("true", truth["t"][half:-half], moved / np.maximum(t[2 * half:] - t[:-2 * half], 1e-3))
+    add("true", *true_speeds(records, drone))
     for name, kind, when in (("flown", COMMAND_APPLIED, "t"), ("virtual", COMMAND_MADE, "stamp")):
         chosen = of_kind(records, kind, drone)
         add(name, chosen[when], np.hypot(chosen["v"][:, 0], chosen["v"][:, 1]))

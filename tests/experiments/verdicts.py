@@ -40,12 +40,19 @@ def good_turns(turns: list[dict], limit_m: float = GOOD_BELOW_M) -> list[dict]:
     return list(itertools.takewhile(lambda turn: turn["finished"] and turn["max_m"] < limit_m, turns))
 
 
-def ramp_figures(turns: list[dict]) -> dict:
-    """The fastest good lap: as it was asked for, and on the mean over the lap, which corners and the controller's own limit
-    slow down; 0: none was good."""
+def ramp_figures(turns: list[dict], asked: list[float], finished: bool, told_mps: float) -> tuple[dict, str]:
+    """Of the laps before the first bad one (`asked`: the speeds of all laps that were wanted): the fastest as it was asked for,
+    the greatest mean speed over a lap, which corners and the controller's own limit slow down, and the greatest speed at
+    all; 0: none was good. And what ended it: the lap that failed, or that the drone cannot be told more, or only the ramp."""
     good = good_turns(turns)
-    return {"top_speed_mps": max((turn["speed_mps"] for turn in good), default=0.0),
-            "top_lap_mps": max((turn["flown_mps"] for turn in good), default=0.0)}
+    figures = {f"top_{name}": max((turn[key] for turn in good), default=0.0)
+               for name, key in (("speed_mps", "speed_mps"), ("lap_mps", "flown_mps"), ("peak_mps", "peak_mps"))}
+    if len(good) < len(asked) and (len(good) < len(turns) or not finished):
+        figures["failed_at_mps"] = asked[len(good)]
+        return figures, f"failed at {asked[len(good)]:.3g} m/s"
+    figures["unfailed_to_mps"] = asked[-1]
+    own = f"the drone can be told no more than {told_mps:.3g} m/s" if asked[-1] >= told_mps else "the ramp ended there"
+    return figures, f"nothing failed up to {asked[-1]:.3g} m/s: {own}"
 
 
 def later_figures(laps: list[dict], first: int = 3) -> dict:
@@ -58,8 +65,13 @@ def later_figures(laps: list[dict], first: int = 3) -> dict:
             "later_lap_s": seconds / len(later)}
 
 
+def failed(repetition: dict) -> bool:
+    return repetition["figures"].get("finished") == 0.0
+
+
 def margins(bar: dict, cases: dict[str, list[dict]], boxes: dict) -> list[tuple[str, int, float]]:
-    """For each case and repetition the value that the bar bounds: (case, seed, value)."""
+    """For each case and repetition the value that the bar bounds: (case, seed, value). Of a flight that failed before there
+    was one it is infinitely bad."""
     found = []
     for name in bar["cases"]:
         for repetition in cases.get(name, []):
@@ -70,14 +82,44 @@ def margins(bar: dict, cases: dict[str, list[dict]], boxes: dict) -> list[tuple[
                 if all(ours):
                     found.append((name, seed, min(1e3 * box_there[q] / own
                                                   for q, own in zip(("q1", "median", "q3"), ours))))
+                elif failed(repetition):
+                    found.append((name, seed, 0.0))
                 continue
             value = figures.get(bar["figure"])
+            if value is None and failed(repetition):
+                found.append((name, seed, math.inf if bar["rule"] == "at_most" else -math.inf))
+                continue
             if bar["against"]:
                 other = [one["figures"].get(bar["figure"]) for one in cases.get(bar["against"], []) if one["seed"] == seed]
                 value = value / other[0] if value is not None and other and other[0] else None
             if value is not None:
                 found.append((name, seed, float(value)))
     return found
+
+
+def pooled_note(bar: dict, cases: dict[str, list[dict]]) -> str:
+    """Beside the worst seed, all of them as if they were one: of errors the root of the mean square, else the mean."""
+    if not bar["against"] or len(bar["cases"]) != 1:
+        return ""
+    square = "rms" in bar["figure"]
+    means = []
+    for name in (bar["cases"][0], bar["against"]):
+        values = [one["figures"].get(bar["figure"]) for one in cases.get(name, [])]
+        if not values or None in values:
+            return ""
+        means.append(math.sqrt(np.mean(np.square(values))) if square else float(np.mean(values)))
+    return f"; all seeds together: {means[0] / means[1]:.3g}" if means[1] else ""
+
+
+def unfailed_note(bar: dict, cases: dict[str, list[dict]]) -> str:
+    """That a top speed is none: in which cases nothing failed, and up to which speed."""
+    if not (bar.get("figure") or "").startswith("top_"):
+        return ""
+    names = [*bar["cases"], *([bar["against"]] if bar["against"] else [])]
+    ends = {name: [one["figures"].get("unfailed_to_mps") for one in cases.get(name, [])] for name in names}
+    said = [f"{name}: at least, nothing failed up to {values[0]:.3g} m/s" for name, values in ends.items()
+            if values and None not in values]
+    return "; " + "; ".join(said) if said else ""
 
 
 def verdict(bar: dict, cases: dict[str, list[dict]], boxes: dict, ledger: str) -> dict:
@@ -97,7 +139,9 @@ def verdict(bar: dict, cases: dict[str, list[dict]], boxes: dict, ledger: str) -
     worst = (min if above else max)(values, key=lambda one: one[2])
     kept = worst[2] >= out["limit"] if above else worst[2] <= out["limit"]
     seeds = min(len([1 for name, _, _ in values if name == case]) for case in asked)
-    out["note"] = f"worst: {worst[2]:.3g} ({worst[0]}, seed {worst[1]})"
+    out["note"] = f"worst: {worst[2]:.3g} ({worst[0]}, seed {worst[1]})" if math.isfinite(worst[2]) else (
+        f"{worst[0]}, seed {worst[1]}: the flight failed before there was a figure")
+    out["note"] += pooled_note(bar, cases) + unfailed_note(bar, cases)
     if len(asked) < len(bar["cases"]):
         out["note"] += f"; {len(asked)} of {len(bar['cases'])} cases"
     if seeds < bar["seeds"]:

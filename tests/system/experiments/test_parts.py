@@ -2,6 +2,7 @@
 import json
 import re
 import struct
+import subprocess
 
 import config
 import main
@@ -42,15 +43,51 @@ def test_a_spread_leaves_out_what_is_no_number():
     assert verdicts.spread([None]) is None
 
 
-def lap(speed: float, error: float, finished: bool = True, flown: float = 0.0, seconds: float = 10.0, rms: float = 0.1) -> dict:
-    return {"speed_mps": speed, "max_m": error, "finished": finished, "flown_mps": flown, "seconds": seconds, "rms_m": rms}
+def lap(speed: float, error: float, finished: bool = True, flown: float = 0.0, seconds: float = 10.0, rms: float = 0.1,
+        peak: float = 0.0) -> dict:
+    return {"speed_mps": speed, "max_m": error, "finished": finished, "flown_mps": flown, "peak_mps": peak, "seconds": seconds,
+            "rms_m": rms}
 
 
-def test_the_top_speed_is_that_of_the_last_good_lap():
-    laps = [lap(0.5, 0.1, flown=0.45), lap(1.0, 0.39, flown=0.8), lap(1.5, 0.4, flown=1.2), lap(2.0, 0.1, flown=1.5)]
-    assert verdicts.ramp_figures(laps) == {"top_speed_mps": 1.0, "top_lap_mps": 0.8}
-    assert verdicts.ramp_figures(laps[2:]) == {"top_speed_mps": 0, "top_lap_mps": 0}
-    assert verdicts.ramp_figures([lap(0.5, 0.1, flown=0.4), lap(1.0, 0.1, finished=False)])["top_speed_mps"] == 0.5
+def test_the_top_speed_is_that_of_the_last_good_lap_and_what_ended_the_ramp_is_said():
+    asked = [0.5, 1.0, 1.5, 2.0]
+    laps = [lap(0.5, 0.1, flown=0.45, peak=0.6), lap(1.0, 0.39, flown=0.8, peak=1.1), lap(1.5, 0.4, flown=1.2, peak=1.6),
+            lap(2.0, 0.1, flown=1.5, peak=2.1)]
+    good = {"top_speed_mps": 1.0, "top_lap_mps": 0.8, "top_peak_mps": 1.1}
+    assert verdicts.ramp_figures(laps, asked, True, 2.0) == (good | {"failed_at_mps": 1.5}, "failed at 1.5 m/s")
+    assert verdicts.ramp_figures(laps[:2], asked, False, 2.0) == (good | {"failed_at_mps": 1.5}, "failed at 1.5 m/s"), \
+        "the third lap was begun and never finished"
+    for told, why in ((1.0, "the drone can be told no more than 1 m/s"), (2.0, "the ramp ended there")):
+        assert verdicts.ramp_figures(laps[:2], asked[:2], True, told) == (
+            good | {"unfailed_to_mps": 1.0}, f"nothing failed up to 1 m/s: {why}")
+    assert verdicts.ramp_figures([], asked, False, 2.0)[0] == {
+        "top_speed_mps": 0, "top_lap_mps": 0, "top_peak_mps": 0, "failed_at_mps": 0.5}
+
+
+def test_a_top_speed_that_nothing_bounded_is_said_to_be_none():
+    of = bar("at_least", ["far"], figure="top_speed_mps", against="near", limit=0.8)
+    cases = {"far": [repetition(1, top_speed_mps=4.0, unfailed_to_mps=4.0), repetition(2, top_speed_mps=3.0, failed_at_mps=3.5)],
+             "near": [repetition(1, top_speed_mps=4.0, unfailed_to_mps=4.0), repetition(2, top_speed_mps=3.0, unfailed_to_mps=4.0)]}
+    note = verdicts.verdict(of, cases, BOXES, "embedded")["note"]
+    assert "near: at least, nothing failed up to 4 m/s" in note and "far: at least" not in note
+
+
+def test_a_flight_that_failed_before_it_had_a_figure_misses_its_bar():
+    for rule, against in (("at_most", None), ("at_least", None), ("at_most", "local")):
+        of = bar(rule, ["square"], figure="rms_m", limit=1 if rule == "at_most" else 0, against=against)
+        cases = {"square": [repetition(1, rms_m=0.1, finished=1.0), repetition(2, finished=0.0)],
+                 "local": [repetition(seed, rms_m=0.1) for seed in (1, 2)]}
+        found = verdicts.verdict(of, cases, BOXES, "embedded")
+        assert found["verdict"] == "missed" and "square, seed 2: the flight failed" in found["note"]
+        json.dumps(found, allow_nan=False)
+    boxed = bar("times_below_published", ["square"], factor=15)
+    assert verdicts.verdict(boxed, {"square": [repetition(1, "square", finished=0.0)]}, BOXES, "embedded")["verdict"] == "missed"
+
+
+def test_all_seeds_together_are_said_beside_the_worst():
+    cases = {"far": [repetition(1, rms_m=0.3), repetition(2, rms_m=0.4)], "near": [repetition(1, rms_m=0.3), repetition(2, rms_m=0.1)]}
+    note = verdicts.verdict(bar("at_most", ["far"], figure="rms_m", against="near", limit=9), cases, BOXES, "embedded")["note"]
+    assert "all seeds together: 1.58" in note, "the root of 0.25 / 0.1"
 
 
 def test_what_is_learned_is_judged_from_the_third_lap_on():
@@ -234,6 +271,114 @@ def test_what_was_not_measured_is_said_and_is_asked_for_again(tmp_path, monkeypa
         assert document["bars"][0]["verdict"] == "not measured" and "x" in document["bars"][0]["note"]
 
 
+def scripted(place, name: str, text: str) -> None:
+    """A program that is a script."""
+    place.work.mkdir(exist_ok=True)
+    file = place.programs / f"ledgerline-{name}"
+    file.write_text("#!/bin/sh\n" + text + "\n")
+    file.chmod(0o755)
+
+
+FLOWN_NOT = '{"ok": false, "why": "it never took off", "drones": [{"id": "tello1", "lap_s": [], "turns": []}], "cpu_percent": {}}'
+JSON_OF_FLY = 'while [ "$1" != --json ]; do shift; done; '
+
+
+@pytest.mark.parametrize("program, why", [
+    (JSON_OF_FLY + f"echo '{FLOWN_NOT}' > $2; exit 1", "it never took off"),
+    ("echo a word >&2; kill -SEGV $$", "ended with -11: a word"),
+    (JSON_OF_FLY + "exit 3", "ended with 3"),
+    ("exec sleep 60", "did not end in time")])
+def test_a_flight_that_does_not_get_onto_its_path_has_failed(place, monkeypatch, program, why):
+    monkeypatch.setattr(runs, "PATIENCE_S", 1)
+    scripted(place, "fly", program)
+    found = runs.flight(config.Case("c", {"ramp": "0.5:0.5", "laps": 2}), place, 1)
+    assert found["figures"] == {"finished": 0.0, "fails": 1.0, "top_speed_mps": 0.0, "top_lap_mps": 0.0, "top_peak_mps": 0.0,
+                                "failed_at_mps": 0.5}
+    assert why in found["why"] and found["ramp_end"] == "failed at 0.5 m/s"
+
+
+@pytest.mark.parametrize("code", [1, 2])
+def test_a_flight_that_fly_refused_to_begin_was_not_measured(place, code):
+    scripted(place, "fly", f"echo no room >&2; exit {code}")
+    with pytest.raises(runs.NotMeasured, match="no room"):
+        runs.flight(config.Case("c", {}), place, 1)
+
+
+def test_a_virtual_flight_that_crashes_has_failed_and_one_asked_wrongly_was_not_measured(place):
+    scripted(place, "hil", "kill -SEGV $$")
+    assert runs.virtual(config.Case("c", {}), place, 1)["figures"] == {"finished": 0.0, "fails": 1.0}
+    scripted(place, "hil", "echo bad >&2; exit 2")
+    with pytest.raises(runs.NotMeasured, match="bad"):
+        runs.virtual(config.Case("c", {}), place, 1)
+
+
+def test_three_hosts_of_which_a_program_ends_have_failed(place, monkeypatch):
+    def fly(*_):
+        raise runs.three_hosts.Failed("link ended in flight: why")
+    monkeypatch.setattr(runs.three_hosts, "fly", fly)
+    found = runs.hosts(config.Case("c", {"shape": "square"}), place, 1)
+    assert found["figures"] == {"finished": 0.0, "fails": 1.0} and "link ended in flight" in found["why"]
+
+
+class OnThisHost:
+    """In a namespace's place."""
+
+    def popen(self, *command, **options):
+        return subprocess.Popen(list(map(str, command)), **options)
+
+
+def test_a_program_that_is_never_ready_is_given_up_and_one_that_talks_does_not_wait_for_a_reader(tmp_path, monkeypatch):
+    monkeypatch.setattr(runs.three_hosts, "READY_S", 1)
+    talks = 'i=0; while [ $i -lt 3000 ]; do echo "{\\"line\\": \\"0123456789012345678901234567890123456789\\"}"; i=$((i+1)); done; '
+    one = runs.three_hosts.Program(OnThisHost(), "talker", ["sh", "-c", talks + 'echo "{\\"ready\\": true}"; exec sleep 60'], tmp_path)
+    assert one.wait_ready() is one
+    one.end()
+    assert one.process.poll() is not None
+    silent = runs.three_hosts.Program(OnThisHost(), "silent", ["sleep", "60"], tmp_path)
+    with pytest.raises(runs.three_hosts.Failed, match="silent was not ready within 1 s"):
+        silent.wait_ready()
+    silent.end()
+    gone = runs.three_hosts.Program(OnThisHost(), "gone", ["sh", "-c", "echo last words >&2"], tmp_path)
+    with pytest.raises(runs.three_hosts.Failed, match="gone ended before it was ready: last words"):
+        gone.wait_ready()
+
+
+@pytest.mark.parametrize("answer, why", [
+    ([], "says nothing of ledgerline at 70"),
+    ([{"client": "ledgerline", "rate": 70, "latencies_ms": [], "collapsed": False}], "no answer came to ledgerline at 70")])
+def test_a_client_that_is_missing_in_the_answer_is_named(place, tmp_path, answer, why):
+    (place.npm / "node_modules/@hyperledger/fabric-gateway").mkdir(parents=True)
+    (tmp_path / "answer.json").write_text(json.dumps({"runs": answer, "ledger": {}}))
+    scripted(place, "bench", JSON_OF_FLY + f"cp {tmp_path}/answer.json $2")
+    with pytest.raises(runs.NotMeasured, match=why):
+        runs.exchange(config.Case("c", {"rates": [70], "clients": ["ledgerline"], "ramp": "0.1:0.1", "laps": 3}), place, 1)
+
+
+def test_figures_of_other_programs_or_scripts_are_others(place, tmp_path, monkeypatch):
+    before = runs.digest(place, "hosts")
+    for name in ("roudi", "control"):
+        (place.programs / f"ledgerline-{name}").write_text("one")
+        assert runs.digest(place, "hosts") != before
+        before = runs.digest(place, "hosts")
+    for kind, script in (("hosts", "hosts.py"), ("exchange", "client.cjs")):
+        copies = {source: tmp_path / source.name for source in runs.SOURCES[kind]}
+        for source, copy in copies.items():
+            copy.write_bytes(source.read_bytes())
+        monkeypatch.setitem(runs.SOURCES, kind, list(copies.values()))
+        before = runs.digest(place, kind)
+        with open(tmp_path / script, "a") as file:
+            file.write("// more")
+        assert runs.digest(place, kind) != before
+
+
+def test_orderers_and_endorsement_are_axes_of_fabric_alone():
+    (load,) = [one for one in config.read_all() if one.name == "load"]
+    fabric = [case for case in load.cases if case.on == "fabric"]
+    asked = {(case.options.get("orderers", 1), case.options.get("majority", False)) for case in fabric}
+    assert asked == {(3, False), (1, True), (3, True)}
+    assert not any("orderers" in case.options or "majority" in case.options for case in load.cases if case.on is None)
+
+
 def test_a_program_that_is_missing_is_named(place):
     with pytest.raises(runs.NotMeasured, match="ninja -C build/release ledgerline-hil"):
         place.program("hil")
@@ -286,11 +431,24 @@ def test_a_virtual_velocity_stands_at_its_states_moment_a_flown_one_at_its_own(t
 
 def test_laps_are_what_the_programs_say():
     turn = {"asked_mps": 1.0, "flown_mps": 0.7, "rms_m": 0.1, "max_m": 0.2}
-    same = {"speed_mps": 1.0, "flown_mps": 0.7, "rms_m": 0.1, "max_m": 0.2, "seconds": 8.5, "finished": True}
-    assert runs.flight_laps({"turns": [turn, turn], "lap_s": [8.5]}) == [same], "the second one did not end"
-    assert runs.virtual_laps({"laps": [{**turn, "seconds": 8.5}, {**turn, "seconds": 0}]}) == [
+    same = {"speed_mps": 1.0, "flown_mps": 0.7, "peak_mps": 1.1, "rms_m": 0.1, "max_m": 0.2, "seconds": 8.5, "finished": True}
+    assert runs.flight_laps({"turns": [turn, turn], "lap_s": [8.5]}, [1.1]) == [same], "the second one did not end"
+    assert runs.virtual_laps({"laps": [{**turn, "peak_mps": 1.1, "seconds": s} for s in (8.5, 0)]}) == [
         same, {**same, "seconds": 0, "finished": False}]
     assert runs.own_limit({"limit_mps": 2.0, "slowed_to_mps": None}) == {"limit_mps": 2.0}
+
+
+def test_the_greatest_speed_is_that_of_each_finished_lap(tmp_path):
+    data, x = bytes(16), 0.0
+    for i in range(600):  # 1 m/s for 2 s, then 2 m/s for 2 s, then 3 m/s
+        now = 0.01 * i
+        x += 0.01 * (1 + int(now / 2))
+        data += record(now, traces.TRUTH, v=(x, 0, 1, 0))
+    (tmp_path / "sim.trace").write_bytes(data)
+    records = traces.read(tmp_path)
+    path = {"number": 1, "between": (200_000_000, 6_000_000_000), "lap_s": [1.6, 1.9]}
+    assert traces.lap_peaks(records, path) == pytest.approx([1, 2], abs=0.02)
+    assert traces.lap_peaks(records, None) == []
 
 
 def test_paths_are_what_the_one_who_flew_says(tmp_path):

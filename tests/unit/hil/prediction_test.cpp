@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "ground/report/published.hpp"
 #include "hil/virtual_flight.hpp"
 #include "tests/unit/campaign.hpp"
 
@@ -202,11 +203,57 @@ TEST(Prediction, TheSameSeedWithTheSameDelayGivesTheSameBytes) {
   EXPECT_EQ(one[0].digest, two[0].digest);
 }
 
-TEST(AddedDelayText, IsReadOrRefusedByName) {
+TEST(AddedDelay, WhatIsMeasuredHasThePublishedBoxAndATailBeyondItsWhisker) {
+  for (const PublishedDelay& published : published_delays) {
+    VirtualFlightConfig config = config_for(Way::published);
+    config.delays.added.published = &published;
+    config.laps = seeds(8, 60);
+    const Quantiles q = fly(config, 1)[0].drones[0].two_way_ms;
+    const auto& box = report::published_boxes[static_cast<std::size_t>(&published - published_delays.data())];
+    fmt::print("  {:<18} p5 {:.0f} q1 {:.0f} median {:.0f} q3 {:.0f} p95 {:.0f} p99 {:.0f} max {:.0f} ms\n",
+               published.name, q.p5, q.q1, q.median, q.q3, q.p95, q.p99, q.max);
+    EXPECT_NEAR(q.q1, 1e3 * box.q1_s, 0.05 * 1e3 * box.q1_s) << published.name;
+    EXPECT_NEAR(q.median, 1e3 * box.median_s, 0.05 * 1e3 * box.median_s) << published.name;
+    EXPECT_NEAR(q.q3, 1e3 * box.q3_s, 0.05 * 1e3 * box.q3_s) << published.name;
+    EXPECT_GT(q.p5, 1e3 * box.low_s) << published.name;
+    EXPECT_LT(q.p95, 1e3 * box.high_s * 1.15) << published.name;
+    EXPECT_GT(q.p99, 1e3 * box.high_s + 89) << published.name << ": the square's is beyond 0.8 s";
+    EXPECT_LT(q.max, 1e3 * (box.high_s + 1)) << published.name;
+  }
+}
+
+TEST(AddedDelay, BothWaysTogetherAreOneDrawAndARecordingKeepsItsOrder) {
+  const ReadRecording file = [](const std::string& path) { return parse_recording(path, "0.2\n0.6\n0.3\n1.0\n"); };
+  const auto added = added_delay_from("a file.txt", file);
+  ASSERT_TRUE(added.ok()) << added.error().what;
+  WayDelay there(*added, WayDelay::Way::there, 7), back(*added, WayDelay::Way::back, 7);
+  std::vector<TimeNs> halves;
+  TimeNs latest = 0;  // what is sent later does not arrive sooner
+  for (TimeNs sent = 0; sent < 20 * 100 * ns_per_ms; sent += 100 * ns_per_ms) {
+    halves.push_back(there.at(sent));
+    const TimeNs arrived = sent + halves.back();
+    if (arrived <= latest) continue;
+    latest = arrived;
+    EXPECT_EQ(back.at(arrived), halves.back()) << "sent at " << to_ms(sent);
+  }
+  for (std::size_t i = 4; i < halves.size(); ++i) EXPECT_EQ(halves[i], halves[i - 4]);
+  std::sort(halves.begin(), halves.end());
+  EXPECT_EQ(halves.front(), 100 * ns_per_ms);
+  EXPECT_EQ(halves.back(), 500 * ns_per_ms);
+}
+
+TEST(AddedDelay, IsReadOrRefusedByName) {
   EXPECT_EQ(added_delay_from("none")->kind, AddedDelay::Kind::none);
-  EXPECT_EQ(added_delay_from("published")->kind, AddedDelay::Kind::published);
+  EXPECT_EQ(added_delay_from("published")->published->name, "published");
+  EXPECT_EQ(added_delay_from("published-three")->published->name, "published-three");
   EXPECT_DOUBLE_EQ(added_delay_from("0.25")->constant_s, 0.25);
   for (const char* wrong : {"", "soon", "-1", "3.5", "nan", "1s"}) EXPECT_FALSE(added_delay_from(wrong).ok()) << wrong;
+  const auto recorded = [](const char* text) {
+    return added_delay_from("delays.txt", [=](const std::string&) { return Result<std::string>(text); });
+  };
+  EXPECT_EQ(recorded("# two-way\n0.5\n3\n")->recorded.values->size(), 2U);
+  EXPECT_EQ(recorded("0.5\n3.1\n").error().what, "delays.txt: 3.1 s is longer than the 3 s that can be added");
+  EXPECT_EQ(recorded("0.5\nsoon\n").error().what, "delays.txt:2: \"soon\" is no number of seconds from 0 to 60");
 }
 
 }  // namespace
