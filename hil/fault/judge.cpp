@@ -126,6 +126,7 @@ std::string rule_help() {
          "  pose within 0.2 m                        of what link believes from the truth, in flight\n"
          "  fence kept within 0.2 m                  the true place is nowhere farther beyond it\n"
          "  nothing acknowledged is lost\n"
+         "  at most 70 transactions a second         on the ledger, on average\n"
          "  ends within 60 s\n"
          "  sends emergency, sends no emergency      command, takeoff, land\n"
          "  no crash                                 no drone turns over\n";
@@ -165,6 +166,13 @@ Result<Rule> parse_rule(std::string_view sentence) {
     if (amount && amount->unit == Unit::time) {
       rule.amount = amount->value;
       return found(Kind::command_age);
+    }
+  }
+  constexpr std::string_view per_second = " transactions a second";
+  if (is("at most ") && rule.text.ends_with(per_second)) {
+    if (const auto rate = parse_number(rule.text.substr(8, rule.text.size() - 8 - per_second.size()))) {
+      rule.amount = *rate;
+      return found(Kind::transactions);
     }
   }
   if (amount_behind("height below ", Unit::metres)) return found(Kind::height);
@@ -432,6 +440,10 @@ std::vector<Verdict> Judge::finish(const Ending& ending) {
       case Kind::ends:
         if (longer(ending.now, rule.amount) || !ending.over)
           broke(state, ending.now, fmt::format("{:.1f} s", to_seconds(ending.now)));
+        break;
+      case Kind::transactions:
+        if (const double rate = static_cast<double>(ending.transactions) / to_seconds(ending.now); rate > rule.amount)
+          broke(state, ending.now, fmt::format("{:.0f} a second", rate));
         break;
       case Kind::nothing_lost:
         if (!ending.lost.empty()) broke(state, ending.now, ending.lost.front());

@@ -39,6 +39,7 @@ struct Rule {
     ends,             ///< ends within 60 s
     sent,             ///< sends emergency; sends no emergency
     no_crash,         ///< no crash
+    transactions,     ///< at most 70 transactions a second: on average
     fence,            ///< fence kept within 0.2 m: the truth is nowhere farther beyond it
   };
   Kind kind{};
@@ -81,7 +82,8 @@ struct Ending {
   std::string why;
   std::vector<std::string> in_the_air;  ///< drones
   std::vector<std::string> missing{};   ///< faults of the script that never began, in words
-  std::vector<std::string> lost;        ///< acknowledged transactions and transitions that are not on the ledger
+  std::uint64_t transactions = 0;       ///< on the ledger
+  std::vector<std::string> lost{};      ///< acknowledged transactions and transitions that are not on the ledger
 };
 
 struct Verdict {

@@ -69,6 +69,10 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
                            "drone tello1 sideways",
                            "drone tello1 to",
                            "drone tello2 to stall",
+                           "drone tello1 plans corrupt 5%",
+                           "ledger agent lies",
+                           "ledger agent lies twice",
+                           "operator errs badly",
                            "sensor tello1 speed stuck",
                            "sensor tello1 h wild",
                            "mocap tello1",
@@ -162,10 +166,11 @@ class Judged {
 };
 
 TEST(FaultJudge, ASteadyFlightBreaksNothing) {
-  for (const char* rule : {"finishes", "recovers and finishes the lap", "hold within 300 ms after the plan's end",
-                           "no command older than 500 ms applied", "height below 3 m", "speed below 1.5 m/s",
-                           "path within 0.4 m", "pose within 0.2 m", "nothing acknowledged is lost", "ends within 60 s",
-                           "land is never seen", "pose lost is never seen", "sends no emergency", "no crash"}) {
+  for (const char* rule :
+       {"finishes", "recovers and finishes the lap", "hold within 300 ms after the plan's end",
+        "no command older than 500 ms applied", "height below 3 m", "speed below 1.5 m/s", "path within 0.4 m",
+        "pose within 0.2 m", "nothing acknowledged is lost", "ends within 60 s", "land is never seen",
+        "pose lost is never seen", "sends no emergency", "no crash", "fence kept within 0.2 m"}) {
     Judged run(rule);
     run.pass(10 * ns_per_s);
     EXPECT_TRUE(run.broken().empty()) << rule << ": " << run.broken().begin()->first;
@@ -307,10 +312,80 @@ TEST(FaultJudge, InvariantsAreJudgedInEveryRun) {
               r.events.push_back({0, WorldEvent::Kind::bad_rc, 0, 0, "rc 300 0 0 0"});
             }),
             "always: rc in the SDK's range");
+  // Told 0.5 m/s at once; a ramp of 4 m/s2 is none of that.
+  EXPECT_EQ(broken_by([](Judged& r) { r.drones[0].told = {0.5, 0, 0}; }), "always: told speed ramps");
+  const auto ramps = [](double mps2, FailsafeMode mode) {
+    return [=](Judged& r) {
+      for (int i = 1; i <= 10; ++i) {
+        r.drones[0].mode = mode;
+        r.drones[0].told[1] = mps2 * 0.02 * i;
+        r.pass(20 * ns_per_ms);
+      }
+      r.drones[0].mode = FailsafeMode::none;
+    };
+  };
+  EXPECT_EQ(broken_by(ramps(4, FailsafeMode::none)), "");
+  EXPECT_EQ(broken_by(ramps(8, FailsafeMode::none)), "always: told speed ramps");
+  EXPECT_EQ(broken_by(ramps(8, FailsafeMode::brake)), "");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.in_the_air = {"tello1"}; }), "always: on the ground in the end");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.over = false; }), "always: no hang");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.missing = {"fault"}; }), "always: every fault began");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.lost = {"transaction"}; }), "always: nothing acknowledged is lost");
+}
+
+TEST(FaultJudge, CommandsAreHandedOnAndFlownInOrderEachOnce) {
+  using Kind = WorldEvent::Kind;
+  const std::string rule = "always: commands in order, each once";
+  const auto broken = [&](const std::vector<WorldEvent>& events, FailsafeMode mode = FailsafeMode::none) {
+    Judged run("");
+    run.drones[0].mode = mode;
+    for (const WorldEvent& event : events) {
+      run.events = {event};
+      run.pass(ns_per_ms);
+    }
+    return run.broken().contains(rule);
+  };
+  const auto of = [](Kind kind, std::uint64_t sequence) { return WorldEvent{0, kind, 0, 0, {}, sequence}; };
+  for (const Kind kind : {Kind::handed, Kind::applied}) {
+    EXPECT_FALSE(broken({of(kind, 1), of(kind, 2), of(kind, 5)}));
+    EXPECT_TRUE(broken({of(kind, 1), of(kind, 1)}));
+    EXPECT_TRUE(broken({of(kind, 2), of(kind, 1)}));
+    EXPECT_FALSE(broken({of(kind, 0), of(kind, 0)}));  // not known
+  }
+  EXPECT_FALSE(broken({of(Kind::handed, 1), of(Kind::applied, 1)}));
+  EXPECT_FALSE(broken({of(Kind::applied, 2), of(Kind::applied, 2)}, FailsafeMode::land));  // a stop, said again
+  const auto started = [](const char* what) { return WorldEvent{0, Kind::started, 0, 0, what}; };
+  EXPECT_FALSE(broken({of(Kind::handed, 2), started("agent"), of(Kind::handed, 1)}));
+  EXPECT_TRUE(broken({of(Kind::handed, 2), started("link"), of(Kind::handed, 1)}));
+  EXPECT_FALSE(broken({of(Kind::applied, 2), started("link"), of(Kind::applied, 1)}));
+}
+
+TEST(FaultJudge, ABrakeTakesItsPlansWithIt) {
+  for (const bool given : {true, false}) {
+    Judged run("");
+    run.drones[0].plans_given = 7;
+    run.drones[0].mode = FailsafeMode::brake;
+    run.pass(ns_per_s);
+    run.drones[0].mode = FailsafeMode::none;
+    run.pass(100 * ns_per_ms);
+    if (given) ++run.drones[0].plans_given;
+    run.drones[0].told_mps = 0.1;
+    run.pass(100 * ns_per_ms);
+    EXPECT_EQ(run.broken().contains("always: a brake takes its plans with it"), !given);
+  }
+}
+
+TEST(FaultJudge, TheFenceIsOfTheTruth) {
+  for (const auto& [place, kept] : {std::pair(std::array<double, 3>{100.1, 0, 1}, true),
+                                    {{100.3, 0, 1}, false},
+                                    {{0, -100.3, 1}, false},
+                                    {{0, 0, 3.3}, false}}) {
+    Judged run("fence kept within 0.2 m");
+    run.pass(ns_per_s);
+    run.drones[0].truth.position_m = place;
+    run.pass(ns_per_ms);
+    EXPECT_EQ(run.broken().contains("fence kept within 0.2 m"), !kept) << place[0] << " " << place[1];
+  }
 }
 
 // --- faults that lie upon each other -------------------------------------------------------------------------------
