@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <set>
 
@@ -167,10 +169,10 @@ class Judged {
 
 TEST(FaultJudge, ASteadyFlightBreaksNothing) {
   for (const char* rule :
-       {"finishes", "recovers and finishes the lap", "hold within 300 ms after the plan's end",
-        "no command older than 500 ms applied", "height below 3 m", "speed below 1.5 m/s", "path within 0.4 m",
-        "pose within 0.2 m", "nothing acknowledged is lost", "ends within 60 s", "land is never seen",
-        "pose lost is never seen", "sends no emergency", "no crash", "fence kept within 0.2 m"}) {
+       {"finishes", "hold within 300 ms after the plan's end", "no command older than 500 ms applied",
+        "height below 3 m", "speed below 1.5 m/s", "path within 0.4 m", "pose within 0.2 m",
+        "nothing acknowledged is lost", "ends within 60 s", "land is never seen", "pose lost is never seen",
+        "sends no emergency", "no crash", "fence kept within 0.2 m"}) {
     Judged run(rule);
     run.pass(10 * ns_per_s);
     EXPECT_TRUE(run.broken().empty()) << rule << ": " << run.broken().begin()->first;
@@ -232,6 +234,33 @@ TEST(FaultJudge, ResumesCountsFromTheLastFaultsEnd) {
     run.drones[0].mode = again ? FailsafeMode::none : FailsafeMode::hold;
     run.pass(ns_per_s);
     EXPECT_EQ(run.broken().contains("resumes within 2 s"), !again);
+  }
+}
+
+TEST(FaultJudge, WhoRecoversFlewItsPlanAgain) {
+  const std::string rule = "recovers and finishes the lap";
+  const auto broken = [&](bool again, bool finished) {
+    Judged run(rule);
+    run.drones[0].told_ns = 1;
+    run.pass(ns_per_s);
+    run.moment.last_fault_end_ns = run.moment.now;
+    run.drones[0].mode = again ? FailsafeMode::none : FailsafeMode::land;
+    run.pass(ns_per_s);
+    run.ending.ok = finished;
+    return run.broken().contains(rule);
+  };
+  EXPECT_FALSE(broken(true, true));
+  EXPECT_TRUE(broken(true, false));
+  EXPECT_TRUE(broken(false, true));
+  EXPECT_NE(error_of("title = \"t\"\nmust = [\"" + rule + "\"]\n").find("there is none"), std::string::npos);
+}
+
+TEST(FaultJudge, CountsTransactions) {
+  for (const std::uint64_t transactions : {140U, 142U}) {
+    Judged run("at most 70 transactions a second");
+    run.pass(2 * ns_per_s);
+    run.ending.transactions = transactions;
+    EXPECT_EQ(run.broken().contains("at most 70 transactions a second"), transactions > 140);
   }
 }
 
@@ -584,7 +613,7 @@ TEST(FaultRun, WaitsForTheStartOfWhatItKilled) {
 }
 
 TEST(FaultRandom, NoInvariantBreaks) {
-  const std::size_t count = static_cast<std::size_t>(seeds(slow ? 1 : 20, 10'000));
+  const std::size_t count = static_cast<std::size_t>(seeds(slow ? 1 : 200, 10'000));
   double flown_s = 0;
   const TimeNs begin = monotonic_ns();
   fly_all(
@@ -601,6 +630,22 @@ TEST(FaultRandom, NoInvariantBreaks) {
       });
   std::printf("%zu random flights, %.0f s flown, %.0f times real time in two threads\n", count, flown_s,
               flown_s / to_seconds(monotonic_ns() - begin));
+}
+
+TEST(FaultRandom, DrawsEveryKindOfFaultAndOfDistribution) {
+  const fs::path recording = fs::temp_directory_path() / ("delays-" + std::to_string(::getpid()));
+  std::ofstream(recording) << "0.02\n0.5\n0.03\n";
+  std::string drawn;
+  for (std::uint64_t number = 1; number <= 500; ++number) {
+    const Script script = draw_script(number, recording);
+    for (const Fault& fault : script.faults) drawn += fault.text + "\n";
+  }
+  for (const char* wanted : {"ledger restart", "ledger stall", " rate ", "normal ", "gamma ", "uniform ", " plans ",
+                             "lies hash", "errs twice", "reboot", "corrupt ", "clock jump", "wind "})
+    EXPECT_NE(drawn.find(wanted), std::string::npos) << wanted;
+  EXPECT_NE(drawn.find("delay recorded " + recording.string()), std::string::npos);
+  EXPECT_NE(drawn.find("jitter recorded " + recording.string()), std::string::npos);
+  fs::remove(recording);
 }
 
 TEST(FaultRandom, AFailingScriptIsShrunkToWhatMakesItFail) {
