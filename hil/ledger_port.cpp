@@ -12,15 +12,16 @@ namespace {
 constexpr std::size_t stale_blocks = 5;
 constexpr TimeNs stale_period_ns = 20 * ns_per_ms;
 
-constexpr std::array<std::pair<std::string_view, Lie>, 9> all_lies{{{"hash", Lie::hash},
-                                                                    {"number", Lie::number},
-                                                                    {"signature", Lie::signature},
-                                                                    {"endorsement", Lie::endorsement},
-                                                                    {"stranger", Lie::stranger},
-                                                                    {"member", Lie::member},
-                                                                    {"channel", Lie::channel},
-                                                                    {"contract", Lie::contract},
-                                                                    {"flag", Lie::flag}}};
+constexpr std::array<std::pair<std::string_view, Lie>, 10> all_lies{{{"chain", Lie::chain},
+                                                                     {"hash", Lie::hash},
+                                                                     {"number", Lie::number},
+                                                                     {"signature", Lie::signature},
+                                                                     {"endorsement", Lie::endorsement},
+                                                                     {"stranger", Lie::stranger},
+                                                                     {"member", Lie::member},
+                                                                     {"channel", Lie::channel},
+                                                                     {"contract", Lie::contract},
+                                                                     {"flag", Lie::flag}}};
 constexpr std::array<std::pair<std::string_view, Slip>, 5> all_slips{{{"boot", Slip::boot},
                                                                       {"stamp", Slip::stamp},
                                                                       {"speed", Slip::speed},
@@ -72,6 +73,7 @@ void lie_about(fabric::Transaction& tx, Lie lie) {
       tx.code = 11;  // MVCC_READ_CONFLICT
       return;
     case Lie::none:
+    case Lie::chain:
     case Lie::hash:
     case Lie::number:
       return;
@@ -136,6 +138,7 @@ void LedgerPort::arrive(fabric::Block block) {
     if (lie_ == Lie::hash) empty.previous_hash[0] ^= 1;
     arrived_blocks_.push_back(std::move(empty));
   }
+  if (lie_ == Lie::chain) block.previous_hash[0] ^= 1;
   for (fabric::Transaction& tx : block.transactions) lie_about(tx, lie_);
   arrived_blocks_.push_back(std::move(block));
 }

@@ -17,6 +17,7 @@ namespace ledgerline::hil {
 /// What a lying peer shows instead of its blocks, or before them.
 enum class Lie : std::uint8_t {
   none,
+  chain,        ///< blocks that name another previous hash, with all their transactions
   hash,         ///< before each block an empty one of its number, which names another previous hash
   number,       ///< before each block an empty one of the next number
   signature,    ///< transactions whose creator did not sign them

@@ -25,51 +25,76 @@ class Draw {
 
 std::string milliseconds(double ms) { return fmt::format("{:.0f}ms", ms); }
 
-std::string effect(Draw& draw) {
-  switch (draw.below(11)) {
+std::string milliseconds(Draw& draw, double least, double most) { return milliseconds(draw.between(least, most)); }
+
+// `recording`: a file of delays, or empty.
+std::string distribution(Draw& draw, const std::string& recording, double most_ms) {
+  switch (draw.below(recording.empty() ? 4 : 5)) {
     case 0:
-      return "delay " + milliseconds(draw.between(5, 600));
+      return milliseconds(draw, 5, most_ms);
     case 1:
-      return fmt::format("jitter uniform 0ms {}", milliseconds(draw.between(10, 400)));
+      return "uniform 0ms " + milliseconds(draw, 10, most_ms);
     case 2:
-      return fmt::format("jitter gamma {} {}", milliseconds(draw.between(20, 300)),
-                         milliseconds(draw.between(20, 200)));
+      return "normal " + milliseconds(draw, 10, most_ms / 2) + " " + milliseconds(draw, 1, most_ms / 4);
     case 3:
-      return fmt::format("loss {:.0f}%", draw.between(1, 90));
-    case 4:
-      return fmt::format("loss bursts {:.0f}% {:.0f}%", draw.between(1, 20), draw.between(5, 50));
-    case 5:
-      return fmt::format("duplicate {:.0f}% {}", draw.between(1, 60), milliseconds(draw.between(0, 300)));
-    case 6:
-      return fmt::format("reorder {:.0f}% {}", draw.between(1, 60), milliseconds(draw.between(1, 200)));
-    case 7:
-      return fmt::format("corrupt {:.0f}%", draw.between(1, 60));
-    case 8:
-      return fmt::format("truncate {:.0f}%", draw.between(1, 60));
-    case 9:
-      return "stall";
+      return "gamma " + milliseconds(draw, 20, most_ms / 2) + " " + milliseconds(draw, 10, most_ms / 4);
     default:
-      return "partition";
+      return "recorded " + recording;
   }
 }
 
-std::string ledger_fault(Draw& draw) {
+constexpr std::size_t all_effects = 11, effects_of_memory = 8;  // the last ones change bytes, or count them
+
+std::string effect(Draw& draw, const std::string& recording, std::size_t kinds = all_effects) {
+  switch (draw.below(kinds)) {
+    case 0:
+      return "delay " + distribution(draw, recording, 600);
+    case 1:
+      return "jitter " + distribution(draw, recording, 400);
+    case 2:
+      return fmt::format("loss {:.0f}%", draw.between(1, 90));
+    case 3:
+      return fmt::format("loss bursts {:.0f}% {:.0f}%", draw.between(1, 20), draw.between(5, 50));
+    case 4:
+      return fmt::format("duplicate {:.0f}% {}", draw.between(1, 60), milliseconds(draw.between(0, 300)));
+    case 5:
+      return fmt::format("reorder {:.0f}% {}", draw.between(1, 60), milliseconds(draw.between(1, 200)));
+    case 6:
+      return "stall";
+    case 7:
+      return "partition";
+    case 8:
+      return fmt::format("corrupt {:.0f}%", draw.between(1, 60));
+    case 9:
+      return fmt::format("truncate {:.0f}%", draw.between(1, 60));
+    default:
+      return fmt::format("rate {:.0f}B/s", draw.between(200, 5'000));
+  }
+}
+
+std::string ledger_fault(Draw& draw, const std::string& recording) {
   constexpr std::array<const char*, 3> ends{"agent", "ground", "both"};
   constexpr std::array<const char*, 3> ways{"", "to ", "from "};
-  switch (draw.below(6)) {
+  constexpr std::array<const char*, 10> all_lies{"chain",    "hash",   "number",  "signature", "endorsement",
+                                                 "stranger", "member", "channel", "contract",  "flag"};
+  constexpr std::array<const char*, 5> all_slips{"boot", "stamp", "speed", "late", "twice"};
+  switch (draw.below(9)) {
     case 0:
       return "ledger stall";
     case 1:
-      return fmt::format("ledger {} {}stall", draw.of(ends), draw.of(ways));
+      return "ledger restart";
     case 2:
-      return fmt::format("ledger {} cut", draw.of(ends));
+      return fmt::format("ledger {} {}stall", draw.of(ends), draw.of(ways));
     case 3:
-      return fmt::format("ledger {} stale", draw.of(ends));
+      return fmt::format("ledger {} cut", draw.of(ends));
     case 4:
-      return fmt::format("ledger {} {}delay gamma {} {}", draw.of(ends), draw.of(ways),
-                         milliseconds(draw.between(20, 800)), milliseconds(draw.between(10, 300)));
+      return fmt::format("ledger {} stale", draw.of(ends));
+    case 5:
+      return fmt::format("ledger agent lies {}", draw.of(all_lies));
+    case 6:
+      return fmt::format("operator errs {}", draw.of(all_slips));
     default:
-      return fmt::format("ledger {} {}delay {}", draw.of(ends), draw.of(ways), milliseconds(draw.between(5, 1500)));
+      return fmt::format("ledger {} {}delay {}", draw.of(ends), draw.of(ways), distribution(draw, recording, 1500));
   }
 }
 
@@ -88,7 +113,7 @@ std::string sensor_fault(Draw& draw, const std::string& drone) {
   }
 }
 
-std::string mocap_fault(Draw& draw, const std::string& drone) {
+std::string mocap_fault(Draw& draw, const std::string& drone, const std::string& recording) {
   switch (draw.below(5)) {
     case 0:
       return fmt::format("mocap {} frozen", drone);
@@ -100,14 +125,14 @@ std::string mocap_fault(Draw& draw, const std::string& drone) {
     case 3:
       return fmt::format("mocap {} every {}", drone, milliseconds(draw.between(20, 600)));
     default:
-      return fmt::format("mocap {} {}", drone, effect(draw));
+      return fmt::format("mocap {} {}", drone, effect(draw, recording));
   }
 }
 
-std::string what(Draw& draw, const std::string& drone) {
+std::string what(Draw& draw, const std::string& drone, const std::string& recording) {
   constexpr std::array<const char*, 5> ways{"to", "answers", "states", "from", "both"};
   constexpr std::array<const char*, 3> processes{"agent", "link", "ground"};
-  switch (draw.below(20)) {
+  switch (draw.below(21)) {
     case 0:
       return fmt::format("drone {} reboot", drone);
     case 1:
@@ -134,14 +159,16 @@ std::string what(Draw& draw, const std::string& drone) {
     case 12:
     case 13:
     case 14:
-      return ledger_fault(draw);
+      return ledger_fault(draw, recording);
     case 15:
       return sensor_fault(draw, drone);
     case 16:
     case 17:
-      return mocap_fault(draw, drone);
+      return mocap_fault(draw, drone, recording);
+    case 18:
+      return fmt::format("drone {} plans {}", drone, effect(draw, recording, effects_of_memory));
     default:
-      return fmt::format("drone {} {} {}", drone, draw.of(ways), effect(draw));
+      return fmt::format("drone {} {} {}", drone, draw.of(ways), effect(draw, recording));
   }
 }
 
@@ -155,7 +182,7 @@ std::string moment(Draw& draw) {
 
 }  // namespace
 
-Script draw_script(std::uint64_t number) {
+Script draw_script(std::uint64_t number, const std::string& recording) {
   Draw draw(number * 7919 + 17);
   Script script;
   script.name = fmt::format("random-{}", number);
@@ -181,7 +208,7 @@ Script draw_script(std::uint64_t number) {
   const std::size_t faults = 1 + draw.below(4);
   while (script.faults.size() < faults) {
     const std::string drone = draw.below(4) == 0 ? "*" : fmt::format("tello{}", 1 + draw.below(flight.drones));
-    const std::string text = what(draw, drone), at = moment(draw);
+    const std::string text = what(draw, drone, recording), at = moment(draw);
     const double lasts_ms = draw.below(3) == 0 ? draw.between(1'000, 15'000) : draw.between(20, 3'000);
     auto tried = parse_fault(text, at, "");
     if (!tried) continue;  // none of what is drawn is refused; a loop that ends shows it in the test

@@ -112,7 +112,8 @@ std::optional<Amount> parse_amount(std::string_view text) {
 }
 
 std::string rule_help() {
-  return "  finishes                                 (also: recovers and finishes the lap)\n"
+  return "  finishes                                 every drone flew its path and landed\n"
+         "  recovers and finishes the lap            and flew its plan again after the last fault's end\n"
          "  hold within 300 ms after the plan's end\n"
          "  holds|brakes|lands within 2 s            of the first fault's beginning; lands: it is on the ground\n"
          "  resumes within 2 s                       of the last fault's end: the plan is flown again\n"
@@ -126,6 +127,7 @@ std::string rule_help() {
          "  pose within 0.2 m                        of what link believes from the truth, in flight\n"
          "  fence kept within 0.2 m                  the true place is nowhere farther beyond it\n"
          "  nothing acknowledged is lost\n"
+         "  at most 70 transactions a second         on the ledger, on average\n"
          "  ends within 60 s\n"
          "  sends emergency, sends no emergency      command, takeoff, land\n"
          "  no crash                                 no drone turns over, and no process ends but by a fault\n";
@@ -148,7 +150,8 @@ Result<Rule> parse_rule(std::string_view sentence) {
     return rule;
   };
   using Unit = Amount::Unit;
-  if (rule.text == "finishes" || rule.text == "recovers and finishes the lap") return found(Kind::finishes);
+  if (rule.text == "finishes") return found(Kind::finishes);
+  if (rule.text == "recovers and finishes the lap") return found(Kind::recovers);
   if (rule.text == "nothing acknowledged is lost") return found(Kind::nothing_lost);
   if (rule.text == "no crash") return found(Kind::no_crash);
   constexpr std::string_view after_plan = " after the plan's end";
@@ -165,6 +168,13 @@ Result<Rule> parse_rule(std::string_view sentence) {
     if (amount && amount->unit == Unit::time) {
       rule.amount = amount->value;
       return found(Kind::command_age);
+    }
+  }
+  constexpr std::string_view per_second = " transactions a second";
+  if (is("at most ") && rule.text.ends_with(per_second)) {
+    if (const auto rate = parse_number(rule.text.substr(8, rule.text.size() - 8 - per_second.size()))) {
+      rule.amount = *rate;
+      return found(Kind::transactions);
     }
   }
   if (amount_behind("height below ", Unit::metres)) return found(Kind::height);
@@ -410,9 +420,10 @@ void Judge::look_at(const Moment& moment, State& state) {
         if (!state.done[i]) state.waits = true;
         break;
       case Kind::resumes:
+      case Kind::recovers:
         if (!moment.last_fault_end_ns || state.done[i]) break;
         if (facts.mode == FailsafeMode::none && facts.told_ns != 0 && facts.plan_end_ns > now) state.done[i] = true;
-        if (!state.done[i] && longer(now - *moment.last_fault_end_ns, rule.amount))
+        if (rule.kind == Kind::resumes && !state.done[i] && longer(now - *moment.last_fault_end_ns, rule.amount))
           broke(state, now, fmt::format("{}: not within {:g} s", facts.name, rule.amount));
         break;
       default:
@@ -427,11 +438,18 @@ std::vector<Verdict> Judge::finish(const Ending& ending) {
     const Rule& rule = state.verdict.rule;
     switch (rule.kind) {
       case Kind::finishes:
+      case Kind::recovers:
         if (!ending.ok) broke(state, ending.now, ending.why.empty() ? "not finished" : ending.why);
+        if (rule.kind == Kind::recovers && std::find(state.done.begin(), state.done.end(), false) != state.done.end())
+          broke(state, ending.now, "its plan was never flown again");
         break;
       case Kind::ends:
         if (longer(ending.now, rule.amount) || !ending.over)
           broke(state, ending.now, fmt::format("{:.1f} s", to_seconds(ending.now)));
+        break;
+      case Kind::transactions:
+        if (const double rate = static_cast<double>(ending.transactions) / to_seconds(ending.now); rate > rule.amount)
+          broke(state, ending.now, fmt::format("{:.0f} a second", rate));
         break;
       case Kind::nothing_lost:
         if (!ending.lost.empty()) broke(state, ending.now, ending.lost.front());

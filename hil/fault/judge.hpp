@@ -24,6 +24,7 @@ std::optional<Amount> parse_amount(std::string_view text);
 struct Rule {
   enum class Kind : std::uint8_t {
     finishes,         ///< finishes
+    recovers,         ///< recovers and finishes the lap: after the last fault's end each drone flew its plan again
     hold_after_plan,  ///< hold within 300 ms after the plan's end
     reacts,           ///< hold|brake|land within 1 s
     lands,            ///< lands within 6 s: on the ground; these two of every drone that the first fault names
@@ -39,6 +40,7 @@ struct Rule {
     ends,             ///< ends within 60 s
     sent,             ///< sends emergency; sends no emergency
     no_crash,         ///< no crash
+    transactions,     ///< at most 70 transactions a second: on average
     fence,            ///< fence kept within 0.2 m: the truth is nowhere farther beyond it
   };
   Kind kind{};
@@ -50,7 +52,9 @@ struct Rule {
   bool negated = false;
   bool always = false;  ///< an invariant of every run, not of this script
 
-  bool needs_fault() const { return kind == Kind::reacts || kind == Kind::lands || kind == Kind::resumes; }
+  bool needs_fault() const {
+    return kind == Kind::reacts || kind == Kind::lands || kind == Kind::resumes || kind == Kind::recovers;
+  }
 };
 /// The error says which sentences there are.
 Result<Rule> parse_rule(std::string_view sentence);
@@ -81,7 +85,8 @@ struct Ending {
   std::string why;
   std::vector<std::string> in_the_air;  ///< drones
   std::vector<std::string> missing{};   ///< faults of the script that never began, in words
-  std::vector<std::string> lost;        ///< acknowledged transactions and transitions that are not on the ledger
+  std::uint64_t transactions = 0;       ///< on the ledger
+  std::vector<std::string> lost{};      ///< acknowledged transactions and transitions that are not on the ledger
   std::vector<std::string> crashed{};   ///< programs that ended though nobody asked for it, in words
 };
 

@@ -73,6 +73,8 @@ std::string reason_against(const Rule& rule) {
       return "the traces do not tell a plan's end";
     case Rule::Kind::sent:
       return "the traces do not tell it";
+    case Rule::Kind::transactions:
+      return "the traces do not tell how many there were";
     default:
       return "";
   }

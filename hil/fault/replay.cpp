@@ -274,4 +274,17 @@ Agreement compare(const RunResult& a, const RunResult& b) {
   return agreement;
 }
 
+Verdict verdict_on(const Agreement& agreement, double within_m, TimeNs at_ns) {
+  Verdict verdict;
+  verdict.rule.text = "agrees with its virtual run";
+  verdict.rule.always = true;
+  verdict.held = agreement.same_transitions && agreement.farthest_m <= within_m;
+  if (verdict.held) return verdict;
+  verdict.broken_ns = at_ns;
+  verdict.what = fmt::format("{} transitions, places within {:.3f} m ({:.1f} m may be); {}",
+                             agreement.same_transitions ? "the same" : "other", agreement.farthest_m, within_m,
+                             agreement.difference);
+  return verdict;
+}
+
 }  // namespace ledgerline::hil

@@ -46,5 +46,7 @@ struct Agreement {
   std::string difference;  ///< the first one of the transitions
 };
 Agreement compare(const RunResult& a, const RunResult& b);
+/// As a rule of the run, so that a difference breaks it wherever its verdicts are read.
+Verdict verdict_on(const Agreement& agreement, double within_m, TimeNs at_ns);
 
 }  // namespace ledgerline::hil

@@ -122,6 +122,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   ending.missing = schedule.never_begun();
   ending.ok = world.ok();
   ending.why = world.why();
+  ending.transactions = world.transactions();
   for (const DroneFacts& drone : world.facts()) {
     if (!Judge::on_ground(drone.truth)) ending.in_the_air.push_back(drone.name);
   }

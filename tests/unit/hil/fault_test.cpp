@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <set>
 
@@ -70,6 +72,10 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
                            "drone tello1 sideways",
                            "drone tello1 to",
                            "drone tello2 to stall",
+                           "drone tello1 plans corrupt 5%",
+                           "ledger agent lies",
+                           "ledger agent lies twice",
+                           "operator errs badly",
                            "sensor tello1 speed stuck",
                            "sensor tello1 h wild",
                            "mocap tello1",
@@ -163,10 +169,11 @@ class Judged {
 };
 
 TEST(FaultJudge, ASteadyFlightBreaksNothing) {
-  for (const char* rule : {"finishes", "recovers and finishes the lap", "hold within 300 ms after the plan's end",
-                           "no command older than 500 ms applied", "height below 3 m", "speed below 1.5 m/s",
-                           "path within 0.4 m", "pose within 0.2 m", "nothing acknowledged is lost", "ends within 60 s",
-                           "land is never seen", "pose lost is never seen", "sends no emergency", "no crash"}) {
+  for (const char* rule :
+       {"finishes", "hold within 300 ms after the plan's end", "no command older than 500 ms applied",
+        "height below 3 m", "speed below 1.5 m/s", "path within 0.4 m", "pose within 0.2 m",
+        "nothing acknowledged is lost", "ends within 60 s", "land is never seen", "pose lost is never seen",
+        "sends no emergency", "no crash", "fence kept within 0.2 m"}) {
     Judged run(rule);
     run.pass(10 * ns_per_s);
     EXPECT_TRUE(run.broken().empty()) << rule << ": " << run.broken().begin()->first;
@@ -228,6 +235,33 @@ TEST(FaultJudge, ResumesCountsFromTheLastFaultsEnd) {
     run.drones[0].mode = again ? FailsafeMode::none : FailsafeMode::hold;
     run.pass(ns_per_s);
     EXPECT_EQ(run.broken().contains("resumes within 2 s"), !again);
+  }
+}
+
+TEST(FaultJudge, WhoRecoversFlewItsPlanAgain) {
+  const std::string rule = "recovers and finishes the lap";
+  const auto broken = [&](bool again, bool finished) {
+    Judged run(rule);
+    run.drones[0].told_ns = 1;
+    run.pass(ns_per_s);
+    run.moment.last_fault_end_ns = run.moment.now;
+    run.drones[0].mode = again ? FailsafeMode::none : FailsafeMode::land;
+    run.pass(ns_per_s);
+    run.ending.ok = finished;
+    return run.broken().contains(rule);
+  };
+  EXPECT_FALSE(broken(true, true));
+  EXPECT_TRUE(broken(true, false));
+  EXPECT_TRUE(broken(false, true));
+  EXPECT_NE(error_of("title = \"t\"\nmust = [\"" + rule + "\"]\n").find("there is none"), std::string::npos);
+}
+
+TEST(FaultJudge, CountsTransactions) {
+  for (const std::uint64_t transactions : {140U, 142U}) {
+    Judged run("at most 70 transactions a second");
+    run.pass(2 * ns_per_s);
+    run.ending.transactions = transactions;
+    EXPECT_EQ(run.broken().contains("at most 70 transactions a second"), transactions > 140);
   }
 }
 
@@ -308,10 +342,80 @@ TEST(FaultJudge, InvariantsAreJudgedInEveryRun) {
               r.events.push_back({0, WorldEvent::Kind::bad_rc, 0, 0, "rc 300 0 0 0"});
             }),
             "always: rc in the SDK's range");
+  // Told 0.5 m/s at once; a ramp of 4 m/s2 is none of that.
+  EXPECT_EQ(broken_by([](Judged& r) { r.drones[0].told = {0.5, 0, 0}; }), "always: told speed ramps");
+  const auto ramps = [](double mps2, FailsafeMode mode) {
+    return [=](Judged& r) {
+      for (int i = 1; i <= 10; ++i) {
+        r.drones[0].mode = mode;
+        r.drones[0].told[1] = mps2 * 0.02 * i;
+        r.pass(20 * ns_per_ms);
+      }
+      r.drones[0].mode = FailsafeMode::none;
+    };
+  };
+  EXPECT_EQ(broken_by(ramps(4, FailsafeMode::none)), "");
+  EXPECT_EQ(broken_by(ramps(8, FailsafeMode::none)), "always: told speed ramps");
+  EXPECT_EQ(broken_by(ramps(8, FailsafeMode::brake)), "");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.in_the_air = {"tello1"}; }), "always: on the ground in the end");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.over = false; }), "always: no hang");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.missing = {"fault"}; }), "always: every fault began");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.lost = {"transaction"}; }), "always: nothing acknowledged is lost");
+}
+
+TEST(FaultJudge, CommandsAreHandedOnAndFlownInOrderEachOnce) {
+  using Kind = WorldEvent::Kind;
+  const std::string rule = "always: commands in order, each once";
+  const auto broken = [&](const std::vector<WorldEvent>& events, FailsafeMode mode = FailsafeMode::none) {
+    Judged run("");
+    run.drones[0].mode = mode;
+    for (const WorldEvent& event : events) {
+      run.events = {event};
+      run.pass(ns_per_ms);
+    }
+    return run.broken().contains(rule);
+  };
+  const auto of = [](Kind kind, std::uint64_t sequence) { return WorldEvent{0, kind, 0, 0, {}, sequence}; };
+  for (const Kind kind : {Kind::handed, Kind::applied}) {
+    EXPECT_FALSE(broken({of(kind, 1), of(kind, 2), of(kind, 5)}));
+    EXPECT_TRUE(broken({of(kind, 1), of(kind, 1)}));
+    EXPECT_TRUE(broken({of(kind, 2), of(kind, 1)}));
+    EXPECT_FALSE(broken({of(kind, 0), of(kind, 0)}));  // not known
+  }
+  EXPECT_FALSE(broken({of(Kind::handed, 1), of(Kind::applied, 1)}));
+  EXPECT_FALSE(broken({of(Kind::applied, 2), of(Kind::applied, 2)}, FailsafeMode::land));  // a stop, said again
+  const auto started = [](const char* what) { return WorldEvent{0, Kind::started, 0, 0, what}; };
+  EXPECT_FALSE(broken({of(Kind::handed, 2), started("agent"), of(Kind::handed, 1)}));
+  EXPECT_TRUE(broken({of(Kind::handed, 2), started("link"), of(Kind::handed, 1)}));
+  EXPECT_FALSE(broken({of(Kind::applied, 2), started("link"), of(Kind::applied, 1)}));
+}
+
+TEST(FaultJudge, ABrakeTakesItsPlansWithIt) {
+  for (const bool given : {true, false}) {
+    Judged run("");
+    run.drones[0].plans_given = 7;
+    run.drones[0].mode = FailsafeMode::brake;
+    run.pass(ns_per_s);
+    run.drones[0].mode = FailsafeMode::none;
+    run.pass(100 * ns_per_ms);
+    if (given) ++run.drones[0].plans_given;
+    run.drones[0].told_mps = 0.1;
+    run.pass(100 * ns_per_ms);
+    EXPECT_EQ(run.broken().contains("always: a brake takes its plans with it"), !given);
+  }
+}
+
+TEST(FaultJudge, TheFenceIsOfTheTruth) {
+  for (const auto& [place, kept] : {std::pair(std::array<double, 3>{100.1, 0, 1}, true),
+                                    {{100.3, 0, 1}, false},
+                                    {{0, -100.3, 1}, false},
+                                    {{0, 0, 3.3}, false}}) {
+    Judged run("fence kept within 0.2 m");
+    run.pass(ns_per_s);
+    run.drones[0].truth.position_m = place;
+    run.pass(ns_per_ms);
+    EXPECT_EQ(run.broken().contains("fence kept within 0.2 m"), !kept) << place[0] << " " << place[1];
+  }
 }
 
 // --- faults that lie upon each other -------------------------------------------------------------------------------
@@ -526,7 +630,7 @@ TEST(FaultRun, WaitsForTheStartOfWhatItKilled) {
 }
 
 TEST(FaultRandom, NoInvariantBreaks) {
-  const std::size_t count = static_cast<std::size_t>(seeds(slow ? 1 : 20, 10'000));
+  const std::size_t count = static_cast<std::size_t>(seeds(slow ? 1 : 200, 10'000));
   double flown_s = 0;
   const TimeNs begin = monotonic_ns();
   fly_all(
@@ -543,6 +647,22 @@ TEST(FaultRandom, NoInvariantBreaks) {
       });
   std::printf("%zu random flights, %.0f s flown, %.0f times real time in two threads\n", count, flown_s,
               flown_s / to_seconds(monotonic_ns() - begin));
+}
+
+TEST(FaultRandom, DrawsEveryKindOfFaultAndOfDistribution) {
+  const fs::path recording = fs::temp_directory_path() / ("delays-" + std::to_string(::getpid()));
+  std::ofstream(recording) << "0.02\n0.5\n0.03\n";
+  std::string drawn;
+  for (std::uint64_t number = 1; number <= 500; ++number) {
+    const Script script = draw_script(number, recording);
+    for (const Fault& fault : script.faults) drawn += fault.text + "\n";
+  }
+  for (const char* wanted : {"ledger restart", "ledger stall", " rate ", "normal ", "gamma ", "uniform ", " plans ",
+                             "lies hash", "errs twice", "reboot", "corrupt ", "clock jump", "wind "})
+    EXPECT_NE(drawn.find(wanted), std::string::npos) << wanted;
+  EXPECT_NE(drawn.find("delay recorded " + recording.string()), std::string::npos);
+  EXPECT_NE(drawn.find("jitter recorded " + recording.string()), std::string::npos);
+  fs::remove(recording);
 }
 
 TEST(FaultRandom, AFailingScriptIsShrunkToWhatMakesItFail) {

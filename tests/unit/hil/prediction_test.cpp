@@ -249,7 +249,7 @@ TEST(AddedDelay, IsReadOrRefusedByName) {
   EXPECT_DOUBLE_EQ(added_delay_from("0.25")->constant_s, 0.25);
   for (const char* wrong : {"", "soon", "-1", "3.5", "nan", "1s"}) EXPECT_FALSE(added_delay_from(wrong).ok()) << wrong;
   const auto recorded = [](const char* text) {
-    return added_delay_from("delays.txt", [=](const std::string&) { return Result<std::string>(text); });
+    return added_delay_from("delays.txt", [=](const std::string& path) { return parse_recording(path, text); });
   };
   EXPECT_EQ(recorded("# two-way\n0.5\n3\n")->recorded.values->size(), 2U);
   EXPECT_EQ(recorded("0.5\n3.1\n").error().what, "delays.txt: 3.1 s is longer than the 3 s that can be added");

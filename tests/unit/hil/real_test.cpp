@@ -5,6 +5,7 @@
 #include <cmath>
 #include <csignal>
 
+#include "hil/fault/campaign.hpp"
 #include "hil/fault/real_script.hpp"
 #include "hil/fault/replay.hpp"
 
@@ -332,6 +333,17 @@ TEST_F(Flight, ComparesTransitionsFromTakeOffOnAndPlacesInTheAir) {
   other = compare(a, judge_recording(script, 1, recording));
   EXPECT_FALSE(other.same_transitions);
   EXPECT_THAT(other.difference, HasSubstr("flying, hold (plan_ran_out)"));
+}
+
+TEST(FaultAgreement, ADifferenceBreaksTheRunWhoeverReadsItsVerdicts) {
+  RunResult result;
+  result.verdicts = {verdict_on({true, 0.05, {}}, 0.1, ns_per_s)};
+  EXPECT_TRUE(result.held());
+  for (const Agreement& differs : {Agreement{true, 0.11, {}}, Agreement{false, 0, "another mode"}}) {
+    result.verdicts = {verdict_on(differs, 0.1, ns_per_s)};
+    EXPECT_FALSE(result.held());
+    EXPECT_THAT(json_text({result}), HasSubstr("\"held\": false"));
+  }
 }
 
 }  // namespace
