@@ -46,7 +46,7 @@ FAULTS = {  # what, for how long, and what must hold besides
     "ground cut": (["ledger ground cut"], "2s", ["hold is seen"]),
     "delay": (["ledger both delay 15ms"], "5s", []),
     "drone": (["drone tello1 both delay 30ms, loss 5%, duplicate 5%, reorder 5% 20ms"], "5s", []),
-    "sensor": (["sensor tello1 bat stuck", "sensor tello1 vgx garbage"], "3s", []),
+    "sensor": (["sensor tello1 tof garbage"], "2s", ["state stale is seen", "resumes within 3 s"]),
     "overlap": (["drone tello1 to delay 20ms", "drone * to delay 40ms"], "2s", []),
     "disk": (["disk full"], "2s", ["hold is seen", "ledger silent is seen", "resumes within 3 s", "nothing acknowledged is lost"]),
     "agent stop": (["agent stop"], "2s", ["agent silent is seen", "resumes within 3 s"]),
