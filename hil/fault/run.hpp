@@ -32,7 +32,7 @@ struct RunResult {
   std::string script, title;
   std::uint64_t seed = 0;
   std::vector<Verdict> verdicts;  ///< the script's rules in their order, then the invariants
-  /// What is judged of a virtual run and is not of this one, in words; no verdict speaks of it.
+  /// What is judged of a virtual run and is not of this one, in words.
   std::vector<std::string> not_judged;
   bool held() const;
   TimeNs flown_ns = 0;  ///< virtual
