@@ -4,6 +4,7 @@ import os
 import pathlib
 import platform
 import re
+import zlib
 
 
 FORMAT = 1  # of an experiment's JSON: what report.py reads
@@ -29,7 +30,8 @@ def read(file: pathlib.Path) -> dict | None:
 
 
 def repetition_file(out: pathlib.Path, experiment: str, case: str, seed: int) -> pathlib.Path:
-    return out / "repetitions" / experiment / f"{slug(case)}-{seed}.json"
+    """Names that differ in their signs alone have files of their own."""
+    return out / "repetitions" / experiment / f"{slug(case)}-{zlib.crc32(case.encode()):08x}-{seed}.json"
 
 
 def kept(file: pathlib.Path, asked: dict) -> dict | None:

@@ -258,6 +258,12 @@ def test_what_is_finished_is_kept_and_only_the_rest_is_run(tmp_path, monkeypatch
     assert ran == [("square", 1)]
 
 
+def test_every_case_has_a_file_of_its_own(tmp_path):
+    for one in config.read_all():
+        files = {store.repetition_file(tmp_path, one.name, case.name, 1) for case in one.cases}
+        assert len(files) == len(one.cases), one.name
+
+
 def test_what_was_not_measured_is_said_and_is_asked_for_again(tmp_path, monkeypatch, experiment, place):
     def run(case, place, seed):
         if case.name == "x":
