@@ -115,7 +115,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
 
   hil::VirtualFlightConfig config;
-  std::string shape = "square", mode = "ledger", predict = "on", ramp, delay = "none";
+  std::string shape = "square", mode = "ledger", predict = "on", ramp, delay = "none", side = "both";
   double max_age_s = 0, batch_timeout_s = to_seconds(config.batch_timeout_ns);
   auto* flight = app.add_subcommand(
       "virtual",
@@ -136,6 +136,10 @@ int main(int argc, char** argv) {
       ->add_option("--delay", delay,
                    "Two-way, beside the ledger's own: none, seconds (0 to 3), or published (median 0.46 s, tail "
                    "beyond 0.8 s)")
+      ->capture_default_str();
+  flight->add_option("--delay-side", side, "agent, ground or both: between which of them and the ledger the delay lies")
+      ->check(CLI::IsMember({"agent", "ground", "both"}))
+      ->needs(flight->get_option("--delay"))
       ->capture_default_str();
   flight->add_option("--max-age", max_age_s, "s: agent and link take no older command (default: 5 with a delay)")
       ->check(CLI::Range(0.05, 60.0));
@@ -194,5 +198,6 @@ int main(int argc, char** argv) {
     spdlog::error("{}", read.error().what);
     return 2;
   }
+  config.delays.added.agent_share = side == "both" ? 0.5 : side == "agent" ? 1.0 : 0.0;
   return virtual_flight(config);
 }

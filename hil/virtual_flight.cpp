@@ -148,7 +148,10 @@ class Flight {
     ground.ledger = config.mode == VirtualFlightConfig::Mode::ledger;
     ground.controller.predict = config.predict;
     ground.controller.ramp = config.ramp;
-    ground.controller.told_mps = config.full_scale_mps;
+    const link::LinkSettings link = link_settings(config);
+    ground.controller.told_mps = static_cast<double>(link.rc.full_scale_mps);
+    ground.controller.told_mps2 = static_cast<double>(link.playout.max_acceleration_mps2);
+    ground.controller.pose_lost_ns = link.failsafe.pose_lost_ns;
     ground.laps = config.laps;
     ground.controller.speed_mps = config.speed_mps;
     ground.self = operator_name;
@@ -167,8 +170,8 @@ class Flight {
     std::vector<std::string> names;
     for (const auto& drone : ground_.drones()) names.push_back(drone.name);
     if (auto s = prepare(ledger_, names); !s) return s;
-    host_ = ledger_.add_client(drone_host);
-    operator_ = ledger_.add_client(operator_name);
+    host_ = ledger_.add_client(drone_host, config_.delays.added.agent_share);
+    operator_ = ledger_.add_client(operator_name, 1 - config_.delays.added.agent_share);
     for (const auto& name : names) {
       const auto record = control_record(ledger_, operator_, name);
       if (!record) return record.error();

@@ -63,8 +63,8 @@ void VirtualLedger::restart(TimeNs now) {
   waiting_.clear();
 }
 
-VirtualLedger::Client VirtualLedger::add_client(const crypto::IdentityName& name) {
-  members_.push_back({crypto::make_test_identity(name), WayDelay(delays_.added, random_.next()), {}, {}});
+VirtualLedger::Client VirtualLedger::add_client(const crypto::IdentityName& name, double added) {
+  members_.push_back({crypto::make_test_identity(name), WayDelay(delays_.added, added, random_.next()), {}, {}});
   return members_.size() - 1;
 }
 

@@ -32,7 +32,8 @@ class VirtualLedger {
 
   VirtualLedger(const node::CoreConfig& config, const LedgerDelays& delays, std::uint64_t seed);
 
-  Client add_client(const crypto::IdentityName& name);
+  /// `added`: the share of the added delay that this client has.
+  Client add_client(const crypto::IdentityName& name, double added = 0.5);
   crypto::MspRegistry& registry() { return *registry_; }
   std::shared_ptr<crypto::MspRegistry> shared_registry() { return registry_; }
 

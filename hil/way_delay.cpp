@@ -26,10 +26,10 @@ Result<AddedDelay> added_delay_from(const std::string& text) {
 
 TimeNs WayDelay::at(TimeNs now) {
   if (delay_.kind == AddedDelay::Kind::none) return 0;
-  if (delay_.kind == AddedDelay::Kind::constant) return from_seconds(0.5 * delay_.constant_s);
+  if (delay_.kind == AddedDelay::Kind::constant) return from_seconds(share_ * delay_.constant_s);
   if (now >= next_draw_ns_) {
     next_draw_ns_ = now + draw_period_ns;
-    drawn_ns_ = from_seconds(way_mean_s / way_shape * gamma(way_shape));
+    drawn_ns_ = from_seconds(2 * share_ * way_mean_s / way_shape * gamma(way_shape));
   }
   return drawn_ns_;
 }
