@@ -116,7 +116,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
 
   hil::VirtualFlightConfig config;
-  std::string shape = "square", mode = "ledger", predict = "on", ramp, delay = "none";
+  std::string shape = "square", mode = "ledger", predict = "on", ramp, delay = "none", side = "both";
   double max_age_s = 0, batch_timeout_s = to_seconds(config.batch_timeout_ns);
   auto* flight = app.add_subcommand(
       "virtual",
@@ -137,6 +137,10 @@ int main(int argc, char** argv) {
       ->add_option("--delay", delay,
                    "Two-way: none, seconds (0 to 3) beside the ledger's own, a published one (published, which is the "
                    "square's, published-triangle, published-x, published-three), or a file of seconds, one a line")
+      ->capture_default_str();
+  flight->add_option("--delay-side", side, "agent, ground or both: between which of them and the ledger the delay lies")
+      ->check(CLI::IsMember({"agent", "ground", "both"}))
+      ->needs(flight->get_option("--delay"))
       ->capture_default_str();
   flight->add_option("--max-age", max_age_s, "s: agent and link take no older command (default: 5 with a delay)")
       ->check(CLI::Range(0.05, 60.0));
@@ -195,5 +199,6 @@ int main(int argc, char** argv) {
     spdlog::error("{}", read.error().what);
     return 2;
   }
+  config.delays.added.agent_share = side == "both" ? 0.5 : side == "agent" ? 1.0 : 0.0;
   return virtual_flight(config);
 }

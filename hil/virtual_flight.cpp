@@ -121,7 +121,10 @@ class Flight {
     ground.ledger = config.mode == VirtualFlightConfig::Mode::ledger;
     ground.controller.predict = config.predict;
     ground.controller.ramp = config.ramp;
-    ground.controller.told_mps = config.full_scale_mps;
+    const link::LinkSettings link = link_settings(config);
+    ground.controller.told_mps = static_cast<double>(link.rc.full_scale_mps);
+    ground.controller.told_mps2 = static_cast<double>(link.playout.max_acceleration_mps2);
+    ground.controller.pose_lost_ns = link.failsafe.pose_lost_ns;
     ground.laps = config.laps;
     ground.controller.speed_mps = config.speed_mps;
     ground.self = operator_name;
@@ -138,8 +141,8 @@ class Flight {
 
   Status set_up() {
     if (auto s = prepare(ledger_, config_.drones); !s) return s;
-    host_ = ledger_.add_client(drone_host, WayDelay::Way::back);
-    operator_ = ledger_.add_client(operator_name);
+    host_ = ledger_.add_client(drone_host, WayDelay::Way::back, config_.delays.added.agent_share);
+    operator_ = ledger_.add_client(operator_name, WayDelay::Way::there, 1 - config_.delays.added.agent_share);
     for (const auto& drone : ground_.drones()) {
       const auto record = control_record(ledger_, operator_, drone.name);
       if (!record) return record.error();

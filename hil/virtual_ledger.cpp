@@ -72,8 +72,8 @@ std::vector<std::string> VirtualLedger::blocks() const {
   return blocks;
 }
 
-VirtualLedger::Client VirtualLedger::add_client(const crypto::IdentityName& name, WayDelay::Way way) {
-  members_.push_back({crypto::make_test_identity(name), WayDelay(delays_.added, way, added_seed_), {}, {}});
+VirtualLedger::Client VirtualLedger::add_client(const crypto::IdentityName& name, WayDelay::Way way, double share) {
+  members_.push_back({crypto::make_test_identity(name), WayDelay(delays_.added, way, share, added_seed_), {}, {}});
   return members_.size() - 1;
 }
 

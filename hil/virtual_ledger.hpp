@@ -33,8 +33,9 @@ class VirtualLedger {
 
   VirtualLedger(const node::CoreConfig& config, const LedgerDelays& delays, std::uint64_t seed);
 
-  /// `way`: of the added delay, that from the ledger to this client: `back` for the one that commands go to.
-  Client add_client(const crypto::IdentityName& name, WayDelay::Way way = WayDelay::Way::there);
+  /// `way`: of the added delay, that from the ledger to this client: `back` for the one that commands go to; `share`:
+  /// how much of it. The shares of both add up to 1.
+  Client add_client(const crypto::IdentityName& name, WayDelay::Way way = WayDelay::Way::there, double share = 0.5);
   crypto::MspRegistry& registry() { return *registry_; }
   std::shared_ptr<crypto::MspRegistry> shared_registry() { return registry_; }
 

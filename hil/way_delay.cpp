@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 
 namespace ledgerline::hil {
 namespace {
@@ -61,14 +62,17 @@ TimeNs WayDelay::draw() {
 
 TimeNs WayDelay::at(TimeNs now) {
   const auto period = static_cast<std::uint64_t>(now / draw_period_ns);
-  while (drawn_ <= period) halves_[drawn_++ % kept] = draw() / 2;
+  while (drawn_ <= period) draws_[drawn_++ % kept] = draw();
+  const auto part = [&](std::uint64_t k, double share) {
+    return std::llround(static_cast<double>(draws_[k % kept]) * share);
+  };
   std::uint64_t chosen = period;
   if (way_ == Way::back) {
     const std::uint64_t oldest = period - std::min(period, kept - 1);
     const auto begin = [](std::uint64_t k) { return static_cast<TimeNs>(k) * draw_period_ns; };
-    while (chosen > oldest && begin(chosen) + halves_[chosen % kept] > now) --chosen;
+    while (chosen > oldest && begin(chosen) + part(chosen, 1 - share_) > now) --chosen;
   }
-  return halves_[chosen % kept];
+  return part(chosen, share_);
 }
 
 }  // namespace ledgerline::hil

@@ -34,19 +34,20 @@ struct AddedDelay {
   double constant_s = 0;                                   ///< of a constant one
   const PublishedDelay* published = &published_delays[0];  ///< of a published one
   Distribution recorded{};                                 ///< of a recorded one
+  double agent_share = 0.5;  ///< of it that lies between agent and ledger; the rest: between ground and ledger
 };
 /// "none", seconds from 0 to 3, a name of published_delays, or a file of such seconds, one a line.
 Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording& read = read_recording);
 
-/// One of the two ways of an AddedDelay: half of it. Drawn anew every 100 ms, so what is sent meanwhile stays together;
-/// a recording is played in its order, from a place that the seed chooses. The way back has what the newest that came
-/// there had: with the same seed, both ways of a state and its command together are one draw of the whole delay.
-/// Deterministic for a seed; one thread.
+/// One of the two ways of an AddedDelay: its share, and the other one has the rest. Drawn anew every 100 ms, so what is
+/// sent meanwhile stays together; a recording is played in its order, from a place that the seed chooses. The way back
+/// has what the newest that came there had: with the same seed, both ways of a state and its command together are one
+/// draw of the whole delay. Deterministic for a seed; one thread.
 class WayDelay {
  public:
   enum class Way { there, back };
-  WayDelay(const AddedDelay& delay, Way way, std::uint64_t seed)
-      : delay_(delay), way_(way), random_(seed), recording_(seed) {}
+  WayDelay(const AddedDelay& delay, Way way, double share, std::uint64_t seed)
+      : delay_(delay), way_(way), share_(share), random_(seed), recording_(seed) {}
   /// Times must not go back.
   TimeNs at(TimeNs now);
 
@@ -56,9 +57,10 @@ class WayDelay {
   static constexpr std::uint64_t kept = 32;  ///< draws: more than the longest way takes
   AddedDelay delay_;
   Way way_;
+  double share_;
   Random random_;
   Draws recording_;
-  std::array<TimeNs, kept> halves_{};
+  std::array<TimeNs, kept> draws_{};
   std::uint64_t drawn_ = 0;
 };
 

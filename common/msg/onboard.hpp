@@ -134,6 +134,8 @@ struct StateSample {
   std::uint64_t applied_sequence = 0;        ///< of the last plan a setpoint was flown from
   TimeNs applied_stamp_ns = 0;               ///< its state's stamp
   TimeNs applied_late_ns = 0;                ///< sent minus meant
+  std::uint64_t arrived_sequence = 0;        ///< of the newest plan that came
+  TimeNs arrived_ns = 0;                     ///< when it came
   std::array<float, 3> sent_velocity_mps{};  ///< the setpoint as sent, after limits and failsafe
   float sent_yaw_rate_radps = 0;
   std::uint32_t plans_late = 0;  ///< counters since boot

@@ -174,7 +174,7 @@ bool are_sizes(const Numbers& values) {
 }
 
 bool believable(const StateSample& s) {
-  return is_time(s.stamp_ns) && is_time(s.pose_stamp_ns) && is_time(s.applied_stamp_ns) &&
+  return is_time(s.stamp_ns) && is_time(s.pose_stamp_ns) && is_time(s.applied_stamp_ns) && is_time(s.arrived_ns) &&
          is_time(std::abs(std::max(s.applied_late_ns, -INT64_MAX))) && are_sizes(s.position_m) &&
          are_sizes(s.velocity_mps) && are_sizes(s.sent_velocity_mps) && are_sizes(s.attitude_rad) &&
          are_sizes(s.acceleration_mps2) &&
@@ -202,6 +202,8 @@ std::string link_status_to_cdr(const StateSample& s) {
   out.put(s.applied_sequence);
   out.put(s.applied_stamp_ns);
   out.put(s.applied_late_ns);
+  out.put(s.arrived_sequence);
+  out.put(s.arrived_ns);
   out.put(s.sent_velocity_mps);
   out.put(s.sent_yaw_rate_radps);
   out.put(s.plans_late);
@@ -235,6 +237,8 @@ Result<StateSample> link_status_from_cdr(std::string_view cdr) {
   s.applied_sequence = in.get<std::uint64_t>();
   s.applied_stamp_ns = in.get<TimeNs>();
   s.applied_late_ns = in.get<TimeNs>();
+  s.arrived_sequence = in.get<std::uint64_t>();
+  s.arrived_ns = in.get<TimeNs>();
   s.sent_velocity_mps = in.get_array<float, 3>();
   s.sent_yaw_rate_radps = in.get<float>();
   s.plans_late = in.get<std::uint32_t>();

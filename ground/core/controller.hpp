@@ -5,11 +5,12 @@
 #include <vector>
 
 #include "ground/core/path.hpp"
-#include "ground/core/prediction.hpp"
 #include "ground/motion/predictor.hpp"
 #include "ground/motion/track.hpp"
 
 namespace ledgerline::ground {
+
+using motion::Motion;
 
 /// Speed growing at every turn, a turn being a lap: start, start + step, ...; a step of 0: always the same.
 struct Ramp {
@@ -92,7 +93,7 @@ class PathController {
   /// Lets the reference move from `from_ns` on, as far as `end_m` along the track (laps count on); until then it waits
   /// at the origin.
   void start(TimeNs from_ns, double end_m = std::numeric_limits<double>::infinity());
-  /// A state in flight; `late_ns`: how much later than they say link flies setpoints (motion::Applications).
+  /// A state in flight; `late_ns`: how much later than they say link flies setpoints (motion::PlayoutMargin).
   void observe(const StateSample& state, TimeNs late_ns);
   /// Setpoints for first_ns, first_ns + 50 ms, ... as many as asked for (12 to 40); first_ns must not go back from plan
   /// to plan. Without prediction: one velocity, held for 2 s from first_ns on. `id` is for withdraw().

@@ -161,7 +161,7 @@ void FlightCore::advance(TimeNs now_ns, Drone& drone) {
         return;
       }
       if (settled(drone)) {
-        drone.path_since_ns = drone.lap_since_ns = drone.last_at_ns = s.stamp_ns + delay_ns_;
+        drone.path_since_ns = drone.lap_since_ns = drone.last_at_ns = s.stamp_ns + timing(drone).delay_ns;
         drone.controller->start(drone.path_since_ns, config_.seconds > 0 ? std::numeric_limits<double>::infinity()
                                                                          : config_.laps * drone.controller->lap_m());
         drone.status.path_ns[0] = drone.path_since_ns;
@@ -309,6 +309,7 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
   }
   PlannedCommand command;
   command.made_ns = now_ns;
+  command.made_stamp_ns = drone.state.stamp_ns + (now_ns - drone.received_ns);
   DronePlan& plan = command.plan;
   plan.set_drone(drone.who.name);
   plan.set_boot_id(drone.state.boot_id);
@@ -320,24 +321,19 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
     plan.set_action(TAKEOFF);
   } else {
     plan.set_action(FLY);
-    const TimeNs stamp_now_ns = drone.state.stamp_ns + (now_ns - drone.received_ns);
     const bool plain = !config_.manual && !config_.controller.predict;  // its command is for now, whenever it comes
-    const TimeNs ahead_ns = plain ? 0 : config_.ledger ? delay_ns_ : beside_ns;
-    drone.first_setpoint_ns = std::max(drone.first_setpoint_ns, stamp_now_ns + ahead_ns);
+    const TimeNs ahead_ns = plain ? 0 : config_.ledger ? timing(drone).delay_ns : beside_ns;
+    drone.first_setpoint_ns = std::max(drone.first_setpoint_ns, command.made_stamp_ns + ahead_ns);
     command.id = drone.next_plan++;
     std::vector<Setpoint> setpoints;
     if (config_.manual) {
-      Motion motion;
-      motion.stamp_ns = drone.state.pose_stamp_ns;
-      motion.position_m = Eigen::Vector3d::Map(drone.state.position_m.data());
-      motion.velocity_mps = Eigen::Vector3d::Map(drone.state.velocity_mps.data());
-      motion.yaw_rad = drone.state.yaw_rad;
-      setpoints = drone.manual.plan(now_ns, motion, drone.first_setpoint_ns);
+      setpoints = drone.manual.plan(command.id, now_ns, drone.first_setpoint_ns);
     } else {
       // Not sooner than the plan before it, even where the delay fell: then shorter.
-      const TimeNs room = (farthest_ns_ - (drone.first_setpoint_ns - stamp_now_ns)) / PathController::step_ns;
+      const TimeNs last_ns = command.made_stamp_ns + timing(drone).farthest_ns;
+      const TimeNs room = (last_ns - drone.first_setpoint_ns) / PathController::step_ns;
       const auto steps = static_cast<std::size_t>(std::max<TimeNs>(0, room));
-      setpoints = drone.controller->plan(command.id, drone.first_setpoint_ns, std::min(plan_steps_, steps));
+      setpoints = drone.controller->plan(command.id, drone.first_setpoint_ns, std::min(timing(drone).steps, steps));
     }
     for (const Setpoint& setpoint : setpoints) {
       PlannedSetpoint* p = plan.add_setpoints();
@@ -350,6 +346,7 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
     if (phase == DronePhase::path) count_laps(drone, drone.first_setpoint_ns);
     if (drone.controller) {
       command.progress_m = drone.controller->progress_m();
+      drone.status.lap_m = drone.controller->lap_m();
       drone.status.limit_mps = config_.controller.predict ? drone.controller->limit_mps() : 0;
       drone.status.slowed_to_mps = drone.controller->slowed_to_mps();
       drone.status.response = drone.controller->predictor().response();
@@ -391,6 +388,12 @@ std::string FlightCore::why() const {
 }
 
 FlightStatus FlightCore::status(std::size_t drone) const { return drones_.at(drone)->status; }
+
+TimeNs FlightCore::delay_ns() const {
+  TimeNs longest_ns = 0;
+  for (const auto& drone : drones_) longest_ns = std::max(longest_ns, timing(*drone).delay_ns);
+  return longest_ns;
+}
 
 const PathController* FlightCore::controller(std::size_t drone) const { return drones_.at(drone)->controller.get(); }
 

@@ -123,6 +123,7 @@ struct FlightStatus {
   double progress = 0;    ///< of the whole flight, 0..1
   std::array<double, 2> origin_m{};
   std::vector<double> lap_s;
+  double lap_m = 0;                 ///< of one lap, as flown: with rounded corners; 0: no path
   std::array<TimeNs, 2> path_ns{};  ///< when the path began and ended; the drone's clock; 0: not yet
   std::string why;                  ///< what went wrong
   PilotCounters pilot;
@@ -149,10 +150,11 @@ struct FlightTransactions {
 /// drone is down.
 ///
 /// The path of each drone begins where it stands before take-off. Times in plans are the drone host's clock alone: the
-/// ground's clock and the drone's are never compared. A plan's first setpoint is for the moment when half of the plans
-/// are there, by how long our own commands take (motion::TwoWay); its last one covers the delay's tail, so one
-/// that comes later takes over from its predecessor then. Where link flies plans later than they say (its playout's
-/// margin) it says so, and predictions are for that moment.
+/// ground's clock and the drone's are never compared. A plan's first setpoint is for the moment when nine of ten plans
+/// are there, by what the states say of when plans came, or, while they say nothing, by how long our own commands take
+/// (motion::TwoWay); its last one covers the delay's tail, so one that comes later takes over from its predecessor
+/// then. Where link flies plans later than they say (its playout's margin) it says so, and predictions are for that
+/// moment.
 ///
 /// Without a ledger (FlightConfig::ledger) the same core flies beside the driver: no lease, a plan goes out at once,
 /// for a few milliseconds later.
@@ -177,8 +179,8 @@ class FlightCore {
   FlightStatus status(std::size_t drone) const;
   double height_m() const { return config_.controller.height_m; }
   const FlightTransactions& transactions() const { return transactions_; }
-  /// The measured way there and back that plans are made for.
-  TimeNs delay_ns() const { return delay_ns_; }
+  /// The way there and back that plans are made for; the longest of all drones'.
+  TimeNs delay_ns() const;
   /// The controller of a path that is flown or was; null before.
   const PathController* controller(std::size_t drone) const;
   /// As flown: the shape's waypoints or one's own.
@@ -187,6 +189,11 @@ class FlightCore {
  private:
   struct Drone;
   struct InFlight;
+  struct Timing {
+    TimeNs delay_ns = motion::TwoWay::unknown_ns;  ///< from a plan's making to its first setpoint
+    TimeNs farthest_ns = 0;                        ///< no setpoint of it may be for later than that
+    std::size_t steps = PathController::steps;
+  };
 
   void take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
   void take_states(TimeNs now_ns, const fabric::Transaction& tx, std::int64_t realtime_s, FlightOutputs& out);
@@ -202,6 +209,8 @@ class FlightCore {
   void take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
   void resend(InFlight& refused, const std::string& message);
   void measure(TimeNs one_way_ns);
+  static Timing timing_for(TimeNs soonest_ns, TimeNs in_time_ns, TimeNs tail_ns);
+  const Timing& timing(const Drone& drone) const;
 
   void advance(TimeNs now_ns, Drone& drone);
   void advance_path(TimeNs now_ns, Drone& drone);
@@ -234,9 +243,7 @@ class FlightCore {
   std::uint64_t next_id_ = 1;
   FlightTransactions transactions_;
   motion::TwoWay two_way_;
-  TimeNs delay_ns_ = motion::TwoWay::unknown_ns;
-  std::size_t plan_steps_ = PathController::steps;
-  TimeNs farthest_ns_ = 0;  ///< from a state on, no setpoint of its plan may be for later
+  Timing guess_;  ///< by two_way_, for drones of which no plan is known to have come lately
 };
 
 }  // namespace ledgerline::ground

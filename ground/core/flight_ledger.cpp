@@ -18,7 +18,10 @@ constexpr TimeNs most_delay_ns = 4 * ns_per_s;
 // Of the plans: there before their first setpoint's moment. More would make all of them for later, and what is not
 // foreseen (gusts) grows with that; one that comes late only takes over late.
 constexpr double in_time = 0.5;
-constexpr double quick = 0.1;  // of the plans
+constexpr double quick = 0.1;        // of the plans
+constexpr double almost_all = 0.99;  // of the plans: what their length is for
+constexpr std::size_t arrivals_needed = 8;
+constexpr TimeNs overdue_ns = 2 * ns_per_s;  // a plan that agent may have refused because it was for too late
 
 crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
 
@@ -140,7 +143,10 @@ void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::
 void FlightCore::take_state(TimeNs now_ns, Drone& drone, const StateSample& sample, FlightOutputs& out) {
   const bool same_boot = drone.has_state && sample.boot_id == drone.state.boot_id;
   if (same_boot && sample.sequence <= drone.state.sequence) return;
-  if (!same_boot) drone.first_setpoint_ns = 0;
+  if (!same_boot) {
+    drone.first_setpoint_ns = 0;
+    drone.manual = ManualController(config_.controller, config_.cmd_timeout_ns);
+  }
   drone.state = sample;
   drone.state.drone = drone.who.number;
   drone.has_state = true;
@@ -164,13 +170,27 @@ void FlightCore::take_state(TimeNs now_ns, Drone& drone, const StateSample& samp
 // Every state counts, not the newest of a burst alone.
 void FlightCore::observe(Drone& drone) {
   const StateSample& s = drone.state;
-  if (s.applied_sequence != drone.applied_sequence) {
-    drone.applied_sequence = s.applied_sequence;
-    const Drone::First& first = drone.firsts[s.applied_sequence % drone.firsts.size()];
-    if (first.sequence == s.applied_sequence && first.sequence != 0)
-      drone.applications.add(s.applied_stamp_ns, first.at_ns + s.applied_late_ns, s.applied_late_ns);
+  if (s.applied_sequence != drone.applied_sequence) drone.margin.add(s.applied_late_ns);
+  drone.applied_sequence = s.applied_sequence;
+  const auto made = [&](std::uint64_t sequence) {
+    const Drone::Made& one = drone.made[sequence % drone.made.size()];
+    return one.sequence == sequence ? std::optional(one.stamp_ns) : std::nullopt;
+  };
+  if (s.arrived_sequence != drone.arrived_sequence) {
+    drone.arrived_sequence = s.arrived_sequence;
+    if (const auto made_ns = made(s.arrived_sequence)) drone.arrivals.add(std::max<TimeNs>(0, s.arrived_ns - *made_ns));
+    if (drone.arrivals.size() >= arrivals_needed) {
+      const auto at = [&](double q) { return drone.arrivals.quantile(q).value_or(0); };
+      drone.timing = timing_for(at(quick), at(in_time), at(almost_all) - at(0.5));
+    }
+  } else if (const auto next_ns = made(s.arrived_sequence + 1);
+             next_ns && s.stamp_ns - *next_ns > timing(drone).delay_ns + overdue_ns) {
+    drone.arrivals = {};
+    drone.timing.reset();
   }
-  if (drone.controller && s.phase == FlightPhase::flying) drone.controller->observe(s, drone.applications.late_ns());
+  if (s.phase != FlightPhase::flying) return;
+  if (drone.controller) drone.controller->observe(s, drone.margin.value_ns());
+  if (config_.manual) drone.manual.observe(s, drone.margin.value_ns());
 }
 
 void FlightCore::take_own_commands(TimeNs now_ns, const std::string& payload) {
@@ -190,22 +210,32 @@ void FlightCore::take_own_commands(TimeNs now_ns, const std::string& payload) {
 
 void FlightCore::measure(TimeNs one_way_ns) {
   two_way_.add(one_way_ns);
-  delay_ns_ = std::clamp(two_way_.quantile(in_time), least_delay_ns, most_delay_ns);
+  guess_ = timing_for(two_way_.own(quick), two_way_.quantile(in_time),
+                      two_way_.quantile(almost_all) - two_way_.quantile(0.5));
+}
+
+FlightCore::Timing FlightCore::timing_for(TimeNs soonest_ns, TimeNs in_time_ns, TimeNs tail_ns) {
+  Timing timing;
   // Long enough for two successors in a row that come as late as one of a hundred.
-  const TimeNs tail_ns = std::max<TimeNs>(0, two_way_.quantile(0.99) - two_way_.quantile(0.5));
-  plan_steps_ = std::min<std::size_t>(
+  timing.steps = std::min<std::size_t>(
       max_setpoints, PathController::steps + static_cast<std::size_t>(2 * tail_ns / PathController::step_ns));
   // After an outage the tail is long, and agent would refuse every plan that comes sooner: none may speak of more than
   // most_beyond_ns behind its arrival, be it as quick as one of ten. Shorter plans first (see make_plan), then sooner
   // ones.
-  farthest_ns_ = two_way_.quantile(quick) + most_beyond_ns;
-  delay_ns_ = std::min(delay_ns_, farthest_ns_ - static_cast<TimeNs>(PathController::steps) * PathController::step_ns);
+  timing.farthest_ns = soonest_ns + most_beyond_ns;
+  timing.delay_ns = std::min(std::clamp(in_time_ns, least_delay_ns, most_delay_ns),
+                             timing.farthest_ns - static_cast<TimeNs>(PathController::steps) * PathController::step_ns);
+  return timing;
 }
+
+const FlightCore::Timing& FlightCore::timing(const Drone& drone) const { return drone.timing ? *drone.timing : guess_; }
 
 // A plan that will not be flown.
 void FlightCore::forget(const PlannedCommand& command) {
   Drone* drone = find(command.plan.drone());
-  if (drone && drone->controller) drone->controller->withdraw(command.id);
+  if (!drone) return;
+  if (drone->controller) drone->controller->withdraw(command.id);
+  drone->manual.withdraw(command.id);
 }
 
 void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out) {
@@ -284,6 +314,7 @@ void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
     drone->pending.reset();
     if (command.plan.sequence() == 0) {
       command.plan.set_sequence(drone->next_sequence++);
+      drone->made[command.plan.sequence() % drone->made.size()] = {command.plan.sequence(), command.made_stamp_ns};
       ++drone->status.commands_sent;
       TraceRecord record;
       record.t_ns = command.made_ns;
@@ -297,7 +328,6 @@ void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
         record.v[0] = first.vx();
         record.v[1] = first.vy();
         record.v[2] = first.vz();
-        drone->firsts[command.plan.sequence() % drone->firsts.size()] = {command.plan.sequence(), first.at_ns()};
       }
       record.v[3] = command.progress_m;
       out.traces.push_back(record);
@@ -336,7 +366,6 @@ void FlightCore::hand_over_plans(TimeNs now_ns, FlightOutputs& out) {
       const PlannedSetpoint& s = command.plan.setpoints(static_cast<int>(i));
       plan.setpoints[i] = {s.at_ns(), {s.vx(), s.vy(), s.vz()}, s.yaw_rate()};
     }
-    if (plan.count > 0) drone->firsts[plan.sequence % drone->firsts.size()] = {plan.sequence, plan.setpoints[0].at_ns};
     ++drone->status.commands_sent;
     TraceRecord record;
     record.t_ns = now_ns;

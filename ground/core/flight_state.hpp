@@ -15,6 +15,7 @@ namespace ledgerline::ground {
 struct PlannedCommand {
   DronePlan plan;  ///< sequence 0: not submitted yet
   TimeNs made_ns = 0;
+  TimeNs made_stamp_ns = 0;  ///< the same moment on the drone's clock
   double progress_m = 0;
   std::uint64_t id = 0;  ///< for PathController::withdraw
 };
@@ -38,15 +39,17 @@ struct FlightCore::Drone {
   TimeNs received_ns = 0;  ///< the ground's clock
 
   std::unique_ptr<PathController> controller;  ///< of a path
-  motion::Applications applications;
+  motion::PlayoutMargin margin;
+  motion::Window arrivals;       ///< from a plan's making until it was there; the drone's clock
+  std::optional<Timing> timing;  ///< by arrivals
   std::uint64_t next_plan = 1;
-  /// Of the newest commands submitted: what states say of them belongs to these times.
-  struct First {
+  /// Of the newest plans submitted: what states say of them belongs to these times.
+  struct Made {
     std::uint64_t sequence = 0;
-    TimeNs at_ns = 0;  ///< of the first setpoint
+    TimeNs stamp_ns = 0;
   };
-  std::array<First, 128> firsts{};
-  std::uint64_t applied_sequence = 0;  ///< as the newest state had it
+  std::array<Made, 512> made{};
+  std::uint64_t applied_sequence = 0, arrived_sequence = 0;  ///< as the newest state had it
   bool slowed_said = false;
   ManualController manual;
   bool flew = false;

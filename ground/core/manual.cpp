@@ -1,5 +1,6 @@
 #include "ground/core/manual.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -7,6 +8,12 @@ namespace ledgerline::ground {
 namespace {
 
 constexpr double absurd = 100;  // m/s or rad/s, as link has it
+
+motion::PredictorConfig of_yaw() {
+  motion::PredictorConfig config;
+  config.learn = false;
+  return config;
+}
 
 }  // namespace
 
@@ -18,7 +25,7 @@ bool believable(const Twist& wish) {
 }
 
 ManualController::ManualController(const ControllerConfig& config, TimeNs timeout_ns)
-    : config_(config), timeout_ns_(std::min(timeout_ns, longest_timeout_ns)), prediction_(config.lag_s) {}
+    : config_(config), timeout_ns_(std::min(timeout_ns, longest_timeout_ns)), predictor_(of_yaw()) {}
 
 bool ManualController::take(TimeNs came_ns, const Twist& wish) {
   if (!believable(wish)) return false;
@@ -34,27 +41,27 @@ bool ManualController::take(TimeNs came_ns, const Twist& wish) {
   return true;
 }
 
-std::vector<Setpoint> ManualController::plan(TimeNs now_ns, const Motion& state, TimeNs first_ns) {
+std::vector<Setpoint> ManualController::plan(std::uint64_t id, TimeNs now_ns, TimeNs first_ns) {
   const TimeNs wished_ns = std::clamp<TimeNs>(until_ns_ - now_ns, 0, timeout_ns_);
   std::vector<Setpoint> plan;
-  Motion motion = prediction_.at(state, first_ns);
+  motion::Predictor::Rollout rollout = predictor_.until(first_ns);
   for (TimeNs at_ns = 0; at_ns < horizon_ns;) {
     Setpoint setpoint;
     setpoint.at_ns = first_ns + at_ns;
     TimeNs next_ns = at_ns + step_ns;
+    Eigen::Vector3d velocity = Eigen::Vector3d::Zero();
     if (at_ns < wished_ns) {
       next_ns = std::min(next_ns, wished_ns);
-      const double c = std::cos(motion.yaw_rad), s = std::sin(motion.yaw_rad);
-      setpoint.velocity_mps = {static_cast<float>(c * velocity_mps_[0] - s * velocity_mps_[1]),
-                               static_cast<float>(s * velocity_mps_[0] + c * velocity_mps_[1]),
-                               static_cast<float>(velocity_mps_[2])};
+      const Eigen::AngleAxisd heading(rollout.effect().yaw_rad, Eigen::Vector3d::UnitZ());
+      velocity = heading * Eigen::Vector3d::Map(velocity_mps_.data());
+      Eigen::Vector3f::Map(setpoint.velocity_mps.data()) = velocity.cast<float>();
       setpoint.yaw_rate_radps = static_cast<float>(yaw_rate_radps_);
     }
     plan.push_back(setpoint);
-    motion = prediction_.move(motion, setpoint, to_seconds(next_ns - at_ns));
+    rollout.tell(velocity, static_cast<double>(setpoint.yaw_rate_radps), rollout.told_until_ns() + next_ns - at_ns);
     at_ns = next_ns;
   }
-  prediction_.sent(state, plan);
+  predictor_.sent(id, plan);
   return plan;
 }
 

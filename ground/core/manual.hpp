@@ -24,7 +24,7 @@ class ManualController {
   static constexpr TimeNs horizon_ns = 600 * ns_per_ms;          ///< of a plan
   static constexpr TimeNs longest_timeout_ns = 500 * ns_per_ms;  ///< so that a plan always has its zero
 
-  /// Of the config: speed, vertical speed and yaw rate as limits, and the drone's lag.
+  /// Of the config: speed, vertical speed and yaw rate as limits.
   ManualController(const ControllerConfig& config, TimeNs timeout_ns);
 
   /// A wish that came at `came_ns`, the ground's clock. False, and nothing changes, when it is not believable. Roll and
@@ -32,13 +32,18 @@ class ManualController {
   bool take(TimeNs came_ns, const Twist& wish);
   void release() { until_ns_ = 0; }
 
-  /// Setpoints from `first_ns` (the drone's clock) on, which stands for `now_ns` (the ground's).
-  std::vector<Setpoint> plan(TimeNs now_ns, const Motion& state, TimeNs first_ns);
+  /// A state in flight; `late_ns`: how much later than they say link flies setpoints (motion::PlayoutMargin).
+  void observe(const StateSample& state, TimeNs late_ns) { predictor_.observe(state, late_ns); }
+  /// Setpoints from `first_ns` (the drone's clock) on, which stands for `now_ns` (the ground's), for where the nose
+  /// will be then. `id` is for withdraw().
+  std::vector<Setpoint> plan(std::uint64_t id, TimeNs now_ns, TimeNs first_ns);
+  /// The plan will not be flown.
+  void withdraw(std::uint64_t id) { predictor_.withdraw(id); }
 
  private:
   ControllerConfig config_;
   TimeNs timeout_ns_;
-  Prediction prediction_;
+  motion::Predictor predictor_;           ///< of yaw, which knows no lag
   std::array<double, 3> velocity_mps_{};  ///< the drone's frame
   double yaw_rate_radps_ = 0;
   TimeNs until_ns_ = 0;  ///< the ground's clock

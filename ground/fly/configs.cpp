@@ -6,6 +6,7 @@
 
 #include "common/rt/file.hpp"
 #include "ground/fly/machine.hpp"
+#include "onboard/link/settings.hpp"
 
 namespace ledgerline::fly {
 namespace {
@@ -83,7 +84,7 @@ std::string patience(const Options& options) {
 
 // Ground counts on plans that take over as they come; a pilot's are all for now, and smoothed.
 std::string playout_table(const Options& options) {
-  constexpr TimeNs link_max_age_ns = 2 * ns_per_s;
+  const TimeNs link_max_age_ns = link::PlayoutSettings{}.max_age_ns;
   std::string table = "\n[playout]\n";
   if (options.max_age_ns > link_max_age_ns) table += fmt::format("max_age_ms = {:.0f}\n", to_ms(options.max_age_ns));
   if (!options.manual) table += "max_margin_ms = 0\n";
@@ -108,6 +109,10 @@ std::string flight_table(const Options& options) {
       "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
       "{:.3f}\npredict = {}\n",
       shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, options.side_m, options.predict);
+  // What link keeps to, as its own config leaves it.
+  table +=
+      fmt::format("told_mps = {:.3f}\ntold_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n", link::RcSettings{}.full_scale_mps,
+                  link::PlayoutSettings{}.max_acceleration_mps2, to_ms(link::FailsafeSettings{}.pose_lost_ns));
   if (!options.course_file.empty()) table += fmt::format("waypoints = \"{}\"\n", options.course_file);
   if (options.ramp.start_mps > 0) {
     table +=

@@ -7,7 +7,10 @@
 #include <sstream>
 
 #include "common/msg/onboard.hpp"
+#include "ground/fly/configs.hpp"
 #include "ground/shell/course_file.hpp"
+#include "onboard/link/settings.hpp"
+#include "sim/parameters.hpp"
 
 namespace ledgerline::fly {
 namespace {
@@ -19,6 +22,31 @@ std::string check_duration(const std::string& text) {
   return duration ? "" : duration.error().what;
 }
 
+// Where the simulator puts drones: rows of four.
+Eigen::Vector2d start_of(int drone) {
+  const sim::Parameters sim;
+  return sim.spacing_m * Eigen::Vector2d((drone - 1) % sim.columns, (drone - 1) / sim.columns);
+}
+
+// Of a path of one's own, the first of its points that a drone would not reach; empty: none.
+std::string beyond_fence(const Options& o) {
+  const link::FenceSettings fence;
+  const auto least = Eigen::Vector3d::Map(fence.min_m.data()), most = Eigen::Vector3d::Map(fence.max_m.data());
+  for (int k = 1; k <= o.drones; ++k) {
+    for (const ground::Waypoint& point : o.waypoints) {
+      const Eigen::Vector2d at = start_of(k) + point.at_m;
+      const Eigen::Vector3d place(at.x(), at.y(), point.height_m.value_or(height_m));
+      if ((place.array() >= least.array()).all() && (place.array() <= most.array()).all()) continue;
+      return fmt::format(
+          "{}:{}: tello{} would be at {:g}, {:g}, {:g} m, beyond link's fence: x {:g} to {:g}, y {:g} to {:g}, z {:g} "
+          "to {:g} m",
+          o.course_file, point.line, k, place.x(), place.y(), place.z(), least.x(), most.x(), least.y(), most.y(),
+          least.z(), most.z());
+    }
+  }
+  return "";
+}
+
 // What speaks against it; empty: nothing.
 std::string read_flight(Options& o, const std::string& shape, const std::string& ramp) {
   if (o.ledger == "none" && o.manual) return "--shape manual goes with a ledger: its pilots speak to ground";
@@ -28,6 +56,7 @@ std::string read_flight(Options& o, const std::string& shape, const std::string&
     o.shape = course->shape;
     o.waypoints = std::move(course->waypoints);
     if (!o.waypoints.empty()) o.course_file = std::filesystem::absolute(shape);
+    if (const std::string beyond = beyond_fence(o); !beyond.empty()) return "--shape: " + beyond;
   }
   if (ramp.empty()) return "";
   if (o.manual || o.seconds > 0) return "--ramp goes with a path and its laps";
@@ -143,7 +172,7 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   }
   if (o.ledger == "none") {
     for (const char* of_ledgers :
-         {"--orderers", "--storage", "--batch-timeout", "--batch-count", "--ca", "--max-age"}) {
+         {"--orderers", "--storage", "--batch-timeout", "--batch-count", "--ca", "--max-age", "--crypto"}) {
       if (app.get_option(of_ledgers)->count() == 0) continue;
       line.exit_code = exit_usage;
       line.text = fmt::format("{} goes with a ledger: with --ledger none there is none\n", of_ledgers);
@@ -169,6 +198,12 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
   if (o.manual && laps->count() > 0) {
     line.exit_code = exit_usage;
     line.text = "--laps goes with a path: a manual flight lasts until Ctrl-C, or for --seconds\n";
+    return line;
+  }
+  for (const char* of_paths : {"--predict", "--side"}) {
+    if (!o.manual || app.get_option(of_paths)->count() == 0) continue;
+    line.exit_code = exit_usage;
+    line.text = fmt::format("{} goes with a path: with --shape manual there is none\n", of_paths);
     return line;
   }
   if (const std::string wrong = read_flight(o, shape, ramp); !wrong.empty()) {

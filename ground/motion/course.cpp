@@ -108,7 +108,6 @@ std::vector<Waypoint> waypoints_of(Shape shape, double side_m) {
 
 Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const std::string& file) {
   std::vector<Waypoint> points;
-  std::vector<int> lines;
   int number = 0;
   bool first = true;
   for (std::string_view rest = text; !rest.empty();) {
@@ -126,17 +125,17 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
       return Error{fmt::format("{}:{}: closer than 1 cm to the point before", file, number)};
     if (points.size() == most) return Error{fmt::format("{}:{}: more than {} points", file, number, most)};
     points.push_back(*point);
-    lines.push_back(number);
+    points.back().line = number;
   }
   if (points.size() < fewest)
     return Error{fmt::format("{}: {} points, at least {} are needed", file, points.size(), fewest)};
   if ((points.back().at_m - points.front().at_m).norm() < closest_m)
-    return Error{fmt::format("{}:{}: the first point again: the path closes by itself", file, lines.back())};
+    return Error{fmt::format("{}:{}: the first point again: the path closes by itself", file, points.back().line)};
   const Eigen::Vector2d origin = points.front().at_m;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    points[i].at_m -= origin;
-    if (points[i].at_m.norm() > farthest_m)
-      return Error{fmt::format("{}:{}: more than {} m from the first point", file, lines[i], farthest_m)};
+  for (Waypoint& point : points) {
+    point.at_m -= origin;
+    if (point.at_m.norm() > farthest_m)
+      return Error{fmt::format("{}:{}: more than {} m from the first point", file, point.line, farthest_m)};
   }
   return points;
 }

@@ -19,6 +19,7 @@ struct Waypoint {
   Eigen::Vector2d at_m = Eigen::Vector2d::Zero();
   std::optional<double> height_m{};   ///< above the map's zero; else the flight's height
   std::optional<double> speed_mps{};  ///< at most, from here to the next; else the flight's speed
+  int line = 0;                       ///< of the file that it came from; 0: none
 };
 
 /// A closed path: from each waypoint straight to the next, from the last to the first, which is its origin.

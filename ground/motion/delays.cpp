@@ -43,13 +43,10 @@ TimeNs TwoWay::quantile(double q) const {
   return *at;
 }
 
-void Applications::add(TimeNs origin_stamp_ns, TimeNs flown_ns, TimeNs late_ns) {
-  ages_.add(flown_ns - origin_stamp_ns);
-  late_[count_++ % late_kept] = std::max<TimeNs>(0, late_ns);
-}
+void PlayoutMargin::add(TimeNs late_ns) { late_[count_++ % kept] = std::max<TimeNs>(0, late_ns); }
 
-TimeNs Applications::late_ns() const {
-  const std::size_t known = std::min(count_, late_kept);
+TimeNs PlayoutMargin::value_ns() const {
+  const std::size_t known = std::min(count_, kept);
   auto sorted = late_;
   std::sort(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(known));
   return known == 0 ? 0 : sorted[known / 2];

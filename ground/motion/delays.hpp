@@ -26,35 +26,33 @@ class Window {
 /// How long a state's way and its command's way take together, as a distribution, without comparing clocks: on the
 /// ground's clock alone, from what our own commands take from submission until their block is back here. That is one
 /// command's way to the ledger and one way from the ledger, as a state's is; so the sum of two such samples has the
-/// distribution of a state's and a command's ways together. What that misses (ways that differ) shows on the drone's
-/// clock: see Applications. Deterministic; one thread.
+/// distribution of a state's and a command's ways together, where the drone's side is as far as ours. What states say
+/// of plans that came is better: this is for as long as they say nothing. Deterministic; one thread.
 class TwoWay {
  public:
   static constexpr TimeNs unknown_ns = 25 * ns_per_ms;  ///< while nothing was measured
   void add(TimeNs submission_to_block_ns);
   /// Of both ways together, over all pairs of samples.
   TimeNs quantile(double q) const;
+  /// Of our own alone: wherever the drone's side is, it takes as long as this.
+  TimeNs own(double q) const { return ways_.quantile(q).value_or(0); }
 
  private:
   Window ways_;
 };
 
-/// What states say of the plans that were flown, on the drone's clock alone: their age (from the stamp of the state
-/// that a plan was made from until it was flown), and how much later than it said link flew it: its playout's margin,
-/// which grows where plans come late. Deterministic; one thread.
-class Applications {
+/// How much later than they say link flies setpoints: its playout's margin, which grows where plans come late.
+/// Deterministic; one thread.
+class PlayoutMargin {
  public:
   /// Once for each plan of which a state says that it is flown.
-  void add(TimeNs origin_stamp_ns, TimeNs flown_ns, TimeNs late_ns);
-  /// By how much link flies setpoints later than they say: the median of the newest five, never negative.
-  TimeNs late_ns() const;
-  /// Nothing while no plan was flown.
-  std::optional<TimeNs> age_ns(double q) const { return ages_.quantile(q); }
+  void add(TimeNs late_ns);
+  /// The median of the newest five, never negative.
+  TimeNs value_ns() const;
 
  private:
-  static constexpr std::size_t late_kept = 5;
-  Window ages_;
-  std::array<TimeNs, late_kept> late_{};
+  static constexpr std::size_t kept = 5;
+  std::array<TimeNs, kept> late_{};
   std::size_t count_ = 0;
 };
 

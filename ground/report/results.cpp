@@ -102,7 +102,8 @@ void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::u
     const double asked_mps = asked.ramp.start_mps > 0
                                  ? asked.ramp.start_mps + asked.ramp.step_mps * static_cast<double>(drone.turns.size())
                                  : asked.speed_mps;
-    drone.turns.push_back({asked_mps, lap_s > 0 ? path.length_m() / lap_s : 0, of_lap.rms_m, of_lap.max_m});
+    drone.turns.push_back(
+        {asked_mps, lap_s > 0 ? number_of(at(ground, "lap_m")) / lap_s : 0, of_lap.rms_m, of_lap.max_m});
     from_ns = to_ns;
   }
   for (const auto& corner : path.corners()) drone.wanted.push_back({corner.x(), corner.y()});

@@ -37,6 +37,9 @@ FlightConfig flight_config(Config& config) {
   flight.controller.ramp.start_mps = config.number("flight.ramp_start_mps", 0, 0, 8);
   flight.controller.ramp.step_mps = config.number("flight.ramp_step_mps", 0, 0, 2);
   flight.controller.told_mps = config.number("flight.told_mps", flight.controller.told_mps, 0.1, 20);
+  flight.controller.told_mps2 = config.number("flight.told_mps2", flight.controller.told_mps2, 0.1, 50);
+  flight.controller.pose_lost_ns =
+      config.integer("flight.pose_lost_ms", flight.controller.pose_lost_ns / ns_per_ms, 10, 10'000) * ns_per_ms;
   flight.controller.lag_s = config.number("flight.lag_s", flight.controller.lag_s, 0.01, 2);
   for (std::size_t i = 0; i < config.table_count("drone"); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
@@ -85,6 +88,7 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
          {"finished", status.finished},
          {"landed", status.phase == DronePhase::landed},
          {"lap_s", status.lap_s},
+         {"lap_m", status.lap_m},
          {"origin", status.origin_m},
          {"height_m", core.height_m()},
          {"states_received", status.states_received},

@@ -65,12 +65,17 @@ Status LocalShell::hear_mocap() {
 
 // Sim's stamps are of this host's real-time clock.
 void LocalShell::take_mocap() {
-  const TimeNs offset_ns = realtime_ns() - monotonic_ns();
+  clock_.refresh();
   for (Drone& drone : drones_) {
     MocapMessage message{};
     while (drone.ring->pop(message)) {
-      const TimeNs stamp_ns = std::min(message.source_real_ns - offset_ns, message.arrived_ns);
-      auto pose = drone.fusion.add({stamp_ns, message.position_m, yaw_from_quaternion(message.orientation)});
+      const auto stamp_ns = clock_.stamp(message.source_real_ns, message.arrived_ns);
+      if (!stamp_ns) {
+        ++poses_implausible_;
+        continue;
+      }
+      auto pose = drone.fusion.add(
+          {std::min(*stamp_ns, message.arrived_ns), message.position_m, yaw_from_quaternion(message.orientation)});
       if (!pose) continue;
       pose->drone = drone.number;
       (void)end_->send_pose(*pose);  // no chunk left: the next one comes in 10 ms
@@ -149,6 +154,7 @@ Result<bool> LocalShell::run() {
     fmt::print("{}\n", ground::status_line(core_));
     std::fflush(stdout);
   }
+  if (poses_implausible_ > 0) spdlog::warn("{} mocap poses had stamps that are not believed", poses_implausible_);
   if (plans_lost_ > 0) spdlog::warn("{} plans found no room in shared memory", plans_lost_);
   if (auto status = write_summary(); !status) return status.error();
   return core_.ok();

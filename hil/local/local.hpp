@@ -11,6 +11,7 @@
 #include "common/rt/trace.hpp"
 #include "ground/shell/settings.hpp"
 #include "onboard/agent/fusion.hpp"
+#include "onboard/agent/mocap_clock.hpp"
 #include "onboard/ipc/ipc.hpp"
 
 namespace ledgerline::hil {
@@ -56,7 +57,8 @@ class LocalShell {
   std::optional<TraceWriter> trace_;
   AgentBeat beat_;
   TimeNs next_beat_ns_ = 0, next_status_ns_ = 0;
-  std::uint64_t plans_lost_ = 0;
+  std::uint64_t plans_lost_ = 0, poses_implausible_ = 0;
+  agent::MocapClock clock_{[] { return realtime_ns() - monotonic_ns(); }};
   std::vector<Drone> drones_;  ///< last: their readers end first
 };
 

@@ -129,6 +129,10 @@ void LinkCore::take_plan(TimeNs now, const Plan& plan) noexcept {
                    .stamp_ns = plan.state_stamp_ns,
                    .v = {}});
   if (drone.playout.admit(now, plan) != DropReason::none) return;
+  if (plan.action <= PlanAction::land) {  // of the lease's sequence
+    drone.arrived_sequence = plan.sequence;
+    drone.arrived_ns = now;
+  }
   const FailsafeMode mode = drone.failsafe.mode;
   switch (plan.action) {
     case PlanAction::fly:
@@ -347,6 +351,8 @@ void LinkCore::sample(TimeNs now, Drone& drone) noexcept {
       .applied_sequence = drone.applied_sequence,
       .applied_stamp_ns = drone.applied_stamp_ns,
       .applied_late_ns = drone.applied_late_ns,
+      .arrived_sequence = drone.arrived_sequence,
+      .arrived_ns = drone.arrived_ns,
       .sent_velocity_mps = drone.sent.mps,
       .sent_yaw_rate_radps = drone.sent.yaw_radps,
       .plans_late = plans.late,

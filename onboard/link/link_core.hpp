@@ -112,6 +112,8 @@ class LinkCore {
     std::uint64_t applied_sequence = 0;
     TimeNs applied_stamp_ns = 0;
     TimeNs applied_late_ns = 0;
+    std::uint64_t arrived_sequence = 0;
+    TimeNs arrived_ns = 0;
     Histogram age;
   };
 

@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <deque>
+
 #include "tests/unit/ground/flight_world.hpp"
 
 namespace ledgerline::ground {
@@ -41,7 +43,8 @@ class FlightByHand : public testing::Test {
     return block(event("set", call.SerializeAsString()));
   }
   /// The same in flight, at that height: from the second on each wants a FLY plan.
-  FlightOutputs flying(std::initializer_list<int> drones, double height_m) {
+  FlightOutputs flying(std::initializer_list<int> drones, double height_m, std::uint64_t arrived = 0,
+                       TimeNs arrived_ns = 0) {
     now_ns += 5 * ns_per_ms;
     SetCall call;
     for (int k : drones) {
@@ -51,6 +54,8 @@ class FlightByHand : public testing::Test {
       sample.sequence = ++sequence;
       sample.stamp_ns = sample.pose_stamp_ns = now_ns;
       sample.position_m = {0, 0, height_m};
+      sample.arrived_sequence = arrived;
+      sample.arrived_ns = arrived_ns;
       *call.add_assets() = status_asset("tello" + std::to_string(k), sample);
     }
     return block(event("set", call.SerializeAsString()));
@@ -284,6 +289,53 @@ TEST_F(FlightByHand, TheDelayIsTheWayOfItsOwnCommandsThereAndBack) {
     (void)outcome(out.submissions[0].id, Kind::committed);
   }
   EXPECT_NEAR(to_ms(core.delay_ns()), 80, 1);
+}
+
+/// The ledger takes 10 ms of ground's plans, but each is at the drone `far_ns` after it was made, as far as the newest
+/// states say.
+class FlightFarFromTheDrone : public FlightByHand {
+ protected:
+  FlightFarFromTheDrone() : FlightByHand(1) { (void)flying({1}, 1.0); }
+  void exchange(int times, TimeNs far_ns, bool arrive = true) {
+    for (int i = 0; i < times; ++i) {
+      while (arrive && !under_way.empty() && under_way.front().second + far_ns <= now_ns) {
+        newest = {under_way.front().first, under_way.front().second + far_ns};
+        under_way.pop_front();
+      }
+      const auto out = flying({1}, 1.0, newest.first, newest.second);
+      const CommandCall call = call_of(out);
+      ASSERT_EQ(call.plans_size(), 1);
+      if (call.plans(0).action() == FLY) ahead_ns = call.plans(0).setpoints(0).at_ns() - now_ns;
+      under_way.emplace_back(call.plans(0).sequence(), now_ns);
+      now_ns += 10 * ns_per_ms;
+      (void)block(event("command", out.submissions[0].call.args[0]));
+      (void)outcome(out.submissions[0].id, Kind::committed);
+      now_ns += 20 * ns_per_ms;
+    }
+  }
+  std::deque<std::pair<std::uint64_t, TimeNs>> under_way;  ///< sequence, made
+  std::pair<std::uint64_t, TimeNs> newest{};               ///< sequence, came
+  TimeNs ahead_ns = 0;                                     ///< of the newest plan's first setpoint
+};
+
+TEST_F(FlightFarFromTheDrone, PlansAreForWhenTheStatesSayThatPlansCome) {
+  exchange(60, 500 * ns_per_ms);
+  EXPECT_NEAR(to_ms(core.delay_ns()), 500, 1);
+  EXPECT_NEAR(to_ms(ahead_ns), 500, 1);
+  // Again and again: what was asked for is no part of what is measured.
+  exchange(300, 500 * ns_per_ms);
+  EXPECT_NEAR(to_ms(core.delay_ns()), 500, 1);
+  exchange(100, 200 * ns_per_ms);
+  EXPECT_NEAR(to_ms(core.delay_ns()), 200, 1);
+}
+
+TEST_F(FlightFarFromTheDrone, WhereNoPlanComesAnyMoreTheyAreForSoonerAgain) {
+  exchange(120, 1'500 * ns_per_ms);
+  EXPECT_NEAR(to_ms(core.delay_ns()), 1'500, 1);
+  exchange(45, 0, false);  // agent may refuse them for being for too late
+  EXPECT_NEAR(to_ms(core.delay_ns()), 1'500, 1);
+  exchange(30, 0, false);
+  EXPECT_NEAR(to_ms(core.delay_ns()), 20, 1);
 }
 
 // Agent takes no setpoint for later than 2 s from when it comes, and the quickest plan comes first.

@@ -71,6 +71,7 @@ class FlightWorld {
     FailsafeCause cause = FailsafeCause::none;
     bool obeys_takeoff = true, obeys_landing = true, silent = false, has_pose = true;
     std::vector<DronePlan> plans;  ///< as they came
+    TimeNs arrived_ns = 0;         ///< the newest of them
   };
 
   /// Runs until the flight is done, or for at most `limit_s`.
@@ -199,6 +200,8 @@ class FlightWorld {
       sample.yaw_rad = drone.model.motion.yaw_rad;
       for (std::size_t i = 0; i < 3; ++i)
         sample.sent_velocity_mps[i] = static_cast<float>(drone.model.told_mps[static_cast<int>(i)]);
+      if (!drone.plans.empty()) sample.arrived_sequence = drone.plans.back().sequence();
+      sample.arrived_ns = drone.arrived_ns;
       for (const DronePlan& plan : drone.plans) {
         if (plan.action() != FLY || plan.setpoints(0).at_ns() > now_ns) continue;
         sample.applied_sequence = plan.sequence();
@@ -221,6 +224,7 @@ class FlightWorld {
       for (Drone& drone : drones) {
         if (drone.name != plan.drone()) continue;
         drone.plans.push_back(plan);
+        drone.arrived_ns = now_ns;
         if (plan.action() == TAKEOFF && !in_flight(drone.phase) && drone.obeys_takeoff) {
           enter(drone, FlightPhase::taking_off);
         } else if (plan.action() == LAND && drone.phase == FlightPhase::flying && drone.obeys_landing) {

@@ -101,6 +101,8 @@ TEST(FlyOptions, AManualFlightHasNoPathAndNoLaps) {
   EXPECT_TRUE(line.options.manual);
   EXPECT_EQ(shape_name(line.options), "manual");
   expect_refused({"--shape", "manual", "--laps", "2"}, "--laps goes with a path");
+  expect_refused({"--shape", "manual", "--predict", "off"}, "--predict goes with a path");
+  expect_refused({"--shape", "manual", "--side", "2"}, "--side goes with a path");
 }
 
 TEST(FlyOptions, PredictionIsOnUnlessItIsSwitchedOff) {
@@ -133,6 +135,16 @@ TEST(FlyOptions, APathOfOnesOwnIsAFileOfWaypoints) {
   expect_refused({"--shape", testing::TempDir()}, "there is no file");
 }
 
+TEST(FlyOptions, APathThatLeavesLinksFenceIsRefusedWithItsLine) {
+  const std::string file = testing::TempDir() + "/high.csv";
+  ASSERT_TRUE(write_file(file, "0,0,1\n# up\n1,0,3.5\n1,1\n"));
+  expect_refused({"--shape", file}, "high.csv:3: tello1 would be at 1, 0, 3.5 m, beyond link's fence");
+  expect_refused({"--shape", file}, "z 0 to 3 m");
+  ASSERT_TRUE(write_file(file, "0,0\n18,0\n1,1\n"));
+  EXPECT_TRUE(parse_command_line({"--shape", file}).fly);
+  expect_refused({"--shape", file, "--drones", "2"}, "high.csv:2: tello2 would be at 21, 0, 1 m");
+}
+
 TEST(FlyOptions, WithoutALedgerNothingIsAskedOfOne) {
   const auto line = parse_command_line({"--ledger", "none"});
   ASSERT_TRUE(line.fly) << line.text;
@@ -140,6 +152,7 @@ TEST(FlyOptions, WithoutALedgerNothingIsAskedOfOne) {
   EXPECT_EQ(controller_program(line.options), "local");
   expect_refused({"--ledger", "none", "--batch-count", "3"}, "--batch-count goes with a ledger");
   expect_refused({"--ledger", "none", "--storage", "tmpfs"}, "--storage goes with a ledger");
+  expect_refused({"--ledger", "none", "--crypto", "mbedtls"}, "--crypto goes with a ledger");
   expect_refused({"--ledger", "none", "--shape", "manual"}, "--shape manual goes with a ledger");
 }
 

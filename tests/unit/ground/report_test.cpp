@@ -97,7 +97,7 @@ class RunDirectory : public testing::Test {
         R"("commands":{"on_ledger":10,"refused":3,"refused_reasons":{"too_old":3}}}],"transactions":{"committed":17}})");
     write(
         files.summary("ground"),
-        R"({"drones":[{"name":"tello1","finished":true,"landed":true,"lap_s":[12.5,13.5],"origin":[1.0,2.0],"height_m":1.0,)"
+        R"({"drones":[{"name":"tello1","finished":true,"landed":true,"lap_s":[12.5,13.5],"lap_m":6.25,"origin":[1.0,2.0],"height_m":1.0,)"
         R"("commands_sent":11,"commands_refused":1,"path_ns":[1000000000,9000000000]}],"transactions":{"committed":10},"why":""})");
     write_trace("agent", {record(TraceKind::command_verified, 2'010'000'000, 1, 1, 2'000'000'000)});
     write_trace("link", {record(TraceKind::command_applied, 2'020'000'000, 1, 1, 2'000'000'000)});
@@ -163,6 +163,7 @@ TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   EXPECT_NEAR(drone["age_ms"]["max"].get<double>(), 20, 1e-6);
   EXPECT_NEAR(drone["cross_track_m"]["rms"].get<double>(), 0.1, 1e-6);
   EXPECT_EQ(drone["lap_s"], json({12.5, 13.5}));
+  EXPECT_EQ(drone["turns"][0]["flown_mps"], 0.5);  // by the length that was flown, corners and all
   EXPECT_EQ(drone["transitions"], json({{"made", 6}, {"on_ledger", 5}, {"lost", 1}}));
   EXPECT_EQ(drone["states"], json({{"sampled", 21}, {"sent", 18}, {"on_ledger", 17}, {"merged", 2}, {"dropped", 2}}));
   EXPECT_EQ(drone["commands"], json({{"sent", 11},

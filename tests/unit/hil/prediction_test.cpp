@@ -109,7 +109,32 @@ TEST(Prediction, WithThePublishedDelayItFliesAsIfOnBoardAndThePlainControllerFai
   for (const auto& flight : plain) EXPECT_GE(flight.drones[0].cross_track_max_m, failing_error_m);
   for (const auto& flight : published) {
     EXPECT_NEAR(flight.drones[0].two_way_ms.median, 460, 30);
-    EXPECT_LE(flight.drones[0].commands_applied, flight.drones[0].commands_sent);
+    // Of those that overtook each other the newest is flown: no more of them than one of ten.
+    EXPECT_LT(flight.drones[0].commands_applied, flight.drones[0].commands_sent);
+    EXPECT_GE(flight.drones[0].commands_applied, 0.9 * static_cast<double>(flight.drones[0].commands_sent));
+  }
+}
+
+// Between agent and ledger alone, where ground's own commands do not show it, or between ground and ledger alone.
+TEST(Prediction, OnWhicheverSideTheDelayLiesItFliesAsWellAsWithHalfOnEach) {
+  const int count = seeds(3, 10);
+  for (const double delay_s : {0.25, 0.5}) {
+    VirtualFlightConfig config = config_for(Way::embedded);
+    config.delays.added = {AddedDelay::Kind::constant, delay_s};
+    const auto both = fly(config, count);
+    expect_flown(both);
+    const Figures even = over(both);
+    fmt::print("{} s of delay, {} seeds (local: here half on each side)\n", delay_s, count);
+    print("half on each side", both, even, even);
+    for (const auto& [side, share] : {std::pair{"agent's side alone", 1.0}, std::pair{"ground's side alone", 0.0}}) {
+      config.delays.added.agent_share = share;
+      const auto flights = fly(config, count);
+      expect_flown(flights);
+      const Figures one = over(flights);
+      print(side, flights, one, even);
+      EXPECT_LE(one.rms_m, 1.2 * even.rms_m) << side << ", " << delay_s << " s";
+      EXPECT_NEAR(one.laps_s, even.laps_s, 0.05 * even.laps_s);
+    }
   }
 }
 
@@ -151,8 +176,11 @@ TEST(Prediction, AtTwoSecondsOfDelayItChoosesASpeedOfItsOwnAndStaysOnThePath) {
                drone.slowed_to_mps.value_or(0), drone.limit_mps, drone.cross_track_rms_m, drone.cross_track_max_m,
                over({flight}).laps_s);
     ASSERT_TRUE(drone.slowed_to_mps);
-    EXPECT_GE(*drone.slowed_to_mps, 0.2);
-    EXPECT_LT(*drone.slowed_to_mps, 1.0);
+    EXPECT_LT(*drone.slowed_to_mps, 0.5);
+    // As it was really flown: slower at first than it may once it knows how well it predicts, and never at a crawl.
+    ASSERT_EQ(drone.laps.size(), 3U);
+    EXPECT_GT(drone.laps.front().flown_mps, 0.3);
+    EXPECT_LT(drone.laps.front().flown_mps, 0.9 * drone.laps.back().flown_mps);
     EXPECT_LT(drone.cross_track_max_m, failing_error_m);
   }
 }
@@ -233,7 +261,7 @@ TEST(AddedDelay, BothWaysTogetherAreOneDrawAndARecordingKeepsItsOrder) {
   };
   const auto added = added_delay_from("a file.txt", file);
   ASSERT_TRUE(added.ok()) << added.error().what;
-  WayDelay there(*added, WayDelay::Way::there, 7), back(*added, WayDelay::Way::back, 7);
+  WayDelay there(*added, WayDelay::Way::there, 0.5, 7), back(*added, WayDelay::Way::back, 0.5, 7);
   std::vector<TimeNs> halves;
   for (TimeNs sent = 0; sent < 20 * 100 * ns_per_ms; sent += 100 * ns_per_ms) {
     halves.push_back(there.at(sent));

@@ -31,14 +31,21 @@ TEST(TwoWay, AClockThatWentBackIsNoNegativeDelay) {
   EXPECT_EQ(two_way.quantile(0.5), 0);
 }
 
-TEST(Applications, TellAgeAndLatenessOnTheDronesClock) {
-  Applications applications;
-  EXPECT_EQ(applications.late_ns(), 0);
-  EXPECT_FALSE(applications.age_ns(0.5));
-  for (TimeNs late = 0; late <= 40 * ns_per_ms; late += 10 * ns_per_ms)
-    applications.add(1'000 * ns_per_s, 1'000 * ns_per_s + 100 * ns_per_ms + late, late);
-  EXPECT_EQ(applications.late_ns(), 20 * ns_per_ms);
-  EXPECT_EQ(applications.age_ns(0.5), 120 * ns_per_ms);
+TEST(TwoWay, ItsOwnPartIsOneWayAlone) {
+  TwoWay two_way;
+  EXPECT_EQ(two_way.own(0.1), 0);
+  for (int i = 1; i <= 10; ++i) two_way.add(i * 10 * ns_per_ms);
+  EXPECT_EQ(two_way.own(0), 10 * ns_per_ms);
+  EXPECT_EQ(two_way.own(1), 100 * ns_per_ms);
+}
+
+TEST(PlayoutMargin, IsTheMedianOfTheNewestFiveAndNeverNegative) {
+  PlayoutMargin margin;
+  EXPECT_EQ(margin.value_ns(), 0);
+  margin.add(-5);
+  EXPECT_EQ(margin.value_ns(), 0);
+  for (TimeNs late = 0; late <= 40 * ns_per_ms; late += 10 * ns_per_ms) margin.add(late);
+  EXPECT_EQ(margin.value_ns(), 20 * ns_per_ms);
 }
 
 }  // namespace

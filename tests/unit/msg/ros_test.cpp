@@ -138,6 +138,8 @@ StateSample sample_status() {
   s.applied_sequence = 41;
   s.applied_stamp_ns = 990'000'000;
   s.applied_late_ns = -3;
+  s.arrived_sequence = 43;
+  s.arrived_ns = 995'000'000;
   s.sent_velocity_mps = {0.5F, -0.5F, 0.25F};
   s.sent_yaw_rate_radps = 0.125F;
   s.plans_late = 1;
@@ -168,6 +170,8 @@ TEST(Ros, LinkStatusComesBackWhole) {
   EXPECT_EQ(got.applied_sequence, wanted.applied_sequence);
   EXPECT_EQ(got.applied_stamp_ns, wanted.applied_stamp_ns);
   EXPECT_EQ(got.applied_late_ns, wanted.applied_late_ns);
+  EXPECT_EQ(got.arrived_sequence, wanted.arrived_sequence);
+  EXPECT_EQ(got.arrived_ns, wanted.arrived_ns);
   EXPECT_EQ(got.sent_velocity_mps, wanted.sent_velocity_mps);
   EXPECT_EQ(got.sent_yaw_rate_radps, wanted.sent_yaw_rate_radps);
   EXPECT_EQ(got.plans_late, wanted.plans_late);
@@ -249,6 +253,7 @@ TEST(Ros, TimesAndNumbersThatNoDroneCanSayAreRefused) {
   EXPECT_TRUE(refused([](auto& s) { s.stamp_ns = INT64_MAX; }));
   EXPECT_TRUE(refused([](auto& s) { s.pose_stamp_ns = INT64_MIN; }));
   EXPECT_TRUE(refused([](auto& s) { s.applied_late_ns = INT64_MIN; }));
+  EXPECT_TRUE(refused([](auto& s) { s.arrived_ns = -1; }));
   EXPECT_TRUE(refused([](auto& s) { s.position_m[2] = nan; }));
   EXPECT_TRUE(refused([](auto& s) { s.velocity_mps[0] = -1e300; }));
   EXPECT_TRUE(refused([](auto& s) { s.yaw_rad = std::numeric_limits<double>::infinity(); }));

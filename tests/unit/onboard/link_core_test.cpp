@@ -86,6 +86,21 @@ TEST(LinkCore, AgeAtApplicationIsFromTheStateToTheFirstSetpointSent) {
   EXPECT_EQ(state.plans_applied, 51U);
 }
 
+TEST(LinkCore, StatesSayWhenTheNewestPlanCameWhetherItIsFlownOrNot) {
+  LinkWorld w;
+  w.take_off();
+  Plan& plan = w.fly_plan({0.2F, 0, 0}, 10, 2 * ns_per_s);
+  const std::uint64_t early = plan.sequence;
+  const TimeNs came_ns = w.now;
+  w.pass(100 * ms);
+  EXPECT_EQ(w.states.back().arrived_sequence, early);
+  EXPECT_NEAR(to_ms(w.states.back().arrived_ns - came_ns), 0, 2);
+  EXPECT_LT(w.states.back().applied_sequence, early);
+  (void)w.fly_plan({0.2F, 0, 0}, 2, -1 * ns_per_s);  // over already
+  w.pass(100 * ms);
+  EXPECT_EQ(w.states.back().arrived_sequence, early + 1);
+}
+
 TEST(LinkCore, AttitudeAndAccelerationAreToldInRep103sSigns) {
   LinkWorld w;
   // Right side down, nose up, turned clockwise; pushed forward and to the right, and at rest against gravity.
