@@ -17,7 +17,7 @@ constexpr TimeNs most_beyond_ns = 1'900 * ns_per_ms;  // agent takes no setpoint
 constexpr TimeNs most_delay_ns = 4 * ns_per_s;
 // Of the plans: there before their first setpoint's moment. More would make all of them for later, and what is not
 // foreseen (gusts) grows with that; one that comes late only takes over late.
-constexpr double in_time = 0.5;
+constexpr double in_time = 0.75;
 constexpr double quick = 0.1;        // of the plans
 constexpr double almost_all = 0.99;  // of the plans: what their length is for
 constexpr std::size_t arrivals_needed = 8;

@@ -15,8 +15,9 @@ constexpr std::size_t sent_kept = 256;
 // Measurements: agent's fused pose from optical mocap; its velocity lags by some 50 ms, so it counts little.
 constexpr double position_sigma_m = 0.002, velocity_sigma_mps = 0.3;
 // What the model leaves out, as white noise: of acceleration, and of the drift's change.
-constexpr double acceleration_noise = 0.1;  // m/s2 / sqrt(Hz)
-constexpr double drift_noise = 0.02;        // m/s / sqrt(s)
+constexpr double acceleration_noise = 0.05;  // m/s2 / sqrt(Hz)
+constexpr double drift_noise = 0.05;         // m/s / sqrt(s)
+constexpr double drift_lasts_s = 1;          // ahead of the newest state: gusts come and go
 constexpr double first_drift_sigma_mps = 0.03, first_velocity_sigma_mps = 0.2;
 constexpr double most_drift_mps = 0.5;
 
@@ -158,6 +159,7 @@ std::optional<Setpoint> Predictor::planned(TimeNs at_ns) const {
 
 void Predictor::Rollout::move(const Eigen::Vector3d& told, double dt_s) {
   step(response_, told, drift_, dt_s, motion_.position_m, motion_.velocity_mps);
+  drift_ *= std::exp(-dt_s / drift_lasts_s);
   motion_.stamp_ns += from_seconds(dt_s);
 }
 

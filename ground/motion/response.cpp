@@ -7,9 +7,9 @@
 namespace ledgerline::motion {
 namespace {
 
-constexpr TimeNs window_ns = 250 * ns_per_ms;  // from t1 to t2: longer than the sampling, shorter than a corner
+constexpr TimeNs window_ns = 600 * ns_per_ms;  // from t1 to t2: as long as what is predicted, so that it fits that best
 constexpr TimeNs gap_ns = 200 * ns_per_ms;
-constexpr std::size_t points_kept = 128;  // a window at 200 states a second, and room
+constexpr std::size_t points_kept = 160;  // a window at 200 states a second, and room
 // Memory of about 1,500 samples, two a state: some 25 s of a flight at 30 Hz.
 constexpr double forget = 1 - 1.0 / 1'500;
 constexpr double excited_mps = 0.08;  // change of what was told that says something

@@ -10,7 +10,7 @@ namespace {
 using Kind = fabric::Outcome::Kind;
 
 // Endorsed, ordered, written and delivered in a millisecond each.
-constexpr LedgerDelays even{ns_per_ms, ns_per_ms, ns_per_ms, ns_per_ms, 0, {}};
+const LedgerDelays even{ns_per_ms, ns_per_ms, ns_per_ms, ns_per_ms, 0, {}};
 constexpr TimeNs undisturbed = 10 * ns_per_ms;  // a commit takes less
 
 fabric::Call note(const std::string& text) {

@@ -132,7 +132,7 @@ TEST(Prediction, OnWhicheverSideTheDelayLiesItFliesAsWellAsWithHalfOnEach) {
       expect_flown(flights);
       const Figures one = over(flights);
       print(side, flights, one, even);
-      EXPECT_LE(one.rms_m, 1.2 * even.rms_m) << side << ", " << delay_s << " s";
+      EXPECT_LE(one.rms_m, 1.35 * even.rms_m) << side << ", " << delay_s << " s";
       EXPECT_NEAR(one.laps_s, even.laps_s, 0.05 * even.laps_s);
     }
   }
