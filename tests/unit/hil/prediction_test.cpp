@@ -256,9 +256,7 @@ TEST(AddedDelay, WhatIsMeasuredHasThePublishedBoxAndATailBeyondItsWhisker) {
 
 // None overtakes the one before: that is for the newest to answer.
 TEST(AddedDelay, BothWaysTogetherAreOneDrawAndARecordingKeepsItsOrder) {
-  const ReadRecording file = [](const std::string& path) {
-    return parse_recording(path, "0.2\n0.3\n0.38\n0.25\n");
-  };
+  const ReadRecording file = [](const std::string& path) { return parse_recording(path, "0.2\n0.3\n0.38\n0.25\n"); };
   const auto added = added_delay_from("a file.txt", file);
   ASSERT_TRUE(added.ok()) << added.error().what;
   WayDelay there(*added, WayDelay::Way::there, 0.5, 7), back(*added, WayDelay::Way::back, 0.5, 7);
