@@ -331,6 +331,9 @@ int connected_to(const sockaddr_in& address) {
 }
 
 TEST(ServerSide, ThatMayOpenNoMoreFilesWaitsAWhileAndDoesNotSpin) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "ubsan looks at an object through a pipe, for which there is no file left";
+#endif
   ServerRoute route{"node", {}, {}};
   route.listen.sin_family = route.address.sin_family = AF_INET;
   route.listen.sin_addr.s_addr = route.address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -364,6 +367,9 @@ TEST(ServerSide, ThatMayOpenNoMoreFilesWaitsAWhileAndDoesNotSpin) {
 using Socket = Folder;
 
 TEST_F(Socket, ThatMayOpenNoMoreFilesWaitsAWhileAndDoesNotSpin) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "ubsan looks at an object through a pipe, for which there is no file left";
+#endif
   auto socket = FaultSocket::open(in("f.sock"));
   ASSERT_TRUE(socket) << socket.error().what;
   sockaddr_un address{};
