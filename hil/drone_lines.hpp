@@ -40,7 +40,6 @@ class DroneLines {
   /// All that it has now; one that it had before, by `item`, goes on with what it said and when.
   void set_sensor_faults(std::vector<SensorFault> faults);
   void set_mocap_fault(const MocapFault& fault);
-  LineCounts counts(LineAt at) const { return lines_[static_cast<std::size_t>(at)].counts(); }
 
  private:
   Line& line(LineAt at) { return lines_[static_cast<std::size_t>(at)]; }

@@ -9,6 +9,10 @@
 namespace ledgerline::hil {
 
 inline constexpr double on_ground_m = 0.1;  ///< a drone below it, its motors off, is on the ground
+inline constexpr double rc_full_mps = 1;    ///< what rc 100 means
+
+/// Whether it is there, motors off: one whose motors were cut may still be falling.
+inline bool on_ground(const sim::Truth& truth) { return !truth.in_flight && truth.position_m[2] < on_ground_m; }
 
 enum class Process : std::uint8_t { agent, link, ground };
 

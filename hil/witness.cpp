@@ -8,11 +8,6 @@
 #include "hil/world_setup.hpp"
 
 namespace ledgerline::hil {
-namespace {
-
-constexpr double rc_full_mps = 1.0;
-
-}  // namespace
 
 Witness::Witness(int drones, const sim::Simulator& sim) {
   for (int k = 1; k <= drones; ++k) {
@@ -118,10 +113,8 @@ void Witness::end_step(const sim::Simulator& sim, const ground::FlightCore* grou
 }
 
 bool Witness::all_down() const {
-  return std::all_of(facts_.begin(), facts_.end(), [](const DroneFacts& facts) {
-    const bool down = !facts.truth.in_flight && facts.truth.position_m[2] < on_ground_m;  // not still falling
-    return down && !in_flight(facts.phase);
-  });
+  return std::all_of(facts_.begin(), facts_.end(),
+                     [](const DroneFacts& facts) { return on_ground(facts.truth) && !in_flight(facts.phase); });
 }
 
 }  // namespace ledgerline::hil

@@ -245,10 +245,6 @@ void VirtualWorld::stop_drone(std::size_t drone, bool cut) {
 
 DroneLines& VirtualWorld::lines(std::size_t drone) { return wires_->drones[drone].lines; }
 
-const LedgerPort::Counts& VirtualWorld::counts(Process process) const {
-  return process == Process::agent ? host_.counts() : operator_.counts();
-}
-
 std::string VirtualWorld::plans_text(std::size_t drone) const {
   std::string text;
   if (agent_) {
@@ -265,10 +261,6 @@ std::string VirtualWorld::plans_text(std::size_t drone) const {
                         plans.received, plans.applied, plans.late, plans.dropped);
   }
   return text;
-}
-
-ground::FlightStatus VirtualWorld::status(std::size_t drone) const {
-  return ground_ ? ground_->status(drone) : ground::FlightStatus{};
 }
 
 void VirtualWorld::step() {

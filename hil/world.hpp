@@ -47,7 +47,6 @@ class VirtualWorld {
   bool lives(Process process) const;
   /// It runs: it lives and was not stopped.
   bool runs(Process process) const;
-  ground::FlightStatus status(std::size_t drone) const;
 
   /// What ground and agent were told is on the ledger, and what a node that starts anew from its store knows nothing
   /// of, or holds for invalid: must be none. At the end: it restarts the node.
@@ -61,7 +60,6 @@ class VirtualWorld {
   crypto::Digest digest();
   std::uint64_t blocks() const { return ledger_.height(); }
   std::uint64_t transactions() const { return ledger_.transactions(); }
-  const LedgerPort::Counts& counts(Process process) const;
   /// What became of a drone's plans, in words: agent's refusals and link's counters, of those that run now.
   std::string plans_text(std::size_t drone) const;
 

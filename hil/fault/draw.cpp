@@ -5,6 +5,7 @@
 #include <array>
 
 #include "hil/fault/run.hpp"
+#include "hil/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -207,7 +208,7 @@ Script draw_script(std::uint64_t number, const std::string& recording) {
   script.limit_ns = 240 * ns_per_s;
   const std::size_t faults = 1 + draw.below(4);
   while (script.faults.size() < faults) {
-    const std::string drone = draw.below(4) == 0 ? "*" : fmt::format("tello{}", 1 + draw.below(flight.drones));
+    const std::string drone = draw.below(4) == 0 ? "*" : drone_name(1 + static_cast<int>(draw.below(flight.drones)));
     const std::string text = what(draw, drone, recording), at = moment(draw);
     const double lasts_ms = draw.below(3) == 0 ? draw.between(1'000, 15'000) : draw.between(20, 3'000);
     auto tried = parse_fault(text, at, "");

@@ -45,11 +45,11 @@ std::string drone_of(std::string_view word) { return word == "*" ? std::string()
 
 Status line_effects(Fault& fault, const Words& words, std::size_t from) {
   fault.what = What::line;
-  fault.effects = joined(words, from);
-  for (std::size_t begin = 0; begin <= fault.effects.size();) {
-    const std::size_t comma = std::min(fault.effects.find(',', begin), fault.effects.size());
+  const std::string effects = joined(words, from);
+  for (std::size_t begin = 0; begin <= effects.size();) {
+    const std::size_t comma = std::min(effects.find(',', begin), effects.size());
     Impairment effect;
-    if (auto applied = apply_effect(std::string_view(fault.effects).substr(begin, comma - begin), effect); !applied)
+    if (auto applied = apply_effect(std::string_view(effects).substr(begin, comma - begin), effect); !applied)
       return applied;
     if (!effect.any()) return allowed(fault.text, "does nothing: a fault ends by its `for`, not by `off` or `clear`");
     lay_over(effect, fault.impairment);
@@ -72,14 +72,17 @@ Status parse_drone(Fault& fault, const Words& words) {
   if (what == "states") fault.lines = {LineAt::states};
   if (what == "from") fault.lines = {LineAt::answers, LineAt::states};
   if (what == "both") fault.lines = {LineAt::to, LineAt::answers, LineAt::states};
-  if (what == "plans") {
-    fault.lines = {LineAt::plans};
-    for (const std::string_view effect : {"corrupt", "truncate", "rate"}) {
-      if (fault.text.find(effect) != std::string::npos)
-        return allowed(fault.text, fmt::format("agent hands plans on in shared memory, which has no {}", effect));
-    }
+  if (what == "plans") fault.lines = {LineAt::plans};
+  if (!fault.lines.empty()) {
+    if (auto parsed = line_effects(fault, words, 3); !parsed || what != "plans") return parsed;
+    const Impairment& has = fault.impairment;
+    const std::string_view effect = has.corrupt > 0    ? "corrupt"
+                                    : has.truncate > 0 ? "truncate"
+                                    : has.rate         ? "rate"
+                                                       : "";
+    if (effect.empty()) return done;
+    return allowed(fault.text, fmt::format("agent hands plans on in shared memory, which has no {}", effect));
   }
-  if (!fault.lines.empty()) return line_effects(fault, words, 3);
   if (what == "reboot" && alone) {
     fault.what = What::reboot;
     return done;

@@ -70,8 +70,7 @@ struct Fault {
   What what{};
   std::string drone;              ///< empty: every drone
   std::vector<LineAt> lines;      ///< line
-  std::string effects;            ///< line
-  Impairment impairment;          ///< the same
+  Impairment impairment;          ///< line
   SensorFault sensor;             ///< sensor
   std::vector<Process> ends;      ///< ledger_*: whose connection; kill, stop: who
   bool to = false, from = false;  ///< ledger_delay, ledger_hold

@@ -52,9 +52,8 @@ struct Rule {
   bool negated = false;
   bool always = false;  ///< an invariant of every run, not of this script
 
-  bool needs_fault() const {
-    return kind == Kind::reacts || kind == Kind::lands || kind == Kind::resumes || kind == Kind::recovers;
-  }
+  bool needs_fault_end() const { return kind == Kind::resumes || kind == Kind::recovers; }
+  bool needs_fault() const { return kind == Kind::reacts || kind == Kind::lands || needs_fault_end(); }
 };
 /// The error says which sentences there are.
 Result<Rule> parse_rule(std::string_view sentence);
@@ -134,9 +133,6 @@ class Judge {
   void look(const Moment& moment);
   /// After the last one.
   std::vector<Verdict> finish(const Ending& ending);
-
-  /// Whether it is there, motors off: one whose motors were cut may still be falling.
-  static bool on_ground(const sim::Truth& truth) { return !truth.in_flight && truth.position_m[2] < on_ground_m; }
 
   static constexpr TimeNs hold_within_ns = 300 * ns_per_ms;
   static constexpr TimeNs ramp_ns = 600 * ns_per_ms;  ///< from 2 m/s at 4 m/s2, and a step of rc

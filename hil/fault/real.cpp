@@ -27,6 +27,7 @@
 #include "common/rt/file.hpp"
 #include "hil/fault/replay.hpp"
 #include "hil/proxy/fault_socket.hpp"
+#include "hil/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -74,7 +75,7 @@ class LiveFacts {
         ground_(run + "/ground.trace"),
         lap_m_(ground::Path(script.flight.shape, {0, 0}, script.flight.side_m).length_m()),
         facts_(static_cast<std::size_t>(script.flight.drones)) {
-    for (std::size_t i = 0; i < facts_.size(); ++i) facts_[i].name = fmt::format("tello{}", i + 1);
+    for (std::size_t i = 0; i < facts_.size(); ++i) facts_[i].name = drone_name(static_cast<int>(i) + 1);
   }
 
   void read() {
@@ -181,6 +182,33 @@ struct Errand {
   TimeNs until_ns = 0;  ///< 0: not begun
 };
 
+/// A small disk of this process and those that it starts, until this object's end.
+class SmallDisk {
+ public:
+  SmallDisk() = default;
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+  ~SmallDisk() {
+    if (!directory_.empty()) ::umount2(directory_.c_str(), MNT_DETACH);
+  }
+  Status mount(const std::string& directory) {
+    std::error_code error;
+    fs::create_directories(directory, error);
+    if (error) return Error{fmt::format("cannot make {}: {}", directory, error.message())};
+    if (::unshare(CLONE_NEWNS) != 0 || ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
+        ::mount("none", directory.c_str(), "tmpfs", 0, small_disk) != 0)
+      return Error{
+          fmt::format("`disk full` needs a file system of its own for the ledger: {}. Run it as root, or in a user "
+                      "namespace (unshare -Urm)",
+                      std::strerror(errno))};
+    directory_ = directory;
+    return done;
+  }
+
+ private:
+  std::string directory_;
+};
+
 class RealFlight {
  public:
   RealFlight(const Script& script, std::uint64_t seed, const RealOptions& options)
@@ -218,25 +246,12 @@ class RealFlight {
   std::map<std::string, std::string> lines_;  // of errands
   std::deque<Errand> errands_;                // at most two a fault
   std::set<std::string> killed_parts_;        // of Fabric's network
+  SmallDisk disk_;                            // outlives the programs that write there
   Children children_{{[this](const std::string& name, const std::string& line) { lines_[name] += line + "\n"; }}};
   std::map<int, std::unique_ptr<Burner>> burners_;
-  std::vector<std::unique_ptr<std::vector<char>>> memory_;
+  std::multimap<std::uint64_t, std::vector<char>> memory_;  // by size
   bool over_ = true;
 };
-
-/// A small disk of this process and those that it starts.
-Status mount_small_disk(const std::string& directory) {
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (error) return Error{fmt::format("cannot make {}: {}", directory, error.message())};
-  if (::unshare(CLONE_NEWNS) == 0 && ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0 &&
-      ::mount("none", directory.c_str(), "tmpfs", 0, small_disk) == 0)
-    return done;
-  return Error{
-      fmt::format("`disk full` needs a file system of its own for the ledger: {}. Run it as root, or in a user "
-                  "namespace (unshare -Urm)",
-                  std::strerror(errno))};
-}
 
 /// Makes a file that leaves no byte of the disk.
 Status fill(const std::string& path) {
@@ -255,10 +270,14 @@ Status RealFlight::start() {
   std::error_code error;
   fs::create_directories(options_.directory, error);
   if (error) return Error{fmt::format("cannot make {}: {}", options_.directory, error.message())};
+  for (const std::string& old : {run_, options_.directory + "/result.json"}) {
+    if (fs::exists(old, error))
+      return Error{fmt::format("{} is of another flight: remove it, or give --out another folder", old)};
+  }
   const bool fills = std::any_of(script_.faults.begin(), script_.faults.end(),
                                  [](const Fault& fault) { return fault.what == What::fill_disk; });
   if (fills) {
-    if (auto mounted = mount_small_disk(run_ + "/ledger"); !mounted) return mounted;
+    if (auto mounted = disk_.mount(run_ + "/ledger"); !mounted) return mounted;
   }
   std::vector<std::string> command{options_.programs + "/ledgerline-fly", "--out", run_, "--json",
                                    options_.directory + "/result.json"};
@@ -355,9 +374,9 @@ Status RealFlight::act(const RealActs& acts, bool begin, const std::function<voi
   if (acts.take_bytes > 0 && begin) {
     if (available_memory() < acts.take_bytes + acts.take_bytes / 4)
       return Error{fmt::format("only {} MB are available: take less", available_memory() / 1'000'000)};
-    memory_.push_back(std::make_unique<std::vector<char>>(acts.take_bytes, 1));
-  } else if (acts.take_bytes > 0 && !memory_.empty()) {
-    memory_.pop_back();
+    memory_.emplace(acts.take_bytes, std::vector<char>(acts.take_bytes, 1));
+  } else if (acts.take_bytes > 0) {
+    (void)memory_.extract(acts.take_bytes);  // one of its size
   }
   const std::string filler = run_ + "/ledger/filler";
   if (acts.fill_disk && begin) {
@@ -466,8 +485,10 @@ Result<Recording> RealFlight::recording() const {
     if (!into) continue;
     auto records = read_trace(entry.path());
     if (!records) return records.error();
+    if (into == &recording.link && !records->empty()) recording.link_restarts.push_back(records->front().t_ns);
     into->insert(into->end(), records->begin(), records->end());
   }
+  std::erase_if(recording.link_restarts, [&](TimeNs t_ns) { return t_ns <= live_.begin_ns(); });
   const auto by_time = [](const TraceRecord& a, const TraceRecord& b) { return a.t_ns < b.t_ns; };
   for (auto* trace : {&recording.link, &recording.sim, &recording.ground}) {
     std::erase_if(*trace, [&](const TraceRecord& r) { return r.t_ns < live_.begin_ns(); });

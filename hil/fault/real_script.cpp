@@ -7,6 +7,7 @@
 #include <csignal>
 
 #include "hil/words.hpp"
+#include "hil/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -101,7 +102,7 @@ std::string all_of_it(const Impairment& impairment) {
 /// The directions that a fault is about, each with all that lies upon it now: of one kind the later one in the script.
 void set_lines(const Fault& changed, const std::vector<Fault>& active, int drones, RealActs& acts) {
   for (int k = 1; k <= drones; ++k) {
-    const std::string drone = fmt::format("tello{}", k);
+    const std::string drone = drone_name(k);
     const auto its = [&](const Fault& fault) { return fault.drone.empty() || fault.drone == drone; };
     if (!its(changed)) continue;
     for (const LineAt line : changed.lines) {

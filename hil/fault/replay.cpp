@@ -9,11 +9,11 @@
 
 #include "common/msg/names.hpp"
 #include "hil/fault/schedule.hpp"
+#include "hil/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
-constexpr double rc_full_mps = 1;     // what rc 100 means in ./fly
 constexpr double in_the_air_m = 0.1;  // places lower than this say nothing about a path
 
 /// Goes through the traces, moment by moment.
@@ -23,7 +23,7 @@ class Player {
       : recording_(recording), begin_ns_(recording.begin_ns), facts_(static_cast<std::size_t>(script.flight.drones)) {
     for (std::size_t i = 0; i < facts_.size(); ++i) {
       facts_[i].number = static_cast<DroneNumber>(i + 1);
-      facts_[i].name = fmt::format("tello{}", i + 1);
+      facts_[i].name = drone_name(static_cast<int>(i) + 1);
     }
     std::vector<bool> placed(facts_.size());
     for (const TraceRecord& r : recording.sim) {  // where each stands at first
@@ -44,6 +44,10 @@ class Player {
   void play(TimeNs t_ns) {
     events_.clear();
     for (; sim_ < recording_.sim.size() && recording_.sim[sim_].t_ns <= t_ns; ++sim_) see(recording_.sim[sim_]);
+    for (const TimeNs at_ns : recording_.link_restarts) {
+      if (at_ns > told_ns_ && at_ns <= t_ns)
+        events_.push_back({at_ns - begin_ns_, WorldEvent::Kind::started, 0, 0, "link"});
+    }
     for (; link_ < recording_.link.size() && recording_.link[link_].t_ns <= t_ns; ++link_) hear(recording_.link[link_]);
     for (; ground_ < recording_.ground.size() && recording_.ground[ground_].t_ns <= t_ns; ++ground_)
       command(recording_.ground[ground_]);
@@ -101,9 +105,11 @@ class Player {
       drone->told_mps = std::hypot(r.v[0], r.v[1], r.v[2]) / 100 * rc_full_mps;
       drone->told_ns = r.t_ns - begin_ns_;
     } else if (r.kind == TraceKind::command_applied) {
+      ++drone->plans_given;
       drone->plan_end_ns = r.t_ns - begin_ns_ + longest_plan_ns;
       drone->told_ns = r.t_ns - begin_ns_;
-      events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::applied, index, to_seconds(r.t_ns - r.stamp_ns), {}});
+      events_.push_back(
+          {r.t_ns - begin_ns_, WorldEvent::Kind::applied, index, to_seconds(r.t_ns - r.stamp_ns), {}, r.id});
     }
   }
 
@@ -233,7 +239,7 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
   ending.ok = recording.ok;
   ending.why = recording.why;
   for (const DroneFacts& drone : player.facts()) {
-    if (!Judge::on_ground(drone.truth)) ending.in_the_air.push_back(drone.name);
+    if (!on_ground(drone.truth)) ending.in_the_air.push_back(drone.name);
   }
   std::vector<std::string> begun;
   for (const auto& fault : recording.faults) begun.push_back(fault.text);
@@ -249,7 +255,10 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
   result.not_judged = {"that each plan's own end is followed by a hold: it is judged 2.05 s behind the newest command",
                        recording.lost_is_known
                            ? "commits that were acknowledged: the failsafe's transitions alone are looked for"
-                           : "whether the ledger has all that was acknowledged: who counts it was killed"};
+                           : "whether the ledger has all that was acknowledged: who counts it was killed",
+                       "that what a drone is told ramps: each rc's range is judged",
+                       "that agent hands each command on once and in order: link's own order is judged",
+                       "that no plan that waited during a brake is flown behind it: that of the plan in hand alone"};
   result.verdicts = judge.finish(ending);
   result.flown_ns = ending.now;
   result.over = ending.over;

@@ -28,6 +28,7 @@ struct Recording {
     std::string drone{};   ///< whose fault it is; empty: every drone's
   };
   std::vector<Fault> faults;
+  std::vector<TimeNs> link_restarts;                 ///< the beginning of each life of link but its first
   std::vector<std::pair<TimeNs, TimeNs>> link_away;  ///< when link was dead or stood still
 };
 

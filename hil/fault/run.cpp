@@ -124,7 +124,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   ending.why = world.why();
   ending.transactions = world.transactions();
   for (const DroneFacts& drone : world.facts()) {
-    if (!Judge::on_ground(drone.truth)) ending.in_the_air.push_back(drone.name);
+    if (!on_ground(drone.truth)) ending.in_the_air.push_back(drone.name);
   }
   // With both processes alive and the ledger reached, nothing may be left behind.
   if (ending.over && world.runs(Process::agent) && world.runs(Process::link) && !schedule.any_active()) {

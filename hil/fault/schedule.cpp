@@ -19,8 +19,8 @@ Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std
       if (fault.drone.empty() || fault.drone == drones[i].name) item.drones.push_back(i);
     }
     if (item.drones.empty())
-      return Error{
-          fmt::format("\"{}\": no {} flies here, only tello1 to tello{}", fault.text, fault.drone, drones.size())};
+      return Error{fmt::format("\"{}\": no {} flies here, only {} to {}", fault.text, fault.drone, drones.front().name,
+                               drones.back().name)};
     item.fault = std::move(fault);
     items.push_back(std::move(item));
   }

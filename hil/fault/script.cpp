@@ -2,12 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <limits>
 
 #include "common/config/config.hpp"
 #include "common/rt/file.hpp"
 #include "hil/fault/schedule.hpp"
+#include "hil/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -65,7 +67,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
 
   const std::size_t faults = config.table_count("fault");
   std::vector<DroneFacts> drones(static_cast<std::size_t>(flight.drones));
-  for (std::size_t i = 0; i < drones.size(); ++i) drones[i].name = fmt::format("tello{}", i + 1);
+  for (std::size_t i = 0; i < drones.size(); ++i) drones[i].name = drone_name(static_cast<int>(i) + 1);
   for (std::size_t i = 0; i < faults; ++i) {
     const std::string key = fmt::format("fault.{}.", i);
     const std::string what = config.text(key + "what"), at = config.text(key + "at", "path"),
@@ -93,6 +95,14 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
     }
     if (rule->needs_fault() && faults == 0) {
       config.wrong("must", fmt::format("\"{}\" counts from a fault, and there is none", sentence));
+      continue;
+    }
+    const auto endless = std::find_if(script.faults.begin(), script.faults.end(),
+                                      [](const Fault& fault) { return fault.for_ns == 0 && !fault.momentary(); });
+    if (rule->needs_fault_end() && endless != script.faults.end()) {
+      config.wrong("must",
+                   fmt::format("\"{}\" counts from the last fault's end, and \"{}\" never ends: give it a `for`",
+                               sentence, endless->text));
       continue;
     }
     script.must.push_back(std::move(*rule));

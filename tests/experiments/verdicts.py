@@ -6,6 +6,7 @@ import numpy as np
 
 GOOD_BELOW_M = 0.4    # the top speed is the largest one of a ramp with a maximum error below this
 FAILS_BEYOND_M = 1.0  # "fails": an error above this, or a lap unfinished
+OF_ALL_LAPS = ("rms_m", "max_m", "lap_s")  # how these figures' names end
 QUANTILE_POINTS = 201  # a distribution is kept as so many quantiles, evenly spaced
 
 
@@ -69,9 +70,14 @@ def failed(repetition: dict) -> bool:
     return repetition["figures"].get("finished") == 0.0
 
 
+def measured(repetition: dict, figure: str) -> float | None:
+    """Errors and laps are of a flight that was finished: a part of one says nothing of the rest."""
+    return None if failed(repetition) and figure.endswith(OF_ALL_LAPS) else repetition["figures"].get(figure)
+
+
 def margins(bar: dict, cases: dict[str, list[dict]], boxes: dict) -> list[tuple[str, int, float]]:
     """For each case and repetition the value that the bar bounds: (case, seed, value). Of a flight that failed before there
-    was one it is infinitely bad."""
+    was one, or that its figure is of the whole of, it is infinitely bad."""
     found = []
     for name in bar["cases"]:
         for repetition in cases.get(name, []):
@@ -85,12 +91,12 @@ def margins(bar: dict, cases: dict[str, list[dict]], boxes: dict) -> list[tuple[
                 elif failed(repetition):
                     found.append((name, seed, 0.0))
                 continue
-            value = figures.get(bar["figure"])
+            value = measured(repetition, bar["figure"])
             if value is None and failed(repetition):
                 found.append((name, seed, math.inf if bar["rule"] == "at_most" else -math.inf))
                 continue
             if bar["against"]:
-                other = [one["figures"].get(bar["figure"]) for one in cases.get(bar["against"], []) if one["seed"] == seed]
+                other = [measured(one, bar["figure"]) for one in cases.get(bar["against"], []) if one["seed"] == seed]
                 value = value / other[0] if value is not None and other and other[0] else None
             if value is not None:
                 found.append((name, seed, float(value)))
@@ -104,7 +110,7 @@ def pooled_note(bar: dict, cases: dict[str, list[dict]]) -> str:
     square = "rms" in bar["figure"]
     means = []
     for name in (bar["cases"][0], bar["against"]):
-        values = [one["figures"].get(bar["figure"]) for one in cases.get(name, [])]
+        values = [measured(one, bar["figure"]) for one in cases.get(name, [])]
         if not values or None in values:
             return ""
         means.append(math.sqrt(np.mean(np.square(values))) if square else float(np.mean(values)))
@@ -140,7 +146,7 @@ def verdict(bar: dict, cases: dict[str, list[dict]], boxes: dict, ledger: str) -
     kept = worst[2] >= out["limit"] if above else worst[2] <= out["limit"]
     seeds = min(len([1 for name, _, _ in values if name == case]) for case in asked)
     out["note"] = f"worst: {worst[2]:.3g} ({worst[0]}, seed {worst[1]})" if math.isfinite(worst[2]) else (
-        f"{worst[0]}, seed {worst[1]}: the flight failed before there was a figure")
+        f"{worst[0]}, seed {worst[1]}: the flight failed")
     out["note"] += pooled_note(bar, cases) + unfailed_note(bar, cases)
     if len(asked) < len(bar["cases"]):
         out["note"] += f"; {len(asked)} of {len(bar['cases'])} cases"

@@ -84,6 +84,23 @@ def test_a_flight_that_failed_before_it_had_a_figure_misses_its_bar():
     assert verdicts.verdict(boxed, {"square": [repetition(1, "square", finished=0.0)]}, BOXES, "embedded")["verdict"] == "missed"
 
 
+@pytest.mark.parametrize("figure", ["rms_m", "max_m", "lap_s", "later_rms_m"])
+def test_a_part_of_a_flight_that_failed_keeps_no_bar_and_is_none_to_be_measured_against(figure):
+    whole, part = {figure: 0.2, "finished": 1.0}, {figure: 0.1, "finished": 0.0}
+    alone = verdicts.verdict(bar("at_most", ["far"], figure=figure, limit=9), {"far": [repetition(1, **part)]}, BOXES, "embedded")
+    assert alone["verdict"] == "missed" and "far, seed 1: the flight failed" in alone["note"]
+    of = bar("at_most", ["far"], figure=figure, against="near", limit=9)
+    against = lambda far, near: verdicts.verdict(of, {"far": [repetition(1, **far)], "near": [repetition(1, **near)]}, BOXES, "embedded")
+    assert against(whole, whole)["verdict"] == "kept" and against(part, whole)["verdict"] == "missed"
+    assert against(whole, part)["verdict"] == "not measured"
+
+
+def test_a_ramp_that_failed_has_its_top_speed_all_the_same():
+    of = bar("at_least", ["far"], figure="top_speed_mps", against="near", limit=0.8)
+    cases = {name: [repetition(1, top_speed_mps=2.0, finished=0.0)] for name in ("far", "near")}
+    assert verdicts.verdict(of, cases, BOXES, "embedded")["verdict"] == "kept"
+
+
 def test_all_seeds_together_are_said_beside_the_worst():
     cases = {"far": [repetition(1, rms_m=0.3), repetition(2, rms_m=0.4)], "near": [repetition(1, rms_m=0.3), repetition(2, rms_m=0.1)]}
     note = verdicts.verdict(bar("at_most", ["far"], figure="rms_m", against="near", limit=9), cases, BOXES, "embedded")["note"]
@@ -289,13 +306,13 @@ FLOWN_NOT = '{"ok": false, "why": "it never took off", "drones": [{"id": "tello1
 JSON_OF_FLY = 'while [ "$1" != --json ]; do shift; done; '
 
 
-@pytest.mark.parametrize("program, why", [
-    (JSON_OF_FLY + f"echo '{FLOWN_NOT}' > $2; exit 1", "it never took off"),
-    ("echo a word >&2; kill -SEGV $$", "ended with -11: a word"),
-    (JSON_OF_FLY + "exit 3", "ended with 3"),
-    ("exec sleep 60", "did not end in time")])
-def test_a_flight_that_does_not_get_onto_its_path_has_failed(place, monkeypatch, program, why):
-    monkeypatch.setattr(runs, "PATIENCE_S", 1)
+@pytest.mark.parametrize("program, patience_s, why", [
+    (JSON_OF_FLY + f"echo '{FLOWN_NOT}' > $2; exit 1", 30, "it never took off"),
+    ("echo a word >&2; kill -SEGV $$", 30, "ended with -11: a word"),
+    (JSON_OF_FLY + "exit 3", 30, "ended with 3"),
+    ("exec sleep 60", 1, "did not end in time")])
+def test_a_flight_that_does_not_get_onto_its_path_has_failed(place, monkeypatch, program, patience_s, why):
+    monkeypatch.setattr(runs, "PATIENCE_S", patience_s)
     scripted(place, "fly", program)
     found = runs.flight(config.Case("c", {"ramp": "0.5:0.5", "laps": 2}), place, 1)
     assert found["figures"] == {"finished": 0.0, "fails": 1.0, "top_speed_mps": 0.0, "top_lap_mps": 0.0, "top_peak_mps": 0.0,
@@ -334,16 +351,18 @@ class OnThisHost:
 
 
 def test_a_program_that_is_never_ready_is_given_up_and_one_that_talks_does_not_wait_for_a_reader(tmp_path, monkeypatch):
-    monkeypatch.setattr(runs.three_hosts, "READY_S", 1)
+    monkeypatch.setattr(runs.three_hosts, "READY_S", 30)
     talks = 'i=0; while [ $i -lt 3000 ]; do echo "{\\"line\\": \\"0123456789012345678901234567890123456789\\"}"; i=$((i+1)); done; '
     one = runs.three_hosts.Program(OnThisHost(), "talker", ["sh", "-c", talks + 'echo "{\\"ready\\": true}"; exec sleep 60'], tmp_path)
     assert one.wait_ready() is one
     one.end()
     assert one.process.poll() is not None
+    monkeypatch.setattr(runs.three_hosts, "READY_S", 1)
     silent = runs.three_hosts.Program(OnThisHost(), "silent", ["sleep", "60"], tmp_path)
     with pytest.raises(runs.three_hosts.Failed, match="silent was not ready within 1 s"):
         silent.wait_ready()
     silent.end()
+    monkeypatch.setattr(runs.three_hosts, "READY_S", 30)
     gone = runs.three_hosts.Program(OnThisHost(), "gone", ["sh", "-c", "echo last words >&2"], tmp_path)
     with pytest.raises(runs.three_hosts.Failed, match="gone ended before it was ready: last words"):
         gone.wait_ready()

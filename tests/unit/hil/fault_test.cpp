@@ -73,6 +73,8 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
                            "drone tello1 to",
                            "drone tello2 to stall",
                            "drone tello1 plans corrupt 5%",
+                           "drone tello1 plans truncate 5%",
+                           "drone tello1 plans delay 10ms, rate 1MB/s",
                            "ledger agent lies",
                            "ledger agent lies twice",
                            "operator errs badly",
@@ -96,6 +98,28 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
   EXPECT_NE(error_of("title = \"t\"\n[[fault]]\nwhat = \"clock jump 1s\"\nfor = \"1s\"\n").find("leave `for` out"),
             std::string::npos);
   EXPECT_NE(error_of("title = \"t\"\nmust = [\"lands within 3 s\"]\n").find("there is none"), std::string::npos);
+}
+
+TEST(FaultScript, WhatCountsFromAnEndNeedsFaultsThatEnd) {
+  for (const char* rule : {"resumes within 2 s", "recovers and finishes the lap"}) {
+    const auto error = [&](const char* fault) {
+      return error_of(std::string("title = \"t\"\nmust = [\"") + rule + "\"]\n[[fault]]\nwhat = " + fault + "\n");
+    };
+    EXPECT_EQ(error("\"ledger stall\"\nfor = \"2s\""), "");
+    EXPECT_EQ(error("\"ledger restart\""), "");
+    const std::string refused = error("\"ledger stall\"");
+    for (const std::string& wanted :
+         {"x.toml:2: must: \"" + std::string(rule), std::string("\"ledger stall\" never ends")})
+      EXPECT_NE(refused.find(wanted), std::string::npos) << refused;
+  }
+}
+
+TEST(FaultScript, APlansFaultIsJudgedByWhatItDoesNotByItsWords) {
+  const std::string file = testing::TempDir() + "generated-rate.txt";
+  std::ofstream(file) << "0.01\n0.02\n";
+  const auto fault = parse_fault("drone tello1 plans delay recorded " + file, "path", "");
+  EXPECT_TRUE(fault.ok()) << fault.error().what;
+  std::filesystem::remove(file);
 }
 
 TEST(FaultScript, IsReadAgainAsItWasWritten) {

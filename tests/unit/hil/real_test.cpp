@@ -4,8 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 
+#include "common/rt/file.hpp"
 #include "hil/fault/campaign.hpp"
+#include "hil/fault/real.hpp"
 #include "hil/fault/real_script.hpp"
 #include "hil/fault/replay.hpp"
 
@@ -155,6 +160,51 @@ TEST(RealScript, SignalsTheProgramThatIsMeant) {
   EXPECT_EQ(begin_of({"memory take 5MB"}).take_bytes, 5'000'000U);
 }
 
+/// A folder for flights, and in it a ledgerline-fly that is this text of sh.
+class RealStart : public testing::Test {
+ protected:
+  RealStart() {
+    std::filesystem::remove_all(directory_);
+    std::filesystem::create_directories(directory_ / "bin");
+    std::filesystem::create_directories(out_);
+  }
+  ~RealStart() override {
+    std::error_code error;  // a disk that is still there
+    std::filesystem::remove_all(directory_, error);
+  }
+  std::string error_of(const std::string& fly, const Script& script) {
+    const auto program = directory_ / "bin/ledgerline-fly";
+    std::ofstream(program) << "#!/bin/sh\n" << fly << "\n";
+    std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+    const auto result = run_really(script, 1, {directory_ / "bin", out_, {}});
+    return result ? "" : result.error().what;
+  }
+
+  std::filesystem::path directory_ = std::filesystem::path(testing::TempDir()) / "ledgerline_real_start",
+                        out_ = directory_ / "out";
+};
+
+TEST_F(RealStart, WhatAnotherFlightLeftIsNotJudgedAgain) {
+  EXPECT_THAT(error_of("exit 1", script_of("")), HasSubstr("the flight did not begin"));
+  for (const char* old : {"run", "result.json"}) {
+    std::filesystem::create_directories(out_ / old);
+    EXPECT_THAT(error_of("exit 1", script_of("")), HasSubstr((out_ / old).string() + " is of another flight"));
+    std::filesystem::remove(out_ / old);
+  }
+}
+
+TEST_F(RealStart, ASmallDiskIsGoneWithItsFlight) {
+  const std::string error = error_of("grep \" $2/ledger tmpfs \" /proc/mounts > \"$2/../seen\"; exit 1",
+                                     script_of("[[fault]]\nwhat = \"disk full\"\n"));
+  if (error.find("file system of its own") != std::string::npos) GTEST_SKIP() << error;
+  EXPECT_THAT(error, HasSubstr("the flight did not begin"));
+  const auto seen = read_file(out_ / "seen");
+  ASSERT_TRUE(seen);
+  EXPECT_THAT(*seen, HasSubstr("tmpfs"));
+  std::ifstream mounts("/proc/self/mounts");
+  EXPECT_THAT(std::string(std::istreambuf_iterator<char>(mounts), {}), Not(HasSubstr(out_.string())));
+}
+
 /// A made-up flight of one drone: up for 3 s, along the first side of the square, down.
 class Flight : public testing::Test {
  protected:
@@ -169,7 +219,7 @@ class Flight : public testing::Test {
     mode(ns_per_s, FlightPhase::taking_off);
     mode(3 * ns_per_s, FlightPhase::flying);
     for (TimeNs t = 3 * ns_per_s; t < 15 * ns_per_s; t += 50 * ns_per_ms) {
-      applied(t, 80 * ns_per_ms);
+      applied(t, 80 * ns_per_ms, static_cast<std::uint64_t>(t / ns_per_ms));
       made(t, t < 4 * ns_per_s ? 0 : to_seconds(t - 4 * ns_per_s) * 0.15);
     }
     mode(15 * ns_per_s, FlightPhase::landing);
@@ -196,10 +246,18 @@ class Flight : public testing::Test {
     recording.link.push_back(r);
     sort();
   }
-  void applied(TimeNs t, TimeNs age) {
-    recording.link.push_back(
-        {.t_ns = start + t, .kind = TraceKind::command_applied, .drone = 1, .stamp_ns = start + t - age});
+  void applied(TimeNs t, TimeNs age, std::uint64_t sequence = 0) {
+    recording.link.push_back({.t_ns = start + t,
+                              .kind = TraceKind::command_applied,
+                              .drone = 1,
+                              .id = sequence,
+                              .stamp_ns = start + t - age});
     sort();
+  }
+  void apply_nothing(TimeNs from, TimeNs to) {
+    std::erase_if(recording.link, [&](const TraceRecord& r) {
+      return r.kind == TraceKind::command_applied && r.t_ns - start >= from && r.t_ns - start < to;
+    });
   }
   void rc(TimeNs t, const std::array<double, 4>& sticks) {
     TraceRecord r{.t_ns = start + t, .kind = TraceKind::rc_sent, .drone = 1};
@@ -298,9 +356,28 @@ TEST_F(Flight, IsBrokenByALinkThatHoldsAndStillTellsTheDroneASpeed) {
   EXPECT_THAT(broken(""), ElementsAre("always: a hold or a landing after silence"));
 }
 
+TEST_F(Flight, IsBrokenByAPlanFlownOnBehindABrake) {
+  mode(8 * ns_per_s, FlightPhase::flying, FailsafeMode::brake, FailsafeCause::pose_lost);
+  mode(9 * ns_per_s, FlightPhase::flying);
+  rc(9 * ns_per_s, {0, 30, 0, 0});
+  apply_nothing(8 * ns_per_s, 9 * ns_per_s);
+  EXPECT_THAT(broken(""), IsEmpty());
+  apply_nothing(9 * ns_per_s, 9'500 * ns_per_ms);
+  EXPECT_THAT(broken(""), ElementsAre("always: a brake takes its plans with it"));
+}
+
+TEST_F(Flight, IsBrokenByAnOlderPlanFlownBehindANewerOneUnlessLinkBeganAnew) {
+  applied(9'010 * ns_per_ms, 80 * ns_per_ms, 5);
+  EXPECT_THAT(broken(""), ElementsAre("always: commands in order, each once"));
+  recording.link_restarts = {start + 9'005 * ns_per_ms};
+  EXPECT_THAT(broken(""), IsEmpty());
+}
+
 TEST_F(Flight, SaysWhatIsNotJudged) {
   const auto not_judged = [&] { return judge_recording(script_of(""), 1, recording).not_judged; };
-  EXPECT_THAT(not_judged(), ElementsAre(HasSubstr("each plan's own end"), HasSubstr("transitions alone")));
+  EXPECT_THAT(not_judged(),
+              ElementsAre(HasSubstr("each plan's own end"), HasSubstr("transitions alone"), HasSubstr("ramps"),
+                          HasSubstr("agent hands"), HasSubstr("waited during a brake")));
   recording.lost_is_known = false;
   EXPECT_THAT(not_judged()[1], HasSubstr("whether the ledger has all"));
 }
