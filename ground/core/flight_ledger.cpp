@@ -14,14 +14,12 @@ constexpr std::size_t max_in_flight = 32;
 constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
 constexpr TimeNs most_beyond_ns = 1'900 * ns_per_ms;  // agent takes no setpoint for later than 2 s from now
-constexpr TimeNs most_delay_ns = 4 * ns_per_s;
 // Of the plans: there before their first setpoint's moment. More would make all of them for later, and what is not
 // foreseen (gusts) grows with that; one that comes late only takes over late.
 constexpr double in_time = 0.75;
 constexpr double quick = 0.1;        // of the plans
 constexpr double almost_all = 0.99;  // of the plans: what their length is for
 constexpr std::size_t arrivals_needed = 8;
-constexpr TimeNs overdue_ns = 2 * ns_per_s;  // a plan that agent may have refused because it was for too late
 
 crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
 
@@ -46,6 +44,9 @@ void FlightCore::take_control(TimeNs now_ns, const Control& control) {
     drone->next_sequence = 1;
     if (drone->pending) forget(*drone->pending);
     drone->pending.reset();
+    drone->made = {};
+    drone->arrivals = {};
+    drone->timing.reset();
   }
   drone->epoch = control.epoch();
   drone->owner.reset();
@@ -174,7 +175,7 @@ void FlightCore::observe(Drone& drone) {
   drone.applied_sequence = s.applied_sequence;
   const auto made = [&](std::uint64_t sequence) {
     const Drone::Made& one = drone.made[sequence % drone.made.size()];
-    return one.sequence == sequence ? std::optional(one.stamp_ns) : std::nullopt;
+    return sequence != 0 && one.sequence == sequence ? std::optional(one.stamp_ns) : std::nullopt;
   };
   if (s.arrived_sequence != drone.arrived_sequence) {
     drone.arrived_sequence = s.arrived_sequence;
@@ -314,7 +315,6 @@ void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
     drone->pending.reset();
     if (command.plan.sequence() == 0) {
       command.plan.set_sequence(drone->next_sequence++);
-      drone->made[command.plan.sequence() % drone->made.size()] = {command.plan.sequence(), command.made_stamp_ns};
       ++drone->status.commands_sent;
       TraceRecord record;
       record.t_ns = command.made_ns;
@@ -332,6 +332,8 @@ void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
       record.v[3] = command.progress_m;
       out.traces.push_back(record);
     }
+    // Of a number that is used again, what is made newest counts.
+    drone->made[command.plan.sequence() % drone->made.size()] = {command.plan.sequence(), command.made_stamp_ns};
     out.traces.push_back({.t_ns = now_ns,
                           .kind = TraceKind::command_submitted,
                           .drone = drone->who.number,

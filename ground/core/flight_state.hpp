@@ -11,6 +11,10 @@
 /// What FlightCore remembers; included by its .cpp files alone.
 namespace ledgerline::ground {
 
+constexpr TimeNs most_delay_ns = 4 * ns_per_s;
+constexpr TimeNs overdue_ns = 2 * ns_per_s;       ///< a plan that agent may have refused because it was for too late
+constexpr TimeNs state_every_ns = 5 * ns_per_ms;  ///< at most; a plan each
+
 /// A plan on its way to the ledger.
 struct PlannedCommand {
   DronePlan plan;  ///< sequence 0: not submitted yet
@@ -43,12 +47,13 @@ struct FlightCore::Drone {
   motion::Window arrivals;       ///< from a plan's making until it was there; the drone's clock
   std::optional<Timing> timing;  ///< by arrivals
   std::uint64_t next_plan = 1;
-  /// Of the newest plans submitted: what states say of them belongs to these times.
+  /// Of the newest plans submitted, as far back as one may be on its way: what states say of them belongs to these
+  /// times.
   struct Made {
     std::uint64_t sequence = 0;
     TimeNs stamp_ns = 0;
   };
-  std::array<Made, 512> made{};
+  std::array<Made, (most_delay_ns + overdue_ns) / state_every_ns + 1> made{};
   std::uint64_t applied_sequence = 0, arrived_sequence = 0;  ///< as the newest state had it
   bool slowed_said = false;
   ManualController manual;

@@ -28,20 +28,23 @@ Eigen::Vector2d start_of(int drone) {
   return sim.spacing_m * Eigen::Vector2d((drone - 1) % sim.columns, (drone - 1) / sim.columns);
 }
 
-// Of a path of one's own, the first of its points that a drone would not reach; empty: none.
+// The path's first point that a drone would not reach; empty: none.
 std::string beyond_fence(const Options& o) {
   const link::FenceSettings fence;
   const auto least = Eigen::Vector3d::Map(fence.min_m.data()), most = Eigen::Vector3d::Map(fence.max_m.data());
+  const bool own = !o.waypoints.empty();
+  const auto points = own ? o.waypoints : motion::waypoints_of(o.shape, o.side_m);
   for (int k = 1; k <= o.drones; ++k) {
-    for (const ground::Waypoint& point : o.waypoints) {
+    for (const ground::Waypoint& point : points) {
       const Eigen::Vector2d at = start_of(k) + point.at_m;
       const Eigen::Vector3d place(at.x(), at.y(), point.height_m.value_or(height_m));
       if ((place.array() >= least.array()).all() && (place.array() <= most.array()).all()) continue;
       return fmt::format(
-          "{}:{}: tello{} would be at {:g}, {:g}, {:g} m, beyond link's fence: x {:g} to {:g}, y {:g} to {:g}, z {:g} "
+          "{}: tello{} would be at {:g}, {:g}, {:g} m, beyond link's fence: x {:g} to {:g}, y {:g} to {:g}, z {:g} "
           "to {:g} m",
-          o.course_file, point.line, k, place.x(), place.y(), place.z(), least.x(), most.x(), least.y(), most.y(),
-          least.z(), most.z());
+          own ? fmt::format("{}:{}", o.course_file, point.line)
+              : fmt::format("{} with --side {:g}", ground::name_of(o.shape), o.side_m),
+          k, place.x(), place.y(), place.z(), least.x(), most.x(), least.y(), most.y(), least.z(), most.z());
     }
   }
   return "";

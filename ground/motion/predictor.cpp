@@ -63,7 +63,7 @@ void Predictor::observe(const StateSample& state, TimeNs late_ns) {
   late_ns_ = late_ns;
   if (!told_.empty() && state.stamp_ns <= told_.back().stamp_ns) return;
   // What link told the drone is news without a new pose, too: it brakes while mocap is away.
-  told_.push_back({state.stamp_ns, vector(state.sent_velocity_mps)});
+  told_.push_back({state.stamp_ns, vector(state.sent_velocity_mps), static_cast<double>(state.sent_yaw_rate_radps)});
   if (told_.size() > told_kept) told_.pop_front();
   if (state.pose_stamp_ns <= stamp_ns_) return;
   const Eigen::Vector3d measured = Eigen::Vector3d::Map(state.position_m.data());
@@ -77,22 +77,23 @@ void Predictor::observe(const StateSample& state, TimeNs late_ns) {
   yaw_rad_ = state.yaw_rad;
   if (!config_.learn) return;
   estimator_.add(state.pose_stamp_ns, measured.head<2>(),
-                 [this](TimeNs t) -> Eigen::Vector2d { return told_at(t).head<2>(); });
+                 [this](TimeNs t) -> Eigen::Vector2d { return told_at(t).velocity_mps.head<2>(); });
   response_ = estimator_.response();
 }
 
 // Between two of link's words: the line between them. A step somewhere between is half a period off at most, and as
 // often early as late.
-Eigen::Vector3d Predictor::told_at(TimeNs t_ns) const {
-  if (told_.empty()) return Eigen::Vector3d::Zero();
+Predictor::Told Predictor::told_at(TimeNs t_ns) const {
+  if (told_.empty()) return {};
   const auto next =
       std::lower_bound(told_.begin(), told_.end(), t_ns, [](const Told& told, TimeNs t) { return told.stamp_ns < t; });
-  if (next == told_.begin()) return next->velocity_mps;
-  if (next == told_.end()) return told_.back().velocity_mps;
+  if (next == told_.begin()) return *next;
+  if (next == told_.end()) return told_.back();
   const Told& before = *(next - 1);
   const double share =
       static_cast<double>(t_ns - before.stamp_ns) / static_cast<double>(next->stamp_ns - before.stamp_ns);
-  return before.velocity_mps + share * (next->velocity_mps - before.velocity_mps);
+  return {t_ns, before.velocity_mps + share * (next->velocity_mps - before.velocity_mps),
+          before.yaw_rate_radps + share * (next->yaw_rate_radps - before.yaw_rate_radps)};
 }
 
 void Predictor::propagate(TimeNs to_ns) {
@@ -100,7 +101,7 @@ void Predictor::propagate(TimeNs to_ns) {
   while (stamp_ns_ < to_ns) {
     const TimeNs until_ns = std::min(to_ns, stamp_ns_ + cell_ns);
     const double dt = to_seconds(until_ns - stamp_ns_);
-    step(response_, told_at((stamp_ns_ + until_ns) / 2 - dead_ns), drift_, dt, position_, velocity_);
+    step(response_, told_at((stamp_ns_ + until_ns) / 2 - dead_ns).velocity_mps, drift_, dt, position_, velocity_);
     const double rest = std::exp(-dt / response_.lag_s), moved = response_.lag_s * (1 - rest);
     Eigen::Matrix3d f;
     f << 1, moved, dt - moved,  //
@@ -190,10 +191,14 @@ Predictor::Rollout Predictor::until(TimeNs meant_ns) const {
   out.told_ns_ = stamp_ns_ - dead_ns;
   for (const TimeNs end_ns = std::min(known_ns, until_ns); out.told_ns_ < end_ns;) {
     const TimeNs dt_ns = std::min(cell_ns, end_ns - out.told_ns_);
-    out.move(told_at(out.told_ns_ + dt_ns / 2), to_seconds(dt_ns));
+    const Told told = told_at(out.told_ns_ + dt_ns / 2);
+    out.move(told.velocity_mps, to_seconds(dt_ns));
     out.told_ns_ += dt_ns;
+    // Yaw follows at once: what was told before the pose is in it.
+    const TimeNs turned_ns = std::clamp<TimeNs>(out.told_ns_ - stamp_ns_, 0, dt_ns);
+    out.motion_.yaw_rad += told.yaw_rate_radps * to_seconds(turned_ns);
   }
-  out.told_ = told_at(out.told_ns_);
+  out.told_ = told_at(out.told_ns_).velocity_mps;
   while (out.told_ns_ < until_ns) {
     const TimeNs to_ns = std::min(out.told_ns_ + cell_ns, until_ns);
     const std::optional<Setpoint> setpoint = planned(out.told_ns_ - late_ns_);

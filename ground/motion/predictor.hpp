@@ -47,7 +47,7 @@ class Predictor {
 
   explicit Predictor(const PredictorConfig& config);
 
-  /// A state in flight. `late_ns`: how much later than they say link flies setpoints now (Delays::late_ns).
+  /// A state in flight. `late_ns`: how much later than they say link flies setpoints now (PlayoutMargin::value_ns).
   void observe(const StateSample& state, TimeNs late_ns);
   /// A plan is on its way (not empty, times growing); from its first setpoint on it replaces those before.
   void sent(std::uint64_t id, std::span<const Setpoint> plan);
@@ -86,14 +86,15 @@ class Predictor {
 
  private:
   struct Told {
-    TimeNs stamp_ns;
-    Eigen::Vector3d velocity_mps;
+    TimeNs stamp_ns = 0;
+    Eigen::Vector3d velocity_mps = Eigen::Vector3d::Zero();
+    double yaw_rate_radps = 0;
   };
   struct Sent {
     std::uint64_t id;
     std::vector<Setpoint> plan;
   };
-  Eigen::Vector3d told_at(TimeNs t_ns) const;
+  Told told_at(TimeNs t_ns) const;
   void propagate(TimeNs to_ns);
   void correct(const StateSample& state);
   void start(const StateSample& state);

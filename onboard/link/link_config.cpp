@@ -67,7 +67,7 @@ void read_safety(Config& config, LinkSettings& link) {
   failsafe.state_stale_ns = read_ms(config, "failsafe.state_stale_ms", failsafe.state_stale_ns, 250, 60'000);
   failsafe.pose_lost_ns = read_ms(config, "failsafe.pose_lost_ms", failsafe.pose_lost_ns, 20, 60'000);
   failsafe.clear_after_ns = read_ms(config, "failsafe.clear_after_ms", failsafe.clear_after_ns, 0, 60'000);
-  failsafe.battery_low = read_float(config, "failsafe.battery_low", failsafe.battery_low, 0, 0.95);
+  failsafe.battery_low = read_float(config, "failsafe.battery_low", failsafe.battery_low, 0.01, 0.95);
   failsafe.battery_critical = read_float(config, "failsafe.battery_critical", failsafe.battery_critical, 0, 1);
 
   FenceSettings& fence = link.fence;

@@ -32,7 +32,10 @@ class Flying {
     for (const Submission& submission : out.submissions) {
       CommandCall call;
       good = good && call.ParseFromString(submission.call.args.at(0)) && call.plans_size() <= 2;
-      for (const DronePlan& plan : call.plans()) good = good && flyable(plan);
+      for (const DronePlan& plan : call.plans()) {
+        good = good && flyable(plan);
+        if (plan.drone() == "tello1") newest_plan_ = plan.sequence();
+      }
       fabric::Outcome outcome;
       outcome.kind = fabric::Outcome::Kind::committed;
       FlightInputs ended;
@@ -58,6 +61,15 @@ class Flying {
     return s;
   }
 
+  /// The drone's next state: still in the air, and it says of the newest plan when it came.
+  StateSample next(StateSample s) {
+    s.phase = FlightPhase::flying;
+    s.boot_id = 9;
+    s.sequence = ++sequence_;
+    s.arrived_sequence = newest_plan_;
+    return s;
+  }
+
   const FlightCore& core() const { return core_; }
   bool in_path() const { return core_.status(0).phase == DronePhase::path; }
 
@@ -75,7 +87,7 @@ class Flying {
 
   FlightCore core_;
   TimeNs now_ns_ = 1'000 * ns_per_s;
-  std::uint64_t sequence_ = 0;
+  std::uint64_t sequence_ = 0, newest_plan_ = 0;
 };
 
 class EventEntry final : public Entry {
@@ -143,17 +155,22 @@ class StateEntry final : public Entry {
     s.sent_velocity_mps = {0.1F, 0.2F, 0.3F};
     StateSample grounded = s;
     grounded.phase = FlightPhase::on_ground;
-    return {link_status_to_cdr(s), link_status_to_cdr(grounded)};
+    StateSample late = s;
+    late.arrived_ns = 1'000'000 * ns_per_s;
+    return {link_status_to_cdr(s), link_status_to_cdr(grounded), link_status_to_cdr(late)};
   }
   std::vector<std::string> probes() override {
     flying_.reset();
     return {seeds()[0]};
   }
   Outcome feed(std::string_view bytes) override {
-    if (!flying_ || !flying_->in_path() || ++fed_ % 50 == 0) flying_ = std::make_unique<Flying>();
+    if (++fed_ % 50 == 0 || !flying_ || !flying_->in_path()) flying_ = std::make_unique<Flying>();
     SetCall call;
     *call.add_assets() = status_asset("tello1", StateSample{});
     call.mutable_assets(0)->set_msg_data(bytes.data(), bytes.size());
+    // In every second flight plans come, at whatever time that says.
+    if (const auto sample = link_status_from_cdr(bytes); sample && fed_ / 50 % 2 == 0)
+      call.mutable_assets(0)->set_msg_data(link_status_to_cdr(flying_->next(*sample)));
     const std::uint64_t before = flying_->core().status(0).states_received;
     if (!flying_->give("set", call.SerializeAsString())) return refused("");
     return flying_->core().status(0).states_received > before ? accepted() : dropped();

@@ -67,13 +67,14 @@ class FlightByHand : public testing::Test {
   }
   /// What tello1 will be told then, upward, as the predictor has it.
   double told_mps(TimeNs meant_ns) const { return core.controller(0)->predictor().until(meant_ns).told_mps().z(); }
-  FlightOutputs outcome(std::uint64_t id, Kind kind, const std::string& message = "") {
+  FlightOutputs outcome(std::uint64_t id, Kind kind, const std::string& message = "", bool more = false) {
     fabric::Outcome outcome;
     outcome.kind = kind;
     outcome.message = message;
     FlightInputs inputs;
     inputs.outcome = &outcome;
     inputs.outcome_id = id;
+    inputs.more = more;
     return core.step(now_ns, inputs);
   }
   static CommandCall call_of(const FlightOutputs& out) {
@@ -307,12 +308,13 @@ class FlightFarFromTheDrone : public FlightByHand {
       ASSERT_EQ(call.plans_size(), 1);
       if (call.plans(0).action() == FLY) ahead_ns = call.plans(0).setpoints(0).at_ns() - now_ns;
       under_way.emplace_back(call.plans(0).sequence(), now_ns);
-      now_ns += 10 * ns_per_ms;
+      now_ns += ledger_ns;
       (void)block(event("command", out.submissions[0].call.args[0]));
       (void)outcome(out.submissions[0].id, Kind::committed);
-      now_ns += 20 * ns_per_ms;
+      now_ns += rest_ns;
     }
   }
+  TimeNs ledger_ns = 10 * ns_per_ms, rest_ns = 20 * ns_per_ms;
   std::deque<std::pair<std::uint64_t, TimeNs>> under_way;  ///< sequence, made
   std::pair<std::uint64_t, TimeNs> newest{};               ///< sequence, came
   TimeNs ahead_ns = 0;                                     ///< of the newest plan's first setpoint
@@ -336,6 +338,54 @@ TEST_F(FlightFarFromTheDrone, WhereNoPlanComesAnyMoreTheyAreForSoonerAgain) {
   EXPECT_NEAR(to_ms(core.delay_ns()), 1'500, 1);
   exchange(30, 0, false);
   EXPECT_NEAR(to_ms(core.delay_ns()), 20, 1);
+}
+
+TEST_F(FlightFarFromTheDrone, AtTwoHundredStatesASecondAPlanThatDoesNotComeIsMissedJustTheSame) {
+  ledger_ns = rest_ns = 0;
+  exchange(600, 1'500 * ns_per_ms);
+  EXPECT_NEAR(to_ms(core.delay_ns()), 1'500, 1);
+  exchange(390, 0, false);
+  EXPECT_NEAR(to_ms(core.delay_ns()), 1'500, 1);
+  exchange(20, 0, false);
+  EXPECT_NEAR(to_ms(core.delay_ns()), 10, 1);
+}
+
+TEST_F(FlightFarFromTheDrone, WhenPlansCameIsLearnedAnewUnderANewLease) {
+  exchange(60, 500 * ns_per_ms);
+  EXPECT_NEAR(to_ms(core.delay_ns()), 500, 1);
+  new_lease_of_tello1();
+  EXPECT_NEAR(to_ms(core.delay_ns()), 20, 1);
+  exchange(10, 500 * ns_per_ms);  // what comes is the earlier lease's
+  EXPECT_NEAR(to_ms(core.delay_ns()), 20, 1);
+  exchange(20, 200 * ns_per_ms);
+  EXPECT_NEAR(to_ms(core.delay_ns()), 200, 1);
+}
+
+TEST_F(FlightFarFromTheDrone, AStateThatKnowsOfNoPlanSaysNothingOfWhenPlansCome) {
+  const TimeNs before_ns = core.delay_ns();
+  for (int i = 0; i < 10; ++i) {
+    (void)flying({1}, 1.0, 999'999, now_ns);
+    (void)flying({1}, 1.0, 0, now_ns);
+  }
+  EXPECT_EQ(core.delay_ns(), before_ns);
+}
+
+TEST_F(FlightByHand, APlanThatTakesTheNumberOfAnOlderOneHasItsOwnTime) {
+  const auto commit = [&](const FlightOutputs& out) { (void)outcome(out.submissions.at(0).id, Kind::committed); };
+  (void)flying({1, 2}, 1.0);
+  for (int i = 0; i < 10; ++i) {
+    const auto first = flying({1, 2}, 1.0);
+    now_ns += 100 * ns_per_ms;
+    (void)outcome(first.submissions.at(0).id, Kind::refused, "tello2: not the holder", true);
+    const auto newer = flying({1}, 1.0);
+    const std::uint64_t number = call_of(newer).plans(0).sequence();
+    ASSERT_EQ(number, call_of(first).plans(0).sequence());
+    commit(newer);
+    const TimeNs came_ns = now_ns + 50 * ns_per_ms;
+    now_ns = came_ns;
+    commit(flying({1}, 1.0, number, came_ns));
+  }
+  EXPECT_NEAR(to_ms(core.delay_ns()), 50, 1);
 }
 
 // Agent takes no setpoint for later than 2 s from when it comes, and the quickest plan comes first.

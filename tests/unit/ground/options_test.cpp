@@ -145,6 +145,12 @@ TEST(FlyOptions, APathThatLeavesLinksFenceIsRefusedWithItsLine) {
   expect_refused({"--shape", file, "--drones", "2"}, "high.csv:2: tello2 would be at 21, 0, 1 m");
 }
 
+TEST(FlyOptions, AShapeThatLeavesLinksFenceIsRefused) {
+  EXPECT_TRUE(parse_command_line({"--drones", "3", "--side", "12"}).fly);
+  expect_refused({"--drones", "4", "--side", "12"}, "square with --side 12: tello4 would be at 21, 0, 1 m");
+  EXPECT_TRUE(parse_command_line({"--drones", "16", "--shape", "manual"}).fly);
+}
+
 TEST(FlyOptions, WithoutALedgerNothingIsAskedOfOne) {
   const auto line = parse_command_line({"--ledger", "none"});
   ASSERT_TRUE(line.fly) << line.text;

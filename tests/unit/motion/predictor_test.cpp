@@ -163,6 +163,30 @@ TEST(Predictor, WhatTheDroneWasToldCountsWithoutANewPose) {
   EXPECT_GT(on_m, 0.7 * known.lag_s);
 }
 
+TEST(Predictor, WhatTheDroneWasToldToTurnSinceItsPoseIsInItsHeading) {
+  constexpr TimeNs old_ns = 200 * ns_per_ms;
+  constexpr float rate_radps = 1.75F;
+  Predictor predictor(knowing(known));
+  StateSample state;
+  TimeNs t = ns_per_s;
+  for (int i = 0; i < 60; ++i, t += state_period_ns) {
+    state = at(t, 0);
+    state.pose_stamp_ns = t - old_ns;
+    state.yaw_rad = static_cast<double>(rate_radps) * to_seconds(state.pose_stamp_ns - ns_per_s);
+    state.sent_yaw_rate_radps = rate_radps;
+    predictor.observe(state, 0);
+  }
+  std::vector<Setpoint> turning = steady(state.stamp_ns, 0, 12);
+  for (Setpoint& setpoint : turning) setpoint.yaw_rate_radps = rate_radps;
+  predictor.sent(1, turning);
+  for (const TimeNs ahead_ns : {-old_ns / 2, TimeNs{0}, old_ns}) {
+    const auto rollout = predictor.until(state.stamp_ns + ahead_ns);
+    EXPECT_NEAR(rollout.effect().yaw_rad - state.yaw_rad,
+                static_cast<double>(rate_radps) * to_seconds(old_ns + ahead_ns), 1e-6)
+        << to_ms(ahead_ns);
+  }
+}
+
 TEST(Predictor, AWithdrawnPlanIsNotFlown) {
   Predictor predictor(knowing(known));
   predictor.observe(at(ns_per_s, 0), 0);

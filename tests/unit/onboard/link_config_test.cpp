@@ -82,6 +82,8 @@ TEST_F(LinkConfig, AnOrderOfTimesThatTheFailsafeCannotKeepIsRefused) {
   EXPECT_TRUE(names(error_of("land_after_s = 0.5\n"), "failsafe.land_after_s", "failsafe.clear_after_ms"));
   EXPECT_EQ(error_of("land_after_s = 0.51\n"), "");
   EXPECT_TRUE(names(error_of("battery_critical = 0.15\n"), "failsafe.battery_critical", "failsafe.battery_low"));
+  EXPECT_NE(error_of("battery_low = 0.0\nbattery_critical = 0.0\n").find("0.01"), std::string::npos);
+  EXPECT_EQ(error_of("battery_low = 0.01\nbattery_critical = 0.0\n"), "");
   EXPECT_NE(error_of("battery_low = 0.97\n").find("failsafe.battery_low"), std::string::npos);
   EXPECT_NE(error_of("agent_silent_ms = 200\n").find("failsafe.agent_silent_ms"), std::string::npos);
   EXPECT_NE(error_of("state_stale_ms = 200\n").find("failsafe.state_stale_ms"), std::string::npos);
