@@ -299,6 +299,8 @@ void LinkCore::watch_phase(TimeNs now, Drone& drone) noexcept {
       drone.playout.clear(DropReason::not_flying);
       drone.sent = {};
       drone.last_rc = {};
+      // It may hover a hand above the ground, and goes on with the last rc of a link that is gone.
+      if (drone.last_phase == FlightPhase::disconnected && phase == FlightPhase::on_ground) send_rc(now, drone, {}, {});
     }
     if (in_flight(drone.last_phase) && !in_flight(phase)) drone.takeoff_after_ns = now;
     if (!in_flight(phase)) drone.cut = false;

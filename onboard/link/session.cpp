@@ -136,7 +136,7 @@ void TelloSession::watch_connection(TimeNs now) noexcept {
   if (phase_ == FlightPhase::disconnected) {
     if (handshake_ok_ && fresh(now)) {
       // A link that starts again finds the drone where it is, maybe in the air.
-      enter(now, seen_airborne(now) ? FlightPhase::flying : FlightPhase::on_ground);
+      enter(now, seen_grounded(now) ? FlightPhase::on_ground : FlightPhase::flying);
     } else if (asked_ != Asked::command && !handshake_ok_) {
       timeout_ns_ = settings_.answer_timeout_ns;
       ask(now, Asked::command);

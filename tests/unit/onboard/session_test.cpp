@@ -90,6 +90,15 @@ TEST_F(Session, ADroneThatIsFoundInTheAirIsFlying) {
   EXPECT_EQ(session.phase(), FlightPhase::flying);
 }
 
+TEST_F(Session, ADroneThatIsFoundAHandAboveTheGroundIsFlying) {
+  height_m = 0.12F;  // too low for `h` to tell
+  talks = true;
+  pass(tick);
+  answer("ok");
+  pass(200 * ns_per_ms);
+  EXPECT_EQ(session.phase(), FlightPhase::flying);
+}
+
 TEST_F(Session, TakeOffNeedsAConnection) { EXPECT_FALSE(session.request_takeoff(now)); }
 
 TEST_F(Session, ALateOkOfAnEarlierCommandIsNoTakeOff) {
