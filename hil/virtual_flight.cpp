@@ -26,17 +26,6 @@ constexpr TimeNs truth_period_ns = 33 * ns_per_ms;
 constexpr std::int64_t real_epoch_s = 1'767'225'600;
 constexpr sim::Endpoint link_endpoint{0x7F000001, 40000};
 
-Result<std::string> control_record(VirtualLedger& ledger, VirtualLedger::Client client, const std::string& drone) {
-  QueryCall query;
-  query.set_id("control/" + drone);
-  auto answer = ledger.evaluate(0, client, {"get", {query.SerializeAsString()}});
-  if (!answer) return answer.error();
-  Assets assets;
-  if (!assets.ParseFromString(*answer) || assets.assets_size() != 1)
-    return Error{"get control/" + drone + ": no record"};
-  return assets.assets(0).msg_data();
-}
-
 class Flight {
  public:
   explicit Flight(const VirtualFlightConfig& config)
@@ -144,7 +133,8 @@ class Flight {
     host_ = ledger_.add_client(drone_host, WayDelay::Way::back, config_.delays.added.agent_share);
     operator_ = ledger_.add_client(operator_name, WayDelay::Way::there, 1 - config_.delays.added.agent_share);
     for (const auto& drone : ground_.drones()) {
-      const auto record = control_record(ledger_, operator_, drone.name);
+      const auto record =
+          control_record(drone.name, [this](const fabric::Call& call) { return ledger_.evaluate(0, operator_, call); });
       if (!record) return record.error();
       Control control;
       if (!control.ParseFromString(*record)) return Error{drone.name + ": malformed control record"};

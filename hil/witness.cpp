@@ -44,8 +44,7 @@ void Witness::given(const std::vector<Plan>& plans) {
 }
 
 void Witness::handed(TimeNs now, const Plan& plan) {
-  // A stop is in nobody's order.
-  if (plan.action == PlanAction::stop || plan.action == PlanAction::cut) return;
+  if (outranks_order(plan.action)) return;
   events_.push_back({now, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
 }
 

@@ -109,15 +109,8 @@ Status VirtualWorld::set_up() {
 
 TimeNs VirtualWorld::real_offset() const { return real_epoch_s * ns_per_s + clock_jump_ns_; }
 
-Result<std::string> VirtualWorld::control_record(LedgerPort& port, const std::string& drone) {
-  QueryCall query;
-  query.set_id("control/" + drone);
-  auto answer = port.evaluate(now_, {"get", {query.SerializeAsString()}});
-  if (!answer) return answer.error();
-  Assets assets;
-  if (!assets.ParseFromString(*answer) || assets.assets_size() != 1)
-    return Error{"get control/" + drone + ": no record"};
-  return assets.assets(0).msg_data();
+Result<std::string> VirtualWorld::control_record_by(LedgerPort& port, const std::string& drone) {
+  return control_record(drone, [&](const fabric::Call& call) { return port.evaluate(now_, call); });
 }
 
 void VirtualWorld::start_link() {
@@ -132,7 +125,7 @@ Status VirtualWorld::start_agent() {
   agent_->set_real_offset(mocap_clock_->offset_ns());
   agent_->on_connection(now_, true);
   for (const DroneFacts& drone : facts()) {
-    const auto record = control_record(host_, drone.name);
+    const auto record = control_record_by(host_, drone.name);
     if (!record) return record.error();
     Control control;
     if (!control.ParseFromString(*record)) return Error{drone.name + ": malformed control record"};
@@ -144,7 +137,7 @@ Status VirtualWorld::start_agent() {
 Status VirtualWorld::start_ground() {
   ground_ = std::make_unique<ground::FlightCore>(ground_config(config_, ledger_));
   for (const DroneFacts& drone : facts()) {
-    const auto record = control_record(operator_, drone.name);
+    const auto record = control_record_by(operator_, drone.name);
     if (!record) return record.error();
     if (auto s = ground_->set_control(*record); !s) return s;
   }

@@ -93,7 +93,7 @@ class VirtualWorld {
   void step_ground();
   void step_link();
   void give_ground(ground::FlightInputs inputs);
-  Result<std::string> control_record(LedgerPort& port, const std::string& drone);
+  Result<std::string> control_record_by(LedgerPort& port, const std::string& drone);
   TimeNs real_offset() const;
 
   WorldConfig config_;

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include "ground/core/flight.hpp"
@@ -40,5 +41,8 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
 
 /// enroll and acquire, as the launcher does before take-off.
 Status prepare(VirtualLedger& ledger, int drones);
+/// The control record of a drone, by a call of the contract's `get`.
+Result<std::string> control_record(const std::string& drone,
+                                   const std::function<Result<std::string>(const fabric::Call&)>& evaluate);
 
 }  // namespace ledgerline::hil

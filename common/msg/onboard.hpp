@@ -16,6 +16,11 @@ inline constexpr DroneNumber max_drones = 16;
 /// What a plan wants. The first three are also on the wire (ledgerline.proto uses the same values); stop and cut are
 /// said by agent alone, from the contract's stop: land now, and motors off at once, only where asked for by name.
 enum class PlanAction : std::uint8_t { fly = 0, takeoff = 1, land = 2, stop = 3, cut = 4 };
+/// Whether it comes from the contract, not from the lease's holder: then it answers no state, is in nobody's sequence
+/// and is obeyed at any time.
+constexpr bool outranks_order(PlanAction action) noexcept {
+  return action == PlanAction::stop || action == PlanAction::cut;
+}
 
 /// Where the flight is, as link sees it.
 enum class FlightPhase : std::uint8_t {

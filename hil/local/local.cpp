@@ -65,7 +65,6 @@ Status LocalShell::hear_mocap() {
 
 // Sim's stamps are of this host's real-time clock.
 void LocalShell::take_mocap() {
-  clock_.refresh();
   for (Drone& drone : drones_) {
     MocapMessage message{};
     while (drone.ring->pop(message)) {
@@ -74,8 +73,7 @@ void LocalShell::take_mocap() {
         ++poses_implausible_;
         continue;
       }
-      auto pose = drone.fusion.add(
-          {std::min(*stamp_ns, message.arrived_ns), message.position_m, yaw_from_quaternion(message.orientation)});
+      auto pose = drone.fusion.add({*stamp_ns, message.position_m, yaw_from_quaternion(message.orientation)});
       if (!pose) continue;
       pose->drone = drone.number;
       (void)end_->send_pose(*pose);  // no chunk left: the next one comes in 10 ms

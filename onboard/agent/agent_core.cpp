@@ -147,7 +147,7 @@ bool AgentCore::ledger_alive(TimeNs now) const {
 void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
   for (Plan& plan : checked_) {
     plan.verified_ns = now;
-    if (plan.action != PlanAction::stop && plan.action != PlanAction::cut) {  // these answer no state
+    if (!outranks_order(plan.action)) {
       Drone& drone = drones_[index(plan.drone)];
       drone.last_command_verified_ns = now;
       drone.two_way.add(now - plan.state_stamp_ns);

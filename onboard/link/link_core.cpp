@@ -129,7 +129,7 @@ void LinkCore::take_plan(TimeNs now, const Plan& plan) noexcept {
                    .stamp_ns = plan.state_stamp_ns,
                    .v = {}});
   if (drone.playout.admit(now, plan) != DropReason::none) return;
-  if (plan.action <= PlanAction::land) {  // of the lease's sequence
+  if (!outranks_order(plan.action)) {
     drone.arrived_sequence = plan.sequence;
     drone.arrived_ns = now;
   }

@@ -13,11 +13,6 @@ constexpr float absurd_radps = 100;
 constexpr TimeNs margin_look_ns = 100 * ns_per_ms;
 constexpr std::size_t margin_plans = 32;  // fewer say nothing about a quantile
 
-// A stop comes from the contract, not from the lease's holder: it is in nobody's sequence and obeyed at any time.
-bool outranks_order(const Plan& plan) noexcept {
-  return plan.action == PlanAction::stop || plan.action == PlanAction::cut;
-}
-
 bool believable(const Setpoint& setpoint) noexcept {
   return std::all_of(setpoint.velocity_mps.begin(), setpoint.velocity_mps.end(),
                      [](float v) { return std::isfinite(v) && std::abs(v) <= absurd_mps; }) &&
@@ -50,7 +45,7 @@ TimeNs Margin::step(TimeNs now) noexcept {
 }
 
 DropReason Playout::check(TimeNs now, const Plan& plan) const noexcept {
-  if (outranks_order(plan)) return DropReason::none;
+  if (outranks_order(plan.action)) return DropReason::none;
   if (any_ && (plan.epoch < newest_epoch_ || (plan.epoch == newest_epoch_ && plan.sequence <= newest_sequence_))) {
     return DropReason::out_of_order;
   }
@@ -75,7 +70,7 @@ DropReason Playout::admit(TimeNs now, const Plan& plan) noexcept {
     count_dropped(plan, reason);
     return reason;
   }
-  if (outranks_order(plan)) return DropReason::none;
+  if (outranks_order(plan.action)) return DropReason::none;
   any_ = true;
   newest_epoch_ = plan.epoch;
   newest_sequence_ = plan.sequence;
