@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "common/msg/names.hpp"
+#include "common/page/html.hpp"
 #include "common/rt/json.hpp"
-#include "ground/report/html.hpp"
 
 namespace ledgerline::hil {
 

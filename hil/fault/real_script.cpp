@@ -15,7 +15,7 @@ namespace {
 using What = Fault::What;
 
 constexpr int fabric_orderers = 3;
-constexpr double least_side_m = 0.5, most_side_m = 15;  // of ground/fly/options.cpp
+constexpr double least_side_m = 0.5, most_side_m = 15;  // of tools/launcher/options.cpp
 constexpr TimeNs longest_death = ns_per_s;              // the launcher starts again what died, within half a second
 
 std::string name_of(Process process) {

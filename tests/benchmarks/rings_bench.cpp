@@ -12,9 +12,9 @@
 
 #include "common/rt/json.hpp"
 #include "common/rt/spsc_ring.hpp"
-#include "ground/fly/machine.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "tests/unit/child.hpp"
+#include "tools/launcher/machine.hpp"
 
 /// What it costs to hand a state over, and a pose back: through SpscRing and readerwriterqueue between threads, and
 /// through iceoryx as link and agent use it between processes. All three take turns in one run, each round in another

@@ -3,9 +3,9 @@
 
 #include "common/bridge/downlink.hpp"
 #include "common/msg/form.hpp"
-#include "ground/topics/show.hpp"
 #include "tests/fuzz/entry.hpp"
 #include "tests/unit/agent/ledger_of_tests.hpp"
+#include "tools/topics/show.hpp"
 
 namespace ledgerline::fuzz::bridge_part {
 namespace {

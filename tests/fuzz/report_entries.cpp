@@ -7,12 +7,12 @@
 #include <sstream>
 
 #include "common/rt/trace.hpp"
-#include "ground/fly/live.hpp"
-#include "ground/report/results.hpp"
-#include "ground/timing/perfetto.hpp"
-#include "ground/timing/show.hpp"
 #include "tests/fuzz/directory.hpp"
 #include "tests/fuzz/entry.hpp"
+#include "tools/launcher/live.hpp"
+#include "tools/report/results.hpp"
+#include "tools/timing/perfetto.hpp"
+#include "tools/timing/show.hpp"
 
 /// What programs leave behind or say while they run, as the launcher and the report read it.
 namespace ledgerline::fuzz::report_part {

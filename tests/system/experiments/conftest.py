@@ -2,4 +2,4 @@ import pathlib
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "tests/experiments"))
+sys.path.insert(0, str(ROOT / "tools/experiments"))

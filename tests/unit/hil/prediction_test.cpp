@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "ground/report/published.hpp"
 #include "hil/virtual_flight.hpp"
 #include "tests/unit/campaign.hpp"
+#include "tools/report/published.hpp"
 
 namespace ledgerline::hil {
 namespace {

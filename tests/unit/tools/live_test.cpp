@@ -1,0 +1,52 @@
+#include "tools/launcher/live.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace ledgerline::fly {
+namespace {
+
+using testing::HasSubstr;
+
+TEST(Live, AgentAndGroundTogetherMakeTheLineOfADrone) {
+  Live live(2, false, 0);
+  EXPECT_TRUE(
+      live.take(R"({"agent":{"height":42,"drones":[{"name":"tello1","phase":"flying","mode":"none",)"
+                R"("position":[1.25,-2.5,1.0],"state_age_ms":7.0,"command_age_ms":12.0,"two_way_ms":15.0}]}})"));
+  EXPECT_TRUE(live.take(R"({"ground":{"drones":[{"name":"tello1","phase":"path","lap":2,"progress":0.5}],"why":""}})"));
+  const auto lines = live.lines(3 * ns_per_s);
+  ASSERT_EQ(lines.size(), 2u);
+  for (const char* part : {"3.0 s", "tello1", "path 50 %, lap 2", "1.25", "-2.50", "7 ms", "12 ms", "42", "15 ms"}) {
+    EXPECT_THAT(lines[0], HasSubstr(part));
+  }
+  EXPECT_THAT(lines[1], HasSubstr("waiting"));
+  EXPECT_TRUE(live.anything_in_air());
+}
+
+TEST(Live, ADroneThatItsPilotFliesIsInTheAir) {
+  Live live(1, false, 0);
+  live.take(R"({"ground":{"drones":[{"name":"tello1","phase":"manual"}]}})");
+  EXPECT_TRUE(live.anything_in_air());
+  EXPECT_THAT(live.lines(0)[0], HasSubstr("manual"));
+}
+
+TEST(Live, AFailsafeModeIsShown) {
+  Live live(1, false, 0);
+  live.take(R"({"agent":{"height":1,"drones":[{"name":"tello1","mode":"hold"}]}})");
+  EXPECT_THAT(live.lines(0)[0], HasSubstr("(hold)"));
+}
+
+TEST(Live, LinesThatAreNotWhatIsExpectedDoNoHarm) {
+  Live live(1, false, 0);
+  for (const char* line :
+       {"", "hello", "[]", "{}", R"({"agent":3})", R"({"agent":{"drones":{}}})", R"({"agent":{"drones":[1]}})",
+        R"({"agent":{"drones":[{"name":7}]}})",
+        R"({"agent":{"height":"x","drones":[{"name":"tello1","position":["a",null,{}],"state_age_ms":"old"}]}})"}) {
+    live.take(line);
+  }
+  EXPECT_THAT(live.lines(0)[0], HasSubstr("waiting"));
+  EXPECT_FALSE(live.anything_in_air());
+}
+
+}  // namespace
+}  // namespace ledgerline::fly

@@ -1,0 +1,273 @@
+// One side of a two-way exchange as Ledgerline does it: agent's batching and pacing of frames over the ledger client
+// that agent and ground use. Started by ledgerline-bench.
+#include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <nlohmann/json.hpp>
+
+#include "common/fabric/config.hpp"
+#include "common/msg/form.hpp"
+#include "common/rt/log.hpp"
+#include "onboard/agent/batcher.hpp"
+#include "onboard/agent/shell/mailbox.hpp"
+#include "tools/bench/exchange.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using namespace ledgerline::two_way;
+
+constexpr TimeNs linger_poll_ns = 500 * ns_per_us;  // agent's own poll
+constexpr TimeNs tick_ns = 100 * ns_per_ms;         // for signals and progress
+constexpr std::uint64_t boot_id = 1;
+
+std::atomic<bool> asked_to_end{false};
+
+void say(const nlohmann::json& line) {
+  fmt::print("{}\n", line.dump());
+  std::fflush(stdout);
+}
+
+/// A side's streams: what they are called on the ledger, and in the messages.
+struct Names {
+  std::string host, asset, topic;
+  std::string id(std::uint64_t stream) const { return fmt::format("{}{}/{}", host, stream + 1, asset); }
+};
+const Names of_a{"tello", "odom", "/odom"}, of_b{"ground", "ori_odom", "/ori_odom"};
+
+class Side {
+ public:
+  Side(bool is_a, Schedule schedule, std::unique_ptr<fabric::Client> client)
+      : is_a_(is_a),
+        schedule_(schedule),
+        own_(is_a ? of_a : of_b),
+        others_(is_a ? of_b : of_a),
+        account_(schedule, true),
+        batcher_({}, drones(schedule, own_), 1),
+        newest_(static_cast<std::size_t>(schedule.streams)),
+        client_(std::move(client)) {
+    for (std::uint64_t k = 0; k < newest_.size(); ++k) streams_[others_.id(k)] = k;
+    fabric::Client::StreamHandlers handlers;
+    handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_block(block); };
+    handlers.on_connection = [this](bool connected, const std::string& why) {
+      mailbox_.put(agent::StreamState{connected, why});
+    };
+    blocks_ = client_->blocks(std::nullopt, std::move(handlers));
+  }
+  ~Side() { mailbox_.close(); }
+  Side(const Side&) = delete;
+  Side& operator=(const Side&) = delete;
+
+  Status wait_for_blocks(TimeNs limit_ns) {
+    const TimeNs until_ns = monotonic_ns() + limit_ns;
+    while (!connected_ && !asked_to_end) {
+      if (monotonic_ns() > until_ns) return Error{"no block stream: " + why_};
+      turn(monotonic_ns() + tick_ns);
+    }
+    say({{"ready", true}, {"pid", ::getpid()}});
+    return done;
+  }
+
+  void ask() {
+    const TimeNs start_ns = monotonic_ns();
+    const TimeNs end_ns = start_ns + from_seconds(schedule_.length_s());
+    std::uint64_t n = 0;
+    std::uint64_t answers_before = 0;
+    TimeNs next_progress_ns = start_ns;
+    while (!asked_to_end && !account_.complete() && monotonic_ns() < end_ns) {
+      turn(start_ns + schedule_.due_ns(n));
+      const TimeNs now = monotonic_ns();
+      for (; now >= start_ns + schedule_.due_ns(n); ++n) {
+        if (n == schedule_.first) {
+          answers_before = account_.answers();
+          say({{"measuring", true}});
+        }
+        if (n == schedule_.first + schedule_.count) {
+          say({{"measured", true}, {"answers", account_.answers() - answers_before}});
+        }
+        account_.sent(now, n);
+        add(now, n, now);
+      }
+      submit();
+      if (now < next_progress_ns) continue;
+      next_progress_ns = now + ns_per_s;
+      say({{"progress", {{"sent", account_.sent()}, {"answered", account_.answered()}}}});
+    }
+    account_.end(monotonic_ns());
+  }
+
+  void answer() {
+    while (!asked_to_end) turn(monotonic_ns() + tick_ns);
+  }
+
+  void tell() const {
+    constexpr std::size_t per_line = 1000;
+    const auto& times = account_.times();
+    for (std::size_t i = 0; i < times.size(); i += per_line) {
+      nlohmann::json us = nlohmann::json::array();
+      for (std::size_t k = i; k < std::min(times.size(), i + per_line); ++k) us.push_back(times[k] / ns_per_us);
+      say({{"latencies_us", us}});
+    }
+    const auto& tx = batcher_.transactions();
+    say({{"result",
+          {{"sent", account_.sent()},
+           {"answered", account_.answered()},
+           {"replaced", account_.replaced()},
+           {"transactions", tx.committed},
+           {"failed", tx.invalidated + tx.refused + tx.unavailable},
+           {"why", why_}}}});
+  }
+
+ private:
+  static std::vector<agent::DroneName> drones(const Schedule& schedule, const Names& names) {
+    std::vector<agent::DroneName> list;
+    for (int k = 0; k < schedule.streams; ++k) {
+      list.push_back({static_cast<DroneNumber>(k + 1), names.host + std::to_string(k + 1)});
+    }
+    return list;
+  }
+
+  /// Waits for news, at most until `until`, and acts on all of it.
+  void turn(TimeNs until) {
+    TimeNs wait_ns = std::clamp<TimeNs>(until - monotonic_ns(), 0, tick_ns);
+    if (batcher_.has_waiting()) wait_ns = std::min(wait_ns, linger_poll_ns);
+    pollfd fd{.fd = mailbox_.wake_fd(), .events = POLLIN, .revents = 0};
+    const timespec timeout{.tv_sec = 0, .tv_nsec = wait_ns};
+    (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
+    for (agent::Letter& letter : mailbox_.take_all()) {
+      if (const auto* block = std::get_if<fabric::Block>(&letter)) {
+        take(*block);
+      } else if (const auto* ended = std::get_if<agent::FrameEnded>(&letter)) {
+        (void)batcher_.finished(monotonic_ns(), ended->frame, ended->outcome);
+        if (ended->outcome.kind != fabric::Outcome::Kind::committed) why_ = ended->outcome.message;
+      } else if (const auto* state = std::get_if<agent::StreamState>(&letter)) {
+        connected_ = state->connected;
+        if (!connected_) why_ = state->why;
+      }
+      submit();
+    }
+    submit();
+  }
+
+  void take(const fabric::Block& block) {
+    for (const fabric::Transaction& tx : block.transactions) {
+      if (tx.code != 0 || tx.config || tx.event_name != "set") continue;
+      SetCall call;
+      if (!parse_message(tx.event_payload, call)) continue;
+      for (const Asset& asset : call.assets()) {
+        const auto stream = streams_.find(asset.id());
+        Message message;
+        if (stream == streams_.end() || !read_message(asset.msg_data(), message)) continue;
+        std::uint64_t& newest = newest_[stream->second];  // plus one
+        if (message.n < newest) continue;                 // repeated in a later frame
+        newest = message.n + 1;
+        const TimeNs now = monotonic_ns();
+        if (is_a_) {
+          (void)account_.answered(now, message.n, message.stamp_ns);
+        } else {
+          add(now, message.n, message.stamp_ns);
+        }
+      }
+    }
+  }
+
+  void add(TimeNs now, std::uint64_t n, TimeNs stamp_ns) {
+    StateSample sample;
+    sample.drone = static_cast<DroneNumber>(n % newest_.size() + 1);
+    sample.boot_id = boot_id;
+    sample.sequence = n + 1;
+    sample.stamp_ns = stamp_ns;
+    batcher_.add(now, sample);
+  }
+
+  void submit() {
+    const auto frame = batcher_.next(monotonic_ns());
+    if (!frame) return;
+    client_->submit(encode(*frame), [this, number = frame->number](fabric::Outcome outcome) {
+      mailbox_.put(agent::FrameEnded{number, std::move(outcome)});
+    });
+  }
+
+  /// As agent::encode_frame does, with the exchange's messages in place of ROS 2's.
+  fabric::Call encode(const agent::Frame& frame) const {
+    SetCall call;
+    call.set_stream(true);
+    for (const auto* samples : {&frame.samples, &frame.repeated}) {
+      for (const StateSample& sample : *samples) {
+        Asset* asset = call.add_assets();
+        asset->set_id(own_.id(sample.drone - 1u));
+        asset->set_msg_type("nav_msgs/msg/Odometry");
+        asset->set_msg_data(write_message({sample.sequence - 1, sample.stamp_ns}, own_.topic));
+      }
+    }
+    return {.function = "set", .args = {call.SerializeAsString()}, .told_by_block = true};
+  }
+
+  const bool is_a_;
+  const Schedule schedule_;
+  const Names own_, others_;
+  Account account_;
+  agent::Batcher batcher_;
+  std::map<std::string, std::uint64_t> streams_;
+  std::vector<std::uint64_t> newest_;
+  bool connected_ = false;
+  std::string why_;
+
+  // In this order: the threads and streams below use what is above, and are ended first.
+  agent::Mailbox mailbox_;
+  std::unique_ptr<fabric::Client> client_;
+  std::unique_ptr<fabric::Client::Stream> blocks_;
+};
+
+Status run(const std::string& role, const std::string& config_file, const std::string& schedule_text) {
+  auto schedule = read_schedule(schedule_text);
+  if (!schedule) return schedule.error();
+  auto config = Config::load(config_file);
+  if (!config) return config.error();
+  auto ledger = fabric::ledger_config(*config);
+  if (auto status = config->finish(); !status) return status;
+  if (!ledger) return ledger.error();
+  auto client = fabric::Client::create(std::move(ledger).value());
+  if (!client) return client.error();
+  Side side(role == "a", *schedule, std::move(client).value());
+  constexpr TimeNs start_limit_ns = 20 * ns_per_s;
+  if (auto status = side.wait_for_blocks(start_limit_ns); !status) return status;
+  if (role == "a") {
+    side.ask();
+  } else {
+    side.answer();
+  }
+  side.tell();
+  return done;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"One side of `ledgerline bench two-way`, which starts it"};
+  std::string role, config, schedule;
+  app.add_option("--role", role, "a asks, b answers")->required()->check(CLI::IsMember({"a", "b"}));
+  app.add_option("--config", config, "TOML with [ledger] and [[orderer]]")->required();
+  app.add_option("--schedule", schedule, "JSON")->required();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  init_log("two-way " + role);
+  for (const int signal : {SIGINT, SIGTERM}) {
+    struct sigaction action {};
+    action.sa_handler = [](int) { asked_to_end = true; };
+    ::sigaction(signal, &action, nullptr);
+  }
+  if (auto status = run(role, config, schedule); !status) {
+    spdlog::error("{}", status.error().what);
+    return 1;
+  }
+  return 0;
+}

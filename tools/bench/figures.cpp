@@ -1,0 +1,180 @@
+#include "tools/bench/figures.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace ledgerline::two_way {
+namespace {
+
+constexpr double tolerated_share = 0.01;
+constexpr double saturated_ms = 1000;
+
+using Value = std::optional<double> (*)(const Turn&);
+std::optional<double> p50(const Turn& run) {
+  return run.times_ms.empty() ? std::nullopt : std::optional(run.quantile_ms(0.5));
+}
+std::optional<double> p99(const Turn& run) {
+  return run.times_ms.empty() ? std::nullopt : std::optional(run.quantile_ms(0.99));
+}
+std::optional<double> cpu(const Turn& run) { return run.cpu_ms_per_message(); }
+
+using Turns = std::vector<const Turn*>;
+Turns select(const std::vector<Turn>& runs, int rate, const std::string& contender) {
+  Turns found;
+  for (const Turn& run : runs) {
+    if (run.rate == rate && run.contender == contender) found.push_back(&run);
+  }
+  return found;
+}
+
+std::optional<Spread> spread(const Turns& runs, Value value) {
+  std::vector<double> values;
+  for (const Turn* run : runs) {
+    if (const auto v = value(*run)) values.push_back(*v);
+  }
+  return spread_of(std::move(values));
+}
+
+std::optional<Spread> ratio(const Turns& ours, const Turns& theirs, Value value) {
+  std::vector<double> ratios;
+  for (const Turn* one : ours) {
+    const auto other =
+        std::find_if(theirs.begin(), theirs.end(), [&](const Turn* r) { return r->alternation == one->alternation; });
+    if (other == theirs.end()) continue;
+    const auto above = value(*one), below = value(**other);
+    if (above && below && *below > 0) ratios.push_back(*above / *below);
+  }
+  return spread_of(std::move(ratios));
+}
+
+Figures figures_of(const Turns& runs) {
+  Figures f{.p50_ms = spread(runs, p50), .p99_ms = spread(runs, p99), .cpu_ms_per_message = spread(runs, cpu)};
+  for (const Turn* run : runs) {
+    f.sent += run->sent;
+    f.answered += run->answered;
+    f.replaced += run->replaced;
+    f.lost += run->lost();
+    ++f.runs;
+    f.saturated += run->saturated();
+    f.collapsed += run->collapsed();
+  }
+  return f;
+}
+
+/// "12.3 (11.0-14.9)" in about four digits.
+std::string text(const std::optional<Spread>& s) {
+  if (!s) return "-";
+  const auto number = [](double v) { return fmt::format("{:.{}f}", v, v >= 100 ? 0 : v >= 10 ? 1 : 2); };
+  if (s->count == 1) return number(s->median);
+  return fmt::format("{} ({}-{})", number(s->median), number(s->low), number(s->high));
+}
+
+}  // namespace
+
+const std::vector<Contender>& contenders() {
+  static const std::vector<Contender> all{
+      {"published", "published settings, gateway", Way::gateway, true, ""},
+      {"ledgerline-published", "published settings, Ledgerline", Way::ledgerline, true, "libcrypto", true},
+      {"gateway", "gateway", Way::gateway, false, ""},
+      {"direct", "direct path", Way::direct, false, ""},
+      {"polling", "gateway, polling", Way::polling, false, ""},
+      {"ledgerline", "Ledgerline, libcrypto", Way::ledgerline, false, "libcrypto"},
+      {"ledgerline-mbedtls", "Ledgerline, mbedTLS", Way::ledgerline, false, "mbedtls"},
+      {"ledgerline-checked", "Ledgerline, cross-checked", Way::ledgerline, false, "libcrypto", false, true},
+  };
+  return all;
+}
+
+const Contender* find_contender(const std::string& id) {
+  const auto& all = contenders();
+  const auto found = std::find_if(all.begin(), all.end(), [&](const Contender& c) { return c.id == id; });
+  return found == all.end() ? nullptr : &*found;
+}
+
+double Turn::quantile_ms(double q) const {
+  if (times_ms.empty()) return 0;
+  std::vector<double> sorted = times_ms;
+  const auto rank = static_cast<std::size_t>(std::ceil(q * static_cast<double>(sorted.size())));
+  const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(std::clamp<std::size_t>(rank, 1, sorted.size()) - 1);
+  std::nth_element(sorted.begin(), at, sorted.end());
+  return *at;
+}
+
+std::optional<double> Turn::cpu_ms_per_message() const {
+  if (answers == 0) return std::nullopt;
+  return 1e3 * cpu_s / (2.0 * static_cast<double>(answers));
+}
+
+bool Turn::saturated() const {
+  return sent == 0 || static_cast<double>(sent - answered) > tolerated_share * static_cast<double>(sent) ||
+         quantile_ms(0.99) > saturated_ms;
+}
+
+bool Turn::collapsed() const {
+  return timed_out || static_cast<double>(lost()) > tolerated_share * static_cast<double>(sent);
+}
+
+std::optional<Spread> spread_of(std::vector<double> values) {
+  if (values.empty()) return std::nullopt;
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return Spread{(values[(n - 1) / 2] + values[n / 2]) / 2, values.front(), values.back(), static_cast<int>(n)};
+}
+
+Summary summarize(const std::vector<Turn>& runs) {
+  Summary summary;
+  for (const Turn& run : runs) summary.figures[run.rate][run.contender] = {};
+  for (auto& [rate, of_rate] : summary.figures) {
+    for (auto& [id, figures] : of_rate) figures = figures_of(select(runs, rate, id));
+    const Turns ours = select(runs, rate, "ledgerline"), mbedtls = select(runs, rate, "ledgerline-mbedtls");
+    for (const Contender& baseline : contenders()) {
+      if (baseline.way == Way::ledgerline || of_rate.count(baseline.id) == 0) continue;
+      const Turns theirs = select(runs, rate, baseline.id);
+      summary.ratios.push_back({baseline.id, rate, ratio(ours, theirs, p50), ratio(ours, theirs, p99),
+                                ratio(ours, theirs, cpu), ratio(mbedtls, theirs, cpu)});
+    }
+  }
+  for (const auto& [rate, of_rate] : summary.figures) {
+    for (const auto& [id, figures] : of_rate) {
+      auto& at = summary.saturates_at[id];
+      if (!at && 2 * figures.saturated >= figures.runs) at = rate;
+    }
+  }
+  return summary;
+}
+
+std::string to_table(const Summary& summary) {
+  std::string out = fmt::format("\n{:>5}  {:<31}{:<22}{:<22}{:<20}{:>8}{:>9}{:>9}{:>7}\n", "msg/s", "client", "p50, ms",
+                                "p99, ms", "CPU, ms a message", "sent", "answered", "replaced", "lost");
+  for (const auto& [rate, of_rate] : summary.figures) {
+    for (const Contender& one : contenders()) {
+      const auto found = of_rate.find(one.id);
+      if (found == of_rate.end()) continue;
+      const Figures& f = found->second;
+      const std::string note = f.collapsed > 0 ? fmt::format("  collapsed {} of {}", f.collapsed, f.runs) : "";
+      out += fmt::format("{:>5}  {:<31}{:<22}{:<22}{:<20}{:>8}{:>9}{:>9}{:>7}{}\n", rate, one.title, text(f.p50_ms),
+                         text(f.p99_ms), text(f.cpu_ms_per_message), f.sent, f.answered, f.replaced, f.lost, note);
+    }
+  }
+  if (!summary.ratios.empty()) {
+    out +=
+        fmt::format("\nLedgerline / baseline, median (lowest-highest alternation)\n{:>5}  {:<31}{:<22}{:<22}{:<22}{}\n",
+                    "msg/s", "baseline", "p50", "p99", "CPU, libcrypto", "CPU, mbedTLS");
+    for (const Ratios& r : summary.ratios) {
+      out += fmt::format("{:>5}  {:<31}{:<22}{:<22}{:<22}{}\n", r.rate, find_contender(r.against)->title, text(r.p50),
+                         text(r.p99), text(r.cpu), text(r.cpu_mbedtls));
+    }
+  }
+  out += "\nSaturates at (of the rates measured)\n";
+  for (const Contender& one : contenders()) {
+    const auto found = summary.saturates_at.find(one.id);
+    if (found == summary.saturates_at.end()) continue;
+    out += fmt::format("       {:<31}{}\n", one.title,
+                       found->second ? fmt::format("{} msg/s", *found->second) : std::string("none"));
+  }
+  return out;
+}
+
+}  // namespace ledgerline::two_way

@@ -1,0 +1,302 @@
+#include "tools/bench/lab.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <csignal>
+#include <ctime>
+#include <optional>
+
+#include "chaincode/identities/identities.hpp"
+#include "common/rt/file.hpp"
+
+namespace ledgerline::two_way {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr TimeNs watch_ns = 50 * ns_per_ms;
+constexpr TimeNs network_limit_ns = 120 * ns_per_s, client_limit_ns = 30 * ns_per_s;
+constexpr TimeNs network_patience_ns = 30 * ns_per_s, client_patience_ns = 5 * ns_per_s;
+constexpr double overtime_s = 10;
+constexpr int log_lines = 8;
+constexpr int names_of_b = 16;
+
+std::string ledger_table(const Network::Access& access) {
+  return fmt::format("[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nmsp_id = \"{}\"\nmsp_dir = \"{}\"\n",
+                     access.endpoint, access.tls_ca, access.msp_id, access.msp_dir);
+}
+
+std::string tail(const Children& children, const std::string& name, const fs::path& log) {
+  const std::string lines = children.log_tail(name, log_lines);
+  return lines.empty() ? " It logged nothing." : fmt::format(" The end of {}:\n{}", log.string(), lines);
+}
+
+/// CPU time of a process so far, to the nanosecond.
+std::optional<double> cpu_seconds(pid_t process) {
+  clockid_t clock{};
+  timespec t{};
+  if (::clock_getcpuclockid(process, &clock) != 0 || ::clock_gettime(clock, &t) != 0) return std::nullopt;
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+std::uint64_t count_in(const json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number_unsigned() ? found->get<std::uint64_t>() : 0;
+}
+
+}  // namespace
+
+Network::Network(Place place, Settings settings, fs::path dir, const std::atomic<int>& interrupts)
+    : place_(std::move(place)),
+      settings_(settings),
+      dir_(std::move(dir)),
+      interrupts_(interrupts),
+      name_(place_.embedded ? "node" : "fabric"),
+      children_({[this](const std::string&, const std::string& line) { ready_ = line; }}) {}
+
+Network::~Network() {
+  if (children_.running(name_)) children_.stop(name_, network_patience_ns);
+}
+
+Status Network::wait_for_line(const std::string& name, TimeNs limit_ns) {
+  const fs::path log = dir_ / (name + ".log");
+  const TimeNs until_ns = monotonic_ns() + limit_ns;
+  while (ready_.empty()) {
+    if (interrupts_ > 0) return Error{"interrupted"};
+    if (!children_.running(name)) {
+      return Error{fmt::format("{} {}.{}", name, children_.how_it_ended(name), tail(children_, name, log))};
+    }
+    if (monotonic_ns() > until_ns) {
+      return Error{
+          fmt::format("{} was not ready within {:.0f} s.{}", name, to_seconds(limit_ns), tail(children_, name, log))};
+    }
+    children_.poll(watch_ns);
+  }
+  return done;
+}
+
+Status Network::up() {
+  std::error_code error;
+  fs::create_directories(dir_, error);
+  std::vector<std::string> command{"--dir",           dir_ / "ledger",
+                                   "--summary",       dir_ / "summary.json",
+                                   "--batch-count",   std::to_string(settings_.batch_count),
+                                   "--batch-timeout", std::to_string(settings_.batch_timeout_ms)};
+  if (place_.embedded) {
+    command.insert(command.begin(), place_.programs / "ledgerline-node");
+    command.insert(command.end(), {"--listen", "127.0.0.1:0"});
+  } else {
+    command.insert(command.begin(), {place_.programs / "ledgerline-fabric", "run"});
+    command.insert(command.end(), {"--tools", place_.fabric, "--orderers", std::to_string(settings_.orderers)});
+  }
+  if (auto s = children_.start({name_, command, dir_ / (name_ + ".log"), SIGTERM}); !s) return s;
+  if (auto s = wait_for_line(name_, network_limit_ns); !s) return s;
+  const json ready = json::parse(ready_, nullptr, false);
+  const auto texts = [&](const char* key) {
+    std::vector<std::string> list;
+    if (!ready.is_object() || !ready.contains(key)) return list;
+    for (const json& one : ready[key].is_array() ? ready[key] : json::array({ready[key]})) {
+      if (one.is_string()) list.push_back(one.get<std::string>());
+    }
+    return list;
+  };
+  peers_ = texts(place_.embedded ? "endpoint" : "peers");
+  orderers_ = texts(place_.embedded ? "endpoint" : "orderers");
+  if (peers_.empty() || orderers_.empty()) return Error{name_ + " did not say its endpoints: " + ready_};
+  return enroll();
+}
+
+Network::Access Network::access(int organisation, const std::string& user) const {
+  const std::string ledger = dir_ / "ledger";
+  const auto index = std::min<std::size_t>(organisation - 1u, peers_.size() - 1);
+  const auto tls_ca_of = [](const fs::path& home, const std::string& domain) {
+    return home / "tlsca" / fmt::format("tlsca.{}-cert.pem", domain);
+  };
+  const int host = static_cast<int>(index) + 1;  // whose peer it is; the embedded node is organisation 1's
+  const fs::path peer_ca = tls_ca_of(identities::organisation_dir(ledger, host), identities::domain_of(host));
+  return {.endpoint = peers_[index],
+          .tls_ca = peer_ca,
+          .msp_id = identities::msp_id_of(organisation),
+          .msp_dir = identities::user_dir(ledger, organisation, user) / "msp",
+          .orderer_tls_ca = place_.embedded ? peer_ca : tls_ca_of(identities::ordering_dir(ledger), "ledgerline"),
+          .orderers = orderers_};
+}
+
+// Side a speaks for tello1 ..., which every new ledger knows; side b's names are enrolled here.
+Status Network::enroll() {
+  const Access admin = access(2, "Admin");
+  fs::path certificate;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(access(2).msp_dir + "/signcerts", error)) certificate = entry.path();
+  if (auto s = write_file(dir_ / "admin.toml", ledger_table(admin)); !s) return s;
+  std::vector<std::string> command{place_.programs / "ledgerline-control",
+                                   "--config",
+                                   dir_ / "admin.toml",
+                                   "enroll",
+                                   "--msp",
+                                   admin.msp_id,
+                                   "--cert",
+                                   certificate};
+  for (int k = 1; k <= names_of_b; ++k) command.push_back(fmt::format("ground{}", k));
+  ready_.clear();
+  if (auto s = children_.start({"control", command, dir_ / "control.log", SIGKILL}); !s) return s;
+  return wait_for_line("control", client_limit_ns);
+}
+
+Result<json> Network::down() {
+  if (!children_.running(name_)) {
+    return Error{
+        fmt::format("{} {}.{}", name_, children_.how_it_ended(name_), tail(children_, name_, dir_ / (name_ + ".log")))};
+  }
+  if (!children_.stop(name_, network_patience_ns)) return Error{name_ + " did not end when asked to and was killed"};
+  const auto text = read_file(dir_ / "summary.json");
+  if (!text) return text.error();
+  json summary = json::parse(*text, nullptr, false);
+  if (!summary.is_object()) return Error{(dir_ / "summary.json").string() + " is no summary"};
+  return summary;
+}
+
+namespace {
+
+/// The two clients of a run, and what they have said so far.
+class Pair {
+ public:
+  Pair(const Place& place, const Network& network, const Contender& contender, const Schedule& schedule, fs::path dir,
+       const std::atomic<int>& interrupts)
+      : place_(place),
+        network_(network),
+        contender_(contender),
+        schedule_(schedule),
+        dir_(std::move(dir)),
+        interrupts_(interrupts),
+        children_({[this](const std::string& name, const std::string& line) { take(name, line); }}) {}
+
+  Result<Turn> run() {
+    for (const char* name : {"b", "a"}) {  // who asks comes last
+      if (auto s = start(name); !s) return s.error();
+    }
+    const TimeNs until_ns = monotonic_ns() + from_seconds(schedule_.length_s() + overtime_s);
+    while (children_.running("a") && children_.running("b") && monotonic_ns() < until_ns) {
+      if (interrupts_ > 0) return Error{"interrupted"};
+      children_.poll(watch_ns);
+    }
+    run_.timed_out = children_.running("a");
+    for (const char* name : {"a", "b"}) {
+      const bool died = !children_.running(name) && !children_.ended_well(name);
+      if (died)
+        run_.why = fmt::format("side {} {}.{}", name, children_.how_it_ended(name), tail(children_, name, log(name)));
+      if (children_.running(name)) children_.stop(name, client_patience_ns);
+    }
+    children_.poll(0);  // what they said last
+    run_.contender = contender_.id;
+    return run_;
+  }
+
+ private:
+  struct Side {
+    pid_t process = 0;
+    double cpu_at_begin_s = 0;
+  };
+
+  fs::path log(const std::string& name) const { return dir_ / (name + ".log"); }
+
+  Status start(const std::string& name) {
+    std::error_code error;
+    fs::create_directories(dir_, error);
+    const Network::Access access = network_.access(name == "a" ? 1 : 2);
+    Children::Program program{name, {}, log(name), SIGKILL};
+    if (contender_.way == Way::ledgerline) {
+      const fs::path config = dir_ / (name + ".toml");
+      std::string text = ledger_table(access) +
+                         fmt::format("signer = \"{}\"\ncross_check = {}\n", contender_.signer, contender_.cross_check);
+      for (const std::string& orderer : access.orderers) {
+        text += fmt::format("\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", orderer, access.orderer_tls_ca);
+      }
+      if (auto s = write_file(config, text); !s) return s;
+      program.command = {place_.programs / "two_way_client", "--role", name, "--config", config, "--schedule",
+                         write_schedule(schedule_)};
+    } else {
+      const char* way = contender_.way == Way::direct    ? "direct"
+                        : contender_.way == Way::polling ? "polling"
+                                                         : "gateway";
+      const json ledger{{"way", way},
+                        {"endpoint", access.endpoint},
+                        {"tlsCa", access.tls_ca},
+                        {"mspDir", access.msp_dir},
+                        {"orderer", access.orderers.front()},
+                        {"ordererTlsCa", access.orderer_tls_ca},
+                        {"pollMs", place_.poll_ms}};
+      program.command = {place_.node, place_.script, name, write_schedule(schedule_), ledger.dump()};
+      program.environment = {"NODE_PATH=" + (place_.npm / "node_modules").string()};
+    }
+    if (auto s = children_.start(program); !s) return s;
+    const TimeNs until_ns = monotonic_ns() + client_limit_ns;
+    while (sides_[name].process == 0) {
+      if (interrupts_ > 0) return Error{"interrupted"};
+      if (!children_.running(name) || monotonic_ns() > until_ns) {
+        return Error{fmt::format("{}, side {}: {}.{}", contender_.title, name,
+                                 children_.running(name) ? "not ready in time" : children_.how_it_ended(name),
+                                 tail(children_, name, log(name)))};
+      }
+      children_.poll(watch_ns);
+    }
+    return done;
+  }
+
+  void take(const std::string& name, const std::string& text) {
+    const json line = json::parse(text, nullptr, false);
+    if (!line.is_object()) return;
+    if (line.contains("ready")) sides_[name].process = static_cast<pid_t>(count_in(line, "pid"));
+    if (line.contains("measuring")) {
+      for (auto& [_, side] : sides_) side.cpu_at_begin_s = cpu_seconds(side.process).value_or(0);
+    }
+    if (line.contains("measured")) {
+      run_.answers = count_in(line, "answers");
+      for (const auto& [_, side] : sides_) {
+        // A process that is gone used none that could be told; the run says that it died.
+        run_.cpu_s += cpu_seconds(side.process).value_or(side.cpu_at_begin_s) - side.cpu_at_begin_s;
+      }
+    }
+    if (line.contains("progress") && name == "a") take_counts(line["progress"]);
+    if (line.contains("latencies_us")) {
+      for (const json& us : line["latencies_us"]) {
+        if (us.is_number()) run_.times_ms.push_back(us.get<double>() / 1e3);
+      }
+    }
+    if (line.contains("result") && line["result"].is_object()) {
+      const json& result = line["result"];
+      if (name == "a") take_counts(result);
+      run_.transactions += count_in(result, "transactions");
+      run_.failed += count_in(result, "failed");
+      run_.dropped += count_in(result, "dropped");
+      if (result.contains("why") && result["why"].is_string() && result["why"] != "") run_.why = result["why"];
+    }
+  }
+
+  void take_counts(const json& counts) {
+    run_.sent = count_in(counts, "sent");
+    run_.answered = count_in(counts, "answered");
+    run_.replaced = count_in(counts, "replaced");
+  }
+
+  const Place& place_;
+  const Network& network_;
+  const Contender& contender_;
+  const Schedule& schedule_;
+  fs::path dir_;
+  const std::atomic<int>& interrupts_;
+  Turn run_;
+  std::map<std::string, Side> sides_;
+  Children children_;
+};
+
+}  // namespace
+
+Result<Turn> exchange(const Place& place, const Network& network, const Contender& contender, const Schedule& schedule,
+                      const fs::path& dir, const std::atomic<int>& interrupts) {
+  return Pair(place, network, contender, schedule, dir, interrupts).run();
+}
+
+}  // namespace ledgerline::two_way

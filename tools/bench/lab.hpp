@@ -1,0 +1,71 @@
+#pragma once
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "common/process/children.hpp"
+#include "common/rt/result.hpp"
+#include "tools/bench/exchange.hpp"
+#include "tools/bench/figures.hpp"
+
+namespace ledgerline::two_way {
+
+/// Where everything is.
+struct Place {
+  std::filesystem::path dir;       ///< of networks and clients, made here
+  std::filesystem::path programs;  ///< ledgerline-fabric, ledgerline-node, ledgerline-control, two_way_client
+  std::filesystem::path fabric;    ///< Fabric's own programs
+  std::filesystem::path node;      ///< Node.js
+  std::filesystem::path script;    ///< node/client.cjs
+  std::filesystem::path npm;       ///< node_modules is in it
+  bool embedded = false;           ///< ledgerline-node in place of Fabric
+  double poll_ms = 10;             ///< between an answer and the next question, polling
+};
+
+/// A ledger of its own, from up() to the destructor. One thread, which must be the one that lives longest (Children).
+class Network {
+ public:
+  struct Settings {
+    int orderers = 1;
+    int batch_count = 1;
+    int batch_timeout_ms = 10;
+  };
+  static Settings settings(bool published) { return published ? Settings{3, 10, 2000} : Settings{}; }
+
+  Network(Place place, Settings settings, std::filesystem::path dir, const std::atomic<int>& interrupts);
+  ~Network();
+  /// From nothing until its contract answers, with names enrolled for both sides.
+  Status up();
+  /// Ends it and says what it says of itself: blocks, transactions, storage.
+  Result<nlohmann::json> down();
+
+  /// What a client of organisation 1 (side a) or 2 (side b) needs.
+  struct Access {
+    std::string endpoint, tls_ca, msp_id, msp_dir, orderer_tls_ca;
+    std::vector<std::string> orderers;
+  };
+  Access access(int organisation, const std::string& user = "User1") const;
+
+ private:
+  Status wait_for_line(const std::string& name, TimeNs limit_ns);
+  Status enroll();
+
+  Place place_;
+  Settings settings_;
+  std::filesystem::path dir_;
+  const std::atomic<int>& interrupts_;
+  std::string name_, ready_;
+  std::vector<std::string> peers_, orderers_;
+  Children children_;
+};
+
+/// Both clients of a contender on a network, once. An error: they did not start, or it was interrupted; whatever
+/// happens later is in the run.
+Result<Turn> exchange(const Place& place, const Network& network, const Contender& contender, const Schedule& schedule,
+                      const std::filesystem::path& dir, const std::atomic<int>& interrupts);
+
+}  // namespace ledgerline::two_way

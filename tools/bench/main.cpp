@@ -1,0 +1,174 @@
+// ledgerline bench two-way: the published bridge's design and Ledgerline side by side.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <csignal>
+#include <sstream>
+
+#include "common/rt/log.hpp"
+#include "tools/bench/measurement.hpp"
+#include "tools/launcher/machine.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using namespace ledgerline::two_way;
+namespace fs = std::filesystem;
+
+constexpr const char* about =
+    R"(Two-way exchange: side a (organisation 1) sends messages of 500 bytes, side b (organisation 2) answers each as it
+sees it on the ledger, and a sees the answer. Latency is a's time from one to the other. msg/s counts both directions
+together, as the published figures do: 70 msg/s are 35 messages and 35 answers a second.)";
+
+constexpr const char* notes = R"(
+Clients:
+  published             Fabric's official Node.js client, one transaction a message, events; three orderers, 2 s / 10
+  ledgerline-published  Ledgerline on the published settings; only when it is asked for
+  gateway               as published, on one orderer, a block for each transaction ("our settings")
+  direct                the same past the gateway: the peer's Endorser, one Broadcast stream to the orderer
+  polling               as gateway, but asking again and again, with a cache of what was there the last time
+  ledgerline            frames and the direct path, signed by libcrypto; reads from its peer alone, as the others
+  ledgerline-mbedtls    the same, signed by mbedTLS
+  ledgerline-checked    as ledgerline, and an orderer's blocks are compared with the peer's
+
+Examples:
+  ledgerline bench two-way --rates 30,70 --json two-way.json
+  ledgerline bench two-way --rates 250 --clients gateway,ledgerline --alternations 1 --seconds 10
+  ledgerline bench two-way --dir /var/tmp/two-way              ledgers on that disk
+
+Exit codes: 0 measured (a client that collapses is a figure), 1 failed or interrupted, 2 wrong usage.)";
+
+std::atomic<int> interrupts{0};
+
+fs::path find_on_path(const std::string& program) {
+  std::stringstream path(std::getenv("PATH") ? std::getenv("PATH") : "");
+  for (std::string dir; std::getline(path, dir, ':');) {
+    if (::access((fs::path(dir) / program).c_str(), X_OK) == 0) return fs::path(dir) / program;
+  }
+  return {};
+}
+
+/// build/PRESET/bin/ledgerline-bench: the rest of the tree is found from there.
+void find_programs(Options& o) {
+  std::error_code error;
+  const char* other = std::getenv("LEDGERLINE_BIN");
+  const fs::path own = fs::read_symlink("/proc/self/exe", error).parent_path();
+  const fs::path build = own.parent_path().parent_path();
+  o.place.programs = other ? fs::path(other) : own;
+  o.place.script = build.parent_path() / "tools/bench/node/client.cjs";
+  if (o.place.fabric.empty()) o.place.fabric = build / "fabric";
+  if (o.place.npm.empty()) o.place.npm = build / "npm";
+  o.place.node = find_on_path("node");
+  o.place.embedded = o.ledger == "embedded";
+  if (o.dir.empty()) {
+    const bool shared_memory = ::access("/dev/shm", W_OK) == 0;
+    o.dir = fmt::format("{}/ledgerline-bench-{}", shared_memory ? "/dev/shm" : "/tmp", ::getpid());
+  }
+  o.place.dir = fs::absolute(o.dir, error);
+}
+
+Status check(const Options& o) {
+  const bool baselines = std::any_of(o.clients.begin(), o.clients.end(),
+                                     [](const auto& id) { return find_contender(id)->way != Way::ledgerline; });
+  if (baselines && o.place.node.empty()) return Error{"node is not on PATH: the baselines need Node.js 20.9 or newer"};
+  const fs::path client = o.place.npm / "node_modules/@hyperledger/fabric-gateway";
+  if (baselines && !fs::exists(client)) {
+    return Error{client.string() +
+                 " is missing: ./run-tests installs it, or npm ci in a copy of tests/system/conformance"};
+  }
+  if (baselines && !fs::exists(o.place.script)) return Error{o.place.script.string() + " is missing"};
+  if (!o.place.embedded && !fs::exists(o.place.fabric / "peer")) {
+    return Error{(o.place.fabric / "peer").string() + " is missing: scripts/fabric-tools builds it"};
+  }
+  if (fs::exists(o.place.dir) && !fs::is_empty(o.place.dir)) {
+    return Error{o.place.dir.string() + " is not empty; give a directory that is, or does not exist"};
+  }
+  return done;
+}
+
+int measure(Options& options) {
+  const bool given = !options.dir.empty();
+  find_programs(options);
+  if (auto s = check(options); !s) {
+    spdlog::error("{}", s.error().what);
+    return 1;
+  }
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    struct sigaction action {};
+    action.sa_handler = [](int) { ++interrupts; };
+    ::sigaction(signal, &action, nullptr);
+  }
+  std::signal(SIGPIPE, SIG_IGN);
+  Measurement measurement(options, interrupts);
+  Status status = measurement.run();
+  if (!measurement.runs().empty()) {
+    fmt::print("{}\n{}, ledgers on {}; {} alternations of {:g} s after {:g} s of warm-up; {} cores\n",
+               to_table(summarize(measurement.runs())), options.ledger == "fabric" ? "Fabric" : "Embedded node",
+               measurement.storage(), options.alternations, options.seconds, options.warm_up_s,
+               fly::describe_machine().cores);
+    if (auto written = measurement.write_json(); !written && status) status = written;
+  }
+  if (!status && interrupts == 0) {
+    spdlog::error("{} (logs and ledgers are left in {})", status.error().what, options.place.dir.string());
+    return 1;
+  }
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(options.place.dir, error)) fs::remove_all(entry.path(), error);
+  if (!given) fs::remove(options.place.dir, error);
+  if (!status) spdlog::error("{}", status.error().what);
+  return status ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Benchmarks against other designs", "ledgerline-bench"};
+  app.require_subcommand(1);
+  CLI::App* verb = app.add_subcommand("two-way", about);
+  verb->footer(notes);
+  Options o;
+  std::vector<std::string> ids;
+  for (const Contender& one : contenders()) {
+    ids.push_back(one.id);
+    if (!one.only_when_asked) o.clients.push_back(one.id);
+  }
+  verb->add_option("--rates", o.rates, "msg/s of both directions together")
+      ->delimiter(',')
+      ->check(CLI::Range(2, 1100))
+      ->capture_default_str();
+  verb->add_option("--clients", o.clients, "Who is measured, see below")
+      ->delimiter(',')
+      ->check(CLI::IsMember(ids))
+      ->capture_default_str();
+  verb->add_option("--seconds", o.seconds, "Measured time of a run")
+      ->check(CLI::Range(0.5, 3600.0))
+      ->capture_default_str();
+  verb->add_option("--warm-up", o.warm_up_s, "Seconds before, left out")
+      ->check(CLI::Range(0.0, 600.0))
+      ->capture_default_str();
+  verb->add_option("--drain", o.drain_s, "Seconds that answers are awaited after it, at most")
+      ->check(CLI::Range(0.5, 600.0))
+      ->capture_default_str();
+  verb->add_option("--alternations", o.alternations, "How often all take turns; every other time in reverse order")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  verb->add_option("--poll-ms", o.place.poll_ms, "Polling: pause between an answer and the next question")
+      ->check(CLI::Range(0.0, 10'000.0))
+      ->capture_default_str();
+  verb->add_option("--ledger", o.ledger, "fabric, or embedded for a quick look")
+      ->check(CLI::IsMember({"fabric", "embedded"}))
+      ->capture_default_str();
+  verb->add_option("--dir", o.dir, "For ledgers and logs, empty or new [a new one under /dev/shm]");
+  verb->add_option("--json", o.json, "Raw numbers and summary go here, after each run");
+  verb->add_option("--fabric", o.place.fabric, "Fabric's own programs [build/fabric]");
+  verb->add_option("--npm", o.place.npm, "Where node_modules is [build/npm]");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  init_log("bench");
+  return measure(o);
+}

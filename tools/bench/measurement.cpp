@@ -1,0 +1,119 @@
+#include "tools/bench/measurement.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <optional>
+
+#include "chaincode/node/storage/files.hpp"
+#include "common/rt/json.hpp"
+#include "common/rt/log.hpp"
+#include "tools/launcher/machine.hpp"
+
+namespace ledgerline::two_way {
+
+using nlohmann::json;
+
+Status Measurement::run() {
+  std::error_code error;
+  std::filesystem::create_directories(o_.place.dir, error);
+  const auto storage = node::storage_kind(o_.place.dir);
+  if (!storage) return storage.error();
+  storage_ = *storage;
+  for (int alternation = 0; alternation < o_.alternations; ++alternation) {
+    for (const int rate : o_.rates) {
+      position_ = 0;
+      std::vector<const Contender*> order;
+      for (const std::string& id : o_.clients) order.push_back(find_contender(id));
+      if (alternation % 2 == 1) std::reverse(order.begin(), order.end());
+      for (auto from = order.begin(); from != order.end();) {
+        const auto to = std::find_if(
+            from, order.end(), [&](const auto* c) { return c->published_settings != (*from)->published_settings; });
+        if (auto s = group({from, to}, rate, alternation); !s) return s;
+        from = to;
+      }
+    }
+  }
+  return done;
+}
+
+Status Measurement::write_json() const {
+  if (o_.json.empty()) return done;
+  const fly::Machine machine = fly::describe_machine();
+  const json head{{"asked",
+                   {{"rates", o_.rates},
+                    {"clients", o_.clients},
+                    {"alternations", o_.alternations},
+                    {"seconds", o_.seconds},
+                    {"warm_up_s", o_.warm_up_s},
+                    {"drain_s", o_.drain_s},
+                    {"poll_ms", o_.place.poll_ms}}},
+                  {"ledger", {{"kind", o_.ledger}, {"storage", storage_}, {"networks", networks_}}},
+                  {"machine",
+                   {{"cpu", machine.cpu},
+                    {"system", machine.system},
+                    {"cores", machine.cores},
+                    {"memory_gb", rounded(machine.memory_gb)}}},
+                  {"summary", to_json(summarize(runs_))}};
+  std::string text = head.dump(1);
+  text.resize(text.size() - 2);  // "\n}": the runs follow, one a line
+  text += ",\n \"runs\": [";
+  for (std::size_t i = 0; i < runs_.size(); ++i) text += (i > 0 ? ",\n  " : "\n  ") + to_json(runs_[i]).dump();
+  std::ofstream file(o_.json);
+  file << text << "\n ]\n}\n";
+  file.close();
+  if (!file) return Error{"cannot write " + o_.json};
+  return done;
+}
+
+// Contenders on one network; a new one after a collapse, so that nobody finds another's backlog.
+Status Measurement::group(const std::vector<const Contender*>& contenders, int rate, int alternation) {
+  std::optional<Network> network;
+  const bool published = contenders.front()->published_settings;
+  for (const Contender* contender : contenders) {
+    if (!network) {
+      network.emplace(o_.place, Network::settings(published), o_.place.dir / fmt::format("network{}", ++directories_),
+                      interrupts_);
+      if (auto s = network->up(); !s) return s;
+    }
+    const Schedule schedule = make_schedule(rate, o_.warm_up_s, o_.seconds, o_.drain_s);
+    auto run = exchange(o_.place, *network, *contender, schedule, o_.place.dir / fmt::format("run{}", runs_.size() + 1),
+                        interrupts_);
+    if (!run) return run.error();
+    run->rate = rate;
+    run->alternation = alternation;
+    run->position = position_++;
+    tell(*run);
+    runs_.push_back(std::move(*run));
+    if (runs_.back().collapsed() || contender == contenders.back()) {
+      if (auto s = end(*network, published); !s) return s;
+      network.reset();
+    }
+    if (auto s = write_json(); !s) return s;
+  }
+  return done;
+}
+
+Status Measurement::end(Network& network, bool published) {
+  auto summary = network.down();
+  if (!summary) return summary.error();
+  const Network::Settings settings = Network::settings(published);
+  (*summary)["orderers"] = settings.orderers;
+  (*summary)["batch_count"] = settings.batch_count;
+  (*summary)["batch_timeout_ms"] = settings.batch_timeout_ms;
+  networks_.push_back(std::move(*summary));
+  std::error_code error;
+  std::filesystem::remove_all(o_.place.dir / fmt::format("network{}", directories_), error);
+  return done;
+}
+
+void Measurement::tell(const Turn& r) const {
+  const auto cpu = r.cpu_ms_per_message();
+  spdlog::info("{}/{} {:>4} msg/s  {:<31} p50 {:.1f} ms, p99 {:.1f} ms, CPU {:.2f} ms a message, {} of {} answered{}{}",
+               r.alternation + 1, o_.alternations, r.rate, find_contender(r.contender)->title, r.quantile_ms(0.5),
+               r.quantile_ms(0.99), cpu.value_or(0), r.answered, r.sent, r.collapsed() ? ", collapsed" : "",
+               r.why.empty() ? "" : " (" + r.why + ")");
+}
+
+}  // namespace ledgerline::two_way

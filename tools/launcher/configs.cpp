@@ -1,0 +1,198 @@
+#include "tools/launcher/configs.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/rt/file.hpp"
+#include "onboard/link/settings.hpp"
+#include "tools/launcher/machine.hpp"
+
+namespace ledgerline::fly {
+namespace {
+
+std::string organisation_dir(const RunFiles& files, int organisation) {
+  return files.in(fmt::format("ledger/crypto/peerOrganizations/org{}.ledgerline", organisation));
+}
+
+// A slow ledger is the user's wish.
+TimeNs both_ways(const Options& options) {
+  return options.batch_count == 1 ? 0 : std::min(2 * options.batch_timeout_ns, 55 * ns_per_s);  // 1: a block at once
+}
+
+std::string ledger_table(const RunFiles& files, const std::string& endpoint, int organisation, const std::string& user,
+                         const std::string& more = {}) {
+  return fmt::format(
+      "[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}/tlsca/tlsca.org1.ledgerline-cert.pem\"\n"
+      "msp_id = \"Org{}MSP\"\nmsp_dir = \"{}/msp\"\n{}\n",
+      endpoint, organisation_dir(files, 1), organisation, user_dir(files, organisation, user), more);
+}
+
+std::string msp_tables(const RunFiles& files) {
+  std::string tables;
+  for (int k = 1; k <= 3; ++k) {
+    tables += fmt::format("[[msp]]\nid = \"Org{0}MSP\"\nca = \"{1}/ca/ca.org{0}.ledgerline-cert.pem\"\n\n", k,
+                          organisation_dir(files, k));
+  }
+  return tables;
+}
+
+std::string output_table(const RunFiles& files, const std::string& program) {
+  return fmt::format("[output]\ntrace = \"{}\"\nsummary = \"{}\"\n", files.trace(program), files.summary(program));
+}
+
+// Where the proxy stands for a drone.
+std::string proxied_address_of(int drone) { return fmt::format("127.0.1.{}", drone + 1); }
+const char* const proxy_address = "127.0.2.1";  // toward the drones; link has the ports for state at the others
+
+std::string drone_tables(const Options& options, bool with_address) {
+  std::string tables;
+  for (int k = 1; k <= options.drones; ++k) {
+    tables += fmt::format("\n[[drone]]\nname = \"tello{0}\"\nnumber = {0}\n", k);
+    const std::string address = options.proxy ? proxied_address_of(k) : address_of(k);
+    if (with_address) tables += fmt::format("address = \"{}\"\n", address);
+  }
+  return tables;
+}
+
+// One host's way to the ledger, through the proxy where there is one.
+std::string place(const Proxied& proxied, const std::string& name, const std::string& otherwise) {
+  const auto found = proxied.find(name);
+  return found == proxied.end() ? otherwise : found->second;
+}
+std::string orderer_name(const std::string& program, std::size_t i) {
+  return fmt::format("{}-orderer{}", program, i + 1);
+}
+
+enum class Side { drones, ground };
+
+std::string dds_table(const Options& options, Side side) {
+  if (options.domains.empty()) return "";
+  return fmt::format("\n[dds]\ndomain = {}\n", options.domains[side == Side::drones ? 0 : 1]);
+}
+
+// On a slow ledger a command may be older, and a quiet ledger is not yet a silent one. Link's own limit of 2 s for any
+// command stays, unless a longer one was asked for.
+std::string patience(const Options& options) {
+  const TimeNs longer_ns = both_ways(options);
+  if (longer_ns == 0 && options.max_age_ns == 0) return "";
+  constexpr TimeNs max_age_ns = 500 * ns_per_ms, silent_after_ns = ns_per_s;  // agent's defaults
+  return fmt::format("\n[check]\nmax_age_ms = {:.0f}\n\n[agent]\nledger_silent_after_ms = {:.0f}\n",
+                     to_ms(options.max_age_ns > 0 ? options.max_age_ns : max_age_ns + longer_ns),
+                     to_ms(silent_after_ns + std::max(longer_ns, options.max_age_ns)));
+}
+
+// Ground counts on plans that take over as they come; a pilot's are all for now, and smoothed.
+std::string playout_table(const Options& options) {
+  const TimeNs link_max_age_ns = link::PlayoutSettings{}.max_age_ns;
+  std::string table = "\n[playout]\n";
+  if (options.max_age_ns > link_max_age_ns) table += fmt::format("max_age_ms = {:.0f}\n", to_ms(options.max_age_ns));
+  if (!options.manual) table += "max_margin_ms = 0\n";
+  return table;
+}
+
+// Of agent's and ground's transactions.
+std::string deadline(const Options& options) {
+  if (both_ways(options) == 0) return "";
+  constexpr TimeNs deadline_ns = ns_per_s;  // their default
+  return fmt::format("deadline_ms = {:.0f}\n", to_ms(deadline_ns + both_ways(options)));
+}
+
+// What both sides of the ledger add to their [ledger].
+std::string ledger_keys(const Options& options) {
+  return deadline(options) +
+         fmt::format("signer = \"{0}\"\nverifier = \"{0}\"\n", options.mbedtls ? "mbedtls" : "libcrypto");
+}
+
+std::string flight_table(const Options& options) {
+  std::string table = fmt::format(
+      "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
+      "{:.3f}\npredict = {}\n",
+      shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, options.side_m, options.predict);
+  // What link keeps to, as its own config leaves it.
+  table +=
+      fmt::format("told_mps = {:.3f}\ntold_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n", link::RcSettings{}.full_scale_mps,
+                  link::PlayoutSettings{}.max_acceleration_mps2, to_ms(link::FailsafeSettings{}.pose_lost_ns));
+  if (!options.course_file.empty()) table += fmt::format("waypoints = \"{}\"\n", options.course_file);
+  if (options.ramp.start_mps > 0) {
+    table +=
+        fmt::format("ramp_start_mps = {:.3f}\nramp_step_mps = {:.3f}\n", options.ramp.start_mps, options.ramp.step_mps);
+  }
+  return table;
+}
+
+}  // namespace
+
+std::string user_dir(const RunFiles& files, int organisation, const std::string& user) {
+  return fmt::format("{}/users/{}@org{}.ledgerline", organisation_dir(files, organisation), user, organisation);
+}
+
+Status write_sim_config(const RunFiles& files, const Options& options) {
+  return write_file(files.config("sim"), dds_table(options, Side::drones));
+}
+
+Status write_local_configs(const RunFiles& files, const Options& options) {
+  const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
+                           playout_table(options) + drone_tables(options, true);
+  const std::string local = output_table(files, "local") + "status_period_ms = 250\n" + flight_table(options) +
+                            dds_table(options, Side::drones) + drone_tables(options, false);
+  if (auto status = write_file(files.config("link"), link); !status) return status;
+  return write_file(files.config("local"), local);
+}
+
+Status write_proxy_config(const RunFiles& files, const Options& options, const std::string& endpoint,
+                          const std::vector<std::string>& orderers) {
+  std::string text = fmt::format("[proxy]\nseed = {}\nfaults = \"{}\"\nsummary = \"{}\"\nsource = \"{}\"\n",
+                                 options.seed, files.in("faults.sock"), files.summary(proxy_name), proxy_address);
+  for (int k = 1; k <= options.drones; ++k) {
+    text += fmt::format("\n[[drone]]\nname = \"tello{}\"\nlisten = \"{}\"\naddress = \"{}\"\n", k,
+                        proxied_address_of(k), address_of(k));
+  }
+  const auto server = [&](const std::string& name, const std::string& address) {
+    text += fmt::format("\n[[server]]\nname = \"{}\"\nlisten = \"127.0.0.1:0\"\naddress = \"{}\"\n", name, address);
+  };
+  for (const std::string program : {"agent", "ground"}) {
+    server(program, endpoint);
+    for (std::size_t i = 0; i < orderers.size(); ++i) server(orderer_name(program, i), orderers[i]);
+  }
+  return write_file(files.config(proxy_name), text);
+}
+
+Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,
+                     const std::vector<std::string>& orderers, const Proxied& proxied) {
+  // The direct path carries one endorsement: a majority is the gateway's.
+  const bool past_gateway = !options.gateway && !options.majority;
+  const auto direct = [&](const std::string& program) {
+    std::string tables;
+    for (std::size_t i = 0; past_gateway && i < orderers.size(); ++i) {
+      tables += fmt::format("[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n",
+                            place(proxied, orderer_name(program, i), orderers[i]),
+                            files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"));
+    }
+    return tables;
+  };
+  const auto ledger = [&](const std::string& program, int organisation) {
+    return ledger_table(files, place(proxied, program, endpoint), organisation, "User1", ledger_keys(options)) +
+           direct(program);
+  };
+  const std::string with_status = "status_period_ms = 250\n";
+  const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
+                           playout_table(options) + drone_tables(options, true);
+  const std::string agent = ledger("agent", 1) + msp_tables(files) + output_table(files, "agent") + with_status +
+                            patience(options) + dds_table(options, Side::drones) + drone_tables(options, false);
+  const std::string ground = ledger("ground", 2) + msp_tables(files) + output_table(files, "ground") + with_status +
+                             flight_table(options) + dds_table(options, Side::ground) + drone_tables(options, false);
+  const std::pair<std::string, std::string> all[] = {
+      {"link", link},
+      {"agent", agent},
+      {"ground", ground},
+      {"admin", ledger_table(files, endpoint, 1, "Admin")},
+      {"operator", ledger_table(files, endpoint, 2, "User1")},
+  };
+  for (const auto& [program, text] : all) {
+    if (auto status = write_file(files.config(program), text); !status) return status;
+  }
+  return done;
+}
+
+}  // namespace ledgerline::fly

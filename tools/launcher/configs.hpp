@@ -1,0 +1,54 @@
+#pragma once
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/rt/result.hpp"
+#include "tools/launcher/options.hpp"
+
+namespace ledgerline::fly {
+
+/// Where everything of a run lies.
+struct RunFiles {
+  std::string directory;
+  std::string in(const std::string& name) const { return directory + "/" + name; }
+  std::string log(const std::string& program) const { return in(program + ".log"); }
+  std::string config(const std::string& program) const { return in(program + ".toml"); }
+  std::string trace(const std::string& program) const { return in(program + ".trace"); }
+  /// What it left when it ended for the `times`th time and was started again.
+  std::string trace(const std::string& program, std::uint64_t times) const {
+    return in(program + "." + std::to_string(times) + ".trace");
+  }
+  std::string summary(const std::string& program) const { return in(program + ".summary.json"); }
+};
+
+/// Of the paths that fly flies.
+inline constexpr double height_m = 1.0;
+
+/// "User1@org1.ledgerline": the directory with its msp/ in the node's crypto material.
+std::string user_dir(const RunFiles& files, int organisation, const std::string& user);
+
+/// Writes sim.toml, which sim needs before anything else is there.
+Status write_sim_config(const RunFiles& files, const Options& options);
+
+/// Without a ledger: link.toml and local.toml.
+Status write_local_configs(const RunFiles& files, const Options& options);
+
+/// The child that is the proxy of a flight (docs/proxy.md).
+inline const std::string proxy_name = "hil-proxy";
+
+/// Writes the proxy's config: every drone, and for agent and ground a server of their own for `endpoint` and for each
+/// orderer. The ready line tells their ports.
+Status write_proxy_config(const RunFiles& files, const Options& options, const std::string& endpoint,
+                          const std::vector<std::string>& orderers);
+
+/// The addresses of a proxy's servers by name ("agent", "ground", "agent-orderer1" ...); empty: no proxy.
+using Proxied = std::map<std::string, std::string>;
+
+/// Writes link.toml, agent.toml, ground.toml, and admin.toml and operator.toml for ledgerline-control.
+/// `endpoint`: of the node, or of the peer of the drones' organisation. `orderers`: of Fabric, for the direct path.
+/// `proxied`: what agent and ground are given in their place.
+Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,
+                     const std::vector<std::string>& orderers, const Proxied& proxied = {});
+
+}  // namespace ledgerline::fly

@@ -1,0 +1,403 @@
+#include "tools/launcher/launcher.hpp"
+
+#include <fmt/format.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "common/rt/file.hpp"
+#include "common/rt/space.hpp"
+#include "tools/launcher/machine.hpp"
+#include "tools/timing/usage.hpp"
+
+namespace ledgerline::fly {
+namespace {
+
+using nlohmann::json;
+
+constexpr TimeNs watch_ns = 50 * ns_per_ms;
+constexpr TimeNs usage_period_ns = ns_per_s;  // looking at all threads has its price
+constexpr TimeNs memory_period_ns = 5 * ns_per_s;
+constexpr TimeNs ready_limit_ns = 20 * ns_per_s, fabric_ready_limit_ns = 120 * ns_per_s;
+constexpr TimeNs patience_ns = 5 * ns_per_s, fabric_patience_ns = 30 * ns_per_s;
+constexpr TimeNs landing_patience_ns = 17 * ns_per_s;  // ground gives itself 15 s, link 10 s
+constexpr int log_lines = 8;
+// Soon: without link a drone goes on with its last setpoint, and without agent it is not to come to landing. What dies
+// faster than this does not fly.
+constexpr Restarts::Limits onboard_limits{6, 15 * ns_per_s, 50 * ns_per_ms, 500 * ns_per_ms};
+
+// RouDi removes its shared memory when it is asked to end; nothing that the others hold outlives them.
+// Fabric's network ends its own processes.
+int death_signal(const std::string& name) { return name == "roudi" || name == "fabric" ? SIGTERM : SIGKILL; }
+
+// That live through the flight.
+std::vector<std::string> programs_of(const Options& options) {
+  const std::string ledger = ledger_program(options), controller = controller_program(options);
+  if (ledger.empty()) return {"roudi", "sim", "link", controller};
+  std::vector<std::string> names{"roudi", ledger, "sim", "link", "agent", controller};
+  if (options.proxy) names.push_back(proxy_name);
+  return names;
+}
+
+std::string first_certificate(const std::string& directory) {
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(directory, error)) {
+    if (entry.path().extension() == ".pem") return entry.path();
+  }
+  return directory;
+}
+
+}  // namespace
+
+Launcher::Launcher(Options options, RunFiles files, std::string programs, bool terminal,
+                   const std::atomic<int>& interrupts)
+    : options_(std::move(options)),
+      files_(std::move(files)),
+      programs_(std::move(programs)),
+      interrupts_(interrupts),
+      live_(options_.drones, terminal, monotonic_ns()),
+      children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}),
+      ledger_(ledger_program(options_)),
+      controller_(controller_program(options_)),
+      all_programs_(programs_of(options_)) {
+  // Without a ledger the controller is link's other end; a flight does not outlive it.
+  for (const char* name : {"roudi", "link", "agent"}) {
+    if (ledger_.empty()) break;
+    onboard_.push_back({name, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()) + onboard_.size())});
+  }
+}
+
+void Launcher::take_line(const std::string& name, const std::string& line) {
+  const json message = json::parse(line, nullptr, false);
+  if (message.is_object() && message.value("ready", json()) == true) {
+    ready_[name] = line;
+  } else if (name == "roudi") {
+    const json leaked = message.is_object() ? message.value("leaked", json()) : json();
+    if (leaked.is_number_unsigned()) chunks_leaked_ = leaked > 0;
+  } else {
+    live_.take(line);
+  }
+}
+
+void Launcher::ended_early(const std::string& name) {
+  if (!children_.ended_well(name)) record_.ended_early.emplace_back(name, children_.how_it_ended(name));
+}
+
+std::string Launcher::crash_of(const std::string& name, const std::string& when) const {
+  const std::string tail = children_.log_tail(name, log_lines);
+  return fmt::format("{} {} {}{}", name, children_.how_it_ended(name), when,
+                     tail.empty() ? fmt::format(" and logged nothing ({})", files_.log(name))
+                                  : fmt::format(". The end of {}:\n{}", files_.log(name), tail));
+}
+
+Status Launcher::start(const std::string& name, std::vector<std::string> arguments) {
+  const std::string program = name.substr(0, name.find('-'));  // control-enroll and control-acquire are one program
+  arguments.insert(arguments.begin(), programs_ + "/ledgerline-" + program);
+  return children_.start({name, std::move(arguments), files_.log(name), death_signal(name)});
+}
+
+Status Launcher::wait_ready(const std::vector<std::string>& names) {
+  const TimeNs limit_ns = ledger_ == "fabric" ? fabric_ready_limit_ns : ready_limit_ns;
+  const TimeNs until_ns = monotonic_ns() + limit_ns;
+  for (const std::string& name : names) {
+    while (!ready_.contains(name)) {
+      if (interrupts_ > 0) return Error{"interrupted before take-off"};
+      for (const std::string& other : children_.names()) {
+        if (children_.running(other) || children_.ended_well(other)) continue;
+        return Error{other == controller_ ? ground_why() : crash_of(other, "before take-off")};
+      }
+      if (!children_.running(name) && !ready_.contains(name)) return Error{crash_of(name, "before take-off")};
+      if (monotonic_ns() > until_ns) {
+        return Error{fmt::format("{} was not ready within {:.0f} s. The end of {}:\n{}", name, to_seconds(limit_ns),
+                                 files_.log(name), children_.log_tail(name, log_lines))};
+      }
+      children_.poll(watch_ns);
+    }
+  }
+  return done;
+}
+
+Status Launcher::run_to_end(const std::string& name, std::vector<std::string> arguments) {
+  if (auto status = start(name, std::move(arguments)); !status) return status;
+  const TimeNs until_ns = monotonic_ns() + ready_limit_ns;
+  while (children_.running(name)) {
+    if (interrupts_ > 0) return Error{"interrupted before take-off"};
+    if (monotonic_ns() > until_ns)
+      return Error{fmt::format("{} did not end within {:.0f} s", name, to_seconds(ready_limit_ns))};
+    children_.poll(watch_ns);
+  }
+  if (!children_.ended_well(name)) return Error{crash_of(name, "before take-off")};
+  return done;
+}
+
+Status Launcher::start_all() {
+  if (auto s = start("roudi", {"--summary", files_.summary("roudi")}); !s) return s;
+  if (ledger_.empty()) return start_local();
+  if (auto s = start_ledger(); !s) return s;
+  if (auto s = start_sim(); !s) return s;
+  if (auto s = wait_ready({"roudi", "sim", ledger_}); !s) return s;
+  if (auto s = prepare_ledger(); !s) return s;
+  for (const char* name : {"link", "agent", "ground"}) {
+    if (auto s = start(name, {"--config", files_.config(name)}); !s) return s;
+  }
+  return wait_ready({"link", "agent", "ground"});
+}
+
+Status Launcher::start_local() {
+  if (auto s = start_sim(); !s) return s;
+  if (auto s = wait_ready({"roudi", "sim"}); !s) return s;
+  if (auto s = write_local_configs(files_, options_); !s) return s;
+  for (const std::string& name : {std::string("link"), controller_}) {
+    if (auto s = start(name, {"--config", files_.config(name)}); !s) return s;
+  }
+  return wait_ready({"link", controller_});
+}
+
+Status Launcher::start_sim() {
+  if (auto s = write_sim_config(files_, options_); !s) return s;
+  return start("sim",
+               {"--config", files_.config("sim"), "--drones", std::to_string(options_.drones), "--seed",
+                std::to_string(options_.seed), "--trace", files_.trace("sim"), "--summary", files_.summary("sim")});
+}
+
+Status Launcher::start_ledger() {
+  std::vector<std::string> ledger{
+      "--dir",     files_.in("ledger"),     "--batch-count",   std::to_string(options_.batch_count),
+      "--summary", files_.summary(ledger_), "--batch-timeout", std::to_string(options_.batch_timeout_ns / ns_per_ms)};
+  if (ledger_ == "fabric") {
+    ledger.insert(ledger.begin(), "run");
+    ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
+    if (options_.ca) ledger.push_back("--ca");
+    if (options_.majority) ledger.push_back("--majority");
+  } else {
+    ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
+  }
+  return start(ledger_, ledger);
+}
+
+Status Launcher::prepare_ledger() {
+  const json ready = json::parse(ready_[ledger_], nullptr, false);
+  if (!ready.is_object() || !ready.contains("endpoint") || !ready["endpoint"].is_string()) {
+    return Error{ledger_ + " did not say its endpoint: " + ready_[ledger_]};
+  }
+  std::vector<std::string> orderers;
+  if (ready.contains("orderers") && ready["orderers"].is_array()) {
+    for (const json& one : ready["orderers"]) orderers.push_back(one.is_string() ? one.get<std::string>() : "");
+  }
+  const std::string endpoint = ready["endpoint"];
+  Proxied proxied;
+  if (options_.proxy) {
+    if (auto s = start_proxy(endpoint, orderers, proxied); !s) return s;
+  }
+  if (auto s = write_configs(files_, options_, endpoint, orderers, proxied); !s) return s;
+
+  std::vector<std::string> names;
+  for (int k = 1; k <= options_.drones; ++k) names.push_back(fmt::format("tello{}", k));
+  std::vector<std::string> enroll{"--config",
+                                  files_.config("admin"),
+                                  "enroll",
+                                  "--msp",
+                                  "Org1MSP",
+                                  "--cert",
+                                  first_certificate(user_dir(files_, 1, "User1") + "/msp/signcerts")};
+  std::vector<std::string> acquire{"--config", files_.config("operator"), "acquire"};
+  enroll.insert(enroll.end(), names.begin(), names.end());
+  acquire.insert(acquire.end(), names.begin(), names.end());
+  if (auto s = run_to_end("control-enroll", enroll); !s) return s;
+  return run_to_end("control-acquire", acquire);
+}
+
+Status Launcher::start_proxy(const std::string& endpoint, const std::vector<std::string>& orderers, Proxied& proxied) {
+  if (auto s = write_proxy_config(files_, options_, endpoint, orderers); !s) return s;
+  std::vector<std::string> arguments{"proxy", "--config", files_.config(proxy_name)};
+  if (!options_.faults.empty()) arguments.insert(arguments.end(), {"--script", options_.faults});
+  if (auto s = start(proxy_name, std::move(arguments)); !s) return s;
+  if (auto s = wait_ready({proxy_name}); !s) return s;
+  const json ready = json::parse(ready_[proxy_name], nullptr, false);
+  const json servers = ready.is_object() ? ready.value("servers", json()) : json();
+  for (const auto& [name, address] : servers.items()) {
+    if (address.is_string()) proxied[name] = address.get<std::string>();
+  }
+  if (!proxied.contains("agent") || !proxied.contains("ground"))
+    return Error{"the proxy did not say where it listens: " + ready_[proxy_name]};
+  return done;
+}
+
+std::string Launcher::ground_why() const {
+  std::ifstream file(files_.summary(controller_));
+  const json summary = json::parse(file, nullptr, false);
+  if (summary.is_object() && summary.contains("why") && summary["why"].is_string() && summary["why"] != "") {
+    return summary["why"].get<std::string>();
+  }
+  return crash_of(controller_, "before every drone had finished its path and landed");
+}
+
+// For ledgerline-timing; the flight does not depend on it.
+void Launcher::write_usage(const timing::UsageRecord& usage) {
+  const auto written = write_file(files_.in(timing::usage_file), timing::to_json(usage).dump() + "\n");
+  if (!written) live_.say(written.error().what);
+}
+
+Status Launcher::fly() {
+  const std::uint64_t ledger_before = ledger_.empty() ? 0 : bytes_below(files_.in("ledger/."));
+  record_.begin_ns = monotonic_ns();
+  for (const auto& name : all_programs_) cpu_at_begin_[name] = children_.cpu_seconds(name);
+  timing::UsageRecord usage;
+  for (const auto& name : all_programs_) usage.programs[name] = children_.pid(name);
+  usage.begin = usage.end = timing::read_snapshot(usage.programs);
+  write_usage(usage);
+  int interrupts_seen = 0;
+  TimeNs next_memory_ns = 0;
+  Status result = done;
+  for (bool flying = true; flying;) {
+    if (monotonic_ns() - usage.end.t_ns >= usage_period_ns) {
+      for (auto& [name, process] : usage.programs) process = children_.pid(name);
+      usage.end = timing::read_snapshot(usage.programs);
+    }
+    std::map<std::string, double> cpu;
+    for (const auto& name : all_programs_) cpu[name] = children_.cpu_seconds(name);
+    children_.poll(watch_ns);
+    const TimeNs now_ns = monotonic_ns();
+    record_.end_ns = now_ns;
+    // Of a process that is gone the figures before count: it is at most one watch later.
+    for (const auto& name : all_programs_) {
+      if (cpu[name] < cpu_at_begin_[name]) continue;
+      const double used_s = cpu[name] - cpu_at_begin_[name];
+      record_.cpu_percent[name] = 100 * used_s / std::max(1e-3, to_seconds(now_ns - record_.begin_ns));
+    }
+    if (now_ns >= next_memory_ns) {
+      next_memory_ns = now_ns + memory_period_ns;
+      for (const auto& name : all_programs_) {
+        if (const double mb = children_.memory_mb(name); mb > 0) record_.memory_mb[name] = mb;
+      }
+    }
+    live_.show(now_ns);
+    if (!children_.running(controller_)) {
+      if (!children_.ended_well(controller_)) result = Error{ground_why()};
+      // Its exit code says how the flight went.
+      if (children_.how_it_ended(controller_).find("signal") != std::string::npos) ended_early(controller_);
+      flying = false;
+    }
+    // Without a ledger nothing is started again: it is a reference, not a flight to be kept up.
+    auto given_up =
+        ledger_.empty() ? std::vector<std::string>{"sim", "link", "roudi"} : std::vector<std::string>{ledger_, "sim"};
+    if (options_.proxy) given_up.push_back(proxy_name);
+    for (const auto& name : given_up) {
+      if (children_.running(name)) continue;
+      ended_early(name);
+      if (result) result = Error{crash_of(name, "during the flight")};
+    }
+    if (flying && result) result = look_after_onboard(now_ns);
+    flying = flying && result;
+    const int interrupts = interrupts_;
+    if (interrupts > interrupts_seen && flying) {
+      if (interrupts_seen == 0) live_.say("Landing all drones (once more Ctrl-C: do not wait for them)");
+      if (interrupts_seen > 0) flying = false;
+      children_.signal(controller_, SIGTERM);
+      interrupts_seen = interrupts;
+      if (!flying) result = Error{"interrupted twice: the drones were not awaited"};
+    }
+  }
+  write_usage(usage);
+  const std::uint64_t ledger_after = ledger_.empty() ? 0 : bytes_below(files_.in("ledger/."));
+  record_.ledger_grown_bytes = ledger_after > ledger_before ? ledger_after - ledger_before : 0;
+  return result;
+}
+
+// A process ends; or RouDi lost chunks with one that was killed, and nothing flies: a new one has them all.
+Status Launcher::look_after_onboard(TimeNs now_ns) {
+  if (chunks_leaked_ && !live_.anything_in_air()) recycle_shared_memory();
+  for (Onboard& one : onboard_) {
+    if (children_.running(one.name)) continue;
+    if (one.start_at_ns == 0) {
+      if (one.name != "link" || !std::exchange(link_given_up_, false)) ended_early(one.name);
+      const auto at = one.restarts.ended(now_ns);
+      if (!at) {
+        const Restarts::Limits& limits = one.restarts.limits();
+        return Error{
+            crash_of(one.name, fmt::format("during the flight, more than {} times within {:.0f} s, and is given up",
+                                           limits.most, to_seconds(limits.within)))};
+      }
+      one.start_at_ns = *at;
+      live_.say(fmt::format("{} {} and is started again", one.name, children_.how_it_ended(one.name)));
+    }
+    if (now_ns < one.start_at_ns || !may_start(one.name)) continue;
+    one.start_at_ns = 0;
+    if (auto status = start_again(one.name); !status) return status;
+  }
+  return done;
+}
+
+// In order. What link and agent share goes on without RouDi, so a drone in the air is not disturbed for a new one; on
+// the ground both end by themselves. Where one of them has ended, it needs RouDi to come back.
+bool Launcher::may_start(const std::string& name) const {
+  if (name == "roudi") return !live_.anything_in_air() || !serves("link") || !serves("agent");
+  return serves("roudi") && (name == "link" || serves("link"));
+}
+
+Status Launcher::start_again(const std::string& name) {
+  ready_.erase(name);
+  const std::uint64_t times = ++record_.restarts[name];
+  if (name == "roudi") {
+    chunks_leaked_ = false;
+    // A link in the air that only a dead agent could hear would land; a new one goes on.
+    if (live_.anything_in_air() && serves("link")) {
+      ready_.erase("link");
+      children_.signal("link", SIGKILL);
+      link_given_up_ = true;
+    }
+    return start(name, {"--summary", files_.summary(name)});
+  }
+  std::error_code error;  // it may have left none
+  std::filesystem::rename(files_.trace(name), files_.trace(name, times), error);
+  return start(name, {"--config", files_.config(name)});
+}
+
+void Launcher::recycle_shared_memory() {
+  if (!children_.running("roudi")) return;
+  chunks_leaked_ = false;
+  live_.say("RouDi lost shared memory with a process that was killed: it starts anew, nothing is in the air");
+  children_.signal("roudi", SIGTERM);
+}
+
+// Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
+void Launcher::stop_all(bool landed) {
+  const bool hurry = interrupts_ > 1;
+  std::vector<std::string> order{controller_, "agent", "link", proxy_name, "sim", ledger_, "roudi"};
+  if (!landed && !hurry && children_.running("link") && children_.running("sim") && live_.anything_in_air()) {
+    live_.say("Landing all drones");
+    children_.signal("link", SIGTERM);
+    const TimeNs until_ns = monotonic_ns() + landing_patience_ns;
+    while (children_.running("link") && monotonic_ns() < until_ns && interrupts_ <= 1) {
+      children_.poll(watch_ns);
+      live_.show(monotonic_ns());
+    }
+  }
+  for (const auto& name : order) {
+    if (name.empty() || !children_.running(name)) continue;
+    const TimeNs patience = name == "fabric" ? fabric_patience_ns : hurry ? ns_per_s : patience_ns;
+    const bool in_time = children_.stop(name, patience);
+    if (!in_time && !hurry) {
+      record_.ok = false;
+      record_.why +=
+          fmt::format("{}{} did not end when asked to and was killed", record_.why.empty() ? "" : "; ", name);
+    } else if (in_time && landed && !children_.ended_well(name)) {
+      record_.ok = false;
+      record_.why += (record_.why.empty() ? "" : "; ") + crash_of(name, "while ending");
+    }
+  }
+}
+
+RunRecord Launcher::run() {
+  Status status = start_all();
+  if (status) status = fly();
+  record_.ok = status.ok();
+  if (!status) record_.why = status.error().what;
+  stop_all(children_.ended_well(controller_));
+  if (!children_.ended_well("roudi")) remove_roudi_leftovers();
+  return record_;
+}
+
+}  // namespace ledgerline::fly

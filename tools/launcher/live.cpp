@@ -1,0 +1,117 @@
+#include "tools/launcher/live.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::fly {
+namespace {
+
+using nlohmann::json;
+
+constexpr TimeNs terminal_period_ns = 200 * ns_per_ms;
+constexpr TimeNs log_period_ns = 5 * ns_per_s;
+
+double number(const json& object, const char* key, double otherwise) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number() ? found->get<double>() : otherwise;
+}
+
+double count(const json& object, const char* key, double otherwise) {
+  return std::clamp(number(object, key, otherwise), 0.0, 1e9);
+}
+
+std::string text(const json& object, const char* key, const std::string& otherwise) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_string() ? found->get<std::string>() : otherwise;
+}
+
+std::string in_ms(double ms) { return ms < 0 ? "  -  " : fmt::format("{:4.0f} ms", ms); }
+
+}  // namespace
+
+Live::Live(int drones, bool terminal, TimeNs start_ns) : terminal_(terminal), start_ns_(start_ns) {
+  for (int k = 1; k <= drones; ++k) {
+    Drone drone;
+    drone.name = fmt::format("tello{}", k);
+    drones_.push_back(drone);
+  }
+}
+
+bool Live::take(const std::string& line) {
+  const json message = json::parse(line, nullptr, false);
+  if (!message.is_object()) return false;
+  for (const char* who : {"agent", "ground"}) {
+    const auto part = message.find(who);
+    if (part == message.end() || !part->is_object()) continue;
+    height_ = static_cast<std::uint64_t>(count(*part, "height", static_cast<double>(height_)));
+    const auto list = part->find("drones");
+    if (list == part->end() || !list->is_array()) continue;
+    for (const json& one : *list) {
+      if (!one.is_object()) continue;
+      const auto drone =
+          std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name == text(one, "name", ""); });
+      if (drone == drones_.end()) continue;
+      if (std::string_view(who) == "ground") {
+        drone->phase = text(one, "phase", drone->phase);
+        drone->lap = static_cast<int>(count(one, "lap", drone->lap));
+        drone->progress = number(one, "progress", drone->progress);
+        continue;
+      }
+      drone->link_phase = text(one, "phase", drone->link_phase);
+      drone->mode = text(one, "mode", drone->mode);
+      drone->state_age_ms = number(one, "state_age_ms", -1);
+      drone->command_age_ms = number(one, "command_age_ms", -1);
+      drone->two_way_ms = number(one, "two_way_ms", -1);
+      const auto position = one.find("position");
+      if (position == one.end() || !position->is_array() || position->size() != 3) continue;
+      for (std::size_t i = 0; i < 3; ++i) {
+        if ((*position)[i].is_number()) drone->position[i] = (*position)[i].get<double>();
+      }
+    }
+  }
+  return true;
+}
+
+std::vector<std::string> Live::lines(TimeNs now_ns) const {
+  std::vector<std::string> lines;
+  for (const Drone& d : drones_) {
+    std::string phase = d.phase;
+    if (d.phase == "path") phase = fmt::format("path {:.0f} %, lap {}", 100 * d.progress, d.lap);
+    if (!d.mode.empty() && d.mode != "none") phase += " (" + d.mode + ")";
+    lines.push_back(
+        fmt::format("{:5.1f} s  {:8} {:16} {:6.2f} {:6.2f} {:5.2f} m  state {}  command {}  block {:5}  two-way {}",
+                    to_seconds(now_ns - start_ns_), d.name, phase, d.position[0], d.position[1], d.position[2],
+                    in_ms(d.state_age_ms), in_ms(d.command_age_ms), height_, in_ms(d.two_way_ms)));
+  }
+  return lines;
+}
+
+void Live::clear() {
+  if (terminal_ && shown_ > 0) std::fprintf(stderr, "\033[%zuA\033[J", shown_);
+  shown_ = 0;
+}
+
+void Live::say(const std::string& what) {
+  clear();
+  std::fprintf(stderr, "%s\n", what.c_str());
+}
+
+void Live::show(TimeNs now_ns) {
+  if (now_ns < next_ns_) return;
+  next_ns_ = now_ns + (terminal_ ? terminal_period_ns : log_period_ns);
+  clear();
+  const auto all = lines(now_ns);
+  for (const std::string& line : all) std::fprintf(stderr, "%s\n", line.c_str());
+  if (terminal_) shown_ = all.size();
+}
+
+bool Live::anything_in_air() const {
+  return std::any_of(drones_.begin(), drones_.end(), [](const Drone& d) {
+    return d.phase == "takeoff" || d.phase == "path" || d.phase == "manual" || d.phase == "landing" ||
+           d.link_phase == "taking_off" || d.link_phase == "flying" || d.link_phase == "landing";
+  });
+}
+
+}  // namespace ledgerline::fly

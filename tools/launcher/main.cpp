@@ -1,0 +1,148 @@
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "common/rt/end_signals.hpp"
+#include "common/rt/space.hpp"
+#include "tools/launcher/configs.hpp"
+#include "tools/launcher/launcher.hpp"
+#include "tools/launcher/machine.hpp"
+#include "tools/launcher/options.hpp"
+#include "tools/launcher/space.hpp"
+#include "tools/report/results.hpp"
+
+namespace {
+
+using namespace ledgerline;
+namespace fs = std::filesystem;
+
+const char* const lock_file = "/tmp/ledgerline-fly.lock";
+fs::path own_directory() {
+  std::error_code error;
+  return fs::read_symlink("/proc/self/exe", error).parent_path();
+}
+
+// LEDGERLINE_BIN is for tests that put other programs in their place.
+fs::path programs_directory() {
+  const char* other = std::getenv("LEDGERLINE_BIN");
+  return other ? fs::path(other) : own_directory();
+}
+
+// build/PRESET/bin/ledgerline-fly -> build/runs/TIME; elsewhere: ./runs/TIME.
+fs::path default_run_directory() {
+  const std::time_t now = std::time(nullptr);
+  std::tm local{};
+  localtime_r(&now, &local);
+  char name[64];
+  std::strftime(name, sizeof name, "%Y%m%d-%H%M%S", &local);
+  const fs::path build = own_directory().parent_path().parent_path();
+  return (build.filename() == "build" ? build : fs::current_path()) / "runs" / name;
+}
+
+bool write_file(const std::string& path, const std::string& text) {
+  std::ofstream file(path);
+  file << text;
+  file.close();
+  if (!file) fmt::print(stderr, "fly: cannot write {}\n", path);
+  return static_cast<bool>(file);
+}
+
+int fail(const std::string& what) {
+  fmt::print(stderr, "fly: {}\n", what);
+  return EXIT_FAILURE;
+}
+
+/// The ledger's directory in memory: one flight at a time has it, and what a killed one left is removed.
+class MemoryDirectory {
+ public:
+  static Status make(const fly::RunFiles& files, std::unique_ptr<MemoryDirectory>& out) {
+    std::error_code error;
+    fs::remove_all(path, error);
+    if (!error) fs::create_directory(path, error);
+    if (!error) fs::permissions(path, fs::perms::owner_all, error);
+    if (!error) fs::create_symlink(path, files.in("ledger"), error);
+    if (error) return Error{fmt::format("cannot make {}: {}", path, error.message())};
+    out.reset(new MemoryDirectory(files.in("ledger")));
+    return done;
+  }
+  ~MemoryDirectory() {
+    std::error_code error;
+    fs::remove_all(path, error);
+    if (error) fmt::print(stderr, "fly: cannot remove {}: {}\n", path, error.message());
+    fs::remove(link_, error);
+  }
+  static constexpr const char* path = "/dev/shm/ledgerline-ledger";
+
+ private:
+  explicit MemoryDirectory(std::string link) : link_(std::move(link)) {}
+  std::string link_;
+};
+
+int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
+  fmt::print(stderr, "{} {} {}; everything of this run is in {}\n",
+             options.drones == 1 ? "One drone" : fmt::format("{} drones", options.drones),
+             options.manual              ? "flown by ROS 2 topics (/tello1/takeoff, cmd_vel, land)"
+             : options.waypoints.empty() ? "around a " + ground::name_of(options.shape)
+                                         : "along " + options.course_file,
+             options.ledger == "none" ? "without a ledger" : "through the ledger", files.directory);
+  fly::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, ends_asked);
+  const fly::RunRecord record = launcher.run();
+  report::Results results = report::read_results(files, options, record);
+  bool written = true;
+  if (!options.json.empty()) written = write_file(options.json, report::to_json(results).dump(2) + "\n");
+  if (record.begin_ns > 0) {
+    std::cout << report::to_table(results);
+    const auto page = report::to_page(results, report::chart_js_file);
+    if (!page) fmt::print(stderr, "fly: no page: {}\n", page.error().what);
+    if (page && write_file(files.in("report.html"), *page)) std::cout << "  page: " << files.in("report.html") << "\n";
+    written = written && page;
+  }
+  std::cout.flush();
+  if (!results.ok) return fail(results.why);
+  return written && std::cout ? EXIT_SUCCESS : EXIT_FAILURE;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const fly::CommandLine line = fly::parse_command_line({argv + 1, argv + argc});
+  if (!line.fly) {
+    (line.exit_code == 0 ? std::cout : std::cerr) << line.text;
+    return line.exit_code;
+  }
+  fly::RunFiles files{fs::absolute(line.options.out.empty() ? default_run_directory() : fs::path(line.options.out))};
+  const auto lock = fly::RunLock::take(lock_file, fmt::format("process {}, into {}", ::getpid(), files.directory));
+  if (!lock) return fail(lock.error().what);
+
+  std::vector<std::string> notes;
+  const auto problems = fly::check_machine(line.options.drones, notes);
+  for (const auto& note : notes) fmt::print(stderr, "note: {}\n", note);
+  for (const auto& problem : problems) fmt::print(stderr, "problem: {}\n   cure: {}\n", problem.what, problem.cure);
+  if (!problems.empty()) return fail("this machine is not ready to fly");
+
+  std::error_code error;
+  fs::create_directories(files.directory, error);
+  if (error) return fail(fmt::format("cannot make {}: {}", files.directory, error.message()));
+  if (fs::exists(files.in("ledger"), error) && !fs::is_empty(files.in("ledger"), error))
+    return fail(fmt::format("{} holds another run already: choose another --out", files.directory));
+  const std::string ledger = line.options.tmpfs ? MemoryDirectory::path : files.in("ledger");
+  const auto needed = fly::expected_ledger_bytes(line.options);
+  const auto what = fmt::format("the ledger of a flight of {:.0f} s", fly::expected_seconds(line.options));
+  std::unique_ptr<MemoryDirectory> memory;
+  if (line.options.tmpfs) {
+    if (const Status made = MemoryDirectory::make(files, memory); !made) return fail(made.error().what);
+  }
+  if (const Status room = check_space(ledger, needed, what); !room) return fail(room.error().what);
+  catch_end_signals({SIGINT, SIGTERM, SIGHUP});
+  std::signal(SIGPIPE, SIG_IGN);
+  return fly_and_report(line.options, files);
+}

@@ -1,0 +1,176 @@
+#include "tools/local/local.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <fstream>
+#include <thread>
+
+#include "common/msg/ros.hpp"
+#include "common/rt/log.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr TimeNs start_limit_ns = 15 * ns_per_s;
+constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
+constexpr std::chrono::microseconds poll{500};  // iceoryx
+constexpr TimeNs tick_ns = 20 * ns_per_ms;      // for time-outs, where no state comes
+constexpr TimeNs beat_period_ns = 50 * ns_per_ms;
+
+}  // namespace
+
+LocalShell::LocalShell(ground::FlightConfig flight, ground::OutputSettings output, dds::ParticipantPtr participant,
+                       const std::atomic<bool>& quit)
+    : output_(std::move(output)), core_(std::move(flight)), participant_(std::move(participant)), quit_(quit) {}
+
+Status LocalShell::start() {
+  if (!output_.trace.empty()) {
+    auto trace = TraceWriter::create(output_.trace);
+    if (!trace) return trace.error();
+    trace_ = std::move(trace).value();
+  }
+  const TimeNs until_ns = monotonic_ns() + start_limit_ns;
+  for (Status connected = ipc::connect("ledgerline-local"); !connected; connected = ipc::connect("ledgerline-local")) {
+    if (quit_) return Error{"asked to end before RouDi answered"};
+    if (monotonic_ns() > until_ns) return connected;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  auto end = ipc::AgentEnd::create();
+  if (!end) return end.error();
+  end_ = std::move(end).value();
+  return hear_mocap();
+}
+
+Status LocalShell::hear_mocap() {
+  for (const ground::FlightDrone& who : core_.drones()) {
+    Drone drone;
+    drone.number = who.number;
+    drone.ring = std::make_unique<SpscRing<MocapMessage, 64>>();
+    auto reader = dds::RawReader::create(
+        participant_, "/vrpn_mocap/" + who.name + "/pose", std::string(pose_type), {.reliable = false},
+        [ring = drone.ring.get()](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
+          // A pose that finds the ring full is older than those that will be taken.
+          if (const auto pose = pose_from_cdr(dds::text_of(cdr)))
+            (void)ring->push({pose->header.stamp_ns, monotonic_ns(), pose->position_m, pose->orientation});
+        });
+    if (!reader) return reader.error();
+    drone.reader = std::move(reader).value();
+    drones_.push_back(std::move(drone));
+  }
+  return done;
+}
+
+// Sim's stamps are of this host's real-time clock.
+void LocalShell::take_mocap() {
+  for (Drone& drone : drones_) {
+    MocapMessage message{};
+    while (drone.ring->pop(message)) {
+      const auto stamp_ns = clock_.stamp(message.source_real_ns, message.arrived_ns);
+      if (!stamp_ns) {
+        ++poses_implausible_;
+        continue;
+      }
+      auto pose = drone.fusion.add({*stamp_ns, message.position_m, yaw_from_quaternion(message.orientation)});
+      if (!pose) continue;
+      pose->drone = drone.number;
+      (void)end_->send_pose(*pose);  // no chunk left: the next one comes in 10 ms
+    }
+  }
+}
+
+void LocalShell::take_states(std::vector<StateSample>& states) {
+  StateSample sample;
+  while (end_->take_state(sample)) {
+    beat_.boot_id = sample.boot_id;
+    states.push_back(sample);
+  }
+  // Nobody keeps transitions; link need not either.
+  Transition transition;
+  while (end_->take_transition(transition)) {
+    const std::size_t i = std::min(transition.drone, max_drones);
+    beat_.boot_id = transition.boot_id;
+    beat_.transitions_taken[i] = beat_.transitions_on_ledger[i] = transition.number;
+  }
+}
+
+void LocalShell::beat(TimeNs now_ns) {
+  if (now_ns < next_beat_ns_) return;
+  next_beat_ns_ = now_ns + beat_period_ns;
+  beat_.stamp_ns = now_ns;
+  beat_.ledger_alive = true;  // there is none to be silent
+  (void)end_->send_beat(beat_);
+}
+
+void LocalShell::step(const ground::FlightInputs& inputs) {
+  ground::FlightOutputs out = core_.step(monotonic_ns(), inputs);
+  for (Plan& plan : out.plans) {
+    plan.verified_ns = monotonic_ns();
+    if (!end_->send_plan(plan)) ++plans_lost_;
+    out.traces.push_back({.t_ns = plan.verified_ns,
+                          .kind = TraceKind::command_verified,
+                          .drone = plan.drone,
+                          .id = plan.sequence,
+                          .stamp_ns = plan.state_stamp_ns});
+  }
+  if (trace_) {
+    for (const TraceRecord& record : out.traces) trace_->add(record);
+  }
+  for (const std::string& note : out.notes) spdlog::warn("{}", note);
+}
+
+Result<bool> LocalShell::run() {
+  TimeNs leave_ns = 0, next_step_ns = 0;
+  std::vector<StateSample> states;
+  while (!core_.done()) {
+    std::this_thread::sleep_for(poll);
+    const TimeNs now_ns = monotonic_ns();
+    take_mocap();
+    states.clear();
+    take_states(states);
+    beat(now_ns);
+    ground::FlightInputs inputs;
+    inputs.states = states;
+    const bool leaving = quit_ && leave_ns == 0;
+    if (leaving) {
+      spdlog::info("asked to end: landing all drones");
+      inputs.land = "asked to land";
+      leave_ns = now_ns + landing_limit_ns;
+    }
+    if (!states.empty() || leaving || now_ns >= next_step_ns) {
+      next_step_ns = now_ns + tick_ns;
+      step(inputs);
+    }
+    if (leave_ns != 0 && now_ns > leave_ns) {
+      spdlog::error("not all drones were seen to land within {:.0f} s", to_seconds(landing_limit_ns));
+      break;
+    }
+    if (output_.status_period_ns == 0 || now_ns < next_status_ns_) continue;
+    next_status_ns_ = now_ns + output_.status_period_ns;
+    fmt::print("{}\n", ground::status_line(core_));
+    std::fflush(stdout);
+  }
+  if (poses_implausible_ > 0) spdlog::warn("{} mocap poses had stamps that are not believed", poses_implausible_);
+  if (plans_lost_ > 0) spdlog::warn("{} plans found no room in shared memory", plans_lost_);
+  if (auto status = write_summary(); !status) return status.error();
+  return core_.ok();
+}
+
+Status LocalShell::write_summary() {
+  if (trace_) {
+    if (auto status = trace_->flush(); !status) return status;
+    if (trace_->dropped() > 0) spdlog::warn("{}: {} records did not fit", output_.trace, trace_->dropped());
+  }
+  if (output_.summary.empty()) return done;
+  ground::ShellCounters counters;
+  counters.pilots.resize(core_.drones().size());
+  std::ofstream file(output_.summary);
+  file << ground::summary(core_, counters) << "\n";
+  file.close();
+  if (!file) return Error{"cannot write " + output_.summary};
+  return done;
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,252 @@
+#include "tools/report/results.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <set>
+
+#include "common/rt/json.hpp"
+
+namespace ledgerline::report {
+namespace {
+
+using nlohmann::json;
+
+json read_summary(const fly::RunFiles& files, const std::string& program, Results& results) {
+  std::ifstream file(files.summary(program));
+  json summary = json::parse(file, nullptr, false);
+  if (summary.is_object()) return summary;
+  results.missing.push_back(files.summary(program));
+  return json::object();
+}
+
+std::vector<TraceRecord> read(const fly::RunFiles& files, const std::string& program, Results& results) {
+  std::vector<TraceRecord> all;
+  const auto append = [&](const std::string& file) {
+    const auto trace = read_trace(file);
+    if (trace) all.insert(all.end(), trace->begin(), trace->end());
+    if (!trace) results.missing.push_back(file);
+  };
+  const auto restarts = results.onboard_restarts.find(program);
+  const std::uint64_t times = restarts == results.onboard_restarts.end() ? 0 : restarts->second;
+  for (std::uint64_t i = 1; i <= times; ++i) append(files.trace(program, i));
+  append(files.trace(program));
+  return all;
+}
+
+const json& at(const json& object, const std::string& key) {
+  static const json nothing;
+  if (!object.is_object()) return nothing;
+  const auto found = object.find(key);
+  return found == object.end() ? nothing : *found;
+}
+
+double number_of(const json& value) { return value.is_number() ? value.get<double>() : 0; }
+
+// Beyond these it is no count and no time: a damaged file.
+std::uint64_t count_of(const json& value) {
+  const double number = number_of(value);
+  return number > 0 && number < 1e15 ? static_cast<std::uint64_t>(number) : 0;
+}
+std::uint64_t count_of(const json& object, const std::string& key) { return count_of(at(object, key)); }
+TimeNs time_of(const json& value) { return static_cast<TimeNs>(std::clamp(number_of(value), 0.0, 4e18)); }
+bool is_time(TimeNs t) { return t >= 0 && t <= INT64_MAX / 2; }
+
+Quantiles quantiles_in(const json& q) {
+  const auto part = [&](const char* name) { return number_of(at(q, name)); };
+  return {part("p5"),  part("q1"),  part("median"), part("q3"),
+          part("p95"), part("p99"), part("max"),    count_of(q, "count")};
+}
+
+const json& drone_in(const json& summary, const std::string& name) {
+  static const json nothing;
+  for (const json& drone : at(summary, "drones")) {
+    if (at(drone, "name") == name) return drone;
+  }
+  return nothing;
+}
+
+std::vector<std::array<double, 2>> flown_path(const std::vector<TraceRecord>& truth, std::uint16_t drone,
+                                              TimeNs begin_ns, TimeNs end_ns) {
+  constexpr TimeNs apart_ns = 40 * ns_per_ms;  // for the eye; figures are made from all records
+  std::vector<std::array<double, 2>> points;
+  TimeNs last_ns = 0;
+  for (const TraceRecord& r : truth) {
+    if (r.kind != TraceKind::truth || r.drone != drone || r.t_ns < begin_ns || r.t_ns > end_ns) continue;
+    if (!points.empty() && r.t_ns - last_ns < apart_ns) continue;
+    points.push_back({r.v[0], r.v[1]});
+    last_ns = r.t_ns;
+  }
+  return points;
+}
+
+void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::uint16_t number,
+               const fly::Options& asked, DroneResult& drone) {
+  const json& origin = at(ground, "origin");
+  const json& between = at(ground, "path_ns");
+  if (!origin.is_array() || origin.size() != 2 || !between.is_array() || between.size() != 2) return;
+  const TimeNs begin_ns = time_of(between[0]), end_ns = time_of(between[1]);
+  drone.flown = flown_path(truth, number, begin_ns, end_ns);
+  if (asked.manual) return;
+  const ground::Path path = fly::path_of(asked, {number_of(origin[0]), number_of(origin[1])});
+  const CrossTrack error = cross_track(truth, number, path, begin_ns, end_ns);
+  drone.path_flown = error.count > 0;
+  drone.cross_track_rms_m = error.rms_m;
+  drone.cross_track_max_m = error.max_m;
+  TimeNs from_ns = begin_ns;
+  for (const double lap_s : drone.lap_s) {
+    const TimeNs to_ns = from_ns + from_seconds(std::clamp(lap_s, 0.0, 1e6));
+    const CrossTrack of_lap = cross_track(truth, number, path, from_ns, to_ns);
+    const double asked_mps = asked.ramp.start_mps > 0
+                                 ? asked.ramp.start_mps + asked.ramp.step_mps * static_cast<double>(drone.turns.size())
+                                 : asked.speed_mps;
+    drone.turns.push_back(
+        {asked_mps, lap_s > 0 ? number_of(at(ground, "lap_m")) / lap_s : 0, of_lap.rms_m, of_lap.max_m});
+    from_ns = to_ns;
+  }
+  for (const auto& corner : path.corners()) drone.wanted.push_back({corner.x(), corner.y()});
+  if (!drone.wanted.empty()) drone.wanted.push_back(drone.wanted.front());
+}
+
+}  // namespace
+
+std::vector<Sample> latencies(const std::vector<TraceRecord>& trace, TraceKind kind, std::uint16_t drone,
+                              TimeNs begin_ns) {
+  std::vector<Sample> samples;
+  std::set<std::uint64_t> seen;
+  for (const TraceRecord& r : trace) {
+    if (r.kind != kind || r.drone != drone || !is_time(r.t_ns) || !is_time(r.stamp_ns)) continue;
+    if (!seen.insert(r.id).second) continue;
+    samples.push_back({to_seconds(r.t_ns - begin_ns), to_ms(r.t_ns - r.stamp_ns)});
+  }
+  return samples;
+}
+
+Quantiles quantiles_of(const std::vector<Sample>& samples) {
+  Histogram histogram;
+  for (const Sample& s : samples) histogram.add(from_seconds(s.ms * 1e-3));
+  return histogram.quantiles_ms();
+}
+
+CrossTrack cross_track(const std::vector<TraceRecord>& truth, std::uint16_t drone, const ground::Path& path,
+                       TimeNs begin_ns, TimeNs end_ns) {
+  CrossTrack result;
+  double squares = 0;
+  for (const TraceRecord& r : truth) {
+    if (r.kind != TraceKind::truth || r.drone != drone || r.t_ns < begin_ns || r.t_ns > end_ns) continue;
+    const double off_m = path.distance_m({r.v[0], r.v[1]});
+    squares += off_m * off_m;
+    result.max_m = std::max(result.max_m, off_m);
+    ++result.count;
+  }
+  if (result.count > 0) result.rms_m = std::sqrt(squares / static_cast<double>(result.count));
+  return result;
+}
+
+Results read_results(const fly::RunFiles& files, const fly::Options& asked, const fly::RunRecord& record) {
+  Results results;
+  results.asked = asked;
+  results.machine = fly::describe_machine();
+  results.ok = record.ok;
+  results.why = record.why;
+  results.cpu_percent = record.cpu_percent;
+  results.memory_mb = record.memory_mb;
+  results.onboard_restarts = record.restarts;
+  results.ended_early = record.ended_early;
+  results.flight_s = to_seconds(record.end_ns - record.begin_ns);
+  const bool ledger = asked.ledger != "none";
+  const std::string controller = fly::controller_program(asked);
+  const json node = ledger ? read_summary(files, fly::ledger_program(asked), results) : json::object();
+  const json link = read_summary(files, "link", results);
+  const json agent = ledger ? read_summary(files, "agent", results) : json::object();
+  const json ground = read_summary(files, controller, results);
+  const auto link_trace = read(files, "link", results);
+  const auto agent_trace = read(files, ledger ? "agent" : controller, results);
+  const auto truth = read(files, "sim", results);
+  results.blocks = count_of(node, "blocks");
+  results.transactions = count_of(node, "transactions");
+  results.disk_ms = quantiles_in(at(node, "disk_ms"));
+  results.storage = at(node, "storage").is_string() ? at(node, "storage").get<std::string>() : "unknown";
+
+  if (results.flight_s > 0) {
+    constexpr double hour_s = 3600;
+    results.bytes_per_drone_hour =
+        static_cast<double>(record.ledger_grown_bytes) / asked.drones / results.flight_s * hour_s;
+  }
+  const json& restarts = at(node, "restarts");
+  for (const auto& [name, count] : restarts.items()) {
+    if (count_of(count) > 0) results.restarts[name] = count_of(count);
+  }
+
+  std::vector<Sample> all_two_way, all_age;
+  std::uint64_t messages = 0;
+  for (int k = 1; k <= asked.drones; ++k) {
+    const auto number = static_cast<std::uint16_t>(k);
+    DroneResult drone;
+    drone.id = fmt::format("tello{}", k);
+    drone.two_way = latencies(agent_trace, TraceKind::command_verified, number, record.begin_ns);
+    drone.age = latencies(link_trace, TraceKind::command_applied, number, record.begin_ns);
+    drone.two_way_ms = quantiles_of(drone.two_way);
+    drone.age_ms = quantiles_of(drone.age);
+    all_two_way.insert(all_two_way.end(), drone.two_way.begin(), drone.two_way.end());
+    all_age.insert(all_age.end(), drone.age.begin(), drone.age.end());
+
+    const json& l = drone_in(link, drone.id);
+    const json& a = drone_in(agent, drone.id);
+    const json& g = drone_in(ground, drone.id);
+    const json& states = at(a, "states");
+    const json& commands = at(a, "commands");
+    drone.states = {count_of(states, "sampled") + count_of(l, "states_lost"), count_of(states, "sent"),
+                    count_of(states, "on_ledger"), count_of(states, "merged"),
+                    count_of(states, "dropped") + count_of(l, "states_lost")};
+    const json& transitions = at(l, "transitions");
+    drone.transitions = {count_of(transitions, "made"), count_of(at(a, "transitions"), "on_ledger"),
+                         count_of(transitions, "lost")};
+    drone.commands = {count_of(g, "commands_sent"),
+                      count_of(commands, "on_ledger"),
+                      count_of(commands, "refused") + count_of(g, "commands_refused"),
+                      count_of(l, "commands_applied"),
+                      count_of(l, "commands_late"),
+                      count_of(l, "commands_dropped")};
+    for (const json& reasons : {at(commands, "refused_reasons"), at(l, "drop_reasons")}) {
+      for (const auto& [reason, count] : reasons.items()) drone.reasons[reason] += count_of(count);
+    }
+    for (const json& lap : at(g, "lap_s")) drone.lap_s.push_back(number_of(lap));
+    if (at(g, "limit_mps").is_number()) drone.limit_mps = number_of(at(g, "limit_mps"));
+    if (at(g, "slowed_to_mps").is_number()) drone.slowed_to_mps = number_of(at(g, "slowed_to_mps"));
+    read_path(g, truth, number, asked, drone);
+    messages += drone.states[2] + drone.commands[1];
+    results.drones.push_back(std::move(drone));
+  }
+  results.two_way_ms = quantiles_of(all_two_way);
+  results.age_ms = quantiles_of(all_age);
+  const auto transactions =
+      count_of(at(agent, "transactions"), "committed") + count_of(at(ground, "transactions"), "committed");
+  if (results.flight_s > 0) {
+    results.messages_per_s = static_cast<double>(messages) / results.flight_s;
+    results.transactions_per_s = static_cast<double>(transactions) / results.flight_s;
+  }
+  return results;
+}
+
+std::vector<std::string> differences(const Results& r) {
+  const std::string embedded = "the embedded node, one process, storage " + r.storage;
+  return {
+      "theirs: " +
+          std::string("Wi-Fi between three machines and real drones; here: loopback on one machine, simulated drones"),
+      "theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: " +
+          (r.asked.ledger == "none" ? "no ledger, the controller beside the driver"
+           : r.asked.ledger == "fabric"
+               ? fmt::format("Hyperledger Fabric 2.5, 3 organisations, {} Raft orderer(s), storage {}",
+                             r.asked.orderers, r.storage)
+               : embedded),
+      r.asked.ledger == "none" ? std::string("theirs: blocks of 10 messages or 2 s; here: none")
+                               : fmt::format("theirs: blocks of 10 messages or 2 s; here: {} or {:.0f} ms",
+                                             r.asked.batch_count, to_ms(r.asked.batch_timeout_ns)),
+      fmt::format("theirs: 70 messages/s with one drone, 250 with three; here: {:.0f}", r.messages_per_s),
+  };
+}
+
+}  // namespace ledgerline::report

@@ -1,0 +1,94 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/rt/histogram.hpp"
+#include "common/rt/trace.hpp"
+#include "ground/core/path.hpp"
+#include "tools/launcher/configs.hpp"
+#include "tools/launcher/launcher.hpp"
+#include "tools/launcher/machine.hpp"
+
+namespace ledgerline::report {
+
+struct Sample {
+  double t_s = 0;  ///< since the flight began
+  double ms = 0;
+};
+
+struct DroneResult {
+  std::string id;
+  std::vector<Sample> two_way, age;
+  Quantiles two_way_ms, age_ms;
+  double cross_track_rms_m = 0, cross_track_max_m = 0;
+  bool path_flown = false;  ///< there is a cross-track error to speak of
+  std::vector<double> lap_s;
+  struct Turn {
+    double asked_mps = 0, flown_mps = 0, rms_m = 0, max_m = 0;
+  };
+  std::vector<Turn> turns;                         ///< laps, by the truth
+  std::optional<double> limit_mps, slowed_to_mps;  ///< the latency-aware limit at the end; the least that slowed it
+  std::array<std::uint64_t, 5> states{};           ///< sampled, sent, on_ledger, merged, dropped
+  std::array<std::uint64_t, 3> transitions{};      ///< of the failsafe: made, on_ledger, lost
+  std::array<std::uint64_t, 6> commands{};         ///< sent, on_ledger, refused, applied, late, dropped
+  std::map<std::string, std::uint64_t> reasons;    ///< of those refused by agent or dropped by link
+  std::vector<std::array<double, 2>> wanted, flown;
+};
+
+struct Results {
+  fly::Options asked;
+  fly::Machine machine;
+  std::string storage;
+  std::uint64_t blocks = 0, transactions = 0;
+  double bytes_per_drone_hour = 0;                        ///< that the ledger grows on its file system
+  std::map<std::string, std::uint64_t> restarts;          ///< of Fabric's processes, by name; those that were restarted
+  std::map<std::string, std::uint64_t> onboard_restarts;  ///< of RouDi, link and agent
+  std::vector<std::pair<std::string, std::string>> ended_early;  ///< programs that ended unasked in flight, and how
+  Quantiles disk_ms;                                             ///< how long blocks took to be on disk
+  std::vector<DroneResult> drones;
+  Quantiles two_way_ms, age_ms;  ///< of all drones
+  double flight_s = 0;
+  double messages_per_s = 0, transactions_per_s = 0;
+  std::map<std::string, double> cpu_percent;
+  std::map<std::string, double> memory_mb;  ///< proportional set size
+  bool ok = false;
+  std::string why;
+  std::vector<std::string> missing;  ///< traces and summaries that a program did not leave
+};
+
+/// Reads what the programs left in the directory of the run. Files that are missing (a crash) leave their figures at
+/// zero and are named in `missing`.
+Results read_results(const fly::RunFiles& files, const fly::Options& asked, const fly::RunRecord& record);
+
+/// Time from each record's stamp to itself, the first of each id alone: two-way latency of command_verified, age at
+/// application of command_applied.
+std::vector<Sample> latencies(const std::vector<TraceRecord>& trace, TraceKind kind, std::uint16_t drone,
+                              TimeNs begin_ns);
+Quantiles quantiles_of(const std::vector<Sample>& samples);
+
+/// Distance of the true positions to the path, from begin_ns to end_ns.
+struct CrossTrack {
+  double rms_m = 0, max_m = 0;
+  std::uint64_t count = 0;
+};
+CrossTrack cross_track(const std::vector<TraceRecord>& truth, std::uint16_t drone, const ground::Path& path,
+                       TimeNs begin_ns, TimeNs end_ns);
+
+/// The object of `fly --json`.
+nlohmann::json to_json(const Results& results);
+/// The table for a terminal.
+std::string to_table(const Results& results);
+/// The page: self-contained, with Chart.js inlined from `chart_js`.
+Result<std::string> to_page(const Results& results, const std::string& chart_js);
+/// Where Debian's libjs-chart.js puts it.
+inline constexpr const char* chart_js_file = "/usr/share/javascript/chart.js/chart.min.js";
+
+/// What differs from the published setting, one difference a line.
+std::vector<std::string> differences(const Results& results);
+
+}  // namespace ledgerline::report

@@ -1,0 +1,85 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/rt/histogram.hpp"
+#include "tools/timing/usage.hpp"
+#include "tools/timing/walks.hpp"
+
+namespace ledgerline::timing {
+
+/// A piece of the walk that has a name: what --limit and the table call it.
+struct Stage {
+  std::string_view name, what;
+  Mark from, to;
+};
+/// The waterfall: each begins where the one before ends.
+inline constexpr std::array<Stage, mark_count - 1> stages{{
+    {"ring", "shared memory, until agent takes the sample", Mark::sampled, Mark::taken},
+    {"batch", "waits for its frame", Mark::taken, Mark::batched},
+    {"endorse", "the peer runs the contract and signs", Mark::batched, Mark::endorsed},
+    {"order", "until the orderer acknowledges the frame", Mark::endorsed, Mark::ordered},
+    {"deliver", "block cut, committed and read by ground", Mark::ordered, Mark::delivered},
+    {"control", "ground makes the command", Mark::delivered, Mark::made},
+    {"queue", "waits for ground's call", Mark::made, Mark::submitted},
+    {"command_endorse", "as endorse", Mark::submitted, Mark::command_endorsed},
+    {"command_order", "as order", Mark::command_endorsed, Mark::command_ordered},
+    {"command_deliver", "block cut, committed, and on the drone's host", Mark::command_ordered, Mark::in_block},
+    {"wake", "decoded, until agent's loop takes it up", Mark::in_block, Mark::picked_up},
+    {"verify", "signatures, lease, limits", Mark::picked_up, Mark::verified},
+    {"handover", "shared memory, until link's turn", Mark::verified, Mark::received},
+    {"apply", "waits in playout for its moment", Mark::received, Mark::applied},
+    {"send", "from that turn's beginning until the datagram has left", Mark::applied, Mark::sent},
+}};
+/// Across several stages.
+inline constexpr std::array<Stage, 3> totals{{
+    {"two_way", "a state's stamp until its command is verified", Mark::sampled, Mark::verified},
+    {"age", "a state's stamp until its setpoint has left", Mark::sampled, Mark::sent},
+    {"setpoint", "block on the drone's host until the setpoint has left", Mark::in_block, Mark::sent},
+}};
+/// As `setpoint`, of those that playout did not hold back on purpose.
+inline constexpr std::string_view at_once = "setpoint_at_once";
+/// Of link's turns.
+inline constexpr std::string_view late = "late";
+
+/// Names of everything that has a distribution, in the order of the table.
+std::vector<std::string_view> distribution_names();
+
+/// Link's loop as cyclictest would show it.
+struct LoopFigures {
+  Histogram late;
+  std::uint64_t overruns = 0;  ///< later than 1 ms
+  std::uint64_t lost = 0;      ///< turns whose record is not in the trace
+};
+
+/// All that is known of a time: a flight, or the last seconds of one.
+struct Figures {
+  struct Distribution {
+    std::string_view name, what;
+    Histogram histogram;
+  };
+  double seconds = 0;
+  std::vector<Distribution> distributions;         ///< as distribution_names()
+  std::array<std::uint64_t, mark_count> got_to{};  ///< walks whose last mark it is
+  std::uint64_t walks = 0;
+  LoopFigures loop;
+  Walks::Counters damaged;
+  Load load;
+
+  const Histogram* find(std::string_view name) const;
+};
+
+Figures make_figures(std::span<const Walk> walks, std::span<const TraceRecord> loop_turns);
+
+/// The five of the table, ms.
+struct Tail {
+  double p50 = 0, p95 = 0, p99 = 0, p999 = 0, max = 0;
+  std::uint64_t count = 0;
+};
+Tail tail_of(const Histogram& histogram);
+
+}  // namespace ledgerline::timing

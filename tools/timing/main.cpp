@@ -1,0 +1,205 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <deque>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "common/rt/end_signals.hpp"
+#include "common/rt/file.hpp"
+#include "tools/launcher/machine.hpp"
+#include "tools/timing/perfetto.hpp"
+#include "tools/timing/recording.hpp"
+#include "tools/timing/self_test.hpp"
+#include "tools/timing/show.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using namespace ledgerline::timing;
+using nlohmann::json;
+
+constexpr int exit_limit = 1, exit_usage = 2, exit_unreadable = 3;
+constexpr TimeNs window_ns = 10 * ns_per_s;
+constexpr TimeNs settled_after_ns = 4 * ns_per_s;  // a sample's walk is over, and its last record is in the file
+
+struct Options {
+  std::string directory;
+  bool live = false, self_test = false;
+  double every_s = 2, seconds = 0;
+  int cpu = -1, priority = 80;
+  std::size_t threads = 12;
+  std::vector<std::string> limits;
+  std::string json, html, perfetto;
+};
+
+int fail(const std::string& what) {
+  fmt::print(stderr, "timing: {}\n", what);
+  return exit_unreadable;
+}
+
+json machine() {
+  const fly::Machine m = fly::describe_machine();
+  return {{"cpu", m.cpu}, {"cores", m.cores}, {"memory_gb", m.memory_gb}, {"system", m.system}};
+}
+
+/// All that was measured, with the CPU time between fly's snapshots, or until `newest` where fly has not ended.
+Figures figures_of(Recording& recording, const std::vector<Walk>& walks, const Snapshot& newest) {
+  Figures figures = make_figures(walks, recording.loop_turns());
+  figures.damaged = recording.walks().counters();
+  if (const auto usage = recording.usage()) {
+    const bool ended = usage->end.t_ns > usage->begin.t_ns;
+    figures.load = load_between(usage->begin, ended ? usage->end : newest);
+  } else {
+    fmt::print(stderr, "timing: CPU time is not known: {}\n", usage.error().what);
+  }
+  return figures;
+}
+
+int lay_open(const Options& options, const std::vector<Limit>& limits, const Snapshot& newest) {
+  Recording recording(options.directory);
+  if (auto status = recording.read_new(); !status) return fail(status.error().what);
+  for (const auto& file : recording.missing())
+    fmt::print(stderr, "timing: {} is missing: its stages are not measured\n", file);
+  const std::vector<Walk> walks = recording.walks().take();
+  const Figures figures = figures_of(recording, walks, newest);
+  std::vector<Verdict> verdicts;
+  for (const Limit& limit : limits) verdicts.push_back(judge(limit, figures));
+  std::cout << to_table(figures, options.threads) << to_table(verdicts);
+
+  json document = to_json(figures, verdicts);
+  document["asked"] = {{"directory", options.directory}, {"limits", options.limits}};
+  document["machine"] = machine();
+  Status written = done;
+  if (!options.json.empty()) written = write_file(options.json, document.dump(2) + "\n");
+  if (written && !options.html.empty()) written = write_file(options.html, to_page(document));
+  if (written && !options.perfetto.empty()) {
+    std::ofstream file(options.perfetto);
+    const std::size_t left_out = write_perfetto(file, walks, recording.loop_turns());
+    file.close();
+    if (!file) written = Error{"cannot write " + options.perfetto};
+    if (left_out > 0)
+      fmt::print(stderr, "timing: {} has the newest samples; {} are left out\n", options.perfetto, left_out);
+  }
+  std::cout.flush();
+  if (!written) return fail(written.error().what);
+  return document["ok"].get<bool>() ? EXIT_SUCCESS : exit_limit;
+}
+
+/// Shows the last ten seconds again and again: until the flight ends, the time is over, or Ctrl-C.
+int follow(const Options& options, const std::vector<Limit>& limits) {
+  Recording recording(options.directory);
+  std::deque<Walk> window;
+  const auto usage = recording.usage();
+  if (!usage) return fail("no flight to follow: " + usage.error().what);
+  Snapshot before = usage->begin;
+  const TimeNs until_ns = options.seconds > 0 ? monotonic_ns() + from_seconds(options.seconds) : INT64_MAX;
+  while (!end_asked && monotonic_ns() < until_ns) {
+    if (auto status = recording.read_new(); !status) return fail(status.error().what);
+    const Snapshot now = read_snapshot(usage->programs);
+    if (now.threads.empty()) break;
+    const TimeNs newest_ns = now.t_ns - settled_after_ns;
+    for (const Walk& walk : recording.walks().take(newest_ns)) window.push_back(walk);
+    while (!window.empty() && window.front().at(Mark::sampled) < newest_ns - window_ns) window.pop_front();
+    recording.forget_turns_before(now.t_ns - window_ns);
+    Figures figures = make_figures(std::vector<Walk>(window.begin(), window.end()), recording.loop_turns());
+    figures.damaged = recording.walks().counters();
+    figures.load = load_between(before, now);
+    before = now;
+    std::cout << (::isatty(STDOUT_FILENO) ? "\033[H\033[J" : "") << to_table(figures, options.threads) << std::flush;
+    for (TimeNs waited = 0; waited < from_seconds(options.every_s) && !end_asked; waited += 50 * ns_per_ms)
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  std::cout << "\nThe whole flight so far:\n";
+  return lay_open(options, limits, before);
+}
+
+int self_test(const Options& options) {
+  SelfTestOptions asked;
+  if (options.seconds > 0) asked.seconds = options.seconds;
+  asked.priority = options.priority;
+  asked.cpu = options.cpu >= 0 ? options.cpu : static_cast<int>(std::max(1U, std::thread::hardware_concurrency())) - 1;
+  const SelfTest test = run_self_test(asked);
+  std::cout << to_table(test) << std::flush;
+  if (!options.json.empty()) {
+    const auto figures = [](const Lateness& l) {
+      json one = to_json(tail_of(l.late));
+      one["overruns"] = l.overruns;
+      return one;
+    };
+    const json document{{"asked", {{"seconds", asked.seconds}, {"priority", asked.priority}, {"cpu", asked.cpu}}},
+                        {"machine", machine()},
+                        {"seconds", test.seconds},
+                        {"fifo", test.real_time.scheduled},
+                        {"memory_locked", test.real_time.locked},
+                        {"notices", test.real_time.notices},
+                        {"loop_ms", figures(test.loop)},
+                        {"cyclictest_ms", test.cyclictest ? figures(*test.cyclictest) : json()},
+                        {"why_no_cyclictest", test.why_no_cyclictest},
+                        {"steal_s", test.steal_s},
+                        {"good", test.good()}};
+    if (auto written = write_file(options.json, document.dump(2) + "\n"); !written) return fail(written.error().what);
+  }
+  std::cout << (test.good() ? "  good enough for link\n" : "  NOT good enough for link: see docs/timing.md\n");
+  return test.good() ? EXIT_SUCCESS : exit_limit;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Lays a flight's time open: every sample's way from stage to stage, how late link's loop was, and who used the "
+      "CPU.",
+      "ledgerline-timing"};
+  Options o;
+  app.add_option("DIR", o.directory, "Directory of a run of ledgerline-fly (its --out)");
+  app.add_flag("--live", o.live, "Follow a flight that is under way: the last ten seconds, then all of it");
+  app.add_option("--every", o.every_s, "Seconds between two tables of --live")
+      ->check(CLI::Range(0.2, 60.0))
+      ->capture_default_str();
+  app.add_flag("--self-test", o.self_test, "No flight: link's loop alone on this machine, beside cyclictest");
+  app.add_option("--seconds", o.seconds, "How long to follow (default: to the end) or to test (default: 10)")
+      ->check(CLI::Range(0.1, 86'400.0));
+  app.add_option("--cpu", o.cpu, "Self-test: core (default: the last)")->check(CLI::Range(0, 1023));
+  app.add_option("--priority", o.priority, "Self-test: SCHED_FIFO priority of the loop")
+      ->check(CLI::Range(2, 98))
+      ->capture_default_str();
+  app.add_option("--limit", o.limits, "What must hold, such as p99.apply=1ms; may be given often");
+  app.add_option("--threads", o.threads, "How many threads the table shows")->capture_default_str();
+  app.add_option("--json", o.json, "Write the figures to this file, as one JSON object");
+  app.add_option("--html", o.html, "Write a page that opens without a network");
+  app.add_option("--perfetto", o.perfetto, "Write trace events that ui.perfetto.dev and chrome://tracing open");
+  app.footer(
+      "Examples:\n"
+      "  timing build/runs/20261122-013000 --html timing.html --perfetto timing.json\n"
+      "  timing /tmp/run --limit p99.9.late=200us --limit p99.setpoint_at_once=2.5ms --limit cpu.agent+link=15%\n"
+      "  timing /tmp/run --limit overruns=0 --limit headroom=50%\n"
+      "  timing /tmp/run --live\n"
+      "  timing --self-test --seconds 60\n"
+      "Exit codes: 0 done, all limits kept; 1 a limit is not kept, or the self-test is not good enough for link;\n"
+      "2 bad usage, or a limit on something that does not exist; 3 nothing to read, or a file not written");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : exit_usage;
+  }
+  if (o.self_test == !o.directory.empty()) {
+    fmt::print(stderr, "timing: name the directory of a run, or --self-test: see --help\n");
+    return exit_usage;
+  }
+  std::vector<Limit> limits;
+  for (const std::string& text : o.limits) {
+    auto limit = parse_limit(text);
+    if (!limit) {
+      fmt::print(stderr, "timing: {}\n", limit.error().what);
+      return exit_usage;
+    }
+    limits.push_back(std::move(*limit));
+  }
+  catch_end_signals();
+  if (o.self_test) return self_test(o);
+  return o.live ? follow(o, limits) : lay_open(o, limits, {});
+}

@@ -1,0 +1,147 @@
+#include "tools/timing/show.hpp"
+
+#include <fmt/format.h>
+#include <sched.h>
+
+#include "common/page/html.hpp"
+#include "common/rt/json.hpp"
+
+namespace ledgerline::report {
+extern const char timing_template[];  // page.html, put into the program by CMake
+}
+
+namespace ledgerline::timing {
+namespace {
+
+using nlohmann::json;
+
+std::string row(std::string_view name, const Histogram& histogram, const std::string& more) {
+  const Tail t = tail_of(histogram);
+  if (t.count == 0) return fmt::format("  {:<17}{:>10}{:>55}\n", name, "-", more);
+  return fmt::format("  {:<17}{:>9.3f}{:>10.3f}{:>10.3f}{:>10.3f}{:>10.3f}{:>9}{:>7}\n", name, t.p50, t.p95, t.p99,
+                     t.p999, t.max, t.count, more);
+}
+
+const char* name_of_policy(int policy) {
+  return policy == SCHED_FIFO ? "FIFO" : policy == SCHED_RR ? "RR" : policy == SCHED_OTHER ? "" : "other";
+}
+
+std::string load_table(const Load& load, std::size_t most_threads) {
+  if (load.seconds <= 0) return "\n  CPU was not measured\n";
+  std::string text = fmt::format("\n  {:<28}{:>8}{:>9}{:>12}{:>12}{:>10}{:>8}  {}\n", "thread", "CPU, %", "wait, ms",
+                                 "switches/s", "preempted/s", "faults", "major", "");
+  for (std::size_t i = 0; i < std::min(most_threads, load.threads.size()); ++i) {
+    const ThreadUsage& t = load.threads[i].who;
+    text += fmt::format("  {:<28}{:>8.2f}{:>9.1f}{:>12.1f}{:>12.1f}{:>10}{:>8}  {}\n",
+                        fmt::format("{}/{} {}", t.program, t.name, t.thread), load.threads[i].cpu_percent,
+                        1e3 * t.waited_s, static_cast<double>(t.voluntary) / load.seconds,
+                        static_cast<double>(t.involuntary) / load.seconds, t.minor_faults, t.major_faults,
+                        t.policy == SCHED_OTHER ? "" : fmt::format("{} {}", name_of_policy(t.policy), t.priority));
+  }
+  if (load.threads.size() > most_threads) text += fmt::format("  and {} more\n", load.threads.size() - most_threads);
+  text += fmt::format("\n  budget, two cores: {:.0f} %", budget_percent);
+  for (const auto& [program, percent] : load.programs) text += fmt::format("  {} {:.1f}", program, percent);
+  return text +
+         fmt::format("\n  used {:.1f} %, headroom {:.1f} %; the whole machine {:.1f} %, steal {:.2f} s in {:.1f} s\n",
+                     load.used_percent(), load.headroom_percent(), load.host_percent, load.steal_s, load.seconds);
+}
+
+}  // namespace
+
+std::string to_table(const Figures& f, std::size_t most_threads) {
+  std::string text = fmt::format("\n  {:<17}{:>9}{:>10}{:>10}{:>10}{:>10}{:>9}{:>7}\n", "stage, ms", "p50", "p95",
+                                 "p99", "p99.9", "max", "count", "ended");
+  for (std::size_t i = 0; i < f.distributions.size(); ++i) {
+    const bool is_stage = i < stages.size();
+    if (i == stages.size()) text += "\n";
+    // "ended": samples that came to where this stage begins, and no further.
+    const std::uint64_t ended = is_stage ? f.got_to[static_cast<std::size_t>(stages[i].from)] : 0;
+    text += row(f.distributions[i].name, f.distributions[i].histogram, is_stage ? std::to_string(ended) : "");
+  }
+  text += fmt::format("\n  {} samples in {:.1f} s; link's loop: {} turns, {} later than 1 ms\n", f.walks, f.seconds,
+                      f.loop.late.count(), f.loop.overruns);
+  if (f.loop.lost > 0) text += fmt::format("  {} turns are not in the trace\n", f.loop.lost);
+  if (f.damaged.strays + f.damaged.backwards + f.damaged.doubled > 0) {
+    text += fmt::format(
+        "  records: {} doubled, {} of samples that are not in link's trace; {} walks with times that go back\n",
+        f.damaged.doubled, f.damaged.strays, f.damaged.backwards);
+  }
+  return text + load_table(f.load, most_threads);
+}
+
+std::string to_table(const std::vector<Verdict>& verdicts) {
+  std::string text;
+  for (const Verdict& v : verdicts) {
+    text += fmt::format("  {} {}: {}\n", v.kept ? "kept    " : "NOT KEPT", v.limit,
+                        v.measured ? fmt::format("{:.3f}", *v.measured) : "nothing was measured");
+  }
+  return text.empty() ? text : "\n" + text;
+}
+
+json to_json(const Tail& t) {
+  return {{"p50", rounded(t.p50)},    {"p95", rounded(t.p95)}, {"p99", rounded(t.p99)},
+          {"p99.9", rounded(t.p999)}, {"max", rounded(t.max)}, {"count", t.count}};
+}
+
+json to_json(const Figures& f, const std::vector<Verdict>& verdicts) {
+  json list = json::array(), sums = json::array(), threads = json::array(), limits = json::array();
+  bool ok = true;
+  for (std::size_t i = 0; i < f.distributions.size(); ++i) {
+    json one = to_json(tail_of(f.distributions[i].histogram));
+    one["name"] = f.distributions[i].name;
+    one["what"] = f.distributions[i].what;
+    if (i < stages.size()) one["ended"] = f.got_to[static_cast<std::size_t>(stages[i].from)];
+    (i < stages.size() ? list : sums).push_back(std::move(one));
+  }
+  for (const ThreadLoad& load : f.load.threads) {
+    const ThreadUsage& t = load.who;
+    threads.push_back({{"program", t.program},
+                       {"name", t.name},
+                       {"thread", t.thread},
+                       {"cpu_percent", rounded(load.cpu_percent)},
+                       {"user_s", rounded(t.user_s)},
+                       {"system_s", rounded(t.system_s)},
+                       {"waited_s", rounded(t.waited_s, 1e6)},
+                       {"voluntary_switches", t.voluntary},
+                       {"involuntary_switches", t.involuntary},
+                       {"minor_faults", t.minor_faults},
+                       {"major_faults", t.major_faults},
+                       {"policy", name_of_policy(t.policy)},
+                       {"priority", t.priority}});
+  }
+  for (const Verdict& v : verdicts) {
+    limits.push_back(
+        {{"limit", v.limit}, {"measured", v.measured ? json(rounded(*v.measured)) : json()}, {"kept", v.kept}});
+    ok = ok && v.kept;
+  }
+  json budget = nullptr;
+  if (f.load.seconds > 0) {
+    json programs = json::object();
+    for (const auto& [name, percent] : f.load.programs) programs[name] = rounded(percent);
+    budget = {{"percent", budget_percent},
+              {"programs", programs},
+              {"used_percent", rounded(f.load.used_percent())},
+              {"headroom_percent", rounded(f.load.headroom_percent())},
+              {"machine_percent", rounded(f.load.host_percent)},
+              {"steal_s", rounded(f.load.steal_s)},
+              {"seconds", rounded(f.load.seconds)}};
+  }
+  return {
+      {"seconds", rounded(f.seconds)},
+      {"samples", f.walks},
+      {"stages", list},
+      {"totals", sums},
+      {"loop", {{"turns", f.loop.late.count()}, {"overruns", f.loop.overruns}, {"lost", f.loop.lost}}},
+      {"records", {{"doubled", f.damaged.doubled}, {"strays", f.damaged.strays}, {"backwards", f.damaged.backwards}}},
+      {"budget", budget},
+      {"threads", threads},
+      {"limits", limits},
+      {"ok", ok}};
+}
+
+std::string to_page(json document) {
+  document["date"] = report::local_date();
+  return report::filled(report::timing_template, "@DATA@", report::for_script(document));
+}
+
+}  // namespace ledgerline::timing

@@ -1,0 +1,140 @@
+#include "tools/timing/usage.hpp"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::timing {
+namespace {
+
+using nlohmann::json;
+
+json to_json(const ThreadUsage& t) {
+  return {{"program", t.program},
+          {"name", t.name},
+          {"process", t.process},
+          {"thread", t.thread},
+          {"user_s", t.user_s},
+          {"system_s", t.system_s},
+          {"cpu_s", t.cpu_s},
+          {"waited_s", t.waited_s},
+          {"voluntary", t.voluntary},
+          {"involuntary", t.involuntary},
+          {"minor_faults", t.minor_faults},
+          {"major_faults", t.major_faults},
+          {"policy", t.policy},
+          {"priority", t.priority}};
+}
+
+ThreadUsage thread_from(const json& j) {
+  ThreadUsage t;
+  j.at("program").get_to(t.program);
+  j.at("name").get_to(t.name);
+  j.at("process").get_to(t.process);
+  j.at("thread").get_to(t.thread);
+  j.at("user_s").get_to(t.user_s);
+  j.at("system_s").get_to(t.system_s);
+  j.at("cpu_s").get_to(t.cpu_s);
+  j.at("waited_s").get_to(t.waited_s);
+  j.at("voluntary").get_to(t.voluntary);
+  j.at("involuntary").get_to(t.involuntary);
+  j.at("minor_faults").get_to(t.minor_faults);
+  j.at("major_faults").get_to(t.major_faults);
+  j.at("policy").get_to(t.policy);
+  j.at("priority").get_to(t.priority);
+  return t;
+}
+
+json to_json(const Snapshot& snapshot) {
+  json threads = json::array();
+  for (const ThreadUsage& thread : snapshot.threads) threads.push_back(to_json(thread));
+  return {{"t_ns", snapshot.t_ns},
+          {"busy_s", snapshot.host.busy_s},
+          {"steal_s", snapshot.host.steal_s},
+          {"threads", threads}};
+}
+
+Snapshot snapshot_from(const json& j) {
+  Snapshot snapshot;
+  j.at("t_ns").get_to(snapshot.t_ns);
+  j.at("busy_s").get_to(snapshot.host.busy_s);
+  j.at("steal_s").get_to(snapshot.host.steal_s);
+  for (const json& thread : j.at("threads")) snapshot.threads.push_back(thread_from(thread));
+  return snapshot;
+}
+
+// Counters of the kernel only grow; where they did not, the thread's number was given to another.
+std::uint64_t grown(std::uint64_t from, std::uint64_t to) { return to >= from ? to - from : to; }
+double grown(double from, double to) { return to >= from ? to - from : to; }
+
+}  // namespace
+
+Snapshot read_snapshot(const std::map<std::string, pid_t>& programs) {
+  Snapshot snapshot;
+  snapshot.t_ns = monotonic_ns();
+  snapshot.host = read_host();
+  for (const auto& [name, pid] : programs) {
+    auto threads = read_threads(name, pid);
+    std::move(threads.begin(), threads.end(), std::back_inserter(snapshot.threads));
+  }
+  return snapshot;
+}
+
+json to_json(const UsageRecord& record) {
+  return {{"programs", record.programs}, {"begin", to_json(record.begin)}, {"end", to_json(record.end)}};
+}
+
+Result<UsageRecord> usage_from_json(const std::string& text) {
+  const json j = json::parse(text, nullptr, false);
+  if (j.is_discarded()) return Error{"it is no JSON"};  // the parser's own words would have the damaged bytes in them
+  try {
+    UsageRecord record;
+    j.at("programs").get_to(record.programs);
+    record.begin = snapshot_from(j.at("begin"));
+    record.end = snapshot_from(j.at("end"));
+    for (const Snapshot* snapshot : {&record.begin, &record.end}) {
+      if (snapshot->t_ns < 0 || snapshot->t_ns > INT64_MAX / 2) return Error{"a time in it cannot be"};
+    }
+    return record;
+  } catch (const json::exception& e) {
+    return Error{std::string("not what fly writes: ") + e.what()};
+  }
+}
+
+double Load::used_percent() const {
+  double sum = 0;
+  for (const auto& [name, percent] : programs) sum += percent;
+  return sum;
+}
+
+Load load_between(const Snapshot& begin, const Snapshot& end) {
+  Load load;
+  load.seconds = to_seconds(end.t_ns - begin.t_ns);
+  if (!(load.seconds > 0)) return {};
+  load.host_percent = 100 * grown(begin.host.busy_s, end.host.busy_s) / load.seconds;
+  load.steal_s = grown(begin.host.steal_s, end.host.steal_s);
+  for (const ThreadUsage& now : end.threads) {
+    const auto before = std::find_if(begin.threads.begin(), begin.threads.end(), [&](const ThreadUsage& t) {
+      return t.thread == now.thread && t.program == now.program;
+    });
+    const ThreadUsage zero{};
+    const ThreadUsage& was = before == begin.threads.end() ? zero : *before;
+    ThreadLoad thread{now, 0};
+    ThreadUsage& who = thread.who;
+    who.user_s = grown(was.user_s, now.user_s);
+    who.system_s = grown(was.system_s, now.system_s);
+    who.cpu_s = grown(was.cpu_s, now.cpu_s);
+    who.waited_s = grown(was.waited_s, now.waited_s);
+    who.voluntary = grown(was.voluntary, now.voluntary);
+    who.involuntary = grown(was.involuntary, now.involuntary);
+    who.minor_faults = grown(was.minor_faults, now.minor_faults);
+    who.major_faults = grown(was.major_faults, now.major_faults);
+    thread.cpu_percent = 100 * who.cpu_s / load.seconds;
+    load.programs[now.program.substr(0, now.program.find('/'))] += thread.cpu_percent;
+    load.threads.push_back(std::move(thread));
+  }
+  std::stable_sort(load.threads.begin(), load.threads.end(),
+                   [](const ThreadLoad& a, const ThreadLoad& b) { return a.cpu_percent > b.cpu_percent; });
+  return load;
+}
+
+}  // namespace ledgerline::timing

@@ -1,0 +1,79 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <optional>
+#include <thread>
+
+#include "common/rt/end_signals.hpp"
+#include "common/rt/file.hpp"
+#include "common/rt/log.hpp"
+#include "tools/topics/show.hpp"
+
+namespace {
+
+using namespace ledgerline;
+
+constexpr int exit_usage = 2;
+
+struct Wish {
+  std::string file;
+  bool json = false, once = false;
+  double period_s = 1;
+};
+
+Status show(const Wish& wish) {
+  std::optional<topics::Status> before;
+  do {
+    const auto text = read_file(wish.file);
+    if (!text) return text.error();
+    auto now = topics::parse_status(*text, wish.file, monotonic_ns());
+    if (!now) return now.error();
+    if (wish.json) {
+      fmt::print("{}", *text);
+    } else {
+      const bool on_terminal = ::isatty(STDOUT_FILENO) == 1 && !wish.once;
+      fmt::print("{}{}", on_terminal ? "\x1b[H\x1b[J" : "", topics::table(before.value_or(*now), *now));
+    }
+    std::fflush(stdout);
+    before = std::move(*now);
+    for (const TimeNs until_ns = monotonic_ns() + from_seconds(wish.period_s);
+         !wish.once && !end_asked && monotonic_ns() < until_ns;) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  } while (!wish.once && !end_asked);
+  return done;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Shows what each topic of a running bridge costs and loses, until SIGINT.", "ledgerline-topics"};
+  app.footer(
+      "Examples:\n  ledgerline topics /run/user/1000/bridge.json\n  ledgerline topics --once --json bridge.json | jq "
+      ".\n\n"
+      "messages: on the ledger (up), published on DDS (down); batches: transactions that carried some of them; age: "
+      "from\n"
+      "DDS until committed (up), from the origin's stamp until here (down: between hosts as good as their clocks "
+      "agree).\n"
+      "Exit codes: 0 done; 1 there is no such file, or its bridge is silent; 2 bad usage");
+  Wish wish;
+  app.add_option("STATUS", wish.file, "the file that [output] status of the bridge's config names")->required();
+  app.add_flag("--json", wish.json, "the bridge's own status line instead of a table");
+  app.add_flag("--once", wish.once, "once");
+  app.add_option("--period", wish.period_s, "seconds")->check(CLI::Range(0.1, 3600.0));
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
+  }
+  init_log("topics");
+  catch_end_signals();
+  if (auto status = show(wish); !status) {
+    spdlog::error("{}", status.error().what);
+    return EXIT_FAILURE;
+  }
+  return EXIT_SUCCESS;
+}
