@@ -33,7 +33,7 @@ class Pacing {
   TimeNs gap_ns_ = 10 * shortest_ns;  // until something is known
 };
 
-/// The pause behind a failure: twice as long each time up to `longest`, with jitter (half to whole of it).
+/// Exponential back-off after failures: doubles up to `longest`, with jitter (half to whole); a success resets it.
 class Pause {
  public:
   Pause(TimeNs first_ns, TimeNs longest_ns) : first_ns_(first_ns), longest_ns_(longest_ns) {}

@@ -155,8 +155,8 @@ class Judge {
     bool waits = false;      ///< a drone of the first fault is not yet `done`
     std::vector<bool> done;  ///< by drone
   };
-  void look_at(const Moment& moment, State& state);
-  void look_after(const Moment& moment, std::size_t drone);
+  void look_at(const Moment& moment, State& state);          ///< one of the script's rules
+  void look_after(const Moment& moment, std::size_t drone);  ///< the invariants, for one drone
   void look_at_ramp(const Moment& moment, std::size_t drone, bool rested);
   void look_at_order(const Moment& moment);
   void look_at_brake(const Moment& moment, std::size_t drone, bool flies);

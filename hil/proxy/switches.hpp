@@ -26,8 +26,8 @@ struct Target {
 
 /// What is switched at the moment, and how commands change it. A core; one thread. Commands:
 ///
-///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/impairment.hpp on one direction: to, answers, state, video,
-///                                            from (the last three), both (all four)
+///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/impairment.hpp on one way: to, answers, state, video, from
+///                                            (the three before), both (all four)
 ///     drone * both clear                     `*`: every drone; for servers and sensors alike
 ///     server agent from stall                to, from, both
 ///     server agent cut                       its connections are reset, once
