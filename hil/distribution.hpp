@@ -11,7 +11,7 @@
 
 namespace ledgerline::hil {
 
-/// No delay that is set or drawn is longer: what a distribution's tail brings beyond it is cut to it.
+/// Upper bound of every delay, set or drawn: a longer draw is cut to it.
 inline constexpr TimeNs longest_delay = 60 * ns_per_s;
 
 /// How durations are distributed: plain data that may be copied and shared. Every draw is from 0 to longest_delay; what

@@ -52,7 +52,7 @@ struct Impairment {
 /// A bit for each kind of effect that it has.
 unsigned kinds_in(const Impairment& impairment);
 
-/// Puts the effects that `over` has in the place of those of their kinds.
+/// Overlays: each effect that `over` has replaces the one of its kind; the others stay.
 void lay_over(const Impairment& over, Impairment& impairment);
 
 /// Puts one effect in the place of the one of its kind, or takes it out:

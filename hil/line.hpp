@@ -27,8 +27,8 @@ struct LineCounts {
 ///
 /// Datagrams meet the effects in this order: partition, loss, truncation, corruption; the rate's queue; delay, which
 /// keeps the order; jitter and reordering, which do not; duplication. A stream keeps its bytes and their order.
-/// What is on its way keeps the moment at which it is due when the impairment changes, but for a stall: that holds all
-/// of it back until it ends.
+/// When the impairment changes, what is already on its way is due when it was; only a stall holds it back, until the
+/// stall ends.
 ///
 /// Bounded: beyond most_units or most_bytes on their way, a datagram that comes is dropped and counted, and a stream
 /// takes no more (room()).

@@ -12,10 +12,10 @@
 namespace ledgerline::sim {
 
 /// The Tello SDK 2.0 endpoint of one drone (and of SDK 3 what clients send): text in, text out. Facts with their
-/// sources: shared/facts/tello.md. Where the firmware's behaviour is not known, this one is assumed:
+/// sources: docs/sources.md. Where the firmware's behaviour is not known, this one is assumed:
 /// - nothing but `command` is heard, or answered, before the first `command`;
-/// - each answered command gets exactly one answer; a move's comes when it ends, `error` when `land` or `stop` broke it
-/// off;
+/// - each answered command gets exactly one answer; a move's comes when it ends, `error` when `land` or `stop` broke
+///   it off;
 /// - a move while another action runs is refused with `error Not joystick`, one on the ground with `error Motor stop`;
 /// - the 15 s of silence begin when the last action ends;
 /// - `land` is ignored, without an answer, during takeoff and while it is landing already, and `ok` on the ground;

@@ -10,7 +10,7 @@ namespace ledgerline::sim {
 namespace {
 
 constexpr double degrees = 180 / std::numbers::pi;
-// "85~88C" in flight (facts/tello.md); the rest is assumed.
+// "85~88C" in flight (docs/sources.md); the rest is assumed.
 constexpr double cool_c = 62, warm_c = 85.5, warming_s = 120;
 constexpr int temperature_spread_c = 3;
 constexpr int tof_on_ground_mm = 100;

@@ -21,7 +21,7 @@ struct Connection {
   std::vector<std::shared_ptr<grpc::Channel>> orderers;
   std::shared_ptr<Commits> commits = std::make_shared<Commits>();
 
-  /// Index of the peer to ask now: the own one, or while that is not reached the first other one that is.
+  /// Index of the peer to ask now: our own, or, while it is not reached, the first stand-in that is.
   std::size_t peer() const;
 };
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
@@ -32,8 +32,8 @@ bool may_pass(const grpc::Status& status);
 /// What the peers said (gateway.ErrorDetail), or gRPC's own message where they said nothing.
 std::string describe(const grpc::Status& status);
 
-/// Growing waits between attempts: doubled each time up to `longest`, of which a random half is left out, so that many
-/// clients of a ledger that comes back do not ask all at once.
+/// Exponential back-off between attempts: doubles up to `longest`, with jitter (half to whole of it), so that the many
+/// clients of a ledger that comes back do not all ask at once.
 class Backoff {
  public:
   Backoff(std::chrono::milliseconds first, std::chrono::milliseconds longest);

@@ -6,8 +6,9 @@
 
 namespace ledgerline::fabric {
 
-/// Compares the headers of one chain as two tell it: a peer that shows its clients another chain than was ordered is
-/// found out. Neither waits for the other; what only one has told yet is kept, the newest `most_kept`. Any thread.
+/// Compares the headers of one chain as two sources tell it, so that a peer that shows its clients another chain than
+/// was ordered is found out. Neither source waits for the other: headers that only one has told yet are kept, the
+/// newest `most_kept` of them. Any thread.
 class CrossCheck {
  public:
   enum class Source { peer, orderer };

@@ -7,11 +7,11 @@
 
 /// A small client of a Fabric network, or of the embedded node:
 ///
-///     client_example ENDPOINT TLS_CA.pem MSP_ID MSP_DIR submit FUNCTION ARGUMENT...     writes, and waits for the
-///     block
-///                                                        evaluate FUNCTION ARGUMENT...  asks
-///                                                        blocks FIRST COUNT             follows the chain
-///                                                        events FIRST COUNT             follows the contract's events
+///     client_example ENDPOINT TLS_CA.pem MSP_ID MSP_DIR VERB, where VERB is
+///         submit FUNCTION ARGUMENT...     writes, and waits for the block
+///         evaluate FUNCTION ARGUMENT...   asks
+///         blocks FIRST COUNT              follows the chain
+///         events FIRST COUNT              follows the contract's events
 ///
 /// Channel and contract are LEDGER_CHANNEL and LEDGER_CONTRACT, or `teleop` and `ledgerline`. Exit codes: 0 good, 1 the
 /// ledger refused it or was not reached, 2 wrong usage.

@@ -10,9 +10,8 @@ namespace ledgerline::fabric {
 /// When the next transaction of a stream may go while earlier ones are not committed yet. Each transaction costs the
 /// ledger far more than the samples in it, so waiting for the commit is best as long as that is quick; where blocks are
 /// cut late it would leave the ledger idle. So: behind a gap, which is
-///  - four times what endorsing and ordering took lately. That is the ledger's work; waiting for a block to be cut is
-///  not
-///    in it. A ledger at its limit gets fewer transactions.
+///  - four times what endorsing and ordering took lately (within 10 to 200 ms). That is the ledger's work; waiting for
+///    a block to be cut is not in it. A ledger at its limit gets fewer transactions.
 ///  - at least an eighth of the oldest one's age: while a ledger is away, less and less is added.
 class Pacing {
  public:
@@ -34,7 +33,7 @@ class Pacing {
   TimeNs gap_ns_ = 10 * shortest_ns;  // until something is known
 };
 
-/// The pause behind a failure: twice as long each time up to `longest`, with jitter (half to whole of it).
+/// Exponential back-off after failures: doubles up to `longest`, with jitter (half to whole); a success resets it.
 class Pause {
  public:
   Pause(TimeNs first_ns, TimeNs longest_ns) : first_ns_(first_ns), longest_ns_(longest_ns) {}

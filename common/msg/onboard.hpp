@@ -38,7 +38,7 @@ constexpr bool in_flight(FlightPhase phase) noexcept {
 /// What the failsafe does now; `none` while the plan is flown.
 enum class FailsafeMode : std::uint8_t { none = 0, hold = 1, brake = 2, land = 3, cut = 4 };
 
-/// Why the failsafe is in its mode (the causes of the design's table); on the ground: what speaks against a take-off.
+/// Why the failsafe is in its mode (the causes of docs/failsafe.md); on the ground: what speaks against a take-off.
 enum class FailsafeCause : std::uint8_t {
   none = 0,
   plan_ran_out = 1,

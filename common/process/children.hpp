@@ -44,11 +44,11 @@ class Children {
   void signal(const std::string& name, int signal);
   /// SIGTERM, then SIGKILL after `patience_ns`. False when it took the SIGKILL.
   bool stop(const std::string& name, TimeNs patience_ns);
-  /// User and system time so far, with that of the processes it started and which still run, and of programs of its
-  /// name that ran before it; 0 when it does not run.
+  /// User and system time so far, including that of the processes it started that still run, and of programs that ran
+  /// under its name before; 0 when it does not run.
   double cpu_seconds(const std::string& name) const;
-  /// Proportional set size, a share of what others share with it, with that of the processes it started and which still
-  /// run; 0 when it does not run. The kernel walks its page tables for it: not often.
+  /// Proportional set size (shared pages count in parts), including that of the processes it started that still run; 0
+  /// when it does not run. To be called seldom: the kernel walks all page tables for it.
   double memory_mb(const std::string& name) const;
   const std::vector<std::string>& names() const { return names_; }
   /// The last lines that it logged.

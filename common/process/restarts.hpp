@@ -7,8 +7,9 @@
 
 namespace ledgerline {
 
-/// When a process that ended is started again. Waits are doubled with each end within `within`, of which a random half
-/// is left out, so that processes that died together do not start together; an end too many there is the last.
+/// When a process that ended is started again: after a wait that doubles with each end within `within`, with jitter
+/// (half to whole of it), so that processes that died together do not start together. After more than `most` ends
+/// within `within` it is given up.
 ///
 ///     runs -- ended() --> waits -- the time it gave --> runs
 ///                 \-- nullopt: given up

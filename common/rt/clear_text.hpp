@@ -4,8 +4,8 @@
 
 namespace ledgerline {
 
-/// Text that a stranger had a part in, fit for a message: one line of UTF-8, at most `most` bytes; what is neither
-/// printable nor UTF-8 is shown as "?".
+/// Makes text from outside printable, for logs, refusals and terminals: one line of valid UTF-8, at most `most` bytes;
+/// whatever cannot be printed becomes "?". (Nothing to do with encryption.)
 std::string clear_text(std::string_view text, std::size_t most = 1'000);
 
 }  // namespace ledgerline

@@ -5,12 +5,12 @@
 
 namespace ledgerline {
 
-/// Whether this program has been asked to end, and how often, once catch_end_signals() was called.
+/// Set and counted by the signals that catch_end_signals() catches: the program shall end.
 inline std::atomic<bool> end_asked{false};
 inline std::atomic<int> ends_asked{0};
 static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_always_lock_free);
 
-/// Of SIGINT and SIGTERM, or of those named. Calls that wait are interrupted. Before threads begin.
+/// Catches SIGINT and SIGTERM, or those named; calls that wait are interrupted. To be called before any thread starts.
 inline void catch_end_signals(std::initializer_list<int> signals = {SIGINT, SIGTERM}) {
   struct sigaction action {};
   action.sa_handler = [](int) {
@@ -20,8 +20,8 @@ inline void catch_end_signals(std::initializer_list<int> signals = {SIGINT, SIGT
   for (const int signal : signals) ::sigaction(signal, &action, nullptr);
 }
 
-/// The same, but signals come in only while a loop waits with the mask that this returns (ppoll, pselect), so that none
-/// is missed between a look at end_asked and the next wait.
+/// The same for a loop that waits in ppoll or pselect: signals are blocked but while it waits with the mask that this
+/// returns, so none can come unseen between its look at end_asked and the wait.
 inline sigset_t catch_end_signals_while_waiting() {
   catch_end_signals();
   sigset_t blocked, before;

@@ -6,9 +6,9 @@
 
 namespace ledgerline {
 
-/// All of a file; the error names it.
+/// Reads a whole file; an error names it.
 Result<std::string> read_file(const std::string& path);
-/// Makes the file, and the folders on the way to it, or writes over it; `mode` before anything is in it. Not synced.
+/// Writes a file anew, and makes the folders on the way to it; it has its `mode` before it has content. Not synced.
 Status write_file(const std::string& path, std::string_view content, int mode = 0644);
 
 }  // namespace ledgerline

@@ -9,8 +9,8 @@
 
 namespace ledgerline {
 
-/// When a process says that it lives: half of the manager's patience after the last time, and only if its work went on
-/// since. Work that stands still is told by silence.
+/// When to tell the service manager that this process lives: each half of the manager's patience, and only if its work
+/// has gone on since the last time. A process that stands still falls silent, and the manager acts.
 class WatchdogPace {
  public:
   /// `patience_ns` 0: nobody watches, never due.

@@ -7,11 +7,11 @@
 /// Room on file systems.
 namespace ledgerline {
 
-/// What the files below `directory` take, in whole blocks of their file system. Files that vanish meanwhile, and a
-/// directory that is not there, take nothing.
+/// Bytes that the files below `directory` occupy, in whole blocks of their file system. Files that vanish meanwhile and
+/// a missing directory count as zero.
 std::uint64_t bytes_below(const std::string& directory);
 
-/// Free to this user where `path` is or would be made.
+/// Bytes free to this user on the file system where `path` is, or would be made.
 Result<std::uint64_t> free_bytes(const std::string& path);
 
 /// An error that names the place and both figures when fewer bytes are free than needed.

@@ -41,8 +41,8 @@ struct ControllerConfig {
   double least_limit_mps = 0.2;           ///< but never below this
 };
 
-/// How sure predictions are: the share of the way flown meanwhile by which they missed, from predictions that were made
-/// and the states that came when their time was over. Bounded; one thread.
+/// How well predictions come true: their error as a share of the way flown meanwhile, learned by comparing each
+/// prediction with the states around the moment that it was for. Bounded; one thread.
 class PredictionError {
  public:
   static constexpr double unknown = 0.2, least = 0.02;  ///< of the way
@@ -71,8 +71,9 @@ class PredictionError {
 /// leaves lag e'' + (1 + V) e' + K e = 0 of the error. K falls with the age at application, as 1.6 / age: what the
 /// model does not say must not be corrected faster than it is seen.
 ///
-/// A latency-aware limit: with a share of the way by which predictions miss, and the age, three times their error stays
-/// within allowed_error_m at limit_mps(); above it the reference is slowed.
+/// A latency-aware limit of speed: at limit_mps() three times the expected error of a prediction (its share of the way,
+/// times speed, times age) is allowed_error_m. Above the limit, which is never below least_limit_mps, the reference is
+/// slowed.
 ///
 /// While link brakes, or its pose is older than it takes one for, the reference waits.
 ///

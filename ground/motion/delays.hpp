@@ -41,11 +41,11 @@ class TwoWay {
   Window ways_;
 };
 
-/// How much later than they say link flies setpoints: its playout's margin, which grows where plans come late.
-/// Deterministic; one thread.
+/// Playout's margin as states show it: how much later than its own moment link flies each setpoint. It grows where
+/// plans come late. Deterministic; one thread.
 class PlayoutMargin {
  public:
-  /// Once for each plan of which a state says that it is flown.
+  /// Once for each plan that a state reports as flown.
   void add(TimeNs late_ns);
   /// The median of the newest five, never negative.
   TimeNs value_ns() const;

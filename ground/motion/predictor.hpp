@@ -25,14 +25,14 @@ struct PredictorConfig {
   double told_acceleration_mps2 = 4.0;  ///< link's limit: how fast the velocity told to the drone changes
 };
 
-/// Where a drone will be when a plan takes effect. Lives from states and from the plans that were sent:
+/// Where a drone will be when a plan takes effect, from its states and the plans that were sent:
 ///
 ///  - a Kalman filter for each axis has position, velocity and drift (what the wind adds to the velocity, slowly
 ///    changing), driven by what link says it told the drone, through the Response (Bar-Shalom, Li, Kirubarajan:
 ///    Estimation with Applications to Tracking and Navigation, 5.2 and 6.2);
-///  - from the newest state on, the plans that were sent and are not flown yet drive the same model, each setpoint as
-///    late as link flies them and as long, zero behind a plan's end, no faster than its limit of acceleration lets the
-///    told velocity change;
+///  - from the newest state on, plans that were sent but not flown yet drive the same model: each setpoint at the
+///    moment when link will fly it and for as long, zero after a plan's end, and the told velocity changes no faster
+///    than link's limit of acceleration allows;
 ///  - the Response is learned meanwhile (ResponseEstimator).
 ///
 /// States may come in bursts, with gaps, twice or out of order: one that is not newer changes nothing, one whose pose
@@ -42,7 +42,7 @@ struct PredictorConfig {
 /// response; yaw simply follows its rate.
 class Predictor {
  public:
-  /// Nothing is predicted over more than this.
+  /// The longest time that is predicted over.
   static constexpr TimeNs longest_ns = 5 * ns_per_s;
 
   explicit Predictor(const PredictorConfig& config);

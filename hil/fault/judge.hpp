@@ -109,14 +109,12 @@ struct Limits {
 ///
 ///     speed, height, distance   never beyond the limits, but of a drone that was pushed, broken or deafened, until 5 s
 ///                               behind that fault's end
-///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later tells
-///     the
-///                               drone zero
+///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later it
+///                               tells the drone zero
 ///     landing after a hold      a hold or brake of land_after (5 s) and 0.5 s more is a landing
 ///     rc in range               as the SDK takes it
 ///     ramps                     what the drone is told changes no faster than the limit of acceleration, but for a
-///     link
-///                               that stood still
+///                               link that stood still
 ///     commands in order         agent hands each one on once, link flies from each one once, none after a newer one
 ///     a brake takes its plans   after it nothing is flown before another plan came
 ///     down in the end           when the run is over, or its time is up, nothing is in the air
@@ -157,8 +155,8 @@ class Judge {
     bool waits = false;      ///< a drone of the first fault is not yet `done`
     std::vector<bool> done;  ///< by drone
   };
-  void look_at(const Moment& moment, State& state);
-  void look_after(const Moment& moment, std::size_t drone);
+  void look_at(const Moment& moment, State& state);          ///< one of the script's rules
+  void look_after(const Moment& moment, std::size_t drone);  ///< the invariants, for one drone
   void look_at_ramp(const Moment& moment, std::size_t drone, bool rested);
   void look_at_order(const Moment& moment);
   void look_at_brake(const Moment& moment, std::size_t drone, bool flies);

@@ -28,7 +28,7 @@ class FaultSchedule {
   bool any_active() const;
   /// Faults that are not optional and whose moment has not come, in words.
   std::vector<std::string> never_begun() const;
-  /// A process is dead, and its start is still to come: the run is not over.
+  /// A process that a fault killed is still to be started again, so the run is not over.
   bool starts_to_come() const;
   /// When the first one began, the last one ended; nothing while there is none.
   std::optional<TimeNs> first_begun_ns() const;
@@ -48,8 +48,7 @@ class FaultSchedule {
   explicit FaultSchedule(std::vector<Item> items) : items_(std::move(items)) {}
   void begin(VirtualWorld& world, Item& item);
   void end(VirtualWorld& world, Item& item);
-  /// Anew from all that is active, since faults can lie upon each other: lines, sensors, mocap, drain, and what
-  /// follows.
+  /// Computed anew from all active faults, since faults may overlap: lines, sensors, mocap, drain, and what follows.
   void apply(VirtualWorld& world) const;
   void apply_processes(VirtualWorld& world) const;
   void apply_wind(VirtualWorld& world) const;

@@ -26,12 +26,15 @@ struct Target {
 
 /// What is switched at the moment, and how commands change it. A core; one thread. Commands:
 ///
-///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/impairment.hpp
-///     drone * both clear                     `*`: every drone; to, answers, state, video, from for the last three,
-///     both server agent from stall                to, from, both server agent cut                       its
-///     connections are reset, once sensor tello1 h stuck                  of hil/sensor_text.hpp, one more; with `off`
-///     behind it: one less clear                                  everything is as if nothing had been switched list
-///     changes nothing
+///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/impairment.hpp on one way: to, answers, state, video, from
+///                                            (the three before), both (all four)
+///     drone * both clear                     `*`: every drone; for servers and sensors alike
+///     server agent from stall                to, from, both
+///     server agent cut                       its connections are reset, once
+///     sensor tello1 h stuck                  one more fault of hil/sensor_text.hpp in that drone's state text
+///     sensor tello1 h stuck off              one less
+///     clear                                  no effect and no fault of a sensor is left
+///     list                                   changes nothing; what is switched is in list()
 ///
 /// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why. A recording is
 /// read once, by the first command that names it.
@@ -80,9 +83,8 @@ struct ScriptedFault {
 /// Commands in the order of their time, checked as a whole before the first one is due. A core; one thread.
 class Script {
  public:
-  /// The error names the command that cannot be, or two that lie upon each other: the end of the one would end the
-  /// other.
-  /// `which` is then the fault's index.
+  /// The error names the command that cannot be, or one that overlaps another of the same effect: the end of the one
+  /// would end the other. `which` is then the fault's index.
   static Result<Script> make(const std::vector<ScriptedFault>& faults, Switches switches, std::size_t* which = nullptr);
 
   /// The next command that is due at `since_start`; call until there is none.

@@ -40,13 +40,12 @@ struct Frame {
 /// goes behind a gap (fabric::Pacing), up to 32. What arrives meanwhile rides in the next one; of each drone only the
 /// newest sample rides, older ones are merged; what waited past its freshness is dropped. How a frame ends:
 ///
-///     committed      on_ledger, next frame at once (or after min_gap)
-///     invalidated    dropped (a newer sample says more), next frame goes on
-///     refused for    that drone's sample is dropped and it pauses; the others are sent again at once, or their newer
-///       one drone      samples instead (then the old ones are merged)
-///     refused,       dropped, back-off with jitter: nothing goes out until it is over, samples merge meanwhile
-///       unavailable,
-///       overloaded
+///     committed               on_ledger, next frame at once (or after min_gap)
+///     invalidated             dropped (a newer sample says more), next frame goes on
+///     refused for one drone   that drone's sample is dropped and it pauses; the others are sent again at once, or
+///                             their newer samples instead (then the old ones are merged)
+///     refused, unavailable,   dropped, back-off with jitter: nothing goes out until it is over, samples merge
+///       overloaded              meanwhile
 ///
 /// Always, for each drone: sampled = on_ledger + merged + dropped + pending. Memory is bounded by the number of drones.
 /// One thread; the same inputs and seed give the same frames.
@@ -109,8 +108,7 @@ class Batcher {
 };
 
 /// The frame as a call of `set` with stream = true: for each sample, repeated ones too, `<drone>/odom`, `<drone>/link`
-/// and
-/// `<drone>/battery`. `real_offset_ns`: real time minus the clock of the samples' stamps, for the ROS headers.
+/// and `<drone>/battery`. `real_offset_ns`: real time minus the clock of the samples' stamps, for the ROS headers.
 fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& drones, TimeNs real_offset_ns);
 
 }  // namespace ledgerline::agent

@@ -28,9 +28,8 @@ struct FusionConfig {
 
 /// Mocap positions to position and velocity: a Kalman filter with constant velocity per axis (Bar-Shalom, Estimation
 /// with Applications, 6.3.2: discretised white-noise acceleration). Yaw is passed on as measured. The pose keeps the
-/// measurement's stamp. Rejects what is not finite, not newer than the last one, an outlier, or
-/// repeated in flight. One thread;
-/// deterministic.
+/// measurement's stamp. Rejects what is not finite, not newer than the last one, an outlier, or repeated in flight. One
+/// thread; deterministic.
 class Fusion {
  public:
   struct Counters {
