@@ -2,14 +2,12 @@
 import json
 import os
 import pathlib
-import struct
 import subprocess
 
 import netns
+from trace_file import records
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
-RECORD = struct.Struct("=qHHIQq4d")  # common/rt/trace.hpp
-FILE_HEADER = struct.Struct("=8sQ")
 
 
 class Drones:
@@ -45,10 +43,7 @@ class Drones:
 
     def truth(self, drone: int = 1) -> list:
         """(x, y, z, yaw, in flight) thirty times a second; after end()."""
-        content = self.trace_file.read_bytes()
-        assert FILE_HEADER.unpack_from(content) == (b"LLTRACE1", RECORD.size)
-        records = RECORD.iter_unpack(content[FILE_HEADER.size:])
-        return [(*v, extra == 1) for _, _, number, extra, _, _, *v in records if number == drone]
+        return [(*r[6:], r.extra == 1) for r in records(self.trace_file) if r.drone == drone]
 
     def close(self) -> None:
         if self.process.poll() is None:

@@ -4,7 +4,6 @@ import os
 import pathlib
 import re
 import signal
-import struct
 import subprocess
 import time
 
@@ -81,9 +80,3 @@ def assert_nothing_left() -> None:
         time.sleep(0.1)
     assert our_processes() == {}
     assert [f for f in os.listdir("/dev/shm")] == []
-
-
-def records(trace: pathlib.Path) -> list[tuple]:
-    """Of a trace (common/rt/trace.hpp): time, kind, drone, extra, id, stamp, four values."""
-    data = trace.read_bytes()[16:]  # behind the file's header
-    return list(struct.iter_unpack("<qHHIQq4d", data[:len(data) // 64 * 64]))

@@ -183,7 +183,7 @@ def flight_options(case: Case, place: Place, seed: int) -> dict:
 
 def flown(records, paths: dict) -> dict:
     """What is in the traces of a flight, whoever started it."""
-    two_way, age = (traces.latencies_ms(records, kind) for kind in (traces.COMMAND_VERIFIED, traces.COMMAND_APPLIED))
+    two_way, age = (traces.latencies_ms(records, kind) for kind in (traces.TraceKind.COMMAND_VERIFIED, traces.TraceKind.COMMAND_APPLIED))
     return {"figures": {**quantile_figures("two_way_ms", two_way), **quantile_figures("age_ms", age)},
             "two_way_ms": verdicts.distribution(two_way), "age_ms": verdicts.distribution(age),
             "tracks": {name: {"origin": path["origin"], "flown": traces.track(records, path["number"], path["between"])}

@@ -1,23 +1,22 @@
 """What a flight's traces (common/rt/trace.hpp) say for figures: latencies, paths, speeds."""
 import json
 import pathlib
+import sys
 
 import numpy as np
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "python"))
+from trace_file import TraceKind, whole_records
+
 RECORD = np.dtype([("t", "<i8"), ("kind", "<u2"), ("drone", "<u2"), ("extra", "<u4"), ("id", "<u8"), ("stamp", "<i8"),
                    ("v", "<f8", 4)])
-HEADER_BYTES = 16
-TRUTH, COMMAND_MADE, COMMAND_VERIFIED, COMMAND_APPLIED = 1, 6, 7, 8
 POINTS = 600          # of a path or a profile, at most: for the eye
 SPEED_WINDOW_S = 0.1  # true speeds are differences over this long
 
 
 def read(directory: pathlib.Path) -> np.ndarray:
     """All programs' records together; a torn last record (a killed writer) is left out."""
-    parts = []
-    for file in sorted(directory.glob("*.trace")):
-        data = file.read_bytes()[HEADER_BYTES:]
-        parts.append(np.frombuffer(data[:len(data) // RECORD.itemsize * RECORD.itemsize], RECORD))
+    parts = [np.frombuffer(whole_records(file), RECORD) for file in sorted(directory.glob("*.trace"))]
     return np.concatenate(parts) if parts else np.empty(0, RECORD)
 
 
@@ -56,7 +55,7 @@ def thin(points: np.ndarray) -> np.ndarray:
 
 def positions(records: np.ndarray, drone: int, between) -> np.ndarray:
     """True ones, x and y in metres."""
-    truth = of_kind(records, TRUTH, drone)
+    truth = of_kind(records, TraceKind.TRUTH, drone)
     truth = truth[(truth["t"] >= between[0]) & (truth["t"] < between[1])]
     return truth[np.argsort(truth["t"], kind="stable")]["v"][:, :2]
 
@@ -84,7 +83,7 @@ def cross_track(points, path: np.ndarray) -> dict:
 
 def true_speeds(records: np.ndarray, drone: int) -> tuple[np.ndarray, np.ndarray]:
     """Times, ns, and horizontal speeds, m/s."""
-    truth = of_kind(records, TRUTH, drone)
+    truth = of_kind(records, TraceKind.TRUTH, drone)
     if len(truth) <= 2:
         return np.empty(0), np.empty(0)
     t = truth["t"] * 1e-9
@@ -115,7 +114,7 @@ def profile(records: np.ndarray, drone: int, between: tuple[int, int]) -> dict:
             speeds[name] = np.round(np.interp(grid, times[order], values[order]), 3).tolist()
 
     add("true", *true_speeds(records, drone))
-    for name, kind, when in (("flown", COMMAND_APPLIED, "t"), ("virtual", COMMAND_MADE, "stamp")):
+    for name, kind, when in (("flown", TraceKind.COMMAND_APPLIED, "t"), ("virtual", TraceKind.COMMAND_MADE, "stamp")):
         chosen = of_kind(records, kind, drone)
         add(name, chosen[when], np.hypot(chosen["v"][:, 0], chosen["v"][:, 1]))
     return speeds

@@ -11,11 +11,11 @@ import time
 
 import pytest
 from flights import (BIN, assert_nothing_left, fly, no_flight_outlives_its_test, our_processes, pid_of,
-                     printed, records, result, wait_for_flight)
+                     printed, result, wait_for_flight)
+from trace_file import TraceKind, records
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
-TRUTH, COMMAND_APPLIED, MODE, LOOP_TURNS = 1, 8, 9, 20  # TraceKind in common/rt/trace.hpp
 FLYING, LANDING = 3, 4  # FlightPhase
 NONE, HOLD, LAND = 0, 1, 3  # FailsafeMode
 AGENT_SILENT = 3  # FailsafeCause
@@ -31,14 +31,14 @@ def of_link(out: pathlib.Path) -> list[tuple]:
 
 def modes(out: pathlib.Path) -> list[tuple[int, int, int, int]]:
     """Time, phase, failsafe mode and cause."""
-    return [(r[0], r[4], r[3], int(r[6])) for r in of_link(out) if r[1] == MODE]
+    return [(r[0], r[4], r[3], int(r[6])) for r in of_link(out) if r[1] == TraceKind.MODE]
 
 
 def late_turns(trace: list[tuple]) -> list[tuple[int, float]]:
     """When a turn of the loop was due, nearly, and how much more than its period later it began [s]."""
     late = []
     for begun_ns, kind, _, turns, _, due_ns, *packed in trace:
-        if kind == LOOP_TURNS:
+        if kind == TraceKind.LOOP_TURNS:
             for late_us in struct.unpack("<16H", struct.pack("<4d", *packed))[:turns]:
                 if late_us > 1000:  # 65,535: that and more
                     late.append((due_ns, (begun_ns - due_ns) / 1e9 if late_us == 65535 else late_us / 1e6))
@@ -46,7 +46,7 @@ def late_turns(trace: list[tuple]) -> list[tuple[int, float]]:
 
 
 def assert_stayed_up(out: pathlib.Path, since_ns: int, until_ns: int) -> None:
-    truth = [r for r in records(out / "run" / "sim.trace") if r[1] == TRUTH and since_ns < r[0] < until_ns]
+    truth = [r for r in records(out / "run" / "sim.trace") if r[1] == TraceKind.TRUTH and since_ns < r[0] < until_ns]
     assert len(truth) > 10 and all(r[3] == 1 for r in truth), "it came down"
     landings = [m for m in modes(out) if since_ns < m[0] < until_ns and (m[1] == LANDING or m[2] >= LAND)]
     assert landings == []
@@ -94,7 +94,7 @@ def kill_agent_in_flight(out: pathlib.Path, kills: int) -> dict:
     trace = of_link(out)
     gaps_s = []
     for begin, end in zip(at_ns, [*at_ns[1:], end_ns]):
-        flown = [begin, *(r[0] for r in trace if r[1] == COMMAND_APPLIED and begin < r[0] < end), end]
+        flown = [begin, *(r[0] for r in trace if r[1] == TraceKind.COMMAND_APPLIED and begin < r[0] < end), end]
         gap_s, gap_end = max(((b - a) / 1e9, b) for a, b in zip(flown, flown[1:]))
         assert gap_end < end, "not taken back before the next kill"
         gaps_s.append(gap_s)
@@ -168,7 +168,7 @@ def test_an_agent_that_stays_away_means_a_landing(tmp_path):
     seen = [m for m in modes(tmp_path) if m[0] > begin and m[1] in (FLYING, LANDING)]
     assert [m[2:] for m in seen] == [(HOLD, AGENT_SILENT), (LAND, AGENT_SILENT)], seen
     assert (seen[1][0] - seen[0][0]) / 1e9 == pytest.approx(LAND_AFTER_S, abs=0.05)
-    truth = [r for r in records(tmp_path / "run" / "sim.trace") if r[1] == TRUTH]
+    truth = [r for r in records(tmp_path / "run" / "sim.trace") if r[1] == TraceKind.TRUTH]
     assert truth[-1][3] == 0 and any(r[0] < begin + 12_000_000_000 and r[0] > begin and r[3] == 0 for r in truth)
     assert_nothing_left()
 
@@ -201,7 +201,7 @@ def test_a_link_that_is_killed_is_back_in_the_air_without_a_jerk_and_the_flight_
     found = [[m[0] for m in modes(tmp_path) if m[1] == FLYING and at < m[0] < until] for at, until in zip(at_ns, [*at_ns[1:], end_ns])]
     away_s = [(times[0] - at) / 1e9 for at, times in zip(at_ns, found) if times]
     assert found[-1]
-    truth = [r for r in records(tmp_path / "run" / "sim.trace") if r[1] == TRUTH]
+    truth = [r for r in records(tmp_path / "run" / "sim.trace") if r[1] == TraceKind.TRUTH]
     hardest = max(hardest_m_s2(truth, at, at + 3_000_000_000) for at in at_ns)
     usual = hardest_m_s2(truth, at_ns[0] - 2_500_000_000, at_ns[0])
     print(f"{kills} kills of link: back after {min(away_s):.2f} to {max(away_s):.2f} s; hardest acceleration {hardest:.1f} m/s2, "

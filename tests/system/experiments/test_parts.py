@@ -1,7 +1,6 @@
 """What the experiments' figures and verdicts are made of: statistics, configs, what is kept of an interrupted one."""
 import json
 import re
-import struct
 import subprocess
 
 import config
@@ -12,6 +11,9 @@ import store
 import traces
 import verdicts
 from conftest import ROOT
+from trace_file import HEADER, MAGIC, RECORD, TraceKind
+
+EMPTY_TRACE = HEADER.pack(MAGIC, RECORD.size)
 
 BOXES = {"square": {"q1": 0.396, "median": 0.456, "q3": 0.525}}
 
@@ -425,25 +427,25 @@ def test_settings_are_the_ledgers_and_fabrics_orderers_only_fabrics(place):
 
 
 def record(t_s: float, kind: int, identifier: int = 0, stamp_s: float = 0, v=(0, 0, 0, 0), drone: int = 1) -> bytes:
-    return struct.pack("<qHHIQq4d", round(t_s * 1e9), kind, drone, 0, identifier, round(stamp_s * 1e9), *v)
+    return RECORD.pack(round(t_s * 1e9), kind, drone, 0, identifier, round(stamp_s * 1e9), *v)
 
 
 def test_latency_is_of_the_first_of_each_plan(tmp_path):
-    verified = traces.COMMAND_VERIFIED
+    verified = TraceKind.COMMAND_VERIFIED
     (tmp_path / "agent.trace").write_bytes(
-        bytes(16) + record(1.030, verified, 5, 1.0) + record(1.010, verified, 4, 1.0) + record(1.020, verified, 5, 1.0) +
+        EMPTY_TRACE + record(1.030, verified, 5, 1.0) + record(1.010, verified, 4, 1.0) + record(1.020, verified, 5, 1.0) +
         record(1.020, verified, 5, 1.015, drone=2) + b"torn")
-    assert sorted(traces.latencies_ms(traces.read(tmp_path), traces.COMMAND_VERIFIED)) == pytest.approx([5, 10, 20])
-    assert len(traces.latencies_ms(traces.read(tmp_path), traces.COMMAND_APPLIED)) == 0
+    assert sorted(traces.latencies_ms(traces.read(tmp_path), TraceKind.COMMAND_VERIFIED)) == pytest.approx([5, 10, 20])
+    assert len(traces.latencies_ms(traces.read(tmp_path), TraceKind.COMMAND_APPLIED)) == 0
 
 
 def test_a_virtual_velocity_stands_at_its_states_moment_a_flown_one_at_its_own(tmp_path):
-    data = bytes(16)
+    data = EMPTY_TRACE
     for i in range(100):
         now = 0.1 * i
-        data += record(now, traces.TRUTH, v=(0.3 * now, 0.4 * now, 1, 0))
-        data += record(now + 0.5, traces.COMMAND_MADE, i, now, (now, 0, 0, 0))
-        data += record(now + 1, traces.COMMAND_APPLIED, i, now, (now, 0, 0, 0))
+        data += record(now, TraceKind.TRUTH, v=(0.3 * now, 0.4 * now, 1, 0))
+        data += record(now + 0.5, TraceKind.COMMAND_MADE, i, now, (now, 0, 0, 0))
+        data += record(now + 1, TraceKind.COMMAND_APPLIED, i, now, (now, 0, 0, 0))
     (tmp_path / "all.trace").write_bytes(data)
     records = traces.read(tmp_path)
     speeds = traces.profile(records, 1, (2_000_000_000, 8_000_000_000))
@@ -464,11 +466,11 @@ def test_laps_are_what_the_programs_say():
 
 
 def test_the_greatest_speed_is_that_of_each_finished_lap(tmp_path):
-    data, x = bytes(16), 0.0
+    data, x = EMPTY_TRACE, 0.0
     for i in range(600):  # 1 m/s for 2 s, then 2 m/s for 2 s, then 3 m/s
         now = 0.01 * i
         x += 0.01 * (1 + int(now / 2))
-        data += record(now, traces.TRUTH, v=(x, 0, 1, 0))
+        data += record(now, TraceKind.TRUTH, v=(x, 0, 1, 0))
     (tmp_path / "sim.trace").write_bytes(data)
     records = traces.read(tmp_path)
     path = {"number": 1, "between": (200_000_000, 6_000_000_000), "lap_s": [1.6, 1.9]}
@@ -490,3 +492,16 @@ def test_an_error_is_the_distance_to_the_nearest_piece_of_the_path():
     assert square.tolist() == [[1, 1], [3, 1], [3, 3], [1, 3], [1, 1]]
     assert traces.cross_track([(2, 1), (2, 1.3), (3.4, 3)], square) == pytest.approx({"rms": (0.25 / 3) ** 0.5, "max": 0.4})
     assert traces.corners("eight", 2, (0, 0)) is None
+
+
+def test_the_kinds_of_records_are_those_of_the_header():
+    text = (ROOT / "common/rt/trace.hpp").read_text()
+    body = text[text.index("enum class TraceKind"):]
+    kinds = {name.upper(): int(number) for name, number in re.findall(r"^  (\w+) = (\d+),", body[:body.index("};")], re.M)}
+    assert {kind.name: kind.value for kind in TraceKind} == kinds
+
+
+def test_a_file_that_is_no_trace_is_refused(tmp_path):
+    (tmp_path / "old.trace").write_bytes(b"LLTRACE0" + bytes(8) + record(1, TraceKind.TRUTH))
+    with pytest.raises(ValueError, match="old.trace: no trace of this version"):
+        traces.read(tmp_path)

@@ -10,15 +10,15 @@ import time
 import pytest
 from fabric import needs_fabric
 from flights import (BIN, assert_nothing_left, fly, no_flight_outlives_its_test, our_processes, pid_of,
-                     printed, records, result, wait_for_flight)
+                     printed, result, wait_for_flight)
+from trace_file import TraceKind, records
 
 QUANTILES = {"p5", "q1", "median", "q3", "p95", "p99", "max", "count"}
-COMMAND_APPLIED = 8  # TraceKind in common/rt/trace.hpp
 
 
 def applied(out: pathlib.Path, drone: int) -> list[int]:
     """Sequence numbers of the plans that link flew, in the order in which it did."""
-    return [r[4] for r in records(out / "run" / "link.trace") if r[1] == COMMAND_APPLIED and r[2] == drone]
+    return [r.id for r in records(out / "run" / "link.trace") if r.kind == TraceKind.COMMAND_APPLIED and r.drone == drone]
 
 
 def assert_counts_add_up(drone: dict) -> None:
@@ -61,7 +61,6 @@ def test_drones_finish_their_path_and_land(tmp_path, drones, shape, ledger):
     assert_nothing_left()
 
 
-MODE = 9  # TraceKind: v[0] = cause, extra = failsafe mode, id = flight phase
 FLYING = 3  # FlightPhase
 
 
@@ -72,7 +71,7 @@ def taken_over(out: pathlib.Path, drones: range, commits_ns: list[int]) -> list[
     assert sum(b - a for a, b in gaps) < (commits_ns[-1] - commits_ns[0]) / 4, "a ledger that stands still shows nothing"
     return [f"tello{r[2]} after {(r[0] - commits_ns[0]) / 1e9:.1f} s: mode {r[3]}, cause {r[6]:.0f}"
             for r in records(out / "run" / "link.trace")
-            if r[1] == MODE and r[4] == FLYING and r[3] != 0 and r[2] in drones
+            if r.kind == TraceKind.MODE and r[4] == FLYING and r[3] != 0 and r[2] in drones
             and commits_ns[0] < r[0] < commits_ns[-1]
             and not any(a < r[0] < b + 600_000_000 for a, b in gaps)]
 

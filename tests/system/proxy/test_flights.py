@@ -7,10 +7,10 @@ import time
 
 import pytest
 
-from flights import (BIN, assert_nothing_left, fly, no_flight_outlives_its_test, printed, records, result)
+from flights import (BIN, assert_nothing_left, fly, no_flight_outlives_its_test, printed, result)
 from proxies import tell
+from trace_file import TraceKind, records
 
-COMMAND_APPLIED, MODE = 8, 9  # TraceKind in common/rt/trace.hpp
 FLYING = 3  # FlightPhase
 NONE, HOLD = 0, 1  # FailsafeMode
 PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
@@ -51,10 +51,10 @@ def test_a_flight_through_delays_loss_and_duplicates_holds_while_ground_is_stall
     assert drone["two_way_ms"]["p5"] > 60
     trace = records(tmp_path / "run" / "link.trace")
     stalled, on = (switched_ns(tmp_path, f"server ground both stall{off}") for off in ("", " off"))
-    modes = [(r[0], r[3]) for r in trace if r[1] == MODE and r[4] == FLYING and stalled < r[0] < on + 3_000_000_000]
+    modes = [(r[0], r[3]) for r in trace if r[1] == TraceKind.MODE and r[4] == FLYING and stalled < r[0] < on + 3_000_000_000]
     assert [m for _, m in modes][:2] == [HOLD, NONE], modes
     assert modes[0][0] < on < modes[1][0]
-    applied = [r[0] for r in trace if r[1] == COMMAND_APPLIED]
+    applied = [r[0] for r in trace if r[1] == TraceKind.COMMAND_APPLIED]
     gap_s = max(b - a for a, b in zip(applied, applied[1:]) if b > stalled) / 1e9
     print(f"two-way {drone['two_way_ms']['median']:.0f} ms; hold {(modes[0][0] - stalled) / 1e9:.2f} s after the stall's begin, on "
           f"{(modes[1][0] - on) / 1e9:.2f} s after its end, {gap_s:.2f} s without a command; {drone['cross_track_m']['max']:.2f} m "

@@ -12,11 +12,11 @@ import peers
 import pytest
 from cyclonedds.core import Policy
 from fabric import needs_fabric
-from flights import assert_nothing_left, fly, no_flight_outlives_its_test, printed, records, result
+from flights import assert_nothing_left, fly, no_flight_outlives_its_test, printed, result
 from netns import die_with_parent
 from ros import (BatteryState, DiagnosticArray, Empty, Imu, Odometry, PoseStamped, Stranger, TFMessage, Twist, Vector3)
+from trace_file import TraceKind, records
 
-TRUTH, COMMAND_APPLIED = 1, 8  # TraceKind in common/rt/trace.hpp
 DRONES, GROUND = 31, 32  # DDS domains
 LONGEST_S = "900"  # of a flight whose test is gone
 
@@ -96,7 +96,7 @@ def wait_down(drone: Drone) -> None:
 
 def applied(out, drone: int) -> list[tuple[float, list[float]]]:
     """When link flew a plan's first setpoint, and what it told the drone then."""
-    return [(r[0] / 1e9, list(r[6:10])) for r in records(out / "run" / "link.trace") if r[1] == COMMAND_APPLIED and r[2] == drone]
+    return [(r[0] / 1e9, list(r[6:10])) for r in records(out / "run" / "link.trace") if r[1] == TraceKind.COMMAND_APPLIED and r[2] == drone]
 
 
 def assert_hover_was_commanded(out, since: float, until: float) -> None:
@@ -228,7 +228,7 @@ def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, mon
 
     since_boot = time.time() - time.monotonic()
     begun = {line["begin"]: line["at_s"] - since_boot for line in said if "begin" in line}
-    truth = [(r[0] / 1e9, r[6:10]) for r in records(tmp_path / "run" / "sim.trace") if r[1] == TRUTH and r[2] == 1]
+    truth = [(r[0] / 1e9, r[6:10]) for r in records(tmp_path / "run" / "sim.trace") if r[1] == TraceKind.TRUTH and r[2] == 1]
 
     def truth_at(t: float) -> tuple:
         return min(truth, key=lambda row: abs(row[0] - t))[1]
