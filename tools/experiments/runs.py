@@ -53,7 +53,7 @@ class Place:
 
 def digest(place: Place, runs: str) -> str:
     """Of the programs that a repetition ran and what takes its figures: those of others are not taken for theirs."""
-    sources = [HERE / name for name in ("runs.py", "traces.py", "verdicts.py")] + SOURCES.get(runs, [])
+    sources = [HERE / name for name in ("runs.py", "traces.py", "verdicts.py")] + [HERE.parent / "python/trace_file.py"] + SOURCES.get(runs, [])
     total = hashlib.sha256(b"".join(source.read_bytes() for source in sources))
     for name in PROGRAMS[runs]:
         path = place.programs / f"ledgerline-{name}"
