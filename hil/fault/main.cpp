@@ -152,7 +152,7 @@ int run(const std::vector<std::string>& paths, const Options& options) {
       files.push_back(path);
       continue;
     }
-    for (const auto& entry : fs::directory_iterator(path)) {
+    for (const auto& entry : fs::recursive_directory_iterator(path)) {
       if (entry.path().extension() == ".toml") files.push_back(entry.path());
     }
   }

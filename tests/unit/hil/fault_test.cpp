@@ -26,7 +26,7 @@ constexpr bool slow = false;
 
 std::vector<std::string> library() {
   std::vector<std::string> files;
-  for (const auto& entry : fs::directory_iterator(SCENARIOS)) {
+  for (const auto& entry : fs::recursive_directory_iterator(SCENARIOS)) {
     if (entry.path().extension() == ".toml") files.push_back(entry.path());
   }
   std::sort(files.begin(), files.end());
