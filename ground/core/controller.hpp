@@ -120,7 +120,6 @@ class PathController {
   /// The least limit that slowed the reference down; nothing: it never did.
   std::optional<double> slowed_to_mps() const { return slowed_to_mps_; }
   const motion::Predictor& predictor() const { return predictor_; }
-  double prediction_error_share() const { return error_.share(); }
 
  private:
   double pace(double s_m, const Eigen::Vector2d& drone) const;

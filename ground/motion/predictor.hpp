@@ -59,7 +59,6 @@ class Predictor {
   Motion newest() const;
   const Eigen::Vector3d& drift_mps() const { return drift_; }
   const Response& response() const { return response_; }
-  std::size_t learned_from() const { return estimator_.fitted(); }
 
   /// The model, running ahead of time. It is always one dead time further than the told velocity it was given: nothing
   /// told later can change that.

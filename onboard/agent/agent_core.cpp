@@ -220,9 +220,4 @@ DroneReport AgentCore::report(DroneNumber drone) const {
   return report;
 }
 
-TimeNs AgentCore::two_way_median(DroneNumber drone) const {
-  const std::size_t i = index(drone);
-  return i == drones_.size() ? 0 : drones_[i].two_way.quantile(0.5);
-}
-
 }  // namespace ledgerline::agent

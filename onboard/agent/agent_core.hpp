@@ -87,8 +87,6 @@ class AgentCore {
   std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
   const std::vector<DroneName>& drones() const { return config_.drones; }
   DroneReport report(DroneNumber drone) const;
-  /// Median two-way latency so far, without copying the whole report.
-  TimeNs two_way_median(DroneNumber drone) const;
 
  private:
   struct Drone {
