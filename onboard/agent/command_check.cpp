@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/belief/calls.hpp"
 #include "common/msg/form.hpp"
 #include "onboard/agent/proposal_hash.hpp"
 
@@ -14,7 +15,7 @@ constexpr std::array<std::string_view, refusal_count> names = {
     "none",           "broken_chain",  "invalid_transaction", "wrong_channel", "malformed",
     "unknown_signer", "bad_signature", "not_endorsed",        "not_holder",    "stopped",
     "wrong_epoch",    "foreign_boot",  "unknown_stamp",       "replayed",      "too_old",
-    "over_limits"};
+    "over_limits",    "altered"};
 
 bool is_control_event(std::string_view name) {
   return name == "enroll" || name == "acquire" || name == "release" || name == "stop" || name == "resume";
@@ -89,6 +90,7 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
   }
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.config) continue;
+    if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
     if (tx.event_name == "command") {
       take_commands(now, now_s, tx, out);
     } else if (out.chain_ok && tx.code == 0 && is_control_event(tx.event_name)) {
@@ -119,8 +121,10 @@ bool CommandCheck::endorsed_by_us(std::int64_t now_s, const fabric::Transaction&
 }
 
 void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
-  CommandCall call;
-  if (const Status parsed = parse_message(tx.event_payload, call); !parsed) {
+  CommandCall call;  // as it was signed; whatever else the event says is the peer's alone
+  const belief::Match match = belief::match_command({tx.function, tx.args}, tx.event_payload, call);
+  if (match == belief::Match::altered) return refuse_altered(tx, std::move(call), out);
+  if (match == belief::Match::malformed) {
     ++malformed_commands_;
     out.refused.push_back(Refused{.why = Refusal::malformed});
     return;
@@ -130,29 +134,51 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
   if (!ours) return;
 
   crypto::IdentityName signer;
-  Refusal whole = Refusal::none;
-  if (!out.chain_ok) {
-    whole = Refusal::broken_chain;
-  } else if (tx.code != 0) {
-    whole = Refusal::invalid_transaction;
-  } else {
-    whole = check_transaction(now_s, tx, signer);
-  }
+  const Refusal whole = check_whole(now_s, tx, out, signer);
   for (const DronePlan& plan : call.plans()) {
     Drone* drone = find(plan.drone());
     if (!drone) continue;
     if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
     const Refusal why = whole != Refusal::none ? whole : check_plan(now, *drone, signer, plan);
     if (why != Refusal::none) {
-      ++drone->counters.refused;
-      ++drone->counters.reasons[static_cast<std::size_t>(why)];
-      out.refused.push_back(Refused{drone->name.number, plan.sequence(), plan.state_stamp_ns(), why});
+      refuse(*drone, plan, why, out);
       continue;
     }
     drone->epoch = plan.epoch();
     drone->last_sequence = plan.sequence();
     ++drone->counters.verified;
     out.plans.push_back(to_plan(drone->name.number, plan));
+  }
+}
+
+Refusal CommandCheck::check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out,
+                                  crypto::IdentityName& signer) {
+  if (!out.chain_ok) return Refusal::broken_chain;
+  if (tx.code != 0) return Refusal::invalid_transaction;
+  return check_transaction(now_s, tx, signer);
+}
+
+void CommandCheck::refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out) {
+  ++drone.counters.refused;
+  ++drone.counters.reasons[static_cast<std::size_t>(why)];
+  out.refused.push_back(Refused{drone.name.number, plan.sequence(), plan.state_stamp_ns(), why});
+}
+
+// Counted for every drone that was asked for, and for every one that the event names instead. Why it is not believed
+// counts for little beside that it is not: the first reason of all is told.
+void CommandCheck::refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out) {
+  CommandCall told;
+  if (parse_message(tx.event_payload, told)) asked.MergeFrom(told);
+  const Refusal why = !out.chain_ok  ? Refusal::broken_chain
+                      : tx.code != 0 ? Refusal::invalid_transaction
+                                     : Refusal::altered;
+  std::vector<const Drone*> counted;
+  for (const DronePlan& plan : asked.plans()) {
+    Drone* drone = find(plan.drone());
+    if (!drone || std::find(counted.begin(), counted.end(), drone) != counted.end()) continue;
+    counted.push_back(drone);
+    if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
+    refuse(*drone, plan, why, out);
   }
 }
 

@@ -206,6 +206,66 @@ TEST_F(CommandCheckTest, AFlyPlanWithoutSetpointsIsRefusedAndALandPlanWithoutIsN
   EXPECT_EQ(give({command(fly)}).refused.at(0).why, Refusal::malformed);
 }
 
+TEST_F(CommandCheckTest, APlanThatItsSignerDidNotAskForIsRefused) {
+  auto faster = good_plan();
+  faster.mutable_setpoints(0)->set_vx(2.0F);
+  auto tx = command(faster);
+  tx.asked = fabric::Call{"command", {command(good_plan()).event_payload}};
+  expect_refused(tx, Refusal::altered);
+}
+
+TEST_F(CommandCheckTest, ACommandOutOfACallOfAnotherFunctionIsRefused) {
+  auto tx = command(good_plan());
+  for (const char* function : {"set", "stop", "get", ""}) {
+    tx.asked = fabric::Call{function, {tx.event_payload}};
+    const auto checked = give({tx});
+    EXPECT_TRUE(checked.plans.empty()) << function;
+    EXPECT_EQ(checked.refused.at(0).why, Refusal::altered) << function;
+  }
+}
+
+TEST_F(CommandCheckTest, APlanThatWasAddedOrLeftOutTakesTheWholeCallDown) {
+  auto more = command({good_plan(), good_plan(1, "tello2")});
+  auto less = command(good_plan());
+  std::swap(more.event_payload, less.event_payload);
+  more.asked = fabric::Call{"command", {less.event_payload}};
+  less.asked = fabric::Call{"command", {more.event_payload}};
+  for (const auto& tx : {more, less}) {
+    const auto checked = give({tx});
+    EXPECT_TRUE(checked.plans.empty());
+    EXPECT_EQ(checked.refused.size(), 2U);  // of both drones, whichever side names them
+    for (const auto& refused : checked.refused) EXPECT_EQ(refused.why, Refusal::altered);
+  }
+}
+
+TEST_F(CommandCheckTest, TheSamePlanInAnotherFormIsTheSamePlan) {
+  CommandCall call;
+  *call.add_plans() = good_plan(1);
+  Tx tx;
+  tx.event_payload = to_json(call);
+  tx.asked = fabric::Call{"command", {" \n"}};
+  EXPECT_TRUE(give({tx}).plans.empty());
+  tx.asked = fabric::Call{"command", {call.SerializeAsString()}};
+  EXPECT_EQ(give({tx}).plans.size(), 1U);
+  call.mutable_plans(0)->set_sequence(2);
+  tx.event_payload = to_json(call);
+  tx.asked = fabric::Call{"command", {"{ \"plans\" : " + to_json(call).substr(9)}};  // as a person writes it
+  EXPECT_EQ(give({tx}).plans.size(), 1U);
+}
+
+TEST_F(CommandCheckTest, ASecondArgumentIsNoCommandOfOurs) {
+  auto tx = command(good_plan());
+  tx.asked = fabric::Call{"command", {tx.event_payload, ""}};
+  expect_refused(tx, Refusal::altered);
+}
+
+TEST_F(CommandCheckTest, ATransactionThatCannotBeBelievedIsCountedAndGivesNothing) {
+  auto tx = command(good_plan());
+  tx.code = fabric::code_unbelievable;
+  expect_refused(tx, Refusal::invalid_transaction);
+  EXPECT_EQ(check_.unbelievable_transactions(), 1U);
+}
+
 TEST_F(CommandCheckTest, ASignerOfAnUnknownOrganisationIsRefused) {
   auto tx = command(good_plan());
   tx.creator = {"Org9MSP", "CN=User1@org9.ledgerline"};

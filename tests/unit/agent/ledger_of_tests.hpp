@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,7 @@ class LedgerOfTests {
     crypto::IdentityName endorser = peer_name();
     std::string event_name = "command";
     std::string event_payload;
+    std::optional<fabric::Call> asked{};  ///< what the creator signed; none: what an honest peer made this event of
     std::string channel = "teleop";
     std::string contract = "ledgerline";
     int code = 0;
