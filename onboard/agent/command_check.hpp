@@ -111,7 +111,8 @@ class CommandCheck {
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
   Refusal check_setpoints(TimeNs now, const DronePlan& plan) const;
   void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
-  void take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  void take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  void take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
 
   CheckConfig config_;
   std::vector<Drone> drones_;
