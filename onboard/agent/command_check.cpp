@@ -6,6 +6,7 @@
 
 #include "common/belief/calls.hpp"
 #include "common/msg/form.hpp"
+#include "common/msg/stops.hpp"
 #include "onboard/agent/proposal_hash.hpp"
 
 namespace ledgerline::agent {
@@ -18,7 +19,7 @@ constexpr std::array<std::string_view, refusal_count> names = {
     "over_limits",    "altered"};
 
 bool is_control_event(std::string_view name) {
-  return name == "enroll" || name == "acquire" || name == "release" || name == "stop" || name == "resume";
+  return name == "enroll" || name == "acquire" || name == "release" || name == "resume" || name == "fold";
 }
 
 bool same(const Identity& a, const crypto::IdentityName& b) {
@@ -93,8 +94,10 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
     if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
     if (tx.event_name == "command") {
       take_commands(now, now_s, tx, out);
+    } else if (out.chain_ok && tx.code == 0 && tx.event_name == "stop") {
+      take_stops(now, now_s, tx, out);
     } else if (out.chain_ok && tx.code == 0 && is_control_event(tx.event_name)) {
-      take_controls(now, now_s, tx, out);
+      take_controls(now_s, tx, out);
     }
   }
   return out;
@@ -188,7 +191,7 @@ Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::I
   if (!drone.control || !same(drone.control->holder(), signer)) {
     return Refusal::not_holder;
   }
-  if (drone.control->has_stopped_by() && plan.action() != LAND) return Refusal::stopped;
+  if (is_stopped(*drone.control) && plan.action() != LAND) return Refusal::stopped;
   if (plan.epoch() != drone.control->epoch()) return Refusal::wrong_epoch;
   if (plan.boot_id() != drone.boot_id) return Refusal::foreign_boot;
   if (!std::binary_search(drone.stamps.begin(), drone.stamps.end(), plan.state_stamp_ns())) {
@@ -215,7 +218,7 @@ Refusal CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) const {
   return Refusal::none;
 }
 
-void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+void CommandCheck::take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
   Controls event;
   if (const Status parsed = parse_message(tx.event_payload, event); !parsed) {
     ++refused_control_events_;
@@ -235,18 +238,41 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
     Drone* drone = find(control.drone());
     if (!drone) continue;
     drone->control = control;
-    if (tx.event_name != "stop") continue;
-    if (auto stop = standing_stop(now, drone->name.number)) out.plans.push_back(*stop);
+  }
+}
+
+void CommandCheck::take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+  Stops event;
+  if (const Status parsed = parse_message(tx.event_payload, event); !parsed) {
+    ++refused_control_events_;
+    out.refused.push_back(Refused{.why = Refusal::malformed});
+    return;
+  }
+  const bool ours =
+      std::any_of(event.stops().begin(), event.stops().end(), [&](const auto& s) { return find(s.drone()); });
+  if (!ours) return;
+  crypto::IdentityName signer;
+  if (const Refusal why = check_transaction(now_s, tx, signer); why != Refusal::none) {
+    ++refused_control_events_;
+    out.refused.push_back(Refused{.why = why});
+    return;
+  }
+  for (const Stop& stop : event.stops()) {
+    Drone* drone = find(stop.drone());
+    if (!drone) continue;
+    if (!drone->control) drone->control.emplace();  // stops, whoever flies it
+    add_stop(*drone->control, stop);
+    if (auto plan = standing_stop(now, drone->name.number)) out.plans.push_back(*plan);
   }
 }
 
 std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) const {
   const auto drone =
       std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == number; });
-  if (drone == drones_.end() || !drone->control || !drone->control->has_stopped_by()) return std::nullopt;
+  if (drone == drones_.end() || !drone->control || !is_stopped(*drone->control)) return std::nullopt;
   Plan stop;
   stop.drone = number;
-  stop.action = drone->control->cut() ? PlanAction::cut : PlanAction::stop;
+  stop.action = is_cut(*drone->control) ? PlanAction::cut : PlanAction::stop;
   stop.epoch = std::max(drone->control->epoch(), drone->epoch);
   stop.sequence = (stop.epoch == drone->epoch ? drone->last_sequence : 0) + 1;  // newer than any plan that link has
   stop.state_stamp_ns = drone->stamps.empty() ? now : drone->stamps.back();

@@ -117,7 +117,8 @@ class CommandCheck {
   static void refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out);
   void refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out);
   void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
-  void take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  void take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  void take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
 
   CheckConfig config_;
   std::vector<Drone> drones_;

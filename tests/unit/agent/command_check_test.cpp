@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "common/msg/form.hpp"
+#include "common/msg/stops.hpp"
 #include "tests/unit/agent/ledger_of_tests.hpp"
 
 namespace ledgerline::agent {
@@ -67,6 +68,15 @@ class CommandCheckTest : public ::testing::Test {
     *event.add_controls() = record;
     Tx tx;
     tx.event_name = name;
+    tx.event_payload = event.SerializeAsString();
+    return tx;
+  }
+
+  static Tx stop_event(bool cut = false) {
+    Stops event;
+    *event.add_stops() = testing::stop_of("tello1", cut);
+    Tx tx;
+    tx.event_name = "stop";
     tx.event_payload = event.SerializeAsString();
     return tx;
   }
@@ -151,9 +161,7 @@ TEST_F(CommandCheckTest, ABlockThatBreaksTheChainIsNotBelieved) {
 TEST_F(CommandCheckTest, AControlEventInABlockThatBreaksTheChainHasNoEffect) {
   (void)give({});
   ledger_.lose_a_block();
-  auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
-  EXPECT_TRUE(give({control_event("stop", stopped)}).plans.empty());
+  EXPECT_TRUE(give({stop_event()}).plans.empty());
 }
 
 TEST_F(CommandCheckTest, ATransactionFlaggedInvalidIsRefused) {
@@ -319,14 +327,14 @@ TEST_F(CommandCheckTest, ADroneWithoutAKnownLeaseTakesNoCommand) {
 
 TEST_F(CommandCheckTest, AStoppedDroneTakesNoCommand) {
   auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
+  add_stop(stopped, testing::stop_of("tello1"));
   check_.set_control(stopped);
   expect_refused(command(good_plan()), Refusal::stopped);
 }
 
 TEST_F(CommandCheckTest, AStoppedDroneMayStillBeLandedByItsHolder) {
   auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
+  add_stop(stopped, testing::stop_of("tello1"));
   check_.set_control(stopped);
   auto land = good_plan();
   land.set_action(LAND);
@@ -470,9 +478,7 @@ TEST_F(CommandCheckTest, AnInvalidControlEventChangesNothing) {
 
 TEST_F(CommandCheckTest, AStopGivesAStopPlanAtOnceThatIsNewerThanAllBefore) {
   (void)give({command(good_plan(7))});
-  auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
-  const auto checked = give({control_event("stop", stopped), command(good_plan(8))});
+  const auto checked = give({stop_event(), command(good_plan(8))});
   ASSERT_EQ(checked.plans.size(), 1U);
   EXPECT_EQ(checked.plans[0].action, PlanAction::stop);
   EXPECT_EQ(checked.plans[0].drone, 1);
@@ -480,22 +486,21 @@ TEST_F(CommandCheckTest, AStopGivesAStopPlanAtOnceThatIsNewerThanAllBefore) {
   EXPECT_EQ(checked.refused.at(0).why, Refusal::stopped);
 }
 
-TEST_F(CommandCheckTest, AStopThatNamesNobodyIsARecordThatStopsNothing) {
-  const auto checked = give({control_event("stop", control("tello1", epoch))});
-  EXPECT_TRUE(checked.plans.empty());
+TEST_F(CommandCheckTest, AStopThatNamesNoDroneOfOursStopsNothing) {
+  Tx tx = stop_event();
+  Stops event;
+  *event.add_stops() = testing::stop_of("tello9");
+  tx.event_payload = event.SerializeAsString();
+  EXPECT_TRUE(give({tx}).plans.empty());
+  EXPECT_EQ(give({command(good_plan())}).plans.size(), 1U);
 }
 
 TEST_F(CommandCheckTest, AStopByNameWithMotorsOffGivesACut) {
-  auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
-  stopped.set_cut(true);
-  EXPECT_EQ(give({control_event("stop", stopped)}).plans.at(0).action, PlanAction::cut);
+  EXPECT_EQ(give({stop_event(true)}).plans.at(0).action, PlanAction::cut);
 }
 
 TEST_F(CommandCheckTest, AfterResumeCommandsAreTakenAgain) {
-  auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
-  (void)give({control_event("stop", stopped)});
+  (void)give({stop_event()});
   const auto checked = give({control_event("resume", control("tello1", epoch)), command(good_plan(1))});
   ASSERT_EQ(checked.plans.size(), 1U);
   EXPECT_EQ(checked.plans[0].action, PlanAction::fly);

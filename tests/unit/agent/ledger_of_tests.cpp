@@ -110,6 +110,14 @@ Identity to_message(const crypto::IdentityName& name) {
   return identity;
 }
 
+Stop stop_of(const std::string& drone, bool cut) {
+  Stop stop;
+  stop.set_drone(drone);
+  *stop.mutable_stopper() = to_message(LedgerOfTests::operator_name());
+  stop.set_cut(cut);
+  return stop;
+}
+
 Control control(const std::string& drone, std::uint64_t epoch) {
   Control record;
   record.set_drone(drone);

@@ -47,6 +47,8 @@ class LedgerOfTests {
 };
 
 Control control(const std::string& drone, std::uint64_t epoch);
+/// A stop by operator_name().
+Stop stop_of(const std::string& drone, bool cut = false);
 Identity to_message(const crypto::IdentityName& name);
 
 }  // namespace ledgerline::agent::testing
