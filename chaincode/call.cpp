@@ -83,7 +83,7 @@ std::string first_segment(const std::string& id) { return id.substr(0, id.find('
 Status check_drone_name(const std::string& name) {
   if (Status status = check_id(name); !status) return status;
   if (name.find('/') != std::string::npos) return Error{name + ": a drone's name is one segment, without /"};
-  for (const char* reserved : {"asset", "control", "frame", "command", "role", "lease", "host"}) {
+  for (const char* reserved : {"asset", "control", "frame", "command", "role", "lease", "host", "stop", "owner"}) {
     if (name == reserved) return Error{name + ": a reserved word"};
   }
   if (name.size() >= 3 && name.compare(name.size() - 3, 3, "MSP") == 0) {
@@ -94,6 +94,11 @@ Status check_drone_name(const std::string& name) {
 
 std::string asset_key(const std::string& id) { return "asset/" + id; }
 std::string control_key(const std::string& drone) { return "control/" + drone; }
+std::string owner_key(const std::string& drone) { return "owner/" + drone; }
+std::string stops_prefix(const std::string& drone) { return "stop/" + drone + "/"; }
+std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper) {
+  return stops_prefix(drone) + name_hash(stopper);
+}
 std::string frame_key(const crypto::IdentityName& owner) { return "frame/" + name_hash(owner); }
 std::string command_key(const crypto::IdentityName& writer) { return "command/" + name_hash(writer); }
 std::string role_key(const crypto::IdentityName& who) { return "role/" + name_hash(who); }

@@ -42,6 +42,9 @@ std::string first_segment(const std::string& id);
 /// Key layout. "stream" assets of one writer live together in frame_key, all others in asset_key.
 std::string asset_key(const std::string& id);
 std::string control_key(const std::string& drone);
+std::string owner_key(const std::string& drone);
+std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper);
+std::string stops_prefix(const std::string& drone);  ///< what all of its stops' keys begin with
 std::string frame_key(const crypto::IdentityName& owner);
 std::string command_key(const crypto::IdentityName& writer);
 std::string role_key(const crypto::IdentityName& who);
@@ -66,5 +69,6 @@ Response release(Stub& stub, const Arguments& call);
 Response command(Stub& stub, const Arguments& call);
 Response stop(Stub& stub, const Arguments& call);
 Response resume(Stub& stub, const Arguments& call);
+Response fold(Stub& stub, const Arguments& call);
 
 }  // namespace ledgerline::chaincode

@@ -14,7 +14,7 @@ constexpr std::array functions{
     Function{"set", set_assets},      Function{"get", get_assets},  Function{"history", get_history},
     Function{"delete", delete_asset}, Function{"enroll", enroll},   Function{"acquire", acquire},
     Function{"release", release},     Function{"command", command}, Function{"stop", stop},
-    Function{"resume", resume},
+    Function{"resume", resume},       Function{"fold", fold},
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include "chaincode/limits.hpp"
 #include "chaincode/records.hpp"
+#include "common/msg/stops.hpp"
 
 /// command: plans of the lease's holder.
 namespace ledgerline::chaincode {
@@ -48,9 +49,7 @@ Status why_not(Stub& stub, const DronePlan& plan) {
     return Error{"the lease's epoch is " + std::to_string((*control)->epoch()) + ", the plan says " +
                  std::to_string(plan.epoch())};
   }
-  if ((*control)->has_stopped_by()) {
-    return Error{"stopped by " + to_text(to_name((*control)->stopped_by())) + "; only LAND is accepted"};
-  }
+  if (is_stopped(**control)) return Error{"stopped by " + stopper_names(**control) + "; only LAND is accepted"};
   return Error{"its lease's record does not name it"};
 }
 

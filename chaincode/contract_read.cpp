@@ -33,7 +33,18 @@ std::size_t size_in(const Arguments& call, const google::protobuf::Message& mess
 
 bool is_record(const std::string& id) {
   const std::string kind = first_segment(id);
-  return kind == "control" || kind == "role" || kind == "command" || kind == "lease" || kind == "host";
+  return kind == "control" || kind == "role" || kind == "command" || kind == "lease" || kind == "host" ||
+         kind == "stop" || kind == "owner";
+}
+
+/// A record as `get` serves it: a control record with the stops that stand.
+Status complete(Stub& stub, Asset& record) {
+  if (first_segment(record.id()) != "control") return done;
+  Control control;
+  if (!control.ParseFromString(record.msg_data())) return Error{"the record " + record.id() + " is damaged"};
+  if (Status status = lay_in_stops(stub, control); !status) return status;
+  record.set_msg_data(control.SerializeAsString());
+  return done;
 }
 
 const Asset* find_in(const Stored& frame, const std::string& id) {
@@ -137,7 +148,7 @@ Result<std::vector<std::string>> keys_of(Stub& stub, const std::string& id) {
   std::vector<std::string> keys{asset_key(id)};
   const std::string name = first_segment(id);
   if (!check_drone_name(name)) return keys;
-  const auto control = read_control(stub, name);
+  const auto control = read_record<Control>(stub, control_key(name));
   if (!control) return control.error();
   if (!*control) return keys;
   keys.push_back(frame_key(to_name((*control)->owner())));
@@ -208,10 +219,15 @@ Result<std::optional<Asset>> get_own_key(Stub& stub, const std::string& key) {
 
 /// At most three reads: the control record names the host, whose record says where the id lives.
 Result<std::optional<Asset>> get_one(Stub& stub, const std::string& id) {
-  if (is_record(id)) return get_own_key(stub, id);
+  if (is_record(id)) {
+    auto record = get_own_key(stub, id);
+    if (!record || !*record) return record;
+    if (Status status = complete(stub, **record); !status) return status.error();
+    return record;
+  }
   const std::string name = first_segment(id);
   if (check_drone_name(name)) {
-    const auto control = read_control(stub, name);
+    const auto control = read_record<Control>(stub, control_key(name));
     if (!control) return control.error();
     if (*control) {
       const crypto::IdentityName owner = to_name((*control)->owner());
@@ -232,7 +248,7 @@ Result<std::optional<Asset>> get_one(Stub& stub, const std::string& id) {
 Result<std::vector<Control>> controls_for(Stub& stub, const std::string& prefix) {
   std::vector<Control> controls;
   if (!prefix.empty()) {
-    auto control = read_control(stub, first_segment(prefix));
+    auto control = read_record<Control>(stub, control_key(first_segment(prefix)));
     if (!control) return control.error();
     if (*control) controls.push_back(std::move(**control));
     return controls;
@@ -321,6 +337,9 @@ Result<Assets> get_page(Stub& stub, const Arguments& call, const std::string& pr
         Stored stored;
         if (!stored.ParseFromString(entry.value)) return Error{"the value of " + entry.key + " is damaged"};
         if (stored.deleted() || stored.assets_size() != 1) continue;
+        if (records) {
+          if (Status status = complete(stub, *stored.mutable_assets(0)); !status) return status.error();
+        }
         waiting.emplace(stored.assets(0).id(), std::move(*stored.mutable_assets(0)));
       }
       if (!some->empty()) start = some->back().key + '\0';

@@ -15,7 +15,7 @@ Status check_owner(Stub& stub, const std::string& id, Records<Host>& hosts) {
   const auto host = hosts.at(host_key(stub.caller()));
   if (!host) return host.error();
   if (contains((*host)->drones(), name)) return done;
-  const auto control = read_control(stub, name);
+  const auto control = read_record<Control>(stub, control_key(name));
   if (!control) return control.error();
   if (!*control) {
     return Error{name + ": not enrolled, and not your organisation (" + stub.caller().msp_id + ")"};

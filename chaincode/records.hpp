@@ -4,8 +4,9 @@
 
 #include "chaincode/call.hpp"
 
-/// The contract's own records: control/<drone>, role/<identity>, and the two that the hot path reads instead of every
-/// drone's control record, lease/<holder>/<epoch> and host/<owner>. Each is kept as an asset, so that `get` serves it.
+/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, owner/<drone>, role/<identity>, and the two
+/// that the hot path reads instead of every drone's control record, lease/<holder>/<epoch> and host/<owner>. Each is
+/// kept as an asset, so that `get` serves it.
 namespace ledgerline::chaincode {
 
 /// nullopt: there is none.
@@ -64,9 +65,14 @@ inline bool contains(const Names& names, const std::string& name) {
 void insert(Names& names, const std::string& name);
 void erase(Names& names, const std::string& name);
 
-/// nullopt: not enrolled.
+/// Lays the stops that stand into a control record. They come from a range, so whoever writes after reading them loses
+/// to a stop that came between; the stop, which reads nothing of this, loses to nobody.
+Status lay_in_stops(Stub& stub, Control& control);
+/// With its stops; nullopt: not enrolled.
 Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone);
+/// Without its stops, which have keys of their own.
 Status write_control(Stub& stub, const Control& control);
+Status write_stop(Stub& stub, const Stop& stop);
 Result<Role> read_role(Stub& stub, const crypto::IdentityName& who);
 
 }  // namespace ledgerline::chaincode

@@ -52,10 +52,10 @@ struct Response {
 /// says so. Same code in the embedded node and in ledgerline-chaincode. Thread-safe (no state of its own).
 ///
 /// Forms. Answer and event have the form of the call (protobuf or JSON; plain strings count as JSON). Answers: `get`
-/// gives Assets (in JSON, of one id: the asset alone), `history` Versions, enroll, acquire, release, stop and resume
-/// give Controls (the records as they now are, with their epochs); set, delete and command give nothing. Events are as
-/// in ledgerline.proto; readers take both forms (common/msg/form.hpp). Plain strings are ids or drones; options follow
-/// as `priority=5` (acquire), `cut=true` (stop), `bookmark=...` (get, history).
+/// gives Assets (in JSON, of one id: the asset alone), `history` Versions, `stop` Stops, enroll, acquire, release,
+/// resume and fold give Controls (the records as they now are, with their epochs); set, delete and command give
+/// nothing. Events are as in ledgerline.proto; readers take both forms (common/msg/form.hpp). Plain strings are ids or
+/// drones; options follow as `priority=5` (acquire), `cut=true` (stop), `bookmark=...` (get, history).
 ///
 /// A refusal for one id or drone begins with it: "tello3: the lease is held by ...", "tello3/odom: ...". So a client
 /// can send the rest again.

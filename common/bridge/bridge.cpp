@@ -101,6 +101,7 @@ Status Bridge::start(const std::atomic<bool>& quit) {
     connection_problem_ = why;
     up_wake_.notify_all();
   };
+  handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
   blocks_ = client_->blocks(std::nullopt, std::move(handlers));
   if (auto status = wait_for_stream(quit); !status) return status;
   if (auto status = read_latched(); !status) return status;
@@ -342,6 +343,7 @@ nlohmann::json Bridge::status() {
   for (auto& topic : report(downlink_)) topics.push_back(std::move(topic));
   out["topics"] = std::move(topics);
   out["malformed_frames"] = downlink_.malformed_frames();
+  out["unbelievable_transactions"] = downlink_.unbelievable_transactions();
   return out;
 }
 

@@ -30,7 +30,7 @@ class Bridge {
   Status start(const std::atomic<bool>& quit);
   /// Takes nothing more off DDS, waits a moment for what is on its way, and ends; status() can still be asked.
   void end();
-  /// {channel, connected, topics, malformed_frames, topics_left_out}. Any thread.
+  /// {channel, connected, topics, malformed_frames, unbelievable_transactions, topics_left_out}. Any thread.
   nlohmann::json status();
 
  private:

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <functional>
 
+#include "common/belief/calls.hpp"
 #include "common/msg/form.hpp"
 
 namespace ledgerline::bridge {
@@ -25,6 +26,13 @@ bool had(const Origin& newest, const Origin& other) {
 /// CDR as ROS 2 sends it: PLAIN_CDR in either byte order, behind its four bytes.
 bool is_cdr(std::string_view bytes) { return bytes.size() >= 4 && bytes[0] == 0 && (bytes[1] == 0 || bytes[1] == 1); }
 
+/// A peer could have put other messages into the event than its writer signed.
+bool is_what_was_asked(const fabric::Transaction& tx) {
+  if (tx.function == "set" && tx.args.size() == 1 && tx.args[0] == tx.event_payload) return true;
+  SetCall asked;
+  return belief::match_set({tx.function, tx.args}, tx.event_payload, asked) != belief::Match::altered;
+}
+
 }  // namespace
 
 Downlink::Downlink(DownlinkConfig config, crypto::MspRegistry& believed)
@@ -33,7 +41,12 @@ Downlink::Downlink(DownlinkConfig config, crypto::MspRegistry& believed)
 void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector<Delivery>& out) {
   held_.clear();
   for (const fabric::Transaction& tx : block.transactions) {
+    if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
     if (tx.code != 0 || tx.config || tx.event_name != "set" || tx.contract != config_.contract) continue;
+    if (!is_what_was_asked(tx)) {
+      ++unbelievable_transactions_;
+      continue;
+    }
     if (is_json(tx.event_payload)) {
       auto call = std::make_unique<SetCall>();
       if (!parse_message(tx.event_payload, *call)) {

@@ -89,6 +89,8 @@ class Downlink {
 
   const std::deque<Topic>& topics() const { return topics_; }
   std::uint64_t malformed_frames() const { return malformed_frames_; }
+  /// Flagged valid, and cannot be (fabric::code_unbelievable), or of an event that is not what its writer asked for.
+  std::uint64_t unbelievable_transactions() const { return unbelievable_transactions_; }
 
  private:
   struct Writer {
@@ -126,6 +128,7 @@ class Downlink {
   std::vector<Slot> slots_;  ///< as topics_
   std::unordered_map<std::string, std::size_t, Hash, std::equal_to<>> by_id_;
   std::uint64_t malformed_frames_ = 0;
+  std::uint64_t unbelievable_transactions_ = 0;
   std::string name_buffer_;
   SetView set_;
   std::vector<std::unique_ptr<SetCall>> held_;  ///< what came as JSON, while its deliveries are out

@@ -3,6 +3,7 @@
 #include "common/common.pb.h"
 #include "common/fabric/decode.hpp"
 #include "common/fabric/transaction.hpp"
+#include "peer/chaincode.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/transaction.pb.h"
@@ -26,8 +27,8 @@ TimeNs time_of(const google::protobuf::Timestamp& timestamp) {
   return timestamp.seconds() * ns_per_s + timestamp.nanos();
 }
 
-/// What the endorsers signed: event, and that it is of this contract and transaction. Fabric's peers check the same
-/// before they flag a transaction valid.
+/// What the endorsers signed: event, and that it is of this contract and transaction. Fabric's peers look at the
+/// contract's name alone before they flag a transaction valid.
 const char* read_action(const std::string& response_payload, Transaction& out) {
   protos::ProposalResponsePayload response;
   protos::ChaincodeAction action;
@@ -43,6 +44,19 @@ const char* read_action(const std::string& response_payload, Transaction& out) {
   return nullptr;
 }
 
+/// What the creator asked for. It lies within the payload that the creator's signature covers, and nothing else is read
+/// here. What is no call leaves it empty.
+void read_input(const std::string& proposal_payload, Transaction& out) {
+  protos::ChaincodeProposalPayload proposal;
+  protos::ChaincodeInvocationSpec invocation;
+  if (!parse(proposal, proposal_payload) || !parse(invocation, proposal.input())) return;
+  auto& args = *invocation.mutable_chaincode_spec()->mutable_input()->mutable_args();
+  if (args.empty()) return;
+  out.function = std::move(args[0]);
+  out.args.reserve(static_cast<std::size_t>(args.size()) - 1);
+  for (int i = 1; i < args.size(); ++i) out.args.push_back(std::move(args[i]));
+}
+
 const char* read_call(const common::ChannelHeader& channel, const common::Payload& payload, Transaction& out) {
   common::SignatureHeader signature_header;
   if (!parse(signature_header, payload.header().signature_header())) return "its signature header is malformed";
@@ -55,12 +69,25 @@ const char* read_call(const common::ChannelHeader& channel, const common::Payloa
   if (transaction.actions_size() != 1) return "it must have exactly one action";
   protos::ChaincodeActionPayload action;
   if (!parse(action, transaction.actions(0).payload())) return "its action is malformed";
+  read_input(action.chaincode_proposal_payload(), out);
   protos::ChaincodeEndorsedAction& endorsed = *action.mutable_action();
   out.response_payload = std::move(*endorsed.mutable_proposal_response_payload());
   for (protos::Endorsement& e : *endorsed.mutable_endorsements()) {
     out.endorsements.push_back({std::move(*e.mutable_endorser()), std::move(*e.mutable_signature())});
   }
   return read_action(out.response_payload, out);
+}
+
+/// What may still be said of a transaction that is not what its flag says: who it is, and why. Nothing that somebody
+/// could act on.
+void disbelieve(Transaction& transaction, const char* why) {
+  Transaction bare;
+  bare.tx_id = std::move(transaction.tx_id);
+  bare.channel = std::move(transaction.channel);
+  bare.contract = std::move(transaction.contract);
+  bare.code = code_unbelievable;
+  bare.problem = why;
+  transaction = std::move(bare);
 }
 
 /// nullptr, or what is wrong.
@@ -126,9 +153,7 @@ Result<Block> decode_block(const common::Block& block) {
     const char* wrong = read_transaction(block.data().data(static_cast<int>(i)), transaction);
     transaction.code = flags.empty() ? -1 : static_cast<unsigned char>(flags[i]);
     if (wrong == nullptr) continue;
-    if (transaction.code == protos::VALID) {
-      return Error{fmt::format("block {}: transaction {}: flagged valid, but {}", out.number, i, wrong)};
-    }
+    if (transaction.code == protos::VALID) disbelieve(transaction, wrong);
     if (transaction.code == -1) transaction.code = protos::BAD_PAYLOAD;
   }
   return out;

@@ -31,6 +31,9 @@ struct ClientConfig {
   /// Compare each block's header with the one that an orderer tells (needs `orderers`): see blocks().
   bool cross_check = false;
   ChannelAndContract where;
+  /// Says of a call's result why its event (no name: none) cannot follow from the call; it is then not signed, and ends
+  /// as refused. Empty: any event of the called contract is signed. On the client's own thread.
+  std::function<Status(const Call& call, std::string_view event, std::string_view payload)> event_check;
   crypto::SigningIdentity identity;
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
   std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end
@@ -48,7 +51,7 @@ struct Outcome {
   Kind kind = Kind::unavailable;
   std::string tx_id;
   std::uint64_t block = 0;
-  int code = 0;  ///< protos.TxValidationCode where it is in a block; 0: valid
+  int code = 0;  ///< as Transaction::code, where it is in a block; 0: valid
   std::string message;
   std::string answer;           ///< the contract's bytes, where it answered
   TimeNs ordered_after_ns = 0;  ///< from the submit to the orderer's acknowledgement; 0: not known
@@ -91,9 +94,13 @@ class Client {
     std::function<void(const Block&, std::string_view raw)>
         on_block;  ///< in order, no gap, no doublet, across reconnects
     std::function<void(bool connected, const std::string& why)> on_connection;
+    /// Transactions that the peers flagged valid and that cannot be (code_unbelievable), in words: block, transaction,
+    /// why, and how many there were. The first at once, then at most one word a minute; on_block has them all.
+    std::function<void(const std::string& what)> on_unbelievable = {};
   };
   /// Blocks from number `start` (nullopt: from the next new one on). Reconnects with back-off and jitter, for ever, and
-  /// resumes behind the last block handed over. A block that breaks the chain is reported through on_connection and the
+  /// resumes behind the last block handed over. A transaction that cannot be believed is left out alone, see
+  /// decode_block. A block that breaks the chain is reported through on_connection and the
   /// stream starts again at the last good one. With cross_check a second stream brings an orderer's blocks; once the
   /// two differ, nothing more is handed over, and on_connection says so.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;

@@ -37,8 +37,11 @@ Outcome in_block(std::uint64_t block, int code) {
   outcome.kind = code == protos::VALID ? Outcome::Kind::committed : Outcome::Kind::invalidated;
   outcome.block = block;
   outcome.code = code;
-  if (code != protos::VALID)
+  if (code == code_unbelievable) {
+    outcome.message = "flagged valid, but its result cannot be believed";
+  } else if (code != protos::VALID) {
     outcome.message = protos::TxValidationCode_Name(static_cast<protos::TxValidationCode>(code));
+  }
   return outcome;
 }
 
@@ -207,7 +210,10 @@ void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& uns
     finish(p, Outcome::Kind::refused, unsigned_envelope.error().what);
     return;
   }
-  auto prepared = check_prepared(p->proposal, *unsigned_envelope);
+  EventCheck event_check;
+  if (const auto& check = connection_->config.event_check; check)
+    event_check = [&](std::string_view name, std::string_view payload) { return check(p->call, name, payload); };
+  auto prepared = check_prepared(p->proposal, *unsigned_envelope, event_check);
   if (!prepared) {
     finish(p, Outcome::Kind::refused, prepared.error().what);
     return;

@@ -3,6 +3,7 @@
 #include "common/fabric/transaction.hpp"
 #include "orderer/ab.pb.h"
 #include "peer/chaincode.pb.h"
+#include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"
@@ -48,6 +49,23 @@ bool parse(Message& message, std::string_view bytes) {
 std::string input_of(const std::string& proposal_payload) {
   protos::ChaincodeProposalPayload payload;
   return parse(payload, proposal_payload) ? payload.input() : std::string();
+}
+
+Status check_event(const Proposal& proposal, const std::string& asked_channel_header, const std::string& events,
+                   const EventCheck& event_check) {
+  protos::ChaincodeEvent event;
+  if (!events.empty()) {
+    common::ChannelHeader channel;
+    protos::ChaincodeHeaderExtension extension;
+    if (!parse(event, events) || !parse(channel, asked_channel_header) || !parse(extension, channel.extension()))
+      return Error{"the event of the endorsed transaction is malformed; it was not signed"};
+    if (event.tx_id() != proposal.tx_id || event.chaincode_id() != extension.chaincode_id().name())
+      return Error{"the event of the endorsed transaction names another transaction or contract; it was not signed"};
+  }
+  if (!event_check) return done;
+  if (const Status checked = event_check(event.event_name(), event.payload()); !checked)
+    return Error{"the peer's result is not what was asked for: " + checked.error().what + "; it was not signed"};
+  return done;
 }
 
 }  // namespace
@@ -129,7 +147,8 @@ std::string unsigned_envelope(const common::Header& header, const std::string& p
   return envelope.SerializeAsString();
 }
 
-Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope) {
+Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
+                                const EventCheck& event_check) {
   const Error malformed{"the endorsed transaction that came back is malformed"};
   protos::SignedProposal signed_proposal;
   protos::Proposal asked;
@@ -156,7 +175,9 @@ Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsig
       input_of(action.chaincode_proposal_payload()) != input_of(asked.payload())) {
     return Error{"the endorsed transaction that came back is not the one that was asked for; it was not signed"};
   }
-  return Prepared{result.response().payload()};
+  const Status checked = check_event(proposal, asked_header.channel_header(), result.events(), event_check);
+  if (!checked) return checked.error();
+  return Prepared{std::move(*result.mutable_response()->mutable_payload())};
 }
 
 Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope) {

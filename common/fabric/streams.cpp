@@ -6,6 +6,7 @@
 
 #include "common/fabric/cross_check.hpp"
 #include "common/fabric/decode.hpp"
+#include "common/rt/clear_text.hpp"
 #include "gateway/gateway.grpc.pb.h"
 #include "orderer/ab.grpc.pb.h"
 #include "peer/events.grpc.pb.h"
@@ -14,6 +15,7 @@ namespace ledgerline::fabric {
 namespace {
 
 constexpr std::chrono::milliseconds first_reconnect{20}, longest_reconnect{1000};
+constexpr TimeNs unbelievable_period_ns = 60 * ns_per_s;  // a peer may send thousands; a log must not fill a disk
 
 std::string text_of(const grpc::Status& status) {
   return status.ok() ? "the ledger ended the stream"
@@ -99,9 +101,22 @@ class BlockReader {
     // "From the next new one on": the newest block that the peer sends first only says where that is.
     const bool wanted = next_.has_value();
     next_ = chain_.height();
+    if (wanted) tell_unbelievable(*block);
     if (wanted && handlers_.on_block) handlers_.on_block(*block, response.block().SerializeAsString());
     connection_->commits->block(*block);
     return {};
+  }
+
+  void tell_unbelievable(const Block& block) {
+    for (const Transaction& transaction : block.transactions) {
+      if (transaction.code != code_unbelievable) continue;
+      ++unbelievable_;
+      if (!handlers_.on_unbelievable || (unbelievable_ > 1 && block.received_ns < next_word_ns_)) continue;
+      next_word_ns_ = block.received_ns + unbelievable_period_ns;
+      handlers_.on_unbelievable(fmt::format("block {}: transaction {}: flagged valid, but {}; left out ({} so far)",
+                                            block.number, clear_text(transaction.tx_id), transaction.problem,
+                                            unbelievable_));
+    }
   }
 
   const std::shared_ptr<const Connection> connection_;
@@ -109,6 +124,8 @@ class BlockReader {
   ChainCheck chain_;
   const Client::StreamHandlers handlers_;
   const std::shared_ptr<CrossCheck> cross_check_;
+  std::uint64_t unbelievable_ = 0;
+  TimeNs next_word_ns_ = 0;
 };
 
 /// What an orderer tells, of which the headers alone count; the next orderer when one goes away.

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -45,7 +46,12 @@ Result<std::string> assemble(const Proposal& proposal, const std::vector<std::st
 struct Prepared {
   std::string answer;
 };
-Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope);
+/// Says of a result's event (no name: none) why it cannot follow from the call that was asked for.
+using EventCheck = std::function<Status(std::string_view name, std::string_view payload)>;
+/// An event of another contract or transaction is refused in any case; what else must be so the caller says with
+/// `event_check`, since only who knows the contract can. Writes are the peers' own: nobody sees them here.
+Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
+                                const EventCheck& event_check = {});
 
 /// Signs a common.Envelope that came unsigned (from Endorse) and returns it whole.
 Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope);
@@ -61,21 +67,28 @@ struct Endorsement {
   std::string signature;
 };
 
+/// A verdict of our own beside protos.TxValidationCode, which is a byte: flagged valid by the peers, but what is in it
+/// cannot be. One peer's key is enough to get such a transaction into a block, so it must not stop those who follow.
+inline constexpr int code_unbelievable = 256;
+
 /// An endorser transaction, taken apart.
 struct Transaction {
   std::string tx_id;
   std::string channel;
-  std::string contract;     ///< that was called; an event with this name of another contract means something else
-  int code = -1;            ///< protos.TxValidationCode; 0 = VALID; -1: the block has no flags (orderer's)
+  std::string contract;  ///< that was called; an event with this name of another contract means something else
+  int code = -1;  ///< protos.TxValidationCode; 0 = VALID; -1: the block has no flags (orderer's); code_unbelievable
   TimeNs timestamp_ns = 0;  ///< as the client claimed it
   std::string creator;      ///< msp.SerializedIdentity
-  std::string event_name;   ///< empty: none
+  std::string function;     ///< what the creator asked for, read out of `payload`; empty: no call of a contract
+  std::vector<std::string> args;
+  std::string event_name;  ///< empty: none. Endorsed alone: whoever trusts the creator, not peers, looks at `args`
   std::string event_payload;
   std::string payload;  ///< common.Payload, signed by creator as `signature`
   std::string signature;
   std::string response_payload;  ///< ProposalResponsePayload: each endorsement signs it followed by the endorser
   std::vector<Endorsement> endorsements;
   bool config = false;  ///< a config transaction: only tx_id, channel and code are set
+  std::string problem;  ///< why it is not believed; only tx_id, channel, contract and code are set then
 };
 
 struct Block {
@@ -85,10 +98,11 @@ struct Block {
   std::vector<Transaction> transactions;
   TimeNs received_ns = 0;  ///< CLOCK_MONOTONIC, when the client's stream had its bytes; 0: not known
 };
-/// Takes a common.Block apart. Malformed bytes: an error that names the block and transaction; never a crash. A
-/// transaction that is malformed and not flagged valid is no error, since any member can have one ordered: it is kept
-/// with what could be read (code 2 = BAD_PAYLOAD where the block has no flags), so that it cannot stop those who follow
-/// the chain.
+/// Takes a common.Block apart. Malformed bytes, data that does not match its hash, a wrong number of flags: an error
+/// that names the block; never a crash. A single transaction is never an error, since any member can have a malformed
+/// one ordered, and any peer one whose event names another transaction flagged valid: the first is kept with what could
+/// be read (code 2 = BAD_PAYLOAD where the block has no flags), the second is left out (code_unbelievable, no event),
+/// so that neither can stop those who follow the chain.
 Result<Block> decode_block(std::string_view block);
 
 /// SHA-256 over the ASN.1 of (number, previous hash, data hash): what the next block names as its previous hash.

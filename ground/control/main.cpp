@@ -52,6 +52,14 @@ Result<fabric::Call> make_call(const Wish& wish) {
   return fabric::Call{wish.function, {call.SerializeAsString()}};
 }
 
+template <typename Message>
+Status print_answer(const std::string& bytes) {
+  Message answer;
+  if (auto status = parse_message(bytes, answer); !status) return status;
+  fmt::print("{}\n", to_json(answer));
+  return done;
+}
+
 Status call_contract(const Wish& wish) {
   auto config = Config::load(wish.config);
   if (!config) return config.error();
@@ -65,10 +73,7 @@ Status call_contract(const Wish& wish) {
   const fabric::Outcome outcome = (*client)->submit_and_wait(std::move(call).value());
   if (outcome.kind != fabric::Outcome::Kind::committed)
     return Error{fmt::format("{}: {}", wish.function, outcome.message)};
-  Controls answer;
-  if (auto status = parse_message(outcome.answer, answer); !status) return status;
-  fmt::print("{}\n", to_json(answer));
-  return done;
+  return wish.function == "stop" ? print_answer<Stops>(outcome.answer) : print_answer<Controls>(outcome.answer);
 }
 
 }  // namespace
@@ -76,7 +81,8 @@ Status call_contract(const Wish& wish) {
 int main(int argc, char** argv) {
   CLI::App app{
       "Who may fly what: changes the control records of drones on the ledger, as the identity in the config.\n"
-      "Prints the records as they now are, as JSON. Exit codes: 0 done, 1 refused or not reached, 2 bad usage.",
+      "Prints the records as they now are (of stop: the stops), as JSON. Exit codes: 0 done, 1 refused or not reached, "
+      "2 bad usage.",
       "ledgerline-control"};
   app.footer(
       "Examples:\n  ledgerline-control --config operator.toml acquire tello1 tello2\n"
@@ -91,7 +97,7 @@ int main(int argc, char** argv) {
       {"acquire", "take the lease"},
       {"release", "give the lease back"},
       {"stop", "land at once, whoever flies"},
-      {"resume", "end a stop"},
+      {"resume", "end one's own stop, or all as a supervisor of the drone's organisation"},
   };
   for (const auto& [name, help] : verbs) {
     CLI::App* verb = app.add_subcommand(name, help);

@@ -227,7 +227,7 @@ TimeNs FlightCore::path_limit_ns(const Drone& drone) const {
 // What speaks against a take-off; empty: nothing.
 std::string FlightCore::not_ready(const Drone& drone) const {
   if (!drone.has_state) return "no state came through the ledger";
-  if (drone.stopped_by) return "it is stopped by " + drone.stopped_by->subject;
+  if (is_stopped(drone.stoppers)) return "it is stopped by " + stopper_names(drone.stoppers);
   if (!may_command(drone))
     return drone.holder ? "its lease is held by " + drone.holder->subject : "nobody holds its lease";
   if (drone.state.pose_stamp_ns == 0) return "it has no pose (no mocap?)";

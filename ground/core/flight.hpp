@@ -205,6 +205,7 @@ class FlightCore {
   bool believed(const fabric::Transaction& tx, std::int64_t realtime_s, const Drone& drone) const;
   void take_own_commands(TimeNs now_ns, const std::string& payload);
   void take_controls(TimeNs now_ns, const std::string& payload);
+  void take_stops(TimeNs now_ns, const std::string& payload);
   void take_control(TimeNs now_ns, const Control& control);
   void take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
   void resend(InFlight& refused, const std::string& message);

@@ -5,6 +5,7 @@
 
 #include "common/msg/form.hpp"
 #include "common/msg/ros.hpp"
+#include "common/msg/stops.hpp"
 #include "ground/core/flight_state.hpp"
 
 namespace ledgerline::ground {
@@ -24,7 +25,7 @@ constexpr std::size_t arrivals_needed = 8;
 crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
 
 bool is_control_event(const std::string& name) {
-  return name == "enroll" || name == "acquire" || name == "release" || name == "stop" || name == "resume";
+  return name == "enroll" || name == "acquire" || name == "release" || name == "resume" || name == "fold";
 }
 
 }  // namespace
@@ -51,13 +52,13 @@ void FlightCore::take_control(TimeNs now_ns, const Control& control) {
   drone->epoch = control.epoch();
   drone->owner.reset();
   drone->holder.reset();
-  drone->stopped_by.reset();
+  drone->stoppers.clear_stoppers();
+  *drone->stoppers.mutable_stoppers() = control.stoppers();
   if (control.has_owner()) drone->owner = to_name(control.owner());
   if (control.has_holder()) drone->holder = to_name(control.holder());
-  if (control.has_stopped_by()) drone->stopped_by = to_name(control.stopped_by());
   if (!drone->in_air_phase()) return;
-  if (drone->stopped_by) {
-    land(now_ns, *drone, "stopped by " + drone->stopped_by->subject);
+  if (is_stopped(drone->stoppers)) {
+    land(now_ns, *drone, "stopped by " + stopper_names(drone->stoppers));
   } else if (drone->holder != config_.self) {
     end_path(*drone);
     drone->status.why = "lost its lease" + (drone->holder ? " to " + drone->holder->subject : "");
@@ -71,6 +72,17 @@ void FlightCore::take_controls(TimeNs now_ns, const std::string& payload) {
   for (const Control& control : controls.controls()) take_control(now_ns, control);
 }
 
+void FlightCore::take_stops(TimeNs now_ns, const std::string& payload) {
+  Stops stops;
+  if (!parse_message(payload, stops)) return;
+  for (const Stop& stop : stops.stops()) {
+    Drone* drone = find(stop.drone());
+    if (!drone) continue;
+    add_stop(drone->stoppers, stop);
+    if (drone->in_air_phase()) land(now_ns, *drone, "stopped by " + stopper_names(drone->stoppers));
+  }
+}
+
 void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
   for (const fabric::Transaction& tx : inputs.block->transactions) {
     if (tx.code != 0 || tx.config) continue;
@@ -78,6 +90,8 @@ void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOut
       take_states(now_ns, tx, inputs.realtime_s, out);
     } else if (tx.event_name == "command") {
       take_own_commands(now_ns, tx.event_payload);
+    } else if (tx.event_name == "stop") {
+      take_stops(now_ns, tx.event_payload);
     } else if (is_control_event(tx.event_name)) {
       take_controls(now_ns, tx.event_payload);
     }

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/msg/stops.hpp"
 #include "ground/core/flight.hpp"
 #include "ground/core/manual.hpp"
 #include "ledgerline.pb.h"
@@ -32,7 +33,8 @@ struct FlightCore::Drone {
   FlightStatus status;
   TimeNs entered_ns = 0;  ///< the phase; the ground's clock
 
-  std::optional<crypto::IdentityName> owner, holder, stopped_by;
+  std::optional<crypto::IdentityName> owner, holder;
+  Control stoppers;  ///< who has it stopped; nothing else of the record
   std::uint64_t epoch = 0;
   std::uint64_t next_sequence = 1;
 
@@ -71,7 +73,7 @@ struct FlightCore::Drone {
   TimeNs next_stop_ns = 0;
   TimeNs next_note_ns = 0;
 
-  bool may_command(const crypto::IdentityName& self) const { return holder == self && !stopped_by; }
+  bool may_command(const crypto::IdentityName& self) const { return holder == self && !is_stopped(stoppers); }
   bool in_air_phase() const { return status.phase >= DronePhase::takeoff && status.phase <= DronePhase::manual; }
 };
 

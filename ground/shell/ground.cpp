@@ -91,6 +91,7 @@ Status Ground::start(const std::atomic<bool>& quit) {
     }
     wake_.notify_one();
   };
+  handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
   blocks_ = client_->blocks(std::nullopt, std::move(handlers));
   if (auto status = read_controls(quit); !status) return status;
   return hear_pilots();

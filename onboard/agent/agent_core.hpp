@@ -85,6 +85,7 @@ class AgentCore {
   std::uint64_t blocks_broken() const { return check_.broken_blocks(); }
   const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
   std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
+  std::uint64_t unbelievable_transactions() const { return check_.unbelievable_transactions(); }
   const std::vector<DroneName>& drones() const { return config_.drones; }
   DroneReport report(DroneNumber drone) const;
 

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <utility>
 
+#include "common/belief/calls.hpp"
 #include "common/msg/form.hpp"
+#include "common/msg/stops.hpp"
 #include "onboard/agent/proposal_hash.hpp"
 
 namespace ledgerline::agent {
@@ -14,10 +16,10 @@ constexpr std::array<std::string_view, refusal_count> names = {
     "none",           "broken_chain",  "invalid_transaction", "wrong_channel", "malformed",
     "unknown_signer", "bad_signature", "not_endorsed",        "not_holder",    "stopped",
     "wrong_epoch",    "foreign_boot",  "unknown_stamp",       "replayed",      "too_old",
-    "over_limits"};
+    "over_limits",    "altered"};
 
 bool is_control_event(std::string_view name) {
-  return name == "enroll" || name == "acquire" || name == "release" || name == "stop" || name == "resume";
+  return name == "enroll" || name == "acquire" || name == "release" || name == "resume" || name == "fold";
 }
 
 bool same(const Identity& a, const crypto::IdentityName& b) {
@@ -89,10 +91,13 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
   }
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.config) continue;
+    if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
     if (tx.event_name == "command") {
       take_commands(now, now_s, tx, out);
+    } else if (out.chain_ok && tx.code == 0 && tx.event_name == "stop") {
+      take_stops(now, now_s, tx, out);
     } else if (out.chain_ok && tx.code == 0 && is_control_event(tx.event_name)) {
-      take_controls(now, now_s, tx, out);
+      take_controls(now_s, tx, out);
     }
   }
   return out;
@@ -119,8 +124,10 @@ bool CommandCheck::endorsed_by_us(std::int64_t now_s, const fabric::Transaction&
 }
 
 void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
-  CommandCall call;
-  if (const Status parsed = parse_message(tx.event_payload, call); !parsed) {
+  CommandCall call;  // as it was signed; whatever else the event says is the peer's alone
+  const belief::Match match = belief::match_command({tx.function, tx.args}, tx.event_payload, call);
+  if (match == belief::Match::altered) return refuse_altered(tx, std::move(call), out);
+  if (match == belief::Match::malformed) {
     ++malformed_commands_;
     out.refused.push_back(Refused{.why = Refusal::malformed});
     return;
@@ -130,23 +137,14 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
   if (!ours) return;
 
   crypto::IdentityName signer;
-  Refusal whole = Refusal::none;
-  if (!out.chain_ok) {
-    whole = Refusal::broken_chain;
-  } else if (tx.code != 0) {
-    whole = Refusal::invalid_transaction;
-  } else {
-    whole = check_transaction(now_s, tx, signer);
-  }
+  const Refusal whole = check_whole(now_s, tx, out, signer);
   for (const DronePlan& plan : call.plans()) {
     Drone* drone = find(plan.drone());
     if (!drone) continue;
     if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
     const Refusal why = whole != Refusal::none ? whole : check_plan(now, *drone, signer, plan);
     if (why != Refusal::none) {
-      ++drone->counters.refused;
-      ++drone->counters.reasons[static_cast<std::size_t>(why)];
-      out.refused.push_back(Refused{drone->name.number, plan.sequence(), plan.state_stamp_ns(), why});
+      refuse(*drone, plan, why, out);
       continue;
     }
     drone->epoch = plan.epoch();
@@ -156,13 +154,44 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
   }
 }
 
+Refusal CommandCheck::check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out,
+                                  crypto::IdentityName& signer) {
+  if (!out.chain_ok) return Refusal::broken_chain;
+  if (tx.code != 0) return Refusal::invalid_transaction;
+  return check_transaction(now_s, tx, signer);
+}
+
+void CommandCheck::refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out) {
+  ++drone.counters.refused;
+  ++drone.counters.reasons[static_cast<std::size_t>(why)];
+  out.refused.push_back(Refused{drone.name.number, plan.sequence(), plan.state_stamp_ns(), why});
+}
+
+// Counted for every drone that was asked for, and for every one that the event names instead. Why it is not believed
+// counts for little beside that it is not: the first reason of all is told.
+void CommandCheck::refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out) {
+  CommandCall told;
+  if (parse_message(tx.event_payload, told)) asked.MergeFrom(told);
+  const Refusal why = !out.chain_ok  ? Refusal::broken_chain
+                      : tx.code != 0 ? Refusal::invalid_transaction
+                                     : Refusal::altered;
+  std::vector<const Drone*> counted;
+  for (const DronePlan& plan : asked.plans()) {
+    Drone* drone = find(plan.drone());
+    if (!drone || std::find(counted.begin(), counted.end(), drone) != counted.end()) continue;
+    counted.push_back(drone);
+    if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
+    refuse(*drone, plan, why, out);
+  }
+}
+
 Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer,
                                  const DronePlan& plan) const {
   // An absent holder reads as an empty name, which no signer has.
   if (!drone.control || !same(drone.control->holder(), signer)) {
     return Refusal::not_holder;
   }
-  if (drone.control->has_stopped_by() && plan.action() != LAND) return Refusal::stopped;
+  if (is_stopped(*drone.control) && plan.action() != LAND) return Refusal::stopped;
   if (plan.epoch() != drone.control->epoch()) return Refusal::wrong_epoch;
   if (plan.boot_id() != drone.boot_id) return Refusal::foreign_boot;
   if (!std::binary_search(drone.stamps.begin(), drone.stamps.end(), plan.state_stamp_ns())) {
@@ -189,7 +218,7 @@ Refusal CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) const {
   return Refusal::none;
 }
 
-void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+void CommandCheck::take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
   Controls event;
   if (const Status parsed = parse_message(tx.event_payload, event); !parsed) {
     ++refused_control_events_;
@@ -209,18 +238,41 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
     Drone* drone = find(control.drone());
     if (!drone) continue;
     drone->control = control;
-    if (tx.event_name != "stop") continue;
-    if (auto stop = standing_stop(now, drone->name.number)) out.plans.push_back(*stop);
+  }
+}
+
+void CommandCheck::take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+  Stops event;
+  if (const Status parsed = parse_message(tx.event_payload, event); !parsed) {
+    ++refused_control_events_;
+    out.refused.push_back(Refused{.why = Refusal::malformed});
+    return;
+  }
+  const bool ours =
+      std::any_of(event.stops().begin(), event.stops().end(), [&](const auto& s) { return find(s.drone()); });
+  if (!ours) return;
+  crypto::IdentityName signer;
+  if (const Refusal why = check_transaction(now_s, tx, signer); why != Refusal::none) {
+    ++refused_control_events_;
+    out.refused.push_back(Refused{.why = why});
+    return;
+  }
+  for (const Stop& stop : event.stops()) {
+    Drone* drone = find(stop.drone());
+    if (!drone) continue;
+    if (!drone->control) drone->control.emplace();  // stops, whoever flies it
+    add_stop(*drone->control, stop);
+    if (auto plan = standing_stop(now, drone->name.number)) out.plans.push_back(*plan);
   }
 }
 
 std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) const {
   const auto drone =
       std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == number; });
-  if (drone == drones_.end() || !drone->control || !drone->control->has_stopped_by()) return std::nullopt;
+  if (drone == drones_.end() || !drone->control || !is_stopped(*drone->control)) return std::nullopt;
   Plan stop;
   stop.drone = number;
-  stop.action = drone->control->cut() ? PlanAction::cut : PlanAction::stop;
+  stop.action = is_cut(*drone->control) ? PlanAction::cut : PlanAction::stop;
   stop.epoch = std::max(drone->control->epoch(), drone->epoch);
   stop.sequence = (stop.epoch == drone->epoch ? drone->last_sequence : 0) + 1;  // newer than any plan that link has
   stop.state_stamp_ns = drone->stamps.empty() ? now : drone->stamps.back();

@@ -33,8 +33,9 @@ enum class Refusal : std::uint8_t {
   replayed = 13,            ///< its sequence does not grow
   too_old = 14,             ///< its state is older than the limit
   over_limits = 15,         ///< setpoints: not finite, too fast, too many, out of order, or beyond the horizon
+  altered = 16,             ///< the event is not what the transaction's creator asked for and signed
 };
-inline constexpr std::size_t refusal_count = 16;
+inline constexpr std::size_t refusal_count = 17;
 std::string_view refusal_name(Refusal refusal);
 
 struct CheckConfig {
@@ -95,6 +96,7 @@ class CommandCheck {
   std::uint64_t broken_blocks() const { return broken_blocks_; }
   std::uint64_t malformed_commands() const { return malformed_commands_; }  ///< of no drone, therefore
   std::uint64_t refused_control_events() const { return refused_control_events_; }
+  std::uint64_t unbelievable_transactions() const { return unbelievable_transactions_; }  ///< of anybody
 
  private:
   struct Drone {
@@ -110,8 +112,13 @@ class CommandCheck {
   bool endorsed_by_us(std::int64_t now_s, const fabric::Transaction& tx);
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
   Refusal check_setpoints(TimeNs now, const DronePlan& plan) const;
+  Refusal check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out,
+                      crypto::IdentityName& signer);
+  static void refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out);
+  void refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out);
   void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
-  void take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  void take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  void take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
 
   CheckConfig config_;
   std::vector<Drone> drones_;
@@ -120,6 +127,7 @@ class CommandCheck {
   std::uint64_t broken_blocks_ = 0;
   std::uint64_t malformed_commands_ = 0;
   std::uint64_t refused_control_events_ = 0;
+  std::uint64_t unbelievable_transactions_ = 0;
 };
 
 }  // namespace ledgerline::agent

@@ -91,14 +91,22 @@ class EventEntry final : public Entry {
 std::vector<std::string> controls(bool stopped) {
   Controls event;
   Control record = control("tello1", 1);
-  if (stopped) *record.mutable_stopped_by() = agent::testing::to_message(LedgerOfTests::operator_name());
+  if (stopped) *record.add_stoppers() = agent::testing::stop_of("tello1");
   *event.add_controls() = record;
   record.set_epoch(2);
-  record.set_cut(stopped);
+  if (stopped) record.mutable_stoppers(0)->set_cut(true);
   Controls other;
   *other.add_controls() = record;
   *other.add_controls() = control("tello2", 1);
   return {event.SerializeAsString(), other.SerializeAsString(), to_json(other)};
+}
+
+std::vector<std::string> stops() {
+  Stops one, two;
+  *one.add_stops() = agent::testing::stop_of("tello1", true);
+  *two.add_stops() = agent::testing::stop_of("tello1");
+  *two.add_stops() = agent::testing::stop_of("tello2");
+  return {one.SerializeAsString(), two.SerializeAsString(), to_json(two)};
 }
 
 /// Positions of motion capture, any bytes as numbers: what comes out is finite.
@@ -136,8 +144,9 @@ const Registration command(
 const Registration command_json({"agent.command_json", Kind::json, [] {
                                    return std::make_unique<EventEntry>("command", std::vector<std::string>{fly, land});
                                  }});
-const Registration stop({"agent.stop", Kind::protobuf,
-                         [] { return std::make_unique<EventEntry>("stop", controls(true)); }});
+const Registration stop({"agent.stop", Kind::protobuf, [] { return std::make_unique<EventEntry>("stop", stops()); }});
+const Registration fold({"agent.fold", Kind::protobuf,
+                         [] { return std::make_unique<EventEntry>("fold", controls(true)); }, 0.1});
 const Registration acquire({"agent.acquire", Kind::protobuf,
                             [] { return std::make_unique<EventEntry>("acquire", controls(false)); }, 0.1});
 const Registration mocap({"agent.mocap", Kind::bytes, [] { return std::make_unique<MocapEntry>(); }});

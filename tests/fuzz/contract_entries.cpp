@@ -75,6 +75,7 @@ const std::vector<Call> calls{
      {R"({"drones":["tello1"],"cut":true})", R"({"drones":["tello2","tello1"]})"},
      {"tello1", "tello1\ncut=true"}},
     {chief, "resume", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
+    {host, "fold", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
 };
 
 /// Each call finds the same ledger, so that what is valid stays valid.
@@ -94,7 +95,7 @@ class ContractEntry final : public Entry {
     for (int i = 0; i < 40; ++i)
       must(host, "set", R"({"id":"Org1MSP/n/)" + std::to_string(i % 20) + R"(","msgType":"x","msgData":"AAEA"})");
     if (call.function != "acquire") must(pilot, "acquire", R"({"drones":["tello1","tello2"]})");
-    if (call.function == "resume") must(chief, "stop", R"({"drones":["tello1","tello2"]})");
+    if (call.function == "resume" || call.function == "fold") must(chief, "stop", R"({"drones":["tello1","tello2"]})");
   }
   std::vector<std::string> seeds() override { return seeds_; }
 

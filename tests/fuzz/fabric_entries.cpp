@@ -27,8 +27,11 @@ Outcome judge(const Result<Block>& block) {
   ChainCheck chain;
   if (!chain.add(*block) || chain.hash().size() != 32) return refused("");
   for (const Transaction& transaction : block->transactions) {
+    const bool left_out = transaction.code == code_unbelievable;
+    if (left_out != !transaction.problem.empty() || (left_out && !transaction.event_name.empty())) return refused("");
     const bool whole = transaction.config || transaction.code != 0 || !transaction.payload.empty();
-    if (!whole || transaction.timestamp_ns < 0 || transaction.code < -1 || transaction.code > 255) return refused("");
+    if (!whole || transaction.timestamp_ns < 0 || transaction.code < -1 || transaction.code > code_unbelievable)
+      return refused("");
   }
   return accepted();
 }

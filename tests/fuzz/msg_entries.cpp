@@ -124,7 +124,10 @@ bool add_forms(const std::string& name, const std::vector<const char*>& texts) {
 const char* const asset =
     R"({"id":"tello1/odom","topic":"/tello1/odom","msgType":"nav_msgs/msg/Odometry","msgData":"AAEAAA=="})";
 const char* const control =
-    R"({"drone":"tello1","owner":{"mspId":"Org1MSP","subject":"CN=host"},"holder":{"mspId":"Org2MSP","subject":"CN=pilot"},"epoch":"7","priority":3,"stoppedBy":{"mspId":"Org1MSP","subject":"CN=x"},"cut":true,"formerOwners":[{"mspId":"Org1MSP","subject":"CN=old"}]})";
+    R"({"drone":"tello1","owner":{"mspId":"Org1MSP","subject":"CN=host"},"holder":{"mspId":"Org2MSP","subject":"CN=pilot"},"epoch":"7","priority":3,"formerOwners":[{"mspId":"Org1MSP","subject":"CN=old"}],"stoppers":[{"drone":"tello1","stopper":{"mspId":"Org1MSP","subject":"CN=x"},"cut":true}]})";
+
+const char* const stops_text =
+    R"({"stops":[{"drone":"tello1","stopper":{"mspId":"Org1MSP","subject":"CN=x"},"cut":true},{"drone":"tello2","stopper":{"mspId":"Org1MSP","subject":"CN=x"},"lifted":true}]})";
 
 const std::string asset_list = std::string(R"({"assets":[)") + asset + "," + asset + "]";
 const std::string assets_text = asset_list + R"(,"bookmark":"a/b"})", set_text = asset_list + R"(,"stream":true})";
@@ -139,7 +142,8 @@ const std::string versions_text =
 const bool forms =
     add_forms<Asset>("Asset", {asset}) && add_forms<SetCall>("SetCall", {set_text.c_str()}) &&
     add_forms<Assets>("Assets", {assets_text.c_str()}) && add_forms<Stored>("Stored", {stored_text.c_str()}) &&
-    add_forms<Control>("Control", {control}) && add_forms<Controls>("Controls", {controls_text.c_str()}) &&
+    add_forms<Control>("Control", {control}) && add_forms<Stops>("Stops", {stops_text}) &&
+    add_forms<Controls>("Controls", {controls_text.c_str()}) &&
     add_forms<Versions>("Versions", {versions_text.c_str()}) &&
     add_forms<EnrollCall>(
         "EnrollCall",

@@ -76,6 +76,7 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
               {"blocks", core.blocks()},
               {"blocks_broken", core.blocks_broken()},
               {"control_events_refused", core.refused_control_events()},
+              {"transactions_unbelievable", core.unbelievable_transactions()},
               {"plans_not_handed_over", shell.plans_not_handed_over},
               {"mocap_lost", shell.mocap_lost},
               {"mocap_implausible", shell.mocap_implausible}}

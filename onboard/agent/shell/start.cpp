@@ -116,6 +116,7 @@ void AgentShell::open_block_stream() {
   handlers.on_connection = [this](bool connected, const std::string& why) {
     mailbox_.put(StreamState{connected, why});
   };
+  handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
   blocks_ = client_->blocks(std::nullopt, std::move(handlers));
 }
 

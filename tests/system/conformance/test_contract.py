@@ -16,7 +16,7 @@ NOBODY = f"Org3MSP {subject(3, 'User2')}"
 def control(client, drone: str) -> dict:
     """The record of who flies it, as `get` shows it: in protobuf, in an asset."""
     record = message(base64.b64decode(client.read("get", f"control/{drone}")["msgData"]))
-    return {"drone": record[1][0].decode(), "owner": record[2][0], "held": 3 in record, "stopped": 6 in record}
+    return {"drone": record[1][0].decode(), "owner": record[2][0], "held": 3 in record, "stopped": 10 in record}
 
 
 def plan(drone: str, **more) -> dict:
@@ -115,8 +115,8 @@ def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, op
     host, rival = enroll("flown"), enroll(organisation=2, user="User2", role="OPERATOR")
     supervisor = enroll(user="User2", role="SUPERVISOR")
 
-    def controls(answer: dict) -> list[dict]:
-        return json.loads(decode(answer["result"]))["controls"]
+    def controls(answer: dict, kind: str = "controls") -> list[dict]:
+        return json.loads(decode(answer["result"]))[kind]
 
     (lease,) = controls(operator.submit("acquire", "flown"))
     assert lease["epoch"] == "1" and lease["holder"] == {"mspId": "Org2MSP", "subject": subject(2, "User1")}
@@ -126,13 +126,20 @@ def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, op
     assert (lease["epoch"], lease["priority"], lease["holder"]["subject"]) == ("2", 3, subject(2, "User2"))
     assert operator.refusal("command", {"plans": [plan("flown")]}) == (
         f"flown: the lease is held by {RIVAL}, not by {OPERATOR}")
-    (stopped,) = controls(rival.submit("stop", "flown"))
-    assert stopped["stoppedBy"]["subject"] == subject(2, "User2") and "cut" not in stopped
-    (stopped,) = controls(supervisor.submit("stop", "flown", "cut=true"))
-    assert stopped["stoppedBy"]["subject"] == subject(1, "User2") and stopped["cut"]
+    (stopped,) = controls(rival.submit("stop", "flown"), "stops")
+    assert stopped == {"drone": "flown", "stopper": {"mspId": "Org2MSP", "subject": subject(2, "User2")}}
+    (stopped,) = controls(supervisor.submit("stop", "flown", "cut=true"), "stops")
+    assert stopped == {"drone": "flown", "stopper": {"mspId": "Org1MSP", "subject": subject(1, "User2")}, "cut": True}
+    (folded,) = controls(host.submit("fold", "flown"))
+    assert [stop["stopper"]["mspId"] for stop in folded["stoppers"]] == ["Org1MSP", "Org2MSP"]
+    assert rival.refusal("command", {"plans": [plan("flown", epoch="2")]}) == (
+        f"flown: stopped by {SUPERVISOR}, {RIVAL}; only LAND is accepted")
+    (resumed,) = controls(rival.submit("resume", "flown"))
+    assert [stop["stopper"]["mspId"] for stop in resumed["stoppers"]] == ["Org1MSP"]
+    assert rival.refusal("resume", "flown").startswith(f"flown: stopped by {SUPERVISOR}; only they")
     rival.submit("command", {"plans": [plan("flown", action="LAND", epoch="2", setpoints=[])]})
     (resumed,) = controls(supervisor.submit("resume", "flown"))
-    assert "stoppedBy" not in resumed and "cut" not in resumed
+    assert "stoppers" not in resumed
     (released,) = controls(rival.submit("release", "flown"))
     assert released["epoch"] == "3" and "holder" not in released
     assert control(host, "flown") == {"drone": "flown", "owner": control(host, "tello1")["owner"], "held": False,
@@ -161,9 +168,11 @@ def test_each_function_that_writes_emits_its_event_in_the_form_of_the_call(enrol
     assert payloads[3] == field(1, b"told/b")
     assert message(message(payloads[4])[1][0])[1] == [b"told"]
     assert json.loads(payloads[5])["plans"][0]["setpoints"] == [{"atNs": "1000", "vx": 0.5}]
-    for payload, stopped in zip(payloads[6:9], (True, False, False)):
+    (stop,) = json.loads(payloads[6])["stops"]
+    assert stop["drone"] == "told" and stop["stopper"]["mspId"] == "Org2MSP"
+    for payload in payloads[7:9]:
         (record,) = json.loads(payload)["controls"]
-        assert record["drone"] == "told" and ("stoppedBy" in record) == stopped
+        assert record["drone"] == "told" and "stoppers" not in record
     assert json.loads(payloads[9])["controls"][0]["drone"] == "told2"
 
 
@@ -175,6 +184,7 @@ def scene(enroll, admin, drone_host, operator, nobody):
     supervisor = enroll(user="User2", role="SUPERVISOR")
     operator.submit("acquire", "leased", "stopped", "priority=5")
     supervisor.submit("stop", "stopped")
+    drone_host.submit("fold", "stopped")
     drone_host.submit("set", asset("leased/gone"))
     drone_host.submit("delete", "leased/gone")
     streams = [{"id": f"full/{number}", "msgType": "t"} for number in range(64)]
@@ -277,13 +287,18 @@ REFUSALS = [
     ("operator", "command", [{"plans": [plan(f"d{i}", setpoints=[]) for i in range(1001)]}],
      "the call has 1001 plans; the limit is 1000"),
 
-    ("nobody", "stop", ["leased"], f"leased: {NOBODY} may not stop it: neither a supervisor, nor an operator of its "
-                                   "organisation or with its lease"),
+    ("nobody", "stop", ["leased"], f"leased: {NOBODY} may not stop it: neither a supervisor, nor an operator of Org1MSP "
+                                   "or with its lease"),
     ("rival", "stop", ["leased"], f"leased: {RIVAL} may not stop it"),
+    ("rival", "stop", ["leased", "cut=true"], f"leased: {RIVAL} may not cut it"),
+    ("rival", "stop", ["ghost"], "ghost: not enrolled"),
     ("operator", "stop", ["leased", "cut=maybe"], "stop: cut must be true or false"),
     ("operator", "stop", [], "stop: no drone is named"),
     ("operator", "resume", ["leased"], "leased: not stopped"),
-    ("operator", "resume", ["stopped"], f"stopped: stopped by {SUPERVISOR}; only they or a supervisor of Org1MSP may"),
+    ("operator", "fold", ["leased"], f"leased: enrolled to {HOST}, who alone folds its stops"),
+    ("host", "fold", [], "fold: no drone is named"),
+    ("operator", "resume", ["stopped"], f"stopped: stopped by {SUPERVISOR}; only they, each its own, or a "
+                                        "supervisor of Org1MSP may"),
 ]
 
 

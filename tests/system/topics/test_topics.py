@@ -296,7 +296,7 @@ def test_a_stop_is_the_ledgers_and_keeps_the_drone_down(tmp_path):
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == 1, printed(tmp_path)
     assert "stopped by its pilot" in result(tmp_path)["why"]
-    assert re.search("no take-off: it is stopped by CN=User1@org2", (tmp_path / "run" / "ground.log").read_text())
+    assert re.search("no take-off: it is stopped by Org2MSP CN=User1@org2", (tmp_path / "run" / "ground.log").read_text())
     flown = [t for t, _ in applied(tmp_path, 1) if stands_since < t < stands_until]
     assert len(flown) > 25, "a reader that stands still holds nobody up"
     pilot = pilot_counts(tmp_path, 0)

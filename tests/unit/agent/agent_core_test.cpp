@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "common/msg/stops.hpp"
 #include "tests/unit/agent/ledger_of_tests.hpp"
 
 namespace ledgerline::agent {
@@ -136,7 +137,7 @@ TEST_F(AgentCoreTest, ARefusedCommandLeavesATraceWithItsReasonAndNoPlan) {
 
 TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
   Control stopped = control("tello1", 1);  // as an agent reads it that starts after the stop
-  stopped.mutable_stopped_by()->set_msp_id("Org2MSP");
+  add_stop(stopped, testing::stop_of("tello1"));
   core_.set_control(stopped);
   StateSample flying = state(1, start);
   core_.on_state(start, flying, out_);
@@ -150,7 +151,7 @@ TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
   flying.mode = FailsafeMode::land;
   core_.on_state(start + 2 * ns_per_s, flying, out_);
   EXPECT_TRUE(out_.plans.empty());
-  stopped.set_cut(true);
+  add_stop(stopped, testing::stop_of("tello1", true));
   core_.set_control(stopped);
   core_.on_state(start + 3 * ns_per_s, flying, out_);
   ASSERT_EQ(out_.plans.size(), 1U);

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "common/msg/form.hpp"
+#include "common/msg/stops.hpp"
 #include "tests/unit/agent/ledger_of_tests.hpp"
 
 namespace ledgerline::agent {
@@ -67,6 +68,15 @@ class CommandCheckTest : public ::testing::Test {
     *event.add_controls() = record;
     Tx tx;
     tx.event_name = name;
+    tx.event_payload = event.SerializeAsString();
+    return tx;
+  }
+
+  static Tx stop_event(bool cut = false) {
+    Stops event;
+    *event.add_stops() = testing::stop_of("tello1", cut);
+    Tx tx;
+    tx.event_name = "stop";
     tx.event_payload = event.SerializeAsString();
     return tx;
   }
@@ -151,9 +161,7 @@ TEST_F(CommandCheckTest, ABlockThatBreaksTheChainIsNotBelieved) {
 TEST_F(CommandCheckTest, AControlEventInABlockThatBreaksTheChainHasNoEffect) {
   (void)give({});
   ledger_.lose_a_block();
-  auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
-  EXPECT_TRUE(give({control_event("stop", stopped)}).plans.empty());
+  EXPECT_TRUE(give({stop_event()}).plans.empty());
 }
 
 TEST_F(CommandCheckTest, ATransactionFlaggedInvalidIsRefused) {
@@ -204,6 +212,66 @@ TEST_F(CommandCheckTest, AFlyPlanWithoutSetpointsIsRefusedAndALandPlanWithoutIsN
   auto fly = good_plan(2);
   fly.clear_setpoints();
   EXPECT_EQ(give({command(fly)}).refused.at(0).why, Refusal::malformed);
+}
+
+TEST_F(CommandCheckTest, APlanThatItsSignerDidNotAskForIsRefused) {
+  auto faster = good_plan();
+  faster.mutable_setpoints(0)->set_vx(2.0F);
+  auto tx = command(faster);
+  tx.asked = fabric::Call{"command", {command(good_plan()).event_payload}};
+  expect_refused(tx, Refusal::altered);
+}
+
+TEST_F(CommandCheckTest, ACommandOutOfACallOfAnotherFunctionIsRefused) {
+  auto tx = command(good_plan());
+  for (const char* function : {"set", "stop", "get", ""}) {
+    tx.asked = fabric::Call{function, {tx.event_payload}};
+    const auto checked = give({tx});
+    EXPECT_TRUE(checked.plans.empty()) << function;
+    EXPECT_EQ(checked.refused.at(0).why, Refusal::altered) << function;
+  }
+}
+
+TEST_F(CommandCheckTest, APlanThatWasAddedOrLeftOutTakesTheWholeCallDown) {
+  auto more = command({good_plan(), good_plan(1, "tello2")});
+  auto less = command(good_plan());
+  std::swap(more.event_payload, less.event_payload);
+  more.asked = fabric::Call{"command", {less.event_payload}};
+  less.asked = fabric::Call{"command", {more.event_payload}};
+  for (const auto& tx : {more, less}) {
+    const auto checked = give({tx});
+    EXPECT_TRUE(checked.plans.empty());
+    EXPECT_EQ(checked.refused.size(), 2U);  // of both drones, whichever side names them
+    for (const auto& refused : checked.refused) EXPECT_EQ(refused.why, Refusal::altered);
+  }
+}
+
+TEST_F(CommandCheckTest, TheSamePlanInAnotherFormIsTheSamePlan) {
+  CommandCall call;
+  *call.add_plans() = good_plan(1);
+  Tx tx;
+  tx.event_payload = to_json(call);
+  tx.asked = fabric::Call{"command", {" \n"}};
+  EXPECT_TRUE(give({tx}).plans.empty());
+  tx.asked = fabric::Call{"command", {call.SerializeAsString()}};
+  EXPECT_EQ(give({tx}).plans.size(), 1U);
+  call.mutable_plans(0)->set_sequence(2);
+  tx.event_payload = to_json(call);
+  tx.asked = fabric::Call{"command", {"{ \"plans\" : " + to_json(call).substr(9)}};  // as a person writes it
+  EXPECT_EQ(give({tx}).plans.size(), 1U);
+}
+
+TEST_F(CommandCheckTest, ASecondArgumentIsNoCommandOfOurs) {
+  auto tx = command(good_plan());
+  tx.asked = fabric::Call{"command", {tx.event_payload, ""}};
+  expect_refused(tx, Refusal::altered);
+}
+
+TEST_F(CommandCheckTest, ATransactionThatCannotBeBelievedIsCountedAndGivesNothing) {
+  auto tx = command(good_plan());
+  tx.code = fabric::code_unbelievable;
+  expect_refused(tx, Refusal::invalid_transaction);
+  EXPECT_EQ(check_.unbelievable_transactions(), 1U);
 }
 
 TEST_F(CommandCheckTest, ASignerOfAnUnknownOrganisationIsRefused) {
@@ -259,14 +327,14 @@ TEST_F(CommandCheckTest, ADroneWithoutAKnownLeaseTakesNoCommand) {
 
 TEST_F(CommandCheckTest, AStoppedDroneTakesNoCommand) {
   auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
+  add_stop(stopped, testing::stop_of("tello1"));
   check_.set_control(stopped);
   expect_refused(command(good_plan()), Refusal::stopped);
 }
 
 TEST_F(CommandCheckTest, AStoppedDroneMayStillBeLandedByItsHolder) {
   auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
+  add_stop(stopped, testing::stop_of("tello1"));
   check_.set_control(stopped);
   auto land = good_plan();
   land.set_action(LAND);
@@ -410,9 +478,7 @@ TEST_F(CommandCheckTest, AnInvalidControlEventChangesNothing) {
 
 TEST_F(CommandCheckTest, AStopGivesAStopPlanAtOnceThatIsNewerThanAllBefore) {
   (void)give({command(good_plan(7))});
-  auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
-  const auto checked = give({control_event("stop", stopped), command(good_plan(8))});
+  const auto checked = give({stop_event(), command(good_plan(8))});
   ASSERT_EQ(checked.plans.size(), 1U);
   EXPECT_EQ(checked.plans[0].action, PlanAction::stop);
   EXPECT_EQ(checked.plans[0].drone, 1);
@@ -420,22 +486,21 @@ TEST_F(CommandCheckTest, AStopGivesAStopPlanAtOnceThatIsNewerThanAllBefore) {
   EXPECT_EQ(checked.refused.at(0).why, Refusal::stopped);
 }
 
-TEST_F(CommandCheckTest, AStopThatNamesNobodyIsARecordThatStopsNothing) {
-  const auto checked = give({control_event("stop", control("tello1", epoch))});
-  EXPECT_TRUE(checked.plans.empty());
+TEST_F(CommandCheckTest, AStopThatNamesNoDroneOfOursStopsNothing) {
+  Tx tx = stop_event();
+  Stops event;
+  *event.add_stops() = testing::stop_of("tello9");
+  tx.event_payload = event.SerializeAsString();
+  EXPECT_TRUE(give({tx}).plans.empty());
+  EXPECT_EQ(give({command(good_plan())}).plans.size(), 1U);
 }
 
 TEST_F(CommandCheckTest, AStopByNameWithMotorsOffGivesACut) {
-  auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
-  stopped.set_cut(true);
-  EXPECT_EQ(give({control_event("stop", stopped)}).plans.at(0).action, PlanAction::cut);
+  EXPECT_EQ(give({stop_event(true)}).plans.at(0).action, PlanAction::cut);
 }
 
 TEST_F(CommandCheckTest, AfterResumeCommandsAreTakenAgain) {
-  auto stopped = control("tello1", epoch);
-  *stopped.mutable_stopped_by() = stopped.holder();
-  (void)give({control_event("stop", stopped)});
+  (void)give({stop_event()});
   const auto checked = give({control_event("resume", control("tello1", epoch)), command(good_plan(1))});
   ASSERT_EQ(checked.plans.size(), 1U);
   EXPECT_EQ(checked.plans[0].action, PlanAction::fly);

@@ -1,6 +1,7 @@
 #include "tests/unit/agent/ledger_of_tests.hpp"
 
 #include "common/common.pb.h"
+#include "peer/chaincode.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
@@ -10,6 +11,9 @@ namespace ledgerline::agent::testing {
 namespace {
 
 std::string text(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
+
+/// The call that an honest contract answers with this event: the same message, or for control events the drones in it.
+fabric::Call honest_call(const LedgerOfTests::Tx& tx) { return {tx.event_name, {tx.event_payload}}; }
 
 void spoil(std::string& signature) { signature.back() = static_cast<char>(signature.back() ^ 1); }
 
@@ -33,7 +37,12 @@ fabric::Transaction LedgerOfTests::transaction(const Tx& tx) {
   payload.mutable_header()->set_signature_header(signature_header.SerializeAsString());
 
   protos::ChaincodeProposalPayload proposal;
-  proposal.set_input("the call");
+  const fabric::Call asked = tx.asked.value_or(honest_call(tx));
+  protos::ChaincodeInvocationSpec invocation;
+  protos::ChaincodeInput& input = *invocation.mutable_chaincode_spec()->mutable_input();
+  input.add_args(asked.function);
+  for (const std::string& arg : asked.args) input.add_args(arg);
+  proposal.set_input(invocation.SerializeAsString());
   protos::ChaincodeEvent event;
   event.set_chaincode_id(tx.contract);
   event.set_tx_id(tx_id);
@@ -68,6 +77,8 @@ fabric::Transaction LedgerOfTests::transaction(const Tx& tx) {
   out.contract = tx.contract;
   out.code = tx.code;
   out.creator = creator.serialized;
+  out.function = asked.function;
+  out.args = asked.args;
   out.event_name = tx.event_name;
   out.event_payload = tx.event_payload;
   out.payload = payload.SerializeAsString();
@@ -97,6 +108,14 @@ Identity to_message(const crypto::IdentityName& name) {
   identity.set_msp_id(name.msp_id);
   identity.set_subject(name.subject);
   return identity;
+}
+
+Stop stop_of(const std::string& drone, bool cut) {
+  Stop stop;
+  stop.set_drone(drone);
+  *stop.mutable_stopper() = to_message(LedgerOfTests::operator_name());
+  stop.set_cut(cut);
+  return stop;
 }
 
 Control control(const std::string& drone, std::uint64_t epoch) {

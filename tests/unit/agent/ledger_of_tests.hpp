@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,7 @@ class LedgerOfTests {
     crypto::IdentityName endorser = peer_name();
     std::string event_name = "command";
     std::string event_payload;
+    std::optional<fabric::Call> asked{};  ///< what the creator signed; none: what an honest peer made this event of
     std::string channel = "teleop";
     std::string contract = "ledgerline";
     int code = 0;
@@ -45,6 +47,8 @@ class LedgerOfTests {
 };
 
 Control control(const std::string& drone, std::uint64_t epoch);
+/// A stop by operator_name().
+Stop stop_of(const std::string& drone, bool cut = false);
 Identity to_message(const crypto::IdentityName& name);
 
 }  // namespace ledgerline::agent::testing

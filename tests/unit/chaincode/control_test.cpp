@@ -68,7 +68,7 @@ TEST_F(ControlTest, EnrollingTellsWhoAndWhat) {
 }
 
 TEST_F(ControlTest, NamesOfOrganisationsAndReservedWordsAreNoDrones) {
-  for (const char* name : {"Org2MSP", "control", "asset", "frame", "lease", "host", "a/b", ""}) {
+  for (const char* name : {"Org2MSP", "control", "asset", "frame", "lease", "host", "stop", "owner", "a/b", ""}) {
     EXPECT_NE(enroll(admin1, host, {name}, ROLE_NONE).status, 200) << name;
   }
 }
@@ -146,6 +146,7 @@ TEST_F(ControlTest, WhoeverTakesOrStopsADroneWritesWhatTheHoldersCommandsRead) {
   EXPECT_THAT(command(pilot, {one, two}).message, StartsWith("tello2: the lease is held by Org2MSP CN=rival"));
   EXPECT_EQ(command(pilot, {one}).status, 200);
   stub.call(guard, "stop", {"tello1"});
+  stub.call(host, "fold", {"tello1"});
   EXPECT_TRUE(stub.writes.contains(read));
   EXPECT_THAT(command(pilot, {one}).message, StartsWith("tello1: stopped by Org1MSP CN=guard"));
   stub.call(guard, "resume", {"tello1"});
@@ -227,62 +228,6 @@ TEST_F(ControlTest, PlansHaveLimitsAndFiniteValues) {
     wrong.mutable_setpoints(1)->set_yaw_rate(bad);
     EXPECT_THAT(command(pilot, {wrong}).message, HasSubstr("not finite"));
   }
-}
-
-TEST_F(ControlTest, AStoppedDroneTakesOnlyLanding) {
-  acquire(pilot, {"tello1"});
-  EXPECT_EQ(stub.call(pilot, "stop", {"tello1"}).status, 200);
-  EXPECT_THAT(command(pilot, {plan("tello1")}).message, HasSubstr("stopped by Org2MSP CN=pilot"));
-  DronePlan land = plan("tello1", 0);
-  land.set_action(LAND);
-  EXPECT_EQ(command(pilot, {land}).status, 200);
-  EXPECT_EQ(stub.call(pilot, "resume", {"tello1"}).status, 200);
-  EXPECT_EQ(command(pilot, {plan("tello1")}).status, 200);
-}
-
-TEST_F(ControlTest, OperatorsStopDronesOfTheirOrganisationOrLeaseAndSupervisorsAll) {
-  EXPECT_THAT(stub.call(pilot, "stop", {"tello1"}).message, StartsWith("tello1: Org2MSP CN=pilot may not stop it"));
-  EXPECT_EQ(stub.call(guard, "stop", {"tello1"}).status, 200);
-  acquire(pilot, {"tello2"});
-  EXPECT_EQ(stub.call(pilot, "stop", {"tello2"}).status, 200);
-  EXPECT_NE(stub.call(host, "stop", {"tello2"}).status, 200) << "no role, no stop";
-
-  const crypto::IdentityName far_chief{"Org3MSP", "CN=far"};
-  enroll({"Org3MSP", "CN=Admin@org3"}, far_chief, {}, SUPERVISOR);
-  enroll(admin1, host, {"tello3"}, ROLE_NONE);
-  EXPECT_EQ(stub.call(far_chief, "stop", {"tello3"}).status, 200);
-}
-
-TEST_F(ControlTest, CutIsOnlyWhatWasAskedForByName) {
-  stub.call(guard, "stop", {"tello1"});
-  EXPECT_FALSE(control("tello1").cut());
-  stub.call(guard, "stop", {"tello1", "cut=true"});
-  EXPECT_TRUE(control("tello1").cut());
-  stub.call(guard, "stop", {"tello1"});
-  EXPECT_TRUE(control("tello1").cut()) << "a later, weaker stop takes nothing back";
-}
-
-TEST_F(ControlTest, TheStopperOrASupervisorOfTheDronesOrganisationResumes) {
-  acquire(pilot, {"tello1"});
-  stub.call(guard, "stop", {"tello1"});
-  EXPECT_THAT(stub.call(pilot, "resume", {"tello1"}).message, StartsWith("tello1: stopped by Org1MSP CN=guard"));
-  EXPECT_EQ(stub.call(chief, "resume", {"tello1"}).status, 200);
-  EXPECT_THAT(stub.call(chief, "resume", {"tello1"}).message, StartsWith("tello1: not stopped"));
-}
-
-TEST_F(ControlTest, ASupervisorsStopTakesThePlaceOfAnOperators) {
-  stub.call(guard, "stop", {"tello1"});
-  stub.call(chief, "stop", {"tello1"});
-  EXPECT_NE(stub.call(guard, "resume", {"tello1"}).status, 200);
-  EXPECT_EQ(stub.call(chief, "resume", {"tello1"}).status, 200);
-}
-
-TEST_F(ControlTest, AStopKeepsTheLease) {
-  acquire(pilot, {"tello1"});
-  const auto epoch = control("tello1").epoch();
-  stub.call(pilot, "stop", {"tello1"});
-  EXPECT_EQ(control("tello1").holder().subject(), "CN=pilot");
-  EXPECT_EQ(control("tello1").epoch(), epoch);
 }
 
 }  // namespace

@@ -26,6 +26,7 @@ class FakeStub final : public Stub {
   }
   Result<std::vector<KeyValue>> get_range(const std::string& start, const std::string& end,
                                           std::size_t limit) override {
+    ranges.push_back(start);
     std::vector<KeyValue> found;
     for (auto it = state.lower_bound(start); it != state.end() && it->first < end && found.size() < limit; ++it) {
       found.push_back({it->first, it->second});
@@ -49,6 +50,7 @@ class FakeStub final : public Stub {
   Response call(const crypto::IdentityName& by, const std::string& function, const std::vector<std::string>& args) {
     who = by;
     reads.clear();
+    ranges.clear();
     writes.clear();
     event_name.clear();
     event_payload.clear();
@@ -68,7 +70,7 @@ class FakeStub final : public Stub {
 
   std::map<std::string, std::string> state, writes;
   std::map<std::string, std::vector<KeyVersion>> history;
-  std::vector<std::string> reads;
+  std::vector<std::string> reads, ranges;  ///< keys, and where ranges begin
   std::string event_name, event_payload;
   TimeNs transactions = 0;
   std::size_t looked = 0;  ///< old versions that were handed out

@@ -86,6 +86,24 @@ std::string make_transaction(const crypto::SigningIdentity& client, const crypto
   return sign_envelope(client, envelope.SerializeAsString()).value();
 }
 
+std::string with_foreign_event(const std::string& bytes) {
+  auto envelope = parsed<common::Envelope>(bytes);
+  auto payload = parsed<common::Payload>(envelope.payload());
+  auto transaction = parsed<protos::Transaction>(payload.data());
+  auto action = parsed<protos::ChaincodeActionPayload>(transaction.actions(0).payload());
+  auto response = parsed<protos::ProposalResponsePayload>(action.action().proposal_response_payload());
+  auto result = parsed<protos::ChaincodeAction>(response.extension());
+  auto event = parsed<protos::ChaincodeEvent>(result.events());
+  event.set_tx_id("another");
+  result.set_events(event.SerializeAsString());
+  response.set_extension(result.SerializeAsString());
+  action.mutable_action()->set_proposal_response_payload(response.SerializeAsString());
+  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
+  payload.set_data(transaction.SerializeAsString());
+  envelope.set_payload(payload.SerializeAsString());
+  return envelope.SerializeAsString();
+}
+
 void seal(common::Block& block, const common::Block* previous) {
   std::string entries;
   for (const std::string& entry : block.data().data()) entries += entry;

@@ -21,6 +21,10 @@ std::string tx_id_of(const common::Envelope& envelope);
 std::string make_transaction(const crypto::SigningIdentity& client, const crypto::SigningIdentity& peer,
                              const Call& call, const std::string& nonce);
 
+/// The same envelope with a result whose event names another transaction: one peer's key is enough for it, and Fabric
+/// flags it valid. Nothing is signed anew.
+std::string with_foreign_event(const std::string& envelope);
+
 /// Follows `previous` (nullptr: block 0); `flags` one byte per envelope, empty for a block as the orderer has it.
 common::Block make_block(const common::Block* previous, const std::vector<std::string>& envelopes,
                          const std::string& flags);

@@ -395,6 +395,12 @@ std::vector<Block> FakeGateway::chain() const {
   return out;
 }
 
+void FakeGateway::add_foreign_event() {
+  const Call call{"set", {"event"}};
+  const std::string honest = make_transaction(state_->peer, state_->peer, call, crypto::random_bytes(24));
+  state_->order({with_foreign_event(honest)}, {call});
+}
+
 int FakeGateway::endorse_calls() const {
   const std::lock_guard lock(state_->mutex);
   return state_->endorse_calls;

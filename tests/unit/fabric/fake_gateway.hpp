@@ -51,6 +51,8 @@ class FakeGateway {
   void add_block(const std::string& function, const std::string& event);
   /// Adds a block with many.
   void add_block(const std::vector<Call>& calls);
+  /// Adds a block of one transaction that is flagged valid although its event names another one.
+  void add_foreign_event();
 
   std::vector<Block> chain() const;
   int endorse_calls() const;

@@ -121,6 +121,30 @@ TEST(BlockStream, CutBehindEveryBlockItHasNeitherGapNorDoublet) {
   EXPECT_GE(gateway.deliver_calls(), 5);
 }
 
+TEST(BlockStream, ATransactionThatCannotBeBelievedIsLeftOutAloneAndToldOnce) {
+  FakeGateway gateway;
+  gateway.add_foreign_event();
+  gateway.add_foreign_event();
+  for (int i = 0; i < 10; ++i) gateway.add_block("set", std::to_string(i));
+  Logs logs;
+  Log<std::string> words;
+  auto handlers = logs.handlers();
+  handlers.on_unbelievable = [&](const std::string& what) { words.add(what); };
+  const auto client = client_of(gateway);
+  const auto stream = client->blocks(0, std::move(handlers));
+  const auto blocks = logs.blocks.await(13);
+  expect_numbers(blocks, 0);
+  EXPECT_EQ(logs.connection.now(), (std::vector<std::pair<bool, std::string>>{{true, ""}}));
+  for (const std::size_t left_out : {1U, 2U}) {
+    EXPECT_EQ(blocks[left_out].transactions[0].code, code_unbelievable);
+    EXPECT_EQ(blocks[left_out].transactions[0].event_name, "");
+  }
+  for (std::size_t i = 3; i < 13; ++i) EXPECT_EQ(blocks[i].transactions[0].event_payload, std::to_string(i - 3));
+  ASSERT_EQ(words.now().size(), 1U);  // the second within a minute is counted only
+  EXPECT_EQ(words.now()[0].find("block 1: transaction "), 0U);
+  EXPECT_NE(words.now()[0].find("its event names another transaction"), std::string::npos);
+}
+
 TEST(BlockStream, FromTheNextNewOneOnLeavesOutWhatIsThere) {
   for (const bool with_cut : {false, true}) {
     // With a cut the connection is lost behind the newest block, before the first new one: none may be missed.

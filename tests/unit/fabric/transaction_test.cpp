@@ -79,7 +79,7 @@ class PreparedTransaction : public testing::Test {
     return prepared ? "accepted" : prepared.error().what;
   }
   common::Envelope endorsed(const Proposal& proposal) const {
-    return endorse(proposal.signed_proposal, peer, "answer", "set", "event");
+    return endorse(proposal.signed_proposal, peer, "answer", "set", "a");
   }
 
   Proposal proposal_ = make_proposal(client, {}, {"set", {"a"}}, 5, nonce).value();
@@ -107,6 +107,28 @@ TEST_F(PreparedTransaction, AnotherCallIsRefused) {
   outer.set_proposal_bytes(inner.SerializeAsString());
   EXPECT_NE(refusal(endorse(outer.SerializeAsString(), peer, "", "", "")).find("not the one that was asked for"),
             std::string::npos);
+}
+
+TEST_F(PreparedTransaction, AnEventThatTheCallerDoesNotExpectIsNotSigned) {
+  const EventCheck is_the_call = [](std::string_view name, std::string_view payload) -> Status {
+    if (name == "set" && payload == "a") return done;
+    return Error{"its event is not the call"};
+  };
+  EXPECT_TRUE(check_prepared(proposal_, endorsed(proposal_).SerializeAsString(), is_the_call));
+  for (const auto& [name, payload] : {std::pair("set", "b"), std::pair("command", "a"), std::pair("", "")}) {
+    const auto envelope = endorse(proposal_.signed_proposal, peer, "answer", name, payload).SerializeAsString();
+    EXPECT_TRUE(check_prepared(proposal_, envelope));  // a contract that nobody knows may emit what it likes
+    const auto refused = check_prepared(proposal_, envelope, is_the_call);
+    ASSERT_FALSE(refused) << name;
+    EXPECT_EQ(refused.error().what,
+              "the peer's result is not what was asked for: its event is not the call; it was not signed");
+  }
+}
+
+TEST_F(PreparedTransaction, AnEventOfAnotherTransactionIsNeverSigned) {
+  const auto refused = check_prepared(proposal_, with_foreign_event(endorsed(proposal_).SerializeAsString()));
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().what.find("names another transaction or contract"), std::string::npos);
 }
 
 TEST_F(PreparedTransaction, AnotherHeaderIsRefused) {

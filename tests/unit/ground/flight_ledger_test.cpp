@@ -249,21 +249,19 @@ TEST_F(FlightByHand, AStartUnderARunningLeaseGoesOnBehindWhatWasFlown) {
 TEST_F(FlightByHand, AStopEndsTheFlightOfThatDroneAndItIsCommandedNoMore) {
   const auto first = states({1, 2});
   (void)outcome(first.submissions[0].id, Kind::committed);
-  Controls controls;
-  Control stopped = control_record("tello1", operator_name);
-  stopped.mutable_stopped_by()->set_subject("CN=Supervisor");
-  *controls.add_controls() = stopped;
-  (void)block(event("stop", controls.SerializeAsString()));
+  Stops stops;
+  *stops.add_stops() = stop_of("tello1", {"Org1MSP", "CN=Supervisor"});
+  (void)block(event("stop", stops.SerializeAsString()));
   EXPECT_EQ(core.status(0).phase, DronePhase::landing);
-  EXPECT_THAT(core.why(), HasSubstr("tello1: stopped by CN=Supervisor"));
+  EXPECT_THAT(core.why(), HasSubstr("tello1: stopped by Org1MSP CN=Supervisor"));
   EXPECT_THAT(drones_in(call_of(states({1, 2}))), testing::ElementsAre("tello2"));
 }
 
 TEST_F(FlightByHand, AStopAsJsonCountsToo) {
   const auto first = states({1});
   (void)outcome(first.submissions[0].id, Kind::committed);
-  (void)block(event("stop", R"({"controls":[{"drone":"tello1","epoch":"1","stoppedBy":{"subject":"CN=Somebody"}}]})"));
-  EXPECT_THAT(core.why(), HasSubstr("stopped by CN=Somebody"));
+  (void)block(event("stop", R"({"stops":[{"drone":"tello1","stopper":{"mspId":"Org3MSP","subject":"CN=Somebody"}}]})"));
+  EXPECT_THAT(core.why(), HasSubstr("stopped by Org3MSP CN=Somebody"));
 }
 
 TEST_F(FlightByHand, ALostLeaseIsAFailure) {

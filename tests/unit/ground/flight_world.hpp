@@ -14,6 +14,15 @@ inline const crypto::IdentityName host_name{"Org1MSP", "CN=User1@org1"};
 inline const crypto::IdentityName operator_name{"Org2MSP", "CN=User1@org2"};
 inline const crypto::IdentityName stranger_name{"Org3MSP", "CN=User1@org3"};
 
+inline Stop stop_of(const std::string& drone, const crypto::IdentityName& stopper, bool cut = false) {
+  Stop stop;
+  stop.set_drone(drone);
+  stop.mutable_stopper()->set_msp_id(stopper.msp_id);
+  stop.mutable_stopper()->set_subject(stopper.subject);
+  stop.set_cut(cut);
+  return stop;
+}
+
 inline Control control_record(const std::string& drone, const crypto::IdentityName& holder, std::uint64_t epoch = 1) {
   Control control;
   control.set_drone(drone);
@@ -170,15 +179,14 @@ class FlightWorld {
     outcome.message = "as the test wants it";
     outcomes_.push_back({now_ns + one_way_ns + ns_per_ms, submission.id, outcome});
     if (end_of_stops != fabric::Outcome::Kind::committed) return;
-    Controls controls;
+    Stops event_of_stop;
     for (const std::string& name : stops.back().drones()) {
-      *controls.add_controls() = control_record(name, operator_name);
-      controls.mutable_controls()->rbegin()->mutable_stopped_by()->set_subject(operator_name.subject);
+      *event_of_stop.add_stops() = stop_of(name, operator_name, stops.back().cut());
       for (Drone& drone : drones) {
         if (drone.name == name && in_flight(drone.phase)) enter(drone, FlightPhase::landing);
       }
     }
-    put_block(event("stop", controls.SerializeAsString()));
+    put_block(event("stop", event_of_stop.SerializeAsString()));
   }
 
   void send_frame() {

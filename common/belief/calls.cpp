@@ -1,0 +1,116 @@
+#include "common/belief/calls.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "common/msg/form.hpp"
+
+namespace ledgerline::belief {
+namespace {
+
+bool read(std::string_view bytes, CommandCall& call) { return parse_message(bytes, call).ok(); }
+
+bool read(std::string_view bytes, DeleteCall& call) { return parse_message(bytes, call).ok(); }
+
+/// In JSON one asset stands for a call of one.
+bool read(std::string_view bytes, SetCall& call) {
+  if (is_json(bytes)) {
+    Asset single;
+    if (parse_message(bytes, single)) {
+      call.Clear();
+      *call.add_assets() = std::move(single);
+      return true;
+    }
+  }
+  return parse_message(bytes, call).ok();
+}
+
+void complete(CommandCall&) {}
+void complete(DeleteCall&) {}
+
+/// The contract writes down the topic that a call may leave out.
+void complete(SetCall& call) {
+  for (Asset& asset : *call.mutable_assets()) {
+    if (asset.topic().empty()) asset.set_topic("/" + asset.id());
+  }
+}
+
+/// No message of ours has a map, so equal messages have equal bytes.
+template <typename Message>
+bool equal(const Message& a, const Message& b) {
+  return a.ByteSizeLong() == b.ByteSizeLong() && a.SerializeAsString() == b.SerializeAsString();
+}
+
+template <typename Message>
+Match match(std::string_view asked_bytes, std::string_view event_payload, Message& asked) {
+  if (!read(asked_bytes, asked)) {
+    asked.Clear();
+    return asked_bytes == event_payload ? Match::malformed : Match::altered;
+  }
+  if (asked_bytes == event_payload) return Match::same;
+  Message told;
+  if (!read(event_payload, told)) return Match::altered;
+  complete(asked);
+  complete(told);
+  return equal(asked, told) ? Match::same : Match::altered;
+}
+
+template <typename Message>
+Match match(const AskedCall& call, std::string_view function, std::string_view event_payload, Message& asked) {
+  asked.Clear();
+  if (call.function != function || call.args.size() != 1) return Match::altered;
+  return match(call.args[0], event_payload, asked);
+}
+
+Match match_delete(const AskedCall& call, std::string_view event_payload) {
+  DeleteCall asked;
+  if (call.args.size() != 1) return Match::altered;
+  const std::string& arg = call.args[0];
+  if (match(arg, event_payload, asked) == Match::same) return Match::same;
+  DeleteCall told;  // a plain id
+  return read(event_payload, told) && told.id() == arg ? Match::same : Match::altered;
+}
+
+template <std::size_t n>
+bool one_of(std::string_view word, const std::array<std::string_view, n>& words) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+constexpr std::array<std::string_view, 2> questions{"get", "history"};
+constexpr std::array<std::string_view, 6> control_functions{"enroll", "acquire", "release", "stop", "resume", "fold"};
+
+}  // namespace
+
+Match match_command(const AskedCall& call, std::string_view event_payload, CommandCall& asked) {
+  return match(call, "command", event_payload, asked);
+}
+
+Match match_set(const AskedCall& call, std::string_view event_payload, SetCall& asked) {
+  return match(call, "set", event_payload, asked);
+}
+
+Status check_event(const AskedCall& call, std::string_view event_name, std::string_view event_payload) {
+  const Error another{"its event is not the call"};
+  if (one_of(call.function, questions)) {
+    return event_name.empty() ? Status(done) : Error{"a question has no event"};
+  }
+  const bool is_call = call.function == "command" || call.function == "set" || call.function == "delete";
+  if (!is_call && !one_of(call.function, control_functions)) return done;
+  if (event_name != call.function) return another;
+  if (!is_call) return done;
+  Match match = Match::altered;
+  if (call.function == "command") {
+    CommandCall asked;
+    match = match_command(call, event_payload, asked);
+  } else if (call.function == "set") {
+    // Every state of a drone host comes by here: equal bytes need no reading.
+    if (call.args.size() == 1 && call.args[0] == event_payload) return done;
+    SetCall asked;
+    match = match_set(call, event_payload, asked);
+  } else {
+    match = match_delete(call, event_payload);
+  }
+  return match == Match::same ? Status(done) : another;
+}
+
+}  // namespace ledgerline::belief

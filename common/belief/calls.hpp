@@ -1,0 +1,37 @@
+#pragma once
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/rt/result.hpp"
+#include "ledgerline.pb.h"
+
+/// What may be believed of a transaction of the contract without believing the peer that ran it. A peer signs results;
+/// only the creator signs what was asked for. So what is done in a creator's name must be what that creator asked for,
+/// and an event is no more than the peer's copy of it. Pure; no thread of its own.
+namespace ledgerline::belief {
+
+/// What a creator asked for: of a transaction that came (whoever reads it checks the creator's signature), or of one
+/// that is about to be signed.
+struct AskedCall {
+  std::string_view function;
+  const std::vector<std::string>& args;
+};
+
+enum class Match {
+  same,       ///< the event is the call
+  altered,    ///< the event says something else than the call, or the call is of another function
+  malformed,  ///< the event is the call, but that is no message of its function
+};
+
+/// Compares a call of `command` or `set` with the event of that name: byte for byte, or, where JSON or another order of
+/// fields makes bytes differ, as the messages that they are. `asked` is the call as it was signed: what is flown or
+/// shown comes from there. It is empty unless the call was of that function.
+Match match_command(const AskedCall& call, std::string_view event_payload, CommandCall& asked);
+Match match_set(const AskedCall& call, std::string_view event_payload, SetCall& asked);
+
+/// For clients, before they sign: why a result with this event (no name: none) cannot be the contract's of this call.
+/// Functions that the contract does not have are not judged.
+Status check_event(const AskedCall& call, std::string_view event_name, std::string_view event_payload);
+
+}  // namespace ledgerline::belief
