@@ -78,6 +78,7 @@ VirtualWorld::VirtualWorld(const WorldConfig& config)
       ledger_(node_config(config), {}, config.seed),
       host_(ledger_, drone_host, config.seed + 1),
       operator_(ledger_, operator_name, config.seed + 2),
+      stoppers_(ledger_, operator_, config.seed + 3),
       sim_(sim_parameters(config), 0),
       wires_(std::make_unique<Wires>()),
       digester_(std::make_unique<Digester>()),
@@ -99,6 +100,9 @@ Result<std::unique_ptr<VirtualWorld>> VirtualWorld::create(const WorldConfig& co
 
 Status VirtualWorld::set_up() {
   if (auto s = prepare(ledger_, config_.drones); !s) return s;
+  if (config_.supervisors) {
+    if (auto s = enroll_supervisors(ledger_); !s) return s;
+  }
   host_.forget();  // what came before the processes
   operator_.forget();
   start_link();
@@ -129,7 +133,7 @@ Status VirtualWorld::start_agent() {
     if (!record) return record.error();
     Control control;
     if (!control.ParseFromString(*record)) return Error{drone.name + ": malformed control record"};
-    agent_->set_control(control);
+    agent_->set_control(now_, control);
   }
   return done;
 }
@@ -188,6 +192,8 @@ void VirtualWorld::kill(Process process) {
     case Process::ground:
       ground_.reset();
       operator_.forget();
+      ground_outcomes_.clear();
+      stoppers_.forgotten(now_);
       break;
   }
   note(WorldEvent::Kind::ended, 0, process == Process::agent ? "agent" : process == Process::link ? "link" : "ground");
@@ -226,14 +232,11 @@ void VirtualWorld::stop(Process process, bool stopped) {
 void VirtualWorld::restart_ledger() {
   ledger_.restart(now_);
   for (LedgerPort* port : {&host_, &operator_}) port->restart(now_);
+  stoppers_.restart(now_);
 }
 
-void VirtualWorld::stop_drone(std::size_t drone, bool cut) {
-  DronesCall call;
-  call.add_drones(drone_name(static_cast<int>(drone) + 1));
-  call.set_cut(cut);
-  // Of nobody that waits: ground knows no such call.
-  operator_.submit(now_, (std::uint64_t{1} << 62) + next_call_++, {"stop", {call.SerializeAsString()}});
+void VirtualWorld::say_stop(Stopper who, std::size_t drone, StopWord word) {
+  stoppers_.say(now_, who, drone_name(static_cast<int>(drone) + 1), word);
 }
 
 DroneLines& VirtualWorld::lines(std::size_t drone) { return wires_->drones[drone].lines; }
@@ -263,6 +266,10 @@ void VirtualWorld::step() {
   if (!ledger_stalled_) ledger_.step(now_);
   host_.step(now_);
   operator_.step(now_);
+  for (auto& ended : operator_.take_outcomes()) {
+    if (!stoppers_.take_outcome(now_, ended) && ground_) ground_outcomes_.push_back(std::move(ended));
+  }
+  stoppers_.step(now_);
   step_agent();
   step_ground();
   step_link();
@@ -373,11 +380,10 @@ void VirtualWorld::step_ground() {
   if (!ground_ || ground_stopped_) {
     if (!ground_) {
       (void)operator_.take_blocks();
-      (void)operator_.take_outcomes();
     }
     return;
   }
-  for (const auto& ended : operator_.take_outcomes()) {
+  for (const auto& ended : std::exchange(ground_outcomes_, {})) {
     ground::FlightInputs inputs;
     inputs.outcome = &ended.outcome;
     inputs.outcome_id = ended.id;
@@ -449,7 +455,9 @@ bool VirtualWorld::over() const { return quiet_since_ns_ != 0 && now_ - quiet_si
 std::vector<std::string> VirtualWorld::lost_acknowledged() {
   restart_ledger();
   std::vector<std::string> lost;
-  for (const LedgerPort* port : {&host_, &operator_}) {
+  std::vector<const LedgerPort*> ports{&host_, &operator_};
+  for (const auto& [who, port] : stoppers_.ports()) ports.push_back(port.get());
+  for (const LedgerPort* port : ports) {
     for (const std::string& tx_id : port->acknowledged()) {
       const auto known = ledger_.find(tx_id);
       if (!known || known->code != 0) lost.push_back("transaction " + tx_id);

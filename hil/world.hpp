@@ -9,6 +9,7 @@
 #include "ground/core/flight.hpp"
 #include "hil/drone_lines.hpp"
 #include "hil/ledger_port.hpp"
+#include "hil/stoppers.hpp"
 #include "hil/virtual_ledger.hpp"
 #include "hil/witness.hpp"
 #include "hil/world_setup.hpp"
@@ -73,8 +74,8 @@ class VirtualWorld {
   LedgerPort& port(Process process) { return process == Process::agent ? host_ : operator_; }
   void jump_clock(TimeNs by_ns) { clock_jump_ns_ += by_ns; }
   sim::Simulator& sim() { return sim_; }
-  /// The operator's stop of the contract.
-  void stop_drone(std::size_t drone, bool cut);
+  /// The contract's stop, and its end.
+  void say_stop(Stopper who, std::size_t drone, StopWord word);
   void note(WorldEvent::Kind kind, std::size_t drone, std::string text) {
     witness_.note(now_, kind, drone, std::move(text));
   }
@@ -99,6 +100,8 @@ class VirtualWorld {
   WorldConfig config_;
   VirtualLedger ledger_;
   LedgerPort host_, operator_;
+  Stoppers stoppers_;
+  std::vector<VirtualLedger::Ended> ground_outcomes_;  ///< a ground that stands still finds them later
   sim::Simulator sim_;
   std::optional<link::LinkCore> link_;
   std::optional<agent::AgentCore> agent_;
@@ -111,7 +114,6 @@ class VirtualWorld {
   std::uint64_t starts_ = 0, link_start_ = 0;
   bool ledger_stalled_ = false, agent_stopped_ = false, link_stopped_ = false, ground_stopped_ = false;
   bool agent_wanted_ = true, ground_wanted_ = true;  ///< to live: a start waits until the ledger is reached
-  std::uint64_t next_call_ = 1;
   agent::AgentOutputs agent_out_;
 };
 

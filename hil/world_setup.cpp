@@ -11,6 +11,8 @@ namespace ledgerline::hil {
 
 const crypto::IdentityName drone_host{"Org1MSP", "CN=User1@org1.ledgerline"};
 const crypto::IdentityName operator_name{"Org2MSP", "CN=User1@org2.ledgerline"};
+const crypto::IdentityName supervisor_name{"Org1MSP", "CN=User2@org1.ledgerline"};
+const crypto::IdentityName stranger_name{"Org3MSP", "CN=User1@org3.ledgerline"};
 
 std::string drone_name(int number) { return fmt::format("tello{}", number); }
 
@@ -98,6 +100,19 @@ Status prepare(VirtualLedger& ledger, int drones) {
   if (auto s = ledger.commit_now(0, admin1, {"enroll", {host.SerializeAsString()}}); !s) return s;
   if (auto s = ledger.commit_now(0, admin2, {"enroll", {role.SerializeAsString()}}); !s) return s;
   return ledger.commit_now(0, holder, {"acquire", {lease.SerializeAsString()}});
+}
+
+Status enroll_supervisors(VirtualLedger& ledger) {
+  for (const crypto::IdentityName& name : {supervisor_name, stranger_name}) {
+    const auto domain = name.subject.substr(name.subject.find('@'));
+    const auto admin = ledger.add_client({name.msp_id, "CN=Admin" + domain});
+    EnrollCall role;
+    role.mutable_identity()->set_msp_id(name.msp_id);
+    role.mutable_identity()->set_subject(name.subject);
+    role.set_role(SUPERVISOR);
+    if (auto s = ledger.commit_now(0, admin, {"enroll", {role.SerializeAsString()}}); !s) return s;
+  }
+  return done;
 }
 
 }  // namespace ledgerline::hil

@@ -25,10 +25,12 @@ struct WorldConfig {
   std::size_t batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   std::uint64_t seed = 1;
+  bool supervisors = false;  ///< enrolled besides the operator: for scripts in which they speak
 };
 
 // Who takes part.
 extern const crypto::IdentityName drone_host, operator_name;
+extern const crypto::IdentityName supervisor_name, stranger_name;  ///< of the drones' organisation, of another one
 std::string drone_name(int number);
 
 // What each part of such a world is told.
@@ -41,6 +43,8 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
 
 /// enroll and acquire, as the launcher does before take-off.
 Status prepare(VirtualLedger& ledger, int drones);
+/// Makes the two supervisors what they are.
+Status enroll_supervisors(VirtualLedger& ledger);
 /// The control record of a drone, by a call of the contract's `get`.
 Result<std::string> control_record(const std::string& drone,
                                    const std::function<Result<std::string>(const fabric::Call&)>& evaluate);

@@ -276,11 +276,18 @@ Status parse_other(Fault& fault, const Words& words, bool real) {
     fault.time_ns = back ? -*by : *by;
     return done;
   }
-  if (words[0] == "operator" && words.size() == 3 && (words[1] == "stop" || words[1] == "cut")) {
-    fault.what = What::stop_drone;
-    fault.drone = drone_of(words[2]);
-    fault.value = words[1] == "cut" ? 1 : 0;
-    return done;
+  for (const auto& [name, who] :
+       {std::pair("operator", Stopper::operating), std::pair("supervisor", Stopper::supervisor),
+        std::pair("stranger", Stopper::stranger)}) {
+    for (const auto& [said, word] :
+         {std::pair("stop", StopWord::stop), std::pair("cut", StopWord::cut), std::pair("resume", StopWord::resume)}) {
+      if (words.size() != 3 || words[0] != name || words[1] != said) continue;
+      fault.what = What::stop_drone;
+      fault.drone = drone_of(words[2]);
+      fault.stopper = who;
+      fault.stop_word = word;
+      return done;
+    }
   }
   if (words[0] == "operator" && words.size() >= 2 && words[1] == "errs") {
     const auto slip = words.size() == 3 ? slip_from(words[2]) : std::nullopt;
@@ -300,7 +307,8 @@ Status parse_other(Fault& fault, const Words& words, bool real) {
                                              part));
   }
   return allowed(fault.text,
-                 "must begin with drone, sensor, mocap, wind, ledger, agent, link, ground, clock or operator");
+                 "must begin with drone, sensor, mocap, wind, ledger, agent, link, ground, clock, operator, "
+                 "supervisor or stranger");
 }
 
 }  // namespace
@@ -376,7 +384,7 @@ Result<Trigger> parse_trigger(std::string_view text) {
 
 bool Fault::pushes() const {
   return what == What::kick || what == What::propeller || what == What::reboot || what == What::wind ||
-         (what == What::stop_drone && value > 0);
+         (what == What::stop_drone && stop_word == StopWord::cut);
 }
 
 bool Fault::deafens() const {

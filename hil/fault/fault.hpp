@@ -11,6 +11,7 @@
 #include "hil/drone_lines.hpp"
 #include "hil/facts.hpp"
 #include "hil/ledger_port.hpp"
+#include "hil/stoppers.hpp"
 
 namespace ledgerline::hil {
 
@@ -78,7 +79,9 @@ struct Fault {
   Slip slip = Slip::none;
   std::optional<Distribution> delay;
   std::array<double, 3> vector{};  ///< mocap_offset, kick, wind
-  double value = 0;  ///< battery, drain [0..1], mocap_noise [m], stop_drone (1: cut), burn (core), take_memory [bytes]
+  double value = 0;                ///< battery, drain [0..1], mocap_noise [m], burn (core), take_memory [bytes]
+  Stopper stopper{};               ///< stop_drone, as the next one
+  StopWord stop_word{};
   std::string part{};  ///< kill_part: of Fabric's network, "peer1"; leader_part: the orderer that leads
   TimeNs time_ns = 0;  ///< clock_jump, mocap_every
 

@@ -57,7 +57,9 @@ std::string reason_against(const Fault& fault, const RealLedger& ledger) {
                  ? "the launcher starts it again at once: `for` must be at most 1 s"
                  : "";
     case What::stop_drone:
-      return fault.value > 0 ? "ledgerline-control stops a drone, it does not cut its motors" : "";
+      if (fault.stopper != Stopper::operating)
+        return "nobody but the operator is enrolled there: virtual time alone has it";
+      return fault.stop_word == StopWord::cut ? "a real flight's motors are not cut: virtual time alone has it" : "";
     case What::fill_disk:
       return ledger.fabric ? "Fabric's parts end on a full disk: fly on the embedded node" : "";
     case What::kill_part:
@@ -231,7 +233,7 @@ RealActs acts_at_begin(const Fault& fault, const std::vector<Fault>& active, int
       acts.parts.emplace_back(fault.part, SIGKILL);
       break;
     case What::stop_drone:
-      acts.control = {"stop", fault.drone};
+      acts.control = {fault.stop_word == StopWord::resume ? "resume" : "stop", fault.drone};
       break;
     case What::burn:
       acts.burn_core = static_cast<int>(fault.value);

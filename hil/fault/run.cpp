@@ -61,6 +61,8 @@ bool RunResult::held() const {
 
 Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   WorldConfig config = script.flight;
+  config.supervisors = std::any_of(script.faults.begin(), script.faults.end(),
+                                   [](const Fault& fault) { return fault.stopper != Stopper::operating; });
   config.seed = seed;
   auto made = VirtualWorld::create(config);
   if (!made) return made.error();

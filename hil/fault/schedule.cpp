@@ -72,7 +72,7 @@ void FaultSchedule::begin(VirtualWorld& world, Item& item) {
         world.sim().kick(number, fault.vector);
         break;
       case What::stop_drone:
-        world.stop_drone(i, fault.value > 0);
+        world.say_stop(fault.stopper, i, fault.stop_word);
         break;
       default:
         break;

@@ -1,0 +1,89 @@
+"""A stop loses to nobody: on the embedded node and on Fabric itself."""
+import json
+import pathlib
+import subprocess
+import time
+
+from fabric import BIN
+from official import MVCC_READ_CONFLICT, PHANTOM_READ_CONFLICT, VALID, call
+
+STOPPERS = 10
+BLOCKS = 5
+TRIES = 20
+
+
+def guards(authority, node, admin) -> list[dict]:
+    """Operators of the drones' organisation, each with a certificate of its own."""
+    issued = [authority.issue(f"Guard{number}", authority.begin() + 1, time.time() + 3600) for number in range(STOPPERS)]
+    for number in range(STOPPERS):
+        who = {"mspId": "Org1MSP", "subject": f"CN=Guard{number}@org1.ledgerline,OU=client,O=org1.ledgerline"}
+        admin(1).submit("enroll", {"identity": who, "role": "OPERATOR"})
+    return issued
+
+
+def config(ledger, folder: pathlib.Path, name: str, msp_id: str, msp_dir: pathlib.Path) -> pathlib.Path:
+    endpoint, ca_file = ledger.peer(int(msp_id[3]))
+    path = folder / f"{name}.toml"
+    path.write_text(f'[ledger]\nendpoint = "{endpoint}"\ntls_ca = "{ca_file}"\nmsp_id = "{msp_id}"\nmsp_dir = "{msp_dir}"\n')
+    return path
+
+
+def msp_of(identity: dict, folder: pathlib.Path) -> pathlib.Path:
+    for part, what in (("signcerts", "certificate"), ("keystore", "key")):
+        (folder / part).mkdir(parents=True)
+        file = folder / part / ("cert.pem" if part == "signcerts" else "priv_sk")
+        file.touch(0o600)
+        file.write_text(identity[what])
+    return folder
+
+
+def test_ten_stops_are_on_the_ledger_within_five_blocks_whatever_a_holder_does_in_a_loop(
+        tmp_path, ledger, node, admin, authority, enroll, operator):
+    enroll("besieged")
+    enroll(organisation=2, user="User2", role="OPERATOR")
+    operator.submit("acquire", "besieged")
+    stoppers = [config(ledger, tmp_path, f"guard{number}", "Org1MSP", msp_of(one, tmp_path / f"msp{number}"))
+                for number, one in enumerate(guards(authority, node, admin))]
+    holder, rival = (config(ledger, tmp_path, user, "Org2MSP", ledger.msp_dir(2, user)) for user in ("User1", "User2"))
+    done = subprocess.run([BIN / "test_stops", "--stopper", *stoppers, "--holder", holder, "--rival", rival,
+                           "--drone", "besieged"], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    print(result)
+    assert len(result["stops"]) == STOPPERS
+    assert all(stop["on_ledger"] and stop["attempts"] == 1 for stop in result["stops"]), result
+    assert max(stop["blocks"] for stop in result["stops"]) <= BLOCKS, result
+
+
+def test_of_a_stop_and_a_change_in_one_block_the_stop_is_valid(ledger, node, admin, authority, enroll, operator):
+    enroll("contested")
+    supervisor = enroll(user="User2", role="SUPERVISOR")
+    operator.submit("acquire", "contested")
+    seen = 0
+    for _ in range(TRIES):
+        operator.submit("stop", "contested")
+        stop, resume = (client.send("submit", **call(fn, "contested"))
+                        for client, fn in ((supervisor, "stop"), (operator, "resume")))
+        stopped, resumed = supervisor.receive(stop), operator.receive(resume)
+        assert stopped["code"] == VALID
+        if resumed["code"] != VALID:
+            assert resumed["code"] in (MVCC_READ_CONFLICT, PHANTOM_READ_CONFLICT)
+            seen += 1
+            break
+        supervisor.submit("resume", "contested")
+    print(seen, "lost to the stop")
+    assert seen
+
+
+def test_each_lifts_its_own_stop_and_a_foreign_supervisor_no_other(enroll, operator):
+    host, supervisor = enroll("kept"), enroll(user="User2", role="SUPERVISOR")
+    stranger = enroll(organisation=3, user="User1", role="SUPERVISOR")
+    supervisor.submit("stop", "kept")
+    assert stranger.refusal("resume", "kept").startswith("kept: stopped by Org1MSP")
+    stranger.submit("stop", "kept")
+    stranger.submit("resume", "kept")
+    assert stranger.refusal("resume", "kept").startswith("kept: stopped by Org1MSP")
+    assert "may not cut it" in stranger.refusal("stop", "kept", "cut=true")
+    assert operator.refusal("stop", "kept").startswith("kept: Org2MSP")
+    host.submit("fold", "kept")
+    supervisor.submit("resume", "kept")
