@@ -4,6 +4,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "common/belief/client.hpp"
 #include "common/fabric/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/form.hpp"
@@ -68,7 +69,7 @@ Status call_contract(const Wish& wish) {
   if (!ledger) return ledger.error();
   auto call = make_call(wish);
   if (!call) return call.error();
-  auto client = fabric::Client::create(std::move(ledger).value());
+  auto client = fabric::Client::create(belief::with_event_check(std::move(ledger).value()));
   if (!client) return client.error();
   const fabric::Outcome outcome = (*client)->submit_and_wait(std::move(call).value());
   if (outcome.kind != fabric::Outcome::Kind::committed)
