@@ -138,7 +138,7 @@ class Flight {
       if (!record) return record.error();
       Control control;
       if (!control.ParseFromString(*record)) return Error{drone.name + ": malformed control record"};
-      agent_.set_control(control);
+      agent_.set_control(0, control);
       if (auto s = ground_.set_control(*record); !s) return s;
     }
     tracking_.resize(ground_.drones().size());

@@ -130,7 +130,7 @@ Status VirtualWorld::start_agent() {
     if (!record) return record.error();
     Control control;
     if (!control.ParseFromString(*record)) return Error{drone.name + ": malformed control record"};
-    agent_->set_control(control);
+    agent_->set_control(now_, control);
   }
   return done;
 }

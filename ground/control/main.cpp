@@ -3,10 +3,13 @@
 #include <CLI/CLI.hpp>
 #include <fstream>
 #include <iterator>
+#include <random>
+#include <thread>
 
 #include "common/belief/client.hpp"
 #include "common/fabric/client.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/repeat.hpp"
 #include "common/msg/form.hpp"
 #include "common/rt/log.hpp"
 #include "ledgerline.pb.h"
@@ -23,6 +26,7 @@ struct Wish {
   std::vector<std::string> drones;
   std::uint32_t priority = 0;
   bool cut = false;
+  double within_s = 30;
   std::string msp, certificate, role;
 };
 
@@ -53,6 +57,31 @@ Result<fabric::Call> make_call(const Wish& wish) {
   return fabric::Call{wish.function, {call.SerializeAsString()}};
 }
 
+/// A stop goes on until it is on the ledger, whatever comes between. The others go on over what another wrote first,
+/// and leave all else to who asked.
+fabric::RepeatLimits limits_of(const Wish& wish) {
+  if (wish.function == "stop") return {.within_ns = static_cast<TimeNs>(wish.within_s * 1e9)};
+  return {.attempts = 10, .conflicts_only = true};
+}
+
+fabric::Outcome submit(fabric::Client& client, const Wish& wish, const fabric::Call& call) {
+  const fabric::RepeatLimits limits = limits_of(wish);
+  fabric::Repeat repeat(limits, std::random_device{}(), monotonic_ns());
+  while (true) {
+    fabric::Outcome outcome = client.submit_and_wait(call);
+    const auto next = repeat.ended(monotonic_ns(), outcome);
+    if (next == fabric::Repeat::Next::given_up && repeat.attempts() > 1) {
+      outcome.message =
+          fmt::format("not on the ledger after {} attempts{}; the last: {}", repeat.attempts(),
+                      limits.conflicts_only ? "" : fmt::format(" in {:g} s", wish.within_s), outcome.message);
+    }
+    if (next != fabric::Repeat::Next::again) return outcome;
+    if (repeat.attempts() == 1)
+      spdlog::warn("{}: said again until it is on the ledger: {}", wish.function, outcome.message);
+    std::this_thread::sleep_for(std::chrono::nanoseconds(std::max<TimeNs>(0, repeat.at_ns() - monotonic_ns())));
+  }
+}
+
 template <typename Message>
 Status print_answer(const std::string& bytes) {
   Message answer;
@@ -71,7 +100,7 @@ Status call_contract(const Wish& wish) {
   if (!call) return call.error();
   auto client = fabric::Client::create(belief::with_event_check(std::move(ledger).value()));
   if (!client) return client.error();
-  const fabric::Outcome outcome = (*client)->submit_and_wait(std::move(call).value());
+  const fabric::Outcome outcome = submit(**client, wish, *call);
   if (outcome.kind != fabric::Outcome::Kind::committed)
     return Error{fmt::format("{}: {}", wish.function, outcome.message)};
   return wish.function == "stop" ? print_answer<Stops>(outcome.answer) : print_answer<Controls>(outcome.answer);
@@ -112,7 +141,12 @@ int main(int argc, char** argv) {
           ->check(CLI::ExistingFile);
     }
     if (std::string(name) == "acquire") verb->add_option("--priority", wish.priority, "a higher one pre-empts");
-    if (std::string(name) == "stop") verb->add_flag("--cut", wish.cut, "motors off instead of landing");
+    if (std::string(name) == "stop") {
+      verb->add_flag("--cut", wish.cut, "motors off instead of landing");
+      verb->add_option("--within", wish.within_s, "seconds for which it is said again until it is on the ledger")
+          ->check(CLI::Range(0.0, 3600.0))
+          ->capture_default_str();
+    }
     verb->callback([&wish, function = std::string(name)] { wish.function = function; });
   }
   try {

@@ -362,6 +362,8 @@ void FlightCore::make_plan(TimeNs now_ns, Drone& drone) {
 }
 
 bool FlightCore::done() const {
+  // A stop is the ledger's business beyond this flight.
+  if (std::any_of(drones_.begin(), drones_.end(), [](const auto& d) { return d->stop.has_value(); })) return false;
   if (config_.manual) {
     return ending_ && std::none_of(drones_.begin(), drones_.end(), [](const auto& d) {
              return d->in_air_phase() || d->status.phase == DronePhase::landing;

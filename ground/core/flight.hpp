@@ -177,8 +177,8 @@ class FlightCore {
 
   FlightOutputs step(TimeNs now_ns, const FlightInputs& inputs);
 
-  bool done() const;        ///< every drone landed or failed; manual: asked to end, and no drone is in the air
-  bool ok() const;          ///< every drone finished its path and landed; manual: nothing went wrong
+  bool done() const;  ///< every drone landed or failed; manual: asked to end, and no drone is in the air; no stop waits
+  bool ok() const;    ///< every drone finished its path and landed; manual: nothing went wrong
   std::string why() const;  ///< of all drones; empty while nothing went wrong
   const std::vector<FlightDrone>& drones() const { return config_.drones; }
   FlightStatus status(std::size_t drone) const;

@@ -1,13 +1,21 @@
 // FlightCore and a drone's pilot: what is wished, and what becomes of it.
 #include <fmt/format.h>
 
+#include <functional>
+
 #include "ground/core/flight_state.hpp"
 
 namespace ledgerline::ground {
 namespace {
 
-constexpr TimeNs stop_again_ns = 100 * ns_per_ms;
+/// A stop that did not reach the ledger by then is given up, aloud: drone and ground have landed it long since.
+constexpr TimeNs stop_within_ns = 30 * ns_per_s;
 constexpr TimeNs note_again_ns = 1 * ns_per_s;
+
+/// Of the pauses' jitter: pilots that stop at one time do not come back together.
+std::uint64_t seed_of(const crypto::IdentityName& self, std::size_t drone) {
+  return std::hash<std::string>{}(self.msp_id + self.subject) + drone;
+}
 
 }  // namespace
 
@@ -20,6 +28,8 @@ void FlightCore::take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& 
     drone.stop.emplace();
     drone.stop->add_drones(drone.who.name);
     drone.stop->set_cut(wish.cut);
+    drone.stop_repeat.emplace(fabric::RepeatLimits{.within_ns = stop_within_ns}, seed_of(config_.self, drone.index),
+                              now_ns);
     drone.stop_id = 0;  // what may be under way asks for less
     drone.next_stop_ns = now_ns;
   }
@@ -86,13 +96,17 @@ bool FlightCore::take_stop_outcome(TimeNs now_ns, const fabric::Outcome& outcome
   for (auto& drone : drones_) {
     if (drone->stop_id != id) continue;
     drone->stop_id = 0;
-    drone->next_stop_ns = now_ns + stop_again_ns;
-    if (outcome.kind == fabric::Outcome::Kind::committed) {
-      drone->stop.reset();
-    } else if (outcome.kind == fabric::Outcome::Kind::refused) {
-      drone->stop.reset();
-      refuse(now_ns, *drone, "no stop: " + outcome.message, out);
-    }
+    using Next = fabric::Repeat::Next;
+    const Next next = drone->stop_repeat->ended(now_ns, outcome);
+    drone->next_stop_ns = drone->stop_repeat->at_ns();
+    if (next == Next::again) return true;
+    drone->stop.reset();
+    if (next == Next::refused)
+      refuse(now_ns, *drone, fmt::format("no stop: {}", fabric::words_of_contract(outcome.message)), out);
+    if (next == Next::given_up)
+      refuse(now_ns, *drone,
+             fmt::format("no stop: not on the ledger within {:.0f} s: {}", to_seconds(stop_within_ns), outcome.message),
+             out);
     return true;
   }
   return false;

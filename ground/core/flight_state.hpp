@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/fabric/repeat.hpp"
 #include "common/msg/stops.hpp"
 #include "ground/core/flight.hpp"
 #include "ground/core/manual.hpp"
@@ -69,8 +70,9 @@ struct FlightCore::Drone {
 
   std::optional<PlannedCommand> pending;
 
-  std::optional<DronesCall> stop;  ///< to be submitted, or under way
-  std::uint64_t stop_id = 0;       ///< 0: not under way
+  std::optional<DronesCall> stop;             ///< to be submitted, or under way
+  std::optional<fabric::Repeat> stop_repeat;  ///< of that one
+  std::uint64_t stop_id = 0;                  ///< 0: not under way
   TimeNs next_stop_ns = 0;
   TimeNs next_note_ns = 0;
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/msg/stops.hpp"
+
 namespace ledgerline::agent {
 namespace {
 
@@ -32,6 +34,7 @@ AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
     : config_(std::move(config)),
       batcher_(config_.batch, config_.drones, config_.seed),
       transitions_(config_.batch, config_.drones, config_.seed + 1),
+      folds_(config_.batch, config_.drones, config_.seed + 2),
       check_(config_.check, config_.drones, registry) {
   for (std::size_t i = 0; i < config_.drones.size(); ++i) {
     drones_.push_back(Drone{.fusion = Fusion(config_.fusion), .newest = {}, .two_way = {}});
@@ -42,6 +45,15 @@ std::size_t AgentCore::index(DroneNumber drone) const {
   const auto it =
       std::find_if(config_.drones.begin(), config_.drones.end(), [&](const DroneName& d) { return d.number == drone; });
   return static_cast<std::size_t>(it - config_.drones.begin());
+}
+
+void AgentCore::set_control(TimeNs now, const Control& control) {
+  check_.set_control(control);
+  const auto drone = std::find_if(config_.drones.begin(), config_.drones.end(),
+                                  [&](const DroneName& d) { return d.name == control.drone(); });
+  // Whether it was folded before this agent's start the record does not say; a fold that changes nothing writes
+  // nothing.
+  if (drone != config_.drones.end() && is_stopped(control)) folds_.want(now, drone->number);
 }
 
 void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& out) {
@@ -85,7 +97,7 @@ void AgentCore::progress(TimeNs) {
 }
 
 void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
-  if (transitions_.finished(now, frame, outcome)) {
+  if (transitions_.finished(now, frame, outcome) || folds_.finished(now, frame, outcome)) {
     if (outcome.kind == fabric::Outcome::Kind::committed) progress(now);
     return;
   }
@@ -124,6 +136,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
     if (block.received_ns != 0)
       out.traces.push_back(
           record_of(TraceKind::command_in_block, block.received_ns, plan.drone, plan.sequence, plan.state_stamp_ns));
+    if (outranks_order(plan.action)) folds_.want(now, plan.drone);  // a stop or cut of the ledger's
     out.traces.push_back(record_of(TraceKind::command_taken, now, plan.drone, plan.sequence, plan.state_stamp_ns));
   }
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
@@ -185,6 +198,13 @@ void AgentCore::submit_transitions(TimeNs now, AgentOutputs& out) {
   }
 }
 
+void AgentCore::submit_folds(TimeNs now, AgentOutputs& out) {
+  while (const auto sending = folds_.next(now)) {
+    if (!unanswered_since_ns_) unanswered_since_ns_ = now;
+    out.submits.push_back({sending->number, encode_fold(*sending), true});
+  }
+}
+
 // A beat without a pose says that the pose is lost. An agent that was started again in mid-flight has not lost it, only
 // not yet heard it.
 bool AgentCore::may_beat(TimeNs now) {
@@ -195,6 +215,7 @@ bool AgentCore::may_beat(TimeNs now) {
 
 void AgentCore::step(TimeNs now, AgentOutputs& out) {
   hand_over_plans(now, out);
+  submit_folds(now, out);
   submit_transitions(now, out);
   if (submitting_) submit_frame(now, out);
   if (now >= next_beat_ns_ && may_beat(now)) {

@@ -9,6 +9,7 @@
 #include "common/rt/trace.hpp"
 #include "onboard/agent/batcher.hpp"
 #include "onboard/agent/command_check.hpp"
+#include "onboard/agent/fold_sender.hpp"
 #include "onboard/agent/fusion.hpp"
 #include "onboard/agent/transition_sender.hpp"
 
@@ -30,7 +31,7 @@ struct AgentOutputs {
   struct Submit {
     std::uint64_t frame = 0;  ///< give it back to on_outcome()
     fabric::Call call;
-    bool urgent = false;  ///< transitions: must not wait behind states
+    bool urgent = false;  ///< transitions and folds: must not wait behind states
   };
   std::vector<Submit> submits;
   std::vector<Plan> plans;  ///< to link
@@ -63,7 +64,7 @@ class AgentCore {
   /// Real time minus the monotonic clock: for ROS headers and certificates alone.
   void set_real_offset(TimeNs offset_ns) { real_offset_ns_ = offset_ns; }
   /// Control records as read from the ledger (`get control/<drone>`), before the first block is given.
-  void set_control(const Control& control) { check_.set_control(control); }
+  void set_control(TimeNs now, const Control& control);
 
   void on_state(TimeNs now, const StateSample& sample, AgentOutputs& out);
   void on_transition(const Transition& transition) { transitions_.add(transition); }
@@ -73,10 +74,10 @@ class AgentCore {
   void on_connection(TimeNs now, bool connected);  ///< of the block stream
   void step(TimeNs now, AgentOutputs& out);
 
-  /// From now on step() makes no frame of states; what is in flight may end, and transitions still go. For an orderly
-  /// end.
+  /// From now on step() makes no frame of states; what is in flight may end, and transitions and folds still go. For an
+  /// orderly end.
   void stop_submitting() { submitting_ = false; }
-  bool anything_under_way() const { return batcher_.in_flight() > 0 || transitions_.pending(); }
+  bool anything_under_way() const { return batcher_.in_flight() > 0 || transitions_.pending() || folds_.pending(); }
 
   bool ledger_alive(TimeNs now) const;
   std::uint64_t height() const { return check_.height(); }
@@ -84,6 +85,7 @@ class AgentCore {
   const std::string& last_chain_error() const { return last_chain_error_; }
   std::uint64_t blocks_broken() const { return check_.broken_blocks(); }
   const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
+  const FoldSender& folds() const { return folds_; }
   std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
   std::uint64_t unbelievable_transactions() const { return check_.unbelievable_transactions(); }
   const std::vector<DroneName>& drones() const { return config_.drones; }
@@ -105,12 +107,14 @@ class AgentCore {
   void hand_over_plans(TimeNs now, AgentOutputs& out);
   void submit_frame(TimeNs now, AgentOutputs& out);
   void submit_transitions(TimeNs now, AgentOutputs& out);
+  void submit_folds(TimeNs now, AgentOutputs& out);
   void progress(TimeNs now);
   bool may_beat(TimeNs now);
 
   AgentConfig config_;
   Batcher batcher_;
   TransitionSender transitions_;
+  FoldSender folds_;
   CommandCheck check_;
   std::vector<Drone> drones_;  ///< as in config_.drones
   std::vector<Plan> checked_;  ///< waiting for step()

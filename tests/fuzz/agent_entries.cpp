@@ -38,7 +38,7 @@ class EventEntry final : public Entry {
     AgentConfig config;
     config.drones = {{1, "tello1"}, {2, "tello2"}};
     AgentCore core(config, *registry_);
-    core.set_control(control("tello1", 1));
+    core.set_control(stamp, control("tello1", 1));
     AgentOutputs out;
     StateSample state;
     state.drone = 1;

@@ -101,7 +101,7 @@ Status AgentShell::take_block(fabric::Block block) {
 }
 
 void AgentShell::take_controls(const ControlsRead& read) {
-  for (const Control& control : read.controls) core_.set_control(control);
+  for (const Control& control : read.controls) core_.set_control(monotonic_ns(), control);
   controls_known_ = true;
   for (const fabric::Block& block : held_) core_.on_block(monotonic_ns(), block, out_);
   held_.clear();

@@ -74,7 +74,7 @@ Status AgentShell::start() {
   return keep_trying("the control records can be read", [this]() -> Status {
     auto controls = read_controls();
     if (!controls) return controls.error();
-    for (const Control& control : *controls) core_.set_control(control);
+    for (const Control& control : *controls) core_.set_control(monotonic_ns(), control);
     return done;
   });
 }

@@ -24,7 +24,7 @@ class AgentCoreTest : public ::testing::Test {
     return c;
   }
 
-  AgentCoreTest() { core_.set_control(control("tello1", 1)); }
+  AgentCoreTest() { core_.set_control(start, control("tello1", 1)); }
 
   static StateSample state(std::uint64_t sequence, TimeNs stamp, DroneNumber drone = 1) {
     StateSample s;
@@ -138,7 +138,7 @@ TEST_F(AgentCoreTest, ARefusedCommandLeavesATraceWithItsReasonAndNoPlan) {
 TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
   Control stopped = control("tello1", 1);  // as an agent reads it that starts after the stop
   add_stop(stopped, testing::stop_of("tello1"));
-  core_.set_control(stopped);
+  core_.set_control(start, stopped);
   StateSample flying = state(1, start);
   core_.on_state(start, flying, out_);
   EXPECT_TRUE(out_.plans.empty()) << "on the ground there is nothing to stop";
@@ -152,10 +152,45 @@ TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
   core_.on_state(start + 2 * ns_per_s, flying, out_);
   EXPECT_TRUE(out_.plans.empty());
   add_stop(stopped, testing::stop_of("tello1", true));
-  core_.set_control(stopped);
+  core_.set_control(start, stopped);
   core_.on_state(start + 3 * ns_per_s, flying, out_);
   ASSERT_EQ(out_.plans.size(), 1U);
   EXPECT_EQ(out_.plans[0].action, PlanAction::cut);
+}
+
+TEST_F(AgentCoreTest, AStopInABlockIsFoldedUntilTheLedgerHasIt) {
+  Stops stops;
+  *stops.add_stops() = testing::stop_of("tello1");
+  LedgerOfTests::Tx stop;
+  stop.event_name = "stop";
+  stop.event_payload = stops.SerializeAsString();
+  core_.on_block(start, ledger_.block({stop}), out_);
+  core_.step(start, out_);
+  ASSERT_EQ(out_.plans.size(), 1U) << "obeyed at once";
+  ASSERT_EQ(out_.submits.size(), 1U);
+  EXPECT_EQ(out_.submits[0].call.function, "fold");
+  EXPECT_TRUE(out_.submits[0].urgent);
+  EXPECT_TRUE(core_.anything_under_way());
+  fabric::Outcome lost;
+  lost.kind = Kind::invalidated;
+  lost.code = 12;
+  core_.on_outcome(start, out_.submits.back().frame, lost, out_);
+  for (TimeNs now = start; now < start + ns_per_s && out_.submits.size() == 1; now += ns_per_ms) core_.step(now, out_);
+  ASSERT_EQ(out_.submits.size(), 2U) << "another stop overtook it";
+  commit(start + ns_per_s);
+  core_.step(start + 3 * ns_per_s, out_);
+  EXPECT_EQ(out_.submits.size(), 2U);
+  EXPECT_FALSE(core_.anything_under_way());
+  EXPECT_EQ(core_.folds().folded(), 1U);
+}
+
+TEST_F(AgentCoreTest, AStopFromBeforeItsStartIsFoldedToo) {
+  Control stopped = control("tello1", 1);
+  add_stop(stopped, testing::stop_of("tello1"));
+  core_.set_control(start, stopped);
+  core_.step(start, out_);
+  ASSERT_EQ(out_.submits.size(), 1U);
+  EXPECT_EQ(out_.submits[0].call.function, "fold");
 }
 
 TEST_F(AgentCoreTest, AStateThatWaitsWasNotSentAndIsNotAnswered) {

@@ -189,7 +189,7 @@ class FlightWorld {
     stops.back().ParseFromString(submission.call.args.at(0));
     fabric::Outcome outcome;
     outcome.kind = end_of_stops;
-    outcome.message = "as the test wants it";
+    outcome.message = "chaincode response 500, as the test wants it";
     outcomes_.push_back({now_ns + one_way_ns + ns_per_ms, submission.id, outcome});
     if (end_of_stops != fabric::Outcome::Kind::committed) return;
     Stops event_of_stop;
