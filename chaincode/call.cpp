@@ -12,11 +12,6 @@ bool is_id_char(char c) {
          c == '/' || c == '-';
 }
 
-// "*" for prefixes, ":" for bookmarks, "=" for options; no byte that a protobuf message of ours begins with.
-bool is_plain(const std::string& arg) {
-  return std::all_of(arg.begin(), arg.end(), [](char c) { return is_id_char(c) || c == '*' || c == ':' || c == '='; });
-}
-
 std::string name_hash(const crypto::IdentityName& name) {
   return crypto::hex(crypto::sha256(name.msp_id + "\n" + name.subject));
 }

@@ -50,6 +50,7 @@ struct WorldEvent {
     started,  ///< a process: `text`
     ended,    ///< the same
     fault,    ///< begins or ends: `text`
+    unasked,  ///< something is flown or shown that nobody signed: `text`
   };
   TimeNs t_ns = 0;
   Kind kind{};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/belief/calls.hpp"
 #include "peer/proposal_response.pb.h"
 
 namespace ledgerline::hil {
@@ -88,7 +89,8 @@ TimeNs VirtualLedger::later(TimeNs now, TimeNs delay) {
 }
 
 void VirtualLedger::submit(TimeNs now, Client client, std::uint64_t id, const fabric::Call& call) {
-  Pending pending{client, id, {}, {}, false, now, 0};
+  Pending pending{client, id, {}, call, {}, false, now, 0};
+  if (asked_) asked_(call);
   const auto proposal = propose(now, members_[client], call);
   if (!proposal) {
     end(now, pending, {node::Code::invalid_argument, proposal.error().what, {}, {}});
@@ -112,11 +114,25 @@ TimeNs VirtualLedger::delivered(TimeNs now, Member& member) {
   return later(now, delays_.deliver_ns) + member.added.at(now);
 }
 
+// As fabric::Client does.
+Result<std::string> VirtualLedger::sign(const Pending& pending, const std::string& honest) {
+  const std::string envelope = relay_.bend(pending.call, honest);
+  fabric::EventCheck event_check;
+  if (relay_.compared()) {
+    event_check = [&](std::string_view name, std::string_view payload) {
+      return belief::check_event({pending.call.function, pending.call.args}, name, payload);
+    };
+  }
+  const auto prepared = fabric::check_prepared({pending.tx_id, pending.bytes}, envelope, event_check);
+  if (!prepared) return prepared.error();
+  return fabric::sign_envelope(members_[pending.client].identity, envelope);
+}
+
 void VirtualLedger::advance(TimeNs now, Pending pending) {
   if (!pending.endorsed) {
     node::Reply reply = core_->endorse(pending.bytes, at(now));
     if (reply.code != node::Code::ok) return end(now, pending, reply);
-    const auto envelope = fabric::sign_envelope(members_[pending.client].identity, reply.bytes);
+    const auto envelope = sign(pending, reply.bytes);
     if (!envelope) return end(now, pending, {node::Code::invalid_argument, envelope.error().what, {}, {}});
     pending.bytes = *envelope;
     pending.endorsed = true;

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -11,6 +12,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client.hpp"
 #include "common/rt/random.hpp"
+#include "hil/relay.hpp"
 #include "hil/way_delay.hpp"
 
 namespace ledgerline::hil {
@@ -38,6 +40,11 @@ class VirtualLedger {
   Client add_client(const crypto::IdentityName& name, WayDelay::Way way = WayDelay::Way::there, double share = 0.5);
   crypto::MspRegistry& registry() { return *registry_; }
   std::shared_ptr<crypto::MspRegistry> shared_registry() { return registry_; }
+
+  /// The peer that all of them ask.
+  Relay& relay() { return relay_; }
+  /// Told of every call that a member proposes, as it is signed.
+  void on_asked(std::function<void(const fabric::Call&)> asked) { asked_ = std::move(asked); }
 
   /// Starts a transaction; its outcome comes out of take_outcomes() with the same `id`.
   void submit(TimeNs now, Client client, std::uint64_t id, const fabric::Call& call);
@@ -71,6 +78,7 @@ class VirtualLedger {
     Client client = 0;
     std::uint64_t id = 0;
     std::string tx_id;
+    fabric::Call call{};
     std::string bytes;  ///< a signed proposal, then a signed envelope
     bool endorsed = false;
     TimeNs begun_ns = 0;
@@ -88,6 +96,7 @@ class VirtualLedger {
   TimeNs later(TimeNs now, TimeNs delay);
   TimeNs delivered(TimeNs now, Member& member);
   void advance(TimeNs now, Pending pending);
+  Result<std::string> sign(const Pending& pending, const std::string& envelope);
   void end(TimeNs now, const Pending& pending, const node::Reply& refusal);
   void cut_if_due(TimeNs now);
   void apply(TimeNs now, const node::CutBlock& block);
@@ -106,6 +115,8 @@ class VirtualLedger {
   std::map<std::uint64_t, Pending> waiting_;  ///< by waiter, until their block is applied
   std::uint64_t next_waiter_ = 1;
   std::optional<std::pair<TimeNs, node::CutBlock>> writing_;
+  Relay relay_;
+  std::function<void(const fabric::Call&)> asked_;
 };
 
 }  // namespace ledgerline::hil

@@ -4,10 +4,47 @@
 #include <cmath>
 #include <utility>
 
+#include "common/msg/form.hpp"
 #include "hil/words.hpp"
 #include "hil/world_setup.hpp"
+#include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
+
+namespace {
+
+void put(std::string& key, const auto& value) { key.append(reinterpret_cast<const char*>(&value), sizeof value); }
+
+/// All that a drone does by a plan, and which plan it is.
+std::string key_of(const DronePlan& plan) {
+  std::string key;
+  put(key, static_cast<int>(plan.action()));
+  put(key, std::uint64_t{plan.epoch()});
+  put(key, std::uint64_t{plan.sequence()});
+  put(key, TimeNs{plan.state_stamp_ns()});
+  for (const PlannedSetpoint& s : plan.setpoints()) {
+    put(key, TimeNs{s.at_ns()});
+    for (const float value : {s.vx(), s.vy(), s.vz(), s.yaw_rate()}) put(key, value);
+  }
+  return key;
+}
+
+std::string key_of(const Plan& plan) {
+  std::string key;
+  put(key, static_cast<int>(plan.action));
+  put(key, std::uint64_t{plan.epoch});
+  put(key, std::uint64_t{plan.sequence});
+  put(key, TimeNs{plan.state_stamp_ns});
+  for (std::uint32_t i = 0; i < plan.count; ++i) {
+    const Setpoint& s = plan.setpoints[i];
+    put(key, TimeNs{s.at_ns});
+    for (const float value : {s.velocity_mps[0], s.velocity_mps[1], s.velocity_mps[2], s.yaw_rate_radps})
+      put(key, value);
+  }
+  return key;
+}
+
+}  // namespace
 
 Witness::Witness(int drones, const sim::Simulator& sim) {
   for (int k = 1; k <= drones; ++k) {
@@ -17,6 +54,7 @@ Witness::Witness(int drones, const sim::Simulator& sim) {
     const sim::Truth truth = sim.truth(facts.number);
     facts.start_m = {truth.position_m[0], truth.position_m[1]};
     facts_.push_back(facts);
+    asked_.emplace_back();
   }
 }
 
@@ -43,7 +81,60 @@ void Witness::given(const std::vector<Plan>& plans) {
   }
 }
 
+void Witness::asked(const fabric::Call& call) {
+  if (call.args.empty()) return;
+  const auto of = [&](const std::string& drone) -> Asked* {
+    for (std::size_t i = 0; i < facts_.size(); ++i) {
+      if (facts_[i].name == drone) return &asked_[i];
+    }
+    return nullptr;
+  };
+  CommandCall command;
+  DronesCall stop;
+  if (call.function == "command" && parse_message(call.args[0], command)) {
+    for (const DronePlan& plan : command.plans()) {
+      if (Asked* drone = of(plan.drone())) drone->plans.insert(key_of(plan));
+    }
+  } else if (call.function == "stop" && parse_message(call.args[0], stop)) {
+    for (const std::string& name : stop.drones()) {
+      Asked* drone = of(name);
+      if (!drone) continue;
+      drone->stop = true;
+      drone->cut = drone->cut || stop.cut();
+    }
+  }
+}
+
+void Witness::said(const StateSample& state) {
+  constexpr std::size_t kept = 4096;  // four seconds at a thousand a second; ground takes older ones no more
+  auto& said = asked_[state.drone - 1U].said;
+  said.push_back(state);
+  if (said.size() > kept) said.pop_front();
+}
+
+void Witness::shown(TimeNs now, std::size_t drone, const StateSample& state) {
+  const auto& said = asked_[drone].said;
+  const auto same = [&](const StateSample& one) {
+    return one.boot_id == state.boot_id && one.sequence == state.sequence;
+  };
+  const auto found = std::find_if(said.rbegin(), said.rend(), same);
+  if (found == said.rend()) return;  // too old to be known here
+  if (found->stamp_ns == state.stamp_ns && found->position_m == state.position_m && found->phase == state.phase) return;
+  events_.push_back({now, WorldEvent::Kind::unasked, drone, 0, "ground flies by a state that link never said"});
+}
+
+void Witness::handed_unasked(TimeNs now, const Plan& plan) {
+  const Asked& asked = asked_[plan.drone - 1U];
+  const bool known = plan.action == PlanAction::stop  ? asked.stop
+                     : plan.action == PlanAction::cut ? asked.cut
+                                                      : asked.plans.contains(key_of(plan));
+  if (known) return;
+  events_.push_back(
+      {now, WorldEvent::Kind::unasked, plan.drone - 1U, 0, "agent hands on what nobody signed", plan.sequence});
+}
+
 void Witness::handed(TimeNs now, const Plan& plan) {
+  handed_unasked(now, plan);
   if (outranks_order(plan.action)) return;
   events_.push_back({now, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
 }

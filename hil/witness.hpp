@@ -1,9 +1,12 @@
 #pragma once
+#include <deque>
 #include <span>
 #include <string>
 #include <string_view>
+#include <unordered_set>
 #include <vector>
 
+#include "common/fabric/transaction.hpp"
 #include "hil/facts.hpp"
 #include "onboard/link/link_core.hpp"
 
@@ -24,6 +27,11 @@ class Witness {
   void given(const std::vector<Pose>& poses);
   void given(const std::vector<Plan>& plans);
   void handed(TimeNs now, const Plan& plan);
+  /// A call that its creator signed: what agent hands on must be in one.
+  void asked(const fabric::Call& call);
+  /// A state that link said: what ground shows must be one.
+  void said(const StateSample& state);
+  void shown(TimeNs now, std::size_t drone, const StateSample& state);
   void sent(TimeNs now, DroneNumber drone, std::string_view command);
   void traced(TimeNs now, const TraceRecord& record);
   void link_ended();
@@ -34,7 +42,15 @@ class Witness {
 
  private:
   std::vector<DroneFacts> facts_;
+  struct Asked {
+    std::unordered_set<std::string> plans;  ///< every one that was signed
+    bool stop = false, cut = false;
+    std::deque<StateSample> said;  ///< newest last
+  };
+  void handed_unasked(TimeNs now, const Plan& plan);
+
   std::vector<WorldEvent> events_, noted_;
+  std::vector<Asked> asked_;  ///< by drone
 };
 
 }  // namespace ledgerline::hil

@@ -105,6 +105,7 @@ Status VirtualWorld::set_up() {
   }
   host_.forget();  // what came before the processes
   operator_.forget();
+  ledger_.on_asked([this](const fabric::Call& call) { witness_.asked(call); });
   start_link();
   if (auto s = start_agent(); !s) return s;
   if (auto s = start_ground(); !s) return s;
@@ -403,6 +404,9 @@ void VirtualWorld::give_ground(ground::FlightInputs inputs) {
   next_ground_ns_ = now_ + ground_period_ns;
   inputs.realtime_s = real_epoch_s + now_ / ns_per_s;
   auto out = ground_->step(now_, inputs);
+  for (const ground::DroneNews& news : out.news) {
+    if (news.state) witness_.shown(now_, news.drone, *news.state);
+  }
   for (auto& submission : out.submissions) operator_.submit(now_, submission.id, std::move(submission.call));
   for (const auto& trace : out.traces) digester_->put(trace);
 }
@@ -434,6 +438,7 @@ void VirtualWorld::step_link() {
     for (const StateSample& state : out.states) put(wires_->states, state, state_queue);
     for (const Transition& transition : out.transitions) put(wires_->transitions, transition, transition_queue);
   }
+  for (const StateSample& state : out.states) witness_.said(state);
   for (const TraceRecord& record : out.trace) {
     digester_->put(record);
     witness_.traced(now_, record);

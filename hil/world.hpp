@@ -72,6 +72,7 @@ class VirtualWorld {
   void stall_ledger(bool stalled) { ledger_stalled_ = stalled; }
   void restart_ledger();
   LedgerPort& port(Process process) { return process == Process::agent ? host_ : operator_; }
+  Relay& relay() { return ledger_.relay(); }
   void jump_clock(TimeNs by_ns) { clock_jump_ns_ += by_ns; }
   sim::Simulator& sim() { return sim_; }
   /// The contract's stop, and its end.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "common/belief/control_events.hpp"
 #include "common/msg/form.hpp"
 
 namespace ledgerline::belief {
@@ -77,7 +78,6 @@ bool one_of(std::string_view word, const std::array<std::string_view, n>& words)
 }
 
 constexpr std::array<std::string_view, 2> questions{"get", "history"};
-constexpr std::array<std::string_view, 6> control_functions{"enroll", "acquire", "release", "stop", "resume", "fold"};
 
 }  // namespace
 
@@ -95,9 +95,12 @@ Status check_event(const AskedCall& call, std::string_view event_name, std::stri
     return event_name.empty() ? Status(done) : Error{"a question has no event"};
   }
   const bool is_call = call.function == "command" || call.function == "set" || call.function == "delete";
-  if (!is_call && !one_of(call.function, control_functions)) return done;
-  if (event_name != call.function) return another;
+  if (is_control_event(call.function)) {
+    const auto event = read_control_event(call, event_name, event_payload);
+    return event ? Status(done) : event.error();
+  }
   if (!is_call) return done;
+  if (event_name != call.function) return another;
   Match match = Match::altered;
   if (call.function == "command") {
     CommandCall asked;

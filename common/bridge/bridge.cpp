@@ -6,6 +6,7 @@
 #include <chrono>
 #include <utility>
 
+#include "common/belief/client.hpp"
 #include "common/msg/form.hpp"
 #include "common/rt/log.hpp"
 
@@ -46,9 +47,10 @@ dds::Qos qos_of(const Rule& rule) {
 
 Result<std::unique_ptr<Bridge>> Bridge::create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
                                                crypto::MspRegistry& believed, dds::ParticipantPtr participant) {
-  auto client = fabric::Client::create(ledger);
+  const fabric::ClientConfig careful = belief::with_event_check(ledger);
+  auto client = fabric::Client::create(careful);
   if (!client) return client.error();
-  auto bulk = fabric::Client::create(ledger);
+  auto bulk = fabric::Client::create(careful);
   if (!bulk) return bulk.error();
   return std::unique_ptr<Bridge>(
       new Bridge(config, ledger, believed, std::move(participant), std::move(client).value(), std::move(bulk).value()));

@@ -2,6 +2,7 @@
 #include <google/protobuf/message.h>
 #include <google/protobuf/util/json_util.h>
 
+#include <algorithm>
 #include <string>
 #include <string_view>
 
@@ -15,6 +16,15 @@ namespace ledgerline {
 
 /// JSON begins with "{", which no message of ledgerline.proto does (it would be a group of field 15).
 inline bool is_json(std::string_view bytes) { return !bytes.empty() && bytes.front() == '{'; }
+
+/// Whether an argument is no message but a plain string: an id, a drone, "prefix/*", a bookmark with ":", or an option
+/// with "=". No message of ours is only of such characters in protobuf.
+inline bool is_plain(std::string_view arg) {
+  return std::all_of(arg.begin(), arg.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           std::string_view("_./-*:=").find(c) != std::string_view::npos;
+  });
+}
 
 /// Fills `message` from either form. Unknown JSON fields are an error.
 inline Status parse_message(std::string_view bytes, google::protobuf::Message& message) {

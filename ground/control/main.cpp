@@ -6,6 +6,7 @@
 #include <random>
 #include <thread>
 
+#include "common/belief/client.hpp"
 #include "common/fabric/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/repeat.hpp"
@@ -97,7 +98,7 @@ Status call_contract(const Wish& wish) {
   if (!ledger) return ledger.error();
   auto call = make_call(wish);
   if (!call) return call.error();
-  auto client = fabric::Client::create(std::move(ledger).value());
+  auto client = fabric::Client::create(belief::with_event_check(std::move(ledger).value()));
   if (!client) return client.error();
   const fabric::Outcome outcome = submit(**client, wish, *call);
   if (outcome.kind != fabric::Outcome::Kind::committed)

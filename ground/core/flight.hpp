@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "common/belief/control_events.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client.hpp"
 #include "common/fabric/pacing.hpp"
@@ -44,7 +45,9 @@ struct FlightConfig {
   ControllerConfig controller;
   crypto::IdentityName self;  ///< whose lease it must be
   std::shared_ptr<crypto::MspRegistry>
-      believed;  ///< states must be signed by one of these, the drone's owner; null: not checked
+      believed;  ///< states must be signed by one of these, the drone's owner, and control events must follow from
+                 ///< what their signer asked for; null: not checked
+  fabric::ChannelAndContract where;  ///< what comes from elsewhere is not for us
 
   // Time-outs of the phases; each ends in landing, or in failure where there is nothing to land.
   TimeNs wait_ns = 30 * ns_per_s;     ///< for the first state with a pose, on the ground, under our lease
@@ -136,7 +139,9 @@ struct FlightStatus {
 struct FlightTransactions {
   std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0, overloaded = 0;
   std::uint64_t malformed = 0;   ///< frames and states that are none
-  std::uint64_t unbelieved = 0;  ///< states whose signer is not the owner of the drone, or not believed
+  std::uint64_t unbelieved = 0;  ///< states whose signer is not the owner of the drone, or not believed; control events
+  std::uint64_t altered = 0;     ///< events that are not what their signer asked for, records that follow from nothing
+  std::uint64_t unbelievable = 0;  ///< flagged valid, and cannot be (fabric::code_unbelievable)
 };
 
 /// Flies N drones around a path, through the ledger: blocks in, `command` calls out. One plan per drone and state, the
@@ -203,9 +208,10 @@ class FlightCore {
   void hand_over_plans(TimeNs now_ns, FlightOutputs& out);
   void forget(const PlannedCommand& command);
   bool believed(const fabric::Transaction& tx, std::int64_t realtime_s, const Drone& drone) const;
-  void take_own_commands(TimeNs now_ns, const std::string& payload);
-  void take_controls(TimeNs now_ns, const std::string& payload);
-  void take_stops(TimeNs now_ns, const std::string& payload);
+  void take_own_commands(TimeNs now_ns, const fabric::Transaction& tx);
+  std::optional<belief::Creator> creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const;
+  void take_control_event(TimeNs now_ns, const fabric::Transaction& tx, std::int64_t realtime_s);
+  void take_stop(TimeNs now_ns, const Stop& stop);
   void take_control(TimeNs now_ns, const Control& control);
   void take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
   void resend(InFlight& refused, const std::string& message);

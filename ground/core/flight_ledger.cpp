@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "common/belief/calls.hpp"
 #include "common/msg/form.hpp"
 #include "common/msg/ros.hpp"
 #include "common/msg/stops.hpp"
@@ -23,10 +24,6 @@ constexpr double almost_all = 0.99;  // of the plans: what their length is for
 constexpr std::size_t arrivals_needed = 8;
 
 crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
-
-bool is_control_event(const std::string& name) {
-  return name == "enroll" || name == "acquire" || name == "release" || name == "resume" || name == "fold";
-}
 
 }  // namespace
 
@@ -49,6 +46,7 @@ void FlightCore::take_control(TimeNs now_ns, const Control& control) {
     drone->arrivals = {};
     drone->timing.reset();
   }
+  drone->record = control;
   drone->epoch = control.epoch();
   drone->owner.reset();
   drone->holder.reset();
@@ -66,34 +64,62 @@ void FlightCore::take_control(TimeNs now_ns, const Control& control) {
   }
 }
 
-void FlightCore::take_controls(TimeNs now_ns, const std::string& payload) {
-  Controls controls;
-  if (!parse_message(payload, controls)) return;
-  for (const Control& control : controls.controls()) take_control(now_ns, control);
+// Who signed it; nobody who is believed: none.
+std::optional<belief::Creator> FlightCore::creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const {
+  const auto member = config_.believed->member(tx.creator, realtime_s);
+  if (!member || !(*member)->verifier->verify(tx.payload, tx.signature)) return std::nullopt;
+  return belief::Creator{(*member)->name, (*member)->admin};
 }
 
-void FlightCore::take_stops(TimeNs now_ns, const std::string& payload) {
-  Stops stops;
-  if (!parse_message(payload, stops)) return;
-  for (const Stop& stop : stops.stops()) {
-    Drone* drone = find(stop.drone());
-    if (!drone) continue;
-    add_stop(drone->stoppers, stop);
-    if (drone->in_air_phase()) land(now_ns, *drone, "stopped by " + stopper_names(drone->stoppers));
+void FlightCore::take_control_event(TimeNs now_ns, const fabric::Transaction& tx, std::int64_t realtime_s) {
+  const auto event = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
+  if (!event) {
+    ++transactions_.altered;
+    return;
   }
+  const auto ours = [&](const auto& all) {
+    return std::any_of(all.begin(), all.end(), [&](const auto& one) { return find(one.drone()); });
+  };
+  if (!ours(event->controls.controls()) && !ours(event->stops.stops())) return;
+  std::optional<belief::Creator> creator;
+  if (config_.believed && !(creator = creator_of(tx, realtime_s))) {
+    ++transactions_.unbelieved;
+    return;
+  }
+  for (const Control& control : event->controls.controls()) {
+    const Drone* drone = find(control.drone());
+    const bool follows =
+        drone && (!creator || (drone->record && belief::control_follows(*event, *drone->record, control, *creator)));
+    if (drone && !follows) ++transactions_.altered;
+    if (follows) take_control(now_ns, control);
+  }
+  for (const Stop& stop : event->stops.stops()) {
+    const Drone* drone = find(stop.drone());
+    const bool follows =
+        drone && (!creator || belief::stop_follows(*event, drone->record.value_or(Control()), stop, *creator));
+    if (drone && !follows) ++transactions_.altered;
+    if (follows) take_stop(now_ns, stop);
+  }
+}
+
+void FlightCore::take_stop(TimeNs now_ns, const Stop& stop) {
+  Drone& drone = *find(stop.drone());
+  add_stop(drone.stoppers, stop);
+  if (drone.record) add_stop(*drone.record, stop);
+  if (drone.in_air_phase()) land(now_ns, drone, "stopped by " + stopper_names(drone.stoppers));
 }
 
 void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
   for (const fabric::Transaction& tx : inputs.block->transactions) {
+    if (tx.code == fabric::code_unbelievable) ++transactions_.unbelievable;
     if (tx.code != 0 || tx.config) continue;
+    if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) continue;
     if (tx.event_name == "set") {
       take_states(now_ns, tx, inputs.realtime_s, out);
     } else if (tx.event_name == "command") {
-      take_own_commands(now_ns, tx.event_payload);
-    } else if (tx.event_name == "stop") {
-      take_stops(now_ns, tx.event_payload);
-    } else if (is_control_event(tx.event_name)) {
-      take_controls(now_ns, tx.event_payload);
+      take_own_commands(now_ns, tx);
+    } else if (belief::is_control_event(tx.event_name)) {
+      take_control_event(now_ns, tx, inputs.realtime_s);
     }
   }
 }
@@ -108,9 +134,10 @@ bool FlightCore::believed(const fabric::Transaction& tx, std::int64_t realtime_s
 
 void FlightCore::take_states(TimeNs now_ns, const fabric::Transaction& tx, std::int64_t realtime_s,
                              FlightOutputs& out) {
-  SetCall call;
-  if (!parse_message(tx.event_payload, call)) {
-    ++transactions_.malformed;
+  SetCall call;  // as it was signed; whatever else the event says is the peer's alone
+  const belief::Match match = belief::match_set({tx.function, tx.args}, tx.event_payload, call);
+  if (match != belief::Match::same) {
+    ++(match == belief::Match::malformed ? transactions_.malformed : transactions_.altered);
     return;
   }
   const Drone* checked = nullptr;  // the signature is checked once per drone in a row, not per asset
@@ -208,9 +235,10 @@ void FlightCore::observe(Drone& drone) {
   if (config_.manual) drone.manual.observe(s, drone.margin.value_ns());
 }
 
-void FlightCore::take_own_commands(TimeNs now_ns, const std::string& payload) {
+void FlightCore::take_own_commands(TimeNs now_ns, const fabric::Transaction& tx) {
   CommandCall call;
-  if (!parse_message(payload, call) || call.plans().empty()) return;
+  const belief::Match match = belief::match_command({tx.function, tx.args}, tx.event_payload, call);
+  if (match != belief::Match::same || call.plans().empty()) return;
   const DronePlan& first = call.plans(0);
   for (InFlight& flight : in_flight_) {
     const DronePlan& mine = flight.commands.front().plan;

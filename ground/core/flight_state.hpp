@@ -35,7 +35,8 @@ struct FlightCore::Drone {
   TimeNs entered_ns = 0;  ///< the phase; the ground's clock
 
   std::optional<crypto::IdentityName> owner, holder;
-  Control stoppers;  ///< who has it stopped; nothing else of the record
+  std::optional<Control> record;  ///< the newest, whole: what control events have to follow from
+  Control stoppers;               ///< who has it stopped; nothing else of the record
   std::uint64_t epoch = 0;
   std::uint64_t next_sequence = 1;
 

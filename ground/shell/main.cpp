@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "common/belief/client.hpp"
 #include "common/bridge/bridges.hpp"
 #include "common/dds/config.hpp"
 #include "common/fabric/client.hpp"
@@ -35,8 +36,10 @@ int fly(Config& config) {
   }
   flight.self = ledger->identity.name;
   flight.believed = std::move(believed).value();
-  auto client = fabric::Client::create(*ledger);
-  auto urgent = fabric::Client::create(std::move(ledger).value());
+  flight.where = ledger->where;
+  const fabric::ClientConfig careful = belief::with_event_check(std::move(ledger).value());
+  auto client = fabric::Client::create(careful);
+  auto urgent = fabric::Client::create(careful);
   if (!client || !urgent) {
     spdlog::error("{}", (client ? urgent : client).error().what);
     return exit_usage;

@@ -123,6 +123,8 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
                 {"overloaded", t.overloaded}}},
               {"states_malformed", t.malformed},
               {"states_unbelieved", t.unbelieved},
+              {"transactions_altered", t.altered},
+              {"transactions_unbelievable", t.unbelievable},
               {"news_unpublished", shell.news_unpublished},
               {"delay_ms", to_ms(core.delay_ns())},
               {"why", core.why()}}

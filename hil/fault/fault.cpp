@@ -157,7 +157,8 @@ Status parse_mocap(Fault& fault, const Words& words) {
 
 Status parse_ledger(Fault& fault, const Words& words) {
   constexpr std::string_view usage =
-      "must be `ledger stall`, `ledger restart`, or `ledger agent|ground|both ` and cut, stale, lies WHAT, or "
+      "must be `ledger stall`, `ledger restart`, `ledger relay LIE [compared]`, or `ledger agent|ground|both ` and "
+      "cut, stale, lies WHAT, or "
       "[to|from] "
       "with stall or delay DISTRIBUTION";
   if (words.size() == 2 && words[1] == "stall") {
@@ -166,6 +167,15 @@ Status parse_ledger(Fault& fault, const Words& words) {
   }
   if (words.size() == 2 && words[1] == "restart") {
     fault.what = What::ledger_restart;
+    return done;
+  }
+  if (words.size() >= 2 && words[1] == "relay") {
+    const auto lie = words.size() >= 3 ? relay_lie_from(words[2]) : std::nullopt;
+    if (!lie || words.size() > 4 || (words.size() == 4 && words[3] != "compared"))
+      return allowed(fault.text, "ledger relay must be followed by one of " + relay_lies() + ", and may by compared");
+    fault.what = What::relay;
+    fault.relay = *lie;
+    fault.value = words.size() == 4 ? 1 : 0;
     return done;
   }
   if (words.size() < 3) return allowed(fault.text, usage);

@@ -49,6 +49,7 @@ struct Fault {
     ledger_cut,
     ledger_stale,
     ledger_lie,
+    relay,  // a peer that has its key and says what it likes
     ledger_stall,
     ledger_restart,
     kill,
@@ -76,11 +77,13 @@ struct Fault {
   std::vector<Process> ends;      ///< ledger_*: whose connection; kill, stop: who
   bool to = false, from = false;  ///< ledger_delay, ledger_hold
   Lie lie = Lie::none;            ///< ledger_lie
+  RelayLie relay = RelayLie::none;
   Slip slip = Slip::none;
   std::optional<Distribution> delay;
   std::array<double, 3> vector{};  ///< mocap_offset, kick, wind
-  double value = 0;                ///< battery, drain [0..1], mocap_noise [m], burn (core), take_memory [bytes]
-  Stopper stopper{};               ///< stop_drone, as the next one
+  double value = 0;  ///< relay (1: clients compare), battery, drain [0..1], mocap_noise [m], burn (core), take_memory
+                     ///< [bytes]
+  Stopper stopper{};  ///< stop_drone, as the next one
   StopWord stop_word{};
   std::string part{};  ///< kill_part: of Fabric's network, "peer1"; leader_part: the orderer that leads
   TimeNs time_ns = 0;  ///< clock_jump, mocap_every

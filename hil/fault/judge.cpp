@@ -30,6 +30,7 @@ enum Which : std::uint8_t {
   hangs,
   missing,
   lost,
+  unasked,
   count
 };
 }  // namespace invariants
@@ -47,6 +48,7 @@ constexpr std::array<std::string_view, invariants::count> invariant_names{
     "always: no hang",
     "always: every fault began",
     "always: nothing acknowledged is lost",
+    "always: nothing is flown that nobody signed",
 };
 
 std::string with_spaces(std::string_view name) {
@@ -229,6 +231,9 @@ void Judge::look(const Moment& moment) {
   for (std::size_t i = 0; i < rules_; ++i) look_at(moment, states_[i]);
   for (std::size_t i = 0; i < moment.drones.size(); ++i) look_after(moment, i);
   for (const WorldEvent& event : moment.events) {
+    if (event.kind == WorldEvent::Kind::unasked)
+      broke(invariant(invariants::unasked), moment.now,
+            fmt::format("{}: {}", moment.drones[event.drone].name, event.text));
     if (event.kind == WorldEvent::Kind::bad_rc) broke(invariant(invariants::rc_range), moment.now, event.text);
   }
   look_at_order(moment);

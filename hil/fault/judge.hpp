@@ -120,6 +120,8 @@ struct Limits {
 ///     down in the end           when the run is over, or its time is up, nothing is in the air
 ///     no hang                   it is over before its time is up
 ///     every fault began         of the script, but those that are optional: otherwise the run says nothing about it
+///     nothing unasked           what agent hands on is in a call that its creator signed, and what ground flies by is
+///                               what link said
 ///     nothing is lost           that was acknowledged as committed; transitions have no gap
 ///
 /// Plain data in, verdicts out. One thread.

@@ -44,6 +44,7 @@ std::string reason_against(const Fault& fault, const RealLedger& ledger) {
     case What::ledger_stale:
       return "a peer that is behind its channel is not built: virtual time alone has it";
     case What::ledger_lie:
+    case What::relay:
     case What::slip:
       return "no real peer or operator does this: virtual time alone has it";
     case What::ledger_restart:

@@ -142,6 +142,12 @@ void FaultSchedule::apply_processes(VirtualWorld& world) const {
     return std::any_of(items_.begin(), items_.end(),
                        [&](const Item& item) { return item.active() && item.fault.what == what && fits(item.fault); });
   };
+  world.relay().lie(RelayLie::none);
+  for (const Item& item : items_) {
+    if (!item.active() || item.fault.what != What::relay) continue;
+    world.relay().lie(item.fault.relay);
+    world.relay().compared(item.fault.value > 0);
+  }
   world.stall_ledger(active(What::ledger_stall, [](const Fault&) { return true; }));
   for (const Process process : {Process::agent, Process::link, Process::ground}) {
     const auto of_it = [&](const Fault& fault) {

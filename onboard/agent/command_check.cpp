@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/belief/calls.hpp"
+#include "common/belief/control_events.hpp"
 #include "common/msg/form.hpp"
 #include "common/msg/stops.hpp"
 #include "onboard/agent/proposal_hash.hpp"
@@ -17,10 +18,6 @@ constexpr std::array<std::string_view, refusal_count> names = {
     "unknown_signer", "bad_signature", "not_endorsed",        "not_holder",    "stopped",
     "wrong_epoch",    "foreign_boot",  "unknown_stamp",       "replayed",      "too_old",
     "over_limits",    "altered"};
-
-bool is_control_event(std::string_view name) {
-  return name == "enroll" || name == "acquire" || name == "release" || name == "resume" || name == "fold";
-}
 
 bool same(const Identity& a, const crypto::IdentityName& b) {
   return a.msp_id() == b.msp_id && a.subject() == b.subject;
@@ -96,21 +93,20 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
       take_commands(now, now_s, tx, out);
     } else if (out.chain_ok && tx.code == 0 && tx.event_name == "stop") {
       take_stops(now, now_s, tx, out);
-    } else if (out.chain_ok && tx.code == 0 && is_control_event(tx.event_name)) {
+    } else if (out.chain_ok && tx.code == 0 && belief::is_control_event(tx.event_name)) {
       take_controls(now_s, tx, out);
     }
   }
   return out;
 }
 
-Refusal CommandCheck::check_transaction(std::int64_t now_s, const fabric::Transaction& tx,
-                                        crypto::IdentityName& signer) {
+Refusal CommandCheck::check_transaction(std::int64_t now_s, const fabric::Transaction& tx, belief::Creator& signer) {
   if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) return Refusal::wrong_channel;
   const auto creator = registry_.member(tx.creator, now_s);
   if (!creator) return Refusal::unknown_signer;
   if (!(*creator)->verifier->verify(tx.payload, tx.signature)) return Refusal::bad_signature;
   if (!result_is_of_own_proposal(tx) || !endorsed_by_us(now_s, tx)) return Refusal::not_endorsed;
-  signer = (*creator)->name;
+  signer = {(*creator)->name, (*creator)->admin};
   return Refusal::none;
 }
 
@@ -136,13 +132,13 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
       std::any_of(call.plans().begin(), call.plans().end(), [&](const auto& p) { return find(p.drone()); });
   if (!ours) return;
 
-  crypto::IdentityName signer;
+  belief::Creator signer;
   const Refusal whole = check_whole(now_s, tx, out, signer);
   for (const DronePlan& plan : call.plans()) {
     Drone* drone = find(plan.drone());
     if (!drone) continue;
     if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
-    const Refusal why = whole != Refusal::none ? whole : check_plan(now, *drone, signer, plan);
+    const Refusal why = whole != Refusal::none ? whole : check_plan(now, *drone, signer.name, plan);
     if (why != Refusal::none) {
       refuse(*drone, plan, why, out);
       continue;
@@ -155,7 +151,7 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
 }
 
 Refusal CommandCheck::check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out,
-                                  crypto::IdentityName& signer) {
+                                  belief::Creator& signer) {
   if (!out.chain_ok) return Refusal::broken_chain;
   if (tx.code != 0) return Refusal::invalid_transaction;
   return check_transaction(now_s, tx, signer);
@@ -218,50 +214,63 @@ Refusal CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) const {
   return Refusal::none;
 }
 
+template <typename Event, typename Entries>
+std::optional<belief::ControlEvent> CommandCheck::believed(std::int64_t now_s, const fabric::Transaction& tx,
+                                                           const Entries& entries, belief::Creator& signer,
+                                                           Checked& out) {
+  Event told;
+  Refusal why = parse_message(tx.event_payload, told) ? Refusal::none : Refusal::malformed;
+  if (why == Refusal::none) {
+    const auto& all = entries(told);
+    if (std::none_of(all.begin(), all.end(), [&](const auto& one) { return find(one.drone()); })) return std::nullopt;
+    why = check_transaction(now_s, tx, signer);
+  }
+  if (why == Refusal::none) {
+    auto event = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
+    if (event) return std::move(*event);
+    why = Refusal::altered;
+  }
+  refuse_control_event(why, 0, out);
+  return std::nullopt;
+}
+
+void CommandCheck::refuse_control_event(Refusal why, DroneNumber drone, Checked& out) {
+  ++refused_control_events_;
+  out.refused.push_back(Refused{.drone = drone, .why = why});
+}
+
 void CommandCheck::take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
-  Controls event;
-  if (const Status parsed = parse_message(tx.event_payload, event); !parsed) {
-    ++refused_control_events_;
-    out.refused.push_back(Refused{.why = Refusal::malformed});
-    return;
-  }
-  const bool ours =
-      std::any_of(event.controls().begin(), event.controls().end(), [&](const auto& c) { return find(c.drone()); });
-  if (!ours) return;
-  crypto::IdentityName signer;  // who may do what was the contract's to decide; our own peer signed that it did
-  if (const Refusal why = check_transaction(now_s, tx, signer); why != Refusal::none) {
-    ++refused_control_events_;
-    out.refused.push_back(Refused{.why = why});
-    return;
-  }
-  for (const Control& control : event.controls()) {
+  belief::Creator signer;
+  const auto event = believed<Controls>(
+      now_s, tx, [](const Controls& told) { return told.controls(); }, signer, out);
+  if (!event) return;
+  for (const Control& control : event->controls.controls()) {
     Drone* drone = find(control.drone());
     if (!drone) continue;
+    if (!drone->control || !belief::control_follows(*event, *drone->control, control, signer)) {
+      refuse_control_event(Refusal::altered, drone->name.number, out);
+      continue;
+    }
     drone->control = control;
   }
 }
 
 void CommandCheck::take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
-  Stops event;
-  if (const Status parsed = parse_message(tx.event_payload, event); !parsed) {
-    ++refused_control_events_;
-    out.refused.push_back(Refused{.why = Refusal::malformed});
-    return;
-  }
-  const bool ours =
-      std::any_of(event.stops().begin(), event.stops().end(), [&](const auto& s) { return find(s.drone()); });
-  if (!ours) return;
-  crypto::IdentityName signer;
-  if (const Refusal why = check_transaction(now_s, tx, signer); why != Refusal::none) {
-    ++refused_control_events_;
-    out.refused.push_back(Refused{.why = why});
-    return;
-  }
-  for (const Stop& stop : event.stops()) {
+  belief::Creator signer;
+  const auto event = believed<Stops>(
+      now_s, tx, [](const Stops& told) { return told.stops(); }, signer, out);
+  if (!event) return;
+  for (const Stop& stop : event->stops.stops()) {
     Drone* drone = find(stop.drone());
     if (!drone) continue;
-    if (!drone->control) drone->control.emplace();  // stops, whoever flies it
-    add_stop(*drone->control, stop);
+    Control record = drone->control.value_or(Control());
+    if (!belief::stop_follows(*event, record, stop, signer)) {
+      refuse_control_event(Refusal::altered, drone->name.number, out);
+      continue;
+    }
+    record.set_drone(drone->name.name);  // none was read yet: it is stopped, whoever flies it
+    add_stop(record, stop);
+    drone->control = std::move(record);
     if (auto plan = standing_stop(now, drone->name.number)) out.plans.push_back(*plan);
   }
 }

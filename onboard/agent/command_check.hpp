@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/belief/control_events.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/transaction.hpp"
 #include "common/msg/onboard.hpp"
@@ -33,7 +34,7 @@ enum class Refusal : std::uint8_t {
   replayed = 13,            ///< its sequence does not grow
   too_old = 14,             ///< its state is older than the limit
   over_limits = 15,         ///< setpoints: not finite, too fast, too many, out of order, or beyond the horizon
-  altered = 16,             ///< the event is not what the transaction's creator asked for and signed
+  altered = 16,             ///< not what its creator asked for and signed; or a record that does not follow from the last
 };
 inline constexpr std::size_t refusal_count = 17;
 std::string_view refusal_name(Refusal refusal);
@@ -49,14 +50,19 @@ struct CheckConfig {
 };
 
 /// Trusts little on the way: turns blocks into plans, each of which was checked against everything in Refusal. Whoever
-/// feeds it blocks can delay a command, never make one. Who may command comes from Control records: the first ones are
-/// set by the caller as read from the ledger, later ones come from the control events in the blocks (checked the same
-/// way).
+/// feeds it blocks, and the peer that ran the contract, with its real key, can delay a command, never make one: a plan
+/// is taken out of the arguments under its creator's signature, and only where the event says the same. Who may command
+/// comes from Control records: the first ones are set by the caller as read from the ledger, later ones come from the
+/// control events in the blocks. Such an event must be what its creator asked for, of the drones that were asked for,
+/// and follow from the record before (common/belief/control_events.hpp), so an epoch never goes back and nobody's stop
+/// is lifted by another. What stays the peers' word: the first records, the roles, and what they leave out.
 ///
-///     block -> chain -> flag -> channel -> signer, signature -> endorsement -+-> control event: record updated
-///                                                                            +-> command: lease -> epoch -> boot,
-///                                                                            stamp
-///                                                                                -> sequence -> age -> limits -> Plan
+// clang-format off
+///     block -> chain -> flag -> channel -> signer, signature -> endorsement -> asked for
+///         -+-> control event: follows -> record updated; a stop also gives a plan
+///          +-> command: lease -> epoch -> boot, stamp -> sequence -> age -> limits -> Plan
+// clang-format on
+///
 /// One thread; deterministic; memory bounded by drones × stamps_kept. The registry must outlive it.
 class CommandCheck {
  public:
@@ -108,15 +114,19 @@ class CommandCheck {
     Counters counters;
   };
   Drone* find(std::string_view name);
-  Refusal check_transaction(std::int64_t now_s, const fabric::Transaction& tx, crypto::IdentityName& signer);
+  Refusal check_transaction(std::int64_t now_s, const fabric::Transaction& tx, belief::Creator& signer);
   bool endorsed_by_us(std::int64_t now_s, const fabric::Transaction& tx);
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
   Refusal check_setpoints(TimeNs now, const DronePlan& plan) const;
-  Refusal check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out,
-                      crypto::IdentityName& signer);
+  Refusal check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out, belief::Creator& signer);
   static void refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out);
   void refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out);
   void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  /// A control event that concerns a drone of ours and is what its creator asked for; else it was refused.
+  template <typename Event, typename Entries>
+  std::optional<belief::ControlEvent> believed(std::int64_t now_s, const fabric::Transaction& tx,
+                                               const Entries& entries, belief::Creator& signer, Checked& out);
+  void refuse_control_event(Refusal why, DroneNumber drone, Checked& out);
   void take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
   void take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
 

@@ -63,10 +63,12 @@ class CommandCheckTest : public ::testing::Test {
   }
   static Tx command(const DronePlan& plan) { return command(std::vector{plan}); }
 
+  /// By him whose event it is: the new holder's acquire, the old one's release, the administrator's enrolment.
   static Tx control_event(const std::string& name, const Control& record) {
     Controls event;
     *event.add_controls() = record;
     Tx tx;
+    if (name == "acquire") tx.creator = {record.holder().msp_id(), record.holder().subject()};
     tx.event_name = name;
     tx.event_payload = event.SerializeAsString();
     return tx;
@@ -442,6 +444,7 @@ TEST_F(CommandCheckTest, ALeaseTakenInABlockCountsFromThereOn) {
   const crypto::IdentityName other{"Org2MSP", "CN=User2@org2.ledgerline"};
   auto taken = control("tello1", epoch + 1);
   *taken.mutable_holder() = testing::to_message(other);
+  taken.set_priority(1);
   auto old_plan = command(good_plan(1));
   auto new_plan = good_plan(1);
   new_plan.set_epoch(epoch + 1);

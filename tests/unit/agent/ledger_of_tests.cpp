@@ -1,6 +1,7 @@
 #include "tests/unit/agent/ledger_of_tests.hpp"
 
 #include "common/common.pb.h"
+#include "common/msg/form.hpp"
 #include "peer/chaincode.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
@@ -13,7 +14,28 @@ namespace {
 std::string text(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
 
 /// The call that an honest contract answers with this event: the same message, or for control events the drones in it.
-fabric::Call honest_call(const LedgerOfTests::Tx& tx) { return {tx.event_name, {tx.event_payload}}; }
+fabric::Call honest_call(const LedgerOfTests::Tx& tx) {
+  Controls controls;
+  Stops stops;
+  if (tx.event_name == "stop" && parse_message(tx.event_payload, stops)) {
+    DronesCall call;
+    for (const Stop& stop : stops.stops()) call.add_drones(stop.drone());
+    call.set_cut(!stops.stops().empty() && stops.stops(0).cut());
+    return {tx.event_name, {call.SerializeAsString()}};
+  }
+  const bool other = tx.event_name == "command" || tx.event_name == "set" || tx.event_name == "stop";
+  if (other || !parse_message(tx.event_payload, controls)) return {tx.event_name, {tx.event_payload}};
+  EnrollCall enrolment;
+  LeaseCall lease;
+  for (const Control& control : controls.controls()) {
+    enrolment.add_drones(control.drone());
+    lease.add_drones(control.drone());
+    lease.set_priority(control.priority());
+  }
+  *enrolment.mutable_identity() = controls.identity();
+  const bool enroll = tx.event_name == "enroll";
+  return {tx.event_name, {enroll ? enrolment.SerializeAsString() : lease.SerializeAsString()}};
+}
 
 void spoil(std::string& signature) { signature.back() = static_cast<char>(signature.back() ^ 1); }
 

@@ -63,7 +63,7 @@ class FlightByHand : public testing::Test {
   void new_lease_of_tello1() {
     Controls controls;
     *controls.add_controls() = control_record("tello1", operator_name, 2);
-    (void)block(event("acquire", controls.SerializeAsString()));
+    (void)block(control_event("acquire", {"tello1"}, controls.SerializeAsString()));
   }
   /// What tello1 will be told then, upward, as the predictor has it.
   double told_mps(TimeNs meant_ns) const { return core.controller(0)->predictor().until(meant_ns).told_mps().z(); }
@@ -223,6 +223,7 @@ TEST_F(FlightByHand, InvalidTransactionsAndForeignAssetsAreNotListenedTo) {
   SetCall call;
   *call.add_assets() = status_asset("tello1", sample);
   invalid.event_payload = call.SerializeAsString();
+  invalid.args = {invalid.event_payload};
   invalid.code = 11;
   EXPECT_TRUE(block(invalid).traces.empty());
   SetCall foreign;
@@ -236,7 +237,7 @@ TEST_F(FlightByHand, ANewLeaseBeginsTheSequenceAnew) {
   (void)outcome(first.submissions[0].id, Kind::committed);
   Controls controls;
   *controls.add_controls() = control_record("tello1", operator_name, 2);
-  (void)block(event("acquire", controls.SerializeAsString()));
+  (void)block(control_event("acquire", {"tello1"}, controls.SerializeAsString()));
   const auto call = call_of(states({1}));
   EXPECT_EQ(call.plans(0).epoch(), 2u);
   EXPECT_EQ(call.plans(0).sequence(), 1u);
@@ -251,7 +252,7 @@ TEST_F(FlightByHand, AStopEndsTheFlightOfThatDroneAndItIsCommandedNoMore) {
   (void)outcome(first.submissions[0].id, Kind::committed);
   Stops stops;
   *stops.add_stops() = stop_of("tello1", {"Org1MSP", "CN=Supervisor"});
-  (void)block(event("stop", stops.SerializeAsString()));
+  (void)block(control_event("stop", {"tello1"}, stops.SerializeAsString()));
   EXPECT_EQ(core.status(0).phase, DronePhase::landing);
   EXPECT_THAT(core.why(), HasSubstr("tello1: stopped by Org1MSP CN=Supervisor"));
   EXPECT_THAT(drones_in(call_of(states({1, 2}))), testing::ElementsAre("tello2"));
@@ -260,7 +261,8 @@ TEST_F(FlightByHand, AStopEndsTheFlightOfThatDroneAndItIsCommandedNoMore) {
 TEST_F(FlightByHand, AStopAsJsonCountsToo) {
   const auto first = states({1});
   (void)outcome(first.submissions[0].id, Kind::committed);
-  (void)block(event("stop", R"({"stops":[{"drone":"tello1","stopper":{"mspId":"Org3MSP","subject":"CN=Somebody"}}]})"));
+  (void)block(control_event("stop", {"tello1"},
+                            R"({"stops":[{"drone":"tello1","stopper":{"mspId":"Org3MSP","subject":"CN=Somebody"}}]})"));
   EXPECT_THAT(core.why(), HasSubstr("stopped by Org3MSP CN=Somebody"));
 }
 
@@ -268,7 +270,7 @@ TEST_F(FlightByHand, ALostLeaseIsAFailure) {
   (void)states({1});
   Controls controls;
   *controls.add_controls() = control_record("tello1", stranger_name, 2);
-  (void)block(event("acquire", controls.SerializeAsString()));
+  (void)block(control_event("acquire", {"tello1"}, controls.SerializeAsString()));
   EXPECT_EQ(core.status(0).phase, DronePhase::failed);
   EXPECT_THAT(core.why(), HasSubstr("lost its lease to CN=User1@org3"));
 }
@@ -276,7 +278,7 @@ TEST_F(FlightByHand, ALostLeaseIsAFailure) {
 TEST_F(FlightByHand, AnOlderRecordDoesNotUndoANewerOne) {
   Controls controls;
   *controls.add_controls() = control_record("tello1", stranger_name, 0);
-  (void)block(event("acquire", controls.SerializeAsString()));
+  (void)block(control_event("acquire", {"tello1"}, controls.SerializeAsString()));
   EXPECT_EQ(states({1}).submissions.size(), 1u);
 }
 
@@ -426,7 +428,7 @@ TEST_F(FlightByHand, APlanOfAnEarlierLeaseThatWouldBeSentAgainIsForgotten) {
   const auto earlier = flying({1, 2}, 0);
   Controls controls;
   *controls.add_controls() = control_record("tello1", operator_name, 3);
-  (void)block(event("acquire", controls.SerializeAsString()));
+  (void)block(control_event("acquire", {"tello1"}, controls.SerializeAsString()));
   now_ns += 101 * ns_per_ms;
   const auto later = call_of(flying({1}, 0));
   EXPECT_EQ(later.plans(0).epoch(), 3u);
@@ -497,6 +499,107 @@ TEST(FlightBelief, StatesOfAnotherSignerThanTheDronesOwnerAreCountedAndIgnored) 
   EXPECT_EQ(give(host_name, true), 0u);
   EXPECT_EQ(core.transactions().unbelieved, 2u);
   EXPECT_GT(give(host_name, false), 0u);
+}
+
+/// A ground that believes signatures, and transactions rightly signed, with a peer's own event in them.
+class FlightBesideALyingPeer : public testing::Test {
+ protected:
+  FlightBesideALyingPeer() {
+    EXPECT_TRUE(core.set_control(record.SerializeAsString()));
+    give(state(++sequence), host_name);
+  }
+  static FlightConfig config() {
+    FlightConfig config = config_for(1);
+    config.believed = crypto::make_test_registry({"Org1MSP", "Org2MSP", "Org3MSP"});
+    return config;
+  }
+  static fabric::Transaction state(std::uint64_t sequence, double x = 0) {
+    StateSample sample;
+    sample.phase = FlightPhase::on_ground;
+    sample.sequence = sequence;
+    sample.stamp_ns = sample.pose_stamp_ns = ns_per_s;
+    sample.position_m = {x, 0, 0};
+    SetCall call;
+    *call.add_assets() = status_asset("tello1", sample);
+    return event("set", call.SerializeAsString());
+  }
+  fabric::Transaction record_event(const std::string& name, const Control& after) const {
+    Controls controls;
+    *controls.add_controls() = after;
+    return control_event(name, {"tello1"}, controls.SerializeAsString());
+  }
+  FlightOutputs give(fabric::Transaction tx, const crypto::IdentityName& who) {
+    const auto identity = crypto::make_test_identity(who);
+    tx.creator = identity.serialized;
+    tx.payload = "what was signed";
+    tx.signature = *identity.signer->sign(tx.payload);
+    fabric::Block block;
+    block.transactions.push_back(std::move(tx));
+    FlightInputs inputs;
+    inputs.block = &block;
+    return core.step(ns_per_s, inputs);
+  }
+  bool flies_on() const { return core.status(0).phase == DronePhase::takeoff; }
+
+  Control record = control_record("tello1", operator_name, 4);
+  FlightCore core{config()};
+  std::uint64_t sequence = 0;
+};
+
+TEST_F(FlightBesideALyingPeer, AStateThatItsOwnerDidNotSignIsNotShown) {
+  ASSERT_TRUE(flies_on());
+  fabric::Transaction other = state(++sequence, 5);
+  other.args = state(sequence, 0).args;
+  EXPECT_TRUE(give(other, host_name).traces.empty());
+  EXPECT_EQ(core.transactions().altered, 1u);
+  fabric::Transaction another_function = state(sequence);
+  another_function.function = "stop";
+  EXPECT_TRUE(give(another_function, host_name).traces.empty());
+  EXPECT_FALSE(give(state(sequence), host_name).traces.empty());
+}
+
+TEST_F(FlightBesideALyingPeer, ARecordInACallForSomethingElseChangesNothing) {
+  Control taken = control_record("tello1", stranger_name, 99);
+  for (const char* name : {"enroll", "acquire", "release", "resume", "fold"}) {
+    fabric::Transaction lie = record_event(name, taken);
+    lie.function = "set";
+    (void)give(lie, host_name);
+    lie = record_event(name, taken);
+    lie.function = "command";
+    (void)give(lie, operator_name);
+    (void)give(record_event(name, taken), operator_name);  // asked for, but not by him whom it makes the holder
+  }
+  EXPECT_EQ(core.transactions().altered, 15u);
+  EXPECT_TRUE(flies_on());
+}
+
+TEST_F(FlightBesideALyingPeer, ARecordOfAnotherContractOrChannelChangesNothing) {
+  for (const bool contract : {true, false}) {
+    fabric::Transaction other = record_event("acquire", control_record("tello1", stranger_name, 99));
+    (contract ? other.contract : other.channel) = "another";
+    (void)give(other, stranger_name);
+    EXPECT_TRUE(flies_on());
+  }
+}
+
+TEST_F(FlightBesideALyingPeer, WhatFollowsFromTheCallAndTheRecordBeforeIsBelieved) {
+  record = control_record("tello1", stranger_name, 5);
+  record.set_priority(3);
+  fabric::Transaction taken = record_event("acquire", record);
+  (void)give(taken, stranger_name);  // with a priority that was not asked for
+  EXPECT_TRUE(flies_on());
+  taken.args.emplace_back("priority=3");
+  (void)give(taken, stranger_name);
+  EXPECT_EQ(core.status(0).phase, DronePhase::failed);
+}
+
+TEST_F(FlightBesideALyingPeer, AStopIsItsCreatorsOwn) {
+  Stops stops;
+  *stops.add_stops() = stop_of("tello1", stranger_name);
+  (void)give(control_event("stop", {"tello1"}, stops.SerializeAsString()), operator_name);
+  EXPECT_TRUE(flies_on());
+  (void)give(control_event("stop", {"tello1"}, stops.SerializeAsString()), stranger_name);
+  EXPECT_EQ(core.status(0).phase, DronePhase::landing);
 }
 
 TEST(FlightWithAFaultyLedger, WhatIsNoFrameOrNoStateIsCounted) {

@@ -45,8 +45,21 @@ inline FlightConfig config_for(int drones) {
 inline fabric::Transaction event(const std::string& name, std::string payload) {
   fabric::Transaction tx;
   tx.code = 0;
+  tx.channel = "teleop";
+  tx.contract = "ledgerline";
+  tx.function = name;
+  tx.args = {payload};
   tx.event_name = name;
   tx.event_payload = std::move(payload);
+  return tx;
+}
+
+/// A control event whose creator asked for these drones.
+inline fabric::Transaction control_event(const std::string& name, const std::vector<std::string>& drones,
+                                         std::string payload, bool cut = false) {
+  fabric::Transaction tx = event(name, std::move(payload));
+  tx.args = drones;
+  if (cut) tx.args.emplace_back("cut=true");
   return tx;
 }
 
@@ -186,7 +199,8 @@ class FlightWorld {
         if (drone.name == name && in_flight(drone.phase)) enter(drone, FlightPhase::landing);
       }
     }
-    put_block(event("stop", event_of_stop.SerializeAsString()));
+    const std::vector<std::string> asked(stops.back().drones().begin(), stops.back().drones().end());
+    put_block(control_event("stop", asked, event_of_stop.SerializeAsString(), stops.back().cut()));
   }
 
   void send_frame() {

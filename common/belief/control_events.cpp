@@ -1,0 +1,165 @@
+#include "common/belief/control_events.hpp"
+
+#include <algorithm>
+#include <array>
+#include <set>
+#include <string>
+
+#include "common/msg/form.hpp"
+#include "common/msg/stops.hpp"
+
+namespace ledgerline::belief {
+namespace {
+
+constexpr std::array<std::string_view, 6> names{"enroll", "acquire", "release", "stop", "resume", "fold"};
+
+bool same(const Identity& a, const crypto::IdentityName& b) {
+  return a.msp_id() == b.msp_id && a.subject() == b.subject;
+}
+
+/// Plain strings: drones, and options as "key=value".
+template <typename Message>
+bool read_plain(const std::vector<std::string>& args, Message& call) {
+  for (const std::string& arg : args) {
+    const auto equals = arg.find('=');
+    if (equals == std::string::npos) {
+      if (!arg.empty()) call.add_drones(arg);
+      continue;
+    }
+    const std::string key = arg.substr(0, equals), value = arg.substr(equals + 1);
+    if constexpr (std::is_same_v<Message, DronesCall>) {
+      if (key == "cut" && value == "true") call.set_cut(true);
+    } else {
+      const bool number = !value.empty() && value.size() <= 9 &&
+                          std::all_of(value.begin(), value.end(), [](char c) { return c >= '0' && c <= '9'; });
+      if (key == "priority" && number) call.set_priority(static_cast<std::uint32_t>(std::stoul(value)));
+    }
+  }
+  return true;
+}
+
+template <typename Message>
+bool read_call(const AskedCall& call, Message& asked) {
+  if (std::all_of(call.args.begin(), call.args.end(), [](const std::string& arg) { return is_plain(arg); })) {
+    if constexpr (!std::is_same_v<Message, EnrollCall>) return read_plain(call.args, asked);
+    return false;
+  }
+  return call.args.size() == 1 && parse_message(call.args[0], asked);
+}
+
+template <typename Message>
+std::set<std::string> drones_of(const Message& asked) {
+  return {asked.drones().begin(), asked.drones().end()};
+}
+
+template <typename List>
+bool names_exactly(const List& entries, const std::set<std::string>& drones) {
+  std::set<std::string> told;
+  for (const auto& entry : entries) told.insert(entry.drone());
+  return told == drones && static_cast<std::size_t>(entries.size()) == drones.size();
+}
+
+template <typename Message>
+Result<ControlEvent> read_as(const AskedCall& call, std::string_view event_payload) {
+  ControlEvent event;
+  event.function = std::string(call.function);
+  Message asked;
+  if (!read_call(call, asked)) return Error{"its call cannot be read"};
+  const bool stops = call.function == "stop";
+  const bool read = stops ? parse_message(event_payload, event.stops).ok()
+                          : parse_message(event_payload, event.controls).ok();
+  if (!read) return Error{"its event cannot be read"};
+  const auto drones = drones_of(asked);
+  const bool exactly =
+      stops ? names_exactly(event.stops.stops(), drones) : names_exactly(event.controls.controls(), drones);
+  if (!exactly) return Error{"its event is of other drones than were asked for"};
+  event.asked = std::move(asked);
+  return event;
+}
+
+bool equal(const Control& a, const Control& b) { return a.SerializeAsString() == b.SerializeAsString(); }
+
+Status expect(const Control& expected, const Control& after) {
+  return equal(expected, after) ? Status(done) : Error{"its record does not follow from the one before"};
+}
+
+Status acquired(const LeaseCall& asked, const Control& before, const Control& after, const Creator& creator) {
+  const bool mine = same(before.holder(), creator.name);
+  if (before.has_holder() && !mine && asked.priority() <= before.priority())
+    return Error{"somebody holds the lease with no lower priority"};
+  if (!mine && after.epoch() <= before.epoch()) return Error{"its epoch does not grow"};
+  Control expected = before;
+  expected.mutable_holder()->set_msp_id(creator.name.msp_id);
+  expected.mutable_holder()->set_subject(creator.name.subject);
+  expected.set_epoch(after.epoch());
+  expected.set_priority(asked.priority());
+  return expect(expected, after);
+}
+
+Status released(const Control& before, const Control& after, const Creator& creator) {
+  if (!before.has_holder() || !same(before.holder(), creator.name)) return Error{"another one holds the lease"};
+  if (after.epoch() <= before.epoch()) return Error{"its epoch does not grow"};
+  Control expected = before;
+  expected.clear_holder();
+  expected.set_priority(0);
+  expected.set_epoch(after.epoch());
+  return expect(expected, after);
+}
+
+Status resumed(const Control& before, const Control& after, const Creator& creator) {
+  Control expected = before;
+  Identity self;
+  self.set_msp_id(creator.name.msp_id);
+  self.set_subject(creator.name.subject);
+  remove_stop(expected, self);
+  if (before.owner().msp_id() == creator.name.msp_id && after.stoppers().empty()) expected.clear_stoppers();
+  return expect(expected, after);
+}
+
+Status enrolled(const EnrollCall& asked, const Control& before, const Control& after, const Creator& creator) {
+  const std::string& organisation = asked.identity().msp_id();
+  if (!creator.admin || creator.name.msp_id != organisation)
+    return Error{"its creator is no administrator of that organisation"};
+  if (before.owner().msp_id() != organisation) return Error{"the drone is another organisation's"};
+  Control expected = before;
+  *expected.mutable_owner() = asked.identity();
+  *expected.mutable_former_owners() = after.former_owners();
+  return expect(expected, after);
+}
+
+}  // namespace
+
+bool is_control_event(std::string_view event_name) {
+  return std::find(names.begin(), names.end(), event_name) != names.end();
+}
+
+Result<ControlEvent> read_control_event(const AskedCall& call, std::string_view event_name,
+                                        std::string_view event_payload) {
+  if (!is_control_event(event_name)) return Error{"it is no control event"};
+  if (call.function != event_name) return Error{"its event is of another function than was asked for"};
+  if (call.function == "enroll") return read_as<EnrollCall>(call, event_payload);
+  const bool lease = call.function == "acquire" || call.function == "release";
+  return lease ? read_as<LeaseCall>(call, event_payload) : read_as<DronesCall>(call, event_payload);
+}
+
+Status control_follows(const ControlEvent& event, const Control& before, const Control& after, const Creator& creator) {
+  if (after.drone() != before.drone()) return Error{"its record is of another drone"};
+  if (after.epoch() < before.epoch()) return Error{"its epoch goes back"};
+  if (equal(before, after)) return done;
+  if (event.function == "acquire") return acquired(std::get<LeaseCall>(event.asked), before, after, creator);
+  if (event.function == "release") return released(before, after, creator);
+  if (event.function == "resume") return resumed(before, after, creator);
+  if (event.function == "enroll") return enrolled(std::get<EnrollCall>(event.asked), before, after, creator);
+  return Error{"a " + event.function + " changes no record"};
+}
+
+Status stop_follows(const ControlEvent& event, const Control& before, const Stop& stop, const Creator& creator) {
+  if (event.function != "stop") return Error{"it is no stop"};
+  if (!same(stop.stopper(), creator.name) || stop.lifted()) return Error{"it is not its creator's own stop"};
+  if (stop.cut() != std::get<DronesCall>(event.asked).cut()) return Error{"its cut is not as it was asked for"};
+  const bool may_cut = before.owner().msp_id() == creator.name.msp_id || same(before.holder(), creator.name);
+  if (stop.cut() && !may_cut) return Error{"its creator may not cut this drone's motors"};
+  return done;
+}
+
+}  // namespace ledgerline::belief

@@ -1,0 +1,45 @@
+#pragma once
+#include <string_view>
+#include <variant>
+
+#include "common/belief/calls.hpp"
+#include "common/crypto/crypto.hpp"
+#include "common/rt/result.hpp"
+#include "ledgerline.pb.h"
+
+/// Control events (enroll, acquire, release, stop, resume, fold) judged by what their creator signed and by the record
+/// before: what a peer that lies may still do with one is to leave it out. What a peer alone can know stays its word:
+/// whether the creator has the role that the contract asks for. Pure.
+namespace ledgerline::belief {
+
+/// What a creator asked for, whichever of the three forms it was written in.
+using ControlCall = std::variant<EnrollCall, LeaseCall, DronesCall>;
+
+/// A control event that its call vouches for: it is of that function, and of exactly the drones that were asked for.
+struct ControlEvent {
+  std::string function;
+  ControlCall asked;
+  Controls controls;  ///< of all but stop
+  Stops stops;        ///< of stop
+};
+Result<ControlEvent> read_control_event(const AskedCall& call, std::string_view event_name,
+                                        std::string_view event_payload);
+/// Whether events of this name are control events.
+bool is_control_event(std::string_view event_name);
+
+struct Creator {
+  crypto::IdentityName name;
+  bool admin = false;
+};
+
+/// Whether `after`, one of the event's records, is what its function makes of `before`; an error says why not. A record
+/// that is as before follows always: who reads records beside the blocks may have it already. An epoch never goes back,
+/// and grows with each change of holder; the owner's organisation never changes; nobody's stop is lifted but the
+/// creator's own, or all by the owner's organisation.
+Status control_follows(const ControlEvent& event, const Control& before, const Control& after, const Creator& creator);
+
+/// Whether one of the event's stops is its creator's own, as asked. A cut is for the drone's organisation and the
+/// lease's holder, by the record before.
+Status stop_follows(const ControlEvent& event, const Control& before, const Stop& stop, const Creator& creator);
+
+}  // namespace ledgerline::belief
