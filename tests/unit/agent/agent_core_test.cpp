@@ -139,6 +139,7 @@ TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
   stopped.mutable_stopped_by()->set_msp_id("Org2MSP");
   core_.set_control(stopped);
   StateSample flying = state(1, start);
+  flying.phase = FlightPhase::on_ground;
   core_.on_state(start, flying, out_);
   EXPECT_TRUE(out_.plans.empty()) << "on the ground there is nothing to stop";
   flying.phase = FlightPhase::flying;
@@ -155,6 +156,20 @@ TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
   core_.on_state(start + 3 * ns_per_s, flying, out_);
   ASSERT_EQ(out_.plans.size(), 1U);
   EXPECT_EQ(out_.plans[0].action, PlanAction::cut);
+}
+
+TEST_F(AgentCoreTest, ALinkThatDoesNotSeeItsDroneIsToldOfAStopOnceASecondUntilItLandsBlindly) {
+  Control stopped = control("tello1", 1);
+  stopped.mutable_stopped_by()->set_msp_id("Org2MSP");
+  core_.set_control(stopped);
+  StateSample unseen = state(1, start);
+  unseen.phase = FlightPhase::disconnected;
+  for (int i = 0; i < 300; ++i) core_.on_state(start + i * 10 * ns_per_ms, unseen, out_);
+  EXPECT_EQ(out_.plans.size(), 3U);
+  unseen.mode = FailsafeMode::land;
+  out_.plans.clear();
+  core_.on_state(start + 5 * ns_per_s, unseen, out_);
+  EXPECT_TRUE(out_.plans.empty());
 }
 
 TEST_F(AgentCoreTest, AStateThatWaitsWasNotSentAndIsNotAnswered) {
