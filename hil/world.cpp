@@ -12,6 +12,7 @@
 #include "hil/digester.hpp"
 #include "hil/ledger_audit.hpp"
 #include "ledgerline.pb.h"
+#include "onboard/link/starts.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -21,6 +22,7 @@ constexpr TimeNs ground_period_ns = 50 * ns_per_ms;
 constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // as the agent's shell
 constexpr TimeNs quiet_ns = 500 * ns_per_ms;
 constexpr std::int64_t real_epoch_s = 1'767'225'600;
+constexpr TimeNs landing_bound_ns = 10 * ns_per_s;  // link's ShellSettings
 constexpr sim::Endpoint link_endpoint{0x7F000001, 40000};
 
 // Lengths of iceoryx's queues (onboard/ipc/ipc.cpp), where the oldest goes, and of the agent's ring for mocap, where
@@ -121,7 +123,11 @@ Result<std::string> VirtualWorld::control_record_by(LedgerPort& port, const std:
 void VirtualWorld::start_link() {
   // Any number that differs from start to start, as the shell's random one does.
   link_start_ = ++starts_;
-  link_.emplace(link_settings(config_), Random(config_.seed * 1000 + link_start_).next());
+  std::erase_if(link_starts_ns_, [this](TimeNs start) { return now_ - start > link::starts_within_ns; });
+  link_starts_ns_.push_back(now_);
+  link_.emplace(link_settings(config_), Random(config_.seed * 1000 + link_start_).next(),
+                static_cast<int>(link_starts_ns_.size()));
+  link_ends_ns_.reset();
 }
 
 Status VirtualWorld::start_agent() {
@@ -228,6 +234,10 @@ void VirtualWorld::stop(Process process, bool stopped) {
       ground_stopped_ = stopped;
       return;
   }
+}
+
+void VirtualWorld::end_link() {
+  if (link_ && !link_ends_ns_) link_ends_ns_ = now_ + landing_bound_ns;
 }
 
 void VirtualWorld::restart_ledger() {
@@ -426,8 +436,9 @@ void VirtualWorld::step_link() {
   const auto poses = take(wires_->poses);
   const auto beats = take(wires_->beats);
   witness_.given(poses);
-  const auto& out =
-      link_->step(now_, {.received = received, .plans = plans, .poses = poses, .beats = beats, .stop_all = false});
+  const auto& out = link_->step(
+      now_,
+      {.received = received, .plans = plans, .poses = poses, .beats = beats, .stop_all = link_ends_ns_.has_value()});
   for (const auto& send : out.to_send) {
     const std::string_view text = send.command.view();
     digester_->put(text);
@@ -444,6 +455,7 @@ void VirtualWorld::step_link() {
     witness_.traced(now_, record);
   }
   witness_.given(plans);
+  if (link_ends_ns_ && (link_->all_landed_or_told() || now_ >= *link_ends_ns_)) kill(Process::link);
 }
 
 void VirtualWorld::deliver_to_drones() {

@@ -69,6 +69,8 @@ class VirtualWorld {
   void kill(Process process);   ///< also one whose start waits for the ledger
   void start(Process process);  ///< no effect while it lives
   void stop(Process process, bool stopped);
+  /// SIGTERM: link lands what flies and ends, as its loop does.
+  void end_link();
   void stall_ledger(bool stalled) { ledger_stalled_ = stalled; }
   void restart_ledger();
   LedgerPort& port(Process process) { return process == Process::agent ? host_ : operator_; }
@@ -114,6 +116,8 @@ class VirtualWorld {
   TimeNs now_ = 0, next_ground_ns_ = 0, next_clock_ns_ = 0, quiet_since_ns_ = 0, clock_jump_ns_ = 0;
   std::uint64_t starts_ = 0, link_start_ = 0;
   bool ledger_stalled_ = false, agent_stopped_ = false, link_stopped_ = false, ground_stopped_ = false;
+  std::optional<TimeNs> link_ends_ns_;  ///< SIGTERM came: at the latest then
+  std::vector<TimeNs> link_starts_ns_;
   bool agent_wanted_ = true, ground_wanted_ = true;  ///< to live: a start waits until the ledger is reached
   agent::AgentOutputs agent_out_;
 };

@@ -28,6 +28,8 @@ sim::Parameters sim_parameters(const WorldConfig& config) {
   parameters.drones = config.drones;
   parameters.seed = config.seed;
   parameters.battery.start = config.battery;
+  parameters.sdk.keeps_rc = config.keeps_rc;
+  parameters.sdk.command_counts = config.command_counts;
   return parameters;
 }
 

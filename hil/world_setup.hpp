@@ -19,9 +19,10 @@ struct WorldConfig {
   double rate_hz = 30;
   int laps = 1;
   bool predict = true;
-  TimeNs max_age_ns = 500 * ns_per_ms;  ///< of a command, from its state's stamp; for a far ledger more
-  double battery = 1.0;                 ///< of every drone at the start, 0..1
-  double room_m = 3;                    ///< the fence's distance from the paths; below 0 its far sides cut through them
+  TimeNs max_age_ns = 500 * ns_per_ms;          ///< of a command, from its state's stamp; for a far ledger more
+  bool keeps_rc = true, command_counts = true;  ///< which Tello: sim::SdkParameters
+  double battery = 1.0;                         ///< of every drone at the start, 0..1
+  double room_m = 3;  ///< the fence's distance from the paths; below 0 its far sides cut through them
   std::size_t batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   std::uint64_t seed = 1;

@@ -77,7 +77,12 @@ struct SdkParameters {
   double default_speed_cmps = 100;  ///< `speed?` of a drone just started
   double turn_degps = 100;          ///< [A] of cw and ccw
   double state_hz = 10;
-  double silence_s = 15;   ///< lands by itself
+  double silence_s = 15;  ///< lands by itself
+  /// Nobody knows it of a real Tello [A]: whether it flies on with its last rc when none comes any more, or stops by
+  /// itself after rc_lasts_s; and whether `command` alone is a sign of life for those 15 s, as every other word is.
+  bool keeps_rc = true;
+  double rc_lasts_s = 0.5;
+  bool command_counts = true;
   int max_turn_deg = 360;  ///< SDK 1.3: 3600
 };
 

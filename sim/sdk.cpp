@@ -161,7 +161,7 @@ void Sdk::receive(TimeNs now, Endpoint from, std::string_view bytes, Drone drone
   if (fits && count == 0) return;
   if (!sdk_mode_ && !(fits && count == 1 && words[0] == "command")) return;
 
-  last_heard_ = now;
+  if (!sdk_mode_ || p_.sdk.command_counts || !fits || words[0] != "command") last_heard_ = now;
   if (!fits) return say(from, "error", out);
   const Entry* entry = find(words[0]);
   if (!entry) return say(from, unknown(words[0]), out);
@@ -184,6 +184,10 @@ void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
   if (!sdk_mode_) return;
 
   if (drone.pilot.busy()) last_heard_ = now;
+  if (!p_.sdk.keeps_rc && sticks_since_ && now - *sticks_since_ > from_seconds(p_.sdk.rc_lasts_s)) {
+    sticks_since_.reset();
+    drone.pilot.sticks(Vector::Zero(), 0);
+  }
   const bool silent = now - last_heard_ > from_seconds(p_.sdk.silence_s);
   const bool empty = drone.sensors.battery() < p_.battery.land_below;
   if ((silent || empty) && drone.pilot.phase() == Phase::flying) {
@@ -264,6 +268,7 @@ Sdk::Answer Sdk::sticks(Call& call) {
   const auto [right, forward, up, clockwise] = *values;
   for (const int value : *values)
     if (!within(value, -100, 100)) return {};
+  sticks_since_ = call.now;
   const double full = p_.sdk.rc_full_mps / 100;
   call.drone.pilot.sticks(Vector(forward, -right, up) * full, -clockwise * p_.sdk.rc_full_yaw_degps / 100 * radians);
   return {};
@@ -378,6 +383,7 @@ void Sdk::restart() {
   pads_wanted_ = false;
   state_port_ = state_port;
   speed_cmps_ = p_.sdk.default_speed_cmps;
+  sticks_since_.reset();
   waiting_.reset();
 }
 

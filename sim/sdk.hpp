@@ -20,6 +20,8 @@ namespace ledgerline::sim {
 /// - the 15 s of silence begin when the last action ends;
 /// - `land` is ignored, without an answer, during takeoff and while it is landing already, and `ok` on the ground;
 /// - `rc` counts as a sign of life always, steers only when flying without a move, and is dropped whole if malformed;
+/// it
+///   is flown until the next one comes, and `command` counts as a sign of life: SdkParameters can have it otherwise;
 /// - mission pads are never seen, so whatever needs one answers `error`; `streamon` answers `ok` but NO VIDEO IS SENT.
 class Sdk {
  public:
@@ -87,6 +89,7 @@ class Sdk {
   std::uint16_t state_port_ = state_port;
   TimeNs next_state_ = 0;
   TimeNs last_heard_ = 0;
+  std::optional<TimeNs> sticks_since_;  ///< the newest rc that steers, until it lasts no longer
   double speed_cmps_;
   bool pads_wanted_ = false;
   /// Who waits for the end of the action that runs.

@@ -206,6 +206,10 @@ Script draw_script(std::uint64_t number, const std::string& recording) {
   flight.batch_timeout_ns =
       flight.batch_count > 1 ? static_cast<TimeNs>(draw.between(10, 200)) * ns_per_ms : 10 * ns_per_ms;
   script.limit_ns = 240 * ns_per_s;
+  // Numbers of their own: what else is drawn stays as it was.
+  Draw kind(number * 104'729 + 5);
+  flight.keeps_rc = kind.below(2) == 0;
+  flight.command_counts = kind.below(2) == 0;
   const std::size_t faults = 1 + draw.below(4);
   while (script.faults.size() < faults) {
     const std::string drone = draw.below(4) == 0 ? "*" : drone_name(1 + static_cast<int>(draw.below(flight.drones)));

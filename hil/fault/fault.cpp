@@ -272,9 +272,11 @@ Status parse_other(Fault& fault, const Words& words, bool real) {
   for (const auto& [name, process] :
        {std::pair("agent", Process::agent), std::pair("link", Process::link), std::pair("ground", Process::ground)}) {
     if (words[0] != name) continue;
-    if (words.size() != 2 || (words[1] != "kill" && words[1] != "stop"))
-      return allowed(fault.text, fmt::format("must be `{} kill` or `{} stop`", name, name));
-    fault.what = words[1] == "kill" ? What::kill : What::stop;
+    const bool ends = process == Process::link && words.size() == 2 && words[1] == "end";
+    if (words.size() != 2 || (words[1] != "kill" && words[1] != "stop" && !ends))
+      return allowed(fault.text, fmt::format("must be `{} kill` or `{} stop`{}", name, name,
+                                             process == Process::link ? ", or `link end` (SIGTERM)" : ""));
+    fault.what = ends ? What::end : words[1] == "kill" ? What::kill : What::stop;
     fault.ends = {process};
     return done;
   }
@@ -398,14 +400,17 @@ bool Fault::pushes() const {
 }
 
 bool Fault::deafens() const {
-  const bool link = (what == What::kill || what == What::stop) && ends[0] == Process::link;
-  return link || (what == What::line && std::find(lines.begin(), lines.end(), LineAt::to) != lines.end());
+  return what == What::line && std::find(lines.begin(), lines.end(), LineAt::to) != lines.end();
+}
+
+bool Fault::silences() const {
+  return (what == What::kill || what == What::stop || what == What::end) && ends[0] == Process::link;
 }
 
 bool Fault::momentary() const {
-  return what == What::reboot || what == What::battery || what == What::kick || what == What::propeller ||
-         what == What::ledger_restart || what == What::clock_jump || what == What::stop_drone ||
-         what == What::kill_part || what == What::kill_roudi;
+  return what == What::end || what == What::reboot || what == What::battery || what == What::kick ||
+         what == What::propeller || what == What::ledger_restart || what == What::clock_jump ||
+         what == What::stop_drone || what == What::kill_part || what == What::kill_roudi;
 }
 
 Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration, bool real) {

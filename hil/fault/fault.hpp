@@ -54,6 +54,7 @@ struct Fault {
     ledger_restart,
     kill,
     stop,
+    end,  // SIGTERM to link
     clock_jump,
     stop_drone,
     slip,
@@ -89,7 +90,10 @@ struct Fault {
   TimeNs time_ns = 0;  ///< clock_jump, mocap_every
 
   bool pushes() const;
+  /// What the drone is told may not get there.
   bool deafens() const;
+  /// Nobody tells it anything, until link runs again.
+  bool silences() const;
   /// Whether it is over by itself as soon as it began.
   bool momentary() const;
 };

@@ -20,6 +20,7 @@ enum Which : std::uint8_t {
   too_fast,
   too_high,
   too_far,
+  unseen,
   silent,
   hovers,
   rc_range,
@@ -38,6 +39,7 @@ constexpr std::array<std::string_view, invariants::count> invariant_names{
     "always: never faster than the limits",
     "always: never higher than the limits",
     "always: never farther than the limits",
+    "always: who is not seen is stopped and landed",
     "always: a hold or a landing after silence",
     "always: a hold ends in a landing",
     "always: rc in the SDK's range",
@@ -90,6 +92,10 @@ std::optional<std::pair<std::size_t, bool>> seen_at(const Words& words) {
   if (n >= 4 && words[n - 1] == "seen" && words[n - 2] == "never" && words[n - 3] == "is")
     return std::pair(n - 3, true);
   return std::nullopt;
+}
+
+Moment::Excuse excuse_of(const Moment& moment, std::size_t drone) {
+  return moment.excuses.empty() ? Moment::Excuse{} : moment.excuses[drone];
 }
 
 bool is_named(const Moment& moment, std::size_t drone) {
@@ -292,28 +298,58 @@ void Judge::look_at_brake(const Moment& moment, std::size_t index, bool flies) {
           fmt::format("{}: told {:.2f} m/s after its brake, and no plan came", facts.name, facts.told_mps));
 }
 
+// Speed, height, place.
+void Judge::look_at_limits(const Moment& moment, std::size_t index) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const auto& at = facts.truth.position_m;
+  const auto& v = facts.truth.velocity_mps;
+  const Moment::Excuse excuse = excuse_of(moment, index);
+  if (excuse.physical || !facts.truth.in_flight || facts.truth.crashed) return;
+  if (const double speed = std::hypot(v[0], v[1], v[2]); speed > limits_.speed_mps)
+    broke(invariant(invariants::too_fast), moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
+  const double high = std::max(0.0, at[2] - limits_.height_m);
+  double far = 0;
+  for (std::size_t i = 0; i < 2; ++i) far = std::max({far, limits_.min_m[i] - at[i], at[i] - limits_.max_m[i]});
+  if (excuse.deaf) {
+    drone.high_m = high;
+    drone.far_m = far;
+    return;
+  }
+  const auto beyond = [](double now, double before) { return now > (before > 0 ? before + farther_m : 0); };
+  if (beyond(high, drone.high_m))
+    broke(invariant(invariants::too_high), moment.now, fmt::format("{}: {:.2f} m", facts.name, at[2]));
+  if (beyond(far, drone.far_m))
+    broke(invariant(invariants::too_far), moment.now, fmt::format("{}: at {:.2f}, {:.2f} m", facts.name, at[0], at[1]));
+}
+
+void Judge::look_at_unseen(const Moment& moment, std::size_t index) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const Moment::Excuse excuse = excuse_of(moment, index);
+  const bool unseen = moment.link_runs && facts.phase == FlightPhase::disconnected && facts.truth.in_flight;
+  if (!unseen || excuse.deaf || excuse.physical) {
+    drone.unseen_since_ns = 0;
+    return;
+  }
+  if (drone.unseen_since_ns == 0) drone.unseen_since_ns = moment.now;
+  const TimeNs since = moment.now - drone.unseen_since_ns;
+  const double speed = std::hypot(facts.truth.velocity_mps[0], facts.truth.velocity_mps[1]);
+  if (since > unseen_stops_ns && speed > unseen_mps)
+    broke(invariant(invariants::unseen), moment.now, fmt::format("{}: {:.2f} m/s, unseen", facts.name, speed));
+  if (since > unseen_down_ns)
+    broke(invariant(invariants::unseen), moment.now,
+          fmt::format("{}: unseen and in the air for {:.0f} s", facts.name, to_seconds(since)));
+}
+
 // The invariants.
 void Judge::look_after(const Moment& moment, std::size_t index) {
   const DroneFacts& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const TimeNs now = moment.now;
-  const auto& at = facts.truth.position_m;
-  const auto& v = facts.truth.velocity_mps;
-  drone.flew = drone.flew || (facts.truth.in_flight && at[2] > on_ground_m);
-  const Moment::Excuse excuse = moment.excuses.empty() ? Moment::Excuse{} : moment.excuses[index];
-  if (!excuse.physical && facts.truth.in_flight && !facts.truth.crashed) {
-    const double speed = std::hypot(v[0], v[1], v[2]);
-    if (speed > limits_.speed_mps)
-      broke(invariant(invariants::too_fast), now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
-    if (!excuse.deaf) {
-      if (at[2] > limits_.height_m)
-        broke(invariant(invariants::too_high), now, fmt::format("{}: {:.2f} m", facts.name, at[2]));
-      for (std::size_t i = 0; i < 2; ++i) {
-        if (at[i] < limits_.min_m[i] || at[i] > limits_.max_m[i])
-          broke(invariant(invariants::too_far), now, fmt::format("{}: at {:.2f}, {:.2f} m", facts.name, at[0], at[1]));
-      }
-    }
-  }
+  drone.flew = drone.flew || (facts.truth.in_flight && facts.truth.position_m[2] > on_ground_m);
+  look_at_limits(moment, index);
+  look_at_unseen(moment, index);
 
   const bool flies = moment.link_runs && facts.phase == FlightPhase::flying;
   if (!flies) {

@@ -69,7 +69,7 @@ struct Moment {
   /// By drone, empty: for none: limits that say nothing now.
   struct Excuse {
     bool physical = false;  ///< it was broken or pushed: speed, height and place are not the flight's own
-    bool deaf = false;      ///< what it is told may not get there: its height and place are of what it heard last
+    bool deaf = false;      ///< nobody tells it anything, or it may not get there: it goes by what it heard last
   };
   std::span<const Excuse> excuses{};
   std::optional<TimeNs> first_fault_ns, last_fault_end_ns;
@@ -108,7 +108,10 @@ struct Limits {
 /// Judges a run moment by moment: the script's rules, and the invariants of every run:
 ///
 ///     speed, height, distance   never beyond the limits, but of a drone that was pushed, broken or deafened, until 5 s
-///                               behind that fault's end
+///                               behind that fault's end (1 s behind the start of a link that was away); where it got
+///                               meanwhile it may stay, but no farther than 0.5 m on
+///     unseen                    a drone in the air that a running link does not see stands still after 1 s, and is
+///                               down after 25 s: whatever became of the link before
 ///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later it
 ///                               tells the drone zero
 ///     landing after a hold      a hold or brake of land_after (5 s) and 0.5 s more is a landing
@@ -138,12 +141,17 @@ class Judge {
   static constexpr TimeNs ramp_ns = 600 * ns_per_ms;  ///< from 2 m/s at 4 m/s2, and a step of rc
   static constexpr double told_at_once_mps = 0.3;     ///< between two rc of a ramp, and their rounding
   static constexpr TimeNs land_after_ns = 5'500 * ns_per_ms;
+  static constexpr double farther_m = 0.5;  ///< than where it got while it was deaf
+  static constexpr TimeNs unseen_stops_ns = 1 * ns_per_s, unseen_down_ns = 25 * ns_per_s;
+  static constexpr double unseen_mps = 0.4;  ///< horizontally: gusts, and how a Tello drifts
 
  private:
   struct Drone {
     TimeNs hovering_since_ns = 0;
-    bool flew = false;           ///< was higher than on_ground_m, in flight
-    TimeNs rested_since_ns = 0;  ///< link runs and the drone flies, without a break
+    TimeNs unseen_since_ns = 0;    ///< in the air, and link runs but does not see it
+    double high_m = 0, far_m = 0;  ///< beyond the limits: where it got while it was deaf
+    bool flew = false;             ///< was higher than on_ground_m, in flight
+    TimeNs rested_since_ns = 0;    ///< link runs and the drone flies, without a break
     std::array<double, 3> told{};
     double may_change_mps = 0;  ///< what it is told, now
     TimeNs looked_ns = 0;
@@ -159,6 +167,8 @@ class Judge {
   };
   void look_at(const Moment& moment, State& state);          ///< one of the script's rules
   void look_after(const Moment& moment, std::size_t drone);  ///< the invariants, for one drone
+  void look_at_limits(const Moment& moment, std::size_t drone);
+  void look_at_unseen(const Moment& moment, std::size_t drone);
   void look_at_ramp(const Moment& moment, std::size_t drone, bool rested);
   void look_at_order(const Moment& moment);
   void look_at_brake(const Moment& moment, std::size_t drone, bool flies);

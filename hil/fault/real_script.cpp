@@ -57,6 +57,8 @@ std::string reason_against(const Fault& fault, const RealLedger& ledger) {
       return fault.for_ns == 0 || fault.for_ns > longest_death
                  ? "the launcher starts it again at once: `for` must be at most 1 s"
                  : "";
+    case What::end:
+      return "link's end is the flight's end: virtual time alone has it";
     case What::stop_drone:
       if (fault.stopper != Stopper::operating)
         return "nobody but the operator is enrolled there: virtual time alone has it";
@@ -165,6 +167,8 @@ Status check_real(const Script& script, const RealLedger& ledger) {
   if (flight.side_m < least_side_m || flight.side_m > most_side_m)
     reasons.push_back(fmt::format("flight.side_m: ./fly flies paths of {} to {} m a side", least_side_m, most_side_m));
   if (flight.battery != usual.battery) reasons.push_back("flight.battery: ./fly flies with full batteries");
+  if (!flight.keeps_rc || !flight.command_counts)
+    reasons.push_back("flight.keeps_rc, flight.command_counts: ./fly flies the usual Tello");
   if (flight.room_m != usual.room_m) reasons.push_back("flight.room_m: ./fly flies with the usual fence");
   for (const Fault& fault : script.faults) {
     if (const auto why = reason_against(fault, ledger); !why.empty())

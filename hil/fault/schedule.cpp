@@ -85,6 +85,9 @@ void FaultSchedule::begin(VirtualWorld& world, Item& item) {
     case What::kill:
       world.kill(fault.ends[0]);
       break;
+    case What::end:
+      world.end_link();
+      break;
     case What::clock_jump:
       world.jump_clock(fault.time_ns);
       break;
@@ -234,10 +237,11 @@ FaultSchedule::Effect FaultSchedule::effect_on(std::size_t drone, TimeNs now) co
   Effect effect;
   for (const Item& item : items_) {
     const bool its = std::find(item.drones.begin(), item.drones.end(), drone) != item.drones.end();
-    const bool for_good = item.fault.what == What::propeller;
-    if (!item.begun_ns || !its || (!for_good && item.ended_ns && now > *item.ended_ns + aftermath_ns)) continue;
+    const bool for_good = item.fault.what == What::propeller || item.fault.what == What::end;
+    const TimeNs after = item.fault.silences() ? restart_ns : aftermath_ns;
+    if (!item.begun_ns || !its || (!for_good && item.ended_ns && now > *item.ended_ns + after)) continue;
     effect.pushed = effect.pushed || item.fault.pushes();
-    effect.deafened = effect.deafened || item.fault.deafens();
+    effect.deafened = effect.deafened || item.fault.deafens() || item.fault.silences();
   }
   return effect;
 }

@@ -36,13 +36,15 @@ class FaultSchedule {
   /// Of the first one that began; empty: none has.
   std::span<const std::size_t> first_drones() const;
 
-  /// What a fault does to one drone, from its beginning until aftermath_ns behind its end.
+  /// What a fault does to one drone, from its beginning until aftermath_ns (of link: restart_ns) behind its end.
   struct Effect {
     bool pushed = false;    ///< from outside, or broken (that for good): how fast and how high it gets says nothing
     bool deafened = false;  ///< what it is told may not get there: it flies on with the last rc it got, as a Tello does
   };
   Effect effect_on(std::size_t drone, TimeNs now) const;
   static constexpr TimeNs aftermath_ns = 5 * ns_per_s;
+  /// Of a link that died or stood still: it says zero in its first step, and a drone stops within a second.
+  static constexpr TimeNs restart_ns = 1 * ns_per_s;
 
  private:
   explicit FaultSchedule(std::vector<Item> items) : items_(std::move(items)) {}

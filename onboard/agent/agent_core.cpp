@@ -8,7 +8,8 @@
 namespace ledgerline::agent {
 namespace {
 
-constexpr TimeNs stop_gap_ns = 100 * ns_per_ms;  // between two times that one stop is said to link
+constexpr TimeNs stop_gap_ns = 100 * ns_per_ms;      // between two times that one stop is said to link
+constexpr TimeNs unseen_stop_gap_ns = 1 * ns_per_s;  // the same while link does not see the drone, perhaps for hours
 
 TraceRecord record_of(TraceKind kind, TimeNs now, DroneNumber drone, std::uint64_t id, TimeNs stamp_ns,
                       std::uint64_t extra = 0) {
@@ -68,14 +69,16 @@ void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& ou
 // The event of a stop comes once; agent or link may have been down then, or the plan may not have reached link.
 void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs& out) {
   Drone& drone = drones_[index(sample.drone)];
-  if (!in_flight(sample.phase) || now < drone.next_stop_ns) return;
+  // A link that does not see the drone may have to land it blindly; a new one knows of no stop.
+  const bool unseen = sample.phase == FlightPhase::disconnected;
+  if (!(in_flight(sample.phase) || unseen) || now < drone.next_stop_ns) return;
   auto stop = check_.standing_stop(now, sample.drone);
   if (!stop) return;
   const bool obeyed = stop->action == PlanAction::cut
                           ? sample.mode == FailsafeMode::cut
                           : sample.mode >= FailsafeMode::land || sample.phase == FlightPhase::landing;
   if (obeyed) return;
-  drone.next_stop_ns = now + stop_gap_ns;
+  drone.next_stop_ns = now + (unseen ? unseen_stop_gap_ns : stop_gap_ns);
   stop->verified_ns = now;
   out.plans.push_back(*stop);
 }

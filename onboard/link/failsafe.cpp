@@ -158,10 +158,11 @@ bool outside_fence(const Moment& at) {
   return at.memory.outside_ns != 0 && at.now - at.memory.outside_ns <= at.settings.clear_after_ns;
 }
 bool battery_low(const Moment& at) { return at.memory.battery_low; }
+bool blind(const Moment& at) { return at.facts.blind; }
 
 }  // namespace
 
-const std::array<FailsafeRow, 12> failsafe_table{{
+const std::array<FailsafeRow, 13> failsafe_table{{
     {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, Clears::on_ground, cut},
     {"FS-02", FailsafeCause::stopped, FailsafeMode::land, Clears::on_ground, stopped},
     {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, Clears::on_ground, battery_critical},
@@ -174,13 +175,14 @@ const std::array<FailsafeRow, 12> failsafe_table{{
     {"FS-10", FailsafeCause::plan_ran_out, FailsafeMode::hold, Clears::with_a_plan, plan_ran_out},
     {"FS-11", FailsafeCause::fence, FailsafeMode::none, Clears::back_inside, outside_fence},
     {"FS-12", FailsafeCause::battery_low, FailsafeMode::none, Clears::when_charged, battery_low},
+    {"FS-13", FailsafeCause::state_stale, FailsafeMode::land, Clears::on_ground, blind},
 }};
 
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
                      TimeNs now, const FailsafeFacts& facts) noexcept {
   FailsafeState memory = last;
   remember_battery(settings, memory, facts);
-  if (!in_flight(facts.phase)) {
+  if (!in_flight(facts.phase) && !facts.may_fly_unseen) {
     FailsafeState grounded;
     grounded.battery_low = memory.battery_low;
     grounded.cause = takeoff_refusal(settings, now, facts);
@@ -202,7 +204,9 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
     const bool known = row.cause == FailsafeCause::held_too_long && memory.cause != FailsafeCause::plan_ran_out;
     return change(memory, now, row.mode, known ? memory.cause : row.cause);
   }
-  return change(memory, now, FailsafeMode::none, FailsafeCause::none);
+  // Not seen: what a take-off waits for, as on the ground.
+  const bool seen = in_flight(facts.phase);
+  return change(memory, now, FailsafeMode::none, seen ? FailsafeCause::none : takeoff_refusal(settings, now, facts));
 }
 
 FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, const FailsafeFacts& facts) noexcept {

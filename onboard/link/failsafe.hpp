@@ -9,6 +9,8 @@ namespace ledgerline::link {
 /// What the failsafe is told, at every step. Times are when something last came; 0: never.
 struct FailsafeFacts {
   FlightPhase phase = FlightPhase::disconnected;
+  bool may_fly_unseen = false;  ///< disconnected, and not known to stand on the ground
+  bool blind = false;           ///< and all handshakes with it were in vain
   TimeNs flying_since_ns = 0;
   bool plan_valid = false;             ///< a plan covers this moment
   TimeNs covered_until_ns = 0;         ///< end of the newest plan
@@ -56,9 +58,9 @@ struct FailsafeRow {
   bool (*applies)(const FailsafeMoment&);
 };
 
-/// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground,
-/// the others while the drone flies.
-extern const std::array<FailsafeRow, 12> failsafe_table;
+/// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground
+/// and while the drone may fly unseen, the others while it flies.
+extern const std::array<FailsafeRow, 13> failsafe_table;
 
 /// Pure: the next state from the last one, the time and the facts.
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,

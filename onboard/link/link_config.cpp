@@ -162,6 +162,7 @@ Result<ShellSettings> load_settings(const std::string& path) {
   settings.link.rate_hz = config->number("state.rate_hz", settings.link.rate_hz, 1, 200);
   settings.trace = config->text("output.trace", "");
   settings.summary = config->text("output.summary", "");
+  settings.starts = config->text("output.starts", "");
   settings.status_period_ms = config->integer("output.status_period_ms", 0, 0, 60'000);
   settings.loop_hz = config->number("realtime.loop_hz", settings.loop_hz, 100, 4000);
   settings.priority = static_cast<int>(config->integer("realtime.priority", settings.priority, 0, 98));

@@ -36,7 +36,8 @@ bool on_ground(FlightPhase phase) noexcept { return phase == FlightPhase::on_gro
 
 }  // namespace
 
-LinkCore::LinkCore(const LinkSettings& settings, std::uint64_t boot_id) : settings_(settings), boot_id_(boot_id) {
+LinkCore::LinkCore(const LinkSettings& settings, std::uint64_t boot_id, int starts)
+    : settings_(settings), boot_id_(boot_id), land_first_(starts >= settings.session.many_starts) {
   drones_.reserve(settings_.drones.size());
   for (const DroneSettings& drone : settings_.drones) drones_.emplace_back(drone, settings_);
 }
@@ -76,6 +77,10 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
 }
 
 void LinkCore::take_inputs(TimeNs now, const LinkInputs& inputs) noexcept {
+  if ((inputs.stop_all && !stop_all_) || land_first_) {
+    for (Drone& drone : drones_) drone.session.land_again(now, BlindTalk::Asker::local);
+  }
+  land_first_ = false;
   stop_all_ = stop_all_ || inputs.stop_all;
   for (const Received& received : inputs.received) {
     Drone* drone = find(received.drone);
@@ -154,6 +159,7 @@ void LinkCore::take_plan(TimeNs now, const Plan& plan) noexcept {
       drone.stop = true;
       drone.cut = drone.cut || plan.action == PlanAction::cut;
       drone.takeoff_after_ns = now;
+      drone.session.land_again(now, BlindTalk::Asker::contract);
       drone.playout.clear(DropReason::superseded);
       drone.playout.count_applied();
       record_applied(now, drone, plan.sequence, plan.state_stamp_ns);
@@ -188,10 +194,11 @@ void LinkCore::take_off(TimeNs now, Drone& drone, const Plan& plan) noexcept {
 }
 
 void LinkCore::land(TimeNs now, Drone& drone, const Plan& plan) noexcept {
-  if (drone.session.phase() == FlightPhase::disconnected) {
+  if (drone.session.phase() == FlightPhase::disconnected && !drone.session.may_fly_unseen()) {
     drone.playout.count_dropped(plan, DropReason::not_flying);
     return;
   }
+  drone.session.land_again(now, BlindTalk::Asker::holder);
   drone.session.request_land(now);
   drone.playout.clear(DropReason::superseded);
   drone.playout.count_applied();
@@ -201,6 +208,7 @@ void LinkCore::land(TimeNs now, Drone& drone, const Plan& plan) noexcept {
 void LinkCore::update_facts(Drone& drone, const Playout::Wish& wish) const noexcept {
   FailsafeFacts& facts = drone.facts;
   facts.phase = drone.session.phase();
+  facts.may_fly_unseen = drone.session.may_fly_unseen();
   facts.flying_since_ns = drone.session.phase_since_ns();
   facts.plan_valid = wish.valid;
   facts.covered_until_ns = drone.playout.covered_until_ns();
@@ -220,10 +228,11 @@ void LinkCore::step_drone(TimeNs now, Drone& drone) noexcept {
   watch_phase(now, drone);
   const Playout::Wish wish = drone.playout.wish(now);
   update_facts(drone, wish);
+  drone.facts.blind = drone.session.blind(now);
   drone.failsafe = update(settings_.failsafe, settings_.fence, drone.failsafe, now, drone.facts);
   obey_failsafe(now, drone);
   if (drone.session.phase() == FlightPhase::flying) fly(now, drone, wish);
-  for (CommandText text; drone.session.next_send(now, text);) out_.to_send.push({drone.number, text});
+  talk(now, drone);
   watch_phase(now, drone);
   record_transition(now, drone);
   record_ends(now, drone);
@@ -243,6 +252,16 @@ void LinkCore::obey_failsafe(TimeNs now, Drone& drone) noexcept {
     case FailsafeMode::none:
     case FailsafeMode::hold:
       break;
+  }
+}
+
+void LinkCore::talk(TimeNs now, Drone& drone) noexcept {
+  for (CommandText text; drone.session.next_send(now, text);) {
+    if (text.view() == rc_text({}).view()) {
+      send_rc(now, drone, {}, {});  // the one that a drone is told unseen, for the trace
+    } else {
+      out_.to_send.push({drone.number, text});
+    }
   }
 }
 
@@ -305,7 +324,7 @@ void LinkCore::watch_phase(TimeNs now, Drone& drone) noexcept {
       if (drone.last_phase == FlightPhase::disconnected && phase == FlightPhase::on_ground) send_rc(now, drone, {}, {});
     }
     if (in_flight(drone.last_phase) && !in_flight(phase)) drone.takeoff_after_ns = now;
-    if (!in_flight(phase)) drone.cut = false;
+    if (!in_flight(phase) && !drone.session.may_fly_unseen()) drone.cut = false;
   }
   if (phase != drone.last_phase || drone.failsafe.mode != drone.last_mode || drone.failsafe.cause != drone.last_cause) {
     drone.last_phase = phase;
@@ -325,7 +344,8 @@ void LinkCore::record_transition(TimeNs now, Drone& drone) noexcept {
   Transition& last = drone.last_transition;
   const FlightPhase phase = drone.session.phase();
   const FailsafeMode mode = drone.failsafe.mode;
-  const FailsafeCause cause = in_flight(phase) ? drone.failsafe.cause : FailsafeCause::none;
+  const bool says_why = in_flight(phase) || mode >= FailsafeMode::land;
+  const FailsafeCause cause = says_why ? drone.failsafe.cause : FailsafeCause::none;
   if (phase != last.phase || mode != last.mode || cause != last.cause) {
     last = {.drone = drone.number, .phase = phase, .mode = mode, .cause = cause, .boot_id = boot_id_, .stamp_ns = now};
     drone.transitions.add(last);
@@ -397,46 +417,6 @@ void LinkCore::record_ends(TimeNs now, Drone& drone) noexcept {
                      .v = {}});
   }
   drone.playout.clear_ends();
-}
-
-bool LinkCore::all_on_ground() const noexcept {
-  return std::none_of(drones_.begin(), drones_.end(), [](const Drone& d) { return in_flight(d.session.phase()); });
-}
-
-FlightPhase LinkCore::phase(DroneNumber number) const noexcept {
-  const Drone* drone = find(number);
-  return drone ? drone->session.phase() : FlightPhase::disconnected;
-}
-
-FailsafeMode LinkCore::mode(DroneNumber number) const noexcept {
-  const Drone* drone = find(number);
-  return drone ? drone->failsafe.mode : FailsafeMode::none;
-}
-
-TimeNs LinkCore::margin_ns(DroneNumber number) const noexcept {
-  const Drone* drone = find(number);
-  return drone ? drone->playout.margin_ns() : 0;
-}
-
-void LinkCore::finish() noexcept {
-  for (Drone& drone : drones_) drone.playout.clear(DropReason::superseded);
-}
-
-std::vector<DroneReport> LinkCore::reports() const {
-  std::vector<DroneReport> reports;
-  reports.reserve(drones_.size());
-  for (const Drone& drone : drones_) {
-    const FlightPhase phase = drone.session.phase();
-    reports.push_back({.name = drone.name,
-                       .number = drone.number,
-                       .states_sampled = drone.states_sampled,
-                       .plans = drone.playout.counters(),
-                       .transitions = drone.transitions.counters(),
-                       .age_ms = drone.age.quantiles_ms(),
-                       .landed = drone.session.has_flown() && on_ground(phase),
-                       .phase = phase});
-  }
-  return reports;
 }
 
 }  // namespace ledgerline::link

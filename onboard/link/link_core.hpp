@@ -55,6 +55,7 @@ struct DroneReport {
   PlanCounters plans;
   TransitionLog::Counters transitions;
   Quantiles age_ms;     ///< at application: sent - the state's stamp
+  bool heard = false;   ///< anything at all came from it
   bool landed = false;  ///< it flew and is on the ground again
   FlightPhase phase = FlightPhase::disconnected;
 };
@@ -63,14 +64,19 @@ struct DroneReport {
 /// rate. Core: no I/O, no clock, no allocation after construction; one thread.
 class LinkCore {
  public:
-  /// `boot_id`: random for each start; the shell or the virtual campaign's seed provides it.
-  LinkCore(const LinkSettings& settings, std::uint64_t boot_id);
+  /// `boot_id`: random for each start; the shell or the virtual campaign's seed provides it. `starts`: of link of late,
+  /// this one counted (starts.hpp): with SessionSettings::many_starts of them the first step tells every drone to land.
+  LinkCore(const LinkSettings& settings, std::uint64_t boot_id, int starts = 1);
 
   /// The outputs are valid until the next step.
   const LinkOutputs& step(TimeNs now, const LinkInputs& inputs) noexcept;
 
-  /// No drone is in the air, as far as link knows.
+  /// No drone is in the air, nor may one be: each was seen on the ground, or said that it landed.
   bool all_on_ground() const noexcept;
+  /// The same, but for drones that nobody ever heard of.
+  bool all_on_ground_or_unheard() const noexcept;
+  /// All are on the ground, or were told to land for as long as it helps (SessionSettings): link may end.
+  bool all_landed_or_told() const noexcept;
   FlightPhase phase(DroneNumber drone) const noexcept;
   FailsafeMode mode(DroneNumber drone) const noexcept;
   /// How much later than they say its setpoints are flown now.
@@ -129,6 +135,7 @@ class LinkCore {
   void step_drone(TimeNs now, Drone& drone) noexcept;
   void update_facts(Drone& drone, const Playout::Wish& wish) const noexcept;
   void obey_failsafe(TimeNs now, Drone& drone) noexcept;
+  void talk(TimeNs now, Drone& drone) noexcept;
   void fly(TimeNs now, Drone& drone, const Playout::Wish& wish) noexcept;
   void send_rc(TimeNs now, Drone& drone, const Velocity& told, const Rc& rc) noexcept;
   void watch_phase(TimeNs now, Drone& drone) noexcept;
@@ -144,6 +151,7 @@ class LinkCore {
   std::vector<Drone> drones_;  ///< never grows after construction
   AgentBeat beat_;
   bool stop_all_ = false;
+  bool land_first_;  ///< link was started too often
   TimeNs last_step_ns_ = 0;
   TimeNs unhealthy_until_ns_ = 0;
   TimeNs next_sample_ns_ = 0;

@@ -14,7 +14,7 @@ void LinkLoop::run() noexcept {
     turns_.store(turns.count(), std::memory_order_relaxed);
     if (!stopping) continue;
     if (give_up_ns == 0) give_up_ns = now + settings_.landing_bound_ns;
-    if (core_.all_on_ground() || now >= give_up_ns) break;
+    if (core_.all_landed_or_told() || now >= give_up_ns) break;
   }
   if (packed_turns_.record().extra < PackedTurns::capacity) hand_over(packed_turns_.record());
   figures_.cycles = turns.count();

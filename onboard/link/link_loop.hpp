@@ -32,7 +32,8 @@ class LinkLoop {
   LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, Courier& courier, TelloSockets& sockets)
       : settings_(settings), core_(core), end_(end), courier_(courier), sockets_(sockets) {}
 
-  /// Runs in the calling thread until request_stop(), and then until all drones are on the ground or the bound is over.
+  /// Runs in the calling thread until request_stop(), and then until all drones are on the ground or were told to land
+  /// long enough, or the bound is over.
   void run() noexcept;
 
   /// Any thread.

@@ -18,6 +18,7 @@
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/link_loop.hpp"
 #include "onboard/link/link_summary.hpp"
+#include "onboard/link/starts.hpp"
 
 namespace ledgerline::link {
 namespace {
@@ -108,6 +109,29 @@ bool wait_for_signal(const sigset_t& signals) {
   return ::sigtimedwait(&signals, nullptr, &turn) > 0;
 }
 
+// How often it was started of late. Without that memory a link that dies and dies is taken for a first one each time,
+// which is no reason not to fly.
+int recent_starts(const ShellSettings& settings) {
+  if (settings.starts.empty()) return 1;
+  const auto starts = note_start(settings.starts, monotonic_ns());
+  if (!starts) {
+    spdlog::error("{}: a link that dies again and again would keep its drones in the air", starts.error().what);
+    return 1;
+  }
+  if (*starts >= settings.link.session.many_starts)
+    spdlog::error("{} starts within {:.0f} s: the drones are told to land first", *starts,
+                  to_seconds(starts_within_ns));
+  return *starts;
+}
+
+void tell_unseen(const LinkCore& core) {
+  for (const DroneReport& report : core.reports()) {
+    if (!report.heard) spdlog::warn("{}: nothing was ever heard of it; it was told to land, blindly", report.name);
+  }
+  if (!core.all_on_ground_or_unheard())
+    spdlog::error("not every drone was seen on the ground; a Tello lands by itself 15 s after the last command");
+}
+
 void tell_transitions(const LinkCore& core) {
   for (const DroneReport& report : core.reports()) {
     const TransitionLog::Counters& t = report.transitions;
@@ -151,7 +175,7 @@ int run_link(const ShellSettings& settings) {
 
   auto courier = Courier::start(**end, settings.priority > 0 ? std::max(settings.priority - courier_below_loop, 1) : 0);
   if (!courier) return fail(courier.error());
-  auto core = std::make_unique<LinkCore>(settings.link, *boot_id);
+  auto core = std::make_unique<LinkCore>(settings.link, *boot_id, recent_starts(settings));
   auto loop = std::make_unique<LinkLoop>(settings, *core, **end, **courier, *sockets);
   Housekeeping housekeeping(settings, *loop, std::move(trace), *manager);
 
@@ -180,15 +204,14 @@ int run_link(const ShellSettings& settings) {
   thread.join();
   core->finish();
   housekeeping.once(monotonic_ns());
-  if (!core->all_on_ground())
-    spdlog::error("not every drone was seen on the ground; a Tello lands by itself 15 s after the last command");
+  tell_unseen(*core);
   tell_transitions(*core);
   if (auto status = housekeeping.close(); !status) return fail(status.error());
   if (!settings.summary.empty()) {
     if (auto status = write_summary(settings.summary, *core, loop->figures(), **courier, real_time.all()); !status)
       return fail(status.error());
   }
-  return core->all_on_ground() ? 0 : 1;
+  return core->all_on_ground_or_unheard() ? 0 : 1;
 }
 
 }  // namespace ledgerline::link

@@ -16,10 +16,12 @@ int main(int argc, char** argv) {
       "A config for one simulated drone:\n"
       "  [[drone]]\n  name = \"tello1\"\n  address = \"127.0.0.2\"\n"
       "  [state]\n  listen = \"127.0.0.1:8890\"\n  rate_hz = 30.0\n"
-      "SIGTERM lands what flies (at most 10 s), then ends. So it does when RouDi is gone, but not before all drones "
-      "are\n"
-      "on the ground: start it again behind a new RouDi.\n"
-      "Exit codes: 0 all drones on the ground, 1 cannot serve or a drone was not seen down, 2 bad usage or config");
+      "SIGTERM lands what flies, and what may fly unseen (at most 10 s; 3 s for drones that nobody ever heard of), "
+      "then\n"
+      "ends. So it does when RouDi is gone, but not before all drones are on the ground: start it again behind a new\n"
+      "RouDi.\n"
+      "Exit codes: 0 all drones on the ground, or never heard of; 1 cannot serve, or a drone was not seen down; 2 bad\n"
+      "usage or config");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

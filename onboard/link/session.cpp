@@ -31,10 +31,12 @@ void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
   phase_ = phase;
   phase_since_ns_ = now;
   grounded_since_ns_ = aloft_since_ns_ = 0;
+  if (in_flight(phase)) stands_ = false, down_since_ns_ = 0;
   if (phase == FlightPhase::flying) has_flown_ = true;
   if (phase == FlightPhase::disconnected) {
     handshake_ok_ = false;
     asked_ = Asked::nothing;
+    blind_.seek();
   }
 }
 
@@ -59,23 +61,27 @@ void TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
     ++states_refused_;
     return;
   }
+  if (!fresh(now)) down_since_ns_ = 0;  // who knows what it did meanwhile
   state_at_ns_ = now;
+  heard_ = true;
   if (seen_airborne(now)) rising_until_ns_ = 0;
+  // Still on the ground a moment after a take-off was sent, it may yet rise.
+  const bool down = now >= rising_until_ns_ && seen_grounded(now);
+  stands_ = held(now, down, down_since_ns_, settings_.stands_after_ns);
 }
 
 void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
   const Answer answer = parse_answer(bytes);
+  if (answer != Answer::unknown) heard_ = true;
+  if (answer == Answer::ok && phase_ == FlightPhase::disconnected) {
+    handshake_ok_ = true;  // whatever it answers: a Tello answers nothing before `command`
+    return;
+  }
   if (answer == Answer::unknown || asked_ == Asked::nothing || send_) {
     ++answers_unasked_;
     return;
   }
   switch (asked_) {
-    case Asked::command:
-      if (answer == Answer::ok) {
-        handshake_ok_ = true;
-        asked_ = Asked::nothing;
-      }
-      break;
     case Asked::takeoff:
       if (answer == Answer::refused) {
         asked_ = Asked::nothing;
@@ -117,6 +123,7 @@ bool TelloSession::request_takeoff(TimeNs now) noexcept {
 }
 
 void TelloSession::request_land(TimeNs now) noexcept {
+  if (may_fly_unseen()) blind_.land(now, BlindTalk::Word::land);
   if (phase_ != FlightPhase::flying && phase_ != FlightPhase::taking_off) return;
   ask(now, Asked::land);
   lowest_m_ = state_.height_m;
@@ -124,6 +131,7 @@ void TelloSession::request_land(TimeNs now) noexcept {
 }
 
 void TelloSession::request_cut(TimeNs now) noexcept {
+  if (may_fly_unseen()) blind_.land(now, BlindTalk::Word::emergency);
   if (asked_ == Asked::emergency || phase_ == FlightPhase::disconnected) return;
   if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) return;
   ask(now, Asked::emergency);
@@ -132,23 +140,43 @@ void TelloSession::request_cut(TimeNs now) noexcept {
   if (phase_ != FlightPhase::landing) enter(now, FlightPhase::landing);
 }
 
+void TelloSession::land_again(TimeNs now, BlindTalk::Asker asker) noexcept {
+  if (may_fly_unseen()) blind_.land_again(now, asker);
+}
+
+bool TelloSession::told_to_land(TimeNs now) const noexcept {
+  return may_fly_unseen() && blind_.said_for(now, heard_ ? settings_.blind_land_for_ns : settings_.unheard_land_for_ns);
+}
+
+void TelloSession::connect(TimeNs now) noexcept {
+  const bool down = seen_grounded(now), lands = blind_.lands();
+  const bool cut = blind_.word() == BlindTalk::Word::emergency;
+  // A link that starts again finds the drone where it is, maybe in the air. A landing is not taken back there.
+  enter(now, down ? FlightPhase::on_ground : lands ? FlightPhase::landing : FlightPhase::flying);
+  if (down || !lands) return;
+  ask(now, cut ? Asked::emergency : Asked::land);
+  lowest_m_ = state_.height_m;
+}
+
 void TelloSession::watch_connection(TimeNs now) noexcept {
   if (phase_ == FlightPhase::disconnected) {
-    if (handshake_ok_ && fresh(now)) {
-      // A link that starts again finds the drone where it is, maybe in the air.
-      enter(now, seen_grounded(now) ? FlightPhase::on_ground : FlightPhase::flying);
-    } else if (asked_ != Asked::command && !handshake_ok_) {
-      timeout_ns_ = settings_.answer_timeout_ns;
-      ask(now, Asked::command);
-    } else if (!send_ && now - asked_at_ns_ >= timeout_ns_) {
-      // No answer; or an answer, but no state text: the drone sends it only after `command`.
-      handshake_ok_ = false;
-      timeout_ns_ = std::min(2 * timeout_ns_, settings_.answer_timeout_max_ns);
-      ask(now, Asked::command);
-    }
+    if (handshake_ok_ && fresh(now)) connect(now);
   } else if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) {
     if (now - std::max(state_at_ns_, phase_since_ns_) >= settings_.lost_after_ns) enter(now, FlightPhase::disconnected);
   }
+}
+
+// In its order, and at once: the first datagram after `command` is the zero.
+void TelloSession::talk_blindly(TimeNs now) noexcept {
+  if (phase_ != FlightPhase::disconnected) {
+    says_blindly_.clear();
+    return;
+  }
+  if (!says_blindly_.empty()) return;
+  const BlindTalk::Due due = blind_.due(now, may_fly_unseen());
+  if (due.command) says_blindly_.push(command_text("command"));
+  if (due.zero) says_blindly_.push(rc_text({}));
+  if (due.word) says_blindly_.push(command_text(blind_.word() == BlindTalk::Word::emergency ? "emergency" : "land"));
 }
 
 void TelloSession::watch_takeoff(TimeNs now) noexcept {
@@ -178,7 +206,9 @@ void TelloSession::watch_landing(TimeNs now) noexcept {
     return;
   }
   if (now - std::max(state_at_ns_, phase_since_ns_) >= settings_.landing_lost_after_ns) {
+    const bool cut = asked_ == Asked::emergency;
     enter(now, FlightPhase::disconnected);
+    blind_.be_silent(now, cut ? BlindTalk::Word::emergency : BlindTalk::Word::land);
     return;
   }
   if (!send_ && now - asked_at_ns_ >= settings_.land_repeat_ns) {
@@ -197,13 +227,16 @@ bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
   watch_takeoff(now);
   watch_sight(now);
   watch_landing(now);
+  talk_blindly(now);
+  if (!says_blindly_.empty()) {
+    out = says_blindly_[0];
+    says_blindly_.erase_front(1);
+    return true;
+  }
   if (asked_ == Asked::nothing || !send_) return false;
   send_ = false;
   asked_at_ns_ = now;
   switch (asked_) {
-    case Asked::command:
-      out = command_text("command");
-      break;
     case Asked::takeoff:
       out = command_text("takeoff");
       break;

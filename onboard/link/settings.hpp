@@ -19,8 +19,32 @@ struct SessionSettings {
   TimeNs land_repeat_ns = 1 * ns_per_s;          ///< land is sent again while the drone does not come down
   TimeNs lost_after_ns = 3 * ns_per_s;           ///< on the ground, without state text: disconnected
   TimeNs landing_lost_after_ns = 30 * ns_per_s;  ///< landing, with neither answer nor state text: disconnected
-  float airborne_m = 0.25F;                      ///< `h` comes in steps of 0.1 m
-  float grounded_m = 0.15F;                      ///< tof shows 0.10 m on the ground
+  /// Seen on the ground without a break for so long it stands there: a shorter sight may be of a take-off that a link
+  /// began which is gone, whose motors spin up for a second or two before it rises.
+  TimeNs stands_after_ns = 3 * ns_per_s;
+  /// To a drone that is not seen and may fly (blind_talk.hpp). So many `command`, at 0, 0.5 and 1.5 s, all given up 3.5
+  /// s after the first: a state text comes every 100 ms, an answer within tens of ms. One would end a flight for one
+  /// datagram that is lost; with six a drone that hears but is not heard hovers for 20 s before it is landed.
+  int handshakes = 3;
+  TimeNs zero_gap_ns = 100 * ns_per_ms;  ///< between two zeros meanwhile: with 60 % lost, one is heard within 0.5 s
+  /// Between two `land` (or `emergency`), each behind a `command` and a zero: twice as often as where it is seen
+  /// whether the drone obeys.
+  TimeNs blind_repeat_ns = 500 * ns_per_ms;
+  /// So long: longer than a take-off, during which `land` is ignored (4 s); with 60 % lost, all 12 are in 0.2 % of
+  /// cases.
+  TimeNs blind_land_for_ns = 6 * ns_per_s;
+  /// Then nothing at all, longer than the 15 s after which a Tello lands by itself, and that by what the network may
+  /// hold back. Shorter would hold a drone in the air that hears everything but `land`; longer makes whoever switches a
+  /// drone on behind link wait for as long (ground waits 30 s for a drone).
+  TimeNs silence_ns = 16 * ns_per_s;
+  /// The same word, when link ends and a drone was never heard of: mostly there is none, and a person waits. 7 times.
+  TimeNs unheard_land_for_ns = 3 * ns_per_s;
+  /// Starts of link within starts.hpp's 15 s, of which the last one tells every drone to land in its first step: who
+  /// dies so often cannot fly, and each life's first words are a sign of life to a Tello. The launcher gives up with as
+  /// many.
+  int many_starts = 7;
+  float airborne_m = 0.25F;  ///< `h` comes in steps of 0.1 m
+  float grounded_m = 0.15F;  ///< tof shows 0.10 m on the ground
 };
 
 struct PlayoutSettings {

@@ -41,6 +41,9 @@ std::string output_table(const RunFiles& files, const std::string& program) {
   return fmt::format("[output]\ntrace = \"{}\"\nsummary = \"{}\"\n", files.trace(program), files.summary(program));
 }
 
+// So that a link that dies and dies lands what it flies: more of [output].
+std::string starts_line(const RunFiles& files) { return fmt::format("starts = \"{}\"\n", files.in("link.starts")); }
+
 // Where the proxy stands for a drone.
 std::string proxied_address_of(int drone) { return fmt::format("127.0.1.{}", drone + 1); }
 const char* const proxy_address = "127.0.2.1";  // toward the drones; link has the ports for state at the others
@@ -132,8 +135,9 @@ Status write_sim_config(const RunFiles& files, const Options& options) {
 }
 
 Status write_local_configs(const RunFiles& files, const Options& options) {
-  const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
-                           playout_table(options) + drone_tables(options, true);
+  const std::string link = output_table(files, "link") + starts_line(files) +
+                           fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
+                           drone_tables(options, true);
   const std::string local = output_table(files, "local") + "status_period_ms = 250\n" + flight_table(options) +
                             dds_table(options, Side::drones) + drone_tables(options, false);
   if (auto status = write_file(files.config("link"), link); !status) return status;
@@ -176,8 +180,9 @@ Status write_configs(const RunFiles& files, const Options& options, const std::s
            direct(program);
   };
   const std::string with_status = "status_period_ms = 250\n";
-  const std::string link = output_table(files, "link") + fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) +
-                           playout_table(options) + drone_tables(options, true);
+  const std::string link = output_table(files, "link") + starts_line(files) +
+                           fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
+                           drone_tables(options, true);
   const std::string agent = ledger("agent", 1) + msp_tables(files) + output_table(files, "agent") + with_status +
                             patience(options) + dds_table(options, Side::drones) + drone_tables(options, false);
   const std::string ground = ledger("ground", 2) + msp_tables(files) + output_table(files, "ground") + with_status +

@@ -140,6 +140,7 @@ TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
   add_stop(stopped, testing::stop_of("tello1"));
   core_.set_control(start, stopped);
   StateSample flying = state(1, start);
+  flying.phase = FlightPhase::on_ground;
   core_.on_state(start, flying, out_);
   EXPECT_TRUE(out_.plans.empty()) << "on the ground there is nothing to stop";
   flying.phase = FlightPhase::flying;
@@ -191,6 +192,20 @@ TEST_F(AgentCoreTest, AStopFromBeforeItsStartIsFoldedToo) {
   core_.step(start, out_);
   ASSERT_EQ(out_.submits.size(), 1U);
   EXPECT_EQ(out_.submits[0].call.function, "fold");
+}
+
+TEST_F(AgentCoreTest, ALinkThatDoesNotSeeItsDroneIsToldOfAStopOnceASecondUntilItLandsBlindly) {
+  Control stopped = control("tello1", 1);
+  add_stop(stopped, testing::stop_of("tello1"));
+  core_.set_control(start, stopped);
+  StateSample unseen = state(1, start);
+  unseen.phase = FlightPhase::disconnected;
+  for (int i = 0; i < 300; ++i) core_.on_state(start + i * 10 * ns_per_ms, unseen, out_);
+  EXPECT_EQ(out_.plans.size(), 3U);
+  unseen.mode = FailsafeMode::land;
+  out_.plans.clear();
+  core_.on_state(start + 5 * ns_per_s, unseen, out_);
+  EXPECT_TRUE(out_.plans.empty());
 }
 
 TEST_F(AgentCoreTest, AStateThatWaitsWasNotSentAndIsNotAnswered) {

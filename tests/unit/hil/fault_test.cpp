@@ -95,6 +95,10 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
     const std::string error = error_of(std::string("title = \"t\"\n[[fault]]\nwhat = \"") + what + "\"\n");
     EXPECT_NE(error.find("x.toml:3: fault.0.what:"), std::string::npos) << what << ": " << error;
   }
+  EXPECT_NE(error_of("title = \"t\"\n[[fault]]\nwhat = \"ground end\"\n").find("kill"), std::string::npos);
+  EXPECT_EQ(
+      error_of("title = \"t\"\n[flight]\nkeeps_rc = false\ncommand_counts = false\n[[fault]]\nwhat = \"link end\"\n"),
+      "");
   EXPECT_NE(error_of("title = \"t\"\n[[fault]]\nwhat = \"clock jump 1s\"\nfor = \"1s\"\n").find("leave `for` out"),
             std::string::npos);
   EXPECT_NE(error_of("title = \"t\"\nmust = [\"lands within 3 s\"]\n").find("there is none"), std::string::npos);
@@ -339,6 +343,43 @@ TEST(FaultJudge, AnExcuseIsOfOneDroneAlone) {
   }
 }
 
+TEST(FaultJudge, WhereItGotWhileItWasDeafItMayStayButGoNoFarther) {
+  for (const double farther : {0.4, 0.6}) {
+    Judged run("");
+    std::vector<Moment::Excuse> excuses(1);
+    run.moment.excuses = excuses;
+    run.pass(ns_per_s);
+    excuses[0].deaf = true;
+    run.drones[0].truth.position_m = {104, 0, 5};
+    run.pass(ns_per_s);
+    excuses[0].deaf = false;
+    run.drones[0].truth.position_m = {104 + farther, 0, 5 + farther};
+    run.pass(ns_per_s);
+    EXPECT_EQ(run.broken().contains("always: never farther than the limits"), farther > 0.5);
+    EXPECT_EQ(run.broken().contains("always: never higher than the limits"), farther > 0.5);
+  }
+}
+
+TEST(FaultJudge, WhoIsNotSeenMustStopAndComeDown) {
+  const auto broken = [](double mps, TimeNs duration, bool deaf, bool link_runs) {
+    Judged run("");
+    std::vector<Moment::Excuse> excuses(1);
+    excuses[0].deaf = deaf;
+    run.moment.excuses = excuses;
+    run.moment.link_runs = link_runs;
+    run.drones[0].phase = FlightPhase::disconnected;
+    run.drones[0].truth.velocity_mps = {0, mps, -0.5};
+    run.pass(duration);
+    return run.broken().contains("always: who is not seen is stopped and landed");
+  };
+  EXPECT_FALSE(broken(0.6, 900 * ns_per_ms, false, true));
+  EXPECT_TRUE(broken(0.6, 1'100 * ns_per_ms, false, true));
+  EXPECT_FALSE(broken(0.2, 24 * ns_per_s, false, true));
+  EXPECT_TRUE(broken(0.2, 26 * ns_per_s, false, true));
+  EXPECT_FALSE(broken(0.6, 26 * ns_per_s, true, true));
+  EXPECT_FALSE(broken(0.6, 26 * ns_per_s, false, false));
+}
+
 TEST(FaultJudge, InvariantsAreJudgedInEveryRun) {
   const auto broken_by = [](const std::function<void(Judged&)>& wrong) {
     Judged run("");
@@ -556,6 +597,13 @@ TEST(FaultOverlap, AnExcuseEndsFiveSecondsBehindTheFault) {
     EXPECT_EQ(run.schedule->effect_on(1, from_seconds(t_s)).deafened, deafened) << t_s;
     EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(t_s)).pushed) << t_s;
   }
+}
+
+TEST(FaultOverlap, ALinkThatIsBackExcusesTheDroneForOneSecond) {
+  Faulty run({{"link kill", "1s", "2s"}});
+  run.fly_to(5);
+  for (const auto& [t_s, excused] : {std::pair(1.5, true), {3.9, true}, {4.2, false}})
+    EXPECT_EQ(run.schedule->effect_on(0, from_seconds(t_s)).deafened, excused) << t_s;
 }
 
 TEST(FaultOverlap, TwoBiasesAddUp) {

@@ -16,10 +16,12 @@ namespace {
 
 constexpr TimeNs step_ns = 100 * ms;
 constexpr TimeNs now = 1000 * step_ns;
+constexpr int handshakes = 2;  // steps until all were in vain
 
 /// Ages in steps. Of a moment that never was: -1.
 struct State {
   int phase = 0;
+  int unseen = -1;  ///< disconnected, and it may fly: for so long; then all handshakes were in vain
   int uncovered = 0, beat = 0, state = 0, pose = 0;
   int ledger_alive = 1;
   int mode = 0, cause = 0, battery_low = 0;
@@ -28,8 +30,8 @@ struct State {
 
   std::uint64_t key() const {
     std::uint64_t key = 0;
-    for (const int field : {phase, uncovered, beat, state, pose, ledger_alive, mode, cause, battery_low, hovering, gone,
-                            outward, outside, unflown}) {
+    for (const int field : {phase, unseen, uncovered, beat, state, pose, ledger_alive, mode, cause, battery_low,
+                            hovering, gone, outward, outside, unflown}) {
       key = key << 4 | static_cast<std::uint64_t>(field + 1);
     }
     return key;
@@ -62,6 +64,8 @@ class Search {
     State start;
     start.phase = static_cast<int>(FlightPhase::taking_off);
     visit(start);
+    start.phase = static_cast<int>(FlightPhase::disconnected);
+    visit(start);
     while (!open_.empty() && !::testing::Test::HasFailure()) {
       const State from = open_.front();
       open_.pop_front();
@@ -83,7 +87,10 @@ class Search {
   int fence_land_after() const { return limits_[6]; }
 
   static std::vector<int> next_phases(int phase) {
-    if (phase == static_cast<int>(FlightPhase::landing)) return {phase};
+    constexpr int unseen = static_cast<int>(FlightPhase::disconnected), flying = static_cast<int>(FlightPhase::flying),
+                  landing = static_cast<int>(FlightPhase::landing);
+    if (phase == landing) return {phase, unseen};
+    if (phase == unseen) return {phase, flying, landing};
     return {phase, phase + 1};
   }
 
@@ -108,6 +115,7 @@ class Search {
   State aged(const State& from, int phase, const Input& input) const {
     State s = from;
     s.phase = phase;
+    s.unseen = phase == static_cast<int>(FlightPhase::disconnected) ? std::min(s.unseen + 1, handshakes) : -1;
     const bool begins = phase != from.phase && phase == static_cast<int>(FlightPhase::flying);
     s.uncovered = input.plan || begins ? 0 : std::min(s.uncovered + 1, grace());
     s.unflown = begins ? 0 : std::min(s.unflown + 1, land_after() + grace() + 1);
@@ -128,6 +136,8 @@ class Search {
   FailsafeFacts facts(const State& s, const Input& input) const {
     FailsafeFacts f;
     f.phase = static_cast<FlightPhase>(s.phase);
+    f.may_fly_unseen = s.unseen >= 0;
+    f.blind = s.unseen >= handshakes;
     f.plan_valid = input.plan;
     f.covered_until_ns = f.flying_since_ns = now - s.uncovered * step_ns;
     f.beat_ns = now - s.beat * step_ns;
@@ -181,6 +191,7 @@ class Search {
   static State landing(const State& s) {
     State kept;
     kept.phase = s.phase;
+    kept.unseen = s.unseen;
     kept.mode = s.mode;
     kept.cause = s.cause;
     return kept;
@@ -198,6 +209,7 @@ class Search {
     if (f.cut && next.mode != FailsafeMode::cut) told("a cut was not obeyed");
     if (next.mode == FailsafeMode::cut && !f.cut && last.mode != FailsafeMode::cut) told("a cut nobody asked for");
     if ((f.stop || f.battery <= settings_.battery_critical) && !down) told("a stop or an empty battery does not land");
+    if (f.blind && !down) told("it may fly unseen, and is not landed");
     if (f.phase != FlightPhase::flying) return;
 
     const bool follows = follows_plan(next.mode, f.plan_valid);

@@ -378,6 +378,44 @@ TEST_F(FailsafeTest, FS01MotorsAreCutOnlyWhereAskedForByName) {
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
+TEST_F(FailsafeTest, FS13ADroneThatMayFlyUnseenIsLandedWhenItsHandshakesWereInVain) {
+  facts.phase = FlightPhase::disconnected;
+  facts.may_fly_unseen = true;
+  states = false;
+  pass(3 * ns_per_s);
+  expect(FailsafeMode::none, FailsafeCause::state_stale);
+  facts.blind = true;
+  pass(ms);
+  expect(FailsafeMode::land, FailsafeCause::state_stale);
+  facts.blind = false;  // it is seen again, in the air
+  facts.may_fly_unseen = false;
+  facts.phase = FlightPhase::landing;
+  states = true;
+  pass(ns_per_s);
+  expect(FailsafeMode::land, FailsafeCause::state_stale);
+  facts.phase = FlightPhase::disconnected;  // and lost, but on the ground
+  pass(ms);
+  expect(FailsafeMode::none, FailsafeCause::none);
+}
+
+TEST_F(FailsafeTest, AStopACutAndTheFenceActOnADroneThatMayFlyUnseen) {
+  facts.phase = FlightPhase::disconnected;
+  facts.stop = true;
+  pass(ms);
+  expect(FailsafeMode::none, FailsafeCause::stopped);
+  facts.may_fly_unseen = true;
+  pass(ms);
+  expect(FailsafeMode::land, FailsafeCause::stopped);
+  facts.cut = true;
+  pass(ms);
+  expect(FailsafeMode::cut, FailsafeCause::stopped);
+  state = {};
+  facts.stop = facts.cut = false;
+  facts.position_m = {fence.max_m[0] + 2, 0, 1};
+  pass(settings.fence_land_after_ns + 10 * ms);
+  expect(FailsafeMode::land, FailsafeCause::fence);
+}
+
 TEST_F(FailsafeTest, ALandingIsNeverTakenBackInTheAir) {
   facts.battery = settings.battery_critical;
   pass(ms);

@@ -34,10 +34,11 @@ TEST_F(LinkConfig, OneDroneIsEnough) {
 }
 
 TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
-  const auto settings = load(drone +
-                             "[state]\nrate_hz = 50.0\nlisten = \"127.0.0.1:9000\"\n[limits]\nspeed_mps = 0.7\n"
-                             "[failsafe]\nland_after_s = 2.5\npose_lost_ms = 250\n[fence]\nmax_m = [1.0, 2.0, 3.0]\n"
-                             "[realtime]\npriority = 0\ncpu = 1\n[rc]\nsigns = [1, 1, 1, 1]\n");
+  const auto settings =
+      load(drone +
+           "[state]\nrate_hz = 50.0\nlisten = \"127.0.0.1:9000\"\n[limits]\nspeed_mps = 0.7\n"
+           "[failsafe]\nland_after_s = 2.5\npose_lost_ms = 250\n[fence]\nmax_m = [1.0, 2.0, 3.0]\n"
+           "[realtime]\npriority = 0\ncpu = 1\n[rc]\nsigns = [1, 1, 1, 1]\n[output]\nstarts = \"x\"\n");
   ASSERT_TRUE(settings) << settings.error().what;
   EXPECT_EQ(settings->link.rate_hz, 50);
   EXPECT_EQ(ntohs(settings->state_listen.sin_port), 9000);
@@ -47,6 +48,7 @@ TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
   EXPECT_EQ(settings->link.fence.max_m[1], 2);
   EXPECT_EQ(settings->link.rc.signs[0], 1);
   EXPECT_EQ(settings->priority, 0);
+  EXPECT_EQ(settings->starts, "x");
 }
 
 TEST_F(LinkConfig, MistakesAreNamed) {

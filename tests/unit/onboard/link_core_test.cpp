@@ -280,19 +280,20 @@ TEST(LinkCore, TakeOffIsRefusedWithoutAPoseOrALivingAgent) {
   EXPECT_EQ(w.core.reports()[0].plans.dropped, 2U);
 }
 
-TEST(LinkCore, NoRcButOneZeroIsSentOnTheGroundAndNoneInTakeOffAndInLanding) {
+TEST(LinkCore, NoRcButZerosOfTheHandshakeIsSentOnTheGroundAndNoneInTakeOffAndInLanding) {
   LinkWorld w;
   w.pass(ns_per_s);
   w.plan(PlanAction::takeoff);
   w.pass(500 * ms);
   w.fly_plan({1, 0, 0});
   w.pass(500 * ms);
-  // But a zero behind the handshake: the drone may hover a hand above the ground, by an rc of a link that is gone.
+  // But one with the handshake, and one behind it: the drone may fly by an rc of a link that is gone, also a hand above
+  // the ground.
   std::vector<std::string> rcs;
   for (const auto& [at, text] : w.sent) {
     if (text.starts_with("rc")) rcs.push_back(text);
   }
-  EXPECT_EQ(rcs, std::vector<std::string>{"rc 0 0 0 0"});
+  EXPECT_EQ(rcs, (std::vector<std::string>{"rc 0 0 0 0", "rc 0 0 0 0"}));
   EXPECT_EQ(w.core.reports()[0].plans.dropped_by[static_cast<std::size_t>(DropReason::not_flying)], 1U);
 }
 

@@ -17,6 +17,9 @@ struct FakeTello {
   DroneNumber number = 1;
   bool connected = false;
   bool answers = true, states = true;
+  bool hears = true, lands = true;              ///< lands: when told to
+  bool keeps_rc = true, command_counts = true;  ///< as sim::SdkParameters
+  double at_s = 0, heard_at_s = 0, steered_at_s = 0;
   enum class Motion { ground, spinning_up, climbing, hovering, sinking } motion = Motion::ground;
   std::array<double, 3> position{};
   double yaw = 0;
@@ -28,23 +31,30 @@ struct FakeTello {
   std::vector<std::string> answer_queue;
 
   void hear(std::string_view text) {
+    if (!hears) return;
     heard.emplace_back(text);
+    if (!connected || command_counts || text != "command") heard_at_s = at_s;
     if (text == "command") {
       connected = true;
       say("ok");
     } else if (text == "takeoff") {
       if (motion == Motion::ground) motion = Motion::spinning_up, spun_s = 0;
     } else if (text == "land") {
-      if (motion == Motion::hovering) motion = Motion::sinking;
+      if (motion == Motion::hovering && lands) motion = Motion::sinking;
     } else if (text == "emergency") {
       motion = Motion::ground;
       position[2] = 0;
       say("ok");
     } else if (motion == Motion::hovering) {
       std::sscanf(std::string(text).c_str(), "rc %d %d %d %d", &rc[0], &rc[1], &rc[2], &rc[3]);
+      steered_at_s = at_s;
     }
   }
   void move(double dt) {
+    at_s += dt;
+    if (motion == Motion::spinning_up || motion == Motion::climbing) heard_at_s = at_s;
+    if (motion == Motion::hovering && at_s - heard_at_s > 15) motion = Motion::sinking;
+    if (!keeps_rc && at_s - steered_at_s > 0.5) rc = {};
     if (motion == Motion::spinning_up && (spun_s += dt) >= spin_up_s) motion = Motion::climbing;
     if (motion == Motion::climbing && (position[2] += 0.5 * dt) >= 1) {
       motion = Motion::hovering;

@@ -344,6 +344,42 @@ TEST(Sdk, AnyCommandKeepsItInTheAir) {
   }
 }
 
+TEST(Sdk, ATelloThatDoesNotKeepItsLastRcStopsByItself) {
+  for (const bool keeps : {true, false}) {
+    Parameters parameters = Flight::calm();
+    parameters.sdk.keeps_rc = keeps;
+    Flight flight(parameters);
+    flight.take_off();
+    const auto speed = [&] { return std::hypot(flight.truth().velocity_mps[0], flight.truth().velocity_mps[1]); };
+    for (int i = 0; i < 20; ++i) {
+      flight.tell("rc 0 50 0 0");
+      flight.run(0.1);
+    }
+    EXPECT_NEAR(speed(), 0.5, 0.03);
+    flight.run(parameters.sdk.rc_lasts_s + 2);
+    EXPECT_NEAR(speed(), keeps ? 0.5 : 0, 0.03);
+    flight.tell("rc 0 50 0 0");
+    flight.run(0.4);
+    EXPECT_GT(speed(), 0.2) << "a new one is flown again";
+  }
+}
+
+TEST(Sdk, CommandMayBeNoSignOfLife) {
+  for (const bool counts : {true, false}) {
+    Parameters parameters = Flight::calm();
+    parameters.sdk.command_counts = counts;
+    Flight flight(parameters);
+    flight.take_off();
+    for (int i = 0; i < 6; ++i) {
+      flight.run(3);
+      EXPECT_EQ(flight.ask("command"), "ok");
+    }
+    EXPECT_EQ(flight.truth().in_flight && flight.truth().position_m[2] > 0.9, counts);
+    flight.run(5);
+    EXPECT_EQ(flight.truth().in_flight, counts);
+  }
+}
+
 TEST(Sdk, EmergencyStopsTheMotorsAndIsAnswered) {
   Flight flight;
   flight.take_off();
