@@ -27,6 +27,13 @@ void wait(const std::atomic<bool>& quit, TimeNs until_ns) {
 
 }  // namespace
 
+void warn_of_open_topics(const BridgeConfig& config) {
+  for (const Rule& rule : config.rules) {
+    if (!rule.from_ledger || rule.left_out || rule.from != anybody) continue;
+    spdlog::warn("{} is taken from the ledger whoever writes it: its [[topic]] says from = \"*\"", rule.name);
+  }
+}
+
 Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
                                                  crypto::MspRegistry& believed,
                                                  const dds::ParticipantPtr& participant) {
@@ -96,7 +103,9 @@ BesideBridges::BesideBridges(BridgeConfig config, fabric::ClientConfig ledger,
       ledger_(std::move(ledger)),
       believed_(std::move(believed)),
       participant_(std::move(participant)),
-      thread_([this] { carry(); }) {}
+      thread_([this] { carry(); }) {
+  warn_of_open_topics(config_);
+}
 
 BesideBridges::~BesideBridges() {
   quit_ = true;

@@ -10,6 +10,9 @@
 
 namespace ledgerline::bridge {
 
+/// Says in the log which topics are taken from the ledger whoever writes them (from = "*"). Once, at a program's start.
+void warn_of_open_topics(const BridgeConfig& config);
+
 /// All that a program bridges: a Bridge for each channel that a topic names. One thread.
 class Bridges {
  public:

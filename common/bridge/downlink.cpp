@@ -25,6 +25,11 @@ bool had(const Origin& newest, const Origin& other) {
 /// CDR as ROS 2 sends it: PLAIN_CDR in either byte order, behind its four bytes.
 bool is_cdr(std::string_view bytes) { return bytes.size() >= 4 && bytes[0] == 0 && (bytes[1] == 0 || bytes[1] == 1); }
 
+/// A type of ROS 2, and that of its [[topic]] where it says one.
+bool fits(const Downlink::Topic& topic, std::string_view type) {
+  return is_ros_type(type) && (topic.rule->type.empty() || topic.rule->type == type);
+}
+
 }  // namespace
 
 Downlink::Downlink(DownlinkConfig config, crypto::MspRegistry& believed)
@@ -52,26 +57,41 @@ void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector
   }
 }
 
-const Rule* Downlink::rule_for(std::string_view id) {
+Downlink::Match Downlink::match(std::string_view id) {
   const std::string_view topic = ros_topic_of(id, name_buffer_);
-  if (topic.size() < 2) return nullptr;
-  return rule_down(config_.rules, topic, id);
+  if (topic.size() < 2) return {};
+  const Rule* rule = rule_down(config_.rules, topic, id);
+  if (!rule || !is_wildcard(*rule) || !is_guarded(topic)) return {rule, false};
+  if (const Rule* named = rule_down(config_.rules, topic, id, true)) return {named, false};
+  return {rule, true};
 }
 
-// Ids beyond the bound share the last topic, which only counts them.
-std::size_t Downlink::topic_of(std::string_view id, const Rule& rule) {
-  const std::size_t index = std::min(topics_.size(), most_ids);
-  if (index == topics_.size()) {
-    const bool last = index == most_ids;
-    topics_.push_back({.name = last ? "(further topics)" : std::string(ros_topic_of(id, name_buffer_)),
-                       .id = last ? "" : std::string(id),
-                       .type = rule.type,
-                       .rule = &rule,
-                       .counters = {}});
-    slots_.emplace_back();
+// Ids beyond the bounds share one topic, which only counts them.
+std::size_t Downlink::topic_of(std::string_view id, const Match& match) {
+  const auto of_one = ids_of_.find(first_segment(id));
+  const bool beyond = by_id_.size() == most_ids || (of_one != ids_of_.end() && of_one->second == most_ids_of_one);
+  if (beyond && further_) return *further_;
+  topics_.push_back({.name = beyond ? "(further topics)" : std::string(ros_topic_of(id, name_buffer_)),
+                     .id = beyond ? "" : std::string(id),
+                     .type = match.rule->type,
+                     .rule = match.rule,
+                     .withheld = !beyond && match.withheld,
+                     .counters = {}});
+  slots_.emplace_back();
+  const std::size_t index = topics_.size() - 1;
+  if (beyond) {
+    further_ = index;
+  } else {
+    by_id_.emplace(id, index);
+    ++ids_of_[std::string(first_segment(id))];
   }
-  if (index < most_ids) by_id_.emplace(id, index);
   return index;
+}
+
+// DDS has one type of a topic in a process: the id that brought it first may change it, another one may not.
+bool Downlink::has_type(std::size_t topic, std::string_view type) const {
+  const auto first = by_ros_name_.find(topics_[topic].name);
+  return first == by_ros_name_.end() || first->second == topic || topics_[first->second].type == type;
 }
 
 void Downlink::look_at(TimeNs real_now, const fabric::Transaction& tx, Signer& signer) {
@@ -87,14 +107,23 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
   Signer signer;
   for (const AssetView& asset : set.assets) {
     const auto known = by_id_.find(asset.id);
-    const Rule* rule = known == by_id_.end() ? rule_for(asset.id) : topics_[known->second].rule;
-    if (!rule) continue;
-    const std::size_t index = known == by_id_.end() ? topic_of(asset.id, *rule) : known->second;
+    std::size_t index = 0;
+    if (known != by_id_.end()) {
+      index = known->second;
+    } else {
+      const Match found = match(asset.id);
+      if (!found.rule) continue;
+      index = topic_of(asset.id, found);
+    }
     Topic& topic = topics_[index];
     Slot& slot = slots_[index];
     ++topic.counters.taken;
     if (slot.last_tx != tx.tx_id) ++topic.counters.batches;
     slot.last_tx = tx.tx_id;
+    if (topic.withheld) {
+      refuse(topic, Refusal::unnamed);
+      continue;
+    }
     if (!signer.known) look_at(real_now, tx, signer);
     const std::string_view owner = first_segment(asset.id);
     if (asset.origin.writer == config_.writer || (asset.origin.writer == 0 && signer.name == config_.self)) {
@@ -103,9 +132,9 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
       refuse(topic, Refusal::unbelieved);
     } else if (is_msp_id(owner) && owner != signer.name.msp_id) {
       refuse(topic, Refusal::wrong_writer);
-    } else if (index == most_ids) {
+    } else if (index == further_) {
       refuse(topic, Refusal::too_many);
-    } else if (!is_ros_type(asset.type) || (!rule->type.empty() && rule->type != asset.type)) {
+    } else if (!fits(topic, asset.type) || !has_type(index, asset.type)) {
       refuse(topic, Refusal::wrong_type);
     } else if (!is_cdr(asset.cdr)) {
       refuse(topic, Refusal::malformed);
@@ -149,6 +178,7 @@ bool Downlink::in_order(Slot& slot, Topic& topic, const AssetView& asset, std::u
 
 void Downlink::deliver(TimeNs real_now, std::size_t topic, const AssetView& asset, std::vector<Delivery>& out) {
   Topic& shown = topics_[topic];
+  by_ros_name_.try_emplace(shown.name, topic);
   if (shown.type != asset.type) shown.type = asset.type;
   ++shown.counters.published;
   shown.counters.bytes += asset.cdr.size();
@@ -184,14 +214,17 @@ std::vector<std::string> Downlink::latched() const {
 void Downlink::on_values(TimeNs real_now, const Assets& values, std::vector<Delivery>& out) {
   for (const Asset& value : values.assets()) {
     const AssetView asset = view_of(value);
-    const Rule* rule = rule_for(asset.id);
-    if (!rule || !rule->latched || asset.origin.writer == config_.writer || by_id_.contains(asset.id)) continue;
-    const std::size_t index = topic_of(asset.id, *rule);
+    const Match found = match(asset.id);
+    if (!found.rule || !found.rule->latched || asset.origin.writer == config_.writer || by_id_.contains(asset.id))
+      continue;
+    const std::size_t index = topic_of(asset.id, found);
     Topic& topic = topics_[index];
     ++topic.counters.taken;
-    if (index == most_ids) {
+    if (topic.withheld) {
+      refuse(topic, Refusal::unnamed);
+    } else if (index == further_) {
       refuse(topic, Refusal::too_many);
-    } else if (!is_ros_type(asset.type) || (!rule->type.empty() && rule->type != asset.type)) {
+    } else if (!fits(topic, asset.type) || !has_type(index, asset.type)) {
       refuse(topic, Refusal::wrong_type);
     } else if (!is_cdr(asset.cdr)) {
       refuse(topic, Refusal::malformed);

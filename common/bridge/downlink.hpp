@@ -4,6 +4,7 @@
 #include <deque>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -26,15 +27,17 @@ enum class Refusal : std::uint8_t {
   doublet,       ///< older than the newest of its writer
   wrong_writer,  ///< an id of an organisation, by a member of another
   unbelieved,    ///< the writer's certificate or signature is not good
-  wrong_type,    ///< not that of its [[topic]], or no type of ROS 2
+  wrong_type,    ///< not that of its [[topic]], or of another id with the same topic; or no type of ROS 2
   malformed,     ///< no CDR of ROS 2
-  too_many,      ///< most_ids or most_writers are known already
+  too_many,      ///< most_ids, most_ids_of_one or most_writers are known already
   dds,           ///< DDS did not take it
+  unnamed,       ///< a guarded topic that only a rule with "*" matches: see is_guarded
 };
-inline constexpr std::size_t refusal_count = 9;
+inline constexpr std::size_t refusal_count = 10;
 constexpr std::string_view name(Refusal refusal) {
-  constexpr std::array<std::string_view, refusal_count> names{
-      "echo", "repeated", "doublet", "wrong_writer", "unbelieved", "wrong_type", "malformed", "too_many", "dds"};
+  constexpr std::array<std::string_view, refusal_count> names{"echo",       "repeated",   "doublet",   "wrong_writer",
+                                                              "unbelieved", "wrong_type", "malformed", "too_many",
+                                                              "dds",        "unnamed"};
   return names.at(static_cast<std::size_t>(refusal));
 }
 
@@ -60,12 +63,16 @@ struct DownlinkConfig {
 class Downlink {
  public:
   static constexpr std::size_t most_ids = 1'024;
+  /// Of one first segment, so that no organisation fills the ids of all. A host has some ten topics a drone, and 16
+  /// drones.
+  static constexpr std::size_t most_ids_of_one = 256;
   static constexpr std::size_t most_writers = 16;  ///< of one id
 
   /// What came under one id.
   struct Topic {
     std::string name, id, type;
     const Rule* rule = nullptr;
+    bool withheld = false;  ///< guarded, and only a rule with "*" matches
     DownlinkCounters counters;
   };
   /// To be published, in this order. Views hold until the next call.
@@ -113,8 +120,13 @@ class Downlink {
   };
 
   void take(TimeNs real_now, const fabric::Transaction& tx, const SetView& set, std::vector<Delivery>& out);
-  const Rule* rule_for(std::string_view id);
-  std::size_t topic_of(std::string_view id, const Rule& rule);
+  struct Match {
+    const Rule* rule = nullptr;
+    bool withheld = false;
+  };
+  Match match(std::string_view id);
+  std::size_t topic_of(std::string_view id, const Match& match);
+  bool has_type(std::size_t topic, std::string_view type) const;
   void look_at(TimeNs real_now, const fabric::Transaction& tx, Signer& signer);
   bool in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream);
   void deliver(TimeNs real_now, std::size_t topic, const AssetView& asset, std::vector<Delivery>& out);
@@ -125,6 +137,9 @@ class Downlink {
   std::deque<Topic> topics_;
   std::vector<Slot> slots_;  ///< as topics_
   std::unordered_map<std::string, std::size_t, Hash, std::equal_to<>> by_id_;
+  std::unordered_map<std::string, std::size_t, Hash, std::equal_to<>> ids_of_;       ///< how many, by first segment
+  std::unordered_map<std::string, std::size_t, Hash, std::equal_to<>> by_ros_name_;  ///< whose type it has
+  std::optional<std::size_t> further_;  ///< the topic of all ids beyond the bounds
   std::uint64_t malformed_frames_ = 0;
   std::string name_buffer_;
   SetView set_;

@@ -3,12 +3,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 namespace ledgerline::bridge {
 namespace {
 
 constexpr std::int64_t default_queue = 256, most_queued = 10'000;
+
+constexpr std::array guarded_names{
+    "*/cmd_vel",     "*/takeoff",   "*/land", "*/stop",    "*/emergency",  // pilots' (ground/core/topics.cpp)
+    "/vrpn_mocap/*",                                                       // mocap's (agent, sim)
+    "*/odom",        "*/pose",      "*/link", "*/battery", "*/imu",       "*/failsafe",  // drones' (agent, ground)
+    "/tf",           "/diagnostics"};
 
 bool is_name_char(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
@@ -41,9 +48,16 @@ Rule read_rule(Config& config, const std::string& at) {
   rule.to_ledger = direction != "from_ledger";
   rule.from_ledger = direction != "to_ledger";
   rule.from = config.text(at + "from", "");
-  if (!rule.from.empty() && !is_segment(rule.from)) {
+  if (!rule.from.empty() && rule.from != anybody && !is_segment(rule.from)) {
     config.wrong(at + "from",
-                 fmt::format("is \"{}\", must be an organisation's MSP id or an enrolled name", rule.from));
+                 fmt::format("is \"{}\", must be an organisation's MSP id or an enrolled name, or \"*\" for anybody's",
+                             rule.from));
+  }
+  if (rule.from.empty() && rule.from_ledger) {
+    config.wrong(at + "from",
+                 fmt::format("is missing: whose {} is taken from the ledger? Give an organisation's MSP id or an "
+                             "enrolled name, \"*\" for anybody's, or direction = \"to_ledger\"",
+                             rule.name));
   }
   rule.channel = config.text(at + "channel", "");
   rule.latest = config.choice(at + "keep", {"all", "latest"}, "all") == "latest";
@@ -60,7 +74,7 @@ Rule read_rule(Config& config, const std::string& at) {
   if (rule.latched && rule.stream) {
     config.wrong(at + "stream", "must not be true with latched = true, whose value has a key of its own");
   }
-  if (rule.latched && rule.from_ledger && rule.from.empty()) {
+  if (rule.latched && rule.from_ledger && (rule.from.empty() || rule.from == anybody)) {
     config.wrong(at + "latched",
                  "needs from = \"...\" (whose value: an organisation's MSP id or an enrolled name), or direction = "
                  "\"to_ledger\"");
@@ -75,6 +89,7 @@ std::vector<Rule> rules_of(const Host& host) {
     Rule& rule = rules.emplace_back();
     rule.name = topic;
     rule.to_ledger = rule.from_ledger = rule.left_out = true;
+    rule.from = anybody;
   }
   return rules;
 }
@@ -135,11 +150,16 @@ const Rule* rule_up(const std::vector<Rule>& rules, std::string_view ros_topic) 
                          }));
 }
 
-const Rule* rule_down(const std::vector<Rule>& rules, std::string_view ros_topic, std::string_view id) {
+const Rule* rule_down(const std::vector<Rule>& rules, std::string_view ros_topic, std::string_view id, bool by_name) {
   return unless_left_out(rules, std::find_if(rules.begin(), rules.end(), [&](const Rule& rule) {
-                           return rule.from_ledger && (rule.from.empty() || rule.from == first_segment(id)) &&
-                                  matches(rule.name, ros_topic);
+                           return rule.from_ledger && (rule.from == anybody || rule.from == first_segment(id)) &&
+                                  !(by_name && is_wildcard(rule)) && matches(rule.name, ros_topic);
                          }));
+}
+
+bool is_guarded(std::string_view ros_topic) {
+  return std::any_of(guarded_names.begin(), guarded_names.end(),
+                     [&](const char* name) { return matches(name, ros_topic); });
 }
 
 bool matches(std::string_view pattern, std::string_view text) {

@@ -12,12 +12,16 @@
 /// Which topics a bridge carries, and how ROS 2's names stand on the ledger.
 namespace ledgerline::bridge {
 
+inline constexpr std::string_view anybody = "*";  ///< Rule::from of a topic that is taken whoever writes it
+
 /// One [[topic]] of the config. The first one that matches a topic, in a direction, decides.
 struct Rule {
   std::string name;  ///< ROS's; "*" stands for any characters
   std::string type;  ///< empty: whatever type the topic has
   bool to_ledger = false, from_ledger = false;
-  std::string from;       ///< from the ledger: first segment of the ids that are taken; empty: any
+  /// From the ledger: first segment of the ids that are taken, an organisation's MSP id or an enrolled name; `anybody`:
+  /// all. Empty: nobody's.
+  std::string from;
   std::string channel;    ///< empty: that of [ledger]
   bool latest = false;    ///< only the newest message waits; a newer one takes its place
   bool latched = false;   ///< who comes late gets the last value, on the ledger and on DDS
@@ -55,9 +59,15 @@ struct Host {
 /// wrong. `host`: null where bridging is all that the program does.
 BridgeConfig read_bridge(Config& config, const Host* host = nullptr);
 
-/// The rule that carries a topic to the ledger, or an id from it; null where none does.
+/// The rule that carries a topic to the ledger, or an id from it; null where none does. `by_name`: rules with a "*" in
+/// their name are passed over.
 const Rule* rule_up(const std::vector<Rule>& rules, std::string_view ros_topic);
-const Rule* rule_down(const std::vector<Rule>& rules, std::string_view ros_topic, std::string_view id);
+const Rule* rule_down(const std::vector<Rule>& rules, std::string_view ros_topic, std::string_view id,
+                      bool by_name = false);
+
+/// A topic by which a drone is flown, placed or judged: who may write it on a DDS domain moves drones there. It is
+/// taken from the ledger only by a rule that names it without "*". All names that pilots, mocap, agent and ground have.
+bool is_guarded(std::string_view ros_topic);
 
 bool is_wildcard(const Rule& rule);
 /// "*" in `pattern` stands for any characters, "/" too.

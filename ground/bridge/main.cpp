@@ -18,6 +18,7 @@ constexpr int exit_usage = 2;
 
 Status carry(const bridge::BridgeConfig& carried, const dds::ParticipantOptions& dds,
              const fabric::ClientConfig& ledger, crypto::MspRegistry& believed) {
+  bridge::warn_of_open_topics(carried);
   auto participant = dds::Participant::create(dds);
   if (!participant) return participant.error();
   auto bridges = bridge::Bridges::create(carried, ledger, believed, *participant);
@@ -62,7 +63,8 @@ int main(int argc, char** argv) {
       "bridge.toml: [ledger] endpoint, tls_ca, msp_id, msp_dir; [[orderer]], [[peer]] endpoint, tls_ca; [[msp]] id, "
       "ca;\n"
       "  [[topic]] name (\"/a/b\", * stands for any characters), and with defaults\n"
-      "    type (any), direction (both|to_ledger|from_ledger), from (first segment of ids; any), channel,\n"
+      "    type (any), direction (both|to_ledger|from_ledger), from (first segment of the ids that are taken from\n"
+      "    the ledger, must be given; \"*\": anybody's), channel,\n"
       "    keep (all|latest), latched, stream, rate_hz, every, priority (0-9, 5), queue (256), reliable, depth\n"
       "  [[enrolled]] name: enrolled to this identity; topics below /NAME/ have the id NAME/... on the ledger, all "
       "others\n"

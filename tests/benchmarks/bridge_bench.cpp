@@ -32,6 +32,7 @@ Rule rule_of_all() {
   Rule all;
   all.name = "/*";
   all.to_ledger = all.from_ledger = true;
+  all.from = anybody;
   all.queue = 1'000;
   return all;
 }

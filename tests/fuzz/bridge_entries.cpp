@@ -43,6 +43,7 @@ DownlinkConfig config() {
   typed.type = "std_msgs/msg/String";
   all.name = "/*";
   all.from = "Org2MSP";
+  typed.from = "Org2MSP";
   typed.from_ledger = all.from_ledger = all.latched = true;
   return {.rules = {typed, all}, .self = {"Org1MSP", "CN=self"}, .writer = 1};
 }
@@ -119,7 +120,7 @@ const Registration config_file({"bridge.config", Kind::toml, [] {
                                   return std::make_unique<Function>(
                                       std::vector<std::string>{
                                           "[bridge]\nname = \"arm\"\nmin_gap_ms = 5\n[[enrolled]]\nname = "
-                                          "\"robot7\"\n[[topic]]\nname = \"/robot7/*\"\nstream = true\npriority = 9\n"},
+                                          "\"robot7\"\n[[topic]]\nname = \"/robot7/*\"\nfrom = \"robot7\"\nstream = true\npriority = 9\n"},
                                       [](std::string_view text) {
                                         auto parsed = Config::parse(text, "bridge.toml");
                                         if (!parsed) return refused(parsed.error().what);

@@ -62,7 +62,7 @@ std::unique_ptr<Entry> agent_settings() {
           "gate_sigma = 6\noutliers_before_reset = 5\n[agent]\nbeat_ms = 50\nseed = 7\nstart_wait_s = 15.0\n[output]\n"
           "status_period_ms = 250\n[realtime]\npriority = 10\n[dds]\ndomain = 7\nlocal_only = false\n"
           "identity_ca = \"ca.pem\"\ncertificate = \"me.pem\"\nprivate_key = \"me.key\"\ngovernance = \"g.p7s\"\n"
-          "permissions = \"p.p7s\"\n[[topic]]\nname = \"/tello1/note\"\nrate_hz = 5\n",
+          "permissions = \"p.p7s\"\n[[topic]]\nname = \"/tello1/note\"\nfrom = \"tello1\"\nrate_hz = 5\n",
           "[[drone]]\nname = \"tello1\"\n"},
       [](std::string_view bytes) {
         auto config = Config::parse(bytes, "agent.toml");

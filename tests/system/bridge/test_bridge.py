@@ -14,13 +14,16 @@ LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 HERE, THERE = 11, 12  # DDS domains
 
 
+ANYBODY = 'from = "*"'
+
+
 def topic(name: str, *more: str) -> str:
     return "\n".join(["[[topic]]", f'name = "{name}"', *more, ""])
 
 
 def test_ten_thousand_messages_of_a_made_up_type(ledger, bridges, running, kind):
     count = 10_000 if LONG or (ledger.name, kind) == ("ledgerline-node", "cyclonedds") else 2_000
-    carried = topic("/made_up", f'type = "{made_up.ROS_TYPE}"', "queue = 10000")
+    carried = topic("/made_up", f'type = "{made_up.ROS_TYPE}"', "queue = 10000", ANYBODY)
     here = bridges(ledger, bridges.directory, 1, HERE, carried)
     there = bridges(ledger, bridges.directory, 2, THERE, carried)
     hears = running(peers.subscriber(kind, THERE, "/made_up", count))
@@ -44,7 +47,7 @@ def test_ten_thousand_messages_of_a_made_up_type(ledger, bridges, running, kind)
 
 
 def test_the_origins_time_is_what_readers_are_told(embedded, bridges):
-    carried = topic("/stamped", 'type = "std_msgs/msg/String"')
+    carried = topic("/stamped", 'type = "std_msgs/msg/String"', ANYBODY)
     bridges(embedded, bridges.directory, 1, HERE, carried)
     bridges(embedded, bridges.directory, 2, THERE, carried)
     writer, reader = Writer(HERE, "/stamped", Text).wait_for_readers(), Reader(THERE, "/stamped", Text)
@@ -55,6 +58,23 @@ def test_the_origins_time_is_what_readers_are_told(embedded, bridges):
         writer.write(Text("old"), long_ago)
         time.sleep(0.05)
     assert taken[0].sample_info.source_timestamp == long_ago
+
+
+def test_a_drones_topic_is_never_taken_by_a_star(embedded, bridges):
+    """What another organisation wrote as Org1MSP/tello1/cmd_vel does not come out on the ground's domain by "/*"."""
+    writer = Writer(HERE, "/tello1/cmd_vel", Text)
+    note = Writer(HERE, "/tello1/note", Text)
+    here = bridges(embedded, bridges.directory, 1, HERE, topic("/*", 'direction = "to_ledger"'))
+    there = bridges(embedded, bridges.directory, 2, THERE, topic("/tello1/*", ANYBODY) + topic("/*", ANYBODY))
+    heard = Reader(THERE, "/tello1/cmd_vel", Text)
+    for one in (writer, note):
+        one.wait_for_readers()
+        one.write(Text("fly"))
+    here.wait_for("/tello1/cmd_vel", "to_ledger", lambda t: t["messages"] == 1)
+    there.wait_for("/tello1/note", "from_ledger", lambda t: t["messages"] == 1)
+    held_back = there.wait_for("/tello1/cmd_vel", "from_ledger", lambda t: t["taken"] == 1)
+    assert held_back["drops"] == {"unnamed": 1} and held_back["messages"] == 0
+    assert heard.take() == []
 
 
 def test_a_latched_value_is_there_for_who_comes_late(embedded, bridges):
@@ -74,8 +94,8 @@ def test_a_latched_value_is_there_for_who_comes_late(embedded, bridges):
 
 
 def test_topics_appear_change_their_type_and_vanish(embedded, bridges):
-    here = bridges(embedded, bridges.directory, 1, HERE, topic("/some/*"))
-    bridges(embedded, bridges.directory, 2, THERE, topic("/some/*"))
+    here = bridges(embedded, bridges.directory, 1, HERE, topic("/some/*", ANYBODY))
+    bridges(embedded, bridges.directory, 2, THERE, topic("/some/*", ANYBODY))
     writer = Writer(HERE, "/some/thing", Text).wait_for_readers()
     texts = Reader(THERE, "/some/thing", Text)
     while not texts.take():  # volatile: what came before our reader was known is gone
@@ -99,7 +119,7 @@ def test_topics_appear_change_their_type_and_vanish(embedded, bridges):
 
 @pytest.mark.parametrize("ledger", ["fabric"], indirect=True)  # the embedded node has one channel
 def test_a_topic_may_have_a_channel_of_its_own(ledger, bridges):
-    carried = topic("/map", 'type = "std_msgs/msg/String"', 'channel = "yard"') + topic("/*")
+    carried = topic("/map", 'type = "std_msgs/msg/String"', 'channel = "yard"', ANYBODY) + topic("/*", ANYBODY)
     here, there = (bridges(ledger, bridges.directory, organisation, domain, carried)
                    for organisation, domain in ((1, HERE), (2, THERE)))
     for name in ("/map", "/note"):
@@ -116,7 +136,7 @@ def test_a_topic_may_have_a_channel_of_its_own(ledger, bridges):
 
 def test_who_may_not_write_a_topic_does_not_get_through(embedded, bridges):
     """tello1 is enrolled to Org1's User1."""
-    carried = topic("/tello1/note", 'type = "std_msgs/msg/String"')
+    carried = topic("/tello1/note", 'type = "std_msgs/msg/String"', ANYBODY)
     reader_bridge = bridges(embedded, bridges.directory, 3, THERE, carried)
     thief = bridges(embedded, bridges.directory, 2, HERE, '[[enrolled]]\nname = "tello1"\n' + carried)
     reader = Reader(THERE, "/tello1/note", Text)
@@ -136,7 +156,7 @@ def test_who_may_not_write_a_topic_does_not_get_through(embedded, bridges):
 
 
 def test_streaming_topics_are_one_key_whose_values_get_says(embedded, bridges):
-    carried = '[[enrolled]]\nname = "tello2"\n' + topic("/tello2/*", "stream = true")
+    carried = '[[enrolled]]\nname = "tello2"\n' + topic("/tello2/*", "stream = true", 'direction = "to_ledger"')
     here = bridges(embedded, bridges.directory, 1, HERE, carried)
     writers = [Writer(HERE, f"/tello2/{name}", Text).wait_for_readers() for name in ("a", "b")]
     for writer, text in ((writers[0], "one"), (writers[1], "two"), (writers[0], "three")):
@@ -152,7 +172,7 @@ def test_streaming_topics_are_one_key_whose_values_get_says(embedded, bridges):
 
 
 def test_it_ends_in_order_and_says_what_is_wrong(embedded, bridges, tmp_path):
-    bridge = bridges(embedded, bridges.directory, 1, HERE, topic("/a", 'type = "std_msgs/msg/String"'))
+    bridge = bridges(embedded, bridges.directory, 1, HERE, topic("/a", 'type = "std_msgs/msg/String"', ANYBODY))
     writer = Writer(HERE, "/a", Text).wait_for_readers()
     for _ in range(50):
         writer.write(Text("x"))
@@ -164,6 +184,7 @@ def test_it_ends_in_order_and_says_what_is_wrong(embedded, bridges, tmp_path):
     time.sleep(1.5)
     table = subprocess.run([BIN / "ledgerline", "topics", "--once", bridge.status_file], capture_output=True, text=True)
     assert table.returncode == 1 and "is it running?" in table.stderr
+    assert '/a is taken from the ledger whoever writes it: its [[topic]] says from = "*"' in bridge.log()
     wrong = pathlib.Path(tmp_path / "wrong.toml")
     wrong.write_text('[[topic]]\nname = "a"\n')
     done = subprocess.run([BIN / "ledgerline", "bridge", wrong], capture_output=True, text=True)

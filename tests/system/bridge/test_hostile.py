@@ -9,7 +9,7 @@ import time
 import cyclonedds.idl as idl
 from conftest import BIN, PATIENCE_S
 from cyclone import Reader, Text, Writer
-from test_bridge import topic
+from test_bridge import ANYBODY, topic
 from test_hosts import DRONE_HOST, GROUND_HOST, MANUAL, STRING, say_until
 
 HEADER = b"\0\1\0\0"
@@ -48,7 +48,7 @@ def refused_by_contract(ledger, words: str) -> None:
 
 
 def test_a_bridge_counts_what_is_no_message(embedded, bridges):
-    carried = topic("/text", STRING) + topic("/foreign", STRING, 'direction = "from_ledger"')
+    carried = topic("/text", STRING, ANYBODY) + topic("/foreign", STRING, 'direction = "from_ledger"', ANYBODY)
     here, there = bridges(embedded, bridges.directory, 1, 41, carried), bridges(embedded, bridges.directory, 2, 42, carried)
     writer, reader = Writer(41, "/text", Text).wait_for_readers(), Reader(42, "/text", Text)
     say_until(writer, Text("the way is open"), reader)

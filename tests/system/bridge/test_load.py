@@ -44,7 +44,7 @@ def test_many_small_messages_over_twenty_topics(ledger, bridges):
     rate, seconds = (2_000 if ledger.name == "ledgerline-node" else 1_000), (30 if LONG else 5)
     up_rules = topics(*(f'name = "/load/t{k}"\n{TEXT}\ndirection = "to_ledger"' for k in range(20)))
     here = bridges(ledger, bridges.directory, 1, 21, up_rules)
-    there = bridges(ledger, bridges.directory, 2, 22, topics('name = "/load/*"\ndirection = "from_ledger"'))
+    there = bridges(ledger, bridges.directory, 2, 22, topics('name = "/load/*"\ndirection = "from_ledger"\nfrom = "Org1MSP"'))
     before = cpu_s(here), cpu_s(there)
     written = result(load("write", 21, 20, rate, seconds, 100))
     up = settled(here)
@@ -80,7 +80,7 @@ def test_beyond_what_it_can_carry_the_low_priority_loses_its_oldest(embedded, br
 @pytest.mark.parametrize("size", [300_000])
 def test_a_joystick_beside_images(ledger, bridges, size):
     seconds = 60 if LONG else 8
-    rules = topics('name = "/load/joy"\ntype = "std_msgs/msg/UInt64"\npriority = 9',
+    rules = topics('name = "/load/joy"\ntype = "std_msgs/msg/UInt64"\npriority = 9\nfrom = "*"',
                    f'name = "/load/image"\ntype = "std_msgs/msg/String"\npriority = 1\nqueue = 2\ndirection = "to_ledger"')
     here = bridges(ledger, bridges.directory, 1, 21, rules)
     bridges(ledger, bridges.directory, 2, 22, rules)

@@ -91,6 +91,7 @@ TEST_F(DownlinkTest, WhatOthersWroteIsPublishedInOrder) {
 }
 
 TEST_F(DownlinkTest, NothingEchoes) {
+  make({rule("/a"), rule("/tello1/odom")});
   Asset own = asset("Org1MSP/a", 1);
   own.mutable_origin()->set_writer(writer_of(org1, ""));
   Asset of_agent = asset("tello1/odom", 1);
@@ -170,6 +171,50 @@ TEST_F(DownlinkTest, FromSaysWhoseTopicsAreTaken) {
               ElementsAre("/cmd_vel=1"));
 }
 
+// As Org3's member wrote them on the ledger, with a bridge on the ground host that carries "/*" or "/tello1/*".
+TEST_F(DownlinkTest, TopicsOfPilotsMocapAndDronesAreNeverTakenByAWildcard) {
+  make({rule("/tello1/*"), rule("/*")});
+  std::vector<Asset> moving;
+  for (const char* name :
+       {"tello1/cmd_vel", "tello1/takeoff", "tello1/land", "tello1/stop", "tello1/emergency", "vrpn_mocap/tello1/pose",
+        "vrpn_mocap/tello1/twist", "tello1/odom", "tello1/pose", "tello1/battery", "tello1/imu", "tello1/link",
+        "tello1/failsafe", "tf", "diagnostics", "fleet/a/cmd_vel"}) {
+    moving.push_back(asset("Org2MSP/" + std::string(name), 1));
+  }
+  moving.push_back(asset("tello1/odom", 1));
+  EXPECT_THAT(take({set(moving), set({asset("Org2MSP/tello1/note", 1)})}), ElementsAre("/tello1/note=1"));
+  EXPECT_EQ(refused(Refusal::unnamed), moving.size());
+
+  Rule named = rule("/tello1/cmd_vel");
+  named.from = "Org2MSP";
+  make({rule("/*"), named});
+  EXPECT_THAT(take({set({asset("Org2MSP/tello1/cmd_vel", 1)})}), ElementsAre("/tello1/cmd_vel=1"))
+      << "named without a star, though behind one";
+}
+
+TEST_F(DownlinkTest, AnotherIdsTypeDoesNotTakeATopicFromTheOneThatHasIt) {
+  take({set({asset("Org2MSP/a", 1)})});
+  const crypto::IdentityName stranger{"Org1MSP", "CN=stranger"};
+  Asset foreign = asset("Org1MSP/a", 1);
+  foreign.set_msg_type("p/msg/B");
+  foreign.mutable_origin()->set_writer(99);
+  EXPECT_THAT(take({set({foreign}, stranger), set({asset("Org2MSP/a", 2)})}), ElementsAre("/a=2"));
+  EXPECT_EQ(refused(Refusal::wrong_type), 1U);
+  Asset changed = asset("Org2MSP/a", 3);
+  changed.set_msg_type("p/msg/B");
+  foreign.mutable_origin()->set_sequence(2);
+  EXPECT_THAT(take({set({changed}), set({foreign}, stranger)}), ElementsAre("/a=3", "/a=1"))
+      << "the one that has it may change it, and who follows is taken";
+}
+
+TEST_F(DownlinkTest, OneOrganisationCannotFillTheIdsOfAll) {
+  for (std::size_t i = 0; i < Downlink::most_ids; ++i) take({set({asset("Org2MSP/t" + std::to_string(i), 1)})});
+  const crypto::IdentityName another{"Org1MSP", "CN=another"};
+  EXPECT_THAT(take({set({asset("Org1MSP/note", 1)}, another), set({asset("tello1/note", 1)}, another)}),
+              ElementsAre("/note=1", "/tello1/note=1"));
+  EXPECT_EQ(refused(Refusal::too_many), Downlink::most_ids - Downlink::most_ids_of_one);
+}
+
 TEST_F(DownlinkTest, TypesThatClashAndMalformedCdrAreRefusedAndCounted) {
   Rule typed = rule("/a");
   typed.type = "p/msg/B";
@@ -194,6 +239,7 @@ TEST_F(DownlinkTest, ATypeThatChangesIsPublishedAsTheNewOne) {
 }
 
 TEST_F(DownlinkTest, AWriterWithoutOriginIsTakenInTheLedgersOrderButForWhatItsFrameRepeats) {
+  make({rule("/tello1/odom")});
   Asset odom = asset("tello1/odom", 1);
   odom.clear_origin();
   EXPECT_THAT(take({set({odom}, org2, true), set({odom}, org2, true), set({odom}, org2, false)}),
@@ -231,13 +277,16 @@ TEST_F(DownlinkTest, LatchedValuesAreReadByThoseWhoComeLateAndNotTwice) {
 }
 
 TEST_F(DownlinkTest, IdsAndWritersAreBounded) {
-  for (std::size_t i = 0; i < Downlink::most_ids; ++i) take({set({asset("Org2MSP/t" + std::to_string(i), 1)})});
-  EXPECT_THAT(take({set({asset("Org2MSP/more", 1), asset("Org2MSP/evenmore", 1), asset("Org2MSP/t7", 2)})}),
-              ElementsAre("/t7=2"));
+  const auto id = [](std::size_t i) {
+    return "robot" + std::to_string(i / Downlink::most_ids_of_one) + "/t" + std::to_string(i);
+  };
+  for (std::size_t i = 0; i < Downlink::most_ids; ++i) take({set({asset(id(i), 1)})});
+  EXPECT_THAT(take({set({asset("Org2MSP/more", 1), asset("rover/more", 1), asset(id(7), 2)})}),
+              ElementsAre("/robot0/t7=2"));
   EXPECT_EQ(refused(Refusal::too_many), 2U);
   EXPECT_EQ(downlink->topics().size(), Downlink::most_ids + 1);
   for (std::size_t i = 0; i < Downlink::most_writers; ++i) {
-    Asset other = asset("Org2MSP/t1", 1);
+    Asset other = asset(id(1), 1);
     other.mutable_origin()->set_writer(100 + i);
     take({set({other})});
   }

@@ -5,6 +5,7 @@
 namespace ledgerline::bridge {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 std::string problem_of(const std::string& toml, const Host* host = nullptr) {
@@ -45,7 +46,8 @@ TEST(BridgeRules, TypesAreROS2s) {
 TEST(BridgeRules, WhatTheConfigSaysComesOut) {
   auto config = Config::parse(
       "[bridge]\nname = \"arm\"\nmin_gap_ms = 5\n[[enrolled]]\nname = \"robot7\"\n"
-      "[[topic]]\nname = \"/robot7/*\"\nstream = true\nkeep = \"latest\"\npriority = 9\nrate_hz = 20\n"
+      "[[topic]]\nname = \"/robot7/*\"\nfrom = \"robot7\"\nstream = true\nkeep = \"latest\"\npriority = 9\nrate_hz = "
+      "20\n"
       "[[topic]]\nname = \"/map\"\ntype = \"nav_msgs/msg/OccupancyGrid\"\ndirection = \"from_ledger\"\nlatched = true\n"
       "from = \"Org2MSP\"\n",
       "bridge.toml");
@@ -75,6 +77,25 @@ TEST(BridgeRules, AWrongValueIsNamedWithFileLineKeyAndWhatIsAllowed) {
   EXPECT_THAT(problem_of("[[topic]]\ntype = \"a/msg/B\"\n"), HasSubstr("topic.0.name: is missing"));
 }
 
+TEST(BridgeRules, WhatComesFromTheLedgerSaysFromWhom) {
+  for (const char* direction : {"", "direction = \"both\"\n", "direction = \"from_ledger\"\n"}) {
+    EXPECT_THAT(
+        problem_of("[[topic]]\nname = \"/a\"\n" + std::string(direction)),
+        AllOf(HasSubstr("bridge.toml"), HasSubstr("topic.0.from: is missing"), HasSubstr("\"*\" for anybody's")));
+  }
+  EXPECT_EQ(problem_of("[[topic]]\nname = \"/a\"\ndirection = \"to_ledger\"\n"), "");
+  EXPECT_EQ(problem_of("[[topic]]\nname = \"/a\"\nfrom = \"*\"\n"), "") << "anybody's, said aloud";
+  EXPECT_EQ(problem_of("[[topic]]\nname = \"/a\"\nfrom = \"tello1\"\n"), "");
+  EXPECT_THAT(problem_of("[[topic]]\nname = \"/a\"\nfrom = \"Org*\"\n"), HasSubstr("topic.0.from: is \"Org*\""));
+  EXPECT_THAT(problem_of("[[topic]]\nname = \"/a\"\nfrom = \"*\"\nlatched = true\n"),
+              HasSubstr("topic.0.latched: needs from"));
+
+  Rule nobodys;
+  nobodys.name = "/a";
+  nobodys.from_ledger = true;
+  EXPECT_EQ(rule_down({nobodys}, "/a", "Org2MSP/a"), nullptr) << "a rule that names nobody takes from nobody";
+}
+
 TEST(BridgeRules, TheFirstOneThatMatchesDecidesAndMayLeaveATopicOut) {
   auto config = Config::parse(
       "[[topic]]\nname = \"/a\"\ndirection = \"to_ledger\"\n[[topic]]\nname = \"/*\"\nfrom = \"Org2MSP\"\n",
@@ -94,7 +115,7 @@ TEST(BridgeRules, TheFirstOneThatMatchesDecidesAndMayLeaveATopicOut) {
 
 TEST(BridgeRules, WhatAProgramCarriesItselfIsNotBridgedBesideIt) {
   const Host agent{.topics = {"/tello1/odom"}, .enrolled = {"tello1"}, .has_frame = true};
-  auto config = Config::parse("[[topic]]\nname = \"/tello1/*\"\n", "agent.toml");
+  auto config = Config::parse("[[topic]]\nname = \"/tello1/*\"\nfrom = \"tello1\"\n", "agent.toml");
   const BridgeConfig bridge = read_bridge(*config, &agent);
   ASSERT_TRUE(config->finish().ok());
   EXPECT_TRUE(bridge.beside);
@@ -108,7 +129,7 @@ TEST(BridgeRules, WhatAProgramCarriesItselfIsNotBridgedBesideIt) {
   EXPECT_THAT(problem_of("[[topic]]\nname = \"/tello1/note\"\nstream = true\n", &agent),
               HasSubstr("bridge.toml:3: topic.0.stream: must not be true here"));
   const Host ground{.topics = {}, .enrolled = {"rover"}, .has_frame = false};
-  EXPECT_EQ(problem_of("[[topic]]\nname = \"/rover/note\"\nstream = true\n", &ground), "");
+  EXPECT_EQ(problem_of("[[topic]]\nname = \"/rover/note\"\nfrom = \"rover\"\nstream = true\n", &ground), "");
   EXPECT_EQ(problem_of("", &agent), "") << "no topics: no bridge";
 }
 

@@ -20,6 +20,7 @@ inline Rule rule(const std::string& name, int priority = 5, std::size_t queue = 
   Rule rule;
   rule.name = name;
   rule.to_ledger = rule.from_ledger = true;
+  rule.from = "*";
   rule.priority = priority;
   rule.queue = queue;
   rule.depth = 10;

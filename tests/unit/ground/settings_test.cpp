@@ -72,7 +72,7 @@ TEST(GroundSettings, PredictionRampAndWaypointsAreRead) {
 }
 
 TEST(GroundSettings, WhatGroundBringsToROS2ItselfIsNotBridged) {
-  auto config = Config::parse("[[drone]]\nname = \"tello1\"\n[[topic]]\nname = \"/*\"\n", "ground.toml");
+  auto config = Config::parse("[[drone]]\nname = \"tello1\"\n[[topic]]\nname = \"/*\"\nfrom = \"*\"\n", "ground.toml");
   const FlightConfig flight = flight_config(*config);
   const bridge::BridgeConfig bridged = read_bridge(*config, flight.drones);
   ASSERT_TRUE(config->finish()) << config->finish().error().what;
@@ -81,6 +81,15 @@ TEST(GroundSettings, WhatGroundBringsToROS2ItselfIsNotBridged) {
     EXPECT_EQ(bridge::rule_down(bridged.rules, own, std::string(own).substr(1)), nullptr) << own;
   }
   EXPECT_NE(bridge::rule_down(bridged.rules, "/tello1/note", "tello1/note"), nullptr);
+}
+
+// A bridge of its own beside ground takes none of these from the ledger by a "*".
+TEST(GroundSettings, EveryTopicOfDronesAndPilotsIsGuarded) {
+  auto config = Config::parse("[[drone]]\nname = \"tello1\"\n", "ground.toml");
+  const FlightConfig flight = flight_config(*config);
+  const bridge::BridgeConfig bridged = read_bridge(*config, flight.drones);
+  EXPECT_GE(bridged.rules.size(), 11U);
+  for (const bridge::Rule& own : bridged.rules) EXPECT_TRUE(bridge::is_guarded(own.name)) << own.name;
 }
 
 TEST(GroundSettings, EveryWrongKeyIsReportedWithItsLine) {
