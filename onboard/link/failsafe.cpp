@@ -22,6 +22,10 @@ bool lost_pose(const FailsafeSettings& settings, const FailsafeState& last, Time
   return older(now, facts.pose_ns, limit) && facts.beat_ns - facts.pose_ns > limit / 2;
 }
 
+// `h` comes in steps of 0.1 m. A drone counts as above the ceiling by what is surely so, a step and a rounding less
+// than `h` says: else one that flies just below it would be warned, and with an upward speed landed, by the step alone.
+constexpr double height_step_m = 0.15;
+
 // How far outside the fence (0: inside), and the speed away from it.
 struct Outside {
   double distance_m = 0;
@@ -37,7 +41,10 @@ Outside outside(const FenceSettings& fence, const FailsafeFacts& facts, bool pos
   for (std::size_t i = 0; i < 3; ++i) {
     // No ground under the ground: the lower face of the box holds setpoints only.
     const double below = i == 2 ? 0 : fence.min_m[i] - facts.position_m[i];
-    const double above = facts.position_m[i] - fence.max_m[i];
+    // The ceiling is held by the higher one of pose and the drone's own height: either may be wrong.
+    const double place =
+        i == 2 ? std::max(facts.position_m[i], double(facts.height_m) - height_step_m) : facts.position_m[i];
+    const double above = place - fence.max_m[i];
     const double distance = std::max(below, above);
     if (distance > 0) {
       worst.distance_m = std::max(worst.distance_m, distance);
@@ -208,9 +215,11 @@ FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, cons
   return FailsafeCause::none;
 }
 
-Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, Velocity wish) noexcept {
+Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, float height_m,
+                       Velocity wish) noexcept {
   for (std::size_t i = 0; i < 3; ++i) {
-    const double up = std::max(0.0, fence.max_m[i] - position_m[i]) / fence.slow_s;
+    const double highest = i == 2 ? std::max(position_m[i], double(height_m)) : position_m[i];
+    const double up = std::max(0.0, fence.max_m[i] - highest) / fence.slow_s;
     const double down = std::max(0.0, position_m[i] - fence.min_m[i]) / fence.slow_s;
     wish.mps[i] = std::clamp(wish.mps[i], static_cast<float>(-down), static_cast<float>(up));
   }

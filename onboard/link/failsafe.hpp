@@ -18,7 +18,8 @@ struct FailsafeFacts {
   TimeNs pose_ns = 0;                  ///< stamp of the newest pose
   std::array<double, 3> position_m{};  ///< of that pose, and moved on by what was sent since
   std::array<double, 3> velocity_mps{};
-  float height_m = 0;  ///< the drone's own, for the fence without a pose
+  /// The drone's own, above where it took off; held against the fence's ceiling beside the pose, and alone without one.
+  float height_m = 0;
   float battery = 1;
   bool stop = false;  ///< from the ledger, or the local stop key
   bool cut = false;   ///< asked for by name
@@ -71,7 +72,9 @@ constexpr bool follows_plan(FailsafeMode mode, bool plan_valid) noexcept {
 /// Why the drone must not take off now; none: it may.
 FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, const FailsafeFacts& facts) noexcept;
 
-/// The wish, slowed toward the fence and with no outward part at or beyond it.
-Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, Velocity wish) noexcept;
+/// The wish, slowed toward the fence and with no outward part at or beyond it; upward by the higher one of pose and the
+/// drone's own height. That one is taken as it is: a step too early only slows the last 0.1 m.
+Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, float height_m,
+                       Velocity wish) noexcept;
 
 }  // namespace ledgerline::link

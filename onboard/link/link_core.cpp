@@ -255,7 +255,9 @@ void LinkCore::fly(TimeNs now, Drone& drone, const Playout::Wish& wish) noexcept
     return;
   }
   const bool follows = follows_plan(drone.failsafe.mode, wish.valid);
-  const Velocity goal = follows ? clip_at_fence(settings_.fence, drone.facts.position_m, wish.velocity) : Velocity{};
+  const Velocity goal =
+      follows ? clip_at_fence(settings_.fence, drone.facts.position_m, drone.facts.height_m, wish.velocity)
+              : Velocity{};
   const Velocity limited = drone.limiter.step(now, goal, drone.failsafe.mode == FailsafeMode::brake);
   const BodyCommand command = to_body(settings_.rc, limited, drone.pose.yaw_rad);
 

@@ -295,6 +295,36 @@ TEST_F(FailsafeTest, FarOutsideTheFenceMeansLandAtAnySpeed) {
   expect(FailsafeMode::land, FailsafeCause::fence);
 }
 
+TEST_F(FailsafeTest, TheDronesOwnHeightHoldsTheCeilingWhateverThePoseSays) {
+  facts.height_m = static_cast<float>(fence.max_m[2]) + 0.4F;
+  facts.velocity_mps = {};
+  pass(2 * ns_per_s);
+  expect(FailsafeMode::none, FailsafeCause::fence);  // the setpoint's upward part is clipped
+  facts.velocity_mps = {0, 0, 0.5};
+  pass(settings.fence_land_after_ns + 2 * ms);
+  expect(FailsafeMode::land, FailsafeCause::fence);
+}
+
+TEST_F(FailsafeTest, FarAboveTheCeilingByItsOwnHeightMeansLandAtAnySpeed) {
+  facts.height_m = static_cast<float>(fence.max_m[2] + fence.far_beyond_m) + 0.3F;
+  facts.velocity_mps = {};
+  pass(settings.fence_land_after_ns + 2 * ms);
+  expect(FailsafeMode::land, FailsafeCause::fence);
+}
+
+TEST_F(FailsafeTest, AStepOfItsOwnHeightJustBelowTheCeilingIsNoReasonToWarnOrLand) {
+  for (const double ceiling : {1.5, 2.0, 2.7, 3.0}) {
+    fence.max_m[2] = ceiling;
+    facts.position_m = {0, 0, ceiling - 0.01};
+    facts.velocity_mps = {0, 0, 0.5};
+    for (int i = 0; i < 100; ++i) {
+      facts.height_m = static_cast<float>(ceiling) + (i % 2 == 0 ? 0.1F : 0);
+      pass(20 * ms);
+      expect(FailsafeMode::none, FailsafeCause::none);
+    }
+  }
+}
+
 TEST_F(FailsafeTest, WithoutAPoseTheHeightAloneIsFenced) {
   pass(ns_per_s);
   poses = false;
@@ -396,14 +426,23 @@ TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {
 
 TEST_F(FailsafeTest, TheSetpointIsClippedAtTheFenceAndOnlyOutward) {
   const Velocity wish{{1, 1, 1}, 0.5F};
-  const Velocity at = clip_at_fence(fence, {fence.max_m[0], 0, 1}, wish);
+  const Velocity at = clip_at_fence(fence, {fence.max_m[0], 0, 1}, 1, wish);
   EXPECT_EQ(at.mps[0], 0);
   EXPECT_EQ(at.mps[1], 1);
   EXPECT_EQ(at.yaw_radps, 0.5F);
-  EXPECT_LT(clip_at_fence(fence, {fence.max_m[0] - 0.2, 0, 1}, wish).mps[0], 0.5F);
-  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, wish).mps[0], 1);             // leads back
-  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, {{-1, 0, 0}, 0}).mps[0], 0);  // leads out
-  EXPECT_EQ(clip_at_fence(fence, {0, 0, fence.max_m[2] + 0.5}, wish).mps[2], 0);
+  EXPECT_LT(clip_at_fence(fence, {fence.max_m[0] - 0.2, 0, 1}, 1, wish).mps[0], 0.5F);
+  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, wish).mps[0], 1);             // leads back
+  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, {{-1, 0, 0}, 0}).mps[0], 0);  // leads out
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, fence.max_m[2] + 0.5}, 1, wish).mps[2], 0);
+}
+
+TEST_F(FailsafeTest, TheSetpointsUpwardPartIsClippedByTheDronesOwnHeightToo) {
+  const auto ceiling = static_cast<float>(fence.max_m[2]);
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, 1, {{0, 0, 1}, 0}).mps[2], 1);
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, ceiling, {{0, 0, 1}, 0}).mps[2], 0);
+  EXPECT_LT(clip_at_fence(fence, {0, 0, 1}, ceiling - 0.2F, {{0, 0, 1}, 0}).mps[2], 0.5F);
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, ceiling + 1, {{1, 0, -1}, 0}).mps[2], -1) << "down it may always go";
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, ceiling + 1, {{1, 0, -1}, 0}).mps[0], 1);
 }
 
 // ---- docs/failsafe.md says what is true
