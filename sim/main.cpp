@@ -47,7 +47,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
   app.add_option("--config", config,
-                 "TOML file: [dds] domain, local_only, and the files of DDS Security (docs/dds.md)");
+                 "TOML file: [dds] domain, local_only or cyclonedds, and the files of DDS Security (docs/dds.md)");
   app.add_option("--spacing", p.spacing_m, "m between drones at the start, in rows of 4")
       ->check(CLI::Range(0.3, 100.0))
       ->capture_default_str();

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <signal.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -10,6 +11,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "chaincode/fabric/hosts.hpp"
 #include "chaincode/fabric/network.hpp"
 #include "chaincode/fabric/revocation.hpp"
 #include "chaincode/fabric/start_check.hpp"
@@ -36,7 +38,7 @@ Examples:
   ledgerline fabric down --dir /tmp/net                     ends it; the directory stays, and `up` goes on with it
   ledgerline fabric run --dir /tmp/net                      the same in the foreground, until SIGINT or SIGTERM
 On three hosts (docs/fabric.md):
-  ledgerline fabric identities --config net.toml --dir net  once; copy the directory `net` to each host
+  ledgerline fabric identities --config net.toml --dir net  once: net/host-ADDRESS for each host, net/authority stays
   ledgerline fabric run --config net.toml --dir net --only org1 --only orderer1
 
 A process of the network that ends is started again; when that does not help, the network ends and says why.
@@ -259,11 +261,25 @@ int logs(const std::string& dir, const std::string& which) {
   return 0;
 }
 
-int make_identities(const Options& options) {
+/// All of it in DIR/authority, and of that a folder DIR/host-ADDRESS for each host.
+int make_identities(Options options) {
+  const std::string all = options.dir;
+  const auto hosts = fabric_network::hosts_of(options);
+  if (hosts.empty()) {
+    spdlog::error("identities are for several hosts: give all places, as [[organisation]] and [[orderer]] in a file");
+    return 2;
+  }
+  options.dir = all + "/authority";
   Network network(options);
-  const Status status = network.prepare();
-  if (!status) return fail(status.error().what);
-  std::printf("%s is made: copy it to every host of the network\n", network.options().dir.c_str());
+  if (const Status status = network.prepare(); !status) return fail(status.error().what);
+  for (const auto& host : hosts) {
+    const std::string to = all + "/host-" + host.host;
+    if (const Status s = fabric_network::write_host(network.options().dir, host, options, to); !s) {
+      return fail(s.error().what);
+    }
+    std::printf("%s is for %s alone\n", to.c_str(), host.host.c_str());
+  }
+  std::printf("%s stays here: it has the authorities' keys and the orderers' administrator's\n", options.dir.c_str());
   return network.down() ? 0 : fail("a process had to be killed");
 }
 
@@ -314,6 +330,7 @@ Status add_places(Options& options, const std::vector<std::string>& organisation
 }  // namespace
 
 int main(int argc, char** argv) {
+  ::umask(077);  // of all children, too: keys, archives and what Fabric's programs write are this user's alone
   CLI::App app{"A Fabric 2.5 network on this host, or this host's part of one, with Ledgerline's contract on it"};
   app.footer(examples);
   app.require_subcommand(1);
@@ -322,14 +339,14 @@ int main(int argc, char** argv) {
   int organisation = 0;
   std::vector<std::string> organisations, orderers;
   double batch_timeout_ms = to_ms(options.batch_timeout_ns);
-  for (const auto& [name, about] :
-       std::map<std::string, std::string>{{"up", "Start it, or say that it runs"},
-                                          {"run", "Start it and stay"},
-                                          {"identities", "Only make identities and first blocks, for several hosts"},
-                                          {"down", "End it"},
-                                          {"status", "Does it run, and where"},
-                                          {"logs", "What it or one of its processes logged"},
-                                          {"revoke", "Take a user out: peers refuse it from then on"}}) {
+  for (const auto& [name, about] : std::map<std::string, std::string>{
+           {"up", "Start it, or say that it runs"},
+           {"run", "Start it and stay"},
+           {"identities", "Make identities and first blocks for several hosts, a folder each"},
+           {"down", "End it"},
+           {"status", "Does it run, and where"},
+           {"logs", "What it or one of its processes logged"},
+           {"revoke", "Take a user out: peers refuse it from then on"}}) {
     CLI::App* verb = app.add_subcommand(name, about);
     verb->add_option("--dir", options.dir, "Everything of the network: identities, ledgers, logs")->required();
     if (name == "logs") verb->add_option("process", which, "peer1, orderer1, chaincode1, ...");

@@ -237,7 +237,7 @@ Status Network::make_identities() {
   if (options_.several_hosts() && !fs::exists(in("crypto"))) {
     return Error{in("crypto") +
                  " is missing: the hosts of a network share its identities. Make them on one host with `ledgerline "
-                 "fabric identities`, and copy the directory to each"};
+                 "fabric identities`, and bring each its own folder"};
   }
   identities::Hosts hosts;
   for (const Place& place : options_.organisation_places) hosts.organisations.push_back(place.host);
@@ -324,17 +324,9 @@ Status Network::make_packages() {
   for (const int k : own_organisations()) {
     const std::string folder = in(fmt::format("package{}", k)), package = folder + "/ledgerline.tgz";
     if (!fs::exists(package)) {
-      const auto peer = identities::peer_dir(options_.dir, k) / "tls";
-      const auto ca = read_file(peer / "ca.crt"), key = read_file(peer / "server.key"),
-                 certificate = read_file(peer / "server.crt");
+      const auto ca = read_file(identities::peer_dir(options_.dir, k) / "tls" / "ca.crt");
       if (!ca) return ca.error();
-      if (!key) return key.error();
-      if (!certificate) return certificate.error();
-      if (Status s =
-              write_file(folder + "/connection.json", connection_json(places_, k, *ca, *key, *certificate), 0600);
-          !s) {
-        return s;
-      }
+      if (Status s = write_file(folder + "/connection.json", connection_json(places_, k, *ca), 0600); !s) return s;
       if (Status s =
               write_file(folder + "/metadata.json", nlohmann::json{{"type", "ccaas"}, {"label", label}}.dump(1), 0644);
           !s) {
@@ -377,14 +369,15 @@ Status Network::start_processes() {
 }
 
 Status Network::join_orderers_to(const std::string& channel) {
-  const auto admin = identities::ordering_dir(options_.dir) / "users" / "Admin@ledgerline" / "tls";
   for (const int k : own_orderers()) {
-    if (Status s = run_until_good(fmt::format("orderer {} joining channel {}", k, channel),
-                                  {options_.tools + "/osnadmin", "channel", "join", "--channelID", channel,
-                                   "--config-block", first_block_of(channel), "-o", places_.orderer_admin(k),
-                                   "--ca-file", identities::orderer_dir(options_.dir, k) / "tls" / "ca.crt",
-                                   "--client-cert", admin / "client.crt", "--client-key", admin / "client.key"},
-                                  {}, "channel already exists");
+    // In the name of the orderer itself, on its own host: no host needs the key of the orderers' administrator.
+    const auto own = identities::orderer_dir(options_.dir, k) / "tls";
+    if (Status s =
+            run_until_good(fmt::format("orderer {} joining channel {}", k, channel),
+                           {options_.tools + "/osnadmin", "channel", "join", "--channelID", channel, "--config-block",
+                            first_block_of(channel), "-o", places_.orderer_admin(k), "--ca-file", own / "ca.crt",
+                            "--client-cert", own / "server.crt", "--client-key", own / "server.key"},
+                           {}, "channel already exists");
         !s) {
       return s;
     }

@@ -124,6 +124,8 @@ sockaddr_in Place::address() const {
   return out;
 }
 
+// For this host alone: every certificate of the orderers' TLS authority is let in, those of the other orderers, too.
+std::string Places::orderer_admin(int number) const { return Place{loopback, at(orderers, number).port}.text(1); }
 // Without TLS, so for this host alone.
 std::string Places::orderer_operations(int number) const { return Place{loopback, at(orderers, number).port}.text(2); }
 
@@ -133,7 +135,7 @@ std::vector<Place> Places::bound(const Options& options) const {
   for (int k = 1; k <= static_cast<int>(orderers.size()); ++k) {
     const Place& place = orderers[static_cast<std::size_t>(k - 1)];
     if (!options.runs_orderer(k)) continue;
-    for (int i = 0; i < ports_each; ++i) all.push_back({i == 2 ? loopback : place.host, at(place, i)});
+    for (int i = 0; i < ports_each; ++i) all.push_back({i > 0 ? loopback : place.host, at(place, i)});
   }
   for (int k = 1; k <= static_cast<int>(organisations.size()); ++k) {
     const Place& place = organisations[static_cast<std::size_t>(k - 1)];

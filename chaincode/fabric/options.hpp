@@ -64,7 +64,7 @@ struct Places {
   std::vector<Place> orderers, organisations;
   std::vector<Place> authorities;  ///< of fabric-ca, one port each, the orderers' first; empty: there are none
   std::string orderer(int number) const { return at(orderers, number).text(); }
-  std::string orderer_admin(int number) const { return at(orderers, number).text(1); }
+  std::string orderer_admin(int number) const;
   std::string orderer_operations(int number) const;
   std::string peer(int organisation) const { return at(organisations, organisation).text(); }
   std::string peer_chaincode(int organisation) const { return at(organisations, organisation).text(1); }

@@ -123,34 +123,34 @@ std::vector<std::string> peer_environment(const Options& options, const Places& 
   const auto own = identities::peer_dir(options.dir, organisation);
   const std::string data = fmt::format("{}/peer{}", options.dir, organisation);
   const std::string listen = places.peer(organisation);
-  return {
-      "FABRIC_CFG_PATH=" + options.tools + "/config",
-      "FABRIC_LOGGING_SPEC=warn",
-      "CORE_PEER_ID=peer0." + domain_of(organisation),
-      "CORE_PEER_NETWORKID=ledgerline",
-      "CORE_PEER_ADDRESS=" + listen,
-      "CORE_PEER_LISTENADDRESS=" + listen,
-      "CORE_PEER_CHAINCODELISTENADDRESS=" + places.peer_chaincode(organisation),
-      "CORE_PEER_LOCALMSPID=" + msp_id_of(organisation),
-      "CORE_PEER_MSPCONFIGPATH=" + (own / "msp").string(),
-      "CORE_PEER_FILESYSTEMPATH=" + data,
-      "CORE_LEDGER_SNAPSHOTS_ROOTDIR=" + data + "/snapshots",
-      "CORE_LEDGER_HISTORY_ENABLEHISTORYDATABASE=true",
-      "CORE_PEER_TLS_ENABLED=true",
-      "CORE_PEER_TLS_KEY_FILE=" + tls_file(own, "server.key"),
-      "CORE_PEER_TLS_CERT_FILE=" + tls_file(own, "server.crt"),
-      "CORE_PEER_TLS_ROOTCERT_FILE=" + tls_file(own, "ca.crt"),
-      "CORE_PEER_GOSSIP_BOOTSTRAP=" + listen,
-      "CORE_PEER_GOSSIP_ENDPOINT=" + listen,
-      "CORE_PEER_GOSSIP_EXTERNALENDPOINT=" + listen,
-      "CORE_PEER_GOSSIP_USELEADERELECTION=false",
-      "CORE_PEER_GOSSIP_ORGLEADER=true",
-      "CORE_PEER_GOSSIP_STATE_ENABLED=false",
-      "CORE_PEER_DELIVERYCLIENT_BLOCKGOSSIPENABLED=false",
-      "CORE_VM_ENDPOINT=",
-      "CORE_CHAINCODE_EXTERNALBUILDERS=[{name: ccaas, path: " + options.dir + "/builder, propagateEnvironment: []}]",
-      "CORE_OPERATIONS_LISTENADDRESS=127.0.0.1:0",
-      "CORE_METRICS_PROVIDER=disabled"};
+  return {"FABRIC_CFG_PATH=" + options.tools + "/config",
+          "FABRIC_LOGGING_SPEC=warn",
+          "CORE_PEER_ID=peer0." + domain_of(organisation),
+          "CORE_PEER_NETWORKID=ledgerline",
+          "CORE_PEER_ADDRESS=" + listen,
+          "CORE_PEER_LISTENADDRESS=" + listen,
+          "CORE_PEER_CHAINCODELISTENADDRESS=" + places.peer_chaincode(organisation),
+          "CORE_PEER_LOCALMSPID=" + msp_id_of(organisation),
+          "CORE_PEER_MSPCONFIGPATH=" + (own / "msp").string(),
+          "CORE_PEER_FILESYSTEMPATH=" + data,
+          "CORE_LEDGER_SNAPSHOTS_ROOTDIR=" + data + "/snapshots",
+          "CORE_LEDGER_HISTORY_ENABLEHISTORYDATABASE=true",
+          "CORE_PEER_TLS_ENABLED=true",
+          "CORE_PEER_TLS_KEY_FILE=" + tls_file(own, "server.key"),
+          "CORE_PEER_TLS_CERT_FILE=" + tls_file(own, "server.crt"),
+          "CORE_PEER_TLS_ROOTCERT_FILE=" + tls_file(own, "ca.crt"),
+          "CORE_PEER_GOSSIP_BOOTSTRAP=" + listen,
+          "CORE_PEER_GOSSIP_ENDPOINT=" + listen,
+          "CORE_PEER_GOSSIP_EXTERNALENDPOINT=" + listen,
+          "CORE_PEER_GOSSIP_USELEADERELECTION=false",
+          "CORE_PEER_GOSSIP_ORGLEADER=true",
+          "CORE_PEER_GOSSIP_STATE_ENABLED=false",
+          "CORE_PEER_DELIVERYCLIENT_BLOCKGOSSIPENABLED=false",
+          "CORE_VM_ENDPOINT=",
+          "CORE_CHAINCODE_EXTERNALBUILDERS=[{name: ccaas, path: " + options.dir +
+              "/builder, propagateEnvironment: [CORE_PEER_TLS_KEY_FILE, CORE_PEER_TLS_CERT_FILE]}]",
+          "CORE_OPERATIONS_LISTENADDRESS=127.0.0.1:0",
+          "CORE_METRICS_PROVIDER=disabled"};
 }
 
 std::vector<std::string> admin_environment(const Options& options, const Places& places, int organisation) {
@@ -171,14 +171,11 @@ std::vector<std::string> chaincode_environment(const Options& options, const Pla
           "CHAINCODE_TLS_CLIENT_CA=" + tls_file(identities::peer_dir(options.dir, organisation), "ca.crt")};
 }
 
-std::string connection_json(const Places& places, int organisation, const std::string& ca_pem,
-                            const std::string& peer_key_pem, const std::string& peer_certificate_pem) {
+std::string connection_json(const Places& places, int organisation, const std::string& ca_pem) {
   return nlohmann::json{{"address", places.chaincode(organisation)},
                         {"dial_timeout", "10s"},
                         {"tls_required", true},
                         {"client_auth_required", true},
-                        {"client_key", peer_key_pem},
-                        {"client_cert", peer_certificate_pem},
                         {"root_cert", ca_pem}}
       .dump(2);
 }
@@ -187,7 +184,20 @@ std::string builder_script(const std::string& name) {
   // Arguments: detect SOURCE METADATA; build SOURCE METADATA OUTPUT; release OUTPUT RELEASE.
   if (name == "detect") return "#!/bin/sh\ngrep -q '\"type\": *\"ccaas\"' \"$2/metadata.json\"\n";
   if (name == "build") return "#!/bin/sh\ncp \"$1/connection.json\" \"$3/\"\n";
-  return "#!/bin/sh\nmkdir -p \"$2/chaincode/server\" && cp \"$1/connection.json\" \"$2/chaincode/server/\"\n";
+  // The peer calls the service with its own TLS pair, put in here from its own folder: a package has no key. The last
+  // line of the package's file is its closing brace.
+  return R"sh(#!/bin/sh
+set -eu
+umask 077
+pem() { sed 's/$/\\n/' "$1" | tr -d '\n'; }
+certificate=$(pem "$CORE_PEER_TLS_CERT_FILE")
+key=$(pem "$CORE_PEER_TLS_KEY_FILE")
+mkdir -p "$2/chaincode/server"
+{
+  sed '$ d' "$1/connection.json"
+  printf ',"client_cert":"%s","client_key":"%s"}\n' "$certificate" "$key"
+} > "$2/chaincode/server/connection.json"
+)sh";
 }
 
 std::string signature_policy(const Options& options) {

@@ -22,11 +22,12 @@ std::vector<std::string> admin_environment(const Options& options, const Places&
 std::vector<std::string> chaincode_environment(const Options& options, const Places& places, int organisation,
                                                const std::string& package_id);
 
-/// connection.json of an organisation's chaincode package: mutual TLS.
-std::string connection_json(const Places& places, int organisation, const std::string& ca_pem,
-                            const std::string& peer_key_pem, const std::string& peer_certificate_pem);
+/// connection.json of an organisation's chaincode package: mutual TLS, without the peer's pair, which builder_script's
+/// release adds. Whoever administers the organisation can fetch a package, and archives travel.
+std::string connection_json(const Places& places, int organisation, const std::string& ca_pem);
 
-/// The peers' external builder for chaincode as a service: the programs detect, build and release.
+/// The peers' external builder for chaincode as a service: the programs detect, build and release. They read the peer's
+/// TLS pair where its environment says.
 std::string builder_script(const std::string& name);
 
 /// For approve and commit: who must endorse.

@@ -152,12 +152,14 @@ std::int64_t Config::integer(const std::string& key, std::int64_t otherwise, std
   return value->get();
 }
 
-bool Config::boolean(const std::string& key, bool otherwise) {
+bool Config::boolean(const std::string& key, bool otherwise) { return boolean(key).value_or(otherwise); }
+
+std::optional<bool> Config::boolean(const std::string& key) {
   const toml::node* node = state_->find(key);
-  if (!node) return otherwise;
+  if (!node) return std::nullopt;
   if (const auto* value = node->as_boolean()) return value->get();
   state_->problem(node, key, "must be true or false");
-  return otherwise;
+  return std::nullopt;
 }
 
 std::vector<double> Config::numbers(const std::string& key, std::size_t count, const std::vector<double>& otherwise) {

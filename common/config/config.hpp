@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -36,6 +37,7 @@ class Config {
   double number(const std::string& key, double otherwise, double min, double max);
   std::int64_t integer(const std::string& key, std::int64_t otherwise, std::int64_t min, std::int64_t max);
   bool boolean(const std::string& key, bool otherwise);
+  std::optional<bool> boolean(const std::string& key);  ///< nullopt where the key is missing, and where it is wrong
   std::vector<double> numbers(const std::string& key, std::size_t count, const std::vector<double>& otherwise);
   /// A list of texts, each as text(); empty where the key is missing.
   std::vector<std::string> texts(const std::string& key, std::size_t most);

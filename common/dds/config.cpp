@@ -29,7 +29,11 @@ std::optional<Security> security(Config& config) {
 
 ParticipantOptions participant_options(Config& config, const std::string& node) {
   ParticipantOptions options;
-  options.local_only = config.boolean("dds.local_only", true);
+  options.local_only = config.boolean("dds.local_only");
+  options.cyclonedds = config.text("dds.cyclonedds", "");
+  if (!options.cyclonedds.empty() && options.local_only) {
+    config.wrong("dds.cyclonedds", "must not stand beside dds.local_only: the file says how far DDS reaches");
+  }
   options.node = node;
   const auto domain = config.integer("dds.domain", -1, 0, 232);
   if (domain >= 0) options.domain = static_cast<std::uint32_t>(domain);

@@ -6,8 +6,8 @@
 
 namespace ledgerline::dds {
 
-/// Reads [dds] of a program's config: domain, local_only (have defaults), and the files of DDS Security: identity_ca,
-/// certificate, private_key, governance, permissions (all of them or none). What is wrong comes with config.finish().
+/// Reads [dds] of a program's config: domain, local_only or cyclonedds (may be missing), and the files of DDS Security:
+/// identity_ca, certificate, private_key, governance, permissions (all of them or none). What is wrong comes with config.finish().
 ParticipantOptions participant_options(Config& config, const std::string& node);
 
 }  // namespace ledgerline::dds

@@ -21,9 +21,12 @@ struct Security {
 };
 
 struct ParticipantOptions {
-  /// Loopback only, discovery included; works whether or not lo can multicast. CYCLONEDDS_URI, where it is set, decides
-  /// instead.
-  bool local_only = true;
+  /// True: loopback only, discovery included, whatever CYCLONEDDS_URI says; works whether or not lo can multicast.
+  /// False: the machine may be left. Not said: loopback, unless CYCLONEDDS_URI is set, which then decides. Where the
+  /// environment is overruled or decides, the log warns.
+  std::optional<bool> local_only{};
+  /// A file of Cyclone DDS's own configuration, in place of all that; empty: none.
+  std::string cyclonedds{};
   /// Else ROS_DOMAIN_ID, else 0. A ROS_DOMAIN_ID that is no number of 0..232 is an error.
   std::optional<std::uint32_t> domain{};
   /// As ROS 2's tools list it, "agent" or "/fleet/agent"; empty: they see topics, but no node.

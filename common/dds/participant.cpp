@@ -12,20 +12,11 @@
 #include "common/dds/dds.hpp"
 #include "common/dds/endpoint.hpp"
 #include "common/dds/node.hpp"
+#include "common/dds/reach.hpp"
+#include "common/rt/log.hpp"
 
 namespace ledgerline::dds {
 namespace {
-
-// Discovery by multicast where lo can do it, and by unicast to the first participants of this host where it cannot: a
-// fresh container's lo has no MULTICAST flag. Neither leaves the machine.
-constexpr const char* local_config = R"(
-<CycloneDDS><Domain id="any">
-  <General><Interfaces><NetworkInterface name="lo" multicast="true"/></Interfaces></General>
-  <Discovery>
-    <ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>31</MaxAutoParticipantIndex>
-    <Peers><Peer address="127.0.0.1"/></Peers>
-  </Discovery>
-</Domain></CycloneDDS>)";
 
 Result<std::uint32_t> domain_from_environment() {
   const char* text = std::getenv("ROS_DOMAIN_ID");
@@ -38,30 +29,31 @@ Result<std::uint32_t> domain_from_environment() {
   return static_cast<std::uint32_t>(std::stoul(digits));
 }
 
-/// A domain made with our configuration; deleting it ends DDS's threads in this process.
-class LocalDomain {
+/// A domain made with a configuration that is not the environment's; deleting it ends DDS's threads in this process.
+class OwnDomain {
  public:
-  explicit LocalDomain(dds_entity_t handle) : handle_(handle) {}
-  ~LocalDomain() { dds_delete(handle_); }
-  LocalDomain(const LocalDomain&) = delete;
-  LocalDomain& operator=(const LocalDomain&) = delete;
+  explicit OwnDomain(dds_entity_t handle) : handle_(handle) {}
+  ~OwnDomain() { dds_delete(handle_); }
+  OwnDomain(const OwnDomain&) = delete;
+  OwnDomain& operator=(const OwnDomain&) = delete;
 
  private:
   dds_entity_t handle_;
 };
 
 /// Null where the domain exists already by other means: it then keeps its own configuration.
-Result<std::shared_ptr<LocalDomain>> local_domain(std::uint32_t id) {
+Result<std::shared_ptr<OwnDomain>> own_domain(std::uint32_t id, const std::string& config) {
   static std::mutex mutex;
-  static std::map<std::uint32_t, std::weak_ptr<LocalDomain>> domains;
+  static std::map<std::uint32_t, std::weak_ptr<OwnDomain>> domains;
   const std::lock_guard lock(mutex);
   if (auto existing = domains[id].lock()) return existing;
-  const dds_entity_t handle = dds_create_domain(id, local_config);
-  if (handle == DDS_RETCODE_PRECONDITION_NOT_MET) return std::shared_ptr<LocalDomain>{};
+  const dds_entity_t handle = dds_create_domain(id, config.c_str());
+  if (handle == DDS_RETCODE_PRECONDITION_NOT_MET) return std::shared_ptr<OwnDomain>{};
   if (handle < 0)
-    return Error{std::string("DDS on loopback does not start: ") + dds_strretcode(handle) +
-                 " (is lo up? try: ip link set lo up)"};
-  auto made = std::make_shared<LocalDomain>(handle);
+    return Error{
+        "DDS domain " + std::to_string(id) + " does not start: " + dds_strretcode(handle) +
+        " (on loopback: is lo up? try: ip link set lo up; with a file of Cyclone's: see its own message above)"};
+  auto made = std::make_shared<OwnDomain>(handle);
   domains[id] = made;
   return made;
 }
@@ -111,12 +103,16 @@ Result<ParticipantPtr> Participant::create(const ParticipantOptions& options) {
     domain = *from_environment;
   }
 
-  std::shared_ptr<LocalDomain> local;
+  if (!options.cyclonedds.empty() && ::access(options.cyclonedds.c_str(), R_OK) != 0)
+    return Error{"DDS: cannot read '" + options.cyclonedds + "', which the config names for Cyclone DDS"};
   const char* uri = std::getenv("CYCLONEDDS_URI");
-  if (options.local_only && (!uri || !*uri)) {
-    auto made = local_domain(domain);
+  const Reach reach = reach_of(options, uri ? uri : "");
+  if (!reach.warning.empty()) spdlog::warn("{}", reach.warning);
+  std::shared_ptr<OwnDomain> own;
+  if (reach.cyclone_config) {
+    auto made = own_domain(domain, *reach.cyclone_config);
     if (!made) return made.error();
-    local = *made;
+    own = *made;
   }
   const QosPtr qos(dds_create_qos());
   // How ROS 2 knows that a participant is one of its own.
@@ -132,7 +128,7 @@ Result<ParticipantPtr> Participant::create(const ParticipantOptions& options) {
                  " (the reason is in Cyclone's own message above; check CYCLONEDDS_URI, the network interfaces" +
                  (options.security ? " and the files of DDS Security)" : ")")};
   // The participant goes before its domain.
-  ParticipantPtr participant(new Participant(handle), [local](const Participant* p) { delete p; });
+  ParticipantPtr participant(new Participant(handle), [own](const Participant* p) { delete p; });
   if (!options.node.empty()) {
     auto node = NodeInfo::create(handle, options.node);
     if (!node) return node.error();

@@ -85,7 +85,8 @@ int main(int argc, char** argv) {
       "          ramp_start_mps, ramp_step_mps, told_mps, told_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, "
       "side_m, lag_s, "
       "cmd_timeout_ms;\n"
-      "  [output] trace, summary, status_period_ms; [dds] domain (ROS_DOMAIN_ID), local_only, and for DDS Security\n"
+      "  [output] trace, summary, status_period_ms; [dds] domain (ROS_DOMAIN_ID), local_only or cyclonedds, and for "
+      "DDS Security\n"
       "    identity_ca, certificate, private_key, governance, permissions;\n"
       "  [[topic]], [[enrolled]], [bridge], [output] status: any ROS 2 topic, as `ledgerline bridge --help` has it",
       "ledgerline-ground"};

@@ -69,7 +69,7 @@ int main(int argc, char** argv) {
       "  [[enrolled]] name: enrolled to this identity; topics below /NAME/ have the id NAME/... on the ledger, all "
       "others\n"
       "    MSPID/...\n"
-      "  [bridge] name, min_gap_ms; [dds] domain (ROS_DOMAIN_ID), local_only, and for DDS Security\n"
+      "  [bridge] name, min_gap_ms; [dds] domain (ROS_DOMAIN_ID), local_only or cyclonedds, and for DDS Security\n"
       "    identity_ca, certificate, private_key, governance, permissions; [output] status, status_period_ms\n"
       "A status line (JSON) comes on standard output every status_period_ms, and into the file [output] status.\n"
       "Exit codes: 0 ended by a signal; 1 DDS or ledger not reached, or a file not written; 2 bad usage or config");

@@ -69,9 +69,12 @@ std::string orderer_name(const std::string& program, std::size_t i) {
 
 enum class Side { drones, ground };
 
+// Said aloud, so that a CYCLONEDDS_URI in the shell does not open the drones' topics to a network.
 std::string dds_table(const Options& options, Side side) {
-  if (options.domains.empty()) return "";
-  return fmt::format("\n[dds]\ndomain = {}\n", options.domains[side == Side::drones ? 0 : 1]);
+  std::string table = "\n[dds]\n";
+  if (!options.domains.empty()) table += fmt::format("domain = {}\n", options.domains[side == Side::drones ? 0 : 1]);
+  return table + (options.cyclonedds.empty() ? "local_only = true\n"
+                                             : fmt::format("cyclonedds = \"{}\"\n", options.cyclonedds));
 }
 
 // On a slow ledger a command may be older, and a quiet ledger is not yet a silent one. Link's own limit of 2 s for any

@@ -125,12 +125,16 @@ int main(int argc, char** argv) {
 
   std::vector<std::string> notes;
   const auto problems = fly::check_machine(line.options.drones, notes);
+  const char* uri = std::getenv("CYCLONEDDS_URI");
+  if (uri && *uri && line.options.cyclonedds.empty())
+    notes.emplace_back("CYCLONEDDS_URI is set and not looked at: DDS stays on this machine (or give --dds FILE)");
   for (const auto& note : notes) fmt::print(stderr, "note: {}\n", note);
   for (const auto& problem : problems) fmt::print(stderr, "problem: {}\n   cure: {}\n", problem.what, problem.cure);
   if (!problems.empty()) return fail("this machine is not ready to fly");
 
   std::error_code error;
-  fs::create_directories(files.directory, error);
+  const bool made = fs::create_directories(files.directory, error);
+  if (made && !error) fs::permissions(files.directory, fs::perms::owner_all, error);  // configs, traces, keys
   if (error) return fail(fmt::format("cannot make {}: {}", files.directory, error.message()));
   if (fs::exists(files.in("ledger"), error) && !fs::is_empty(files.in("ledger"), error))
     return fail(fmt::format("{} holds another run already: choose another --out", files.directory));

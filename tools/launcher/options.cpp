@@ -161,6 +161,11 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
       ->delimiter(',')
       ->expected(2)
       ->check(CLI::Range(0, 232));
+  app.add_option(
+         "--dds", o.cyclonedds,
+         "File of Cyclone DDS's own configuration; without it DDS stays on this machine, whatever CYCLONEDDS_URI "
+         "says")
+      ->check(CLI::ExistingFile);
   app.add_option("--seed", o.seed, "Of wind and sensor noise")->capture_default_str();
   app.add_option("--json", o.json, "Write the figures to this file, as one JSON object");
   app.add_option("--out", o.out, "Directory for traces, logs and the page (default: build/runs/TIME)");
@@ -197,6 +202,7 @@ CommandLine parse_command_line(const std::vector<std::string>& arguments) {
     line.text = "--gateway and --majority go with --ledger fabric: the embedded ledger is one process\n";
     return line;
   }
+  if (!o.cyclonedds.empty()) o.cyclonedds = std::filesystem::absolute(o.cyclonedds);
   o.manual = shape == "manual";
   if (o.manual && laps->count() > 0) {
     line.exit_code = exit_usage;

@@ -34,6 +34,7 @@ struct Options {
   int batch_count = 1;
   bool proxy = false;        ///< drones and ledger are reached through ledgerline-hil proxy
   std::string faults;        ///< file of what the proxy switches when; empty: none
+  std::string cyclonedds;    ///< file of Cyclone DDS's own configuration; empty: DDS stays on this machine
   std::vector<int> domains;  ///< of DDS: that of sim and agent, that of ground; empty: ROS_DOMAIN_ID, else 0
   std::uint64_t seed = 1;
   std::string json;  ///< file; empty: none

@@ -115,7 +115,7 @@ int main(int argc, char** argv) {
       "  [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, longest_back_off_ms, refused_drone_pause_ms\n"
       "  [agent] beat_ms, ledger_silent_after_ms, seed, start_wait_s\n"
       "  [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)\n"
-      "  [dds] domain (ROS_DOMAIN_ID), local_only, and for DDS Security\n"
+      "  [dds] domain (ROS_DOMAIN_ID), local_only or cyclonedds, and for DDS Security\n"
       "          identity_ca, certificate, private_key, governance, permissions\n"
       "  [[topic]], [[enrolled]], [bridge], [output] status: any ROS 2 topic, as `ledgerline bridge --help` has it\n"
       "A status line (JSON) comes on standard output every status_period_ms. SIGINT and SIGTERM end it.\n"

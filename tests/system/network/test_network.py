@@ -1,4 +1,6 @@
 """`ledgerline fabric` as a person uses it: up, status, down, several networks and channels, and what it says when it cannot."""
+import contextlib
+import io
 import json
 import os
 import pathlib
@@ -6,6 +8,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import tarfile
 import time
 
 import pytest
@@ -41,6 +44,46 @@ def up(directory: pathlib.Path, *options) -> subprocess.CompletedProcess:
 
 def note(text: str) -> str:
     return json.dumps({"id": "tello1/note", "msgType": text})
+
+
+def unpacked(name: str, content: bytes):
+    """The content of a file, and of all that is in it where it is an archive."""
+    yield name, content
+    with contextlib.suppress(tarfile.TarError):
+        with tarfile.open(fileobj=io.BytesIO(content)) as archive:
+            for member in archive.getmembers():
+                if member.isfile():
+                    yield from unpacked(f"{name}:{member.name}", archive.extractfile(member).read())
+
+
+def secrets(directory: pathlib.Path) -> dict[str, int]:
+    """Files with a private key in them, or in an archive in them, and their modes."""
+    found = {}
+    for file in directory.rglob("*"):
+        if file.is_file() and not file.is_symlink():
+            for name, content in unpacked(str(file.relative_to(directory)), file.read_bytes()):
+                if b"PRIVATE KEY" in content:
+                    found[name] = file.stat().st_mode & 0o777
+    return found
+
+
+def test_no_secret_is_for_others_and_none_is_in_an_archive(tmp_path):
+    net = tmp_path / "net"
+    os.umask(0o022)  # a person's usual one
+    first = up(net)
+    assert first.returncode == 0, first.stderr
+    assert fabric("down", "--dir", net).returncode == 0
+    kept = secrets(net)
+    assert len(kept) > 30, kept
+    assert {name: oct(mode) for name, mode in kept.items() if mode & 0o177} == {}
+    assert [name for name in kept if ":" in name] == [], "in an archive"
+    packages = sorted(net.glob("package*/ledgerline.tgz"))
+    assert len(packages) == 3
+    for package in packages:
+        connection = dict(unpacked("", package.read_bytes()))[":code.tar.gz:connection.json"]
+        assert json.loads(connection).keys() == {"address", "dial_timeout", "tls_required", "client_auth_required", "root_cert"}
+    open_folders = {str(file.parent.relative_to(net)) for name in kept if (file := net / name).parent.stat().st_mode & 0o077}
+    assert open_folders == set()
 
 
 def test_up_twice_is_one_network_and_down_leaves_nothing_behind(tmp_path):

@@ -4,7 +4,7 @@ import pathlib
 import shutil
 import subprocess
 
-from fabric import FABRIC, Network, Peer, fabric, needs_fabric, organisation_dir
+from fabric import FABRIC, Network, Peer, fabric, needs_fabric
 from netns import Namespace
 
 HOSTS = {k: f"10.77.0.{k}" for k in (1, 2, 3)}
@@ -26,17 +26,25 @@ def make_hosts() -> list[Namespace]:
     return spaces
 
 
-def copy_for_host(made: pathlib.Path, to: pathlib.Path, number: int) -> None:
-    """As docs/fabric.md has it: without the private keys of others."""
-    shutil.copytree(made, to)
-    others = [k for k in HOSTS if k != number]
-    removed = 0
-    for folder in [*(organisation_dir(to, k) for k in others),
-                   *(to / "crypto/ordererOrganizations/ledgerline/orderers" / f"orderer{'' if k == 1 else k}.ledgerline" for k in others)]:
-        for key in [*folder.rglob("priv_sk"), *folder.rglob("*.key")]:
-            key.unlink()
-            removed += 1
-    assert removed > 20
+def private_keys(folder: pathlib.Path) -> set[str]:
+    """Files below it with a private key in them, whatever their names."""
+    return {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file() and b"PRIVATE KEY" in file.read_bytes()}
+
+
+def keys_of_host(k: int) -> set[str]:
+    organisation = f"crypto/peerOrganizations/org{k}.ledgerline"
+    orderer = f"crypto/ordererOrganizations/ledgerline/orderers/orderer{'' if k == 1 else k}.ledgerline"
+    users = [f"{organisation}/users/{user}@org{k}.ledgerline" for user in ("Admin", "User1", "User2")]
+    peer = f"{organisation}/peers/peer0.org{k}.ledgerline"
+    return {f"{member}/msp/keystore/priv_sk" for member in (peer, orderer, *users)} | {
+        f"{server}/tls/server.key" for server in (peer, orderer)} | {
+        f"{user}/tls/client.key" for user in users} | {f"{organisation}/chaincode/tls/server.key"}
+
+
+# Of nobody's host: who has them can make orderers, peers and users, or change the channels' settings.
+KEPT = {f"crypto/{organisation}/{authority}/priv_sk" for authority in ("ca", "tlsca")
+        for organisation in ("ordererOrganizations/ledgerline", *(f"peerOrganizations/org{k}.ledgerline" for k in HOSTS))} | {
+    f"crypto/ordererOrganizations/ledgerline/users/Admin@ledgerline/{key}" for key in ("msp/keystore/priv_sk", "tls/client.key")}
 
 
 def test_a_transaction_through_each_host_is_read_at_the_others(tmp_path):
@@ -47,11 +55,14 @@ def test_a_transaction_through_each_host_is_read_at_the_others(tmp_path):
         for table, port in (("organisation", 7051), ("orderer", 7061)) for address in HOSTS.values()))
     made = fabric("identities", "--config", config, "--dir", tmp_path / "made", "--tools", FABRIC)
     assert made.returncode == 0, made.stderr
+    assert private_keys(tmp_path / "made" / "authority") == KEPT.union(*map(keys_of_host, HOSTS))
+    for k, address in HOSTS.items():
+        assert private_keys(tmp_path / "made" / f"host-{address}") == keys_of_host(k)
+        shutil.copytree(tmp_path / "made" / f"host-{address}", tmp_path / f"host{k}")
     spaces = make_hosts()
     networks, peers = [], []
     try:
         for k, space in enumerate(spaces, 1):
-            copy_for_host(tmp_path / "made", tmp_path / f"host{k}", k)
             networks.append(Network(tmp_path / f"host{k}", "--config", config, "--only", f"org{k}", "--only", f"orderer{k}",
                                     command=space.command))
         for k, (space, network) in enumerate(zip(spaces, networks), 1):
@@ -72,11 +83,20 @@ def test_a_transaction_through_each_host_is_read_at_the_others(tmp_path):
         peers[2].wait_for("teleop", '"while host 3 was away"', "get", "Org1MSP/note")
         for network in networks:
             network.stop()
+        for k in HOSTS:  # beside these a peer's builder has made a file with its own pair
+            more = private_keys(tmp_path / f"host{k}") - keys_of_host(k)
+            assert all(name.startswith(f"peer{k}/externalbuilder/") for name in more) and len(more) == 1, more
     finally:
         for network in networks:
             network.process.kill()
         for space in spaces:
             space.close()
+
+
+def test_identities_without_places_are_refused(tmp_path):
+    done = fabric("identities", "--dir", tmp_path / "net", "--tools", FABRIC)
+    assert done.returncode == 2 and "give all places" in done.stderr
+    assert not (tmp_path / "net").exists()
 
 
 def test_a_host_without_the_common_identities_is_told_so(tmp_path):

@@ -157,9 +157,10 @@ def test_the_cross_built_programs_fly_a_lap_under_qemu(tmp_path):
         script.unlink()
         script.write_text(f'#!/bin/sh\nexec qemu-aarch64-static -L {SYSROOT} {AARCH64 / program} "$@"\n')
         script.chmod(0o755)
-    result = tmp_path / "result.json"
-    flight = subprocess.run([BIN / "ledgerline-fly", "--out", tmp_path / "run", "--json", result, "--laps", "1"],
-                            env={**os.environ, "LEDGERLINE_BIN": str(programs), "CYCLONEDDS_URI": UNICAST},
+    result, unicast = tmp_path / "result.json", tmp_path / "unicast.xml"
+    unicast.write_text(UNICAST)
+    flight = subprocess.run([BIN / "ledgerline-fly", "--out", tmp_path / "run", "--json", result, "--laps", "1", "--dds", unicast],
+                            env={**os.environ, "LEDGERLINE_BIN": str(programs)},
                             capture_output=True, text=True, timeout=300)
     assert flight.returncode == 0, flight.stdout + flight.stderr
     report = json.loads(result.read_text())

@@ -143,6 +143,7 @@ def test_a_stranger_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
                  "--domains", f"{DRONES},{GROUND}")
     first = flown[0]
     wait_for_states(first, tmp_path, flight)
+    assert (tmp_path / "run").stat().st_mode & 0o777 == 0o700
     for drone in flown:
         take_off(drone)
     # Who comes late reads the newest transitions, too.
@@ -206,17 +207,19 @@ def test_a_stranger_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
 
 
 @pytest.mark.parametrize("ledger", ["embedded", "fabric"])
-def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, monkeypatch, ledger):
+def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, ledger):
     """By ros2-client: takes off, flies straight ahead, is silent, lands."""
     if ledger == "fabric":
         needs_fabric()
     if missing := peers.why_missing("ros2-client"):
         pytest.skip(missing)
     peers.make_lan()
-    monkeypatch.setenv("CYCLONEDDS_URI", peers.LAN)
+    lan = tmp_path / "lan.xml"
+    lan.write_text(peers.LAN)
     forward_mps, seconds = 0.4, 3
     neighbour = Neighbour(cyclone_config=peers.LAN)
-    flight = fly(tmp_path, "--shape", "manual", "--seconds", LONGEST_S, "--ledger", ledger, "--domains", f"{DRONES},{GROUND}")
+    flight = fly(tmp_path, "--shape", "manual", "--seconds", LONGEST_S, "--ledger", ledger, "--domains", f"{DRONES},{GROUND}",
+                 "--dds", lan)
     pilot = peers.pilot(GROUND, "tello1", forward_mps, seconds)
     try:
         said = pilot.lines_until("landed")

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <set>
 
 #include "common/dds/endpoint.hpp"
@@ -231,6 +233,51 @@ TEST(Domain, ComesFromRosAndANonsenseOneIsAnError) {
   auto r = RawReader::create(*by_number, "/here", made_up, {}, [](std::span<const std::uint8_t>, const RawInfo&) {});
   ASSERT_TRUE(w && r);
   EXPECT_TRUE(eventually([&] { return w->readers() > 0 && r->writers() > 0; }));
+}
+
+/// CYCLONEDDS_URI for as long as it lives, with which no participant can be made.
+class NonsenseInEnvironment {
+ public:
+  NonsenseInEnvironment() { setenv("CYCLONEDDS_URI", "<CycloneDDS><Nonsense/></CycloneDDS>", 1); }
+  ~NonsenseInEnvironment() { unsetenv("CYCLONEDDS_URI"); }
+  NonsenseInEnvironment(const NonsenseInEnvironment&) = delete;
+  NonsenseInEnvironment& operator=(const NonsenseInEnvironment&) = delete;
+};
+
+ParticipantOptions on_domain(std::uint32_t domain) {
+  ParticipantOptions options;
+  options.domain = domain;
+  return options;
+}
+
+TEST(Domain, LoopbackThatTheConfigSaysBeatsTheEnvironment) {
+  const NonsenseInEnvironment nonsense;
+  ParticipantOptions options = on_domain(94);
+  options.local_only = true;
+  const auto participant = Participant::create(options);
+  EXPECT_TRUE(participant) << participant.error().what;
+}
+
+TEST(Domain, WithoutAWordInTheConfigTheEnvironmentDecides) {
+  const NonsenseInEnvironment nonsense;
+  EXPECT_FALSE(Participant::create(on_domain(93)));
+}
+
+TEST(Domain, AFileOfCyclonesThatTheConfigNamesBeatsTheEnvironment) {
+  const std::string file = testing::TempDir() + "ledgerline_cyclone_" + std::to_string(::getpid()) + ".xml";
+  ParticipantOptions options = on_domain(92);
+  options.cyclonedds = file;
+  const auto without = Participant::create(options);
+  ASSERT_FALSE(without);
+  EXPECT_THAT(without.error().what, HasSubstr("cannot read '" + file + "'"));
+
+  const NonsenseInEnvironment nonsense;
+  std::ofstream(file) << "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\" multicast=\"true\"/>"
+                         "</Interfaces></General></Domain></CycloneDDS>";
+  EXPECT_TRUE(Participant::create(options));
+  std::ofstream(file) << "<CycloneDDS><Nonsense/></CycloneDDS>";
+  EXPECT_FALSE(Participant::create(options)) << "it is the file that is read";
+  std::filesystem::remove(file);
 }
 
 /// What the other process of the test below says, over and over: of one fragment, and of many.

@@ -158,6 +158,24 @@ TEST_F(FakePrograms, WhatIsSwitchedStandsInTheConfigs) {
   }
 }
 
+TEST_F(FakePrograms, DdsStaysOnThisMachineWhateverTheShellSaysUnlessAFileIsNamed) {
+  const auto dds = [&](const std::string& program) {
+    std::ifstream in(files.config(program));
+    const std::string text(std::istreambuf_iterator<char>(in), {});
+    return text.substr(std::min(text.find("[dds]"), text.size()));
+  };
+  Options options;
+  for (const auto& [file, line] :
+       {std::pair{"", "local_only = true\n"}, {"/etc/lan.xml", "cyclonedds = \"/etc/lan.xml\"\n"}}) {
+    options.cyclonedds = file;
+    ASSERT_TRUE(write_configs(files, options, "127.0.0.1:1", {}));
+    ASSERT_TRUE(write_sim_config(files, options));
+    for (const char* program : {"agent", "ground", "sim"}) EXPECT_THAT(dds(program), HasSubstr(line)) << program;
+    ASSERT_TRUE(write_local_configs(files, options));
+    EXPECT_THAT(dds("local"), HasSubstr(line));
+  }
+}
+
 TEST_F(FakePrograms, AProxyStandsBetweenBothHostsAndTheLedgerAndBetweenLinkAndTheDrones) {
   write("hil", "echo '{\"ready\":true,\"servers\":{\"agent\":\"127.0.0.1:11\",\"ground\":\"127.0.0.1:12\"}}'\n" + stays,
         false);

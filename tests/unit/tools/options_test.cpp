@@ -95,6 +95,12 @@ TEST(FlyOptions, DronesAndGroundMayHaveDomainsOfTheirOwn) {
   expect_refused({"--domains", "31,233"}, "233");
 }
 
+TEST(FlyOptions, DdsLeavesThisMachineOnlyByAFile) {
+  EXPECT_EQ(parse_command_line({}).options.cyclonedds, "");
+  EXPECT_EQ(parse_command_line({"--dds", "/dev/null"}).options.cyclonedds, "/dev/null");
+  expect_refused({"--dds", "/nowhere/lan.xml"}, "/nowhere/lan.xml");
+}
+
 TEST(FlyOptions, AManualFlightHasNoPathAndNoLaps) {
   const auto line = parse_command_line({"--shape", "manual", "--seconds", "60"});
   ASSERT_TRUE(line.fly) << line.text;
