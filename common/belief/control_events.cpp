@@ -66,8 +66,8 @@ Result<ControlEvent> read_as(const AskedCall& call, std::string_view event_paylo
   Message asked;
   if (!read_call(call, asked)) return Error{"its call cannot be read"};
   const bool stops = call.function == "stop";
-  const bool read = stops ? parse_message(event_payload, event.stops).ok()
-                          : parse_message(event_payload, event.controls).ok();
+  const bool read =
+      stops ? parse_message(event_payload, event.stops).ok() : parse_message(event_payload, event.controls).ok();
   if (!read) return Error{"its event cannot be read"};
   const auto drones = drones_of(asked);
   const bool exactly =

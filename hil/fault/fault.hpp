@@ -82,8 +82,8 @@ struct Fault {
   Slip slip = Slip::none;
   std::optional<Distribution> delay;
   std::array<double, 3> vector{};  ///< mocap_offset, kick, wind
-  double value = 0;  ///< relay (1: clients compare), battery, drain [0..1], mocap_noise [m], burn (core), take_memory
-                     ///< [bytes]
+  double value = 0;   ///< relay (1: clients compare), battery, drain [0..1], mocap_noise [m], burn (core), take_memory
+                      ///< [bytes]
   Stopper stopper{};  ///< stop_drone, as the next one
   StopWord stop_word{};
   std::string part{};  ///< kill_part: of Fabric's network, "peer1"; leader_part: the orderer that leads

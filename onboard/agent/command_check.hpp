@@ -34,7 +34,7 @@ enum class Refusal : std::uint8_t {
   replayed = 13,            ///< its sequence does not grow
   too_old = 14,             ///< its state is older than the limit
   over_limits = 15,         ///< setpoints: not finite, too fast, too many, out of order, or beyond the horizon
-  altered = 16,             ///< not what its creator asked for and signed; or a record that does not follow from the last
+  altered = 16,  ///< not what its creator asked for and signed; or a record that does not follow from the last
 };
 inline constexpr std::size_t refusal_count = 17;
 std::string_view refusal_name(Refusal refusal);

@@ -116,18 +116,19 @@ class ValuesEntry final : public Entry {
 const Registration set({"bridge.set", Kind::protobuf, [] { return std::make_unique<EventEntry>(false); }, 0.1});
 const Registration set_json({"bridge.set_json", Kind::json, [] { return std::make_unique<EventEntry>(true); }, 0.1});
 const Registration values({"bridge.values", Kind::protobuf, [] { return std::make_unique<ValuesEntry>(); }, 0.1});
-const Registration config_file({"bridge.config", Kind::toml, [] {
-                                  return std::make_unique<Function>(
-                                      std::vector<std::string>{
-                                          "[bridge]\nname = \"arm\"\nmin_gap_ms = 5\n[[enrolled]]\nname = "
-                                          "\"robot7\"\n[[topic]]\nname = \"/robot7/*\"\nfrom = \"robot7\"\nstream = true\npriority = 9\n"},
-                                      [](std::string_view text) {
-                                        auto parsed = Config::parse(text, "bridge.toml");
-                                        if (!parsed) return refused(parsed.error().what);
-                                        (void)read_bridge(*parsed);
-                                        return outcome_of(parsed->finish());
-                                      });
-                                }});
+const Registration config_file(
+    {"bridge.config", Kind::toml, [] {
+       return std::make_unique<Function>(
+           std::vector<std::string>{
+               "[bridge]\nname = \"arm\"\nmin_gap_ms = 5\n[[enrolled]]\nname = "
+               "\"robot7\"\n[[topic]]\nname = \"/robot7/*\"\nfrom = \"robot7\"\nstream = true\npriority = 9\n"},
+           [](std::string_view text) {
+             auto parsed = Config::parse(text, "bridge.toml");
+             if (!parsed) return refused(parsed.error().what);
+             (void)read_bridge(*parsed);
+             return outcome_of(parsed->finish());
+           });
+     }});
 const Registration status(
     {"bridge.status", Kind::json, [] {
        return std::make_unique<Function>(
