@@ -75,6 +75,7 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
                 {"unavailable", t.unavailable}}},
               {"blocks", core.blocks()},
               {"blocks_broken", core.blocks_broken()},
+              {"folds", {{"on_ledger", core.folds().folded()}, {"repeated", core.folds().repeated()}}},
               {"control_events_refused", core.refused_control_events()},
               {"transactions_unbelievable", core.unbelievable_transactions()},
               {"plans_not_handed_over", shell.plans_not_handed_over},

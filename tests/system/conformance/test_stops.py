@@ -4,7 +4,9 @@ import pathlib
 import subprocess
 import time
 
+import pytest
 from fabric import BIN
+from ledgers import Embedded
 from official import MVCC_READ_CONFLICT, PHANTOM_READ_CONFLICT, VALID, call
 
 STOPPERS = 10
@@ -53,6 +55,44 @@ def test_ten_stops_are_on_the_ledger_within_five_blocks_whatever_a_holder_does_i
     assert len(result["stops"]) == STOPPERS
     assert all(stop["on_ledger"] and stop["attempts"] == 1 for stop in result["stops"]), result
     assert max(stop["blocks"] for stop in result["stops"]) <= BLOCKS, result
+
+
+@pytest.fixture
+def own_ledger(tmp_path):
+    """One that may be killed, with the operator of tello1's lease: its config."""
+    node = Embedded(tmp_path / "own")
+    operator = config(node, tmp_path, "operator", "Org2MSP", node.msp_dir(2, "User1"))
+    assert control(operator, "acquire", "tello1").wait(timeout=60) == 0
+    yield node, operator
+    assert node.stop() == 0, node.log()
+
+
+def control(path: pathlib.Path, *words: str) -> subprocess.Popen:
+    return subprocess.Popen([BIN / "ledgerline-control", "--config", path, *words], stdout=subprocess.PIPE,
+                            stderr=subprocess.STDOUT, text=True)
+
+
+def test_a_stop_that_finds_no_ledger_is_said_again_until_there_is_one(own_ledger):
+    node, operator = own_ledger
+    node.kill()
+    stop = control(operator, "stop", "tello1")
+    assert "said again until it is on the ledger" in stop.stdout.readline()
+    node.start()
+    printed = stop.communicate(timeout=60)[0]
+    assert stop.returncode == 0, printed
+    assert json.loads(printed.splitlines()[-1])["stops"][0]["drone"] == "tello1"
+
+
+def test_a_stop_is_given_up_after_its_time_and_a_refused_one_at_once(own_ledger):
+    node, operator = own_ledger
+    refused = control(operator, "stop", "tello2")
+    printed = refused.communicate(timeout=60)[0]
+    assert refused.returncode == 1 and "may not stop it" in printed and "said again" not in printed
+    node.kill()
+    stop = control(operator, "stop", "--within", "6", "tello1")
+    printed = stop.communicate(timeout=60)[0]
+    assert stop.returncode == 1 and "in 6 s" in printed, printed
+    node.start()
 
 
 def test_of_a_stop_and_a_change_in_one_block_the_stop_is_valid(ledger, node, admin, authority, enroll, operator):

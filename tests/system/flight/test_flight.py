@@ -125,6 +125,7 @@ def test_a_stop_on_the_ledger_lands_the_drone(tmp_path):
     assert stop.returncode == 0, stop.stderr
     assert flight.wait(60) == 1, printed(tmp_path)
     assert "stopped by" in result(tmp_path)["why"]
+    assert json.loads((tmp_path / "run" / "agent.summary.json").read_text())["folds"]["on_ledger"] == 1
     sim = json.loads((tmp_path / "run" / "sim.summary.json").read_text())
     assert sim["drones"][0]["landed"] is True
     assert_nothing_left()
