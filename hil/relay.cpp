@@ -7,7 +7,6 @@
 #include "common/common.pb.h"
 #include "common/msg/form.hpp"
 #include "common/msg/ros.hpp"
-#include "hil/world_setup.hpp"
 #include "peer/chaincode.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
@@ -16,7 +15,7 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, RelayLie>, 36> all_lies{{
+constexpr std::array<std::pair<std::string_view, RelayLie>, 40> all_lies{{
     {"plan-speed", RelayLie::plan_speed},
     {"plan-climb", RelayLie::plan_climb},
     {"plan-turn", RelayLie::plan_turn},
@@ -51,14 +50,22 @@ constexpr std::array<std::pair<std::string_view, RelayLie>, 36> all_lies{{
     {"frame-flies", RelayLie::frame_flies},
     {"frame-pose", RelayLie::frame_pose},
     {"frame-replayed", RelayLie::frame_replayed},
+    {"stop-cut", RelayLie::stop_cut},
+    {"stop-other", RelayLie::stop_other},
+    {"fold-lifts", RelayLie::fold_lifts},
+    {"fold-back", RelayLie::fold_back},
     {"asked-plan", RelayLie::asked_plan},
     {"asked-function", RelayLie::asked_function},
 }};
 
 const crypto::IdentityName rival{"Org3MSP", "CN=User1@org3.ledgerline"};
-const crypto::IdentityName own_peer{"Org1MSP", "CN=peer0"};
 
-bool of_frames(RelayLie lie) { return lie >= RelayLie::frame_cut && lie <= RelayLie::frame_replayed; }
+/// Whose result it bends.
+std::string_view function_of(RelayLie lie) {
+  if (lie >= RelayLie::asked_plan || lie < RelayLie::frame_cut) return "command";
+  if (lie <= RelayLie::frame_replayed) return "set";
+  return lie <= RelayLie::stop_other ? "stop" : "fold";
+}
 bool of_what_was_asked(RelayLie lie) { return lie >= RelayLie::asked_plan; }
 
 Identity message_of(const crypto::IdentityName& name) {
@@ -66,16 +73,6 @@ Identity message_of(const crypto::IdentityName& name) {
   identity.set_msp_id(name.msp_id);
   identity.set_subject(name.subject);
   return identity;
-}
-
-/// As `prepare` left it.
-Control record_of(const std::string& drone) {
-  Control record;
-  record.set_drone(drone);
-  *record.mutable_owner() = message_of(drone_host);
-  *record.mutable_holder() = message_of(operator_name);
-  record.set_epoch(1);
-  return record;
 }
 
 std::string bytes_of(const Control& record) {
@@ -110,7 +107,7 @@ void add_setpoints(DronePlan& plan, float vx, float vz) {
   set_velocity(plan, vx, vz, 0);
 }
 
-std::string other_drone(const std::string& drone) { return drone == drone_name(1) ? drone_name(2) : drone_name(1); }
+std::string other_drone(const std::string& drone) { return drone == "tello1" ? "tello2" : "tello1"; }
 
 void bend_plan(DronePlan& plan, RelayLie lie) {
   switch (lie) {
@@ -183,6 +180,16 @@ std::string relay_lies() {
   return text;
 }
 
+// As the launcher left it.
+Control Relay::record_of(const std::string& drone) const {
+  Control record;
+  record.set_drone(drone);
+  *record.mutable_owner() = message_of(names_.drone_host);
+  *record.mutable_holder() = message_of(names_.holder);
+  record.set_epoch(1);
+  return record;
+}
+
 std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
   auto call = parsed<CommandCall>(payload);
   if (call.plans().empty()) return std::nullopt;
@@ -222,7 +229,7 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
       record.set_epoch(9);
       return Event{"fold", bytes_of(record)};
     case RelayLie::command_cut:
-      return Event{"stop", cut_of(drone, operator_name)};
+      return Event{"stop", cut_of(drone, names_.holder)};
     case RelayLie::command_silent:
       return Event{};
     case RelayLie::command_other:
@@ -242,7 +249,7 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
     const std::string drone = asset.id().substr(0, asset.id().find('/'));
     if (host_sequence_++ == 0) {
       Control record = record_of(drone);
-      *record.mutable_holder() = message_of(drone_host);
+      *record.mutable_holder() = message_of(names_.drone_host);
       record.set_epoch(2);
       return Event{"acquire", bytes_of(record)};
     }
@@ -266,7 +273,7 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
   Control record = record_of(drone);
   switch (lie_) {
     case RelayLie::frame_cut:
-      return Event{"stop", cut_of(drone, drone_host)};
+      return Event{"stop", cut_of(drone, names_.drone_host)};
     case RelayLie::frame_acquire:
       *record.mutable_holder() = message_of(rival);
       record.set_epoch(2);
@@ -307,9 +314,27 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
   return Event{"set", frame.SerializeAsString()};
 }
 
+// `payload`: the honest event.
+std::optional<Relay::Event> Relay::bent_stop(const std::string& payload) const {
+  auto stops = parsed<Stops>(payload);
+  auto controls = parsed<Controls>(payload);
+  for (Stop& stop : *stops.mutable_stops()) {
+    if (lie_ == RelayLie::stop_cut) stop.set_cut(true);
+    if (lie_ == RelayLie::stop_other) *stop.mutable_stopper() = message_of(rival);
+  }
+  for (Control& record : *controls.mutable_controls()) {
+    if (lie_ == RelayLie::fold_lifts) record.clear_stoppers();
+    if (lie_ == RelayLie::fold_back) {
+      *record.mutable_holder() = message_of(rival);
+      record.set_epoch(0);
+    }
+  }
+  if (lie_ <= RelayLie::stop_other) return Event{"stop", stops.SerializeAsString()};
+  return Event{"fold", controls.SerializeAsString()};
+}
+
 std::string Relay::bend(const fabric::Call& call, std::string bytes) {
-  const bool frame = call.function == "set";
-  if (lie_ == RelayLie::none || (!frame && call.function != "command") || frame != of_frames(lie_)) return bytes;
+  if (lie_ == RelayLie::none || call.function != function_of(lie_)) return bytes;
   auto envelope = parsed<common::Envelope>(bytes);
   auto payload = parsed<common::Payload>(envelope.payload());
   auto transaction = parsed<protos::Transaction>(payload.data());
@@ -317,7 +342,9 @@ std::string Relay::bend(const fabric::Call& call, std::string bytes) {
   auto response = parsed<protos::ProposalResponsePayload>(action.action().proposal_response_payload());
   auto result = parsed<protos::ChaincodeAction>(response.extension());
   auto event = parsed<protos::ChaincodeEvent>(result.events());
-  const auto bent = frame ? bent_frame(call.args.at(0)) : bent_command(call.args.at(0));
+  const auto bent = call.function == "set"       ? bent_frame(call.args.at(0))
+                    : call.function == "command" ? bent_command(call.args.at(0))
+                                                 : bent_stop(event.payload());
   if (!bent) return bytes;
   if (of_what_was_asked(lie_)) {
     auto proposal = parsed<protos::ChaincodeProposalPayload>(action.chaincode_proposal_payload());
@@ -343,7 +370,7 @@ std::string Relay::bend(const fabric::Call& call, std::string bytes) {
   }
   result.set_events(event.event_name().empty() ? std::string() : event.SerializeAsString());
   response.set_extension(result.SerializeAsString());
-  const auto peer = crypto::make_test_identity(own_peer);
+  const crypto::SigningIdentity& peer = names_.peer;
   auto& endorsed = *action.mutable_action();
   endorsed.set_proposal_response_payload(response.SerializeAsString());
   endorsed.clear_endorsements();

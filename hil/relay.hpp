@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/transaction.hpp"
 #include "ledgerline.pb.h"
 
@@ -51,6 +52,11 @@ enum class RelayLie : std::uint8_t {
   frame_flies,     ///< the host itself takes the lease, and then flies
   frame_pose,      ///< the drone is three metres away
   frame_replayed,  ///< an older state, with a new number
+  // The event of an operator's stop, and of the fold that a drone's host sends behind it.
+  stop_cut,    ///< motors off
+  stop_other,  ///< somebody else's stop
+  fold_lifts,  ///< nothing is stopped any more
+  fold_back,   ///< another's lease of the epoch before
   // What was asked for: the arguments in the envelope that comes back.
   asked_plan,      ///< another plan
   asked_function,  ///< another function
@@ -63,6 +69,13 @@ std::string relay_lies();  ///< all of them, for errors
 /// deterministic.
 class Relay {
  public:
+  /// Who signs, and whose drones and lease it lies about.
+  struct Names {
+    crypto::SigningIdentity peer;
+    crypto::IdentityName drone_host, holder;
+  };
+  explicit Relay(Names names) : names_(std::move(names)) {}
+
   void lie(RelayLie lie) { lie_ = lie; }
   /// Whether clients compare events with what they asked for before they sign, as real ones do; otherwise they sign
   /// whatever is of their call.
@@ -78,8 +91,12 @@ class Relay {
   };
   std::optional<Event> bent_command(const std::string& payload);
   std::optional<Event> bent_frame(const std::string& payload);
+  std::optional<Event> bent_stop(const std::string& payload) const;
   std::optional<Event> host_flies(const SetCall& frame);
 
+  Control record_of(const std::string& drone) const;
+
+  Names names_;
   RelayLie lie_ = RelayLie::none;
   bool compared_ = false;
   std::string earlier_command_, earlier_frame_;

@@ -115,7 +115,9 @@ class VirtualLedger {
   std::map<std::uint64_t, Pending> waiting_;  ///< by waiter, until their block is applied
   std::uint64_t next_waiter_ = 1;
   std::optional<std::pair<TimeNs, node::CutBlock>> writing_;
-  Relay relay_;
+  Relay relay_{{crypto::make_test_identity({"Org1MSP", "CN=peer0"}),
+                {"Org1MSP", "CN=User1@org1.ledgerline"},
+                {"Org2MSP", "CN=User1@org2.ledgerline"}}};
   std::function<void(const fabric::Call&)> asked_;
 };
 

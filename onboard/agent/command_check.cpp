@@ -244,14 +244,17 @@ void CommandCheck::take_controls(std::int64_t now_s, const fabric::Transaction& 
   const auto event = believed<Controls>(
       now_s, tx, [](const Controls& told) { return told.controls(); }, signer, out);
   if (!event) return;
+  bool follows = true;  // as a whole or not at all, as on the ledger
   for (const Control& control : event->controls.controls()) {
-    Drone* drone = find(control.drone());
+    const Drone* drone = find(control.drone());
     if (!drone) continue;
-    if (!drone->control || !belief::control_follows(*event, *drone->control, control, signer)) {
-      refuse_control_event(Refusal::altered, drone->name.number, out);
-      continue;
-    }
-    drone->control = control;
+    if (drone->control && belief::control_follows(*event, *drone->control, control, signer)) continue;
+    refuse_control_event(Refusal::altered, drone->name.number, out);
+    follows = false;
+  }
+  if (!follows) return;
+  for (const Control& control : event->controls.controls()) {
+    if (Drone* drone = find(control.drone())) drone->control = control;
   }
 }
 

@@ -38,7 +38,7 @@ class EventEntry final : public Entry {
     AgentConfig config;
     config.drones = {{1, "tello1"}, {2, "tello2"}};
     AgentCore core(config, *registry_);
-    core.set_control(stamp, control("tello1", 1));
+    for (const char* drone : {"tello1", "tello2"}) core.set_control(stamp, control(drone, 1));
     AgentOutputs out;
     StateSample state;
     state.drone = 1;
@@ -88,13 +88,12 @@ class EventEntry final : public Entry {
   std::unique_ptr<crypto::MspRegistry> registry_ = crypto::make_test_registry({"Org1MSP", "Org2MSP"});
 };
 
-std::vector<std::string> controls(bool stopped) {
+/// Records as they are, and what an acquire makes of them: a fold changes nothing.
+std::vector<std::string> controls(bool acquired) {
   Controls event;
   Control record = control("tello1", 1);
-  if (stopped) *record.add_stoppers() = agent::testing::stop_of("tello1");
   *event.add_controls() = record;
-  record.set_epoch(2);
-  if (stopped) record.mutable_stoppers(0)->set_cut(true);
+  if (acquired) record.set_epoch(2);
   Controls other;
   *other.add_controls() = record;
   *other.add_controls() = control("tello2", 1);
@@ -146,9 +145,9 @@ const Registration command_json({"agent.command_json", Kind::json, [] {
                                  }});
 const Registration stop({"agent.stop", Kind::protobuf, [] { return std::make_unique<EventEntry>("stop", stops()); }});
 const Registration fold({"agent.fold", Kind::protobuf,
-                         [] { return std::make_unique<EventEntry>("fold", controls(true)); }, 0.1});
+                         [] { return std::make_unique<EventEntry>("fold", controls(false)); }, 0.1});
 const Registration acquire({"agent.acquire", Kind::protobuf,
-                            [] { return std::make_unique<EventEntry>("acquire", controls(false)); }, 0.1});
+                            [] { return std::make_unique<EventEntry>("acquire", controls(true)); }, 0.1});
 const Registration mocap({"agent.mocap", Kind::bytes, [] { return std::make_unique<MocapEntry>(); }});
 
 }  // namespace

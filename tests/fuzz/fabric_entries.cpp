@@ -67,7 +67,11 @@ std::unique_ptr<Entry> transaction() {
         const auto block = make_block(&genesis, {std::string(bytes)}, valid);
         const auto unflagged = make_block(&genesis, {std::string(bytes)}, "");
         if (!decode_block(unflagged.SerializeAsString())) return refused("");  // it must not stop who follows the chain
-        return judge(decode_block(block.SerializeAsString()));
+        const auto decoded = decode_block(block.SerializeAsString());
+        const Outcome verdict = judge(decoded);
+        const bool left_out = decoded && decoded->transactions.at(0).code == code_unbelievable;
+        return left_out && verdict.verdict == Outcome::Verdict::accepted ? refused(decoded->transactions[0].problem)
+                                                                         : verdict;
       });
 }
 

@@ -124,6 +124,8 @@ TEST_F(ControlCheckTest, AnAcquireMakesItsCreatorTheHolderAndNothingElse) {
   Control back = taken;
   back.set_epoch(epoch - 1);
   expect_refused(event("acquire", back, rival), "an epoch that goes back");
+  Control own_back = control("tello1", epoch - 1);
+  expect_refused(event("acquire", own_back, holder), "the holder's own epoch goes back");
   Control without_right = taken;
   without_right.set_priority(0);
   expect_refused(event("acquire", without_right, rival), "no higher priority");

@@ -16,10 +16,14 @@ namespace {
 // Lies about a take-off need one, lies about a flight need one: so both moments.
 Script script_of(const std::string& lie, bool compared, std::uint64_t seed) {
   const std::string at = seed % 2 == 0 ? "0s" : fmt::format("path + {}ms", 500 + 400 * (seed % 7));
-  const std::string text = fmt::format(
-      "title = \"A peer lies: {0}\"\nmust = [\"no crash\", \"fence kept within 0.5 m\"]\n[flight]\ndrones = {1}\n"
-      "[[fault]]\nwhat = \"ledger relay {0}{2}\"\nat = \"{3}\"\n",
-      lie, lie == "plan-drone" || seed % 5 == 0 ? 2 : 1, compared ? " compared" : "", at);
+  const bool of_stop = lie.starts_with("stop-") || lie.starts_with("fold-");
+  const std::string stop = of_stop ? "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"path + 4s\"\n" : "";
+  const std::string text =
+      fmt::format(
+          "title = \"A peer lies: {0}\"\nmust = [\"no crash\", \"fence kept within 0.5 m\"]\n[flight]\ndrones = {1}\n"
+          "[[fault]]\nwhat = \"ledger relay {0}{2}\"\nat = \"{3}\"\n",
+          lie, lie == "plan-drone" || seed % 5 == 0 ? 2 : 1, compared ? " compared" : "", of_stop ? "path + 1s" : at) +
+      stop;
   const auto script = parse_script(text, lie);
   EXPECT_TRUE(script) << (script ? "" : script.error().what);
   return *script;
