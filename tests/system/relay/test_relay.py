@@ -3,9 +3,7 @@ signs other results (tests/system/relay/lying_node.cpp). Nothing is flown that n
 import json
 import os
 import pathlib
-import shutil
 
-import flights
 import pytest
 from flights import fly, no_flight_outlives_its_test, printed, records
 
@@ -21,12 +19,10 @@ def lying_programs(tmp_path, monkeypatch):
     programs = tmp_path / "bin"
     programs.mkdir()
     for program in BIN.iterdir():
-        if program.name == "ledgerline-fly":
-            shutil.copy(program, programs)  # it looks for the others beside itself
-        elif program.name != "ledgerline-node":
+        if program.name != "ledgerline-node":
             (programs / program.name).symlink_to(program)
     (programs / "ledgerline-node").symlink_to(BIN / "lying_node")
-    monkeypatch.setattr(flights, "BIN", programs)
+    monkeypatch.setenv("LEDGERLINE_BIN", str(programs))
     monkeypatch.setenv("LYING_NODE", str(BIN / "ledgerline-node"))
     monkeypatch.setenv("LYING_LOG", str(tmp_path / "lies.json"))
     monkeypatch.setenv("LYING_AFTER_S", "12")  # by then it flies
