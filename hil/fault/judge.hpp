@@ -110,9 +110,8 @@ struct Limits {
 ///     speed, height, distance   never beyond the limits, but of a drone that was pushed, broken or deafened, until 5 s
 ///                               behind that fault's end (1 s behind the start of a link that was away); where it got
 ///                               meanwhile it may stay, but no farther than 0.5 m on
-///     unseen                    a drone in the air that a running link does not see stands still after 1 s, and is
-///     down
-///                               after 25 s: whatever became of the link before
+///     unseen                    a drone in the air that a running link does not see stands still after 1 s, and
+///                               is down after 25 s: whatever became of the link before
 ///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later tells
 ///     the
 ///                               drone zero
