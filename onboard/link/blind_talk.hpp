@@ -16,8 +16,8 @@ namespace ledgerline::link {
 ///                                          or `emergency`, repeated
 // clang-format on
 ///
-/// A drone that was seen on the ground by this link is sought without an end: nobody holds that one up. Core: no I/O,
-/// no allocation; one thread.
+/// A drone that is known to stand on the ground is sought without an end: nobody holds that one up. Core: no I/O, no
+/// allocation; one thread.
 class BlindTalk {
  public:
   enum class Word : std::uint8_t { land, emergency };
@@ -41,7 +41,7 @@ class BlindTalk {
   struct Due {
     bool command = false, zero = false, word = false;
   };
-  /// At every step while the drone is not seen. `may_fly`: it was not seen on the ground since it may have taken off.
+  /// At every step while the drone is not seen. `may_fly`: it is not known to stand on the ground.
   Due due(TimeNs now, bool may_fly) noexcept;
 
   Word word() const noexcept { return word_; }

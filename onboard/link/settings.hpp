@@ -24,14 +24,13 @@ struct SessionSettings {
   TimeNs stands_after_ns = 3 * ns_per_s;
   /// To a drone that is not seen and may fly (blind_talk.hpp). So many `command`, at 0, 0.5 and 1.5 s, all given up 3.5
   /// s after the first: a state text comes every 100 ms, an answer within tens of ms. One would end a flight for one
-  /// datagram that is lost; with six a drone that hears but is not heard hovers for 20 s before it is landed.
+  /// datagram that is lost; with six a drone that hears but is not heard hovers for 15.5 s before it is landed.
   int handshakes = 3;
-  TimeNs zero_gap_ns = 100 * ns_per_ms;  ///< between two zeros meanwhile: with 60 % lost, one is heard within 0.5 s
+  TimeNs zero_gap_ns = 100 * ns_per_ms;  ///< between two zeros meanwhile: with 60 % lost, 92 % hear one of five
   /// Between two `land` (or `emergency`), each behind a `command` and a zero: twice as often as where it is seen
   /// whether the drone obeys.
   TimeNs blind_repeat_ns = 500 * ns_per_ms;
-  /// So long: longer than a take-off, during which `land` is ignored (4 s); with 60 % lost, all 12 are in 0.2 % of
-  /// cases.
+  /// So long: longer than a take-off, during which `land` is ignored (4 s); with 60 % lost, 99.8 % hear one of twelve.
   TimeNs blind_land_for_ns = 6 * ns_per_s;
   /// Then nothing at all, longer than the 15 s after which a Tello lands by itself, and that by what the network may
   /// hold back. Shorter would hold a drone in the air that hears everything but `land`; longer makes whoever switches a
