@@ -183,6 +183,24 @@ std::string moment(Draw& draw) {
 
 }  // namespace
 
+namespace {
+
+// Link dies, and its successor does not see the drone.
+void add_blind_restart(Draw& draw, Script& script) {
+  constexpr std::array<const char*, 3> deaf{"states", "from", "answers"};
+  const std::string at = moment(draw);
+  const auto add = [&](const std::string& text, double lasts_ms) {
+    auto fault = parse_fault(text, at, milliseconds(lasts_ms));
+    if (!fault) return;  // none of what is drawn is refused
+    fault->optional = true;
+    script.faults.push_back(std::move(*fault));
+  };
+  add("link kill", draw.between(20, 2'500));
+  add(fmt::format("drone * {} partition", draw.of(deaf)), draw.between(1'000, 40'000));
+}
+
+}  // namespace
+
 Script draw_script(std::uint64_t number, const std::string& recording) {
   Draw draw(number * 7919 + 17);
   Script script;
@@ -223,6 +241,7 @@ Script draw_script(std::uint64_t number, const std::string& recording) {
     fault->optional = true;  // one may keep the other's moment from coming
     script.faults.push_back(std::move(*fault));
   }
+  if (kind.below(5) == 0) add_blind_restart(kind, script);
   return script;
 }
 

@@ -52,8 +52,9 @@ inline constexpr std::size_t most_events = 5'000;
 /// error is one of the set-up. Many threads may do this at once, each its own run.
 Result<RunResult> run_script(const Script& script, std::uint64_t seed);
 
-/// A script from the fault space: a flight of about 30 s with one to four faults; only the invariants are judged. The
-/// same number, the same script. `recording`: a file of delays that some of them have (hil/distribution.hpp).
+/// A script from the fault space: a flight of about 30 s with one to four faults, one in five with a death of link
+/// behind which the drone is not seen; only the invariants are judged. The same number, the same script. `recording`: a
+/// file of delays that some of them have (hil/distribution.hpp).
 Script draw_script(std::uint64_t number, const std::string& recording = {});
 
 /// The shortest script that still fails: faults left out, laps, drones and durations made less, as long as `fails` says
