@@ -59,7 +59,7 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
       {"agent kill", "`for` must be at most 1 s"},
       {"ground kill", "use `ground stop`"},
       {"peer 1 kill", "a part of Fabric"},
-      {"operator cut tello1", "does not cut"},
+      {"operator cut tello1", "are not cut"},
   };
   for (const auto& [what, why] : cases) EXPECT_THAT(refusal_of(what), HasSubstr(why)) << what;
   EXPECT_THAT(refusal_of("disk full", "", true), HasSubstr("Fabric's parts end"));
@@ -375,9 +375,9 @@ TEST_F(Flight, IsBrokenByAnOlderPlanFlownBehindANewerOneUnlessLinkBeganAnew) {
 
 TEST_F(Flight, SaysWhatIsNotJudged) {
   const auto not_judged = [&] { return judge_recording(script_of(""), 1, recording).not_judged; };
-  EXPECT_THAT(not_judged(),
-              ElementsAre(HasSubstr("each plan's own end"), HasSubstr("transitions alone"), HasSubstr("ramps"),
-                          HasSubstr("agent hands"), HasSubstr("waited during a brake")));
+  EXPECT_THAT(not_judged(), ElementsAre(HasSubstr("each plan's own end"), HasSubstr("transitions alone"),
+                                        HasSubstr("ramps"), HasSubstr("agent hands"),
+                                        HasSubstr("what is flown was signed"), HasSubstr("waited during a brake")));
   recording.lost_is_known = false;
   EXPECT_THAT(not_judged()[1], HasSubstr("whether the ledger has all"));
 }
