@@ -184,19 +184,21 @@ std::string builder_script(const std::string& name) {
   // Arguments: detect SOURCE METADATA; build SOURCE METADATA OUTPUT; release OUTPUT RELEASE.
   if (name == "detect") return "#!/bin/sh\ngrep -q '\"type\": *\"ccaas\"' \"$2/metadata.json\"\n";
   if (name == "build") return "#!/bin/sh\ncp \"$1/connection.json\" \"$3/\"\n";
-  // The peer calls the service with its own TLS pair, put in here from its own folder: a package has no key. The last
-  // line of the package's file is its closing brace.
+  // The peer calls the service with its own TLS pair, put in here from its own folder before the file's closing brace: a
+  // package has no key. A package that brings a pair of its own keeps it.
   return R"sh(#!/bin/sh
 set -eu
 umask 077
 pem() { sed 's/$/\\n/' "$1" | tr -d '\n'; }
 certificate=$(pem "$CORE_PEER_TLS_CERT_FILE")
 key=$(pem "$CORE_PEER_TLS_KEY_FILE")
+connection=$(cat "$1/connection.json")
+case $connection in
+  *'"client_key"'*) ;;
+  *) connection="${connection%\}*},\"client_cert\":\"$certificate\",\"client_key\":\"$key\"}" ;;
+esac
 mkdir -p "$2/chaincode/server"
-{
-  sed '$ d' "$1/connection.json"
-  printf ',"client_cert":"%s","client_key":"%s"}\n' "$certificate" "$key"
-} > "$2/chaincode/server/connection.json"
+printf '%s\n' "$connection" > "$2/chaincode/server/connection.json"
 )sh";
 }
 

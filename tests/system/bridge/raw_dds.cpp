@@ -7,8 +7,10 @@
 #include <iterator>
 
 #include "common/dds/dds.hpp"
+#include "common/rt/log.hpp"
 
 int main(int argc, char** argv) {
+  ledgerline::init_log("raw_dds");
   using namespace ledgerline;
   if (argc != 4) return 2;
   const auto fail = [](const Error& error) {

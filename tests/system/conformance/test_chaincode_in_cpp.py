@@ -28,8 +28,7 @@ class Counter:
                     "CHAINCODE_TLS_CLIENT_CA": peer / "ca.crt"}
         self.connection = {
             "dial_timeout": "10s", "tls_required": True, "root_cert": (peer / "ca.crt").read_text(),
-            "client_auth_required": True, "client_key": (peer / "server.key").read_text(),
-            "client_cert": (peer / "server.crt").read_text()}
+            "client_auth_required": True}  # the peer's builder puts in the peer's own pair
         self.address, self.package_id = "127.0.0.1:0", "not known yet"
         self.start()
 

@@ -5,10 +5,10 @@ import os
 import pathlib
 
 import pytest
-from flights import fly, no_flight_outlives_its_test, printed, records
+from flights import fly, no_flight_outlives_its_test, printed
+from trace_file import TraceKind, records
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
-COMMAND_APPLIED, MODE, TRUTH = 8, 9, 1  # TraceKind in common/rt/trace.hpp
 CUT = 4  # FailsafeMode
 LIES = ["plan-speed", "plan-added", "command-acquire", "frame-cut", "frame-flies"]
 
@@ -44,13 +44,13 @@ def test_nothing_is_flown_that_nobody_signed(lying_programs, monkeypatch, lie):
     flight.wait(180)
     lies = json.loads((lying_programs / "lies.json").read_text())
     link = [r for trace in (out / "run").glob("link*.trace") for r in records(trace)]
-    applied = [r for r in link if r[1] == COMMAND_APPLIED and r[4] != 0]
+    applied = [r for r in link if r[1] == TraceKind.COMMAND_APPLIED and r[4] != 0]
     wrong = unsigned(applied, lies)
-    truth = [r for r in records(out / "run" / "sim.trace") if r[1] == TRUTH]
+    truth = [r for r in records(out / "run" / "sim.trace") if r[1] == TraceKind.TRUTH]
     print(f"{lie}: {lies['bent']} results bent, {lies['submitted']} signed and submitted, {len(applied)} plans flown, "
           f"{len(wrong)} of them asked for by nobody, highest {max(r[8] for r in truth):.2f} m")
     assert lies["bent"] > 0 and len(applied) > 20, printed(out)
     assert wrong == []
-    assert not [r for r in link if r[1] == MODE and r[3] == CUT], "motors were cut"
+    assert not [r for r in link if r[1] == TraceKind.MODE and r[3] == CUT], "motors were cut"
     assert lies["submitted"] == 0, "a client signed what it had not asked for"
     assert truth[-1][8] < 0.1, "it is still in the air"

@@ -150,6 +150,18 @@ TEST(FabricTexts, APackageHasNoKeyAndThePeersBuilderAddsIt) {
   EXPECT_EQ(json.at("root_cert"), ca);
   EXPECT_EQ(json.at("client_auth_required"), true);
   EXPECT_EQ(json.at("address"), places_from({}, 20'000).chaincode(1));
+
+  // As others write it: on one line; and one that brings a pair of its own.
+  const auto released = [&](const std::string& text) {
+    EXPECT_TRUE(write_file(folder.in("build/connection.json"), text).ok());
+    EXPECT_EQ(std::system(("CORE_PEER_TLS_KEY_FILE=" + (tls / "server.key").string() +
+                           " CORE_PEER_TLS_CERT_FILE=" + (tls / "server.crt").string() + " " + command)
+                              .c_str()),
+              0);
+    return nlohmann::json::parse(*read_file(folder.in("out/chaincode/server/connection.json")));
+  };
+  EXPECT_EQ(released("{\"address\": \"x:1\"}").at("client_key"), *read_file(tls / "server.key"));
+  EXPECT_EQ(released("{\"client_key\": \"its own\"}\n").at("client_key"), "its own");
 }
 
 TEST(FabricTexts, AnOrderersAdministrationIsForItsOwnHostAlone) {

@@ -15,11 +15,7 @@
 namespace ledgerline::hil {
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr int slice = 1;
-#else
-constexpr int slice = 20;
-#endif
+constexpr int slice = slow ? 1 : 20;
 
 enum class Deaf : std::uint8_t { states, both_ways, answers };
 constexpr std::array<const char*, 3> deaf_lines{"states", "both", "answers"};
@@ -82,9 +78,11 @@ Flown flown(const RunResult& result) {
   Flown flown;
   const TimelinePoint* at_death = nullptr;
   for (const TimelinePoint& point : result.timeline[0]) {
-    if (point.t_ns < death) continue;
+    if (point.t_ns < death) {
+      flown.told_mps = static_cast<double>(point.told_mps);  // its successor may be there by the next point
+      continue;
+    }
     if (!at_death) at_death = &point;
-    flown.told_mps = static_cast<double>(at_death->told_mps);
     if (point.at_m[2] > on_ground_m) flown.down_s = to_seconds(point.t_ns - death);
     flown.moved_m = std::max<double>(flown.moved_m,
                                      std::hypot(point.at_m[0] - at_death->at_m[0], point.at_m[1] - at_death->at_m[1]));

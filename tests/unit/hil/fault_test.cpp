@@ -17,13 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Sanitizers make each flight ten times as long and more: a few of them look into every corner.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool slow = true;
-#else
-constexpr bool slow = false;
-#endif
-
 std::vector<std::string> library() {
   std::vector<std::string> files;
   for (const auto& entry : fs::recursive_directory_iterator(SCENARIOS)) {
