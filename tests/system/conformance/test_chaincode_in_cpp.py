@@ -25,7 +25,10 @@ class Counter:
         home, peer = ledger.organisation(1), ledger.organisation(1) / "peers" / "peer0.org1.ledgerline" / "tls"
         self.tls = {"CHAINCODE_TLS_KEY": home / "chaincode" / "tls" / "server.key",
                     "CHAINCODE_TLS_CERT": home / "chaincode" / "tls" / "server.crt",
-                    "CHAINCODE_TLS_CLIENT_CA": peer / "ca.crt"}
+                    "CHAINCODE_TLS_CLIENT_CA": directory / "peers_ca.crt"}
+        # Each peer calls with its own pair, and this service has peers of two organisations.
+        (directory / "peers_ca.crt").write_text("".join(
+            (ledger.organisation(k) / "peers" / f"peer0.org{k}.ledgerline" / "tls" / "ca.crt").read_text() for k in (1, 2)))
         self.connection = {
             "dial_timeout": "10s", "tls_required": True, "root_cert": (peer / "ca.crt").read_text(),
             "client_auth_required": True}  # the peer's builder puts in the peer's own pair
