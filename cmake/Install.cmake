@@ -3,8 +3,8 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-set(public_headers common/crypto/crypto.hpp common/fabric/client.hpp common/fabric/transaction.hpp common/rt/clock.hpp
-  common/rt/result.hpp chaincode/shim/shim.hpp)
+set(public_headers common/crypto/crypto.hpp common/fabric/client/client.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
+  common/base/result.hpp chaincode/shim/shim.hpp)
 foreach(header ${public_headers})
   get_filename_component(folder ${header} DIRECTORY)
   install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline/${folder})
@@ -16,7 +16,7 @@ foreach(target ledgerline_fabric_client ledgerline_shim)
   target_compile_features(${target} INTERFACE cxx_std_20)
 endforeach()
 install(TARGETS ledgerline_fabric_client ledgerline_shim
-    ledgerline_fabric_tx ledgerline_crypto ledgerline_rt ledgerline_shim_session fabric_protos fabric_grpc
+    ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session fabric_protos fabric_grpc
   EXPORT LedgerlineTargets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
   INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline)

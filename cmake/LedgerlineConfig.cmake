@@ -1,4 +1,4 @@
-# find_package(Ledgerline): Ledgerline::client (common/fabric/client.hpp) and Ledgerline::shim (chaincode/shim/shim.hpp).
+# find_package(Ledgerline): Ledgerline::client (common/fabric/client/client.hpp) and Ledgerline::shim (chaincode/shim/shim.hpp).
 include(CMakeFindDependencyMacro)
 list(PREPEND CMAKE_MODULE_PATH ${CMAKE_CURRENT_LIST_DIR})  # FindMbedTLS
 find_dependency(Threads)

@@ -3,12 +3,12 @@
 #include <cmath>
 
 #include "common/rt/clock.hpp"
-#include "common/rt/json.hpp"
-#include "common/rt/log.hpp"
+#include "common/rt/histogram_json.hpp"
+#include "common/base/log.hpp"
 #include "ground/shell/course_file.hpp"
 #include "hil/proxy/fault_socket.hpp"
 #include "hil/proxy/proxy.hpp"
-#include "hil/virtual_flight.hpp"
+#include "hil/virtual/virtual_flight.hpp"
 
 namespace {
 

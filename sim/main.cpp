@@ -1,10 +1,10 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
-#include "common/dds/config.hpp"
+#include "common/dds/settings/config.hpp"
 #include "common/msg/onboard.hpp"
-#include "common/rt/log.hpp"
-#include "sim/shell.hpp"
+#include "common/base/log.hpp"
+#include "sim/shell/shell.hpp"
 
 namespace {
 

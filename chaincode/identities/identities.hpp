@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 /// The identities of a network of our own, in cryptogen's layout under DIR/crypto: three organisations (Org1MSP ...),
 /// each with a CA, a TLS CA, peer0, a TLS certificate for its chaincode service, and the users Admin, User1 and User2

@@ -1,6 +1,6 @@
 #pragma once
 #include "chaincode/shim/shim.hpp"
-#include "chaincode/stub.hpp"
+#include "chaincode/contract/stub.hpp"
 
 namespace ledgerline::chaincode {
 

@@ -8,8 +8,8 @@
 #include <set>
 
 #include "chaincode/shim/session.hpp"
-#include "common/rt/file.hpp"
-#include "common/rt/log.hpp"
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
 #include "peer/chaincode_shim.grpc.pb.h"
 
 namespace ledgerline::shim {

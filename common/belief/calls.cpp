@@ -4,7 +4,7 @@
 #include <array>
 
 #include "common/belief/control_events.hpp"
-#include "common/msg/form.hpp"
+#include "common/msg/proto_json.hpp"
 
 namespace ledgerline::belief {
 namespace {

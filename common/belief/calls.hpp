@@ -3,7 +3,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 #include "ledgerline.pb.h"
 
 /// What may be believed of a transaction of the contract without believing the peer that ran it. A peer signs results;

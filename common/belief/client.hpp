@@ -1,6 +1,6 @@
 #pragma once
 #include "common/belief/calls.hpp"
-#include "common/fabric/client.hpp"
+#include "common/fabric/client/client.hpp"
 
 namespace ledgerline::belief {
 

@@ -5,7 +5,7 @@
 #include <set>
 #include <string>
 
-#include "common/msg/form.hpp"
+#include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::belief {

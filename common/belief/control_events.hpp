@@ -4,7 +4,7 @@
 
 #include "common/belief/calls.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 #include "ledgerline.pb.h"
 
 /// Control events (enroll, acquire, release, stop, resume, fold) judged by what their creator signed and by the record

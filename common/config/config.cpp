@@ -8,7 +8,7 @@
 #include <set>
 #include <sstream>
 
-#include "common/rt/clear_text.hpp"
+#include "common/base/printable.hpp"
 
 namespace ledgerline {
 namespace {

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 namespace ledgerline {
 

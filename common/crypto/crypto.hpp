@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 /// Signatures and identities as Fabric uses them: ECDSA P-256 over SHA-256, DER, low S (high S is refused).
 /// mbedTLS and libcrypto are both built; the config says which one signs and which one verifies.

@@ -11,7 +11,7 @@
 #include <unordered_map>
 
 #include "common/crypto/openssl.hpp"
-#include "common/rt/clear_text.hpp"
+#include "common/base/printable.hpp"
 #include "msp/identities.pb.h"
 
 namespace ledgerline::crypto {

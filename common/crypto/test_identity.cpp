@@ -2,7 +2,7 @@
 #include <map>
 
 #include "common/crypto/crypto.hpp"
-#include "common/rt/clear_text.hpp"
+#include "common/base/printable.hpp"
 #include "msp/identities.pb.h"
 
 namespace ledgerline::crypto {

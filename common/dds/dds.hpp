@@ -5,7 +5,7 @@
 #include <string>
 
 #include "common/dds/raw.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 /// ROS 2 over Cyclone DDS: names, types and QoS are those of a ROS 2 node, so a ROS 2 machine sees them. Topics are
 /// given as in ROS ("/tello1/odom"); on the wire they are "rt/tello1/odom". No type of DDS is visible here.
@@ -13,7 +13,7 @@ namespace ledgerline::dds {
 
 class NodeInfo;
 
-/// Files of DDS Security, which common/dds/security.hpp makes from an organisation's authority.
+/// Files of DDS Security, which common/dds/settings/security.hpp makes from an organisation's authority.
 struct Security {
   std::string identity_ca;               ///< PEM; signed the documents, too
   std::string certificate, private_key;  ///< PEM; a key that others may read is refused

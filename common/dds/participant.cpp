@@ -12,8 +12,8 @@
 #include "common/dds/dds.hpp"
 #include "common/dds/endpoint.hpp"
 #include "common/dds/node.hpp"
-#include "common/dds/reach.hpp"
-#include "common/rt/log.hpp"
+#include "common/dds/settings/reach.hpp"
+#include "common/base/log.hpp"
 
 namespace ledgerline::dds {
 namespace {

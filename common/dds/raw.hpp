@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "common/rt/clock.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 /// ROS 2 topics of any type, as bytes: no type is compiled in. A message is its CDR with the four bytes of
 /// encapsulation header, little or big endian (PLAIN_CDR, what ROS 2 sends), and goes through as it is; only the

@@ -3,7 +3,7 @@
 
 #include "common/config/config.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/client.hpp"
+#include "common/fabric/client/client.hpp"
 
 /// The tables of a program's config that say where the ledger is and whom to believe; used by agent and ground.
 namespace ledgerline::fabric {

@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <mutex>
 
-#include "common/fabric/client.hpp"
+#include "common/fabric/client/client.hpp"
 
 /// A small client of a Fabric network, or of the embedded node:
 ///

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/msg/onboard.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 /// The ROS 2 messages that a drone's state travels in, to and from CDR.
 namespace ledgerline {

@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "common/rt/clock.hpp"
-#include "common/rt/random.hpp"
+#include "common/base/random.hpp"
 
 namespace ledgerline {
 

@@ -2,7 +2,7 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 namespace ledgerline {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/rt/clock.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 namespace ledgerline {
 
@@ -36,7 +36,7 @@ enum class TraceKind : std::uint16_t {
                            ///< margin then, us
   setpoint_sent = 19,      ///< link: as command_applied, when the datagram had left
   loop_turns = 20,         ///< link: id = number of the first turn, extra = how many, stamp = when the first was due,
-                           ///< v = how late each began: 16 × 16 bits, us (PackedTurns in common/rt/turns.hpp)
+                           ///< v = how late each began: 16 × 16 bits, us (PackedTurns in common/rt/loop_ticker.hpp)
   rc_sent = 21,            ///< link: v = the four sticks of an rc, as the SDK has them
 };
 

@@ -7,11 +7,11 @@
 #include <thread>
 
 #include "common/belief/client.hpp"
-#include "common/fabric/client.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/repeat.hpp"
-#include "common/msg/form.hpp"
-#include "common/rt/log.hpp"
+#include "common/fabric/client/repeat.hpp"
+#include "common/msg/proto_json.hpp"
+#include "common/base/log.hpp"
 #include "ledgerline.pb.h"
 
 namespace {

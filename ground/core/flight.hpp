@@ -9,9 +9,9 @@
 
 #include "common/belief/control_events.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/client.hpp"
-#include "common/fabric/pacing.hpp"
-#include "common/fabric/transaction.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/client/pacing.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/msg/ros.hpp"
 #include "common/rt/trace.hpp"

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "common/belief/calls.hpp"
-#include "common/msg/form.hpp"
+#include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
 #include "common/msg/stops.hpp"
 #include "ground/core/flight_state.hpp"

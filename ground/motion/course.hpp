@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 namespace ledgerline::motion {
 

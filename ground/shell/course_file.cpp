@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "common/rt/file.hpp"
+#include "common/base/file.hpp"
 
 namespace ledgerline::ground {
 namespace {

@@ -7,8 +7,8 @@
 #include <cstdio>
 #include <fstream>
 
-#include "common/msg/form.hpp"
-#include "common/rt/log.hpp"
+#include "common/msg/proto_json.hpp"
+#include "common/base/log.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground {

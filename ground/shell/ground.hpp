@@ -11,7 +11,7 @@
 
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
-#include "common/fabric/client.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/rt/trace.hpp"
 #include "ground/core/topics.hpp"
 #include "ground/shell/settings.hpp"

@@ -4,12 +4,12 @@
 #include <cstdio>
 
 #include "common/belief/client.hpp"
-#include "common/bridge/bridges.hpp"
-#include "common/dds/config.hpp"
-#include "common/fabric/client.hpp"
+#include "common/bridge/shell/bridges.hpp"
+#include "common/dds/settings/config.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/rt/end_signals.hpp"
-#include "common/rt/log.hpp"
+#include "common/program/stop_signals.hpp"
+#include "common/base/log.hpp"
 #include "ground/shell/ground.hpp"
 
 namespace {

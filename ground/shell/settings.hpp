@@ -1,7 +1,7 @@
 #pragma once
 #include <string>
 
-#include "common/bridge/rules.hpp"
+#include "common/bridge/core/rules.hpp"
 #include "common/config/config.hpp"
 #include "ground/core/flight.hpp"
 

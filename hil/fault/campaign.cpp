@@ -9,7 +9,7 @@
 
 #include "common/msg/names.hpp"
 #include "common/page/html.hpp"
-#include "common/rt/json.hpp"
+#include "common/rt/histogram_json.hpp"
 
 namespace ledgerline::hil {
 

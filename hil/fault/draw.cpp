@@ -5,7 +5,7 @@
 #include <array>
 
 #include "hil/fault/run.hpp"
-#include "hil/world_setup.hpp"
+#include "hil/virtual/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hil/sensor_text.hpp"
-#include "hil/words.hpp"
+#include "hil/lines/sensor_text.hpp"
+#include "hil/lines/text_parse.hpp"
 
 namespace ledgerline::hil {
 namespace {

@@ -6,12 +6,12 @@
 #include <string_view>
 #include <vector>
 
-#include "common/rt/result.hpp"
-#include "hil/distribution.hpp"
-#include "hil/drone_lines.hpp"
-#include "hil/facts.hpp"
-#include "hil/ledger_port.hpp"
-#include "hil/stoppers.hpp"
+#include "common/base/result.hpp"
+#include "hil/lines/distribution.hpp"
+#include "hil/virtual/drone_lines.hpp"
+#include "hil/virtual/facts.hpp"
+#include "hil/virtual/ledger/ledger_port.hpp"
+#include "hil/virtual/ledger/stoppers.hpp"
 
 namespace ledgerline::hil {
 
@@ -32,7 +32,7 @@ inline constexpr std::string_view leader_part = "orderer leader";
 /// One fault as it is written: where and what, e.g. "drone tello1 to delay 200ms". docs/faults.md lists all of them.
 struct Fault {
   enum class What : std::uint8_t {
-    line,  // effects of hil/impairment.hpp on a drone's datagrams or its mocap
+    line,  // effects of hil/lines/impairment.hpp on a drone's datagrams or its mocap
     sensor,
     mocap_frozen,
     mocap_offset,

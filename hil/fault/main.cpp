@@ -10,10 +10,10 @@
 #include <fstream>
 
 #include "common/rt/clock.hpp"
-#include "common/rt/log.hpp"
+#include "common/base/log.hpp"
 #include "hil/fault/campaign.hpp"
-#include "hil/fault/real.hpp"
-#include "hil/fault/replay.hpp"
+#include "hil/fault/real/real.hpp"
+#include "hil/fault/real/replay.hpp"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
-#include "hil/fault/judge.hpp"
+#include "hil/fault/judge/judge.hpp"
 #include "hil/fault/script.hpp"
 
 namespace ledgerline::hil {
@@ -54,7 +54,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed);
 
 /// A script from the fault space: a flight of about 30 s with one to four faults, one in five with a death of link
 /// behind which the drone is not seen; only the invariants are judged. The same number, the same script. `recording`: a
-/// file of delays that some of them have (hil/distribution.hpp).
+/// file of delays that some of them have (hil/lines/distribution.hpp).
 Script draw_script(std::uint64_t number, const std::string& recording = {});
 
 /// The shortest script that still fails: faults left out, laps, drones and durations made less, as long as `fails` says

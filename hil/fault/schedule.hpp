@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "hil/fault/fault.hpp"
-#include "hil/world.hpp"
+#include "hil/virtual/world.hpp"
 
 namespace ledgerline::hil {
 

@@ -7,9 +7,9 @@
 #include <limits>
 
 #include "common/config/config.hpp"
-#include "common/rt/file.hpp"
+#include "common/base/file.hpp"
 #include "hil/fault/schedule.hpp"
-#include "hil/world_setup.hpp"
+#include "hil/virtual/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {

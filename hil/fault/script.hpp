@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "hil/fault/fault.hpp"
-#include "hil/fault/judge.hpp"
+#include "hil/fault/judge/judge.hpp"
 
 namespace ledgerline::hil {
 
@@ -23,7 +23,7 @@ struct Script {
 };
 
 /// An error is all that is wrong, each as "FILE:LINE: key: what is wrong, what is allowed".
-/// `real`: for a flight with the real processes (hil/fault/real_script.hpp).
+/// `real`: for a flight with the real processes (hil/fault/real/real_script.hpp).
 Result<Script> parse_script(std::string_view toml, const std::string& file, bool real = false);
 Result<Script> load_script(const std::string& path, bool real = false);
 /// What parse_script() reads as the same again.

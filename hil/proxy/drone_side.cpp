@@ -12,8 +12,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "common/rt/log.hpp"
-#include "hil/words.hpp"
+#include "common/base/log.hpp"
+#include "hil/lines/text_parse.hpp"
 
 namespace ledgerline::hil::proxy {
 namespace {

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "hil/line.hpp"
+#include "hil/lines/line.hpp"
 #include "hil/proxy/settings.hpp"
 
 namespace ledgerline::hil::proxy {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/rt/clock.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 namespace ledgerline::hil::proxy {
 

@@ -12,9 +12,9 @@
 #include <span>
 #include <utility>
 
-#include "common/rt/end_signals.hpp"
-#include "common/rt/file.hpp"
-#include "common/rt/log.hpp"
+#include "common/program/stop_signals.hpp"
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
 #include "hil/proxy/drone_side.hpp"
 #include "hil/proxy/fault_socket.hpp"
 #include "hil/proxy/server_side.hpp"

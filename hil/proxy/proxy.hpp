@@ -1,5 +1,5 @@
 #pragma once
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 #include "hil/proxy/settings.hpp"
 
 namespace ledgerline::hil::proxy {

@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "common/rt/log.hpp"
+#include "common/base/log.hpp"
 #include "hil/proxy/drone_side.hpp"
 
 namespace ledgerline::hil::proxy {

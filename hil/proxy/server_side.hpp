@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "hil/line.hpp"
+#include "hil/lines/line.hpp"
 #include "hil/proxy/settings.hpp"
 
 namespace ledgerline::hil::proxy {

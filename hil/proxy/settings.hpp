@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 #include "hil/proxy/switches.hpp"
 
 namespace ledgerline::hil::proxy {

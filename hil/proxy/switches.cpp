@@ -5,8 +5,8 @@
 
 #include <algorithm>
 
-#include "common/rt/clear_text.hpp"
-#include "hil/words.hpp"
+#include "common/base/printable.hpp"
+#include "hil/lines/text_parse.hpp"
 
 namespace ledgerline::hil::proxy {
 namespace {

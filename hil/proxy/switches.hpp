@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "common/rt/clock.hpp"
-#include "hil/impairment.hpp"
-#include "hil/sensor_text.hpp"
+#include "hil/lines/impairment.hpp"
+#include "hil/lines/sensor_text.hpp"
 
 namespace ledgerline::hil::proxy {
 
@@ -26,12 +26,12 @@ struct Target {
 
 /// What is switched at the moment, and how commands change it. A core; one thread. Commands:
 ///
-///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/impairment.hpp on one way: to, answers, state, video, from
+///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/lines/impairment.hpp on one way: to, answers, state, video, from
 ///                                            (the three before), both (all four)
 ///     drone * both clear                     `*`: every drone; for servers and sensors alike
 ///     server agent from stall                to, from, both
 ///     server agent cut                       its connections are reset, once
-///     sensor tello1 h stuck                  one more fault of hil/sensor_text.hpp in that drone's state text
+///     sensor tello1 h stuck                  one more fault of hil/lines/sensor_text.hpp in that drone's state text
 ///     sensor tello1 h stuck off              one less
 ///     clear                                  no effect and no fault of a sensor is left
 ///     list                                   changes nothing; what is switched is in list()

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "common/msg/onboard.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 /// The shared-memory channel between link and agent: iceoryx behind plain functions, so that no other header includes
 /// it. Each end takes in one thread and sends in one, which may be another; no call uses the heap after construction. A

@@ -1,8 +1,8 @@
 #include <CLI/CLI.hpp>
 
-#include "common/rt/log.hpp"
-#include "onboard/link/link_config.hpp"
-#include "onboard/link/link_shell.hpp"
+#include "common/base/log.hpp"
+#include "onboard/link/shell/link_config.hpp"
+#include "onboard/link/shell/link_shell.hpp"
 
 int main(int argc, char** argv) {
   CLI::App app{"Flies Tello drones by the plans that agent hands over, and keeps them safe without it."};

@@ -18,8 +18,8 @@
 #include <optional>
 #include <thread>
 
-#include "common/rt/log.hpp"
-#include "common/rt/service_manager.hpp"
+#include "common/base/log.hpp"
+#include "common/program/service_manager.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 #include "onboard/roudi/leak_watch.hpp"
 

@@ -7,10 +7,10 @@
 #include <mutex>
 #include <thread>
 
-#include "common/bridge/downlink.hpp"
-#include "common/bridge/uplink.hpp"
+#include "common/bridge/core/downlink.hpp"
+#include "common/bridge/core/uplink.hpp"
 #include "common/dds/dds.hpp"
-#include "tests/unit/agent/ledger_of_tests.hpp"
+#include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
 
 namespace {
 

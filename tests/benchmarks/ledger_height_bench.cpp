@@ -9,8 +9,8 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 
-#include "chaincode/node/server/node.hpp"
-#include "common/fabric/client.hpp"
+#include "chaincode/node/shell/node.hpp"
+#include "common/fabric/client/client.hpp"
 #include "tests/unit/child.hpp"
 
 /// What a long chain costs ledgerline-node: time to start, memory, bytes; and what it does to the latency, against a

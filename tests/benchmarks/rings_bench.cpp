@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "common/rt/json.hpp"
+#include "common/rt/histogram_json.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "tests/unit/child.hpp"

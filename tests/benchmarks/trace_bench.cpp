@@ -12,7 +12,7 @@
 #include "common/rt/real_time.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "common/rt/trace.hpp"
-#include "common/rt/turns.hpp"
+#include "common/rt/loop_ticker.hpp"
 
 namespace {
 

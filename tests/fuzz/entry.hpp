@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 /// Every place where bytes of strangers come in, behind one interface: seeded campaigns (fuzz_test.cpp) and libFuzzer
 /// (libfuzzer.cpp) feed the same entries.

@@ -2,7 +2,7 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/random.hpp"
+#include "common/base/random.hpp"
 #include "tests/fuzz/entry.hpp"
 
 namespace ledgerline::fuzz {

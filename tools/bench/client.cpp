@@ -11,9 +11,9 @@
 #include <nlohmann/json.hpp>
 
 #include "common/fabric/config.hpp"
-#include "common/msg/form.hpp"
-#include "common/rt/log.hpp"
-#include "onboard/agent/batcher.hpp"
+#include "common/msg/proto_json.hpp"
+#include "common/base/log.hpp"
+#include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/shell/mailbox.hpp"
 #include "tools/bench/exchange.hpp"
 

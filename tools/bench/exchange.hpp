@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/rt/clock.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 /// A two-way exchange: side a sends messages, side b answers each, and a sees the answers. What both sides must agree
 /// on, and a's account of it. No I/O.

@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "chaincode/identities/identities.hpp"
-#include "common/rt/file.hpp"
+#include "common/base/file.hpp"
 
 namespace ledgerline::two_way {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/process/children.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 #include "tools/bench/exchange.hpp"
 #include "tools/bench/figures.hpp"
 

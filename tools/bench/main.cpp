@@ -7,7 +7,7 @@
 #include <csignal>
 #include <sstream>
 
-#include "common/rt/log.hpp"
+#include "common/base/log.hpp"
 #include "tools/bench/measurement.hpp"
 #include "tools/launcher/machine.hpp"
 

@@ -4,11 +4,11 @@
 #include <cstdio>
 #include <utility>
 
-#include "common/bridge/bridges.hpp"
-#include "common/dds/config.hpp"
+#include "common/bridge/shell/bridges.hpp"
+#include "common/dds/settings/config.hpp"
 #include "common/fabric/config.hpp"
-#include "common/rt/end_signals.hpp"
-#include "common/rt/log.hpp"
+#include "common/program/stop_signals.hpp"
+#include "common/base/log.hpp"
 
 namespace {
 

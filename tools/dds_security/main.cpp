@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "common/dds/security.hpp"
-#include "common/rt/file.hpp"
-#include "common/rt/log.hpp"
+#include "common/dds/settings/security.hpp"
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
 
 namespace {
 

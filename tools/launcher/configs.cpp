@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "common/rt/file.hpp"
-#include "onboard/link/settings.hpp"
+#include "common/base/file.hpp"
+#include "onboard/link/core/settings.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace ledgerline::fly {

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 #include "tools/launcher/options.hpp"
 
 namespace ledgerline::fly {

@@ -11,8 +11,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "common/rt/end_signals.hpp"
-#include "common/rt/space.hpp"
+#include "common/program/stop_signals.hpp"
+#include "common/base/disk_space.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/launcher.hpp"
 #include "tools/launcher/machine.hpp"

@@ -8,8 +8,8 @@
 
 #include "common/msg/onboard.hpp"
 #include "ground/shell/course_file.hpp"
-#include "onboard/link/settings.hpp"
-#include "sim/parameters.hpp"
+#include "onboard/link/core/settings.hpp"
+#include "sim/core/parameters.hpp"
 #include "tools/launcher/configs.hpp"
 
 namespace ledgerline::fly {

@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "common/msg/ros.hpp"
-#include "common/rt/log.hpp"
+#include "common/base/log.hpp"
 
 namespace ledgerline::hil {
 namespace {

@@ -10,8 +10,8 @@
 #include "common/rt/spsc_ring.hpp"
 #include "common/rt/trace.hpp"
 #include "ground/shell/settings.hpp"
-#include "onboard/agent/fusion.hpp"
-#include "onboard/agent/mocap_clock.hpp"
+#include "onboard/agent/core/fusion.hpp"
+#include "onboard/agent/core/mocap_clock.hpp"
 #include "onboard/ipc/ipc.hpp"
 
 namespace ledgerline::hil {

@@ -3,9 +3,9 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
-#include "common/dds/config.hpp"
-#include "common/rt/end_signals.hpp"
-#include "common/rt/log.hpp"
+#include "common/dds/settings/config.hpp"
+#include "common/program/stop_signals.hpp"
+#include "common/base/log.hpp"
 #include "tools/local/local.hpp"
 
 namespace {

@@ -1,4 +1,4 @@
-#include "common/rt/json.hpp"
+#include "common/rt/histogram_json.hpp"
 #include "tools/report/results.hpp"
 
 namespace ledgerline::report {

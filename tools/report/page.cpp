@@ -4,7 +4,7 @@
 #include <iterator>
 
 #include "common/page/html.hpp"
-#include "common/rt/json.hpp"
+#include "common/rt/histogram_json.hpp"
 #include "tools/report/published.hpp"
 #include "tools/report/results.hpp"
 

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <set>
 
-#include "common/rt/json.hpp"
+#include "common/rt/histogram_json.hpp"
 
 namespace ledgerline::report {
 namespace {

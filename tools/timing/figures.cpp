@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "common/rt/turns.hpp"
+#include "common/rt/loop_ticker.hpp"
 
 namespace ledgerline::timing {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "common/rt/histogram.hpp"
 #include "tools/timing/usage.hpp"
-#include "tools/timing/walks.hpp"
+#include "tools/timing/trace/walks.hpp"
 
 namespace ledgerline::timing {
 

@@ -8,11 +8,11 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "common/rt/end_signals.hpp"
-#include "common/rt/file.hpp"
+#include "common/program/stop_signals.hpp"
+#include "common/base/file.hpp"
 #include "tools/launcher/machine.hpp"
-#include "tools/timing/perfetto.hpp"
-#include "tools/timing/recording.hpp"
+#include "tools/timing/trace/perfetto.hpp"
+#include "tools/timing/trace/recording.hpp"
 #include "tools/timing/self_test.hpp"
 #include "tools/timing/show.hpp"
 

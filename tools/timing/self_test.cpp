@@ -11,7 +11,7 @@
 
 #include "common/process/children.hpp"
 #include "common/process/usage.hpp"
-#include "common/rt/turns.hpp"
+#include "common/rt/loop_ticker.hpp"
 #include "tools/timing/figures.hpp"
 
 namespace ledgerline::timing {

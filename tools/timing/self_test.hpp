@@ -4,7 +4,7 @@
 
 #include "common/rt/histogram.hpp"
 #include "common/rt/real_time.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 namespace ledgerline::timing {
 
@@ -34,7 +34,7 @@ struct SelfTest {
   bool good() const;
 };
 
-/// The loop that link runs (common/rt/turns.hpp, 1 kHz), without drones, and cyclictest beside it on the same core.
+/// The loop that link runs (common/rt/loop_ticker.hpp, 1 kHz), without drones, and cyclictest beside it on the same core.
 /// Blocks for asked.seconds.
 SelfTest run_self_test(const SelfTestOptions& asked);
 

@@ -4,7 +4,7 @@
 #include <sched.h>
 
 #include "common/page/html.hpp"
-#include "common/rt/json.hpp"
+#include "common/rt/histogram_json.hpp"
 
 namespace ledgerline::report {
 extern const char timing_template[];  // page.html, put into the program by CMake

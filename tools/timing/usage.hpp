@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/process/usage.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 namespace ledgerline::timing {
 

@@ -7,9 +7,9 @@
 #include <optional>
 #include <thread>
 
-#include "common/rt/end_signals.hpp"
-#include "common/rt/file.hpp"
-#include "common/rt/log.hpp"
+#include "common/program/stop_signals.hpp"
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
 #include "tools/topics/show.hpp"
 
 namespace {

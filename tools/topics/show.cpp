@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "common/rt/clear_text.hpp"
+#include "common/base/printable.hpp"
 
 namespace ledgerline::topics {
 namespace {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/rt/clock.hpp"
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 namespace ledgerline::topics {
 

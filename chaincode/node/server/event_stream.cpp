@@ -1,6 +1,6 @@
 #include "chaincode/node/server/event_stream.hpp"
 
-#include "chaincode/node/server/block_view.hpp"
+#include "chaincode/node/shell/block_view.hpp"
 
 namespace ledgerline::node {
 

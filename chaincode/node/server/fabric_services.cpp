@@ -1,5 +1,5 @@
-#include "chaincode/node/server/block_view.hpp"
-#include "chaincode/node/server/on_core.hpp"
+#include "chaincode/node/shell/block_view.hpp"
+#include "chaincode/node/shell/core_call.hpp"
 #include "chaincode/node/server/services.hpp"
 #include "chaincode/node/server/streams.hpp"
 #include "orderer/ab.grpc.pb.h"

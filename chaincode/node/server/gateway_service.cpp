@@ -1,7 +1,7 @@
 #include <map>
 
 #include "chaincode/node/server/event_stream.hpp"
-#include "chaincode/node/server/on_core.hpp"
+#include "chaincode/node/shell/core_call.hpp"
 #include "chaincode/node/server/services.hpp"
 #include "gateway/gateway.grpc.pb.h"
 

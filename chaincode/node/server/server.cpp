@@ -8,7 +8,7 @@
 #include <chrono>
 
 #include "chaincode/node/server/services.hpp"
-#include "common/rt/log.hpp"
+#include "common/base/log.hpp"
 
 namespace ledgerline::node {
 namespace {

@@ -2,7 +2,7 @@
 #include <map>
 #include <memory>
 
-#include "chaincode/node/server/node.hpp"
+#include "chaincode/node/shell/node.hpp"
 
 namespace grpc {
 class Service;

@@ -6,10 +6,10 @@
 #include <mutex>
 
 #include "chaincode/node/server/grpc_status.hpp"
-#include "chaincode/node/server/node.hpp"
-#include "chaincode/node/server/raw.hpp"
+#include "chaincode/node/shell/node.hpp"
+#include "chaincode/node/server/proto_bytes.hpp"
 #include "chaincode/node/server/served_stream.hpp"
-#include "chaincode/node/server/view_cache.hpp"
+#include "chaincode/node/shell/view_cache.hpp"
 #include "orderer/ab.pb.h"
 
 /// Streams of blocks. Each holds one message and one place in the chain, never a queue: a reader that does not read

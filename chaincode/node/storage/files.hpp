@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/rt/result.hpp"
+#include "common/base/result.hpp"
 
 /// The little that the ledger's storage needs of a file system, so that tests can take the disk's place and lose what
 /// was never synced.

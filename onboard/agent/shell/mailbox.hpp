@@ -10,7 +10,7 @@
 #include <variant>
 #include <vector>
 
-#include "common/fabric/client.hpp"
+#include "common/fabric/client/client.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::agent {

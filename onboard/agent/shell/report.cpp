@@ -1,7 +1,7 @@
 #include "onboard/agent/shell/report.hpp"
 
 #include "common/msg/names.hpp"
-#include "common/rt/json.hpp"
+#include "common/rt/histogram_json.hpp"
 
 namespace ledgerline::agent {
 namespace {

@@ -1,7 +1,7 @@
 #pragma once
 #include <string>
 
-#include "onboard/agent/agent_core.hpp"
+#include "onboard/agent/core/agent_core.hpp"
 
 namespace ledgerline::agent {
 

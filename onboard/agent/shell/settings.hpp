@@ -1,9 +1,9 @@
 #pragma once
 #include <string>
 
-#include "common/bridge/rules.hpp"
+#include "common/bridge/core/rules.hpp"
 #include "common/config/config.hpp"
-#include "onboard/agent/agent_core.hpp"
+#include "onboard/agent/core/agent_core.hpp"
 
 namespace ledgerline::agent {
 

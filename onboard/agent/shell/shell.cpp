@@ -10,7 +10,7 @@
 #include <limits>
 
 #include "common/msg/ros.hpp"
-#include "common/rt/log.hpp"
+#include "common/base/log.hpp"
 
 namespace ledgerline::agent {
 namespace {

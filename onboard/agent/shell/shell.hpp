@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "common/dds/dds.hpp"
-#include "common/fabric/client.hpp"
-#include "common/rt/service_manager.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/program/service_manager.hpp"
 #include "common/rt/spsc_ring.hpp"
-#include "onboard/agent/agent_core.hpp"
-#include "onboard/agent/mocap_clock.hpp"
+#include "onboard/agent/core/agent_core.hpp"
+#include "onboard/agent/core/mocap_clock.hpp"
 #include "onboard/agent/shell/mailbox.hpp"
 #include "onboard/agent/shell/report.hpp"
 #include "onboard/agent/shell/settings.hpp"

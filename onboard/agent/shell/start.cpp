@@ -4,9 +4,9 @@
 #include <chrono>
 #include <utility>
 
-#include "common/msg/form.hpp"
+#include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
-#include "common/rt/log.hpp"
+#include "common/base/log.hpp"
 #include "common/rt/real_time.hpp"
 #include "onboard/agent/shell/shell.hpp"
 

@@ -7,7 +7,7 @@
 #include <iterator>
 
 #include "common/dds/dds.hpp"
-#include "common/rt/log.hpp"
+#include "common/base/log.hpp"
 
 int main(int argc, char** argv) {
   ledgerline::init_log("raw_dds");

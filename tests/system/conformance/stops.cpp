@@ -12,9 +12,9 @@
 #include <thread>
 
 #include "common/config/config.hpp"
-#include "common/fabric/client.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/repeat.hpp"
+#include "common/fabric/client/repeat.hpp"
 #include "ledgerline.pb.h"
 
 using namespace ledgerline;

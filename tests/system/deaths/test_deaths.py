@@ -19,7 +19,7 @@ PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
 FLYING, LANDING = 3, 4  # FlightPhase
 NONE, HOLD, LAND = 0, 1, 3  # FailsafeMode
 AGENT_SILENT = 3  # FailsafeCause
-LAND_AFTER_S, HOLD_GRACE_S = 5.0, 0.1  # onboard/link/settings.hpp
+LAND_AFTER_S, HOLD_GRACE_S = 5.0, 0.1  # onboard/link/core/settings.hpp
 LONGEST_PLAN_S = 2.0 + 0.05  # the contract's and agent's limit, and how long a plan's last setpoint is flown
 LOST_S = 0.25  # LinkSettings::health_gap_ns: a loop that is later calls itself unhealthy
 

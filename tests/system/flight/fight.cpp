@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "common/config/config.hpp"
-#include "common/fabric/client.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/rt/clock.hpp"
 #include "ledgerline.pb.h"

@@ -10,8 +10,8 @@ import time
 import pytest
 from programs import BIN, ask, user_msp
 
-PUBLIC = ["common/crypto/crypto.hpp", "common/fabric/client.hpp", "common/fabric/transaction.hpp", "common/rt/clock.hpp",
-          "common/rt/result.hpp", "chaincode/shim/shim.hpp"]
+PUBLIC = ["common/crypto/crypto.hpp", "common/fabric/client/client.hpp", "common/fabric/tx/transaction.hpp", "common/rt/clock.hpp",
+          "common/base/result.hpp", "chaincode/shim/shim.hpp"]
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@
 #include <thread>
 
 #include "gateway/gateway.grpc.pb.h"
-#include "hil/relay.hpp"
+#include "hil/virtual/ledger/relay.hpp"
 #include "peer/chaincode.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/events.grpc.pb.h"
@@ -28,7 +28,7 @@
 
 /// Stands in for ledgerline-node: starts the real one behind itself and hands on everything, but what Endorse answers
 /// is bent by hil::Relay, with the real key of Org1's peer, from some seconds behind the first command on.
-/// LYING_NODE: the real program; LYING_LIE: a name of hil/relay.hpp; LYING_AFTER_S; LYING_LOG: a JSON file in the end.
+/// LYING_NODE: the real program; LYING_LIE: a name of hil/virtual/ledger/relay.hpp; LYING_AFTER_S; LYING_LOG: a JSON file in the end.
 namespace {
 
 using namespace ledgerline;

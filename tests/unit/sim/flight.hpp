@@ -3,7 +3,7 @@
 #include <string_view>
 #include <vector>
 
-#include "sim/simulator.hpp"
+#include "sim/core/simulator.hpp"
 
 namespace ledgerline::sim {
 

@@ -1,4 +1,4 @@
-#include "sim/path.hpp"
+#include "sim/core/path.hpp"
 
 #include <gtest/gtest.h>
 

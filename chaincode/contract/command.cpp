@@ -1,0 +1,93 @@
+#include <cmath>
+#include <set>
+
+#include "common/msg/limits.hpp"
+#include "chaincode/contract/records.hpp"
+#include "common/msg/stops.hpp"
+
+/// command: plans of the lease's holder.
+namespace ledgerline::chaincode {
+namespace {
+
+Status check_setpoints(const DronePlan& plan) {
+  const auto count = static_cast<std::size_t>(plan.setpoints_size());
+  if (count > max_plan_setpoints) {
+    return Error{"the plan has " + std::to_string(count) + " setpoints; the limit is " +
+                 std::to_string(max_plan_setpoints)};
+  }
+  if (count == 0) {
+    if (plan.action() == FLY) return Error{"the plan has no setpoints"};
+    return done;
+  }
+  TimeNs last = plan.setpoints(0).at_ns();
+  if (last < 0) return Error{"a setpoint's time is negative"};
+  for (const PlannedSetpoint& setpoint : plan.setpoints()) {
+    for (const float value : {setpoint.vx(), setpoint.vy(), setpoint.vz(), setpoint.yaw_rate()}) {
+      if (!std::isfinite(value)) return Error{"a setpoint is not finite"};
+    }
+    if (setpoint.at_ns() < last) return Error{"the plan's times go backwards"};
+    last = setpoint.at_ns();
+  }
+  if (last - plan.setpoints(0).at_ns() > max_plan_ns) {
+    return Error{"the plan lasts " + std::to_string((last - plan.setpoints(0).at_ns()) / ns_per_ms) +
+                 " ms; the limit is " + std::to_string(max_plan_ns / ns_per_ms) + " ms"};
+  }
+  return done;
+}
+
+/// What one finds in the control record of a drone that the lease does not let fly.
+Status why_not(Stub& stub, const DronePlan& plan) {
+  const auto control = read_control(stub, plan.drone());
+  if (!control) return control.error();
+  if (!*control) return Error{"not enrolled"};
+  if (!(*control)->has_holder() || to_name((*control)->holder()) != stub.caller()) {
+    return Error{"the lease is held by " +
+                 ((*control)->has_holder() ? to_text(to_name((*control)->holder())) : std::string("nobody")) +
+                 ", not by " + to_text(stub.caller())};
+  }
+  if (plan.epoch() != (*control)->epoch()) {
+    return Error{"the lease's epoch is " + std::to_string((*control)->epoch()) + ", the plan says " +
+                 std::to_string(plan.epoch())};
+  }
+  if (is_stopped(**control)) return Error{"stopped by " + stopper_names(**control) + "; only LAND is accepted"};
+  return Error{"its lease's record does not name it"};
+}
+
+Status check_plan(Stub& stub, const DronePlan& plan, Records<Lease>& leases) {
+  if (!Action_IsValid(plan.action())) return Error{"unknown action " + std::to_string(plan.action())};
+  if (Status status = check_setpoints(plan); !status) return status;
+  const auto lease = leases.at(lease_key(stub.caller(), plan.epoch()));
+  if (!lease) return lease.error();
+  const bool held = contains((*lease)->drones(), plan.drone());
+  const bool stopped = contains((*lease)->stopped(), plan.drone());
+  if (held && (!stopped || plan.action() == LAND)) return done;
+  return why_not(stub, plan);
+}
+
+}  // namespace
+
+Response command(Stub& stub, const Arguments& call) {
+  if (call.form == Arguments::Form::plain) return refuse("command: give plans in protobuf or JSON");
+  CommandCall commands;
+  if (Status status = parse_message(call.message, commands); !status) return refuse(status.error().what);
+  if (commands.plans().empty()) return refuse("command: no plans");
+  if (static_cast<std::size_t>(commands.plans_size()) > max_call_assets) {
+    return refuse("the call has " + std::to_string(commands.plans_size()) + " plans; the limit is " +
+                  std::to_string(max_call_assets));
+  }
+  std::set<std::string> drones;
+  Records<Lease> leases(stub);
+  for (const DronePlan& plan : commands.plans()) {
+    if (Status status = check_drone_name(plan.drone()); !status) return refuse(status.error().what);
+    if (!drones.insert(plan.drone()).second) return refuse(plan.drone() + ": two plans in one call");
+    if (Status status = check_plan(stub, plan, leases); !status)
+      return refuse(plan.drone() + ": " + status.error().what);
+  }
+  // Written without being read: commands never conflict with each other.
+  const Status written = write_record(stub, command_key(stub.caller()), commands);
+  if (!written) return refuse(written.error().what);
+  stub.set_event("command", write_form(call, commands));
+  return {};
+}
+
+}  // namespace ledgerline::chaincode

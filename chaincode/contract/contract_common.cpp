@@ -1,0 +1,133 @@
+#include "chaincode/contract/contract_common.hpp"
+
+#include <algorithm>
+
+#include "common/msg/limits.hpp"
+
+namespace ledgerline::chaincode {
+namespace {
+
+bool is_id_char(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '.' ||
+         c == '/' || c == '-';
+}
+
+std::string name_hash(const crypto::IdentityName& name) {
+  return crypto::hex(crypto::sha256(name.msp_id + "\n" + name.subject));
+}
+
+}  // namespace
+
+std::string Arguments::option(std::string_view key, std::string otherwise) const {
+  for (const auto& [name, value] : options) {
+    if (name == key) return value;
+  }
+  return otherwise;
+}
+
+Result<Arguments> read_arguments(const std::vector<std::string>& args) {
+  std::size_t bytes = 0;
+  for (const std::string& arg : args) bytes += arg.size();
+  if (bytes > max_call_bytes) {
+    return Error{"the call has " + std::to_string(bytes) + " bytes; the limit is " + std::to_string(max_call_bytes)};
+  }
+  Arguments call;
+  if (std::all_of(args.begin(), args.end(), is_plain)) {
+    for (const std::string& arg : args) {
+      const auto equals = arg.find('=');
+      if (equals != std::string::npos) {
+        call.options.emplace_back(arg.substr(0, equals), arg.substr(equals + 1));
+      } else if (!arg.empty()) {
+        call.names.push_back(arg);
+      }
+    }
+    return call;
+  }
+  if (args.size() != 1) return Error{"give one message in protobuf or JSON, or plain ids; not both"};
+  call.form = is_json(args[0]) ? Arguments::Form::json : Arguments::Form::protobuf;
+  call.message = args[0];
+  return call;
+}
+
+std::string write_form(const Arguments& call, const google::protobuf::Message& message) {
+  return call.json_out() ? to_json(message) : message.SerializeAsString();
+}
+
+std::string write_assets(const Arguments& call, const Assets& assets, bool single) {
+  if (call.json_out() && single && assets.assets_size() == 1) return to_json(assets.assets(0));
+  return write_form(call, assets);
+}
+
+Status check_id(const std::string& id) {
+  if (id.empty()) return Error{"an asset has no id"};
+  if (id.size() > max_id_chars) {
+    return Error{id.substr(0, max_id_chars) + "...: the id has " + std::to_string(id.size()) +
+                 " characters; the limit is " + std::to_string(max_id_chars)};
+  }
+  if (!std::all_of(id.begin(), id.end(), is_id_char)) {
+    return Error{"an id has characters other than [A-Za-z0-9_./-]"};
+  }
+  if (id.front() == '/' || id.back() == '/' || id.find("//") != std::string::npos) {
+    return Error{id + ": an id's segments must not be empty"};
+  }
+  return done;
+}
+
+std::string first_segment(const std::string& id) { return id.substr(0, id.find('/')); }
+
+Status check_drone_name(const std::string& name) {
+  if (Status status = check_id(name); !status) return status;
+  if (name.find('/') != std::string::npos) return Error{name + ": a drone's name is one segment, without /"};
+  for (const char* reserved : {"asset", "control", "frame", "command", "role", "lease", "host", "stop", "owner"}) {
+    if (name == reserved) return Error{name + ": a reserved word"};
+  }
+  if (name.size() >= 3 && name.compare(name.size() - 3, 3, "MSP") == 0) {
+    return Error{name + ": names that end with MSP belong to organisations"};
+  }
+  return done;
+}
+
+std::string asset_key(const std::string& id) { return "asset/" + id; }
+std::string control_key(const std::string& drone) { return "control/" + drone; }
+std::string owner_key(const std::string& drone) { return "owner/" + drone; }
+std::string stops_prefix(const std::string& drone) { return "stop/" + drone + "/"; }
+std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper) {
+  return stops_prefix(drone) + name_hash(stopper);
+}
+std::string frame_key(const crypto::IdentityName& owner) { return "frame/" + name_hash(owner); }
+std::string command_key(const crypto::IdentityName& writer) { return "command/" + name_hash(writer); }
+std::string role_key(const crypto::IdentityName& who) { return "role/" + name_hash(who); }
+std::string lease_key(const crypto::IdentityName& holder, std::uint64_t epoch) {
+  return "lease/" + name_hash(holder) + "/" + std::to_string(epoch);
+}
+std::string host_key(const crypto::IdentityName& host) { return "host/" + name_hash(host); }
+
+Identity to_message(const crypto::IdentityName& name) {
+  Identity identity;
+  identity.set_msp_id(name.msp_id);
+  identity.set_subject(name.subject);
+  return identity;
+}
+
+crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
+
+std::string to_text(const crypto::IdentityName& name) { return name.msp_id + " " + name.subject; }
+
+Result<std::optional<Stored>> read_stored(Stub& stub, const std::string& key) {
+  auto value = stub.get_state(key);
+  if (!value) return value.error();
+  if (!*value) return std::optional<Stored>{};
+  Stored stored;
+  if (!stored.ParseFromString(**value)) return Error{"the value of " + key + " is damaged"};
+  return std::optional(std::move(stored));
+}
+
+Status write_stored(Stub& stub, const std::string& key, std::vector<Asset> assets, bool deleted) {
+  Stored stored;
+  *stored.mutable_signer() = to_message(stub.caller());
+  for (Asset& asset : assets) *stored.add_assets() = std::move(asset);
+  stored.set_deleted(deleted);
+  return stub.put_state(key, stored.SerializeAsString());
+}
+
+}  // namespace ledgerline::chaincode

@@ -1,0 +1,74 @@
+#pragma once
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "chaincode/contract/stub.hpp"
+#include "common/msg/proto_json.hpp"
+#include "common/base/printable.hpp"
+#include "ledgerline.pb.h"
+
+/// What the contract's functions share: reading calls in their three forms, writing answers and events, keys, records.
+namespace ledgerline::chaincode {
+
+/// Refusals quote the call, which may hold anything; they go into text fields, headers and terminals.
+inline Response refuse(const std::string& why) { return {500, clear_text(why), {}}; }
+
+/// A call's arguments in one of their forms.
+struct Arguments {
+  enum class Form { protobuf, json, plain } form = Form::plain;
+  std::string message;                                       ///< protobuf, json
+  std::vector<std::string> names;                            ///< plain: ids or drones
+  std::vector<std::pair<std::string, std::string>> options;  ///< plain: "key=value"
+
+  bool json_out() const { return form != Form::protobuf; }
+  /// An option's value, or `otherwise`.
+  std::string option(std::string_view key, std::string otherwise) const;
+};
+Result<Arguments> read_arguments(const std::vector<std::string>& args);
+
+/// `message` in the form of the call.
+std::string write_form(const Arguments& call, const google::protobuf::Message& message);
+/// The same for a list of assets; `single` chooses JSON's form of one asset.
+std::string write_assets(const Arguments& call, const Assets& assets, bool single);
+
+/// An id is 1 to 128 characters of [A-Za-z0-9_./-], segments are not empty.
+Status check_id(const std::string& id);
+/// A drone's name is one segment, no reserved word, and no MSP id (those end with "MSP").
+Status check_drone_name(const std::string& name);
+std::string first_segment(const std::string& id);
+
+/// Key layout. "stream" assets of one writer live together in frame_key, all others in asset_key.
+std::string asset_key(const std::string& id);
+std::string control_key(const std::string& drone);
+std::string owner_key(const std::string& drone);
+std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper);
+std::string stops_prefix(const std::string& drone);  ///< what all of its stops' keys begin with
+std::string frame_key(const crypto::IdentityName& owner);
+std::string command_key(const crypto::IdentityName& writer);
+std::string role_key(const crypto::IdentityName& who);
+std::string lease_key(const crypto::IdentityName& holder, std::uint64_t epoch);
+std::string host_key(const crypto::IdentityName& host);
+
+Identity to_message(const crypto::IdentityName& name);
+crypto::IdentityName to_name(const Identity& identity);
+std::string to_text(const crypto::IdentityName& name);  ///< "Org1MSP CN=User1@..."
+
+Result<std::optional<Stored>> read_stored(Stub& stub, const std::string& key);
+/// Writes `assets` under `key`, signed with the caller's name.
+Status write_stored(Stub& stub, const std::string& key, std::vector<Asset> assets, bool deleted = false);
+
+Response set_assets(Stub& stub, const Arguments& call);
+Response delete_asset(Stub& stub, const Arguments& call);
+Response get_assets(Stub& stub, const Arguments& call);
+Response get_history(Stub& stub, const Arguments& call);
+Response enroll(Stub& stub, const Arguments& call);
+Response acquire(Stub& stub, const Arguments& call);
+Response release(Stub& stub, const Arguments& call);
+Response command(Stub& stub, const Arguments& call);
+Response stop(Stub& stub, const Arguments& call);
+Response resume(Stub& stub, const Arguments& call);
+Response fold(Stub& stub, const Arguments& call);
+
+}  // namespace ledgerline::chaincode

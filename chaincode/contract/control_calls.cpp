@@ -1,0 +1,81 @@
+#include "chaincode/contract/control_calls.hpp"
+
+#include "common/msg/stops.hpp"
+
+namespace ledgerline::chaincode {
+namespace {
+
+/// Keeps the leases true to a control record that has changed.
+Status follow(Records<Lease>& leases, const Control& before, const Control& after) {
+  const auto key = [](const Control& control) {
+    return control.has_holder() ? lease_key(to_name(control.holder()), control.epoch()) : std::string();
+  };
+  const std::string from = key(before), to = key(after);
+  if (!from.empty() && from != to) {
+    const auto lease = leases.at(from);
+    if (!lease) return lease.error();
+    erase(*(*lease)->mutable_drones(), before.drone());
+    erase(*(*lease)->mutable_stopped(), before.drone());
+  }
+  if (to.empty()) return done;
+  const auto lease = leases.at(to);
+  if (!lease) return lease.error();
+  insert(*(*lease)->mutable_drones(), after.drone());
+  (is_stopped(after) ? insert : erase)(*(*lease)->mutable_stopped(), after.drone());
+  return done;
+}
+
+/// Writes what `change` made of a control record.
+Status write_changes(Stub& stub, const Control& before, const Control& after) {
+  Control record_before = before, record_after = after;
+  record_before.clear_stoppers();
+  record_after.clear_stoppers();
+  if (record_before.SerializeAsString() != record_after.SerializeAsString()) {
+    if (Status status = write_control(stub, after); !status) return status;
+  }
+  for (Stop stop : before.stoppers()) {
+    Control rest = after;
+    if (remove_stop(rest, stop.stopper())) continue;
+    stop.set_lifted(true);
+    if (Status status = write_stop(stub, stop); !status) return status;
+  }
+  return done;
+}
+
+}  // namespace
+
+std::vector<std::string> sorted_names(const Names& list) {
+  std::vector<std::string> names(list.begin(), list.end());
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
+Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
+                         const std::function<Status(Control&, std::uint64_t new_epoch)>& change) {
+  Controls all;
+  std::uint64_t new_epoch = 1;
+  for (const std::string& drone : sorted_names(drones)) {
+    if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
+    auto control = read_control(stub, drone);
+    if (!control) return refuse(control.error().what);
+    if (!*control) return refuse(drone + ": not enrolled");
+    new_epoch = std::max(new_epoch, (*control)->epoch() + 1);
+    *all.add_controls() = std::move(**control);
+  }
+  Records<Lease> leases(stub);
+  for (Control& control : *all.mutable_controls()) {
+    const Control before = control;
+    if (Status status = change(control, new_epoch); !status) {
+      return refuse(control.drone() + ": " + status.error().what);
+    }
+    if (Status status = write_changes(stub, before, control); !status) return refuse(status.error().what);
+    if (Status status = follow(leases, before, control); !status) return refuse(status.error().what);
+  }
+  if (Status status = leases.write(); !status) return refuse(status.error().what);
+  const std::string payload = write_form(call, all);
+  stub.set_event(event, payload);
+  return {200, {}, payload};
+}
+
+}  // namespace ledgerline::chaincode

@@ -1,0 +1,43 @@
+#pragma once
+#include <algorithm>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/msg/limits.hpp"
+#include "chaincode/contract/records.hpp"
+
+/// What the calls share that say who may fly what: enroll, acquire, release, stop, resume and fold.
+namespace ledgerline::chaincode {
+
+inline bool may_operate(Role role) { return role == OPERATOR || role == SUPERVISOR; }
+
+/// A LeaseCall or a DronesCall, in any form, with at least one drone and not too many.
+template <typename Message>
+Result<Message> read_drones(const Arguments& call) {
+  Message message;
+  if (call.form == Arguments::Form::plain) {
+    for (const std::string& name : call.names) message.add_drones(name);
+  } else if (Status status = parse_message(call.message, message); !status) {
+    return status.error();
+  }
+  if (message.drones().empty()) return Error{"no drone is named"};
+  if (static_cast<std::size_t>(message.drones_size()) > max_call_assets) {
+    return Error{"the call has " + std::to_string(message.drones_size()) + " drones; the limit is " +
+                 std::to_string(max_call_assets)};
+  }
+  return message;
+}
+
+/// In order, each once.
+std::vector<std::string> sorted_names(const Names& list);
+
+/// Changes the control record of each drone. `change` changes it, or says why that is refused (without the drone's
+/// name, which comes first in every refusal); it gets an epoch that is new to all of them. What is written is what
+/// differs afterwards: the record, the stops that are gone (as lifted; none can come), and the leases that follow from
+/// both. Event and answer hold all records as they now are.
+Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
+                         const std::function<Status(Control&, std::uint64_t new_epoch)>& change);
+
+}  // namespace ledgerline::chaincode

@@ -1,0 +1,99 @@
+#include "chaincode/contract/control_calls.hpp"
+#include "common/msg/limits.hpp"
+#include "chaincode/contract/records.hpp"
+
+/// enroll: whose a drone is, and who has which role.
+namespace ledgerline::chaincode {
+namespace {
+
+/// Binds one drone; says whether its record has to be written. What streams goes along to the new owner.
+Result<bool> bind(Records<Host>& hosts, Control& control, const std::optional<Control>& old, const Identity& identity) {
+  if (old) {
+    control = *old;
+    if (old->owner().msp_id() != identity.msp_id()) {
+      return Error{old->drone() + ": enrolled to organisation " + old->owner().msp_id() + " already"};
+    }
+    if (to_name(old->owner()) == to_name(identity)) return false;
+  }
+  const auto host = hosts.at(host_key(to_name(identity)));
+  if (!host) return host.error();
+  insert(*(*host)->mutable_drones(), control.drone());
+  if (old) {
+    const auto former = hosts.at(host_key(to_name(old->owner())));
+    if (!former) return former.error();
+    erase(*(*former)->mutable_drones(), control.drone());
+    std::vector<std::string> streams;
+    for (const std::string& id : (*former)->streams()) {
+      if (first_segment(id) == control.drone()) streams.push_back(id);
+    }
+    for (const std::string& id : streams) {
+      erase(*(*former)->mutable_streams(), id);
+      insert(*(*host)->mutable_streams(), id);
+    }
+    if (!streams.empty()) *control.add_former_owners() = old->owner();
+  }
+  *control.mutable_owner() = identity;
+  return true;
+}
+
+Status check_enrolment(Stub& stub, const EnrollCall& call) {
+  const Identity& who = call.identity();
+  if (who.msp_id().empty() || who.subject().empty()) return Error{"enroll: identity needs mspId and subject"};
+  if (!stub.caller_is_admin() || stub.caller().msp_id != who.msp_id()) {
+    return Error{"enroll: only an administrator of " + who.msp_id() + " may enroll its identities"};
+  }
+  if (call.drones().empty() && call.role() == ROLE_NONE) return Error{"enroll: name drones or a role"};
+  if (!Role_IsValid(call.role())) return Error{"enroll: unknown role " + std::to_string(call.role())};
+  if (static_cast<std::size_t>(call.drones_size()) > max_call_assets) {
+    return Error{"the call has " + std::to_string(call.drones_size()) + " drones; the limit is " +
+                 std::to_string(max_call_assets)};
+  }
+  return done;
+}
+
+}  // namespace
+
+Response enroll(Stub& stub, const Arguments& call) {
+  EnrollCall enrolment;
+  if (call.form == Arguments::Form::plain) return refuse("enroll: give an EnrollCall in protobuf or JSON");
+  if (Status status = parse_message(call.message, enrolment); !status) return refuse(status.error().what);
+  if (Status status = check_enrolment(stub, enrolment); !status) return refuse(status.error().what);
+
+  Controls all;
+  Records<Host> hosts(stub);
+  for (const std::string& drone : sorted_names(enrolment.drones())) {
+    if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
+    const auto old = read_control(stub, drone);
+    if (!old) return refuse(old.error().what);
+    Control& control = *all.add_controls();
+    control.set_drone(drone);
+    const auto changed = bind(hosts, control, *old, enrolment.identity());
+    if (!changed) return refuse(changed.error().what);
+    if (!*changed) continue;
+    if (Status status = write_control(stub, control); !status) return refuse(status.error().what);
+    if (*old) continue;
+    Organisation organisation;
+    organisation.set_msp_id(control.owner().msp_id());
+    const Status status = write_record(stub, owner_key(drone), organisation);
+    if (!status) return refuse(status.error().what);
+  }
+  if (Status status = hosts.write(); !status) return refuse(status.error().what);
+  if (enrolment.role() != ROLE_NONE) {
+    const auto role = read_role(stub, to_name(enrolment.identity()));
+    if (!role) return refuse(role.error().what);
+    if (*role != enrolment.role()) {
+      EnrollCall record;
+      *record.mutable_identity() = enrolment.identity();
+      record.set_role(enrolment.role());
+      const Status status = write_record(stub, role_key(to_name(enrolment.identity())), record);
+      if (!status) return refuse(status.error().what);
+    }
+  }
+  *all.mutable_identity() = enrolment.identity();
+  all.set_role(enrolment.role());
+  const std::string payload = write_form(call, all);
+  stub.set_event("enroll", payload);
+  return {200, {}, payload};
+}
+
+}  // namespace ledgerline::chaincode

@@ -1,0 +1,73 @@
+#include "chaincode/contract/records.hpp"
+
+#include "common/msg/stops.hpp"
+
+namespace ledgerline::chaincode {
+
+Status write_record(Stub& stub, const std::string& key, const google::protobuf::Message& message) {
+  Asset asset;
+  asset.set_id(key);
+  asset.set_topic("/" + key);
+  asset.set_msg_type(message.GetTypeName());
+  asset.set_msg_data(message.SerializeAsString());
+  return write_stored(stub, key, {asset});
+}
+
+void insert(Names& names, const std::string& name) {
+  if (contains(names, name)) return;
+  names.Add(std::string(name));
+  std::sort(names.begin(), names.end());
+}
+
+void erase(Names& names, const std::string& name) {
+  names.erase(std::remove(names.begin(), names.end(), name), names.end());
+}
+
+Status lay_in_stops(Stub& stub, Control& control) {
+  constexpr std::size_t step = 64;
+  control.clear_stoppers();
+  const std::string prefix = stops_prefix(control.drone());
+  std::string start = prefix;
+  std::string end = prefix;
+  end.back() = '0';  // follows "/"
+  for (;;) {
+    const auto some = stub.get_range(start, end, step);
+    if (!some) return some.error();
+    for (const KeyValue& entry : *some) {
+      Stored stored;
+      Stop stop;
+      if (!stored.ParseFromString(entry.value) || stored.assets_size() != 1 ||
+          !stop.ParseFromString(stored.assets(0).msg_data())) {
+        return Error{"the record " + entry.key + " is damaged"};
+      }
+      if (!stop.lifted()) add_stop(control, stop);
+    }
+    if (some->size() < step) return done;
+    start = some->back().key + '\0';
+  }
+}
+
+Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone) {
+  auto control = read_record<Control>(stub, control_key(drone));
+  if (!control || !*control) return control;
+  if (Status status = lay_in_stops(stub, **control); !status) return status.error();
+  return control;
+}
+
+Status write_control(Stub& stub, const Control& control) {
+  Control stored = control;
+  stored.clear_stoppers();
+  return write_record(stub, control_key(control.drone()), stored);
+}
+
+Status write_stop(Stub& stub, const Stop& stop) {
+  return write_record(stub, stop_key(stop.drone(), to_name(stop.stopper())), stop);
+}
+
+Result<Role> read_role(Stub& stub, const crypto::IdentityName& who) {
+  const auto record = read_record<EnrollCall>(stub, role_key(who));
+  if (!record) return record.error();
+  return *record ? (*record)->role() : ROLE_NONE;
+}
+
+}  // namespace ledgerline::chaincode

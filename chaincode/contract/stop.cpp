@@ -1,0 +1,86 @@
+#include "chaincode/contract/control_calls.hpp"
+#include "chaincode/contract/records.hpp"
+#include "common/msg/stops.hpp"
+
+/// stop, resume and fold. A stop must lose to nobody: it writes a key of its stopper's own without reading it, and
+/// reads what others do not write while they fly. What flies under a lease finds out by the fold of the drone's host.
+namespace ledgerline::chaincode {
+namespace {
+
+/// Why the caller may not stop this drone. Only where its right rests on the lease is the control record read, which
+/// acquire and release write.
+Status check_stop(Stub& stub, const std::string& drone, Role role, bool cut) {
+  const auto organisation = read_record<Organisation>(stub, owner_key(drone));
+  if (!organisation) return organisation.error();
+  if (!*organisation) return Error{"not enrolled"};
+  const std::string& owner = (*organisation)->msp_id();
+  const bool own = owner == stub.caller().msp_id;
+  if (may_operate(role)) {
+    if (own || (role == SUPERVISOR && !cut)) return done;
+    const auto control = read_record<Control>(stub, control_key(drone));
+    if (!control) return control.error();
+    if (*control && (*control)->has_holder() && to_name((*control)->holder()) == stub.caller()) return done;
+  }
+  const std::string who = to_text(stub.caller());
+  if (cut && may_operate(role)) {
+    return Error{who + " may not cut it: neither an operator or supervisor of " + owner + ", nor with its lease"};
+  }
+  return Error{who + " may not stop it: neither a supervisor, nor an operator of " + owner + " or with its lease"};
+}
+
+}  // namespace
+
+Response stop(Stub& stub, const Arguments& call) {
+  auto target = read_drones<DronesCall>(call);
+  if (!target) return refuse("stop: " + target.error().what);
+  const std::string option = call.option("cut", "");
+  if (!option.empty() && option != "true" && option != "false") return refuse("stop: cut must be true or false");
+  if (option == "true") target->set_cut(true);
+  const auto role = read_role(stub, stub.caller());
+  if (!role) return refuse(role.error().what);
+
+  Stops all;
+  for (const std::string& drone : sorted_names(target->drones())) {
+    if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
+    if (Status status = check_stop(stub, drone, *role, target->cut()); !status) {
+      return refuse(drone + ": " + status.error().what);
+    }
+    Stop& one = *all.add_stops();
+    one.set_drone(drone);
+    *one.mutable_stopper() = to_message(stub.caller());
+    one.set_cut(target->cut());
+    if (Status status = write_stop(stub, one); !status) return refuse(status.error().what);
+  }
+  const std::string payload = write_form(call, all);
+  stub.set_event("stop", payload);
+  return {200, {}, payload};
+}
+
+Response resume(Stub& stub, const Arguments& call) {
+  const auto target = read_drones<DronesCall>(call);
+  if (!target) return refuse("resume: " + target.error().what);
+  const auto role = read_role(stub, stub.caller());
+  if (!role) return refuse(role.error().what);
+
+  return change_controls(stub, call, "resume", target->drones(), [&](Control& control, std::uint64_t) -> Status {
+    if (!is_stopped(control)) return Error{"not stopped"};
+    if (*role == SUPERVISOR && control.owner().msp_id() == stub.caller().msp_id) {
+      control.clear_stoppers();
+    } else if (!remove_stop(control, to_message(stub.caller()))) {
+      return Error{"stopped by " + stopper_names(control) + "; only they, each its own, or a supervisor of " +
+                   control.owner().msp_id() + " may resume it"};
+    }
+    return done;
+  });
+}
+
+Response fold(Stub& stub, const Arguments& call) {
+  const auto target = read_drones<DronesCall>(call);
+  if (!target) return refuse("fold: " + target.error().what);
+  return change_controls(stub, call, "fold", target->drones(), [&](Control& control, std::uint64_t) -> Status {
+    if (to_name(control.owner()) == stub.caller()) return done;
+    return Error{"enrolled to " + to_text(to_name(control.owner())) + ", who alone folds its stops"};
+  });
+}
+
+}  // namespace ledgerline::chaincode

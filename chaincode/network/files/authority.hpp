@@ -1,0 +1,46 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "chaincode/network/options.hpp"
+#include "chaincode/identities/identities.hpp"
+#include "common/base/result.hpp"
+
+/// Identities from fabric-ca: one server an organisation (0: the orderers'), each below DIR/ca, which nobody else may
+/// enter. Its CA signs identities and, by its profile `tls`, TLS certificates, so CA and TLS CA are the same in the
+/// layout.
+///
+///     server starts -> registrar enrols -> registers each member with a random secret -> each member enrols
+///
+/// The secrets are spent and forgotten; the registrar's identity stays, for revocations.
+namespace ledgerline::fabric_network {
+
+struct Authorities {
+  std::string dir, tools;     ///< of the network, and the folder with fabric-ca's programs
+  std::vector<Place> places;  ///< the orderers' first
+};
+
+/// DIR has authorities: a network begun with them goes on with them.
+bool has_authorities(const std::string& dir);
+
+/// "ca1" to "ca3", and "ca0" of the orderers: the names of processes.
+std::string authority_name(int organisation);
+
+/// Writes the servers' configurations and the registrars' secrets, where they are missing. An issuing that a crash cut
+/// off begins anew. An error: a program is missing.
+Status prepare_authorities(const Authorities& authorities);
+/// A server's command and environment.
+std::vector<std::string> authority_command(const Authorities& authorities);
+std::vector<std::string> authority_environment(const Authorities& authorities, int organisation);
+/// It takes connections.
+bool authority_listens(const Authorities& authorities, int organisation);
+
+/// What identities::make asks for, from the running servers.
+Result<std::vector<identities::Issued>> issue_by_authorities(
+    const Authorities& authorities, const std::vector<std::vector<identities::Wanted>>& wanted);
+
+/// Revokes a user's certificates at the running server, and what its revocation list (PEM) then is. Again for one who
+/// is revoked already: just the list.
+Result<std::string> revoke_at_authority(const Authorities& authorities, int organisation, const std::string& user);
+
+}  // namespace ledgerline::fabric_network

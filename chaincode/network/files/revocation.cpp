@@ -1,0 +1,220 @@
+#include "chaincode/network/files/revocation.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "chaincode/network/files/authority.hpp"
+#include "chaincode/network/commands.hpp"
+#include "chaincode/network/files/texts.hpp"
+#include "common/common.pb.h"
+#include "common/configtx.pb.h"
+#include "common/base/file.hpp"
+#include "common/base/random.hpp"
+#include "msp/msp_config.pb.h"
+
+namespace ledgerline::fabric_network {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr TimeNs patience_ns = 20 * ns_per_s;
+constexpr const char *application = "Application", *msp_value = "MSP";
+
+/// An organisation's MSP in a channel's configuration, with what an update must repeat of it.
+struct Found {
+  std::string channel;
+  std::uint64_t root_version = 0, application_version = 0, organisation_version = 0;
+  common::ConfigValue value;
+  msp::MSPConfig envelope;
+  msp::FabricMSPConfig msp;
+};
+
+Result<Found> find_msp(std::string_view config_block, const std::string& msp_id) {
+  common::Block block;
+  common::Envelope envelope;
+  common::Payload payload;
+  common::ChannelHeader header;
+  common::ConfigEnvelope config;
+  if (!block.ParseFromArray(config_block.data(), static_cast<int>(config_block.size())) ||
+      block.data().data_size() != 1 || !envelope.ParseFromString(block.data().data(0)) ||
+      !payload.ParseFromString(envelope.payload()) || !header.ParseFromString(payload.header().channel_header()) ||
+      header.type() != common::CONFIG || !config.ParseFromString(payload.data())) {
+    return Error{"not a block with a channel's configuration"};
+  }
+  const common::ConfigGroup& root = config.config().channel_group();
+  const auto applications = root.groups().find(application);
+  if (applications == root.groups().end()) return Error{header.channel_id() + " has no applications' organisations"};
+  const auto organisation = applications->second.groups().find(msp_id);
+  if (organisation == applications->second.groups().end()) {
+    return Error{fmt::format("{} is no organisation of channel {}", msp_id, header.channel_id())};
+  }
+  const auto value = organisation->second.values().find(msp_value);
+  Found found;
+  if (value == organisation->second.values().end() || !found.envelope.ParseFromString(value->second.value()) ||
+      !found.msp.ParseFromString(found.envelope.config())) {
+    return Error{fmt::format("channel {} has no readable MSP of {}", header.channel_id(), msp_id)};
+  }
+  found.channel = header.channel_id();
+  found.root_version = root.version();
+  found.application_version = applications->second.version();
+  found.organisation_version = organisation->second.version();
+  found.value = value->second;
+  return found;
+}
+
+/// The way down to an organisation, each step with the version that it has and keeps.
+common::ConfigGroup* way_to(common::ConfigGroup& root, const Found& found, const std::string& msp_id) {
+  root.set_version(found.root_version);
+  common::ConfigGroup& applications = (*root.mutable_groups())[application];
+  applications.set_version(found.application_version);
+  common::ConfigGroup& organisation = (*applications.mutable_groups())[msp_id];
+  organisation.set_version(found.organisation_version);
+  return &organisation;
+}
+
+bool lists(const msp::FabricMSPConfig& msp, const std::string& list) {
+  return msp.revocation_list_size() == 1 && msp.revocation_list(0) == list;
+}
+
+/// A channel of a running network.
+struct Where {
+  const Options& options;
+  const Places& places;
+  std::string channel;
+};
+
+/// The channel's configuration as an orderer has it, or where none is named the organisation's peer.
+Result<std::string> fetch_config(const Where& where, int organisation, const std::vector<std::string>& orderer) {
+  const Options& options = where.options;
+  const std::string file = fmt::format("{}/config.{}.block", options.dir, ::getpid());
+  Command command{"fetching the configuration of channel " + where.channel,
+                  {options.tools + "/peer", "channel", "fetch", "config", file, "-c", where.channel},
+                  admin_environment(options, where.places, organisation)};
+  command.words.insert(command.words.end(), orderer.begin(), orderer.end());
+  const auto ran = run_command(command, options.dir + "/logs/revocation.log");
+  auto block = read_file(file);
+  std::error_code error;
+  fs::remove(file, error);
+  if (!ran) return ran.error();
+  return block;
+}
+
+/// For the MSPs that programs read from files when they start.
+Status write_lists(const Options& options, int organisation, const std::string& list) {
+  for (const fs::path& msp : {identities::organisation_dir(options.dir, organisation) / "msp",
+                              identities::peer_dir(options.dir, organisation) / "msp"}) {
+    if (Status s = write_file(msp / "crls" / "crl.pem", list); !s) return s;
+  }
+  return done;
+}
+
+/// Tries until it succeeds, with growing waits of which a random half is left out; after so long, its last error.
+template <typename Try>
+Status try_for_a_while(const Try& attempt) {
+  Random random(static_cast<std::uint64_t>(monotonic_ns()));
+  const TimeNs until = monotonic_ns() + patience_ns;
+  for (TimeNs wait = 50 * ns_per_ms;; wait = std::min(2 * wait, ns_per_s)) {
+    const Status status = attempt();
+    if (status || monotonic_ns() > until) return status;
+    ::usleep(static_cast<useconds_t>(static_cast<double>(wait) * (0.5 + 0.5 * random.uniform()) / ns_per_us));
+  }
+}
+
+/// One attempt through one orderer; done too when the list is there already.
+Status update_channel(const Where& where, int organisation, int number, const std::string& list) {
+  const Options& options = where.options;
+  const std::vector<std::string> orderer{"-o", where.places.orderer(number), "--tls", "--cafile",
+                                         identities::orderer_dir(options.dir, number) / "tls" / "ca.crt"};
+  const std::string msp_id = identities::msp_id_of(organisation);
+  const auto block = fetch_config(where, organisation, orderer);
+  if (!block) return block.error();
+  const auto there = has_revocation_list(*block, msp_id, list);
+  if (!there) return there.error();
+  if (*there) return done;
+  const auto update = revocation_update(*block, msp_id, list);
+  if (!update) return update.error();
+  const std::string file = fmt::format("{}/update.{}.tx", options.dir, ::getpid());
+  if (Status s = write_file(file, *update); !s) return s;
+  Command command{"updating the configuration of channel " + where.channel,
+                  {options.tools + "/peer", "channel", "update", "-f", file, "-c", where.channel},
+                  admin_environment(options, where.places, organisation)};
+  command.words.insert(command.words.end(), orderer.begin(), orderer.end());
+  const auto updated = run_command(command, options.dir + "/logs/revocation.log");
+  std::error_code error;
+  fs::remove(file, error);
+  if (!updated) return updated.error();
+  return done;
+}
+
+Status check_known(const Where& where, int organisation, const std::string& msp_id, const std::string& list) {
+  const auto block = fetch_config(where, organisation, {});
+  if (!block) return block.error();
+  const auto known = has_revocation_list(*block, msp_id, list);
+  if (!known) return known.error();
+  if (!*known)
+    return Error{fmt::format("peer {} does not know the revocation list on channel {}", organisation, where.channel)};
+  return done;
+}
+
+}  // namespace
+
+Result<bool> has_revocation_list(std::string_view config_block, const std::string& msp_id, const std::string& list) {
+  const auto found = find_msp(config_block, msp_id);
+  if (!found) return found.error();
+  return lists(found->msp, list);
+}
+
+Result<std::string> revocation_update(std::string_view config_block, const std::string& msp_id,
+                                      const std::string& list) {
+  auto found = find_msp(config_block, msp_id);
+  if (!found) return found.error();
+  found->msp.clear_revocation_list();  // one authority an organisation: its newest list holds all that it revoked
+  found->msp.add_revocation_list(list);
+  found->envelope.set_config(found->msp.SerializeAsString());
+  found->value.set_value(found->envelope.SerializeAsString());
+  found->value.set_version(found->value.version() + 1);
+
+  common::ConfigUpdate update;
+  update.set_channel_id(found->channel);
+  way_to(*update.mutable_read_set(), *found, msp_id);
+  (*way_to(*update.mutable_write_set(), *found, msp_id)->mutable_values())[msp_value] = found->value;
+  common::ConfigUpdateEnvelope unsigned_update;
+  unsigned_update.set_config_update(update.SerializeAsString());
+  common::ChannelHeader header;
+  header.set_type(common::CONFIG_UPDATE);
+  header.set_channel_id(found->channel);
+  common::Payload payload;
+  payload.mutable_header()->set_channel_header(header.SerializeAsString());
+  payload.set_data(unsigned_update.SerializeAsString());
+  common::Envelope envelope;
+  envelope.set_payload(payload.SerializeAsString());
+  return envelope.SerializeAsString();
+}
+
+Status revoke(const Options& options, const Places& places, int organisation, const std::string& user) {
+  if (user == "Admin") return Error{"Admin cannot be revoked: it signs for its organisation, and there is one alone"};
+  if (!has_authorities(options.dir)) return Error{options.dir + " has no fabric-ca: it was not begun with --ca"};
+  const auto list = revoke_at_authority(authorities(options, places), organisation, user);
+  if (!list) return list.error();
+  if (Status s = write_lists(options, organisation, *list); !s) return s;
+
+  const int orderers = static_cast<int>(places.orderers.size());
+  for (const std::string& channel : options.channels) {
+    const Where where{options, places, channel};
+    int tried = 0;  // an orderer may just have started, or be gone: the next one
+    const Status updated =
+        try_for_a_while([&] { return update_channel(where, organisation, tried++ % orderers + 1, *list); });
+    if (!updated) return updated;
+    for (int k = 1; k <= identities::organisations; ++k) {
+      const Status known =
+          try_for_a_while([&] { return check_known(where, k, identities::msp_id_of(organisation), *list); });
+      if (!known) return known;
+    }
+  }
+  return done;
+}
+
+}  // namespace ledgerline::fabric_network

@@ -1,0 +1,23 @@
+#pragma once
+#include <string>
+#include <string_view>
+
+#include "chaincode/network/options.hpp"
+#include "common/base/result.hpp"
+
+namespace ledgerline::fabric_network {
+
+/// An update of a channel's configuration that makes `list` (PEM) the revocation list of an organisation's MSP: a
+/// common.Envelope that nobody has signed yet. `config_block`: common.Block with the configuration in force. Pure.
+Result<std::string> revocation_update(std::string_view config_block, const std::string& msp_id,
+                                      const std::string& list);
+/// The configuration in `config_block` has `list` for this MSP already.
+Result<bool> has_revocation_list(std::string_view config_block, const std::string& msp_id, const std::string& list);
+
+/// Revokes a user ("User1") of an organisation of a running network: at its fabric-ca, then in the configuration of
+/// each of `options.channels`, in the name of the organisation's administrator, whose signature suffices for its own
+/// MSP. Returns when every peer knows: from then on they refuse the user; what stands on the ledger stays. May be
+/// repeated.
+Status revoke(const Options& options, const Places& places, int organisation, const std::string& user);
+
+}  // namespace ledgerline::fabric_network

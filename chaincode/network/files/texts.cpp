@@ -1,0 +1,213 @@
+#include "chaincode/network/files/texts.hpp"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "chaincode/identities/identities.hpp"
+
+namespace ledgerline::fabric_network {
+namespace {
+
+using identities::domain_of;
+using identities::msp_id_of;
+
+std::string organisation_yaml(const std::string& name, const std::string& msp_dir, const std::string& more) {
+  return fmt::format(R"yaml(  - &{0}
+    Name: {0}
+    ID: {0}
+    MSPDir: {1}
+    Policies:
+      Readers: {{Type: Signature, Rule: "OR('{0}.member')"}}
+      Writers: {{Type: Signature, Rule: "OR('{0}.member')"}}
+      Admins: {{Type: Signature, Rule: "OR('{0}.admin')"}}
+      Endorsement: {{Type: Signature, Rule: "OR('{0}.peer')"}}
+{2})yaml",
+                     name, msp_dir, more);
+}
+
+std::string policies(int indent, const std::vector<std::pair<std::string, std::string>>& more) {
+  std::vector<std::pair<std::string, std::string>> all{
+      {"Readers", "ANY Readers"}, {"Writers", "ANY Writers"}, {"Admins", "MAJORITY Admins"}};
+  all.insert(all.end(), more.begin(), more.end());
+  std::string text;
+  for (const auto& [name, rule] : all) {
+    text += fmt::format("{:{}}{}: {{Type: ImplicitMeta, Rule: \"{}\"}}\n", "", indent, name, rule);
+  }
+  return text;
+}
+
+std::string tls_file(const std::filesystem::path& member, const char* name) { return member / "tls" / name; }
+
+}  // namespace
+
+Authorities authorities(const Options& options, const Places& places) {
+  return {options.dir, options.tools, places.authorities};
+}
+
+std::string configtx_yaml(const Options& options, const Places& places) {
+  std::string organisations, members, endpoints, consenters;
+  for (int k = 1; k <= options.orderers; ++k) {
+    const auto dir = identities::orderer_dir(options.dir, k);
+    const Place& place = places.orderers[static_cast<std::size_t>(k - 1)];
+    endpoints += fmt::format("      - {}\n", places.orderer(k));
+    consenters += fmt::format("        - {{Host: {}, Port: {}, ClientTLSCert: {}, ServerTLSCert: {}}}\n", place.host,
+                              place.port, tls_file(dir, "server.crt"), tls_file(dir, "server.crt"));
+  }
+  organisations += organisation_yaml("OrdererMSP", identities::ordering_dir(options.dir) / "msp",
+                                     "    OrdererEndpoints:\n" + endpoints);
+  for (int k = 1; k <= identities::organisations; ++k) {
+    const Place& place = places.organisations[static_cast<std::size_t>(k - 1)];
+    organisations +=
+        organisation_yaml(msp_id_of(k), identities::organisation_dir(options.dir, k) / "msp",
+                          fmt::format("    AnchorPeers:\n      - {{Host: {}, Port: {}}}\n", place.host, place.port));
+    members += fmt::format("        - *{}\n", msp_id_of(k));
+  }
+  // A leader that is gone is missed after 1 s (Raft's ElectionTick x TickInterval).
+  return fmt::format(R"yaml(Organizations:
+{organisations}Profiles:
+  Ledgerline:
+    Policies:
+{policies}    Capabilities: {{V2_0: true}}
+    Orderer:
+      OrdererType: etcdraft
+      BatchTimeout: {timeout_us}us
+      BatchSize: {{MaxMessageCount: {count}, AbsoluteMaxBytes: 10 MB, PreferredMaxBytes: {bytes}}}
+      EtcdRaft:
+        Consenters:
+{consenters}        Options: {{TickInterval: 100ms, ElectionTick: 10, HeartbeatTick: 1, MaxInflightBlocks: 5, SnapshotIntervalSize: 8 MB}}
+      Organizations:
+        - *OrdererMSP
+      Policies:
+{ordering_policies}      Capabilities: {{V2_0: true}}
+    Application:
+      Organizations:
+{members}      Policies:
+{application_policies}      Capabilities: {{V2_5: true}}
+)yaml",
+                     fmt::arg("organisations", organisations), fmt::arg("policies", policies(6, {})),
+                     fmt::arg("timeout_us", options.batch_timeout_ns / ns_per_us),
+                     fmt::arg("count", options.batch_count), fmt::arg("bytes", options.batch_bytes),
+                     fmt::arg("consenters", consenters), fmt::arg("members", members),
+                     fmt::arg("ordering_policies", policies(8, {{"BlockValidation", "ANY Writers"}})),
+                     fmt::arg("application_policies", policies(8, {{"LifecycleEndorsement", "MAJORITY Endorsement"},
+                                                                   {"Endorsement", "MAJORITY Endorsement"}})));
+}
+
+std::vector<std::string> orderer_environment(const Options& options, const Places& places, int number) {
+  const auto own = identities::orderer_dir(options.dir, number);
+  const Place& place = places.orderers[static_cast<std::size_t>(number - 1)];
+  const std::string data = fmt::format("{}/orderer{}", options.dir, number);
+  const std::string key = tls_file(own, "server.key"), certificate = tls_file(own, "server.crt"),
+                    ca = tls_file(own, "ca.crt");
+  return {"FABRIC_CFG_PATH=" + options.tools + "/config", "FABRIC_LOGGING_SPEC=warn",
+          "ORDERER_GENERAL_LISTENADDRESS=" + place.host, fmt::format("ORDERER_GENERAL_LISTENPORT={}", place.port),
+          "ORDERER_GENERAL_LOCALMSPID=OrdererMSP", "ORDERER_GENERAL_LOCALMSPDIR=" + (own / "msp").string(),
+          "ORDERER_GENERAL_BOOTSTRAPMETHOD=none", "ORDERER_GENERAL_TLS_ENABLED=true",
+          "ORDERER_GENERAL_TLS_PRIVATEKEY=" + key, "ORDERER_GENERAL_TLS_CERTIFICATE=" + certificate,
+          "ORDERER_GENERAL_TLS_ROOTCAS=[" + ca + "]", "ORDERER_GENERAL_CLUSTER_CLIENTPRIVATEKEY=" + key,
+          "ORDERER_GENERAL_CLUSTER_CLIENTCERTIFICATE=" + certificate, "ORDERER_GENERAL_CLUSTER_ROOTCAS=[" + ca + "]",
+          // A leader that is gone holds up what is forwarded to it for as long.
+          "ORDERER_GENERAL_CLUSTER_RPCTIMEOUT=1s", "ORDERER_GENERAL_CLUSTER_DIALTIMEOUT=1s",
+          "ORDERER_CHANNELPARTICIPATION_ENABLED=true", "ORDERER_ADMIN_LISTENADDRESS=" + places.orderer_admin(number),
+          "ORDERER_ADMIN_TLS_ENABLED=true", "ORDERER_ADMIN_TLS_PRIVATEKEY=" + key,
+          "ORDERER_ADMIN_TLS_CERTIFICATE=" + certificate, "ORDERER_ADMIN_TLS_ROOTCAS=[" + ca + "]",
+          "ORDERER_ADMIN_TLS_CLIENTAUTHREQUIRED=true", "ORDERER_ADMIN_TLS_CLIENTROOTCAS=[" + ca + "]",
+          "ORDERER_OPERATIONS_LISTENADDRESS=" + places.orderer_operations(number),
+          "ORDERER_METRICS_PROVIDER=prometheus",  // who leads is said there alone
+          "ORDERER_FILELEDGER_LOCATION=" + data + "/ledger", "ORDERER_CONSENSUS_WALDIR=" + data + "/wal",
+          "ORDERER_CONSENSUS_SNAPDIR=" + data + "/snapshots"};
+}
+
+std::vector<std::string> peer_environment(const Options& options, const Places& places, int organisation) {
+  const auto own = identities::peer_dir(options.dir, organisation);
+  const std::string data = fmt::format("{}/peer{}", options.dir, organisation);
+  const std::string listen = places.peer(organisation);
+  return {"FABRIC_CFG_PATH=" + options.tools + "/config",
+          "FABRIC_LOGGING_SPEC=warn",
+          "CORE_PEER_ID=peer0." + domain_of(organisation),
+          "CORE_PEER_NETWORKID=ledgerline",
+          "CORE_PEER_ADDRESS=" + listen,
+          "CORE_PEER_LISTENADDRESS=" + listen,
+          "CORE_PEER_CHAINCODELISTENADDRESS=" + places.peer_chaincode(organisation),
+          "CORE_PEER_LOCALMSPID=" + msp_id_of(organisation),
+          "CORE_PEER_MSPCONFIGPATH=" + (own / "msp").string(),
+          "CORE_PEER_FILESYSTEMPATH=" + data,
+          "CORE_LEDGER_SNAPSHOTS_ROOTDIR=" + data + "/snapshots",
+          "CORE_LEDGER_HISTORY_ENABLEHISTORYDATABASE=true",
+          "CORE_PEER_TLS_ENABLED=true",
+          "CORE_PEER_TLS_KEY_FILE=" + tls_file(own, "server.key"),
+          "CORE_PEER_TLS_CERT_FILE=" + tls_file(own, "server.crt"),
+          "CORE_PEER_TLS_ROOTCERT_FILE=" + tls_file(own, "ca.crt"),
+          "CORE_PEER_GOSSIP_BOOTSTRAP=" + listen,
+          "CORE_PEER_GOSSIP_ENDPOINT=" + listen,
+          "CORE_PEER_GOSSIP_EXTERNALENDPOINT=" + listen,
+          "CORE_PEER_GOSSIP_USELEADERELECTION=false",
+          "CORE_PEER_GOSSIP_ORGLEADER=true",
+          "CORE_PEER_GOSSIP_STATE_ENABLED=false",
+          "CORE_PEER_DELIVERYCLIENT_BLOCKGOSSIPENABLED=false",
+          "CORE_VM_ENDPOINT=",
+          "CORE_CHAINCODE_EXTERNALBUILDERS=[{name: ccaas, path: " + options.dir +
+              "/builder, propagateEnvironment: [CORE_PEER_TLS_KEY_FILE, CORE_PEER_TLS_CERT_FILE]}]",
+          "CORE_OPERATIONS_LISTENADDRESS=127.0.0.1:0",
+          "CORE_METRICS_PROVIDER=disabled"};
+}
+
+std::vector<std::string> admin_environment(const Options& options, const Places& places, int organisation) {
+  return {"FABRIC_CFG_PATH=" + options.tools + "/config",
+          "FABRIC_LOGGING_SPEC=warn",
+          "CORE_PEER_ADDRESS=" + places.peer(organisation),
+          "CORE_PEER_LOCALMSPID=" + msp_id_of(organisation),
+          "CORE_PEER_MSPCONFIGPATH=" + (identities::user_dir(options.dir, organisation, "Admin") / "msp").string(),
+          "CORE_PEER_TLS_ENABLED=true",
+          "CORE_PEER_TLS_ROOTCERT_FILE=" + tls_file(identities::peer_dir(options.dir, organisation), "ca.crt")};
+}
+
+std::vector<std::string> chaincode_environment(const Options& options, const Places& places, int organisation,
+                                               const std::string& package_id) {
+  const auto own = identities::organisation_dir(options.dir, organisation) / "chaincode";
+  return {"CHAINCODE_ID=" + package_id, "CHAINCODE_SERVER_ADDRESS=" + places.chaincode(organisation),
+          "CHAINCODE_TLS_KEY=" + tls_file(own, "server.key"), "CHAINCODE_TLS_CERT=" + tls_file(own, "server.crt"),
+          "CHAINCODE_TLS_CLIENT_CA=" + tls_file(identities::peer_dir(options.dir, organisation), "ca.crt")};
+}
+
+std::string connection_json(const Places& places, int organisation, const std::string& ca_pem) {
+  return nlohmann::json{{"address", places.chaincode(organisation)},
+                        {"dial_timeout", "10s"},
+                        {"tls_required", true},
+                        {"client_auth_required", true},
+                        {"root_cert", ca_pem}}
+      .dump(2);
+}
+
+std::string builder_script(const std::string& name) {
+  // Arguments: detect SOURCE METADATA; build SOURCE METADATA OUTPUT; release OUTPUT RELEASE.
+  if (name == "detect") return "#!/bin/sh\ngrep -q '\"type\": *\"ccaas\"' \"$2/metadata.json\"\n";
+  if (name == "build") return "#!/bin/sh\ncp \"$1/connection.json\" \"$3/\"\n";
+  // The peer calls the service with its own TLS pair, put in here from its own folder before the file's closing brace: a
+  // package has no key. A package that brings a pair of its own keeps it.
+  return R"sh(#!/bin/sh
+set -eu
+umask 077
+pem() { sed 's/$/\\n/' "$1" | tr -d '\n'; }
+certificate=$(pem "$CORE_PEER_TLS_CERT_FILE")
+key=$(pem "$CORE_PEER_TLS_KEY_FILE")
+connection=$(cat "$1/connection.json")
+case $connection in
+  *'"client_key"'*) ;;
+  *) connection="${connection%\}*},\"client_cert\":\"$certificate\",\"client_key\":\"$key\"}" ;;
+esac
+mkdir -p "$2/chaincode/server"
+printf '%s\n' "$connection" > "$2/chaincode/server/connection.json"
+)sh";
+}
+
+std::string signature_policy(const Options& options) {
+  std::string peers;
+  for (int k = 1; k <= identities::organisations; ++k) {
+    peers += fmt::format("{}'{}.peer'", k == 1 ? "" : ",", msp_id_of(k));
+  }
+  return options.majority ? fmt::format("OutOf(2,{})", peers) : fmt::format("OR({})", peers);
+}
+
+}  // namespace ledgerline::fabric_network

@@ -1,0 +1,413 @@
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "chaincode/network/files/hosts.hpp"
+#include "chaincode/network/network.hpp"
+#include "chaincode/network/files/revocation.hpp"
+#include "chaincode/network/processes/start_check.hpp"
+#include "chaincode/network/files/texts.hpp"
+#include "chaincode/identities/identities.hpp"
+#include "chaincode/node/storage/files.hpp"
+#include "common/program/stop_signals.hpp"
+#include "common/base/log.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using fabric_network::Network;
+using fabric_network::Options;
+
+constexpr const char* examples = R"(
+Examples:
+  ledgerline fabric up --dir /tmp/net                       three organisations, one orderer; returns when the contract answers
+  ledgerline fabric up --dir /tmp/net3 --orderers 3 --batch-count 10 --batch-timeout 5 --channel teleop --channel yard
+  ledgerline fabric status --dir /tmp/net                   every process: where it listens, pid, restarts; who leads
+  ledgerline fabric logs --dir /tmp/net peer1
+  ledgerline fabric up --dir /tmp/netca --ca                identities from fabric-ca, one server an organisation
+  ledgerline fabric revoke --dir /tmp/netca --org 2 --user User1
+  ledgerline fabric down --dir /tmp/net                     ends it; the directory stays, and `up` goes on with it
+  ledgerline fabric run --dir /tmp/net                      the same in the foreground, until SIGINT or SIGTERM
+On three hosts (docs/fabric.md):
+  ledgerline fabric identities --config net.toml --dir net  once: net/host-ADDRESS for each host, net/authority stays
+  ledgerline fabric run --config net.toml --dir net --only org1 --only orderer1
+
+A process of the network that ends is started again; when that does not help, the network ends and says why.
+`run` prints {"ready":true,...} when it serves. Exit codes: 0 good, 1 failed, 2 wrong usage, 3 (status) it does not run.)";
+
+int fail(const std::string& what) {
+  spdlog::error("{}", what);
+  return 1;
+}
+
+/// Held by the network's process as long as it lives; its text is what `status` shows.
+class RunFile {
+ public:
+  explicit RunFile(const std::string& dir) : path_(dir + "/network.json") {}
+  ~RunFile() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  RunFile(const RunFile&) = delete;
+  RunFile& operator=(const RunFile&) = delete;
+
+  /// False: another process holds it.
+  bool take() {
+    fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+    if (fd_ < 0 || ::flock(fd_, LOCK_EX | LOCK_NB) != 0) return false;
+    return write("");
+  }
+  bool write(const std::string& text) const {
+    return ::ftruncate(fd_, 0) == 0 && ::pwrite(fd_, text.data(), text.size(), 0) == static_cast<ssize_t>(text.size());
+  }
+  /// What a living network says of itself, nothing yet while it starts; nullopt: none runs.
+  std::optional<nlohmann::json> read() const {
+    nlohmann::json json;
+    // It may be writing just now.
+    for (int tries = 0; tries < 5 && !json.is_object(); ++tries) {
+      if (tries > 0) ::usleep(10'000);
+      const int fd = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
+      if (fd < 0) return std::nullopt;
+      const bool held = ::flock(fd, LOCK_SH | LOCK_NB) != 0;
+      ::close(fd);
+      if (!held) return std::nullopt;
+      std::ifstream in(path_);
+      json = nlohmann::json::parse(in, nullptr, false);
+    }
+    return json.is_object() ? json : nlohmann::json::object();
+  }
+
+ private:
+  std::string path_;
+  int fd_ = -1;
+};
+
+nlohmann::json describe(const Network& network) {
+  const Options& options = network.options();
+  nlohmann::json peers = nlohmann::json::array(), orderers = nlohmann::json::array(),
+                 processes = nlohmann::json::array();
+  std::string endpoint;
+  for (int k = 1; k <= identities::organisations; ++k) {
+    peers.push_back(network.places().peer(k));
+    if (endpoint.empty() && options.runs_organisation(k)) endpoint = network.places().peer(k);
+  }
+  for (int k = 1; k <= options.orderers; ++k) orderers.push_back(network.places().orderer(k));
+  nlohmann::json authorities = nlohmann::json::array();
+  for (std::size_t k = 0; k < network.places().authorities.size(); ++k) {
+    authorities.push_back(network.places().authority(static_cast<int>(k)));
+  }
+  for (const auto& one : network.processes()) {
+    processes.push_back({{"name", one.name}, {"address", one.address}, {"pid", one.pid}, {"restarts", one.restarts}});
+    if (one.name.starts_with("orderer")) {
+      processes.back()["operations"] = network.places().orderer_operations(std::stoi(one.name.substr(7)));
+    }
+  }
+  return {{"ready", true},
+          {"endpoint", endpoint},
+          {"peers", peers},
+          {"orderers", orderers},
+          {"authorities", authorities},
+          {"process", ::getpid()},
+          {"channel", options.channels.front()},
+          {"channels", options.channels},
+          {"processes", processes}};
+}
+
+Status write_summary(const std::string& path, Network& network) {
+  const auto counts = network.count();
+  if (!counts) return counts.error();
+  const auto storage = node::storage_kind(network.options().dir);
+  if (!storage) return storage.error();
+  nlohmann::json cpu = nlohmann::json::object(), restarts = nlohmann::json::object();
+  for (const auto& one : network.processes()) {
+    cpu[one.name] = one.cpu_s;
+    restarts[one.name] = one.restarts;
+  }
+  std::ofstream out(path);
+  out << nlohmann::json{{"blocks", counts->blocks},
+                        {"transactions", counts->transactions},
+                        {"storage", *storage},
+                        {"cpu_seconds", cpu},
+                        {"restarts", restarts}}
+             .dump(2)
+      << "\n";
+  out.close();
+  if (!out) return Error{"cannot write " + path};
+  return done;
+}
+
+/// Until SIGINT or SIGTERM. `ready`: called once.
+int run(const Options& options, const std::string& summary, const std::function<void(const std::string&)>& ready) {
+  std::error_code error;
+  std::filesystem::create_directories(options.dir, error);
+  RunFile file(options.dir);
+  if (!file.take()) return fail("a network runs in " + options.dir + " already, or the directory cannot be written");
+  catch_end_signals();
+  ::signal(SIGPIPE, SIG_IGN);
+  Network network(options);
+  const TimeNs begin = monotonic_ns();
+  Status status = network.up();
+  if (status) {
+    spdlog::info("up after {:.1f} s", to_seconds(monotonic_ns() - begin));
+    std::string text, said;
+    while (status && !end_asked) {
+      text = describe(network).dump();
+      if (text != said && !file.write(text)) status = Error{"cannot write " + options.dir + "/network.json"};
+      if (said.empty() && status) ready(text);
+      said = text;
+      if (status) status = network.tend(200 * ns_per_ms);
+    }
+  }
+  Status written = done;
+  if (status && !summary.empty()) written = write_summary(summary, network);
+  const bool in_time = network.down();
+  if (!written) return fail(written.error().what);
+  if (!status) return fail(status.error().what);
+  return in_time ? 0 : fail("a process had to be killed");
+}
+
+/// In the background; returns when it serves, or with what went wrong.
+int up(const Options& options) {
+  if (const auto running = RunFile(options.dir).read()) {
+    std::printf("%s\n", running->dump().c_str());
+    return 0;
+  }
+  int pipe[2];
+  if (::pipe(pipe) != 0) return fail("no pipe");
+  std::error_code error;
+  std::filesystem::create_directories(options.dir, error);
+  const std::string log_file = options.dir + "/network.log";
+  const auto logged_before = std::filesystem::file_size(log_file, error);
+  const bool fresh_log = static_cast<bool>(error);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::setsid();
+    ::close(pipe[0]);
+    const int log = ::open(log_file.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0644);
+    const int nothing = ::open("/dev/null", O_RDWR);
+    if (log < 0 || nothing < 0) ::_exit(1);
+    ::dup2(nothing, 0);
+    ::dup2(nothing, 1);
+    ::dup2(log, 2);
+    ::fcntl(pipe[1], F_SETFD, FD_CLOEXEC);
+    ::_exit(run(options, {}, [&](const std::string& text) {
+      (void)!::write(pipe[1], text.data(), text.size());
+      ::close(pipe[1]);
+    }));
+  }
+  ::close(pipe[1]);
+  std::string text;
+  char part[4096];
+  for (ssize_t n; (n = ::read(pipe[0], part, sizeof part)) > 0;) text.append(part, static_cast<std::size_t>(n));
+  if (child < 0 || text.empty()) {
+    // What it logged this time ends with what went wrong.
+    std::ifstream log(log_file);
+    log.seekg(fresh_log ? 0 : static_cast<std::streamoff>(logged_before));
+    for (std::string line; std::getline(log, line);) std::fprintf(stderr, "%s\n", line.c_str());
+    return fail("the network did not start; all of its log is in " + log_file);
+  }
+  std::printf("%s\n", text.c_str());
+  return 0;
+}
+
+int down(const std::string& dir) {
+  const RunFile file(dir);
+  const auto running = file.read();
+  if (!running) {
+    std::printf("no network runs in %s\n", dir.c_str());
+    return 0;
+  }
+  const pid_t process = running->value("process", 0);
+  if (process <= 0) return fail("the network in " + dir + " is just starting; try again");
+  ::kill(process, SIGTERM);
+  constexpr int tries = 400;
+  for (int i = 0; i < tries && file.read(); ++i) ::usleep(50'000);
+  return file.read() ? fail(fmt::format("process {} does not end", process)) : 0;
+}
+
+/// Who leads is asked now; none may for a moment.
+void add_leads(nlohmann::json& running) {
+  for (auto& process : running["processes"]) {
+    if (!process.contains("operations") || process.value("pid", 0) <= 0) continue;
+    const auto metrics = fabric_network::fetch_metrics(process["operations"].get<std::string>());
+    process["leads"] = nlohmann::json::array();
+    if (!metrics) continue;
+    for (const auto& [channel, sign] : fabric_network::raft_signs(*metrics)) {
+      if (sign.leads) process["leads"].push_back(channel);
+    }
+  }
+}
+
+int status(const std::string& dir) {
+  auto running = RunFile(dir).read();
+  if (running && running->contains("processes")) add_leads(*running);
+  std::printf("%s\n", running ? running->dump(2).c_str() : "it does not run");
+  return running ? 0 : 3;
+}
+
+int logs(const std::string& dir, const std::string& which) {
+  const std::string path = which.empty() ? dir + "/network.log" : dir + "/logs/" + which + ".log";
+  std::ifstream in(path);
+  if (!in) return fail("there is no " + path);
+  for (std::string line; std::getline(in, line);) std::printf("%s\n", line.c_str());
+  return 0;
+}
+
+/// All of it in DIR/authority, and of that a folder DIR/host-ADDRESS for each host.
+int make_identities(Options options) {
+  const std::string all = options.dir;
+  const auto hosts = fabric_network::hosts_of(options);
+  if (hosts.empty()) {
+    spdlog::error("identities are for several hosts: give all places, as [[organisation]] and [[orderer]] in a file");
+    return 2;
+  }
+  options.dir = all + "/authority";
+  Network network(options);
+  if (const Status status = network.prepare(); !status) return fail(status.error().what);
+  for (const auto& host : hosts) {
+    const std::string to = all + "/host-" + host.host;
+    if (const Status s = fabric_network::write_host(network.options().dir, host, options, to); !s) {
+      return fail(s.error().what);
+    }
+    std::printf("%s is for %s alone\n", to.c_str(), host.host.c_str());
+  }
+  std::printf("%s stays here: it has the authorities' keys and the orderers' administrator's\n", options.dir.c_str());
+  return network.down() ? 0 : fail("a process had to be killed");
+}
+
+/// Takes a user of a running network out of it.
+int revoke(Options options, int organisation, const std::string& user) {
+  const auto running = RunFile(options.dir).read();
+  if (!running || !running->contains("authorities")) return fail("no network runs in " + options.dir);
+  options.dir = std::filesystem::canonical(options.dir);
+  options.channels = (*running)["channels"].get<std::vector<std::string>>();
+  fabric_network::Places places;
+  for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
+                                  {"peers", &places.organisations},
+                                  {"authorities", &places.authorities}}) {
+    for (const auto& text : (*running)[name]) {
+      auto place = fabric_network::parse_place(text.get<std::string>());
+      if (!place) return fail(place.error().what);
+      all->push_back(std::move(*place));
+    }
+  }
+  if (Status s = fabric_network::revoke(options, places, organisation, user); !s) return fail(s.error().what);
+  std::printf("%s of organisation %d is revoked\n", user.c_str(), organisation);
+  return 0;
+}
+
+/// Beside this program; the tools where scripts/fabric-tools puts them.
+void find_programs(Options& options) {
+  std::error_code error;
+  const auto own = std::filesystem::read_symlink("/proc/self/exe", error);
+  options.chaincode = own.parent_path() / "ledgerline-chaincode";
+  if (options.tools.empty()) options.tools = own.parent_path().parent_path().parent_path() / "fabric";
+}
+
+Status add_places(Options& options, const std::vector<std::string>& organisations,
+                  const std::vector<std::string>& orderers) {
+  for (const auto& [texts, places] :
+       {std::pair{&organisations, &options.organisation_places}, std::pair{&orderers, &options.orderer_places}}) {
+    if (!texts->empty()) places->clear();
+    for (const std::string& text : *texts) {
+      auto place = fabric_network::parse_place(text);
+      if (!place) return place.error();
+      places->push_back(std::move(*place));
+    }
+  }
+  if (!options.orderer_places.empty()) options.orderers = static_cast<int>(options.orderer_places.size());
+  return fabric_network::check(options);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  ::umask(077);  // of all children, too: keys, archives and what Fabric's programs write are this user's alone
+  CLI::App app{"A Fabric 2.5 network on this host, or this host's part of one, with Ledgerline's contract on it"};
+  app.footer(examples);
+  app.require_subcommand(1);
+  Options options;
+  std::string which, summary, config, user;
+  int organisation = 0;
+  std::vector<std::string> organisations, orderers;
+  double batch_timeout_ms = to_ms(options.batch_timeout_ns);
+  for (const auto& [name, about] : std::map<std::string, std::string>{
+           {"up", "Start it, or say that it runs"},
+           {"run", "Start it and stay"},
+           {"identities", "Make identities and first blocks for several hosts, a folder each"},
+           {"down", "End it"},
+           {"status", "Does it run, and where"},
+           {"logs", "What it or one of its processes logged"},
+           {"revoke", "Take a user out: peers refuse it from then on"}}) {
+    CLI::App* verb = app.add_subcommand(name, about);
+    verb->add_option("--dir", options.dir, "Everything of the network: identities, ledgers, logs")->required();
+    if (name == "logs") verb->add_option("process", which, "peer1, orderer1, chaincode1, ...");
+    if (name == "revoke") {
+      verb->add_option("--org", organisation, "Number of the user's organisation")
+          ->required()
+          ->check(CLI::Range(1, identities::organisations));
+      verb->add_option("--user", user, "User1, ...")->required();
+    }
+    if (name != "up" && name != "run" && name != "identities" && name != "revoke") continue;
+    verb->add_option("--tools", options.tools, "Fabric's programs, made by scripts/fabric-tools");
+    if (name == "revoke") continue;
+    verb->add_option("--config", config, "TOML file with the network's settings; options here come before it");
+    verb->add_option("--orderers", options.orderers, "1 or 3")->check(CLI::IsMember({1, 3}))->capture_default_str();
+    verb->add_option("--channel", options.channels, "A channel's name; give it again for more")
+        ->allow_extra_args(false)
+        ->capture_default_str();
+    verb->add_option("--first-port", options.first_port, "The first of the TCP ports, 3 a part; 0 looks for free ones")
+        ->capture_default_str();
+    verb->add_option("--organisation", organisations, "HOST:PORT of one; three times, for several hosts")
+        ->allow_extra_args(false);
+    verb->add_option("--orderer", orderers, "HOST:PORT of one, once or three times")->allow_extra_args(false);
+    verb->add_option("--only", options.only, "A part that this host runs: org1, orderer1, ...; all if none is named")
+        ->allow_extra_args(false);
+    verb->add_option("--batch-timeout", batch_timeout_ms, "Cut a block after this many ms")
+        ->check(CLI::Range(1.0, 60'000.0))
+        ->capture_default_str();
+    verb->add_option("--batch-count", options.batch_count, "or with this many transactions")
+        ->check(CLI::Range(1, 10'000))
+        ->capture_default_str();
+    verb->add_flag("--ca", options.ca, "Identities from fabric-ca, one server an organisation, that can be revoked");
+    verb->add_flag("--majority", options.majority, "Endorsed by two of the three organisations, not by any one");
+    if (name == "run")
+      verb->add_option("--summary", summary, "Write blocks, transactions, CPU times and restarts here at the end");
+  }
+  init_log("fabric");
+  try {
+    app.parse(argc, argv);
+    if (!config.empty()) {
+      // The file first, and over it what the command line says.
+      auto read = fabric_network::read_options(config, {});
+      if (!read) return spdlog::error("{}", read.error().what), 2;
+      options = std::move(*read);
+      batch_timeout_ms = to_ms(options.batch_timeout_ns);
+      app.parse(argc, argv);
+    }
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  options.batch_timeout_ns = static_cast<TimeNs>(batch_timeout_ms * ns_per_ms);
+  const std::string verb = app.get_subcommands().front()->get_name();
+  if (verb == "down") return down(options.dir);
+  if (verb == "status") return status(options.dir);
+  if (verb == "logs") return logs(options.dir, which);
+  if (Status s = add_places(options, organisations, orderers); !s) return spdlog::error("{}", s.error().what), 2;
+  find_programs(options);
+  if (verb == "revoke") return revoke(options, organisation, user);
+  if (verb == "up") return up(options);
+  if (verb == "identities") return make_identities(options);
+  return run(options, summary, [](const std::string& text) {
+    std::printf("%s\n", text.c_str());
+    std::fflush(stdout);
+  });
+}

@@ -1,0 +1,162 @@
+#include "chaincode/network/options.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+
+#include "chaincode/identities/identities.hpp"
+#include "common/config/config.hpp"
+
+namespace ledgerline::fabric_network {
+namespace {
+
+constexpr const char* loopback = "127.0.0.1";
+
+bool is_channel_name(const std::string& name) {  // as Fabric has it
+  return !name.empty() && name.size() < 250 && name[0] >= 'a' && name[0] <= 'z' &&
+         name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789.-") == std::string::npos;
+}
+
+}  // namespace
+
+bool Options::runs(const std::string& part) const {
+  return only.empty() || std::find(only.begin(), only.end(), part) != only.end();
+}
+
+Result<Options> read_options(const std::string& file, Options options) {
+  auto config = Config::load(file);
+  if (!config) return config.error();
+  options.majority = config->boolean("majority", options.majority);
+  options.ca = config->boolean("ca", options.ca);
+  options.batch_count = static_cast<int>(config->integer("batch_count", options.batch_count, 1, 10'000));
+  options.batch_timeout_ns =
+      static_cast<TimeNs>(config->number("batch_timeout_ms", to_ms(options.batch_timeout_ns), 1, 60'000) * ns_per_ms);
+  options.patience_ns = from_seconds(config->number("patience_s", to_seconds(options.patience_ns), 1, 3'600));
+  const std::size_t channels = config->table_count("channel");
+  if (channels > 0) options.channels.clear();
+  for (std::size_t i = 0; i < channels; ++i) {
+    options.channels.push_back(config->text(fmt::format("channel.{}.name", i)));
+  }
+  for (auto [table, places] :
+       {std::pair{"organisation", &options.organisation_places}, std::pair{"orderer", &options.orderer_places}}) {
+    const std::size_t count = config->table_count(table);
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::string key = fmt::format("{}.{}.", table, i);
+      places->push_back(
+          {config->text(key + "host"), static_cast<std::uint16_t>(config->number(key + "port", 1, 65'535))});
+    }
+  }
+  if (!options.orderer_places.empty()) options.orderers = static_cast<int>(options.orderer_places.size());
+  if (Status s = config->finish(); !s) return s.error();
+  return options;
+}
+
+Status check(const Options& options) {
+  if (options.orderers != 1 && options.orderers != 3) {
+    return Error{fmt::format("{} orderers: a network has 1 or 3", options.orderers)};
+  }
+  const std::size_t organisations = options.organisation_places.size(), orderers = options.orderer_places.size();
+  if ((organisations != 0 && organisations != identities::organisations) ||
+      (orderers != 0 && orderers != static_cast<std::size_t>(options.orderers)) ||
+      (organisations == 0) != (orderers == 0)) {
+    return Error{fmt::format("{} places of organisations and {} of orderers: give {} and {}, or none", organisations,
+                             orderers, identities::organisations, options.orderers)};
+  }
+  if (options.ca && organisations != 0) {
+    return Error{"fabric-ca issues identities of a network on one host: give no places with --ca"};
+  }
+  const Places places{options.orderer_places, options.organisation_places, {}};
+  std::vector<Place> all = places.orderers;
+  all.insert(all.end(), places.organisations.begin(), places.organisations.end());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    in_addr ip{};
+    if (::inet_pton(AF_INET, all[i].host.c_str(), &ip) != 1) {
+      return Error{fmt::format("\"{}\" is no IPv4 address, such as 10.0.0.1", all[i].host)};
+    }
+    if (all[i].port > UINT16_MAX - Places::ports_each) return Error{fmt::format("port {} is too high", all[i].port)};
+    for (std::size_t k = 0; k < i; ++k) {
+      if (all[k].host == all[i].host && std::abs(all[k].port - all[i].port) < Places::ports_each) {
+        return Error{fmt::format("{}:{} and {}:{} overlap: each part needs {} ports, from its own on", all[k].host,
+                                 all[k].port, all[i].host, all[i].port, Places::ports_each)};
+      }
+    }
+  }
+  for (const std::string& part : options.only) {
+    bool known = false;
+    for (int k = 1; k <= identities::organisations; ++k) known = known || part == fmt::format("org{}", k);
+    for (int k = 1; k <= options.orderers; ++k) known = known || part == fmt::format("orderer{}", k);
+    if (!known) return Error{fmt::format("there is no part \"{}\": org1 to org3, orderer1 ...", part)};
+  }
+  if (options.several_hosts() && orderers == 0) {
+    return Error{"parts on several hosts need the places of all: a file with [[organisation]] and [[orderer]]"};
+  }
+  if (options.channels.empty()) return Error{"a network needs a channel"};
+  for (auto name = options.channels.begin(); name != options.channels.end(); ++name) {
+    if (!is_channel_name(*name)) {
+      return Error{fmt::format("\"{}\" is no channel's name: a-z first, then a-z, 0-9, . and -", *name)};
+    }
+    if (std::find(options.channels.begin(), name, *name) != name) return Error{"channel " + *name + " is named twice"};
+  }
+  return done;
+}
+
+Result<Place> parse_place(const std::string& text) {
+  const auto colon = text.rfind(':');
+  Place place;
+  const char* const end = text.data() + text.size();
+  if (colon != std::string::npos && colon > 0) {
+    place.host = text.substr(0, colon);
+    const auto [rest, error] = std::from_chars(text.data() + colon + 1, end, place.port);
+    if (error == std::errc() && rest == end && place.port != 0) return place;
+  }
+  return Error{fmt::format("\"{}\" is no HOST:PORT, such as 10.0.0.1:7051", text)};
+}
+
+std::string Place::text(int port_offset) const { return fmt::format("{}:{}", host, port + port_offset); }
+
+sockaddr_in Place::address() const {
+  sockaddr_in out{};
+  out.sin_family = AF_INET;
+  out.sin_port = htons(port);
+  ::inet_pton(AF_INET, host.c_str(), &out.sin_addr);
+  return out;
+}
+
+// For this host alone: every certificate of the orderers' TLS authority is let in, those of the other orderers, too.
+std::string Places::orderer_admin(int number) const { return Place{loopback, at(orderers, number).port}.text(1); }
+// Without TLS, so for this host alone.
+std::string Places::orderer_operations(int number) const { return Place{loopback, at(orderers, number).port}.text(2); }
+
+std::vector<Place> Places::bound(const Options& options) const {
+  std::vector<Place> all;
+  const auto at = [](const Place& place, int offset) { return static_cast<std::uint16_t>(place.port + offset); };
+  for (int k = 1; k <= static_cast<int>(orderers.size()); ++k) {
+    const Place& place = orderers[static_cast<std::size_t>(k - 1)];
+    if (!options.runs_orderer(k)) continue;
+    for (int i = 0; i < ports_each; ++i) all.push_back({i > 0 ? loopback : place.host, at(place, i)});
+  }
+  for (int k = 1; k <= static_cast<int>(organisations.size()); ++k) {
+    const Place& place = organisations[static_cast<std::size_t>(k - 1)];
+    if (!options.runs_organisation(k)) continue;
+    for (int i = 0; i < ports_each; ++i) all.push_back({place.host, at(place, i)});
+  }
+  return all;
+}
+
+Places places_from(const Options& options, std::uint16_t first_port) {
+  Places places;
+  int port = first_port;
+  const auto next = [&](int ports = Places::ports_each) {
+    const Place place{options.host, static_cast<std::uint16_t>(port)};
+    port += ports;
+    return place;
+  };
+  for (int k = 1; k <= options.orderers; ++k) places.orderers.push_back(next());
+  for (int k = 1; k <= identities::organisations; ++k) places.organisations.push_back(next());
+  for (int k = 0; options.ca && k <= identities::organisations; ++k) places.authorities.push_back(next(1));
+  return places;
+}
+
+}  // namespace ledgerline::fabric_network

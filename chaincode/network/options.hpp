@@ -1,0 +1,87 @@
+#pragma once
+#include <netinet/in.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+#include "common/base/result.hpp"
+
+namespace ledgerline::fabric_network {
+
+/// Where one part of a network listens: three TCP ports from `port` on.
+struct Place {
+  std::string host;
+  std::uint16_t port = 0;
+  std::string text(int port_offset = 0) const;  ///< "HOST:PORT"
+  sockaddr_in address() const;
+  bool operator==(const Place&) const = default;
+};
+
+/// A network of three organisations with one peer each, and one or three Raft orderers; all on one host by default.
+struct Options {
+  std::string dir;    ///< everything of it: identities, ledgers, logs
+  std::string tools;  ///< folder with Fabric's programs and sample configuration (scripts/fabric-tools)
+  std::string chaincode = "ledgerline-chaincode";  ///< the chaincode service's program
+  std::string host = "127.0.0.1";                  ///< of every part, where no places are given
+  std::uint16_t first_port = 0;                    ///< 0: free ones are looked for
+  int orderers = 1;                                ///< 1 or 3
+  std::vector<Place> organisation_places;          ///< empty, or of all organisations
+  std::vector<Place> orderer_places;               ///< empty, or of all orderers
+  std::vector<std::string> only;                   ///< parts that this host runs ("org1", "orderer2"); empty: all
+  TimeNs patience_ns = 120 * ns_per_s;             ///< how long parts on other hosts are waited for
+  std::vector<std::string> channels{"teleop"};
+  int batch_count = 1;
+  TimeNs batch_timeout_ns = 10 * ns_per_ms;
+  /// Also how much of Raft's log an orderer reads at a time when it starts: more than lies between two snapshots,
+  /// because 2.5.0 may hang when it comes in parts (issue 4199 of hyperledger/fabric; Network::watch_orderers).
+  std::uint64_t batch_bytes = 10'000'000;
+  bool ca = false;        ///< identities from fabric-ca, one an organisation; on one host alone
+  bool majority = false;  ///< endorsed by a majority of the organisations instead of by any one
+
+  bool runs_organisation(int number) const { return runs("org" + std::to_string(number)); }
+  bool runs_orderer(int number) const { return runs("orderer" + std::to_string(number)); }
+  bool several_hosts() const { return !only.empty(); }
+
+ private:
+  bool runs(const std::string& part) const;
+};
+
+/// Adds what a network's TOML file says; docs/fabric.md has its keys.
+Result<Options> read_options(const std::string& file, Options options);
+
+/// What is wrong with them together, such as two orderers.
+Status check(const Options& options);
+
+/// "10.0.0.1:7051".
+Result<Place> parse_place(const std::string& text);
+
+/// Of all parts, as "HOST:PORT".
+struct Places {
+  static constexpr int ports_each = 3;
+
+  std::vector<Place> orderers, organisations;
+  std::vector<Place> authorities;  ///< of fabric-ca, one port each, the orderers' first; empty: there are none
+  std::string orderer(int number) const { return at(orderers, number).text(); }
+  std::string orderer_admin(int number) const;
+  std::string orderer_operations(int number) const;
+  std::string peer(int organisation) const { return at(organisations, organisation).text(); }
+  std::string peer_chaincode(int organisation) const { return at(organisations, organisation).text(1); }
+  /// 0: the orderers'.
+  std::string authority(int organisation) const { return at(authorities, organisation + 1).text(); }
+  std::string chaincode(int organisation) const { return at(organisations, organisation).text(2); }
+  /// Those that this host needs, as they are bound; without the authorities', which listen before the others.
+  std::vector<Place> bound(const Options& options) const;
+  bool operator==(const Places&) const = default;
+
+ private:
+  static const Place& at(const std::vector<Place>& places, int number) {
+    return places[static_cast<std::size_t>(number - 1)];
+  }
+};
+
+/// All on one host, one after the other.
+Places places_from(const Options& options, std::uint16_t first_port);
+
+}  // namespace ledgerline::fabric_network

@@ -1,0 +1,131 @@
+#include "chaincode/network/processes/processes.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <utility>
+
+#include "common/base/log.hpp"
+
+namespace ledgerline::fabric_network {
+namespace {
+
+constexpr TimeNs command_limit_ns = 60 * ns_per_s, stop_patience_ns = 5 * ns_per_s;
+constexpr int log_lines = 10;
+constexpr std::size_t output_kept = 1 << 16;  // of a service; commands print a few lines
+
+}  // namespace
+
+Processes::Processes(std::string logs, Restarts::Limits limits)
+    : logs_(std::move(logs)), limits_(limits), children_({[this](const std::string& name, const std::string& line) {
+        std::string& all = output_[name];
+        if (all.size() + line.size() < output_kept) all += line + "\n";
+      }}) {}
+
+Status Processes::start(const std::string& name, const std::string& address, std::vector<std::string> command,
+                        std::vector<std::string> environment) {
+  services_.push_back({name, address, std::move(command), std::move(environment),
+                       Restarts(limits_, static_cast<std::uint64_t>(realtime_ns()) + services_.size())});
+  const Service& service = services_.back();
+  return children_.start({name, service.command, log_of(name), SIGTERM, service.environment});
+}
+
+Status Processes::tend(TimeNs duration) {
+  const TimeNs until = monotonic_ns() + duration;
+  do {
+    children_.poll(std::min<TimeNs>(std::max<TimeNs>(until - monotonic_ns(), 0), 50 * ns_per_ms));
+    for (Service& service : services_) {
+      if (children_.running(service.name)) continue;
+      if (Status s = look_after(service); !s) return s;
+    }
+  } while (monotonic_ns() < until);
+  return done;
+}
+
+/// It does not run.
+Status Processes::look_after(Service& service) {
+  const TimeNs now = monotonic_ns();
+  if (service.start_at == 0) {
+    const std::string how = fmt::format("{} {}", service.name, children_.how_it_ended(service.name));
+    const std::string end =
+        fmt::format("The end of {}:\n{}", log_of(service.name), children_.log_tail(service.name, log_lines));
+    if (!supervising_) return Error{how + ". " + end};
+    const auto at = service.restarts.ended(now);
+    const Restarts::Limits& limits = service.restarts.limits();
+    if (!at) {
+      return Error{fmt::format("{}, more than {} times within {:.0f} s: it is given up. {}", how, limits.most,
+                               to_seconds(limits.within), end)};
+    }
+    service.start_at = *at;
+    spdlog::warn("{}; it starts again in {:.0f} ms (restart {})", how, to_ms(*at - now), service.restarts.count());
+  }
+  if (now < service.start_at) return done;
+  service.start_at = 0;
+  return children_.start({service.name, service.command, log_of(service.name), SIGTERM, service.environment});
+}
+
+void Processes::kill(const std::string& name) { children_.signal(name, SIGKILL); }
+
+bool Processes::stop() {
+  bool in_time = true;
+  for (auto s = services_.rbegin(); s != services_.rend(); ++s) children_.signal(s->name, SIGTERM);
+  for (auto s = services_.rbegin(); s != services_.rend(); ++s) {
+    in_time = children_.stop(s->name, stop_patience_ns) && in_time;
+  }
+  services_.clear();
+  return in_time;
+}
+
+Result<std::string> Processes::run(const std::string& what, std::vector<std::string> command,
+                                   std::vector<std::string> environment) {
+  const std::string name = fmt::format("command{}", ++commands_);
+  std::error_code error;
+  std::filesystem::remove(log_of(name), error);  // of an earlier run: what is there is shown as this one's
+  if (Status s = children_.start({name, std::move(command), log_of(name), SIGTERM, std::move(environment)}); !s) {
+    return s.error();
+  }
+  const TimeNs until = monotonic_ns() + command_limit_ns;
+  while (children_.running(name)) {
+    if (monotonic_ns() > until) {
+      children_.stop(name, ns_per_s);
+      return Error{fmt::format("{}: no end after {:.0f} s", what, to_seconds(command_limit_ns))};
+    }
+    children_.poll(10 * ns_per_ms);
+  }
+  const std::string printed = std::exchange(output_[name], {});
+  if (!children_.ended_well(name)) {
+    return Error{
+        fmt::format("{} {}:\n{}{}", what, children_.how_it_ended(name), printed, children_.log_tail(name, log_lines))};
+  }
+  std::filesystem::remove(log_of(name), error);
+  return printed;
+}
+
+Status Processes::run_until_good(const std::string& what, const std::vector<std::string>& command,
+                                 const std::vector<std::string>& environment, TimeNs limit,
+                                 const std::string& good_too) {
+  const TimeNs until = monotonic_ns() + limit;
+  for (TimeNs wait = 20 * ns_per_ms;; wait = std::min(2 * wait, ns_per_s / 2)) {
+    const auto printed = run(what, command, environment);
+    if (printed || (!good_too.empty() && printed.error().what.find(good_too) != std::string::npos)) return done;
+    if (Status s = tend(wait); !s) return s;
+    if (monotonic_ns() > until) return printed.error();
+  }
+}
+
+std::vector<Processes::State> Processes::states() const {
+  std::vector<State> all;
+  for (const Service& s : services_) {
+    all.push_back({s.name, s.address, children_.pid(s.name), s.restarts.count(), children_.cpu_seconds(s.name)});
+  }
+  return all;
+}
+
+bool Processes::has_printed(const std::string& name, const std::string& text) const {
+  const auto found = output_.find(name);
+  return found != output_.end() && found->second.find(text) != std::string::npos;
+}
+
+}  // namespace ledgerline::fabric_network

@@ -1,0 +1,66 @@
+#pragma once
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/process/children.hpp"
+#include "common/process/restarts.hpp"
+#include "common/base/result.hpp"
+
+namespace ledgerline::fabric_network {
+
+/// The processes of a network, and the commands that set it up. While it is being set up a process that ends is an
+/// error; from supervise() on it is started again, as Restarts decides. One thread, which must be the one that lives
+/// longest (Children).
+class Processes {
+ public:
+  /// `logs`: folder with a file for each.
+  explicit Processes(std::string logs, Restarts::Limits limits = {});
+
+  /// `address`: for people, where it listens.
+  Status start(const std::string& name, const std::string& address, std::vector<std::string> command,
+               std::vector<std::string> environment);
+  void supervise() { supervising_ = true; }
+  /// Looks after them for so long. An error, with the last lines of its log: one has ended, and is not started again.
+  Status tend(TimeNs duration);
+  /// Ends one that hangs; it starts again as any that ended.
+  void kill(const std::string& name);
+  /// Ends all, the last one started first. False: one of them had to be killed.
+  bool stop();
+
+  /// Runs a command to its end; what it printed. `what` is for errors.
+  Result<std::string> run(const std::string& what, std::vector<std::string> command,
+                          std::vector<std::string> environment);
+  /// The same until it succeeds or says `good_too`, at most so long: the other side is just starting.
+  Status run_until_good(const std::string& what, const std::vector<std::string>& command,
+                        const std::vector<std::string>& environment, TimeNs limit, const std::string& good_too = {});
+
+  struct State {
+    std::string name, address;
+    pid_t pid = 0;  ///< 0: waits for its next start
+    std::uint64_t restarts = 0;
+    double cpu_s = 0;  ///< user and system time so far
+  };
+  std::vector<State> states() const;
+  bool has_printed(const std::string& name, const std::string& text) const;
+
+ private:
+  struct Service {
+    std::string name, address;
+    std::vector<std::string> command, environment;
+    Restarts restarts;
+    TimeNs start_at = 0;  ///< > 0: it has ended and waits
+  };
+  Status look_after(Service& service);
+  std::string log_of(const std::string& name) const { return logs_ + "/" + name + ".log"; }
+
+  const std::string logs_;
+  const Restarts::Limits limits_;
+  bool supervising_ = false;
+  std::vector<Service> services_;  // in the order of their start
+  std::map<std::string, std::string> output_;
+  int commands_ = 0;
+  Children children_;
+};
+
+}  // namespace ledgerline::fabric_network

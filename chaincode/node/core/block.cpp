@@ -1,0 +1,175 @@
+#include "chaincode/node/core/block.hpp"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
+#include "common/configtx.pb.h"
+#include "common/configuration.pb.h"
+#include "msp/msp_config.pb.h"
+#include "orderer/configuration.pb.h"
+
+namespace ledgerline::node {
+namespace {
+
+std::string to_string(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
+
+std::string der(char tag, const std::string& content) {
+  std::string out(1, tag);
+  if (content.size() < 0x80) {
+    out += static_cast<char>(content.size());
+  } else {
+    std::string length;
+    for (std::size_t rest = content.size(); rest > 0; rest >>= 8) length.insert(0, 1, static_cast<char>(rest & 0xff));
+    out += static_cast<char>(0x80 | length.size());
+    out += length;
+  }
+  return out + content;
+}
+
+std::string der_unsigned(std::uint64_t number) {
+  std::string content;
+  do {
+    content.insert(0, 1, static_cast<char>(number & 0xff));
+    number >>= 8;
+  } while (number > 0);
+  if ((content[0] & 0x80) != 0) content.insert(0, 1, '\0');
+  return der('\x02', content);
+}
+
+/// Maps in protobuf have no order of their own; the config block needs one, since it is hashed.
+std::string serialize(const google::protobuf::MessageLite& message) {
+  std::string bytes;
+  google::protobuf::io::StringOutputStream stream(&bytes);
+  google::protobuf::io::CodedOutputStream out(&stream);
+  out.SetSerializationDeterministic(true);
+  message.SerializeToCodedStream(&out);
+  out.Trim();
+  return bytes;
+}
+
+void set_value(common::ConfigGroup& group, const std::string& name, const google::protobuf::MessageLite& value) {
+  common::ConfigValue& entry = (*group.mutable_values())[name];
+  entry.set_value(serialize(value));
+  entry.set_mod_policy("Admins");
+}
+
+void set_capability(common::ConfigGroup& group) {
+  common::Capabilities capabilities;
+  (*capabilities.mutable_capabilities())["V2_0"];
+  set_value(group, "Capabilities", capabilities);
+}
+
+msp::MSPConfig msp_config(const crypto::MspRoot& organisation) {
+  msp::FabricMSPConfig fabric;
+  fabric.set_name(organisation.msp_id);
+  fabric.add_root_certs(organisation.ca_pem);
+  fabric.mutable_crypto_config()->set_signature_hash_family("SHA2");
+  fabric.mutable_crypto_config()->set_identity_identifier_hash_function("SHA256");
+  msp::FabricNodeOUs& units = *fabric.mutable_fabric_node_ous();
+  units.set_enable(true);
+  units.mutable_client_ou_identifier()->set_organizational_unit_identifier("client");
+  units.mutable_peer_ou_identifier()->set_organizational_unit_identifier("peer");
+  units.mutable_admin_ou_identifier()->set_organizational_unit_identifier("admin");
+  units.mutable_orderer_ou_identifier()->set_organizational_unit_identifier("orderer");
+  msp::MSPConfig config;
+  config.set_config(fabric.SerializeAsString());
+  return config;
+}
+
+}  // namespace
+
+std::string header_bytes(const common::BlockHeader& header) {
+  return der('\x30',
+             der_unsigned(header.number()) + der('\x04', header.previous_hash()) + der('\x04', header.data_hash()));
+}
+
+std::string header_hash(const common::BlockHeader& header) { return to_string(crypto::sha256(header_bytes(header))); }
+
+std::string data_hash(const common::BlockData& data) {
+  std::string all;
+  for (const std::string& envelope : data.data()) all += envelope;
+  return to_string(crypto::sha256(all));
+}
+
+common::Block make_block(std::uint64_t number, const std::string& previous_hash,
+                         const std::vector<std::string>& envelopes, const std::vector<TxStatus>& statuses) {
+  common::Block block;
+  for (const std::string& envelope : envelopes) block.mutable_data()->add_data(envelope);
+  common::BlockHeader& header = *block.mutable_header();
+  header.set_number(number);
+  header.set_previous_hash(previous_hash);
+  header.set_data_hash(data_hash(block.data()));
+  std::string flags;
+  for (const TxStatus& status : statuses) flags += static_cast<char>(status.code);
+  for (int i = 0; i <= common::COMMIT_HASH; ++i) block.mutable_metadata()->add_metadata();
+  block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
+  return block;
+}
+
+Status sign_block(common::Block& block, const crypto::SigningIdentity& orderer) {
+  common::OrdererBlockMetadata orderer_metadata;
+  orderer_metadata.mutable_last_config()->set_index(0);
+  common::Metadata signatures;
+  signatures.set_value(orderer_metadata.SerializeAsString());
+  const std::string header = header_bytes(block.header());
+  common::SignatureHeader signer;
+  signer.set_creator(orderer.serialized);
+  // A nonce has to differ from block to block and to repeat with the same input; the header's hash does both.
+  signer.set_nonce(header_hash(block.header()).substr(0, 24));
+  common::MetadataSignature& signature = *signatures.add_signatures();
+  signature.set_signature_header(signer.SerializeAsString());
+  auto bytes = orderer.signer->sign(signatures.value() + signature.signature_header() + header);
+  if (!bytes) return bytes.error();
+  signature.set_signature(*bytes);
+  block.mutable_metadata()->set_metadata(common::SIGNATURES, signatures.SerializeAsString());
+  return done;
+}
+
+std::string make_config_envelope(const CoreConfig& config, const crypto::SigningIdentity& orderer) {
+  common::ConfigEnvelope config_envelope;
+  common::ConfigGroup& root = *config_envelope.mutable_config()->mutable_channel_group();
+  common::HashingAlgorithm hashing;
+  hashing.set_name("SHA256");
+  set_value(root, "HashingAlgorithm", hashing);
+  common::BlockDataHashingStructure structure;
+  structure.set_width(0xffffffff);
+  set_value(root, "BlockDataHashingStructure", structure);
+  set_capability(root);
+
+  common::ConfigGroup& application = (*root.mutable_groups())["Application"];
+  set_capability(application);
+  for (const crypto::MspRoot& organisation : config.organisations) {
+    common::ConfigGroup& group = (*application.mutable_groups())[organisation.msp_id];
+    set_value(group, "MSP", msp_config(organisation));
+  }
+  common::ConfigGroup& ordering = (*root.mutable_groups())["Orderer"];
+  set_capability(ordering);
+  orderer::ConsensusType consensus;
+  consensus.set_type("ledgerline-node");
+  set_value(ordering, "ConsensusType", consensus);
+  orderer::BatchSize size;
+  size.set_max_message_count(static_cast<std::uint32_t>(config.batch_count));
+  size.set_absolute_max_bytes(static_cast<std::uint32_t>(config.max_envelope_bytes));
+  size.set_preferred_max_bytes(static_cast<std::uint32_t>(config.batch_bytes));
+  set_value(ordering, "BatchSize", size);
+  orderer::BatchTimeout timeout;
+  timeout.set_timeout(std::to_string(config.batch_timeout_ns / ns_per_us) + "us");
+  set_value(ordering, "BatchTimeout", timeout);
+
+  common::SignatureHeader signature_header;
+  signature_header.set_creator(orderer.serialized);
+  signature_header.set_nonce(std::string(24, '\0'));
+  common::ChannelHeader channel_header;
+  channel_header.set_type(common::CONFIG);
+  channel_header.set_channel_id(config.channel);
+  channel_header.set_tx_id(crypto::hex(crypto::sha256(signature_header.nonce() + signature_header.creator())));
+  common::Payload payload;
+  payload.mutable_header()->set_channel_header(channel_header.SerializeAsString());
+  payload.mutable_header()->set_signature_header(signature_header.SerializeAsString());
+  payload.set_data(serialize(config_envelope));
+  common::Envelope envelope;
+  envelope.set_payload(payload.SerializeAsString());
+  return envelope.SerializeAsString();
+}
+
+}  // namespace ledgerline::node

@@ -1,0 +1,27 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "chaincode/node/core/core.hpp"
+#include "common/common.pb.h"
+
+/// Blocks as Fabric's orderers and peers make them.
+namespace ledgerline::node {
+
+/// ASN.1 DER of SEQUENCE { INTEGER number, OCTET STRING previous hash, OCTET STRING data hash }: its SHA-256 is what
+/// the next block names, and the orderer signs it.
+std::string header_bytes(const common::BlockHeader& header);
+std::string header_hash(const common::BlockHeader& header);
+/// SHA-256 over all envelopes, one behind the other.
+std::string data_hash(const common::BlockData& data);
+
+/// Puts a block together: hashes, and one flag byte for each transaction.
+common::Block make_block(std::uint64_t number, const std::string& previous_hash,
+                         const std::vector<std::string>& envelopes, const std::vector<TxStatus>& statuses);
+/// Adds the orderer's signature over the header.
+Status sign_block(common::Block& block, const crypto::SigningIdentity& orderer);
+
+/// The channel's configuration (organisations with their certificates, batch settings) as an envelope for block 0.
+std::string make_config_envelope(const CoreConfig& config, const crypto::SigningIdentity& orderer);
+
+}  // namespace ledgerline::node

@@ -1,0 +1,78 @@
+#include "chaincode/node/core/simulation.hpp"
+
+namespace ledgerline::node {
+namespace {
+
+void set_version(kvrwset::KVRead& read, const Version& version) {
+  read.mutable_version()->set_block_num(version.block);
+  read.mutable_version()->set_tx_num(version.tx);
+}
+
+}  // namespace
+
+Result<std::optional<std::string>> Simulation::get_state(const std::string& key) {
+  const State::Value* value = state_.find(key);
+  reads_[key] = value == nullptr ? std::nullopt : std::optional(value->version);
+  if (value == nullptr) return std::optional<std::string>{};
+  return std::optional(value->bytes);
+}
+
+Status Simulation::put_state(const std::string& key, const std::string& value) {
+  if (key.empty()) return Error{"a key must not be empty"};
+  writes_[key] = value;
+  return done;
+}
+
+Result<std::vector<chaincode::KeyValue>> Simulation::get_range(const std::string& start, const std::string& end,
+                                                               std::size_t limit) {
+  std::vector<chaincode::KeyValue> found;
+  kvrwset::RangeQueryInfo& query = ranges_.emplace_back();
+  query.set_start_key(start);
+  query.set_end_key(end);
+  query.mutable_raw_reads();
+  auto value = state_.values().lower_bound(start);
+  for (; found.size() < limit && value != state_.values().end() && value->first < end; ++value) {
+    kvrwset::KVRead& read = *query.mutable_raw_reads()->add_kv_reads();
+    read.set_key(value->first);
+    set_version(read, value->second.version);
+    found.push_back({value->first, value->second.bytes});
+  }
+  query.set_itr_exhausted(found.size() < limit);
+  return found;
+}
+
+Result<std::vector<chaincode::KeyVersion>> Simulation::get_history(const std::string& key, std::size_t skip,
+                                                                   std::size_t limit) {
+  std::vector<chaincode::KeyVersion> found;
+  const std::vector<Version>* versions = state_.history(key);
+  if (versions == nullptr) return found;
+  for (std::size_t i = skip; i < versions->size() && found.size() < limit; ++i) {
+    auto version = read_version_(key, (*versions)[versions->size() - 1 - i]);
+    if (!version) return version.error();
+    found.push_back(std::move(*version));
+  }
+  return found;
+}
+
+void Simulation::set_event(const std::string& name, const std::string& payload) {
+  event_name_ = name;
+  event_payload_ = payload;
+}
+
+kvrwset::KVRWSet Simulation::read_write_set() const {
+  kvrwset::KVRWSet set;
+  for (const auto& [key, version] : reads_) {
+    kvrwset::KVRead& read = *set.add_reads();
+    read.set_key(key);
+    if (version) set_version(read, *version);
+  }
+  for (const kvrwset::RangeQueryInfo& range : ranges_) *set.add_range_queries_info() = range;
+  for (const auto& [key, value] : writes_) {
+    kvrwset::KVWrite& write = *set.add_writes();
+    write.set_key(key);
+    write.set_value(value);
+  }
+  return set;
+}
+
+}  // namespace ledgerline::node

@@ -1,0 +1,47 @@
+#pragma once
+#include <functional>
+#include <map>
+#include <string>
+
+#include "chaincode/node/core/state.hpp"
+#include "chaincode/contract/stub.hpp"
+#include "ledger/rwset/kvrwset/kv_rwset.pb.h"
+
+namespace ledgerline::node {
+
+/// Finds a written value in a block, with its transaction's id and time.
+using ReadVersion = std::function<Result<chaincode::KeyVersion>(const std::string& key, Version version)>;
+
+/// Runs a call against the committed state and records what it read and wrote.
+class Simulation final : public chaincode::Stub {
+ public:
+  Simulation(const State& state, const ReadVersion& read_version, const crypto::MspRegistry::Member& caller)
+      : state_(state), read_version_(read_version), caller_(caller) {}
+
+  Result<std::optional<std::string>> get_state(const std::string& key) override;
+  Status put_state(const std::string& key, const std::string& value) override;
+  Result<std::vector<chaincode::KeyValue>> get_range(const std::string& start, const std::string& end,
+                                                     std::size_t limit) override;
+  Result<std::vector<chaincode::KeyVersion>> get_history(const std::string& key, std::size_t skip,
+                                                         std::size_t limit) override;
+  void set_event(const std::string& name, const std::string& payload) override;
+  const crypto::IdentityName& caller() const override { return caller_.name; }
+  bool caller_is_admin() const override { return caller_.admin; }
+
+  /// Reads and writes in order of their keys, as Fabric writes them.
+  kvrwset::KVRWSet read_write_set() const;
+  bool has_event() const { return !event_name_.empty(); }
+  const std::string& event_name() const { return event_name_; }
+  const std::string& event_payload() const { return event_payload_; }
+
+ private:
+  const State& state_;
+  const ReadVersion& read_version_;
+  const crypto::MspRegistry::Member& caller_;
+  std::map<std::string, std::optional<Version>> reads_;
+  std::map<std::string, std::string> writes_;
+  std::vector<kvrwset::RangeQueryInfo> ranges_;
+  std::string event_name_, event_payload_;
+};
+
+}  // namespace ledgerline::node

@@ -1,0 +1,24 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/base/result.hpp"
+
+namespace ledgerline::node {
+
+/// What the node needs of the identities under DIR/crypto.
+struct Identities {
+  std::vector<crypto::MspRoot> organisations;  ///< Org1MSP..Org3MSP with their certificate authorities
+  std::vector<crypto::SigningIdentity> peers;  ///< one for each
+  crypto::SigningIdentity orderer;
+  std::string server_key_pem, server_certificate_pem;  ///< of Org1's peer
+};
+
+/// Loads them; makes them first when DIR/crypto is missing (chaincode/identities).
+Result<Identities> open_identities(const std::string& dir);
+
+/// A user's msp folder: user_msp_dir(DIR, 2, "User1").
+std::string user_msp_dir(const std::string& dir, int organisation, const std::string& user);
+
+}  // namespace ledgerline::node

@@ -1,0 +1,232 @@
+#include "chaincode/node/shell/node.hpp"
+
+#include "chaincode/identities/first_enrolments.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "common/base/log.hpp"
+
+namespace ledgerline::node {
+namespace {
+
+constexpr TimeNs slow_disk_ns = 100 * ns_per_ms;  // everybody waits that long: worth a line in the log
+
+}  // namespace
+
+Result<std::unique_ptr<Node>> Node::open(Options options) {
+  std::unique_ptr<Node> node(new Node);
+  node->dir_ = options.dir;
+  auto files = open_directory(options.dir + "/ledger");
+  if (!files) return files.error();
+  node->files_ = std::move(*files);
+  auto identities = open_identities(options.dir);
+  if (!identities) return identities.error();
+  node->identities_ = std::move(*identities);
+  node->config_ = std::move(options.core);
+  node->config_.organisations = node->identities_.organisations;
+  if (Status status = node->open_ledger(); !status) return status.error();
+  if (node->core_->height() < 3) {
+    // A new ledger, or one whose first start was cut short; enrolling again what is enrolled changes nothing.
+    if (Status status = node->enroll_first(); !status) return status.error();
+  }
+  node->feed_ = std::make_unique<BlockFeed>(*node->store_);
+  node->feed_->start_at(node->store_->height());
+  node->core_thread_ = std::thread([raw = node.get()] { raw->run_core(); });
+  node->writer_thread_ = std::thread([raw = node.get()] { raw->run_writer(); });
+  return node;
+}
+
+Node::~Node() { stop(); }
+
+Status Node::open_ledger() {
+  std::shared_ptr<crypto::MspRegistry> registry =
+      crypto::make_msp_registry(crypto::Library::libcrypto, identities_.organisations);
+  core_ = std::make_unique<NodeCore>(config_, registry, identities_.peers, identities_.orderer,
+                                     [this](std::uint64_t number) { return store_->read(number); });
+  auto store = BlockStore::open(
+      *files_, [this](std::string_view block) { return core_->replay(block); },
+      [](const std::string& message) { spdlog::warn("{}", message); });
+  if (!store) return store.error();
+  store_ = std::move(*store);
+  if (core_->height() == 0) return commit_now(core_->genesis());
+  spdlog::info("replayed {} blocks from {}", core_->height(), dir_);
+  return done;
+}
+
+Status Node::commit_now(const CutBlock& block) {
+  if (Status status = store_->append(block.bytes); !status) return status;
+  for (const TxStatus& status : core_->apply(block).transactions) {
+    if (status.code != 0) return Error{"transaction " + status.tx_id + " is invalid: " + std::to_string(status.code)};
+  }
+  return done;
+}
+
+Status Node::submit_now(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg) {
+  const fabric::ChannelAndContract where{config_.channel, config_.contract};
+  const auto proposal = fabric::make_proposal(who, where, {function, {arg}}, realtime_ns(), crypto::random_bytes(24));
+  if (!proposal) return proposal.error();
+  const Reply endorsed = core_->endorse(proposal->signed_proposal, read_now());
+  if (endorsed.code != Code::ok) return Error{function + ": " + endorsed.message + ": " + endorsed.detail};
+  const auto envelope = fabric::sign_envelope(who, endorsed.bytes);
+  if (!envelope) return envelope.error();
+  const Reply ordered = core_->order(*envelope, read_now());
+  if (ordered.code != Code::ok) return Error{function + ": " + ordered.message};
+  Now late = read_now();
+  late.monotonic_ns += config_.batch_timeout_ns;
+  const auto block = core_->cut(late);
+  if (!block) return Error{function + ": no block was cut"};
+  return commit_now(*block);
+}
+
+Status Node::enroll_first() {
+  for (const FirstEnrolment& enrolment : first_enrolments()) {
+    const std::string& msp_id = identities_.organisations[static_cast<std::size_t>(enrolment.organisation - 1)].msp_id;
+    const auto admin =
+        crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, enrolment.organisation, "Admin"));
+    const auto user =
+        crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, enrolment.organisation, "User1"));
+    if (!admin) return admin.error();
+    if (!user) return user.error();
+    if (Status s = submit_now(*admin, "enroll", enrolment.call(user->name)); !s) return s;
+  }
+  return done;
+}
+
+bool Node::post(Task task, Turn turn) {
+  {
+    const std::lock_guard lock(mutex_);
+    std::deque<Task>& queue = turn == Turn::first ? tasks_ : later_;
+    if (queue.size() >= max_tasks || stopping_) return false;
+    queue.push_back(std::move(task));
+  }
+  core_wakes_.notify_one();
+  return true;
+}
+
+void Node::post_always(Task task) {
+  {
+    const std::lock_guard lock(mutex_);
+    tasks_.push_back(std::move(task));
+  }
+  core_wakes_.notify_one();
+}
+
+void Node::on_answer(std::function<void(std::uint64_t, const TxStatus&)> handler) {
+  post_always([this, handler = std::move(handler)](NodeCore&) { on_answer_ = handler; });
+}
+
+void Node::on_failure(std::function<void(const std::string&)> handler) {
+  const std::lock_guard lock(mutex_);
+  on_failure_ = std::move(handler);
+}
+
+void Node::run_core() {
+  constexpr int most_in_a_row = 16;
+  int in_a_row = 0;
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    const auto idle = [&] { return tasks_.empty() && later_.empty(); };
+    const auto ready = [&] { return !idle() || written_ || stopping_; };
+    if (const auto due = failed_ ? std::nullopt : core_->next_cut()) {
+      const TimeNs now = monotonic_ns();
+      if (!ready() && *due > now) core_wakes_.wait_for(lock, std::chrono::nanoseconds(*due - now), ready);
+    } else {
+      core_wakes_.wait(lock, ready);
+    }
+    if (stopping_ && idle() && !writing_ && !written_) break;
+    std::optional<CutBlock> written = std::exchange(written_, std::nullopt);
+    Task task;
+    if (!idle()) {
+      // Now and then a question has its turn though others wait, so that it is answered at all.
+      const bool question = tasks_.empty() || (!later_.empty() && ++in_a_row >= most_in_a_row);
+      if (question) in_a_row = 0;
+      std::deque<Task>& queue = question ? later_ : tasks_;
+      task = std::move(queue.front());
+      queue.pop_front();
+    }
+    const bool may_cut = !failed_;
+    lock.unlock();
+    if (written) apply(*written);
+    if (task) std::exchange(task, nullptr)(*core_);
+    if (may_cut) {
+      if (auto block = core_->cut(read_now())) hand_to_writer(std::move(*block));
+    }
+    lock.lock();
+    // While stopping, a block that is under way is finished; nothing more can come after it but queued tasks.
+    if (stopping_ && idle() && writing_) core_wakes_.wait(lock, [&] { return written_ || !writing_; });
+  }
+  core_ended_ = true;
+  writer_wakes_.notify_one();
+}
+
+void Node::hand_to_writer(CutBlock block) {
+  if (!block.warning.empty())
+    spdlog::warn("block {} is without the orderer's signature: {}", block.number, block.warning);
+  {
+    const std::lock_guard lock(mutex_);
+    to_write_ = std::move(block);
+    writing_ = true;
+  }
+  writer_wakes_.notify_one();
+}
+
+/// Nothing is announced that is not on disk; a full one may have room again.
+Status Node::store(const CutBlock& block) {
+  constexpr std::chrono::milliseconds again_after{100};
+  Status stored = store_->append(block.bytes);
+  for (bool told = false; !stored && store_->full(); stored = store_->append(block.bytes)) {
+    if (!std::exchange(told, true))
+      spdlog::error("block {} waits for room on the disk, and nothing is confirmed meanwhile: {}", block.number,
+                    stored.error().what);
+    std::unique_lock lock(mutex_);
+    if (writer_wakes_.wait_for(lock, again_after, [&] { return stopping_; })) break;
+  }
+  return stored;
+}
+
+void Node::run_writer() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    writer_wakes_.wait(lock, [&] { return to_write_ || core_ended_; });
+    if (!to_write_) return;
+    CutBlock block = std::move(*std::exchange(to_write_, std::nullopt));
+    lock.unlock();
+    const TimeNs begin = monotonic_ns();
+    const Status stored = store(block);
+    const TimeNs took = monotonic_ns() - begin;
+    disk_.add(took);
+    if (took > slow_disk_ns) spdlog::warn("the disk took {:.0f} ms for block {}", to_ms(took), block.number);
+    lock.lock();
+    writing_ = false;
+    if (stored) {
+      written_ = std::move(block);
+    } else {
+      // The block stays under way for ever: nothing is announced that is not on disk.
+      failed_ = true;
+      spdlog::error("the ledger stops: {}", stored.error().what);
+      if (on_failure_) on_failure_(stored.error().what);
+    }
+    core_wakes_.notify_one();
+  }
+}
+
+void Node::apply(const CutBlock& block) {
+  const Applied applied = core_->apply(block);
+  // Readers of blocks first: commands travel that way.
+  feed_->publish(block.number, block.bytes);
+  for (const Applied::Answer& answer : applied.answers) {
+    if (on_answer_) on_answer_(answer.waiter, answer.status);
+  }
+}
+
+void Node::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  core_wakes_.notify_one();
+  writer_wakes_.notify_one();
+  if (core_thread_.joinable()) core_thread_.join();
+  if (writer_thread_.joinable()) writer_thread_.join();
+  if (core_) counts_ = core_->counts();
+}
+
+}  // namespace ledgerline::node

@@ -1,0 +1,96 @@
+#pragma once
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "chaincode/node/core/core.hpp"
+#include "chaincode/node/shell/block_feed.hpp"
+#include "chaincode/node/shell/identities.hpp"
+#include "chaincode/node/storage/block_store.hpp"
+#include "common/rt/histogram.hpp"
+
+namespace ledgerline::node {
+
+inline Now read_now() { return {monotonic_ns(), realtime_ns()}; }
+
+/// The core with its two threads. The core thread alone touches the core; it takes tasks from two bounded queues and
+/// cuts blocks when they are due. The writer thread puts each block on disk, while the core goes on endorsing; then the
+/// core applies it, and readers and waiters hear of it.
+class Node {
+ public:
+  struct Options {
+    std::string dir;
+    CoreConfig core;
+  };
+  /// Opens or makes everything under dir, replays the ledger, enrolls who comes with a new one, starts the threads.
+  static Result<std::unique_ptr<Node>> open(Options options);
+  ~Node();
+  Node(const Node&) = delete;
+  Node& operator=(const Node&) = delete;
+
+  using Task = std::function<void(NodeCore&)>;
+  /// Who waits for commands and states goes first; who only asks comes after them (but is not kept waiting for ever).
+  enum class Turn { first, later };
+  /// Any thread. False: the queue is full, the task was not taken.
+  bool post(Task task, Turn turn = Turn::first);
+  /// The same without a limit: for what ends something (a cancelled call), which must never be lost. There is one for
+  /// each open call at most.
+  void post_always(Task task);
+
+  BlockFeed& feed() { return *feed_; }
+  const Identities& identities() const { return identities_; }
+  const CoreConfig& config() const { return config_; }
+  /// Called once, on the core thread, for each answer to a waiter that a task left with NodeCore::watch. Set before
+  /// serving.
+  void on_answer(std::function<void(std::uint64_t waiter, const TxStatus&)> handler);
+  /// Called when the ledger cannot go on (the disk failed). Set before serving.
+  void on_failure(std::function<void(const std::string&)> handler);
+
+  /// Stops the threads after the tasks that are queued and the block under way.
+  void stop();
+  NodeCore::Counts counts() const { return counts_; }  ///< after stop()
+  /// How long blocks took to be on disk; after stop().
+  Quantiles disk_ms() const { return disk_.quantiles_ms(); }
+
+ private:
+  static constexpr std::size_t max_tasks = 4096;
+
+  Node() = default;
+  Status open_ledger();
+  Status enroll_first();
+  Status submit_now(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg);
+  Status commit_now(const CutBlock& block);
+  void run_core();
+  void run_writer();
+  Status store(const CutBlock& block);
+  void hand_to_writer(CutBlock block);
+  void apply(const CutBlock& block);
+
+  CoreConfig config_;
+  std::string dir_;
+  Identities identities_;
+  std::unique_ptr<Files> files_;
+  std::unique_ptr<BlockStore> store_;
+  std::unique_ptr<BlockFeed> feed_;
+  std::unique_ptr<NodeCore> core_;
+  NodeCore::Counts counts_;
+  Histogram disk_;  // of the writer thread
+  std::function<void(std::uint64_t, const TxStatus&)> on_answer_;
+  std::function<void(const std::string&)> on_failure_;
+
+  std::mutex mutex_;  // guards what follows
+  std::condition_variable core_wakes_, writer_wakes_;
+  std::deque<Task> tasks_, later_;
+  std::optional<CutBlock> to_write_, written_;
+  bool writing_ = false, failed_ = false, stopping_ = false, core_ended_ = false;
+
+  std::thread core_thread_, writer_thread_;
+};
+
+}  // namespace ledgerline::node

@@ -1,0 +1,46 @@
+#include "common/base/printable.hpp"
+
+namespace ledgerline {
+namespace {
+
+// Bytes of the UTF-8 character (RFC 3629) at the front, which is not empty; 0: it is none.
+std::size_t character_size(std::string_view text) {
+  const auto byte = [&](std::size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0U; };
+  const unsigned first = byte(0);
+  if (first < 0x80) return 1;
+  const std::size_t size = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
+  if (first < 0xc2 || first > 0xf4) return 0;
+  for (std::size_t i = 1; i < size; ++i) {
+    if ((byte(i) & 0xc0) != 0x80) return 0;
+  }
+  const bool overlong = (first == 0xe0 && byte(1) < 0xa0) || (first == 0xf0 && byte(1) < 0x90);
+  const bool surrogate = first == 0xed && byte(1) >= 0xa0;
+  const bool beyond = first == 0xf4 && byte(1) >= 0x90;
+  return overlong || surrogate || beyond ? 0 : size;
+}
+
+// U+0080 to U+009F are controls as well (U+009B begins a terminal's commands), U+2028 and U+2029 end lines.
+bool is_control(std::string_view character) {
+  if (character.size() == 1) return character[0] < ' ' || character[0] == '\x7f';
+  return (character.size() == 2 && character[0] == '\xc2' && static_cast<unsigned char>(character[1]) < 0xa0) ||
+         character == "\xe2\x80\xa8" || character == "\xe2\x80\xa9";
+}
+
+}  // namespace
+
+std::string clear_text(std::string_view text, std::size_t most) {
+  constexpr std::string_view rest = "...";
+  std::string out;
+  std::size_t cut = 0;  // where the rest may begin
+  while (!text.empty()) {
+    const std::size_t size = character_size(text);
+    const bool printable = size > 0 && !is_control(text.substr(0, size));
+    out += printable ? text.substr(0, size) : "?";
+    text.remove_prefix(size == 0 ? 1 : size);
+    if (out.size() + rest.size() <= most) cut = out.size();
+    if (out.size() > most) return out.replace(cut, std::string::npos, rest);
+  }
+  return out;
+}
+
+}  // namespace ledgerline

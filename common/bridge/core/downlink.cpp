@@ -1,0 +1,251 @@
+#include "common/bridge/core/downlink.hpp"
+
+#include <algorithm>
+#include <functional>
+
+#include "common/belief/calls.hpp"
+#include "common/msg/proto_json.hpp"
+
+namespace ledgerline::bridge {
+namespace {
+
+AssetView view_of(const Asset& asset) {
+  AssetView view{.id = asset.id(), .type = asset.msg_type(), .cdr = asset.msg_data(), .origin = {}};
+  if (asset.has_origin())
+    view.origin = {asset.origin().writer(), asset.origin().life(), asset.origin().sequence(),
+                   asset.origin().stamp_ns()};
+  return view;
+}
+
+/// Of the same writer, and not newer.
+bool had(const Origin& newest, const Origin& other) {
+  return newest.writer == other.writer &&
+         (other.life < newest.life || (other.life == newest.life && other.sequence <= newest.sequence));
+}
+
+/// CDR as ROS 2 sends it: PLAIN_CDR in either byte order, behind its four bytes.
+bool is_cdr(std::string_view bytes) { return bytes.size() >= 4 && bytes[0] == 0 && (bytes[1] == 0 || bytes[1] == 1); }
+
+/// A peer could have put other messages into the event than its writer signed.
+bool is_what_was_asked(const fabric::Transaction& tx) {
+  if (tx.function == "set" && tx.args.size() == 1 && tx.args[0] == tx.event_payload) return true;
+  SetCall asked;
+  return belief::match_set({tx.function, tx.args}, tx.event_payload, asked) != belief::Match::altered;
+}
+
+/// A type of ROS 2, and that of its [[topic]] where it says one.
+bool fits(const Downlink::Topic& topic, std::string_view type) {
+  return is_ros_type(type) && (topic.rule->type.empty() || topic.rule->type == type);
+}
+
+}  // namespace
+
+Downlink::Downlink(DownlinkConfig config, crypto::MspRegistry& believed)
+    : config_(std::move(config)), believed_(believed) {}
+
+void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector<Delivery>& out) {
+  held_.clear();
+  for (const fabric::Transaction& tx : block.transactions) {
+    if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
+    if (tx.code != 0 || tx.config || tx.event_name != "set" || tx.contract != config_.contract) continue;
+    if (!is_what_was_asked(tx)) {
+      ++unbelievable_transactions_;
+      continue;
+    }
+    if (is_json(tx.event_payload)) {
+      auto call = std::make_unique<SetCall>();
+      if (!parse_message(tx.event_payload, *call)) {
+        ++malformed_frames_;
+        continue;
+      }
+      set_.assets.clear();
+      set_.stream = call->stream();
+      for (const Asset& asset : call->assets()) set_.assets.push_back(view_of(asset));
+      held_.push_back(std::move(call));
+    } else if (!read_set(tx.event_payload, set_)) {
+      ++malformed_frames_;
+      continue;
+    }
+    take(real_now, tx, set_, out);
+  }
+}
+
+Downlink::Match Downlink::match(std::string_view id) {
+  const std::string_view topic = ros_topic_of(id, name_buffer_);
+  if (topic.size() < 2) return {};
+  const Rule* rule = rule_down(config_.rules, topic, id);
+  if (!rule || !is_wildcard(*rule) || !is_guarded(topic)) return {rule, false};
+  if (const Rule* named = rule_down(config_.rules, topic, id, true)) return {named, false};
+  return {rule, true};
+}
+
+// Ids beyond the bounds share one topic, which only counts them.
+std::size_t Downlink::topic_of(std::string_view id, const Match& match) {
+  const auto of_one = ids_of_.find(first_segment(id));
+  const bool beyond = by_id_.size() == most_ids || (of_one != ids_of_.end() && of_one->second == most_ids_of_one);
+  if (beyond && further_) return *further_;
+  topics_.push_back({.name = beyond ? "(further topics)" : std::string(ros_topic_of(id, name_buffer_)),
+                     .id = beyond ? "" : std::string(id),
+                     .type = match.rule->type,
+                     .rule = match.rule,
+                     .withheld = !beyond && match.withheld,
+                     .counters = {}});
+  slots_.emplace_back();
+  const std::size_t index = topics_.size() - 1;
+  if (beyond) {
+    further_ = index;
+  } else {
+    by_id_.emplace(id, index);
+    ++ids_of_[std::string(first_segment(id))];
+  }
+  return index;
+}
+
+// DDS has one type of a topic in a process: the id that brought it first may change it, another one may not.
+bool Downlink::has_type(std::size_t topic, std::string_view type) const {
+  const auto first = by_ros_name_.find(topics_[topic].name);
+  return first == by_ros_name_.end() || first->second == topic || topics_[first->second].type == type;
+}
+
+void Downlink::look_at(TimeNs real_now, const fabric::Transaction& tx, Signer& signer) {
+  signer.known = true;
+  signer.hash = std::hash<std::string>{}(tx.creator);
+  const auto member = believed_.member(tx.creator, real_now / ns_per_s);
+  if (!member) return;
+  signer.name = (*member)->name;
+  signer.believed = (*member)->verifier->verify(tx.payload, tx.signature);
+}
+
+void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetView& set, std::vector<Delivery>& out) {
+  Signer signer;
+  for (const AssetView& asset : set.assets) {
+    const auto known = by_id_.find(asset.id);
+    std::size_t index = 0;
+    if (known != by_id_.end()) {
+      index = known->second;
+    } else {
+      const Match found = match(asset.id);
+      if (!found.rule) continue;
+      index = topic_of(asset.id, found);
+    }
+    Topic& topic = topics_[index];
+    Slot& slot = slots_[index];
+    ++topic.counters.taken;
+    if (slot.last_tx != tx.tx_id) ++topic.counters.batches;
+    slot.last_tx = tx.tx_id;
+    if (topic.withheld) {
+      refuse(topic, Refusal::unnamed);
+      continue;
+    }
+    if (!signer.known) look_at(real_now, tx, signer);
+    const std::string_view owner = first_segment(asset.id);
+    if (asset.origin.writer == config_.writer || (asset.origin.writer == 0 && signer.name == config_.self)) {
+      refuse(topic, Refusal::echo);
+    } else if (!signer.believed) {
+      refuse(topic, Refusal::unbelieved);
+    } else if (is_msp_id(owner) && owner != signer.name.msp_id) {
+      refuse(topic, Refusal::wrong_writer);
+    } else if (index == further_) {
+      refuse(topic, Refusal::too_many);
+    } else if (!fits(topic, asset.type) || !has_type(index, asset.type)) {
+      refuse(topic, Refusal::wrong_type);
+    } else if (!is_cdr(asset.cdr)) {
+      refuse(topic, Refusal::malformed);
+    } else if (in_order(slot, topic, asset, signer.hash, set.stream)) {
+      deliver(real_now, index, asset, out);
+    }
+  }
+}
+
+bool Downlink::in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream) {
+  auto writer = std::find_if(slot.writers.begin(), slot.writers.end(),
+                             [&](const Writer& w) { return w.origin == asset.origin.writer && w.signer == signer; });
+  const bool first = writer == slot.writers.end();
+  if (first) {
+    if (slot.writers.size() == most_writers) {
+      refuse(topic, Refusal::too_many);
+      return false;
+    }
+    slot.writers.push_back({.origin = asset.origin.writer, .signer = signer, .life = 0, .sequence = 0, .newest = {}});
+    writer = slot.writers.end() - 1;
+  }
+  if (asset.origin.writer == 0) {
+    // Without a sequence a value that a frame carries along is known by its bytes.
+    const bool repeated = stream && !first && writer->newest == asset.cdr;
+    if (stream) writer->newest = asset.cdr;
+    if (repeated) refuse(topic, Refusal::repeated);
+    return !repeated;
+  }
+  const Origin newest{writer->origin, writer->life, writer->sequence};
+  if (had(newest, asset.origin) || had(slot.got, asset.origin)) {
+    const Origin& same = newest.life == asset.origin.life ? newest : slot.got;
+    const bool again = same.life == asset.origin.life && same.sequence == asset.origin.sequence;
+    refuse(topic, again ? Refusal::repeated : Refusal::doublet);
+    return false;
+  }
+  if (asset.origin.life == writer->life) topic.counters.missing += asset.origin.sequence - writer->sequence - 1;
+  writer->life = asset.origin.life;
+  writer->sequence = asset.origin.sequence;
+  return true;
+}
+
+void Downlink::deliver(TimeNs real_now, std::size_t topic, const AssetView& asset, std::vector<Delivery>& out) {
+  Topic& shown = topics_[topic];
+  by_ros_name_.try_emplace(shown.name, topic);
+  if (shown.type != asset.type) shown.type = asset.type;
+  ++shown.counters.published;
+  shown.counters.bytes += asset.cdr.size();
+  const TimeNs source_ns = std::max<TimeNs>(asset.origin.stamp_ns, 0);  // a stranger may claim any
+  if (source_ns != 0) shown.counters.age.add(real_now - source_ns);
+  out.push_back({.topic = topic,
+                 .type = asset.type,
+                 .cdr = {reinterpret_cast<const std::uint8_t*>(asset.cdr.data()), asset.cdr.size()},
+                 .source_ns = source_ns});
+}
+
+void Downlink::failed(std::size_t topic) {
+  --topics_[topic].counters.published;
+  refuse(topics_[topic], Refusal::dds);
+}
+
+std::vector<std::string> Downlink::latched() const {
+  std::vector<std::string> ids;
+  for (const Rule& rule : config_.rules) {
+    if (!rule.latched || !rule.from_ledger || rule.left_out) continue;
+    // Up to the "*", by whole segments; what does not match is left out when it comes.
+    std::string id = is_msp_id(rule.from) ? rule.from + rule.name : rule.name.substr(1);
+    if (const auto star = id.find('*'); star != std::string::npos) {
+      const auto slash = id.rfind('/', star);
+      id = (slash == std::string::npos ? rule.from : id.substr(0, slash)) + "/*";
+    }
+    if (first_segment(id) == rule.from && std::find(ids.begin(), ids.end(), id) == ids.end()) ids.push_back(id);
+  }
+  return ids;
+}
+
+// The contract let only an owner write them, and an answer of `get` has no signature: the peer is believed here.
+void Downlink::on_values(TimeNs real_now, const Assets& values, std::vector<Delivery>& out) {
+  for (const Asset& value : values.assets()) {
+    const AssetView asset = view_of(value);
+    const Match found = match(asset.id);
+    if (!found.rule || !found.rule->latched || asset.origin.writer == config_.writer || by_id_.contains(asset.id))
+      continue;
+    const std::size_t index = topic_of(asset.id, found);
+    Topic& topic = topics_[index];
+    ++topic.counters.taken;
+    if (topic.withheld) {
+      refuse(topic, Refusal::unnamed);
+    } else if (index == further_) {
+      refuse(topic, Refusal::too_many);
+    } else if (!fits(topic, asset.type) || !has_type(index, asset.type)) {
+      refuse(topic, Refusal::wrong_type);
+    } else if (!is_cdr(asset.cdr)) {
+      refuse(topic, Refusal::malformed);
+    } else {
+      slots_[index].got = asset.origin;
+      deliver(real_now, index, asset, out);
+    }
+  }
+}
+
+}  // namespace ledgerline::bridge

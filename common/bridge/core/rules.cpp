@@ -1,0 +1,217 @@
+#include "common/bridge/core/rules.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+
+namespace ledgerline::bridge {
+namespace {
+
+constexpr std::int64_t default_queue = 256, most_queued = 10'000;
+
+constexpr std::array guarded_names{
+    "*/cmd_vel",     "*/takeoff",   "*/land", "*/stop",    "*/emergency",  // pilots' (ground/core/topics.cpp)
+    "/vrpn_mocap/*",                                                       // mocap's (agent, sim)
+    "*/odom",        "*/pose",      "*/link", "*/battery", "*/imu",       "*/failsafe",  // drones' (agent, ground)
+    "/tf",           "/diagnostics"};
+
+bool is_name_char(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+}
+
+bool is_pattern(const std::string& name) {
+  return name.size() > 1 && name.front() == '/' && name.back() != '/' && name.find("//") == std::string::npos &&
+         std::all_of(name.begin(), name.end(), [](char c) { return is_name_char(c) || c == '/' || c == '*'; });
+}
+
+bool is_segment(const std::string& name) {
+  return !name.empty() &&
+         std::all_of(name.begin(), name.end(), [](char c) { return is_name_char(c) || c == '-' || c == '.'; });
+}
+
+Rule read_rule(Config& config, const std::string& at) {
+  Rule rule;
+  rule.name = config.text(at + "name");
+  if (!rule.name.empty() && !is_pattern(rule.name)) {
+    config.wrong(at + "name",
+                 fmt::format("is \"{}\", must be a ROS 2 topic as in /a/b: letters, digits, _ and /, and * "
+                             "for any characters",
+                             rule.name));
+  }
+  rule.type = config.text(at + "type", "");
+  if (!rule.type.empty() && !is_ros_type(rule.type)) {
+    config.wrong(at + "type", fmt::format("is \"{}\", must be as in std_msgs/msg/String", rule.type));
+  }
+  const std::string direction = config.choice(at + "direction", {"to_ledger", "from_ledger", "both"}, "both");
+  rule.to_ledger = direction != "from_ledger";
+  rule.from_ledger = direction != "to_ledger";
+  rule.from = config.text(at + "from", "");
+  if (!rule.from.empty() && rule.from != anybody && !is_segment(rule.from)) {
+    config.wrong(at + "from",
+                 fmt::format("is \"{}\", must be an organisation's MSP id or an enrolled name, or \"*\" for anybody's",
+                             rule.from));
+  }
+  if (rule.from.empty() && rule.from_ledger) {
+    config.wrong(at + "from",
+                 fmt::format("is missing: whose {} is taken from the ledger? Give an organisation's MSP id or an "
+                             "enrolled name, \"*\" for anybody's, or direction = \"to_ledger\"",
+                             rule.name));
+  }
+  rule.channel = config.text(at + "channel", "");
+  rule.latest = config.choice(at + "keep", {"all", "latest"}, "all") == "latest";
+  rule.latched = config.boolean(at + "latched", false);
+  rule.stream = config.boolean(at + "stream", false);
+  rule.rate_hz = config.number(at + "rate_hz", 0, 0, 10'000);
+  rule.every = static_cast<int>(config.integer(at + "every", 1, 1, 1'000'000));
+  rule.priority = static_cast<int>(config.integer(at + "priority", 5, 0, 9));
+  rule.queue = static_cast<std::size_t>(config.integer(at + "queue", default_queue, 1, most_queued));
+  if (rule.latest) rule.queue = 1;
+  rule.reliable = config.boolean(at + "reliable", true);
+  rule.depth = static_cast<int>(
+      config.integer(at + "depth", rule.latched ? 1 : static_cast<std::int64_t>(rule.queue), 1, most_queued));
+  if (rule.latched && rule.stream) {
+    config.wrong(at + "stream", "must not be true with latched = true, whose value has a key of its own");
+  }
+  if (rule.latched && rule.from_ledger && (rule.from.empty() || rule.from == anybody)) {
+    config.wrong(at + "latched",
+                 "needs from = \"...\" (whose value: an organisation's MSP id or an enrolled name), or direction = "
+                 "\"to_ledger\"");
+  }
+  return rule;
+}
+
+/// They come first, so that they decide.
+std::vector<Rule> rules_of(const Host& host) {
+  std::vector<Rule> rules;
+  for (const std::string& topic : host.topics) {
+    Rule& rule = rules.emplace_back();
+    rule.name = topic;
+    rule.to_ledger = rule.from_ledger = rule.left_out = true;
+    rule.from = anybody;
+  }
+  return rules;
+}
+
+const Rule* unless_left_out(const std::vector<Rule>& rules, std::vector<Rule>::const_iterator rule) {
+  return rule == rules.end() || rule->left_out ? nullptr : &*rule;
+}
+
+}  // namespace
+
+bool BridgeConfig::carries_something() const {
+  return std::any_of(rules.begin(), rules.end(), [](const Rule& rule) { return !rule.left_out; });
+}
+
+BridgeConfig read_bridge(Config& config, const Host* host) {
+  BridgeConfig out;
+  if (host) {
+    out.beside = true;
+    out.enrolled = host->enrolled;
+    out.rules = rules_of(*host);
+  }
+  out.name = config.text("bridge.name", "");
+  out.min_gap_ns = from_seconds(config.number("bridge.min_gap_ms", 10, 0, 10'000) * 1e-3);
+  out.bulk_share = config.number("bridge.bulk_share", out.bulk_share, 0.001, 1);
+  out.status_file = config.text("output.status", "");
+  out.status_period_ns = host ? ns_per_s : config.integer("output.status_period_ms", 1'000, 10, 60'000) * ns_per_ms;
+  for (std::size_t i = 0; i < config.table_count("enrolled"); ++i) {
+    const std::string key = fmt::format("enrolled.{}.name", i);
+    out.enrolled.push_back(config.text(key));
+    if (!is_segment(out.enrolled.back())) config.wrong(key, "must be one segment of an id: [A-Za-z0-9_.-]");
+  }
+  for (std::size_t i = 0; i < config.table_count("topic"); ++i) {
+    const std::string at = fmt::format("topic.{}.", i);
+    out.rules.push_back(read_rule(config, at));
+    const Rule& rule = out.rules.back();
+    if (host && std::find(host->topics.begin(), host->topics.end(), rule.name) != host->topics.end())
+      config.wrong(at + "name",
+                   fmt::format("is \"{}\", which this program brings to or from the ledger itself", rule.name));
+    if (host && host->has_frame && rule.stream) {
+      config.wrong(at + "stream", "must not be true here: the one frame of this identity has the states of its drones");
+    }
+    const bool below_enrolled = std::any_of(out.enrolled.begin(), out.enrolled.end(), [&](const std::string& name) {
+      return rule.name.starts_with("/" + name + "/");
+    });
+    if (rule.stream && rule.to_ledger && !below_enrolled) {
+      config.wrong(at + "stream",
+                   "needs a topic below a name that is enrolled to this host and stands in [[enrolled]]");
+    }
+  }
+  return out;
+}
+
+bool is_wildcard(const Rule& rule) { return rule.name.find('*') != std::string::npos; }
+
+const Rule* rule_up(const std::vector<Rule>& rules, std::string_view ros_topic) {
+  return unless_left_out(rules, std::find_if(rules.begin(), rules.end(), [&](const Rule& rule) {
+                           return rule.to_ledger && matches(rule.name, ros_topic);
+                         }));
+}
+
+const Rule* rule_down(const std::vector<Rule>& rules, std::string_view ros_topic, std::string_view id, bool by_name) {
+  return unless_left_out(rules, std::find_if(rules.begin(), rules.end(), [&](const Rule& rule) {
+                           return rule.from_ledger && (rule.from == anybody || rule.from == first_segment(id)) &&
+                                  !(by_name && is_wildcard(rule)) && matches(rule.name, ros_topic);
+                         }));
+}
+
+bool is_guarded(std::string_view ros_topic) {
+  return std::any_of(guarded_names.begin(), guarded_names.end(),
+                     [&](const char* name) { return matches(name, ros_topic); });
+}
+
+bool matches(std::string_view pattern, std::string_view text) {
+  // Where the last "*" began and what it has taken: longer each time that what follows does not fit.
+  std::size_t p = 0, t = 0, star = std::string_view::npos, taken = 0;
+  while (t < text.size()) {
+    if (p < pattern.size() && pattern[p] == '*') {
+      star = p++;
+      taken = t;
+    } else if (p < pattern.size() && pattern[p] == text[t]) {
+      ++p;
+      ++t;
+    } else if (star != std::string_view::npos) {
+      p = star + 1;
+      t = ++taken;
+    } else {
+      return false;
+    }
+  }
+  return pattern.substr(p).find_first_not_of('*') == std::string_view::npos;
+}
+
+std::string_view first_segment(std::string_view id) { return id.substr(0, id.find('/')); }
+
+bool is_msp_id(std::string_view segment) { return segment.ends_with("MSP"); }
+
+std::string ledger_id(std::string_view ros_topic, std::string_view msp_id, const std::vector<std::string>& enrolled) {
+  const std::string_view relative = ros_topic.substr(1);
+  const auto known = std::find(enrolled.begin(), enrolled.end(), first_segment(relative));
+  if (known != enrolled.end() && relative.size() > known->size()) return std::string(relative);
+  return fmt::format("{}{}", msp_id, ros_topic);
+}
+
+std::string_view ros_topic_of(std::string_view id, std::string& buffer) {
+  const std::string_view name = first_segment(id);
+  if (is_msp_id(name)) return id.substr(name.size());
+  buffer.assign(1, '/').append(id);
+  return buffer;
+}
+
+bool is_ros_type(std::string_view type) {
+  const std::size_t first = type.find('/'), last = type.rfind('/');
+  if (first == std::string_view::npos || first == 0 || last + 1 == type.size()) return false;
+  if (type.substr(first, last - first + 1) != "/msg/") return false;
+  return std::all_of(type.begin(), type.end(), [](char c) { return is_name_char(c) || c == '/'; });
+}
+
+std::uint64_t writer_of(const crypto::IdentityName& who, const std::string& bridge) {
+  const crypto::Digest digest = crypto::sha256(who.msp_id + "\n" + who.subject + "\n" + bridge);
+  std::uint64_t writer = 0;
+  std::memcpy(&writer, digest.data(), sizeof writer);
+  return writer;
+}
+
+}  // namespace ledgerline::bridge

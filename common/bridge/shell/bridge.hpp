@@ -1,0 +1,96 @@
+#pragma once
+#include <atomic>
+#include <condition_variable>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/bridge/core/report.hpp"
+#include "common/dds/raw.hpp"
+#include "common/fabric/client/client.hpp"
+
+namespace ledgerline::bridge {
+
+/// The bridge's I/O around Uplink and Downlink, for one channel. DDS's threads put messages into Uplink; a thread of
+/// its own submits; the block stream's thread steps Downlink and publishes. Uplink and Downlink have a lock each, and
+/// none of DDS's threads takes Downlink's, under which readers and writers of DDS are used.
+class Bridge {
+ public:
+  /// `believed` must outlive it. `ledger`: for this channel; the rules of `config` are all carried on it.
+  static Result<std::unique_ptr<Bridge>> create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
+                                                crypto::MspRegistry& believed, dds::ParticipantPtr participant);
+  ~Bridge() { end(); }
+
+  /// Opens the block stream, publishes latched values of the ledger, then begins to carry. Ends early, with an error,
+  /// when `quit`.
+  Status start(const std::atomic<bool>& quit);
+  /// Takes nothing more off DDS, waits a moment for what is on its way, and ends; status() can still be asked.
+  void end();
+  /// {channel, connected, topics, malformed_frames, unbelievable_transactions, topics_left_out}. Any thread.
+  nlohmann::json status();
+
+ private:
+  struct Input {
+    std::string type;
+    std::size_t index = 0;  ///< in Uplink
+    std::optional<dds::RawReader> reader;
+    std::uint64_t dds_lost = 0, dds_refused = 0;  ///< as Uplink knows them
+  };
+  struct Output {
+    std::string type;
+    std::optional<dds::RawWriter> writer;
+    TimeNs try_again_ns = 0;
+  };
+
+  Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& believed,
+         dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> bulk);
+  Status wait_for_stream(const std::atomic<bool>& quit);
+  Status read_latched();
+  Status open_named_topics();
+  void on_seen(const dds::TopicSeen& seen);
+  void take_seen();
+  void choose_type(const std::string& topic);
+  void note_losses();
+  void note_losses(Input& input);
+  Status open_reader(const std::string& topic, const std::string& type, const dds::Qos& qos);
+  void carry(const std::stop_token& stop);
+  void submit(Uplink::Submit call);
+  void on_block(const fabric::Block& block);
+  void publish(const std::vector<Downlink::Delivery>& deliveries);
+  Output* output_for(const Downlink::Delivery& delivery);
+
+  const std::vector<Rule> rules_;
+  const std::string channel_;
+  const dds::ParticipantPtr participant_;
+
+  std::mutex up_mutex_;
+  std::condition_variable up_wake_;
+  Uplink uplink_;
+  std::vector<dds::TopicSeen> seen_;  ///< not yet looked at
+  std::uint64_t seen_left_out_ = 0;
+  TimeNs next_warning_ns_ = 0;
+  bool connected_ = false;
+  std::string connection_problem_;
+
+  std::mutex down_mutex_;
+  Downlink downlink_;
+  std::vector<Downlink::Delivery> deliveries_;
+  std::map<std::string, Output> outputs_;  ///< by topic
+
+  // The carrying thread's own.
+  std::map<std::string, Input> inputs_;
+  TimeNs next_losses_ns_ = 0;
+  std::map<std::string, std::map<std::string, dds::Qos>> present_;  ///< types that have writers, by topic
+
+  // Ended in the reverse of this order: their threads use all of the above.
+  std::unique_ptr<fabric::Client> client_, bulk_;
+  std::unique_ptr<fabric::Client::Stream> blocks_;
+  std::optional<dds::Discovery> discovery_;
+  std::jthread carrier_;
+};
+
+}  // namespace ledgerline::bridge

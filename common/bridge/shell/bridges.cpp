@@ -1,0 +1,125 @@
+#include "common/bridge/shell/bridges.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <set>
+
+#include "common/fabric/config.hpp"
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
+
+namespace ledgerline::bridge {
+namespace {
+
+constexpr std::chrono::milliseconds turn{10};
+constexpr TimeNs begin_anew_after_ns = 1 * ns_per_s;
+
+const std::string& channel_of(const Rule& rule, const fabric::ClientConfig& ledger) {
+  return rule.channel.empty() ? ledger.where.channel : rule.channel;
+}
+
+void wait(const std::atomic<bool>& quit, TimeNs until_ns) {
+  while (!quit && monotonic_ns() < until_ns) std::this_thread::sleep_for(turn);
+}
+
+}  // namespace
+
+void warn_of_open_topics(const BridgeConfig& config) {
+  for (const Rule& rule : config.rules) {
+    if (!rule.from_ledger || rule.left_out || rule.from != anybody) continue;
+    spdlog::warn("{} is taken from the ledger whoever writes it: its [[topic]] says from = \"*\"", rule.name);
+  }
+}
+
+Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
+                                                 crypto::MspRegistry& believed,
+                                                 const dds::ParticipantPtr& participant) {
+  std::set<std::string> channels;
+  for (const Rule& rule : config.rules) {
+    if (!rule.left_out) channels.insert(channel_of(rule, ledger));
+  }
+  std::unique_ptr<Bridges> made(new Bridges(config));
+  for (const std::string& channel : channels) {
+    BridgeConfig of_channel = config;
+    for (Rule& rule : of_channel.rules) rule.left_out = rule.left_out || channel_of(rule, ledger) != channel;
+    fabric::ClientConfig on_channel = ledger;
+    on_channel.where.channel = channel;
+    auto bridge = Bridge::create(of_channel, on_channel, believed, participant);
+    if (!bridge) return bridge.error();
+    made->bridges_.push_back(std::move(bridge).value());
+  }
+  return made;
+}
+
+Status Bridges::run(const std::atomic<bool>& quit, const std::function<void(const std::string& status)>& tell) {
+  for (auto& each : bridges_) {
+    if (auto status = each->start(quit); !status) return status;
+  }
+  while (!quit) {
+    if (auto status = write_status(tell); !status) return status;
+    wait(quit, monotonic_ns() + config_.status_period_ns);
+  }
+  for (auto& each : bridges_) each->end();
+  return write_status(tell);
+}
+
+Status Bridges::write_status(const std::function<void(const std::string& status)>& tell) {
+  nlohmann::json channels = nlohmann::json::array();
+  for (const auto& each : bridges_) channels.push_back(each->status());
+  const nlohmann::json status = {{"bridge", config_.name},
+                                 {"pid", ::getpid()},
+                                 {"time_ns", monotonic_ns()},
+                                 {"period_ms", config_.status_period_ns / ns_per_ms},
+                                 {"channels", channels}};
+  const std::string line = status.dump();
+  tell(line);
+  if (config_.status_file.empty()) return done;
+  const std::string fresh = config_.status_file + ".new";
+  if (auto written = write_file(fresh, line + "\n"); !written) return written;
+  std::error_code error;
+  std::filesystem::rename(fresh, config_.status_file, error);
+  if (error) return Error{fmt::format("{}: {}", config_.status_file, error.message())};
+  return done;
+}
+
+Result<std::unique_ptr<BesideBridges>> BesideBridges::create(Config& config, BridgeConfig bridge,
+                                                             dds::ParticipantPtr participant) {
+  if (!bridge.carries_something()) return std::unique_ptr<BesideBridges>{};
+  // The bridge's own, with a deadline for big messages.
+  auto ledger = fabric::ledger_config(config);
+  if (!ledger) return ledger.error();
+  auto believed = fabric::msp_registry(config);
+  if (!believed) return believed.error();
+  return std::unique_ptr<BesideBridges>(new BesideBridges(std::move(bridge), std::move(ledger).value(),
+                                                          std::move(believed).value(), std::move(participant)));
+}
+
+BesideBridges::BesideBridges(BridgeConfig config, fabric::ClientConfig ledger,
+                             std::unique_ptr<crypto::MspRegistry> believed, dds::ParticipantPtr participant)
+    : config_(std::move(config)),
+      ledger_(std::move(ledger)),
+      believed_(std::move(believed)),
+      participant_(std::move(participant)),
+      thread_([this] { carry(); }) {
+  warn_of_open_topics(config_);
+}
+
+BesideBridges::~BesideBridges() {
+  quit_ = true;
+  thread_.join();
+}
+
+void BesideBridges::carry() {
+  while (!quit_) {
+    auto bridges = Bridges::create(config_, ledger_, *believed_, participant_);
+    const Status status = bridges ? (*bridges)->run(quit_, [](const std::string&) {}) : Status(bridges.error());
+    if (status || quit_) continue;
+    spdlog::error("the bridge begins anew: {}", status.error().what);
+    wait(quit_, monotonic_ns() + begin_anew_after_ns);
+  }
+}
+
+}  // namespace ledgerline::bridge

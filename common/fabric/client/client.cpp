@@ -1,0 +1,75 @@
+#include "common/fabric/client/client.hpp"
+
+#include <future>
+
+#include "common/fabric/client/connection.hpp"
+#include "common/fabric/client/pipeline.hpp"
+#include "common/fabric/client/streams.hpp"
+
+namespace ledgerline::fabric {
+namespace {
+
+class GatewayClient final : public Client {
+ public:
+  explicit GatewayClient(std::shared_ptr<const Connection> connection)
+      : connection_(std::move(connection)), pipeline_(connection_) {}
+
+  void submit(Call call, std::function<void(Outcome)> done) override {
+    pipeline_.submit(std::move(call), std::move(done));
+  }
+
+  Outcome submit_and_wait(Call call) override {
+    std::promise<Outcome> promise;
+    pipeline_.submit(std::move(call), [&promise](Outcome outcome) { promise.set_value(std::move(outcome)); });
+    return promise.get_future().get();
+  }
+
+  Result<std::string> evaluate(Call call) override {
+    const auto deadline = std::chrono::system_clock::now() + connection_->config.deadline;
+    Backoff backoff(first_retry, longest_retry);
+    for (int attempt = 1;; ++attempt) {
+      auto proposal = make_proposal(connection_->config.identity, connection_->config.where, call, realtime_ns(),
+                                    crypto::random_bytes(24));
+      if (!proposal) return proposal.error();
+      gateway::EvaluateRequest request;
+      request.set_transaction_id(proposal->tx_id);
+      request.set_channel_id(connection_->config.where.channel);
+      request.mutable_proposed_transaction()->ParseFromString(proposal->signed_proposal);
+      grpc::ClientContext context;
+      context.set_deadline(deadline);
+      gateway::EvaluateResponse response;
+      const auto stub = gateway::Gateway::NewStub(connection_->peers[connection_->peer()]);
+      const grpc::Status status = stub->Evaluate(&context, request, &response);
+      if (status.ok()) return std::move(*response.mutable_result()->mutable_payload());
+      const auto wait = backoff.next();
+      if (!may_pass(status) || attempt == max_attempts || std::chrono::system_clock::now() + wait >= deadline) {
+        return Error{describe(status)};
+      }
+      std::this_thread::sleep_for(wait);
+    }
+  }
+
+  std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) override {
+    return follow_blocks(connection_, start, std::move(handlers));
+  }
+
+  std::unique_ptr<Stream> events(std::optional<std::uint64_t> start, std::function<void(const Event&)> on_event,
+                                 std::function<void(bool, const std::string&)> on_connection,
+                                 std::string after_tx_id) override {
+    return follow_events(connection_, start, std::move(after_tx_id), std::move(on_event), std::move(on_connection));
+  }
+
+ private:
+  const std::shared_ptr<const Connection> connection_;
+  Pipeline pipeline_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Client>> Client::create(ClientConfig config) {
+  auto connection = make_connection(std::move(config));
+  if (!connection) return connection.error();
+  return std::unique_ptr<Client>(std::make_unique<GatewayClient>(std::move(*connection)));
+}
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,119 @@
+#pragma once
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "common/base/result.hpp"
+
+/// Client of a Fabric gateway, its peer's Endorser and Deliver services, and orderers. Nothing here knows which ledger
+/// it talks to. An example is example.cpp beside this file; for use outside this tree see docs/library.md.
+namespace ledgerline::fabric {
+
+struct ClientConfig {
+  std::string endpoint;     ///< "127.0.0.1:7051"
+  std::string tls_ca_file;  ///< PEM of the CA that signed the server's certificate
+  std::string server_name;  ///< empty: the endpoint's host must be in the certificate
+  struct Server {
+    std::string endpoint;
+    std::string tls_ca_file;
+  };
+  /// Orderers, for the direct path: calls are endorsed by the peer at `endpoint` itself and sent to an orderer, which
+  /// saves the gateway's two steps. Empty: everything through the gateway.
+  std::vector<Server> orderers;
+  /// Peers that stand in while the one at `endpoint` is not reached, for everything; the first that is reached.
+  std::vector<Server> other_peers;
+  /// Compare each block's header with the one that an orderer tells (needs `orderers`): see blocks().
+  bool cross_check = false;
+  ChannelAndContract where;
+  /// Says of a call's result why its event (no name: none) cannot follow from the call; it is then not signed, and ends
+  /// as refused. Empty: any event of the called contract is signed. On the client's own thread.
+  std::function<Status(const Call& call, std::string_view event, std::string_view payload)> event_check;
+  crypto::SigningIdentity identity;
+  std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
+  std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end
+};
+
+/// How a submitted call ended.
+struct Outcome {
+  enum class Kind {
+    committed,    ///< in a block and valid
+    invalidated,  ///< in a block, flagged invalid: `code` says why (11 = MVCC_READ_CONFLICT)
+    refused,      ///< the contract or the peer refused it: `message` has the reason
+    unavailable,  ///< ledger not reached, or no answer in time: it may still come
+    overloaded,   ///< too many in flight: nothing was sent
+  };
+  Kind kind = Kind::unavailable;
+  std::string tx_id;
+  std::uint64_t block = 0;
+  int code = 0;  ///< as Transaction::code, where it is in a block; 0: valid
+  std::string message;
+  std::string answer;           ///< the contract's bytes, where it answered
+  TimeNs ordered_after_ns = 0;  ///< from the submit to the orderer's acknowledgement; 0: not known
+  TimeNs endorsed_ns = 0;       ///< CLOCK_MONOTONIC, when it was endorsed and signed; 0: it was not
+  TimeNs ordered_ns = 0;        ///< when the orderer acknowledged it; 0: not known, or its block came first
+};
+
+/// The contract's words in a refusal, without what a real peer puts before them.
+inline std::string_view words_of_contract(std::string_view message) {
+  constexpr std::string_view prefix = "chaincode response 500, ";
+  if (message.starts_with(prefix)) message.remove_prefix(prefix.size());
+  return message;
+}
+
+/// All methods may be called from any thread. Callbacks come on a thread of the client: they hand over and return.
+/// Destruction cancels what is in flight; its callbacks still come, as unavailable, before the destructor returns (so
+/// it must not happen within a callback). The ledger orders one client's transactions as they were submitted:
+/// common/fabric/ pipeline.hpp says how. What must not wait behind them has a client of its own.
+class Client {
+ public:
+  /// Does not connect yet; a bad identity or CA file is an error here.
+  static Result<std::unique_ptr<Client>> create(ClientConfig config);
+  virtual ~Client() = default;
+
+  /// Endorse -> submit -> commit status, as a pipeline that never blocks the caller. `done` comes exactly once.
+  virtual void submit(Call call, std::function<void(Outcome)> done) = 0;
+  /// The same, waiting. For tools and start-up.
+  virtual Outcome submit_and_wait(Call call) = 0;
+  /// Asks without writing; waits for the answer, at most the deadline. An error has the contract's words, or says why
+  /// the ledger was not reached.
+  virtual Result<std::string> evaluate(Call call) = 0;
+
+  /// A running stream; destruction ends it and returns after its last callback (so not from within one). It may outlive
+  /// the client.
+  class Stream {
+   public:
+    virtual ~Stream() = default;
+  };
+  struct StreamHandlers {
+    std::function<void(const Block&, std::string_view raw)>
+        on_block;  ///< in order, no gap, no doublet, across reconnects
+    std::function<void(bool connected, const std::string& why)> on_connection;
+    /// Transactions that the peers flagged valid and that cannot be (code_unbelievable), in words: block, transaction,
+    /// why, and how many there were. The first at once, then at most one word a minute; on_block has them all.
+    std::function<void(const std::string& what)> on_unbelievable = {};
+  };
+  /// Blocks from number `start` (nullopt: from the next new one on). Reconnects with back-off and jitter, for ever, and
+  /// resumes behind the last block handed over. A transaction that cannot be believed is left out alone, see
+  /// decode_block. A block that breaks the chain is reported through on_connection and the
+  /// stream starts again at the last good one. With cross_check a second stream brings an orderer's blocks; once the
+  /// two differ, nothing more is handed over, and on_connection says so.
+  virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;
+  /// Contract events through the gateway's ChaincodeEvents, from block `start` on (nullopt: from the next new one on),
+  /// behind transaction `after_tx_id` of that block where one is named: the last event handled is a checkpoint.
+  /// Reconnects like blocks(), without loss or doublet.
+  struct Event {
+    std::uint64_t block = 0;
+    std::string tx_id, name, payload;
+  };
+  virtual std::unique_ptr<Stream> events(std::optional<std::uint64_t> start, std::function<void(const Event&)> on_event,
+                                         std::function<void(bool, const std::string&)> on_connection,
+                                         std::string after_tx_id = {}) = 0;
+};
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,129 @@
+#include "common/fabric/client/connection.hpp"
+
+#include <fmt/format.h>
+#include <google/protobuf/any.pb.h>
+#include <google/protobuf/empty.pb.h>
+#include <google/protobuf/stubs/logging.h>
+
+#include <algorithm>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "gateway/gateway.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+// Peers refuse to be pinged more often than once a minute (Fabric's peer.keepalive.minInterval).
+constexpr int keepalive_ms = 60'000;
+// gRPC makes this TCP's user timeout as well: a connection that takes nothing any more is given up after it.
+constexpr int keepalive_timeout_ms = 5'000;
+constexpr int first_reconnect_ms = 50, longest_reconnect_ms = 1'000, connect_timeout_ms = 2'000;
+// As Fabric's own clients: a block may hold an envelope of many megabytes.
+constexpr int max_message_bytes = 100 * 1024 * 1024;
+
+std::uint64_t random_seed() {
+  const std::string bytes = crypto::random_bytes(sizeof(std::uint64_t));
+  std::uint64_t seed = 0;
+  std::memcpy(&seed, bytes.data(), sizeof seed);
+  return seed;
+}
+
+Result<std::shared_ptr<grpc::Channel>> make_channel(const std::string& endpoint, const std::string& tls_ca_file,
+                                                    const std::string& server_name) {
+  if (endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
+  std::ifstream file(tls_ca_file);
+  std::stringstream pem;
+  pem << file.rdbuf();
+  if (!file) return Error{fmt::format("cannot read the CA certificate {}", tls_ca_file)};
+  if (auto certificate = crypto::parse_certificate(pem.str()); !certificate) {
+    return Error{fmt::format("{}: {}", tls_ca_file, certificate.error().what)};
+  }
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, keepalive_ms);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, keepalive_timeout_ms);
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, first_reconnect_ms);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, connect_timeout_ms);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, longest_reconnect_ms);
+  arguments.SetMaxReceiveMessageSize(max_message_bytes);
+  arguments.SetMaxSendMessageSize(max_message_bytes);
+  // Each client has a connection of its own, also when one process has several.
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  if (!server_name.empty()) arguments.SetSslTargetNameOverride(server_name);
+  grpc::SslCredentialsOptions tls;
+  tls.pem_root_certs = pem.str();
+  return grpc::CreateCustomChannel(endpoint, grpc::SslCredentials(tls), arguments);
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
+  // protobuf would write a line to standard error for each malformed text that a hostile transaction carries.
+  google::protobuf::SetLogHandler(nullptr);
+  if (!config.identity.signer) return Error{"the ledger's client has no identity to sign with"};
+  auto connection = std::make_shared<Connection>();
+  for (auto* into : {&connection->peers, &connection->stream_peers}) {
+    auto channel = make_channel(config.endpoint, config.tls_ca_file, config.server_name);
+    if (!channel) return channel.error();
+    into->push_back(std::move(*channel));
+  }
+  for (const auto& [servers, into] :
+       {std::pair(&config.other_peers, &connection->peers), std::pair(&config.other_peers, &connection->stream_peers),
+        std::pair(&config.orderers, &connection->orderers)}) {
+    for (const ClientConfig::Server& server : *servers) {
+      auto to_server = make_channel(server.endpoint, server.tls_ca_file, "");
+      if (!to_server) return to_server.error();
+      into->push_back(std::move(*to_server));
+    }
+  }
+  connection->config = std::move(config);
+  return std::shared_ptr<const Connection>(std::move(connection));
+}
+
+std::size_t Connection::peer() const {
+  if (peers.size() == 1 || peers[0]->GetState(true) != GRPC_CHANNEL_TRANSIENT_FAILURE) return 0;
+  for (std::size_t i = 1; i < peers.size(); ++i) {
+    if (peers[i]->GetState(true) == GRPC_CHANNEL_READY) return i;
+  }
+  return 0;
+}
+
+bool may_pass(const grpc::Status& status) {
+  return status.error_code() == grpc::StatusCode::UNAVAILABLE ||
+         status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
+}
+
+std::string describe(const grpc::Status& status) {
+  // google.rpc.Status, whose field 3 is the list of details; no package has its C++ without more of googleapis.
+  google::protobuf::Empty wrapper;
+  std::string text;
+  if (!wrapper.ParseFromString(status.error_details())) return status.error_message();
+  const auto& fields = wrapper.GetReflection()->GetUnknownFields(wrapper);
+  for (int i = 0; i < fields.field_count(); ++i) {
+    google::protobuf::Any any;
+    gateway::ErrorDetail detail;
+    if (fields.field(i).number() != 3 ||
+        fields.field(i).type() != google::protobuf::UnknownField::TYPE_LENGTH_DELIMITED ||
+        !any.ParseFromString(fields.field(i).length_delimited()) || !any.type_url().ends_with("/gateway.ErrorDetail") ||
+        !detail.ParseFromString(any.value()) || detail.message().empty() ||
+        text.find(detail.message()) != std::string::npos) {
+      continue;
+    }
+    text += (text.empty() ? "" : "; ") + detail.message();
+  }
+  return text.empty() ? status.error_message() : text;
+}
+
+Backoff::Backoff(std::chrono::milliseconds first, std::chrono::milliseconds longest)
+    : first_(first), longest_(longest), wait_(first), random_(random_seed()) {}
+
+std::chrono::milliseconds Backoff::next() {
+  const auto wait = wait_;
+  wait_ = std::min(wait_ * 2, longest_);
+  return std::chrono::milliseconds(
+      static_cast<std::int64_t>(static_cast<double>(wait.count()) * (0.5 + random_.uniform() / 2)));
+}
+
+}  // namespace ledgerline::fabric

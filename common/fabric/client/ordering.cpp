@@ -1,0 +1,113 @@
+#include "common/fabric/client/ordering.hpp"
+
+namespace ledgerline::fabric {
+namespace {
+
+// An orderer that does not answer the connection, or an envelope, is passed over after this: one that has just lost its
+// leader may hold an envelope for seconds.
+constexpr std::chrono::milliseconds connect_limit{500}, answer_limit{500}, first_pause{10}, longest_pause{200};
+
+}  // namespace
+
+Ordering::Ordering(std::vector<std::shared_ptr<grpc::Channel>> orderers, grpc::CompletionQueue& queue)
+    : orderers_(std::move(orderers)), queue_(queue), backoff_(first_pause, longest_pause) {}
+
+Ordering::Tag* Ordering::tag(std::function<void(bool ok)> then) {
+  // Stream and alarm are kept until gRPC is done with them, also when they belong to a send that has ended.
+  return new Tag([this, number = number_, stream = stream_, pause = pause_, then = std::move(then)](bool ok) {
+    if (number == number_ && stream == stream_ && done_) then(ok);
+  });
+}
+
+void Ordering::send(std::string_view envelope, std::chrono::system_clock::time_point deadline, Done done) {
+  ++number_;
+  envelope_.ParseFromArray(envelope.data(), static_cast<int>(envelope.size()));
+  deadline_ = deadline;
+  done_ = std::move(done);
+  sent_ = false;
+  limit_ = std::make_shared<grpc::Alarm>();
+  limit_->Set(&queue_, deadline_, new Tag([this, number = number_, limit = limit_](bool ok) {
+    if (!ok || number != number_ || !done_) return;
+    if (stream_) stream_->context.TryCancel();
+    stream_.reset();
+    which_ = (which_ + 1) % orderers_.size();
+    finish(sent_ ? Ended::open : Ended::not_sent, "no acknowledgement in time");
+  }));
+  if (stream_) return write();
+  connect();
+}
+
+void Ordering::connect() {
+  grpc::Channel& channel = *orderers_[which_];
+  const grpc_connectivity_state state = channel.GetState(true);
+  if (state == GRPC_CHANNEL_READY) {
+    stream_ = std::make_shared<Stream>();
+    auto stub = orderer::AtomicBroadcast::NewStub(orderers_[which_]);
+    stream_->io = stub->PrepareAsyncBroadcast(&stream_->context, &queue_);
+    stream_->io->StartCall(tag([this](bool ok) { ok ? write() : go_on("the orderer's stream does not start"); }));
+    return;
+  }
+  if (state == GRPC_CHANNEL_TRANSIENT_FAILURE) return go_on("the orderer is not reached");
+  const auto until = std::min(deadline_, std::chrono::system_clock::now() + connect_limit);
+  channel.NotifyOnStateChange(state, until, &queue_,
+                              tag([this](bool ok) { ok ? connect() : go_on("the orderer is not reached"); }));
+}
+
+void Ordering::write() {
+  sent_ = true;
+  silence_ = std::make_shared<grpc::Alarm>();
+  silence_->Set(&queue_, std::chrono::system_clock::now() + answer_limit, tag([this, silence = silence_](bool ok) {
+    if (ok) go_on("no acknowledgement in time");
+  }));
+  stream_->io->Write(envelope_, tag([this](bool ok) {
+                       if (!ok) return go_on("the orderer's stream broke");
+                       stream_->io->Read(&stream_->response, tag([this](bool read) { on_acknowledged(read); }));
+                     }));
+}
+
+void Ordering::on_acknowledged(bool ok) {
+  if (!ok) return go_on("the orderer's stream broke");
+  const orderer::BroadcastResponse& response = stream_->response;
+  switch (response.status()) {
+    case common::SUCCESS:
+      backoff_.reset();
+      return finish(Ended::acknowledged, {});
+    case common::SERVICE_UNAVAILABLE:  // no leader, or too busy: it was not taken
+      return go_on(response.info());
+    default:
+      // Orderers end the stream after a refusal.
+      stream_->context.TryCancel();
+      stream_.reset();
+      return finish(Ended::refused, common::Status_Name(response.status()) + ": " + response.info());
+  }
+}
+
+/// The next orderer, after a pause; the deadline ends it.
+void Ordering::go_on(const std::string& why) {
+  if (stream_) stream_->context.TryCancel();
+  stream_.reset();
+  if (silence_) silence_->Cancel();
+  if (ended_) return finish(sent_ ? Ended::open : Ended::not_sent, why);
+  which_ = (which_ + 1) % orderers_.size();
+  pause_ = std::make_shared<grpc::Alarm>();
+  pause_->Set(&queue_, std::chrono::system_clock::now() + backoff_.next(), tag([this](bool) { connect(); }));
+}
+
+void Ordering::finish(Ended ended, const std::string& why) {
+  limit_->Cancel();
+  if (silence_) silence_->Cancel();
+  const Done done = std::exchange(done_, nullptr);
+  done(ended, why);
+}
+
+void Ordering::end() {
+  ended_ = true;
+  if (stream_) stream_->context.TryCancel();
+  stream_.reset();
+  if (pause_) pause_->Cancel();
+  if (limit_) limit_->Cancel();
+  if (silence_) silence_->Cancel();
+  done_ = nullptr;
+}
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,71 @@
+#pragma once
+#include <grpcpp/alarm.h>
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "common/fabric/client/connection.hpp"
+#include "orderer/ab.grpc.pb.h"
+
+namespace ledgerline::fabric {
+
+/// One long-lived Broadcast stream to one of the orderers; when it breaks, to the next. Lives on the completion queue
+/// and the thread of a Pipeline; its tags are std::function<void(bool)>*, as the pipeline's.
+///
+///     send() -> connecting -> writing -> waiting for the acknowledgement -> done
+///                  ^             |  broken, silent, no leader: the next orderer, after a back-off
+///                  +-------------+
+///
+/// An envelope may be sent twice when an acknowledgement was lost; the ledger takes a transaction once.
+class Ordering {
+ public:
+  enum class Ended {
+    acknowledged,  ///< it will be in a block
+    refused,       ///< by the orderer: the text says why
+    open,          ///< it was sent, and no more is known
+    not_sent,      ///< no orderer was reached
+  };
+  using Done = std::function<void(Ended ended, const std::string& why)>;
+
+  Ordering(std::vector<std::shared_ptr<grpc::Channel>> orderers, grpc::CompletionQueue& queue);
+
+  /// One at a time (busy). `done` comes once, by the deadline, never within the call.
+  void send(std::string_view envelope, std::chrono::system_clock::time_point deadline, Done done);
+  bool busy() const { return done_ != nullptr; }
+  /// Cancels the stream; what is under way is not heard of any more. Before the queue's shutdown.
+  void end();
+
+ private:
+  using Tag = std::function<void(bool ok)>;
+  struct Stream {
+    grpc::ClientContext context;
+    std::unique_ptr<grpc::ClientAsyncReaderWriter<common::Envelope, orderer::BroadcastResponse>> io;
+    orderer::BroadcastResponse response;
+  };
+
+  void connect();
+  void write();
+  void on_acknowledged(bool ok);
+  void go_on(const std::string& why);
+  void finish(Ended ended, const std::string& why);
+  /// A tag that counts only while the same send is under way on the same stream.
+  Tag* tag(std::function<void(bool ok)> then);
+
+  const std::vector<std::shared_ptr<grpc::Channel>> orderers_;
+  grpc::CompletionQueue& queue_;
+  std::size_t which_ = 0;
+  std::shared_ptr<Stream> stream_;
+  std::shared_ptr<grpc::Alarm> pause_, limit_, silence_;
+  Backoff backoff_;
+
+  // Of the send that is under way.
+  std::uint64_t number_ = 0;
+  common::Envelope envelope_;
+  std::chrono::system_clock::time_point deadline_;
+  Done done_;
+  bool sent_ = false, ended_ = false;
+};
+
+}  // namespace ledgerline::fabric

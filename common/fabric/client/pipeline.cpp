@@ -1,0 +1,402 @@
+#include "common/fabric/client/pipeline.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "peer/proposal.pb.h"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+/// Nothing is known about a Submit that ended so: it may have been ordered.
+bool leaves_open(const grpc::Status& status) {
+  switch (status.error_code()) {
+    case grpc::StatusCode::UNAVAILABLE:
+    case grpc::StatusCode::DEADLINE_EXCEEDED:
+    case grpc::StatusCode::CANCELLED:
+    case grpc::StatusCode::INTERNAL:
+    case grpc::StatusCode::UNKNOWN:
+      return true;
+    default:
+      return false;
+  }
+}
+
+// A block stream that has not brought a transaction after this may be far behind; the peer is asked then.
+constexpr std::chrono::milliseconds stream_patience{500};
+
+bool not_reached(const grpc::Status& status) {
+  return may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
+         status.error_code() == grpc::StatusCode::CANCELLED;
+}
+
+Outcome in_block(std::uint64_t block, int code) {
+  Outcome outcome;
+  outcome.kind = code == protos::VALID ? Outcome::Kind::committed : Outcome::Kind::invalidated;
+  outcome.block = block;
+  outcome.code = code;
+  if (code == code_unbelievable) {
+    outcome.message = "flagged valid, but its result cannot be believed";
+  } else if (code != protos::VALID) {
+    outcome.message = protos::TxValidationCode_Name(static_cast<protos::TxValidationCode>(code));
+  }
+  return outcome;
+}
+
+}  // namespace
+
+Pipeline::Pipeline(std::shared_ptr<const Connection> connection) : connection_(std::move(connection)) {
+  for (const auto& peer : connection_->peers) {
+    gateways_.push_back(gateway::Gateway::NewStub(peer));
+    endorsers_.push_back(protos::Endorser::NewStub(peer));
+  }
+  if (!connection_->orderers.empty()) ordering_.emplace(connection_->orderers, queue_);
+  connection_->commits->on_news([this] {
+    const std::lock_guard lock(mutex_);
+    wake();
+  });
+  thread_ = std::thread([this] { run(); });
+}
+
+Pipeline::~Pipeline() {
+  connection_->commits->on_news({});
+  {
+    const std::lock_guard lock(mutex_);
+    wake();
+    stopping_ = true;
+  }
+  thread_.join();
+}
+
+void Pipeline::wake() {
+  if (woken_ || stopping_) return;
+  woken_ = true;
+  auto alarm = std::make_shared<grpc::Alarm>();
+  alarm->Set(&queue_, std::chrono::system_clock::now(), new Tag([this, alarm](bool) { take_inbox(); }));
+}
+
+void Pipeline::submit(Call call, std::function<void(Outcome)> done) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!stopping_) {
+      inbox_.push_back(
+          {std::move(call), std::move(done), std::chrono::system_clock::now() + connection_->config.deadline});
+      wake();
+      return;
+    }
+  }
+  Outcome outcome;
+  outcome.message = "the client is being closed";
+  done(std::move(outcome));
+}
+
+void Pipeline::run() {
+  void* tag = nullptr;
+  bool ok = false;
+  while (queue_.Next(&tag, &ok)) {
+    const std::unique_ptr<Tag> then(static_cast<Tag*>(tag));
+    (*then)(ok);
+  }
+}
+
+void Pipeline::take_inbox() {
+  std::vector<Job> jobs;
+  bool stopping = false;
+  {
+    const std::lock_guard lock(mutex_);
+    woken_ = false;
+    jobs.swap(inbox_);
+    stopping = stopping_;
+  }
+  for (Job& job : jobs) begin(std::move(job));
+  take_commits();
+  if (stopping) end_all();
+}
+
+void Pipeline::take_commits() {
+  const Commits::News news = connection_->commits->take();
+  for (const Commits::Seen& seen : news.seen) {
+    const auto found = std::find_if(live_.begin(), live_.end(),
+                                    [&](const auto& one) { return one.second->proposal.tx_id == seen.tx_id; });
+    if (found == live_.end()) continue;
+    const PendingPtr p = found->second;
+    // Sent twice after a lost acknowledgement: only the peer knows what became of the first one.
+    seen.code == protos::DUPLICATE_TXID ? ask_status(p) : finish(p, in_block(seen.block, seen.code));
+  }
+  if (!news.lost) return;
+  std::vector<PendingPtr> awaited;
+  for (const auto& [number, p] : live_) {
+    if (p->awaited) awaited.push_back(p);
+  }
+  for (const PendingPtr& p : awaited) ask_status(p);
+}
+
+void Pipeline::begin(Job job) {
+  auto p = std::make_shared<Pending>();
+  p->number = next_number_++;
+  p->call = std::move(job.call);
+  p->done = std::move(job.done);
+  p->deadline = job.deadline;
+  p->begun_ns = monotonic_ns();
+  if (live_.size() >= connection_->config.max_in_flight) {
+    finish(p, Outcome::Kind::overloaded, fmt::format("{} calls are in flight already", live_.size()));
+    return;
+  }
+  live_.emplace(p->number, p);
+  auto proposal = make_proposal(connection_->config.identity, connection_->config.where, p->call, realtime_ns(),
+                                crypto::random_bytes(24));
+  if (!proposal) {
+    finish(p, Outcome::Kind::refused, proposal.error().what);
+    return;
+  }
+  p->proposal = std::move(*proposal);
+  order_.push_back(p);
+  endorse(p);
+}
+
+template <typename Response>
+std::shared_ptr<Pipeline::Unary<Response>> Pipeline::make_unary(const PendingPtr& p) const {
+  auto unary = std::make_shared<Unary<Response>>();
+  unary->context.set_deadline(p->deadline);
+  return unary;
+}
+
+template <typename Response>
+void Pipeline::await(const PendingPtr& p, const std::shared_ptr<Unary<Response>>& unary,
+                     void (Pipeline::*then)(const PendingPtr&)) {
+  // The tag keeps the call alive until gRPC is done with it, also when it was finished before.
+  unary->reader->Finish(&unary->response, &unary->status, new Tag([this, p, unary, then](bool) {
+    if (p->stage != Stage::finished) (this->*then)(p);
+  }));
+}
+
+void Pipeline::endorse(const PendingPtr& p) {
+  if (ordering_) {
+    protos::SignedProposal proposal;
+    proposal.ParseFromString(p->proposal.signed_proposal);
+    p->propose = make_unary<protos::ProposalResponse>(p);
+    p->propose->reader = endorsers_[connection_->peer()]->AsyncProcessProposal(&p->propose->context, proposal, &queue_);
+    await(p, p->propose, &Pipeline::on_proposed);
+    return;
+  }
+  gateway::EndorseRequest request;
+  request.set_transaction_id(p->proposal.tx_id);
+  request.set_channel_id(connection_->config.where.channel);
+  request.mutable_proposed_transaction()->ParseFromString(p->proposal.signed_proposal);
+  p->endorse = make_unary<gateway::EndorseResponse>(p);
+  p->endorse->reader = gateways_[connection_->peer()]->AsyncEndorse(&p->endorse->context, request, &queue_);
+  await(p, p->endorse, &Pipeline::on_endorsed);
+}
+
+void Pipeline::on_endorsed(const PendingPtr& p) {
+  if (!p->endorse->status.ok()) return on_not_endorsed(p, p->endorse->status);
+  take_endorsed(p, p->endorse->response.prepared_transaction().SerializeAsString());
+}
+
+void Pipeline::on_proposed(const PendingPtr& p) {
+  if (!p->propose->status.ok()) return on_not_endorsed(p, p->propose->status);
+  take_endorsed(p, assemble(p->proposal, {p->propose->response.SerializeAsString()}));
+}
+
+void Pipeline::on_not_endorsed(const PendingPtr& p, const grpc::Status& status) {
+  if (retry(p, status, &Pipeline::endorse)) return;
+  finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
+}
+
+void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope) {
+  if (!unsigned_envelope) {
+    finish(p, Outcome::Kind::refused, unsigned_envelope.error().what);
+    return;
+  }
+  EventCheck event_check;
+  if (const auto& check = connection_->config.event_check; check)
+    event_check = [&](std::string_view name, std::string_view payload) { return check(p->call, name, payload); };
+  auto prepared = check_prepared(p->proposal, *unsigned_envelope, event_check);
+  if (!prepared) {
+    finish(p, Outcome::Kind::refused, prepared.error().what);
+    return;
+  }
+  auto envelope = sign_envelope(connection_->config.identity, *unsigned_envelope);
+  if (!envelope) {
+    finish(p, Outcome::Kind::refused, envelope.error().what);
+    return;
+  }
+  p->answer = std::move(prepared->answer);
+  p->envelope = std::move(*envelope);
+  p->endorsed_ns = monotonic_ns();
+  p->stage = Stage::ready;
+  send_next();
+}
+
+void Pipeline::send_next() {
+  while (!order_.empty() && !(ordering_ && ordering_->busy())) {
+    const PendingPtr p = order_.front();
+    if (p->stage == Stage::ready) {
+      send(p);
+      return;
+    }
+    if (p->stage == Stage::endorsing || p->stage == Stage::sent) return;
+    order_.pop_front();
+  }
+}
+
+void Pipeline::send(const PendingPtr& p) {
+  p->stage = Stage::sent;
+  p->attempts = 0;
+  p->backoff.reset();
+  p->awaited = p->call.told_by_block && connection_->commits->await(p->proposal.tx_id);
+  if (ordering_) {
+    ordering_->send(p->envelope, p->deadline, [this, p](Ordering::Ended ended, const std::string& why) {
+      // Its status may have come before the acknowledgement; the next one has waited for this all the same.
+      p->stage == Stage::finished ? send_next() : on_ordered(p, ended, why);
+    });
+  } else {
+    submit_through_gateway(p);
+  }
+  p->awaited ? await_commit(p) : ask_status(p);
+}
+
+void Pipeline::on_ordered(const PendingPtr& p, Ordering::Ended ended, const std::string& why) {
+  switch (ended) {
+    case Ordering::Ended::refused:
+      finish(p, Outcome::Kind::refused, "the orderer: " + why);
+      return;
+    case Ordering::Ended::not_sent:
+      submit_through_gateway(p);
+      return;
+    case Ordering::Ended::open:
+      p->submit_problem = "the orderer: " + why;
+      break;
+    case Ordering::Ended::acknowledged:
+      acknowledged(p);
+      break;
+  }
+  p->stage = Stage::acknowledged;
+  send_next();
+}
+
+void Pipeline::acknowledged(const PendingPtr& p) { p->ordered_ns = monotonic_ns(); }
+
+void Pipeline::submit_through_gateway(const PendingPtr& p) {
+  gateway::SubmitRequest request;
+  request.set_transaction_id(p->proposal.tx_id);
+  request.set_channel_id(connection_->config.where.channel);
+  request.mutable_prepared_transaction()->ParseFromString(p->envelope);
+  p->envelope.clear();
+  p->submit = make_unary<gateway::SubmitResponse>(p);
+  p->submit->reader = gateways_[connection_->peer()]->AsyncSubmit(&p->submit->context, request, &queue_);
+  await(p, p->submit, &Pipeline::on_submitted);
+}
+
+void Pipeline::on_submitted(const PendingPtr& p) {
+  const grpc::Status& status = p->submit->status;
+  if (!status.ok() && !leaves_open(status)) {
+    finish(p, Outcome::Kind::refused, describe(status));
+    return;
+  }
+  if (status.ok()) {
+    acknowledged(p);
+  } else {
+    p->submit_problem = describe(status);
+  }
+  p->stage = Stage::acknowledged;
+  send_next();
+}
+
+void Pipeline::await_commit(const PendingPtr& p) {
+  p->alarm = std::make_shared<grpc::Alarm>();
+  p->alarm->Set(&queue_, std::min(p->deadline, std::chrono::system_clock::now() + stream_patience),
+                new Tag([this, p](bool ok) {
+                  if (ok && p->awaited) ask_status(p);
+                }));
+}
+
+void Pipeline::ask_status(const PendingPtr& p) {
+  if (p->awaited) connection_->commits->forget(p->proposal.tx_id);
+  p->awaited = false;
+  const crypto::SigningIdentity& who = connection_->config.identity;
+  gateway::CommitStatusRequest question;
+  question.set_transaction_id(p->proposal.tx_id);
+  question.set_channel_id(connection_->config.where.channel);
+  question.set_identity(who.serialized);
+  gateway::SignedCommitStatusRequest request;
+  request.set_request(question.SerializeAsString());
+  auto signature = who.signer->sign(request.request());
+  if (!signature) {
+    finish(p, Outcome::Kind::unavailable, "submitted, but its status is not known: " + signature.error().what);
+    return;
+  }
+  request.set_signature(std::move(*signature));
+  p->status = make_unary<gateway::CommitStatusResponse>(p);
+  p->status->reader = gateways_[connection_->peer()]->AsyncCommitStatus(&p->status->context, request, &queue_);
+  await(p, p->status, &Pipeline::on_status);
+}
+
+void Pipeline::on_status(const PendingPtr& p) {
+  const grpc::Status& status = p->status->status;
+  if (!status.ok()) {
+    if (retry(p, status, &Pipeline::ask_status)) return;
+    std::string why = "submitted, but its status is not known: " + describe(status);
+    if (!p->submit_problem.empty()) why += "; Submit: " + p->submit_problem;
+    finish(p, Outcome::Kind::unavailable, why);
+    return;
+  }
+  const gateway::CommitStatusResponse& response = p->status->response;
+  finish(p, in_block(response.block_number(), response.result()));
+}
+
+bool Pipeline::retry(const PendingPtr& p, const grpc::Status& status, void (Pipeline::*again)(const PendingPtr&)) {
+  const auto at = std::chrono::system_clock::now() + p->backoff.next();
+  if (!may_pass(status) || ++p->attempts >= max_attempts || at >= p->deadline) return false;
+  p->alarm = std::make_shared<grpc::Alarm>();
+  p->alarm->Set(&queue_, at, new Tag([this, p, again](bool) {
+    if (p->stage != Stage::finished) (this->*again)(p);
+  }));
+  return true;
+}
+
+void Pipeline::finish(const PendingPtr& p, Outcome::Kind kind, const std::string& message) {
+  Outcome outcome;
+  outcome.kind = kind;
+  outcome.message = message;
+  if (kind == Outcome::Kind::unavailable) {
+    outcome.message = fmt::format("ledger at {}: {}", connection_->config.endpoint, message);
+  }
+  finish(p, std::move(outcome));
+}
+
+void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
+  p->stage = Stage::finished;
+  // What is still under way comes back as cancelled, finds the call finished, and is dropped.
+  if (p->endorse) p->endorse->context.TryCancel();
+  if (p->propose) p->propose->context.TryCancel();
+  if (p->submit) p->submit->context.TryCancel();
+  if (p->status) p->status->context.TryCancel();
+  if (p->alarm) p->alarm->Cancel();
+  if (p->awaited) connection_->commits->forget(p->proposal.tx_id);
+  p->awaited = false;
+  live_.erase(p->number);
+  outcome.tx_id = p->proposal.tx_id;
+  outcome.answer = std::move(p->answer);
+  if (p->ordered_ns != 0) outcome.ordered_after_ns = p->ordered_ns - p->begun_ns;
+  outcome.endorsed_ns = p->endorsed_ns;
+  outcome.ordered_ns = p->ordered_ns;
+  const auto done = std::move(p->done);
+  send_next();
+  done(std::move(outcome));
+}
+
+void Pipeline::end_all() {
+  // Nobody's turn comes any more.
+  order_.clear();
+  while (!live_.empty()) {
+    const PendingPtr p = live_.begin()->second;  // finish() takes it out of live_, so a copy holds it
+    finish(p, Outcome::Kind::unavailable, "the client is being closed");
+  }
+  if (ordering_) ordering_->end();
+  queue_.Shutdown();
+}
+
+}  // namespace ledgerline::fabric

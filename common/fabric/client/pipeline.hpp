@@ -1,0 +1,125 @@
+#pragma once
+#include <grpcpp/alarm.h>
+
+#include <deque>
+#include <map>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "common/fabric/client/connection.hpp"
+#include "common/fabric/client/ordering.hpp"
+#include "gateway/gateway.grpc.pb.h"
+#include "peer/peer.grpc.pb.h"
+
+namespace ledgerline::fabric {
+
+/// Endorse -> sign -> Submit -> CommitStatus for many calls at once, on one thread with one completion queue; that
+/// thread alone touches the calls, so they need no lock.
+///
+///     submit() -> inbox -> endorsing -> ready -> sent -> acknowledged -> done
+///                             ^  |  refused, unavailable: done
+///                             +--+ back-off (nothing is ordered yet, so asking again is safe)
+///
+/// Order: proposals are endorsed side by side, but only one Submit is on its way at a time, in the order of submit();
+/// the next one leaves when the orderer has acknowledged the one before or it has failed. So the ledger orders one
+/// client's transactions as they were submitted. A Submit is never repeated: where its answer is lost, CommitStatus
+/// tells. That one is asked together with Submit, which saves a round trip; not at all, where a block stream of the
+/// same client tells in time and the call allows it (Call::told_by_block).
+///
+/// With orderers in the config the call goes the direct path: ProcessProposal at the peer in place of Endorse,
+/// Broadcast in place of Submit; where no orderer is reached, the gateway's Submit after all.
+class Pipeline {
+ public:
+  explicit Pipeline(std::shared_ptr<const Connection> connection);
+  /// Ends what is in flight as unavailable.
+  ~Pipeline();
+  void submit(Call call, std::function<void(Outcome)> done);
+
+ private:
+  using Time = std::chrono::system_clock::time_point;
+  template <typename Response>
+  struct Unary {
+    grpc::ClientContext context;
+    Response response;
+    grpc::Status status;
+    std::unique_ptr<grpc::ClientAsyncResponseReader<Response>> reader;
+  };
+  enum class Stage { endorsing, ready, sent, acknowledged, finished };
+  struct Pending {
+    std::uint64_t number = 0;
+    Call call;
+    std::function<void(Outcome)> done;
+    Time deadline;
+    Stage stage = Stage::endorsing;
+    Proposal proposal;
+    std::string envelope;  ///< signed
+    std::string answer;
+    std::string submit_problem;  ///< why it is not known whether Submit arrived
+    TimeNs begun_ns = 0, endorsed_ns = 0, ordered_ns = 0;
+    bool awaited = false;  ///< a block stream is to tell its end
+    int attempts = 0;      ///< of the call that may be repeated now
+    Backoff backoff{first_retry, longest_retry};
+    std::shared_ptr<Unary<gateway::EndorseResponse>> endorse;
+    std::shared_ptr<Unary<protos::ProposalResponse>> propose;  ///< on the direct path in place of endorse
+    std::shared_ptr<Unary<gateway::SubmitResponse>> submit;
+    std::shared_ptr<Unary<gateway::CommitStatusResponse>> status;
+    std::shared_ptr<grpc::Alarm> alarm;
+  };
+  using PendingPtr = std::shared_ptr<Pending>;
+  using Tag = std::function<void(bool ok)>;
+  struct Job {
+    Call call;
+    std::function<void(Outcome)> done;
+    Time deadline;
+  };
+
+  void run();
+  /// Has the thread look at the inbox. With mutex_ held.
+  void wake();
+  void take_inbox();
+  void take_commits();
+  void begin(Job job);
+  void endorse(const PendingPtr& p);
+  void on_endorsed(const PendingPtr& p);
+  void on_proposed(const PendingPtr& p);
+  void on_not_endorsed(const PendingPtr& p, const grpc::Status& status);
+  void take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope);
+  void send_next();
+  void send(const PendingPtr& p);
+  void submit_through_gateway(const PendingPtr& p);
+  void on_submitted(const PendingPtr& p);
+  void on_ordered(const PendingPtr& p, Ordering::Ended ended, const std::string& why);
+  void await_commit(const PendingPtr& p);
+  void ask_status(const PendingPtr& p);
+  void on_status(const PendingPtr& p);
+  static void acknowledged(const PendingPtr& p);
+  bool retry(const PendingPtr& p, const grpc::Status& status, void (Pipeline::*again)(const PendingPtr&));
+  void finish(const PendingPtr& p, Outcome::Kind kind, const std::string& message);
+  void finish(const PendingPtr& p, Outcome outcome);
+  void end_all();
+  template <typename Response>
+  std::shared_ptr<Unary<Response>> make_unary(const PendingPtr& p) const;
+  template <typename Response>
+  void await(const PendingPtr& p, const std::shared_ptr<Unary<Response>>& unary,
+             void (Pipeline::*then)(const PendingPtr&));
+
+  const std::shared_ptr<const Connection> connection_;
+  std::vector<std::unique_ptr<gateway::Gateway::Stub>> gateways_;  ///< of each peer
+  std::vector<std::unique_ptr<protos::Endorser::Stub>> endorsers_;
+  grpc::CompletionQueue queue_;
+
+  std::mutex mutex_;  ///< guards the three below, and that nothing is put into the queue after its shutdown
+  std::vector<Job> inbox_;
+  bool woken_ = false;
+  bool stopping_ = false;
+
+  // The thread's own.
+  std::uint64_t next_number_ = 0;
+  std::map<std::uint64_t, PendingPtr> live_;
+  std::deque<PendingPtr> order_;      ///< not yet acknowledged, oldest first
+  std::optional<Ordering> ordering_;  ///< on the direct path
+  std::thread thread_;
+};
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,335 @@
+#include "common/fabric/client/streams.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/fabric/tx/cross_check.hpp"
+#include "common/fabric/tx/decode.hpp"
+#include "common/base/printable.hpp"
+#include "gateway/gateway.grpc.pb.h"
+#include "orderer/ab.grpc.pb.h"
+#include "peer/events.grpc.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+constexpr std::chrono::milliseconds first_reconnect{20}, longest_reconnect{1000};
+constexpr TimeNs unbelievable_period_ns = 60 * ns_per_s;  // a peer may send thousands; a log must not fill a disk
+
+std::string text_of(const grpc::Status& status) {
+  return status.ok() ? "the ledger ended the stream"
+                     : fmt::format("{} (gRPC {})", describe(status), static_cast<int>(status.error_code()));
+}
+
+/// Asks for blocks from `start` on; an empty text when the question is on its way.
+template <typename DeliverStream>
+std::string seek(const Connection& connection, DeliverStream& stream, std::optional<std::uint64_t> start) {
+  auto envelope = make_seek(connection.config.identity, connection.config.where.channel, start, realtime_ns(),
+                            crypto::random_bytes(24));
+  if (!envelope) return envelope.error().what;
+  common::Envelope message;
+  message.ParseFromString(*envelope);
+  return stream.Write(message) ? "" : text_of(stream.Finish());
+}
+
+class BlockReader {
+ public:
+  BlockReader(std::shared_ptr<const Connection> connection, std::optional<std::uint64_t> start,
+              Client::StreamHandlers handlers, std::shared_ptr<CrossCheck> cross_check)
+      : connection_(std::move(connection)),
+        next_(start),
+        handlers_(std::move(handlers)),
+        cross_check_(std::move(cross_check)) {}
+
+  std::string follow(Follower& follower) {
+    grpc::ClientContext context;
+    const Follower::Cancellable cancellable(follower, context);
+    const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
+    const auto stream = stub->Deliver(&context);
+    if (std::string problem = seek(*connection_, *stream, next_); !problem.empty()) return problem;
+    std::optional<Seeing> seeing;
+    if (next_) {
+      seeing.emplace(*connection_->commits);
+      follower.connected();
+    }
+    protos::DeliverResponse response;
+    while (stream->Read(&response)) {
+      std::string problem = take(response);
+      if (!problem.empty() || follower.stopping()) {
+        context.TryCancel();
+        (void)stream->Finish();
+        return problem;
+      }
+      if (!seeing) seeing.emplace(*connection_->commits);
+      follower.connected();
+      follower.progress();
+    }
+    return text_of(stream->Finish());
+  }
+
+ private:
+  /// While it lives, every block that is committed comes through here.
+  class Seeing {
+   public:
+    explicit Seeing(Commits& commits) : commits_(commits) { commits_.connected(true); }
+    ~Seeing() { commits_.connected(false); }
+    Seeing(const Seeing&) = delete;
+    Seeing& operator=(const Seeing&) = delete;
+
+   private:
+    Commits& commits_;
+  };
+
+  std::string take(const protos::DeliverResponse& response) {
+    if (response.Type_case() == protos::DeliverResponse::kStatus) {
+      return fmt::format("the peer refused the stream: {}", common::Status_Name(response.status()));
+    }
+    if (response.Type_case() != protos::DeliverResponse::kBlock) return "the peer sent something else than blocks";
+    const TimeNs received_ns = monotonic_ns();
+    auto block = decode_block(response.block());
+    if (!block) return block.error().what;
+    block->received_ns = received_ns;
+    if (next_ && block->number != *next_) return fmt::format("block {} came where {} was due", block->number, *next_);
+    if (auto s = chain_.add(*block); !s) return s.error().what;
+    if (cross_check_) {
+      if (std::string problem = cross_check_->add(CrossCheck::Source::peer, block->number, chain_.hash());
+          !problem.empty()) {
+        return problem;
+      }
+    }
+    // "From the next new one on": the newest block that the peer sends first only says where that is.
+    const bool wanted = next_.has_value();
+    next_ = chain_.height();
+    if (wanted) tell_unbelievable(*block);
+    if (wanted && handlers_.on_block) handlers_.on_block(*block, response.block().SerializeAsString());
+    connection_->commits->block(*block);
+    return {};
+  }
+
+  void tell_unbelievable(const Block& block) {
+    for (const Transaction& transaction : block.transactions) {
+      if (transaction.code != code_unbelievable) continue;
+      ++unbelievable_;
+      if (!handlers_.on_unbelievable || (unbelievable_ > 1 && block.received_ns < next_word_ns_)) continue;
+      next_word_ns_ = block.received_ns + unbelievable_period_ns;
+      handlers_.on_unbelievable(fmt::format("block {}: transaction {}: flagged valid, but {}; left out ({} so far)",
+                                            block.number, clear_text(transaction.tx_id), transaction.problem,
+                                            unbelievable_));
+    }
+  }
+
+  const std::shared_ptr<const Connection> connection_;
+  std::optional<std::uint64_t> next_;
+  ChainCheck chain_;
+  const Client::StreamHandlers handlers_;
+  const std::shared_ptr<CrossCheck> cross_check_;
+  std::uint64_t unbelievable_ = 0;
+  TimeNs next_word_ns_ = 0;
+};
+
+/// What an orderer tells, of which the headers alone count; the next orderer when one goes away.
+class OrderedReader {
+ public:
+  OrderedReader(std::shared_ptr<const Connection> connection, std::shared_ptr<CrossCheck> cross_check)
+      : connection_(std::move(connection)), cross_check_(std::move(cross_check)) {}
+
+  std::string follow(Follower& follower) {
+    grpc::ClientContext context;
+    const Follower::Cancellable cancellable(follower, context);
+    const auto stub = orderer::AtomicBroadcast::NewStub(connection_->orderers[which_++ % connection_->orderers.size()]);
+    const auto stream = stub->Deliver(&context);
+    if (std::string problem = seek(*connection_, *stream, std::nullopt); !problem.empty()) return problem;
+    orderer::DeliverResponse response;
+    while (stream->Read(&response)) {
+      const common::BlockHeader& header = response.block().header();
+      if (response.has_block()) {
+        (void)cross_check_->add(CrossCheck::Source::orderer, header.number(),
+                                block_header_hash(header.number(), header.previous_hash(), header.data_hash()));
+        follower.progress();
+      }
+      if (!response.has_block() || follower.stopping()) context.TryCancel();
+    }
+    return text_of(stream->Finish());
+  }
+
+ private:
+  const std::shared_ptr<const Connection> connection_;
+  const std::shared_ptr<CrossCheck> cross_check_;
+  std::size_t which_ = 0;
+};
+
+/// Both run until this is gone.
+struct CheckedBlocks final : Client::Stream {
+  std::unique_ptr<Client::Stream> blocks, ordered;
+};
+
+class EventReader {
+ public:
+  EventReader(std::shared_ptr<const Connection> connection, std::optional<std::uint64_t> start, std::string after_tx_id,
+              std::function<void(const Client::Event&)> on_event)
+      : connection_(std::move(connection)), block_(start), on_event_(std::move(on_event)) {
+    if (!after_tx_id.empty()) handed_over_.push_back(std::move(after_tx_id));
+  }
+
+  std::string follow(Follower& follower) {
+    if (!block_) {
+      if (std::string problem = find_start(follower); !problem.empty()) return problem;
+    }
+    gateway::SignedChaincodeEventsRequest request;
+    if (std::string problem = make_request(request); !problem.empty()) return problem;
+    grpc::ClientContext context;
+    const Follower::Cancellable cancellable(follower, context);
+    const std::shared_ptr<grpc::Channel>& peer = connection_->stream_peers[connection_->peer()];
+    const auto stub = gateway::Gateway::NewStub(peer);
+    const auto stream = stub->ChaincodeEvents(&context, request);
+    // The first answer may be far off; the question is out when the channel stands.
+    if (peer->GetState(false) == GRPC_CHANNEL_READY) follower.connected();
+    gateway::ChaincodeEventsResponse response;
+    while (stream->Read(&response)) {
+      follower.connected();
+      std::string problem = take(response, follower);
+      if (!problem.empty() || follower.stopping()) {
+        context.TryCancel();
+        (void)stream->Finish();
+        return problem;
+      }
+      follower.progress();
+    }
+    return text_of(stream->Finish());
+  }
+
+ private:
+  /// The position must be known before the first event, else what comes during a lost connection would be lost as well.
+  std::string find_start(Follower& follower) {
+    grpc::ClientContext context;
+    const Follower::Cancellable cancellable(follower, context);
+    const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
+    const auto stream = stub->Deliver(&context);
+    if (std::string problem = seek(*connection_, *stream, std::nullopt); !problem.empty()) return problem;
+    protos::DeliverResponse response;
+    if (!stream->Read(&response)) return text_of(stream->Finish());
+    context.TryCancel();
+    (void)stream->Finish();
+    if (response.Type_case() != protos::DeliverResponse::kBlock) return "the peer refused to say its newest block";
+    block_ = response.block().header().number() + 1;
+    return {};
+  }
+
+  std::string make_request(gateway::SignedChaincodeEventsRequest& request) const {
+    gateway::ChaincodeEventsRequest question;
+    question.set_channel_id(connection_->config.where.channel);
+    question.set_chaincode_id(connection_->config.where.contract);
+    question.set_identity(connection_->config.identity.serialized);
+    question.mutable_start_position()->mutable_specified()->set_number(*block_);
+    if (!handed_over_.empty()) question.set_after_transaction_id(handed_over_.back());
+    request.set_request(question.SerializeAsString());
+    auto signature = connection_->config.identity.signer->sign(request.request());
+    if (!signature) return signature.error().what;
+    request.set_signature(std::move(*signature));
+    return {};
+  }
+
+  std::string take(gateway::ChaincodeEventsResponse& response, Follower& follower) {
+    if (response.block_number() < *block_) {
+      return fmt::format("events of block {} came where {} was due", response.block_number(), *block_);
+    }
+    for (protos::ChaincodeEvent& event : *response.mutable_events()) {
+      if (follower.stopping()) break;
+      if (response.block_number() != *block_) handed_over_.clear();
+      block_ = response.block_number();
+      // A transaction has one event; after a reconnect the peer may send the block's first ones again.
+      if (std::find(handed_over_.begin(), handed_over_.end(), event.tx_id()) != handed_over_.end()) continue;
+      handed_over_.push_back(event.tx_id());
+      on_event_({*block_, event.tx_id(), std::move(*event.mutable_event_name()), std::move(*event.mutable_payload())});
+    }
+    return {};
+  }
+
+  const std::shared_ptr<const Connection> connection_;
+  std::optional<std::uint64_t> block_;    ///< of the last event handed over, or where to start
+  std::vector<std::string> handed_over_;  ///< transactions of that block
+  const std::function<void(const Client::Event&)> on_event_;
+};
+
+}  // namespace
+
+Follower::Follower(std::function<std::string(Follower&)> follow, OnConnection on_connection)
+    : follow_(std::move(follow)),
+      on_connection_(std::move(on_connection)),
+      backoff_(first_reconnect, longest_reconnect),
+      thread_([this] { run(); }) {}
+
+Follower::~Follower() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    if (context_ != nullptr) context_->TryCancel();
+    wake_.notify_all();
+  }
+  thread_.join();
+}
+
+Follower::Cancellable::Cancellable(Follower& follower, grpc::ClientContext& context) : follower_(follower) {
+  const std::lock_guard lock(follower_.mutex_);
+  follower_.context_ = &context;
+  if (follower_.stopping_) context.TryCancel();
+}
+
+Follower::Cancellable::~Cancellable() {
+  const std::lock_guard lock(follower_.mutex_);
+  follower_.context_ = nullptr;
+}
+
+bool Follower::stopping() {
+  const std::lock_guard lock(mutex_);
+  return stopping_;
+}
+
+void Follower::connected() {
+  if (connected_) return;
+  connected_ = true;
+  last_why_.clear();
+  if (on_connection_) on_connection_(true, "");
+}
+
+void Follower::run() {
+  while (!stopping()) {
+    const std::string why = follow_(*this);
+    if (stopping()) return;
+    const bool news = connected_ || why != last_why_;
+    connected_ = false;
+    last_why_ = why;
+    if (news && on_connection_) on_connection_(false, why);
+    std::unique_lock lock(mutex_);
+    wake_.wait_for(lock, backoff_.next(), [this] { return stopping_; });
+  }
+}
+
+std::unique_ptr<Client::Stream> follow_blocks(std::shared_ptr<const Connection> connection,
+                                              std::optional<std::uint64_t> start, Client::StreamHandlers handlers) {
+  auto on_connection = handlers.on_connection;
+  const bool checked = connection->config.cross_check && !connection->orderers.empty();
+  const auto cross_check = checked ? std::make_shared<CrossCheck>() : nullptr;
+  const auto run = [](auto reader, Follower::OnConnection tell) {
+    return std::make_unique<Follower>([reader](Follower& f) { return reader->follow(f); }, std::move(tell));
+  };
+  auto blocks =
+      run(std::make_shared<BlockReader>(connection, start, std::move(handlers), cross_check), std::move(on_connection));
+  if (!checked) return blocks;
+  auto both = std::make_unique<CheckedBlocks>();
+  both->blocks = std::move(blocks);
+  both->ordered = run(std::make_shared<OrderedReader>(connection, cross_check), nullptr);
+  return both;
+}
+
+std::unique_ptr<Client::Stream> follow_events(std::shared_ptr<const Connection> connection,
+                                              std::optional<std::uint64_t> start, std::string after_tx_id,
+                                              std::function<void(const Client::Event&)> on_event,
+                                              Follower::OnConnection on_connection) {
+  auto reader =
+      std::make_shared<EventReader>(std::move(connection), start, std::move(after_tx_id), std::move(on_event));
+  return std::make_unique<Follower>([reader](Follower& f) { return reader->follow(f); }, std::move(on_connection));
+}
+
+}  // namespace ledgerline::fabric

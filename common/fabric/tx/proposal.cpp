@@ -1,0 +1,206 @@
+#include "common/common.pb.h"
+#include "common/fabric/tx/envelope.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "orderer/ab.pb.h"
+#include "peer/chaincode.pb.h"
+#include "peer/chaincode_event.pb.h"
+#include "peer/proposal.pb.h"
+#include "peer/proposal_response.pb.h"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+common::ChannelHeader channel_header(common::HeaderType type, const std::string& channel, TimeNs timestamp_ns) {
+  common::ChannelHeader header;
+  header.set_type(type);
+  header.set_channel_id(channel);
+  header.mutable_timestamp()->set_seconds(timestamp_ns / ns_per_s);
+  header.mutable_timestamp()->set_nanos(static_cast<std::int32_t>(timestamp_ns % ns_per_s));
+  return header;
+}
+
+common::Header whole_header(const common::ChannelHeader& channel, const crypto::SigningIdentity& who,
+                            std::string nonce) {
+  common::SignatureHeader signature;
+  signature.set_creator(who.serialized);
+  signature.set_nonce(std::move(nonce));
+  common::Header header;
+  header.set_channel_header(channel.SerializeAsString());
+  header.set_signature_header(signature.SerializeAsString());
+  return header;
+}
+
+Result<std::string> signed_envelope(const crypto::SigningIdentity& who, std::string payload) {
+  auto signature = who.signer->sign(payload);
+  if (!signature) return signature.error();
+  common::Envelope envelope;
+  envelope.set_payload(std::move(payload));
+  envelope.set_signature(std::move(*signature));
+  return envelope.SerializeAsString();
+}
+
+template <typename Message>
+bool parse(Message& message, std::string_view bytes) {
+  return bytes.size() <= INT32_MAX && message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
+}
+
+/// The call in a ChaincodeProposalPayload; what else is in it (the transient map) does not travel with the transaction.
+std::string input_of(const std::string& proposal_payload) {
+  protos::ChaincodeProposalPayload payload;
+  return parse(payload, proposal_payload) ? payload.input() : std::string();
+}
+
+Status check_event(const Proposal& proposal, const std::string& asked_channel_header, const std::string& events,
+                   const EventCheck& event_check) {
+  protos::ChaincodeEvent event;
+  if (!events.empty()) {
+    common::ChannelHeader channel;
+    protos::ChaincodeHeaderExtension extension;
+    if (!parse(event, events) || !parse(channel, asked_channel_header) || !parse(extension, channel.extension()))
+      return Error{"the event of the endorsed transaction is malformed; it was not signed"};
+    if (event.tx_id() != proposal.tx_id || event.chaincode_id() != extension.chaincode_id().name())
+      return Error{"the event of the endorsed transaction names another transaction or contract; it was not signed"};
+  }
+  if (!event_check) return done;
+  if (const Status checked = event_check(event.event_name(), event.payload()); !checked)
+    return Error{"the peer's result is not what was asked for: " + checked.error().what + "; it was not signed"};
+  return done;
+}
+
+}  // namespace
+
+Result<Proposal> make_proposal(const crypto::SigningIdentity& who, const ChannelAndContract& where, const Call& call,
+                               TimeNs timestamp_ns, std::string nonce) {
+  Proposal out;
+  out.tx_id = crypto::hex(crypto::sha256(nonce + who.serialized));
+
+  protos::ChaincodeHeaderExtension extension;
+  extension.mutable_chaincode_id()->set_name(where.contract);
+  common::ChannelHeader channel = channel_header(common::ENDORSER_TRANSACTION, where.channel, timestamp_ns);
+  channel.set_tx_id(out.tx_id);
+  channel.set_extension(extension.SerializeAsString());
+
+  protos::ChaincodeInvocationSpec invocation;
+  protos::ChaincodeSpec& spec = *invocation.mutable_chaincode_spec();
+  spec.set_type(protos::ChaincodeSpec::NODE);  // peers ignore it; Fabric's own gateway clients send this value
+  spec.mutable_chaincode_id()->set_name(where.contract);
+  spec.mutable_input()->add_args(call.function);
+  for (const std::string& arg : call.args) spec.mutable_input()->add_args(arg);
+  protos::ChaincodeProposalPayload payload;
+  payload.set_input(invocation.SerializeAsString());
+
+  protos::Proposal proposal;
+  proposal.set_header(whole_header(channel, who, std::move(nonce)).SerializeAsString());
+  proposal.set_payload(payload.SerializeAsString());
+  protos::SignedProposal signed_proposal;
+  signed_proposal.set_proposal_bytes(proposal.SerializeAsString());
+  auto signature = who.signer->sign(signed_proposal.proposal_bytes());
+  if (!signature) return signature.error();
+  signed_proposal.set_signature(std::move(*signature));
+  out.signed_proposal = signed_proposal.SerializeAsString();
+  return out;
+}
+
+Result<std::string> assemble(const Proposal& proposal, const std::vector<std::string>& responses) {
+  protos::SignedProposal signed_proposal;
+  protos::Proposal asked;
+  common::Header header;
+  protos::ChaincodeProposalPayload input;
+  if (!parse(signed_proposal, proposal.signed_proposal) || !parse(asked, signed_proposal.proposal_bytes()) ||
+      !parse(header, asked.header()) || !parse(input, asked.payload())) {
+    return Error{"the proposal is malformed"};
+  }
+  input.clear_transientmap();
+  std::string result;
+  std::vector<protos::Endorsement> endorsements;
+  for (const std::string& bytes : responses) {
+    protos::ProposalResponse response;
+    if (!parse(response, bytes)) return Error{"a peer's answer is malformed"};
+    if (response.response().status() >= 400) {
+      return Error{"chaincode response " + std::to_string(response.response().status()) + ", " +
+                   response.response().message()};
+    }
+    if (!response.has_endorsement()) return Error{"a peer's answer has no endorsement"};
+    if (result.empty()) result = response.payload();
+    if (result != response.payload()) return Error{"the peers' answers differ"};
+    endorsements.push_back(response.endorsement());
+  }
+  return unsigned_envelope(header, input.SerializeAsString(), result, endorsements);
+}
+
+std::string unsigned_envelope(const common::Header& header, const std::string& payload,
+                              const std::string& response_payload,
+                              const std::vector<protos::Endorsement>& endorsements) {
+  protos::ChaincodeActionPayload action;
+  action.set_chaincode_proposal_payload(payload);
+  action.mutable_action()->set_proposal_response_payload(response_payload);
+  for (const protos::Endorsement& one : endorsements) *action.mutable_action()->add_endorsements() = one;
+  protos::Transaction transaction;
+  transaction.add_actions()->set_header(header.signature_header());
+  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
+  common::Payload whole;
+  *whole.mutable_header() = header;
+  whole.set_data(transaction.SerializeAsString());
+  common::Envelope envelope;
+  envelope.set_payload(whole.SerializeAsString());
+  return envelope.SerializeAsString();
+}
+
+Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
+                                const EventCheck& event_check) {
+  const Error malformed{"the endorsed transaction that came back is malformed"};
+  protos::SignedProposal signed_proposal;
+  protos::Proposal asked;
+  common::Header asked_header;
+  if (!parse(signed_proposal, proposal.signed_proposal) || !parse(asked, signed_proposal.proposal_bytes()) ||
+      !parse(asked_header, asked.header())) {
+    return Error{"the proposal is malformed"};
+  }
+  common::Envelope envelope;
+  common::Payload payload;
+  protos::Transaction transaction;
+  protos::ChaincodeActionPayload action;
+  protos::ProposalResponsePayload response;
+  protos::ChaincodeAction result;
+  if (!parse(envelope, unsigned_envelope) || !parse(payload, envelope.payload()) ||
+      !parse(transaction, payload.data()) || transaction.actions_size() != 1 ||
+      !parse(action, transaction.actions(0).payload()) ||
+      !parse(response, action.action().proposal_response_payload()) || !parse(result, response.extension())) {
+    return malformed;
+  }
+  if (payload.header().channel_header() != asked_header.channel_header() ||
+      payload.header().signature_header() != asked_header.signature_header() ||
+      transaction.actions(0).header() != asked_header.signature_header() ||
+      input_of(action.chaincode_proposal_payload()) != input_of(asked.payload())) {
+    return Error{"the endorsed transaction that came back is not the one that was asked for; it was not signed"};
+  }
+  const Status checked = check_event(proposal, asked_header.channel_header(), result.events(), event_check);
+  if (!checked) return checked.error();
+  return Prepared{std::move(*result.mutable_response()->mutable_payload())};
+}
+
+Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope) {
+  common::Envelope envelope;
+  if (!parse(envelope, unsigned_envelope)) return Error{"the endorsed transaction that came back is malformed"};
+  return signed_envelope(who, std::move(*envelope.mutable_payload()));
+}
+
+Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::string& channel,
+                              std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce) {
+  orderer::SeekInfo seek;
+  if (start) {
+    seek.mutable_start()->mutable_specified()->set_number(*start);
+  } else {
+    seek.mutable_start()->mutable_newest();
+  }
+  seek.mutable_stop()->mutable_specified()->set_number(UINT64_MAX);
+  seek.set_behavior(orderer::SeekInfo::BLOCK_UNTIL_READY);
+  common::Payload payload;
+  *payload.mutable_header() =
+      whole_header(channel_header(common::DELIVER_SEEK_INFO, channel, timestamp_ns), who, std::move(nonce));
+  payload.set_data(seek.SerializeAsString());
+  return signed_envelope(who, payload.SerializeAsString());
+}
+
+}  // namespace ledgerline::fabric

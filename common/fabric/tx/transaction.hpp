@@ -1,0 +1,131 @@
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/rt/clock.hpp"
+#include "common/base/result.hpp"
+
+/// Fabric's transactions and blocks as pure functions over bytes: used by the real client and by virtual campaigns.
+/// All byte strings are serialized protobuf messages of Fabric, named in the comments.
+namespace ledgerline::fabric {
+
+/// One call of a contract; arguments are bytes.
+struct Call {
+  std::string function;
+  std::vector<std::string> args;
+  /// Its end may be told as soon as a block stream of the same client brings it, which is sooner and cheaper than
+  /// asking the peer; the peer's state may not show it yet, though. For writes that no later call of the client reads.
+  bool told_by_block = false;
+};
+
+struct ChannelAndContract {
+  std::string channel = "teleop";
+  std::string contract = "ledgerline";
+};
+
+struct Proposal {
+  std::string tx_id;            ///< hex SHA-256(nonce ‖ creator)
+  std::string signed_proposal;  ///< protos.SignedProposal
+};
+/// `timestamp_ns`: real time, goes into the channel header. `nonce`: 24 bytes.
+Result<Proposal> make_proposal(const crypto::SigningIdentity& who, const ChannelAndContract& where, const Call& call,
+                               TimeNs timestamp_ns, std::string nonce);
+
+/// The transaction of a proposal that one peer or more endorsed, as common.Envelope without signature, or what the
+/// contract refused: for those who ask peers themselves. `responses`: protos.ProposalResponse of each.
+Result<std::string> assemble(const Proposal& proposal, const std::vector<std::string>& responses);
+
+/// What an endorsed proposal came back as: the contract's answer, and proof that the envelope to sign is our own call.
+/// A gateway that put another call, channel or transaction id into the envelope is found out here; nothing is signed
+/// blindly.
+struct Prepared {
+  std::string answer;
+};
+/// Says of a result's event (no name: none) why it cannot follow from the call that was asked for.
+using EventCheck = std::function<Status(std::string_view name, std::string_view payload)>;
+/// An event of another contract or transaction is refused in any case; what else must be so the caller says with
+/// `event_check`, since only who knows the contract can. Writes are the peers' own: nobody sees them here.
+Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
+                                const EventCheck& event_check = {});
+
+/// Signs a common.Envelope that came unsigned (from Endorse) and returns it whole.
+Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope);
+
+/// A signed common.Envelope with SeekInfo for Deliver: from block `start` (nullopt: newest) on, for ever,
+/// BLOCK_UNTIL_READY.
+Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::string& channel,
+                              std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce);
+
+/// Who endorsed, in a transaction.
+struct Endorsement {
+  std::string endorser;  ///< msp.SerializedIdentity
+  std::string signature;
+};
+
+/// A verdict of our own beside protos.TxValidationCode, which is a byte: flagged valid by the peers, but what is in it
+/// cannot be. One peer's key is enough to get such a transaction into a block, so it must not stop those who follow.
+inline constexpr int code_unbelievable = 256;
+
+/// An endorser transaction, taken apart.
+struct Transaction {
+  std::string tx_id;
+  std::string channel;
+  std::string contract;  ///< that was called; an event with this name of another contract means something else
+  int code = -1;  ///< protos.TxValidationCode; 0 = VALID; -1: the block has no flags (orderer's); code_unbelievable
+  TimeNs timestamp_ns = 0;  ///< as the client claimed it
+  std::string creator;      ///< msp.SerializedIdentity
+  std::string function;     ///< what the creator asked for, read out of `payload`; empty: no call of a contract
+  std::vector<std::string> args;
+  std::string event_name;  ///< empty: none. Endorsed alone: whoever trusts the creator, not peers, looks at `args`
+  std::string event_payload;
+  std::string payload;  ///< common.Payload, signed by creator as `signature`
+  std::string signature;
+  std::string response_payload;  ///< ProposalResponsePayload: each endorsement signs it followed by the endorser
+  std::vector<Endorsement> endorsements;
+  bool config = false;  ///< a config transaction: only tx_id, channel and code are set
+  std::string problem;  ///< why it is not believed; only tx_id, channel, contract and code are set then
+};
+
+struct Block {
+  std::uint64_t number = 0;
+  std::string previous_hash;
+  std::string data_hash;
+  std::vector<Transaction> transactions;
+  TimeNs received_ns = 0;  ///< CLOCK_MONOTONIC, when the client's stream had its bytes; 0: not known
+};
+/// Takes a common.Block apart. Malformed bytes, data that does not match its hash, a wrong number of flags: an error
+/// that names the block; never a crash. A single transaction is never an error, since any member can have a malformed
+/// one ordered, and any peer one whose event names another transaction flagged valid: the first is kept with what could
+/// be read (code 2 = BAD_PAYLOAD where the block has no flags), the second is left out (code_unbelievable, no event),
+/// so that neither can stop those who follow the chain.
+Result<Block> decode_block(std::string_view block);
+
+/// SHA-256 over the ASN.1 of (number, previous hash, data hash): what the next block names as its previous hash.
+std::string block_header_hash(std::uint64_t number, std::string_view previous_hash, std::string_view data_hash);
+
+/// Follows a chain: each block must be the next number and carry the hash of the one before, and its data must match
+/// its own data hash (computed over the concatenated envelopes by decode_block, which refuses a mismatch).
+class ChainCheck {
+ public:
+  /// Starts anywhere: the first block is taken as it is.
+  ChainCheck() = default;
+  /// Starts behind block `number`, whose header has `hash` (block_header_hash): a checkpoint.
+  static ChainCheck behind(std::uint64_t number, std::string hash);
+  /// After an error nothing has changed: the right block may still come.
+  Status add(const Block& block);
+  std::uint64_t height() const { return next_; }
+  /// Of the last block's header: with height() - 1 what a checkpoint holds. Empty before the first block.
+  const std::string& hash() const { return hash_; }
+
+ private:
+  bool started_ = false;
+  std::uint64_t next_ = 0;
+  std::string hash_;
+};
+
+}  // namespace ledgerline::fabric

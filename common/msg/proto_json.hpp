@@ -1,0 +1,50 @@
+#pragma once
+#include <google/protobuf/message.h>
+#include <google/protobuf/util/json_util.h>
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+
+#include "common/base/printable.hpp"
+#include "common/base/result.hpp"
+
+/// The two forms of every message of the contract: protobuf bytes, or the same message as JSON text. A call, its answer
+/// and its event have one form; whoever reads events must take both (a person may `stop` a drone with JSON or plain
+/// strings, whose event is JSON).
+namespace ledgerline {
+
+/// JSON begins with "{", which no message of ledgerline.proto does (it would be a group of field 15).
+inline bool is_json(std::string_view bytes) { return !bytes.empty() && bytes.front() == '{'; }
+
+/// Whether an argument is no message but a plain string: an id, a drone, "prefix/*", a bookmark with ":", or an option
+/// with "=". No message of ours is only of such characters in protobuf.
+inline bool is_plain(std::string_view arg) {
+  return std::all_of(arg.begin(), arg.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           std::string_view("_./-*:=").find(c) != std::string_view::npos;
+  });
+}
+
+/// Fills `message` from either form. Unknown JSON fields are an error.
+inline Status parse_message(std::string_view bytes, google::protobuf::Message& message) {
+  if (!is_json(bytes)) {
+    if (message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return done;
+    return Error{"not a " + message.GetDescriptor()->name() + " in protobuf"};
+  }
+  message.Clear();
+  const auto status = google::protobuf::util::JsonStringToMessage({bytes.data(), bytes.size()}, &message);
+  if (status.ok()) return done;
+  const auto why = status.message();  // quotes the text, as it is
+  return Error{"not a " + message.GetDescriptor()->name() + " in JSON: " + clear_text({why.data(), why.size()})};
+}
+
+/// As JSON, fields that are zero left out.
+inline std::string to_json(const google::protobuf::Message& message) {
+  std::string text;
+  // Only a broken Any makes this fail, and no message of ours has one.
+  if (!google::protobuf::util::MessageToJsonString(message, &text).ok()) text = "{}";
+  return text;
+}
+
+}  // namespace ledgerline

@@ -1,0 +1,59 @@
+#pragma once
+#include <sys/un.h>
+
+#include <cstdint>
+#include <string>
+
+#include "common/rt/clock.hpp"
+#include "common/base/result.hpp"
+
+namespace ledgerline {
+
+/// When to tell the service manager that this process lives: each half of the manager's patience, and only if its work
+/// has gone on since the last time. A process that stands still falls silent, and the manager acts.
+class WatchdogPace {
+ public:
+  /// `patience_ns` 0: nobody watches, never due.
+  explicit WatchdogPace(TimeNs patience_ns) : period_ns_(patience_ns / 2) {}
+
+  /// `progress`: any count that moves on with the work that is watched over.
+  bool due(TimeNs now, std::uint64_t progress) noexcept {
+    if (period_ns_ == 0 || now < next_ns_ || progress == told_) return false;
+    next_ns_ = now + period_ns_;
+    told_ = progress;
+    return true;
+  }
+
+ private:
+  TimeNs period_ns_;
+  TimeNs next_ns_ = 0;
+  std::uint64_t told_ = 0;
+};
+
+/// What systemd is told by a service of Type=notify: one datagram each to the socket in NOTIFY_SOCKET (sd_notify(3)).
+/// Without one, so on a desk, nothing is sent. Its calls do not block but are system calls: never in a real-time loop.
+/// One thread.
+class ServiceManager {
+ public:
+  /// From NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID; an error where they cannot be meant so.
+  static Result<ServiceManager> from_environment();
+  ServiceManager(ServiceManager&& other) noexcept;
+  ServiceManager& operator=(ServiceManager&&) = delete;
+  ~ServiceManager();
+
+  /// The errors of these two say why a datagram could not be sent.
+  Status ready();
+  /// To be called far more often than the manager asks for; it sends when WatchdogPace says so.
+  Status alive(TimeNs now, std::uint64_t progress);
+
+ private:
+  explicit ServiceManager(TimeNs patience_ns) : pace_(patience_ns) {}
+  Status send(const char* message) const;
+
+  WatchdogPace pace_;
+  int fd_ = -1;  // none: there is no manager
+  sockaddr_un address_{};
+  unsigned address_size_ = 0;
+};
+
+}  // namespace ledgerline

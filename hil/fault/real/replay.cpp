@@ -1,0 +1,300 @@
+#include "hil/fault/real/replay.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "common/msg/names.hpp"
+#include "hil/fault/schedule.hpp"
+#include "hil/virtual/world_setup.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr double in_the_air_m = 0.1;  // places lower than this say nothing about a path
+
+/// Goes through the traces, moment by moment.
+class Player {
+ public:
+  Player(const Script& script, const Recording& recording)
+      : recording_(recording), begin_ns_(recording.begin_ns), facts_(static_cast<std::size_t>(script.flight.drones)) {
+    for (std::size_t i = 0; i < facts_.size(); ++i) {
+      facts_[i].number = static_cast<DroneNumber>(i + 1);
+      facts_[i].name = drone_name(static_cast<int>(i) + 1);
+    }
+    std::vector<bool> placed(facts_.size());
+    for (const TraceRecord& r : recording.sim) {  // where each stands at first
+      DroneFacts* drone = of(r);
+      if (!drone || placed[r.drone - 1u]) continue;
+      placed[r.drone - 1u] = true;
+      for (std::size_t k = 0; k < 3; ++k) drone->truth.position_m[k] = r.v[k];
+    }
+    for (DroneFacts& drone : facts_) {
+      drone.start_m = {drone.truth.position_m[0], drone.truth.position_m[1]};
+      paths_.emplace_back(script.flight.shape, Eigen::Vector2d(drone.start_m[0], drone.start_m[1]),
+                          script.flight.side_m);
+    }
+    laps_ = script.flight.laps;
+  }
+
+  /// Everything up to `t_ns`, of the recording's clock.
+  void play(TimeNs t_ns) {
+    events_.clear();
+    for (; sim_ < recording_.sim.size() && recording_.sim[sim_].t_ns <= t_ns; ++sim_) see(recording_.sim[sim_]);
+    for (const TimeNs at_ns : recording_.link_restarts) {
+      if (at_ns > told_ns_ && at_ns <= t_ns)
+        events_.push_back({at_ns - begin_ns_, WorldEvent::Kind::started, 0, 0, "link"});
+    }
+    for (; link_ < recording_.link.size() && recording_.link[link_].t_ns <= t_ns; ++link_) hear(recording_.link[link_]);
+    for (; ground_ < recording_.ground.size() && recording_.ground[ground_].t_ns <= t_ns; ++ground_)
+      command(recording_.ground[ground_]);
+    for (const auto& fault : recording_.faults) {
+      const auto tell = [&](TimeNs at_ns, const char* what) {
+        if (at_ns > told_ns_ && at_ns <= t_ns)
+          events_.push_back({at_ns - begin_ns_, WorldEvent::Kind::fault, 0, 0, fault.text + what});
+      };
+      tell(fault.begun_ns, " begins");
+      tell(fault.ended_ns, " ends");
+    }
+    told_ns_ = t_ns;
+  }
+  const std::vector<DroneFacts>& facts() const { return facts_; }
+  const std::vector<WorldEvent>& events() const { return events_; }
+
+ private:
+  DroneFacts* of(const TraceRecord& r) {
+    return r.drone >= 1 && r.drone <= facts_.size() ? &facts_[r.drone - 1u] : nullptr;
+  }
+
+  void see(const TraceRecord& r) {
+    DroneFacts* drone = of(r);
+    if (!drone || r.kind != TraceKind::truth) return;
+    const std::array<double, 3> at{r.v[0], r.v[1], r.v[2]};
+    const double dt = to_seconds(r.t_ns - seen_ns_);
+    seen_ns_ = r.drone == facts_.size() ? r.t_ns : seen_ns_;
+    for (std::size_t k = 0; k < 3; ++k)
+      drone->truth.velocity_mps[k] = dt > 1e-3 && dt < 1 ? (at[k] - drone->truth.position_m[k]) / dt : 0;
+    drone->truth.position_m = at;
+    drone->truth.in_flight = r.extra == 1;
+    drone->truth.crashed = r.extra == 2;
+    drone->truth.battery = 1;
+    drone->off_path_m.reset();
+    if (drone->ground_phase == ground::DronePhase::path && drone->phase == FlightPhase::flying)
+      drone->off_path_m = paths_[r.drone - 1u].distance_m({at[0], at[1]});
+  }
+
+  void hear(const TraceRecord& r) {
+    DroneFacts* drone = of(r);
+    if (!drone) return;
+    const std::size_t index = r.drone - 1u;
+    if (r.kind == TraceKind::mode) {
+      drone->phase = static_cast<FlightPhase>(r.id);
+      drone->mode = static_cast<FailsafeMode>(r.extra);
+      drone->cause = static_cast<FailsafeCause>(static_cast<int>(r.v[0]));
+      events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::mode, index, 0,
+                         fmt::format("{}, {} ({})", name(drone->phase), name(drone->mode), name(drone->cause))});
+    } else if (r.kind == TraceKind::state_sampled) {
+      drone->pose = Pose{.drone = r.drone, .stamp_ns = r.stamp_ns, .position_m = {r.v[0], r.v[1], r.v[2]}};
+    } else if (r.kind == TraceKind::rc_sent) {
+      if (std::any_of(std::begin(r.v), std::end(r.v), [](double stick) { return !(std::abs(stick) <= 100); }))
+        events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::bad_rc, index, 0,
+                           fmt::format("rc {} {} {} {}", r.v[0], r.v[1], r.v[2], r.v[3])});
+      drone->told_mps = std::hypot(r.v[0], r.v[1], r.v[2]) / 100 * rc_full_mps;
+      drone->told_ns = r.t_ns - begin_ns_;
+    } else if (r.kind == TraceKind::command_applied) {
+      ++drone->plans_given;
+      drone->plan_end_ns = r.t_ns - begin_ns_ + longest_plan_ns;
+      drone->told_ns = r.t_ns - begin_ns_;
+      events_.push_back(
+          {r.t_ns - begin_ns_, WorldEvent::Kind::applied, index, to_seconds(r.t_ns - r.stamp_ns), {}, r.id});
+    }
+  }
+
+  void command(const TraceRecord& r) {
+    DroneFacts* drone = of(r);
+    if (!drone || r.kind != TraceKind::command_made) return;
+    const double length_m = paths_[r.drone - 1u].length_m();
+    const bool on_path = r.v[3] > 0 && r.v[3] < laps_ * length_m;
+    drone->ground_phase = on_path ? ground::DronePhase::path : ground::DronePhase::waiting;
+    if (on_path) drone->lap = 1 + static_cast<int>(r.v[3] / length_m);
+  }
+
+  const Recording& recording_;
+  TimeNs begin_ns_, told_ns_ = 0, seen_ns_ = 0;
+  std::vector<DroneFacts> facts_;
+  std::vector<ground::Path> paths_;
+  std::vector<WorldEvent> events_;
+  int laps_ = 1;
+  std::size_t link_ = 0, sim_ = 0, ground_ = 0;
+};
+
+double distance_m(const TimelinePoint& p, const TimelinePoint& a, const TimelinePoint& b) {
+  double along = 0, length = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    along += (p.at_m[i] - a.at_m[i]) * (b.at_m[i] - a.at_m[i]);
+    length += (b.at_m[i] - a.at_m[i]) * (b.at_m[i] - a.at_m[i]);
+  }
+  const double share = length > 0 ? std::clamp(along / length, 0.0, 1.0) : 0;
+  double squares = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double off = p.at_m[i] - (a.at_m[i] + share * (b.at_m[i] - a.at_m[i]));
+    squares += off * off;
+  }
+  return std::sqrt(squares);
+}
+
+double farthest_m(const std::vector<TimelinePoint>& from, const std::vector<TimelinePoint>& to) {
+  double farthest = 0;
+  for (const TimelinePoint& p : from) {
+    if (p.at_m[2] < in_the_air_m) continue;
+    double nearest = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 1; i < to.size(); ++i) nearest = std::min(nearest, distance_m(p, to[i - 1], to[i]));
+    farthest = std::max(farthest, nearest);
+  }
+  return farthest;
+}
+
+/// From take-off until it has landed: before and behind it the two begin and end in their own ways.
+std::vector<std::string> transitions_of(const RunResult& run, std::size_t drone) {
+  std::vector<std::string> texts;
+  for (const WorldEvent& event : run.events) {
+    if (event.kind != WorldEvent::Kind::mode || event.drone != drone) continue;
+    if (texts.empty() && !event.text.starts_with(name(FlightPhase::taking_off))) continue;
+    if (texts.empty() || texts.back() != event.text) texts.push_back(event.text);
+    if (event.text.starts_with(name(FlightPhase::landed))) break;
+  }
+  return texts;
+}
+
+}  // namespace
+
+RunResult judge_recording(const Script& script, std::uint64_t seed, const Recording& recording) {
+  RunResult result;
+  result.script = script.name;
+  result.title = script.title;
+  result.seed = seed;
+  Player player(script, recording);
+  const Limits limits = limits_of(script, player.facts());
+  result.fence_min_m = limits.min_m;
+  result.fence_max_m = limits.max_m;
+  for (const DroneFacts& drone : player.facts()) result.drones.push_back(drone.name);
+  result.timeline.resize(player.facts().size());
+  Judge judge(script.must, limits);
+  const auto has = [&](const Recording::Fault& fault, std::size_t drone) {
+    return fault.drone.empty() || fault.drone == player.facts()[drone].name;
+  };
+  std::vector<Moment::Excuse> excuses(player.facts().size());
+  std::vector<std::size_t> first_drones;
+  std::optional<TimeNs> first, last;
+  bool all_ended = !recording.faults.empty();
+  for (const auto& fault : recording.faults) {
+    const TimeNs begun = fault.begun_ns - recording.begin_ns, ended = fault.ended_ns - recording.begin_ns;
+    if (!first || begun < *first) {
+      first = begun;
+      first_drones.clear();
+      for (std::size_t i = 0; i < excuses.size(); ++i) {
+        if (has(fault, i)) first_drones.push_back(i);
+      }
+    }
+    if (fault.ended_ns == 0)
+      all_ended = false;
+    else if (!last || ended > *last)
+      last = ended;
+  }
+  TimeNs next_point_ns = 0;
+  for (TimeNs now = 0; now <= recording.end_ns - recording.begin_ns; now += ns_per_ms) {
+    const TimeNs t_ns = recording.begin_ns + now;
+    player.play(t_ns);
+    for (std::size_t i = 0; i < excuses.size(); ++i) {
+      excuses[i].deaf =
+          std::any_of(recording.faults.begin(), recording.faults.end(), [&](const Recording::Fault& fault) {
+            const bool ended = fault.ended_ns != 0 && t_ns > fault.ended_ns + FaultSchedule::aftermath_ns;
+            return fault.deafens && has(fault, i) && fault.begun_ns <= t_ns && !ended;
+          });
+    }
+    const bool away = std::any_of(recording.link_away.begin(), recording.link_away.end(),
+                                  [&](const auto& span) { return span.first <= t_ns && t_ns < span.second; });
+    judge.look({.now = now,
+                .drones = player.facts(),
+                .events = player.events(),
+                .link_runs = !away,
+                .excuses = excuses,
+                .first_fault_ns = first && *first <= now ? first : std::nullopt,
+                .last_fault_end_ns = all_ended && last && *last <= now ? last : std::nullopt,
+                .first_fault_drones = first_drones});
+    for (const WorldEvent& event : player.events()) {
+      if (event.kind != WorldEvent::Kind::applied && result.events.size() < most_events) result.events.push_back(event);
+    }
+    if (now < next_point_ns) continue;
+    next_point_ns = now + timeline_period_ns;
+    for (std::size_t i = 0; i < player.facts().size(); ++i)
+      result.timeline[i].push_back(point_of(now, player.facts()[i]));
+  }
+  Ending ending;
+  ending.now = recording.end_ns - recording.begin_ns;
+  ending.over = recording.over;
+  ending.ok = recording.ok;
+  ending.why = recording.why;
+  for (const DroneFacts& drone : player.facts()) {
+    if (!on_ground(drone.truth)) ending.in_the_air.push_back(drone.name);
+  }
+  std::vector<std::string> begun;
+  for (const auto& fault : recording.faults) begun.push_back(fault.text);
+  for (const Fault& fault : script.faults) {
+    if (const auto found = std::find(begun.begin(), begun.end(), fault.text); found != begun.end()) {
+      begun.erase(found);
+    } else if (!fault.optional) {
+      ending.missing.push_back(never_text(fault));
+    }
+  }
+  ending.lost = recording.lost;
+  ending.crashed = recording.crashed;
+  result.not_judged = {"that each plan's own end is followed by a hold: it is judged 2.05 s behind the newest command",
+                       recording.lost_is_known
+                           ? "commits that were acknowledged: the failsafe's transitions alone are looked for"
+                           : "whether the ledger has all that was acknowledged: who counts it was killed",
+                       "that what a drone is told ramps: each rc's range is judged",
+                       "that agent hands each command on once and in order: link's own order is judged",
+                       "that what is flown was signed: tests/system/relay compares it with the ledger",
+                       "that no plan that waited during a brake is flown behind it: that of the plan in hand alone"};
+  result.verdicts = judge.finish(ending);
+  result.flown_ns = ending.now;
+  result.over = ending.over;
+  result.ok = ending.ok;
+  result.why = ending.why;
+  return result;
+}
+
+Agreement compare(const RunResult& a, const RunResult& b) {
+  Agreement agreement;
+  for (std::size_t i = 0; i < std::min(a.timeline.size(), b.timeline.size()); ++i) {
+    agreement.farthest_m = std::max(
+        {agreement.farthest_m, farthest_m(a.timeline[i], b.timeline[i]), farthest_m(b.timeline[i], a.timeline[i])});
+    const auto of_a = transitions_of(a, i), of_b = transitions_of(b, i);
+    const auto [x, y] = std::mismatch(of_a.begin(), of_a.end(), of_b.begin(), of_b.end());
+    if (x == of_a.end() && y == of_b.end()) continue;
+    if (!std::exchange(agreement.same_transitions, false)) continue;
+    agreement.difference = fmt::format("{}: after \"{}\" the one has \"{}\", the other \"{}\"", a.drones[i],
+                                       x == of_a.begin() ? "" : *std::prev(x), x == of_a.end() ? "nothing" : *x,
+                                       y == of_b.end() ? "nothing" : *y);
+  }
+  return agreement;
+}
+
+Verdict verdict_on(const Agreement& agreement, double within_m, TimeNs at_ns) {
+  Verdict verdict;
+  verdict.rule.text = "agrees with its virtual run";
+  verdict.rule.always = true;
+  verdict.held = agreement.same_transitions && agreement.farthest_m <= within_m;
+  if (verdict.held) return verdict;
+  verdict.broken_ns = at_ns;
+  verdict.what = fmt::format("{} transitions, places within {:.3f} m ({:.1f} m may be); {}",
+                             agreement.same_transitions ? "the same" : "other", agreement.farthest_m, within_m,
+                             agreement.difference);
+  return verdict;
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,67 @@
+#pragma once
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+#include "common/base/random.hpp"
+#include "common/base/result.hpp"
+
+namespace ledgerline::hil {
+
+/// Upper bound of every delay, set or drawn: a longer draw is cut to it.
+inline constexpr TimeNs longest_delay = 60 * ns_per_s;
+
+/// How durations are distributed: plain data that may be copied and shared. Every draw is from 0 to longest_delay; what
+/// a formula gives outside is cut to that.
+struct Distribution {
+  enum class Kind { constant, uniform, normal, gamma, recorded };
+  Kind kind = Kind::constant;
+  TimeNs a = 0;  ///< constant: the value; uniform: the least; normal and gamma: the mean
+  TimeNs b = 0;  ///< uniform: the most; normal and gamma: the standard deviation
+  using Recording = std::shared_ptr<const std::vector<TimeNs>>;
+  Recording values;  ///< recorded: in the order of the recording; never empty
+  std::string file;  ///< recorded: for text_of()
+
+  static Distribution constant(TimeNs value) { return {Kind::constant, value, 0, nullptr, {}}; }
+};
+
+/// Draws from distributions, the same ones for the same seed, on every machine. A recording is played in its order and
+/// around, from a place that the seed chooses, so that what followed each other follows each other. One thread.
+class Draws {
+ public:
+  explicit Draws(std::uint64_t seed) : random_(seed), place_(random_.next()) {}
+  TimeNs next(const Distribution& distribution) noexcept;
+
+ private:
+  Random random_;
+  std::uint64_t place_;
+};
+
+/// Where recordings come from.
+using ReadRecording = std::function<Result<Distribution::Recording>(const std::string& path)>;
+Result<Distribution::Recording> read_recording(const std::string& path);
+/// From a file's content; `path` is for errors.
+Result<Distribution::Recording> parse_recording(const std::string& path, std::string_view content);
+/// Reads each file once, and gives that again whatever becomes of it; copies know what the others read. One thread.
+ReadRecording reading_once(ReadRecording read = read_recording);
+
+/// Reads one of
+///     200ms                        constant; also `constant 200ms`. Units: us, ms, s
+///     uniform 10ms 50ms            least and most
+///     normal 50ms 10ms             mean and standard deviation
+///     gamma 0.46s 0.2s             mean and standard deviation, which must be more than nothing
+///     recorded delays.txt          a file of seconds, one a line; empty lines and those with # are passed over
+/// The error quotes what is wrong and says what is allowed.
+Result<Distribution> parse_distribution(std::string_view text, const ReadRecording& read = read_recording);
+/// What parse_distribution() reads as the same again.
+std::string text_of(const Distribution& distribution);
+
+/// "200ms", "0.5s", "250us": nothing to longest_delay.
+Result<TimeNs> parse_time(std::string_view text);
+/// The shortest such text: "200ms".
+std::string time_text(TimeNs time);
+
+}  // namespace ledgerline::hil

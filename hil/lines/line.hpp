@@ -1,0 +1,89 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "common/rt/clock.hpp"
+#include "hil/lines/impairment.hpp"
+
+namespace ledgerline::hil {
+
+/// What a line did so far. Of datagrams: pushed + duplicated = delivered + lost + no_room + waiting.
+struct LineCounts {
+  std::uint64_t pushed = 0, delivered = 0;  ///< datagrams; of a stream: pieces
+  std::uint64_t bytes_in = 0, bytes_out = 0;
+  std::uint64_t lost = 0;     ///< by loss or partition
+  std::uint64_t no_room = 0;  ///< dropped by the rate's queue or the line's own bounds
+  std::uint64_t duplicated = 0, reordered = 0, corrupted = 0, truncated = 0;
+};
+
+/// One direction of a connection, impaired: what is pushed comes out of pop() when it is due. A core: no clock, no
+/// socket; the same seed, impairments and pushes give the same bytes at the same times, and each effect has random
+/// numbers of its own, so that one more effect does not change what the others draw. One thread; `now` never goes back.
+///
+/// Datagrams meet the effects in this order: partition, loss, truncation, corruption; the rate's queue; delay, which
+/// keeps the order; jitter and reordering, which do not; duplication. A stream keeps its bytes and their order.
+/// When the impairment changes, what is already on its way is due when it was; only a stall holds it back, until the
+/// stall ends.
+///
+/// Bounded: beyond most_units or most_bytes on their way, a datagram that comes is dropped and counted, and a stream
+/// takes no more (room()).
+class Line {
+ public:
+  enum class Kind { datagrams, stream };
+  static constexpr std::size_t most_units = 4'096;
+  static constexpr std::size_t most_bytes = 1'000'000;
+
+  Line(Kind kind, std::uint64_t seed);
+
+  /// From now on. The error is check_for_stream()'s; then nothing is changed.
+  Status set(const Impairment& impairment);
+  const Impairment& impairment() const { return impairment_; }
+
+  /// A datagram, which may be empty; or the next bytes of a stream, at most room(now) of them: none mean its end.
+  /// `tag` comes out with it and means nothing to the line.
+  void push(TimeNs now, std::string_view bytes, std::uint64_t tag = 0);
+  /// How many bytes of a stream may be pushed now.
+  std::size_t room(TimeNs now) const;
+
+  struct Unit {
+    std::string bytes;
+    std::uint64_t tag = 0;
+  };
+  /// The next one that is due; call until there is none.
+  std::optional<Unit> pop(TimeNs now);
+  /// When pop() will give something; none: not before something is pushed or set.
+  std::optional<TimeNs> next_due() const;
+
+  std::size_t waiting() const { return units_.size(); }
+  const LineCounts& counts() const { return counts_; }
+
+ private:
+  enum Effect { delay, jitter, loss, duplicate, reorder, corrupt, truncate, effects };
+  bool loses();
+  bool share(Effect effect, double of);
+  /// When it has passed the rate's queue; nothing: the queue is full.
+  std::optional<TimeNs> pass_rate(TimeNs now, std::size_t bytes);
+  double rate_backlog_bytes(TimeNs now) const;
+  void push_datagram(TimeNs now, std::string bytes, std::uint64_t tag);
+  void push_piece(TimeNs now, std::string_view bytes, std::uint64_t tag);
+  void keep(TimeNs due, Unit unit);
+
+  Kind kind_;
+  Impairment impairment_;
+  std::array<Random, effects> random_;                      // whether
+  std::array<Draws, effects> draws_;                        // how long
+  bool bad_ = false;                                        // of the loss model
+  TimeNs rate_free_at_ = 0;                                 // when all that is in the rate's queue has passed
+  TimeNs in_order_ = 0;                                     // nothing that keeps the order is due before this
+  std::map<std::pair<TimeNs, std::uint64_t>, Unit> units_;  // by when they are due, then as they came
+  std::uint64_t next_number_ = 0;
+  std::size_t bytes_ = 0;
+  LineCounts counts_;
+};
+
+}  // namespace ledgerline::hil

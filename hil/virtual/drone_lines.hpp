@@ -1,0 +1,55 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "hil/lines/line.hpp"
+#include "hil/lines/sensor_text.hpp"
+#include "sim/core/simulator.hpp"
+
+namespace ledgerline::hil {
+
+/// The lines between the parts: to a drone's port 8889, its answers, its state text, its mocap, agent's plans for it.
+enum class LineAt : std::uint8_t { to, answers, states, mocap, plans };
+inline constexpr std::size_t line_count = 5;
+
+/// What mocap says wrongly about a drone.
+struct MocapFault {
+  bool frozen = false;
+  std::array<double, 3> offset_m{};
+  double noise_m = 0;  ///< standard deviation
+  TimeNs period_ns = 0;
+};
+
+/// All lines of one drone, and what is said wrongly at their beginning. One thread.
+class DroneLines {
+ public:
+  DroneLines(Random& seeds, std::uint64_t plans_seed);
+
+  void push(TimeNs now, LineAt at, std::string_view bytes, std::uint64_t tag = 0) { line(at).push(now, bytes, tag); }
+  /// A state text, with the sensors' faults in it.
+  void push_state(TimeNs now, std::string_view text);
+  /// A measurement of mocap with its faults, as a geometry_msgs/PoseStamped. `real_offset_ns`: real time minus `now`.
+  void push_mocap(TimeNs now, TimeNs real_offset_ns, const sim::MocapPose& measured);
+  /// The next one that is due; call until there is none.
+  std::optional<Line::Unit> pop(TimeNs now, LineAt at) { return line(at).pop(now); }
+
+  void impair(LineAt at, const Impairment& impairment);
+  /// All that it has now; one that it had before, by `item`, goes on with what it said and when.
+  void set_sensor_faults(std::vector<SensorFault> faults);
+  void set_mocap_fault(const MocapFault& fault);
+
+ private:
+  Line& line(LineAt at) { return lines_[static_cast<std::size_t>(at)]; }
+
+  std::vector<Line> lines_;
+  std::vector<SensorFault> sensors_;
+  MocapFault mocap_;
+  std::optional<sim::MocapPose> frozen_at_;
+  TimeNs next_mocap_ns_ = 0;
+  Random noise_{0};
+};
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,250 @@
+#include "hil/virtual/ledger/ledger_port.hpp"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+
+#include "ledgerline.pb.h"
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr std::size_t stale_blocks = 5;
+constexpr TimeNs stale_period_ns = 20 * ns_per_ms;
+
+constexpr std::array<std::pair<std::string_view, Lie>, 10> all_lies{{{"chain", Lie::chain},
+                                                                     {"hash", Lie::hash},
+                                                                     {"number", Lie::number},
+                                                                     {"signature", Lie::signature},
+                                                                     {"endorsement", Lie::endorsement},
+                                                                     {"stranger", Lie::stranger},
+                                                                     {"member", Lie::member},
+                                                                     {"channel", Lie::channel},
+                                                                     {"contract", Lie::contract},
+                                                                     {"flag", Lie::flag}}};
+constexpr std::array<std::pair<std::string_view, Slip>, 5> all_slips{{{"boot", Slip::boot},
+                                                                      {"stamp", Slip::stamp},
+                                                                      {"speed", Slip::speed},
+                                                                      {"late", Slip::late},
+                                                                      {"twice", Slip::twice}}};
+
+template <typename Pairs>
+auto value_of(const Pairs& pairs, std::string_view word) -> std::optional<decltype(pairs[0].second)> {
+  for (const auto& [name, value] : pairs) {
+    if (name == word) return value;
+  }
+  return std::nullopt;
+}
+
+template <typename Pairs>
+std::string names_of(const Pairs& pairs) {
+  std::string text;
+  for (const auto& pair : pairs) text += (text.empty() ? "" : ", ") + std::string(pair.first);
+  return text;
+}
+
+std::vector<fabric::Endorsement> endorsed_by(const fabric::Transaction& tx, const crypto::IdentityName& name) {
+  const auto who = crypto::make_test_identity(name);
+  const auto signature = who.signer->sign(tx.response_payload + who.serialized);
+  return {{who.serialized, signature ? *signature : std::string()}};
+}
+
+void lie_about(fabric::Transaction& tx, Lie lie) {
+  switch (lie) {
+    case Lie::signature:
+      if (!tx.signature.empty()) tx.signature[0] ^= 1;
+      return;
+    case Lie::endorsement:
+      tx.endorsements.clear();
+      return;
+    case Lie::stranger:
+      tx.endorsements = endorsed_by(tx, {"Org2MSP", "CN=peer0"});
+      return;
+    case Lie::member:
+      tx.endorsements = endorsed_by(tx, {"Org1MSP", "CN=User1@org1.ledgerline"});
+      return;
+    case Lie::channel:
+      tx.channel = "another";
+      return;
+    case Lie::contract:
+      tx.contract = "another";
+      return;
+    case Lie::flag:
+      tx.code = 11;  // MVCC_READ_CONFLICT
+      return;
+    case Lie::none:
+    case Lie::chain:
+    case Lie::hash:
+    case Lie::number:
+      return;
+  }
+}
+
+void let_slip(fabric::Call& call, Slip slip) {
+  CommandCall command;
+  if (call.function != "command" || !command.ParseFromString(call.args.at(0))) return;
+  for (DronePlan& plan : *command.mutable_plans()) {
+    if (slip == Slip::boot) plan.set_boot_id(plan.boot_id() ^ 1);
+    if (slip == Slip::stamp) plan.set_state_stamp_ns(plan.state_stamp_ns() + 1);
+    if (slip == Slip::speed && plan.setpoints_size() > 0) plan.mutable_setpoints(0)->set_vx(9);
+    if (slip == Slip::late && plan.setpoints_size() > 0) {
+      PlannedSetpoint& last = *plan.mutable_setpoints(plan.setpoints_size() - 1);
+      last.set_at_ns(last.at_ns() + 10 * ns_per_s);
+    }
+  }
+  call.args[0] = command.SerializeAsString();
+}
+
+}  // namespace
+
+std::optional<Lie> lie_from(std::string_view word) { return value_of(all_lies, word); }
+std::string lies() { return names_of(all_lies); }
+std::optional<Slip> slip_from(std::string_view word) { return value_of(all_slips, word); }
+std::string slips() { return names_of(all_slips); }
+
+LedgerPort::LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed)
+    : ledger_(ledger), client_(ledger.add_client(name)), draws_to_(seed), draws_from_(~seed) {}
+
+// TCP keeps the order, whatever each piece is delayed by.
+TimeNs LedgerPort::in_order(TimeNs due_ns, TimeNs& last_ns) {
+  last_ns = std::max(last_ns, due_ns);
+  return last_ns;
+}
+
+void LedgerPort::submit(TimeNs now, std::uint64_t id, fabric::Call call) {
+  const std::uint64_t number = next_call_++;
+  ++counts_.submitted;
+  open_[number] = {id, now + deadline_ns};
+  if (cut_ || now < connect_at_ns_) {
+    fabric::Outcome outcome;
+    outcome.message = "not connected";
+    end({number, outcome});
+    return;
+  }
+  if (slip_ != Slip::none) let_slip(call, slip_);
+  if (slip_ == Slip::twice && call.function == "command") send(now, next_call_++, call);  // nobody waits for the first
+  send(now, number, std::move(call));
+}
+
+void LedgerPort::send(TimeNs now, std::uint64_t number, fabric::Call call) {
+  to_.push_back({in_order(now + (delay_to_ ? draws_to_.next(*delay_to_) : 0), last_to_ns_), number, std::move(call)});
+}
+
+void LedgerPort::arrive(fabric::Block block) {
+  if (lie_ == Lie::hash || lie_ == Lie::number) {
+    fabric::Block empty = block;
+    empty.transactions.clear();
+    if (lie_ == Lie::number) ++empty.number;
+    if (lie_ == Lie::hash) empty.previous_hash[0] ^= 1;
+    arrived_blocks_.push_back(std::move(empty));
+  }
+  if (lie_ == Lie::chain) block.previous_hash[0] ^= 1;
+  for (fabric::Transaction& tx : block.transactions) lie_about(tx, lie_);
+  arrived_blocks_.push_back(std::move(block));
+}
+
+void LedgerPort::end(const VirtualLedger::Ended& ended) {
+  const auto found = open_.find(ended.id);
+  if (found == open_.end()) return;  // given up, or of a process that is gone
+  using Kind = fabric::Outcome::Kind;
+  switch (ended.outcome.kind) {
+    case Kind::committed:
+      ++counts_.committed;
+      acknowledged_.push_back(ended.outcome.tx_id);
+      break;
+    case Kind::invalidated:
+      ++counts_.invalidated;
+      break;
+    case Kind::refused:
+      ++counts_.refused;
+      break;
+    case Kind::unavailable:
+    case Kind::overloaded:
+      ++counts_.unavailable;
+      break;
+  }
+  arrived_outcomes_.push_back({found->second.first, ended.outcome});
+  open_.erase(found);
+}
+
+void LedgerPort::cut(TimeNs now, bool away) {
+  if (cut_ == away) return;
+  cut_ = away;
+  if (!away) {
+    connect_at_ns_ = now + reconnect_ns;
+    return;
+  }
+  connection_ = false;
+  to_.clear();
+  outcomes_.clear();
+  const auto open = open_;
+  for (const auto& [number, call] : open) {
+    fabric::Outcome outcome;
+    outcome.message = "the connection broke";
+    end({number, outcome});
+  }
+}
+
+void LedgerPort::forget() {
+  (void)ledger_.take_blocks(std::numeric_limits<TimeNs>::max(), client_);
+  open_.clear();
+  to_.clear();
+  outcomes_.clear();
+  blocks_.clear();
+  arrived_blocks_.clear();
+  arrived_outcomes_.clear();
+}
+
+void LedgerPort::step(TimeNs now) {
+  if (!cut_ && connect_at_ns_ != 0 && now >= connect_at_ns_) {
+    connect_at_ns_ = 0;
+    connection_ = true;
+  }
+  const bool connected = !cut_ && connect_at_ns_ == 0;
+  while (connected && !stalled_to_ && !to_.empty() && to_.front().due_ns <= now) {
+    ledger_.submit(now, client_, to_.front().id, to_.front().call);
+    to_.pop_front();
+  }
+  for (auto& ended : ledger_.take_outcomes(now, client_)) {
+    // An answer to a broken connection is lost; the call ended with it.
+    if (connected) {
+      const TimeNs due_ns = in_order(now + (delay_from_ ? draws_from_.next(*delay_from_) : 0), last_from_ns_);
+      outcomes_.emplace_back(due_ns, std::move(ended));
+    }
+  }
+  for (auto& block : ledger_.take_blocks(now, client_)) {
+    const TimeNs due_ns = in_order(now + (delay_from_ ? draws_from_.next(*delay_from_) : 0), last_from_ns_);
+    blocks_.emplace_back(due_ns, std::move(block));
+  }
+  if (connected && !stalled_from_) {
+    for (; !outcomes_.empty() && outcomes_.front().first <= now; outcomes_.pop_front()) end(outcomes_.front().second);
+    for (; !stale_ && !blocks_.empty() && blocks_.front().first <= now; blocks_.pop_front()) {
+      newest_.push_back(blocks_.front().second);
+      if (newest_.size() > stale_blocks) newest_.pop_front();
+      ++counts_.blocks;
+      arrive(std::move(blocks_.front().second));
+    }
+    if (stale_ && now >= next_stale_ns_) {
+      next_stale_ns_ = now + stale_period_ns;
+      counts_.stale_blocks += newest_.size();
+      arrived_blocks_.insert(arrived_blocks_.end(), newest_.begin(), newest_.end());
+    }
+  }
+  std::vector<std::uint64_t> given_up;
+  for (const auto& [number, call] : open_) {
+    if (now >= call.second) given_up.push_back(number);
+  }
+  for (const std::uint64_t number : given_up) {
+    fabric::Outcome outcome;
+    outcome.message = "no answer in time";
+    end({number, outcome});
+  }
+}
+
+std::vector<fabric::Block> LedgerPort::take_blocks() { return std::exchange(arrived_blocks_, {}); }
+
+std::vector<VirtualLedger::Ended> LedgerPort::take_outcomes() { return std::exchange(arrived_outcomes_, {}); }
+
+std::optional<bool> LedgerPort::take_connection() { return std::exchange(connection_, std::nullopt); }
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,131 @@
+#pragma once
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/fabric/tx/transaction.hpp"
+#include "hil/lines/distribution.hpp"
+#include "hil/virtual/ledger/virtual_ledger.hpp"
+
+namespace ledgerline::hil {
+
+/// What a lying peer shows instead of its blocks, or before them.
+enum class Lie : std::uint8_t {
+  none,
+  chain,        ///< blocks that name another previous hash, with all their transactions
+  hash,         ///< before each block an empty one of its number, which names another previous hash
+  number,       ///< before each block an empty one of the next number
+  signature,    ///< transactions whose creator did not sign them
+  endorsement,  ///< nobody endorsed them
+  stranger,     ///< a peer of another organisation alone did
+  member,       ///< a member of our organisation did, who is no peer
+  channel,      ///< of another channel
+  contract,     ///< of another contract
+  flag,         ///< flagged invalid
+};
+std::optional<Lie> lie_from(std::string_view word);
+std::string lies();  ///< all of them, for errors
+
+/// What is wrong with the operator's own commands, signed all the same.
+enum class Slip : std::uint8_t {
+  none,
+  boot,   ///< they answer another start of link
+  stamp,  ///< they answer a state that never was
+  speed,  ///< 9 m/s ahead
+  late,   ///< setpoints for a moment behind the horizon
+  twice,  ///< each is submitted twice
+};
+std::optional<Slip> slip_from(std::string_view word);
+std::string slips();
+
+/// One process' connection to the virtual ledger, with what may be wrong with it. It keeps its order, as TCP does, and
+/// behaves as fabric::Client: every call ends once, as unavailable when no answer came within the deadline; blocks come
+/// without gap or doublet, also behind a cut. Deterministic for a seed; one thread.
+class LedgerPort {
+ public:
+  static constexpr TimeNs deadline_ns = 1 * ns_per_s;  ///< as agent and ground, of a ledger that is not far
+  static constexpr TimeNs reconnect_ns = 150 * ns_per_ms;
+
+  LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed);
+
+  void submit(TimeNs now, std::uint64_t id, fabric::Call call);
+  /// Moves what is due, both ways. After the ledger's own step.
+  void step(TimeNs now);
+  std::vector<fabric::Block> take_blocks();
+  std::vector<VirtualLedger::Ended> take_outcomes();
+  /// Whether the block stream has come or gone since the last call.
+  std::optional<bool> take_connection();
+  Result<std::string> evaluate(TimeNs now, const fabric::Call& call) { return ledger_.evaluate(now, client_, call); }
+  bool reachable() const { return !cut_ && !stalled_to_ && !stalled_from_; }
+
+  /// The process died: nobody waits for what is under way, and who comes hears the next new block first.
+  void forget();
+
+  // Faults.
+  void delay_to(std::optional<Distribution> delay) { delay_to_ = std::move(delay); }
+  void delay_from(std::optional<Distribution> delay) { delay_from_ = std::move(delay); }
+  const std::optional<Distribution>& delay_to() const { return delay_to_; }
+  const std::optional<Distribution>& delay_from() const { return delay_from_; }
+  void stall_to(bool stalled) { stalled_to_ = stalled; }
+  void stall_from(bool stalled) { stalled_from_ = stalled; }
+  /// The connection breaks and cannot be made anew: what is under way ends as unavailable, so does what is submitted.
+  void cut(TimeNs now, bool away);
+  /// The peer starts anew: as a cut that is over at once, where none lasts.
+  void restart(TimeNs now) {
+    if (cut_) return;
+    cut(now, true);
+    cut(now, false);
+  }
+  /// The peer shows its last blocks over and over, and no new one.
+  void stale(bool stale) { stale_ = stale; }
+  void lie(Lie lie) { lie_ = lie; }
+  void slip(Slip slip) { slip_ = slip; }
+
+  struct Counts {
+    std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0;
+    std::uint64_t blocks = 0, stale_blocks = 0;
+  };
+  const Counts& counts() const { return counts_; }
+  std::size_t under_way() const { return open_.size(); }
+  /// The transactions that this process was told are committed.
+  const std::vector<std::string>& acknowledged() const { return acknowledged_; }
+
+ private:
+  struct Waiting {
+    TimeNs due_ns = 0;
+    std::uint64_t id = 0;
+    fabric::Call call;
+  };
+  void end(const VirtualLedger::Ended& ended);
+  void send(TimeNs now, std::uint64_t number, fabric::Call call);
+  void arrive(fabric::Block block);
+  static TimeNs in_order(TimeNs due_ns, TimeNs& last_ns);
+
+  VirtualLedger& ledger_;
+  VirtualLedger::Client client_;
+  Draws draws_to_, draws_from_;
+  std::optional<Distribution> delay_to_, delay_from_;
+  Lie lie_ = Lie::none;
+  Slip slip_ = Slip::none;
+  bool stalled_to_ = false, stalled_from_ = false, cut_ = false, stale_ = false;
+  TimeNs last_to_ns_ = 0, last_from_ns_ = 0, connect_at_ns_ = 0, next_stale_ns_ = 0;
+  std::optional<bool> connection_;
+
+  std::uint64_t next_call_ = 1;                                     ///< as the ledger knows calls
+  std::map<std::uint64_t, std::pair<std::uint64_t, TimeNs>> open_;  ///< by call: the caller's id, the deadline
+  std::deque<Waiting> to_;
+  std::deque<std::pair<TimeNs, VirtualLedger::Ended>> outcomes_;  ///< on their way back
+  std::deque<std::pair<TimeNs, fabric::Block>> blocks_;
+  std::deque<fabric::Block> newest_;  ///< that came, for `stale`
+  std::vector<fabric::Block> arrived_blocks_;
+  std::vector<VirtualLedger::Ended> arrived_outcomes_;
+  std::vector<std::string> acknowledged_;
+  Counts counts_;
+};
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,387 @@
+#include "hil/virtual/ledger/relay.hpp"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "common/common.pb.h"
+#include "common/msg/proto_json.hpp"
+#include "common/msg/ros.hpp"
+#include "peer/chaincode.pb.h"
+#include "peer/chaincode_event.pb.h"
+#include "peer/proposal.pb.h"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr std::array<std::pair<std::string_view, RelayLie>, 40> all_lies{{
+    {"plan-speed", RelayLie::plan_speed},
+    {"plan-climb", RelayLie::plan_climb},
+    {"plan-turn", RelayLie::plan_turn},
+    {"plan-takeoff", RelayLie::plan_takeoff},
+    {"plan-land", RelayLie::plan_land},
+    {"plan-fly", RelayLie::plan_fly},
+    {"plan-times", RelayLie::plan_times},
+    {"plan-longer", RelayLie::plan_longer},
+    {"plan-drone", RelayLie::plan_drone},
+    {"plan-boot", RelayLie::plan_boot},
+    {"plan-stamp", RelayLie::plan_stamp},
+    {"plan-sequence", RelayLie::plan_sequence},
+    {"plan-epoch", RelayLie::plan_epoch},
+    {"plan-added", RelayLie::plan_added},
+    {"plan-left-out", RelayLie::plan_left_out},
+    {"plan-form", RelayLie::plan_form},
+    {"plan-replayed", RelayLie::plan_replayed},
+    {"command-acquire", RelayLie::command_acquire},
+    {"command-release", RelayLie::command_release},
+    {"command-resume", RelayLie::command_resume},
+    {"command-enroll", RelayLie::command_enroll},
+    {"command-fold", RelayLie::command_fold},
+    {"command-cut", RelayLie::command_cut},
+    {"command-silent", RelayLie::command_silent},
+    {"command-other", RelayLie::command_other},
+    {"frame-cut", RelayLie::frame_cut},
+    {"frame-acquire", RelayLie::frame_acquire},
+    {"frame-release", RelayLie::frame_release},
+    {"frame-resume", RelayLie::frame_resume},
+    {"frame-enroll", RelayLie::frame_enroll},
+    {"frame-back", RelayLie::frame_back},
+    {"frame-flies", RelayLie::frame_flies},
+    {"frame-pose", RelayLie::frame_pose},
+    {"frame-replayed", RelayLie::frame_replayed},
+    {"stop-cut", RelayLie::stop_cut},
+    {"stop-other", RelayLie::stop_other},
+    {"fold-lifts", RelayLie::fold_lifts},
+    {"fold-back", RelayLie::fold_back},
+    {"asked-plan", RelayLie::asked_plan},
+    {"asked-function", RelayLie::asked_function},
+}};
+
+const crypto::IdentityName rival{"Org3MSP", "CN=User1@org3.ledgerline"};
+
+/// Whose result it bends.
+std::string_view function_of(RelayLie lie) {
+  if (lie >= RelayLie::asked_plan || lie < RelayLie::frame_cut) return "command";
+  if (lie <= RelayLie::frame_replayed) return "set";
+  return lie <= RelayLie::stop_other ? "stop" : "fold";
+}
+bool of_what_was_asked(RelayLie lie) { return lie >= RelayLie::asked_plan; }
+
+Identity message_of(const crypto::IdentityName& name) {
+  Identity identity;
+  identity.set_msp_id(name.msp_id);
+  identity.set_subject(name.subject);
+  return identity;
+}
+
+std::string bytes_of(const Control& record) {
+  Controls controls;
+  *controls.add_controls() = record;
+  *controls.mutable_identity() = record.owner();
+  return controls.SerializeAsString();
+}
+
+std::string cut_of(const std::string& drone, const crypto::IdentityName& stopper) {
+  Stops stops;
+  Stop& stop = *stops.add_stops();
+  stop.set_drone(drone);
+  *stop.mutable_stopper() = message_of(stopper);
+  stop.set_cut(true);
+  return stops.SerializeAsString();
+}
+
+void set_velocity(DronePlan& plan, float vx, float vz, float yaw_rate) {
+  for (PlannedSetpoint& setpoint : *plan.mutable_setpoints()) {
+    setpoint.set_vx(vx);
+    setpoint.set_vy(0);
+    setpoint.set_vz(vz);
+    setpoint.set_yaw_rate(yaw_rate);
+  }
+}
+
+/// Flies for so long, from its state on.
+void add_setpoints(DronePlan& plan, float vx, float vz) {
+  plan.clear_setpoints();
+  for (int i = 1; i <= 10; ++i) plan.add_setpoints()->set_at_ns(plan.state_stamp_ns() + i * 50 * ns_per_ms);
+  set_velocity(plan, vx, vz, 0);
+}
+
+std::string other_drone(const std::string& drone) { return drone == "tello1" ? "tello2" : "tello1"; }
+
+void bend_plan(DronePlan& plan, RelayLie lie) {
+  switch (lie) {
+    case RelayLie::plan_speed:
+    case RelayLie::plan_form:
+      return set_velocity(plan, 2, 0, 0);
+    case RelayLie::plan_climb:
+      return set_velocity(plan, 0, 1, 0);
+    case RelayLie::plan_turn:
+      return set_velocity(plan, 0, 0, 3);
+    case RelayLie::plan_takeoff:
+      return plan.set_action(TAKEOFF);
+    case RelayLie::plan_land:
+      return plan.set_action(LAND);
+    case RelayLie::plan_fly:
+      if (plan.action() != FLY) add_setpoints(plan, 0, 1);
+      return plan.set_action(FLY);
+    case RelayLie::plan_times:
+      for (PlannedSetpoint& setpoint : *plan.mutable_setpoints()) setpoint.set_at_ns(setpoint.at_ns() + ns_per_s);
+      return;
+    case RelayLie::plan_longer:
+      if (!plan.setpoints().empty()) {
+        const PlannedSetpoint last = plan.setpoints(plan.setpoints_size() - 1);
+        for (int i = 1; i <= 5; ++i) {
+          *plan.add_setpoints() = last;
+          plan.mutable_setpoints(plan.setpoints_size() - 1)->set_at_ns(last.at_ns() + i * 100 * ns_per_ms);
+        }
+      }
+      return;
+    case RelayLie::plan_drone:
+      return plan.set_drone(other_drone(plan.drone()));
+    case RelayLie::plan_boot:
+      return plan.set_boot_id(plan.boot_id() ^ 1);
+    case RelayLie::plan_stamp:
+      return plan.set_state_stamp_ns(plan.state_stamp_ns() - 1);
+    case RelayLie::plan_sequence:
+      return plan.set_sequence(plan.sequence() + 1000);
+    case RelayLie::plan_epoch:
+      return plan.set_epoch(plan.epoch() + 1);
+    default:
+      return;
+  }
+}
+
+template <typename Message>
+Message parsed(const std::string& bytes) {
+  Message message;
+  message.ParseFromString(bytes);
+  return message;
+}
+
+}  // namespace
+
+std::optional<RelayLie> relay_lie_from(std::string_view word) {
+  for (const auto& [name, lie] : all_lies) {
+    if (name == word) return lie;
+  }
+  return std::nullopt;
+}
+
+std::vector<std::string> relay_lie_names() {
+  std::vector<std::string> names;
+  for (const auto& pair : all_lies) names.emplace_back(pair.first);
+  return names;
+}
+
+std::string relay_lies() {
+  std::string text;
+  for (const std::string& name : relay_lie_names()) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+// As the launcher left it.
+Control Relay::record_of(const std::string& drone) const {
+  Control record;
+  record.set_drone(drone);
+  *record.mutable_owner() = message_of(names_.drone_host);
+  *record.mutable_holder() = message_of(names_.holder);
+  record.set_epoch(1);
+  return record;
+}
+
+std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
+  auto call = parsed<CommandCall>(payload);
+  if (call.plans().empty()) return std::nullopt;
+  const std::string drone = call.plans(0).drone();
+  Control record = record_of(drone);
+  switch (lie_) {
+    case RelayLie::plan_added: {
+      DronePlan more = call.plans(0);
+      more.set_action(TAKEOFF);
+      more.set_sequence(more.sequence() + 1);
+      *call.add_plans() = more;
+      return Event{"command", call.SerializeAsString()};
+    }
+    case RelayLie::plan_left_out:
+      return Event{"command", CommandCall().SerializeAsString()};
+    case RelayLie::plan_replayed: {
+      if (earlier_command_.empty()) earlier_command_ = payload;
+      auto earlier = parsed<CommandCall>(earlier_command_);
+      earlier.mutable_plans(0)->set_sequence(call.plans(0).sequence());
+      earlier.mutable_plans(0)->set_state_stamp_ns(call.plans(0).state_stamp_ns());
+      return Event{"command", earlier.SerializeAsString()};
+    }
+    case RelayLie::command_acquire:
+      *record.mutable_holder() = message_of(rival);
+      record.set_epoch(2);
+      return Event{"acquire", bytes_of(record)};
+    case RelayLie::command_release:
+      record.clear_holder();
+      record.set_epoch(2);
+      return Event{"release", bytes_of(record)};
+    case RelayLie::command_resume:
+      return Event{"resume", bytes_of(record)};
+    case RelayLie::command_enroll:
+      *record.mutable_owner() = message_of(rival);
+      return Event{"enroll", bytes_of(record)};
+    case RelayLie::command_fold:
+      record.set_epoch(9);
+      return Event{"fold", bytes_of(record)};
+    case RelayLie::command_cut:
+      return Event{"stop", cut_of(drone, names_.holder)};
+    case RelayLie::command_silent:
+      return Event{};
+    case RelayLie::command_other:
+      return Event{"command", payload};
+    default:
+      for (DronePlan& plan : *call.mutable_plans()) bend_plan(plan, lie_);
+      return Event{"command", lie_ == RelayLie::plan_form ? to_json(call) : call.SerializeAsString()};
+  }
+}
+
+// First the lease, then a climb and a flight ahead: all of it under the host's own signature.
+std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
+  for (const Asset& asset : frame.assets()) {
+    if (asset.msg_type() != link_status_type) continue;
+    const auto state = link_status_from_cdr(asset.msg_data());
+    if (!state) continue;
+    const std::string drone = asset.id().substr(0, asset.id().find('/'));
+    if (host_sequence_++ == 0) {
+      Control record = record_of(drone);
+      *record.mutable_holder() = message_of(names_.drone_host);
+      record.set_epoch(2);
+      return Event{"acquire", bytes_of(record)};
+    }
+    CommandCall call;
+    DronePlan& plan = *call.add_plans();
+    plan.set_drone(drone);
+    plan.set_boot_id(state->boot_id);
+    plan.set_state_stamp_ns(state->stamp_ns);
+    plan.set_sequence(host_sequence_);
+    plan.set_epoch(2);
+    add_setpoints(plan, 1, 1);
+    return Event{"command", call.SerializeAsString()};
+  }
+  return std::nullopt;
+}
+
+std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
+  auto frame = parsed<SetCall>(payload);
+  if (!frame.stream() || frame.assets().empty()) return std::nullopt;
+  const std::string drone = frame.assets(0).id().substr(0, frame.assets(0).id().find('/'));
+  Control record = record_of(drone);
+  switch (lie_) {
+    case RelayLie::frame_cut:
+      return Event{"stop", cut_of(drone, names_.drone_host)};
+    case RelayLie::frame_acquire:
+      *record.mutable_holder() = message_of(rival);
+      record.set_epoch(2);
+      return Event{"acquire", bytes_of(record)};
+    case RelayLie::frame_release:
+      record.clear_holder();
+      record.set_epoch(2);
+      return Event{"release", bytes_of(record)};
+    case RelayLie::frame_resume:
+      return Event{"resume", bytes_of(record)};
+    case RelayLie::frame_enroll:
+      *record.mutable_owner() = message_of(rival);
+      return Event{"enroll", bytes_of(record)};
+    case RelayLie::frame_back:
+      *record.mutable_holder() = message_of(rival);
+      record.set_epoch(0);
+      return Event{"acquire", bytes_of(record)};
+    case RelayLie::frame_flies:
+      return host_flies(frame);
+    case RelayLie::frame_replayed:
+      if (earlier_frame_.empty()) earlier_frame_ = payload;
+      break;
+    default:
+      break;
+  }
+  const auto earlier = parsed<SetCall>(earlier_frame_);
+  for (int i = 0; i < frame.assets_size(); ++i) {
+    Asset& asset = *frame.mutable_assets(i);
+    auto state = link_status_from_cdr(asset.msg_data());
+    if (asset.msg_type() != link_status_type || !state) continue;
+    if (lie_ == RelayLie::frame_pose) state->position_m[0] += 3;
+    if (lie_ == RelayLie::frame_replayed && i < earlier.assets_size()) {
+      const auto old = link_status_from_cdr(earlier.assets(i).msg_data());
+      if (old) state->position_m = old->position_m;
+    }
+    asset.set_msg_data(link_status_to_cdr(*state));
+  }
+  return Event{"set", frame.SerializeAsString()};
+}
+
+// `payload`: the honest event.
+std::optional<Relay::Event> Relay::bent_stop(const std::string& payload) const {
+  auto stops = parsed<Stops>(payload);
+  auto controls = parsed<Controls>(payload);
+  for (Stop& stop : *stops.mutable_stops()) {
+    if (lie_ == RelayLie::stop_cut) stop.set_cut(true);
+    if (lie_ == RelayLie::stop_other) *stop.mutable_stopper() = message_of(rival);
+  }
+  for (Control& record : *controls.mutable_controls()) {
+    if (lie_ == RelayLie::fold_lifts) record.clear_stoppers();
+    if (lie_ == RelayLie::fold_back) {
+      *record.mutable_holder() = message_of(rival);
+      record.set_epoch(0);
+    }
+  }
+  if (lie_ <= RelayLie::stop_other) return Event{"stop", stops.SerializeAsString()};
+  return Event{"fold", controls.SerializeAsString()};
+}
+
+std::string Relay::bend(const fabric::Call& call, std::string bytes) {
+  if (lie_ == RelayLie::none || call.function != function_of(lie_)) return bytes;
+  auto envelope = parsed<common::Envelope>(bytes);
+  auto payload = parsed<common::Payload>(envelope.payload());
+  auto transaction = parsed<protos::Transaction>(payload.data());
+  auto action = parsed<protos::ChaincodeActionPayload>(transaction.actions(0).payload());
+  auto response = parsed<protos::ProposalResponsePayload>(action.action().proposal_response_payload());
+  auto result = parsed<protos::ChaincodeAction>(response.extension());
+  auto event = parsed<protos::ChaincodeEvent>(result.events());
+  const auto bent = call.function == "set"       ? bent_frame(call.args.at(0))
+                    : call.function == "command" ? bent_command(call.args.at(0))
+                                                 : bent_stop(event.payload());
+  if (!bent) return bytes;
+  if (of_what_was_asked(lie_)) {
+    auto proposal = parsed<protos::ChaincodeProposalPayload>(action.chaincode_proposal_payload());
+    auto invocation = parsed<protos::ChaincodeInvocationSpec>(proposal.input());
+    auto& args = *invocation.mutable_chaincode_spec()->mutable_input();
+    if (lie_ == RelayLie::asked_function) {
+      args.set_args(0, "set");
+    } else {
+      auto plans = parsed<CommandCall>(call.args.at(0));
+      for (DronePlan& plan : *plans.mutable_plans()) set_velocity(plan, 2, 0, 0);
+      args.set_args(1, plans.SerializeAsString());
+      event.set_payload(plans.SerializeAsString());
+    }
+    proposal.set_input(invocation.SerializeAsString());
+    action.set_chaincode_proposal_payload(proposal.SerializeAsString());
+    const crypto::Digest hash = crypto::sha256(payload.header().channel_header() + payload.header().signature_header() +
+                                               action.chaincode_proposal_payload());
+    response.set_proposal_hash({hash.begin(), hash.end()});
+  } else {
+    event.set_event_name(bent->name);
+    event.set_payload(bent->payload);
+    if (lie_ == RelayLie::command_other) event.set_tx_id(std::string(64, '0'));
+  }
+  result.set_events(event.event_name().empty() ? std::string() : event.SerializeAsString());
+  response.set_extension(result.SerializeAsString());
+  const crypto::SigningIdentity& peer = names_.peer;
+  auto& endorsed = *action.mutable_action();
+  endorsed.set_proposal_response_payload(response.SerializeAsString());
+  endorsed.clear_endorsements();
+  protos::Endorsement& endorsement = *endorsed.add_endorsements();
+  endorsement.set_endorser(peer.serialized);
+  const auto signature = peer.signer->sign(endorsed.proposal_response_payload() + peer.serialized);
+  if (signature) endorsement.set_signature(*signature);
+  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
+  payload.set_data(transaction.SerializeAsString());
+  envelope.set_payload(payload.SerializeAsString());
+  return envelope.SerializeAsString();
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,76 @@
+#include "hil/virtual/ledger/stoppers.hpp"
+
+#include <algorithm>
+
+#include "hil/virtual/world_setup.hpp"
+#include "ledgerline.pb.h"
+
+namespace ledgerline::hil {
+
+Stoppers::Stoppers(VirtualLedger& ledger, LedgerPort& operating, std::uint64_t seed)
+    : ledger_(ledger), operating_(operating), seed_(seed) {}
+
+LedgerPort& Stoppers::port(Stopper who) {
+  if (who == Stopper::operating) return operating_;
+  auto& port = ports_[who];
+  if (!port) {
+    port = std::make_unique<LedgerPort>(ledger_, who == Stopper::supervisor ? supervisor_name : stranger_name, ++seed_);
+  }
+  return *port;
+}
+
+void Stoppers::say(TimeNs now, Stopper who, const std::string& drone, StopWord word) {
+  DronesCall call;
+  call.add_drones(drone);
+  call.set_cut(word == StopWord::cut);
+  const bool resumes = word == StopWord::resume;
+  fabric::RepeatLimits limits;
+  if (resumes) limits = {.attempts = 10, .conflicts_only = true};
+  sayings_.push_back(
+      {who, {resumes ? "resume" : "stop", {call.SerializeAsString()}}, fabric::Repeat(limits, ++seed_, now), now, 0});
+}
+
+void Stoppers::ended(TimeNs now, std::size_t at, const fabric::Outcome& outcome) {
+  Saying& saying = sayings_[at];
+  saying.id = 0;
+  if (saying.repeat.ended(now, outcome) == fabric::Repeat::Next::again) {
+    saying.next_ns = saying.repeat.at_ns();
+  } else {
+    sayings_.erase(sayings_.begin() + static_cast<std::ptrdiff_t>(at));
+  }
+}
+
+bool Stoppers::take_outcome(TimeNs now, const VirtualLedger::Ended& outcome) {
+  const auto saying =
+      std::find_if(sayings_.begin(), sayings_.end(), [&](const Saying& s) { return s.id == outcome.id; });
+  if (outcome.id == 0 || saying == sayings_.end()) return outcome.id > (std::uint64_t{1} << 62);
+  ended(now, static_cast<std::size_t>(saying - sayings_.begin()), outcome.outcome);
+  return true;
+}
+
+void Stoppers::forgotten(TimeNs now) {
+  fabric::Outcome outcome;
+  outcome.message = "the connection broke";
+  for (std::size_t at = sayings_.size(); at-- > 0;) {
+    if (sayings_[at].who == Stopper::operating && sayings_[at].id != 0) ended(now, at, outcome);
+  }
+}
+
+void Stoppers::restart(TimeNs now) {
+  for (auto& [who, port] : ports_) port->restart(now);
+}
+
+void Stoppers::step(TimeNs now) {
+  for (auto& [who, port] : ports_) {
+    port->step(now);
+    (void)port->take_blocks();
+    for (const auto& outcome : port->take_outcomes()) take_outcome(now, outcome);
+  }
+  for (Saying& saying : sayings_) {
+    if (saying.id != 0 || now < saying.next_ns) continue;
+    saying.id = ++last_id_;
+    port(saying.who).submit(now, saying.id, saying.call);
+  }
+}
+
+}  // namespace ledgerline::hil

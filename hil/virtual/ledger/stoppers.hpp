@@ -1,0 +1,56 @@
+#pragma once
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/fabric/client/repeat.hpp"
+#include "hil/virtual/ledger/ledger_port.hpp"
+
+namespace ledgerline::hil {
+
+/// Who stops and resumes by a script: the operator that flies, a supervisor of the drones' organisation, and a
+/// stranger, who is a supervisor of another organisation.
+enum class Stopper : std::uint8_t { operating, supervisor, stranger };
+enum class StopWord : std::uint8_t { stop, cut, resume };
+
+/// Those who stop, cut and resume drones by a script, each as ledgerline-control does: a stop is said again until it is
+/// on the ledger or refused, a resume over conflicts alone. The operator speaks over the port that it commands by, the
+/// others each over their own, which is there from their first word on. Deterministic for a seed; one thread.
+class Stoppers {
+ public:
+  Stoppers(VirtualLedger& ledger, LedgerPort& operating, std::uint64_t seed);
+
+  void say(TimeNs now, Stopper who, const std::string& drone, StopWord word);
+  /// What is due; after the ledger's step and the operator's port's.
+  void step(TimeNs now);
+  /// An outcome that came by the operator's port; false: not of a call made here.
+  bool take_outcome(TimeNs now, const VirtualLedger::Ended& ended);
+  /// The operator's port has forgotten what was under way.
+  void forgotten(TimeNs now);
+  void restart(TimeNs now);
+
+  /// Ports of the others, for what they were told.
+  const std::map<Stopper, std::unique_ptr<LedgerPort>>& ports() const { return ports_; }
+
+ private:
+  struct Saying {
+    Stopper who{};
+    fabric::Call call;
+    fabric::Repeat repeat;
+    TimeNs next_ns = 0;
+    std::uint64_t id = 0;  ///< 0: not under way
+  };
+  LedgerPort& port(Stopper who);
+  void ended(TimeNs now, std::size_t at, const fabric::Outcome& outcome);
+
+  VirtualLedger& ledger_;
+  LedgerPort& operating_;
+  std::uint64_t seed_;
+  std::map<Stopper, std::unique_ptr<LedgerPort>> ports_;
+  std::vector<Saying> sayings_;
+  std::uint64_t last_id_ = std::uint64_t{1} << 62;  // ground's calls count from 1
+};
+
+}  // namespace ledgerline::hil

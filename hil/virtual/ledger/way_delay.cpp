@@ -1,0 +1,78 @@
+#include "hil/virtual/ledger/way_delay.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr TimeNs draw_period_ns = 100 * ns_per_ms;
+constexpr double longest_added_s = 3;
+
+Result<AddedDelay> recorded_from(const std::string& file, const ReadRecording& read) {
+  auto recording = read(file);
+  if (!recording) return recording.error();
+  const TimeNs longest = *std::max_element((*recording)->begin(), (*recording)->end());
+  if (longest > from_seconds(longest_added_s))
+    return Error{
+        fmt::format("{}: {} s is longer than the {} s that can be added", file, to_seconds(longest), longest_added_s)};
+  AddedDelay delay{AddedDelay::Kind::recorded};
+  delay.recorded = {Distribution::Kind::recorded, 0, 0, std::move(*recording), file};
+  return delay;
+}
+
+}  // namespace
+
+double PublishedDelay::quantile(double share) const {
+  std::size_t to = 1;
+  while (to + 1 < shares.size() && share >= shares[to]) ++to;
+  const double part = (share - shares[to - 1]) / (shares[to] - shares[to - 1]);
+  return quantiles_s[to - 1] + part * (quantiles_s[to] - quantiles_s[to - 1]);
+}
+
+Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording& read) {
+  if (text == "none") return AddedDelay{};
+  const auto* known = std::find_if(published_delays.begin(), published_delays.end(),
+                                   [&](const PublishedDelay& one) { return one.name == text; });
+  if (known != published_delays.end()) return AddedDelay{AddedDelay::Kind::published, 0, known};
+  double seconds = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
+  if (error != std::errc{} || end != text.data() + text.size()) return recorded_from(text, read);
+  if (!(seconds >= 0 && seconds <= longest_added_s))
+    return Error{fmt::format("{} is no delay from 0 to {} seconds", text, longest_added_s)};
+  return AddedDelay{AddedDelay::Kind::constant, seconds};
+}
+
+TimeNs WayDelay::draw() {
+  switch (delay_.kind) {
+    case AddedDelay::Kind::none:
+      return 0;
+    case AddedDelay::Kind::constant:
+      return from_seconds(delay_.constant_s);
+    case AddedDelay::Kind::published:
+      return from_seconds(delay_.published->quantile(random_.uniform()));
+    case AddedDelay::Kind::recorded:
+      return recording_.next(delay_.recorded);
+  }
+  return 0;
+}
+
+TimeNs WayDelay::at(TimeNs now) {
+  const auto period = static_cast<std::uint64_t>(now / draw_period_ns);
+  while (drawn_ <= period) draws_[drawn_++ % kept] = draw();
+  const auto part = [&](std::uint64_t k, double share) {
+    return std::llround(static_cast<double>(draws_[k % kept]) * share);
+  };
+  std::uint64_t chosen = period;
+  if (way_ == Way::back) {
+    const std::uint64_t oldest = period - std::min(period, kept - 1);
+    const auto begin = [](std::uint64_t k) { return static_cast<TimeNs>(k) * draw_period_ns; };
+    while (chosen > oldest && begin(chosen) + part(chosen, 1 - share_) > now) --chosen;
+  }
+  return part(chosen, share_);
+}
+
+}  // namespace ledgerline::hil

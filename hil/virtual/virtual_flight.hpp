@@ -1,0 +1,73 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/rt/histogram.hpp"
+#include "ground/core/controller.hpp"
+#include "hil/virtual/ledger/virtual_ledger.hpp"
+
+namespace ledgerline::hil {
+
+struct VirtualFlightConfig {
+  enum class Mode { ledger, local };
+  Mode mode = Mode::ledger;  ///< local: the same controller beside the driver, no ledger
+  int drones = 1;
+  ground::Shape shape = ground::Shape::square;
+  double side_m = 1.5;
+  std::vector<ground::Waypoint> waypoints;  ///< of a path of one's own; empty: the shape
+  double speed_mps = 0.5;
+  ground::Ramp ramp;
+  bool predict = true;
+  double rate_hz = 30;
+  int laps = 3;
+  std::size_t batch_count = 1;
+  TimeNs batch_timeout_ns = 10 * ns_per_ms;
+  LedgerDelays delays;
+  TimeNs max_age_ns = 0;      ///< of a command, at agent and link; 0: their defaults, 5 s with an added delay
+  double model_error = 0;     ///< the simulator's drone has mass, gain and lag larger by this share
+  double gust_mps = 0.1;      ///< standard deviation of the simulator's wind
+  double full_scale_mps = 1;  ///< what rc 100 means: to link, to the simulator, and to the controller
+  std::uint64_t seed = 1;
+  TimeNs longest_ns = 600 * ns_per_s;  ///< of virtual time; a flight that is not over by then is not ok
+};
+
+struct VirtualFlightResult {
+  bool ok = false;
+  std::string why;
+  TimeNs flown_ns = 0;      ///< virtual time
+  crypto::Digest digest{};  ///< SHA-256 over all blocks, all traces and every datagram to and from the drones
+  std::uint64_t blocks = 0, transactions = 0;
+  struct Drone {
+    std::string name;
+    Quantiles two_way_ms, age_ms;
+    double cross_track_rms_m = 0, cross_track_max_m = 0;
+    double lowest_m = 0, highest_m = 0;  ///< on its path, by the truth, above the map's zero; 0: it never was on it
+    std::vector<double> lap_s;
+    /// Each lap by the truth; of a ramp each has its speed.
+    struct Lap {
+      double asked_mps = 0, flown_mps = 0, seconds = 0, rms_m = 0, max_m = 0;
+      double peak_mps = 0;  ///< flown_mps is the mean
+    };
+    std::vector<Lap> laps;
+    double limit_mps = 0;                                   ///< the latency-aware limit at the end; 0: no prediction
+    std::optional<double> slowed_to_mps;                    ///< the least limit that was below the speed asked for
+    motion::Response response;                              ///< as learned
+    std::uint64_t commands_sent = 0, commands_applied = 0;  ///< by ground; by link
+  };
+  std::vector<Drone> drones;
+};
+
+/// Top speed of a ramp: the largest speed of a lap that was flown with an error below this, all slower ones too.
+inline constexpr double top_speed_error_m = 0.4;
+/// A lap fails when its error is above this.
+inline constexpr double failing_error_m = 1.0;
+
+/// A whole flight in one thread: the cores of sim, link, agent, node and ground on a virtual clock of 1 ms steps, with
+/// test signers; UDP, shared memory, DDS and gRPC are left out, their bytes are not. The same config gives the same
+/// digest, on every run.
+Result<VirtualFlightResult> fly_virtually(const VirtualFlightConfig& config);
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,56 @@
+#pragma once
+#include <deque>
+#include <span>
+#include <string>
+#include <string_view>
+#include <unordered_set>
+#include <vector>
+
+#include "common/fabric/tx/transaction.hpp"
+#include "hil/virtual/facts.hpp"
+#include "onboard/link/core/link_core.hpp"
+
+namespace ledgerline::hil {
+
+/// Sees what goes to link and what link does, and where the drones are: the facts and events by which a run is judged.
+/// One thread.
+class Witness {
+ public:
+  Witness(int drones, const sim::Simulator& sim);
+
+  const std::vector<DroneFacts>& facts() const { return facts_; }
+  /// Of the last step, and what was noted before it.
+  const std::vector<WorldEvent>& events() const { return events_; }
+
+  void note(TimeNs now, WorldEvent::Kind kind, std::size_t drone, std::string text);
+  void begin_step();
+  void given(const std::vector<Pose>& poses);
+  void given(const std::vector<Plan>& plans);
+  void handed(TimeNs now, const Plan& plan);
+  /// A call that its creator signed: what agent hands on must be in one.
+  void asked(const fabric::Call& call);
+  /// A state that link said: what ground shows must be one.
+  void said(const StateSample& state);
+  void shown(TimeNs now, std::size_t drone, const StateSample& state);
+  void sent(TimeNs now, DroneNumber drone, std::string_view command);
+  void traced(TimeNs now, const TraceRecord& record);
+  void link_ended();
+  /// What is not running is null.
+  void end_step(const sim::Simulator& sim, const ground::FlightCore* ground, const link::LinkCore* link);
+  /// Every drone is on the ground and known to be.
+  bool all_down() const;
+
+ private:
+  std::vector<DroneFacts> facts_;
+  struct Asked {
+    std::unordered_set<std::string> plans;  ///< every one that was signed
+    bool stop = false, cut = false;
+    std::deque<StateSample> said;  ///< newest last
+  };
+  void handed_unasked(TimeNs now, const Plan& plan);
+
+  std::vector<WorldEvent> events_, noted_;
+  std::vector<Asked> asked_;  ///< by drone
+};
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,125 @@
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "ground/core/flight.hpp"
+#include "hil/virtual/drone_lines.hpp"
+#include "hil/virtual/ledger/ledger_port.hpp"
+#include "hil/virtual/ledger/stoppers.hpp"
+#include "hil/virtual/ledger/virtual_ledger.hpp"
+#include "hil/virtual/witness.hpp"
+#include "hil/virtual/world_setup.hpp"
+#include "onboard/agent/core/agent_core.hpp"
+#include "onboard/agent/core/mocap_clock.hpp"
+#include "onboard/link/core/link_core.hpp"
+#include "sim/core/simulator.hpp"
+
+namespace ledgerline::hil {
+
+class Digester;
+
+/// A whole flight in one thread on a virtual clock, millisecond by millisecond, so that faults can act between: the
+/// cores of sim, link, agent, node and ground, with test signers, and between them the bytes that go between the
+/// processes, on lines that may be impaired. Shared memory is queues of iceoryx's lengths. Processes may die, stand
+/// still and come back. The same config and the same calls give the same bytes (digest()).
+class VirtualWorld {
+ public:
+  /// An error is one of the set-up, and a bug.
+  static Result<std::unique_ptr<VirtualWorld>> create(const WorldConfig& config);
+  ~VirtualWorld();
+
+  /// One millisecond.
+  void step();
+  TimeNs now() const { return now_; }
+  const std::vector<DroneFacts>& facts() const { return witness_.facts(); }
+  /// Of the last step, and what was done to the world before it.
+  const std::vector<WorldEvent>& events() const { return witness_.events(); }
+
+  /// Ground has ended, and every drone is on the ground and known to be, for half a second.
+  bool over() const;
+  /// It has ended; a dead one that was told to start has not.
+  bool ground_done() const { return ground_ ? ground_->done() : !ground_wanted_; }
+  bool ok() const { return ground_ && ground_->ok(); }
+  std::string why() const { return ground_ ? ground_->why() : "ground is not running"; }
+  bool lives(Process process) const;
+  /// It runs: it lives and was not stopped.
+  bool runs(Process process) const;
+
+  /// What ground and agent were told is on the ledger, and what a node that starts anew from its store knows nothing
+  /// of, or holds for invalid: must be none. At the end: it restarts the node.
+  std::vector<std::string> lost_acknowledged();
+  /// Transitions that are neither on the ledger nor kept by link or agent: drones with such, in words; of the link that
+  /// runs now.
+  std::vector<std::string> lost_transitions() const;
+  std::uint64_t transitions_pending() const;
+
+  /// SHA-256 over all blocks, all trace records, every datagram and every mocap pose so far. Call it once, at the end.
+  crypto::Digest digest();
+  std::uint64_t blocks() const { return ledger_.height(); }
+  std::uint64_t transactions() const { return ledger_.transactions(); }
+  /// What became of a drone's plans, in words: agent's refusals and link's counters, of those that run now.
+  std::string plans_text(std::size_t drone) const;
+
+  // Faults. Drones are indices.
+  DroneLines& lines(std::size_t drone);
+  void kill(Process process);   ///< also one whose start waits for the ledger
+  void start(Process process);  ///< no effect while it lives
+  void stop(Process process, bool stopped);
+  /// SIGTERM: link lands what flies and ends, as its loop does.
+  void end_link();
+  void stall_ledger(bool stalled) { ledger_stalled_ = stalled; }
+  void restart_ledger();
+  LedgerPort& port(Process process) { return process == Process::agent ? host_ : operator_; }
+  Relay& relay() { return ledger_.relay(); }
+  void jump_clock(TimeNs by_ns) { clock_jump_ns_ += by_ns; }
+  sim::Simulator& sim() { return sim_; }
+  /// The contract's stop, and its end.
+  void say_stop(Stopper who, std::size_t drone, StopWord word);
+  void note(WorldEvent::Kind kind, std::size_t drone, std::string text) {
+    witness_.note(now_, kind, drone, std::move(text));
+  }
+
+ private:
+  struct Wires;
+  explicit VirtualWorld(const WorldConfig& config);
+  Status set_up();
+  Status start_agent();
+  Status start_ground();
+  void start_link();
+  void step_sim();
+  void step_mocap(const std::vector<sim::MocapPose>& poses);
+  void deliver_to_drones();
+  void step_agent();
+  void step_ground();
+  void step_link();
+  void give_ground(ground::FlightInputs inputs);
+  Result<std::string> control_record_by(LedgerPort& port, const std::string& drone);
+  TimeNs real_offset() const;
+
+  WorldConfig config_;
+  VirtualLedger ledger_;
+  LedgerPort host_, operator_;
+  Stoppers stoppers_;
+  std::vector<VirtualLedger::Ended> ground_outcomes_;  ///< a ground that stands still finds them later
+  sim::Simulator sim_;
+  std::optional<link::LinkCore> link_;
+  std::optional<agent::AgentCore> agent_;
+  std::optional<agent::MocapClock> mocap_clock_;
+  std::unique_ptr<ground::FlightCore> ground_;
+  std::unique_ptr<Wires> wires_;
+  std::unique_ptr<Digester> digester_;
+  Witness witness_;
+  TimeNs now_ = 0, next_ground_ns_ = 0, next_clock_ns_ = 0, quiet_since_ns_ = 0, clock_jump_ns_ = 0;
+  std::uint64_t starts_ = 0, link_start_ = 0;
+  bool ledger_stalled_ = false, agent_stopped_ = false, link_stopped_ = false, ground_stopped_ = false;
+  std::optional<TimeNs> link_ends_ns_;  ///< SIGTERM came: at the latest then
+  std::vector<TimeNs> link_starts_ns_;
+  bool agent_wanted_ = true, ground_wanted_ = true;  ///< to live: a start waits until the ledger is reached
+  agent::AgentOutputs agent_out_;
+};
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,120 @@
+#include "hil/virtual/world_setup.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "ledgerline.pb.h"
+
+namespace ledgerline::hil {
+
+const crypto::IdentityName drone_host{"Org1MSP", "CN=User1@org1.ledgerline"};
+const crypto::IdentityName operator_name{"Org2MSP", "CN=User1@org2.ledgerline"};
+const crypto::IdentityName supervisor_name{"Org1MSP", "CN=User2@org1.ledgerline"};
+const crypto::IdentityName stranger_name{"Org3MSP", "CN=User1@org3.ledgerline"};
+
+std::string drone_name(int number) { return fmt::format("tello{}", number); }
+
+node::CoreConfig node_config(const WorldConfig& config) {
+  node::CoreConfig node;
+  node.batch_count = config.batch_count;
+  node.batch_timeout_ns = config.batch_timeout_ns;
+  return node;
+}
+
+sim::Parameters sim_parameters(const WorldConfig& config) {
+  sim::Parameters parameters;
+  parameters.drones = config.drones;
+  parameters.seed = config.seed;
+  parameters.battery.start = config.battery;
+  parameters.sdk.keeps_rc = config.keeps_rc;
+  parameters.sdk.command_counts = config.command_counts;
+  return parameters;
+}
+
+link::LinkSettings link_settings(const WorldConfig& config) {
+  const sim::Parameters places;
+  link::LinkSettings settings;
+  settings.rate_hz = config.rate_hz;
+  settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, config.max_age_ns);
+  settings.playout.max_margin_ns = 0;  // as ./fly: ground counts on plans that take over as they come
+  for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
+  const int columns = std::min(config.drones, places.columns);
+  const int rows = (config.drones + places.columns - 1) / places.columns;
+  settings.fence.min_m = {-std::abs(config.room_m), -std::abs(config.room_m), 0};
+  settings.fence.max_m = {(columns - 1) * places.spacing_m + config.side_m + config.room_m,
+                          (rows - 1) * places.spacing_m + config.side_m + config.room_m, 3};
+  return settings;
+}
+
+agent::AgentConfig agent_config(const WorldConfig& config, std::uint64_t starts) {
+  agent::AgentConfig agent;
+  agent.seed = config.seed + starts;
+  // A far ledger is not yet a silent one.
+  agent.ledger_silent_after_ns += std::max<TimeNs>(0, config.max_age_ns - agent.check.max_age_ns);
+  agent.check.max_age_ns = config.max_age_ns;
+  for (int k = 1; k <= config.drones; ++k) agent.drones.push_back({static_cast<DroneNumber>(k), drone_name(k)});
+  return agent;
+}
+
+ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& ledger) {
+  ground::FlightConfig ground;
+  for (int k = 1; k <= config.drones; ++k) ground.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
+  ground.shape = config.shape;
+  ground.side_m = config.side_m;
+  ground.laps = config.laps;
+  ground.controller.speed_mps = config.speed_mps;
+  ground.controller.predict = config.predict;
+  ground.self = operator_name;
+  ground.believed = ledger.shared_registry();
+  return ground;
+}
+
+Result<std::string> control_record(const std::string& drone,
+                                   const std::function<Result<std::string>(const fabric::Call&)>& evaluate) {
+  QueryCall query;
+  query.set_id("control/" + drone);
+  auto answer = evaluate({"get", {query.SerializeAsString()}});
+  if (!answer) return answer.error();
+  Assets assets;
+  if (!assets.ParseFromString(*answer) || assets.assets_size() != 1)
+    return Error{"get control/" + drone + ": no record"};
+  return assets.assets(0).msg_data();
+}
+
+Status prepare(VirtualLedger& ledger, int drones) {
+  const auto admin1 = ledger.add_client({"Org1MSP", "CN=Admin@org1.ledgerline"});
+  const auto admin2 = ledger.add_client({"Org2MSP", "CN=Admin@org2.ledgerline"});
+  const auto holder = ledger.add_client(operator_name);
+  EnrollCall host;
+  host.mutable_identity()->set_msp_id(drone_host.msp_id);
+  host.mutable_identity()->set_subject(drone_host.subject);
+  EnrollCall role;
+  role.mutable_identity()->set_msp_id(operator_name.msp_id);
+  role.mutable_identity()->set_subject(operator_name.subject);
+  role.set_role(OPERATOR);
+  LeaseCall lease;
+  for (int k = 1; k <= drones; ++k) {
+    host.add_drones(drone_name(k));
+    lease.add_drones(drone_name(k));
+  }
+  if (auto s = ledger.commit_now(0, admin1, {"enroll", {host.SerializeAsString()}}); !s) return s;
+  if (auto s = ledger.commit_now(0, admin2, {"enroll", {role.SerializeAsString()}}); !s) return s;
+  return ledger.commit_now(0, holder, {"acquire", {lease.SerializeAsString()}});
+}
+
+Status enroll_supervisors(VirtualLedger& ledger) {
+  for (const crypto::IdentityName& name : {supervisor_name, stranger_name}) {
+    const auto domain = name.subject.substr(name.subject.find('@'));
+    const auto admin = ledger.add_client({name.msp_id, "CN=Admin" + domain});
+    EnrollCall role;
+    role.mutable_identity()->set_msp_id(name.msp_id);
+    role.mutable_identity()->set_subject(name.subject);
+    role.set_role(SUPERVISOR);
+    if (auto s = ledger.commit_now(0, admin, {"enroll", {role.SerializeAsString()}}); !s) return s;
+  }
+  return done;
+}
+
+}  // namespace ledgerline::hil

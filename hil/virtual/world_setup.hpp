@@ -1,0 +1,53 @@
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "ground/core/flight.hpp"
+#include "hil/virtual/ledger/virtual_ledger.hpp"
+#include "onboard/agent/core/agent_core.hpp"
+#include "onboard/link/core/settings.hpp"
+#include "sim/core/simulator.hpp"
+
+namespace ledgerline::hil {
+
+struct WorldConfig {
+  int drones = 1;
+  ground::Shape shape = ground::Shape::square;
+  double side_m = 1.5;
+  double speed_mps = 0.5;
+  double rate_hz = 30;
+  int laps = 1;
+  bool predict = true;
+  TimeNs max_age_ns = 500 * ns_per_ms;          ///< of a command, from its state's stamp; for a far ledger more
+  bool keeps_rc = true, command_counts = true;  ///< which Tello: sim::SdkParameters
+  double battery = 1.0;                         ///< of every drone at the start, 0..1
+  double room_m = 3;  ///< the fence's distance from the paths; below 0 its far sides cut through them
+  std::size_t batch_count = 1;
+  TimeNs batch_timeout_ns = 10 * ns_per_ms;
+  std::uint64_t seed = 1;
+  bool supervisors = false;  ///< enrolled besides the operator: for scripts in which they speak
+};
+
+// Who takes part.
+extern const crypto::IdentityName drone_host, operator_name;
+extern const crypto::IdentityName supervisor_name, stranger_name;  ///< of the drones' organisation, of another one
+std::string drone_name(int number);
+
+// What each part of such a world is told.
+node::CoreConfig node_config(const WorldConfig& config);
+sim::Parameters sim_parameters(const WorldConfig& config);
+link::LinkSettings link_settings(const WorldConfig& config);
+/// `starts` differs from start to start.
+agent::AgentConfig agent_config(const WorldConfig& config, std::uint64_t starts);
+ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& ledger);
+
+/// enroll and acquire, as the launcher does before take-off.
+Status prepare(VirtualLedger& ledger, int drones);
+/// Makes the two supervisors what they are.
+Status enroll_supervisors(VirtualLedger& ledger);
+/// The control record of a drone, by a call of the contract's `get`.
+Result<std::string> control_record(const std::string& drone,
+                                   const std::function<Result<std::string>(const fabric::Call&)>& evaluate);
+
+}  // namespace ledgerline::hil

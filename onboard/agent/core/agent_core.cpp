@@ -1,0 +1,247 @@
+#include "onboard/agent/core/agent_core.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/msg/stops.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+constexpr TimeNs stop_gap_ns = 100 * ns_per_ms;      // between two times that one stop is said to link
+constexpr TimeNs unseen_stop_gap_ns = 1 * ns_per_s;  // the same while link does not see the drone, perhaps for hours
+
+TraceRecord record_of(TraceKind kind, TimeNs now, DroneNumber drone, std::uint64_t id, TimeNs stamp_ns,
+                      std::uint64_t extra = 0) {
+  return {.t_ns = now,
+          .kind = kind,
+          .drone = drone,
+          .extra = static_cast<std::uint32_t>(extra),
+          .id = id,
+          .stamp_ns = stamp_ns};
+}
+
+}  // namespace
+
+void AgentOutputs::clear() {
+  submits.clear();
+  plans.clear();
+  poses.clear();
+  beat.reset();
+  traces.clear();
+}
+
+AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
+    : config_(std::move(config)),
+      batcher_(config_.batch, config_.drones, config_.seed),
+      transitions_(config_.batch, config_.drones, config_.seed + 1),
+      folds_(config_.batch, config_.drones, config_.seed + 2),
+      check_(config_.check, config_.drones, registry) {
+  for (std::size_t i = 0; i < config_.drones.size(); ++i) {
+    drones_.push_back(Drone{.fusion = Fusion(config_.fusion), .newest = {}, .two_way = {}});
+  }
+}
+
+std::size_t AgentCore::index(DroneNumber drone) const {
+  const auto it =
+      std::find_if(config_.drones.begin(), config_.drones.end(), [&](const DroneName& d) { return d.number == drone; });
+  return static_cast<std::size_t>(it - config_.drones.begin());
+}
+
+void AgentCore::set_control(TimeNs now, const Control& control) {
+  check_.set_control(control);
+  const auto drone = std::find_if(config_.drones.begin(), config_.drones.end(),
+                                  [&](const DroneName& d) { return d.name == control.drone(); });
+  // Whether it was folded before this agent's start the record does not say; a fold that changes nothing writes
+  // nothing.
+  if (drone != config_.drones.end() && is_stopped(control)) folds_.want(now, drone->number);
+}
+
+void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& out) {
+  const std::size_t i = index(sample.drone);
+  if (i == drones_.size()) return;
+  drones_[i].newest = sample;
+  out.traces.push_back(record_of(TraceKind::state_taken, now, sample.drone, sample.sequence, sample.stamp_ns));
+  batcher_.add(now, sample);
+  repeat_stop(now, sample, out);
+}
+
+// The event of a stop comes once; agent or link may have been down then, or the plan may not have reached link.
+void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs& out) {
+  Drone& drone = drones_[index(sample.drone)];
+  // A link that does not see the drone may have to land it blindly; a new one knows of no stop.
+  const bool unseen = sample.phase == FlightPhase::disconnected;
+  if (!(in_flight(sample.phase) || unseen) || now < drone.next_stop_ns) return;
+  auto stop = check_.standing_stop(now, sample.drone);
+  if (!stop) return;
+  const bool obeyed = stop->action == PlanAction::cut
+                          ? sample.mode == FailsafeMode::cut
+                          : sample.mode >= FailsafeMode::land || sample.phase == FlightPhase::landing;
+  if (obeyed) return;
+  drone.next_stop_ns = now + (unseen ? unseen_stop_gap_ns : stop_gap_ns);
+  stop->verified_ns = now;
+  out.plans.push_back(*stop);
+}
+
+void AgentCore::on_mocap(TimeNs, DroneNumber drone, const MocapPose& measured, AgentOutputs& out) {
+  const std::size_t i = index(drone);
+  if (i == drones_.size()) return;
+  const bool flies = drones_[i].newest && in_flight(drones_[i].newest->phase);
+  if (auto pose = drones_[i].fusion.add(measured, flies)) {
+    pose->drone = drone;
+    drones_[i].has_pose = true;
+    out.poses.push_back(*pose);
+  }
+}
+
+void AgentCore::progress(TimeNs) {
+  ever_progress_ = true;
+  unanswered_since_ns_.reset();
+}
+
+void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
+  if (transitions_.finished(now, frame, outcome) || folds_.finished(now, frame, outcome)) {
+    if (outcome.kind == fabric::Outcome::Kind::committed) progress(now);
+    return;
+  }
+  const auto ended = batcher_.finished(now, frame, outcome);
+  if (!ended) return;
+  if (outcome.endorsed_ns != 0)
+    out.traces.push_back(record_of(TraceKind::call_endorsed, outcome.endorsed_ns, 0, frame, ended->submitted_ns));
+  if (outcome.ordered_ns != 0)
+    out.traces.push_back(record_of(TraceKind::call_ordered, outcome.ordered_ns, 0, frame, ended->submitted_ns));
+  if (outcome.kind != fabric::Outcome::Kind::committed) return;
+  progress(now);
+  out.traces.push_back(TraceRecord{.t_ns = now,
+                                   .kind = TraceKind::frame_committed,
+                                   .extra = static_cast<std::uint32_t>(ended->samples.size()),
+                                   .id = ended->number,
+                                   .stamp_ns = ended->submitted_ns});
+}
+
+void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out) {
+  auto checked = check_.check(now, (now + real_offset_ns_) / ns_per_s, block);
+  for (const auto& refused : checked.refused) {
+    out.traces.push_back(TraceRecord{.t_ns = now,
+                                     .kind = TraceKind::refused,
+                                     .drone = refused.drone,
+                                     .extra = static_cast<std::uint32_t>(refused.why),
+                                     .id = refused.sequence,
+                                     .stamp_ns = refused.state_stamp_ns});
+  }
+  if (!checked.chain_ok) {
+    last_chain_error_ = checked.chain_error;
+    return;
+  }
+  ++blocks_;
+  progress(now);
+  for (const Plan& plan : checked.plans) {
+    if (block.received_ns != 0)
+      out.traces.push_back(
+          record_of(TraceKind::command_in_block, block.received_ns, plan.drone, plan.sequence, plan.state_stamp_ns));
+    if (outranks_order(plan.action)) folds_.want(now, plan.drone);  // a stop or cut of the ledger's
+    out.traces.push_back(record_of(TraceKind::command_taken, now, plan.drone, plan.sequence, plan.state_stamp_ns));
+  }
+  checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
+}
+
+void AgentCore::on_connection(TimeNs now, bool connected) {
+  if (connected) {
+    disconnected_since_ns_.reset();
+  } else if (!disconnected_since_ns_) {
+    disconnected_since_ns_ = now;
+  }
+}
+
+bool AgentCore::ledger_alive(TimeNs now) const {
+  const auto too_long = [&](const std::optional<TimeNs>& since) {
+    return since && now - *since > config_.ledger_silent_after_ns;
+  };
+  return ever_progress_ && !too_long(unanswered_since_ns_) && !too_long(disconnected_since_ns_);
+}
+
+void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
+  for (Plan& plan : checked_) {
+    plan.verified_ns = now;
+    if (!outranks_order(plan.action)) {
+      Drone& drone = drones_[index(plan.drone)];
+      drone.last_command_verified_ns = now;
+      drone.two_way.add(now - plan.state_stamp_ns);
+      out.traces.push_back(TraceRecord{.t_ns = now,
+                                       .kind = TraceKind::command_verified,
+                                       .drone = plan.drone,
+                                       .id = plan.sequence,
+                                       .stamp_ns = plan.state_stamp_ns});
+    }
+    out.plans.push_back(plan);
+  }
+  checked_.clear();
+}
+
+void AgentCore::submit_frame(TimeNs now, AgentOutputs& out) {
+  const auto frame = batcher_.next(now);
+  if (!frame) return;
+  for (const StateSample& sample : frame->samples) {
+    check_.sent(sample);
+    out.traces.push_back(
+        record_of(TraceKind::state_batched, now, sample.drone, sample.sequence, sample.stamp_ns, frame->number));
+  }
+  if (!unanswered_since_ns_) unanswered_since_ns_ = now;
+  out.traces.push_back(TraceRecord{.t_ns = now,
+                                   .kind = TraceKind::frame_submitted,
+                                   .extra = static_cast<std::uint32_t>(frame->samples.size()),
+                                   .id = frame->number});
+  out.submits.push_back({frame->number, encode_frame(*frame, config_.drones, real_offset_ns_), false});
+}
+
+void AgentCore::submit_transitions(TimeNs now, AgentOutputs& out) {
+  while (const auto sending = transitions_.next(now)) {
+    if (!unanswered_since_ns_) unanswered_since_ns_ = now;
+    out.submits.push_back({sending->number, encode_transitions(*sending, real_offset_ns_), true});
+  }
+}
+
+void AgentCore::submit_folds(TimeNs now, AgentOutputs& out) {
+  while (const auto sending = folds_.next(now)) {
+    if (!unanswered_since_ns_) unanswered_since_ns_ = now;
+    out.submits.push_back({sending->number, encode_fold(*sending), true});
+  }
+}
+
+// A beat without a pose says that the pose is lost. An agent that was started again in mid-flight has not lost it, only
+// not yet heard it.
+bool AgentCore::may_beat(TimeNs now) {
+  if (!first_step_ns_) first_step_ns_ = now;
+  return now - *first_step_ns_ >= config_.first_beat_wait_ns ||
+         std::all_of(drones_.begin(), drones_.end(), [](const Drone& d) { return d.has_pose; });
+}
+
+void AgentCore::step(TimeNs now, AgentOutputs& out) {
+  hand_over_plans(now, out);
+  submit_folds(now, out);
+  submit_transitions(now, out);
+  if (submitting_) submit_frame(now, out);
+  if (now >= next_beat_ns_ && may_beat(now)) {
+    out.beat = AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now)};
+    transitions_.tell(*out.beat);
+    // Beats keep their grid, except after a pause: then none are made up for.
+    const bool paused = next_beat_ns_ + config_.beat_period_ns <= now;
+    next_beat_ns_ = (paused ? now : next_beat_ns_) + config_.beat_period_ns;
+  }
+}
+
+DroneReport AgentCore::report(DroneNumber drone) const {
+  DroneReport report;
+  const std::size_t i = index(drone);
+  if (i == drones_.size()) return report;
+  report.states = batcher_.counters(drone);
+  report.transitions = transitions_.counters(drone);
+  report.commands = check_.counters(drone);
+  report.mocap = drones_[i].fusion.counters();
+  report.newest = drones_[i].newest;
+  report.last_command_verified_ns = drones_[i].last_command_verified_ns;
+  report.two_way = drones_[i].two_way;
+  return report;
+}
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,130 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/fabric/client/client.hpp"
+#include "common/rt/histogram.hpp"
+#include "common/rt/trace.hpp"
+#include "onboard/agent/core/outbox/batcher.hpp"
+#include "onboard/agent/core/command_check.hpp"
+#include "onboard/agent/core/outbox/fold_sender.hpp"
+#include "onboard/agent/core/fusion.hpp"
+#include "onboard/agent/core/outbox/transition_sender.hpp"
+
+namespace ledgerline::agent {
+
+struct AgentConfig {
+  std::vector<DroneName> drones;
+  BatchConfig batch;
+  CheckConfig check;
+  FusionConfig fusion;
+  TimeNs beat_period_ns = 50 * ns_per_ms;
+  TimeNs first_beat_wait_ns = 200 * ns_per_ms;  ///< for a pose of every drone, at most
+  TimeNs ledger_silent_after_ns = 1 * ns_per_s;
+  std::uint64_t seed = 1;  ///< of the back-off's jitter
+};
+
+/// What the agent wants done. Calls of AgentCore append; the shell acts on it and clears it.
+struct AgentOutputs {
+  struct Submit {
+    std::uint64_t frame = 0;  ///< give it back to on_outcome()
+    fabric::Call call;
+    bool urgent = false;  ///< transitions and folds: must not wait behind states
+  };
+  std::vector<Submit> submits;
+  std::vector<Plan> plans;  ///< to link
+  std::vector<Pose> poses;  ///< to link
+  std::optional<AgentBeat> beat;
+  std::vector<TraceRecord> traces;
+  void clear();
+};
+
+/// One drone as the agent sees it, for status lines and summaries.
+struct DroneReport {
+  Batcher::Counters states;
+  TransitionSender::Counters transitions;
+  CommandCheck::Counters commands;
+  Fusion::Counters mocap;
+  std::optional<StateSample> newest;    ///< from link
+  TimeNs last_command_verified_ns = 0;  ///< 0: none yet
+  Histogram two_way;                    ///< verified - state stamp
+};
+
+/// The agent without its I/O: batches states into frames, checks commands from blocks, fuses mocap, beats. Inputs
+/// first, then step() with the same or a later time: frames, verified plans and the beat come out of step() alone, so
+/// that `verified_ns` is the time of handing over, checking included. Call step() after every burst of inputs and at
+/// least once a millisecond. `now` never goes back. One thread; deterministic: the same inputs give the same outputs.
+class AgentCore {
+ public:
+  /// The registry must outlive the core.
+  AgentCore(AgentConfig config, crypto::MspRegistry& registry);
+
+  /// Real time minus the monotonic clock: for ROS headers and certificates alone.
+  void set_real_offset(TimeNs offset_ns) { real_offset_ns_ = offset_ns; }
+  /// Control records as read from the ledger (`get control/<drone>`), before the first block is given.
+  void set_control(TimeNs now, const Control& control);
+
+  void on_state(TimeNs now, const StateSample& sample, AgentOutputs& out);
+  void on_transition(const Transition& transition) { transitions_.add(transition); }
+  void on_mocap(TimeNs now, DroneNumber drone, const MocapPose& measured, AgentOutputs& out);
+  void on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out);
+  void on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out);
+  void on_connection(TimeNs now, bool connected);  ///< of the block stream
+  void step(TimeNs now, AgentOutputs& out);
+
+  /// From now on step() makes no frame of states; what is in flight may end, and transitions and folds still go. For an
+  /// orderly end.
+  void stop_submitting() { submitting_ = false; }
+  bool anything_under_way() const { return batcher_.in_flight() > 0 || transitions_.pending() || folds_.pending(); }
+
+  bool ledger_alive(TimeNs now) const;
+  std::uint64_t height() const { return check_.height(); }
+  std::uint64_t blocks() const { return blocks_; }
+  const std::string& last_chain_error() const { return last_chain_error_; }
+  std::uint64_t blocks_broken() const { return check_.broken_blocks(); }
+  const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
+  const FoldSender& folds() const { return folds_; }
+  std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
+  std::uint64_t unbelievable_transactions() const { return check_.unbelievable_transactions(); }
+  const std::vector<DroneName>& drones() const { return config_.drones; }
+  DroneReport report(DroneNumber drone) const;
+
+ private:
+  struct Drone {
+    Fusion fusion;
+    std::optional<StateSample> newest;
+    bool has_pose = false;
+    TimeNs last_command_verified_ns = 0;
+    TimeNs next_stop_ns = 0;
+    Histogram two_way;
+  };
+  void repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs& out);
+  std::size_t index(DroneNumber drone) const;  ///< drones_.size(): not ours
+  void hand_over_plans(TimeNs now, AgentOutputs& out);
+  void submit_frame(TimeNs now, AgentOutputs& out);
+  void submit_transitions(TimeNs now, AgentOutputs& out);
+  void submit_folds(TimeNs now, AgentOutputs& out);
+  void progress(TimeNs now);
+  bool may_beat(TimeNs now);
+
+  AgentConfig config_;
+  Batcher batcher_;
+  TransitionSender transitions_;
+  FoldSender folds_;
+  CommandCheck check_;
+  std::vector<Drone> drones_;  ///< as in config_.drones
+  std::vector<Plan> checked_;  ///< waiting for step()
+  TimeNs real_offset_ns_ = 0;
+  TimeNs next_beat_ns_ = INT64_MIN;
+  std::optional<TimeNs> first_step_ns_;
+  bool submitting_ = true;
+  std::uint64_t blocks_ = 0;
+  std::string last_chain_error_;
+  bool ever_progress_ = false;
+  std::optional<TimeNs> unanswered_since_ns_;  ///< first call sent after the last sign of life
+  std::optional<TimeNs> disconnected_since_ns_;
+};
+
+}  // namespace ledgerline::agent

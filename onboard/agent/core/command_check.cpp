@@ -1,0 +1,294 @@
+#include "onboard/agent/core/command_check.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/belief/calls.hpp"
+#include "common/belief/control_events.hpp"
+#include "common/msg/proto_json.hpp"
+#include "common/msg/stops.hpp"
+#include "onboard/agent/core/proposal_hash.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+constexpr std::array<std::string_view, refusal_count> names = {
+    "none",           "broken_chain",  "invalid_transaction", "wrong_channel", "malformed",
+    "unknown_signer", "bad_signature", "not_endorsed",        "not_holder",    "stopped",
+    "wrong_epoch",    "foreign_boot",  "unknown_stamp",       "replayed",      "too_old",
+    "over_limits",    "altered"};
+
+bool same(const Identity& a, const crypto::IdentityName& b) {
+  return a.msp_id() == b.msp_id && a.subject() == b.subject;
+}
+
+Plan to_plan(DroneNumber drone, const DronePlan& from) {
+  Plan plan;
+  plan.drone = drone;
+  plan.action = static_cast<PlanAction>(from.action());
+  plan.sequence = from.sequence();
+  plan.epoch = from.epoch();
+  plan.state_stamp_ns = from.state_stamp_ns();
+  plan.count = static_cast<std::uint32_t>(from.setpoints_size());
+  for (int i = 0; i < from.setpoints_size(); ++i) {
+    const PlannedSetpoint& s = from.setpoints(i);
+    plan.setpoints[static_cast<std::size_t>(i)] = Setpoint{s.at_ns(), {s.vx(), s.vy(), s.vz()}, s.yaw_rate()};
+  }
+  return plan;
+}
+
+}  // namespace
+
+std::string_view refusal_name(Refusal refusal) { return names.at(static_cast<std::size_t>(refusal)); }
+
+CommandCheck::CommandCheck(CheckConfig config, const std::vector<DroneName>& drones, crypto::MspRegistry& registry)
+    : config_(std::move(config)), registry_(registry) {
+  for (const DroneName& name : drones) {
+    Drone drone;
+    drone.name = name;
+    drones_.push_back(std::move(drone));
+  }
+}
+
+CommandCheck::Drone* CommandCheck::find(std::string_view name) {
+  const auto it = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.name == name; });
+  return it == drones_.end() ? nullptr : &*it;
+}
+
+const CommandCheck::Counters& CommandCheck::counters(DroneNumber drone) const {
+  static const Counters not_ours;
+  const auto it = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == drone; });
+  return it == drones_.end() ? not_ours : it->counters;
+}
+
+void CommandCheck::set_control(const Control& control) {
+  if (Drone* drone = find(control.drone())) drone->control = control;
+}
+
+void CommandCheck::sent(const StateSample& sample) {
+  const auto it =
+      std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == sample.drone; });
+  if (it == drones_.end()) return;
+  if (it->boot_id != sample.boot_id) {
+    it->boot_id = sample.boot_id;
+    it->stamps.clear();
+  }
+  if (!it->stamps.empty() && it->stamps.back() >= sample.stamp_ns) return;  // sent again
+  it->stamps.push_back(sample.stamp_ns);
+  if (it->stamps.size() > config_.stamps_kept) it->stamps.pop_front();
+}
+
+CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const fabric::Block& block) {
+  Checked out;
+  if (const Status linked = chain_.add(block); !linked) {
+    ++broken_blocks_;
+    out.chain_ok = false;
+    out.chain_error = linked.error().what;
+  }
+  for (const fabric::Transaction& tx : block.transactions) {
+    if (tx.config) continue;
+    if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
+    if (tx.event_name == "command") {
+      take_commands(now, now_s, tx, out);
+    } else if (out.chain_ok && tx.code == 0 && tx.event_name == "stop") {
+      take_stops(now, now_s, tx, out);
+    } else if (out.chain_ok && tx.code == 0 && belief::is_control_event(tx.event_name)) {
+      take_controls(now_s, tx, out);
+    }
+  }
+  return out;
+}
+
+Refusal CommandCheck::check_transaction(std::int64_t now_s, const fabric::Transaction& tx, belief::Creator& signer) {
+  if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) return Refusal::wrong_channel;
+  const auto creator = registry_.member(tx.creator, now_s);
+  if (!creator) return Refusal::unknown_signer;
+  if (!(*creator)->verifier->verify(tx.payload, tx.signature)) return Refusal::bad_signature;
+  if (!result_is_of_own_proposal(tx) || !endorsed_by_us(now_s, tx)) return Refusal::not_endorsed;
+  signer = {(*creator)->name, (*creator)->admin};
+  return Refusal::none;
+}
+
+bool CommandCheck::endorsed_by_us(std::int64_t now_s, const fabric::Transaction& tx) {
+  return std::any_of(tx.endorsements.begin(), tx.endorsements.end(), [&](const fabric::Endorsement& e) {
+    const auto endorser = registry_.member(e.endorser, now_s);
+    // Peers alone: any other member of our organisation, this agent included, could sign a result of its own making.
+    return endorser && (*endorser)->name.msp_id == config_.msp_id && (*endorser)->peer &&
+           (*endorser)->verifier->verify(tx.response_payload + e.endorser, e.signature);
+  });
+}
+
+void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+  CommandCall call;  // as it was signed; whatever else the event says is the peer's alone
+  const belief::Match match = belief::match_command({tx.function, tx.args}, tx.event_payload, call);
+  if (match == belief::Match::altered) return refuse_altered(tx, std::move(call), out);
+  if (match == belief::Match::malformed) {
+    ++malformed_commands_;
+    out.refused.push_back(Refused{.why = Refusal::malformed});
+    return;
+  }
+  const bool ours =
+      std::any_of(call.plans().begin(), call.plans().end(), [&](const auto& p) { return find(p.drone()); });
+  if (!ours) return;
+
+  belief::Creator signer;
+  const Refusal whole = check_whole(now_s, tx, out, signer);
+  for (const DronePlan& plan : call.plans()) {
+    Drone* drone = find(plan.drone());
+    if (!drone) continue;
+    if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
+    const Refusal why = whole != Refusal::none ? whole : check_plan(now, *drone, signer.name, plan);
+    if (why != Refusal::none) {
+      refuse(*drone, plan, why, out);
+      continue;
+    }
+    drone->epoch = plan.epoch();
+    drone->last_sequence = plan.sequence();
+    ++drone->counters.verified;
+    out.plans.push_back(to_plan(drone->name.number, plan));
+  }
+}
+
+Refusal CommandCheck::check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out,
+                                  belief::Creator& signer) {
+  if (!out.chain_ok) return Refusal::broken_chain;
+  if (tx.code != 0) return Refusal::invalid_transaction;
+  return check_transaction(now_s, tx, signer);
+}
+
+void CommandCheck::refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out) {
+  ++drone.counters.refused;
+  ++drone.counters.reasons[static_cast<std::size_t>(why)];
+  out.refused.push_back(Refused{drone.name.number, plan.sequence(), plan.state_stamp_ns(), why});
+}
+
+// Counted for every drone that was asked for, and for every one that the event names instead. Why it is not believed
+// counts for little beside that it is not: the first reason of all is told.
+void CommandCheck::refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out) {
+  CommandCall told;
+  if (parse_message(tx.event_payload, told)) asked.MergeFrom(told);
+  const Refusal why = !out.chain_ok  ? Refusal::broken_chain
+                      : tx.code != 0 ? Refusal::invalid_transaction
+                                     : Refusal::altered;
+  std::vector<const Drone*> counted;
+  for (const DronePlan& plan : asked.plans()) {
+    Drone* drone = find(plan.drone());
+    if (!drone || std::find(counted.begin(), counted.end(), drone) != counted.end()) continue;
+    counted.push_back(drone);
+    if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
+    refuse(*drone, plan, why, out);
+  }
+}
+
+Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer,
+                                 const DronePlan& plan) const {
+  // An absent holder reads as an empty name, which no signer has.
+  if (!drone.control || !same(drone.control->holder(), signer)) {
+    return Refusal::not_holder;
+  }
+  if (is_stopped(*drone.control) && plan.action() != LAND) return Refusal::stopped;
+  if (plan.epoch() != drone.control->epoch()) return Refusal::wrong_epoch;
+  if (plan.boot_id() != drone.boot_id) return Refusal::foreign_boot;
+  if (!std::binary_search(drone.stamps.begin(), drone.stamps.end(), plan.state_stamp_ns())) {
+    return Refusal::unknown_stamp;
+  }
+  const std::uint64_t last = plan.epoch() == drone.epoch ? drone.last_sequence : 0;
+  if (plan.sequence() <= last) return Refusal::replayed;
+  if (now - plan.state_stamp_ns() > config_.max_age_ns) return Refusal::too_old;
+  return check_setpoints(now, plan);
+}
+
+Refusal CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) const {
+  if (plan.action() != FLY && plan.action() != TAKEOFF && plan.action() != LAND) return Refusal::malformed;
+  if (plan.action() == FLY && plan.setpoints_size() == 0) return Refusal::malformed;
+  if (plan.setpoints_size() > static_cast<int>(max_setpoints)) return Refusal::over_limits;
+  TimeNs last_ns = plan.state_stamp_ns();
+  for (const PlannedSetpoint& s : plan.setpoints()) {
+    const double speed = std::hypot(s.vx(), s.vy(), s.vz());
+    // Written so that NaN fails.
+    const bool within = speed <= config_.max_speed_mps && std::abs(s.yaw_rate()) <= config_.max_yaw_rate_radps;
+    if (!within || s.at_ns() < last_ns || s.at_ns() > now + config_.horizon_ns) return Refusal::over_limits;
+    last_ns = s.at_ns();
+  }
+  return Refusal::none;
+}
+
+template <typename Event, typename Entries>
+std::optional<belief::ControlEvent> CommandCheck::believed(std::int64_t now_s, const fabric::Transaction& tx,
+                                                           const Entries& entries, belief::Creator& signer,
+                                                           Checked& out) {
+  Event told;
+  Refusal why = parse_message(tx.event_payload, told) ? Refusal::none : Refusal::malformed;
+  if (why == Refusal::none) {
+    const auto& all = entries(told);
+    if (std::none_of(all.begin(), all.end(), [&](const auto& one) { return find(one.drone()); })) return std::nullopt;
+    why = check_transaction(now_s, tx, signer);
+  }
+  if (why == Refusal::none) {
+    auto event = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
+    if (event) return std::move(*event);
+    why = Refusal::altered;
+  }
+  refuse_control_event(why, 0, out);
+  return std::nullopt;
+}
+
+void CommandCheck::refuse_control_event(Refusal why, DroneNumber drone, Checked& out) {
+  ++refused_control_events_;
+  out.refused.push_back(Refused{.drone = drone, .why = why});
+}
+
+void CommandCheck::take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+  belief::Creator signer;
+  const auto event = believed<Controls>(
+      now_s, tx, [](const Controls& told) { return told.controls(); }, signer, out);
+  if (!event) return;
+  bool follows = true;  // as a whole or not at all, as on the ledger
+  for (const Control& control : event->controls.controls()) {
+    const Drone* drone = find(control.drone());
+    if (!drone) continue;
+    if (drone->control && belief::control_follows(*event, *drone->control, control, signer)) continue;
+    refuse_control_event(Refusal::altered, drone->name.number, out);
+    follows = false;
+  }
+  if (!follows) return;
+  for (const Control& control : event->controls.controls()) {
+    if (Drone* drone = find(control.drone())) drone->control = control;
+  }
+}
+
+void CommandCheck::take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+  belief::Creator signer;
+  const auto event = believed<Stops>(
+      now_s, tx, [](const Stops& told) { return told.stops(); }, signer, out);
+  if (!event) return;
+  for (const Stop& stop : event->stops.stops()) {
+    Drone* drone = find(stop.drone());
+    if (!drone) continue;
+    Control record = drone->control.value_or(Control());
+    if (!belief::stop_follows(*event, record, stop, signer)) {
+      refuse_control_event(Refusal::altered, drone->name.number, out);
+      continue;
+    }
+    record.set_drone(drone->name.name);  // none was read yet: it is stopped, whoever flies it
+    add_stop(record, stop);
+    drone->control = std::move(record);
+    if (auto plan = standing_stop(now, drone->name.number)) out.plans.push_back(*plan);
+  }
+}
+
+std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) const {
+  const auto drone =
+      std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == number; });
+  if (drone == drones_.end() || !drone->control || !is_stopped(*drone->control)) return std::nullopt;
+  Plan stop;
+  stop.drone = number;
+  stop.action = is_cut(*drone->control) ? PlanAction::cut : PlanAction::stop;
+  stop.epoch = std::max(drone->control->epoch(), drone->epoch);
+  stop.sequence = (stop.epoch == drone->epoch ? drone->last_sequence : 0) + 1;  // newer than any plan that link has
+  stop.state_stamp_ns = drone->stamps.empty() ? now : drone->stamps.back();
+  return stop;
+}
+
+}  // namespace ledgerline::agent

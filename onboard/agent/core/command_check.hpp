@@ -1,0 +1,143 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/belief/control_events.hpp"
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "common/msg/onboard.hpp"
+#include "ledgerline.pb.h"
+#include "onboard/agent/core/outbox/batcher.hpp"
+
+namespace ledgerline::agent {
+
+/// Why a command was not believed. Values are in traces: only append.
+enum class Refusal : std::uint8_t {
+  none = 0,
+  broken_chain = 1,         ///< its block does not follow the one before
+  invalid_transaction = 2,  ///< flagged invalid by the peers
+  wrong_channel = 3,        ///< of another channel or another contract
+  malformed = 4,            ///< not a CommandCall, or an action that this version does not know
+  unknown_signer = 5,       ///< the creator's certificate is not from an organisation that is believed
+  bad_signature = 6,        ///< the creator's signature does not fit the transaction
+  not_endorsed = 7,         ///< no peer of our own organisation signed this result of this proposal
+  not_holder = 8,           ///< the signer does not hold the drone's lease at that block
+  stopped = 9,              ///< the drone is stopped; its holder may still land it
+  wrong_epoch = 10,         ///< made under another lease
+  foreign_boot = 11,        ///< answers a state of another start of link
+  unknown_stamp = 12,       ///< answers a state that this agent did not send
+  replayed = 13,            ///< its sequence does not grow
+  too_old = 14,             ///< its state is older than the limit
+  over_limits = 15,         ///< setpoints: not finite, too fast, too many, out of order, or beyond the horizon
+  altered = 16,  ///< not what its creator asked for and signed; or a record that does not follow from the last
+};
+inline constexpr std::size_t refusal_count = 17;
+std::string_view refusal_name(Refusal refusal);
+
+struct CheckConfig {
+  std::string msp_id = "Org1MSP";  ///< our own organisation: whose endorsement counts
+  fabric::ChannelAndContract where;
+  TimeNs max_age_ns = 500 * ns_per_ms;
+  double max_speed_mps = 8.0;  ///< a Tello's top speed in fast mode (facts/tello.md); link limits further
+  double max_yaw_rate_radps = 3.5;
+  TimeNs horizon_ns = 2 * ns_per_s;  ///< no setpoint is meant for later than now plus this
+  std::size_t stamps_kept = 256;     ///< per drone: newest states sent; 8 s at 30 Hz
+};
+
+/// Trusts little on the way: turns blocks into plans, each of which was checked against everything in Refusal. Whoever
+/// feeds it blocks, and the peer that ran the contract, with its real key, can delay a command, never make one: a plan
+/// is taken out of the arguments under its creator's signature, and only where the event says the same. Who may command
+/// comes from Control records: the first ones are set by the caller as read from the ledger, later ones come from the
+/// control events in the blocks. Such an event must be what its creator asked for, of the drones that were asked for,
+/// and follow from the record before (common/belief/control_events.hpp), so an epoch never goes back and nobody's stop
+/// is lifted by another. What stays the peers' word: the first records, the roles, and what they leave out.
+///
+// clang-format off
+///     block -> chain -> flag -> channel -> signer, signature -> endorsement -> asked for
+///         -+-> control event: follows -> record updated; a stop also gives a plan
+///          +-> command: lease -> epoch -> boot, stamp -> sequence -> age -> limits -> Plan
+// clang-format on
+///
+/// One thread; deterministic; memory bounded by drones × stamps_kept. The registry must outlive it.
+class CommandCheck {
+ public:
+  CommandCheck(CheckConfig config, const std::vector<DroneName>& drones, crypto::MspRegistry& registry);
+
+  struct Refused {
+    DroneNumber drone = 0;
+    std::uint64_t sequence = 0;
+    TimeNs state_stamp_ns = 0;
+    Refusal why = Refusal::none;
+  };
+  struct Checked {
+    std::vector<Plan> plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut
+    std::vector<Refused> refused;
+    bool chain_ok = true;
+    std::string chain_error;  ///< in words, when not chain_ok; the block was then not looked at further
+  };
+  struct Counters {
+    std::uint64_t on_ledger = 0;  ///< in a block, flagged valid
+    std::uint64_t verified = 0;
+    std::uint64_t refused = 0;
+    std::array<std::uint64_t, refusal_count> reasons{};
+  };
+
+  /// The record of one of our drones, as read from the ledger at start. Others are ignored.
+  void set_control(const Control& control);
+  /// A state that was submitted: commands may answer it. Of another boot than the one before: that one's are forgotten.
+  void sent(const StateSample& sample);
+  /// `now_s`: real time, for the certificates' validity.
+  Checked check(TimeNs now, std::int64_t now_s, const fabric::Block& block);
+
+  /// The stop that the ledger's record asks of link; none when the drone is not stopped.
+  std::optional<Plan> standing_stop(TimeNs now, DroneNumber drone) const;
+
+  const Counters& counters(DroneNumber drone) const;
+  std::uint64_t height() const { return chain_.height(); }
+  std::uint64_t broken_blocks() const { return broken_blocks_; }
+  std::uint64_t malformed_commands() const { return malformed_commands_; }  ///< of no drone, therefore
+  std::uint64_t refused_control_events() const { return refused_control_events_; }
+  std::uint64_t unbelievable_transactions() const { return unbelievable_transactions_; }  ///< of anybody
+
+ private:
+  struct Drone {
+    DroneName name;
+    std::optional<Control> control;
+    std::uint64_t boot_id = 0;
+    std::deque<TimeNs> stamps;
+    std::uint64_t epoch = 0, last_sequence = 0;  ///< the newest plan accepted under that epoch
+    Counters counters;
+  };
+  Drone* find(std::string_view name);
+  Refusal check_transaction(std::int64_t now_s, const fabric::Transaction& tx, belief::Creator& signer);
+  bool endorsed_by_us(std::int64_t now_s, const fabric::Transaction& tx);
+  Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
+  Refusal check_setpoints(TimeNs now, const DronePlan& plan) const;
+  Refusal check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out, belief::Creator& signer);
+  static void refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out);
+  void refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out);
+  void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  /// A control event that concerns a drone of ours and is what its creator asked for; else it was refused.
+  template <typename Event, typename Entries>
+  std::optional<belief::ControlEvent> believed(std::int64_t now_s, const fabric::Transaction& tx,
+                                               const Entries& entries, belief::Creator& signer, Checked& out);
+  void refuse_control_event(Refusal why, DroneNumber drone, Checked& out);
+  void take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  void take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+
+  CheckConfig config_;
+  std::vector<Drone> drones_;
+  crypto::MspRegistry& registry_;
+  fabric::ChainCheck chain_;
+  std::uint64_t broken_blocks_ = 0;
+  std::uint64_t malformed_commands_ = 0;
+  std::uint64_t refused_control_events_ = 0;
+  std::uint64_t unbelievable_transactions_ = 0;
+};
+
+}  // namespace ledgerline::agent

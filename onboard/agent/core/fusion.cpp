@@ -1,0 +1,99 @@
+#include "onboard/agent/core/fusion.hpp"
+
+#include <cmath>
+
+namespace ledgerline::agent {
+namespace {
+
+/// Velocity is unknown at the start: a drone flies slower than this (m/s, one sigma).
+constexpr double first_velocity_sigma_mps = 2.0;
+
+bool finite(const MocapPose& m) {
+  return std::isfinite(m.position_m[0]) && std::isfinite(m.position_m[1]) && std::isfinite(m.position_m[2]) &&
+         std::isfinite(m.yaw_rad);
+}
+
+}  // namespace
+
+void Fusion::start(const MocapPose& measured) {
+  position_m_ = measured.position_m;
+  velocity_mps_ = {};
+  pp_ = config_.position_sigma_m * config_.position_sigma_m;
+  pv_ = 0;
+  vv_ = first_velocity_sigma_mps * first_velocity_sigma_mps;
+  started_ = true;
+  outliers_in_a_row_ = 0;
+}
+
+// Whether the same place has come for too long.
+bool Fusion::frozen(const MocapPose& measured) {
+  const bool same = repeated_ && repeated_->position_m == measured.position_m && repeated_->yaw_rad == measured.yaw_rad;
+  if (!same) repeated_ = measured;
+  return measured.stamp_ns - repeated_->stamp_ns >= config_.frozen_after_ns;
+}
+
+std::optional<Pose> Fusion::add(const MocapPose& measured, bool in_flight) {
+  if (!finite(measured)) {
+    ++counters_.not_finite;
+    return std::nullopt;
+  }
+  if (started_ && measured.stamp_ns <= stamp_ns_) {
+    ++counters_.not_newer;
+    return std::nullopt;
+  }
+  if (frozen(measured) && in_flight) {
+    ++counters_.frozen;
+    return std::nullopt;
+  }
+  if (started_ && measured.stamp_ns - stamp_ns_ > config_.longest_gap_ns) {
+    ++counters_.resets;
+    started_ = false;
+  }
+  if (!started_) {
+    start(measured);
+  } else {
+    const double dt = to_seconds(measured.stamp_ns - stamp_ns_);
+    const double q = config_.acceleration_sigma_mps2 * config_.acceleration_sigma_mps2;
+    const double r = config_.position_sigma_m * config_.position_sigma_m;
+    const double pp = pp_ + 2 * dt * pv_ + dt * dt * vv_ + q * dt * dt * dt * dt / 4;
+    const double pv = pv_ + dt * vv_ + q * dt * dt * dt / 2;
+    const double vv = vv_ + q * dt * dt;
+    const double s = pp + r;
+
+    std::array<double, 3> predicted{};
+    std::array<double, 3> innovation{};
+    double squares = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      predicted[i] = position_m_[i] + dt * velocity_mps_[i];
+      innovation[i] = measured.position_m[i] - predicted[i];
+      squares += innovation[i] * innovation[i];
+    }
+    if (squares > config_.gate_sigma * config_.gate_sigma * s) {
+      ++counters_.outliers;
+      if (++outliers_in_a_row_ < config_.outliers_before_reset) return std::nullopt;
+      ++counters_.resets;
+      start(measured);
+    } else {
+      const double gain_p = pp / s;
+      const double gain_v = pv / s;
+      for (std::size_t i = 0; i < 3; ++i) {
+        position_m_[i] = predicted[i] + gain_p * innovation[i];
+        velocity_mps_[i] += gain_v * innovation[i];
+      }
+      pp_ = (1 - gain_p) * pp;
+      pv_ = (1 - gain_p) * pv;
+      vv_ = vv - gain_v * pv;
+      outliers_in_a_row_ = 0;
+    }
+  }
+  stamp_ns_ = measured.stamp_ns;
+  ++counters_.accepted;
+  Pose pose;
+  pose.stamp_ns = measured.stamp_ns;
+  pose.position_m = position_m_;
+  pose.velocity_mps = velocity_mps_;
+  pose.yaw_rad = measured.yaw_rad;
+  return pose;
+}
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,182 @@
+#include "onboard/agent/core/outbox/batcher.hpp"
+
+#include <algorithm>
+#include <string_view>
+
+namespace ledgerline::agent {
+namespace {
+
+/// A drone that was not heard of for longer is not waited for. Three periods of the slowest usual rate, 10 Hz.
+constexpr TimeNs heard_lately_ns = 300 * ns_per_ms;
+
+constexpr std::size_t most_in_flight = 32;
+
+bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.boot_id || a.sequence > b.sequence; }
+
+}  // namespace
+
+Batcher::Batcher(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
+    : config_(config), random_(seed), pause_(config.first_back_off_ns, config.longest_back_off_ns) {
+  for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
+}
+
+Batcher::Slot* Batcher::find(DroneNumber drone) {
+  const auto it = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.drone.number == drone; });
+  return it == slots_.end() ? nullptr : &*it;
+}
+
+const Batcher::Slot* Batcher::find(DroneNumber drone) const { return const_cast<Batcher*>(this)->find(drone); }
+
+Batcher::Counters Batcher::counters(DroneNumber drone) const {
+  const Slot* slot = find(drone);
+  return slot ? slot->counters : Counters{};
+}
+
+void Batcher::add(TimeNs now, const StateSample& sample) {
+  Slot* slot = find(sample.drone);
+  if (!slot) return;
+  ++slot->counters.sampled;
+  slot->heard_ns = now;
+  if (slot->waiting && !newer(sample, *slot->waiting)) {
+    ++slot->counters.merged;
+    return;
+  }
+  if (!has_waiting()) first_waiting_ns_ = now;
+  if (slot->waiting) {
+    ++slot->counters.merged;
+  } else {
+    ++slot->counters.pending;
+  }
+  slot->waiting = sample;
+}
+
+bool Batcher::has_waiting() const {
+  return std::any_of(slots_.begin(), slots_.end(), [](const Slot& s) { return s.waiting.has_value(); });
+}
+
+bool Batcher::ready(TimeNs now) const {
+  if (!pause_.over(now) || in_flight_.size() >= most_in_flight) return false;
+  if (!again_at_once_ && !in_flight_.empty() &&
+      !pacing_.may_go(now, in_flight_.front().submitted_ns, last_submitted_ns_))
+    return false;
+  bool some = false;
+  bool all = true;
+  for (const Slot& slot : slots_) {
+    if (slot.paused_until_ns > now) continue;
+    some = some || slot.waiting.has_value();
+    all = all && (slot.waiting.has_value() || now - slot.heard_ns > heard_lately_ns);
+  }
+  if (!some) return false;
+  if (again_at_once_) return true;
+  return now - last_submitted_ns_ >= config_.min_gap_ns && (all || now - first_waiting_ns_ >= config_.linger_ns);
+}
+
+void Batcher::drop_stale(TimeNs now) {
+  for (Slot& slot : slots_) {
+    if (!slot.waiting || now - slot.waiting->stamp_ns <= config_.freshness_ns) continue;
+    slot.waiting.reset();
+    --slot.counters.pending;
+    ++slot.counters.dropped;
+    ++slot.counters.stale;
+  }
+}
+
+std::optional<Frame> Batcher::next(TimeNs now) {
+  drop_stale(now);
+  if (!ready(now)) return std::nullopt;
+  again_at_once_ = false;
+  last_submitted_ns_ = now;
+  Frame frame{.number = ++last_number_, .submitted_ns = now, .samples = {}, .repeated = {}};
+  for (Slot& slot : slots_) {
+    if (slot.paused_until_ns > now) continue;
+    if (!slot.waiting) {
+      if (slot.sent) frame.repeated.push_back(*slot.sent);
+      continue;
+    }
+    if (!slot.sent || newer(*slot.waiting, *slot.sent)) ++slot.counters.sent;
+    slot.sent = slot.waiting;
+    frame.samples.push_back(*slot.waiting);
+    slot.waiting.reset();
+  }
+  in_flight_.push_back(frame);
+  return frame;
+}
+
+void Batcher::drop_all(const Frame& frame) {
+  for (const StateSample& sample : frame.samples) {
+    Slot* slot = find(sample.drone);
+    --slot->counters.pending;
+    ++slot->counters.dropped;
+  }
+}
+
+Batcher::Slot* Batcher::refused_drone(const Frame& frame, const std::string& message) {
+  const std::string_view reason = fabric::words_of_contract(message);
+  const auto names_it = [&](const StateSample& s) { return reason.starts_with(find(s.drone)->drone.name + ":"); };
+  for (const auto* samples : {&frame.samples, &frame.repeated}) {
+    const auto it = std::find_if(samples->begin(), samples->end(), names_it);
+    if (it != samples->end()) return find(it->drone);
+  }
+  return nullptr;
+}
+
+void Batcher::send_again_without(TimeNs now, Slot& refused, const Frame& frame) {
+  refused.paused_until_ns = now + config_.refused_drone_pause_ns;
+  for (const StateSample& sample : frame.samples) {
+    Slot* slot = find(sample.drone);
+    if (slot == &refused) {
+      --slot->counters.pending;
+      ++slot->counters.dropped;
+    } else if (slot->waiting || newer(*slot->sent, sample)) {  // a newer one waits, or is on its way
+      --slot->counters.pending;
+      ++slot->counters.merged;
+    } else {
+      slot->waiting = sample;
+    }
+  }
+  again_at_once_ = true;
+}
+
+std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome) {
+  const auto found =
+      std::find_if(in_flight_.begin(), in_flight_.end(), [&](const Frame& f) { return f.number == number; });
+  if (found == in_flight_.end()) return std::nullopt;
+  const Frame frame = std::move(*found);
+  in_flight_.erase(found);
+  pacing_.ended(outcome);
+  using Kind = fabric::Outcome::Kind;
+  switch (outcome.kind) {
+    case Kind::committed:
+      ++transactions_.committed;
+      pause_.succeeded();
+      for (const StateSample& sample : frame.samples) {
+        Slot* slot = find(sample.drone);
+        --slot->counters.pending;
+        ++slot->counters.on_ledger;
+      }
+      break;
+    case Kind::invalidated:
+      ++transactions_.invalidated;
+      pause_.succeeded();
+      drop_all(frame);
+      break;
+    case Kind::refused:
+      ++transactions_.refused;
+      if (Slot* slot = refused_drone(frame, outcome.message)) {
+        send_again_without(now, *slot, frame);
+      } else {
+        drop_all(frame);
+        pause_.failed(now, random_);
+      }
+      break;
+    case Kind::unavailable:
+    case Kind::overloaded:
+      ++transactions_.unavailable;
+      drop_all(frame);
+      pause_.failed(now, random_);
+      break;
+  }
+  return frame;
+}
+
+}  // namespace ledgerline::agent

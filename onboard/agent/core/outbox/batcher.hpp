@@ -1,0 +1,114 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/client/pacing.hpp"
+#include "common/msg/onboard.hpp"
+
+namespace ledgerline::agent {
+
+/// A drone of this host: its number in shared memory and its name on the ledger.
+struct DroneName {
+  DroneNumber number = 0;
+  std::string name;
+};
+
+struct BatchConfig {
+  TimeNs min_gap_ns = 0;                      ///< between the starts of two frames, whatever is committed
+  TimeNs linger_ns = 500 * ns_per_us;         ///< wait so long for the samples of the other drones of the same instant
+  TimeNs freshness_ns = 500 * ns_per_ms;      ///< a sample that had to wait until it is older is not sent any more
+  TimeNs first_back_off_ns = 20 * ns_per_ms;  ///< after the first failure; doubles, with jitter (half to whole of it)
+  TimeNs longest_back_off_ns = 1 * ns_per_s;
+  TimeNs refused_drone_pause_ns = 1 * ns_per_s;  ///< a drone that made a frame be refused stays out of frames so long
+};
+
+/// One `set` to be: the newest sample of each drone that has a new one. The caller encodes and submits it, and reports
+/// its end.
+struct Frame {
+  std::uint64_t number = 0;
+  TimeNs submitted_ns = 0;
+  std::vector<StateSample> samples;
+  /// The last samples of the drones without a new one, sent before and not counted again: the frame is stored under one
+  /// key, so what it leaves out would be gone from `get`. Readers know them by their sequence.
+  std::vector<StateSample> repeated;
+};
+
+/// Few transactions, many samples: one frame is in flight until it is committed; where that takes long, the next one
+/// goes behind a gap (fabric::Pacing), up to 32. What arrives meanwhile rides in the next one; of each drone only the
+/// newest sample rides, older ones are merged; what waited past its freshness is dropped. How a frame ends:
+///
+///     committed               on_ledger, next frame at once (or after min_gap)
+///     invalidated             dropped (a newer sample says more), next frame goes on
+///     refused for one drone   that drone's sample is dropped and it pauses; the others are sent again at once, or
+///                             their newer samples instead (then the old ones are merged)
+///     refused, unavailable,   dropped, back-off with jitter: nothing goes out until it is over, samples merge
+///       overloaded              meanwhile
+///
+/// Always, for each drone: sampled = on_ledger + merged + dropped + pending. Memory is bounded by the number of drones.
+/// One thread; the same inputs and seed give the same frames.
+class Batcher {
+ public:
+  struct Counters {
+    std::uint64_t sampled = 0, sent = 0, on_ledger = 0, merged = 0, dropped = 0;
+    std::uint64_t pending = 0;  ///< waiting or in flight
+    std::uint64_t stale = 0;    ///< of the dropped: waited past their freshness
+  };
+  struct Transactions {
+    std::uint64_t committed = 0, invalidated = 0, refused = 0, unavailable = 0;
+  };
+
+  Batcher(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
+
+  /// A sample of a drone that is not ours is ignored; one that is not newer than the pending one of its boot is merged.
+  void add(TimeNs now, const StateSample& sample);
+  /// The frame to submit now, if any; it is then in flight.
+  std::optional<Frame> next(TimeNs now);
+  /// How frame `number` ended. Returns it; nothing if it is not in flight (then nothing changes).
+  std::optional<Frame> finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
+
+  std::size_t in_flight() const { return in_flight_.size(); }
+  /// A sample waits, so next() may have a frame soon.
+  bool has_waiting() const;
+  Counters counters(DroneNumber drone) const;
+  const Transactions& transactions() const { return transactions_; }
+  /// Nothing goes out before this time.
+  TimeNs back_off_until_ns() const { return pause_.until_ns(); }
+
+ private:
+  struct Slot {
+    DroneName drone{};
+    Counters counters{};
+    std::optional<StateSample> waiting{};
+    TimeNs heard_ns = INT64_MIN / 2;
+    TimeNs paused_until_ns = INT64_MIN;
+    std::optional<StateSample> sent{};  ///< newest submitted: sent again, it is not counted again
+  };
+  Slot* find(DroneNumber drone);
+  const Slot* find(DroneNumber drone) const;
+  Slot* refused_drone(const Frame& frame, const std::string& message);
+  bool ready(TimeNs now) const;
+  void drop_all(const Frame& frame);
+  void drop_stale(TimeNs now);
+  void send_again_without(TimeNs now, Slot& refused, const Frame& frame);
+
+  BatchConfig config_;
+  std::vector<Slot> slots_;
+  Random random_;
+  std::vector<Frame> in_flight_;  ///< oldest first
+  fabric::Pacing pacing_;
+  fabric::Pause pause_;
+  Transactions transactions_;
+  std::uint64_t last_number_ = 0;
+  TimeNs first_waiting_ns_ = 0;
+  TimeNs last_submitted_ns_ = INT64_MIN / 2;
+  bool again_at_once_ = false;
+};
+
+/// The frame as a call of `set` with stream = true: for each sample, repeated ones too, `<drone>/odom`, `<drone>/link`
+/// and `<drone>/battery`. `real_offset_ns`: real time minus the clock of the samples' stamps, for the ROS headers.
+fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& drones, TimeNs real_offset_ns);
+
+}  // namespace ledgerline::agent

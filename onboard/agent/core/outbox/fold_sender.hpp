@@ -1,0 +1,63 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "common/fabric/client/repeat.hpp"
+#include "common/msg/onboard.hpp"
+#include "onboard/agent/core/outbox/batcher.hpp"
+
+namespace ledgerline::agent {
+
+/// Folds stops: a stop writes nothing that commands read, so the drone's host says `fold` until the ledger has it. From
+/// then on the contract refuses the holder's commands, and those under way are invalid. Agent itself obeys the stop at
+/// once, whatever becomes of its fold.
+///
+///     stop seen -> wanted -> in flight -> committed: over, unless another stop came meanwhile
+///                    ^           |     -> refused by the contract: over (another host's drone by now)
+///                    +-----------+ anything else, behind a back-off with jitter
+///
+/// A fold that another stop overtook is invalid by the ledger's own check (it reads the stops as a range), so a
+/// committed one knows all stops before it. One call a drone at a time. One thread; the same inputs and seed give the
+/// same calls.
+class FoldSender {
+ public:
+  struct Sending {
+    std::uint64_t number = 0;  ///< never that of a frame or of transitions
+    const DroneName* drone = nullptr;
+  };
+
+  FoldSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
+
+  /// A stop of this drone was seen, in a block or in its record.
+  void want(TimeNs now, DroneNumber drone);
+  /// A call to make now, if any; it is then in flight.
+  std::optional<Sending> next(TimeNs now);
+  /// How call `number` ended; false if it is none of ours.
+  bool finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
+
+  bool pending() const;
+  std::uint64_t folded() const { return folded_; }      ///< calls committed
+  std::uint64_t repeated() const { return repeated_; }  ///< calls made again
+
+ private:
+  struct Slot {
+    DroneName drone{};
+    std::optional<fabric::Repeat> repeat{};  ///< of a stop that is not folded yet
+    TimeNs next_ns = 0;
+    std::uint64_t call = 0;  ///< in flight; 0: none
+    bool again = false;      ///< a stop came while it was
+  };
+  void begin(TimeNs now, Slot& slot);
+
+  std::vector<Slot> slots_;
+  fabric::RepeatLimits limits_;
+  Random seeds_;
+  std::uint64_t last_call_ = std::uint64_t{3} << 62;  // transitions count from the half of that range
+  std::uint64_t folded_ = 0, repeated_ = 0;
+};
+
+/// The call of the contract.
+fabric::Call encode_fold(const FoldSender::Sending& sending);
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,70 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "common/msg/ros.hpp"
+#include "ledgerline.pb.h"
+#include "onboard/agent/core/outbox/batcher.hpp"
+#include "onboard/agent/core/outbox/transition_sender.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+void add_asset(SetCall& call, const std::string& id, std::string_view type, std::string cdr) {
+  Asset* asset = call.add_assets();
+  asset->set_id(id);
+  asset->set_topic("/" + id);
+  asset->set_msg_type(std::string(type));
+  asset->set_msg_data(std::move(cdr));
+}
+
+Odometry to_odometry(const StateSample& s, const std::string& drone, TimeNs real_offset_ns) {
+  const double c = std::cos(s.yaw_rad);
+  const double n = std::sin(s.yaw_rad);
+  Odometry odometry;
+  odometry.header = {s.pose_stamp_ns + real_offset_ns, "map"};  // the pose's own: a lost mocap shows as an old one
+  odometry.child_frame_id = drone + "/base_link";
+  odometry.position_m = s.position_m;
+  odometry.orientation = quaternion_from_yaw(s.yaw_rad);
+  // REP 105: the twist is in the child frame, which is turned by yaw against the map.
+  odometry.linear_mps = {c * s.velocity_mps[0] + n * s.velocity_mps[1], -n * s.velocity_mps[0] + c * s.velocity_mps[1],
+                         s.velocity_mps[2]};
+  return odometry;
+}
+
+void add_drone(SetCall& call, const StateSample& sample, const std::string& drone, TimeNs real_offset_ns) {
+  BatteryState battery;
+  battery.header = {sample.stamp_ns + real_offset_ns, drone + "/base_link"};
+  battery.voltage_v = std::numeric_limits<float>::quiet_NaN();  // a Tello does not tell
+  battery.percentage = sample.battery;
+  if (sample.pose_stamp_ns != 0) {
+    add_asset(call, drone + "/odom", odometry_type, to_cdr(to_odometry(sample, drone, real_offset_ns)));
+  }
+  add_asset(call, drone + "/link", link_status_type, link_status_to_cdr(sample));
+  add_asset(call, drone + "/battery", battery_type, to_cdr(battery));
+}
+
+}  // namespace
+
+fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& drones, TimeNs real_offset_ns) {
+  SetCall call;
+  call.set_stream(true);
+  for (const auto* samples : {&frame.samples, &frame.repeated}) {
+    for (const StateSample& sample : *samples) {
+      const auto it =
+          std::find_if(drones.begin(), drones.end(), [&](const auto& d) { return d.number == sample.drone; });
+      if (it != drones.end()) add_drone(call, sample, it->name, real_offset_ns);
+    }
+  }
+  return fabric::Call{.function = "set", .args = {call.SerializeAsString()}, .told_by_block = true};
+}
+
+fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs real_offset_ns) {
+  const std::string& drone = sending.drone->name;
+  const Header header{sending.transitions.back().stamp_ns + real_offset_ns, drone + "/base_link"};
+  SetCall call;
+  add_asset(call, drone + "/failsafe", transitions_type, transitions_to_cdr(header, drone, sending.transitions));
+  return fabric::Call{.function = "set", .args = {call.SerializeAsString()}};
+}
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,73 @@
+#pragma once
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "common/fabric/client/client.hpp"
+#include "common/msg/onboard.hpp"
+#include "onboard/agent/core/outbox/batcher.hpp"
+
+namespace ledgerline::agent {
+
+/// Brings the transitions of each drone's failsafe onto the ledger: in order, none left out, never in a frame of states
+/// nor behind one. A drone has one call in flight, with all that wait; it is made again, behind a back-off with jitter,
+/// until it is committed. Where a call's fate is unknown (Outcome::Kind::unavailable) its transitions may be on the
+/// ledger twice: the same boot id and number is the same transition.
+///
+///     link -> waiting -> in flight -> committed: told to link, which forgets them
+///                ^           |
+///                +-----------+ anything else
+///
+/// What does not fit link keeps, and sends again. One thread; the same inputs and seed give the same calls.
+class TransitionSender {
+ public:
+  static constexpr std::size_t most_kept = 256;  ///< of a drone
+  static constexpr std::size_t most_per_call = 64;
+
+  struct Counters {
+    std::uint64_t taken = 0, on_ledger = 0, pending = 0;  ///< taken = on_ledger + pending
+    std::uint64_t calls_repeated = 0;
+    std::uint64_t lost = 0;  ///< by link, as it says
+  };
+  struct Sending {
+    std::uint64_t number = 0;  ///< never that of a frame
+    const DroneName* drone = nullptr;
+    std::vector<Transition> transitions;
+  };
+
+  TransitionSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
+
+  /// One that is not the next of its drone is ignored: it came before, or link will send what is between.
+  void add(const Transition& transition);
+  /// A call to make now, if any; it is then in flight.
+  std::optional<Sending> next(TimeNs now);
+  /// How call `number` ended; false if it is none of ours.
+  bool finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
+
+  /// What link may forget, and what it must send.
+  void tell(AgentBeat& beat) const;
+  bool pending() const;
+  Counters counters(DroneNumber drone) const;
+
+ private:
+  struct Slot {
+    DroneName drone{};
+    fabric::Pause pause;
+    Counters counters{};
+    std::deque<Transition> kept{};
+    std::size_t in_flight = 0;  ///< so many of the front
+    std::uint64_t call = 0;
+    std::uint64_t newest = 0, on_ledger = 0;  ///< numbers of this boot
+  };
+
+  std::vector<Slot> slots_;
+  Random random_;
+  std::uint64_t boot_id_ = 0;
+  std::uint64_t last_call_ = std::uint64_t{1} << 63;  // frames count from 1
+};
+
+/// The call as one asset `<drone>/failsafe`. `real_offset_ns`: as for encode_frame.
+fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs real_offset_ns);
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,26 @@
+#include "onboard/agent/core/proposal_hash.hpp"
+
+#include "common/common.pb.h"
+#include "common/crypto/crypto.hpp"
+#include "peer/proposal.pb.h"
+#include "peer/proposal_response.pb.h"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::agent {
+
+bool result_is_of_own_proposal(const fabric::Transaction& tx) {
+  protos::ProposalResponsePayload response;
+  common::Payload payload;
+  protos::Transaction transaction;
+  protos::ChaincodeActionPayload action;
+  if (!response.ParseFromString(tx.response_payload) || !payload.ParseFromString(tx.payload) ||
+      !transaction.ParseFromString(payload.data()) || transaction.actions_size() != 1 ||
+      !action.ParseFromString(transaction.actions(0).payload())) {
+    return false;
+  }
+  const crypto::Digest hash = crypto::sha256(payload.header().channel_header() + payload.header().signature_header() +
+                                             action.chaincode_proposal_payload());
+  return response.proposal_hash() == std::string_view(reinterpret_cast<const char*>(hash.data()), hash.size());
+}
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,233 @@
+#include "onboard/link/core/failsafe.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ledgerline::link {
+namespace {
+
+bool older(TimeNs now, TimeNs stamp, TimeNs limit) noexcept { return stamp == 0 || now - stamp > limit; }
+
+// What broke once must do better than just enough to be trusted again: so a pose or state that comes and goes does not
+// make the mode come and go.
+TimeNs tightened(TimeNs limit, const FailsafeState& last) noexcept {
+  return last.mode == FailsafeMode::brake ? limit / 2 : limit;
+}
+
+// Poses come through agent, so its death takes them along: that is agent's silence, and the plan is still flown to its
+// end. The pose alone is lost when agent has been heard for a while without one.
+bool lost_pose(const FailsafeSettings& settings, const FailsafeState& last, TimeNs now,
+               const FailsafeFacts& facts) noexcept {
+  const TimeNs limit = tightened(settings.pose_lost_ns, last);
+  return older(now, facts.pose_ns, limit) && facts.beat_ns - facts.pose_ns > limit / 2;
+}
+
+// `h` comes in steps of 0.1 m. A drone counts as above the ceiling by what is surely so, a step and a rounding less
+// than `h` says: else one that flies just below it would be warned, and with an upward speed landed, by the step alone.
+constexpr double height_step_m = 0.15;
+
+// How far outside the fence (0: inside), and the speed away from it.
+struct Outside {
+  double distance_m = 0;
+  double outward_mps = 0;
+};
+
+Outside outside(const FenceSettings& fence, const FailsafeFacts& facts, bool pose_lost) noexcept {
+  Outside worst;
+  if (pose_lost) {  // the drone's own height is all there is
+    if (facts.height_m > fence.max_m[2]) worst.distance_m = facts.height_m - fence.max_m[2];
+    return worst;
+  }
+  for (std::size_t i = 0; i < 3; ++i) {
+    // No ground under the ground: the lower face of the box holds setpoints only.
+    const double below = i == 2 ? 0 : fence.min_m[i] - facts.position_m[i];
+    // The ceiling is held by the higher one of pose and the drone's own height: either may be wrong.
+    const double place =
+        i == 2 ? std::max(facts.position_m[i], double(facts.height_m) - height_step_m) : facts.position_m[i];
+    const double above = place - fence.max_m[i];
+    const double distance = std::max(below, above);
+    if (distance > 0) {
+      worst.distance_m = std::max(worst.distance_m, distance);
+      worst.outward_mps = std::max(worst.outward_mps, above > 0 ? facts.velocity_mps[i] : -facts.velocity_mps[i]);
+    }
+  }
+  return worst;
+}
+
+bool hovers(FailsafeMode mode) noexcept { return mode == FailsafeMode::hold || mode == FailsafeMode::brake; }
+
+FailsafeState change(const FailsafeState& last, TimeNs now, FailsafeMode mode, FailsafeCause cause) noexcept {
+  FailsafeState next = last;
+  next.hovering_since_ns = !hovers(mode) ? 0 : last.hovering_since_ns != 0 ? last.hovering_since_ns : now;
+  if (mode != last.mode || cause != last.cause) next.cause_gone_since_ns = 0;
+  next.mode = mode;
+  next.cause = cause;
+  return next;
+}
+
+void remember_battery(const FailsafeSettings& settings, FailsafeState& memory, const FailsafeFacts& facts) noexcept {
+  if (facts.state_ns == 0) return;
+  if (facts.battery <= settings.battery_low) memory.battery_low = true;
+  if (facts.battery > settings.battery_low + settings.battery_margin) memory.battery_low = false;
+}
+
+void remember_fence(const FenceSettings& fence, FailsafeState& memory, TimeNs now, const FailsafeFacts& facts,
+                    bool pose_lost) noexcept {
+  const Outside out = outside(fence, facts, pose_lost);
+  if (out.distance_m > 0) memory.outside_ns = now;
+  const bool outward =
+      out.distance_m > fence.far_beyond_m || (out.distance_m > 0 && (pose_lost || out.outward_mps > fence.outward_mps));
+  if (!outward) {
+    memory.outward_since_ns = 0;
+  } else if (memory.outward_since_ns == 0) {
+    memory.outward_since_ns = now;
+  }
+}
+
+// Why there is nothing to fly; none: there is a plan, or it ended only just now.
+FailsafeCause lack_of_plan(const FailsafeSettings& settings, const FailsafeState& memory, TimeNs now,
+                           const FailsafeFacts& facts) noexcept {
+  if (facts.plan_valid) return FailsafeCause::none;
+  const TimeNs since = std::max(facts.covered_until_ns, facts.flying_since_ns);
+  if (!hovers(memory.mode) && now - since < settings.hold_grace_ns) return FailsafeCause::none;
+  const bool was_silent = memory.mode == FailsafeMode::hold && memory.cause == FailsafeCause::agent_silent;
+  const TimeNs limit = was_silent ? settings.agent_silent_ns / 2 : settings.agent_silent_ns;
+  if (older(now, facts.beat_ns, limit)) return FailsafeCause::agent_silent;
+  return facts.ledger_alive ? FailsafeCause::plan_ran_out : FailsafeCause::ledger_silent;
+}
+
+}  // namespace
+
+/// What the rows look at: the facts against the limits, and what is remembered.
+struct FailsafeMoment {
+  const FailsafeSettings& settings;
+  const FailsafeState& memory;
+  TimeNs now;
+  const FailsafeFacts& facts;
+  bool state_stale = false;
+  bool pose_lost = false;
+  FailsafeCause no_plan = FailsafeCause::none;
+  bool resting = false;  ///< what made it hover is away, but not long enough
+};
+
+namespace {
+
+using Moment = FailsafeMoment;
+
+// A hold for want of a plan becomes one of silence at once, but not the other way about: so a silence that comes and
+// goes does not make the cause come and go. A brake rests the same way.
+void rest(Moment& at, FailsafeState& memory) noexcept {
+  bool away = false;
+  if (memory.mode == FailsafeMode::brake) away = !at.state_stale && !at.pose_lost;
+  if (memory.mode == FailsafeMode::hold)
+    away = memory.cause != FailsafeCause::plan_ran_out && at.no_plan != memory.cause;
+  if (!away) {
+    memory.cause_gone_since_ns = 0;
+    return;
+  }
+  if (memory.cause_gone_since_ns == 0) memory.cause_gone_since_ns = at.now;
+  // Beyond it, not at it: half of state_stale is as long, and one lonely state text must not end a brake.
+  at.resting = at.now - memory.cause_gone_since_ns <= at.settings.clear_after_ns;
+  if (at.resting && memory.mode == FailsafeMode::hold && at.no_plan != FailsafeCause::none) at.no_plan = memory.cause;
+}
+
+bool brakes_for(const Moment& at, FailsafeCause cause) noexcept {
+  return at.resting && at.memory.mode == FailsafeMode::brake && at.memory.cause == cause;
+}
+
+bool cut(const Moment& at) { return at.facts.cut; }
+bool stopped(const Moment& at) { return at.facts.stop; }
+bool battery_critical(const Moment& at) {
+  return !older(at.now, at.facts.state_ns, at.settings.state_stale_ns) &&
+         at.facts.battery <= at.settings.battery_critical;
+}
+bool leaves_fence(const Moment& at) {
+  return at.memory.outward_since_ns != 0 && at.now - at.memory.outward_since_ns >= at.settings.fence_land_after_ns;
+}
+bool state_stale(const Moment& at) { return at.state_stale || brakes_for(at, FailsafeCause::state_stale); }
+bool pose_lost(const Moment& at) { return at.pose_lost || brakes_for(at, FailsafeCause::pose_lost); }
+bool agent_silent(const Moment& at) { return at.no_plan == FailsafeCause::agent_silent; }
+bool ledger_silent(const Moment& at) { return at.no_plan == FailsafeCause::ledger_silent; }
+bool plan_ran_out(const Moment& at) { return at.no_plan == FailsafeCause::plan_ran_out; }
+bool held_too_long(const Moment& at) {
+  const TimeNs since = at.memory.hovering_since_ns;
+  const bool goes_on = state_stale(at) || pose_lost(at) || at.no_plan != FailsafeCause::none;
+  return at.facts.phase == FlightPhase::flying && since != 0 && goes_on && at.now - since >= at.settings.land_after_ns;
+}
+bool outside_fence(const Moment& at) {
+  return at.memory.outside_ns != 0 && at.now - at.memory.outside_ns <= at.settings.clear_after_ns;
+}
+bool battery_low(const Moment& at) { return at.memory.battery_low; }
+bool blind(const Moment& at) { return at.facts.blind; }
+
+}  // namespace
+
+const std::array<FailsafeRow, 13> failsafe_table{{
+    {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, Clears::on_ground, cut},
+    {"FS-02", FailsafeCause::stopped, FailsafeMode::land, Clears::on_ground, stopped},
+    {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, Clears::on_ground, battery_critical},
+    {"FS-04", FailsafeCause::fence, FailsafeMode::land, Clears::on_ground, leaves_fence},
+    {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, Clears::on_ground, held_too_long},
+    {"FS-06", FailsafeCause::state_stale, FailsafeMode::brake, Clears::when_rested, state_stale},
+    {"FS-07", FailsafeCause::pose_lost, FailsafeMode::brake, Clears::when_rested, pose_lost},
+    {"FS-08", FailsafeCause::agent_silent, FailsafeMode::hold, Clears::with_a_plan, agent_silent},
+    {"FS-09", FailsafeCause::ledger_silent, FailsafeMode::hold, Clears::with_a_plan, ledger_silent},
+    {"FS-10", FailsafeCause::plan_ran_out, FailsafeMode::hold, Clears::with_a_plan, plan_ran_out},
+    {"FS-11", FailsafeCause::fence, FailsafeMode::none, Clears::back_inside, outside_fence},
+    {"FS-12", FailsafeCause::battery_low, FailsafeMode::none, Clears::when_charged, battery_low},
+    {"FS-13", FailsafeCause::state_stale, FailsafeMode::land, Clears::on_ground, blind},
+}};
+
+FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
+                     TimeNs now, const FailsafeFacts& facts) noexcept {
+  FailsafeState memory = last;
+  remember_battery(settings, memory, facts);
+  if (!in_flight(facts.phase) && !facts.may_fly_unseen) {
+    FailsafeState grounded;
+    grounded.battery_low = memory.battery_low;
+    grounded.cause = takeoff_refusal(settings, now, facts);
+    if (grounded.cause == FailsafeCause::none && memory.battery_low) grounded.cause = FailsafeCause::battery_low;
+    return grounded;
+  }
+  // Until it is on the ground, unless a cut is asked for.
+  if (memory.mode == FailsafeMode::cut || (memory.mode == FailsafeMode::land && !facts.cut)) return memory;
+
+  Moment at{.settings = settings, .memory = memory, .now = now, .facts = facts};
+  at.state_stale = older(now, facts.state_ns, tightened(settings.state_stale_ns, memory));
+  at.pose_lost = lost_pose(settings, memory, now, facts);
+  at.no_plan = lack_of_plan(settings, memory, now, facts);
+  remember_fence(fence, memory, now, facts, at.pose_lost);
+  rest(at, memory);
+  for (const FailsafeRow& row : failsafe_table) {
+    if ((row.mode < FailsafeMode::land && facts.phase != FlightPhase::flying) || !row.applies(at)) continue;
+    // The cause stays readable: only a mere lack of plans becomes "held too long".
+    const bool known = row.cause == FailsafeCause::held_too_long && memory.cause != FailsafeCause::plan_ran_out;
+    return change(memory, now, row.mode, known ? memory.cause : row.cause);
+  }
+  // Not seen: what a take-off waits for, as on the ground.
+  const bool seen = in_flight(facts.phase);
+  return change(memory, now, FailsafeMode::none, seen ? FailsafeCause::none : takeoff_refusal(settings, now, facts));
+}
+
+FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, const FailsafeFacts& facts) noexcept {
+  if (facts.stop || facts.cut) return FailsafeCause::stopped;
+  if (older(now, facts.state_ns, settings.state_stale_ns)) return FailsafeCause::state_stale;
+  if (facts.battery <= settings.battery_low) return FailsafeCause::battery_low;
+  if (older(now, facts.beat_ns, settings.agent_silent_ns)) return FailsafeCause::agent_silent;
+  if (!facts.ledger_alive) return FailsafeCause::ledger_silent;
+  if (older(now, facts.pose_ns, settings.pose_lost_ns)) return FailsafeCause::pose_lost;
+  return FailsafeCause::none;
+}
+
+Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, float height_m,
+                       Velocity wish) noexcept {
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double highest = i == 2 ? std::max(position_m[i], double(height_m)) : position_m[i];
+    const double up = std::max(0.0, fence.max_m[i] - highest) / fence.slow_s;
+    const double down = std::max(0.0, position_m[i] - fence.min_m[i]) / fence.slow_s;
+    wish.mps[i] = std::clamp(wish.mps[i], static_cast<float>(-down), static_cast<float>(up));
+  }
+  return wish;
+}
+
+}  // namespace ledgerline::link

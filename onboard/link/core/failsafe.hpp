@@ -1,0 +1,82 @@
+#pragma once
+#include <array>
+
+#include "onboard/link/core/playout/playout.hpp"
+#include "onboard/link/core/settings.hpp"
+
+namespace ledgerline::link {
+
+/// What the failsafe is told, at every step. Times are when something last came; 0: never.
+struct FailsafeFacts {
+  FlightPhase phase = FlightPhase::disconnected;
+  bool may_fly_unseen = false;  ///< disconnected, and not known to stand on the ground
+  bool blind = false;           ///< and all handshakes with it were in vain
+  TimeNs flying_since_ns = 0;
+  bool plan_valid = false;             ///< a plan covers this moment
+  TimeNs covered_until_ns = 0;         ///< end of the newest plan
+  TimeNs beat_ns = 0;                  ///< newest beat of agent
+  bool ledger_alive = false;           ///< as that beat says
+  TimeNs state_ns = 0;                 ///< newest state text of the drone
+  TimeNs pose_ns = 0;                  ///< stamp of the newest pose
+  std::array<double, 3> position_m{};  ///< of that pose, and moved on by what was sent since
+  std::array<double, 3> velocity_mps{};
+  /// The drone's own, above where it took off; held against the fence's ceiling beside the pose, and alone without one.
+  float height_m = 0;
+  float battery = 1;
+  bool stop = false;  ///< from the ledger, or the local stop key
+  bool cut = false;   ///< asked for by name
+};
+
+/// What the failsafe remembers and says; mode is the action.
+struct FailsafeState {
+  FailsafeMode mode = FailsafeMode::none;
+  FailsafeCause cause = FailsafeCause::none;
+  TimeNs hovering_since_ns = 0;    ///< of hold or brake without a break
+  TimeNs cause_gone_since_ns = 0;  ///< while it hovers: since when its cause is away
+  TimeNs outward_since_ns = 0;     ///< beyond the fence and still going outward
+  TimeNs outside_ns = 0;           ///< when it was beyond the fence last
+  bool battery_low = false;
+};
+
+/// How a row ends.
+enum class Clears : std::uint8_t {
+  on_ground,    ///< once on the ground: a landing is never taken back in the air
+  when_rested,  ///< its cause, measured at half the limit, has been away for clear_after
+  with_a_plan,  ///< a plan covers this moment again
+  back_inside,  ///< inside the fence for clear_after
+  when_charged  ///< above the threshold by battery_margin
+};
+
+struct FailsafeMoment;
+
+/// One requirement: this cause leads to this mode. docs/failsafe.md has them in words, with the test of each.
+struct FailsafeRow {
+  const char* id;
+  FailsafeCause cause;
+  FailsafeMode mode;
+  Clears clears;
+  bool (*applies)(const FailsafeMoment&);
+};
+
+/// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground
+/// and while the drone may fly unseen, the others while it flies.
+extern const std::array<FailsafeRow, 13> failsafe_table;
+
+/// Pure: the next state from the last one, the time and the facts.
+FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
+                     TimeNs now, const FailsafeFacts& facts) noexcept;
+
+/// Whether a flying drone is told the plan's setpoint (clipped at the fence). If not, it is told zero, or to land.
+constexpr bool follows_plan(FailsafeMode mode, bool plan_valid) noexcept {
+  return plan_valid && mode == FailsafeMode::none;
+}
+
+/// Why the drone must not take off now; none: it may.
+FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, const FailsafeFacts& facts) noexcept;
+
+/// The wish, slowed toward the fence and with no outward part at or beyond it; upward by the higher one of pose and the
+/// drone's own height. That one is taken as it is: a step too early only slows the last 0.1 m.
+Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, float height_m,
+                       Velocity wish) noexcept;
+
+}  // namespace ledgerline::link

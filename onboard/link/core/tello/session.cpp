@@ -1,0 +1,255 @@
+#include "onboard/link/core/tello/session.hpp"
+
+#include <algorithm>
+
+namespace ledgerline::link {
+
+namespace {
+// State text comes at 10 Hz; what is older than this does not decide about take-off or landing.
+constexpr TimeNs fresh_for_ns = 500 * ns_per_ms;
+// The drone must be seen on the ground this long before it counts as landed without an answer.
+constexpr TimeNs grounded_for_ns = 1 * ns_per_s;
+// Less descent than this between two `land` means that it does not come down.
+constexpr float descent_m = 0.1F;
+// What is believed to be on the ground but seen aloft this long is in flight, whatever the answers said.
+constexpr TimeNs aloft_for_ns = 300 * ns_per_ms;
+// What is believed to fly but seen on the ground this long has come down by itself.
+constexpr TimeNs down_for_ns = 3 * ns_per_s;
+
+// Whether `seen` was true for all of `long_enough`; `since` remembers from when.
+bool held(TimeNs now, bool seen, TimeNs& since, TimeNs long_enough) noexcept {
+  if (!seen) {
+    since = 0;
+  } else if (since == 0) {
+    since = now;
+  }
+  return seen && now - since >= long_enough;
+}
+}  // namespace
+
+void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
+  phase_ = phase;
+  phase_since_ns_ = now;
+  grounded_since_ns_ = aloft_since_ns_ = 0;
+  if (in_flight(phase)) stands_ = false, down_since_ns_ = 0;
+  if (phase == FlightPhase::flying) has_flown_ = true;
+  if (phase == FlightPhase::disconnected) {
+    handshake_ok_ = false;
+    asked_ = Asked::nothing;
+    blind_.seek();
+  }
+}
+
+void TelloSession::ask(TimeNs now, Asked what) noexcept {
+  asked_ = what;
+  asked_at_ns_ = now;
+  send_ = true;
+}
+
+bool TelloSession::fresh(TimeNs now) const noexcept { return state_at_ns_ != 0 && now - state_at_ns_ < fresh_for_ns; }
+
+bool TelloSession::seen_airborne(TimeNs now) const noexcept {
+  return fresh(now) && state_.height_m >= settings_.airborne_m;
+}
+
+bool TelloSession::seen_grounded(TimeNs now) const noexcept {
+  return fresh(now) && state_.height_m < settings_.airborne_m && state_.tof_m <= settings_.grounded_m;
+}
+
+void TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
+  if (!parse_state(bytes, state_)) {
+    ++states_refused_;
+    return;
+  }
+  if (!fresh(now)) down_since_ns_ = 0;  // who knows what it did meanwhile
+  state_at_ns_ = now;
+  heard_ = true;
+  if (seen_airborne(now)) rising_until_ns_ = 0;
+  // Still on the ground a moment after a take-off was sent, it may yet rise.
+  const bool down = now >= rising_until_ns_ && seen_grounded(now);
+  stands_ = held(now, down, down_since_ns_, settings_.stands_after_ns);
+}
+
+void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
+  const Answer answer = parse_answer(bytes);
+  if (answer != Answer::unknown) heard_ = true;
+  if (answer == Answer::ok && phase_ == FlightPhase::disconnected) {
+    handshake_ok_ = true;  // whatever it answers: a Tello answers nothing before `command`
+    return;
+  }
+  if (answer == Answer::unknown || asked_ == Asked::nothing || send_) {
+    ++answers_unasked_;
+    return;
+  }
+  switch (asked_) {
+    case Asked::takeoff:
+      if (answer == Answer::refused) {
+        asked_ = Asked::nothing;
+        takeoff_not_before_ns_ = now + settings_.refused_pause_ns;
+        enter(now, seen_airborne(now) ? FlightPhase::flying : FlightPhase::on_ground);
+      } else if (seen_airborne(now) || !fresh(now)) {
+        asked_ = Asked::nothing;
+        enter(now, FlightPhase::flying);
+      } else {
+        ++answers_unasked_;  // still seen on the ground: the answer to an earlier command
+      }
+      break;
+    case Asked::land:
+      // A refusal changes nothing: the command goes out again until the drone is down. While a take-off may still lift
+      // it, an ok may be the take-off's.
+      if (answer == Answer::ok && !seen_airborne(now) && now >= rising_until_ns_) {
+        asked_ = Asked::nothing;
+        enter(now, FlightPhase::landed);
+      }
+      break;
+    case Asked::emergency:
+      if (answer == Answer::ok && !seen_airborne(now)) {
+        asked_ = Asked::nothing;
+        enter(now, FlightPhase::landed);
+      }
+      break;
+    case Asked::nothing:
+      break;
+  }
+}
+
+bool TelloSession::request_takeoff(TimeNs now) noexcept {
+  if (phase_ != FlightPhase::on_ground && phase_ != FlightPhase::landed) return false;
+  if (now < takeoff_not_before_ns_ || asked_ != Asked::nothing) return false;
+  ask(now, Asked::takeoff);
+  rising_until_ns_ = now + settings_.takeoff_timeout_ns;
+  enter(now, FlightPhase::taking_off);
+  return true;
+}
+
+void TelloSession::request_land(TimeNs now) noexcept {
+  if (may_fly_unseen()) blind_.land(now, BlindTalk::Word::land);
+  if (phase_ != FlightPhase::flying && phase_ != FlightPhase::taking_off) return;
+  ask(now, Asked::land);
+  lowest_m_ = state_.height_m;
+  enter(now, FlightPhase::landing);
+}
+
+void TelloSession::request_cut(TimeNs now) noexcept {
+  if (may_fly_unseen()) blind_.land(now, BlindTalk::Word::emergency);
+  if (asked_ == Asked::emergency || phase_ == FlightPhase::disconnected) return;
+  if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) return;
+  ask(now, Asked::emergency);
+  lowest_m_ = state_.height_m;
+  grounded_since_ns_ = 0;
+  if (phase_ != FlightPhase::landing) enter(now, FlightPhase::landing);
+}
+
+void TelloSession::land_again(TimeNs now, BlindTalk::Asker asker) noexcept {
+  if (may_fly_unseen()) blind_.land_again(now, asker);
+}
+
+bool TelloSession::told_to_land(TimeNs now) const noexcept {
+  return may_fly_unseen() && blind_.said_for(now, heard_ ? settings_.blind_land_for_ns : settings_.unheard_land_for_ns);
+}
+
+void TelloSession::connect(TimeNs now) noexcept {
+  const bool down = seen_grounded(now), lands = blind_.lands();
+  const bool cut = blind_.word() == BlindTalk::Word::emergency;
+  // A link that starts again finds the drone where it is, maybe in the air. A landing is not taken back there.
+  enter(now, down ? FlightPhase::on_ground : lands ? FlightPhase::landing : FlightPhase::flying);
+  if (down || !lands) return;
+  ask(now, cut ? Asked::emergency : Asked::land);
+  lowest_m_ = state_.height_m;
+}
+
+void TelloSession::watch_connection(TimeNs now) noexcept {
+  if (phase_ == FlightPhase::disconnected) {
+    if (handshake_ok_ && fresh(now)) connect(now);
+  } else if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) {
+    if (now - std::max(state_at_ns_, phase_since_ns_) >= settings_.lost_after_ns) enter(now, FlightPhase::disconnected);
+  }
+}
+
+// In its order, and at once: the first datagram after `command` is the zero.
+void TelloSession::talk_blindly(TimeNs now) noexcept {
+  if (phase_ != FlightPhase::disconnected) {
+    says_blindly_.clear();
+    return;
+  }
+  if (!says_blindly_.empty()) return;
+  const BlindTalk::Due due = blind_.due(now, may_fly_unseen());
+  if (due.command) says_blindly_.push(command_text("command"));
+  if (due.zero) says_blindly_.push(rc_text({}));
+  if (due.word) says_blindly_.push(command_text(blind_.word() == BlindTalk::Word::emergency ? "emergency" : "land"));
+}
+
+void TelloSession::watch_takeoff(TimeNs now) noexcept {
+  if (phase_ != FlightPhase::taking_off || now - phase_since_ns_ < settings_.takeoff_timeout_ns) return;
+  // The answer is lost. What is seen decides; without sight it may be up, and flying is the phase that can land.
+  asked_ = Asked::nothing;
+  enter(now, seen_grounded(now) ? FlightPhase::on_ground : FlightPhase::flying);
+}
+
+void TelloSession::watch_sight(TimeNs now) noexcept {
+  if (phase_ == FlightPhase::flying) {
+    if (!held(now, seen_grounded(now), grounded_since_ns_, down_for_ns)) return;
+    request_land(now);  // does no harm where the sight is wrong
+  } else if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) {
+    if (!held(now, seen_airborne(now) && state_.tof_m > settings_.grounded_m, aloft_since_ns_, aloft_for_ns)) return;
+    asked_ = Asked::nothing;
+    enter(now, FlightPhase::flying);
+  }
+}
+
+void TelloSession::watch_landing(TimeNs now) noexcept {
+  if (phase_ != FlightPhase::landing) return;
+  // `land` is ignored during a take-off, which begins on the ground: seen there, it may yet rise.
+  if (held(now, seen_grounded(now) && now >= rising_until_ns_, grounded_since_ns_, grounded_for_ns)) {
+    asked_ = Asked::nothing;
+    enter(now, FlightPhase::landed);
+    return;
+  }
+  if (now - std::max(state_at_ns_, phase_since_ns_) >= settings_.landing_lost_after_ns) {
+    const bool cut = asked_ == Asked::emergency;
+    enter(now, FlightPhase::disconnected);
+    blind_.be_silent(now, cut ? BlindTalk::Word::emergency : BlindTalk::Word::land);
+    return;
+  }
+  if (!send_ && now - asked_at_ns_ >= settings_.land_repeat_ns) {
+    const bool descends = fresh(now) && state_.height_m <= lowest_m_ - descent_m;
+    lowest_m_ = std::min(lowest_m_, state_.height_m);
+    if (descends) {
+      asked_at_ns_ = now;
+    } else {
+      ask(now, asked_ == Asked::emergency ? Asked::emergency : Asked::land);
+    }
+  }
+}
+
+bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
+  watch_connection(now);
+  watch_takeoff(now);
+  watch_sight(now);
+  watch_landing(now);
+  talk_blindly(now);
+  if (!says_blindly_.empty()) {
+    out = says_blindly_[0];
+    says_blindly_.erase_front(1);
+    return true;
+  }
+  if (asked_ == Asked::nothing || !send_) return false;
+  send_ = false;
+  asked_at_ns_ = now;
+  switch (asked_) {
+    case Asked::takeoff:
+      out = command_text("takeoff");
+      break;
+    case Asked::land:
+      out = command_text("land");
+      break;
+    case Asked::emergency:
+      out = command_text("emergency");
+      break;
+    case Asked::nothing:
+      return false;
+  }
+  return true;
+}
+
+}  // namespace ledgerline::link

@@ -1,0 +1,99 @@
+#pragma once
+#include <cstdint>
+#include <string_view>
+
+#include "onboard/link/core/tello/blind_talk.hpp"
+#include "onboard/link/core/fixed_vector.hpp"
+#include "onboard/link/core/settings.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
+
+namespace ledgerline::link {
+
+/// One drone as an SDK client sees it: who may be asked what, and where the flight is.
+///
+///              `command` ok + state text        takeoff          ok, or it is up
+///   disconnected ─────────────────▶ on_ground ─────────▶ taking_off ─────────▶ flying
+///        ▲  state text shows it in the air: ──────────────────────────────────▶ │
+///        │                          refused, timed out: back to on_ground       │ land
+///        └── silent on the ground ── landed ◀── ok and down, or seen down ── landing
+///
+/// Answers carry no id and may be lost, doubled or late, so an answer alone never moves the state while fresh state
+/// text says otherwise: an `ok` counts as take-off only when the drone is seen in the air. `land` is repeated until it
+/// is down. `disconnected` says nothing about where the drone is: until it was seen on the ground it may fly, and is
+/// spoken to as blind_talk.hpp says. Core: no I/O, no allocation; one thread.
+class TelloSession {
+ public:
+  explicit TelloSession(const SessionSettings& settings) noexcept : settings_(settings), blind_(settings) {}
+
+  void on_answer(TimeNs now, std::string_view bytes) noexcept;
+  void on_state(TimeNs now, std::string_view bytes) noexcept;
+
+  /// False when the phase (or the pause after a refusal) does not allow it.
+  bool request_takeoff(TimeNs now) noexcept;
+  /// In the air, and where it may be in the air. May be called at every step: what is under way goes on.
+  void request_land(TimeNs now) noexcept;
+  /// Motors off at once, wherever it is. The same.
+  void request_cut(TimeNs now) noexcept;
+  /// Somebody asked anew: to a drone that is not seen the word is said again though it was before (BlindTalk). No
+  /// effect on one that is seen.
+  void land_again(TimeNs now, BlindTalk::Asker asker) noexcept;
+
+  /// What is to be sent now, one command at a time; called until it returns false.
+  bool next_send(TimeNs now, CommandText& out) noexcept;
+
+  FlightPhase phase() const noexcept { return phase_; }
+  /// Nobody knows: it is not connected, and what was seen last was not that it stands on the ground. From link's start.
+  bool may_fly_unseen() const noexcept { return phase_ == FlightPhase::disconnected && !stands_; }
+  /// All handshakes with such a one were in vain, or it is told to land already.
+  bool blind(TimeNs now) const noexcept { return may_fly_unseen() && (blind_.in_vain(now) || blind_.lands()); }
+  /// Such a one was told to land long enough for link to end: to the end, or briefly where nobody was ever heard.
+  bool told_to_land(TimeNs now) const noexcept;
+  /// Anything that can be read came from it.
+  bool heard() const noexcept { return heard_; }
+  TimeNs phase_since_ns() const noexcept { return phase_since_ns_; }
+  const TelloState& state() const noexcept { return state_; }
+  /// When the newest state text came; 0: none yet.
+  TimeNs state_at_ns() const noexcept { return state_at_ns_; }
+  bool has_flown() const noexcept { return has_flown_; }
+  std::uint32_t states_refused() const noexcept { return states_refused_; }
+  std::uint32_t answers_unasked() const noexcept { return answers_unasked_; }
+
+ private:
+  enum class Asked : std::uint8_t { nothing, takeoff, land, emergency };
+
+  void enter(TimeNs now, FlightPhase phase) noexcept;
+  void ask(TimeNs now, Asked what) noexcept;
+  void watch_connection(TimeNs now) noexcept;
+  void watch_takeoff(TimeNs now) noexcept;
+  void watch_sight(TimeNs now) noexcept;
+  void watch_landing(TimeNs now) noexcept;
+  bool fresh(TimeNs now) const noexcept;
+  bool seen_airborne(TimeNs now) const noexcept;
+  bool seen_grounded(TimeNs now) const noexcept;
+
+  void connect(TimeNs now) noexcept;
+  void talk_blindly(TimeNs now) noexcept;
+
+  SessionSettings settings_;
+  BlindTalk blind_;
+  FixedVector<CommandText, 3> says_blindly_;  ///< what is still to be sent of it
+  bool heard_ = false;
+  bool stands_ = false;  ///< on the ground, by what was seen last, and for long enough to believe it
+  FlightPhase phase_ = FlightPhase::disconnected;
+  TimeNs phase_since_ns_ = 0;
+  TelloState state_;
+  TimeNs state_at_ns_ = 0;
+  Asked asked_ = Asked::nothing;  ///< the command whose answer is waited for
+  bool send_ = false;             ///< asked_ has still to be sent
+  bool handshake_ok_ = false;
+  bool has_flown_ = false;
+  TimeNs asked_at_ns_ = 0;
+  TimeNs takeoff_not_before_ns_ = 0;
+  TimeNs rising_until_ns_ = 0;  ///< until then a take-off that was sent may still lift it; 0: seen in the air since
+  TimeNs grounded_since_ns_ = 0, aloft_since_ns_ = 0, down_since_ns_ = 0;
+  float lowest_m_ = 0;  ///< since the last `land` was sent
+  std::uint32_t states_refused_ = 0;
+  std::uint32_t answers_unasked_ = 0;
+};
+
+}  // namespace ledgerline::link

@@ -1,0 +1,106 @@
+#include "onboard/link/core/tello/tello_text.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+
+namespace ledgerline::link {
+namespace {
+
+// A finite number that takes the whole text; from_chars knows no locale and does not allocate.
+bool parse_number(std::string_view text, float& out) noexcept {
+  float value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value)) return false;
+  out = value;
+  return true;
+}
+
+constexpr std::array<std::string_view, 3> attitude_keys{"roll", "pitch", "yaw"};
+constexpr std::array<std::string_view, 3> acceleration_keys{"agx", "agy", "agz"};
+
+// -1: none of them.
+int index_of(const std::array<std::string_view, 3>& keys, std::string_view key) noexcept {
+  const auto at = std::find(keys.begin(), keys.end(), key);
+  return at == keys.end() ? -1 : static_cast<int>(at - keys.begin());
+}
+
+bool begins_with(std::string_view text, std::string_view lower) noexcept {
+  if (text.size() < lower.size()) return false;
+  for (std::size_t i = 0; i < lower.size(); ++i) {
+    const char c = text[i];
+    if ((c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c) != lower[i]) return false;
+  }
+  return true;
+}
+
+char* append(char* at, char* end, int number) noexcept {
+  *at++ = ' ';
+  return std::to_chars(at, end, number).ptr;
+}
+
+}  // namespace
+
+bool parse_state(std::string_view bytes, TelloState& state) noexcept {
+  TelloState parsed = state;
+  bool height = false, tof = false, battery = false;
+  while (!bytes.empty()) {
+    const std::string_view field = bytes.substr(0, bytes.find(';'));
+    bytes.remove_prefix(std::min(field.size() + 1, bytes.size()));
+    const std::size_t colon = field.find(':');
+    if (colon == std::string_view::npos) continue;
+    const std::string_view key = field.substr(0, colon);
+    float value = 0;
+    if (!parse_number(field.substr(colon + 1), value)) continue;
+    // Beyond these ranges it is not a Tello that speaks (the ToF sensor's "nothing seen" is 6553 or 8192).
+    if (key == "h" && std::abs(value) < 20'000) {
+      parsed.height_m = value / 100;
+      height = true;
+    } else if (key == "tof" && value >= 0 && value < 10'000) {
+      parsed.tof_m = value / 100;
+      tof = true;
+    } else if (key == "bat" && value >= 0 && value <= 100) {
+      parsed.battery = value / 100;
+      battery = true;
+    } else if (const int axis = index_of(attitude_keys, key); axis >= 0 && std::abs(value) <= 360) {
+      parsed.attitude_deg[static_cast<std::size_t>(axis)] = value;
+    } else if (const int along = index_of(acceleration_keys, key); along >= 0 && std::abs(value) < 50'000) {
+      parsed.acceleration_mg[static_cast<std::size_t>(along)] = value;
+    }
+  }
+  if (!height || !tof || !battery) return false;
+  state = parsed;
+  return true;
+}
+
+Answer parse_answer(std::string_view bytes) noexcept {
+  while (!bytes.empty() &&
+         (bytes.back() == '\r' || bytes.back() == '\n' || bytes.back() == ' ' || bytes.back() == '\0')) {
+    bytes.remove_suffix(1);
+  }
+  if (bytes.size() == 2 && begins_with(bytes, "ok")) return Answer::ok;
+  if (begins_with(bytes, "error") || begins_with(bytes, "out of range") || begins_with(bytes, "unknown command")) {
+    return Answer::refused;
+  }
+  return Answer::unknown;
+}
+
+CommandText command_text(std::string_view word) noexcept {
+  CommandText text;
+  text.size = static_cast<std::uint8_t>(std::min(word.size(), text.bytes.size()));
+  std::memcpy(text.bytes.data(), word.data(), text.size);
+  return text;
+}
+
+CommandText rc_text(const Rc& rc) noexcept {
+  CommandText text = command_text("rc");
+  char* const begin = text.bytes.data();
+  char* at = begin + text.size;
+  // Longest: "rc -100 -100 -100 -100", 22 bytes.
+  for (const int channel : rc) at = append(at, begin + text.bytes.size(), std::clamp(channel, -100, 100));
+  text.size = static_cast<std::uint8_t>(at - begin);
+  return text;
+}
+
+}  // namespace ledgerline::link

@@ -1,0 +1,57 @@
+#include "onboard/link/shell/courier.hpp"
+
+#include <fmt/format.h>
+#include <pthread.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "common/rt/real_time.hpp"
+
+namespace ledgerline::link {
+
+Result<std::unique_ptr<Courier>> Courier::start(ipc::LinkEnd& end, int priority) {
+  int fds[2];
+  if (::socketpair(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0, fds) != 0)
+    return Error{fmt::format("no pair of sockets: {}", std::strerror(errno))};
+  std::unique_ptr<Courier> courier(new Courier(end, fds[0], fds[1]));
+  courier->thread_ = std::thread([made = courier.get(), priority] {
+    ::pthread_setname_np(::pthread_self(), "courier");
+    // Where it is refused, the loop was refused too, and said so.
+    if (priority > 0) (void)schedule_fifo(priority);
+    made->run();
+  });
+  return courier;
+}
+
+Courier::~Courier() {
+  stop_.store(true, std::memory_order_release);
+  wake();
+  thread_.join();
+  ::close(loop_fd_);
+  ::close(own_fd_);
+}
+
+void Courier::put(const StateSample& state) noexcept {
+  if (!ring_.push(state)) count_lost(state.drone);
+}
+
+// A full socket wakes as well as a fuller one would.
+void Courier::wake() noexcept { (void)!::send(loop_fd_, "", 1, MSG_DONTWAIT | MSG_NOSIGNAL); }
+
+void Courier::run() noexcept {
+  for (bool last = false; !last;) {
+    char byte = 0;
+    (void)!::recv(own_fd_, &byte, 1, 0);
+    last = stop_.load(std::memory_order_acquire);
+    // Before the states: nothing that concerns safety waits behind them.
+    for (Transition transition; transitions_.pop(transition);) (void)end_.send_transition(transition);
+    for (StateSample state; ring_.pop(state);) {
+      if (!end_.send_state(state)) count_lost(state.drone);
+    }
+  }
+}
+
+}  // namespace ledgerline::link

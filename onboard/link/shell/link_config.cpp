@@ -1,0 +1,191 @@
+#include "onboard/link/shell/link_config.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+
+#include <charconv>
+#include <set>
+#include <utility>
+
+#include "common/config/config.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+Result<sockaddr_in> parse_address(const std::string& host, const std::string& port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  std::uint16_t number = 0;
+  const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), number);
+  if (error != std::errc{} || end != port.data() + port.size() || number == 0 ||
+      ::inet_pton(AF_INET, host.c_str(), &address.sin_addr) != 1) {
+    return Error{fmt::format(
+        "'{}:{}' is not an IPv4 address and port (a name will not do: answers are told apart by address)", host, port)};
+  }
+  address.sin_port = htons(number);
+  return address;
+}
+
+TimeNs read_ms(Config& config, const std::string& key, TimeNs otherwise, double min_ms, double max_ms) {
+  return from_seconds(config.number(key, to_ms(otherwise), min_ms, max_ms) / 1000);
+}
+
+TimeNs read_s(Config& config, const std::string& key, TimeNs otherwise, double min_s, double max_s) {
+  return from_seconds(config.number(key, to_seconds(otherwise), min_s, max_s));
+}
+
+float read_float(Config& config, const std::string& key, float otherwise, double min, double max) {
+  return static_cast<float>(config.number(key, static_cast<double>(otherwise), min, max));
+}
+
+void read_motion(Config& config, LinkSettings& link) {
+  PlayoutSettings& playout = link.playout;
+  playout.max_speed_mps = read_float(config, "limits.speed_mps", playout.max_speed_mps, 0.05, 10);
+  playout.max_vertical_mps = read_float(config, "limits.vertical_mps", playout.max_vertical_mps, 0.05, 10);
+  playout.max_acceleration_mps2 =
+      read_float(config, "limits.acceleration_mps2", playout.max_acceleration_mps2, 0.1, 50);
+  playout.max_yaw_rate_radps = read_float(config, "limits.yaw_rate_radps", playout.max_yaw_rate_radps, 0.01, 10);
+  playout.max_yaw_acceleration_radps2 =
+      read_float(config, "limits.yaw_acceleration_radps2", playout.max_yaw_acceleration_radps2, 0.1, 100);
+  playout.max_age_ns = read_ms(config, "playout.max_age_ms", playout.max_age_ns, 10, 60'000);
+  playout.max_ahead_ns = read_ms(config, "playout.max_ahead_ms", playout.max_ahead_ns, 10, 60'000);
+  playout.max_margin_ns = read_ms(config, "playout.max_margin_ms", playout.max_margin_ns, 0, 10'000);
+
+  RcSettings& rc = link.rc;
+  rc.full_scale_mps = read_float(config, "rc.full_scale_mps", rc.full_scale_mps, 0.1, 20);
+  rc.full_scale_radps = read_float(config, "rc.full_scale_radps", rc.full_scale_radps, 0.1, 20);
+  const auto signs = config.numbers("rc.signs", 4, {rc.signs[0], rc.signs[1], rc.signs[2], rc.signs[3]});
+  for (std::size_t i = 0; i < 4 && i < signs.size(); ++i) rc.signs[i] = signs[i] < 0 ? -1.0F : 1.0F;
+}
+
+void read_safety(Config& config, LinkSettings& link) {
+  FailsafeSettings& failsafe = link.failsafe;
+  failsafe.hold_grace_ns = read_ms(config, "failsafe.hold_grace_ms", failsafe.hold_grace_ns, 0, 5'000);
+  failsafe.land_after_ns = read_s(config, "failsafe.land_after_s", failsafe.land_after_ns, 0.1, 600);
+  // At half of it, what comes as seldom as it may must still be in time: agent's beats each 100 ms, state texts too.
+  failsafe.agent_silent_ns = read_ms(config, "failsafe.agent_silent_ms", failsafe.agent_silent_ns, 250, 60'000);
+  failsafe.state_stale_ns = read_ms(config, "failsafe.state_stale_ms", failsafe.state_stale_ns, 250, 60'000);
+  failsafe.pose_lost_ns = read_ms(config, "failsafe.pose_lost_ms", failsafe.pose_lost_ns, 20, 60'000);
+  failsafe.clear_after_ns = read_ms(config, "failsafe.clear_after_ms", failsafe.clear_after_ns, 0, 60'000);
+  failsafe.battery_low = read_float(config, "failsafe.battery_low", failsafe.battery_low, 0.01, 0.95);
+  failsafe.battery_critical = read_float(config, "failsafe.battery_critical", failsafe.battery_critical, 0, 1);
+
+  FenceSettings& fence = link.fence;
+  const auto low = config.numbers("fence.min_m", 3, {fence.min_m.begin(), fence.min_m.end()});
+  const auto high = config.numbers("fence.max_m", 3, {fence.max_m.begin(), fence.max_m.end()});
+  for (std::size_t i = 0; i < 3 && i < low.size() && i < high.size(); ++i) {
+    fence.min_m[i] = low[i];
+    fence.max_m[i] = high[i];
+  }
+  failsafe.fence_land_after_ns = read_ms(config, "fence.land_after_ms", failsafe.fence_land_after_ns, 0, 60'000);
+  fence.far_beyond_m = config.number("fence.far_beyond_m", fence.far_beyond_m, 0, 1000);
+}
+
+struct DroneTable {
+  DroneSettings drone;
+  std::string address;
+};
+
+std::vector<DroneTable> read_drones(Config& config) {
+  std::vector<DroneTable> tables;
+  for (std::size_t i = 0; i < config.table_count("drone"); ++i) {
+    const std::string key = fmt::format("drone.{}.", i);
+    DroneTable table;
+    table.drone.name = config.text(key + "name");
+    table.drone.number =
+        static_cast<DroneNumber>(config.integer(key + "number", static_cast<std::int64_t>(i) + 1, 1, max_drones));
+    table.address = config.text(key + "address");
+    tables.push_back(std::move(table));
+  }
+  return tables;
+}
+
+Status check_drones(const std::string& path, const std::vector<DroneTable>& tables) {
+  if (tables.empty() || tables.size() > max_drones)
+    return Error{fmt::format("{}: 1 to {} [[drone]] are needed", path, max_drones)};
+  std::set<DroneNumber> numbers;
+  std::set<std::string> addresses;
+  for (const DroneTable& table : tables) {
+    if (!numbers.insert(table.drone.number).second)
+      return Error{fmt::format("{}: two drones have number {}", path, table.drone.number)};
+    if (!addresses.insert(table.address).second)
+      return Error{fmt::format("{}: two drones have address {}", path, table.address)};
+  }
+  return done;
+}
+
+// A fence without room inside would hold every drone at once.
+Status check_fence(const std::string& path, const FenceSettings& fence) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (fence.min_m[i] >= fence.max_m[i]) {
+      return Error{fmt::format("{}: fence.min_m must be below fence.max_m: {} and {} ({})", path, fence.min_m[i],
+                               fence.max_m[i], "xyz"[i])};
+    }
+  }
+  return done;
+}
+
+// The table's rows count on this order (docs/failsafe.md, FS-29).
+Status check_failsafe(const std::string& path, const FailsafeSettings& failsafe) {
+  for (const auto& [key, limit_ns] :
+       {std::pair("agent_silent_ms", failsafe.agent_silent_ns), std::pair("state_stale_ms", failsafe.state_stale_ns),
+        std::pair("pose_lost_ms", failsafe.pose_lost_ns)}) {
+    if (failsafe.clear_after_ns >= limit_ns / 2) continue;
+    return Error{fmt::format(
+        "{}: failsafe.clear_after_ms must be at least half of failsafe.{}: {:.0f} and {:.0f} (or a lonely sign of life "
+        "ends a brake or a silence)",
+        path, key, to_ms(failsafe.clear_after_ns), to_ms(limit_ns))};
+  }
+  if (failsafe.land_after_ns <= failsafe.clear_after_ns) {
+    return Error{
+        fmt::format("{}: failsafe.land_after_s must be longer than failsafe.clear_after_ms: {:.3f} s and {:.0f} ms (or "
+                    "no brake ends "
+                    "but in a landing)",
+                    path, to_seconds(failsafe.land_after_ns), to_ms(failsafe.clear_after_ns))};
+  }
+  if (failsafe.battery_critical >= failsafe.battery_low) {
+    return Error{fmt::format("{}: failsafe.battery_critical must be below failsafe.battery_low: {} and {}", path,
+                             failsafe.battery_critical, failsafe.battery_low)};
+  }
+  return done;
+}
+
+}  // namespace
+
+Result<ShellSettings> load_settings(const std::string& path) {
+  auto config = Config::load(path);
+  if (!config) return config.error();
+  ShellSettings settings;
+  const auto tables = read_drones(*config);
+  const std::string port = std::to_string(config->integer("tello.command_port", 8889, 1, 65535));
+  const std::string listen = config->text("state.listen", "0.0.0.0:8890");
+  settings.link.rate_hz = config->number("state.rate_hz", settings.link.rate_hz, 1, 200);
+  settings.trace = config->text("output.trace", "");
+  settings.summary = config->text("output.summary", "");
+  settings.starts = config->text("output.starts", "");
+  settings.status_period_ms = config->integer("output.status_period_ms", 0, 0, 60'000);
+  settings.loop_hz = config->number("realtime.loop_hz", settings.loop_hz, 100, 4000);
+  settings.priority = static_cast<int>(config->integer("realtime.priority", settings.priority, 0, 98));
+  settings.cpu = static_cast<int>(config->integer("realtime.cpu", settings.cpu, -1, 1023));
+  read_motion(*config, settings.link);
+  read_safety(*config, settings.link);
+  if (auto status = config->finish(); !status) return status.error();
+  if (auto status = check_drones(path, tables); !status) return status.error();
+  if (auto status = check_fence(path, settings.link.fence); !status) return status.error();
+  if (auto status = check_failsafe(path, settings.link.failsafe); !status) return status.error();
+
+  const std::size_t colon = listen.rfind(':');
+  auto state_listen = colon == std::string::npos ? parse_address(listen, "")
+                                                 : parse_address(listen.substr(0, colon), listen.substr(colon + 1));
+  if (!state_listen) return Error{fmt::format("{}: state.listen: {}", path, state_listen.error().what)};
+  settings.state_listen = *state_listen;
+  for (const DroneTable& table : tables) {
+    auto address = parse_address(table.address, port);
+    if (!address) return Error{fmt::format("{}: drone {}: {}", path, table.drone.name, address.error().what)};
+    settings.addresses.push_back(*address);
+    settings.link.drones.push_back(table.drone);
+  }
+  return settings;
+}
+
+}  // namespace ledgerline::link

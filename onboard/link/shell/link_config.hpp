@@ -1,0 +1,30 @@
+#pragma once
+#include <netinet/in.h>
+
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "onboard/link/core/settings.hpp"
+
+namespace ledgerline::link {
+
+/// What the shell needs beside the cores' settings.
+struct ShellSettings {
+  LinkSettings link;
+  std::vector<sockaddr_in> addresses;  ///< of the drones' command ports, in the order of link.drones
+  sockaddr_in state_listen{};
+  std::string trace;    ///< empty: none
+  std::string summary;  ///< empty: none
+  std::string starts;   ///< remembers link's last starts (starts.hpp); empty: nobody does
+  std::int64_t status_period_ms = 0;
+  double loop_hz = 1000;
+  int priority = 80;                        ///< SCHED_FIFO; 0: ordinary scheduling is wanted
+  int cpu = -1;                             ///< -1: any
+  TimeNs landing_bound_ns = 10 * ns_per_s;  ///< after SIGTERM
+};
+
+/// Reads link's TOML file; every key is checked.
+Result<ShellSettings> load_settings(const std::string& path);
+
+}  // namespace ledgerline::link

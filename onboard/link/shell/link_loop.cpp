@@ -1,0 +1,56 @@
+#include "onboard/link/shell/link_loop.hpp"
+
+namespace ledgerline::link {
+
+void LinkLoop::run() noexcept {
+  Turns turns(from_seconds(1.0 / settings_.loop_hz));
+  TimeNs give_up_ns = 0;
+  while (true) {
+    const TimeNs now = turns.wait();
+    if (packed_turns_.add(turns.due_ns(), now)) hand_over(packed_turns_.record());
+
+    const bool stopping = stop_.load(std::memory_order_relaxed);
+    turn(now, stopping);
+    turns_.store(turns.count(), std::memory_order_relaxed);
+    if (!stopping) continue;
+    if (give_up_ns == 0) give_up_ns = now + settings_.landing_bound_ns;
+    if (core_.all_landed_or_told() || now >= give_up_ns) break;
+  }
+  if (packed_turns_.record().extra < PackedTurns::capacity) hand_over(packed_turns_.record());
+  figures_.cycles = turns.count();
+  figures_.overruns = turns.overruns();
+  figures_.lateness = turns.late();
+  ended_.store(true, std::memory_order_release);
+}
+
+void LinkLoop::turn(TimeNs now, bool stopping) noexcept {
+  std::size_t plans = 0, poses = 0, beats = 0;
+  while (beats < max_beats && end_.take_beat(beats_[beats])) ++beats;
+  while (poses < max_poses && end_.take_pose(poses_[poses])) ++poses;
+  while (plans < max_plans && end_.take_plan(plans_[plans])) ++plans;
+
+  const LinkOutputs& out = core_.step(now, {.received = sockets_.receive(),
+                                            .plans = {plans_.data(), plans},
+                                            .poses = {poses_.data(), poses},
+                                            .beats = {beats_.data(), beats},
+                                            .stop_all = stopping});
+  for (const ToSend& message : out.to_send) figures_.sends_failed += sockets_.send(message) ? 0 : 1;
+  const TimeNs sent_ns = out.to_send.empty() ? now : monotonic_ns();
+  for (const StateSample& state : out.states) {
+    courier_.put(state);
+    // Only shown to people: a full ring of these is no loss.
+    (void)states_.push(state);
+  }
+  // What cannot be handed over, or nobody takes, the core gives again after agent's next beat.
+  for (const Transition& transition : out.transitions) courier_.put(transition);
+  if (!out.states.empty() || !out.transitions.empty()) courier_.wake();
+  for (TraceRecord record : out.trace) {
+    hand_over(record);
+    if (record.kind != TraceKind::command_applied) continue;
+    record.kind = TraceKind::setpoint_sent;
+    record.t_ns = sent_ns;
+    hand_over(record);
+  }
+}
+
+}  // namespace ledgerline::link

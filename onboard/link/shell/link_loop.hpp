@@ -1,0 +1,77 @@
+#pragma once
+#include <array>
+#include <atomic>
+#include <cstdint>
+
+#include "common/rt/histogram.hpp"
+#include "common/rt/real_time.hpp"
+#include "common/rt/spsc_ring.hpp"
+#include "common/rt/loop_ticker.hpp"
+#include "onboard/ipc/ipc.hpp"
+#include "onboard/link/shell/courier.hpp"
+#include "onboard/link/shell/link_config.hpp"
+#include "onboard/link/core/link_core.hpp"
+#include "onboard/link/shell/tello_sockets.hpp"
+
+namespace ledgerline::link {
+
+/// Figures of the loop; read after it ended.
+struct LoopFigures {
+  std::uint64_t cycles = 0;
+  std::uint64_t overruns = 0;  ///< cycles that began more than a period late
+  Histogram lateness;          ///< of each cycle's begin
+  std::uint64_t sends_failed = 0;
+  std::uint64_t trace_lost = 0;  ///< the writer was behind
+};
+
+/// The one real-time loop: time-triggered, each turn polls shared memory and sockets, steps the core, sends. Its only
+/// system calls are clock, sleep, non-blocking receive and send; it takes no lock, allocates nothing and throws nothing
+/// (tests/unit/onboard/link/shell/real_link_test.cpp watches it). What others want to see leaves through wait-free rings.
+class LinkLoop {
+ public:
+  LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, Courier& courier, TelloSockets& sockets)
+      : settings_(settings), core_(core), end_(end), courier_(courier), sockets_(sockets) {}
+
+  /// Runs in the calling thread until request_stop(), and then until all drones are on the ground or were told to land
+  /// long enough, or the bound is over.
+  void run() noexcept;
+
+  /// Any thread.
+  void request_stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
+  bool ended() const noexcept { return ended_.load(std::memory_order_acquire); }
+  /// How many turns were made: the proof that the loop goes on.
+  std::uint64_t turns() const noexcept { return turns_.load(std::memory_order_relaxed); }
+
+  /// The other thread's ends of the rings: one thread.
+  SpscRing<TraceRecord, 16384>& trace() noexcept { return trace_; }
+  SpscRing<StateSample, 512>& states() noexcept { return states_; }
+
+  /// After ended().
+  const LoopFigures& figures() const noexcept { return figures_; }
+
+ private:
+  static constexpr std::size_t max_plans = 64;
+  static constexpr std::size_t max_poses = 128;
+  static constexpr std::size_t max_beats = 8;
+
+  void turn(TimeNs now, bool stopping) noexcept;
+  void hand_over(const TraceRecord& record) noexcept { figures_.trace_lost += trace_.push(record) ? 0 : 1; }
+
+  const ShellSettings& settings_;
+  LinkCore& core_;
+  ipc::LinkEnd& end_;
+  Courier& courier_;
+  TelloSockets& sockets_;
+  std::array<Plan, max_plans> plans_{};
+  std::array<Pose, max_poses> poses_{};
+  std::array<AgentBeat, max_beats> beats_{};
+  SpscRing<TraceRecord, 16384> trace_;
+  PackedTurns packed_turns_;
+  SpscRing<StateSample, 512> states_;
+  LoopFigures figures_;
+  std::atomic<bool> stop_{false};
+  std::atomic<bool> ended_{false};
+  std::atomic<std::uint64_t> turns_{0};
+};
+
+}  // namespace ledgerline::link

@@ -1,0 +1,217 @@
+#include "onboard/link/shell/link_shell.hpp"
+
+#include <fmt/format.h>
+#include <pthread.h>
+#include <sys/random.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <future>
+#include <optional>
+#include <thread>
+
+#include "common/msg/names.hpp"
+#include "common/base/log.hpp"
+#include "common/program/service_manager.hpp"
+#include "onboard/ipc/ipc.hpp"
+#include "onboard/link/shell/link_loop.hpp"
+#include "onboard/link/shell/link_summary.hpp"
+#include "onboard/link/shell/starts.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+constexpr TimeNs housekeeping_period_ns = 10 * ns_per_ms;
+constexpr TimeNs roudi_period_ns = 1 * ns_per_s;
+constexpr int courier_below_loop = 10;  // priorities between the two are for what a user wants there
+
+Result<std::uint64_t> random_boot_id() {
+  std::uint64_t id = 0;
+  if (::getrandom(&id, sizeof id, 0) != sizeof id) return Error{"the system gave no random bytes for a boot id"};
+  return id;
+}
+
+// The thread that may block, beside the loop.
+class Housekeeping {
+ public:
+  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace, ServiceManager& manager)
+      : settings_(settings), loop_(loop), trace_(std::move(trace)), manager_(manager) {}
+
+  void once(TimeNs now) {
+    for (TraceRecord record; loop_.trace().pop(record);) {
+      if (trace_) trace_->add(record);
+      if (record.kind == TraceKind::mode) log_mode(record);
+    }
+    for (StateSample state; loop_.states().pop(state);) newest_[state.drone] = state;
+    if (settings_.status_period_ms > 0 && now >= next_status_ns_) {
+      next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
+      fmt::print("{}\n", status_line(settings_.link, newest_));
+      std::fflush(stdout);
+    }
+    if (now >= next_roudi_ns_) watch_roudi(now);
+    // The loop's own turns: a loop that hangs is not spoken for.
+    if (auto status = manager_.alive(now, loop_.turns()); !status) spdlog::warn("{}", status.error().what);
+  }
+
+  /// RouDi is not the one that link is connected to any more, and nothing flies: only a new start connects it again.
+  bool must_start_anew() const {
+    return !roudi_lives_ &&
+           std::none_of(newest_.begin(), newest_.end(), [](const StateSample& s) { return in_flight(s.phase); });
+  }
+
+  Status close() {
+    if (!trace_) return done;
+    if (trace_->dropped() > 0) spdlog::warn("{} trace records did not fit into {}", trace_->dropped(), settings_.trace);
+    return trace_->flush();
+  }
+
+ private:
+  void log_mode(const TraceRecord& record) const {
+    std::string drone = fmt::format("drone {}", record.drone);
+    for (const DroneSettings& known : settings_.link.drones) {
+      if (known.number == record.drone) drone = known.name;
+    }
+    const auto mode = static_cast<FailsafeMode>(record.extra);
+    const auto cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
+    const auto phase = static_cast<FlightPhase>(record.id);
+    // On the ground a cause only says what a take-off waits for.
+    const bool calm = cause == FailsafeCause::none || !in_flight(phase);
+    spdlog::log(calm ? spdlog::level::info : spdlog::level::warn, "{}: {}, failsafe {} ({})", drone, name(phase),
+                name(mode), name(cause));
+  }
+
+  void watch_roudi(TimeNs now) {
+    next_roudi_ns_ = now + roudi_period_ns;
+    const bool lives = ipc::roudi_lives();
+    if (roudi_lives_ && !lives) {
+      spdlog::error(
+          "RouDi is gone: what is connected goes on, but nobody new can join; once nothing flies, link ends, to be "
+          "started again behind a new RouDi");
+    }
+    roudi_lives_ = lives;
+  }
+
+  const ShellSettings& settings_;
+  LinkLoop& loop_;
+  std::optional<TraceWriter> trace_;
+  ServiceManager& manager_;
+  std::array<StateSample, max_drones + 1> newest_{};
+  TimeNs next_status_ns_ = 0;
+  TimeNs next_roudi_ns_ = 0;
+  bool roudi_lives_ = true;
+};
+
+// Signals are blocked in every thread; this one picks them up, or waits a turn.
+bool wait_for_signal(const sigset_t& signals) {
+  const timespec turn{0, housekeeping_period_ns};
+  return ::sigtimedwait(&signals, nullptr, &turn) > 0;
+}
+
+// How often it was started of late. Without that memory a link that dies and dies is taken for a first one each time,
+// which is no reason not to fly.
+int recent_starts(const ShellSettings& settings) {
+  if (settings.starts.empty()) return 1;
+  const auto starts = note_start(settings.starts, monotonic_ns());
+  if (!starts) {
+    spdlog::error("{}: a link that dies again and again would keep its drones in the air", starts.error().what);
+    return 1;
+  }
+  if (*starts >= settings.link.session.many_starts)
+    spdlog::error("{} starts within {:.0f} s: the drones are told to land first", *starts,
+                  to_seconds(starts_within_ns));
+  return *starts;
+}
+
+void tell_unseen(const LinkCore& core) {
+  for (const DroneReport& report : core.reports()) {
+    if (!report.heard) spdlog::warn("{}: nothing was ever heard of it; it was told to land, blindly", report.name);
+  }
+  if (!core.all_on_ground_or_unheard())
+    spdlog::error("not every drone was seen on the ground; a Tello lands by itself 15 s after the last command");
+}
+
+void tell_transitions(const LinkCore& core) {
+  for (const DroneReport& report : core.reports()) {
+    const TransitionLog::Counters& t = report.transitions;
+    if (t.lost > 0)
+      spdlog::error("{}: {} transitions of the failsafe are lost, agent was away too long", report.name, t.lost);
+    if (t.kept > 0)
+      spdlog::warn("{}: {} transitions of the failsafe were not on the ledger yet, as far as agent told", report.name,
+                   t.kept);
+  }
+}
+
+int fail(const Error& error) {
+  spdlog::error("{}", error.what);
+  return 1;
+}
+
+}  // namespace
+
+int run_link(const ShellSettings& settings) {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+
+  std::optional<TraceWriter> trace;
+  if (!settings.trace.empty()) {
+    auto writer = TraceWriter::create(settings.trace);
+    if (!writer) return fail(writer.error());
+    trace = std::move(*writer);
+  }
+  auto manager = ServiceManager::from_environment();
+  if (!manager) return fail(manager.error());
+  auto boot_id = random_boot_id();
+  if (!boot_id) return fail(boot_id.error());
+  auto sockets = TelloSockets::create(settings);
+  if (!sockets) return fail(sockets.error());
+  if (auto status = ipc::connect("ledgerline-link"); !status) return fail(status.error());
+  auto end = ipc::LinkEnd::create();
+  if (!end) return fail(end.error());
+
+  auto courier = Courier::start(**end, settings.priority > 0 ? std::max(settings.priority - courier_below_loop, 1) : 0);
+  if (!courier) return fail(courier.error());
+  auto core = std::make_unique<LinkCore>(settings.link, *boot_id, recent_starts(settings));
+  auto loop = std::make_unique<LinkLoop>(settings, *core, **end, **courier, *sockets);
+  Housekeeping housekeeping(settings, *loop, std::move(trace), *manager);
+
+  std::promise<RealTime> entered;
+  auto real_time_result = entered.get_future();
+  std::thread thread([&] {
+    ::pthread_setname_np(::pthread_self(), "loop");
+    entered.set_value(enter_real_time(settings.priority, settings.cpu));
+    loop->run();
+  });
+  const RealTime real_time = real_time_result.get();
+  for (const std::string& notice : real_time.notices) spdlog::warn("{}", notice);
+  fmt::print("{{\"ready\":true,\"program\":\"ledgerline-link\",\"drones\":{}}}\n", settings.link.drones.size());
+  std::fflush(stdout);
+  if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
+
+  while (!loop->ended()) {
+    if (wait_for_signal(signals)) {
+      spdlog::info("asked to stop: what flies lands first, for at most {:.0f} s",
+                   to_seconds(settings.landing_bound_ns));
+      loop->request_stop();
+    }
+    housekeeping.once(monotonic_ns());
+    if (housekeeping.must_start_anew()) loop->request_stop();
+  }
+  thread.join();
+  core->finish();
+  housekeeping.once(monotonic_ns());
+  tell_unseen(*core);
+  tell_transitions(*core);
+  if (auto status = housekeeping.close(); !status) return fail(status.error());
+  if (!settings.summary.empty()) {
+    if (auto status = write_summary(settings.summary, *core, loop->figures(), **courier, real_time.all()); !status)
+      return fail(status.error());
+  }
+  return core->all_on_ground_or_unheard() ? 0 : 1;
+}
+
+}  // namespace ledgerline::link

@@ -1,0 +1,87 @@
+#include "onboard/link/shell/link_summary.hpp"
+
+#include <fmt/format.h>
+
+#include <fstream>
+
+#include "common/msg/names.hpp"
+#include "common/rt/histogram_json.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+nlohmann::json to_json(const DroneReport& report, std::uint64_t states_lost) {
+  nlohmann::json reasons = nlohmann::json::object();
+  for (std::size_t i = 1; i < report.plans.dropped_by.size(); ++i) {
+    if (report.plans.dropped_by[i] > 0) reasons[name(static_cast<DropReason>(i))] = report.plans.dropped_by[i];
+  }
+  return {{"name", report.name},
+          {"states_sampled", report.states_sampled},
+          {"states_lost", states_lost},
+          {"commands_received", report.plans.received},
+          {"commands_applied", report.plans.applied},
+          {"commands_late", report.plans.late},
+          {"commands_dropped", report.plans.dropped},
+          {"drop_reasons", reasons},
+          {"transitions",
+           {{"made", report.transitions.made},
+            {"on_ledger", report.transitions.on_ledger},
+            {"lost", report.transitions.lost},
+            {"kept", report.transitions.kept}}},
+          {"age_ms", report.age_ms},
+          {"landed", report.landed},
+          {"phase", name(report.phase)}};
+}
+
+nlohmann::json to_json(const LoopFigures& loop) {
+  const auto late_us = [&](double quantile) { return loop.lateness.quantile(quantile) / ns_per_us; };
+  return {{"cycles", loop.cycles},
+          {"overruns", loop.overruns},
+          {"lateness_us",
+           {{"p50", late_us(0.5)},
+            {"p95", late_us(0.95)},
+            {"p99", late_us(0.99)},
+            {"p99_9", late_us(0.999)},
+            {"max", loop.lateness.max() / ns_per_us}}},
+          {"sends_failed", loop.sends_failed},
+          {"trace_lost", loop.trace_lost}};
+}
+
+}  // namespace
+
+const char* name(DropReason reason) noexcept {
+  static constexpr std::array<const char*, 7> names{"none",      "too_old",    "out_of_order", "superseded",
+                                                    "bad_value", "not_flying", "queue_full"};
+  const auto at = static_cast<std::size_t>(reason);
+  return at < names.size() ? names[at] : "unknown";
+}
+
+std::string status_line(const LinkSettings& settings, const std::array<StateSample, max_drones + 1>& newest) {
+  nlohmann::json drones = nlohmann::json::array();
+  for (const DroneSettings& drone : settings.drones) {
+    const StateSample& state = newest[drone.number];
+    drones.push_back({{"name", drone.name},
+                      {"phase", name(state.phase)},
+                      {"mode", name(state.mode)},
+                      {"cause", name(state.cause)},
+                      {"battery", state.battery},
+                      {"applied", state.plans_applied},
+                      {"dropped", state.plans_dropped},
+                      {"late", state.plans_late}});
+  }
+  return nlohmann::json{{"link", {{"drones", drones}}}}.dump();
+}
+
+Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, const Courier& courier,
+                     bool realtime) {
+  nlohmann::json drones = nlohmann::json::array();
+  for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, courier.lost(report.number)));
+  const nlohmann::json summary{{"drones", drones}, {"loop", to_json(loop)}, {"realtime", realtime}};
+  std::ofstream file(path);
+  file << summary.dump(2) << '\n';
+  file.close();
+  if (!file) return Error{fmt::format("cannot write the summary to {}", path)};
+  return done;
+}
+
+}  // namespace ledgerline::link

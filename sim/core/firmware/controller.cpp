@@ -1,0 +1,59 @@
+#include "sim/core/firmware/controller.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ledgerline::sim {
+namespace {
+
+constexpr double rate_loop_s = 0.02;  // [A] the body rates' loop, well above attitude_rad_per_s
+
+Vector limited(const Vector& v, double horizontal, double vertical) {
+  Vector out = v;
+  const double length = std::hypot(v.x(), v.y());
+  if (length > horizontal) out.head<2>() *= horizontal / length;
+  out.z() = std::clamp(v.z(), -vertical, vertical);
+  return out;
+}
+
+}  // namespace
+
+Motors fly_velocity(const Parameters& parameters, const Body& body, const Vector& estimated_velocity,
+                    const VelocitySetpoint& setpoint) {
+  const ControlParameters& c = parameters.control;
+  const BodyParameters& b = parameters.body;
+  const Vector wanted = limited(setpoint.velocity, c.max_speed_mps, c.max_speed_mps);
+  const Vector acceleration = limited(setpoint.acceleration + (wanted - estimated_velocity) / c.velocity_lag_s,
+                                      c.max_acceleration_mps2, c.max_vertical_mps2);
+  // Drag in still air is known to the controller; gusts are not.
+  const Vector drag(b.drag_xy_per_s * estimated_velocity.x(), b.drag_xy_per_s * estimated_velocity.y(),
+                    b.drag_z_per_s * estimated_velocity.z());
+  Vector force = b.mass_kg * (acceleration + drag + Vector(0, 0, gravity_mps2));
+  const double most_sideways = force.z() * std::tan(c.max_tilt_rad);
+  const double sideways = std::hypot(force.x(), force.y());
+  if (sideways > most_sideways) force.head<2>() *= most_sideways / sideways;
+
+  const Vector up = body.attitude * Vector::UnitZ();
+  // Rotation axis times the sine of the angle between the thrust as it is and as it should be, in body axes.
+  const Vector error = body.attitude.conjugate() * up.cross(force.normalized());
+  const double w = c.attitude_rad_per_s;
+  const double yaw_rate = std::clamp(setpoint.yaw_rate, -c.max_yaw_rate_radps, c.max_yaw_rate_radps);
+  Motors motors;
+  motors.thrust_n = std::max(0.0, force.dot(up));
+  motors.torque_nm = {
+      b.inertia_xy_kgm2 * (w * w * error.x() - 2 * w * body.rates.x()),
+      b.inertia_xy_kgm2 * (w * w * error.y() - 2 * w * body.rates.y()),
+      b.inertia_z_kgm2 * ((yaw_rate - body.rates.z()) / c.yaw_rate_lag_s + b.drag_angular_per_s * body.rates.z())};
+  return motors;
+}
+
+Motors fly_rates(const Parameters& parameters, const Body& body, const Vector& rates, double thrust_by_weight) {
+  const BodyParameters& b = parameters.body;
+  const Vector inertia(b.inertia_xy_kgm2, b.inertia_xy_kgm2, b.inertia_z_kgm2);
+  Motors motors;
+  motors.thrust_n = thrust_by_weight * b.mass_kg * gravity_mps2;
+  motors.torque_nm = inertia.cwiseProduct(rates - body.rates) / rate_loop_s;
+  return motors;
+}
+
+}  // namespace ledgerline::sim

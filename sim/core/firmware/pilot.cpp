@@ -1,0 +1,314 @@
+#include "sim/core/firmware/pilot.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace ledgerline::sim {
+namespace {
+
+// What no parameter describes. Sources as in parameters.hpp; all of these are [A], assumed: nobody published them.
+constexpr int steps_per_flow_error = 10;
+constexpr double hold_below_mps = 0.15;  // sticks are centred and the drone is about at rest: hold this place
+constexpr double reached_m = 0.08;       // a move's end
+constexpr double reached_rad = 0.03;
+constexpr double settle_s = 1.0;              // a move ends this long after its profile in any case
+constexpr double floor_m = 0.2;               // the Tello does not fly lower unless it lands
+constexpr double slow_landing_below_m = 0.3;  // from here on at touchdown_mps
+constexpr int touchdown_steps = 50;           // at rest on the ground this long: motors off
+constexpr double turn_acceleration_radps2 = 6;
+constexpr double turn_gain_per_s = 3;
+constexpr double upright_rad = 0.3;
+// A flip: climb, one turn with thrust only while the propellers point up, then back to where it began.
+constexpr double flip_jump_s = 0.25, flip_jump_thrust = 1.8, flip_radps = 20, flip_recover_s = 3.0;
+
+}  // namespace
+
+Pilot::Pilot(const Parameters& parameters, std::uint64_t seed) : p_(parameters), random_(seed) {}
+
+bool Pilot::busy() const {
+  return phase_ == Phase::spinning_up || phase_ == Phase::climbing || phase_ == Phase::landing ||
+         !std::holds_alternative<std::monostate>(action_);
+}
+
+std::optional<Pilot::End> Pilot::take_end() {
+  const auto end = end_;
+  end_.reset();
+  return end;
+}
+
+void Pilot::finish(End end) {
+  action_ = std::monostate{};
+  end_ = end;
+}
+
+void Pilot::begin_move() {
+  stick_velocity_.setZero();
+  stick_yaw_rate_ = 0;
+  hold_xy_.reset();
+  hold_z_.reset();
+  action_s_ = 0;
+}
+
+bool Pilot::takeoff(const Body& body) {
+  if (phase_ != Phase::off || tilt_of(body.attitude) > upright_rad) return false;
+  crashed_ = false;
+  idling_ = false;
+  takeoff_z_ = body.position.z();
+  phase_ = Phase::spinning_up;
+  phase_s_ = 0;
+  begin_move();
+  return true;
+}
+
+bool Pilot::land() {
+  if (phase_ != Phase::flying) return false;
+  action_ = std::monostate{};
+  begin_landing();
+  return true;
+}
+
+void Pilot::begin_landing() {
+  begin_move();
+  phase_ = Phase::landing;
+  phase_s_ = 0;
+  touching_steps_ = 0;
+}
+
+Vector Pilot::to_map(const Vector& v) const {
+  return {std::cos(yaw_) * v.x() - std::sin(yaw_) * v.y(), std::sin(yaw_) * v.x() + std::cos(yaw_) * v.y(), v.z()};
+}
+
+bool Pilot::line(const Vector& offset, double speed_mps) {
+  if (!ready_for_move()) return false;
+  begin_move();
+  const Path path = Path::line(odometry_, to_map(offset));
+  action_ = Move{path, SpeedProfile(path.length(), speed_mps, p_.control.move_acceleration_mps2)};
+  return true;
+}
+
+bool Pilot::arc(const Vector& via, const Vector& end, double speed_mps) {
+  const auto path = Path::arc(odometry_, to_map(via), to_map(end));
+  if (!path || !ready_for_move()) return false;
+  begin_move();
+  action_ = Move{*path, SpeedProfile(path->length(), speed_mps, p_.control.move_acceleration_mps2)};
+  return true;
+}
+
+bool Pilot::turn(double angle_rad, double rate_radps) {
+  if (!ready_for_move()) return false;
+  begin_move();
+  action_ =
+      Turn{yaw_, angle_rad < 0 ? -1.0 : 1.0, SpeedProfile(std::abs(angle_rad), rate_radps, turn_acceleration_radps2)};
+  return true;
+}
+
+bool Pilot::flip(Flip direction) {
+  if (!ready_for_move()) return false;
+  begin_move();
+  hold_xy_ = odometry_.head<2>();
+  hold_z_ = odometry_.z();
+  Flipping flip;
+  switch (direction) {
+    case Flip::forward:
+      flip.axis = Vector::UnitY();
+      break;
+    case Flip::back:
+      flip.axis = -Vector::UnitY();
+      break;
+    case Flip::right:
+      flip.axis = Vector::UnitX();
+      break;
+    case Flip::left:
+      flip.axis = -Vector::UnitX();
+      break;
+  }
+  action_ = flip;
+  return true;
+}
+
+void Pilot::sticks(const Vector& velocity_mps, double yaw_rate_radps) {
+  if (!ready_for_move()) return;
+  stick_velocity_ = velocity_mps;
+  stick_yaw_rate_ = yaw_rate_radps;
+}
+
+void Pilot::hover() {
+  if (phase_ != Phase::flying) return;
+  action_ = std::monostate{};
+  begin_move();
+}
+
+void Pilot::cut() {
+  if (busy()) end_ = End::motors_stopped;
+  action_ = std::monostate{};
+  phase_ = Phase::off;
+  idling_ = false;
+}
+
+bool Pilot::idle_motors(bool on) {
+  if (phase_ != Phase::off || crashed_) return false;
+  idling_ = on;
+  return true;
+}
+
+void Pilot::estimate(const Body& body) {
+  if (steps_++ % steps_per_flow_error == 0) {
+    const double keep = std::exp(-steps_per_flow_error * step_s / p_.sensors.flow_s);
+    const double fresh = p_.sensors.flow_mps * std::sqrt(1 - keep * keep);
+    for (int axis = 0; axis < 2; ++axis) flow_error_[axis] = keep * flow_error_[axis] + fresh * random_.normal();
+  }
+  estimate_ = body.velocity + flow_error_;
+  odometry_.head<2>() += estimate_.head<2>() * step_s;
+  odometry_.z() = body.position.z();
+  yaw_ += std::remainder(yaw_of(body.attitude) - yaw_, 2 * std::numbers::pi);
+}
+
+VelocitySetpoint Pilot::hold(const VelocitySetpoint& wanted, const Body& body) {
+  VelocitySetpoint out = wanted;
+  const double gain = p_.control.position_gain_per_s;
+  if (wanted.velocity.head<2>().squaredNorm() > 0) {
+    hold_xy_.reset();
+  } else {
+    if (!hold_xy_ && std::hypot(estimate_.x(), estimate_.y()) < hold_below_mps)
+      hold_xy_ = odometry_.head<2>() + estimate_.head<2>() * p_.control.velocity_lag_s;
+    if (hold_xy_) out.velocity.head<2>() = gain * (*hold_xy_ - odometry_.head<2>());
+  }
+  if (wanted.velocity.z() != 0) {
+    hold_z_.reset();
+  } else {
+    if (!hold_z_ && std::abs(estimate_.z()) < hold_below_mps)
+      hold_z_ = odometry_.z() + estimate_.z() * p_.control.velocity_lag_s;
+    if (hold_z_) out.velocity.z() = gain * (*hold_z_ - odometry_.z());
+  }
+  out.velocity.z() = std::max(out.velocity.z(), -2 * (body.position.z() - takeoff_z_ - floor_m));
+  return out;
+}
+
+VelocitySetpoint Pilot::follow(const Move& move) {
+  const auto along = move.profile.at(action_s_);
+  const Path::Point point = move.path.at(along.distance);
+  const Vector error = point.position - odometry_;
+  VelocitySetpoint out;
+  out.velocity = along.speed * point.tangent + p_.control.position_gain_per_s * error;
+  out.acceleration = along.acceleration * point.tangent + along.speed * along.speed * point.normal_curvature;
+  const double over = action_s_ - move.profile.duration_s();
+  if (over > settle_s || (over > 0 && error.norm() < reached_m && estimate_.norm() < hold_below_mps)) {
+    if (error.norm() < 2 * reached_m) {
+      hold_xy_ = point.position.head<2>();
+      hold_z_ = point.position.z();
+    }
+    finish(End::reached);
+  }
+  return out;
+}
+
+VelocitySetpoint Pilot::rotate(const Turn& turn) {
+  const auto along = turn.profile.at(action_s_);
+  const double error = turn.from + turn.sign * along.distance - yaw_;
+  VelocitySetpoint out;
+  out.yaw_rate = turn.sign * (along.speed + along.acceleration * p_.control.yaw_rate_lag_s) + turn_gain_per_s * error;
+  const double over = action_s_ - turn.profile.duration_s();
+  if (over > settle_s || (over > 0 && std::abs(error) < reached_rad)) finish(End::reached);
+  return out;
+}
+
+VelocitySetpoint Pilot::fly(const Body& body) {
+  action_s_ += step_s;
+  if (const auto* move = std::get_if<Move>(&action_)) {
+    VelocitySetpoint out = follow(*move);
+    out.velocity.z() = std::max(out.velocity.z(), -2 * (body.position.z() - takeoff_z_ - floor_m));
+    return out;
+  }
+  VelocitySetpoint wanted;
+  if (const auto* turn = std::get_if<Turn>(&action_)) {
+    wanted = rotate(*turn);
+  } else {
+    wanted.velocity = to_map(stick_velocity_);
+    wanted.yaw_rate = stick_yaw_rate_;
+  }
+  return hold(wanted, body);
+}
+
+Motors Pilot::somersault(Flipping& flip, const Body& body) {
+  action_s_ += step_s;
+  using Stage = Flipping::Stage;
+  if (flip.stage == Stage::jump) {
+    if (action_s_ < flip_jump_s) return fly_rates(p_, body, Vector::Zero(), flip_jump_thrust);
+    flip.stage = Stage::spin;
+  }
+  if (flip.stage == Stage::spin) {
+    flip.angle += body.rates.dot(flip.axis) * step_s;
+    // Slow down over the last part, so that the attitude loop takes over smoothly.
+    const double left = 2 * std::numbers::pi - flip.angle;
+    if (left > 0.1)
+      return fly_rates(p_, body, flip.axis * std::min(flip_radps, 4 + 10 * left), std::cos(flip.angle) > 0 ? 1.5 : 0.1);
+    flip.stage = Stage::recover;
+    action_s_ = 0;
+  }
+  const bool back =
+      std::abs(*hold_z_ - odometry_.z()) < reached_m && (*hold_xy_ - odometry_.head<2>()).norm() < 2 * reached_m;
+  if (action_s_ > flip_recover_s || (back && estimate_.norm() < hold_below_mps)) finish(End::reached);
+  return fly_velocity(p_, body, estimate_, hold({}, body));
+}
+
+Motors Pilot::step(const Body& body) {
+  estimate(body);
+  if (motors_on()) motor_s_ += step_s;
+  phase_s_ += step_s;
+  const double weight = p_.body.mass_kg * gravity_mps2;
+  const auto* flip = std::get_if<Flipping>(&action_);
+  const bool spinning = flip && flip->stage != Flipping::Stage::recover;
+  if (phase_ != Phase::off && !spinning && tilt_of(body.attitude) > p_.control.crash_tilt_rad) {
+    cut();
+    crashed_ = true;
+  }
+
+  switch (phase_) {
+    case Phase::off: {
+      Motors motors;
+      motors.thrust_n = idling_ ? 0.05 * weight : 0;
+      return motors;
+    }
+    case Phase::spinning_up: {
+      if (phase_s_ >= p_.control.spin_up_s) phase_ = Phase::climbing;
+      Motors motors;
+      motors.thrust_n = 0.5 * weight * std::min(1.0, phase_s_ / p_.control.spin_up_s);
+      return motors;
+    }
+    case Phase::climbing: {
+      if (phase_s_ > p_.control.takeoff_limit_s) {
+        finish(End::broken_off);
+        begin_landing();
+        return fly_velocity(p_, body, estimate_, hold({}, body));
+      }
+      const double left = takeoff_z_ + p_.control.takeoff_height_m - body.position.z();
+      VelocitySetpoint wanted = hold({}, body);
+      wanted.velocity.z() = std::min(p_.control.takeoff_mps, p_.control.position_gain_per_s * left);
+      if (std::abs(left) < 0.05 && std::abs(body.velocity.z()) < 0.1) {
+        phase_ = Phase::flying;
+        hold_z_ = takeoff_z_ + p_.control.takeoff_height_m;
+        finish(End::reached);
+      }
+      return fly_velocity(p_, body, estimate_, wanted);
+    }
+    case Phase::landing: {
+      const bool low = body.position.z() < slow_landing_below_m;
+      VelocitySetpoint wanted = hold({}, body);
+      wanted.velocity.z() = low ? -p_.control.touchdown_mps : -p_.control.landing_mps;
+      touching_steps_ = body.touching ? touching_steps_ + 1 : 0;
+      if (touching_steps_ >= touchdown_steps) {
+        phase_ = Phase::off;
+        finish(End::reached);
+        return {};
+      }
+      return fly_velocity(p_, body, estimate_, wanted);
+    }
+    case Phase::flying:
+      break;
+  }
+  if (auto* somersaulting = std::get_if<Flipping>(&action_)) return somersault(*somersaulting, body);
+  return fly_velocity(p_, body, estimate_, fly(body));
+}
+
+}  // namespace ledgerline::sim

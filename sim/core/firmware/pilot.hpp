@@ -1,0 +1,106 @@
+#pragma once
+#include <optional>
+#include <variant>
+
+#include "common/base/random.hpp"
+#include "sim/core/firmware/controller.hpp"
+#include "sim/core/path.hpp"
+
+namespace ledgerline::sim {
+
+/// The Tello's own flight logic: phases, sticks, moves, hovering, flips.
+///
+///            takeoff()                   height reached
+///     off ------------> spinning_up --> climbing ------> flying <--> (a move, turn or flip)
+///      ^ touched down, cut(), turned over                   | land()
+///      +------------------------------------ landing <------+
+///
+/// One action (takeoff, landing, move) runs at a time; take_end() says once how it ended. Moves are measured with the
+/// drone's own odometry, which drifts as its velocity estimate does. One thread.
+class Pilot {
+ public:
+  enum class Phase { off, spinning_up, climbing, flying, landing };
+  enum class End { reached, broken_off, motors_stopped };
+  enum class Flip { left, right, forward, back };
+
+  Pilot(const Parameters& parameters, std::uint64_t seed);
+
+  /// Every millisecond of flight: what the motors do now.
+  Motors step(const Body& body);
+
+  // Requests: false where the phase does not allow it; nothing changes then.
+  bool takeoff(const Body& body);
+  /// Breaks off a move; refused while taking off, landing or on the ground.
+  bool land();
+  bool line(const Vector& offset, double speed_mps);
+  bool arc(const Vector& via, const Vector& end, double speed_mps);  ///< the points must not lie on one line
+  bool turn(double angle_rad, double rate_radps);
+  bool flip(Flip direction);
+  /// Sticks hold until they are set anew; ignored unless flying without a move. Velocity: forward, left, up.
+  void sticks(const Vector& velocity_mps, double yaw_rate_radps);
+  /// Breaks off a move and holds the place; zeroes the sticks.
+  void hover();
+  void cut();
+  /// Spins the motors on the ground (to cool them).
+  bool idle_motors(bool on);
+
+  Phase phase() const { return phase_; }
+  bool busy() const;
+  bool crashed() const { return crashed_; }
+  bool motors_on() const { return phase_ != Phase::off || idling_; }
+  double takeoff_z() const { return takeoff_z_; }
+  double motor_seconds() const { return motor_s_; }
+  const Vector& estimated_velocity() const { return estimate_; }
+  /// How the last action ended; once.
+  std::optional<End> take_end();
+
+ private:
+  struct Move {
+    Path path;
+    SpeedProfile profile;
+  };
+  struct Turn {
+    double from = 0, sign = 1;
+    SpeedProfile profile;
+  };
+  struct Flipping {
+    Vector axis = Vector::Zero();
+    double angle = 0;
+    enum class Stage { jump, spin, recover } stage = Stage::jump;
+  };
+
+  void estimate(const Body& body);
+  void finish(End end);
+  bool ready_for_move() const { return phase_ == Phase::flying && !busy(); }
+  void begin_move();
+  void begin_landing();
+  Vector to_map(const Vector& heading_frame) const;
+  VelocitySetpoint hold(const VelocitySetpoint& wanted, const Body& body);
+  VelocitySetpoint fly(const Body& body);
+  VelocitySetpoint follow(const Move& move);
+  VelocitySetpoint rotate(const Turn& turn);
+  Motors somersault(Flipping& flip, const Body& body);
+
+  Parameters p_;
+  Random random_;
+  Phase phase_ = Phase::off;
+  bool crashed_ = false, idling_ = false;
+  double phase_s_ = 0, motor_s_ = 0, takeoff_z_ = 0;
+  int touching_steps_ = 0;
+
+  Vector estimate_ = Vector::Zero();  ///< velocity
+  Vector flow_error_ = Vector::Zero();
+  Vector odometry_ = Vector::Zero();
+  double yaw_ = 0;  ///< unwrapped
+  int steps_ = 0;
+
+  std::variant<std::monostate, Move, Turn, Flipping> action_;
+  double action_s_ = 0;
+  Vector stick_velocity_ = Vector::Zero();
+  double stick_yaw_rate_ = 0;
+  std::optional<Eigen::Vector2d> hold_xy_;
+  std::optional<double> hold_z_;
+  std::optional<End> end_;
+};
+
+}  // namespace ledgerline::sim

@@ -1,0 +1,415 @@
+#include "sim/core/firmware/sdk.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <numbers>
+
+namespace ledgerline::sim {
+namespace {
+
+constexpr std::size_t max_words = 12;
+constexpr std::size_t max_command_bytes = 256;
+constexpr const char* out_of_range = "out of range";
+constexpr double radians = std::numbers::pi / 180;
+constexpr int min_move_cm = 20, max_move_cm = 500;
+constexpr int min_speed_cmps = 10, max_speed_cmps = 100, max_curve_cmps = 60;
+constexpr double min_radius_m = 0.5, max_radius_m = 10;
+
+std::optional<int> number(std::string_view text) {
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+/// All words as numbers, or nothing.
+template <std::size_t N>
+std::optional<std::array<int, N>> numbers(std::span<const std::string_view> words) {
+  if (words.size() != N) return std::nullopt;
+  std::array<int, N> values{};
+  for (std::size_t i = 0; i < N; ++i) {
+    const auto value = number(words[i]);
+    if (!value) return std::nullopt;
+    values[i] = *value;
+  }
+  return values;
+}
+
+bool within(int value, int low, int high) { return value >= low && value <= high; }
+
+bool is_pad(std::string_view word) { return word.size() >= 2 && word[0] == 'm'; }
+
+/// A point in centimetres: x forward, y left, z up. Each within 5 m, and not all within 20 cm of where the drone is.
+bool point_in_range(int x, int y, int z) {
+  const bool near = within(x, -min_move_cm, min_move_cm) && within(y, -min_move_cm, min_move_cm) &&
+                    within(z, -min_move_cm, min_move_cm);
+  return !near && within(x, -max_move_cm, max_move_cm) && within(y, -max_move_cm, max_move_cm) &&
+         within(z, -max_move_cm, max_move_cm);
+}
+
+Vector metres(int x, int y, int z) { return Vector(x, y, z) / 100; }
+
+/// djitellopy takes any text with "ok" in it for a success, so the echo is left out of such a one.
+std::string unknown(std::string_view name) {
+  std::string echo;
+  for (const char c : name)
+    if (c > ' ' && c <= '~') echo += c;
+  std::string lower = echo;
+  std::transform(lower.begin(), lower.end(), lower.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  if (lower.find("ok") != std::string::npos) echo.clear();
+  return "unknown command: " + echo;
+}
+
+}  // namespace
+
+struct Sdk::Entry {
+  std::string_view name;
+  Answer (Sdk::*handle)(Call&);
+  std::size_t min_arguments = 0, max_arguments = 0;
+};
+
+const Sdk::Entry* Sdk::find(std::string_view name) {
+  static constexpr std::size_t any = max_words;
+  static constexpr Entry table[] = {
+      {"command", &Sdk::enter},
+      {"rc", &Sdk::sticks, 0, any},
+      {"takeoff", &Sdk::take_off},
+      {"land", &Sdk::land},
+      {"emergency", &Sdk::emergency},
+      {"stop", &Sdk::stop},
+      {"up", &Sdk::move, 1, 1},
+      {"down", &Sdk::move, 1, 1},
+      {"left", &Sdk::move, 1, 1},
+      {"right", &Sdk::move, 1, 1},
+      {"forward", &Sdk::move, 1, 1},
+      {"back", &Sdk::move, 1, 1},
+      {"cw", &Sdk::turn, 1, 1},
+      {"ccw", &Sdk::turn, 1, 1},
+      {"go", &Sdk::go, 4, 5},
+      {"curve", &Sdk::curve, 7, 8},
+      {"flip", &Sdk::flip, 1, 1},
+      {"jump", &Sdk::jump, 7, 7},
+      {"speed", &Sdk::set_speed, 1, 1},
+      {"mon", &Sdk::pads},
+      {"moff", &Sdk::pads},
+      {"mdirection", &Sdk::pad_direction, 1, 1},
+      {"keepalive", &Sdk::yes},
+      {"streamon", &Sdk::yes},
+      {"streamoff", &Sdk::yes},
+      {"motoron", &Sdk::motors},
+      {"motoroff", &Sdk::motors},
+      {"throwfly", &Sdk::yes},
+      {"port", &Sdk::set_ports, 2, 2},
+      {"setfps", &Sdk::yes, 1, 1},
+      {"setbitrate", &Sdk::yes, 1, 1},
+      {"setresolution", &Sdk::yes, 1, 1},
+      {"downvision", &Sdk::yes, 1, 1},
+      {"ap", &Sdk::yes, 2, 2},
+      {"wifi", &Sdk::yes, 2, 2},
+      {"multiwifi", &Sdk::yes, 2, 2},
+      {"wifisetchannel", &Sdk::yes, 1, 1},
+      {"EXT", &Sdk::yes, 1, any},
+      {"reboot", &Sdk::reboot},
+      {"battery?", &Sdk::query},
+      {"speed?", &Sdk::query},
+      {"time?", &Sdk::query},
+      {"wifi?", &Sdk::query},
+      {"sdk?", &Sdk::query},
+      {"sn?", &Sdk::query},
+      {"height?", &Sdk::query},
+      {"temp?", &Sdk::query},
+      {"attitude?", &Sdk::query},
+      {"baro?", &Sdk::query},
+      {"acceleration?", &Sdk::query},
+      {"tof?", &Sdk::query},
+      {"hardware?", &Sdk::query},
+      {"active?", &Sdk::query},
+      {"wifiversion?", &Sdk::query},
+      {"ssid?", &Sdk::query},
+      {"ap?", &Sdk::query},
+  };
+  const auto* found = std::find_if(std::begin(table), std::end(table), [&](const Entry& e) { return e.name == name; });
+  return found == std::end(table) ? nullptr : found;
+}
+
+Sdk::Sdk(const Parameters& parameters, DroneNumber number)
+    : p_(parameters), number_(number), speed_cmps_(parameters.sdk.default_speed_cmps) {}
+
+void Sdk::say(Endpoint to, std::string text, std::vector<Outgoing>& out) const {
+  out.push_back({number_, to, std::move(text)});
+}
+
+void Sdk::receive(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, std::vector<Outgoing>& out) {
+  std::array<std::string_view, max_words + 1> words;
+  std::size_t count = 0;
+  constexpr std::string_view space = " \t\r\n";
+  bool fits = bytes.size() <= max_command_bytes;
+  for (std::size_t at = bytes.find_first_not_of(space); fits && at != std::string_view::npos;) {
+    const std::size_t end = std::min(bytes.find_first_of(space, at), bytes.size());
+    if (count == words.size()) {
+      fits = false;
+    } else {
+      words[count++] = bytes.substr(at, end - at);
+      at = bytes.find_first_not_of(space, end);
+    }
+  }
+  if (fits && count == 0) return;
+  if (!sdk_mode_ && !(fits && count == 1 && words[0] == "command")) return;
+
+  if (!sdk_mode_ || p_.sdk.command_counts || !fits || words[0] != "command") last_heard_ = now;
+  if (!fits) return say(from, "error", out);
+  const Entry* entry = find(words[0]);
+  if (!entry) return say(from, unknown(words[0]), out);
+  Call call{now, from, words[0], std::span(words).subspan(1, count - 1), drone, out};
+  const bool counted = within(static_cast<int>(count) - 1, static_cast<int>(entry->min_arguments),
+                              static_cast<int>(entry->max_arguments));
+  Answer answer = counted ? (this->*entry->handle)(call) : Answer("error");
+  if (!answer.empty()) say(from, std::move(answer), out);
+}
+
+void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
+  using Phase = Pilot::Phase;
+  if (const auto end = drone.pilot.take_end(); end && waiting_) {
+    const char* answer = *end == Pilot::End::reached      ? "ok"
+                         : *end == Pilot::End::broken_off ? "error"
+                                                          : "error Motor stop";
+    say(*waiting_, answer, out);
+    waiting_.reset();
+  }
+  if (!sdk_mode_) return;
+
+  if (drone.pilot.busy()) last_heard_ = now;
+  if (!p_.sdk.keeps_rc && sticks_since_ && now - *sticks_since_ > from_seconds(p_.sdk.rc_lasts_s)) {
+    sticks_since_.reset();
+    drone.pilot.sticks(Vector::Zero(), 0);
+  }
+  const bool silent = now - last_heard_ > from_seconds(p_.sdk.silence_s);
+  const bool empty = drone.sensors.battery() < p_.battery.land_below;
+  if ((silent || empty) && drone.pilot.phase() == Phase::flying) {
+    if (waiting_) say(*waiting_, "error", out);
+    waiting_.reset();
+    drone.pilot.land();
+  }
+  if (drone.sensors.battery() <= 0 && drone.pilot.phase() != Phase::off) drone.pilot.cut();
+
+  if (now >= next_state_) {
+    next_state_ += from_seconds(1 / p_.sdk.state_hz);
+    say({state_to_.address, state_port_}, state_text(telemetry(drone), pads_wanted_), out);
+  }
+}
+
+Telemetry Sdk::telemetry(const Drone& drone) const {
+  return drone.sensors.read(drone.body, drone.pilot.estimated_velocity(), drone.pilot.takeoff_z(),
+                            drone.pilot.motor_seconds());
+}
+
+void Sdk::break_off(Call& call, const char* why) {
+  if (waiting_) say(*waiting_, why, call.out);
+  waiting_.reset();
+}
+
+Sdk::Answer Sdk::wait(const Call& call) {
+  waiting_ = call.from;
+  return {};
+}
+
+Sdk::Answer Sdk::refusal(const Call& call) const {
+  if (call.drone.pilot.phase() == Pilot::Phase::off) return "error Motor stop";
+  if (call.drone.pilot.busy()) return "error Not joystick";
+  return {};
+}
+
+Sdk::Answer Sdk::enter(Call& call) {
+  if (!sdk_mode_) next_state_ = call.now;
+  sdk_mode_ = true;
+  state_to_ = call.from;
+  return "ok";
+}
+
+Sdk::Answer Sdk::yes(Call&) { return "ok"; }
+
+Sdk::Answer Sdk::take_off(Call& call) {
+  if (call.drone.sensors.battery() < p_.battery.no_takeoff_below) return "error";
+  if (call.drone.pilot.phase() != Pilot::Phase::off) return "error";
+  if (!call.drone.pilot.takeoff(call.drone.body)) return "error Motor stop";  // it lies on its side
+  return wait(call);
+}
+
+Sdk::Answer Sdk::land(Call& call) {
+  if (call.drone.pilot.phase() == Pilot::Phase::off) return "ok";
+  if (call.drone.pilot.phase() != Pilot::Phase::flying) return {};
+  break_off(call, "error");
+  call.drone.pilot.land();
+  return wait(call);
+}
+
+Sdk::Answer Sdk::emergency(Call& call) {
+  break_off(call, "error Motor stop");
+  call.drone.pilot.cut();
+  return "ok";
+}
+
+Sdk::Answer Sdk::stop(Call& call) {
+  if (call.drone.pilot.phase() == Pilot::Phase::flying) {
+    break_off(call, "error");
+    call.drone.pilot.hover();
+  }
+  return "ok";
+}
+
+Sdk::Answer Sdk::sticks(Call& call) {
+  const auto values = numbers<4>(call.arguments);
+  if (!values) return {};
+  const auto [right, forward, up, clockwise] = *values;
+  for (const int value : *values)
+    if (!within(value, -100, 100)) return {};
+  sticks_since_ = call.now;
+  const double full = p_.sdk.rc_full_mps / 100;
+  call.drone.pilot.sticks(Vector(forward, -right, up) * full, -clockwise * p_.sdk.rc_full_yaw_degps / 100 * radians);
+  return {};
+}
+
+Sdk::Answer Sdk::move(Call& call) {
+  const auto distance = number(call.arguments[0]);
+  if (!distance) return "error";
+  if (!within(*distance, min_move_cm, max_move_cm)) return out_of_range;
+  if (auto why = refusal(call); !why.empty()) return why;
+  Vector direction = Vector::Zero();
+  if (call.name == "up") direction = Vector::UnitZ();
+  if (call.name == "down") direction = -Vector::UnitZ();
+  if (call.name == "left") direction = Vector::UnitY();
+  if (call.name == "right") direction = -Vector::UnitY();
+  if (call.name == "forward") direction = Vector::UnitX();
+  if (call.name == "back") direction = -Vector::UnitX();
+  if (!call.drone.pilot.line(direction * *distance / 100.0, speed_cmps_ / 100)) return "error";
+  return wait(call);
+}
+
+Sdk::Answer Sdk::turn(Call& call) {
+  const auto angle = number(call.arguments[0]);
+  if (!angle) return "error";
+  if (!within(*angle, 1, p_.sdk.max_turn_deg)) return out_of_range;
+  if (auto why = refusal(call); !why.empty()) return why;
+  const double sign = call.name == "ccw" ? 1 : -1;
+  if (!call.drone.pilot.turn(sign * *angle * radians, p_.sdk.turn_degps * radians)) return "error";
+  return wait(call);
+}
+
+Sdk::Answer Sdk::go(Call& call) {
+  const bool pad = call.arguments.size() == 5;
+  const auto values = numbers<4>(call.arguments.first(4));
+  if (!values || (pad && !is_pad(call.arguments[4]))) return "error";
+  const auto [x, y, z, speed] = *values;
+  if (!point_in_range(x, y, z) || !within(speed, min_speed_cmps, max_speed_cmps)) return out_of_range;
+  if (pad) return "error";
+  if (auto why = refusal(call); !why.empty()) return why;
+  if (!call.drone.pilot.line(metres(x, y, z), speed / 100.0)) return "error";
+  return wait(call);
+}
+
+Sdk::Answer Sdk::curve(Call& call) {
+  const bool pad = call.arguments.size() == 8;
+  const auto values = numbers<7>(call.arguments.first(7));
+  if (!values || (pad && !is_pad(call.arguments[7]))) return "error";
+  const auto [x1, y1, z1, x2, y2, z2, speed] = *values;
+  if (!point_in_range(x1, y1, z1) || !point_in_range(x2, y2, z2) || !within(speed, min_speed_cmps, max_curve_cmps))
+    return out_of_range;
+  const auto arc = Path::arc(Vector::Zero(), metres(x1, y1, z1), metres(x2, y2, z2));
+  if (pad || !arc || arc->radius() < min_radius_m || arc->radius() > max_radius_m) return "error";
+  if (auto why = refusal(call); !why.empty()) return why;
+  if (!call.drone.pilot.arc(metres(x1, y1, z1), metres(x2, y2, z2), speed / 100.0)) return "error";
+  return wait(call);
+}
+
+Sdk::Answer Sdk::flip(Call& call) {
+  using Flip = Pilot::Flip;
+  static constexpr std::pair<std::string_view, Flip> directions[] = {
+      {"l", Flip::left}, {"r", Flip::right}, {"f", Flip::forward}, {"b", Flip::back}};
+  const auto* direction = std::find_if(std::begin(directions), std::end(directions),
+                                       [&](const auto& d) { return d.first == call.arguments[0]; });
+  if (direction == std::end(directions)) return "error";
+  if (auto why = refusal(call); !why.empty()) return why;
+  if (call.drone.sensors.battery() < p_.battery.flip_above) return "error";
+  if (!call.drone.pilot.flip(direction->second)) return "error";
+  return wait(call);
+}
+
+Sdk::Answer Sdk::jump(Call&) { return "error"; }
+
+Sdk::Answer Sdk::set_speed(Call& call) {
+  const auto speed = number(call.arguments[0]);
+  if (!speed) return "error";
+  if (!within(*speed, min_speed_cmps, max_speed_cmps)) return out_of_range;
+  speed_cmps_ = *speed;
+  return "ok";
+}
+
+Sdk::Answer Sdk::pads(Call& call) {
+  pads_wanted_ = call.name == "mon";
+  return "ok";
+}
+
+Sdk::Answer Sdk::pad_direction(Call& call) {
+  const auto direction = number(call.arguments[0]);
+  if (!direction) return "error";
+  return within(*direction, 0, 2) ? "ok" : out_of_range;
+}
+
+Sdk::Answer Sdk::motors(Call& call) { return call.drone.pilot.idle_motors(call.name == "motoron") ? "ok" : "error"; }
+
+Sdk::Answer Sdk::set_ports(Call& call) {
+  const auto ports = numbers<2>(call.arguments);
+  if (!ports) return "error";
+  for (const int port : *ports)
+    if (!within(port, 1025, 65535)) return out_of_range;
+  state_port_ = static_cast<std::uint16_t>((*ports)[0]);
+  return "ok";
+}
+
+Sdk::Answer Sdk::reboot(Call& call) {
+  // On the ground only: afterwards it waits for `command` as after switching on.
+  if (call.drone.pilot.phase() != Pilot::Phase::off) return "error";
+  restart();
+  return {};
+}
+
+void Sdk::restart() {
+  sdk_mode_ = false;
+  pads_wanted_ = false;
+  state_port_ = state_port;
+  speed_cmps_ = p_.sdk.default_speed_cmps;
+  sticks_since_.reset();
+  waiting_.reset();
+}
+
+Sdk::Answer Sdk::query(Call& call) {
+  const Telemetry t = telemetry(call.drone);
+  const auto text = [&]() -> std::string {
+    if (call.name == "battery?") return fmt::format("{}", t.battery_percent);
+    if (call.name == "speed?") return fmt::format("{:.1f}", speed_cmps_);
+    if (call.name == "time?") return fmt::format("{}s", t.motor_time_s);
+    if (call.name == "wifi?") return "90";
+    if (call.name == "sdk?") return "20";
+    if (call.name == "sn?") return fmt::format("0TQDG00SIM{:04}", number_);
+    if (call.name == "height?") return fmt::format("{}dm", t.height_dm);
+    if (call.name == "temp?") return fmt::format("{}~{}C", t.temperature_low_c, t.temperature_high_c);
+    if (call.name == "attitude?") return fmt::format("pitch:{};roll:{};yaw:{};", t.pitch_deg, t.roll_deg, t.yaw_deg);
+    if (call.name == "baro?") return fmt::format("{:.6f}", t.barometer_m);
+    if (call.name == "acceleration?")
+      return fmt::format("agx:{:.2f};agy:{:.2f};agz:{:.2f};", t.acceleration_mg[0], t.acceleration_mg[1],
+                         t.acceleration_mg[2]);
+    if (call.name == "tof?") return fmt::format("{}mm", t.tof_mm);
+    if (call.name == "hardware?") return "TELLO";
+    if (call.name == "active?") return "active";
+    if (call.name == "wifiversion?") return "wifiv1.0.0.0";
+    return fmt::format("TELLO-SIM{:03}", number_);  // ssid? and ap?
+  }();
+  return text + "\r\n";  // as the firmware ends values, not ok
+}
+
+}  // namespace ledgerline::sim

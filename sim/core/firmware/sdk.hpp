@@ -1,0 +1,99 @@
+#pragma once
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sim/core/firmware/pilot.hpp"
+#include "sim/core/sensors.hpp"
+#include "sim/core/simulator.hpp"
+
+namespace ledgerline::sim {
+
+/// The Tello SDK 2.0 endpoint of one drone (and of SDK 3 what clients send): text in, text out. Facts with their
+/// sources: docs/sources.md. Where the firmware's behaviour is not known, this one is assumed:
+/// - nothing but `command` is heard, or answered, before the first `command`;
+/// - each answered command gets exactly one answer; a move's comes when it ends, `error` when `land` or `stop` broke
+///   it off;
+/// - a move while another action runs is refused with `error Not joystick`, one on the ground with `error Motor stop`;
+/// - the 15 s of silence begin when the last action ends;
+/// - `land` is ignored, without an answer, during takeoff and while it is landing already, and `ok` on the ground;
+/// - `rc` counts as a sign of life always, steers only when flying without a move, and is dropped whole if malformed;
+/// it
+///   is flown until the next one comes, and `command` counts as a sign of life: SdkParameters can have it otherwise;
+/// - mission pads are never seen, so whatever needs one answers `error`; `streamon` answers `ok` but NO VIDEO IS SENT.
+class Sdk {
+ public:
+  /// What the endpoint acts on.
+  struct Drone {
+    Pilot& pilot;
+    Sensors& sensors;
+    const Body& body;
+  };
+  Sdk(const Parameters& parameters, DroneNumber number);
+
+  void receive(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, std::vector<Outgoing>& out);
+  /// Every millisecond: ends of moves, landing after silence or on a low battery, state.
+  void step(TimeNs now, Drone drone, std::vector<Outgoing>& out);
+  /// As after switching on: only `command` is heard, and nobody waits for an answer.
+  void restart();
+
+ private:
+  struct Call {
+    TimeNs now;
+    Endpoint from;
+    std::string_view name;
+    std::span<const std::string_view> arguments;
+    Drone drone;
+    std::vector<Outgoing>& out;
+  };
+  struct Entry;
+  /// What a handler says; empty: nothing (yet).
+  using Answer = std::string;
+
+  static const Entry* find(std::string_view name);
+  void say(Endpoint to, std::string text, std::vector<Outgoing>& out) const;
+  void break_off(Call& call, const char* why);
+  /// After a request that the pilot took: the answer comes at its end.
+  Answer wait(const Call& call);
+  /// Why a move cannot begin now; empty: it can.
+  Answer refusal(const Call& call) const;
+  Telemetry telemetry(const Drone& drone) const;
+
+  Answer enter(Call& call);
+  Answer yes(Call& call);
+  Answer take_off(Call& call);
+  Answer land(Call& call);
+  Answer emergency(Call& call);
+  Answer stop(Call& call);
+  Answer sticks(Call& call);
+  Answer move(Call& call);
+  Answer turn(Call& call);
+  Answer go(Call& call);
+  Answer curve(Call& call);
+  Answer flip(Call& call);
+  Answer jump(Call& call);
+  Answer set_speed(Call& call);
+  Answer pads(Call& call);
+  Answer pad_direction(Call& call);
+  Answer motors(Call& call);
+  Answer set_ports(Call& call);
+  Answer reboot(Call& call);
+  Answer query(Call& call);
+
+  Parameters p_;
+  DroneNumber number_;
+  bool sdk_mode_ = false;
+  Endpoint state_to_;
+  std::uint16_t state_port_ = state_port;
+  TimeNs next_state_ = 0;
+  TimeNs last_heard_ = 0;
+  std::optional<TimeNs> sticks_since_;  ///< the newest rc that steers, until it lasts no longer
+  double speed_cmps_;
+  bool pads_wanted_ = false;
+  /// Who waits for the end of the action that runs.
+  std::optional<Endpoint> waiting_;
+};
+
+}  // namespace ledgerline::sim

@@ -1,0 +1,205 @@
+#include "sim/shell/shell.hpp"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <vector>
+
+#include "common/msg/ros.hpp"
+#include "common/program/stop_signals.hpp"
+#include "common/base/log.hpp"
+#include "common/rt/trace.hpp"
+#include "sim/shell/drone_sockets.hpp"
+#include "sim/core/simulator.hpp"
+
+namespace ledgerline::sim {
+namespace {
+
+constexpr TimeNs trace_period = ns_per_s / 30;
+// A late step is made up for at once; one this late is worth a word, since clients then see a drone that jumps.
+constexpr TimeNs late_to_tell = 50 * ns_per_ms;
+
+std::string drone_name(int number) { return fmt::format("tello{}", number); }
+
+/// Mocap as vrpn_mocap publishes it.
+class MocapOutput {
+ public:
+  static Result<MocapOutput> open(const dds::ParticipantOptions& options, int drones) {
+    auto participant = dds::Participant::create(options);
+    if (!participant) return participant.error();
+    MocapOutput output;
+    for (int k = 1; k <= drones; ++k) {
+      auto publisher =
+          dds::RawWriter::create(*participant, "/vrpn_mocap/" + drone_name(k) + "/pose", std::string(pose_type), {});
+      if (!publisher) return publisher.error();
+      output.publishers_.push_back(std::move(*publisher));
+    }
+    return output;
+  }
+
+  void publish(const MocapPose& pose) {
+    message_.header.stamp_ns = pose.stamp_ns + (realtime_ns() - monotonic_ns());
+    message_.position_m = pose.position_m;
+    message_.orientation = pose.orientation;
+    const auto sent = publishers_[pose.drone - 1u].publish(to_cdr(message_));
+    if (!sent && !warned_) {
+      spdlog::warn("mocap of {}: {}", drone_name(pose.drone), sent.error().what);
+      warned_ = true;
+    }
+  }
+
+ private:
+  MocapOutput() { message_.header.frame_id = "map"; }
+  std::vector<dds::RawWriter> publishers_;
+  PoseStamped message_;
+  bool warned_ = false;
+};
+
+/// What is written down of a run: truth in the trace, and the summary.
+class Record {
+ public:
+  Status open(const ShellOptions& options) {
+    summary_file_ = options.summary_file;
+    flew_.assign(static_cast<std::size_t>(options.parameters.drones), false);
+    if (options.trace_file.empty()) return done;
+    auto trace = TraceWriter::create(options.trace_file);
+    if (!trace) return trace.error();
+    trace_.emplace(std::move(*trace));
+    return done;
+  }
+
+  void look(const Simulator& simulator, TimeNs now) {
+    if (now < next_) return;
+    next_ = now + trace_period;
+    for (int k = 1; k <= simulator.drones(); ++k) {
+      const Truth truth = simulator.truth(static_cast<DroneNumber>(k));
+      if (truth.in_flight) flew_[static_cast<std::size_t>(k - 1)] = true;
+      if (!trace_) continue;
+      TraceRecord record;
+      record.t_ns = now;
+      record.kind = TraceKind::truth;
+      record.drone = static_cast<std::uint16_t>(k);
+      record.extra = truth.crashed ? 2 : truth.in_flight ? 1 : 0;
+      for (std::size_t i = 0; i < 3; ++i) record.v[i] = truth.position_m[i];
+      record.v[3] = truth.yaw_rad;
+      trace_->add(record);
+    }
+  }
+
+  Status close(const Simulator& simulator, TimeNs max_late, std::uint64_t unsent) {
+    if (trace_) {
+      if (auto flushed = trace_->flush(); !flushed) return flushed;
+      if (trace_->dropped() > 0) spdlog::warn("the trace was full: {} records are not in it", trace_->dropped());
+    }
+    if (summary_file_.empty()) return done;
+    nlohmann::json drones = nlohmann::json::array();
+    for (int k = 1; k <= simulator.drones(); ++k) {
+      const Truth truth = simulator.truth(static_cast<DroneNumber>(k));
+      const bool flew = flew_[static_cast<std::size_t>(k - 1)];
+      drones.push_back({{"name", drone_name(k)},
+                        {"flew", flew},
+                        {"landed", flew && !truth.motors_on && !truth.crashed},
+                        {"crashed", truth.crashed},
+                        {"battery", truth.battery}});
+    }
+    const nlohmann::json summary{{"drones", drones}, {"max_late_ms", to_ms(max_late)}, {"unsent", unsent}};
+    std::ofstream file(summary_file_);
+    file << summary.dump(2) << "\n";
+    if (!file.flush()) return Error{"cannot write the summary to " + summary_file_};
+    return done;
+  }
+
+ private:
+  std::optional<TraceWriter> trace_;
+  std::string summary_file_;
+  std::vector<bool> flew_;
+  TimeNs next_ = 0;
+};
+
+void print_line(const nlohmann::json& json) {
+  std::puts(json.dump().c_str());
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+Status run_real_time(const ShellOptions& options) {
+  const auto address = parse_address(options.first_address);
+  if (!address) return address.error();
+  const sigset_t waiting = catch_end_signals_while_waiting();  // before DDS's threads, which inherit the mask
+  auto sockets = DroneSockets::open(*address, options.parameters.drones);
+  if (!sockets) return sockets.error();
+  std::optional<MocapOutput> mocap;
+  if (options.parameters.mocap_hz > 0) {
+    auto opened = MocapOutput::open(options.dds, options.parameters.drones);
+    if (!opened) return opened.error();
+    mocap.emplace(std::move(*opened));
+  }
+  Record record;
+  if (auto opened = record.open(options); !opened) return opened;
+
+  TimeNs tick = monotonic_ns();
+  Simulator simulator(options.parameters, tick);
+  print_line({{"ready", true}, {"drones", options.parameters.drones}, {"address", options.first_address}});
+  spdlog::info("{} drone(s) from {}:{}, mocap {} Hz; no video is sent", options.parameters.drones,
+               options.first_address, command_port, options.parameters.mocap_hz);
+  TimeNs max_late = 0;
+  bool told_late = false;
+  DroneSockets::Received received;
+  while (!end_asked) {
+    tick += ns_per_ms;
+    bool due = false;
+    while (!due && !end_asked) {
+      sockets->wait(tick, waiting);
+      const TimeNs now = monotonic_ns();
+      due = now >= tick;
+      while (sockets->receive(received)) simulator.datagram(received.drone, received.from, received.bytes);
+      const auto& output = simulator.step(now);
+      for (const Outgoing& datagram : output.datagrams) sockets->send(datagram);
+      if (mocap)
+        for (const MocapPose& pose : output.poses) mocap->publish(pose);
+      if (!due) continue;
+      record.look(simulator, now);
+      max_late = std::max(max_late, now - tick);
+      if (now - tick > late_to_tell && !told_late) {
+        spdlog::warn("the simulation ran {:.0f} ms late and caught up: this machine is too busy for real time",
+                     to_ms(now - tick));
+        told_late = true;
+      }
+      if (now - tick > ns_per_ms) tick = now - (now - tick) % ns_per_ms;
+    }
+  }
+  return record.close(simulator, max_late, sockets->unsent());
+}
+
+Status run_virtual(const ShellOptions& options, double seconds) {
+  Record record;
+  if (auto opened = record.open(options); !opened) return opened;
+  Simulator simulator(options.parameters, 0);
+  const TimeNs began = monotonic_ns();
+  const TimeNs end = from_seconds(seconds);
+  const auto to_all = [&](std::string_view text) {
+    for (int k = 1; k <= simulator.drones(); ++k)
+      simulator.datagram(static_cast<DroneNumber>(k), {1, command_port}, text);
+  };
+  to_all("command");
+  to_all("takeoff");
+  constexpr TimeNs rc_period = 50 * ns_per_ms;
+  TimeNs next_rc = 0;
+  for (TimeNs now = 0; now < end; now += ns_per_ms) {
+    if (now >= next_rc) {
+      next_rc += rc_period;
+      to_all("rc 0 40 0 40");
+    }
+    simulator.step(now);
+    record.look(simulator, now);
+  }
+  const double wall_s = to_seconds(monotonic_ns() - began);
+  print_line({{"drones", simulator.drones()}, {"virtual_s", seconds}, {"wall_s", wall_s}, {"ratio", seconds / wall_s}});
+  return record.close(simulator, 0, 0);
+}
+
+}  // namespace ledgerline::sim

@@ -1,0 +1,134 @@
+#include "chaincode/network/files/revocation.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "common/common.pb.h"
+#include "common/configtx.pb.h"
+#include "msp/msp_config.pb.h"
+
+namespace ledgerline::fabric_network {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+/// The configuration block of a channel with two organisations, whose versions tell all groups apart.
+struct Channel {
+  common::Config config;
+
+  Channel() {
+    common::ConfigGroup& root = *config.mutable_channel_group();
+    root.set_version(3);
+    common::ConfigGroup& applications = (*root.mutable_groups())["Application"];
+    applications.set_version(5);
+    for (const char* id : {"Org1MSP", "Org2MSP"}) {
+      common::ConfigGroup& organisation = (*applications.mutable_groups())[id];
+      organisation.set_version(7);
+      (*organisation.mutable_values())["AnchorPeers"].set_value("anchors");
+      common::ConfigValue& value = (*organisation.mutable_values())["MSP"];
+      value.set_version(9);
+      value.set_mod_policy("Admins");
+      msp::FabricMSPConfig msp;
+      msp.set_name(id);
+      msp.add_root_certs("root");
+      set(value, msp);
+    }
+  }
+  static void set(common::ConfigValue& value, const msp::FabricMSPConfig& msp) {
+    msp::MSPConfig envelope;
+    envelope.set_type(0);
+    envelope.set_config(msp.SerializeAsString());
+    value.set_value(envelope.SerializeAsString());
+  }
+  std::string block(int type = common::CONFIG) const {
+    common::ConfigEnvelope envelope;
+    *envelope.mutable_config() = config;
+    common::ChannelHeader header;
+    header.set_type(type);
+    header.set_channel_id("teleop");
+    common::Payload payload;
+    payload.mutable_header()->set_channel_header(header.SerializeAsString());
+    payload.set_data(envelope.SerializeAsString());
+    common::Envelope whole;
+    whole.set_payload(payload.SerializeAsString());
+    common::Block block;
+    block.mutable_data()->add_data(whole.SerializeAsString());
+    return block.SerializeAsString();
+  }
+};
+
+common::ConfigUpdate update_in(const std::string& bytes) {
+  common::Envelope envelope;
+  common::Payload payload;
+  common::ChannelHeader header;
+  common::ConfigUpdateEnvelope signed_update;
+  common::ConfigUpdate update;
+  EXPECT_TRUE(envelope.ParseFromString(bytes) && payload.ParseFromString(envelope.payload()) &&
+              header.ParseFromString(payload.header().channel_header()) &&
+              signed_update.ParseFromString(payload.data()) && update.ParseFromString(signed_update.config_update()));
+  EXPECT_EQ(header.type(), common::CONFIG_UPDATE);
+  EXPECT_EQ(header.channel_id(), "teleop");
+  return update;
+}
+
+msp::FabricMSPConfig msp_in(const common::ConfigValue& value) {
+  msp::MSPConfig envelope;
+  msp::FabricMSPConfig msp;
+  EXPECT_TRUE(envelope.ParseFromString(value.value()) && msp.ParseFromString(envelope.config()));
+  return msp;
+}
+
+TEST(Revocation, TheUpdateChangesOneMspAndNothingElse) {
+  const auto bytes = revocation_update(Channel().block(), "Org2MSP", "the list");
+  ASSERT_TRUE(bytes) << bytes.error().what;
+  const auto update = update_in(*bytes);
+  EXPECT_EQ(update.channel_id(), "teleop");
+  for (const auto* root : {&update.read_set(), &update.write_set()}) {
+    EXPECT_EQ(root->version(), 3U);
+    ASSERT_EQ(root->groups_size(), 1);
+    const auto& applications = root->groups().at("Application");
+    EXPECT_EQ(applications.version(), 5U);
+    ASSERT_EQ(applications.groups_size(), 1);
+    EXPECT_EQ(applications.groups().at("Org2MSP").version(), 7U);
+  }
+  const auto& values = update.write_set().groups().at("Application").groups().at("Org2MSP").values();
+  ASSERT_EQ(values.size(), 1U);
+  EXPECT_EQ(values.at("MSP").version(), 10U);
+  EXPECT_EQ(values.at("MSP").mod_policy(), "Admins");
+  const auto msp = msp_in(values.at("MSP"));
+  EXPECT_EQ(msp.name(), "Org2MSP");
+  EXPECT_THAT(msp.root_certs(), ElementsAre("root"));
+  EXPECT_THAT(msp.revocation_list(), ElementsAre("the list"));
+}
+
+TEST(Revocation, ANewerListTakesTheOldOnesPlace) {
+  Channel channel;
+  auto& value =
+      (*(*(*channel.config.mutable_channel_group()->mutable_groups())["Application"].mutable_groups())["Org1MSP"]
+            .mutable_values())["MSP"];
+  auto msp = msp_in(value);
+  msp.add_revocation_list("old");
+  Channel::set(value, msp);
+  EXPECT_TRUE(*has_revocation_list(channel.block(), "Org1MSP", "old"));
+  EXPECT_FALSE(*has_revocation_list(channel.block(), "Org1MSP", "new"));
+  EXPECT_FALSE(*has_revocation_list(channel.block(), "Org2MSP", "old"));
+  const auto update = update_in(*revocation_update(channel.block(), "Org1MSP", "new"));
+  EXPECT_THAT(
+      msp_in(update.write_set().groups().at("Application").groups().at("Org1MSP").values().at("MSP")).revocation_list(),
+      ElementsAre("new"));
+}
+
+TEST(Revocation, WhatIsNoConfigurationIsSaid) {
+  const auto why = [](const std::string& block, const std::string& msp_id) {
+    const auto made = revocation_update(block, msp_id, "list");
+    return made ? "it was taken" : made.error().what;
+  };
+  EXPECT_THAT(why("", "Org1MSP"), HasSubstr("not a block with a channel's configuration"));
+  EXPECT_THAT(why("\xff\xff", "Org1MSP"), HasSubstr("not a block"));
+  EXPECT_THAT(why(Channel().block(common::ENDORSER_TRANSACTION), "Org1MSP"), HasSubstr("not a block"));
+  EXPECT_THAT(why(Channel().block(), "Org9MSP"), HasSubstr("Org9MSP is no organisation of channel teleop"));
+}
+
+}  // namespace
+}  // namespace ledgerline::fabric_network

@@ -1,0 +1,90 @@
+#include <gmock/gmock.h>
+
+#include <memory>
+
+#include "chaincode/node/core/core.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "msp/identities.pb.h"
+#include "peer/proposal.pb.h"
+#include "tests/unit/chaincode/node/core/high_s.hpp"
+
+/// The core with real keys: what test identities cannot show.
+namespace ledgerline::node {
+namespace {
+
+using ::testing::HasSubstr;
+
+crypto::SigningIdentity identity(const crypto::KeyAndCertificate& ca, const std::string& msp_id,
+                                 const std::string& name) {
+  crypto::CertificateRequest request;
+  request.common_name = name;
+  request.organization = "org1";
+  request.unit = "client";
+  const auto issued = crypto::issue(ca, request);
+  EXPECT_TRUE(issued.ok());
+  msp::SerializedIdentity serialized;
+  serialized.set_mspid(msp_id);
+  serialized.set_id_bytes(issued->certificate_pem);
+  return {{msp_id, crypto::parse_certificate(issued->certificate_pem)->subject},
+          serialized.SerializeAsString(),
+          *crypto::make_signer(crypto::Library::libcrypto, issued->key_pem)};
+}
+
+class SignatureTest : public ::testing::Test {
+ protected:
+  SignatureTest() {
+    std::vector<crypto::MspRoot> roots{{"Org1MSP", ca.certificate_pem}};
+    core = std::make_unique<NodeCore>(CoreConfig{}, crypto::make_msp_registry(crypto::Library::libcrypto, roots),
+                                      std::vector{identity(ca, "Org1MSP", "peer0")}, identity(ca, "Org1MSP", "orderer"),
+                                      nullptr);
+    core->apply(core->genesis());
+  }
+
+  Reply endorse(const crypto::SigningIdentity& who, const std::function<void(std::string&)>& change = {}) {
+    const auto proposal = fabric::make_proposal(who, {}, {"set", {R"({"id":"Org1MSP/a","msgType":"t"})"}}, now.real_ns,
+                                                std::string(24, 'n'));
+    protos::SignedProposal signed_proposal;
+    signed_proposal.ParseFromString(proposal->signed_proposal);
+    if (change) change(*signed_proposal.mutable_signature());
+    return core->endorse(signed_proposal.SerializeAsString(), now);
+  }
+
+  const crypto::KeyAndCertificate ca = *crypto::make_ca("ca.org1", "org1");
+  const crypto::SigningIdentity user = identity(ca, "Org1MSP", "User1");
+  std::unique_ptr<NodeCore> core;
+  Now now{0, realtime_ns()};
+};
+
+TEST_F(SignatureTest, ARealSignatureIsAccepted) {
+  const Reply reply = endorse(user);
+  ASSERT_EQ(reply.code, Code::ok) << reply.detail;
+  ASSERT_EQ(core->order(*fabric::sign_envelope(user, reply.bytes), now).code, Code::ok);
+  EXPECT_EQ(core->cut(now)->transactions.at(0).code, 0);
+}
+
+TEST_F(SignatureTest, AHighSIsRefusedThoughItsMathIsRight) {
+  const Reply reply = endorse(user, [](std::string& signature) { signature = with_high_s(signature); });
+  EXPECT_EQ(reply.code, Code::aborted);
+  EXPECT_THAT(reply.detail, HasSubstr("access denied"));
+  EXPECT_EQ(endorse(user, [](std::string& signature) { signature = with_high_s(with_high_s(signature)); }).code,
+            Code::ok)
+      << "the test turns s around rightly";
+}
+
+TEST_F(SignatureTest, ASignatureOfAnotherMessageIsRefused) {
+  EXPECT_THAT(endorse(user, [&](std::string& signature) { signature = *user.signer->sign("other"); }).detail,
+              HasSubstr("access denied"));
+}
+
+TEST_F(SignatureTest, ACertificateOfAnotherAuthorityIsRefused) {
+  const auto other = crypto::make_ca("ca.org1", "org1");
+  EXPECT_THAT(endorse(identity(*other, "Org1MSP", "User1")).detail, HasSubstr("access denied"));
+}
+
+TEST_F(SignatureTest, AnExpiredCertificateIsRefused) {
+  now.real_ns += 20LL * 365 * 24 * 3600 * ns_per_s;
+  EXPECT_THAT(endorse(user).detail, HasSubstr("access denied"));
+}
+
+}  // namespace
+}  // namespace ledgerline::node

@@ -1,0 +1,182 @@
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <deque>
+
+#include "common/base/random.hpp"
+#include "peer/transaction.pb.h"
+#include "tests/unit/chaincode/node/core/fake_network.hpp"
+
+/// Stops against everything else that changes who flies, in the ledger's own check of what was read (MVCC).
+namespace ledgerline::node {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::Each;
+using ::testing::ElementsAre;
+using ::testing::SizeIs;
+
+class StopConflicts : public ::testing::Test {
+ protected:
+  StopConflicts() {
+    net.submit(net.admin1, "enroll", enroll_call(net.host.name, {"tello1", "tello2"}));
+    net.submit(net.admin2, "enroll", enroll_call(net.pilot.name, {}, OPERATOR));
+    net.submit(net.admin2, "enroll", enroll_call(rival.name, {}, OPERATOR));
+    for (int i = 0; i < 10; ++i) {
+      stoppers.push_back(crypto::make_test_identity({"Org1MSP", "CN=guard" + std::to_string(i)}));
+      net.submit(net.admin1, "enroll", enroll_call(stoppers.back().name, {}, OPERATOR));
+    }
+    net.submit(net.pilot, "acquire", "tello1");
+  }
+
+  /// Blocks of so many transactions from now on.
+  void blocks_of(std::size_t count) {
+    net.config.batch_count = count;
+    net.restart();
+  }
+
+  std::string command() {
+    CommandCall call;
+    DronePlan& plan = *call.add_plans();
+    plan.set_drone("tello1");
+    plan.set_epoch(1);
+    plan.add_setpoints()->set_at_ns(1000);
+    return net.endorsed(net.pilot, "command", call.SerializeAsString());
+  }
+
+  std::vector<int> in_one_block(const std::vector<std::string>& envelopes) {
+    blocks_of(envelopes.size());
+    for (const std::string& envelope : envelopes) EXPECT_EQ(net.core->order(envelope, net.now).code, Code::ok);
+    return net.commit();
+  }
+
+  FakeNetwork net;
+  std::vector<crypto::SigningIdentity> stoppers;
+  const crypto::SigningIdentity rival = crypto::make_test_identity({"Org2MSP", "CN=rival"});
+};
+
+TEST_F(StopConflicts, TenStopsInOneBlockAreAllValid) {
+  std::vector<std::string> stops;
+  for (const auto& stopper : stoppers) stops.push_back(net.endorsed(stopper, "stop", "tello1"));
+  EXPECT_THAT(in_one_block(stops), AllOf(SizeIs(10), Each(protos::VALID)));
+}
+
+TEST_F(StopConflicts, AStopWinsAgainstWhatChangesTheDronesRecordWhicheverComesFirst) {
+  ASSERT_THAT(net.submit(net.pilot, "stop", "tello1"), ElementsAre(protos::VALID));
+  for (const auto& [who, function] : {std::pair(&net.pilot, "resume"), std::pair(&net.host, "fold"),
+                                      std::pair(&net.pilot, "release"), std::pair(&net.pilot, "acquire")}) {
+    const auto& first = stoppers[0];
+    const std::string before = net.endorsed(first, "stop", "tello1"), change = net.endorsed(*who, function, "tello1");
+    EXPECT_THAT(in_one_block({before, change}), ElementsAre(protos::VALID, protos::PHANTOM_READ_CONFLICT)) << function;
+  }
+  for (const auto& [who, function] : {std::pair(&net.host, "fold"), std::pair(&net.pilot, "resume"),
+                                      std::pair(&net.pilot, "release"), std::pair(&net.pilot, "acquire")}) {
+    const std::string change = net.endorsed(*who, function, "tello1");
+    const std::string after = net.endorsed(stoppers[1], "stop", "tello1");
+    EXPECT_THAT(in_one_block({change, after}), ElementsAre(protos::VALID, protos::VALID)) << function;
+  }
+}
+
+TEST_F(StopConflicts, AStopWhoseRightIsTheLeaseLosesOnlyToAChangeOfHolder) {
+  const std::string stop = net.endorsed(net.pilot, "stop", "tello1");
+  const std::string other = net.endorsed(stoppers[0], "stop", "tello1");
+  EXPECT_THAT(in_one_block({other, stop}), ElementsAre(protos::VALID, protos::VALID));
+  const std::string resume = net.endorsed(stoppers[0], "resume", "tello1");
+  const std::string again = net.endorsed(net.pilot, "stop", "tello1");
+  EXPECT_THAT(in_one_block({resume, again}), ElementsAre(protos::VALID, protos::VALID));
+  const std::string release = net.endorsed(net.pilot, "release", "tello1");
+  const std::string late = net.endorsed(net.pilot, "stop", "tello1");
+  EXPECT_THAT(in_one_block({release, late}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
+}
+
+TEST_F(StopConflicts, AFoldInvalidatesTheCommandsThatAreUnderWay) {
+  const std::string early = command(), late = command();
+  const std::string stop = net.endorsed(stoppers[0], "stop", "tello1");
+  EXPECT_THAT(in_one_block({stop, early}), ElementsAre(protos::VALID, protos::VALID)) << "agent refuses it";
+  const std::string fold = net.endorsed(net.host, "fold", "tello1");
+  EXPECT_THAT(in_one_block({fold, late}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
+}
+
+TEST_F(StopConflicts, AFoldThatAStopOvertookIsInvalidAndOneAfterItHasBoth) {
+  ASSERT_THAT(net.submit(stoppers[0], "stop", "tello1"), ElementsAre(protos::VALID));
+  const std::string fold = net.endorsed(net.host, "fold", "tello1");
+  const std::string stop = net.endorsed(stoppers[1], "stop", "tello1");
+  EXPECT_THAT(in_one_block({stop, fold}), ElementsAre(protos::VALID, protos::PHANTOM_READ_CONFLICT));
+}
+
+/// A stopper or a disturber, as it sends: endorsed against what it finds, again when the ledger says that it lost.
+struct Sender {
+  const crypto::SigningIdentity* who = nullptr;
+  std::vector<std::string> functions;  ///< one after the other, for ever
+  std::size_t next = 0;
+  bool waits = false;  ///< for its block
+};
+
+// Ten who stop, each once, at moments of their own, against a holder that stops and resumes and another that takes and
+// gives back the lease, as fast as the ledger lets them, and a host that folds.
+TEST_F(StopConflicts, TenStopsAreOnTheLedgerWithinFiveBlocksWhateverAHolderDoesInALoop) {
+  std::size_t worst = 0, invalid = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Random random(seed);
+    blocks_of(4);
+    std::vector<Sender> disturbers{
+        {&net.pilot, {"stop", "resume"}}, {&rival, {"acquire", "release"}}, {&net.host, {"fold"}}};
+    struct Stop {
+      std::size_t begun = 0;  ///< height at its first submission
+      bool waits = false, done = false;
+    };
+    std::vector<Stop> stops(stoppers.size());
+    std::deque<std::pair<int, std::size_t>> ordered;  ///< who waits for which transaction, in order; stoppers from 100
+    const auto order = [&](int who, const crypto::SigningIdentity& by, const std::string& function) {
+      LeaseCall call;
+      call.add_drones("tello1");
+      if (function == "acquire") call.set_priority(1'000 + static_cast<std::uint32_t>(net.chain.size()));
+      const Reply endorsed =
+          net.core->endorse(net.propose(by, function, call.SerializeAsString()).signed_proposal, net.now);
+      if (endorsed.code != Code::ok) return false;  // "not stopped", "does not hold": the next one will do
+      EXPECT_EQ(net.core->order(*fabric::sign_envelope(by, endorsed.bytes), net.now).code, Code::ok);
+      ordered.emplace_back(who, net.chain.size());
+      return true;
+    };
+    for (int turn = 0; turn < 400; ++turn) {
+      const auto at = static_cast<std::size_t>(random.next() % 13);
+      if (at < 3) {
+        Sender& sender = disturbers[at];
+        if (!sender.waits) sender.waits = order(static_cast<int>(at), *sender.who, sender.functions[sender.next]);
+        if (!sender.waits) sender.next = (sender.next + 1) % sender.functions.size();
+      } else if (Stop& stop = stops[at - 3]; !stop.waits && !stop.done && turn > 100) {
+        if (stop.begun == 0) stop.begun = net.chain.size();
+        stop.waits = order(100 + static_cast<int>(at - 3), stoppers[at - 3], "stop");
+        EXPECT_TRUE(stop.waits);
+      }
+      net.now.monotonic_ns += 3 * ns_per_ms;
+      const std::size_t height = net.chain.size();
+      for (const int code : net.commit()) {
+        ASSERT_FALSE(ordered.empty());
+        const int who = ordered.front().first;
+        ordered.pop_front();
+        if (who < 100) {
+          Sender& sender = disturbers[static_cast<std::size_t>(who)];
+          sender.waits = false;
+          if (code == protos::VALID) sender.next = (sender.next + 1) % sender.functions.size();
+          continue;
+        }
+        Stop& stop = stops[static_cast<std::size_t>(who - 100)];
+        stop.waits = false;
+        stop.done = code == protos::VALID;
+        if (!stop.done) ++invalid;
+        if (stop.done) worst = std::max(worst, height + 1 - stop.begun);
+      }
+    }
+    EXPECT_THAT(stops, Each(::testing::Field(&Stop::done, true))) << "seed " << seed;
+    net.submit(stoppers[0], "resume", "tello1");
+  }
+  RecordProperty("worst_blocks", static_cast<int>(worst));
+  std::printf("stops that the ledger made invalid: %zu; blocks from a stop's submission to its own: at most %zu\n",
+              invalid, worst);
+  EXPECT_EQ(invalid, 0U);
+  EXPECT_LE(worst, 5U);
+}
+
+}  // namespace
+}  // namespace ledgerline::node

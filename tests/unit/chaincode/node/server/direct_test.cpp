@@ -1,0 +1,150 @@
+#include <gmock/gmock.h>
+#include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
+
+#include <atomic>
+#include <future>
+
+#include "common/fabric/client/client.hpp"
+#include "orderer/ab.grpc.pb.h"
+#include "tests/unit/chaincode/node/server/served_node.hpp"
+
+/// The client's direct path (ProcessProposal at the peer, Broadcast at an orderer) against the node, which is both.
+namespace ledgerline::node {
+namespace {
+
+using ::testing::HasSubstr;
+using Kind = fabric::Outcome::Kind;
+
+/// Takes envelopes and says nothing, as an orderer does whose leader has just died.
+class SilentOrderer final : public orderer::AtomicBroadcast::Service {
+ public:
+  explicit SilentOrderer(const ServedNode& as) {
+    const auto tls =
+        std::filesystem::path(as.tls_ca_file()).parent_path().parent_path() / "peers" / "peer0.org1.ledgerline" / "tls";
+    grpc::SslServerCredentialsOptions options;
+    options.pem_key_cert_pairs.push_back({text_of(tls / "server.key"), text_of(tls / "server.crt")});
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(options), &port_);
+    builder.RegisterService(this);
+    server_ = builder.BuildAndStart();
+  }
+  ~SilentOrderer() override { server_->Shutdown(std::chrono::system_clock::now()); }
+  std::string endpoint() const { return "127.0.0.1:" + std::to_string(port_); }
+  int taken() const { return taken_; }
+
+  grpc::Status Broadcast(grpc::ServerContext*,
+                         grpc::ServerReaderWriter<orderer::BroadcastResponse, common::Envelope>* stream) override {
+    for (common::Envelope envelope; stream->Read(&envelope);) ++taken_;
+    return grpc::Status::OK;
+  }
+
+ private:
+  int port_ = 0;
+  std::atomic<int> taken_{0};
+  std::unique_ptr<grpc::Server> server_;
+};
+
+class DirectTest : public ::testing::Test {
+ protected:
+  std::unique_ptr<fabric::Client> connect(const std::vector<std::string>& orderers, const std::string& own_peer = "") {
+    fabric::ClientConfig config;
+    config.endpoint = own_peer.empty() ? served.endpoint() : own_peer;
+    if (!own_peer.empty()) config.other_peers.push_back({served.endpoint(), served.tls_ca_file()});
+    config.cross_check = true;
+    config.tls_ca_file = served.tls_ca_file();
+    for (const std::string& one : orderers) config.orderers.push_back({one, served.tls_ca_file()});
+    config.identity = served.user(1, "User1");
+    auto client = fabric::Client::create(std::move(config));
+    EXPECT_TRUE(client.ok()) << client.error().what;
+    return std::move(*client);
+  }
+  static fabric::Call note(const std::string& id) { return {"set", {R"({"id":")" + id + R"(","msgType":"t"})"}}; }
+
+  ServedNode served;
+};
+
+TEST_F(DirectTest, ACallCommitsWithOneEndorsement) {
+  const auto client = connect({served.endpoint()});
+  const auto outcome = client->submit_and_wait(note("tello1/a"));
+  ASSERT_EQ(outcome.kind, Kind::committed) << outcome.message;
+  const auto block = fabric::decode_block(**served.node().feed().read(outcome.block));
+  EXPECT_EQ(block->transactions[0].tx_id, outcome.tx_id);
+  EXPECT_EQ(block->transactions[0].endorsements.size(), 1U) << "through the gateway all three peers endorse";
+}
+
+TEST_F(DirectTest, ARefusalOfTheContractHasItsWords) {
+  const auto outcome = connect({served.endpoint()})->submit_and_wait(note("Org2MSP/a"));
+  EXPECT_EQ(outcome.kind, Kind::refused);
+  EXPECT_THAT(outcome.message, HasSubstr("chaincode response 500, Org2MSP: not enrolled"));
+}
+
+TEST_F(DirectTest, WhatIsTooLargeForTheOrdererIsRefusedWithItsSize) {
+  fabric::Call call = note("tello1/a");
+  call.args[0].insert(call.args[0].size() - 1, ",\"msgData\":\"" + std::string(100'000, 'A') + "\"");
+  const auto client = connect({served.endpoint()});
+  const auto outcome = client->submit_and_wait(call);
+  EXPECT_EQ(outcome.kind, Kind::refused);
+  EXPECT_THAT(outcome.message, HasSubstr("message payload is"));
+  EXPECT_EQ(client->submit_and_wait(note("tello1/a")).kind, Kind::committed) << "on a new stream";
+}
+
+TEST_F(DirectTest, ManyCallsAtOnceAreOrderedAsTheyWereSubmitted) {
+  const auto client = connect({served.endpoint()});
+  std::vector<std::promise<fabric::Outcome>> outcomes(40);
+  for (std::size_t i = 0; i < outcomes.size(); ++i) {
+    client->submit(note("tello1/n" + std::to_string(i)),
+                   [&outcomes, i](fabric::Outcome outcome) { outcomes[i].set_value(std::move(outcome)); });
+  }
+  std::uint64_t last = 0;
+  for (auto& outcome : outcomes) {
+    const auto got = outcome.get_future().get();
+    ASSERT_EQ(got.kind, Kind::committed) << got.message;
+    EXPECT_GT(got.block, last);
+    last = got.block;
+  }
+}
+
+TEST_F(DirectTest, AnOrdererThatIsGoneIsPassedOver) {
+  const auto client = connect({"127.0.0.1:1", served.endpoint()});
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(client->submit_and_wait(note("tello1/a")).kind, Kind::committed);
+}
+
+TEST_F(DirectTest, AnotherPeerStandsInForOneThatIsGone) {
+  const std::string gone = "127.0.0.1:1";
+  for (const auto& orderers : {std::vector<std::string>{served.endpoint()}, std::vector<std::string>{}}) {
+    const auto client = connect(orderers, gone);
+    std::promise<std::uint64_t> seen;
+    std::atomic<bool> told{false};
+    const auto stream = client->blocks(0, {.on_block =
+                                               [&](const fabric::Block& block, std::string_view) {
+                                                 if (!told.exchange(true)) seen.set_value(block.number);
+                                               },
+                                           .on_connection = {}});
+    EXPECT_EQ(seen.get_future().get(), 0U);
+    EXPECT_EQ(client->submit_and_wait(note("tello1/a")).kind, Kind::committed);
+    EXPECT_TRUE(client->evaluate({"get", {}}).ok());
+  }
+}
+
+TEST_F(DirectTest, AnOrdererThatIsSilentIsPassedOver) {
+  const SilentOrderer silent(served);
+  const auto client = connect({silent.endpoint(), served.endpoint()});
+  for (int i = 0; i < 3; ++i) {
+    const auto outcome = client->submit_and_wait(note("tello1/a"));
+    EXPECT_EQ(outcome.kind, Kind::committed) << outcome.message;
+  }
+  EXPECT_EQ(silent.taken(), 1) << "what comes after goes to the one that answers";
+}
+
+TEST_F(DirectTest, AClientThatEndsInTheMiddleAnswersEveryCall) {
+  std::promise<fabric::Outcome> outcome;
+  {
+    const auto client = connect({"127.0.0.1:1"});
+    client->submit(note("tello1/a"), [&](fabric::Outcome got) { outcome.set_value(std::move(got)); });
+  }
+  EXPECT_EQ(outcome.get_future().get().kind, Kind::unavailable);
+}
+
+}  // namespace
+}  // namespace ledgerline::node

@@ -1,0 +1,226 @@
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <sched.h>
+#include <sys/mount.h>
+#include <unistd.h>
+
+#include <condition_variable>
+#include <filesystem>
+#include <thread>
+
+#include "chaincode/node/shell/block_view.hpp"
+#include "chaincode/node/shell/node.hpp"
+#include "common/fabric/tx/transaction.hpp"
+
+/// The node with its threads and a real directory, without gRPC.
+namespace ledgerline::node {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+/// Collects answers of the core's thread for the test's thread.
+template <typename T>
+class Inbox {
+ public:
+  void put(T item) {
+    const std::lock_guard lock(mutex_);
+    items_.push_back(std::move(item));
+    arrived_.notify_all();
+  }
+  std::vector<T> wait_for(std::size_t count) {
+    std::unique_lock lock(mutex_);
+    arrived_.wait(lock, [&] { return items_.size() >= count; });
+    return items_;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable arrived_;
+  std::vector<T> items_;
+};
+
+class ShellTest : public ::testing::Test {
+ protected:
+  ShellTest() : dir_(std::filesystem::temp_directory_path() / ("ledgerline_shell_" + std::to_string(::getpid()))) {
+    std::filesystem::remove_all(dir_);
+    start();
+  }
+  ~ShellTest() override {
+    node.reset();
+    std::filesystem::remove_all(dir_);
+  }
+
+  void start() {
+    node.reset();
+    Node::Options options;
+    options.dir = dir_;
+    options.core.batch_count = 3;
+    options.core.batch_timeout_ns = 2 * ns_per_ms;
+    auto opened = Node::open(options);
+    ASSERT_TRUE(opened.ok()) << opened.error().what;
+    node = std::move(*opened);
+    node->on_answer([this](std::uint64_t, const TxStatus& status) { answers.put(status); });
+    user = *crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", user_msp_dir(dir_, 1, "User1"));
+  }
+
+  /// From any thread; the transaction's fate comes to `answers`.
+  void submit(const std::string& json) {
+    const Now now{monotonic_ns(), realtime_ns()};
+    const auto proposal = *fabric::make_proposal(user, {}, {"set", {json}}, now.real_ns, crypto::random_bytes(24));
+    node->post_always([this, proposal, now](NodeCore& core) {
+      const Reply endorsed = core.endorse(proposal.signed_proposal, now);
+      if (endorsed.code != Code::ok) return answers.put({endorsed.detail, 0, -1});
+      if (const auto status = core.watch(proposal.tx_id, 1)) return answers.put(*status);
+      core.order(*fabric::sign_envelope(user, endorsed.bytes), now);
+    });
+  }
+
+  std::filesystem::path dir_;
+  Inbox<TxStatus> answers;
+  std::unique_ptr<Node> node;
+  crypto::SigningIdentity user;
+};
+
+/// Reads a feed to its end, as streams do: one block, then the next, waiting where there is none.
+class Reader final : public BlockFeed::Waiter, public std::enable_shared_from_this<Reader> {
+ public:
+  explicit Reader(BlockFeed& feed) : feed_(feed) {}
+  void wake() override {
+    const std::lock_guard lock(mutex_);
+    while (!feed_.wait(next_, weak_from_this())) {
+      const auto block = feed_.read(next_);
+      ASSERT_TRUE(block.ok());
+      blocks.put(*fabric::decode_block(**block));
+      ++next_;
+    }
+  }
+  Inbox<fabric::Block> blocks;
+
+ private:
+  BlockFeed& feed_;
+  std::mutex mutex_;
+  std::uint64_t next_ = 0;
+};
+
+TEST_F(ShellTest, ANewLedgerHasItsConfigAndFirstEnrolments) {
+  EXPECT_EQ(node->feed().height(), 3U);
+  submit(R"({"id":"tello16/a","msgType":"t"})");
+  EXPECT_EQ(answers.wait_for(1)[0].code, 0);
+}
+
+TEST_F(ShellTest, CallsFromManyThreadsAllCommitAndReadersSeeEachBlockOnce) {
+  const auto reader = std::make_shared<Reader>(node->feed());
+  reader->wake();
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([this, t] {
+      for (int i = 0; i < 10; ++i) submit(R"({"id":"tello)" + std::to_string(t + 1) + R"(/a","msgType":"t"})");
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (const TxStatus& status : answers.wait_for(40)) EXPECT_EQ(status.code, 0) << status.tx_id;
+  const std::uint64_t height = node->feed().height();
+  fabric::ChainCheck check;
+  std::size_t transactions = 0;
+  for (const fabric::Block& block : reader->blocks.wait_for(height)) {
+    EXPECT_TRUE(check.add(block).ok()) << block.number;
+    transactions += block.transactions.size();
+  }
+  EXPECT_EQ(check.height(), height);
+  EXPECT_EQ(transactions, 43U);
+}
+
+TEST_F(ShellTest, WhatWasAnsweredIsThereAfterARestart) {
+  submit(R"({"id":"tello1/a","msgType":"t"})");
+  const TxStatus status = answers.wait_for(1)[0];
+  start();
+  Inbox<std::optional<TxStatus>> found;
+  node->post([&](NodeCore& core) { found.put(core.find(status.tx_id)); });
+  ASSERT_TRUE(found.wait_for(1)[0]);
+  EXPECT_EQ(found.wait_for(1)[0]->block, status.block);
+}
+
+TEST_F(ShellTest, AFullDiskConfirmsNothingUntilThereIsRoom) {
+  node.reset();
+  std::filesystem::remove_all(dir_);
+  std::filesystem::create_directories(dir_);
+  if (::unshare(CLONE_NEWNS) != 0 || ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
+      ::mount("none", dir_.c_str(), "tmpfs", 0, "size=4m") != 0)
+    GTEST_SKIP() << "no file system of its own without root";
+  start();
+  submit(R"({"id":"tello1/a","msgType":"t"})");
+  ASSERT_EQ(answers.wait_for(1)[0].code, 0);
+  const std::string filler = dir_ / "filler";
+  const int fd = ::open(filler.c_str(), O_WRONLY | O_CREAT, 0600);
+  const std::string page(4'096, 'x');
+  while (::write(fd, page.data(), page.size()) > 0) {
+  }
+  ::close(fd);
+  const std::uint64_t height = node->feed().height();
+  for (int i = 0; i < 8; ++i) submit(R"({"id":"tello1/a","msgType":"t"})");  // more than a page has left
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_LE(node->feed().height(), height + 1);
+  EXPECT_LT(answers.wait_for(1).size(), 9U);
+  ::unlink(filler.c_str());
+  for (const TxStatus& status : answers.wait_for(9)) EXPECT_EQ(status.code, 0) << status.tx_id;
+  start();
+  EXPECT_GT(node->feed().height(), height) << "all of it is there after a restart";
+  node.reset();
+  ::umount2(dir_.c_str(), MNT_DETACH);
+}
+
+TEST_F(ShellTest, NoNewAuthoritiesAreMadeOverAnOldChain) {
+  node.reset();
+  std::filesystem::rename(dir_ / "crypto", dir_ / "elsewhere");
+  Node::Options options;
+  options.dir = dir_;
+  const auto opened = Node::open(options);
+  ASSERT_FALSE(opened.ok());
+  EXPECT_THAT(opened.error().what, HasSubstr("crypto is missing"));
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "crypto"));
+}
+
+TEST_F(ShellTest, TheQueueToTheCoreIsBounded) {
+  const auto gate = std::make_shared<std::mutex>();  // shared: the core's thread may leave it after this test has ended
+  gate->lock();
+  node->post([gate](NodeCore&) { const std::lock_guard wait(*gate); });
+  std::size_t taken = 0;
+  while (taken < 100'000 && node->post([](NodeCore&) {})) ++taken;
+  gate->unlock();
+  EXPECT_LT(taken, 10'000U);
+  EXPECT_GT(taken, 1'000U);
+}
+
+TEST_F(ShellTest, ServicesShowABlockInTheirOwnWay) {
+  submit(R"({"id":"tello1/a","msgType":"t"})");
+  const TxStatus status = answers.wait_for(1)[0];
+  const auto block = *node->feed().read(status.block);
+
+  protos::DeliverResponse filtered;
+  ASSERT_TRUE(fill_filtered(*block, filtered).ok());
+  const auto& transaction = filtered.filtered_block().filtered_transactions(0);
+  EXPECT_EQ(transaction.txid(), status.tx_id);
+  const auto& event = transaction.transaction_actions().chaincode_actions(0).chaincode_event();
+  EXPECT_EQ(event.event_name(), "set");
+  EXPECT_EQ(event.payload(), "");
+
+  orderer::DeliverResponse ordered;
+  ASSERT_TRUE(fill_orderer(*block, ordered).ok());
+  EXPECT_EQ(ordered.block().metadata().metadata(common::TRANSACTIONS_FILTER), "");
+
+  gateway::ChaincodeEventsResponse events;
+  ASSERT_TRUE(fill_events(*block, "ledgerline", "", events).ok());
+  ASSERT_THAT(events.events(), SizeIs(1));
+  EXPECT_THAT(events.events(0).payload(), HasSubstr("tello1/a"));
+  for (const auto& [contract, after] :
+       {std::pair<std::string, std::string>{"ledgerline", status.tx_id}, {"other", ""}}) {
+    gateway::ChaincodeEventsResponse none;
+    ASSERT_TRUE(fill_events(*block, contract, after, none).ok());
+    EXPECT_THAT(none.events(), SizeIs(0));
+  }
+}
+
+}  // namespace
+}  // namespace ledgerline::node

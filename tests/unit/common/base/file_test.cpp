@@ -1,0 +1,28 @@
+#include "common/base/file.hpp"
+
+#include <gmock/gmock.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+namespace ledgerline {
+namespace {
+
+TEST(WriteFile, MakesTheWayThereAndWritesOver) {
+  const std::string dir = ::testing::TempDir() + "/write_file_" + std::to_string(::getpid());
+  const std::string path = dir + "/a/b/c";
+  ASSERT_TRUE(write_file(path, "a longer text", 0644).ok());
+  ASSERT_TRUE(write_file(path, "secret", 0600).ok());
+  EXPECT_EQ(*read_file(path), "secret");
+  struct stat info {};
+  ASSERT_EQ(::stat(path.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777U, 0600U);
+  const auto below_a_file = write_file(path + "/d", "x");
+  ASSERT_FALSE(below_a_file.ok());
+  EXPECT_THAT(below_a_file.error().what, ::testing::HasSubstr("cannot write " + path + "/d: Not a directory"));
+  std::filesystem::remove_all(dir);
+}
+
+}  // namespace
+}  // namespace ledgerline

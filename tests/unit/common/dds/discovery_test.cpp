@@ -1,0 +1,239 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "common/dds/dds.hpp"
+#include "common/dds/endpoint.hpp"
+#include "common/msg/cdr.hpp"
+#include "tests/unit/common/dds/domain.hpp"
+
+namespace ledgerline::dds {
+namespace {
+
+constexpr const char* nested = "made_up_msgs/msg/Nested";
+constexpr const char* other_type = "made_up_msgs/msg/Other";
+
+void ignore(std::span<const std::uint8_t>, const RawInfo&) {}
+
+class Topics : public testing::Test {
+ protected:
+  void SetUp() override {
+    for (ParticipantPtr* p : {&own_, &other_}) {
+      auto made = Participant::create(on_own_domain());
+      ASSERT_TRUE(made) << made.error().what;
+      *p = *made;
+    }
+  }
+  Discovery watch(std::size_t bound = 100) {
+    auto made = Discovery::create(
+        own_,
+        [this](const TopicSeen& seen) {
+          if (seen.topic.starts_with("/seen/")) seen_.add(seen);
+        },
+        bound);
+    if (!made) throw std::runtime_error(made.error().what);
+    return std::move(*made);
+  }
+  static RawWriter writer(const ParticipantPtr& p, const char* topic, const char* type = nested, const Qos& qos = {}) {
+    auto made = RawWriter::create(p, topic, type, qos);
+    if (!made) throw std::runtime_error(made.error().what);
+    return std::move(*made);
+  }
+  static RawReader reader(const ParticipantPtr& p, const char* topic, const char* type = nested, const Qos& qos = {}) {
+    auto made = RawReader::create(p, topic, type, qos, ignore);
+    if (!made) throw std::runtime_error(made.error().what);
+    return std::move(*made);
+  }
+  /// What was told n-th.
+  TopicSeen told(std::size_t n) {
+    if (!seen_.wait_for(n + 1)) throw std::runtime_error("nothing more was told");
+    return seen_.items()[n];
+  }
+
+  ParticipantPtr own_, other_;
+  Inbox<TopicSeen> seen_;
+};
+
+TEST_F(Topics, AreToldAsTheyAppearChangeAndVanish) {
+  const auto before = writer(other_, "/seen/early", nested, {.transient_local = true, .depth = 3});
+  const Discovery discovery = watch();
+  EXPECT_EQ(told(0), (TopicSeen{"/seen/early", nested, {true, true, 3}, 1, 0, false}));
+  {
+    const auto reads = reader(other_, "/seen/late", nested, {.reliable = false});
+    EXPECT_EQ(told(1), (TopicSeen{"/seen/late", nested, told(1).qos, 0, 1, false}));
+    EXPECT_FALSE(told(1).qos.reliable);
+    const auto writes = writer(other_, "/seen/late");
+    EXPECT_EQ(told(2), (TopicSeen{"/seen/late", nested, {true, false, 10}, 1, 1, false}));
+  }
+  EXPECT_EQ(told(3).writers, 0);
+  EXPECT_EQ(told(3).readers, 1);
+  EXPECT_EQ(told(4), (TopicSeen{"/seen/late", nested, {}, 0, 0, false}));
+}
+
+TEST_F(Topics, ATypeThatChangesVanishesAndAppears) {
+  const Discovery discovery = watch();
+  for (const char* type : {nested, other_type}) {
+    const auto writes = writer(other_, "/seen/changing", type);
+    ASSERT_TRUE(seen_.wait_for(type == nested ? 1 : 3));
+  }
+  EXPECT_EQ(told(0).type, nested);
+  EXPECT_EQ(told(1), (TopicSeen{"/seen/changing", nested, {}, 0, 0, false}));
+  EXPECT_EQ(told(2).type, other_type);
+  EXPECT_EQ(told(2).writers, 1);
+  EXPECT_FALSE(told(2).clash);
+  EXPECT_EQ(told(3), (TopicSeen{"/seen/changing", other_type, {}, 0, 0, false}));
+}
+
+TEST_F(Topics, ATypeClashWithOthersOrWithUsIsTold) {
+  const Discovery discovery = watch();
+  const auto one = writer(other_, "/seen/clash");
+  EXPECT_FALSE(told(0).clash);
+  {
+    const auto two = writer(other_, "/seen/clash", other_type);
+    ASSERT_TRUE(seen_.wait_for(3));
+    EXPECT_TRUE(told(1).clash);
+    EXPECT_TRUE(told(2).clash);
+    EXPECT_NE(told(1).type, told(2).type);
+  }
+  EXPECT_EQ(told(3), (TopicSeen{"/seen/clash", other_type, {}, 0, 0, false}));
+  EXPECT_EQ(told(4), (TopicSeen{"/seen/clash", nested, {}, 1, 0, false}));
+  const auto ours = reader(own_, "/seen/clash", other_type);
+  EXPECT_EQ(told(5), (TopicSeen{"/seen/clash", nested, {}, 1, 0, true}));
+  EXPECT_EQ(ours.writers(), 0);
+}
+
+TEST_F(Topics, TheQosIsOneThatHearsAllWritersAndSatisfiesAllReaders) {
+  const auto a = writer(other_, "/seen/offered", nested, {.reliable = true, .transient_local = true});
+  const auto b = writer(other_, "/seen/offered", nested, {.reliable = false, .transient_local = true});
+  const auto c = reader(other_, "/seen/wanted", nested, {.reliable = true, .transient_local = false});
+  const auto d = reader(other_, "/seen/wanted", nested, {.reliable = false, .transient_local = true});
+  const Discovery discovery = watch();
+  const auto last_of = [&](const std::string& topic) {
+    TopicSeen last;
+    for (const TopicSeen& seen : seen_.items()) {
+      if (seen.topic == topic) last = seen;
+    }
+    return last;
+  };
+  ASSERT_TRUE(
+      eventually([&] { return last_of("/seen/offered").writers == 2 && last_of("/seen/wanted").readers == 2; }));
+  EXPECT_FALSE(last_of("/seen/offered").qos.reliable);
+  EXPECT_TRUE(last_of("/seen/offered").qos.transient_local);
+  EXPECT_TRUE(last_of("/seen/wanted").qos.reliable);
+  EXPECT_TRUE(last_of("/seen/wanted").qos.transient_local);
+}
+
+TEST_F(Topics, ServicesTopicsAndOurOwnAreLeftOut) {
+  const Discovery discovery = watch();
+  Endpoint service;
+  ASSERT_TRUE(service.open_writer(other_->handle(), "rq/seen/serviceRequest", "made_up::srv::dds_::Add_Request_", {}));
+  const auto ours = writer(own_, "/seen/ours");
+  const auto theirs = writer(other_, "/seen/theirs");
+  EXPECT_EQ(told(0).topic, "/seen/theirs");
+  EXPECT_EQ(seen_.items().size(), 1u);
+}
+
+TEST_F(Topics, EndpointsBeyondTheBoundAreLeftOutAndCounted) {
+  const auto one = writer(other_, "/seen/one");
+  const Discovery discovery = watch(1);
+  const auto two = writer(other_, "/seen/two");
+  EXPECT_TRUE(eventually([&] { return discovery.left_out() == 1; }));
+  EXPECT_EQ(seen_.items().size(), 1u);
+}
+
+struct Node {
+  std::string space, name;
+  std::size_t readers = 0, writers = 0;
+  bool operator==(const Node&) const = default;
+};
+
+/// As a ROS 2 tool reads ros_discovery_info; node names alone.
+class NodeReader {
+ public:
+  explicit NodeReader(const ParticipantPtr& participant, std::size_t gid_bytes) : gid_bytes_(gid_bytes) {
+    opened_ = endpoint_
+                  .open_reader(participant->handle(), "ros_discovery_info",
+                               "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_",
+                               {.transient_local = true, .depth = 1}, &NodeReader::changed, this)
+                  .ok();
+  }
+  bool opened() const { return opened_; }
+  bool sees(const Node& node) {
+    return eventually([&] {
+      const auto told = nodes_.items();
+      return !told.empty() && told.back() == node;
+    });
+  }
+
+ private:
+  static void changed(dds_entity_t reader, void* self) { static_cast<NodeReader*>(self)->read(reader); }
+  void read(dds_entity_t reader) {
+    ddsi_serdata* message = nullptr;
+    dds_sample_info_t info{};
+    while (dds_takecdr(reader, &message, 1, &info, DDS_ANY_STATE) > 0) {
+      if (info.valid_data) {
+        CdrReader in({reinterpret_cast<const char*>(bytes_of(message).data()), bytes_of(message).size()});
+        skip(in, 1);
+        EXPECT_EQ(in.get<std::uint32_t>(), 1u);
+        Node node;
+        node.space = in.get_string();
+        node.name = in.get_string();
+        skip(in, node.readers = in.get<std::uint32_t>());
+        skip(in, node.writers = in.get<std::uint32_t>());
+        EXPECT_TRUE(in.ok());
+        nodes_.add(node);
+      }
+      ddsi_serdata_unref(message);
+    }
+  }
+  void skip(CdrReader& in, std::size_t gids) const {
+    for (std::size_t i = 0; i < gids * gid_bytes_; ++i) (void)in.get<std::uint8_t>();
+  }
+
+  std::size_t gid_bytes_;
+  bool opened_ = false;
+  Inbox<Node> nodes_;
+  Endpoint endpoint_;
+};
+
+TEST(NodeOfRos, IsListedWithItsReadersAndWritersAsTheyComeAndGo) {
+  ParticipantOptions options = on_own_domain();
+  options.node = "/fleet/listed";
+  auto participant = Participant::create(options);
+  auto tool = Participant::create(on_own_domain());
+  ASSERT_TRUE(participant && tool);
+  NodeReader nodes(*tool, 16);
+  ASSERT_TRUE(nodes.opened());
+  EXPECT_TRUE(nodes.sees({"/fleet", "listed", 0, 0}));
+  {
+    auto w = RawWriter::create(*participant, "/a", nested, {});
+    auto r = RawReader::create(*participant, "/b", nested, {}, ignore);
+    ASSERT_TRUE(w && r);
+    EXPECT_TRUE(nodes.sees({"/fleet", "listed", 1, 1}));
+  }
+  EXPECT_TRUE(nodes.sees({"/fleet", "listed", 0, 0}));
+}
+
+TEST(NodeOfRos, SpeaksAsTheReleaseThatIsUsedHere) {
+  setenv("ROS_DISTRO", "humble", 1);
+  ParticipantOptions options = on_own_domain();
+  options.node = "older";
+  auto participant = Participant::create(options);
+  unsetenv("ROS_DISTRO");
+  auto tool = Participant::create(on_own_domain());
+  ASSERT_TRUE(participant && tool);
+  NodeReader nodes(*tool, 24);
+  EXPECT_TRUE(nodes.sees({"/", "older", 0, 0}));
+}
+
+TEST(NodeOfRos, ANameThatRosDoesNotAllowIsAnError) {
+  ParticipantOptions options = on_own_domain();
+  options.node = "two words";
+  auto refused = Participant::create(options);
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().what, testing::HasSubstr("two words"));
+}
+
+}  // namespace
+}  // namespace ledgerline::dds

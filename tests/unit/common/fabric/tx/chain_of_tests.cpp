@@ -1,0 +1,139 @@
+#include "tests/unit/common/fabric/tx/chain_of_tests.hpp"
+
+#include "peer/chaincode.pb.h"
+#include "peer/chaincode_event.pb.h"
+#include "peer/proposal.pb.h"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+template <typename Message>
+Message parsed(const std::string& bytes) {
+  Message message;
+  message.ParseFromString(bytes);
+  return message;
+}
+
+protos::Proposal proposal_of(const std::string& signed_proposal) {
+  return parsed<protos::Proposal>(parsed<protos::SignedProposal>(signed_proposal).proposal_bytes());
+}
+
+std::string digest(const std::string& bytes) {
+  const crypto::Digest d = crypto::sha256(bytes);
+  return {d.begin(), d.end()};
+}
+
+}  // namespace
+
+Call call_of(const std::string& signed_proposal) {
+  const auto payload = parsed<protos::ChaincodeProposalPayload>(proposal_of(signed_proposal).payload());
+  const auto input = parsed<protos::ChaincodeInvocationSpec>(payload.input()).chaincode_spec().input();
+  Call call;
+  if (input.args_size() > 0) call.function = input.args(0);
+  for (int i = 1; i < input.args_size(); ++i) call.args.push_back(input.args(i));
+  return call;
+}
+
+common::Envelope endorse(const std::string& signed_proposal, const crypto::SigningIdentity& peer,
+                         const std::string& answer, const std::string& event_name, const std::string& event_payload) {
+  const protos::Proposal proposal = proposal_of(signed_proposal);
+  const auto header = parsed<common::Header>(proposal.header());
+  const auto channel = parsed<common::ChannelHeader>(header.channel_header());
+  const auto extension = parsed<protos::ChaincodeHeaderExtension>(channel.extension());
+
+  protos::ChaincodeEvent event;
+  event.set_chaincode_id(extension.chaincode_id().name());
+  event.set_tx_id(channel.tx_id());
+  event.set_event_name(event_name);
+  event.set_payload(event_payload);
+  protos::ChaincodeAction result;
+  result.mutable_response()->set_status(200);
+  result.mutable_response()->set_payload(answer);
+  *result.mutable_chaincode_id() = extension.chaincode_id();
+  if (!event_name.empty()) result.set_events(event.SerializeAsString());
+  protos::ProposalResponsePayload response;
+  response.set_proposal_hash(digest(proposal.SerializeAsString()));
+  response.set_extension(result.SerializeAsString());
+
+  protos::ChaincodeActionPayload action;
+  action.set_chaincode_proposal_payload(proposal.payload());
+  action.mutable_action()->set_proposal_response_payload(response.SerializeAsString());
+  protos::Endorsement& endorsement = *action.mutable_action()->add_endorsements();
+  endorsement.set_endorser(peer.serialized);
+  endorsement.set_signature(peer.signer->sign(action.action().proposal_response_payload() + peer.serialized).value());
+  protos::Transaction transaction;
+  transaction.add_actions()->set_header(header.signature_header());
+  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
+  common::Payload payload;
+  *payload.mutable_header() = header;
+  payload.set_data(transaction.SerializeAsString());
+  common::Envelope envelope;
+  envelope.set_payload(payload.SerializeAsString());
+  return envelope;
+}
+
+std::string tx_id_of(const common::Envelope& envelope) {
+  const auto payload = parsed<common::Payload>(envelope.payload());
+  return parsed<common::ChannelHeader>(payload.header().channel_header()).tx_id();
+}
+
+std::string make_transaction(const crypto::SigningIdentity& client, const crypto::SigningIdentity& peer,
+                             const Call& call, const std::string& nonce) {
+  const Proposal proposal = make_proposal(client, {}, call, 1'700'000'000 * ns_per_s, nonce).value();
+  const auto envelope = endorse(proposal.signed_proposal, peer, "answer to " + call.function, call.function,
+                                call.args.empty() ? "" : call.args[0]);
+  return sign_envelope(client, envelope.SerializeAsString()).value();
+}
+
+std::string with_foreign_event(const std::string& bytes) {
+  auto envelope = parsed<common::Envelope>(bytes);
+  auto payload = parsed<common::Payload>(envelope.payload());
+  auto transaction = parsed<protos::Transaction>(payload.data());
+  auto action = parsed<protos::ChaincodeActionPayload>(transaction.actions(0).payload());
+  auto response = parsed<protos::ProposalResponsePayload>(action.action().proposal_response_payload());
+  auto result = parsed<protos::ChaincodeAction>(response.extension());
+  auto event = parsed<protos::ChaincodeEvent>(result.events());
+  event.set_tx_id("another");
+  result.set_events(event.SerializeAsString());
+  response.set_extension(result.SerializeAsString());
+  action.mutable_action()->set_proposal_response_payload(response.SerializeAsString());
+  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
+  payload.set_data(transaction.SerializeAsString());
+  envelope.set_payload(payload.SerializeAsString());
+  return envelope.SerializeAsString();
+}
+
+void seal(common::Block& block, const common::Block* previous) {
+  std::string entries;
+  for (const std::string& entry : block.data().data()) entries += entry;
+  block.mutable_header()->set_data_hash(digest(entries));
+  if (previous == nullptr) return;
+  const common::BlockHeader& before = previous->header();
+  block.mutable_header()->set_previous_hash(
+      block_header_hash(before.number(), before.previous_hash(), before.data_hash()));
+}
+
+common::Block make_block(const common::Block* previous, const std::vector<std::string>& envelopes,
+                         const std::string& flags) {
+  common::Block block;
+  block.mutable_header()->set_number(previous == nullptr ? 0 : previous->header().number() + 1);
+  for (const std::string& envelope : envelopes) block.mutable_data()->add_data(envelope);
+  for (int i = 0; i < 5; ++i) block.mutable_metadata()->add_metadata("");
+  block.mutable_metadata()->set_metadata(2, flags);
+  seal(block, previous);
+  return block;
+}
+
+common::Block make_config_block(const std::string& channel) {
+  common::ChannelHeader header;
+  header.set_type(common::CONFIG);
+  header.set_channel_id(channel);
+  common::Payload payload;
+  payload.mutable_header()->set_channel_header(header.SerializeAsString());
+  common::Envelope envelope;
+  envelope.set_payload(payload.SerializeAsString());
+  return make_block(nullptr, {envelope.SerializeAsString()}, std::string(1, '\0'));
+}
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,304 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tests/unit/ground/core/flight_world.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+using testing::HasSubstr;
+using Kind = fabric::Outcome::Kind;
+
+FlightConfig manual_config(int drones) {
+  FlightConfig config = config_for(drones);
+  config.manual = true;
+  return config;
+}
+
+PilotWish takeoff(std::size_t drone = 0) { return {.drone = drone, .takeoff = true}; }
+PilotWish land(std::size_t drone = 0) { return {.drone = drone, .land = true}; }
+PilotWish velocity(double forward_mps, std::size_t drone = 0) {
+  return {.drone = drone, .velocity = Twist{{forward_mps, 0, 0}, {}}};
+}
+
+/// In the air, and still.
+struct Flying : FlightWorld {
+  explicit Flying(int drones = 1) : FlightWorld(manual_config(drones)) {
+    run(1);
+    for (int i = 0; i < drones; ++i) say(takeoff(static_cast<std::size_t>(i)));
+    run(5);
+  }
+};
+
+bool is_zero(const PlannedSetpoint& s) { return s.vx() == 0 && s.vy() == 0 && s.vz() == 0 && s.yaw_rate() == 0; }
+
+TEST(ManualFlight, StandsOnTheGroundUntilItsPilotSaysTakeOff) {
+  FlightWorld world(manual_config(1));
+  world.run(60);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
+  EXPECT_TRUE(world.calls.empty());
+  world.say(takeoff());
+  world.run(5);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world.drones[0].plans.front().action(), TAKEOFF);
+}
+
+TEST(ManualFlight, HoversWithoutAWordAndLandsOnOneAndFliesAgain) {
+  Flying world;
+  for (int round = 0; round < 2; ++round) {
+    const auto before = world.drones[0].plans.size();
+    world.run(3);
+    EXPECT_GT(world.drones[0].plans.size(), before + 60) << "a hover is commanded, not left to the failsafe";
+    for (std::size_t i = before; i < world.drones[0].plans.size(); ++i) {
+      for (const auto& s : world.drones[0].plans[i].setpoints()) EXPECT_TRUE(is_zero(s));
+    }
+    world.say(land());
+    world.run(5);
+    EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+    EXPECT_EQ(world.drones[0].phase, FlightPhase::landed);
+    EXPECT_FALSE(world.core.done()) << "it may take off again";
+    world.say(takeoff());
+    world.run(5);
+    EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  }
+}
+
+TEST(ManualFlight, AVelocityMakesAPlanAtOnceFromTheNewestState) {
+  Flying world;
+  world.run(0.0215);
+  const auto calls = world.calls.size();
+  world.say(velocity(0.3));
+  ASSERT_EQ(world.calls.size(), calls + 1);
+  const DronePlan& plan = world.calls.back().plans(0);
+  EXPECT_EQ(plan.action(), FLY);
+  EXPECT_FLOAT_EQ(plan.setpoints(0).vx(), 0.3F);
+  EXPECT_LT(world.now_ns - plan.state_stamp_ns(), 100 * ns_per_ms);
+  EXPECT_GE(plan.setpoints(0).at_ns(), world.now_ns - world.one_way_ns + world.core.delay_ns())
+      << "the time since the state came is in it";
+}
+
+TEST(ManualFlight, APilotWhoFallsSilentLeavesADroneThatStands) {
+  Flying world;
+  const double start_m = world.drones[0].model.motion.position_m.x();
+  for (int i = 0; i < 20; ++i) {
+    world.say(velocity(0.5));
+    world.run(0.1);
+  }
+  const double here_m = world.drones[0].model.motion.position_m.x();
+  EXPECT_NEAR(here_m - start_m, 0.5 * (2 - 0.3), 0.1);
+  world.run(10);
+  // What was left of the last wish's time, the way there, and the drone's own lag.
+  EXPECT_LT(world.drones[0].model.motion.position_m.x() - here_m, 0.5 * (0.2 + 0.05 + 0.3));
+  EXPECT_NEAR(world.drones[0].model.motion.velocity_mps.norm(), 0, 1e-3);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+}
+
+TEST(ManualFlight, EveryPlanEndsInZero) {
+  Flying world;
+  for (int i = 0; i < 50; ++i) {
+    world.say(velocity(0.5));
+    world.run(0.02);
+  }
+  for (const DronePlan& plan : world.drones[0].plans) {
+    if (plan.action() != FLY) continue;
+    ASSERT_TRUE(is_zero(*plan.setpoints().rbegin()));
+    ASSERT_LE(plan.setpoints_size(), static_cast<int>(max_setpoints));
+  }
+}
+
+TEST(ManualFlight, BadValuesAreCountedAndFlyNothing) {
+  Flying world;
+  world.say(velocity(std::numeric_limits<double>::quiet_NaN()));
+  world.say(velocity(1e9));
+  world.run(1);
+  EXPECT_EQ(world.core.status(0).pilot.bad_values, 2U);
+  EXPECT_EQ(world.core.status(0).pilot.velocities, 0U);
+  for (const auto& s : world.drones[0].plans.back().setpoints()) EXPECT_TRUE(is_zero(s));
+}
+
+TEST(ManualFlight, VelocitiesOnTheGroundAreCountedAndLeftOut) {
+  FlightWorld world(manual_config(1));
+  world.run(1);
+  world.say(velocity(0.5));
+  world.say(takeoff());
+  world.say(velocity(0.5));
+  world.run(0.5);
+  EXPECT_EQ(world.core.status(0).pilot.not_flying, 2U);
+  world.run(5);
+  EXPECT_NEAR(world.drones[0].model.motion.position_m.x(), 0, 1e-6);
+}
+
+TEST(ManualFlight, SeveralDronesAreFlownEachByItsOwn) {
+  Flying world(3);
+  for (int i = 0; i < 10; ++i) {
+    world.say(velocity(0.5, 0));
+    world.say(velocity(-0.5, 2));
+    world.run(0.1);
+  }
+  EXPECT_GT(world.drones[0].model.motion.position_m.x(), 0.2);
+  EXPECT_NEAR(world.drones[1].model.motion.position_m.x(), 3, 1e-6);
+  EXPECT_LT(world.drones[2].model.motion.position_m.x(), 5.8);
+  world.say(land(1));
+  world.run(5);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world.core.status(1).phase, DronePhase::landed);
+}
+
+TEST(ManualFlight, ATakeOffThatCannotBeIsRefusedAndSaysWhy) {
+  FlightWorld blind(manual_config(1));
+  blind.drones[0].has_pose = false;
+  blind.run(1);
+  blind.say(takeoff());
+  blind.run(1);
+  EXPECT_EQ(blind.core.status(0).phase, DronePhase::waiting);
+  ASSERT_EQ(blind.notes.size(), 1U);
+  EXPECT_THAT(blind.notes[0], HasSubstr("tello1: no take-off: it has no pose"));
+  EXPECT_TRUE(blind.calls.empty());
+
+  FlightWorld other(manual_config(1));
+  ASSERT_TRUE(other.core.set_control(control_record("tello1", stranger_name, 2).SerializeAsString()));
+  other.run(1);
+  for (int i = 0; i < 100; ++i) other.say(takeoff());
+  ASSERT_EQ(other.notes.size(), 1U) << "a flood of wishes is no flood of the log";
+  EXPECT_THAT(other.notes[0], HasSubstr("its lease is held by CN=User1@org3"));
+  EXPECT_EQ(other.core.status(0).pilot.refused, 100U);
+}
+
+TEST(ManualFlight, AFlightAroundAPathTakesNoTakeOffAndNoVelocityButLandsAndStops) {
+  FlightWorld world(config_for(1));
+  world.run(10);
+  world.say(takeoff());
+  world.say(velocity(0.5));
+  EXPECT_THAT(world.notes.at(0), HasSubstr("it flies a path"));
+  EXPECT_EQ(world.core.status(0).pilot.not_flying, 1U);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::path);
+  world.say(land());
+  world.run(10);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_THAT(world.core.why(), HasSubstr("landed by its pilot"));
+}
+
+TEST(ManualFlight, AStopGoesOutAtOnceAndStopsThatDroneAlone) {
+  Flying world(2);
+  world.say({.drone = 0, .stop = true});
+  ASSERT_EQ(world.stops.size(), 1U) << "in the same step, whatever is in flight";
+  EXPECT_EQ(world.stops[0].drones(0), "tello1");
+  EXPECT_FALSE(world.stops[0].cut());
+  EXPECT_TRUE(world.all_stops_urgent);
+  world.run(5);
+  EXPECT_EQ(world.stops.size(), 1U);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(world.core.status(1).phase, DronePhase::manual);
+  world.say(takeoff());
+  EXPECT_THAT(world.notes.back(), HasSubstr("it is stopped by"));
+}
+
+TEST(ManualFlight, AStopIsSaidAgainUntilTheLedgerHasItOrRefusesIt) {
+  Flying world;
+  world.end_of_stops = Kind::unavailable;
+  world.say({.drone = 0, .stop = true});
+  world.run(1);
+  EXPECT_GT(world.stops.size(), 3U);
+  EXPECT_LT(world.stops.size(), 12U) << "behind pauses";
+  world.end_of_stops = Kind::committed;
+  world.run(1);
+  const auto said = world.stops.size();
+  world.run(1);
+  EXPECT_EQ(world.stops.size(), said);
+
+  Flying other;
+  other.end_of_stops = Kind::refused;
+  other.say({.drone = 0, .stop = true});
+  other.run(1);
+  EXPECT_EQ(other.stops.size(), 1U);
+  EXPECT_THAT(other.notes.at(0), HasSubstr("no stop: as the test wants it"));
+  other.run(5);
+  EXPECT_EQ(other.core.status(0).phase, DronePhase::landed) << "its own plans land it, too";
+}
+
+TEST(ManualFlight, AStopThatIsNotOnTheLedgerInTimeIsGivenUpAloudAndTheFlightWaitsForThat) {
+  Flying world;
+  world.end_of_stops = Kind::unavailable;
+  world.say({.drone = 0, .stop = true});
+  world.run(25, "asked to land", 1);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_FALSE(world.core.done()) << "a stop waits";
+  world.run(10, "asked to land", 1);
+  EXPECT_TRUE(world.core.done());
+  EXPECT_THAT(world.notes.back(), HasSubstr("no stop: not on the ledger within 30 s"));
+}
+
+TEST(ManualFlight, AnEmergencyCutsTheMotorsEvenBehindAStop) {
+  Flying world;
+  world.say({.drone = 0, .stop = true});
+  world.say({.drone = 0, .cut = true});
+  ASSERT_EQ(world.stops.size(), 2U);
+  EXPECT_TRUE(world.stops[1].cut());
+  world.say({.drone = 0, .stop = true});
+  EXPECT_EQ(world.stops.size(), 2U) << "which asks for less";
+}
+
+TEST(ManualFlight, EndsWhenAskedToAndEveryDroneIsDown) {
+  Flying world(2);
+  world.say(land(1));
+  world.run(20, "asked to land", 1);
+  EXPECT_TRUE(world.core.done());
+  EXPECT_TRUE(world.core.ok()) << world.core.why();
+  for (const auto& drone : world.drones) EXPECT_EQ(drone.phase, FlightPhase::landed);
+
+  FlightWorld grounded(manual_config(1));
+  grounded.run(20, "asked to land", 1);
+  EXPECT_TRUE(grounded.core.done());
+  EXPECT_TRUE(grounded.core.ok()) << grounded.core.why();
+}
+
+TEST(ManualFlight, EndsAfterItsTimeWhereOneIsGiven) {
+  FlightConfig config = manual_config(1);
+  config.seconds = 8;
+  FlightWorld world(config);
+  world.run(1);
+  world.say(takeoff());
+  world.run(60);
+  EXPECT_TRUE(world.core.done());
+  EXPECT_TRUE(world.core.ok()) << world.core.why();
+  EXPECT_NEAR(to_seconds(world.now_ns - 1'000 * ns_per_s), 10, 0.5);
+}
+
+TEST(ManualFlight, ADroneFoundInTheAirIsHeldThere) {
+  FlightWorld world(manual_config(1));
+  world.drones[0].phase = FlightPhase::flying;
+  world.drones[0].model.motion.stamp_ns = world.now_ns;
+  world.drones[0].cause = FailsafeCause::plan_ran_out;
+  world.run(1);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  ASSERT_FALSE(world.drones[0].plans.empty());
+  EXPECT_EQ(world.drones[0].plans.front().action(), FLY);
+}
+
+TEST(ManualFlight, WhatTheFailsafeLandsIsTroubleUntilTheNextTakeOff) {
+  Flying world;
+  world.drones[0].cause = FailsafeCause::battery_low;
+  world.drones[0].phase = FlightPhase::landing;
+  world.drones[0].phase_since_ns = world.now_ns;
+  world.run(5);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_FALSE(world.core.ok());
+  EXPECT_THAT(world.core.why(), HasSubstr("came down by itself: battery low"));
+  world.drones[0].cause = FailsafeCause::none;
+  world.run(1);
+  world.say(takeoff());
+  world.run(5);
+  EXPECT_TRUE(world.core.ok());
+}
+
+TEST(ManualFlight, AWishForADroneThatIsNotThereIsNothing) {
+  Flying world;
+  world.say(takeoff(7));
+  EXPECT_TRUE(world.notes.empty());
+}
+
+}  // namespace
+}  // namespace ledgerline::ground

@@ -1,0 +1,139 @@
+#include "ground/core/topics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+#include <numbers>
+
+#include "common/msg/cdr.hpp"
+#include "common/base/random.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+const DroneTopic& topic(std::string_view name) {
+  return *std::find_if(drone_topics.begin(), drone_topics.end(), [&](const auto& t) { return t.name == name; });
+}
+const PilotTopic& pilot(std::string_view name) {
+  return *std::find_if(pilot_topics.begin(), pilot_topics.end(), [&](const auto& t) { return t.name == name; });
+}
+
+Odometry sample_odometry() {
+  Odometry odometry;
+  odometry.header = {1'700'000'000'123'456'789, "map"};
+  odometry.child_frame_id = "tello1/base_link";
+  odometry.position_m = {1, 2, 3};
+  odometry.orientation = {0, 0, 0.6, 0.8};
+  return odometry;
+}
+
+DroneNews sample_news() {
+  DroneNews news;
+  news.state.emplace();
+  news.state->sdk_state_fresh = true;
+  news.state->attitude_rad = {0, 0, std::numbers::pi_v<float> / 2};
+  news.state->acceleration_mps2 = {0.5F, -0.25F, 9.75F};
+  news.odometry = to_cdr(sample_odometry());
+  news.battery = to_cdr(BatteryState{{1'700'000'000 * ns_per_s + 5, "tello1/base_link"}, 0, 0.5F});
+  news.transitions = transitions_to_cdr({1, "tello1/base_link"}, "tello1", {Transition{}});
+  return news;
+}
+
+TEST(Topics, NamesAreTheDronesExceptWhereOneServesAll) {
+  EXPECT_EQ(topic_of(topic("/odom"), "tello3"), "/tello3/odom");
+  EXPECT_EQ(topic_of(topic("/tf"), "tello3"), "/tf");
+  EXPECT_EQ(topic_of(topic("/diagnostics"), "tello3"), "/diagnostics");
+}
+
+TEST(Topics, WhatTheLedgerHasGoesOnAsItIs) {
+  const DroneNews news = sample_news();
+  EXPECT_EQ(*topic("/odom").make(news, "tello1"), news.odometry);
+  EXPECT_EQ(*topic("/battery").make(news, "tello1"), news.battery);
+  EXPECT_EQ(*topic("/diagnostics").make(news, "tello1"), news.transitions);
+}
+
+TEST(Topics, PoseAndTransformAreTheOdometrys) {
+  const DroneNews news = sample_news();
+  const Odometry odometry = sample_odometry();
+  EXPECT_EQ(*topic("/pose").make(news, "tello1"),
+            to_cdr(PoseStamped{odometry.header, odometry.position_m, odometry.orientation}));
+  EXPECT_EQ(*topic("/tf").make(news, "tello1"),
+            to_cdr(std::vector<TransformStamped>{
+                {odometry.header, "tello1/base_link", odometry.position_m, odometry.orientation}}));
+}
+
+TEST(Topics, TheImuHasTheMomentOfItsState) {
+  const std::string message = *topic("/imu").make(sample_news(), "tello1");
+  CdrReader in(message);
+  EXPECT_EQ(in.get<std::int32_t>(), 1'700'000'000);
+  EXPECT_EQ(in.get<std::uint32_t>(), 5U);
+  EXPECT_EQ(in.get_string(), "tello1/base_link");
+  const auto orientation = in.get_array<double, 4>();
+  EXPECT_NEAR(orientation[2], std::sqrt(0.5), 1e-6);
+  EXPECT_NEAR(orientation[3], std::sqrt(0.5), 1e-6);
+}
+
+TEST(Topics, AnImuOfATelloThatIsSilentIsNotMadeUp) {
+  DroneNews news = sample_news();
+  news.state->sdk_state_fresh = false;
+  EXPECT_EQ(*topic("/imu").make(news, "tello1"), "");
+}
+
+TEST(Topics, NoNewsAreNoMessages) {
+  for (const DroneTopic& one : drone_topics) EXPECT_EQ(*one.make(DroneNews{}, "tello1"), "") << one.name;
+}
+
+TEST(Topics, WhatIsNoSuchMessageIsAnErrorAndGoesNowhere) {
+  DroneNews news = sample_news();
+  news.odometry.resize(100);
+  news.battery.resize(20);
+  news.transitions.resize(20);
+  for (const DroneTopic& one : drone_topics) EXPECT_FALSE(one.make(news, "tello1")) << one.name;
+}
+
+std::string twist_cdr(double forward_mps) {
+  CdrWriter out;
+  for (const double value : {forward_mps, 0.0, 0.0, 0.0, 0.0, 0.25}) out.put(value);
+  return out.take();
+}
+
+TEST(Topics, OfVelocitiesTheNewestCountsAndTheOthersAreCounted) {
+  PilotWish wish;
+  pilot("/cmd_vel").take(twist_cdr(0.1), 5, wish);
+  pilot("/cmd_vel").take(twist_cdr(0.2), 7, wish);
+  ASSERT_TRUE(wish.velocity);
+  EXPECT_EQ(wish.velocity->linear_mps[0], 0.2);
+  EXPECT_EQ(wish.velocity->angular_radps[2], 0.25);
+  EXPECT_EQ(wish.came_ns, 7);
+  EXPECT_EQ(wish.replaced, 1U);
+  pilot("/cmd_vel").take(twist_cdr(0.3).substr(0, 40), 9, wish);
+  EXPECT_EQ(wish.velocity->linear_mps[0], 0.2);
+  EXPECT_EQ(wish.malformed, 1U);
+}
+
+TEST(Topics, AVelocityThatNobodyCanFlyDoesNotTakeTheWaitingOnesPlace) {
+  PilotWish wish;
+  pilot("/cmd_vel").take(twist_cdr(0.1), 5, wish);
+  pilot("/cmd_vel").take(twist_cdr(std::numeric_limits<double>::quiet_NaN()), 7, wish);
+  pilot("/cmd_vel").take(twist_cdr(-1e9), 8, wish);
+  EXPECT_EQ(wish.velocity->linear_mps[0], 0.1);
+  EXPECT_EQ(wish.came_ns, 5);
+  EXPECT_EQ(wish.bad_values, 2U);
+  EXPECT_EQ(wish.replaced, 0U);
+}
+
+TEST(Topics, EachWordIsItsOwn) {
+  const auto said = [](std::string_view name) {
+    PilotWish wish;
+    pilot(name).take({}, 1, wish);
+    return std::array{wish.takeoff, wish.land, wish.stop, wish.cut};
+  };
+  EXPECT_EQ(said("/takeoff"), (std::array{true, false, false, false}));
+  EXPECT_EQ(said("/land"), (std::array{false, true, false, false}));
+  EXPECT_EQ(said("/stop"), (std::array{false, false, true, false}));
+  EXPECT_EQ(said("/emergency"), (std::array{false, false, false, true}));
+}
+
+}  // namespace
+}  // namespace ledgerline::ground

@@ -1,0 +1,126 @@
+#include "ground/shell/settings.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "common/base/file.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+TEST(GroundSettings, AWholeConfigIsReadAndDefaultsFillTheRest) {
+  auto config = Config::parse(
+      "[flight]\nshape = \"x\"\nspeed_mps = 0.8\nlaps = 2\n[output]\ntrace = \"t\"\nstatus_period_ms = 0\n"
+      "[[drone]]\nname = \"tello1\"\nnumber = 1\n[[drone]]\nname = \"tello5\"\nnumber = 5\n",
+      "ground.toml");
+  ASSERT_TRUE(config);
+  const FlightConfig flight = flight_config(*config);
+  const OutputSettings output = output_settings(*config);
+  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  EXPECT_EQ(flight.shape, Shape::x);
+  EXPECT_EQ(flight.controller.speed_mps, 0.8);
+  EXPECT_EQ(flight.laps, 2);
+  EXPECT_EQ(flight.side_m, 1.5);
+  ASSERT_EQ(flight.drones.size(), 2u);
+  EXPECT_EQ(flight.drones[1].name, "tello5");
+  EXPECT_EQ(flight.drones[1].number, 5);
+  EXPECT_EQ(output.trace, "t");
+  EXPECT_EQ(output.status_period_ns, 0);
+}
+
+TEST(GroundSettings, APilotFliesWhereTheShapeIsManual) {
+  auto config = Config::parse("[flight]\nshape = \"manual\"\ncmd_timeout_ms = 200\n", "ground.toml");
+  ASSERT_TRUE(config);
+  const FlightConfig flight = flight_config(*config);
+  ASSERT_TRUE(config->finish());
+  EXPECT_TRUE(flight.manual);
+  EXPECT_EQ(flight.cmd_timeout_ns, 200 * ns_per_ms);
+
+  auto stone = Config::parse("[flight]\nshape = \"manual\"\ncmd_timeout_ms = 5000\n", "ground.toml");
+  EXPECT_FALSE(flight_config(*stone).cmd_timeout_ns < 0);
+  const auto status = stone->finish();
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:3: flight.cmd_timeout_ms"));
+  EXPECT_THAT(status.error().what, testing::HasSubstr("500"));
+}
+
+TEST(GroundSettings, PredictionRampAndWaypointsAreRead) {
+  const std::string file = testing::TempDir() + "/ground_way.csv";
+  ASSERT_TRUE(write_file(file, "0,0\n1,0\n1,1\n"));
+  auto config = Config::parse("[flight]\nshape = \"waypoints\"\nwaypoints = \"" + file +
+                                  "\"\npredict = false\nramp_start_mps = 0.5\nramp_step_mps = 0.1\n"
+                                  "told_mps2 = 3\npose_lost_ms = 200\n",
+                              "ground.toml");
+  ASSERT_TRUE(config);
+  const FlightConfig flight = flight_config(*config);
+  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  EXPECT_EQ(flight.waypoints.size(), 3u);
+  EXPECT_FALSE(flight.controller.predict);
+  EXPECT_EQ(flight.controller.ramp.start_mps, 0.5);
+  EXPECT_EQ(flight.controller.told_mps2, 3);
+  EXPECT_EQ(flight.controller.pose_lost_ns, 200 * ns_per_ms);
+  EXPECT_EQ(flight.controller.ramp.step_mps, 0.1);
+
+  auto lost = Config::parse("[flight]\nshape = \"waypoints\"\nwaypoints = \"/nowhere/way.csv\"\n", "ground.toml");
+  (void)flight_config(*lost);
+  const auto status = lost->finish();
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:3: flight.waypoints"));
+  EXPECT_THAT(status.error().what, testing::HasSubstr("there is no file /nowhere/way.csv"));
+}
+
+TEST(GroundSettings, WhatGroundBringsToROS2ItselfIsNotBridged) {
+  auto config = Config::parse("[[drone]]\nname = \"tello1\"\n[[topic]]\nname = \"/*\"\nfrom = \"*\"\n", "ground.toml");
+  const FlightConfig flight = flight_config(*config);
+  const bridge::BridgeConfig bridged = read_bridge(*config, flight.drones);
+  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  for (const char* own : {"/tello1/odom", "/tello1/imu", "/tf", "/diagnostics", "/tello1/cmd_vel", "/tello1/stop"}) {
+    EXPECT_EQ(bridge::rule_up(bridged.rules, own), nullptr) << own;
+    EXPECT_EQ(bridge::rule_down(bridged.rules, own, std::string(own).substr(1)), nullptr) << own;
+  }
+  EXPECT_NE(bridge::rule_down(bridged.rules, "/tello1/note", "tello1/note"), nullptr);
+}
+
+// A bridge of its own beside ground takes none of these from the ledger by a "*".
+TEST(GroundSettings, EveryTopicOfDronesAndPilotsIsGuarded) {
+  auto config = Config::parse("[[drone]]\nname = \"tello1\"\n", "ground.toml");
+  const FlightConfig flight = flight_config(*config);
+  const bridge::BridgeConfig bridged = read_bridge(*config, flight.drones);
+  EXPECT_GE(bridged.rules.size(), 11U);
+  for (const bridge::Rule& own : bridged.rules) EXPECT_TRUE(bridge::is_guarded(own.name)) << own.name;
+}
+
+TEST(GroundSettings, EveryWrongKeyIsReportedWithItsLine) {
+  auto config = Config::parse("[flight]\nshape = \"circle\"\nspeed_mps = 99\nlapse = 3\n", "ground.toml");
+  ASSERT_TRUE(config);
+  (void)flight_config(*config);
+  (void)output_settings(*config);
+  const auto status = config->finish();
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:2: flight.shape"));
+  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:3: flight.speed_mps"));
+  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:4: flight.lapse"));
+}
+
+TEST(GroundSettings, StatusAndSummarySayWhatTheContractOfTheProcessesAsksFor) {
+  FlightConfig flight;
+  flight.drones = {{"tello1", 1}};
+  const FlightCore core(flight);
+  const auto status = nlohmann::json::parse(status_line(core));
+  EXPECT_EQ(status["ground"]["drones"][0]["name"], "tello1");
+  EXPECT_EQ(status["ground"]["drones"][0]["phase"], "waiting");
+  EXPECT_EQ(status["ground"]["why"], "");
+  const auto summary_object = nlohmann::json::parse(summary(core, {.pilots = {{.dds_lost = 4, .dds_refused = 3}}}));
+  for (const char* key : {"name", "finished", "landed", "lap_s", "origin", "height_m", "states_received",
+                          "commands_made", "commands_sent", "commands_merged"}) {
+    EXPECT_TRUE(summary_object["drones"][0].contains(key)) << key;
+  }
+  EXPECT_EQ(summary_object["drones"][0]["pilot"]["dds_refused"], 3);
+  EXPECT_EQ(summary_object["drones"][0]["pilot"]["dds_lost"], 4);
+  EXPECT_TRUE(summary_object.contains("transactions"));
+}
+
+}  // namespace
+}  // namespace ledgerline::ground

@@ -1,0 +1,349 @@
+#include "hil/lines/line.hpp"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <set>
+#include <utility>
+#include <vector>
+
+namespace ledgerline::hil {
+namespace {
+
+using Kind = Line::Kind;
+
+Line line_with(const std::string& effects, std::uint64_t seed = 1, Kind kind = Kind::datagrams) {
+  Line line(kind, seed);
+  Impairment impairment;
+  const auto applied = apply_effects(effects, impairment);
+  EXPECT_TRUE(applied) << (applied ? "" : applied.error().what);
+  EXPECT_TRUE(line.set(impairment));
+  return line;
+}
+
+void set(Line& line, const std::string& effects) {
+  Impairment impairment = line.impairment();
+  ASSERT_TRUE(apply_effects(effects, impairment));
+  ASSERT_TRUE(line.set(impairment));
+}
+
+struct Came {
+  TimeNs at = 0;
+  std::string bytes;
+  std::uint64_t tag = 0;
+  bool operator==(const Came&) const = default;
+};
+
+void take_due(Line& line, TimeNs now, std::vector<Came>& out) {
+  while (auto unit = line.pop(now)) out.push_back({now, unit->bytes, unit->tag});
+}
+
+/// All that still comes, at the times that next_due() says.
+std::vector<Came> drain(Line& line) {
+  std::vector<Came> out;
+  while (const auto due = line.next_due()) take_due(line, *due, out);
+  return out;
+}
+
+/// Numbered datagrams of 20 bytes, one each `period`, from time 0 on; what comes, each at the millisecond that it is
+/// due.
+std::vector<Came> send(Line& line, int datagrams, TimeNs period = 10 * ns_per_ms) {
+  std::vector<Came> out;
+  for (int i = 0; i < datagrams; ++i) {
+    const TimeNs now = i * period;
+    while (line.next_due() && *line.next_due() < now) take_due(line, *line.next_due(), out);
+    line.push(now, "datagram " + std::to_string(100'000'000 + i), static_cast<std::uint64_t>(i));
+    take_due(line, now, out);
+  }
+  const auto rest = drain(line);
+  out.insert(out.end(), rest.begin(), rest.end());
+  return out;
+}
+
+void expect_all_accounted_for(const Line& line) {
+  const LineCounts& c = line.counts();
+  EXPECT_EQ(c.pushed + c.duplicated, c.delivered + c.lost + c.no_room + line.waiting());
+}
+
+TEST(Line, WithoutImpairmentGivesEverythingAtOnceAndAsItCame) {
+  Line line(Kind::datagrams, 1);
+  const auto came = send(line, 50);
+  ASSERT_EQ(came.size(), 50u);
+  for (std::size_t i = 0; i < came.size(); ++i) {
+    EXPECT_EQ(came[i],
+              (Came{static_cast<TimeNs>(i) * 10 * ns_per_ms, "datagram " + std::to_string(100'000'000 + i), i}));
+  }
+  line.push(ns_per_s, "");
+  EXPECT_EQ(drain(line).size(), 1u) << "an empty datagram is one too";
+}
+
+TEST(Line, DelaysByWhatIsAskedAndKeepsTheOrder) {
+  Line constant = line_with("delay 200ms");
+  for (const Came& came : send(constant, 50))
+    EXPECT_EQ(came.at, static_cast<TimeNs>(came.tag) * 10 * ns_per_ms + 200 * ns_per_ms);
+
+  Line varying = line_with("delay uniform 1ms 300ms");
+  std::uint64_t next = 0;
+  for (const Came& came : send(varying, 200)) EXPECT_EQ(came.tag, next++);
+  EXPECT_EQ(next, 200u);
+}
+
+TEST(Line, LetsDatagramsOvertakeEachOtherUnderJitter) {
+  Line line = line_with("delay 100ms, jitter uniform 0ms 50ms");
+  int overtaken = 0;
+  std::uint64_t last = 0;
+  const auto came = send(line, 200);
+  ASSERT_EQ(came.size(), 200u);
+  for (const Came& one : came) {
+    const TimeNs late = one.at - static_cast<TimeNs>(one.tag) * 10 * ns_per_ms;
+    EXPECT_GE(late, 100 * ns_per_ms);
+    EXPECT_LE(late, 150 * ns_per_ms);
+    overtaken += one.tag < last;
+    last = one.tag;
+  }
+  EXPECT_GT(overtaken, 20);
+}
+
+TEST(Line, LosesTheShareThatIsAsked) {
+  Line line = line_with("loss 5%");
+  const auto came = send(line, 20'000);
+  EXPECT_NEAR(static_cast<double>(came.size()), 19'000, 150);
+  EXPECT_EQ(line.counts().lost, 20'000 - came.size());
+  expect_all_accounted_for(line);
+}
+
+TEST(Line, LosesInBurstsOfTheLengthThatIsAsked) {
+  Line line = line_with("loss bursts 1% 20%");  // bad for 1/0.2 datagrams, once in 1/0.01: 0.01/0.21 of all
+  const auto came = send(line, 50'000);
+  std::vector<bool> there(50'000);
+  for (const Came& one : came) there[one.tag] = true;
+  int lost = 0, bursts = 0;
+  for (std::size_t i = 1; i < there.size(); ++i) {
+    lost += !there[i];
+    bursts += !there[i] && there[i - 1];
+  }
+  EXPECT_NEAR(lost / 50'000.0, 0.01 / 0.21, 0.006);
+  EXPECT_NEAR(static_cast<double>(lost) / bursts, 5.0, 0.5);
+}
+
+TEST(Line, LosesTheSharesOfBothStatesOfTheModel) {
+  Line line = line_with("loss bursts 10% 10% 50% 10%");  // as often bad as good
+  EXPECT_NEAR(static_cast<double>(send(line, 20'000).size()), 20'000 * 0.7, 300);
+}
+
+TEST(Line, DuplicatesAfterTheTimeThatIsAsked) {
+  Line line = line_with("duplicate 30% 35ms");
+  std::map<std::uint64_t, std::vector<TimeNs>> times;
+  for (const Came& one : send(line, 1'000)) times[one.tag].push_back(one.at);
+  std::uint64_t twice = 0;
+  for (const auto& [tag, at] : times) {
+    EXPECT_EQ(at[0], static_cast<TimeNs>(tag) * 10 * ns_per_ms);
+    if (at.size() == 2) {
+      EXPECT_EQ(at[1] - at[0], 35 * ns_per_ms);
+      ++twice;
+    }
+  }
+  EXPECT_EQ(times.size(), 1'000u);
+  EXPECT_NEAR(static_cast<double>(twice), 300, 45);
+  EXPECT_EQ(line.counts().duplicated, twice);
+  expect_all_accounted_for(line);
+}
+
+TEST(Line, HoldsBackTheShareThatIsReorderedSoThatOthersPass) {
+  Line line = line_with("reorder 10% 25ms");
+  std::uint64_t held = 0;
+  for (const Came& one : send(line, 1'000)) {
+    const TimeNs late = one.at - static_cast<TimeNs>(one.tag) * 10 * ns_per_ms;
+    EXPECT_TRUE(late == 0 || late == 25 * ns_per_ms);
+    held += late > 0;
+  }
+  EXPECT_NEAR(static_cast<double>(held), 100, 30);
+  EXPECT_EQ(line.counts().reordered, held);
+}
+
+TEST(Line, CorruptsOneBitAndTruncatesByAByteAtLeast) {
+  Line corrupting = line_with("corrupt 50%");
+  std::uint64_t wrong = 0;
+  for (const Came& one : send(corrupting, 400)) {
+    const std::string was = "datagram " + std::to_string(100'000'000 + one.tag);
+    ASSERT_EQ(one.bytes.size(), was.size());
+    int bits = 0;
+    for (std::size_t i = 0; i < was.size(); ++i)
+      bits += __builtin_popcount(static_cast<unsigned char>(one.bytes[i] ^ was[i]));
+    EXPECT_LE(bits, 1);
+    wrong += bits == 1;
+  }
+  EXPECT_EQ(corrupting.counts().corrupted, wrong);
+  EXPECT_NEAR(static_cast<double>(wrong), 200, 50);
+
+  Line truncating = line_with("truncate 50%");
+  std::uint64_t shorter = 0;
+  for (const Came& one : send(truncating, 400)) {
+    const std::string was = "datagram " + std::to_string(100'000'000 + one.tag);
+    EXPECT_EQ(one.bytes, was.substr(0, one.bytes.size()));
+    shorter += one.bytes.size() < was.size();
+  }
+  EXPECT_EQ(truncating.counts().truncated, shorter);
+  EXPECT_NEAR(static_cast<double>(shorter), 200, 50);
+}
+
+TEST(Line, LetsThroughAtItsRateAndLosesWhatItsQueueDoesNotHold) {
+  Line line = line_with("rate 1kB/s queue 100B");
+  for (int i = 0; i < 20; ++i) line.push(0, std::string(20, 'x'));  // 400 bytes at once
+  EXPECT_EQ(line.waiting(), 5u) << "100 bytes";
+  EXPECT_EQ(line.counts().no_room, 15u);
+  const auto came = drain(line);
+  for (std::size_t i = 0; i < came.size(); ++i) EXPECT_EQ(came[i].at, static_cast<TimeNs>(i + 1) * 20 * ns_per_ms);
+  line.push(ns_per_s, std::string(1'400, 'x'));
+  EXPECT_EQ(drain(line).back().at, ns_per_s + 1'400 * ns_per_ms) << "an empty queue takes any datagram";
+  expect_all_accounted_for(line);
+}
+
+TEST(Line, KeepsEverythingDuringAStallAndGivesItWhenTheStallEnds) {
+  Line line = line_with("delay 10ms");
+  line.push(0, "before");
+  set(line, "stall");
+  line.push(5 * ns_per_ms, "during");
+  std::vector<Came> came;
+  take_due(line, ns_per_s, came);
+  EXPECT_TRUE(came.empty());
+  EXPECT_FALSE(line.next_due());
+  set(line, "stall off");
+  take_due(line, ns_per_s, came);
+  ASSERT_EQ(came.size(), 2u);
+  EXPECT_EQ(came[0].bytes, "before");
+  EXPECT_EQ(came[1].bytes, "during");
+}
+
+TEST(Line, LosesWhatIsPushedDuringAPartitionButNotWhatIsOnItsWay) {
+  Line line = line_with("delay 10ms");
+  line.push(0, "before");
+  set(line, "partition");
+  line.push(5 * ns_per_ms, "during");
+  set(line, "partition off");
+  line.push(6 * ns_per_ms, "after");
+  const auto came = drain(line);
+  ASSERT_EQ(came.size(), 2u);
+  EXPECT_EQ(came[0].bytes, "before");
+  EXPECT_EQ(came[1].bytes, "after");
+  EXPECT_EQ(line.counts().lost, 1u);
+}
+
+TEST(Line, IsBoundedAndCountsWhatItDropped) {
+  Line many = line_with("stall");
+  for (std::size_t i = 0; i < Line::most_units + 10; ++i) many.push(0, "x");
+  EXPECT_EQ(many.waiting(), Line::most_units);
+  EXPECT_EQ(many.counts().no_room, 10u);
+  expect_all_accounted_for(many);
+
+  Line large = line_with("stall, duplicate 100%");
+  const std::string kilobytes(50'000, 'x');
+  for (int i = 0; i < 30; ++i) large.push(0, kilobytes);
+  EXPECT_EQ(large.waiting(), Line::most_bytes / kilobytes.size());
+  EXPECT_EQ(large.counts().no_room, 40u);
+  expect_all_accounted_for(large);
+}
+
+const char* const everything =
+    "delay uniform 1ms 80ms, jitter gamma 20ms 15ms, loss bursts 3% 30% 90% 1%, duplicate 5% uniform 0ms 9ms, "
+    "reorder 5% normal 30ms 10ms, corrupt 5%, truncate 5%, rate 4kB/s queue 2kB";
+
+TEST(Line, GivesTheSameBytesAtTheSameTimesForTheSameSeed) {
+  Line a = line_with(everything, 5), b = line_with(everything, 5), c = line_with(everything, 6);
+  const auto of_a = send(a, 2'000);
+  EXPECT_EQ(of_a, send(b, 2'000));
+  EXPECT_NE(of_a, send(c, 2'000));
+  expect_all_accounted_for(a);
+  EXPECT_EQ(a.waiting(), 0u);
+}
+
+TEST(Line, DrawsTheSameLossesWithAndWithoutOtherEffects) {
+  std::set<std::uint64_t> alone, beside;
+  Line a = line_with("loss 10%", 9), b = line_with("loss 10%, delay uniform 1ms 9ms, corrupt 10%, duplicate 10%", 9);
+  for (const Came& one : send(a, 500)) alone.insert(one.tag);
+  for (const Came& one : send(b, 500)) beside.insert(one.tag);
+  EXPECT_EQ(alone, beside);
+}
+
+/// All bytes of a stream, pushed in turns as room() allows, popped as they are due.
+struct Streamed {
+  std::string bytes;
+  TimeNs end = 0;  ///< when its end came
+  std::size_t most_waiting = 0;
+};
+Streamed stream(Line& line, const std::string& bytes) {
+  Streamed out;
+  std::string_view left = bytes;
+  bool ended = false;
+  for (TimeNs now = 0; now < 1'000 * ns_per_s; now += ns_per_ms) {
+    const std::size_t take = std::min({left.size(), line.room(now), std::size_t{16'384}});
+    if (take > 0) line.push(now, left.substr(0, take));
+    left.remove_prefix(take);
+    if (left.empty() && !std::exchange(ended, true)) line.push(now, "");
+    out.most_waiting = std::max(out.most_waiting, line.waiting());
+    while (auto unit = line.pop(now)) {
+      if (unit->bytes.empty()) return out.end = now, out;
+      out.bytes += unit->bytes;
+    }
+  }
+  return out;
+}
+
+std::string pattern(std::size_t size) {
+  std::string bytes(size, ' ');
+  for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<char>(i * 31 + i / 251);
+  return bytes;
+}
+
+TEST(Line, KeepsAStreamWholeAndInOrderUnderEveryImpairmentThatItMayHave) {
+  const std::string bytes = pattern(300'000);
+  for (const char* effects :
+       {"clear", "delay 50ms", "delay uniform 1ms 90ms", "jitter gamma 20ms 15ms", "rate 100kB/s queue 8kB",
+        "rate 100kB/s queue 100B, delay 200ms, jitter uniform 0ms 40ms"}) {
+    Line line = line_with(effects, 3, Kind::stream);
+    const Streamed got = stream(line, bytes);
+    EXPECT_TRUE(got.bytes == bytes) << effects << ": " << got.bytes.size() << " bytes";
+    EXPECT_LE(got.most_waiting, Line::most_units) << effects;
+    EXPECT_EQ(line.counts().bytes_out, bytes.size());
+  }
+}
+
+TEST(Line, LetsAStreamThroughAtItsRateInPieces) {
+  Line line = line_with("rate 100kB/s queue 8kB", 3, Kind::stream);
+  EXPECT_NEAR(to_seconds(stream(line, pattern(300'000)).end), 3.0, 0.1);
+}
+
+TEST(Line, TakesNoMoreOfAStreamThanItHolds) {
+  Line line = line_with("stall", 1, Kind::stream);
+  std::size_t taken = 0;
+  while (const std::size_t room = line.room(0)) {
+    const std::string bytes(std::min<std::size_t>(room, 16'384), 'x');
+    line.push(0, bytes);
+    taken += bytes.size();
+  }
+  EXPECT_EQ(taken, Line::most_bytes);
+  EXPECT_FALSE(line.pop(ns_per_s));
+  set(line, "stall off");
+  std::size_t came = 0;
+  while (auto unit = line.pop(ns_per_s)) came += unit->bytes.size();
+  EXPECT_EQ(came, Line::most_bytes);
+}
+
+TEST(Line, HoldsAStreamBackDuringAPartition) {
+  Line line = line_with("partition", 1, Kind::stream);
+  line.push(0, "bytes");
+  EXPECT_FALSE(line.pop(ns_per_s));
+  set(line, "partition off");
+  EXPECT_EQ(line.pop(ns_per_s)->bytes, "bytes");
+}
+
+TEST(Line, RefusesWhatAStreamCannotHaveAndKeepsWhatItHad) {
+  Line line = line_with("delay 10ms", 1, Kind::stream);
+  Impairment impairment;
+  ASSERT_TRUE(apply_effect("loss 1%", impairment));
+  EXPECT_FALSE(line.set(impairment));
+  EXPECT_EQ(text_of(line.impairment()), "delay 10ms");
+}
+
+}  // namespace
+}  // namespace ledgerline::hil

@@ -1,0 +1,367 @@
+#include "onboard/agent/core/agent_core.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "common/msg/stops.hpp"
+#include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+using testing::control;
+using testing::LedgerOfTests;
+using Kind = fabric::Outcome::Kind;
+
+constexpr TimeNs start = 100 * ns_per_s;
+
+class AgentCoreTest : public ::testing::Test {
+ protected:
+  static AgentConfig config() {
+    AgentConfig c;
+    c.drones = {{1, "tello1"}, {2, "tello2"}};
+    return c;
+  }
+
+  AgentCoreTest() { core_.set_control(start, control("tello1", 1)); }
+
+  static StateSample state(std::uint64_t sequence, TimeNs stamp, DroneNumber drone = 1) {
+    StateSample s;
+    s.drone = drone;
+    s.boot_id = 9;
+    s.sequence = sequence;
+    s.stamp_ns = stamp;
+    return s;
+  }
+
+  LedgerOfTests::Tx command(std::uint64_t sequence, TimeNs stamp) {
+    CommandCall call;
+    auto* plan = call.add_plans();
+    plan->set_drone("tello1");
+    plan->set_action(TAKEOFF);
+    plan->set_boot_id(9);
+    plan->set_state_stamp_ns(stamp);
+    plan->set_sequence(sequence);
+    plan->set_epoch(1);
+    LedgerOfTests::Tx tx;
+    tx.event_payload = call.SerializeAsString();
+    return tx;
+  }
+
+  void commit(TimeNs now) {
+    fabric::Outcome outcome;
+    outcome.kind = Kind::committed;
+    core_.on_outcome(now, out_.submits.back().frame, outcome, out_);
+  }
+
+  void hear_poses(TimeNs now) {
+    for (DroneNumber drone = 1; drone <= 2; ++drone) core_.on_mocap(now, drone, {.stamp_ns = now}, out_);
+  }
+
+  std::size_t traces(TraceKind kind) const {
+    return static_cast<std::size_t>(
+        std::count_if(out_.traces.begin(), out_.traces.end(), [&](const TraceRecord& r) { return r.kind == kind; }));
+  }
+
+  std::unique_ptr<crypto::MspRegistry> registry_ = crypto::make_test_registry({"Org1MSP", "Org2MSP"});
+  LedgerOfTests ledger_;
+  AgentOutputs out_;
+  AgentCore core_{config(), *registry_};
+};
+
+TEST_F(AgentCoreTest, AStateIsSubmittedAndItsCommandComesOutAsAPlanWithTheTwoWayLatency) {
+  core_.on_state(start, state(1, start), out_);
+  core_.step(start, out_);
+  ASSERT_EQ(out_.submits.size(), 1U);
+  EXPECT_EQ(out_.submits[0].call.function, "set");
+  commit(start + 5 * ns_per_ms);
+  core_.on_block(start + 12 * ns_per_ms, ledger_.block({command(1, start)}), out_);
+  EXPECT_TRUE(out_.plans.empty()) << "a plan is handed over by step(), which knows the time of it";
+  core_.step(start + 13 * ns_per_ms, out_);
+  ASSERT_EQ(out_.plans.size(), 1U);
+  EXPECT_EQ(out_.plans[0].verified_ns - out_.plans[0].state_stamp_ns, 13 * ns_per_ms);
+  const auto report = core_.report(1);
+  EXPECT_EQ(report.two_way.count(), 1U);
+  EXPECT_NEAR(to_ms(report.two_way.quantile(0.5)), 13, 0.3);
+  EXPECT_EQ(report.commands.verified, 1U);
+  EXPECT_EQ(report.states.on_ledger, 1U);
+  EXPECT_EQ(traces(TraceKind::frame_submitted), 1U);
+  EXPECT_EQ(traces(TraceKind::frame_committed), 1U);
+  EXPECT_EQ(traces(TraceKind::command_verified), 1U);
+}
+
+TEST_F(AgentCoreTest, EveryPlaceThatASampleComesByIsInTheTrace) {
+  core_.on_state(start, state(7, start - 1), out_);
+  core_.step(start + 1, out_);
+  ASSERT_EQ(out_.submits.size(), 1U);
+  fabric::Outcome outcome;
+  outcome.kind = Kind::committed;
+  outcome.endorsed_ns = start + 2;
+  outcome.ordered_ns = start + 3;
+  core_.on_outcome(start + 4, out_.submits[0].frame, outcome, out_);
+  auto block = ledger_.block({command(1, start - 1)});
+  block.received_ns = start + 5;
+  core_.on_block(start + 6, block, out_);
+  core_.step(start + 7, out_);
+  const auto expect = [&](TraceKind kind, TimeNs t_ns, std::uint64_t id, TimeNs stamp_ns, std::uint32_t extra = 0) {
+    const auto it =
+        std::find_if(out_.traces.begin(), out_.traces.end(), [&](const TraceRecord& r) { return r.kind == kind; });
+    ASSERT_NE(it, out_.traces.end());
+    EXPECT_EQ(traces(kind), 1U);
+    EXPECT_EQ(it->t_ns, t_ns);
+    EXPECT_EQ(it->id, id);
+    EXPECT_EQ(it->stamp_ns, stamp_ns);
+    EXPECT_EQ(it->extra, extra);
+  };
+  const auto frame = out_.submits[0].frame;
+  expect(TraceKind::state_taken, start, 7, start - 1);
+  expect(TraceKind::state_batched, start + 1, 7, start - 1, static_cast<std::uint32_t>(frame));
+  expect(TraceKind::call_endorsed, start + 2, frame, start + 1);
+  expect(TraceKind::call_ordered, start + 3, frame, start + 1);
+  expect(TraceKind::command_in_block, start + 5, 1, start - 1);
+  expect(TraceKind::command_taken, start + 6, 1, start - 1);
+  expect(TraceKind::command_verified, start + 7, 1, start - 1);
+}
+
+TEST_F(AgentCoreTest, ARefusedCommandLeavesATraceWithItsReasonAndNoPlan) {
+  core_.on_block(start, ledger_.block({command(1, start)}), out_);
+  core_.step(start, out_);
+  EXPECT_TRUE(out_.plans.empty());
+  ASSERT_EQ(traces(TraceKind::refused), 1U);
+  const auto it = std::find_if(out_.traces.begin(), out_.traces.end(),
+                               [](const TraceRecord& r) { return r.kind == TraceKind::refused; });
+  EXPECT_EQ(it->extra, static_cast<std::uint32_t>(Refusal::foreign_boot));
+  EXPECT_EQ(it->drone, 1);
+}
+
+TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
+  Control stopped = control("tello1", 1);  // as an agent reads it that starts after the stop
+  add_stop(stopped, testing::stop_of("tello1"));
+  core_.set_control(start, stopped);
+  StateSample flying = state(1, start);
+  flying.phase = FlightPhase::on_ground;
+  core_.on_state(start, flying, out_);
+  EXPECT_TRUE(out_.plans.empty()) << "on the ground there is nothing to stop";
+  flying.phase = FlightPhase::flying;
+  for (int i = 0; i < 30; ++i) core_.on_state(start + i * 33 * ns_per_ms, flying, out_);
+  ASSERT_GE(out_.plans.size(), 8U);
+  ASSERT_LE(out_.plans.size(), 11U) << "at most ten a second";
+  EXPECT_EQ(out_.plans.back().action, PlanAction::stop);
+  out_.plans.clear();
+  flying.mode = FailsafeMode::land;
+  core_.on_state(start + 2 * ns_per_s, flying, out_);
+  EXPECT_TRUE(out_.plans.empty());
+  add_stop(stopped, testing::stop_of("tello1", true));
+  core_.set_control(start, stopped);
+  core_.on_state(start + 3 * ns_per_s, flying, out_);
+  ASSERT_EQ(out_.plans.size(), 1U);
+  EXPECT_EQ(out_.plans[0].action, PlanAction::cut);
+}
+
+TEST_F(AgentCoreTest, AStopInABlockIsFoldedUntilTheLedgerHasIt) {
+  Stops stops;
+  *stops.add_stops() = testing::stop_of("tello1");
+  LedgerOfTests::Tx stop;
+  stop.event_name = "stop";
+  stop.event_payload = stops.SerializeAsString();
+  core_.on_block(start, ledger_.block({stop}), out_);
+  core_.step(start, out_);
+  ASSERT_EQ(out_.plans.size(), 1U) << "obeyed at once";
+  ASSERT_EQ(out_.submits.size(), 1U);
+  EXPECT_EQ(out_.submits[0].call.function, "fold");
+  EXPECT_TRUE(out_.submits[0].urgent);
+  EXPECT_TRUE(core_.anything_under_way());
+  fabric::Outcome lost;
+  lost.kind = Kind::invalidated;
+  lost.code = 12;
+  core_.on_outcome(start, out_.submits.back().frame, lost, out_);
+  for (TimeNs now = start; now < start + ns_per_s && out_.submits.size() == 1; now += ns_per_ms) core_.step(now, out_);
+  ASSERT_EQ(out_.submits.size(), 2U) << "another stop overtook it";
+  commit(start + ns_per_s);
+  core_.step(start + 3 * ns_per_s, out_);
+  EXPECT_EQ(out_.submits.size(), 2U);
+  EXPECT_FALSE(core_.anything_under_way());
+  EXPECT_EQ(core_.folds().folded(), 1U);
+}
+
+TEST_F(AgentCoreTest, AStopFromBeforeItsStartIsFoldedToo) {
+  Control stopped = control("tello1", 1);
+  add_stop(stopped, testing::stop_of("tello1"));
+  core_.set_control(start, stopped);
+  core_.step(start, out_);
+  ASSERT_EQ(out_.submits.size(), 1U);
+  EXPECT_EQ(out_.submits[0].call.function, "fold");
+}
+
+TEST_F(AgentCoreTest, ALinkThatDoesNotSeeItsDroneIsToldOfAStopOnceASecondUntilItLandsBlindly) {
+  Control stopped = control("tello1", 1);
+  add_stop(stopped, testing::stop_of("tello1"));
+  core_.set_control(start, stopped);
+  StateSample unseen = state(1, start);
+  unseen.phase = FlightPhase::disconnected;
+  for (int i = 0; i < 300; ++i) core_.on_state(start + i * 10 * ns_per_ms, unseen, out_);
+  EXPECT_EQ(out_.plans.size(), 3U);
+  unseen.mode = FailsafeMode::land;
+  out_.plans.clear();
+  core_.on_state(start + 5 * ns_per_s, unseen, out_);
+  EXPECT_TRUE(out_.plans.empty());
+}
+
+TEST_F(AgentCoreTest, AStateThatWaitsWasNotSentAndIsNotAnswered) {
+  core_.on_state(start, state(1, start), out_);
+  core_.step(start, out_);
+  core_.on_state(start + 1, state(2, start + 1), out_);
+  core_.step(start + 1, out_);
+  core_.on_block(start + 2, ledger_.block({command(1, start + 1)}), out_);
+  core_.step(start + 2, out_);
+  EXPECT_TRUE(out_.plans.empty());
+  EXPECT_EQ(core_.report(1).commands.reasons[static_cast<std::size_t>(Refusal::unknown_stamp)], 1U);
+}
+
+TEST_F(AgentCoreTest, BeatsTwentyTimesASecond) {
+  hear_poses(start);
+  int beats = 0;
+  for (TimeNs t = 0; t < ns_per_s; t += ns_per_ms) {
+    out_.clear();
+    core_.step(start + t, out_);
+    beats += out_.beat.has_value();
+  }
+  EXPECT_EQ(beats, 20);
+}
+
+// Link would take a beat without a pose for the loss of the pose.
+TEST_F(AgentCoreTest, TheFirstBeatWaitsForAPoseOfEveryDrone) {
+  core_.on_mocap(start, 1, {.stamp_ns = start}, out_);
+  core_.step(start, out_);
+  core_.step(start + 50 * ns_per_ms, out_);
+  EXPECT_FALSE(out_.beat);
+  core_.on_mocap(start + 60 * ns_per_ms, 2, {.stamp_ns = start + 60 * ns_per_ms}, out_);
+  core_.step(start + 60 * ns_per_ms, out_);
+  EXPECT_TRUE(out_.beat);
+}
+
+TEST_F(AgentCoreTest, TheFirstBeatWaitsForPosesNoLongerThanSetAndLaterOnesNeverDo) {
+  core_.step(start, out_);
+  core_.step(start + 199 * ns_per_ms, out_);
+  EXPECT_FALSE(out_.beat);
+  core_.step(start + 200 * ns_per_ms, out_);
+  EXPECT_TRUE(out_.beat);
+  out_.clear();
+  core_.step(start + 250 * ns_per_ms, out_);
+  EXPECT_TRUE(out_.beat);
+}
+
+TEST_F(AgentCoreTest, APoseThatStandsStillToTheLastBitIsBelievedOnTheGroundAndNotInFlight) {
+  for (const FlightPhase phase : {FlightPhase::on_ground, FlightPhase::flying}) {
+    StateSample sample = state(phase == FlightPhase::flying ? 2 : 1, start);
+    sample.phase = phase;
+    core_.on_state(start, sample, out_);
+    out_.clear();
+    const TimeNs from = start + (phase == FlightPhase::flying ? 10 : 1) * ns_per_s;
+    for (int i = 0; i < 50; ++i)
+      core_.on_mocap(from, 1, {.stamp_ns = from + i * 10 * ns_per_ms, .position_m = {1, 2, 3}}, out_);
+    EXPECT_EQ(out_.poses.empty(), phase == FlightPhase::flying);
+  }
+}
+
+TEST_F(AgentCoreTest, AfterAPauseItBeatsAtOnceAndMakesUpForNone) {
+  hear_poses(start);
+  core_.step(start, out_);
+  int beats = 0;
+  for (TimeNs t = 5 * ns_per_s; t < 5 * ns_per_s + 100 * ns_per_ms; t += ns_per_ms) {
+    out_.clear();
+    core_.step(start + t, out_);
+    beats += out_.beat.has_value();
+  }
+  EXPECT_LE(beats, 4);
+  EXPECT_GE(beats, 2);
+}
+
+TEST_F(AgentCoreTest, TheLedgerIsNotAliveBeforeItsFirstSign) {
+  EXPECT_FALSE(core_.ledger_alive(start));
+  core_.on_block(start, ledger_.block({}), out_);
+  EXPECT_TRUE(core_.ledger_alive(start));
+}
+
+TEST_F(AgentCoreTest, ALedgerThatDoesNotAnswerWhatWasSentIsSilentAfterASecond) {
+  core_.on_block(start, ledger_.block({}), out_);
+  EXPECT_TRUE(core_.ledger_alive(start + 10 * ns_per_s)) << "nothing was sent: nothing to answer";
+  const TimeNs sent = start + 10 * ns_per_s;
+  core_.on_state(sent, state(1, sent), out_);
+  core_.step(sent, out_);
+  EXPECT_TRUE(core_.ledger_alive(sent + ns_per_s));
+  EXPECT_FALSE(core_.ledger_alive(sent + ns_per_s + 1));
+  commit(sent + 2 * ns_per_s);
+  EXPECT_TRUE(core_.ledger_alive(sent + 2 * ns_per_s));
+}
+
+TEST_F(AgentCoreTest, FramesThatFailDoNotKeepASilentLedgerAlive) {
+  core_.on_block(start, ledger_.block({}), out_);
+  TimeNs now = start;
+  for (std::uint64_t k = 1; k <= 2000; ++k) {
+    now += ns_per_ms;
+    core_.on_state(now, state(k, now), out_);
+    out_.submits.clear();
+    core_.step(now, out_);
+    if (!out_.submits.empty()) core_.on_outcome(now, out_.submits.back().frame, {}, out_);
+  }
+  EXPECT_FALSE(core_.ledger_alive(now));
+}
+
+TEST_F(AgentCoreTest, ALostBlockStreamIsASilentLedgerEvenIfNothingWasSent) {
+  core_.on_block(start, ledger_.block({}), out_);
+  core_.on_connection(start, false);
+  EXPECT_FALSE(core_.ledger_alive(start + ns_per_s + 1));
+  core_.on_connection(start + 2 * ns_per_s, true);
+  EXPECT_TRUE(core_.ledger_alive(start + 2 * ns_per_s));
+}
+
+TEST_F(AgentCoreTest, ABlockThatBreaksTheChainIsNoSignOfLife) {
+  core_.on_block(start, ledger_.block({}), out_);
+  core_.on_state(start, state(1, start), out_);
+  core_.step(start, out_);
+  ledger_.lose_a_block();
+  core_.on_block(start + ns_per_s, ledger_.block({}), out_);
+  EXPECT_FALSE(core_.ledger_alive(start + ns_per_s + 1));
+  EXPECT_EQ(core_.blocks(), 1U);
+  EXPECT_FALSE(core_.last_chain_error().empty());
+}
+
+TEST_F(AgentCoreTest, MocapBecomesAPoseOfItsDroneAndUnknownDronesAreIgnored) {
+  core_.on_mocap(start, 2, MocapPose{start, {1, 2, 3}, 0}, out_);
+  core_.on_mocap(start, 7, MocapPose{start, {1, 2, 3}, 0}, out_);
+  core_.on_state(start, state(1, start, 7), out_);
+  core_.step(start, out_);
+  ASSERT_EQ(out_.poses.size(), 1U);
+  EXPECT_EQ(out_.poses[0].drone, 2);
+  EXPECT_TRUE(out_.submits.empty());
+}
+
+TEST_F(AgentCoreTest, TheSameInputsGiveTheSameBytes) {
+  const auto run = [this] {
+    AgentCore core(config(), *registry_);
+    AgentOutputs out;
+    std::string bytes;
+    Random random(5);
+    for (std::uint64_t k = 1; k <= 500; ++k) {
+      const TimeNs now = start + static_cast<TimeNs>(k) * ns_per_ms;
+      out.clear();
+      core.on_state(now, state(k, now, static_cast<DroneNumber>(1 + k % 2)), out);
+      core.step(now, out);
+      for (const auto& submit : out.submits) {
+        bytes += submit.call.args.at(0);
+        fabric::Outcome outcome;
+        outcome.kind = static_cast<Kind>(random.next() % 5);
+        core.on_outcome(now, submit.frame, outcome, out);
+      }
+    }
+    return bytes;
+  };
+  const std::string once = run();
+  EXPECT_FALSE(once.empty());
+  EXPECT_EQ(once, run());
+}
+
+}  // namespace
+}  // namespace ledgerline::agent

@@ -1,0 +1,217 @@
+#include <gtest/gtest.h>
+
+#include "common/msg/stops.hpp"
+#include "onboard/agent/core/command_check.hpp"
+#include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
+
+/// Control events from a peer that has its real key and says what it likes: whatever somebody signed for something else
+/// changes no record.
+namespace ledgerline::agent::control_events {
+namespace {
+
+using agent::testing::control;
+using agent::testing::LedgerOfTests;
+using agent::testing::stop_of;
+using agent::testing::to_message;
+using Tx = LedgerOfTests::Tx;
+
+constexpr TimeNs now = 100 * ns_per_s;
+constexpr std::int64_t now_s = 1'700'000'000;
+constexpr std::uint64_t epoch = 5;
+const crypto::IdentityName holder = LedgerOfTests::operator_name();
+const crypto::IdentityName rival{"Org2MSP", "CN=User2@org2.ledgerline"};
+const crypto::IdentityName owner{"Org1MSP", "CN=User1@org1.ledgerline"};
+const crypto::IdentityName own_guard{"Org1MSP", "CN=Guard@org1.ledgerline"};
+const crypto::IdentityName admin{"Org1MSP", "CN=Admin@org1.ledgerline"};
+
+class ControlCheckTest : public ::testing::Test {
+ protected:
+  ControlCheckTest() { start(record_); }
+  void start(const Control& record) {
+    record_ = record;
+    check_.emplace(CheckConfig{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
+    check_->set_control(record_);
+  }
+  static std::string controls(const Control& record) {
+    Controls event;
+    *event.add_controls() = record;
+    return event.SerializeAsString();
+  }
+  static Tx tx(const std::string& name, std::string payload, const crypto::IdentityName& by) {
+    Tx tx;
+    tx.creator = by;
+    tx.event_name = name;
+    tx.event_payload = std::move(payload);
+    return tx;
+  }
+  /// As an honest peer makes it, with this record.
+  static Tx event(const std::string& name, const Control& after, const crypto::IdentityName& by) {
+    return tx(name, controls(after), by);
+  }
+  CommandCheck::Checked give(const Tx& one) { return check_->check(now, now_s, ledger_.block({one})); }
+  void expect_refused(const Tx& one, const char* what) {
+    const std::uint64_t before = check_->refused_control_events();
+    const auto checked = give(one);
+    EXPECT_TRUE(checked.plans.empty()) << what;
+    ASSERT_EQ(checked.refused.size(), 1U) << what;
+    EXPECT_EQ(checked.refused[0].why, Refusal::altered) << what;
+    EXPECT_EQ(check_->refused_control_events(), before + 1) << what;
+  }
+  void expect_taken(const Tx& one) {
+    const auto checked = give(one);
+    EXPECT_TRUE(checked.refused.empty());
+  }
+  static Control stopped(const std::vector<crypto::IdentityName>& by) {
+    Control record = control("tello1", epoch);
+    for (const auto& who : by) {
+      Stop stop = stop_of("tello1");
+      *stop.mutable_stopper() = to_message(who);
+      add_stop(record, stop);
+    }
+    return record;
+  }
+  bool is_stopped_now() const { return check_->standing_stop(now, 1).has_value(); }
+
+  std::unique_ptr<crypto::MspRegistry> registry_ = crypto::make_test_registry({"Org1MSP", "Org2MSP", "Org3MSP"});
+  LedgerOfTests ledger_;
+  Control record_ = control("tello1", epoch);
+  std::optional<CommandCheck> check_;
+};
+
+TEST_F(ControlCheckTest, AResumeInsideAnotherCallLiftsNoStop) {
+  start(stopped({own_guard}));
+  for (const char* function : {"set", "command", "stop", "acquire", "fold", "get"}) {
+    for (const auto& by : {owner, holder, own_guard}) {
+      Tx lie = event("resume", control("tello1", epoch), by);
+      lie.asked = fabric::Call{function, {"tello1"}};
+      expect_refused(lie, function);
+    }
+  }
+  EXPECT_TRUE(is_stopped_now());
+}
+
+TEST_F(ControlCheckTest, AResumeOfAnotherDroneLiftsNoStop) {
+  start(stopped({own_guard}));
+  Tx lie = event("resume", control("tello1", epoch), own_guard);
+  lie.asked = fabric::Call{"resume", {"tello2"}};
+  expect_refused(lie, "other drone");
+  lie.asked = fabric::Call{"resume", {"tello1", "tello2"}};
+  expect_refused(lie, "one of two drones");
+  EXPECT_TRUE(is_stopped_now());
+}
+
+TEST_F(ControlCheckTest, AResumeLiftsItsCreatorsStopOrAllByTheOwnersOrganisation) {
+  start(stopped({holder, own_guard}));
+  expect_refused(event("resume", control("tello1", epoch), holder), "all of them by one of another organisation");
+  expect_refused(event("resume", stopped({holder}), holder), "another's in place of his own");
+  expect_taken(event("resume", stopped({own_guard}), holder));
+  EXPECT_TRUE(is_stopped_now());
+  expect_taken(event("resume", control("tello1", epoch), admin));
+  EXPECT_FALSE(is_stopped_now());
+}
+
+TEST_F(ControlCheckTest, AnAcquireMakesItsCreatorTheHolderAndNothingElse) {
+  Control taken = control("tello1", epoch + 1);
+  *taken.mutable_holder() = to_message(rival);
+  taken.set_priority(1);
+  expect_refused(event("acquire", taken, holder), "of somebody else");
+  Control other_owner = taken;
+  *other_owner.mutable_owner() = to_message(rival);
+  expect_refused(event("acquire", other_owner, rival), "the owner with it");
+  Control no_growth = taken;
+  no_growth.set_epoch(epoch);
+  expect_refused(event("acquire", no_growth, rival), "an epoch that does not grow");
+  Control back = taken;
+  back.set_epoch(epoch - 1);
+  expect_refused(event("acquire", back, rival), "an epoch that goes back");
+  Control own_back = control("tello1", epoch - 1);
+  expect_refused(event("acquire", own_back, holder), "the holder's own epoch goes back");
+  Control without_right = taken;
+  without_right.set_priority(0);
+  expect_refused(event("acquire", without_right, rival), "no higher priority");
+  expect_taken(event("acquire", taken, rival));
+  expect_taken(event("acquire", taken, rival));  // had already, as by a record that was read beside the blocks
+}
+
+TEST_F(ControlCheckTest, AnAcquireLiftsNoStop) {
+  start(stopped({own_guard}));
+  Control taken = control("tello1", epoch + 1);
+  *taken.mutable_holder() = to_message(rival);
+  taken.set_priority(1);
+  expect_refused(event("acquire", taken, rival), "without the stop");
+  *taken.mutable_stoppers() = record_.stoppers();
+  expect_taken(event("acquire", taken, rival));
+  EXPECT_TRUE(is_stopped_now());
+}
+
+TEST_F(ControlCheckTest, AReleaseIsItsHoldersOwn) {
+  Control released = control("tello1", epoch + 1);
+  released.clear_holder();
+  expect_refused(event("release", released, rival), "by another");
+  Control handed_on = control("tello1", epoch + 1);
+  *handed_on.mutable_holder() = to_message(rival);
+  expect_refused(event("release", handed_on, holder), "to somebody");
+  expect_taken(event("release", released, holder));
+}
+
+TEST_F(ControlCheckTest, AnEnrolmentIsOfAnAdministratorOfTheSameOrganisation) {
+  Control moved = control("tello1", epoch);
+  *moved.mutable_owner() = to_message({"Org1MSP", "CN=Host2@org1.ledgerline"});
+  const auto enrolled = [&](const Control& after, const crypto::IdentityName& by) {
+    Controls told;
+    *told.add_controls() = after;
+    *told.mutable_identity() = after.owner();
+    return tx("enroll", told.SerializeAsString(), by);
+  };
+  expect_refused(enrolled(moved, owner), "no administrator");
+  expect_refused(enrolled(moved, {"Org2MSP", "CN=Admin@org2.ledgerline"}), "another organisation's administrator");
+  Control stolen = control("tello1", epoch);
+  *stolen.mutable_owner() = to_message(rival);
+  expect_refused(enrolled(stolen, {"Org2MSP", "CN=Admin@org2.ledgerline"}), "to another organisation");
+  Control with_holder = moved;
+  *with_holder.mutable_holder() = to_message(rival);
+  expect_refused(enrolled(with_holder, admin), "the holder with it");
+  expect_taken(enrolled(moved, admin));
+}
+
+TEST_F(ControlCheckTest, AFoldChangesNothing) {
+  start(stopped({own_guard}));
+  expect_refused(event("fold", control("tello1", epoch), owner), "a stop less");
+  expect_refused(event("fold", control("tello1", epoch + 1), owner), "a new epoch");
+  expect_taken(event("fold", record_, owner));
+  EXPECT_TRUE(is_stopped_now());
+}
+
+TEST_F(ControlCheckTest, AStopIsItsCreatorsOwnAndCutsOnlyWhereItWasAskedTo) {
+  Stops stops;
+  *stops.add_stops() = stop_of("tello1", true);
+  Tx cut = tx("stop", stops.SerializeAsString(), holder);
+  cut.asked = fabric::Call{"stop", {"tello1"}};
+  expect_refused(cut, "a cut that was not asked for");
+  cut.asked = fabric::Call{"set", {"tello1"}};
+  expect_refused(cut, "in a set");
+  cut.asked.reset();
+  cut.creator = rival;
+  expect_refused(cut, "in another's name");
+  *stops.mutable_stops(0)->mutable_stopper() = to_message(rival);
+  cut.event_payload = stops.SerializeAsString();
+  expect_refused(cut, "by one who may not cut");
+  EXPECT_FALSE(is_stopped_now());
+  *stops.mutable_stops(0)->mutable_stopper() = to_message(own_guard);
+  cut.event_payload = stops.SerializeAsString();
+  cut.creator = own_guard;
+  EXPECT_EQ(give(cut).plans.at(0).action, PlanAction::cut);
+}
+
+TEST_F(ControlCheckTest, WithoutARecordBeforeOnlyAStopToLandIsTaken) {
+  check_.emplace(CheckConfig{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
+  expect_refused(event("acquire", record_, holder), "from nothing");
+  Stops stops;
+  *stops.add_stops() = stop_of("tello1", true);
+  expect_refused(tx("stop", stops.SerializeAsString(), holder), "whose drone it is is not known");
+  stops.mutable_stops(0)->set_cut(false);
+  EXPECT_EQ(give(tx("stop", stops.SerializeAsString(), holder)).plans.at(0).action, PlanAction::stop);
+}
+
+}  // namespace
+}  // namespace ledgerline::agent::control_events

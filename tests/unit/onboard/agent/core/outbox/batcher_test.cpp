@@ -1,0 +1,431 @@
+#include "onboard/agent/core/outbox/batcher.hpp"
+
+#include <gtest/gtest.h>
+
+#include <deque>
+
+#include "common/msg/ros.hpp"
+#include "ledgerline.pb.h"
+
+namespace ledgerline::agent {
+namespace {
+
+using Kind = fabric::Outcome::Kind;
+
+StateSample sample(DroneNumber drone, std::uint64_t sequence, TimeNs stamp = 0) {
+  StateSample s;
+  s.drone = drone;
+  s.boot_id = 1;
+  s.sequence = sequence;
+  s.stamp_ns = stamp;
+  return s;
+}
+
+fabric::Outcome outcome(Kind kind, std::string message = "") {
+  fabric::Outcome o;
+  o.kind = kind;
+  o.message = std::move(message);
+  return o;
+}
+
+void expect_adds_up(const Batcher& batcher, DroneNumber drone) {
+  const auto c = batcher.counters(drone);
+  EXPECT_EQ(c.sampled, c.on_ledger + c.merged + c.dropped + c.pending) << "tello" << drone;
+}
+
+const std::vector<DroneName> three = {{1, "tello1"}, {2, "tello2"}, {3, "tello3"}};
+
+TEST(Batcher, TheNewestSampleOfEachDroneRidesInOneFrame) {
+  Batcher batcher({}, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  const auto frame = batcher.next(0);
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->samples.size(), 3U);
+}
+
+TEST(Batcher, OneFrameIsInFlightWhereThatIsCommittedSoon) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 1));
+  const auto first = batcher.next(0);
+  ASSERT_TRUE(first);
+  batcher.add(1, sample(1, 2, 1));
+  EXPECT_FALSE(batcher.next(50 * ns_per_ms));
+  batcher.finished(50 * ns_per_ms, first->number, outcome(Kind::committed));
+  EXPECT_TRUE(batcher.next(50 * ns_per_ms));
+}
+
+// Frames that go out within `limit` while nothing is committed and samples come at 100 Hz.
+int frames_in_flight(Batcher& batcher, TimeNs from, TimeNs limit) {
+  int frames = 0;
+  std::uint64_t sequence = 10;
+  for (TimeNs now = from; now < from + limit; now += 10 * ns_per_ms) {
+    batcher.add(now, sample(1, ++sequence, now));
+    frames += batcher.next(now) ? 1 : 0;
+  }
+  return frames;
+}
+
+// Whose first frame took so long to be endorsed and ordered.
+Batcher after_one_frame(TimeNs ordered_after_ns) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 1));
+  auto committed = outcome(Kind::committed);
+  committed.ordered_after_ns = ordered_after_ns;
+  batcher.finished(0, batcher.next(0)->number, committed);
+  return batcher;
+}
+
+TEST(Batcher, WhereBlocksAreCutLateFramesFollowEachOtherBehindAGap) {
+  Batcher batcher = after_one_frame(2 * ns_per_ms);
+  const int quickly_ordered = frames_in_flight(batcher, 0, 160 * ns_per_ms);
+  EXPECT_GE(quickly_ordered, 9) << "the published settings cut a block of 10";
+  EXPECT_LE(quickly_ordered, 16);
+  expect_adds_up(batcher, 1);
+}
+
+TEST(Batcher, ALedgerAtItsLimitGetsFewerFrames) {
+  Batcher batcher = after_one_frame(30 * ns_per_ms);
+  EXPECT_LE(frames_in_flight(batcher, 0, 110 * ns_per_ms), 1);
+}
+
+TEST(Batcher, ALedgerThatIsAwayFindsABoundedNumber) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  EXPECT_LE(frames_in_flight(batcher, 0, 5 * ns_per_s), 32);
+  expect_adds_up(batcher, 1);
+}
+
+TEST(Batcher, OfSeveralRefusedForOneDroneTheNewestSamplesOfTheOthersGoAgain) {
+  Batcher batcher({}, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  const auto first = batcher.next(0);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(ns_per_s, sample(d, 2, ns_per_s));
+  const auto second = batcher.next(ns_per_s);
+  ASSERT_TRUE(second);
+  batcher.finished(ns_per_s, first->number, outcome(Kind::refused, "tello2: enrolled to another"));
+  EXPECT_FALSE(batcher.next(ns_per_s)) << "newer ones are on their way";
+  batcher.finished(ns_per_s, second->number, outcome(Kind::refused, "tello2: enrolled to another"));
+  const auto again = batcher.next(ns_per_s);
+  ASSERT_TRUE(again);
+  ASSERT_EQ(again->samples.size(), 2U);
+  EXPECT_EQ(again->samples[0].sequence, 2U);
+  for (DroneNumber d = 1; d <= 3; ++d) expect_adds_up(batcher, d);
+}
+
+TEST(Batcher, OfWhatArrivesMeanwhileTheNewestRidesAndTheOthersCountAsMerged) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 1));
+  const auto first = batcher.next(0);
+  for (std::uint64_t k = 2; k <= 5; ++k) batcher.add(1, sample(1, k, 1));
+  batcher.finished(2, first->number, outcome(Kind::committed));
+  const auto second = batcher.next(2);
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->samples.at(0).sequence, 5U);
+  EXPECT_EQ(batcher.counters(1).merged, 3U);
+  EXPECT_EQ(batcher.counters(1).on_ledger, 1U);
+  EXPECT_EQ(batcher.counters(1).sent, 2U);
+  expect_adds_up(batcher, 1);
+}
+
+TEST(Batcher, ASampleThatIsNotNewerNeverReplacesTheNewest) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 5));
+  batcher.add(0, sample(1, 4));
+  EXPECT_EQ(batcher.next(0)->samples.at(0).sequence, 5U);
+  expect_adds_up(batcher, 1);
+}
+
+TEST(Batcher, ASampleOfANewBootIsNewerWhateverItsSequence) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 500));
+  auto after_restart = sample(1, 1);
+  after_restart.boot_id = 2;
+  batcher.add(0, after_restart);
+  EXPECT_EQ(batcher.next(0)->samples.at(0).boot_id, 2U);
+}
+
+TEST(Batcher, WaitsALittleForTheOtherDronesOfTheSameInstant) {
+  BatchConfig config;
+  config.linger_ns = 500;
+  Batcher batcher(config, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  batcher.finished(0, batcher.next(0)->number, outcome(Kind::committed));
+  batcher.add(1000, sample(1, 2, 1000));
+  EXPECT_FALSE(batcher.next(1000));
+  EXPECT_FALSE(batcher.next(1499));
+  EXPECT_TRUE(batcher.next(1500));
+}
+
+TEST(Batcher, DoesNotWaitForADroneThatHasLongBeenSilent) {
+  Batcher batcher({}, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  batcher.finished(0, batcher.next(0)->number, outcome(Kind::committed));
+  batcher.add(ns_per_s, sample(1, 2, ns_per_s));
+  EXPECT_TRUE(batcher.next(ns_per_s));
+}
+
+TEST(Batcher, ADroneWithoutANewSampleRidesAlongWithItsLastOneAndIsNotCountedAgain) {
+  Batcher batcher({}, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  const auto first = batcher.next(0);
+  EXPECT_TRUE(first->repeated.empty());
+  batcher.finished(0, first->number, outcome(Kind::committed));
+  batcher.add(ns_per_s, sample(1, 2, ns_per_s));
+  const auto second = batcher.next(ns_per_s);
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->samples.size(), 1U);
+  ASSERT_EQ(second->repeated.size(), 2U);
+  EXPECT_EQ(second->repeated[0].drone, 2);
+  batcher.finished(ns_per_s, second->number, outcome(Kind::committed));
+  EXPECT_EQ(batcher.counters(2).on_ledger, 1U);
+  EXPECT_EQ(batcher.counters(2).sent, 1U);
+  expect_adds_up(batcher, 2);
+}
+
+TEST(Batcher, ADroneThatOnlyRidesAlongAndIsRefusedPausesTooAndNothingIsLost) {
+  Batcher batcher({}, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  batcher.finished(0, batcher.next(0)->number, outcome(Kind::committed));
+  batcher.add(ns_per_s, sample(1, 2, ns_per_s));
+  batcher.finished(ns_per_s, batcher.next(ns_per_s)->number, outcome(Kind::refused, "tello2: enrolled to another"));
+  const auto again = batcher.next(ns_per_s);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->samples.at(0).sequence, 2U);
+  ASSERT_EQ(again->repeated.size(), 1U);
+  EXPECT_EQ(again->repeated[0].drone, 3);
+  for (DroneNumber d = 1; d <= 3; ++d) expect_adds_up(batcher, d);
+}
+
+TEST(Batcher, KeepsTheMinimalGapBetweenFrames) {
+  BatchConfig config;
+  config.min_gap_ns = 10 * ns_per_ms;
+  Batcher batcher(config, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 1));
+  batcher.finished(ns_per_ms, batcher.next(0)->number, outcome(Kind::committed));
+  batcher.add(ns_per_ms, sample(1, 2, ns_per_ms));
+  EXPECT_FALSE(batcher.next(10 * ns_per_ms - 1));
+  EXPECT_TRUE(batcher.next(10 * ns_per_ms));
+}
+
+TEST(Batcher, AFrameRefusedBecauseOfOneDroneIsSentAgainAtOnceWithoutIt) {
+  BatchConfig config;
+  config.min_gap_ns = ns_per_s;
+  Batcher batcher(config, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  const auto first = batcher.next(0);
+  batcher.add(1, sample(1, 2, 1));
+  batcher.finished(2, first->number, outcome(Kind::refused, "tello3: is enrolled to somebody else"));
+  const auto again = batcher.next(2);
+  ASSERT_TRUE(again);
+  ASSERT_EQ(again->samples.size(), 2U);
+  EXPECT_EQ(again->samples[0].sequence, 2U);  // a newer one came meanwhile
+  EXPECT_EQ(again->samples[1].drone, 2);
+  EXPECT_EQ(batcher.counters(1).merged, 1U);
+  EXPECT_EQ(batcher.counters(2).sent, 1U);  // the same sample twice is one sample sent
+  EXPECT_EQ(batcher.counters(3).dropped, 1U);
+  for (DroneNumber d = 1; d <= 3; ++d) expect_adds_up(batcher, d);
+}
+
+TEST(Batcher, UnderstandsTheRefusalAsARealPeerWordsIt) {
+  Batcher batcher({}, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, "chaincode response 500, tello2: not enrolled"));
+  EXPECT_EQ(batcher.next(0)->samples.size(), 2U);
+}
+
+TEST(Batcher, ARefusalOfTello12IsNotBlamedOnTello1) {
+  Batcher batcher({}, {{1, "tello1"}, {12, "tello12"}}, 1);
+  batcher.add(0, sample(1, 1));
+  batcher.add(0, sample(12, 1));
+  batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, "tello12: not enrolled"));
+  EXPECT_EQ(batcher.next(0)->samples.at(0).drone, 1);
+}
+
+TEST(Batcher, ARefusedDronePausesAndThenRidesAgain) {
+  BatchConfig config;
+  Batcher batcher(config, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 1));
+  batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, "tello1: not enrolled"));
+  batcher.add(1, sample(1, 2, config.refused_drone_pause_ns - 1));
+  EXPECT_FALSE(batcher.next(config.refused_drone_pause_ns - 1));
+  EXPECT_TRUE(batcher.next(config.refused_drone_pause_ns));
+}
+
+TEST(Batcher, SamplesOfAnInvalidatedFrameAreDroppedAndTheNextGoesOnAtOnce) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 1));
+  const auto first = batcher.next(0);
+  batcher.add(1, sample(1, 2, 1));
+  batcher.finished(2, first->number, outcome(Kind::invalidated));
+  EXPECT_EQ(batcher.counters(1).dropped, 1U);
+  EXPECT_EQ(batcher.transactions().invalidated, 1U);
+  EXPECT_TRUE(batcher.next(2));
+}
+
+TEST(Batcher, AnUnreachableLedgerIsLeftAloneForATimeThatGrowsToItsBound) {
+  BatchConfig config;
+  Batcher batcher(config, {{1, "tello1"}}, 1);
+  TimeNs now = 0;
+  TimeNs longest = 0;
+  for (std::uint64_t k = 1; k <= 20; ++k) {
+    batcher.add(now, sample(1, k, now));
+    const auto frame = batcher.next(now);
+    ASSERT_TRUE(frame);
+    batcher.finished(now, frame->number, outcome(Kind::unavailable));
+    const TimeNs pause = batcher.back_off_until_ns() - now;
+    EXPECT_GE(pause, config.first_back_off_ns / 2);
+    EXPECT_LE(pause, config.longest_back_off_ns);
+    batcher.add(now, sample(1, 1000 + k, now));
+    EXPECT_FALSE(batcher.next(batcher.back_off_until_ns() - 1));
+    longest = std::max(longest, pause);
+    now = batcher.back_off_until_ns();
+  }
+  EXPECT_GE(longest, config.longest_back_off_ns / 2);
+}
+
+TEST(Batcher, ASampleThatHadToWaitPastItsFreshnessIsDroppedAndCounted) {
+  BatchConfig config;
+  Batcher batcher(config, {{1, "tello1"}, {2, "tello2"}}, 1);
+  for (DroneNumber d = 1; d <= 2; ++d) batcher.add(0, sample(d, 1));
+  const auto first = batcher.next(0);
+  batcher.add(1, sample(1, 2, 1));
+  batcher.add(config.freshness_ns, sample(2, 2, config.freshness_ns));
+  batcher.finished(config.freshness_ns + 2, first->number, outcome(Kind::committed));
+  const auto second = batcher.next(config.freshness_ns + 2);
+  ASSERT_TRUE(second);
+  ASSERT_EQ(second->samples.size(), 1U);
+  EXPECT_EQ(second->samples[0].drone, 2);
+  EXPECT_EQ(batcher.counters(1).stale, 1U);
+  EXPECT_EQ(batcher.counters(1).dropped, 1U);
+  EXPECT_EQ(batcher.counters(2).stale, 0U);
+  for (DroneNumber d = 1; d <= 2; ++d) expect_adds_up(batcher, d);
+}
+
+TEST(Batcher, ACommitEndsTheGrowthOfTheBackOff) {
+  BatchConfig config;
+  Batcher batcher(config, {{1, "tello1"}}, 1);
+  TimeNs now = 0;
+  const auto round = [&](Kind kind, std::uint64_t k) {
+    batcher.add(now, sample(1, k, now));
+    batcher.finished(now, batcher.next(now)->number, outcome(kind));
+    const TimeNs pause = std::max<TimeNs>(0, batcher.back_off_until_ns() - now);
+    now += pause;
+    return pause;
+  };
+  for (std::uint64_t k = 1; k <= 6; ++k) round(Kind::unavailable, k);
+  round(Kind::committed, 7);
+  EXPECT_LE(round(Kind::unavailable, 8), config.first_back_off_ns);
+}
+
+TEST(Batcher, SeedsGiveDifferentJitterAndTheSameSeedTheSame) {
+  const auto pause = [](std::uint64_t seed) {
+    Batcher batcher({}, {{1, "tello1"}}, seed);
+    batcher.add(0, sample(1, 1));
+    batcher.finished(0, batcher.next(0)->number, outcome(Kind::unavailable));
+    return batcher.back_off_until_ns();
+  };
+  EXPECT_EQ(pause(1), pause(1));
+  EXPECT_NE(pause(1), pause(2));
+}
+
+TEST(Batcher, TheEndOfAFrameThatIsNotInFlightChangesNothing) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  batcher.add(0, sample(1, 1));
+  const auto frame = batcher.next(0);
+  EXPECT_FALSE(batcher.finished(0, frame->number + 1, outcome(Kind::committed)));
+  EXPECT_TRUE(batcher.finished(0, frame->number, outcome(Kind::committed)));
+  EXPECT_FALSE(batcher.finished(0, frame->number, outcome(Kind::committed)));
+  EXPECT_EQ(batcher.counters(1).on_ledger, 1U);
+}
+
+TEST(Batcher, CountersAddUpAndNeverTwoAreInFlightWhateverHappens) {
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    Random random(seed);
+    Batcher batcher({.min_gap_ns = seed % 3 == 0 ? 5 * ns_per_ms : 0}, three, seed);
+    std::deque<std::uint64_t> in_flight;
+    std::uint64_t sequence = 0;
+    std::uint64_t added[4] = {};
+    TimeNs now = 0;
+    for (int step = 0; step < 3000; ++step) {
+      now += static_cast<TimeNs>(random.uniform() * 3e6);
+      if (random.uniform() < 0.6) {
+        const auto drone = static_cast<DroneNumber>(1 + random.next() % 3);
+        batcher.add(now, sample(drone, ++sequence, now));
+        ++added[drone];
+      }
+      if (auto frame = batcher.next(now)) {
+        in_flight.push_back(frame->number);
+        ASSERT_EQ(in_flight.size(), 1U) << "seed " << seed;
+        ASSERT_LE(frame->samples.size(), 3U);
+        ASSERT_GE(frame->samples.size(), 1U);
+      }
+      if (!in_flight.empty() && random.uniform() < 0.3) {
+        const auto kind = static_cast<Kind>(random.next() % 5);
+        const char* messages[] = {"tello1: no", "tello3: no", "no"};
+        ASSERT_TRUE(batcher.finished(now, in_flight.front(), outcome(kind, messages[random.next() % 3])));
+        in_flight.pop_front();
+      }
+      for (DroneNumber d = 1; d <= 3; ++d) {
+        const auto c = batcher.counters(d);
+        ASSERT_EQ(c.sampled, added[d]);
+        ASSERT_EQ(c.sampled, c.on_ledger + c.merged + c.dropped + c.pending) << "seed " << seed;
+        ASSERT_LE(c.pending, 2U) << "one in flight and one waiting at most: memory is bounded";
+        ASSERT_LE(c.on_ledger + c.dropped - c.stale, c.sent);
+      }
+    }
+    if (!in_flight.empty()) batcher.finished(now, in_flight.front(), outcome(Kind::unavailable));
+    const BatchConfig defaults;
+    now += defaults.longest_back_off_ns + defaults.refused_drone_pause_ns;
+    batcher.add(now, sample(1, ++sequence, now));
+    EXPECT_TRUE(batcher.next(now + defaults.linger_ns)) << "it always goes on, seed " << seed;
+  }
+}
+
+TEST(EncodeFrame, WithoutAPoseThereIsNoOdometry) {
+  Frame frame;
+  frame.samples = {sample(1, 3)};
+  SetCall set;
+  ASSERT_TRUE(set.ParseFromString(encode_frame(frame, three, 0).args.at(0)));
+  for (const Asset& asset : set.assets()) EXPECT_NE(asset.id(), "tello1/odom");
+}
+
+TEST(EncodeFrame, WritesEveryStreamingAssetOfEachDroneWithRealTimeInHeaders) {
+  Frame frame;
+  auto s = sample(2, 9, 5 * ns_per_s);
+  s.position_m = {1, 2, 3};
+  s.velocity_mps = {1, 0, 0.5};
+  s.yaw_rad = 1.5707963267948966;
+  s.battery = 0.75F;
+  s.pose_stamp_ns = s.stamp_ns - 5 * ns_per_ms;
+  auto old = sample(1, 3);
+  old.pose_stamp_ns = 1;
+  frame.samples = {s};
+  frame.repeated = {old};
+  const auto call = encode_frame(frame, three, 1000 * ns_per_s);
+  EXPECT_EQ(call.function, "set");
+  SetCall set;
+  ASSERT_TRUE(set.ParseFromString(call.args.at(0)));
+  EXPECT_TRUE(set.stream());
+  ASSERT_EQ(set.assets_size(), 6);
+  EXPECT_EQ(set.assets(3).id(), "tello1/odom");
+  EXPECT_EQ(set.assets(0).id(), "tello2/odom");
+  EXPECT_EQ(set.assets(0).topic(), "/tello2/odom");
+  EXPECT_EQ(set.assets(0).msg_type(), "nav_msgs/msg/Odometry");
+  const auto odometry = odometry_from_cdr(set.assets(0).msg_data());
+  ASSERT_TRUE(odometry);
+  EXPECT_EQ(odometry->header.stamp_ns, 1005 * ns_per_s - 5 * ns_per_ms) << "the pose's own time";
+  EXPECT_EQ(odometry->header.frame_id, "map");
+  // Moving east while looking north is moving to the right: REP 105's y is to the left.
+  EXPECT_NEAR(odometry->linear_mps[0], 0, 1e-9);
+  EXPECT_NEAR(odometry->linear_mps[1], -1, 1e-9);
+  EXPECT_NEAR(odometry->linear_mps[2], 0.5, 1e-9);
+  EXPECT_EQ(set.assets(1).id(), "tello2/link");
+  const auto status = link_status_from_cdr(set.assets(1).msg_data());
+  ASSERT_TRUE(status);
+  EXPECT_EQ(status->sequence, 9U);
+  EXPECT_EQ(status->stamp_ns, 5 * ns_per_s);
+  EXPECT_EQ(set.assets(2).id(), "tello2/battery");
+  EXPECT_FLOAT_EQ(battery_from_cdr(set.assets(2).msg_data())->percentage, 0.75F);
+}
+
+}  // namespace
+}  // namespace ledgerline::agent

@@ -1,0 +1,105 @@
+#include "onboard/agent/core/outbox/fold_sender.hpp"
+
+#include <gtest/gtest.h>
+
+#include "ledgerline.pb.h"
+
+namespace ledgerline::agent {
+namespace {
+
+using Kind = fabric::Outcome::Kind;
+
+constexpr TimeNs t0 = 100 * ns_per_s;
+
+class FoldSenderTest : public ::testing::Test {
+ protected:
+  static fabric::Outcome outcome(Kind kind, std::string message = {}) {
+    fabric::Outcome o;
+    o.kind = kind;
+    o.code = kind == Kind::invalidated ? 12 : 0;
+    o.message = std::move(message);
+    return o;
+  }
+  /// The next call's number after `now`; 0: none.
+  std::uint64_t call(TimeNs now) {
+    const auto sending = sender_.next(now);
+    return sending ? sending->number : 0;
+  }
+
+  const std::vector<DroneName> drones_{{1, "tello1"}, {2, "tello2"}};
+  FoldSender sender_{BatchConfig{}, drones_, 7};
+};
+
+TEST_F(FoldSenderTest, AStopIsFoldedOnceAtOnce) {
+  EXPECT_EQ(call(t0), 0U);
+  sender_.want(t0, 2);
+  const auto sending = sender_.next(t0);
+  ASSERT_TRUE(sending);
+  const fabric::Call made = encode_fold(*sending);
+  EXPECT_EQ(made.function, "fold");
+  DronesCall message;
+  ASSERT_TRUE(message.ParseFromString(made.args.at(0)));
+  ASSERT_EQ(message.drones_size(), 1);
+  EXPECT_EQ(message.drones(0), "tello2");
+  EXPECT_EQ(call(t0 + ns_per_s), 0U) << "one at a time";
+  EXPECT_TRUE(sender_.pending());
+  EXPECT_TRUE(sender_.finished(t0, sending->number, outcome(Kind::committed)));
+  EXPECT_FALSE(sender_.pending());
+  EXPECT_EQ(call(t0 + ns_per_s), 0U);
+  EXPECT_EQ(sender_.folded(), 1U);
+}
+
+TEST_F(FoldSenderTest, WhateverElseBecomesOfItIsFollowedByAnotherBehindAGrowingPause) {
+  sender_.want(t0, 1);
+  TimeNs now = t0, last = t0;
+  int calls = 0;
+  for (const Kind kind : {Kind::invalidated, Kind::unavailable, Kind::overloaded, Kind::refused, Kind::invalidated}) {
+    std::uint64_t number = 0;
+    for (; (number = call(now)) == 0; now += ns_per_ms) ASSERT_LT(now, last + 10 * ns_per_s);
+    if (calls++ > 0) {
+      EXPECT_GT(now, last) << "not at once";
+    }
+    last = now;
+    EXPECT_TRUE(sender_.finished(now, number, outcome(kind, "ledger at 127.0.0.1:1: away")));
+  }
+  EXPECT_TRUE(sender_.pending());
+  EXPECT_EQ(sender_.repeated(), 5U);
+}
+
+TEST_F(FoldSenderTest, TheContractsRefusalEndsIt) {
+  sender_.want(t0, 1);
+  const auto number = call(t0);
+  sender_.finished(t0, number, outcome(Kind::refused, "chaincode response 500, tello1: enrolled to another"));
+  EXPECT_FALSE(sender_.pending());
+  EXPECT_EQ(sender_.folded(), 0U);
+}
+
+TEST_F(FoldSenderTest, AStopThatComesDuringAFoldIsFoldedAfterIt) {
+  sender_.want(t0, 1);
+  const auto first = call(t0);
+  sender_.want(t0, 1);
+  sender_.finished(t0, first, outcome(Kind::committed));
+  EXPECT_NE(call(t0), 0U) << "the first may have come before that stop";
+}
+
+TEST_F(FoldSenderTest, DronesAreFoldedEachByItself) {
+  sender_.want(t0, 1);
+  sender_.want(t0, 2);
+  const auto one = call(t0), two = call(t0);
+  EXPECT_NE(one, 0U);
+  EXPECT_NE(two, 0U);
+  sender_.finished(t0, one, outcome(Kind::invalidated));
+  sender_.finished(t0, two, outcome(Kind::committed));
+  EXPECT_TRUE(sender_.pending());
+  EXPECT_EQ(sender_.folded(), 1U);
+}
+
+TEST_F(FoldSenderTest, WhatIsNotOursIsLeftAlone) {
+  sender_.want(t0, 9);
+  EXPECT_EQ(call(t0), 0U);
+  EXPECT_FALSE(sender_.finished(t0, 1, outcome(Kind::committed)));
+  EXPECT_FALSE(sender_.finished(t0, 0, outcome(Kind::committed)));
+}
+
+}  // namespace
+}  // namespace ledgerline::agent

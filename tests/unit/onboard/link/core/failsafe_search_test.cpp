@@ -1,0 +1,247 @@
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <deque>
+#include <unordered_set>
+
+#include "onboard/link/core/failsafe.hpp"
+#include "tests/unit/campaign.hpp"
+#include "tests/unit/onboard/link/core/times.hpp"
+
+/// Every state that the failsafe can come into, searched to a fixed point with the real update(). Times are in steps
+/// and every limit is a few of them; an age beyond the largest limit it is compared with stays there. What the world
+/// does in a step is free: who is heard, where the drone is, whether a plan covers it, what is asked for.
+namespace ledgerline::link {
+namespace {
+
+constexpr TimeNs step_ns = 100 * ms;
+constexpr TimeNs now = 1000 * step_ns;
+constexpr int handshakes = 2;  // steps until all were in vain
+
+/// Ages in steps. Of a moment that never was: -1.
+struct State {
+  int phase = 0;
+  int unseen = -1;  ///< disconnected, and it may fly: for so long; then all handshakes were in vain
+  int uncovered = 0, beat = 0, state = 0, pose = 0;
+  int ledger_alive = 1;
+  int mode = 0, cause = 0, battery_low = 0;
+  int hovering = -1, gone = -1, outward = -1, outside = -1;
+  int unflown = 0;  ///< since a plan was followed: counted here, not by the failsafe
+
+  std::uint64_t key() const {
+    std::uint64_t key = 0;
+    for (const int field : {phase, unseen, uncovered, beat, state, pose, ledger_alive, mode, cause, battery_low,
+                            hovering, gone, outward, outside, unflown}) {
+      key = key << 4 | static_cast<std::uint64_t>(field + 1);
+    }
+    return key;
+  }
+};
+
+enum class Place { inside, back, out };
+enum class Asked { nothing, stop, cut, empty_battery };
+
+struct Input {
+  bool beat = false, ledger_alive = false, plan = false, pose = false;
+  enum class Text { none, charged, low } text = Text::none;
+  Place place = Place::inside;
+  Asked asked = Asked::nothing;
+};
+
+class Search {
+ public:
+  explicit Search(const std::array<int, 7>& limits) : limits_(limits) {
+    settings_.hold_grace_ns = grace() * step_ns;
+    settings_.land_after_ns = land_after() * step_ns;
+    settings_.agent_silent_ns = agent_silent() * step_ns;
+    settings_.state_stale_ns = stale() * step_ns;
+    settings_.pose_lost_ns = pose_lost() * step_ns;
+    settings_.clear_after_ns = clear_after() * step_ns;
+    settings_.fence_land_after_ns = fence_land_after() * step_ns;
+  }
+
+  void run() {
+    State start;
+    start.phase = static_cast<int>(FlightPhase::taking_off);
+    visit(start);
+    start.phase = static_cast<int>(FlightPhase::disconnected);
+    visit(start);
+    while (!open_.empty() && !::testing::Test::HasFailure()) {
+      const State from = open_.front();
+      open_.pop_front();
+      for (const Input& input : inputs()) {
+        for (const int phase : next_phases(from.phase)) go(from, phase, input);
+      }
+    }
+  }
+  std::size_t states() const { return seen_.size(); }
+  std::size_t steps() const { return steps_; }
+
+ private:
+  int grace() const { return limits_[0]; }
+  int land_after() const { return limits_[1]; }
+  int agent_silent() const { return limits_[2]; }
+  int stale() const { return limits_[3]; }
+  int pose_lost() const { return limits_[4]; }
+  int clear_after() const { return limits_[5]; }
+  int fence_land_after() const { return limits_[6]; }
+
+  static std::vector<int> next_phases(int phase) {
+    constexpr int unseen = static_cast<int>(FlightPhase::disconnected), flying = static_cast<int>(FlightPhase::flying),
+                  landing = static_cast<int>(FlightPhase::landing);
+    if (phase == landing) return {phase, unseen};
+    if (phase == unseen) return {phase, flying, landing};
+    return {phase, phase + 1};
+  }
+
+  static const std::vector<Input>& inputs() {
+    static const std::vector<Input> all = [] {
+      std::vector<Input> made;
+      for (const int heard : {0, 1, 2})
+        for (const int bits : {0, 1, 2, 3})
+          for (const auto text : {Input::Text::none, Input::Text::charged, Input::Text::low})
+            for (const auto place : {Place::inside, Place::back, Place::out})
+              made.push_back({heard > 0, heard == 2, (bits & 1) != 0, (bits & 2) != 0, text, place, Asked::nothing});
+      for (const auto asked : {Asked::stop, Asked::cut, Asked::empty_battery})
+        for (const int bits : {0, 1, 2, 3})
+          made.push_back(
+              {(bits & 2) != 0, true, (bits & 1) != 0, (bits & 2) != 0, Input::Text::none, Place::inside, asked});
+      return made;
+    }();
+    return all;
+  }
+
+  // One step later: older, but for what was heard.
+  State aged(const State& from, int phase, const Input& input) const {
+    State s = from;
+    s.phase = phase;
+    s.unseen = phase == static_cast<int>(FlightPhase::disconnected) ? std::min(s.unseen + 1, handshakes) : -1;
+    const bool begins = phase != from.phase && phase == static_cast<int>(FlightPhase::flying);
+    s.uncovered = input.plan || begins ? 0 : std::min(s.uncovered + 1, grace());
+    s.unflown = begins ? 0 : std::min(s.unflown + 1, land_after() + grace() + 1);
+    s.state =
+        input.text != Input::Text::none || input.asked == Asked::empty_battery ? 0 : std::min(s.state + 1, stale() + 1);
+    // Two old moments keep their order: which was heard last, agent or the pose, is asked for.
+    const int silent = agent_silent() + 1;
+    if (input.pose) {
+      s.pose = 0;
+    } else if (input.beat || s.beat < silent || s.pose < silent) {
+      s.pose = std::min(s.pose + 1, silent + pose_lost());
+    }
+    s.beat = input.beat ? 0 : std::min(s.beat + 1, silent);
+    if (input.beat) s.ledger_alive = input.ledger_alive;
+    return s;
+  }
+
+  FailsafeFacts facts(const State& s, const Input& input) const {
+    FailsafeFacts f;
+    f.phase = static_cast<FlightPhase>(s.phase);
+    f.may_fly_unseen = s.unseen >= 0;
+    f.blind = s.unseen >= handshakes;
+    f.plan_valid = input.plan;
+    f.covered_until_ns = f.flying_since_ns = now - s.uncovered * step_ns;
+    f.beat_ns = now - s.beat * step_ns;
+    f.ledger_alive = s.ledger_alive != 0;
+    f.state_ns = now - s.state * step_ns;
+    f.pose_ns = now - s.pose * step_ns;
+    f.position_m = {input.place == Place::inside ? 0 : fence_.max_m[0] + 0.5, 0, 1};
+    f.velocity_mps = {input.place == Place::out ? 0.5 : -0.5, 0, 0};
+    f.height_m = input.place == Place::out ? static_cast<float>(fence_.max_m[2]) + 0.5F : 1;
+    f.battery = settings_.battery_low + settings_.battery_margin / 2;  // neither low anew nor charged
+    if (input.text == Input::Text::charged) f.battery = 1;
+    if (input.text == Input::Text::low) f.battery = settings_.battery_low;
+    if (input.asked == Asked::empty_battery) f.battery = settings_.battery_critical;
+    f.stop = input.asked == Asked::stop;
+    f.cut = input.asked == Asked::cut;
+    return f;
+  }
+
+  static TimeNs since(int age) { return age < 0 ? 0 : now - age * step_ns; }
+  static int age(TimeNs since, int most) {
+    return since == 0 ? -1 : static_cast<int>(std::min<TimeNs>((now - since) / step_ns, most));
+  }
+  static int older(int age) { return age < 0 ? -1 : age + 1; }
+
+  void go(const State& from, int phase, const Input& input) {
+    ++steps_;
+    State s = aged(from, phase, input);
+    const FailsafeState last{.mode = static_cast<FailsafeMode>(from.mode),
+                             .cause = static_cast<FailsafeCause>(from.cause),
+                             .hovering_since_ns = since(older(from.hovering)),
+                             .cause_gone_since_ns = since(older(from.gone)),
+                             .outward_since_ns = since(older(from.outward)),
+                             .outside_ns = since(older(from.outside)),
+                             .battery_low = from.battery_low != 0};
+    const FailsafeFacts f = facts(s, input);
+    const FailsafeState next = update(settings_, fence_, last, now, f);
+    s.mode = static_cast<int>(next.mode);
+    s.cause = static_cast<int>(next.cause);
+    s.battery_low = next.battery_low;
+    s.hovering = age(next.hovering_since_ns, land_after());
+    s.gone = age(next.cause_gone_since_ns, clear_after());
+    s.outward = age(next.outward_since_ns, fence_land_after());
+    s.outside = age(next.outside_ns, clear_after() + 1);
+    if (follows_plan(next.mode, f.plan_valid)) s.unflown = 0;
+    check(s, last, next, f);
+    if (next.mode >= FailsafeMode::land) s = landing(s);
+    visit(s);
+  }
+
+  // The failsafe looks at nothing but a cut any more (check() sees to that): what else is remembered is let go.
+  static State landing(const State& s) {
+    State kept;
+    kept.phase = s.phase;
+    kept.unseen = s.unseen;
+    kept.mode = s.mode;
+    kept.cause = s.cause;
+    return kept;
+  }
+
+  void check(const State& s, const FailsafeState& last, const FailsafeState& next, const FailsafeFacts& f) {
+    const auto told = [&](const char* what) {
+      ADD_FAILURE() << what << ": mode " << s.mode << " cause " << s.cause << " phase " << s.phase << " plan "
+                    << f.plan_valid << "; ages: uncovered " << s.uncovered << " beat " << s.beat << " state " << s.state
+                    << " pose " << s.pose << " hovering " << s.hovering << " unflown " << s.unflown << "; before: mode "
+                    << static_cast<int>(last.mode) << " cause " << static_cast<int>(last.cause);
+    };
+    const bool down = next.mode >= FailsafeMode::land;
+    if (next.mode < last.mode && last.mode >= FailsafeMode::land) told("a landing was taken back in the air");
+    if (f.cut && next.mode != FailsafeMode::cut) told("a cut was not obeyed");
+    if (next.mode == FailsafeMode::cut && !f.cut && last.mode != FailsafeMode::cut) told("a cut nobody asked for");
+    if ((f.stop || f.battery <= settings_.battery_critical) && !down) told("a stop or an empty battery does not land");
+    if (f.blind && !down) told("it may fly unseen, and is not landed");
+    if (f.phase != FlightPhase::flying) return;
+
+    const bool follows = follows_plan(next.mode, f.plan_valid);
+    if (!follows && next.mode == FailsafeMode::none && s.uncovered >= grace()) told("neither a plan nor an action");
+    if (!down && s.unflown > land_after() + grace()) told("no plan for longer than land_after, and no landing");
+    if (follows && s.state > stale()) told("flies on though the drone is silent");
+    if (follows && s.pose > pose_lost() && s.pose - s.beat > pose_lost() / 2) told("flies on though the pose is lost");
+    if (next.mode == FailsafeMode::hold && f.plan_valid) told("holds though there is a plan");
+    if (next.mode != FailsafeMode::none && next.cause == FailsafeCause::none) told("a mode without a cause");
+  }
+
+  void visit(const State& s) {
+    if (seen_.insert(s.key()).second) open_.push_back(s);
+  }
+
+  std::array<int, 7> limits_;
+  FailsafeSettings settings_;
+  FenceSettings fence_;
+  std::unordered_set<std::uint64_t> seen_;
+  std::deque<State> open_;
+  std::size_t steps_ = 0;
+};
+
+TEST(FailsafeSearch, NoReachableStateHasNeitherAFreshPlanNorAnAction) {
+  // Limits in steps, in the order of the defaults' sizes: hold_grace, land_after, agent_silent, state_stale, pose_lost,
+  // clear_after, fence_land_after.
+  const bool whole = seeds(0, 1) == 1;
+  Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2});
+  search.run();
+  std::printf("%zu states of the failsafe visited, %zu steps taken\n", search.states(), search.steps());
+  EXPECT_GT(search.states(), whole ? 500'000U : 100'000U) << "the search did not get anywhere";
+}
+
+}  // namespace
+}  // namespace ledgerline::link

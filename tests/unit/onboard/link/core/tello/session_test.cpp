@@ -1,0 +1,292 @@
+#include "onboard/link/core/tello/session.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+namespace ledgerline::link {
+namespace {
+
+constexpr TimeNs tick = 10 * ns_per_ms;
+
+/// A session on a clock of its own, with a drone of which each test decides what it says.
+class Session : public ::testing::Test {
+ protected:
+  /// Lets time pass; state text comes at 10 Hz while `height_m` is set.
+  void pass(TimeNs duration) {
+    const TimeNs end = now + duration;
+    for (; now < end; now += tick) {
+      if (talks && now % (100 * ns_per_ms) == 0) session.on_state(now, state_text());
+      for (CommandText text; session.next_send(now, text);) sent.emplace_back(text.view());
+    }
+  }
+  std::string state_text() const {
+    const int h = static_cast<int>(height_m * 10) * 10;
+    return "tof:" + std::to_string(static_cast<int>(height_m * 100) + 10) + ";h:" + std::to_string(h) + ";bat:80;";
+  }
+  void answer(const char* text) { session.on_answer(now, text); }
+  long count(const std::string& command) const { return std::count(sent.begin(), sent.end(), command); }
+
+  void connect() {
+    talks = true;
+    pass(tick);
+    answer("ok");
+    pass(200 * ns_per_ms);
+    ASSERT_EQ(session.phase(), FlightPhase::on_ground);
+  }
+  void fly() {
+    connect();
+    ASSERT_TRUE(session.request_takeoff(now));
+    pass(ns_per_s);
+    height_m = 1;
+    pass(ns_per_s);
+    answer("ok");
+    pass(tick);
+    ASSERT_EQ(session.phase(), FlightPhase::flying);
+  }
+
+  SessionSettings settings;
+  TelloSession session{settings};
+  TimeNs now = ns_per_s;
+  bool talks = false;
+  float height_m = 0;
+  std::vector<std::string> sent;
+};
+
+TEST_F(Session, TheHandshakeWithWhatStandsOnTheGroundIsRepeatedWithGrowingPausesWhileAnswersAreLost) {
+  talks = true;
+  pass(settings.answer_timeout_ns / 2);
+  EXPECT_EQ(count("command"), 1);
+  pass(60 * ns_per_s);
+  EXPECT_GE(count("command"), 10);
+  EXPECT_LE(count("command"), 20);  // 0.5, 1, 2, then every 4 s
+  EXPECT_EQ(count("land"), 0);
+  EXPECT_EQ(session.phase(), FlightPhase::disconnected);
+  connect();
+}
+
+TEST_F(Session, AnOkWithoutStateTextIsNotAConnection) {
+  pass(tick);
+  answer("ok");
+  pass(5 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::disconnected);
+  EXPECT_GE(count("command"), 2);
+}
+
+TEST_F(Session, StateTextWithoutAnOkIsNotAConnection) {
+  talks = true;
+  pass(5 * ns_per_s);
+  answer("revoked");
+  answer("error");
+  pass(ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::disconnected);
+}
+
+TEST_F(Session, ADroneThatIsFoundInTheAirIsFlying) {
+  height_m = 1.2F;
+  talks = true;
+  pass(tick);
+  answer("ok");
+  pass(200 * ns_per_ms);
+  EXPECT_EQ(session.phase(), FlightPhase::flying);
+}
+
+TEST_F(Session, ADroneThatIsFoundAHandAboveTheGroundIsFlying) {
+  height_m = 0.12F;  // too low for `h` to tell
+  talks = true;
+  pass(tick);
+  answer("ok");
+  pass(200 * ns_per_ms);
+  EXPECT_EQ(session.phase(), FlightPhase::flying);
+}
+
+TEST_F(Session, TakeOffNeedsAConnection) { EXPECT_FALSE(session.request_takeoff(now)); }
+
+TEST_F(Session, ALateOkOfAnEarlierCommandIsNoTakeOff) {
+  connect();
+  ASSERT_TRUE(session.request_takeoff(now));
+  pass(100 * ns_per_ms);
+  answer("ok");  // a doubled answer to `command`: the drone is still seen on the ground
+  EXPECT_EQ(session.phase(), FlightPhase::taking_off);
+  EXPECT_EQ(session.answers_unasked(), 1U);
+  height_m = 1;
+  pass(3 * ns_per_s);
+  answer("ok");
+  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  EXPECT_EQ(count("takeoff"), 1);
+}
+
+TEST_F(Session, ALostAnswerToTakeOffIsMadeUpForByWhatIsSeen) {
+  connect();
+  ASSERT_TRUE(session.request_takeoff(now));
+  height_m = 1;
+  pass(settings.takeoff_timeout_ns + ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  EXPECT_EQ(count("takeoff"), 1);  // never flown twice
+}
+
+TEST_F(Session, ALostTakeOffLeavesItOnTheGround) {
+  connect();
+  ASSERT_TRUE(session.request_takeoff(now));
+  pass(settings.takeoff_timeout_ns + ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::on_ground);
+  EXPECT_TRUE(session.request_takeoff(now));
+}
+
+TEST_F(Session, ARefusedTakeOffIsNotTriedAgainAtOnce) {
+  connect();
+  ASSERT_TRUE(session.request_takeoff(now));
+  pass(tick);
+  answer("error Motor stop");
+  EXPECT_EQ(session.phase(), FlightPhase::on_ground);
+  EXPECT_FALSE(session.request_takeoff(now));
+  pass(settings.refused_pause_ns);
+  EXPECT_TRUE(session.request_takeoff(now));
+}
+
+TEST_F(Session, ALandingAskedForBeforeItLiftsOffIsNotOverWhileItMayStillRise) {
+  connect();
+  ASSERT_TRUE(session.request_takeoff(now));
+  pass(100 * ns_per_ms);
+  session.request_land(now);
+  pass(2 * ns_per_s);  // spins up; `land` is ignored meanwhile
+  EXPECT_EQ(session.phase(), FlightPhase::landing);
+  height_m = 1;
+  pass(200 * ns_per_ms);
+  answer("ok");  // the take-off's
+  pass(3 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::landing);
+  EXPECT_GE(count("land"), 4);
+  height_m = 0;
+  pass(2 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::landed);
+}
+
+TEST_F(Session, ALandingAskedForBeforeATakeOffThatNeverCameEnds) {
+  connect();
+  ASSERT_TRUE(session.request_takeoff(now));
+  session.request_land(now);
+  pass(settings.takeoff_timeout_ns + 2 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::landed);
+}
+
+TEST_F(Session, WhatIsSeenAloftIsInFlightWhateverWasAnswered) {
+  connect();
+  ASSERT_TRUE(session.request_takeoff(now));
+  pass(tick);
+  answer("error");  // of an earlier command
+  ASSERT_EQ(session.phase(), FlightPhase::on_ground);
+  height_m = 0.8F;
+  pass(ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::flying);
+}
+
+TEST_F(Session, WhatCameDownByItselfIsLandedAndNotFlownOn) {
+  fly();
+  height_m = 0;
+  pass(2 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  pass(3 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::landed);
+  EXPECT_GE(count("land"), 1);
+}
+
+TEST_F(Session, LandIsRepeatedUntilTheDroneIsDown) {
+  fly();
+  session.request_land(now);
+  pass(3 * ns_per_s + tick);
+  EXPECT_GE(count("land"), 3);
+  EXPECT_EQ(session.phase(), FlightPhase::landing);
+  answer("error");  // a refusal does not end it
+  pass(3 * ns_per_s);
+  EXPECT_GE(count("land"), 5);
+  height_m = 0;
+  pass(2 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::landed);  // seen, though no ok came
+}
+
+TEST_F(Session, LandIsNotRepeatedWhileTheDroneComesDown) {
+  fly();
+  session.request_land(now);
+  for (int i = 0; i < 20; ++i) {
+    height_m -= 0.05F;
+    pass(200 * ns_per_ms);
+  }
+  EXPECT_LE(count("land"), 2);
+}
+
+TEST_F(Session, AnOkToLandWhileItIsSeenInTheAirIsAnotherCommandsOk) {
+  fly();
+  session.request_land(now);
+  pass(200 * ns_per_ms);
+  answer("ok");
+  EXPECT_EQ(session.phase(), FlightPhase::landing);
+  height_m = 0;
+  pass(200 * ns_per_ms);
+  answer("ok");
+  EXPECT_EQ(session.phase(), FlightPhase::landed);
+}
+
+TEST_F(Session, WithoutAnySightAnOkToLandIsBelieved) {
+  fly();
+  talks = false;
+  pass(2 * ns_per_s);
+  session.request_land(now);
+  pass(100 * ns_per_ms);
+  answer("ok");
+  EXPECT_EQ(session.phase(), FlightPhase::landed);
+}
+
+TEST_F(Session, ADroneThatFallsSilentOnTheGroundIsConnectedToAnew) {
+  connect();
+  talks = false;
+  pass(settings.lost_after_ns + ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::disconnected);
+  const long before = count("command");
+  pass(ns_per_s);
+  EXPECT_GE(count("command"), before);
+  talks = true;
+  pass(100 * ns_per_ms);
+  answer("ok");
+  pass(200 * ns_per_ms);
+  EXPECT_EQ(session.phase(), FlightPhase::on_ground);
+}
+
+TEST_F(Session, ADroneThatFallsSilentInTheAirStaysFlyingSoThatItCanBeLanded) {
+  fly();
+  talks = false;
+  pass(20 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::flying);
+}
+
+TEST_F(Session, CutSendsEmergencyUntilItIsDown) {
+  fly();
+  session.request_cut(now);
+  pass(2 * ns_per_s + tick);
+  EXPECT_GE(count("emergency"), 2);
+  EXPECT_EQ(count("land"), 0);
+  height_m = 0;
+  pass(2 * ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::landed);
+}
+
+TEST_F(Session, CutOutranksALandingUnderWay) {
+  fly();
+  session.request_land(now);
+  pass(100 * ns_per_ms);
+  session.request_cut(now);
+  pass(tick);
+  EXPECT_EQ(sent.back(), "emergency");
+}
+
+TEST_F(Session, UnaskedAndUnreadableAnswersChangeNothing) {
+  connect();
+  for (const char* text : {"ok", "error", "\xff\xff", "", "unknown command: x"}) answer(text);
+  pass(ns_per_s);
+  EXPECT_EQ(session.phase(), FlightPhase::on_ground);
+  EXPECT_EQ(session.answers_unasked(), 5U);
+}
+
+}  // namespace
+}  // namespace ledgerline::link

@@ -1,0 +1,102 @@
+#include "onboard/link/shell/courier.hpp"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <vector>
+
+namespace ledgerline::link {
+namespace {
+
+/// What agent hears; it can hold whoever sends, as a lock does whose holder was killed.
+struct FakeEnd final : ipc::LinkEnd {
+  bool take_plan(Plan&) noexcept override { return false; }
+  bool take_pose(Pose&) noexcept override { return false; }
+  bool take_beat(AgentBeat&) noexcept override { return false; }
+  bool send_state(const StateSample& sample) noexcept override {
+    sending = true;
+    while (holds) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    if (full) return false;
+    heard.push_back(sample.sequence);
+    return true;
+  }
+  bool send_transition(const Transition& transition) noexcept override {
+    transitions.push_back(transition.number);
+    return true;
+  }
+  std::atomic<bool> sending{false}, holds{false}, full{false};
+  std::vector<std::uint64_t> heard, transitions;
+};
+
+StateSample state(std::uint64_t sequence) {
+  StateSample sample;
+  sample.drone = 2;
+  sample.sequence = sequence;
+  return sample;
+}
+
+TEST(Courier, CarriesEverythingInOrderBeforeItEnds) {
+  FakeEnd end;
+  {
+    auto courier = Courier::start(end, 0);
+    ASSERT_TRUE(courier);
+    for (std::uint64_t i = 1; i <= 100; ++i) {
+      (*courier)->put(state(i));
+      if (i % 10 == 0) (*courier)->wake();
+    }
+    EXPECT_EQ((*courier)->lost(2), 0U);
+  }
+  ASSERT_EQ(end.heard.size(), 100U);
+  for (std::uint64_t i = 0; i < 100; ++i) EXPECT_EQ(end.heard[i], i + 1);
+}
+
+TEST(Courier, CarriesTransitionsInOrderToo) {
+  FakeEnd end;
+  {
+    auto courier = Courier::start(end, 0);
+    ASSERT_TRUE(courier);
+    for (std::uint64_t i = 1; i <= 100; ++i) {
+      Transition transition;
+      transition.number = i;
+      (*courier)->put(transition);
+    }
+    (*courier)->wake();
+  }
+  ASSERT_EQ(end.transitions.size(), 100U);
+  for (std::uint64_t i = 0; i < 100; ++i) EXPECT_EQ(end.transitions[i], i + 1);
+}
+
+TEST(Courier, AnEndThatHoldsItHoldsNobodyElse) {
+  FakeEnd end;
+  end.holds = true;
+  auto courier = Courier::start(end, 0);
+  ASSERT_TRUE(courier);
+  (*courier)->put(state(1));
+  (*courier)->wake();
+  while (!end.sending) std::this_thread::yield();
+  // More than its ring and its socket take: the loop goes on, and what is lost is counted.
+  for (std::uint64_t i = 2; i <= 1000; ++i) {
+    (*courier)->put(state(i));
+    (*courier)->wake();
+  }
+  const std::uint64_t lost = (*courier)->lost(2);
+  EXPECT_GT(lost, 0U);
+  end.holds = false;
+  courier->reset();
+  EXPECT_EQ(end.heard.size() + lost, 1000U);
+}
+
+TEST(Courier, CountsWhatFindsNoChunk) {
+  FakeEnd end;
+  end.full = true;
+  auto courier = Courier::start(end, 0);
+  ASSERT_TRUE(courier);
+  (*courier)->put(state(1));
+  (*courier)->wake();
+  while ((*courier)->lost(2) == 0) std::this_thread::yield();
+  EXPECT_EQ((*courier)->lost(1), 0U);
+}
+
+}  // namespace
+}  // namespace ledgerline::link

@@ -1,0 +1,95 @@
+#include "onboard/link/shell/link_config.hpp"
+
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+
+namespace ledgerline::link {
+namespace {
+
+class LinkConfig : public ::testing::Test {
+ protected:
+  Result<ShellSettings> load(const std::string& toml) {
+    const std::string path = ::testing::TempDir() + "link_config_test_" + std::to_string(::getpid()) + ".toml";
+    std::ofstream(path) << toml;
+    auto settings = load_settings(path);
+    ::unlink(path.c_str());
+    return settings;
+  }
+  const std::string drone = "[[drone]]\nname = \"tello1\"\nnumber = 3\naddress = \"127.0.0.2\"\n";
+};
+
+TEST_F(LinkConfig, OneDroneIsEnough) {
+  const auto settings = load(drone);
+  ASSERT_TRUE(settings) << settings.error().what;
+  ASSERT_EQ(settings->link.drones.size(), 1U);
+  EXPECT_EQ(settings->link.drones[0].name, "tello1");
+  EXPECT_EQ(settings->link.drones[0].number, 3);
+  EXPECT_EQ(ntohl(settings->addresses[0].sin_addr.s_addr), 0x7F000002U);
+  EXPECT_EQ(ntohs(settings->addresses[0].sin_port), 8889);
+  EXPECT_EQ(settings->link.rate_hz, 30);
+  EXPECT_EQ(settings->link.failsafe.land_after_ns, FailsafeSettings{}.land_after_ns);
+}
+
+TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
+  const auto settings =
+      load(drone +
+           "[state]\nrate_hz = 50.0\nlisten = \"127.0.0.1:9000\"\n[limits]\nspeed_mps = 0.7\n"
+           "[failsafe]\nland_after_s = 2.5\npose_lost_ms = 250\n[fence]\nmax_m = [1.0, 2.0, 3.0]\n"
+           "[realtime]\npriority = 0\ncpu = 1\n[rc]\nsigns = [1, 1, 1, 1]\n[output]\nstarts = \"x\"\n");
+  ASSERT_TRUE(settings) << settings.error().what;
+  EXPECT_EQ(settings->link.rate_hz, 50);
+  EXPECT_EQ(ntohs(settings->state_listen.sin_port), 9000);
+  EXPECT_FLOAT_EQ(settings->link.playout.max_speed_mps, 0.7F);
+  EXPECT_EQ(settings->link.failsafe.land_after_ns, 2500 * ns_per_ms);
+  EXPECT_EQ(settings->link.failsafe.pose_lost_ns, 250 * ns_per_ms);
+  EXPECT_EQ(settings->link.fence.max_m[1], 2);
+  EXPECT_EQ(settings->link.rc.signs[0], 1);
+  EXPECT_EQ(settings->priority, 0);
+  EXPECT_EQ(settings->starts, "x");
+}
+
+TEST_F(LinkConfig, MistakesAreNamed) {
+  const auto error_of = [&](const std::string& toml) {
+    const auto settings = load(toml);
+    return settings ? std::string() : settings.error().what;
+  };
+  EXPECT_NE(error_of("").find("[[drone]]"), std::string::npos);
+  EXPECT_NE(error_of(drone + "[failsave]\nland_after_s = 1\n").find("failsave"), std::string::npos);
+  EXPECT_NE(error_of(drone + "[fence]\nmin_m = [1.0, 0.0, 0.0]\nmax_m = [1.0, 2.0, 3.0]\n").find("fence.min_m"),
+            std::string::npos);
+  EXPECT_NE(error_of(drone + "[fence]\nmin_m = [nan, 0.0, 0.0]\n").find("fence.min_m"), std::string::npos);
+  EXPECT_NE(error_of(drone + drone).find("number 3"), std::string::npos);
+  EXPECT_NE(error_of(drone + "[state]\nlisten = \"localhost:1\"\n").find("state.listen"), std::string::npos);
+  EXPECT_NE(error_of(drone + "[state]\nlisten = \"0.0.0.0:0\"\n").find("state.listen"), std::string::npos);
+  EXPECT_NE(error_of("[[drone]]\nname = \"tello1\"\naddress = \"tello.local\"\n").find("tello1"), std::string::npos);
+}
+
+TEST_F(LinkConfig, AnOrderOfTimesThatTheFailsafeCannotKeepIsRefused) {
+  const auto error_of = [&](const std::string& keys) {
+    const auto settings = load(drone + "[failsafe]\n" + keys);
+    return settings ? std::string() : settings.error().what;
+  };
+  const auto names = [](const std::string& error, const char* one, const char* other) {
+    return error.find(one) != std::string::npos && error.find(other) != std::string::npos;
+  };
+  for (const char* key : {"agent_silent_ms", "state_stale_ms", "pose_lost_ms"}) {
+    const std::string error = error_of(std::string(key) + " = 1001\n");
+    EXPECT_TRUE(names(error, "failsafe.clear_after_ms", key)) << error;
+    EXPECT_EQ(error_of(std::string(key) + " = 1000\n"), "");
+    EXPECT_EQ(error_of(std::string(key) + " = 3000\nclear_after_ms = 1500\n"), "");
+  }
+  EXPECT_TRUE(names(error_of("land_after_s = 0.5\n"), "failsafe.land_after_s", "failsafe.clear_after_ms"));
+  EXPECT_EQ(error_of("land_after_s = 0.51\n"), "");
+  EXPECT_TRUE(names(error_of("battery_critical = 0.15\n"), "failsafe.battery_critical", "failsafe.battery_low"));
+  EXPECT_NE(error_of("battery_low = 0.0\nbattery_critical = 0.0\n").find("0.01"), std::string::npos);
+  EXPECT_EQ(error_of("battery_low = 0.01\nbattery_critical = 0.0\n"), "");
+  EXPECT_NE(error_of("battery_low = 0.97\n").find("failsafe.battery_low"), std::string::npos);
+  EXPECT_NE(error_of("agent_silent_ms = 200\n").find("failsafe.agent_silent_ms"), std::string::npos);
+  EXPECT_NE(error_of("state_stale_ms = 200\n").find("failsafe.state_stale_ms"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace ledgerline::link

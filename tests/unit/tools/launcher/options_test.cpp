@@ -1,0 +1,205 @@
+#include "tools/launcher/options.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "common/base/file.hpp"
+
+namespace ledgerline::fly {
+namespace {
+
+using testing::HasSubstr;
+
+void expect_refused(const std::vector<std::string>& arguments, const std::string& words) {
+  const auto line = parse_command_line(arguments);
+  EXPECT_FALSE(line.fly);
+  EXPECT_EQ(line.exit_code, 2);
+  EXPECT_THAT(line.text, HasSubstr(words));
+}
+
+TEST(FlyOptions, DefaultsAreOneDroneThreeLapsOfASquareOnTheEmbeddedLedger) {
+  const auto line = parse_command_line({});
+  EXPECT_TRUE(line.fly);
+  EXPECT_EQ(line.options.shape, ground::Shape::square);
+  EXPECT_EQ(line.options.drones, 1);
+  EXPECT_EQ(line.options.rate_hz, 30);
+  EXPECT_EQ(line.options.speed_mps, 0.5);
+  EXPECT_EQ(line.options.laps, 3);
+  EXPECT_EQ(line.options.seconds, 0);
+  EXPECT_EQ(line.options.ledger, "embedded");
+  EXPECT_EQ(line.options.batch_timeout_ns, 10 * ns_per_ms);
+  EXPECT_EQ(line.options.batch_count, 1);
+  EXPECT_EQ(line.options.seed, 1u);
+}
+
+TEST(FlyOptions, EveryOptionIsTaken) {
+  const auto line =
+      parse_command_line({"--shape", "x", "--drones", "16",       "--rate",          "50",   "--speed",       "1.5",
+                          "--laps",  "7", "--ledger", "embedded", "--batch-timeout", "2s",   "--batch-count", "10",
+                          "--seed",  "9", "--json",   "r.json",   "--out",           "there"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_EQ(line.options.shape, ground::Shape::x);
+  EXPECT_EQ(line.options.drones, 16);
+  EXPECT_EQ(line.options.rate_hz, 50);
+  EXPECT_EQ(line.options.speed_mps, 1.5);
+  EXPECT_EQ(line.options.laps, 7);
+  EXPECT_EQ(line.options.batch_timeout_ns, 2 * ns_per_s);
+  EXPECT_EQ(line.options.batch_count, 10);
+  EXPECT_EQ(line.options.seed, 9u);
+  EXPECT_EQ(line.options.json, "r.json");
+  EXPECT_EQ(line.options.out, "there");
+}
+
+TEST(FlyOptions, TheLedgerMayLieInMemory) {
+  EXPECT_FALSE(parse_command_line({}).options.tmpfs);
+  EXPECT_TRUE(parse_command_line({"--storage", "tmpfs"}).options.tmpfs);
+}
+
+TEST(FlyOptions, AuthoritiesGoWithFabricAlone) {
+  const auto line = parse_command_line({"--ledger", "fabric", "--ca"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_TRUE(line.options.ca);
+  EXPECT_FALSE(parse_command_line({"--ledger", "fabric"}).options.ca);
+  expect_refused({"--ca"}, "--ledger fabric");
+}
+
+TEST(FlyOptions, AProxyIsAskedForAndAScriptGoesWithOne) {
+  EXPECT_FALSE(parse_command_line({}).options.proxy);
+  EXPECT_TRUE(parse_command_line({"--proxy"}).options.proxy);
+  EXPECT_EQ(parse_command_line({"--proxy", "--faults", "/dev/null"}).options.faults, "/dev/null");
+  expect_refused({"--faults", "/dev/null"}, "--proxy");
+  expect_refused({"--proxy", "--faults", "/no/such/file"}, "/no/such/file");
+  expect_refused({"--proxy", "--ledger", "none"}, "--ledger none");
+}
+
+TEST(FlyOptions, TheWayPastTheGatewayAndTheNumberOfEndorsementsAreFabrics) {
+  EXPECT_TRUE(parse_command_line({"--ledger", "fabric", "--gateway"}).options.gateway);
+  EXPECT_TRUE(parse_command_line({"--ledger", "fabric", "--majority"}).options.majority);
+  expect_refused({"--gateway"}, "--ledger fabric");
+  expect_refused({"--majority"}, "--ledger fabric");
+}
+
+TEST(FlyOptions, WhatSignsMayBeSwitched) {
+  EXPECT_FALSE(parse_command_line({}).options.mbedtls);
+  EXPECT_TRUE(parse_command_line({"--crypto", "mbedtls"}).options.mbedtls);
+  expect_refused({"--crypto", "none"}, "--crypto");
+}
+
+TEST(FlyOptions, DronesAndGroundMayHaveDomainsOfTheirOwn) {
+  EXPECT_THAT(parse_command_line({}).options.domains, testing::IsEmpty());
+  EXPECT_THAT(parse_command_line({"--domains", "31,232"}).options.domains, testing::ElementsAre(31, 232));
+  expect_refused({"--domains", "31"}, "At least 2");
+  expect_refused({"--domains", "31,32,33"}, "At Most 2");
+  expect_refused({"--domains", "31,233"}, "233");
+}
+
+TEST(FlyOptions, DdsLeavesThisMachineOnlyByAFile) {
+  EXPECT_EQ(parse_command_line({}).options.cyclonedds, "");
+  EXPECT_EQ(parse_command_line({"--dds", "/dev/null"}).options.cyclonedds, "/dev/null");
+  expect_refused({"--dds", "/nowhere/lan.xml"}, "/nowhere/lan.xml");
+}
+
+TEST(FlyOptions, AManualFlightHasNoPathAndNoLaps) {
+  const auto line = parse_command_line({"--shape", "manual", "--seconds", "60"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_TRUE(line.options.manual);
+  EXPECT_EQ(shape_name(line.options), "manual");
+  expect_refused({"--shape", "manual", "--laps", "2"}, "--laps goes with a path");
+  expect_refused({"--shape", "manual", "--predict", "off"}, "--predict goes with a path");
+  expect_refused({"--shape", "manual", "--side", "2"}, "--side goes with a path");
+}
+
+TEST(FlyOptions, PredictionIsOnUnlessItIsSwitchedOff) {
+  EXPECT_TRUE(parse_command_line({}).options.predict);
+  EXPECT_FALSE(parse_command_line({"--predict", "off"}).options.predict);
+  expect_refused({"--predict", "maybe"}, "predict");
+}
+
+TEST(FlyOptions, ARampHasAStartAndAStepAndLaps) {
+  const auto line = parse_command_line({"--ramp", "0.5:0.1", "--side", "4", "--laps", "6", "--max-age", "3s"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_DOUBLE_EQ(line.options.ramp.start_mps, 0.5);
+  EXPECT_DOUBLE_EQ(line.options.ramp.step_mps, 0.1);
+  EXPECT_DOUBLE_EQ(line.options.side_m, 4);
+  EXPECT_EQ(line.options.max_age_ns, 3 * ns_per_s);
+  expect_refused({"--ramp", "fast"}, "\"fast\" is no START:STEP");
+  expect_refused({"--ramp", "0.5:0.1", "--seconds", "9"}, "--ramp goes with a path and its laps");
+}
+
+TEST(FlyOptions, APathOfOnesOwnIsAFileOfWaypoints) {
+  const std::string file = testing::TempDir() + "/way.csv";
+  ASSERT_TRUE(write_file(file, "0,0\n1,0\n1,1\n"));
+  const auto line = parse_command_line({"--shape", file});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_EQ(line.options.waypoints.size(), 3u);
+  EXPECT_EQ(shape_name(line.options), "waypoints");
+  EXPECT_NEAR(path_of(line.options, {2, 3}).length_m(), 2 + std::sqrt(2.0), 1e-9);
+  ASSERT_TRUE(write_file(file, "0,0\n1\n1,1\n"));
+  expect_refused({"--shape", file}, "way.csv:2: 1 columns");
+  expect_refused({"--shape", testing::TempDir()}, "there is no file");
+}
+
+TEST(FlyOptions, APathThatLeavesLinksFenceIsRefusedWithItsLine) {
+  const std::string file = testing::TempDir() + "/high.csv";
+  ASSERT_TRUE(write_file(file, "0,0,1\n# up\n1,0,3.5\n1,1\n"));
+  expect_refused({"--shape", file}, "high.csv:3: tello1 would be at 1, 0, 3.5 m, beyond link's fence");
+  expect_refused({"--shape", file}, "z 0 to 3 m");
+  ASSERT_TRUE(write_file(file, "0,0\n18,0\n1,1\n"));
+  EXPECT_TRUE(parse_command_line({"--shape", file}).fly);
+  expect_refused({"--shape", file, "--drones", "2"}, "high.csv:2: tello2 would be at 21, 0, 1 m");
+}
+
+TEST(FlyOptions, AShapeThatLeavesLinksFenceIsRefused) {
+  EXPECT_TRUE(parse_command_line({"--drones", "3", "--side", "12"}).fly);
+  expect_refused({"--drones", "4", "--side", "12"}, "square with --side 12: tello4 would be at 21, 0, 1 m");
+  EXPECT_TRUE(parse_command_line({"--drones", "16", "--shape", "manual"}).fly);
+}
+
+TEST(FlyOptions, WithoutALedgerNothingIsAskedOfOne) {
+  const auto line = parse_command_line({"--ledger", "none"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_EQ(ledger_program(line.options), "");
+  EXPECT_EQ(controller_program(line.options), "local");
+  expect_refused({"--ledger", "none", "--batch-count", "3"}, "--batch-count goes with a ledger");
+  expect_refused({"--ledger", "none", "--storage", "tmpfs"}, "--storage goes with a ledger");
+  expect_refused({"--ledger", "none", "--crypto", "mbedtls"}, "--crypto goes with a ledger");
+  expect_refused({"--ledger", "none", "--shape", "manual"}, "--shape manual goes with a ledger");
+}
+
+TEST(FlyOptions, WhatCannotBeFlownIsRefusedInWords) {
+  expect_refused({"--shape", "circle"}, "circle");
+  expect_refused({"--drones", "0"}, "drones");
+  expect_refused({"--drones", "17"}, "drones");
+  expect_refused({"--rate", "fast"}, "rate");
+  expect_refused({"--speed", "-1"}, "speed");
+  expect_refused({"--laps", "0"}, "laps");
+  expect_refused({"--ledger", "paper"}, "ledger");
+  expect_refused({"--storage", "paper"}, "storage");
+  expect_refused({"--batch-timeout", "soon"}, "no time from 1ms to 60s");
+  expect_refused({"--laps", "3", "--seconds", "5"}, "seconds");
+  expect_refused({"--unknown"}, "--unknown");
+  expect_refused({"stray"}, "stray");
+}
+
+TEST(FlyOptions, HelpIsNoErrorAndShowsExamples) {
+  const auto line = parse_command_line({"--help"});
+  EXPECT_FALSE(line.fly);
+  EXPECT_EQ(line.exit_code, 0);
+  EXPECT_THAT(line.text, HasSubstr("Examples"));
+  EXPECT_THAT(line.text, HasSubstr("--batch-timeout"));
+}
+
+TEST(FlyOptions, DurationsHaveUnitsOrAreMilliseconds) {
+  EXPECT_EQ(*parse_duration("10ms"), 10 * ns_per_ms);
+  EXPECT_EQ(*parse_duration("2s"), 2 * ns_per_s);
+  EXPECT_EQ(*parse_duration("0.5s"), 500 * ns_per_ms);
+  EXPECT_EQ(*parse_duration("250"), 250 * ns_per_ms);
+  for (const char* wrong : {"", "ms", "10 years", "-5ms", "0", "61s", "10msx", "nan", "1e99s"}) {
+    EXPECT_FALSE(parse_duration(wrong)) << wrong;
+  }
+}
+
+}  // namespace
+}  // namespace ledgerline::fly
