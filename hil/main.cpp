@@ -2,9 +2,9 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 
+#include "common/base/log.hpp"
 #include "common/rt/clock.hpp"
 #include "common/rt/histogram_json.hpp"
-#include "common/base/log.hpp"
 #include "ground/shell/course_file.hpp"
 #include "hil/proxy/fault_socket.hpp"
 #include "hil/proxy/proxy.hpp"

@@ -1,9 +1,9 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "common/base/log.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/msg/onboard.hpp"
-#include "common/base/log.hpp"
 #include "sim/shell/shell.hpp"
 
 namespace {

@@ -1,8 +1,8 @@
 #include <cmath>
 #include <set>
 
-#include "common/msg/limits.hpp"
 #include "chaincode/contract/records.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/stops.hpp"
 
 /// command: plans of the lease's holder.
@@ -11,9 +11,9 @@ namespace {
 
 Status check_setpoints(const DronePlan& plan) {
   const auto count = static_cast<std::size_t>(plan.setpoints_size());
-  if (count > max_plan_setpoints) {
+  if (count > contract::max_plan_setpoints) {
     return Error{"the plan has " + std::to_string(count) + " setpoints; the limit is " +
-                 std::to_string(max_plan_setpoints)};
+                 std::to_string(contract::max_plan_setpoints)};
   }
   if (count == 0) {
     if (plan.action() == FLY) return Error{"the plan has no setpoints"};
@@ -28,9 +28,9 @@ Status check_setpoints(const DronePlan& plan) {
     if (setpoint.at_ns() < last) return Error{"the plan's times go backwards"};
     last = setpoint.at_ns();
   }
-  if (last - plan.setpoints(0).at_ns() > max_plan_ns) {
+  if (last - plan.setpoints(0).at_ns() > contract::max_plan_ns) {
     return Error{"the plan lasts " + std::to_string((last - plan.setpoints(0).at_ns()) / ns_per_ms) +
-                 " ms; the limit is " + std::to_string(max_plan_ns / ns_per_ms) + " ms"};
+                 " ms; the limit is " + std::to_string(contract::max_plan_ns / ns_per_ms) + " ms"};
   }
   return done;
 }
@@ -71,9 +71,9 @@ Response command(Stub& stub, const Arguments& call) {
   CommandCall commands;
   if (Status status = parse_message(call.message, commands); !status) return refuse(status.error().what);
   if (commands.plans().empty()) return refuse("command: no plans");
-  if (static_cast<std::size_t>(commands.plans_size()) > max_call_assets) {
+  if (static_cast<std::size_t>(commands.plans_size()) > contract::max_call_assets) {
     return refuse("the call has " + std::to_string(commands.plans_size()) + " plans; the limit is " +
-                  std::to_string(max_call_assets));
+                  std::to_string(contract::max_call_assets));
   }
   std::set<std::string> drones;
   Records<Lease> leases(stub);
@@ -86,7 +86,7 @@ Response command(Stub& stub, const Arguments& call) {
   // Written without being read: commands never conflict with each other.
   const Status written = write_record(stub, command_key(stub.caller()), commands);
   if (!written) return refuse(written.error().what);
-  stub.set_event("command", write_form(call, commands));
+  stub.set_event(contract::command, write_form(call, commands));
   return {};
 }
 

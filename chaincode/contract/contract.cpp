@@ -1,6 +1,7 @@
 #include <array>
 
 #include "chaincode/contract/contract_common.hpp"
+#include "common/msg/contract.hpp"
 
 namespace ledgerline::chaincode {
 namespace {
@@ -11,10 +12,12 @@ struct Function {
 };
 
 constexpr std::array functions{
-    Function{"set", set_assets},      Function{"get", get_assets},  Function{"history", get_history},
-    Function{"delete", delete_asset}, Function{"enroll", enroll},   Function{"acquire", acquire},
-    Function{"release", release},     Function{"command", command}, Function{"stop", stop},
-    Function{"resume", resume},       Function{"fold", fold},
+    Function{contract::set, set_assets},      Function{contract::get, get_assets},
+    Function{contract::history, get_history}, Function{contract::delete_, delete_asset},
+    Function{contract::enroll, enroll},       Function{contract::acquire, acquire},
+    Function{contract::release, release},     Function{contract::command, command},
+    Function{contract::stop, stop},           Function{contract::resume, resume},
+    Function{contract::fold, fold},
 };
 
 }  // namespace

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/msg/limits.hpp"
+#include "common/msg/contract.hpp"
 
 namespace ledgerline::chaincode {
 namespace {
@@ -28,8 +28,9 @@ std::string Arguments::option(std::string_view key, std::string otherwise) const
 Result<Arguments> read_arguments(const std::vector<std::string>& args) {
   std::size_t bytes = 0;
   for (const std::string& arg : args) bytes += arg.size();
-  if (bytes > max_call_bytes) {
-    return Error{"the call has " + std::to_string(bytes) + " bytes; the limit is " + std::to_string(max_call_bytes)};
+  if (bytes > contract::max_call_bytes) {
+    return Error{"the call has " + std::to_string(bytes) + " bytes; the limit is " +
+                 std::to_string(contract::max_call_bytes)};
   }
   Arguments call;
   if (std::all_of(args.begin(), args.end(), is_plain)) {
@@ -60,9 +61,9 @@ std::string write_assets(const Arguments& call, const Assets& assets, bool singl
 
 Status check_id(const std::string& id) {
   if (id.empty()) return Error{"an asset has no id"};
-  if (id.size() > max_id_chars) {
-    return Error{id.substr(0, max_id_chars) + "...: the id has " + std::to_string(id.size()) +
-                 " characters; the limit is " + std::to_string(max_id_chars)};
+  if (id.size() > contract::max_id_chars) {
+    return Error{id.substr(0, contract::max_id_chars) + "...: the id has " + std::to_string(id.size()) +
+                 " characters; the limit is " + std::to_string(contract::max_id_chars)};
   }
   if (!std::all_of(id.begin(), id.end(), is_id_char)) {
     return Error{"an id has characters other than [A-Za-z0-9_./-]"};

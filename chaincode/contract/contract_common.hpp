@@ -5,15 +5,15 @@
 #include <vector>
 
 #include "chaincode/contract/stub.hpp"
-#include "common/msg/proto_json.hpp"
 #include "common/base/printable.hpp"
+#include "common/msg/proto_json.hpp"
 #include "ledgerline.pb.h"
 
 /// What the contract's functions share: reading calls in their three forms, writing answers and events, keys, records.
 namespace ledgerline::chaincode {
 
 /// Refusals quote the call, which may hold anything; they go into text fields, headers and terminals.
-inline Response refuse(const std::string& why) { return {500, clear_text(why), {}}; }
+inline Response refuse(const std::string& why) { return {500, printable(why), {}}; }
 
 /// A call's arguments in one of their forms.
 struct Arguments {

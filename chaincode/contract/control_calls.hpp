@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "common/msg/limits.hpp"
 #include "chaincode/contract/records.hpp"
+#include "common/msg/contract.hpp"
 
 /// What the calls share that say who may fly what: enroll, acquire, release, stop, resume and fold.
 namespace ledgerline::chaincode {
@@ -23,9 +23,9 @@ Result<Message> read_drones(const Arguments& call) {
     return status.error();
   }
   if (message.drones().empty()) return Error{"no drone is named"};
-  if (static_cast<std::size_t>(message.drones_size()) > max_call_assets) {
+  if (static_cast<std::size_t>(message.drones_size()) > contract::max_call_assets) {
     return Error{"the call has " + std::to_string(message.drones_size()) + " drones; the limit is " +
-                 std::to_string(max_call_assets)};
+                 std::to_string(contract::max_call_assets)};
   }
   return message;
 }

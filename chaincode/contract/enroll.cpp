@@ -1,6 +1,6 @@
 #include "chaincode/contract/control_calls.hpp"
-#include "common/msg/limits.hpp"
 #include "chaincode/contract/records.hpp"
+#include "common/msg/contract.hpp"
 
 /// enroll: whose a drone is, and who has which role.
 namespace ledgerline::chaincode {
@@ -44,9 +44,9 @@ Status check_enrolment(Stub& stub, const EnrollCall& call) {
   }
   if (call.drones().empty() && call.role() == ROLE_NONE) return Error{"enroll: name drones or a role"};
   if (!Role_IsValid(call.role())) return Error{"enroll: unknown role " + std::to_string(call.role())};
-  if (static_cast<std::size_t>(call.drones_size()) > max_call_assets) {
+  if (static_cast<std::size_t>(call.drones_size()) > contract::max_call_assets) {
     return Error{"the call has " + std::to_string(call.drones_size()) + " drones; the limit is " +
-                 std::to_string(max_call_assets)};
+                 std::to_string(contract::max_call_assets)};
   }
   return done;
 }
@@ -92,7 +92,7 @@ Response enroll(Stub& stub, const Arguments& call) {
   *all.mutable_identity() = enrolment.identity();
   all.set_role(enrolment.role());
   const std::string payload = write_form(call, all);
-  stub.set_event("enroll", payload);
+  stub.set_event(contract::enroll, payload);
   return {200, {}, payload};
 }
 

@@ -1,5 +1,6 @@
 #include "chaincode/contract/control_calls.hpp"
 #include "chaincode/contract/records.hpp"
+#include "common/msg/contract.hpp"
 
 /// acquire and release: who flies a drone.
 namespace ledgerline::chaincode {
@@ -18,7 +19,7 @@ Response acquire(Stub& stub, const Arguments& call) {
   if (!role) return refuse(role.error().what);
   if (!may_operate(*role)) return refuse("acquire: " + to_text(stub.caller()) + " is neither operator nor supervisor");
 
-  return change_controls(stub, call, "acquire", lease->drones(),
+  return change_controls(stub, call, contract::acquire, lease->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            const bool mine = control.has_holder() && to_name(control.holder()) == stub.caller();
                            if (control.has_holder() && !mine && lease->priority() <= control.priority()) {
@@ -37,7 +38,7 @@ Response acquire(Stub& stub, const Arguments& call) {
 Response release(Stub& stub, const Arguments& call) {
   const auto lease = read_drones<LeaseCall>(call);
   if (!lease) return refuse("release: " + lease.error().what);
-  return change_controls(stub, call, "release", lease->drones(),
+  return change_controls(stub, call, contract::release, lease->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            if (!control.has_holder() || to_name(control.holder()) != stub.caller()) {
                              return Error{to_text(stub.caller()) + " does not hold the lease"};

@@ -3,8 +3,8 @@
 #include <map>
 #include <set>
 
-#include "common/msg/limits.hpp"
 #include "chaincode/contract/records.hpp"
+#include "common/msg/contract.hpp"
 
 /// get and history.
 namespace ledgerline::chaincode {
@@ -71,7 +71,7 @@ class KeyReader {
     if (sought.empty()) return done;
     if (read_ == 0) return Error{"the bookmark is damaged"};
     --read_;
-    for (std::size_t looked = 0; looked < 8 * max_page_versions; ++looked) {
+    for (std::size_t looked = 0; looked < 8 * contract::max_page_versions; ++looked) {
       if (Status status = fill(); !status) return status;
       if (raw_.empty()) break;
       const bool found = raw_.front().tx_id == sought;
@@ -156,7 +156,7 @@ Result<std::vector<std::string>> keys_of(Stub& stub, const std::string& id) {
   return keys;
 }
 
-/// Old frames under their keys, newest first, each read once in a call; at most max_page_versions of a key.
+/// Old frames under their keys, newest first, each read once in a call; at most contract::max_page_versions of a key.
 class OldFrames {
  public:
   explicit OldFrames(Stub& stub) : stub_(stub) {}
@@ -164,7 +164,7 @@ class OldFrames {
   /// The newest old value of an id under a key.
   Result<std::optional<Asset>> find(const std::string& key, const std::string& id) {
     Frames& frames = all_[key];
-    for (std::size_t i = 0; i < max_page_versions; ++i) {
+    for (std::size_t i = 0; i < contract::max_page_versions; ++i) {
       if (i == frames.read.size()) {
         if (frames.end) break;
         auto more = stub_.get_history(key, i, history_step);
@@ -293,7 +293,7 @@ Result<Streaming> streaming(Stub& stub, const std::string& prefix, const std::st
   std::map<std::string, std::optional<Stored>> frames;
   OldFrames old(stub);
   for (const auto& [id, control] : wanted) {
-    if (old.looked() >= max_page_versions) return found;
+    if (old.looked() >= contract::max_page_versions) return found;
     const std::string key = frame_key(to_name(control->owner()));
     if (!frames.contains(key)) {
       auto frame = read_stored(stub, key);
@@ -353,7 +353,7 @@ Result<Assets> get_page(Stub& stub, const Arguments& call, const std::string& pr
         return page;
       }
       const std::size_t size = size_in(call, asset);
-      if (!page.assets().empty() && bytes + size > max_page_bytes) {
+      if (!page.assets().empty() && bytes + size > contract::max_page_bytes) {
         page.set_bookmark(page.assets(page.assets_size() - 1).id());
         return page;
       }
@@ -409,7 +409,7 @@ Response get_history(Stub& stub, const Arguments& call) {
   }
 
   Versions page;
-  std::size_t bytes = 0, budget = max_page_versions;
+  std::size_t bytes = 0, budget = contract::max_page_versions;
   for (;;) {
     KeyReader* newest = nullptr;
     const Version* best = nullptr;
@@ -427,7 +427,8 @@ Response get_history(Stub& stub, const Arguments& call) {
         newest = &source;
       }
     }
-    const bool full = best != nullptr && !page.versions().empty() && bytes + size_in(call, *best) > max_page_bytes;
+    const bool full =
+        best != nullptr && !page.versions().empty() && bytes + size_in(call, *best) > contract::max_page_bytes;
     if (newest == nullptr || full) break;
     bytes += size_in(call, *best);
     newest->take(*page.add_versions());

@@ -1,5 +1,6 @@
 #include "chaincode/contract/control_calls.hpp"
 #include "chaincode/contract/records.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/stops.hpp"
 
 /// stop, resume and fold. A stop must lose to nobody: it writes a key of its stopper's own without reading it, and
@@ -52,7 +53,7 @@ Response stop(Stub& stub, const Arguments& call) {
     if (Status status = write_stop(stub, one); !status) return refuse(status.error().what);
   }
   const std::string payload = write_form(call, all);
-  stub.set_event("stop", payload);
+  stub.set_event(contract::stop, payload);
   return {200, {}, payload};
 }
 
@@ -62,22 +63,23 @@ Response resume(Stub& stub, const Arguments& call) {
   const auto role = read_role(stub, stub.caller());
   if (!role) return refuse(role.error().what);
 
-  return change_controls(stub, call, "resume", target->drones(), [&](Control& control, std::uint64_t) -> Status {
-    if (!is_stopped(control)) return Error{"not stopped"};
-    if (*role == SUPERVISOR && control.owner().msp_id() == stub.caller().msp_id) {
-      control.clear_stoppers();
-    } else if (!remove_stop(control, to_message(stub.caller()))) {
-      return Error{"stopped by " + stopper_names(control) + "; only they, each its own, or a supervisor of " +
-                   control.owner().msp_id() + " may resume it"};
-    }
-    return done;
-  });
+  return change_controls(
+      stub, call, contract::resume, target->drones(), [&](Control& control, std::uint64_t) -> Status {
+        if (!is_stopped(control)) return Error{"not stopped"};
+        if (*role == SUPERVISOR && control.owner().msp_id() == stub.caller().msp_id) {
+          control.clear_stoppers();
+        } else if (!remove_stop(control, to_message(stub.caller()))) {
+          return Error{"stopped by " + stopper_names(control) + "; only they, each its own, or a supervisor of " +
+                       control.owner().msp_id() + " may resume it"};
+        }
+        return done;
+      });
 }
 
 Response fold(Stub& stub, const Arguments& call) {
   const auto target = read_drones<DronesCall>(call);
   if (!target) return refuse("fold: " + target.error().what);
-  return change_controls(stub, call, "fold", target->drones(), [&](Control& control, std::uint64_t) -> Status {
+  return change_controls(stub, call, contract::fold, target->drones(), [&](Control& control, std::uint64_t) -> Status {
     if (to_name(control.owner()) == stub.caller()) return done;
     return Error{"enrolled to " + to_text(to_name(control.owner())) + ", who alone folds its stops"};
   });

@@ -5,9 +5,9 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
-#include "common/base/result.hpp"
 
 namespace ledgerline::chaincode {
 

@@ -1,7 +1,7 @@
 #include <map>
 
-#include "common/msg/limits.hpp"
 #include "chaincode/contract/records.hpp"
+#include "common/msg/contract.hpp"
 
 /// set and delete.
 namespace ledgerline::chaincode {
@@ -42,12 +42,12 @@ Status check_asset(Asset& asset) {
   const std::string topic = "/" + asset.id();
   if (asset.topic().empty()) asset.set_topic(topic);
   if (asset.topic() != topic) return Error{asset.id() + ": the topic is " + asset.topic() + ", it must be " + topic};
-  if (asset.msg_type().empty() || asset.msg_type().size() > max_id_chars) {
-    return Error{asset.id() + ": msg_type must have 1 to " + std::to_string(max_id_chars) + " characters"};
+  if (asset.msg_type().empty() || asset.msg_type().size() > contract::max_id_chars) {
+    return Error{asset.id() + ": msg_type must have 1 to " + std::to_string(contract::max_id_chars) + " characters"};
   }
-  if (asset.msg_data().size() > max_asset_bytes) {
+  if (asset.msg_data().size() > contract::max_asset_bytes) {
     return Error{asset.id() + ": msg_data has " + std::to_string(asset.msg_data().size()) + " bytes; the limit is " +
-                 std::to_string(max_asset_bytes)};
+                 std::to_string(contract::max_asset_bytes)};
   }
   return done;
 }
@@ -92,16 +92,17 @@ Status write_frame(Stub& stub, const SetCall& set, Records<Host>& hosts) {
       insert(streams, id);
       const auto of_drone = static_cast<std::size_t>(std::count_if(
           streams.begin(), streams.end(), [&](const std::string& one) { return first_segment(one) == drone; }));
-      if (of_drone > max_drone_streams) {
+      if (of_drone > contract::max_drone_streams) {
         return Error{drone + ": " + std::to_string(of_drone) + " ids would stream; the limit is " +
-                     std::to_string(max_drone_streams)};
+                     std::to_string(contract::max_drone_streams)};
       }
     }
     bytes += asset->ByteSizeLong();
     frame.push_back(*asset);
   }
-  if (bytes > max_frame_bytes) {
-    return Error{"the frame has " + std::to_string(bytes) + " bytes; the limit is " + std::to_string(max_frame_bytes)};
+  if (bytes > contract::max_frame_bytes) {
+    return Error{"the frame has " + std::to_string(bytes) + " bytes; the limit is " +
+                 std::to_string(contract::max_frame_bytes)};
   }
   if (Status status = hosts.write(); !status) return status;
   return write_stored(stub, frame_key(stub.caller()), std::move(frame));
@@ -113,9 +114,9 @@ Response set_assets(Stub& stub, const Arguments& call) {
   auto set = read_set(call);
   if (!set) return refuse(set.error().what);
   if (set->assets().empty()) return refuse("set: no assets");
-  if (static_cast<std::size_t>(set->assets_size()) > max_call_assets) {
+  if (static_cast<std::size_t>(set->assets_size()) > contract::max_call_assets) {
     return refuse("the call has " + std::to_string(set->assets_size()) + " assets; the limit is " +
-                  std::to_string(max_call_assets));
+                  std::to_string(contract::max_call_assets));
   }
   Records<Host> hosts(stub);
   for (Asset& asset : *set->mutable_assets()) {
@@ -124,7 +125,7 @@ Response set_assets(Stub& stub, const Arguments& call) {
   }
   Status written = set->stream() ? write_frame(stub, *set, hosts) : write_own_keys(stub, *set, hosts);
   if (!written) return refuse(written.error().what);
-  stub.set_event("set", write_form(call, *set));
+  stub.set_event(contract::set, write_form(call, *set));
   return {};
 }
 
@@ -158,7 +159,7 @@ Response delete_asset(Stub& stub, const Arguments& call) {
   if (Status status = write_stored(stub, asset_key(id), {tombstone}, true); !status) {
     return refuse(status.error().what);
   }
-  stub.set_event("delete", write_form(call, target));
+  stub.set_event(contract::delete_, write_form(call, target));
   return {};
 }
 

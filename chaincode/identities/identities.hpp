@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "common/crypto/crypto.hpp"
 #include "common/base/result.hpp"
+#include "common/crypto/crypto.hpp"
 
 /// The identities of a network of our own, in cryptogen's layout under DIR/crypto: three organisations (Org1MSP ...),
 /// each with a CA, a TLS CA, peer0, a TLS certificate for its chaincode service, and the users Admin, User1 and User2

@@ -30,7 +30,7 @@ class Lanes {
       std::size_t busy = 0;
       for (std::size_t lane = 0; lane < lanes_.size(); ++lane) {
         if (next_[lane] == lanes_[lane].size()) continue;
-        if (Status s = look_after(lane); !s) return s.error();
+        if (Status s = advance(lane); !s) return s.error();
         busy += next_[lane] < lanes_[lane].size() ? 1 : 0;
       }
       if (busy == 0) break;
@@ -52,7 +52,7 @@ class Lanes {
     return children_.start({name_of(lane), command.words, logs_[lane], SIGTERM, command.environment});
   }
 
-  Status look_after(std::size_t lane) {
+  Status advance(std::size_t lane) {
     const Command& command = lanes_[lane][next_[lane]];
     const std::string name = name_of(lane);
     if (children_.running(name)) {

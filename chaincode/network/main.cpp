@@ -11,15 +11,15 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "chaincode/network/files/hosts.hpp"
-#include "chaincode/network/network.hpp"
-#include "chaincode/network/files/revocation.hpp"
-#include "chaincode/network/processes/start_check.hpp"
-#include "chaincode/network/files/texts.hpp"
 #include "chaincode/identities/identities.hpp"
+#include "chaincode/network/files/hosts.hpp"
+#include "chaincode/network/files/revocation.hpp"
+#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/network.hpp"
+#include "chaincode/network/processes/start_check.hpp"
 #include "chaincode/node/storage/files.hpp"
-#include "common/program/stop_signals.hpp"
 #include "common/base/log.hpp"
+#include "common/program/stop_signals.hpp"
 
 namespace {
 
@@ -150,7 +150,7 @@ int run(const Options& options, const std::string& summary, const std::function<
   std::filesystem::create_directories(options.dir, error);
   RunFile file(options.dir);
   if (!file.take()) return fail("a network runs in " + options.dir + " already, or the directory cannot be written");
-  catch_end_signals();
+  catch_stop_signals();
   ::signal(SIGPIPE, SIG_IGN);
   Network network(options);
   const TimeNs begin = monotonic_ns();
@@ -158,7 +158,7 @@ int run(const Options& options, const std::string& summary, const std::function<
   if (status) {
     spdlog::info("up after {:.1f} s", to_seconds(monotonic_ns() - begin));
     std::string text, said;
-    while (status && !end_asked) {
+    while (status && !stop_requested) {
       text = describe(network).dump();
       if (text != said && !file.write(text)) status = Error{"cannot write " + options.dir + "/network.json"};
       if (said.empty() && status) ready(text);
@@ -289,7 +289,7 @@ int revoke(Options options, int organisation, const std::string& user) {
   if (!running || !running->contains("authorities")) return fail("no network runs in " + options.dir);
   options.dir = std::filesystem::canonical(options.dir);
   options.channels = (*running)["channels"].get<std::vector<std::string>>();
-  fabric_network::Places places;
+  fabric_network::ListenAddresses places;
   for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
                                   {"peers", &places.organisations},
                                   {"authorities", &places.authorities}}) {

@@ -13,14 +13,15 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "chaincode/network/files/authority.hpp"
-#include "chaincode/network/files/texts.hpp"
 #include "chaincode/identities/first_enrolments.hpp"
 #include "chaincode/identities/identities.hpp"
-#include "common/fabric/client/client.hpp"
+#include "chaincode/network/files/authority.hpp"
+#include "chaincode/network/files/texts.hpp"
+#include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
-#include "common/base/disk_space.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/msg/contract.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
@@ -32,7 +33,7 @@ constexpr TimeNs leader_limit_ns = 40 * ns_per_s;  // one that hangs at its star
 constexpr const char* label = "ledgerline_1";
 
 /// Empty: it is free. Otherwise why it cannot be listened on.
-std::string in_the_way_at(const Place& at) {
+std::string in_the_way_at(const ListenAddress& at) {
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int on = 1;
   ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
@@ -44,8 +45,8 @@ std::string in_the_way_at(const Place& at) {
   return why == EADDRINUSE ? "is taken: does this network run already, or another program?" : std::strerror(why);
 }
 
-Status check_free(const std::vector<Place>& places) {
-  for (const Place& place : places) {
+Status check_free(const std::vector<ListenAddress>& places) {
+  for (const ListenAddress& place : places) {
     if (const std::string why = in_the_way_at(place); !why.empty()) {
       return Error{fmt::format("TCP {} {}", place.text(), why)};
     }
@@ -53,19 +54,19 @@ Status check_free(const std::vector<Place>& places) {
   return done;
 }
 
-nlohmann::json to_json(const Places& places) {
+nlohmann::json to_json(const ListenAddresses& places) {
   nlohmann::json json;
   for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
                                   {"organisations", &places.organisations},
                                   {"authorities", &places.authorities}}) {
     json[name] = nlohmann::json::array();
-    for (const Place& place : *all) json[name].push_back(place.text());
+    for (const ListenAddress& place : *all) json[name].push_back(place.text());
   }
   return json;
 }
 
-Result<Places> places_in(const nlohmann::json& json) {
-  Places places;
+Result<ListenAddresses> places_in(const nlohmann::json& json) {
+  ListenAddresses places;
   for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
                                   {"organisations", &places.organisations},
                                   {"authorities", &places.authorities}}) {
@@ -240,8 +241,8 @@ Status Network::make_identities() {
                  "fabric identities`, and bring each its own folder"};
   }
   identities::Hosts hosts;
-  for (const Place& place : options_.organisation_places) hosts.organisations.push_back(place.host);
-  for (const Place& place : options_.orderer_places) hosts.orderers.push_back(place.host);
+  for (const ListenAddress& place : options_.organisation_places) hosts.organisations.push_back(place.host);
+  for (const ListenAddress& place : options_.orderer_places) hosts.orderers.push_back(place.host);
   if (Status s = issue_identities(hosts); !s) return s;
   for (const char* name : {"detect", "build", "release"}) {
     if (Status s = write_file(in(std::string("builder/bin/") + name), builder_script(name), 0755); !s) return s;
@@ -275,7 +276,7 @@ Status Network::issue_identities(const identities::Hosts& hosts) {
 /// The places are in the channels' first blocks and in packages: a directory keeps them.
 Status Network::choose_places() {
   const bool given = !options_.organisation_places.empty();
-  const Places wanted{options_.orderer_places, options_.organisation_places, {}};
+  const ListenAddresses wanted{options_.orderer_places, options_.organisation_places, {}};
   if (const auto kept = read_file(in("places.json")); kept) {
     const auto places = places_in(nlohmann::json::parse(*kept, nullptr, false));
     if (!places) return Error{in("places.json") + ": " + places.error().what};
@@ -293,7 +294,7 @@ Status Network::choose_places() {
     places_ = wanted;
   } else {
     constexpr int lowest = 20'000, highest = 32'000;  // below the kernel's own choices
-    const int parts = Places::ports_each * (identities::organisations + options_.orderers);
+    const int parts = ListenAddresses::ports_each * (identities::organisations + options_.orderers);
     const auto count = static_cast<std::uint16_t>(parts + (options_.ca ? identities::organisations + 1 : 0));
     auto first = options_.first_port != 0 ? options_.first_port
                                           : static_cast<std::uint16_t>(lowest + (::getpid() * 31) % (highest - lowest));
@@ -490,7 +491,7 @@ Status Network::enroll_first_on(const std::string& channel) {
     if (!client) return client.error();
     for (;;) {
       const auto outcome =
-          (*client)->submit_and_wait({"enroll", {enrolment.call({identities::msp_id_of(k), user->subject})}});
+          (*client)->submit_and_wait({contract::enroll, {enrolment.call({identities::msp_id_of(k), user->subject})}});
       if (outcome.kind == fabric::Outcome::Kind::committed) break;
       if (monotonic_ns() > until) return Error{"the first enrolments: " + outcome.message};
       if (Status s = tend(ns_per_s / 2); !s) return s;

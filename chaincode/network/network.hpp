@@ -5,12 +5,12 @@
 #include <string>
 #include <vector>
 
+#include "chaincode/identities/identities.hpp"
 #include "chaincode/network/options.hpp"
 #include "chaincode/network/processes/processes.hpp"
 #include "chaincode/network/processes/start_check.hpp"
-#include "chaincode/identities/identities.hpp"
-#include "common/fabric/client/client.hpp"
 #include "common/base/result.hpp"
+#include "common/fabric/client/client.hpp"
 
 namespace ledgerline::fabric_network {
 
@@ -33,7 +33,7 @@ class Network {
   bool down() { return !processes_ || processes_->stop(); }
 
   const Options& options() const { return options_; }
-  const Places& places() const { return places_; }
+  const ListenAddresses& places() const { return places_; }
   /// In the order of their start: "orderer1", "peer1", "chaincode1", ...
   std::vector<Processes::State> processes() const { return processes_->states(); }
   /// What a peer of this host has committed on all channels, the config block and the deployment among it.
@@ -83,7 +83,7 @@ class Network {
                         const std::vector<std::string>& environment, const std::string& good_too = {});
 
   Options options_;
-  Places places_;
+  ListenAddresses places_;
   std::map<int, std::string> package_ids_;
   std::unique_ptr<Processes> processes_;
   struct Watched {

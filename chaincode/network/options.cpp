@@ -67,19 +67,20 @@ Status check(const Options& options) {
   if (options.ca && organisations != 0) {
     return Error{"fabric-ca issues identities of a network on one host: give no places with --ca"};
   }
-  const Places places{options.orderer_places, options.organisation_places, {}};
-  std::vector<Place> all = places.orderers;
+  const ListenAddresses places{options.orderer_places, options.organisation_places, {}};
+  std::vector<ListenAddress> all = places.orderers;
   all.insert(all.end(), places.organisations.begin(), places.organisations.end());
   for (std::size_t i = 0; i < all.size(); ++i) {
     in_addr ip{};
     if (::inet_pton(AF_INET, all[i].host.c_str(), &ip) != 1) {
       return Error{fmt::format("\"{}\" is no IPv4 address, such as 10.0.0.1", all[i].host)};
     }
-    if (all[i].port > UINT16_MAX - Places::ports_each) return Error{fmt::format("port {} is too high", all[i].port)};
+    if (all[i].port > UINT16_MAX - ListenAddresses::ports_each)
+      return Error{fmt::format("port {} is too high", all[i].port)};
     for (std::size_t k = 0; k < i; ++k) {
-      if (all[k].host == all[i].host && std::abs(all[k].port - all[i].port) < Places::ports_each) {
+      if (all[k].host == all[i].host && std::abs(all[k].port - all[i].port) < ListenAddresses::ports_each) {
         return Error{fmt::format("{}:{} and {}:{} overlap: each part needs {} ports, from its own on", all[k].host,
-                                 all[k].port, all[i].host, all[i].port, Places::ports_each)};
+                                 all[k].port, all[i].host, all[i].port, ListenAddresses::ports_each)};
       }
     }
   }
@@ -102,9 +103,9 @@ Status check(const Options& options) {
   return done;
 }
 
-Result<Place> parse_place(const std::string& text) {
+Result<ListenAddress> parse_place(const std::string& text) {
   const auto colon = text.rfind(':');
-  Place place;
+  ListenAddress place;
   const char* const end = text.data() + text.size();
   if (colon != std::string::npos && colon > 0) {
     place.host = text.substr(0, colon);
@@ -114,9 +115,9 @@ Result<Place> parse_place(const std::string& text) {
   return Error{fmt::format("\"{}\" is no HOST:PORT, such as 10.0.0.1:7051", text)};
 }
 
-std::string Place::text(int port_offset) const { return fmt::format("{}:{}", host, port + port_offset); }
+std::string ListenAddress::text(int port_offset) const { return fmt::format("{}:{}", host, port + port_offset); }
 
-sockaddr_in Place::address() const {
+sockaddr_in ListenAddress::address() const {
   sockaddr_in out{};
   out.sin_family = AF_INET;
   out.sin_port = htons(port);
@@ -125,31 +126,37 @@ sockaddr_in Place::address() const {
 }
 
 // For this host alone: every certificate of the orderers' TLS authority is let in, those of the other orderers, too.
-std::string Places::orderer_admin(int number) const { return Place{loopback, at(orderers, number).port}.text(1); }
+std::string ListenAddresses::orderer_admin(int number) const {
+  return ListenAddress{loopback, at(orderers, number).port}.text(1);
+}
 // Without TLS, so for this host alone.
-std::string Places::orderer_operations(int number) const { return Place{loopback, at(orderers, number).port}.text(2); }
+std::string ListenAddresses::orderer_operations(int number) const {
+  return ListenAddress{loopback, at(orderers, number).port}.text(2);
+}
 
-std::vector<Place> Places::bound(const Options& options) const {
-  std::vector<Place> all;
-  const auto at = [](const Place& place, int offset) { return static_cast<std::uint16_t>(place.port + offset); };
+std::vector<ListenAddress> ListenAddresses::bound(const Options& options) const {
+  std::vector<ListenAddress> all;
+  const auto at = [](const ListenAddress& place, int offset) {
+    return static_cast<std::uint16_t>(place.port + offset);
+  };
   for (int k = 1; k <= static_cast<int>(orderers.size()); ++k) {
-    const Place& place = orderers[static_cast<std::size_t>(k - 1)];
+    const ListenAddress& place = orderers[static_cast<std::size_t>(k - 1)];
     if (!options.runs_orderer(k)) continue;
     for (int i = 0; i < ports_each; ++i) all.push_back({i > 0 ? loopback : place.host, at(place, i)});
   }
   for (int k = 1; k <= static_cast<int>(organisations.size()); ++k) {
-    const Place& place = organisations[static_cast<std::size_t>(k - 1)];
+    const ListenAddress& place = organisations[static_cast<std::size_t>(k - 1)];
     if (!options.runs_organisation(k)) continue;
     for (int i = 0; i < ports_each; ++i) all.push_back({place.host, at(place, i)});
   }
   return all;
 }
 
-Places places_from(const Options& options, std::uint16_t first_port) {
-  Places places;
+ListenAddresses places_from(const Options& options, std::uint16_t first_port) {
+  ListenAddresses places;
   int port = first_port;
-  const auto next = [&](int ports = Places::ports_each) {
-    const Place place{options.host, static_cast<std::uint16_t>(port)};
+  const auto next = [&](int ports = ListenAddresses::ports_each) {
+    const ListenAddress place{options.host, static_cast<std::uint16_t>(port)};
     port += ports;
     return place;
   };

@@ -5,18 +5,18 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric_network {
 
 /// Where one part of a network listens: three TCP ports from `port` on.
-struct Place {
+struct ListenAddress {
   std::string host;
   std::uint16_t port = 0;
   std::string text(int port_offset = 0) const;  ///< "HOST:PORT"
   sockaddr_in address() const;
-  bool operator==(const Place&) const = default;
+  bool operator==(const ListenAddress&) const = default;
 };
 
 /// A network of three organisations with one peer each, and one or three Raft orderers; all on one host by default.
@@ -27,8 +27,8 @@ struct Options {
   std::string host = "127.0.0.1";                  ///< of every part, where no places are given
   std::uint16_t first_port = 0;                    ///< 0: free ones are looked for
   int orderers = 1;                                ///< 1 or 3
-  std::vector<Place> organisation_places;          ///< empty, or of all organisations
-  std::vector<Place> orderer_places;               ///< empty, or of all orderers
+  std::vector<ListenAddress> organisation_places;  ///< empty, or of all organisations
+  std::vector<ListenAddress> orderer_places;       ///< empty, or of all orderers
   std::vector<std::string> only;                   ///< parts that this host runs ("org1", "orderer2"); empty: all
   TimeNs patience_ns = 120 * ns_per_s;             ///< how long parts on other hosts are waited for
   std::vector<std::string> channels{"teleop"};
@@ -55,14 +55,14 @@ Result<Options> read_options(const std::string& file, Options options);
 Status check(const Options& options);
 
 /// "10.0.0.1:7051".
-Result<Place> parse_place(const std::string& text);
+Result<ListenAddress> parse_place(const std::string& text);
 
 /// Of all parts, as "HOST:PORT".
-struct Places {
+struct ListenAddresses {
   static constexpr int ports_each = 3;
 
-  std::vector<Place> orderers, organisations;
-  std::vector<Place> authorities;  ///< of fabric-ca, one port each, the orderers' first; empty: there are none
+  std::vector<ListenAddress> orderers, organisations;
+  std::vector<ListenAddress> authorities;  ///< of fabric-ca, one port each, the orderers' first; empty: there are none
   std::string orderer(int number) const { return at(orderers, number).text(); }
   std::string orderer_admin(int number) const;
   std::string orderer_operations(int number) const;
@@ -72,16 +72,16 @@ struct Places {
   std::string authority(int organisation) const { return at(authorities, organisation + 1).text(); }
   std::string chaincode(int organisation) const { return at(organisations, organisation).text(2); }
   /// Those that this host needs, as they are bound; without the authorities', which listen before the others.
-  std::vector<Place> bound(const Options& options) const;
-  bool operator==(const Places&) const = default;
+  std::vector<ListenAddress> bound(const Options& options) const;
+  bool operator==(const ListenAddresses&) const = default;
 
  private:
-  static const Place& at(const std::vector<Place>& places, int number) {
+  static const ListenAddress& at(const std::vector<ListenAddress>& places, int number) {
     return places[static_cast<std::size_t>(number - 1)];
   }
 };
 
 /// All on one host, one after the other.
-Places places_from(const Options& options, std::uint16_t first_port);
+ListenAddresses places_from(const Options& options, std::uint16_t first_port);
 
 }  // namespace ledgerline::fabric_network

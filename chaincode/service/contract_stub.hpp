@@ -1,6 +1,6 @@
 #pragma once
-#include "chaincode/shim/shim.hpp"
 #include "chaincode/contract/stub.hpp"
+#include "chaincode/shim/shim.hpp"
 
 namespace ledgerline::chaincode {
 

@@ -5,8 +5,8 @@
 #include <cstdio>
 
 #include "chaincode/service/contract_stub.hpp"
-#include "common/rt/histogram_json.hpp"
 #include "common/base/log.hpp"
+#include "common/rt/histogram_json.hpp"
 
 namespace {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 /// C++ chaincode for Fabric 2.5, as a service: the peers connect to this process (protos.Chaincode/Connect), as many as
 /// want to, and come back by themselves. An example is example.cpp beside this file; a real one is ../service; the

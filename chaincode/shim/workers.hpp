@@ -29,7 +29,7 @@ class Workers {
   bool post(std::function<void()> task) {
     {
       const std::lock_guard lock(mutex_);
-      if (tasks_.size() >= most_waiting) return false;
+      if (tasks_.size() >= max_waiting) return false;
       tasks_.push_back(std::move(task));
     }
     changed_.notify_one();
@@ -37,7 +37,7 @@ class Workers {
   }
 
  private:
-  static constexpr std::size_t most_waiting = 1000;
+  static constexpr std::size_t max_waiting = 1000;
 
   void run() {
     std::unique_lock lock(mutex_);

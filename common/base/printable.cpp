@@ -28,7 +28,7 @@ bool is_control(std::string_view character) {
 
 }  // namespace
 
-std::string clear_text(std::string_view text, std::size_t most) {
+std::string printable(std::string_view text, std::size_t most) {
   constexpr std::string_view rest = "...";
   std::string out;
   std::size_t cut = 0;  // where the rest may begin

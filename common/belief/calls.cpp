@@ -4,6 +4,7 @@
 #include <array>
 
 #include "common/belief/control_events.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 
 namespace ledgerline::belief {
@@ -77,16 +78,16 @@ bool one_of(std::string_view word, const std::array<std::string_view, n>& words)
   return std::find(words.begin(), words.end(), word) != words.end();
 }
 
-constexpr std::array<std::string_view, 2> questions{"get", "history"};
+constexpr std::array<std::string_view, 2> questions{contract::get, contract::history};
 
 }  // namespace
 
 Match match_command(const AskedCall& call, std::string_view event_payload, CommandCall& asked) {
-  return match(call, "command", event_payload, asked);
+  return match(call, contract::command, event_payload, asked);
 }
 
 Match match_set(const AskedCall& call, std::string_view event_payload, SetCall& asked) {
-  return match(call, "set", event_payload, asked);
+  return match(call, contract::set, event_payload, asked);
 }
 
 Status check_event(const AskedCall& call, std::string_view event_name, std::string_view event_payload) {
@@ -94,7 +95,8 @@ Status check_event(const AskedCall& call, std::string_view event_name, std::stri
   if (one_of(call.function, questions)) {
     return event_name.empty() ? Status(done) : Error{"a question has no event"};
   }
-  const bool is_call = call.function == "command" || call.function == "set" || call.function == "delete";
+  const bool is_call =
+      call.function == contract::command || call.function == contract::set || call.function == contract::delete_;
   if (is_control_event(call.function)) {
     const auto event = read_control_event(call, event_name, event_payload);
     return event ? Status(done) : event.error();
@@ -102,10 +104,10 @@ Status check_event(const AskedCall& call, std::string_view event_name, std::stri
   if (!is_call) return done;
   if (event_name != call.function) return another;
   Match match = Match::altered;
-  if (call.function == "command") {
+  if (call.function == contract::command) {
     CommandCall asked;
     match = match_command(call, event_payload, asked);
-  } else if (call.function == "set") {
+  } else if (call.function == contract::set) {
     // Every state of a drone host comes by here: equal bytes need no reading.
     if (call.args.size() == 1 && call.args[0] == event_payload) return done;
     SetCall asked;

@@ -5,13 +5,12 @@
 #include <set>
 #include <string>
 
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::belief {
 namespace {
-
-constexpr std::array<std::string_view, 6> names{"enroll", "acquire", "release", "stop", "resume", "fold"};
 
 bool same(const Identity& a, const crypto::IdentityName& b) {
   return a.msp_id() == b.msp_id && a.subject() == b.subject;
@@ -65,7 +64,7 @@ Result<ControlEvent> read_as(const AskedCall& call, std::string_view event_paylo
   event.function = std::string(call.function);
   Message asked;
   if (!read_call(call, asked)) return Error{"its call cannot be read"};
-  const bool stops = call.function == "stop";
+  const bool stops = call.function == contract::stop;
   const bool read =
       stops ? parse_message(event_payload, event.stops).ok() : parse_message(event_payload, event.controls).ok();
   if (!read) return Error{"its event cannot be read"};
@@ -130,15 +129,16 @@ Status enrolled(const EnrollCall& asked, const Control& before, const Control& a
 }  // namespace
 
 bool is_control_event(std::string_view event_name) {
-  return std::find(names.begin(), names.end(), event_name) != names.end();
+  return std::find(contract::control_functions.begin(), contract::control_functions.end(), event_name) !=
+         contract::control_functions.end();
 }
 
 Result<ControlEvent> read_control_event(const AskedCall& call, std::string_view event_name,
                                         std::string_view event_payload) {
   if (!is_control_event(event_name)) return Error{"it is no control event"};
   if (call.function != event_name) return Error{"its event is of another function than was asked for"};
-  if (call.function == "enroll") return read_as<EnrollCall>(call, event_payload);
-  const bool lease = call.function == "acquire" || call.function == "release";
+  if (call.function == contract::enroll) return read_as<EnrollCall>(call, event_payload);
+  const bool lease = call.function == contract::acquire || call.function == contract::release;
   return lease ? read_as<LeaseCall>(call, event_payload) : read_as<DronesCall>(call, event_payload);
 }
 
@@ -146,15 +146,15 @@ Status control_follows(const ControlEvent& event, const Control& before, const C
   if (after.drone() != before.drone()) return Error{"its record is of another drone"};
   if (after.epoch() < before.epoch()) return Error{"its epoch goes back"};
   if (equal(before, after)) return done;
-  if (event.function == "acquire") return acquired(std::get<LeaseCall>(event.asked), before, after, creator);
-  if (event.function == "release") return released(before, after, creator);
-  if (event.function == "resume") return resumed(before, after, creator);
-  if (event.function == "enroll") return enrolled(std::get<EnrollCall>(event.asked), before, after, creator);
+  if (event.function == contract::acquire) return acquired(std::get<LeaseCall>(event.asked), before, after, creator);
+  if (event.function == contract::release) return released(before, after, creator);
+  if (event.function == contract::resume) return resumed(before, after, creator);
+  if (event.function == contract::enroll) return enrolled(std::get<EnrollCall>(event.asked), before, after, creator);
   return Error{"a " + event.function + " changes no record"};
 }
 
 Status stop_follows(const ControlEvent& event, const Control& before, const Stop& stop, const Creator& creator) {
-  if (event.function != "stop") return Error{"it is no stop"};
+  if (event.function != contract::stop) return Error{"it is no stop"};
   if (!same(stop.stopper(), creator.name) || stop.lifted()) return Error{"it is not its creator's own stop"};
   if (stop.cut() != std::get<DronesCall>(event.asked).cut()) return Error{"its cut is not as it was asked for"};
   const bool may_cut = before.owner().msp_id() == creator.name.msp_id || same(before.holder(), creator.name);

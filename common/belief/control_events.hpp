@@ -2,9 +2,9 @@
 #include <string_view>
 #include <variant>
 
+#include "common/base/result.hpp"
 #include "common/belief/calls.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/base/result.hpp"
 #include "ledgerline.pb.h"
 
 /// Control events (enroll, acquire, release, stop, resume, fold) judged by what their creator signed and by the record

@@ -13,11 +13,11 @@
 namespace ledgerline {
 namespace {
 
-constexpr std::size_t longest_text = 1'000;  // a path, even in a message
-constexpr std::size_t longest_key = 200;     // as shown; a damaged file may hold any
+constexpr std::size_t max_text = 1'000;  // a path, even in a message
+constexpr std::size_t max_key = 200;     // as shown; a damaged file may hold any
 
 Error parse_error(const std::string& name, const toml::parse_error& e) {
-  return Error{fmt::format("{}:{}: {}", name, e.source().begin.line, clear_text(e.description()))};
+  return Error{fmt::format("{}:{}: {}", name, e.source().begin.line, printable(e.description()))};
 }
 
 }  // namespace
@@ -47,7 +47,7 @@ struct Config::State {
   }
   void problem(const toml::node* node, const std::string& key, const std::string& what) {
     const std::string line = node ? fmt::format(":{}", node->source().begin.line) : "";
-    problems.push_back(fmt::format("{}{}: {}: {}", name, line, clear_text(key, longest_key), clear_text(what)));
+    problems.push_back(fmt::format("{}{}: {}: {}", name, line, printable(key, max_key), printable(what)));
   }
   void missing(const std::string& key, const std::string& wanted) {
     problem(nullptr, key, fmt::format("is missing ({})", wanted));
@@ -104,11 +104,10 @@ std::string Config::text(const std::string& key, const std::string& otherwise) {
   const toml::node* node = state_->find(key);
   if (!node) return otherwise;
   const auto* value = node->as_string();
-  if (value && clear_text(value->get(), longest_text) == value->get()) return value->get();
-  state_->problem(
-      node, key,
-      value ? fmt::format("must be one line of text without control characters, at most {} bytes", longest_text)
-            : "must be a string");
+  if (value && printable(value->get(), max_text) == value->get()) return value->get();
+  state_->problem(node, key,
+                  value ? fmt::format("must be one line of text without control characters, at most {} bytes", max_text)
+                        : "must be a string");
   return otherwise;
 }
 
@@ -183,7 +182,7 @@ std::vector<std::string> Config::texts(const std::string& key, std::size_t most)
   const auto* array = node->as_array();
   for (std::size_t i = 0; array && i < array->size() && i < most; ++i) {
     const auto* value = array->get_as<std::string>(i);
-    if (!value || clear_text(value->get(), longest_text) != value->get()) break;
+    if (!value || printable(value->get(), max_text) != value->get()) break;
     values.push_back(value->get());
   }
   if (array && values.size() == array->size()) return values;

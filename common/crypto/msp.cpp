@@ -10,8 +10,8 @@
 #include <mutex>
 #include <unordered_map>
 
-#include "common/crypto/openssl.hpp"
 #include "common/base/printable.hpp"
+#include "common/crypto/openssl.hpp"
 #include "msp/identities.pb.h"
 
 namespace ledgerline::crypto {
@@ -77,7 +77,7 @@ class CachingRegistry final : public MspRegistry {
       return Error{"could not deserialize a SerializedIdentity"};
     }
     const auto root = roots_.find(identity.mspid());
-    if (root == roots_.end()) return Error{fmt::format("MSP {} is unknown", clear_text(identity.mspid(), 200))};
+    if (root == roots_.end()) return Error{fmt::format("MSP {} is unknown", printable(identity.mspid(), 200))};
     auto certificate = read_certificate(identity.id_bytes());
     if (!certificate) return certificate.error();
     Entry entry;

@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <map>
 
-#include "common/crypto/crypto.hpp"
 #include "common/base/printable.hpp"
+#include "common/crypto/crypto.hpp"
 #include "msp/identities.pb.h"
 
 namespace ledgerline::crypto {
@@ -45,7 +45,7 @@ class TestRegistry final : public MspRegistry {
       return Error{"could not deserialize a SerializedIdentity"};
     }
     if (std::find(msp_ids_.begin(), msp_ids_.end(), identity.mspid()) == msp_ids_.end()) {
-      return Error{"MSP " + clear_text(identity.mspid(), 200) + " is unknown"};
+      return Error{"MSP " + printable(identity.mspid(), 200) + " is unknown"};
     }
     if (!identity.id_bytes().starts_with(test_prefix)) return Error{"could not decode the PEM structure"};
     const IdentityName name{identity.mspid(), identity.id_bytes().substr(test_prefix.size())};

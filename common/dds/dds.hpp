@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "common/dds/raw.hpp"
 #include "common/base/result.hpp"
+#include "common/dds/raw.hpp"
 
 /// ROS 2 over Cyclone DDS: names, types and QoS are those of a ROS 2 node, so a ROS 2 machine sees them. Topics are
 /// given as in ROS ("/tello1/odom"); on the wire they are "rt/tello1/odom". No type of DDS is visible here.

@@ -9,11 +9,11 @@
 #include <mutex>
 #include <string>
 
+#include "common/base/log.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/endpoint.hpp"
 #include "common/dds/node.hpp"
 #include "common/dds/settings/reach.hpp"
-#include "common/base/log.hpp"
 
 namespace ledgerline::dds {
 namespace {

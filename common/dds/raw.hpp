@@ -7,8 +7,9 @@
 #include <string>
 #include <string_view>
 
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/msg/contract.hpp"
+#include "common/rt/clock.hpp"
 
 /// ROS 2 topics of any type, as bytes: no type is compiled in. A message is its CDR with the four bytes of
 /// encapsulation header, little or big endian (PLAIN_CDR, what ROS 2 sends), and goes through as it is; only the
@@ -20,7 +21,7 @@ class Participant;
 using ParticipantPtr = std::shared_ptr<Participant>;
 
 /// As long as a value on the ledger may be. Longer messages are refused and counted, in both directions.
-inline constexpr std::size_t max_message_bytes = 1'000'000;
+inline constexpr std::size_t max_message_bytes = contract::max_asset_bytes;
 
 /// History is keep-last.
 struct Qos {

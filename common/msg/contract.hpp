@@ -1,11 +1,15 @@
 #pragma once
+#include <array>
 #include <cstddef>
+#include <string_view>
 
 #include "common/rt/clock.hpp"
 
-/// Every limit of the contract, in one place. Beyond one a call is refused at endorsement with the limit named.
-namespace ledgerline::chaincode {
+/// The facts of the contract that both sides must know: its limits and the names of its functions. An event has the name
+/// of the function that sets it.
+namespace ledgerline::contract {
 
+/// Beyond a limit a call is refused at endorsement with the limit named.
 inline constexpr std::size_t max_id_chars = 128;
 inline constexpr std::size_t max_asset_bytes = 1'000'000;
 inline constexpr std::size_t max_call_bytes = 1'000'000;
@@ -15,6 +19,21 @@ inline constexpr std::size_t max_drone_streams = 64;  ///< ids of one drone that
 inline constexpr std::size_t max_page_versions = 64;  ///< old values of a key that one call looks at
 inline constexpr std::size_t max_page_bytes = 1'000'000;
 inline constexpr TimeNs max_plan_ns = 2 * ns_per_s;
-inline constexpr std::size_t max_plan_setpoints = 40;
+inline constexpr std::size_t max_plan_setpoints = 40;  ///< 2 s at 20 Hz
 
-}  // namespace ledgerline::chaincode
+inline constexpr const char* set = "set";
+inline constexpr const char* get = "get";
+inline constexpr const char* history = "history";
+inline constexpr const char* delete_ = "delete";
+inline constexpr const char* enroll = "enroll";
+inline constexpr const char* acquire = "acquire";
+inline constexpr const char* release = "release";
+inline constexpr const char* command = "command";
+inline constexpr const char* stop = "stop";
+inline constexpr const char* resume = "resume";
+inline constexpr const char* fold = "fold";
+
+/// The functions that write who may do what: roles, leases, stops.
+inline constexpr std::array<std::string_view, 6> control_functions{enroll, acquire, release, stop, resume, fold};
+
+}  // namespace ledgerline::contract

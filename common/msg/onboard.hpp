@@ -2,6 +2,7 @@
 #include <array>
 #include <cstdint>
 
+#include "common/msg/contract.hpp"
 #include "common/rt/clock.hpp"
 
 /// What link and agent say to each other through shared memory: plain data, no pointers.
@@ -16,9 +17,9 @@ inline constexpr DroneNumber max_drones = 16;
 /// What a plan wants. The first three are also on the wire (ledgerline.proto uses the same values); stop and cut are
 /// said by agent alone, from the contract's stop: land now, and motors off at once, only where asked for by name.
 enum class PlanAction : std::uint8_t { fly = 0, takeoff = 1, land = 2, stop = 3, cut = 4 };
-/// Whether it comes from the contract, not from the lease's holder: then it answers no state, is in nobody's sequence
-/// and is obeyed at any time.
-constexpr bool outranks_order(PlanAction action) noexcept {
+/// Stop and cut come from the ledger, not from the lease's holder: they answer no state, carry no sequence and are always
+/// obeyed.
+constexpr bool is_contract_stop(PlanAction action) noexcept {
   return action == PlanAction::stop || action == PlanAction::cut;
 }
 
@@ -71,7 +72,7 @@ struct Setpoint {
   float yaw_rate_radps = 0;
 };
 
-inline constexpr std::uint32_t max_setpoints = 40;  // 2 s at 20 Hz
+inline constexpr std::uint32_t max_setpoints = contract::max_plan_setpoints;
 
 /// agent -> link: a verified command. Setpoints are in order of time.
 struct Plan {

@@ -36,7 +36,7 @@ inline Status parse_message(std::string_view bytes, google::protobuf::Message& m
   const auto status = google::protobuf::util::JsonStringToMessage({bytes.data(), bytes.size()}, &message);
   if (status.ok()) return done;
   const auto why = status.message();  // quotes the text, as it is
-  return Error{"not a " + message.GetDescriptor()->name() + " in JSON: " + clear_text({why.data(), why.size()})};
+  return Error{"not a " + message.GetDescriptor()->name() + " in JSON: " + printable({why.data(), why.size()})};
 }
 
 /// As JSON, fields that are zero left out.

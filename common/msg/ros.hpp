@@ -5,8 +5,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/msg/onboard.hpp"
 #include "common/base/result.hpp"
+#include "common/msg/onboard.hpp"
 
 /// The ROS 2 messages that a drone's state travels in, to and from CDR.
 namespace ledgerline {

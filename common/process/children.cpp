@@ -20,7 +20,7 @@
 namespace ledgerline {
 namespace {
 
-constexpr std::size_t longest_line = 1 << 20;
+constexpr std::size_t max_line = 1 << 20;
 
 // Between fork and exec: only what may be called there.
 [[noreturn]] void become(char* const* command, char* const* environment, int output, int log, int death_signal,
@@ -151,7 +151,7 @@ void Children::read_output(Child& child) {
       if (handlers_.on_line) handlers_.on_line(child.program.name, child.partial.substr(start, end - start));
     }
     child.partial.erase(0, start);
-    if (child.partial.size() > longest_line) child.partial.clear();
+    if (child.partial.size() > max_line) child.partial.clear();
   }
 }
 

@@ -2,8 +2,8 @@
 #include <deque>
 #include <optional>
 
-#include "common/rt/clock.hpp"
 #include "common/base/random.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline {
 
@@ -18,7 +18,7 @@ class Restarts {
   struct Limits {
     int most = 10;  ///< within `within`
     TimeNs within = 60 * ns_per_s;
-    TimeNs first_wait = 100 * ns_per_ms, longest_wait = 5 * ns_per_s;
+    TimeNs first_wait = 100 * ns_per_ms, max_wait = 5 * ns_per_s;
   };
   Restarts(Limits limits, std::uint64_t seed) : limits_(limits), random_(seed) {}
 

@@ -31,10 +31,10 @@ Result<std::int64_t> whole_number(const char* name, std::int64_t otherwise) {
 }  // namespace
 
 Result<ServiceManager> ServiceManager::from_environment() {
-  constexpr std::int64_t longest_patience_us = 86'400'000'000;
+  constexpr std::int64_t max_patience_us = 86'400'000'000;
   const auto patience_us = whole_number("WATCHDOG_USEC", 0);
   if (!patience_us) return patience_us.error();
-  if (*patience_us > longest_patience_us) return Error{"WATCHDOG_USEC is longer than a day"};
+  if (*patience_us > max_patience_us) return Error{"WATCHDOG_USEC is longer than a day"};
   const auto watched = whole_number("WATCHDOG_PID", ::getpid());
   if (!watched) return watched.error();
   ServiceManager manager(*watched == ::getpid() ? *patience_us * ns_per_us : 0);

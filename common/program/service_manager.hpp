@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <string>
 
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline {
 

@@ -5,25 +5,25 @@
 
 namespace ledgerline {
 
-/// Set and counted by the signals that catch_end_signals() catches: the program shall end.
-inline std::atomic<bool> end_asked{false};
-inline std::atomic<int> ends_asked{0};
+/// Set and counted by the signals that catch_stop_signals() catches: the program shall end.
+inline std::atomic<bool> stop_requested{false};
+inline std::atomic<int> stop_requests{0};
 static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_always_lock_free);
 
 /// Catches SIGINT and SIGTERM, or those named; calls that wait are interrupted. To be called before any thread starts.
-inline void catch_end_signals(std::initializer_list<int> signals = {SIGINT, SIGTERM}) {
+inline void catch_stop_signals(std::initializer_list<int> signals = {SIGINT, SIGTERM}) {
   struct sigaction action {};
   action.sa_handler = [](int) {
-    ++ends_asked;
-    end_asked = true;
+    ++stop_requests;
+    stop_requested = true;
   };
   for (const int signal : signals) ::sigaction(signal, &action, nullptr);
 }
 
 /// The same for a loop that waits in ppoll or pselect: signals are blocked but while it waits with the mask that this
-/// returns, so none can come unseen between its look at end_asked and the wait.
-inline sigset_t catch_end_signals_while_waiting() {
-  catch_end_signals();
+/// returns, so none can come unseen between its look at stop_requested and the wait.
+inline sigset_t catch_stop_signals_while_waiting() {
+  catch_stop_signals();
   sigset_t blocked, before;
   sigemptyset(&blocked);
   sigaddset(&blocked, SIGINT);

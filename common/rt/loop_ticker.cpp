@@ -7,7 +7,7 @@
 
 namespace ledgerline {
 
-TimeNs Turns::wait() noexcept {
+TimeNs LoopTicker::wait() noexcept {
   const timespec at{static_cast<time_t>(next_ns_ / ns_per_s), static_cast<long>(next_ns_ % ns_per_s)};
   while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr) == EINTR) {
   }

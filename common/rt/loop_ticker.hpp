@@ -12,9 +12,9 @@ namespace ledgerline {
 /// The beat of a time-triggered loop: a turn is due every period. One that begins more than a period late is an
 /// overrun; the turns missed by it are not made up for, since a burst of old turns helps nobody. One thread; its system
 /// calls are the clock and the sleep; no allocation.
-class Turns {
+class LoopTicker {
  public:
-  explicit Turns(TimeNs period_ns) noexcept : period_ns_(period_ns), next_ns_(monotonic_ns() + period_ns) {}
+  explicit LoopTicker(TimeNs period_ns) noexcept : period_ns_(period_ns), next_ns_(monotonic_ns() + period_ns) {}
 
   /// Sleeps until the next turn is due; the time when it really began.
   TimeNs wait() noexcept;

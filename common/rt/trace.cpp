@@ -14,7 +14,7 @@ namespace ledgerline {
 namespace {
 
 constexpr std::size_t buffered_records = 256;
-constexpr TimeNs longest_buffered_ns = ns_per_s;  // whoever follows the file is not further behind
+constexpr TimeNs max_buffered_ns = ns_per_s;  // whoever follows the file is not further behind
 
 struct FileHeader {
   char magic[8] = {'L', 'L', 'T', 'R', 'A', 'C', 'E', '1'};
@@ -74,7 +74,7 @@ void TraceWriter::add(const TraceRecord& record) {
   --left_;
   buffer_.push_back(record);
   // Halves: whatever is written, their difference does not overflow.
-  const bool old = record.t_ns / 2 - buffer_.front().t_ns / 2 > longest_buffered_ns / 2;
+  const bool old = record.t_ns / 2 - buffer_.front().t_ns / 2 > max_buffered_ns / 2;
   if ((old || buffer_.size() >= buffered_records) && !flush())
     left_ = 0;  // a full disk: the rest is counted as dropped
 }

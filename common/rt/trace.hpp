@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline {
 

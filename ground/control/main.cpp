@@ -6,12 +6,12 @@
 #include <random>
 #include <thread>
 
+#include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/config.hpp"
 #include "common/fabric/client/repeat.hpp"
+#include "common/fabric/config.hpp"
 #include "common/msg/proto_json.hpp"
-#include "common/base/log.hpp"
 #include "ledgerline.pb.h"
 
 namespace {

@@ -134,7 +134,7 @@ double PathController::speed_at(double s_m) const {
 // is ahead it need not wait; for one that link keeps from flying plans it does.
 double PathController::pace(double s_m, const Eigen::Vector2d& drone) const {
   if (!started_ || waits_ || s_m >= end_m_) return 0;
-  const motion::Track::Place place = track_.at(s_m);
+  const motion::Track::Point place = track_.at(s_m);
   const Eigen::Vector2d direction = place.direction.head<2>();
   Eigen::Vector2d behind = place.position_m.head<2>() - drone;
   if (const double along = behind.dot(direction); along < 0) behind -= along * direction;
@@ -159,7 +159,7 @@ Setpoint PathController::level(const Motion& from, double height_m, double climb
 
 Setpoint PathController::steer(const Motion& from, double s_m) const {
   const motion::Response& model = predictor_.response();
-  const motion::Track::Place place = track_.at(s_m);
+  const motion::Track::Point place = track_.at(s_m);
   const Eigen::Vector2d direction = place.direction.head<2>();
   Eigen::Vector2d reference = Eigen::Vector2d::Zero(), lead = Eigen::Vector2d::Zero();
   double climb = 0;
@@ -200,7 +200,7 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
   limit(to_seconds(rollout.effect().stamp_ns - predictor_.newest().stamp_ns));
   if (!waits_) error_.predicted(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
 
-  reference_ns_ = started_ ? std::max(reference_ns_, first_ns - longest_ns) : first_ns;
+  reference_ns_ = started_ ? std::max(reference_ns_, first_ns - max_ns) : first_ns;
   while (reference_ns_ < first_ns) {
     const TimeNs dt_ns = std::min(step_ns, first_ns - reference_ns_);
     progress_m_ = advance(progress_m_, rollout.effect().position_m.head<2>(), to_seconds(dt_ns));
@@ -235,7 +235,7 @@ double PathController::plain_mps(double s_m) const {
 }
 
 std::vector<Setpoint> PathController::plan_plain(TimeNs first_ns) {
-  reference_ns_ = started_ ? std::max(reference_ns_, first_ns - longest_ns) : first_ns;
+  reference_ns_ = started_ ? std::max(reference_ns_, first_ns - max_ns) : first_ns;
   if (started_ && first_ns > reference_ns_ && progress_m_ < end_m_) {
     progress_m_ = std::min(end_m_, progress_m_ + plain_mps(progress_m_) * to_seconds(first_ns - reference_ns_));
   }

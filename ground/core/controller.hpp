@@ -86,7 +86,7 @@ class PathController {
  public:
   static constexpr TimeNs step_ns = 50 * ns_per_ms;
   static constexpr std::size_t steps = 12;  ///< of a plan at least: 0.6 s
-  static constexpr TimeNs longest_ns = 3 * ns_per_s;
+  static constexpr TimeNs max_ns = 3 * ns_per_s;
 
   PathController(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin, ControllerConfig config,
                  double yaw_rad);

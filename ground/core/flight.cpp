@@ -392,9 +392,9 @@ std::string FlightCore::why() const {
 FlightStatus FlightCore::status(std::size_t drone) const { return drones_.at(drone)->status; }
 
 TimeNs FlightCore::delay_ns() const {
-  TimeNs longest_ns = 0;
-  for (const auto& drone : drones_) longest_ns = std::max(longest_ns, timing(*drone).delay_ns);
-  return longest_ns;
+  TimeNs max_ns = 0;
+  for (const auto& drone : drones_) max_ns = std::max(max_ns, timing(*drone).delay_ns);
+  return max_ns;
 }
 
 const PathController* FlightCore::controller(std::size_t drone) const { return drones_.at(drone)->controller.get(); }

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "common/belief/calls.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
 #include "common/msg/stops.hpp"
@@ -15,7 +16,7 @@ namespace {
 constexpr std::size_t max_in_flight = 32;
 constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
-constexpr TimeNs most_beyond_ns = 1'900 * ns_per_ms;  // agent takes no setpoint for later than 2 s from now
+constexpr TimeNs max_beyond_ns = 1'900 * ns_per_ms;  // agent takes no setpoint for later than 2 s from now
 // Of the plans: there before their first setpoint's moment. More would make all of them for later, and what is not
 // foreseen (gusts) grows with that; one that comes late only takes over late.
 constexpr double in_time = 0.75;
@@ -114,9 +115,9 @@ void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOut
     if (tx.code == fabric::code_unbelievable) ++transactions_.unbelievable;
     if (tx.code != 0 || tx.config) continue;
     if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) continue;
-    if (tx.event_name == "set") {
+    if (tx.event_name == contract::set) {
       take_states(now_ns, tx, inputs.realtime_s, out);
-    } else if (tx.event_name == "command") {
+    } else if (tx.event_name == contract::command) {
       take_own_commands(now_ns, tx);
     } else if (belief::is_control_event(tx.event_name)) {
       take_control_event(now_ns, tx, inputs.realtime_s);
@@ -263,10 +264,10 @@ FlightCore::Timing FlightCore::timing_for(TimeNs soonest_ns, TimeNs in_time_ns, 
   timing.steps = std::min<std::size_t>(
       max_setpoints, PathController::steps + static_cast<std::size_t>(2 * tail_ns / PathController::step_ns));
   // After an outage the tail is long, and agent would refuse every plan that comes sooner: none may speak of more than
-  // most_beyond_ns behind its arrival, be it as quick as one of ten. Shorter plans first (see make_plan), then sooner
+  // max_beyond_ns behind its arrival, be it as quick as one of ten. Shorter plans first (see make_plan), then sooner
   // ones.
-  timing.farthest_ns = soonest_ns + most_beyond_ns;
-  timing.delay_ns = std::min(std::clamp(in_time_ns, least_delay_ns, most_delay_ns),
+  timing.farthest_ns = soonest_ns + max_beyond_ns;
+  timing.delay_ns = std::min(std::clamp(in_time_ns, least_delay_ns, max_delay_ns),
                              timing.farthest_ns - static_cast<TimeNs>(PathController::steps) * PathController::step_ns);
   return timing;
 }
@@ -389,7 +390,7 @@ void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
   flight.id = next_id_++;
   flight.submitted_ns = now_ns;
   ++transactions_.submitted;
-  out.submissions.push_back({flight.id, {"command", {call.SerializeAsString()}, true}});
+  out.submissions.push_back({flight.id, {contract::command, {call.SerializeAsString()}, true}});
   in_flight_.push_back(std::move(flight));
 }
 

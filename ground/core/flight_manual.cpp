@@ -3,6 +3,7 @@
 
 #include <functional>
 
+#include "common/msg/contract.hpp"
 #include "ground/core/flight_state.hpp"
 
 namespace ledgerline::ground {
@@ -87,7 +88,7 @@ void FlightCore::submit_stops(TimeNs now_ns, FlightOutputs& out) {
   for (auto& drone : drones_) {
     if (!drone->stop || drone->stop_id != 0 || now_ns < drone->next_stop_ns) continue;
     drone->stop_id = next_id_++;
-    out.submissions.push_back({drone->stop_id, {"stop", {drone->stop->SerializeAsString()}}, true});
+    out.submissions.push_back({drone->stop_id, {contract::stop, {drone->stop->SerializeAsString()}}, true});
   }
 }
 

@@ -13,7 +13,7 @@
 /// What FlightCore remembers; included by its .cpp files alone.
 namespace ledgerline::ground {
 
-constexpr TimeNs most_delay_ns = 4 * ns_per_s;
+constexpr TimeNs max_delay_ns = 4 * ns_per_s;
 constexpr TimeNs overdue_ns = 2 * ns_per_s;       ///< a plan that agent may have refused because it was for too late
 constexpr TimeNs state_every_ns = 5 * ns_per_ms;  ///< at most; a plan each
 
@@ -57,7 +57,7 @@ struct FlightCore::Drone {
     std::uint64_t sequence = 0;
     TimeNs stamp_ns = 0;
   };
-  std::array<Made, (most_delay_ns + overdue_ns) / state_every_ns + 1> made{};
+  std::array<Made, (max_delay_ns + overdue_ns) / state_every_ns + 1> made{};
   std::uint64_t applied_sequence = 0, arrived_sequence = 0;  ///< as the newest state had it
   bool slowed_said = false;
   ManualController manual;

@@ -25,7 +25,7 @@ bool believable(const Twist& wish) {
 }
 
 ManualController::ManualController(const ControllerConfig& config, TimeNs timeout_ns)
-    : config_(config), timeout_ns_(std::min(timeout_ns, longest_timeout_ns)), predictor_(of_yaw()) {}
+    : config_(config), timeout_ns_(std::min(timeout_ns, max_timeout_ns)), predictor_(of_yaw()) {}
 
 bool ManualController::take(TimeNs came_ns, const Twist& wish) {
   if (!believable(wish)) return false;

@@ -21,8 +21,8 @@ bool believable(const Twist& wish);
 class ManualController {
  public:
   static constexpr TimeNs step_ns = 50 * ns_per_ms;
-  static constexpr TimeNs horizon_ns = 600 * ns_per_ms;          ///< of a plan
-  static constexpr TimeNs longest_timeout_ns = 500 * ns_per_ms;  ///< so that a plan always has its zero
+  static constexpr TimeNs horizon_ns = 600 * ns_per_ms;      ///< of a plan
+  static constexpr TimeNs max_timeout_ns = 500 * ns_per_ms;  ///< so that a plan always has its zero
 
   /// Of the config: speed, vertical speed and yaw rate as limits.
   ManualController(const ControllerConfig& config, TimeNs timeout_ns);

@@ -19,7 +19,7 @@ constexpr double acceleration_noise = 0.05;  // m/s2 / sqrt(Hz)
 constexpr double drift_noise = 0.05;         // m/s / sqrt(s)
 constexpr double drift_lasts_s = 1;          // ahead of the newest state: gusts come and go
 constexpr double first_drift_sigma_mps = 0.03, first_velocity_sigma_mps = 0.2;
-constexpr double most_drift_mps = 0.5;
+constexpr double max_drift_mps = 0.5;
 
 // Link's: how long it flies the only setpoint of a plan, and the last one of any plan at most.
 constexpr TimeNs default_hold_ns = 100 * ns_per_ms, max_hold_ns = 500 * ns_per_ms;
@@ -127,7 +127,7 @@ void Predictor::correct(const StateSample& state) {
     const Eigen::Vector3d change = gain * error;
     position_[axis] += change[0];
     velocity_[axis] += change[1];
-    drift_[axis] = std::clamp(drift_[axis] + change[2], -most_drift_mps, most_drift_mps);
+    drift_[axis] = std::clamp(drift_[axis] + change[2], -max_drift_mps, max_drift_mps);
   }
   covariance_ = (Eigen::Matrix3d::Identity() - gain * h) * covariance_;
   covariance_ = 0.5 * (covariance_ + covariance_.transpose().eval());
@@ -185,7 +185,7 @@ Predictor::Rollout Predictor::until(TimeNs meant_ns) const {
   out.drift_ = drift_;
   out.motion_ = newest();
   const TimeNs dead_ns = from_seconds(response_.dead_s);
-  const TimeNs until_ns = std::min(meant_ns + late_ns_, stamp_ns_ + longest_ns);
+  const TimeNs until_ns = std::min(meant_ns + late_ns_, stamp_ns_ + max_ns);
   // Up to the last of link's words they count, behind it what was planned.
   const TimeNs known_ns = told_.empty() ? stamp_ns_ : std::max(stamp_ns_ - dead_ns, told_.back().stamp_ns);
   out.told_ns_ = stamp_ns_ - dead_ns;

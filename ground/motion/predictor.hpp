@@ -38,12 +38,12 @@ struct PredictorConfig {
 /// States may come in bursts, with gaps, twice or out of order: one that is not newer changes nothing, one whose pose
 /// is not newer says what the drone was told and no more. A pause of more than 1 s, or a pose more than 0.5 m from
 /// where it was expected, starts the filter anew; what was learned of the response stays. Bounded in memory, and in
-/// work by longest_ns, whatever the times say. Deterministic; one thread. Horizontal axes and height share one
+/// work by max_ns, whatever the times say. Deterministic; one thread. Horizontal axes and height share one
 /// response; yaw simply follows its rate.
 class Predictor {
  public:
   /// The longest time that is predicted over.
-  static constexpr TimeNs longest_ns = 5 * ns_per_s;
+  static constexpr TimeNs max_ns = 5 * ns_per_s;
 
   explicit Predictor(const PredictorConfig& config);
 

@@ -7,7 +7,7 @@ namespace ledgerline::motion {
 namespace {
 
 constexpr double grain_m = 0.01;
-constexpr std::size_t most_knots = 20'000;
+constexpr std::size_t max_knots = 20'000;
 constexpr double creep_mps = 0.05;  // the reference must get through a corner in the end
 
 /// A piece of the rounded path: a line (bend 0) or an arc.
@@ -93,7 +93,7 @@ void Track::lay(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& o
     }
   }
   for (const Piece& piece : pieces) length_m_ += piece.length;
-  const auto count = std::clamp<std::size_t>(static_cast<std::size_t>(std::ceil(length_m_ / grain_m)), 8, most_knots);
+  const auto count = std::clamp<std::size_t>(static_cast<std::size_t>(std::ceil(length_m_ / grain_m)), 8, max_knots);
   step_m_ = length_m_ / static_cast<double>(count);
   const double offset = corners[0].cut > 0 ? 0.5 * pieces.front().length : 0;
   std::size_t k = 0;
@@ -153,7 +153,7 @@ void Track::pace(const TrackLimits& limits) {
   }
 }
 
-Track::Place Track::at(double s_m) const {
+Track::Point Track::at(double s_m) const {
   const auto n = static_cast<double>(knots_.size());
   double cell = std::fmod(s_m / step_m_, n);
   if (cell < 0) cell += n;
@@ -161,7 +161,7 @@ Track::Place Track::at(double s_m) const {
   const double share = cell - static_cast<double>(i);
   const Knot& a = knots_[i];
   const Knot& b = knots_[(i + 1) % knots_.size()];
-  Place place;
+  Point place;
   place.position_m = a.position + share * (b.position - a.position);
   const Eigen::Vector2d direction = (a.direction + share * (b.direction - a.direction)).normalized();
   place.direction = {direction.x(), direction.y(), a.climb + share * (b.climb - a.climb)};

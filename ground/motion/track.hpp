@@ -26,14 +26,14 @@ class Track {
 
   double length_m() const { return length_m_; }
 
-  struct Place {
+  struct Point {
     Eigen::Vector3d position_m;
     Eigen::Vector3d direction;   ///< of travel; horizontal part of length 1, z: climb per metre
     Eigen::Vector2d bend_per_m;  ///< curvature times the normal to its inside
     double speed_mps;            ///< at most, by the lap's profile
     double gain_mps2;            ///< of speed along the profile: v dv/ds
   };
-  Place at(double s_m) const;
+  Point at(double s_m) const;
   double speed_at(double s_m) const;
   /// At that speed at most, a lap from the profile takes so long.
   double lap_s(double speed_mps) const;

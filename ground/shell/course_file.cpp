@@ -9,14 +9,14 @@
 namespace ledgerline::ground {
 namespace {
 
-constexpr std::uintmax_t most_bytes = 1'000'000;
+constexpr std::uintmax_t max_bytes = 1'000'000;
 
 }  // namespace
 
 Result<std::vector<Waypoint>> read_waypoints(const std::string& file) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) return Error{fmt::format("there is no file {}", file)};
-  if (std::filesystem::file_size(file, error) > most_bytes || error)
+  if (std::filesystem::file_size(file, error) > max_bytes || error)
     return Error{fmt::format("{}: more than 1 MB is no file of waypoints", file)};
   const auto text = read_file(file);
   if (!text) return text.error();

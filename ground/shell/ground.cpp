@@ -7,8 +7,9 @@
 #include <cstdio>
 #include <fstream>
 
-#include "common/msg/proto_json.hpp"
 #include "common/base/log.hpp"
+#include "common/msg/contract.hpp"
+#include "common/msg/proto_json.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground {
@@ -153,7 +154,7 @@ Status Ground::read_controls(const std::atomic<bool>& quit) {
   for (const FlightDrone& drone : core_.drones()) {
     QueryCall query;
     query.set_id("control/" + drone.name);
-    const auto answer = client_->evaluate({"get", {query.SerializeAsString()}});
+    const auto answer = client_->evaluate({contract::get, {query.SerializeAsString()}});
     if (!answer)
       return Error{fmt::format("{}: its control record cannot be read: {}", drone.name, answer.error().what)};
     Assets assets;

@@ -3,13 +3,13 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/program/stop_signals.hpp"
-#include "common/base/log.hpp"
 #include "ground/shell/ground.hpp"
 
 namespace {
@@ -50,7 +50,7 @@ int fly(Config& config) {
     return EXIT_FAILURE;
   }
   ground::Ground ground(std::move(flight), output, *participant, std::move(client).value(), std::move(urgent).value());
-  if (auto status = ground.start(end_asked); !status) {
+  if (auto status = ground.start(stop_requested); !status) {
     spdlog::error("{}", status.error().what);
     return EXIT_FAILURE;
   }
@@ -61,7 +61,7 @@ int fly(Config& config) {
   }
   fmt::print("{{\"ready\":true}}\n");
   std::fflush(stdout);
-  const auto ok = ground.run(end_asked);
+  const auto ok = ground.run(stop_requested);
   if (!ok) {
     spdlog::error("{}", ok.error().what);
     return EXIT_FAILURE;
@@ -98,7 +98,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
   }
   init_log("ground");
-  catch_end_signals();
+  catch_stop_signals();
   auto config = Config::load(file);
   if (!config) {
     spdlog::error("{}", config.error().what);

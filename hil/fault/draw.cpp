@@ -29,16 +29,16 @@ std::string milliseconds(double ms) { return fmt::format("{:.0f}ms", ms); }
 std::string milliseconds(Draw& draw, double least, double most) { return milliseconds(draw.between(least, most)); }
 
 // `recording`: a file of delays, or empty.
-std::string distribution(Draw& draw, const std::string& recording, double most_ms) {
+std::string distribution(Draw& draw, const std::string& recording, double max_ms) {
   switch (draw.below(recording.empty() ? 4 : 5)) {
     case 0:
-      return milliseconds(draw, 5, most_ms);
+      return milliseconds(draw, 5, max_ms);
     case 1:
-      return "uniform 0ms " + milliseconds(draw, 10, most_ms);
+      return "uniform 0ms " + milliseconds(draw, 10, max_ms);
     case 2:
-      return "normal " + milliseconds(draw, 10, most_ms / 2) + " " + milliseconds(draw, 1, most_ms / 4);
+      return "normal " + milliseconds(draw, 10, max_ms / 2) + " " + milliseconds(draw, 1, max_ms / 4);
     case 3:
-      return "gamma " + milliseconds(draw, 20, most_ms / 2) + " " + milliseconds(draw, 10, most_ms / 4);
+      return "gamma " + milliseconds(draw, 20, max_ms / 2) + " " + milliseconds(draw, 10, max_ms / 4);
     default:
       return "recorded " + recording;
   }
@@ -177,8 +177,8 @@ std::string moment(Draw& draw) {
   constexpr std::array<const char*, 7> triggers{"takeoff", "flying", "path", "path", "path", "height 0.5", "landing"};
   const std::string trigger = draw.of(triggers);
   if (draw.below(12) == 0) return milliseconds(draw.between(1, 5'000));
-  const double most_ms = trigger == "path" ? 15'000 : 2'000;
-  return fmt::format("{} + {}", trigger, milliseconds(draw.between(1, most_ms)));
+  const double max_ms = trigger == "path" ? 15'000 : 2'000;
+  return fmt::format("{} + {}", trigger, milliseconds(draw.between(1, max_ms)));
 }
 
 }  // namespace

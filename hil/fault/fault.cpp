@@ -52,7 +52,7 @@ Status line_effects(Fault& fault, const Words& words, std::size_t from) {
     if (auto applied = apply_effect(std::string_view(effects).substr(begin, comma - begin), effect); !applied)
       return applied;
     if (!effect.any()) return allowed(fault.text, "does nothing: a fault ends by its `for`, not by `off` or `clear`");
-    lay_over(effect, fault.impairment);
+    overlay(effect, fault.impairment);
     begin = comma + 1;
   }
   return done;

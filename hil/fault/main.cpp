@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/rt/clock.hpp"
 #include "common/base/log.hpp"
+#include "common/rt/clock.hpp"
 #include "hil/fault/campaign.hpp"
 #include "hil/fault/real/real.hpp"
 #include "hil/fault/real/replay.hpp"
@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 constexpr int exit_broken = 1, exit_usage = 2;
 constexpr double agree_within_m = 0.1;  // of the real processes and the virtual run of a script without faults
-constexpr std::size_t most_kept = 200;  // results for the files; broken ones first
+constexpr std::size_t max_kept = 200;   // results for the files; broken ones first
 
 struct Options {
   std::string seeds;  // empty: each script's own, or 1
@@ -84,7 +84,7 @@ class Teller {
 };
 
 void keep(std::vector<RunResult>& kept, RunResult result) {
-  if (kept.size() >= most_kept) {
+  if (kept.size() >= max_kept) {
     const auto held = std::find_if(kept.begin(), kept.end(), [](const RunResult& r) { return r.held(); });
     if (result.held() || held == kept.end()) return;
     kept.erase(held);
@@ -179,10 +179,10 @@ int run(const std::vector<std::string>& paths, const Options& options) {
     }
     seeds = *parsed;
   }
-  constexpr std::uint64_t most_flights = 200'000;  // all are held ready
-  if (seeds && seeds->second - seeds->first >= most_flights / scripts.size()) {
+  constexpr std::uint64_t max_flights = 200'000;  // all are held ready
+  if (seeds && seeds->second - seeds->first >= max_flights / scripts.size()) {
     fmt::print(stderr, "{} are too many seeds for {} scripts: {} flights are the most\n", options.seeds, scripts.size(),
-               most_flights);
+               max_flights);
     return exit_usage;
   }
   const std::vector<Flight> flights = flights_of(scripts, seeds);

@@ -84,7 +84,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
 
   std::vector<Moment::Excuse> excuses(world.facts().size());
   TimeNs next_point_ns = 0;
-  const auto over = [&] { return world.over() && !schedule.starts_to_come(); };
+  const auto over = [&] { return world.over() && !schedule.restart_pending(); };
   while (!over() && world.now() < script.limit_ns) {
     schedule.step(world);
     world.step();
@@ -102,7 +102,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
                 .first_fault_drones = schedule.first_drones()});
     for (const WorldEvent& event : world.events()) {
       if (event.kind == WorldEvent::Kind::applied || event.kind == WorldEvent::Kind::handed ||
-          result.events.size() >= most_events)
+          result.events.size() >= max_events)
         continue;
       result.events.push_back(event);
       if (event.kind == WorldEvent::Kind::mode) {

@@ -40,13 +40,13 @@ struct RunResult {
   std::string why;
   crypto::Digest digest{};
   std::uint64_t blocks = 0, transactions = 0;
-  std::vector<WorldEvent> events;  ///< without `applied`; at most most_events
+  std::vector<WorldEvent> events;  ///< without `applied`; at most max_events
   std::vector<std::string> drones;
   std::vector<std::string> plans;  ///< by drone: what became of them, as agent and link that ran last counted
   std::vector<std::vector<TimelinePoint>> timeline;  ///< by drone, every 50 ms
   std::array<double, 2> fence_min_m{}, fence_max_m{};
 };
-inline constexpr std::size_t most_events = 5'000;
+inline constexpr std::size_t max_events = 5'000;
 
 /// Flies a script in virtual time and judges it. The same script and seed give the same result, digest included. An
 /// error is one of the set-up. Many threads may do this at once, each its own run.

@@ -119,7 +119,7 @@ void FaultSchedule::apply(VirtualWorld& world) const {
       const Item& item = items_[number];
       const Fault& fault = item.fault;
       if (!item.active() || std::find(item.drones.begin(), item.drones.end(), drone) == item.drones.end()) continue;
-      for (const LineAt at : fault.lines) lay_over(fault.impairment, lines[static_cast<std::size_t>(at)]);
+      for (const LineAt at : fault.lines) overlay(fault.impairment, lines[static_cast<std::size_t>(at)]);
       if (fault.what == What::sensor) {
         sensors.push_back(fault.sensor);
         sensors.back().item = number;
@@ -199,7 +199,7 @@ std::vector<std::string> FaultSchedule::never_begun() const {
   return texts;
 }
 
-bool FaultSchedule::starts_to_come() const {
+bool FaultSchedule::restart_pending() const {
   return std::any_of(items_.begin(), items_.end(), [](const Item& item) {
     return item.active() && item.fault.what == What::kill && item.fault.for_ns > 0;
   });

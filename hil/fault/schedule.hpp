@@ -29,7 +29,7 @@ class FaultSchedule {
   /// Faults that are not optional and whose moment has not come, in words.
   std::vector<std::string> never_begun() const;
   /// A process that a fault killed is still to be started again, so the run is not over.
-  bool starts_to_come() const;
+  bool restart_pending() const;
   /// When the first one began, the last one ended; nothing while there is none.
   std::optional<TimeNs> first_begun_ns() const;
   std::optional<TimeNs> last_ended_ns() const;  ///< nothing while one is to come or goes on; momentary: its beginning

@@ -6,15 +6,15 @@
 #include <filesystem>
 #include <limits>
 
-#include "common/config/config.hpp"
 #include "common/base/file.hpp"
+#include "common/config/config.hpp"
 #include "hil/fault/schedule.hpp"
 #include "hil/virtual/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
-constexpr std::size_t most_rules = 50;
+constexpr std::size_t max_rules = 50;
 
 // For a text in double quotes.
 std::string quoted(const std::string& text) {
@@ -48,8 +48,8 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   Script script;
   script.name = std::filesystem::path(file).stem().string();
   script.title = config.text("title");
-  constexpr std::int64_t most_seed = std::numeric_limits<std::int64_t>::max();
-  if (const auto seed = config.integer("seed", 0, 1, most_seed); seed > 0) script.seed = seed;
+  constexpr std::int64_t max_seed = std::numeric_limits<std::int64_t>::max();
+  if (const auto seed = config.integer("seed", 0, 1, max_seed); seed > 0) script.seed = seed;
   WorldConfig& flight = script.flight;
   flight.drones = static_cast<int>(config.integer("flight.drones", flight.drones, 1, max_drones));
   flight.shape = *ground::shape_from_name(config.choice("flight.shape", motion::shape_names(), "square"));
@@ -89,7 +89,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
     fault->optional = config.boolean(key + "optional", false);
     script.faults.push_back(std::move(*fault));
   }
-  for (const std::string& sentence : config.texts("must", most_rules)) {
+  for (const std::string& sentence : config.texts("must", max_rules)) {
     auto rule = parse_rule(sentence);
     if (!rule) {
       config.wrong("must", rule.error().what);

@@ -6,21 +6,19 @@
 #include <cmath>
 #include <map>
 
-#include "common/base/printable.hpp"
 #include "common/base/file.hpp"
+#include "common/base/printable.hpp"
 #include "hil/lines/text_parse.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
-constexpr std::size_t most_values = 1'000'000;
+constexpr std::size_t max_values = 1'000'000;
 constexpr std::string_view distribution_forms =
     "a distribution is a time such as 200ms, or: uniform LEAST MOST, normal MEAN DEVIATION, gamma MEAN DEVIATION, "
     "recorded FILE";
 
-TimeNs within_limits(double seconds) noexcept {
-  return from_seconds(std::clamp(seconds, 0.0, to_seconds(longest_delay)));
-}
+TimeNs within_limits(double seconds) noexcept { return from_seconds(std::clamp(seconds, 0.0, to_seconds(max_delay))); }
 
 // Marsaglia and Tsang, A Simple Method for Generating Gamma Variables (2000); for a shape below 1 its section 6.
 double gamma_s(double mean, double deviation, Random& random) noexcept {
@@ -49,11 +47,11 @@ Result<Distribution::Recording> parse_recording(const std::string& path, std::st
     ++number;
     if (line.empty() || line.front() == '#') continue;
     const auto seconds = parse_number(line);
-    if (!seconds || *seconds < 0 || *seconds > to_seconds(longest_delay))
+    if (!seconds || *seconds < 0 || *seconds > to_seconds(max_delay))
       return Error{fmt::format("{}:{}: \"{}\" is no number of seconds from 0 to {:.0f}", path, number,
-                               clear_text(line, 40), to_seconds(longest_delay))};
-    if (values.size() == most_values)
-      return Error{fmt::format("{}: more than {} values: make it shorter", path, most_values)};
+                               printable(line, 40), to_seconds(max_delay))};
+    if (values.size() == max_values)
+      return Error{fmt::format("{}: more than {} values: make it shorter", path, max_values)};
     values.push_back(from_seconds(*seconds));
   }
   if (values.empty()) return Error{path + ": no values: one number of seconds a line is expected"};
@@ -106,7 +104,7 @@ Result<Distribution> parse_distribution(std::string_view text, const ReadRecordi
   const bool named = known != std::end(kinds);
   const Kind kind = named ? known->second : Kind::constant;
   const std::size_t needed = (named ? 1 : 0) + (kind == Kind::constant || kind == Kind::recorded ? 1 : 2);
-  if (words.size() != needed) return Error{fmt::format("\"{}\": {}", clear_text(text, 80), distribution_forms)};
+  if (words.size() != needed) return Error{fmt::format("\"{}\": {}", printable(text, 80), distribution_forms)};
   if (kind == Kind::recorded) {
     const std::string file(words[1]);
     auto recording = read(file);
@@ -120,10 +118,10 @@ Result<Distribution> parse_distribution(std::string_view text, const ReadRecordi
   const auto b = parse_time(words[2]);
   if (!b) return b.error();
   if (kind == Kind::uniform && *b < *a)
-    return Error{fmt::format("\"{}\": the least is more than the most", clear_text(text, 80))};
+    return Error{fmt::format("\"{}\": the least is more than the most", printable(text, 80))};
   if (kind == Kind::gamma && (*a <= 0 || *b <= 0))
     return Error{
-        fmt::format("\"{}\": mean and deviation of a gamma distribution are more than nothing", clear_text(text, 80))};
+        fmt::format("\"{}\": mean and deviation of a gamma distribution are more than nothing", printable(text, 80))};
   return Distribution{kind, *a, *b, nullptr, {}};
 }
 
@@ -150,9 +148,9 @@ Result<TimeNs> parse_time(std::string_view text) {
   const std::string_view unit = text.substr(unit_at);
   const TimeNs scale = unit == "us" ? ns_per_us : unit == "ms" ? ns_per_ms : unit == "s" ? ns_per_s : 0;
   const double ns = number ? std::round(*number * static_cast<double>(scale)) : -1;
-  if (scale == 0 || !(ns >= 0) || ns > static_cast<double>(longest_delay))
-    return Error{fmt::format("\"{}\" is no time from 0s to {:.0f}s, such as 200ms, 0.5s or 250us", clear_text(text, 40),
-                             to_seconds(longest_delay))};
+  if (scale == 0 || !(ns >= 0) || ns > static_cast<double>(max_delay))
+    return Error{fmt::format("\"{}\" is no time from 0s to {:.0f}s, such as 200ms, 0.5s or 250us", printable(text, 40),
+                             to_seconds(max_delay))};
   return static_cast<TimeNs>(ns);
 }
 

@@ -5,16 +5,16 @@
 #include <string_view>
 #include <vector>
 
-#include "common/rt/clock.hpp"
 #include "common/base/random.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline::hil {
 
 /// Upper bound of every delay, set or drawn: a longer draw is cut to it.
-inline constexpr TimeNs longest_delay = 60 * ns_per_s;
+inline constexpr TimeNs max_delay = 60 * ns_per_s;
 
-/// How durations are distributed: plain data that may be copied and shared. Every draw is from 0 to longest_delay; what
+/// How durations are distributed: plain data that may be copied and shared. Every draw is from 0 to max_delay; what
 /// a formula gives outside is cut to that.
 struct Distribution {
   enum class Kind { constant, uniform, normal, gamma, recorded };
@@ -59,7 +59,7 @@ Result<Distribution> parse_distribution(std::string_view text, const ReadRecordi
 /// What parse_distribution() reads as the same again.
 std::string text_of(const Distribution& distribution);
 
-/// "200ms", "0.5s", "250us": nothing to longest_delay.
+/// "200ms", "0.5s", "250us": nothing to max_delay.
 Result<TimeNs> parse_time(std::string_view text);
 /// The shortest such text: "200ms".
 std::string time_text(TimeNs time);

@@ -14,20 +14,20 @@ namespace {
 
 using Words = std::vector<std::string_view>;
 
-constexpr double most_bytes_per_s = 1e9;
-constexpr double most_queue_bytes = 64e6;
+constexpr double max_bytes_per_s = 1e9;
+constexpr double max_queue_bytes = 64e6;
 constexpr double smallest_queue_bytes = 2'000;  // a datagram of any Tello fits
 constexpr double usual_queue_s = 0.25;
 
 Error wrong(const Words& words, std::string_view why) {
-  return Error{fmt::format("\"{}\": {}", clear_text(fmt::format("{}", fmt::join(words, " ")), 100), why)};
+  return Error{fmt::format("\"{}\": {}", printable(fmt::format("{}", fmt::join(words, " ")), 100), why)};
 }
 
 Result<double> parse_share(std::string_view text) {
   const bool percent = !text.empty() && text.back() == '%';
   const auto number = parse_number(percent ? text.substr(0, text.size() - 1) : text);
   if (!percent || !number || *number < 0 || *number > 100)
-    return Error{fmt::format("\"{}\" is no share from 0% to 100%, such as 5%", clear_text(text, 40))};
+    return Error{fmt::format("\"{}\" is no share from 0% to 100%, such as 5%", printable(text, 40))};
   return *number / 100;
 }
 
@@ -44,8 +44,8 @@ Result<double> parse_bytes(std::string_view text, std::string_view behind, doubl
       break;
     }
   }
-  return Error{fmt::format("\"{}\" is not from {}B{} to {:.0f}MB{}, such as 20kB{}", clear_text(text, 40), least,
-                           behind, most / 1e6, behind, behind)};
+  return Error{fmt::format("\"{}\" is not from {}B{} to {:.0f}MB{}, such as 20kB{}", printable(text, 40), least, behind,
+                           most / 1e6, behind, behind)};
 }
 
 std::string_view rest(std::string_view effect, std::string_view first_word) {
@@ -108,11 +108,11 @@ Status set_rate(const Words& words, std::optional<Impairment::Rate>& out) {
   const bool queue = words.size() == 4 && words[2] == "queue";
   if (words.size() != 2 && !queue)
     return wrong(words, "allowed is rate BYTES/s [queue BYTES], such as rate 20kB/s queue 8kB");
-  const auto rate = parse_bytes(words[1], "/s", 1, most_bytes_per_s);
+  const auto rate = parse_bytes(words[1], "/s", 1, max_bytes_per_s);
   if (!rate) return rate.error();
-  double bytes = std::clamp(*rate * usual_queue_s, smallest_queue_bytes, most_queue_bytes);
+  double bytes = std::clamp(*rate * usual_queue_s, smallest_queue_bytes, max_queue_bytes);
   if (queue) {
-    const auto asked = parse_bytes(words[3], "", 1, most_queue_bytes);
+    const auto asked = parse_bytes(words[3], "", 1, max_queue_bytes);
     if (!asked) return asked.error();
     bytes = *asked;
   }
@@ -181,7 +181,7 @@ unsigned kinds_in(const Impairment& i) {
   return kinds;
 }
 
-void lay_over(const Impairment& over, Impairment& impairment) {
+void overlay(const Impairment& over, Impairment& impairment) {
   const auto take = [](const auto& from, auto& to) {
     if (from) to = from;
   };

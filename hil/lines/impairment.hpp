@@ -53,7 +53,7 @@ struct Impairment {
 unsigned kinds_in(const Impairment& impairment);
 
 /// Overlays: each effect that `over` has replaces the one of its kind; the others stay.
-void lay_over(const Impairment& over, Impairment& impairment);
+void overlay(const Impairment& over, Impairment& impairment);
 
 /// Puts one effect in the place of the one of its kind, or takes it out:
 ///

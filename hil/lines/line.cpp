@@ -95,8 +95,8 @@ void Line::push_piece(TimeNs now, std::string_view bytes, std::uint64_t tag) {
 }
 
 std::size_t Line::room(TimeNs now) const {
-  if (units_.size() >= most_units || bytes_ >= most_bytes) return 0;
-  std::size_t room = most_bytes - bytes_;
+  if (units_.size() >= max_units || bytes_ >= max_bytes) return 0;
+  std::size_t room = max_bytes - bytes_;
   if (impairment_.rate) {
     const double left = static_cast<double>(impairment_.rate->queue_bytes) - rate_backlog_bytes(now);
     room = std::min(room, static_cast<std::size_t>(std::max(0.0, left)));
@@ -146,7 +146,7 @@ std::optional<TimeNs> Line::pass_rate(TimeNs now, std::size_t bytes) {
 }
 
 void Line::keep(TimeNs due, Unit unit) {
-  if (units_.size() >= most_units || bytes_ + unit.bytes.size() > most_bytes) {
+  if (units_.size() >= max_units || bytes_ + unit.bytes.size() > max_bytes) {
     ++counts_.no_room;
     return;
   }

@@ -30,13 +30,13 @@ struct LineCounts {
 /// When the impairment changes, what is already on its way is due when it was; only a stall holds it back, until the
 /// stall ends.
 ///
-/// Bounded: beyond most_units or most_bytes on their way, a datagram that comes is dropped and counted, and a stream
+/// Bounded: beyond max_units or max_bytes on their way, a datagram that comes is dropped and counted, and a stream
 /// takes no more (room()).
 class Line {
  public:
   enum class Kind { datagrams, stream };
-  static constexpr std::size_t most_units = 4'096;
-  static constexpr std::size_t most_bytes = 1'000'000;
+  static constexpr std::size_t max_units = 4'096;
+  static constexpr std::size_t max_bytes = 1'000'000;
 
   Line(Kind kind, std::uint64_t seed);
 

@@ -71,7 +71,7 @@ Result<SensorFault> parse_sensor(std::string_view text) {
       fmt::format("\"{}\": must be `FIELD|all stuck|garbage`, `FIELD bias NUMBER` or `all every 2s`; fields are those "
                   "of the Tello's "
                   "state text: h, tof, bat, yaw, vgx ...",
-                  clear_text(text, 100))};
+                  printable(text, 100))};
   const auto words = words_of(text);
   if (words.size() < 2 || words.size() > 3) return wrong;
   SensorFault fault;

@@ -4,9 +4,9 @@
 #include <string_view>
 #include <vector>
 
-#include "common/rt/clock.hpp"
 #include "common/base/random.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline::hil {
 

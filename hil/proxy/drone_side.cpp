@@ -18,8 +18,8 @@
 namespace ledgerline::hil::proxy {
 namespace {
 
-constexpr int most_at_once = 64;  // of a socket, so that a flood at one does not hold up the others
-constexpr std::size_t longest_datagram = 65'536;
+constexpr int max_at_once = 64;  // of a socket, so that a flood at one does not hold up the others
+constexpr std::size_t max_datagram = 65'536;
 
 sockaddr_in place(in_addr address, std::uint16_t port) {
   sockaddr_in out{};
@@ -78,8 +78,8 @@ Result<int> lock_address(const sockaddr_in& address) {
 /// Gives each datagram that is there to `take`, up to a bound.
 template <typename Take>
 void receive_from(int fd, Take take) {
-  std::array<char, longest_datagram> buffer;
-  for (int i = 0; i < most_at_once; ++i) {
+  std::array<char, max_datagram> buffer;
+  for (int i = 0; i < max_at_once; ++i) {
     sockaddr_in from{};
     socklen_t length = sizeof from;
     const ssize_t got =
@@ -225,7 +225,7 @@ DroneSide::Client* DroneSide::client_at(const sockaddr_in& address, TimeNs now) 
   for (Client& client : clients_) {
     if (same(client.address, address)) return &client;
   }
-  if (clients_.size() == most_clients) {
+  if (clients_.size() == max_clients) {
     const auto oldest = std::min_element(clients_.begin(), clients_.end(),
                                          [](const Client& a, const Client& b) { return a.heard < b.heard; });
     if (now - oldest->heard < client_patience) {

@@ -34,7 +34,7 @@ class SharedPorts {
 /// past the proxy. One thread.
 class DroneSide {
  public:
-  static constexpr std::size_t most_clients = 8;
+  static constexpr std::size_t max_clients = 8;
   static constexpr TimeNs client_patience = 10 * ns_per_s;  ///< one that was silent for so long gives way to another
 
   static Result<DroneSide> open(const DroneRoute& route, in_addr source, std::uint64_t seed);

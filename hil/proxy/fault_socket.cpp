@@ -16,7 +16,7 @@
 namespace ledgerline::hil::proxy {
 namespace {
 
-constexpr std::size_t most_askers = 8, longest_line = 1'000, longest_answer = 1'000'000;
+constexpr std::size_t max_askers = 8, max_line = 1'000, max_answer = 1'000'000;
 constexpr TimeNs patience = 5 * ns_per_s, accept_pause = 100 * ns_per_ms;
 
 Result<sockaddr_un> place(const std::string& path) {
@@ -65,7 +65,7 @@ Result<FaultSocket> FaultSocket::open(const std::string& path) {
   out.listener_ = fd;
   if (!bound) return Error{fmt::format("cannot make the socket {}: {}", path, std::strerror(why))};
   out.path_ = path;
-  if (::listen(fd, most_askers) != 0) return Error{fmt::format("cannot listen on {}: {}", path, std::strerror(errno))};
+  if (::listen(fd, max_askers) != 0) return Error{fmt::format("cannot listen on {}: {}", path, std::strerror(errno))};
   return out;
 }
 
@@ -81,7 +81,7 @@ FaultSocket::~FaultSocket() {
 }
 
 void FaultSocket::add_to(TimeNs now, std::vector<pollfd>& polled) const {
-  polled.push_back({askers_.size() < most_askers && now >= accept_from_ ? listener_ : -1, POLLIN, 0});
+  polled.push_back({askers_.size() < max_askers && now >= accept_from_ ? listener_ : -1, POLLIN, 0});
   for (const Asker& asker : askers_) polled.push_back({asker.fd, POLLIN, 0});
 }
 
@@ -105,7 +105,7 @@ void FaultSocket::serve(TimeNs now, std::span<const pollfd> polled, const Do& ac
 }
 
 bool FaultSocket::serve(Asker& asker, const Do& act) {
-  std::array<char, longest_line> buffer;
+  std::array<char, max_line> buffer;
   const ssize_t got = ::recv(asker.fd, buffer.data(), buffer.size(), 0);
   if (got <= 0) return got < 0 && (errno == EAGAIN || errno == EINTR);
   asker.line.append(buffer.data(), static_cast<std::size_t>(got));
@@ -116,14 +116,14 @@ bool FaultSocket::serve(Asker& asker, const Do& act) {
     // An answer fits the socket's buffer; who lets several of them lie there is let go.
     if (!send_all(asker.fd, answer + "\n")) return false;
   }
-  return asker.line.size() <= longest_line;
+  return asker.line.size() <= max_line;
 }
 
 Result<std::string> tell(const std::string& socket_path, const std::string& command) {
   const auto address = place(socket_path);
   if (!address) return address.error();
-  if (command.find('\n') != std::string::npos || command.size() >= longest_line)
-    return Error{fmt::format("a command is one line of less than {} bytes", longest_line)};
+  if (command.find('\n') != std::string::npos || command.size() >= max_line)
+    return Error{fmt::format("a command is one line of less than {} bytes", max_line)};
   const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const timeval wait{patience / ns_per_s, 0};
   std::string answer;
@@ -131,7 +131,7 @@ Result<std::string> tell(const std::string& socket_path, const std::string& comm
   bool good = fd >= 0 && ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait) == 0 &&
               ::connect(fd, reinterpret_cast<const sockaddr*>(&*address), sizeof *address) == 0 &&
               send_all(fd, command + "\n");
-  while (good && !answer.ends_with("\n\n") && answer.size() < longest_answer) {
+  while (good && !answer.ends_with("\n\n") && answer.size() < max_answer) {
     std::array<char, 4'096> buffer;
     const ssize_t got = ::recv(fd, buffer.data(), buffer.size(), 0);
     good = got > 0;

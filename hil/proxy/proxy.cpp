@@ -12,9 +12,9 @@
 #include <span>
 #include <utility>
 
-#include "common/program/stop_signals.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/program/stop_signals.hpp"
 #include "hil/proxy/drone_side.hpp"
 #include "hil/proxy/fault_socket.hpp"
 #include "hil/proxy/server_side.hpp"
@@ -22,8 +22,8 @@
 namespace ledgerline::hil::proxy {
 namespace {
 
-constexpr TimeNs longest_wait = ns_per_s;
-constexpr std::size_t most_switched = 10'000;  // commands that the summary names
+constexpr TimeNs max_wait = ns_per_s;
+constexpr std::size_t max_switched = 10'000;  // commands that the summary names
 
 class Proxy {
  public:
@@ -92,11 +92,11 @@ void Proxy::announce() const {
 }
 
 Status Proxy::run_until_signal() {
-  const sigset_t waiting = catch_end_signals_while_waiting();
+  const sigset_t waiting = catch_stop_signals_while_waiting();
   ::prctl(PR_SET_TIMERSLACK, ns_per_us);  // 50 us otherwise
   announce();
   start_ = monotonic_ns();
-  while (!end_asked) {
+  while (!stop_requested) {
     const TimeNs now = monotonic_ns();
     while (const auto command = script_.take(now - start_)) {
       if (const auto acted = act(now, *command); !acted) spdlog::error("{}", acted.error().what);
@@ -114,14 +114,14 @@ Status Proxy::run_until_signal() {
       return Error{fmt::format("cannot wait for {} sockets: {}", polled_.size(), std::strerror(errno))};
     }
     const TimeNs then = monotonic_ns();
-    if (wake < now + longest_wait) latest_ = std::max(latest_, then - wake);
+    if (wake < now + max_wait) latest_ = std::max(latest_, then - wake);
     turn(then);
   }
   return done;
 }
 
 TimeNs Proxy::next_wake(TimeNs now) const {
-  TimeNs wake = now + longest_wait;
+  TimeNs wake = now + max_wait;
   const auto consider = [&](std::optional<TimeNs> due) { wake = std::min(wake, due.value_or(wake)); };
   for (const DroneSide& side : drones_) consider(side.next_due());
   for (const ServerSide& side : servers_) consider(side.next_due(now));
@@ -150,7 +150,7 @@ Result<std::string> Proxy::act(TimeNs now, const std::string& command) {
   if (const auto applied = switches_.apply(command); !applied) return applied.error();
   if (command == "list") return switches_.list();
   set_all();
-  if (switched_.size() < most_switched)
+  if (switched_.size() < max_switched)
     switched_.push_back({{"t_ns", now}, {"command", command}});
   else
     ++unnamed_;

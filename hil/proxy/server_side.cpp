@@ -18,7 +18,7 @@
 namespace ledgerline::hil::proxy {
 namespace {
 
-constexpr std::size_t most_read = 16'384;      // of a connection in a turn
+constexpr std::size_t max_read = 16'384;       // of a connection in a turn
 constexpr TimeNs room_period = 1 * ns_per_ms;  // how often a line that takes nothing more is asked again
 constexpr int waiting_connections = 64;
 
@@ -55,7 +55,7 @@ struct ServerSide::Half {
 
   /// False: the source was reset.
   bool read(TimeNs now) {
-    std::array<char, most_read> buffer;
+    std::array<char, max_read> buffer;
     const std::size_t room = std::min(buffer.size(), line.room(now));
     if (end_read || room == 0) return true;
     const ssize_t got = ::recv(source, buffer.data(), room, MSG_DONTWAIT);
@@ -191,7 +191,7 @@ void ServerSide::accept_all(TimeNs now) {
     }
     if (client < 0) return;
     const int server =
-        connections_.size() < most_connections ? ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0) : -1;
+        connections_.size() < max_connections ? ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0) : -1;
     if (server < 0) {
       ++too_many_;
       close_socket(client, true);

@@ -18,7 +18,7 @@ namespace ledgerline::hil::proxy {
 /// One thread.
 class ServerSide {
  public:
-  static constexpr std::size_t most_connections = 64;      ///< beyond them a new one is reset
+  static constexpr std::size_t max_connections = 64;       ///< beyond them a new one is reset
   static constexpr TimeNs accept_pause = 100 * ns_per_ms;  ///< when this process may open no more files
 
   static Result<ServerSide> open(const ServerRoute& route, std::uint64_t seed);

@@ -13,8 +13,8 @@
 namespace ledgerline::hil::proxy {
 namespace {
 
-constexpr std::size_t most_servers = 64, most_faults = 10'000;
-constexpr double longest_script_s = 86'400;
+constexpr std::size_t max_servers = 64, max_faults = 10'000;
+constexpr double max_script_s = 86'400;
 
 std::optional<in_addr> parse_host(const std::string& text) {
   in_addr address{};
@@ -62,12 +62,12 @@ Result<std::vector<ScriptedFault>> read_script(const std::string& file, const st
   if (!config) return config.error();
   std::vector<ScriptedFault> faults;
   const std::size_t count = config->table_count("fault");
-  if (count == 0 || count > most_faults) config->wrong("fault", fmt::format("must be 1 to {} tables", most_faults));
-  for (std::size_t i = 0; i < std::min(count, most_faults); ++i) {
+  if (count == 0 || count > max_faults) config->wrong("fault", fmt::format("must be 1 to {} tables", max_faults));
+  for (std::size_t i = 0; i < std::min(count, max_faults); ++i) {
     const std::string table = fmt::format("fault.{}.", i);
     ScriptedFault fault;
-    fault.at_ns = from_seconds(config->number(table + "at_s", 0, longest_script_s));
-    const double for_s = config->number(table + "for_s", -1, 0, longest_script_s);  // left out: -1
+    fault.at_ns = from_seconds(config->number(table + "at_s", 0, max_script_s));
+    const double for_s = config->number(table + "for_s", -1, 0, max_script_s);  // left out: -1
     if (for_s > 0) fault.for_ns = from_seconds(for_s);
     if (for_s == 0) config->wrong(table + "for_s", "must be more than 0; leave it out for a fault that stays");
     fault.command = config->text(table + "do");
@@ -106,7 +106,7 @@ Result<Settings> read_settings(const std::string& config_file, const std::string
   std::set<std::string> drones, servers;
   const std::size_t drone_count = config->table_count("drone"), server_count = config->table_count("server");
   if (drone_count > max_drones) config->wrong("drone", fmt::format("must be {} tables at most", max_drones));
-  if (server_count > most_servers) config->wrong("server", fmt::format("must be {} tables at most", most_servers));
+  if (server_count > max_servers) config->wrong("server", fmt::format("must be {} tables at most", max_servers));
   if (drone_count + server_count == 0) config->wrong("drone", "must be there, or [[server]]: what to stand before");
   for (std::size_t i = 0; i < std::min<std::size_t>(drone_count, max_drones); ++i) {
     const std::string table = fmt::format("drone.{}.", i);
@@ -116,7 +116,7 @@ Result<Settings> read_settings(const std::string& config_file, const std::string
     route.address = host(*config, table + "address", config->text(table + "address"));
     settings.drones.push_back(route);
   }
-  for (std::size_t i = 0; i < std::min(server_count, most_servers); ++i) {
+  for (std::size_t i = 0; i < std::min(server_count, max_servers); ++i) {
     const std::string table = fmt::format("server.{}.", i);
     ServerRoute route;
     route.name = name(*config, table + "name", servers);

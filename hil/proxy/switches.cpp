@@ -17,7 +17,7 @@ constexpr std::string_view allowed =
     "cut, sensor NAME FIELD|all stuck|garbage|bias N|every TIME, clear, list";
 
 Error wrong(std::string_view command, std::string_view why) {
-  return Error{fmt::format("\"{}\": {}", clear_text(command, 200), why)};
+  return Error{fmt::format("\"{}\": {}", printable(command, 200), why)};
 }
 
 /// Takes the first word off.
@@ -103,9 +103,9 @@ Status Switches::apply_to_sensors(std::string_view name, std::string_view rest) 
       if (last != sensors.rend()) sensors.erase(std::next(last).base());
       continue;
     }
-    if (sensors.size() == most_sensor_faults)
+    if (sensors.size() == max_sensor_faults)
       return Error{fmt::format("{} has {} faults of its sensors already, which are the most", targets_[i].name,
-                               most_sensor_faults)};
+                               max_sensor_faults)};
     fault->item = ++items_;
     sensors.push_back({text, *fault});
   }

@@ -40,7 +40,7 @@ struct Target {
 /// read once, by the first command that names it.
 class Switches {
  public:
-  static constexpr std::size_t most_sensor_faults = 16;  ///< of a drone at once
+  static constexpr std::size_t max_sensor_faults = 16;  ///< of a drone at once
 
   /// Names are unique within a kind.
   explicit Switches(std::vector<Target> targets, ReadRecording read = reading_once());

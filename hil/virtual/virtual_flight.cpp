@@ -40,7 +40,7 @@ class Flight {
 
   Result<VirtualFlightResult> run() {
     if (auto s = set_up(); !s) return s.error();
-    while (!ground_.done() && now_ < config_.longest_ns) {
+    while (!ground_.done() && now_ < config_.max_ns) {
       now_ += tick_ns;
       step_sim();
       if (local()) {

@@ -31,7 +31,7 @@ struct VirtualFlightConfig {
   double gust_mps = 0.1;      ///< standard deviation of the simulator's wind
   double full_scale_mps = 1;  ///< what rc 100 means: to link, to the simulator, and to the controller
   std::uint64_t seed = 1;
-  TimeNs longest_ns = 600 * ns_per_s;  ///< of virtual time; a flight that is not over by then is not ok
+  TimeNs max_ns = 600 * ns_per_s;  ///< of virtual time; a flight that is not over by then is not ok
 };
 
 struct VirtualFlightResult {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "hil/lines/text_parse.hpp"
 #include "hil/virtual/world_setup.hpp"
@@ -91,11 +92,11 @@ void Witness::asked(const fabric::Call& call) {
   };
   CommandCall command;
   DronesCall stop;
-  if (call.function == "command" && parse_message(call.args[0], command)) {
+  if (call.function == contract::command && parse_message(call.args[0], command)) {
     for (const DronePlan& plan : command.plans()) {
       if (Asked* drone = of(plan.drone())) drone->plans.insert(key_of(plan));
     }
-  } else if (call.function == "stop" && parse_message(call.args[0], stop)) {
+  } else if (call.function == contract::stop && parse_message(call.args[0], stop)) {
     for (const std::string& name : stop.drones()) {
       Asked* drone = of(name);
       if (!drone) continue;
@@ -135,7 +136,7 @@ void Witness::handed_unasked(TimeNs now, const Plan& plan) {
 
 void Witness::handed(TimeNs now, const Plan& plan) {
   handed_unasked(now, plan);
-  if (outranks_order(plan.action)) return;
+  if (is_contract_stop(plan.action)) return;
   events_.push_back({now, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
@@ -75,7 +76,7 @@ Result<std::string> control_record(const std::string& drone,
                                    const std::function<Result<std::string>(const fabric::Call&)>& evaluate) {
   QueryCall query;
   query.set_id("control/" + drone);
-  auto answer = evaluate({"get", {query.SerializeAsString()}});
+  auto answer = evaluate({contract::get, {query.SerializeAsString()}});
   if (!answer) return answer.error();
   Assets assets;
   if (!assets.ParseFromString(*answer) || assets.assets_size() != 1)
@@ -99,9 +100,9 @@ Status prepare(VirtualLedger& ledger, int drones) {
     host.add_drones(drone_name(k));
     lease.add_drones(drone_name(k));
   }
-  if (auto s = ledger.commit_now(0, admin1, {"enroll", {host.SerializeAsString()}}); !s) return s;
-  if (auto s = ledger.commit_now(0, admin2, {"enroll", {role.SerializeAsString()}}); !s) return s;
-  return ledger.commit_now(0, holder, {"acquire", {lease.SerializeAsString()}});
+  if (auto s = ledger.commit_now(0, admin1, {contract::enroll, {host.SerializeAsString()}}); !s) return s;
+  if (auto s = ledger.commit_now(0, admin2, {contract::enroll, {role.SerializeAsString()}}); !s) return s;
+  return ledger.commit_now(0, holder, {contract::acquire, {lease.SerializeAsString()}});
 }
 
 Status enroll_supervisors(VirtualLedger& ledger) {
@@ -112,7 +113,7 @@ Status enroll_supervisors(VirtualLedger& ledger) {
     role.mutable_identity()->set_msp_id(name.msp_id);
     role.mutable_identity()->set_subject(name.subject);
     role.set_role(SUPERVISOR);
-    if (auto s = ledger.commit_now(0, admin, {"enroll", {role.SerializeAsString()}}); !s) return s;
+    if (auto s = ledger.commit_now(0, admin, {contract::enroll, {role.SerializeAsString()}}); !s) return s;
   }
   return done;
 }

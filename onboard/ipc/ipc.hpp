@@ -3,8 +3,8 @@
 #include <optional>
 #include <string>
 
-#include "common/msg/onboard.hpp"
 #include "common/base/result.hpp"
+#include "common/msg/onboard.hpp"
 
 /// The shared-memory channel between link and agent: iceoryx behind plain functions, so that no other header includes
 /// it. Each end takes in one thread and sends in one, which may be another; no call uses the heap after construction. A

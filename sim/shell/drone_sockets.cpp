@@ -105,7 +105,7 @@ bool DroneSockets::wait(TimeNs until, const sigset_t& signals_while_waiting) {
 
 bool DroneSockets::receive(Received& out) {
   for (; next_ < sockets_.size(); ++next_, taken_ = 0) {
-    if (taken_ == most_at_once) continue;
+    if (taken_ == max_at_once) continue;
     sockaddr_in from{};
     socklen_t length = sizeof from;
     const ssize_t got =

@@ -32,10 +32,10 @@ class DroneSockets {
   /// Waits until something arrives, `until` (CLOCK_MONOTONIC) is reached or a signal comes that `signals_while_waiting`
   /// lets in; false: a signal came.
   bool wait(TimeNs until, const sigset_t& signals_while_waiting);
-  /// The next datagram that is there already; at most most_at_once of each drone after a wait(), so that a flood at one
+  /// The next datagram that is there already; at most max_at_once of each drone after a wait(), so that a flood at one
   /// holds up neither its neighbours nor the simulation. The rest stays in the kernel's queue, which drops what is too
   /// much.
-  static constexpr int most_at_once = 64;
+  static constexpr int max_at_once = 64;
   bool receive(Received& out);
   /// A datagram that cannot go is counted and logged (once a drone): UDP promises no more.
   void send(const Outgoing& datagram);

@@ -8,12 +8,12 @@
 #include <optional>
 #include <vector>
 
+#include "common/base/log.hpp"
 #include "common/msg/ros.hpp"
 #include "common/program/stop_signals.hpp"
-#include "common/base/log.hpp"
 #include "common/rt/trace.hpp"
-#include "sim/shell/drone_sockets.hpp"
 #include "sim/core/simulator.hpp"
+#include "sim/shell/drone_sockets.hpp"
 
 namespace ledgerline::sim {
 namespace {
@@ -129,7 +129,7 @@ void print_line(const nlohmann::json& json) {
 Status run_real_time(const ShellOptions& options) {
   const auto address = parse_address(options.first_address);
   if (!address) return address.error();
-  const sigset_t waiting = catch_end_signals_while_waiting();  // before DDS's threads, which inherit the mask
+  const sigset_t waiting = catch_stop_signals_while_waiting();  // before DDS's threads, which inherit the mask
   auto sockets = DroneSockets::open(*address, options.parameters.drones);
   if (!sockets) return sockets.error();
   std::optional<MocapOutput> mocap;
@@ -149,10 +149,10 @@ Status run_real_time(const ShellOptions& options) {
   TimeNs max_late = 0;
   bool told_late = false;
   DroneSockets::Received received;
-  while (!end_asked) {
+  while (!stop_requested) {
     tick += ns_per_ms;
     bool due = false;
-    while (!due && !end_asked) {
+    while (!due && !stop_requested) {
       sockets->wait(tick, waiting);
       const TimeNs now = monotonic_ns();
       due = now >= tick;

@@ -1,8 +1,8 @@
 #pragma once
 #include <string>
 
-#include "common/dds/dds.hpp"
 #include "common/base/result.hpp"
+#include "common/dds/dds.hpp"
 #include "sim/core/parameters.hpp"
 
 namespace ledgerline::sim {

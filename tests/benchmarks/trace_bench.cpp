@@ -9,10 +9,10 @@
 #include <memory>
 #include <thread>
 
+#include "common/rt/loop_ticker.hpp"
 #include "common/rt/real_time.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "common/rt/trace.hpp"
-#include "common/rt/loop_ticker.hpp"
 
 namespace {
 
@@ -88,7 +88,7 @@ int main(int argc, char** argv) {
     TraceRecord record;
     for (int second = 0; second < seconds; ++second) {
       const bool traced = second % 2 == 0;
-      Turns turns(ns_per_ms);
+      LoopTicker turns(ns_per_ms);
       const TimeNs cpu_before = read_clock(CLOCK_THREAD_CPUTIME_ID);
       for (int i = 0; i < 1000; ++i) {
         const TimeNs now = turns.wait();

@@ -20,8 +20,7 @@ namespace {
 
 constexpr unsigned hang_s = 20;
 constexpr std::size_t probe_every = 1'000;
-constexpr std::size_t longest_refusal =
-    2'000;  // a person reads it, and gRPC carries no more than 8 kB beside an answer
+constexpr std::size_t max_refusal = 2'000;  // a person reads it, and gRPC carries no more than 8 kB beside an answer
 
 struct Current {
   const char* entry = "";
@@ -86,7 +85,7 @@ std::string unclear(const std::string& why) {
     }
     return {};
   }
-  if (why.size() > longest_refusal) {
+  if (why.size() > max_refusal) {
     return "a refusal of " + std::to_string(why.size()) + " bytes: " + escaped(why.substr(0, 300));
   }
   if (!is_utf8(why)) return "a refusal that is no UTF-8: " + escaped(why);

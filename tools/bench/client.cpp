@@ -10,9 +10,10 @@
 #include <csignal>
 #include <nlohmann/json.hpp>
 
-#include "common/fabric/config.hpp"
-#include "common/msg/proto_json.hpp"
 #include "common/base/log.hpp"
+#include "common/fabric/config.hpp"
+#include "common/msg/contract.hpp"
+#include "common/msg/proto_json.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/shell/mailbox.hpp"
 #include "tools/bench/exchange.hpp"
@@ -156,7 +157,7 @@ class Side {
 
   void take(const fabric::Block& block) {
     for (const fabric::Transaction& tx : block.transactions) {
-      if (tx.code != 0 || tx.config || tx.event_name != "set") continue;
+      if (tx.code != 0 || tx.config || tx.event_name != contract::set) continue;
       SetCall call;
       if (!parse_message(tx.event_payload, call)) continue;
       for (const Asset& asset : call.assets()) {
@@ -205,7 +206,7 @@ class Side {
         asset->set_msg_data(write_message({sample.sequence - 1, sample.stamp_ns}, own_.topic));
       }
     }
-    return {.function = "set", .args = {call.SerializeAsString()}, .told_by_block = true};
+    return {.function = contract::set, .args = {call.SerializeAsString()}, .told_by_block = true};
   }
 
   const bool is_a_;

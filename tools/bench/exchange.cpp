@@ -11,12 +11,12 @@ namespace {
 
 constexpr double stream_hz = 35;
 constexpr double fast_rate = 70;
-constexpr double longest_settle_s = 2;
+constexpr double max_settle_s = 2;
 
 }  // namespace
 
 Schedule make_schedule(int rate, double warm_up_s, double seconds, double drain_s) {
-  const double settle_s = std::min(longest_settle_s, warm_up_s / 2);
+  const double settle_s = std::min(max_settle_s, warm_up_s / 2);
   Schedule schedule;
   schedule.per_s = rate / 2.0;
   schedule.streams = std::max(1, static_cast<int>(std::ceil(schedule.per_s / stream_hz)));
@@ -56,8 +56,8 @@ Result<Schedule> read_schedule(const std::string& text) {
                     .first = json["first"],
                     .count = json["count"],
                     .drain_s = json["drain_s"]};
-  constexpr int most_streams = 16;
-  if (schedule.streams < 1 || schedule.streams > most_streams || schedule.per_s <= 0 || schedule.fast_per_s <= 0) {
+  constexpr int max_streams = 16;
+  if (schedule.streams < 1 || schedule.streams > max_streams || schedule.per_s <= 0 || schedule.fast_per_s <= 0) {
     return Error{"the schedule is for no message, or for more than 16 streams: " + text};
   }
   return schedule;

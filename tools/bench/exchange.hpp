@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 /// A two-way exchange: side a sends messages, side b answers each, and a sees the answers. What both sides must agree
 /// on, and a's account of it. No I/O.

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "common/process/children.hpp"
 #include "common/base/result.hpp"
+#include "common/process/children.hpp"
 #include "tools/bench/exchange.hpp"
 #include "tools/bench/figures.hpp"
 

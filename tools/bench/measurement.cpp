@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "chaincode/node/storage/files.hpp"
-#include "common/rt/histogram_json.hpp"
 #include "common/base/log.hpp"
+#include "common/rt/histogram_json.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace ledgerline::two_way {

@@ -4,11 +4,11 @@
 #include <cstdio>
 #include <utility>
 
+#include "common/base/log.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/config.hpp"
 #include "common/program/stop_signals.hpp"
-#include "common/base/log.hpp"
 
 namespace {
 
@@ -23,7 +23,7 @@ Status carry(const bridge::BridgeConfig& carried, const dds::ParticipantOptions&
   if (!participant) return participant.error();
   auto bridges = bridge::Bridges::create(carried, ledger, believed, *participant);
   if (!bridges) return bridges.error();
-  return (*bridges)->run(end_asked, [ready = false](const std::string& status) mutable {
+  return (*bridges)->run(stop_requested, [ready = false](const std::string& status) mutable {
     if (!std::exchange(ready, true)) fmt::print("{{\"ready\":true,\"program\":\"ledgerline-bridge\"}}\n");
     fmt::print("{}\n", status);
     std::fflush(stdout);
@@ -81,7 +81,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
   }
   init_log("bridge");
-  catch_end_signals();
+  catch_stop_signals();
   auto config = Config::load(file);
   if (!config) {
     spdlog::error("{}", config.error().what);

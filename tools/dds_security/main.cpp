@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "common/dds/settings/security.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/dds/settings/security.hpp"
 
 namespace {
 

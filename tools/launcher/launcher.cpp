@@ -7,8 +7,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "common/base/file.hpp"
 #include "common/base/disk_space.hpp"
+#include "common/base/file.hpp"
 #include "tools/launcher/machine.hpp"
 #include "tools/timing/usage.hpp"
 

@@ -11,8 +11,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "common/program/stop_signals.hpp"
 #include "common/base/disk_space.hpp"
+#include "common/program/stop_signals.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/launcher.hpp"
 #include "tools/launcher/machine.hpp"
@@ -94,7 +94,7 @@ int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
              : options.waypoints.empty() ? "around a " + ground::name_of(options.shape)
                                          : "along " + options.course_file,
              options.ledger == "none" ? "without a ledger" : "through the ledger", files.directory);
-  fly::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, ends_asked);
+  fly::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, stop_requests);
   const fly::RunRecord record = launcher.run();
   report::Results results = report::read_results(files, options, record);
   bool written = true;
@@ -146,7 +146,7 @@ int main(int argc, char** argv) {
     if (const Status made = MemoryDirectory::make(files, memory); !made) return fail(made.error().what);
   }
   if (const Status room = check_space(ledger, needed, what); !room) return fail(room.error().what);
-  catch_end_signals({SIGINT, SIGTERM, SIGHUP});
+  catch_stop_signals({SIGINT, SIGTERM, SIGHUP});
   std::signal(SIGPIPE, SIG_IGN);
   return fly_and_report(line.options, files);
 }

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 #include "ground/core/controller.hpp"
 
 namespace ledgerline::fly {

@@ -8,8 +8,8 @@
 #include <fstream>
 #include <thread>
 
-#include "common/msg/ros.hpp"
 #include "common/base/log.hpp"
+#include "common/msg/ros.hpp"
 
 namespace ledgerline::hil {
 namespace {

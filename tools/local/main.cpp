@@ -3,9 +3,9 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "common/base/log.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/program/stop_signals.hpp"
-#include "common/base/log.hpp"
 #include "tools/local/local.hpp"
 
 namespace {
@@ -31,7 +31,7 @@ int fly(Config& config) {
     spdlog::error("{}", participant.error().what);
     return EXIT_FAILURE;
   }
-  hil::LocalShell local(std::move(flight), output, *participant, end_asked);
+  hil::LocalShell local(std::move(flight), output, *participant, stop_requested);
   if (auto status = local.start(); !status) {
     spdlog::error("{}", status.error().what);
     return EXIT_FAILURE;
@@ -64,7 +64,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
   }
   init_log("local");
-  catch_end_signals();
+  catch_stop_signals();
   auto config = Config::load(file);
   if (!config) {
     spdlog::error("{}", config.error().what);

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/rt/histogram.hpp"
-#include "tools/timing/usage.hpp"
 #include "tools/timing/trace/walks.hpp"
+#include "tools/timing/usage.hpp"
 
 namespace ledgerline::timing {
 

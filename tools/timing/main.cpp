@@ -8,13 +8,13 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "common/program/stop_signals.hpp"
 #include "common/base/file.hpp"
+#include "common/program/stop_signals.hpp"
 #include "tools/launcher/machine.hpp"
-#include "tools/timing/trace/perfetto.hpp"
-#include "tools/timing/trace/recording.hpp"
 #include "tools/timing/self_test.hpp"
 #include "tools/timing/show.hpp"
+#include "tools/timing/trace/perfetto.hpp"
+#include "tools/timing/trace/recording.hpp"
 
 namespace {
 
@@ -97,7 +97,7 @@ int follow(const Options& options, const std::vector<Limit>& limits) {
   if (!usage) return fail("no flight to follow: " + usage.error().what);
   Snapshot before = usage->begin;
   const TimeNs until_ns = options.seconds > 0 ? monotonic_ns() + from_seconds(options.seconds) : INT64_MAX;
-  while (!end_asked && monotonic_ns() < until_ns) {
+  while (!stop_requested && monotonic_ns() < until_ns) {
     if (auto status = recording.read_new(); !status) return fail(status.error().what);
     const Snapshot now = read_snapshot(usage->programs);
     if (now.threads.empty()) break;
@@ -110,7 +110,7 @@ int follow(const Options& options, const std::vector<Limit>& limits) {
     figures.load = load_between(before, now);
     before = now;
     std::cout << (::isatty(STDOUT_FILENO) ? "\033[H\033[J" : "") << to_table(figures, options.threads) << std::flush;
-    for (TimeNs waited = 0; waited < from_seconds(options.every_s) && !end_asked; waited += 50 * ns_per_ms)
+    for (TimeNs waited = 0; waited < from_seconds(options.every_s) && !stop_requested; waited += 50 * ns_per_ms)
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
   std::cout << "\nThe whole flight so far:\n";
@@ -199,7 +199,7 @@ int main(int argc, char** argv) {
     }
     limits.push_back(std::move(*limit));
   }
-  catch_end_signals();
+  catch_stop_signals();
   if (o.self_test) return self_test(o);
   return o.live ? follow(o, limits) : lay_open(o, limits, {});
 }

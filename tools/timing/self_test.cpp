@@ -20,7 +20,7 @@ namespace {
 constexpr TimeNs period_ns = ns_per_ms;
 constexpr int histogram_us = 2000;
 constexpr TimeNs overrun_ns = ns_per_ms;
-constexpr double most_p999_ms = 0.2, most_of_cyclictest = 1.5, beyond_cyclictest_ms = 0.05;
+constexpr double max_p999_ms = 0.2, max_of_cyclictest = 1.5, beyond_cyclictest_ms = 0.05;
 constexpr TimeNs patience_ns = 10 * ns_per_s;
 
 std::string on_path(const std::string& program) {
@@ -61,8 +61,8 @@ std::string row(const std::string& name, const Lateness& l) {
 
 bool SelfTest::good() const {
   const double ours = tail_of(loop.late).p999;
-  if (loop.late.count() == 0 || ours > most_p999_ms) return false;
-  return !cyclictest || ours <= most_of_cyclictest * tail_of(cyclictest->late).p999 + beyond_cyclictest_ms;
+  if (loop.late.count() == 0 || ours > max_p999_ms) return false;
+  return !cyclictest || ours <= max_of_cyclictest * tail_of(cyclictest->late).p999 + beyond_cyclictest_ms;
 }
 
 Result<Lateness> parse_cyclictest(const std::string& output) {
@@ -102,7 +102,7 @@ SelfTest run_self_test(const SelfTestOptions& asked) {
   std::thread loop([&] {
     test.real_time = enter_real_time(asked.priority, asked.cpu);
     entered = true;
-    Turns turns(period_ns);
+    LoopTicker turns(period_ns);
     while (turns.count() < turns_wanted) turns.wait();
     test.loop = {turns.late(), turns.overruns()};
     ended = true;

@@ -2,9 +2,9 @@
 #include <optional>
 #include <string>
 
+#include "common/base/result.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/rt/real_time.hpp"
-#include "common/base/result.hpp"
 
 namespace ledgerline::timing {
 

@@ -26,11 +26,11 @@ const char* name_of_policy(int policy) {
   return policy == SCHED_FIFO ? "FIFO" : policy == SCHED_RR ? "RR" : policy == SCHED_OTHER ? "" : "other";
 }
 
-std::string load_table(const Load& load, std::size_t most_threads) {
+std::string load_table(const Load& load, std::size_t max_threads) {
   if (load.seconds <= 0) return "\n  CPU was not measured\n";
   std::string text = fmt::format("\n  {:<28}{:>8}{:>9}{:>12}{:>12}{:>10}{:>8}  {}\n", "thread", "CPU, %", "wait, ms",
                                  "switches/s", "preempted/s", "faults", "major", "");
-  for (std::size_t i = 0; i < std::min(most_threads, load.threads.size()); ++i) {
+  for (std::size_t i = 0; i < std::min(max_threads, load.threads.size()); ++i) {
     const ThreadUsage& t = load.threads[i].who;
     text += fmt::format("  {:<28}{:>8.2f}{:>9.1f}{:>12.1f}{:>12.1f}{:>10}{:>8}  {}\n",
                         fmt::format("{}/{} {}", t.program, t.name, t.thread), load.threads[i].cpu_percent,
@@ -38,7 +38,7 @@ std::string load_table(const Load& load, std::size_t most_threads) {
                         static_cast<double>(t.involuntary) / load.seconds, t.minor_faults, t.major_faults,
                         t.policy == SCHED_OTHER ? "" : fmt::format("{} {}", name_of_policy(t.policy), t.priority));
   }
-  if (load.threads.size() > most_threads) text += fmt::format("  and {} more\n", load.threads.size() - most_threads);
+  if (load.threads.size() > max_threads) text += fmt::format("  and {} more\n", load.threads.size() - max_threads);
   text += fmt::format("\n  budget, two cores: {:.0f} %", budget_percent);
   for (const auto& [program, percent] : load.programs) text += fmt::format("  {} {:.1f}", program, percent);
   return text +
@@ -48,7 +48,7 @@ std::string load_table(const Load& load, std::size_t most_threads) {
 
 }  // namespace
 
-std::string to_table(const Figures& f, std::size_t most_threads) {
+std::string to_table(const Figures& f, std::size_t max_threads) {
   std::string text = fmt::format("\n  {:<17}{:>9}{:>10}{:>10}{:>10}{:>10}{:>9}{:>7}\n", "stage, ms", "p50", "p95",
                                  "p99", "p99.9", "max", "count", "ended");
   for (std::size_t i = 0; i < f.distributions.size(); ++i) {
@@ -66,7 +66,7 @@ std::string to_table(const Figures& f, std::size_t most_threads) {
         "  records: {} doubled, {} of samples that are not in link's trace; {} walks with times that go back\n",
         f.damaged.doubled, f.damaged.strays, f.damaged.backwards);
   }
-  return text + load_table(f.load, most_threads);
+  return text + load_table(f.load, max_threads);
 }
 
 std::string to_table(const std::vector<Verdict>& verdicts) {

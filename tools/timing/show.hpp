@@ -8,8 +8,8 @@
 
 namespace ledgerline::timing {
 
-/// For a terminal. `most_threads`: the busiest ones.
-std::string to_table(const Figures& figures, std::size_t most_threads);
+/// For a terminal. `max_threads`: the busiest ones.
+std::string to_table(const Figures& figures, std::size_t max_threads);
 std::string to_table(const std::vector<Verdict>& verdicts);
 /// Milliseconds, to the microsecond.
 nlohmann::json to_json(const Tail& tail);

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "common/process/usage.hpp"
 #include "common/base/result.hpp"
+#include "common/process/usage.hpp"
 
 namespace ledgerline::timing {
 

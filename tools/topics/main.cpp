@@ -7,9 +7,9 @@
 #include <optional>
 #include <thread>
 
-#include "common/program/stop_signals.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/program/stop_signals.hpp"
 #include "tools/topics/show.hpp"
 
 namespace {
@@ -40,10 +40,10 @@ Status show(const Wish& wish) {
     std::fflush(stdout);
     before = std::move(*now);
     for (const TimeNs until_ns = monotonic_ns() + from_seconds(wish.period_s);
-         !wish.once && !end_asked && monotonic_ns() < until_ns;) {
+         !wish.once && !stop_requested && monotonic_ns() < until_ns;) {
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
-  } while (!wish.once && !end_asked);
+  } while (!wish.once && !stop_requested);
   return done;
 }
 
@@ -70,7 +70,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
   }
   init_log("topics");
-  catch_end_signals();
+  catch_stop_signals();
   if (auto status = show(wish); !status) {
     spdlog::error("{}", status.error().what);
     return EXIT_FAILURE;

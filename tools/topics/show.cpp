@@ -12,9 +12,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t longest_name = 128;
+constexpr std::size_t max_name = 128;
 
-std::string text_of(const json& value) { return clear_text(value.get<std::string>(), longest_name); }
+std::string text_of(const json& value) { return printable(value.get<std::string>(), max_name); }
 
 Row row_of(const std::string& channel, const json& topic) {
   Row row{.channel = channel,
@@ -28,7 +28,7 @@ Row row_of(const std::string& channel, const json& topic) {
           .p99_ms = topic.at("age_ms").at("p99").get<double>(),
           .drops = {}};
   const auto count = [&row](const std::string& what, double number) {
-    if (number > 0) row.drops += fmt::format("{}{} {:.0f}", row.drops.empty() ? "" : ", ", clear_text(what), number);
+    if (number > 0) row.drops += fmt::format("{}{} {:.0f}", row.drops.empty() ? "" : ", ", printable(what), number);
   };
   for (const auto& [why, number] : topic.at("drops").items()) count(why, number.get<double>());
   for (const char* what : {"missing", "dds_lost", "dds_refused"}) count(what, topic.value(what, 0.0));

@@ -3,8 +3,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline::topics {
 

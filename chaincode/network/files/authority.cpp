@@ -28,7 +28,7 @@ fs::path certificate_of(const std::string& dir, int organisation) { return home_
 /// revokes and is no member of the channel.
 std::string server_config(const Authorities& authorities, int organisation, const std::string& secret) {
   const std::string domain = domain_of(organisation);
-  const Place& place = authorities.places[organisation];
+  const ListenAddress& place = authorities.places[organisation];
   // Certificates and lists hold for ten years, as those of chaincode/identities do.
   return fmt::format(R"yaml(address: {host}
 port: {port}

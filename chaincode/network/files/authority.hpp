@@ -2,8 +2,8 @@
 #include <string>
 #include <vector>
 
-#include "chaincode/network/options.hpp"
 #include "chaincode/identities/identities.hpp"
+#include "chaincode/network/options.hpp"
 #include "common/base/result.hpp"
 
 /// Identities from fabric-ca: one server an organisation (0: the orderers'), each below DIR/ca, which nobody else may
@@ -16,8 +16,8 @@
 namespace ledgerline::fabric_network {
 
 struct Authorities {
-  std::string dir, tools;     ///< of the network, and the folder with fabric-ca's programs
-  std::vector<Place> places;  ///< the orderers' first
+  std::string dir, tools;             ///< of the network, and the folder with fabric-ca's programs
+  std::vector<ListenAddress> places;  ///< the orderers' first
 };
 
 /// DIR has authorities: a network begun with them goes on with them.

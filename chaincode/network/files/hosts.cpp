@@ -68,7 +68,7 @@ void copy_orderers(Copy& copy, const std::vector<int>& own, int all) {
 
 std::vector<HostParts> hosts_of(const Options& options) {
   std::vector<HostParts> hosts;
-  const auto at = [&](const Place& place) -> HostParts& {
+  const auto at = [&](const ListenAddress& place) -> HostParts& {
     const auto known =
         std::find_if(hosts.begin(), hosts.end(), [&](const auto& one) { return one.host == place.host; });
     return known != hosts.end() ? *known : hosts.emplace_back(HostParts{place.host, {}, {}});

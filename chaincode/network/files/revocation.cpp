@@ -6,13 +6,13 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "chaincode/network/files/authority.hpp"
 #include "chaincode/network/commands.hpp"
+#include "chaincode/network/files/authority.hpp"
 #include "chaincode/network/files/texts.hpp"
-#include "common/common.pb.h"
-#include "common/configtx.pb.h"
 #include "common/base/file.hpp"
 #include "common/base/random.hpp"
+#include "common/common.pb.h"
+#include "common/configtx.pb.h"
 #include "msp/msp_config.pb.h"
 
 namespace ledgerline::fabric_network {
@@ -82,7 +82,7 @@ bool lists(const msp::FabricMSPConfig& msp, const std::string& list) {
 /// A channel of a running network.
 struct Where {
   const Options& options;
-  const Places& places;
+  const ListenAddresses& places;
   std::string channel;
 };
 
@@ -194,7 +194,7 @@ Result<std::string> revocation_update(std::string_view config_block, const std::
   return envelope.SerializeAsString();
 }
 
-Status revoke(const Options& options, const Places& places, int organisation, const std::string& user) {
+Status revoke(const Options& options, const ListenAddresses& places, int organisation, const std::string& user) {
   if (user == "Admin") return Error{"Admin cannot be revoked: it signs for its organisation, and there is one alone"};
   if (!has_authorities(options.dir)) return Error{options.dir + " has no fabric-ca: it was not begun with --ca"};
   const auto list = revoke_at_authority(authorities(options, places), organisation, user);

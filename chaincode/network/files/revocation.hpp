@@ -18,6 +18,6 @@ Result<bool> has_revocation_list(std::string_view config_block, const std::strin
 /// each of `options.channels`, in the name of the organisation's administrator, whose signature suffices for its own
 /// MSP. Returns when every peer knows: from then on they refuse the user; what stands on the ledger stays. May be
 /// repeated.
-Status revoke(const Options& options, const Places& places, int organisation, const std::string& user);
+Status revoke(const Options& options, const ListenAddresses& places, int organisation, const std::string& user);
 
 }  // namespace ledgerline::fabric_network

@@ -41,15 +41,15 @@ std::string tls_file(const std::filesystem::path& member, const char* name) { re
 
 }  // namespace
 
-Authorities authorities(const Options& options, const Places& places) {
+Authorities authorities(const Options& options, const ListenAddresses& places) {
   return {options.dir, options.tools, places.authorities};
 }
 
-std::string configtx_yaml(const Options& options, const Places& places) {
+std::string configtx_yaml(const Options& options, const ListenAddresses& places) {
   std::string organisations, members, endpoints, consenters;
   for (int k = 1; k <= options.orderers; ++k) {
     const auto dir = identities::orderer_dir(options.dir, k);
-    const Place& place = places.orderers[static_cast<std::size_t>(k - 1)];
+    const ListenAddress& place = places.orderers[static_cast<std::size_t>(k - 1)];
     endpoints += fmt::format("      - {}\n", places.orderer(k));
     consenters += fmt::format("        - {{Host: {}, Port: {}, ClientTLSCert: {}, ServerTLSCert: {}}}\n", place.host,
                               place.port, tls_file(dir, "server.crt"), tls_file(dir, "server.crt"));
@@ -57,7 +57,7 @@ std::string configtx_yaml(const Options& options, const Places& places) {
   organisations += organisation_yaml("OrdererMSP", identities::ordering_dir(options.dir) / "msp",
                                      "    OrdererEndpoints:\n" + endpoints);
   for (int k = 1; k <= identities::organisations; ++k) {
-    const Place& place = places.organisations[static_cast<std::size_t>(k - 1)];
+    const ListenAddress& place = places.organisations[static_cast<std::size_t>(k - 1)];
     organisations +=
         organisation_yaml(msp_id_of(k), identities::organisation_dir(options.dir, k) / "msp",
                           fmt::format("    AnchorPeers:\n      - {{Host: {}, Port: {}}}\n", place.host, place.port));
@@ -94,9 +94,9 @@ std::string configtx_yaml(const Options& options, const Places& places) {
                                                                    {"Endorsement", "MAJORITY Endorsement"}})));
 }
 
-std::vector<std::string> orderer_environment(const Options& options, const Places& places, int number) {
+std::vector<std::string> orderer_environment(const Options& options, const ListenAddresses& places, int number) {
   const auto own = identities::orderer_dir(options.dir, number);
-  const Place& place = places.orderers[static_cast<std::size_t>(number - 1)];
+  const ListenAddress& place = places.orderers[static_cast<std::size_t>(number - 1)];
   const std::string data = fmt::format("{}/orderer{}", options.dir, number);
   const std::string key = tls_file(own, "server.key"), certificate = tls_file(own, "server.crt"),
                     ca = tls_file(own, "ca.crt");
@@ -119,7 +119,7 @@ std::vector<std::string> orderer_environment(const Options& options, const Place
           "ORDERER_CONSENSUS_SNAPDIR=" + data + "/snapshots"};
 }
 
-std::vector<std::string> peer_environment(const Options& options, const Places& places, int organisation) {
+std::vector<std::string> peer_environment(const Options& options, const ListenAddresses& places, int organisation) {
   const auto own = identities::peer_dir(options.dir, organisation);
   const std::string data = fmt::format("{}/peer{}", options.dir, organisation);
   const std::string listen = places.peer(organisation);
@@ -153,7 +153,7 @@ std::vector<std::string> peer_environment(const Options& options, const Places& 
           "CORE_METRICS_PROVIDER=disabled"};
 }
 
-std::vector<std::string> admin_environment(const Options& options, const Places& places, int organisation) {
+std::vector<std::string> admin_environment(const Options& options, const ListenAddresses& places, int organisation) {
   return {"FABRIC_CFG_PATH=" + options.tools + "/config",
           "FABRIC_LOGGING_SPEC=warn",
           "CORE_PEER_ADDRESS=" + places.peer(organisation),
@@ -163,7 +163,7 @@ std::vector<std::string> admin_environment(const Options& options, const Places&
           "CORE_PEER_TLS_ROOTCERT_FILE=" + tls_file(identities::peer_dir(options.dir, organisation), "ca.crt")};
 }
 
-std::vector<std::string> chaincode_environment(const Options& options, const Places& places, int organisation,
+std::vector<std::string> chaincode_environment(const Options& options, const ListenAddresses& places, int organisation,
                                                const std::string& package_id) {
   const auto own = identities::organisation_dir(options.dir, organisation) / "chaincode";
   return {"CHAINCODE_ID=" + package_id, "CHAINCODE_SERVER_ADDRESS=" + places.chaincode(organisation),
@@ -171,7 +171,7 @@ std::vector<std::string> chaincode_environment(const Options& options, const Pla
           "CHAINCODE_TLS_CLIENT_CA=" + tls_file(identities::peer_dir(options.dir, organisation), "ca.crt")};
 }
 
-std::string connection_json(const Places& places, int organisation, const std::string& ca_pem) {
+std::string connection_json(const ListenAddresses& places, int organisation, const std::string& ca_pem) {
   return nlohmann::json{{"address", places.chaincode(organisation)},
                         {"dial_timeout", "10s"},
                         {"tls_required", true},

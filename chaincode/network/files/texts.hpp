@@ -9,22 +9,22 @@
 namespace ledgerline::fabric_network {
 
 /// Of the fabric-ca of each organisation.
-Authorities authorities(const Options& options, const Places& places);
+Authorities authorities(const Options& options, const ListenAddresses& places);
 
 /// configtx.yaml with the profile `Ledgerline`.
-std::string configtx_yaml(const Options& options, const Places& places);
+std::string configtx_yaml(const Options& options, const ListenAddresses& places);
 
 /// "NAME=value" for an orderer, a peer, and the `peer` command line in the name of an organisation's administrator.
-std::vector<std::string> orderer_environment(const Options& options, const Places& places, int number);
-std::vector<std::string> peer_environment(const Options& options, const Places& places, int organisation);
-std::vector<std::string> admin_environment(const Options& options, const Places& places, int organisation);
+std::vector<std::string> orderer_environment(const Options& options, const ListenAddresses& places, int number);
+std::vector<std::string> peer_environment(const Options& options, const ListenAddresses& places, int organisation);
+std::vector<std::string> admin_environment(const Options& options, const ListenAddresses& places, int organisation);
 /// Of an organisation's chaincode service, whose package has this id.
-std::vector<std::string> chaincode_environment(const Options& options, const Places& places, int organisation,
+std::vector<std::string> chaincode_environment(const Options& options, const ListenAddresses& places, int organisation,
                                                const std::string& package_id);
 
 /// connection.json of an organisation's chaincode package: mutual TLS, without the peer's pair, which builder_script's
 /// release adds. Whoever administers the organisation can fetch a package, and archives travel.
-std::string connection_json(const Places& places, int organisation, const std::string& ca_pem);
+std::string connection_json(const ListenAddresses& places, int organisation, const std::string& ca_pem);
 
 /// The peers' external builder for chaincode as a service: the programs detect, build and release. They read the peer's
 /// TLS pair where its environment says.

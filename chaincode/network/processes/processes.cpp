@@ -38,14 +38,14 @@ Status Processes::tend(TimeNs duration) {
     children_.poll(std::min<TimeNs>(std::max<TimeNs>(until - monotonic_ns(), 0), 50 * ns_per_ms));
     for (Service& service : services_) {
       if (children_.running(service.name)) continue;
-      if (Status s = look_after(service); !s) return s;
+      if (Status s = restart_ended(service); !s) return s;
     }
   } while (monotonic_ns() < until);
   return done;
 }
 
 /// It does not run.
-Status Processes::look_after(Service& service) {
+Status Processes::restart_ended(Service& service) {
   const TimeNs now = monotonic_ns();
   if (service.start_at == 0) {
     const std::string how = fmt::format("{} {}", service.name, children_.how_it_ended(service.name));

@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/process/children.hpp"
 #include "common/process/restarts.hpp"
-#include "common/base/result.hpp"
 
 namespace ledgerline::fabric_network {
 
@@ -51,7 +51,7 @@ class Processes {
     Restarts restarts;
     TimeNs start_at = 0;  ///< > 0: it has ended and waits
   };
-  Status look_after(Service& service);
+  Status restart_ended(Service& service);
   std::string log_of(const std::string& name) const { return logs_ + "/" + name + ".log"; }
 
   const std::string logs_;

@@ -15,7 +15,7 @@
 namespace ledgerline::fabric_network {
 namespace {
 
-constexpr std::size_t most_bytes = 4 << 20;
+constexpr std::size_t max_bytes = 4 << 20;
 
 /// The channel and the value of a line NAME{channel="X"} VALUE.
 std::optional<std::pair<std::string, double>> value_of(const std::string& line, const std::string& name) {
@@ -53,7 +53,7 @@ Result<std::string> fetch_metrics(const std::string& address) {
   bool good = ::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 &&
               ::send(fd, question.data(), question.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(question.size());
   char part[16384];
-  for (ssize_t n = 1; good && n != 0 && answer.size() < most_bytes;) {
+  for (ssize_t n = 1; good && n != 0 && answer.size() < max_bytes;) {
     n = ::recv(fd, part, sizeof part, 0);
     good = n >= 0;
     if (n > 0) answer.append(part, static_cast<std::size_t>(n));

@@ -48,8 +48,8 @@ Result<chaincode::KeyVersion> NodeCore::Parts::version_of(const std::string& key
   for (const kvrwset::KVWrite& write : writes.set.writes()) {
     if (write.key() != key) continue;
     const auto& time = transaction.channel_header.timestamp();
-    constexpr std::int64_t most_s = 9'000'000'000;  // a client's word: beyond it nanoseconds would not fit
-    const std::int64_t seconds = std::clamp<std::int64_t>(time.seconds(), -most_s, most_s);
+    constexpr std::int64_t max_s = 9'000'000'000;  // a client's word: beyond it nanoseconds would not fit
+    const std::int64_t seconds = std::clamp<std::int64_t>(time.seconds(), -max_s, max_s);
     return chaincode::KeyVersion{transaction.channel_header.tx_id(), seconds * ns_per_s + time.nanos(), write.value()};
   }
   return Error{"transaction " + place + " does not write " + key};

@@ -7,10 +7,10 @@
 #include <string_view>
 #include <vector>
 
-#include "common/crypto/crypto.hpp"
 #include "common/base/printable.hpp"
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/crypto/crypto.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline::node {
 
@@ -35,8 +35,8 @@ struct Reply {
   std::string bytes;
 };
 
-/// Names that strangers chose are shown up to here (clear_text).
-inline constexpr std::size_t longest_name = 200;
+/// Names that strangers chose are shown up to here (printable).
+inline constexpr std::size_t max_name = 200;
 
 struct Now {
   TimeNs monotonic_ns = 0;

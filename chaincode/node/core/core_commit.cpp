@@ -87,7 +87,7 @@ Reply NodeCore::order(std::string_view bytes, Now now) {
   }
   if (channel_header.channel_id() != config.channel) {
     return refuse(Code::not_found, "BAD_REQUEST",
-                  "channel " + clear_text(channel_header.channel_id(), longest_name) + " not found");
+                  "channel " + printable(channel_header.channel_id(), max_name) + " not found");
   }
   if (channel_header.type() != common::ENDORSER_TRANSACTION) {
     return refuse(Code::invalid_argument, "BAD_REQUEST",

@@ -55,13 +55,13 @@ std::variant<Simulated, Unanswered> NodeCore::Parts::simulate(std::string_view s
   const bool of_peer = proposal->channel_header.channel_id().empty() && is_system(proposal->contract);
   if (proposal->channel_header.channel_id() != config.channel && !of_peer) {
     return Unanswered{Kind::unknown_channel,
-                      "channel '" + clear_text(proposal->channel_header.channel_id(), longest_name) + "' not found"};
+                      "channel '" + printable(proposal->channel_header.channel_id(), max_name) + "' not found"};
   }
   auto member = check(proposal->signature_header.creator(), outer.proposal_bytes(), outer.signature(), now);
   if (!member) return Unanswered{Kind::denied, "error validating proposal: " + member.error().what};
   if (auto answer = ask_system(*proposal)) return Simulated{std::move(*proposal), std::move(*answer), {}};
   if (proposal->contract != config.contract) {
-    return Unanswered{Kind::unknown_contract, "no contract named '" + clear_text(proposal->contract, longest_name) +
+    return Unanswered{Kind::unknown_contract, "no contract named '" + printable(proposal->contract, max_name) +
                                                   "' on channel '" + config.channel + "'; there is '" +
                                                   config.contract + "'"};
   }

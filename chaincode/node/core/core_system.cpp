@@ -14,7 +14,7 @@ chaincode::Response answer(const google::protobuf::MessageLite& message) {
   return {200, {}, message.SerializeAsString()};
 }
 
-chaincode::Response refuse(const std::string& why) { return {500, clear_text(why, longest_name), {}}; }
+chaincode::Response refuse(const std::string& why) { return {500, printable(why, max_name), {}}; }
 
 }  // namespace
 

@@ -41,7 +41,7 @@ Result<ProposalParts> read_proposal(std::string_view proposal_bytes) {
     return Error{"the signature header has no nonce or no creator"};
   }
   if (parts.channel_header.tx_id() != transaction_id(parts.signature_header)) {
-    return Error{"incorrectly computed txid '" + clear_text(parts.channel_header.tx_id(), longest_name) + "'"};
+    return Error{"incorrectly computed txid '" + printable(parts.channel_header.tx_id(), max_name) + "'"};
   }
   protos::ChaincodeProposalPayload payload;
   protos::ChaincodeInvocationSpec spec;
@@ -50,8 +50,8 @@ Result<ProposalParts> read_proposal(std::string_view proposal_bytes) {
   }
   parts.contract = extension.chaincode_id().name();
   if (spec.chaincode_spec().chaincode_id().name() != parts.contract) {
-    return Error{"the header names contract " + clear_text(parts.contract, longest_name) + ", the payload " +
-                 clear_text(spec.chaincode_spec().chaincode_id().name(), longest_name)};
+    return Error{"the header names contract " + printable(parts.contract, max_name) + ", the payload " +
+                 printable(spec.chaincode_spec().chaincode_id().name(), max_name)};
   }
   const auto& args = spec.chaincode_spec().input().args();
   if (!args.empty()) parts.function = args[0];

@@ -3,8 +3,8 @@
 #include <map>
 #include <string>
 
-#include "chaincode/node/core/state.hpp"
 #include "chaincode/contract/stub.hpp"
+#include "chaincode/node/core/state.hpp"
 #include "ledger/rwset/kvrwset/kv_rwset.pb.h"
 
 namespace ledgerline::node {

@@ -29,8 +29,8 @@ EventStream* EventStream::start(Node& node, Limit& limit, ViewCache& events, con
 
 void EventStream::begin(NodeCore& core, const gateway::ChaincodeEventsRequest& request) {
   if (request.channel_id() != node_.config().channel) {
-    return finish({grpc::StatusCode::PERMISSION_DENIED,
-                   "channel " + clear_text(request.channel_id(), longest_name) + " not found"});
+    return finish(
+        {grpc::StatusCode::PERMISSION_DENIED, "channel " + printable(request.channel_id(), max_name) + " not found"});
   }
   const auto place = request.start_position().Type_case();
   if (place == orderer::SeekPosition::kOldest || place == orderer::SeekPosition::kNewest) {

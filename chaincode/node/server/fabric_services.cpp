@@ -1,7 +1,7 @@
-#include "chaincode/node/shell/block_view.hpp"
-#include "chaincode/node/shell/core_call.hpp"
 #include "chaincode/node/server/services.hpp"
 #include "chaincode/node/server/streams.hpp"
+#include "chaincode/node/shell/block_view.hpp"
+#include "chaincode/node/shell/core_call.hpp"
 #include "orderer/ab.grpc.pb.h"
 #include "peer/events.grpc.pb.h"
 #include "peer/peer.grpc.pb.h"
@@ -11,7 +11,7 @@ namespace ledgerline::node {
 namespace {
 
 /// Fabric's peer.limits.concurrency.endorserService and deliverService; its orderer has no limit, ours has the same.
-constexpr int most_peer_calls = 2500;
+constexpr int max_peer_calls = 2500;
 
 class EndorserService final
     : public protos::Endorser::WithRawCallbackMethod_ProcessProposal<protos::Endorser::Service> {
@@ -33,7 +33,7 @@ class EndorserService final
 
  private:
   Node& node_;
-  Limit limit_{"/protos.Endorser", most_peer_calls};
+  Limit limit_{"/protos.Endorser", max_peer_calls};
 };
 
 template <typename Response>
@@ -77,7 +77,7 @@ class DeliverService final : public Blocks::WithRawCallbackMethod_Deliver<Blocks
 
  private:
   Node& node_;
-  Limit limit_{"/protos.Deliver", most_peer_calls};
+  Limit limit_{"/protos.Deliver", max_peer_calls};
   DeliverStream::View whole_, filtered_, with_private_data_;
 };
 
@@ -148,7 +148,7 @@ class OrdererService final
 
  private:
   Node& node_;
-  Limit limit_{"/orderer.AtomicBroadcast", most_peer_calls};
+  Limit limit_{"/orderer.AtomicBroadcast", max_peer_calls};
   DeliverStream::View ordered_;
 };
 

@@ -1,8 +1,8 @@
 #include <map>
 
 #include "chaincode/node/server/event_stream.hpp"
-#include "chaincode/node/shell/core_call.hpp"
 #include "chaincode/node/server/services.hpp"
+#include "chaincode/node/shell/core_call.hpp"
 #include "gateway/gateway.grpc.pb.h"
 
 namespace ledgerline::node {
@@ -10,18 +10,18 @@ namespace {
 
 /// Fabric's peer.limits.concurrency.gatewayService. Calls that wait have a limit of their own, so that many of them
 /// keep nobody from endorsing.
-constexpr int most_gateway_calls = 500, most_gateway_waiting = 2500;
+constexpr int max_gateway_calls = 500, max_gateway_waiting = 2500;
 
 /// One CommitStatus call that waits for its transaction. Once the core knows of it, it is finished on the core thread.
 class CommitWaiter final : public grpc::ServerUnaryReactor {
  public:
-  CommitWaiter(Limit::Place place, std::function<void()> on_cancel)
+  CommitWaiter(Limit::Slot place, std::function<void()> on_cancel)
       : place_(std::move(place)), on_cancel_(std::move(on_cancel)) {}
   void OnCancel() override { on_cancel_(); }
   void OnDone() override { delete this; }
 
  private:
-  Limit::Place place_;
+  Limit::Slot place_;
   std::function<void()> on_cancel_;
 };
 
@@ -86,7 +86,7 @@ class GatewayService final : public RawGateway {
 
   grpc::ServerUnaryReactor* CommitStatus(grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes,
                                          grpc::ByteBuffer* response) override {
-    Limit::Place place = waiting_limit_.take();
+    Limit::Slot place = waiting_limit_.take();
     if (!place) return refuse(context, too_many(waiting_limit_));
     gateway::SignedCommitStatusRequest request;
     if (!parse(*bytes, request)) return refuse(context, unparsable(request.GetTypeName()));
@@ -130,8 +130,8 @@ class GatewayService final : public RawGateway {
         core.check_signer(request.identity(), signed_request.request(), signed_request.signature(), read_now());
     if (!signer) return reactor->Finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().what});
     if (request.channel_id() != node_.config().channel) {
-      return reactor->Finish({grpc::StatusCode::PERMISSION_DENIED,
-                              "channel " + clear_text(request.channel_id(), longest_name) + " not found"});
+      return reactor->Finish(
+          {grpc::StatusCode::PERMISSION_DENIED, "channel " + printable(request.channel_id(), max_name) + " not found"});
     }
     if (const auto status = core.watch(request.transaction_id(), id)) {
       *response = message_of(*status);
@@ -159,8 +159,8 @@ class GatewayService final : public RawGateway {
   }
 
   Node& node_;
-  Limit limit_{"/gateway.Gateway", most_gateway_calls};
-  Limit waiting_limit_{"/gateway.Gateway (calls that wait)", most_gateway_waiting};
+  Limit limit_{"/gateway.Gateway", max_gateway_calls};
+  Limit waiting_limit_{"/gateway.Gateway (calls that wait)", max_gateway_waiting};
   ViewCache events_;
   std::atomic<std::uint64_t> next_waiter_{1};
   std::map<std::uint64_t, Waiting> waiting_;  // core thread only

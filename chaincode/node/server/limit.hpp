@@ -8,13 +8,13 @@ namespace ledgerline::node {
 /// How many calls of one service may be open at once: each costs memory and a turn of the core. Any thread.
 class Limit {
  public:
-  using Place = std::shared_ptr<void>;
+  using Slot = std::shared_ptr<void>;
 
   /// `service`: its name, for the refusal.
   Limit(std::string service, int most) : service_(std::move(service)), most_(most) {}
 
   /// Held until the last copy is gone; nullptr when all are taken. The limit outlives its places.
-  Place take() {
+  Slot take() {
     if (open_.fetch_add(1) < most_) return {this, [this](void*) { --open_; }};
     --open_;
     return nullptr;

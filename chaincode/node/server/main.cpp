@@ -7,8 +7,8 @@
 #include <fstream>
 
 #include "chaincode/node/server/services.hpp"
-#include "common/rt/histogram_json.hpp"
 #include "common/base/log.hpp"
+#include "common/rt/histogram_json.hpp"
 
 namespace {
 

@@ -42,7 +42,7 @@ class ServedStream : public Reactor, public std::enable_shared_from_this<Self> {
   bool finished_ = false;
 
  private:
-  const Limit::Place place_;
+  const Limit::Slot place_;
   std::shared_ptr<Self> self_;
 };
 

@@ -23,7 +23,7 @@ void log_seldom(gpr_log_func_args* line) {
     ++left_out;
     return;
   }
-  spdlog::warn("gRPC: {} ({} lines left out before)", clear_text(line->message), left_out.exchange(0));
+  spdlog::warn("gRPC: {} ({} lines left out before)", printable(line->message), left_out.exchange(0));
 }
 
 }  // namespace
@@ -44,7 +44,7 @@ Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& lis
   tls.pem_key_cert_pairs.push_back({node.identities().server_key_pem, node.identities().server_certificate_pem});
   // One more byte than the largest transaction, with room for its frame, so that the orderer's own answer is heard.
   constexpr int room = 1 << 20;
-  constexpr std::size_t most_request_bytes = 512'000'000;  // of all requests that are being received
+  constexpr std::size_t max_request_bytes = 512'000'000;  // of all requests that are being received
   grpc::ServerBuilder builder;
   int port = 0;
   builder.AddListeningPort(listen, grpc::SslServerCredentials(tls), &port);
@@ -52,7 +52,7 @@ Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& lis
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.SetMaxReceiveMessageSize(static_cast<int>(node.config().max_envelope_bytes) + room);
   builder.SetMaxSendMessageSize(-1);
-  builder.SetResourceQuota(grpc::ResourceQuota("node").Resize(most_request_bytes));
+  builder.SetResourceQuota(grpc::ResourceQuota("node").Resize(max_request_bytes));
   // Clients may ask every 20 s whether we are there, also while nothing happens.
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 20'000);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);

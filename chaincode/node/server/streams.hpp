@@ -6,9 +6,9 @@
 #include <mutex>
 
 #include "chaincode/node/server/grpc_status.hpp"
-#include "chaincode/node/shell/node.hpp"
 #include "chaincode/node/server/proto_bytes.hpp"
 #include "chaincode/node/server/served_stream.hpp"
+#include "chaincode/node/shell/node.hpp"
 #include "chaincode/node/shell/view_cache.hpp"
 #include "orderer/ab.pb.h"
 

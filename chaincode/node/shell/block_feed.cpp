@@ -23,9 +23,9 @@ bool BlockFeed::wait(std::uint64_t number, std::weak_ptr<Waiter> waiter) {
   const std::lock_guard lock(mutex_);
   if (number < height_) return false;
   // A reader may wait for a block far ahead: it is woken by each one and waits again.
-  if (waiters_.size() >= crowd_) {
+  if (waiters_.size() >= prune_at_) {
     std::erase_if(waiters_, [](const auto& known) { return known.expired(); });
-    crowd_ = std::max<std::size_t>(64, 2 * waiters_.size());
+    prune_at_ = std::max<std::size_t>(64, 2 * waiters_.size());
   }
   waiters_.push_back(std::move(waiter));
   return true;

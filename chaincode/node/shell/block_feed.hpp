@@ -51,7 +51,7 @@ class BlockFeed {
   std::uint64_t height_ = 0;
   std::deque<Bytes> recent_;  // the last of them is block height_ - 1
   std::vector<std::weak_ptr<Waiter>> waiters_;
-  std::size_t crowd_ = 64;  // so many waiters, and it is time to look for those who have gone
+  std::size_t prune_at_ = 64;  // so many waiters, and it is time to look for those who have gone
   bool news_ = false, ended_ = false;
 
   std::thread thread_;

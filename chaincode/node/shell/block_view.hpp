@@ -1,8 +1,8 @@
 #pragma once
 #include <string_view>
 
-#include "common/common.pb.h"
 #include "common/base/result.hpp"
+#include "common/common.pb.h"
 #include "gateway/gateway.pb.h"
 #include "orderer/ab.pb.h"
 #include "peer/events.pb.h"

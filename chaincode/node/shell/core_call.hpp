@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "chaincode/node/server/grpc_status.hpp"
-#include "chaincode/node/shell/node.hpp"
 #include "chaincode/node/server/proto_bytes.hpp"
+#include "chaincode/node/shell/node.hpp"
 
 namespace ledgerline::node {
 
@@ -21,7 +21,7 @@ inline grpc::ServerUnaryReactor* refuse(grpc::CallbackServerContext* context, co
 template <typename Request, typename Work>
 grpc::ServerUnaryReactor* answer_on_core(Node& node, Limit& limit, grpc::CallbackServerContext* context,
                                          const grpc::ByteBuffer& bytes, Node::Turn turn, Work work) {
-  const Limit::Place place = limit.take();
+  const Limit::Slot place = limit.take();
   if (!place) return refuse(context, too_many(limit));
   const auto request = std::make_shared<Request>();
   if (!parse(bytes, *request)) return refuse(context, unparsable(request->GetTypeName()));

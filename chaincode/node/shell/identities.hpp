@@ -2,8 +2,8 @@
 #include <string>
 #include <vector>
 
-#include "common/crypto/crypto.hpp"
 #include "common/base/result.hpp"
+#include "common/crypto/crypto.hpp"
 
 namespace ledgerline::node {
 

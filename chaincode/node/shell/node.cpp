@@ -1,8 +1,9 @@
 #include "chaincode/node/shell/node.hpp"
 
 #include "chaincode/identities/first_enrolments.hpp"
-#include "common/fabric/tx/transaction.hpp"
 #include "common/base/log.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "common/msg/contract.hpp"
 
 namespace ledgerline::node {
 namespace {
@@ -85,7 +86,7 @@ Status Node::enroll_first() {
         crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, enrolment.organisation, "User1"));
     if (!admin) return admin.error();
     if (!user) return user.error();
-    if (Status s = submit_now(*admin, "enroll", enrolment.call(user->name)); !s) return s;
+    if (Status s = submit_now(*admin, contract::enroll, enrolment.call(user->name)); !s) return s;
   }
   return done;
 }
@@ -119,7 +120,7 @@ void Node::on_failure(std::function<void(const std::string&)> handler) {
 }
 
 void Node::run_core() {
-  constexpr int most_in_a_row = 16;
+  constexpr int max_in_a_row = 16;
   int in_a_row = 0;
   std::unique_lock lock(mutex_);
   for (;;) {
@@ -136,7 +137,7 @@ void Node::run_core() {
     Task task;
     if (!idle()) {
       // Now and then a question has its turn though others wait, so that it is answered at all.
-      const bool question = tasks_.empty() || (!later_.empty() && ++in_a_row >= most_in_a_row);
+      const bool question = tasks_.empty() || (!later_.empty() && ++in_a_row >= max_in_a_row);
       if (question) in_a_row = 0;
       std::deque<Task>& queue = question ? later_ : tasks_;
       task = std::move(queue.front());

@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "common/belief/calls.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 
 namespace ledgerline::bridge {
@@ -28,7 +29,7 @@ bool is_cdr(std::string_view bytes) { return bytes.size() >= 4 && bytes[0] == 0 
 
 /// A peer could have put other messages into the event than its writer signed.
 bool is_what_was_asked(const fabric::Transaction& tx) {
-  if (tx.function == "set" && tx.args.size() == 1 && tx.args[0] == tx.event_payload) return true;
+  if (tx.function == contract::set && tx.args.size() == 1 && tx.args[0] == tx.event_payload) return true;
   SetCall asked;
   return belief::match_set({tx.function, tx.args}, tx.event_payload, asked) != belief::Match::altered;
 }
@@ -47,7 +48,7 @@ void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector
   held_.clear();
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
-    if (tx.code != 0 || tx.config || tx.event_name != "set" || tx.contract != config_.contract) continue;
+    if (tx.code != 0 || tx.config || tx.event_name != contract::set || tx.contract != config_.contract) continue;
     if (!is_what_was_asked(tx)) {
       ++unbelievable_transactions_;
       continue;
@@ -82,7 +83,7 @@ Downlink::Match Downlink::match(std::string_view id) {
 // Ids beyond the bounds share one topic, which only counts them.
 std::size_t Downlink::topic_of(std::string_view id, const Match& match) {
   const auto of_one = ids_of_.find(first_segment(id));
-  const bool beyond = by_id_.size() == most_ids || (of_one != ids_of_.end() && of_one->second == most_ids_of_one);
+  const bool beyond = by_id_.size() == max_ids || (of_one != ids_of_.end() && of_one->second == max_ids_of_one);
   if (beyond && further_) return *further_;
   topics_.push_back({.name = beyond ? "(further topics)" : std::string(ros_topic_of(id, name_buffer_)),
                      .id = beyond ? "" : std::string(id),
@@ -162,7 +163,7 @@ bool Downlink::in_order(Slot& slot, Topic& topic, const AssetView& asset, std::u
                              [&](const Writer& w) { return w.origin == asset.origin.writer && w.signer == signer; });
   const bool first = writer == slot.writers.end();
   if (first) {
-    if (slot.writers.size() == most_writers) {
+    if (slot.writers.size() == max_writers) {
       refuse(topic, Refusal::too_many);
       return false;
     }

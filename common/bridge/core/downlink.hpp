@@ -29,7 +29,7 @@ enum class Refusal : std::uint8_t {
   unbelieved,    ///< the writer's certificate or signature is not good
   wrong_type,    ///< not that of its [[topic]], or of another id with the same topic; or no type of ROS 2
   malformed,     ///< no CDR of ROS 2
-  too_many,      ///< most_ids, most_ids_of_one or most_writers are known already
+  too_many,      ///< max_ids, max_ids_of_one or max_writers are known already
   dds,           ///< DDS did not take it
   unnamed,       ///< a guarded topic that only a rule with "*" matches: see is_guarded
 };
@@ -62,11 +62,11 @@ struct DownlinkConfig {
 /// Origin) come in the ledger's order. One thread; deterministic.
 class Downlink {
  public:
-  static constexpr std::size_t most_ids = 1'024;
+  static constexpr std::size_t max_ids = 1'024;
   /// Of one first segment, so that no organisation fills the ids of all. A host has some ten topics a drone, and 16
   /// drones.
-  static constexpr std::size_t most_ids_of_one = 256;
-  static constexpr std::size_t most_writers = 16;  ///< of one id
+  static constexpr std::size_t max_ids_of_one = 256;
+  static constexpr std::size_t max_writers = 16;  ///< of one id
 
   /// What came under one id.
   struct Topic {

@@ -4,8 +4,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 /// A SetCall's bytes, written and read in place: no message is copied into an object and out again.
 namespace ledgerline::bridge {

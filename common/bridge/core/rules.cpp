@@ -9,7 +9,7 @@
 namespace ledgerline::bridge {
 namespace {
 
-constexpr std::int64_t default_queue = 256, most_queued = 10'000;
+constexpr std::int64_t default_queue = 256, max_queued = 10'000;
 
 constexpr std::array guarded_names{
     "*/cmd_vel",     "*/takeoff",   "*/land", "*/stop",    "*/emergency",  // pilots' (ground/core/topics.cpp)
@@ -66,11 +66,11 @@ Rule read_rule(Config& config, const std::string& at) {
   rule.rate_hz = config.number(at + "rate_hz", 0, 0, 10'000);
   rule.every = static_cast<int>(config.integer(at + "every", 1, 1, 1'000'000));
   rule.priority = static_cast<int>(config.integer(at + "priority", 5, 0, 9));
-  rule.queue = static_cast<std::size_t>(config.integer(at + "queue", default_queue, 1, most_queued));
+  rule.queue = static_cast<std::size_t>(config.integer(at + "queue", default_queue, 1, max_queued));
   if (rule.latest) rule.queue = 1;
   rule.reliable = config.boolean(at + "reliable", true);
   rule.depth = static_cast<int>(
-      config.integer(at + "depth", rule.latched ? 1 : static_cast<std::int64_t>(rule.queue), 1, most_queued));
+      config.integer(at + "depth", rule.latched ? 1 : static_cast<std::int64_t>(rule.queue), 1, max_queued));
   if (rule.latched && rule.stream) {
     config.wrong(at + "stream", "must not be true with latched = true, whose value has a key of its own");
   }

@@ -8,8 +8,8 @@
 namespace ledgerline::bridge {
 namespace {
 
-constexpr std::size_t most_in_flight = 32;
-constexpr std::size_t most_spare = 4'096;
+constexpr std::size_t max_in_flight = 32;
+constexpr std::size_t max_spare = 4'096;
 constexpr TimeNs active_ns = 1 * ns_per_s;  // a topic that was heard within
 
 }  // namespace
@@ -26,8 +26,8 @@ Result<std::size_t> Uplink::open(const std::string& ros_topic, const std::string
       std::find_if(topics_.begin(), topics_.end(), [&](const Topic& topic) { return topic.name == ros_topic; });
   const auto index = static_cast<std::size_t>(known - topics_.begin());
   if (known == topics_.end()) {
-    if (topics_.size() == most_topics)
-      return Error{fmt::format("{}: {} topics are carried already", ros_topic, most_topics)};
+    if (topics_.size() == max_topics)
+      return Error{fmt::format("{}: {} topics are carried already", ros_topic, max_topics)};
     topics_.push_back({.name = ros_topic,
                        .id = ledger_id(ros_topic, config_.msp_id, config_.enrolled),
                        .type = type,
@@ -67,7 +67,7 @@ void Uplink::add(TimeNs now, std::size_t topic, TimeNs source_ns, std::span<cons
   if (period_ns > 0) slot.next_by_rate_ns = std::max(slot.next_by_rate_ns, now) + period_ns;
   ++slot.sequence;  // from here on readers see a gap
   const std::size_t size = shown.id.size() + shown.type.size() + cdr.size() + asset_overhead;
-  if (size > most_message_bytes) return drop(std::move(message), Drop::too_big);
+  if (size > max_message_bytes) return drop(std::move(message), Drop::too_big);
 
   if (!spare_.empty()) {
     message.cdr = std::move(spare_.back());
@@ -79,7 +79,7 @@ void Uplink::add(TimeNs now, std::size_t topic, TimeNs source_ns, std::span<cons
   message.taken_ns = now;
   message.source_ns = source_ns;
   slot.big = slot.big || cdr.size() > big_bytes;
-  while (slot.queue.full() || (!slot.queue.empty() && slot.queued_bytes + cdr.size() > most_queued_bytes))
+  while (slot.queue.full() || (!slot.queue.empty() && slot.queued_bytes + cdr.size() > max_queued_bytes))
     drop(pop(topic), rule.latest ? Drop::replaced : Drop::overflow);
   slot.queued_bytes += cdr.size();
   slot.queue.push_back(std::move(message));
@@ -100,7 +100,7 @@ void Uplink::drop(Message message, Drop why) {
 
 void Uplink::recycle(Message message) {
   // A big one is rare: its memory is given back.
-  if (message.cdr.capacity() > 0 && message.cdr.capacity() <= 2 * big_bytes && spare_.size() < most_spare)
+  if (message.cdr.capacity() > 0 && message.cdr.capacity() <= 2 * big_bytes && spare_.size() < max_spare)
     spare_.push_back(std::move(message.cdr));
 }
 
@@ -115,7 +115,7 @@ bool Uplink::ready(const Lane& lane, Kind kind, TimeNs now) const {
   if (!lane.failed.empty() || !lane.pause.over(now)) return false;
   if (now - lane.last_submitted_ns < config_.min_gap_ns) return false;
   if (lane.in_flight.empty()) return true;
-  return kind != bulk && lane.in_flight.size() < most_in_flight &&
+  return kind != bulk && lane.in_flight.size() < max_in_flight &&
          lane.pacing.may_go(now, lane.in_flight.front().submitted_ns, lane.last_submitted_ns);
 }
 
@@ -170,12 +170,13 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
     call.messages = std::move(spare_calls_.back());
     spare_calls_.pop_back();
   }
-  const std::size_t limit = kind == bulk ? big_bytes : most_call_bytes;
+  const std::size_t limit = kind == bulk ? big_bytes : max_call_bytes;
   std::size_t bytes = 0;
   while (const auto topic = first_topic(kind, now)) {
     Slot& slot = slots_[*topic];
     const std::size_t size = size_of(slot.queue.front());
-    if (!call.messages.empty() && (bytes + size > limit || call.messages.size() == most_call_assets - most_topics))
+    if (!call.messages.empty() &&
+        (bytes + size > limit || call.messages.size() == contract::max_call_assets - max_topics))
       break;
     Message message = pop(*topic);
     if (kind == stream && !fits_frame(message)) {
@@ -193,7 +194,7 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
   }
   if (call.messages.empty()) return std::nullopt;
   std::string argument;
-  argument.reserve(bytes + 2 + (kind == stream ? most_frame_bytes : 0));
+  argument.reserve(bytes + 2 + (kind == stream ? contract::max_frame_bytes : 0));
   for (const Message& message : call.messages) append(argument, message);
   if (kind == stream) {
     repeat_others(argument, call.number);
@@ -213,7 +214,7 @@ bool Uplink::fits_frame(const Message& message) {
   for (std::size_t i = 0; i < slots_.size(); ++i) {
     if (i != message.topic && slots_[i].has_newest) bytes += size_of(slots_[i].newest) + topics_[i].id.size();
   }
-  return bytes <= most_frame_bytes;
+  return bytes <= contract::max_frame_bytes;
 }
 
 // The frame is one key: what a call leaves out would be gone from `get`.
@@ -308,7 +309,7 @@ void Uplink::send_again(Lane& lane) {
       drop(std::move(*message), Drop::type_changed);
     } else if (slot.committed > message->sequence) {
       drop(std::move(*message), Drop::unavailable);
-    } else if (slot.queue.full() || slot.queued_bytes + message->cdr.size() > most_queued_bytes) {
+    } else if (slot.queue.full() || slot.queued_bytes + message->cdr.size() > max_queued_bytes) {
       drop(std::move(*message), topics_[message->topic].rule->latest ? Drop::replaced : Drop::overflow);
     } else {
       slot.queued_bytes += message->cdr.size();

@@ -12,6 +12,7 @@
 #include "common/bridge/core/rules.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/pacing.hpp"
+#include "common/msg/contract.hpp"
 #include "common/rt/histogram.hpp"
 
 namespace ledgerline::bridge {
@@ -50,7 +51,7 @@ struct UplinkConfig {
   std::uint64_t writer = 0, life = 0;  ///< see Origin
   TimeNs min_gap_ns = 10 * ns_per_ms;
   TimeNs first_back_off_ns = 20 * ns_per_ms;
-  TimeNs longest_back_off_ns = 1 * ns_per_s;
+  TimeNs max_back_off_ns = 1 * ns_per_s;
   TimeNs refused_pause_ns = 1 * ns_per_s;  ///< of a topic that the contract refused
   double bulk_share = 0.005;               ///< half of what may show in a p99
   bool beside = false;                     ///< big messages always yield: to the program's own traffic
@@ -77,14 +78,12 @@ struct UplinkConfig {
 /// message, only per call.
 class Uplink {
  public:
-  static constexpr std::size_t most_topics = 256;
-  static constexpr std::size_t most_queued_bytes = 8'000'000;  ///< of a topic
+  static constexpr std::size_t max_topics = 256;
+  static constexpr std::size_t max_queued_bytes = 8'000'000;  ///< of a topic
   static constexpr std::size_t big_bytes = 8'000;
-  static constexpr std::size_t most_call_bytes = 128'000;  ///< of own: more goes with the next
-  static constexpr std::size_t most_call_assets = 1'000;   ///< the contract's limits, as are the next two
-  static constexpr std::size_t most_frame_bytes = 32'000;
-  static constexpr std::size_t most_message_bytes =
-      999'000;  ///< with its id and type, so that the call has at most 1 MB
+  static constexpr std::size_t max_call_bytes = 128'000;  ///< of own: more goes with the next
+  static constexpr std::size_t max_message_bytes =
+      contract::max_call_bytes - 1'000;  ///< with its id and type a call of its own
 
   struct Topic {
     std::string name, id, type;
@@ -100,7 +99,7 @@ class Uplink {
   explicit Uplink(UplinkConfig config);
 
   /// A topic of DDS has come up, or its type is another now. Its number for add(); an error where no rule wants it, its
-  /// type is not the rule's, or there are most_topics.
+  /// type is not the rule's, or there are max_topics.
   Result<std::size_t> open(const std::string& ros_topic, const std::string& type);
   /// A message of a topic, in the order of DDS. `source_ns`: real time, when it was written.
   void add(TimeNs now, std::size_t topic, TimeNs source_ns, std::span<const std::uint8_t> cdr);
@@ -147,7 +146,7 @@ class Uplink {
     std::vector<Message> messages;
   };
   struct Lane {
-    Lane(const UplinkConfig& config) : pause(config.first_back_off_ns, config.longest_back_off_ns) {}
+    Lane(const UplinkConfig& config) : pause(config.first_back_off_ns, config.max_back_off_ns) {}
     fabric::Pacing pacing;
     fabric::Pause pause;
     TimeNs last_submitted_ns = INT64_MIN / 2;

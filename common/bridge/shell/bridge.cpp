@@ -6,9 +6,10 @@
 #include <chrono>
 #include <utility>
 
-#include "common/belief/client.hpp"
-#include "common/msg/proto_json.hpp"
 #include "common/base/log.hpp"
+#include "common/belief/client.hpp"
+#include "common/msg/contract.hpp"
+#include "common/msg/proto_json.hpp"
 
 namespace ledgerline::bridge {
 namespace {
@@ -21,7 +22,7 @@ constexpr TimeNs end_limit_ns = 1 * ns_per_s;
 constexpr TimeNs try_again_after_ns = 1 * ns_per_s;
 constexpr TimeNs losses_period_ns = 100 * ns_per_ms;
 constexpr TimeNs warning_gap_ns = 1 * ns_per_s;
-constexpr std::size_t most_seen = 4'096;
+constexpr std::size_t max_seen = 4'096;
 
 UplinkConfig uplink_config(const BridgeConfig& config, const crypto::IdentityName& self) {
   const TimeNs began = realtime_ns();
@@ -135,7 +136,7 @@ Status Bridge::read_latched() {
     QueryCall query;
     query.set_id(id);
     do {
-      const auto answer = client_->evaluate({.function = "get", .args = {query.SerializeAsString()}});
+      const auto answer = client_->evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
       if (!answer) {
         if (answer.error().what.ends_with(": not found")) break;
         return Error{fmt::format("latched values of {} cannot be read: {}", id, answer.error().what)};
@@ -167,7 +168,7 @@ void Bridge::on_seen(const dds::TopicSeen& seen) {
                                  [&](const auto& s) { return s.topic == seen.topic && s.type == seen.type; });
   if (same != seen_.end()) {
     *same = seen;
-  } else if (seen_.size() < most_seen) {
+  } else if (seen_.size() < max_seen) {
     seen_.push_back(seen);
   } else {
     ++seen_left_out_;

@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <set>
 
-#include "common/fabric/config.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/fabric/config.hpp"
 
 namespace ledgerline::bridge {
 namespace {

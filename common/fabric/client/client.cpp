@@ -26,7 +26,7 @@ class GatewayClient final : public Client {
 
   Result<std::string> evaluate(Call call) override {
     const auto deadline = std::chrono::system_clock::now() + connection_->config.deadline;
-    Backoff backoff(first_retry, longest_retry);
+    Backoff backoff(first_retry, max_retry);
     for (int attempt = 1;; ++attempt) {
       auto proposal = make_proposal(connection_->config.identity, connection_->config.where, call, realtime_ns(),
                                     crypto::random_bytes(24));

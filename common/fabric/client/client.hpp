@@ -7,9 +7,9 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/transaction.hpp"
-#include "common/base/result.hpp"
 
 /// Client of a Fabric gateway, its peer's Endorser and Deliver services, and orderers. Nothing here knows which ledger
 /// it talks to. An example is example.cpp beside this file; for use outside this tree see docs/library.md.

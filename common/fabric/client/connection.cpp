@@ -19,7 +19,7 @@ namespace {
 constexpr int keepalive_ms = 60'000;
 // gRPC makes this TCP's user timeout as well: a connection that takes nothing any more is given up after it.
 constexpr int keepalive_timeout_ms = 5'000;
-constexpr int first_reconnect_ms = 50, longest_reconnect_ms = 1'000, connect_timeout_ms = 2'000;
+constexpr int first_reconnect_ms = 50, max_reconnect_ms = 1'000, connect_timeout_ms = 2'000;
 // As Fabric's own clients: a block may hold an envelope of many megabytes.
 constexpr int max_message_bytes = 100 * 1024 * 1024;
 
@@ -46,7 +46,7 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const std::string& endpoint,
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, first_reconnect_ms);
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, connect_timeout_ms);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, longest_reconnect_ms);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, max_reconnect_ms);
   arguments.SetMaxReceiveMessageSize(max_message_bytes);
   arguments.SetMaxSendMessageSize(max_message_bytes);
   // Each client has a connection of its own, also when one process has several.

@@ -5,9 +5,9 @@
 #include <memory>
 #include <string>
 
+#include "common/base/random.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/commits.hpp"
-#include "common/base/random.hpp"
 
 /// What the pipeline and the streams share. Inside common/fabric alone: it brings in gRPC.
 namespace ledgerline::fabric {
@@ -47,6 +47,6 @@ class Backoff {
 
 /// Attempts of one call that is safe to repeat; with back-off they take well below half a second.
 inline constexpr int max_attempts = 5;
-inline constexpr std::chrono::milliseconds first_retry{20}, longest_retry{200};
+inline constexpr std::chrono::milliseconds first_retry{20}, max_retry{200};
 
 }  // namespace ledgerline::fabric

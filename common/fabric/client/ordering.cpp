@@ -5,12 +5,12 @@ namespace {
 
 // An orderer that does not answer the connection, or an envelope, is passed over after this: one that has just lost its
 // leader may hold an envelope for seconds.
-constexpr std::chrono::milliseconds connect_limit{500}, answer_limit{500}, first_pause{10}, longest_pause{200};
+constexpr std::chrono::milliseconds connect_limit{500}, answer_limit{500}, first_pause{10}, max_pause{200};
 
 }  // namespace
 
 Ordering::Ordering(std::vector<std::shared_ptr<grpc::Channel>> orderers, grpc::CompletionQueue& queue)
-    : orderers_(std::move(orderers)), queue_(queue), backoff_(first_pause, longest_pause) {}
+    : orderers_(std::move(orderers)), queue_(queue), backoff_(first_pause, max_pause) {}
 
 Ordering::Tag* Ordering::tag(std::function<void(bool ok)> then) {
   // Stream and alarm are kept until gRPC is done with them, also when they belong to a send that has ended.

@@ -1,9 +1,9 @@
 #pragma once
 #include <algorithm>
 
+#include "common/base/random.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/rt/clock.hpp"
-#include "common/base/random.hpp"
 
 namespace ledgerline::fabric {
 
@@ -15,7 +15,7 @@ namespace ledgerline::fabric {
 ///  - at least an eighth of the oldest one's age: while a ledger is away, less and less is added.
 class Pacing {
  public:
-  static constexpr TimeNs shortest_ns = 10 * ns_per_ms, longest_ns = 200 * ns_per_ms;
+  static constexpr TimeNs shortest_ns = 10 * ns_per_ms, max_ns = 200 * ns_per_ms;
 
   /// `oldest`, `last`: when the oldest of those that are not committed was submitted, and the last one.
   bool may_go(TimeNs now, TimeNs oldest, TimeNs last) const {
@@ -24,7 +24,7 @@ class Pacing {
   void ended(const Outcome& outcome) {
     if (outcome.ordered_after_ns == 0) return;
     smoothed_ns_ = smoothed_ns_ == 0 ? outcome.ordered_after_ns : (7 * smoothed_ns_ + outcome.ordered_after_ns) / 8;
-    gap_ns_ = std::clamp(4 * smoothed_ns_, shortest_ns, longest_ns);
+    gap_ns_ = std::clamp(4 * smoothed_ns_, shortest_ns, max_ns);
   }
   TimeNs gap_ns() const { return gap_ns_; }
 
@@ -36,10 +36,10 @@ class Pacing {
 /// Exponential back-off after failures: doubles up to `longest`, with jitter (half to whole); a success resets it.
 class Pause {
  public:
-  Pause(TimeNs first_ns, TimeNs longest_ns) : first_ns_(first_ns), longest_ns_(longest_ns) {}
+  Pause(TimeNs first_ns, TimeNs max_ns) : first_ns_(first_ns), max_ns_(max_ns) {}
 
   void failed(TimeNs now, Random& random) {
-    wait_ns_ = std::clamp(2 * wait_ns_, first_ns_, longest_ns_);
+    wait_ns_ = std::clamp(2 * wait_ns_, first_ns_, max_ns_);
     until_ns_ = now + static_cast<TimeNs>(static_cast<double>(wait_ns_) * (0.5 + 0.5 * random.uniform()));
   }
   void succeeded() { wait_ns_ = 0; }
@@ -47,7 +47,7 @@ class Pause {
   TimeNs until_ns() const { return until_ns_; }
 
  private:
-  TimeNs first_ns_, longest_ns_;
+  TimeNs first_ns_, max_ns_;
   TimeNs wait_ns_ = 0;
   TimeNs until_ns_ = INT64_MIN;
 };

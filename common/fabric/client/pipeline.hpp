@@ -59,7 +59,7 @@ class Pipeline {
     TimeNs begun_ns = 0, endorsed_ns = 0, ordered_ns = 0;
     bool awaited = false;  ///< a block stream is to tell its end
     int attempts = 0;      ///< of the call that may be repeated now
-    Backoff backoff{first_retry, longest_retry};
+    Backoff backoff{first_retry, max_retry};
     std::shared_ptr<Unary<gateway::EndorseResponse>> endorse;
     std::shared_ptr<Unary<protos::ProposalResponse>> propose;  ///< on the direct path in place of endorse
     std::shared_ptr<Unary<gateway::SubmitResponse>> submit;

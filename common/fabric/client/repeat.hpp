@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "common/base/random.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/pacing.hpp"
 #include "common/rt/clock.hpp"
-#include "common/base/random.hpp"
 
 namespace ledgerline::fabric {
 
@@ -26,7 +26,7 @@ inline bool lost_to_another(const Outcome& outcome) {
 struct RepeatLimits {
   TimeNs first_pause_ns = 50 * ns_per_ms;  ///< a block or two of a near ledger
   /// Of a call that has to get through, for a ledger that comes back: so late it is asked at most.
-  TimeNs longest_pause_ns = 250 * ns_per_ms;
+  TimeNs max_pause_ns = 250 * ns_per_ms;
   TimeNs within_ns = 30 * ns_per_s;  ///< from the beginning; then it is given up
   int attempts = 1'000'000;
   bool conflicts_only = false;  ///< what may pass otherwise is left to the caller
@@ -47,7 +47,7 @@ class Repeat {
   Repeat(const RepeatLimits& limits, std::uint64_t seed, TimeNs now)
       : limits_(limits),
         random_(seed),
-        pause_(limits.first_pause_ns, limits.longest_pause_ns),
+        pause_(limits.first_pause_ns, limits.max_pause_ns),
         until_ns_(now > INT64_MAX - limits.within_ns ? INT64_MAX : now + limits.within_ns) {}
 
   /// How the newest attempt ended.

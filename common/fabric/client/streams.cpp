@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
+#include "common/base/printable.hpp"
 #include "common/fabric/tx/cross_check.hpp"
 #include "common/fabric/tx/decode.hpp"
-#include "common/base/printable.hpp"
 #include "gateway/gateway.grpc.pb.h"
 #include "orderer/ab.grpc.pb.h"
 #include "peer/events.grpc.pb.h"
@@ -14,7 +14,7 @@
 namespace ledgerline::fabric {
 namespace {
 
-constexpr std::chrono::milliseconds first_reconnect{20}, longest_reconnect{1000};
+constexpr std::chrono::milliseconds first_reconnect{20}, max_reconnect{1000};
 constexpr TimeNs unbelievable_period_ns = 60 * ns_per_s;  // a peer may send thousands; a log must not fill a disk
 
 std::string text_of(const grpc::Status& status) {
@@ -114,7 +114,7 @@ class BlockReader {
       if (!handlers_.on_unbelievable || (unbelievable_ > 1 && block.received_ns < next_word_ns_)) continue;
       next_word_ns_ = block.received_ns + unbelievable_period_ns;
       handlers_.on_unbelievable(fmt::format("block {}: transaction {}: flagged valid, but {}; left out ({} so far)",
-                                            block.number, clear_text(transaction.tx_id), transaction.problem,
+                                            block.number, printable(transaction.tx_id), transaction.problem,
                                             unbelievable_));
     }
   }
@@ -257,7 +257,7 @@ class EventReader {
 Follower::Follower(std::function<std::string(Follower&)> follow, OnConnection on_connection)
     : follow_(std::move(follow)),
       on_connection_(std::move(on_connection)),
-      backoff_(first_reconnect, longest_reconnect),
+      backoff_(first_reconnect, max_reconnect),
       thread_([this] { run(); }) {}
 
 Follower::~Follower() {

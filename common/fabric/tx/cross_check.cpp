@@ -14,7 +14,7 @@ std::string CrossCheck::add(Source source, std::uint64_t number, const std::stri
     other.erase(found);
   } else {
     own[number] = hash;
-    if (own.size() > most_kept) own.erase(own.begin());
+    if (own.size() > max_kept) own.erase(own.begin());
   }
   return problem_;
 }

@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
-#include "common/base/result.hpp"
 
 /// Fabric's transactions and blocks as pure functions over bytes: used by the real client and by virtual campaigns.
 /// All byte strings are serialized protobuf messages of Fabric, named in the comments.

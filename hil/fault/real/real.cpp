@@ -23,8 +23,8 @@
 #include <set>
 #include <thread>
 
-#include "common/process/children.hpp"
 #include "common/base/file.hpp"
+#include "common/process/children.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/proxy/fault_socket.hpp"
 #include "hil/virtual/world_setup.hpp"
@@ -171,7 +171,7 @@ struct Planned {
   Fault fault;
   std::vector<std::size_t> drones;
   TimeNs reached_ns = 0, begun_ns = 0, ended_ns = 0;  ///< CLOCK_MONOTONIC; 0: not yet
-  bool begin_asked = false, end_asked = false;        ///< an errand may still be on its way
+  bool begin_asked = false, stop_requested = false;   ///< an errand may still be on its way
 };
 
 /// Something that another program has to do or to say, while the flight is watched.
@@ -337,8 +337,8 @@ Status RealFlight::step_faults(TimeNs now) {
         return Error{fmt::format("\"{}\": {}", fault.text, acted.error().what)};
     }
     const bool lasts = planned.begun_ns != 0 && planned.ended_ns == 0 && fault.for_ns > 0;
-    if (lasts && !planned.end_asked && now - planned.begun_ns >= fault.for_ns) {
-      planned.end_asked = true;
+    if (lasts && !planned.stop_requested && now - planned.begun_ns >= fault.for_ns) {
+      planned.stop_requested = true;
       const auto acts = acts_at_end(fault, active(&planned), script_.flight.drones, options_.ledger);
       if (auto acted = act(acts, false, [&planned] { planned.ended_ns = monotonic_ns(); }); !acted)
         return Error{fmt::format("the end of \"{}\": {}", fault.text, acted.error().what)};
@@ -350,7 +350,7 @@ Status RealFlight::step_faults(TimeNs now) {
 std::vector<Fault> RealFlight::active(const Planned* without) const {
   std::vector<Fault> faults;
   for (const Planned& planned : planned_) {
-    if (planned.begin_asked && !planned.end_asked && &planned != without) faults.push_back(planned.fault);
+    if (planned.begin_asked && !planned.stop_requested && &planned != without) faults.push_back(planned.fault);
   }
   return faults;
 }

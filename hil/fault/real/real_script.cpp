@@ -15,8 +15,8 @@ namespace {
 using What = Fault::What;
 
 constexpr int fabric_orderers = 3;
-constexpr double least_side_m = 0.5, most_side_m = 15;  // of tools/launcher/options.cpp
-constexpr TimeNs longest_death = ns_per_s;              // the launcher starts again what died, within half a second
+constexpr double least_side_m = 0.5, max_side_m = 15;  // of tools/launcher/options.cpp
+constexpr TimeNs max_death = ns_per_s;                 // the launcher starts again what died, within half a second
 
 std::string name_of(Process process) {
   return process == Process::agent ? "agent" : process == Process::link ? "link" : "ground";
@@ -54,7 +54,7 @@ std::string reason_against(const Fault& fault, const RealLedger& ledger) {
       return "the machine's clock is not this flight's alone: virtual time alone has it";
     case What::kill:
       if (fault.ends[0] == Process::ground) return "ground's end is the flight's end: use `ground stop`";
-      return fault.for_ns == 0 || fault.for_ns > longest_death
+      return fault.for_ns == 0 || fault.for_ns > max_death
                  ? "the launcher starts it again at once: `for` must be at most 1 s"
                  : "";
     case What::end:
@@ -113,7 +113,7 @@ void set_lines(const Fault& changed, const std::vector<Fault>& active, int drone
     for (const LineAt line : changed.lines) {
       Impairment all;
       for (const Fault& fault : active) {
-        if (fault.what == What::line && its(fault) && has(fault.lines, line)) lay_over(fault.impairment, all);
+        if (fault.what == What::line && its(fault) && has(fault.lines, line)) overlay(fault.impairment, all);
       }
       acts.proxy.push_back(fmt::format("drone {} {} {}", drone, way_of(line), all_of_it(all)));
     }
@@ -164,8 +164,8 @@ void stop_programs(const Fault& fault, const RealLedger& ledger, int signal, Rea
 Status check_real(const Script& script, const RealLedger& ledger) {
   std::vector<std::string> reasons;
   const WorldConfig usual, &flight = script.flight;
-  if (flight.side_m < least_side_m || flight.side_m > most_side_m)
-    reasons.push_back(fmt::format("flight.side_m: ./fly flies paths of {} to {} m a side", least_side_m, most_side_m));
+  if (flight.side_m < least_side_m || flight.side_m > max_side_m)
+    reasons.push_back(fmt::format("flight.side_m: ./fly flies paths of {} to {} m a side", least_side_m, max_side_m));
   if (flight.battery != usual.battery) reasons.push_back("flight.battery: ./fly flies with full batteries");
   if (!flight.keeps_rc || !flight.command_counts)
     reasons.push_back("flight.keeps_rc, flight.command_counts: ./fly flies the usual Tello");

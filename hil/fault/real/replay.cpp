@@ -106,7 +106,7 @@ class Player {
       drone->told_ns = r.t_ns - begin_ns_;
     } else if (r.kind == TraceKind::command_applied) {
       ++drone->plans_given;
-      drone->plan_end_ns = r.t_ns - begin_ns_ + longest_plan_ns;
+      drone->plan_end_ns = r.t_ns - begin_ns_ + max_plan_ns;
       drone->told_ns = r.t_ns - begin_ns_;
       events_.push_back(
           {r.t_ns - begin_ns_, WorldEvent::Kind::applied, index, to_seconds(r.t_ns - r.stamp_ns), {}, r.id});
@@ -226,7 +226,7 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
                 .last_fault_end_ns = all_ended && last && *last <= now ? last : std::nullopt,
                 .first_fault_drones = first_drones});
     for (const WorldEvent& event : player.events()) {
-      if (event.kind != WorldEvent::Kind::applied && result.events.size() < most_events) result.events.push_back(event);
+      if (event.kind != WorldEvent::Kind::applied && result.events.size() < max_events) result.events.push_back(event);
     }
     if (now < next_point_ns) continue;
     next_point_ns = now + timeline_period_ns;

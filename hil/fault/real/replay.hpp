@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/msg/contract.hpp"
 #include "common/rt/trace.hpp"
 #include "hil/fault/run.hpp"
 
@@ -34,10 +35,10 @@ struct Recording {
 
 /// Judges a recording by the script's rules and the invariants, as run_script() judges a virtual run, with what traces
 /// tell: the truth thirty times a second, link's modes, the commands applied. Times are from the recording's beginning.
-/// A plan's end is not in them: link must hold longest_plan (the contract's limit, and how long a last setpoint is
+/// A plan's end is not in them: link must hold max_plan (the contract's limit, and how long a last setpoint is
 /// flown) after the newest command, not after its own end.
 RunResult judge_recording(const Script& script, std::uint64_t seed, const Recording& recording);
-inline constexpr TimeNs longest_plan_ns = 2'050 * ns_per_ms;
+inline constexpr TimeNs max_plan_ns = contract::max_plan_ns + 50 * ns_per_ms;
 
 /// How much two runs of one script are alike: the modes and phases that each drone went through from take-off to
 /// landing, and how far any place in the air of one is from the nearest of the other.

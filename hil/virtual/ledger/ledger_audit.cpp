@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/fabric/tx/transaction.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/ros.hpp"
 #include "ledgerline.pb.h"
 
@@ -21,7 +22,7 @@ std::vector<std::string> transition_gaps(const std::vector<std::string>& blocks)
     if (!block) continue;
     for (const auto& tx : block->transactions) {
       SetCall set;
-      if (tx.code != 0 || tx.event_name != "set" || !set.ParseFromString(tx.event_payload)) continue;
+      if (tx.code != 0 || tx.event_name != contract::set || !set.ParseFromString(tx.event_payload)) continue;
       for (const Asset& asset : set.assets()) {
         const auto slash = asset.id().find("/failsafe");
         if (slash == std::string::npos) continue;

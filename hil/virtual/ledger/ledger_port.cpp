@@ -4,6 +4,7 @@
 #include <array>
 #include <limits>
 
+#include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
@@ -82,7 +83,7 @@ void lie_about(fabric::Transaction& tx, Lie lie) {
 
 void let_slip(fabric::Call& call, Slip slip) {
   CommandCall command;
-  if (call.function != "command" || !command.ParseFromString(call.args.at(0))) return;
+  if (call.function != contract::command || !command.ParseFromString(call.args.at(0))) return;
   for (DronePlan& plan : *command.mutable_plans()) {
     if (slip == Slip::boot) plan.set_boot_id(plan.boot_id() ^ 1);
     if (slip == Slip::stamp) plan.set_state_stamp_ns(plan.state_stamp_ns() + 1);
@@ -122,7 +123,8 @@ void LedgerPort::submit(TimeNs now, std::uint64_t id, fabric::Call call) {
     return;
   }
   if (slip_ != Slip::none) let_slip(call, slip_);
-  if (slip_ == Slip::twice && call.function == "command") send(now, next_call_++, call);  // nobody waits for the first
+  if (slip_ == Slip::twice && call.function == contract::command)
+    send(now, next_call_++, call);  // nobody waits for the first
   send(now, number, std::move(call));
 }
 

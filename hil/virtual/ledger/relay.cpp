@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/common.pb.h"
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
 #include "peer/chaincode.pb.h"
@@ -62,9 +63,9 @@ const crypto::IdentityName rival{"Org3MSP", "CN=User1@org3.ledgerline"};
 
 /// Whose result it bends.
 std::string_view function_of(RelayLie lie) {
-  if (lie >= RelayLie::asked_plan || lie < RelayLie::frame_cut) return "command";
-  if (lie <= RelayLie::frame_replayed) return "set";
-  return lie <= RelayLie::stop_other ? "stop" : "fold";
+  if (lie >= RelayLie::asked_plan || lie < RelayLie::frame_cut) return contract::command;
+  if (lie <= RelayLie::frame_replayed) return contract::set;
+  return lie <= RelayLie::stop_other ? contract::stop : contract::fold;
 }
 bool of_what_was_asked(RelayLie lie) { return lie >= RelayLie::asked_plan; }
 
@@ -201,42 +202,42 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
       more.set_action(TAKEOFF);
       more.set_sequence(more.sequence() + 1);
       *call.add_plans() = more;
-      return Event{"command", call.SerializeAsString()};
+      return Event{contract::command, call.SerializeAsString()};
     }
     case RelayLie::plan_left_out:
-      return Event{"command", CommandCall().SerializeAsString()};
+      return Event{contract::command, CommandCall().SerializeAsString()};
     case RelayLie::plan_replayed: {
       if (earlier_command_.empty()) earlier_command_ = payload;
       auto earlier = parsed<CommandCall>(earlier_command_);
       earlier.mutable_plans(0)->set_sequence(call.plans(0).sequence());
       earlier.mutable_plans(0)->set_state_stamp_ns(call.plans(0).state_stamp_ns());
-      return Event{"command", earlier.SerializeAsString()};
+      return Event{contract::command, earlier.SerializeAsString()};
     }
     case RelayLie::command_acquire:
       *record.mutable_holder() = message_of(rival);
       record.set_epoch(2);
-      return Event{"acquire", bytes_of(record)};
+      return Event{contract::acquire, bytes_of(record)};
     case RelayLie::command_release:
       record.clear_holder();
       record.set_epoch(2);
-      return Event{"release", bytes_of(record)};
+      return Event{contract::release, bytes_of(record)};
     case RelayLie::command_resume:
-      return Event{"resume", bytes_of(record)};
+      return Event{contract::resume, bytes_of(record)};
     case RelayLie::command_enroll:
       *record.mutable_owner() = message_of(rival);
-      return Event{"enroll", bytes_of(record)};
+      return Event{contract::enroll, bytes_of(record)};
     case RelayLie::command_fold:
       record.set_epoch(9);
-      return Event{"fold", bytes_of(record)};
+      return Event{contract::fold, bytes_of(record)};
     case RelayLie::command_cut:
-      return Event{"stop", cut_of(drone, names_.holder)};
+      return Event{contract::stop, cut_of(drone, names_.holder)};
     case RelayLie::command_silent:
       return Event{};
     case RelayLie::command_other:
-      return Event{"command", payload};
+      return Event{contract::command, payload};
     default:
       for (DronePlan& plan : *call.mutable_plans()) bend_plan(plan, lie_);
-      return Event{"command", lie_ == RelayLie::plan_form ? to_json(call) : call.SerializeAsString()};
+      return Event{contract::command, lie_ == RelayLie::plan_form ? to_json(call) : call.SerializeAsString()};
   }
 }
 
@@ -251,7 +252,7 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
       Control record = record_of(drone);
       *record.mutable_holder() = message_of(names_.drone_host);
       record.set_epoch(2);
-      return Event{"acquire", bytes_of(record)};
+      return Event{contract::acquire, bytes_of(record)};
     }
     CommandCall call;
     DronePlan& plan = *call.add_plans();
@@ -261,7 +262,7 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
     plan.set_sequence(host_sequence_);
     plan.set_epoch(2);
     add_setpoints(plan, 1, 1);
-    return Event{"command", call.SerializeAsString()};
+    return Event{contract::command, call.SerializeAsString()};
   }
   return std::nullopt;
 }
@@ -273,24 +274,24 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
   Control record = record_of(drone);
   switch (lie_) {
     case RelayLie::frame_cut:
-      return Event{"stop", cut_of(drone, names_.drone_host)};
+      return Event{contract::stop, cut_of(drone, names_.drone_host)};
     case RelayLie::frame_acquire:
       *record.mutable_holder() = message_of(rival);
       record.set_epoch(2);
-      return Event{"acquire", bytes_of(record)};
+      return Event{contract::acquire, bytes_of(record)};
     case RelayLie::frame_release:
       record.clear_holder();
       record.set_epoch(2);
-      return Event{"release", bytes_of(record)};
+      return Event{contract::release, bytes_of(record)};
     case RelayLie::frame_resume:
-      return Event{"resume", bytes_of(record)};
+      return Event{contract::resume, bytes_of(record)};
     case RelayLie::frame_enroll:
       *record.mutable_owner() = message_of(rival);
-      return Event{"enroll", bytes_of(record)};
+      return Event{contract::enroll, bytes_of(record)};
     case RelayLie::frame_back:
       *record.mutable_holder() = message_of(rival);
       record.set_epoch(0);
-      return Event{"acquire", bytes_of(record)};
+      return Event{contract::acquire, bytes_of(record)};
     case RelayLie::frame_flies:
       return host_flies(frame);
     case RelayLie::frame_replayed:
@@ -311,7 +312,7 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
     }
     asset.set_msg_data(link_status_to_cdr(*state));
   }
-  return Event{"set", frame.SerializeAsString()};
+  return Event{contract::set, frame.SerializeAsString()};
 }
 
 // `payload`: the honest event.
@@ -329,8 +330,8 @@ std::optional<Relay::Event> Relay::bent_stop(const std::string& payload) const {
       record.set_epoch(0);
     }
   }
-  if (lie_ <= RelayLie::stop_other) return Event{"stop", stops.SerializeAsString()};
-  return Event{"fold", controls.SerializeAsString()};
+  if (lie_ <= RelayLie::stop_other) return Event{contract::stop, stops.SerializeAsString()};
+  return Event{contract::fold, controls.SerializeAsString()};
 }
 
 std::string Relay::bend(const fabric::Call& call, std::string bytes) {
@@ -342,16 +343,16 @@ std::string Relay::bend(const fabric::Call& call, std::string bytes) {
   auto response = parsed<protos::ProposalResponsePayload>(action.action().proposal_response_payload());
   auto result = parsed<protos::ChaincodeAction>(response.extension());
   auto event = parsed<protos::ChaincodeEvent>(result.events());
-  const auto bent = call.function == "set"       ? bent_frame(call.args.at(0))
-                    : call.function == "command" ? bent_command(call.args.at(0))
-                                                 : bent_stop(event.payload());
+  const auto bent = call.function == contract::set       ? bent_frame(call.args.at(0))
+                    : call.function == contract::command ? bent_command(call.args.at(0))
+                                                         : bent_stop(event.payload());
   if (!bent) return bytes;
   if (of_what_was_asked(lie_)) {
     auto proposal = parsed<protos::ChaincodeProposalPayload>(action.chaincode_proposal_payload());
     auto invocation = parsed<protos::ChaincodeInvocationSpec>(proposal.input());
     auto& args = *invocation.mutable_chaincode_spec()->mutable_input();
     if (lie_ == RelayLie::asked_function) {
-      args.set_args(0, "set");
+      args.set_args(0, contract::set);
     } else {
       auto plans = parsed<CommandCall>(call.args.at(0));
       for (DronePlan& plan : *plans.mutable_plans()) set_velocity(plan, 2, 0, 0);

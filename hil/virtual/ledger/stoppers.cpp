@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/msg/contract.hpp"
 #include "hil/virtual/world_setup.hpp"
 #include "ledgerline.pb.h"
 
@@ -26,8 +27,11 @@ void Stoppers::say(TimeNs now, Stopper who, const std::string& drone, StopWord w
   const bool resumes = word == StopWord::resume;
   fabric::RepeatLimits limits;
   if (resumes) limits = {.attempts = 10, .conflicts_only = true};
-  sayings_.push_back(
-      {who, {resumes ? "resume" : "stop", {call.SerializeAsString()}}, fabric::Repeat(limits, ++seed_, now), now, 0});
+  sayings_.push_back({who,
+                      {resumes ? contract::resume : contract::stop, {call.SerializeAsString()}},
+                      fabric::Repeat(limits, ++seed_, now),
+                      now,
+                      0});
 }
 
 void Stoppers::ended(TimeNs now, std::size_t at, const fabric::Outcome& outcome) {

@@ -9,9 +9,9 @@
 
 #include "chaincode/node/core/core.hpp"
 #include "chaincode/node/storage/block_store.hpp"
+#include "common/base/random.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/base/random.hpp"
 #include "hil/virtual/ledger/relay.hpp"
 #include "hil/virtual/ledger/way_delay.hpp"
 

@@ -10,15 +10,15 @@ namespace ledgerline::hil {
 namespace {
 
 constexpr TimeNs draw_period_ns = 100 * ns_per_ms;
-constexpr double longest_added_s = 3;
+constexpr double max_added_s = 3;
 
 Result<AddedDelay> recorded_from(const std::string& file, const ReadRecording& read) {
   auto recording = read(file);
   if (!recording) return recording.error();
   const TimeNs longest = *std::max_element((*recording)->begin(), (*recording)->end());
-  if (longest > from_seconds(longest_added_s))
+  if (longest > from_seconds(max_added_s))
     return Error{
-        fmt::format("{}: {} s is longer than the {} s that can be added", file, to_seconds(longest), longest_added_s)};
+        fmt::format("{}: {} s is longer than the {} s that can be added", file, to_seconds(longest), max_added_s)};
   AddedDelay delay{AddedDelay::Kind::recorded};
   delay.recorded = {Distribution::Kind::recorded, 0, 0, std::move(*recording), file};
   return delay;
@@ -41,8 +41,8 @@ Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording
   double seconds = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
   if (error != std::errc{} || end != text.data() + text.size()) return recorded_from(text, read);
-  if (!(seconds >= 0 && seconds <= longest_added_s))
-    return Error{fmt::format("{} is no delay from 0 to {} seconds", text, longest_added_s)};
+  if (!(seconds >= 0 && seconds <= max_added_s))
+    return Error{fmt::format("{} is no delay from 0 to {} seconds", text, max_added_s)};
   return AddedDelay{AddedDelay::Kind::constant, seconds};
 }
 

@@ -2,9 +2,9 @@
 #include <array>
 #include <string>
 
-#include "common/rt/clock.hpp"
 #include "common/base/random.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 #include "hil/lines/distribution.hpp"
 
 namespace ledgerline::hil {

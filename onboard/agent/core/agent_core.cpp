@@ -139,7 +139,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
     if (block.received_ns != 0)
       out.traces.push_back(
           record_of(TraceKind::command_in_block, block.received_ns, plan.drone, plan.sequence, plan.state_stamp_ns));
-    if (outranks_order(plan.action)) folds_.want(now, plan.drone);  // a stop or cut of the ledger's
+    if (is_contract_stop(plan.action)) folds_.want(now, plan.drone);  // a stop or cut of the ledger's
     out.traces.push_back(record_of(TraceKind::command_taken, now, plan.drone, plan.sequence, plan.state_stamp_ns));
   }
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
@@ -163,7 +163,7 @@ bool AgentCore::ledger_alive(TimeNs now) const {
 void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
   for (Plan& plan : checked_) {
     plan.verified_ns = now;
-    if (!outranks_order(plan.action)) {
+    if (!is_contract_stop(plan.action)) {
       Drone& drone = drones_[index(plan.drone)];
       drone.last_command_verified_ns = now;
       drone.two_way.add(now - plan.state_stamp_ns);

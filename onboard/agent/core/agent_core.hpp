@@ -7,10 +7,10 @@
 #include "common/fabric/client/client.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"
-#include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/core/command_check.hpp"
-#include "onboard/agent/core/outbox/fold_sender.hpp"
 #include "onboard/agent/core/fusion.hpp"
+#include "onboard/agent/core/outbox/batcher.hpp"
+#include "onboard/agent/core/outbox/fold_sender.hpp"
 #include "onboard/agent/core/outbox/transition_sender.hpp"
 
 namespace ledgerline::agent {

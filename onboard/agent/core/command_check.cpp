@@ -6,6 +6,7 @@
 
 #include "common/belief/calls.hpp"
 #include "common/belief/control_events.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
 #include "onboard/agent/core/proposal_hash.hpp"
@@ -89,9 +90,9 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.config) continue;
     if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
-    if (tx.event_name == "command") {
+    if (tx.event_name == contract::command) {
       take_commands(now, now_s, tx, out);
-    } else if (out.chain_ok && tx.code == 0 && tx.event_name == "stop") {
+    } else if (out.chain_ok && tx.code == 0 && tx.event_name == contract::stop) {
       take_stops(now, now_s, tx, out);
     } else if (out.chain_ok && tx.code == 0 && belief::is_control_event(tx.event_name)) {
       take_controls(now_s, tx, out);

@@ -10,6 +10,7 @@
 #include "common/belief/control_events.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/onboard.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/agent/core/outbox/batcher.hpp"
@@ -43,10 +44,10 @@ struct CheckConfig {
   std::string msp_id = "Org1MSP";  ///< our own organisation: whose endorsement counts
   fabric::ChannelAndContract where;
   TimeNs max_age_ns = 500 * ns_per_ms;
-  double max_speed_mps = 8.0;  ///< a Tello's top speed in fast mode (facts/tello.md); link limits further
+  double max_speed_mps = 8.0;  ///< a Tello's top speed in fast mode (docs/sources.md); link limits further
   double max_yaw_rate_radps = 3.5;
-  TimeNs horizon_ns = 2 * ns_per_s;  ///< no setpoint is meant for later than now plus this
-  std::size_t stamps_kept = 256;     ///< per drone: newest states sent; 8 s at 30 Hz
+  TimeNs horizon_ns = contract::max_plan_ns;  ///< no setpoint is meant for later than now plus this
+  std::size_t stamps_kept = 256;              ///< per drone: newest states sent; 8 s at 30 Hz
 };
 
 /// Trusts little on the way: turns blocks into plans, each of which was checked against everything in Refusal. Whoever

@@ -45,7 +45,7 @@ std::optional<Pose> Fusion::add(const MocapPose& measured, bool in_flight) {
     ++counters_.frozen;
     return std::nullopt;
   }
-  if (started_ && measured.stamp_ns - stamp_ns_ > config_.longest_gap_ns) {
+  if (started_ && measured.stamp_ns - stamp_ns_ > config_.max_gap_ns) {
     ++counters_.resets;
     started_ = false;
   }

@@ -14,8 +14,8 @@ namespace ledgerline::agent {
 /// read for every pose, and a jump costs the poses that were under way at most. One thread.
 class MocapClock {
  public:
-  static constexpr TimeNs longest_delay_ns = 1 * ns_per_s;
-  static constexpr TimeNs most_ahead_ns = 20 * ns_per_ms;
+  static constexpr TimeNs max_delay_ns = 1 * ns_per_s;
+  static constexpr TimeNs max_ahead_ns = 20 * ns_per_ms;
   using ReadOffset = std::function<TimeNs()>;
 
   /// `read`: real time minus CLOCK_MONOTONIC, now.
@@ -25,7 +25,7 @@ class MocapClock {
   TimeNs offset_ns() const { return offset_ns_; }
 
   static bool plausible(TimeNs stamp_ns, TimeNs arrived_ns) {
-    return stamp_ns - arrived_ns <= most_ahead_ns && arrived_ns - stamp_ns <= longest_delay_ns;
+    return stamp_ns - arrived_ns <= max_ahead_ns && arrived_ns - stamp_ns <= max_delay_ns;
   }
   /// The stamp on CLOCK_MONOTONIC; nothing where it is not believed.
   std::optional<TimeNs> stamp(TimeNs source_real_ns, TimeNs arrived_ns) {

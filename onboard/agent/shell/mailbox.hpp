@@ -36,8 +36,8 @@ using Letter = std::variant<fabric::Block, FrameEnded, StreamState, ControlsRead
 /// exist (one frame in flight), so they never wait and may come from the main loop itself.
 class Mailbox {
  public:
-  explicit Mailbox(std::size_t most_blocks = 256)
-      : most_blocks_(most_blocks), wake_fd_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
+  explicit Mailbox(std::size_t max_blocks = 256)
+      : max_blocks_(max_blocks), wake_fd_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
   ~Mailbox() { ::close(wake_fd_); }
   Mailbox(const Mailbox&) = delete;
   Mailbox& operator=(const Mailbox&) = delete;
@@ -46,7 +46,7 @@ class Mailbox {
   void put_block(fabric::Block block) {
     {
       std::unique_lock lock(mutex_);
-      room_.wait(lock, [&] { return closed_ || blocks_ < most_blocks_; });
+      room_.wait(lock, [&] { return closed_ || blocks_ < max_blocks_; });
       if (closed_) return;
       ++blocks_;
       letters_.emplace_back(std::move(block));
@@ -96,7 +96,7 @@ class Mailbox {
     (void)!::write(wake_fd_, &one, sizeof one);  // fails only when 2^64 - 2 wakes wait already
   }
 
-  const std::size_t most_blocks_;
+  const std::size_t max_blocks_;
   const int wake_fd_;
   std::mutex mutex_;
   std::condition_variable room_;

@@ -4,12 +4,12 @@
 #include <cstdio>
 #include <set>
 
+#include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/config.hpp"
 #include "common/program/stop_signals.hpp"
-#include "common/base/log.hpp"
 #include "onboard/agent/shell/shell.hpp"
 
 namespace {
@@ -78,7 +78,7 @@ int run(Config& config) {
     participant = std::move(made).value();
   }
   agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(),
-                          std::move(urgent).value(), participant, end_asked);
+                          std::move(urgent).value(), participant, stop_requested);
   if (auto status = shell.start(); !status) {
     spdlog::error("{}", status.error().what);
     return EXIT_FAILURE;
@@ -131,7 +131,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? 0 : exit_usage;
   }
   init_log("agent");
-  catch_end_signals();
+  catch_stop_signals();
   auto config = Config::load(file);
   if (!config) {
     spdlog::error("{}", config.error().what);

@@ -17,9 +17,9 @@ BatchConfig batch(Config& config) {
   b.linger_ns = duration_ms(config, "batch.linger_ms", b.linger_ns, 0, 1'000);
   b.freshness_ns = duration_ms(config, "batch.freshness_ms", b.freshness_ns, 1, 10'000);
   b.first_back_off_ns = duration_ms(config, "batch.first_back_off_ms", b.first_back_off_ns, 1, 10'000);
-  b.longest_back_off_ns = duration_ms(config, "batch.longest_back_off_ms", b.longest_back_off_ns, 1, 60'000);
+  b.max_back_off_ns = duration_ms(config, "batch.longest_back_off_ms", b.max_back_off_ns, 1, 60'000);
   b.refused_drone_pause_ns = duration_ms(config, "batch.refused_drone_pause_ms", b.refused_drone_pause_ns, 0, 60'000);
-  b.longest_back_off_ns = std::max(b.longest_back_off_ns, b.first_back_off_ns);
+  b.max_back_off_ns = std::max(b.max_back_off_ns, b.first_back_off_ns);
   return b;
 }
 
@@ -41,7 +41,7 @@ FusionConfig fusion(Config& config) {
   f.gate_sigma = config.number("mocap.gate_sigma", f.gate_sigma, 1, 1'000);
   f.outliers_before_reset =
       static_cast<int>(config.integer("mocap.outliers_before_reset", f.outliers_before_reset, 1, 1'000));
-  f.longest_gap_ns = duration_ms(config, "mocap.longest_gap_ms", f.longest_gap_ns, 1, 60'000);
+  f.max_gap_ns = duration_ms(config, "mocap.longest_gap_ms", f.max_gap_ns, 1, 60'000);
   f.frozen_after_ns = duration_ms(config, "mocap.frozen_after_ms", f.frozen_after_ns, 1, 60'000);
   return f;
 }

@@ -9,8 +9,8 @@
 #include <fstream>
 #include <limits>
 
-#include "common/msg/ros.hpp"
 #include "common/base/log.hpp"
+#include "common/msg/ros.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -20,7 +20,7 @@ constexpr TimeNs drain_limit_ns = 500 * ns_per_ms;
 constexpr TimeNs log_gap_ns = 1 * ns_per_s;       // of one kind of message
 constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // real time may be slewed
 constexpr TimeNs flight_silent_ns = 1 * ns_per_s;
-constexpr std::size_t most_held_blocks = 1024;
+constexpr std::size_t max_held_blocks = 1024;
 
 /// Whether `now` is at or beyond `next`, which then moves on.
 bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
@@ -92,7 +92,7 @@ Status AgentShell::take_block(fabric::Block block) {
     core_.on_block(monotonic_ns(), block, out_);
     return done;
   }
-  if (held_.size() >= most_held_blocks) {
+  if (held_.size() >= max_held_blocks) {
     return Error{fmt::format("the control records could not be read while {} blocks came: see the messages above",
                              held_.size())};
   }

@@ -4,9 +4,10 @@
 #include <chrono>
 #include <utility>
 
+#include "common/base/log.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
-#include "common/base/log.hpp"
 #include "common/rt/real_time.hpp"
 #include "onboard/agent/shell/shell.hpp"
 
@@ -141,7 +142,7 @@ Result<std::vector<Control>> AgentShell::read_controls() {
   for (const DroneName& drone : settings_.core.drones) {
     QueryCall query;
     query.set_id("control/" + drone.name);
-    const auto answer = client_->evaluate({"get", {query.SerializeAsString()}});
+    const auto answer = client_->evaluate({contract::get, {query.SerializeAsString()}});
     if (!answer) return Error{fmt::format("control/{}: {}", drone.name, answer.error().what)};
     Assets assets;
     Control control;

@@ -60,7 +60,7 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
   if (last_step_ns_ != 0 && now - last_step_ns_ > settings_.health_gap_ns)
     unhealthy_until_ns_ = now + settings_.health_rest_ns;
   if (last_step_ns_ == 0) next_sample_ns_ = now;
-  if (last_step_ns_ != 0) reckon(to_seconds(now - last_step_ns_));
+  if (last_step_ns_ != 0) dead_reckon(to_seconds(now - last_step_ns_));
   last_step_ns_ = now;
 
   take_inputs(now, inputs);
@@ -116,7 +116,7 @@ void LinkCore::take_pose(TimeNs now, const Pose& pose) noexcept {
 }
 
 // Without a pose (agent died, its plan is flown to the end) the fence still needs to know about where the drone is.
-void LinkCore::reckon(double seconds) noexcept {
+void LinkCore::dead_reckon(double seconds) noexcept {
   for (Drone& drone : drones_) {
     for (std::size_t i = 0; i < 3; ++i) drone.moved_m[i] += static_cast<double>(drone.sent.mps[i]) * seconds;
   }
@@ -134,7 +134,7 @@ void LinkCore::take_plan(TimeNs now, const Plan& plan) noexcept {
                    .stamp_ns = plan.state_stamp_ns,
                    .v = {}});
   if (drone.playout.admit(now, plan) != DropReason::none) return;
-  if (!outranks_order(plan.action)) {
+  if (!is_contract_stop(plan.action)) {
     drone.arrived_sequence = plan.sequence;
     drone.arrived_ns = now;
   }

@@ -10,8 +10,8 @@
 #include "onboard/link/core/failsafe.hpp"
 #include "onboard/link/core/fixed_vector.hpp"
 #include "onboard/link/core/playout/playout.hpp"
-#include "onboard/link/core/tello/session.hpp"
 #include "onboard/link/core/settings.hpp"
+#include "onboard/link/core/tello/session.hpp"
 #include "onboard/link/core/transition_log.hpp"
 
 namespace ledgerline::link {
@@ -128,7 +128,7 @@ class LinkCore {
   void take_inputs(TimeNs now, const LinkInputs& inputs) noexcept;
   void take_beat(const AgentBeat& beat) noexcept;
   void take_pose(TimeNs now, const Pose& pose) noexcept;
-  void reckon(double seconds) noexcept;
+  void dead_reckon(double seconds) noexcept;
   void take_plan(TimeNs now, const Plan& plan) noexcept;
   void take_off(TimeNs now, Drone& drone, const Plan& plan) noexcept;
   void land(TimeNs now, Drone& drone, const Plan& plan) noexcept;

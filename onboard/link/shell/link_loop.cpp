@@ -3,7 +3,7 @@
 namespace ledgerline::link {
 
 void LinkLoop::run() noexcept {
-  Turns turns(from_seconds(1.0 / settings_.loop_hz));
+  LoopTicker turns(from_seconds(1.0 / settings_.loop_hz));
   TimeNs give_up_ns = 0;
   while (true) {
     const TimeNs now = turns.wait();

@@ -4,13 +4,13 @@
 #include <cstdint>
 
 #include "common/rt/histogram.hpp"
+#include "common/rt/loop_ticker.hpp"
 #include "common/rt/real_time.hpp"
 #include "common/rt/spsc_ring.hpp"
-#include "common/rt/loop_ticker.hpp"
 #include "onboard/ipc/ipc.hpp"
+#include "onboard/link/core/link_core.hpp"
 #include "onboard/link/shell/courier.hpp"
 #include "onboard/link/shell/link_config.hpp"
-#include "onboard/link/core/link_core.hpp"
 #include "onboard/link/shell/tello_sockets.hpp"
 
 namespace ledgerline::link {

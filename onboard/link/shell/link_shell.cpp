@@ -12,8 +12,8 @@
 #include <optional>
 #include <thread>
 
-#include "common/msg/names.hpp"
 #include "common/base/log.hpp"
+#include "common/msg/names.hpp"
 #include "common/program/service_manager.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/shell/link_loop.hpp"

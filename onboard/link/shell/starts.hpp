@@ -1,8 +1,8 @@
 #pragma once
 #include <string>
 
-#include "common/rt/clock.hpp"
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline::link {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "onboard/link/shell/link_config.hpp"
 #include "onboard/link/core/link_core.hpp"
+#include "onboard/link/shell/link_config.hpp"
 
 namespace ledgerline::link {
 

@@ -29,9 +29,9 @@ Motors fly_velocity(const Parameters& parameters, const Body& body, const Vector
   const Vector drag(b.drag_xy_per_s * estimated_velocity.x(), b.drag_xy_per_s * estimated_velocity.y(),
                     b.drag_z_per_s * estimated_velocity.z());
   Vector force = b.mass_kg * (acceleration + drag + Vector(0, 0, gravity_mps2));
-  const double most_sideways = force.z() * std::tan(c.max_tilt_rad);
+  const double max_sideways = force.z() * std::tan(c.max_tilt_rad);
   const double sideways = std::hypot(force.x(), force.y());
-  if (sideways > most_sideways) force.head<2>() *= most_sideways / sideways;
+  if (sideways > max_sideways) force.head<2>() *= max_sideways / sideways;
 
   const Vector up = body.attitude * Vector::UnitZ();
   // Rotation axis times the sine of the angle between the thrust as it is and as it should be, in body axes.

@@ -6,8 +6,8 @@
 #include <fstream>
 
 #include "common/dds/settings/config.hpp"
-#include "common/fabric/config.hpp"
 #include "common/fabric/client/connection.hpp"
+#include "common/fabric/config.hpp"
 #include "gateway/gateway.pb.h"
 #include "onboard/agent/shell/settings.hpp"
 #include "onboard/link/shell/link_config.hpp"

@@ -11,8 +11,8 @@
 #include "tests/fuzz/entry.hpp"
 #include "tools/launcher/live.hpp"
 #include "tools/report/results.hpp"
-#include "tools/timing/trace/perfetto.hpp"
 #include "tools/timing/show.hpp"
+#include "tools/timing/trace/perfetto.hpp"
 
 /// What programs leave behind or say while they run, as the launcher and the report read it.
 namespace ledgerline::fuzz::report_part {

@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <iterator>
 
-#include "common/dds/dds.hpp"
 #include "common/base/log.hpp"
+#include "common/dds/dds.hpp"
 
 int main(int argc, char** argv) {
   ledgerline::init_log("raw_dds");

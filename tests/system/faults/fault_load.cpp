@@ -25,7 +25,7 @@ using namespace ledgerline;
 using nlohmann::json;
 
 constexpr const char* asset = "tello1/fault";
-constexpr std::size_t most_in_flight = 16;
+constexpr std::size_t max_in_flight = 16;
 
 /// The longest time between two things, the one that has not ended yet among them.
 class Gap {
@@ -100,7 +100,7 @@ class Load {
       if (due > now) std::this_thread::sleep_for(std::chrono::nanoseconds(due - now));
       due = std::max(due, now - period_);  // what was not sent while it was full is not made up for
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [this] { return ending_ || in_flight_ < most_in_flight; });
+      changed_.wait(lock, [this] { return ending_ || in_flight_ < max_in_flight; });
       if (ending_) return;
       ++in_flight_;
       const std::uint64_t number = next_++;

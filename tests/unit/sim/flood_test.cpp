@@ -92,14 +92,14 @@ TEST(Flood, AtOneDroneLeavesItsNeighbourServed) {
   Flood flood;
   const TimeNs begin = monotonic_ns();
   int asked = 0, state_count = 0;
-  TimeNs longest_answer = 0, longest_gap = 0, last_state = begin;
+  TimeNs max_answer = 0, max_gap = 0, last_state = begin;
   while (monotonic_ns() - begin < duration) {
     const TimeNs asked_at = monotonic_ns();
     ASSERT_NE(neighbour.ask("battery?"), "") << "no answer after " << asked << " during the flood";
-    longest_answer = std::max(longest_answer, monotonic_ns() - asked_at);
+    max_answer = std::max(max_answer, monotonic_ns() - asked_at);
     ++asked;
     while (!states.hear(10).empty()) {
-      longest_gap = std::max(longest_gap, monotonic_ns() - last_state);
+      max_gap = std::max(max_gap, monotonic_ns() - last_state);
       last_state = monotonic_ns();
       ++state_count;
     }
@@ -108,7 +108,7 @@ TEST(Flood, AtOneDroneLeavesItsNeighbourServed) {
   EXPECT_GT(flood.sent, datagrams_a_second * duration / ns_per_s / 2) << "there was no flood";
   EXPECT_GT(state_count, 10 * duration / ns_per_s * 8 / 10) << "ten a second are due";
   std::printf("%d datagrams; neighbour: %d answers, the slowest after %.1f ms, %d states, the longest gap %.0f ms\n",
-              flood.sent.load(), asked, to_ms(longest_answer), state_count, to_ms(longest_gap));
+              flood.sent.load(), asked, to_ms(max_answer), state_count, to_ms(max_gap));
 
   Client afterwards("127.0.0.51", 40001, "127.0.0.2");
   EXPECT_EQ(afterwards.ask("command"), "ok") << "the flooded drone is served again";

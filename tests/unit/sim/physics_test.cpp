@@ -197,15 +197,15 @@ TEST(Physics, AFlipTurnsOnceRoundAndFliesOn) {
     flight.take_off();
     flight.ask("up 50");
     flight.tell(std::string("flip ") + direction);
-    double most_tilt = 0, lowest = 10, highest = 0;
+    double max_tilt = 0, lowest = 10, highest = 0;
     for (int i = 0; i < 450; ++i) {
       flight.run(0.01);
-      most_tilt = std::max(most_tilt, flight.truth().tilt_rad);
+      max_tilt = std::max(max_tilt, flight.truth().tilt_rad);
       lowest = std::min(lowest, flight.truth().position_m[2]);
       highest = std::max(highest, flight.truth().position_m[2]);
     }
     EXPECT_EQ(flight.answers.back().bytes, "ok") << direction;
-    EXPECT_GT(most_tilt, 2.8) << direction;
+    EXPECT_GT(max_tilt, 2.8) << direction;
     EXPECT_GT(lowest, 0.5) << direction;
     EXPECT_LT(highest, 2.2) << direction;
     EXPECT_NEAR(flight.truth().position_m[0], 0, 0.15) << direction;

@@ -53,8 +53,8 @@ void add_walk(Events& events, const Walk& walk, std::size_t lane) {
 }  // namespace
 
 std::size_t write_perfetto(std::ostream& out, std::span<const Walk> walks, std::span<const TraceRecord> loop_turns,
-                           std::size_t most_walks) {
-  const std::size_t left_out = walks.size() - std::min(most_walks, walks.size());
+                           std::size_t max_walks) {
+  const std::size_t left_out = walks.size() - std::min(max_walks, walks.size());
   walks = walks.subspan(left_out);
   Events events(out);
   std::map<int, std::vector<TimeNs>> lanes;  // of each drone: until when each is taken

@@ -7,7 +7,7 @@ namespace {
 
 constexpr TimeNs calls_kept_ns = 60 * ns_per_s;  // no call is under way for longer
 
-constexpr TimeNs longest_turn_ns = ns_per_ms;
+constexpr TimeNs max_turn_ns = ns_per_ms;
 
 TimeNs& at(Walk& walk, Mark mark) { return walk.at_ns[static_cast<std::size_t>(mark)]; }
 
@@ -19,7 +19,7 @@ void acknowledge(Walk& walk, Mark endorsed, Mark ordered, Mark block) {
 void receive(Walk& walk) {
   const TimeNs verified_ns = walk.at(Mark::verified);
   for (const Mark mark : {Mark::received, Mark::applied}) {
-    if (walk.has(mark) && walk.at(mark) > verified_ns - longest_turn_ns)
+    if (walk.has(mark) && walk.at(mark) > verified_ns - max_turn_ns)
       at(walk, mark) = std::max(walk.at(mark), verified_ns);
   }
 }

@@ -9,14 +9,14 @@ namespace {
 /// A drone that was not heard of for longer is not waited for. Three periods of the slowest usual rate, 10 Hz.
 constexpr TimeNs heard_lately_ns = 300 * ns_per_ms;
 
-constexpr std::size_t most_in_flight = 32;
+constexpr std::size_t max_in_flight = 32;
 
 bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.boot_id || a.sequence > b.sequence; }
 
 }  // namespace
 
 Batcher::Batcher(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
-    : config_(config), random_(seed), pause_(config.first_back_off_ns, config.longest_back_off_ns) {
+    : config_(config), random_(seed), pause_(config.first_back_off_ns, config.max_back_off_ns) {
   for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
 }
 
@@ -55,7 +55,7 @@ bool Batcher::has_waiting() const {
 }
 
 bool Batcher::ready(TimeNs now) const {
-  if (!pause_.over(now) || in_flight_.size() >= most_in_flight) return false;
+  if (!pause_.over(now) || in_flight_.size() >= max_in_flight) return false;
   if (!again_at_once_ && !in_flight_.empty() &&
       !pacing_.may_go(now, in_flight_.front().submitted_ns, last_submitted_ns_))
     return false;

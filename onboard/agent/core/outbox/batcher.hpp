@@ -21,7 +21,7 @@ struct BatchConfig {
   TimeNs linger_ns = 500 * ns_per_us;         ///< wait so long for the samples of the other drones of the same instant
   TimeNs freshness_ns = 500 * ns_per_ms;      ///< a sample that had to wait until it is older is not sent any more
   TimeNs first_back_off_ns = 20 * ns_per_ms;  ///< after the first failure; doubles, with jitter (half to whole of it)
-  TimeNs longest_back_off_ns = 1 * ns_per_s;
+  TimeNs max_back_off_ns = 1 * ns_per_s;
   TimeNs refused_drone_pause_ns = 1 * ns_per_s;  ///< a drone that made a frame be refused stays out of frames so long
 };
 

@@ -3,13 +3,14 @@
 #include <algorithm>
 #include <limits>
 
+#include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::agent {
 
 FoldSender::FoldSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
     : limits_{.first_pause_ns = config.first_back_off_ns,
-              .longest_pause_ns = config.longest_back_off_ns,
+              .max_pause_ns = config.max_back_off_ns,
               .within_ns = std::numeric_limits<TimeNs>::max(),  // a stop stands until somebody resumes
               .attempts = std::numeric_limits<int>::max()},
       seeds_(seed) {
@@ -65,7 +66,7 @@ bool FoldSender::pending() const {
 fabric::Call encode_fold(const FoldSender::Sending& sending) {
   DronesCall call;
   call.add_drones(sending.drone->name);
-  return {"fold", {call.SerializeAsString()}};
+  return {contract::fold, {call.SerializeAsString()}};
 }
 
 }  // namespace ledgerline::agent

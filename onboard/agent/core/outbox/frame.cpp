@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/msg/contract.hpp"
 #include "common/msg/ros.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/agent/core/outbox/batcher.hpp"
@@ -56,7 +57,7 @@ fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& dron
       if (it != drones.end()) add_drone(call, sample, it->name, real_offset_ns);
     }
   }
-  return fabric::Call{.function = "set", .args = {call.SerializeAsString()}, .told_by_block = true};
+  return fabric::Call{.function = contract::set, .args = {call.SerializeAsString()}, .told_by_block = true};
 }
 
 fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs real_offset_ns) {
@@ -64,7 +65,7 @@ fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs
   const Header header{sending.transitions.back().stamp_ns + real_offset_ns, drone + "/base_link"};
   SetCall call;
   add_asset(call, drone + "/failsafe", transitions_type, transitions_to_cdr(header, drone, sending.transitions));
-  return fabric::Call{.function = "set", .args = {call.SerializeAsString()}};
+  return fabric::Call{.function = contract::set, .args = {call.SerializeAsString()}};
 }
 
 }  // namespace ledgerline::agent

@@ -7,7 +7,7 @@ namespace ledgerline::agent {
 TransitionSender::TransitionSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
     : random_(seed) {
   for (const DroneName& drone : drones)
-    slots_.push_back(Slot{.drone = drone, .pause{config.first_back_off_ns, config.longest_back_off_ns}});
+    slots_.push_back(Slot{.drone = drone, .pause{config.first_back_off_ns, config.max_back_off_ns}});
 }
 
 void TransitionSender::add(const Transition& transition) {
@@ -18,7 +18,7 @@ void TransitionSender::add(const Transition& transition) {
     boot_id_ = transition.boot_id;
     for (Slot& each : slots_) each.newest = each.on_ledger = 0;
   }
-  if (transition.number != std::max(slot->newest + 1, transition.oldest) || slot->kept.size() == most_kept) return;
+  if (transition.number != std::max(slot->newest + 1, transition.oldest) || slot->kept.size() == max_kept) return;
   slot->newest = transition.number;
   slot->kept.push_back(transition);
   slot->counters.lost = transition.lost;
@@ -31,7 +31,7 @@ std::optional<TransitionSender::Sending> TransitionSender::next(TimeNs now) {
     return !s.kept.empty() && s.in_flight == 0 && s.pause.over(now);
   });
   if (slot == slots_.end()) return std::nullopt;
-  slot->in_flight = std::min(slot->kept.size(), most_per_call);
+  slot->in_flight = std::min(slot->kept.size(), max_per_call);
   slot->call = ++last_call_;
   return Sending{
       .number = slot->call,

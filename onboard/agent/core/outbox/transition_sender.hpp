@@ -22,8 +22,8 @@ namespace ledgerline::agent {
 /// What does not fit link keeps, and sends again. One thread; the same inputs and seed give the same calls.
 class TransitionSender {
  public:
-  static constexpr std::size_t most_kept = 256;  ///< of a drone
-  static constexpr std::size_t most_per_call = 64;
+  static constexpr std::size_t max_kept = 256;  ///< of a drone
+  static constexpr std::size_t max_per_call = 64;
 
   struct Counters {
     std::uint64_t taken = 0, on_ledger = 0, pending = 0;  ///< taken = on_ledger + pending

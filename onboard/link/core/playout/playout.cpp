@@ -45,7 +45,7 @@ TimeNs Margin::step(TimeNs now) noexcept {
 }
 
 DropReason Playout::check(TimeNs now, const Plan& plan) const noexcept {
-  if (outranks_order(plan.action)) return DropReason::none;
+  if (is_contract_stop(plan.action)) return DropReason::none;
   if (any_ && (plan.epoch < newest_epoch_ || (plan.epoch == newest_epoch_ && plan.sequence <= newest_sequence_))) {
     return DropReason::out_of_order;
   }
@@ -70,7 +70,7 @@ DropReason Playout::admit(TimeNs now, const Plan& plan) noexcept {
     count_dropped(plan, reason);
     return reason;
   }
-  if (outranks_order(plan.action)) return DropReason::none;
+  if (is_contract_stop(plan.action)) return DropReason::none;
   any_ = true;
   newest_epoch_ = plan.epoch;
   newest_sequence_ = plan.sequence;

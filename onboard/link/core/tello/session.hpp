@@ -2,9 +2,9 @@
 #include <cstdint>
 #include <string_view>
 
-#include "onboard/link/core/tello/blind_talk.hpp"
 #include "onboard/link/core/fixed_vector.hpp"
 #include "onboard/link/core/settings.hpp"
+#include "onboard/link/core/tello/blind_talk.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {

@@ -1,6 +1,6 @@
 #include <gmock/gmock.h>
 
-#include "common/msg/limits.hpp"
+#include "common/msg/contract.hpp"
 #include "tests/unit/chaincode/contract/fake_stub.hpp"
 
 namespace ledgerline::chaincode {
@@ -82,21 +82,22 @@ TEST_F(AssetsTest, IdsAndTypesAreChecked) {
   for (const char* id : {"", "tello1//x", "/tello1/x", "tello1/x/", "tello1/ä", "tello1/a b"}) {
     EXPECT_NE(set(host, {asset(id)}).status, 200) << id;
   }
-  EXPECT_THAT(set(host, {asset("tello1/" + std::string(max_id_chars, 'x'))}).message, HasSubstr("the limit is 128"));
+  EXPECT_THAT(set(host, {asset("tello1/" + std::string(contract::max_id_chars, 'x'))}).message,
+              HasSubstr("the limit is 128"));
   Asset nameless = asset("tello1/x");
   nameless.clear_msg_type();
   EXPECT_THAT(set(host, {nameless}).message, StartsWith("tello1/x: msg_type"));
 }
 
 TEST_F(AssetsTest, EveryLimitIsNamedWhenItIsPassed) {
-  EXPECT_THAT(set(host, {asset("tello1/x", std::string(max_call_bytes, 'x'))}).message,
+  EXPECT_THAT(set(host, {asset("tello1/x", std::string(contract::max_call_bytes, 'x'))}).message,
               HasSubstr("the limit is 1000000"));
-  EXPECT_THAT(set(host, std::vector<Asset>(max_call_assets + 1, asset("tello1/x"))).message,
+  EXPECT_THAT(set(host, std::vector<Asset>(contract::max_call_assets + 1, asset("tello1/x"))).message,
               HasSubstr("1001 assets; the limit is 1000"));
-  EXPECT_THAT(set(host, {asset("tello1/x", std::string(max_frame_bytes, 'x'))}, true).message,
+  EXPECT_THAT(set(host, {asset("tello1/x", std::string(contract::max_frame_bytes, 'x'))}, true).message,
               HasSubstr("the limit is 32000"));
   std::vector<Asset> many;
-  for (std::size_t i = 0; i <= max_drone_streams; ++i) many.push_back(asset("tello1/s" + std::to_string(i)));
+  for (std::size_t i = 0; i <= contract::max_drone_streams; ++i) many.push_back(asset("tello1/s" + std::to_string(i)));
   EXPECT_THAT(set(host, many, true).message, StartsWith("tello1: 65 ids would stream; the limit is 64"));
 }
 
@@ -230,7 +231,7 @@ TEST_F(AssetsTest, LongListsComeInPagesThatTogetherAreWhole) {
   int pages = 0;
   do {
     const Response response = stub.call(other, "get", query);
-    ASSERT_LE(response.payload.size(), max_page_bytes + 1000);
+    ASSERT_LE(response.payload.size(), contract::max_page_bytes + 1000);
     const auto page = parsed<Assets>(response.payload);
     for (const Asset& one : page.assets()) found.push_back(one.id());
     query.set_bookmark(page.bookmark());
@@ -246,7 +247,7 @@ TEST_F(AssetsTest, AListingLooksAtABoundedNumberOfOldFramesAndGoesOnInTheNextPag
     expected.push_back("tello1/once" + std::to_string(i));
     set(host, {asset(expected.back())}, true);
   }
-  for (std::size_t i = 5; i < max_page_versions; ++i) set(host, {asset("tello1/odom")}, true);
+  for (std::size_t i = 5; i < contract::max_page_versions; ++i) set(host, {asset("tello1/odom")}, true);
   set(host, {asset("tello1/zebra")});
   expected.insert(expected.begin(), "tello1/odom");
   expected.push_back("tello1/zebra");
@@ -259,7 +260,7 @@ TEST_F(AssetsTest, AListingLooksAtABoundedNumberOfOldFramesAndGoesOnInTheNextPag
     const auto page = parsed<Assets>(stub.call(other, "get", query).payload);
     for (const Asset& one : page.assets()) found.push_back(one.id());
     query.set_bookmark(page.bookmark());
-    EXPECT_LE(stub.looked, max_page_versions);
+    EXPECT_LE(stub.looked, contract::max_page_versions);
     ASSERT_LT(++pages, 20);
   } while (!query.bookmark().empty());
   EXPECT_EQ(found, expected);

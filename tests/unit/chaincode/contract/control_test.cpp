@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include "common/msg/limits.hpp"
+#include "common/msg/contract.hpp"
 #include "tests/unit/chaincode/contract/fake_stub.hpp"
 
 namespace ledgerline::chaincode {
@@ -203,16 +203,16 @@ TEST_F(ControlTest, ACommandOfAnOldEpochIsRefused) {
 
 TEST_F(ControlTest, PlansHaveLimitsAndFiniteValues) {
   acquire(pilot, {"tello1"});
-  EXPECT_EQ(command(pilot, {plan("tello1", max_plan_setpoints)}).status, 200);
-  EXPECT_THAT(command(pilot, {plan("tello1", max_plan_setpoints + 1)}).message, HasSubstr("the limit is 40"));
+  EXPECT_EQ(command(pilot, {plan("tello1", contract::max_plan_setpoints)}).status, 200);
+  EXPECT_THAT(command(pilot, {plan("tello1", contract::max_plan_setpoints + 1)}).message, HasSubstr("the limit is 40"));
   EXPECT_THAT(command(pilot, {plan("tello1", 0)}).message, HasSubstr("no setpoints"));
   EXPECT_THAT(command(pilot, {plan("tello1"), plan("tello1")}).message, StartsWith("tello1: two plans"));
   EXPECT_NE(command(pilot, {}).status, 200);
 
   DronePlan longest = plan("tello1", 2);
-  longest.mutable_setpoints(1)->set_at_ns(1000 + max_plan_ns);
+  longest.mutable_setpoints(1)->set_at_ns(1000 + contract::max_plan_ns);
   EXPECT_EQ(command(pilot, {longest}).status, 200);
-  longest.mutable_setpoints(1)->set_at_ns(1001 + max_plan_ns);
+  longest.mutable_setpoints(1)->set_at_ns(1001 + contract::max_plan_ns);
   EXPECT_THAT(command(pilot, {longest}).message, HasSubstr("the limit is 2000 ms"));
 
   DronePlan backwards = plan("tello1", 2);

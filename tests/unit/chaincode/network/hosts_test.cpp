@@ -8,8 +8,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "chaincode/network/files/texts.hpp"
 #include "chaincode/identities/identities.hpp"
+#include "chaincode/network/files/texts.hpp"
 #include "common/base/file.hpp"
 
 namespace ledgerline::fabric_network {
@@ -166,7 +166,7 @@ TEST(FabricTexts, APackageHasNoKeyAndThePeersBuilderAddsIt) {
 
 TEST(FabricTexts, AnOrderersAdministrationIsForItsOwnHostAlone) {
   const Options options = on_three_hosts();
-  const Places places{options.orderer_places, options.organisation_places, {}};
+  const ListenAddresses places{options.orderer_places, options.organisation_places, {}};
   EXPECT_EQ(places.orderer_admin(2), "127.0.0.1:7062");
   EXPECT_THAT(orderer_environment(options, places, 2), testing::Contains("ORDERER_ADMIN_LISTENADDRESS=127.0.0.1:7062"));
 }

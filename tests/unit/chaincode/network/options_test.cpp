@@ -7,8 +7,8 @@
 #include <functional>
 #include <set>
 
-#include "chaincode/network/options.hpp"
 #include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/options.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
@@ -61,8 +61,9 @@ TEST(FabricOptions, AFileSaysWhereThePartsAre) {
   ASSERT_TRUE(check(*options).ok());
   EXPECT_TRUE(options->runs_organisation(2) && options->runs_orderer(2));
   EXPECT_FALSE(options->runs_organisation(1) || options->runs_orderer(3));
-  const Places places{options->orderer_places, options->organisation_places, {}};
-  for (const Place& bound : places.bound(*options)) EXPECT_THAT(bound.host, testing::AnyOf("10.0.0.2", "127.0.0.1"));
+  const ListenAddresses places{options->orderer_places, options->organisation_places, {}};
+  for (const ListenAddress& bound : places.bound(*options))
+    EXPECT_THAT(bound.host, testing::AnyOf("10.0.0.2", "127.0.0.1"));
   EXPECT_EQ(places.bound(*options).size(), 6U);
 }
 
@@ -107,7 +108,7 @@ TEST(FabricOptions, KeysThatNobodyKnowsAreRefused) {
 }
 
 TEST(FabricOptions, APlaceIsHostAndPort) {
-  EXPECT_EQ(*parse_place("10.0.0.1:7051"), (Place{"10.0.0.1", 7051}));
+  EXPECT_EQ(*parse_place("10.0.0.1:7051"), (ListenAddress{"10.0.0.1", 7051}));
   for (const char* wrong : {"", "10.0.0.1", ":7051", "10.0.0.1:", "10.0.0.1:0", "10.0.0.1:70000", "10.0.0.1:7051x"}) {
     EXPECT_FALSE(parse_place(wrong).ok()) << wrong;
   }
@@ -116,9 +117,9 @@ TEST(FabricOptions, APlaceIsHostAndPort) {
 TEST(FabricOptions, OnOneHostThePartsLieSideBySide) {
   Options options;
   options.orderers = 3;
-  const Places places = places_from(options, 20'000);
+  const ListenAddresses places = places_from(options, 20'000);
   std::set<std::uint16_t> ports;
-  for (const Place& place : places.bound(options)) ports.insert(place.port);
+  for (const ListenAddress& place : places.bound(options)) ports.insert(place.port);
   EXPECT_EQ(ports.size(), 18U);
   EXPECT_EQ(*ports.begin(), 20'000);
   EXPECT_EQ(*ports.rbegin(), 20'017);
@@ -128,10 +129,10 @@ TEST(FabricOptions, OnOneHostThePartsLieSideBySide) {
 TEST(FabricOptions, AuthoritiesLieBehindTheParts) {
   Options options = *options_of("ca = true\n");
   ASSERT_TRUE(check(options).ok());
-  const Places places = places_from(options, 20'000);
+  const ListenAddresses places = places_from(options, 20'000);
   EXPECT_EQ(places.authority(0), "127.0.0.1:20012");
   EXPECT_EQ(places.authority(3), "127.0.0.1:20015");
-  for (const Place& place : places.bound(options)) EXPECT_LT(place.port, 20'012);
+  for (const ListenAddress& place : places.bound(options)) EXPECT_LT(place.port, 20'012);
 }
 
 }  // namespace

@@ -12,8 +12,8 @@
 #include "peer/chaincode_shim.grpc.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
-#include "tests/unit/child.hpp"
 #include "tests/unit/chaincode/shim/messages.hpp"
+#include "tests/unit/child.hpp"
 
 /// The example chaincode as a peer meets it: the program, its transport, its TLS. Argument: the program.
 namespace ledgerline::shim {

@@ -6,27 +6,27 @@ namespace ledgerline {
 namespace {
 
 TEST(ClearText, WhatAPersonCanReadStaysAsItIs) {
-  EXPECT_EQ(clear_text(""), "");
-  EXPECT_EQ(clear_text("tello1: not enrolled"), "tello1: not enrolled");
-  EXPECT_EQ(clear_text("gr\xc3\xbc\xc3\x9f dich \xe2\x82\xac \xf0\x9f\x9a\x81"),
+  EXPECT_EQ(printable(""), "");
+  EXPECT_EQ(printable("tello1: not enrolled"), "tello1: not enrolled");
+  EXPECT_EQ(printable("gr\xc3\xbc\xc3\x9f dich \xe2\x82\xac \xf0\x9f\x9a\x81"),
             "gr\xc3\xbc\xc3\x9f dich \xe2\x82\xac \xf0\x9f\x9a\x81");
 }
 
 TEST(ClearText, ControlCharactersAndBrokenUtf8AreShownAsQuestionMarks) {
-  EXPECT_EQ(clear_text(std::string_view("a\nb\0c\x1b[2J\x7f", 10)), "a?b?c?[2J?");
-  EXPECT_EQ(clear_text("a\xc2\x9b"
-                       "2J\xc2\x85|\xe2\x80\xa8|\xc2\xa0"),
+  EXPECT_EQ(printable(std::string_view("a\nb\0c\x1b[2J\x7f", 10)), "a?b?c?[2J?");
+  EXPECT_EQ(printable("a\xc2\x9b"
+                      "2J\xc2\x85|\xe2\x80\xa8|\xc2\xa0"),
             "a?2J?|?|\xc2\xa0");
-  EXPECT_EQ(clear_text("\xff|\xc0\x80|\xed\xa0\x80|\xf4\x90\x80\x80|\xe2\x82"), "?|??|???|????|??");
+  EXPECT_EQ(printable("\xff|\xc0\x80|\xed\xa0\x80|\xf4\x90\x80\x80|\xe2\x82"), "?|??|???|????|??");
 }
 
 TEST(ClearText, LongTextIsCutBetweenCharacters) {
-  EXPECT_EQ(clear_text(std::string(2'000, 'x')), std::string(997, 'x') + "...");
-  EXPECT_EQ(clear_text("12345678", 8), "12345678");
-  EXPECT_EQ(clear_text("123456789", 8), "12345...");
-  EXPECT_EQ(clear_text("1234\xc3\xbc"
-                       "6789",
-                       8),
+  EXPECT_EQ(printable(std::string(2'000, 'x')), std::string(997, 'x') + "...");
+  EXPECT_EQ(printable("12345678", 8), "12345678");
+  EXPECT_EQ(printable("123456789", 8), "12345...");
+  EXPECT_EQ(printable("1234\xc3\xbc"
+                      "6789",
+                      8),
             "1234...");
 }
 

@@ -208,11 +208,11 @@ TEST_F(DownlinkTest, AnotherIdsTypeDoesNotTakeATopicFromTheOneThatHasIt) {
 }
 
 TEST_F(DownlinkTest, OneOrganisationCannotFillTheIdsOfAll) {
-  for (std::size_t i = 0; i < Downlink::most_ids; ++i) take({set({asset("Org2MSP/t" + std::to_string(i), 1)})});
+  for (std::size_t i = 0; i < Downlink::max_ids; ++i) take({set({asset("Org2MSP/t" + std::to_string(i), 1)})});
   const crypto::IdentityName another{"Org1MSP", "CN=another"};
   EXPECT_THAT(take({set({asset("Org1MSP/note", 1)}, another), set({asset("tello1/note", 1)}, another)}),
               ElementsAre("/note=1", "/tello1/note=1"));
-  EXPECT_EQ(refused(Refusal::too_many), Downlink::most_ids - Downlink::most_ids_of_one);
+  EXPECT_EQ(refused(Refusal::too_many), Downlink::max_ids - Downlink::max_ids_of_one);
 }
 
 TEST_F(DownlinkTest, TypesThatClashAndMalformedCdrAreRefusedAndCounted) {
@@ -278,14 +278,14 @@ TEST_F(DownlinkTest, LatchedValuesAreReadByThoseWhoComeLateAndNotTwice) {
 
 TEST_F(DownlinkTest, IdsAndWritersAreBounded) {
   const auto id = [](std::size_t i) {
-    return "robot" + std::to_string(i / Downlink::most_ids_of_one) + "/t" + std::to_string(i);
+    return "robot" + std::to_string(i / Downlink::max_ids_of_one) + "/t" + std::to_string(i);
   };
-  for (std::size_t i = 0; i < Downlink::most_ids; ++i) take({set({asset(id(i), 1)})});
+  for (std::size_t i = 0; i < Downlink::max_ids; ++i) take({set({asset(id(i), 1)})});
   EXPECT_THAT(take({set({asset("Org2MSP/more", 1), asset("rover/more", 1), asset(id(7), 2)})}),
               ElementsAre("/robot0/t7=2"));
   EXPECT_EQ(refused(Refusal::too_many), 2U);
-  EXPECT_EQ(downlink->topics().size(), Downlink::most_ids + 1);
-  for (std::size_t i = 0; i < Downlink::most_writers; ++i) {
+  EXPECT_EQ(downlink->topics().size(), Downlink::max_ids + 1);
+  for (std::size_t i = 0; i < Downlink::max_writers; ++i) {
     Asset other = asset(id(1), 1);
     other.mutable_origin()->set_writer(100 + i);
     take({set({other})});

@@ -112,8 +112,8 @@ TEST_F(UplinkTest, AQueueIsBoundedByBytesToo) {
   make({rule("/a", 5, 1'000)});
   const auto a = open("/a");
   for (int i = 0; i < 20; ++i) add(a, std::string(900'000, 'x'));
-  EXPECT_EQ(counters(a).pending, Uplink::most_queued_bytes / 900'004);
-  EXPECT_EQ(drops(a, Drop::overflow), 20 - Uplink::most_queued_bytes / 900'004);
+  EXPECT_EQ(counters(a).pending, Uplink::max_queued_bytes / 900'004);
+  EXPECT_EQ(drops(a, Drop::overflow), 20 - Uplink::max_queued_bytes / 900'004);
   expect_sums();
 }
 
@@ -354,7 +354,7 @@ TEST_F(UplinkTest, TopicsThatNoRuleWantsOrOfAnotherTypeOrTooManyAreRefused) {
   EXPECT_FALSE(uplink->open("/down", "p/msg/A").ok());
   EXPECT_FALSE(uplink->open("/other", "p/msg/A").ok());
   EXPECT_FALSE(uplink->open("/some/x", "no type").ok());
-  for (std::size_t i = 0; i < Uplink::most_topics; ++i) open("/some/" + std::to_string(i));
+  for (std::size_t i = 0; i < Uplink::max_topics; ++i) open("/some/" + std::to_string(i));
   EXPECT_THAT(uplink->open("/some/more", "p/msg/A").error().what, HasSubstr("256 topics are carried already"));
   open("/some/7");
 }

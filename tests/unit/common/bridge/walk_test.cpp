@@ -4,8 +4,8 @@
 #include <numeric>
 
 #include "common/base/random.hpp"
-#include "tests/unit/common/bridge/world.hpp"
 #include "tests/unit/campaign.hpp"
+#include "tests/unit/common/bridge/world.hpp"
 
 namespace ledgerline::bridge {
 namespace {

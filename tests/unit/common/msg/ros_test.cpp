@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/msg/names.hpp"
 #include "common/base/random.hpp"
+#include "common/msg/names.hpp"
 
 namespace ledgerline {
 namespace {

@@ -35,7 +35,7 @@ TEST(Restarts, EndsLongAgoAreForgotten) {
     const TimeNs now = i * (restart_limits.within / 2);  // never more than three within the time
     const auto at = restarts.ended(now);
     ASSERT_TRUE(at.has_value()) << i;
-    EXPECT_LE(*at, now + restart_limits.longest_wait);
+    EXPECT_LE(*at, now + restart_limits.max_wait);
   }
   const TimeNs later = 1000 * restart_limits.within;
   EXPECT_LE(*restarts.ended(later), later + restart_limits.first_wait) << "the wait is short again";

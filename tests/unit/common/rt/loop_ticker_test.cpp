@@ -46,8 +46,8 @@ TEST(PackedTurns, ARecordThatIsNoneOfThemHasNoTurns) {
   EXPECT_TRUE(PackedTurns::late_us(record).empty());
 }
 
-TEST(Turns, AreDueAPeriodApartAndNeverBeginEarly) {
-  Turns turns(ns_per_ms);
+TEST(LoopTicker, AreDueAPeriodApartAndNeverBeginEarly) {
+  LoopTicker turns(ns_per_ms);
   TimeNs before = 0;
   for (int i = 0; i < 20; ++i) {
     const std::uint64_t overruns = turns.overruns();
@@ -60,8 +60,8 @@ TEST(Turns, AreDueAPeriodApartAndNeverBeginEarly) {
   EXPECT_EQ(turns.count(), 20U);
 }
 
-TEST(Turns, MissedTurnsAreCountedOnceAndNotMadeUpFor) {
-  Turns turns(2 * ns_per_ms);
+TEST(LoopTicker, MissedTurnsAreCountedOnceAndNotMadeUpFor) {
+  LoopTicker turns(2 * ns_per_ms);
   (void)turns.wait();
   const timespec long_work{0, 20 * ns_per_ms};
   ::nanosleep(&long_work, nullptr);

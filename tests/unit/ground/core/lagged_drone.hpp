@@ -3,8 +3,8 @@
 #include <deque>
 #include <vector>
 
-#include "common/msg/onboard.hpp"
 #include "common/base/random.hpp"
+#include "common/msg/onboard.hpp"
 #include "ground/core/controller.hpp"
 
 namespace ledgerline::ground {

@@ -6,8 +6,8 @@
 #include <limits>
 #include <numbers>
 
-#include "common/msg/cdr.hpp"
 #include "common/base/random.hpp"
+#include "common/msg/cdr.hpp"
 
 namespace ledgerline::ground {
 namespace {

@@ -250,7 +250,7 @@ TEST(Predictor, TimesYearsApartCostNoMoreThanOthers) {
   Predictor predictor(knowing(known));
   predictor.observe(at(ns_per_s, 0), 0);
   constexpr TimeNs years = INT64_MAX / 4;
-  EXPECT_LE(predictor.until(years).told_until_ns(), ns_per_s + Predictor::longest_ns + ns_per_s);
+  EXPECT_LE(predictor.until(years).told_until_ns(), ns_per_s + Predictor::max_ns + ns_per_s);
   predictor.observe(at(years, 0), INT64_MAX / 8);
   EXPECT_TRUE(predictor.until(years).effect().position_m.allFinite());
   EXPECT_TRUE(predictor.until(0).effect().position_m.allFinite());

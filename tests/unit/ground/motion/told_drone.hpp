@@ -2,8 +2,8 @@
 #include <cmath>
 #include <deque>
 
-#include "common/msg/onboard.hpp"
 #include "common/base/random.hpp"
+#include "common/msg/onboard.hpp"
 #include "ground/motion/response.hpp"
 
 namespace ledgerline::motion {

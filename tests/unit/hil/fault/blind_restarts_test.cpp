@@ -115,8 +115,8 @@ TEST(BlindRestarts, EveryDroneIsLandedWithin25SecondsInsideTheFencePlusHalfAMetr
                                     << text_of(flight.script) << broken_text(*result);
         const Flown how = flown(*result);
         // On its last rc for 15 s; and what it needs to stop, and gusts.
-        const double most_m = one.flies_on() ? 15 * how.told_mps + 1.5 : 100;
-        EXPECT_LE(how.moved_m, most_m) << text_of(flight.script);
+        const double max_m = one.flies_on() ? 15 * how.told_mps + 1.5 : 100;
+        EXPECT_LE(how.moved_m, max_m) << text_of(flight.script);
         Sum& sum = sums[i / static_cast<std::size_t>(all)][static_cast<std::size_t>(one.deaf)];
         ++sum.flights;
         sum.held += result->held();

@@ -231,15 +231,15 @@ TEST(Line, LosesWhatIsPushedDuringAPartitionButNotWhatIsOnItsWay) {
 
 TEST(Line, IsBoundedAndCountsWhatItDropped) {
   Line many = line_with("stall");
-  for (std::size_t i = 0; i < Line::most_units + 10; ++i) many.push(0, "x");
-  EXPECT_EQ(many.waiting(), Line::most_units);
+  for (std::size_t i = 0; i < Line::max_units + 10; ++i) many.push(0, "x");
+  EXPECT_EQ(many.waiting(), Line::max_units);
   EXPECT_EQ(many.counts().no_room, 10u);
   expect_all_accounted_for(many);
 
   Line large = line_with("stall, duplicate 100%");
   const std::string kilobytes(50'000, 'x');
   for (int i = 0; i < 30; ++i) large.push(0, kilobytes);
-  EXPECT_EQ(large.waiting(), Line::most_bytes / kilobytes.size());
+  EXPECT_EQ(large.waiting(), Line::max_bytes / kilobytes.size());
   EXPECT_EQ(large.counts().no_room, 40u);
   expect_all_accounted_for(large);
 }
@@ -269,7 +269,7 @@ TEST(Line, DrawsTheSameLossesWithAndWithoutOtherEffects) {
 struct Streamed {
   std::string bytes;
   TimeNs end = 0;  ///< when its end came
-  std::size_t most_waiting = 0;
+  std::size_t max_waiting = 0;
 };
 Streamed stream(Line& line, const std::string& bytes) {
   Streamed out;
@@ -280,7 +280,7 @@ Streamed stream(Line& line, const std::string& bytes) {
     if (take > 0) line.push(now, left.substr(0, take));
     left.remove_prefix(take);
     if (left.empty() && !std::exchange(ended, true)) line.push(now, "");
-    out.most_waiting = std::max(out.most_waiting, line.waiting());
+    out.max_waiting = std::max(out.max_waiting, line.waiting());
     while (auto unit = line.pop(now)) {
       if (unit->bytes.empty()) return out.end = now, out;
       out.bytes += unit->bytes;
@@ -303,7 +303,7 @@ TEST(Line, KeepsAStreamWholeAndInOrderUnderEveryImpairmentThatItMayHave) {
     Line line = line_with(effects, 3, Kind::stream);
     const Streamed got = stream(line, bytes);
     EXPECT_TRUE(got.bytes == bytes) << effects << ": " << got.bytes.size() << " bytes";
-    EXPECT_LE(got.most_waiting, Line::most_units) << effects;
+    EXPECT_LE(got.max_waiting, Line::max_units) << effects;
     EXPECT_EQ(line.counts().bytes_out, bytes.size());
   }
 }
@@ -321,12 +321,12 @@ TEST(Line, TakesNoMoreOfAStreamThanItHolds) {
     line.push(0, bytes);
     taken += bytes.size();
   }
-  EXPECT_EQ(taken, Line::most_bytes);
+  EXPECT_EQ(taken, Line::max_bytes);
   EXPECT_FALSE(line.pop(ns_per_s));
   set(line, "stall off");
   std::size_t came = 0;
   while (auto unit = line.pop(ns_per_s)) came += unit->bytes.size();
-  EXPECT_EQ(came, Line::most_bytes);
+  EXPECT_EQ(came, Line::max_bytes);
 }
 
 TEST(Line, HoldsAStreamBackDuringAPartition) {

@@ -133,7 +133,7 @@ TEST(Switches, SensorsAreOneMoreAndOneLess) {
   EXPECT_NE(s.sensors(0)[0].item, s.sensors(1)[0].item);
   EXPECT_THAT(s.apply("sensor tello3 h stuck").error().what, HasSubstr("there is no such drone"));
   EXPECT_THAT(s.apply("sensor tello1 speed stuck").error().what, HasSubstr("must be `FIELD|all stuck|garbage`"));
-  for (std::size_t i = 1; i < Switches::most_sensor_faults; ++i) ASSERT_TRUE(s.apply("sensor tello1 all garbage"));
+  for (std::size_t i = 1; i < Switches::max_sensor_faults; ++i) ASSERT_TRUE(s.apply("sensor tello1 all garbage"));
   EXPECT_THAT(s.apply("sensor * h stuck").error().what, HasSubstr("tello1 has 16 faults of its sensors already"));
   EXPECT_EQ(s.sensors(1).size(), 1U) << "a command that is refused for one changes none";
   ASSERT_TRUE(s.apply("clear"));

@@ -4,8 +4,8 @@
 #include <map>
 #include <memory>
 
-#include "common/msg/ros.hpp"
 #include "common/base/random.hpp"
+#include "common/msg/ros.hpp"
 #include "hil/virtual/ledger/virtual_ledger.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/agent/core/agent_core.hpp"

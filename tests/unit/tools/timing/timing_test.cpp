@@ -8,9 +8,9 @@
 
 #include "common/rt/loop_ticker.hpp"
 #include "tools/timing/limits.hpp"
-#include "tools/timing/trace/perfetto.hpp"
 #include "tools/timing/self_test.hpp"
 #include "tools/timing/show.hpp"
+#include "tools/timing/trace/perfetto.hpp"
 
 namespace ledgerline::timing {
 namespace {

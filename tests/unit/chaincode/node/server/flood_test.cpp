@@ -13,8 +13,8 @@
 
 #include "common/fabric/client/client.hpp"
 #include "common/rt/clock.hpp"
-#include "tests/unit/child.hpp"
 #include "tests/unit/chaincode/node/server/raw_call.hpp"
+#include "tests/unit/child.hpp"
 
 /// The real node is flooded by others; a normal client is served during and after it. How fast is printed.
 namespace ledgerline::node {

@@ -9,8 +9,8 @@
 #include <set>
 #include <thread>
 
-#include "common/fabric/client/client.hpp"
 #include "common/base/random.hpp"
+#include "common/fabric/client/client.hpp"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/child.hpp"
 

@@ -380,7 +380,7 @@ TEST(CrossCheckedBlocks, EndWhereThePeerTellsAnotherChainThanWasOrdered) {
     return false;
   };
   // However late the orderer's stream comes: fewer blocks than are kept for it.
-  for (std::size_t i = 0; i < CrossCheck::most_kept - 10 && !found_out(); ++i) {
+  for (std::size_t i = 0; i < CrossCheck::max_kept - 10 && !found_out(); ++i) {
     gateway.add_block("set", "x");
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
@@ -394,13 +394,13 @@ TEST(CrossCheckedBlocks, EndWhereThePeerTellsAnotherChainThanWasOrdered) {
 TEST(CrossCheck, NeitherSideWaitsAndWhatIsKeptIsBounded) {
   using Source = CrossCheck::Source;
   CrossCheck check;
-  for (std::uint64_t i = 0; i < 2 * CrossCheck::most_kept; ++i) EXPECT_EQ(check.add(Source::orderer, i, "a"), "");
+  for (std::uint64_t i = 0; i < 2 * CrossCheck::max_kept; ++i) EXPECT_EQ(check.add(Source::orderer, i, "a"), "");
   EXPECT_EQ(check.add(Source::peer, 0, "b"), "") << "forgotten";
   EXPECT_EQ(check.compared(), 0U);
-  EXPECT_EQ(check.add(Source::peer, 2 * CrossCheck::most_kept - 1, "a"), "");
+  EXPECT_EQ(check.add(Source::peer, 2 * CrossCheck::max_kept - 1, "a"), "");
   EXPECT_EQ(check.compared(), 1U);
-  EXPECT_NE(check.add(Source::peer, 2 * CrossCheck::most_kept - 2, "b"), "");
-  EXPECT_NE(check.add(Source::peer, 2 * CrossCheck::most_kept - 3, "a"), "") << "for good";
+  EXPECT_NE(check.add(Source::peer, 2 * CrossCheck::max_kept - 2, "b"), "");
+  EXPECT_NE(check.add(Source::peer, 2 * CrossCheck::max_kept - 3, "a"), "") << "for good";
 }
 
 }  // namespace

@@ -124,7 +124,7 @@ TEST(Fusion, AfterALongGapTheOldVelocityIsForgotten) {
   FusionConfig config;
   Fusion fusion(config);
   fly(fusion, 2, 50);
-  const auto pose = fusion.add(at(50 * period + config.longest_gap_ns + 1, 7));
+  const auto pose = fusion.add(at(50 * period + config.max_gap_ns + 1, 7));
   ASSERT_TRUE(pose);
   EXPECT_DOUBLE_EQ(pose->position_m[0], 7);
   EXPECT_DOUBLE_EQ(pose->velocity_mps[0], 0);

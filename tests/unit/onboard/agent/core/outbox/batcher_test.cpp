@@ -273,13 +273,13 @@ TEST(Batcher, AnUnreachableLedgerIsLeftAloneForATimeThatGrowsToItsBound) {
     batcher.finished(now, frame->number, outcome(Kind::unavailable));
     const TimeNs pause = batcher.back_off_until_ns() - now;
     EXPECT_GE(pause, config.first_back_off_ns / 2);
-    EXPECT_LE(pause, config.longest_back_off_ns);
+    EXPECT_LE(pause, config.max_back_off_ns);
     batcher.add(now, sample(1, 1000 + k, now));
     EXPECT_FALSE(batcher.next(batcher.back_off_until_ns() - 1));
     longest = std::max(longest, pause);
     now = batcher.back_off_until_ns();
   }
-  EXPECT_GE(longest, config.longest_back_off_ns / 2);
+  EXPECT_GE(longest, config.max_back_off_ns / 2);
 }
 
 TEST(Batcher, ASampleThatHadToWaitPastItsFreshnessIsDroppedAndCounted) {
@@ -374,7 +374,7 @@ TEST(Batcher, CountersAddUpAndNeverTwoAreInFlightWhateverHappens) {
     }
     if (!in_flight.empty()) batcher.finished(now, in_flight.front(), outcome(Kind::unavailable));
     const BatchConfig defaults;
-    now += defaults.longest_back_off_ns + defaults.refused_drone_pause_ns;
+    now += defaults.max_back_off_ns + defaults.refused_drone_pause_ns;
     batcher.add(now, sample(1, ++sequence, now));
     EXPECT_TRUE(batcher.next(now + defaults.linger_ns)) << "it always goes on, seed " << seed;
   }

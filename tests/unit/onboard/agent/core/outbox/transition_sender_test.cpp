@@ -124,17 +124,17 @@ TEST(TransitionSender, ALinkThatStartsAnewCountsFromOneAndTheOldOnesStillGo) {
 
 TEST(TransitionSender, WhenItIsFullLinkKeepsTheRest) {
   TransitionSender sender({}, two, 1);
-  for (std::uint64_t n = 1; n <= TransitionSender::most_kept + 5; ++n) sender.add(transition(n));
+  for (std::uint64_t n = 1; n <= TransitionSender::max_kept + 5; ++n) sender.add(transition(n));
   AgentBeat beat;
   sender.tell(beat);
-  EXPECT_EQ(beat.transitions_taken[1], TransitionSender::most_kept);
+  EXPECT_EQ(beat.transitions_taken[1], TransitionSender::max_kept);
   Numbers seen;
   while (const auto sending = sender.next(0)) {
     for (const std::uint64_t n : numbers(sending)) seen.push_back(n);
-    EXPECT_LE(sending->transitions.size(), TransitionSender::most_per_call);
+    EXPECT_LE(sending->transitions.size(), TransitionSender::max_per_call);
     sender.finished(0, sending->number, ended(Kind::committed));
   }
-  ASSERT_EQ(seen.size(), TransitionSender::most_kept);
+  ASSERT_EQ(seen.size(), TransitionSender::max_kept);
   for (std::size_t i = 0; i < seen.size(); ++i) EXPECT_EQ(seen[i], i + 1);
 }
 

@@ -21,7 +21,7 @@ constexpr TimeNs warm_up = 20 * ns_per_s, end = 80 * ns_per_s;
 
 struct Flown {
   double spacing_ms = 0;  ///< root mean square of the time between two new setpoints
-  double longest_ms = 0;
+  double max_ms = 0;
   double jerk_mps3 = 0;  ///< root mean square, of what the drone is told
   PlanCounters plans;
   TimeNs margin_ns = 0;
@@ -71,7 +71,7 @@ Flown fly(int block, bool smoothing) {
       playout.mark_sent();
       if (now - begin > warm_up) {
         spacing += std::pow(to_ms(now - last_fresh), 2);
-        flown.longest_ms = std::max(flown.longest_ms, to_ms(now - last_fresh));
+        flown.max_ms = std::max(flown.max_ms, to_ms(now - last_fresh));
         ++spaces;
       }
       last_fresh = now;
@@ -96,7 +96,7 @@ TEST(BurstsTest, BlocksOfManyCommandsFlyAsEvenlyAsSingleOnes) {
   const Flown even = fly(1, true);
   std::printf("block  smoothing  spacing rms, ms  longest, ms  jerk rms, m/s^3  margin, ms  applied, late, dropped\n");
   const auto print = [](int block, const char* how, const Flown& f) {
-    std::printf("%5d  %-9s  %15.1f  %11.0f  %15.1f  %10.0f  %u, %u, %u\n", block, how, f.spacing_ms, f.longest_ms,
+    std::printf("%5d  %-9s  %15.1f  %11.0f  %15.1f  %10.0f  %u, %u, %u\n", block, how, f.spacing_ms, f.max_ms,
                 f.jerk_mps3, to_ms(f.margin_ns), f.plans.applied, f.plans.late, f.plans.dropped);
   };
   for (const int block : {1, 5, 10, 50}) {
