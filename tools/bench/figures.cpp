@@ -21,15 +21,15 @@ std::optional<double> p99(const Turn& run) {
 std::optional<double> cpu(const Turn& run) { return run.cpu_ms_per_message(); }
 
 using Turns = std::vector<const Turn*>;
-LoopTicker select(const std::vector<Turn>& runs, int rate, const std::string& contender) {
-  LoopTicker found;
+Turns select(const std::vector<Turn>& runs, int rate, const std::string& contender) {
+  Turns found;
   for (const Turn& run : runs) {
     if (run.rate == rate && run.contender == contender) found.push_back(&run);
   }
   return found;
 }
 
-std::optional<Spread> spread(const LoopTicker& runs, Value value) {
+std::optional<Spread> spread(const Turns& runs, Value value) {
   std::vector<double> values;
   for (const Turn* run : runs) {
     if (const auto v = value(*run)) values.push_back(*v);
@@ -37,7 +37,7 @@ std::optional<Spread> spread(const LoopTicker& runs, Value value) {
   return spread_of(std::move(values));
 }
 
-std::optional<Spread> ratio(const LoopTicker& ours, const LoopTicker& theirs, Value value) {
+std::optional<Spread> ratio(const Turns& ours, const Turns& theirs, Value value) {
   std::vector<double> ratios;
   for (const Turn* one : ours) {
     const auto other =
@@ -49,7 +49,7 @@ std::optional<Spread> ratio(const LoopTicker& ours, const LoopTicker& theirs, Va
   return spread_of(std::move(ratios));
 }
 
-Figures figures_of(const LoopTicker& runs) {
+Figures figures_of(const Turns& runs) {
   Figures f{.p50_ms = spread(runs, p50), .p99_ms = spread(runs, p99), .cpu_ms_per_message = spread(runs, cpu)};
   for (const Turn* run : runs) {
     f.sent += run->sent;
@@ -128,10 +128,10 @@ Summary summarize(const std::vector<Turn>& runs) {
   for (const Turn& run : runs) summary.figures[run.rate][run.contender] = {};
   for (auto& [rate, of_rate] : summary.figures) {
     for (auto& [id, figures] : of_rate) figures = figures_of(select(runs, rate, id));
-    const LoopTicker ours = select(runs, rate, "ledgerline"), mbedtls = select(runs, rate, "ledgerline-mbedtls");
+    const Turns ours = select(runs, rate, "ledgerline"), mbedtls = select(runs, rate, "ledgerline-mbedtls");
     for (const Contender& baseline : contenders()) {
       if (baseline.way == Way::ledgerline || of_rate.count(baseline.id) == 0) continue;
-      const LoopTicker theirs = select(runs, rate, baseline.id);
+      const Turns theirs = select(runs, rate, baseline.id);
       summary.ratios.push_back({baseline.id, rate, ratio(ours, theirs, p50), ratio(ours, theirs, p99),
                                 ratio(ours, theirs, cpu), ratio(mbedtls, theirs, cpu)});
     }
