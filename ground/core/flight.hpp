@@ -10,7 +10,7 @@
 #include "common/belief/control_events.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/pacing.hpp"
+#include "common/fabric/sending/pacing.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/msg/ros.hpp"
@@ -214,7 +214,7 @@ class FlightCore {
   void take_stop(TimeNs now_ns, const Stop& stop);
   void take_control(TimeNs now_ns, const Control& control);
   void take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
-  void resend(InFlight& refused, const std::string& message);
+  void resend(InFlight& refused, const fabric::Outcome& outcome);
   void measure(TimeNs one_way_ns);
   static Timing timing_for(TimeNs soonest_ns, TimeNs in_time_ns, TimeNs tail_ns);
   const Timing& timing(const Drone& drone) const;

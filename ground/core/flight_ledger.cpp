@@ -306,7 +306,7 @@ void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std
       return;
     case fabric::Outcome::Kind::refused:
       ++transactions_.refused;
-      resend(flight, outcome.message);
+      resend(flight, outcome);
       return;
     case fabric::Outcome::Kind::unavailable:
       ++transactions_.unavailable;
@@ -318,10 +318,9 @@ void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std
 }
 
 // All plans but the refused drone's wait again, unless a newer one does already.
-void FlightCore::resend(InFlight& refused, const std::string& message) {
+void FlightCore::resend(InFlight& refused, const fabric::Outcome& outcome) {
   const auto names = [&](const Drone& drone) {
-    const auto at = message.find(drone.who.name + ":");
-    return at == 0 || (at != std::string::npos && message[at - 1] == ' ');
+    return outcome.refusal && fabric::names(*outcome.refusal, drone.who.name);
   };
   const bool one_drone = std::any_of(refused.commands.begin(), refused.commands.end(),
                                      [&](const PlannedCommand& c) { return names(*find(c.plan.drone())); });

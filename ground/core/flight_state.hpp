@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/sending/repeat.hpp"
 #include "common/msg/stops.hpp"
 #include "ground/core/flight.hpp"
 #include "ground/core/manual.hpp"

@@ -272,16 +272,11 @@ void Uplink::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& o
   }
 }
 
-// A refusal for one id begins with it, or with the name that it is below: the others go again.
+// Of a refusal for one id the others go again.
 void Uplink::take_refused(TimeNs now, Lane& lane, Call& call, const fabric::Outcome& outcome) {
-  const std::string_view words = fabric::words_of_contract(outcome.message);
-  const auto names = [&](std::string_view what) {
-    return words.size() > what.size() && words.starts_with(what) && words[what.size()] == ':';
-  };
   bool some = false;
   for (Message& message : call.messages) {
-    const Topic& topic = topics_[message.topic];
-    if (!names(topic.id) && !names(first_segment(topic.id))) continue;
+    if (!outcome.refusal || !names(*outcome.refusal, topics_[message.topic].id)) continue;
     slots_[message.topic].paused_until_ns = now + config_.refused_pause_ns;
     some = true;
   }

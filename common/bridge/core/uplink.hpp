@@ -11,7 +11,7 @@
 #include "common/bridge/core/ring.hpp"
 #include "common/bridge/core/rules.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/pacing.hpp"
+#include "common/fabric/sending/pacing.hpp"
 #include "common/msg/contract.hpp"
 #include "common/rt/histogram.hpp"
 

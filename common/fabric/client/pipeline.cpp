@@ -87,9 +87,7 @@ void Pipeline::submit(Call call, std::function<void(Outcome)> done) {
       return;
     }
   }
-  Outcome outcome;
-  outcome.message = "the client is being closed";
-  done(std::move(outcome));
+  done(Outcome::failed(Outcome::Kind::unavailable, "the client is being closed"));
 }
 
 void Pipeline::run() {
@@ -358,13 +356,9 @@ bool Pipeline::retry(const PendingPtr& p, const grpc::Status& status, void (Pipe
 }
 
 void Pipeline::finish(const PendingPtr& p, Outcome::Kind kind, const std::string& message) {
-  Outcome outcome;
-  outcome.kind = kind;
-  outcome.message = message;
-  if (kind == Outcome::Kind::unavailable) {
-    outcome.message = fmt::format("ledger at {}: {}", connection_->config.endpoint, message);
-  }
-  finish(p, std::move(outcome));
+  const bool away = kind == Outcome::Kind::unavailable;
+  finish(p, Outcome::failed(kind,
+                            away ? fmt::format("ledger at {}: {}", connection_->config.endpoint, message) : message));
 }
 
 void Pipeline::finish(const PendingPtr& p, Outcome outcome) {

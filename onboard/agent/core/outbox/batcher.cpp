@@ -1,7 +1,6 @@
 #include "onboard/agent/core/outbox/batcher.hpp"
 
 #include <algorithm>
-#include <string_view>
 
 namespace ledgerline::agent {
 namespace {
@@ -110,9 +109,11 @@ void Batcher::drop_all(const Frame& frame) {
   }
 }
 
-Batcher::Slot* Batcher::refused_drone(const Frame& frame, const std::string& message) {
-  const std::string_view reason = fabric::words_of_contract(message);
-  const auto names_it = [&](const StateSample& s) { return reason.starts_with(find(s.drone)->drone.name + ":"); };
+Batcher::Slot* Batcher::refused_drone(const Frame& frame, const fabric::Outcome& outcome) {
+  if (!outcome.refusal) return nullptr;
+  const auto names_it = [&](const StateSample& s) {
+    return fabric::names(*outcome.refusal, find(s.drone)->drone.name);
+  };
   for (const auto* samples : {&frame.samples, &frame.repeated}) {
     const auto it = std::find_if(samples->begin(), samples->end(), names_it);
     if (it != samples->end()) return find(it->drone);
@@ -162,7 +163,7 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
       break;
     case Kind::refused:
       ++transactions_.refused;
-      if (Slot* slot = refused_drone(frame, outcome.message)) {
+      if (Slot* slot = refused_drone(frame, outcome)) {
         send_again_without(now, *slot, frame);
       } else {
         drop_all(frame);

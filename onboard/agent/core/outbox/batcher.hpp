@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/pacing.hpp"
+#include "common/fabric/sending/pacing.hpp"
 #include "common/msg/onboard.hpp"
 
 namespace ledgerline::agent {
@@ -88,7 +88,7 @@ class Batcher {
   };
   Slot* find(DroneNumber drone);
   const Slot* find(DroneNumber drone) const;
-  Slot* refused_drone(const Frame& frame, const std::string& message);
+  Slot* refused_drone(const Frame& frame, const fabric::Outcome& outcome);
   bool ready(TimeNs now) const;
   void drop_all(const Frame& frame);
   void drop_stale(TimeNs now);

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "common/base/random.hpp"
-#include "common/fabric/client/client.hpp"
+#include "common/fabric/sending/outcome.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric {
