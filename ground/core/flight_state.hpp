@@ -80,11 +80,4 @@ struct FlightCore::Drone {
   bool in_air_phase() const { return status.phase >= DronePhase::takeoff && status.phase <= DronePhase::manual; }
 };
 
-struct FlightCore::InFlight {
-  std::uint64_t id = 0;
-  TimeNs submitted_ns = 0;
-  bool in_block = false;
-  std::vector<PlannedCommand> commands;
-};
-
 }  // namespace ledgerline::ground

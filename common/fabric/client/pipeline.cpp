@@ -243,7 +243,7 @@ void Pipeline::send_next() {
 void Pipeline::send(const PendingPtr& p) {
   p->stage = Stage::sent;
   p->attempts = 0;
-  p->backoff.reset();
+  p->back_off.succeeded();
   p->awaited = p->call.told_by_block && connection_->commits->await(p->proposal.tx_id);
   if (ordering_) {
     ordering_->send(p->envelope, p->deadline, [this, p](Ordering::Ended ended, const std::string& why) {
@@ -346,7 +346,7 @@ void Pipeline::on_status(const PendingPtr& p) {
 }
 
 bool Pipeline::retry(const PendingPtr& p, const grpc::Status& status, void (Pipeline::*again)(const PendingPtr&)) {
-  const auto at = std::chrono::system_clock::now() + p->backoff.next();
+  const auto at = std::chrono::system_clock::now() + std::chrono::nanoseconds(p->back_off.next(random_));
   if (!may_pass(status) || ++p->attempts >= max_attempts || at >= p->deadline) return false;
   p->alarm = std::make_shared<grpc::Alarm>();
   p->alarm->Set(&queue_, at, new Tag([this, p, again](bool) {

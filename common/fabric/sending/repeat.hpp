@@ -1,10 +1,9 @@
 #pragma once
-#include <algorithm>
 #include <cstdint>
 
 #include "common/base/random.hpp"
+#include "common/fabric/sending/back_off.hpp"
 #include "common/fabric/sending/outcome.hpp"
-#include "common/fabric/sending/pacing.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric {
@@ -52,7 +51,7 @@ class Repeat {
  private:
   RepeatLimits limits_;
   Random random_;
-  Pause pause_;
+  BackOff pause_;
   TimeNs until_ns_;
   int attempts_ = 0;
 };
