@@ -1,8 +1,8 @@
 #pragma once
 #include <array>
 
-#include "onboard/link/core/playout/playout.hpp"
 #include "onboard/link/core/settings.hpp"
+#include "onboard/link/core/velocity.hpp"
 
 namespace ledgerline::link {
 
