@@ -9,8 +9,8 @@
 #include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/repeat.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/sending/repeat.hpp"
 #include "common/msg/proto_json.hpp"
 #include "ledgerline.pb.h"
 

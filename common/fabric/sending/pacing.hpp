@@ -1,8 +1,7 @@
 #pragma once
 #include <algorithm>
 
-#include "common/base/random.hpp"
-#include "common/fabric/client/client.hpp"
+#include "common/fabric/sending/outcome.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric {
@@ -31,25 +30,6 @@ class Pacing {
  private:
   TimeNs smoothed_ns_ = 0;
   TimeNs gap_ns_ = 10 * shortest_ns;  // until something is known
-};
-
-/// Exponential back-off after failures: doubles up to `longest`, with jitter (half to whole); a success resets it.
-class Pause {
- public:
-  Pause(TimeNs first_ns, TimeNs max_ns) : first_ns_(first_ns), max_ns_(max_ns) {}
-
-  void failed(TimeNs now, Random& random) {
-    wait_ns_ = std::clamp(2 * wait_ns_, first_ns_, max_ns_);
-    until_ns_ = now + static_cast<TimeNs>(static_cast<double>(wait_ns_) * (0.5 + 0.5 * random.uniform()));
-  }
-  void succeeded() { wait_ns_ = 0; }
-  bool over(TimeNs now) const { return now >= until_ns_; }
-  TimeNs until_ns() const { return until_ns_; }
-
- private:
-  TimeNs first_ns_, max_ns_;
-  TimeNs wait_ns_ = 0;
-  TimeNs until_ns_ = INT64_MIN;
 };
 
 }  // namespace ledgerline::fabric

@@ -1,27 +1,12 @@
 #pragma once
-#include <algorithm>
 #include <cstdint>
 
 #include "common/base/random.hpp"
-#include "common/fabric/client/client.hpp"
-#include "common/fabric/client/pacing.hpp"
+#include "common/fabric/sending/back_off.hpp"
+#include "common/fabric/sending/outcome.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric {
-
-/// The contract itself said no, so that asking again is in vain. Anything else that refuses a call may pass: a peer
-/// without its contract, a relay that alters, an orderer that is not ready.
-inline bool refused_by_contract(const Outcome& outcome) {
-  if (outcome.kind != Outcome::Kind::refused) return false;
-  const std::string_view words = words_of_contract(outcome.message);
-  // What a peer of Fabric answers in the contract's stead when it cannot run it.
-  return words.size() < outcome.message.size() && !words.starts_with("error in simulation");
-}
-
-/// In a block, but what it had read was written by another before it: MVCC_READ_CONFLICT or PHANTOM_READ_CONFLICT.
-inline bool lost_to_another(const Outcome& outcome) {
-  return outcome.kind == Outcome::Kind::invalidated && (outcome.code == 11 || outcome.code == 12);
-}
 
 struct RepeatLimits {
   TimeNs first_pause_ns = 50 * ns_per_ms;  ///< a block or two of a near ledger
@@ -54,7 +39,7 @@ class Repeat {
   Next ended(TimeNs now, const Outcome& outcome) {
     ++attempts_;
     if (outcome.kind == Outcome::Kind::committed) return Next::on_ledger;
-    if (refused_by_contract(outcome)) return Next::refused;
+    if (outcome.refusal) return Next::refused;
     pause_.failed(now, random_);
     const bool may_pass = !limits_.conflicts_only || lost_to_another(outcome);
     return may_pass && attempts_ < limits_.attempts && pause_.until_ns() < until_ns_ ? Next::again : Next::given_up;
@@ -66,7 +51,7 @@ class Repeat {
  private:
   RepeatLimits limits_;
   Random random_;
-  Pause pause_;
+  BackOff pause_;
   TimeNs until_ns_;
   int attempts_ = 0;
 };

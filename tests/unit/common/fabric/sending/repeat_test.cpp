@@ -1,4 +1,4 @@
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/sending/repeat.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,9 +11,7 @@ using Next = Repeat::Next;
 constexpr TimeNs start = 50 * ns_per_s;
 
 Outcome ended(Kind kind, std::string message = {}, int code = 0) {
-  Outcome outcome;
-  outcome.kind = kind;
-  outcome.message = std::move(message);
+  Outcome outcome = Outcome::failed(kind, std::move(message));
   outcome.code = code;
   return outcome;
 }
