@@ -8,7 +8,7 @@
 #include "common/msg/ros.hpp"
 #include "hil/virtual/digester.hpp"
 #include "hil/virtual/ledger/ledger_audit.hpp"
-#include "hil/virtual/wires.hpp"
+#include "hil/virtual/wires/wires.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/link/shell/starts.hpp"
 

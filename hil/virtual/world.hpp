@@ -8,11 +8,11 @@
 
 #include "common/crypto/crypto.hpp"
 #include "ground/core/flight.hpp"
-#include "hil/virtual/drone_lines.hpp"
 #include "hil/virtual/ledger/ledger_port.hpp"
 #include "hil/virtual/ledger/stoppers.hpp"
 #include "hil/virtual/ledger/virtual_ledger.hpp"
 #include "hil/virtual/local_loop.hpp"
+#include "hil/virtual/wires/drone_lines.hpp"
 #include "hil/virtual/witness.hpp"
 #include "hil/virtual/world_setup.hpp"
 #include "onboard/agent/core/agent_core.hpp"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/msg/onboard.hpp"
-#include "hil/virtual/drone_lines.hpp"
+#include "hil/virtual/wires/drone_lines.hpp"
 #include "onboard/link/core/link_core.hpp"
 
 namespace ledgerline::hil {
