@@ -10,7 +10,6 @@
 #include "hil/virtual/ledger/ledger_audit.hpp"
 #include "hil/virtual/wires/wires.hpp"
 #include "ledgerline.pb.h"
-#include "onboard/link/shell/starts.hpp"
 
 namespace ledgerline::hil {
 namespace {

@@ -196,4 +196,8 @@ struct LinkSettings {
   FenceSettings fence;
 };
 
+/// Starts further back count no more: after so long without a word a Tello lands by itself, so what is older held
+/// nothing in the air. The launcher counts ends of link within as long.
+inline constexpr TimeNs starts_within_ns = 15 * ns_per_s;
+
 }  // namespace ledgerline::link

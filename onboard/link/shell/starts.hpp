@@ -3,12 +3,9 @@
 
 #include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
+#include "onboard/link/core/settings.hpp"
 
 namespace ledgerline::link {
-
-/// Starts further back count no more: after so long without a word a Tello lands by itself, so what is older held
-/// nothing in the air. The launcher counts ends of link within as long.
-inline constexpr TimeNs starts_within_ns = 15 * ns_per_s;
 
 /// Writes this start into `file` and says how many starts it holds within starts_within_ns, this one counted: at most
 /// 64. CLOCK_MONOTONIC, so what was written before the computer was switched on last counts nothing. A file that is
