@@ -12,8 +12,11 @@
 #include "common/base/log.hpp"
 #include "common/rt/clock.hpp"
 #include "hil/fault/campaign.hpp"
+#include "hil/fault/draw.hpp"
 #include "hil/fault/real/real.hpp"
 #include "hil/fault/real/replay.hpp"
+#include "hil/fault/report.hpp"
+#include "hil/fault/shrink.hpp"
 
 namespace {
 

@@ -1,13 +1,11 @@
 #pragma once
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
-#include "hil/fault/judge/judge.hpp"
-#include "hil/fault/script.hpp"
+#include "hil/fault/judge/rule.hpp"
 
 namespace ledgerline::hil {
 
@@ -23,11 +21,8 @@ struct TimelinePoint {
 };
 
 inline constexpr TimeNs timeline_period_ns = 50 * ns_per_ms;
-TimelinePoint point_of(TimeNs now, const DroneFacts& facts);
 
-/// What the invariants allow in a flight of this script, whose drones stand where the facts say.
-Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones);
-
+/// What became of one run of a script.
 struct RunResult {
   std::string script, title;
   std::uint64_t seed = 0;
@@ -47,18 +42,5 @@ struct RunResult {
   std::array<double, 2> fence_min_m{}, fence_max_m{};
 };
 inline constexpr std::size_t max_events = 5'000;
-
-/// Flies a script in virtual time and judges it. The same script and seed give the same result, digest included. An
-/// error is one of the set-up. Many threads may do this at once, each its own run.
-Result<RunResult> run_script(const Script& script, std::uint64_t seed);
-
-/// A script from the fault space: a flight of about 30 s with one to four faults, one in five with a death of link
-/// behind which the drone is not seen; only the invariants are judged. The same number, the same script. `recording`: a
-/// file of delays that some of them have (hil/lines/distribution.hpp).
-Script draw_script(std::uint64_t number, const std::string& recording = {});
-
-/// The shortest script that still fails: faults left out, laps, drones and durations made less, as long as `fails` says
-/// so. Calls it at most `most` times. `script` itself must fail.
-Script shrink(Script script, const std::function<bool(const Script&)>& fails, int most = 200);
 
 }  // namespace ledgerline::hil

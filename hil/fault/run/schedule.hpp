@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "hil/fault/fault.hpp"
+#include "hil/fault/kinds/fault.hpp"
 #include "hil/virtual/world.hpp"
 
 namespace ledgerline::hil {
@@ -39,6 +39,7 @@ class FaultSchedule {
   /// What a fault does to one drone, from its beginning until aftermath_ns (of link: restart_ns) behind its end.
   struct Effect {
     bool pushed = false;    ///< from outside, or broken (that for good): how fast and how high it gets says nothing
+    bool broken = false;    ///< for good: it may turn over
     bool deafened = false;  ///< what it is told may not get there: it flies on with the last rc it got, as a Tello does
   };
   Effect effect_on(std::size_t drone, TimeNs now) const;
@@ -47,15 +48,13 @@ class FaultSchedule {
   static constexpr TimeNs restart_ns = 1 * ns_per_s;
 
  private:
-  explicit FaultSchedule(std::vector<Item> items) : items_(std::move(items)) {}
-  void begin(VirtualWorld& world, Item& item);
-  void end(VirtualWorld& world, Item& item);
-  /// Computed anew from all active faults, since faults may overlap: lines, sensors, mocap, drain, and what follows.
-  void apply(VirtualWorld& world) const;
-  void apply_processes(VirtualWorld& world) const;
-  void apply_wind(VirtualWorld& world) const;
+  FaultSchedule(std::vector<Item> items, std::size_t drones) : items_(std::move(items)), drone_count_(drones) {}
+  void begin(VirtualWorld& world, const Item& item) const;
+  void end(VirtualWorld& world, const Item& item) const;
+  Effects effects() const;  ///< of all that are active
 
   std::vector<Item> items_;
+  std::size_t drone_count_ = 0;
 };
 
 }  // namespace ledgerline::hil
