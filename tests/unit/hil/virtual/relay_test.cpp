@@ -45,7 +45,7 @@ TEST_P(RelayLies, NothingIsFlownThatNobodySigned) {
   }
 }
 
-// With sanitizers one of eight: what is compared is tested whole in tests/unit/belief and tests/unit/agent.
+// With sanitizers one of eight: what is compared is tested whole in tests/unit/common/belief and tests/unit/onboard/agent.
 std::vector<std::string> lies() {
   const auto all = relay_lie_names();
   std::vector<std::string> some;
