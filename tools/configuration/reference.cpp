@@ -13,6 +13,7 @@
 #include "hil/proxy/settings.hpp"
 #include "onboard/agent/shell/settings.hpp"
 #include "onboard/link/shell/link_config.hpp"
+#include "tools/deployment/deployment.hpp"
 
 namespace ledgerline::configuration {
 namespace {
@@ -78,6 +79,10 @@ const std::vector<Source>& sources() {
        "come before the file.",
        {},
        [](Config& config) { (void)fabric_network::read_options(config, fabric_network::Options{}); }},
+      {"deployment",
+       "`deployment.toml`: [which hosts, drones, ledger](deployment.md).",
+       {},
+       [](Config& config) { (void)deployment::read(config, "deployment.toml"); }},
       {ledger,
        "Where the ledger is, and whom to believe. At least one `[[msp]]` must be there; control alone, which reads no "
        "block, has none.",
