@@ -191,7 +191,7 @@ int main(int argc, char** argv) {
   }
   if (proxy->parsed()) return run_proxy(proxy_config, script);
   if (faults->parsed()) return tell_faults(socket, command);
-  config.mode = mode == "local" ? hil::VirtualFlightConfig::Mode::local : hil::VirtualFlightConfig::Mode::ledger;
+  config.mode = mode == "local" ? hil::WorldConfig::Mode::local : hil::WorldConfig::Mode::ledger;
   config.predict = predict == "on";
   config.max_age_ns = from_seconds(max_age_s);
   config.batch_timeout_ns = from_seconds(batch_timeout_s);

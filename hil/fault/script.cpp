@@ -73,7 +73,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   flight.battery = config.number("flight.battery", flight.battery, 0, 1);
   flight.keeps_rc = config.boolean("flight.keeps_rc", flight.keeps_rc);
   flight.command_counts = config.boolean("flight.command_counts", flight.command_counts);
-  flight.room_m = config.number("flight.room_m", flight.room_m, -10, 100);
+  flight.room_m = config.number("flight.room_m", *flight.room_m, -10, 100);
   flight.batch_count = static_cast<std::size_t>(config.integer("flight.batch_count", 1, 1, 1'000));
   flight.batch_timeout_ns = duration(config, "flight.batch_timeout", flight.batch_timeout_ns, ns_per_ms, 10 * ns_per_s);
   script.limit_ns = duration(config, "flight.limit", script.limit_ns, ns_per_s, 3600 * ns_per_s);
@@ -153,7 +153,7 @@ std::string text_of(const Script& script) {
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
   if (f.keeps_rc != usual.keeps_rc) text += fmt::format("keeps_rc = {}\n", f.keeps_rc);
   if (f.command_counts != usual.command_counts) text += fmt::format("command_counts = {}\n", f.command_counts);
-  if (f.room_m != usual.room_m) text += fmt::format("room_m = {}\n", f.room_m);
+  if (f.room_m != usual.room_m) text += fmt::format("room_m = {}\n", f.room_m.value_or(0));
   if (f.batch_count != usual.batch_count) text += fmt::format("batch_count = {}\n", f.batch_count);
   if (f.batch_timeout_ns != usual.batch_timeout_ns)
     text += fmt::format("batch_timeout = \"{} ms\"\n", to_ms(f.batch_timeout_ns));

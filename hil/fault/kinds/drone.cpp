@@ -16,12 +16,11 @@ Result<FaultActs> line_effects(const Said& said) {
   if (line == "to" || line == "both") lines.push_back(LineAt::to);
   if (line == "answers" || line == "from" || line == "both") lines.push_back(LineAt::answers);
   if (line == "states" || line == "from" || line == "both") lines.push_back(LineAt::states);
-  FaultActs acts;
-  acts.deafens = lines.front() == LineAt::to;
-  acts.lasts_on = [lines, effects = *effects](Effects::OfDrone& drone, std::size_t) {
-    for (const LineAt at : lines) overlay(effects, drone.line(at));
-  };
-  return acts;
+  return FaultActs{.lasts_on =
+                       [lines, effects = *effects](Effects::OfDrone& drone, std::size_t) {
+                         for (const LineAt at : lines) overlay(effects, drone.line(at));
+                       },
+                   .deafens = lines.front() == LineAt::to};
 }
 
 Result<FaultActs> plan_effects(const Said& said) {
@@ -32,98 +31,88 @@ Result<FaultActs> plan_effects(const Said& said) {
                                 : effects->rate         ? "rate"
                                                         : "";
   if (!none.empty()) return Error{"agent hands plans on in shared memory, which has no " + std::string(none)};
-  FaultActs acts;
-  acts.lasts_on = [effects = *effects](Effects::OfDrone& drone, std::size_t) {
-    overlay(effects, drone.line(LineAt::plans));
-  };
-  acts.not_real = because("plans go from agent to link in shared memory");
-  return acts;
+  return FaultActs{.lasts_on = [effects = *effects](Effects::OfDrone& drone,
+                                                    std::size_t) { overlay(effects, drone.line(LineAt::plans)); },
+                   .not_real = because("plans go from agent to link in shared memory")};
 }
 
 Result<FaultActs> reboot(const Said&) {
-  FaultActs acts;
-  acts.momentary = acts.pushes = true;
-  acts.strike = [](VirtualWorld& world, std::size_t drone) { world.sim().restart(number_of(world, drone)); };
-  acts.not_real = because(inside_the_simulation);
-  return acts;
+  return FaultActs{
+      .strike = [](VirtualWorld& world, std::size_t drone) { world.sim().restart(number_of(world, drone)); },
+      .not_real = because(inside_the_simulation),
+      .momentary = true,
+      .pushes = true};
 }
 
 Result<FaultActs> lose_propeller(const Said&) {
-  FaultActs acts;
-  acts.momentary = acts.pushes = acts.breaks = acts.for_good = true;
-  acts.strike = [](VirtualWorld& world, std::size_t drone) { world.sim().lose_propeller(number_of(world, drone)); };
-  acts.not_real = because(inside_the_simulation);
-  return acts;
+  return FaultActs{
+      .strike = [](VirtualWorld& world, std::size_t drone) { world.sim().lose_propeller(number_of(world, drone)); },
+      .not_real = because(inside_the_simulation),
+      .momentary = true,
+      .pushes = true,
+      .breaks = true,
+      .for_good = true};
 }
 
 Result<FaultActs> set_battery(const Said& said) {
   const auto share = share_of(said.words[0]);
   if (!share) return Error{"battery must be followed by a share, 0% to 100%"};
-  FaultActs acts;
-  acts.momentary = true;
-  acts.strike = [share = *share](VirtualWorld& world, std::size_t drone) {
-    world.sim().set_battery(number_of(world, drone), share);
-  };
-  acts.not_real = because(inside_the_simulation);
-  return acts;
+  return FaultActs{
+      .strike = [share = *share](VirtualWorld& world,
+                                 std::size_t drone) { world.sim().set_battery(number_of(world, drone), share); },
+      .not_real = because(inside_the_simulation),
+      .momentary = true};
 }
 
 Result<FaultActs> drain(const Said& said) {
   const auto share = share_of(said.words[0]);
   if (!share) return Error{"drain must be followed by a share a second, 0% to 100%"};
-  FaultActs acts;
-  acts.lasts_on = [share = *share](Effects::OfDrone& drone, std::size_t) { drone.drain_per_s += share; };
-  acts.not_real = because(inside_the_simulation);
-  return acts;
+  return FaultActs{.lasts_on = [share = *share](Effects::OfDrone& drone, std::size_t) { drone.drain_per_s += share; },
+                   .not_real = because(inside_the_simulation)};
 }
 
 Result<FaultActs> kick(const Said& said) {
   const auto velocity = vector_of(said.words);
   if (!velocity) return Error{"kick must be followed by three velocities in m/s"};
-  FaultActs acts;
-  acts.momentary = acts.pushes = true;
-  acts.strike = [velocity = *velocity](VirtualWorld& world, std::size_t drone) {
-    world.sim().kick(number_of(world, drone), velocity);
-  };
-  acts.not_real = because(inside_the_simulation);
-  return acts;
+  return FaultActs{
+      .strike = [velocity = *velocity](VirtualWorld& world,
+                                       std::size_t drone) { world.sim().kick(number_of(world, drone), velocity); },
+      .not_real = because(inside_the_simulation),
+      .momentary = true,
+      .pushes = true};
 }
 
 // Winds add up.
 Result<FaultActs> wind(const Said& said) {
   const auto velocity = vector_of(said.words);
   if (!velocity) return Error{"wind must be followed by three velocities in m/s"};
-  FaultActs acts;
-  acts.pushes = true;
-  acts.lasts = [velocity = *velocity](Effects& effects) {
-    for (std::size_t i = 0; i < 3; ++i) effects.wind_mps[i] += velocity[i];
-  };
-  acts.not_real = because(inside_the_simulation);
-  return acts;
+  return FaultActs{.lasts =
+                       [velocity = *velocity](Effects& effects) {
+                         for (std::size_t i = 0; i < 3; ++i) effects.wind_mps[i] += velocity[i];
+                       },
+                   .not_real = because(inside_the_simulation),
+                   .pushes = true};
 }
 
 Result<FaultActs> sensor(const Said& said) {
   const auto fault = parse_sensor(said.rest);
   if (!fault) return fault.error();
-  FaultActs acts;
-  acts.lasts_on = [fault = *fault](Effects::OfDrone& drone, std::size_t item) {
-    drone.sensors.push_back(fault);
-    drone.sensors.back().item = item;
-  };
-  acts.really_begin = [text = said.text](RealActs& real, const RealLedger&) { real.proxy.push_back(text); };
-  acts.really_end = [text = said.text](RealActs& real, const RealLedger&, bool) {
-    real.proxy.push_back(text + " off");
-  };
-  return acts;
+  return FaultActs{
+      .lasts_on =
+          [fault = *fault](Effects::OfDrone& drone, std::size_t item) {
+            drone.sensors.push_back(fault);
+            drone.sensors.back().item = item;
+          },
+      .really_begin = [text = said.text](RealActs& real, const RealLedger&) { real.proxy.push_back(text); },
+      .really_end = [text = said.text](RealActs& real, const RealLedger&,
+                                       bool) { real.proxy.push_back(text + " off"); }};
 }
 
 Result<FaultActs> of_mocap(void (*set)(MocapFault&, const std::array<double, 3>&), const std::array<double, 3>& value,
                            double misleads_m = 0) {
-  FaultActs acts;
-  acts.misleads_m = misleads_m;
-  acts.lasts_on = [set, value](Effects::OfDrone& drone, std::size_t) { set(drone.mocap, value); };
-  acts.not_real = because(inside_the_simulation);
-  return acts;
+  return FaultActs{.lasts_on = [set, value](Effects::OfDrone& drone, std::size_t) { set(drone.mocap, value); },
+                   .not_real = because(inside_the_simulation),
+                   .misleads_m = misleads_m};
 }
 
 Result<FaultActs> mocap_frozen(const Said&) {
@@ -149,21 +138,17 @@ Result<FaultActs> mocap_every(const Said& said) {
   const auto period = parse_time(said.words[0]);
   if (!period) return period.error();
   if (*period <= 0) return Error{"every must be followed by more than 0 s"};
-  FaultActs acts;
-  acts.lasts_on = [period = *period](Effects::OfDrone& drone, std::size_t) { drone.mocap.period_ns = period; };
-  acts.not_real = because(inside_the_simulation);
-  return acts;
+  return FaultActs{
+      .lasts_on = [period = *period](Effects::OfDrone& drone, std::size_t) { drone.mocap.period_ns = period; },
+      .not_real = because(inside_the_simulation)};
 }
 
 Result<FaultActs> mocap_effects(const Said& said) {
   const auto effects = effects_in(said.rest);
   if (!effects) return effects.error();
-  FaultActs acts;
-  acts.lasts_on = [effects = *effects](Effects::OfDrone& drone, std::size_t) {
-    overlay(effects, drone.line(LineAt::mocap));
-  };
-  acts.not_real = because("mocap goes past the proxy, by DDS");
-  return acts;
+  return FaultActs{.lasts_on = [effects = *effects](Effects::OfDrone& drone,
+                                                    std::size_t) { overlay(effects, drone.line(LineAt::mocap)); },
+                   .not_real = because("mocap goes past the proxy, by DDS")};
 }
 
 constexpr FaultKind drone_table[] = {

@@ -17,18 +17,18 @@ struct Fault;
 /// the table makes it of the words of the script; a function that is empty does nothing.
 struct FaultActs {
   // Virtual time.
-  std::function<void(VirtualWorld&, std::size_t drone)> strike;  ///< at its beginning, each drone that it names
-  std::function<void(VirtualWorld&)> begin;                      ///< behind that, once
-  std::function<void(VirtualWorld&)> end;                        ///< unless the same words go on
-  std::function<void(Effects&)> lasts;                           ///< while it goes on
+  std::function<void(VirtualWorld&, std::size_t drone)> strike{};  ///< at its beginning, each drone that it names
+  std::function<void(VirtualWorld&)> begin{};                      ///< behind that, once
+  std::function<void(VirtualWorld&)> end{};                        ///< unless the same words go on
+  std::function<void(Effects&)> lasts{};                           ///< while it goes on
   /// The same, of each drone that it names; `item` is its number in the script.
-  std::function<void(Effects::OfDrone&, std::size_t item)> lasts_on;
+  std::function<void(Effects::OfDrone&, std::size_t item)> lasts_on{};
 
   // The real processes; what `lasts` and `lasts_on` do to drones' lines and connections is done by the proxy.
-  std::function<void(RealActs&, const RealLedger&)> really_begin;
-  std::function<void(RealActs&, const RealLedger&, bool goes_on)> really_end;  ///< `goes_on`: the same words do
+  std::function<void(RealActs&, const RealLedger&)> really_begin{};
+  std::function<void(RealActs&, const RealLedger&, bool goes_on)> really_end{};  ///< `goes_on`: the same words do
   /// Why it cannot be; empty: it can.
-  std::function<std::string(const Fault&, const RealLedger&)> not_real;
+  std::function<std::string(const Fault&, const RealLedger&)> not_real{};
 
   // Properties.
   bool momentary = false;          ///< over by itself as soon as it began

@@ -18,24 +18,23 @@ void signal_ledger(RealActs& real, const RealLedger& ledger, int signal) {
 }
 
 Result<FaultActs> stall_ledger(const Said&) {
-  FaultActs acts;
-  acts.lasts = [](Effects& effects) { effects.ledger_stalled = true; };
-  acts.really_begin = [](RealActs& real, const RealLedger& ledger) { signal_ledger(real, ledger, SIGSTOP); };
-  acts.really_end = [](RealActs& real, const RealLedger& ledger, bool goes_on) {
-    if (!goes_on) signal_ledger(real, ledger, SIGCONT);
-  };
-  return acts;
+  return FaultActs{
+      .lasts = [](Effects& effects) { effects.ledger_stalled = true; },
+      .really_begin = [](RealActs& real, const RealLedger& ledger) { signal_ledger(real, ledger, SIGSTOP); },
+      .really_end =
+          [](RealActs& real, const RealLedger& ledger, bool goes_on) {
+            if (!goes_on) signal_ledger(real, ledger, SIGCONT);
+          }};
 }
 
 Result<FaultActs> restart_ledger(const Said&) {
-  FaultActs acts;
-  acts.momentary = true;
-  acts.begin = [](VirtualWorld& world) { world.restart_ledger(); };
-  acts.not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
-    return ledger.fabric ? "name the part: `peer 1 kill`, `orderer 1 kill`, `chaincode 1 kill`"
-                         : "the embedded node's end is the flight's end: use `ledger stall`, or fly on Fabric";
-  };
-  return acts;
+  return FaultActs{.begin = [](VirtualWorld& world) { world.restart_ledger(); },
+                   .not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
+                     return ledger.fabric
+                                ? "name the part: `peer 1 kill`, `orderer 1 kill`, `chaincode 1 kill`"
+                                : "the embedded node's end is the flight's end: use `ledger stall`, or fly on Fabric";
+                   },
+                   .momentary = true};
 }
 
 /// While it goes on, of each of these processes' connections.
@@ -47,30 +46,25 @@ auto on_ports(std::string_view whose, Set set) {
 }
 
 Result<FaultActs> cut(const Said& said) {
-  FaultActs acts;
-  acts.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.cut = true; });
-  acts.really_begin = [processes = processes_of(said.words[0])](RealActs& real, const RealLedger& ledger) {
-    for (const Process process : processes) {
-      for (const std::string& server : servers_of(process, ledger)) real.proxy.push_back("server " + server + " cut");
-    }
-  };
-  return acts;
+  return FaultActs{.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.cut = true; }),
+                   .really_begin = [processes = processes_of(said.words[0])](RealActs& real, const RealLedger& ledger) {
+                     for (const Process process : processes) {
+                       for (const std::string& server : servers_of(process, ledger))
+                         real.proxy.push_back("server " + server + " cut");
+                     }
+                   }};
 }
 
 Result<FaultActs> stale(const Said& said) {
-  FaultActs acts;
-  acts.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.stale = true; });
-  acts.not_real = because("a peer that is behind its channel is not built: virtual time alone has it");
-  return acts;
+  return FaultActs{.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.stale = true; }),
+                   .not_real = because("a peer that is behind its channel is not built: virtual time alone has it")};
 }
 
 Result<FaultActs> lie(const Said& said) {
   const auto lie = lie_from(said.rest);
   if (!lie) return Error{"lies must be followed by one of " + lies()};
-  FaultActs acts;
-  acts.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.lie = lie; });
-  acts.not_real = because(nobody_real);
-  return acts;
+  return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.lie = lie; }),
+                   .not_real = because(nobody_real)};
 }
 
 // Of several relays the later one in the script counts.
@@ -79,22 +73,19 @@ Result<FaultActs> relay(const Said& said) {
   const auto lie = words.empty() ? std::nullopt : relay_lie_from(words[0]);
   if (!lie || words.size() > 2 || (words.size() == 2 && words[1] != "compared"))
     return Error{"ledger relay must be followed by one of " + relay_lies() + ", and may by compared"};
-  FaultActs acts;
-  acts.lasts = [lies = Effects::OfRelay{*lie, words.size() == 2}](Effects& effects) { effects.relay = lies; };
-  acts.not_real = because(nobody_real);
-  return acts;
+  return FaultActs{
+      .lasts = [lies = Effects::OfRelay{*lie, words.size() == 2}](Effects& effects) { effects.relay = lies; },
+      .not_real = because(nobody_real)};
 }
 
 // Without a way: both.
 Result<FaultActs> stall_port(const Said& said) {
   const bool one_way = said.words.size() > 1;
   const bool to = !one_way || said.words[1] == "to", from = !one_way || said.words[1] == "from";
-  FaultActs acts;
-  acts.lasts = on_ports(said.words[0], [to, from](Effects::OfPort& port) {
-    port.stall_to = port.stall_to || to;
-    port.stall_from = port.stall_from || from;
-  });
-  return acts;
+  return FaultActs{.lasts = on_ports(said.words[0], [to, from](Effects::OfPort& port) {
+                     port.stall_to = port.stall_to || to;
+                     port.stall_from = port.stall_from || from;
+                   })};
 }
 
 // Of several delays the later one in the script counts.
@@ -103,12 +94,10 @@ Result<FaultActs> delay_port(const Said& said) {
   const bool to = !one_way || said.words[1] == "to", from = !one_way || said.words[1] == "from";
   const auto delay = parse_distribution(said.rest);
   if (!delay) return delay.error();
-  FaultActs acts;
-  acts.lasts = on_ports(said.words[0], [to, from, delay = *delay](Effects::OfPort& port) {
-    if (to) port.delay_to = delay;
-    if (from) port.delay_from = delay;
-  });
-  return acts;
+  return FaultActs{.lasts = on_ports(said.words[0], [to, from, delay = *delay](Effects::OfPort& port) {
+                     if (to) port.delay_to = delay;
+                     if (from) port.delay_from = delay;
+                   })};
 }
 
 Result<FaultActs> refuse_effect(const Said& said) {
@@ -125,10 +114,8 @@ Result<FaultActs> refuse_effect(const Said& said) {
 Result<FaultActs> slip(const Said& said) {
   const auto slip = slip_from(said.rest);
   if (!slip) return Error{"operator errs must be followed by one of " + slips()};
-  FaultActs acts;
-  acts.lasts = on_ports("ground", [slip = *slip](Effects::OfPort& port) { port.slip = slip; });
-  acts.not_real = because(nobody_real);
-  return acts;
+  return FaultActs{.lasts = on_ports("ground", [slip = *slip](Effects::OfPort& port) { port.slip = slip; }),
+                   .not_real = because(nobody_real)};
 }
 
 Result<FaultActs> say_stop(const Said& said) {
@@ -137,21 +124,21 @@ Result<FaultActs> say_stop(const Said& said) {
                           : who == "supervisor" ? Stopper::supervisor
                                                 : Stopper::stranger;
   const StopWord stop_word = word == "stop" ? StopWord::stop : word == "cut" ? StopWord::cut : StopWord::resume;
-  FaultActs acts;
-  acts.momentary = true;
-  acts.pushes = stop_word == StopWord::cut;
-  acts.needs_supervisors = stopper != Stopper::operating;
-  acts.strike = [stopper, stop_word](VirtualWorld& world, std::size_t drone) {
-    world.say_stop(stopper, drone, stop_word);
-  };
-  acts.really_begin = [word = std::string(word), drone = said.drone](RealActs& real, const RealLedger&) {
-    real.control = {word, drone};
-  };
-  acts.not_real = [stopper, stop_word](const Fault&, const RealLedger&) -> std::string {
-    if (stopper != Stopper::operating) return "nobody but the operator is enrolled there: virtual time alone has it";
-    return stop_word == StopWord::cut ? "a real flight's motors are not cut: virtual time alone has it" : "";
-  };
-  return acts;
+  return FaultActs{.strike = [stopper, stop_word](VirtualWorld& world,
+                                                  std::size_t drone) { world.say_stop(stopper, drone, stop_word); },
+                   .really_begin =
+                       [word = std::string(word), drone = said.drone](RealActs& real, const RealLedger&) {
+                         real.control = {word, drone};
+                       },
+                   .not_real = [stopper, stop_word](const Fault&, const RealLedger&) -> std::string {
+                     if (stopper != Stopper::operating)
+                       return "nobody but the operator is enrolled there: virtual time alone has it";
+                     return stop_word == StopWord::cut ? "a real flight's motors are not cut: virtual time alone has it"
+                                                       : "";
+                   },
+                   .momentary = true,
+                   .pushes = stop_word == StopWord::cut,
+                   .needs_supervisors = stopper != Stopper::operating};
 }
 
 constexpr FaultKind ledger_table[] = {

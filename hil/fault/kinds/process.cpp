@@ -19,49 +19,46 @@ void signal(RealActs& real, Process process, int signal) {
 
 Result<FaultActs> kill(const Said& said) {
   const Process process = processes_of(said.words[0])[0];
-  FaultActs acts;
-  acts.stops_link = process == Process::link;
-  acts.kills = process == Process::link ? "link" : process == Process::agent ? "agent" : "ground";
-  acts.begin = [process](VirtualWorld& world) { world.kill(process); };
-  acts.end = [process](VirtualWorld& world) { world.start(process); };
-  acts.really_begin = [process](RealActs& real, const RealLedger&) { signal(real, process, SIGKILL); };
-  acts.not_real = [process](const Fault& fault, const RealLedger&) -> std::string {
-    if (process == Process::ground) return "ground's end is the flight's end: use `ground stop`";
-    const bool short_enough = fault.for_ns > 0 && fault.for_ns <= max_death_ns;
-    return short_enough ? "" : "the launcher starts it again at once: `for` must be at most 1 s";
-  };
-  return acts;
+  return FaultActs{.begin = [process](VirtualWorld& world) { world.kill(process); },
+                   .end = [process](VirtualWorld& world) { world.start(process); },
+                   .really_begin = [process](RealActs& real, const RealLedger&) { signal(real, process, SIGKILL); },
+                   .not_real = [process](const Fault& fault, const RealLedger&) -> std::string {
+                     if (process == Process::ground) return "ground's end is the flight's end: use `ground stop`";
+                     const bool short_enough = fault.for_ns > 0 && fault.for_ns <= max_death_ns;
+                     return short_enough ? "" : "the launcher starts it again at once: `for` must be at most 1 s";
+                   },
+                   .stops_link = process == Process::link,
+                   .kills = process == Process::link    ? "link"
+                            : process == Process::agent ? "agent"
+                                                        : "ground"};
 }
 
 Result<FaultActs> stop(const Said& said) {
   const Process process = processes_of(said.words[0])[0];
-  FaultActs acts;
-  acts.stops_link = process == Process::link;
-  acts.lasts = [process](Effects& effects) { effects.stopped[static_cast<std::size_t>(process)] = true; };
-  acts.really_begin = [process](RealActs& real, const RealLedger&) { signal(real, process, SIGSTOP); };
-  acts.really_end = [process](RealActs& real, const RealLedger&, bool goes_on) {
-    if (!goes_on) signal(real, process, SIGCONT);
-  };
-  return acts;
+  return FaultActs{.lasts = [process](Effects& effects) { effects.stopped[static_cast<std::size_t>(process)] = true; },
+                   .really_begin = [process](RealActs& real, const RealLedger&) { signal(real, process, SIGSTOP); },
+                   .really_end =
+                       [process](RealActs& real, const RealLedger&, bool goes_on) {
+                         if (!goes_on) signal(real, process, SIGCONT);
+                       },
+                   .stops_link = process == Process::link};
 }
 
 Result<FaultActs> end_link(const Said&) {
-  FaultActs acts;
-  acts.momentary = acts.stops_link = acts.for_good = true;
-  acts.begin = [](VirtualWorld& world) { world.end_link(); };
-  acts.not_real = because("link's end is the flight's end: virtual time alone has it");
-  return acts;
+  return FaultActs{.begin = [](VirtualWorld& world) { world.end_link(); },
+                   .not_real = because("link's end is the flight's end: virtual time alone has it"),
+                   .momentary = true,
+                   .for_good = true,
+                   .stops_link = true};
 }
 
 Result<FaultActs> jump_clock(const Said& said) {
   const bool back = said.words[0].starts_with('-');
   const auto by = parse_time(said.words[0].substr(back ? 1 : 0));
   if (!by) return by.error();
-  FaultActs acts;
-  acts.momentary = true;
-  acts.begin = [by_ns = back ? -*by : *by](VirtualWorld& world) { world.jump_clock(by_ns); };
-  acts.not_real = because("the machine's clock is not this flight's alone: virtual time alone has it");
-  return acts;
+  return FaultActs{.begin = [by_ns = back ? -*by : *by](VirtualWorld& world) { world.jump_clock(by_ns); },
+                   .not_real = because("the machine's clock is not this flight's alone: virtual time alone has it"),
+                   .momentary = true};
 }
 
 constexpr FaultKind process_table[] = {
@@ -72,13 +69,12 @@ constexpr FaultKind process_table[] = {
 };
 
 Result<FaultActs> kill_part_named(const std::string& part) {
-  FaultActs acts;
-  acts.momentary = true;
-  acts.really_begin = [part](RealActs& real, const RealLedger&) { real.parts.emplace_back(part, SIGKILL); };
-  acts.not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
-    return ledger.fabric ? "" : "it is a part of Fabric: fly on it with --ledger fabric";
-  };
-  return acts;
+  return FaultActs{
+      .really_begin = [part](RealActs& real, const RealLedger&) { real.parts.emplace_back(part, SIGKILL); },
+      .not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
+        return ledger.fabric ? "" : "it is a part of Fabric: fly on it with --ledger fabric";
+      },
+      .momentary = true};
 }
 
 Result<FaultActs> kill_leader(const Said&) { return kill_part_named(leader_part); }
@@ -91,25 +87,22 @@ Result<FaultActs> kill_part(const Said& said) {
 }
 
 Result<FaultActs> kill_roudi(const Said&) {
-  FaultActs acts;
-  acts.momentary = true;
-  acts.kills = "roudi";
-  acts.really_begin = [](RealActs& real, const RealLedger&) {
-    real.programs.emplace_back("ledgerline-roudi", SIGKILL);
-  };
-  return acts;
+  return FaultActs{.really_begin = [](RealActs& real,
+                                      const RealLedger&) { real.programs.emplace_back("ledgerline-roudi", SIGKILL); },
+                   .momentary = true,
+                   .kills = "roudi"};
 }
 
 Result<FaultActs> burn_core(const Said& said) {
   const auto core = parse_number(said.words[0]);
   if (!core || *core < 0 || *core >= 1024 || *core != std::floor(*core))
     return Error{"must be `cpu N burn`, N being a core from 0 on"};
-  FaultActs acts;
-  acts.really_begin = [core = static_cast<int>(*core)](RealActs& real, const RealLedger&) { real.burn_core = core; };
-  acts.really_end = [core = static_cast<int>(*core)](RealActs& real, const RealLedger&, bool goes_on) {
-    if (!goes_on) real.burn_core = core;
-  };
-  return acts;
+  return FaultActs{
+      .really_begin = [core = static_cast<int>(*core)](RealActs& real, const RealLedger&) { real.burn_core = core; },
+      .really_end =
+          [core = static_cast<int>(*core)](RealActs& real, const RealLedger&, bool goes_on) {
+            if (!goes_on) real.burn_core = core;
+          }};
 }
 
 Result<FaultActs> take_memory(const Said& said) {
@@ -117,21 +110,17 @@ Result<FaultActs> take_memory(const Said& said) {
   const auto megabytes = size.ends_with("MB") ? parse_number(size.substr(0, size.size() - 2)) : std::nullopt;
   if (!megabytes || *megabytes < 1 || *megabytes > 1e6) return Error{"must be `memory take 500MB`, with at least 1MB"};
   const auto bytes = static_cast<std::uint64_t>(*megabytes * 1e6);
-  FaultActs acts;
-  acts.really_begin = [bytes](RealActs& real, const RealLedger&) { real.take_bytes = bytes; };
-  acts.really_end = [bytes](RealActs& real, const RealLedger&, bool) { real.take_bytes = bytes; };
-  return acts;
+  return FaultActs{.really_begin = [bytes](RealActs& real, const RealLedger&) { real.take_bytes = bytes; },
+                   .really_end = [bytes](RealActs& real, const RealLedger&, bool) { real.take_bytes = bytes; }};
 }
 
 Result<FaultActs> fill_disk(const Said&) {
-  FaultActs acts;
-  acts.fills_disk = true;
-  acts.really_begin = [](RealActs& real, const RealLedger&) { real.fill_disk = true; };
-  acts.really_end = [](RealActs& real, const RealLedger&, bool goes_on) { real.fill_disk = !goes_on; };
-  acts.not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
-    return ledger.fabric ? "Fabric's parts end on a full disk: fly on the embedded node" : "";
-  };
-  return acts;
+  return FaultActs{.really_begin = [](RealActs& real, const RealLedger&) { real.fill_disk = true; },
+                   .really_end = [](RealActs& real, const RealLedger&, bool goes_on) { real.fill_disk = !goes_on; },
+                   .not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
+                     return ledger.fabric ? "Fabric's parts end on a full disk: fly on the embedded node" : "";
+                   },
+                   .fills_disk = true};
 }
 
 constexpr FaultKind machine_table[] = {

@@ -35,7 +35,7 @@ TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
 }  // namespace
 
 Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
-  const double slack = 1.5 + misled_m(script.faults), room = script.flight.room_m;
+  const double slack = 1.5 + misled_m(script.faults), room = script.flight.room_m.value_or(3);
   Limits limits;
   limits.height_m += misled_m(script.faults);
   limits.fence_min_m = {-std::abs(room), -std::abs(room), 0};

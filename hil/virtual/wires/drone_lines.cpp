@@ -1,4 +1,4 @@
-#include "hil/virtual/drone_lines.hpp"
+#include "hil/virtual/wires/drone_lines.hpp"
 
 #include <cassert>
 #include <string>
