@@ -21,11 +21,11 @@ add_custom_target(unit_tests)
 add_custom_target(onboard_tests)
 add_custom_target(threads_tests)
 
-# ll_program(NAME SOURCES main.cpp DEPS its_library): a program in bin/.
+# ll_program(NAME SOURCES main.cpp DEPS its_library): a program in bin/, with the frame that all have (common/program).
 function(ll_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
-  target_link_libraries(${name} PRIVATE ledgerline_options ${ARG_DEPS})
+  target_link_libraries(${name} PRIVATE ledgerline_options ledgerline_program ${ARG_DEPS})
   target_link_options(${name} PRIVATE LINKER:--as-needed)  # packages' CMake files name more libraries than are used
   add_dependencies(programs ${name})
 endfunction()
