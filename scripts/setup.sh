@@ -62,16 +62,17 @@ make_venv() {  # make_venv DIRECTORY REQUIREMENTS: a Python venv of pinned requi
   cp "$2" "$1/requirements.txt"
 }
 
-# build PRESET TARGET: configures where needed and builds, with a bar on a terminal.
+# build PRESET TARGET...: configures where needed and builds, with a bar on a terminal.
 build() {
-  local dir="$root/build/$1" log="$root/build/$1.log"
+  local preset=$1 dir="$root/build/$1" log="$root/build/$1.log"
+  shift
   mkdir -p "$root/build"
   if [ ! -f "$dir/build.ninja" ]; then
-    (cd "$root" && cmake --preset "$1") >"$log" 2>&1 || { tail -n 30 "$log" >&2; die "cmake failed (whole log: $log)"; }
+    (cd "$root" && cmake --preset "$preset") >"$log" 2>&1 || { tail -n 30 "$log" >&2; die "cmake failed (whole log: $log)"; }
   fi
   local bar=0
   [ -t 2 ] && bar=1
-  if ! NINJA_STATUS='@%f %t ' ninja -C "$dir" "$2" 2>&1 | tee "$log" | awk -v bar=$bar -v what="Building $1" '
+  if ! NINJA_STATUS='@%f %t ' ninja -C "$dir" "$@" 2>&1 | tee "$log" | awk -v bar=$bar -v what="Building $preset" '
     /^@[0-9]+ [0-9]+ / {
       split(substr($0, 2), n, " "); percent = int(100 * n[1] / n[2])
       if (bar) {
