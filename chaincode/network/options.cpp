@@ -7,7 +7,6 @@
 #include <charconv>
 
 #include "chaincode/identities/identities.hpp"
-#include "common/config/config.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
@@ -28,28 +27,42 @@ bool Options::runs(const std::string& part) const {
 Result<Options> read_options(const std::string& file, Options options) {
   auto config = Config::load(file);
   if (!config) return config.error();
-  options.majority = config->boolean("majority", options.majority);
-  options.ca = config->boolean("ca", options.ca);
-  options.batch_count = static_cast<int>(config->integer("batch_count", options.batch_count, 1, 10'000));
+  return read_options(*config, std::move(options));
+}
+
+Result<Options> read_options(Config& config, Options options) {
+  options.majority =
+      config.boolean({"majority", "a majority of the organisations endorses, instead of any one"}, options.majority);
+  options.ca =
+      config.boolean({"ca", "identities from fabric-ca; on one host alone, so without [[organisation]]"}, options.ca);
+  options.batch_count = static_cast<int>(config.integer(
+      {"batch_count", "a block is cut with so many transactions: 1 is the fastest, the published flights had 10"},
+      options.batch_count, 1, 10'000));
   options.batch_timeout_ns =
-      static_cast<TimeNs>(config->number("batch_timeout_ms", to_ms(options.batch_timeout_ns), 1, 60'000) * ns_per_ms);
-  options.patience_ns = from_seconds(config->number("patience_s", to_seconds(options.patience_ns), 1, 3'600));
-  const std::size_t channels = config->table_count("channel");
+      static_cast<TimeNs>(config.number({"batch_timeout_ms", "or this long after its first transaction"},
+                                        to_ms(options.batch_timeout_ns), 1, 60'000) *
+                          ns_per_ms);
+  options.patience_ns = from_seconds(config.number({"patience_s", "how long the parts on other hosts are waited for"},
+                                                   to_seconds(options.patience_ns), 1, 3'600));
+  const std::size_t channels = config.table_count({"channel", "with the contract on each; none: one, teleop"});
   if (channels > 0) options.channels.clear();
   for (std::size_t i = 0; i < channels; ++i) {
-    options.channels.push_back(config->text(fmt::format("channel.{}.name", i)));
+    options.channels.push_back(config.text({fmt::format("channel.{}.name", i), "a-z first, then a-z, 0-9, . and -"}));
   }
   for (auto [table, places] :
-       {std::pair{"organisation", &options.organisation_places}, std::pair{"orderer", &options.orderer_places}}) {
-    const std::size_t count = config->table_count(table);
+       {std::pair{Key{"organisation", "where its peer is: three, Org1MSP to Org3MSP in this order, or none"},
+                  &options.organisation_places},
+        std::pair{Key{"orderer", "where it is: one or three, or none"}, &options.orderer_places}}) {
+    const std::size_t count = config.table_count(table);
     for (std::size_t i = 0; i < count; ++i) {
-      const std::string key = fmt::format("{}.{}.", table, i);
+      const std::string key = fmt::format("{}.{}.", table.name, i);
       places->push_back(
-          {config->text(key + "host"), static_cast<std::uint16_t>(config->number(key + "port", 1, 65'535))});
+          {config.text({key + "host", "IPv4"}),
+           static_cast<std::uint16_t>(config.number({key + "port", "the first of three in a row"}, 1, 65'535))});
     }
   }
   if (!options.orderer_places.empty()) options.orderers = static_cast<int>(options.orderer_places.size());
-  if (Status s = config->finish(); !s) return s.error();
+  if (Status s = config.finish(); !s) return s.error();
   return options;
 }
 

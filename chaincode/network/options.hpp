@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/config/config.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric_network {
@@ -48,8 +49,9 @@ struct Options {
   bool runs(const std::string& part) const;
 };
 
-/// Adds what a network's TOML file says; docs/fabric.md has its keys.
+/// Adds what a network's TOML file says.
 Result<Options> read_options(const std::string& file, Options options);
+Result<Options> read_options(Config& config, Options options);
 
 /// What is wrong with them together, such as two orderers.
 Status check(const Options& options);

@@ -4,7 +4,9 @@
 #include <fmt/ranges.h>
 #include <toml++/toml.h>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 #include <sstream>
 
@@ -20,6 +22,34 @@ Error parse_error(const std::string& name, const toml::parse_error& e) {
   return Error{fmt::format("{}:{}: {}", name, e.source().begin.line, printable(e.description()))};
 }
 
+// The house writes units into names; the reference reads them there.
+std::string_view unit_of(std::string_view name) {
+  constexpr std::pair<std::string_view, std::string_view> units[] = {
+      {"_radps2", "rad/s²"}, {"_mps2", "m/s²"}, {"_radps", "rad/s"}, {"_mps", "m/s"}, {"_hz", "Hz"},
+      {"_ms", "ms"},         {"_m", "m"},       {"_s", "s"},         {"seconds", "s"}};
+  for (const auto& [suffix, unit] : units) {
+    if (name.ends_with(suffix)) return unit;
+  }
+  return "";
+}
+
+bool is_index(std::string_view part) { return part.find_first_not_of("0123456789") == std::string_view::npos; }
+
+// "drone.0.name" -> "[[drone]]", "name".
+std::pair<std::string, std::string> table_and_key(std::string_view name) {
+  const std::size_t last = name.rfind('.');
+  if (last == std::string_view::npos) return {"", std::string(name)};
+  std::string_view table = name.substr(0, last);
+  const std::size_t index = table.rfind('.');
+  const bool repeated = index != std::string_view::npos && is_index(table.substr(index + 1));
+  if (repeated) table = table.substr(0, index);
+  return {fmt::format(fmt::runtime(repeated ? "[[{}]]" : "[{}]"), table), std::string(name.substr(last + 1))};
+}
+
+std::string quoted(const std::string& text) { return text.empty() ? "none" : fmt::format("\"{}\"", text); }
+
+constexpr const char* must_be_there = "";
+
 }  // namespace
 
 struct Config::State {
@@ -27,6 +57,19 @@ struct Config::State {
   toml::table root;
   std::set<std::string> asked;
   std::vector<std::string> problems;
+  bool describing = false;
+  std::vector<KeyDescription> described;
+
+  void describe(const Key& key, const char* type, const std::string& usual, const std::string& allowed) {
+    if (!describing) return;
+    auto [table, within] = table_and_key(key.name);
+    const auto known = std::find_if(described.begin(), described.end(),
+                                    [&](const auto& other) { return other.table == table && other.key == within; });
+    if (known != described.end()) return;
+    std::string unit(unit_of(within));
+    described.push_back({std::move(table), std::move(within), type, std::move(unit),
+                         key.otherwise.empty() ? usual : std::string(key.otherwise), allowed, std::string(key.about)});
+  }
 
   // "drone.0.name" walks tables by name and arrays by index.
   const toml::node* find(const std::string& key) {
@@ -36,8 +79,7 @@ struct Config::State {
     for (std::string part; node && std::getline(parts, part, '.');) {
       if (const auto* table = node->as_table()) {
         node = table->get(part);
-      } else if (const auto* array = node->as_array();
-                 array && part.find_first_not_of("0123456789") == std::string::npos) {
+      } else if (const auto* array = node->as_array(); array && is_index(part)) {
         node = array->get(std::stoul(part));
       } else {
         node = nullptr;
@@ -81,6 +123,12 @@ Result<Config> Config::load(const std::string& path) {
   return Config(std::move(state));
 }
 
+Config Config::describing() {
+  auto state = std::make_unique<State>();
+  state->describing = true;
+  return Config(std::move(state));
+}
+
 Result<Config> Config::parse(std::string_view text, const std::string& name) {
   auto state = std::make_unique<State>();
   state->name = name;
@@ -92,77 +140,90 @@ Result<Config> Config::parse(std::string_view text, const std::string& name) {
   return Config(std::move(state));
 }
 
-std::string Config::text(const std::string& key) {
-  if (!state_->find(key)) {
-    state_->missing(key, "a string");
+std::string Config::text(const Key& key) {
+  state_->describe(key, "text", must_be_there, "");
+  if (!state_->find(key.name)) {
+    state_->missing(key.name, "a string");
     return {};
   }
   return text(key, "");
 }
 
-std::string Config::text(const std::string& key, const std::string& otherwise) {
-  const toml::node* node = state_->find(key);
+std::string Config::text(const Key& key, const std::string& otherwise) {
+  state_->describe(key, "text", quoted(otherwise), "");
+  const toml::node* node = state_->find(key.name);
   if (!node) return otherwise;
   const auto* value = node->as_string();
   if (value && printable(value->get(), max_text) == value->get()) return value->get();
-  state_->problem(node, key,
+  state_->problem(node, key.name,
                   value ? fmt::format("must be one line of text without control characters, at most {} bytes", max_text)
                         : "must be a string");
   return otherwise;
 }
 
-std::string Config::choice(const std::string& key, const std::vector<std::string>& allowed,
-                           const std::string& otherwise) {
+std::string Config::choice(const Key& key, const std::vector<std::string>& allowed, const std::string& otherwise) {
+  state_->describe(key, "text", quoted(otherwise), fmt::format("{}", fmt::join(allowed, ", ")));
   const std::string value = text(key, otherwise);
   for (const auto& a : allowed) {
     if (a == value) return value;
   }
-  state_->problem(state_->find(key), key, fmt::format("is \"{}\", must be one of {}", value, fmt::join(allowed, ", ")));
+  state_->problem(state_->find(key.name), key.name,
+                  fmt::format("is \"{}\", must be one of {}", value, fmt::join(allowed, ", ")));
   return otherwise;
 }
 
-double Config::number(const std::string& key, double min, double max) {
-  if (!state_->find(key)) {
-    state_->missing(key, fmt::format("a number from {} to {}", min, max));
+double Config::number(const Key& key, double min, double max) {
+  state_->describe(key, "number", must_be_there, fmt::format("{} to {}", min, max));
+  if (!state_->find(key.name)) {
+    state_->missing(key.name, fmt::format("a number from {} to {}", min, max));
     return min;
   }
   return number(key, min, min, max);
 }
 
-double Config::number(const std::string& key, double otherwise, double min, double max) {
-  const toml::node* node = state_->find(key);
+double Config::number(const Key& key, double otherwise, double min, double max) {
+  state_->describe(key, "number", fmt::format("{:.4g}", otherwise), fmt::format("{} to {}", min, max));
+  const toml::node* node = state_->find(key.name);
   if (!node) return otherwise;
   const auto value = node->is_number() ? node->value<double>() : std::nullopt;
   if (!value || !(*value >= min && *value <= max)) {
-    state_->problem(node, key, fmt::format("must be a number from {} to {}", min, max));
+    state_->problem(node, key.name, fmt::format("must be a number from {} to {}", min, max));
     return otherwise;
   }
   return *value;
 }
 
-std::int64_t Config::integer(const std::string& key, std::int64_t otherwise, std::int64_t min, std::int64_t max) {
-  const toml::node* node = state_->find(key);
+std::int64_t Config::integer(const Key& key, std::int64_t otherwise, std::int64_t min, std::int64_t max) {
+  state_->describe(key, "whole number", fmt::format("{}", otherwise),
+                   max == std::numeric_limits<std::int64_t>::max() ? fmt::format("{} or more", min)
+                                                                   : fmt::format("{} to {}", min, max));
+  const toml::node* node = state_->find(key.name);
   if (!node) return otherwise;
   const auto* value = node->as_integer();
   if (!value || value->get() < min || value->get() > max) {
-    state_->problem(node, key, fmt::format("must be a whole number from {} to {}", min, max));
+    state_->problem(node, key.name, fmt::format("must be a whole number from {} to {}", min, max));
     return otherwise;
   }
   return value->get();
 }
 
-bool Config::boolean(const std::string& key, bool otherwise) { return boolean(key).value_or(otherwise); }
+bool Config::boolean(const Key& key, bool otherwise) {
+  state_->describe(key, "true or false", otherwise ? "true" : "false", "");
+  return boolean(key).value_or(otherwise);
+}
 
-std::optional<bool> Config::boolean(const std::string& key) {
-  const toml::node* node = state_->find(key);
+std::optional<bool> Config::boolean(const Key& key) {
+  state_->describe(key, "true or false", "none", "");
+  const toml::node* node = state_->find(key.name);
   if (!node) return std::nullopt;
   if (const auto* value = node->as_boolean()) return value->get();
-  state_->problem(node, key, "must be true or false");
+  state_->problem(node, key.name, "must be true or false");
   return std::nullopt;
 }
 
-std::vector<double> Config::numbers(const std::string& key, std::size_t count, const std::vector<double>& otherwise) {
-  const toml::node* node = state_->find(key);
+std::vector<double> Config::numbers(const Key& key, std::size_t count, const std::vector<double>& otherwise) {
+  state_->describe(key, "numbers", fmt::format("[{}]", fmt::join(otherwise, ", ")), fmt::format("{} of them", count));
+  const toml::node* node = state_->find(key.name);
   if (!node) return otherwise;
   std::vector<double> values;
   if (const auto* array = node->as_array()) {
@@ -171,36 +232,45 @@ std::vector<double> Config::numbers(const std::string& key, std::size_t count, c
     }
     if (values.size() == array->size() && values.size() == count) return values;
   }
-  state_->problem(node, key, fmt::format("must be {} numbers, as in [1.0, 2.0]", count));
+  state_->problem(node, key.name, fmt::format("must be {} numbers, as in [1.0, 2.0]", count));
   return otherwise;
 }
 
-std::vector<std::string> Config::texts(const std::string& key, std::size_t most) {
-  const toml::node* node = state_->find(key);
+std::vector<std::string> Config::texts(const Key& key, std::size_t max) {
+  state_->describe(key, "texts", "[]", fmt::format("at most {}", max));
+  const toml::node* node = state_->find(key.name);
   if (!node) return {};
   std::vector<std::string> values;
   const auto* array = node->as_array();
-  for (std::size_t i = 0; array && i < array->size() && i < most; ++i) {
+  for (std::size_t i = 0; array && i < array->size() && i < max; ++i) {
     const auto* value = array->get_as<std::string>(i);
     if (!value || printable(value->get(), max_text) != value->get()) break;
     values.push_back(value->get());
   }
   if (array && values.size() == array->size()) return values;
-  state_->problem(node, key,
-                  fmt::format("must be a list of at most {} texts of one line each, as in [\"...\", \"...\"]", most));
+  state_->problem(node, key.name,
+                  fmt::format("must be a list of at most {} texts of one line each, as in [\"...\", \"...\"]", max));
   return {};
 }
 
-std::size_t Config::table_count(const std::string& key) {
-  const toml::node* node = state_->find(key);
+std::size_t Config::table_count(const Key& key) {
+  if (state_->describing) {
+    state_->describe({key.name + ".0.", key.about}, "tables", "none", "");
+    return 1;
+  }
+  const toml::node* node = state_->find(key.name);
   if (!node) return 0;
   const auto* array = node->as_array();
   if (array && array->is_array_of_tables()) return array->size();
-  state_->problem(node, key, fmt::format("must be tables, each beginning with [[{}]]", key));
+  state_->problem(node, key.name, fmt::format("must be tables, each beginning with [[{}]]", key.name));
   return 0;
 }
 
 void Config::wrong(const std::string& key, const std::string& what) { state_->problem(state_->find(key), key, what); }
+
+bool Config::describes() const { return state_->describing; }
+
+std::vector<KeyDescription> Config::described() const { return state_->described; }
 
 Status Config::finish() {
   state_->find_unknown(state_->root, "");

@@ -4,11 +4,36 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.hpp"
 
 namespace ledgerline {
+
+/// A key and what the reference (docs/configuration.md) says about it: what it does, and why its default and its range
+/// are what they are. The unit stands in the name ("_ms", "_mps").
+struct Key {
+  Key(const char* key) : name(key) {}
+  Key(std::string key) : name(std::move(key)) {}
+  Key(std::string key, std::string_view what, std::string_view default_words = {})
+      : name(std::move(key)), about(what), otherwise(default_words) {}
+
+  std::string name;
+  std::string_view about;      ///< a literal
+  std::string_view otherwise;  ///< the default in words, where the value itself would say too little; a literal
+};
+
+/// What a reader asked a describing Config for, in the reference's words.
+struct KeyDescription {
+  std::string table;    ///< "[state]", "[[drone]]"; empty: the top of the file
+  std::string key;      ///< within the table; empty: this is about the table
+  std::string type;     ///< "text", "whole number" ...
+  std::string unit;     ///< "ms", "m/s"; empty: none
+  std::string usual;    ///< the default; empty: the key must be there
+  std::string allowed;  ///< empty: anything of its type
+  std::string about;
+};
 
 /// Reads one TOML file with every key checked: a program asks for each key it knows, then calls finish(). A key of the
 /// wrong type, out of range, missing without a default, or in the file but never asked for is an error; all of them
@@ -19,32 +44,40 @@ namespace ledgerline {
 ///     for (std::size_t i = 0; i < config->table_count("drone"); ++i)   // [[drone]]
 ///       auto name = config->text("drone." + std::to_string(i) + ".name");
 ///     if (auto s = config->finish(); !s) ...
+///
+/// A describing one has no file: each key is missing, each [[table]] is there once, and described() lists what was asked for.
 class Config {
  public:
   static Result<Config> load(const std::string& path);
   static Result<Config> parse(std::string_view toml, const std::string& name);
+  static Config describing();
   Config(Config&&) noexcept;
   Config& operator=(Config&&) noexcept;
   ~Config();
 
   /// With a default the key may be missing; without one it must be there. One line, no control characters: texts become
   /// names, paths and messages.
-  std::string text(const std::string& key);
-  std::string text(const std::string& key, const std::string& otherwise);
+  std::string text(const Key& key);
+  std::string text(const Key& key, const std::string& otherwise);
   /// Must be one of `allowed`.
-  std::string choice(const std::string& key, const std::vector<std::string>& allowed, const std::string& otherwise);
-  double number(const std::string& key, double min, double max);
-  double number(const std::string& key, double otherwise, double min, double max);
-  std::int64_t integer(const std::string& key, std::int64_t otherwise, std::int64_t min, std::int64_t max);
-  bool boolean(const std::string& key, bool otherwise);
-  std::optional<bool> boolean(const std::string& key);  ///< nullopt where the key is missing, and where it is wrong
-  std::vector<double> numbers(const std::string& key, std::size_t count, const std::vector<double>& otherwise);
+  std::string choice(const Key& key, const std::vector<std::string>& allowed, const std::string& otherwise);
+  double number(const Key& key, double min, double max);
+  double number(const Key& key, double otherwise, double min, double max);
+  std::int64_t integer(const Key& key, std::int64_t otherwise, std::int64_t min, std::int64_t max);
+  bool boolean(const Key& key, bool otherwise);
+  std::optional<bool> boolean(const Key& key);  ///< nullopt where the key is missing, and where it is wrong
+  std::vector<double> numbers(const Key& key, std::size_t count, const std::vector<double>& otherwise);
   /// A list of texts, each as text(); empty where the key is missing.
-  std::vector<std::string> texts(const std::string& key, std::size_t most);
+  std::vector<std::string> texts(const Key& key, std::size_t max);
   /// Number of [[key]] tables; their keys are then "key.0.x", "key.1.x" ...
-  std::size_t table_count(const std::string& key);
+  std::size_t table_count(const Key& key);
   /// What the program itself finds wrong with a key's value, for finish(): "must ...".
   void wrong(const std::string& key, const std::string& what);
+
+  /// True of a describing Config: a reader then asks for those keys, too, that only some files may have.
+  bool describes() const;
+  /// In the order of the first question for each key.
+  std::vector<KeyDescription> described() const;
 
   Status finish();
 

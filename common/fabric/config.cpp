@@ -10,35 +10,58 @@ namespace {
 
 const Error incomplete{"keys of [ledger] or [[msp]] are missing or wrong"};
 
-crypto::Library library_of(Config& config, const std::string& key, const std::string& otherwise) {
+crypto::Library library_of(Config& config, const Key& key, const std::string& otherwise) {
   const std::string name = config.choice(key, {"mbedtls", "libcrypto"}, otherwise);
   return name == "mbedtls" ? crypto::Library::mbedtls : crypto::Library::libcrypto;
+}
+
+Key verifier_key() { return {"ledger.verifier", "library that checks signatures"}; }
+
+std::vector<ClientConfig::Server> servers(Config& config, const Key& table) {
+  std::vector<ClientConfig::Server> out;
+  const std::size_t count = config.table_count(table);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::string key = fmt::format("{}.{}.", table.name, i);
+    out.push_back({config.text({key + "endpoint", "HOST:PORT"}),
+                   config.text({key + "tls_ca", "PEM file of the authority that signed its TLS certificate"})});
+  }
+  return out;
 }
 
 }  // namespace
 
 Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds deadline) {
   ClientConfig out;
-  out.endpoint = config.text("ledger.endpoint");
-  out.tls_ca_file = config.text("ledger.tls_ca");
-  out.server_name = config.text("ledger.server_name", "");
-  out.where.channel = config.text("ledger.channel", out.where.channel);
-  out.where.contract = config.text("ledger.contract", out.where.contract);
-  out.max_in_flight = static_cast<std::size_t>(config.integer("ledger.max_in_flight", 64, 1, 10'000));
-  out.deadline = std::chrono::milliseconds(config.integer("ledger.deadline_ms", deadline.count(), 100, 600'000));
-  for (const auto& [table, servers] : {std::pair("orderer", &out.orderers), std::pair("peer", &out.other_peers)}) {
-    const std::size_t count = config.table_count(table);
-    for (std::size_t i = 0; i < count; ++i) {
-      servers->push_back(
-          {config.text(fmt::format("{}.{}.endpoint", table, i)), config.text(fmt::format("{}.{}.tls_ca", table, i))});
-    }
-  }
-  out.cross_check = config.boolean("ledger.cross_check", out.cross_check);
-  const std::string msp_id = config.text("ledger.msp_id");
-  const std::string msp_dir = config.text("ledger.msp_dir");
-  // libcrypto signs in a tenth of mbedTLS's time.
-  const crypto::Library signer = library_of(config, "ledger.signer", "libcrypto");
-  (void)library_of(config, "ledger.verifier", "libcrypto");
+  out.endpoint =
+      config.text({"ledger.endpoint", "HOST:PORT of the peer of the own organisation, or of the embedded node"});
+  out.tls_ca_file = config.text({"ledger.tls_ca", "PEM file of the authority that signed its TLS certificate"});
+  out.server_name = config.text({"ledger.server_name", "name in that certificate", "the endpoint's host"}, "");
+  out.where.channel = config.text({"ledger.channel", "of Fabric"}, out.where.channel);
+  out.where.contract = config.text({"ledger.contract", "the chaincode's name on it"}, out.where.contract);
+  out.max_in_flight = static_cast<std::size_t>(
+      config.integer({"ledger.max_in_flight",
+                      "calls that may be under way; more are refused at once, so that a slow ledger fills no memory"},
+                     64, 1, 10'000));
+  out.deadline =
+      std::chrono::milliseconds(config.integer({"ledger.deadline_ms",
+                                                "of a call, until it counts as unavailable; agent and ground take "
+                                                "1,000, since newer states say more, the others 5,000",
+                                                "see there"},
+                                               deadline.count(), 100, 600'000));
+  out.orderers = servers(config, {"orderer",
+                                  "for the direct path, past the gateway, which saves its two steps; none: the "
+                                  "gateway alone"});
+  out.other_peers = servers(config, {"peer", "stand in, for everything, while the one of [ledger] is not reached"});
+  out.cross_check = config.boolean(
+      {"ledger.cross_check",
+       "compare the headers of the peer's blocks with an orderer's: for whoever does not run that peer; costs each "
+       "block's transfer once more"},
+      out.cross_check);
+  const std::string msp_id = config.text({"ledger.msp_id", "the own organisation, such as Org1MSP"});
+  const std::string msp_dir = config.text({"ledger.msp_dir", "folder with the own signcerts/ and keystore/"});
+  const crypto::Library signer = library_of(
+      config, {"ledger.signer", "library that signs: libcrypto needs a tenth of mbedTLS's time"}, "libcrypto");
+  (void)library_of(config, verifier_key(), "libcrypto");
   if (out.endpoint.empty() || out.tls_ca_file.empty() || msp_id.empty() || msp_dir.empty()) return incomplete;
   auto identity = crypto::load_identity(signer, msp_id, msp_dir);
   if (!identity) return identity.error();
@@ -47,13 +70,14 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
 }
 
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
-  const crypto::Library verifier = library_of(config, "ledger.verifier", "libcrypto");
+  const crypto::Library verifier = library_of(config, verifier_key(), "libcrypto");
   // All keys first: what is not asked for would be reported as unknown.
   std::vector<std::pair<std::string, std::string>> named;
   bool complete = true;
-  const std::size_t count = config.table_count("msp");
+  const std::size_t count = config.table_count({"msp", "an organisation whose signatures are believed; at least one"});
   for (std::size_t i = 0; i < count; ++i) {
-    named.emplace_back(config.text(fmt::format("msp.{}.id", i)), config.text(fmt::format("msp.{}.ca", i)));
+    named.emplace_back(config.text({fmt::format("msp.{}.id", i), "its name, such as Org1MSP"}),
+                       config.text({fmt::format("msp.{}.ca", i), "PEM file of its authority's certificate"}));
     complete = complete && !named.back().first.empty() && !named.back().second.empty();
   }
   if (named.empty()) return Error{"the config names no organisation to believe; add [[msp]] with id and ca"};

@@ -12,13 +12,17 @@ namespace ledgerline::ground {
 
 using nlohmann::json;
 
-FlightConfig flight_config(Config& config) {
-  FlightConfig flight;
-  const std::string shape =
-      config.choice("flight.shape", {"square", "triangle", "x", "eight", "manual", "waypoints"}, "square");
+namespace {
+
+void read_path(Config& config, FlightConfig& flight) {
+  const std::string shape = config.choice(
+      {"flight.shape", "the path; manual: a pilot's ROS 2 messages instead; waypoints: a path of your own"},
+      {"square", "triangle", "x", "eight", "manual", "waypoints"}, "square");
   flight.manual = shape == "manual";
-  if (shape == "waypoints") {
-    auto waypoints = read_waypoints(config.text("flight.waypoints"));
+  if (shape == "waypoints" || config.describes()) {
+    auto waypoints = read_waypoints(
+        config.text({"flight.waypoints", "CSV file of x,y[,z[,speed]], for shape = \"waypoints\" and for no other",
+                     "must be there with that shape"}));
     if (waypoints) {
       flight.waypoints = std::move(waypoints).value();
     } else {
@@ -27,24 +31,60 @@ FlightConfig flight_config(Config& config) {
   } else if (!flight.manual) {
     flight.shape = *shape_from_name(shape);
   }
-  flight.cmd_timeout_ns = config.integer("flight.cmd_timeout_ms", 300, 50, 500) * ns_per_ms;
-  flight.side_m = config.number("flight.side_m", 1.5, 0.2, 50);
-  flight.laps = static_cast<int>(config.integer("flight.laps", 3, 1, 10'000));
-  flight.seconds = config.number("flight.seconds", 0, 0, 86'400);
-  flight.controller.speed_mps = config.number("flight.speed_mps", 0.5, 0.05, 8);
-  flight.controller.height_m = config.number("flight.height_m", 1.0, 0.3, 10);
-  flight.controller.predict = config.boolean("flight.predict", true);
-  flight.controller.ramp.start_mps = config.number("flight.ramp_start_mps", 0, 0, 8);
-  flight.controller.ramp.step_mps = config.number("flight.ramp_step_mps", 0, 0, 2);
-  flight.controller.told_mps = config.number("flight.told_mps", flight.controller.told_mps, 0.1, 20);
-  flight.controller.told_mps2 = config.number("flight.told_mps2", flight.controller.told_mps2, 0.1, 50);
-  flight.controller.pose_lost_ns =
-      config.integer("flight.pose_lost_ms", flight.controller.pose_lost_ns / ns_per_ms, 10, 10'000) * ns_per_ms;
-  flight.controller.lag_s = config.number("flight.lag_s", flight.controller.lag_s, 0.01, 2);
-  for (std::size_t i = 0; i < config.table_count("drone"); ++i) {
+  flight.cmd_timeout_ns =
+      config.integer(
+          {"flight.cmd_timeout_ms",
+           "manual: a pilot's velocity holds so long, then the drone hovers. At most 500: nobody flies on for "
+           "longer by a joystick that fell silent"},
+          300, 50, 500) *
+      ns_per_ms;
+  flight.side_m = config.number({"flight.side_m", "of the square; the other shapes are as wide"}, 1.5, 0.2, 50);
+  flight.laps = static_cast<int>(config.integer({"flight.laps", "of the path, then land"}, 3, 1, 10'000));
+  flight.seconds = config.number(
+      {"flight.seconds", "fly the path this long instead of counting laps, manual: land after so long; 0: no limit"}, 0,
+      0, 86'400);
+}
+
+void read_controller(Config& config, ControllerConfig& controller) {
+  controller.speed_mps = config.number({"flight.speed_mps", "along the path, where corners allow it"}, 0.5, 0.05, 8);
+  controller.height_m =
+      config.number({"flight.height_m", "of the path above the floor, and of the hover"}, 1.0, 0.3, 10);
+  controller.predict =
+      config.boolean({"flight.predict",
+                      "steer from the state predicted for the moment when a command arrives; false: from the newest"},
+                     true);
+  controller.ramp.start_mps =
+      config.number({"flight.ramp_start_mps", "speed of the first lap of a ramp of speeds; 0: no ramp"}, 0, 0, 8);
+  controller.ramp.step_mps = config.number(
+      {"flight.ramp_step_mps", "by which each further lap of a ramp is faster"}, 0, 0, 2);
+  controller.told_mps =
+      config.number({"flight.told_mps", "what the drone can be told at most: link's rc.full_scale_mps, rc 100"},
+                    controller.told_mps, 0.1, 20);
+  controller.told_mps2 =
+      config.number({"flight.told_mps2", "link's limits.acceleration_mps2: paths are planned within it"},
+                    controller.told_mps2, 0.1, 50);
+  controller.pose_lost_ns =
+      config.integer(
+          {"flight.pose_lost_ms", "link's failsafe.pose_lost_ms: with an older pose link brakes, and the path waits"},
+          controller.pose_lost_ns / ns_per_ms, 10, 10'000) *
+      ns_per_ms;
+  controller.lag_s =
+      config.number({"flight.lag_s", "of the drone's answer to a velocity, until it was learned in flight"},
+                    controller.lag_s, 0.01, 2);
+}
+
+}  // namespace
+
+FlightConfig flight_config(Config& config) {
+  FlightConfig flight;
+  read_path(config, flight);
+  read_controller(config, flight.controller);
+  for (std::size_t i = 0; i < config.table_count({"drone", "one for each drone that is to fly"}); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
-    flight.drones.push_back({config.text(key + "name"), static_cast<DroneNumber>(config.integer(
-                                                            key + "number", static_cast<int>(i) + 1, 1, max_drones))});
+    flight.drones.push_back(
+        {config.text({key + "name", "as it is enrolled on the ledger"}),
+         static_cast<DroneNumber>(config.integer({key + "number", "as link and agent have it", "its place in the file"},
+                                                 static_cast<int>(i) + 1, 1, max_drones))});
   }
   return flight;
 }
@@ -60,9 +100,12 @@ bridge::BridgeConfig read_bridge(Config& config, const std::vector<FlightDrone>&
 
 OutputSettings output_settings(Config& config) {
   OutputSettings output;
-  output.trace = config.text("output.trace", "");
-  output.summary = config.text("output.summary", "");
-  output.status_period_ns = config.integer("output.status_period_ms", 250, 0, 60'000) * ns_per_ms;
+  output.trace = config.text({"output.trace", "file for `ledgerline timing` and the report (binary)"}, "");
+  output.summary = config.text({"output.summary", "file with all counts, JSON, written at the end"}, "");
+  output.status_period_ns =
+      config.integer({"output.status_period_ms", "between two status lines on standard output (JSON); 0: none"}, 250, 0,
+                     60'000) *
+      ns_per_ms;
   return output;
 }
 

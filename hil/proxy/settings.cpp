@@ -7,7 +7,6 @@
 #include <limits>
 #include <set>
 
-#include "common/config/config.hpp"
 #include "common/msg/onboard.hpp"
 
 namespace ledgerline::hil::proxy {
@@ -22,13 +21,13 @@ std::optional<in_addr> parse_host(const std::string& text) {
   return address;
 }
 
-in_addr host(Config& config, const std::string& key, const std::string& text) {
+in_addr host(Config& config, const Key& key, const std::string& text) {
   const auto address = parse_host(text);
-  if (!address && !text.empty()) config.wrong(key, "must be an IPv4 address, such as 127.0.1.2");
+  if (!address && !text.empty()) config.wrong(key.name, "must be an IPv4 address, such as 127.0.1.2");
   return address.value_or(in_addr{});
 }
 
-sockaddr_in host_and_port(Config& config, const std::string& key, unsigned least_port) {
+sockaddr_in host_and_port(Config& config, const Key& key, unsigned least_port) {
   const std::string text = config.text(key);
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -39,7 +38,7 @@ sockaddr_in host_and_port(Config& config, const std::string& key, unsigned least
   const auto [end, error] = std::from_chars(port_text.data(), port_text.data() + port_text.size(), port);
   const bool good = ip && error == std::errc() && end == port_text.data() + port_text.size() && port >= least_port &&
                     port <= std::numeric_limits<std::uint16_t>::max();
-  if (!good && !text.empty()) config.wrong(key, "must be an IPv4 address and a port, such as 127.0.0.1:7051");
+  if (!good && !text.empty()) config.wrong(key.name, "must be an IPv4 address and a port, such as 127.0.0.1:7051");
   if (good) {
     address.sin_addr = *ip;
     address.sin_port = htons(static_cast<std::uint16_t>(port));
@@ -49,7 +48,7 @@ sockaddr_in host_and_port(Config& config, const std::string& key, unsigned least
 
 /// A name is a word of a command.
 std::string name(Config& config, const std::string& key, std::set<std::string>& names) {
-  const std::string name = config.text(key);
+  const std::string name = config.text({key, "what commands call it: one word, which no other has"});
   if (name == "*" || name.find_first_of(" \t,") != std::string::npos)
     config.wrong(key, "must be one word without a comma, and not *");
   else if (!name.empty() && !names.insert(name).second)
@@ -97,38 +96,52 @@ std::vector<Target> Settings::targets() const {
 Result<Settings> read_settings(const std::string& config_file, const std::string& script_file) {
   auto config = Config::load(config_file);
   if (!config) return config.error();
+  auto settings = read_settings(*config);
+  if (!settings || script_file.empty()) return settings;
+  auto faults = read_script(script_file, settings->targets());
+  if (!faults) return faults.error();
+  settings->faults = std::move(*faults);
+  return settings;
+}
+
+Result<Settings> read_settings(Config& config) {
   Settings settings;
-  settings.seed =
-      static_cast<std::uint64_t>(config->integer("proxy.seed", 1, 0, std::numeric_limits<std::int64_t>::max()));
-  settings.faults_socket = config->text("proxy.faults", "");
-  settings.summary_file = config->text("proxy.summary", "");
-  settings.source = host(*config, "proxy.source", config->text("proxy.source", "0.0.0.0"));
+  settings.seed = static_cast<std::uint64_t>(
+      config.integer({"proxy.seed", "of all chance: the same seed and the same traffic lose the same datagrams"}, 1, 0,
+                     std::numeric_limits<std::int64_t>::max()));
+  settings.faults_socket = config.text({"proxy.faults", "Unix socket for commands, mode 0600"}, "");
+  settings.summary_file = config.text({"proxy.summary", "file with all counts, JSON, written at the end"}, "");
+  settings.source = host(config, "proxy.source",
+                         config.text({"proxy.source",
+                                      "IPv4: own address toward drones, where state (8890) and video (11111) arrive; "
+                                      "beside link on one host, one of its own"},
+                                     "0.0.0.0"));
   std::set<std::string> drones, servers;
-  const std::size_t drone_count = config->table_count("drone"), server_count = config->table_count("server");
-  if (drone_count > max_drones) config->wrong("drone", fmt::format("must be {} tables at most", max_drones));
-  if (server_count > max_servers) config->wrong("server", fmt::format("must be {} tables at most", max_servers));
-  if (drone_count + server_count == 0) config->wrong("drone", "must be there, or [[server]]: what to stand before");
+  const std::size_t drone_count = config.table_count({"drone", "UDP, a drone to stand before"}),
+                    server_count = config.table_count({"server", "TCP, a server to stand before"});
+  if (drone_count > max_drones) config.wrong("drone", fmt::format("must be {} tables at most", max_drones));
+  if (server_count > max_servers) config.wrong("server", fmt::format("must be {} tables at most", max_servers));
+  if (drone_count + server_count == 0) config.wrong("drone", "must be there, or [[server]]: what to stand before");
   for (std::size_t i = 0; i < std::min<std::size_t>(drone_count, max_drones); ++i) {
     const std::string table = fmt::format("drone.{}.", i);
     DroneRoute route;
-    route.name = name(*config, table + "name", drones);
-    route.listen = host(*config, table + "listen", config->text(table + "listen"));
-    route.address = host(*config, table + "address", config->text(table + "address"));
+    route.name = name(config, table + "name", drones);
+    route.listen = host(config, table + "listen",
+                        config.text({table + "listen", "IPv4 that clients fly, port 8889; each drone needs its own"}));
+    route.address = host(config, table + "address", config.text({table + "address", "IPv4 of the drone"}));
     settings.drones.push_back(route);
   }
   for (std::size_t i = 0; i < std::min(server_count, max_servers); ++i) {
     const std::string table = fmt::format("server.{}.", i);
     ServerRoute route;
-    route.name = name(*config, table + "name", servers);
-    route.listen = host_and_port(*config, table + "listen", 0);
-    route.address = host_and_port(*config, table + "address", 1);
+    route.name = name(config, table + "name", servers);
+    route.listen = host_and_port(
+        config, {table + "listen", "IPv4:PORT that clients are given; port 0: a free one, which standard output tells"},
+        0);
+    route.address = host_and_port(config, {table + "address", "IPv4:PORT of the server"}, 1);
     settings.servers.push_back(route);
   }
-  if (auto status = config->finish(); !status) return status.error();
-  if (script_file.empty()) return settings;
-  auto faults = read_script(script_file, settings.targets());
-  if (!faults) return faults.error();
-  settings.faults = std::move(*faults);
+  if (auto status = config.finish(); !status) return status.error();
   return settings;
 }
 

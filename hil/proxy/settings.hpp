@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/config/config.hpp"
 #include "hil/proxy/switches.hpp"
 
 namespace ledgerline::hil::proxy {
@@ -40,6 +41,8 @@ struct Settings {
 /// From a config and, where its name is not empty, a script: a file of [[fault]] tables with `at_s`, `for_s` (may be
 /// missing) and `do`, a command. Errors name file, line and key (common/config).
 Result<Settings> read_settings(const std::string& config_file, const std::string& script_file);
+/// The config alone.
+Result<Settings> read_settings(Config& config);
 
 std::string address_text(const sockaddr_in& address);
 

@@ -33,21 +33,28 @@ bool is_segment(const std::string& name) {
 
 Rule read_rule(Config& config, const std::string& at) {
   Rule rule;
-  rule.name = config.text(at + "name");
+  rule.name = config.text(
+      {at + "name",
+       "ROS 2 topic; * stands for any characters, / too. The first [[topic]] that matches, in a direction, decides"});
   if (!rule.name.empty() && !is_pattern(rule.name)) {
     config.wrong(at + "name",
                  fmt::format("is \"{}\", must be a ROS 2 topic as in /a/b: letters, digits, _ and /, and * "
                              "for any characters",
                              rule.name));
   }
-  rule.type = config.text(at + "type", "");
+  rule.type = config.text({at + "type", "as in std_msgs/msg/String: another type is not carried", "any"}, "");
   if (!rule.type.empty() && !is_ros_type(rule.type)) {
     config.wrong(at + "type", fmt::format("is \"{}\", must be as in std_msgs/msg/String", rule.type));
   }
-  const std::string direction = config.choice(at + "direction", {"to_ledger", "from_ledger", "both"}, "both");
+  const std::string direction =
+      config.choice({at + "direction", "of what it carries"}, {"to_ledger", "from_ledger", "both"}, "both");
   rule.to_ledger = direction != "from_ledger";
   rule.from_ledger = direction != "to_ledger";
-  rule.from = config.text(at + "from", "");
+  rule.from = config.text({at + "from",
+                           "whose is taken from the ledger: first segment of the ids, an organisation's MSP id or an "
+                           "enrolled name; *: anybody's",
+                           "must be there for what comes from the ledger"},
+                          "");
   if (!rule.from.empty() && rule.from != anybody && !is_segment(rule.from)) {
     config.wrong(at + "from",
                  fmt::format("is \"{}\", must be an organisation's MSP id or an enrolled name, or \"*\" for anybody's",
@@ -59,18 +66,27 @@ Rule read_rule(Config& config, const std::string& at) {
                              "enrolled name, \"*\" for anybody's, or direction = \"to_ledger\"",
                              rule.name));
   }
-  rule.channel = config.text(at + "channel", "");
-  rule.latest = config.choice(at + "keep", {"all", "latest"}, "all") == "latest";
-  rule.latched = config.boolean(at + "latched", false);
-  rule.stream = config.boolean(at + "stream", false);
-  rule.rate_hz = config.number(at + "rate_hz", 0, 0, 10'000);
-  rule.every = static_cast<int>(config.integer(at + "every", 1, 1, 1'000'000));
-  rule.priority = static_cast<int>(config.integer(at + "priority", 5, 0, 9));
-  rule.queue = static_cast<std::size_t>(config.integer(at + "queue", default_queue, 1, max_queued));
+  rule.channel = config.text(
+      {at + "channel", "of Fabric; each has transactions, blocks and pacing of its own", "that of [ledger]"}, "");
+  rule.latest =
+      config.choice({at + "keep", "latest: only the newest message waits"}, {"all", "latest"}, "all") == "latest";
+  rule.latched = config.boolean(
+      {at + "latched", "who comes late gets the last value, from the ledger and on DDS (transient local)"}, false);
+  rule.stream = config.boolean(
+      {at + "stream", "rides in this host's one frame; for topics below a name in [[enrolled]]; not with latched"},
+      false);
+  rule.rate_hz = config.number({at + "rate_hz", "at most so many a second; 0: all"}, 0, 0, 10'000);
+  rule.every = static_cast<int>(config.integer({at + "every", "every n-th message"}, 1, 1, 1'000'000));
+  rule.priority = static_cast<int>(config.integer({at + "priority", "9 goes first, 0 last"}, 5, 0, 9));
+  rule.queue = static_cast<std::size_t>(config.integer(
+      {at + "queue", "messages that may wait (and 8 MB), then the oldest is dropped; 1 with keep = \"latest\""},
+      default_queue, 1, max_queued));
   if (rule.latest) rule.queue = 1;
-  rule.reliable = config.boolean(at + "reliable", true);
-  rule.depth = static_cast<int>(
-      config.integer(at + "depth", rule.latched ? 1 : static_cast<std::int64_t>(rule.queue), 1, max_queued));
+  rule.reliable =
+      config.boolean({at + "reliable", "DDS's reliability; what a * finds is read as its writers offer it"}, true);
+  rule.depth =
+      static_cast<int>(config.integer({at + "depth", "of DDS's history", "queue, latched: 1"},
+                                      rule.latched ? 1 : static_cast<std::int64_t>(rule.queue), 1, max_queued));
   if (rule.latched && rule.stream) {
     config.wrong(at + "stream", "must not be true with latched = true, whose value has a key of its own");
   }
@@ -111,17 +127,33 @@ BridgeConfig read_bridge(Config& config, const Host* host) {
     out.enrolled = host->enrolled;
     out.rules = rules_of(*host);
   }
-  out.name = config.text("bridge.name", "");
-  out.min_gap_ns = from_seconds(config.number("bridge.min_gap_ms", 10, 0, 10'000) * 1e-3);
-  out.bulk_share = config.number("bridge.bulk_share", out.bulk_share, 0.001, 1);
-  out.status_file = config.text("output.status", "");
-  out.status_period_ns = host ? ns_per_s : config.integer("output.status_period_ms", 1'000, 10, 60'000) * ns_per_ms;
-  for (std::size_t i = 0; i < config.table_count("enrolled"); ++i) {
+  out.name = config.text({"bridge.name", "tells bridges of one identity apart"}, "");
+  out.min_gap_ns = from_seconds(
+      config.number({"bridge.min_gap_ms",
+                     "between two transactions of a kind: shorter makes more of them with fewer messages each"},
+                    10, 0, 10'000) *
+      1e-3);
+  out.bulk_share = config.number({"bridge.bulk_share",
+                                  "share of the time that messages above 8 kB are under way while small ones of higher "
+                                  "priority are: a p99 does not see 0.005"},
+                                 out.bulk_share, 0.001, 1);
+  out.status_file = config.text({"output.status", "file for `ledgerline topics`"}, "");
+  out.status_period_ns =
+      host ? ns_per_s
+           : config.integer(
+                 {"output.status_period_ms",
+                  "between two statuses, on standard output and in the file; beside agent's and ground's work: 1,000"},
+                 1'000, 10, 60'000) *
+                 ns_per_ms;
+  for (std::size_t i = 0; i < config.table_count({"enrolled",
+                                                  "a name that is enrolled to this identity: topics below /NAME/ have "
+                                                  "the id NAME/..., all others MSPID/..."});
+       ++i) {
     const std::string key = fmt::format("enrolled.{}.name", i);
-    out.enrolled.push_back(config.text(key));
+    out.enrolled.push_back(config.text({key, "one segment of an id: [A-Za-z0-9_.-]"}));
     if (!is_segment(out.enrolled.back())) config.wrong(key, "must be one segment of an id: [A-Za-z0-9_.-]");
   }
-  for (std::size_t i = 0; i < config.table_count("topic"); ++i) {
+  for (std::size_t i = 0; i < config.table_count({"topic", "a topic that is carried"}); ++i) {
     const std::string at = fmt::format("topic.{}.", i);
     out.rules.push_back(read_rule(config, at));
     const Rule& rule = out.rules.back();

@@ -26,59 +26,137 @@ Result<sockaddr_in> parse_address(const std::string& host, const std::string& po
   return address;
 }
 
-TimeNs read_ms(Config& config, const std::string& key, TimeNs otherwise, double min_ms, double max_ms) {
+TimeNs read_ms(Config& config, const Key& key, TimeNs otherwise, double min_ms, double max_ms) {
   return from_seconds(config.number(key, to_ms(otherwise), min_ms, max_ms) / 1000);
 }
 
-TimeNs read_s(Config& config, const std::string& key, TimeNs otherwise, double min_s, double max_s) {
+TimeNs read_s(Config& config, const Key& key, TimeNs otherwise, double min_s, double max_s) {
   return from_seconds(config.number(key, to_seconds(otherwise), min_s, max_s));
 }
 
-float read_float(Config& config, const std::string& key, float otherwise, double min, double max) {
+float read_float(Config& config, const Key& key, float otherwise, double min, double max) {
   return static_cast<float>(config.number(key, static_cast<double>(otherwise), min, max));
+}
+
+void read_limits(Config& config, PlayoutSettings& playout) {
+  playout.max_speed_mps = read_float(
+      config,
+      {"limits.speed_mps",
+       "upper bound of the horizontal velocity, whatever a plan says; above what rc 100 means it bounds nothing"},
+      playout.max_speed_mps, 0.05, 10);
+  playout.max_vertical_mps =
+      read_float(config,
+                 {"limits.vertical_mps",
+                  "upper bound of climbing and sinking: what rc 100 means, so that a higher one bounds nothing"},
+                 playout.max_vertical_mps, 0.05, 10);
+  playout.max_acceleration_mps2 =
+      read_float(config,
+                 {"limits.acceleration_mps2",
+                  "how fast the velocity asked for may change, and the ramp to zero of a hold: lower stops later. "
+                  "Ground must know the same (its flight.told_mps2)"},
+                 playout.max_acceleration_mps2, 0.1, 50);
+  playout.max_yaw_rate_radps = read_float(
+      config,
+      {"limits.yaw_rate_radps", "upper bound of turning: what rc 100 means, so that nothing is cut short there"},
+      playout.max_yaw_rate_radps, 0.01, 10);
+  playout.max_yaw_acceleration_radps2 =
+      read_float(config, {"limits.yaw_acceleration_radps2", "how fast the rate of turning may change"},
+                 playout.max_yaw_acceleration_radps2, 0.1, 100);
 }
 
 void read_motion(Config& config, LinkSettings& link) {
   PlayoutSettings& playout = link.playout;
-  playout.max_speed_mps = read_float(config, "limits.speed_mps", playout.max_speed_mps, 0.05, 10);
-  playout.max_vertical_mps = read_float(config, "limits.vertical_mps", playout.max_vertical_mps, 0.05, 10);
-  playout.max_acceleration_mps2 =
-      read_float(config, "limits.acceleration_mps2", playout.max_acceleration_mps2, 0.1, 50);
-  playout.max_yaw_rate_radps = read_float(config, "limits.yaw_rate_radps", playout.max_yaw_rate_radps, 0.01, 10);
-  playout.max_yaw_acceleration_radps2 =
-      read_float(config, "limits.yaw_acceleration_radps2", playout.max_yaw_acceleration_radps2, 0.1, 100);
-  playout.max_age_ns = read_ms(config, "playout.max_age_ms", playout.max_age_ns, 10, 60'000);
-  playout.max_ahead_ns = read_ms(config, "playout.max_ahead_ms", playout.max_ahead_ns, 10, 60'000);
-  playout.max_margin_ns = read_ms(config, "playout.max_margin_ms", playout.max_margin_ns, 0, 10'000);
+  read_limits(config, playout);
+  playout.max_age_ns = read_ms(config,
+                               {"playout.max_age_ms",
+                                "a plan made from an older state is dropped: longer flies by what is no longer true, "
+                                "shorter than the two-way latency drops every plan"},
+                               playout.max_age_ns, 10, 60'000);
+  playout.max_ahead_ns = read_ms(
+      config, {"playout.max_ahead_ms", "a setpoint meant for later than this is a bad value, such as of a wrong clock"},
+      playout.max_ahead_ns, 10, 60'000);
+  playout.max_margin_ns =
+      read_ms(config,
+              {"playout.max_margin_ms",
+               "upper bound of the adaptive playout margin, by which setpoints wait so that late ones still come in "
+               "order; 0 disables it, as in a flight around a path, where ground chooses the moment"},
+              playout.max_margin_ns, 0, 10'000);
 
   RcSettings& rc = link.rc;
-  rc.full_scale_mps = read_float(config, "rc.full_scale_mps", rc.full_scale_mps, 0.1, 20);
-  rc.full_scale_radps = read_float(config, "rc.full_scale_radps", rc.full_scale_radps, 0.1, 20);
-  const auto signs = config.numbers("rc.signs", 4, {rc.signs[0], rc.signs[1], rc.signs[2], rc.signs[3]});
+  rc.full_scale_mps = read_float(
+      config,
+      {"rc.full_scale_mps", "the velocity that rc 100 means; not documented by the maker, clients take rc as cm/s"},
+      rc.full_scale_mps, 0.1, 20);
+  rc.full_scale_radps =
+      read_float(config, {"rc.full_scale_radps", "the rate of turning that rc 100 means: 100 degrees/s"},
+                 rc.full_scale_radps, 0.1, 20);
+  const auto signs =
+      config.numbers({"rc.signs", "sign of each rc channel against left, forward, up, counter-clockwise"}, 4,
+                     {rc.signs[0], rc.signs[1], rc.signs[2], rc.signs[3]});
   for (std::size_t i = 0; i < 4 && i < signs.size(); ++i) rc.signs[i] = signs[i] < 0 ? -1.0F : 1.0F;
 }
 
-void read_safety(Config& config, LinkSettings& link) {
-  FailsafeSettings& failsafe = link.failsafe;
-  failsafe.hold_grace_ns = read_ms(config, "failsafe.hold_grace_ms", failsafe.hold_grace_ns, 0, 5'000);
-  failsafe.land_after_ns = read_s(config, "failsafe.land_after_s", failsafe.land_after_ns, 0.1, 600);
+void read_failsafe(Config& config, FailsafeSettings& failsafe) {
+  failsafe.hold_grace_ns = read_ms(
+      config,
+      {"failsafe.hold_grace_ms",
+       "from the end of the last plan until the mode says hold; the ramp to zero begins at once. Shorter reports "
+       "each plan that is a little late"},
+      failsafe.hold_grace_ns, 0, 5'000);
+  failsafe.land_after_ns = read_s(config,
+                                  {"failsafe.land_after_s",
+                                   "of hold or brake without a break, then land: longer than a ledger takes to choose "
+                                   "a new leader, and than clear_after_ms"},
+                                  failsafe.land_after_ns, 0.1, 600);
   // At half of it, what comes as seldom as it may must still be in time: agent's beats each 100 ms, state texts too.
-  failsafe.agent_silent_ns = read_ms(config, "failsafe.agent_silent_ms", failsafe.agent_silent_ns, 250, 60'000);
-  failsafe.state_stale_ns = read_ms(config, "failsafe.state_stale_ms", failsafe.state_stale_ns, 250, 60'000);
-  failsafe.pose_lost_ns = read_ms(config, "failsafe.pose_lost_ms", failsafe.pose_lost_ns, 20, 60'000);
-  failsafe.clear_after_ns = read_ms(config, "failsafe.clear_after_ms", failsafe.clear_after_ns, 0, 60'000);
-  failsafe.battery_low = read_float(config, "failsafe.battery_low", failsafe.battery_low, 0.01, 0.95);
-  failsafe.battery_critical = read_float(config, "failsafe.battery_critical", failsafe.battery_critical, 0, 1);
+  failsafe.agent_silent_ns = read_ms(
+      config,
+      {"failsafe.agent_silent_ms",
+       "without a beat of agent, it counts as gone: ten beats of 50 ms. From 250, since beats may be 100 ms apart"},
+      failsafe.agent_silent_ns, 250, 60'000);
+  failsafe.state_stale_ns = read_ms(
+      config, {"failsafe.state_stale_ms", "without a state text of the drone, brake: ten texts at a Tello's 10 Hz"},
+      failsafe.state_stale_ns, 250, 60'000);
+  failsafe.pose_lost_ns =
+      read_ms(config,
+              {"failsafe.pose_lost_ms",
+               "without a new pose, brake: at 1 m/s the drone goes 0.3 m unseen meanwhile; ground must know the same "
+               "(its flight.pose_lost_ms)"},
+              failsafe.pose_lost_ns, 20, 60'000);
+  failsafe.clear_after_ns =
+      read_ms(config,
+              {"failsafe.clear_after_ms",
+               "a brake ends when its cause has been away this long; at least half of each of the "
+               "three limits above, or a lonely sign of life would end it"},
+              failsafe.clear_after_ns, 0, 60'000);
+  failsafe.battery_low =
+      read_float(config, {"failsafe.battery_low", "share of a full battery: below it a warning, and no take-off"},
+                 failsafe.battery_low, 0.01, 0.95);
+  failsafe.battery_critical =
+      read_float(config, {"failsafe.battery_critical", "share of a full battery: below it land; below battery_low"},
+                 failsafe.battery_critical, 0, 1);
+}
 
+void read_fence(Config& config, LinkSettings& link) {
   FenceSettings& fence = link.fence;
-  const auto low = config.numbers("fence.min_m", 3, {fence.min_m.begin(), fence.min_m.end()});
-  const auto high = config.numbers("fence.max_m", 3, {fence.max_m.begin(), fence.max_m.end()});
+  const auto low = config.numbers({"fence.min_m", "corner of the box that a drone stays in, x, y, z in `map`"}, 3,
+                                  {fence.min_m.begin(), fence.min_m.end()});
+  const auto high = config.numbers(
+      {"fence.max_m",
+       "its other corner; the default is so wide that it bounds the height alone until you set your room's"},
+      3, {fence.max_m.begin(), fence.max_m.end()});
   for (std::size_t i = 0; i < 3 && i < low.size() && i < high.size(); ++i) {
     fence.min_m[i] = low[i];
     fence.max_m[i] = high[i];
   }
-  failsafe.fence_land_after_ns = read_ms(config, "fence.land_after_ms", failsafe.fence_land_after_ns, 0, 60'000);
-  fence.far_beyond_m = config.number("fence.far_beyond_m", fence.far_beyond_m, 0, 1000);
+  link.failsafe.fence_land_after_ns = read_ms(
+      config,
+      {"fence.land_after_ms",
+       "beyond the fence and still going outward for this long: land. Shorter lands who is already turning back"},
+      link.failsafe.fence_land_after_ns, 0, 60'000);
+  fence.far_beyond_m =
+      config.number({"fence.far_beyond_m", "beyond the fence by this counts as going outward at any speed"},
+                    fence.far_beyond_m, 0, 1000);
 }
 
 struct DroneTable {
@@ -88,13 +166,14 @@ struct DroneTable {
 
 std::vector<DroneTable> read_drones(Config& config) {
   std::vector<DroneTable> tables;
-  for (std::size_t i = 0; i < config.table_count("drone"); ++i) {
+  for (std::size_t i = 0; i < config.table_count({"drone", "1 to 16 of them, one for each drone"}); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
     DroneTable table;
-    table.drone.name = config.text(key + "name");
-    table.drone.number =
-        static_cast<DroneNumber>(config.integer(key + "number", static_cast<std::int64_t>(i) + 1, 1, max_drones));
-    table.address = config.text(key + "address");
+    table.drone.name = config.text({key + "name", "as it is enrolled on the ledger"});
+    table.drone.number = static_cast<DroneNumber>(
+        config.integer({key + "number", "in shared memory; agent's must be the same", "its place in the file"},
+                       static_cast<std::int64_t>(i) + 1, 1, max_drones));
+    table.address = config.text({key + "address", "IPv4; answers are told apart by it, so no two share one"});
     tables.push_back(std::move(table));
   }
   return tables;
@@ -150,26 +229,49 @@ Status check_failsafe(const std::string& path, const FailsafeSettings& failsafe)
   return done;
 }
 
+void read_output(Config& config, ShellSettings& settings) {
+  settings.trace = config.text({"output.trace", "file for `ledgerline timing` and the report (binary)"}, "");
+  settings.summary = config.text({"output.summary", "file with all counts, JSON, written at the end"}, "");
+  settings.starts =
+      config.text({"output.starts",
+                   "file that remembers link's last starts, so that one that dies again and again lands its drones"},
+                  "");
+  settings.status_period_ms = config.integer(
+      {"output.status_period_ms", "between two status lines on standard output (JSON); 0: none"}, 0, 0, 60'000);
+}
+
 }  // namespace
 
 Result<ShellSettings> load_settings(const std::string& path) {
   auto config = Config::load(path);
   if (!config) return config.error();
+  return read_settings(*config, path);
+}
+
+Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   ShellSettings settings;
-  const auto tables = read_drones(*config);
-  const std::string port = std::to_string(config->integer("tello.command_port", 8889, 1, 65535));
-  const std::string listen = config->text("state.listen", "0.0.0.0:8890");
-  settings.link.rate_hz = config->number("state.rate_hz", settings.link.rate_hz, 1, 200);
-  settings.trace = config->text("output.trace", "");
-  settings.summary = config->text("output.summary", "");
-  settings.starts = config->text("output.starts", "");
-  settings.status_period_ms = config->integer("output.status_period_ms", 0, 0, 60'000);
-  settings.loop_hz = config->number("realtime.loop_hz", settings.loop_hz, 100, 4000);
-  settings.priority = static_cast<int>(config->integer("realtime.priority", settings.priority, 0, 98));
-  settings.cpu = static_cast<int>(config->integer("realtime.cpu", settings.cpu, -1, 1023));
-  read_motion(*config, settings.link);
-  read_safety(*config, settings.link);
-  if (auto status = config->finish(); !status) return status.error();
+  const auto tables = read_drones(config);
+  const std::string port = std::to_string(config.integer(
+      {"tello.command_port", "where drones take commands; a Tello's is fixed, a proxy's may differ"}, 8889, 1, 65535));
+  const std::string listen = config.text(
+      {"state.listen", "IPv4 and port where state texts arrive; drones always send to port 8890"}, "0.0.0.0:8890");
+  settings.link.rate_hz = config.number({"state.rate_hz",
+                                         "state samples a second of each drone: each is a transaction, or shares one; "
+                                         "ground answers each with a command"},
+                                        settings.link.rate_hz, 1, 200);
+  read_output(config, settings);
+  settings.loop_hz = config.number(
+      {"realtime.loop_hz", "turns of the loop: a setpoint waits for at most one. Half of it doubles that wait"},
+      settings.loop_hz, 100, 4000);
+  settings.priority = static_cast<int>(config.integer(
+      {"realtime.priority", "SCHED_FIFO, above agent's and below the kernel's own 99; 0: ordinary scheduling"},
+      settings.priority, 0, 98));
+  settings.cpu = static_cast<int>(
+      config.integer({"realtime.cpu", "core that the loop is pinned to; -1: any"}, settings.cpu, -1, 1023));
+  read_motion(config, settings.link);
+  read_failsafe(config, settings.link.failsafe);
+  read_fence(config, settings.link);
+  if (auto status = config.finish(); !status) return status.error();
   if (auto status = check_drones(path, tables); !status) return status.error();
   if (auto status = check_fence(path, settings.link.fence); !status) return status.error();
   if (auto status = check_failsafe(path, settings.link.failsafe); !status) return status.error();

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/config/config.hpp"
 #include "onboard/link/core/settings.hpp"
 
 namespace ledgerline::link {
@@ -26,5 +27,7 @@ struct ShellSettings {
 
 /// Reads link's TOML file; every key is checked.
 Result<ShellSettings> load_settings(const std::string& path);
+/// The same of a file that is open; `path` is for errors.
+Result<ShellSettings> read_settings(Config& config, const std::string& path);
 
 }  // namespace ledgerline::link

@@ -151,5 +151,34 @@ TEST(Config, FilesAreReadAndMissingOnesNamed) {
   EXPECT_NE(gone.error().what.find(path), std::string::npos);
 }
 
+TEST(Config, ADescribingOneListsWhatWasAskedForOnceInTheReadersOrder) {
+  Config config = Config::describing();
+  EXPECT_TRUE(config.describes());
+  (void)config.text("name");
+  (void)config.number({"state.rate_hz", "samples a second"}, 30.0, 1, 200);
+  (void)config.choice("state.shape", {"square", "x"}, "square");
+  ASSERT_EQ(config.table_count({"drone", "one each"}), 1U);
+  (void)config.integer({"drone.0.number", "in shared memory", "its place"}, 1, 1, 16);
+  (void)config.number("state.rate_hz", 1, 200);
+  const auto keys = config.described();
+  ASSERT_EQ(keys.size(), 5U);
+  EXPECT_EQ(keys[0].table + keys[0].key, "name");
+  EXPECT_EQ(keys[0].usual, "");  // must be there
+  EXPECT_EQ(keys[1].table, "[state]");
+  EXPECT_EQ(keys[1].key, "rate_hz");
+  EXPECT_EQ(keys[1].type, "number");
+  EXPECT_EQ(keys[1].unit, "Hz");
+  EXPECT_EQ(keys[1].usual, "30");
+  EXPECT_EQ(keys[1].allowed, "1 to 200");
+  EXPECT_EQ(keys[1].about, "samples a second");
+  EXPECT_EQ(keys[2].allowed, "square, x");
+  EXPECT_EQ(keys[3].table, "[[drone]]");
+  EXPECT_EQ(keys[3].key, "");
+  EXPECT_EQ(keys[4].table, "[[drone]]");
+  EXPECT_EQ(keys[4].usual, "its place");
+  EXPECT_FALSE(config.finish());  // keys without a default are missing
+  EXPECT_FALSE(Config::parse("", "").value().describes());
+}
+
 }  // namespace
 }  // namespace ledgerline

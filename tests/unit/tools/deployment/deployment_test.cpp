@@ -1,0 +1,93 @@
+#include "tools/deployment/deployment.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/tools/deployment/page.hpp"
+
+namespace ledgerline::deployment {
+namespace {
+
+using testing::HasSubstr;
+
+Result<Deployment> read_text(const std::string& toml) {
+  auto config = Config::parse(toml, "lab.toml");
+  if (!config) return config.error();
+  return read(*config, "lab.toml");
+}
+
+std::string error_of(const std::string& toml) {
+  const auto deployment = read_text(toml);
+  return deployment ? "" : deployment.error().what;
+}
+
+const std::string desk =
+    "[[host]]\nname = \"desk\"\naddress = \"127.0.0.1\"\nroles = [\"onboard\", \"ground\", \"ledger\"]\n";
+const std::string organisation = "[[organisation]]\nid = \"Org1MSP\"\nhost = \"desk\"\n";
+const std::string drone = "[[drone]]\nname = \"tello1\"\nhost = \"desk\"\naddress = \"127.0.0.2\"\n";
+
+TEST(Deployment, ThePagesExampleIsRead) {
+  const auto deployment = read_text(example_of_the_page(0));
+  ASSERT_TRUE(deployment) << deployment.error().what;
+  EXPECT_EQ(deployment->ledger, LedgerKind::fabric);
+  EXPECT_EQ(deployment->channel, "teleop");
+  ASSERT_EQ(deployment->hosts.size(), 3U);
+  EXPECT_EQ(deployment->hosts[0].address, "10.0.0.4");
+  EXPECT_TRUE(deployment->hosts[1].has(Role::ground));
+  EXPECT_FALSE(deployment->hosts[1].has(Role::onboard));
+  ASSERT_EQ(deployment->organisations.size(), 3U);
+  EXPECT_EQ(deployment->organisations[2].peer.host, "tower");
+  EXPECT_EQ(deployment->organisations[2].peer.port, 7061);
+  EXPECT_EQ(deployment->orderers.size(), 1U);
+  ASSERT_EQ(deployment->drones.size(), 2U);
+  EXPECT_EQ(deployment->drones[1].name, "tello2");
+  EXPECT_EQ(deployment->host("raven"), &deployment->hosts[0]);
+  EXPECT_EQ(deployment->host("dove"), nullptr);
+}
+
+TEST(Deployment, TheSmallestIsOneHostOneOrganisationOneDrone) {
+  EXPECT_EQ(error_of(desk + organisation + drone), "");
+  EXPECT_EQ(error_of("ledger.kind = \"none\"\n" + desk + drone), "");
+}
+
+TEST(Deployment, WhatIsWrongIsToldWithFileLineAndKey) {
+  const std::pair<std::string, const char*> cases[] = {
+      {"[ledger]\nkind = \"paper\"\n" + desk + organisation + drone,
+       "lab.toml:2: ledger.kind: is \"paper\", must be one of"},
+      {desk + "speed = 3\n" + organisation + drone, "lab.toml:5: host.0.speed: unknown key"},
+      {desk + organisation + "[[drone]]\nname = \"tello1\"\nhost = \"dove\"\naddress = \"127.0.0.2\"\n",
+       "lab.toml:10: drone.0.host: is \"dove\", must be the name of a [[host]]"},
+      {"[[host]]\nname = \"desk\"\naddress = \"127.0.0.1\"\nroles = [\"ground\", \"ledger\"]\n" + organisation + drone,
+       "drone.0.host: is \"desk\", whose roles have no \"onboard\""},
+      {"[[host]]\nname = \"desk\"\naddress = \"desk.lab\"\nroles = [\"ground\"]\n" + drone,
+       "lab.toml:3: host.0.address: is \"desk.lab\", must be an IPv4 address"},
+      {"[[host]]\nname = \"desk\"\naddress = \"127.0.0.1\"\nroles = [\"cook\"]\n" + drone,
+       "lab.toml:4: host.0.roles: has \"cook\", must be of onboard, ground, ledger"},
+      {"[[host]]\nname = \"desk\"\naddress = \"127.0.0.1\"\n" + drone, "host.0.roles: must name at least one"},
+      {desk + desk + organisation + drone, "lab.toml:6: host.1.name: must be a name that no other has"},
+      {desk + "organisation = \"Org7MSP\"\n" + organisation + drone,
+       "lab.toml:5: host.0.organisation: is \"Org7MSP\", must be the id of an [[organisation]]"},
+      {desk + drone, "organisation: must be there"},
+      {"ledger.kind = \"none\"\n" + desk + organisation + drone, "organisation: must not be there"},
+      {"ledger.kind = \"fabric\"\n" + desk + organisation + drone, "orderer: must be 1 or 3 tables, and there are 0"},
+      {desk + organisation + "[[orderer]]\nhost = \"desk\"\n" + drone,
+       "orderer: goes with ledger.kind = \"fabric\" alone"},
+      {desk + organisation + "[[organisation]]\nid = \"Org2MSP\"\nhost = \"desk\"\nport = 9\n" + drone,
+       "organisation.1.host: must be the first one's"},
+      {desk + organisation, "drone: must be 1 to 16 tables"},
+      {desk + organisation + drone + "[[drone]]\nname = \"tello2\"\nhost = \"desk\"\naddress = \"127.0.0.2\"\n",
+       "drone.1.address: must be an address that no other drone of its host has"},
+      {"[[host]]\nname = \"desk\"\naddress = \"127.0.0.1\"\nroles = [\"onboard\", \"ledger\"]\n" + organisation + drone,
+       "host: must have one with the role \"ground\""},
+  };
+  for (const auto& [toml, wanted] : cases) EXPECT_THAT(error_of(toml), HasSubstr(wanted)) << toml;
+}
+
+TEST(Deployment, AMissingFileIsNamed) {
+  const auto deployment = load("/nowhere/lab.toml");
+  ASSERT_FALSE(deployment);
+  EXPECT_THAT(deployment.error().what, HasSubstr("/nowhere/lab.toml"));
+}
+
+}  // namespace
+}  // namespace ledgerline::deployment

@@ -1,0 +1,19 @@
+#pragma once
+#include <fstream>
+#include <sstream>
+#include <string>
+
+namespace ledgerline::deployment {
+
+/// A block of TOML in docs/deployment.md, from 0 on.
+inline std::string example_of_the_page(int number) {
+  std::ifstream file(LEDGERLINE_SOURCE "/docs/deployment.md");
+  std::stringstream text;
+  text << file.rdbuf();
+  const std::string page = text.str(), fence = "```toml\n";
+  std::size_t begin = 0;
+  for (int k = 0; k <= number; ++k) begin = page.find(fence, begin) + fence.size();
+  return page.substr(begin, page.find("```", begin) - begin);
+}
+
+}  // namespace ledgerline::deployment

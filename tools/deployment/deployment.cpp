@@ -1,0 +1,178 @@
+#include "tools/deployment/deployment.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <set>
+
+#include "common/msg/onboard.hpp"
+
+namespace ledgerline::deployment {
+namespace {
+
+constexpr std::array kinds{"embedded", "fabric", "none"};
+constexpr std::array roles{"onboard", "ground", "ledger"};
+static_assert(kinds.size() == static_cast<std::size_t>(LedgerKind::none) + 1);
+static_assert(roles.size() == role_count && role_count == static_cast<std::size_t>(Role::ledger) + 1);
+
+std::string unique_name(Config& config, const Key& key, std::set<std::string>& names) {
+  std::string name = config.text(key);
+  if (!name.empty() && !names.insert(name).second) config.wrong(key.name, "must be a name that no other has");
+  return name;
+}
+
+std::string address(Config& config, const Key& key) {
+  std::string text = config.text(key);
+  in_addr ip{};
+  if (!text.empty() && ::inet_pton(AF_INET, text.c_str(), &ip) != 1)
+    config.wrong(key.name, fmt::format("is \"{}\", must be an IPv4 address, such as 10.0.0.1", text));
+  return text;
+}
+
+std::vector<Role> read_roles(Config& config, const std::string& key) {
+  std::vector<Role> out;
+  for (const std::string& name :
+       config.texts({key, "what runs there, at least one of onboard, ground, ledger"}, role_count)) {
+    const auto known = std::find(roles.begin(), roles.end(), name);
+    if (known == roles.end()) {
+      config.wrong(key, fmt::format("has \"{}\", must be of {}", name, fmt::join(roles, ", ")));
+    } else {
+      out.push_back(static_cast<Role>(known - roles.begin()));
+    }
+  }
+  if (out.empty()) config.wrong(key, fmt::format("must name at least one of {}", fmt::join(roles, ", ")));
+  return out;
+}
+
+// The name of a host that has the role.
+std::string host_with(Config& config, const Key& key, Role role, const Deployment& deployment) {
+  std::string name = config.text(key);
+  const Host* host = deployment.host(name);
+  if (name.empty()) return name;
+  if (!host) {
+    config.wrong(key.name, fmt::format("is \"{}\", must be the name of a [[host]]", name));
+  } else if (!host->has(role)) {
+    config.wrong(key.name, fmt::format("is \"{}\", whose roles have no \"{}\"", name, name_of(role)));
+  }
+  return name;
+}
+
+std::vector<Host> read_hosts(Config& config, std::size_t count) {
+  std::vector<Host> hosts;
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::string key = fmt::format("host.{}.", i);
+    Host host;
+    host.name = unique_name(config, {key + "name", "what the tables below call it"}, names);
+    host.address = address(config, {key + "address", "IPv4, as the other hosts reach it"});
+    host.roles = read_roles(config, key + "roles");
+    host.organisation =
+        config.text({key + "organisation", "id of the [[organisation]] whose identity its programs have"}, "");
+    hosts.push_back(std::move(host));
+  }
+  return hosts;
+}
+
+Endpoint read_endpoint(Config& config, const std::string& key, const Deployment& deployment) {
+  const std::string host = host_with(config, {key + "host", "of role ledger"}, Role::ledger, deployment);
+  return {host, static_cast<std::uint16_t>(config.integer(
+                    {key + "port", "its first; 0: free ones are looked for, where all is on one host"}, 0, 0, 65'535))};
+}
+
+void read_ledger(Config& config, Deployment& out) {
+  const std::string kind = config.choice({"ledger.kind", "none: the controller beside the driver, for comparison"},
+                                         {kinds.begin(), kinds.end()}, kinds[0]);
+  out.ledger = static_cast<LedgerKind>(std::find(kinds.begin(), kinds.end(), kind) - kinds.begin());
+  out.channel = config.text({"ledger.channel", "of Fabric"}, out.channel);
+  out.contract = config.text({"ledger.contract", "the chaincode's name on it"}, out.contract);
+  std::set<std::string> ids;
+  const std::size_t organisations = config.table_count(
+      {"organisation", "of the ledger, and where its peer is; with the embedded one all have one place"});
+  for (std::size_t i = 0; i < organisations; ++i) {
+    const std::string key = fmt::format("organisation.{}.", i);
+    const std::string id = unique_name(config, {key + "id", "such as Org1MSP"}, ids);
+    out.organisations.push_back({id, read_endpoint(config, key, out)});
+  }
+  const std::size_t orderers = config.table_count({"orderer", "of Fabric: one or three"});
+  for (std::size_t i = 0; i < orderers; ++i)
+    out.orderers.push_back(read_endpoint(config, fmt::format("orderer.{}.", i), out));
+  for (std::size_t i = 0; i < out.hosts.size(); ++i) {
+    const std::string& whose = out.hosts[i].organisation;
+    if (!whose.empty() && !ids.contains(whose))
+      config.wrong(fmt::format("host.{}.organisation", i),
+                   fmt::format("is \"{}\", must be the id of an [[organisation]]", whose));
+  }
+}
+
+void check_ledger(Config& config, const Deployment& deployment) {
+  const bool has_ledger = deployment.ledger != LedgerKind::none;
+  if (has_ledger == deployment.organisations.empty()) {
+    config.wrong("organisation", has_ledger ? "must be there: a ledger has at least one [[organisation]]"
+                                            : "must not be there with ledger.kind = \"none\"");
+  }
+  const std::size_t orderers = deployment.orderers.size();
+  if (deployment.ledger == LedgerKind::fabric && orderers != 1 && orderers != 3)
+    config.wrong("orderer", fmt::format("must be 1 or 3 tables, and there are {}", orderers));
+  if (deployment.ledger != LedgerKind::fabric && orderers != 0)
+    config.wrong("orderer", "goes with ledger.kind = \"fabric\" alone");
+  for (std::size_t i = 1; deployment.ledger == LedgerKind::embedded && i < deployment.organisations.size(); ++i) {
+    const Endpoint &first = deployment.organisations[0].peer, &other = deployment.organisations[i].peer;
+    if (other.host != first.host || other.port != first.port)
+      config.wrong(fmt::format("organisation.{}.host", i),
+                   "must be the first one's: the embedded ledger is one process");
+  }
+}
+
+void read_drones(Config& config, Deployment& out) {
+  const std::size_t count = config.table_count({"drone", "1 to 16 of them"});
+  if (count == 0 || count > max_drones) config.wrong("drone", fmt::format("must be 1 to {} tables", max_drones));
+  std::set<std::string> names, addresses;
+  for (std::size_t i = 0; i < std::min<std::size_t>(count, max_drones); ++i) {
+    const std::string key = fmt::format("drone.{}.", i);
+    Drone drone;
+    drone.name = unique_name(config, {key + "name", "as it is enrolled on the ledger"}, names);
+    drone.host = host_with(config, {key + "host", "of role onboard: who flies it"}, Role::onboard, out);
+    drone.address = address(config, {key + "address", "IPv4, as its host reaches it"});
+    if (!drone.address.empty() && !addresses.insert(drone.host + " " + drone.address).second)
+      config.wrong(key + "address", "must be an address that no other drone of its host has");
+    out.drones.push_back(std::move(drone));
+  }
+}
+
+}  // namespace
+
+const char* name_of(LedgerKind kind) { return kinds[static_cast<std::size_t>(kind)]; }
+const char* name_of(Role role) { return roles[static_cast<std::size_t>(role)]; }
+
+bool Host::has(Role role) const { return std::find(roles.begin(), roles.end(), role) != roles.end(); }
+
+const Host* Deployment::host(const std::string& name) const {
+  const auto found = std::find_if(hosts.begin(), hosts.end(), [&](const Host& host) { return host.name == name; });
+  return found == hosts.end() ? nullptr : &*found;
+}
+
+Result<Deployment> load(const std::string& path) {
+  auto config = Config::load(path);
+  if (!config) return config.error();
+  return read(*config, path);
+}
+
+Result<Deployment> read(Config& config, const std::string& path) {
+  Deployment out;
+  out.file = path;
+  const std::size_t hosts = config.table_count({"host", "a computer; at least one"});
+  if (hosts == 0) config.wrong("host", "must be there: where programs run");
+  out.hosts = read_hosts(config, hosts);
+  read_ledger(config, out);
+  check_ledger(config, out);
+  read_drones(config, out);
+  if (std::none_of(out.hosts.begin(), out.hosts.end(), [](const Host& host) { return host.has(Role::ground); }))
+    config.wrong("host", "must have one with the role \"ground\"");
+  if (auto status = config.finish(); !status) return status.error();
+  return out;
+}
+
+}  // namespace ledgerline::deployment

@@ -1,0 +1,60 @@
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "common/config/config.hpp"
+
+/// deployment.toml: which hosts there are and what runs on each, which drones, which ledger. One format for the
+/// launcher, for what looks after hosts, and for tests; docs/deployment.md has an example.
+namespace ledgerline::deployment {
+
+enum class LedgerKind { embedded, fabric, none };
+enum class Role { onboard, ground, ledger };
+inline constexpr std::size_t role_count = 3;
+const char* name_of(LedgerKind kind);
+const char* name_of(Role role);
+
+struct Host {
+  std::string name;
+  std::string address;  ///< IPv4, as the other hosts reach it
+  std::vector<Role> roles;
+  std::string organisation;  ///< whose identity its programs have; empty where there is none
+  bool has(Role role) const;
+};
+
+/// Where a part of the ledger listens.
+struct Endpoint {
+  std::string host;  ///< a Host's name, of role ledger
+  std::uint16_t port = 0;
+};
+struct Organisation {
+  std::string id;  ///< "Org1MSP"
+  Endpoint peer;   ///< port 0: a free one, on one host alone
+};
+
+struct Drone {
+  std::string name;     ///< as it is enrolled
+  std::string host;     ///< a Host's name, of role onboard
+  std::string address;  ///< IPv4, as its host reaches it
+};
+
+struct Deployment {
+  std::string file;  ///< for messages
+  LedgerKind ledger = LedgerKind::embedded;
+  std::string channel = "teleop", contract = "ledgerline";
+  std::vector<Organisation> organisations;
+  std::vector<Endpoint> orderers;
+  std::vector<Host> hosts;
+  std::vector<Drone> drones;
+
+  const Host* host(const std::string& name) const;  ///< null: there is none
+};
+
+/// Every key is checked, and that the parts fit: names that are used are there once, with the role that they are used
+/// for. Errors name file, line and key (common/config).
+Result<Deployment> load(const std::string& path);
+Result<Deployment> read(Config& config, const std::string& path);
+
+}  // namespace ledgerline::deployment
