@@ -46,12 +46,12 @@ add_custom_target(threads_tests)
 # gets little of that: a third of the time of the whole release build is saved.
 set(LEDGERLINE_LITTLE_OPTIMISED $<$<CONFIG:RelWithDebInfo>:-O1>)
 
-# ll_program(NAME SOURCES main.cpp DEPS its_library): a program in bin/.
+# ll_program(NAME SOURCES main.cpp DEPS its_library): a program in bin/, with the frame that all have (common/program).
 function(ll_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   ll_note_target(${name})
-  target_link_libraries(${name} PRIVATE ledgerline_options ${ARG_DEPS})
+  target_link_libraries(${name} PRIVATE ledgerline_options ledgerline_program ${ARG_DEPS})
   target_compile_options(${name} PRIVATE ${LEDGERLINE_LITTLE_OPTIMISED})
   target_link_options(${name} PRIVATE LINKER:--as-needed)  # packages' CMake files name more libraries than are used
   add_dependencies(programs ${name})

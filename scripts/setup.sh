@@ -4,10 +4,10 @@
 say() { printf '\033[1m%s\033[0m\n' "$*" >&2; }
 die() { printf 'ledgerline: %s\n' "$*" >&2; exit 1; }
 
-probe_fails() {  # probe_fails cmd:NAME|file:PATH|py:MODULE
+probe_fails() {  # probe_fails cmd:NAME|file:PATTERN|py:MODULE
   case $1 in
     cmd:*) ! command -v "${1#cmd:}" >/dev/null ;;
-    file:*) [ ! -e "${1#file:}" ] ;;
+    file:*) ! compgen -G "${1#file:}" >/dev/null ;;
     py:*) ! python3 -c "import ${1#py:}" 2>/dev/null ;;
     *) die "scripts/packages.txt: unknown probe $1" ;;
   esac

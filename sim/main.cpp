@@ -1,9 +1,7 @@
-#include <CLI/CLI.hpp>
-#include <cstdio>
-
-#include "common/base/log.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/msg/onboard.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
 #include "sim/shell/shell.hpp"
 
 namespace {
@@ -19,63 +17,46 @@ Result<dds::ParticipantOptions> read_dds(const std::string& file) {
   return options;
 }
 
+constexpr const char* about =
+    "Simulated Tello drones: each speaks the Tello SDK 2.0 (UDP 8889, state to 8890) on an address of its own, and is\n"
+    "seen by a motion capture system (DDS, /vrpn_mocap/tello<k>/pose). No video is sent.";
+constexpr const char* notes = R"(Examples:
+  ledgerline-sim                                   tello1 at 127.0.0.2
+  ledgerline-sim --drones 3 --seed 7               127.0.0.2 to 127.0.0.4
+  ledgerline-sim --drones 16 --virtual 60          as fast as possible, prints the ratio
+Ends at SIGINT or SIGTERM. Exit: 0 ended as asked, 1 something failed, 2 bad usage.)";
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  init_log("sim");
   sim::ShellOptions options;
   sim::Parameters& p = options.parameters;
   double virtual_s = 0, battery_percent = 100;
   std::string config;
 
-  CLI::App app{
-      "Simulated Tello drones: each speaks the Tello SDK 2.0 (UDP 8889, state to 8890) on an address of its own, and "
-      "is\n"
-      "seen by a motion capture system (DDS, /vrpn_mocap/tello<k>/pose). No video is sent."};
-  app.footer(
-      "Examples:\n"
-      "  ledgerline-sim                                   tello1 at 127.0.0.2\n"
-      "  ledgerline-sim --drones 3 --seed 7               127.0.0.2 to 127.0.0.4\n"
-      "  ledgerline-sim --drones 16 --virtual 60          as fast as possible, prints the ratio\n"
-      "Ends at SIGINT or SIGTERM. Exit: 0 ended as asked, 1 something failed, 2 bad usage.");
-  app.add_option("--drones", p.drones, "how many; drone k is tello<k>")
-      ->check(CLI::Range(1, static_cast<int>(max_drones)))
-      ->capture_default_str();
-  app.add_option("--seed", p.seed, "of wind and noise; same seed, same flight")->capture_default_str();
-  app.add_option("--address", options.first_address, "of tello1; the others count up")->capture_default_str();
-  app.add_option("--mocap-hz", p.mocap_hz, "poses a second on DDS; 0: none, and no DDS")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->capture_default_str();
-  app.add_option("--config", config,
-                 "TOML file: [dds] domain, local_only or cyclonedds, and the files of DDS Security (docs/dds.md)");
-  app.add_option("--spacing", p.spacing_m, "m between drones at the start, in rows of 4")
-      ->check(CLI::Range(0.3, 100.0))
-      ->capture_default_str();
-  app.add_option("--wind", p.wind.gust_mps, "standard deviation of gusts, m/s")
-      ->check(CLI::Range(0.0, 10.0))
-      ->capture_default_str();
-  app.add_option("--battery", battery_percent, "at the start, percent")
-      ->check(CLI::Range(0.0, 100.0))
-      ->capture_default_str();
-  app.add_option("--trace", options.trace_file, "where the drones really are, 30 times a second (binary)");
-  app.add_option("--summary", options.summary_file, "JSON at the end");
-  app.add_option("--virtual", virtual_s, "simulate this many seconds as fast as possible, without sockets")
-      ->check(CLI::PositiveNumber);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  CommandLine line("sim", about, notes);
+  line.option("--drones", p.drones, "how many; drone k is tello<k>")
+      .within(1, static_cast<int>(max_drones))
+      .shows_default();
+  line.option("--seed", p.seed, "of wind and noise; same seed, same flight").shows_default();
+  line.option("--address", options.first_address, "of tello1; the others count up").shows_default();
+  line.option("--mocap-hz", p.mocap_hz, "poses a second on DDS; 0: none, and no DDS")
+      .within(0.0, 1000.0)
+      .shows_default();
+  line.option("--config", config,
+              "TOML file: [dds] domain, local_only or cyclonedds, and the files of DDS Security (docs/dds.md)");
+  line.option("--spacing", p.spacing_m, "m between drones at the start, in rows of 4")
+      .within(0.3, 100.0)
+      .shows_default();
+  line.option("--wind", p.wind.gust_mps, "standard deviation of gusts, m/s").within(0.0, 10.0).shows_default();
+  line.option("--battery", battery_percent, "at the start, percent").within(0.0, 100.0).shows_default();
+  line.option("--trace", options.trace_file, "where the drones really are, 30 times a second (binary)");
+  line.option("--summary", options.summary_file, "JSON at the end");
+  line.option("--virtual", virtual_s, "simulate this many seconds as fast as possible, without sockets").positive();
+  if (const auto end = line.parse(argc, argv)) return *end;
   p.battery.start = battery_percent / 100;
   const auto dds = read_dds(config);
-  if (!dds) {
-    spdlog::error("{}", dds.error().what);
-    return 2;
-  }
+  if (!dds) return fail(dds.error(), exit_usage);
   options.dds = *dds;
-
-  const Status ended = virtual_s > 0 ? sim::run_virtual(options, virtual_s) : sim::run_real_time(options);
-  if (ended) return 0;
-  spdlog::error("{}", ended.error().what);
-  return 1;
+  return exit_code(virtual_s > 0 ? sim::run_virtual(options, virtual_s) : sim::run_real_time(options));
 }

@@ -48,8 +48,8 @@ struct Response {
   std::string payload;
 };
 
-/// The contract: a pure function of the stub. `args` are protobuf bytes, JSON text, or plain strings where the design
-/// says so. Same code in the embedded node and in ledgerline-chaincode. Thread-safe (no state of its own).
+/// The contract: a pure function of the stub. `args` are protobuf bytes, JSON text, or plain strings, see below. Same
+/// code in the embedded node and in ledgerline-chaincode. Thread-safe (no state of its own).
 ///
 /// Forms. Answer and event have the form of the call (protobuf or JSON; plain strings count as JSON). Answers: `get`
 /// gives Assets (in JSON, of one id: the asset alone), `history` Versions, `stop` Stops, enroll, acquire, release,

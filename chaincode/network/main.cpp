@@ -19,6 +19,7 @@
 #include "chaincode/network/processes/start_check.hpp"
 #include "chaincode/node/storage/files.hpp"
 #include "common/base/log.hpp"
+#include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 
 namespace {
@@ -333,6 +334,7 @@ int main(int argc, char** argv) {
   ::umask(077);  // of all children, too: keys, archives and what Fabric's programs write are this user's alone
   CLI::App app{"A Fabric 2.5 network on this host, or this host's part of one, with Ledgerline's contract on it"};
   app.footer(examples);
+  app.set_version_flag("--version", version_line("fabric"), "Print the version and end");
   app.require_subcommand(1);
   Options options;
   std::string which, summary, config, user;

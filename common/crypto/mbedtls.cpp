@@ -3,6 +3,7 @@
 #include <mbedtls/error.h>
 #include <mbedtls/pk.h>
 #include <mbedtls/sha256.h>
+#include <mbedtls/version.h>
 #include <sys/random.h>
 
 #include "common/crypto/der.hpp"
@@ -52,16 +53,43 @@ int system_random(void*, unsigned char* out, std::size_t count) {
 
 std::string message_of(int code) { return fmt::format("mbedTLS error -0x{:04x}", static_cast<unsigned>(-code)); }
 
+// What Debian 12's mbedTLS 2.28 and Debian 13's 3.6 have under two names.
+#if MBEDTLS_VERSION_MAJOR >= 3
+constexpr auto sha256 = mbedtls_sha256;
+
+int parse_key(mbedtls_pk_context* key, const unsigned char* pem, std::size_t size) {
+  return mbedtls_pk_parse_key(key, pem, size, nullptr, 0, system_random, nullptr);
+}
+
+int take_apart(const mbedtls_ecp_keypair& pair, mbedtls_ecp_group_id& curve, mbedtls_mpi& secret) {
+  curve = mbedtls_ecp_keypair_get_group_id(&pair);
+  return mbedtls_ecp_export(&pair, nullptr, &secret, nullptr);
+}
+#else
+constexpr auto sha256 = mbedtls_sha256_ret;
+
+int parse_key(mbedtls_pk_context* key, const unsigned char* pem, std::size_t size) {
+  return mbedtls_pk_parse_key(key, pem, size, nullptr, 0);
+}
+
+int take_apart(const mbedtls_ecp_keypair& pair, mbedtls_ecp_group_id& curve, mbedtls_mpi& secret) {
+  curve = pair.grp.id;
+  return mbedtls_mpi_copy(&secret, &pair.d);
+}
+#endif
+
 Digest digest_of(std::string_view message) {
   Digest out{};
-  mbedtls_sha256_ret(reinterpret_cast<const unsigned char*>(message.data()), message.size(), out.data(), 0);
+  sha256(reinterpret_cast<const unsigned char*>(message.data()), message.size(), out.data(), 0);
   return out;
 }
 
 class MbedtlsSigner final : public Signer {
  public:
-  /// Copies the secret number out of `pair`.
-  int adopt(const mbedtls_ecp_keypair& pair) { return mbedtls_mpi_copy(&secret_.value, &pair.d); }
+  /// Copies the secret number out of `pair`; says on which curve it is.
+  int adopt(const mbedtls_ecp_keypair& pair, mbedtls_ecp_group_id& curve) {
+    return take_apart(pair, curve, secret_.value);
+  }
 
   /// Deterministic nonces (RFC 6979): a weak random source cannot leak the key.
   Result<std::string> sign(std::string_view message) const override {
@@ -125,16 +153,13 @@ struct ParsedKey {
 Result<std::unique_ptr<Signer>> make_mbedtls_signer(const std::string& pem_key) {
   ParsedKey key;
   // The length that mbedTLS wants for PEM counts the final NUL.
-  int code = mbedtls_pk_parse_key(&key.context, reinterpret_cast<const unsigned char*>(pem_key.c_str()),
-                                  pem_key.size() + 1, nullptr, 0);
+  int code = parse_key(&key.context, reinterpret_cast<const unsigned char*>(pem_key.c_str()), pem_key.size() + 1);
   if (code != 0) return Error{"not a private key in PEM: " + message_of(code)};
-  if (mbedtls_pk_can_do(&key.context, MBEDTLS_PK_ECDSA) == 0 ||
-      mbedtls_pk_ec(key.context)->grp.id != MBEDTLS_ECP_DP_SECP256R1) {
-    return Error{"the private key is not on the curve P-256"};
-  }
   auto signer = std::make_unique<MbedtlsSigner>();
-  code = signer->adopt(*mbedtls_pk_ec(key.context));
+  auto curve = MBEDTLS_ECP_DP_NONE;
+  if (mbedtls_pk_can_do(&key.context, MBEDTLS_PK_ECDSA) != 0) code = signer->adopt(*mbedtls_pk_ec(key.context), curve);
   if (code != 0) return Error{"cannot take over the private key: " + message_of(code)};
+  if (curve != MBEDTLS_ECP_DP_SECP256R1) return Error{"the private key is not on the curve P-256"};
   return std::unique_ptr<Signer>(std::move(signer));
 }
 

@@ -20,7 +20,16 @@ inline void catch_stop_signals(std::initializer_list<int> signals = {SIGINT, SIG
   for (const int signal : signals) ::sigaction(signal, &action, nullptr);
 }
 
-/// The same for a loop that waits in ppoll or pselect: signals are blocked but while it waits with the mask that this
+/// Blocks these signals in this thread and those that it starts, so that sigwait() alone sees them; returns them.
+inline sigset_t block_signals(std::initializer_list<int> signals = {SIGINT, SIGTERM}) {
+  sigset_t blocked;
+  sigemptyset(&blocked);
+  for (const int signal : signals) sigaddset(&blocked, signal);
+  pthread_sigmask(SIG_BLOCK, &blocked, nullptr);
+  return blocked;
+}
+
+/// catch_stop_signals() for a loop that waits in ppoll or pselect: signals are blocked but while it waits with the mask that this
 /// returns, so none can come unseen between its look at stop_requested and the wait.
 inline sigset_t catch_stop_signals_while_waiting() {
   catch_stop_signals();

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <fstream>
 #include <iterator>
 #include <random>
@@ -9,16 +8,16 @@
 #include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/repeat.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/sending/repeat.hpp"
 #include "common/msg/proto_json.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
 #include "ledgerline.pb.h"
 
 namespace {
 
 using namespace ledgerline;
-
-constexpr int exit_usage = 2;
 
 struct Wish {
   std::string config;
@@ -106,58 +105,49 @@ Status call_contract(const Wish& wish) {
   return wish.function == "stop" ? print_answer<Stops>(outcome.answer) : print_answer<Controls>(outcome.answer);
 }
 
+constexpr const char* about =
+    "Who may fly what: changes the control records of drones on the ledger, as the identity in the config.\n"
+    "Prints the records as they now are (of stop: the stops), as JSON.";
+constexpr const char* notes = R"(Examples:
+  ledgerline-control --config operator.toml acquire tello1 tello2
+  ledgerline-control --config operator.toml stop tello1
+  ledgerline-control --config admin.toml enroll --msp Org1MSP --cert host.pem tello1
+  ledgerline-control --config admin.toml enroll --msp Org2MSP --cert pilot.pem --role operator
+Exit codes: 0 done, 1 refused or not reached, 2 bad usage.)";
+
+std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
+  std::vector<Verb> verbs;
+  const auto add = [&](const std::string& name, const std::string& help) {
+    Verb verb = line.verb(name, help);
+    verb.option("drones", wish.drones, "names of drones").required(name != "enroll");
+    verbs.push_back(verb);
+    return verb;
+  };
+  Verb enroll = add("enroll", "bind drones to the identity of their host, or give an identity a role (administrators)");
+  enroll.option("--role", wish.role, "what else it may do").one_of({"operator", "supervisor"});
+  enroll.option("--msp", wish.msp, "MSP id of the host").required();
+  enroll.option("--cert", wish.certificate, "certificate of the host, PEM").required().existing_file();
+  add("acquire", "take the lease").option("--priority", wish.priority, "a higher one pre-empts");
+  add("release", "give the lease back");
+  Verb stop = add("stop", "land at once, whoever flies");
+  stop.flag("--cut", wish.cut, "motors off instead of landing");
+  stop.option("--within", wish.within_s, "seconds for which it is said again until it is on the ledger")
+      .within(0.0, 3600.0)
+      .shows_default();
+  add("resume", "end one's own stop, or all as a supervisor of the drone's organisation");
+  return verbs;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{
-      "Who may fly what: changes the control records of drones on the ledger, as the identity in the config.\n"
-      "Prints the records as they now are (of stop: the stops), as JSON. Exit codes: 0 done, 1 refused or not reached, "
-      "2 bad usage.",
-      "ledgerline-control"};
-  app.footer(
-      "Examples:\n  ledgerline-control --config operator.toml acquire tello1 tello2\n"
-      "  ledgerline-control --config operator.toml stop tello1\n"
-      "  ledgerline-control --config admin.toml enroll --msp Org1MSP --cert host.pem tello1\n"
-      "  ledgerline-control --config admin.toml enroll --msp Org2MSP --cert pilot.pem --role operator");
+  CommandLine line("control", about, notes);
   Wish wish;
-  app.add_option("--config", wish.config, "TOML file with [ledger]")->required();
-  app.require_subcommand(1);
-  const std::pair<const char*, const char*> verbs[] = {
-      {"enroll", "bind drones to the identity of their host, or give an identity a role (administrators)"},
-      {"acquire", "take the lease"},
-      {"release", "give the lease back"},
-      {"stop", "land at once, whoever flies"},
-      {"resume", "end one's own stop, or all as a supervisor of the drone's organisation"},
-  };
-  for (const auto& [name, help] : verbs) {
-    CLI::App* verb = app.add_subcommand(name, help);
-    const bool enrolls = std::string(name) == "enroll";
-    verb->add_option("drones", wish.drones, "names of drones")->required(!enrolls);
-    if (enrolls) {
-      verb->add_option("--role", wish.role, "what else it may do")->check(CLI::IsMember({"operator", "supervisor"}));
-      verb->add_option("--msp", wish.msp, "MSP id of the host")->required();
-      verb->add_option("--cert", wish.certificate, "certificate of the host, PEM")
-          ->required()
-          ->check(CLI::ExistingFile);
-    }
-    if (std::string(name) == "acquire") verb->add_option("--priority", wish.priority, "a higher one pre-empts");
-    if (std::string(name) == "stop") {
-      verb->add_flag("--cut", wish.cut, "motors off instead of landing");
-      verb->add_option("--within", wish.within_s, "seconds for which it is said again until it is on the ledger")
-          ->check(CLI::Range(0.0, 3600.0))
-          ->capture_default_str();
-    }
-    verb->callback([&wish, function = std::string(name)] { wish.function = function; });
+  line.option("--config", wish.config, "TOML file with [ledger]").required();
+  const std::vector<Verb> verbs = add_verbs(line, wish);
+  if (const auto end = line.parse(argc, argv)) return *end;
+  for (const Verb& verb : verbs) {
+    if (verb.given()) wish.function = verb.name();
   }
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
-  }
-  init_log("control");
-  if (auto status = call_contract(wish); !status) {
-    spdlog::error("{}", status.error().what);
-    return EXIT_FAILURE;
-  }
-  return EXIT_SUCCESS;
+  return exit_code(call_contract(wish));
 }

@@ -10,7 +10,7 @@
 #include "common/belief/control_events.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/pacing.hpp"
+#include "common/fabric/sending/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/msg/ros.hpp"
@@ -145,7 +145,7 @@ struct FlightTransactions {
 };
 
 /// Flies N drones around a path, through the ledger: blocks in, `command` calls out. One plan per drone and state, the
-/// plans of all drones in one call, one call in flight until it is committed, or behind a gap (fabric::Pacing); what is
+/// plans of all drones in one call, one call in flight until it is committed, or behind a gap (fabric::InFlight); what is
 /// made meanwhile waits, the newest per drone, and what it replaces is counted as merged. A call refused because of one
 /// drone ("tello3: ...") is sent again at once without that drone.
 ///
@@ -193,7 +193,7 @@ class FlightCore {
 
  private:
   struct Drone;
-  struct InFlight;
+  using Commands = std::vector<PlannedCommand>;
   struct Timing {
     TimeNs delay_ns = motion::TwoWay::unknown_ns;  ///< from a plan's making to its first setpoint
     TimeNs farthest_ns = 0;                        ///< no setpoint of it may be for later than that
@@ -214,7 +214,7 @@ class FlightCore {
   void take_stop(TimeNs now_ns, const Stop& stop);
   void take_control(TimeNs now_ns, const Control& control);
   void take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
-  void resend(InFlight& refused, const std::string& message);
+  void resend(Commands& refused, const fabric::Outcome& outcome);
   void measure(TimeNs one_way_ns);
   static Timing timing_for(TimeNs soonest_ns, TimeNs in_time_ns, TimeNs tail_ns);
   const Timing& timing(const Drone& drone) const;
@@ -243,8 +243,7 @@ class FlightCore {
 
   FlightConfig config_;
   std::vector<std::unique_ptr<Drone>> drones_;
-  std::vector<InFlight> in_flight_;  ///< oldest first
-  fabric::Pacing pacing_;
+  fabric::InFlight<Commands> in_flight_;
   TimeNs started_ns_ = 0;  ///< 0: not yet
   bool ending_ = false;    ///< manual: asked to
   std::uint64_t next_id_ = 1;

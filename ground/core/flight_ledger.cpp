@@ -13,7 +13,6 @@
 namespace ledgerline::ground {
 namespace {
 
-constexpr std::size_t max_in_flight = 32;
 constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
 constexpr TimeNs max_beyond_ns = 1'900 * ns_per_ms;  // agent takes no setpoint for later than 2 s from now
@@ -241,15 +240,12 @@ void FlightCore::take_own_commands(TimeNs now_ns, const fabric::Transaction& tx)
   const belief::Match match = belief::match_command({tx.function, tx.args}, tx.event_payload, call);
   if (match != belief::Match::same || call.plans().empty()) return;
   const DronePlan& first = call.plans(0);
-  for (InFlight& flight : in_flight_) {
-    const DronePlan& mine = flight.commands.front().plan;
-    if (flight.in_block || mine.drone() != first.drone() || mine.sequence() != first.sequence() ||
-        mine.epoch() != first.epoch() || mine.state_stamp_ns() != first.state_stamp_ns()) {
-      continue;
-    }
-    flight.in_block = true;
-    measure(now_ns - flight.submitted_ns);
-  }
+  const auto submitted_ns = in_flight_.landed([&](const Commands& commands) {
+    const DronePlan& mine = commands.front().plan;
+    return mine.drone() == first.drone() && mine.sequence() == first.sequence() && mine.epoch() == first.epoch() &&
+           mine.state_stamp_ns() == first.state_stamp_ns();
+  });
+  if (submitted_ns) measure(now_ns - *submitted_ns);
 }
 
 void FlightCore::measure(TimeNs one_way_ns) {
@@ -284,29 +280,27 @@ void FlightCore::forget(const PlannedCommand& command) {
 
 void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out) {
   if (take_stop_outcome(now_ns, outcome, id, out)) return;
-  const auto found = std::find_if(in_flight_.begin(), in_flight_.end(), [&](const auto& f) { return f.id == id; });
-  if (found == in_flight_.end()) return;
-  InFlight flight = std::move(*found);
-  in_flight_.erase(found);
-  pacing_.ended(outcome);
+  auto ended = in_flight_.end(id, outcome);
+  if (!ended) return;
+  Commands& commands = ended->what;
   for (const auto& [kind, t_ns] : {std::pair{TraceKind::call_endorsed, outcome.endorsed_ns},
                                    std::pair{TraceKind::call_ordered, outcome.ordered_ns}}) {
-    if (t_ns != 0) out.traces.push_back({.t_ns = t_ns, .kind = kind, .id = id, .stamp_ns = flight.submitted_ns});
+    if (t_ns != 0) out.traces.push_back({.t_ns = t_ns, .kind = kind, .id = id, .stamp_ns = ended->submitted_ns});
   }
   if (outcome.kind != fabric::Outcome::Kind::committed && outcome.kind != fabric::Outcome::Kind::refused) {
-    for (const PlannedCommand& command : flight.commands) forget(command);
+    for (const PlannedCommand& command : commands) forget(command);
   }
   switch (outcome.kind) {
     case fabric::Outcome::Kind::committed:
       ++transactions_.committed;
-      if (!flight.in_block) measure(now_ns - flight.submitted_ns);
+      if (!ended->landed) measure(now_ns - ended->submitted_ns);
       return;
     case fabric::Outcome::Kind::invalidated:
       ++transactions_.invalidated;
       return;
     case fabric::Outcome::Kind::refused:
       ++transactions_.refused;
-      resend(flight, outcome.message);
+      resend(commands, outcome);
       return;
     case fabric::Outcome::Kind::unavailable:
       ++transactions_.unavailable;
@@ -318,14 +312,13 @@ void FlightCore::take_outcome(TimeNs now_ns, const fabric::Outcome& outcome, std
 }
 
 // All plans but the refused drone's wait again, unless a newer one does already.
-void FlightCore::resend(InFlight& refused, const std::string& message) {
+void FlightCore::resend(Commands& refused, const fabric::Outcome& outcome) {
   const auto names = [&](const Drone& drone) {
-    const auto at = message.find(drone.who.name + ":");
-    return at == 0 || (at != std::string::npos && message[at - 1] == ' ');
+    return outcome.refusal && fabric::names(*outcome.refusal, drone.who.name);
   };
-  const bool one_drone = std::any_of(refused.commands.begin(), refused.commands.end(),
+  const bool one_drone = std::any_of(refused.begin(), refused.end(),
                                      [&](const PlannedCommand& c) { return names(*find(c.plan.drone())); });
-  for (PlannedCommand& command : refused.commands) {
+  for (PlannedCommand& command : refused) {
     Drone& drone = *find(command.plan.drone());
     if (!one_drone || names(drone)) {
       ++drone.status.commands_refused;
@@ -342,15 +335,8 @@ void FlightCore::resend(InFlight& refused, const std::string& message) {
 }
 
 void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
-  const auto open = [](const InFlight& flight) { return !flight.in_block; };
-  const auto oldest = std::find_if(in_flight_.begin(), in_flight_.end(), open);
-  if (oldest != in_flight_.end() &&
-      !pacing_.may_go(now_ns, oldest->submitted_ns,
-                      std::find_if(in_flight_.rbegin(), in_flight_.rend(), open)->submitted_ns)) {
-    return;
-  }
-  if (in_flight_.size() >= max_in_flight) return;
-  InFlight flight;
+  if (in_flight_.full() || !in_flight_.may_go_behind_open(now_ns)) return;
+  Commands commands;
   CommandCall call;
   for (auto& drone : drones_) {
     if (!drone->pending) continue;
@@ -384,14 +370,13 @@ void FlightCore::submit_pending(TimeNs now_ns, FlightOutputs& out) {
                           .id = command.plan.sequence(),
                           .stamp_ns = command.plan.state_stamp_ns()});
     *call.add_plans() = command.plan;
-    flight.commands.push_back(std::move(command));
+    commands.push_back(std::move(command));
   }
-  if (flight.commands.empty()) return;
-  flight.id = next_id_++;
-  flight.submitted_ns = now_ns;
+  if (commands.empty()) return;
+  const std::uint64_t id = next_id_++;
   ++transactions_.submitted;
-  out.submissions.push_back({flight.id, {contract::command, {call.SerializeAsString()}, true}});
-  in_flight_.push_back(std::move(flight));
+  out.submissions.push_back({id, {contract::command, {call.SerializeAsString()}, true}});
+  in_flight_.add(id, now_ns, std::move(commands));
 }
 
 // Without a ledger.

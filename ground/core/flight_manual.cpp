@@ -102,8 +102,7 @@ bool FlightCore::take_stop_outcome(TimeNs now_ns, const fabric::Outcome& outcome
     drone->next_stop_ns = drone->stop_repeat->at_ns();
     if (next == Next::again) return true;
     drone->stop.reset();
-    if (next == Next::refused)
-      refuse(now_ns, *drone, fmt::format("no stop: {}", fabric::words_of_contract(outcome.message)), out);
+    if (next == Next::refused) refuse(now_ns, *drone, fmt::format("no stop: {}", outcome.refusal->words), out);
     if (next == Next::given_up)
       refuse(now_ns, *drone,
              fmt::format("no stop: not on the ledger within {:.0f} s: {}", to_seconds(stop_within_ns), outcome.message),

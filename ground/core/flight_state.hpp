@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/sending/repeat.hpp"
 #include "common/msg/stops.hpp"
 #include "ground/core/flight.hpp"
 #include "ground/core/manual.hpp"
@@ -78,13 +78,6 @@ struct FlightCore::Drone {
 
   bool may_command(const crypto::IdentityName& self) const { return holder == self && !is_stopped(stoppers); }
   bool in_air_phase() const { return status.phase >= DronePhase::takeoff && status.phase <= DronePhase::manual; }
-};
-
-struct FlightCore::InFlight {
-  std::uint64_t id = 0;
-  TimeNs submitted_ns = 0;
-  bool in_block = false;
-  std::vector<PlannedCommand> commands;
 };
 
 }  // namespace ledgerline::ground

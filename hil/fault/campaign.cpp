@@ -2,95 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <mutex>
-#include <nlohmann/json.hpp>
 #include <thread>
 
-#include "common/msg/names.hpp"
-#include "common/page/html.hpp"
-#include "common/rt/histogram_json.hpp"
-
 namespace ledgerline::hil {
-
-extern const char fault_template[];
-
-namespace {
-
-using nlohmann::json;
-
-json verdict_json(const Verdict& verdict) {
-  json out{{"rule", verdict.rule.text}, {"held", verdict.held}};
-  if (!verdict.held) {
-    out["broken_s"] = to_seconds(verdict.broken_ns);
-    out["what"] = verdict.what;
-  }
-  return out;
-}
-
-json events_json(const RunResult& result) {
-  json events = json::array();
-  for (const WorldEvent& event : result.events)
-    events.push_back({{"t_s", rounded(to_seconds(event.t_ns))},
-                      {"drone", result.drones.at(event.drone)},
-                      {"kind", event.kind == WorldEvent::Kind::mode      ? "mode"
-                               : event.kind == WorldEvent::Kind::fault   ? "fault"
-                               : event.kind == WorldEvent::Kind::sent    ? "sent"
-                               : event.kind == WorldEvent::Kind::bad_rc  ? "bad_rc"
-                               : event.kind == WorldEvent::Kind::started ? "started"
-                                                                         : "ended"},
-                      {"text", event.text}});
-  return events;
-}
-
-json run_json(const RunResult& result) {
-  json verdicts = json::array();
-  for (const Verdict& verdict : result.verdicts) verdicts.push_back(verdict_json(verdict));
-  return {{"script", result.script},
-          {"title", result.title},
-          {"seed", result.seed},
-          {"held", result.held()},
-          {"verdicts", verdicts},
-          {"not_judged", result.not_judged},
-          {"flown_s", to_seconds(result.flown_ns)},
-          {"finished", result.ok},
-          {"why", result.why},
-          {"plans", result.plans},
-          {"digest", crypto::hex(result.digest)},
-          {"blocks", result.blocks},
-          {"transactions", result.transactions},
-          {"events", events_json(result)}};
-}
-
-json timeline_json(const std::vector<TimelinePoint>& points) {
-  json out = json::array();
-  for (const TimelinePoint& p : points)
-    out.push_back({rounded(to_seconds(p.t_ns)), rounded(p.at_m[0]), rounded(p.at_m[1]), rounded(p.at_m[2]),
-                   rounded(p.believed_m[0]), rounded(p.believed_m[1]), rounded(p.believed_m[2]), rounded(p.told_mps),
-                   static_cast<int>(p.phase), static_cast<int>(p.mode), name(p.cause), p.lap});
-  return out;
-}
-
-std::string for_xml(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '"')
-      out += "&quot;";
-    else if (static_cast<unsigned char>(c) < 32 && c != '\n')
-      out += ' ';
-    else
-      out += c;
-  }
-  return out;
-}
-
-}  // namespace
 
 void fly_all(std::size_t count, unsigned jobs, const std::function<Flight(std::size_t)>& make,
              const std::function<bool(std::size_t, const Flight&, Result<RunResult>)>& done) {
@@ -134,64 +49,6 @@ std::vector<Flight> flights_of(const std::vector<Script>& scripts,
     for (std::uint64_t seed = first; seed <= last; ++seed) flights.push_back({script, seed});
   }
   return flights;
-}
-
-std::string broken_text(const RunResult& result) {
-  std::string text;
-  for (const Verdict& verdict : result.verdicts) {
-    if (!verdict.held)
-      text +=
-          fmt::format("  broke at {:.3f} s: {}: {}\n", to_seconds(verdict.broken_ns), verdict.rule.text, verdict.what);
-  }
-  return text;
-}
-
-std::string not_judged_text(const RunResult& result) {
-  std::string text;
-  for (const std::string& what : result.not_judged) text += fmt::format("  not judged: {}\n", what);
-  return text;
-}
-
-std::string json_text(const std::vector<RunResult>& results) {
-  json runs = json::array();
-  for (const RunResult& result : results) runs.push_back(run_json(result));
-  const auto broken = std::count_if(results.begin(), results.end(), [](const RunResult& r) { return !r.held(); });
-  return json{{"held", broken == 0}, {"runs", runs}, {"broken", broken}}.dump(2, ' ', false,
-                                                                              json::error_handler_t::replace);
-}
-
-std::string junit_text(const std::vector<RunResult>& results) {
-  const auto broken = std::count_if(results.begin(), results.end(), [](const RunResult& r) { return !r.held(); });
-  std::string text = fmt::format(
-      "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"ledgerline fault\" tests=\"{}\" "
-      "failures=\"{}\">\n",
-      results.size(), broken);
-  for (const RunResult& result : results) {
-    text += fmt::format("  <testcase classname=\"{}\" name=\"seed {}\" time=\"{:.3f}\"", for_xml(result.script),
-                        result.seed, to_seconds(result.flown_ns));
-    text += ">\n";
-    if (!result.held())
-      text += fmt::format("    <failure message=\"{}\">{}</failure>\n", for_xml(result.title),
-                          for_xml(broken_text(result)));
-    if (!result.not_judged.empty())
-      text += fmt::format("    <system-out>{}</system-out>\n", for_xml(not_judged_text(result)));
-    text += "  </testcase>\n";
-  }
-  return text + "</testsuite>\n";
-}
-
-std::string html_text(const std::vector<RunResult>& results) {
-  json runs = json::array();
-  for (const RunResult& result : results) {
-    json run = run_json(result);
-    json drones = json::array();
-    for (std::size_t i = 0; i < result.drones.size(); ++i)
-      drones.push_back({{"id", result.drones[i]}, {"points", timeline_json(result.timeline[i])}});
-    run["drones"] = drones;
-    runs.push_back(run);
-  }
-  std::string page = report::filled(fault_template, "@DATE@", report::local_date());
-  return report::filled(page, "@DATA@", report::for_script(runs));
 }
 
 }  // namespace ledgerline::hil

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "hil/fault/run.hpp"
+#include "hil/fault/run/run.hpp"
 
 namespace ledgerline::hil {
 
@@ -27,18 +27,5 @@ Result<std::pair<std::uint64_t, std::uint64_t>> parse_seeds(const std::string& t
 /// Each script with each seed from `seeds`; without seeds each with its own one, or 1.
 std::vector<Flight> flights_of(const std::vector<Script>& scripts,
                                const std::optional<std::pair<std::uint64_t, std::uint64_t>>& seeds);
-
-/// "  broke at 12.345 s: RULE: what was seen", a line for each.
-std::string broken_text(const RunResult& result);
-
-/// "  not judged: WHAT", a line for each.
-std::string not_judged_text(const RunResult& result);
-
-/// One JSON object, with the events; the timeline is left out.
-std::string json_text(const std::vector<RunResult>& results);
-/// As CI systems read it: a testcase for each run.
-std::string junit_text(const std::vector<RunResult>& results);
-/// One page with everything in it: each run's verdicts and timeline.
-std::string html_text(const std::vector<RunResult>& results);
 
 }  // namespace ledgerline::hil

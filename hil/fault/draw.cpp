@@ -1,10 +1,10 @@
-// Scripts at random, and the shortest one that still fails.
+#include "hil/fault/draw.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 
-#include "hil/fault/run.hpp"
 #include "hil/virtual/world_setup.hpp"
 
 namespace ledgerline::hil {
@@ -181,10 +181,6 @@ std::string moment(Draw& draw) {
   return fmt::format("{} + {}", trigger, milliseconds(draw.between(1, max_ms)));
 }
 
-}  // namespace
-
-namespace {
-
 // Link dies, and its successor does not see the drone.
 void add_blind_restart(Draw& draw, Script& script) {
   constexpr std::array<const char*, 3> deaf{"states", "from", "answers"};
@@ -224,6 +220,7 @@ Script draw_script(std::uint64_t number, const std::string& recording) {
   flight.batch_timeout_ns =
       flight.batch_count > 1 ? static_cast<TimeNs>(draw.between(10, 200)) * ns_per_ms : 10 * ns_per_ms;
   script.limit_ns = 240 * ns_per_s;
+  if (auto any_height = parse_rule("height below 100 m")) script.must.push_back(std::move(*any_height));  // kicks go up
   // Numbers of their own: what else is drawn stays as it was.
   Draw kind(number * 104'729 + 5);
   flight.keeps_rc = kind.below(2) == 0;
@@ -235,60 +232,12 @@ Script draw_script(std::uint64_t number, const std::string& recording) {
     const double lasts_ms = draw.below(3) == 0 ? draw.between(1'000, 15'000) : draw.between(20, 3'000);
     auto tried = parse_fault(text, at, "");
     if (!tried) continue;  // none of what is drawn is refused; a loop that ends shows it in the test
-    const bool lasts = !tried->momentary() && tried->what != Fault::What::propeller;
-    auto fault = parse_fault(text, at, lasts ? milliseconds(lasts_ms) : "");
+    auto fault = parse_fault(text, at, !tried->acts.momentary ? milliseconds(lasts_ms) : "");
     if (!fault) continue;
     fault->optional = true;  // one may keep the other's moment from coming
     script.faults.push_back(std::move(*fault));
   }
   if (kind.below(5) == 0) add_blind_restart(kind, script);
-  return script;
-}
-
-Script shrink(Script script, const std::function<bool(const Script&)>& fails, int most) {
-  int left = most;
-  const auto better = [&](const Script& shorter) {
-    if (left-- <= 0 || !fails(shorter)) return false;
-    script = shorter;
-    return true;
-  };
-  for (bool progress = true; progress && left > 0;) {
-    progress = false;
-    for (std::size_t i = script.faults.size(); i-- > 0;) {
-      Script shorter = script;
-      shorter.faults.erase(shorter.faults.begin() + static_cast<std::ptrdiff_t>(i));
-      progress = better(shorter) || progress;
-    }
-    for (std::size_t i = 0; i < script.faults.size(); ++i) {
-      Script shorter = script;
-      shorter.faults[i].for_ns /= 2;
-      if (shorter.faults[i].for_ns >= ns_per_ms) progress = better(shorter) || progress;
-    }
-    for (std::size_t i = 0; i < script.faults.size(); ++i) {
-      const auto plus = script.faults[i].at.find('+');
-      if (plus == std::string::npos) continue;
-      Script shorter = script;
-      Fault& fault = shorter.faults[i];
-      fault.trigger.after_ns = fault.trigger.after_ns / 2 / ns_per_ms * ns_per_ms;
-      const std::string head = fault.at.substr(0, plus);
-      fault.at = fault.trigger.after_ns > 0 ? head + "+ " + time_text(fault.trigger.after_ns)
-                                            : head.substr(0, head.find_last_not_of(' ') + 1);
-      progress = better(shorter) || progress;
-    }
-    if (script.flight.laps > 1) {
-      Script shorter = script;
-      shorter.flight.laps /= 2;
-      progress = better(shorter) || progress;
-    }
-    if (script.flight.drones > 1) {
-      Script shorter = script;
-      shorter.flight.drones = 1;
-      const bool named = std::any_of(shorter.faults.begin(), shorter.faults.end(), [](const Fault& fault) {
-        return !fault.drone.empty() && fault.drone != "tello1";
-      });
-      if (!named) progress = better(shorter) || progress;
-    }
-  }
   return script;
 }
 

@@ -2,7 +2,6 @@
 #include <fmt/ranges.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -10,10 +9,15 @@
 #include <fstream>
 
 #include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/clock.hpp"
 #include "hil/fault/campaign.hpp"
+#include "hil/fault/draw.hpp"
 #include "hil/fault/real/real.hpp"
 #include "hil/fault/real/replay.hpp"
+#include "hil/fault/report.hpp"
+#include "hil/fault/shrink.hpp"
 
 namespace {
 
@@ -21,7 +25,7 @@ using namespace ledgerline;
 using namespace ledgerline::hil;
 namespace fs = std::filesystem;
 
-constexpr int exit_broken = 1, exit_usage = 2;
+constexpr int exit_broken = 1;
 constexpr double agree_within_m = 0.1;  // of the real processes and the virtual run of a script without faults
 constexpr std::size_t max_kept = 200;   // results for the files; broken ones first
 
@@ -254,61 +258,55 @@ int random(const Options& options, bool shrinks) {
   return files_and_code(options, kept, broken.size(), failed);
 }
 
+std::string about() {
+  return "Flies fault scripts in virtual time and says whether what must hold held.\n"
+         "A script is a TOML file: a flight, its faults, and rules (docs/faults.md). Rules:\n" +
+         rule_help();
+}
+
+constexpr const char* notes = R"(Examples:
+  ledgerline fault run hil/scenarios                       the whole library
+  ledgerline fault run my.toml --seeds 1..1000 --jobs 2 --html runs.html
+  ledgerline fault random --seeds 1..10000 --jobs 2 --out broken
+
+Exit codes: 0 all held; 1 a rule broke, or a file could not be written; 2 bad usage or a bad script.)";
+
+void add_common_options(Verb verb, Options& options) {
+  verb.option("--seed,--seeds", options.seeds, "N or FIRST..LAST; left out: the script's own, or 1");
+  verb.option("--jobs", options.jobs, "flights at once").within(1, 64).shows_default();
+  verb.option("--json", options.json, "everything as one object (of at most 200 runs, broken ones first)");
+  verb.option("--junit", options.junit, "JUnit XML of the same runs");
+  verb.option("--html", options.html, "a page with the timelines of the same runs");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  init_log("fault");
-  CLI::App app{
-      "Flies fault scripts in virtual time and says whether what must hold held.\n"
-      "A script is a TOML file: a flight, its faults, and rules (docs/faults.md). Rules:\n" +
-          rule_help() +
-          "\nExamples:\n"
-          "  ledgerline fault run hil/scenarios                       the whole library\n"
-          "  ledgerline fault run my.toml --seeds 1..1000 --jobs 2 --html runs.html\n"
-          "  ledgerline fault random --seeds 1..10000 --jobs 2 --out broken\n\n"
-          "Exit codes: 0 all held; 1 a rule broke, or a file could not be written; 2 bad usage or a bad script.",
-      "ledgerline-fault"};
-  app.require_subcommand(1);
+  CommandLine line("fault", about(), notes);
   Options options;
   std::vector<std::string> paths;
-  const auto common = [&](CLI::App* command) {
-    command->add_option("--seed,--seeds", options.seeds, "N or FIRST..LAST; left out: the script's own, or 1");
-    command->add_option("--jobs", options.jobs, "flights at once")->check(CLI::Range(1, 64))->capture_default_str();
-    command->add_option("--json", options.json, "everything as one object (of at most 200 runs, broken ones first)");
-    command->add_option("--junit", options.junit, "JUnit XML of the same runs");
-    command->add_option("--html", options.html, "a page with the timelines of the same runs");
-  };
-  auto* runs = app.add_subcommand("run", "Flies scripts, or all *.toml of a folder");
-  runs->add_option("SCRIPT", paths, "files or folders")->required()->check(CLI::ExistingPath);
-  runs->add_flag("--quiet", options.quiet, "say broken runs only");
-  common(runs);
-  auto* real =
-      runs->add_flag("--real", options.real,
-                     "with the real processes, in real time, one flight after another (./fly --proxy); a script "
-                     "without faults must agree with its virtual run");
-  runs->add_option("--ledger", options.ledger, "of --real")
-      ->needs(real)
-      ->check(CLI::IsMember({"embedded", "fabric"}))
-      ->capture_default_str();
-  auto* out =
-      runs->add_option("--out", options.out, "of --real: folder for what each flight leaves behind")->needs(real);
-  auto* randoms =
-      app.add_subcommand("random", "Flies scripts drawn at random, number FIRST to LAST; shrinks what breaks");
-  common(randoms);
-  randoms
-      ->add_option("--recording", options.recording, "a file of delays, a number of seconds a line, for some of them")
-      ->check(CLI::ExistingFile);
-  randoms->add_option("--out", options.out, "folder for the shortest scripts that break");
+  Verb runs = line.verb("run", "Flies scripts, or all *.toml of a folder");
+  runs.option("SCRIPT", paths, "files or folders").required().existing_path();
+  runs.flag("--quiet", options.quiet, "say broken runs only");
+  add_common_options(runs, options);
+  const Option real =
+      runs.flag("--real", options.real,
+                "with the real processes, in real time, one flight after another (./fly --proxy); a script without "
+                "faults must agree with its virtual run");
+  runs.option("--ledger", options.ledger, "of --real").needs(real).one_of({"embedded", "fabric"}).shows_default();
+  const Option out =
+      runs.option("--out", options.out, "of --real: folder for what each flight leaves behind").needs(real);
+  Verb randoms = line.verb("random", "Flies scripts drawn at random, number FIRST to LAST; shrinks what breaks");
+  add_common_options(randoms, options);
+  randoms.option("--recording", options.recording, "a file of delays, a number of seconds a line, for some of them")
+      .existing_file();
+  randoms.option("--out", options.out, "folder for the shortest scripts that break");
   bool shrinks = true;
-  randoms->add_flag("!--no-shrink", shrinks, "leave broken scripts as they were drawn");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : exit_usage;
-  }
-  if (options.real && (out->count() == 0 || options.jobs != 1)) {
+  randoms.flag("!--no-shrink", shrinks, "leave broken scripts as they were drawn");
+  if (const auto end = line.parse(argc, argv)) return *end;
+  if (options.real && (!out.given() || options.jobs != 1)) {
     fmt::print(stderr, "--real goes with --out FOLDER, and without --jobs: there is one flight at a time\n");
     return exit_usage;
   }
-  return runs->parsed() ? run(paths, options) : random(options, shrinks);
+  return runs.given() ? run(paths, options) : random(options, shrinks);
 }

@@ -8,7 +8,7 @@
 
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"
-#include "hil/fault/schedule.hpp"
+#include "hil/fault/run/schedule.hpp"
 #include "hil/virtual/world_setup.hpp"
 
 namespace ledgerline::hil {
@@ -39,6 +39,17 @@ TimeNs duration(Config& config, const std::string& key, TimeNs otherwise, TimeNs
   return from_seconds(amount->value);
 }
 
+// Of every script that does not say another one.
+void demand_height(Script& script) {
+  constexpr double above_flight_m = 0.6;  // gusts, and what the drone overshoots when it stops a climb
+  auto height = parse_rule(fmt::format("height below {:g} m", ground::ControllerConfig{}.height_m + above_flight_m));
+  if (!height ||
+      std::any_of(script.must.begin(), script.must.end(), [&](const Rule& rule) { return rule.kind == height->kind; }))
+    return;
+  height->always = true;
+  script.must.push_back(std::move(*height));
+}
+
 }  // namespace
 
 Result<Script> parse_script(std::string_view toml, const std::string& file, bool real) {
@@ -62,7 +73,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   flight.battery = config.number("flight.battery", flight.battery, 0, 1);
   flight.keeps_rc = config.boolean("flight.keeps_rc", flight.keeps_rc);
   flight.command_counts = config.boolean("flight.command_counts", flight.command_counts);
-  flight.room_m = config.number("flight.room_m", flight.room_m, -10, 100);
+  flight.room_m = config.number("flight.room_m", *flight.room_m, -10, 100);
   flight.batch_count = static_cast<std::size_t>(config.integer("flight.batch_count", 1, 1, 1'000));
   flight.batch_timeout_ns = duration(config, "flight.batch_timeout", flight.batch_timeout_ns, ns_per_ms, 10 * ns_per_s);
   script.limit_ns = duration(config, "flight.limit", script.limit_ns, ns_per_s, 3600 * ns_per_s);
@@ -95,13 +106,13 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
       config.wrong("must", rule.error().what);
       continue;
     }
-    if (rule->needs_fault() && faults == 0) {
+    if (rule->kind->needs_fault && faults == 0) {
       config.wrong("must", fmt::format("\"{}\" counts from a fault, and there is none", sentence));
       continue;
     }
     const auto endless = std::find_if(script.faults.begin(), script.faults.end(),
-                                      [](const Fault& fault) { return fault.for_ns == 0 && !fault.momentary(); });
-    if (rule->needs_fault_end() && endless != script.faults.end()) {
+                                      [](const Fault& fault) { return fault.for_ns == 0 && !fault.acts.momentary; });
+    if (rule->kind->needs_fault_end && endless != script.faults.end()) {
       config.wrong("must",
                    fmt::format("\"{}\" counts from the last fault's end, and \"{}\" never ends: give it a `for`",
                                sentence, endless->text));
@@ -110,6 +121,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
     script.must.push_back(std::move(*rule));
   }
   if (auto status = config.finish(); !status) return status.error();
+  demand_height(script);
   return script;
 }
 
@@ -125,8 +137,10 @@ std::string text_of(const Script& script) {
   std::string text = fmt::format("title = {}\n", quoted(script.title));
   if (script.seed) text += fmt::format("seed = {}\n", *script.seed);
   text += "must = [";
-  for (const Rule& rule : script.must) text += fmt::format("\n  {},", quoted(rule.text));
-  text += script.must.empty() ? "]\n" : "\n]\n";
+  for (const Rule& rule : script.must) {
+    if (!rule.always) text += fmt::format("\n  {},", quoted(rule.text));
+  }
+  text += text.ends_with('[') ? "]\n" : "\n]\n";
   text += "\n[flight]\n";
   if (f.drones != usual.drones) text += fmt::format("drones = {}\n", f.drones);
   if (f.shape != usual.shape) text += fmt::format("shape = \"{}\"\n", ground::name_of(f.shape));
@@ -139,7 +153,7 @@ std::string text_of(const Script& script) {
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
   if (f.keeps_rc != usual.keeps_rc) text += fmt::format("keeps_rc = {}\n", f.keeps_rc);
   if (f.command_counts != usual.command_counts) text += fmt::format("command_counts = {}\n", f.command_counts);
-  if (f.room_m != usual.room_m) text += fmt::format("room_m = {}\n", f.room_m);
+  if (f.room_m != usual.room_m) text += fmt::format("room_m = {}\n", f.room_m.value_or(0));
   if (f.batch_count != usual.batch_count) text += fmt::format("batch_count = {}\n", f.batch_count);
   if (f.batch_timeout_ns != usual.batch_timeout_ns)
     text += fmt::format("batch_timeout = \"{} ms\"\n", to_ms(f.batch_timeout_ns));

@@ -5,8 +5,8 @@
 #include <string_view>
 #include <vector>
 
-#include "hil/fault/fault.hpp"
 #include "hil/fault/judge/judge.hpp"
+#include "hil/fault/kinds/fault.hpp"
 
 namespace ledgerline::hil {
 
@@ -19,7 +19,7 @@ struct Script {
   std::optional<std::uint64_t> seed;  ///< it is flown with, unless another is asked for
   TimeNs limit_ns = 120 * ns_per_s;   ///< longer a run never takes: not over by then is broken
   std::vector<Fault> faults;
-  std::vector<Rule> must;
+  std::vector<Rule> must;  ///< a height always: flight height and 0.6 m where the script says none
 };
 
 /// An error is all that is wrong, each as "FILE:LINE: key: what is wrong, what is allowed".

@@ -15,6 +15,11 @@ inline constexpr double rc_full_mps = 1;    ///< what rc 100 means
 inline bool on_ground(const sim::Truth& truth) { return !truth.in_flight && truth.position_m[2] < on_ground_m; }
 
 enum class Process : std::uint8_t { agent, link, ground };
+inline constexpr std::size_t process_count = 3;
+/// "agent", "link", "ground".
+inline std::string name_of(Process process) {
+  return process == Process::agent ? "agent" : process == Process::link ? "link" : "ground";
+}
 
 /// What a run is judged by: one drone at one moment. What link, agent and ground say is as they say it; the truth is
 /// the simulator's.

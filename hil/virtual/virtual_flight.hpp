@@ -7,30 +7,17 @@
 #include "common/crypto/crypto.hpp"
 #include "common/rt/histogram.hpp"
 #include "ground/core/controller.hpp"
-#include "hil/virtual/ledger/virtual_ledger.hpp"
+#include "hil/virtual/world_setup.hpp"
 
 namespace ledgerline::hil {
 
-struct VirtualFlightConfig {
-  enum class Mode { ledger, local };
-  Mode mode = Mode::ledger;  ///< local: the same controller beside the driver, no ledger
-  int drones = 1;
-  ground::Shape shape = ground::Shape::square;
-  double side_m = 1.5;
-  std::vector<ground::Waypoint> waypoints;  ///< of a path of one's own; empty: the shape
-  double speed_mps = 0.5;
-  ground::Ramp ramp;
-  bool predict = true;
-  double rate_hz = 30;
-  int laps = 3;
-  std::size_t batch_count = 1;
-  TimeNs batch_timeout_ns = 10 * ns_per_ms;
-  LedgerDelays delays;
-  TimeNs max_age_ns = 0;      ///< of a command, at agent and link; 0: their defaults, 5 s with an added delay
-  double model_error = 0;     ///< the simulator's drone has mass, gain and lag larger by this share
-  double gust_mps = 0.1;      ///< standard deviation of the simulator's wind
-  double full_scale_mps = 1;  ///< what rc 100 means: to link, to the simulator, and to the controller
-  std::uint64_t seed = 1;
+/// A world with perfect lines and no faults.
+struct VirtualFlightConfig : WorldConfig {
+  VirtualFlightConfig() {
+    laps = 3;
+    room_m.reset();
+    max_age_ns = 0;  // the defaults, and 5 s with an added delay
+  }
   TimeNs max_ns = 600 * ns_per_s;  ///< of virtual time; a flight that is not over by then is not ok
 };
 
@@ -65,9 +52,8 @@ inline constexpr double top_speed_error_m = 0.4;
 /// A lap fails when its error is above this.
 inline constexpr double failing_error_m = 1.0;
 
-/// A whole flight in one thread: the cores of sim, link, agent, node and ground on a virtual clock of 1 ms steps, with
-/// test signers; UDP, shared memory, DDS and gRPC are left out, their bytes are not. The same config gives the same
-/// digest, on every run.
+/// A whole flight in a VirtualWorld, observed: errors, laps, latencies. The same config gives the same digest, on every
+/// run.
 Result<VirtualFlightResult> fly_virtually(const VirtualFlightConfig& config);
 
 }  // namespace ledgerline::hil

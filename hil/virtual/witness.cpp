@@ -1,5 +1,7 @@
 #include "hil/virtual/witness.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -46,6 +48,25 @@ std::string key_of(const Plan& plan) {
 }
 
 }  // namespace
+
+std::string plans_text(const agent::AgentCore* agent, const link::LinkCore* link, std::size_t drone,
+                       DroneNumber number) {
+  std::string text;
+  if (agent) {
+    const auto commands = agent->report(number).commands;
+    text += fmt::format("agent: {} on the ledger, {} verified", commands.on_ledger, commands.verified);
+    for (std::size_t i = 0; i < agent::refusal_count; ++i) {
+      if (commands.reasons[i] > 0)
+        text += fmt::format(", {} {}", commands.reasons[i], agent::refusal_name(static_cast<agent::Refusal>(i)));
+    }
+  }
+  if (link) {
+    const link::PlanCounters plans = link->reports()[drone].plans;
+    text += fmt::format("{}link: {} received, {} applied, {} late, {} dropped", text.empty() ? "" : "; ",
+                        plans.received, plans.applied, plans.late, plans.dropped);
+  }
+  return text;
+}
 
 Witness::Witness(int drones, const sim::Simulator& sim) {
   for (int k = 1; k <= drones; ++k) {

@@ -8,9 +8,14 @@
 
 #include "common/fabric/tx/transaction.hpp"
 #include "hil/virtual/facts.hpp"
+#include "onboard/agent/core/agent_core.hpp"
 #include "onboard/link/core/link_core.hpp"
 
 namespace ledgerline::hil {
+
+/// What became of a drone's plans, in words: agent's refusals and link's counters, of those that run.
+std::string plans_text(const agent::AgentCore* agent, const link::LinkCore* link, std::size_t drone,
+                       DroneNumber number);
 
 /// Sees what goes to link and what link does, and where the drones are: the facts and events by which a run is judged.
 /// One thread.

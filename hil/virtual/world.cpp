@@ -2,15 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <cassert>
 #include <cmath>
-#include <cstring>
-#include <deque>
 #include <utility>
 
 #include "common/msg/ros.hpp"
 #include "hil/virtual/digester.hpp"
 #include "hil/virtual/ledger/ledger_audit.hpp"
+#include "hil/virtual/wires/wires.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/link/shell/starts.hpp"
 
@@ -25,66 +23,26 @@ constexpr std::int64_t real_epoch_s = 1'767'225'600;
 constexpr TimeNs landing_bound_ns = 10 * ns_per_s;  // link's ShellSettings
 constexpr sim::Endpoint link_endpoint{0x7F000001, 40000};
 
-// Lengths of iceoryx's queues (onboard/ipc/ipc.cpp), where the oldest goes, and of the agent's ring for mocap, where
-// the newest goes; what a socket of 208 kB holds of datagrams of this size.
-constexpr std::size_t plan_queue = 128, pose_queue = 256, beat_queue = 8, state_queue = 256, transition_queue = 256;
-constexpr std::size_t mocap_ring = 64, socket_queue = 256;
-
-// iceoryx's way with a full queue.
-template <typename T>
-void put(std::deque<T>& queue, const T& value, std::size_t most) {
-  if (queue.size() >= most) queue.pop_front();
-  queue.push_back(value);
-}
-
-template <typename T>
-std::vector<T> take(std::deque<T>& queue) {
-  std::vector<T> all(queue.begin(), queue.end());
-  queue.clear();
-  return all;
-}
-
-std::string bytes_of(const Plan& plan) { return {reinterpret_cast<const char*>(&plan), sizeof plan}; }
-
-Plan plan_of(const std::string& bytes) {
-  Plan plan;
-  assert(bytes.size() == sizeof plan);
-  std::memcpy(&plan, bytes.data(), sizeof plan);
-  return plan;
+// Of a far ledger more than of one that is near: what was sent last is still on its way.
+TimeNs patience_ns(const WorldConfig& config) {
+  return LedgerPort::deadline_ns + (config.delays.added.kind == AddedDelay::Kind::none ? 0 : 10 * ns_per_s);
 }
 
 }  // namespace
 
-/// What is on its way between two parts.
-struct VirtualWorld::Wires {
-  struct Drone {
-    DroneLines lines;
-    std::deque<std::pair<TimeNs, std::string>> mocap_ring{};  ///< with the time of arrival
-  };
-  struct Datagram {
-    DroneNumber drone = 0;
-    link::Port port = link::Port::answer;
-    std::string bytes;
-  };
-  std::vector<Drone> drones;
-  std::deque<Datagram> to_link;
-  std::deque<Plan> plans;
-  std::deque<Pose> poses;
-  std::deque<AgentBeat> beats;
-  std::deque<StateSample> states;
-  std::deque<Transition> transitions;
-};
-
 VirtualWorld::VirtualWorld(const WorldConfig& config)
     : config_(config),
-      ledger_(node_config(config), {}, config.seed),
-      host_(ledger_, drone_host, config.seed + 1),
-      operator_(ledger_, operator_name, config.seed + 2),
+      ledger_(node_config(config), config.delays, config.seed),
+      host_(ledger_, drone_host, config.seed + 1, WayDelay::Way::back, config.delays.added.agent_share,
+            patience_ns(config)),
+      operator_(ledger_, operator_name, config.seed + 2, WayDelay::Way::there, 1 - config.delays.added.agent_share,
+                patience_ns(config)),
       stoppers_(ledger_, operator_, config.seed + 3),
       sim_(sim_parameters(config), 0),
       wires_(std::make_unique<Wires>()),
       digester_(std::make_unique<Digester>()),
       witness_(config.drones, sim_) {
+  if (config.mode == WorldConfig::Mode::local) local_.emplace(config.drones);
   Random seeds(config.seed ^ 0x6c696e6573ULL);
   for (int k = 1; k <= config.drones; ++k)
     wires_->drones.push_back({DroneLines(seeds, ~config.seed + static_cast<std::uint64_t>(k))});
@@ -109,7 +67,10 @@ Status VirtualWorld::set_up() {
   operator_.forget();
   ledger_.on_asked([this](const fabric::Call& call) { witness_.asked(call); });
   start_link();
-  if (auto s = start_agent(); !s) return s;
+  mocap_clock_.emplace([this] { return real_offset(); });
+  if (!local_) {
+    if (auto s = start_agent(); !s) return s;
+  }
   if (auto s = start_ground(); !s) return s;
   return done;
 }
@@ -167,12 +128,7 @@ bool VirtualWorld::lives(Process process) const {
   return false;
 }
 
-bool VirtualWorld::runs(Process process) const {
-  const bool stopped = process == Process::agent  ? agent_stopped_
-                       : process == Process::link ? link_stopped_
-                                                  : ground_stopped_;
-  return lives(process) && !stopped;
-}
+bool VirtualWorld::runs(Process process) const { return lives(process) && !stopped(process); }
 
 void VirtualWorld::kill(Process process) {
   // Also one that is not there yet, since its start waits for the ledger.
@@ -203,37 +159,16 @@ void VirtualWorld::kill(Process process) {
       stoppers_.forgotten(now_);
       break;
   }
-  note(WorldEvent::Kind::ended, 0, process == Process::agent ? "agent" : process == Process::link ? "link" : "ground");
+  note(WorldEvent::Kind::ended, 0, name_of(process));
 }
 
 void VirtualWorld::start(Process process) {
   if (lives(process)) return;
-  switch (process) {
-    case Process::agent:
-      agent_wanted_ = true;
-      return;
-    case Process::link:
-      start_link();
-      note(WorldEvent::Kind::started, 0, "link");
-      return;
-    case Process::ground:
-      ground_wanted_ = true;
-      return;
-  }
-}
-
-void VirtualWorld::stop(Process process, bool stopped) {
-  switch (process) {
-    case Process::agent:
-      agent_stopped_ = stopped;
-      return;
-    case Process::link:
-      link_stopped_ = stopped;
-      return;
-    case Process::ground:
-      ground_stopped_ = stopped;
-      return;
-  }
+  if (process == Process::agent) agent_wanted_ = true;
+  if (process == Process::ground) ground_wanted_ = true;
+  if (process != Process::link) return;
+  start_link();
+  note(WorldEvent::Kind::started, 0, "link");
 }
 
 void VirtualWorld::end_link() {
@@ -253,21 +188,7 @@ void VirtualWorld::say_stop(Stopper who, std::size_t drone, StopWord word) {
 DroneLines& VirtualWorld::lines(std::size_t drone) { return wires_->drones[drone].lines; }
 
 std::string VirtualWorld::plans_text(std::size_t drone) const {
-  std::string text;
-  if (agent_) {
-    const auto commands = agent_->report(facts()[drone].number).commands;
-    text += fmt::format("agent: {} on the ledger, {} verified", commands.on_ledger, commands.verified);
-    for (std::size_t i = 0; i < agent::refusal_count; ++i) {
-      if (commands.reasons[i] > 0)
-        text += fmt::format(", {} {}", commands.reasons[i], agent::refusal_name(static_cast<agent::Refusal>(i)));
-    }
-  }
-  if (link_) {
-    const link::PlanCounters plans = link_->reports()[drone].plans;
-    text += fmt::format("{}link: {} received, {} applied, {} late, {} dropped", text.empty() ? "" : "; ",
-                        plans.received, plans.applied, plans.late, plans.dropped);
-  }
-  return text;
+  return hil::plans_text(agent_ ? &*agent_ : nullptr, link(), drone, facts()[drone].number);
 }
 
 void VirtualWorld::step() {
@@ -281,8 +202,12 @@ void VirtualWorld::step() {
     if (!stoppers_.take_outcome(now_, ended) && ground_) ground_outcomes_.push_back(std::move(ended));
   }
   stoppers_.step(now_);
-  step_agent();
-  step_ground();
+  if (local_) {
+    step_local();
+  } else {
+    step_agent();
+    step_ground();
+  }
   step_link();
   deliver_to_drones();
   witness_.end_step(sim_, ground_.get(), link_ ? &*link_ : nullptr);
@@ -322,9 +247,25 @@ void VirtualWorld::step_mocap(const std::vector<sim::MocapPose>& poses) {
   for (Wires::Drone& drone : wires_->drones) {
     while (auto unit = drone.lines.pop(now_, LineAt::mocap)) {
       digester_->put(unit->bytes);
-      if (agent_ && drone.mocap_ring.size() < mocap_ring) drone.mocap_ring.emplace_back(now_, std::move(unit->bytes));
+      if ((agent_ || local_) && drone.mocap_ring.size() < mocap_ring)
+        drone.mocap_ring.emplace_back(now_, std::move(unit->bytes));
     }
   }
+}
+
+std::vector<agent::MocapPose> VirtualWorld::take_mocap(std::size_t drone) {
+  std::vector<agent::MocapPose> poses;
+  for (auto& ring = wires_->drones[drone].mocap_ring; !ring.empty(); ring.pop_front()) {
+    // As the agent's shell does.
+    const auto pose = pose_from_cdr(ring.front().second);
+    if (!pose) continue;
+    const auto& q = pose->orientation;
+    const double norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    const auto stamp = mocap_clock_->stamp(pose->header.stamp_ns, ring.front().first);
+    if (!stamp || !(std::abs(norm - 1) < 0.05)) continue;
+    poses.push_back({*stamp, pose->position_m, yaw_from_quaternion(pose->orientation)});
+  }
+  return poses;
 }
 
 void VirtualWorld::step_agent() {
@@ -335,7 +276,7 @@ void VirtualWorld::step_agent() {
       agent_.reset();  // tried again with the next step, as the shell does
     }
   }
-  if (!agent_ || agent_stopped_) {
+  if (!agent_ || stopped(Process::agent)) {
     if (!agent_) {
       (void)host_.take_blocks();
       (void)host_.take_outcomes();
@@ -349,17 +290,8 @@ void VirtualWorld::step_agent() {
     agent_->set_real_offset(mocap_clock_->offset_ns());
   }
   for (std::size_t i = 0; i < facts().size(); ++i) {
-    for (auto& ring = wires_->drones[i].mocap_ring; !ring.empty(); ring.pop_front()) {
-      // As the agent's shell does.
-      const auto pose = pose_from_cdr(ring.front().second);
-      if (!pose) continue;
-      const auto& q = pose->orientation;
-      const double norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-      const auto stamp = mocap_clock_->stamp(pose->header.stamp_ns, ring.front().first);
-      if (!stamp || !(std::abs(norm - 1) < 0.05)) continue;
-      agent_->on_mocap(now_, facts()[i].number, {*stamp, pose->position_m, yaw_from_quaternion(pose->orientation)},
-                       agent_out_);
-    }
+    for (const agent::MocapPose& measured : take_mocap(i))
+      agent_->on_mocap(now_, facts()[i].number, measured, agent_out_);
   }
   for (const auto& state : take(wires_->states)) agent_->on_state(now_, state, agent_out_);
   for (const auto& transition : take(wires_->transitions)) agent_->on_transition(transition);
@@ -380,6 +312,25 @@ void VirtualWorld::step_agent() {
   agent_out_.clear();
 }
 
+void VirtualWorld::step_local() {
+  for (std::size_t i = 0; i < facts().size(); ++i) {
+    for (const agent::MocapPose& measured : take_mocap(i)) {
+      if (const auto pose = local_->fused(i, measured)) put(wires_->poses, *pose, pose_queue);
+    }
+  }
+  if (const auto beat = local_->beat(now_)) put(wires_->beats, *beat, beat_queue);
+  const auto states = take(wires_->states);
+  wires_->transitions.clear();  // there is nobody who keeps them
+  ground::FlightInputs inputs;
+  inputs.states = states;
+  if (!states.empty() || now_ >= next_ground_ns_) give_ground(inputs);
+}
+
+Quantiles VirtualWorld::two_way_ms(std::size_t drone) const {
+  if (local_) return local_->two_way_ms(drone);
+  return agent_ ? agent_->report(facts()[drone].number).two_way.quantiles_ms() : Quantiles{};
+}
+
 void VirtualWorld::step_ground() {
   if (!ground_ && ground_wanted_ && operator_.reachable() && !ledger_stalled_) {
     if (start_ground()) {
@@ -388,7 +339,7 @@ void VirtualWorld::step_ground() {
       ground_.reset();
     }
   }
-  if (!ground_ || ground_stopped_) {
+  if (!ground_ || stopped(Process::ground)) {
     if (!ground_) {
       (void)operator_.take_blocks();
     }
@@ -417,12 +368,16 @@ void VirtualWorld::give_ground(ground::FlightInputs inputs) {
   for (const ground::DroneNews& news : out.news) {
     if (news.state) witness_.shown(now_, news.drone, *news.state);
   }
+  for (const Plan& plan : out.plans) {  // of a local flight
+    local_->answered(plan.drone - 1U, now_ - plan.state_stamp_ns);
+    put(wires_->plans, plan, plan_queue);
+  }
   for (auto& submission : out.submissions) operator_.submit(now_, submission.id, std::move(submission.call));
   for (const auto& trace : out.traces) digester_->put(trace);
 }
 
 void VirtualWorld::step_link() {
-  if (!link_ || link_stopped_) return;
+  if (!link_ || stopped(Process::link)) return;
   const auto datagrams = take(wires_->to_link);
   std::vector<link::Received> received;
   received.reserve(datagrams.size());
@@ -445,7 +400,7 @@ void VirtualWorld::step_link() {
     wires_->drones[send.drone - 1U].lines.push(now_, LineAt::to, text);
     witness_.sent(now_, send.drone, text);
   }
-  if (agent_) {
+  if (agent_ || local_) {
     for (const StateSample& state : out.states) put(wires_->states, state, state_queue);
     for (const Transition& transition : out.transitions) put(wires_->transitions, transition, transition_queue);
   }
@@ -471,16 +426,9 @@ bool VirtualWorld::over() const { return quiet_since_ns_ != 0 && now_ - quiet_si
 
 std::vector<std::string> VirtualWorld::lost_acknowledged() {
   restart_ledger();
-  std::vector<std::string> lost;
   std::vector<const LedgerPort*> ports{&host_, &operator_};
   for (const auto& [who, port] : stoppers_.ports()) ports.push_back(port.get());
-  for (const LedgerPort* port : ports) {
-    for (const std::string& tx_id : port->acknowledged()) {
-      const auto known = ledger_.find(tx_id);
-      if (!known || known->code != 0) lost.push_back("transaction " + tx_id);
-    }
-  }
-  return lost;
+  return not_on_ledger(ledger_, ports);
 }
 
 std::vector<std::string> VirtualWorld::lost_transitions() const { return transition_gaps(ledger_.blocks()); }

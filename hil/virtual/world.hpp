@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -7,10 +8,11 @@
 
 #include "common/crypto/crypto.hpp"
 #include "ground/core/flight.hpp"
-#include "hil/virtual/drone_lines.hpp"
 #include "hil/virtual/ledger/ledger_port.hpp"
 #include "hil/virtual/ledger/stoppers.hpp"
 #include "hil/virtual/ledger/virtual_ledger.hpp"
+#include "hil/virtual/local_loop.hpp"
+#include "hil/virtual/wires/drone_lines.hpp"
 #include "hil/virtual/witness.hpp"
 #include "hil/virtual/world_setup.hpp"
 #include "onboard/agent/core/agent_core.hpp"
@@ -21,6 +23,7 @@
 namespace ledgerline::hil {
 
 class Digester;
+struct Wires;
 
 /// A whole flight in one thread on a virtual clock, millisecond by millisecond, so that faults can act between: the
 /// cores of sim, link, agent, node and ground, with test signers, and between them the bytes that go between the
@@ -63,12 +66,16 @@ class VirtualWorld {
   std::uint64_t transactions() const { return ledger_.transactions(); }
   /// What became of a drone's plans, in words: agent's refusals and link's counters, of those that run now.
   std::string plans_text(std::size_t drone) const;
+  /// From a state until the command that answers it is here again: as agent counts it, or a local flight.
+  Quantiles two_way_ms(std::size_t drone) const;
+  const ground::FlightCore* ground() const { return ground_.get(); }  ///< null while it does not run
+  const link::LinkCore* link() const { return link_ ? &*link_ : nullptr; }
 
   // Faults. Drones are indices.
   DroneLines& lines(std::size_t drone);
   void kill(Process process);   ///< also one whose start waits for the ledger
   void start(Process process);  ///< no effect while it lives
-  void stop(Process process, bool stopped);
+  void stop(Process process, bool stopped) { stopped_[static_cast<std::size_t>(process)] = stopped; }
   /// SIGTERM: link lands what flies and ends, as its loop does.
   void end_link();
   void stall_ledger(bool stalled) { ledger_stalled_ = stalled; }
@@ -84,7 +91,6 @@ class VirtualWorld {
   }
 
  private:
-  struct Wires;
   explicit VirtualWorld(const WorldConfig& config);
   Status set_up();
   Status start_agent();
@@ -93,12 +99,16 @@ class VirtualWorld {
   void step_sim();
   void step_mocap(const std::vector<sim::MocapPose>& poses);
   void deliver_to_drones();
+  /// What has come of a drone and is believed.
+  std::vector<agent::MocapPose> take_mocap(std::size_t drone);
   void step_agent();
+  void step_local();
   void step_ground();
   void step_link();
   void give_ground(ground::FlightInputs inputs);
   Result<std::string> control_record_by(LedgerPort& port, const std::string& drone);
   TimeNs real_offset() const;
+  bool stopped(Process process) const { return stopped_[static_cast<std::size_t>(process)]; }
 
   WorldConfig config_;
   VirtualLedger ledger_;
@@ -115,11 +125,13 @@ class VirtualWorld {
   Witness witness_;
   TimeNs now_ = 0, next_ground_ns_ = 0, next_clock_ns_ = 0, quiet_since_ns_ = 0, clock_jump_ns_ = 0;
   std::uint64_t starts_ = 0, link_start_ = 0;
-  bool ledger_stalled_ = false, agent_stopped_ = false, link_stopped_ = false, ground_stopped_ = false;
+  bool ledger_stalled_ = false;
+  std::array<bool, process_count> stopped_{};
   std::optional<TimeNs> link_ends_ns_;  ///< SIGTERM came: at the latest then
   std::vector<TimeNs> link_starts_ns_;
   bool agent_wanted_ = true, ground_wanted_ = true;  ///< to live: a start waits until the ledger is reached
   agent::AgentOutputs agent_out_;
+  std::optional<LocalLoop> local_;  ///< in the agent's place
 };
 
 }  // namespace ledgerline::hil

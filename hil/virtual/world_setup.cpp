@@ -31,6 +31,17 @@ sim::Parameters sim_parameters(const WorldConfig& config) {
   parameters.battery.start = config.battery;
   parameters.sdk.keeps_rc = config.keeps_rc;
   parameters.sdk.command_counts = config.command_counts;
+  parameters.wind.gust_mps = config.gust_mps;
+  // A heavier drone hovers as well as any, its flight controller sees to that; but the same wind moves it less, and
+  // its motors have less to spare.
+  const double factor = 1 + config.model_error;
+  parameters.body.mass_kg *= factor;
+  parameters.body.drag_xy_per_s /= factor;
+  parameters.body.drag_z_per_s /= factor;
+  parameters.body.max_thrust_by_weight /= factor;
+  parameters.control.velocity_lag_s *= factor;
+  parameters.sdk.rc_full_mps = config.full_scale_mps * factor;
+  parameters.control.max_speed_mps = std::max(parameters.control.max_speed_mps, 1.5 * config.full_scale_mps);
   return parameters;
 }
 
@@ -38,14 +49,19 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   const sim::Parameters places;
   link::LinkSettings settings;
   settings.rate_hz = config.rate_hz;
+  settings.rc.full_scale_mps = static_cast<float>(config.full_scale_mps);
+  settings.playout.max_speed_mps =
+      std::max(settings.playout.max_speed_mps, 1.5F * static_cast<float>(config.full_scale_mps));
   settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, config.max_age_ns);
   settings.playout.max_margin_ns = 0;  // as ./fly: ground counts on plans that take over as they come
   for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
+  if (!config.room_m) return settings;
+  const double room_m = *config.room_m;
   const int columns = std::min(config.drones, places.columns);
   const int rows = (config.drones + places.columns - 1) / places.columns;
-  settings.fence.min_m = {-std::abs(config.room_m), -std::abs(config.room_m), 0};
-  settings.fence.max_m = {(columns - 1) * places.spacing_m + config.side_m + config.room_m,
-                          (rows - 1) * places.spacing_m + config.side_m + config.room_m, 3};
+  settings.fence.min_m = {-std::abs(room_m), -std::abs(room_m), 0};
+  settings.fence.max_m = {(columns - 1) * places.spacing_m + config.side_m + room_m,
+                          (rows - 1) * places.spacing_m + config.side_m + room_m, 3};
   return settings;
 }
 
@@ -64,9 +80,16 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
   for (int k = 1; k <= config.drones; ++k) ground.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
   ground.shape = config.shape;
   ground.side_m = config.side_m;
+  ground.waypoints = config.waypoints;
+  ground.ledger = config.mode == WorldConfig::Mode::ledger;
   ground.laps = config.laps;
   ground.controller.speed_mps = config.speed_mps;
   ground.controller.predict = config.predict;
+  ground.controller.ramp = config.ramp;
+  const link::LinkSettings link = link_settings(config);
+  ground.controller.told_mps = static_cast<double>(link.rc.full_scale_mps);
+  ground.controller.told_mps2 = static_cast<double>(link.playout.max_acceleration_mps2);
+  ground.controller.pose_lost_ns = link.failsafe.pose_lost_ns;
   ground.self = operator_name;
   ground.believed = ledger.shared_registry();
   return ground;

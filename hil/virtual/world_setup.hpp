@@ -1,7 +1,9 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "ground/core/flight.hpp"
 #include "hil/virtual/ledger/virtual_ledger.hpp"
@@ -12,17 +14,26 @@
 namespace ledgerline::hil {
 
 struct WorldConfig {
+  enum class Mode : std::uint8_t { ledger, local };
+  Mode mode = Mode::ledger;  ///< local: the same controller beside the driver, no ledger and no agent
   int drones = 1;
   ground::Shape shape = ground::Shape::square;
   double side_m = 1.5;
+  std::vector<ground::Waypoint> waypoints;  ///< of a path of one's own; empty: the shape
   double speed_mps = 0.5;
+  ground::Ramp ramp;
   double rate_hz = 30;
   int laps = 1;
   bool predict = true;
   TimeNs max_age_ns = 500 * ns_per_ms;          ///< of a command, from its state's stamp; for a far ledger more
   bool keeps_rc = true, command_counts = true;  ///< which Tello: sim::SdkParameters
   double battery = 1.0;                         ///< of every drone at the start, 0..1
-  double room_m = 3;  ///< the fence's distance from the paths; below 0 its far sides cut through them
+  std::optional<double> room_m = 3;  ///< the fence's distance from the paths; below 0 its far sides cut through them;
+                                     ///< nothing: link's own fence
+  double model_error = 0;            ///< the simulator's drone has mass, gain and lag larger by this share
+  double gust_mps = sim::Parameters{}.wind.gust_mps;  ///< standard deviation of the simulator's wind
+  double full_scale_mps = 1;  ///< what rc 100 means: to link, to the simulator, and to the controller
+  LedgerDelays delays;
   std::size_t batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   std::uint64_t seed = 1;

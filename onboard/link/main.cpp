@@ -1,37 +1,34 @@
-#include <CLI/CLI.hpp>
-
-#include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
 #include "onboard/link/shell/link_config.hpp"
 #include "onboard/link/shell/link_shell.hpp"
 
+namespace {
+
+constexpr const char* about = "Flies Tello drones by the plans that agent hands over, and keeps them safe without it.";
+constexpr const char* notes = R"(Examples:
+  ledgerline-link --config link.toml
+A config for one simulated drone:
+  [[drone]]
+  name = "tello1"
+  address = "127.0.0.2"
+  [state]
+  listen = "127.0.0.1:8890"
+  rate_hz = 30.0
+SIGTERM lands what flies, and what may fly unseen (at most 10 s; 3 s for drones that nobody ever heard of), then
+ends. So it does when RouDi is gone, but not before all drones are on the ground: start it again behind a new RouDi.
+Exit codes: 0 all drones on the ground, or never heard of; 1 cannot serve, or a drone was not seen down; 2 bad
+usage or config)";
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  CLI::App app{"Flies Tello drones by the plans that agent hands over, and keeps them safe without it."};
+  using namespace ledgerline;
+  CommandLine line("link", about, notes);
   std::string config;
-  app.add_option("--config", config,
-                 "TOML file: [[drone]], [state], [limits], [fence], [failsafe], [realtime], [output]")
-      ->required();
-  app.footer(
-      "Examples:\n"
-      "  ledgerline-link --config link.toml\n"
-      "A config for one simulated drone:\n"
-      "  [[drone]]\n  name = \"tello1\"\n  address = \"127.0.0.2\"\n"
-      "  [state]\n  listen = \"127.0.0.1:8890\"\n  rate_hz = 30.0\n"
-      "SIGTERM lands what flies, and what may fly unseen (at most 10 s; 3 s for drones that nobody ever heard of), "
-      "then\n"
-      "ends. So it does when RouDi is gone, but not before all drones are on the ground: start it again behind a new\n"
-      "RouDi.\n"
-      "Exit codes: 0 all drones on the ground, or never heard of; 1 cannot serve, or a drone was not seen down; 2 bad\n"
-      "usage or config");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
-  ledgerline::init_log("link");
-  const auto settings = ledgerline::link::load_settings(config);
-  if (!settings) {
-    spdlog::error("{}", settings.error().what);
-    return 2;
-  }
-  return ledgerline::link::run_link(*settings);
+  line.option("--config", config, "TOML file: [[drone]], [state], [limits], [fence], [failsafe], [realtime], [output]")
+      .required();
+  if (const auto end = line.parse(argc, argv)) return *end;
+  const auto settings = link::load_settings(config);
+  return settings ? link::run_link(*settings) : fail(settings.error(), exit_usage);
 }

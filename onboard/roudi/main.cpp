@@ -4,7 +4,6 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -19,7 +18,10 @@
 #include <thread>
 
 #include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
 #include "common/program/service_manager.hpp"
+#include "common/program/stop_signals.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 #include "onboard/roudi/leak_watch.hpp"
 
@@ -113,22 +115,20 @@ bool answers_within(std::chrono::milliseconds bound) {
   return false;
 }
 
+constexpr const char* about =
+    "Shared memory between link and agent: iceoryx' RouDi with small pools. One runs per machine.";
+constexpr const char* notes = R"(Examples:
+  ledgerline-roudi                 serve until SIGTERM
+A line {"leaked":N} on standard output says that N chunks were lost with processes that were killed.
+Exit codes: 0 stopped by a signal, 1 cannot serve or write the summary, 2 bad usage)";
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Shared memory between link and agent: iceoryx' RouDi with small pools. One runs per machine."};
-  app.footer(
-      "Examples:\n  ledgerline-roudi                 serve until SIGTERM\n"
-      "A line {\"leaked\":N} on standard output says that N chunks were lost with processes that were killed.\n"
-      "Exit codes: 0 stopped by a signal, 1 cannot serve or write the summary, 2 bad usage");
+  ledgerline::CommandLine line("roudi", about, notes);
   std::string summary;
-  app.add_option("--summary", summary, "Write here at the end: chunks in use by size, and how many were lost");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
-  ledgerline::init_log("roudi");
+  line.option("--summary", summary, "Write here at the end: chunks in use by size, and how many were lost");
+  if (const auto end = line.parse(argc, argv)) return *end;
   // iceoryx writes banners to standard output, from a thread of its own too: results go to the real one, the rest to
   // standard error.
   const int results = ::dup(STDOUT_FILENO);
@@ -136,10 +136,7 @@ int main(int argc, char** argv) {
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
 
   auto manager = ledgerline::ServiceManager::from_environment();
-  if (!manager) {
-    spdlog::error("{}", manager.error().what);
-    return 1;
-  }
+  if (!manager) return ledgerline::fail(manager.error());
   if (ledgerline::ipc::probe("roudi") != ledgerline::ipc::Peer::gone) {
     spdlog::error("another RouDi runs already on this machine: stop it first");
     return 1;
@@ -153,11 +150,7 @@ int main(int argc, char** argv) {
   }
 
   // Blocked before any thread starts, so that only sigwait below sees them.
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGTERM);
-  sigaddset(&signals, SIGINT);
-  sigprocmask(SIG_BLOCK, &signals, nullptr);
+  const sigset_t signals = ledgerline::block_signals();
 
   // Never destroyed: its destructor would run over ports that other processes still use. See below.
   auto* components = new iox::roudi::IceOryxRouDiComponents(small_pools());

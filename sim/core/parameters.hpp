@@ -3,7 +3,7 @@
 
 namespace ledgerline::sim {
 
-/// The body and what acts on it. Sources: [T] shared/facts/tello.md (page or client named there), [R] Ryze Tello specs,
+/// The body and what acts on it. Sources: [T] docs/sources.md (document or client named there), [R] Ryze Tello specs,
 /// [F] Faessler et al. 2018, "Differential flatness of quadrotor dynamics subject to rotor drag", [A] assumed: nobody
 /// published a measurement; change it here or in the config of a test.
 struct BodyParameters {
@@ -23,7 +23,7 @@ struct BodyParameters {
 
 /// What the Tello's own flight controller does with a velocity setpoint.
 struct ControlParameters {
-  double velocity_lag_s = 0.3;          ///< [T] first-order response that the quick 2-D model of facts/stack.md assumes
+  double velocity_lag_s = 0.3;          ///< [T] first order; of a two-dimensional model, assumed (docs/sources.md)
   double max_acceleration_mps2 = 4.0;   ///< [A] tilt of 22 degrees; [T] gazebo stand-in has 8 (fast mode)
   double max_vertical_mps2 = 3.0;       ///< [A]; [T] gazebo stand-in has 4
   double max_speed_mps = 3.0;           ///< [T] slow mode
@@ -42,7 +42,7 @@ struct ControlParameters {
   double crash_tilt_rad = 1.2;          ///< [A] beyond it (and no flip) the motors stop: `error Motor stop` [T]
 };
 
-/// Gusts: an Ornstein-Uhlenbeck process a horizontal axis, one third of it vertically (design).
+/// Gusts: an Ornstein-Uhlenbeck process a horizontal axis, one third of it vertically [A].
 struct WindParameters {
   double gust_mps = 0.1;  ///< standard deviation
   double gust_s = 1.0;    ///< correlation time

@@ -4,16 +4,16 @@
 #include <poll.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
-#include <atomic>
-#include <csignal>
 #include <nlohmann/json.hpp>
 
 #include "common/base/log.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "common/program/stop_signals.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/shell/mailbox.hpp"
 #include "tools/bench/exchange.hpp"
@@ -26,8 +26,6 @@ using namespace ledgerline::two_way;
 constexpr TimeNs linger_poll_ns = 500 * ns_per_us;  // agent's own poll
 constexpr TimeNs tick_ns = 100 * ns_per_ms;         // for signals and progress
 constexpr std::uint64_t boot_id = 1;
-
-std::atomic<bool> asked_to_end{false};
 
 void say(const nlohmann::json& line) {
   fmt::print("{}\n", line.dump());
@@ -66,7 +64,7 @@ class Side {
 
   Status wait_for_blocks(TimeNs limit_ns) {
     const TimeNs until_ns = monotonic_ns() + limit_ns;
-    while (!connected_ && !asked_to_end) {
+    while (!connected_ && !stop_requested) {
       if (monotonic_ns() > until_ns) return Error{"no block stream: " + why_};
       turn(monotonic_ns() + tick_ns);
     }
@@ -80,7 +78,7 @@ class Side {
     std::uint64_t n = 0;
     std::uint64_t answers_before = 0;
     TimeNs next_progress_ns = start_ns;
-    while (!asked_to_end && !account_.complete() && monotonic_ns() < end_ns) {
+    while (!stop_requested && !account_.complete() && monotonic_ns() < end_ns) {
       turn(start_ns + schedule_.due_ns(n));
       const TimeNs now = monotonic_ns();
       for (; now >= start_ns + schedule_.due_ns(n); ++n) {
@@ -103,7 +101,7 @@ class Side {
   }
 
   void answer() {
-    while (!asked_to_end) turn(monotonic_ns() + tick_ns);
+    while (!stop_requested) turn(monotonic_ns() + tick_ns);
   }
 
   void tell() const {
@@ -250,25 +248,13 @@ Status run(const std::string& role, const std::string& config_file, const std::s
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"One side of `ledgerline bench two-way`, which starts it"};
+  CommandLine line("two-way", "One side of `ledgerline bench two-way`, which starts it", "");
   std::string role, config, schedule;
-  app.add_option("--role", role, "a asks, b answers")->required()->check(CLI::IsMember({"a", "b"}));
-  app.add_option("--config", config, "TOML with [ledger] and [[orderer]]")->required();
-  app.add_option("--schedule", schedule, "JSON")->required();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  line.option("--role", role, "a asks, b answers").required().one_of({"a", "b"});
+  line.option("--config", config, "TOML with [ledger] and [[orderer]]").required();
+  line.option("--schedule", schedule, "JSON").required();
+  if (const auto end = line.parse(argc, argv)) return *end;
   init_log("two-way " + role);
-  for (const int signal : {SIGINT, SIGTERM}) {
-    struct sigaction action {};
-    action.sa_handler = [](int) { asked_to_end = true; };
-    ::sigaction(signal, &action, nullptr);
-  }
-  if (auto status = run(role, config, schedule); !status) {
-    spdlog::error("{}", status.error().what);
-    return 1;
-  }
-  return 0;
+  catch_stop_signals();
+  return exit_code(run(role, config, schedule));
 }

@@ -2,12 +2,14 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <csignal>
 #include <sstream>
 
 #include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "common/program/stop_signals.hpp"
 #include "tools/bench/measurement.hpp"
 #include "tools/launcher/machine.hpp"
 
@@ -39,8 +41,6 @@ Examples:
   ledgerline bench two-way --dir /var/tmp/two-way              ledgers on that disk
 
 Exit codes: 0 measured (a client that collapses is a figure), 1 failed or interrupted, 2 wrong usage.)";
-
-std::atomic<int> interrupts{0};
 
 fs::path find_on_path(const std::string& program) {
   std::stringstream path(std::getenv("PATH") ? std::getenv("PATH") : "");
@@ -91,17 +91,10 @@ Status check(const Options& o) {
 int measure(Options& options) {
   const bool given = !options.dir.empty();
   find_programs(options);
-  if (auto s = check(options); !s) {
-    spdlog::error("{}", s.error().what);
-    return 1;
-  }
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
-    struct sigaction action {};
-    action.sa_handler = [](int) { ++interrupts; };
-    ::sigaction(signal, &action, nullptr);
-  }
+  if (auto s = check(options); !s) return fail(s.error());
+  catch_stop_signals({SIGINT, SIGTERM, SIGHUP});
   std::signal(SIGPIPE, SIG_IGN);
-  Measurement measurement(options, interrupts);
+  Measurement measurement(options, stop_requests);
   Status status = measurement.run();
   if (!measurement.runs().empty()) {
     fmt::print("{}\n{}, ledgers on {}; {} alternations of {:g} s after {:g} s of warm-up; {} cores\n",
@@ -110,7 +103,7 @@ int measure(Options& options) {
                fly::describe_machine().cores);
     if (auto written = measurement.write_json(); !written && status) status = written;
   }
-  if (!status && interrupts == 0) {
+  if (!status && stop_requests == 0) {
     spdlog::error("{} (logs and ledgers are left in {})", status.error().what, options.place.dir.string());
     return 1;
   }
@@ -121,54 +114,40 @@ int measure(Options& options) {
   return status ? 0 : 1;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  CLI::App app{"Benchmarks against other designs", "ledgerline-bench"};
-  app.require_subcommand(1);
-  CLI::App* verb = app.add_subcommand("two-way", about);
-  verb->footer(notes);
-  Options o;
+void add_options(Verb verb, Options& o) {
   std::vector<std::string> ids;
   for (const Contender& one : contenders()) {
     ids.push_back(one.id);
     if (!one.only_when_asked) o.clients.push_back(one.id);
   }
-  verb->add_option("--rates", o.rates, "msg/s of both directions together")
-      ->delimiter(',')
-      ->check(CLI::Range(2, 1100))
-      ->capture_default_str();
-  verb->add_option("--clients", o.clients, "Who is measured, see below")
-      ->delimiter(',')
-      ->check(CLI::IsMember(ids))
-      ->capture_default_str();
-  verb->add_option("--seconds", o.seconds, "Measured time of a run")
-      ->check(CLI::Range(0.5, 3600.0))
-      ->capture_default_str();
-  verb->add_option("--warm-up", o.warm_up_s, "Seconds before, left out")
-      ->check(CLI::Range(0.0, 600.0))
-      ->capture_default_str();
-  verb->add_option("--drain", o.drain_s, "Seconds that answers are awaited after it, at most")
-      ->check(CLI::Range(0.5, 600.0))
-      ->capture_default_str();
-  verb->add_option("--alternations", o.alternations, "How often all take turns; every other time in reverse order")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
-  verb->add_option("--poll-ms", o.place.poll_ms, "Polling: pause between an answer and the next question")
-      ->check(CLI::Range(0.0, 10'000.0))
-      ->capture_default_str();
-  verb->add_option("--ledger", o.ledger, "fabric, or embedded for a quick look")
-      ->check(CLI::IsMember({"fabric", "embedded"}))
-      ->capture_default_str();
-  verb->add_option("--dir", o.dir, "For ledgers and logs, empty or new [a new one under /dev/shm]");
-  verb->add_option("--json", o.json, "Raw numbers and summary go here, after each run");
-  verb->add_option("--fabric", o.place.fabric, "Fabric's own programs [build/fabric]");
-  verb->add_option("--npm", o.place.npm, "Where node_modules is [build/npm]");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
-  init_log("bench");
+  verb.option("--rates", o.rates, "msg/s of both directions together").comma_list().within(2, 1100).shows_default();
+  verb.option("--clients", o.clients, "Who is measured, see below").comma_list().one_of(ids).shows_default();
+  verb.option("--seconds", o.seconds, "Measured time of a run").within(0.5, 3600.0).shows_default();
+  verb.option("--warm-up", o.warm_up_s, "Seconds before, left out").within(0.0, 600.0).shows_default();
+  verb.option("--drain", o.drain_s, "Seconds that answers are awaited after it, at most")
+      .within(0.5, 600.0)
+      .shows_default();
+  verb.option("--alternations", o.alternations, "How often all take turns; every other time in reverse order")
+      .within(1, 1000)
+      .shows_default();
+  verb.option("--poll-ms", o.place.poll_ms, "Polling: pause between an answer and the next question")
+      .within(0.0, 10'000.0)
+      .shows_default();
+  verb.option("--ledger", o.ledger, "fabric, or embedded for a quick look")
+      .one_of({"fabric", "embedded"})
+      .shows_default();
+  verb.option("--dir", o.dir, "For ledgers and logs, empty or new [a new one under /dev/shm]");
+  verb.option("--json", o.json, "Raw numbers and summary go here, after each run");
+  verb.option("--fabric", o.place.fabric, "Fabric's own programs [build/fabric]");
+  verb.option("--npm", o.place.npm, "Where node_modules is [build/npm]");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CommandLine line("bench", "Benchmarks against other designs", "");
+  Options o;
+  add_options(line.verb("two-way", about, notes), o);
+  if (const auto end = line.parse(argc, argv)) return *end;
   return measure(o);
 }

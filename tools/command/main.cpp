@@ -9,11 +9,13 @@
 #include <string>
 #include <vector>
 
+#include "common/program/program.hpp"
+
 namespace {
 
 namespace fs = std::filesystem;
+using ledgerline::exit_usage;
 
-constexpr int exit_usage = 2;
 const std::string prefix = "ledgerline-";
 
 fs::path own_directory() {
@@ -36,7 +38,8 @@ void help(std::FILE* to) {
   std::fprintf(
       to,
       "Usage: ledgerline VERB [options]\n"
-      "Runs ledgerline-VERB; `ledgerline VERB --help` says what it does.\n\n"
+      "Runs ledgerline-VERB; `ledgerline VERB --help` says what it does, `ledgerline --version` what version this "
+      "is.\n\n"
       "Examples:\n  ledgerline fly --drones 3\n  ledgerline control --config operator.toml stop tello1\n\nVerbs:");
   for (const std::string& verb : verbs_in(own_directory())) std::fprintf(to, " %s", verb.c_str());
   std::fprintf(to, "\n");
@@ -48,6 +51,10 @@ int main(int argc, char** argv) {
   const std::string verb = argc > 1 ? argv[1] : "";
   if (verb == "--help" || verb == "-h" || verb == "help") {
     help(stdout);
+    return 0;
+  }
+  if (verb == "--version" || verb == "version") {
+    ledgerline::print_line(ledgerline::version_line(""));
     return 0;
   }
   if (verb.empty() || verb.front() == '-' || verb.find('/') != std::string::npos) {

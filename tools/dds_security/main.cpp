@@ -1,18 +1,16 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
 #include "common/base/file.hpp"
-#include "common/base/log.hpp"
 #include "common/dds/settings/security.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
 
 namespace {
 
 using namespace ledgerline;
-
-constexpr int exit_usage = 2;
 
 struct Wish {
   std::string ca, ca_key, out;
@@ -42,32 +40,24 @@ Status make_documents(const Wish& wish) {
   return done;
 }
 
+constexpr const char* about =
+    "Makes what DDS Security needs from an organisation's authority: identity_ca.pem, governance.p7s and\n"
+    "permissions.p7s, the same for all members. [dds] of a program's config names them, and its own certificate and\n"
+    "key. A new member needs new permissions; the others keep theirs. Prints the files that it wrote.";
+constexpr const char* notes = R"(Example:
+  ledgerline dds-security --ca ca.pem --ca-key ca.key --out dds drone-host.pem ground-host.pem
+
+Exit codes: 0 done, 1 not so, 2 bad usage.)";
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{
-      "Makes what DDS Security needs from an organisation's authority: identity_ca.pem, governance.p7s and\n"
-      "permissions.p7s, the same for all members. [dds] of a program's config names them, and its own certificate and\n"
-      "key. A new member needs new permissions; the others keep theirs. Prints the files that it wrote.",
-      "ledgerline-dds-security"};
-  app.footer(
-      "Example:\n"
-      "  ledgerline dds-security --ca ca.pem --ca-key ca.key --out dds drone-host.pem ground-host.pem\n\n"
-      "Exit codes: 0 done, 1 not so, 2 bad usage.");
+  CommandLine line("dds-security", about, notes);
   Wish wish;
-  app.add_option("--ca", wish.ca, "the authority's certificate, PEM")->required();
-  app.add_option("--ca-key", wish.ca_key, "its private key, PEM")->required();
-  app.add_option("--out", wish.out, "folder")->required();
-  app.add_option("MEMBER", wish.members, "certificates that it has issued (P-256), PEM")->required();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
-  }
-  init_log("dds-security");
-  if (auto status = make_documents(wish); !status) {
-    spdlog::error("{}", status.error().what);
-    return EXIT_FAILURE;
-  }
-  return EXIT_SUCCESS;
+  line.option("--ca", wish.ca, "the authority's certificate, PEM").required();
+  line.option("--ca-key", wish.ca_key, "its private key, PEM").required();
+  line.option("--out", wish.out, "folder").required();
+  line.option("MEMBER", wish.members, "certificates that it has issued (P-256), PEM").required();
+  if (const auto end = line.parse(argc, argv)) return *end;
+  return exit_code(make_documents(wish));
 }

@@ -99,7 +99,7 @@ Status Launcher::start(const std::string& name, std::vector<std::string> argumen
 }
 
 Status Launcher::wait_ready(const std::vector<std::string>& names) {
-  const TimeNs limit_ns = ledger_ == "fabric" ? fabric_ready_limit_ns : ready_limit_ns;
+  const TimeNs limit_ns = options_.ledger == Ledger::fabric ? fabric_ready_limit_ns : ready_limit_ns;
   const TimeNs until_ns = monotonic_ns() + limit_ns;
   for (const std::string& name : names) {
     while (!ready_.contains(name)) {
@@ -166,7 +166,7 @@ Status Launcher::start_ledger() {
   std::vector<std::string> ledger{
       "--dir",     files_.in("ledger"),     "--batch-count",   std::to_string(options_.batch_count),
       "--summary", files_.summary(ledger_), "--batch-timeout", std::to_string(options_.batch_timeout_ns / ns_per_ms)};
-  if (ledger_ == "fabric") {
+  if (options_.ledger == Ledger::fabric) {
     ledger.insert(ledger.begin(), "run");
     ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
     if (options_.ca) ledger.push_back("--ca");

@@ -17,7 +17,6 @@
 #include "tools/launcher/launcher.hpp"
 #include "tools/launcher/machine.hpp"
 #include "tools/launcher/options.hpp"
-#include "tools/launcher/space.hpp"
 #include "tools/report/results.hpp"
 
 namespace {
@@ -93,7 +92,7 @@ int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
              options.manual              ? "flown by ROS 2 topics (/tello1/takeoff, cmd_vel, land)"
              : options.waypoints.empty() ? "around a " + ground::name_of(options.shape)
                                          : "along " + options.course_file,
-             options.ledger == "none" ? "without a ledger" : "through the ledger", files.directory);
+             options.ledger == fly::Ledger::none ? "without a ledger" : "through the ledger", files.directory);
   fly::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, stop_requests);
   const fly::RunRecord record = launcher.run();
   report::Results results = report::read_results(files, options, record);
@@ -114,19 +113,19 @@ int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const fly::CommandLine line = fly::parse_command_line({argv + 1, argv + argc});
-  if (!line.fly) {
-    (line.exit_code == 0 ? std::cout : std::cerr) << line.text;
-    return line.exit_code;
+  const fly::Asked asked = fly::parse_command_line({argv + 1, argv + argc});
+  if (!asked.fly) {
+    (asked.exit_code == 0 ? std::cout : std::cerr) << asked.text;
+    return asked.exit_code;
   }
-  fly::RunFiles files{fs::absolute(line.options.out.empty() ? default_run_directory() : fs::path(line.options.out))};
+  fly::RunFiles files{fs::absolute(asked.options.out.empty() ? default_run_directory() : fs::path(asked.options.out))};
   const auto lock = fly::RunLock::take(lock_file, fmt::format("process {}, into {}", ::getpid(), files.directory));
   if (!lock) return fail(lock.error().what);
 
   std::vector<std::string> notes;
-  const auto problems = fly::check_machine(line.options.drones, notes);
+  const auto problems = fly::check_machine(asked.options.drones, notes);
   const char* uri = std::getenv("CYCLONEDDS_URI");
-  if (uri && *uri && line.options.cyclonedds.empty())
+  if (uri && *uri && asked.options.cyclonedds.empty())
     notes.emplace_back("CYCLONEDDS_URI is set and not looked at: DDS stays on this machine (or give --dds FILE)");
   for (const auto& note : notes) fmt::print(stderr, "note: {}\n", note);
   for (const auto& problem : problems) fmt::print(stderr, "problem: {}\n   cure: {}\n", problem.what, problem.cure);
@@ -138,15 +137,14 @@ int main(int argc, char** argv) {
   if (error) return fail(fmt::format("cannot make {}: {}", files.directory, error.message()));
   if (fs::exists(files.in("ledger"), error) && !fs::is_empty(files.in("ledger"), error))
     return fail(fmt::format("{} holds another run already: choose another --out", files.directory));
-  const std::string ledger = line.options.tmpfs ? MemoryDirectory::path : files.in("ledger");
-  const auto needed = fly::expected_ledger_bytes(line.options);
-  const auto what = fmt::format("the ledger of a flight of {:.0f} s", fly::expected_seconds(line.options));
+  const std::string ledger = asked.options.tmpfs ? MemoryDirectory::path : files.in("ledger");
   std::unique_ptr<MemoryDirectory> memory;
-  if (line.options.tmpfs) {
+  if (asked.options.tmpfs) {
     if (const Status made = MemoryDirectory::make(files, memory); !made) return fail(made.error().what);
   }
-  if (const Status room = check_space(ledger, needed, what); !room) return fail(room.error().what);
+  const Status room = check_space(ledger, fly::min_ledger_bytes(asked.options), "the ledger of a flight");
+  if (!room) return fail(room.error().what);
   catch_stop_signals({SIGINT, SIGTERM, SIGHUP});
   std::signal(SIGPIPE, SIG_IGN);
-  return fly_and_report(line.options, files);
+  return fly_and_report(asked.options, files);
 }

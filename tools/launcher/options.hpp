@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -8,6 +9,12 @@
 #include "ground/core/controller.hpp"
 
 namespace ledgerline::fly {
+
+/// What carries states and commands; none: the same controller beside the driver.
+enum class Ledger : std::uint8_t { embedded, fabric, none };
+inline constexpr std::array ledger_names{"embedded", "fabric", "none"};
+static_assert(ledger_names.size() == static_cast<std::size_t>(Ledger::none) + 1);
+constexpr const char* name(Ledger ledger) { return ledger_names[static_cast<std::size_t>(ledger)]; }
 
 struct Options {
   ground::Shape shape = ground::Shape::square;
@@ -22,14 +29,14 @@ struct Options {
   double rate_hz = 30;
   double speed_mps = 0.5;
   int laps = 3;
-  double seconds = 0;               ///< > 0: instead of laps; manual: until it lands and ends; 0: until Ctrl-C
-  std::string ledger = "embedded";  ///< or "fabric", or "none": the same controller beside the driver
-  int orderers = 1;                 ///< of Fabric: 1 or 3
-  bool tmpfs = false;               ///< the ledger in memory, gone after the flight
-  bool ca = false;                  ///< Fabric's identities come from fabric-ca
-  bool gateway = false;             ///< Fabric: transactions through the gateway, not the direct path
-  bool majority = false;            ///< Fabric: endorsed by two of the three organisations, through the gateway
-  bool mbedtls = false;             ///< signs and verifies in agent and ground, in libcrypto's place
+  double seconds = 0;  ///< > 0: instead of laps; manual: until it lands and ends; 0: until Ctrl-C
+  Ledger ledger = Ledger::embedded;
+  int orderers = 1;       ///< of Fabric: 1 or 3
+  bool tmpfs = false;     ///< the ledger in memory, gone after the flight
+  bool ca = false;        ///< Fabric's identities come from fabric-ca
+  bool gateway = false;   ///< Fabric: transactions through the gateway, not the direct path
+  bool majority = false;  ///< Fabric: endorsed by two of the three organisations, through the gateway
+  bool mbedtls = false;   ///< signs and verifies in agent and ground, in libcrypto's place
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
   bool proxy = false;        ///< drones and ledger are reached through ledgerline-hil proxy
@@ -54,19 +61,28 @@ inline ground::Path path_of(const Options& options, const Eigen::Vector2d& origi
 
 /// The program that is the ledger, and the name of its process; empty: there is none.
 inline std::string ledger_program(const Options& options) {
-  return options.ledger == "none" ? "" : options.ledger == "fabric" ? "fabric" : "node";
+  return options.ledger == Ledger::none ? "" : options.ledger == Ledger::fabric ? "fabric" : "node";
 }
 /// The program that flies: ground, or beside the driver.
-inline std::string controller_program(const Options& options) { return options.ledger == "none" ? "local" : "ground"; }
+inline std::string controller_program(const Options& options) {
+  return options.ledger == Ledger::none ? "local" : "ground";
+}
+/// What must be free where the ledger will be. Fabric's orderers make files of 64 MB beforehand and keep some; a disk
+/// that fills in flight is survived (docs/ledger.md).
+inline std::uint64_t min_ledger_bytes(const Options& options) {
+  constexpr std::uint64_t node = 128'000'000, fabric = 100'000'000, orderer = 400'000'000;
+  if (options.ledger == Ledger::none) return 0;
+  return options.ledger == Ledger::fabric ? fabric + static_cast<std::uint64_t>(options.orderers) * orderer : node;
+}
 
 /// What the command line asks for: a flight, or a text to print and an exit code.
-struct CommandLine {
+struct Asked {
   Options options;
   bool fly = false;
   int exit_code = 0;
-  std::string text;  ///< help (exit code 0) or what is wrong (2)
+  std::string text;  ///< help or version (exit code 0), or what is wrong (2)
 };
-CommandLine parse_command_line(const std::vector<std::string>& arguments);
+Asked parse_command_line(const std::vector<std::string>& arguments);
 
 /// "10ms", "2s", "0.5s", or a plain number of milliseconds; more than nothing, at most a minute.
 Result<TimeNs> parse_duration(const std::string& text);

@@ -145,6 +145,81 @@ CrossTrack cross_track(const std::vector<TraceRecord>& truth, std::uint16_t dron
   return result;
 }
 
+namespace {
+
+/// What the programs of a flight left behind.
+struct Left {
+  json node, link, agent, ground;  ///< summaries
+  std::vector<TraceRecord> link_trace, agent_trace, truth;
+};
+
+Left read_left(const fly::RunFiles& files, const fly::Options& asked, Results& results) {
+  const bool ledger = asked.ledger != fly::Ledger::none;
+  const std::string controller = fly::controller_program(asked);
+  Left left;
+  left.node = ledger ? read_summary(files, fly::ledger_program(asked), results) : json::object();
+  left.link = read_summary(files, "link", results);
+  left.agent = ledger ? read_summary(files, "agent", results) : json::object();
+  left.ground = read_summary(files, controller, results);
+  left.link_trace = read(files, "link", results);
+  left.agent_trace = read(files, ledger ? "agent" : controller, results);
+  left.truth = read(files, "sim", results);
+  return left;
+}
+
+void read_ledger(const json& node, const fly::RunRecord& record, Results& results) {
+  results.blocks = count_of(node, "blocks");
+  results.transactions = count_of(node, "transactions");
+  results.disk_ms = quantiles_in(at(node, "disk_ms"));
+  results.storage = at(node, "storage").is_string() ? at(node, "storage").get<std::string>() : "unknown";
+  if (results.flight_s > 0) {
+    constexpr double hour_s = 3600;
+    results.bytes_per_drone_hour =
+        static_cast<double>(record.ledger_grown_bytes) / results.asked.drones / results.flight_s * hour_s;
+  }
+  const json& restarts = at(node, "restarts");
+  for (const auto& [name, count] : restarts.items()) {
+    if (count_of(count) > 0) results.restarts[name] = count_of(count);
+  }
+}
+
+DroneResult read_drone(const Left& left, const fly::Options& asked, std::uint16_t number, TimeNs begin_ns) {
+  DroneResult drone;
+  drone.id = fmt::format("tello{}", number);
+  drone.two_way = latencies(left.agent_trace, TraceKind::command_verified, number, begin_ns);
+  drone.age = latencies(left.link_trace, TraceKind::command_applied, number, begin_ns);
+  drone.two_way_ms = quantiles_of(drone.two_way);
+  drone.age_ms = quantiles_of(drone.age);
+
+  const json& l = drone_in(left.link, drone.id);
+  const json& a = drone_in(left.agent, drone.id);
+  const json& g = drone_in(left.ground, drone.id);
+  const json& states = at(a, "states");
+  const json& commands = at(a, "commands");
+  drone.states = {count_of(states, "sampled") + count_of(l, "states_lost"), count_of(states, "sent"),
+                  count_of(states, "on_ledger"), count_of(states, "merged"),
+                  count_of(states, "dropped") + count_of(l, "states_lost")};
+  const json& transitions = at(l, "transitions");
+  drone.transitions = {count_of(transitions, "made"), count_of(at(a, "transitions"), "on_ledger"),
+                       count_of(transitions, "lost")};
+  drone.commands = {count_of(g, "commands_sent"),
+                    count_of(commands, "on_ledger"),
+                    count_of(commands, "refused") + count_of(g, "commands_refused"),
+                    count_of(l, "commands_applied"),
+                    count_of(l, "commands_late"),
+                    count_of(l, "commands_dropped")};
+  for (const json& reasons : {at(commands, "refused_reasons"), at(l, "drop_reasons")}) {
+    for (const auto& [reason, count] : reasons.items()) drone.reasons[reason] += count_of(count);
+  }
+  for (const json& lap : at(g, "lap_s")) drone.lap_s.push_back(number_of(lap));
+  if (at(g, "limit_mps").is_number()) drone.limit_mps = number_of(at(g, "limit_mps"));
+  if (at(g, "slowed_to_mps").is_number()) drone.slowed_to_mps = number_of(at(g, "slowed_to_mps"));
+  read_path(g, left.truth, number, asked, drone);
+  return drone;
+}
+
+}  // namespace
+
 Results read_results(const fly::RunFiles& files, const fly::Options& asked, const fly::RunRecord& record) {
   Results results;
   results.asked = asked;
@@ -156,74 +231,22 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
   results.onboard_restarts = record.restarts;
   results.ended_early = record.ended_early;
   results.flight_s = to_seconds(record.end_ns - record.begin_ns);
-  const bool ledger = asked.ledger != "none";
-  const std::string controller = fly::controller_program(asked);
-  const json node = ledger ? read_summary(files, fly::ledger_program(asked), results) : json::object();
-  const json link = read_summary(files, "link", results);
-  const json agent = ledger ? read_summary(files, "agent", results) : json::object();
-  const json ground = read_summary(files, controller, results);
-  const auto link_trace = read(files, "link", results);
-  const auto agent_trace = read(files, ledger ? "agent" : controller, results);
-  const auto truth = read(files, "sim", results);
-  results.blocks = count_of(node, "blocks");
-  results.transactions = count_of(node, "transactions");
-  results.disk_ms = quantiles_in(at(node, "disk_ms"));
-  results.storage = at(node, "storage").is_string() ? at(node, "storage").get<std::string>() : "unknown";
-
-  if (results.flight_s > 0) {
-    constexpr double hour_s = 3600;
-    results.bytes_per_drone_hour =
-        static_cast<double>(record.ledger_grown_bytes) / asked.drones / results.flight_s * hour_s;
-  }
-  const json& restarts = at(node, "restarts");
-  for (const auto& [name, count] : restarts.items()) {
-    if (count_of(count) > 0) results.restarts[name] = count_of(count);
-  }
+  const Left left = read_left(files, asked, results);
+  read_ledger(left.node, record, results);
 
   std::vector<Sample> all_two_way, all_age;
   std::uint64_t messages = 0;
   for (int k = 1; k <= asked.drones; ++k) {
-    const auto number = static_cast<std::uint16_t>(k);
-    DroneResult drone;
-    drone.id = fmt::format("tello{}", k);
-    drone.two_way = latencies(agent_trace, TraceKind::command_verified, number, record.begin_ns);
-    drone.age = latencies(link_trace, TraceKind::command_applied, number, record.begin_ns);
-    drone.two_way_ms = quantiles_of(drone.two_way);
-    drone.age_ms = quantiles_of(drone.age);
+    DroneResult drone = read_drone(left, asked, static_cast<std::uint16_t>(k), record.begin_ns);
     all_two_way.insert(all_two_way.end(), drone.two_way.begin(), drone.two_way.end());
     all_age.insert(all_age.end(), drone.age.begin(), drone.age.end());
-
-    const json& l = drone_in(link, drone.id);
-    const json& a = drone_in(agent, drone.id);
-    const json& g = drone_in(ground, drone.id);
-    const json& states = at(a, "states");
-    const json& commands = at(a, "commands");
-    drone.states = {count_of(states, "sampled") + count_of(l, "states_lost"), count_of(states, "sent"),
-                    count_of(states, "on_ledger"), count_of(states, "merged"),
-                    count_of(states, "dropped") + count_of(l, "states_lost")};
-    const json& transitions = at(l, "transitions");
-    drone.transitions = {count_of(transitions, "made"), count_of(at(a, "transitions"), "on_ledger"),
-                         count_of(transitions, "lost")};
-    drone.commands = {count_of(g, "commands_sent"),
-                      count_of(commands, "on_ledger"),
-                      count_of(commands, "refused") + count_of(g, "commands_refused"),
-                      count_of(l, "commands_applied"),
-                      count_of(l, "commands_late"),
-                      count_of(l, "commands_dropped")};
-    for (const json& reasons : {at(commands, "refused_reasons"), at(l, "drop_reasons")}) {
-      for (const auto& [reason, count] : reasons.items()) drone.reasons[reason] += count_of(count);
-    }
-    for (const json& lap : at(g, "lap_s")) drone.lap_s.push_back(number_of(lap));
-    if (at(g, "limit_mps").is_number()) drone.limit_mps = number_of(at(g, "limit_mps"));
-    if (at(g, "slowed_to_mps").is_number()) drone.slowed_to_mps = number_of(at(g, "slowed_to_mps"));
-    read_path(g, truth, number, asked, drone);
     messages += drone.states[2] + drone.commands[1];
     results.drones.push_back(std::move(drone));
   }
   results.two_way_ms = quantiles_of(all_two_way);
   results.age_ms = quantiles_of(all_age);
   const auto transactions =
-      count_of(at(agent, "transactions"), "committed") + count_of(at(ground, "transactions"), "committed");
+      count_of(at(left.agent, "transactions"), "committed") + count_of(at(left.ground, "transactions"), "committed");
   if (results.flight_s > 0) {
     results.messages_per_s = static_cast<double>(messages) / results.flight_s;
     results.transactions_per_s = static_cast<double>(transactions) / results.flight_s;
@@ -237,14 +260,14 @@ std::vector<std::string> differences(const Results& r) {
       "theirs: " +
           std::string("Wi-Fi between three machines and real drones; here: loopback on one machine, simulated drones"),
       "theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: " +
-          (r.asked.ledger == "none" ? "no ledger, the controller beside the driver"
-           : r.asked.ledger == "fabric"
+          (r.asked.ledger == fly::Ledger::none ? "no ledger, the controller beside the driver"
+           : r.asked.ledger == fly::Ledger::fabric
                ? fmt::format("Hyperledger Fabric 2.5, 3 organisations, {} Raft orderer(s), storage {}",
                              r.asked.orderers, r.storage)
                : embedded),
-      r.asked.ledger == "none" ? std::string("theirs: blocks of 10 messages or 2 s; here: none")
-                               : fmt::format("theirs: blocks of 10 messages or 2 s; here: {} or {:.0f} ms",
-                                             r.asked.batch_count, to_ms(r.asked.batch_timeout_ns)),
+      r.asked.ledger == fly::Ledger::none ? std::string("theirs: blocks of 10 messages or 2 s; here: none")
+                                          : fmt::format("theirs: blocks of 10 messages or 2 s; here: {} or {:.0f} ms",
+                                                        r.asked.batch_count, to_ms(r.asked.batch_timeout_ns)),
       fmt::format("theirs: 70 messages/s with one drone, 250 with three; here: {:.0f}", r.messages_per_s),
   };
 }

@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <deque>
 #include <fstream>
 #include <iostream>
@@ -9,6 +8,8 @@
 #include <thread>
 
 #include "common/base/file.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "tools/launcher/machine.hpp"
 #include "tools/timing/self_test.hpp"
@@ -22,7 +23,7 @@ using namespace ledgerline;
 using namespace ledgerline::timing;
 using nlohmann::json;
 
-constexpr int exit_limit = 1, exit_usage = 2, exit_unreadable = 3;
+constexpr int exit_limit = 1, exit_unreadable = 3;
 constexpr TimeNs window_ns = 10 * ns_per_s;
 constexpr TimeNs settled_after_ns = 4 * ns_per_s;  // a sample's walk is over, and its last record is in the file
 
@@ -147,45 +148,41 @@ int self_test(const Options& options) {
   return test.good() ? EXIT_SUCCESS : exit_limit;
 }
 
+constexpr const char* about =
+    "Lays a flight's time open: every sample's way from stage to stage, how late link's loop was, and who used the "
+    "CPU.";
+constexpr const char* notes = R"(Examples:
+  timing build/runs/20261122-013000 --html timing.html --perfetto timing.json
+  timing /tmp/run --limit p99.9.late=200us --limit p99.setpoint_at_once=2.5ms --limit cpu.agent+link=15%
+  timing /tmp/run --limit overruns=0 --limit headroom=50%
+  timing /tmp/run --live
+  timing --self-test --seconds 60
+Exit codes: 0 done, all limits kept; 1 a limit is not kept, or the self-test is not good enough for link;
+2 bad usage, or a limit on something that does not exist; 3 nothing to read, or a file not written)";
+
+void add_options(CommandLine& line, Options& o) {
+  line.option("DIR", o.directory, "Directory of a run of ledgerline-fly (its --out)");
+  line.flag("--live", o.live, "Follow a flight that is under way: the last ten seconds, then all of it");
+  line.option("--every", o.every_s, "Seconds between two tables of --live").within(0.2, 60.0).shows_default();
+  line.flag("--self-test", o.self_test, "No flight: link's loop alone on this machine, beside cyclictest");
+  line.option("--seconds", o.seconds, "How long to follow (default: to the end) or to test (default: 10)")
+      .within(0.1, 86'400.0);
+  line.option("--cpu", o.cpu, "Self-test: core (default: the last)").within(0, 1023);
+  line.option("--priority", o.priority, "Self-test: SCHED_FIFO priority of the loop").within(2, 98).shows_default();
+  line.option("--limit", o.limits, "What must hold, such as p99.apply=1ms; may be given often");
+  line.option("--threads", o.threads, "How many threads the table shows").shows_default();
+  line.option("--json", o.json, "Write the figures to this file, as one JSON object");
+  line.option("--html", o.html, "Write a page that opens without a network");
+  line.option("--perfetto", o.perfetto, "Write trace events that ui.perfetto.dev and chrome://tracing open");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{
-      "Lays a flight's time open: every sample's way from stage to stage, how late link's loop was, and who used the "
-      "CPU.",
-      "ledgerline-timing"};
+  CommandLine line("timing", about, notes);
   Options o;
-  app.add_option("DIR", o.directory, "Directory of a run of ledgerline-fly (its --out)");
-  app.add_flag("--live", o.live, "Follow a flight that is under way: the last ten seconds, then all of it");
-  app.add_option("--every", o.every_s, "Seconds between two tables of --live")
-      ->check(CLI::Range(0.2, 60.0))
-      ->capture_default_str();
-  app.add_flag("--self-test", o.self_test, "No flight: link's loop alone on this machine, beside cyclictest");
-  app.add_option("--seconds", o.seconds, "How long to follow (default: to the end) or to test (default: 10)")
-      ->check(CLI::Range(0.1, 86'400.0));
-  app.add_option("--cpu", o.cpu, "Self-test: core (default: the last)")->check(CLI::Range(0, 1023));
-  app.add_option("--priority", o.priority, "Self-test: SCHED_FIFO priority of the loop")
-      ->check(CLI::Range(2, 98))
-      ->capture_default_str();
-  app.add_option("--limit", o.limits, "What must hold, such as p99.apply=1ms; may be given often");
-  app.add_option("--threads", o.threads, "How many threads the table shows")->capture_default_str();
-  app.add_option("--json", o.json, "Write the figures to this file, as one JSON object");
-  app.add_option("--html", o.html, "Write a page that opens without a network");
-  app.add_option("--perfetto", o.perfetto, "Write trace events that ui.perfetto.dev and chrome://tracing open");
-  app.footer(
-      "Examples:\n"
-      "  timing build/runs/20261122-013000 --html timing.html --perfetto timing.json\n"
-      "  timing /tmp/run --limit p99.9.late=200us --limit p99.setpoint_at_once=2.5ms --limit cpu.agent+link=15%\n"
-      "  timing /tmp/run --limit overruns=0 --limit headroom=50%\n"
-      "  timing /tmp/run --live\n"
-      "  timing --self-test --seconds 60\n"
-      "Exit codes: 0 done, all limits kept; 1 a limit is not kept, or the self-test is not good enough for link;\n"
-      "2 bad usage, or a limit on something that does not exist; 3 nothing to read, or a file not written");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : exit_usage;
-  }
+  add_options(line, o);
+  if (const auto end = line.parse(argc, argv)) return *end;
   if (o.self_test == !o.directory.empty()) {
     fmt::print(stderr, "timing: name the directory of a run, or --self-test: see --help\n");
     return exit_usage;

@@ -1,22 +1,20 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
 #include <optional>
 #include <thread>
 
 #include "common/base/file.hpp"
-#include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "tools/topics/show.hpp"
 
 namespace {
 
 using namespace ledgerline;
-
-constexpr int exit_usage = 2;
 
 struct Wish {
   std::string file;
@@ -47,33 +45,25 @@ Status show(const Wish& wish) {
   return done;
 }
 
+constexpr const char* about = "Shows what each topic of a running bridge costs and loses, until SIGINT.";
+constexpr const char* notes = R"(Examples:
+  ledgerline topics /run/user/1000/bridge.json
+  ledgerline topics --once --json bridge.json | jq .
+
+messages: on the ledger (up), published on DDS (down); batches: transactions that carried some of them; age: from
+DDS until committed (up), from the origin's stamp until here (down: between hosts as good as their clocks agree).
+Exit codes: 0 done; 1 there is no such file, or its bridge is silent; 2 bad usage)";
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Shows what each topic of a running bridge costs and loses, until SIGINT.", "ledgerline-topics"};
-  app.footer(
-      "Examples:\n  ledgerline topics /run/user/1000/bridge.json\n  ledgerline topics --once --json bridge.json | jq "
-      ".\n\n"
-      "messages: on the ledger (up), published on DDS (down); batches: transactions that carried some of them; age: "
-      "from\n"
-      "DDS until committed (up), from the origin's stamp until here (down: between hosts as good as their clocks "
-      "agree).\n"
-      "Exit codes: 0 done; 1 there is no such file, or its bridge is silent; 2 bad usage");
+  CommandLine line("topics", about, notes);
   Wish wish;
-  app.add_option("STATUS", wish.file, "the file that [output] status of the bridge's config names")->required();
-  app.add_flag("--json", wish.json, "the bridge's own status line instead of a table");
-  app.add_flag("--once", wish.once, "once");
-  app.add_option("--period", wish.period_s, "seconds")->check(CLI::Range(0.1, 3600.0));
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? EXIT_SUCCESS : exit_usage;
-  }
-  init_log("topics");
+  line.option("STATUS", wish.file, "the file that [output] status of the bridge's config names").required();
+  line.flag("--json", wish.json, "the bridge's own status line instead of a table");
+  line.flag("--once", wish.once, "once");
+  line.option("--period", wish.period_s, "seconds").within(0.1, 3600.0);
+  if (const auto end = line.parse(argc, argv)) return *end;
   catch_stop_signals();
-  if (auto status = show(wish); !status) {
-    spdlog::error("{}", status.error().what);
-    return EXIT_FAILURE;
-  }
-  return EXIT_SUCCESS;
+  return exit_code(show(wish));
 }

@@ -1,20 +1,19 @@
-#include <pthread.h>
-#include <signal.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
-#include <cstdio>
+#include <csignal>
 #include <fstream>
 
 #include "chaincode/node/server/services.hpp"
-#include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "common/program/stop_signals.hpp"
 #include "common/rt/histogram_json.hpp"
 
 namespace {
 
 using namespace ledgerline;
 
-constexpr const char* examples = R"(
+constexpr const char* notes = R"(
 Examples:
   ledgerline-node --dir /tmp/ledger --listen 127.0.0.1:7051
   ledgerline-node --dir /tmp/ledger --listen 127.0.0.1:0 --batch-timeout 10 --batch-count 10
@@ -23,11 +22,6 @@ Serves Fabric's gateway, endorser, deliver and ordering over TLS, for channel te
 makes three organisations under DIR/crypto (cryptogen's layout), enrolls tello1 to tello16 to Org1's User1 and makes Org2's
 User1 an operator. Prints {"ready":true,"endpoint":...} when it serves. SIGINT or SIGTERM ends it.
 Exit codes: 0 ended by a signal, 1 failed, 2 wrong usage.)";
-
-int fail(const std::string& what) {
-  spdlog::error("{}", what);
-  return 1;
-}
 
 Status write_summary(const std::string& path, const node::Node& ledger, const std::string& storage) {
   const node::NodeCore::Counts counts = ledger.counts();
@@ -46,57 +40,42 @@ Status write_summary(const std::string& path, const node::Node& ledger, const st
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"The embedded ledger: one process with Fabric's services"};
-  app.footer(examples);
+  CommandLine line("node", "The embedded ledger: one process with Fabric's services", notes);
   node::Node::Options options;
   std::string listen, summary;
   double batch_timeout_ms = 10;
-  app.add_option("--dir", options.dir, "Where identities and the ledger live")->required();
-  app.add_option("--listen", listen, "ADDRESS:PORT; port 0 takes a free one")->required();
-  app.add_option("--batch-timeout", batch_timeout_ms, "Cut a block after this many ms")
-      ->check(CLI::Range(0.0, 60000.0))
-      ->capture_default_str();
-  app.add_option("--batch-count", options.core.batch_count, "or with this many transactions")
-      ->check(CLI::Range(1, 10000))
-      ->capture_default_str();
-  app.add_option("--batch-bytes", options.core.batch_bytes, "or this many bytes")
-      ->check(CLI::Range(1, 100'000'000))
-      ->capture_default_str();
-  app.add_option("--summary", summary, "Write a JSON summary here at the end");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  line.option("--dir", options.dir, "Where identities and the ledger live").required();
+  line.option("--listen", listen, "ADDRESS:PORT; port 0 takes a free one").required();
+  line.option("--batch-timeout", batch_timeout_ms, "Cut a block after this many ms")
+      .within(0.0, 60000.0)
+      .shows_default();
+  line.option("--batch-count", options.core.batch_count, "or with this many transactions")
+      .within(1, 10000)
+      .shows_default();
+  line.option("--batch-bytes", options.core.batch_bytes, "or this many bytes").within(1, 100'000'000).shows_default();
+  line.option("--summary", summary, "Write a JSON summary here at the end");
+  if (const auto end = line.parse(argc, argv)) return *end;
   options.core.batch_timeout_ns = static_cast<TimeNs>(batch_timeout_ms * ns_per_ms);
-  init_log("node");
 
   // Before any thread is made, so that all inherit it and the signal waits for us below.
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGINT);
-  sigaddset(&signals, SIGTERM);
-  sigaddset(&signals, SIGUSR1);
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-
+  const sigset_t signals = block_signals({SIGINT, SIGTERM, SIGUSR1});
   const std::string dir = options.dir;
   auto opened = node::Node::open(std::move(options));
-  if (!opened) return fail(opened.error().what);
+  if (!opened) return fail(opened.error());
   node::Node& ledger = **opened;
   const auto storage = node::storage_kind(dir);
-  if (!storage) return fail(storage.error().what);
+  if (!storage) return fail(storage.error());
   ledger.on_failure([](const std::string&) { ::kill(::getpid(), SIGUSR1); });
   auto server = node::Server::start(ledger, listen);
-  if (!server) return fail(server.error().what);
-  std::printf("%s\n", nlohmann::json{{"ready", true}, {"endpoint", (*server)->endpoint()}}.dump().c_str());
-  std::fflush(stdout);
+  if (!server) return fail(server.error());
+  print_line(nlohmann::json{{"ready", true}, {"endpoint", (*server)->endpoint()}}.dump());
 
   int signal = 0;
   sigwait(&signals, &signal);
   (*server)->stop();
   ledger.stop();
   if (!summary.empty()) {
-    if (Status status = write_summary(summary, ledger, *storage); !status) return fail(status.error().what);
+    if (Status status = write_summary(summary, ledger, *storage); !status) return fail(status.error());
   }
   return signal == SIGUSR1 ? 1 : 0;
 }

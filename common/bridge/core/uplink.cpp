@@ -8,7 +8,6 @@
 namespace ledgerline::bridge {
 namespace {
 
-constexpr std::size_t max_in_flight = 32;
 constexpr std::size_t max_spare = 4'096;
 constexpr TimeNs active_ns = 1 * ns_per_s;  // a topic that was heard within
 
@@ -113,10 +112,9 @@ Uplink::Message Uplink::pop(std::size_t topic) {
 
 bool Uplink::ready(const Lane& lane, Kind kind, TimeNs now) const {
   if (!lane.failed.empty() || !lane.pause.over(now)) return false;
-  if (now - lane.last_submitted_ns < config_.min_gap_ns) return false;
+  if (now - lane.in_flight.last_ns() < config_.min_gap_ns) return false;
   if (lane.in_flight.empty()) return true;
-  return kind != bulk && lane.in_flight.size() < max_in_flight &&
-         lane.pacing.may_go(now, lane.in_flight.front().submitted_ns, lane.last_submitted_ns);
+  return kind != bulk && !lane.in_flight.full() && lane.in_flight.may_go(now);
 }
 
 bool Uplink::must_yield(std::size_t big, TimeNs now) const {
@@ -165,9 +163,10 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
   Lane& lane = lanes_[kind];
   const auto foremost = first_topic(kind, now);
   if (!foremost || (kind == bulk && must_yield(*foremost, now))) return std::nullopt;
-  Call call{.number = ++last_number_, .submitted_ns = now, .messages = {}};
+  const std::uint64_t number = ++last_number_;
+  Messages messages;
   if (!spare_calls_.empty()) {
-    call.messages = std::move(spare_calls_.back());
+    messages = std::move(spare_calls_.back());
     spare_calls_.pop_back();
   }
   const std::size_t limit = kind == bulk ? big_bytes : max_call_bytes;
@@ -175,9 +174,7 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
   while (const auto topic = first_topic(kind, now)) {
     Slot& slot = slots_[*topic];
     const std::size_t size = size_of(slot.queue.front());
-    if (!call.messages.empty() &&
-        (bytes + size > limit || call.messages.size() == contract::max_call_assets - max_topics))
-      break;
+    if (!messages.empty() && (bytes + size > limit || messages.size() == contract::max_call_assets - max_topics)) break;
     Message message = pop(*topic);
     if (kind == stream && !fits_frame(message)) {
       drop(std::move(message), Drop::too_big);
@@ -188,23 +185,21 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
     if (kind == stream) {
       slot.newest = message;
       slot.has_newest = true;
-      slot.last_call = call.number;
+      slot.last_call = number;
     }
-    call.messages.push_back(std::move(message));
+    messages.push_back(std::move(message));
   }
-  if (call.messages.empty()) return std::nullopt;
+  if (messages.empty()) return std::nullopt;
   std::string argument;
   argument.reserve(bytes + 2 + (kind == stream ? contract::max_frame_bytes : 0));
-  for (const Message& message : call.messages) append(argument, message);
+  for (const Message& message : messages) append(argument, message);
   if (kind == stream) {
-    repeat_others(argument, call.number);
+    repeat_others(argument, number);
     append_stream(argument);
   }
-  lane.last_submitted_ns = now;
-  Submit submit{
-      .number = call.number, .call = {.function = "set", .args = {}, .told_by_block = true}, .bulk = kind == bulk};
+  Submit submit{.number = number, .call = {.function = "set", .args = {}, .told_by_block = true}, .bulk = kind == bulk};
   submit.call.args.push_back(std::move(argument));
-  lane.in_flight.push_back(std::move(call));
+  lane.in_flight.add(number, now, std::move(messages));
   return submit;
 }
 
@@ -235,19 +230,16 @@ void Uplink::append(std::string& call, const Message& message) const {
 
 void Uplink::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome) {
   for (Lane& lane : lanes_) {
-    const auto found = std::find_if(lane.in_flight.begin(), lane.in_flight.end(),
-                                    [&](const Call& call) { return call.number == number; });
-    if (found == lane.in_flight.end()) continue;
-    Call call = std::move(*found);
-    lane.in_flight.erase(found);
-    lane.pacing.ended(outcome);
+    auto ended = lane.in_flight.end(number, outcome);
+    if (!ended) continue;
+    Messages& messages = ended->what;
     if (&lane == &lanes_[bulk]) {
-      const auto took_ns = static_cast<double>(now - call.submitted_ns);
+      const auto took_ns = static_cast<double>(now - ended->submitted_ns);
       bulk_again_ns_ = now + static_cast<TimeNs>(took_ns * (1 / config_.bulk_share - 1));
     }
     if (outcome.kind == fabric::Outcome::Kind::committed) {
       lane.pause.succeeded();
-      for (Message& message : call.messages) {
+      for (Message& message : messages) {
         Slot& slot = slots_[message.topic];
         UplinkCounters& counters = topics_[message.topic].counters;
         --slot.in_flight;
@@ -260,33 +252,28 @@ void Uplink::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& o
         recycle(std::move(message));
       }
     } else if (outcome.kind == fabric::Outcome::Kind::refused) {
-      take_refused(now, lane, call, outcome);
+      take_refused(now, lane, messages, outcome);
     } else {
       lane.pause.failed(now, random_);
-      std::move(call.messages.begin(), call.messages.end(), std::back_inserter(lane.failed));
+      std::move(messages.begin(), messages.end(), std::back_inserter(lane.failed));
     }
-    call.messages.clear();
-    spare_calls_.push_back(std::move(call.messages));
+    messages.clear();
+    spare_calls_.push_back(std::move(messages));
     if (lane.in_flight.empty()) send_again(lane);
     return;
   }
 }
 
-// A refusal for one id begins with it, or with the name that it is below: the others go again.
-void Uplink::take_refused(TimeNs now, Lane& lane, Call& call, const fabric::Outcome& outcome) {
-  const std::string_view words = fabric::words_of_contract(outcome.message);
-  const auto names = [&](std::string_view what) {
-    return words.size() > what.size() && words.starts_with(what) && words[what.size()] == ':';
-  };
+// Of a refusal for one id the others go again.
+void Uplink::take_refused(TimeNs now, Lane& lane, Messages& messages, const fabric::Outcome& outcome) {
   bool some = false;
-  for (Message& message : call.messages) {
-    const Topic& topic = topics_[message.topic];
-    if (!names(topic.id) && !names(first_segment(topic.id))) continue;
+  for (Message& message : messages) {
+    if (!outcome.refusal || !names(*outcome.refusal, topics_[message.topic].id)) continue;
     slots_[message.topic].paused_until_ns = now + config_.refused_pause_ns;
     some = true;
   }
   if (!some) lane.pause.failed(now, random_);
-  for (Message& message : call.messages) {
+  for (Message& message : messages) {
     Slot& slot = slots_[message.topic];
     if (some && slot.paused_until_ns <= now) {
       lane.failed.push_back(std::move(message));

@@ -10,8 +10,9 @@
 #include "common/bridge/core/frame.hpp"
 #include "common/bridge/core/ring.hpp"
 #include "common/bridge/core/rules.hpp"
-#include "common/fabric/client/client.hpp"
-#include "common/fabric/client/pacing.hpp"
+#include "common/fabric/sending/back_off.hpp"
+#include "common/fabric/sending/in_flight.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 #include "common/rt/histogram.hpp"
 
@@ -140,18 +141,12 @@ class Uplink {
     Message newest;                               ///< stream: what the frame says of it
     bool has_newest = false;
   };
-  struct Call {
-    std::uint64_t number = 0;
-    TimeNs submitted_ns = 0;
-    std::vector<Message> messages;
-  };
+  using Messages = std::vector<Message>;  ///< of a call
   struct Lane {
     Lane(const UplinkConfig& config) : pause(config.first_back_off_ns, config.max_back_off_ns) {}
-    fabric::Pacing pacing;
-    fabric::Pause pause;
-    TimeNs last_submitted_ns = INT64_MIN / 2;
-    std::vector<Call> in_flight;  ///< oldest first
-    std::vector<Message> failed;  ///< not empty: no call until in_flight is
+    fabric::BackOff pause;
+    fabric::InFlight<Messages> in_flight;
+    Messages failed;  ///< not empty: no call until in_flight is
   };
 
   bool ready(const Lane& lane, Kind kind, TimeNs now) const;
@@ -162,7 +157,7 @@ class Uplink {
   bool fits_frame(const Message& message);
   void repeat_others(std::string& call, std::uint64_t number);
   void append(std::string& call, const Message& message) const;
-  void take_refused(TimeNs now, Lane& lane, Call& call, const fabric::Outcome& outcome);
+  void take_refused(TimeNs now, Lane& lane, Messages& messages, const fabric::Outcome& outcome);
   void send_again(Lane& lane);
   void drop(Message message, Drop why);
   void recycle(Message message);
@@ -173,8 +168,8 @@ class Uplink {
   std::deque<Topic> topics_;
   std::vector<Slot> slots_;  ///< as topics_
   std::vector<Lane> lanes_;
-  std::vector<std::string> spare_;                 ///< bytes of messages that are done with
-  std::vector<std::vector<Message>> spare_calls_;  ///< the same for Call::messages
+  std::vector<std::string> spare_;     ///< bytes of messages that are done with
+  std::vector<Messages> spare_calls_;  ///< the same of calls
   Random random_;
   std::uint64_t last_number_ = 0;
   std::size_t waiting_ = 0;

@@ -26,7 +26,8 @@ class GatewayClient final : public Client {
 
   Result<std::string> evaluate(Call call) override {
     const auto deadline = std::chrono::system_clock::now() + connection_->config.deadline;
-    Backoff backoff(first_retry, max_retry);
+    BackOff back_off(first_retry_ns, max_retry_ns);
+    Random random(random_seed());
     for (int attempt = 1;; ++attempt) {
       auto proposal = make_proposal(connection_->config.identity, connection_->config.where, call, realtime_ns(),
                                     crypto::random_bytes(24));
@@ -41,7 +42,7 @@ class GatewayClient final : public Client {
       const auto stub = gateway::Gateway::NewStub(connection_->peers[connection_->peer()]);
       const grpc::Status status = stub->Evaluate(&context, request, &response);
       if (status.ok()) return std::move(*response.mutable_result()->mutable_payload());
-      const auto wait = backoff.next();
+      const std::chrono::nanoseconds wait(back_off.next(random));
       if (!may_pass(status) || attempt == max_attempts || std::chrono::system_clock::now() + wait >= deadline) {
         return Error{describe(status)};
       }

@@ -9,6 +9,7 @@
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/fabric/sending/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
 
 /// Client of a Fabric gateway, its peer's Endorser and Deliver services, and orderers. Nothing here knows which ledger
@@ -39,37 +40,10 @@ struct ClientConfig {
   std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end
 };
 
-/// How a submitted call ended.
-struct Outcome {
-  enum class Kind {
-    committed,    ///< in a block and valid
-    invalidated,  ///< in a block, flagged invalid: `code` says why (11 = MVCC_READ_CONFLICT)
-    refused,      ///< the contract or the peer refused it: `message` has the reason
-    unavailable,  ///< ledger not reached, or no answer in time: it may still come
-    overloaded,   ///< too many in flight: nothing was sent
-  };
-  Kind kind = Kind::unavailable;
-  std::string tx_id;
-  std::uint64_t block = 0;
-  int code = 0;  ///< as Transaction::code, where it is in a block; 0: valid
-  std::string message;
-  std::string answer;           ///< the contract's bytes, where it answered
-  TimeNs ordered_after_ns = 0;  ///< from the submit to the orderer's acknowledgement; 0: not known
-  TimeNs endorsed_ns = 0;       ///< CLOCK_MONOTONIC, when it was endorsed and signed; 0: it was not
-  TimeNs ordered_ns = 0;        ///< when the orderer acknowledged it; 0: not known, or its block came first
-};
-
-/// The contract's words in a refusal, without what a real peer puts before them.
-inline std::string_view words_of_contract(std::string_view message) {
-  constexpr std::string_view prefix = "chaincode response 500, ";
-  if (message.starts_with(prefix)) message.remove_prefix(prefix.size());
-  return message;
-}
-
 /// All methods may be called from any thread. Callbacks come on a thread of the client: they hand over and return.
 /// Destruction cancels what is in flight; its callbacks still come, as unavailable, before the destructor returns (so
 /// it must not happen within a callback). The ledger orders one client's transactions as they were submitted:
-/// common/fabric/ pipeline.hpp says how. What must not wait behind them has a client of its own.
+/// common/fabric/client/pipeline.hpp says how. What must not wait behind them has a client of its own.
 class Client {
  public:
   /// Does not connect yet; a bad identity or CA file is an error here.

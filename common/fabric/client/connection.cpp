@@ -23,13 +23,6 @@ constexpr int first_reconnect_ms = 50, max_reconnect_ms = 1'000, connect_timeout
 // As Fabric's own clients: a block may hold an envelope of many megabytes.
 constexpr int max_message_bytes = 100 * 1024 * 1024;
 
-std::uint64_t random_seed() {
-  const std::string bytes = crypto::random_bytes(sizeof(std::uint64_t));
-  std::uint64_t seed = 0;
-  std::memcpy(&seed, bytes.data(), sizeof seed);
-  return seed;
-}
-
 Result<std::shared_ptr<grpc::Channel>> make_channel(const std::string& endpoint, const std::string& tls_ca_file,
                                                     const std::string& server_name) {
   if (endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
@@ -116,14 +109,11 @@ std::string describe(const grpc::Status& status) {
   return text.empty() ? status.error_message() : text;
 }
 
-Backoff::Backoff(std::chrono::milliseconds first, std::chrono::milliseconds longest)
-    : first_(first), longest_(longest), wait_(first), random_(random_seed()) {}
-
-std::chrono::milliseconds Backoff::next() {
-  const auto wait = wait_;
-  wait_ = std::min(wait_ * 2, longest_);
-  return std::chrono::milliseconds(
-      static_cast<std::int64_t>(static_cast<double>(wait.count()) * (0.5 + random_.uniform() / 2)));
+std::uint64_t random_seed() {
+  const std::string bytes = crypto::random_bytes(sizeof(std::uint64_t));
+  std::uint64_t seed = 0;
+  std::memcpy(&seed, bytes.data(), sizeof seed);
+  return seed;
 }
 
 }  // namespace ledgerline::fabric

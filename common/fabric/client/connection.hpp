@@ -8,6 +8,7 @@
 #include "common/base/random.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/commits.hpp"
+#include "common/fabric/sending/back_off.hpp"
 
 /// What the pipeline and the streams share. Inside common/fabric alone: it brings in gRPC.
 namespace ledgerline::fabric {
@@ -32,21 +33,11 @@ bool may_pass(const grpc::Status& status);
 /// What the peers said (gateway.ErrorDetail), or gRPC's own message where they said nothing.
 std::string describe(const grpc::Status& status);
 
-/// Exponential back-off between attempts: doubles up to `longest`, with jitter (half to whole of it), so that the many
-/// clients of a ledger that comes back do not all ask at once.
-class Backoff {
- public:
-  Backoff(std::chrono::milliseconds first, std::chrono::milliseconds longest);
-  std::chrono::milliseconds next();
-  void reset() { wait_ = first_; }
-
- private:
-  std::chrono::milliseconds first_, longest_, wait_;
-  Random random_;
-};
+/// For a BackOff's jitter: another in each client of a process.
+std::uint64_t random_seed();
 
 /// Attempts of one call that is safe to repeat; with back-off they take well below half a second.
 inline constexpr int max_attempts = 5;
-inline constexpr std::chrono::milliseconds first_retry{20}, max_retry{200};
+inline constexpr TimeNs first_retry_ns = 20 * ns_per_ms, max_retry_ns = 200 * ns_per_ms;
 
 }  // namespace ledgerline::fabric

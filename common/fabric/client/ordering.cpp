@@ -5,12 +5,13 @@ namespace {
 
 // An orderer that does not answer the connection, or an envelope, is passed over after this: one that has just lost its
 // leader may hold an envelope for seconds.
-constexpr std::chrono::milliseconds connect_limit{500}, answer_limit{500}, first_pause{10}, max_pause{200};
+constexpr std::chrono::milliseconds connect_limit{500}, answer_limit{500};
+constexpr TimeNs first_pause_ns = 10 * ns_per_ms, max_pause_ns = 200 * ns_per_ms;
 
 }  // namespace
 
 Ordering::Ordering(std::vector<std::shared_ptr<grpc::Channel>> orderers, grpc::CompletionQueue& queue)
-    : orderers_(std::move(orderers)), queue_(queue), backoff_(first_pause, max_pause) {}
+    : orderers_(std::move(orderers)), queue_(queue), back_off_(first_pause_ns, max_pause_ns) {}
 
 Ordering::Tag* Ordering::tag(std::function<void(bool ok)> then) {
   // Stream and alarm are kept until gRPC is done with them, also when they belong to a send that has ended.
@@ -70,7 +71,7 @@ void Ordering::on_acknowledged(bool ok) {
   const orderer::BroadcastResponse& response = stream_->response;
   switch (response.status()) {
     case common::SUCCESS:
-      backoff_.reset();
+      back_off_.succeeded();
       return finish(Ended::acknowledged, {});
     case common::SERVICE_UNAVAILABLE:  // no leader, or too busy: it was not taken
       return go_on(response.info());
@@ -90,7 +91,8 @@ void Ordering::go_on(const std::string& why) {
   if (ended_) return finish(sent_ ? Ended::open : Ended::not_sent, why);
   which_ = (which_ + 1) % orderers_.size();
   pause_ = std::make_shared<grpc::Alarm>();
-  pause_->Set(&queue_, std::chrono::system_clock::now() + backoff_.next(), tag([this](bool) { connect(); }));
+  pause_->Set(&queue_, std::chrono::system_clock::now() + std::chrono::nanoseconds(back_off_.next(random_)),
+              tag([this](bool) { connect(); }));
 }
 
 void Ordering::finish(Ended ended, const std::string& why) {

@@ -58,7 +58,8 @@ class Ordering {
   std::size_t which_ = 0;
   std::shared_ptr<Stream> stream_;
   std::shared_ptr<grpc::Alarm> pause_, limit_, silence_;
-  Backoff backoff_;
+  BackOff back_off_;
+  Random random_{random_seed()};
 
   // Of the send that is under way.
   std::uint64_t number_ = 0;

@@ -87,9 +87,7 @@ void Pipeline::submit(Call call, std::function<void(Outcome)> done) {
       return;
     }
   }
-  Outcome outcome;
-  outcome.message = "the client is being closed";
-  done(std::move(outcome));
+  done(Outcome::failed(Outcome::Kind::unavailable, "the client is being closed"));
 }
 
 void Pipeline::run() {
@@ -245,7 +243,7 @@ void Pipeline::send_next() {
 void Pipeline::send(const PendingPtr& p) {
   p->stage = Stage::sent;
   p->attempts = 0;
-  p->backoff.reset();
+  p->back_off.succeeded();
   p->awaited = p->call.told_by_block && connection_->commits->await(p->proposal.tx_id);
   if (ordering_) {
     ordering_->send(p->envelope, p->deadline, [this, p](Ordering::Ended ended, const std::string& why) {
@@ -348,7 +346,7 @@ void Pipeline::on_status(const PendingPtr& p) {
 }
 
 bool Pipeline::retry(const PendingPtr& p, const grpc::Status& status, void (Pipeline::*again)(const PendingPtr&)) {
-  const auto at = std::chrono::system_clock::now() + p->backoff.next();
+  const auto at = std::chrono::system_clock::now() + std::chrono::nanoseconds(p->back_off.next(random_));
   if (!may_pass(status) || ++p->attempts >= max_attempts || at >= p->deadline) return false;
   p->alarm = std::make_shared<grpc::Alarm>();
   p->alarm->Set(&queue_, at, new Tag([this, p, again](bool) {
@@ -358,13 +356,9 @@ bool Pipeline::retry(const PendingPtr& p, const grpc::Status& status, void (Pipe
 }
 
 void Pipeline::finish(const PendingPtr& p, Outcome::Kind kind, const std::string& message) {
-  Outcome outcome;
-  outcome.kind = kind;
-  outcome.message = message;
-  if (kind == Outcome::Kind::unavailable) {
-    outcome.message = fmt::format("ledger at {}: {}", connection_->config.endpoint, message);
-  }
-  finish(p, std::move(outcome));
+  const bool away = kind == Outcome::Kind::unavailable;
+  finish(p, Outcome::failed(kind,
+                            away ? fmt::format("ledger at {}: {}", connection_->config.endpoint, message) : message));
 }
 
 void Pipeline::finish(const PendingPtr& p, Outcome outcome) {

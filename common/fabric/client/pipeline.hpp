@@ -59,7 +59,7 @@ class Pipeline {
     TimeNs begun_ns = 0, endorsed_ns = 0, ordered_ns = 0;
     bool awaited = false;  ///< a block stream is to tell its end
     int attempts = 0;      ///< of the call that may be repeated now
-    Backoff backoff{first_retry, max_retry};
+    BackOff back_off{first_retry_ns, max_retry_ns};
     std::shared_ptr<Unary<gateway::EndorseResponse>> endorse;
     std::shared_ptr<Unary<protos::ProposalResponse>> propose;  ///< on the direct path in place of endorse
     std::shared_ptr<Unary<gateway::SubmitResponse>> submit;
@@ -117,6 +117,7 @@ class Pipeline {
   // The thread's own.
   std::uint64_t next_number_ = 0;
   std::map<std::uint64_t, PendingPtr> live_;
+  Random random_{random_seed()};
   std::deque<PendingPtr> order_;      ///< not yet acknowledged, oldest first
   std::optional<Ordering> ordering_;  ///< on the direct path
   std::thread thread_;

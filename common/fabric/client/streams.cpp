@@ -14,7 +14,7 @@
 namespace ledgerline::fabric {
 namespace {
 
-constexpr std::chrono::milliseconds first_reconnect{20}, max_reconnect{1000};
+constexpr TimeNs first_reconnect_ns = 20 * ns_per_ms, max_reconnect_ns = 1 * ns_per_s;
 constexpr TimeNs unbelievable_period_ns = 60 * ns_per_s;  // a peer may send thousands; a log must not fill a disk
 
 std::string text_of(const grpc::Status& status) {
@@ -257,7 +257,7 @@ class EventReader {
 Follower::Follower(std::function<std::string(Follower&)> follow, OnConnection on_connection)
     : follow_(std::move(follow)),
       on_connection_(std::move(on_connection)),
-      backoff_(first_reconnect, max_reconnect),
+      back_off_(first_reconnect_ns, max_reconnect_ns),
       thread_([this] { run(); }) {}
 
 Follower::~Follower() {
@@ -302,7 +302,7 @@ void Follower::run() {
     last_why_ = why;
     if (news && on_connection_) on_connection_(false, why);
     std::unique_lock lock(mutex_);
-    wake_.wait_for(lock, backoff_.next(), [this] { return stopping_; });
+    wake_.wait_for(lock, std::chrono::nanoseconds(back_off_.next(random_)), [this] { return stopping_; });
   }
 }
 

@@ -33,14 +33,15 @@ class Follower final : public Client::Stream {
   /// The stream is there; said once a connection.
   void connected();
   /// Something good came: the next back-off starts from its shortest.
-  void progress() { backoff_.reset(); }
+  void progress() { back_off_.succeeded(); }
 
  private:
   void run();
 
   const std::function<std::string(Follower&)> follow_;
   const OnConnection on_connection_;
-  Backoff backoff_;
+  BackOff back_off_;
+  Random random_{random_seed()};
   bool connected_ = false;
   std::string last_why_;
   std::mutex mutex_;

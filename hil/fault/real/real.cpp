@@ -1,30 +1,24 @@
 #include "hil/fault/real/real.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <pthread.h>
-#include <sched.h>
-#include <sys/mount.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <csignal>
 #include <cstring>
 #include <deque>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <thread>
 
 #include "common/base/file.hpp"
 #include "common/process/children.hpp"
+#include "hil/fault/real/live_facts.hpp"
+#include "hil/fault/real/machine.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/proxy/fault_socket.hpp"
 #include "hil/virtual/world_setup.hpp"
@@ -33,139 +27,11 @@ namespace ledgerline::hil {
 namespace {
 
 namespace fs = std::filesystem;
-using What = Fault::What;
 
 constexpr TimeNs watch_ns = 20 * ns_per_ms;
 constexpr TimeNs start_patience_ns = 180 * ns_per_s;  // Fabric's network comes up first
 constexpr TimeNs ending_patience_ns = 60 * ns_per_s;  // landing, and all processes' ends
-constexpr const char* small_disk = "size=256m";       // the ledger of a flight of some minutes
 constexpr TimeNs errand_patience_ns = 20 * ns_per_s;
-
-/// A trace that grows, and is begun anew when its program is.
-class GrowingTrace {
- public:
-  explicit GrowingTrace(std::string path) : path_(std::move(path)) {}
-
-  /// What is new; nothing while there is no file.
-  std::vector<TraceRecord> read_new() {
-    struct stat file {};
-    if (::stat(path_.c_str(), &file) != 0) return {};
-    if (!reader_ || file.st_ino != inode_) {
-      auto opened = TraceReader::open(path_);
-      if (!opened) return {};
-      reader_ = std::make_unique<TraceReader>(std::move(*opened));
-      inode_ = file.st_ino;
-    }
-    auto records = reader_->read_new();
-    return records ? std::move(*records) : std::vector<TraceRecord>{};
-  }
-
- private:
-  std::string path_;
-  std::unique_ptr<TraceReader> reader_;
-  ino_t inode_ = 0;
-};
-
-/// What triggers look at, as far as the traces tell it while they grow.
-class LiveFacts {
- public:
-  LiveFacts(const std::string& run, const Script& script)
-      : sim_(run + "/sim.trace"),
-        link_(run + "/link.trace"),
-        ground_(run + "/ground.trace"),
-        lap_m_(ground::Path(script.flight.shape, {0, 0}, script.flight.side_m).length_m()),
-        facts_(static_cast<std::size_t>(script.flight.drones)) {
-    for (std::size_t i = 0; i < facts_.size(); ++i) facts_[i].name = drone_name(static_cast<int>(i) + 1);
-  }
-
-  void read() {
-    for (const TraceRecord& r : sim_.read_new()) {
-      if (DroneFacts* drone = of(r); drone && r.kind == TraceKind::truth) {
-        drone->truth.in_flight = r.extra == 1;
-        drone->truth.position_m = {r.v[0], r.v[1], r.v[2]};
-      }
-    }
-    for (const TraceRecord& r : link_.read_new()) {
-      if (begin_ns_ == 0) begin_ns_ = r.t_ns;
-      if (DroneFacts* drone = of(r); drone && r.kind == TraceKind::mode) drone->phase = static_cast<FlightPhase>(r.id);
-    }
-    for (const TraceRecord& r : ground_.read_new()) {
-      DroneFacts* drone = of(r);
-      if (!drone || r.kind != TraceKind::command_made || r.v[3] <= 0) continue;
-      drone->ground_phase = ground::DronePhase::path;
-      drone->lap = 1 + static_cast<int>(r.v[3] / lap_m_);
-    }
-  }
-  const std::vector<DroneFacts>& facts() const { return facts_; }
-  TimeNs begin_ns() const { return begin_ns_; }  ///< link's first record; 0: none yet
-
- private:
-  DroneFacts* of(const TraceRecord& r) {
-    return r.drone >= 1 && r.drone <= facts_.size() ? &facts_[r.drone - 1u] : nullptr;
-  }
-  GrowingTrace sim_, link_, ground_;
-  double lap_m_;
-  std::vector<DroneFacts> facts_;
-  TimeNs begin_ns_ = 0;
-};
-
-/// Processes whose program has this name, among the descendants of `parent`.
-std::vector<pid_t> descendants(pid_t parent, const std::string& program) {
-  std::map<pid_t, pid_t> parents;
-  std::map<pid_t, std::string> programs;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator("/proc", error)) {
-    const std::string text = entry.path().filename();
-    pid_t pid = 0;
-    if (std::from_chars(text.data(), text.data() + text.size(), pid).ec != std::errc()) continue;
-    std::ifstream file(entry.path() / "stat");
-    std::string stat(std::istreambuf_iterator<char>(file), {});
-    const std::size_t name_end = stat.rfind(')');
-    if (name_end == std::string::npos || name_end + 4 > stat.size()) continue;
-    parents[pid] = std::atoi(stat.c_str() + name_end + 4);  // ") S PARENT"
-    std::error_code gone;
-    programs[pid] = fs::read_symlink(entry.path() / "exe", gone).filename();
-  }
-  std::vector<pid_t> found;
-  for (const auto& [pid, name] : programs) {
-    if (name != program) continue;
-    pid_t up = pid;
-    for (int i = 0; i < 20 && up > 1 && up != parent; ++i) up = parents.contains(up) ? parents[up] : 0;
-    if (up == parent) found.push_back(pid);
-  }
-  return found;
-}
-
-std::uint64_t available_memory() {
-  std::ifstream file("/proc/meminfo");
-  std::string key;
-  for (std::uint64_t kilobytes = 0; file >> key >> kilobytes; file.ignore(100, '\n')) {
-    if (key == "MemAvailable:") return kilobytes * 1'024;
-  }
-  return 0;
-}
-
-/// Computes on one core until it goes.
-class Burner {
- public:
-  explicit Burner(int core)
-      : thread_([](const std::stop_token& stop) {
-          volatile std::uint64_t count = 0;
-          while (!stop.stop_requested()) {
-            for (int i = 0; i < 100'000; ++i) count = count + 1;
-          }
-        }) {
-    cpu_set_t set;
-    CPU_ZERO(&set);
-    CPU_SET(static_cast<std::size_t>(core), &set);
-    pinned_ = ::pthread_setaffinity_np(thread_.native_handle(), sizeof set, &set) == 0;
-  }
-  bool pinned() const { return pinned_; }
-
- private:
-  std::jthread thread_;
-  bool pinned_ = false;
-};
 
 struct Planned {
   Fault fault;
@@ -182,33 +48,6 @@ struct Errand {
   TimeNs until_ns = 0;  ///< 0: not begun
 };
 
-/// A small disk of this process and those that it starts, until this object's end.
-class SmallDisk {
- public:
-  SmallDisk() = default;
-  SmallDisk(const SmallDisk&) = delete;
-  SmallDisk& operator=(const SmallDisk&) = delete;
-  ~SmallDisk() {
-    if (!directory_.empty()) ::umount2(directory_.c_str(), MNT_DETACH);
-  }
-  Status mount(const std::string& directory) {
-    std::error_code error;
-    fs::create_directories(directory, error);
-    if (error) return Error{fmt::format("cannot make {}: {}", directory, error.message())};
-    if (::unshare(CLONE_NEWNS) != 0 || ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
-        ::mount("none", directory.c_str(), "tmpfs", 0, small_disk) != 0)
-      return Error{
-          fmt::format("`disk full` needs a file system of its own for the ledger: {}. Run it as root, or in a user "
-                      "namespace (unshare -Urm)",
-                      std::strerror(errno))};
-    directory_ = directory;
-    return done;
-  }
-
- private:
-  std::string directory_;
-};
-
 class RealFlight {
  public:
   RealFlight(const Script& script, std::uint64_t seed, const RealOptions& options)
@@ -216,7 +55,7 @@ class RealFlight {
     for (const Fault& fault : script.faults) {
       Planned planned{fault, {}};
       for (std::size_t i = 0; i < live_.facts().size(); ++i) {
-        if (fault.drone.empty() || fault.drone == live_.facts()[i].name) planned.drones.push_back(i);
+        if (fault.names(live_.facts()[i].name)) planned.drones.push_back(i);
       }
       planned_.push_back(std::move(planned));
     }
@@ -253,19 +92,6 @@ class RealFlight {
   bool over_ = true;
 };
 
-/// Makes a file that leaves no byte of the disk.
-Status fill(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
-  if (fd < 0) return Error{fmt::format("cannot make {}: {}", path, std::strerror(errno))};
-  const std::string bytes(1 << 20, 'x');
-  while (::write(fd, bytes.data(), bytes.size()) > 0) {
-  }
-  const int why = errno;
-  ::close(fd);
-  if (why != ENOSPC) return Error{fmt::format("cannot fill {}: {}", path, std::strerror(why))};
-  return done;
-}
-
 Status RealFlight::start() {
   std::error_code error;
   fs::create_directories(options_.directory, error);
@@ -275,7 +101,7 @@ Status RealFlight::start() {
       return Error{fmt::format("{} is of another flight: remove it, or give --out another folder", old)};
   }
   const bool fills = std::any_of(script_.faults.begin(), script_.faults.end(),
-                                 [](const Fault& fault) { return fault.what == What::fill_disk; });
+                                 [](const Fault& fault) { return fault.acts.fills_disk; });
   if (fills) {
     if (auto mounted = disk_.mount(run_ + "/ledger"); !mounted) return mounted;
   }
@@ -330,7 +156,7 @@ Status RealFlight::step_faults(TimeNs now) {
       planned.begin_asked = true;
       const auto begun = [&planned] {
         planned.begun_ns = monotonic_ns();
-        if (planned.fault.momentary()) planned.ended_ns = planned.begun_ns;
+        if (planned.fault.acts.momentary) planned.ended_ns = planned.begun_ns;
       };
       const auto acts = acts_at_begin(fault, active(nullptr), script_.flight.drones, options_.ledger);
       if (auto acted = act(acts, true, begun); !acted)
@@ -455,8 +281,7 @@ std::vector<std::string> RealFlight::crashes(const nlohmann::json& report) const
   std::map<std::string, int> killed;
   for (const Planned& planned : planned_) {
     if (planned.begun_ns == 0) continue;
-    if (planned.fault.what == What::kill) ++killed[planned.fault.ends[0] == Process::link ? "link" : "agent"];
-    if (planned.fault.what == What::kill_roudi) ++killed["roudi"];
+    if (const auto program = planned.fault.acts.kills; !program.empty()) ++killed[std::string(program)];
   }
   std::vector<std::string> texts;
   for (const auto& end : report.value("ended_early", nlohmann::json::array())) {
@@ -501,10 +326,9 @@ Result<Recording> RealFlight::recording() const {
   for (const Planned& planned : planned_) {
     if (planned.begun_ns == 0) continue;
     const Fault& fault = planned.fault;
-    const bool link = (fault.what == What::kill || fault.what == What::stop) && fault.ends[0] == Process::link;
-    died = died || fault.what == What::kill || fault.what == What::kill_roudi;
-    recording.faults.push_back({fault.text, planned.begun_ns, planned.ended_ns, fault.deafens(), fault.drone});
-    if (!link) continue;
+    died = died || !fault.acts.kills.empty();
+    recording.faults.push_back({fault.text, planned.begun_ns, planned.ended_ns, fault.acts.deafens, fault.drone});
+    if (!fault.acts.stops_link) continue;
     const auto back = std::find_if(recording.link.begin(), recording.link.end(),
                                    [&](const TraceRecord& r) { return r.t_ns > planned.begun_ns; });
     const TimeNs until = planned.ended_ns != 0          ? planned.ended_ns

@@ -2,7 +2,7 @@
 #include <string>
 
 #include "hil/fault/real/real_script.hpp"
-#include "hil/fault/run.hpp"
+#include "hil/fault/run/run.hpp"
 
 namespace ledgerline::hil {
 

@@ -8,7 +8,8 @@
 #include <utility>
 
 #include "common/msg/names.hpp"
-#include "hil/fault/schedule.hpp"
+#include "hil/fault/run/recorder.hpp"
+#include "hil/fault/run/schedule.hpp"
 #include "hil/virtual/world_setup.hpp"
 
 namespace ledgerline::hil {
@@ -131,6 +132,71 @@ class Player {
   std::size_t link_ = 0, sim_ = 0, ground_ = 0;
 };
 
+/// When the faults of a recording began and ended, and whom they excuse.
+class FaultTimes {
+ public:
+  FaultTimes(const Recording& recording, const std::vector<DroneFacts>& drones)
+      : recording_(recording), drones_(drones), all_ended_(!recording.faults.empty()) {
+    for (const auto& fault : recording.faults) {
+      const TimeNs begun = fault.begun_ns - recording.begin_ns, ended = fault.ended_ns - recording.begin_ns;
+      if (!first_ || begun < *first_) {
+        first_ = begun;
+        first_drones_.clear();
+        for (std::size_t i = 0; i < drones.size(); ++i) {
+          if (names(fault, i)) first_drones_.push_back(i);
+        }
+      }
+      if (fault.ended_ns == 0) {
+        all_ended_ = false;
+      } else if (!last_ || ended > *last_) {
+        last_ = ended;
+      }
+    }
+  }
+
+  std::optional<TimeNs> first_begun(TimeNs now) const { return first_ && *first_ <= now ? first_ : std::nullopt; }
+  std::optional<TimeNs> last_ended(TimeNs now) const {
+    return all_ended_ && last_ && *last_ <= now ? last_ : std::nullopt;
+  }
+  const std::vector<std::size_t>& first_drones() const { return first_drones_; }
+
+  std::vector<Moment::Excuse> excuses(TimeNs t_ns) const {
+    std::vector<Moment::Excuse> excuses(drones_.size());
+    for (std::size_t i = 0; i < excuses.size(); ++i) {
+      excuses[i].deaf =
+          std::any_of(recording_.faults.begin(), recording_.faults.end(), [&](const Recording::Fault& fault) {
+            const bool ended = fault.ended_ns != 0 && t_ns > fault.ended_ns + FaultSchedule::aftermath_ns;
+            return fault.deafens && names(fault, i) && fault.begun_ns <= t_ns && !ended;
+          });
+    }
+    return excuses;
+  }
+
+ private:
+  bool names(const Recording::Fault& fault, std::size_t drone) const {
+    return fault.drone.empty() || fault.drone == drones_[drone].name;
+  }
+
+  const Recording& recording_;
+  const std::vector<DroneFacts>& drones_;
+  std::optional<TimeNs> first_, last_;
+  std::vector<std::size_t> first_drones_;
+  bool all_ended_;
+};
+
+std::vector<std::string> never_begun(const Script& script, const Recording& recording) {
+  std::vector<std::string> begun, missing;
+  for (const auto& fault : recording.faults) begun.push_back(fault.text);
+  for (const Fault& fault : script.faults) {
+    if (const auto found = std::find(begun.begin(), begun.end(), fault.text); found != begun.end()) {
+      begun.erase(found);
+    } else if (!fault.optional) {
+      missing.push_back(never_text(fault));
+    }
+  }
+  return missing;
+}
+
 double distance_m(const TimelinePoint& p, const TimelinePoint& a, const TimelinePoint& b) {
   double along = 0, length = 0;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -172,86 +238,34 @@ std::vector<std::string> transitions_of(const RunResult& run, std::size_t drone)
 }  // namespace
 
 RunResult judge_recording(const Script& script, std::uint64_t seed, const Recording& recording) {
-  RunResult result;
-  result.script = script.name;
-  result.title = script.title;
-  result.seed = seed;
   Player player(script, recording);
-  const Limits limits = limits_of(script, player.facts());
-  result.fence_min_m = limits.min_m;
-  result.fence_max_m = limits.max_m;
-  for (const DroneFacts& drone : player.facts()) result.drones.push_back(drone.name);
-  result.timeline.resize(player.facts().size());
-  Judge judge(script.must, limits);
-  const auto has = [&](const Recording::Fault& fault, std::size_t drone) {
-    return fault.drone.empty() || fault.drone == player.facts()[drone].name;
-  };
-  std::vector<Moment::Excuse> excuses(player.facts().size());
-  std::vector<std::size_t> first_drones;
-  std::optional<TimeNs> first, last;
-  bool all_ended = !recording.faults.empty();
-  for (const auto& fault : recording.faults) {
-    const TimeNs begun = fault.begun_ns - recording.begin_ns, ended = fault.ended_ns - recording.begin_ns;
-    if (!first || begun < *first) {
-      first = begun;
-      first_drones.clear();
-      for (std::size_t i = 0; i < excuses.size(); ++i) {
-        if (has(fault, i)) first_drones.push_back(i);
-      }
-    }
-    if (fault.ended_ns == 0)
-      all_ended = false;
-    else if (!last || ended > *last)
-      last = ended;
-  }
-  TimeNs next_point_ns = 0;
+  RunRecorder recorder(script, seed, player.facts());
+  const FaultTimes times(recording, player.facts());
   for (TimeNs now = 0; now <= recording.end_ns - recording.begin_ns; now += ns_per_ms) {
     const TimeNs t_ns = recording.begin_ns + now;
     player.play(t_ns);
-    for (std::size_t i = 0; i < excuses.size(); ++i) {
-      excuses[i].deaf =
-          std::any_of(recording.faults.begin(), recording.faults.end(), [&](const Recording::Fault& fault) {
-            const bool ended = fault.ended_ns != 0 && t_ns > fault.ended_ns + FaultSchedule::aftermath_ns;
-            return fault.deafens && has(fault, i) && fault.begun_ns <= t_ns && !ended;
-          });
-    }
     const bool away = std::any_of(recording.link_away.begin(), recording.link_away.end(),
                                   [&](const auto& span) { return span.first <= t_ns && t_ns < span.second; });
-    judge.look({.now = now,
-                .drones = player.facts(),
-                .events = player.events(),
-                .link_runs = !away,
-                .excuses = excuses,
-                .first_fault_ns = first && *first <= now ? first : std::nullopt,
-                .last_fault_end_ns = all_ended && last && *last <= now ? last : std::nullopt,
-                .first_fault_drones = first_drones});
-    for (const WorldEvent& event : player.events()) {
-      if (event.kind != WorldEvent::Kind::applied && result.events.size() < max_events) result.events.push_back(event);
-    }
-    if (now < next_point_ns) continue;
-    next_point_ns = now + timeline_period_ns;
-    for (std::size_t i = 0; i < player.facts().size(); ++i)
-      result.timeline[i].push_back(point_of(now, player.facts()[i]));
+    const auto excuses = times.excuses(t_ns);
+    recorder.observe({.now = now,
+                      .drones = player.facts(),
+                      .events = player.events(),
+                      .link_runs = !away,
+                      .excuses = excuses,
+                      .first_fault_ns = times.first_begun(now),
+                      .last_fault_end_ns = times.last_ended(now),
+                      .first_fault_drones = times.first_drones()});
   }
   Ending ending;
   ending.now = recording.end_ns - recording.begin_ns;
   ending.over = recording.over;
   ending.ok = recording.ok;
   ending.why = recording.why;
-  for (const DroneFacts& drone : player.facts()) {
-    if (!on_ground(drone.truth)) ending.in_the_air.push_back(drone.name);
-  }
-  std::vector<std::string> begun;
-  for (const auto& fault : recording.faults) begun.push_back(fault.text);
-  for (const Fault& fault : script.faults) {
-    if (const auto found = std::find(begun.begin(), begun.end(), fault.text); found != begun.end()) {
-      begun.erase(found);
-    } else if (!fault.optional) {
-      ending.missing.push_back(never_text(fault));
-    }
-  }
+  ending.in_the_air = in_the_air(player.facts());
+  ending.missing = never_begun(script, recording);
   ending.lost = recording.lost;
   ending.crashed = recording.crashed;
+  RunResult result = recorder.finish(ending);
   result.not_judged = {"that each plan's own end is followed by a hold: it is judged 2.05 s behind the newest command",
                        recording.lost_is_known
                            ? "commits that were acknowledged: the failsafe's transitions alone are looked for"
@@ -260,11 +274,6 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
                        "that agent hands each command on once and in order: link's own order is judged",
                        "that what is flown was signed: tests/system/relay compares it with the ledger",
                        "that no plan that waited during a brake is flown behind it: that of the plan in hand alone"};
-  result.verdicts = judge.finish(ending);
-  result.flown_ns = ending.now;
-  result.over = ending.over;
-  result.ok = ending.ok;
-  result.why = ending.why;
   return result;
 }
 

@@ -5,7 +5,7 @@
 
 #include "common/msg/contract.hpp"
 #include "common/rt/trace.hpp"
-#include "hil/fault/run.hpp"
+#include "hil/fault/run/run.hpp"
 
 namespace ledgerline::hil {
 

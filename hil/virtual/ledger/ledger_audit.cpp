@@ -43,4 +43,15 @@ std::vector<std::string> transition_gaps(const std::vector<std::string>& blocks)
   return lost;
 }
 
+std::vector<std::string> not_on_ledger(const VirtualLedger& ledger, const std::vector<const LedgerPort*>& ports) {
+  std::vector<std::string> lost;
+  for (const LedgerPort* port : ports) {
+    for (const std::string& tx_id : port->acknowledged()) {
+      const auto known = ledger.find(tx_id);
+      if (!known || known->code != 0) lost.push_back("transaction " + tx_id);
+    }
+  }
+  return lost;
+}
+
 }  // namespace ledgerline::hil

@@ -103,8 +103,13 @@ std::string lies() { return names_of(all_lies); }
 std::optional<Slip> slip_from(std::string_view word) { return value_of(all_slips, word); }
 std::string slips() { return names_of(all_slips); }
 
-LedgerPort::LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed)
-    : ledger_(ledger), client_(ledger.add_client(name)), draws_to_(seed), draws_from_(~seed) {}
+LedgerPort::LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed, WayDelay::Way way,
+                       double share, TimeNs patience_ns)
+    : ledger_(ledger),
+      client_(ledger.add_client(name, way, share)),
+      patience_ns_(patience_ns),
+      draws_to_(seed),
+      draws_from_(~seed) {}
 
 // TCP keeps the order, whatever each piece is delayed by.
 TimeNs LedgerPort::in_order(TimeNs due_ns, TimeNs& last_ns) {
@@ -115,7 +120,7 @@ TimeNs LedgerPort::in_order(TimeNs due_ns, TimeNs& last_ns) {
 void LedgerPort::submit(TimeNs now, std::uint64_t id, fabric::Call call) {
   const std::uint64_t number = next_call_++;
   ++counts_.submitted;
-  open_[number] = {id, now + deadline_ns};
+  open_[number] = {id, now + patience_ns_};
   if (cut_ || now < connect_at_ns_) {
     fabric::Outcome outcome;
     outcome.message = "not connected";

@@ -51,7 +51,9 @@ class LedgerPort {
   static constexpr TimeNs deadline_ns = 1 * ns_per_s;  ///< as agent and ground, of a ledger that is not far
   static constexpr TimeNs reconnect_ns = 150 * ns_per_ms;
 
-  LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed);
+  /// `way` and `share`: of the ledger's added delay (VirtualLedger::add_client()).
+  LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed,
+             WayDelay::Way way = WayDelay::Way::there, double share = 0.5, TimeNs patience_ns = deadline_ns);
 
   void submit(TimeNs now, std::uint64_t id, fabric::Call call);
   /// Moves what is due, both ways. After the ledger's own step.
@@ -108,6 +110,7 @@ class LedgerPort {
 
   VirtualLedger& ledger_;
   VirtualLedger::Client client_;
+  TimeNs patience_ns_;
   Draws draws_to_, draws_from_;
   std::optional<Distribution> delay_to_, delay_from_;
   Lie lie_ = Lie::none;

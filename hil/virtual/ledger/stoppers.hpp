@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/sending/repeat.hpp"
 #include "hil/virtual/ledger/ledger_port.hpp"
 
 namespace ledgerline::hil {

@@ -16,12 +16,7 @@ const std::vector<std::string> organisations{"Org1MSP", "Org2MSP", "Org3MSP"};
 
 node::Now at(TimeNs now) { return {now, real_epoch_ns + now}; }
 
-// The real client hands on the contract's own words, without the peer's introduction to them.
-std::string contract_words(const node::Reply& reply) {
-  const std::string& words = reply.detail.empty() ? reply.message : reply.detail;
-  const std::string introduction = "chaincode response 500, ";
-  return words.starts_with(introduction) ? words.substr(introduction.size()) : words;
-}
+const std::string& reason_of(const node::Reply& reply) { return reply.detail.empty() ? reply.message : reply.detail; }
 
 }  // namespace
 
@@ -102,10 +97,8 @@ void VirtualLedger::submit(TimeNs now, Client client, std::uint64_t id, const fa
 }
 
 void VirtualLedger::end(TimeNs now, const Pending& pending, const node::Reply& refusal) {
-  fabric::Outcome outcome;
-  outcome.kind = fabric::Outcome::Kind::refused;
+  auto outcome = fabric::Outcome::failed(fabric::Outcome::Kind::refused, reason_of(refusal));
   outcome.tx_id = pending.tx_id;
-  outcome.message = contract_words(refusal);
   Member& member = members_[pending.client];
   member.outcomes.emplace_back(delivered(now, member), Ended{pending.id, outcome});
 }
@@ -197,11 +190,11 @@ Status VirtualLedger::commit_now(TimeNs now, Client client, const fabric::Call& 
   const auto proposal = propose(now, members_[client], call);
   if (!proposal) return proposal.error();
   const node::Reply endorsed = core_->endorse(proposal->signed_proposal, at(now));
-  if (endorsed.code != node::Code::ok) return Error{contract_words(endorsed)};
+  if (endorsed.code != node::Code::ok) return Error{reason_of(endorsed)};
   const auto envelope = fabric::sign_envelope(members_[client].identity, endorsed.bytes);
   if (!envelope) return envelope.error();
   const node::Reply ordered = core_->order(*envelope, at(now));
-  if (ordered.code != node::Code::ok) return Error{contract_words(ordered)};
+  if (ordered.code != node::Code::ok) return Error{reason_of(ordered)};
   const auto due = core_->next_cut();
   const auto block = core_->cut(at(std::max(now, due.value_or(now))));
   if (!block) return Error{"no block was cut"};
@@ -215,7 +208,7 @@ Result<std::string> VirtualLedger::evaluate(TimeNs now, Client client, const fab
   const auto proposal = propose(now, members_[client], call);
   if (!proposal) return proposal.error();
   const node::Reply reply = core_->evaluate(proposal->signed_proposal, at(now));
-  if (reply.code != node::Code::ok) return Error{contract_words(reply)};
+  if (reply.code != node::Code::ok) return Error{reason_of(reply)};
   protos::Response response;
   if (!response.ParseFromString(reply.bytes)) return Error{"malformed protos.Response"};
   return response.payload();

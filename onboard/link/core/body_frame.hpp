@@ -1,6 +1,7 @@
 #pragma once
-#include "onboard/link/core/playout/playout.hpp"
+#include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
+#include "onboard/link/core/velocity.hpp"
 
 namespace ledgerline::link {
 

@@ -1,8 +1,8 @@
 #pragma once
 #include <array>
 
-#include "onboard/link/core/playout/playout.hpp"
 #include "onboard/link/core/settings.hpp"
+#include "onboard/link/core/velocity.hpp"
 
 namespace ledgerline::link {
 
@@ -38,7 +38,8 @@ struct FailsafeState {
   bool battery_low = false;
 };
 
-/// How a row ends.
+/// How a row ends, said for readers: update() does not look at it, since the rows' own conditions come to this. No row
+/// ends otherwise in any reachable state: failsafe_search_test.cpp holds each of them to it.
 enum class Clears : std::uint8_t {
   on_ground,    ///< once on the ground: a landing is never taken back in the air
   when_rested,  ///< its cause, measured at half the limit, has been away for clear_after
@@ -58,6 +59,21 @@ struct FailsafeRow {
   bool (*applies)(const FailsafeMoment&);
 };
 
+/// What the modes mean and how they follow each other:
+///
+///          no plan: FS-08 to 10                 land_after: FS-05
+///   none ──────────────────────────▶ hold ──────────────────────────────▶ land ──▶ none, on the ground
+///   │ ▲ ▲      a plan again          │ │                                 ▲ ▲ │
+///   │ │ └────────────────────────────┘ │ FS-06, FS-07                    │ │ │
+///   │ │        rested                  ▼         land_after: FS-05       │ │ │
+///   │ └────────────────────────────── brake ─────────────────────────────┘ │ │
+///   ├──▶ stale state, lost pose: FS-06, FS-07 ▲                            │ │ cut asked for by name
+///   └──▶ stop, battery, fence, unseen: FS-02 to 04, FS-13, from everywhere ┘ ▼ from everywhere: FS-01
+///                                                                            cut ──▶ none, on the ground
+///
+/// none: the plan is flown, clipped at the fence. hold: ramp to zero, and hover. brake: the same with twice the
+/// deceleration, and the plans in hand are dropped. land: until it is on the ground. cut: motors off.
+///
 /// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground
 /// and while the drone may fly unseen, the others while it flies.
 extern const std::array<FailsafeRow, 13> failsafe_table;

@@ -8,88 +8,168 @@
 #include "common/msg/onboard.hpp"
 
 /// Every threshold of link's cores, with its default. The shell reads them from TOML (link_config.hpp); hil and tests
-/// fill them in directly.
+/// fill them in directly. Each says why it has its value; the facts about the drone are from docs/sources.md.
 namespace ledgerline::link {
 
 struct SessionSettings {
-  TimeNs answer_timeout_ns = 500 * ns_per_ms;  ///< first try of `command`; doubles with each further one
+  /// First try of `command`; doubles with each further one. A Tello near its access point answers within tens of ms:
+  /// half would ask twice on a slow radio (harmless, but the doublet's answer comes late), double delays a first
+  /// contact.
+  TimeNs answer_timeout_ns = 500 * ns_per_ms;
+  /// Where the doubling ends: a drone that is switched on later is found this late at most. Half is twice the chatter
+  /// to nobody; double keeps a person waiting.
   TimeNs answer_timeout_max_ns = 4 * ns_per_s;
-  TimeNs takeoff_timeout_ns = 10 * ns_per_s;     ///< clients wait 20 s (djitellopy); a real take-off takes about 4 s
-  TimeNs refused_pause_ns = 2 * ns_per_s;        ///< after a refused take-off, before the next may be tried
-  TimeNs land_repeat_ns = 1 * ns_per_s;          ///< land is sent again while the drone does not come down
-  TimeNs lost_after_ns = 3 * ns_per_s;           ///< on the ground, without state text: disconnected
-  TimeNs landing_lost_after_ns = 30 * ns_per_s;  ///< landing, with neither answer nor state text: disconnected
+  /// Clients wait 20 s; a take-off takes about 4 s. Half is close to that where the climb is slow, and a drone that
+  /// still rises would be asked again; double waits 20 s where the answer is lost and the drone hovers already.
+  TimeNs takeoff_timeout_ns = 10 * ns_per_s;
+  /// After a refused take-off, before the next may be tried: a drone that refuses (low battery, a bad IMU) refuses
+  /// again. Half asks twice as often for the same answer; double keeps whoever mended the cause waiting.
+  TimeNs refused_pause_ns = 2 * ns_per_s;
+  /// `land` is sent again while the drone does not come down: its answer comes when it is down, so this is no
+  /// timeout. With half a drone may answer twice, and answers carry no id; with double one lost datagram costs two
+  /// seconds of hovering.
+  TimeNs land_repeat_ns = 1 * ns_per_s;
+  /// On the ground, without state text: disconnected. 30 texts at 10 Hz: half would disconnect a drone for fifteen
+  /// lost ones; double shows a drone that is off as ready for longer.
+  TimeNs lost_after_ns = 3 * ns_per_s;
+  /// Landing, with neither answer nor state text: disconnected. From 10 m at 0.5 m/s it takes 20 s: half would give
+  /// up on a drone that is still coming down; double holds up the end of link behind one that is gone.
+  TimeNs landing_lost_after_ns = 30 * ns_per_s;
   /// Seen on the ground without a break for so long it stands there: a shorter sight may be of a take-off that a link
-  /// began which is gone, whose motors spin up for a second or two before it rises.
+  /// began which is gone, whose motors spin up for a second or two before it rises. Double only delays a first
+  /// take-off.
   TimeNs stands_after_ns = 3 * ns_per_s;
-  /// To a drone that is not seen and may fly (blind_talk.hpp). So many `command`, at 0, 0.5 and 1.5 s, all given up 3.5
-  /// s after the first: a state text comes every 100 ms, an answer within tens of ms. One would end a flight for one
-  /// datagram that is lost; with six a drone that hears but is not heard hovers for 15.5 s before it is landed.
+  /// To a drone that is not seen and may fly (blind_talk.hpp). So many `command`, at 0, 0.5 and 1.5 s, all given up
+  /// 3.5 s after the first: a state text comes every 100 ms, an answer within tens of ms. One would end a flight for
+  /// one datagram that is lost; with six a drone that hears but is not heard hovers for 15.5 s before it is landed.
   int handshakes = 3;
   TimeNs zero_gap_ns = 100 * ns_per_ms;  ///< between two zeros meanwhile: with 60 % lost, 92 % hear one of five
   /// Between two `land` (or `emergency`), each behind a `command` and a zero: twice as often as where it is seen
   /// whether the drone obeys.
   TimeNs blind_repeat_ns = 500 * ns_per_ms;
-  /// So long: longer than a take-off, during which `land` is ignored (4 s); with 60 % lost, 99.8 % hear one of twelve.
+  /// So long: longer than a take-off, during which `land` is ignored (4 s); with 60 % lost, 99.8 % hear one of
+  /// twelve.
   TimeNs blind_land_for_ns = 6 * ns_per_s;
   /// Then nothing at all, longer than the 15 s after which a Tello lands by itself, and that by what the network may
-  /// hold back. Shorter would hold a drone in the air that hears everything but `land`; longer makes whoever switches a
-  /// drone on behind link wait for as long (ground waits 30 s for a drone).
+  /// hold back. Shorter would hold a drone in the air that hears everything but `land`; longer makes whoever switches
+  /// a drone on behind link wait for as long (ground waits 30 s for a drone).
   TimeNs silence_ns = 16 * ns_per_s;
   /// The same word, when link ends and a drone was never heard of: mostly there is none, and a person waits. 7 times.
   TimeNs unheard_land_for_ns = 3 * ns_per_s;
   /// Starts of link within starts.hpp's 15 s, of which the last one tells every drone to land in its first step: who
-  /// dies so often cannot fly, and each life's first words are a sign of life to a Tello. The launcher gives up with as
-  /// many.
+  /// dies so often cannot fly, and each life's first words are a sign of life to a Tello. The launcher gives up with
+  /// as many.
   int many_starts = 7;
-  float airborne_m = 0.25F;  ///< `h` comes in steps of 0.1 m
-  float grounded_m = 0.15F;  ///< tof shows 0.10 m on the ground
+  /// From this height on it is in the air. `h` comes in steps of 0.1 m: 0.15 would believe a single step, 0.5 would
+  /// take a drone that hovers low for one that stands.
+  float airborne_m = 0.25F;
+  /// Up to this distance below it, it is down: tof shows 0.10 m on the ground. Half is never seen; double is a drone
+  /// that hovers low.
+  float grounded_m = 0.15F;
 };
 
 struct PlayoutSettings {
-  TimeNs max_age_ns = 2 * ns_per_s;          ///< a FLY or TAKEOFF plan made from an older state is dropped
-  TimeNs max_ahead_ns = 5 * ns_per_s;        ///< a setpoint further in the future is a bad value
-  TimeNs default_hold_ns = 100 * ns_per_ms;  ///< how long the only setpoint of a plan is valid
-  TimeNs max_hold_ns = 500 * ns_per_ms;      ///< how long the last setpoint of any plan is valid, at most
-  TimeNs max_margin_ns = 1 * ns_per_s;       ///< setpoints are flown later than they say by so much at most; 0: never
-  double margin_quantile = 0.98;             ///< of the plans' lateness: so many are to come in time
-  float max_speed_mps = 2.0F;                ///< of the horizontal velocity
+  /// A FLY or TAKEOFF plan made from an older state is dropped. At 1 m/s the drone is 2 m from where the plan
+  /// believes it to be. Half would refuse most plans of a ledger that takes a second both ways; double flies what was
+  /// planned for another place.
+  TimeNs max_age_ns = 2 * ns_per_s;
+  /// A setpoint further in the future is a bad value: it may be of a clock that is not this host's. It must be above
+  /// what ground plans ahead and the ledger's delay, or good plans are dropped; double only lets errors wait for
+  /// longer.
+  TimeNs max_ahead_ns = 5 * ns_per_s;
+  /// How long the only setpoint of a plan is valid: three plans at 30 Hz, so that one lost plan leaves no gap. Half
+  /// is less than two plans, and jitter makes gaps; double flies 0.1 m further at 1 m/s with no plan behind it.
+  TimeNs default_hold_ns = 100 * ns_per_ms;
+  /// Upper bound of how long the last setpoint of any plan is valid. Half cuts short a plan whose setpoints are half
+  /// a second apart; double is a second of flight that nobody planned.
+  TimeNs max_hold_ns = 500 * ns_per_ms;
+  /// Upper bound of the adaptive playout margin; 0 disables it. Blocks of 50 commands at 30 Hz ask for 0.8 s
+  /// (BurstsTest). Half drops part of such plans as late; double flies a metre behind the path at 0.5 m/s.
+  TimeNs max_margin_ns = 1 * ns_per_s;
+  /// Of the plans' lateness: so many are to come in time. The rest is bridged by the plan before. At 0.9 three plans
+  /// a second are late; at 0.995 the third latest of 256 decides, and one stall delays the flight for the 8 s that
+  /// its plans are remembered.
+  double margin_quantile = 0.98;
+  /// Of the horizontal velocity: stopped within half a metre at 4 m/s². rc ends at 1 m/s as clients have it, so half
+  /// is felt by nobody whose rc is as assumed; doubled the way to stop is two metres, and beyond the drone's slow
+  /// mode.
+  float max_speed_mps = 2.0F;
+  /// Half of it: the drone's own height comes ten times a second, so it is known to 0.1 m. Halved a landing path
+  /// takes twice as long; doubled the floor is 0.2 m nearer than the newest text says.
   float max_vertical_mps = 1.0F;
-  float max_yaw_rate_radps = 1.75F;
-  float max_acceleration_mps2 = 4.0F;  ///< of the whole velocity vector; also the ramp to zero
-  float max_yaw_acceleration_radps2 = 6.0F;
+  float max_yaw_rate_radps = 1.75F;  ///< 100 degrees a second, what rc 100 is to clients: more could not be sent
+  /// Of the whole velocity vector; also the ramp to zero. A tilt of 22 degrees, what the simulated drone can do: from
+  /// 1 m/s it stops within 0.13 m, with half within 0.25 m; double the drone cannot follow.
+  float max_acceleration_mps2 = 4.0F;
+  float max_yaw_acceleration_radps2 = 6.0F;  ///< to the full rate within 0.3 s, as the velocity's first-order response
 };
 
 struct RcSettings {
   float full_scale_mps = 1.0F;  ///< what rc 100 means; not documented, clients call it cm/s
+  /// The same: clients call it degrees per second.
   float full_scale_radps = 100.0F * std::numbers::pi_v<float> / 180.0F;
   /// From (left, forward, up, counter-clockwise) to rc (a, b, c, d). rc a positive is right, d positive is clockwise.
   std::array<float, 4> signs{-1, 1, 1, -1};
-  TimeNs min_gap_ns = 5 * ns_per_ms;        ///< between any two rc
-  TimeNs changing_gap_ns = 20 * ns_per_ms;  ///< while the setpoint is ramped
-  TimeNs max_gap_ns = 50 * ns_per_ms;       ///< while flying, an rc is never further apart
+  /// Between any two rc, for a new plan's first setpoint: 200 a second at most. Half lets a burst of plans send 400;
+  /// double makes a plan's first setpoint up to 10 ms older.
+  TimeNs min_gap_ns = 5 * ns_per_ms;
+  TimeNs changing_gap_ns = 20 * ns_per_ms;  ///< while the setpoint is ramped: at 4 m/s² steps of 0.08 m/s
+  /// While flying, an rc is never further apart: one that is lost is made good within 50 ms, 5 cm at 1 m/s. Half
+  /// doubles the datagrams of every hover; with double a lost one costs 10 cm.
+  TimeNs max_gap_ns = 50 * ns_per_ms;
 };
 
 struct FailsafeSettings {
-  TimeNs hold_grace_ns =
-      100 * ns_per_ms;                  ///< from the end of the plan until the mode says hold (the ramp begins at once)
-  TimeNs land_after_ns = 5 * ns_per_s;  ///< of hold or brake, then land
+  /// From the end of the plan until the mode says hold; the ramp to zero begins at once. Three plans at 30 Hz: with
+  /// half each late plan is a hold, and each hold a transition on the ledger; with double a gap of six goes unsaid.
+  TimeNs hold_grace_ns = 100 * ns_per_ms;
+  /// Of hold or brake, then land. Long enough for an agent that is started again (docs/deaths.md), short beside 13
+  /// min of battery and the drift of a drone without a pose. Half lands for a pause that would have ended; double
+  /// lets a drone that nobody steers drift for 10 s.
+  TimeNs land_after_ns = 5 * ns_per_s;
+  /// Agent beats every 50 ms, every 100 at the latest: five in a row are missing. With half a silence would go on
+  /// until beats come closer than 125 ms, and one late beat would keep it; with double a hold says for a second that
+  /// plans ran out, when agent is dead. A plan in hand is flown to its end either way.
   TimeNs agent_silent_ns = 500 * ns_per_ms;
-  TimeNs state_stale_ns = 1 * ns_per_s;  ///< the Tello's state text comes at 10 Hz
+  /// The Tello's state text comes at 10 Hz: ten in a row are missing. With half five lost texts brake, and to end
+  /// that brake they must come closer than 250 ms; with double the drone flies two metres at 1 m/s with neither
+  /// battery nor height known.
+  TimeNs state_stale_ns = 1 * ns_per_s;
+  /// While agent is heard. At 1 m/s the place is known to 0.3 m when the brake begins: double doubles that. Half must
+  /// still be more than mocap's period, and so must its half, by which a brake ends.
   TimeNs pose_lost_ns = 300 * ns_per_ms;
-  TimeNs clear_after_ns = 500 * ns_per_ms;    ///< a brake ends when its cause has been away this long
-  TimeNs fence_land_after_ns = 1 * ns_per_s;  ///< beyond the fence and still going outward
+  /// A brake, a silence or a warning ends when its cause has been away this long. At least half of each limit above
+  /// (FS-29), or one lonely sign of life ends it: 500 ms is that of state_stale. Half is refused with the other
+  /// defaults; double adds half a second of hovering to each brake.
+  TimeNs clear_after_ns = 500 * ns_per_ms;
+  /// Beyond the fence and still going outward. At most a metre at 1 m/s, far_beyond_m: with half a gust (1 s,
+  /// docs/sources.md) lands a drone that would have turned back; with double it is two metres out.
+  TimeNs fence_land_after_ns = 1 * ns_per_s;
+  /// No take-off, and a warning in the air: of 13 min nearly 2 are left. Half is below battery_critical; with double
+  /// a third of each battery cannot be taken off with.
   float battery_low = 0.15F;
+  /// Land at once: about a minute is left, a landing from 3 m takes 6 s, and at 5 % a Tello refuses to take off. Half
+  /// is below that; double is above battery_low.
   float battery_critical = 0.08F;
-  float battery_margin = 0.03F;  ///< a low battery is forgotten only above the threshold by this
+  /// A low battery is forgotten only above the threshold by this: the state text has whole percents, so 0.01 is one
+  /// step back and forth. Half is still a step; double holds a warning up for longer where a battery was changed.
+  float battery_margin = 0.03F;
 };
 
 struct FenceSettings {
-  std::array<double, 3> min_m{-20, -20, 0};
+  std::array<double, 3> min_m{-20, -20, 0};  ///< 40 m by 40 m: whoever flies a room sets its own
   std::array<double, 3> max_m{20, 20, 3};
-  double slow_s = 0.7;       ///< outward speed is at most the distance to the fence over this
-  double outward_mps = 0.1;  ///< beyond the fence, faster outward than this counts as still going outward
-  double far_beyond_m = 1;   ///< beyond the fence by this counts as still going outward, at any speed
+  /// Outward speed is at most the distance to the fence over this. With the drone's response of 0.3 s, first order,
+  /// the approach then overshoots by 2 % of the way (a damping of 0.76); with half by 13 %, double flies the last 1.4
+  /// m slower than 1 m/s for nothing.
+  double slow_s = 0.7;
+  /// Beyond the fence, faster outward than this counts as still going outward. It is what gusts move a hovering drone
+  /// by (docs/sources.md, assumed): half takes a hover just outside for a flight, with double it drifts on at 0.2 m/s
+  /// until far_beyond_m.
+  double outward_mps = 0.1;
+  /// Beyond the fence by this counts as still going outward, at any speed: it does not come back by itself. Half is
+  /// the way to stop from 2 m/s; double is a metre more that a room beside the fence must leave free.
+  double far_beyond_m = 1;
 };
 
 struct DroneSettings {
@@ -99,10 +179,16 @@ struct DroneSettings {
 
 struct LinkSettings {
   std::vector<DroneSettings> drones;
-  double rate_hz = 30;                     ///< of state samples
-  TimeNs health_gap_ns = 250 * ns_per_ms;  ///< between two steps; a longer one means that link is not healthy ...
-  TimeNs health_rest_ns =
-      1 * ns_per_s;  ///< ... for this long: no rc, so that a link that stutters lets the Tello land itself
+  /// Of state samples: a sample is 17 ms old on average when something is made from it, three for each state text of
+  /// the Tello. Half makes that 33 ms; double is twice the ledger's load.
+  double rate_hz = 30;
+  /// Between two steps; a longer one means that link is not healthy. 250 steps of the real-time loop: half takes a
+  /// busy desk's scheduler for a fault; with double the drone flies half a metre at 1 m/s on an rc of long ago.
+  TimeNs health_gap_ns = 250 * ns_per_ms;
+  /// ... for this long: no rc, so that a link that stutters lets the Tello land itself. A link that stutters twice a
+  /// second never sends; with half it would, and hold the drone up for ever. Double only delays the hold that
+  /// follows.
+  TimeNs health_rest_ns = 1 * ns_per_s;
   SessionSettings session;
   PlayoutSettings playout;
   RcSettings rc;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "onboard/link/core/link_core.hpp"
+#include "onboard/link/core/link_io.hpp"
 #include "onboard/link/shell/link_config.hpp"
 
 namespace ledgerline::link {

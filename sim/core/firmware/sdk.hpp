@@ -20,8 +20,7 @@ namespace ledgerline::sim {
 /// - the 15 s of silence begin when the last action ends;
 /// - `land` is ignored, without an answer, during takeoff and while it is landing already, and `ok` on the ground;
 /// - `rc` counts as a sign of life always, steers only when flying without a move, and is dropped whole if malformed;
-/// it
-///   is flown until the next one comes, and `command` counts as a sign of life: SdkParameters can have it otherwise;
+///   it is flown until the next one comes, and `command` counts as a sign of life: SdkParameters can have it otherwise;
 /// - mission pads are never seen, so whatever needs one answers `error`; `streamon` answers `ok` but NO VIDEO IS SENT.
 class Sdk {
  public:

@@ -13,8 +13,8 @@
 
 #include "common/config/config.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/repeat.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/sending/repeat.hpp"
 #include "ledgerline.pb.h"
 
 using namespace ledgerline;

@@ -1,15 +1,12 @@
 #include "onboard/agent/core/outbox/batcher.hpp"
 
 #include <algorithm>
-#include <string_view>
 
 namespace ledgerline::agent {
 namespace {
 
 /// A drone that was not heard of for longer is not waited for. Three periods of the slowest usual rate, 10 Hz.
 constexpr TimeNs heard_lately_ns = 300 * ns_per_ms;
-
-constexpr std::size_t max_in_flight = 32;
 
 bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.boot_id || a.sequence > b.sequence; }
 
@@ -55,10 +52,8 @@ bool Batcher::has_waiting() const {
 }
 
 bool Batcher::ready(TimeNs now) const {
-  if (!pause_.over(now) || in_flight_.size() >= max_in_flight) return false;
-  if (!again_at_once_ && !in_flight_.empty() &&
-      !pacing_.may_go(now, in_flight_.front().submitted_ns, last_submitted_ns_))
-    return false;
+  if (!pause_.over(now) || in_flight_.full()) return false;
+  if (!again_at_once_ && !in_flight_.may_go(now)) return false;
   bool some = false;
   bool all = true;
   for (const Slot& slot : slots_) {
@@ -68,7 +63,7 @@ bool Batcher::ready(TimeNs now) const {
   }
   if (!some) return false;
   if (again_at_once_) return true;
-  return now - last_submitted_ns_ >= config_.min_gap_ns && (all || now - first_waiting_ns_ >= config_.linger_ns);
+  return now - in_flight_.last_ns() >= config_.min_gap_ns && (all || now - first_waiting_ns_ >= config_.linger_ns);
 }
 
 void Batcher::drop_stale(TimeNs now) {
@@ -85,7 +80,6 @@ std::optional<Frame> Batcher::next(TimeNs now) {
   drop_stale(now);
   if (!ready(now)) return std::nullopt;
   again_at_once_ = false;
-  last_submitted_ns_ = now;
   Frame frame{.number = ++last_number_, .submitted_ns = now, .samples = {}, .repeated = {}};
   for (Slot& slot : slots_) {
     if (slot.paused_until_ns > now) continue;
@@ -98,7 +92,7 @@ std::optional<Frame> Batcher::next(TimeNs now) {
     frame.samples.push_back(*slot.waiting);
     slot.waiting.reset();
   }
-  in_flight_.push_back(frame);
+  in_flight_.add(frame.number, now, frame);
   return frame;
 }
 
@@ -110,9 +104,11 @@ void Batcher::drop_all(const Frame& frame) {
   }
 }
 
-Batcher::Slot* Batcher::refused_drone(const Frame& frame, const std::string& message) {
-  const std::string_view reason = fabric::words_of_contract(message);
-  const auto names_it = [&](const StateSample& s) { return reason.starts_with(find(s.drone)->drone.name + ":"); };
+Batcher::Slot* Batcher::refused_drone(const Frame& frame, const fabric::Outcome& outcome) {
+  if (!outcome.refusal) return nullptr;
+  const auto names_it = [&](const StateSample& s) {
+    return fabric::names(*outcome.refusal, find(s.drone)->drone.name);
+  };
   for (const auto* samples : {&frame.samples, &frame.repeated}) {
     const auto it = std::find_if(samples->begin(), samples->end(), names_it);
     if (it != samples->end()) return find(it->drone);
@@ -138,12 +134,9 @@ void Batcher::send_again_without(TimeNs now, Slot& refused, const Frame& frame) 
 }
 
 std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome) {
-  const auto found =
-      std::find_if(in_flight_.begin(), in_flight_.end(), [&](const Frame& f) { return f.number == number; });
-  if (found == in_flight_.end()) return std::nullopt;
-  const Frame frame = std::move(*found);
-  in_flight_.erase(found);
-  pacing_.ended(outcome);
+  auto ended = in_flight_.end(number, outcome);
+  if (!ended) return std::nullopt;
+  const Frame& frame = ended->what;
   using Kind = fabric::Outcome::Kind;
   switch (outcome.kind) {
     case Kind::committed:
@@ -162,7 +155,7 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
       break;
     case Kind::refused:
       ++transactions_.refused;
-      if (Slot* slot = refused_drone(frame, outcome.message)) {
+      if (Slot* slot = refused_drone(frame, outcome)) {
         send_again_without(now, *slot, frame);
       } else {
         drop_all(frame);
@@ -176,7 +169,7 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
       pause_.failed(now, random_);
       break;
   }
-  return frame;
+  return std::move(ended->what);
 }
 
 }  // namespace ledgerline::agent

@@ -4,8 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/client/client.hpp"
-#include "common/fabric/client/pacing.hpp"
+#include "common/fabric/sending/back_off.hpp"
+#include "common/fabric/sending/in_flight.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 
 namespace ledgerline::agent {
@@ -37,7 +38,7 @@ struct Frame {
 };
 
 /// Few transactions, many samples: one frame is in flight until it is committed; where that takes long, the next one
-/// goes behind a gap (fabric::Pacing), up to 32. What arrives meanwhile rides in the next one; of each drone only the
+/// goes behind a gap (fabric::InFlight). What arrives meanwhile rides in the next one; of each drone only the
 /// newest sample rides, older ones are merged; what waited past its freshness is dropped. How a frame ends:
 ///
 ///     committed               on_ledger, next frame at once (or after min_gap)
@@ -88,7 +89,7 @@ class Batcher {
   };
   Slot* find(DroneNumber drone);
   const Slot* find(DroneNumber drone) const;
-  Slot* refused_drone(const Frame& frame, const std::string& message);
+  Slot* refused_drone(const Frame& frame, const fabric::Outcome& outcome);
   bool ready(TimeNs now) const;
   void drop_all(const Frame& frame);
   void drop_stale(TimeNs now);
@@ -97,13 +98,11 @@ class Batcher {
   BatchConfig config_;
   std::vector<Slot> slots_;
   Random random_;
-  std::vector<Frame> in_flight_;  ///< oldest first
-  fabric::Pacing pacing_;
-  fabric::Pause pause_;
+  fabric::InFlight<Frame> in_flight_;
+  fabric::BackOff pause_;
   Transactions transactions_;
   std::uint64_t last_number_ = 0;
   TimeNs first_waiting_ns_ = 0;
-  TimeNs last_submitted_ns_ = INT64_MIN / 2;
   bool again_at_once_ = false;
 };
 

@@ -4,7 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "common/fabric/client/client.hpp"
+#include "common/fabric/sending/back_off.hpp"
+#include "common/fabric/sending/outcome.hpp"
 #include "common/msg/onboard.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 
@@ -53,7 +54,7 @@ class TransitionSender {
  private:
   struct Slot {
     DroneName drone{};
-    fabric::Pause pause;
+    fabric::BackOff pause;
     Counters counters{};
     std::deque<Transition> kept{};
     std::size_t in_flight = 0;  ///< so many of the front

@@ -289,11 +289,22 @@ TEST_F(UplinkTest, OfARefusedCallTheOthersGoAgainAndTheRefusedTopicPauses) {
   expect_sums();
 }
 
+TEST_F(UplinkTest, AStrangersNameInARefusalIsNoTopics) {
+  make({rule("/*")});
+  const auto a = open("/a"), b = open("/tello1/b");
+  add(a, "1");
+  add(b, "2");
+  finish(*next(), Kind::refused, "Org1MSP: the peer is not ready");
+  EXPECT_EQ(drops(a, Drop::refused), 1U);
+  EXPECT_EQ(drops(b, Drop::refused), 1U) << "the whole call: nothing says that it was one topic's";
+  expect_sums();
+}
+
 TEST_F(UplinkTest, ARefusedTopicStaysOutForAWhile) {
   make({rule("/*")});
   const auto b = open("/tello1/b");
   add(b, "2");
-  finish(*next(), Kind::refused, "tello1: not enrolled, and not your organisation (Org1MSP)");
+  finish(*next(), Kind::refused, "chaincode response 500, tello1: not enrolled, and not your organisation (Org1MSP)");
   add(b, "3");
   EXPECT_FALSE(uplink->next(now + 999 * ns_per_ms));
   EXPECT_TRUE(uplink->next(now + 1001 * ns_per_ms));

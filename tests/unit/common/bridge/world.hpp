@@ -57,9 +57,7 @@ inline std::vector<std::string> texts(const Uplink::Submit& submit) {
 }
 
 inline fabric::Outcome ended(fabric::Outcome::Kind kind, const std::string& message = {}) {
-  fabric::Outcome outcome;
-  outcome.kind = kind;
-  outcome.message = message;
+  fabric::Outcome outcome = fabric::Outcome::failed(kind, message);
   outcome.ordered_after_ns = 2 * ns_per_ms;
   return outcome;
 }

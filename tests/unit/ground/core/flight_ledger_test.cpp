@@ -68,9 +68,7 @@ class FlightByHand : public testing::Test {
   /// What tello1 will be told then, upward, as the predictor has it.
   double told_mps(TimeNs meant_ns) const { return core.controller(0)->predictor().until(meant_ns).told_mps().z(); }
   FlightOutputs outcome(std::uint64_t id, Kind kind, const std::string& message = "", bool more = false) {
-    fabric::Outcome outcome;
-    outcome.kind = kind;
-    outcome.message = message;
+    const fabric::Outcome outcome = fabric::Outcome::failed(kind, message);
     FlightInputs inputs;
     inputs.outcome = &outcome;
     inputs.outcome_id = id;
@@ -141,7 +139,8 @@ TEST_F(FlightByHand, ACallThatHangsDoesNotHoldBackTheNextForLong) {
 TEST_F(FlightByHand, ACallRefusedForOneDroneIsSentAgainAtOnceWithoutIt) {
   const auto first = states({1, 2, 3});
   const auto sent = call_of(first);
-  const auto again = call_of(outcome(first.submissions[0].id, Kind::refused, "tello2: stopped by Org1MSP CN=x"));
+  const auto again = call_of(
+      outcome(first.submissions[0].id, Kind::refused, "chaincode response 500, tello2: stopped by Org1MSP CN=x"));
   EXPECT_THAT(drones_in(again), testing::ElementsAre("tello1", "tello3"));
   EXPECT_EQ(again.plans(0).SerializeAsString(), sent.plans(0).SerializeAsString());
   EXPECT_EQ(core.status(1).commands_refused, 1u);
@@ -150,15 +149,18 @@ TEST_F(FlightByHand, ACallRefusedForOneDroneIsSentAgainAtOnceWithoutIt) {
   EXPECT_EQ(core.transactions().refused, 1u);
 }
 
-TEST_F(FlightByHand, ARefusalInThePeersWordsIsUnderstoodToo) {
+TEST_F(FlightByHand, AStrangersNameInARefusalIsNoDrones) {
   const auto first = states({1, 2});
-  const auto again = outcome(first.submissions[0].id, Kind::refused, "chaincode response 500, tello1: not the holder");
+  const auto again = outcome(first.submissions[0].id, Kind::refused,
+                             "chaincode response 500, tello1: the lease is held by Org2MSP CN=a tello2: b");
   EXPECT_THAT(drones_in(call_of(again)), testing::ElementsAre("tello2"));
+  EXPECT_EQ(core.status(0).commands_refused, 1u);
+  EXPECT_EQ(core.status(1).commands_refused, 0u);
 }
 
 TEST_F(FlightByHand, ARefusalOfTello1IsNotOneOfTello11) {
   const auto first = states({1, 2});
-  const auto again = outcome(first.submissions[0].id, Kind::refused, "tello11: not the holder");
+  const auto again = outcome(first.submissions[0].id, Kind::refused, "chaincode response 500, tello11: not the holder");
   EXPECT_TRUE(again.submissions.empty());
 }
 
@@ -376,7 +378,7 @@ TEST_F(FlightByHand, APlanThatTakesTheNumberOfAnOlderOneHasItsOwnTime) {
   for (int i = 0; i < 10; ++i) {
     const auto first = flying({1, 2}, 1.0);
     now_ns += 100 * ns_per_ms;
-    (void)outcome(first.submissions.at(0).id, Kind::refused, "tello2: not the holder", true);
+    (void)outcome(first.submissions.at(0).id, Kind::refused, "chaincode response 500, tello2: not the holder", true);
     const auto newer = flying({1}, 1.0);
     const std::uint64_t number = call_of(newer).plans(0).sequence();
     ASSERT_EQ(number, call_of(first).plans(0).sequence());
@@ -434,7 +436,7 @@ TEST_F(FlightByHand, APlanOfAnEarlierLeaseThatWouldBeSentAgainIsForgotten) {
   EXPECT_EQ(later.plans(0).epoch(), 3u);
   const TimeNs before_ns = later.plans(0).setpoints(0).at_ns() - ns_per_ms;
   EXPECT_GT(told_mps(before_ns), 0.03);  // by the earlier plan
-  (void)outcome(earlier.submissions[0].id, Kind::refused, "tello2: not the holder");
+  (void)outcome(earlier.submissions[0].id, Kind::refused, "chaincode response 500, tello2: not the holder");
   EXPECT_EQ(told_mps(before_ns), 0);
 }
 

@@ -187,10 +187,8 @@ class FlightWorld {
     all_stops_urgent = all_stops_urgent && submission.urgent;
     stops.emplace_back();
     stops.back().ParseFromString(submission.call.args.at(0));
-    fabric::Outcome outcome;
-    outcome.kind = end_of_stops;
-    outcome.message = "chaincode response 500, as the test wants it";
-    outcomes_.push_back({now_ns + one_way_ns + ns_per_ms, submission.id, outcome});
+    outcomes_.push_back({now_ns + one_way_ns + ns_per_ms, submission.id,
+                         fabric::Outcome::failed(end_of_stops, "chaincode response 500, as the test wants it")});
     if (end_of_stops != fabric::Outcome::Kind::committed) return;
     Stops event_of_stop;
     for (const std::string& name : stops.back().drones()) {

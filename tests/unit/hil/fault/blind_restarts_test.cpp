@@ -8,6 +8,7 @@
 
 #include "common/base/random.hpp"
 #include "hil/fault/campaign.hpp"
+#include "hil/fault/report.hpp"
 #include "tests/unit/campaign.hpp"
 
 /// Link dies in flight, and its successor does not see the drone: each of the four Tellos that nobody knows apart, with

@@ -5,7 +5,8 @@
 
 #include <algorithm>
 
-#include "hil/fault/run.hpp"
+#include "hil/fault/report.hpp"
+#include "hil/fault/run/run.hpp"
 #include "tests/unit/campaign.hpp"
 
 /// A peer with its real key between the operator, the drone's host and the ledger: whatever it makes of what they asked

@@ -28,7 +28,7 @@ TEST(FlyOptions, DefaultsAreOneDroneThreeLapsOfASquareOnTheEmbeddedLedger) {
   EXPECT_EQ(line.options.speed_mps, 0.5);
   EXPECT_EQ(line.options.laps, 3);
   EXPECT_EQ(line.options.seconds, 0);
-  EXPECT_EQ(line.options.ledger, "embedded");
+  EXPECT_EQ(line.options.ledger, Ledger::embedded);
   EXPECT_EQ(line.options.batch_timeout_ns, 10 * ns_per_ms);
   EXPECT_EQ(line.options.batch_count, 1);
   EXPECT_EQ(line.options.seed, 1u);
@@ -50,6 +50,15 @@ TEST(FlyOptions, EveryOptionIsTaken) {
   EXPECT_EQ(line.options.seed, 9u);
   EXPECT_EQ(line.options.json, "r.json");
   EXPECT_EQ(line.options.out, "there");
+}
+
+TEST(FlyOptions, EachLedgerNeedsRoomOfItsOwn) {
+  EXPECT_EQ(min_ledger_bytes(parse_command_line({"--ledger", "none"}).options), 0u);
+  const auto embedded = min_ledger_bytes(parse_command_line({}).options);
+  const auto fabric = min_ledger_bytes(parse_command_line({"--ledger", "fabric"}).options);
+  EXPECT_GT(embedded, 0u);
+  EXPECT_GT(fabric, embedded);
+  EXPECT_GT(min_ledger_bytes(parse_command_line({"--ledger", "fabric", "--orderers", "3"}).options), fabric);
 }
 
 TEST(FlyOptions, TheLedgerMayLieInMemory) {

@@ -230,12 +230,6 @@ TEST_F(ServicesTest, ARefusalOfTheContractHasItsWords) {
   EXPECT_FALSE(response.has_endorsement());
 }
 
-TEST_F(ServicesTest, AnUnknownFunctionIsRefusedByTheContract) {
-  const Ended end = endorse(propose(host, good_call, {}, "fly_away"));
-  EXPECT_EQ(end.code, grpc::StatusCode::ABORTED);
-  EXPECT_THAT(end.detail, AllOf(HasSubstr("chaincode response 500, "), HasSubstr("fly_away")));
-}
-
 /// Each is refused by every service with the code that Fabric has for it.
 TEST_F(ServicesTest, WhoIsNoMemberIsDeniedEverywhere) {
   const auto other_ca = *crypto::make_ca("ca.org1.ledgerline", "org1.ledgerline");
@@ -374,36 +368,6 @@ TEST_F(ServicesTest, EventsBeginAtABlocksNumberOrNow) {
   };
   EXPECT_EQ(events(host, "teleop", oldest).code, grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(events(host, "teleop", newest).code, grpc::StatusCode::INVALID_ARGUMENT);
-}
-
-TEST_F(ServicesTest, AProposalIsNotEndorsedAgainAfterItsCommit) {
-  const protos::SignedProposal proposal = propose(host);
-  EXPECT_EQ(endorse(proposal).code, grpc::StatusCode::OK);
-  common::Envelope envelope;
-  envelope.ParseFromString(*fabric::sign_envelope(host, endorsed.SerializeAsString()));
-  EXPECT_EQ(submit(envelope).code, grpc::StatusCode::OK);
-  gateway::CommitStatusResponse status;
-  status_of(host, tx_id, &status);
-  const Ended again = endorse(proposal);
-  EXPECT_EQ(again.code, grpc::StatusCode::ABORTED);
-  EXPECT_THAT(again.detail, HasSubstr("duplicate transaction found"));
-}
-
-TEST_F(ServicesTest, AReplayedTransactionIsOrderedAndFlagged) {
-  const common::Envelope envelope = envelope_of(host);
-  EXPECT_EQ(submit(envelope).code, grpc::StatusCode::OK);
-  gateway::CommitStatusResponse first, second;
-  status_of(host, tx_id, &first);
-  const std::string replayed = tx_id;
-  EXPECT_EQ(submit(envelope).code, grpc::StatusCode::OK);
-  EXPECT_EQ(submit(envelope_of(host)).code, grpc::StatusCode::OK);
-  status_of(host, tx_id, &second);
-  ASSERT_EQ(second.block_number(), first.block_number() + 2);
-  const auto block = fabric::decode_block(**served.node().feed().read(first.block_number() + 1));
-  ASSERT_TRUE(block.ok());
-  ASSERT_EQ(block->transactions.size(), 1U);
-  EXPECT_EQ(block->transactions[0].tx_id, replayed);
-  EXPECT_EQ(block->transactions[0].code, protos::DUPLICATE_TXID);
 }
 
 TEST_F(ServicesTest, WhatDoesNotParseIsToldSo) {

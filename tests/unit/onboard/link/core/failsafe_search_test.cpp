@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <deque>
 #include <unordered_set>
@@ -197,6 +198,35 @@ class Search {
     return kept;
   }
 
+  // The row that decided before, when no row decides now.
+  static const FailsafeRow* ended_row(const FailsafeState& last, const FailsafeState& next) {
+    if (next.mode != FailsafeMode::none || next.cause != FailsafeCause::none) return nullptr;
+    const auto row = std::find_if(failsafe_table.begin(), failsafe_table.end(), [&](const FailsafeRow& r) {
+      return r.mode == last.mode && (r.cause == last.cause || r.mode >= FailsafeMode::land);
+    });
+    return row == failsafe_table.end() ? nullptr : &*row;
+  }
+
+  bool cleared(Clears clears, const State& s, const FailsafeState& last, const FailsafeFacts& f) const {
+    switch (clears) {
+      case Clears::on_ground:
+        return !in_flight(f.phase);
+      case Clears::when_rested: {
+        const bool seen = last.cause != FailsafeCause::state_stale || 2 * s.state <= stale();
+        const bool placed = last.cause != FailsafeCause::pose_lost || 2 * s.pose <= pose_lost() || s.pose <= s.beat;
+        return seen && placed && last.cause_gone_since_ns != 0 &&
+               now - last.cause_gone_since_ns > settings_.clear_after_ns;
+      }
+      case Clears::with_a_plan:
+        return f.plan_valid;
+      case Clears::back_inside:
+        return f.position_m[0] <= fence_.max_m[0] && now - last.outside_ns > settings_.clear_after_ns;
+      case Clears::when_charged:
+        return f.battery > settings_.battery_low + settings_.battery_margin;
+    }
+    return false;
+  }
+
   void check(const State& s, const FailsafeState& last, const FailsafeState& next, const FailsafeFacts& f) {
     const auto told = [&](const char* what) {
       ADD_FAILURE() << what << ": mode " << s.mode << " cause " << s.cause << " phase " << s.phase << " plan "
@@ -204,6 +234,8 @@ class Search {
                     << " pose " << s.pose << " hovering " << s.hovering << " unflown " << s.unflown << "; before: mode "
                     << static_cast<int>(last.mode) << " cause " << static_cast<int>(last.cause);
     };
+    const FailsafeRow* ended = ended_row(last, next);
+    if (ended && f.phase == FlightPhase::flying && !cleared(ended->clears, s, last, f)) told("a row ended too early");
     const bool down = next.mode >= FailsafeMode::land;
     if (next.mode < last.mode && last.mode >= FailsafeMode::land) told("a landing was taken back in the air");
     if (f.cut && next.mode != FailsafeMode::cut) told("a cut was not obeyed");

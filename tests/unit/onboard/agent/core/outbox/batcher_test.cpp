@@ -22,10 +22,7 @@ StateSample sample(DroneNumber drone, std::uint64_t sequence, TimeNs stamp = 0) 
 }
 
 fabric::Outcome outcome(Kind kind, std::string message = "") {
-  fabric::Outcome o;
-  o.kind = kind;
-  o.message = std::move(message);
-  return o;
+  return fabric::Outcome::failed(kind, std::move(message));
 }
 
 void expect_adds_up(const Batcher& batcher, DroneNumber drone) {
@@ -101,9 +98,11 @@ TEST(Batcher, OfSeveralRefusedForOneDroneTheNewestSamplesOfTheOthersGoAgain) {
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(ns_per_s, sample(d, 2, ns_per_s));
   const auto second = batcher.next(ns_per_s);
   ASSERT_TRUE(second);
-  batcher.finished(ns_per_s, first->number, outcome(Kind::refused, "tello2: enrolled to another"));
+  batcher.finished(ns_per_s, first->number,
+                   outcome(Kind::refused, "chaincode response 500, tello2: enrolled to another"));
   EXPECT_FALSE(batcher.next(ns_per_s)) << "newer ones are on their way";
-  batcher.finished(ns_per_s, second->number, outcome(Kind::refused, "tello2: enrolled to another"));
+  batcher.finished(ns_per_s, second->number,
+                   outcome(Kind::refused, "chaincode response 500, tello2: enrolled to another"));
   const auto again = batcher.next(ns_per_s);
   ASSERT_TRUE(again);
   ASSERT_EQ(again->samples.size(), 2U);
@@ -186,7 +185,8 @@ TEST(Batcher, ADroneThatOnlyRidesAlongAndIsRefusedPausesTooAndNothingIsLost) {
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   batcher.finished(0, batcher.next(0)->number, outcome(Kind::committed));
   batcher.add(ns_per_s, sample(1, 2, ns_per_s));
-  batcher.finished(ns_per_s, batcher.next(ns_per_s)->number, outcome(Kind::refused, "tello2: enrolled to another"));
+  batcher.finished(ns_per_s, batcher.next(ns_per_s)->number,
+                   outcome(Kind::refused, "chaincode response 500, tello2: enrolled to another"));
   const auto again = batcher.next(ns_per_s);
   ASSERT_TRUE(again);
   EXPECT_EQ(again->samples.at(0).sequence, 2U);
@@ -213,7 +213,8 @@ TEST(Batcher, AFrameRefusedBecauseOfOneDroneIsSentAgainAtOnceWithoutIt) {
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   const auto first = batcher.next(0);
   batcher.add(1, sample(1, 2, 1));
-  batcher.finished(2, first->number, outcome(Kind::refused, "tello3: is enrolled to somebody else"));
+  batcher.finished(2, first->number,
+                   outcome(Kind::refused, "chaincode response 500, tello3: is enrolled to somebody else"));
   const auto again = batcher.next(2);
   ASSERT_TRUE(again);
   ASSERT_EQ(again->samples.size(), 2U);
@@ -225,18 +226,23 @@ TEST(Batcher, AFrameRefusedBecauseOfOneDroneIsSentAgainAtOnceWithoutIt) {
   for (DroneNumber d = 1; d <= 3; ++d) expect_adds_up(batcher, d);
 }
 
-TEST(Batcher, UnderstandsTheRefusalAsARealPeerWordsIt) {
-  Batcher batcher({}, three, 1);
-  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
-  batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, "chaincode response 500, tello2: not enrolled"));
-  EXPECT_EQ(batcher.next(0)->samples.size(), 2U);
+TEST(Batcher, AStrangersNameInARefusalIsNoDronesAndAPeersWordsAreNotTheContracts) {
+  for (const char* message :
+       {"chaincode response 500, Org2MSP CN=a tello2: not a member", "tello2: the peer is not ready"}) {
+    Batcher batcher({}, three, 1);
+    for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+    batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, message));
+    EXPECT_FALSE(batcher.next(0)) << message;
+    EXPECT_EQ(batcher.counters(2).dropped, 1U) << "as those of the others";
+    EXPECT_EQ(batcher.counters(1).dropped, 1U);
+  }
 }
 
 TEST(Batcher, ARefusalOfTello12IsNotBlamedOnTello1) {
   Batcher batcher({}, {{1, "tello1"}, {12, "tello12"}}, 1);
   batcher.add(0, sample(1, 1));
   batcher.add(0, sample(12, 1));
-  batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, "tello12: not enrolled"));
+  batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, "chaincode response 500, tello12: not enrolled"));
   EXPECT_EQ(batcher.next(0)->samples.at(0).drone, 1);
 }
 
@@ -244,7 +250,7 @@ TEST(Batcher, ARefusedDronePausesAndThenRidesAgain) {
   BatchConfig config;
   Batcher batcher(config, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
-  batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, "tello1: not enrolled"));
+  batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, "chaincode response 500, tello1: not enrolled"));
   batcher.add(1, sample(1, 2, config.refused_drone_pause_ns - 1));
   EXPECT_FALSE(batcher.next(config.refused_drone_pause_ns - 1));
   EXPECT_TRUE(batcher.next(config.refused_drone_pause_ns));
@@ -360,7 +366,7 @@ TEST(Batcher, CountersAddUpAndNeverTwoAreInFlightWhateverHappens) {
       }
       if (!in_flight.empty() && random.uniform() < 0.3) {
         const auto kind = static_cast<Kind>(random.next() % 5);
-        const char* messages[] = {"tello1: no", "tello3: no", "no"};
+        const char* messages[] = {"chaincode response 500, tello1: no", "chaincode response 500, tello3: no", "no"};
         ASSERT_TRUE(batcher.finished(now, in_flight.front(), outcome(kind, messages[random.next() % 3])));
         in_flight.pop_front();
       }

@@ -14,10 +14,8 @@ constexpr TimeNs t0 = 100 * ns_per_s;
 class FoldSenderTest : public ::testing::Test {
  protected:
   static fabric::Outcome outcome(Kind kind, std::string message = {}) {
-    fabric::Outcome o;
-    o.kind = kind;
+    fabric::Outcome o = fabric::Outcome::failed(kind, std::move(message));
     o.code = kind == Kind::invalidated ? 12 : 0;
-    o.message = std::move(message);
     return o;
   }
   /// The next call's number after `now`; 0: none.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/random.hpp"
+#include "onboard/link/core/playout/limiter.hpp"
 #include "onboard/link/core/playout/playout.hpp"
 #include "tests/unit/onboard/link/core/times.hpp"
 
@@ -33,7 +34,8 @@ struct Flown {
 Flown fly(int block, bool smoothing) {
   PlayoutSettings settings;
   if (!smoothing) settings.default_hold_ns = 3 * ns_per_s;
-  Playout playout(settings);
+  PlanAdmission admission(settings);
+  Playout playout(settings, admission);
   Limiter limiter(settings);
   Random random(1);
   const auto made = [](int k) { return begin + static_cast<TimeNs>(k * 1e9 / rate_hz); };
@@ -63,7 +65,7 @@ Flown fly(int block, bool smoothing) {
             0};
       }
       ++next;
-      if (playout.admit(now, plan) == DropReason::none) playout.add(now, plan);
+      if (admission.admit(now, plan) == DropReason::none) playout.add(now, plan);
     }
     const Playout::Wish wish = playout.wish(now);
     told.push_back(limiter.step(now, wish.velocity, false).mps);
@@ -88,7 +90,7 @@ Flown fly(int block, bool smoothing) {
   flown.jerk_mps3 = std::sqrt(jerk / jerks);
   flown.margin_ns = playout.margin_ns();
   playout.clear(DropReason::superseded);
-  flown.plans = playout.counters();
+  flown.plans = admission.counters();
   return flown;
 }
 

@@ -1,8 +1,8 @@
+#include "onboard/link/core/playout/limiter.hpp"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
-
-#include "onboard/link/core/playout/playout.hpp"
 
 namespace ledgerline::link {
 namespace {

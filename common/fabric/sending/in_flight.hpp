@@ -1,0 +1,82 @@
+#pragma once
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "common/fabric/sending/outcome.hpp"
+#include "common/fabric/sending/pacing.hpp"
+
+namespace ledgerline::fabric {
+
+/// The calls of one stream that have not ended, oldest first, and whether another may go: at once while none is under
+/// way, else behind a gap (Pacing), up to `max`. `T` is what the sender needs when the call ends. One thread.
+///
+///     add() -> under way -> end(): its outcome came
+///                  |          ^
+///                  +- landed(): in a block, its outcome still to come; no other call waits for it
+template <typename T>
+class InFlight {
+ public:
+  static constexpr std::size_t max = 32;
+  struct Entry {
+    std::uint64_t number = 0;
+    TimeNs submitted_ns = 0;
+    T what;
+    bool landed = false;
+  };
+
+  void add(std::uint64_t number, TimeNs now, T what) {
+    last_ns_ = now;
+    entries_.push_back({number, now, std::move(what)});
+  }
+
+  /// Takes the call out; nothing if it is not in flight (then nothing changes).
+  std::optional<Entry> end(std::uint64_t number, const Outcome& outcome) {
+    const auto found =
+        std::find_if(entries_.begin(), entries_.end(), [&](const Entry& entry) { return entry.number == number; });
+    if (found == entries_.end()) return std::nullopt;
+    Entry entry = std::move(*found);
+    entries_.erase(found);
+    pacing_.ended(outcome);
+    return entry;
+  }
+
+  /// The oldest call under way of which `is` holds is in a block; when it was submitted.
+  template <typename Is>
+  std::optional<TimeNs> landed(const Is& is) {
+    const auto found = std::find_if(entries_.begin(), entries_.end(),
+                                    [&](const Entry& entry) { return !entry.landed && is(entry.what); });
+    if (found == entries_.end()) return std::nullopt;
+    found->landed = true;
+    return found->submitted_ns;
+  }
+
+  bool full() const { return entries_.size() >= max; }
+  /// By the gap alone, behind the newest call of all.
+  bool may_go(TimeNs now) const { return may_go_behind(now, last_ns_); }
+  /// The same behind the newest call that is under way: one that landed counts no more, be it newer.
+  bool may_go_behind_open(TimeNs now) const {
+    const auto newest = std::find_if(entries_.rbegin(), entries_.rend(), open);
+    return newest == entries_.rend() || may_go_behind(now, newest->submitted_ns);
+  }
+
+  std::size_t size() const { return entries_.size(); }
+  bool empty() const { return entries_.empty(); }
+  /// Of the newest call, ended or not.
+  TimeNs last_ns() const { return last_ns_; }
+
+ private:
+  static bool open(const Entry& entry) { return !entry.landed; }
+  bool may_go_behind(TimeNs now, TimeNs last_ns) const {
+    const auto oldest = std::find_if(entries_.begin(), entries_.end(), open);
+    return oldest == entries_.end() || pacing_.may_go(now, oldest->submitted_ns, last_ns);
+  }
+
+  std::vector<Entry> entries_;
+  Pacing pacing_;
+  TimeNs last_ns_ = INT64_MIN / 2;
+};
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,47 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "common/fabric/sending/refusal.hpp"
+#include "common/rt/clock.hpp"
+
+namespace ledgerline::fabric {
+
+/// How a submitted call ended.
+struct Outcome {
+  enum class Kind {
+    committed,    ///< in a block and valid
+    invalidated,  ///< in a block, flagged invalid: `code` says why (11 = MVCC_READ_CONFLICT)
+    refused,      ///< by the contract (then `refusal`), a peer or an orderer: `message` has the reason
+    unavailable,  ///< ledger not reached, or no answer in time: it may still come
+    overloaded,   ///< too many in flight: nothing was sent
+  };
+  Kind kind = Kind::unavailable;
+  std::string tx_id;
+  std::uint64_t block = 0;
+  int code = 0;                    ///< as Transaction::code, where it is in a block; 0: valid
+  std::string message;             ///< for people
+  std::optional<Refusal> refusal;  ///< of the contract itself
+  std::string answer;              ///< the contract's bytes, where it answered
+  TimeNs ordered_after_ns = 0;     ///< from the submit to the orderer's acknowledgement; 0: not known
+  TimeNs endorsed_ns = 0;          ///< CLOCK_MONOTONIC, when it was endorsed and signed; 0: it was not
+  TimeNs ordered_ns = 0;           ///< when the orderer acknowledged it; 0: not known, or its block came first
+
+  /// A call that ended without the ledger's verdict; of a refusal `message` is what the peer said.
+  static Outcome failed(Kind kind, std::string message) {
+    Outcome outcome;
+    outcome.kind = kind;
+    if (kind == Kind::refused) outcome.refusal = refusal_in(message);
+    outcome.message = std::move(message);
+    return outcome;
+  }
+};
+
+/// In a block, but what it had read was written by another before it: MVCC_READ_CONFLICT or PHANTOM_READ_CONFLICT.
+inline bool lost_to_another(const Outcome& outcome) {
+  return outcome.kind == Outcome::Kind::invalidated && (outcome.code == 11 || outcome.code == 12);
+}
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,96 @@
+#include "common/program/command_line.hpp"
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <sstream>
+
+#include "common/base/log.hpp"
+#include "common/program/program.hpp"
+
+namespace ledgerline {
+
+Option& Option::required(bool yes) { return option_->required(yes), *this; }
+Option& Option::shows_default() { return option_->capture_default_str(), *this; }
+Option& Option::within(int min, int max) { return option_->check(CLI::Range(min, max)), *this; }
+Option& Option::within(double min, double max) { return option_->check(CLI::Range(min, max)), *this; }
+Option& Option::positive() { return option_->check(CLI::PositiveNumber), *this; }
+Option& Option::one_of(const std::vector<std::string>& names) { return option_->check(CLI::IsMember(names)), *this; }
+Option& Option::one_of(std::initializer_list<int> numbers) {
+  return option_->check(CLI::IsMember(std::vector<int>(numbers))), *this;
+}
+Option& Option::checked_by(const std::string& kind, std::function<std::string(const std::string&)> problem) {
+  return option_->check(CLI::Validator(std::move(problem), kind)), *this;
+}
+Option& Option::existing_file() { return option_->check(CLI::ExistingFile), *this; }
+Option& Option::existing_path() { return option_->check(CLI::ExistingPath), *this; }
+Option& Option::comma_list(int values) {
+  option_->delimiter(',');
+  if (values > 0) option_->expected(values);
+  return *this;
+}
+Option& Option::needs(const Option& other) { return option_->needs(other.option_), *this; }
+Option& Option::excludes(const Option& other) { return option_->excludes(other.option_), *this; }
+bool Option::given() const { return option_->count() > 0; }
+
+template <typename T>
+Option Arguments::option(const std::string& name, T& value, const std::string& help) {
+  return Option(app_->add_option(name, value, help));
+}
+template Option Arguments::option(const std::string&, int&, const std::string&);
+template Option Arguments::option(const std::string&, unsigned&, const std::string&);
+template Option Arguments::option(const std::string&, std::uint64_t&, const std::string&);
+template Option Arguments::option(const std::string&, double&, const std::string&);
+template Option Arguments::option(const std::string&, std::string&, const std::string&);
+template Option Arguments::option(const std::string&, std::filesystem::path&, const std::string&);
+template Option Arguments::option(const std::string&, std::vector<int>&, const std::string&);
+template Option Arguments::option(const std::string&, std::vector<std::string>&, const std::string&);
+
+Option Arguments::flag(const std::string& name, bool& value, const std::string& help) {
+  return Option(app_->add_flag(name, value, help));
+}
+
+bool Arguments::given(const std::string& option) const { return app_->get_option(option)->count() > 0; }
+
+bool Verb::given() const { return app_->parsed(); }
+std::string Verb::name() const { return app_->get_name(); }
+
+CommandLine::CommandLine(const std::string& name, const std::string& about, const std::string& notes)
+    : Arguments(nullptr), name_(name), owned_(std::make_unique<CLI::App>(about, "ledgerline-" + name)) {
+  app_ = owned_.get();
+  app_->footer(notes);
+  app_->set_version_flag("--version", version_line(name), "Print the version and end");
+}
+
+CommandLine::~CommandLine() = default;
+
+Verb CommandLine::verb(const std::string& name, const std::string& about, const std::string& notes) {
+  app_->require_subcommand(1);
+  CLI::App* made = app_->add_subcommand(name, about);
+  made->footer(notes);
+  return Verb(made);
+}
+
+std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& arguments) {
+  try {
+    app_->parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));  // CLI11 takes the last one first
+    return std::nullopt;
+  } catch (const CLI::ParseError& end) {
+    std::ostringstream text;
+    const int code = app_->exit(end, text, text);
+    return EarlyEnd{code == 0 ? 0 : exit_usage, text.str()};
+  }
+}
+
+std::optional<int> CommandLine::parse(int argc, char** argv) {
+  const auto end = read({argv + 1, argv + argc});
+  if (!end) {
+    init_log(name_);
+    return std::nullopt;
+  }
+  std::fputs(end->text.c_str(), end->exit_code == 0 ? stdout : stderr);
+  return end->exit_code;
+}
+
+}  // namespace ledgerline

@@ -1,0 +1,96 @@
+#pragma once
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
+
+namespace ledgerline {
+
+/// One option of a command line, to say more of it.
+class Option {
+ public:
+  explicit Option(CLI::Option* option) : option_(option) {}
+
+  Option& required(bool yes = true);
+  Option& shows_default();
+  Option& within(int min, int max);
+  Option& within(double min, double max);
+  Option& positive();
+  Option& one_of(const std::vector<std::string>& names);
+  Option& one_of(std::initializer_list<int> numbers);
+  /// `kind`: what help calls its value; `problem`: what is wrong with a text, empty: nothing.
+  Option& checked_by(const std::string& kind, std::function<std::string(const std::string&)> problem);
+  Option& existing_file();
+  Option& existing_path();
+  /// Of a list: commas stand between its values, and there must be so many (0: one or more).
+  Option& comma_list(int values = 0);
+  Option& needs(const Option& other);
+  Option& excludes(const Option& other);
+
+  bool given() const;
+
+ private:
+  CLI::Option* option_;
+};
+
+/// What can be asked of a program, or of one of its verbs. Values are written where the references say, which must
+/// outlive the parsing.
+class Arguments {
+ public:
+  /// T: int, unsigned, std::uint64_t, double, std::string, a path, or a vector of int or std::string. A name without "--" is a
+  /// place on the line.
+  template <typename T>
+  Option option(const std::string& name, T& value, const std::string& help);
+  /// "!--no-x" makes `value` false.
+  Option flag(const std::string& name, bool& value, const std::string& help);
+  /// After the parsing: was this option there?
+  bool given(const std::string& option) const;
+
+ protected:
+  explicit Arguments(CLI::App* app) : app_(app) {}
+  CLI::App* app_;
+};
+
+class Verb : public Arguments {
+ public:
+  explicit Verb(CLI::App* app) : Arguments(app) {}
+  using Arguments::given;
+  bool given() const;
+  std::string name() const;
+};
+
+/// A program's end before its work: help, its version, or what is wrong with what it was given.
+struct EarlyEnd {
+  int exit_code = 0;
+  std::string text;
+};
+
+/// The command line of a program: its options and verbs, the help that they make, and `--version`. Every program
+/// has one, so that each answers --help and --version with 0, and what it does not know with 2. CLI11 does the work, in
+/// the .cpp alone: programs do not pay for it. One thread.
+class CommandLine : public Arguments {
+ public:
+  /// `name` without "ledgerline-"; `about` stands above the options in help, `notes` below them.
+  CommandLine(const std::string& name, const std::string& about, const std::string& notes);
+  ~CommandLine();
+
+  /// With verbs, one of them must be given.
+  Verb verb(const std::string& name, const std::string& about, const std::string& notes = "");
+
+  /// nullopt: the values are there, and the program goes on.
+  std::optional<EarlyEnd> read(const std::vector<std::string>& arguments);
+  /// read() for main(): prints an early end, and returns its exit code; else starts the log in the program's name.
+  std::optional<int> parse(int argc, char** argv);
+
+ private:
+  std::string name_;
+  std::unique_ptr<CLI::App> owned_;
+};
+
+}  // namespace ledgerline

@@ -1,0 +1,39 @@
+#pragma once
+#include <functional>
+#include <string>
+
+#include "common/base/result.hpp"
+
+namespace ledgerline {
+
+class Config;
+
+/// How every program ends: 0 as it should, 1 it could not do its work, 2 it was asked in a way that makes no sense.
+inline constexpr int exit_failed = 1;
+inline constexpr int exit_usage = 2;
+
+/// What --version prints of a program ("agent"; "" is `ledgerline` itself), without a line's end.
+std::string version_line(const std::string& program);
+
+/// Logs what went wrong and returns `exit_code`: `return fail(status.error());`
+int fail(const Error& error, int exit_code = exit_failed);
+/// The exit code of work that ended: what went wrong is logged; false is a failure that the program told of itself.
+int exit_code(const Status& ended);
+int exit_code(const Result<bool>& ended);
+
+/// A line of results, which are read as they come.
+void print_line(const std::string& line);
+
+/// A program whose only argument is a TOML file: `argument` is "--config", or a name for a place on the line.
+struct ConfigProgram {
+  std::string name;   ///< without "ledgerline-"
+  std::string about;  ///< above the options in help
+  std::string notes;  ///< below them: examples, keys, exit codes
+  std::string argument = "--config";
+};
+
+/// main() of such a program: command line, log, SIGINT and SIGTERM (stop_signals.hpp), and the file; then `run`, which
+/// returns the exit code.
+int run_with_config(int argc, char** argv, const ConfigProgram& program, const std::function<int(Config&)>& run);
+
+}  // namespace ledgerline

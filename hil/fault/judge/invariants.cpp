@@ -1,0 +1,225 @@
+#include "hil/fault/judge/invariants.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace ledgerline::hil {
+namespace {
+
+namespace which {
+enum Which : std::uint8_t {
+  too_fast,
+  too_high,
+  too_far,
+  crash,
+  unseen,
+  silent,
+  hovers,
+  rc_range,
+  ramps,
+  order,
+  old_plans,
+  in_the_air,
+  hangs,
+  missing,
+  lost,
+  unasked,
+  count
+};
+}  // namespace which
+constexpr std::array<std::string_view, which::count> invariant_names{
+    "always: never faster than the limits",
+    "always: never higher than the limits",
+    "always: never farther than the limits",
+    "always: no crash",
+    "always: who is not seen is stopped and landed",
+    "always: a hold or a landing after silence",
+    "always: a hold ends in a landing",
+    "always: rc in the SDK's range",
+    "always: told speed ramps",
+    "always: commands in order, each once",
+    "always: a brake takes its plans with it",
+    "always: on the ground in the end",
+    "always: no hang",
+    "always: every fault began",
+    "always: nothing acknowledged is lost",
+    "always: nothing is flown that nobody signed",
+};
+
+Moment::Excuse excuse_of(const Moment& moment, std::size_t drone) {
+  return moment.excuses.empty() ? Moment::Excuse{} : moment.excuses[drone];
+}
+
+}  // namespace
+
+Invariants::Invariants(const Limits& limits) : limits_(limits) {
+  for (const std::string_view text : invariant_names) {
+    Rule rule;
+    rule.text = text;
+    rule.always = true;
+    verdicts_.push_back({rule, true, 0, {}});
+  }
+}
+
+void Invariants::observe(const Moment& moment) {
+  drones_.resize(moment.drones.size());
+  for (std::size_t i = 0; i < moment.drones.size(); ++i) check_drone(moment, i);
+  for (const WorldEvent& event : moment.events) {
+    if (event.kind == WorldEvent::Kind::unasked)
+      broke(which::unasked, moment.now, fmt::format("{}: {}", moment.drones[event.drone].name, event.text));
+    if (event.kind == WorldEvent::Kind::bad_rc) broke(which::rc_range, moment.now, event.text);
+  }
+  check_order(moment);
+}
+
+void Invariants::check_order(const Moment& moment) {
+  for (const WorldEvent& event : moment.events) {
+    if (event.kind == WorldEvent::Kind::started) {  // it knows of nothing before
+      for (Drone& drone : drones_) {
+        if (event.text == "agent") drone.handed = 0;
+        if (event.text == "link") drone.applied = 0;
+      }
+    }
+    const bool handed = event.kind == WorldEvent::Kind::handed;
+    const DroneFacts& facts = moment.drones[event.drone];
+    // Else it may be a stop, whose sequence is nobody's.
+    const bool applied = event.kind == WorldEvent::Kind::applied && facts.phase == FlightPhase::flying &&
+                         facts.mode < FailsafeMode::land;
+    if ((!handed && !applied) || event.sequence == 0) continue;
+    std::uint64_t& newest = handed ? drones_[event.drone].handed : drones_[event.drone].applied;
+    if (event.sequence <= newest)
+      broke(which::order, moment.now,
+            fmt::format("{}: {} {} after {}", facts.name, handed ? "agent hands on" : "link flies", event.sequence,
+                        newest));
+    newest = event.sequence;
+  }
+}
+
+void Invariants::check_ramp(const Moment& moment, std::size_t index, bool rested) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const double changed =
+      std::hypot(facts.told[0] - drone.told[0], facts.told[1] - drone.told[1], facts.told[2] - drone.told[2]);
+  const double limit = limits_.told_mps2 * (facts.mode == FailsafeMode::brake ? 2 : 1);
+  drone.may_change_mps =
+      std::min(told_at_once_mps, drone.may_change_mps + limit * to_seconds(moment.now - drone.looked_ns));
+  drone.looked_ns = moment.now;
+  drone.told = facts.told;
+  if (!rested) return;
+  drone.may_change_mps -= changed;
+  if (drone.may_change_mps < 0)
+    broke(which::ramps, moment.now, fmt::format("{}: told {:.2f} m/s more or less at once", facts.name, changed));
+}
+
+void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  if (facts.mode == FailsafeMode::brake || !flies) {
+    drone.braked = flies;
+    drone.plans_at_brake = facts.plans_given;
+  }
+  if (drone.braked && facts.plans_given == drone.plans_at_brake && facts.mode == FailsafeMode::none &&
+      facts.told_mps > 0)
+    broke(which::old_plans, moment.now,
+          fmt::format("{}: told {:.2f} m/s after its brake, and no plan came", facts.name, facts.told_mps));
+}
+
+// Speed, height, place.
+void Invariants::check_limits(const Moment& moment, std::size_t index) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const auto& at = facts.truth.position_m;
+  const auto& v = facts.truth.velocity_mps;
+  const Moment::Excuse excuse = excuse_of(moment, index);
+  if (excuse.physical || !facts.truth.in_flight || facts.truth.crashed) return;
+  if (const double speed = std::hypot(v[0], v[1], v[2]); speed > limits_.speed_mps)
+    broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
+  const double high = std::max(0.0, at[2] - limits_.height_m);
+  double far = 0;
+  for (std::size_t i = 0; i < 2; ++i) far = std::max({far, limits_.min_m[i] - at[i], at[i] - limits_.max_m[i]});
+  if (excuse.deaf) {
+    drone.high_m = high;
+    drone.far_m = far;
+    return;
+  }
+  const auto beyond = [](double now, double before) { return now > (before > 0 ? before + farther_m : 0); };
+  if (beyond(high, drone.high_m)) broke(which::too_high, moment.now, fmt::format("{}: {:.2f} m", facts.name, at[2]));
+  if (beyond(far, drone.far_m))
+    broke(which::too_far, moment.now, fmt::format("{}: at {:.2f}, {:.2f} m", facts.name, at[0], at[1]));
+}
+
+void Invariants::check_unseen(const Moment& moment, std::size_t index) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const Moment::Excuse excuse = excuse_of(moment, index);
+  const bool unseen = moment.link_runs && facts.phase == FlightPhase::disconnected && facts.truth.in_flight;
+  if (!unseen || excuse.deaf || excuse.physical) {
+    drone.unseen_since_ns = 0;
+    return;
+  }
+  if (drone.unseen_since_ns == 0) drone.unseen_since_ns = moment.now;
+  const TimeNs since = moment.now - drone.unseen_since_ns;
+  const double speed = std::hypot(facts.truth.velocity_mps[0], facts.truth.velocity_mps[1]);
+  if (since > unseen_stops_ns && speed > unseen_mps)
+    broke(which::unseen, moment.now, fmt::format("{}: {:.2f} m/s, unseen", facts.name, speed));
+  if (since > unseen_down_ns)
+    broke(which::unseen, moment.now,
+          fmt::format("{}: unseen and in the air for {:.0f} s", facts.name, to_seconds(since)));
+}
+
+void Invariants::check_drone(const Moment& moment, std::size_t index) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const TimeNs now = moment.now;
+  if (facts.truth.crashed && !excuse_of(moment, index).broken) broke(which::crash, now, facts.name + " turned over");
+  check_limits(moment, index);
+  check_unseen(moment, index);
+
+  const bool flies = moment.link_runs && facts.phase == FlightPhase::flying;
+  if (!flies) {
+    drone.rested_since_ns = 0;
+  } else if (drone.rested_since_ns == 0) {
+    drone.rested_since_ns = now;
+  }
+  // A link that stood still says nothing for a second, so that the drone may land itself: see LinkSettings.
+  const bool rested = flies && now - drone.rested_since_ns > 1'500 * ns_per_ms;
+  check_ramp(moment, index, rested);
+  check_brake(moment, index, flies);
+  if (flies) {
+    const TimeNs silent_since = std::max(facts.plan_end_ns, drone.rested_since_ns);
+    const TimeNs silent_for = now - silent_since;
+    if (rested && silent_for > hold_within_ns && facts.mode == FailsafeMode::none) {
+      broke(which::silent, now,
+            fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name, to_ms(silent_for)));
+    }
+    if (rested && silent_for > hold_within_ns + ramp_ns && facts.told_mps > 0) {
+      broke(which::silent, now,
+            fmt::format("{}: told {:.2f} m/s {:.0f} ms after its plan's end", facts.name, facts.told_mps,
+                        to_ms(silent_for)));
+    }
+  }
+  const bool hovering = flies && (facts.mode == FailsafeMode::hold || facts.mode == FailsafeMode::brake);
+  if (!hovering) {
+    drone.hovering_since_ns = 0;
+  } else if (drone.hovering_since_ns == 0) {
+    drone.hovering_since_ns = now;
+  } else if (now - drone.hovering_since_ns > land_after_ns) {
+    broke(which::hovers, now,
+          fmt::format("{} hovers for {:.1f} s", facts.name, to_seconds(now - drone.hovering_since_ns)));
+  }
+}
+
+void Invariants::finish(const Ending& ending) {
+  if (!ending.over) broke(which::hangs, ending.now, ending.why.empty() ? "it goes on" : ending.why);
+  if (!ending.missing.empty()) broke(which::missing, ending.now, ending.missing.front());
+  if (!ending.crashed.empty()) broke(which::crash, ending.now, ending.crashed.front());
+  if (!ending.lost.empty())
+    broke(which::lost, ending.now,
+          fmt::format("{}{}", ending.lost.front(),
+                      ending.lost.size() > 1 ? fmt::format(" and {} more", ending.lost.size() - 1) : ""));
+  for (const std::string& name : ending.in_the_air) broke(which::in_the_air, ending.now, name);
+}
+
+}  // namespace ledgerline::hil

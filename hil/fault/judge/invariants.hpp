@@ -1,0 +1,76 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "hil/fault/judge/rule.hpp"
+
+namespace ledgerline::hil {
+
+/// What must hold in every run:
+///
+///     speed, height, distance   never beyond the limits, but of a drone that was pushed, broken or deafened, until 5 s
+///                               behind that fault's end (1 s behind the start of a link that was away); where it got
+///                               meanwhile it may stay, but no farther than 0.5 m on
+///     no crash                  no drone turns over but one that a fault broke, and no process ends but by a fault
+///     unseen                    a drone in the air that a running link does not see stands still after 1 s, and is
+///                               down after 25 s: whatever became of the link before
+///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later it
+///                               tells the drone zero
+///     landing after a hold      a hold or brake of land_after (5 s) and 0.5 s more is a landing
+///     rc in range               as the SDK takes it
+///     ramps                     what the drone is told changes no faster than the limit of acceleration, but for a
+///                               link that stood still
+///     commands in order         agent hands each one on once, link flies from each one once, none after a newer one
+///     a brake takes its plans   after it nothing is flown before another plan came
+///     down in the end           when the run is over, or its time is up, nothing is in the air
+///     no hang                   it is over before its time is up
+///     every fault began         of the script, but those that are optional: otherwise the run says nothing about it
+///     nothing unasked           what agent hands on is in a call that its creator signed, and what ground flies by is
+///                               what link said
+///     nothing is lost           that was acknowledged as committed; transitions have no gap
+///
+/// Plain data in, verdicts out. One thread.
+class Invariants {
+ public:
+  explicit Invariants(const Limits& limits);
+
+  void observe(const Moment& moment);
+  void finish(const Ending& ending);
+  const std::vector<Verdict>& verdicts() const { return verdicts_; }
+
+  static constexpr TimeNs hold_within_ns = 300 * ns_per_ms;
+  static constexpr TimeNs ramp_ns = 600 * ns_per_ms;  ///< from 2 m/s at 4 m/s2, and a step of rc
+  static constexpr double told_at_once_mps = 0.3;     ///< between two rc of a ramp, and their rounding
+  static constexpr TimeNs land_after_ns = 5'500 * ns_per_ms;
+  static constexpr double farther_m = 0.5;  ///< than where it got while it was deaf
+  static constexpr TimeNs unseen_stops_ns = 1 * ns_per_s, unseen_down_ns = 25 * ns_per_s;
+  static constexpr double unseen_mps = 0.4;  ///< horizontally: gusts, and how a Tello drifts
+
+ private:
+  struct Drone {
+    TimeNs hovering_since_ns = 0;
+    TimeNs unseen_since_ns = 0;    ///< in the air, and link runs but does not see it
+    double high_m = 0, far_m = 0;  ///< beyond the limits: where it got while it was deaf
+    TimeNs rested_since_ns = 0;    ///< link runs and the drone flies, without a break
+    std::array<double, 3> told{};
+    double may_change_mps = 0;  ///< what it is told, now
+    TimeNs looked_ns = 0;
+    std::uint64_t handed = 0, applied = 0;  ///< newest sequences
+    bool braked = false;
+    std::uint64_t plans_at_brake = 0;  ///< that link had been given when it ended
+  };
+  void check_drone(const Moment& moment, std::size_t drone);
+  void check_limits(const Moment& moment, std::size_t drone);
+  void check_unseen(const Moment& moment, std::size_t drone);
+  void check_ramp(const Moment& moment, std::size_t drone, bool rested);
+  void check_brake(const Moment& moment, std::size_t drone, bool flies);
+  void check_order(const Moment& moment);
+  void broke(std::size_t which, TimeNs now, std::string what) { verdicts_[which].broke(now, std::move(what)); }
+
+  Limits limits_;
+  std::vector<Verdict> verdicts_;
+  std::vector<Drone> drones_;
+};
+
+}  // namespace ledgerline::hil

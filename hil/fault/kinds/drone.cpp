@@ -1,0 +1,175 @@
+// Faults of the drones themselves, of their lines, sensors and air.
+#include "hil/fault/kinds/said.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using Said = FaultKind::Said;
+
+DroneNumber number_of(VirtualWorld& world, std::size_t drone) { return world.facts()[drone].number; }
+
+Result<FaultActs> line_effects(const Said& said) {
+  const std::string_view line = said.words[0];
+  const auto effects = effects_in(said.rest);
+  if (!effects) return effects.error();
+  std::vector<LineAt> lines;
+  if (line == "to" || line == "both") lines.push_back(LineAt::to);
+  if (line == "answers" || line == "from" || line == "both") lines.push_back(LineAt::answers);
+  if (line == "states" || line == "from" || line == "both") lines.push_back(LineAt::states);
+  return FaultActs{.lasts_on =
+                       [lines, effects = *effects](Effects::OfDrone& drone, std::size_t) {
+                         for (const LineAt at : lines) overlay(effects, drone.line(at));
+                       },
+                   .deafens = lines.front() == LineAt::to};
+}
+
+Result<FaultActs> plan_effects(const Said& said) {
+  const auto effects = effects_in(said.rest);
+  if (!effects) return effects.error();
+  const std::string_view none = effects->corrupt > 0    ? "corrupt"
+                                : effects->truncate > 0 ? "truncate"
+                                : effects->rate         ? "rate"
+                                                        : "";
+  if (!none.empty()) return Error{"agent hands plans on in shared memory, which has no " + std::string(none)};
+  return FaultActs{.lasts_on = [effects = *effects](Effects::OfDrone& drone,
+                                                    std::size_t) { overlay(effects, drone.line(LineAt::plans)); },
+                   .not_real = because("plans go from agent to link in shared memory")};
+}
+
+Result<FaultActs> reboot(const Said&) {
+  return FaultActs{
+      .strike = [](VirtualWorld& world, std::size_t drone) { world.sim().restart(number_of(world, drone)); },
+      .not_real = because(inside_the_simulation),
+      .momentary = true,
+      .pushes = true};
+}
+
+Result<FaultActs> lose_propeller(const Said&) {
+  return FaultActs{
+      .strike = [](VirtualWorld& world, std::size_t drone) { world.sim().lose_propeller(number_of(world, drone)); },
+      .not_real = because(inside_the_simulation),
+      .momentary = true,
+      .pushes = true,
+      .breaks = true,
+      .for_good = true};
+}
+
+Result<FaultActs> set_battery(const Said& said) {
+  const auto share = share_of(said.words[0]);
+  if (!share) return Error{"battery must be followed by a share, 0% to 100%"};
+  return FaultActs{
+      .strike = [share = *share](VirtualWorld& world,
+                                 std::size_t drone) { world.sim().set_battery(number_of(world, drone), share); },
+      .not_real = because(inside_the_simulation),
+      .momentary = true};
+}
+
+Result<FaultActs> drain(const Said& said) {
+  const auto share = share_of(said.words[0]);
+  if (!share) return Error{"drain must be followed by a share a second, 0% to 100%"};
+  return FaultActs{.lasts_on = [share = *share](Effects::OfDrone& drone, std::size_t) { drone.drain_per_s += share; },
+                   .not_real = because(inside_the_simulation)};
+}
+
+Result<FaultActs> kick(const Said& said) {
+  const auto velocity = vector_of(said.words);
+  if (!velocity) return Error{"kick must be followed by three velocities in m/s"};
+  return FaultActs{
+      .strike = [velocity = *velocity](VirtualWorld& world,
+                                       std::size_t drone) { world.sim().kick(number_of(world, drone), velocity); },
+      .not_real = because(inside_the_simulation),
+      .momentary = true,
+      .pushes = true};
+}
+
+// Winds add up.
+Result<FaultActs> wind(const Said& said) {
+  const auto velocity = vector_of(said.words);
+  if (!velocity) return Error{"wind must be followed by three velocities in m/s"};
+  return FaultActs{.lasts =
+                       [velocity = *velocity](Effects& effects) {
+                         for (std::size_t i = 0; i < 3; ++i) effects.wind_mps[i] += velocity[i];
+                       },
+                   .not_real = because(inside_the_simulation),
+                   .pushes = true};
+}
+
+Result<FaultActs> sensor(const Said& said) {
+  const auto fault = parse_sensor(said.rest);
+  if (!fault) return fault.error();
+  return FaultActs{
+      .lasts_on =
+          [fault = *fault](Effects::OfDrone& drone, std::size_t item) {
+            drone.sensors.push_back(fault);
+            drone.sensors.back().item = item;
+          },
+      .really_begin = [text = said.text](RealActs& real, const RealLedger&) { real.proxy.push_back(text); },
+      .really_end = [text = said.text](RealActs& real, const RealLedger&,
+                                       bool) { real.proxy.push_back(text + " off"); }};
+}
+
+Result<FaultActs> of_mocap(void (*set)(MocapFault&, const std::array<double, 3>&), const std::array<double, 3>& value,
+                           double misleads_m = 0) {
+  return FaultActs{.lasts_on = [set, value](Effects::OfDrone& drone, std::size_t) { set(drone.mocap, value); },
+                   .not_real = because(inside_the_simulation),
+                   .misleads_m = misleads_m};
+}
+
+Result<FaultActs> mocap_frozen(const Said&) {
+  return of_mocap([](MocapFault& mocap, const auto&) { mocap.frozen = true; }, {});
+}
+
+Result<FaultActs> mocap_jump(const Said& said) {
+  const auto offset = vector_of(said.words);
+  if (!offset) return Error{"jump must be followed by three distances in m"};
+  const auto add = [](MocapFault& mocap, const auto& metres) {
+    for (std::size_t i = 0; i < 3; ++i) mocap.offset_m[i] += metres[i];
+  };
+  return of_mocap(add, *offset, std::hypot((*offset)[0], (*offset)[1], (*offset)[2]));
+}
+
+Result<FaultActs> mocap_noise(const Said& said) {
+  const auto sigma = parse_number(said.words[0]);
+  if (!sigma || *sigma < 0 || *sigma > 100) return Error{"noise must be followed by 0 to 100 m"};
+  return of_mocap([](MocapFault& mocap, const auto& metres) { mocap.noise_m = metres[0]; }, {*sigma}, 3 * *sigma);
+}
+
+Result<FaultActs> mocap_every(const Said& said) {
+  const auto period = parse_time(said.words[0]);
+  if (!period) return period.error();
+  if (*period <= 0) return Error{"every must be followed by more than 0 s"};
+  return FaultActs{
+      .lasts_on = [period = *period](Effects::OfDrone& drone, std::size_t) { drone.mocap.period_ns = period; },
+      .not_real = because(inside_the_simulation)};
+}
+
+Result<FaultActs> mocap_effects(const Said& said) {
+  const auto effects = effects_in(said.rest);
+  if (!effects) return effects.error();
+  return FaultActs{.lasts_on = [effects = *effects](Effects::OfDrone& drone,
+                                                    std::size_t) { overlay(effects, drone.line(LineAt::mocap)); },
+                   .not_real = because("mocap goes past the proxy, by DDS")};
+}
+
+constexpr FaultKind drone_table[] = {
+    {"drone NAME to|answers|states|from|both EFFECTS...", line_effects},
+    {"drone NAME plans EFFECTS...", plan_effects},
+    {"drone NAME reboot", reboot},
+    {"drone NAME propeller", lose_propeller},
+    {"drone NAME battery SHARE", set_battery},
+    {"drone NAME drain SHARE", drain},
+    {"drone NAME kick X Y Z", kick},
+    {"sensor NAME FIELD...", sensor},
+    {"mocap NAME frozen", mocap_frozen},
+    {"mocap NAME jump X Y Z", mocap_jump},
+    {"mocap NAME noise METRES", mocap_noise},
+    {"mocap NAME every TIME", mocap_every},
+    {"mocap NAME EFFECTS...", mocap_effects},
+    {"wind X Y Z", wind},
+};
+
+}  // namespace
+
+std::span<const FaultKind> drone_faults() { return drone_table; }
+
+}  // namespace ledgerline::hil

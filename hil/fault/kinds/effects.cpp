@@ -1,0 +1,36 @@
+#include "hil/fault/kinds/effects.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
+  port.cut(now, effects.cut);
+  port.stale(effects.stale);
+  port.lie(effects.lie);
+  port.slip(effects.slip);
+  port.stall_to(effects.stall_to);
+  port.stall_from(effects.stall_from);
+  port.delay_to(effects.delay_to);
+  port.delay_from(effects.delay_from);
+}
+
+}  // namespace
+
+void Effects::apply_to(VirtualWorld& world) const {
+  world.relay().lie(relay ? relay->lie : RelayLie::none);
+  if (relay) world.relay().compared(relay->compared);
+  world.stall_ledger(ledger_stalled);
+  for (const Process process : {Process::agent, Process::link, Process::ground}) {
+    world.stop(process, stopped[static_cast<std::size_t>(process)]);
+    if (process != Process::link) set_port(world.port(process), world.now(), port(process));
+  }
+  world.sim().set_wind(wind_mps);
+  for (std::size_t i = 0; i < drones.size(); ++i) {
+    for (std::size_t at = 0; at < line_count; ++at) world.lines(i).impair(static_cast<LineAt>(at), drones[i].lines[at]);
+    world.lines(i).set_sensor_faults(drones[i].sensors);
+    world.lines(i).set_mocap_fault(drones[i].mocap);
+    world.sim().drain_battery(world.facts()[i].number, drones[i].drain_per_s);
+  }
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,48 @@
+#pragma once
+#include <array>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "hil/virtual/world.hpp"
+
+namespace ledgerline::hil {
+
+/// What all faults that go on now make of a world together: faults may overlap, so the whole is computed anew whenever
+/// one begins or ends. Plain data.
+struct Effects {
+  struct OfDrone {
+    std::array<Impairment, line_count> lines;
+    std::vector<SensorFault> sensors;
+    MocapFault mocap;
+    double drain_per_s = 0;
+    Impairment& line(LineAt at) { return lines[static_cast<std::size_t>(at)]; }
+    const Impairment& line(LineAt at) const { return lines[static_cast<std::size_t>(at)]; }
+  };
+  /// A process' connection to the ledger.
+  struct OfPort {
+    bool cut = false, stale = false, stall_to = false, stall_from = false;
+    std::optional<Distribution> delay_to, delay_from;
+    Lie lie = Lie::none;
+    Slip slip = Slip::none;
+  };
+  struct OfRelay {
+    RelayLie lie = RelayLie::none;
+    bool compared = false;  ///< clients compare events before they sign
+  };
+
+  explicit Effects(std::size_t drone_count) : drones(drone_count) {}
+
+  std::vector<OfDrone> drones;
+  std::array<OfPort, process_count> ports;  ///< by Process; link has none
+  std::array<bool, process_count> stopped{};
+  std::optional<OfRelay> relay;
+  bool ledger_stalled = false;
+  std::array<double, 3> wind_mps{};
+
+  OfPort& port(Process process) { return ports[static_cast<std::size_t>(process)]; }
+  const OfPort& port(Process process) const { return ports[static_cast<std::size_t>(process)]; }
+  void apply_to(VirtualWorld& world) const;
+};
+
+}  // namespace ledgerline::hil

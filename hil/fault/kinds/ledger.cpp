@@ -1,0 +1,172 @@
+// Faults of the ledger, of the connections to it, and of those who speak over them.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <csignal>
+
+#include "hil/fault/kinds/said.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using Said = FaultKind::Said;
+
+void signal_ledger(RealActs& real, const RealLedger& ledger, int signal) {
+  if (!ledger.fabric) real.programs.emplace_back("ledgerline-node", signal);
+  for (int k = 1; ledger.fabric && k <= fabric_orderers; ++k)
+    real.parts.emplace_back(fmt::format("orderer{}", k), signal);
+}
+
+Result<FaultActs> stall_ledger(const Said&) {
+  return FaultActs{
+      .lasts = [](Effects& effects) { effects.ledger_stalled = true; },
+      .really_begin = [](RealActs& real, const RealLedger& ledger) { signal_ledger(real, ledger, SIGSTOP); },
+      .really_end =
+          [](RealActs& real, const RealLedger& ledger, bool goes_on) {
+            if (!goes_on) signal_ledger(real, ledger, SIGCONT);
+          }};
+}
+
+Result<FaultActs> restart_ledger(const Said&) {
+  return FaultActs{.begin = [](VirtualWorld& world) { world.restart_ledger(); },
+                   .not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
+                     return ledger.fabric
+                                ? "name the part: `peer 1 kill`, `orderer 1 kill`, `chaincode 1 kill`"
+                                : "the embedded node's end is the flight's end: use `ledger stall`, or fly on Fabric";
+                   },
+                   .momentary = true};
+}
+
+/// While it goes on, of each of these processes' connections.
+template <typename Set>
+auto on_ports(std::string_view whose, Set set) {
+  return [processes = processes_of(whose), set](Effects& effects) {
+    for (const Process process : processes) set(effects.port(process));
+  };
+}
+
+Result<FaultActs> cut(const Said& said) {
+  return FaultActs{.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.cut = true; }),
+                   .really_begin = [processes = processes_of(said.words[0])](RealActs& real, const RealLedger& ledger) {
+                     for (const Process process : processes) {
+                       for (const std::string& server : servers_of(process, ledger))
+                         real.proxy.push_back("server " + server + " cut");
+                     }
+                   }};
+}
+
+Result<FaultActs> stale(const Said& said) {
+  return FaultActs{.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.stale = true; }),
+                   .not_real = because("a peer that is behind its channel is not built: virtual time alone has it")};
+}
+
+Result<FaultActs> lie(const Said& said) {
+  const auto lie = lie_from(said.rest);
+  if (!lie) return Error{"lies must be followed by one of " + lies()};
+  return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.lie = lie; }),
+                   .not_real = because(nobody_real)};
+}
+
+// Of several relays the later one in the script counts.
+Result<FaultActs> relay(const Said& said) {
+  const auto words = words_of(said.rest);
+  const auto lie = words.empty() ? std::nullopt : relay_lie_from(words[0]);
+  if (!lie || words.size() > 2 || (words.size() == 2 && words[1] != "compared"))
+    return Error{"ledger relay must be followed by one of " + relay_lies() + ", and may by compared"};
+  return FaultActs{
+      .lasts = [lies = Effects::OfRelay{*lie, words.size() == 2}](Effects& effects) { effects.relay = lies; },
+      .not_real = because(nobody_real)};
+}
+
+// Without a way: both.
+Result<FaultActs> stall_port(const Said& said) {
+  const bool one_way = said.words.size() > 1;
+  const bool to = !one_way || said.words[1] == "to", from = !one_way || said.words[1] == "from";
+  return FaultActs{.lasts = on_ports(said.words[0], [to, from](Effects::OfPort& port) {
+                     port.stall_to = port.stall_to || to;
+                     port.stall_from = port.stall_from || from;
+                   })};
+}
+
+// Of several delays the later one in the script counts.
+Result<FaultActs> delay_port(const Said& said) {
+  const bool one_way = said.words.size() > 1;
+  const bool to = !one_way || said.words[1] == "to", from = !one_way || said.words[1] == "from";
+  const auto delay = parse_distribution(said.rest);
+  if (!delay) return delay.error();
+  return FaultActs{.lasts = on_ports(said.words[0], [to, from, delay = *delay](Effects::OfPort& port) {
+                     if (to) port.delay_to = delay;
+                     if (from) port.delay_from = delay;
+                   })};
+}
+
+Result<FaultActs> refuse_effect(const Said& said) {
+  const std::string effect(said.rest.substr(0, said.rest.find(' ')));
+  for (const std::string_view no : {"loss", "duplicate", "reorder", "corrupt", "truncate", "jitter", "partition"}) {
+    if (effect == no)
+      return Error{fmt::format("a ledger's connection is a stream (TCP) and has no {}: use delay, stall or cut", no)};
+  }
+  return Error{
+      "must be `ledger agent|ground|both ` and cut, stale, lies WHAT, or [to|from] with stall or delay "
+      "DISTRIBUTION"};
+}
+
+Result<FaultActs> slip(const Said& said) {
+  const auto slip = slip_from(said.rest);
+  if (!slip) return Error{"operator errs must be followed by one of " + slips()};
+  return FaultActs{.lasts = on_ports("ground", [slip = *slip](Effects::OfPort& port) { port.slip = slip; }),
+                   .not_real = because(nobody_real)};
+}
+
+Result<FaultActs> say_stop(const Said& said) {
+  const std::string_view who = said.words[0], word = said.words[1];
+  const Stopper stopper = who == "operator"     ? Stopper::operating
+                          : who == "supervisor" ? Stopper::supervisor
+                                                : Stopper::stranger;
+  const StopWord stop_word = word == "stop" ? StopWord::stop : word == "cut" ? StopWord::cut : StopWord::resume;
+  return FaultActs{.strike = [stopper, stop_word](VirtualWorld& world,
+                                                  std::size_t drone) { world.say_stop(stopper, drone, stop_word); },
+                   .really_begin =
+                       [word = std::string(word), drone = said.drone](RealActs& real, const RealLedger&) {
+                         real.control = {word, drone};
+                       },
+                   .not_real = [stopper, stop_word](const Fault&, const RealLedger&) -> std::string {
+                     if (stopper != Stopper::operating)
+                       return "nobody but the operator is enrolled there: virtual time alone has it";
+                     return stop_word == StopWord::cut ? "a real flight's motors are not cut: virtual time alone has it"
+                                                       : "";
+                   },
+                   .momentary = true,
+                   .pushes = stop_word == StopWord::cut,
+                   .needs_supervisors = stopper != Stopper::operating};
+}
+
+constexpr FaultKind ledger_table[] = {
+    {"ledger stall", stall_ledger},
+    {"ledger restart", restart_ledger},
+    {"ledger agent|ground|both cut", cut},
+    {"ledger agent|ground|both stale", stale},
+    {"ledger agent|ground|both stall", stall_port},
+    {"ledger agent|ground|both to|from stall", stall_port},
+    {"ledger agent|ground|both delay DISTRIBUTION...", delay_port},
+    {"ledger agent|ground|both to|from delay DISTRIBUTION...", delay_port},
+    {"ledger agent|ground|both EFFECTS...", refuse_effect},
+    {"ledger agent|ground|both to|from EFFECTS...", refuse_effect},
+    {"ledger agent|ground|both lies WHAT...", lie},
+    {"ledger relay LIE...", relay},
+    {"operator errs WHAT...", slip},
+    {"operator|supervisor|stranger stop|cut|resume NAME", say_stop},
+};
+
+}  // namespace
+
+std::vector<std::string> servers_of(Process process, const RealLedger& ledger) {
+  std::vector<std::string> names{name_of(process)};
+  for (int k = 1; ledger.fabric && k <= fabric_orderers; ++k)
+    names.push_back(fmt::format("{}-orderer{}", name_of(process), k));
+  return names;
+}
+
+std::span<const FaultKind> ledger_faults() { return ledger_table; }
+
+}  // namespace ledgerline::hil

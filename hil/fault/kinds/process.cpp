@@ -1,0 +1,140 @@
+// Faults of processes, and of the machine that they run on.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <csignal>
+
+#include "hil/fault/kinds/said.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using Said = FaultKind::Said;
+
+constexpr TimeNs max_death_ns = ns_per_s;  // the launcher starts again what died, within half a second
+
+void signal(RealActs& real, Process process, int signal) {
+  real.programs.emplace_back("ledgerline-" + name_of(process), signal);
+}
+
+Result<FaultActs> kill(const Said& said) {
+  const Process process = processes_of(said.words[0])[0];
+  return FaultActs{.begin = [process](VirtualWorld& world) { world.kill(process); },
+                   .end = [process](VirtualWorld& world) { world.start(process); },
+                   .really_begin = [process](RealActs& real, const RealLedger&) { signal(real, process, SIGKILL); },
+                   .not_real = [process](const Fault& fault, const RealLedger&) -> std::string {
+                     if (process == Process::ground) return "ground's end is the flight's end: use `ground stop`";
+                     const bool short_enough = fault.for_ns > 0 && fault.for_ns <= max_death_ns;
+                     return short_enough ? "" : "the launcher starts it again at once: `for` must be at most 1 s";
+                   },
+                   .stops_link = process == Process::link,
+                   .kills = process == Process::link    ? "link"
+                            : process == Process::agent ? "agent"
+                                                        : "ground"};
+}
+
+Result<FaultActs> stop(const Said& said) {
+  const Process process = processes_of(said.words[0])[0];
+  return FaultActs{.lasts = [process](Effects& effects) { effects.stopped[static_cast<std::size_t>(process)] = true; },
+                   .really_begin = [process](RealActs& real, const RealLedger&) { signal(real, process, SIGSTOP); },
+                   .really_end =
+                       [process](RealActs& real, const RealLedger&, bool goes_on) {
+                         if (!goes_on) signal(real, process, SIGCONT);
+                       },
+                   .stops_link = process == Process::link};
+}
+
+Result<FaultActs> end_link(const Said&) {
+  return FaultActs{.begin = [](VirtualWorld& world) { world.end_link(); },
+                   .not_real = because("link's end is the flight's end: virtual time alone has it"),
+                   .momentary = true,
+                   .for_good = true,
+                   .stops_link = true};
+}
+
+Result<FaultActs> jump_clock(const Said& said) {
+  const bool back = said.words[0].starts_with('-');
+  const auto by = parse_time(said.words[0].substr(back ? 1 : 0));
+  if (!by) return by.error();
+  return FaultActs{.begin = [by_ns = back ? -*by : *by](VirtualWorld& world) { world.jump_clock(by_ns); },
+                   .not_real = because("the machine's clock is not this flight's alone: virtual time alone has it"),
+                   .momentary = true};
+}
+
+constexpr FaultKind process_table[] = {
+    {"agent|link|ground kill", kill},
+    {"agent|link|ground stop", stop},
+    {"link end", end_link},
+    {"clock jump TIME", jump_clock},
+};
+
+Result<FaultActs> kill_part_named(const std::string& part) {
+  return FaultActs{
+      .really_begin = [part](RealActs& real, const RealLedger&) { real.parts.emplace_back(part, SIGKILL); },
+      .not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
+        return ledger.fabric ? "" : "it is a part of Fabric: fly on it with --ledger fabric";
+      },
+      .momentary = true};
+}
+
+Result<FaultActs> kill_leader(const Said&) { return kill_part_named(leader_part); }
+
+Result<FaultActs> kill_part(const Said& said) {
+  const auto number = parse_number(said.words[1]);
+  if (!number || *number < 1 || *number > 3 || *number != std::floor(*number))
+    return Error{fmt::format("must be `{} N kill`, N from 1 to 3", said.words[0])};
+  return kill_part_named(fmt::format("{}{:.0f}", said.words[0], *number));
+}
+
+Result<FaultActs> kill_roudi(const Said&) {
+  return FaultActs{.really_begin = [](RealActs& real,
+                                      const RealLedger&) { real.programs.emplace_back("ledgerline-roudi", SIGKILL); },
+                   .momentary = true,
+                   .kills = "roudi"};
+}
+
+Result<FaultActs> burn_core(const Said& said) {
+  const auto core = parse_number(said.words[0]);
+  if (!core || *core < 0 || *core >= 1024 || *core != std::floor(*core))
+    return Error{"must be `cpu N burn`, N being a core from 0 on"};
+  return FaultActs{
+      .really_begin = [core = static_cast<int>(*core)](RealActs& real, const RealLedger&) { real.burn_core = core; },
+      .really_end =
+          [core = static_cast<int>(*core)](RealActs& real, const RealLedger&, bool goes_on) {
+            if (!goes_on) real.burn_core = core;
+          }};
+}
+
+Result<FaultActs> take_memory(const Said& said) {
+  const std::string_view size = said.words[0];
+  const auto megabytes = size.ends_with("MB") ? parse_number(size.substr(0, size.size() - 2)) : std::nullopt;
+  if (!megabytes || *megabytes < 1 || *megabytes > 1e6) return Error{"must be `memory take 500MB`, with at least 1MB"};
+  const auto bytes = static_cast<std::uint64_t>(*megabytes * 1e6);
+  return FaultActs{.really_begin = [bytes](RealActs& real, const RealLedger&) { real.take_bytes = bytes; },
+                   .really_end = [bytes](RealActs& real, const RealLedger&, bool) { real.take_bytes = bytes; }};
+}
+
+Result<FaultActs> fill_disk(const Said&) {
+  return FaultActs{.really_begin = [](RealActs& real, const RealLedger&) { real.fill_disk = true; },
+                   .really_end = [](RealActs& real, const RealLedger&, bool goes_on) { real.fill_disk = !goes_on; },
+                   .not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
+                     return ledger.fabric ? "Fabric's parts end on a full disk: fly on the embedded node" : "";
+                   },
+                   .fills_disk = true};
+}
+
+constexpr FaultKind machine_table[] = {
+    {"peer|orderer|chaincode N kill", kill_part, true},
+    {"orderer leader kill", kill_leader, true},
+    {"roudi kill", kill_roudi, true},
+    {"cpu N burn", burn_core, true},
+    {"memory take SIZE", take_memory, true},
+    {"disk full", fill_disk, true},
+};
+
+}  // namespace
+
+std::span<const FaultKind> process_faults() { return process_table; }
+std::span<const FaultKind> machine_faults() { return machine_table; }
+
+}  // namespace ledgerline::hil

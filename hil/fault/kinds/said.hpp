@@ -1,0 +1,61 @@
+#pragma once
+#include <cmath>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "hil/fault/kinds/fault.hpp"
+#include "hil/lines/text_parse.hpp"
+
+// What the rows of the tables read from words, and the reasons that several of them have.
+namespace ledgerline::hil {
+
+inline constexpr std::string_view inside_the_simulation = "it is inside of the simulation: virtual time alone has it";
+inline constexpr std::string_view nobody_real = "no real peer or operator does this: virtual time alone has it";
+
+/// For FaultActs::not_real.
+inline auto because(std::string_view reason) {
+  return [reason](const Fault&, const RealLedger&) { return std::string(reason); };
+}
+
+/// Metres, or metres a second.
+inline std::optional<std::array<double, 3>> vector_of(const std::vector<std::string_view>& words) {
+  std::array<double, 3> v{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto value = parse_number(words[i]);
+    if (!value || std::abs(*value) > 100) return std::nullopt;
+    v[i] = *value;
+  }
+  return v;
+}
+
+/// "7%".
+inline std::optional<double> share_of(std::string_view word) {
+  if (!word.ends_with('%')) return std::nullopt;
+  const auto value = parse_number(word.substr(0, word.size() - 1));
+  if (!value || *value < 0 || *value > 100) return std::nullopt;
+  return *value / 100;
+}
+
+/// "agent", "ground", "link", or "both": agent and ground.
+inline std::vector<Process> processes_of(std::string_view word) {
+  if (word == "both") return {Process::agent, Process::ground};
+  return {word == "agent" ? Process::agent : word == "link" ? Process::link : Process::ground};
+}
+
+/// "delay 200ms, loss 5%": effects that are there.
+inline Result<Impairment> effects_in(std::string_view text) {
+  Impairment all;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t comma = std::min(text.find(',', begin), text.size());
+    Impairment effect;
+    if (auto applied = apply_effect(text.substr(begin, comma - begin), effect); !applied) return applied.error();
+    if (!effect.any()) return Error{"does nothing: a fault ends by its `for`, not by `off` or `clear`"};
+    overlay(effect, all);
+    begin = comma + 1;
+  }
+  return all;
+}
+
+}  // namespace ledgerline::hil

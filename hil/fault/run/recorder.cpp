@@ -1,0 +1,106 @@
+#include "hil/fault/run/recorder.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/msg/names.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+// How far the fence may be off, since what link believes is off.
+double misled_m(const std::vector<Fault>& faults) {
+  double metres = 0;
+  for (const Fault& fault : faults) metres += fault.acts.misleads_m;
+  return metres;
+}
+
+TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
+  TimelinePoint point;
+  point.t_ns = now;
+  for (std::size_t i = 0; i < 3; ++i) {
+    point.at_m[i] = static_cast<float>(facts.truth.position_m[i]);
+    if (facts.pose) point.believed_m[i] = static_cast<float>(facts.pose->position_m[i]);
+  }
+  point.told_mps = static_cast<float>(facts.told_mps);
+  point.phase = facts.phase;
+  point.mode = facts.mode;
+  point.cause = facts.cause;
+  point.lap = static_cast<std::uint8_t>(std::min(facts.lap, 255));
+  return point;
+}
+
+}  // namespace
+
+Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
+  const double slack = 1.5 + misled_m(script.faults), room = script.flight.room_m.value_or(3);
+  Limits limits;
+  limits.height_m += misled_m(script.faults);
+  limits.fence_min_m = {-std::abs(room), -std::abs(room), 0};
+  limits.fence_max_m = {0, 0, 3};
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (const DroneFacts& drone : drones)
+      limits.fence_max_m[i] = std::max(limits.fence_max_m[i], drone.start_m[i] + script.flight.side_m + room);
+    limits.min_m[i] = limits.fence_min_m[i] - slack;
+    limits.max_m[i] = limits.fence_max_m[i] + slack;
+  }
+  return limits;
+}
+
+std::vector<std::string> in_the_air(const std::vector<DroneFacts>& drones) {
+  std::vector<std::string> names;
+  for (const DroneFacts& drone : drones) {
+    if (!on_ground(drone.truth)) names.push_back(drone.name);
+  }
+  return names;
+}
+
+bool RunResult::held() const {
+  return std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.held; });
+}
+
+RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones)
+    : RunRecorder(script, seed, drones, limits_of(script, drones)) {}
+
+RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones,
+                         const Limits& limits)
+    : judge_(script.must, limits) {
+  result_.script = script.name;
+  result_.title = script.title;
+  result_.seed = seed;
+  for (const DroneFacts& drone : drones) result_.drones.push_back(drone.name);
+  result_.timeline.resize(drones.size());
+  result_.fence_min_m = limits.min_m;
+  result_.fence_max_m = limits.max_m;
+}
+
+void RunRecorder::observe(const Moment& moment) {
+  judge_.observe(moment);
+  for (const WorldEvent& event : moment.events) keep_event(moment, event);
+  if (moment.now < next_point_ns_) return;
+  next_point_ns_ = moment.now + timeline_period_ns;
+  for (std::size_t i = 0; i < moment.drones.size(); ++i)
+    result_.timeline[i].push_back(point_of(moment.now, moment.drones[i]));
+}
+
+void RunRecorder::keep_event(const Moment& moment, const WorldEvent& event) {
+  const bool of_each_plan = event.kind == WorldEvent::Kind::applied || event.kind == WorldEvent::Kind::handed;
+  if (of_each_plan || result_.events.size() >= max_events) return;
+  result_.events.push_back(event);
+  if (event.kind != WorldEvent::Kind::mode || !event.text.empty()) return;
+  const DroneFacts& facts = moment.drones[event.drone];
+  result_.events.back().text = fmt::format("{}, {} ({})", name(facts.phase), name(facts.mode), name(facts.cause));
+}
+
+RunResult RunRecorder::finish(const Ending& ending) {
+  result_.verdicts = judge_.finish(ending);
+  result_.flown_ns = ending.now;
+  result_.over = ending.over;
+  result_.ok = ending.ok;
+  result_.why = ending.why;
+  return std::move(result_);
+}
+
+}  // namespace ledgerline::hil

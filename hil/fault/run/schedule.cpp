@@ -1,0 +1,136 @@
+#include "hil/fault/run/schedule.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ledgerline::hil {
+
+Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std::vector<DroneFacts>& drones) {
+  std::vector<Item> items;
+  for (Fault& fault : faults) {
+    Item item;
+    for (std::size_t i = 0; i < drones.size(); ++i) {
+      if (fault.names(drones[i].name)) item.drones.push_back(i);
+    }
+    if (item.drones.empty())
+      return Error{fmt::format("\"{}\": no {} flies here, only {} to {}", fault.text, fault.drone, drones.front().name,
+                               drones.back().name)};
+    item.fault = std::move(fault);
+    items.push_back(std::move(item));
+  }
+  return FaultSchedule(std::move(items), drones.size());
+}
+
+void FaultSchedule::step(VirtualWorld& world) {
+  const TimeNs now = world.now();
+  bool changed = false;
+  for (Item& item : items_) {
+    const Fault& fault = item.fault;
+    if (!item.reached_ns) {
+      const bool reached = std::any_of(item.drones.begin(), item.drones.end(),
+                                       [&](std::size_t i) { return fault.trigger.reached(now, world.facts()[i]); });
+      if (!reached) continue;
+      item.reached_ns = fault.trigger.kind == Trigger::Kind::time ? now - fault.trigger.after_ns : now;
+    }
+    if (!item.begun_ns && now >= *item.reached_ns + fault.trigger.after_ns) {
+      item.begun_ns = now;
+      begin(world, item);
+      if (fault.acts.momentary) item.ended_ns = now;
+      changed = true;
+    }
+    if (item.active() && fault.for_ns > 0 && now >= *item.begun_ns + fault.for_ns) {
+      item.ended_ns = now;
+      end(world, item);
+      changed = true;
+    }
+  }
+  if (changed) effects().apply_to(world);
+}
+
+void FaultSchedule::begin(VirtualWorld& world, const Item& item) const {
+  const FaultActs& acts = item.fault.acts;
+  world.note(WorldEvent::Kind::fault, item.drones[0], "begins: " + item.fault.text);
+  for (const std::size_t drone : item.drones) {
+    if (acts.strike) acts.strike(world, drone);
+  }
+  if (acts.begin) acts.begin(world);
+}
+
+void FaultSchedule::end(VirtualWorld& world, const Item& item) const {
+  world.note(WorldEvent::Kind::fault, item.drones[0], "ends: " + item.fault.text);
+  const bool goes_on = std::any_of(items_.begin(), items_.end(), [&](const Item& other) {
+    return other.active() && other.fault.text == item.fault.text;
+  });
+  if (item.fault.acts.end && !goes_on) item.fault.acts.end(world);
+}
+
+Effects FaultSchedule::effects() const {
+  Effects effects(drone_count_);
+  for (std::size_t number = 0; number < items_.size(); ++number) {
+    const Item& item = items_[number];
+    if (!item.active()) continue;
+    if (item.fault.acts.lasts) item.fault.acts.lasts(effects);
+    for (const std::size_t drone : item.drones) {
+      if (item.fault.acts.lasts_on) item.fault.acts.lasts_on(effects.drones[drone], number);
+    }
+  }
+  return effects;
+}
+
+std::vector<std::string> FaultSchedule::never_begun() const {
+  std::vector<std::string> texts;
+  for (const Item& item : items_) {
+    if (!item.begun_ns && !item.fault.optional) texts.push_back(never_text(item.fault));
+  }
+  return texts;
+}
+
+bool FaultSchedule::restart_pending() const {
+  return std::any_of(items_.begin(), items_.end(),
+                     [](const Item& item) { return item.active() && item.fault.acts.end && item.fault.for_ns > 0; });
+}
+
+bool FaultSchedule::any_active() const {
+  return std::any_of(items_.begin(), items_.end(), [](const Item& item) { return item.active(); });
+}
+
+std::optional<TimeNs> FaultSchedule::first_begun_ns() const {
+  std::optional<TimeNs> first;
+  for (const Item& item : items_) {
+    if (item.begun_ns && (!first || *item.begun_ns < *first)) first = item.begun_ns;
+  }
+  return first;
+}
+
+std::optional<TimeNs> FaultSchedule::last_ended_ns() const {
+  std::optional<TimeNs> last;
+  for (const Item& item : items_) {
+    if (!item.ended_ns) return std::nullopt;
+    if (!last || *item.ended_ns > *last) last = item.ended_ns;
+  }
+  return last;
+}
+
+std::span<const std::size_t> FaultSchedule::first_drones() const {
+  const auto first = first_begun_ns();
+  const auto found =
+      std::find_if(items_.begin(), items_.end(), [&](const Item& item) { return first && item.begun_ns == first; });
+  return found == items_.end() ? std::span<const std::size_t>() : std::span<const std::size_t>(found->drones);
+}
+
+FaultSchedule::Effect FaultSchedule::effect_on(std::size_t drone, TimeNs now) const {
+  Effect effect;
+  for (const Item& item : items_) {
+    const bool its = std::find(item.drones.begin(), item.drones.end(), drone) != item.drones.end();
+    const FaultActs& acts = item.fault.acts;
+    const TimeNs after = acts.stops_link ? restart_ns : aftermath_ns;
+    if (!item.begun_ns || !its || (!acts.for_good && item.ended_ns && now > *item.ended_ns + after)) continue;
+    effect.pushed = effect.pushed || acts.pushes;
+    effect.deafened = effect.deafened || acts.deafens || acts.stops_link;
+    effect.broken = effect.broken || acts.breaks;
+  }
+  return effect;
+}
+
+}  // namespace ledgerline::hil

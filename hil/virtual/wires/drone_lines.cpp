@@ -1,0 +1,57 @@
+#include "hil/virtual/wires/drone_lines.hpp"
+
+#include <cassert>
+#include <string>
+#include <utility>
+
+#include "common/msg/ros.hpp"
+
+namespace ledgerline::hil {
+
+DroneLines::DroneLines(Random& seeds, std::uint64_t plans_seed) {
+  for (std::size_t i = 0; i < line_count - 1; ++i) lines_.emplace_back(Line::Kind::datagrams, seeds.next());
+  noise_ = Random(seeds.next());
+  lines_.emplace_back(Line::Kind::datagrams, plans_seed);
+}
+
+void DroneLines::push_state(TimeNs now, std::string_view text) {
+  std::string bytes(text);
+  if (misreport(now, sensors_, noise_, bytes)) push(now, LineAt::states, bytes);
+}
+
+void DroneLines::push_mocap(TimeNs now, TimeNs real_offset_ns, const sim::MocapPose& measured) {
+  sim::MocapPose pose = measured;
+  if (mocap_.period_ns > 0) {
+    if (now < next_mocap_ns_) return;
+    next_mocap_ns_ = now + mocap_.period_ns;
+  }
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    pose.position_m[axis] += mocap_.offset_m[axis];
+    if (mocap_.noise_m > 0) pose.position_m[axis] += mocap_.noise_m * noise_.normal();
+  }
+  if (mocap_.frozen) {
+    if (!frozen_at_) frozen_at_ = pose;
+    pose.position_m = frozen_at_->position_m;
+    pose.orientation = frozen_at_->orientation;
+  }
+  PoseStamped message;
+  message.header = {real_offset_ns + pose.stamp_ns, "map"};
+  message.position_m = pose.position_m;
+  message.orientation = pose.orientation;
+  push(now, LineAt::mocap, to_cdr(message));
+}
+
+void DroneLines::impair(LineAt at, const Impairment& impairment) {
+  if (text_of(line(at).impairment()) == text_of(impairment)) return;
+  [[maybe_unused]] const Status set = line(at).set(impairment);
+  assert(set.ok());  // datagrams take every effect
+}
+
+void DroneLines::set_sensor_faults(std::vector<SensorFault> faults) { renew(sensors_, std::move(faults)); }
+
+void DroneLines::set_mocap_fault(const MocapFault& fault) {
+  mocap_ = fault;
+  if (!fault.frozen) frozen_at_.reset();
+}
+
+}  // namespace ledgerline::hil

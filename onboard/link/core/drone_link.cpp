@@ -1,0 +1,375 @@
+#include "onboard/link/core/drone_link.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "onboard/link/core/body_frame.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+bool finite(const Pose& pose) noexcept {
+  return std::all_of(pose.position_m.begin(), pose.position_m.end(), [](double v) { return std::isfinite(v); }) &&
+         std::all_of(pose.velocity_mps.begin(), pose.velocity_mps.end(), [](double v) { return std::isfinite(v); }) &&
+         std::isfinite(pose.yaw_rad);
+}
+
+// The Tello's axes are forward, right, down; REP 103's forward, left, up.
+constexpr std::array<float, 3> forward_left_up{1, -1, -1};
+
+std::array<float, 3> attitude_rad(const TelloState& state) noexcept {
+  constexpr float rad_per_deg = std::numbers::pi_v<float> / 180;
+  std::array<float, 3> out{};
+  for (std::size_t i = 0; i < 3; ++i) out[i] = forward_left_up[i] * state.attitude_deg[i] * rad_per_deg;
+  return out;
+}
+
+std::array<float, 3> acceleration_mps2(const TelloState& state) noexcept {
+  constexpr float mps2_per_mg = 9.80665F / 1000;
+  std::array<float, 3> out{};
+  for (std::size_t i = 0; i < 3; ++i) out[i] = forward_left_up[i] * state.acceleration_mg[i] * mps2_per_mg;
+  return out;
+}
+
+bool on_ground(FlightPhase phase) noexcept { return phase == FlightPhase::on_ground || phase == FlightPhase::landed; }
+
+}  // namespace
+
+DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id)
+    : name_(drone.name),
+      number_(drone.number),
+      boot_id_(boot_id),
+      failsafe_settings_(settings.failsafe),
+      fence_(settings.fence),
+      rc_settings_(settings.rc),
+      session_(settings.session),
+      admission_(settings.playout),
+      playout_(settings.playout, admission_),
+      limiter_(settings.playout) {}
+
+void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept {
+  if (port == Port::answer) {
+    session_.on_answer(now, bytes);
+  } else {
+    session_.on_state(now, bytes);
+  }
+}
+
+void DroneLink::take_beat(const AgentBeat& beat) noexcept {
+  facts_.beat_ns = beat.stamp_ns;
+  facts_.ledger_alive = beat.ledger_alive;
+  const bool of_this_boot = beat.boot_id == boot_id_;  // an agent that started anew knows of no boot
+  const std::size_t i = std::min(number_, max_drones);
+  transitions_.heard(of_this_boot ? beat.transitions_taken[i] : 0, of_this_boot ? beat.transitions_on_ledger[i] : 0);
+}
+
+void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {
+  if (pose.stamp_ns <= pose_.stamp_ns || pose.stamp_ns > now || !finite(pose)) return;
+  pose_ = pose;
+  moved_m_ = {};
+}
+
+void DroneLink::dead_reckon(double seconds) noexcept {
+  for (std::size_t i = 0; i < 3; ++i) moved_m_[i] += static_cast<double>(sent_.mps[i]) * seconds;
+}
+
+void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
+  at.out.trace.push({.t_ns = at.now,
+                     .kind = TraceKind::plan_received,
+                     .drone = number_,
+                     .extra = static_cast<std::uint32_t>(playout_.margin_ns() / ns_per_us),
+                     .id = plan.sequence,
+                     .stamp_ns = plan.state_stamp_ns,
+                     .v = {}});
+  if (admission_.admit(at.now, plan) != DropReason::none) return;
+  if (!is_contract_stop(plan.action)) {
+    arrived_sequence_ = plan.sequence;
+    arrived_ns_ = at.now;
+  }
+  const bool flies = plan.action == PlanAction::fly;
+  const DropReason reason = flies ? may_follow(at) : obey(at, plan);
+  if (reason != DropReason::none) {
+    admission_.dropped(plan, reason);
+  } else if (flies) {
+    playout_.add(at.now, plan);
+  } else {
+    admission_.applied();
+    record_applied(at, plan.sequence, plan.state_stamp_ns, 0);
+  }
+}
+
+DropReason DroneLink::may_follow(const LinkMoment& at) const noexcept {
+  const bool follows = failsafe_.mode == FailsafeMode::none || failsafe_.mode == FailsafeMode::hold;
+  const bool flying = session_.phase() == FlightPhase::flying;
+  return flying && follows && at.healthy ? DropReason::none : DropReason::not_flying;
+}
+
+DropReason DroneLink::obey(const LinkMoment& at, const Plan& plan) noexcept {
+  switch (plan.action) {
+    case PlanAction::takeoff:
+      return take_off(at, plan);
+    case PlanAction::land:
+      return land(at.now);
+    case PlanAction::stop:
+    case PlanAction::cut:
+      stop(at.now, plan.action == PlanAction::cut);
+      return DropReason::none;
+    default:
+      return DropReason::bad_value;
+  }
+}
+
+DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept {
+  const FlightPhase phase = session_.phase();
+  if (phase == FlightPhase::taking_off || phase == FlightPhase::flying) return DropReason::none;
+  if (!on_ground(phase)) return DropReason::not_flying;
+  if (plan.state_stamp_ns <= takeoff_after_ns_) return DropReason::too_old;
+  // Agent passes on no take-off of a stopped drone: one from a state after the stop means that it was resumed.
+  stop_ = cut_ = false;
+  update_facts(at, {});
+  const bool refused = takeoff_refusal(failsafe_settings_, at.now, facts_) != FailsafeCause::none;
+  return !refused && session_.request_takeoff(at.now) ? DropReason::none : DropReason::not_flying;
+}
+
+DropReason DroneLink::land(TimeNs now) noexcept {
+  if (session_.phase() == FlightPhase::disconnected && !session_.may_fly_unseen()) return DropReason::not_flying;
+  session_.land_again(now, BlindTalk::Asker::holder);
+  session_.request_land(now);
+  playout_.clear(DropReason::superseded);
+  return DropReason::none;
+}
+
+void DroneLink::stop(TimeNs now, bool cut) noexcept {
+  stop_ = true;
+  cut_ = cut_ || cut;
+  takeoff_after_ns_ = now;
+  session_.land_again(now, BlindTalk::Asker::contract);
+  playout_.clear(DropReason::superseded);
+}
+
+void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept {
+  facts_.phase = session_.phase();
+  facts_.may_fly_unseen = session_.may_fly_unseen();
+  facts_.flying_since_ns = session_.phase_since_ns();
+  facts_.plan_valid = wish.valid;
+  facts_.covered_until_ns = playout_.covered_until_ns();
+  facts_.state_ns = session_.state_at_ns();
+  facts_.pose_ns = pose_.stamp_ns;
+  for (std::size_t i = 0; i < 3; ++i) facts_.position_m[i] = pose_.position_m[i] + moved_m_[i];
+  facts_.velocity_mps = pose_.velocity_mps;
+  facts_.height_m = session_.state().height_m;
+  facts_.battery = session_.state().battery;
+  facts_.stop = stop_ || at.stop_all;
+  facts_.cut = cut_;
+}
+
+void DroneLink::step(const LinkMoment& at) noexcept {
+  const TimeNs now = at.now;
+  watch_phase(at);
+  const Playout::Wish wish = playout_.wish(now);
+  update_facts(at, wish);
+  facts_.blind = session_.blind(now);
+  failsafe_ = update(failsafe_settings_, fence_, failsafe_, now, facts_);
+  obey_failsafe(now);
+  if (session_.phase() == FlightPhase::flying) fly(at, wish);
+  talk(at);
+  watch_phase(at);
+  record_transition(at);
+  record_ends(at);
+}
+
+void DroneLink::obey_failsafe(TimeNs now) noexcept {
+  switch (failsafe_.mode) {
+    case FailsafeMode::land:
+      session_.request_land(now);
+      break;
+    case FailsafeMode::cut:
+      session_.request_cut(now);
+      break;
+    case FailsafeMode::brake:
+      playout_.clear(DropReason::not_flying);
+      break;
+    case FailsafeMode::none:
+    case FailsafeMode::hold:
+      break;
+  }
+}
+
+void DroneLink::talk(const LinkMoment& at) noexcept {
+  for (CommandText text; session_.next_send(at.now, text);) {
+    if (text.view() == rc_text({}).view()) {
+      send_rc(at, {}, {});  // the one that a drone is told unseen, for the trace
+    } else {
+      at.out.to_send.push({number_, text});
+    }
+  }
+}
+
+void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
+  const TimeNs now = at.now;
+  if (!at.healthy) {
+    // One zero, since the drone goes on with the last rc it got; then silence: see LinkSettings::health_rest_ns.
+    playout_.clear(DropReason::not_flying);
+    limiter_.reset(now);
+    if (last_rc_ != Rc{}) send_rc(at, {}, {});
+    return;
+  }
+  const bool follows = follows_plan(failsafe_.mode, wish.valid);
+  const Velocity goal = follows ? clip_at_fence(fence_, facts_.position_m, facts_.height_m, wish.velocity) : Velocity{};
+  const Velocity limited = limiter_.step(now, goal, failsafe_.mode == FailsafeMode::brake);
+  const BodyCommand command = to_body(rc_settings_, limited, pose_.yaw_rad);
+
+  const TimeNs gap = now - last_rc_ns_;
+  const TimeNs wanted_gap = follows && wish.fresh    ? rc_settings_.min_gap_ns
+                            : command.rc != last_rc_ ? rc_settings_.changing_gap_ns
+                                                     : rc_settings_.max_gap_ns;
+  if (gap < wanted_gap) return;
+  send_rc(at, command.told, command.rc);
+  if (!follows) return;
+  const bool first = playout_.mark_sent();
+  applied_sequence_ = wish.sequence;
+  applied_stamp_ns_ = wish.state_stamp_ns;
+  if (wish.fresh) applied_late_ns_ = now - wish.meant_ns;
+  if (first) {
+    age_.add(now - wish.state_stamp_ns);
+    record_applied(at, wish.sequence, wish.state_stamp_ns, wish.fresh ? now - wish.meant_ns : 0);
+  }
+}
+
+void DroneLink::send_rc(const LinkMoment& at, const Velocity& told, const Rc& rc) noexcept {
+  at.out.to_send.push({number_, rc_text(rc)});
+  at.out.trace.push({.t_ns = at.now,
+                     .kind = TraceKind::rc_sent,
+                     .drone = number_,
+                     .extra = 0,
+                     .id = 0,
+                     .stamp_ns = 0,
+                     .v = {double(rc[0]), double(rc[1]), double(rc[2]), double(rc[3])}});
+  last_rc_ns_ = at.now;
+  last_rc_ = rc;
+  sent_ = told;
+}
+
+void DroneLink::watch_phase(const LinkMoment& at) noexcept {
+  const FlightPhase phase = session_.phase();
+  if (phase != last_phase_) {
+    if (phase == FlightPhase::flying) {
+      limiter_.reset(at.now);
+    } else {
+      playout_.clear(DropReason::not_flying);
+      sent_ = {};
+      last_rc_ = {};
+      // It may hover a hand above the ground, and goes on with the last rc of a link that is gone.
+      if (last_phase_ == FlightPhase::disconnected && phase == FlightPhase::on_ground) send_rc(at, {}, {});
+    }
+    if (in_flight(last_phase_) && !in_flight(phase)) takeoff_after_ns_ = at.now;
+    if (!in_flight(phase) && !session_.may_fly_unseen()) cut_ = false;
+  }
+  if (phase != last_phase_ || failsafe_.mode != last_mode_ || failsafe_.cause != last_cause_) {
+    last_phase_ = phase;
+    last_mode_ = failsafe_.mode;
+    last_cause_ = failsafe_.cause;
+    at.out.trace.push({.t_ns = at.now,
+                       .kind = TraceKind::mode,
+                       .drone = number_,
+                       .extra = static_cast<std::uint32_t>(failsafe_.mode),
+                       .id = static_cast<std::uint64_t>(phase),
+                       .stamp_ns = 0,
+                       .v = {static_cast<double>(failsafe_.cause)}});
+  }
+}
+
+void DroneLink::record_transition(const LinkMoment& at) noexcept {
+  Transition& last = last_transition_;
+  const FlightPhase phase = session_.phase();
+  const FailsafeMode mode = failsafe_.mode;
+  const bool says_why = in_flight(phase) || mode >= FailsafeMode::land;
+  const FailsafeCause cause = says_why ? failsafe_.cause : FailsafeCause::none;
+  if (phase != last.phase || mode != last.mode || cause != last.cause) {
+    last = {.drone = number_, .phase = phase, .mode = mode, .cause = cause, .boot_id = boot_id_, .stamp_ns = at.now};
+    transitions_.add(last);
+  }
+  if (Transition next; transitions_.next(next)) at.out.transitions.push(next);
+}
+
+void DroneLink::sample(const LinkMoment& at) noexcept {
+  const TimeNs now = at.now;
+  const TelloSession& session = session_;
+  const PlanCounters& plans = admission_.counters();
+  const StateSample state{
+      .drone = number_,
+      .phase = session.phase(),
+      .mode = failsafe_.mode,
+      .cause = failsafe_.cause,
+      .boot_id = boot_id_,
+      .sequence = ++states_sampled_,
+      .stamp_ns = now,
+      .pose_stamp_ns = pose_.stamp_ns,
+      .position_m = pose_.position_m,
+      .velocity_mps = pose_.velocity_mps,
+      .yaw_rad = pose_.yaw_rad,
+      .battery = session.state().battery,
+      .tof_m = session.state().tof_m,
+      .height_m = session.state().height_m,
+      .sdk_state_fresh = session.state_at_ns() != 0 && now - session.state_at_ns() <= failsafe_settings_.state_stale_ns,
+      .applied_sequence = applied_sequence_,
+      .applied_stamp_ns = applied_stamp_ns_,
+      .applied_late_ns = applied_late_ns_,
+      .arrived_sequence = arrived_sequence_,
+      .arrived_ns = arrived_ns_,
+      .sent_velocity_mps = sent_.mps,
+      .sent_yaw_rate_radps = sent_.yaw_radps,
+      .plans_late = plans.late,
+      .plans_dropped = plans.dropped,
+      .plans_applied = plans.applied,
+      .attitude_rad = attitude_rad(session.state()),
+      .acceleration_mps2 = acceleration_mps2(session.state()),
+  };
+  at.out.states.push(state);
+  at.out.trace.push({.t_ns = now,
+                     .kind = TraceKind::state_sampled,
+                     .drone = number_,
+                     .extra = static_cast<std::uint32_t>(1000 * state.battery),
+                     .id = state.sequence,
+                     .stamp_ns = now,
+                     .v = {state.position_m[0], state.position_m[1], state.position_m[2], state.yaw_rad}});
+}
+
+void DroneLink::record_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns,
+                               TimeNs late_ns) noexcept {
+  at.out.trace.push({.t_ns = at.now,
+                     .kind = TraceKind::command_applied,
+                     .drone = number_,
+                     .extra = static_cast<std::uint32_t>(std::clamp<TimeNs>(late_ns / ns_per_us, 0, UINT32_MAX)),
+                     .id = sequence,
+                     .stamp_ns = state_stamp_ns,
+                     .v = {sent_.mps[0], sent_.mps[1], sent_.mps[2], sent_.yaw_radps}});
+}
+
+void DroneLink::record_ends(const LinkMoment& at) noexcept {
+  for (const PlanEnd& end : admission_.ends()) {
+    at.out.trace.push({.t_ns = at.now,
+                       .kind = TraceKind::refused,
+                       .drone = number_,
+                       .extra = static_cast<std::uint32_t>(end.reason),
+                       .id = end.sequence,
+                       .stamp_ns = end.state_stamp_ns,
+                       .v = {}});
+  }
+  admission_.clear_ends();
+}
+
+DroneReport DroneLink::report() const {
+  return {.name = name_,
+          .number = number_,
+          .states_sampled = states_sampled_,
+          .plans = admission_.counters(),
+          .transitions = transitions_.counters(),
+          .age_ms = age_.quantiles_ms(),
+          .heard = session_.heard(),
+          .landed = session_.has_flown() && on_ground(session_.phase()),
+          .phase = session_.phase()};
+}
+
+}  // namespace ledgerline::link

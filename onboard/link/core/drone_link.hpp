@@ -1,0 +1,134 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "common/msg/onboard.hpp"
+#include "common/rt/histogram.hpp"
+#include "onboard/link/core/failsafe.hpp"
+#include "onboard/link/core/link_io.hpp"
+#include "onboard/link/core/playout/limiter.hpp"
+#include "onboard/link/core/playout/plan_admission.hpp"
+#include "onboard/link/core/playout/playout.hpp"
+#include "onboard/link/core/settings.hpp"
+#include "onboard/link/core/tello/session.hpp"
+#include "onboard/link/core/transition_log.hpp"
+#include "onboard/link/core/velocity.hpp"
+
+namespace ledgerline::link {
+
+/// Figures of one drone since the start.
+struct DroneReport {
+  std::string name;
+  DroneNumber number = 0;
+  std::uint64_t states_sampled = 0;
+  PlanCounters plans;
+  TransitionLog::Counters transitions;
+  Quantiles age_ms;     ///< at application: sent - the state's stamp
+  bool heard = false;   ///< anything at all came from it
+  bool landed = false;  ///< it flew and is on the ground again
+  FlightPhase phase = FlightPhase::disconnected;
+};
+
+/// What all drones share in a step of link.
+struct LinkMoment {
+  TimeNs now;
+  bool healthy;   ///< steps come in time, and have for LinkSettings::health_rest_ns
+  bool stop_all;  ///< the local stop key was pressed
+  LinkOutputs& out;
+};
+
+/// One drone as link flies it: its plans go through the admission into the playout, the playout's wish through failsafe,
+/// fence and limits into `rc`; its session says where the flight is. In a step first what came is taken, then step() is
+/// called once, then sample() if it is time for one. Does not move: playout holds on to the admission. Core: no I/O, no
+/// clock, no allocation after construction; one thread.
+class DroneLink {
+ public:
+  DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id);
+  DroneLink(const DroneLink&) = delete;
+  DroneLink& operator=(const DroneLink&) = delete;
+
+  void take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept;
+  /// One from a clock that is not this host's, or older than the last one, is not passed on to here.
+  void take_beat(const AgentBeat& beat) noexcept;
+  void take_pose(TimeNs now, const Pose& pose) noexcept;
+  void take_plan(const LinkMoment& at, const Plan& plan) noexcept;
+  /// The local stop key, or link was started too often: `land` is said again to a drone that is not seen.
+  void land_again(TimeNs now) noexcept { session_.land_again(now, BlindTalk::Asker::local); }
+  /// Time passed: without a pose (agent died, its plan is flown to the end) the fence still needs to know about where the
+  /// drone is.
+  void dead_reckon(double seconds) noexcept;
+  void step(const LinkMoment& at) noexcept;
+  void sample(const LinkMoment& at) noexcept;
+  /// Ends all plans that still wait.
+  void finish() noexcept { playout_.clear(DropReason::superseded); }
+
+  DroneNumber number() const noexcept { return number_; }
+  FlightPhase phase() const noexcept { return session_.phase(); }
+  FailsafeMode mode() const noexcept { return failsafe_.mode; }
+  TimeNs margin_ns() const noexcept { return playout_.margin_ns(); }
+  /// It is in the air, or nobody knows that it is not.
+  bool may_fly() const noexcept { return in_flight(session_.phase()) || session_.may_fly_unseen(); }
+  bool heard() const noexcept { return session_.heard(); }
+  bool told_to_land(TimeNs now) const noexcept { return session_.told_to_land(now); }
+  DroneReport report() const;
+
+ private:
+  /// Why a plan to fly is not taken; none: it may be flown.
+  DropReason may_follow(const LinkMoment& at) const noexcept;
+  /// Does what any other plan asks for; none: done, or it was so already.
+  DropReason obey(const LinkMoment& at, const Plan& plan) noexcept;
+  DropReason take_off(const LinkMoment& at, const Plan& plan) noexcept;
+  DropReason land(TimeNs now) noexcept;
+  void stop(TimeNs now, bool cut) noexcept;
+  void update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept;
+  void obey_failsafe(TimeNs now) noexcept;
+  void talk(const LinkMoment& at) noexcept;
+  void fly(const LinkMoment& at, const Playout::Wish& wish) noexcept;
+  void send_rc(const LinkMoment& at, const Velocity& told, const Rc& rc) noexcept;
+  void watch_phase(const LinkMoment& at) noexcept;
+  void record_transition(const LinkMoment& at) noexcept;
+  void record_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns, TimeNs late_ns) noexcept;
+  void record_ends(const LinkMoment& at) noexcept;
+
+  std::string name_;
+  DroneNumber number_;
+  std::uint64_t boot_id_;
+  FailsafeSettings failsafe_settings_;
+  FenceSettings fence_;
+  RcSettings rc_settings_;
+
+  TelloSession session_;
+  PlanAdmission admission_;
+  Playout playout_;
+  Limiter limiter_;
+  FailsafeState failsafe_;
+  FailsafeFacts facts_;
+  TransitionLog transitions_;
+
+  Pose pose_;
+  std::array<double, 3> moved_m_{};  ///< since that pose, as far as what was sent tells
+  bool stop_ = false;                ///< until the next take-off from a state after the landing
+  bool cut_ = false;
+  TimeNs takeoff_after_ns_ = 0;  ///< end of the last flight, or a stop: take-off wants a younger state
+
+  FlightPhase last_phase_ = FlightPhase::disconnected;  ///< what the trace was told last
+  FailsafeMode last_mode_ = FailsafeMode::none;
+  FailsafeCause last_cause_ = FailsafeCause::none;
+  Transition last_transition_;
+
+  TimeNs last_rc_ns_ = 0;
+  Rc last_rc_{};
+  Velocity sent_;  ///< as the drone was told, after limits, failsafe and rc's range
+
+  std::uint64_t states_sampled_ = 0;
+  std::uint64_t applied_sequence_ = 0;
+  TimeNs applied_stamp_ns_ = 0;
+  TimeNs applied_late_ns_ = 0;
+  std::uint64_t arrived_sequence_ = 0;
+  TimeNs arrived_ns_ = 0;
+  Histogram age_;
+};
+
+}  // namespace ledgerline::link

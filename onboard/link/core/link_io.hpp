@@ -1,0 +1,53 @@
+#pragma once
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "common/msg/onboard.hpp"
+#include "common/rt/trace.hpp"
+#include "onboard/link/core/fixed_vector.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
+
+/// What goes into a step of link, and what comes out of it.
+namespace ledgerline::link {
+
+/// The two ports of a drone that link hears: answers (8889) and state text (8890).
+enum class Port : std::uint8_t { answer, state };
+
+struct Received {
+  DroneNumber drone = 0;
+  Port port = Port::answer;
+  std::string_view bytes;
+};
+
+/// For the drone's port 8889.
+struct ToSend {
+  DroneNumber drone = 0;
+  CommandText command;
+};
+
+/// What came since the last step, in the order it came.
+struct LinkInputs {
+  std::span<const Received> received;
+  std::span<const Plan> plans;
+  std::span<const Pose> poses;
+  std::span<const AgentBeat> beats;
+  bool stop_all = false;  ///< the local stop key (SIGTERM): every drone lands; stays true once it was
+};
+
+struct LinkOutputs {
+  FixedVector<ToSend, 4 * max_drones> to_send;
+  FixedVector<StateSample, max_drones> states;
+  FixedVector<Transition, max_drones> transitions;  ///< what is lost on the way comes again
+  FixedVector<TraceRecord, 512> trace;
+
+  /// Refusals stay counted.
+  void clear() noexcept {
+    to_send.clear();
+    states.clear();
+    transitions.clear();
+    trace.clear();
+  }
+};
+
+}  // namespace ledgerline::link

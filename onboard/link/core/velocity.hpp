@@ -1,0 +1,12 @@
+#pragma once
+#include <array>
+
+namespace ledgerline::link {
+
+/// A velocity of the map frame and a yaw rate, counter-clockwise.
+struct Velocity {
+  std::array<float, 3> mps{};
+  float yaw_radps = 0;
+};
+
+}  // namespace ledgerline::link

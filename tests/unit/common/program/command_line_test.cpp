@@ -1,0 +1,105 @@
+#include "common/program/command_line.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "common/program/program.hpp"
+
+namespace ledgerline {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+struct Values {
+  int laps = 3;
+  double speed = 0.5;
+  bool quiet = false, shrinks = true;
+  std::string mode = "on", time;
+  std::vector<std::string> names;
+  std::vector<int> domains;
+};
+
+/// A program with an option of each kind.
+class ACommandLine : public testing::Test {
+ protected:
+  ACommandLine() {
+    laps = line.option("--laps", values.laps, "How many").within(1, 9).shows_default();
+    line.option("--speed", values.speed, "m/s").within(0.1, 5.0).excludes(laps);
+    quiet = line.flag("--quiet", values.quiet, "Say less");
+    line.flag("!--no-shrink", values.shrinks, "Leave it");
+    line.option("--mode", values.mode, "Which").one_of({"on", "off"}).needs(quiet);
+    line.option("--time", values.time, "When").checked_by("TIME", [](const std::string& text) {
+      return text == "noon" ? "" : "not noon";
+    });
+    line.option("--domains", values.domains, "Two").comma_list(2);
+    line.option("NAME", values.names, "Of drones");
+  }
+  std::string refusal(const std::vector<std::string>& arguments) {
+    const auto end = line.read(arguments);
+    EXPECT_TRUE(end && end->exit_code == exit_usage);
+    return end ? end->text : "";
+  }
+
+  Values values;
+  CommandLine line{"fly", "Flies.", "Exit codes: 0"};
+  Option laps{nullptr}, quiet{nullptr};
+};
+
+TEST_F(ACommandLine, NothingGivenLeavesTheDefaults) {
+  EXPECT_FALSE(line.read({}));
+  EXPECT_EQ(values.laps, 3);
+  EXPECT_FALSE(laps.given());
+  EXPECT_FALSE(line.given("--quiet"));
+}
+
+TEST_F(ACommandLine, EveryKindOfValueIsTaken) {
+  EXPECT_FALSE(line.read({"--laps", "7", "--quiet", "--mode", "off", "--no-shrink", "--time", "noon", "--domains",
+                          "1,2", "tello1", "tello2"}));
+  EXPECT_EQ(values.laps, 7);
+  EXPECT_TRUE(values.quiet && !values.shrinks);
+  EXPECT_EQ(values.mode, "off");
+  EXPECT_EQ(values.time, "noon");
+  EXPECT_THAT(values.domains, ElementsAre(1, 2));
+  EXPECT_THAT(values.names, ElementsAre("tello1", "tello2"));
+  EXPECT_TRUE(laps.given() && line.given("--quiet"));
+}
+
+TEST_F(ACommandLine, WhatCannotBeIsRefusedByTheOptionsName) {
+  EXPECT_THAT(refusal({"--laps", "10"}), HasSubstr("--laps"));
+  EXPECT_THAT(refusal({"--laps", "two"}), HasSubstr("--laps"));
+  EXPECT_THAT(refusal({"--laps", "2", "--speed", "1"}), HasSubstr("--speed"));
+  EXPECT_THAT(refusal({"--mode", "off"}), HasSubstr("--quiet"));
+  EXPECT_THAT(refusal({"--quiet", "--mode", "maybe"}), HasSubstr("--mode"));
+  EXPECT_THAT(refusal({"--time", "midnight"}), HasSubstr("not noon"));
+  EXPECT_THAT(refusal({"--domains", "1"}), HasSubstr("--domains"));
+  EXPECT_THAT(refusal({"--wings", "2"}), HasSubstr("--wings"));
+}
+
+TEST_F(ACommandLine, HelpAndVersionAreNoErrors) {
+  const auto help = line.read({"--help"});
+  ASSERT_TRUE(help);
+  EXPECT_EQ(help->exit_code, 0);
+  for (const char* part : {"Flies.", "ledgerline-fly", "--laps", "[1 - 9]", "Exit codes: 0", "--version"})
+    EXPECT_THAT(help->text, HasSubstr(part));
+  const auto version = line.read({"--version"});
+  ASSERT_TRUE(version);
+  EXPECT_EQ(version->exit_code, 0);
+  EXPECT_EQ(version->text, version_line("fly") + "\n");
+}
+
+TEST(AProgramWithVerbs, TakesOneOfThem) {
+  CommandLine line("control", "", "");
+  std::string file;
+  const Verb take = line.verb("take", "Takes"), give = line.verb("give", "Gives");
+  Verb(take).option("--file", file, "What").required();
+  EXPECT_FALSE(line.read({"take", "--file", "a"}));
+  EXPECT_TRUE(take.given() && !give.given());
+  EXPECT_EQ(take.name(), "take");
+  EXPECT_EQ(line.read({})->exit_code, exit_usage);
+  EXPECT_EQ(line.read({"take"})->exit_code, exit_usage);
+  EXPECT_EQ(line.read({"--version"})->exit_code, 0);
+}
+
+}  // namespace
+}  // namespace ledgerline

@@ -1,0 +1,85 @@
+#include "hil/fault/run/recorder.hpp"
+
+#include <gtest/gtest.h>
+
+#include "hil/fault/run/result.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+/// One drone that stands 0.5 m above the ground, and a script that must end within a second.
+struct Recorded {
+  Recorded() {
+    script.name = "stands";
+    script.must.push_back(*parse_rule("ends within 1 s"));
+    drones.resize(1);
+    drones[0].name = "tello1";
+    drones[0].truth.position_m = {0.25, 0, 0.5};
+  }
+  void pass(RunRecorder& recorder, TimeNs until) {
+    for (; moment.now < until; moment.now += ns_per_ms) {
+      moment.drones = drones;
+      moment.events = events;
+      recorder.observe(moment);
+      events.clear();
+    }
+  }
+
+  Script script;
+  std::vector<DroneFacts> drones;
+  std::vector<WorldEvent> events;
+  Moment moment;
+};
+
+TEST(RunRecorder, KeepsAPointOfEachDroneEveryFiftyMilliseconds) {
+  Recorded run;
+  RunRecorder recorder(run.script, 7, run.drones);
+  run.pass(recorder, ns_per_s);
+  const RunResult result = recorder.finish({.now = run.moment.now, .over = true, .ok = true});
+  EXPECT_EQ(result.script, "stands");
+  EXPECT_EQ(result.seed, 7U);
+  ASSERT_EQ(result.timeline.size(), 1U);
+  ASSERT_EQ(result.timeline[0].size(), 20U);
+  EXPECT_EQ(result.timeline[0][1].t_ns - result.timeline[0][0].t_ns, timeline_period_ns);
+  EXPECT_FLOAT_EQ(result.timeline[0][1].at_m[0], 0.25F);
+}
+
+TEST(RunRecorder, KeepsEventsButThoseOfEachPlanAndSaysTheModeInWords) {
+  Recorded run;
+  RunRecorder recorder(run.script, 1, run.drones);
+  run.drones[0].phase = FlightPhase::flying;
+  run.drones[0].mode = FailsafeMode::hold;
+  run.drones[0].cause = FailsafeCause::pose_lost;
+  run.events = {{1, WorldEvent::Kind::applied, 0, 0.1, {}, 5},
+                {2, WorldEvent::Kind::handed, 0, 0, {}, 5},
+                {3, WorldEvent::Kind::mode, 0, 0, {}, 0},
+                {4, WorldEvent::Kind::mode, 0, 0, "as it was told", 0}};
+  run.pass(recorder, ns_per_ms);
+  const RunResult result = recorder.finish({.now = run.moment.now, .over = true, .ok = true});
+  ASSERT_EQ(result.events.size(), 2U);
+  EXPECT_EQ(result.events[0].text, "flying, hold (pose_lost)");
+  EXPECT_EQ(result.events[1].text, "as it was told");
+}
+
+TEST(RunRecorder, KeepsNoMoreEventsThanItMay) {
+  Recorded run;
+  RunRecorder recorder(run.script, 1, run.drones);
+  for (std::size_t i = 0; i < max_events + 10; ++i) run.events.push_back({1, WorldEvent::Kind::sent, 0, 0, "land", 0});
+  run.pass(recorder, ns_per_ms);
+  EXPECT_EQ(recorder.finish({.now = run.moment.now}).events.size(), max_events);
+}
+
+TEST(RunRecorder, HasTheRunJudged) {
+  Recorded run;
+  RunRecorder recorder(run.script, 1, run.drones);
+  run.pass(recorder, 2 * ns_per_s);
+  Ending ending{.now = run.moment.now, .over = true, .ok = true};
+  ending.in_the_air = in_the_air(run.drones);
+  const RunResult result = recorder.finish(ending);
+  EXPECT_FALSE(result.held());
+  EXPECT_FALSE(result.verdicts[0].held) << "it took two seconds";
+  EXPECT_EQ(ending.in_the_air, std::vector<std::string>{"tello1"});
+}
+
+}  // namespace
+}  // namespace ledgerline::hil

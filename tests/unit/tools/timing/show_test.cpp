@@ -1,0 +1,46 @@
+#include "tools/timing/show.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/unit/tools/timing/some_walks.hpp"
+
+namespace ledgerline::timing {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+TEST(Show, TheTableAndTheJsonHaveEveryStage) {
+  const Figures figures = some_figures();
+  const auto verdicts = std::vector{judge(parse_limit("p99.apply=1us").value(), figures)};
+  const std::string table = to_table(figures, 5) + to_table(verdicts);
+  const json j = to_json(figures, verdicts);
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    EXPECT_THAT(table, HasSubstr(std::string(stages[i].name)));
+    EXPECT_EQ(j["stages"][i]["name"].get<std::string>(), stages[i].name);
+    EXPECT_EQ(j["stages"][i]["count"], 100);
+    EXPECT_EQ(j["stages"][i]["max"], 1.0);
+  }
+  for (const char* part : {"two_way", "setpoint_at_once", "FIFO 80", "headroom 125.5 %", "NOT KEPT p99.apply=1us"})
+    EXPECT_THAT(table, HasSubstr(part));
+  EXPECT_EQ(j["ok"], false);
+  EXPECT_EQ(j["budget"]["headroom_percent"], 125.5);
+  EXPECT_EQ(j["threads"][0]["major_faults"], 3);
+  EXPECT_EQ(j["loop"]["overruns"], 1);
+}
+
+TEST(Show, ThePageNeedsNoNetworkAndNoNameCanEndItsScript) {
+  json document = to_json(some_figures(), {});
+  document["asked"] = {{"directory", "/run"}};
+  document["machine"] = {{"cores", 2}};
+  const std::string page = to_page(document);
+  EXPECT_THAT(page, HasSubstr("loop\\u003c/script>"));
+  for (const char* outside : {"src=", "href=", "http", "@DATA@", "@STYLE@"})
+    EXPECT_THAT(page, testing::Not(HasSubstr(outside)));
+}
+
+}  // namespace
+}  // namespace ledgerline::timing
