@@ -97,13 +97,16 @@ function(ll_namespaced_test name)
   set_tests_properties(${name} PROPERTIES TIMEOUT 120 LABELS unit SKIP_RETURN_CODE 77)
 endfunction()
 
-# page_as_text(NAME FILE NAMESPACE): an HTML page with the pages' one style in it, as the text NAMESPACE::NAME; its source is
+# page_as_text(NAME FILE NAMESPACE): an HTML page with the pages' style and helpers in it, as the text NAMESPACE::NAME; its source is
 # ${CMAKE_CURRENT_BINARY_DIR}/NAME.cpp.
 function(page_as_text PAGE_NAME PAGE_FILE PAGE_NAMESPACE)
   set(style ${CMAKE_SOURCE_DIR}/common/page/style.css)
-  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${style} ${CMAKE_CURRENT_SOURCE_DIR}/${PAGE_FILE})
+  set(helpers ${CMAKE_SOURCE_DIR}/common/page/helpers.js)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${style} ${helpers} ${CMAKE_CURRENT_SOURCE_DIR}/${PAGE_FILE})
   file(READ ${style} STYLE)
+  file(READ ${helpers} HELPERS)
   file(READ ${CMAKE_CURRENT_SOURCE_DIR}/${PAGE_FILE} PAGE)
   string(REPLACE "@STYLE@" "${STYLE}" PAGE "${PAGE}")
+  string(REPLACE "@HELPERS@" "${HELPERS}" PAGE "${PAGE}")
   configure_file(${CMAKE_SOURCE_DIR}/common/page/page_template.cpp.in ${CMAKE_CURRENT_BINARY_DIR}/${PAGE_NAME}.cpp @ONLY)
 endfunction()

@@ -55,8 +55,8 @@ void read_controller(Config& config, ControllerConfig& controller) {
                      true);
   controller.ramp.start_mps =
       config.number({"flight.ramp_start_mps", "speed of the first lap of a ramp of speeds; 0: no ramp"}, 0, 0, 8);
-  controller.ramp.step_mps = config.number(
-      {"flight.ramp_step_mps", "by which each further lap of a ramp is faster"}, 0, 0, 2);
+  controller.ramp.step_mps =
+      config.number({"flight.ramp_step_mps", "by which each further lap of a ramp is faster"}, 0, 0, 2);
   controller.told_mps =
       config.number({"flight.told_mps", "what the drone can be told at most: link's rc.full_scale_mps, rc 100"},
                     controller.told_mps, 0.1, 20);

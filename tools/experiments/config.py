@@ -5,6 +5,7 @@ import pathlib
 import tomllib
 
 HERE = pathlib.Path(__file__).resolve().parent
+STYLE = (HERE.parent.parent / "common/page/style.css").read_text()  # of all pages
 CONFIGS = HERE / "configs"
 
 NUMBER = (int, float)

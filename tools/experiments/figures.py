@@ -1,5 +1,6 @@
 """Figures of an experiment's JSON, as PNG: what was published in light grey, ours in colour."""
 import pathlib
+import re
 import textwrap
 
 import matplotlib
@@ -8,13 +9,16 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+import config
 import traces
 import verdicts
 
-OURS, GREY, WANTED = ("#2563c9", "#c2571a", "#1d7d46", "#8e44ad", "#b3261e", "#0f8b8d"), "#8a94a3", "#9aa3ae"
+PAGE = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", config.STYLE.split("@media")[0]))  # the pages' light colours
+OURS = (PAGE["two-way"], PAGE["age"], PAGE["good"], "#8e44ad", PAGE["bad"], "#0f8b8d")
+GREY = WANTED = PAGE["published"]
 MOST_TRACKS = 16
 OVERVIEW = {"latency": "Two-way latency beside the published boxes", "delay": "Speed growing every lap, square of 12 m"}
-plt.rcParams.update({"font.size": 9, "axes.grid": True, "grid.color": "#e3e6ea", "axes.axisbelow": True, "figure.dpi": 100,
+plt.rcParams.update({"font.size": 9, "axes.grid": True, "grid.color": PAGE["grid"], "text.color": PAGE["ink"], "axes.labelcolor": PAGE["ink"], "axes.axisbelow": True, "figure.dpi": 100,
                      "axes.spines.top": False, "axes.spines.right": False})
 
 
@@ -172,7 +176,7 @@ def bars(document: dict, figure: dict, _published: dict):
     for i, values in enumerate(cases.values()):
         middle = float(np.median(values))
         axes.barh(i, middle, color=OURS[0] + "99", height=0.65)
-        axes.errorbar(middle, i, xerr=[[middle - min(values)], [max(values) - middle]], color="#1c2430", capsize=3)
+        axes.errorbar(middle, i, xerr=[[middle - min(values)], [max(values) - middle]], color=PAGE["ink"], capsize=3)
         axes.annotate(f"{middle:.3g}", (max(values), i), textcoords="offset points", xytext=(5, -3), fontsize=8)
     axes.set_yticks(range(len(cases)), cases)
     axes.invert_yaxis()

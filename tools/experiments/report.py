@@ -9,8 +9,8 @@ import config
 import figures
 import store
 
-STYLE = (config.HERE.parent.parent / "common/page/style.css").read_text() + """
-  main { max-width: 1100px; } img { max-width: 100%; background: #fff; border-radius: 6px; } section { margin: 26px 0; }
+STYLE = config.STYLE + """
+  img { max-width: 100%; background: #fff; border-radius: 6px; } section { margin: 26px 0; }
   .kept { color: var(--good); font-weight: 600; } .missed { color: var(--bad); font-weight: 600; }
   .not-measured { color: var(--soft); }
   td.text, th.text { text-align: left; white-space: normal; } h3 { font-size: 13.5px; margin: 16px 0 4px; }

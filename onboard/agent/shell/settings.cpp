@@ -116,9 +116,11 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
   s.core.beat_period_ns =
       duration_ms(config, {"agent.beat_ms", "between two beats to link, which takes agent for gone without them"},
                   s.core.beat_period_ns, 1, 100);
-  s.core.ledger_silent_after_ns = duration_ms(
-      config, {"agent.ledger_silent_after_ms", "with no answer to a call, or no connection, for so long, link is told that the ledger is silent"},
-      s.core.ledger_silent_after_ns, 10, 60'000);
+  s.core.ledger_silent_after_ns =
+      duration_ms(config,
+                  {"agent.ledger_silent_after_ms",
+                   "with no answer to a call, or no connection, for so long, link is told that the ledger is silent"},
+                  s.core.ledger_silent_after_ns, 10, 60'000);
   s.core.seed = static_cast<std::uint64_t>(config.integer(
       {"agent.seed", "of the back-off's jitter: the same seed, the same pauses", "the time of its start"}, 0, 0,
       INT64_MAX));
