@@ -7,6 +7,7 @@
 #include <string_view>
 #include <tuple>
 
+#include "common/belief/control_records.hpp"
 #include "common/msg/ros.hpp"
 #include "ground/core/flight.hpp"
 #include "hil/virtual/digester.hpp"
@@ -133,13 +134,11 @@ class Flight {
     host_ = ledger_.add_client(drone_host, WayDelay::Way::back, config_.delays.added.agent_share);
     operator_ = ledger_.add_client(operator_name, WayDelay::Way::there, 1 - config_.delays.added.agent_share);
     for (const auto& drone : ground_.drones()) {
-      const auto record =
-          control_record(drone.name, [this](const fabric::Call& call) { return ledger_.evaluate(0, operator_, call); });
-      if (!record) return record.error();
-      Control control;
-      if (!control.ParseFromString(*record)) return Error{drone.name + ": malformed control record"};
-      agent_.set_control(0, control);
-      if (auto s = ground_.set_control(*record); !s) return s;
+      const auto control = belief::read_control(
+          drone.name, [this](const fabric::Call& call) { return ledger_.evaluate(0, operator_, call); });
+      if (!control) return control.error();
+      agent_.set_control(0, *control);
+      if (auto s = ground_.set_control(control->SerializeAsString()); !s) return s;
     }
     tracking_.resize(ground_.drones().size());
     heights_.resize(ground_.drones().size());
