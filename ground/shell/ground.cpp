@@ -5,11 +5,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <fstream>
+#include <iterator>
 
 #include "common/base/log.hpp"
-#include "common/msg/contract.hpp"
-#include "common/msg/proto_json.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground {
@@ -28,73 +26,47 @@ Ground::Ground(FlightConfig flight, OutputSettings output, dds::ParticipantPtr p
       core_(std::move(flight)),
       participant_(std::move(participant)),
       client_(std::move(client)),
-      urgent_(std::move(urgent)) {}
+      urgent_(std::move(urgent)) {
+  for (const FlightDrone& drone : core_.drones()) names_.push_back(drone.name);
+}
 
-Ground::~Ground() {
-  {
-    const std::lock_guard lock(mutex_);
-    closing_ = true;
+Ground::~Ground() { mailbox_.close(); }
+
+std::optional<Ground::Letter> Ground::next_letter(TimeNs timeout_ns) {
+  if (letters_.empty()) {
+    mailbox_.wait(timeout_ns);
+    letters_ = mailbox_.take_all();
   }
-  room_.notify_all();
-}
-
-void Ground::hand_over(Event event) {
-  {
-    std::unique_lock lock(mutex_);
-    // Blocks wait in the stream; outcomes are as many as there are calls in flight.
-    if (std::holds_alternative<fabric::Block>(event)) {
-      room_.wait(lock, [&] { return events_.size() < max_events || closing_; });
-    }
-    events_.push_back(std::move(event));
-  }
-  wake_.notify_one();
-}
-
-bool Ground::has_event() {
-  const std::lock_guard lock(mutex_);
-  return !events_.empty();
-}
-
-std::optional<Ground::Event> Ground::next_event(TimeNs timeout_ns) {
-  std::unique_lock lock(mutex_);
-  wake_.wait_for(lock, std::chrono::nanoseconds(timeout_ns), [&] { return !events_.empty() || !wishes_.empty(); });
-  if (events_.empty()) return std::nullopt;
-  Event event = std::move(events_.front());
-  events_.pop_front();
-  room_.notify_one();
-  return event;
+  if (letters_.empty()) return std::nullopt;
+  Letter letter = std::move(letters_.front());
+  letters_.pop_front();
+  return letter;
 }
 
 std::vector<PilotWish> Ground::take_wishes() {
-  const std::lock_guard lock(mutex_);
+  const std::lock_guard lock(wishes_mutex_);
   return std::exchange(wishes_, {});
 }
 
 Status Ground::start(const std::atomic<bool>& quit) {
-  if (!output_.trace.empty()) {
-    auto trace = TraceWriter::create(output_.trace);
-    if (!trace) return trace.error();
-    trace_ = std::move(trace).value();
-  }
+  if (auto status = recorder_.open(output_.trace); !status) return status;
   if (auto status = open_topics(); !status) return status;
   fabric::Client::StreamHandlers handlers;
-  handlers.on_block = [this](const fabric::Block& block, std::string_view) { hand_over(block); };
+  handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_in_turn(block); };
   handlers.on_connection = [this](bool connected, const std::string& why) {
     if (connected) {
       spdlog::info("block stream connected");
     } else {
       spdlog::warn("block stream: {}", why);
     }
-    {
-      const std::lock_guard lock(mutex_);
-      connected_ = connected;
-      connection_problem_ = why;
-    }
-    wake_.notify_one();
+    mailbox_.put(StreamState{connected, why});
   };
   handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
   blocks_ = client_->blocks(std::nullopt, std::move(handlers));
-  if (auto status = read_controls(quit); !status) return status;
+  if (auto status = wait_for_block_stream(quit); !status) return status;
+  const auto controls = belief::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });
+  if (!controls) return controls.error();
+  if (auto status = set_controls(*controls); !status) return status;
   return hear_pilots();
 }
 
@@ -129,38 +101,62 @@ Status Ground::hear_pilots() {
 
 void Ground::hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
   {
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(wishes_mutex_);
     auto wish = std::find_if(wishes_.begin(), wishes_.end(), [&](const PilotWish& w) { return w.drone == drone; });
     if (wish == wishes_.end()) wish = wishes_.insert(wish, {.drone = drone});
     topic.take(cdr, monotonic_ns(), *wish);
   }
-  wake_.notify_one();
+  mailbox_.wake();
 }
 
-// Behind the start of the block stream, so that no change of a record can be missed between the two.
-Status Ground::read_controls(const std::atomic<bool>& quit) {
+Status Ground::wait_for_block_stream(const std::atomic<bool>& quit) {
   const TimeNs until_ns = monotonic_ns() + start_limit_ns;
-  {
-    std::unique_lock lock(mutex_);
-    while (!connected_) {
-      if (quit) return Error{"asked to end before the ledger was reached"};
-      if (monotonic_ns() > until_ns) {
-        return Error{fmt::format("the ledger's blocks cannot be read: {}",
-                                 connection_problem_.empty() ? "no answer" : connection_problem_)};
-      }
-      wake_.wait_for(lock, std::chrono::nanoseconds(tick_ns));
+  FlightInputs unused;
+  while (!stream_.connected) {
+    if (quit) return Error{"asked to end before the ledger was reached"};
+    if (monotonic_ns() > until_ns) {
+      return Error{
+          fmt::format("the ledger's blocks cannot be read: {}", stream_.why.empty() ? "no answer" : stream_.why)};
     }
+    const auto letter = next_letter(tick_ns);
+    if (!letter) continue;
+    if (auto status = open(*letter, unused); !status) return status;
   }
-  for (const FlightDrone& drone : core_.drones()) {
-    QueryCall query;
-    query.set_id("control/" + drone.name);
-    const auto answer = client_->evaluate({contract::get, {query.SerializeAsString()}});
-    if (!answer)
-      return Error{fmt::format("{}: its control record cannot be read: {}", drone.name, answer.error().what)};
-    Assets assets;
-    if (auto status = parse_message(*answer, assets); !status) return status;
-    if (assets.assets_size() != 1) return Error{fmt::format("{} is not enrolled", drone.name)};
-    if (auto status = core_.set_control(assets.assets(0).msg_data()); !status) return status;
+  return done;
+}
+
+Status Ground::set_controls(const std::vector<Control>& controls) {
+  for (const Control& control : controls) {
+    if (auto status = core_.set_control(control.SerializeAsString()); !status) return status;
+  }
+  return done;
+}
+
+Status Ground::open(const Letter& letter, FlightInputs& inputs) {
+  if (const auto* block = std::get_if<fabric::Block>(&letter)) {
+    const auto next = control_start_.on_block(*block);
+    if (!next) return next.error();
+    if (*next == belief::ControlStart::Next::take) inputs.block = block;
+    if (*next != belief::ControlStart::Next::read) return done;
+    control_reader_ = std::jthread([this](const std::stop_token& stop) {
+      auto controls = belief::keep_reading_controls(
+          stop, names_, [this](const fabric::Call& call) { return client_->evaluate(call); });
+      if (controls) mailbox_.put(ControlsRead{std::move(*controls)});
+    });
+  } else if (const auto* ended = std::get_if<Ended>(&letter)) {
+    inputs.outcome = &ended->outcome;
+    inputs.outcome_id = ended->id;
+    if (ended->outcome.kind != fabric::Outcome::Kind::committed) {
+      spdlog::warn("a command did not get through (block {}, code {}): {}", ended->outcome.block, ended->outcome.code,
+                   ended->outcome.message);
+    }
+  } else if (const auto* state = std::get_if<StreamState>(&letter)) {
+    stream_ = *state;
+  } else if (const auto* read = std::get_if<ControlsRead>(&letter)) {
+    // The blocks that waited come next, before any that came behind them.
+    std::vector<fabric::Block> held = control_start_.on_read();
+    letters_.insert(letters_.begin(), std::make_move_iterator(held.begin()), std::make_move_iterator(held.end()));
+    return set_controls(read->controls);
   }
   return done;
 }
@@ -168,23 +164,15 @@ Status Ground::read_controls(const std::atomic<bool>& quit) {
 Result<bool> Ground::run(const std::atomic<bool>& quit) {
   TimeNs leave_ns = 0;
   while (!core_.done()) {
-    const auto event = next_event(tick_ns);
+    const auto letter = next_letter(tick_ns);
     FlightInputs inputs;
-    if (event) {
-      if (const auto* block = std::get_if<fabric::Block>(&*event)) {
-        inputs.block = block;
-      } else {
-        inputs.outcome = &std::get<Ended>(*event).outcome;
-        inputs.outcome_id = std::get<Ended>(*event).id;
-        if (inputs.outcome->kind != fabric::Outcome::Kind::committed) {
-          spdlog::warn("a command did not get through (block {}, code {}): {}", inputs.outcome->block,
-                       inputs.outcome->code, inputs.outcome->message);
-        }
-      }
+    if (letter) {
+      if (auto status = open(*letter, inputs); !status) return status.error();
     }
+    if (letters_.empty()) letters_ = mailbox_.take_all();
     const std::vector<PilotWish> wishes = take_wishes();
     inputs.wishes = wishes;
-    inputs.more = has_event();
+    inputs.more = !letters_.empty();
     const TimeNs now_ns = monotonic_ns();
     if (quit && leave_ns == 0) {
       spdlog::info("asked to end: landing all drones");
@@ -209,12 +197,10 @@ void Ground::step(FlightInputs inputs) {
   for (Submission& submission : out.submissions) {
     const std::uint64_t id = submission.id;
     (submission.urgent ? urgent_ : client_)->submit(std::move(submission.call), [this, id](fabric::Outcome outcome) {
-      hand_over(Ended{id, std::move(outcome)});
+      mailbox_.put(Ended{id, std::move(outcome)});
     });
   }
-  if (trace_) {
-    for (const TraceRecord& record : out.traces) trace_->add(record);
-  }
+  recorder_.add(out.traces);
   for (const std::string& note : out.notes) spdlog::warn("{}", note);
   for (const DroneNews& news : out.news) publish(news);
 }
@@ -251,17 +237,10 @@ void Ground::write_status(TimeNs now_ns) {
 }
 
 Status Ground::write_summary() {
-  if (trace_) {
-    if (auto status = trace_->flush(); !status) return status;
-    if (trace_->dropped() > 0) spdlog::warn("{}: {} records did not fit", output_.trace, trace_->dropped());
-  }
-  if (output_.summary.empty()) return done;
-  count_losses();
-  std::ofstream file(output_.summary);
-  file << summary(core_, counters_) << "\n";
-  file.close();
-  if (!file) return Error{"cannot write " + output_.summary};
-  return done;
+  return recorder_.end(output_.summary, [this] {
+    count_losses();
+    return summary(core_, counters_);
+  });
 }
 
 }  // namespace ledgerline::ground

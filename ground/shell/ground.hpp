@@ -1,18 +1,20 @@
 #pragma once
 #include <atomic>
-#include <condition_variable>
 #include <deque>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <variant>
 #include <vector>
 
+#include "common/belief/control_records.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/rt/trace.hpp"
+#include "common/program/recorder.hpp"
+#include "common/rt/mailbox.hpp"
 #include "ground/core/topics.hpp"
 #include "ground/shell/settings.hpp"
 
@@ -40,16 +42,25 @@ class Ground {
     std::uint64_t id;
     fabric::Outcome outcome;
   };
-  using Event = std::variant<fabric::Block, Ended>;
+  struct StreamState {
+    bool connected = false;
+    std::string why;
+  };
+  /// The control records, as read after the first block had come.
+  struct ControlsRead {
+    std::vector<Control> controls;
+  };
+  using Letter = std::variant<fabric::Block, Ended, StreamState, ControlsRead>;
 
   Status open_topics();
   Status hear_pilots();
   void hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr);
   void publish(const DroneNews& news);
-  Status read_controls(const std::atomic<bool>& quit);
-  std::optional<Event> next_event(TimeNs timeout_ns);
-  void hand_over(Event event);
-  bool has_event();
+  Status wait_for_block_stream(const std::atomic<bool>& quit);
+  Status set_controls(const std::vector<Control>& controls);
+  std::optional<Letter> next_letter(TimeNs timeout_ns);
+  /// What of a letter is for the core; an error ends the flight.
+  Status open(const Letter& letter, FlightInputs& inputs);
   std::vector<PilotWish> take_wishes();
   void step(FlightInputs inputs);
   void count_losses();
@@ -58,26 +69,26 @@ class Ground {
 
   OutputSettings output_;
   FlightCore core_;
-  std::optional<TraceWriter> trace_;
+  Recorder recorder_;
   dds::ParticipantPtr participant_;
   std::vector<std::vector<dds::RawWriter>> writers_;  ///< a row for each of drone_topics, a drone each
   ShellCounters counters_;
   TimeNs next_status_ns_ = 0;
   TimeNs next_warning_ns_ = 0;
 
-  std::mutex mutex_;
-  std::condition_variable wake_, room_;
-  bool closing_ = false;
-  static constexpr std::size_t max_events = 256;
-  std::deque<Event> events_;
+  Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight
+  std::deque<Letter> letters_;  ///< taken out of the mailbox, not opened yet
+  std::mutex wishes_mutex_;
   std::vector<PilotWish> wishes_;  ///< at most one for each drone
-  bool connected_ = false;
-  std::string connection_problem_;
+  StreamState stream_;
+  belief::ControlStart control_start_;
+  std::vector<std::string> names_;  ///< of the drones
 
   // Last, so that they end first: their callbacks use all of the above.
   std::vector<dds::RawReader> readers_;  ///< of each drone one for each of pilot_topics
   std::unique_ptr<fabric::Client> client_, urgent_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
+  std::jthread control_reader_;
 };
 
 }  // namespace ledgerline::ground

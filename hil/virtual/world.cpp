@@ -76,8 +76,8 @@ Status VirtualWorld::set_up() {
 
 TimeNs VirtualWorld::real_offset() const { return real_epoch_s * ns_per_s + clock_jump_ns_; }
 
-Result<std::string> VirtualWorld::control_record_by(LedgerPort& port, const std::string& drone) {
-  return control_record(drone, [&](const fabric::Call& call) { return port.evaluate(now_, call); });
+Result<Control> VirtualWorld::read_control(LedgerPort& port, const std::string& drone) {
+  return belief::read_control(drone, [&](const fabric::Call& call) { return port.evaluate(now_, call); });
 }
 
 void VirtualWorld::start_link() {
@@ -96,11 +96,9 @@ Status VirtualWorld::start_agent() {
   agent_->set_real_offset(mocap_clock_->offset_ns());
   agent_->on_connection(now_, true);
   for (const DroneFacts& drone : facts()) {
-    const auto record = control_record_by(host_, drone.name);
-    if (!record) return record.error();
-    Control control;
-    if (!control.ParseFromString(*record)) return Error{drone.name + ": malformed control record"};
-    agent_->set_control(now_, control);
+    const auto control = read_control(host_, drone.name);
+    if (!control) return control.error();
+    agent_->set_control(now_, *control);
   }
   return done;
 }
@@ -108,9 +106,9 @@ Status VirtualWorld::start_agent() {
 Status VirtualWorld::start_ground() {
   ground_ = std::make_unique<ground::FlightCore>(ground_config(config_, ledger_));
   for (const DroneFacts& drone : facts()) {
-    const auto record = control_record_by(operator_, drone.name);
-    if (!record) return record.error();
-    if (auto s = ground_->set_control(*record); !s) return s;
+    const auto control = read_control(operator_, drone.name);
+    if (!control) return control.error();
+    if (auto s = ground_->set_control(control->SerializeAsString()); !s) return s;
   }
   return done;
 }

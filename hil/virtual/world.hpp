@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "common/belief/control_records.hpp"
 #include "common/crypto/crypto.hpp"
 #include "ground/core/flight.hpp"
 #include "hil/virtual/ledger/ledger_port.hpp"
@@ -106,7 +107,7 @@ class VirtualWorld {
   void step_ground();
   void step_link();
   void give_ground(ground::FlightInputs inputs);
-  Result<std::string> control_record_by(LedgerPort& port, const std::string& drone);
+  Result<Control> read_control(LedgerPort& port, const std::string& drone);
   TimeNs real_offset() const;
   bool stopped(Process process) const { return stopped_[static_cast<std::size_t>(process)]; }
 

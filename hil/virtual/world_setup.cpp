@@ -95,18 +95,6 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
   return ground;
 }
 
-Result<std::string> control_record(const std::string& drone,
-                                   const std::function<Result<std::string>(const fabric::Call&)>& evaluate) {
-  QueryCall query;
-  query.set_id("control/" + drone);
-  auto answer = evaluate({contract::get, {query.SerializeAsString()}});
-  if (!answer) return answer.error();
-  Assets assets;
-  if (!assets.ParseFromString(*answer) || assets.assets_size() != 1)
-    return Error{"get control/" + drone + ": no record"};
-  return assets.assets(0).msg_data();
-}
-
 Status prepare(VirtualLedger& ledger, int drones) {
   const auto admin1 = ledger.add_client({"Org1MSP", "CN=Admin@org1.ledgerline"});
   const auto admin2 = ledger.add_client({"Org2MSP", "CN=Admin@org2.ledgerline"});

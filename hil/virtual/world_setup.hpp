@@ -1,6 +1,5 @@
 #pragma once
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -57,8 +56,5 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
 Status prepare(VirtualLedger& ledger, int drones);
 /// Makes the two supervisors what they are.
 Status enroll_supervisors(VirtualLedger& ledger);
-/// The control record of a drone, by a call of the contract's `get`.
-Result<std::string> control_record(const std::string& drone,
-                                   const std::function<Result<std::string>(const fabric::Call&)>& evaluate);
 
 }  // namespace ledgerline::hil

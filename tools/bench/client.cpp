@@ -15,7 +15,7 @@
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
-#include "onboard/agent/shell/mailbox.hpp"
+#include "onboard/agent/shell/letters.hpp"
 #include "tools/bench/exchange.hpp"
 
 namespace {
@@ -52,7 +52,7 @@ class Side {
         client_(std::move(client)) {
     for (std::uint64_t k = 0; k < newest_.size(); ++k) streams_[others_.id(k)] = k;
     fabric::Client::StreamHandlers handlers;
-    handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_block(block); };
+    handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_in_turn(block); };
     handlers.on_connection = [this](bool connected, const std::string& why) {
       mailbox_.put(agent::StreamState{connected, why});
     };

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <fstream>
 #include <thread>
 
 #include "common/base/log.hpp"
@@ -27,11 +26,7 @@ LocalShell::LocalShell(ground::FlightConfig flight, ground::OutputSettings outpu
     : output_(std::move(output)), core_(std::move(flight)), participant_(std::move(participant)), quit_(quit) {}
 
 Status LocalShell::start() {
-  if (!output_.trace.empty()) {
-    auto trace = TraceWriter::create(output_.trace);
-    if (!trace) return trace.error();
-    trace_ = std::move(trace).value();
-  }
+  if (auto status = recorder_.open(output_.trace); !status) return status;
   const TimeNs until_ns = monotonic_ns() + start_limit_ns;
   for (Status connected = ipc::connect("ledgerline-local"); !connected; connected = ipc::connect("ledgerline-local")) {
     if (quit_) return Error{"asked to end before RouDi answered"};
@@ -115,9 +110,7 @@ void LocalShell::step(const ground::FlightInputs& inputs) {
                           .id = plan.sequence,
                           .stamp_ns = plan.state_stamp_ns});
   }
-  if (trace_) {
-    for (const TraceRecord& record : out.traces) trace_->add(record);
-  }
+  recorder_.add(out.traces);
   for (const std::string& note : out.notes) spdlog::warn("{}", note);
 }
 
@@ -154,23 +147,13 @@ Result<bool> LocalShell::run() {
   }
   if (poses_implausible_ > 0) spdlog::warn("{} mocap poses had stamps that are not believed", poses_implausible_);
   if (plans_lost_ > 0) spdlog::warn("{} plans found no room in shared memory", plans_lost_);
-  if (auto status = write_summary(); !status) return status.error();
+  const Status written = recorder_.end(output_.summary, [this] {
+    ground::ShellCounters counters;
+    counters.pilots.resize(core_.drones().size());
+    return ground::summary(core_, counters);
+  });
+  if (!written) return written.error();
   return core_.ok();
-}
-
-Status LocalShell::write_summary() {
-  if (trace_) {
-    if (auto status = trace_->flush(); !status) return status;
-    if (trace_->dropped() > 0) spdlog::warn("{}: {} records did not fit", output_.trace, trace_->dropped());
-  }
-  if (output_.summary.empty()) return done;
-  ground::ShellCounters counters;
-  counters.pilots.resize(core_.drones().size());
-  std::ofstream file(output_.summary);
-  file << ground::summary(core_, counters) << "\n";
-  file.close();
-  if (!file) return Error{"cannot write " + output_.summary};
-  return done;
 }
 
 }  // namespace ledgerline::hil

@@ -7,8 +7,8 @@
 
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
+#include "common/program/recorder.hpp"
 #include "common/rt/spsc_ring.hpp"
-#include "common/rt/trace.hpp"
 #include "ground/shell/settings.hpp"
 #include "onboard/agent/core/fusion.hpp"
 #include "onboard/agent/core/mocap_clock.hpp"
@@ -47,14 +47,13 @@ class LocalShell {
   void take_states(std::vector<StateSample>& states);
   void beat(TimeNs now_ns);
   void step(const ground::FlightInputs& inputs);
-  Status write_summary();
 
   ground::OutputSettings output_;
   ground::FlightCore core_;
   dds::ParticipantPtr participant_;
   const std::atomic<bool>& quit_;
   std::unique_ptr<ipc::AgentEnd> end_;
-  std::optional<TraceWriter> trace_;
+  Recorder recorder_;
   AgentBeat beat_;
   TimeNs next_beat_ns_ = 0, next_status_ns_ = 0;
   std::uint64_t plans_lost_ = 0, poses_implausible_ = 0;

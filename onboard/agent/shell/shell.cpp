@@ -20,7 +20,6 @@ constexpr TimeNs drain_limit_ns = 500 * ns_per_ms;
 constexpr TimeNs log_gap_ns = 1 * ns_per_s;       // of one kind of message
 constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // real time may be slewed
 constexpr TimeNs flight_silent_ns = 1 * ns_per_s;
-constexpr std::size_t max_held_blocks = 1024;
 
 /// Whether `now` is at or beyond `next`, which then moves on.
 bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
@@ -52,15 +51,11 @@ AgentShell::AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> r
       core_(settings_.core, *registry_),
       participant_(std::move(participant)),
       client_(std::move(client)),
-      urgent_(std::move(urgent)) {}
+      urgent_(std::move(urgent)) {
+  for (const DroneName& drone : core_.drones()) names_.push_back(drone.name);
+}
 
 AgentShell::~AgentShell() { mailbox_.close(); }
-
-void AgentShell::wait_for_news() const {
-  pollfd fd{.fd = mailbox_.wake_fd(), .events = POLLIN, .revents = 0};
-  const timespec timeout{.tv_sec = 0, .tv_nsec = poll_ns};
-  (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
-}
 
 Status AgentShell::take_letters() {
   for (Letter& letter : mailbox_.take_all()) {
@@ -81,30 +76,18 @@ Status AgentShell::take_letters() {
   return done;
 }
 
-// Between the first reading of the records and the first block something may have changed unseen. So they are read anew
-// once the first block is here: what that reading misses is in this block or a later one, and is replayed over it.
 Status AgentShell::take_block(fabric::Block block) {
-  if (!first_block_seen_) {
-    first_block_seen_ = true;
+  const auto next = control_start_.on_block(block);
+  if (!next) return next.error();
+  if (*next == belief::ControlStart::Next::take) core_.on_block(monotonic_ns(), block, out_);
+  if (*next == belief::ControlStart::Next::read)
     control_reader_ = std::jthread([this](const std::stop_token& stop) { read_controls_again(stop); });
-  }
-  if (controls_known_) {
-    core_.on_block(monotonic_ns(), block, out_);
-    return done;
-  }
-  if (held_.size() >= max_held_blocks) {
-    return Error{fmt::format("the control records could not be read while {} blocks came: see the messages above",
-                             held_.size())};
-  }
-  held_.push_back(std::move(block));
   return done;
 }
 
 void AgentShell::take_controls(const ControlsRead& read) {
   for (const Control& control : read.controls) core_.set_control(monotonic_ns(), control);
-  controls_known_ = true;
-  for (const fabric::Block& block : held_) core_.on_block(monotonic_ns(), block, out_);
-  held_.clear();
+  for (const fabric::Block& block : control_start_.on_read()) core_.on_block(monotonic_ns(), block, out_);
 }
 
 void AgentShell::take_states() {
@@ -162,9 +145,7 @@ void AgentShell::step_and_act() {
         });
   }
   tell_refusals();
-  if (trace_) {
-    for (const TraceRecord& record : out_.traces) trace_->add(record);
-  }
+  recorder_.add(out_.traces);
   out_.clear();
 }
 
@@ -220,7 +201,7 @@ Status AgentShell::run() {
   hurry("the main loop");
   if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
   while (!quit_ && !cut_off(monotonic_ns())) {
-    wait_for_news();
+    mailbox_.wait(poll_ns);
     if (auto status = take_letters(); !status) return status;
     take_mocap();
     take_states();
@@ -235,7 +216,7 @@ void AgentShell::drain() {
   core_.stop_submitting();
   const TimeNs until_ns = monotonic_ns() + drain_limit_ns;
   while (core_.anything_under_way() && monotonic_ns() < until_ns) {
-    wait_for_news();
+    mailbox_.wait(poll_ns);
     if (!take_letters()) return;  // too many blocks: the summary is still worth writing
     step_and_act();
   }
@@ -247,16 +228,7 @@ Status AgentShell::write_summary() {
     const dds::Refused refused = mocap.subscriber->refused();
     counters_.mocap_lost += refused.total();
   }
-  if (trace_) {
-    if (auto status = trace_->flush(); !status) return status;
-    if (trace_->dropped() > 0) spdlog::warn("{}: {} records did not fit", settings_.trace, trace_->dropped());
-  }
-  if (settings_.summary.empty()) return done;
-  std::ofstream file(settings_.summary);
-  file << summary(core_, counters_) << "\n";
-  file.close();
-  if (!file) return Error{"cannot write " + settings_.summary};
-  return done;
+  return recorder_.end(settings_.summary, [this] { return summary(core_, counters_); });
 }
 
 }  // namespace ledgerline::agent

@@ -1,19 +1,20 @@
 #pragma once
 #include <atomic>
-#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "common/belief/control_records.hpp"
 #include "common/dds/dds.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/program/recorder.hpp"
 #include "common/program/service_manager.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/agent/core/agent_core.hpp"
 #include "onboard/agent/core/mocap_clock.hpp"
-#include "onboard/agent/shell/mailbox.hpp"
+#include "onboard/agent/shell/letters.hpp"
 #include "onboard/agent/shell/report.hpp"
 #include "onboard/agent/shell/settings.hpp"
 #include "onboard/ipc/ipc.hpp"
@@ -59,12 +60,10 @@ class AgentShell {
   void hurry(const char* thread) const;
   void open_block_stream();
   Status wait_for_block_stream();
-  Result<std::vector<Control>> read_controls();
   void read_controls_again(const std::stop_token& stop);
   void watch_roudi(const std::stop_token& stop);
   bool cut_off(TimeNs now) const;
 
-  void wait_for_news() const;
   Status take_letters();
   Status take_block(fabric::Block block);
   void take_controls(const ControlsRead& read);
@@ -85,7 +84,7 @@ class AgentShell {
   AgentCore core_;
   AgentOutputs out_;
   std::unique_ptr<ipc::AgentEnd> end_;
-  std::optional<TraceWriter> trace_;
+  Recorder recorder_;
   ShellCounters counters_;
   std::optional<ServiceManager> manager_;
   std::uint64_t turns_ = 0;  ///< of run()
@@ -95,9 +94,10 @@ class AgentShell {
   MocapClock clock_{real_offset};
   TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0;
   std::uint64_t transitions_lost_ = 0;  ///< as told last
-  bool first_block_seen_ = false, controls_known_ = false, connected_ = false, mocap_warned_ = false;
+  bool connected_ = false, mocap_warned_ = false;
   std::string stream_problem_;
-  std::deque<fabric::Block> held_;  ///< until the control records are read anew
+  belief::ControlStart control_start_;
+  std::vector<std::string> names_;  ///< of the drones
 
   // In this order: the threads and streams below use what is above, and are ended first.
   Mailbox mailbox_;

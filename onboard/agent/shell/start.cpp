@@ -5,8 +5,6 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/msg/contract.hpp"
-#include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
 #include "common/rt/real_time.hpp"
 #include "onboard/agent/shell/shell.hpp"
@@ -56,11 +54,7 @@ Status AgentShell::start() {
   if (!manager) return manager.error();
   manager_.emplace(std::move(manager).value());
   core_.set_real_offset(clock_.offset_ns());
-  if (!settings_.trace.empty()) {
-    auto trace = TraceWriter::create(settings_.trace);
-    if (!trace) return trace.error();
-    trace_ = std::move(trace).value();
-  }
+  if (auto status = recorder_.open(settings_.trace); !status) return status;
   if (auto status = keep_trying("RouDi answers", [] { return ipc::connect("ledgerline-agent"); }); !status) {
     return status;
   }
@@ -73,7 +67,7 @@ Status AgentShell::start() {
   open_block_stream();
   if (auto status = wait_for_block_stream(); !status) return status;
   return keep_trying("the control records can be read", [this]() -> Status {
-    auto controls = read_controls();
+    const auto controls = belief::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });
     if (!controls) return controls.error();
     for (const Control& control : *controls) core_.set_control(monotonic_ns(), control);
     return done;
@@ -112,7 +106,7 @@ void AgentShell::open_block_stream() {
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [this, first = true](const fabric::Block& block, std::string_view) mutable {
     if (std::exchange(first, false)) hurry("the block stream");
-    mailbox_.put_block(block);
+    mailbox_.put_in_turn(block);
   };
   handlers.on_connection = [this](bool connected, const std::string& why) {
     mailbox_.put(StreamState{connected, why});
@@ -137,34 +131,10 @@ Status AgentShell::wait_for_block_stream() {
   });
 }
 
-Result<std::vector<Control>> AgentShell::read_controls() {
-  std::vector<Control> controls;
-  for (const DroneName& drone : settings_.core.drones) {
-    QueryCall query;
-    query.set_id("control/" + drone.name);
-    const auto answer = client_->evaluate({contract::get, {query.SerializeAsString()}});
-    if (!answer) return Error{fmt::format("control/{}: {}", drone.name, answer.error().what)};
-    Assets assets;
-    Control control;
-    if (auto status = parse_message(*answer, assets); !status) return status.error();
-    if (assets.assets_size() != 1) return Error{drone.name + " is not enrolled: enroll it first (ledgerline-fly does)"};
-    if (auto status = parse_message(assets.assets(0).msg_data(), control); !status) return status.error();
-    if (control.drone() != drone.name) return Error{fmt::format("control/{} is the record of another", drone.name)};
-    controls.push_back(std::move(control));
-  }
-  return controls;
-}
-
 void AgentShell::read_controls_again(const std::stop_token& stop) {
-  while (!stop.stop_requested()) {
-    auto controls = read_controls();
-    if (controls) {
-      mailbox_.put(ControlsRead{std::move(controls).value()});
-      return;
-    }
-    spdlog::warn("the control records cannot be read yet, no command is believed: {}", controls.error().what);
-    std::this_thread::sleep_for(try_again_after);
-  }
+  auto controls =
+      belief::keep_reading_controls(stop, names_, [this](const fabric::Call& call) { return client_->evaluate(call); });
+  if (controls) mailbox_.put(ControlsRead{std::move(*controls)});
 }
 
 void AgentShell::watch_roudi(const std::stop_token& stop) {

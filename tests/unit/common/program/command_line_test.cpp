@@ -54,8 +54,9 @@ TEST_F(ACommandLine, NothingGivenLeavesTheDefaults) {
 }
 
 TEST_F(ACommandLine, EveryKindOfValueIsTaken) {
-  EXPECT_FALSE(line.read({"--laps", "7", "--quiet", "--mode", "off", "--no-shrink", "--time", "noon", "--domains",
-                          "1,2", "tello1", "tello2"}));
+  const auto end = line.read({"tello1", "tello2", "--laps", "7", "--quiet", "--mode", "off", "--no-shrink", "--time",
+                              "noon", "--domains", "1,2"});
+  ASSERT_FALSE(end) << end->text;
   EXPECT_EQ(values.laps, 7);
   EXPECT_TRUE(values.quiet && !values.shrinks);
   EXPECT_EQ(values.mode, "off");

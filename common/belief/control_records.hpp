@@ -1,0 +1,51 @@
+#pragma once
+#include <functional>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "ledgerline.pb.h"
+
+/// The control records with which a program begins: who reads the ledger's blocks knows of changes alone.
+namespace ledgerline::belief {
+
+/// Asks the ledger without writing, as fabric::Client::evaluate.
+using Evaluate = std::function<Result<std::string>(const fabric::Call&)>;
+
+/// The control record of a drone, by a call of the contract's `get`.
+Result<Control> read_control(const std::string& drone, const Evaluate& evaluate);
+/// Those of all these drones.
+Result<std::vector<Control>> read_controls(const std::vector<std::string>& drones, const Evaluate& evaluate);
+/// read_controls() until it succeeds; nullopt: asked to stop. Says in the log why it has not yet.
+std::optional<std::vector<Control>> keep_reading_controls(const std::stop_token& stop,
+                                                          const std::vector<std::string>& drones,
+                                                          const Evaluate& evaluate);
+
+/// Puts the records and the blocks that change them in order. A stream that begins with the next new block says nothing
+/// of what was committed just before it, and a peer may answer from before that. So the records are read anew once the
+/// first block is here: what that reading misses is in this block or a later one, which are held until then and
+/// replayed over it. Pure; one thread.
+class ControlStart {
+ public:
+  explicit ControlStart(std::size_t max_held = 1024) : max_held_(max_held) {}
+
+  enum class Next {
+    take,  ///< the block, now
+    read,  ///< the records anew; the block is held
+    hold,  ///< on: the records are still being read
+  };
+  /// An error: more blocks came than can be held.
+  Result<Next> on_block(const fabric::Block& block);
+  /// The records were read anew: take them, then these blocks in their order.
+  std::vector<fabric::Block> on_read();
+
+ private:
+  const std::size_t max_held_;
+  bool reading_ = false, known_ = false;
+  std::vector<fabric::Block> held_;
+};
+
+}  // namespace ledgerline::belief
