@@ -90,6 +90,21 @@ Match match_set(const AskedCall& call, std::string_view event_payload, SetCall& 
   return match(call, contract::set, event_payload, asked);
 }
 
+Plan plan_of(DroneNumber drone, const DronePlan& asked) {
+  Plan plan;
+  plan.drone = drone;
+  plan.action = static_cast<PlanAction>(asked.action());
+  plan.sequence = asked.sequence();
+  plan.epoch = asked.epoch();
+  plan.state_stamp_ns = asked.state_stamp_ns();
+  plan.count = static_cast<std::uint32_t>(asked.setpoints_size());
+  for (int i = 0; i < asked.setpoints_size(); ++i) {
+    const PlannedSetpoint& s = asked.setpoints(i);
+    plan.setpoints[static_cast<std::size_t>(i)] = Setpoint{s.at_ns(), {s.vx(), s.vy(), s.vz()}, s.yaw_rate()};
+  }
+  return plan;
+}
+
 Status check_event(const AskedCall& call, std::string_view event_name, std::string_view event_payload) {
   const Error another{"its event is not the call"};
   if (one_of(call.function, questions)) {

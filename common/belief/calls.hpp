@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/msg/onboard.hpp"
 #include "ledgerline.pb.h"
 
 /// What may be believed of a transaction of the contract without believing the peer that ran it. A peer signs results;
@@ -29,6 +30,9 @@ enum class Match {
 /// shown comes from there. It is empty unless the call was of that function.
 Match match_command(const AskedCall& call, std::string_view event_payload, CommandCall& asked);
 Match match_set(const AskedCall& call, std::string_view event_payload, SetCall& asked);
+
+/// A plan as link takes it; of one that has at most max_setpoints.
+Plan plan_of(DroneNumber drone, const DronePlan& asked);
 
 /// For clients, before they sign: why a result with this event (no name: none) cannot be the contract's of this call.
 /// Functions that the contract does not have are not judged.

@@ -29,6 +29,24 @@ constexpr const char* name(FailsafeCause cause) noexcept {
   return at < names.size() ? names[at] : "unknown";
 }
 
+/// The same in a sentence: "its failsafe landed it: ...".
+constexpr const char* words_for(FailsafeCause cause) noexcept {
+  constexpr std::array words{"no cause given",
+                             "its plan ran out",
+                             "held too long without commands",
+                             "agent is silent",
+                             "the ledger is silent",
+                             "its state is stale",
+                             "its pose is lost",
+                             "it is at the fence",
+                             "battery low",
+                             "battery critical",
+                             "stopped"};
+  static_assert(words.size() == static_cast<std::size_t>(FailsafeCause::stopped) + 1, "a cause without words");
+  const auto at = static_cast<std::size_t>(cause);
+  return at < words.size() ? words[at] : "unknown cause";
+}
+
 /// The value that has this name.
 template <typename Enum>
 constexpr std::optional<Enum> from_name(std::string_view text) noexcept {

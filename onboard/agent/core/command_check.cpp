@@ -24,21 +24,6 @@ bool same(const Identity& a, const crypto::IdentityName& b) {
   return a.msp_id() == b.msp_id && a.subject() == b.subject;
 }
 
-Plan to_plan(DroneNumber drone, const DronePlan& from) {
-  Plan plan;
-  plan.drone = drone;
-  plan.action = static_cast<PlanAction>(from.action());
-  plan.sequence = from.sequence();
-  plan.epoch = from.epoch();
-  plan.state_stamp_ns = from.state_stamp_ns();
-  plan.count = static_cast<std::uint32_t>(from.setpoints_size());
-  for (int i = 0; i < from.setpoints_size(); ++i) {
-    const PlannedSetpoint& s = from.setpoints(i);
-    plan.setpoints[static_cast<std::size_t>(i)] = Setpoint{s.at_ns(), {s.vx(), s.vy(), s.vz()}, s.yaw_rate()};
-  }
-  return plan;
-}
-
 }  // namespace
 
 std::string_view refusal_name(Refusal refusal) { return names.at(static_cast<std::size_t>(refusal)); }
@@ -147,7 +132,7 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
     drone->epoch = plan.epoch();
     drone->last_sequence = plan.sequence();
     ++drone->counters.verified;
-    out.plans.push_back(to_plan(drone->name.number, plan));
+    out.plans.push_back(belief::plan_of(drone->name.number, plan));
   }
 }
 

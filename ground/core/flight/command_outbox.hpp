@@ -1,0 +1,66 @@
+#pragma once
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "common/fabric/sending/in_flight.hpp"
+#include "ground/core/flight/planner.hpp"
+
+namespace ledgerline::ground {
+
+/// Brings plans onto the ledger: those of all drones in one call, one call in flight until it is committed, or behind a
+/// gap (fabric::InFlight). What is made meanwhile waits, the newest per drone; what it replaces is counted as merged. A
+/// call that is refused for one drone is sent again at once without it.
+///
+///     put() -> waiting -> in flight -> committed: over
+///                 ^           |     -> refused for one drone: that one's is over, the others wait again unless a
+///                 |           |        newer plan does, or went out
+///                 +-----------+     -> anything else: over, each drone's next plan says more
+///
+/// Deterministic; one thread.
+class CommandOutbox {
+ public:
+  struct Slot {
+    FlightDrone drone;
+    FlightStatus* status = nullptr;  ///< whose counters of commands it keeps
+  };
+  struct Calls {
+    std::function<void(std::size_t drone, std::uint64_t plan)> withdraw;  ///< the plan will not be flown
+    std::function<void(TimeNs one_way_ns)> measure;  ///< one of our calls was seen on the ledger so long after
+  };
+
+  CommandOutbox(std::vector<Slot> slots, PlanTiming& timing, FlightTransactions& counters, Calls calls);
+
+  void put(std::size_t drone, PlannedCommand command);
+  void submit(TimeNs now, std::uint64_t& next_id, FlightOutputs& out);
+  void take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
+  /// A `command` of a block: where it is one of ours, nothing waits for its outcome any more.
+  void take_block(TimeNs now, const fabric::Transaction& tx);
+  /// What waits was planned under the lease before; numbers begin anew.
+  void begin_lease(std::size_t drone, std::uint64_t epoch);
+  /// A ground that was started again under the same lease goes on behind what was flown, and what may be under way.
+  void go_on_behind(std::size_t drone, std::uint64_t sequence);
+
+ private:
+  using Commands = std::vector<PlannedCommand>;
+  struct Waiting {
+    Slot slot;
+    std::optional<PlannedCommand> command{};
+    std::uint64_t epoch = 0;  ///< of the lease
+    std::uint64_t next_sequence = 1;
+  };
+  std::size_t drone_of(const PlannedCommand& command) const;
+  void resend(Commands& refused, const fabric::Outcome& outcome);
+  void withdraw(const PlannedCommand& command);
+
+  std::vector<Waiting> drones_;
+  PlanTiming& timing_;
+  FlightTransactions& counters_;
+  Calls calls_;
+  fabric::InFlight<Commands> in_flight_;
+};
+
+/// The record of a plan that goes out.
+TraceRecord trace_of(const FlightDrone& drone, const PlannedCommand& command, TimeNs at_ns);
+
+}  // namespace ledgerline::ground

@@ -1,0 +1,95 @@
+#include "ground/core/flight/lease_book.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/msg/stops.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
+
+}  // namespace
+
+LeaseBook::LeaseBook(const FlightConfig& config, FlightTransactions& counters)
+    : config_(config), counters_(counters), leases_(config.drones.size()) {
+  for (Lease& lease : leases_) update(lease);
+}
+
+void LeaseBook::update(Lease& lease) const {
+  lease.may_command = !config_.ledger || (lease.holder == config_.self && !is_stopped(lease.stoppers));
+}
+
+Result<std::optional<LeaseBook::Change>> LeaseBook::set(const Control& record) {
+  const auto drone = index_of(config_.drones, record.drone());
+  if (!drone) return Error{fmt::format("a record of {} came, which does not fly here", record.drone())};
+  return take_record(*drone, record);
+}
+
+std::optional<LeaseBook::Change> LeaseBook::take_record(std::size_t drone, const Control& control) {
+  Lease& lease = leases_[drone];
+  if (control.epoch() < lease.epoch) return std::nullopt;
+  const Change change{drone, control.epoch() != lease.epoch};
+  lease.record = control;
+  lease.epoch = control.epoch();
+  lease.owner.reset();
+  lease.holder.reset();
+  *lease.stoppers.mutable_stoppers() = control.stoppers();
+  if (control.has_owner()) lease.owner = to_name(control.owner());
+  if (control.has_holder()) lease.holder = to_name(control.holder());
+  update(lease);
+  return change;
+}
+
+// Who signed it; nobody who is believed: none.
+std::optional<belief::Creator> LeaseBook::creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const {
+  const auto member = config_.believed->member(tx.creator, realtime_s);
+  if (!member || !(*member)->verifier->verify(tx.payload, tx.signature)) return std::nullopt;
+  return belief::Creator{(*member)->name, (*member)->admin};
+}
+
+std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, std::int64_t realtime_s) {
+  const auto event = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
+  if (!event) {
+    ++counters_.altered;
+    return {};
+  }
+  const auto ours = [&](const auto& all) {
+    return std::any_of(all.begin(), all.end(), [&](const auto& one) { return index_of(config_.drones, one.drone()); });
+  };
+  if (!ours(event->controls.controls()) && !ours(event->stops.stops())) return {};
+  std::optional<belief::Creator> creator;
+  if (config_.believed && !(creator = creator_of(tx, realtime_s))) {
+    ++counters_.unbelieved;
+    return {};
+  }
+  std::vector<Change> changes;
+  for (const Control& control : event->controls.controls()) {
+    const auto drone = index_of(config_.drones, control.drone());
+    if (!drone) continue;
+    const auto& record = leases_[*drone].record;
+    if (creator && !(record && belief::control_follows(*event, *record, control, *creator))) {
+      ++counters_.altered;
+    } else if (const auto change = take_record(*drone, control)) {
+      changes.push_back(*change);
+    }
+  }
+  for (const Stop& stop : event->stops.stops()) {
+    const auto drone = index_of(config_.drones, stop.drone());
+    if (!drone) continue;
+    Lease& lease = leases_[*drone];
+    if (creator && !belief::stop_follows(*event, lease.record.value_or(Control()), stop, *creator)) {
+      ++counters_.altered;
+      continue;
+    }
+    add_stop(lease.stoppers, stop);
+    if (lease.record) add_stop(*lease.record, stop);
+    update(lease);
+    changes.push_back({*drone, false});
+  }
+  return changes;
+}
+
+}  // namespace ledgerline::ground

@@ -1,0 +1,49 @@
+#pragma once
+#include <optional>
+#include <vector>
+
+#include "common/belief/control_events.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "ground/core/flight_types.hpp"
+#include "ledgerline.pb.h"
+
+namespace ledgerline::ground {
+
+/// What the ledger says of who may command a drone.
+struct Lease {
+  std::optional<crypto::IdentityName> owner, holder;
+  std::optional<Control> record;  ///< the newest, whole: what control events have to follow from
+  Control stoppers;               ///< who has it stopped; nothing else of the record
+  std::uint64_t epoch = 0;
+  bool may_command = false;  ///< it is ours and the drone is not stopped
+};
+
+/// The leases of all drones: first as read from the ledger, then by the control events in the blocks, each of which
+/// must be signed by somebody who is believed, be what its signer asked for, and follow from the record before. Without
+/// a ledger all are ours. Deterministic; one thread.
+class LeaseBook {
+ public:
+  struct Change {
+    std::size_t drone = 0;
+    bool new_epoch = false;
+  };
+
+  LeaseBook(const FlightConfig& config, FlightTransactions& counters);
+
+  /// A record as it was read; nothing where an older one than ours. An error: of a drone that does not fly here.
+  Result<std::optional<Change>> set(const Control& record);
+  /// A control event of a block. What is not believed is counted.
+  std::vector<Change> take(const fabric::Transaction& tx, std::int64_t realtime_s);
+  const Lease& of(std::size_t drone) const { return leases_[drone]; }
+
+ private:
+  std::optional<belief::Creator> creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const;
+  std::optional<Change> take_record(std::size_t drone, const Control& control);
+  void update(Lease& lease) const;
+
+  const FlightConfig& config_;
+  FlightTransactions& counters_;
+  std::vector<Lease> leases_;
+};
+
+}  // namespace ledgerline::ground

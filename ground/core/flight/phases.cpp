@@ -1,0 +1,228 @@
+#include "ground/core/flight/phases.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/msg/names.hpp"
+#include "common/msg/stops.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+constexpr double near_m = 0.2;  // of a place: close enough to call it reached
+constexpr double still_mps = 0.2;
+constexpr TimeNs grounded_for_ns = 2 * ns_per_s;  // a take-off command may still be under way
+constexpr TimeNs end_wait_ns = 3 * ns_per_s;      // for the drone to come up to the path's end
+
+}  // namespace
+
+bool may_take_off(const StateSample& state) {
+  return state.cause == FailsafeCause::none || state.cause == FailsafeCause::stopped;
+}
+
+void Phases::enter(TimeNs now, DronePhase phase) {
+  status_.phase = phase;
+  entered_ns_ = now;
+}
+
+void Phases::land(TimeNs now, const std::string& why) {
+  if (status_.phase >= DronePhase::landing) return;
+  end_path();
+  if (status_.why.empty()) status_.why = why;
+  enter(now, status_.phase == DronePhase::waiting ? DronePhase::failed : DronePhase::landing);
+}
+
+void Phases::land_by_pilot(TimeNs now, const std::string& why) {
+  if (in_air()) land(now, why);
+  if (status_.phase == DronePhase::failed && seen_.has_state && in_flight(seen_.state.phase))
+    enter(now, DronePhase::landing);
+}
+
+void Phases::end_path() {
+  if (status_.phase == DronePhase::path || status_.phase == DronePhase::manual)
+    status_.path_ns[1] = seen_.state.stamp_ns;
+}
+
+void Phases::take_lease(TimeNs now) {
+  if (!in_air()) return;
+  if (is_stopped(lease_.stoppers)) {
+    land(now, "stopped by " + stopper_names(lease_.stoppers));
+  } else if (lease_.holder != config_.self) {
+    end_path();
+    status_.why = "lost its lease" + (lease_.holder ? " to " + lease_.holder->subject : "");
+    enter(now, DronePhase::failed);
+  }
+}
+
+std::string Phases::take_off(TimeNs now, bool ending) {
+  std::string why = not_ready();
+  if (status_.phase == DronePhase::landing) why = "it is landing";
+  if (ending) why = "the flight is ending";
+  if (in_air()) why = "it is in the air";
+  if (!config_.manual) why = "it flies a path";
+  if (!why.empty()) return why;
+  flew_ = false;
+  planner_.manual().release();
+  status_.why.clear();
+  status_.origin_m = {seen_.state.position_m[0], seen_.state.position_m[1]};
+  enter(now, DronePhase::takeoff);
+  return "";
+}
+
+bool Phases::near_origin() const {
+  const auto& s = seen_.state;
+  return std::hypot(s.position_m[0] - status_.origin_m[0], s.position_m[1] - status_.origin_m[1]) < near_m;
+}
+
+bool Phases::settled() const {
+  const auto& s = seen_.state;
+  return near_origin() && std::abs(s.position_m[2] - planner_.controller()->start_height_m()) < near_m &&
+         std::hypot(s.velocity_mps[0], s.velocity_mps[1], s.velocity_mps[2]) < still_mps;
+}
+
+void Phases::advance(TimeNs now, TimeNs delay_ns) {
+  const StateSample& s = seen_.state;
+  const bool grounded = s.phase == FlightPhase::on_ground || s.phase == FlightPhase::landed;
+  switch (status_.phase) {
+    case DronePhase::waiting:
+      return advance_waiting(now);
+    case DronePhase::takeoff:
+      return advance_takeoff(now, delay_ns);
+    case DronePhase::path:
+    case DronePhase::manual:
+      return advance_flown(now);
+    case DronePhase::landing:
+      if (grounded && (flew_ || now - entered_ns_ > grounded_for_ns)) enter(now, DronePhase::landed);
+      return;
+    case DronePhase::landed:
+    case DronePhase::failed:
+      return;
+  }
+}
+
+void Phases::advance_waiting(TimeNs now) {
+  const StateSample& s = seen_.state;
+  const bool grounded = s.phase == FlightPhase::on_ground || s.phase == FlightPhase::landed;
+  const bool flying = s.phase == FlightPhase::flying;
+  if (config_.manual) {
+    // Found in the air, it is held there: see takeoff.
+    if (flying && not_ready().empty()) enter(now, DronePhase::takeoff);
+    return;
+  }
+  if (!lease_.may_command || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
+  if (grounded && !may_take_off(s)) return;
+  status_.origin_m = {s.position_m[0], s.position_m[1]};
+  planner_.begin_path(status_.origin_m, s.yaw_rad);
+  enter(now, DronePhase::takeoff);
+}
+
+void Phases::advance_takeoff(TimeNs now, TimeNs delay_ns) {
+  const StateSample& s = seen_.state;
+  if (s.phase != FlightPhase::flying) {
+    if (flew_) land(now, fmt::format("came down by itself: {}", words_for(s.cause)));
+    return;
+  }
+  if (!flew_) settling_since_ns_ = s.stamp_ns;
+  flew_ = true;
+  if (config_.manual) {
+    status_.path_ns = {s.stamp_ns, 0};
+    enter(now, DronePhase::manual);
+  } else if (settled()) {
+    path_since_ns_ = status_.path_ns[0] = s.stamp_ns + delay_ns;
+    planner_.start_path(path_since_ns_);
+    enter(now, DronePhase::path);
+  } else if (s.stamp_ns - settling_since_ns_ > config_.settle_ns) {
+    land(now, fmt::format("did not settle above where it took off within {:.0f} s", to_seconds(config_.settle_ns)));
+  }
+}
+
+void Phases::advance_flown(TimeNs now) {
+  const StateSample& s = seen_.state;
+  if (s.phase != FlightPhase::flying) {
+    land(now, fmt::format("came down by itself: {}", words_for(s.cause)));
+  } else if (s.mode == FailsafeMode::land || s.mode == FailsafeMode::cut) {
+    land(now, fmt::format("its failsafe landed it: {}", words_for(s.cause)));
+  } else if (status_.phase == DronePhase::path) {
+    advance_path(now);
+  }
+}
+
+void Phases::advance_path(TimeNs now) {
+  const StateSample& s = seen_.state;
+  const PathController& controller = *planner_.controller();
+  if (config_.seconds > 0) {
+    const double share = to_seconds(s.stamp_ns - path_since_ns_) / config_.seconds;
+    status_.progress = std::clamp(share, 0.0, 1.0);
+    status_.finished = share >= 1;
+  } else {
+    status_.progress = controller.progress_m() / (config_.laps * controller.lap_m());
+    if (controller.at_end()) {
+      if (end_since_ns_ == 0) end_since_ns_ = s.stamp_ns;
+      status_.finished = near_origin();
+      if (!status_.finished && s.stamp_ns - end_since_ns_ > end_wait_ns) land(now, "did not reach the end of its path");
+    }
+  }
+  if (!status_.finished) return;
+  end_path();
+  enter(now, DronePhase::landing);
+}
+
+TimeNs Phases::path_limit_ns() const {
+  constexpr double spare_s = 30;
+  if (config_.seconds > 0) return from_seconds(config_.seconds + spare_s);
+  return from_seconds(config_.path_factor * planner_.controller()->expected_s(config_.laps) + spare_s);
+}
+
+// What speaks against a take-off; empty: nothing.
+std::string Phases::not_ready() const {
+  if (!seen_.has_state) return "no state came through the ledger";
+  if (is_stopped(lease_.stoppers)) return "it is stopped by " + stopper_names(lease_.stoppers);
+  if (!lease_.may_command)
+    return lease_.holder ? "its lease is held by " + lease_.holder->subject : "nobody holds its lease";
+  if (seen_.state.pose_stamp_ns == 0) return "it has no pose (no mocap?)";
+  if (seen_.state.phase == FlightPhase::disconnected) return "link does not reach it";
+  if (!in_flight(seen_.state.phase) && !may_take_off(seen_.state))
+    return fmt::format("it may not take off ({})", words_for(seen_.state.cause));
+  return "";
+}
+
+void Phases::check_time(TimeNs now) {
+  const TimeNs in_phase_ns = now - entered_ns_;
+  if (in_air() && now - seen_.received_ns > config_.silence_ns) {
+    land(now, fmt::format("no state came for {:.1f} s", to_seconds(config_.silence_ns)));
+    return;
+  }
+  switch (status_.phase) {
+    case DronePhase::waiting: {
+      if (config_.manual || in_phase_ns <= config_.wait_ns) return;
+      const std::string missing = not_ready();
+      status_.why = fmt::format("{} within {:.0f} s", missing.empty() ? "it never was ready on the ground" : missing,
+                                to_seconds(config_.wait_ns));
+      enter(now, DronePhase::failed);
+      return;
+    }
+    case DronePhase::takeoff:
+      if (in_phase_ns > config_.takeoff_ns)
+        land(now, fmt::format("did not take off within {:.0f} s", to_seconds(config_.takeoff_ns)));
+      return;
+    case DronePhase::path:
+      if (in_phase_ns > path_limit_ns())
+        land(now, fmt::format("did not finish its path within {:.0f} s", to_seconds(path_limit_ns())));
+      return;
+    case DronePhase::landing:
+      if (in_phase_ns > config_.landing_ns) {
+        const std::string silent = fmt::format("was not seen to land within {:.0f} s", to_seconds(config_.landing_ns));
+        status_.why += (status_.why.empty() ? "" : "; ") + silent;
+        enter(now, DronePhase::failed);
+      }
+      return;
+    case DronePhase::manual:
+    case DronePhase::landed:
+    case DronePhase::failed:
+      return;
+  }
+}
+
+}  // namespace ledgerline::ground

@@ -1,0 +1,62 @@
+#pragma once
+#include <string>
+
+#include "ground/core/flight/planner.hpp"
+
+namespace ledgerline::ground {
+
+constexpr bool is_in_air(DronePhase phase) { return phase >= DronePhase::takeoff && phase <= DronePhase::manual; }
+
+/// On the ground link says what speaks against a take-off. A stop it keeps until the next take-off command; whether that
+/// is allowed says the ledger.
+bool may_take_off(const StateSample& state);
+
+/// One drone's flight: which phase it is in, by its states, its lease, its pilot and the time; why it went wrong.
+///
+///     waiting -> takeoff -> path or manual -> landing -> landed
+///        |          |            |               |
+///        +----------+-- failed --+---------------+   (with something to land: through landing)
+///
+/// Deterministic; one thread. What it is given must outlive it; it writes the status's phase, progress and reasons.
+class Phases {
+ public:
+  Phases(const FlightConfig& config, const Lease& lease, const Seen& seen, Planner& planner, FlightStatus& status)
+      : config_(config), lease_(lease), seen_(seen), planner_(planner), status_(status) {}
+
+  void begin(TimeNs now) { entered_ns_ = now; }
+  bool in_air() const { return is_in_air(status_.phase); }
+  /// On a new state. `delay_ns`: until a plan made now is flown.
+  void advance(TimeNs now, TimeNs delay_ns);
+  void check_time(TimeNs now);
+  /// The lease changed, or somebody stopped the drone.
+  void take_lease(TimeNs now);
+  /// Ends the flight, where it is not landing already.
+  void land(TimeNs now, const std::string& why);
+  /// Its pilot wants it down, also where it was given up.
+  void land_by_pilot(TimeNs now, const std::string& why);
+  /// What speaks against a pilot's take-off; empty: it takes off. `ending`: the whole flight is.
+  std::string take_off(TimeNs now, bool ending);
+
+ private:
+  std::string not_ready() const;
+  void advance_waiting(TimeNs now);
+  void advance_takeoff(TimeNs now, TimeNs delay_ns);
+  void advance_flown(TimeNs now);
+  void advance_path(TimeNs now);
+  bool settled() const;
+  bool near_origin() const;
+  void end_path();
+  TimeNs path_limit_ns() const;
+  void enter(TimeNs now, DronePhase phase);
+
+  const FlightConfig& config_;
+  const Lease& lease_;
+  const Seen& seen_;
+  Planner& planner_;
+  FlightStatus& status_;
+  TimeNs entered_ns_ = 0;  ///< the phase; the ground's clock
+  bool flew_ = false;
+  TimeNs settling_since_ns_ = 0, path_since_ns_ = 0, end_since_ns_ = 0;  ///< the drone's clock
+};
+
+}  // namespace ledgerline::ground

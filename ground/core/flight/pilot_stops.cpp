@@ -1,0 +1,65 @@
+#include "ground/core/flight/pilot_stops.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
+
+#include "common/msg/contract.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+/// A stop that did not reach the ledger by then is given up, aloud: drone and ground have landed it long since.
+constexpr TimeNs stop_within_ns = 30 * ns_per_s;
+
+}  // namespace
+
+PilotStops::PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self) {
+  // Pilots that stop at one time do not come back together.
+  const std::uint64_t seed = std::hash<std::string>{}(self.msp_id + self.subject);
+  for (std::size_t i = 0; i < drones.size(); ++i) slots_.push_back({.name = drones[i].name, .seed = seed + i});
+}
+
+void PilotStops::want(TimeNs now, std::size_t drone, bool cut) {
+  Slot& slot = slots_[drone];
+  if (slot.stop && (!cut || slot.stop->cut())) return;
+  slot.stop.emplace();
+  slot.stop->add_drones(slot.name);
+  slot.stop->set_cut(cut);
+  slot.repeat.emplace(fabric::RepeatLimits{.within_ns = stop_within_ns}, slot.seed, now);
+  slot.id = 0;  // what may be under way asks for less
+  slot.next_ns = now;
+}
+
+void PilotStops::submit(TimeNs now, std::uint64_t& next_id, std::vector<Submission>& submissions) {
+  for (Slot& slot : slots_) {
+    if (!slot.stop || slot.id != 0 || now < slot.next_ns) continue;
+    slot.id = next_id++;
+    submissions.push_back({slot.id, {contract::stop, {slot.stop->SerializeAsString()}}, true});
+  }
+}
+
+std::optional<PilotStops::Ended> PilotStops::take_outcome(TimeNs now, const fabric::Outcome& outcome,
+                                                          std::uint64_t id) {
+  const auto slot = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.id == id; });
+  if (slot == slots_.end()) return std::nullopt;
+  slot->id = 0;
+  using Next = fabric::Repeat::Next;
+  const Next next = slot->repeat->ended(now, outcome);
+  slot->next_ns = slot->repeat->at_ns();
+  Ended ended{static_cast<std::size_t>(slot - slots_.begin()), ""};
+  if (next == Next::again) return ended;
+  slot->stop.reset();
+  if (next == Next::refused) ended.problem = fmt::format("no stop: {}", outcome.refusal->words);
+  if (next == Next::given_up)
+    ended.problem =
+        fmt::format("no stop: not on the ledger within {:.0f} s: {}", to_seconds(stop_within_ns), outcome.message);
+  return ended;
+}
+
+bool PilotStops::pending() const {
+  return std::any_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.stop.has_value(); });
+}
+
+}  // namespace ledgerline::ground

@@ -1,0 +1,42 @@
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/fabric/sending/repeat.hpp"
+#include "ground/core/flight_types.hpp"
+#include "ledgerline.pb.h"
+
+namespace ledgerline::ground {
+
+/// A pilot's stops on their way: each goes out by itself, at once, and again until the ledger has it, the contract
+/// refuses it, or 30 s are over. One of a drone at a time; a cut replaces a stop. Deterministic; one thread.
+class PilotStops {
+ public:
+  PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self);
+
+  void want(TimeNs now, std::size_t drone, bool cut);
+  void submit(TimeNs now, std::uint64_t& next_id, std::vector<Submission>& submissions);
+
+  struct Ended {
+    std::size_t drone = 0;
+    std::string problem;  ///< why the ledger will not have it; empty: it has, or the stop goes out again
+  };
+  /// Nothing: the outcome is none of ours.
+  std::optional<Ended> take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id);
+  /// One is not on the ledger yet.
+  bool pending() const;
+
+ private:
+  struct Slot {
+    std::string name;
+    std::uint64_t seed = 0;                  ///< of the pauses' jitter
+    std::optional<DronesCall> stop{};        ///< to be submitted, or under way
+    std::optional<fabric::Repeat> repeat{};  ///< of that one
+    std::uint64_t id = 0;                    ///< 0: not under way
+    TimeNs next_ns = 0;
+  };
+  std::vector<Slot> slots_;
+};
+
+}  // namespace ledgerline::ground

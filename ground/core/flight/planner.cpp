@@ -1,0 +1,133 @@
+#include "ground/core/flight/planner.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "ground/core/flight/phases.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+constexpr TimeNs beside_ns = 5 * ns_per_ms;  // without a ledger: until link has the plan
+
+}  // namespace
+
+Planner::Planner(const FlightConfig& config, std::size_t drone, const Lease& lease, const Seen& seen,
+                 FlightStatus& status)
+    : config_(config),
+      drone_(drone),
+      lease_(lease),
+      seen_(seen),
+      status_(status),
+      manual_(config.controller, config.cmd_timeout_ns) {}
+
+void Planner::begin_path(const std::array<double, 2>& origin_m, double yaw_rad) {
+  controller_ = std::make_unique<PathController>(waypoints_of(config_), Eigen::Vector2d(origin_m[0], origin_m[1]),
+                                                 config_.controller, yaw_rad);
+}
+
+void Planner::start_path(TimeNs at_ns) {
+  lap_since_ns_ = last_at_ns_ = at_ns;
+  controller_->start(
+      at_ns, config_.seconds > 0 ? std::numeric_limits<double>::infinity() : config_.laps * controller_->lap_m());
+}
+
+void Planner::observe(bool same_boot, TimeNs margin_ns) {
+  if (!same_boot) {
+    first_setpoint_ns_ = 0;
+    manual_ = ManualController(config_.controller, config_.cmd_timeout_ns);
+  }
+  if (seen_.state.phase != FlightPhase::flying) return;
+  if (controller_) controller_->observe(seen_.state, margin_ns);
+  if (config_.manual) manual_.observe(seen_.state, margin_ns);
+}
+
+void Planner::withdraw(std::uint64_t id) {
+  if (controller_) controller_->withdraw(id);
+  manual_.withdraw(id);
+}
+
+bool Planner::wants_plan() const {
+  const DronePhase phase = status_.phase;
+  const StateSample& state = seen_.state;
+  if (!(is_in_air(phase) || phase == DronePhase::landing) || !lease_.may_command) return false;
+  // What is done already is not asked for again: that plan would come too late to mean anything.
+  if (state.phase == FlightPhase::landing && phase == DronePhase::landing) return false;
+  if (state.phase == FlightPhase::taking_off && phase == DronePhase::takeoff) return false;
+  // Nor what link would refuse now.
+  if (state.phase != FlightPhase::flying && phase == DronePhase::takeoff && !may_take_off(state)) return false;
+  // Nor a path without a pose: link brakes, and a plan from nowhere would say nothing.
+  return state.phase != FlightPhase::flying || phase == DronePhase::landing || config_.manual ||
+         controller_->predictor().ready();
+}
+
+std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing& timing) {
+  if (!wants_plan()) return std::nullopt;
+  PlannedCommand command;
+  command.made_ns = now;
+  command.made_on_drone_ns = seen_.state.stamp_ns + (now - seen_.received_ns);
+  DronePlan& plan = command.plan;
+  plan.set_drone(config_.drones[drone_].name);
+  plan.set_boot_id(seen_.state.boot_id);
+  plan.set_state_stamp_ns(seen_.state.stamp_ns);
+  plan.set_epoch(lease_.epoch);
+  if (status_.phase == DronePhase::landing) {
+    plan.set_action(LAND);
+  } else if (seen_.state.phase != FlightPhase::flying) {
+    plan.set_action(TAKEOFF);
+  } else {
+    plan.set_action(FLY);
+    command.id = next_plan_++;
+    for (const Setpoint& setpoint : setpoints(now, command, timing)) {
+      PlannedSetpoint* p = plan.add_setpoints();
+      p->set_at_ns(setpoint.at_ns);
+      p->set_vx(setpoint.velocity_mps[0]);
+      p->set_vy(setpoint.velocity_mps[1]);
+      p->set_vz(setpoint.velocity_mps[2]);
+      p->set_yaw_rate(setpoint.yaw_rate_radps);
+    }
+    if (status_.phase == DronePhase::path) count_laps(first_setpoint_ns_);
+    if (controller_) command.progress_m = controller_->progress_m();
+    report();
+  }
+  ++status_.commands_made;
+  return command;
+}
+
+std::vector<Setpoint> Planner::setpoints(TimeNs now, const PlannedCommand& command, const PlanTiming::Timing& timing) {
+  const bool plain = !config_.manual && !config_.controller.predict;  // its command is for now, whenever it comes
+  const TimeNs ahead_ns = plain ? 0 : config_.ledger ? timing.delay_ns : beside_ns;
+  first_setpoint_ns_ = std::max(first_setpoint_ns_, command.made_on_drone_ns + ahead_ns);
+  if (config_.manual) return manual_.plan(command.id, now, first_setpoint_ns_);
+  // Not sooner than the plan before it, even where the delay fell: then shorter.
+  const TimeNs last_ns = command.made_on_drone_ns + timing.farthest_ns;
+  const TimeNs room = (last_ns - first_setpoint_ns_) / PathController::step_ns;
+  const auto steps = static_cast<std::size_t>(std::max<TimeNs>(0, room));
+  return controller_->plan(command.id, first_setpoint_ns_, std::min(timing.steps, steps));
+}
+
+void Planner::report() {
+  if (!controller_) return;
+  status_.lap_m = controller_->lap_m();
+  status_.limit_mps = config_.controller.predict ? controller_->limit_mps() : 0;
+  status_.slowed_to_mps = controller_->slowed_to_mps();
+  status_.response = controller_->predictor().response();
+}
+
+void Planner::count_laps(TimeNs at_ns) {
+  const double length_m = controller_->lap_m();
+  const double progress_m = controller_->progress_m();
+  while (progress_m > last_progress_m_) {
+    const double lap_end_m = static_cast<double>(status_.lap_s.size() + 1) * length_m;
+    if (progress_m < lap_end_m - 1e-9) break;
+    const double share = (lap_end_m - last_progress_m_) / (progress_m - last_progress_m_);
+    const TimeNs end_ns = last_at_ns_ + static_cast<TimeNs>(share * static_cast<double>(at_ns - last_at_ns_));
+    status_.lap_s.push_back(to_seconds(end_ns - lap_since_ns_));
+    lap_since_ns_ = end_ns;
+  }
+  last_progress_m_ = progress_m;
+  last_at_ns_ = at_ns;
+  status_.lap = static_cast<int>(status_.lap_s.size()) + (controller_->at_end() ? 0 : 1);
+}
+
+}  // namespace ledgerline::ground

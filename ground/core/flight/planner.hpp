@@ -1,0 +1,62 @@
+#pragma once
+#include <memory>
+#include <optional>
+
+#include "ground/core/flight/lease_book.hpp"
+#include "ground/core/flight/plan_timing.hpp"
+#include "ground/core/flight/state_intake.hpp"
+#include "ground/core/manual.hpp"
+
+namespace ledgerline::ground {
+
+/// A plan on its way to the ledger.
+struct PlannedCommand {
+  DronePlan plan;  ///< sequence 0: not submitted yet
+  TimeNs made_ns = 0;
+  TimeNs made_on_drone_ns = 0;  ///< the same moment on the drone's clock
+  double progress_m = 0;
+  std::uint64_t id = 0;  ///< for withdraw()
+};
+
+/// Makes one drone's plans: which action its phase wants now, and setpoints along its path, or as its pilot wishes.
+/// Counts laps. Times in plans are the drone host's clock alone. Deterministic; one thread. What it is given must
+/// outlive it.
+class Planner {
+ public:
+  Planner(const FlightConfig& config, std::size_t drone, const Lease& lease, const Seen& seen, FlightStatus& status);
+
+  /// The path begins where the drone stands.
+  void begin_path(const std::array<double, 2>& origin_m, double yaw_rad);
+  /// Behind the take-off: the path is flown from then on.
+  void start_path(TimeNs at_ns);
+  /// A state of this boot; another boot forgets what was planned for the one before.
+  void observe(bool same_boot, TimeNs margin_ns);
+  /// A plan that answers the newest state, where there is anything to say.
+  std::optional<PlannedCommand> make(TimeNs now, const PlanTiming::Timing& timing);
+  /// The plan will not be flown.
+  void withdraw(std::uint64_t id);
+
+  /// Of a path that is flown or was; null before.
+  const PathController* controller() const { return controller_.get(); }
+  ManualController& manual() { return manual_; }
+
+ private:
+  bool wants_plan() const;
+  std::vector<Setpoint> setpoints(TimeNs now, const PlannedCommand& command, const PlanTiming::Timing& timing);
+  void report();
+  void count_laps(TimeNs at_ns);
+
+  const FlightConfig& config_;
+  const std::size_t drone_;
+  const Lease& lease_;
+  const Seen& seen_;
+  FlightStatus& status_;
+  std::unique_ptr<PathController> controller_;
+  ManualController manual_;
+  std::uint64_t next_plan_ = 1;
+  TimeNs first_setpoint_ns_ = 0;  ///< of the newest plan; the drone's clock, as below
+  TimeNs lap_since_ns_ = 0, last_at_ns_ = 0;
+  double last_progress_m_ = 0;
+};
+
+}  // namespace ledgerline::ground

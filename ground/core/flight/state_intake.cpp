@@ -1,0 +1,93 @@
+#include "ground/core/flight/state_intake.hpp"
+
+#include "common/belief/calls.hpp"
+#include "common/msg/ros.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+bool is_newer(const StateSample& state, const StateSample& than) {
+  return state.boot_id != than.boot_id || state.sequence > than.sequence;
+}
+
+}  // namespace
+
+StateIntake::StateIntake(const FlightConfig& config, const LeaseBook& leases, FlightTransactions& counters)
+    : config_(config), leases_(leases), counters_(counters), seen_(config.drones.size()) {}
+
+// The contract let only the drone's owner write; this is the check that does not lean on the peer.
+bool StateIntake::believed(const fabric::Transaction& tx, std::int64_t realtime_s, std::size_t drone) const {
+  if (!config_.believed) return true;
+  const auto member = config_.believed->member(tx.creator, realtime_s);
+  const auto& owner = leases_.of(drone).owner;
+  if (!member || (owner && (*member)->name != *owner)) return false;
+  return (*member)->verifier->verify(tx.payload, tx.signature);
+}
+
+bool StateIntake::same_boot(std::size_t drone, const StateSample& state) const {
+  return seen_[drone].has_state && state.boot_id == seen_[drone].state.boot_id;
+}
+
+bool StateIntake::is_new(std::size_t drone, const StateSample& state) const {
+  return !seen_[drone].has_state || is_newer(state, seen_[drone].state);
+}
+
+void StateIntake::accept(std::size_t drone, const StateSample& state, std::optional<TimeNs> alive_ns) {
+  Seen& seen = seen_[drone];
+  seen.state = state;
+  seen.state.drone = config_.drones[drone].number;
+  seen.has_state = true;
+  if (alive_ns) seen.received_ns = *alive_ns;
+}
+
+std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, std::int64_t realtime_s,
+                                                std::vector<DroneNews>& news) {
+  SetCall call;  // as it was signed; whatever else the event says is the peer's alone
+  const belief::Match match = belief::match_set({tx.function, tx.args}, tx.event_payload, call);
+  if (match != belief::Match::same) {
+    ++(match == belief::Match::malformed ? counters_.malformed : counters_.altered);
+    return {};
+  }
+  std::vector<New> states;
+  std::optional<std::size_t> checked;  // the signature is checked once per drone in a row, not per asset
+  std::vector<DroneNews> all(seen_.size());
+  for (const Asset& asset : call.assets()) {
+    const auto slash = asset.id().find('/');
+    const auto drone = index_of(config_.drones, std::string_view(asset.id()).substr(0, slash));
+    if (!drone || slash == std::string::npos) continue;
+    const auto what = std::string_view(asset.id()).substr(slash + 1);
+    const bool status = what == "link" && asset.msg_type() == link_status_type;
+    const bool odometry = what == "odom" && asset.msg_type() == odometry_type;
+    const bool battery = what == "battery" && asset.msg_type() == battery_type;
+    const bool transitions = what == "failsafe" && asset.msg_type() == transitions_type;
+    if (!status && !odometry && !battery && !transitions) continue;
+    if (drone != checked) {
+      if (!believed(tx, realtime_s, *drone)) {
+        ++counters_.unbelieved;
+        continue;
+      }
+      checked = drone;
+    }
+    DroneNews& one = all[*drone];
+    if (odometry) one.odometry = asset.msg_data();
+    if (battery) one.battery = asset.msg_data();
+    if (transitions) one.transitions = asset.msg_data();
+    if (!status) continue;
+    auto sample = link_status_from_cdr(asset.msg_data());
+    if (!sample) {
+      ++counters_.malformed;
+    } else if (one.state ? is_newer(*sample, *one.state) : is_new(*drone, *sample)) {
+      one.state = *sample;
+      states.push_back({*drone, *sample});
+    }
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    DroneNews& one = all[i];
+    one.drone = i;
+    if (!one.state) one.odometry = one.battery = "";  // sent again for the frame's sake
+    if (one.state || !one.transitions.empty()) news.push_back(std::move(one));
+  }
+  return states;
+}
+
+}  // namespace ledgerline::ground

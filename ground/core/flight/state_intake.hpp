@@ -1,0 +1,45 @@
+#pragma once
+#include <vector>
+
+#include "ground/core/flight/lease_book.hpp"
+
+namespace ledgerline::ground {
+
+/// What is known of a drone.
+struct Seen {
+  StateSample state;
+  bool has_state = false;
+  TimeNs received_ns = 0;  ///< when a state came that counts as a sign of life; the ground's clock
+};
+
+/// States out of frames: only what the drone's host signed, only of drones that fly here, only what is newer than the
+/// newest, or of another boot. A frame repeats the others' last values; those are no news. What is not believed is
+/// counted. Deterministic; one thread.
+class StateIntake {
+ public:
+  struct New {
+    std::size_t drone = 0;
+    StateSample state;
+  };
+
+  StateIntake(const FlightConfig& config, const LeaseBook& leases, FlightTransactions& counters);
+
+  /// The states of a `set` in their order, not accepted yet; `news`: what to publish.
+  std::vector<New> take(const fabric::Transaction& tx, std::int64_t realtime_s, std::vector<DroneNews>& news);
+  bool is_new(std::size_t drone, const StateSample& state) const;
+  bool same_boot(std::size_t drone, const StateSample& state) const;
+  /// From now on the drone's newest. `alive_ns`: it is a sign of life.
+  void accept(std::size_t drone, const StateSample& state, std::optional<TimeNs> alive_ns);
+  /// Where it is does not change.
+  const Seen& of(std::size_t drone) const { return seen_[drone]; }
+
+ private:
+  bool believed(const fabric::Transaction& tx, std::int64_t realtime_s, std::size_t drone) const;
+
+  const FlightConfig& config_;
+  const LeaseBook& leases_;
+  FlightTransactions& counters_;
+  std::vector<Seen> seen_;
+};
+
+}  // namespace ledgerline::ground

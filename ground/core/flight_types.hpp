@@ -1,0 +1,145 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/sending/outcome.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "common/msg/onboard.hpp"
+#include "common/msg/ros.hpp"
+#include "common/rt/trace.hpp"
+#include "ground/core/controller.hpp"
+#include "ground/core/path.hpp"
+
+/// What goes into FlightCore and comes out of it.
+namespace ledgerline::ground {
+
+struct FlightDrone {
+  std::string name;  ///< "tello1"
+  DroneNumber number = 1;
+};
+
+struct FlightConfig {
+  std::vector<FlightDrone> drones;
+  bool manual = false;                      ///< flown by a pilot's messages instead of around a path
+  TimeNs cmd_timeout_ns = 300 * ns_per_ms;  ///< a pilot's velocity holds so long
+  Shape shape = Shape::square;
+  double side_m = 1.5;
+  std::vector<Waypoint> waypoints;  ///< of a path of one's own; empty: the shape
+  bool ledger = true;  ///< false: states come by FlightInputs::states, plans go out by FlightOutputs::plans
+  int laps = 3;
+  double seconds = 0;  ///< > 0: fly the path this long instead of counting laps; manual: land and end after so long
+  ControllerConfig controller;
+  crypto::IdentityName self;  ///< whose lease it must be
+  std::shared_ptr<crypto::MspRegistry>
+      believed;  ///< states must be signed by one of these, the drone's owner, and control events must follow from
+                 ///< what their signer asked for; null: not checked
+  fabric::ChannelAndContract where;  ///< what comes from elsewhere is not for us
+
+  // Time-outs of the phases; each ends in landing, or in failure where there is nothing to land.
+  TimeNs wait_ns = 30 * ns_per_s;     ///< for the first state with a pose, on the ground, under our lease
+  TimeNs takeoff_ns = 25 * ns_per_s;  ///< until it hovers at the origin
+  TimeNs settle_ns = 8 * ns_per_s;    ///< the part of it that is spent on settling at the origin
+  TimeNs silence_ns = 5 * ns_per_s;   ///< no state at all while flying; a ledger may be choosing a new leader
+  TimeNs landing_ns = 20 * ns_per_s;
+  double path_factor = 3.0;  ///< path: this many times the time that it should take, and half a minute
+};
+
+/// Per drone: waiting -> takeoff -> path -> landing -> landed, or failed: never took off, or not seen to land.
+/// In a manual flight `manual` stands for the path, and a take-off is possible whenever the drone is on the ground.
+enum class DronePhase { waiting, takeoff, path, manual, landing, landed, failed };
+std::string name_of(DronePhase phase);
+
+/// One transaction to submit; its outcome comes back with the same id.
+struct Submission {
+  std::uint64_t id = 0;
+  fabric::Call call;
+  bool urgent = false;  ///< a stop: must not wait behind commands
+};
+
+/// What a pilot wants of one drone, since the last time. Of several words the safest counts: cut, stop, land.
+struct PilotWish {
+  std::size_t drone = 0;  ///< index into FlightConfig::drones
+  std::optional<Twist> velocity{};
+  TimeNs came_ns = 0;  ///< when the velocity came; the ground's clock
+  bool takeoff = false, land = false;
+  bool stop = false, cut = false;  ///< the contract's stop: land now, whoever flies; motors off at once
+  std::uint64_t replaced = 0;      ///< velocities for which a newer one came before anybody looked
+  std::uint64_t bad_values = 0;    ///< velocities that no drone can fly
+  std::uint64_t malformed = 0;     ///< messages that are not what their topic says
+};
+
+struct FlightInputs {
+  const fabric::Block* block = nullptr;      ///< the next of the stream, checked as a chain by the client
+  const fabric::Outcome* outcome = nullptr;  ///< of submission `outcome_id`
+  std::uint64_t outcome_id = 0;
+  bool more = false;  ///< there is newer input already: nothing is sent before that was seen
+  std::string land;   ///< not empty: land all drones and end; why
+  std::span<const PilotWish> wishes;
+  std::span<const StateSample> states;  ///< without a ledger: straight from link
+  std::int64_t realtime_s = 0;          ///< for the expiry of certificates
+};
+
+/// What a block says of a drone; CDR as it came. Empty is what it does not say, or has said before.
+struct DroneNews {
+  std::size_t drone = 0;  ///< index into FlightConfig::drones
+  std::optional<StateSample> state;
+  std::string odometry, battery;  ///< of the state's moment
+  std::string transitions;        ///< of the failsafe
+};
+
+struct FlightOutputs {
+  std::vector<Submission> submissions;
+  std::vector<TraceRecord> traces;
+  std::vector<DroneNews> news;
+  std::vector<std::string> notes;  ///< for the log: what a pilot wished and did not get; a path that is flown slower
+  std::vector<Plan> plans;         ///< without a ledger: straight to link
+};
+
+/// What became of a pilot's wishes.
+struct PilotCounters {
+  std::uint64_t velocities = 0;  ///< made into plans
+  std::uint64_t replaced = 0;    ///< velocities for which a newer one was there already
+  std::uint64_t bad_values = 0;  ///< velocities with numbers that no drone can fly
+  std::uint64_t not_flying = 0;  ///< velocities for a drone that is not in manual flight
+  std::uint64_t malformed = 0;   ///< messages that are not what their topic says
+  std::uint64_t refused = 0;     ///< take-offs and stops
+};
+
+struct FlightStatus {
+  DronePhase phase = DronePhase::waiting;
+  bool finished = false;  ///< flew its whole path
+  int lap = 0;            ///< the one it is in, from 1; 0 before the path
+  double progress = 0;    ///< of the whole flight, 0..1
+  std::array<double, 2> origin_m{};
+  std::vector<double> lap_s;
+  double lap_m = 0;                 ///< of one lap, as flown: with rounded corners; 0: no path
+  std::array<TimeNs, 2> path_ns{};  ///< when the path began and ended; the drone's clock; 0: not yet
+  std::string why;                  ///< what went wrong
+  PilotCounters pilot;
+  double limit_mps = 0;                 ///< the latency-aware limit now; 0: none known, or no prediction
+  std::optional<double> slowed_to_mps;  ///< the least limit that was below the speed asked for
+  motion::Response response;            ///< as learned so far
+  std::uint64_t states_received = 0, commands_made = 0, commands_sent = 0, commands_merged = 0, commands_refused = 0;
+};
+
+struct FlightTransactions {
+  std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0, overloaded = 0;
+  std::uint64_t malformed = 0;   ///< frames and states that are none
+  std::uint64_t unbelieved = 0;  ///< states whose signer is not the owner of the drone, or not believed; control events
+  std::uint64_t altered = 0;     ///< events that are not what their signer asked for, records that follow from nothing
+  std::uint64_t unbelievable = 0;  ///< flagged valid, and cannot be (fabric::code_unbelievable)
+};
+
+/// As flown: the shape's waypoints or one's own.
+std::vector<Waypoint> waypoints_of(const FlightConfig& config);
+
+/// Index of the drone of this name; nothing: it does not fly here.
+std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std::string_view name);
+
+}  // namespace ledgerline::ground

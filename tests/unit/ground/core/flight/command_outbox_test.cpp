@@ -1,0 +1,73 @@
+#include "ground/core/flight/command_outbox.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/ground/core/flight_world.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+using Kind = fabric::Outcome::Kind;
+
+class CommandOutboxTest : public testing::Test {
+ protected:
+  void put(std::size_t drone, std::uint64_t id) {
+    PlannedCommand command;
+    command.plan.set_drone(config.drones[drone].name);
+    command.id = id;
+    outbox.put(drone, std::move(command));
+  }
+  CommandCall submit(TimeNs now) {
+    out = {};
+    outbox.submit(now, next_id, out);
+    CommandCall call;
+    if (!out.submissions.empty()) call.ParseFromString(out.submissions[0].call.args.at(0));
+    return call;
+  }
+
+  FlightConfig config = config_for(2);
+  std::vector<FlightStatus> status = std::vector<FlightStatus>(2);
+  PlanTiming timing{2};
+  FlightTransactions counters;
+  std::vector<std::uint64_t> withdrawn;
+  std::vector<TimeNs> measured;
+  FlightOutputs out;
+  std::uint64_t next_id = 1;
+  CommandOutbox outbox{{{config.drones[0], &status.at(0)}, {config.drones[1], &status.at(1)}},
+                       timing,
+                       counters,
+                       {[this](std::size_t, std::uint64_t plan) { withdrawn.push_back(plan); },
+                        [this](TimeNs one_way_ns) { measured.push_back(one_way_ns); }}};
+};
+
+TEST_F(CommandOutboxTest, TheNewestOfEachDroneGoesInOneCallAndWhatItReplacesIsWithdrawn) {
+  put(0, 1);
+  put(0, 2);
+  put(1, 3);
+  EXPECT_EQ(submit(0).plans_size(), 2);
+  EXPECT_EQ(withdrawn, std::vector<std::uint64_t>{1});
+  EXPECT_EQ(status[0].commands_merged, 1u);
+  put(0, 4);
+  EXPECT_EQ(submit(1).plans_size(), 0) << "one is in flight";
+  outbox.take_outcome(5, fabric::Outcome::failed(Kind::committed, ""), 1, out);
+  EXPECT_EQ(measured, std::vector<TimeNs>{5});
+  EXPECT_EQ(submit(5).plans(0).sequence(), 2u);
+}
+
+TEST_F(CommandOutboxTest, ACallRefusedForOneDroneGoesAgainWithoutItUnlessTheLeaseIsAnother) {
+  put(0, 1);
+  put(1, 2);
+  submit(0);
+  outbox.take_outcome(1, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: CN=a tello2: b"), 1,
+                      out);
+  EXPECT_EQ(withdrawn, std::vector<std::uint64_t>{1});
+  const CommandCall again = submit(1);
+  ASSERT_EQ(again.plans_size(), 1);
+  EXPECT_EQ(again.plans(0).drone(), "tello2");
+  outbox.begin_lease(1, 7);
+  outbox.take_outcome(2, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: no"), 2, out);
+  EXPECT_EQ(submit(ns_per_s).plans_size(), 0);
+}
+
+}  // namespace
+}  // namespace ledgerline::ground

@@ -1,0 +1,70 @@
+#include "ground/core/flight/phases.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/ground/core/flight_world.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+/// One drone under our lease: its phases and its planner.
+class PhasesTest : public testing::Test {
+ protected:
+  PhasesTest() {
+    lease.holder = operator_name;
+    lease.may_command = true;
+    seen.has_state = true;
+    seen.state.phase = FlightPhase::on_ground;
+    seen.state.pose_stamp_ns = 1;
+    phases.begin(0);
+  }
+
+  const FlightConfig config = config_for(1);
+  Lease lease;
+  Seen seen;
+  FlightStatus status;
+  Planner planner{config, 0, lease, seen, status};
+  Phases phases{config, lease, seen, planner, status};
+};
+
+TEST_F(PhasesTest, OnTheGroundUnderOurLeaseItTakesOffAndSaysSoInAPlan) {
+  EXPECT_FALSE(planner.make(0, {})) << "nothing to say while it waits";
+  phases.advance(0, 0);
+  EXPECT_EQ(status.phase, DronePhase::takeoff);
+  const auto command = planner.make(0, {});
+  ASSERT_TRUE(command);
+  EXPECT_EQ(command->plan.action(), TAKEOFF);
+  EXPECT_EQ(command->plan.drone(), "tello1");
+  seen.state.phase = FlightPhase::taking_off;
+  EXPECT_FALSE(planner.make(0, {})) << "it does already";
+}
+
+TEST_F(PhasesTest, ALostLeaseFailsAStopLands) {
+  phases.advance(0, 0);
+  *lease.stoppers.add_stoppers() = stop_of("tello1", stranger_name);
+  phases.take_lease(0);
+  EXPECT_EQ(status.phase, DronePhase::landing);
+  lease.may_command = false;
+  EXPECT_FALSE(planner.make(0, {})) << "others land it";
+}
+
+TEST_F(PhasesTest, ALeaseThatIsAnothersEndsTheFlight) {
+  phases.advance(0, 0);
+  lease.holder = stranger_name;
+  phases.take_lease(0);
+  EXPECT_EQ(status.phase, DronePhase::failed);
+  EXPECT_EQ(status.why, "lost its lease to CN=User1@org3");
+}
+
+TEST_F(PhasesTest, SilenceLandsItAndALandingThatNobodySeesFails) {
+  phases.advance(0, 0);
+  phases.check_time(config.silence_ns + 1);
+  EXPECT_EQ(status.phase, DronePhase::landing);
+  phases.check_time(config.silence_ns + config.landing_ns + 2);
+  EXPECT_EQ(status.phase, DronePhase::failed);
+}
+
+TEST_F(PhasesTest, APilotsTakeOffIsRefusedOnAPath) { EXPECT_EQ(phases.take_off(0, false), "it flies a path"); }
+
+}  // namespace
+}  // namespace ledgerline::ground

@@ -1,0 +1,146 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/ground/core/flight_world.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+using testing::HasSubstr;
+using Kind = fabric::Outcome::Kind;
+
+TEST(FlightBelief, StatesOfAnotherSignerThanTheDronesOwnerAreCountedAndIgnored) {
+  FlightConfig config = config_for(1);
+  config.believed = crypto::make_test_registry({"Org1MSP", "Org3MSP"});
+  FlightCore core(config);
+  ASSERT_TRUE(core.set_control(control_record("tello1", operator_name).SerializeAsString()));
+  StateSample sample;
+  sample.phase = FlightPhase::on_ground;
+  sample.stamp_ns = sample.pose_stamp_ns = ns_per_s;
+  std::uint64_t sequence = 0;
+  const auto give = [&](const crypto::IdentityName& who, bool spoilt) {
+    sample.sequence = ++sequence;
+    SetCall call;
+    *call.add_assets() = status_asset("tello1", sample);
+    fabric::Block block;
+    block.transactions.push_back(event("set", call.SerializeAsString()));
+    const auto identity = crypto::make_test_identity(who);
+    block.transactions[0].creator = identity.serialized;
+    block.transactions[0].payload = "what was signed";
+    block.transactions[0].signature = *identity.signer->sign("what was signed");
+    if (spoilt) block.transactions[0].payload += "?";
+    FlightInputs inputs;
+    inputs.block = &block;
+    const FlightOutputs out = core.step(ns_per_s, inputs);
+    EXPECT_EQ(out.news.empty(), out.traces.empty());
+    return out.traces.size();
+  };
+  EXPECT_EQ(give(stranger_name, false), 0u);
+  EXPECT_EQ(give(host_name, true), 0u);
+  EXPECT_EQ(core.transactions().unbelieved, 2u);
+  EXPECT_GT(give(host_name, false), 0u);
+}
+
+/// A ground that believes signatures, and transactions rightly signed, with a peer's own event in them.
+class FlightBesideALyingPeer : public testing::Test {
+ protected:
+  FlightBesideALyingPeer() {
+    EXPECT_TRUE(core.set_control(record.SerializeAsString()));
+    give(state(++sequence), host_name);
+  }
+  static FlightConfig config() {
+    FlightConfig config = config_for(1);
+    config.believed = crypto::make_test_registry({"Org1MSP", "Org2MSP", "Org3MSP"});
+    return config;
+  }
+  static fabric::Transaction state(std::uint64_t sequence, double x = 0) {
+    StateSample sample;
+    sample.phase = FlightPhase::on_ground;
+    sample.sequence = sequence;
+    sample.stamp_ns = sample.pose_stamp_ns = ns_per_s;
+    sample.position_m = {x, 0, 0};
+    SetCall call;
+    *call.add_assets() = status_asset("tello1", sample);
+    return event("set", call.SerializeAsString());
+  }
+  fabric::Transaction record_event(const std::string& name, const Control& after) const {
+    Controls controls;
+    *controls.add_controls() = after;
+    return control_event(name, {"tello1"}, controls.SerializeAsString());
+  }
+  FlightOutputs give(fabric::Transaction tx, const crypto::IdentityName& who) {
+    const auto identity = crypto::make_test_identity(who);
+    tx.creator = identity.serialized;
+    tx.payload = "what was signed";
+    tx.signature = *identity.signer->sign(tx.payload);
+    fabric::Block block;
+    block.transactions.push_back(std::move(tx));
+    FlightInputs inputs;
+    inputs.block = &block;
+    return core.step(ns_per_s, inputs);
+  }
+  bool flies_on() const { return core.status(0).phase == DronePhase::takeoff; }
+
+  Control record = control_record("tello1", operator_name, 4);
+  FlightCore core{config()};
+  std::uint64_t sequence = 0;
+};
+
+TEST_F(FlightBesideALyingPeer, AStateThatItsOwnerDidNotSignIsNotShown) {
+  ASSERT_TRUE(flies_on());
+  fabric::Transaction other = state(++sequence, 5);
+  other.args = state(sequence, 0).args;
+  EXPECT_TRUE(give(other, host_name).traces.empty());
+  EXPECT_EQ(core.transactions().altered, 1u);
+  fabric::Transaction another_function = state(sequence);
+  another_function.function = "stop";
+  EXPECT_TRUE(give(another_function, host_name).traces.empty());
+  EXPECT_FALSE(give(state(sequence), host_name).traces.empty());
+}
+
+TEST_F(FlightBesideALyingPeer, ARecordInACallForSomethingElseChangesNothing) {
+  Control taken = control_record("tello1", stranger_name, 99);
+  for (const char* name : {"enroll", "acquire", "release", "resume", "fold"}) {
+    fabric::Transaction lie = record_event(name, taken);
+    lie.function = "set";
+    (void)give(lie, host_name);
+    lie = record_event(name, taken);
+    lie.function = "command";
+    (void)give(lie, operator_name);
+    (void)give(record_event(name, taken), operator_name);  // asked for, but not by him whom it makes the holder
+  }
+  EXPECT_EQ(core.transactions().altered, 15u);
+  EXPECT_TRUE(flies_on());
+}
+
+TEST_F(FlightBesideALyingPeer, ARecordOfAnotherContractOrChannelChangesNothing) {
+  for (const bool contract : {true, false}) {
+    fabric::Transaction other = record_event("acquire", control_record("tello1", stranger_name, 99));
+    (contract ? other.contract : other.channel) = "another";
+    (void)give(other, stranger_name);
+    EXPECT_TRUE(flies_on());
+  }
+}
+
+TEST_F(FlightBesideALyingPeer, WhatFollowsFromTheCallAndTheRecordBeforeIsBelieved) {
+  record = control_record("tello1", stranger_name, 5);
+  record.set_priority(3);
+  fabric::Transaction taken = record_event("acquire", record);
+  (void)give(taken, stranger_name);  // with a priority that was not asked for
+  EXPECT_TRUE(flies_on());
+  taken.args.emplace_back("priority=3");
+  (void)give(taken, stranger_name);
+  EXPECT_EQ(core.status(0).phase, DronePhase::failed);
+}
+
+TEST_F(FlightBesideALyingPeer, AStopIsItsCreatorsOwn) {
+  Stops stops;
+  *stops.add_stops() = stop_of("tello1", stranger_name);
+  (void)give(control_event("stop", {"tello1"}, stops.SerializeAsString()), operator_name);
+  EXPECT_TRUE(flies_on());
+  (void)give(control_event("stop", {"tello1"}, stops.SerializeAsString()), stranger_name);
+  EXPECT_EQ(core.status(0).phase, DronePhase::landing);
+}
+
+}  // namespace
+}  // namespace ledgerline::ground
