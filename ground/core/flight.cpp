@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/base/enum_count.hpp"
 #include "ground/core/flight_state.hpp"
 
 namespace ledgerline::ground {
@@ -20,17 +21,18 @@ constexpr TimeNs new_enough_ns =
     200 * ns_per_ms;  // a state to make a plan from at once; agent takes none beyond 500 ms
 
 std::string_view name_of(FailsafeCause cause) {
-  constexpr std::array<std::string_view, 11> names{"no cause given",
-                                                   "its plan ran out",
-                                                   "held too long without commands",
-                                                   "agent is silent",
-                                                   "the ledger is silent",
-                                                   "its state is stale",
-                                                   "its pose is lost",
-                                                   "it is at the fence",
-                                                   "battery low",
-                                                   "battery critical",
-                                                   "stopped"};
+  constexpr std::array names{"no cause given",
+                             "its plan ran out",
+                             "held too long without commands",
+                             "agent is silent",
+                             "the ledger is silent",
+                             "its state is stale",
+                             "its pose is lost",
+                             "it is at the fence",
+                             "battery low",
+                             "battery critical",
+                             "stopped"};
+  static_assert(names.size() == enum_count<FailsafeCause>);
   const auto i = static_cast<std::size_t>(cause);
   return i < names.size() ? names[i] : "unknown cause";
 }
@@ -44,7 +46,8 @@ bool may_take_off(const StateSample& state) {
 }  // namespace
 
 std::string name_of(DronePhase phase) {
-  constexpr std::array<const char*, 7> names{"waiting", "takeoff", "path", "manual", "landing", "landed", "failed"};
+  constexpr std::array names{"waiting", "takeoff", "path", "manual", "landing", "landed", "failed"};
+  static_assert(names.size() == enum_count<DronePhase>);
   return names[static_cast<std::size_t>(phase)];
 }
 

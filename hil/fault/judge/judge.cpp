@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "common/base/enum_count.hpp"
 #include "common/msg/names.hpp"
 #include "hil/lines/text_parse.hpp"
 
@@ -35,7 +36,7 @@ enum Which : std::uint8_t {
   count
 };
 }  // namespace invariants
-constexpr std::array<std::string_view, invariants::count> invariant_names{
+constexpr auto invariant_names = std::to_array<std::string_view>({
     "always: never faster than the limits",
     "always: never higher than the limits",
     "always: never farther than the limits",
@@ -51,7 +52,8 @@ constexpr std::array<std::string_view, invariants::count> invariant_names{
     "always: every fault began",
     "always: nothing acknowledged is lost",
     "always: nothing is flown that nobody signed",
-};
+});
+static_assert(invariant_names.size() == invariants::count);
 
 std::string with_spaces(std::string_view name) {
   std::string text(name);
@@ -69,7 +71,7 @@ std::optional<FailsafeMode> mode_of(std::string_view word) {
 }
 
 std::optional<FailsafeCause> cause_of(std::string_view text) {
-  for (int i = 1; i <= static_cast<int>(FailsafeCause::stopped); ++i) {
+  for (std::size_t i = 1; i < enum_count<FailsafeCause>; ++i) {
     const auto cause = static_cast<FailsafeCause>(i);
     if (with_spaces(name(cause)) == text) return cause;
   }
