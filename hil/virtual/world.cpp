@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cassert>
-#include <cmath>
 #include <cstring>
 #include <deque>
 #include <utility>
@@ -132,8 +131,8 @@ void VirtualWorld::start_link() {
 
 Status VirtualWorld::start_agent() {
   agent_.emplace(agent_config(config_, ++starts_), ledger_.registry());
-  mocap_clock_.emplace([this] { return real_offset(); });
-  agent_->set_real_offset(mocap_clock_->offset_ns());
+  mocap_intake_.emplace([this] { return real_offset(); });
+  agent_->set_real_offset(mocap_intake_->clock().offset_ns());
   agent_->on_connection(now_, true);
   for (const DroneFacts& drone : facts()) {
     const auto record = control_record_by(host_, drone.name);
@@ -345,20 +344,16 @@ void VirtualWorld::step_agent() {
   }
   if (now_ >= next_clock_ns_) {
     next_clock_ns_ = now_ + clock_period_ns;
-    mocap_clock_->refresh();
-    agent_->set_real_offset(mocap_clock_->offset_ns());
+    mocap_intake_->clock().refresh();
+    agent_->set_real_offset(mocap_intake_->clock().offset_ns());
   }
   for (std::size_t i = 0; i < facts().size(); ++i) {
     for (auto& ring = wires_->drones[i].mocap_ring; !ring.empty(); ring.pop_front()) {
-      // As the agent's shell does.
-      const auto pose = pose_from_cdr(ring.front().second);
-      if (!pose) continue;
-      const auto& q = pose->orientation;
-      const double norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-      const auto stamp = mocap_clock_->stamp(pose->header.stamp_ns, ring.front().first);
-      if (!stamp || !(std::abs(norm - 1) < 0.05)) continue;
-      agent_->on_mocap(now_, facts()[i].number, {*stamp, pose->position_m, yaw_from_quaternion(pose->orientation)},
-                       agent_out_);
+      const auto message = pose_from_cdr(ring.front().second);
+      if (!message) continue;
+      const auto pose = mocap_intake_->take(
+          {message->header.stamp_ns, ring.front().first, message->position_m, message->orientation});
+      if (pose) agent_->on_mocap(now_, facts()[i].number, *pose, agent_out_);
     }
   }
   for (const auto& state : take(wires_->states)) agent_->on_state(now_, state, agent_out_);

@@ -14,7 +14,7 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/onboard.hpp"
 #include "ledgerline.pb.h"
-#include "onboard/agent/core/outbox/batcher.hpp"
+#include "onboard/agent/core/drone_name.hpp"
 
 namespace ledgerline::agent {
 

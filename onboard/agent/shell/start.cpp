@@ -55,7 +55,7 @@ Status AgentShell::start() {
   auto manager = ServiceManager::from_environment();
   if (!manager) return manager.error();
   manager_.emplace(std::move(manager).value());
-  core_.set_real_offset(clock_.offset_ns());
+  core_.set_real_offset(mocap_intake_.clock().offset_ns());
   if (!settings_.trace.empty()) {
     auto trace = TraceWriter::create(settings_.trace);
     if (!trace) return trace.error();
