@@ -4,6 +4,7 @@
 #include <optional>
 #include <string_view>
 
+#include "common/base/enum_count.hpp"
 #include "common/msg/onboard.hpp"
 
 /// The words for what link says: in logs, status lines, summaries and on the ledger.
@@ -11,12 +12,14 @@ namespace ledgerline {
 
 constexpr const char* name(FlightPhase phase) noexcept {
   constexpr std::array names{"disconnected", "on_ground", "taking_off", "flying", "landing", "landed"};
+  static_assert(names.size() == enum_count<FlightPhase>);
   const auto at = static_cast<std::size_t>(phase);
   return at < names.size() ? names[at] : "unknown";
 }
 
 constexpr const char* name(FailsafeMode mode) noexcept {
   constexpr std::array names{"none", "hold", "brake", "land", "cut"};
+  static_assert(names.size() == enum_count<FailsafeMode>);
   const auto at = static_cast<std::size_t>(mode);
   return at < names.size() ? names[at] : "unknown";
 }
@@ -25,6 +28,7 @@ constexpr const char* name(FailsafeCause cause) noexcept {
   constexpr std::array names{"none",          "plan_ran_out",     "held_too_long", "agent_silent",
                              "ledger_silent", "state_stale",      "pose_lost",     "fence",
                              "battery_low",   "battery_critical", "stopped"};
+  static_assert(names.size() == enum_count<FailsafeCause>);
   const auto at = static_cast<std::size_t>(cause);
   return at < names.size() ? names[at] : "unknown";
 }
@@ -42,7 +46,7 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "battery low",
                              "battery critical",
                              "stopped"};
-  static_assert(words.size() == static_cast<std::size_t>(FailsafeCause::stopped) + 1, "a cause without words");
+  static_assert(words.size() == enum_count<FailsafeCause>);
   const auto at = static_cast<std::size_t>(cause);
   return at < words.size() ? words[at] : "unknown cause";
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/base/enum_count.hpp"
 #include "common/msg/cdr.hpp"
 #include "common/msg/names.hpp"
 
@@ -217,10 +218,11 @@ std::string link_status_to_cdr(const StateSample& s) {
 Result<StateSample> link_status_from_cdr(std::string_view cdr) {
   CdrReader in(cdr);
   StateSample s;
-  s.phase = static_cast<FlightPhase>(in.get<std::uint8_t>());
-  s.mode = static_cast<FailsafeMode>(in.get<std::uint8_t>());
-  s.cause = static_cast<FailsafeCause>(in.get<std::uint8_t>());
-  if (s.phase > FlightPhase::landed || s.mode > FailsafeMode::cut || s.cause > FailsafeCause::stopped) {
+  const auto phase = in.get<std::uint8_t>(), mode = in.get<std::uint8_t>(), cause = in.get<std::uint8_t>();
+  s.phase = static_cast<FlightPhase>(phase);
+  s.mode = static_cast<FailsafeMode>(mode);
+  s.cause = static_cast<FailsafeCause>(cause);
+  if (phase >= enum_count<FlightPhase> || mode >= enum_count<FailsafeMode> || cause >= enum_count<FailsafeCause>) {
     return Error{"ledgerline_msgs/msg/LinkStatus: phase, mode or cause is none that this version knows"};
   }
   s.boot_id = in.get<std::uint64_t>();

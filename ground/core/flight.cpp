@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/enum_count.hpp"
 #include "common/belief/calls.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
@@ -20,7 +21,8 @@ constexpr TimeNs note_again_ns = 1 * ns_per_s;
 }  // namespace
 
 std::string name_of(DronePhase phase) {
-  constexpr std::array<const char*, 7> names{"waiting", "takeoff", "path", "manual", "landing", "landed", "failed"};
+  constexpr std::array names{"waiting", "takeoff", "path", "manual", "landing", "landed", "failed"};
+  static_assert(names.size() == enum_count<DronePhase>);
   return names[static_cast<std::size_t>(phase)];
 }
 

@@ -7,6 +7,8 @@
 #include <numbers>
 #include <string_view>
 
+#include "common/base/enum_count.hpp"
+
 namespace ledgerline::motion {
 namespace {
 
@@ -66,7 +68,9 @@ bool is_heading(const std::vector<std::string_view>& cells) {
 }  // namespace
 
 const std::vector<std::string>& shape_names() {
-  static const std::vector<std::string> names{"square", "triangle", "x", "eight"};
+  constexpr std::array words{"square", "triangle", "x", "eight"};
+  static_assert(words.size() == enum_count<Shape>);
+  static const std::vector<std::string> names(words.begin(), words.end());
   return names;
 }
 

@@ -5,13 +5,15 @@
 
 #include <algorithm>
 
+#include "common/base/enum_count.hpp"
 #include "common/base/printable.hpp"
 #include "hil/lines/text_parse.hpp"
 
 namespace ledgerline::hil::proxy {
 namespace {
 
-constexpr std::array<std::string_view, ways> way_names{"to", "answers", "state", "video", "from"};
+constexpr auto way_names = std::to_array<std::string_view>({"to", "answers", "state", "video", "from"});
+static_assert(way_names.size() == ways);
 constexpr std::string_view allowed =
     "allowed are: drone NAME to|answers|state|video|from|both EFFECTS, server NAME to|from|both EFFECTS, server NAME "
     "cut, sensor NAME FIELD|all stuck|garbage|bias N|every TIME, clear, list";

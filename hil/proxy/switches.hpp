@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "common/rt/clock.hpp"
 #include "hil/lines/impairment.hpp"
 #include "hil/lines/sensor_text.hpp"
@@ -13,7 +14,7 @@ namespace ledgerline::hil::proxy {
 
 /// The directions of a drone and of a server, each impaired by itself.
 enum class Way { to, answers, state, video, from };
-inline constexpr std::size_t ways = 5;
+inline constexpr std::size_t ways = enum_count<Way>;
 std::string_view name_of(Way way);
 
 /// A drone (UDP: to, answers, state, video) or a server (TCP: to, from) behind the proxy.

@@ -66,7 +66,7 @@ Status VirtualWorld::set_up() {
   operator_.forget();
   ledger_.on_asked([this](const fabric::Call& call) { witness_.asked(call); });
   start_link();
-  mocap_clock_.emplace([this] { return real_offset(); });
+  mocap_intake_.emplace([this] { return real_offset(); });
   if (!local_) {
     if (auto s = start_agent(); !s) return s;
   }
@@ -92,8 +92,8 @@ void VirtualWorld::start_link() {
 
 Status VirtualWorld::start_agent() {
   agent_.emplace(agent_config(config_, ++starts_), ledger_.registry());
-  mocap_clock_.emplace([this] { return real_offset(); });
-  agent_->set_real_offset(mocap_clock_->offset_ns());
+  mocap_intake_.emplace([this] { return real_offset(); });
+  agent_->set_real_offset(mocap_intake_->clock().offset_ns());
   agent_->on_connection(now_, true);
   for (const DroneFacts& drone : facts()) {
     const auto control = read_control(host_, drone.name);
@@ -253,14 +253,11 @@ void VirtualWorld::step_mocap(const std::vector<sim::MocapPose>& poses) {
 std::vector<agent::MocapPose> VirtualWorld::take_mocap(std::size_t drone) {
   std::vector<agent::MocapPose> poses;
   for (auto& ring = wires_->drones[drone].mocap_ring; !ring.empty(); ring.pop_front()) {
-    // As the agent's shell does.
-    const auto pose = pose_from_cdr(ring.front().second);
-    if (!pose) continue;
-    const auto& q = pose->orientation;
-    const double norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-    const auto stamp = mocap_clock_->stamp(pose->header.stamp_ns, ring.front().first);
-    if (!stamp || !(std::abs(norm - 1) < 0.05)) continue;
-    poses.push_back({*stamp, pose->position_m, yaw_from_quaternion(pose->orientation)});
+    const auto message = pose_from_cdr(ring.front().second);
+    if (!message) continue;
+    const auto pose = mocap_intake_->take(
+        {message->header.stamp_ns, ring.front().first, message->position_m, message->orientation});
+    if (pose) poses.push_back(*pose);
   }
   return poses;
 }
@@ -283,8 +280,8 @@ void VirtualWorld::step_agent() {
   }
   if (now_ >= next_clock_ns_) {
     next_clock_ns_ = now_ + clock_period_ns;
-    mocap_clock_->refresh();
-    agent_->set_real_offset(mocap_clock_->offset_ns());
+    mocap_intake_->clock().refresh();
+    agent_->set_real_offset(mocap_intake_->clock().offset_ns());
   }
   for (std::size_t i = 0; i < facts().size(); ++i) {
     for (const agent::MocapPose& measured : take_mocap(i))

@@ -17,7 +17,7 @@
 #include "hil/virtual/witness.hpp"
 #include "hil/virtual/world_setup.hpp"
 #include "onboard/agent/core/agent_core.hpp"
-#include "onboard/agent/core/mocap_clock.hpp"
+#include "onboard/agent/core/mocap_intake.hpp"
 #include "onboard/link/core/link_core.hpp"
 #include "sim/core/simulator.hpp"
 
@@ -119,7 +119,7 @@ class VirtualWorld {
   sim::Simulator sim_;
   std::optional<link::LinkCore> link_;
   std::optional<agent::AgentCore> agent_;
-  std::optional<agent::MocapClock> mocap_clock_;
+  std::optional<agent::MocapIntake> mocap_intake_;
   std::unique_ptr<ground::FlightCore> ground_;
   std::unique_ptr<Wires> wires_;
   std::unique_ptr<Digester> digester_;

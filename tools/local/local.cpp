@@ -43,7 +43,7 @@ Status LocalShell::hear_mocap() {
   for (const ground::FlightDrone& who : core_.drones()) {
     Drone drone;
     drone.number = who.number;
-    drone.ring = std::make_unique<SpscRing<MocapMessage, 64>>();
+    drone.ring = std::make_unique<SpscRing<agent::MocapMessage, 64>>();
     auto reader = dds::RawReader::create(
         participant_, "/vrpn_mocap/" + who.name + "/pose", std::string(pose_type), {.reliable = false},
         [ring = drone.ring.get()](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
@@ -61,14 +61,14 @@ Status LocalShell::hear_mocap() {
 // Sim's stamps are of this host's real-time clock.
 void LocalShell::take_mocap() {
   for (Drone& drone : drones_) {
-    MocapMessage message{};
+    agent::MocapMessage message{};
     while (drone.ring->pop(message)) {
-      const auto stamp_ns = clock_.stamp(message.source_real_ns, message.arrived_ns);
-      if (!stamp_ns) {
+      const auto measured = mocap_intake_.take(message);
+      if (!measured) {
         ++poses_implausible_;
         continue;
       }
-      auto pose = drone.fusion.add({*stamp_ns, message.position_m, yaw_from_quaternion(message.orientation)});
+      auto pose = drone.fusion.add(*measured);
       if (!pose) continue;
       pose->drone = drone.number;
       (void)end_->send_pose(*pose);  // no chunk left: the next one comes in 10 ms
@@ -145,7 +145,8 @@ Result<bool> LocalShell::run() {
     fmt::print("{}\n", ground::status_line(core_));
     std::fflush(stdout);
   }
-  if (poses_implausible_ > 0) spdlog::warn("{} mocap poses had stamps that are not believed", poses_implausible_);
+  if (poses_implausible_ > 0)
+    spdlog::warn("{} mocap poses had stamps or orientations that are not believed", poses_implausible_);
   if (plans_lost_ > 0) spdlog::warn("{} plans found no room in shared memory", plans_lost_);
   const Status written = recorder_.end(output_.summary, [this] {
     ground::ShellCounters counters;

@@ -11,7 +11,7 @@
 #include "common/rt/spsc_ring.hpp"
 #include "ground/shell/settings.hpp"
 #include "onboard/agent/core/fusion.hpp"
-#include "onboard/agent/core/mocap_clock.hpp"
+#include "onboard/agent/core/mocap_intake.hpp"
 #include "onboard/ipc/ipc.hpp"
 
 namespace ledgerline::hil {
@@ -30,15 +30,10 @@ class LocalShell {
   Result<bool> run();
 
  private:
-  struct MocapMessage {
-    TimeNs source_real_ns, arrived_ns;
-    std::array<double, 3> position_m;
-    std::array<double, 4> orientation;
-  };
   struct Drone {
     DroneNumber number = 0;
     agent::Fusion fusion{agent::FusionConfig{}};
-    std::unique_ptr<SpscRing<MocapMessage, 64>> ring;
+    std::unique_ptr<SpscRing<agent::MocapMessage, 64>> ring;
     std::optional<dds::RawReader> reader;
   };
 
@@ -57,7 +52,7 @@ class LocalShell {
   AgentBeat beat_;
   TimeNs next_beat_ns_ = 0, next_status_ns_ = 0;
   std::uint64_t plans_lost_ = 0, poses_implausible_ = 0;
-  agent::MocapClock clock_{[] { return realtime_ns() - monotonic_ns(); }};
+  agent::MocapIntake mocap_intake_{[] { return realtime_ns() - monotonic_ns(); }};
   std::vector<Drone> drones_;  ///< last: their readers end first
 };
 

@@ -35,6 +35,7 @@ inline constexpr std::array<Stage, mark_count - 1> stages{{
     {"apply", "waits in playout for its moment", Mark::received, Mark::applied},
     {"send", "from that turn's beginning until the datagram has left", Mark::applied, Mark::sent},
 }};
+static_assert(static_cast<std::size_t>(stages.back().to) + 1 == mark_count);
 /// Across several stages.
 inline constexpr std::array<Stage, 3> totals{{
     {"two_way", "a state's stamp until its command is verified", Mark::sampled, Mark::verified},

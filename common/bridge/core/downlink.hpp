@@ -11,6 +11,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "common/bridge/core/frame.hpp"
 #include "common/bridge/core/rules.hpp"
 #include "common/crypto/crypto.hpp"
@@ -33,11 +34,11 @@ enum class Refusal : std::uint8_t {
   dds,           ///< DDS did not take it
   unnamed,       ///< a guarded topic that only a rule with "*" matches: see is_guarded
 };
-inline constexpr std::size_t refusal_count = 10;
+inline constexpr std::size_t refusal_count = enum_count<Refusal>;
 constexpr std::string_view name(Refusal refusal) {
-  constexpr std::array<std::string_view, refusal_count> names{"echo",       "repeated",   "doublet",   "wrong_writer",
-                                                              "unbelieved", "wrong_type", "malformed", "too_many",
-                                                              "dds",        "unnamed"};
+  constexpr std::array names{"echo",       "repeated",  "doublet",  "wrong_writer", "unbelieved",
+                             "wrong_type", "malformed", "too_many", "dds",          "unnamed"};
+  static_assert(names.size() == refusal_count);
   return names.at(static_cast<std::size_t>(refusal));
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "common/bridge/core/frame.hpp"
 #include "common/bridge/core/ring.hpp"
 #include "common/bridge/core/rules.hpp"
@@ -28,10 +29,10 @@ enum class Drop : std::uint8_t {
   unavailable,   ///< its call did not get through, and a newer message of the topic did
   type_changed,  ///< it waited while its topic took another type
 };
-inline constexpr std::size_t drop_count = 7;
+inline constexpr std::size_t drop_count = enum_count<Drop>;
 constexpr std::string_view name(Drop drop) {
-  constexpr std::array<std::string_view, drop_count> names{"rate",    "replaced",    "overflow",    "too_big",
-                                                           "refused", "unavailable", "type_changed"};
+  constexpr std::array names{"rate", "replaced", "overflow", "too_big", "refused", "unavailable", "type_changed"};
+  static_assert(names.size() == drop_count);
   return names.at(static_cast<std::size_t>(drop));
 }
 

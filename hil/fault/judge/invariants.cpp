@@ -29,7 +29,7 @@ enum Which : std::uint8_t {
   count
 };
 }  // namespace which
-constexpr std::array<std::string_view, which::count> invariant_names{
+constexpr auto invariant_names = std::to_array<std::string_view>({
     "always: never faster than the limits",
     "always: never higher than the limits",
     "always: never farther than the limits",
@@ -46,7 +46,8 @@ constexpr std::array<std::string_view, which::count> invariant_names{
     "always: every fault began",
     "always: nothing acknowledged is lost",
     "always: nothing is flown that nobody signed",
-};
+});
+static_assert(invariant_names.size() == which::count);
 
 Moment::Excuse excuse_of(const Moment& moment, std::size_t drone) {
   return moment.excuses.empty() ? Moment::Excuse{} : moment.excuses[drone];

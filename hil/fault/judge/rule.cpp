@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 
+#include "common/base/enum_count.hpp"
 #include "common/msg/names.hpp"
 #include "hil/lines/text_parse.hpp"
 
@@ -26,7 +27,7 @@ std::optional<FailsafeMode> mode_of(std::string_view word) {
 }
 
 std::optional<FailsafeCause> cause_of(std::string_view text) {
-  for (int i = 1; i <= static_cast<int>(FailsafeCause::stopped); ++i) {
+  for (std::size_t i = 1; i < enum_count<FailsafeCause>; ++i) {
     const auto cause = static_cast<FailsafeCause>(i);
     std::string words(name(cause));
     std::replace(words.begin(), words.end(), '_', ' ');

@@ -4,6 +4,7 @@
 #include <array>
 #include <limits>
 
+#include "common/base/enum_count.hpp"
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
 
@@ -23,11 +24,13 @@ constexpr std::array<std::pair<std::string_view, Lie>, 10> all_lies{{{"chain", L
                                                                      {"channel", Lie::channel},
                                                                      {"contract", Lie::contract},
                                                                      {"flag", Lie::flag}}};
+static_assert(all_lies.size() + 1 == enum_count<Lie>);  // none has no word
 constexpr std::array<std::pair<std::string_view, Slip>, 5> all_slips{{{"boot", Slip::boot},
                                                                       {"stamp", Slip::stamp},
                                                                       {"speed", Slip::speed},
                                                                       {"late", Slip::late},
                                                                       {"twice", Slip::twice}}};
+static_assert(all_slips.size() + 1 == enum_count<Slip>);
 
 template <typename Pairs>
 auto value_of(const Pairs& pairs, std::string_view word) -> std::optional<decltype(pairs[0].second)> {

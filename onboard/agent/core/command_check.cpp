@@ -14,11 +14,11 @@
 namespace ledgerline::agent {
 namespace {
 
-constexpr std::array<std::string_view, refusal_count> names = {
-    "none",           "broken_chain",  "invalid_transaction", "wrong_channel", "malformed",
-    "unknown_signer", "bad_signature", "not_endorsed",        "not_holder",    "stopped",
-    "wrong_epoch",    "foreign_boot",  "unknown_stamp",       "replayed",      "too_old",
-    "over_limits",    "altered"};
+constexpr std::array names{"none",           "broken_chain",  "invalid_transaction", "wrong_channel", "malformed",
+                           "unknown_signer", "bad_signature", "not_endorsed",        "not_holder",    "stopped",
+                           "wrong_epoch",    "foreign_boot",  "unknown_stamp",       "replayed",      "too_old",
+                           "over_limits",    "altered"};
+static_assert(names.size() == refusal_count);
 
 bool same(const Identity& a, const crypto::IdentityName& b) {
   return a.msp_id() == b.msp_id && a.subject() == b.subject;

@@ -7,13 +7,14 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "common/belief/control_events.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/onboard.hpp"
 #include "ledgerline.pb.h"
-#include "onboard/agent/core/outbox/batcher.hpp"
+#include "onboard/agent/core/drone_name.hpp"
 
 namespace ledgerline::agent {
 
@@ -37,7 +38,7 @@ enum class Refusal : std::uint8_t {
   over_limits = 15,         ///< setpoints: not finite, too fast, too many, out of order, or beyond the horizon
   altered = 16,  ///< not what its creator asked for and signed; or a record that does not follow from the last
 };
-inline constexpr std::size_t refusal_count = 17;
+inline constexpr std::size_t refusal_count = enum_count<Refusal>;
 std::string_view refusal_name(Refusal refusal);
 
 struct CheckConfig {

@@ -4,10 +4,10 @@
 #include <poll.h>
 
 #include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <limits>
+#include <utility>
 
 #include "common/base/log.hpp"
 #include "common/msg/ros.hpp"
@@ -104,27 +104,23 @@ void AgentShell::take_mocap() {
   for (Mocap& mocap : mocap_) {
     MocapMessage message{};
     while (mocap.ring->pop(message)) {
-      const auto stamp_ns = settings_.mocap_stamps_are_of_this_host
-                                ? clock_.stamp(message.source_real_ns, message.arrived_ns)
-                                : std::optional(message.arrived_ns);
-      const auto& q = message.orientation;
-      const double norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-      if (!stamp_ns || !(std::abs(norm - 1) < 0.05)) {
-        ++counters_.mocap_implausible;
-        if (!mocap_warned_) {
-          spdlog::warn(
-              "a mocap pose of drone {} is not believed (stamp {:.0f} ms before its arrival, quaternion's norm "
-              "{:.3f}); "
-              "if its computer's clock differs from this one's, set clock = \"arrival\" in [mocap]",
-              mocap.drone, to_ms(message.arrived_ns - (message.source_real_ns - clock_.offset_ns())), std::sqrt(norm));
-        }
-        mocap_warned_ = true;
-        continue;
+      if (const auto pose = mocap_intake_.take(message)) {
+        core_.on_mocap(monotonic_ns(), mocap.drone, *pose, out_);
+      } else {
+        tell_implausible(mocap.drone, message);
       }
-      core_.on_mocap(monotonic_ns(), mocap.drone,
-                     MocapPose{*stamp_ns, message.position_m, yaw_from_quaternion(message.orientation)}, out_);
     }
   }
+}
+
+void AgentShell::tell_implausible(DroneNumber drone, const MocapMessage& message) {
+  ++counters_.mocap_implausible;
+  if (std::exchange(mocap_warned_, true)) return;
+  const TimeNs stamp_ns = message.source_real_ns - mocap_intake_.clock().offset_ns();
+  spdlog::warn(
+      "a mocap pose of drone {} is not believed (stamp {:.0f} ms before its arrival, quaternion's norm {:.3f}); "
+      "if its computer's clock differs from this one's, set clock = \"arrival\" in [mocap]",
+      drone, to_ms(message.arrived_ns - stamp_ns), MocapIntake::norm(message));
 }
 
 // What link waits for goes first; signing a frame takes a moment.
@@ -183,8 +179,8 @@ void AgentShell::tell_lost_transitions() {
 
 void AgentShell::chores(TimeNs now) {
   if (due(now, next_clock_ns_, clock_period_ns)) {
-    clock_.refresh();
-    core_.set_real_offset(clock_.offset_ns());
+    mocap_intake_.clock().refresh();
+    core_.set_real_offset(mocap_intake_.clock().offset_ns());
     tell_lost_transitions();
   }
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {

@@ -13,7 +13,7 @@
 #include "common/program/service_manager.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/agent/core/agent_core.hpp"
-#include "onboard/agent/core/mocap_clock.hpp"
+#include "onboard/agent/core/mocap_intake.hpp"
 #include "onboard/agent/shell/letters.hpp"
 #include "onboard/agent/shell/report.hpp"
 #include "onboard/agent/shell/settings.hpp"
@@ -43,11 +43,6 @@ class AgentShell {
   Status run();
 
  private:
-  struct MocapMessage {
-    TimeNs source_real_ns, arrived_ns;
-    std::array<double, 3> position_m;
-    std::array<double, 4> orientation;
-  };
   struct Mocap {
     DroneNumber drone = 0;
     std::unique_ptr<SpscRing<MocapMessage, 64>> ring;
@@ -69,6 +64,7 @@ class AgentShell {
   void take_controls(const ControlsRead& read);
   void take_states();
   void take_mocap();
+  void tell_implausible(DroneNumber drone, const MocapMessage& message);
   void step_and_act();
   void tell_refusals();
   void tell_outcome(const fabric::Outcome& outcome);
@@ -91,7 +87,7 @@ class AgentShell {
   std::atomic<std::uint64_t> mocap_lost_{0};
   std::atomic<bool> roudi_gone_{false};
   TimeNs flight_heard_ns_ = 0;  ///< newest state of a drone in the air
-  MocapClock clock_{real_offset};
+  MocapIntake mocap_intake_{real_offset, settings_.mocap_stamps_are_of_this_host};
   TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0;
   std::uint64_t transitions_lost_ = 0;  ///< as told last
   bool connected_ = false, mocap_warned_ = false;

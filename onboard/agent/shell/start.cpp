@@ -53,7 +53,7 @@ Status AgentShell::start() {
   auto manager = ServiceManager::from_environment();
   if (!manager) return manager.error();
   manager_.emplace(std::move(manager).value());
-  core_.set_real_offset(clock_.offset_ns());
+  core_.set_real_offset(mocap_intake_.clock().offset_ns());
   if (auto status = recorder_.open(settings_.trace); !status) return status;
   if (auto status = keep_trying("RouDi answers", [] { return ipc::connect("ledgerline-agent"); }); !status) {
     return status;

@@ -39,10 +39,10 @@ struct LinkMoment {
   LinkOutputs& out;
 };
 
-/// One drone as link flies it: its plans go through the admission into the playout, the playout's wish through failsafe,
-/// fence and limits into `rc`; its session says where the flight is. In a step first what came is taken, then step() is
-/// called once, then sample() if it is time for one. Does not move: playout holds on to the admission. Core: no I/O, no
-/// clock, no allocation after construction; one thread.
+/// One drone as link flies it: its plans go through the admission into the playout, the playout's wish through
+/// failsafe, fence and limits into `rc`; its session says where the flight is. In a step first what came is taken, then
+/// step() is called once, then sample() if it is time for one. Does not move: playout holds on to the admission. Core:
+/// no I/O, no clock, no allocation after construction; one thread.
 class DroneLink {
  public:
   DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id);
@@ -50,14 +50,14 @@ class DroneLink {
   DroneLink& operator=(const DroneLink&) = delete;
 
   void take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept;
-  /// One from a clock that is not this host's, or older than the last one, is not passed on to here.
+  /// Stamps never go back and are not of the future: LinkCore passes on no other.
   void take_beat(const AgentBeat& beat) noexcept;
   void take_pose(TimeNs now, const Pose& pose) noexcept;
   void take_plan(const LinkMoment& at, const Plan& plan) noexcept;
   /// The local stop key, or link was started too often: `land` is said again to a drone that is not seen.
   void land_again(TimeNs now) noexcept { session_.land_again(now, BlindTalk::Asker::local); }
-  /// Time passed: without a pose (agent died, its plan is flown to the end) the fence still needs to know about where the
-  /// drone is.
+  /// Time passed: without a pose (agent died, its plan is flown to the end) the fence still needs to know about where
+  /// the drone is.
   void dead_reckon(double seconds) noexcept;
   void step(const LinkMoment& at) noexcept;
   void sample(const LinkMoment& at) noexcept;

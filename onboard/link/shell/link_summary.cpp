@@ -4,6 +4,7 @@
 
 #include <fstream>
 
+#include "common/base/enum_count.hpp"
 #include "common/msg/names.hpp"
 #include "common/rt/histogram_json.hpp"
 
@@ -50,8 +51,9 @@ nlohmann::json to_json(const LoopFigures& loop) {
 }  // namespace
 
 const char* name(DropReason reason) noexcept {
-  static constexpr std::array<const char*, 7> names{"none",      "too_old",    "out_of_order", "superseded",
-                                                    "bad_value", "not_flying", "queue_full"};
+  static constexpr std::array names{"none",      "too_old",    "out_of_order", "superseded",
+                                    "bad_value", "not_flying", "queue_full"};
+  static_assert(names.size() == enum_count<DropReason>);
   const auto at = static_cast<std::size_t>(reason);
   return at < names.size() ? names[at] : "unknown";
 }

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "common/rt/trace.hpp"
 
 namespace ledgerline::timing {
@@ -29,7 +30,7 @@ enum class Mark : std::uint8_t {
   applied,
   sent,
 };
-inline constexpr std::size_t mark_count = 16;
+inline constexpr std::size_t mark_count = enum_count<Mark>;
 
 /// Whose trace records are from.
 enum class Writer : std::uint8_t { link, agent, ground };

@@ -8,14 +8,9 @@
 #include "common/fabric/sending/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
+#include "onboard/agent/core/drone_name.hpp"
 
 namespace ledgerline::agent {
-
-/// A drone of this host: its number in shared memory and its name on the ledger.
-struct DroneName {
-  DroneNumber number = 0;
-  std::string name;
-};
 
 struct BatchConfig {
   TimeNs min_gap_ns = 0;                      ///< between the starts of two frames, whatever is committed

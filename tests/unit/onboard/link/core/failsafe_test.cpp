@@ -1,4 +1,5 @@
 #include "onboard/link/core/failsafe.hpp"
+#include "common/base/enum_count.hpp"
 
 #include <gtest/gtest.h>
 
@@ -487,6 +488,7 @@ TEST_F(FailsafeTest, TheSetpointsUpwardPartIsClippedByTheDronesOwnHeightToo) {
 
 const char* name(Clears clears) {
   constexpr std::array names{"on_ground", "when_rested", "with_a_plan", "back_inside", "when_charged"};
+  static_assert(names.size() == enum_count<Clears>);
   return names.at(static_cast<std::size_t>(clears));
 }
 
