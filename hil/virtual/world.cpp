@@ -255,8 +255,8 @@ std::vector<agent::MocapPose> VirtualWorld::take_mocap(std::size_t drone) {
   for (auto& ring = wires_->drones[drone].mocap_ring; !ring.empty(); ring.pop_front()) {
     const auto message = pose_from_cdr(ring.front().second);
     if (!message) continue;
-    const auto pose = mocap_intake_->take(
-        {message->header.stamp_ns, ring.front().first, message->position_m, message->orientation});
+    const auto pose =
+        mocap_intake_->take({message->header.stamp_ns, ring.front().first, message->position_m, message->orientation});
     if (pose) poses.push_back(*pose);
   }
   return poses;
