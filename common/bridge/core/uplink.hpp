@@ -127,7 +127,7 @@ class Uplink {
   };
   /// What next() needs of a topic, beside what is shown.
   struct Slot {
-    explicit Slot(std::size_t most) : queue(most) {}
+    explicit Slot(std::size_t capacity) : queue(capacity) {}
     Ring<Message> queue;
     std::size_t queued_bytes = 0;
     Kind kind = own;
