@@ -1,4 +1,4 @@
-# The three kinds of target that this project has.
+# The kinds of target that this project has: library, program, test (also in a network namespace of its own), a page as text.
 
 add_library(ledgerline_options INTERFACE)
 target_compile_options(ledgerline_options INTERFACE
@@ -57,7 +57,7 @@ function(ll_program name)
   add_dependencies(programs ${name})
 endfunction()
 
-# ll_test(NAME SOURCES a_test.cpp DEPS ... [SERIAL] [LABELS ...]): a GoogleTest program, one ctest entry a program.
+# ll_test(NAME SOURCES a_test.cpp DEPS ... [SERIAL] [TIMEOUT s] [LABELS ...]): a GoogleTest program, one ctest entry a program.
 function(ll_test name)
   cmake_parse_arguments(ARG "SERIAL" "TIMEOUT" "SOURCES;DEPS;LABELS" ${ARGN})
   if(NOT ARG_TIMEOUT)

@@ -8,8 +8,8 @@
 namespace ledgerline {
 
 /// When a process that ended is started again: after a wait that doubles with each end within `within`, with jitter
-/// (half to whole of it), so that processes that died together do not start together. After more than `most` ends
-/// within `within` it is given up.
+/// (half to whole of it), so that processes that died together do not start together. After more than
+/// `max_restarts` ends within `within` it is given up.
 ///
 ///     runs -- ended() --> waits -- the time it gave --> runs
 ///                 \-- nullopt: given up

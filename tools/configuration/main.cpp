@@ -1,22 +1,28 @@
-#include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
 #include "tools/configuration/reference.hpp"
 
+namespace {
+
+using namespace ledgerline;
+
+constexpr const char* about =
+    "Prints every key of every program's config with type, unit, default, range and reason, as Markdown.";
+constexpr const char* notes = R"(Examples:
+  ledgerline configuration agent
+  ledgerline configuration > docs/configuration.md
+Exit codes: 0 printed; 2 no such part)";
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  using namespace ledgerline;
+  CommandLine line("configuration", about, notes);
   std::string name;
-  CLI::App app{"Prints every key of every program's config with type, unit, default, range and reason, as Markdown.",
-               "ledgerline-configuration"};
-  app.footer(
-      "Examples:\n  ledgerline-configuration agent\n  ledgerline-configuration > docs/configuration.md\n"
-      "Exit codes: 0 printed; 2 no such part");
-  app.add_option("PART", name, "this part alone, such as link or \"The ledger\"");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  line.option("PART", name, "this part alone, such as link or \"The ledger\"");
+  if (const auto exit_code = line.parse(argc, argv)) return *exit_code;
   if (name.empty()) {
     std::fputs(configuration::page().c_str(), stdout);
     return 0;
@@ -29,6 +35,6 @@ int main(int argc, char** argv) {
     }
     known += (known.empty() ? "" : ", ") + part.name;
   }
-  std::fprintf(stderr, "there is no part \"%s\": %s\n", name.c_str(), known.c_str());
-  return 2;
+  spdlog::error("there is no part \"{}\": {}", name, known);
+  return exit_usage;
 }

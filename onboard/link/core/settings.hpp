@@ -56,7 +56,7 @@ struct SessionSettings {
   TimeNs silence_ns = 16 * ns_per_s;
   /// The same word, when link ends and a drone was never heard of: mostly there is none, and a person waits. 7 times.
   TimeNs unheard_land_for_ns = 3 * ns_per_s;
-  /// Starts of link within starts.hpp's 15 s, of which the last one tells every drone to land in its first step: who
+  /// Starts of link within starts_within_ns (below), of which the last one tells every drone to land in its first step: who
   /// dies so often cannot fly, and each life's first words are a sign of life to a Tello. The launcher gives up with
   /// as many.
   int many_starts = 7;
@@ -115,7 +115,8 @@ struct RcSettings {
   TimeNs min_gap_ns = 5 * ns_per_ms;
   TimeNs changing_gap_ns = 20 * ns_per_ms;  ///< while the setpoint is ramped: at 4 m/s² steps of 0.08 m/s
   /// While flying, an rc is never further apart: one that is lost is made good within 50 ms, 5 cm at 1 m/s. Half
-  /// doubles the datagrams of every hover; with double a lost one costs 10 cm.
+  /// doubles the datagrams of every hover; with double a lost one costs 10 cm. It is also the Tello's sign of life: after
+  /// 15 s without a word it would land by itself (docs/sources.md).
   TimeNs max_gap_ns = 50 * ns_per_ms;
 };
 
