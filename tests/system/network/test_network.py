@@ -212,7 +212,7 @@ def test_killing_it_leaves_no_process(tmp_path):
 @pytest.mark.parametrize("version", [None, "go1.19.8"])
 def test_go_that_is_missing_or_old_is_explained(tmp_path, version):
     """scripts/fabric-tools in a tree that has nothing built yet, with a PATH of our own."""
-    for part in ("scripts", "chaincode/fabric/tools"):
+    for part in ("scripts", "chaincode/network/tools"):
         shutil.copytree(ROOT / part, tmp_path / part)
     programs = tmp_path / "programs"
     programs.mkdir()
