@@ -356,7 +356,7 @@ std::optional<int> read_wish(CommandLine& line, int argc, char** argv, Wish& wis
     if (!read) return fail(read.error(), exit_usage);
     wish.options = std::move(*read);
     wish.batch_timeout_ms = to_ms(wish.options.batch_timeout_ns);
-    if (const auto end = line.parse(argc, argv)) return end;
+    line.read({argv + 1, argv + argc});  // it was good before, and is again
   }
   wish.options.batch_timeout_ns = static_cast<TimeNs>(wish.batch_timeout_ms * ns_per_ms);
   return std::nullopt;
