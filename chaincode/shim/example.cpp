@@ -12,7 +12,7 @@ namespace {
 
 using namespace ledgerline;
 
-constexpr std::size_t most = 1000;  // counters, and values of one, that an answer shows
+constexpr std::size_t max_listed = 1000;  // counters, and values of one, that an answer shows
 
 shim::Response refuse(const Error& why) { return {500, why.what, ""}; }
 
@@ -33,7 +33,7 @@ shim::Response count(shim::Stub& stub) {
   const auto& args = stub.args();
   const std::string function = args.empty() ? "" : args[0];
   if (function == "list") {
-    const auto all = stub.get_range("", "", most);
+    const auto all = stub.get_range("", "", max_listed);
     if (!all) return refuse(all.error());
     std::string text;
     for (const auto& [key, value] : *all) text += key + "=" + value + "\n";
@@ -47,7 +47,7 @@ shim::Response count(shim::Stub& stub) {
     return {200, "", stored->value_or("0")};
   }
   if (function == "past") {
-    const auto values = stub.get_history(args[1], 0, most);
+    const auto values = stub.get_history(args[1], 0, max_listed);
     if (!values) return refuse(values.error());
     std::string text;
     for (const auto& one : *values) text += (one.is_delete ? "removed" : one.value) + "\n";

@@ -28,7 +28,7 @@ bool is_control(std::string_view character) {
 
 }  // namespace
 
-std::string printable(std::string_view text, std::size_t most) {
+std::string printable(std::string_view text, std::size_t max_size) {
   constexpr std::string_view rest = "...";
   std::string out;
   std::size_t cut = 0;  // where the rest may begin
@@ -37,8 +37,8 @@ std::string printable(std::string_view text, std::size_t most) {
     const bool printable = size > 0 && !is_control(text.substr(0, size));
     out += printable ? text.substr(0, size) : "?";
     text.remove_prefix(size == 0 ? 1 : size);
-    if (out.size() + rest.size() <= most) cut = out.size();
-    if (out.size() > most) return out.replace(cut, std::string::npos, rest);
+    if (out.size() + rest.size() <= max_size) cut = out.size();
+    if (out.size() > max_size) return out.replace(cut, std::string::npos, rest);
   }
   return out;
 }

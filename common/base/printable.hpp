@@ -4,8 +4,8 @@
 
 namespace ledgerline {
 
-/// Makes text from outside printable, for logs, refusals and terminals: one line of valid UTF-8, at most `most` bytes;
-/// whatever cannot be printed becomes "?". (Nothing to do with encryption.)
-std::string printable(std::string_view text, std::size_t most = 1'000);
+/// Makes text from outside printable, for logs, refusals and terminals: one line of valid UTF-8, at most `max_size`
+/// bytes; whatever cannot be printed becomes "?". (Nothing to do with encryption.)
+std::string printable(std::string_view text, std::size_t max_size = 1'000);
 
 }  // namespace ledgerline

@@ -90,6 +90,13 @@ Match match_set(const AskedCall& call, std::string_view event_payload, SetCall& 
   return match(call, contract::set, event_payload, asked);
 }
 
+bool tells_set(const AskedCall& call, std::string_view event_payload) {
+  // Every state of a drone host comes by here: equal bytes need no reading.
+  if (call.function == contract::set && call.args.size() == 1 && call.args[0] == event_payload) return true;
+  SetCall asked;
+  return match_set(call, event_payload, asked) == Match::same;
+}
+
 Plan plan_of(DroneNumber drone, const DronePlan& asked) {
   Plan plan;
   plan.drone = drone;
@@ -118,18 +125,10 @@ Status check_event(const AskedCall& call, std::string_view event_name, std::stri
   }
   if (!is_call) return done;
   if (event_name != call.function) return another;
-  Match match = Match::altered;
-  if (call.function == contract::command) {
-    CommandCall asked;
-    match = match_command(call, event_payload, asked);
-  } else if (call.function == contract::set) {
-    // Every state of a drone host comes by here: equal bytes need no reading.
-    if (call.args.size() == 1 && call.args[0] == event_payload) return done;
-    SetCall asked;
-    match = match_set(call, event_payload, asked);
-  } else {
-    match = match_delete(call, event_payload);
-  }
+  if (call.function == contract::set) return tells_set(call, event_payload) ? Status(done) : another;
+  CommandCall asked;
+  const Match match = call.function == contract::command ? match_command(call, event_payload, asked)
+                                                         : match_delete(call, event_payload);
   return match == Match::same ? Status(done) : another;
 }
 

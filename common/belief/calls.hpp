@@ -30,6 +30,8 @@ enum class Match {
 /// shown comes from there. It is empty unless the call was of that function.
 Match match_command(const AskedCall& call, std::string_view event_payload, CommandCall& asked);
 Match match_set(const AskedCall& call, std::string_view event_payload, SetCall& asked);
+/// Whether the event says what a call of `set` asked for, message or not: who reads its bytes finds that out.
+bool tells_set(const AskedCall& call, std::string_view event_payload);
 
 /// A plan as link takes it; of one that has at most max_setpoints.
 Plan plan_of(DroneNumber drone, const DronePlan& asked);

@@ -2,18 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <chrono>
-#include <thread>
 #include <utility>
 
-#include "common/base/log.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 
 namespace ledgerline::belief {
-namespace {
-constexpr std::chrono::milliseconds try_again_after{100};
-}
 
 Result<Control> read_control(const std::string& drone, const Evaluate& evaluate) {
   QueryCall query;
@@ -39,16 +33,22 @@ Result<std::vector<Control>> read_controls(const std::vector<std::string>& drone
   return controls;
 }
 
-std::optional<std::vector<Control>> keep_reading_controls(const std::stop_token& stop,
-                                                          const std::vector<std::string>& drones,
-                                                          const Evaluate& evaluate) {
-  while (!stop.stop_requested()) {
-    auto controls = read_controls(drones, evaluate);
-    if (controls) return std::move(controls).value();
-    spdlog::warn("the control records cannot be read yet, no block is taken: {}", controls.error().what);
-    std::this_thread::sleep_for(try_again_after);
-  }
-  return std::nullopt;
+Result<std::vector<Control>> keep_reading_controls(const std::stop_token& stop, const std::vector<std::string>& drones,
+                                                   const Evaluate& evaluate, const TryWorld& world) {
+  std::vector<Control> read;
+  const Status status = keep_trying(
+      "the control records can be read (no block is taken before)",
+      {.within_ns = max_controls_wait_ns, .first_pause_ns = 50 * ns_per_ms, .max_pause_ns = 500 * ns_per_ms},
+      [&] { return stop.stop_requested(); },
+      [&]() -> Status {
+        auto controls = read_controls(drones, evaluate);
+        if (!controls) return controls.error();
+        read = std::move(controls).value();
+        return done;
+      },
+      world);
+  if (!status) return status.error();
+  return read;
 }
 
 Result<ControlStart::Next> ControlStart::on_block(const fabric::Block& block) {

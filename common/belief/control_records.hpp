@@ -1,12 +1,12 @@
 #pragma once
 #include <functional>
-#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
 
 #include "common/base/result.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "common/rt/retry/keep_trying.hpp"
 #include "ledgerline.pb.h"
 
 /// The control records with which a program begins: who reads the ledger's blocks knows of changes alone.
@@ -19,10 +19,13 @@ using Evaluate = std::function<Result<std::string>(const fabric::Call&)>;
 Result<Control> read_control(const std::string& drone, const Evaluate& evaluate);
 /// Those of all these drones.
 Result<std::vector<Control>> read_controls(const std::vector<std::string>& drones, const Evaluate& evaluate);
-/// read_controls() until it succeeds; nullopt: asked to stop. Says in the log why it has not yet.
-std::optional<std::vector<Control>> keep_reading_controls(const std::stop_token& stop,
-                                                          const std::vector<std::string>& drones,
-                                                          const Evaluate& evaluate);
+/// read_controls() until it succeeds, for max_controls_wait_ns at most; an error, too, when asked to stop. Says in the
+/// log why it has not yet.
+Result<std::vector<Control>> keep_reading_controls(const std::stop_token& stop, const std::vector<std::string>& drones,
+                                                   const Evaluate& evaluate, const TryWorld& world = TryWorld::real());
+/// The ledger has just sent a block, so it answers soon or something is broken. A minute outlasts a peer's restart; a
+/// program that ends then is started again, where half of it would leave one that hears no block.
+inline constexpr TimeNs max_controls_wait_ns = 60 * ns_per_s;
 
 /// Puts the records and the blocks that change them in order. A stream that begins with the next new block says nothing
 /// of what was committed just before it, and a peer may answer from before that. So the records are read anew once the

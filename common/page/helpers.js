@@ -2,12 +2,13 @@ const $ = id => document.getElementById(id);
 const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const element = (tag, text, className) => { const e = document.createElement(tag); e.textContent = text; if (className) e.className = className; return e; };
 const fixed = (x, digits) => x === null || x === undefined ? "–" : x.toFixed(digits);
-// A cell is its text, or [text, class]. `table`: its id.
+// A cell is its text, or [text, class]. `table`: the element or its id. Returns the row.
 const row = (table, cells, head, className) => {
   const tr = document.createElement("tr");
   if (className) tr.className = className;
   cells.forEach(c => tr.append(Array.isArray(c) ? element("td", c[0], c[1]) : element(head ? "th" : "td", c)));
-  $(table).append(tr);
+  (typeof table === "string" ? $(table) : table).append(tr);
+  return tr;
 };
 // A card with one figure, into the element `figures`.
 const figure = (name, value, unit, note) => {

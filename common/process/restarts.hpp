@@ -16,7 +16,7 @@ namespace ledgerline {
 class Restarts {
  public:
   struct Limits {
-    int most = 10;  ///< within `within`
+    int max_restarts = 10;  ///< within `within`
     TimeNs within = 60 * ns_per_s;
     TimeNs first_wait = 100 * ns_per_ms, max_wait = 5 * ns_per_s;
   };
@@ -31,7 +31,7 @@ class Restarts {
  private:
   const Limits limits_;
   Random random_;
-  std::deque<TimeNs> recent_;  ///< at most limits_.most
+  std::deque<TimeNs> recent_;  ///< at most limits_.max_restarts
   std::uint64_t count_ = 0;
 };
 

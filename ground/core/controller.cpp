@@ -123,11 +123,11 @@ double PathController::expected_s(int laps) const {
 }
 
 double PathController::speed_at(double s_m) const {
-  const double most = std::min({asked_mps(s_m), limit_mps_, config_.told_mps * predictor_.response().gain});
+  const double max_mps = std::min({asked_mps(s_m), limit_mps_, config_.told_mps * predictor_.response().gain});
   const double a = motion::TrackLimits{}.acceleration_mps2;
   const double from_rest = std::sqrt(2 * a * std::max(0.0, s_m) + 0.01);
   const double to_rest = std::sqrt(2 * a * std::max(0.0, end_m_ - s_m) + 0.0025);
-  return std::min({track_.speed_at(s_m), most, from_rest, to_rest});
+  return std::min({track_.speed_at(s_m), max_mps, from_rest, to_rest});
 }
 
 // The share of its speed that the reference moves with: whole up to half the leash, none at its end. For a drone that
@@ -178,8 +178,8 @@ Setpoint PathController::steer(const Motion& from, double s_m) const {
                            position_gain_ * (place.position_m.head<2>() - from.position_m.head<2>()) +
                            config_.velocity_gain * (reference - from.velocity_mps.head<2>());
   wanted = (wanted - predictor_.drift_mps().head<2>()) / model.gain;
-  const double most = std::min(config_.told_mps, 1.5 * asked_mps(s_m) / model.gain + 0.3);
-  if (wanted.norm() > most) wanted *= most / wanted.norm();
+  const double max_mps = std::min(config_.told_mps, 1.5 * asked_mps(s_m) / model.gain + 0.3);
+  if (wanted.norm() > max_mps) wanted *= max_mps / wanted.norm();
   Setpoint setpoint = level(from, place.position_m.z(), climb);
   setpoint.velocity_mps[0] = static_cast<float>(wanted.x());
   setpoint.velocity_mps[1] = static_cast<float>(wanted.y());
@@ -189,7 +189,7 @@ Setpoint PathController::steer(const Motion& from, double s_m) const {
 void PathController::limit(double age_s) {
   position_gain_ = std::min(config_.position_gain, gain_by_age / std::max(0.05, age_s));
   const double limit = config_.allowed_error_m / (peaks * error_.share() * std::max(0.05, age_s));
-  limit_mps_ = std::max(config_.least_limit_mps, limit);
+  limit_mps_ = std::max(config_.min_limit_mps, limit);
   if (started_ && !at_end() && limit_mps_ < asked_mps(progress_m_))
     slowed_to_mps_ = std::min(limit_mps_, slowed_to_mps_.value_or(limit_mps_));
 }
@@ -245,8 +245,8 @@ std::vector<Setpoint> PathController::plan_plain(TimeNs first_ns) {
       moving ? Eigen::Vector2d(plain_mps(progress_m_) * path_.direction(progress_m_)) : Eigen::Vector2d::Zero();
   Eigen::Vector2d wanted = reference + config_.position_gain * (path_.point(progress_m_) - raw_.position_m.head<2>()) +
                            config_.velocity_gain * (reference - raw_.velocity_mps.head<2>());
-  const double most = std::min(config_.told_mps, 1.5 * plain_mps(progress_m_) + 0.3);
-  if (wanted.norm() > most) wanted *= most / wanted.norm();
+  const double max_mps = std::min(config_.told_mps, 1.5 * plain_mps(progress_m_) + 0.3);
+  if (wanted.norm() > max_mps) wanted *= max_mps / wanted.norm();
   const double climb_mps = moving ? plain_mps(progress_m_) * path_.climb(progress_m_, config_.height_m) : 0;
   Setpoint setpoint = level(raw_, path_.height_m(progress_m_, config_.height_m), climb_mps);
   setpoint.velocity_mps[0] = static_cast<float>(wanted.x());

@@ -38,7 +38,7 @@ struct ControllerConfig {
   double leash_m = 0.4;                   ///< the reference stops when it is this far ahead of the drone
   TimeNs pose_lost_ns = 300 * ns_per_ms;  ///< link's limit: it brakes with an older pose, and the reference waits
   double allowed_error_m = 0.4;           ///< that prediction's error may reach; speed is limited so that it does not
-  double least_limit_mps = 0.2;           ///< but never below this
+  double min_limit_mps = 0.2;             ///< but never below this
 };
 
 /// How well predictions come true: their error as a share of the way flown meanwhile, learned by comparing each
@@ -72,7 +72,7 @@ class PredictionError {
 /// model does not say must not be corrected faster than it is seen.
 ///
 /// A latency-aware limit of speed: at limit_mps() three times the expected error of a prediction (its share of the way,
-/// times speed, times age) is allowed_error_m. Above the limit, which is never below least_limit_mps, the reference is
+/// times speed, times age) is allowed_error_m. Above the limit, which is never below min_limit_mps, the reference is
 /// slowed.
 ///
 /// While link brakes, or its pose is older than it takes one for, the reference waits.

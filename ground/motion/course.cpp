@@ -12,8 +12,8 @@
 namespace ledgerline::motion {
 namespace {
 
-constexpr std::size_t fewest = 3, most = 500;
-constexpr double farthest_m = 100, closest_m = 0.01;
+constexpr std::size_t min_points = 3, max_points = 500;
+constexpr double max_distance_m = 100, min_distance_m = 0.01;
 constexpr double lowest_m = 0.3, highest_m = 10, slowest_mps = 0.05, fastest_mps = 8;
 
 std::string_view trimmed(std::string_view text) {
@@ -42,9 +42,9 @@ Result<double> number_in(std::string_view cell, const char* what, double least, 
 
 Result<Waypoint> waypoint_of(const std::vector<std::string_view>& cells) {
   if (cells.size() < 2 || cells.size() > 4) return Error{fmt::format("{} columns, not x,y[,z[,speed]]", cells.size())};
-  const auto x = number_in(cells[0], "x", -farthest_m, farthest_m);
+  const auto x = number_in(cells[0], "x", -max_distance_m, max_distance_m);
   if (!x) return x.error();
-  const auto y = number_in(cells[1], "y", -farthest_m, farthest_m);
+  const auto y = number_in(cells[1], "y", -max_distance_m, max_distance_m);
   if (!y) return y.error();
   Waypoint point{{*x, *y}};
   if (cells.size() > 2 && !cells[2].empty()) {
@@ -125,21 +125,21 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
     if (std::exchange(first, false) && is_heading(cells)) continue;
     const auto point = waypoint_of(cells);
     if (!point) return Error{fmt::format("{}:{}: {}", file, number, point.error().what)};
-    if (!points.empty() && (point->at_m - points.back().at_m).norm() < closest_m)
+    if (!points.empty() && (point->at_m - points.back().at_m).norm() < min_distance_m)
       return Error{fmt::format("{}:{}: closer than 1 cm to the point before", file, number)};
-    if (points.size() == most) return Error{fmt::format("{}:{}: more than {} points", file, number, most)};
+    if (points.size() == max_points) return Error{fmt::format("{}:{}: more than {} points", file, number, max_points)};
     points.push_back(*point);
     points.back().line = number;
   }
-  if (points.size() < fewest)
-    return Error{fmt::format("{}: {} points, at least {} are needed", file, points.size(), fewest)};
-  if ((points.back().at_m - points.front().at_m).norm() < closest_m)
+  if (points.size() < min_points)
+    return Error{fmt::format("{}: {} points, at least {} are needed", file, points.size(), min_points)};
+  if ((points.back().at_m - points.front().at_m).norm() < min_distance_m)
     return Error{fmt::format("{}:{}: the first point again: the path closes by itself", file, points.back().line)};
   const Eigen::Vector2d origin = points.front().at_m;
   for (Waypoint& point : points) {
     point.at_m -= origin;
-    if (point.at_m.norm() > farthest_m)
-      return Error{fmt::format("{}:{}: more than {} m from the first point", file, point.line, farthest_m)};
+    if (point.at_m.norm() > max_distance_m)
+      return Error{fmt::format("{}:{}: more than {} m from the first point", file, point.line, max_distance_m)};
   }
   return points;
 }

@@ -3,18 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <iterator>
 
 #include "common/base/log.hpp"
+#include "common/rt/retry/keep_trying.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground {
 namespace {
 
 constexpr TimeNs tick_ns = 20 * ns_per_ms;  // for time-outs and signals; blocks and outcomes wake at once
-constexpr TimeNs start_limit_ns = 15 * ns_per_s;
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
 constexpr TimeNs warning_gap_ns = ns_per_s;
 
@@ -110,19 +109,17 @@ void Ground::hear(std::size_t drone, const PilotTopic& topic, std::string_view c
 }
 
 Status Ground::wait_for_block_stream(const std::atomic<bool>& quit) {
-  const TimeNs until_ns = monotonic_ns() + start_limit_ns;
-  FlightInputs unused;
-  while (!stream_.connected) {
-    if (quit) return Error{"asked to end before the ledger was reached"};
-    if (monotonic_ns() > until_ns) {
-      return Error{
-          fmt::format("the ledger's blocks cannot be read: {}", stream_.why.empty() ? "no answer" : stream_.why)};
+  const auto is_open = [this]() -> Status {
+    FlightInputs unused;
+    while (!stream_.connected) {
+      const auto letter = next_letter(0);
+      if (!letter) return Error{stream_.why.empty() ? "no answer yet" : stream_.why};
+      if (auto status = open(*letter, unused); !status) return status;
     }
-    const auto letter = next_letter(tick_ns);
-    if (!letter) continue;
-    if (auto status = open(*letter, unused); !status) return status;
-  }
-  return done;
+    return done;
+  };
+  return keep_trying(
+      "the ledger's blocks can be read", {}, [&] { return quit.load(); }, is_open);
 }
 
 Status Ground::set_controls(const std::vector<Control>& controls) {
@@ -141,7 +138,7 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
     control_reader_ = std::jthread([this](const std::stop_token& stop) {
       auto controls = belief::keep_reading_controls(
           stop, names_, [this](const fabric::Call& call) { return client_->evaluate(call); });
-      if (controls) mailbox_.put(ControlsRead{std::move(*controls)});
+      if (!stop.stop_requested()) mailbox_.put(ControlsRead{std::move(controls)});
     });
   } else if (const auto* ended = std::get_if<Ended>(&letter)) {
     inputs.outcome = &ended->outcome;
@@ -153,10 +150,11 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
   } else if (const auto* state = std::get_if<StreamState>(&letter)) {
     stream_ = *state;
   } else if (const auto* read = std::get_if<ControlsRead>(&letter)) {
+    if (!read->controls) return read->controls.error();
     // The blocks that waited come next, before any that came behind them.
     std::vector<fabric::Block> held = control_start_.on_read();
     letters_.insert(letters_.begin(), std::make_move_iterator(held.begin()), std::make_move_iterator(held.end()));
-    return set_controls(read->controls);
+    return set_controls(*read->controls);
   }
   return done;
 }

@@ -46,9 +46,9 @@ class Ground {
     bool connected = false;
     std::string why;
   };
-  /// The control records, as read after the first block had come.
+  /// The control records, as read after the first block had come, or why they cannot be.
   struct ControlsRead {
-    std::vector<Control> controls;
+    Result<std::vector<Control>> controls;
   };
   using Letter = std::variant<fabric::Block, Ended, StreamState, ControlsRead>;
 

@@ -27,7 +27,7 @@ in_addr host(Config& config, const Key& key, const std::string& text) {
   return address.value_or(in_addr{});
 }
 
-sockaddr_in host_and_port(Config& config, const Key& key, unsigned least_port) {
+sockaddr_in host_and_port(Config& config, const Key& key, unsigned min_port) {
   const std::string text = config.text(key);
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -36,7 +36,7 @@ sockaddr_in host_and_port(Config& config, const Key& key, unsigned least_port) {
   const std::string port_text = text.substr(std::min(colon + 1, text.size()));
   unsigned port = 0;
   const auto [end, error] = std::from_chars(port_text.data(), port_text.data() + port_text.size(), port);
-  const bool good = ip && error == std::errc() && end == port_text.data() + port_text.size() && port >= least_port &&
+  const bool good = ip && error == std::errc() && end == port_text.data() + port_text.size() && port >= min_port &&
                     port <= std::numeric_limits<std::uint16_t>::max();
   if (!good && !text.empty()) config.wrong(key.name, "must be an IPv4 address and a port, such as 127.0.0.1:7051");
   if (good) {

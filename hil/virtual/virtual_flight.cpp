@@ -111,11 +111,11 @@ class Observer {
 Result<VirtualFlightResult> fly_virtually(const VirtualFlightConfig& config) {
   if (config.model_error < -0.5 || config.model_error > 1)
     return Error{fmt::format("a model error of {}: -0.5 to 1 can be flown", config.model_error)};
-  if (config.mode == VirtualFlightConfig::Mode::local && config.delays.added.kind != AddedDelay::Kind::none)
+  if (config.mode == VirtualFlightConfig::Mode::local && !config.delays.added.none())
     return Error{"a local flight has no ledger that could be delayed"};
   WorldConfig settings = config;
   if (config.max_age_ns == 0)
-    settings.max_age_ns = config.delays.added.kind == AddedDelay::Kind::none ? WorldConfig{}.max_age_ns : 5 * ns_per_s;
+    settings.max_age_ns = config.delays.added.none() ? WorldConfig{}.max_age_ns : 5 * ns_per_s;
   auto world = VirtualWorld::create(settings);
   if (!world) return world.error();
   return Observer(**world).fly(config.max_ns);

@@ -24,7 +24,7 @@ constexpr sim::Endpoint link_endpoint{0x7F000001, 40000};
 
 // Of a far ledger more than of one that is near: what was sent last is still on its way.
 TimeNs patience_ns(const WorldConfig& config) {
-  return LedgerPort::deadline_ns + (config.delays.added.kind == AddedDelay::Kind::none ? 0 : 10 * ns_per_s);
+  return LedgerPort::deadline_ns + (config.delays.added.none() ? 0 : 10 * ns_per_s);
 }
 
 }  // namespace

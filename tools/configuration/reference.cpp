@@ -82,7 +82,7 @@ const std::vector<Source>& sources() {
       {"deployment",
        "`deployment.toml`: [which hosts, drones, ledger](deployment.md).",
        {},
-       [](Config& config) { (void)deployment::read(config, "deployment.toml"); }},
+       [](Config& config) { (void)deployment::read(config); }},
       {ledger,
        "Where the ledger is, and whom to believe. At least one `[[msp]]` must be there; control alone, which reads no "
        "block, has none.",

@@ -13,9 +13,7 @@
 namespace ledgerline::deployment {
 namespace {
 
-constexpr std::array kinds{"embedded", "fabric", "none"};
 constexpr std::array roles{"onboard", "ground", "ledger"};
-static_assert(kinds.size() == static_cast<std::size_t>(LedgerKind::none) + 1);
 static_assert(roles.size() == role_count && role_count == static_cast<std::size_t>(Role::ledger) + 1);
 
 std::string unique_name(Config& config, const Key& key, std::set<std::string>& names) {
@@ -84,8 +82,8 @@ Endpoint read_endpoint(Config& config, const std::string& key, const Deployment&
 
 void read_ledger(Config& config, Deployment& out) {
   const std::string kind = config.choice({"ledger.kind", "none: the controller beside the driver, for comparison"},
-                                         {kinds.begin(), kinds.end()}, kinds[0]);
-  out.ledger = static_cast<LedgerKind>(std::find(kinds.begin(), kinds.end(), kind) - kinds.begin());
+                                         {ledger_kinds.begin(), ledger_kinds.end()}, ledger_kinds[0]);
+  out.ledger = ledger_kind_of(kind);
   out.channel = config.text({"ledger.channel", "of Fabric"}, out.channel);
   out.contract = config.text({"ledger.contract", "the chaincode's name on it"}, out.contract);
   std::set<std::string> ids;
@@ -144,7 +142,9 @@ void read_drones(Config& config, Deployment& out) {
 
 }  // namespace
 
-const char* name_of(LedgerKind kind) { return kinds[static_cast<std::size_t>(kind)]; }
+LedgerKind ledger_kind_of(std::string_view name) {
+  return static_cast<LedgerKind>(std::find(ledger_kinds.begin(), ledger_kinds.end(), name) - ledger_kinds.begin());
+}
 const char* name_of(Role role) { return roles[static_cast<std::size_t>(role)]; }
 
 bool Host::has(Role role) const { return std::find(roles.begin(), roles.end(), role) != roles.end(); }
@@ -154,15 +154,8 @@ const Host* Deployment::host(const std::string& name) const {
   return found == hosts.end() ? nullptr : &*found;
 }
 
-Result<Deployment> load(const std::string& path) {
-  auto config = Config::load(path);
-  if (!config) return config.error();
-  return read(*config, path);
-}
-
-Result<Deployment> read(Config& config, const std::string& path) {
+Result<Deployment> read(Config& config) {
   Deployment out;
-  out.file = path;
   const std::size_t hosts = config.table_count({"host", "a computer; at least one"});
   if (hosts == 0) config.wrong("host", "must be there: where programs run");
   out.hosts = read_hosts(config, hosts);

@@ -1,6 +1,8 @@
 #pragma once
+#include <array>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.hpp"
@@ -10,10 +12,15 @@
 /// launcher, for what looks after hosts, and for tests; docs/deployment.md has an example.
 namespace ledgerline::deployment {
 
-enum class LedgerKind { embedded, fabric, none };
+/// What carries states and commands; none: the same controller beside the driver.
+enum class LedgerKind : std::uint8_t { embedded, fabric, none };
+inline constexpr std::array ledger_kinds{"embedded", "fabric", "none"};
+static_assert(ledger_kinds.size() == static_cast<std::size_t>(LedgerKind::none) + 1);
+constexpr const char* name_of(LedgerKind kind) { return ledger_kinds[static_cast<std::size_t>(kind)]; }
+LedgerKind ledger_kind_of(std::string_view name);  ///< a name of the array
+
 enum class Role { onboard, ground, ledger };
 inline constexpr std::size_t role_count = 3;
-const char* name_of(LedgerKind kind);
 const char* name_of(Role role);
 
 struct Host {
@@ -41,7 +48,6 @@ struct Drone {
 };
 
 struct Deployment {
-  std::string file;  ///< for messages
   LedgerKind ledger = LedgerKind::embedded;
   std::string channel = "teleop", contract = "ledgerline";
   std::vector<Organisation> organisations;
@@ -54,7 +60,6 @@ struct Deployment {
 
 /// Every key is checked, and that the parts fit: names that are used are there once, with the role that they are used
 /// for. Errors name file, line and key (common/config).
-Result<Deployment> load(const std::string& path);
-Result<Deployment> read(Config& config, const std::string& path);
+Result<Deployment> read(Config& config);
 
 }  // namespace ledgerline::deployment

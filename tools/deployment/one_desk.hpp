@@ -10,7 +10,9 @@ struct OneDesk {
   int orderers = 1;
 };
 
-/// An error where such a flight would have to pass over something that the file says (docs/deployment.md).
-Result<OneDesk> on_one_desk(const Deployment& deployment);
+/// `config`: the file that the deployment was read from. Each thing that such a flight would have to pass over
+/// (docs/deployment.md) is an error with its file, line and key; all of them come at once.
+Result<OneDesk> on_one_desk(Config& config, const Deployment& deployment);
+Result<OneDesk> load_one_desk(const std::string& path);
 
 }  // namespace ledgerline::deployment

@@ -289,7 +289,7 @@ Status Launcher::fly() {
       ended_early(name);
       if (result) result = Error{crash_of(name, "during the flight")};
     }
-    if (flying && result) result = look_after_onboard(now_ns);
+    if (flying && result) result = supervise_onboard(now_ns);
     flying = flying && result;
     const int interrupts = interrupts_;
     if (interrupts > interrupts_seen && flying) {
@@ -307,7 +307,7 @@ Status Launcher::fly() {
 }
 
 // A process ends; or RouDi lost chunks with one that was killed, and nothing flies: a new one has them all.
-Status Launcher::look_after_onboard(TimeNs now_ns) {
+Status Launcher::supervise_onboard(TimeNs now_ns) {
   if (chunks_leaked_ && !live_.anything_in_air()) recycle_shared_memory();
   for (Onboard& one : onboard_) {
     if (children_.running(one.name)) continue;
@@ -318,7 +318,7 @@ Status Launcher::look_after_onboard(TimeNs now_ns) {
         const Restarts::Limits& limits = one.restarts.limits();
         return Error{
             crash_of(one.name, fmt::format("during the flight, more than {} times within {:.0f} s, and is given up",
-                                           limits.most, to_seconds(limits.within)))};
+                                           limits.max_restarts, to_seconds(limits.within)))};
       }
       one.start_at_ns = *at;
       live_.say(fmt::format("{} {} and is started again", one.name, children_.how_it_ended(one.name)));

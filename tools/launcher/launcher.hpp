@@ -63,7 +63,7 @@ class Launcher {
   Status start_proxy(const std::string& endpoint, const std::vector<std::string>& orderers, Proxied& proxied);
   Status fly();
   void write_usage(const timing::UsageRecord& usage);
-  Status look_after_onboard(TimeNs now_ns);
+  Status supervise_onboard(TimeNs now_ns);
   bool serves(const std::string& name) const { return children_.running(name) && ready_.contains(name); }
   bool may_start(const std::string& name) const;
   Status start_again(const std::string& name);

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <sstream>
 
@@ -12,6 +11,7 @@
 #include "ground/shell/course_file.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "sim/core/parameters.hpp"
+#include "tools/deployment/one_desk.hpp"
 #include "tools/launcher/configs.hpp"
 
 namespace ledgerline::fly {
@@ -59,6 +59,7 @@ constexpr const char* help_notes = R"(Examples:
   fly --side 4 --ramp 0.5:0.1 --laps 6 --ledger none        each lap faster, with no ledger between
   fly --shape manual                  until Ctrl-C, by any ROS 2 teleop on /tello1/cmd_vel
   fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)
+  fly --deployment desk.toml          the drones and the ledger that the file names
   fly --batch-timeout 100ms --batch-count 10 --seconds 60    a slower ledger
   fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run
 Exit codes: 0 every drone finished its path and landed (manual: landed, and nothing went wrong); 1 not so; 2 bad usage.)";
@@ -66,7 +67,8 @@ Exit codes: 0 every drone finished its path and landed (manual: landed, and noth
 /// Options whose words become values of another type, in take().
 struct Words {
   std::string shape = "square", predict = "on", ramp, max_age;
-  std::string ledger = name(Ledger::embedded), storage = "disk", crypto = "libcrypto", batch_timeout = "10ms";
+  std::string deployment, ledger = name_of(Ledger::embedded), storage = "disk", crypto = "libcrypto",
+                          batch_timeout = "10ms";
 };
 
 void add_path_options(CommandLine& line, Options& o, Words& words) {
@@ -82,7 +84,6 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
   line.option("--ramp", words.ramp, "START:STEP, m/s: speed of the first lap, and by how much each one is faster");
   line.option("--max-age", words.max_age, "Agent and link take no command made from an older state (default: 500ms)")
       .checked_by("TIME", check_duration);
-  line.option("--drones", o.drones, "Number of drones").within(1, static_cast<int>(max_drones)).shows_default();
   line.option("--rate", o.rate_hz, "States a second of each drone").within(1.0, 200.0).shows_default();
   line.option("--speed", o.speed_mps, "Along the path, m/s").within(0.05, 5.0).shows_default();
   const Option laps = line.option("--laps", o.laps, "Laps to fly").within(1, 1000).shows_default();
@@ -91,11 +92,25 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
       .excludes(laps);
 }
 
+/// What flies through which ledger: each by itself, or all of it by a file.
+void add_deployment_options(CommandLine& line, Options& o, Words& words) {
+  const Option drones =
+      line.option("--drones", o.drones, "Number of drones").within(1, static_cast<int>(max_drones)).shows_default();
+  const Option ledger =
+      line.option("--ledger", words.ledger, "Which ledger; none: the same controller beside the driver, as a reference")
+          .one_of({deployment::ledger_kinds.begin(), deployment::ledger_kinds.end()})
+          .shows_default();
+  const Option orderers =
+      line.option("--orderers", o.orderers, "Fabric: how many orderers").one_of({1, 3}).shows_default();
+  line.option("--deployment", words.deployment,
+              "deployment.toml that names drones, ledger and orderers, all on this desk (docs/deployment.md)")
+      .existing_file()
+      .excludes(drones)
+      .excludes(ledger)
+      .excludes(orderers);
+}
+
 void add_ledger_options(CommandLine& line, Options& o, Words& words) {
-  line.option("--ledger", words.ledger, "Which ledger; none: the same controller beside the driver, as a reference")
-      .one_of({ledger_names.begin(), ledger_names.end()})
-      .shows_default();
-  line.option("--orderers", o.orderers, "Fabric: how many orderers").one_of({1, 3}).shows_default();
   line.option("--storage", words.storage, "Ledger: in the run's directory, or in memory and gone after the flight")
       .one_of({"disk", "tmpfs"})
       .shows_default();
@@ -181,12 +196,22 @@ std::string take_path(const Words& words, Options& o) {
   return "";
 }
 
+/// What is wrong with the deployment's file; empty: nothing, or there is none.
+std::string take_deployment(const Words& words, Options& o) {
+  if (words.deployment.empty()) return "";
+  const auto desk = deployment::load_one_desk(words.deployment);
+  if (!desk) return "--deployment: " + desk.error().what;
+  o.drones = desk->drones;
+  o.ledger = desk->ledger;
+  o.orderers = desk->orderers;
+  return "";
+}
+
 void take(const Words& words, Options& o) {
   o.manual = words.shape == "manual";
   o.predict = words.predict == "on";
   if (!words.max_age.empty()) o.max_age_ns = *parse_duration(words.max_age);
-  const auto ledger = std::find(ledger_names.begin(), ledger_names.end(), words.ledger);
-  o.ledger = static_cast<Ledger>(ledger - ledger_names.begin());
+  o.ledger = deployment::ledger_kind_of(words.ledger);
   o.tmpfs = words.storage == "tmpfs";
   o.mbedtls = words.crypto == "mbedtls";
   o.batch_timeout_ns = *parse_duration(words.batch_timeout);
@@ -214,6 +239,7 @@ Asked parse_command_line(const std::vector<std::string>& arguments) {
   Words words;
   CommandLine line("fly", help_about, help_notes);
   add_path_options(line, o, words);
+  add_deployment_options(line, o, words);
   add_ledger_options(line, o, words);
   add_run_options(line, o);
   if (const auto end = line.read(arguments)) {
@@ -222,7 +248,8 @@ Asked parse_command_line(const std::vector<std::string>& arguments) {
     return asked;
   }
   take(words, o);
-  std::string wrong = contradiction(line, o);
+  std::string wrong = take_deployment(words, o);
+  if (wrong.empty()) wrong = contradiction(line, o);
   if (wrong.empty()) wrong = take_path(words, o);
   asked.fly = wrong.empty();
   if (!asked.fly) {

@@ -1,5 +1,4 @@
 #pragma once
-#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -7,14 +6,11 @@
 #include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
 #include "ground/core/controller.hpp"
+#include "tools/deployment/deployment.hpp"
 
 namespace ledgerline::fly {
 
-/// What carries states and commands; none: the same controller beside the driver.
-enum class Ledger : std::uint8_t { embedded, fabric, none };
-inline constexpr std::array ledger_names{"embedded", "fabric", "none"};
-static_assert(ledger_names.size() == static_cast<std::size_t>(Ledger::none) + 1);
-constexpr const char* name(Ledger ledger) { return ledger_names[static_cast<std::size_t>(ledger)]; }
+using Ledger = deployment::LedgerKind;
 
 struct Options {
   ground::Shape shape = ground::Shape::square;

@@ -9,11 +9,11 @@
 
 #include "common/base/log.hpp"
 #include "common/msg/ros.hpp"
+#include "common/rt/retry/keep_trying.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
-constexpr TimeNs start_limit_ns = 15 * ns_per_s;
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
 constexpr std::chrono::microseconds poll{500};  // iceoryx
 constexpr TimeNs tick_ns = 20 * ns_per_ms;      // for time-outs, where no state comes
@@ -27,12 +27,9 @@ LocalShell::LocalShell(ground::FlightConfig flight, ground::OutputSettings outpu
 
 Status LocalShell::start() {
   if (auto status = recorder_.open(output_.trace); !status) return status;
-  const TimeNs until_ns = monotonic_ns() + start_limit_ns;
-  for (Status connected = ipc::connect("ledgerline-local"); !connected; connected = ipc::connect("ledgerline-local")) {
-    if (quit_) return Error{"asked to end before RouDi answered"};
-    if (monotonic_ns() > until_ns) return connected;
-    std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  }
+  const Status connected = keep_trying(
+      "RouDi answers", {}, [this] { return quit_.load(); }, [] { return ipc::connect("ledgerline-local"); });
+  if (!connected) return connected;
   auto end = ipc::AgentEnd::create();
   if (!end) return end.error();
   end_ = std::move(end).value();

@@ -10,7 +10,7 @@ RECORD = struct.Struct("<qHHIQq4d")
 
 
 class TraceKind(enum.IntEnum):
-    """tests/system/experiments holds these against the header."""
+    """scripts/check-traces holds these against the header."""
     TRUTH = 1
     STATE_SAMPLED = 2
     FRAME_SUBMITTED = 3

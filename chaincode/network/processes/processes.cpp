@@ -55,7 +55,7 @@ Status Processes::restart_ended(Service& service) {
     const auto at = service.restarts.ended(now);
     const Restarts::Limits& limits = service.restarts.limits();
     if (!at) {
-      return Error{fmt::format("{}, more than {} times within {:.0f} s: it is given up. {}", how, limits.most,
+      return Error{fmt::format("{}, more than {} times within {:.0f} s: it is given up. {}", how, limits.max_restarts,
                                to_seconds(limits.within), end)};
     }
     service.start_at = *at;

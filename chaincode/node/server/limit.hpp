@@ -11,22 +11,22 @@ class Limit {
   using Slot = std::shared_ptr<void>;
 
   /// `service`: its name, for the refusal.
-  Limit(std::string service, int most) : service_(std::move(service)), most_(most) {}
+  Limit(std::string service, int max_open) : service_(std::move(service)), max_open_(max_open) {}
 
   /// Held until the last copy is gone; nullptr when all are taken. The limit outlives its places.
   Slot take() {
-    if (open_.fetch_add(1) < most_) return {this, [this](void*) { --open_; }};
+    if (open_.fetch_add(1) < max_open_) return {this, [this](void*) { --open_; }};
     --open_;
     return nullptr;
   }
   /// In Fabric's words.
   std::string refusal() const {
-    return "too many requests for " + service_ + ", exceeding concurrency limit (" + std::to_string(most_) + ")";
+    return "too many requests for " + service_ + ", exceeding concurrency limit (" + std::to_string(max_open_) + ")";
   }
 
  private:
   const std::string service_;
-  const int most_;
+  const int max_open_;
   std::atomic<int> open_{0};
 };
 

@@ -27,13 +27,6 @@ bool had(const Origin& newest, const Origin& other) {
 /// CDR as ROS 2 sends it: PLAIN_CDR in either byte order, behind its four bytes.
 bool is_cdr(std::string_view bytes) { return bytes.size() >= 4 && bytes[0] == 0 && (bytes[1] == 0 || bytes[1] == 1); }
 
-/// A peer could have put other messages into the event than its writer signed.
-bool is_what_was_asked(const fabric::Transaction& tx) {
-  if (tx.function == contract::set && tx.args.size() == 1 && tx.args[0] == tx.event_payload) return true;
-  SetCall asked;
-  return belief::match_set({tx.function, tx.args}, tx.event_payload, asked) != belief::Match::altered;
-}
-
 /// A type of ROS 2, and that of its [[topic]] where it says one.
 bool fits(const Downlink::Topic& topic, std::string_view type) {
   return is_ros_type(type) && (topic.rule->type.empty() || topic.rule->type == type);
@@ -49,7 +42,8 @@ void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
     if (tx.code != 0 || tx.config || tx.event_name != contract::set || tx.contract != config_.contract) continue;
-    if (!is_what_was_asked(tx)) {
+    // A peer could have put other messages into the event than its writer signed.
+    if (!belief::tells_set({tx.function, tx.args}, tx.event_payload)) {
       ++unbelievable_transactions_;
       continue;
     }

@@ -6,16 +6,16 @@
 
 namespace ledgerline::bridge {
 
-/// A queue of at most `most` elements. It grows up to that and never shrinks: once it has been full it allocates
+/// A queue of at most `capacity` elements. It grows up to that and never shrinks: once it has been full it allocates
 /// nothing.
 template <typename T>
 class Ring {
  public:
-  explicit Ring(std::size_t most) : most_(most) {}
+  explicit Ring(std::size_t capacity) : capacity_(capacity) {}
 
   std::size_t size() const { return size_; }
   bool empty() const { return size_ == 0; }
-  bool full() const { return size_ == most_; }
+  bool full() const { return size_ == capacity_; }
   T& front() { return slots_[head_]; }
   const T& front() const { return slots_[head_]; }
 
@@ -40,13 +40,13 @@ class Ring {
  private:
   void make_room() {
     if (size_ < slots_.size()) return;
-    std::vector<T> more(std::min(most_, 2 * slots_.size() + 4));
+    std::vector<T> more(std::min(capacity_, 2 * slots_.size() + 4));
     for (std::size_t i = 0; i < size_; ++i) more[i] = std::move(slots_[(head_ + i) % slots_.size()]);
     slots_ = std::move(more);
     head_ = 0;
   }
 
-  std::size_t most_;
+  std::size_t capacity_;
   std::vector<T> slots_;
   std::size_t head_ = 0, size_ = 0;
 };

@@ -11,11 +11,11 @@
 #include "common/bridge/core/frame.hpp"
 #include "common/bridge/core/ring.hpp"
 #include "common/bridge/core/rules.hpp"
-#include "common/fabric/sending/back_off.hpp"
 #include "common/fabric/sending/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 #include "common/rt/histogram.hpp"
+#include "common/rt/retry/back_off.hpp"
 
 namespace ledgerline::bridge {
 
@@ -127,7 +127,7 @@ class Uplink {
   };
   /// What next() needs of a topic, beside what is shown.
   struct Slot {
-    explicit Slot(std::size_t most) : queue(most) {}
+    explicit Slot(std::size_t capacity) : queue(capacity) {}
     Ring<Message> queue;
     std::size_t queued_bytes = 0;
     Kind kind = own;
@@ -145,7 +145,7 @@ class Uplink {
   using Messages = std::vector<Message>;  ///< of a call
   struct Lane {
     Lane(const UplinkConfig& config) : pause(config.first_back_off_ns, config.max_back_off_ns) {}
-    fabric::BackOff pause;
+    BackOff pause;
     fabric::InFlight<Messages> in_flight;
     Messages failed;  ///< not empty: no call until in_flight is
   };

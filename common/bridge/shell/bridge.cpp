@@ -10,6 +10,7 @@
 #include "common/belief/client.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
+#include "common/rt/retry/keep_trying.hpp"
 
 namespace ledgerline::bridge {
 namespace {
@@ -17,7 +18,6 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr milliseconds busy_turn{1}, idle_turn{100};
-constexpr TimeNs start_limit_ns = 15 * ns_per_s;
 constexpr TimeNs end_limit_ns = 1 * ns_per_s;
 constexpr TimeNs try_again_after_ns = 1 * ns_per_s;
 constexpr TimeNs losses_period_ns = 100 * ns_per_ms;
@@ -102,7 +102,6 @@ Status Bridge::start(const std::atomic<bool>& quit) {
     const std::lock_guard lock(up_mutex_);
     connected_ = connected;
     connection_problem_ = why;
-    up_wake_.notify_all();
   };
   handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
   blocks_ = client_->blocks(std::nullopt, std::move(handlers));
@@ -117,17 +116,13 @@ Status Bridge::start(const std::atomic<bool>& quit) {
 }
 
 Status Bridge::wait_for_stream(const std::atomic<bool>& quit) {
-  const TimeNs until_ns = monotonic_ns() + start_limit_ns;
-  std::unique_lock lock(up_mutex_);
-  while (!connected_) {
-    if (quit) return Error{"asked to end before the ledger was reached"};
-    if (monotonic_ns() > until_ns) {
-      return Error{fmt::format("the blocks of channel {} cannot be read: {}", channel_,
-                               connection_problem_.empty() ? "no answer" : connection_problem_)};
-    }
-    up_wake_.wait_for(lock, idle_turn);
-  }
-  return done;
+  const auto is_open = [this]() -> Status {
+    const std::lock_guard lock(up_mutex_);
+    if (connected_) return done;
+    return Error{connection_problem_.empty() ? "no answer yet" : connection_problem_};
+  };
+  return keep_trying(
+      fmt::format("the blocks of channel {} can be read", channel_), {}, [&] { return quit.load(); }, is_open);
 }
 
 // Behind the start of the block stream, so that no newer value can be missed between the two.

@@ -5,17 +5,19 @@
 
 #include <chrono>
 #include <filesystem>
+#include <random>
 #include <set>
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/config.hpp"
+#include "common/rt/retry/back_off.hpp"
 
 namespace ledgerline::bridge {
 namespace {
 
 constexpr std::chrono::milliseconds turn{10};
-constexpr TimeNs begin_anew_after_ns = 1 * ns_per_s;
+constexpr TimeNs first_pause_ns = 1 * ns_per_s, max_pause_ns = 30 * ns_per_s;
 
 const std::string& channel_of(const Rule& rule, const fabric::ClientConfig& ledger) {
   return rule.channel.empty() ? ledger.where.channel : rule.channel;
@@ -113,12 +115,16 @@ BesideBridges::~BesideBridges() {
 }
 
 void BesideBridges::carry() {
+  BackOff pause(first_pause_ns, max_pause_ns);
+  Random random(std::random_device{}());
   while (!quit_) {
+    const TimeNs begin_ns = monotonic_ns();
     auto bridges = Bridges::create(config_, ledger_, *believed_, participant_);
     const Status status = bridges ? (*bridges)->run(quit_, [](const std::string&) {}) : Status(bridges.error());
     if (status || quit_) continue;
     spdlog::error("the bridge begins anew: {}", status.error().what);
-    wait(quit_, monotonic_ns() + begin_anew_after_ns);
+    if (monotonic_ns() - begin_ns > max_pause_ns) pause.succeeded();  // a start gives up before
+    wait(quit_, monotonic_ns() + pause.next(random));
   }
 }
 

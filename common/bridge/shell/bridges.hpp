@@ -33,7 +33,8 @@ class Bridges {
 };
 
 /// Bridges beside a program's own work: with a thread, connections and block streams of their own, so that nothing of
-/// the program waits for them. What fails is logged and tried again a second later. Ends with the object.
+/// the program waits for them. What fails is logged and tried again, a second later at first, then up to 30 s
+/// (BackOff), for as long as the program lives. Ends with the object.
 class BesideBridges {
  public:
   /// Null where the config names no [[topic]]. `config` is that of the program, checked already.

@@ -8,7 +8,7 @@
 #include "common/base/random.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/commits.hpp"
-#include "common/fabric/sending/back_off.hpp"
+#include "common/rt/retry/back_off.hpp"
 
 /// What the pipeline and the streams share. Inside common/fabric alone: it brings in gRPC.
 namespace ledgerline::fabric {

@@ -2,9 +2,9 @@
 #include <cstdint>
 
 #include "common/base/random.hpp"
-#include "common/fabric/sending/back_off.hpp"
 #include "common/fabric/sending/outcome.hpp"
 #include "common/rt/clock.hpp"
+#include "common/rt/retry/back_off.hpp"
 
 namespace ledgerline::fabric {
 

@@ -1,5 +1,6 @@
 #include "common/common.pb.h"
 #include "common/fabric/tx/envelope.hpp"
+#include "common/fabric/tx/opened.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "orderer/ab.pb.h"
 #include "peer/chaincode.pb.h"
@@ -149,7 +150,6 @@ std::string unsigned_envelope(const common::Header& header, const std::string& p
 
 Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
                                 const EventCheck& event_check) {
-  const Error malformed{"the endorsed transaction that came back is malformed"};
   protos::SignedProposal signed_proposal;
   protos::Proposal asked;
   common::Header asked_header;
@@ -157,27 +157,18 @@ Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsig
       !parse(asked_header, asked.header())) {
     return Error{"the proposal is malformed"};
   }
-  common::Envelope envelope;
-  common::Payload payload;
-  protos::Transaction transaction;
-  protos::ChaincodeActionPayload action;
-  protos::ProposalResponsePayload response;
-  protos::ChaincodeAction result;
-  if (!parse(envelope, unsigned_envelope) || !parse(payload, envelope.payload()) ||
-      !parse(transaction, payload.data()) || transaction.actions_size() != 1 ||
-      !parse(action, transaction.actions(0).payload()) ||
-      !parse(response, action.action().proposal_response_payload()) || !parse(result, response.extension())) {
-    return malformed;
-  }
-  if (payload.header().channel_header() != asked_header.channel_header() ||
-      payload.header().signature_header() != asked_header.signature_header() ||
-      transaction.actions(0).header() != asked_header.signature_header() ||
-      input_of(action.chaincode_proposal_payload()) != input_of(asked.payload())) {
+  auto opened = open_transaction(unsigned_envelope);
+  if (!opened) return Error{"the endorsed transaction that came back is malformed: " + opened.error().what};
+  const common::Header& header = opened->payload.header();
+  if (header.channel_header() != asked_header.channel_header() ||
+      header.signature_header() != asked_header.signature_header() ||
+      opened->transaction.actions(0).header() != asked_header.signature_header() ||
+      input_of(opened->action.chaincode_proposal_payload()) != input_of(asked.payload())) {
     return Error{"the endorsed transaction that came back is not the one that was asked for; it was not signed"};
   }
-  const Status checked = check_event(proposal, asked_header.channel_header(), result.events(), event_check);
+  const Status checked = check_event(proposal, asked_header.channel_header(), opened->result.events(), event_check);
   if (!checked) return checked.error();
-  return Prepared{std::move(*result.mutable_response()->mutable_payload())};
+  return Prepared{std::move(*opened->result.mutable_response()->mutable_payload())};
 }
 
 Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope) {

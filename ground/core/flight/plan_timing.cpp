@@ -7,7 +7,7 @@
 namespace ledgerline::ground {
 namespace {
 
-constexpr TimeNs least_delay_ns = 10 * ns_per_ms;
+constexpr TimeNs min_plan_delay_ns = 10 * ns_per_ms;
 constexpr TimeNs max_beyond_ns = 1'900 * ns_per_ms;  // agent takes no setpoint for later than 2 s from now
 // Of the plans: there before their first setpoint's moment. More would make all of them for later, and what is not
 // foreseen (gusts) grows with that; one that comes late only takes over late.
@@ -59,7 +59,7 @@ PlanTiming::Timing PlanTiming::timing_for(TimeNs soonest_ns, TimeNs in_time_ns, 
   // After an outage the tail is long, and agent would refuse every plan that comes sooner: none may speak of more than
   // max_beyond_ns behind its arrival, be it as quick as one of ten. Shorter plans first (see Planner), then sooner ones.
   timing.farthest_ns = soonest_ns + max_beyond_ns;
-  timing.delay_ns = std::min(std::clamp(in_time_ns, least_delay_ns, longest_delay_ns),
+  timing.delay_ns = std::min(std::clamp(in_time_ns, min_plan_delay_ns, max_plan_delay_ns),
                              timing.farthest_ns - static_cast<TimeNs>(PathController::steps) * PathController::step_ns);
   return timing;
 }

@@ -39,7 +39,7 @@ class PlanTiming {
   TimeNs max_delay_ns() const;
 
  private:
-  static constexpr TimeNs longest_delay_ns = 4 * ns_per_s;
+  static constexpr TimeNs max_plan_delay_ns = 4 * ns_per_s;
   static constexpr TimeNs overdue_ns =
       2 * ns_per_s;  ///< a plan that agent may have refused because it was for too late
   static constexpr TimeNs state_every_ns = 5 * ns_per_ms;  ///< at most; a plan each
@@ -52,7 +52,7 @@ class PlanTiming {
     motion::Window arrivals;       ///< from a plan's making until it was there; the drone's clock
     std::optional<Timing> timing;  ///< by arrivals
     /// Of the newest plans submitted, as far back as one may be on its way.
-    std::array<PlanRecord, (longest_delay_ns + overdue_ns) / state_every_ns + 1> plans{};
+    std::array<PlanRecord, (max_plan_delay_ns + overdue_ns) / state_every_ns + 1> plans{};
     std::uint64_t applied_sequence = 0, arrived_sequence = 0;  ///< as the newest state had it
   };
   static Timing timing_for(TimeNs soonest_ns, TimeNs in_time_ns, TimeNs tail_ns);

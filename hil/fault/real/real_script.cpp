@@ -11,7 +11,7 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr double least_side_m = 0.5, max_side_m = 15;  // of tools/launcher/options.cpp
+constexpr double min_side_m = 0.5, max_side_m = 15;  // of tools/launcher/options.cpp
 
 std::string way_of(LineAt line) { return line == LineAt::to ? "to" : line == LineAt::answers ? "answers" : "state"; }
 
@@ -68,8 +68,8 @@ RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int d
 Status check_real(const Script& script, const RealLedger& ledger) {
   std::vector<std::string> reasons;
   const WorldConfig usual, &flight = script.flight;
-  if (flight.side_m < least_side_m || flight.side_m > max_side_m)
-    reasons.push_back(fmt::format("flight.side_m: ./fly flies paths of {} to {} m a side", least_side_m, max_side_m));
+  if (flight.side_m < min_side_m || flight.side_m > max_side_m)
+    reasons.push_back(fmt::format("flight.side_m: ./fly flies paths of {} to {} m a side", min_side_m, max_side_m));
   if (flight.battery != usual.battery) reasons.push_back("flight.battery: ./fly flies with full batteries");
   if (!flight.keeps_rc || !flight.command_counts)
     reasons.push_back("flight.keeps_rc, flight.command_counts: ./fly flies the usual Tello");

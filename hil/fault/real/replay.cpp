@@ -95,8 +95,7 @@ class Player {
       drone->phase = static_cast<FlightPhase>(r.id);
       drone->mode = static_cast<FailsafeMode>(r.extra);
       drone->cause = static_cast<FailsafeCause>(static_cast<int>(r.v[0]));
-      events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::mode, index, 0,
-                         fmt::format("{}, {} ({})", name(drone->phase), name(drone->mode), name(drone->cause))});
+      events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::mode, index, 0, mode_text(*drone)});
     } else if (r.kind == TraceKind::state_sampled) {
       drone->pose = Pose{.drone = r.drone, .stamp_ns = r.stamp_ns, .position_m = {r.v[0], r.v[1], r.v[2]}};
     } else if (r.kind == TraceKind::rc_sent) {

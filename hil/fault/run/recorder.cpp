@@ -91,7 +91,14 @@ void RunRecorder::keep_event(const Moment& moment, const WorldEvent& event) {
   result_.events.push_back(event);
   if (event.kind != WorldEvent::Kind::mode || !event.text.empty()) return;
   const DroneFacts& facts = moment.drones[event.drone];
-  result_.events.back().text = fmt::format("{}, {} ({})", name(facts.phase), name(facts.mode), name(facts.cause));
+  result_.events.back().text = mode_text(facts);
+}
+
+std::string mode_text(const DroneFacts& facts) {
+  std::string text = name(facts.phase);
+  if (facts.mode != FailsafeMode::none) text += fmt::format(", {}", name(facts.mode));
+  if (facts.cause != FailsafeCause::none) text += fmt::format(" ({})", name(facts.cause));
+  return text;
 }
 
 RunResult RunRecorder::finish(const Ending& ending) {

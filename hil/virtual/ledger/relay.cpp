@@ -4,14 +4,11 @@
 #include <array>
 #include <utility>
 
-#include "common/common.pb.h"
+#include "common/fabric/tx/opened.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
-#include "peer/chaincode.pb.h"
 #include "peer/chaincode_event.pb.h"
-#include "peer/proposal.pb.h"
-#include "peer/transaction.pb.h"
 
 namespace ledgerline::hil {
 namespace {
@@ -336,19 +333,15 @@ std::optional<Relay::Event> Relay::bent_stop(const std::string& payload) const {
 
 std::string Relay::bend(const fabric::Call& call, std::string bytes) {
   if (lie_ == RelayLie::none || call.function != function_of(lie_)) return bytes;
-  auto envelope = parsed<common::Envelope>(bytes);
-  auto payload = parsed<common::Payload>(envelope.payload());
-  auto transaction = parsed<protos::Transaction>(payload.data());
-  auto action = parsed<protos::ChaincodeActionPayload>(transaction.actions(0).payload());
-  auto response = parsed<protos::ProposalResponsePayload>(action.action().proposal_response_payload());
-  auto result = parsed<protos::ChaincodeAction>(response.extension());
-  auto event = parsed<protos::ChaincodeEvent>(result.events());
+  auto opened = fabric::open_transaction(bytes);
+  if (!opened) return bytes;
+  auto event = parsed<protos::ChaincodeEvent>(opened->result.events());
   const auto bent = call.function == contract::set       ? bent_frame(call.args.at(0))
                     : call.function == contract::command ? bent_command(call.args.at(0))
                                                          : bent_stop(event.payload());
   if (!bent) return bytes;
   if (of_what_was_asked(lie_)) {
-    auto proposal = parsed<protos::ChaincodeProposalPayload>(action.chaincode_proposal_payload());
+    auto proposal = parsed<protos::ChaincodeProposalPayload>(opened->action.chaincode_proposal_payload());
     auto invocation = parsed<protos::ChaincodeInvocationSpec>(proposal.input());
     auto& args = *invocation.mutable_chaincode_spec()->mutable_input();
     if (lie_ == RelayLie::asked_function) {
@@ -360,29 +353,26 @@ std::string Relay::bend(const fabric::Call& call, std::string bytes) {
       event.set_payload(plans.SerializeAsString());
     }
     proposal.set_input(invocation.SerializeAsString());
-    action.set_chaincode_proposal_payload(proposal.SerializeAsString());
-    const crypto::Digest hash = crypto::sha256(payload.header().channel_header() + payload.header().signature_header() +
-                                               action.chaincode_proposal_payload());
-    response.set_proposal_hash({hash.begin(), hash.end()});
+    opened->action.set_chaincode_proposal_payload(proposal.SerializeAsString());
+    const common::Header& header = opened->payload.header();
+    const crypto::Digest hash = crypto::sha256(header.channel_header() + header.signature_header() +
+                                               opened->action.chaincode_proposal_payload());
+    opened->response.set_proposal_hash({hash.begin(), hash.end()});
   } else {
     event.set_event_name(bent->name);
     event.set_payload(bent->payload);
     if (lie_ == RelayLie::command_other) event.set_tx_id(std::string(64, '0'));
   }
-  result.set_events(event.event_name().empty() ? std::string() : event.SerializeAsString());
-  response.set_extension(result.SerializeAsString());
+  opened->result.set_events(event.event_name().empty() ? std::string() : event.SerializeAsString());
+  opened->seal_result();
   const crypto::SigningIdentity& peer = names_.peer;
-  auto& endorsed = *action.mutable_action();
-  endorsed.set_proposal_response_payload(response.SerializeAsString());
+  auto& endorsed = *opened->action.mutable_action();
   endorsed.clear_endorsements();
   protos::Endorsement& endorsement = *endorsed.add_endorsements();
   endorsement.set_endorser(peer.serialized);
   const auto signature = peer.signer->sign(endorsed.proposal_response_payload() + peer.serialized);
   if (signature) endorsement.set_signature(*signature);
-  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
-  payload.set_data(transaction.SerializeAsString());
-  envelope.set_payload(payload.SerializeAsString());
-  return envelope.SerializeAsString();
+  return opened->bytes();
 }
 
 }  // namespace ledgerline::hil

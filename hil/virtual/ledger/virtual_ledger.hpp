@@ -11,7 +11,8 @@
 #include "chaincode/node/storage/block_store.hpp"
 #include "common/base/random.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/client/client.hpp"
+#include "common/fabric/sending/outcome.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "hil/virtual/ledger/relay.hpp"
 #include "hil/virtual/ledger/way_delay.hpp"
 

@@ -19,9 +19,7 @@ Result<AddedDelay> recorded_from(const std::string& file, const ReadRecording& r
   if (longest > from_seconds(max_added_s))
     return Error{
         fmt::format("{}: {} s is longer than the {} s that can be added", file, to_seconds(longest), max_added_s)};
-  AddedDelay delay{AddedDelay::Kind::recorded};
-  delay.recorded = {Distribution::Kind::recorded, 0, 0, std::move(*recording), file};
-  return delay;
+  return AddedDelay{.own = Distribution{Distribution::Kind::recorded, 0, 0, std::move(*recording), file}};
 }
 
 }  // namespace
@@ -37,27 +35,18 @@ Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording
   if (text == "none") return AddedDelay{};
   const auto* known = std::find_if(published_delays.begin(), published_delays.end(),
                                    [&](const PublishedDelay& one) { return one.name == text; });
-  if (known != published_delays.end()) return AddedDelay{AddedDelay::Kind::published, 0, known};
+  if (known != published_delays.end()) return AddedDelay{.published = known};
   double seconds = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
   if (error != std::errc{} || end != text.data() + text.size()) return recorded_from(text, read);
   if (!(seconds >= 0 && seconds <= max_added_s))
     return Error{fmt::format("{} is no delay from 0 to {} seconds", text, max_added_s)};
-  return AddedDelay{AddedDelay::Kind::constant, seconds};
+  return AddedDelay{.own = Distribution::constant(from_seconds(seconds))};
 }
 
 TimeNs WayDelay::draw() {
-  switch (delay_.kind) {
-    case AddedDelay::Kind::none:
-      return 0;
-    case AddedDelay::Kind::constant:
-      return from_seconds(delay_.constant_s);
-    case AddedDelay::Kind::published:
-      return from_seconds(delay_.published->quantile(random_.uniform()));
-    case AddedDelay::Kind::recorded:
-      return recording_.next(delay_.recorded);
-  }
-  return 0;
+  if (delay_.published) return from_seconds(delay_.published->quantile(random_.uniform()));
+  return delay_.own ? draws_of_own_.next(*delay_.own) : 0;
 }
 
 TimeNs WayDelay::at(TimeNs now) {

@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <optional>
 #include <string>
 
 #include "common/base/random.hpp"
@@ -29,12 +30,10 @@ inline constexpr std::array published_delays{
 
 /// What is added to a ledger's own delay between a state and its command, both ways together.
 struct AddedDelay {
-  enum class Kind { none, constant, published, recorded };
-  Kind kind = Kind::none;
-  double constant_s = 0;                                   ///< of a constant one
-  const PublishedDelay* published = &published_delays[0];  ///< of a published one
-  Distribution recorded{};                                 ///< of a recorded one
-  double agent_share = 0.5;  ///< of it that lies between agent and ledger; the rest: between ground and ledger
+  const PublishedDelay* published = nullptr;
+  std::optional<Distribution> own{};  ///< where it is no published one
+  double agent_share = 0.5;           ///< of it that lies between agent and ledger; the rest: between ground and ledger
+  bool none() const { return !published && !own; }
 };
 /// "none", seconds from 0 to 3, a name of published_delays, or a file of such seconds, one a line.
 Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording& read = read_recording);
@@ -47,7 +46,7 @@ class WayDelay {
  public:
   enum class Way { there, back };
   WayDelay(const AddedDelay& delay, Way way, double share, std::uint64_t seed)
-      : delay_(delay), way_(way), share_(share), random_(seed), recording_(seed) {}
+      : delay_(delay), way_(way), share_(share), random_(seed), draws_of_own_(seed) {}
   /// Times must not go back.
   TimeNs at(TimeNs now);
 
@@ -59,7 +58,7 @@ class WayDelay {
   Way way_;
   double share_;
   Random random_;
-  Draws recording_;
+  Draws draws_of_own_;
   std::array<TimeNs, kept> draws_{};
   std::uint64_t drawn_ = 0;
 };

@@ -4,7 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/client/client.hpp"
+#include "common/fabric/sending/outcome.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"
 #include "onboard/agent/core/command_check.hpp"

@@ -20,9 +20,9 @@ struct StreamState {
   bool connected = false;
   std::string why;
 };
-/// The control records, as read after the first block had come.
+/// The control records, as read after the first block had come, or why they cannot be.
 struct ControlsRead {
-  std::vector<Control> controls;
+  Result<std::vector<Control>> controls;
 };
 using Letter = std::variant<fabric::Block, FrameEnded, StreamState, ControlsRead>;
 

@@ -69,7 +69,7 @@ Status AgentShell::take_letters() {
       core_.on_connection(now, state->connected);
       tell_connection(*state);
     } else if (const auto* read = std::get_if<ControlsRead>(&letter)) {
-      take_controls(*read);
+      if (auto status = take_controls(*read); !status) return status;
     }
     step_and_act();
   }
@@ -85,9 +85,11 @@ Status AgentShell::take_block(fabric::Block block) {
   return done;
 }
 
-void AgentShell::take_controls(const ControlsRead& read) {
-  for (const Control& control : read.controls) core_.set_control(monotonic_ns(), control);
+Status AgentShell::take_controls(const ControlsRead& read) {
+  if (!read.controls) return read.controls.error();
+  for (const Control& control : *read.controls) core_.set_control(monotonic_ns(), control);
   for (const fabric::Block& block : control_start_.on_read()) core_.on_block(monotonic_ns(), block, out_);
+  return done;
 }
 
 void AgentShell::take_states() {

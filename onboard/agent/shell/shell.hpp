@@ -1,5 +1,6 @@
 #pragma once
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -49,8 +50,7 @@ class AgentShell {
     std::optional<dds::RawReader> subscriber;
   };
 
-  template <typename Attempt>
-  Status keep_trying(const std::string& what, Attempt attempt);
+  Status keep_waiting(const std::string& what, const std::function<Status()>& attempt) const;
   Status subscribe_to_mocap();
   void hurry(const char* thread) const;
   void open_block_stream();
@@ -61,7 +61,7 @@ class AgentShell {
 
   Status take_letters();
   Status take_block(fabric::Block block);
-  void take_controls(const ControlsRead& read);
+  Status take_controls(const ControlsRead& read);
   void take_states();
   void take_mocap();
   void tell_implausible(DroneNumber drone, const MocapMessage& message);

@@ -1,22 +1,19 @@
 // AgentShell's beginning: everything that may not be there yet is waited for, for a bounded time.
-#include <fmt/format.h>
-
 #include <chrono>
 #include <utility>
 
 #include "common/base/log.hpp"
 #include "common/msg/ros.hpp"
 #include "common/rt/real_time.hpp"
+#include "common/rt/retry/keep_trying.hpp"
 #include "onboard/agent/shell/shell.hpp"
 
 namespace ledgerline::agent {
 namespace {
 
 using std::chrono::milliseconds;
-constexpr milliseconds try_again_after{100};
+constexpr milliseconds roudi_watch_turn{100};
 constexpr milliseconds roudi_watch_period{1000};
-constexpr TimeNs say_first_after_ns = 500 * ns_per_ms;
-constexpr TimeNs say_again_after_ns = 3 * ns_per_s;
 
 std::string topic_of(const std::string& pattern, const std::string& drone) {
   std::string topic = pattern;
@@ -27,26 +24,9 @@ std::string topic_of(const std::string& pattern, const std::string& drone) {
 
 }  // namespace
 
-/// Until `attempt` succeeds; its last error when the time is over or the user asks to end.
-template <typename Attempt>
-Status AgentShell::keep_trying(const std::string& what, Attempt attempt) {
-  const TimeNs until_ns = monotonic_ns() + settings_.start_wait_ns;
-  TimeNs next_message_ns = monotonic_ns() + say_first_after_ns;
-  while (true) {
-    const Status status = attempt();
-    if (status) return done;
-    const TimeNs now = monotonic_ns();
-    if (quit_) return Error{fmt::format("asked to end before {}", what)};
-    if (now > until_ns) {
-      return Error{fmt::format("gave up after {:.0f} s waiting until {}: {}", to_seconds(settings_.start_wait_ns), what,
-                               status.error().what)};
-    }
-    if (now >= next_message_ns) {
-      spdlog::warn("waiting until {}: {}", what, status.error().what);
-      next_message_ns = now + say_again_after_ns;
-    }
-    std::this_thread::sleep_for(try_again_after);
-  }
+Status AgentShell::keep_waiting(const std::string& what, const std::function<Status()>& attempt) const {
+  return keep_trying(
+      what, {.within_ns = settings_.start_wait_ns}, [this] { return quit_.load(); }, attempt);
 }
 
 Status AgentShell::start() {
@@ -55,7 +35,7 @@ Status AgentShell::start() {
   manager_.emplace(std::move(manager).value());
   core_.set_real_offset(mocap_intake_.clock().offset_ns());
   if (auto status = recorder_.open(settings_.trace); !status) return status;
-  if (auto status = keep_trying("RouDi answers", [] { return ipc::connect("ledgerline-agent"); }); !status) {
+  if (auto status = keep_waiting("RouDi answers", [] { return ipc::connect("ledgerline-agent"); }); !status) {
     return status;
   }
   auto end = ipc::AgentEnd::create();
@@ -66,7 +46,7 @@ Status AgentShell::start() {
 
   open_block_stream();
   if (auto status = wait_for_block_stream(); !status) return status;
-  return keep_trying("the control records can be read", [this]() -> Status {
+  return keep_waiting("the control records can be read", [this]() -> Status {
     const auto controls = belief::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });
     if (!controls) return controls.error();
     for (const Control& control : *controls) core_.set_control(monotonic_ns(), control);
@@ -116,7 +96,7 @@ void AgentShell::open_block_stream() {
 }
 
 Status AgentShell::wait_for_block_stream() {
-  return keep_trying("the ledger's block stream is open", [this]() -> Status {
+  return keep_waiting("the ledger's block stream is open", [this]() -> Status {
     for (Letter& letter : mailbox_.take_all()) {
       if (const auto* state = std::get_if<StreamState>(&letter)) {
         core_.on_connection(monotonic_ns(), state->connected);
@@ -134,7 +114,7 @@ Status AgentShell::wait_for_block_stream() {
 void AgentShell::read_controls_again(const std::stop_token& stop) {
   auto controls =
       belief::keep_reading_controls(stop, names_, [this](const fabric::Call& call) { return client_->evaluate(call); });
-  if (controls) mailbox_.put(ControlsRead{std::move(*controls)});
+  if (!stop.stop_requested()) mailbox_.put(ControlsRead{std::move(controls)});
 }
 
 void AgentShell::watch_roudi(const std::stop_token& stop) {
@@ -145,8 +125,8 @@ void AgentShell::watch_roudi(const std::stop_token& stop) {
           "RouDi is gone: what is connected goes on, but a link that starts anew is not heard; once none is heard or "
           "nothing flies, agent ends, to be started again behind a new RouDi");
     }
-    for (milliseconds waited{0}; waited < roudi_watch_period && !stop.stop_requested(); waited += try_again_after) {
-      std::this_thread::sleep_for(try_again_after);
+    for (milliseconds waited{0}; waited < roudi_watch_period && !stop.stop_requested(); waited += roudi_watch_turn) {
+      std::this_thread::sleep_for(roudi_watch_turn);
     }
   }
 }

@@ -56,7 +56,8 @@ def test_topics_of_a_drone_go_from_its_host_to_the_ground_host_and_orders_back(h
 def test_a_bridge_that_cannot_begin_is_tried_again_and_the_agent_goes_on(hosts):
     agent = hosts("agent", 1, DRONE_HOST, topic("/note", STRING, 'channel = "nowhere"', 'direction = "to_ledger"'))
     deadline = time.monotonic() + PATIENCE_S
-    while agent.log().count("the bridge begins anew: the blocks of channel nowhere cannot be read") < 2:
+    words = "the bridge begins anew: gave up after 15 s waiting until the blocks of channel nowhere can be read"
+    while agent.log().count(words) < 2:
         assert agent.process.poll() is None and time.monotonic() < deadline, agent.log()
         time.sleep(0.1)
 

@@ -494,13 +494,6 @@ def test_an_error_is_the_distance_to_the_nearest_piece_of_the_path():
     assert traces.corners("eight", 2, (0, 0)) is None
 
 
-def test_the_kinds_of_records_are_those_of_the_header():
-    text = (ROOT / "common/rt/trace.hpp").read_text()
-    body = text[text.index("enum class TraceKind"):]
-    kinds = {name.upper(): int(number) for name, number in re.findall(r"^  (\w+) = (\d+),", body[:body.index("};")], re.M)}
-    assert {kind.name: kind.value for kind in TraceKind} == kinds
-
-
 def test_a_file_that_is_no_trace_is_refused(tmp_path):
     (tmp_path / "old.trace").write_bytes(b"LLTRACE0" + bytes(8) + record(1, TraceKind.TRUTH))
     with pytest.raises(ValueError, match="old.trace: no trace of this version"):

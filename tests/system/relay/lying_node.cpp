@@ -17,14 +17,12 @@
 #include <sstream>
 #include <thread>
 
+#include "common/fabric/tx/opened.hpp"
 #include "gateway/gateway.grpc.pb.h"
 #include "hil/virtual/ledger/relay.hpp"
-#include "peer/chaincode.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/events.grpc.pb.h"
-#include "peer/proposal.pb.h"
-#include "peer/proposal_response.pb.h"
-#include "peer/transaction.pb.h"
+#include "tests/unit/common/fabric/tx/chain_of_tests.hpp"
 
 /// Stands in for ledgerline-node: starts the real one behind itself and hands on everything, but what Endorse answers
 /// is bent by hil::Relay, with the real key of Org1's peer, from some seconds behind the first command on.
@@ -53,23 +51,10 @@ Message parsed(const std::string& bytes) {
   return message;
 }
 
-fabric::Call call_of(const protos::SignedProposal& proposal) {
-  const auto inner = parsed<protos::Proposal>(proposal.proposal_bytes());
-  const auto payload = parsed<protos::ChaincodeProposalPayload>(inner.payload());
-  const auto input = parsed<protos::ChaincodeInvocationSpec>(payload.input()).chaincode_spec().input();
-  fabric::Call call;
-  if (input.args_size() > 0) call.function = input.args(0);
-  for (int i = 1; i < input.args_size(); ++i) call.args.push_back(input.args(i));
-  return call;
-}
-
 /// The plans that an envelope's event tells.
 CommandCall told_by(const std::string& envelope) {
-  const auto payload = parsed<common::Payload>(parsed<common::Envelope>(envelope).payload());
-  const auto transaction = parsed<protos::Transaction>(payload.data());
-  const auto action = parsed<protos::ChaincodeActionPayload>(transaction.actions(0).payload());
-  const auto response = parsed<protos::ProposalResponsePayload>(action.action().proposal_response_payload());
-  const auto event = parsed<protos::ChaincodeEvent>(parsed<protos::ChaincodeAction>(response.extension()).events());
+  const auto opened = fabric::open_transaction(envelope);
+  const auto event = opened ? parsed<protos::ChaincodeEvent>(opened->result.events()) : protos::ChaincodeEvent();
   return event.event_name() == "command" ? parsed<CommandCall>(event.payload()) : CommandCall();
 }
 
@@ -95,7 +80,7 @@ class LyingGateway final : public gateway::Gateway::Service {
     const auto forward = grpc::ClientContext::FromServerContext(*context);
     const grpc::Status status = stub_->Endorse(forward.get(), *request, response);
     if (!status.ok()) return status;
-    const fabric::Call call = call_of(request->proposed_transaction());
+    const fabric::Call call = fabric::call_of(request->proposed_transaction().SerializeAsString());
     const std::lock_guard lock(mutex_);
     if (call.function == "command") note(parsed<CommandCall>(call.args.at(0)), asked_);
     if (call.function == "command" && !first_command_) first_command_ = Clock::now();

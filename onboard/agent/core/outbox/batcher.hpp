@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/sending/back_off.hpp"
 #include "common/fabric/sending/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
+#include "common/rt/retry/back_off.hpp"
 #include "onboard/agent/core/drone_name.hpp"
 
 namespace ledgerline::agent {
@@ -94,7 +94,7 @@ class Batcher {
   std::vector<Slot> slots_;
   Random random_;
   fabric::InFlight<Frame> in_flight_;
-  fabric::BackOff pause_;
+  BackOff pause_;
   Transactions transactions_;
   std::uint64_t last_number_ = 0;
   TimeNs first_waiting_ns_ = 0;

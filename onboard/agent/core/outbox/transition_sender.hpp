@@ -4,9 +4,9 @@
 #include <optional>
 #include <vector>
 
-#include "common/fabric/sending/back_off.hpp"
 #include "common/fabric/sending/outcome.hpp"
 #include "common/msg/onboard.hpp"
+#include "common/rt/retry/back_off.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 
 namespace ledgerline::agent {
@@ -54,7 +54,7 @@ class TransitionSender {
  private:
   struct Slot {
     DroneName drone{};
-    fabric::BackOff pause;
+    BackOff pause;
     Counters counters{};
     std::deque<Transition> kept{};
     std::size_t in_flight = 0;  ///< so many of the front

@@ -40,6 +40,15 @@ TEST(CheckEvent, TheTopicThatTheContractWritesDownIsNoDifference) {
   EXPECT_FALSE(check_event({"set", single}, "set", to_json(set_of("tello2/note", "text", true))));
 }
 
+TEST(TellsSet, EqualBytesAreTheCallWhateverTheyAre) {
+  const Args asked{"no message at all"};
+  EXPECT_TRUE(tells_set({"set", asked}, asked[0]));
+  EXPECT_FALSE(tells_set({"set", asked}, "another"));
+  EXPECT_FALSE(tells_set({"command", asked}, asked[0])) << "of another function";
+  const Args two{asked[0], asked[0]};
+  EXPECT_FALSE(tells_set({"set", two}, asked[0]));
+}
+
 TEST(CheckEvent, ADeletionNamesTheId) {
   DeleteCall call;
   call.set_id("tello1/note");

@@ -53,7 +53,21 @@ TEST(ControlRecords, AreReadAgainUntilTheyCome) {
   EXPECT_EQ(keep_reading_controls(stop.get_token(), {"tello1"}, late)->size(), 1U);
   EXPECT_EQ(asked, 3);
   stop.request_stop();
+  asked = 0;
   EXPECT_FALSE(keep_reading_controls(stop.get_token(), {"tello1"}, late));
+}
+
+TEST(ControlRecords, OfALedgerThatNeverAnswersAreGivenUp) {
+  TimeNs now_ns = 0;
+  const TryWorld world{.now = [&] { return now_ns; },
+                       .sleep = [&](TimeNs pause_ns) { now_ns += pause_ns; },
+                       .warn = [](const std::string&) {}};
+  const auto silent = [](const fabric::Call&) -> Result<std::string> { return Error{"not reached"}; };
+  const auto read = keep_reading_controls(std::stop_token(), {"tello1"}, silent, world);
+  ASSERT_FALSE(read);
+  EXPECT_THAT(read.error().what, HasSubstr("gave up after 60 s"));
+  EXPECT_THAT(read.error().what, HasSubstr("not reached"));
+  EXPECT_GT(now_ns, max_controls_wait_ns);
 }
 
 TEST(ControlStart, TheFirstBlockAsksForTheRecordsAndWaitsForThemWithThoseBehindIt) {

@@ -1,25 +1,8 @@
-// Counts the heap's use in steady state: a program of its own, since operator new is replaced.
+// Counts the heap's use in steady state.
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
+#include "tests/unit/allocations.hpp"
 #include "tests/unit/common/bridge/world.hpp"
-
-namespace {
-
-std::atomic<std::size_t> allocations{0};
-
-}  // namespace
-
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace ledgerline::bridge {
 namespace {

@@ -1,21 +1,9 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <cstdlib>
-#include <new>
 
+#include "tests/unit/allocations.hpp"
 #include "tests/unit/common/dds/domain.hpp"
-
-// Counted on the thread that delivers: DDS itself is C and does not come by here.
-thread_local std::uint64_t allocations = 0;
-
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace ledgerline::dds {
 namespace {
@@ -27,7 +15,7 @@ TEST(Steady, NeitherPublishingNorHandingOnAllocates) {
   constexpr const char* type = "made_up_msgs/msg/Nested";
   constexpr std::uint32_t warm = 10, messages = 1000;
   std::atomic<std::uint32_t> got{0};
-  std::uint64_t at_first = 0, at_last = 0;
+  std::uint64_t at_first = 0, at_last = 0;  // on the thread that delivers; DDS itself is C and does not come by here
   auto r =
       RawReader::create(*hears, "/steady", type, {.depth = 100}, [&](std::span<const std::uint8_t>, const RawInfo&) {
         if (got + 1 == warm) at_first = allocations;

@@ -24,7 +24,7 @@ TEST(Restarts, WaitsAreDoubledUpToTheLongestAndAtMostAHalfIsLeftOut) {
 
 TEST(Restarts, AnEndTooManyWithinTheTimeIsTheLast) {
   Restarts restarts(restart_limits, 1);
-  for (int i = 0; i < restart_limits.most; ++i) ASSERT_TRUE(restarts.ended(i * ns_per_s).has_value());
+  for (int i = 0; i < restart_limits.max_restarts; ++i) ASSERT_TRUE(restarts.ended(i * ns_per_s).has_value());
   EXPECT_FALSE(restarts.ended(restart_limits.within - 1).has_value());
   EXPECT_EQ(restarts.count(), 3U);
 }

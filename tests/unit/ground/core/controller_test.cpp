@@ -243,7 +243,7 @@ TEST(PathController, OldCommandsOfADroneThatIsNotKnownYetSlowItDownAndItSaysSo) 
   controller.start(1);
   (void)controller.plan(1, 2 * ns_per_s);
   EXPECT_LT(controller.limit_mps(), 0.5);
-  EXPECT_GE(controller.limit_mps(), config.least_limit_mps);
+  EXPECT_GE(controller.limit_mps(), config.min_limit_mps);
   ASSERT_TRUE(controller.slowed_to_mps());
   EXPECT_DOUBLE_EQ(*controller.slowed_to_mps(), controller.limit_mps());
 

@@ -27,9 +27,9 @@ VirtualFlightConfig config_for(Way way) {
   config.speed_mps = 1.0;
   config.full_scale_mps = 2.0;
   if (way == Way::local) config.mode = VirtualFlightConfig::Mode::local;
-  if (way == Way::published || way == Way::published_plain) config.delays.added.kind = AddedDelay::Kind::published;
+  if (way == Way::published || way == Way::published_plain) config.delays.added.published = &published_delays[0];
   if (way == Way::published_plain) config.predict = false;
-  if (way == Way::two_seconds) config.delays.added = {AddedDelay::Kind::constant, 2.0};
+  if (way == Way::two_seconds) config.delays.added.own = Distribution::constant(2 * ns_per_s);
   return config;
 }
 
@@ -120,7 +120,7 @@ TEST(Prediction, OnWhicheverSideTheDelayLiesItFliesAsWellAsWithHalfOnEach) {
   const int count = seeds(3, 10);
   for (const double delay_s : {0.25, 0.5}) {
     VirtualFlightConfig config = config_for(Way::embedded);
-    config.delays.added = {AddedDelay::Kind::constant, delay_s};
+    config.delays.added.own = Distribution::constant(from_seconds(delay_s));
     const auto both = fly(config, count);
     expect_flown(both);
     const Figures even = over(both);
@@ -272,15 +272,16 @@ TEST(AddedDelay, BothWaysTogetherAreOneDrawAndARecordingKeepsItsOrder) {
 }
 
 TEST(AddedDelay, IsReadOrRefusedByName) {
-  EXPECT_EQ(added_delay_from("none")->kind, AddedDelay::Kind::none);
+  EXPECT_TRUE(added_delay_from("none")->none());
   EXPECT_EQ(added_delay_from("published")->published->name, "published");
   EXPECT_EQ(added_delay_from("published-three")->published->name, "published-three");
-  EXPECT_DOUBLE_EQ(added_delay_from("0.25")->constant_s, 0.25);
+  EXPECT_EQ(added_delay_from("0.25")->own->a, 250 * ns_per_ms);
+  EXPECT_FALSE(added_delay_from("0")->none()) << "asked for, if of no length";
   for (const char* wrong : {"", "soon", "-1", "3.5", "nan", "1s"}) EXPECT_FALSE(added_delay_from(wrong).ok()) << wrong;
   const auto recorded = [](const char* text) {
     return added_delay_from("delays.txt", [=](const std::string& path) { return parse_recording(path, text); });
   };
-  EXPECT_EQ(recorded("# two-way\n0.5\n3\n")->recorded.values->size(), 2U);
+  EXPECT_EQ(recorded("# two-way\n0.5\n3\n")->own->values->size(), 2U);
   EXPECT_EQ(recorded("0.5\n3.1\n").error().what, "delays.txt: 3.1 s is longer than the 3 s that can be added");
   EXPECT_EQ(recorded("0.5\nsoon\n").error().what, "delays.txt:2: \"soon\" is no number of seconds from 0 to 60");
 }

@@ -91,7 +91,7 @@ TEST(VirtualFlight, ALocalFlightHasNoLedgerAndFliesTheSamePath) {
     EXPECT_LT(drone.two_way_ms.max, 5);
     EXPECT_EQ(drone.commands_applied, drone.commands_sent);
   }
-  config.delays.added = {AddedDelay::Kind::constant, 1};
+  config.delays.added.own = Distribution::constant(ns_per_s);
   EXPECT_FALSE(fly_virtually(config).ok());
 }
 

@@ -10,18 +10,26 @@ namespace {
 
 using testing::HasSubstr;
 
-Deployment example(int number) {
-  auto config = Config::parse(example_of_the_page(number), "lab.toml");
-  return read(*config, "lab.toml").value();
+Result<OneDesk> of_text(const std::string& toml) {
+  auto config = Config::parse(toml, "lab.toml");
+  if (!config) return config.error();
+  const auto deployment = read(*config);
+  if (!deployment) return deployment.error();
+  return on_one_desk(*config, *deployment);
 }
 
-std::string error_of(const Deployment& deployment) {
-  const auto desk = on_one_desk(deployment);
+/// What is wrong with the page's flight on one desk once `text` is replaced there.
+std::string error_with(const std::string& text, const std::string& other) {
+  std::string toml = example_of_the_page(1);
+  toml.replace(toml.find(text), text.size(), other);
+  const auto desk = of_text(toml);
   return desk ? "" : desk.error().what;
 }
 
+const std::string last_organisation = "[[organisation]]\nid = \"Org3MSP\"\nhost = \"desk\"\n";
+
 TEST(OneDesk, ThePagesSecondExampleIsAFlightOfTwo) {
-  const auto desk = on_one_desk(example(1));
+  const auto desk = of_text(example_of_the_page(1));
   ASSERT_TRUE(desk) << desk.error().what;
   EXPECT_EQ(desk->drones, 2);
   EXPECT_EQ(desk->ledger, LedgerKind::embedded);
@@ -29,34 +37,34 @@ TEST(OneDesk, ThePagesSecondExampleIsAFlightOfTwo) {
 }
 
 TEST(OneDesk, FabricsOrderersAreCounted) {
-  Deployment deployment = example(1);
-  deployment.ledger = LedgerKind::fabric;
-  deployment.orderers.assign(3, {"desk", 0});
-  const auto desk = on_one_desk(deployment);
+  std::string toml = example_of_the_page(1);
+  toml.replace(toml.find("embedded"), std::string("embedded").size(), "fabric");
+  for (int i = 0; i < 3; ++i) toml += "[[orderer]]\nhost = \"desk\"\n";
+  const auto desk = of_text(toml);
   ASSERT_TRUE(desk) << desk.error().what;
   EXPECT_EQ(desk->orderers, 3);
 }
 
-TEST(OneDesk, NothingOfTheFileIsPassedOver) {
-  EXPECT_THAT(error_of(example(0)), HasSubstr("lab.toml: 3 hosts: a flight on one desk has one"));
-  Deployment other = example(1);
-  other.hosts[0].address = "10.0.0.1";
-  EXPECT_THAT(error_of(other), HasSubstr("host desk has address 10.0.0.1"));
-  other = example(1);
-  other.channel = "other";
-  EXPECT_THAT(error_of(other), HasSubstr("channel other"));
-  other = example(1);
-  other.organisations.pop_back();
-  EXPECT_THAT(error_of(other), HasSubstr("Org1MSP, Org2MSP and Org3MSP"));
-  other = example(1);
-  other.organisations[0].peer.port = 7051;
-  EXPECT_THAT(error_of(other), HasSubstr("leave out `port`"));
-  other = example(1);
-  other.drones[1].name = "albatross";
-  EXPECT_THAT(error_of(other), HasSubstr("drone albatross at 127.0.0.3"));
-  other = example(1);
-  other.drones[0].address = "192.168.10.1";
-  EXPECT_THAT(error_of(other), HasSubstr("tello1 at 127.0.0.2"));
+TEST(OneDesk, NothingOfTheFileIsPassedOverAndItsPlaceIsTold) {
+  const auto page = of_text(example_of_the_page(0));
+  ASSERT_FALSE(page);
+  EXPECT_THAT(page.error().what, HasSubstr("lab.toml:11: host.1.name: is \"desk\": a flight on one desk has one host"));
+  EXPECT_THAT(page.error().what, HasSubstr("host.2.name: is \"tower\""));
+  EXPECT_THAT(page.error().what, HasSubstr("host.0.address: is 10.0.0.4"));
+  EXPECT_THAT(page.error().what, HasSubstr("organisation.2.port: must not be there"));
+  EXPECT_THAT(page.error().what, HasSubstr("orderer.0.port: must not be there"));
+  EXPECT_THAT(page.error().what, HasSubstr("drone.1.address: tello2 at 192.168.10.2"));
+  EXPECT_THAT(error_with("kind = \"embedded\"", "kind = \"embedded\"\nchannel = \"other\""),
+              HasSubstr("lab.toml:3: ledger.channel: is other"));
+  EXPECT_THAT(error_with("kind = \"embedded\"", "contract = \"other\""), HasSubstr("ledger.contract: is other"));
+  EXPECT_THAT(error_with(last_organisation, ""), HasSubstr("organisation: must be Org1MSP, Org2MSP and Org3MSP"));
+  EXPECT_THAT(error_with("tello2", "albatross"), HasSubstr("drone.1.name: albatross at 127.0.0.3"));
+}
+
+TEST(OneDesk, AMissingFileIsNamed) {
+  const auto desk = load_one_desk("/nowhere/lab.toml");
+  ASSERT_FALSE(desk);
+  EXPECT_THAT(desk.error().what, HasSubstr("/nowhere/lab.toml"));
 }
 
 }  // namespace

@@ -52,6 +52,38 @@ TEST(FlyOptions, EveryOptionIsTaken) {
   EXPECT_EQ(line.options.out, "there");
 }
 
+std::string deployment_file(const std::string& address) {
+  std::string toml = "[ledger]\nkind = \"fabric\"\n[[host]]\nname = \"desk\"\naddress = \"" + address +
+                     "\"\nroles = [\"onboard\", \"ground\", \"ledger\"]\n";
+  for (const char* id : {"Org1MSP", "Org2MSP", "Org3MSP"})
+    toml += "[[organisation]]\nid = \"" + std::string(id) + "\"\nhost = \"desk\"\n";
+  for (int i = 0; i < 3; ++i) toml += "[[orderer]]\nhost = \"desk\"\n";
+  for (const char* number : {"1", "2"})
+    toml += "[[drone]]\nname = \"tello" + std::string(number) + "\"\nhost = \"desk\"\naddress = \"127.0.0." +
+            std::to_string(number[0] - '0' + 1) + "\"\n";
+  const std::string file = testing::TempDir() + "/deployment.toml";
+  EXPECT_TRUE(write_file(file, toml));
+  return file;
+}
+
+TEST(FlyOptions, ADeploymentSaysDronesLedgerAndOrderers) {
+  const std::string file = deployment_file("127.0.0.1");
+  const auto line = parse_command_line({"--deployment", file, "--majority"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_EQ(line.options.drones, 2);
+  EXPECT_EQ(line.options.ledger, Ledger::fabric);
+  EXPECT_EQ(line.options.orderers, 3);
+  expect_refused({"--deployment", file, "--drones", "2"}, "--drones excludes --deployment");
+  expect_refused({"--deployment", file, "--ledger", "fabric"}, "--ledger excludes --deployment");
+  expect_refused({"--deployment", file, "--orderers", "3"}, "--orderers excludes --deployment");
+}
+
+TEST(FlyOptions, ADeploymentBeyondThisDeskIsRefusedWithItsPlace) {
+  const std::string file = deployment_file("10.0.0.1");
+  expect_refused({"--deployment", file}, "deployment.toml:5: host.0.address: is 10.0.0.1: a flight on one desk");
+  expect_refused({"--deployment", "/no/such/file"}, "/no/such/file");
+}
+
 TEST(FlyOptions, EachLedgerNeedsRoomOfItsOwn) {
   EXPECT_EQ(min_ledger_bytes(parse_command_line({"--ledger", "none"}).options), 0u);
   const auto embedded = min_ledger_bytes(parse_command_line({}).options);

@@ -67,7 +67,7 @@ TEST_F(ProcessesTest, AProcessThatEndsAgainAndAgainEndsTheNetworkWithItsLastLine
   EXPECT_THAT(status.error().what, HasSubstr("orderer1 ended with exit code 7"));
   EXPECT_THAT(status.error().what, HasSubstr("given up"));
   EXPECT_THAT(status.error().what, HasSubstr("the disk is gone"));
-  EXPECT_EQ(processes().states()[0].restarts, static_cast<std::uint64_t>(limits.most));
+  EXPECT_EQ(processes().states()[0].restarts, static_cast<std::uint64_t>(limits.max_restarts));
 }
 
 TEST_F(ProcessesTest, AProcessThatEndsDuringTheStartIsAnErrorWithItsLastLines) {

@@ -8,8 +8,7 @@
 #include <mutex>
 #include <thread>
 
-#include "peer/proposal.pb.h"
-#include "peer/transaction.pb.h"
+#include "common/fabric/tx/opened.hpp"
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
 
 namespace ledgerline::fabric {
@@ -299,18 +298,11 @@ TEST(Pipeline, TooManyInFlightAreRefusedAtOnceAndTheRestGoesOn) {
 
 TEST(Pipeline, ATransactionThatTheGatewayForgedIsNotSigned) {
   FakeGateway gateway({.forge = [](common::Envelope& envelope) {
-    common::Payload payload;
-    payload.ParseFromString(envelope.payload());
-    protos::Transaction transaction;
-    transaction.ParseFromString(payload.data());
-    protos::ChaincodeActionPayload action;
-    action.ParseFromString(transaction.actions(0).payload());
+    OpenedTransaction opened = open_transaction(envelope.SerializeAsString()).value();
     protos::ChaincodeProposalPayload forged;
     forged.set_input("land all drones");
-    action.set_chaincode_proposal_payload(forged.SerializeAsString());
-    transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
-    payload.set_data(transaction.SerializeAsString());
-    envelope.set_payload(payload.SerializeAsString());
+    opened.action.set_chaincode_proposal_payload(forged.SerializeAsString());
+    envelope.ParseFromString(opened.bytes());
   }});
   const Outcome outcome = client_of(gateway)->submit_and_wait({"set", {}});
   EXPECT_EQ(outcome.kind, Kind::refused);

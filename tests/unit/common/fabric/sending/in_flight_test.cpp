@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "common/fabric/sending/back_off.hpp"
-
 namespace ledgerline::fabric {
 namespace {
 
@@ -73,21 +71,6 @@ TEST(InFlight, WhileTheLedgerIsAwayLessAndLessIsAdded) {
   calls.add(2, 8 * ns_per_s, 2);
   EXPECT_FALSE(calls.may_go(9 * ns_per_s)) << "an eighth of the oldest one's age";
   EXPECT_TRUE(calls.may_go(9'200 * ns_per_ms));
-}
-
-TEST(BackOff, DoublesToItsLongestWithJitterAndASuccessResetsIt) {
-  BackOff back_off(10 * ns_per_ms, 40 * ns_per_ms);
-  Random random(1);
-  EXPECT_TRUE(back_off.over(0)) << "nothing failed yet";
-  for (const TimeNs longest_ms : {10, 20, 40, 40}) {
-    back_off.failed(0, random);
-    EXPECT_GE(back_off.until_ns(), longest_ms * ns_per_ms / 2);
-    EXPECT_LE(back_off.until_ns(), longest_ms * ns_per_ms);
-    EXPECT_FALSE(back_off.over(back_off.until_ns() - 1));
-    EXPECT_TRUE(back_off.over(back_off.until_ns()));
-  }
-  back_off.succeeded();
-  EXPECT_LE(back_off.next(random), 10 * ns_per_ms);
 }
 
 }  // namespace

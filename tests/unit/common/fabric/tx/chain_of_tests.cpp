@@ -1,9 +1,7 @@
 #include "tests/unit/common/fabric/tx/chain_of_tests.hpp"
 
-#include "peer/chaincode.pb.h"
+#include "common/fabric/tx/opened.hpp"
 #include "peer/chaincode_event.pb.h"
-#include "peer/proposal.pb.h"
-#include "peer/transaction.pb.h"
 
 namespace ledgerline::fabric {
 namespace {
@@ -87,21 +85,11 @@ std::string make_transaction(const crypto::SigningIdentity& client, const crypto
 }
 
 std::string with_foreign_event(const std::string& bytes) {
-  auto envelope = parsed<common::Envelope>(bytes);
-  auto payload = parsed<common::Payload>(envelope.payload());
-  auto transaction = parsed<protos::Transaction>(payload.data());
-  auto action = parsed<protos::ChaincodeActionPayload>(transaction.actions(0).payload());
-  auto response = parsed<protos::ProposalResponsePayload>(action.action().proposal_response_payload());
-  auto result = parsed<protos::ChaincodeAction>(response.extension());
-  auto event = parsed<protos::ChaincodeEvent>(result.events());
+  OpenedTransaction opened = open_transaction(bytes).value();
+  auto event = parsed<protos::ChaincodeEvent>(opened.result.events());
   event.set_tx_id("another");
-  result.set_events(event.SerializeAsString());
-  response.set_extension(result.SerializeAsString());
-  action.mutable_action()->set_proposal_response_payload(response.SerializeAsString());
-  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
-  payload.set_data(transaction.SerializeAsString());
-  envelope.set_payload(payload.SerializeAsString());
-  return envelope.SerializeAsString();
+  opened.result.set_events(event.SerializeAsString());
+  return opened.bytes();
 }
 
 void seal(common::Block& block, const common::Block* previous) {

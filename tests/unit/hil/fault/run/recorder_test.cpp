@@ -55,10 +55,15 @@ TEST(RunRecorder, KeepsEventsButThoseOfEachPlanAndSaysTheModeInWords) {
                 {3, WorldEvent::Kind::mode, 0, 0, {}, 0},
                 {4, WorldEvent::Kind::mode, 0, 0, "as it was told", 0}};
   run.pass(recorder, ns_per_ms);
+  run.drones[0].mode = FailsafeMode::none;
+  run.drones[0].cause = FailsafeCause::none;
+  run.events = {{5, WorldEvent::Kind::mode, 0, 0, {}, 0}};
+  run.pass(recorder, 2 * ns_per_ms);
   const RunResult result = recorder.finish({.now = run.moment.now, .over = true, .ok = true});
-  ASSERT_EQ(result.events.size(), 2U);
+  ASSERT_EQ(result.events.size(), 3U);
   EXPECT_EQ(result.events[0].text, "flying, hold (pose_lost)");
   EXPECT_EQ(result.events[1].text, "as it was told");
+  EXPECT_EQ(result.events[2].text, "flying");
 }
 
 TEST(RunRecorder, KeepsNoMoreEventsThanItMay) {

@@ -4,7 +4,7 @@
 #include "common/base/random.hpp"
 #include "common/rt/clock.hpp"
 
-namespace ledgerline::fabric {
+namespace ledgerline {
 
 /// Exponential back-off after failures: doubles up to `max_ns`, with jitter (half to whole), so that the many clients
 /// of a ledger that comes back do not all ask at once; a success resets it. One thread.
@@ -30,4 +30,4 @@ class BackOff {
   TimeNs until_ns_ = INT64_MIN;
 };
 
-}  // namespace ledgerline::fabric
+}  // namespace ledgerline

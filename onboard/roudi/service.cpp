@@ -1,0 +1,78 @@
+#include "onboard/roudi/service.hpp"
+
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "common/base/log.hpp"
+#include "common/program/program.hpp"
+#include "common/program/recorder.hpp"
+#include "common/program/service_manager.hpp"
+#include "common/program/stop_signals.hpp"
+#include "onboard/roudi/broker.hpp"
+
+namespace ledgerline::roudi {
+namespace {
+
+constexpr long look_period_ns = 250'000'000;
+
+/// iceoryx writes banners to standard output, from a thread of its own too: that goes to standard error from now on,
+/// and results to the descriptor that this returns.
+int keep_results_apart() {
+  const int results = ::dup(STDOUT_FILENO);
+  ::dup2(STDERR_FILENO, STDOUT_FILENO);
+  return results;
+}
+
+/// Until one of the signals, which it returns. What is found out is said when it changes.
+int watch_leaks(const sigset_t& signals, const Broker& broker, LeakWatch& watch, int results) {
+  for (std::uint32_t said = 0;;) {
+    const timespec period{0, look_period_ns};
+    const int signal = ::sigtimedwait(&signals, nullptr, &period);
+    if (signal > 0) return signal;
+    watch.look(broker.chunks_in_use());
+    if (watch.leaked() == said) continue;
+    if (said == 0) {
+      spdlog::warn(
+          "{} chunks of shared memory stay in use, of processes that were killed or of a reader that stands still; the "
+          "cure for the first: start RouDi, link and agent anew while nothing flies",
+          watch.leaked());
+    }
+    said = watch.leaked();
+    ::dprintf(results, "{\"leaked\":%u}\n", said);
+  }
+}
+
+std::string summary(const LeakWatch::Chunks& used, const LeakWatch& watch) {
+  return nlohmann::json{{"chunks_in_use", used}, {"leaked", watch.leaked()}, {"leaked_at_most", watch.most()}}.dump(2);
+}
+
+int run(const std::string& summary_file) {
+  const int results = keep_results_apart();
+  auto manager = ServiceManager::from_environment();
+  if (!manager) return fail(manager.error());
+  const sigset_t signals = block_signals();  // before any thread starts, so that only watch_leaks() sees them
+  const auto broker = Broker::start();
+  if (!broker) return fail(broker.error());
+  ::dprintf(results, "{\"ready\":true,\"program\":\"ledgerline-roudi\"}\n");
+  if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
+
+  LeakWatch watch(Broker::kept_by_publishers);
+  const int signal = watch_leaks(signals, *broker, watch, results);
+  const Status written = Recorder().end(summary_file, [&] { return summary(broker->chunks_in_use(), watch); });
+  spdlog::info("stopped by {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
+  Broker::remove_names();
+  return exit_code(written);
+}
+
+}  // namespace
+
+void serve(const std::string& summary_file) {
+  const int code = run(summary_file);
+  std::fflush(nullptr);
+  ::_exit(code);  // iceoryx' threads still run
+}
+
+}  // namespace ledgerline::roudi

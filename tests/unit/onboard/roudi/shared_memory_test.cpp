@@ -1,0 +1,29 @@
+#include "onboard/roudi/shared_memory.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace ledgerline::roudi {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::uint64_t mb = 1ULL << 20;
+
+TEST(SharedMemory, ADeskHasRoom) { EXPECT_TRUE(check_shared_memory(96 * mb, 72 * mb)); }
+
+TEST(SharedMemory, AContainersDefaultIsTooSmallAndTheCureIsTold) {
+  const Status room = check_shared_memory(64 * mb, 64 * mb);
+  ASSERT_FALSE(room);
+  EXPECT_THAT(room.error().what, HasSubstr("/dev/shm has 64 MB, 96 MB are needed"));
+  EXPECT_THAT(room.error().what, HasSubstr("--shm-size=128m"));
+}
+
+TEST(SharedMemory, WhatOthersLeftThereMayBeTooMuch) {
+  const Status room = check_shared_memory(128 * mb, 71 * mb);
+  ASSERT_FALSE(room);
+  EXPECT_THAT(room.error().what, HasSubstr("71 MB free of 128 MB, 72 MB are needed"));
+}
+
+}  // namespace
+}  // namespace ledgerline::roudi
