@@ -1,7 +1,6 @@
 #include "chaincode/node/core/endorser.hpp"
 
 #include "chaincode/node/core/system_contracts.hpp"
-#include "chaincode/node/core/tx/proposal.hpp"
 #include "common/base/printable.hpp"
 #include "ledger/rwset/rwset.pb.h"
 #include "peer/chaincode_event.pb.h"

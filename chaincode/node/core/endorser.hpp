@@ -8,6 +8,7 @@
 #include "chaincode/node/core/ledger/ledger.hpp"
 #include "chaincode/node/core/ledger/simulation.hpp"
 #include "chaincode/node/core/member_check.hpp"
+#include "chaincode/node/core/tx/proposal.hpp"
 #include "chaincode/node/core/types.hpp"
 #include "peer/proposal_response.pb.h"
 
