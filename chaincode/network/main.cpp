@@ -1,11 +1,10 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <signal.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -17,8 +16,10 @@
 #include "chaincode/network/files/texts.hpp"
 #include "chaincode/network/network.hpp"
 #include "chaincode/network/processes/start_check.hpp"
+#include "chaincode/network/run_file.hpp"
 #include "chaincode/node/storage/files.hpp"
 #include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 
@@ -27,9 +28,11 @@ namespace {
 using namespace ledgerline;
 using fabric_network::Network;
 using fabric_network::Options;
+using fabric_network::RunFile;
 
-constexpr const char* examples = R"(
-Examples:
+constexpr const char* about =
+    "A Fabric 2.5 network on this host, or this host's part of one, with Ledgerline's contract on it";
+constexpr const char* notes = R"(Examples:
   ledgerline fabric up --dir /tmp/net                       three organisations, one orderer; returns when the contract answers
   ledgerline fabric up --dir /tmp/net3 --orderers 3 --batch-count 10 --batch-timeout 5 --channel teleop --channel yard
   ledgerline fabric status --dir /tmp/net                   every process: where it listens, pid, restarts; who leads
@@ -44,52 +47,6 @@ On three hosts (docs/fabric.md):
 
 A process of the network that ends is started again; when that does not help, the network ends and says why.
 `run` prints {"ready":true,...} when it serves. Exit codes: 0 good, 1 failed, 2 wrong usage, 3 (status) it does not run.)";
-
-int fail(const std::string& what) {
-  spdlog::error("{}", what);
-  return 1;
-}
-
-/// Held by the network's process as long as it lives; its text is what `status` shows.
-class RunFile {
- public:
-  explicit RunFile(const std::string& dir) : path_(dir + "/network.json") {}
-  ~RunFile() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  RunFile(const RunFile&) = delete;
-  RunFile& operator=(const RunFile&) = delete;
-
-  /// False: another process holds it.
-  bool take() {
-    fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-    if (fd_ < 0 || ::flock(fd_, LOCK_EX | LOCK_NB) != 0) return false;
-    return write("");
-  }
-  bool write(const std::string& text) const {
-    return ::ftruncate(fd_, 0) == 0 && ::pwrite(fd_, text.data(), text.size(), 0) == static_cast<ssize_t>(text.size());
-  }
-  /// What a living network says of itself, nothing yet while it starts; nullopt: none runs.
-  std::optional<nlohmann::json> read() const {
-    nlohmann::json json;
-    // It may be writing just now.
-    for (int tries = 0; tries < 5 && !json.is_object(); ++tries) {
-      if (tries > 0) ::usleep(10'000);
-      const int fd = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
-      if (fd < 0) return std::nullopt;
-      const bool held = ::flock(fd, LOCK_SH | LOCK_NB) != 0;
-      ::close(fd);
-      if (!held) return std::nullopt;
-      std::ifstream in(path_);
-      json = nlohmann::json::parse(in, nullptr, false);
-    }
-    return json.is_object() ? json : nlohmann::json::object();
-  }
-
- private:
-  std::string path_;
-  int fd_ = -1;
-};
 
 nlohmann::json describe(const Network& network) {
   const Options& options = network.options();
@@ -150,7 +107,8 @@ int run(const Options& options, const std::string& summary, const std::function<
   std::error_code error;
   std::filesystem::create_directories(options.dir, error);
   RunFile file(options.dir);
-  if (!file.take()) return fail("a network runs in " + options.dir + " already, or the directory cannot be written");
+  if (!file.take())
+    return fail(Error{"a network runs in " + options.dir + " already, or the directory cannot be written"});
   catch_stop_signals();
   ::signal(SIGPIPE, SIG_IGN);
   Network network(options);
@@ -170,19 +128,19 @@ int run(const Options& options, const std::string& summary, const std::function<
   Status written = done;
   if (status && !summary.empty()) written = write_summary(summary, network);
   const bool in_time = network.down();
-  if (!written) return fail(written.error().what);
-  if (!status) return fail(status.error().what);
-  return in_time ? 0 : fail("a process had to be killed");
+  if (!written) return fail(written.error());
+  if (!status) return fail(status.error());
+  return in_time ? 0 : fail(Error{"a process had to be killed"});
 }
 
 /// In the background; returns when it serves, or with what went wrong.
 int up(const Options& options) {
   if (const auto running = RunFile(options.dir).read()) {
-    std::printf("%s\n", running->dump().c_str());
+    print_line(running->dump());
     return 0;
   }
   int pipe[2];
-  if (::pipe(pipe) != 0) return fail("no pipe");
+  if (::pipe(pipe) != 0) return fail(Error{"no pipe"});
   std::error_code error;
   std::filesystem::create_directories(options.dir, error);
   const std::string log_file = options.dir + "/network.log";
@@ -213,9 +171,9 @@ int up(const Options& options) {
     std::ifstream log(log_file);
     log.seekg(fresh_log ? 0 : static_cast<std::streamoff>(logged_before));
     for (std::string line; std::getline(log, line);) std::fprintf(stderr, "%s\n", line.c_str());
-    return fail("the network did not start; all of its log is in " + log_file);
+    return fail(Error{"the network did not start; all of its log is in " + log_file});
   }
-  std::printf("%s\n", text.c_str());
+  print_line(text);
   return 0;
 }
 
@@ -227,11 +185,11 @@ int down(const std::string& dir) {
     return 0;
   }
   const pid_t process = running->value("process", 0);
-  if (process <= 0) return fail("the network in " + dir + " is just starting; try again");
+  if (process <= 0) return fail(Error{"the network in " + dir + " is just starting; try again"});
   ::kill(process, SIGTERM);
   constexpr int tries = 400;
   for (int i = 0; i < tries && file.read(); ++i) ::usleep(50'000);
-  return file.read() ? fail(fmt::format("process {} does not end", process)) : 0;
+  return file.read() ? fail(Error{fmt::format("process {} does not end", process)}) : 0;
 }
 
 /// Who leads is asked now; none may for a moment.
@@ -257,8 +215,8 @@ int status(const std::string& dir) {
 int logs(const std::string& dir, const std::string& which) {
   const std::string path = which.empty() ? dir + "/network.log" : dir + "/logs/" + which + ".log";
   std::ifstream in(path);
-  if (!in) return fail("there is no " + path);
-  for (std::string line; std::getline(in, line);) std::printf("%s\n", line.c_str());
+  if (!in) return fail(Error{"there is no " + path});
+  for (std::string line; std::getline(in, line);) print_line(line);
   return 0;
 }
 
@@ -267,27 +225,28 @@ int make_identities(Options options) {
   const std::string all = options.dir;
   const auto hosts = fabric_network::hosts_of(options);
   if (hosts.empty()) {
-    spdlog::error("identities are for several hosts: give all places, as [[organisation]] and [[orderer]] in a file");
-    return 2;
+    return fail(
+        Error{"identities are for several hosts: give all places, as [[organisation]] and [[orderer]] in a file"},
+        exit_usage);
   }
   options.dir = all + "/authority";
   Network network(options);
-  if (const Status status = network.prepare(); !status) return fail(status.error().what);
+  if (const Status status = network.prepare(); !status) return fail(status.error());
   for (const auto& host : hosts) {
     const std::string to = all + "/host-" + host.host;
     if (const Status s = fabric_network::write_host(network.options().dir, host, options, to); !s) {
-      return fail(s.error().what);
+      return fail(s.error());
     }
     std::printf("%s is for %s alone\n", to.c_str(), host.host.c_str());
   }
   std::printf("%s stays here: it has the authorities' keys and the orderers' administrator's\n", options.dir.c_str());
-  return network.down() ? 0 : fail("a process had to be killed");
+  return network.down() ? 0 : fail(Error{"a process had to be killed"});
 }
 
 /// Takes a user of a running network out of it.
 int revoke(Options options, int organisation, const std::string& user) {
   const auto running = RunFile(options.dir).read();
-  if (!running || !running->contains("authorities")) return fail("no network runs in " + options.dir);
+  if (!running || !running->contains("authorities")) return fail(Error{"no network runs in " + options.dir});
   options.dir = std::filesystem::canonical(options.dir);
   options.channels = (*running)["channels"].get<std::vector<std::string>>();
   fabric_network::ListenAddresses places;
@@ -296,11 +255,11 @@ int revoke(Options options, int organisation, const std::string& user) {
                                   {"authorities", &places.authorities}}) {
     for (const auto& text : (*running)[name]) {
       auto place = fabric_network::parse_place(text.get<std::string>());
-      if (!place) return fail(place.error().what);
+      if (!place) return fail(place.error());
       all->push_back(std::move(*place));
     }
   }
-  if (Status s = fabric_network::revoke(options, places, organisation, user); !s) return fail(s.error().what);
+  if (Status s = fabric_network::revoke(options, places, organisation, user); !s) return fail(s.error());
   std::printf("%s of organisation %d is revoked\n", user.c_str(), organisation);
   return 0;
 }
@@ -328,88 +287,102 @@ Status add_places(Options& options, const std::vector<std::string>& organisation
   return fabric_network::check(options);
 }
 
+/// What a command line asks for.
+struct Wish {
+  Options options;
+  double batch_timeout_ms = to_ms(options.batch_timeout_ns);
+  std::vector<std::string> organisations, orderers;
+  std::string config, summary, process, user;
+  int organisation = 0;
+};
+
+void add_network_options(Verb verb, Wish& wish) {
+  Options& options = wish.options;
+  verb.option("--config", wish.config, "TOML file with the network's settings; options here come before it");
+  verb.option("--orderers", options.orderers, "1 or 3").one_of({1, 3}).shows_default();
+  verb.option("--channel", options.channels, "A channel's name; give it again for more")
+      .one_at_a_time()
+      .shows_default();
+  verb.option("--first-port", options.first_port, "The first of the TCP ports, 3 a part; 0 looks for free ones")
+      .shows_default();
+  verb.option("--organisation", wish.organisations, "HOST:PORT of one; three times, for several hosts").one_at_a_time();
+  verb.option("--orderer", wish.orderers, "HOST:PORT of one, once or three times").one_at_a_time();
+  verb.option("--only", options.only, "A part that this host runs: org1, orderer1, ...; all if none is named")
+      .one_at_a_time();
+  verb.option("--batch-timeout", wish.batch_timeout_ms, "Cut a block after this many ms")
+      .within(1.0, 60'000.0)
+      .shows_default();
+  verb.option("--batch-count", options.batch_count, "or with this many transactions").within(1, 10'000).shows_default();
+  verb.flag("--ca", options.ca, "Identities from fabric-ca, one server an organisation, that can be revoked");
+  verb.flag("--majority", options.majority, "Endorsed by two of the three organisations, not by any one");
+}
+
+std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
+  std::vector<Verb> verbs;
+  const auto add = [&](const std::string& name, const std::string& about) {
+    Verb verb = line.verb(name, about);
+    verb.option("--dir", wish.options.dir, "Everything of the network: identities, ledgers, logs").required();
+    verbs.push_back(verb);
+    return verb;
+  };
+  const auto add_with_tools = [&](const std::string& name, const std::string& about) {
+    Verb verb = add(name, about);
+    verb.option("--tools", wish.options.tools, "Fabric's programs, made by scripts/fabric-tools");
+    return verb;
+  };
+  add_network_options(add_with_tools("up", "Start it, or say that it runs"), wish);
+  Verb run = add_with_tools("run", "Start it and stay");
+  add_network_options(run, wish);
+  run.option("--summary", wish.summary, "Write blocks, transactions, CPU times and restarts here at the end");
+  add_network_options(add_with_tools("identities", "Make identities and first blocks for several hosts, a folder each"),
+                      wish);
+  add("down", "End it");
+  add("status", "Does it run, and where");
+  add("logs", "What it or one of its processes logged")
+      .option("process", wish.process, "peer1, orderer1, chaincode1, ...");
+  Verb revoke = add_with_tools("revoke", "Take a user out: peers refuse it from then on");
+  revoke.option("--org", wish.organisation, "Number of the user's organisation")
+      .required()
+      .within(1, identities::organisations);
+  revoke.option("--user", wish.user, "User1, ...").required();
+  return verbs;
+}
+
+/// The file first, and over it what the command line says. An exit code: the program ends.
+std::optional<int> read_wish(CommandLine& line, int argc, char** argv, Wish& wish) {
+  if (const auto end = line.parse(argc, argv)) return end;
+  if (!wish.config.empty()) {
+    auto read = fabric_network::read_options(wish.config, {});
+    if (!read) return fail(read.error(), exit_usage);
+    wish.options = std::move(*read);
+    wish.batch_timeout_ms = to_ms(wish.options.batch_timeout_ns);
+    line.read({argv + 1, argv + argc});  // it was good before, and is again
+  }
+  wish.options.batch_timeout_ns = static_cast<TimeNs>(wish.batch_timeout_ms * ns_per_ms);
+  return std::nullopt;
+}
+
+int carry_out(const std::string& verb, Wish& wish) {
+  Options& options = wish.options;
+  if (verb == "down") return down(options.dir);
+  if (verb == "status") return status(options.dir);
+  if (verb == "logs") return logs(options.dir, wish.process);
+  if (Status s = add_places(options, wish.organisations, wish.orderers); !s) return fail(s.error(), exit_usage);
+  find_programs(options);
+  if (verb == "revoke") return revoke(options, wish.organisation, wish.user);
+  if (verb == "up") return up(options);
+  if (verb == "identities") return make_identities(options);
+  return run(options, wish.summary, print_line);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   ::umask(077);  // of all children, too: keys, archives and what Fabric's programs write are this user's alone
-  CLI::App app{"A Fabric 2.5 network on this host, or this host's part of one, with Ledgerline's contract on it"};
-  app.footer(examples);
-  app.set_version_flag("--version", version_line("fabric"), "Print the version and end");
-  app.require_subcommand(1);
-  Options options;
-  std::string which, summary, config, user;
-  int organisation = 0;
-  std::vector<std::string> organisations, orderers;
-  double batch_timeout_ms = to_ms(options.batch_timeout_ns);
-  for (const auto& [name, about] : std::map<std::string, std::string>{
-           {"up", "Start it, or say that it runs"},
-           {"run", "Start it and stay"},
-           {"identities", "Make identities and first blocks for several hosts, a folder each"},
-           {"down", "End it"},
-           {"status", "Does it run, and where"},
-           {"logs", "What it or one of its processes logged"},
-           {"revoke", "Take a user out: peers refuse it from then on"}}) {
-    CLI::App* verb = app.add_subcommand(name, about);
-    verb->add_option("--dir", options.dir, "Everything of the network: identities, ledgers, logs")->required();
-    if (name == "logs") verb->add_option("process", which, "peer1, orderer1, chaincode1, ...");
-    if (name == "revoke") {
-      verb->add_option("--org", organisation, "Number of the user's organisation")
-          ->required()
-          ->check(CLI::Range(1, identities::organisations));
-      verb->add_option("--user", user, "User1, ...")->required();
-    }
-    if (name != "up" && name != "run" && name != "identities" && name != "revoke") continue;
-    verb->add_option("--tools", options.tools, "Fabric's programs, made by scripts/fabric-tools");
-    if (name == "revoke") continue;
-    verb->add_option("--config", config, "TOML file with the network's settings; options here come before it");
-    verb->add_option("--orderers", options.orderers, "1 or 3")->check(CLI::IsMember({1, 3}))->capture_default_str();
-    verb->add_option("--channel", options.channels, "A channel's name; give it again for more")
-        ->allow_extra_args(false)
-        ->capture_default_str();
-    verb->add_option("--first-port", options.first_port, "The first of the TCP ports, 3 a part; 0 looks for free ones")
-        ->capture_default_str();
-    verb->add_option("--organisation", organisations, "HOST:PORT of one; three times, for several hosts")
-        ->allow_extra_args(false);
-    verb->add_option("--orderer", orderers, "HOST:PORT of one, once or three times")->allow_extra_args(false);
-    verb->add_option("--only", options.only, "A part that this host runs: org1, orderer1, ...; all if none is named")
-        ->allow_extra_args(false);
-    verb->add_option("--batch-timeout", batch_timeout_ms, "Cut a block after this many ms")
-        ->check(CLI::Range(1.0, 60'000.0))
-        ->capture_default_str();
-    verb->add_option("--batch-count", options.batch_count, "or with this many transactions")
-        ->check(CLI::Range(1, 10'000))
-        ->capture_default_str();
-    verb->add_flag("--ca", options.ca, "Identities from fabric-ca, one server an organisation, that can be revoked");
-    verb->add_flag("--majority", options.majority, "Endorsed by two of the three organisations, not by any one");
-    if (name == "run")
-      verb->add_option("--summary", summary, "Write blocks, transactions, CPU times and restarts here at the end");
-  }
-  init_log("fabric");
-  try {
-    app.parse(argc, argv);
-    if (!config.empty()) {
-      // The file first, and over it what the command line says.
-      auto read = fabric_network::read_options(config, {});
-      if (!read) return spdlog::error("{}", read.error().what), 2;
-      options = std::move(*read);
-      batch_timeout_ms = to_ms(options.batch_timeout_ns);
-      app.parse(argc, argv);
-    }
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
-  options.batch_timeout_ns = static_cast<TimeNs>(batch_timeout_ms * ns_per_ms);
-  const std::string verb = app.get_subcommands().front()->get_name();
-  if (verb == "down") return down(options.dir);
-  if (verb == "status") return status(options.dir);
-  if (verb == "logs") return logs(options.dir, which);
-  if (Status s = add_places(options, organisations, orderers); !s) return spdlog::error("{}", s.error().what), 2;
-  find_programs(options);
-  if (verb == "revoke") return revoke(options, organisation, user);
-  if (verb == "up") return up(options);
-  if (verb == "identities") return make_identities(options);
-  return run(options, summary, [](const std::string& text) {
-    std::printf("%s\n", text.c_str());
-    std::fflush(stdout);
-  });
+  CommandLine line("fabric", about, notes);
+  Wish wish;
+  const std::vector<Verb> verbs = add_verbs(line, wish);
+  if (const auto end = read_wish(line, argc, argv, wish)) return *end;
+  const auto given = std::find_if(verbs.begin(), verbs.end(), [](const Verb& verb) { return verb.given(); });
+  return carry_out(given->name(), wish);
 }

@@ -36,7 +36,7 @@ struct Options {
   int batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   /// Also how much of Raft's log an orderer reads at a time when it starts: more than lies between two snapshots,
-  /// because 2.5.0 may hang when it comes in parts (issue 4199 of hyperledger/fabric; Network::watch_orderers).
+  /// because 2.5.0 may hang when it comes in parts (issue 4199 of hyperledger/fabric; OrdererWatch).
   std::uint64_t batch_bytes = 10'000'000;
   bool ca = false;        ///< identities from fabric-ca, one an organisation; on one host alone
   bool majority = false;  ///< endorsed by a majority of the organisations instead of by any one

@@ -30,6 +30,7 @@ Option& Option::comma_list(int values) {
   if (values > 0) option_->expected(values);
   return *this;
 }
+Option& Option::one_at_a_time() { return option_->allow_extra_args(false), *this; }
 Option& Option::needs(const Option& other) { return option_->needs(other.option_), *this; }
 Option& Option::excludes(const Option& other) { return option_->excludes(other.option_), *this; }
 bool Option::given() const { return option_->count() > 0; }
@@ -40,6 +41,7 @@ Option Arguments::option(const std::string& name, T& value, const std::string& h
 }
 template Option Arguments::option(const std::string&, int&, const std::string&);
 template Option Arguments::option(const std::string&, unsigned&, const std::string&);
+template Option Arguments::option(const std::string&, std::uint16_t&, const std::string&);
 template Option Arguments::option(const std::string&, std::uint64_t&, const std::string&);
 template Option Arguments::option(const std::string&, double&, const std::string&);
 template Option Arguments::option(const std::string&, std::string&, const std::string&);

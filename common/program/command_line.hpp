@@ -30,6 +30,8 @@ class Option {
   Option& existing_path();
   /// Of a list: commas stand between its values, and there must be so many (0: one or more).
   Option& comma_list(int values = 0);
+  /// Of a list: one value each time that it is given.
+  Option& one_at_a_time();
   Option& needs(const Option& other);
   Option& excludes(const Option& other);
 
@@ -43,7 +45,7 @@ class Option {
 /// outlive the parsing.
 class Arguments {
  public:
-  /// T: int, unsigned, std::uint64_t, double, std::string, a path, or a vector of int or std::string. A name without "--" is a
+  /// T: int, unsigned, std::uint16_t, std::uint64_t, double, std::string, a path, or a vector of int or std::string. A name without "--" is a
   /// place on the line.
   template <typename T>
   Option option(const std::string& name, T& value, const std::string& help);

@@ -1,6 +1,7 @@
 #include "chaincode/node/server/event_stream.hpp"
 
 #include "chaincode/node/shell/block_view.hpp"
+#include "common/base/printable.hpp"
 
 namespace ledgerline::node {
 

@@ -3,6 +3,7 @@
 #include "chaincode/node/server/event_stream.hpp"
 #include "chaincode/node/server/services.hpp"
 #include "chaincode/node/shell/core_call.hpp"
+#include "common/base/printable.hpp"
 #include "gateway/gateway.grpc.pb.h"
 
 namespace ledgerline::node {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "chaincode/node/core/core.hpp"
+#include "chaincode/node/core/types.hpp"
 #include "chaincode/node/server/limit.hpp"
 
 namespace ledgerline::node {

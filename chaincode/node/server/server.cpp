@@ -9,6 +9,7 @@
 
 #include "chaincode/node/server/services.hpp"
 #include "common/base/log.hpp"
+#include "common/base/printable.hpp"
 
 namespace ledgerline::node {
 namespace {

@@ -1,6 +1,6 @@
 #include "chaincode/node/shell/block_view.hpp"
 
-#include "chaincode/node/core/proposal.hpp"
+#include "chaincode/node/core/tx/proposal.hpp"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::node {

@@ -102,5 +102,14 @@ TEST(AProgramWithVerbs, TakesOneOfThem) {
   EXPECT_EQ(line.read({"--version"})->exit_code, 0);
 }
 
+TEST(AList, OfOneAtATimeTakesNoWordThatIsNotIts) {
+  CommandLine line("fabric", "", "");
+  std::vector<std::string> channels;
+  line.option("--channel", channels, "Again for more").one_at_a_time();
+  EXPECT_FALSE(line.read({"--channel", "teleop", "--channel", "yard"}));
+  EXPECT_THAT(channels, ElementsAre("teleop", "yard"));
+  EXPECT_EQ(line.read({"--channel", "teleop", "yard"})->exit_code, exit_usage);
+}
+
 }  // namespace
 }  // namespace ledgerline

@@ -1,13 +1,13 @@
-#include "chaincode/node/core/core_parts.hpp"
+#include "chaincode/node/core/endorser.hpp"
+
+#include "chaincode/node/core/system_contracts.hpp"
+#include "common/base/printable.hpp"
 #include "ledger/rwset/rwset.pb.h"
-#include "msp/identities.pb.h"
+#include "peer/chaincode_event.pb.h"
 #include "peer/transaction.pb.h"
 
-/// The endorsing half of the core: proposals are checked, run and signed.
 namespace ledgerline::node {
 namespace {
-
-using Kind = Unanswered::Kind;
 
 std::string refusal(const chaincode::Response& response) {
   return "chaincode response " + std::to_string(response.status) + ", " + response.message;
@@ -21,87 +21,7 @@ protos::Response to_message(const chaincode::Response& response) {
   return message;
 }
 
-}  // namespace
-
-Result<std::shared_ptr<const crypto::MspRegistry::Member>> NodeCore::Parts::check(std::string_view serialized,
-                                                                                  std::string_view message,
-                                                                                  std::string_view signature, Now now) {
-  auto member = registry->member(serialized, now.real_ns / ns_per_s);
-  if (!member) {
-    return Error{"access denied: channel [" + config.channel + "] creator org unknown: " + member.error().what};
-  }
-  if (!(*member)->verifier->verify(message, signature)) {
-    return Error{"access denied: channel [" + config.channel + "] creator org [" + (*member)->name.msp_id +
-                 "]: the signature is invalid"};
-  }
-  return member;
-}
-
-bool NodeCore::Parts::has_expired(const std::string& serialized, Now now) {
-  msp::SerializedIdentity identity;
-  if (!identity.ParseFromString(serialized)) return false;
-  const auto certificate = crypto::parse_certificate(identity.id_bytes());
-  return certificate && certificate->not_after_s < now.real_ns / ns_per_s;
-}
-
-std::variant<Simulated, Unanswered> NodeCore::Parts::simulate(std::string_view signed_proposal, Now now) {
-  protos::SignedProposal outer;
-  if (!outer.ParseFromArray(signed_proposal.data(), static_cast<int>(signed_proposal.size()))) {
-    return Unanswered{Kind::malformed, "error unmarshaling the signed proposal"};
-  }
-  auto proposal = read_proposal(outer.proposal_bytes());
-  if (!proposal) return Unanswered{Kind::malformed, proposal.error().what};
-  // Of the peer's own contracts some are asked without a channel.
-  const bool of_peer = proposal->channel_header.channel_id().empty() && is_system(proposal->contract);
-  if (proposal->channel_header.channel_id() != config.channel && !of_peer) {
-    return Unanswered{Kind::unknown_channel,
-                      "channel '" + printable(proposal->channel_header.channel_id(), max_name) + "' not found"};
-  }
-  auto member = check(proposal->signature_header.creator(), outer.proposal_bytes(), outer.signature(), now);
-  if (!member) return Unanswered{Kind::denied, "error validating proposal: " + member.error().what};
-  if (auto answer = ask_system(*proposal)) return Simulated{std::move(*proposal), std::move(*answer), {}};
-  if (proposal->contract != config.contract) {
-    return Unanswered{Kind::unknown_contract, "no contract named '" + printable(proposal->contract, max_name) +
-                                                  "' on channel '" + config.channel + "'; there is '" +
-                                                  config.contract + "'"};
-  }
-  const std::string tx_id = proposal->channel_header.tx_id();
-  if (state.find_tx(tx_id)) {
-    return Unanswered{Kind::duplicate, "duplicate transaction found [" + tx_id + "]"};
-  }
-
-  Simulation simulation(state, read_version, **member);
-  Simulated result;
-  result.response = chaincode::invoke(simulation, proposal->function, proposal->args);
-  if (result.response.status < 400) {
-    rwset::TxReadWriteSet results;
-    rwset::NsReadWriteSet& contract_set = *results.add_ns_rwset();
-    contract_set.set_namespace_(config.contract);
-    contract_set.set_rwset(simulation.read_write_set().SerializeAsString());
-    protos::ChaincodeAction action;
-    action.set_results(results.SerializeAsString());
-    if (simulation.has_event()) {
-      protos::ChaincodeEvent event;
-      event.set_chaincode_id(config.contract);
-      event.set_tx_id(tx_id);
-      event.set_event_name(simulation.event_name());
-      event.set_payload(simulation.event_payload());
-      action.set_events(event.SerializeAsString());
-    }
-    *action.mutable_response() = to_message(result.response);
-    action.mutable_chaincode_id()->set_name(config.contract);
-    action.mutable_chaincode_id()->set_version("1");
-    protos::ProposalResponsePayload payload;
-    payload.set_proposal_hash(proposal_hash(proposal->header, proposal->payload));
-    payload.set_extension(action.SerializeAsString());
-    result.payload = payload.SerializeAsString();
-  }
-  result.proposal = std::move(*proposal);
-  return result;
-}
-
-Result<protos::Endorsement> NodeCore::Parts::endorse_by(const crypto::SigningIdentity& peer,
-                                                        const std::string& payload) const {
+Result<protos::Endorsement> endorse_by(const crypto::SigningIdentity& peer, const std::string& payload) {
   auto signature = peer.signer->sign(payload + peer.serialized);
   if (!signature) return Error{"signing with the key of " + peer.name.subject + ": " + signature.error().what};
   protos::Endorsement endorsement;
@@ -110,8 +30,91 @@ Result<protos::Endorsement> NodeCore::Parts::endorse_by(const crypto::SigningIde
   return endorsement;
 }
 
-Reply NodeCore::endorse(std::string_view signed_proposal, Now now) {
-  const auto answer = parts_->simulate(signed_proposal, now);
+}  // namespace
+
+/// A proposal that may be answered, and what the contract said.
+struct Endorser::Simulated {
+  ProposalParts proposal;
+  chaincode::Response response;
+  std::string payload;  ///< ProposalResponsePayload; empty: nothing to endorse
+};
+
+struct Endorser::Unanswered {
+  Kind kind;
+  std::string what;
+};
+
+Endorser::Endorser(const CoreConfig& config, MemberCheck members, std::vector<crypto::SigningIdentity> peers,
+                   const Ledger& ledger)
+    : config_(config),
+      members_(std::move(members)),
+      peers_(std::move(peers)),
+      ledger_(ledger),
+      history_(ledger, config.contract),
+      read_version_([this](const std::string& key, Version version) { return history_.version_of(key, version); }) {}
+
+std::string Endorser::response_payload(const ProposalParts& proposal, const Simulation& simulation,
+                                       const chaincode::Response& response) const {
+  rwset::TxReadWriteSet results;
+  rwset::NsReadWriteSet& contract_set = *results.add_ns_rwset();
+  contract_set.set_namespace_(config_.contract);
+  contract_set.set_rwset(simulation.read_write_set().SerializeAsString());
+  protos::ChaincodeAction action;
+  action.set_results(results.SerializeAsString());
+  if (simulation.has_event()) {
+    protos::ChaincodeEvent event;
+    event.set_chaincode_id(config_.contract);
+    event.set_tx_id(proposal.channel_header.tx_id());
+    event.set_event_name(simulation.event_name());
+    event.set_payload(simulation.event_payload());
+    action.set_events(event.SerializeAsString());
+  }
+  *action.mutable_response() = to_message(response);
+  action.mutable_chaincode_id()->set_name(config_.contract);
+  action.mutable_chaincode_id()->set_version("1");
+  protos::ProposalResponsePayload payload;
+  payload.set_proposal_hash(proposal_hash(proposal.header, proposal.payload));
+  payload.set_extension(action.SerializeAsString());
+  return payload.SerializeAsString();
+}
+
+std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(std::string_view signed_proposal, Now now) {
+  protos::SignedProposal outer;
+  if (!outer.ParseFromArray(signed_proposal.data(), static_cast<int>(signed_proposal.size()))) {
+    return Unanswered{Kind::malformed, "error unmarshaling the signed proposal"};
+  }
+  auto proposal = read_proposal(outer.proposal_bytes());
+  if (!proposal) return Unanswered{Kind::malformed, proposal.error().what};
+  // Of the peer's own contracts some are asked without a channel.
+  const bool of_peer = proposal->channel_header.channel_id().empty() && is_system_contract(proposal->contract);
+  if (proposal->channel_header.channel_id() != config_.channel && !of_peer) {
+    return Unanswered{Kind::unknown_channel,
+                      "channel '" + printable(proposal->channel_header.channel_id(), max_name) + "' not found"};
+  }
+  auto member = members_.check(proposal->signature_header.creator(), outer.proposal_bytes(), outer.signature(), now);
+  if (!member) return Unanswered{Kind::denied, "error validating proposal: " + member.error().what};
+  if (auto answer = ask_system_contract(ledger_, config_.channel, *proposal))
+    return Simulated{std::move(*proposal), std::move(*answer), {}};
+  if (proposal->contract != config_.contract) {
+    return Unanswered{Kind::unknown_contract, "no contract named '" + printable(proposal->contract, max_name) +
+                                                  "' on channel '" + config_.channel + "'; there is '" +
+                                                  config_.contract + "'"};
+  }
+  const std::string tx_id = proposal->channel_header.tx_id();
+  if (ledger_.state().find_tx(tx_id)) {
+    return Unanswered{Kind::duplicate, "duplicate transaction found [" + tx_id + "]"};
+  }
+
+  Simulation simulation(ledger_.state(), read_version_, **member);
+  Simulated result;
+  result.response = chaincode::invoke(simulation, proposal->function, proposal->args);
+  if (result.response.status < 400) result.payload = response_payload(*proposal, simulation, result.response);
+  result.proposal = std::move(*proposal);
+  return result;
+}
+
+Reply Endorser::endorse(std::string_view signed_proposal, Now now) {
+  const auto answer = simulate(signed_proposal, now);
   const std::string failed = "failed to endorse transaction, see attached details for more info";
   if (const auto* none = std::get_if<Unanswered>(&answer)) {
     switch (none->kind) {
@@ -131,16 +134,16 @@ Reply NodeCore::endorse(std::string_view signed_proposal, Now now) {
     return {Code::failed_precondition, "'" + simulated.proposal.contract + "' answers questions alone", {}, {}};
   }
   std::vector<protos::Endorsement> endorsements;
-  for (const crypto::SigningIdentity& peer : parts_->peers) {
-    auto endorsement = parts_->endorse_by(peer, simulated.payload);
+  for (const crypto::SigningIdentity& peer : peers_) {
+    auto endorsement = endorse_by(peer, simulated.payload);
     if (!endorsement) return {Code::aborted, failed, endorsement.error().what, {}};
     endorsements.push_back(std::move(*endorsement));
   }
   return {Code::ok, {}, {}, make_envelope(simulated.proposal, simulated.payload, endorsements)};
 }
 
-Reply NodeCore::evaluate(std::string_view signed_proposal, Now now) {
-  const auto answer = parts_->simulate(signed_proposal, now);
+Reply Endorser::evaluate(std::string_view signed_proposal, Now now) {
+  const auto answer = simulate(signed_proposal, now);
   const std::string failed = "evaluate call to endorser returned error: ";
   if (const auto* none = std::get_if<Unanswered>(&answer)) {
     switch (none->kind) {
@@ -161,8 +164,8 @@ Reply NodeCore::evaluate(std::string_view signed_proposal, Now now) {
   return {Code::ok, {}, {}, to_message(simulated.response).SerializeAsString()};
 }
 
-Reply NodeCore::process_proposal(std::string_view signed_proposal, Now now) {
-  const auto answer = parts_->simulate(signed_proposal, now);
+Reply Endorser::process_proposal(std::string_view signed_proposal, Now now) {
+  const auto answer = simulate(signed_proposal, now);
   protos::ProposalResponse response;
   if (const auto* none = std::get_if<Unanswered>(&answer)) {
     switch (none->kind) {
@@ -178,7 +181,7 @@ Reply NodeCore::process_proposal(std::string_view signed_proposal, Now now) {
   response.set_version(1);
   *response.mutable_response() = to_message(simulated.response);
   if (!simulated.payload.empty()) {
-    auto endorsement = parts_->endorse_by(parts_->peers.front(), simulated.payload);
+    auto endorsement = endorse_by(peers_.front(), simulated.payload);
     if (!endorsement) return {Code::unknown, endorsement.error().what, {}, {}};
     *response.mutable_endorsement() = std::move(*endorsement);
     response.set_payload(simulated.payload);

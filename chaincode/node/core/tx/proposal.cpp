@@ -1,6 +1,10 @@
-#include "chaincode/node/core/proposal.hpp"
+#include "chaincode/node/core/tx/proposal.hpp"
 
+#include "chaincode/node/core/types.hpp"
+#include "common/base/printable.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/envelope.hpp"
+#include "ledger/rwset/rwset.pb.h"
 #include "peer/chaincode.pb.h"
 #include "peer/transaction.pb.h"
 
@@ -100,6 +104,17 @@ TransactionParts read_transaction(std::string_view bytes) {
     return wrong(protos::INVALID_ENDORSER_TRANSACTION);
   }
   return parts;
+}
+
+ContractSet read_contract_set(const protos::ChaincodeAction& action, const std::string& contract) {
+  ContractSet result;
+  rwset::TxReadWriteSet all;
+  if (!all.ParseFromString(action.results())) return {protos::BAD_RWSET, {}};
+  for (const rwset::NsReadWriteSet& part : all.ns_rwset()) {
+    if (part.namespace_() != contract || !part.collection_hashed_rwset().empty()) return {protos::ILLEGAL_WRITESET, {}};
+    if (!result.set.MergeFromString(part.rwset())) return {protos::BAD_RWSET, {}};
+  }
+  return result;
 }
 
 }  // namespace ledgerline::node

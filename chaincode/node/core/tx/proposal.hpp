@@ -1,9 +1,11 @@
 #pragma once
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "chaincode/node/core/core.hpp"
+#include "common/base/result.hpp"
 #include "common/common.pb.h"
+#include "ledger/rwset/kvrwset/kv_rwset.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
@@ -42,5 +44,12 @@ struct TransactionParts {
   protos::ChaincodeAction action;
 };
 TransactionParts read_transaction(std::string_view envelope);
+
+/// The contract's part of a transaction's read-write set; an error says which rule it breaks as a TxValidationCode.
+struct ContractSet {
+  int code = 0;
+  kvrwset::KVRWSet set;
+};
+ContractSet read_contract_set(const protos::ChaincodeAction& action, const std::string& contract);
 
 }  // namespace ledgerline::node

@@ -1,4 +1,4 @@
-#include "chaincode/node/core/block.hpp"
+#include "chaincode/node/core/tx/block.hpp"
 
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
@@ -91,18 +91,14 @@ std::string data_hash(const common::BlockData& data) {
   return to_string(crypto::sha256(all));
 }
 
-common::Block make_block(std::uint64_t number, const std::string& previous_hash,
-                         const std::vector<std::string>& envelopes, const std::vector<TxStatus>& statuses) {
+common::Block make_block(const ChainEnd& end, const std::vector<std::string>& envelopes) {
   common::Block block;
   for (const std::string& envelope : envelopes) block.mutable_data()->add_data(envelope);
   common::BlockHeader& header = *block.mutable_header();
-  header.set_number(number);
-  header.set_previous_hash(previous_hash);
+  header.set_number(end.height);
+  header.set_previous_hash(end.hash);
   header.set_data_hash(data_hash(block.data()));
-  std::string flags;
-  for (const TxStatus& status : statuses) flags += static_cast<char>(status.code);
   for (int i = 0; i <= common::COMMIT_HASH; ++i) block.mutable_metadata()->add_metadata();
-  block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
   return block;
 }
 

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "chaincode/contract/stub.hpp"
-#include "chaincode/node/core/state.hpp"
+#include "chaincode/node/core/ledger/state.hpp"
 #include "ledger/rwset/kvrwset/kv_rwset.pb.h"
 
 namespace ledgerline::node {

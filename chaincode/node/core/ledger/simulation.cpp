@@ -1,4 +1,4 @@
-#include "chaincode/node/core/simulation.hpp"
+#include "chaincode/node/core/ledger/simulation.hpp"
 
 namespace ledgerline::node {
 namespace {

@@ -1,4 +1,4 @@
-#include "chaincode/node/core/state.hpp"
+#include "chaincode/node/core/ledger/state.hpp"
 
 #include "peer/transaction.pb.h"
 

@@ -1,12 +1,13 @@
+#include "chaincode/node/core/system_contracts.hpp"
+
 #include <charconv>
 
-#include "chaincode/node/core/core_parts.hpp"
+#include "chaincode/node/core/types.hpp"
+#include "common/base/printable.hpp"
 #include "common/ledger.pb.h"
 #include "peer/query.pb.h"
 #include "peer/transaction.pb.h"
 
-/// The contracts that every peer of Fabric has of its own, as far as tools ask them: qscc (the chain) and cscc (the
-/// channels). They answer questions; nothing of them is endorsed.
 namespace ledgerline::node {
 namespace {
 
@@ -18,29 +19,30 @@ chaincode::Response refuse(const std::string& why) { return {500, printable(why,
 
 }  // namespace
 
-bool is_system(const std::string& contract) { return contract == "qscc" || contract == "cscc"; }
+bool is_system_contract(const std::string& contract) { return contract == "qscc" || contract == "cscc"; }
 
-std::optional<chaincode::Response> NodeCore::Parts::ask_system(const ProposalParts& proposal) {
-  if (!is_system(proposal.contract)) return std::nullopt;
+std::optional<chaincode::Response> ask_system_contract(const Ledger& ledger, const std::string& channel,
+                                                       const ProposalParts& proposal) {
+  if (!is_system_contract(proposal.contract)) return std::nullopt;
   const std::string& function = proposal.function;
   const auto argument = [&](std::size_t i) { return i < proposal.args.size() ? proposal.args[i] : std::string(); };
   if (proposal.contract == "cscc" && function == "GetChannels") {
     protos::ChannelQueryResponse channels;
-    channels.add_channels()->set_channel_id(config.channel);
+    channels.add_channels()->set_channel_id(channel);
     return answer(channels);
   }
-  if (argument(0) != config.channel) return refuse("Invalid chain ID, " + argument(0));
+  if (argument(0) != channel) return refuse("Invalid chain ID, " + argument(0));
   const auto block_answer = [&](std::uint64_t number) {
-    const auto block = block_at(number);
+    const auto block = ledger.block_at(number);
     return block ? answer(*block) : refuse(block.error().what);
   };
   if (proposal.contract == "cscc") {
     if (function == "GetConfigBlock") return block_answer(0);
   } else if (function == "GetChainInfo") {
     common::BlockchainInfo info;
-    info.set_height(height);
-    info.set_currentblockhash(last_hash);
-    const auto newest = block_at(height - 1);
+    info.set_height(ledger.height());
+    info.set_currentblockhash(ledger.end().hash);
+    const auto newest = ledger.block_at(ledger.height() - 1);
     if (!newest) return refuse(newest.error().what);
     info.set_previousblockhash(newest->header().previous_hash());
     return answer(info);
@@ -49,13 +51,14 @@ std::optional<chaincode::Response> NodeCore::Parts::ask_system(const ProposalPar
     std::uint64_t number = 0;
     const auto end = std::from_chars(text.data(), text.data() + text.size(), number);
     if (end.ec != std::errc() || end.ptr != text.data() + text.size()) return refuse(text + " is no block number");
-    if (number >= height) return refuse("Failed to get block number " + text + ", there are " + std::to_string(height));
+    if (number >= ledger.height())
+      return refuse("Failed to get block number " + text + ", there are " + std::to_string(ledger.height()));
     return block_answer(number);
   } else if (function == "GetBlockByTxID" || function == "GetTransactionByID") {
-    const auto known = state.find_tx(argument(1));
+    const auto known = ledger.state().find_tx(argument(1));
     if (!known) return refuse("Failed to get transaction with id " + argument(1) + ": there is none");
     if (function == "GetBlockByTxID") return block_answer(known->block);
-    const auto block = block_at(known->block);
+    const auto block = ledger.block_at(known->block);
     if (!block) return refuse(block.error().what);
     for (const std::string& bytes : block->data().data()) {
       if (read_transaction(bytes).channel_header.tx_id() != argument(1)) continue;

@@ -2,7 +2,7 @@
 #include <string>
 #include <vector>
 
-#include "chaincode/node/core/core.hpp"
+#include "chaincode/node/core/types.hpp"
 #include "common/common.pb.h"
 
 /// Blocks as Fabric's orderers and peers make them.
@@ -15,9 +15,14 @@ std::string header_hash(const common::BlockHeader& header);
 /// SHA-256 over all envelopes, one behind the other.
 std::string data_hash(const common::BlockData& data);
 
-/// Puts a block together: hashes, and one flag byte for each transaction.
-common::Block make_block(std::uint64_t number, const std::string& previous_hash,
-                         const std::vector<std::string>& envelopes, const std::vector<TxStatus>& statuses);
+/// Where a chain ends, and so what the next block follows.
+struct ChainEnd {
+  std::uint64_t height = 0;
+  std::string hash;  ///< of the last block's header; empty: there is none
+};
+
+/// Puts a block together, with room for signatures and flags.
+common::Block make_block(const ChainEnd& end, const std::vector<std::string>& envelopes);
 /// Adds the orderer's signature over the header.
 Status sign_block(common::Block& block, const crypto::SigningIdentity& orderer);
 

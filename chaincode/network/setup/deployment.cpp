@@ -1,0 +1,172 @@
+#include "chaincode/network/setup/deployment.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "chaincode/identities/first_enrolments.hpp"
+#include "chaincode/identities/identities.hpp"
+#include "chaincode/network/files/texts.hpp"
+#include "common/base/file.hpp"
+#include "common/msg/contract.hpp"
+
+namespace ledgerline::fabric_network {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* label = "ledgerline_1";
+
+std::string first_file(const fs::path& dir) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(dir, error)) return entry.path();
+  return dir;
+}
+
+}  // namespace
+
+Status Deployment::make_package(int organisation) {
+  const std::string folder = site_.in(fmt::format("package{}", organisation)), package = folder + "/ledgerline.tgz";
+  if (!fs::exists(package)) {
+    const auto ca = read_file(identities::peer_dir(site_.options().dir, organisation) / "tls" / "ca.crt");
+    if (!ca) return ca.error();
+    const std::string metadata = nlohmann::json{{"type", "ccaas"}, {"label", label}}.dump(1);
+    Status written = write_file(folder + "/connection.json", connection_json(site_.places(), organisation, *ca), 0600);
+    if (written) written = write_file(folder + "/metadata.json", metadata, 0644);
+    if (!written) return written;
+    const auto pack = [&](const std::string& archive, std::vector<std::string> files) {
+      std::vector<std::string> command{"/bin/tar", "-czf", archive, "-C", folder};
+      command.insert(command.end(), files.begin(), files.end());
+      return site_.processes().run("packing the chaincode", command, {});
+    };
+    if (const auto inner = pack(folder + "/code.tar.gz", {"connection.json"}); !inner) return inner.error();
+    if (const auto outer = pack(package + ".new", {"metadata.json", "code.tar.gz"}); !outer) return outer.error();
+    fs::rename(package + ".new", package);
+  }
+  const auto bytes = read_file(package);
+  if (!bytes) return bytes.error();
+  package_ids_[organisation] = std::string(label) + ":" + crypto::hex(crypto::sha256(*bytes));
+  return done;
+}
+
+Status Deployment::make_packages() {
+  for (const int k : site_.own_organisations()) {
+    if (Status s = make_package(k); !s) return s;
+  }
+  return done;
+}
+
+Status Deployment::start_services() {
+  for (const int k : site_.own_organisations()) {
+    if (Status s = site_.processes().start(fmt::format("chaincode{}", k), site_.places().chaincode(k),
+                                           {site_.options().chaincode},
+                                           chaincode_environment(site_.options(), site_.places(), k, package_ids_[k]));
+        !s) {
+      return s;
+    }
+  }
+  const TimeNs until = monotonic_ns() + starting_limit_ns;
+  for (const int k : site_.own_organisations()) {
+    while (!site_.processes().has_printed(fmt::format("chaincode{}", k), "\"ready\":true")) {
+      if (Status s = site_.tend(10 * ns_per_ms); !s) return s;
+      if (monotonic_ns() > until) return Error{fmt::format("chaincode{} is not ready", k)};
+    }
+  }
+  return done;
+}
+
+Status Deployment::install() {
+  return site_.once("installed", [&]() -> Status {
+    for (const int k : site_.own_organisations()) {
+      const std::string package = site_.in(fmt::format("package{}/ledgerline.tgz", k));
+      if (Status s = site_.ask_peer(fmt::format("installing the contract on peer {}", k), k,
+                                    {"lifecycle", "chaincode", "install", package}, "already successfully installed");
+          !s) {
+        return s;
+      }
+    }
+    return done;
+  });
+}
+
+std::vector<std::string> Deployment::lifecycle(const std::string& verb, const std::string& channel,
+                                               const std::vector<std::string>& more) const {
+  std::vector<std::string> words{"lifecycle", "chaincode", verb};
+  words.insert(words.end(), more.begin(), more.end());
+  words.insert(words.end(), {"-o", site_.places().orderer(1), "--tls", "--cafile",
+                             identities::orderer_dir(site_.options().dir, 1) / "tls" / "ca.crt", "--channelID", channel,
+                             "--name", "ledgerline", "--version", "1", "--sequence", "1", "--signature-policy",
+                             signature_policy(site_.options())});
+  return words;
+}
+
+Status Deployment::approve(const std::string& channel, int organisation) {
+  return site_.ask_peer(fmt::format("organisation {} approving the contract on channel {}", organisation, channel),
+                        organisation,
+                        lifecycle("approveformyorg", channel,
+                                  {"--package-id", package_ids_[organisation], "--waitForEventTimeout", "10s"}),
+                        "unchanged content");
+}
+
+Status Deployment::commit(const std::string& channel) {
+  std::vector<std::string> words = lifecycle("commit", channel);
+  for (int k = 1; k <= identities::organisations; ++k) {
+    words.insert(words.end(), {"--peerAddresses", site_.places().peer(k), "--tlsRootCertFiles",
+                               identities::peer_dir(site_.options().dir, k) / "tls" / "ca.crt"});
+  }
+  return site_.ask_peer("committing the contract on channel " + channel, 1, words, "new definition must be sequence 2");
+}
+
+Status Deployment::define() {
+  return site_.once_per_channel("contract", [&](const std::string& channel) -> Status {
+    // One after the other: the command waits from the newest block on, and may miss its own beside others. Those are on
+    // other hosts, and then it is soon asked again.
+    for (const int k : site_.own_organisations()) {
+      if (Status s = approve(channel, k); !s) return s;
+    }
+    return site_.options().runs_organisation(1) ? commit(channel) : done;
+  });
+}
+
+Status Deployment::wait_for_contract() {
+  for (const std::string& channel : site_.options().channels) {
+    for (const int k : site_.own_organisations()) {
+      if (Status s =
+              site_.ask_peer(fmt::format("peer {} answering for the contract on channel {}", k, channel), k,
+                             {"chaincode", "query", "-C", channel, "-n", "ledgerline", "-c", R"({"Args":["get"]})"});
+          !s) {
+        return s;
+      }
+    }
+  }
+  return done;
+}
+
+Status Deployment::enroll_first() {
+  return site_.once_per_channel("enrolments", [&](const std::string& channel) { return enroll_first_on(channel); });
+}
+
+Status Deployment::enroll_first_on(const std::string& channel) {
+  const TimeNs until = monotonic_ns() + site_.patience();
+  for (const FirstEnrolment& enrolment : first_enrolments()) {
+    const int k = enrolment.organisation;
+    if (!site_.options().runs_organisation(k)) continue;
+    const auto pem = read_file(first_file(identities::user_dir(site_.options().dir, k, "User1") / "msp" / "signcerts"));
+    if (!pem) return pem.error();
+    const auto user = crypto::parse_certificate(*pem);
+    if (!user) return user.error();
+    const auto client = site_.connect(k, channel);
+    if (!client) return client.error();
+    for (;;) {
+      const auto outcome =
+          (*client)->submit_and_wait({contract::enroll, {enrolment.call({identities::msp_id_of(k), user->subject})}});
+      if (outcome.kind == fabric::Outcome::Kind::committed) break;
+      if (monotonic_ns() > until) return Error{"the first enrolments: " + outcome.message};
+      if (Status s = site_.tend(ns_per_s / 2); !s) return s;
+    }
+  }
+  return done;
+}
+
+}  // namespace ledgerline::fabric_network

@@ -1,0 +1,39 @@
+#pragma once
+#include <map>
+#include <string>
+#include <vector>
+
+#include "chaincode/network/setup/site.hpp"
+#include "common/base/result.hpp"
+
+namespace ledgerline::fabric_network {
+
+/// Brings the contract onto a network whose peers have joined their channels: packages, the chaincode services, and
+/// Fabric's lifecycle (install, approve, commit), each step once for a directory. `site` must outlive it. One thread, as
+/// the site's.
+class Deployment {
+ public:
+  explicit Deployment(Site& site) : site_(site) {}
+
+  /// All, in this order, at every start of the network.
+  Status make_packages();
+  Status start_services();
+  Status install();
+  Status define();
+  Status wait_for_contract();
+  Status enroll_first();
+
+ private:
+  Status make_package(int organisation);
+  Status approve(const std::string& channel, int organisation);
+  Status commit(const std::string& channel);
+  /// A command of Fabric's lifecycle on the contract's definition, sent to the first orderer.
+  std::vector<std::string> lifecycle(const std::string& verb, const std::string& channel,
+                                     const std::vector<std::string>& more = {}) const;
+  Status enroll_first_on(const std::string& channel);
+
+  Site& site_;
+  std::map<int, std::string> package_ids_;
+};
+
+}  // namespace ledgerline::fabric_network

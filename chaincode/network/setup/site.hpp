@@ -1,0 +1,70 @@
+#pragma once
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "chaincode/network/options.hpp"
+#include "chaincode/network/processes/orderer_watch.hpp"
+#include "chaincode/network/processes/processes.hpp"
+#include "common/base/result.hpp"
+#include "common/fabric/client/client.hpp"
+
+namespace ledgerline::fabric_network {
+
+/// Limit for a process of this host to start and to answer.
+inline constexpr TimeNs starting_limit_ns = 20 * ns_per_s;
+
+/// This host's part of a network, as the steps of its set-up share it: its directory with what is done already, its
+/// places and its processes. One thread, which must be the one that lives longest (Children).
+class Site {
+ public:
+  explicit Site(Options options);
+  Site(const Site&) = delete;
+  Site& operator=(const Site&) = delete;
+
+  /// Checks options and programs, makes the directory, and goes on with what it has: fabric-ca and places. Before
+  /// anything else.
+  Status open();
+
+  const Options& options() const { return options_; }
+  const ListenAddresses& places() const { return places_; }
+  std::string in(const std::string& name) const { return options_.dir + "/" + name; }
+  std::string tool(const std::string& program) const { return options_.tools + "/" + program; }
+  /// Organisations or orderers of which this host runs the processes.
+  std::vector<int> own_organisations() const;
+  std::vector<int> own_orderers() const;
+
+  /// Runs `step` where the directory does not say that it is done, and marks it when it succeeds.
+  Status once(const std::string& name, const std::function<Status()>& step);
+  Status once_per_channel(const std::string& name, const std::function<Status(const std::string& channel)>& step);
+
+  Processes& processes() { return *processes_; }
+  const Processes& processes() const { return *processes_; }
+  /// Looks after the processes for so long: an orderer that hangs at its start is ended, and what ended is started
+  /// again once they are supervised. An error: one ended too often.
+  Status tend(TimeNs duration);
+  /// Ends all processes. False: one of them had to be killed.
+  bool stop() { return !processes_ || processes_->stop(); }
+  /// What one of this host's orderers says of itself; empty: it does not listen yet.
+  std::map<std::string, RaftSign> signs_of(int orderer) const;
+
+  /// How long a part on any host is waited for.
+  TimeNs patience() const { return options_.several_hosts() ? options_.patience_ns : starting_limit_ns; }
+  Status run_until_good(const std::string& what, const std::vector<std::string>& command,
+                        const std::vector<std::string>& environment, const std::string& good_too = {});
+  /// The peer's command with these words, as the administrator of its organisation, until it succeeds.
+  Status ask_peer(const std::string& what, int organisation, std::vector<std::string> words,
+                  const std::string& good_too = {});
+  /// A client of this organisation's administrator.
+  Result<std::unique_ptr<fabric::Client>> connect(int organisation, const std::string& channel) const;
+
+ private:
+  Options options_;
+  ListenAddresses places_;
+  std::unique_ptr<Processes> processes_;
+  OrdererWatch watch_;
+};
+
+}  // namespace ledgerline::fabric_network

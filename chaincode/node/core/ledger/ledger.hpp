@@ -1,0 +1,36 @@
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "chaincode/node/core/ledger/state.hpp"
+#include "chaincode/node/core/tx/block.hpp"
+#include "common/base/result.hpp"
+#include "common/common.pb.h"
+
+namespace ledgerline::node {
+
+/// The peer's ledger of the channel: the state that its blocks made, where the chain ends, and the blocks themselves,
+/// which the caller keeps. The committer alone changes it. One thread at a time.
+class Ledger {
+ public:
+  /// Gives back a block that was applied or replayed.
+  using ReadBlock = std::function<Result<std::string>(std::uint64_t number)>;
+
+  explicit Ledger(ReadBlock read_block) : read_block_(std::move(read_block)) {}
+
+  const State& state() const { return state_; }
+  State& state() { return state_; }
+  const ChainEnd& end() const { return end_; }
+  std::uint64_t height() const { return end_.height; }
+  /// The next block is in the state: it has this hash.
+  void add_block(std::string hash) { end_ = {end_.height + 1, std::move(hash)}; }
+  Result<common::Block> block_at(std::uint64_t number) const;
+
+ private:
+  ReadBlock read_block_;
+  State state_;
+  ChainEnd end_;
+};
+
+}  // namespace ledgerline::node

@@ -1,0 +1,20 @@
+#include "chaincode/node/core/member_check.hpp"
+
+namespace ledgerline::node {
+
+Result<std::shared_ptr<const crypto::MspRegistry::Member>> MemberCheck::check(std::string_view serialized,
+                                                                              std::string_view message,
+                                                                              std::string_view signature,
+                                                                              Now now) const {
+  auto member = registry_->member(serialized, now.real_ns / ns_per_s);
+  if (!member) {
+    return Error{"access denied: channel [" + channel_ + "] creator org unknown: " + member.error().what};
+  }
+  if (!(*member)->verifier->verify(message, signature)) {
+    return Error{"access denied: channel [" + channel_ + "] creator org [" + (*member)->name.msp_id +
+                 "]: the signature is invalid"};
+  }
+  return member;
+}
+
+}  // namespace ledgerline::node

@@ -1,0 +1,53 @@
+#pragma once
+#include <cstddef>
+#include <deque>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "chaincode/node/core/member_check.hpp"
+#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/node/core/types.hpp"
+#include "common/common.pb.h"
+
+namespace ledgerline::node {
+
+/// A block as it leaves the orderer: its transactions have no flags yet.
+struct OrderedBlock {
+  common::Block block;
+  std::string warning;  ///< not empty: the block has no orderer's signature, and why
+};
+
+/// The channel's ordering service: takes members' envelopes in the order in which they come, at most so many at a time,
+/// and cuts them into signed blocks by count, bytes and time. It does not look into transactions. `config` must outlive
+/// it. One thread at a time.
+class Orderer {
+ public:
+  Orderer(const CoreConfig& config, MemberCheck members, crypto::SigningIdentity identity)
+      : config_(config), members_(std::move(members)), identity_(std::move(identity)) {}
+
+  /// The config block, as number 0.
+  OrderedBlock genesis() const;
+  /// NodeCore::order.
+  Reply order(std::string_view envelope, Now now);
+  /// When cut() has to be called: now or in the past when a block is full; nullopt when nothing waits.
+  std::optional<TimeNs> next_cut() const;
+  /// The block that follows `end`, if one is due.
+  std::optional<OrderedBlock> cut(Now now, const ChainEnd& end);
+
+ private:
+  struct Pending {
+    std::string envelope;
+    TimeNs arrived_ns;
+  };
+  std::vector<std::string> take_batch();
+  OrderedBlock sign(common::Block block) const;
+
+  const CoreConfig& config_;
+  const MemberCheck members_;
+  const crypto::SigningIdentity identity_;
+  std::deque<Pending> pending_;
+  std::size_t pending_bytes_ = 0;
+};
+
+}  // namespace ledgerline::node

@@ -1,0 +1,53 @@
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/rt/clock.hpp"
+
+/// What endorser, orderer and committer have in common: their answers, their time and their settings.
+namespace ledgerline::node {
+
+/// gRPC's status codes with their numbers; the core needs no gRPC.
+enum class Code {
+  ok = 0,
+  unknown = 2,
+  invalid_argument = 3,
+  not_found = 5,
+  permission_denied = 7,
+  failed_precondition = 9,
+  aborted = 10,
+  unavailable = 14,
+};
+
+/// What a service answers: bytes of the message named at the function, or a code with a message and a detail (what
+/// gateway.ErrorDetail.message says; empty: none).
+struct Reply {
+  Code code = Code::ok;
+  std::string message;
+  std::string detail;
+  std::string bytes;
+};
+
+/// Names that strangers chose are shown up to here (printable).
+inline constexpr std::size_t max_name = 200;
+
+struct Now {
+  TimeNs monotonic_ns = 0;
+  TimeNs real_ns = 0;  ///< for the lifetimes of certificates alone
+};
+
+struct CoreConfig {
+  std::string channel = "teleop";
+  std::string contract = "ledgerline";
+  std::size_t batch_count = 1;                 ///< a block is cut when this many envelopes wait,
+  std::size_t batch_bytes = 2'000'000;         ///< or this many bytes,
+  TimeNs batch_timeout_ns = 10 * ns_per_ms;    ///< or the oldest has waited this long
+  std::size_t max_envelope_bytes = 10 << 20;   ///< larger ones are refused (Fabric's AbsoluteMaxBytes)
+  std::size_t max_waiting = 10'000;            ///< envelopes that wait for a block; more are refused
+  std::size_t max_waiting_bytes = 64'000'000;  ///< of them together; one alone is always taken
+  std::vector<crypto::MspRoot> organisations;  ///< written into the config block
+};
+
+}  // namespace ledgerline::node
