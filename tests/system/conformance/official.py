@@ -18,7 +18,7 @@ class Node:
         self.answers = {}
         self.last = 0
         self.process = subprocess.Popen(
-            ["node", HERE / "client.cjs", *map(str, (*ledger.peer(1), *ledger.orderer())), "teleop", "ledgerline"],
+            ["node", HERE / "node/client.cjs", *map(str, (*ledger.peer(1), *ledger.orderer())), "teleop", "ledgerline"],
             env={**os.environ, "NODE_PATH": str(modules)}, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def user(self, organisation: int, user: str) -> "Client":
