@@ -79,8 +79,8 @@ std::string first_segment(const std::string& id) { return id.substr(0, id.find('
 Status check_drone_name(const std::string& name) {
   if (Status status = check_id(name); !status) return status;
   if (name.find('/') != std::string::npos) return Error{name + ": a drone's name is one segment, without /"};
-  for (const char* reserved : {"asset", "control", "frame", "command", "role", "lease", "host", "stop", "owner"}) {
-    if (name == reserved) return Error{name + ": a reserved word"};
+  if (name == "asset" || name == "frame" || std::ranges::find(record_kinds, name) != record_kinds.end()) {
+    return Error{name + ": a reserved word"};
   }
   if (name.size() >= 3 && name.compare(name.size() - 3, 3, "MSP") == 0) {
     return Error{name + ": names that end with MSP belong to organisations"};

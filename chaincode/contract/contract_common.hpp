@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -38,6 +39,9 @@ Status check_id(const std::string& id);
 /// A drone's name is one segment, no reserved word, and no MSP id (those end with "MSP").
 Status check_drone_name(const std::string& name);
 std::string first_segment(const std::string& id);
+/// Ids that begin so are records of the contract, which it writes itself.
+inline constexpr std::array<std::string_view, 7> record_kinds{"control", "role", "command", "lease",
+                                                              "host",    "stop", "owner"};
 
 /// Key layout. "stream" assets of one writer live together in frame_key, all others in asset_key.
 std::string asset_key(const std::string& id);

@@ -32,9 +32,7 @@ std::size_t size_in(const Arguments& call, const google::protobuf::Message& mess
 }
 
 bool is_record(const std::string& id) {
-  const std::string kind = first_segment(id);
-  return kind == "control" || kind == "role" || kind == "command" || kind == "lease" || kind == "host" ||
-         kind == "stop" || kind == "owner";
+  return std::ranges::find(record_kinds, first_segment(id)) != record_kinds.end();
 }
 
 /// A record as `get` serves it: a control record with the stops that stand.

@@ -1,4 +1,3 @@
-#include <fmt/format.h>
 #include <openssl/crypto.h>
 #include <openssl/sha.h>
 #include <sys/random.h>
@@ -37,12 +36,6 @@ std::string hex(std::string_view bytes) {
 
 std::string hex(const Digest& digest) {
   return hex(std::string_view(reinterpret_cast<const char*>(digest.data()), digest.size()));
-}
-
-Result<Library> library_from_name(const std::string& name) {
-  if (name == "mbedtls") return Library::mbedtls;
-  if (name == "libcrypto") return Library::libcrypto;
-  return Error{fmt::format("\"{}\" is no crypto library; use mbedtls or libcrypto", name)};
 }
 
 std::string random_bytes(std::size_t count) {

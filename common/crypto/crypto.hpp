@@ -19,7 +19,6 @@ std::string hex(std::string_view bytes);
 std::string hex(const Digest& digest);
 
 enum class Library { mbedtls, libcrypto };
-Result<Library> library_from_name(const std::string& name);
 
 /// Holds a private key. The key is neither copied out nor logged. sign() may be called from many threads at once.
 class Signer {

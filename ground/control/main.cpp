@@ -10,6 +10,7 @@
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/sending/repeat.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
@@ -34,7 +35,7 @@ Result<fabric::Call> make_call(const Wish& wish) {
     for (const auto& drone : wish.drones) message.add_drones(drone);
     return message;
   };
-  if (wish.function == "enroll") {
+  if (wish.function == contract::enroll) {
     std::ifstream file(wish.certificate);
     const std::string pem((std::istreambuf_iterator<char>(file)), {});
     const auto certificate = crypto::parse_certificate(pem);
@@ -46,7 +47,7 @@ Result<fabric::Call> make_call(const Wish& wish) {
     if (wish.role == "supervisor") call.set_role(SUPERVISOR);
     return fabric::Call{wish.function, {call.SerializeAsString()}};
   }
-  if (wish.function == "acquire" || wish.function == "release") {
+  if (wish.function == contract::acquire || wish.function == contract::release) {
     LeaseCall call = with_drones(LeaseCall());
     call.set_priority(wish.priority);
     return fabric::Call{wish.function, {call.SerializeAsString()}};
@@ -59,7 +60,7 @@ Result<fabric::Call> make_call(const Wish& wish) {
 /// A stop goes on until it is on the ledger, whatever comes between. The others go on over what another wrote first,
 /// and leave all else to who asked.
 fabric::RepeatLimits limits_of(const Wish& wish) {
-  if (wish.function == "stop") return {.within_ns = static_cast<TimeNs>(wish.within_s * 1e9)};
+  if (wish.function == contract::stop) return {.within_ns = static_cast<TimeNs>(wish.within_s * 1e9)};
   return {.attempts = 10, .conflicts_only = true};
 }
 
@@ -102,7 +103,7 @@ Status call_contract(const Wish& wish) {
   const fabric::Outcome outcome = submit(**client, wish, *call);
   if (outcome.kind != fabric::Outcome::Kind::committed)
     return Error{fmt::format("{}: {}", wish.function, outcome.message)};
-  return wish.function == "stop" ? print_answer<Stops>(outcome.answer) : print_answer<Controls>(outcome.answer);
+  return wish.function == contract::stop ? print_answer<Stops>(outcome.answer) : print_answer<Controls>(outcome.answer);
 }
 
 constexpr const char* about =
@@ -119,22 +120,23 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
   std::vector<Verb> verbs;
   const auto add = [&](const std::string& name, const std::string& help) {
     Verb verb = line.verb(name, help);
-    verb.option("drones", wish.drones, "names of drones").required(name != "enroll");
+    verb.option("drones", wish.drones, "names of drones").required(name != contract::enroll);
     verbs.push_back(verb);
     return verb;
   };
-  Verb enroll = add("enroll", "bind drones to the identity of their host, or give an identity a role (administrators)");
+  Verb enroll =
+      add(contract::enroll, "bind drones to the identity of their host, or give an identity a role (administrators)");
   enroll.option("--role", wish.role, "what else it may do").one_of({"operator", "supervisor"});
   enroll.option("--msp", wish.msp, "MSP id of the host").required();
   enroll.option("--cert", wish.certificate, "certificate of the host, PEM").required().existing_file();
-  add("acquire", "take the lease").option("--priority", wish.priority, "a higher one pre-empts");
-  add("release", "give the lease back");
-  Verb stop = add("stop", "land at once, whoever flies");
+  add(contract::acquire, "take the lease").option("--priority", wish.priority, "a higher one pre-empts");
+  add(contract::release, "give the lease back");
+  Verb stop = add(contract::stop, "land at once, whoever flies");
   stop.flag("--cut", wish.cut, "motors off instead of landing");
   stop.option("--within", wish.within_s, "seconds for which it is said again until it is on the ledger")
       .within(0.0, 3600.0)
       .shows_default();
-  add("resume", "end one's own stop, or all as a supervisor of the drone's organisation");
+  add(contract::resume, "end one's own stop, or all as a supervisor of the drone's organisation");
   return verbs;
 }
 

@@ -7,8 +7,6 @@
 namespace ledgerline::ground {
 namespace {
 
-constexpr double absurd = 100;  // m/s or rad/s, as link has it
-
 motion::PredictorConfig of_yaw() {
   motion::PredictorConfig config;
   config.learn = false;
@@ -19,7 +17,8 @@ motion::PredictorConfig of_yaw() {
 
 bool believable(const Twist& wish) {
   const auto within = [](const std::array<double, 3>& values) {
-    return std::all_of(values.begin(), values.end(), [](double v) { return std::abs(v) <= absurd; });  // NaN fails
+    return std::all_of(values.begin(), values.end(),
+                       [](double v) { return std::abs(v) <= absurd_speed; });  // NaN fails
   };
   return within(wish.linear_mps) && within(wish.angular_radps);
 }

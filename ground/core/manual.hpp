@@ -2,12 +2,13 @@
 #include <array>
 #include <vector>
 
+#include "common/msg/onboard.hpp"
 #include "common/msg/ros.hpp"
 #include "ground/core/controller.hpp"
 
 namespace ledgerline::ground {
 
-/// Every number finite and within 100 m/s or rad/s: what is not is an error, not a wish to be limited.
+/// Every number finite and within absurd_speed.
 bool believable(const Twist& wish);
 
 /// A person flies: turns the velocity that was wished last (geometry_msgs/msg/Twist in the drone's frame: x forward, y

@@ -36,7 +36,7 @@ void read_path(Config& config, FlightConfig& flight) {
           {"flight.cmd_timeout_ms",
            "manual: a pilot's velocity holds so long, then the drone hovers. At most 500: nobody flies on for "
            "longer by a joystick that fell silent"},
-          300, 50, 500) *
+          300, 50, ManualController::max_timeout_ns / ns_per_ms) *
       ns_per_ms;
   flight.side_m = config.number({"flight.side_m", "of the square; the other shapes are as wide"}, 1.5, 0.2, 50);
   flight.laps = static_cast<int>(config.integer({"flight.laps", "of the path, then land"}, 3, 1, 10'000));

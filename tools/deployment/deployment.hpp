@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "common/base/result.hpp"
 #include "common/config/config.hpp"
 
@@ -15,12 +16,12 @@ namespace ledgerline::deployment {
 /// What carries states and commands; none: the same controller beside the driver.
 enum class LedgerKind : std::uint8_t { embedded, fabric, none };
 inline constexpr std::array ledger_kinds{"embedded", "fabric", "none"};
-static_assert(ledger_kinds.size() == static_cast<std::size_t>(LedgerKind::none) + 1);
+static_assert(ledger_kinds.size() == enum_count<LedgerKind>);
 constexpr const char* name_of(LedgerKind kind) { return ledger_kinds[static_cast<std::size_t>(kind)]; }
 LedgerKind ledger_kind_of(std::string_view name);  ///< a name of the array
 
 enum class Role { onboard, ground, ledger };
-inline constexpr std::size_t role_count = 3;
+inline constexpr std::size_t role_count = enum_count<Role>;
 const char* name_of(Role role);
 
 struct Host {

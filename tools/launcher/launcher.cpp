@@ -291,12 +291,11 @@ Status Launcher::fly() {
     }
     if (flying && result) result = supervise_onboard(now_ns);
     flying = flying && result;
-    const int interrupts = interrupts_;
-    if (interrupts > interrupts_seen && flying) {
-      if (interrupts_seen == 0) live_.say("Landing all drones (once more Ctrl-C: do not wait for them)");
-      if (interrupts_seen > 0) flying = false;
+    if (interrupts_ > interrupts_seen && flying) {
+      interrupts_seen = interrupts_;
       children_.signal(controller_, SIGTERM);
-      interrupts_seen = interrupts;
+      flying = !hurry();
+      if (flying) live_.say("Landing all drones (once more Ctrl-C: do not wait for them)");
       if (!flying) result = Error{"interrupted twice: the drones were not awaited"};
     }
   }
@@ -364,22 +363,21 @@ void Launcher::recycle_shared_memory() {
 
 // Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
 void Launcher::stop_all(bool landed) {
-  const bool hurry = interrupts_ > 1;
   std::vector<std::string> order{controller_, "agent", "link", proxy_name, "sim", ledger_, "roudi"};
-  if (!landed && !hurry && children_.running("link") && children_.running("sim") && live_.anything_in_air()) {
+  if (!landed && !hurry() && children_.running("link") && children_.running("sim") && live_.anything_in_air()) {
     live_.say("Landing all drones");
     children_.signal("link", SIGTERM);
     const TimeNs until_ns = monotonic_ns() + landing_patience_ns;
-    while (children_.running("link") && monotonic_ns() < until_ns && interrupts_ <= 1) {
+    while (children_.running("link") && monotonic_ns() < until_ns && !hurry()) {
       children_.poll(watch_ns);
       live_.show(monotonic_ns());
     }
   }
   for (const auto& name : order) {
     if (name.empty() || !children_.running(name)) continue;
-    const TimeNs patience = name == "fabric" ? fabric_patience_ns : hurry ? ns_per_s : patience_ns;
+    const TimeNs patience = name == "fabric" ? fabric_patience_ns : hurry() ? ns_per_s : patience_ns;
     const bool in_time = children_.stop(name, patience);
-    if (!in_time && !hurry) {
+    if (!in_time && !hurry()) {
       record_.ok = false;
       record_.why +=
           fmt::format("{}{} did not end when asked to and was killed", record_.why.empty() ? "" : "; ", name);

@@ -64,6 +64,7 @@ class Launcher {
   Status fly();
   void write_usage(const timing::UsageRecord& usage);
   Status supervise_onboard(TimeNs now_ns);
+  bool hurry() const { return interrupts_ > 1; }  ///< Ctrl-C twice: no drone is awaited
   bool serves(const std::string& name) const { return children_.running(name) && ready_.contains(name); }
   bool may_start(const std::string& name) const;
   Status start_again(const std::string& name);

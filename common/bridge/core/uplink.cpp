@@ -197,7 +197,8 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
     repeat_others(argument, number);
     append_stream(argument);
   }
-  Submit submit{.number = number, .call = {.function = "set", .args = {}, .told_by_block = true}, .bulk = kind == bulk};
+  Submit submit{
+      .number = number, .call = {.function = contract::set, .args = {}, .told_by_block = true}, .bulk = kind == bulk};
   submit.call.args.push_back(std::move(argument));
   lane.in_flight.add(number, now, std::move(messages));
   return submit;

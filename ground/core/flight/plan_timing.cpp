@@ -8,7 +8,8 @@ namespace ledgerline::ground {
 namespace {
 
 constexpr TimeNs min_plan_delay_ns = 10 * ns_per_ms;
-constexpr TimeNs max_beyond_ns = 1'900 * ns_per_ms;  // agent takes no setpoint for later than 2 s from now
+constexpr TimeNs max_beyond_ns =
+    contract::max_plan_ns - 100 * ns_per_ms;  // agent refuses what is later than the former
 // Of the plans: there before their first setpoint's moment. More would make all of them for later, and what is not
 // foreseen (gusts) grows with that; one that comes late only takes over late.
 constexpr double in_time = 0.75;

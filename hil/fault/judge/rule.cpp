@@ -17,7 +17,7 @@ using Takes = RuleKind::Takes;
 
 /// What stands for {} in help.
 constexpr std::array<std::string_view, 7> examples{"", "2 s", "0.4 m", "1.5 m/s", "70", "MODE|CAUSE", "COMMAND"};
-static_assert(examples.size() == static_cast<std::size_t>(Takes::command) + 1);
+static_assert(examples.size() == enum_count<Takes>);
 
 std::optional<FailsafeMode> mode_of(std::string_view word) {
   for (const FailsafeMode mode : {FailsafeMode::hold, FailsafeMode::brake, FailsafeMode::land, FailsafeMode::cut}) {

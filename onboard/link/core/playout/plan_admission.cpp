@@ -6,14 +6,10 @@
 namespace ledgerline::link {
 namespace {
 
-// More than any drone here can do: such a number is an error, not a wish to be limited.
-constexpr float absurd_mps = 100;
-constexpr float absurd_radps = 100;
-
 bool believable(const Setpoint& setpoint) noexcept {
   return std::all_of(setpoint.velocity_mps.begin(), setpoint.velocity_mps.end(),
-                     [](float v) { return std::isfinite(v) && std::abs(v) <= absurd_mps; }) &&
-         std::isfinite(setpoint.yaw_rate_radps) && std::abs(setpoint.yaw_rate_radps) <= absurd_radps;
+                     [](float v) { return std::isfinite(v) && std::abs(v) <= absurd_speed; }) &&
+         std::isfinite(setpoint.yaw_rate_radps) && std::abs(setpoint.yaw_rate_radps) <= absurd_speed;
 }
 
 }  // namespace

@@ -186,12 +186,6 @@ TEST(Key, WhatIsNoP256KeyIsRefused) {
   }
 }
 
-TEST(Library, NamesAreChecked) {
-  EXPECT_EQ(library_from_name("mbedtls").value(), Library::mbedtls);
-  EXPECT_EQ(library_from_name("libcrypto").value(), Library::libcrypto);
-  EXPECT_NE(library_from_name("openssl").error().what.find("mbedtls or libcrypto"), std::string::npos);
-}
-
 TEST(Random, BytesDiffer) {
   EXPECT_EQ(random_bytes(24).size(), 24U);
   EXPECT_NE(random_bytes(24), random_bytes(24));
