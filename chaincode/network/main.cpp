@@ -18,6 +18,7 @@
 #include "chaincode/network/processes/start_check.hpp"
 #include "chaincode/network/run_file.hpp"
 #include "chaincode/node/storage/files.hpp"
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
@@ -89,17 +90,12 @@ Status write_summary(const std::string& path, Network& network) {
     cpu[one.name] = one.cpu_s;
     restarts[one.name] = one.restarts;
   }
-  std::ofstream out(path);
-  out << nlohmann::json{{"blocks", counts->blocks},
-                        {"transactions", counts->transactions},
-                        {"storage", *storage},
-                        {"cpu_seconds", cpu},
-                        {"restarts", restarts}}
-             .dump(2)
-      << "\n";
-  out.close();
-  if (!out) return Error{"cannot write " + path};
-  return done;
+  const nlohmann::json summary{{"blocks", counts->blocks},
+                               {"transactions", counts->transactions},
+                               {"storage", *storage},
+                               {"cpu_seconds", cpu},
+                               {"restarts", restarts}};
+  return write_file(path, summary.dump(2) + "\n");
 }
 
 /// Until SIGINT or SIGTERM. `ready`: called once.

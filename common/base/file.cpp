@@ -23,7 +23,10 @@ Status write_file(const std::string& path, std::string_view content, int mode) {
   std::error_code error;
   std::filesystem::create_directories(std::filesystem::path(path).parent_path(), error);  // open() says what is wrong
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode);
-  bool good = fd >= 0 && ::fchmod(fd, static_cast<mode_t>(mode)) == 0;
+  struct stat is {};
+  bool good = fd >= 0 && ::fstat(fd, &is) == 0;
+  // The mode of a terminal or of /dev/null is not ours to change.
+  if (good && S_ISREG(is.st_mode)) good = ::fchmod(fd, static_cast<mode_t>(mode)) == 0;
   while (good && !content.empty()) {
     const ssize_t n = ::write(fd, content.data(), content.size());
     good = n > 0 || (n < 0 && errno == EINTR);

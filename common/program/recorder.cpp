@@ -1,8 +1,8 @@
 #include "common/program/recorder.hpp"
 
-#include <fstream>
 #include <utility>
 
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 
 namespace ledgerline {
@@ -27,11 +27,7 @@ Status Recorder::end(const std::string& summary_file, const std::function<std::s
     if (trace_->dropped() > 0) spdlog::warn("{}: {} records did not fit", trace_file_, trace_->dropped());
   }
   if (summary_file.empty()) return done;
-  std::ofstream file(summary_file);
-  file << summary() << "\n";
-  file.close();
-  if (!file) return Error{"cannot write " + summary_file};
-  return done;
+  return write_file(summary_file, summary() + "\n");
 }
 
 }  // namespace ledgerline

@@ -64,7 +64,7 @@ Status FlightCore::set_control(const std::string& control) {
   if (auto status = parse_message(control, record); !status) return status;
   const auto change = leases_.set(record);
   if (!change) return change.error();
-  if (*change) take_lease(0, **change);
+  if (*change) lease_changed(0, **change);
   return ledgerline::done;
 }
 
@@ -121,7 +121,7 @@ void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOut
     } else if (tx.event_name == contract::command) {
       if (outbox_) outbox_->take_block(now_ns, tx);
     } else if (belief::is_control_event(tx.event_name)) {
-      for (const LeaseBook::Change& change : leases_.take(tx, inputs.realtime_s)) take_lease(now_ns, change);
+      for (const LeaseBook::Change& change : leases_.take(tx, inputs.realtime_s)) lease_changed(now_ns, change);
     }
   }
 }
@@ -148,12 +148,12 @@ void FlightCore::take_state(TimeNs now_ns, std::size_t index, const StateSample&
                         .stamp_ns = sample.stamp_ns});
 }
 
-void FlightCore::take_lease(TimeNs now_ns, const LeaseBook::Change& change) {
+void FlightCore::lease_changed(TimeNs now_ns, const LeaseBook::Change& change) {
   if (change.new_epoch) {
     if (outbox_) outbox_->begin_lease(change.drone, leases_.of(change.drone).epoch);
     timing_.begin_lease(change.drone);
   }
-  drones_[change.drone]->phases.take_lease(now_ns);
+  drones_[change.drone]->phases.lease_changed(now_ns);
 }
 
 void FlightCore::take_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {

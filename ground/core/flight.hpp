@@ -76,7 +76,7 @@ class FlightCore {
 
   void take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
   void take_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out);
-  void take_lease(TimeNs now_ns, const LeaseBook::Change& change);
+  void lease_changed(TimeNs now_ns, const LeaseBook::Change& change);
   void take_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
   void take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& out);
   void step_drone(TimeNs now_ns, std::size_t index, const FlightInputs& inputs, FlightOutputs& out);

@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
@@ -40,11 +40,9 @@ struct Options {
 };
 
 bool write(const std::string& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file) spdlog::error("{} cannot be written", path);
-  return static_cast<bool>(file);
+  const Status written = write_file(path, text);
+  if (!written) spdlog::error("{}", written.error().what);
+  return written.ok();
 }
 
 /// Says how each run went, and how long the rest will take.

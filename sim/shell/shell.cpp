@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <cstdio>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <vector>
 
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/msg/ros.hpp"
 #include "common/program/stop_signals.hpp"
@@ -106,10 +106,7 @@ class Record {
                         {"battery", truth.battery}});
     }
     const nlohmann::json summary{{"drones", drones}, {"max_late_ms", to_ms(max_late)}, {"unsent", unsent}};
-    std::ofstream file(summary_file_);
-    file << summary.dump(2) << "\n";
-    if (!file.flush()) return Error{"cannot write the summary to " + summary_file_};
-    return done;
+    return write_file(summary_file_, summary.dump(2) + "\n");
   }
 
  private:

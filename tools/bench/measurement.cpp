@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <optional>
 
 #include "chaincode/node/storage/files.hpp"
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "tools/launcher/machine.hpp"
@@ -60,11 +60,7 @@ Status Measurement::write_json() const {
   text.resize(text.size() - 2);  // "\n}": the runs follow, one a line
   text += ",\n \"runs\": [";
   for (std::size_t i = 0; i < runs_.size(); ++i) text += (i > 0 ? ",\n  " : "\n  ") + to_json(runs_[i]).dump();
-  std::ofstream file(o_.json);
-  file << text << "\n ]\n}\n";
-  file.close();
-  if (!file) return Error{"cannot write " + o_.json};
-  return done;
+  return write_file(o_.json, text + "\n ]\n}\n");
 }
 
 // Contenders on one network; a new one after a collapse, so that nobody finds another's backlog.

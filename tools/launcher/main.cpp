@@ -6,12 +6,12 @@
 #include <csignal>
 #include <ctime>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "common/base/disk_space.hpp"
+#include "common/base/file.hpp"
 #include "common/program/stop_signals.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/launcher.hpp"
@@ -45,14 +45,6 @@ fs::path default_run_directory() {
   std::strftime(name, sizeof name, "%Y%m%d-%H%M%S", &local);
   const fs::path build = own_directory().parent_path().parent_path();
   return (build.filename() == "build" ? build : fs::current_path()) / "runs" / name;
-}
-
-bool write_file(const std::string& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file) fmt::print(stderr, "fly: cannot write {}\n", path);
-  return static_cast<bool>(file);
 }
 
 int fail(const std::string& what) {
@@ -96,18 +88,20 @@ int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
   fly::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, stop_requests);
   const fly::RunRecord record = launcher.run();
   report::Results results = report::read_results(files, options, record);
-  bool written = true;
+  Status written = done;
   if (!options.json.empty()) written = write_file(options.json, report::to_json(results).dump(2) + "\n");
   if (record.begin_ns > 0) {
     std::cout << report::to_table(results);
     const auto page = report::to_page(results, report::chart_js_file);
-    if (!page) fmt::print(stderr, "fly: no page: {}\n", page.error().what);
-    if (page && write_file(files.in("report.html"), *page)) std::cout << "  page: " << files.in("report.html") << "\n";
-    written = written && page;
+    const Status shown = page ? write_file(files.in("report.html"), *page) : Status(page.error());
+    if (shown) std::cout << "  page: " << files.in("report.html") << "\n";
+    if (!shown) fmt::print(stderr, "fly: no page: {}\n", shown.error().what);
+    if (written) written = shown;
   }
   std::cout.flush();
   if (!results.ok) return fail(results.why);
-  return written && std::cout ? EXIT_SUCCESS : EXIT_FAILURE;
+  if (!written) return fail(written.error().what);
+  return std::cout ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
 #include <unistd.h>
 
 #include <csignal>
-#include <fstream>
 
 #include "chaincode/node/server/services.hpp"
+#include "common/base/file.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
@@ -30,11 +30,7 @@ Status write_summary(const std::string& path, const node::Node& ledger, const st
                                {"invalid", counts.invalid},
                                {"storage", storage},
                                {"disk_ms", ledger.disk_ms()}};
-  std::ofstream out(path);
-  out << summary.dump(2) << "\n";
-  out.close();
-  if (!out) return Error{"cannot write " + path};
-  return done;
+  return write_file(path, summary.dump(2) + "\n");
 }
 
 }  // namespace

@@ -102,7 +102,7 @@ bool Downlink::has_type(std::size_t topic, std::string_view type) const {
   return first == by_ros_name_.end() || first->second == topic || topics_[first->second].type == type;
 }
 
-void Downlink::look_at(TimeNs real_now, const fabric::Transaction& tx, Signer& signer) {
+void Downlink::identify(TimeNs real_now, const fabric::Transaction& tx, Signer& signer) {
   signer.known = true;
   signer.hash = std::hash<std::string>{}(tx.creator);
   const auto member = believed_.member(tx.creator, real_now / ns_per_s);
@@ -132,7 +132,7 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
       refuse(topic, Refusal::unnamed);
       continue;
     }
-    if (!signer.known) look_at(real_now, tx, signer);
+    if (!signer.known) identify(real_now, tx, signer);
     const std::string_view owner = first_segment(asset.id);
     if (asset.origin.writer == config_.writer || (asset.origin.writer == 0 && signer.name == config_.self)) {
       refuse(topic, Refusal::echo);

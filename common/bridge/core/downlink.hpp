@@ -130,7 +130,7 @@ class Downlink {
   Match match(std::string_view id);
   std::size_t topic_of(std::string_view id, const Match& match);
   bool has_type(std::size_t topic, std::string_view type) const;
-  void look_at(TimeNs real_now, const fabric::Transaction& tx, Signer& signer);
+  void identify(TimeNs real_now, const fabric::Transaction& tx, Signer& signer);
   bool in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream);
   void deliver(TimeNs real_now, std::size_t topic, const AssetView& asset, std::vector<Delivery>& out);
   void refuse(Topic& topic, Refusal why) { ++topic.counters.refusals[static_cast<std::size_t>(why)]; }

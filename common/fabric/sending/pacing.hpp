@@ -14,7 +14,7 @@ namespace ledgerline::fabric {
 ///  - at least an eighth of the oldest one's age: while a ledger is away, less and less is added.
 class Pacing {
  public:
-  static constexpr TimeNs shortest_ns = 10 * ns_per_ms, max_ns = 200 * ns_per_ms;
+  static constexpr TimeNs min_ns = 10 * ns_per_ms, max_ns = 200 * ns_per_ms;
 
   /// `oldest`, `last`: when the oldest of those that are not committed was submitted, and the last one.
   bool may_go(TimeNs now, TimeNs oldest, TimeNs last) const {
@@ -23,13 +23,13 @@ class Pacing {
   void ended(const Outcome& outcome) {
     if (outcome.ordered_after_ns == 0) return;
     smoothed_ns_ = smoothed_ns_ == 0 ? outcome.ordered_after_ns : (7 * smoothed_ns_ + outcome.ordered_after_ns) / 8;
-    gap_ns_ = std::clamp(4 * smoothed_ns_, shortest_ns, max_ns);
+    gap_ns_ = std::clamp(4 * smoothed_ns_, min_ns, max_ns);
   }
   TimeNs gap_ns() const { return gap_ns_; }
 
  private:
   TimeNs smoothed_ns_ = 0;
-  TimeNs gap_ns_ = 10 * shortest_ns;  // until something is known
+  TimeNs gap_ns_ = 10 * min_ns;  // until something is known
 };
 
 }  // namespace ledgerline::fabric

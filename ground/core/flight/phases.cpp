@@ -45,7 +45,7 @@ void Phases::end_path() {
     status_.path_ns[1] = seen_.state.stamp_ns;
 }
 
-void Phases::take_lease(TimeNs now) {
+void Phases::lease_changed(TimeNs now) {
   if (!in_air()) return;
   if (is_stopped(lease_.stoppers)) {
     land(now, "stopped by " + stopper_names(lease_.stoppers));

@@ -29,7 +29,7 @@ class Phases {
   void advance(TimeNs now, TimeNs delay_ns);
   void check_time(TimeNs now);
   /// The lease changed, or somebody stopped the drone.
-  void take_lease(TimeNs now);
+  void lease_changed(TimeNs now);
   /// Ends the flight, where it is not landing already.
   void land(TimeNs now, const std::string& why);
   /// Its pilot wants it down, also where it was given up.

@@ -2,9 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
-
 #include "common/base/enum_count.hpp"
+#include "common/base/file.hpp"
 #include "common/msg/names.hpp"
 #include "common/rt/histogram_json.hpp"
 
@@ -79,11 +78,7 @@ Status write_summary(const std::string& path, const LinkCore& core, const LoopFi
   nlohmann::json drones = nlohmann::json::array();
   for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, courier.lost(report.number)));
   const nlohmann::json summary{{"drones", drones}, {"loop", to_json(loop)}, {"realtime", realtime}};
-  std::ofstream file(path);
-  file << summary.dump(2) << '\n';
-  file.close();
-  if (!file) return Error{fmt::format("cannot write the summary to {}", path)};
-  return done;
+  return write_file(path, summary.dump(2) + "\n");
 }
 
 }  // namespace ledgerline::link

@@ -1,5 +1,6 @@
 #include "common/base/file.hpp"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -22,6 +23,19 @@ TEST(WriteFile, MakesTheWayThereAndWritesOver) {
   ASSERT_FALSE(below_a_file.ok());
   EXPECT_THAT(below_a_file.error().what, ::testing::HasSubstr("cannot write " + path + "/d: Not a directory"));
   std::filesystem::remove_all(dir);
+}
+
+TEST(WriteFile, LeavesTheModeOfWhatIsNoRegularFile) {
+  const std::string path = ::testing::TempDir() + "/write_file_fifo_" + std::to_string(::getpid());
+  ASSERT_EQ(::mkfifo(path.c_str(), 0666), 0);
+  ASSERT_EQ(::chmod(path.c_str(), 0666), 0);
+  const int reader = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  EXPECT_TRUE(write_file(path, "text", 0600).ok());
+  struct stat info {};
+  ASSERT_EQ(::stat(path.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777U, 0666U);
+  ::close(reader);
+  std::filesystem::remove(path);
 }
 
 }  // namespace

@@ -37,10 +37,10 @@ TEST(Recorder, WritesNothingThatIsNotAskedFor) {
 
 TEST(Recorder, AFileThatCannotBeWrittenIsAnErrorThatNamesIt) {
   Recorder recorder;
-  EXPECT_FALSE(recorder.open("/nowhere/trace"));
-  const auto ended = recorder.end("/nowhere/summary", [] { return "{}"; });
+  EXPECT_FALSE(recorder.open("/dev/null/trace"));
+  const auto ended = recorder.end("/dev/null/summary", [] { return "{}"; });
   ASSERT_FALSE(ended);
-  EXPECT_EQ(ended.error().what, "cannot write /nowhere/summary");
+  EXPECT_EQ(ended.error().what, "cannot write /dev/null/summary: Not a directory");
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ TEST_F(PhasesTest, OnTheGroundUnderOurLeaseItTakesOffAndSaysSoInAPlan) {
 TEST_F(PhasesTest, ALostLeaseFailsAStopLands) {
   phases.advance(0, 0);
   *lease.stoppers.add_stoppers() = stop_of("tello1", stranger_name);
-  phases.take_lease(0);
+  phases.lease_changed(0);
   EXPECT_EQ(status.phase, DronePhase::landing);
   lease.may_command = false;
   EXPECT_FALSE(planner.make(0, {})) << "others land it";
@@ -51,7 +51,7 @@ TEST_F(PhasesTest, ALostLeaseFailsAStopLands) {
 TEST_F(PhasesTest, ALeaseThatIsAnothersEndsTheFlight) {
   phases.advance(0, 0);
   lease.holder = stranger_name;
-  phases.take_lease(0);
+  phases.lease_changed(0);
   EXPECT_EQ(status.phase, DronePhase::failed);
   EXPECT_EQ(status.why, "lost its lease to CN=User1@org3");
 }
