@@ -14,8 +14,9 @@ struct Function {
 constexpr std::array functions{
     Function{contract::set, set_assets},      Function{contract::get, get_assets},
     Function{contract::history, get_history}, Function{contract::delete_, delete_asset},
-    Function{contract::enroll, enroll},       Function{contract::acquire, acquire},
-    Function{contract::release, release},     Function{contract::command, command},
+    Function{contract::enroll, enroll},       Function{contract::grant, grant},
+    Function{contract::acquire, acquire},     Function{contract::release, release},
+    Function{contract::evict, evict},         Function{contract::command, command},
     Function{contract::stop, stop},           Function{contract::resume, resume},
     Function{contract::fold, fold},
 };

@@ -68,8 +68,13 @@ Status check_id(const std::string& id) {
   if (!std::all_of(id.begin(), id.end(), is_id_char)) {
     return Error{"an id has characters other than [A-Za-z0-9_./-]"};
   }
-  if (id.front() == '/' || id.back() == '/' || id.find("//") != std::string::npos) {
-    return Error{id + ": an id's segments must not be empty"};
+  for (std::size_t at = 0; at <= id.size();) {
+    const std::size_t end = std::min(id.find('/', at), id.size());
+    const std::string_view segment = std::string_view(id).substr(at, end - at);
+    if (segment.empty()) return Error{id + ": an id's segments must not be empty"};
+    // Whoever makes a path or a topic of an id must not end up under another name.
+    if (segment == "." || segment == "..") return Error{id + ": an id's segments must not be . or .."};
+    at = end + 1;
   }
   return done;
 }
@@ -82,6 +87,9 @@ Status check_drone_name(const std::string& name) {
   if (name == "asset" || name == "frame" || std::ranges::find(record_kinds, name) != record_kinds.end()) {
     return Error{name + ": a reserved word"};
   }
+  if (std::ranges::find(contract::reserved_names, name) != contract::reserved_names.end()) {
+    return Error{name + ": ROS 2 or motion capture needs this name"};
+  }
   if (name.size() >= 3 && name.compare(name.size() - 3, 3, "MSP") == 0) {
     return Error{name + ": names that end with MSP belong to organisations"};
   }
@@ -91,6 +99,8 @@ Status check_drone_name(const std::string& name) {
 std::string asset_key(const std::string& id) { return "asset/" + id; }
 std::string control_key(const std::string& drone) { return "control/" + drone; }
 std::string owner_key(const std::string& drone) { return "owner/" + drone; }
+std::string grant_key(const std::string& drone) { return "grant/" + drone; }
+std::string drones_key(const std::string& msp_id) { return "drones/" + msp_id; }
 std::string stops_prefix(const std::string& drone) { return "stop/" + drone + "/"; }
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper) {
   return stops_prefix(drone) + name_hash(stopper);

@@ -34,19 +34,21 @@ std::string write_form(const Arguments& call, const google::protobuf::Message& m
 /// The same for a list of assets; `single` chooses JSON's form of one asset.
 std::string write_assets(const Arguments& call, const Assets& assets, bool single);
 
-/// An id is 1 to 128 characters of [A-Za-z0-9_./-], segments are not empty.
+/// An id is 1 to 128 characters of [A-Za-z0-9_./-]; no segment is empty, "." or "..".
 Status check_id(const std::string& id);
-/// A drone's name is one segment, no reserved word, and no MSP id (those end with "MSP").
+/// A drone's name is one segment, no reserved word, nothing that ROS 2 needs, and no MSP id (those end with "MSP").
 Status check_drone_name(const std::string& name);
 std::string first_segment(const std::string& id);
 /// Ids that begin so are records of the contract, which it writes itself.
-inline constexpr std::array<std::string_view, 7> record_kinds{"control", "role", "command", "lease",
-                                                              "host",    "stop", "owner"};
+inline constexpr std::array<std::string_view, 9> record_kinds{"control", "role",  "command", "lease", "host",
+                                                              "stop",    "owner", "grant",   "drones"};
 
 /// Key layout. "stream" assets of one writer live together in frame_key, all others in asset_key.
 std::string asset_key(const std::string& id);
 std::string control_key(const std::string& drone);
 std::string owner_key(const std::string& drone);
+std::string grant_key(const std::string& drone);
+std::string drones_key(const std::string& msp_id);
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper);
 std::string stops_prefix(const std::string& drone);  ///< what all of its stops' keys begin with
 std::string frame_key(const crypto::IdentityName& owner);
@@ -68,8 +70,10 @@ Response delete_asset(Stub& stub, const Arguments& call);
 Response get_assets(Stub& stub, const Arguments& call);
 Response get_history(Stub& stub, const Arguments& call);
 Response enroll(Stub& stub, const Arguments& call);
+Response grant(Stub& stub, const Arguments& call);
 Response acquire(Stub& stub, const Arguments& call);
 Response release(Stub& stub, const Arguments& call);
+Response evict(Stub& stub, const Arguments& call);
 Response command(Stub& stub, const Arguments& call);
 Response stop(Stub& stub, const Arguments& call);
 Response resume(Stub& stub, const Arguments& call);

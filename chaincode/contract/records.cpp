@@ -23,7 +23,9 @@ void erase(Names& names, const std::string& name) {
   names.erase(std::remove(names.begin(), names.end(), name), names.end());
 }
 
-Status lay_in_stops(Stub& stub, Control& control) {
+namespace {
+
+Status add_stops(Stub& stub, Control& control) {
   constexpr std::size_t step = 64;
   control.clear_stoppers();
   const std::string prefix = stops_prefix(control.drone());
@@ -47,17 +49,28 @@ Status lay_in_stops(Stub& stub, Control& control) {
   }
 }
 
+}  // namespace
+
+Status add_stops_and_grants(Stub& stub, Control& control) {
+  auto grants = read_record<Grants>(stub, grant_key(control.drone()));
+  if (!grants) return grants.error();
+  control.clear_grants();
+  if (*grants) *control.mutable_grants() = std::move(*(*grants)->mutable_grants());
+  return add_stops(stub, control);
+}
+
 Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone) {
   auto control = read_record<Control>(stub, control_key(drone));
   if (!control || !*control) return control;
-  if (Status status = lay_in_stops(stub, **control); !status) return status.error();
+  if (Status status = add_stops_and_grants(stub, **control); !status) return status.error();
   return control;
 }
 
-Status write_control(Stub& stub, const Control& control) {
+Control stored_part(const Control& control) {
   Control stored = control;
   stored.clear_stoppers();
-  return write_record(stub, control_key(control.drone()), stored);
+  stored.clear_grants();
+  return stored;
 }
 
 Status write_stop(Stub& stub, const Stop& stop) {

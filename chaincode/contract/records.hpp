@@ -4,9 +4,9 @@
 
 #include "chaincode/contract/contract_common.hpp"
 
-/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, owner/<drone>, role/<identity>, and the two
-/// that the hot path reads instead of every drone's control record, lease/<holder>/<epoch> and host/<owner>. Each is
-/// kept as an asset, so that `get` serves it.
+/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, grant/<drone>, owner/<drone>, drones/<MSP id>,
+/// role/<identity>, and the two that the hot path reads instead of every drone's control record,
+/// lease/<holder>/<epoch> and host/<owner>. Each is kept as an asset, so that `get` serves it.
 namespace ledgerline::chaincode {
 
 /// nullopt: there is none.
@@ -65,13 +65,13 @@ inline bool contains(const Names& names, const std::string& name) {
 void insert(Names& names, const std::string& name);
 void erase(Names& names, const std::string& name);
 
-/// Lays the stops that stand into a control record. They come from a range, so whoever writes after reading them loses
-/// to a stop that came between; the stop, which reads nothing of this, loses to nobody.
-Status lay_in_stops(Stub& stub, Control& control);
-/// With its stops; nullopt: not enrolled.
+/// Adds the drone's grants, and the stops that stand, to a control record. Stops come from a range, so whoever writes
+/// after reading them loses to a stop that came between; the stop, which reads nothing of this, loses to nobody.
+Status add_stops_and_grants(Stub& stub, Control& control);
+/// With its stops and grants; nullopt: not enrolled.
 Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone);
-/// Without its stops, which have keys of their own.
-Status write_control(Stub& stub, const Control& control);
+/// A control record as it is stored: without its stops and grants, which have keys of their own.
+Control stored_part(const Control& control);
 Status write_stop(Stub& stub, const Stop& stop);
 Result<Role> read_role(Stub& stub, const crypto::IdentityName& who);
 

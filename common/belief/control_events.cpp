@@ -6,6 +6,7 @@
 #include <string>
 
 #include "common/msg/contract.hpp"
+#include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
 
@@ -15,6 +16,17 @@ namespace {
 bool same(const Identity& a, const crypto::IdentityName& b) {
   return a.msp_id() == b.msp_id && a.subject() == b.subject;
 }
+
+Identity to_message(const crypto::IdentityName& name) {
+  Identity identity;
+  identity.set_msp_id(name.msp_id);
+  identity.set_subject(name.subject);
+  return identity;
+}
+
+/// Calls of messages alone; the others may be plain strings.
+template <typename Message>
+constexpr bool has_plain_form = !std::is_same_v<Message, EnrollCall> && !std::is_same_v<Message, GrantCall>;
 
 /// Plain strings: drones, and options as "key=value".
 template <typename Message>
@@ -40,7 +52,7 @@ bool read_plain(const std::vector<std::string>& args, Message& call) {
 template <typename Message>
 bool read_call(const AskedCall& call, Message& asked) {
   if (std::all_of(call.args.begin(), call.args.end(), [](const std::string& arg) { return is_plain(arg); })) {
-    if constexpr (!std::is_same_v<Message, EnrollCall>) return read_plain(call.args, asked);
+    if constexpr (has_plain_form<Message>) return read_plain(call.args, asked);
     return false;
   }
   return call.args.size() == 1 && parse_message(call.args[0], asked);
@@ -84,33 +96,49 @@ Status expect(const Control& expected, const Control& after) {
 
 Status acquired(const LeaseCall& asked, const Control& before, const Control& after, const Creator& creator) {
   const bool mine = same(before.holder(), creator.name);
+  const Rights rights = rights_of(before, to_message(creator.name));
+  if (!rights.fly || asked.priority() > rights.max_priority) return Error{"its creator is not granted that"};
   if (before.has_holder() && !mine && asked.priority() <= before.priority())
     return Error{"somebody holds the lease with no lower priority"};
   if (!mine && after.epoch() <= before.epoch()) return Error{"its epoch does not grow"};
   Control expected = before;
-  expected.mutable_holder()->set_msp_id(creator.name.msp_id);
-  expected.mutable_holder()->set_subject(creator.name.subject);
+  *expected.mutable_holder() = to_message(creator.name);
   expected.set_epoch(after.epoch());
   expected.set_priority(asked.priority());
   return expect(expected, after);
 }
 
-Status released(const Control& before, const Control& after, const Creator& creator) {
-  if (!before.has_holder() || !same(before.holder(), creator.name)) return Error{"another one holds the lease"};
+Status lease_ended(const Control& before, const Control& after) {
   if (after.epoch() <= before.epoch()) return Error{"its epoch does not grow"};
   Control expected = before;
-  expected.clear_holder();
-  expected.set_priority(0);
-  expected.set_epoch(after.epoch());
+  end_lease(expected, after.epoch());
+  return expect(expected, after);
+}
+
+Status released(const Control& before, const Control& after, const Creator& creator) {
+  if (!before.has_holder() || !same(before.holder(), creator.name)) return Error{"another one holds the lease"};
+  return lease_ended(before, after);
+}
+
+Status evicted(const Control& before, const Control& after, const Creator& creator) {
+  if (before.owner().msp_id() != creator.name.msp_id) return Error{"its creator is of another organisation"};
+  if (!before.has_holder()) return Error{"nobody held the lease"};
+  return lease_ended(before, after);
+}
+
+Status granted(const GrantCall& asked, const Control& before, const Control& after, const Creator& creator) {
+  if (!creator.admin || before.owner().msp_id() != creator.name.msp_id)
+    return Error{"its creator is no administrator of the drone's organisation"};
+  Control expected = before;
+  set_grant(expected, asked.grant(), after.epoch());
+  if (before.has_holder() && !expected.has_holder() && after.epoch() <= before.epoch())
+    return Error{"its epoch does not grow"};
   return expect(expected, after);
 }
 
 Status resumed(const Control& before, const Control& after, const Creator& creator) {
   Control expected = before;
-  Identity self;
-  self.set_msp_id(creator.name.msp_id);
-  self.set_subject(creator.name.subject);
-  remove_stop(expected, self);
+  remove_stop(expected, to_message(creator.name));
   if (before.owner().msp_id() == creator.name.msp_id && after.stoppers().empty()) expected.clear_stoppers();
   return expect(expected, after);
 }
@@ -138,6 +166,7 @@ Result<ControlEvent> read_control_event(const AskedCall& call, std::string_view 
   if (!is_control_event(event_name)) return Error{"it is no control event"};
   if (call.function != event_name) return Error{"its event is of another function than was asked for"};
   if (call.function == contract::enroll) return read_as<EnrollCall>(call, event_payload);
+  if (call.function == contract::grant) return read_as<GrantCall>(call, event_payload);
   const bool lease = call.function == contract::acquire || call.function == contract::release;
   return lease ? read_as<LeaseCall>(call, event_payload) : read_as<DronesCall>(call, event_payload);
 }
@@ -148,6 +177,8 @@ Status control_follows(const ControlEvent& event, const Control& before, const C
   if (equal(before, after)) return done;
   if (event.function == contract::acquire) return acquired(std::get<LeaseCall>(event.asked), before, after, creator);
   if (event.function == contract::release) return released(before, after, creator);
+  if (event.function == contract::grant) return granted(std::get<GrantCall>(event.asked), before, after, creator);
+  if (event.function == contract::evict) return evicted(before, after, creator);
   if (event.function == contract::resume) return resumed(before, after, creator);
   if (event.function == contract::enroll) return enrolled(std::get<EnrollCall>(event.asked), before, after, creator);
   return Error{"a " + event.function + " changes no record"};
@@ -157,8 +188,8 @@ Status stop_follows(const ControlEvent& event, const Control& before, const Stop
   if (event.function != contract::stop) return Error{"it is no stop"};
   if (!same(stop.stopper(), creator.name) || stop.lifted()) return Error{"it is not its creator's own stop"};
   if (stop.cut() != std::get<DronesCall>(event.asked).cut()) return Error{"its cut is not as it was asked for"};
-  const bool may_cut = before.owner().msp_id() == creator.name.msp_id || same(before.holder(), creator.name);
-  if (stop.cut() && !may_cut) return Error{"its creator may not cut this drone's motors"};
+  if (stop.cut() && !rights_of(before, to_message(creator.name)).cut)
+    return Error{"its creator may not cut this drone's motors"};
   return done;
 }
 

@@ -7,13 +7,13 @@
 #include "common/crypto/crypto.hpp"
 #include "ledgerline.pb.h"
 
-/// Control events (enroll, acquire, release, stop, resume, fold) judged by what their creator signed and by the record
+/// Control events (enroll, grant, acquire, release, evict, stop, resume, fold) judged by what their creator signed and by the record
 /// before: what a peer that lies may still do with one is to leave it out. What a peer alone can know stays its word:
 /// whether the creator has the role that the contract asks for. Pure.
 namespace ledgerline::belief {
 
 /// What a creator asked for, whichever of the three forms it was written in.
-using ControlCall = std::variant<EnrollCall, LeaseCall, DronesCall>;
+using ControlCall = std::variant<EnrollCall, GrantCall, LeaseCall, DronesCall>;
 
 /// A control event that its call vouches for: it is of that function, and of exactly the drones that were asked for.
 struct ControlEvent {
@@ -35,11 +35,12 @@ struct Creator {
 /// Whether `after`, one of the event's records, is what its function makes of `before`; an error says why not. A record
 /// that is as before follows always: who reads records beside the blocks may have it already. An epoch never goes back,
 /// and grows with each change of holder; the owner's organisation never changes; nobody's stop is lifted but the
-/// creator's own, or all by the owner's organisation.
+/// creator's own, or all by the owner's organisation; a lease is acquired as far as the grants of the record before allow,
+/// and taken from its holder by the owner's organisation alone, or by a higher priority.
 Status control_follows(const ControlEvent& event, const Control& before, const Control& after, const Creator& creator);
 
-/// Whether one of the event's stops is its creator's own, as asked. A cut is for the drone's organisation and the
-/// lease's holder, by the record before.
+/// Whether one of the event's stops is its creator's own, as asked. A cut is for the drone's organisation and those
+/// whom it is granted to, by the record before.
 Status stop_follows(const ControlEvent& event, const Control& before, const Stop& stop, const Creator& creator);
 
 }  // namespace ledgerline::belief

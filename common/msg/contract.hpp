@@ -1,6 +1,7 @@
 #pragma once
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <string_view>
 
 #include "common/rt/clock.hpp"
@@ -15,8 +16,12 @@ inline constexpr std::size_t max_asset_bytes = 1'000'000;
 inline constexpr std::size_t max_call_bytes = 1'000'000;
 inline constexpr std::size_t max_call_assets = 1'000;
 inline constexpr std::size_t max_frame_bytes = 32'000;
-inline constexpr std::size_t max_drone_streams = 64;  ///< ids of one drone that stream
-inline constexpr std::size_t max_page_versions = 64;  ///< old values of a key that one call looks at
+inline constexpr std::size_t max_drone_streams = 64;         ///< ids of one drone that stream
+inline constexpr std::size_t max_organisation_drones = 256;  ///< names that an organisation enrolls
+inline constexpr std::size_t max_subject_chars = 1'024;      ///< of an identity that a drone is granted to
+inline constexpr std::size_t max_drone_grants = 64;  ///< identities and organisations that one drone is granted to
+inline constexpr std::uint32_t max_priority = 999'999'999;  ///< of a lease
+inline constexpr std::size_t max_page_versions = 64;        ///< old values of a key that one call looks at
 inline constexpr std::size_t max_page_bytes = 1'000'000;
 inline constexpr TimeNs max_plan_ns = 2 * ns_per_s;
 inline constexpr std::size_t max_plan_setpoints = 40;  ///< 2 s at 20 Hz
@@ -26,14 +31,21 @@ inline constexpr const char* get = "get";
 inline constexpr const char* history = "history";
 inline constexpr const char* delete_ = "delete";
 inline constexpr const char* enroll = "enroll";
+inline constexpr const char* grant = "grant";
 inline constexpr const char* acquire = "acquire";
 inline constexpr const char* release = "release";
+inline constexpr const char* evict = "evict";
 inline constexpr const char* command = "command";
 inline constexpr const char* stop = "stop";
 inline constexpr const char* resume = "resume";
 inline constexpr const char* fold = "fold";
 
-/// The functions that write who may do what: roles, leases, stops.
-inline constexpr std::array<std::string_view, 6> control_functions{enroll, acquire, release, stop, resume, fold};
+/// The functions that write who may do what: roles, grants, leases, stops.
+inline constexpr std::array<std::string_view, 8> control_functions{enroll, grant, acquire, release,
+                                                                   evict,  stop,  resume,  fold};
+
+/// Topics that ROS 2 and motion capture need for themselves: no drone has such a name.
+inline constexpr std::array<std::string_view, 8> reserved_names{
+    "clock", "diagnostics", "parameter_events", "robot_description", "rosout", "tf", "tf_static", "vrpn_mocap"};
 
 }  // namespace ledgerline::contract

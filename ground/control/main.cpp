@@ -7,6 +7,7 @@
 
 #include "common/base/log.hpp"
 #include "common/belief/client.hpp"
+#include "common/belief/control_records.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/sending/repeat.hpp"
@@ -14,6 +15,7 @@
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "ground/control/table.hpp"
 #include "ledgerline.pb.h"
 
 namespace {
@@ -25,10 +27,24 @@ struct Wish {
   std::string function;
   std::vector<std::string> drones;
   std::uint32_t priority = 0;
-  bool cut = false;
+  bool fly = false, stop = false, cut = false;
   double within_s = 30;
   std::string msp, certificate, role;
+  bool json = false;
 };
+
+/// The identity of a certificate file, or of nobody where no file is named.
+Result<Identity> identity_of(const Wish& wish) {
+  Identity identity;
+  identity.set_msp_id(wish.msp);
+  if (wish.certificate.empty()) return identity;
+  std::ifstream file(wish.certificate);
+  const std::string pem((std::istreambuf_iterator<char>(file)), {});
+  const auto certificate = crypto::parse_certificate(pem);
+  if (!certificate) return Error{wish.certificate + ": " + certificate.error().what};
+  identity.set_subject(certificate->subject);
+  return identity;
+}
 
 Result<fabric::Call> make_call(const Wish& wish) {
   const auto with_drones = [&](auto message) {
@@ -36,15 +52,24 @@ Result<fabric::Call> make_call(const Wish& wish) {
     return message;
   };
   if (wish.function == contract::enroll) {
-    std::ifstream file(wish.certificate);
-    const std::string pem((std::istreambuf_iterator<char>(file)), {});
-    const auto certificate = crypto::parse_certificate(pem);
-    if (!certificate) return Error{wish.certificate + ": " + certificate.error().what};
+    const auto identity = identity_of(wish);
+    if (!identity) return identity.error();
     EnrollCall call = with_drones(EnrollCall());
-    call.mutable_identity()->set_msp_id(wish.msp);
-    call.mutable_identity()->set_subject(certificate->subject);
+    *call.mutable_identity() = *identity;
     if (wish.role == "operator") call.set_role(OPERATOR);
     if (wish.role == "supervisor") call.set_role(SUPERVISOR);
+    return fabric::Call{wish.function, {call.SerializeAsString()}};
+  }
+  if (wish.function == contract::grant) {
+    const auto identity = identity_of(wish);
+    if (!identity) return identity.error();
+    GrantCall call = with_drones(GrantCall());
+    Grant& grant = *call.mutable_grant();
+    *grant.mutable_to() = *identity;
+    grant.set_fly(wish.fly);
+    grant.set_max_priority(wish.priority);
+    grant.set_stop(wish.stop);
+    grant.set_cut(wish.cut);
     return fabric::Call{wish.function, {call.SerializeAsString()}};
   }
   if (wish.function == contract::acquire || wish.function == contract::release) {
@@ -90,16 +115,48 @@ Status print_answer(const std::string& bytes) {
   return done;
 }
 
+constexpr const char* show = "show";
+
+/// The control records of the drones that were named, or of all, in pages.
+Result<std::vector<Control>> read_records(fabric::Client& client, const Wish& wish) {
+  const belief::Evaluate evaluate = [&](const fabric::Call& call) { return client.evaluate(call); };
+  if (!wish.drones.empty()) return belief::read_controls(wish.drones, evaluate);
+  std::vector<Control> controls;
+  QueryCall query;
+  query.set_id("control/*");
+  do {
+    const auto answer = evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
+    if (!answer) return answer.error();
+    Assets page;
+    if (auto status = parse_message(*answer, page); !status) return status.error();
+    for (const Asset& asset : page.assets()) {
+      if (auto status = parse_message(asset.msg_data(), controls.emplace_back()); !status) return status.error();
+    }
+    query.set_bookmark(page.bookmark());
+  } while (!query.bookmark().empty());
+  return controls;
+}
+
+Status show_records(fabric::Client& client, const Wish& wish) {
+  const auto controls = read_records(client, wish);
+  if (!controls) return Error{fmt::format("{}: {}", show, controls.error().what)};
+  if (!wish.json) return fmt::print("{}", ground::control_table(*controls)), done;
+  Controls all;
+  for (const Control& control : *controls) *all.add_controls() = control;
+  return fmt::print("{}\n", to_json(all)), done;
+}
+
 Status call_contract(const Wish& wish) {
   auto config = Config::load(wish.config);
   if (!config) return config.error();
   auto ledger = fabric::ledger_config(*config);
   if (auto status = config->finish(); !status) return status;
   if (!ledger) return ledger.error();
-  auto call = make_call(wish);
-  if (!call) return call.error();
   auto client = fabric::Client::create(belief::with_event_check(std::move(ledger).value()));
   if (!client) return client.error();
+  if (wish.function == show) return show_records(**client, wish);
+  auto call = make_call(wish);
+  if (!call) return call.error();
   const fabric::Outcome outcome = submit(**client, wish, *call);
   if (outcome.kind != fabric::Outcome::Kind::committed)
     return Error{fmt::format("{}: {}", wish.function, outcome.message)};
@@ -114,13 +171,17 @@ constexpr const char* notes = R"(Examples:
   ledgerline-control --config operator.toml stop tello1
   ledgerline-control --config admin.toml enroll --msp Org1MSP --cert host.pem tello1
   ledgerline-control --config admin.toml enroll --msp Org2MSP --cert pilot.pem --role operator
+  ledgerline-control --config admin.toml grant --msp Org2MSP --fly --max-priority 10 tello1
+  ledgerline-control --config admin.toml grant --msp Org2MSP tello1      # of nothing: takes it back, and the lease
+  ledgerline-control --config supervisor.toml evict tello1
+  ledgerline-control --config operator.toml show
 Exit codes: 0 done, 1 refused or not reached, 2 bad usage.)";
 
 std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
   std::vector<Verb> verbs;
   const auto add = [&](const std::string& name, const std::string& help) {
     Verb verb = line.verb(name, help);
-    verb.option("drones", wish.drones, "names of drones").required(name != contract::enroll);
+    verb.option("drones", wish.drones, "names of drones").required(name != contract::enroll && name != show);
     verbs.push_back(verb);
     return verb;
   };
@@ -129,14 +190,29 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
   enroll.option("--role", wish.role, "what else it may do").one_of({"operator", "supervisor"});
   enroll.option("--msp", wish.msp, "MSP id of the host").required();
   enroll.option("--cert", wish.certificate, "certificate of the host, PEM").required().existing_file();
+  Verb grant = add(
+      contract::grant,
+      "what another organisation, or one identity there, may do with drones (administrators): replaces what it had");
+  grant.option("--msp", wish.msp, "MSP id of the other organisation").required();
+  grant
+      .option("--cert", wish.certificate,
+              "certificate of the one identity, PEM; without: its operators and supervisors")
+      .existing_file();
+  grant.flag("--fly", wish.fly, "acquire them, and stop them");
+  grant.option("--max-priority", wish.priority, "the highest priority of its leases").shows_default();
+  grant.flag("--stop", wish.stop, "land them");
+  grant.flag("--cut", wish.cut, "motors off, and land them");
   add(contract::acquire, "take the lease").option("--priority", wish.priority, "a higher one pre-empts");
   add(contract::release, "give the lease back");
+  add(contract::evict, "take the lease from its holder (a supervisor of the drone's organisation, or its host)");
   Verb stop = add(contract::stop, "land at once, whoever flies");
   stop.flag("--cut", wish.cut, "motors off instead of landing");
   stop.option("--within", wish.within_s, "seconds for which it is said again until it is on the ledger")
       .within(0.0, 3600.0)
       .shows_default();
   add(contract::resume, "end one's own stop, or all as a supervisor of the drone's organisation");
+  add(show, "print whose drones they are, who holds them, who stopped them, to whom they are granted; no name: of all")
+      .flag("--json", wish.json, "the records as JSON");
   return verbs;
 }
 

@@ -60,7 +60,7 @@ Result<std::unique_ptr<VirtualWorld>> VirtualWorld::create(const WorldConfig& co
 Status VirtualWorld::set_up() {
   if (auto s = prepare(ledger_, config_.drones); !s) return s;
   if (config_.supervisors) {
-    if (auto s = enroll_supervisors(ledger_); !s) return s;
+    if (auto s = enroll_supervisors(ledger_, config_.drones); !s) return s;
   }
   host_.forget();  // what came before the processes
   operator_.forget();
@@ -178,7 +178,7 @@ void VirtualWorld::restart_ledger() {
   stoppers_.restart(now_);
 }
 
-void VirtualWorld::say_stop(Stopper who, std::size_t drone, StopWord word) {
+void VirtualWorld::say_control(Stopper who, std::size_t drone, ControlWord word) {
   stoppers_.say(now_, who, drone_name(static_cast<int>(drone) + 1), word);
 }
 

@@ -86,7 +86,7 @@ class VirtualWorld {
   void jump_clock(TimeNs by_ns) { clock_jump_ns_ += by_ns; }
   sim::Simulator& sim() { return sim_; }
   /// The contract's stop, and its end.
-  void say_stop(Stopper who, std::size_t drone, StopWord word);
+  void say_control(Stopper who, std::size_t drone, ControlWord word);
   void note(WorldEvent::Kind kind, std::size_t drone, std::string text) {
     witness_.note(now_, kind, drone, std::move(text));
   }

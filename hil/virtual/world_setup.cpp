@@ -106,17 +106,25 @@ Status prepare(VirtualLedger& ledger, int drones) {
   role.mutable_identity()->set_msp_id(operator_name.msp_id);
   role.mutable_identity()->set_subject(operator_name.subject);
   role.set_role(OPERATOR);
+  GrantCall grant;
+  grant.mutable_grant()->mutable_to()->set_msp_id(operator_name.msp_id);
+  grant.mutable_grant()->set_fly(true);
+  grant.mutable_grant()->set_max_priority(contract::max_priority);
+  grant.mutable_grant()->set_stop(true);
+  grant.mutable_grant()->set_cut(true);
   LeaseCall lease;
   for (int k = 1; k <= drones; ++k) {
     host.add_drones(drone_name(k));
+    grant.add_drones(drone_name(k));
     lease.add_drones(drone_name(k));
   }
   if (auto s = ledger.commit_now(0, admin1, {contract::enroll, {host.SerializeAsString()}}); !s) return s;
+  if (auto s = ledger.commit_now(0, admin1, {contract::grant, {grant.SerializeAsString()}}); !s) return s;
   if (auto s = ledger.commit_now(0, admin2, {contract::enroll, {role.SerializeAsString()}}); !s) return s;
   return ledger.commit_now(0, holder, {contract::acquire, {lease.SerializeAsString()}});
 }
 
-Status enroll_supervisors(VirtualLedger& ledger) {
+Status enroll_supervisors(VirtualLedger& ledger, int drones) {
   for (const crypto::IdentityName& name : {supervisor_name, stranger_name}) {
     const auto domain = name.subject.substr(name.subject.find('@'));
     const auto admin = ledger.add_client({name.msp_id, "CN=Admin" + domain});
@@ -126,7 +134,12 @@ Status enroll_supervisors(VirtualLedger& ledger) {
     role.set_role(SUPERVISOR);
     if (auto s = ledger.commit_now(0, admin, {contract::enroll, {role.SerializeAsString()}}); !s) return s;
   }
-  return done;
+  GrantCall grant;
+  grant.mutable_grant()->mutable_to()->set_msp_id(stranger_name.msp_id);
+  grant.mutable_grant()->set_stop(true);
+  for (int k = 1; k <= drones; ++k) grant.add_drones(drone_name(k));
+  const auto admin1 = ledger.add_client({"Org1MSP", "CN=Admin@org1.ledgerline"});
+  return ledger.commit_now(0, admin1, {contract::grant, {grant.SerializeAsString()}});
 }
 
 }  // namespace ledgerline::hil

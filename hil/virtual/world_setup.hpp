@@ -52,9 +52,9 @@ link::LinkSettings link_settings(const WorldConfig& config);
 agent::AgentConfig agent_config(const WorldConfig& config, std::uint64_t starts);
 ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& ledger);
 
-/// enroll and acquire, as the launcher does before take-off.
+/// enroll, grant and acquire, as the launcher does before take-off.
 Status prepare(VirtualLedger& ledger, int drones);
-/// Makes the two supervisors what they are.
-Status enroll_supervisors(VirtualLedger& ledger);
+/// Makes the two supervisors what they are; the stranger may stop these drones.
+Status enroll_supervisors(VirtualLedger& ledger, int drones);
 
 }  // namespace ledgerline::hil

@@ -5,11 +5,9 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "chaincode/identities/first_enrolments.hpp"
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/network/files/texts.hpp"
 #include "common/base/file.hpp"
-#include "common/msg/contract.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
@@ -149,8 +147,7 @@ Status Deployment::enroll_first() {
 
 Status Deployment::enroll_first_on(const std::string& channel) {
   const TimeNs until = monotonic_ns() + site_.patience();
-  for (const FirstEnrolment& enrolment : first_enrolments()) {
-    const int k = enrolment.organisation;
+  for (int k = 1; k <= identities::organisations; ++k) {
     if (!site_.options().runs_organisation(k)) continue;
     const auto pem = read_file(first_file(identities::user_dir(site_.options().dir, k, "User1") / "msp" / "signcerts"));
     if (!pem) return pem.error();
@@ -158,15 +155,20 @@ Status Deployment::enroll_first_on(const std::string& channel) {
     if (!user) return user.error();
     const auto client = site_.connect(k, channel);
     if (!client) return client.error();
-    for (;;) {
-      const auto outcome =
-          (*client)->submit_and_wait({contract::enroll, {enrolment.call({identities::msp_id_of(k), user->subject})}});
-      if (outcome.kind == fabric::Outcome::Kind::committed) break;
-      if (monotonic_ns() > until) return Error{"the first enrolments: " + outcome.message};
-      if (Status s = site_.tend(ns_per_s / 2); !s) return s;
+    for (const FirstCall& call : first_calls(k, {identities::msp_id_of(k), user->subject})) {
+      if (Status s = call_until(**client, call, until); !s) return s;
     }
   }
   return done;
+}
+
+Status Deployment::call_until(fabric::Client& client, const FirstCall& call, TimeNs until) {
+  for (;;) {
+    const auto outcome = client.submit_and_wait({call.function, {call.argument}});
+    if (outcome.kind == fabric::Outcome::Kind::committed) return done;
+    if (monotonic_ns() > until) return Error{fmt::format("the first {}: {}", call.function, outcome.message)};
+    if (Status s = site_.tend(ns_per_s / 2); !s) return s;
+  }
 }
 
 }  // namespace ledgerline::fabric_network

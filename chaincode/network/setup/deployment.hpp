@@ -3,8 +3,10 @@
 #include <string>
 #include <vector>
 
+#include "chaincode/identities/first_calls.hpp"
 #include "chaincode/network/setup/site.hpp"
 #include "common/base/result.hpp"
+#include "common/fabric/client/client.hpp"
 
 namespace ledgerline::fabric_network {
 
@@ -31,6 +33,7 @@ class Deployment {
   std::vector<std::string> lifecycle(const std::string& verb, const std::string& channel,
                                      const std::vector<std::string>& more = {}) const;
   Status enroll_first_on(const std::string& channel);
+  Status call_until(fabric::Client& client, const FirstCall& call, TimeNs until);
 
   Site& site_;
   std::map<int, std::string> package_ids_;

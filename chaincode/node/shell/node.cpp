@@ -1,6 +1,6 @@
 #include "chaincode/node/shell/node.hpp"
 
-#include "chaincode/identities/first_enrolments.hpp"
+#include "chaincode/identities/first_calls.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
@@ -24,8 +24,8 @@ Result<std::unique_ptr<Node>> Node::open(Options options) {
   node->config_ = std::move(options.core);
   node->config_.organisations = node->identities_.organisations;
   if (Status status = node->open_ledger(); !status) return status.error();
-  if (node->core_->height() < 3) {
-    // A new ledger, or one whose first start was cut short; enrolling again what is enrolled changes nothing.
+  if (node->core_->height() < 1 + first_call_count) {
+    // A new ledger, or one whose first start was cut short; what was called already changes nothing.
     if (Status status = node->enroll_first(); !status) return status.error();
   }
   node->feed_ = std::make_unique<BlockFeed>(*node->store_);
@@ -78,15 +78,18 @@ Status Node::submit_now(const crypto::SigningIdentity& who, const std::string& f
 }
 
 Status Node::enroll_first() {
-  for (const FirstEnrolment& enrolment : first_enrolments()) {
-    const std::string& msp_id = identities_.organisations[static_cast<std::size_t>(enrolment.organisation - 1)].msp_id;
-    const auto admin =
-        crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, enrolment.organisation, "Admin"));
-    const auto user =
-        crypto::load_identity(crypto::Library::libcrypto, msp_id, user_msp_dir(dir_, enrolment.organisation, "User1"));
+  int number = 0;
+  for (const auto& organisation : identities_.organisations) {
+    ++number;
+    const auto load = [&](const char* who) {
+      return crypto::load_identity(crypto::Library::libcrypto, organisation.msp_id, user_msp_dir(dir_, number, who));
+    };
+    const auto admin = load("Admin"), user = load("User1");
     if (!admin) return admin.error();
     if (!user) return user.error();
-    if (Status s = submit_now(*admin, contract::enroll, enrolment.call(user->name)); !s) return s;
+    for (const FirstCall& call : first_calls(number, user->name)) {
+      if (Status s = submit_now(*admin, call.function, call.argument); !s) return s;
+    }
   }
   return done;
 }

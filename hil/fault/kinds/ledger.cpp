@@ -118,27 +118,29 @@ Result<FaultActs> slip(const Said& said) {
                    .not_real = because(nobody_real)};
 }
 
-Result<FaultActs> say_stop(const Said& said) {
-  const std::string_view who = said.words[0], word = said.words[1];
+Result<FaultActs> say_control(const Said& said) {
+  const std::string_view who = said.words[0], name = said.words[1];
   const Stopper stopper = who == "operator"     ? Stopper::operating
                           : who == "supervisor" ? Stopper::supervisor
                                                 : Stopper::stranger;
-  const StopWord stop_word = word == "stop" ? StopWord::stop : word == "cut" ? StopWord::cut : StopWord::resume;
-  return FaultActs{.strike = [stopper, stop_word](VirtualWorld& world,
-                                                  std::size_t drone) { world.say_stop(stopper, drone, stop_word); },
-                   .really_begin =
-                       [word = std::string(word), drone = said.drone](RealActs& real, const RealLedger&) {
-                         real.control = {word, drone};
-                       },
-                   .not_real = [stopper, stop_word](const Fault&, const RealLedger&) -> std::string {
-                     if (stopper != Stopper::operating)
-                       return "nobody but the operator is enrolled there: virtual time alone has it";
-                     return stop_word == StopWord::cut ? "a real flight's motors are not cut: virtual time alone has it"
-                                                       : "";
-                   },
-                   .momentary = true,
-                   .pushes = stop_word == StopWord::cut,
-                   .needs_supervisors = stopper != Stopper::operating};
+  const auto word = static_cast<ControlWord>(std::ranges::find(control_words, name) - control_words.begin());
+  return FaultActs{
+      .strike = [stopper, word](VirtualWorld& world, std::size_t drone) { world.say_control(stopper, drone, word); },
+      .really_begin =
+          [name = std::string(name), drone = said.drone](RealActs& real, const RealLedger&) {
+            real.control = {name, drone};
+          },
+      .not_real = [stopper, word](const Fault&, const RealLedger&) -> std::string {
+        if (stopper != Stopper::operating)
+          return "nobody but the operator is enrolled there: virtual time alone has it";
+        if (word == ControlWord::cut) return "a real flight's motors are not cut: virtual time alone has it";
+        return word == ControlWord::stop || word == ControlWord::resume
+                   ? ""
+                   : "a real flight keeps its lease: virtual time alone has it";
+      },
+      .momentary = true,
+      .pushes = word == ControlWord::cut,
+      .needs_supervisors = stopper != Stopper::operating};
 }
 
 constexpr FaultKind ledger_table[] = {
@@ -155,7 +157,7 @@ constexpr FaultKind ledger_table[] = {
     {"ledger agent|ground|both lies WHAT...", lie},
     {"ledger relay LIE...", relay},
     {"operator errs WHAT...", slip},
-    {"operator|supervisor|stranger stop|cut|resume NAME", say_stop},
+    {"operator|supervisor|stranger stop|cut|resume|acquire|evict NAME", say_control},
 };
 
 }  // namespace

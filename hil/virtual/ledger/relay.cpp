@@ -185,6 +185,12 @@ Control Relay::record_of(const std::string& drone) const {
   *record.mutable_owner() = message_of(names_.drone_host);
   *record.mutable_holder() = message_of(names_.holder);
   record.set_epoch(1);
+  Grant& operators = *record.add_grants();
+  operators.mutable_to()->set_msp_id(names_.holder.msp_id);
+  operators.set_fly(true);
+  operators.set_max_priority(contract::max_priority);
+  operators.set_stop(true);
+  operators.set_cut(true);
   return record;
 }
 

@@ -20,18 +20,32 @@ LedgerPort& Stoppers::port(Stopper who) {
   return *port;
 }
 
-void Stoppers::say(TimeNs now, Stopper who, const std::string& drone, StopWord word) {
+namespace {
+
+fabric::Call call_of(const std::string& drone, ControlWord word) {
+  if (word == ControlWord::acquire) {
+    LeaseCall call;
+    call.add_drones(drone);
+    call.set_priority(contract::max_priority);
+    return {contract::acquire, {call.SerializeAsString()}};
+  }
   DronesCall call;
   call.add_drones(drone);
-  call.set_cut(word == StopWord::cut);
-  const bool resumes = word == StopWord::resume;
+  call.set_cut(word == ControlWord::cut);
+  const bool stops = word == ControlWord::stop || word == ControlWord::cut;
+  return {stops                         ? contract::stop
+          : word == ControlWord::resume ? contract::resume
+                                        : contract::evict,
+          {call.SerializeAsString()}};
+}
+
+}  // namespace
+
+void Stoppers::say(TimeNs now, Stopper who, const std::string& drone, ControlWord word) {
   fabric::RepeatLimits limits;
-  if (resumes) limits = {.attempts = 10, .conflicts_only = true};
-  sayings_.push_back({who,
-                      {resumes ? contract::resume : contract::stop, {call.SerializeAsString()}},
-                      fabric::Repeat(limits, ++seed_, now),
-                      now,
-                      0});
+  fabric::Call call = call_of(drone, word);
+  if (call.function != contract::stop) limits = {.attempts = 10, .conflicts_only = true};
+  sayings_.push_back({who, std::move(call), fabric::Repeat(limits, ++seed_, now), now, 0});
 }
 
 void Stoppers::ended(TimeNs now, std::size_t at, const fabric::Outcome& outcome) {

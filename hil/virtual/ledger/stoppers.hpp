@@ -1,28 +1,33 @@
 #pragma once
+#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "common/fabric/sending/repeat.hpp"
 #include "hil/virtual/ledger/ledger_port.hpp"
 
 namespace ledgerline::hil {
 
-/// Who stops and resumes by a script: the operator that flies, a supervisor of the drones' organisation, and a
+/// Who speaks to the contract by a script: the operator that flies, a supervisor of the drones' organisation, and a
 /// stranger, who is a supervisor of another organisation.
 enum class Stopper : std::uint8_t { operating, supervisor, stranger };
-enum class StopWord : std::uint8_t { stop, cut, resume };
+enum class ControlWord : std::uint8_t { stop, cut, resume, acquire, evict };
+inline constexpr std::array<std::string_view, 5> control_words{"stop", "cut", "resume", "acquire", "evict"};
+static_assert(control_words.size() == enum_count<ControlWord>);
 
-/// Those who stop, cut and resume drones by a script, each as ledgerline-control does: a stop is said again until it is
-/// on the ledger or refused, a resume over conflicts alone. The operator speaks over the port that it commands by, the
+/// Those who stop, resume and take drones by a script, each as ledgerline-control does: a stop is said again until it is
+/// on the ledger or refused, the others over conflicts alone. An acquire is of the highest priority there is. The operator speaks over the port that it commands by, the
 /// others each over their own, which is there from their first word on. Deterministic for a seed; one thread.
 class Stoppers {
  public:
   Stoppers(VirtualLedger& ledger, LedgerPort& operating, std::uint64_t seed);
 
-  void say(TimeNs now, Stopper who, const std::string& drone, StopWord word);
+  void say(TimeNs now, Stopper who, const std::string& drone, ControlWord word);
   /// What is due; after the ledger's step and the operator's port's.
   void step(TimeNs now);
   /// An outcome that came by the operator's port; false: not of a call made here.

@@ -33,6 +33,7 @@ std::string protobuf_of(const std::string& function, const std::string& json) {
   if (function == "get" || function == "history") return bytes(QueryCall{});
   if (function == "delete") return bytes(DeleteCall{});
   if (function == "enroll") return bytes(EnrollCall{});
+  if (function == "grant") return bytes(GrantCall{});
   if (function == "acquire" || function == "release") return bytes(LeaseCall{});
   if (function == "command") return bytes(CommandCall{});
   return bytes(DronesCall{});
@@ -60,11 +61,17 @@ const std::vector<Call> calls{
      {R"({"identity":{"mspId":"Org1MSP","subject":"CN=host"},"drones":["tello1","tello2"]})",
       R"({"identity":{"mspId":"Org1MSP","subject":"CN=chief"},"role":"SUPERVISOR"})"},
      {}},
+    {admin,
+     "grant",
+     {R"({"drones":["tello1","tello2"],"grant":{"to":{"mspId":"Org3MSP","subject":"CN=far"},"fly":true,"maxPriority":7,"cut":true}})",
+      R"({"drones":["tello1"],"grant":{"to":{"mspId":"Org2MSP"}}})"},
+     {}},
     {pilot,
      "acquire",
      {R"({"drones":["tello1","tello2"],"priority":5})", R"({"drones":["tello1"]})"},
      {"tello1", "tello1\ntello2\npriority=7"}},
     {pilot, "release", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
+    {chief, "evict", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
     {pilot,
      "command",
      {R"({"plans":[{"drone":"tello1","action":"FLY","bootId":"9","stateStampNs":"55","sequence":"3","epoch":"1","setpoints":[{"atNs":"60","vx":0.5,"vy":-0.25},{"atNs":"70","vx":0.5,"yawRate":1}]},{"drone":"tello2","action":"LAND","epoch":"1"}]})",
@@ -90,6 +97,8 @@ class ContractEntry final : public Entry {
     must(admin, "enroll", R"({"identity":{"mspId":"Org1MSP","subject":"CN=host"},"drones":["tello1","tello2"]})");
     must(admin, "enroll", R"({"identity":{"mspId":"Org1MSP","subject":"CN=chief"},"role":"SUPERVISOR"})");
     must(other_admin, "enroll", R"({"identity":{"mspId":"Org2MSP","subject":"CN=pilot"},"role":"OPERATOR"})");
+    must(admin, "grant",
+         R"({"drones":["tello1","tello2"],"grant":{"to":{"mspId":"Org2MSP"},"fly":true,"maxPriority":100}})");
     must(host, "set", calls[0].json[0]);
     for (int i = 0; i < 3; ++i) must(host, "set", calls[0].json[1]);
     for (int i = 0; i < 40; ++i)

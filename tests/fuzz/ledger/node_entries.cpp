@@ -25,6 +25,7 @@ std::unique_ptr<FakeNetwork> make_network() {
   auto net = std::make_unique<FakeNetwork>();
   net->submit(net->admin1, "enroll", enroll_call(net->host.name, {"tello1"}));
   net->submit(net->admin2, "enroll", enroll_call(net->pilot.name, {}, OPERATOR));
+  net->submit(net->admin1, "grant", grant_call("Org2MSP", {"tello1"}));
   net->submit(net->host, "set", note("tello1/a"));
   return net;
 }

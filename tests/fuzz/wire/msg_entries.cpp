@@ -148,6 +148,9 @@ const bool forms =
     add_forms<EnrollCall>(
         "EnrollCall",
         {R"({"identity":{"mspId":"Org1MSP","subject":"CN=a"},"drones":["tello1"],"role":"SUPERVISOR"})"}) &&
+    add_forms<GrantCall>(
+        "GrantCall",
+        {R"({"drones":["tello1"],"grant":{"to":{"mspId":"Org2MSP","subject":"CN=a"},"fly":true,"maxPriority":5,"stop":true,"cut":true}})"}) &&
     add_forms<LeaseCall>("LeaseCall", {R"({"drones":["tello1","tello2"],"priority":5})"}) &&
     add_forms<DronesCall>("DronesCall", {R"({"drones":["tello1"],"cut":true})"}) &&
     add_forms<DeleteCall>("DeleteCall", {R"({"id":"tello1/odom"})"}) &&

@@ -81,11 +81,15 @@ def peer(ledger) -> Peer:
 
 @pytest.fixture(scope="session")
 def enroll(node, admin):
-    """Enrolls new drones to Org1's User1; makes a user of an organisation an operator or a supervisor."""
+    """Enrolls new drones to Org1's User1 and lets Org2 fly them; makes a user of an organisation an operator or a
+    supervisor."""
     def enroll_one(*drones: str, organisation: int = 1, user: str = "User1", role: str | None = None) -> Client:
         client = node.user(organisation, user)
         who = {"mspId": f"Org{organisation}MSP", "subject": subject(organisation, user)}
         admin(organisation).submit("enroll", {"identity": who, "drones": drones, **({"role": role} if role else {})})
+        if drones:
+            may = {"to": {"mspId": "Org2MSP"}, "fly": True, "maxPriority": 999_999_999}
+            admin(1).submit("grant", {"drones": drones, "grant": may})
         return client
     return enroll_one
 

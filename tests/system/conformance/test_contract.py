@@ -10,6 +10,7 @@ HOST = f"Org1MSP {subject(1, 'User1')}"
 OPERATOR = f"Org2MSP {subject(2, 'User1')}"
 RIVAL = f"Org2MSP {subject(2, 'User2')}"
 SUPERVISOR = f"Org1MSP {subject(1, 'User2')}"
+FAR = f"Org3MSP {subject(3, 'User1')}"
 NOBODY = f"Org3MSP {subject(3, 'User2')}"
 
 
@@ -158,9 +159,9 @@ def test_each_function_that_writes_emits_its_event_in_the_form_of_the_call(enrol
     operator.submit("resume", {"drones": ["told"]})
     operator.submit("release", "told")
     enroll("told2")
-    events = nobody.ask("events", start=start, count=10)["events"]
+    events = nobody.ask("events", start=start, count=11)["events"]
     assert [event["name"] for event in events] == ["set", "set", "delete", "delete", "acquire", "command", "stop",
-                                                   "resume", "release", "enroll"]
+                                                   "resume", "release", "enroll", "grant"]
     payloads = [decode(event["payload"]) for event in events]
     assert json.loads(payloads[0]) == {"assets": [{**asset("told/a"), "topic": "/told/a"}]}
     assert message(message(payloads[1])[1][0])[4] == [b"b"]
@@ -173,7 +174,32 @@ def test_each_function_that_writes_emits_its_event_in_the_form_of_the_call(enrol
     for payload in payloads[7:9]:
         (record,) = json.loads(payload)["controls"]
         assert record["drone"] == "told" and "stoppers" not in record
-    assert json.loads(payloads[9])["controls"][0]["drone"] == "told2"
+    for payload in payloads[9:]:
+        assert json.loads(payload)["controls"][0]["drone"] == "told2"
+
+
+def test_a_role_means_nothing_on_others_drones_and_what_is_granted_can_be_taken_back(enroll, admin, operator):
+    """An administrator of Org3 makes its own people whatever it likes; Org1's drone stays Org1's."""
+    enroll("lent")
+    far = enroll(organisation=3, user="User1", role="SUPERVISOR")
+    supervisor = enroll(user="User2", role="SUPERVISOR")
+    grant = lambda **may: admin(1).submit("grant", {"drones": ["lent"], "grant": {"to": {"mspId": "Org3MSP"}, **may}})
+    for fn, *args in (("acquire", "priority=999999999"), ("stop",), ("stop", "cut=true"), ("evict",)):
+        refusal = far.refusal(fn, "lent", *args)
+        assert refusal.startswith(f"lent: {FAR} may not ") and "Org1MSP" in refusal, refusal
+    grant(fly=True, maxPriority=5)
+    assert far.refusal("acquire", "lent", "priority=6") == f"lent: Org1MSP has granted {FAR} priorities up to 5, not 6"
+    far.submit("acquire", "lent", "priority=5")
+    far.submit("command", {"plans": [plan("lent")]})
+    supervisor.submit("evict", "lent")
+    assert far.refusal("command", {"plans": [plan("lent")]}).startswith("lent: the lease is held by nobody")
+    far.submit("acquire", "lent")
+    assert far.refusal("stop", "lent", "cut=true").startswith(f"lent: {FAR} may not cut it")
+    answer = json.loads(decode(grant()["result"]))["controls"][0]
+    assert "holder" not in answer and [one["to"] for one in answer["grants"]] == [{"mspId": "Org2MSP"}]
+    assert far.refusal("command", {"plans": [plan("lent", epoch="3")]}).startswith("lent: the lease is held by nobody")
+    assert far.refusal("acquire", "lent").startswith(f"lent: {FAR} may not fly it")
+    operator.submit("acquire", "lent")
 
 
 @pytest.fixture(scope="session")
@@ -190,7 +216,8 @@ def scene(enroll, admin, drone_host, operator, nobody):
     streams = [{"id": f"full/{number}", "msgType": "t"} for number in range(64)]
     drone_host.submit("set", {"assets": streams, "stream": True})
     drone_host.submit("set", {"assets": [asset("free/odom")], "stream": True})
-    return {"host": drone_host, "operator": operator, "rival": rival, "supervisor": supervisor, "nobody": nobody,
+    far = enroll(organisation=3, user="User1", role="OPERATOR")
+    return {"far": far, "host": drone_host, "operator": operator, "rival": rival, "supervisor": supervisor, "nobody": nobody,
             "admin": admin(1), "other admin": admin(2)}
 
 
@@ -201,8 +228,8 @@ def small(number: int) -> list[dict]:
 WHO = {"mspId": "Org1MSP", "subject": subject(1, "User1")}
 ODOM = {"id": "free/odom", "msgType": "t"}
 REFUSALS = [
-    ("host", "fly", ["x"], "unknown function fly; known are set, get, history, delete, enroll, acquire, release, "
-                           "command, stop, resume"),
+    ("host", "fly", ["x"], "unknown function fly; known are set, get, history, delete, enroll, grant, acquire, "
+                           "release, evict, command, stop, resume"),
     ("host", "get", ["a" * 1_000_001], "get: the call has 1000001 bytes; the limit is 1000000"),
     ("host", "get", ["{}", "x"], "get: give one message in protobuf or JSON, or plain ids; not both"),
 
@@ -215,6 +242,8 @@ REFUSALS = [
     ("host", "set", [{"id": "a" * 129, "msgType": "t"}], "a" * 128 + "...: the id has 129 characters; the limit is 128"),
     ("host", "set", [{"id": "tello1/ä", "msgType": "t"}], "an id has characters other than [A-Za-z0-9_./-]"),
     ("host", "set", [{"id": "tello1//a", "msgType": "t"}], "tello1//a: an id's segments must not be empty"),
+    ("host", "set", [{"id": "Org1MSP/../tello1/odom", "msgType": "t"}],
+     "Org1MSP/../tello1/odom: an id's segments must not be . or .."),
     ("host", "set", [{"id": "tello1/a", "topic": "/b", "msgType": "t"}],
      "tello1/a: the topic is /b, it must be /tello1/a"),
     ("host", "set", [{"id": "tello1/a"}], "tello1/a: msg_type must have 1 to 128 characters"),
@@ -253,10 +282,35 @@ REFUSALS = [
     ("admin", "enroll", [{"identity": WHO, "drones": ["control"]}], "control: a reserved word"),
     ("admin", "enroll", [{"identity": WHO, "drones": ["OrgMSP"]}], "OrgMSP: names that end with MSP belong to"),
     ("admin", "enroll", [{"identity": WHO, "drones": ["a/b"]}], "a/b: a drone's name is one segment, without /"),
+    ("admin", "enroll", [{"identity": WHO, "drones": ["tf"]}], "tf: ROS 2 or motion capture needs this name"),
+    ("admin", "enroll", [{"identity": WHO, "drones": [".."]}], "..: an id's segments must not be . or .."),
+    ("admin", "enroll", [{"identity": WHO, "drones": [f"many{number}" for number in range(257)]}],
+     "many99: Org1MSP has 256 drones already, which is the limit"),
     ("other admin", "enroll", [{"identity": {**WHO, "mspId": "Org2MSP"}, "drones": ["leased"]}],
      "leased: enrolled to organisation Org1MSP already"),
 
+    ("admin", "grant", ["leased"], "grant: give a GrantCall in protobuf or JSON"),
+    ("admin", "grant", [{"drones": []}], "grant: no drone is named"),
+    ("admin", "grant", [{"drones": ["leased"]}], "grant: to needs mspId"),
+    ("admin", "grant", [{"drones": ["leased"], "grant": {"to": {"mspId": "Org1MSP"}, "fly": True}}],
+     "leased: operators and supervisors of Org1MSP need no grant"),
+    ("admin", "grant", [{"drones": ["leased"], "grant": {"to": {"mspId": "Org3MSP"}, "maxPriority": 1}}],
+     "grant: maxPriority is of those who may fly"),
+    ("admin", "grant", [{"drones": ["ghost"], "grant": {"to": {"mspId": "Org3MSP"}, "stop": True}}],
+     "ghost: not enrolled"),
+    ("other admin", "grant", [{"drones": ["leased"], "grant": {"to": {"mspId": "Org3MSP"}, "fly": True}}],
+     f"leased: Org2MSP {subject(2, 'Admin')} may not grant it: only an administrator of Org1MSP may"),
+    ("host", "grant", [{"drones": ["leased"], "grant": {"to": {"mspId": "Org3MSP"}, "fly": True}}],
+     f"leased: {HOST} may not grant it"),
+    ("supervisor", "evict", ["free"], "free: nobody holds the lease"),
+    ("rival", "evict", ["leased"], f"leased: {RIVAL} may not evict: neither a supervisor of Org1MSP nor the drone's host"),
+    ("operator", "evict", [], "evict: no drone is named"),
+
     ("operator", "acquire", [], "acquire: no drone is named"),
+    ("operator", "acquire", [{"drones": ["free"], "priority": 1_000_000_000}],
+     "acquire: priority must be a number up to 999999999"),
+    ("far", "acquire", ["free"], f"free: {FAR} may not fly it: Org1MSP has granted that neither to this identity nor to "
+                                 "Org3MSP; an administrator of Org1MSP may"),
     ("operator", "acquire", ["free", "priority=high"], "acquire: priority must be a number up to 999999999"),
     ("operator", "acquire", ["ghost"], "ghost: not enrolled"),
     ("host", "acquire", ["free"], f"acquire: {HOST} is neither operator nor supervisor"),
@@ -287,9 +341,9 @@ REFUSALS = [
     ("operator", "command", [{"plans": [plan(f"d{i}", setpoints=[]) for i in range(1001)]}],
      "the call has 1001 plans; the limit is 1000"),
 
-    ("nobody", "stop", ["leased"], f"leased: {NOBODY} may not stop it: neither a supervisor, nor an operator of Org1MSP "
-                                   "or with its lease"),
-    ("rival", "stop", ["leased"], f"leased: {RIVAL} may not stop it"),
+    ("nobody", "stop", ["leased"], f"leased: {NOBODY} may not stop it: it is neither operator nor supervisor; an "
+                                   "administrator of Org3MSP may enroll it as one"),
+    ("far", "stop", ["leased"], f"leased: {FAR} may not stop it: Org1MSP has granted that neither to this identity"),
     ("rival", "stop", ["leased", "cut=true"], f"leased: {RIVAL} may not cut it"),
     ("rival", "stop", ["ghost"], "ghost: not enrolled"),
     ("operator", "stop", ["leased", "cut=maybe"], "stop: cut must be true or false"),

@@ -91,6 +91,8 @@ def test_a_drone_that_two_operators_fight_over_does_not_touch_its_neighbours(tmp
     subprocess.run([BIN / "ledgerline-control", "--config", run / "admin3.toml", "enroll", "--msp", "Org3MSP", "--cert",
                     next((crypto / "users" / "User1@org3.ledgerline" / "msp" / "signcerts").iterdir()), "--role", "operator"],
                    check=True, timeout=30)
+    subprocess.run([BIN / "ledgerline-control", "--config", run / "admin.toml", "grant", "--msp", "Org3MSP", "--fly",
+                    "--max-priority", "1000", "tello16"], check=True, timeout=30)
     fight = subprocess.run([BIN / "test_fight", "--config", run / "operator.toml", run / "operator3.toml",
                             "--drone", "tello16", "--hz", "10", "--seconds", "10"],
                            stdout=subprocess.PIPE, text=True, check=True, timeout=60)

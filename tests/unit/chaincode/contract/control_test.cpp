@@ -68,9 +68,26 @@ TEST_F(ControlTest, EnrollingTellsWhoAndWhat) {
 }
 
 TEST_F(ControlTest, NamesOfOrganisationsAndReservedWordsAreNoDrones) {
-  for (const char* name : {"Org2MSP", "control", "asset", "frame", "lease", "host", "stop", "owner", "a/b", ""}) {
+  for (const char* name : {"Org2MSP", "control", "asset", "frame", "lease", "host", "stop", "owner", "grant", "drones",
+                           "a/b", "", ".", ".."}) {
     EXPECT_NE(enroll(admin1, host, {name}, ROLE_NONE).status, 200) << name;
   }
+}
+
+TEST_F(ControlTest, NoDroneHasANameThatRosOrMocapNeeds) {
+  for (const std::string_view name : contract::reserved_names) {
+    EXPECT_THAT(enroll(admin1, host, {std::string(name)}, ROLE_NONE).message, HasSubstr("needs this name")) << name;
+  }
+  EXPECT_EQ(enroll(admin1, host, {"tf2"}, ROLE_NONE).status, 200);
+}
+
+TEST_F(ControlTest, AnOrganisationEnrollsAsManyNamesAsTheBoundSays) {
+  std::vector<std::string> names;
+  for (std::size_t i = 2; i < contract::max_organisation_drones; ++i) names.push_back("more" + std::to_string(i));
+  EXPECT_EQ(enroll(admin1, host, names, ROLE_NONE).status, 200);
+  EXPECT_THAT(enroll(admin1, guard, {"one"}, ROLE_NONE).message, StartsWith("one: Org1MSP has 256 drones already"));
+  EXPECT_EQ(enroll(admin1, guard, {"tello1"}, ROLE_NONE).status, 200) << "none is new";
+  EXPECT_EQ(enroll(admin2, pilot, {"one"}, ROLE_NONE).status, 200) << "of another organisation";
 }
 
 TEST_F(ControlTest, OnlyOperatorsAndSupervisorsAcquire) {

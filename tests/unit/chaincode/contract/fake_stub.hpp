@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "chaincode/contract/stub.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "ledgerline.pb.h"
 
@@ -84,7 +85,8 @@ Message parsed(const std::string& bytes) {
   return message;
 }
 
-/// tello1 and tello2 belong to Org1's host, pilot and rival are operators of Org2, chief is a supervisor of Org1.
+/// tello1 and tello2 belong to Org1's host and are granted to Org2, all of it; pilot and rival are operators of Org2, chief
+/// is a supervisor of Org1.
 class ContractTest : public ::testing::Test {
  protected:
   ContractTest() {
@@ -93,6 +95,21 @@ class ContractTest : public ::testing::Test {
     enroll(admin2, rival, {}, OPERATOR);
     enroll(admin1, chief, {}, SUPERVISOR);
     enroll(admin1, guard, {}, OPERATOR);
+    grant(admin1, {"tello1", "tello2"}, "Org2MSP", "", true, true);
+  }
+
+  /// What an organisation, or one of its identities, may do; `fly` at any priority, or at those up to `max_priority`.
+  Response grant(const crypto::IdentityName& by, const std::vector<std::string>& drones, const std::string& msp_id,
+                 const std::string& subject, bool fly, bool cut = false,
+                 std::uint32_t max_priority = contract::max_priority) {
+    GrantCall call;
+    for (const std::string& drone : drones) call.add_drones(drone);
+    call.mutable_grant()->mutable_to()->set_msp_id(msp_id);
+    call.mutable_grant()->mutable_to()->set_subject(subject);
+    call.mutable_grant()->set_fly(fly);
+    call.mutable_grant()->set_cut(cut);
+    if (fly) call.mutable_grant()->set_max_priority(max_priority);
+    return stub.call(by, "grant", call);
   }
 
   Response enroll(const crypto::IdentityName& by, const crypto::IdentityName& who,

@@ -100,7 +100,7 @@ TEST_F(FlightBesideALyingPeer, AStateThatItsOwnerDidNotSignIsNotShown) {
 
 TEST_F(FlightBesideALyingPeer, ARecordInACallForSomethingElseChangesNothing) {
   Control taken = control_record("tello1", stranger_name, 99);
-  for (const char* name : {"enroll", "acquire", "release", "resume", "fold"}) {
+  for (const char* name : {"enroll", "grant", "acquire", "release", "evict", "resume", "fold"}) {
     fabric::Transaction lie = record_event(name, taken);
     lie.function = "set";
     (void)give(lie, host_name);
@@ -109,7 +109,7 @@ TEST_F(FlightBesideALyingPeer, ARecordInACallForSomethingElseChangesNothing) {
     (void)give(lie, operator_name);
     (void)give(record_event(name, taken), operator_name);  // asked for, but not by him whom it makes the holder
   }
-  EXPECT_EQ(core.transactions().altered, 15u);
+  EXPECT_EQ(core.transactions().altered, 21u);
   EXPECT_TRUE(flies_on());
 }
 

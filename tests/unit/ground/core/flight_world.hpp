@@ -31,6 +31,12 @@ inline Control control_record(const std::string& drone, const crypto::IdentityNa
   control.mutable_holder()->set_msp_id(holder.msp_id);
   control.mutable_holder()->set_subject(holder.subject);
   control.set_epoch(epoch);
+  for (const char* msp_id : {"Org2MSP", "Org3MSP"}) {
+    Grant& grant = *control.add_grants();
+    grant.mutable_to()->set_msp_id(msp_id);
+    grant.set_fly(true);
+    grant.set_max_priority(99);
+  }
   return control;
 }
 

@@ -46,6 +46,7 @@ class CommitterTest : public CoreTest {};
 
 TEST_F(CommitterTest, OfTwoCallsThatReadWhatBothWriteOneIsInvalid) {
   net.submit(net.admin2, "enroll", enroll_call(net.pilot.name, {}, OPERATOR));
+  net.submit(net.admin1, "grant", grant_call("Org2MSP", {"tello1"}));
   const std::string first = net.endorsed(net.pilot, "acquire", "tello1");
   const std::string second = net.endorsed(net.pilot, "acquire", "tello1");
   net.core->order(first, net.now);

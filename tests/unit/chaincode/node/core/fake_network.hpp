@@ -7,6 +7,7 @@
 
 #include "chaincode/node/core/core.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "ledgerline.pb.h"
 
@@ -86,6 +87,16 @@ inline std::string enroll_call(const crypto::IdentityName& who, const std::vecto
   call.mutable_identity()->set_subject(who.subject);
   for (const std::string& drone : drones) call.add_drones(drone);
   call.set_role(role);
+  return call.SerializeAsString();
+}
+
+/// Opens drones to an organisation's operators without a bound.
+inline std::string grant_call(const std::string& msp_id, const std::vector<std::string>& drones) {
+  GrantCall call;
+  for (const std::string& drone : drones) call.add_drones(drone);
+  call.mutable_grant()->mutable_to()->set_msp_id(msp_id);
+  call.mutable_grant()->set_fly(true);
+  call.mutable_grant()->set_max_priority(contract::max_priority);
   return call.SerializeAsString();
 }
 

@@ -201,7 +201,7 @@ TEST_F(ServicesTest, ATransactionIsEndorsedSubmittedAndConfirmed) {
   gateway::CommitStatusResponse status;
   EXPECT_EQ(status_of(host, tx_id, &status).code, grpc::StatusCode::OK);
   EXPECT_EQ(status.result(), protos::VALID);
-  EXPECT_EQ(status.block_number(), 3U);
+  EXPECT_EQ(status.block_number(), 4U);
   EXPECT_EQ(events(host).code, grpc::StatusCode::OK);
 }
 

@@ -104,8 +104,8 @@ class Reader final : public BlockFeed::Waiter, public std::enable_shared_from_th
   std::uint64_t next_ = 0;
 };
 
-TEST_F(ShellTest, ANewLedgerHasItsConfigAndFirstEnrolments) {
-  EXPECT_EQ(node->feed().height(), 3U);
+TEST_F(ShellTest, ANewLedgerHasItsConfigAndFirstCalls) {
+  EXPECT_EQ(node->feed().height(), 4U);
   submit(R"({"id":"tello16/a","msgType":"t"})");
   EXPECT_EQ(answers.wait_for(1)[0].code, 0);
 }
@@ -129,7 +129,7 @@ TEST_F(ShellTest, CallsFromManyThreadsAllCommitAndReadersSeeEachBlockOnce) {
     transactions += block.transactions.size();
   }
   EXPECT_EQ(check.height(), height);
-  EXPECT_EQ(transactions, 43U);
+  EXPECT_EQ(transactions, 44U);
 }
 
 TEST_F(ShellTest, WhatWasAnsweredIsThereAfterARestart) {

@@ -154,6 +154,74 @@ TEST_F(ControlCheckTest, AReleaseIsItsHoldersOwn) {
   expect_taken(event("release", released, holder));
 }
 
+TEST_F(ControlCheckTest, AnAcquireStaysWithinTheGrantsOfTheRecordBefore) {
+  Control taken = control("tello1", epoch + 1);
+  *taken.mutable_holder() = to_message(rival);
+  taken.set_priority(10);
+  expect_refused(event("acquire", taken, rival), "more than the priority that is granted");
+  const crypto::IdentityName stranger{"Org3MSP", "CN=User1@org3.ledgerline"};
+  *taken.mutable_holder() = to_message(stranger);
+  taken.set_priority(1);
+  expect_refused(event("acquire", taken, stranger), "nothing is granted");
+  *taken.mutable_holder() = to_message(own_guard);
+  taken.set_priority(10);
+  expect_taken(event("acquire", taken, own_guard));
+}
+
+TEST_F(ControlCheckTest, AnEvictionIsOfTheOwnersOrganisationAndEndsTheLease) {
+  Control free = control("tello1", epoch + 1);
+  free.clear_holder();
+  expect_refused(event("evict", free, rival), "by another organisation");
+  expect_refused(event("evict", free, holder), "by the holder, who releases it");
+  Control old = free;
+  old.set_epoch(epoch);
+  expect_refused(event("evict", old, owner), "under the same epoch");
+  Control handed_on = control("tello1", epoch + 1);
+  *handed_on.mutable_holder() = to_message(own_guard);
+  expect_refused(event("evict", handed_on, own_guard), "to somebody");
+  expect_taken(event("evict", free, owner));
+}
+
+TEST_F(ControlCheckTest, AGrantIsOfAnAdministratorAndIsWhatWasAskedFor) {
+  GrantCall call;
+  call.add_drones("tello1");
+  call.mutable_grant()->mutable_to()->set_msp_id("Org3MSP");
+  call.mutable_grant()->set_fly(true);
+  Control after = record_;
+  *after.add_grants() = call.grant();
+  const auto granted = [&](const Control& told, const crypto::IdentityName& by) {
+    Tx one = event("grant", told, by);
+    one.asked = fabric::Call{"grant", {call.SerializeAsString()}};
+    return one;
+  };
+  expect_refused(granted(after, own_guard), "no administrator");
+  expect_refused(granted(after, {"Org2MSP", "CN=Admin@org2.ledgerline"}), "of another organisation");
+  Control more = after;
+  more.mutable_grants(2)->set_cut(true);
+  expect_refused(granted(more, admin), "more than was asked for");
+  Control without_holder = after;
+  without_holder.clear_holder();
+  without_holder.set_epoch(epoch + 1);
+  expect_refused(granted(without_holder, admin), "the lease with it");
+  expect_taken(granted(after, admin));
+
+  record_ = after;
+  call.mutable_grant()->mutable_to()->set_msp_id("Org2MSP");
+  call.mutable_grant()->set_fly(false);
+  Control closed = control("tello1", epoch + 1);
+  closed.clear_holder();
+  closed.mutable_grants()->erase(closed.grants().begin());
+  *closed.add_grants() = after.grants(2);
+  Control still_held = closed;
+  *still_held.mutable_holder() = to_message(holder);
+  expect_refused(granted(still_held, admin), "the lease stays");
+  expect_taken(granted(closed, admin));
+  Control again = closed;
+  *again.mutable_holder() = to_message(holder);
+  again.set_epoch(epoch + 2);
+  expect_refused(event("acquire", again, holder), "it is taken back");
+}
+
 TEST_F(ControlCheckTest, AnEnrolmentIsOfAnAdministratorOfTheSameOrganisation) {
   Control moved = control("tello1", epoch);
   *moved.mutable_owner() = to_message({"Org1MSP", "CN=Host2@org1.ledgerline"});

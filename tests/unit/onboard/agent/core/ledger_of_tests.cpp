@@ -146,6 +146,13 @@ Control control(const std::string& drone, std::uint64_t epoch) {
   record.set_epoch(epoch);
   *record.mutable_owner() = to_message({"Org1MSP", "CN=User1@org1.ledgerline"});
   *record.mutable_holder() = to_message(LedgerOfTests::operator_name());
+  Grant& all = *record.add_grants();
+  all.mutable_to()->set_msp_id("Org2MSP");
+  all.set_fly(true);
+  all.set_max_priority(9);
+  Grant& one = *record.add_grants();
+  *one.mutable_to() = to_message(LedgerOfTests::operator_name());
+  one.set_cut(true);
   return record;
 }
 

@@ -1,4 +1,4 @@
-#include "chaincode/contract/control_calls.hpp"
+#include "chaincode/contract/control/control_calls.hpp"
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
 
@@ -36,6 +36,21 @@ Result<bool> bind(Records<Host>& hosts, Control& control, const std::optional<Co
   return true;
 }
 
+/// Writes down whose a new drone is. Names are for good, so that each organisation has its bound.
+Status add_name(Stub& stub, Records<Drones>& organisations, const Control& control) {
+  const std::string& msp_id = control.owner().msp_id();
+  const auto known = organisations.at(drones_key(msp_id));
+  if (!known) return known.error();
+  insert(*(*known)->mutable_drones(), control.drone());
+  if (static_cast<std::size_t>((*known)->drones_size()) > contract::max_organisation_drones) {
+    return Error{control.drone() + ": " + msp_id + " has " + std::to_string(contract::max_organisation_drones) +
+                 " drones already, which is the limit"};
+  }
+  Organisation organisation;
+  organisation.set_msp_id(msp_id);
+  return write_record(stub, owner_key(control.drone()), organisation);
+}
+
 Status check_enrolment(Stub& stub, const EnrollCall& call) {
   const Identity& who = call.identity();
   if (who.msp_id().empty() || who.subject().empty()) return Error{"enroll: identity needs mspId and subject"};
@@ -61,6 +76,7 @@ Response enroll(Stub& stub, const Arguments& call) {
 
   Controls all;
   Records<Host> hosts(stub);
+  Records<Drones> organisations(stub);
   for (const std::string& drone : sorted_names(enrolment.drones())) {
     if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
     const auto old = read_control(stub, drone);
@@ -70,14 +86,14 @@ Response enroll(Stub& stub, const Arguments& call) {
     const auto changed = bind(hosts, control, *old, enrolment.identity());
     if (!changed) return refuse(changed.error().what);
     if (!*changed) continue;
-    if (Status status = write_control(stub, control); !status) return refuse(status.error().what);
+    if (Status status = write_record(stub, control_key(drone), stored_part(control)); !status) {
+      return refuse(status.error().what);
+    }
     if (*old) continue;
-    Organisation organisation;
-    organisation.set_msp_id(control.owner().msp_id());
-    const Status status = write_record(stub, owner_key(drone), organisation);
-    if (!status) return refuse(status.error().what);
+    if (Status status = add_name(stub, organisations, control); !status) return refuse(status.error().what);
   }
   if (Status status = hosts.write(); !status) return refuse(status.error().what);
+  if (Status status = organisations.write(); !status) return refuse(status.error().what);
   if (enrolment.role() != ROLE_NONE) {
     const auto role = read_role(stub, to_name(enrolment.identity()));
     if (!role) return refuse(role.error().what);

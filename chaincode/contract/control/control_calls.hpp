@@ -8,12 +8,13 @@
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
 
-/// What the calls share that say who may fly what: enroll, acquire, release, stop, resume and fold.
+/// What the calls share that say who may fly what: enroll, grant, acquire, release, evict, stop, resume and
+/// fold.
 namespace ledgerline::chaincode {
 
 inline bool may_operate(Role role) { return role == OPERATOR || role == SUPERVISOR; }
 
-/// A LeaseCall or a DronesCall, in any form, with at least one drone and not too many.
+/// A LeaseCall, DronesCall or GrantCall, in any form, with at least one drone and not too many.
 template <typename Message>
 Result<Message> read_drones(const Arguments& call) {
   Message message;
@@ -35,8 +36,8 @@ std::vector<std::string> sorted_names(const Names& list);
 
 /// Changes the control record of each drone. `change` changes it, or says why that is refused (without the drone's
 /// name, which comes first in every refusal); it gets an epoch that is new to all of them. What is written is what
-/// differs afterwards: the record, the stops that are gone (as lifted; none can come), and the leases that follow from
-/// both. Event and answer hold all records as they now are.
+/// differs afterwards: the record, its grants, the stops that are gone (as lifted; none can come), and the leases that
+/// follow from these. Event and answer hold all records as they now are.
 Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
                          const std::function<Status(Control&, std::uint64_t new_epoch)>& change);
 

@@ -1,4 +1,4 @@
-#include "chaincode/contract/control_calls.hpp"
+#include "chaincode/contract/control/control_calls.hpp"
 
 #include "common/msg/stops.hpp"
 
@@ -27,11 +27,15 @@ Status follow(Records<Lease>& leases, const Control& before, const Control& afte
 
 /// Writes what `change` made of a control record.
 Status write_changes(Stub& stub, const Control& before, const Control& after) {
-  Control record_before = before, record_after = after;
-  record_before.clear_stoppers();
-  record_after.clear_stoppers();
-  if (record_before.SerializeAsString() != record_after.SerializeAsString()) {
-    if (Status status = write_control(stub, after); !status) return status;
+  const Control record = stored_part(after);
+  if (stored_part(before).SerializeAsString() != record.SerializeAsString()) {
+    if (Status status = write_record(stub, control_key(after.drone()), record); !status) return status;
+  }
+  Grants grants_before, grants_after;
+  *grants_before.mutable_grants() = before.grants();
+  *grants_after.mutable_grants() = after.grants();
+  if (grants_before.SerializeAsString() != grants_after.SerializeAsString()) {
+    if (Status status = write_record(stub, grant_key(after.drone()), grants_after); !status) return status;
   }
   for (Stop stop : before.stoppers()) {
     Control rest = after;

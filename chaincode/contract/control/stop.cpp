@@ -1,32 +1,33 @@
-#include "chaincode/contract/control_calls.hpp"
+#include "chaincode/contract/control/control_calls.hpp"
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
+#include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 
 /// stop, resume and fold. A stop must lose to nobody: it writes a key of its stopper's own without reading it, and
-/// reads what others do not write while they fly. What flies under a lease finds out by the fold of the drone's host.
+/// reads what administrators alone write. What flies under a lease finds out by the fold of the drone's host.
 namespace ledgerline::chaincode {
 namespace {
 
-/// Why the caller may not stop this drone. Only where its right rests on the lease is the control record read, which
-/// acquire and release write.
+/// Why the caller may not stop this drone. Role, organisation and grants are what administrators alone write: whoever
+/// flies, acquires or releases cannot make a stop invalid.
 Status check_stop(Stub& stub, const std::string& drone, Role role, bool cut) {
   const auto organisation = read_record<Organisation>(stub, owner_key(drone));
   if (!organisation) return organisation.error();
   if (!*organisation) return Error{"not enrolled"};
   const std::string& owner = (*organisation)->msp_id();
-  const bool own = owner == stub.caller().msp_id;
-  if (may_operate(role)) {
-    if (own || (role == SUPERVISOR && !cut)) return done;
-    const auto control = read_record<Control>(stub, control_key(drone));
-    if (!control) return control.error();
-    if (*control && (*control)->has_holder() && to_name((*control)->holder()) == stub.caller()) return done;
+  const std::string may_not = to_text(stub.caller()) + " may not " + (cut ? "cut" : "stop") + " it: ";
+  if (!may_operate(role)) {
+    return Error{may_not + "it is neither operator nor supervisor; an administrator of " + stub.caller().msp_id +
+                 " may enroll it as one"};
   }
-  const std::string who = to_text(stub.caller());
-  if (cut && may_operate(role)) {
-    return Error{who + " may not cut it: neither an operator or supervisor of " + owner + ", nor with its lease"};
-  }
-  return Error{who + " may not stop it: neither a supervisor, nor an operator of " + owner + " or with its lease"};
+  if (owner == stub.caller().msp_id) return done;
+  const auto grants = read_record<Grants>(stub, grant_key(drone));
+  if (!grants) return grants.error();
+  const Rights rights = rights_of((*grants ? **grants : Grants()).grants(), owner, to_message(stub.caller()));
+  if (cut ? rights.cut : rights.stop) return done;
+  return Error{may_not + owner + " has granted that neither to this identity nor to " + stub.caller().msp_id +
+               "; an administrator of " + owner + " may"};
 }
 
 }  // namespace

@@ -1,0 +1,43 @@
+#include "ground/control/table.hpp"
+
+#include <fmt/format.h>
+
+#include "common/base/printable.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+std::string text_of(const Identity& identity) {
+  return printable(identity.subject().empty() ? identity.msp_id() + " (its operators and supervisors)"
+                                              : identity.msp_id() + " " + identity.subject());
+}
+
+std::string rights_of(const Grant& grant) {
+  std::string rights;
+  const auto add = [&](const std::string& right) { rights += (rights.empty() ? "" : ", ") + right; };
+  if (grant.fly()) add(fmt::format("fly up to priority {}", grant.max_priority()));
+  if (grant.stop()) add("stop");
+  if (grant.cut()) add("cut");
+  return rights;
+}
+
+}  // namespace
+
+std::string control_table(const std::vector<Control>& controls) {
+  std::string table;
+  for (const Control& control : controls) {
+    table += fmt::format("{}\n  host     {}\n", printable(control.drone()), text_of(control.owner()));
+    table += control.has_holder() ? fmt::format("  holder   {}, priority {}, epoch {}\n", text_of(control.holder()),
+                                                control.priority(), control.epoch())
+                                  : fmt::format("  holder   nobody, epoch {}\n", control.epoch());
+    for (const Stop& stop : control.stoppers()) {
+      table += fmt::format("  {:<9}{}\n", stop.cut() ? "cut by" : "stopped", text_of(stop.stopper()));
+    }
+    for (const Grant& grant : control.grants()) {
+      table += fmt::format("  granted  {}: {}\n", text_of(grant.to()), rights_of(grant));
+    }
+  }
+  return table;
+}
+
+}  // namespace ledgerline::ground
