@@ -14,11 +14,11 @@ struct Function {
 constexpr std::array functions{
     Function{contract::set, set_assets},      Function{contract::get, get_assets},
     Function{contract::history, get_history}, Function{contract::delete_, delete_asset},
-    Function{contract::enroll, enroll},       Function{contract::grant, grant},
-    Function{contract::acquire, acquire},     Function{contract::release, release},
-    Function{contract::evict, evict},         Function{contract::command, command},
-    Function{contract::stop, stop},           Function{contract::resume, resume},
-    Function{contract::fold, fold},
+    Function{contract::enroll, enroll},       Function{contract::revoke, revoke},
+    Function{contract::grant, grant},         Function{contract::acquire, acquire},
+    Function{contract::release, release},     Function{contract::evict, evict},
+    Function{contract::command, command},     Function{contract::stop, stop},
+    Function{contract::resume, resume},       Function{contract::fold, fold},
 };
 
 }  // namespace

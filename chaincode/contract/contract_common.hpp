@@ -70,6 +70,7 @@ Response delete_asset(Stub& stub, const Arguments& call);
 Response get_assets(Stub& stub, const Arguments& call);
 Response get_history(Stub& stub, const Arguments& call);
 Response enroll(Stub& stub, const Arguments& call);
+Response revoke(Stub& stub, const Arguments& call);
 Response grant(Stub& stub, const Arguments& call);
 Response acquire(Stub& stub, const Arguments& call);
 Response release(Stub& stub, const Arguments& call);

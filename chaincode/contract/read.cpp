@@ -35,12 +35,12 @@ bool is_record(const std::string& id) {
   return std::ranges::find(record_kinds, first_segment(id)) != record_kinds.end();
 }
 
-/// A record as `get` serves it: a control record with its grants and the stops that stand.
+/// A record as `get` serves it: a control record is complete.
 Status complete(Stub& stub, Asset& record) {
   if (first_segment(record.id()) != "control") return done;
   Control control;
   if (!control.ParseFromString(record.msg_data())) return Error{"the record " + record.id() + " is damaged"};
-  if (Status status = add_stops_and_grants(stub, control); !status) return status;
+  if (Status status = complete(stub, control); !status) return status;
   record.set_msg_data(control.SerializeAsString());
   return done;
 }

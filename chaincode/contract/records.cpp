@@ -1,5 +1,6 @@
 #include "chaincode/contract/records.hpp"
 
+#include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::chaincode {
@@ -49,20 +50,36 @@ Status add_stops(Stub& stub, Control& control) {
   }
 }
 
+Status add_revoked(Stub& stub, Control& control) {
+  control.clear_revoked();
+  std::vector<Identity> named;
+  if (control.has_holder()) named.push_back(control.holder());
+  for (const Grant& grant : control.grants()) {
+    if (!grant.to().subject().empty()) named.push_back(grant.to());
+  }
+  for (const Identity& who : named) {
+    const auto role = read_role(stub, to_name(who));
+    if (!role) return role.error();
+    apply_role(control, who, *role);
+  }
+  return done;
+}
+
 }  // namespace
 
-Status add_stops_and_grants(Stub& stub, Control& control) {
+Status complete(Stub& stub, Control& control) {
   auto grants = read_record<Grants>(stub, grant_key(control.drone()));
   if (!grants) return grants.error();
   control.clear_grants();
   if (*grants) *control.mutable_grants() = std::move(*(*grants)->mutable_grants());
-  return add_stops(stub, control);
+  if (Status status = add_stops(stub, control); !status) return status;
+  return add_revoked(stub, control);
 }
 
 Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone) {
   auto control = read_record<Control>(stub, control_key(drone));
   if (!control || !*control) return control;
-  if (Status status = add_stops_and_grants(stub, **control); !status) return status.error();
+  if (Status status = complete(stub, **control); !status) return status.error();
   return control;
 }
 
@@ -70,6 +87,7 @@ Control stored_part(const Control& control) {
   Control stored = control;
   stored.clear_stoppers();
   stored.clear_grants();
+  stored.clear_revoked();
   return stored;
 }
 

@@ -65,12 +65,13 @@ inline bool contains(const Names& names, const std::string& name) {
 void insert(Names& names, const std::string& name);
 void erase(Names& names, const std::string& name);
 
-/// Adds the drone's grants, and the stops that stand, to a control record. Stops come from a range, so whoever writes
-/// after reading them loses to a stop that came between; the stop, which reads nothing of this, loses to nobody.
-Status add_stops_and_grants(Stub& stub, Control& control);
-/// With its stops and grants; nullopt: not enrolled.
+/// Adds to a control record what has keys of its own: the drone's grants, the stops that stand, and who is revoked. Stops
+/// come from a range, so whoever writes after reading them loses to a stop that came between; the stop, which reads
+/// nothing of this, loses to nobody.
+Status complete(Stub& stub, Control& control);
+/// A complete one; nullopt: not enrolled.
 Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone);
-/// A control record as it is stored: without its stops and grants, which have keys of their own.
+/// A control record as it is stored: without what complete() adds.
 Control stored_part(const Control& control);
 Status write_stop(Stub& stub, const Stop& stop);
 Result<Role> read_role(Stub& stub, const crypto::IdentityName& who);

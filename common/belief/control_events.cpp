@@ -26,7 +26,7 @@ Identity to_message(const crypto::IdentityName& name) {
 
 /// Calls of messages alone; the others may be plain strings.
 template <typename Message>
-constexpr bool has_plain_form = !std::is_same_v<Message, EnrollCall> && !std::is_same_v<Message, GrantCall>;
+constexpr bool has_plain_form = std::is_same_v<Message, LeaseCall> || std::is_same_v<Message, DronesCall>;
 
 /// Plain strings: drones, and options as "key=value".
 template <typename Message>
@@ -60,7 +60,10 @@ bool read_call(const AskedCall& call, Message& asked) {
 
 template <typename Message>
 std::set<std::string> drones_of(const Message& asked) {
-  return {asked.drones().begin(), asked.drones().end()};
+  if constexpr (std::is_same_v<Message, RevokeCall>)
+    return {};
+  else
+    return {asked.drones().begin(), asked.drones().end()};
 }
 
 template <typename List>
@@ -85,6 +88,9 @@ Result<ControlEvent> read_as(const AskedCall& call, std::string_view event_paylo
       stops ? names_exactly(event.stops.stops(), drones) : names_exactly(event.controls.controls(), drones);
   if (!exactly) return Error{"its event is of other drones than were asked for"};
   event.asked = std::move(asked);
+  const auto change = role_change(event);
+  if (change && (event.controls.role() != change->role || !same_identity(event.controls.identity(), change->identity)))
+    return Error{"its event is of another role than was asked for"};
   return event;
 }
 
@@ -98,13 +104,12 @@ Status acquired(const LeaseCall& asked, const Control& before, const Control& af
   const bool mine = same(before.holder(), creator.name);
   const Rights rights = rights_of(before, to_message(creator.name));
   if (!rights.fly || asked.priority() > rights.max_priority) return Error{"its creator is not granted that"};
-  if (before.has_holder() && !mine && asked.priority() <= before.priority())
+  const bool free = !before.has_holder() || is_revoked(before, before.holder());
+  if (!free && !mine && asked.priority() <= before.priority())
     return Error{"somebody holds the lease with no lower priority"};
   if (!mine && after.epoch() <= before.epoch()) return Error{"its epoch does not grow"};
   Control expected = before;
-  *expected.mutable_holder() = to_message(creator.name);
-  expected.set_epoch(after.epoch());
-  expected.set_priority(asked.priority());
+  begin_lease(expected, to_message(creator.name), after.epoch(), asked.priority());
   return expect(expected, after);
 }
 
@@ -151,6 +156,16 @@ Status enrolled(const EnrollCall& asked, const Control& before, const Control& a
   Control expected = before;
   *expected.mutable_owner() = asked.identity();
   *expected.mutable_former_owners() = after.former_owners();
+  if (asked.role() != ROLE_NONE) apply_role(expected, asked.identity(), asked.role());
+  return expect(expected, after);
+}
+
+Status folded(const Control& before, const Control& after, const Creator& creator) {
+  if (!same(before.owner(), creator.name)) return Error{"its creator is not the drone's host"};
+  Control expected = before;
+  end_revoked(expected, after.epoch());
+  if (before.has_holder() && !expected.has_holder() && after.epoch() <= before.epoch())
+    return Error{"its epoch does not grow"};
   return expect(expected, after);
 }
 
@@ -166,6 +181,7 @@ Result<ControlEvent> read_control_event(const AskedCall& call, std::string_view 
   if (!is_control_event(event_name)) return Error{"it is no control event"};
   if (call.function != event_name) return Error{"its event is of another function than was asked for"};
   if (call.function == contract::enroll) return read_as<EnrollCall>(call, event_payload);
+  if (call.function == contract::revoke) return read_as<RevokeCall>(call, event_payload);
   if (call.function == contract::grant) return read_as<GrantCall>(call, event_payload);
   const bool lease = call.function == contract::acquire || call.function == contract::release;
   return lease ? read_as<LeaseCall>(call, event_payload) : read_as<DronesCall>(call, event_payload);
@@ -180,8 +196,21 @@ Status control_follows(const ControlEvent& event, const Control& before, const C
   if (event.function == contract::grant) return granted(std::get<GrantCall>(event.asked), before, after, creator);
   if (event.function == contract::evict) return evicted(before, after, creator);
   if (event.function == contract::resume) return resumed(before, after, creator);
+  if (event.function == contract::fold) return folded(before, after, creator);
   if (event.function == contract::enroll) return enrolled(std::get<EnrollCall>(event.asked), before, after, creator);
   return Error{"a " + event.function + " changes no record"};
+}
+
+std::optional<RoleChange> role_change(const ControlEvent& event) {
+  if (const auto* revoked = std::get_if<RevokeCall>(&event.asked)) return RoleChange{revoked->identity(), REVOKED};
+  const auto* enrolled = std::get_if<EnrollCall>(&event.asked);
+  if (!enrolled || enrolled->role() == ROLE_NONE) return std::nullopt;
+  return RoleChange{enrolled->identity(), enrolled->role()};
+}
+
+Status role_follows(const RoleChange& change, const Creator& creator) {
+  if (creator.admin && creator.name.msp_id == change.identity.msp_id()) return done;
+  return Error{"its creator is no administrator of that organisation"};
 }
 
 Status stop_follows(const ControlEvent& event, const Control& before, const Stop& stop, const Creator& creator) {

@@ -1,4 +1,6 @@
 #pragma once
+#include <optional>
+#include <string>
 #include <string_view>
 #include <variant>
 
@@ -7,13 +9,13 @@
 #include "common/crypto/crypto.hpp"
 #include "ledgerline.pb.h"
 
-/// Control events (enroll, grant, acquire, release, evict, stop, resume, fold) judged by what their creator signed and by the record
+/// Control events (enroll, revoke, grant, acquire, release, evict, stop, resume, fold) judged by what their creator signed and by the record
 /// before: what a peer that lies may still do with one is to leave it out. What a peer alone can know stays its word:
 /// whether the creator has the role that the contract asks for. Pure.
 namespace ledgerline::belief {
 
 /// What a creator asked for, whichever of the three forms it was written in.
-using ControlCall = std::variant<EnrollCall, GrantCall, LeaseCall, DronesCall>;
+using ControlCall = std::variant<EnrollCall, RevokeCall, GrantCall, LeaseCall, DronesCall>;
 
 /// A control event that its call vouches for: it is of that function, and of exactly the drones that were asked for.
 struct ControlEvent {
@@ -24,6 +26,12 @@ struct ControlEvent {
 };
 Result<ControlEvent> read_control_event(const AskedCall& call, std::string_view event_name,
                                         std::string_view event_payload);
+/// What an enroll or revoke makes of somebody's role.
+struct RoleChange {
+  Identity identity;
+  Role role = ROLE_NONE;
+};
+std::optional<RoleChange> role_change(const ControlEvent& event);
 /// Whether events of this name are control events.
 bool is_control_event(std::string_view event_name);
 
@@ -36,8 +44,11 @@ struct Creator {
 /// that is as before follows always: who reads records beside the blocks may have it already. An epoch never goes back,
 /// and grows with each change of holder; the owner's organisation never changes; nobody's stop is lifted but the
 /// creator's own, or all by the owner's organisation; a lease is acquired as far as the grants of the record before allow,
-/// and taken from its holder by the owner's organisation alone, or by a higher priority.
+/// and taken from its holder by the owner's organisation alone, by a higher priority, or where the holder is revoked.
 Status control_follows(const ControlEvent& event, const Control& before, const Control& after, const Creator& creator);
+
+/// Whether the creator may give and take roles of that organisation.
+Status role_follows(const RoleChange& change, const Creator& creator);
 
 /// Whether one of the event's stops is its creator's own, as asked. A cut is for the drone's organisation and those
 /// whom it is granted to, by the record before.

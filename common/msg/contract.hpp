@@ -31,6 +31,7 @@ inline constexpr const char* get = "get";
 inline constexpr const char* history = "history";
 inline constexpr const char* delete_ = "delete";
 inline constexpr const char* enroll = "enroll";
+inline constexpr const char* revoke = "revoke";
 inline constexpr const char* grant = "grant";
 inline constexpr const char* acquire = "acquire";
 inline constexpr const char* release = "release";
@@ -41,8 +42,8 @@ inline constexpr const char* resume = "resume";
 inline constexpr const char* fold = "fold";
 
 /// The functions that write who may do what: roles, grants, leases, stops.
-inline constexpr std::array<std::string_view, 8> control_functions{enroll, grant, acquire, release,
-                                                                   evict,  stop,  resume,  fold};
+inline constexpr std::array<std::string_view, 9> control_functions{enroll, revoke, grant,  acquire, release,
+                                                                   evict,  stop,   resume, fold};
 
 /// Topics that ROS 2 and motion capture need for themselves: no drone has such a name.
 inline constexpr std::array<std::string_view, 8> reserved_names{

@@ -33,8 +33,48 @@ Rights rights_of(const List& grants, const std::string& owner_msp_id, const Iden
   }
   return rights;
 }
+inline bool is_revoked(const Control& control, const Identity& who) {
+  return std::any_of(control.revoked().begin(), control.revoked().end(),
+                     [&](const Identity& one) { return same_identity(one, who); });
+}
 inline Rights rights_of(const Control& control, const Identity& who) {
+  if (is_revoked(control, who)) return {};
   return rights_of(control.grants(), control.owner().msp_id(), who);
+}
+
+/// Whether the record speaks of an identity: as holder, or in a grant to it alone.
+inline bool names_identity(const Control& control, const Identity& who) {
+  return (control.has_holder() && same_identity(control.holder(), who)) ||
+         std::any_of(control.grants().begin(), control.grants().end(),
+                     [&](const Grant& grant) { return same_identity(grant.to(), who); });
+}
+
+/// Lays in what an identity's organisation has made of its role. Of one whom the record does not speak of: nothing.
+inline void apply_role(Control& control, const Identity& who, Role role) {
+  auto& all = *control.mutable_revoked();
+  all.erase(std::remove_if(all.begin(), all.end(), [&](const Identity& one) { return same_identity(one, who); }),
+            all.end());
+  if (role != REVOKED || !names_identity(control, who)) return;
+  *control.add_revoked() = who;
+  const auto order = [](const Identity& one) { return std::tie(one.msp_id(), one.subject()); };
+  std::sort(all.begin(), all.end(), [&](const Identity& a, const Identity& b) { return order(a) < order(b); });
+}
+
+/// The revoked are only those whom the record speaks of.
+inline void forget_unnamed(Control& control) {
+  auto& all = *control.mutable_revoked();
+  all.erase(std::remove_if(all.begin(), all.end(), [&](const Identity& one) { return !names_identity(control, one); }),
+            all.end());
+}
+
+/// Gives a lease to somebody; who holds it already keeps his epoch.
+inline void begin_lease(Control& control, const Identity& holder, std::uint64_t new_epoch, std::uint32_t priority) {
+  if (!control.has_holder() || !same_identity(control.holder(), holder)) {
+    *control.mutable_holder() = holder;
+    control.set_epoch(new_epoch);
+  }
+  control.set_priority(priority);
+  forget_unnamed(control);
 }
 
 /// Ends a lease; the epoch is the new one.
@@ -42,6 +82,17 @@ inline void end_lease(Control& control, std::uint64_t epoch) {
   control.clear_holder();
   control.set_priority(0);
   control.set_epoch(epoch);
+  forget_unnamed(control);
+}
+
+/// Ends the lease and the grants of those who are revoked.
+inline void end_revoked(Control& control, std::uint64_t new_epoch) {
+  auto& grants = *control.mutable_grants();
+  grants.erase(
+      std::remove_if(grants.begin(), grants.end(), [&](const Grant& g) { return is_revoked(control, g.to()); }),
+      grants.end());
+  if (control.has_holder() && is_revoked(control, control.holder())) end_lease(control, new_epoch);
+  forget_unnamed(control);
 }
 
 /// Puts a grant in place of what its identity or organisation had. A lease that is no longer granted ends, under the new
@@ -53,7 +104,8 @@ inline void set_grant(Control& control, const Grant& grant, std::uint64_t new_ep
   if (grant.fly() || grant.stop() || grant.cut()) *control.add_grants() = grant;
   const auto order = [](const Grant& g) { return std::tie(g.to().msp_id(), g.to().subject()); };
   std::sort(all.begin(), all.end(), [&](const Grant& a, const Grant& b) { return order(a) < order(b); });
-  if (!control.has_holder()) return;
+  forget_unnamed(control);
+  if (!control.has_holder() || is_revoked(control, control.holder())) return;  // which a fold ends
   const Rights rights = rights_of(control, control.holder());
   if (!rights.fly) return end_lease(control, new_epoch);
   control.set_priority(std::min(control.priority(), rights.max_priority));

@@ -60,6 +60,13 @@ Result<fabric::Call> make_call(const Wish& wish) {
     if (wish.role == "supervisor") call.set_role(SUPERVISOR);
     return fabric::Call{wish.function, {call.SerializeAsString()}};
   }
+  if (wish.function == contract::revoke) {
+    const auto identity = identity_of(wish);
+    if (!identity) return identity.error();
+    RevokeCall call;
+    *call.mutable_identity() = *identity;
+    return fabric::Call{wish.function, {call.SerializeAsString()}};
+  }
   if (wish.function == contract::grant) {
     const auto identity = identity_of(wish);
     if (!identity) return identity.error();
@@ -171,6 +178,7 @@ constexpr const char* notes = R"(Examples:
   ledgerline-control --config operator.toml stop tello1
   ledgerline-control --config admin.toml enroll --msp Org1MSP --cert host.pem tello1
   ledgerline-control --config admin.toml enroll --msp Org2MSP --cert pilot.pem --role operator
+  ledgerline-control --config admin.toml revoke --msp Org2MSP --cert pilot.pem
   ledgerline-control --config admin.toml grant --msp Org2MSP --fly --max-priority 10 tello1
   ledgerline-control --config admin.toml grant --msp Org2MSP tello1      # of nothing: takes it back, and the lease
   ledgerline-control --config supervisor.toml evict tello1
@@ -190,6 +198,11 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
   enroll.option("--role", wish.role, "what else it may do").one_of({"operator", "supervisor"});
   enroll.option("--msp", wish.msp, "MSP id of the host").required();
   enroll.option("--cert", wish.certificate, "certificate of the host, PEM").required().existing_file();
+  Verb revoke = line.verb(
+      contract::revoke, "take an identity's role back: from that block on nobody flies what it says (administrators)");
+  revoke.option("--msp", wish.msp, "MSP id of the identity").required();
+  revoke.option("--cert", wish.certificate, "its certificate, PEM").required().existing_file();
+  verbs.push_back(revoke);
   Verb grant = add(
       contract::grant,
       "what another organisation, or one identity there, may do with drones (administrators): replaces what it had");

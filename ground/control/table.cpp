@@ -30,6 +30,7 @@ std::string control_table(const std::vector<Control>& controls) {
     table += control.has_holder() ? fmt::format("  holder   {}, priority {}, epoch {}\n", text_of(control.holder()),
                                                 control.priority(), control.epoch())
                                   : fmt::format("  holder   nobody, epoch {}\n", control.epoch());
+    for (const Identity& who : control.revoked()) table += fmt::format("  revoked  {}\n", text_of(who));
     for (const Stop& stop : control.stoppers()) {
       table += fmt::format("  {:<9}{}\n", stop.cut() ? "cut by" : "stopped", text_of(stop.stopper()));
     }

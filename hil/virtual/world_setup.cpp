@@ -14,6 +14,7 @@ const crypto::IdentityName drone_host{"Org1MSP", "CN=User1@org1.ledgerline"};
 const crypto::IdentityName operator_name{"Org2MSP", "CN=User1@org2.ledgerline"};
 const crypto::IdentityName supervisor_name{"Org1MSP", "CN=User2@org1.ledgerline"};
 const crypto::IdentityName stranger_name{"Org3MSP", "CN=User1@org3.ledgerline"};
+const crypto::IdentityName administrator_name{"Org2MSP", "CN=Admin@org2.ledgerline"};
 
 std::string drone_name(int number) { return fmt::format("tello{}", number); }
 
@@ -97,7 +98,7 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
 
 Status prepare(VirtualLedger& ledger, int drones) {
   const auto admin1 = ledger.add_client({"Org1MSP", "CN=Admin@org1.ledgerline"});
-  const auto admin2 = ledger.add_client({"Org2MSP", "CN=Admin@org2.ledgerline"});
+  const auto admin2 = ledger.add_client(administrator_name);
   const auto holder = ledger.add_client(operator_name);
   EnrollCall host;
   host.mutable_identity()->set_msp_id(drone_host.msp_id);

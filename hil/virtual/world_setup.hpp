@@ -42,6 +42,7 @@ struct WorldConfig {
 // Who takes part.
 extern const crypto::IdentityName drone_host, operator_name;
 extern const crypto::IdentityName supervisor_name, stranger_name;  ///< of the drones' organisation, of another one
+extern const crypto::IdentityName administrator_name;              ///< of the operator's organisation
 std::string drone_name(int number);
 
 // What each part of such a world is told.

@@ -48,6 +48,17 @@ Status write_changes(Stub& stub, const Control& before, const Control& after) {
 
 }  // namespace
 
+std::string revoked_text(const crypto::IdentityName& who) {
+  return to_text(who) + " is revoked; an administrator of " + who.msp_id + " may enroll it anew";
+}
+
+Status check_operator(const crypto::IdentityName& who, Role role) {
+  if (role == OPERATOR || role == SUPERVISOR) return done;
+  if (role == REVOKED) return Error{revoked_text(who)};
+  return Error{to_text(who) + " is neither operator nor supervisor; an administrator of " + who.msp_id +
+               " may enroll it as one"};
+}
+
 std::vector<std::string> sorted_names(const Names& list) {
   std::vector<std::string> names(list.begin(), list.end());
   std::sort(names.begin(), names.end());

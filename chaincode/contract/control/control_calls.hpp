@@ -8,11 +8,13 @@
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
 
-/// What the calls share that say who may fly what: enroll, grant, acquire, release, evict, stop, resume and
-/// fold.
+/// What the calls share that say who may fly what: enroll, revoke, grant, acquire, release, evict, stop,
+/// resume and fold.
 namespace ledgerline::chaincode {
 
-inline bool may_operate(Role role) { return role == OPERATOR || role == SUPERVISOR; }
+/// Why somebody may neither fly nor stop anything, by the role that its organisation gives it.
+Status check_operator(const crypto::IdentityName& who, Role role);
+std::string revoked_text(const crypto::IdentityName& who);
 
 /// A LeaseCall, DronesCall or GrantCall, in any form, with at least one drone and not too many.
 template <typename Message>

@@ -1,8 +1,9 @@
 #include "chaincode/contract/control/control_calls.hpp"
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
+#include "common/msg/grants.hpp"
 
-/// enroll: whose a drone is, and who has which role.
+/// enroll and revoke: whose a drone is, and who has which role.
 namespace ledgerline::chaincode {
 namespace {
 
@@ -13,11 +14,11 @@ Result<bool> bind(Records<Host>& hosts, Control& control, const std::optional<Co
     if (old->owner().msp_id() != identity.msp_id()) {
       return Error{old->drone() + ": enrolled to organisation " + old->owner().msp_id() + " already"};
     }
-    if (to_name(old->owner()) == to_name(identity)) return false;
   }
   const auto host = hosts.at(host_key(to_name(identity)));
   if (!host) return host.error();
-  insert(*(*host)->mutable_drones(), control.drone());
+  insert(*(*host)->mutable_drones(), control.drone());  // it may be there, and is not where the host was revoked
+  if (old && to_name(old->owner()) == to_name(identity)) return false;
   if (old) {
     const auto former = hosts.at(host_key(to_name(old->owner())));
     if (!former) return former.error();
@@ -51,19 +52,37 @@ Status add_name(Stub& stub, Records<Drones>& organisations, const Control& contr
   return write_record(stub, owner_key(control.drone()), organisation);
 }
 
-Status check_enrolment(Stub& stub, const EnrollCall& call) {
-  const Identity& who = call.identity();
-  if (who.msp_id().empty() || who.subject().empty()) return Error{"enroll: identity needs mspId and subject"};
-  if (!stub.caller_is_admin() || stub.caller().msp_id != who.msp_id()) {
-    return Error{"enroll: only an administrator of " + who.msp_id() + " may enroll its identities"};
+Status check_administrator(Stub& stub, const std::string& function, const Identity& who) {
+  if (who.msp_id().empty() || who.subject().empty()) return Error{function + ": identity needs mspId and subject"};
+  for (const std::string& part : {who.msp_id(), who.subject()}) {
+    if (part.size() <= contract::max_subject_chars) continue;
+    return Error{function + ": identity has " + std::to_string(part.size()) + " characters; the limit is " +
+                 std::to_string(contract::max_subject_chars)};
   }
+  if (stub.caller_is_admin() && stub.caller().msp_id == who.msp_id()) return done;
+  return Error{function + ": only an administrator of " + who.msp_id() + " may " + function + " its identities"};
+}
+
+Status check_enrolment(Stub& stub, const EnrollCall& call) {
+  if (Status status = check_administrator(stub, contract::enroll, call.identity()); !status) return status;
   if (call.drones().empty() && call.role() == ROLE_NONE) return Error{"enroll: name drones or a role"};
+  if (call.role() == REVOKED) return Error{"enroll: REVOKED is no role; call revoke"};
   if (!Role_IsValid(call.role())) return Error{"enroll: unknown role " + std::to_string(call.role())};
   if (static_cast<std::size_t>(call.drones_size()) > contract::max_call_assets) {
     return Error{"the call has " + std::to_string(call.drones_size()) + " drones; the limit is " +
                  std::to_string(contract::max_call_assets)};
   }
   return done;
+}
+
+Status write_role(Stub& stub, const Identity& who, Role role) {
+  const auto now = read_role(stub, to_name(who));
+  if (!now) return now.error();
+  if (*now == role) return done;
+  EnrollCall record;
+  *record.mutable_identity() = who;
+  record.set_role(role);
+  return write_record(stub, role_key(to_name(who)), record);
 }
 
 }  // namespace
@@ -85,6 +104,7 @@ Response enroll(Stub& stub, const Arguments& call) {
     control.set_drone(drone);
     const auto changed = bind(hosts, control, *old, enrolment.identity());
     if (!changed) return refuse(changed.error().what);
+    if (enrolment.role() != ROLE_NONE) apply_role(control, enrolment.identity(), enrolment.role());
     if (!*changed) continue;
     if (Status status = write_record(stub, control_key(drone), stored_part(control)); !status) {
       return refuse(status.error().what);
@@ -95,20 +115,34 @@ Response enroll(Stub& stub, const Arguments& call) {
   if (Status status = hosts.write(); !status) return refuse(status.error().what);
   if (Status status = organisations.write(); !status) return refuse(status.error().what);
   if (enrolment.role() != ROLE_NONE) {
-    const auto role = read_role(stub, to_name(enrolment.identity()));
-    if (!role) return refuse(role.error().what);
-    if (*role != enrolment.role()) {
-      EnrollCall record;
-      *record.mutable_identity() = enrolment.identity();
-      record.set_role(enrolment.role());
-      const Status status = write_record(stub, role_key(to_name(enrolment.identity())), record);
-      if (!status) return refuse(status.error().what);
+    if (Status status = write_role(stub, enrolment.identity(), enrolment.role()); !status) {
+      return refuse(status.error().what);
     }
   }
   *all.mutable_identity() = enrolment.identity();
   all.set_role(enrolment.role());
   const std::string payload = write_form(call, all);
   stub.set_event(contract::enroll, payload);
+  return {200, {}, payload};
+}
+
+Response revoke(Stub& stub, const Arguments& call) {
+  RevokeCall asked;
+  if (call.form == Arguments::Form::plain) return refuse("revoke: give a RevokeCall in protobuf or JSON");
+  if (Status status = parse_message(call.message, asked); !status) return refuse(status.error().what);
+  const Identity& who = asked.identity();
+  if (Status status = check_administrator(stub, contract::revoke, who); !status) return refuse(status.error().what);
+  if (Status status = write_role(stub, who, REVOKED); !status) return refuse(status.error().what);
+  Records<Host> hosts(stub);  // of a drone host: nothing that it sends has an owner any more
+  const auto host = hosts.at(host_key(to_name(who)));
+  if (!host) return refuse(host.error().what);
+  (*host)->clear_drones();
+  if (Status status = hosts.write(); !status) return refuse(status.error().what);
+  Controls event;
+  *event.mutable_identity() = who;
+  event.set_role(REVOKED);
+  const std::string payload = write_form(call, event);
+  stub.set_event(contract::revoke, payload);
   return {200, {}, payload};
 }
 

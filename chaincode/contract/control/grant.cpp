@@ -1,4 +1,5 @@
 #include "chaincode/contract/control/control_calls.hpp"
+#include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 
@@ -29,6 +30,9 @@ Response grant(Stub& stub, const Arguments& call) {
   if (!asked) return refuse("grant: " + asked.error().what);
   if (Status status = check_grant(asked->grant()); !status) return refuse("grant: " + status.error().what);
   const std::string& to = asked->grant().to().msp_id();
+  if (const auto role = read_role(stub, to_name(asked->grant().to())); !role || *role == REVOKED) {
+    return refuse("grant: " + (role ? revoked_text(to_name(asked->grant().to())) : role.error().what));
+  }
   return change_controls(
       stub, call, contract::grant, asked->drones(), [&](Control& control, std::uint64_t new_epoch) -> Status {
         const std::string& owner = control.owner().msp_id();

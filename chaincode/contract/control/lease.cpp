@@ -36,7 +36,8 @@ Status check_lease(const Control& control, const Identity& who, std::uint32_t pr
     return Error{owner + " has granted " + to_text(to_name(who)) + " priorities up to " +
                  std::to_string(rights.max_priority) + ", not " + std::to_string(priority)};
   }
-  if (control.has_holder() && !same_identity(control.holder(), who) && priority <= control.priority()) {
+  const bool free = !control.has_holder() || is_revoked(control, control.holder());
+  if (!free && !same_identity(control.holder(), who) && priority <= control.priority()) {
     return Error{"the lease is held by " + to_text(to_name(control.holder())) + " with priority " +
                  std::to_string(control.priority()) + ", who may release it; a supervisor of " + owner +
                  " may evict it"};
@@ -51,19 +52,12 @@ Response acquire(Stub& stub, const Arguments& call) {
   if (!lease) return refuse(lease.error().what);
   const auto role = read_role(stub, stub.caller());
   if (!role) return refuse(role.error().what);
-  if (!may_operate(*role)) {
-    return refuse("acquire: " + to_text(stub.caller()) + " is neither operator nor supervisor; an administrator of " +
-                  stub.caller().msp_id + " may enroll it as one");
-  }
+  if (Status status = check_operator(stub.caller(), *role); !status) return refuse("acquire: " + status.error().what);
   const Identity self = to_message(stub.caller());
   return change_controls(stub, call, contract::acquire, lease->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            if (Status status = check_lease(control, self, lease->priority()); !status) return status;
-                           if (!control.has_holder() || !same_identity(control.holder(), self)) {
-                             *control.mutable_holder() = self;
-                             control.set_epoch(new_epoch);
-                           }
-                           control.set_priority(lease->priority());
+                           begin_lease(control, self, new_epoch, lease->priority());
                            return done;
                          });
 }
@@ -86,6 +80,7 @@ Response evict(Stub& stub, const Arguments& call) {
   if (!target) return refuse("evict: " + target.error().what);
   const auto role = read_role(stub, stub.caller());
   if (!role) return refuse(role.error().what);
+  if (*role == REVOKED) return refuse("evict: " + revoked_text(stub.caller()));
   return change_controls(stub, call, contract::evict, target->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            const std::string& owner = control.owner().msp_id();

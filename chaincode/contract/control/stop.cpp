@@ -16,18 +16,15 @@ Status check_stop(Stub& stub, const std::string& drone, Role role, bool cut) {
   if (!organisation) return organisation.error();
   if (!*organisation) return Error{"not enrolled"};
   const std::string& owner = (*organisation)->msp_id();
-  const std::string may_not = to_text(stub.caller()) + " may not " + (cut ? "cut" : "stop") + " it: ";
-  if (!may_operate(role)) {
-    return Error{may_not + "it is neither operator nor supervisor; an administrator of " + stub.caller().msp_id +
-                 " may enroll it as one"};
-  }
+  if (Status status = check_operator(stub.caller(), role); !status) return status;
   if (owner == stub.caller().msp_id) return done;
   const auto grants = read_record<Grants>(stub, grant_key(drone));
   if (!grants) return grants.error();
   const Rights rights = rights_of((*grants ? **grants : Grants()).grants(), owner, to_message(stub.caller()));
   if (cut ? rights.cut : rights.stop) return done;
-  return Error{may_not + owner + " has granted that neither to this identity nor to " + stub.caller().msp_id +
-               "; an administrator of " + owner + " may"};
+  return Error{to_text(stub.caller()) + " may not " + (cut ? "cut" : "stop") + " it: " + owner +
+               " has granted that neither to this identity nor to " + stub.caller().msp_id + "; an administrator of " +
+               owner + " may"};
 }
 
 }  // namespace
@@ -63,6 +60,7 @@ Response resume(Stub& stub, const Arguments& call) {
   if (!target) return refuse("resume: " + target.error().what);
   const auto role = read_role(stub, stub.caller());
   if (!role) return refuse(role.error().what);
+  if (*role == REVOKED) return refuse("resume: " + revoked_text(stub.caller()));
 
   return change_controls(
       stub, call, contract::resume, target->drones(), [&](Control& control, std::uint64_t) -> Status {
@@ -80,10 +78,14 @@ Response resume(Stub& stub, const Arguments& call) {
 Response fold(Stub& stub, const Arguments& call) {
   const auto target = read_drones<DronesCall>(call);
   if (!target) return refuse("fold: " + target.error().what);
-  return change_controls(stub, call, contract::fold, target->drones(), [&](Control& control, std::uint64_t) -> Status {
-    if (to_name(control.owner()) == stub.caller()) return done;
-    return Error{"enrolled to " + to_text(to_name(control.owner())) + ", who alone folds its stops"};
-  });
+  return change_controls(stub, call, contract::fold, target->drones(),
+                         [&](Control& control, std::uint64_t new_epoch) -> Status {
+                           if (to_name(control.owner()) != stub.caller()) {
+                             return Error{"enrolled to " + to_text(to_name(control.owner())) + ", who alone folds it"};
+                           }
+                           end_revoked(control, new_epoch);
+                           return done;
+                         });
 }
 
 }  // namespace ledgerline::chaincode

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::ground {
@@ -19,7 +20,9 @@ LeaseBook::LeaseBook(const FlightConfig& config, FlightTransactions& counters)
 }
 
 void LeaseBook::update(Lease& lease) const {
-  lease.may_command = !config_.ledger || (lease.holder == config_.self && !is_stopped(lease.stoppers));
+  lease.revoked = lease.record && lease.record->has_holder() && is_revoked(*lease.record, lease.record->holder());
+  lease.may_command =
+      !config_.ledger || (lease.holder == config_.self && !lease.revoked && !is_stopped(lease.stoppers));
 }
 
 Result<std::optional<LeaseBook::Change>> LeaseBook::set(const Control& record) {
@@ -59,13 +62,21 @@ std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, st
   const auto ours = [&](const auto& all) {
     return std::any_of(all.begin(), all.end(), [&](const auto& one) { return index_of(config_.drones, one.drone()); });
   };
-  if (!ours(event->controls.controls()) && !ours(event->stops.stops())) return {};
+  const auto role = belief::role_change(*event);
+  const bool role_of_ours = role && std::any_of(leases_.begin(), leases_.end(), [&](const Lease& lease) {
+                              return lease.record && names_identity(*lease.record, role->identity);
+                            });
+  if (!ours(event->controls.controls()) && !ours(event->stops.stops()) && !role_of_ours) return {};
   std::optional<belief::Creator> creator;
   if (config_.believed && !(creator = creator_of(tx, realtime_s))) {
     ++counters_.unbelieved;
     return {};
   }
   std::vector<Change> changes;
+  if (role && creator && !belief::role_follows(*role, *creator)) {
+    ++counters_.altered;
+    return {};
+  }
   for (const Control& control : event->controls.controls()) {
     const auto drone = index_of(config_.drones, control.drone());
     if (!drone) continue;
@@ -75,6 +86,13 @@ std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, st
     } else if (const auto change = take_record(*drone, control)) {
       changes.push_back(*change);
     }
+  }
+  for (std::size_t drone = 0; role && drone < leases_.size(); ++drone) {
+    Lease& lease = leases_[drone];
+    if (!lease.record || !names_identity(*lease.record, role->identity)) continue;
+    apply_role(*lease.record, role->identity, role->role);
+    update(lease);
+    changes.push_back({drone, false});
   }
   for (const Stop& stop : event->stops.stops()) {
     const auto drone = index_of(config_.drones, stop.drone());

@@ -15,7 +15,8 @@ struct Lease {
   std::optional<Control> record;  ///< the newest, whole: what control events have to follow from
   Control stoppers;               ///< who has it stopped; nothing else of the record
   std::uint64_t epoch = 0;
-  bool may_command = false;  ///< it is ours and the drone is not stopped
+  bool revoked = false;      ///< its holder
+  bool may_command = false;  ///< it is ours, we are not revoked and the drone is not stopped
 };
 
 /// The leases of all drones: first as read from the ledger, then by the control events in the blocks, each of which

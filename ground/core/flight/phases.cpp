@@ -49,9 +49,11 @@ void Phases::lease_changed(TimeNs now) {
   if (!in_air()) return;
   if (is_stopped(lease_.stoppers)) {
     land(now, "stopped by " + stopper_names(lease_.stoppers));
-  } else if (lease_.holder != config_.self) {
+  } else if (lease_.holder != config_.self || lease_.revoked) {
     end_path();
-    status_.why = "lost its lease" + (lease_.holder ? " to " + lease_.holder->subject : "");
+    status_.why = lease_.holder != config_.self
+                      ? "lost its lease" + (lease_.holder ? " to " + lease_.holder->subject : "")
+                      : "its operator " + config_.self.subject + " is revoked";
     enter(now, DronePhase::failed);
   }
 }

@@ -131,8 +131,7 @@ Result<FaultActs> say_control(const Said& said) {
             real.control = {name, drone};
           },
       .not_real = [stopper, word](const Fault&, const RealLedger&) -> std::string {
-        if (stopper != Stopper::operating)
-          return "nobody but the operator is enrolled there: virtual time alone has it";
+        if (stopper != Stopper::operating) return "nobody but the operator speaks there: virtual time alone has it";
         if (word == ControlWord::cut) return "a real flight's motors are not cut: virtual time alone has it";
         return word == ControlWord::stop || word == ControlWord::resume
                    ? ""
@@ -141,6 +140,14 @@ Result<FaultActs> say_control(const Said& said) {
       .momentary = true,
       .pushes = word == ControlWord::cut,
       .needs_supervisors = stopper != Stopper::operating};
+}
+
+Result<FaultActs> revoke(const Said&) {
+  return FaultActs{
+      .strike = [](VirtualWorld& world,
+                   std::size_t drone) { world.say_control(Stopper::administrator, drone, ControlWord::revoke); },
+      .not_real = because("nobody but the operator speaks there: virtual time alone has it"),
+      .momentary = true};
 }
 
 constexpr FaultKind ledger_table[] = {
@@ -158,6 +165,7 @@ constexpr FaultKind ledger_table[] = {
     {"ledger relay LIE...", relay},
     {"operator errs WHAT...", slip},
     {"operator|supervisor|stranger stop|cut|resume|acquire|evict NAME", say_control},
+    {"administrator revoke NAME", revoke},
 };
 
 }  // namespace

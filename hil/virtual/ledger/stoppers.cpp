@@ -15,7 +15,10 @@ LedgerPort& Stoppers::port(Stopper who) {
   if (who == Stopper::operating) return operating_;
   auto& port = ports_[who];
   if (!port) {
-    port = std::make_unique<LedgerPort>(ledger_, who == Stopper::supervisor ? supervisor_name : stranger_name, ++seed_);
+    const auto& name = who == Stopper::supervisor ? supervisor_name
+                       : who == Stopper::stranger ? stranger_name
+                                                  : administrator_name;
+    port = std::make_unique<LedgerPort>(ledger_, name, ++seed_);
   }
   return *port;
 }
@@ -28,6 +31,12 @@ fabric::Call call_of(const std::string& drone, ControlWord word) {
     call.add_drones(drone);
     call.set_priority(contract::max_priority);
     return {contract::acquire, {call.SerializeAsString()}};
+  }
+  if (word == ControlWord::revoke) {
+    RevokeCall call;
+    call.mutable_identity()->set_msp_id(operator_name.msp_id);
+    call.mutable_identity()->set_subject(operator_name.subject);
+    return {contract::revoke, {call.SerializeAsString()}};
   }
   DronesCall call;
   call.add_drones(drone);

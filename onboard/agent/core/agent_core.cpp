@@ -54,7 +54,8 @@ void AgentCore::set_control(TimeNs now, const Control& control) {
                                   [&](const DroneName& d) { return d.name == control.drone(); });
   // Whether it was folded before this agent's start the record does not say; a fold that changes nothing writes
   // nothing.
-  if (drone != config_.drones.end() && is_stopped(control)) folds_.want(now, drone->number);
+  if (drone != config_.drones.end() && (is_stopped(control) || !control.revoked().empty()))
+    folds_.want(now, drone->number);
 }
 
 void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& out) {
@@ -142,6 +143,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
     if (is_contract_stop(plan.action)) folds_.want(now, plan.drone);  // a stop or cut of the ledger's
     out.traces.push_back(record_of(TraceKind::command_taken, now, plan.drone, plan.sequence, plan.state_stamp_ns));
   }
+  for (const DroneNumber drone : checked.revoked) folds_.want(now, drone);
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
 }
 

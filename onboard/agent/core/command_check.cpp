@@ -7,6 +7,7 @@
 #include "common/belief/calls.hpp"
 #include "common/belief/control_events.hpp"
 #include "common/msg/contract.hpp"
+#include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
 #include "onboard/agent/core/proposal_hash.hpp"
@@ -14,10 +15,12 @@
 namespace ledgerline::agent {
 namespace {
 
-constexpr std::array names{"none",           "broken_chain",  "invalid_transaction", "wrong_channel", "malformed",
-                           "unknown_signer", "bad_signature", "not_endorsed",        "not_holder",    "stopped",
-                           "wrong_epoch",    "foreign_boot",  "unknown_stamp",       "replayed",      "too_old",
-                           "over_limits",    "altered"};
+constexpr std::array names{"none",          "broken_chain", "invalid_transaction",
+                           "wrong_channel", "malformed",    "unknown_signer",
+                           "bad_signature", "not_endorsed", "not_holder",
+                           "stopped",       "wrong_epoch",  "foreign_boot",
+                           "unknown_stamp", "replayed",     "too_old",
+                           "over_limits",   "altered",      "revoked"};
 static_assert(names.size() == refusal_count);
 
 bool same(const Identity& a, const crypto::IdentityName& b) {
@@ -173,6 +176,7 @@ Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::I
   if (!drone.control || !same(drone.control->holder(), signer)) {
     return Refusal::not_holder;
   }
+  if (is_revoked(*drone.control, drone.control->holder())) return Refusal::revoked;
   if (is_stopped(*drone.control) && plan.action() != LAND) return Refusal::stopped;
   if (plan.epoch() != drone.control->epoch()) return Refusal::wrong_epoch;
   if (plan.boot_id() != drone.boot_id) return Refusal::foreign_boot;
@@ -200,15 +204,13 @@ Refusal CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) const {
   return Refusal::none;
 }
 
-template <typename Event, typename Entries>
+template <typename Event, typename Ours>
 std::optional<belief::ControlEvent> CommandCheck::believed(std::int64_t now_s, const fabric::Transaction& tx,
-                                                           const Entries& entries, belief::Creator& signer,
-                                                           Checked& out) {
+                                                           const Ours& ours, belief::Creator& signer, Checked& out) {
   Event told;
   Refusal why = parse_message(tx.event_payload, told) ? Refusal::none : Refusal::malformed;
   if (why == Refusal::none) {
-    const auto& all = entries(told);
-    if (std::none_of(all.begin(), all.end(), [&](const auto& one) { return find(one.drone()); })) return std::nullopt;
+    if (!ours(told)) return std::nullopt;
     why = check_transaction(now_s, tx, signer);
   }
   if (why == Refusal::none) {
@@ -228,9 +230,11 @@ void CommandCheck::refuse_control_event(Refusal why, DroneNumber drone, Checked&
 void CommandCheck::take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
   belief::Creator signer;
   const auto event = believed<Controls>(
-      now_s, tx, [](const Controls& told) { return told.controls(); }, signer, out);
+      now_s, tx, [this](const Controls& told) { return names_one_of_ours(told); }, signer, out);
   if (!event) return;
-  bool follows = true;  // as a whole or not at all, as on the ledger
+  const auto role = belief::role_change(*event);
+  bool follows = !role || belief::role_follows(*role, signer);  // as a whole or not at all, as on the ledger
+  if (!follows) refuse_control_event(Refusal::altered, 0, out);
   for (const Control& control : event->controls.controls()) {
     const Drone* drone = find(control.drone());
     if (!drone) continue;
@@ -242,12 +246,32 @@ void CommandCheck::take_controls(std::int64_t now_s, const fabric::Transaction& 
   for (const Control& control : event->controls.controls()) {
     if (Drone* drone = find(control.drone())) drone->control = control;
   }
+  if (role) take_role(*role, out);
+}
+
+bool CommandCheck::names_one_of_ours(const Controls& told) {
+  const auto& all = told.controls();
+  return std::any_of(all.begin(), all.end(), [&](const Control& one) { return find(one.drone()); }) ||
+         std::any_of(drones_.begin(), drones_.end(), [&](const Drone& drone) {
+           return told.has_identity() && drone.control && names_identity(*drone.control, told.identity());
+         });
+}
+
+void CommandCheck::take_role(const belief::RoleChange& change, Checked& out) {
+  for (Drone& drone : drones_) {
+    if (!drone.control) continue;
+    apply_role(*drone.control, change.identity, change.role);
+    if (is_revoked(*drone.control, change.identity)) out.revoked.push_back(drone.name.number);
+  }
 }
 
 void CommandCheck::take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
   belief::Creator signer;
-  const auto event = believed<Stops>(
-      now_s, tx, [](const Stops& told) { return told.stops(); }, signer, out);
+  const auto ours = [this](const Stops& told) {
+    const auto& all = told.stops();
+    return std::any_of(all.begin(), all.end(), [&](const Stop& one) { return find(one.drone()); });
+  };
+  const auto event = believed<Stops>(now_s, tx, ours, signer, out);
   if (!event) return;
   for (const Stop& stop : event->stops.stops()) {
     Drone* drone = find(stop.drone());

@@ -37,6 +37,7 @@ enum class Refusal : std::uint8_t {
   too_old = 14,             ///< its state is older than the limit
   over_limits = 15,         ///< setpoints: not finite, too fast, too many, out of order, or beyond the horizon
   altered = 16,  ///< not what its creator asked for and signed; or a record that does not follow from the last
+  revoked = 17,  ///< its signer's organisation has taken its role back
 };
 inline constexpr std::size_t refusal_count = enum_count<Refusal>;
 std::string_view refusal_name(Refusal refusal);
@@ -61,7 +62,7 @@ struct CheckConfig {
 ///
 // clang-format off
 ///     block -> chain -> flag -> channel -> signer, signature -> endorsement -> asked for
-///         -+-> control event: follows -> record updated; a stop also gives a plan
+///         -+-> control event: follows -> record updated; a stop also gives a plan; a revoked holder flies nothing
 ///          +-> command: lease -> epoch -> boot, stamp -> sequence -> age -> limits -> Plan
 // clang-format on
 ///
@@ -79,6 +80,7 @@ class CommandCheck {
   struct Checked {
     std::vector<Plan> plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut
     std::vector<Refused> refused;
+    std::vector<DroneNumber> revoked;  ///< drones whose holder, or somebody whom they are granted to, is now revoked
     bool chain_ok = true;
     std::string chain_error;  ///< in words, when not chain_ok; the block was then not looked at further
   };
@@ -125,11 +127,13 @@ class CommandCheck {
   void refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out);
   void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
   /// A control event that concerns a drone of ours and is what its creator asked for; else it was refused.
-  template <typename Event, typename Entries>
-  std::optional<belief::ControlEvent> believed(std::int64_t now_s, const fabric::Transaction& tx,
-                                               const Entries& entries, belief::Creator& signer, Checked& out);
+  template <typename Event, typename Ours>
+  std::optional<belief::ControlEvent> believed(std::int64_t now_s, const fabric::Transaction& tx, const Ours& ours,
+                                               belief::Creator& signer, Checked& out);
   void refuse_control_event(Refusal why, DroneNumber drone, Checked& out);
   void take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  bool names_one_of_ours(const Controls& told);
+  void take_role(const belief::RoleChange& change, Checked& out);
   void take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
 
   CheckConfig config_;

@@ -33,6 +33,7 @@ std::string protobuf_of(const std::string& function, const std::string& json) {
   if (function == "get" || function == "history") return bytes(QueryCall{});
   if (function == "delete") return bytes(DeleteCall{});
   if (function == "enroll") return bytes(EnrollCall{});
+  if (function == "revoke") return bytes(RevokeCall{});
   if (function == "grant") return bytes(GrantCall{});
   if (function == "acquire" || function == "release") return bytes(LeaseCall{});
   if (function == "command") return bytes(CommandCall{});
@@ -61,6 +62,7 @@ const std::vector<Call> calls{
      {R"({"identity":{"mspId":"Org1MSP","subject":"CN=host"},"drones":["tello1","tello2"]})",
       R"({"identity":{"mspId":"Org1MSP","subject":"CN=chief"},"role":"SUPERVISOR"})"},
      {}},
+    {other_admin, "revoke", {R"({"identity":{"mspId":"Org2MSP","subject":"CN=pilot"}})"}, {}},
     {admin,
      "grant",
      {R"({"drones":["tello1","tello2"],"grant":{"to":{"mspId":"Org3MSP","subject":"CN=far"},"fly":true,"maxPriority":7,"cut":true}})",
@@ -105,6 +107,7 @@ class ContractEntry final : public Entry {
       must(host, "set", R"({"id":"Org1MSP/n/)" + std::to_string(i % 20) + R"(","msgType":"x","msgData":"AAEA"})");
     if (call.function != "acquire") must(pilot, "acquire", R"({"drones":["tello1","tello2"]})");
     if (call.function == "resume" || call.function == "fold") must(chief, "stop", R"({"drones":["tello1","tello2"]})");
+    if (call.function == "fold") must(other_admin, "revoke", calls[5].json[0]);
   }
   std::vector<std::string> seeds() override { return seeds_; }
 

@@ -148,6 +148,7 @@ const bool forms =
     add_forms<EnrollCall>(
         "EnrollCall",
         {R"({"identity":{"mspId":"Org1MSP","subject":"CN=a"},"drones":["tello1"],"role":"SUPERVISOR"})"}) &&
+    add_forms<RevokeCall>("RevokeCall", {R"({"identity":{"mspId":"Org1MSP","subject":"CN=a"}})"}) &&
     add_forms<GrantCall>(
         "GrantCall",
         {R"({"drones":["tello1"],"grant":{"to":{"mspId":"Org2MSP","subject":"CN=a"},"fly":true,"maxPriority":5,"stop":true,"cut":true}})"}) &&

@@ -202,6 +202,28 @@ def test_a_role_means_nothing_on_others_drones_and_what_is_granted_can_be_taken_
     operator.submit("acquire", "lent")
 
 
+def test_who_is_revoked_flies_nothing_once_the_host_has_folded_it(enroll, admin, drone_host):
+    enroll("kept")
+    pilot = enroll(organisation=2, user="User2", role="OPERATOR")
+    who = {"identity": {"mspId": "Org2MSP", "subject": subject(2, "User2")}}
+    refusal = f"Org2MSP {who['identity']['subject']} is revoked; an administrator of Org2MSP may enroll it anew"
+    pilot.submit("acquire", "kept")
+    pilot.submit("command", {"plans": [plan("kept")]})
+    assert admin(1).refusal("revoke", who) == "revoke: only an administrator of Org2MSP may revoke its identities"
+    try:
+        answer = json.loads(decode(admin(2).submit("revoke", who)["result"]))
+        assert answer == {"identity": who["identity"], "role": "REVOKED"}
+        assert pilot.refusal("acquire", "kept") == f"acquire: {refusal}"
+        assert pilot.refusal("stop", "kept") == f"kept: {refusal}"
+        pilot.submit("command", {"plans": [plan("kept")]})
+        record = json.loads(decode(drone_host.submit("fold", {"drones": ["kept"]})["result"]))["controls"][0]
+        assert "holder" not in record and "revoked" not in record
+        assert pilot.refusal("command", {"plans": [plan("kept")]}).startswith("kept: the lease is held by nobody")
+    finally:
+        enroll(organisation=2, user="User2", role="OPERATOR")
+    pilot.submit("acquire", "kept")
+
+
 @pytest.fixture(scope="session")
 def scene(enroll, admin, drone_host, operator, nobody):
     """What refusals need: `leased` flown by the operator, `stopped` besides stopped by a supervisor, `free` streams."""
@@ -228,8 +250,8 @@ def small(number: int) -> list[dict]:
 WHO = {"mspId": "Org1MSP", "subject": subject(1, "User1")}
 ODOM = {"id": "free/odom", "msgType": "t"}
 REFUSALS = [
-    ("host", "fly", ["x"], "unknown function fly; known are set, get, history, delete, enroll, grant, acquire, "
-                           "release, evict, command, stop, resume"),
+    ("host", "fly", ["x"], "unknown function fly; known are set, get, history, delete, enroll, revoke, grant, "
+                           "acquire, release, evict, command, stop, resume"),
     ("host", "get", ["a" * 1_000_001], "get: the call has 1000001 bytes; the limit is 1000000"),
     ("host", "get", ["{}", "x"], "get: give one message in protobuf or JSON, or plain ids; not both"),
 
@@ -289,6 +311,10 @@ REFUSALS = [
     ("other admin", "enroll", [{"identity": {**WHO, "mspId": "Org2MSP"}, "drones": ["leased"]}],
      "leased: enrolled to organisation Org1MSP already"),
 
+    ("admin", "revoke", ["leased"], "revoke: give a RevokeCall in protobuf or JSON"),
+    ("admin", "revoke", [{"identity": {"mspId": "Org1MSP"}}], "revoke: identity needs mspId and subject"),
+    ("other admin", "revoke", [{"identity": WHO}], "revoke: only an administrator of Org1MSP may revoke its identities"),
+    ("admin", "enroll", [{"identity": WHO, "role": "REVOKED"}], "enroll: REVOKED is no role; call revoke"),
     ("admin", "grant", ["leased"], "grant: give a GrantCall in protobuf or JSON"),
     ("admin", "grant", [{"drones": []}], "grant: no drone is named"),
     ("admin", "grant", [{"drones": ["leased"]}], "grant: to needs mspId"),
@@ -349,7 +375,7 @@ REFUSALS = [
     ("operator", "stop", ["leased", "cut=maybe"], "stop: cut must be true or false"),
     ("operator", "stop", [], "stop: no drone is named"),
     ("operator", "resume", ["leased"], "leased: not stopped"),
-    ("operator", "fold", ["leased"], f"leased: enrolled to {HOST}, who alone folds its stops"),
+    ("operator", "fold", ["leased"], f"leased: enrolled to {HOST}, who alone folds it"),
     ("host", "fold", [], "fold: no drone is named"),
     ("operator", "resume", ["stopped"], f"stopped: stopped by {SUPERVISOR}; only they, each its own, or a "
                                         "supervisor of Org1MSP may"),

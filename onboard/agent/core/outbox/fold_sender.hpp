@@ -10,8 +10,9 @@
 namespace ledgerline::agent {
 
 /// Folds stops: a stop writes nothing that commands read, so the drone's host says `fold` until the ledger has it. From
-/// then on the contract refuses the holder's commands, and those under way are invalid. Agent itself obeys the stop at
-/// once, whatever becomes of its fold.
+/// then on the contract refuses the holder's commands, and those under way are invalid. Likewise a holder's revocation,
+/// which writes nothing but his role: the fold ends his lease. Agent itself obeys both at once, whatever becomes of its
+/// fold.
 ///
 ///     stop seen -> wanted -> in flight -> committed: over, unless another stop came meanwhile
 ///                    ^           |     -> refused by the contract: over (another host's drone by now)
@@ -29,7 +30,7 @@ class FoldSender {
 
   FoldSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
 
-  /// A stop of this drone was seen, in a block or in its record.
+  /// A stop of this drone, or a revocation that concerns it, was seen in a block or in its record.
   void want(TimeNs now, DroneNumber drone);
   /// A call to make now, if any; it is then in flight.
   std::optional<Sending> next(TimeNs now);

@@ -199,7 +199,7 @@ TEST_F(StopTest, FoldedTheContractTakesOnlyLanding) {
 TEST_F(StopTest, TheDronesHostAloneFoldsAndOnlyWhatChangesIsWritten) {
   for (const auto& who : {pilot, chief, guard, admin1, other}) {
     EXPECT_THAT(stub.call(who, "fold", {"tello1"}).message,
-                StartsWith("tello1: enrolled to Org1MSP CN=host, who alone folds its stops"));
+                StartsWith("tello1: enrolled to Org1MSP CN=host, who alone folds it"));
   }
   EXPECT_EQ(stub.call(host, "fold", {"tello1", "tello2"}).status, 200);
   EXPECT_THAT(stub.writes, IsEmpty());

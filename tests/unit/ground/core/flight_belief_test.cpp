@@ -133,6 +133,22 @@ TEST_F(FlightBesideALyingPeer, WhatFollowsFromTheCallAndTheRecordBeforeIsBelieve
   EXPECT_EQ(core.status(0).phase, DronePhase::failed);
 }
 
+TEST_F(FlightBesideALyingPeer, WhoIsRevokedFliesNoMore) {
+  Controls told;
+  told.mutable_identity()->set_msp_id(operator_name.msp_id);
+  told.mutable_identity()->set_subject(operator_name.subject);
+  told.set_role(REVOKED);
+  RevokeCall call;
+  *call.mutable_identity() = told.identity();
+  const auto revoke = control_event("revoke", {call.SerializeAsString()}, told.SerializeAsString());
+  (void)give(revoke, operator_name);
+  EXPECT_EQ(core.transactions().altered, 1u) << "he is no administrator";
+  EXPECT_TRUE(flies_on());
+  (void)give(revoke, {operator_name.msp_id, "CN=Admin@" + operator_name.msp_id});
+  EXPECT_EQ(core.status(0).phase, DronePhase::failed);
+  EXPECT_THAT(core.status(0).why, HasSubstr("is revoked"));
+}
+
 TEST_F(FlightBesideALyingPeer, AStopIsItsCreatorsOwn) {
   Stops stops;
   *stops.add_stops() = stop_of("tello1", stranger_name);

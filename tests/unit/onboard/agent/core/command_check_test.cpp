@@ -387,8 +387,11 @@ TEST_F(CommandCheckTest, AReplayedSequenceIsRefused) {
 TEST_F(CommandCheckTest, SequencesStartAnewWithTheEpoch) {
   EXPECT_EQ(give({command(good_plan(4))}).plans.size(), 1U);
   auto plan = good_plan(1);
-  plan.set_epoch(epoch + 1);
-  const auto checked = give({control_event("acquire", control("tello1", epoch + 1)), command(plan)});
+  plan.set_epoch(epoch + 2);
+  Control free = control("tello1", epoch + 1);
+  free.clear_holder();
+  const auto checked =
+      give({control_event("release", free), control_event("acquire", control("tello1", epoch + 2)), command(plan)});
   EXPECT_EQ(checked.plans.size(), 1U);
 }
 

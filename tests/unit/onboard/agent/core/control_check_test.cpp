@@ -242,6 +242,93 @@ TEST_F(ControlCheckTest, AnEnrolmentIsOfAnAdministratorOfTheSameOrganisation) {
   expect_taken(enrolled(moved, admin));
 }
 
+class RevocationTest : public ControlCheckTest {
+ protected:
+  static Tx revoke(const crypto::IdentityName& who, const crypto::IdentityName& by) {
+    Controls told;
+    *told.mutable_identity() = to_message(who);
+    told.set_role(REVOKED);
+    RevokeCall call;
+    *call.mutable_identity() = told.identity();
+    Tx one = tx("revoke", told.SerializeAsString(), by);
+    one.asked = fabric::Call{"revoke", {call.SerializeAsString()}};
+    return one;
+  }
+  Refusal command_refused() {
+    CommandCall call;
+    DronePlan& plan = *call.add_plans();
+    plan.set_drone("tello1");
+    plan.set_epoch(epoch);
+    const auto checked = give(tx("command", call.SerializeAsString(), holder));
+    return checked.refused.empty() ? Refusal::none : checked.refused[0].why;
+  }
+  const crypto::IdentityName its_admin{"Org2MSP", "CN=Admin@org2.ledgerline"};
+};
+
+TEST_F(RevocationTest, ARevokedHolderFliesNothingFromThatBlockOn) {
+  EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
+  const auto checked = give(revoke(holder, its_admin));
+  EXPECT_TRUE(checked.refused.empty());
+  EXPECT_EQ(checked.revoked, std::vector<DroneNumber>{1});
+  EXPECT_EQ(command_refused(), Refusal::revoked);
+}
+
+TEST_F(RevocationTest, ItIsOfAnAdministratorOfItsOrganisationAndAsItWasAskedFor) {
+  expect_refused(revoke(holder, admin), "by another organisation's administrator");
+  expect_refused(revoke(holder, rival), "by no administrator");
+  Tx other = revoke(rival, its_admin);
+  other.event_payload = revoke(holder, its_admin).event_payload;
+  expect_refused(other, "of another identity");
+  Tx undone = revoke(holder, its_admin);
+  Controls told;
+  *told.mutable_identity() = to_message(holder);
+  told.set_role(OPERATOR);
+  undone.event_payload = told.SerializeAsString();
+  expect_refused(undone, "as another role");
+  EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
+}
+
+TEST_F(RevocationTest, OfSomebodyWhomNoRecordNamesItIsNothing) {
+  const auto checked = give(revoke(rival, its_admin));
+  EXPECT_TRUE(checked.refused.empty());
+  EXPECT_TRUE(checked.revoked.empty());
+  EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
+}
+
+TEST_F(RevocationTest, AFoldOfTheHostEndsItsLeaseAndNothingElse) {
+  Control ended = control("tello1", epoch + 1);
+  ended.clear_holder();
+  expect_refused(event("fold", ended, owner), "nobody is revoked");
+  ended.mutable_grants()->RemoveLast();  // which was to him alone
+  (void)give(revoke(holder, its_admin));
+  Control same_epoch = ended;
+  same_epoch.set_epoch(epoch);
+  expect_refused(event("fold", same_epoch, owner), "under the same epoch");
+  expect_refused(event("fold", ended, own_guard), "by another than the host");
+  Control handed_on = ended;
+  *handed_on.mutable_holder() = to_message(rival);
+  expect_refused(event("fold", handed_on, owner), "to somebody");
+  expect_taken(event("fold", ended, owner));
+  EXPECT_EQ(command_refused(), Refusal::not_holder);
+}
+
+TEST_F(RevocationTest, EnrolledAnewItFliesAgain) {
+  (void)give(revoke(holder, its_admin));
+  Controls told;
+  *told.mutable_identity() = to_message(holder);
+  told.set_role(OPERATOR);
+  EnrollCall call;
+  *call.mutable_identity() = told.identity();
+  call.set_role(OPERATOR);
+  Tx enrolled = tx("enroll", told.SerializeAsString(), its_admin);
+  enrolled.asked = fabric::Call{"enroll", {call.SerializeAsString()}};
+  enrolled.creator = rival;
+  expect_refused(enrolled, "by no administrator");
+  enrolled.creator = its_admin;
+  expect_taken(enrolled);
+  EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
+}
+
 TEST_F(ControlCheckTest, AFoldChangesNothing) {
   start(stopped({own_guard}));
   expect_refused(event("fold", control("tello1", epoch), owner), "a stop less");
