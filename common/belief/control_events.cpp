@@ -143,8 +143,7 @@ Status granted(const GrantCall& asked, const Control& before, const Control& aft
 
 Status resumed(const Control& before, const Control& after, const Creator& creator) {
   Control expected = before;
-  remove_stop(expected, to_message(creator.name));
-  if (before.owner().msp_id() == creator.name.msp_id && after.stoppers().empty()) expected.clear_stoppers();
+  lift_stops(expected, to_message(creator.name), after.stoppers().empty());  // its role stays the peer's word
   return expect(expected, after);
 }
 

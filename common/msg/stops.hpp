@@ -40,6 +40,13 @@ inline void add_stop(Control& control, const Stop& stop) {
             [&](const Stop& a, const Stop& b) { return order(a) < order(b); });
 }
 
+/// Lifts everybody's stop for a supervisor of the drone's organisation, else one's own. False: there was none.
+inline bool lift_stops(Control& control, const Identity& who, bool supervisor) {
+  if (!supervisor || control.owner().msp_id() != who.msp_id()) return remove_stop(control, who);
+  control.clear_stoppers();
+  return true;
+}
+
 /// "Org1MSP CN=guard, Org3MSP CN=chief": for messages.
 inline std::string stopper_names(const Control& control) {
   std::string names;

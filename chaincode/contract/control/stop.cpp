@@ -65,13 +65,9 @@ Response resume(Stub& stub, const Arguments& call) {
   return change_controls(
       stub, call, contract::resume, target->drones(), [&](Control& control, std::uint64_t) -> Status {
         if (!is_stopped(control)) return Error{"not stopped"};
-        if (*role == SUPERVISOR && control.owner().msp_id() == stub.caller().msp_id) {
-          control.clear_stoppers();
-        } else if (!remove_stop(control, to_message(stub.caller()))) {
-          return Error{"stopped by " + stopper_names(control) + "; only they, each its own, or a supervisor of " +
-                       control.owner().msp_id() + " may resume it"};
-        }
-        return done;
+        if (lift_stops(control, to_message(stub.caller()), *role == SUPERVISOR)) return done;
+        return Error{"stopped by " + stopper_names(control) + "; only they, each its own, or a supervisor of " +
+                     control.owner().msp_id() + " may resume it"};
       });
 }
 

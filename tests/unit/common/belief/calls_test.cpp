@@ -83,7 +83,10 @@ TEST(CheckEvent, AControlEventIsOfItsFunctionAndTheDronesThatWereAskedFor) {
   EnrollCall role;
   role.set_role(OPERATOR);
   const Args asked{role.SerializeAsString()};
-  EXPECT_TRUE(check_event({"enroll", asked}, "enroll", Controls().SerializeAsString()));
+  EXPECT_FALSE(check_event({"enroll", asked}, "enroll", Controls().SerializeAsString())) << "of another role";
+  Controls told;
+  told.set_role(OPERATOR);
+  EXPECT_TRUE(check_event({"enroll", asked}, "enroll", told.SerializeAsString()));
   EXPECT_FALSE(check_event({"enroll", asked}, "enroll", controls.SerializeAsString()));
 }
 
