@@ -306,8 +306,9 @@ REFUSALS = [
     ("admin", "enroll", [{"identity": WHO, "drones": ["a/b"]}], "a/b: a drone's name is one segment, without /"),
     ("admin", "enroll", [{"identity": WHO, "drones": ["tf"]}], "tf: ROS 2 or motion capture needs this name"),
     ("admin", "enroll", [{"identity": WHO, "drones": [".."]}], "..: an id's segments must not be . or .."),
-    ("admin", "enroll", [{"identity": WHO, "drones": [f"many{number}" for number in range(257)]}],
-     "many99: Org1MSP has 256 drones already, which is the limit"),
+    ("other admin", "enroll", [{"identity": {"mspId": "Org2MSP", "subject": subject(2, "User1")},
+                                "drones": [f"many{number:03}" for number in range(257)]}],
+     "many256: Org2MSP has 256 drones already, which is the limit"),
     ("other admin", "enroll", [{"identity": {**WHO, "mspId": "Org2MSP"}, "drones": ["leased"]}],
      "leased: enrolled to organisation Org1MSP already"),
 
@@ -367,7 +368,7 @@ REFUSALS = [
     ("operator", "command", [{"plans": [plan(f"d{i}", setpoints=[]) for i in range(1001)]}],
      "the call has 1001 plans; the limit is 1000"),
 
-    ("nobody", "stop", ["leased"], f"leased: {NOBODY} may not stop it: it is neither operator nor supervisor; an "
+    ("nobody", "stop", ["leased"], f"leased: {NOBODY} is neither operator nor supervisor; an "
                                    "administrator of Org3MSP may enroll it as one"),
     ("far", "stop", ["leased"], f"leased: {FAR} may not stop it: Org1MSP has granted that neither to this identity"),
     ("rival", "stop", ["leased", "cut=true"], f"leased: {RIVAL} may not cut it"),
