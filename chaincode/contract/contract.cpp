@@ -16,9 +16,11 @@ constexpr std::array functions{
     Function{contract::history, get_history}, Function{contract::delete_, delete_asset},
     Function{contract::enroll, enroll},       Function{contract::revoke, revoke},
     Function{contract::grant, grant},         Function{contract::acquire, acquire},
-    Function{contract::release, release},     Function{contract::evict, evict},
-    Function{contract::command, command},     Function{contract::stop, stop},
-    Function{contract::resume, resume},       Function{contract::fold, fold},
+    Function{contract::release, release},     Function{contract::request, request},
+    Function{contract::hand_over, hand_over}, Function{contract::deny, deny},
+    Function{contract::evict, evict},         Function{contract::command, command},
+    Function{contract::stop, stop},           Function{contract::resume, resume},
+    Function{contract::fold, fold},
 };
 
 }  // namespace

@@ -100,6 +100,7 @@ std::string asset_key(const std::string& id) { return "asset/" + id; }
 std::string control_key(const std::string& drone) { return "control/" + drone; }
 std::string owner_key(const std::string& drone) { return "owner/" + drone; }
 std::string grant_key(const std::string& drone) { return "grant/" + drone; }
+std::string request_key(const std::string& drone) { return "request/" + drone; }
 std::string drones_key(const std::string& msp_id) { return "drones/" + msp_id; }
 std::string stops_prefix(const std::string& drone) { return "stop/" + drone + "/"; }
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper) {

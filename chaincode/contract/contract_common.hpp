@@ -40,14 +40,15 @@ Status check_id(const std::string& id);
 Status check_drone_name(const std::string& name);
 std::string first_segment(const std::string& id);
 /// Ids that begin so are records of the contract, which it writes itself.
-inline constexpr std::array<std::string_view, 9> record_kinds{"control", "role",  "command", "lease", "host",
-                                                              "stop",    "owner", "grant",   "drones"};
+inline constexpr std::array<std::string_view, 10> record_kinds{"control", "role",  "command", "lease",  "host",
+                                                               "stop",    "owner", "grant",   "drones", "request"};
 
 /// Key layout. "stream" assets of one writer live together in frame_key, all others in asset_key.
 std::string asset_key(const std::string& id);
 std::string control_key(const std::string& drone);
 std::string owner_key(const std::string& drone);
 std::string grant_key(const std::string& drone);
+std::string request_key(const std::string& drone);
 std::string drones_key(const std::string& msp_id);
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper);
 std::string stops_prefix(const std::string& drone);  ///< what all of its stops' keys begin with
@@ -74,6 +75,9 @@ Response revoke(Stub& stub, const Arguments& call);
 Response grant(Stub& stub, const Arguments& call);
 Response acquire(Stub& stub, const Arguments& call);
 Response release(Stub& stub, const Arguments& call);
+Response request(Stub& stub, const Arguments& call);
+Response hand_over(Stub& stub, const Arguments& call);
+Response deny(Stub& stub, const Arguments& call);
 Response evict(Stub& stub, const Arguments& call);
 Response command(Stub& stub, const Arguments& call);
 Response stop(Stub& stub, const Arguments& call);

@@ -72,6 +72,10 @@ Status complete(Stub& stub, Control& control) {
   if (!grants) return grants.error();
   control.clear_grants();
   if (*grants) *control.mutable_grants() = std::move(*(*grants)->mutable_grants());
+  auto requests = read_record<Requests>(stub, request_key(control.drone()));
+  if (!requests) return requests.error();
+  control.clear_requests();
+  if (*requests) *control.mutable_requests() = std::move(*(*requests)->mutable_requests());
   if (Status status = add_stops(stub, control); !status) return status;
   return add_revoked(stub, control);
 }
@@ -88,6 +92,7 @@ Control stored_part(const Control& control) {
   stored.clear_stoppers();
   stored.clear_grants();
   stored.clear_revoked();
+  stored.clear_requests();
   return stored;
 }
 

@@ -4,7 +4,7 @@
 
 #include "chaincode/contract/contract_common.hpp"
 
-/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, grant/<drone>, owner/<drone>, drones/<MSP id>,
+/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, grant/<drone>, request/<drone>, owner/<drone>, drones/<MSP id>,
 /// role/<identity>, and the two that the hot path reads instead of every drone's control record,
 /// lease/<holder>/<epoch> and host/<owner>. Each is kept as an asset, so that `get` serves it.
 namespace ledgerline::chaincode {
@@ -65,7 +65,7 @@ inline bool contains(const Names& names, const std::string& name) {
 void insert(Names& names, const std::string& name);
 void erase(Names& names, const std::string& name);
 
-/// Adds to a control record what has keys of its own: the drone's grants, the stops that stand, and who is revoked. Stops
+/// Adds to a control record what has keys of its own: the drone's grants, the stops that stand, who is revoked and who requests it. Stops
 /// come from a range, so whoever writes after reading them loses to a stop that came between; the stop, which reads
 /// nothing of this, loses to nobody.
 Status complete(Stub& stub, Control& control);

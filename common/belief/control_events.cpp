@@ -8,6 +8,7 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
+#include "common/msg/requests.hpp"
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::belief {
@@ -110,6 +111,7 @@ Status acquired(const LeaseCall& asked, const Control& before, const Control& af
   if (!mine && after.epoch() <= before.epoch()) return Error{"its epoch does not grow"};
   Control expected = before;
   begin_lease(expected, to_message(creator.name), after.epoch(), asked.priority());
+  remove_request(expected, to_message(creator.name));
   return expect(expected, after);
 }
 
@@ -123,6 +125,31 @@ Status lease_ended(const Control& before, const Control& after) {
 Status released(const Control& before, const Control& after, const Creator& creator) {
   if (!before.has_holder() || !same(before.holder(), creator.name)) return Error{"another one holds the lease"};
   return lease_ended(before, after);
+}
+
+Status requested(const LeaseCall& asked, const Control& before, const Control& after, const Creator& creator) {
+  const Rights rights = rights_of(before, to_message(creator.name));
+  if (!rights.fly || asked.priority() > rights.max_priority) return Error{"its creator is not granted that"};
+  Control expected = before;
+  add_request(expected, to_message(creator.name), asked.priority());
+  return expect(expected, after);
+}
+
+Status handed_over(const AnswerCall& asked, const Control& before, const Control& after, const Creator& creator) {
+  if (!before.has_holder() || !same(before.holder(), creator.name)) return Error{"another one holds the lease"};
+  if (after.epoch() <= before.epoch()) return Error{"its epoch does not grow"};
+  Control expected = before;
+  if (!hand_over_lease(expected, asked.to(), after.epoch()))
+    return Error{"who gets the lease has not requested it, or is not granted it"};
+  return expect(expected, after);
+}
+
+Status denied(const AnswerCall& asked, const Control& before, const Control& after, const Creator& creator) {
+  if (!same(before.holder(), creator.name) && !same(asked.to(), creator.name))
+    return Error{"its creator is neither the holder nor who has requested"};
+  Control expected = before;
+  remove_request(expected, asked.to());
+  return expect(expected, after);
 }
 
 Status evicted(const Control& before, const Control& after, const Creator& creator) {
@@ -182,7 +209,10 @@ Result<ControlEvent> read_control_event(const AskedCall& call, std::string_view 
   if (call.function == contract::enroll) return read_as<EnrollCall>(call, event_payload);
   if (call.function == contract::revoke) return read_as<RevokeCall>(call, event_payload);
   if (call.function == contract::grant) return read_as<GrantCall>(call, event_payload);
-  const bool lease = call.function == contract::acquire || call.function == contract::release;
+  if (call.function == contract::hand_over || call.function == contract::deny)
+    return read_as<AnswerCall>(call, event_payload);
+  const bool lease =
+      call.function == contract::acquire || call.function == contract::release || call.function == contract::request;
   return lease ? read_as<LeaseCall>(call, event_payload) : read_as<DronesCall>(call, event_payload);
 }
 
@@ -193,6 +223,10 @@ Status control_follows(const ControlEvent& event, const Control& before, const C
   if (event.function == contract::acquire) return acquired(std::get<LeaseCall>(event.asked), before, after, creator);
   if (event.function == contract::release) return released(before, after, creator);
   if (event.function == contract::grant) return granted(std::get<GrantCall>(event.asked), before, after, creator);
+  if (event.function == contract::request) return requested(std::get<LeaseCall>(event.asked), before, after, creator);
+  if (event.function == contract::hand_over)
+    return handed_over(std::get<AnswerCall>(event.asked), before, after, creator);
+  if (event.function == contract::deny) return denied(std::get<AnswerCall>(event.asked), before, after, creator);
   if (event.function == contract::evict) return evicted(before, after, creator);
   if (event.function == contract::resume) return resumed(before, after, creator);
   if (event.function == contract::fold) return folded(before, after, creator);

@@ -9,13 +9,14 @@
 #include "common/crypto/crypto.hpp"
 #include "ledgerline.pb.h"
 
-/// Control events (enroll, revoke, grant, acquire, release, evict, stop, resume, fold) judged by what their creator signed and by the record
+/// Control events (enroll, revoke, grant, acquire, release, request,
+/// hand_over, deny, evict, stop, resume, fold) judged by what their creator signed and by the record
 /// before: what a peer that lies may still do with one is to leave it out. What a peer alone can know stays its word:
 /// whether the creator has the role that the contract asks for. Pure.
 namespace ledgerline::belief {
 
 /// What a creator asked for, whichever of the three forms it was written in.
-using ControlCall = std::variant<EnrollCall, RevokeCall, GrantCall, LeaseCall, DronesCall>;
+using ControlCall = std::variant<EnrollCall, RevokeCall, GrantCall, LeaseCall, AnswerCall, DronesCall>;
 
 /// A control event that its call vouches for: it is of that function, and of exactly the drones that were asked for.
 struct ControlEvent {
@@ -44,7 +45,8 @@ struct Creator {
 /// that is as before follows always: who reads records beside the blocks may have it already. An epoch never goes back,
 /// and grows with each change of holder; the owner's organisation never changes; nobody's stop is lifted but the
 /// creator's own, or all by the owner's organisation; a lease is acquired as far as the grants of the record before allow,
-/// and taken from its holder by the owner's organisation alone, by a higher priority, or where the holder is revoked.
+/// and taken from its holder by the owner's organisation alone, by a higher priority, where the holder is revoked, or
+/// where he gives it to one who requested it.
 Status control_follows(const ControlEvent& event, const Control& before, const Control& after, const Creator& creator);
 
 /// Whether the creator may give and take roles of that organisation.

@@ -19,7 +19,8 @@ inline constexpr std::size_t max_frame_bytes = 32'000;
 inline constexpr std::size_t max_drone_streams = 64;         ///< ids of one drone that stream
 inline constexpr std::size_t max_organisation_drones = 256;  ///< names that an organisation enrolls
 inline constexpr std::size_t max_subject_chars = 1'024;      ///< of an identity that a drone is granted to
-inline constexpr std::size_t max_drone_grants = 64;  ///< identities and organisations that one drone is granted to
+inline constexpr std::size_t max_drone_grants = 64;    ///< identities and organisations that one drone is granted to
+inline constexpr std::size_t max_drone_requests = 16;  ///< identities that ask for one drone at once
 inline constexpr std::uint32_t max_priority = 999'999'999;  ///< of a lease
 inline constexpr std::size_t max_page_versions = 64;        ///< old values of a key that one call looks at
 inline constexpr std::size_t max_page_bytes = 1'000'000;
@@ -35,6 +36,9 @@ inline constexpr const char* revoke = "revoke";
 inline constexpr const char* grant = "grant";
 inline constexpr const char* acquire = "acquire";
 inline constexpr const char* release = "release";
+inline constexpr const char* request = "request";
+inline constexpr const char* hand_over = "hand_over";
+inline constexpr const char* deny = "deny";
 inline constexpr const char* evict = "evict";
 inline constexpr const char* command = "command";
 inline constexpr const char* stop = "stop";
@@ -42,8 +46,8 @@ inline constexpr const char* resume = "resume";
 inline constexpr const char* fold = "fold";
 
 /// The functions that write who may do what: roles, grants, leases, stops.
-inline constexpr std::array<std::string_view, 9> control_functions{enroll, revoke, grant,  acquire, release,
-                                                                   evict,  stop,   resume, fold};
+inline constexpr std::array<std::string_view, 12> control_functions{enroll,    revoke, grant, acquire, release, request,
+                                                                    hand_over, deny,   evict, stop,    resume,  fold};
 
 /// Topics that ROS 2 and motion capture need for themselves: no drone has such a name.
 inline constexpr std::array<std::string_view, 8> reserved_names{

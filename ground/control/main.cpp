@@ -29,7 +29,7 @@ struct Wish {
   std::uint32_t priority = 0;
   bool fly = false, stop = false, cut = false;
   double within_s = 30;
-  std::string msp, certificate, role;
+  std::string msp, certificate, subject, role;
   bool json = false;
 };
 
@@ -79,7 +79,15 @@ Result<fabric::Call> make_call(const Wish& wish) {
     grant.set_cut(wish.cut);
     return fabric::Call{wish.function, {call.SerializeAsString()}};
   }
-  if (wish.function == contract::acquire || wish.function == contract::release) {
+  if (wish.function == contract::hand_over || wish.function == contract::deny) {
+    const auto identity = identity_of(wish);
+    if (!identity) return identity.error();
+    AnswerCall call = with_drones(AnswerCall());
+    *call.mutable_to() = *identity;
+    if (!wish.subject.empty()) call.mutable_to()->set_subject(wish.subject);
+    return fabric::Call{wish.function, {call.SerializeAsString()}};
+  }
+  if (wish.function == contract::acquire || wish.function == contract::release || wish.function == contract::request) {
     LeaseCall call = with_drones(LeaseCall());
     call.set_priority(wish.priority);
     return fabric::Call{wish.function, {call.SerializeAsString()}};
@@ -181,6 +189,8 @@ constexpr const char* notes = R"(Examples:
   ledgerline-control --config admin.toml revoke --msp Org2MSP --cert pilot.pem
   ledgerline-control --config admin.toml grant --msp Org2MSP --fly --max-priority 10 tello1
   ledgerline-control --config admin.toml grant --msp Org2MSP tello1      # of nothing: takes it back, and the lease
+  ledgerline-control --config pilot.toml request --priority 3 tello1
+  ledgerline-control --config operator.toml hand_over --msp Org2MSP --cert pilot.pem tello1
   ledgerline-control --config supervisor.toml evict tello1
   ledgerline-control --config operator.toml show
 Exit codes: 0 done, 1 refused or not reached, 2 bad usage.)";
@@ -217,6 +227,15 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
   grant.flag("--cut", wish.cut, "motors off, and land them");
   add(contract::acquire, "take the lease").option("--priority", wish.priority, "a higher one pre-empts");
   add(contract::release, "give the lease back");
+  add(contract::request, "ask the holder for the lease")
+      .option("--priority", wish.priority, "of the lease that is asked for");
+  for (const auto& [function, help] : {std::pair(contract::hand_over, "give the lease to one who has requested it"),
+                                       std::pair(contract::deny, "end somebody's request, or one's own")}) {
+    Verb answer = add(function, help);
+    answer.option("--msp", wish.msp, "MSP id of who has requested it").required();
+    answer.option("--subject", wish.subject, "its subject, as `show` prints it");
+    answer.option("--cert", wish.certificate, "or its certificate, PEM").existing_file();
+  }
   add(contract::evict, "take the lease from its holder (a supervisor of the drone's organisation, or its host)");
   Verb stop = add(contract::stop, "land at once, whoever flies");
   stop.flag("--cut", wish.cut, "motors off instead of landing");

@@ -34,6 +34,9 @@ std::string control_table(const std::vector<Control>& controls) {
     for (const Stop& stop : control.stoppers()) {
       table += fmt::format("  {:<9}{}\n", stop.cut() ? "cut by" : "stopped", text_of(stop.stopper()));
     }
+    for (const Request& request : control.requests()) {
+      table += fmt::format("  requests {}, priority {}\n", text_of(request.who()), request.priority());
+    }
     for (const Grant& grant : control.grants()) {
       table += fmt::format("  granted  {}: {}\n", text_of(grant.to()), rights_of(grant));
     }

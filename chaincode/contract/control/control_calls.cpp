@@ -37,6 +37,12 @@ Status write_changes(Stub& stub, const Control& before, const Control& after) {
   if (grants_before.SerializeAsString() != grants_after.SerializeAsString()) {
     if (Status status = write_record(stub, grant_key(after.drone()), grants_after); !status) return status;
   }
+  Requests requests_before, requests_after;
+  *requests_before.mutable_requests() = before.requests();
+  *requests_after.mutable_requests() = after.requests();
+  if (requests_before.SerializeAsString() != requests_after.SerializeAsString()) {
+    if (Status status = write_record(stub, request_key(after.drone()), requests_after); !status) return status;
+  }
   for (Stop stop : before.stoppers()) {
     Control rest = after;
     if (remove_stop(rest, stop.stopper())) continue;

@@ -8,15 +8,15 @@
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
 
-/// What the calls share that say who may fly what: enroll, revoke, grant, acquire, release, evict, stop,
-/// resume and fold.
+/// What the calls share that say who may fly what: enroll, revoke, grant, acquire, release, request,
+/// hand_over, deny, evict, stop, resume and fold.
 namespace ledgerline::chaincode {
 
 /// Why somebody may neither fly nor stop anything, by the role that its organisation gives it.
 Status check_operator(const crypto::IdentityName& who, Role role);
 std::string revoked_text(const crypto::IdentityName& who);
 
-/// A LeaseCall, DronesCall or GrantCall, in any form, with at least one drone and not too many.
+/// A LeaseCall, DronesCall, GrantCall or AnswerCall, in any form, with at least one drone and not too many.
 template <typename Message>
 Result<Message> read_drones(const Arguments& call) {
   Message message;

@@ -2,29 +2,34 @@
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
+#include "common/msg/requests.hpp"
 
-/// acquire, release and evict: who flies a drone.
+/// acquire, release, request, hand_over, deny and evict: who flies a drone.
 namespace ledgerline::chaincode {
 namespace {
 
-Error not_a_priority() {
-  return Error{"acquire: priority must be a number up to " + std::to_string(contract::max_priority)};
+Error not_a_priority(const std::string& function) {
+  return Error{function + ": priority must be a number up to " + std::to_string(contract::max_priority)};
 }
 
-Result<LeaseCall> read_acquire(const Arguments& call) {
+/// acquire or request.
+Result<LeaseCall> read_wish(const Arguments& call, const std::string& function) {
   auto lease = read_drones<LeaseCall>(call);
-  if (!lease) return Error{"acquire: " + lease.error().what};
+  if (!lease) return Error{function + ": " + lease.error().what};
   const std::string option = call.option("priority", "");
   if (!option.empty()) {
-    if (option.size() > 9 || option.find_first_not_of("0123456789") != std::string::npos) return not_a_priority();
+    if (option.size() > 9 || option.find_first_not_of("0123456789") != std::string::npos)
+      return not_a_priority(function);
     lease->set_priority(static_cast<std::uint32_t>(std::stoul(option)));
   }
-  if (lease->priority() > contract::max_priority) return not_a_priority();
+  if (lease->priority() > contract::max_priority) return not_a_priority(function);
   return lease;
 }
 
-/// Why somebody who is an operator may not have the lease at this priority.
-Status check_lease(const Control& control, const Identity& who, std::uint32_t priority) {
+bool is_held(const Control& control) { return control.has_holder() && !is_revoked(control, control.holder()); }
+
+/// Why somebody who is an operator may not fly the drone at this priority, whoever flies it now.
+Status check_rights(const Control& control, const Identity& who, std::uint32_t priority) {
   const std::string& owner = control.owner().msp_id();
   const Rights rights = rights_of(control, who);
   if (!rights.fly) {
@@ -36,19 +41,34 @@ Status check_lease(const Control& control, const Identity& who, std::uint32_t pr
     return Error{owner + " has granted " + to_text(to_name(who)) + " priorities up to " +
                  std::to_string(rights.max_priority) + ", not " + std::to_string(priority)};
   }
-  const bool free = !control.has_holder() || is_revoked(control, control.holder());
-  if (!free && !same_identity(control.holder(), who) && priority <= control.priority()) {
+  return done;
+}
+
+/// Why it may not have the lease now.
+Status check_lease(const Control& control, const Identity& who, std::uint32_t priority) {
+  if (Status status = check_rights(control, who, priority); !status) return status;
+  if (is_held(control) && !same_identity(control.holder(), who) && priority <= control.priority()) {
     return Error{"the lease is held by " + to_text(to_name(control.holder())) + " with priority " +
-                 std::to_string(control.priority()) + ", who may release it; a supervisor of " + owner +
+                 std::to_string(control.priority()) +
+                 ", who may release it, or hand it over on request; a supervisor of " + control.owner().msp_id() +
                  " may evict it"};
   }
   return done;
 }
 
+Result<AnswerCall> read_answer(const Arguments& call, const std::string& function) {
+  if (call.form == Arguments::Form::plain) return Error{function + ": give an AnswerCall in protobuf or JSON"};
+  auto asked = read_drones<AnswerCall>(call);
+  if (!asked) return Error{function + ": " + asked.error().what};
+  if (asked->to().msp_id().empty() || asked->to().subject().empty())
+    return Error{function + ": to needs mspId and subject"};
+  return asked;
+}
+
 }  // namespace
 
 Response acquire(Stub& stub, const Arguments& call) {
-  const auto lease = read_acquire(call);
+  const auto lease = read_wish(call, contract::acquire);
   if (!lease) return refuse(lease.error().what);
   const auto role = read_role(stub, stub.caller());
   if (!role) return refuse(role.error().what);
@@ -58,6 +78,7 @@ Response acquire(Stub& stub, const Arguments& call) {
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            if (Status status = check_lease(control, self, lease->priority()); !status) return status;
                            begin_lease(control, self, new_epoch, lease->priority());
+                           remove_request(control, self);
                            return done;
                          });
 }
@@ -73,6 +94,59 @@ Response release(Stub& stub, const Arguments& call) {
                            end_lease(control, new_epoch);
                            return done;
                          });
+}
+
+Response request(Stub& stub, const Arguments& call) {
+  const auto wish = read_wish(call, contract::request);
+  if (!wish) return refuse(wish.error().what);
+  const auto role = read_role(stub, stub.caller());
+  if (!role) return refuse(role.error().what);
+  if (Status status = check_operator(stub.caller(), *role); !status) return refuse("request: " + status.error().what);
+  const Identity self = to_message(stub.caller());
+  return change_controls(stub, call, contract::request, wish->drones(), [&](Control& control, std::uint64_t) -> Status {
+    if (Status status = check_rights(control, self, wish->priority()); !status) return status;
+    if (!is_held(control)) return Error{"nobody holds the lease; acquire it"};
+    if (same_identity(control.holder(), self)) {
+      return Error{to_text(stub.caller()) + " holds the lease already"};
+    }
+    add_request(control, self, wish->priority());
+    if (static_cast<std::size_t>(control.requests_size()) > contract::max_drone_requests) {
+      return Error{"it has " + std::to_string(contract::max_drone_requests) +
+                   " requests already, which is the limit; its holder may deny some"};
+    }
+    return done;
+  });
+}
+
+Response hand_over(Stub& stub, const Arguments& call) {
+  const auto asked = read_answer(call, contract::hand_over);
+  if (!asked) return refuse(asked.error().what);
+  const crypto::IdentityName to = to_name(asked->to());
+  const auto role = read_role(stub, to);
+  if (!role) return refuse(role.error().what);
+  if (Status status = check_operator(to, *role); !status) return refuse("hand_over: " + status.error().what);
+  return change_controls(stub, call, contract::hand_over, asked->drones(),
+                         [&](Control& control, std::uint64_t new_epoch) -> Status {
+                           if (!control.has_holder() || to_name(control.holder()) != stub.caller()) {
+                             return Error{to_text(stub.caller()) + " does not hold the lease"};
+                           }
+                           if (hand_over_lease(control, asked->to(), new_epoch)) return done;
+                           return Error{to_text(to) + " has not requested it, or is not granted it any more"};
+                         });
+}
+
+Response deny(Stub& stub, const Arguments& call) {
+  const auto asked = read_answer(call, contract::deny);
+  if (!asked) return refuse(asked.error().what);
+  const crypto::IdentityName to = to_name(asked->to());
+  return change_controls(stub, call, contract::deny, asked->drones(), [&](Control& control, std::uint64_t) -> Status {
+    const bool holder = control.has_holder() && to_name(control.holder()) == stub.caller();
+    if (!holder && to != stub.caller()) {
+      return Error{to_text(stub.caller()) + " may not deny it: only the lease's holder, or who has requested it, may"};
+    }
+    if (!remove_request(control, asked->to())) return Error{to_text(to) + " has not requested it"};
+    return done;
+  });
 }
 
 Response evict(Stub& stub, const Arguments& call) {

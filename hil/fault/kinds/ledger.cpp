@@ -139,7 +139,7 @@ Result<FaultActs> say_control(const Said& said) {
       },
       .momentary = true,
       .pushes = word == ControlWord::cut,
-      .needs_supervisors = stopper != Stopper::operating};
+      .needs_supervisors = stopper != Stopper::operating || word == ControlWord::hand_over};
 }
 
 Result<FaultActs> revoke(const Said&) {
@@ -164,7 +164,7 @@ constexpr FaultKind ledger_table[] = {
     {"ledger agent|ground|both lies WHAT...", lie},
     {"ledger relay LIE...", relay},
     {"operator errs WHAT...", slip},
-    {"operator|supervisor|stranger stop|cut|resume|acquire|evict NAME", say_control},
+    {"operator|supervisor|stranger stop|cut|resume|acquire|evict|request|hand_over|deny NAME", say_control},
     {"administrator revoke NAME", revoke},
 };
 

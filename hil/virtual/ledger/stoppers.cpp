@@ -26,11 +26,18 @@ LedgerPort& Stoppers::port(Stopper who) {
 namespace {
 
 fabric::Call call_of(const std::string& drone, ControlWord word) {
-  if (word == ControlWord::acquire) {
+  if (word == ControlWord::acquire || word == ControlWord::request) {
     LeaseCall call;
     call.add_drones(drone);
     call.set_priority(contract::max_priority);
-    return {contract::acquire, {call.SerializeAsString()}};
+    return {word == ControlWord::acquire ? contract::acquire : contract::request, {call.SerializeAsString()}};
+  }
+  if (word == ControlWord::hand_over || word == ControlWord::deny) {
+    AnswerCall call;
+    call.add_drones(drone);
+    call.mutable_to()->set_msp_id(supervisor_name.msp_id);
+    call.mutable_to()->set_subject(supervisor_name.subject);
+    return {word == ControlWord::deny ? contract::deny : contract::hand_over, {call.SerializeAsString()}};
   }
   if (word == ControlWord::revoke) {
     RevokeCall call;

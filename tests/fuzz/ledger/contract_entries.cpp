@@ -35,7 +35,8 @@ std::string protobuf_of(const std::string& function, const std::string& json) {
   if (function == "enroll") return bytes(EnrollCall{});
   if (function == "revoke") return bytes(RevokeCall{});
   if (function == "grant") return bytes(GrantCall{});
-  if (function == "acquire" || function == "release") return bytes(LeaseCall{});
+  if (function == "acquire" || function == "release" || function == "request") return bytes(LeaseCall{});
+  if (function == "hand_over" || function == "deny") return bytes(AnswerCall{});
   if (function == "command") return bytes(CommandCall{});
   return bytes(DronesCall{});
 }
@@ -73,6 +74,9 @@ const std::vector<Call> calls{
      {R"({"drones":["tello1","tello2"],"priority":5})", R"({"drones":["tello1"]})"},
      {"tello1", "tello1\ntello2\npriority=7"}},
     {pilot, "release", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
+    {chief, "request", {R"({"drones":["tello1"],"priority":3})"}, {"tello1", "tello1\ntello2\npriority=7"}},
+    {pilot, "hand_over", {R"({"drones":["tello1"],"to":{"mspId":"Org1MSP","subject":"CN=chief"}})"}, {}},
+    {pilot, "deny", {R"({"drones":["tello1","tello2"],"to":{"mspId":"Org1MSP","subject":"CN=chief"}})"}, {}},
     {chief, "evict", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
     {pilot,
      "command",
@@ -106,6 +110,8 @@ class ContractEntry final : public Entry {
     for (int i = 0; i < 40; ++i)
       must(host, "set", R"({"id":"Org1MSP/n/)" + std::to_string(i % 20) + R"(","msgType":"x","msgData":"AAEA"})");
     if (call.function != "acquire") must(pilot, "acquire", R"({"drones":["tello1","tello2"]})");
+    if (call.function == "hand_over" || call.function == "deny")
+      must(chief, "request", R"({"drones":["tello1","tello2"],"priority":3})");
     if (call.function == "resume" || call.function == "fold") must(chief, "stop", R"({"drones":["tello1","tello2"]})");
     if (call.function == "fold") must(other_admin, "revoke", calls[5].json[0]);
   }

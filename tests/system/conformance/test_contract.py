@@ -202,6 +202,27 @@ def test_a_role_means_nothing_on_others_drones_and_what_is_granted_can_be_taken_
     operator.submit("acquire", "lent")
 
 
+def test_two_operators_hand_a_drone_over(enroll, admin, operator):
+    """One asks, the other answers; never nobody, never two."""
+    enroll("shared")
+    pilot = enroll(organisation=2, user="User2", role="OPERATOR")
+    to = {"drones": ["shared"], "to": {"mspId": "Org2MSP", "subject": subject(2, "User2")}}
+    words = f"Org2MSP {to['to']['subject']}"
+    assert pilot.refusal("request", "shared") == "shared: nobody holds the lease; acquire it"
+    operator.submit("acquire", "shared", "priority=7")
+    assert operator.refusal("hand_over", to) == f"shared: {words} has not requested it, or is not granted it any more"
+    pilot.submit("request", "shared", "priority=3")
+    operator.submit("command", {"plans": [plan("shared")]})
+    operator.submit("deny", to)
+    assert operator.refusal("hand_over", to).startswith(f"shared: {words} has not requested it")
+    pilot.submit("request", "shared", "priority=3")
+    assert pilot.refusal("hand_over", to) == f"shared: {words} does not hold the lease"
+    record = json.loads(decode(operator.submit("hand_over", to)["result"]))["controls"][0]
+    assert record["holder"] == to["to"] and record["priority"] == 3 and "requests" not in record
+    assert operator.refusal("command", {"plans": [plan("shared")]}).startswith(f"shared: the lease is held by {words}")
+    pilot.submit("command", {"plans": [plan("shared", epoch=record["epoch"])]})
+
+
 def test_who_is_revoked_flies_nothing_once_the_host_has_folded_it(enroll, admin, drone_host):
     enroll("kept")
     pilot = enroll(organisation=2, user="User2", role="OPERATOR")
@@ -251,7 +272,7 @@ WHO = {"mspId": "Org1MSP", "subject": subject(1, "User1")}
 ODOM = {"id": "free/odom", "msgType": "t"}
 REFUSALS = [
     ("host", "fly", ["x"], "unknown function fly; known are set, get, history, delete, enroll, revoke, grant, "
-                           "acquire, release, evict, command, stop, resume"),
+                           "acquire, release, request, hand_over, deny, evict, command, stop, resume"),
     ("host", "get", ["a" * 1_000_001], "get: the call has 1000001 bytes; the limit is 1000000"),
     ("host", "get", ["{}", "x"], "get: give one message in protobuf or JSON, or plain ids; not both"),
 
@@ -329,6 +350,11 @@ REFUSALS = [
      f"leased: Org2MSP {subject(2, 'Admin')} may not grant it: only an administrator of Org1MSP may"),
     ("host", "grant", [{"drones": ["leased"], "grant": {"to": {"mspId": "Org3MSP"}, "fly": True}}],
      f"leased: {HOST} may not grant it"),
+    ("operator", "hand_over", ["leased"], "hand_over: give an AnswerCall in protobuf or JSON"),
+    ("operator", "deny", [{"drones": ["leased"]}], "deny: to needs mspId and subject"),
+    ("operator", "deny", [{"drones": ["leased"], "to": WHO}], f"leased: {HOST} has not requested it"),
+    ("rival", "deny", [{"drones": ["leased"], "to": WHO}], f"leased: {RIVAL} may not deny it"),
+    ("operator", "request", ["leased"], "leased: Org2MSP"),
     ("supervisor", "evict", ["free"], "free: nobody holds the lease"),
     ("rival", "evict", ["leased"], f"leased: {RIVAL} may not evict: neither a supervisor of Org1MSP nor the drone's host"),
     ("operator", "evict", [], "evict: no drone is named"),

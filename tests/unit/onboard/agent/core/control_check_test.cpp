@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "common/msg/requests.hpp"
 #include "common/msg/stops.hpp"
 #include "onboard/agent/core/command_check.hpp"
 #include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
@@ -240,6 +241,74 @@ TEST_F(ControlCheckTest, AnEnrolmentIsOfAnAdministratorOfTheSameOrganisation) {
   *with_holder.mutable_holder() = to_message(rival);
   expect_refused(enrolled(with_holder, admin), "the holder with it");
   expect_taken(enrolled(moved, admin));
+}
+
+class HandOverTest : public ControlCheckTest {
+ protected:
+  static Tx answer(const char* function, const Control& after, const crypto::IdentityName& by,
+                   const crypto::IdentityName& to = rival) {
+    AnswerCall call;
+    call.add_drones("tello1");
+    *call.mutable_to() = to_message(to);
+    Tx one = event(function, after, by);
+    one.asked = fabric::Call{function, {call.SerializeAsString()}};
+    return one;
+  }
+  static Control requested(const crypto::IdentityName& who, std::uint32_t priority = 3) {
+    Control record = control("tello1", epoch);
+    add_request(record, to_message(who), priority);
+    return record;
+  }
+  static Tx request(const Control& after, const crypto::IdentityName& by, std::uint32_t priority = 3) {
+    LeaseCall call;
+    call.add_drones("tello1");
+    call.set_priority(priority);
+    Tx one = event("request", after, by);
+    one.asked = fabric::Call{"request", {call.SerializeAsString()}};
+    return one;
+  }
+  static Control handed_over() {
+    Control record = control("tello1", epoch + 1);
+    *record.mutable_holder() = to_message(rival);
+    record.set_priority(3);
+    return record;
+  }
+};
+
+TEST_F(HandOverTest, ARequestIsItsCreatorsOwnAndWithinItsGrant) {
+  const crypto::IdentityName stranger{"Org3MSP", "CN=User1@org3.ledgerline"};
+  expect_refused(request(requested(rival), holder), "in another's name");
+  expect_refused(request(requested(rival, 4), rival), "of another priority than was asked for");
+  expect_refused(request(requested(rival, 10), rival, 10), "of more than is granted");
+  expect_refused(request(requested(stranger), stranger), "of what is not granted");
+  Control with_lease = handed_over();
+  expect_refused(request(with_lease, rival), "with the lease");
+  expect_taken(request(requested(rival), rival));
+}
+
+TEST_F(HandOverTest, TheHolderGivesTheLeaseToOneWhoRequestedIt) {
+  expect_refused(answer("hand_over", handed_over(), holder), "nobody has requested it");
+  start(requested(rival));
+  expect_refused(answer("hand_over", handed_over(), rival), "taken by the requester");
+  expect_refused(answer("hand_over", handed_over(), own_guard), "by a third one");
+  expect_refused(answer("hand_over", handed_over(), holder, own_guard), "asked for another");
+  Control same_epoch = handed_over();
+  same_epoch.set_epoch(epoch);
+  expect_refused(answer("hand_over", same_epoch, holder), "under the same epoch");
+  Control higher = handed_over();
+  higher.set_priority(9);
+  expect_refused(answer("hand_over", higher, holder), "at another priority than requested");
+  expect_taken(answer("hand_over", handed_over(), holder));
+}
+
+TEST_F(HandOverTest, ARequestIsDeniedByTheHolderOrWithdrawn) {
+  for (const auto& by : {holder, rival}) {
+    start(requested(rival));
+    expect_refused(answer("deny", control("tello1", epoch), own_guard), "by a third one");
+    expect_refused(answer("deny", control("tello1", epoch), holder, own_guard), "of another");
+    expect_taken(answer("deny", control("tello1", epoch), by));
+    expect_refused(answer("hand_over", handed_over(), holder), "it was denied");
+  }
 }
 
 class RevocationTest : public ControlCheckTest {

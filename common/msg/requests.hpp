@@ -1,0 +1,53 @@
+#pragma once
+#include <algorithm>
+#include <cstdint>
+#include <tuple>
+
+#include "common/msg/grants.hpp"
+#include "common/msg/stops.hpp"
+#include "ledgerline.pb.h"
+
+/// Those who ask a drone's holder for the lease, as contract, agent and ground keep them. Each identity asks once; a newer
+/// request replaces its older one. Thread-safe as the messages are.
+namespace ledgerline {
+
+/// nullptr: it asks for nothing.
+inline const Request* request_of(const Control& control, const Identity& who) {
+  const auto& all = control.requests();
+  const auto found =
+      std::find_if(all.begin(), all.end(), [&](const Request& one) { return same_identity(one.who(), who); });
+  return found == all.end() ? nullptr : &*found;
+}
+
+/// False: there was none.
+inline bool remove_request(Control& control, const Identity& who) {
+  auto& all = *control.mutable_requests();
+  const auto rest =
+      std::remove_if(all.begin(), all.end(), [&](const Request& one) { return same_identity(one.who(), who); });
+  const bool found = rest != all.end();
+  all.erase(rest, all.end());
+  return found;
+}
+
+inline void add_request(Control& control, const Identity& who, std::uint32_t priority) {
+  remove_request(control, who);
+  Request& one = *control.add_requests();
+  *one.mutable_who() = who;
+  one.set_priority(priority);
+  const auto order = [](const Request& r) { return std::tie(r.who().msp_id(), r.who().subject()); };
+  std::sort(control.mutable_requests()->begin(), control.mutable_requests()->end(),
+            [&](const Request& a, const Request& b) { return order(a) < order(b); });
+}
+
+/// Gives the lease to one who has requested it, at the priority requested, as far as that is granted to him. False: he
+/// has not requested it, or may not fly it any more.
+inline bool hand_over_lease(Control& control, const Identity& to, std::uint64_t new_epoch) {
+  const Request* request = request_of(control, to);
+  const Rights rights = rights_of(control, to);
+  if (!request || !rights.fly) return false;
+  begin_lease(control, to, new_epoch, std::min(request->priority(), rights.max_priority));
+  remove_request(control, to);
+  return true;
+}
+
+}  // namespace ledgerline

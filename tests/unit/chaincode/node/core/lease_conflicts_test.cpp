@@ -1,0 +1,130 @@
+#include <gmock/gmock.h>
+
+#include <utility>
+
+#include "common/base/random.hpp"
+#include "peer/transaction.pb.h"
+#include "tests/unit/chaincode/node/core/fake_network.hpp"
+
+/// Leases that change hands while their holder's commands are under way, in the ledger's own check of what was read (MVCC):
+/// from the block on that gives a drone to somebody, nothing that the loser says is valid.
+namespace ledgerline::node {
+namespace {
+
+using ::testing::Each;
+using ::testing::ElementsAre;
+
+class LeaseConflicts : public ::testing::Test {
+ protected:
+  LeaseConflicts() {
+    net.config.batch_count = 10;  // so that the time-out cuts: what a test orders together is one block
+    net.restart();
+    submit(net.admin1, "enroll", enroll_call(net.host.name, {"tello1"}));
+    submit(net.admin1, "grant", grant_call("Org2MSP", {"tello1"}));
+    submit(net.admin1, "enroll", enroll_call(chief.name, {}, SUPERVISOR));
+    submit(net.admin2, "enroll", enroll_call(net.pilot.name, {}, OPERATOR));
+    submit(net.admin2, "enroll", enroll_call(rival.name, {}, OPERATOR));
+    submit(net.pilot, "acquire", "tello1");
+    epoch = 1;
+  }
+
+  std::vector<int> in_one_block(const std::vector<std::string>& envelopes) {
+    for (const std::string& envelope : envelopes) EXPECT_EQ(net.core->order(envelope, net.now).code, Code::ok);
+    net.now.monotonic_ns += ns_per_s;
+    return net.commit();
+  }
+  void submit(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg) {
+    EXPECT_THAT(in_one_block({net.endorsed(who, function, arg)}), ElementsAre(protos::VALID)) << function;
+  }
+  std::string answer_to(const crypto::SigningIdentity& who) const {
+    AnswerCall call;
+    call.add_drones("tello1");
+    call.mutable_to()->set_msp_id(who.name.msp_id);
+    call.mutable_to()->set_subject(who.name.subject);
+    return call.SerializeAsString();
+  }
+  static std::string plan(std::uint64_t epoch) {
+    CommandCall call;
+    DronePlan& plan = *call.add_plans();
+    plan.set_drone("tello1");
+    plan.set_epoch(epoch);
+    plan.add_setpoints()->set_at_ns(1000);
+    return call.SerializeAsString();
+  }
+  std::string command(const crypto::SigningIdentity& who) { return net.endorsed(who, "command", plan(epoch)); }
+  /// The contract says no, under the epoch of now and under that of before.
+  void expect_refused(const crypto::SigningIdentity& who) {
+    for (const std::uint64_t at : {epoch, epoch - 1}) {
+      const Reply reply = net.core->endorse(net.propose(who, "command", plan(at)).signed_proposal, net.now);
+      EXPECT_NE(reply.code, Code::ok);
+    }
+  }
+
+  FakeNetwork net;
+  std::uint64_t epoch = 0;
+  const crypto::SigningIdentity rival = crypto::make_test_identity({"Org2MSP", "CN=rival"});
+  const crypto::SigningIdentity chief = crypto::make_test_identity({"Org1MSP", "CN=chief"});
+};
+
+TEST_F(LeaseConflicts, OfAThousandHandOversAndTwoHundredEvictionsNoneLeavesTwoHolders) {
+  const crypto::SigningIdentity* holder = &net.pilot;
+  const crypto::SigningIdentity* next = &rival;
+  Random random(1);
+  int hand_overs = 0, evictions = 0;
+  while (hand_overs < 1'000 || evictions < 200) {
+    const bool evicts = hand_overs >= 1'000 || (evictions < 200 && random.next() % 6 == 0);
+    if (!evicts) submit(*next, "request", "tello1");
+    const std::string before = command(*holder), after = command(*holder);
+    const std::string change =
+        evicts ? net.endorsed(chief, "evict", "tello1") : net.endorsed(*holder, "hand_over", answer_to(*next));
+    ASSERT_THAT(in_one_block({before, change, after}),
+                ElementsAre(protos::VALID, protos::VALID, protos::MVCC_READ_CONFLICT));
+    ++epoch;
+    ++(evicts ? evictions : hand_overs);
+    expect_refused(*holder);
+    if (evicts) submit(*next, "acquire", "tello1"), ++epoch;
+    // Never nobody: who was handed the drone flies it in the very next block.
+    ASSERT_THAT(in_one_block({command(*next)}), ElementsAre(protos::VALID));
+    std::swap(holder, next);
+  }
+}
+
+TEST_F(LeaseConflicts, OfTwoWhoChangeTheHolderInOneBlockOneIsValid) {
+  submit(rival, "request", "tello1");
+  const std::string given = net.endorsed(net.pilot, "hand_over", answer_to(rival));
+  const std::string taken = net.endorsed(chief, "evict", "tello1");
+  const std::string released = net.endorsed(net.pilot, "release", "tello1");
+  const std::string denied = net.endorsed(net.pilot, "deny", answer_to(rival));
+  EXPECT_THAT(
+      in_one_block({given, taken, released, denied}),
+      ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT, protos::MVCC_READ_CONFLICT, protos::MVCC_READ_CONFLICT));
+}
+
+TEST_F(LeaseConflicts, ARequestLeavesTheHoldersCommandsAlone) {
+  const std::string early = command(net.pilot);
+  const std::string request = net.endorsed(rival, "request", "tello1");
+  EXPECT_THAT(in_one_block({request, early}), Each(protos::VALID));
+}
+
+TEST_F(LeaseConflicts, AFoldAfterARevocationInvalidatesWhatIsUnderWay) {
+  RevokeCall call;
+  call.mutable_identity()->set_msp_id(net.pilot.name.msp_id);
+  call.mutable_identity()->set_subject(net.pilot.name.subject);
+  submit(net.admin2, "revoke", call.SerializeAsString());
+  const std::string early = command(net.pilot);
+  const std::string fold = net.endorsed(net.host, "fold", "tello1");
+  EXPECT_THAT(in_one_block({fold, early}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
+}
+
+TEST_F(LeaseConflicts, AnAcquireThatARevocationOvertookIsInvalid) {
+  submit(net.pilot, "release", "tello1");
+  const std::string acquire = net.endorsed(net.pilot, "acquire", "tello1");
+  RevokeCall call;
+  call.mutable_identity()->set_msp_id(net.pilot.name.msp_id);
+  call.mutable_identity()->set_subject(net.pilot.name.subject);
+  const std::string revoke = net.endorsed(net.admin2, "revoke", call.SerializeAsString());
+  EXPECT_THAT(in_one_block({revoke, acquire}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
+}
+
+}  // namespace
+}  // namespace ledgerline::node
