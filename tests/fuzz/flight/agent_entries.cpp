@@ -88,16 +88,15 @@ class EventEntry final : public Entry {
   std::unique_ptr<crypto::MspRegistry> registry_ = crypto::make_test_registry({"Org1MSP", "Org2MSP"});
 };
 
-/// Records as they are, and what an acquire makes of them: a fold changes nothing.
+/// Records as they are, and what an acquire by the holder makes of tello1's: a fold changes nothing.
 std::vector<std::string> controls(bool acquired) {
-  Controls event;
+  Controls event, both;
   Control record = control("tello1", 1);
+  *both.add_controls() = control("tello2", 1);
+  if (acquired) record.set_priority(2);
   *event.add_controls() = record;
-  if (acquired) record.set_epoch(2);
-  Controls other;
-  *other.add_controls() = record;
-  *other.add_controls() = control("tello2", 1);
-  return {event.SerializeAsString(), other.SerializeAsString(), to_json(other)};
+  *both.add_controls() = record;
+  return {event.SerializeAsString(), both.SerializeAsString(), to_json(both)};
 }
 
 std::vector<std::string> stops() {
