@@ -108,6 +108,12 @@ std::string stop_key(const std::string& drone, const crypto::IdentityName& stopp
 }
 std::string frame_key(const crypto::IdentityName& owner) { return "frame/" + name_hash(owner); }
 std::string command_key(const crypto::IdentityName& writer) { return "command/" + name_hash(writer); }
+std::string anchors_prefix(const std::string& digest) {
+  return "anchor/" + crypto::hex(std::string_view(digest)) + "/";
+}
+std::string anchor_key(const std::string& digest, const crypto::IdentityName& signer) {
+  return anchors_prefix(digest) + name_hash(signer);
+}
 std::string role_key(const crypto::IdentityName& who) { return "role/" + name_hash(who); }
 std::string lease_key(const crypto::IdentityName& holder, std::uint64_t epoch) {
   return "lease/" + name_hash(holder) + "/" + std::to_string(epoch);

@@ -40,8 +40,8 @@ Status check_id(const std::string& id);
 Status check_drone_name(const std::string& name);
 std::string first_segment(const std::string& id);
 /// Ids that begin so are records of the contract, which it writes itself.
-inline constexpr std::array<std::string_view, 10> record_kinds{"control", "role",  "command", "lease",  "host",
-                                                               "stop",    "owner", "grant",   "drones", "request"};
+inline constexpr std::array<std::string_view, 11> record_kinds{
+    "control", "role", "command", "lease", "host", "stop", "owner", "grant", "drones", "request", "anchor"};
 
 /// Key layout. "stream" assets of one writer live together in frame_key, all others in asset_key.
 std::string asset_key(const std::string& id);
@@ -54,6 +54,8 @@ std::string stop_key(const std::string& drone, const crypto::IdentityName& stopp
 std::string stops_prefix(const std::string& drone);  ///< what all of its stops' keys begin with
 std::string frame_key(const crypto::IdentityName& owner);
 std::string command_key(const crypto::IdentityName& writer);
+std::string anchors_prefix(const std::string& digest);
+std::string anchor_key(const std::string& digest, const crypto::IdentityName& signer);
 std::string role_key(const crypto::IdentityName& who);
 std::string lease_key(const crypto::IdentityName& holder, std::uint64_t epoch);
 std::string host_key(const crypto::IdentityName& host);
@@ -83,5 +85,7 @@ Response command(Stub& stub, const Arguments& call);
 Response stop(Stub& stub, const Arguments& call);
 Response resume(Stub& stub, const Arguments& call);
 Response fold(Stub& stub, const Arguments& call);
+Response anchor(Stub& stub, const Arguments& call);
+Response verify(Stub& stub, const Arguments& call);
 
 }  // namespace ledgerline::chaincode

@@ -14,6 +14,8 @@ bool read(std::string_view bytes, CommandCall& call) { return parse_message(byte
 
 bool read(std::string_view bytes, DeleteCall& call) { return parse_message(bytes, call).ok(); }
 
+bool read(std::string_view bytes, AnchorCall& call) { return parse_message(bytes, call).ok(); }
+
 /// In JSON one asset stands for a call of one.
 bool read(std::string_view bytes, SetCall& call) {
   if (is_json(bytes)) {
@@ -29,6 +31,7 @@ bool read(std::string_view bytes, SetCall& call) {
 
 void complete(CommandCall&) {}
 void complete(DeleteCall&) {}
+void complete(AnchorCall&) {}
 
 /// The contract writes down the topic that a call may leave out.
 void complete(SetCall& call) {
@@ -78,7 +81,7 @@ bool one_of(std::string_view word, const std::array<std::string_view, n>& words)
   return std::find(words.begin(), words.end(), word) != words.end();
 }
 
-constexpr std::array<std::string_view, 2> questions{contract::get, contract::history};
+constexpr std::array<std::string_view, 3> questions{contract::get, contract::history, contract::verify};
 
 }  // namespace
 
@@ -117,8 +120,8 @@ Status check_event(const AskedCall& call, std::string_view event_name, std::stri
   if (one_of(call.function, questions)) {
     return event_name.empty() ? Status(done) : Error{"a question has no event"};
   }
-  const bool is_call =
-      call.function == contract::command || call.function == contract::set || call.function == contract::delete_;
+  const bool is_call = call.function == contract::command || call.function == contract::set ||
+                       call.function == contract::delete_ || call.function == contract::anchor;
   if (is_control_event(call.function)) {
     const auto event = read_control_event(call, event_name, event_payload);
     return event ? Status(done) : event.error();
@@ -126,6 +129,10 @@ Status check_event(const AskedCall& call, std::string_view event_name, std::stri
   if (!is_call) return done;
   if (event_name != call.function) return another;
   if (call.function == contract::set) return tells_set(call, event_payload) ? Status(done) : another;
+  if (call.function == contract::anchor) {
+    AnchorCall anchored;
+    return match(call, contract::anchor, event_payload, anchored) == Match::same ? Status(done) : another;
+  }
   CommandCall asked;
   const Match match = call.function == contract::command ? match_command(call, event_payload, asked)
                                                          : match_delete(call, event_payload);

@@ -20,6 +20,9 @@ inline constexpr std::size_t max_drone_streams = 64;         ///< ids of one dro
 inline constexpr std::size_t max_organisation_drones = 256;  ///< names that an organisation enrolls
 inline constexpr std::size_t max_subject_chars = 1'024;      ///< of an identity that a drone is granted to
 inline constexpr std::size_t max_drone_grants = 64;    ///< identities and organisations that one drone is granted to
+inline constexpr std::size_t digest_bytes = 32;        ///< SHA-256
+inline constexpr std::size_t max_anchor_chars = 256;   ///< what its signer says of an anchor
+inline constexpr std::size_t max_page_anchors = 64;    ///< that one verify answers
 inline constexpr std::size_t max_drone_requests = 16;  ///< identities that ask for one drone at once
 inline constexpr std::uint32_t max_priority = 999'999'999;  ///< of a lease
 inline constexpr std::size_t max_page_versions = 64;        ///< old values of a key that one call looks at
@@ -44,6 +47,8 @@ inline constexpr const char* command = "command";
 inline constexpr const char* stop = "stop";
 inline constexpr const char* resume = "resume";
 inline constexpr const char* fold = "fold";
+inline constexpr const char* anchor = "anchor";
+inline constexpr const char* verify = "verify";
 
 /// The functions that write who may do what: roles, grants, leases, stops.
 inline constexpr std::array<std::string_view, 12> control_functions{enroll,    revoke, grant, acquire, release, request,

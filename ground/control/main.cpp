@@ -1,4 +1,8 @@
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <iterator>
@@ -8,6 +12,7 @@
 #include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/belief/control_records.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/sending/repeat.hpp"
@@ -29,7 +34,7 @@ struct Wish {
   std::uint32_t priority = 0;
   bool fly = false, stop = false, cut = false;
   double within_s = 30;
-  std::string msp, certificate, subject, role;
+  std::string msp, certificate, subject, role, file, what;
   bool json = false;
 };
 
@@ -44,6 +49,23 @@ Result<Identity> identity_of(const Wish& wish) {
   if (!certificate) return Error{wish.certificate + ": " + certificate.error().what};
   identity.set_subject(certificate->subject);
   return identity;
+}
+
+/// SHA-256 of a file of any size.
+Result<std::string> digest_of(const std::string& path) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  struct stat status {};
+  if (file < 0 || ::fstat(file, &status) != 0 || !S_ISREG(status.st_mode)) {
+    if (file >= 0) ::close(file);
+    return Error{path + ": is no file that can be read"};
+  }
+  const auto size = static_cast<std::size_t>(status.st_size);
+  void* bytes = size == 0 ? nullptr : ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file, 0);
+  ::close(file);
+  if (bytes == MAP_FAILED) return Error{path + ": cannot be mapped"};
+  const crypto::Digest digest = crypto::sha256({static_cast<const char*>(bytes), size});
+  if (bytes != nullptr) ::munmap(bytes, size);
+  return std::string(digest.begin(), digest.end());
 }
 
 Result<fabric::Call> make_call(const Wish& wish) {
@@ -77,6 +99,14 @@ Result<fabric::Call> make_call(const Wish& wish) {
     grant.set_max_priority(wish.priority);
     grant.set_stop(wish.stop);
     grant.set_cut(wish.cut);
+    return fabric::Call{wish.function, {call.SerializeAsString()}};
+  }
+  if (wish.function == contract::anchor || wish.function == contract::verify) {
+    const auto digest = digest_of(wish.file);
+    if (!digest) return digest.error();
+    AnchorCall call;
+    call.set_digest(*digest);
+    call.set_what(wish.what);
     return fabric::Call{wish.function, {call.SerializeAsString()}};
   }
   if (wish.function == contract::hand_over || wish.function == contract::deny) {
@@ -130,6 +160,13 @@ Status print_answer(const std::string& bytes) {
   return done;
 }
 
+Status print_anchors(const std::string& bytes, const std::string& file) {
+  Anchors answer;
+  if (auto status = parse_message(bytes, answer); !status) return status;
+  if (answer.anchors().empty()) return Error{file + ": nobody has anchored this"};
+  return fmt::print("{}\n", to_json(answer)), done;
+}
+
 constexpr const char* show = "show";
 
 /// The control records of the drones that were named, or of all, in pages.
@@ -172,9 +209,15 @@ Status call_contract(const Wish& wish) {
   if (wish.function == show) return show_records(**client, wish);
   auto call = make_call(wish);
   if (!call) return call.error();
+  if (wish.function == contract::verify) {
+    const auto answer = (*client)->evaluate(*call);
+    if (!answer) return Error{fmt::format("{}: {}", wish.function, answer.error().what)};
+    return print_anchors(*answer, wish.file);
+  }
   const fabric::Outcome outcome = submit(**client, wish, *call);
   if (outcome.kind != fabric::Outcome::Kind::committed)
     return Error{fmt::format("{}: {}", wish.function, outcome.message)};
+  if (wish.function == contract::anchor) return fmt::print("{}\n", outcome.tx_id), done;
   return wish.function == contract::stop ? print_answer<Stops>(outcome.answer) : print_answer<Controls>(outcome.answer);
 }
 
@@ -193,6 +236,7 @@ constexpr const char* notes = R"(Examples:
   ledgerline-control --config operator.toml hand_over --msp Org2MSP --cert pilot.pem tello1
   ledgerline-control --config supervisor.toml evict tello1
   ledgerline-control --config operator.toml show
+  ledgerline-control --config operator.toml anchor --what "flight 7, camera 2" flight7.mp4
 Exit codes: 0 done, 1 refused or not reached, 2 bad usage.)";
 
 std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
@@ -243,6 +287,13 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
       .within(0.0, 3600.0)
       .shows_default();
   add(contract::resume, "end one's own stop, or all as a supervisor of the drone's organisation");
+  Verb anchor = line.verb(contract::anchor, "put a file's hash on the ledger; prints the transaction's id");
+  anchor.option("file", wish.file, "the file").required().existing_file();
+  anchor.option("--what", wish.what, "what it is, in a few words");
+  verbs.push_back(anchor);
+  Verb verify = line.verb(contract::verify, "print who has anchored this very file, and when; exit code 1: nobody");
+  verify.option("file", wish.file, "the file").required().existing_file();
+  verbs.push_back(verify);
   add(show, "print whose drones they are, who holds them, who stopped them, to whom they are granted; no name: of all")
       .flag("--json", wish.json, "the records as JSON");
   return verbs;

@@ -32,6 +32,7 @@ std::string protobuf_of(const std::string& function, const std::string& json) {
   }
   if (function == "get" || function == "history") return bytes(QueryCall{});
   if (function == "delete") return bytes(DeleteCall{});
+  if (function == "anchor" || function == "verify") return bytes(AnchorCall{});
   if (function == "enroll") return bytes(EnrollCall{});
   if (function == "revoke") return bytes(RevokeCall{});
   if (function == "grant") return bytes(GrantCall{});
@@ -88,6 +89,8 @@ const std::vector<Call> calls{
      {R"({"drones":["tello1"],"cut":true})", R"({"drones":["tello2","tello1"]})"},
      {"tello1", "tello1\ncut=true"}},
     {chief, "resume", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
+    {pilot, "anchor", {R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo=","what":"flight 7"})"}, {}},
+    {pilot, "verify", {R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo="})"}, {}},
     {host, "fold", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
 };
 
@@ -110,6 +113,8 @@ class ContractEntry final : public Entry {
     for (int i = 0; i < 40; ++i)
       must(host, "set", R"({"id":"Org1MSP/n/)" + std::to_string(i % 20) + R"(","msgType":"x","msgData":"AAEA"})");
     if (call.function != "acquire") must(pilot, "acquire", R"({"drones":["tello1","tello2"]})");
+    if (call.function == "verify")
+      must(pilot, "anchor", R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo="})");
     if (call.function == "hand_over" || call.function == "deny")
       must(chief, "request", R"({"drones":["tello1","tello2"],"priority":3})");
     if (call.function == "resume" || call.function == "fold") must(chief, "stop", R"({"drones":["tello1","tello2"]})");
@@ -135,7 +140,7 @@ class ContractEntry final : public Entry {
     const Response response = chaincode::invoke(stub_, call_.function, args);
     if (response.status >= 400) return refused(response.message);
     // A write has its event; what is asked for has an answer.
-    const bool asks = call_.function == "get" || call_.function == "history";
+    const bool asks = call_.function == "get" || call_.function == "history" || call_.function == "verify";
     return asks == stub_.event_name.empty() && response.status == 200 ? accepted() : refused("");
   }
 

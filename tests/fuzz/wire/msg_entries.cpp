@@ -154,6 +154,7 @@ const bool forms =
         {R"({"drones":["tello1"],"grant":{"to":{"mspId":"Org2MSP","subject":"CN=a"},"fly":true,"maxPriority":5,"stop":true,"cut":true}})"}) &&
     add_forms<LeaseCall>("LeaseCall", {R"({"drones":["tello1","tello2"],"priority":5})"}) &&
     add_forms<AnswerCall>("AnswerCall", {R"({"drones":["tello1"],"to":{"mspId":"Org2MSP","subject":"CN=a"}})"}) &&
+    add_forms<AnchorCall>("AnchorCall", {R"({"digest":"qqqq","what":"flight 7"})"}) &&
     add_forms<DronesCall>("DronesCall", {R"({"drones":["tello1"],"cut":true})"}) &&
     add_forms<DeleteCall>("DeleteCall", {R"({"id":"tello1/odom"})"}) &&
     add_forms<QueryCall>("QueryCall", {R"({"id":"tello1/*","bookmark":"tello1/odom"})"}) &&

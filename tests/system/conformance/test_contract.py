@@ -1,6 +1,8 @@
 """Every function of the contract and every refusal (docs/ledger.md), through the official client."""
 import base64
+import hashlib
 import json
+import os
 
 import pytest
 from conftest import subject
@@ -202,6 +204,17 @@ def test_a_role_means_nothing_on_others_drones_and_what_is_granted_can_be_taken_
     operator.submit("acquire", "lent")
 
 
+def test_what_is_anchored_is_verified_by_its_hash_alone(nobody, operator):
+    call = {"digest": base64.b64encode(hashlib.sha256(os.urandom(16)).digest()).decode()}
+    assert nobody.read("verify", call) == {}
+    nobody.submit("anchor", {**call, "what": "flight 7"})
+    operator.submit("anchor", call)
+    assert nobody.refusal("anchor", call).endswith("has anchored this digest already; verify says when")
+    anchors = nobody.read("verify", call)["anchors"]
+    assert {one["signer"]["mspId"]: one.get("what") for one in anchors} == {"Org3MSP": "flight 7", "Org2MSP": None}
+    assert all(one["txId"] and int(one["timestampNs"]) > 0 for one in anchors)
+
+
 def test_two_operators_hand_a_drone_over(enroll, admin, operator):
     """One asks, the other answers; never nobody, never two."""
     enroll("shared")
@@ -272,7 +285,7 @@ WHO = {"mspId": "Org1MSP", "subject": subject(1, "User1")}
 ODOM = {"id": "free/odom", "msgType": "t"}
 REFUSALS = [
     ("host", "fly", ["x"], "unknown function fly; known are set, get, history, delete, enroll, revoke, grant, "
-                           "acquire, release, request, hand_over, deny, evict, command, stop, resume"),
+                           "acquire, release, request, hand_over, deny, evict, command, stop, resume, fold, anchor, verify"),
     ("host", "get", ["a" * 1_000_001], "get: the call has 1000001 bytes; the limit is 1000000"),
     ("host", "get", ["{}", "x"], "get: give one message in protobuf or JSON, or plain ids; not both"),
 
@@ -350,6 +363,8 @@ REFUSALS = [
      f"leased: Org2MSP {subject(2, 'Admin')} may not grant it: only an administrator of Org1MSP may"),
     ("host", "grant", [{"drones": ["leased"], "grant": {"to": {"mspId": "Org3MSP"}, "fly": True}}],
      f"leased: {HOST} may not grant it"),
+    ("nobody", "anchor", [{"digest": "YWJj"}], "anchor: digest has 3 bytes; a SHA-256 has 32"),
+    ("nobody", "verify", ["abc"], "verify: give an AnchorCall in protobuf or JSON"),
     ("operator", "hand_over", ["leased"], "hand_over: give an AnswerCall in protobuf or JSON"),
     ("operator", "deny", [{"drones": ["leased"]}], "deny: to needs mspId and subject"),
     ("operator", "deny", [{"drones": ["leased"], "to": WHO}], f"leased: {HOST} has not requested it"),

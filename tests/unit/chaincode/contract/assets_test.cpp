@@ -341,7 +341,7 @@ TEST_F(AssetsTest, ARefusalIsOneReadableLineWhateverTheCallHolds) {
 }
 
 TEST_F(AssetsTest, AnUnknownFunctionIsNamed) {
-  EXPECT_THAT(stub.call(host, "anchor", {"x"}).message, StartsWith("unknown function anchor"));
+  EXPECT_THAT(stub.call(host, "transfer", {"x"}).message, StartsWith("unknown function transfer"));
 }
 
 }  // namespace

@@ -61,6 +61,17 @@ TEST(CheckEvent, ADeletionNamesTheId) {
   }
 }
 
+TEST(CheckEvent, AnAnchorsEventIsItsCall) {
+  AnchorCall asked, other;
+  asked.set_digest(std::string(32, 'a'));
+  other.set_digest(std::string(32, 'b'));
+  EXPECT_TRUE(check_event({"anchor", {asked.SerializeAsString()}}, "anchor", asked.SerializeAsString()));
+  EXPECT_TRUE(check_event({"anchor", {to_json(asked)}}, "anchor", to_json(asked)));
+  EXPECT_FALSE(check_event({"anchor", {asked.SerializeAsString()}}, "anchor", other.SerializeAsString()));
+  EXPECT_FALSE(check_event({"anchor", {asked.SerializeAsString()}}, "set", asked.SerializeAsString()));
+  EXPECT_FALSE(check_event({"verify", {asked.SerializeAsString()}}, "anchor", asked.SerializeAsString()));
+}
+
 TEST(CheckEvent, AControlEventIsOfItsFunctionAndTheDronesThatWereAskedFor) {
   Controls controls;
   for (const char* drone : {"tello1", "tello2"}) controls.add_controls()->set_drone(drone);
