@@ -37,13 +37,9 @@ Status add_stops(Stub& stub, Control& control) {
     const auto some = stub.get_range(start, end, step);
     if (!some) return some.error();
     for (const KeyValue& entry : *some) {
-      Stored stored;
-      Stop stop;
-      if (!stored.ParseFromString(entry.value) || stored.assets_size() != 1 ||
-          !stop.ParseFromString(stored.assets(0).msg_data())) {
-        return Error{"the record " + entry.key + " is damaged"};
-      }
-      if (!stop.lifted()) add_stop(control, stop);
+      const auto stop = parse_record<Stop>(entry);
+      if (!stop) return stop.error();
+      if (!stop->lifted()) add_stop(control, *stop);
     }
     if (some->size() < step) return done;
     start = some->back().key + '\0';
@@ -55,7 +51,8 @@ Status add_revoked(Stub& stub, Control& control) {
   std::vector<Identity> named;
   if (control.has_holder()) named.push_back(control.holder());
   for (const Grant& grant : control.grants()) {
-    if (!grant.to().subject().empty()) named.push_back(grant.to());
+    const bool holder = control.has_holder() && same_identity(control.holder(), grant.to());
+    if (!grant.to().subject().empty() && !holder) named.push_back(grant.to());  // each is read once
   }
   for (const Identity& who : named) {
     const auto role = read_role(stub, to_name(who));

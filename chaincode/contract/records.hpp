@@ -9,17 +9,31 @@
 /// lease/<holder>/<epoch> and host/<owner>. Each is kept as an asset, so that `get` serves it.
 namespace ledgerline::chaincode {
 
+/// The record that is stored under a key.
+template <typename Message>
+Result<Message> parse_record(const std::string& key, const Stored& stored) {
+  Message message;
+  if (stored.assets_size() != 1 || !message.ParseFromString(stored.assets(0).msg_data())) {
+    return Error{"the record " + key + " is damaged"};
+  }
+  return message;
+}
+template <typename Message>
+Result<Message> parse_record(const KeyValue& entry) {
+  Stored stored;
+  if (!stored.ParseFromString(entry.value)) return Error{"the record " + entry.key + " is damaged"};
+  return parse_record<Message>(entry.key, stored);
+}
+
 /// nullopt: there is none.
 template <typename Message>
 Result<std::optional<Message>> read_record(Stub& stub, const std::string& key) {
   const auto stored = read_stored(stub, key);
   if (!stored) return stored.error();
   if (!*stored) return std::optional<Message>{};
-  Message message;
-  if ((*stored)->assets_size() != 1 || !message.ParseFromString((*stored)->assets(0).msg_data())) {
-    return Error{"the record " + key + " is damaged"};
-  }
-  return std::optional(std::move(message));
+  auto message = parse_record<Message>(key, **stored);
+  if (!message) return message.error();
+  return std::optional(std::move(*message));
 }
 Status write_record(Stub& stub, const std::string& key, const google::protobuf::Message& message);
 

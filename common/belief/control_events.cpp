@@ -101,10 +101,15 @@ Status expect(const Control& expected, const Control& after) {
   return equal(expected, after) ? Status(done) : Error{"its record does not follow from the one before"};
 }
 
+Status check_granted(const LeaseCall& asked, const Control& before, const Creator& creator) {
+  const Rights rights = rights_of(before, to_message(creator.name));
+  return rights.fly && asked.priority() <= rights.max_priority ? Status(done)
+                                                               : Error{"its creator is not granted that"};
+}
+
 Status acquired(const LeaseCall& asked, const Control& before, const Control& after, const Creator& creator) {
   const bool mine = same(before.holder(), creator.name);
-  const Rights rights = rights_of(before, to_message(creator.name));
-  if (!rights.fly || asked.priority() > rights.max_priority) return Error{"its creator is not granted that"};
+  if (Status status = check_granted(asked, before, creator); !status) return status;
   const bool free = !before.has_holder() || is_revoked(before, before.holder());
   if (!free && !mine && asked.priority() <= before.priority())
     return Error{"somebody holds the lease with no lower priority"};
@@ -128,8 +133,7 @@ Status released(const Control& before, const Control& after, const Creator& crea
 }
 
 Status requested(const LeaseCall& asked, const Control& before, const Control& after, const Creator& creator) {
-  const Rights rights = rights_of(before, to_message(creator.name));
-  if (!rights.fly || asked.priority() > rights.max_priority) return Error{"its creator is not granted that"};
+  if (Status status = check_granted(asked, before, creator); !status) return status;
   Control expected = before;
   add_request(expected, to_message(creator.name), asked.priority());
   return expect(expected, after);

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cstdint>
 #include <string>
-#include <tuple>
 
 #include "common/msg/contract.hpp"
 #include "common/msg/stops.hpp"
@@ -51,13 +50,10 @@ inline bool names_identity(const Control& control, const Identity& who) {
 
 /// Lays in what an identity's organisation has made of its role. Of one whom the record does not speak of: nothing.
 inline void apply_role(Control& control, const Identity& who, Role role) {
-  auto& all = *control.mutable_revoked();
-  all.erase(std::remove_if(all.begin(), all.end(), [&](const Identity& one) { return same_identity(one, who); }),
-            all.end());
+  const auto itself = [](const Identity& one) -> const Identity& { return one; };
+  remove_entry(*control.mutable_revoked(), who, itself);
   if (role != REVOKED || !names_identity(control, who)) return;
-  *control.add_revoked() = who;
-  const auto order = [](const Identity& one) { return std::tie(one.msp_id(), one.subject()); };
-  std::sort(all.begin(), all.end(), [&](const Identity& a, const Identity& b) { return order(a) < order(b); });
+  put_entry(*control.mutable_revoked(), who, itself);
 }
 
 /// The revoked are only those whom the record speaks of.
@@ -98,12 +94,12 @@ inline void end_revoked(Control& control, std::uint64_t new_epoch) {
 /// Puts a grant in place of what its identity or organisation had. A lease that is no longer granted ends, under the new
 /// epoch; a priority that is no longer granted is lowered.
 inline void set_grant(Control& control, const Grant& grant, std::uint64_t new_epoch) {
-  auto& all = *control.mutable_grants();
-  all.erase(std::remove_if(all.begin(), all.end(), [&](const Grant& g) { return same_identity(g.to(), grant.to()); }),
-            all.end());
-  if (grant.fly() || grant.stop() || grant.cut()) *control.add_grants() = grant;
-  const auto order = [](const Grant& g) { return std::tie(g.to().msp_id(), g.to().subject()); };
-  std::sort(all.begin(), all.end(), [&](const Grant& a, const Grant& b) { return order(a) < order(b); });
+  const auto whose = [](const Grant& one) -> const Identity& { return one.to(); };
+  if (grant.fly() || grant.stop() || grant.cut()) {
+    put_entry(*control.mutable_grants(), grant, whose);
+  } else {
+    remove_entry(*control.mutable_grants(), grant.to(), whose);
+  }
   forget_unnamed(control);
   if (!control.has_holder() || is_revoked(control, control.holder())) return;  // which a fold ends
   const Rights rights = rights_of(control, control.holder());

@@ -1,7 +1,6 @@
 #pragma once
 #include <algorithm>
 #include <cstdint>
-#include <tuple>
 
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
@@ -10,6 +9,8 @@
 /// Those who ask a drone's holder for the lease, as contract, agent and ground keep them. Each identity asks once; a newer
 /// request replaces its older one. Thread-safe as the messages are.
 namespace ledgerline {
+
+inline const Identity& whose_request(const Request& request) { return request.who(); }
 
 /// nullptr: it asks for nothing.
 inline const Request* request_of(const Control& control, const Identity& who) {
@@ -21,22 +22,14 @@ inline const Request* request_of(const Control& control, const Identity& who) {
 
 /// False: there was none.
 inline bool remove_request(Control& control, const Identity& who) {
-  auto& all = *control.mutable_requests();
-  const auto rest =
-      std::remove_if(all.begin(), all.end(), [&](const Request& one) { return same_identity(one.who(), who); });
-  const bool found = rest != all.end();
-  all.erase(rest, all.end());
-  return found;
+  return remove_entry(*control.mutable_requests(), who, whose_request);
 }
 
 inline void add_request(Control& control, const Identity& who, std::uint32_t priority) {
-  remove_request(control, who);
-  Request& one = *control.add_requests();
+  Request one;
   *one.mutable_who() = who;
   one.set_priority(priority);
-  const auto order = [](const Request& r) { return std::tie(r.who().msp_id(), r.who().subject()); };
-  std::sort(control.mutable_requests()->begin(), control.mutable_requests()->end(),
-            [&](const Request& a, const Request& b) { return order(a) < order(b); });
+  put_entry(*control.mutable_requests(), one, whose_request);
 }
 
 /// Gives the lease to one who has requested it, at the priority requested, as far as that is granted to him. False: he

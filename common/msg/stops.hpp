@@ -13,6 +13,26 @@ inline bool same_identity(const Identity& a, const Identity& b) {
   return a.msp_id() == b.msp_id() && a.subject() == b.subject();
 }
 
+/// A list with one entry for each identity, in order of MSP id and subject. `whose` is an entry's identity.
+template <typename List, typename Whose>
+bool remove_entry(List& list, const Identity& who, const Whose& whose) {
+  const auto rest =
+      std::remove_if(list.begin(), list.end(), [&](const auto& entry) { return same_identity(whose(entry), who); });
+  const bool found = rest != list.end();
+  list.erase(rest, list.end());
+  return found;
+}
+/// In place of the identity's older one.
+template <typename List, typename Entry, typename Whose>
+void put_entry(List& list, const Entry& entry, const Whose& whose) {
+  remove_entry(list, whose(entry), whose);
+  *list.Add() = entry;
+  const auto order = [&](const Entry& one) { return std::tie(whose(one).msp_id(), whose(one).subject()); };
+  std::sort(list.begin(), list.end(), [&](const Entry& a, const Entry& b) { return order(a) < order(b); });
+}
+
+inline const Identity& whose_stop(const Stop& stop) { return stop.stopper(); }
+
 inline bool is_stopped(const Control& control) { return !control.stoppers().empty(); }
 
 /// The motors are to be off, since one of the stoppers says so.
@@ -22,22 +42,16 @@ inline bool is_cut(const Control& control) {
 
 /// Takes one stopper's stop away; says whether there was one.
 inline bool remove_stop(Control& control, const Identity& stopper) {
-  auto& all = *control.mutable_stoppers();
-  const auto rest =
-      std::remove_if(all.begin(), all.end(), [&](const Stop& stop) { return same_identity(stop.stopper(), stopper); });
-  const bool found = rest != all.end();
-  all.erase(rest, all.end());
-  return found;
+  return remove_entry(*control.mutable_stoppers(), stopper, whose_stop);
 }
 
 /// Adds a stop; of the same stopper, the newer word replaces the older one. A lifted one is no stop.
 inline void add_stop(Control& control, const Stop& stop) {
-  remove_stop(control, stop.stopper());
-  if (stop.lifted()) return;
-  *control.add_stoppers() = stop;
-  const auto order = [](const Stop& s) { return std::tie(s.stopper().msp_id(), s.stopper().subject()); };
-  std::sort(control.mutable_stoppers()->begin(), control.mutable_stoppers()->end(),
-            [&](const Stop& a, const Stop& b) { return order(a) < order(b); });
+  if (stop.lifted()) {
+    remove_stop(control, stop.stopper());
+  } else {
+    put_entry(*control.mutable_stoppers(), stop, whose_stop);
+  }
 }
 
 /// Lifts everybody's stop for a supervisor of the drone's organisation, else one's own. False: there was none.

@@ -25,29 +25,35 @@ Status follow(Records<Lease>& leases, const Control& before, const Control& afte
   return done;
 }
 
+template <typename Message>
+Status write_if_changed(Stub& stub, const std::string& key, const Message& before, const Message& after) {
+  return before.SerializeAsString() == after.SerializeAsString() ? done : write_record(stub, key, after);
+}
+
+Grants grants_of(const Control& control) {
+  Grants grants;
+  *grants.mutable_grants() = control.grants();
+  return grants;
+}
+
+Requests requests_of(const Control& control) {
+  Requests requests;
+  *requests.mutable_requests() = control.requests();
+  return requests;
+}
+
 /// Writes what `change` made of a control record.
 Status write_changes(Stub& stub, const Control& before, const Control& after) {
-  const Control record = stored_part(after);
-  if (stored_part(before).SerializeAsString() != record.SerializeAsString()) {
-    if (Status status = write_record(stub, control_key(after.drone()), record); !status) return status;
-  }
-  Grants grants_before, grants_after;
-  *grants_before.mutable_grants() = before.grants();
-  *grants_after.mutable_grants() = after.grants();
-  if (grants_before.SerializeAsString() != grants_after.SerializeAsString()) {
-    if (Status status = write_record(stub, grant_key(after.drone()), grants_after); !status) return status;
-  }
-  Requests requests_before, requests_after;
-  *requests_before.mutable_requests() = before.requests();
-  *requests_after.mutable_requests() = after.requests();
-  if (requests_before.SerializeAsString() != requests_after.SerializeAsString()) {
-    if (Status status = write_record(stub, request_key(after.drone()), requests_after); !status) return status;
-  }
+  const std::string& drone = after.drone();
+  Status status = write_if_changed(stub, control_key(drone), stored_part(before), stored_part(after));
+  if (status) status = write_if_changed(stub, grant_key(drone), grants_of(before), grants_of(after));
+  if (status) status = write_if_changed(stub, request_key(drone), requests_of(before), requests_of(after));
+  if (!status) return status;
   for (Stop stop : before.stoppers()) {
     Control rest = after;
     if (remove_stop(rest, stop.stopper())) continue;
     stop.set_lifted(true);
-    if (Status status = write_stop(stub, stop); !status) return status;
+    if (status = write_stop(stub, stop); !status) return status;
   }
   return done;
 }
@@ -63,6 +69,13 @@ Status check_operator(const crypto::IdentityName& who, Role role) {
   if (role == REVOKED) return Error{revoked_text(who)};
   return Error{to_text(who) + " is neither operator nor supervisor; an administrator of " + who.msp_id +
                " may enroll it as one"};
+}
+
+Status check_operator(Stub& stub, const crypto::IdentityName& who, const std::string& function) {
+  const auto role = read_role(stub, who);
+  if (!role) return role.error();
+  if (Status status = check_operator(who, *role); !status) return Error{function + ": " + status.error().what};
+  return done;
 }
 
 std::vector<std::string> sorted_names(const Names& list) {

@@ -14,6 +14,8 @@ namespace ledgerline::chaincode {
 
 /// Why somebody may neither fly nor stop anything, by the role that its organisation gives it.
 Status check_operator(const crypto::IdentityName& who, Role role);
+/// The same, with the role read for `function`.
+Status check_operator(Stub& stub, const crypto::IdentityName& who, const std::string& function);
 std::string revoked_text(const crypto::IdentityName& who);
 
 /// A LeaseCall, DronesCall, GrantCall or AnswerCall, in any form, with at least one drone and not too many.

@@ -70,9 +70,8 @@ Result<AnswerCall> read_answer(const Arguments& call, const std::string& functio
 Response acquire(Stub& stub, const Arguments& call) {
   const auto lease = read_wish(call, contract::acquire);
   if (!lease) return refuse(lease.error().what);
-  const auto role = read_role(stub, stub.caller());
-  if (!role) return refuse(role.error().what);
-  if (Status status = check_operator(stub.caller(), *role); !status) return refuse("acquire: " + status.error().what);
+  if (Status status = check_operator(stub, stub.caller(), contract::acquire); !status)
+    return refuse(status.error().what);
   const Identity self = to_message(stub.caller());
   return change_controls(stub, call, contract::acquire, lease->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
@@ -99,9 +98,8 @@ Response release(Stub& stub, const Arguments& call) {
 Response request(Stub& stub, const Arguments& call) {
   const auto wish = read_wish(call, contract::request);
   if (!wish) return refuse(wish.error().what);
-  const auto role = read_role(stub, stub.caller());
-  if (!role) return refuse(role.error().what);
-  if (Status status = check_operator(stub.caller(), *role); !status) return refuse("request: " + status.error().what);
+  if (Status status = check_operator(stub, stub.caller(), contract::request); !status)
+    return refuse(status.error().what);
   const Identity self = to_message(stub.caller());
   return change_controls(stub, call, contract::request, wish->drones(), [&](Control& control, std::uint64_t) -> Status {
     if (Status status = check_rights(control, self, wish->priority()); !status) return status;
@@ -122,9 +120,7 @@ Response hand_over(Stub& stub, const Arguments& call) {
   const auto asked = read_answer(call, contract::hand_over);
   if (!asked) return refuse(asked.error().what);
   const crypto::IdentityName to = to_name(asked->to());
-  const auto role = read_role(stub, to);
-  if (!role) return refuse(role.error().what);
-  if (Status status = check_operator(to, *role); !status) return refuse("hand_over: " + status.error().what);
+  if (Status status = check_operator(stub, to, contract::hand_over); !status) return refuse(status.error().what);
   return change_controls(stub, call, contract::hand_over, asked->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            if (!control.has_holder() || to_name(control.holder()) != stub.caller()) {

@@ -122,6 +122,16 @@ class ContractTest : public ::testing::Test {
     return stub.call(by, "enroll", call);
   }
 
+  /// A plan for tello1.
+  Response command(const crypto::IdentityName& by, std::uint64_t epoch) {
+    CommandCall call;
+    DronePlan& plan = *call.add_plans();
+    plan.set_drone("tello1");
+    plan.set_epoch(epoch);
+    plan.add_setpoints()->set_at_ns(1000);
+    return stub.call(by, "command", call);
+  }
+
   static Asset asset(const std::string& id, const std::string& data = "data") {
     Asset asset;
     asset.set_id(id);

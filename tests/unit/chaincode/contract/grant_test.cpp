@@ -26,14 +26,6 @@ class GrantTest : public ContractTest {
     call.set_priority(priority);
     return stub.call(by, "acquire", call);
   }
-  Response command(const crypto::IdentityName& by, std::uint64_t epoch) {
-    CommandCall call;
-    DronePlan& plan = *call.add_plans();
-    plan.set_drone("tello1");
-    plan.set_epoch(epoch);
-    plan.add_setpoints()->set_at_ns(1000);
-    return stub.call(by, "command", call);
-  }
   std::string holder() { return control("tello1").holder().subject(); }
 
   const crypto::IdentityName admin3{"Org3MSP", "CN=Admin@org3"}, far{"Org3MSP", "CN=far"},

@@ -20,14 +20,6 @@ class RevokeTest : public ContractTest {
     call.mutable_identity()->set_subject(who.subject);
     return stub.call(by, "revoke", call);
   }
-  Response command(const crypto::IdentityName& by, std::uint64_t epoch) {
-    CommandCall call;
-    DronePlan& plan = *call.add_plans();
-    plan.set_drone("tello1");
-    plan.set_epoch(epoch);
-    plan.add_setpoints()->set_at_ns(1000);
-    return stub.call(by, "command", call);
-  }
   Response acquire(const crypto::IdentityName& by) { return stub.call(by, "acquire", {"tello1"}); }
   std::vector<std::string> revoked() {
     std::vector<std::string> names;
