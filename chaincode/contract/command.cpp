@@ -36,32 +36,35 @@ Status check_setpoints(const DronePlan& plan) {
 }
 
 /// What one finds in the control record of a drone that the lease does not let fly.
-Status why_not(Stub& stub, const DronePlan& plan) {
-  const auto control = read_control(stub, plan.drone());
-  if (!control) return control.error();
-  if (!*control) return Error{"not enrolled"};
-  if (!(*control)->has_holder() || to_name((*control)->holder()) != stub.caller()) {
-    return Error{"the lease is held by " +
-                 ((*control)->has_holder() ? to_text(to_name((*control)->holder())) : std::string("nobody")) +
+Status why_not(Stub& stub, const DronePlan& plan, const std::string& organisation) {
+  const auto record = read_control(stub, plan.drone());
+  if (!record) return record.error();
+  if (!*record) return Error{"not enrolled"};
+  const Control& control = (*record)->message;
+  if (control.owner().msp_id() != organisation) {
+    return Error{"it belongs to " + control.owner().msp_id() + ", not to " + organisation};
+  }
+  if (!control.has_holder() || to_name(control.holder()) != stub.caller()) {
+    return Error{"the lease is held by " + (control.has_holder() ? to_text(to_name(control.holder())) : "nobody") +
                  ", not by " + to_text(stub.caller())};
   }
-  if (plan.epoch() != (*control)->epoch()) {
-    return Error{"the lease's epoch is " + std::to_string((*control)->epoch()) + ", the plan says " +
+  if (plan.epoch() != control.epoch()) {
+    return Error{"the lease's epoch is " + std::to_string(control.epoch()) + ", the plan says " +
                  std::to_string(plan.epoch())};
   }
-  if (is_stopped(**control)) return Error{"stopped by " + stopper_names(**control) + "; only LAND is accepted"};
-  return Error{"its lease's record does not name it"};
+  if (is_stopped(control)) return Error{"stopped by " + stopper_names(control) + "; only LAND is accepted"};
+  return Error{"its lease's record does not name it; its host's fold renews records of an older version"};
 }
 
-Status check_plan(Stub& stub, const DronePlan& plan, Records<Lease>& leases) {
+Status check_plan(Stub& stub, const DronePlan& plan, const std::string& organisation, Records<Lease>& leases) {
   if (!Action_IsValid(plan.action())) return Error{"unknown action " + std::to_string(plan.action())};
   if (Status status = check_setpoints(plan); !status) return status;
-  const auto lease = leases.at(lease_key(stub.caller(), plan.epoch()));
+  const auto lease = leases.at(lease_key(organisation, stub.caller(), plan.epoch()));
   if (!lease) return lease.error();
   const bool held = contains((*lease)->drones(), plan.drone());
   const bool stopped = contains((*lease)->stopped(), plan.drone());
   if (held && (!stopped || plan.action() == LAND)) return done;
-  return why_not(stub, plan);
+  return why_not(stub, plan, organisation);
 }
 
 }  // namespace
@@ -75,16 +78,21 @@ Response command(Stub& stub, const Arguments& call) {
     return refuse("the call has " + std::to_string(commands.plans_size()) + " plans; the limit is " +
                   std::to_string(contract::max_call_assets));
   }
+  const std::string& organisation = commands.organisation();
+  if (organisation.empty() || !check_id(organisation) || first_segment(organisation) != organisation) {
+    return refuse("command: organisation must be the MSP id of the one whose drones these are");
+  }
   std::set<std::string> drones;
   Records<Lease> leases(stub);
   for (const DronePlan& plan : commands.plans()) {
     if (Status status = check_drone_name(plan.drone()); !status) return refuse(status.error().what);
     if (!drones.insert(plan.drone()).second) return refuse(plan.drone() + ": two plans in one call");
-    if (Status status = check_plan(stub, plan, leases); !status)
+    if (Status status = check_plan(stub, plan, organisation, leases); !status)
       return refuse(plan.drone() + ": " + status.error().what);
   }
-  // Written without being read: commands never conflict with each other.
-  const Status written = write_record(stub, command_key(stub.caller()), commands);
+  // Written without being read: commands never conflict with each other. The lease's acquire has made the key.
+  const Status written =
+      write_record(stub, command_key(organisation, stub.caller()), commands, contract::record_version);
   if (!written) return refuse(written.error().what);
   stub.set_event(contract::command, write_form(call, commands));
   return {};

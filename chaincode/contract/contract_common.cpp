@@ -107,7 +107,12 @@ std::string stop_key(const std::string& drone, const crypto::IdentityName& stopp
   return stops_prefix(drone) + name_hash(stopper);
 }
 std::string frame_key(const crypto::IdentityName& owner) { return "frame/" + name_hash(owner); }
-std::string command_key(const crypto::IdentityName& writer) { return "command/" + name_hash(writer); }
+std::string command_key(const std::string& owner_msp_id, const crypto::IdentityName& writer) {
+  return "command/" + owner_msp_id + "/" + name_hash(writer);
+}
+std::string pilot_key(const std::string& owner_msp_id, const crypto::IdentityName& holder) {
+  return "pilot/" + owner_msp_id + "/" + name_hash(holder);
+}
 std::string anchors_prefix(const std::string& digest) {
   return "anchor/" + crypto::hex(std::string_view(digest)) + "/";
 }
@@ -115,8 +120,8 @@ std::string anchor_key(const std::string& digest, const crypto::IdentityName& si
   return anchors_prefix(digest) + name_hash(signer);
 }
 std::string role_key(const crypto::IdentityName& who) { return "role/" + name_hash(who); }
-std::string lease_key(const crypto::IdentityName& holder, std::uint64_t epoch) {
-  return "lease/" + name_hash(holder) + "/" + std::to_string(epoch);
+std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityName& holder, std::uint64_t epoch) {
+  return "lease/" + owner_msp_id + "/" + name_hash(holder) + "/" + std::to_string(epoch);
 }
 std::string host_key(const crypto::IdentityName& host) { return "host/" + name_hash(host); }
 
@@ -140,10 +145,15 @@ Result<std::optional<Stored>> read_stored(Stub& stub, const std::string& key) {
   return std::optional(std::move(stored));
 }
 
-Status write_stored(Stub& stub, const std::string& key, std::vector<Asset> assets, bool deleted) {
+Stored signed_by_caller(const Stub& stub, std::vector<Asset> assets) {
   Stored stored;
   *stored.mutable_signer() = to_message(stub.caller());
   for (Asset& asset : assets) *stored.add_assets() = std::move(asset);
+  return stored;
+}
+
+Status write_stored(Stub& stub, const std::string& key, std::vector<Asset> assets, bool deleted) {
+  Stored stored = signed_by_caller(stub, std::move(assets));
   stored.set_deleted(deleted);
   return stub.put_state(key, stored.SerializeAsString());
 }

@@ -40,8 +40,8 @@ Status check_id(const std::string& id);
 Status check_drone_name(const std::string& name);
 std::string first_segment(const std::string& id);
 /// Ids that begin so are records of the contract, which it writes itself.
-inline constexpr std::array<std::string_view, 11> record_kinds{
-    "control", "role", "command", "lease", "host", "stop", "owner", "grant", "drones", "request", "anchor"};
+inline constexpr std::array<std::string_view, 12> record_kinds{
+    "control", "role", "command", "lease", "host", "stop", "owner", "grant", "drones", "pilot", "request", "anchor"};
 
 /// Key layout. "stream" assets of one writer live together in frame_key, all others in asset_key.
 std::string asset_key(const std::string& id);
@@ -53,11 +53,12 @@ std::string drones_key(const std::string& msp_id);
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper);
 std::string stops_prefix(const std::string& drone);  ///< what all of its stops' keys begin with
 std::string frame_key(const crypto::IdentityName& owner);
-std::string command_key(const crypto::IdentityName& writer);
+std::string command_key(const std::string& owner_msp_id, const crypto::IdentityName& writer);
+std::string pilot_key(const std::string& owner_msp_id, const crypto::IdentityName& holder);
 std::string anchors_prefix(const std::string& digest);
 std::string anchor_key(const std::string& digest, const crypto::IdentityName& signer);
 std::string role_key(const crypto::IdentityName& who);
-std::string lease_key(const crypto::IdentityName& holder, std::uint64_t epoch);
+std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityName& holder, std::uint64_t epoch);
 std::string host_key(const crypto::IdentityName& host);
 
 Identity to_message(const crypto::IdentityName& name);
@@ -65,7 +66,8 @@ crypto::IdentityName to_name(const Identity& identity);
 std::string to_text(const crypto::IdentityName& name);  ///< "Org1MSP CN=User1@..."
 
 Result<std::optional<Stored>> read_stored(Stub& stub, const std::string& key);
-/// Writes `assets` under `key`, signed with the caller's name.
+/// Assets to store, signed with the caller's name.
+Stored signed_by_caller(const Stub& stub, std::vector<Asset> assets);
 Status write_stored(Stub& stub, const std::string& key, std::vector<Asset> assets, bool deleted = false);
 
 Response set_assets(Stub& stub, const Arguments& call);

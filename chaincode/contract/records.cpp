@@ -5,13 +5,22 @@
 
 namespace ledgerline::chaincode {
 
-Status write_record(Stub& stub, const std::string& key, const google::protobuf::Message& message) {
+Status write_record(Stub& stub, const std::string& key, const google::protobuf::Message& message,
+                    std::uint32_t version) {
   Asset asset;
   asset.set_id(key);
   asset.set_topic("/" + key);
   asset.set_msg_type(message.GetTypeName());
   asset.set_msg_data(message.SerializeAsString());
-  return write_stored(stub, key, {asset});
+  Stored stored = signed_by_caller(stub, {asset});
+  stored.set_version(version);
+  return stub.put_state(key, stored.SerializeAsString());
+}
+
+Status make_record(Stub& stub, const std::string& key, const google::protobuf::Message& message,
+                   const std::string& keeper) {
+  if (Status status = write_record(stub, key, message, contract::record_version); !status) return status;
+  return stub.put_policy(key, keeper);
 }
 
 void insert(Names& names, const std::string& name) {
@@ -77,10 +86,10 @@ Status complete(Stub& stub, Control& control) {
   return add_revoked(stub, control);
 }
 
-Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone) {
-  auto control = read_record<Control>(stub, control_key(drone));
+Result<std::optional<Versioned<Control>>> read_control(Stub& stub, const std::string& drone) {
+  auto control = read_versioned<Control>(stub, control_key(drone));
   if (!control || !*control) return control;
-  if (Status status = complete(stub, **control); !status) return status.error();
+  if (Status status = complete(stub, (*control)->message); !status) return status.error();
   return control;
 }
 
@@ -91,6 +100,12 @@ Control stored_part(const Control& control) {
   stored.clear_revoked();
   stored.clear_requests();
   return stored;
+}
+
+Status make_owner(Stub& stub, const std::string& drone, const std::string& msp_id) {
+  Organisation organisation;
+  organisation.set_msp_id(msp_id);
+  return make_record(stub, owner_key(drone), organisation, msp_id);
 }
 
 Status write_stop(Stub& stub, const Stop& stop) {

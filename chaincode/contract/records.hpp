@@ -3,10 +3,15 @@
 #include <map>
 
 #include "chaincode/contract/contract_common.hpp"
+#include "common/msg/contract.hpp"
 
 /// The contract's own records: control/<drone>, stop/<drone>/<stopper>, grant/<drone>, request/<drone>, owner/<drone>, drones/<MSP id>,
-/// role/<identity>, and the two that the hot path reads instead of every drone's control record,
-/// lease/<holder>/<epoch> and host/<owner>. Each is kept as an asset, so that `get` serves it.
+/// role/<identity>, pilot/<owner MSP>/<holder>, and the two that the hot path reads instead of every drone's control record,
+/// lease/<owner MSP>/<holder>/<epoch> and host/<owner>. Each is kept as an asset, so that `get` serves it.
+///
+/// A record has a keeper: the organisation whose peer alone endorses its changes, by the key's own policy. The policy is set once,
+/// by the call that makes the record, and with it Stored.version. A record of an older version gets both when a
+/// control call next touches it.
 namespace ledgerline::chaincode {
 
 /// The record that is stored under a key.
@@ -25,47 +30,81 @@ Result<Message> parse_record(const KeyValue& entry) {
   return parse_record<Message>(entry.key, stored);
 }
 
+template <typename Message>
+struct Versioned {
+  Message message;
+  std::uint32_t version = 0;  ///< Stored.version
+};
 /// nullopt: there is none.
 template <typename Message>
-Result<std::optional<Message>> read_record(Stub& stub, const std::string& key) {
+Result<std::optional<Versioned<Message>>> read_versioned(Stub& stub, const std::string& key) {
   const auto stored = read_stored(stub, key);
   if (!stored) return stored.error();
-  if (!*stored) return std::optional<Message>{};
+  if (!*stored) return std::optional<Versioned<Message>>{};
   auto message = parse_record<Message>(key, **stored);
   if (!message) return message.error();
-  return std::optional(std::move(*message));
+  return std::optional(Versioned<Message>{std::move(*message), (*stored)->version()});
 }
-Status write_record(Stub& stub, const std::string& key, const google::protobuf::Message& message);
+template <typename Message>
+Result<std::optional<Message>> read_record(Stub& stub, const std::string& key) {
+  auto record = read_versioned<Message>(stub, key);
+  if (!record) return record.error();
+  if (!*record) return std::optional<Message>{};
+  return std::optional(std::move((*record)->message));
+}
+/// As it is: no policy is set. `version`: the one that it has.
+Status write_record(Stub& stub, const std::string& key, const google::protobuf::Message& message,
+                    std::uint32_t version = 0);
+/// Makes a record, or renews one of an older version: with the policy of `keeper`.
+Status make_record(Stub& stub, const std::string& key, const google::protobuf::Message& message,
+                   const std::string& keeper);
 
 /// Records of one kind that one call reads and changes: each is read once and, when it was changed, written once (a
-/// call does not see what it writes). One that is not there is empty.
+/// call does not see what it writes). One that is not there is empty. With a keeper, one that is new or of an older version
+/// gets its policy; the hot path names none, and makes none.
 template <typename Message>
 class Records {
  public:
   explicit Records(Stub& stub) : stub_(stub) {}
 
-  Result<Message*> at(const std::string& key) {
+  Result<Message*> at(const std::string& key, const std::string& keeper = {}) {
     auto known = records_.find(key);
     if (known == records_.end()) {
-      auto record = read_record<Message>(stub_, key);
+      auto record = read_versioned<Message>(stub_, key);
       if (!record) return record.error();
-      Message message = std::move(*record).value_or(Message{});
-      known = records_.emplace(key, Entry{message, message.SerializeAsString()}).first;
+      Entry entry{.there = record->has_value(), .keeper = keeper};
+      if (*record) entry.version = (*record)->version;
+      if (*record) entry.now = std::move((*record)->message);
+      entry.before = entry.now.SerializeAsString();
+      known = records_.emplace(key, std::move(entry)).first;
     }
     return &known->second.now;
   }
+  /// Of one that at() has given.
+  bool was_there(const std::string& key) const { return records_.at(key).there; }
+  /// Likewise: it has to be renewed.
+  bool is_old(const std::string& key) const {
+    return was_there(key) && records_.at(key).version < contract::record_version;
+  }
   Status write() {
     for (const auto& [key, entry] : records_) {
-      if (entry.now.SerializeAsString() == entry.before) continue;
-      if (Status status = write_record(stub_, key, entry.now); !status) return status;
+      const bool old = !entry.keeper.empty() && is_old(key);
+      if (entry.now.SerializeAsString() == entry.before && !old) continue;
+      const bool make = !entry.keeper.empty() && (old || !entry.there);
+      Status status =
+          make ? make_record(stub_, key, entry.now, entry.keeper) : write_record(stub_, key, entry.now, entry.version);
+      if (!status) return status;
     }
     return done;
   }
 
  private:
   struct Entry {
-    Message now;
-    std::string before;
+    Message now{};
+    std::string before{};
+    bool there = false;
+    std::uint32_t version = 0;
+    std::string keeper;
   };
   Stub& stub_;
   std::map<std::string, Entry> records_;
@@ -83,11 +122,13 @@ void erase(Names& names, const std::string& name);
 /// come from a range, so whoever writes after reading them loses to a stop that came between; the stop, which reads
 /// nothing of this, loses to nobody.
 Status complete(Stub& stub, Control& control);
-/// A complete one; nullopt: not enrolled.
-Result<std::optional<Control>> read_control(Stub& stub, const std::string& drone);
+/// A complete one; nullopt: not enrolled. Its version is that of the drone's owner, grant and request records, too.
+Result<std::optional<Versioned<Control>>> read_control(Stub& stub, const std::string& drone);
 /// A control record as it is stored: without what complete() adds.
 Control stored_part(const Control& control);
 Status write_stop(Stub& stub, const Stop& stop);
+/// owner/<drone>.
+Status make_owner(Stub& stub, const std::string& drone, const std::string& msp_id);
 Result<Role> read_role(Stub& stub, const crypto::IdentityName& who);
 
 }  // namespace ledgerline::chaincode

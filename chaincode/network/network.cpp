@@ -30,13 +30,14 @@ Status Network::prepare() {
 }
 
 Status Network::up() {
-  const Status set_up = in_order(
-      {[&] { return check_room(); }, [&] { return prepare(); },
-       [&] { return check_free(site_.places().bound(site_.options())); }, [&] { return deployment_.make_packages(); },
-       [&] { return start_orderers_and_peers(); }, [&] { return join_orderers(site_); },
-       [&] { return join_peers(site_); }, [&] { return deployment_.start_services(); },
-       [&] { return deployment_.install(); }, [&] { return deployment_.define(); },
-       [&] { return deployment_.wait_for_contract(); }, [&] { return deployment_.enroll_first(); }});
+  const Status set_up =
+      in_order({[&] { return check_room(); }, [&] { return prepare(); },
+                [&] { return check_free(site_.places().bound(site_.options())); },
+                [&] { return deployment_.make_packages(); }, [&] { return start_orderers_and_peers(); },
+                [&] { return join_orderers(site_); }, [&] { return join_peers(site_); },
+                [&] { return deployment_.start_services(); }, [&] { return deployment_.install(); },
+                [&] { return deployment_.define(); }, [&] { return deployment_.wait_for_contract(); },
+                [&] { return deployment_.wait_for_endorsers(); }, [&] { return deployment_.enroll_first(); }});
   if (!set_up) return set_up;
   site_.processes().supervise();
   return wait_for_leader(site_);

@@ -31,8 +31,9 @@ Result<Options> read_options(const std::string& file, Options options) {
 }
 
 Result<Options> read_options(Config& config, Options options) {
-  options.majority =
-      config.boolean({"majority", "a majority of the organisations endorses, instead of any one"}, options.majority);
+  options.signature_policy = config.text(
+      {"signature_policy", "of the contract's definition, in Fabric's words", "the channel's, which is a majority"},
+      options.signature_policy);
   options.ca =
       config.boolean({"ca", "identities from fabric-ca; on one host alone, so without [[organisation]]"}, options.ca);
   options.batch_count = static_cast<int>(config.integer(

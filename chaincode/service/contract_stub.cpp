@@ -28,6 +28,9 @@ class ContractStub final : public Stub {
 
   Result<std::optional<std::string>> get_state(const std::string& key) override { return stub_.get_state(key); }
   Status put_state(const std::string& key, const std::string& value) override { return stub_.put_state(key, value); }
+  Status put_policy(const std::string& key, const std::string& msp_id) override {
+    return stub_.set_state_validation_parameter(key, shim::peer_policy(msp_id));
+  }
   Result<std::vector<KeyValue>> get_range(const std::string& start, const std::string& end,
                                           std::size_t limit) override {
     auto found = stub_.get_range(start, end, limit);

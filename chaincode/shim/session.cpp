@@ -1,6 +1,7 @@
 #include "chaincode/shim/session.hpp"
 
 #include "common/common.pb.h"
+#include "common/fabric/tx/policy.hpp"
 #include "ledger/queryresult/kv_query_result.pb.h"
 #include "peer/chaincode.pb.h"
 #include "peer/proposal.pb.h"
@@ -24,6 +25,8 @@ std::optional<std::string> creator_of(const protos::SignedProposal& signed_propo
 }
 
 }  // namespace
+
+std::string peer_policy(const std::string& msp_id) { return fabric::peer_policy(msp_id); }
 
 class RemoteStub final : public Stub {
  public:
@@ -62,6 +65,14 @@ class RemoteStub final : public Stub {
     protos::DelState request;
     request.set_key(key);
     return done_or_error(ask(Message::DEL_STATE, request));
+  }
+
+  Status set_state_validation_parameter(const std::string& key, const std::string& policy) override {
+    protos::PutStateMetadata request;
+    request.set_key(key);
+    request.mutable_metadata()->set_metakey("VALIDATION_PARAMETER");
+    request.mutable_metadata()->set_value(policy);
+    return done_or_error(ask(Message::PUT_STATE_METADATA, request));
   }
 
   Result<std::vector<KeyValue>> get_range(const std::string& start, const std::string& end,

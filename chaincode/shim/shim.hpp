@@ -11,7 +11,7 @@
 /// C++ chaincode for Fabric 2.5, as a service: the peers connect to this process (protos.Chaincode/Connect), as many as
 /// want to, and come back by themselves. An example is example.cpp beside this file; a real one is ../service; the
 /// tutorial is docs/library.md. Keys, values, arguments and payloads are bytes; keys must be UTF-8 (Fabric's rule).
-/// Left out of Fabric's shims: private data, rich queries, calls of other chaincodes, endorsement policies of keys.
+/// Left out of Fabric's shims: private data, rich queries, calls of other chaincodes.
 namespace ledgerline::shim {
 
 struct KeyValue {
@@ -45,6 +45,10 @@ class Stub {
   virtual Result<std::optional<std::string>> get_state(const std::string& key) = 0;
   virtual Status put_state(const std::string& key, const std::string& value) = 0;
   virtual Status del_state(const std::string& key) = 0;
+  /// The key's own endorsement policy, a serialized common.SignaturePolicyEnvelope (peer_policy makes one), in place of the
+  /// chaincode's from the next transaction on. Of a key that is there or is written by this transaction; a deletion
+  /// takes it along. What follows in the same block and writes the key is invalid.
+  virtual Status set_state_validation_parameter(const std::string& key, const std::string& policy) = 0;
   /// Keys in [start, end) in order, at most `limit`.
   virtual Result<std::vector<KeyValue>> get_range(const std::string& start, const std::string& end,
                                                   std::size_t limit) = 0;
@@ -60,6 +64,9 @@ struct Response {
   std::string message;  ///< why it was refused, for people
   std::string payload;  ///< the answer, at most 100 MB
 };
+
+/// "A peer of this organisation endorses", as a policy.
+std::string peer_policy(const std::string& msp_id);
 
 /// The chaincode. Called on many threads at once; must not throw.
 using Invoke = std::function<Response(Stub& stub)>;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "ledgerline.pb.h"
 
@@ -39,5 +40,9 @@ Plan plan_of(DroneNumber drone, const DronePlan& asked);
 /// For clients, before they sign: why a result with this event (no name: none) cannot be the contract's of this call.
 /// Functions that the contract does not have are not judged.
 Status check_event(const AskedCall& call, std::string_view event_name, std::string_view event_payload);
+
+/// Whose endorsements a call of the contract needs: a command's that of the drones' organisation, a frame's that of
+/// one's own, all others' those of two organisations. A stop goes out with what there is.
+fabric::EndorsementNeed endorsement_need(const AskedCall& call);
 
 }  // namespace ledgerline::belief

@@ -51,6 +51,18 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
   out.orderers = servers(config, {"orderer",
                                   "for the direct path, past the gateway, which saves its two steps; none: the "
                                   "gateway alone"});
+  const Key endorsers{
+      "endorser",
+      "peer that endorses for its organisation, on the direct path: calls of leases need two organisations', "
+      "commands that of the drones' owner; without, the gateway finds them"};
+  const std::size_t count = config.table_count(endorsers);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::string key = fmt::format("endorser.{}.", i);
+    out.endorsers.push_back(
+        {config.text({key + "msp_id", "its organisation, such as Org2MSP"}),
+         config.text({key + "endpoint", "HOST:PORT"}),
+         config.text({key + "tls_ca", "PEM file of the authority that signed its TLS certificate"})});
+  }
   out.other_peers = servers(config, {"peer", "stand in, for everything, while the one of [ledger] is not reached"});
   out.cross_check = config.boolean(
       {"ledger.cross_check",

@@ -30,6 +30,9 @@ inline constexpr std::size_t max_page_bytes = 1'000'000;
 inline constexpr TimeNs max_plan_ns = 2 * ns_per_s;
 inline constexpr std::size_t max_plan_setpoints = 40;  ///< 2 s at 20 Hz
 
+/// Of the records as this contract keeps them: 0 had no policies of keys, and leases of one holder for all organisations.
+inline constexpr std::uint32_t record_version = 1;
+
 inline constexpr const char* set = "set";
 inline constexpr const char* get = "get";
 inline constexpr const char* history = "history";

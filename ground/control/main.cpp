@@ -139,6 +139,8 @@ fabric::Outcome submit(fabric::Client& client, const Wish& wish, const fabric::C
   fabric::Repeat repeat(limits, std::random_device{}(), monotonic_ns());
   while (true) {
     fabric::Outcome outcome = client.submit_and_wait(call);
+    if (outcome.block != 0 && !outcome.unheard.empty())
+      spdlog::warn("{}: endorsed by less than all: {}", wish.function, outcome.unheard);
     const auto next = repeat.ended(monotonic_ns(), outcome);
     if (next == fabric::Repeat::Next::given_up && repeat.attempts() > 1) {
       outcome.message =
@@ -204,7 +206,7 @@ Status call_contract(const Wish& wish) {
   auto ledger = fabric::ledger_config(*config);
   if (auto status = config->finish(); !status) return status;
   if (!ledger) return ledger.error();
-  auto client = fabric::Client::create(belief::with_event_check(std::move(ledger).value()));
+  auto client = fabric::Client::create(belief::for_contract(std::move(ledger).value()));
   if (!client) return client.error();
   if (wish.function == show) return show_records(**client, wish);
   auto call = make_call(wish);

@@ -150,7 +150,9 @@ void FlightCore::take_state(TimeNs now_ns, std::size_t index, const StateSample&
 
 void FlightCore::lease_changed(TimeNs now_ns, const LeaseBook::Change& change) {
   if (change.new_epoch) {
-    if (outbox_) outbox_->begin_lease(change.drone, leases_.of(change.drone).epoch);
+    const Lease& lease = leases_.of(change.drone);
+    const std::string organisation = lease.owner ? lease.owner->msp_id : std::string();
+    if (outbox_) outbox_->begin_lease(change.drone, organisation, lease.epoch);
     timing_.begin_lease(change.drone);
   }
   drones_[change.drone]->phases.lease_changed(now_ns);

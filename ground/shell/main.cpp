@@ -28,7 +28,7 @@ int fly(Config& config) {
   flight.self = ledger->identity.name;
   flight.believed = std::move(believed).value();
   flight.where = ledger->where;
-  const fabric::ClientConfig careful = belief::with_event_check(std::move(ledger).value());
+  const fabric::ClientConfig careful = belief::for_contract(std::move(ledger).value());
   auto client = fabric::Client::create(careful);
   auto urgent = fabric::Client::create(careful);
   if (!client || !urgent) return fail((client ? urgent : client).error(), exit_usage);

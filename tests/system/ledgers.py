@@ -59,6 +59,10 @@ class Ledger:
     def organisation(self, number: int) -> pathlib.Path:
         return organisation_dir(self.directory, number)
 
+    def endorser(self, organisation: int) -> tuple[str, pathlib.Path]:
+        """Where that organisation's peer endorses."""
+        return self.ready["peers"][organisation - 1], self.ca_file(organisation)
+
     def ca_file(self, number: int) -> pathlib.Path:
         """The CA of that organisation's TLS certificates."""
         return self.organisation(number) / "tlsca" / f"tlsca.org{number}.ledgerline-cert.pem"
@@ -67,7 +71,9 @@ class Ledger:
         return self.organisation(organisation) / "users" / f"{user}@org{organisation}.ledgerline" / "msp"
 
     def identity(self, organisation: int, user: str) -> dict:
-        msp = self.msp_dir(organisation, user)
+        """`user`: "peer0" is the organisation's peer itself."""
+        msp = (self.organisation(organisation) / "peers" / f"{user}.org{organisation}.ledgerline" / "msp"
+               if user == "peer0" else self.msp_dir(organisation, user))
         return {"mspId": f"Org{organisation}MSP", "certificate": next((msp / "signcerts").iterdir()).read_text(),
                 "key": next((msp / "keystore").iterdir()).read_text()}
 
@@ -94,6 +100,7 @@ class Embedded(Ledger):
 
     def orderer(self) -> tuple[str, pathlib.Path]:
         return self.peer(1)
+
 
     def summary(self) -> dict:
         return json.loads(self.directory.with_suffix(".json").read_text())

@@ -20,12 +20,16 @@ TimeNs both_ways(const Options& options) {
   return options.batch_count == 1 ? 0 : std::min(2 * options.batch_timeout_ns, 55 * ns_per_s);  // 1: a block at once
 }
 
+std::string tls_ca(const RunFiles& files, int organisation) {
+  return fmt::format("{}/tlsca/tlsca.org{}.ledgerline-cert.pem", organisation_dir(files, organisation), organisation);
+}
+
 std::string ledger_table(const RunFiles& files, const std::string& endpoint, int organisation, const std::string& user,
                          const std::string& more = {}) {
   return fmt::format(
-      "[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}/tlsca/tlsca.org1.ledgerline-cert.pem\"\n"
+      "[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n"
       "msp_id = \"Org{}MSP\"\nmsp_dir = \"{}/msp\"\n{}\n",
-      endpoint, organisation_dir(files, 1), organisation, user_dir(files, organisation, user), more);
+      endpoint, tls_ca(files, 1), organisation, user_dir(files, organisation, user), more);
 }
 
 std::string msp_tables(const RunFiles& files) {
@@ -65,6 +69,10 @@ std::string place(const Proxied& proxied, const std::string& name, const std::st
 }
 std::string orderer_name(const std::string& program, std::size_t i) {
   return fmt::format("{}-orderer{}", program, i + 1);
+}
+
+std::string endorser_name(const std::string& program, std::size_t organisation) {
+  return fmt::format("{}-endorser{}", program, organisation);
 }
 
 enum class Side { drones, ground };
@@ -147,8 +155,7 @@ Status write_local_configs(const RunFiles& files, const Options& options) {
   return write_file(files.config("local"), local);
 }
 
-Status write_proxy_config(const RunFiles& files, const Options& options, const std::string& endpoint,
-                          const std::vector<std::string>& orderers) {
+Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerPlaces& places) {
   std::string text = fmt::format("[proxy]\nseed = {}\nfaults = \"{}\"\nsummary = \"{}\"\nsource = \"{}\"\n",
                                  options.seed, files.in("faults.sock"), files.summary(proxy_name), proxy_address);
   for (int k = 1; k <= options.drones; ++k) {
@@ -159,22 +166,28 @@ Status write_proxy_config(const RunFiles& files, const Options& options, const s
     text += fmt::format("\n[[server]]\nname = \"{}\"\nlisten = \"127.0.0.1:0\"\naddress = \"{}\"\n", name, address);
   };
   for (const std::string program : {"agent", "ground"}) {
-    server(program, endpoint);
-    for (std::size_t i = 0; i < orderers.size(); ++i) server(orderer_name(program, i), orderers[i]);
+    server(program, places.endpoint);
+    for (std::size_t i = 0; i < places.orderers.size(); ++i) server(orderer_name(program, i), places.orderers[i]);
+    for (std::size_t k = 2; k <= places.peers.size(); ++k) server(endorser_name(program, k), places.peers[k - 1]);
   }
   return write_file(files.config(proxy_name), text);
 }
 
-Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,
-                     const std::vector<std::string>& orderers, const Proxied& proxied) {
-  // The direct path carries one endorsement: a majority is the gateway's.
-  const bool past_gateway = !options.gateway && !options.majority;
+Status write_configs(const RunFiles& files, const Options& options, const LedgerPlaces& places,
+                     const Proxied& proxied) {
+  const auto& [endpoint, orderers, peers] = places;
   const auto direct = [&](const std::string& program) {
     std::string tables;
-    for (std::size_t i = 0; past_gateway && i < orderers.size(); ++i) {
+    for (std::size_t i = 0; !options.gateway && i < orderers.size(); ++i) {
       tables += fmt::format("[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n",
                             place(proxied, orderer_name(program, i), orderers[i]),
                             files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"));
+    }
+    for (std::size_t k = 1; !options.gateway && k <= places.peers.size(); ++k) {
+      const std::string at = k == 1 ? place(proxied, program, places.endpoint)
+                                    : place(proxied, endorser_name(program, k), places.peers[k - 1]);
+      tables += fmt::format("[[endorser]]\nmsp_id = \"Org{}MSP\"\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n", k, at,
+                            tls_ca(files, static_cast<int>(k)));
     }
     return tables;
   };

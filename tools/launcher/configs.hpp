@@ -37,18 +37,23 @@ Status write_local_configs(const RunFiles& files, const Options& options);
 /// The child that is the proxy of a flight (docs/proxy.md).
 inline const std::string proxy_name = "hil-proxy";
 
-/// Writes the proxy's config: every drone, and for agent and ground a server of their own for `endpoint` and for each
-/// orderer. The ready line tells their ports.
-Status write_proxy_config(const RunFiles& files, const Options& options, const std::string& endpoint,
-                          const std::vector<std::string>& orderers);
+/// Where the ledger is.
+struct LedgerPlaces {
+  std::string endpoint;               ///< of the node, or of the peer of the drones' organisation
+  std::vector<std::string> orderers;  ///< of Fabric, for the direct path
+  std::vector<std::string> peers;     ///< one of each organisation; the first is `endpoint`
+};
+
+/// Writes the proxy's config: every drone, and for agent and ground a server of their own for each of `places`. The
+/// ready line tells their ports.
+Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerPlaces& places);
 
 /// The addresses of a proxy's servers by name ("agent", "ground", "agent-orderer1" ...); empty: no proxy.
 using Proxied = std::map<std::string, std::string>;
 
 /// Writes link.toml, agent.toml, ground.toml, and admin.toml and operator.toml for ledgerline-control.
-/// `endpoint`: of the node, or of the peer of the drones' organisation. `orderers`: of Fabric, for the direct path.
-/// `proxied`: what agent and ground are given in their place.
-Status write_configs(const RunFiles& files, const Options& options, const std::string& endpoint,
-                     const std::vector<std::string>& orderers, const Proxied& proxied = {});
+/// `proxied`: what agent and ground are given in the place of `places`.
+Status write_configs(const RunFiles& files, const Options& options, const LedgerPlaces& places,
+                     const Proxied& proxied = {});
 
 }  // namespace ledgerline::fly

@@ -170,7 +170,6 @@ Status Launcher::start_ledger() {
     ledger.insert(ledger.begin(), "run");
     ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
     if (options_.ca) ledger.push_back("--ca");
-    if (options_.majority) ledger.push_back("--majority");
   } else {
     ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
   }
@@ -182,16 +181,18 @@ Status Launcher::prepare_ledger() {
   if (!ready.is_object() || !ready.contains("endpoint") || !ready["endpoint"].is_string()) {
     return Error{ledger_ + " did not say its endpoint: " + ready_[ledger_]};
   }
-  std::vector<std::string> orderers;
-  if (ready.contains("orderers") && ready["orderers"].is_array()) {
-    for (const json& one : ready["orderers"]) orderers.push_back(one.is_string() ? one.get<std::string>() : "");
-  }
-  const std::string endpoint = ready["endpoint"];
+  const auto texts = [&](const char* key) {
+    std::vector<std::string> all;
+    for (const json& one : ready.value(key, json::array()))
+      all.push_back(one.is_string() ? one.get<std::string>() : "");
+    return all;
+  };
+  const LedgerPlaces places{ready["endpoint"], texts("orderers"), texts("peers")};
   Proxied proxied;
   if (options_.proxy) {
-    if (auto s = start_proxy(endpoint, orderers, proxied); !s) return s;
+    if (auto s = start_proxy(places, proxied); !s) return s;
   }
-  if (auto s = write_configs(files_, options_, endpoint, orderers, proxied); !s) return s;
+  if (auto s = write_configs(files_, options_, places, proxied); !s) return s;
 
   std::vector<std::string> names;
   for (int k = 1; k <= options_.drones; ++k) names.push_back(fmt::format("tello{}", k));
@@ -209,8 +210,8 @@ Status Launcher::prepare_ledger() {
   return run_to_end("control-acquire", acquire);
 }
 
-Status Launcher::start_proxy(const std::string& endpoint, const std::vector<std::string>& orderers, Proxied& proxied) {
-  if (auto s = write_proxy_config(files_, options_, endpoint, orderers); !s) return s;
+Status Launcher::start_proxy(const LedgerPlaces& places, Proxied& proxied) {
+  if (auto s = write_proxy_config(files_, options_, places); !s) return s;
   std::vector<std::string> arguments{"proxy", "--config", files_.config(proxy_name)};
   if (!options_.faults.empty()) arguments.insert(arguments.end(), {"--script", options_.faults});
   if (auto s = start(proxy_name, std::move(arguments)); !s) return s;

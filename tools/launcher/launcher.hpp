@@ -60,7 +60,7 @@ class Launcher {
   Status start(const std::string& name, std::vector<std::string> arguments);
   Status wait_ready(const std::vector<std::string>& names);
   Status run_to_end(const std::string& name, std::vector<std::string> arguments);
-  Status start_proxy(const std::string& endpoint, const std::vector<std::string>& orderers, Proxied& proxied);
+  Status start_proxy(const LedgerPlaces& places, Proxied& proxied);
   Status fly();
   void write_usage(const timing::UsageRecord& usage);
   Status supervise_onboard(TimeNs now_ns);

@@ -116,7 +116,6 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
       .shows_default();
   line.flag("--ca", o.ca, "Fabric: identities from fabric-ca, one server an organisation");
   line.flag("--gateway", o.gateway, "Fabric: transactions through the gateway instead of the direct path");
-  line.flag("--majority", o.majority, "Fabric: two of the three organisations endorse; through the gateway");
   line.option("--crypto", words.crypto, "What signs and verifies in agent and ground")
       .one_of({"libcrypto", "mbedtls"})
       .shows_default();
@@ -167,7 +166,6 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--ca", fabric, "goes with --ledger fabric: the embedded ledger issues its identities itself"},
       {"--proxy", ledger, "stands between drones and a ledger: it does not go with --ledger none"},
       {"--gateway", fabric, "goes with --ledger fabric: the embedded ledger is one process"},
-      {"--majority", fabric, "goes with --ledger fabric: the embedded ledger is one process"},
       {"--laps", !o.manual, "goes with a path: a manual flight lasts until Ctrl-C, or for --seconds"},
       {"--predict", !o.manual, of_a_path},
       {"--side", !o.manual, of_a_path},

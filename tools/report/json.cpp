@@ -61,7 +61,6 @@ json to_json(const Results& r) {
              {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
              {"batch_count", r.asked.batch_count},
              {"gateway", r.asked.gateway},
-             {"majority", r.asked.majority},
              {"crypto", r.asked.mbedtls ? "mbedtls" : "libcrypto"},
              {"proxy", r.asked.proxy},
              {"seed", r.asked.seed}};

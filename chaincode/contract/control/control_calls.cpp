@@ -1,34 +1,67 @@
 #include "chaincode/contract/control/control_calls.hpp"
 
+#include <set>
+#include <utility>
+
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::chaincode {
 namespace {
 
-/// Keeps the leases true to a control record that has changed.
-Status follow(Records<Lease>& leases, const Control& before, const Control& after) {
+/// Sees to it that the key is there which this holder's commands write, before the first of them.
+Status make_pilot(Stub& stub, const std::string& keeper, const crypto::IdentityName& holder) {
+  const std::string key = pilot_key(keeper, holder);
+  const auto known = read_stored(stub, key);  // not the commands' own key: each of them would make this call invalid
+  if (!known || *known) return known ? Status(done) : known.error();
+  Organisation organisation;
+  organisation.set_msp_id(keeper);
+  if (Status status = make_record(stub, key, organisation, keeper); !status) return status;
+  return make_record(stub, command_key(keeper, holder), CommandCall(), keeper);
+}
+
+/// Keeps the leases true to a control record that has changed. `new_pilots`: whom it gives a new lease, by keeper.
+Status follow(Records<Lease>& leases, const Control& before, const Control& after,
+              std::set<std::pair<std::string, crypto::IdentityName>>& new_pilots) {
   const auto key = [](const Control& control) {
-    return control.has_holder() ? lease_key(to_name(control.holder()), control.epoch()) : std::string();
+    return control.has_holder() ? lease_key(control.owner().msp_id(), to_name(control.holder()), control.epoch())
+                                : std::string();
   };
+  const std::string& keeper = after.owner().msp_id();
   const std::string from = key(before), to = key(after);
   if (!from.empty() && from != to) {
-    const auto lease = leases.at(from);
+    const auto lease = leases.at(from, keeper);
     if (!lease) return lease.error();
     erase(*(*lease)->mutable_drones(), before.drone());
     erase(*(*lease)->mutable_stopped(), before.drone());
   }
   if (to.empty()) return done;
-  const auto lease = leases.at(to);
+  const auto lease = leases.at(to, keeper);
   if (!lease) return lease.error();
   insert(*(*lease)->mutable_drones(), after.drone());
   (is_stopped(after) ? insert : erase)(*(*lease)->mutable_stopped(), after.drone());
+  if (!leases.was_there(to)) new_pilots.emplace(keeper, to_name(after.holder()));
   return done;
 }
 
-template <typename Message>
-Status write_if_changed(Stub& stub, const std::string& key, const Message& before, const Message& after) {
-  return before.SerializeAsString() == after.SerializeAsString() ? done : write_record(stub, key, after);
-}
+/// Writes the records of one drone: those that differ, or all of them where they are of an older version.
+class DroneRecords {
+ public:
+  DroneRecords(Stub& stub, std::string keeper, std::uint32_t version)
+      : stub_(stub), keeper_(std::move(keeper)), old_(version < contract::record_version) {}
+
+  template <typename Message>
+  Status write(const std::string& key, const Message& before, const Message& after) {
+    if (old_) return make_record(stub_, key, after, keeper_);
+    if (before.SerializeAsString() == after.SerializeAsString()) return done;
+    return write_record(stub_, key, after, contract::record_version);
+  }
+  Status write_owner(const std::string& drone) { return old_ ? make_owner(stub_, drone, keeper_) : done; }
+
+ private:
+  Stub& stub_;
+  const std::string keeper_;
+  const bool old_;
+};
 
 Grants grants_of(const Control& control) {
   Grants grants;
@@ -43,11 +76,13 @@ Requests requests_of(const Control& control) {
 }
 
 /// Writes what `change` made of a control record.
-Status write_changes(Stub& stub, const Control& before, const Control& after) {
+Status write_changes(Stub& stub, const Control& before, const Control& after, std::uint32_t version) {
   const std::string& drone = after.drone();
-  Status status = write_if_changed(stub, control_key(drone), stored_part(before), stored_part(after));
-  if (status) status = write_if_changed(stub, grant_key(drone), grants_of(before), grants_of(after));
-  if (status) status = write_if_changed(stub, request_key(drone), requests_of(before), requests_of(after));
+  DroneRecords records(stub, after.owner().msp_id(), version);
+  Status status = records.write(control_key(drone), stored_part(before), stored_part(after));
+  if (status) status = records.write(grant_key(drone), grants_of(before), grants_of(after));
+  if (status) status = records.write(request_key(drone), requests_of(before), requests_of(after));
+  if (status) status = records.write_owner(drone);
   if (!status) return status;
   for (Stop stop : before.stoppers()) {
     Control rest = after;
@@ -85,26 +120,48 @@ std::vector<std::string> sorted_names(const Names& list) {
   return names;
 }
 
+Status renew_host(Stub& stub, Records<Host>& hosts, const crypto::IdentityName& host) {
+  const std::string key = host_key(host);
+  const auto record = hosts.at(key, host.msp_id);
+  if (!record) return record.error();
+  const bool begins = !hosts.was_there(key) && !(*record)->drones().empty();
+  if (!begins && !hosts.is_old(key)) return done;
+  const auto frame = read_stored(stub, frame_key(host));
+  if (!frame) return frame.error();
+  if (!*frame) {
+    if (Status status = write_stored(stub, frame_key(host), {}); !status) return status;
+  }
+  return stub.put_policy(frame_key(host), host.msp_id);
+}
+
 Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
                          const std::function<Status(Control&, std::uint64_t new_epoch)>& change) {
   Controls all;
+  std::vector<std::uint32_t> versions;
   std::uint64_t new_epoch = 1;
   for (const std::string& drone : sorted_names(drones)) {
     if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
     auto control = read_control(stub, drone);
     if (!control) return refuse(control.error().what);
     if (!*control) return refuse(drone + ": not enrolled");
-    new_epoch = std::max(new_epoch, (*control)->epoch() + 1);
-    *all.add_controls() = std::move(**control);
+    new_epoch = std::max(new_epoch, (*control)->message.epoch() + 1);
+    *all.add_controls() = std::move((*control)->message);
+    versions.push_back((*control)->version);
   }
   Records<Lease> leases(stub);
-  for (Control& control : *all.mutable_controls()) {
+  std::set<std::pair<std::string, crypto::IdentityName>> new_pilots;
+  for (int i = 0; i < all.controls_size(); ++i) {
+    Control& control = *all.mutable_controls(i);
     const Control before = control;
     if (Status status = change(control, new_epoch); !status) {
       return refuse(control.drone() + ": " + status.error().what);
     }
-    if (Status status = write_changes(stub, before, control); !status) return refuse(status.error().what);
-    if (Status status = follow(leases, before, control); !status) return refuse(status.error().what);
+    if (Status status = write_changes(stub, before, control, versions[static_cast<std::size_t>(i)]); !status)
+      return refuse(status.error().what);
+    if (Status status = follow(leases, before, control, new_pilots); !status) return refuse(status.error().what);
+  }
+  for (const auto& [keeper, holder] : new_pilots) {
+    if (Status status = make_pilot(stub, keeper, holder); !status) return refuse(status.error().what);
   }
   if (Status status = leases.write(); !status) return refuse(status.error().what);
   const std::string payload = write_form(call, all);

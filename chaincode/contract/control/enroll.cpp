@@ -8,19 +8,19 @@ namespace ledgerline::chaincode {
 namespace {
 
 /// Binds one drone; says whether its record has to be written. What streams goes along to the new owner.
-Result<bool> bind(Records<Host>& hosts, Control& control, const std::optional<Control>& old, const Identity& identity) {
+Result<bool> bind(Records<Host>& hosts, Control& control, const Control* old, const Identity& identity) {
   if (old) {
     control = *old;
     if (old->owner().msp_id() != identity.msp_id()) {
       return Error{old->drone() + ": enrolled to organisation " + old->owner().msp_id() + " already"};
     }
   }
-  const auto host = hosts.at(host_key(to_name(identity)));
+  const auto host = hosts.at(host_key(to_name(identity)), identity.msp_id());
   if (!host) return host.error();
   insert(*(*host)->mutable_drones(), control.drone());  // it may be there, and is not where the host was revoked
   if (old && to_name(old->owner()) == to_name(identity)) return false;
   if (old) {
-    const auto former = hosts.at(host_key(to_name(old->owner())));
+    const auto former = hosts.at(host_key(to_name(old->owner())), identity.msp_id());
     if (!former) return former.error();
     erase(*(*former)->mutable_drones(), control.drone());
     std::vector<std::string> streams;
@@ -40,16 +40,17 @@ Result<bool> bind(Records<Host>& hosts, Control& control, const std::optional<Co
 /// Writes down whose a new drone is. Names are for good, so that each organisation has its bound.
 Status add_name(Stub& stub, Records<Drones>& organisations, const Control& control) {
   const std::string& msp_id = control.owner().msp_id();
-  const auto known = organisations.at(drones_key(msp_id));
+  const auto known = organisations.at(drones_key(msp_id), msp_id);
   if (!known) return known.error();
   insert(*(*known)->mutable_drones(), control.drone());
   if (static_cast<std::size_t>((*known)->drones_size()) > contract::max_organisation_drones) {
     return Error{control.drone() + ": " + msp_id + " has " + std::to_string(contract::max_organisation_drones) +
                  " drones already, which is the limit"};
   }
-  Organisation organisation;
-  organisation.set_msp_id(msp_id);
-  return write_record(stub, owner_key(control.drone()), organisation);
+  Status made = make_owner(stub, control.drone(), msp_id);
+  if (made) made = make_record(stub, grant_key(control.drone()), Grants(), msp_id);
+  if (made) made = make_record(stub, request_key(control.drone()), Requests(), msp_id);
+  return made;
 }
 
 Status check_administrator(Stub& stub, const std::string& function, const Identity& who) {
@@ -76,13 +77,12 @@ Status check_enrolment(Stub& stub, const EnrollCall& call) {
 }
 
 Status write_role(Stub& stub, const Identity& who, Role role) {
-  const auto now = read_role(stub, to_name(who));
-  if (!now) return now.error();
-  if (*now == role) return done;
-  EnrollCall record;
-  *record.mutable_identity() = who;
-  record.set_role(role);
-  return write_record(stub, role_key(to_name(who)), record);
+  Records<EnrollCall> roles(stub);
+  const auto record = roles.at(role_key(to_name(who)), who.msp_id());
+  if (!record) return record.error();
+  *(*record)->mutable_identity() = who;
+  (*record)->set_role(role);
+  return roles.write();
 }
 
 }  // namespace
@@ -102,15 +102,21 @@ Response enroll(Stub& stub, const Arguments& call) {
     if (!old) return refuse(old.error().what);
     Control& control = *all.add_controls();
     control.set_drone(drone);
-    const auto changed = bind(hosts, control, *old, enrolment.identity());
+    const auto changed = bind(hosts, control, *old ? &(*old)->message : nullptr, enrolment.identity());
     if (!changed) return refuse(changed.error().what);
     if (enrolment.role() != ROLE_NONE) apply_role(control, enrolment.identity(), enrolment.role());
     if (!*changed) continue;
-    if (Status status = write_record(stub, control_key(drone), stored_part(control)); !status) {
-      return refuse(status.error().what);
-    }
+    // One of an older version stays so until a control call renews it, with what belongs to it.
+    const std::string& keeper = enrolment.identity().msp_id();
+    const Status written = *old ? write_record(stub, control_key(drone), stored_part(control), (*old)->version)
+                                : make_record(stub, control_key(drone), stored_part(control), keeper);
+    if (!written) return refuse(written.error().what);
     if (*old) continue;
     if (Status status = add_name(stub, organisations, control); !status) return refuse(status.error().what);
+  }
+  if (!enrolment.drones().empty()) {
+    if (Status status = renew_host(stub, hosts, to_name(enrolment.identity())); !status)
+      return refuse(status.error().what);
   }
   if (Status status = hosts.write(); !status) return refuse(status.error().what);
   if (Status status = organisations.write(); !status) return refuse(status.error().what);
@@ -134,8 +140,9 @@ Response revoke(Stub& stub, const Arguments& call) {
   if (Status status = check_administrator(stub, contract::revoke, who); !status) return refuse(status.error().what);
   if (Status status = write_role(stub, who, REVOKED); !status) return refuse(status.error().what);
   Records<Host> hosts(stub);  // of a drone host: nothing that it sends has an owner any more
-  const auto host = hosts.at(host_key(to_name(who)));
+  const auto host = hosts.at(host_key(to_name(who)), who.msp_id());
   if (!host) return refuse(host.error().what);
+  if (Status status = renew_host(stub, hosts, to_name(who)); !status) return refuse(status.error().what);
   (*host)->clear_drones();
   if (Status status = hosts.write(); !status) return refuse(status.error().what);
   Controls event;

@@ -74,6 +74,12 @@ Response resume(Stub& stub, const Arguments& call) {
 Response fold(Stub& stub, const Arguments& call) {
   const auto target = read_drones<DronesCall>(call);
   if (!target) return refuse("fold: " + target.error().what);
+  Records<Host> hosts(stub);
+  if (const auto host = hosts.at(host_key(stub.caller()), stub.caller().msp_id); !host)
+    return refuse(host.error().what);
+  Status renewed = renew_host(stub, hosts, stub.caller());
+  if (renewed) renewed = hosts.write();
+  if (!renewed) return refuse(renewed.error().what);
   return change_controls(stub, call, contract::fold, target->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            if (to_name(control.owner()) != stub.caller()) {

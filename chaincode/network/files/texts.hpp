@@ -30,7 +30,4 @@ std::string connection_json(const ListenAddresses& places, int organisation, con
 /// TLS pair where its environment says.
 std::string builder_script(const std::string& name);
 
-/// For approve and commit: who must endorse.
-std::string signature_policy(const Options& options);
-
 }  // namespace ledgerline::fabric_network

@@ -8,6 +8,8 @@
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/network/files/texts.hpp"
 #include "common/base/file.hpp"
+#include "common/base/log.hpp"
+#include "common/msg/contract.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
@@ -15,6 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* label = "ledgerline_1";
+// Peers hear of each other once a second; those of hosts that are down are not waited for longer.
+constexpr TimeNs endorsers_limit_ns = 30 * ns_per_s;
 
 std::string first_file(const fs::path& dir) {
   std::error_code error;
@@ -94,8 +98,10 @@ std::vector<std::string> Deployment::lifecycle(const std::string& verb, const st
   words.insert(words.end(), more.begin(), more.end());
   words.insert(words.end(), {"-o", site_.places().orderer(1), "--tls", "--cafile",
                              identities::orderer_dir(site_.options().dir, 1) / "tls" / "ca.crt", "--channelID", channel,
-                             "--name", "ledgerline", "--version", "1", "--sequence", "1", "--signature-policy",
-                             signature_policy(site_.options())});
+                             "--name", "ledgerline", "--version", "1", "--sequence", "1"});
+  // Without one the channel's holds, /Channel/Application/Endorsement: a majority of its organisations.
+  if (!site_.options().signature_policy.empty())
+    words.insert(words.end(), {"--signature-policy", site_.options().signature_policy});
   return words;
 }
 
@@ -135,6 +141,27 @@ Status Deployment::wait_for_contract() {
                              {"chaincode", "query", "-C", channel, "-n", "ledgerline", "-c", R"({"Args":["get"]})"});
           !s) {
         return s;
+      }
+    }
+  }
+  return done;
+}
+
+Status Deployment::wait_for_endorsers() {
+  const TimeNs until = monotonic_ns() + endorsers_limit_ns;
+  for (const std::string& channel : site_.options().channels) {
+    for (const int k : site_.own_organisations()) {
+      const auto client = site_.connect(k, channel);
+      if (!client) return client.error();
+      const std::string note = nlohmann::json{{"id", identities::msp_id_of(k) + "/ready"}, {"msgType", "none"}}.dump();
+      for (;;) {
+        const Status found = (*client)->endorsable({contract::set, {note}});
+        if (found) break;
+        if (monotonic_ns() > until) {
+          spdlog::warn("peer {} finds no majority to endorse on channel {} yet: {}", k, channel, found.error().what);
+          break;
+        }
+        if (Status s = site_.tend(ns_per_s / 10); !s) return s;
       }
     }
   }

@@ -23,6 +23,9 @@ class Deployment {
   Status install();
   Status define();
   Status wait_for_contract();
+  /// Until each own peer's gateway finds a majority to endorse, or, with a warning, until that has taken too long: the
+  /// other hosts may be down.
+  Status wait_for_endorsers();
   Status enroll_first();
 
  private:

@@ -31,18 +31,36 @@ bool configures(const common::Block& block, const std::string& channel) {
 
 }  // namespace
 
-bool Committer::endorsed(const TransactionParts& transaction, Now now) const {
-  // The policy: one endorsement by any of the members' peers.
+std::vector<fabric::Endorser> Committer::endorsers_of(const TransactionParts& transaction, Now now) const {
+  std::vector<fabric::Endorser> found;
+  std::set<std::string> known;
   for (const protos::Endorsement& endorsement : transaction.endorsements) {
     const bool peer = std::find(endorsers_.begin(), endorsers_.end(), endorsement.endorser()) != endorsers_.end();
-    if (peer && members_
-                    .check(endorsement.endorser(), transaction.response_payload + endorsement.endorser(),
-                           endorsement.signature(), now)
-                    .ok()) {
-      return true;
+    if (!peer || !known.insert(endorsement.endorser()).second) continue;
+    const auto member = members_.check(endorsement.endorser(), transaction.response_payload + endorsement.endorser(),
+                                       endorsement.signature(), now);
+    if (member) found.push_back({(*member)->name.msp_id, true});
+  }
+  return found;
+}
+
+bool Committer::satisfies_policies(const kvrwset::KVRWSet& set, const std::vector<fabric::Endorser>& endorsers) const {
+  std::set<std::string> keys, organisations;
+  for (const kvrwset::KVWrite& write : set.writes()) keys.insert(write.key());
+  for (const kvrwset::KVMetadataWrite& write : set.metadata_writes()) keys.insert(write.key());
+  bool contract_policy = keys.empty();
+  for (const std::string& key : keys) {
+    if (new_policies_.contains(key)) return false;
+    const State::Value* value = ledger_.state().find(key);
+    if (value == nullptr || value->policy.empty()) {
+      contract_policy = true;
+    } else if (!fabric::satisfies(value->policy, endorsers)) {
+      return false;
     }
   }
-  return false;
+  if (!contract_policy) return true;
+  for (const fabric::Endorser& endorser : endorsers) organisations.insert(endorser.msp_id);
+  return organisations.size() > config_.organisations.size() / 2;
 }
 
 int Committer::validate_form(const TransactionParts& transaction, Now now, kvrwset::KVRWSet& set) {
@@ -52,8 +70,10 @@ int Committer::validate_form(const TransactionParts& transaction, Now now, kvrws
   ContractSet contract_set = read_contract_set(transaction.action, config_.contract);
   if (contract_set.code != protos::VALID) return contract_set.code;
   if (!own_event(transaction, config_.contract)) return protos::INVALID_OTHER_REASON;
-  if (!endorsed(transaction, now)) return protos::ENDORSEMENT_POLICY_FAILURE;
+  if (!satisfies_policies(contract_set.set, endorsers_of(transaction, now))) return protos::ENDORSEMENT_POLICY_FAILURE;
   set = std::move(contract_set.set);
+  // Also when it turns out to have read what has changed: Fabric judges endorsements first.
+  for (const kvrwset::KVMetadataWrite& write : set.metadata_writes()) new_policies_.insert(write.key());
   return protos::VALID;
 }
 
@@ -62,6 +82,7 @@ std::vector<TxStatus> Committer::validate_all(const common::Block& block, Now no
   Overlay overlay(ledger_.state());
   std::vector<TxStatus> statuses;
   std::set<std::string> ids;
+  new_policies_.clear();
   for (const std::string& envelope : block.data().data()) {
     const TransactionParts transaction = read_transaction(envelope);
     kvrwset::KVRWSet set;
@@ -100,7 +121,7 @@ Applied Committer::apply(const CutBlock& block) {
   applied.block = block.number;
   applied.transactions = block.transactions;
   for (const Write& write : under_way_->writes) {
-    for (const kvrwset::KVWrite& entry : write.set.writes()) ledger_.state().write(entry, write.version);
+    ledger_.state().write(write.set, write.version);
   }
   ledger_.add_block(std::move(under_way_->hash));
   under_way_.reset();
@@ -145,7 +166,7 @@ void Committer::replay_transaction(std::string_view envelope, Version at, int co
   if (!tx_id.empty() && code != protos::BAD_PROPOSAL_TXID) ledger_.state().add_tx(tx_id, {at.block, code});
   if (code != protos::VALID) return;
   const ContractSet writes = read_contract_set(transaction.action, config_.contract);
-  for (const kvrwset::KVWrite& write : writes.set.writes()) ledger_.state().write(write, at);
+  ledger_.state().write(writes.set, at);
 }
 
 Status Committer::replay(std::string_view bytes) {

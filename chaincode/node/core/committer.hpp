@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "chaincode/node/core/orderer.hpp"
 #include "chaincode/node/core/tx/proposal.hpp"
 #include "chaincode/node/core/types.hpp"
+#include "common/fabric/tx/policy.hpp"
 
 namespace ledgerline::node {
 
@@ -45,7 +47,7 @@ struct Applied {
 /// at a time.
 class Committer {
  public:
-  /// `endorsers`: the peers (msp.SerializedIdentity) of which one has to have endorsed a transaction.
+  /// `endorsers`: the peers (msp.SerializedIdentity) whose endorsements count.
   Committer(const CoreConfig& config, MemberCheck members, std::vector<std::string> endorsers, Ledger& ledger)
       : config_(config), members_(std::move(members)), endorsers_(std::move(endorsers)), ledger_(ledger) {}
 
@@ -79,7 +81,11 @@ class Committer {
   std::vector<TxStatus> validate_all(const common::Block& block, Now now, std::vector<Write>& writes);
   /// A protos.TxValidationCode of everything but what was read; fills `set` when it is VALID.
   int validate_form(const TransactionParts& transaction, Now now, kvrwset::KVRWSet& set);
-  bool endorsed(const TransactionParts& transaction, Now now) const;
+  /// Which of the members' peers have endorsed, each once.
+  std::vector<fabric::Endorser> endorsers_of(const TransactionParts& transaction, Now now) const;
+  /// Fabric's rule: a key with a policy of its own needs what that says, the others what the contract's says, which is a
+  /// majority of the organisations; so does a transaction that writes nothing.
+  bool satisfies_policies(const kvrwset::KVRWSet& set, const std::vector<fabric::Endorser>& endorsers) const;
   Status check_follows(const common::Block& block, const std::string& name) const;
   void replay_transaction(std::string_view envelope, Version at, int code);
 
@@ -88,6 +94,7 @@ class Committer {
   const std::vector<std::string> endorsers_;
   Ledger& ledger_;
   std::optional<UnderWay> under_way_;
+  std::set<std::string> new_policies_;  ///< keys whose policy the block under validation has changed so far
   std::map<std::string, std::vector<std::uint64_t>> waiters_;
   Counts counts_;
 };

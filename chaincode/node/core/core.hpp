@@ -44,11 +44,15 @@ class NodeCore {
   Reply endorse(std::string_view signed_proposal, Now now) { return endorser_.endorse(signed_proposal, now); }
   /// gateway.Evaluate. In: protos.SignedProposal. Out: protos.Response.
   Reply evaluate(std::string_view signed_proposal, Now now) { return endorser_.evaluate(signed_proposal, now); }
-  /// protos.Endorser.ProcessProposal. Out: protos.ProposalResponse of the first peer (refusals too, as Fabric does; a
-  /// code only when the proposal cannot be answered). Here and in evaluate the peer's own contracts answer as well
-  /// (system_contracts.hpp).
+  /// protos.Endorser.ProcessProposal. Out: protos.ProposalResponse of that one of the peers (refusals too, as Fabric
+  /// does; a code only when the proposal cannot be answered). Here and in evaluate the peer's own contracts answer as
+  /// well (system_contracts.hpp).
+  Reply process_proposal(std::string_view signed_proposal, Now now, std::size_t peer) {
+    return endorser_.process_proposal(signed_proposal, now, peer);
+  }
+  /// Of the first peer.
   Reply process_proposal(std::string_view signed_proposal, Now now) {
-    return endorser_.process_proposal(signed_proposal, now);
+    return process_proposal(signed_proposal, now, 0);
   }
   /// gateway.Submit and orderer.Broadcast. In: common.Envelope. Out: nothing; ok = accepted for ordering. `detail` of a
   /// refusal is in the words of Fabric's gateway; invalid_argument stands for the orderer's BAD_REQUEST,

@@ -164,7 +164,7 @@ Reply Endorser::evaluate(std::string_view signed_proposal, Now now) {
   return {Code::ok, {}, {}, to_message(simulated.response).SerializeAsString()};
 }
 
-Reply Endorser::process_proposal(std::string_view signed_proposal, Now now) {
+Reply Endorser::process_proposal(std::string_view signed_proposal, Now now, std::size_t peer) {
   const auto answer = simulate(signed_proposal, now);
   protos::ProposalResponse response;
   if (const auto* none = std::get_if<Unanswered>(&answer)) {
@@ -181,7 +181,7 @@ Reply Endorser::process_proposal(std::string_view signed_proposal, Now now) {
   response.set_version(1);
   *response.mutable_response() = to_message(simulated.response);
   if (!simulated.payload.empty()) {
-    auto endorsement = endorse_by(peers_.front(), simulated.payload);
+    auto endorsement = endorse_by(peers_.at(peer), simulated.payload);
     if (!endorsement) return {Code::unknown, endorsement.error().what, {}, {}};
     *response.mutable_endorsement() = std::move(*endorsement);
     response.set_payload(simulated.payload);

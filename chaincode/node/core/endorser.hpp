@@ -27,7 +27,7 @@ class Endorser {
   /// As NodeCore's functions of these names.
   Reply endorse(std::string_view signed_proposal, Now now);
   Reply evaluate(std::string_view signed_proposal, Now now);
-  Reply process_proposal(std::string_view signed_proposal, Now now);
+  Reply process_proposal(std::string_view signed_proposal, Now now, std::size_t peer);
 
  private:
   /// Why a proposal got no answer of the contract. The services give these different codes.

@@ -16,23 +16,23 @@ constexpr int max_peer_calls = 2500;
 class EndorserService final
     : public protos::Endorser::WithRawCallbackMethod_ProcessProposal<protos::Endorser::Service> {
  public:
-  explicit EndorserService(Node& node) : node_(node) {}
+  EndorserService(Node& node, std::size_t peer) : node_(node), peer_(peer) {}
 
   grpc::ServerUnaryReactor* ProcessProposal(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
                                             grpc::ByteBuffer* response) override {
-    return answer_on_core<protos::SignedProposal>(node_, limit_, context, *request, Node::Turn::first,
-                                                  [response](NodeCore& core, const protos::SignedProposal& proposal) {
-                                                    const Reply reply =
-                                                        core.process_proposal(proposal.SerializeAsString(), read_now());
-                                                    if (reply.code != Code::ok)
-                                                      return make_status(grpc::StatusCode::UNKNOWN, reply.message);
-                                                    *response = to_buffer(reply.bytes);
-                                                    return grpc::Status::OK;
-                                                  });
+    return answer_on_core<protos::SignedProposal>(
+        node_, limit_, context, *request, Node::Turn::first,
+        [response, peer = peer_](NodeCore& core, const protos::SignedProposal& proposal) {
+          const Reply reply = core.process_proposal(proposal.SerializeAsString(), read_now(), peer);
+          if (reply.code != Code::ok) return make_status(grpc::StatusCode::UNKNOWN, reply.message);
+          *response = to_buffer(reply.bytes);
+          return grpc::Status::OK;
+        });
   }
 
  private:
   Node& node_;
+  const std::size_t peer_;
   Limit limit_{"/protos.Endorser", max_peer_calls};
 };
 
@@ -154,7 +154,9 @@ class OrdererService final
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> make_endorser_service(Node& node) { return std::make_unique<EndorserService>(node); }
+std::unique_ptr<grpc::Service> make_endorser_service(Node& node, std::size_t peer) {
+  return std::make_unique<EndorserService>(node, peer);
+}
 std::unique_ptr<grpc::Service> make_deliver_service(Node& node) { return std::make_unique<DeliverService>(node); }
 std::unique_ptr<grpc::Service> make_orderer_service(Node& node) { return std::make_unique<OrdererService>(node); }
 

@@ -20,7 +20,8 @@ Examples:
 
 Serves Fabric's gateway, endorser, deliver and ordering over TLS, for channel teleop and contract ledgerline. The first start
 makes three organisations under DIR/crypto (cryptogen's layout), enrolls tello1 to tello16 to Org1's User1 and makes Org2's
-User1 an operator. Prints {"ready":true,"endpoint":...} when it serves. SIGINT or SIGTERM ends it.
+User1 an operator. Prints {"ready":true,"endpoint":...,"peers":[...]} when it serves: `peers` are the endpoints of the
+three organisations' peers, the first of which is `endpoint` and serves everybody. SIGINT or SIGTERM ends it.
 Exit codes: 0 ended by a signal, 1 failed, 2 wrong usage.)";
 
 Status write_summary(const std::string& path, const node::Node& ledger, const std::string& storage) {
@@ -64,7 +65,8 @@ int main(int argc, char** argv) {
   ledger.on_failure([](const std::string&) { ::kill(::getpid(), SIGUSR1); });
   auto server = node::Server::start(ledger, listen);
   if (!server) return fail(server.error());
-  print_line(nlohmann::json{{"ready", true}, {"endpoint", (*server)->endpoint()}}.dump());
+  print_line(
+      nlohmann::json{{"ready", true}, {"endpoint", (*server)->endpoint()}, {"peers", (*server)->endpoints()}}.dump());
 
   int signal = 0;
   sigwait(&signals, &signal);

@@ -36,19 +36,31 @@ Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& lis
   // protobuf would write a line for each text of a stranger that is no UTF-8.
   google::protobuf::SetLogHandler(nullptr);
   std::unique_ptr<Server> server(new Server);
-  server->services_.push_back(make_gateway_service(node));
-  server->services_.push_back(make_endorser_service(node));
-  server->services_.push_back(make_deliver_service(node));
-  server->services_.push_back(make_orderer_service(node));
+  for (std::size_t peer = 0; peer < node.identities().peers.size(); ++peer) {
+    const std::string port = peer == 0 ? listen.substr(colon + 1) : "0";
+    if (Status status = server->serve(node, peer, listen.substr(0, colon + 1), port); !status) return status.error();
+  }
+  return server;
+}
+
+Status Server::serve(Node& node, std::size_t peer, const std::string& address, const std::string& port) {
+  const std::size_t before = services_.size();
+  services_.push_back(make_endorser_service(node, peer));
+  services_.push_back(make_deliver_service(node));
+  if (peer == 0) {
+    services_.push_back(make_gateway_service(node));
+    services_.push_back(make_orderer_service(node));
+  }
 
   grpc::SslServerCredentialsOptions tls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
-  tls.pem_key_cert_pairs.push_back({node.identities().server_key_pem, node.identities().server_certificate_pem});
+  const auto& own = node.identities().tls.at(peer);
+  tls.pem_key_cert_pairs.push_back({own.key_pem, own.certificate_pem});
   // One more byte than the largest transaction, with room for its frame, so that the orderer's own answer is heard.
   constexpr int room = 1 << 20;
   constexpr std::size_t max_request_bytes = 512'000'000;  // of all requests that are being received
   grpc::ServerBuilder builder;
-  int port = 0;
-  builder.AddListeningPort(listen, grpc::SslServerCredentials(tls), &port);
+  int bound = 0;
+  builder.AddListeningPort(address + port, grpc::SslServerCredentials(tls), &bound);
   // Two nodes on one port would share its calls in silence.
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.SetMaxReceiveMessageSize(static_cast<int>(node.config().max_envelope_bytes) + room);
@@ -57,21 +69,22 @@ Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& lis
   // Clients may ask every 20 s whether we are there, also while nothing happens.
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 20'000);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-  for (const auto& service : server->services_) builder.RegisterService(service.get());
-  server->server_ = builder.BuildAndStart();
-  if (!server->server_ || port == 0) return Error{"cannot listen on " + listen + ": is the address in use?"};
-  server->endpoint_ = listen.substr(0, colon + 1) + std::to_string(port);
-  return server;
+  for (std::size_t i = before; i < services_.size(); ++i) builder.RegisterService(services_[i].get());
+  auto started = builder.BuildAndStart();
+  if (!started || bound == 0) return Error{"cannot listen on " + address + port + ": is the address in use?"};
+  servers_.push_back(std::move(started));
+  endpoints_.push_back(address + std::to_string(bound));
+  return done;
 }
 
 Server::Server() = default;
 Server::~Server() { stop(); }
 
 void Server::stop() {
-  if (!server_) return;
-  server_->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
-  server_->Wait();
-  server_.reset();
+  const auto until = std::chrono::system_clock::now() + std::chrono::milliseconds(200);
+  for (const auto& server : servers_) server->Shutdown(until);
+  for (const auto& server : servers_) server->Wait();
+  servers_.clear();
 }
 
 }  // namespace ledgerline::node

@@ -13,26 +13,30 @@ namespace ledgerline::node {
 
 /// The gRPC services: Fabric's gateway, endorser, deliver and ordering, each a thin translation to the core.
 std::unique_ptr<grpc::Service> make_gateway_service(Node& node);
-std::unique_ptr<grpc::Service> make_endorser_service(Node& node);
+/// `peer`: the organisation, from 0, whose peer endorses here.
+std::unique_ptr<grpc::Service> make_endorser_service(Node& node, std::size_t peer);
 std::unique_ptr<grpc::Service> make_deliver_service(Node& node);
 std::unique_ptr<grpc::Service> make_orderer_service(Node& node);
 
-/// All of them behind one TLS endpoint, with the certificate of Org1's peer.
+/// All of them behind one TLS endpoint, with the certificate of Org1's peer. Those of the other organisations have endpoints
+/// of their own, with endorser and deliver alone: for who asks peers for their endorsement.
 class Server {
  public:
-  /// `listen`: "127.0.0.1:7051"; port 0 takes a free one.
+  /// `listen`: of the first, "127.0.0.1:7051"; port 0 takes a free one, as the others do.
   static Result<std::unique_ptr<Server>> start(Node& node, const std::string& listen);
   ~Server();
-  const std::string& endpoint() const { return endpoint_; }
+  const std::string& endpoint() const { return endpoints_.front(); }
+  const std::vector<std::string>& endpoints() const { return endpoints_; }
   /// Ends all streams; returns when no call is left. To be destroyed only after Node::stop(): tasks of calls that have
   /// ended may wait there.
   void stop();
 
  private:
   Server();
+  Status serve(Node& node, std::size_t peer, const std::string& address, const std::string& port);
   std::vector<std::unique_ptr<grpc::Service>> services_;
-  std::unique_ptr<grpc::Server> server_;
-  std::string endpoint_;
+  std::vector<std::unique_ptr<grpc::Server>> servers_;
+  std::vector<std::string> endpoints_;
 };
 
 }  // namespace ledgerline::node

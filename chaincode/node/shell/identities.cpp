@@ -32,13 +32,11 @@ Result<Identities> open_identities(const std::string& dir) {
     auto identity = crypto::load_identity(crypto::Library::libcrypto, msp_id, peer / "msp");
     if (!identity) return identity.error();
     all.peers.push_back(std::move(*identity));
-    if (number > 1) continue;
     const auto key = read_file(peer / "tls" / "server.key");
     const auto certificate = read_file(peer / "tls" / "server.crt");
     if (!key) return key.error();
     if (!certificate) return certificate.error();
-    all.server_key_pem = *key;
-    all.server_certificate_pem = *certificate;
+    all.tls.push_back({*key, *certificate});
   }
   auto identity =
       crypto::load_identity(crypto::Library::libcrypto, "OrdererMSP", identities::orderer_dir(dir, 1) / "msp");

@@ -12,7 +12,10 @@ struct Identities {
   std::vector<crypto::MspRoot> organisations;  ///< Org1MSP..Org3MSP with their certificate authorities
   std::vector<crypto::SigningIdentity> peers;  ///< one for each
   crypto::SigningIdentity orderer;
-  std::string server_key_pem, server_certificate_pem;  ///< of Org1's peer
+  struct Tls {
+    std::string key_pem, certificate_pem;
+  };
+  std::vector<Tls> tls;  ///< of each peer
 };
 
 /// Loads them; makes them first when DIR/crypto is missing (chaincode/identities).

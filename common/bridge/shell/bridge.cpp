@@ -48,7 +48,7 @@ dds::Qos qos_of(const Rule& rule) {
 
 Result<std::unique_ptr<Bridge>> Bridge::create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
                                                crypto::MspRegistry& believed, dds::ParticipantPtr participant) {
-  const fabric::ClientConfig careful = belief::with_event_check(ledger);
+  const fabric::ClientConfig careful = belief::for_contract(ledger);
   auto client = fabric::Client::create(careful);
   if (!client) return client.error();
   auto bulk = fabric::Client::create(careful);

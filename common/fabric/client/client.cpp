@@ -25,29 +25,21 @@ class GatewayClient final : public Client {
   }
 
   Result<std::string> evaluate(Call call) override {
-    const auto deadline = std::chrono::system_clock::now() + connection_->config.deadline;
-    BackOff back_off(first_retry_ns, max_retry_ns);
-    Random random(random_seed());
-    for (int attempt = 1;; ++attempt) {
-      auto proposal = make_proposal(connection_->config.identity, connection_->config.where, call, realtime_ns(),
-                                    crypto::random_bytes(24));
-      if (!proposal) return proposal.error();
-      gateway::EvaluateRequest request;
-      request.set_transaction_id(proposal->tx_id);
-      request.set_channel_id(connection_->config.where.channel);
-      request.mutable_proposed_transaction()->ParseFromString(proposal->signed_proposal);
-      grpc::ClientContext context;
-      context.set_deadline(deadline);
-      gateway::EvaluateResponse response;
-      const auto stub = gateway::Gateway::NewStub(connection_->peers[connection_->peer()]);
-      const grpc::Status status = stub->Evaluate(&context, request, &response);
-      if (status.ok()) return std::move(*response.mutable_result()->mutable_payload());
-      const std::chrono::nanoseconds wait(back_off.next(random));
-      if (!may_pass(status) || attempt == max_attempts || std::chrono::system_clock::now() + wait >= deadline) {
-        return Error{describe(status)};
-      }
-      std::this_thread::sleep_for(wait);
-    }
+    gateway::EvaluateResponse response;
+    const Status asked = ask<gateway::EvaluateRequest>(
+        call, [&](gateway::Gateway::Stub& stub, grpc::ClientContext& context, const gateway::EvaluateRequest& request) {
+          return stub.Evaluate(&context, request, &response);
+        });
+    if (!asked) return asked.error();
+    return std::move(*response.mutable_result()->mutable_payload());
+  }
+
+  Status endorsable(Call call) override {
+    gateway::EndorseResponse response;
+    return ask<gateway::EndorseRequest>(
+        call, [&](gateway::Gateway::Stub& stub, grpc::ClientContext& context, const gateway::EndorseRequest& request) {
+          return stub.Endorse(&context, request, &response);
+        });
   }
 
   std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) override {
@@ -61,6 +53,33 @@ class GatewayClient final : public Client {
   }
 
  private:
+  /// A question to the gateway until it answers, within the deadline.
+  template <typename Request, typename Rpc>
+  Status ask(const Call& call, const Rpc& rpc) {
+    const auto deadline = std::chrono::system_clock::now() + connection_->config.deadline;
+    BackOff back_off(first_retry_ns, max_retry_ns);
+    Random random(random_seed());
+    for (int attempt = 1;; ++attempt) {
+      auto proposal = make_proposal(connection_->config.identity, connection_->config.where, call, realtime_ns(),
+                                    crypto::random_bytes(24));
+      if (!proposal) return proposal.error();
+      Request request;
+      request.set_transaction_id(proposal->tx_id);
+      request.set_channel_id(connection_->config.where.channel);
+      request.mutable_proposed_transaction()->ParseFromString(proposal->signed_proposal);
+      grpc::ClientContext context;
+      context.set_deadline(deadline);
+      const auto stub = gateway::Gateway::NewStub(connection_->peers[connection_->peer()]);
+      const grpc::Status status = rpc(*stub, context, request);
+      if (status.ok()) return done;
+      const std::chrono::nanoseconds wait(back_off.next(random));
+      if (!may_pass(status) || attempt == max_attempts || std::chrono::system_clock::now() + wait >= deadline) {
+        return Error{describe(status)};
+      }
+      std::this_thread::sleep_for(wait);
+    }
+  }
+
   const std::shared_ptr<const Connection> connection_;
   Pipeline pipeline_;
 };

@@ -27,6 +27,12 @@ struct ClientConfig {
   /// Orderers, for the direct path: calls are endorsed by the peer at `endpoint` itself and sent to an orderer, which
   /// saves the gateway's two steps. Empty: everything through the gateway.
   std::vector<Server> orderers;
+  /// Peers that endorse for their organisations, for the direct path; see `endorsement_need`. Those of organisations that are not
+  /// here are found by the gateway.
+  struct Endorser {
+    std::string msp_id, endpoint, tls_ca_file;
+  };
+  std::vector<Endorser> endorsers;
   /// Peers that stand in while the one at `endpoint` is not reached, for everything; the first that is reached.
   std::vector<Server> other_peers;
   /// Compare each block's header with the one that an orderer tells (needs `orderers`): see blocks().
@@ -35,9 +41,13 @@ struct ClientConfig {
   /// Says of a call's result why its event (no name: none) cannot follow from the call; it is then not signed, and ends
   /// as refused. Empty: any event of the called contract is signed. On the client's own thread.
   std::function<Status(const Call& call, std::string_view event, std::string_view payload)> event_check;
+  /// Whose endorsements a call needs, since only who knows the contract can say. Empty: that of one peer, the own one. On
+  /// the client's own thread.
+  std::function<EndorsementNeed(const Call& call)> endorsement_need;
   crypto::SigningIdentity identity;
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
   std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end
+  std::chrono::milliseconds endorse_patience{300};  ///< with peers that others do not need to wait for
 };
 
 /// All methods may be called from any thread. Callbacks come on a thread of the client: they hand over and return.
@@ -57,6 +67,8 @@ class Client {
   /// Asks without writing; waits for the answer, at most the deadline. An error has the contract's words, or says why
   /// the ledger was not reached.
   virtual Result<std::string> evaluate(Call call) = 0;
+  /// Whether the gateway finds endorsements enough for the call now; nothing is submitted. Waits as evaluate().
+  virtual Status endorsable(Call call) = 0;
 
   /// A running stream; destruction ends it and returns after its last callback (so not from within one). It may outlive
   /// the client.

@@ -71,6 +71,15 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
       into->push_back(std::move(*to_server));
     }
   }
+  for (const ClientConfig::Endorser& endorser : config.endorsers) {
+    if (endorser.endpoint == config.endpoint) {
+      connection->endorsers.push_back(connection->peers[0]);
+      continue;
+    }
+    auto to_endorser = make_channel(endorser.endpoint, endorser.tls_ca_file, "");
+    if (!to_endorser) return to_endorser.error();
+    connection->endorsers.push_back(std::move(*to_endorser));
+  }
   connection->config = std::move(config);
   return std::shared_ptr<const Connection>(std::move(connection));
 }
@@ -81,6 +90,22 @@ std::size_t Connection::peer() const {
     if (peers[i]->GetState(true) == GRPC_CHANNEL_READY) return i;
   }
   return 0;
+}
+
+std::vector<std::size_t> Connection::endorsers_now() const {
+  std::vector<std::size_t> chosen;
+  for (std::size_t i = 0; i < endorsers.size(); ++i) {
+    const auto known = std::find_if(chosen.begin(), chosen.end(), [&](std::size_t one) {
+      return config.endorsers[one].msp_id == config.endorsers[i].msp_id;
+    });
+    if (known == chosen.end()) {
+      chosen.push_back(i);
+    } else if (endorsers[*known]->GetState(true) == GRPC_CHANNEL_TRANSIENT_FAILURE &&
+               endorsers[i]->GetState(true) == GRPC_CHANNEL_READY) {
+      *known = i;
+    }
+  }
+  return chosen;
 }
 
 bool may_pass(const grpc::Status& status) {

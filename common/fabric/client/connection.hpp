@@ -20,10 +20,13 @@ struct Connection {
   /// bytes reads them, and must wake the other.
   std::vector<std::shared_ptr<grpc::Channel>> stream_peers;
   std::vector<std::shared_ptr<grpc::Channel>> orderers;
+  std::vector<std::shared_ptr<grpc::Channel>> endorsers;  ///< as in the config; the own peer's is its own
   std::shared_ptr<Commits> commits = std::make_shared<Commits>();
 
   /// Index of the peer to ask now: our own, or, while it is not reached, the first stand-in that is.
   std::size_t peer() const;
+  /// Indices of the endorsers to ask now, one of each organisation: the first that is reached.
+  std::vector<std::size_t> endorsers_now() const;
 };
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
 

@@ -27,11 +27,6 @@ bool leaves_open(const grpc::Status& status) {
 // A block stream that has not brought a transaction after this may be far behind; the peer is asked then.
 constexpr std::chrono::milliseconds stream_patience{500};
 
-bool not_reached(const grpc::Status& status) {
-  return may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
-         status.error_code() == grpc::StatusCode::CANCELLED;
-}
-
 Outcome in_block(std::uint64_t block, int code) {
   Outcome outcome;
   outcome.kind = code == protos::VALID ? Outcome::Kind::committed : Outcome::Kind::invalidated;
@@ -50,8 +45,9 @@ Outcome in_block(std::uint64_t block, int code) {
 Pipeline::Pipeline(std::shared_ptr<const Connection> connection) : connection_(std::move(connection)) {
   for (const auto& peer : connection_->peers) {
     gateways_.push_back(gateway::Gateway::NewStub(peer));
-    endorsers_.push_back(protos::Endorser::NewStub(peer));
+    proposals_.push_back(protos::Endorser::NewStub(peer));
   }
+  for (const auto& endorser : connection_->endorsers) endorsers_.push_back(protos::Endorser::NewStub(endorser));
   if (!connection_->orderers.empty()) ordering_.emplace(connection_->orderers, queue_);
   connection_->commits->on_news([this] {
     const std::lock_guard lock(mutex_);
@@ -150,57 +146,9 @@ void Pipeline::begin(Job job) {
     return;
   }
   p->proposal = std::move(*proposal);
-  order_.push_back(p);
+  if (connection_->config.endorsement_need) p->need = connection_->config.endorsement_need(p->call);
+  if (p->need.in_order) order_.push_back(p);
   endorse(p);
-}
-
-template <typename Response>
-std::shared_ptr<Pipeline::Unary<Response>> Pipeline::make_unary(const PendingPtr& p) const {
-  auto unary = std::make_shared<Unary<Response>>();
-  unary->context.set_deadline(p->deadline);
-  return unary;
-}
-
-template <typename Response>
-void Pipeline::await(const PendingPtr& p, const std::shared_ptr<Unary<Response>>& unary,
-                     void (Pipeline::*then)(const PendingPtr&)) {
-  // The tag keeps the call alive until gRPC is done with it, also when it was finished before.
-  unary->reader->Finish(&unary->response, &unary->status, new Tag([this, p, unary, then](bool) {
-    if (p->stage != Stage::finished) (this->*then)(p);
-  }));
-}
-
-void Pipeline::endorse(const PendingPtr& p) {
-  if (ordering_) {
-    protos::SignedProposal proposal;
-    proposal.ParseFromString(p->proposal.signed_proposal);
-    p->propose = make_unary<protos::ProposalResponse>(p);
-    p->propose->reader = endorsers_[connection_->peer()]->AsyncProcessProposal(&p->propose->context, proposal, &queue_);
-    await(p, p->propose, &Pipeline::on_proposed);
-    return;
-  }
-  gateway::EndorseRequest request;
-  request.set_transaction_id(p->proposal.tx_id);
-  request.set_channel_id(connection_->config.where.channel);
-  request.mutable_proposed_transaction()->ParseFromString(p->proposal.signed_proposal);
-  p->endorse = make_unary<gateway::EndorseResponse>(p);
-  p->endorse->reader = gateways_[connection_->peer()]->AsyncEndorse(&p->endorse->context, request, &queue_);
-  await(p, p->endorse, &Pipeline::on_endorsed);
-}
-
-void Pipeline::on_endorsed(const PendingPtr& p) {
-  if (!p->endorse->status.ok()) return on_not_endorsed(p, p->endorse->status);
-  take_endorsed(p, p->endorse->response.prepared_transaction().SerializeAsString());
-}
-
-void Pipeline::on_proposed(const PendingPtr& p) {
-  if (!p->propose->status.ok()) return on_not_endorsed(p, p->propose->status);
-  take_endorsed(p, assemble(p->proposal, {p->propose->response.SerializeAsString()}));
-}
-
-void Pipeline::on_not_endorsed(const PendingPtr& p, const grpc::Status& status) {
-  if (retry(p, status, &Pipeline::endorse)) return;
-  finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
 }
 
 void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope) {
@@ -225,6 +173,10 @@ void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& uns
   p->envelope = std::move(*envelope);
   p->endorsed_ns = monotonic_ns();
   p->stage = Stage::ready;
+  if (!p->need.in_order) {
+    const bool busy = !order_.empty() && order_.front()->stage == Stage::sent;
+    order_.insert(order_.begin() + (busy ? 1 : 0), p);
+  }
   send_next();
 }
 
@@ -366,6 +318,7 @@ void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
   // What is still under way comes back as cancelled, finds the call finished, and is dropped.
   if (p->endorse) p->endorse->context.TryCancel();
   if (p->propose) p->propose->context.TryCancel();
+  for (const auto& unary : p->asked) unary->context.TryCancel();
   if (p->submit) p->submit->context.TryCancel();
   if (p->status) p->status->context.TryCancel();
   if (p->alarm) p->alarm->Cancel();
@@ -374,6 +327,7 @@ void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
   live_.erase(p->number);
   outcome.tx_id = p->proposal.tx_id;
   outcome.answer = std::move(p->answer);
+  outcome.unheard = std::move(p->unheard);
   if (p->ordered_ns != 0) outcome.ordered_after_ns = p->ordered_ns - p->begun_ns;
   outcome.endorsed_ns = p->endorsed_ns;
   outcome.ordered_ns = p->ordered_ns;

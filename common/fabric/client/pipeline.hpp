@@ -4,11 +4,13 @@
 #include <deque>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <vector>
 
 #include "common/fabric/client/connection.hpp"
 #include "common/fabric/client/ordering.hpp"
+#include "common/fabric/sending/gathering.hpp"
 #include "gateway/gateway.grpc.pb.h"
 #include "peer/peer.grpc.pb.h"
 
@@ -23,12 +25,14 @@ namespace ledgerline::fabric {
 ///
 /// Order: proposals are endorsed side by side, but only one Submit is on its way at a time, in the order of submit();
 /// the next one leaves when the orderer has acknowledged the one before or it has failed. So the ledger orders one
-/// client's transactions as they were submitted. The gateway's Submit is never repeated: where its answer is lost,
+/// client's transactions as they were submitted (those with EndorsementNeed::in_order). The gateway's Submit is never repeated: where its answer is lost,
 /// CommitStatus tells (an envelope for an orderer may be sent twice: ordering.hpp). That one is asked together with Submit, which saves a round trip; not at all, where a block stream of the
 /// same client tells in time and the call allows it (Call::told_by_block).
 ///
 /// With orderers in the config the call goes the direct path: ProcessProposal at the peer in place of Endorse,
-/// Broadcast in place of Submit; where no orderer is reached, the gateway's Submit after all.
+/// Broadcast in place of Submit; where no orderer is reached, the gateway's Submit after all. A call that needs two
+/// organisations asks its endorsers' peers side by side (Gathering); of an organisation whose peers the config does not
+/// name the gateway finds one.
 class Pipeline {
  public:
   explicit Pipeline(std::shared_ptr<const Connection> connection);
@@ -62,6 +66,10 @@ class Pipeline {
     BackOff back_off{first_retry_ns, max_retry_ns};
     std::shared_ptr<Unary<gateway::EndorseResponse>> endorse;
     std::shared_ptr<Unary<protos::ProposalResponse>> propose;  ///< on the direct path in place of endorse
+    EndorsementNeed need;
+    std::vector<std::shared_ptr<Unary<protos::ProposalResponse>>> asked{};  ///< of several organisations
+    std::optional<Gathering> gathering{};
+    std::string unheard{};  ///< Outcome::unheard
     std::shared_ptr<Unary<gateway::SubmitResponse>> submit;
     std::shared_ptr<Unary<gateway::CommitStatusResponse>> status;
     std::shared_ptr<grpc::Alarm> alarm;
@@ -81,6 +89,10 @@ class Pipeline {
   void take_commits();
   void begin(Job job);
   void endorse(const PendingPtr& p);
+  void propose_to(const PendingPtr& p, protos::Endorser::Stub& endorser);
+  /// False: the config does not name enough endorsers.
+  bool gather(const PendingPtr& p);
+  void on_gathered(const PendingPtr& p, bool late);
   void on_endorsed(const PendingPtr& p);
   void on_proposed(const PendingPtr& p);
   void on_not_endorsed(const PendingPtr& p, const grpc::Status& status);
@@ -105,8 +117,9 @@ class Pipeline {
              void (Pipeline::*then)(const PendingPtr&));
 
   const std::shared_ptr<const Connection> connection_;
-  std::vector<std::unique_ptr<gateway::Gateway::Stub>> gateways_;  ///< of each peer
-  std::vector<std::unique_ptr<protos::Endorser::Stub>> endorsers_;
+  std::vector<std::unique_ptr<gateway::Gateway::Stub>> gateways_;   ///< of each peer
+  std::vector<std::unique_ptr<protos::Endorser::Stub>> proposals_;  ///< likewise
+  std::vector<std::unique_ptr<protos::Endorser::Stub>> endorsers_;  ///< of each endorser
   grpc::CompletionQueue queue_;
 
   std::mutex mutex_;  ///< guards the three below, and that nothing is put into the queue after its shutdown
@@ -122,5 +135,21 @@ class Pipeline {
   std::optional<Ordering> ordering_;  ///< on the direct path
   std::thread thread_;
 };
+
+template <typename Response>
+std::shared_ptr<Pipeline::Unary<Response>> Pipeline::make_unary(const PendingPtr& p) const {
+  auto unary = std::make_shared<Unary<Response>>();
+  unary->context.set_deadline(p->deadline);
+  return unary;
+}
+
+template <typename Response>
+void Pipeline::await(const PendingPtr& p, const std::shared_ptr<Unary<Response>>& unary,
+                     void (Pipeline::*then)(const PendingPtr&)) {
+  // The tag keeps the call alive until gRPC is done with it, also when it was finished before.
+  unary->reader->Finish(&unary->response, &unary->status, new Tag([this, p, unary, then](bool) {
+    if (p->stage != Stage::finished) (this->*then)(p);
+  }));
+}
 
 }  // namespace ledgerline::fabric

@@ -25,6 +25,7 @@ struct Outcome {
   std::string message;             ///< for people
   std::optional<Refusal> refusal;  ///< of the contract itself
   std::string answer;              ///< the contract's bytes, where it answered
+  std::string unheard;             ///< peers that were asked to endorse and did not: for people; empty: none
   TimeNs ordered_after_ns = 0;     ///< from the submit to the orderer's acknowledgement; 0: not known
   TimeNs endorsed_ns = 0;          ///< CLOCK_MONOTONIC, when it was endorsed and signed; 0: it was not
   TimeNs ordered_ns = 0;           ///< when the orderer acknowledged it; 0: not known, or its block came first
@@ -39,9 +40,11 @@ struct Outcome {
   }
 };
 
-/// In a block, but what it had read was written by another before it: MVCC_READ_CONFLICT or PHANTOM_READ_CONFLICT.
+/// In a block, but what it had read was written by another before it (MVCC_READ_CONFLICT or PHANTOM_READ_CONFLICT), or a
+/// key that it writes got its policy in the same block. The latter is ENDORSEMENT_POLICY_FAILURE as well as too few
+/// endorsements.
 inline bool lost_to_another(const Outcome& outcome) {
-  return outcome.kind == Outcome::Kind::invalidated && (outcome.code == 11 || outcome.code == 12);
+  return outcome.kind == Outcome::Kind::invalidated && outcome.code >= 10 && outcome.code <= 12;
 }
 
 }  // namespace ledgerline::fabric

@@ -23,6 +23,18 @@ struct Call {
   bool told_by_block = false;
 };
 
+/// Whose endorsements a call needs.
+struct EndorsementNeed {
+  enum class Count {
+    one,               ///< by `organisation`, where it is named
+    two,               ///< by two organisations; all that are known are asked side by side
+    two_if_there_are,  ///< the same, but it goes out with one where no second one answers in time
+  };
+  Count count = Count::one;
+  std::string organisation{};
+  bool in_order = true;  ///< behind what was submitted before it; else whenever it is endorsed
+};
+
 struct ChannelAndContract {
   std::string channel = "teleop";
   std::string contract = "ledgerline";

@@ -1,6 +1,7 @@
 #include "ground/core/flight/command_outbox.hpp"
 
 #include <algorithm>
+#include <set>
 
 #include "common/belief/calls.hpp"
 #include "common/msg/contract.hpp"
@@ -47,8 +48,9 @@ void CommandOutbox::put(std::size_t drone, PlannedCommand command) {
   waiting.command = std::move(command);
 }
 
-void CommandOutbox::begin_lease(std::size_t drone, std::uint64_t epoch) {
+void CommandOutbox::begin_lease(std::size_t drone, const std::string& organisation, std::uint64_t epoch) {
   Waiting& waiting = drones_[drone];
+  waiting.organisation = organisation;
   waiting.epoch = epoch;
   waiting.next_sequence = 1;
   if (waiting.command) withdraw(*waiting.command);
@@ -60,12 +62,22 @@ void CommandOutbox::go_on_behind(std::size_t drone, std::uint64_t sequence) {
 }
 
 void CommandOutbox::submit(TimeNs now, std::uint64_t& next_id, FlightOutputs& out) {
-  if (in_flight_.full() || !in_flight_.may_go_behind_open(now)) return;
+  std::set<std::string> organisations;
+  for (const Waiting& waiting : drones_) {
+    if (waiting.command) organisations.insert(waiting.organisation);
+  }
+  for (const std::string& organisation : organisations) submit_to(organisation, now, next_id, out);
+}
+
+void CommandOutbox::submit_to(const std::string& organisation, TimeNs now, std::uint64_t& next_id, FlightOutputs& out) {
+  fabric::InFlight<Commands>& in_flight = in_flight_[organisation];
+  if (in_flight.full() || !in_flight.may_go_behind_open(now)) return;
   Commands commands;
   CommandCall call;
+  call.set_organisation(organisation);
   for (std::size_t i = 0; i < drones_.size(); ++i) {
     Waiting& waiting = drones_[i];
-    if (!waiting.command) continue;
+    if (!waiting.command || waiting.organisation != organisation) continue;
     PlannedCommand command = std::move(*waiting.command);
     waiting.command.reset();
     if (command.plan.sequence() == 0) {
@@ -83,11 +95,10 @@ void CommandOutbox::submit(TimeNs now, std::uint64_t& next_id, FlightOutputs& ou
     *call.add_plans() = command.plan;
     commands.push_back(std::move(command));
   }
-  if (commands.empty()) return;
   const std::uint64_t id = next_id++;
   ++counters_.submitted;
   out.submissions.push_back({id, {contract::command, {call.SerializeAsString()}, true}});
-  in_flight_.add(id, now, std::move(commands));
+  in_flight.add(id, now, std::move(commands));
 }
 
 void CommandOutbox::take_block(TimeNs now, const fabric::Transaction& tx) {
@@ -95,7 +106,9 @@ void CommandOutbox::take_block(TimeNs now, const fabric::Transaction& tx) {
   const belief::Match match = belief::match_command({tx.function, tx.args}, tx.event_payload, call);
   if (match != belief::Match::same || call.plans().empty()) return;
   const DronePlan& first = call.plans(0);
-  const auto submitted_ns = in_flight_.landed([&](const Commands& commands) {
+  const auto in_flight = in_flight_.find(call.organisation());
+  if (in_flight == in_flight_.end()) return;
+  const auto submitted_ns = in_flight->second.landed([&](const Commands& commands) {
     const DronePlan& mine = commands.front().plan;
     return mine.drone() == first.drone() && mine.sequence() == first.sequence() && mine.epoch() == first.epoch() &&
            mine.state_stamp_ns() == first.state_stamp_ns();
@@ -104,7 +117,10 @@ void CommandOutbox::take_block(TimeNs now, const fabric::Transaction& tx) {
 }
 
 void CommandOutbox::take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out) {
-  auto ended = in_flight_.end(id, outcome);
+  std::optional<fabric::InFlight<Commands>::Entry> ended;
+  for (auto& [organisation, in_flight] : in_flight_) {
+    if ((ended = in_flight.end(id, outcome))) break;
+  }
   if (!ended) return;
   for (const auto& [kind, t_ns] : {std::pair{TraceKind::call_endorsed, outcome.endorsed_ns},
                                    std::pair{TraceKind::call_ordered, outcome.ordered_ns}}) {

@@ -1,6 +1,8 @@
 #pragma once
 #include <functional>
+#include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "common/fabric/sending/in_flight.hpp"
@@ -8,8 +10,8 @@
 
 namespace ledgerline::ground {
 
-/// Brings plans onto the ledger: those of all drones in one call, one call in flight until it is committed, or behind a
-/// gap (fabric::InFlight). What is made meanwhile waits, the newest per drone; what it replaces is counted as merged. A
+/// Brings plans onto the ledger: those of all drones of an organisation in one call, since its peer endorses them; one call of
+/// each organisation in flight until it is committed, or behind a gap (fabric::InFlight). What is made meanwhile waits, the newest per drone; what it replaces is counted as merged. A
 /// call that is refused for one drone is sent again at once without it.
 ///
 ///     put() -> waiting -> in flight -> committed: over
@@ -37,7 +39,7 @@ class CommandOutbox {
   /// A `command` of a block: where it is one of ours, nothing waits for its outcome any more.
   void take_block(TimeNs now, const fabric::Transaction& tx);
   /// What waits was planned under the lease before; numbers begin anew.
-  void begin_lease(std::size_t drone, std::uint64_t epoch);
+  void begin_lease(std::size_t drone, const std::string& organisation, std::uint64_t epoch);
   /// A ground that was started again under the same lease goes on behind what was flown, and what may be under way.
   void go_on_behind(std::size_t drone, std::uint64_t sequence);
 
@@ -46,10 +48,12 @@ class CommandOutbox {
   struct Waiting {
     Slot slot;
     std::optional<PlannedCommand> command{};
-    std::uint64_t epoch = 0;  ///< of the lease
+    std::uint64_t epoch = 0;     ///< of the lease
+    std::string organisation{};  ///< whose drone it is
     std::uint64_t next_sequence = 1;
   };
   std::size_t drone_of(const PlannedCommand& command) const;
+  void submit_to(const std::string& organisation, TimeNs now, std::uint64_t& next_id, FlightOutputs& out);
   void resend(Commands& refused, const fabric::Outcome& outcome);
   void withdraw(const PlannedCommand& command);
 
@@ -57,7 +61,7 @@ class CommandOutbox {
   PlanTiming& timing_;
   FlightTransactions& counters_;
   Calls calls_;
-  fabric::InFlight<Commands> in_flight_;
+  std::map<std::string, fabric::InFlight<Commands>> in_flight_;  ///< by organisation
 };
 
 /// The record of a plan that goes out.

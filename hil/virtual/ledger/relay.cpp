@@ -258,6 +258,7 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
       return Event{contract::acquire, bytes_of(record)};
     }
     CommandCall call;
+    call.set_organisation("Org1MSP");
     DronePlan& plan = *call.add_plans();
     plan.set_drone(drone);
     plan.set_boot_id(state->boot_id);

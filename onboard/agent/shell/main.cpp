@@ -44,7 +44,7 @@ int run(Config& config) {
   // What a leader that died took with it is given up soon: newer states say more.
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto registry = fabric::msp_registry(config);
-  const fabric::ClientConfig known = belief::with_event_check(ledger ? *ledger : fabric::ClientConfig{});
+  const fabric::ClientConfig known = belief::for_contract(ledger ? *ledger : fabric::ClientConfig{});
   agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
   const bridge::BridgeConfig bridged = agent::read_bridge(config, settings.core.drones);
   const dds::ParticipantOptions dds = dds::participant_options(config, "ledgerline_agent");

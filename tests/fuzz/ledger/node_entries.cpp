@@ -79,7 +79,7 @@ class ProposalEntry final : public Entry {
   Outcome feed(std::string_view bytes) override {
     NodeCore& core = *net_->core;
     const Reply reply = (core.*method_)(signed_again_ ? sign(bytes) : std::string(bytes), net_->now);
-    if (method_ != &NodeCore::process_proposal || reply.code != Code::ok) return outcome_of_reply(reply);
+    if (method_ != Method(&NodeCore::process_proposal) || reply.code != Code::ok) return outcome_of_reply(reply);
     protos::ProposalResponse response;
     if (!read(response, reply.bytes)) return refused("");
     return response.response().status() >= 400 ? refused(response.response().message()) : accepted();
@@ -191,10 +191,12 @@ class OrderEntry final : public Entry {
     const std::string result = response.SerializeAsString();
     action.mutable_action()->set_proposal_response_payload(result);
     action.mutable_action()->clear_endorsements();
-    const auto peer = crypto::make_test_identity({"Org1MSP", "CN=peer0"});
-    protos::Endorsement& endorsement = *action.mutable_action()->add_endorsements();
-    endorsement.set_endorser(peer.serialized);
-    endorsement.set_signature(*peer.signer->sign(result + peer.serialized));
+    for (const std::string organisation : {"Org1MSP", "Org2MSP"}) {
+      const auto peer = crypto::make_test_identity({organisation, "CN=peer0"});
+      protos::Endorsement& endorsement = *action.mutable_action()->add_endorsements();
+      endorsement.set_endorser(peer.serialized);
+      endorsement.set_signature(*peer.signer->sign(result + peer.serialized));
+    }
     transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
   }
 

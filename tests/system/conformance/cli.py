@@ -12,6 +12,9 @@ def peer_of(ledger: Ledger, organisation: int, user: str, msp_id: str | None = N
     peer = Peer(ledger.directory, endpoint, organisation, orderer, user, ca_files=(ca_file, orderer_ca_file))
     peer.environment["FABRIC_LOGGING_SPEC"] = "info"  # what it says of a transaction
     peer.environment["CORE_PEER_LOCALMSPID"] = msp_id or f"Org{organisation}MSP"
+    # Two organisations endorse: its own, and one of the others.
+    peer.endorsers = [word for k in (organisation, 1 if organisation != 1 else 2)
+                      for word in ("--peerAddresses", ledger.endorser(k)[0], "--tlsRootCertFiles", ledger.endorser(k)[1])]
     return peer
 
 
@@ -26,7 +29,7 @@ def query(peer: Peer, *args: str, contract: str = "ledgerline") -> subprocess.Co
 
 
 def invoke(peer: Peer, *args: str, more=()) -> subprocess.CompletedProcess:
-    return peer.run("chaincode", "invoke", *peer.ordering, *on_contract(*args), *more)
+    return peer.run("chaincode", "invoke", *peer.ordering, *peer.endorsers, *on_contract(*args), *more)
 
 
 def on_contract(*args: str, contract: str = "ledgerline") -> tuple:

@@ -124,10 +124,10 @@ def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, op
     (lease,) = controls(operator.submit("acquire", "flown"))
     assert lease["epoch"] == "1" and lease["holder"] == {"mspId": "Org2MSP", "subject": subject(2, "User1")}
     assert lease["owner"] == {"mspId": "Org1MSP", "subject": subject(1, "User1")}
-    operator.submit("command", {"plans": [plan("flown")]})
+    operator.submit("command", {"organisation": "Org1MSP", "plans": [plan("flown")]})
     (lease,) = controls(rival.submit("acquire", "flown", "priority=3"))
     assert (lease["epoch"], lease["priority"], lease["holder"]["subject"]) == ("2", 3, subject(2, "User2"))
-    assert operator.refusal("command", {"plans": [plan("flown")]}) == (
+    assert operator.refusal("command", {"organisation": "Org1MSP", "plans": [plan("flown")]}) == (
         f"flown: the lease is held by {RIVAL}, not by {OPERATOR}")
     (stopped,) = controls(rival.submit("stop", "flown"), "stops")
     assert stopped == {"drone": "flown", "stopper": {"mspId": "Org2MSP", "subject": subject(2, "User2")}}
@@ -135,12 +135,12 @@ def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, op
     assert stopped == {"drone": "flown", "stopper": {"mspId": "Org1MSP", "subject": subject(1, "User2")}, "cut": True}
     (folded,) = controls(host.submit("fold", "flown"))
     assert [stop["stopper"]["mspId"] for stop in folded["stoppers"]] == ["Org1MSP", "Org2MSP"]
-    assert rival.refusal("command", {"plans": [plan("flown", epoch="2")]}) == (
+    assert rival.refusal("command", {"organisation": "Org1MSP", "plans": [plan("flown", epoch="2")]}) == (
         f"flown: stopped by {SUPERVISOR}, {RIVAL}; only LAND is accepted")
     (resumed,) = controls(rival.submit("resume", "flown"))
     assert [stop["stopper"]["mspId"] for stop in resumed["stoppers"]] == ["Org1MSP"]
     assert rival.refusal("resume", "flown").startswith(f"flown: stopped by {SUPERVISOR}; only they")
-    rival.submit("command", {"plans": [plan("flown", action="LAND", epoch="2", setpoints=[])]})
+    rival.submit("command", {"organisation": "Org1MSP", "plans": [plan("flown", action="LAND", epoch="2", setpoints=[])]})
     (resumed,) = controls(supervisor.submit("resume", "flown"))
     assert "stoppers" not in resumed
     (released,) = controls(rival.submit("release", "flown"))
@@ -156,7 +156,7 @@ def test_each_function_that_writes_emits_its_event_in_the_form_of_the_call(enrol
     host.submit("delete", "told/a")
     host.submit("delete", field(1, b"told/b"))
     operator.submit("acquire", field(1, b"told"))
-    operator.submit("command", {"plans": [plan("told")]})
+    operator.submit("command", {"organisation": "Org1MSP", "plans": [plan("told")]})
     operator.submit("stop", "told")
     operator.submit("resume", {"drones": ["told"]})
     operator.submit("release", "told")
@@ -192,14 +192,14 @@ def test_a_role_means_nothing_on_others_drones_and_what_is_granted_can_be_taken_
     grant(fly=True, maxPriority=5)
     assert far.refusal("acquire", "lent", "priority=6") == f"lent: Org1MSP has granted {FAR} priorities up to 5, not 6"
     far.submit("acquire", "lent", "priority=5")
-    far.submit("command", {"plans": [plan("lent")]})
+    far.submit("command", {"organisation": "Org1MSP", "plans": [plan("lent")]})
     supervisor.submit("evict", "lent")
-    assert far.refusal("command", {"plans": [plan("lent")]}).startswith("lent: the lease is held by nobody")
+    assert far.refusal("command", {"organisation": "Org1MSP", "plans": [plan("lent")]}).startswith("lent: the lease is held by nobody")
     far.submit("acquire", "lent")
     assert far.refusal("stop", "lent", "cut=true").startswith(f"lent: {FAR} may not cut it")
     answer = json.loads(decode(grant()["result"]))["controls"][0]
     assert "holder" not in answer and [one["to"] for one in answer["grants"]] == [{"mspId": "Org2MSP"}]
-    assert far.refusal("command", {"plans": [plan("lent", epoch="3")]}).startswith("lent: the lease is held by nobody")
+    assert far.refusal("command", {"organisation": "Org1MSP", "plans": [plan("lent", epoch="3")]}).startswith("lent: the lease is held by nobody")
     assert far.refusal("acquire", "lent").startswith(f"lent: {FAR} may not fly it")
     operator.submit("acquire", "lent")
 
@@ -225,15 +225,15 @@ def test_two_operators_hand_a_drone_over(enroll, admin, operator):
     operator.submit("acquire", "shared", "priority=7")
     assert operator.refusal("hand_over", to) == f"shared: {words} has not requested it, or is not granted it any more"
     pilot.submit("request", "shared", "priority=3")
-    operator.submit("command", {"plans": [plan("shared")]})
+    operator.submit("command", {"organisation": "Org1MSP", "plans": [plan("shared")]})
     operator.submit("deny", to)
     assert operator.refusal("hand_over", to).startswith(f"shared: {words} has not requested it")
     pilot.submit("request", "shared", "priority=3")
     assert pilot.refusal("hand_over", to) == f"shared: {words} does not hold the lease"
     record = json.loads(decode(operator.submit("hand_over", to)["result"]))["controls"][0]
     assert record["holder"] == to["to"] and record["priority"] == 3 and "requests" not in record
-    assert operator.refusal("command", {"plans": [plan("shared")]}).startswith(f"shared: the lease is held by {words}")
-    pilot.submit("command", {"plans": [plan("shared", epoch=record["epoch"])]})
+    assert operator.refusal("command", {"organisation": "Org1MSP", "plans": [plan("shared")]}).startswith(f"shared: the lease is held by {words}")
+    pilot.submit("command", {"organisation": "Org1MSP", "plans": [plan("shared", epoch=record["epoch"])]})
 
 
 def test_who_is_revoked_flies_nothing_once_the_host_has_folded_it(enroll, admin, drone_host):
@@ -242,17 +242,17 @@ def test_who_is_revoked_flies_nothing_once_the_host_has_folded_it(enroll, admin,
     who = {"identity": {"mspId": "Org2MSP", "subject": subject(2, "User2")}}
     refusal = f"Org2MSP {who['identity']['subject']} is revoked; an administrator of Org2MSP may enroll it anew"
     pilot.submit("acquire", "kept")
-    pilot.submit("command", {"plans": [plan("kept")]})
+    pilot.submit("command", {"organisation": "Org1MSP", "plans": [plan("kept")]})
     assert admin(1).refusal("revoke", who) == "revoke: only an administrator of Org2MSP may revoke its identities"
     try:
         answer = json.loads(decode(admin(2).submit("revoke", who)["result"]))
         assert answer == {"identity": who["identity"], "role": "REVOKED"}
         assert pilot.refusal("acquire", "kept") == f"acquire: {refusal}"
         assert pilot.refusal("stop", "kept") == f"kept: {refusal}"
-        pilot.submit("command", {"plans": [plan("kept")]})
+        pilot.submit("command", {"organisation": "Org1MSP", "plans": [plan("kept")]})
         record = json.loads(decode(drone_host.submit("fold", {"drones": ["kept"]})["result"]))["controls"][0]
         assert "holder" not in record and "revoked" not in record
-        assert pilot.refusal("command", {"plans": [plan("kept")]}).startswith("kept: the lease is held by nobody")
+        assert pilot.refusal("command", {"organisation": "Org1MSP", "plans": [plan("kept")]}).startswith("kept: the lease is held by nobody")
     finally:
         enroll(organisation=2, user="User2", role="OPERATOR")
     pilot.submit("acquire", "kept")
@@ -387,26 +387,26 @@ REFUSALS = [
     ("rival", "release", [], "release: no drone is named"),
 
     ("operator", "command", ["leased"], "command: give plans in protobuf or JSON"),
-    ("operator", "command", [{"plans": []}], "command: no plans"),
-    ("operator", "command", [{"plans": [plan("ghost")]}], "ghost: not enrolled"),
-    ("operator", "command", [{"plans": [plan("leased"), plan("leased")]}], "leased: two plans in one call"),
-    ("operator", "command", [{"plans": [plan("free")]}], f"free: the lease is held by nobody, not by {OPERATOR}"),
-    ("rival", "command", [{"plans": [plan("leased")]}], f"leased: the lease is held by {OPERATOR}, not by {RIVAL}"),
-    ("operator", "command", [{"plans": [plan("leased", epoch="7")]}],
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": []}], "command: no plans"),
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("ghost")]}], "ghost: not enrolled"),
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("leased"), plan("leased")]}], "leased: two plans in one call"),
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("free")]}], f"free: the lease is held by nobody, not by {OPERATOR}"),
+    ("rival", "command", [{"organisation": "Org1MSP", "plans": [plan("leased")]}], f"leased: the lease is held by {OPERATOR}, not by {RIVAL}"),
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("leased", epoch="7")]}],
      "leased: the lease's epoch is 1, the plan says 7"),
-    ("operator", "command", [{"plans": [plan("stopped")]}], f"stopped: stopped by {SUPERVISOR}; only LAND is accepted"),
-    ("operator", "command", [{"plans": [plan("leased", action=9)]}], "leased: unknown action 9"),
-    ("operator", "command", [{"plans": [plan("leased", setpoints=[])]}], "leased: the plan has no setpoints"),
-    ("operator", "command", [{"plans": [plan("leased", setpoints=points(*range(41)))]}],
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("stopped")]}], f"stopped: stopped by {SUPERVISOR}; only LAND is accepted"),
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("leased", action=9)]}], "leased: unknown action 9"),
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("leased", setpoints=[])]}], "leased: the plan has no setpoints"),
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("leased", setpoints=points(*range(41)))]}],
      "leased: the plan has 41 setpoints; the limit is 40"),
-    ("operator", "command", [{"plans": [plan("leased", setpoints=points(-1))]}],
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("leased", setpoints=points(-1))]}],
      "leased: a setpoint's time is negative"),
-    ("operator", "command", [{"plans": [plan("leased", setpoints=points(2, 1))]}], "leased: the plan's times go backwards"),
-    ("operator", "command", [{"plans": [plan("leased", setpoints=points(0, 2_001_000_000))]}],
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("leased", setpoints=points(2, 1))]}], "leased: the plan's times go backwards"),
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("leased", setpoints=points(0, 2_001_000_000))]}],
      "leased: the plan lasts 2001 ms; the limit is 2000 ms"),
-    ("operator", "command", [{"plans": [plan("leased", setpoints=[{"vx": "NaN"}])]}],
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan("leased", setpoints=[{"vx": "NaN"}])]}],
      "leased: a setpoint is not finite"),
-    ("operator", "command", [{"plans": [plan(f"d{i}", setpoints=[]) for i in range(1001)]}],
+    ("operator", "command", [{"organisation": "Org1MSP", "plans": [plan(f"d{i}", setpoints=[]) for i in range(1001)]}],
      "the call has 1001 plans; the limit is 1000"),
 
     ("nobody", "stop", ["leased"], f"leased: {NOBODY} is neither operator nor supervisor; an "

@@ -54,9 +54,9 @@ def test_an_envelope_that_is_no_transaction(fabric, drone_host):
 
 
 def test_who_endorses(fabric, drone_host):
-    """The policy here is a peer of any organisation."""
-    assert drone_host.call("endorsers", "set", asset("tello1/endorsed"))["endorsers"] == (
-        ["Org1MSP"] if fabric else ["Org1MSP", "Org2MSP", "Org3MSP"])
+    """The contract's policy is a majority of the organisations."""
+    endorsers = drone_host.call("endorsers", "set", asset("tello1/endorsed"))["endorsers"]
+    assert len(endorsers) == 2 if fabric else endorsers == ["Org1MSP", "Org2MSP", "Org3MSP"]
 
 
 def test_the_command_lines_lifecycle(fabric, peer):

@@ -398,12 +398,12 @@ def test_figures_of_other_programs_or_scripts_are_others(place, tmp_path, monkey
         assert runs.digest(place, kind) != before
 
 
-def test_orderers_and_endorsement_are_axes_of_fabric_alone():
+def test_orderers_and_gateway_are_axes_of_fabric_alone():
     (load,) = [one for one in config.read_all() if one.name == "load"]
     fabric = [case for case in load.cases if case.on == "fabric"]
-    asked = {(case.options.get("orderers", 1), case.options.get("majority", False)) for case in fabric}
+    asked = {(case.options.get("orderers", 1), case.options.get("gateway", False)) for case in fabric}
     assert asked == {(3, False), (1, True), (3, True)}
-    assert not any("orderers" in case.options or "majority" in case.options for case in load.cases if case.on is None)
+    assert not any("orderers" in case.options or "gateway" in case.options for case in load.cases if case.on is None)
 
 
 def test_a_program_that_is_missing_is_named(place):
@@ -412,7 +412,7 @@ def test_a_program_that_is_missing_is_named(place):
 
 
 def test_options_become_words_of_a_command_line():
-    assert runs.words({"batch_count": 10, "gateway": True, "majority": False, "rates": [30, 70]}) == [
+    assert runs.words({"batch_count": 10, "gateway": True, "mbedtls": False, "rates": [30, 70]}) == [
         "--batch-count", "10", "--gateway", "--rates", "30,70"]
 
 

@@ -1,5 +1,7 @@
 #include "chaincode/node/core/ledger/simulation.hpp"
 
+#include "common/fabric/tx/policy.hpp"
+
 namespace ledgerline::node {
 namespace {
 
@@ -20,6 +22,11 @@ Result<std::optional<std::string>> Simulation::get_state(const std::string& key)
 Status Simulation::put_state(const std::string& key, const std::string& value) {
   if (key.empty()) return Error{"a key must not be empty"};
   writes_[key] = value;
+  return done;
+}
+
+Status Simulation::put_policy(const std::string& key, const std::string& msp_id) {
+  policies_[key] = fabric::peer_policy(msp_id);
   return done;
 }
 
@@ -71,6 +78,12 @@ kvrwset::KVRWSet Simulation::read_write_set() const {
     kvrwset::KVWrite& write = *set.add_writes();
     write.set_key(key);
     write.set_value(value);
+  }
+  for (const auto& [key, policy] : policies_) {
+    kvrwset::KVMetadataWrite& write = *set.add_metadata_writes();
+    write.set_key(key);
+    write.add_entries()->set_name(validation_parameter);
+    write.mutable_entries(0)->set_value(policy);
   }
   return set;
 }

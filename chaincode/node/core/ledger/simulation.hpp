@@ -20,6 +20,7 @@ class Simulation final : public chaincode::Stub {
 
   Result<std::optional<std::string>> get_state(const std::string& key) override;
   Status put_state(const std::string& key, const std::string& value) override;
+  Status put_policy(const std::string& key, const std::string& msp_id) override;
   Result<std::vector<chaincode::KeyValue>> get_range(const std::string& start, const std::string& end,
                                                      std::size_t limit) override;
   Result<std::vector<chaincode::KeyVersion>> get_history(const std::string& key, std::size_t skip,
@@ -40,6 +41,7 @@ class Simulation final : public chaincode::Stub {
   const crypto::MspRegistry::Member& caller_;
   std::map<std::string, std::optional<Version>> reads_;
   std::map<std::string, std::string> writes_;
+  std::map<std::string, std::string> policies_;  ///< common.SignaturePolicyEnvelope
   std::vector<kvrwset::RangeQueryInfo> ranges_;
   std::string event_name_, event_payload_;
 };

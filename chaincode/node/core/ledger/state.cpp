@@ -19,7 +19,22 @@ void State::write(const kvrwset::KVWrite& write, Version version) {
   if (write.is_delete()) {
     values_.erase(write.key());
   } else {
-    values_[write.key()] = {write.value(), version};
+    Value& value = values_[write.key()];
+    value.bytes = write.value();
+    value.version = version;
+  }
+}
+
+void State::write(const kvrwset::KVRWSet& set, Version version) {
+  for (const kvrwset::KVWrite& one : set.writes()) write(one, version);
+  for (const kvrwset::KVMetadataWrite& metadata : set.metadata_writes()) {
+    const auto value = values_.find(metadata.key());
+    if (value == values_.end()) continue;
+    value->second.version = version;
+    value->second.policy.clear();
+    for (const kvrwset::KVMetadataEntry& entry : metadata.entries()) {
+      if (entry.name() == validation_parameter) value->second.policy = entry.value();
+    }
   }
 }
 
@@ -65,6 +80,9 @@ int Overlay::check(const kvrwset::KVRWSet& set) const {
 
 void Overlay::add(const kvrwset::KVRWSet& set) {
   for (const kvrwset::KVWrite& write : set.writes()) written_[write.key()] = true;
+  for (const kvrwset::KVMetadataWrite& write : set.metadata_writes()) {
+    if (state_.find(write.key()) != nullptr) written_[write.key()] = true;
+  }
 }
 
 }  // namespace ledgerline::node

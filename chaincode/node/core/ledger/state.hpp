@@ -18,6 +18,9 @@ struct Version {
   auto operator<=>(const Version&) const = default;
 };
 
+/// The name under which Fabric keeps a key's policy among its metadata.
+inline constexpr const char* validation_parameter = "VALIDATION_PARAMETER";
+
 /// The contract's keys with their newest values, where each was ever written, and the known transactions. In memory;
 /// made again from the blocks at every start.
 class State {
@@ -25,6 +28,7 @@ class State {
   struct Value {
     std::string bytes;
     Version version;
+    std::string policy{};  ///< the key's own, common.SignaturePolicyEnvelope; empty: the contract's
   };
   using Values = std::map<std::string, Value>;
 
@@ -32,7 +36,9 @@ class State {
   const Values& values() const { return values_; }
   /// Oldest first; nullptr: never written.
   const std::vector<Version>* history(const std::string& key) const;
-  void write(const kvrwset::KVWrite& write, Version version);
+  /// What a transaction writes: values, then policies of keys. A policy outlives the key's next values, not its deletion; one for a
+  /// key that is not there has no effect. As Fabric.
+  void write(const kvrwset::KVRWSet& set, Version version);
 
   struct Tx {
     std::uint64_t block = 0;
@@ -43,12 +49,14 @@ class State {
   void add_tx(const std::string& tx_id, Tx tx) { txs_.emplace(tx_id, tx); }
 
  private:
+  void write(const kvrwset::KVWrite& write, Version version);
+
   Values values_;
   std::map<std::string, std::vector<Version>> history_;
   std::unordered_map<std::string, Tx> txs_;  // looked up only, never walked: its order would not repeat
 };
 
-/// The valid writes of the block under validation, laid over the state.
+/// The valid writes of the block under validation, laid over the state. Policies of keys are those before the block.
 class Overlay {
  public:
   explicit Overlay(const State& state) : state_(state) {}

@@ -31,6 +31,7 @@ class ControlTest : public ContractTest {
 
   Response command(const crypto::IdentityName& by, const std::vector<DronePlan>& plans) {
     CommandCall call;
+    call.set_organisation("Org1MSP");
     for (const DronePlan& one : plans) *call.add_plans() = one;
     return stub.call(by, "command", call);
   }

@@ -25,6 +25,11 @@ class FakeStub final : public Stub {
     writes[key] = value;
     return done;
   }
+  Status put_policy(const std::string& key, const std::string& msp_id) override {
+    EXPECT_TRUE(writes.contains(key) || state.contains(key)) << key;
+    new_policies[key] = msp_id;
+    return done;
+  }
   Result<std::vector<KeyValue>> get_range(const std::string& start, const std::string& end,
                                           std::size_t limit) override {
     ranges.push_back(start);
@@ -53,11 +58,13 @@ class FakeStub final : public Stub {
     reads.clear();
     ranges.clear();
     writes.clear();
+    new_policies.clear();
     event_name.clear();
     event_payload.clear();
     Response response = invoke(*this, function, args);
     if (response.status < 400) {
       ++transactions;
+      for (const auto& [key, msp_id] : new_policies) policies[key] = msp_id;
       for (const auto& [key, value] : writes) {
         state[key] = value;
         history[key].push_back({"tx" + std::to_string(transactions), transactions, value});
@@ -70,6 +77,7 @@ class FakeStub final : public Stub {
   }
 
   std::map<std::string, std::string> state, writes;
+  std::map<std::string, std::string> policies, new_policies;  ///< MSP id that endorses a key
   std::map<std::string, std::vector<KeyVersion>> history;
   std::vector<std::string> reads, ranges;  ///< keys, and where ranges begin
   std::string event_name, event_payload;
@@ -125,6 +133,7 @@ class ContractTest : public ::testing::Test {
   /// A plan for tello1.
   Response command(const crypto::IdentityName& by, std::uint64_t epoch) {
     CommandCall call;
+    call.set_organisation("Org1MSP");
     DronePlan& plan = *call.add_plans();
     plan.set_drone("tello1");
     plan.set_epoch(epoch);

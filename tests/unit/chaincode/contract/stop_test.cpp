@@ -33,6 +33,7 @@ class StopTest : public ContractTest {
   /// A command with one plan; `action` FLY has a setpoint.
   Response command(Action action = FLY) {
     CommandCall call;
+    call.set_organisation("Org1MSP");
     DronePlan& plan = *call.add_plans();
     plan.set_drone("tello1");
     plan.set_epoch(control("tello1").epoch());

@@ -143,7 +143,7 @@ TEST_F(FakePrograms, WhatIsSwitchedStandsInTheConfigs) {
     std::ifstream in(files.config(program));
     return std::string(std::istreambuf_iterator<char>(in), {});
   };
-  ASSERT_TRUE(write_configs(files, {}, "127.0.0.1:1", {"127.0.0.1:2"}));
+  ASSERT_TRUE(write_configs(files, {}, {"127.0.0.1:1", {"127.0.0.1:2"}, {}}));
   for (const char* side : {"agent", "ground"}) {
     EXPECT_THAT(text(side), HasSubstr("signer = \"libcrypto\"\nverifier = \"libcrypto\""));
     EXPECT_THAT(text(side), HasSubstr("[[orderer]]\nendpoint = \"127.0.0.1:2\""));
@@ -151,7 +151,7 @@ TEST_F(FakePrograms, WhatIsSwitchedStandsInTheConfigs) {
 
   Options options;
   options.mbedtls = options.gateway = true;
-  ASSERT_TRUE(write_configs(files, options, "127.0.0.1:1", {"127.0.0.1:2"}));
+  ASSERT_TRUE(write_configs(files, options, {"127.0.0.1:1", {"127.0.0.1:2"}, {}}));
   for (const char* side : {"agent", "ground"}) {
     EXPECT_THAT(text(side), HasSubstr("signer = \"mbedtls\"\nverifier = \"mbedtls\""));
     EXPECT_THAT(text(side), Not(HasSubstr("[[orderer]]")));
@@ -168,7 +168,7 @@ TEST_F(FakePrograms, DdsStaysOnThisMachineWhateverTheShellSaysUnlessAFileIsNamed
   for (const auto& [file, line] :
        {std::pair{"", "local_only = true\n"}, {"/etc/lan.xml", "cyclonedds = \"/etc/lan.xml\"\n"}}) {
     options.cyclonedds = file;
-    ASSERT_TRUE(write_configs(files, options, "127.0.0.1:1", {}));
+    ASSERT_TRUE(write_configs(files, options, {"127.0.0.1:1", {}, {}}));
     ASSERT_TRUE(write_sim_config(files, options));
     for (const char* program : {"agent", "ground", "sim"}) EXPECT_THAT(dds(program), HasSubstr(line)) << program;
     ASSERT_TRUE(write_local_configs(files, options));
@@ -211,13 +211,13 @@ TEST_F(FakePrograms, AProxyStandsBetweenBothHostsAndTheLedgerAndBetweenLinkAndTh
 TEST_F(FakePrograms, OrderersAreBehindTheProxyTooForEachHostByItself) {
   Options options;
   options.proxy = true;
-  ASSERT_TRUE(write_proxy_config(files, options, "127.0.0.1:1", {"127.0.0.1:2", "127.0.0.1:3"}));
+  ASSERT_TRUE(write_proxy_config(files, options, {"127.0.0.1:1", {"127.0.0.1:2", "127.0.0.1:3"}, {}}));
   std::ifstream in(files.config(proxy_name));
   const std::string text(std::istreambuf_iterator<char>(in), {});
   for (const char* server :
        {"agent", "ground", "agent-orderer1", "agent-orderer2", "ground-orderer1", "ground-orderer2"})
     EXPECT_THAT(text, HasSubstr(fmt::format("name = \"{}\"", server)));
-  ASSERT_TRUE(write_configs(files, options, "127.0.0.1:1", {"127.0.0.1:2", "127.0.0.1:3"},
+  ASSERT_TRUE(write_configs(files, options, {"127.0.0.1:1", {"127.0.0.1:2", "127.0.0.1:3"}, {}},
                             {{"agent", "127.0.0.1:11"}, {"agent-orderer2", "127.0.0.1:13"}}));
   std::ifstream agent(files.config("agent"));
   EXPECT_THAT(std::string(std::istreambuf_iterator<char>(agent), {}),

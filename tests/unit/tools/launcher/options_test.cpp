@@ -68,7 +68,7 @@ std::string deployment_file(const std::string& address) {
 
 TEST(FlyOptions, ADeploymentSaysDronesLedgerAndOrderers) {
   const std::string file = deployment_file("127.0.0.1");
-  const auto line = parse_command_line({"--deployment", file, "--majority"});
+  const auto line = parse_command_line({"--deployment", file, "--gateway"});
   ASSERT_TRUE(line.fly) << line.text;
   EXPECT_EQ(line.options.drones, 2);
   EXPECT_EQ(line.options.ledger, Ledger::fabric);
@@ -117,9 +117,7 @@ TEST(FlyOptions, AProxyIsAskedForAndAScriptGoesWithOne) {
 
 TEST(FlyOptions, TheWayPastTheGatewayAndTheNumberOfEndorsementsAreFabrics) {
   EXPECT_TRUE(parse_command_line({"--ledger", "fabric", "--gateway"}).options.gateway);
-  EXPECT_TRUE(parse_command_line({"--ledger", "fabric", "--majority"}).options.majority);
   expect_refused({"--gateway"}, "--ledger fabric");
-  expect_refused({"--majority"}, "--ledger fabric");
 }
 
 TEST(FlyOptions, WhatSignsMayBeSwitched) {

@@ -55,6 +55,7 @@ TEST_F(CommitterTest, OfTwoCallsThatReadWhatBothWriteOneIsInvalid) {
 }
 
 TEST_F(CommitterTest, TheSameHoldsWithinOneBlock) {
+  net.submit(net.admin2, "enroll", enroll_call(net.pilot.name, {}, AUDITOR));
   net.config.batch_count = 2;
   net.restart();
   net.core->order(net.endorsed(net.admin2, "enroll", enroll_call(net.pilot.name, {}, OPERATOR)), net.now);

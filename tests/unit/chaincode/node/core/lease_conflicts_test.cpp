@@ -45,6 +45,7 @@ class LeaseConflicts : public ::testing::Test {
   }
   static std::string plan(std::uint64_t epoch) {
     CommandCall call;
+    call.set_organisation("Org1MSP");
     DronePlan& plan = *call.add_plans();
     plan.set_drone("tello1");
     plan.set_epoch(epoch);

@@ -38,6 +38,7 @@ class StopConflicts : public ::testing::Test {
 
   std::string command() {
     CommandCall call;
+    call.set_organisation("Org1MSP");
     DronePlan& plan = *call.add_plans();
     plan.set_drone("tello1");
     plan.set_epoch(1);

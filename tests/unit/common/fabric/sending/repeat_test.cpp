@@ -63,7 +63,7 @@ TEST(Repeat, ItIsGivenUpWhenItsTimeIsUp) {
 TEST(Repeat, OneOfConflictsAloneGivesUpOverAnythingElse) {
   const RepeatLimits limits{.attempts = 3, .conflicts_only = true};
   EXPECT_EQ(Repeat(limits, 1, start).ended(start, ended(Kind::unavailable)), Next::given_up);
-  EXPECT_EQ(Repeat(limits, 1, start).ended(start, ended(Kind::invalidated, "", 10)), Next::given_up);
+  EXPECT_EQ(Repeat(limits, 1, start).ended(start, ended(Kind::invalidated, "", 4)), Next::given_up);
   Repeat repeat(limits, 1, start);
   EXPECT_EQ(repeat.ended(start, ended(Kind::invalidated, "", 11)), Next::again);
   EXPECT_EQ(repeat.ended(start, ended(Kind::invalidated, "", 12)), Next::again);

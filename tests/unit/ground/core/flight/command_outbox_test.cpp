@@ -64,9 +64,30 @@ TEST_F(CommandOutboxTest, ACallRefusedForOneDroneGoesAgainWithoutItUnlessTheLeas
   const CommandCall again = submit(1);
   ASSERT_EQ(again.plans_size(), 1);
   EXPECT_EQ(again.plans(0).drone(), "tello2");
-  outbox.begin_lease(1, 7);
+  outbox.begin_lease(1, "Org1MSP", 7);
   outbox.take_outcome(2, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: no"), 2, out);
   EXPECT_EQ(submit(ns_per_s).plans_size(), 0);
+}
+
+TEST_F(CommandOutboxTest, EachOrganisationsDronesGoInACallOfTheirOwnAndDoNotWaitForAnothers) {
+  outbox.begin_lease(0, "Org1MSP", 1);
+  outbox.begin_lease(1, "Org3MSP", 1);
+  put(0, 1);
+  put(1, 2);
+  submit(0);
+  ASSERT_EQ(out.submissions.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    CommandCall call;
+    call.ParseFromString(out.submissions[i].call.args.at(0));
+    EXPECT_EQ(call.organisation(), i == 0 ? "Org1MSP" : "Org3MSP");
+    ASSERT_EQ(call.plans_size(), 1);
+    EXPECT_EQ(call.plans(0).drone(), config.drones[i].name);
+  }
+  outbox.take_outcome(1, fabric::Outcome::failed(Kind::committed, ""), 1, out);
+  put(0, 3);
+  put(1, 4);
+  EXPECT_EQ(submit(1).organisation(), "Org1MSP");
+  EXPECT_EQ(out.submissions.size(), 1u) << "the other organisation's is under way";
 }
 
 }  // namespace

@@ -1,0 +1,132 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/fabric/client/pipeline.hpp"
+#include "peer/proposal.pb.h"
+
+/// The pipeline's first stage: who endorses a call.
+namespace ledgerline::fabric {
+namespace {
+
+bool not_reached(const grpc::Status& status) {
+  return may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
+         status.error_code() == grpc::StatusCode::CANCELLED;
+}
+
+Gathering::Answer answer_of(const std::string& organisation, const grpc::Status& status,
+                            const protos::ProposalResponse& response) {
+  if (!status.ok()) return {organisation, describe(status), {}};
+  if (response.response().status() >= 400) {
+    return {organisation,
+            {},
+            fmt::format("chaincode response {}, {}", response.response().status(), response.response().message())};
+  }
+  return {organisation, {}, {}, response.payload(), response.SerializeAsString()};
+}
+
+}  // namespace
+
+void Pipeline::propose_to(const PendingPtr& p, protos::Endorser::Stub& endorser) {
+  protos::SignedProposal proposal;
+  proposal.ParseFromString(p->proposal.signed_proposal);
+  p->propose = make_unary<protos::ProposalResponse>(p);
+  p->propose->reader = endorser.AsyncProcessProposal(&p->propose->context, proposal, &queue_);
+  await(p, p->propose, &Pipeline::on_proposed);
+}
+
+bool Pipeline::gather(const PendingPtr& p) {
+  const std::vector<std::size_t> chosen = connection_->endorsers_now();
+  if (chosen.size() < 2) return false;
+  protos::SignedProposal proposal;
+  proposal.ParseFromString(p->proposal.signed_proposal);
+  p->gathering.emplace(chosen.size(), 2, p->need.count == EndorsementNeed::Count::two_if_there_are);
+  p->asked.clear();
+  for (const std::size_t i : chosen) {
+    auto unary = make_unary<protos::ProposalResponse>(p);
+    p->asked.push_back(unary);
+    unary->reader = endorsers_[i]->AsyncProcessProposal(&unary->context, proposal, &queue_);
+    const std::string& organisation = connection_->config.endorsers[i].msp_id;
+    unary->reader->Finish(&unary->response, &unary->status, new Tag([this, p, unary, &organisation](bool) {
+      if (p->stage != Stage::endorsing || !p->gathering || std::ranges::find(p->asked, unary) == p->asked.end()) return;
+      p->gathering->take(answer_of(organisation, unary->status, unary->response));
+      on_gathered(p, false);
+    }));
+  }
+  p->alarm = std::make_shared<grpc::Alarm>();
+  p->alarm->Set(&queue_, std::min(p->deadline, std::chrono::system_clock::now() + connection_->config.endorse_patience),
+                new Tag([this, p](bool ok) {
+                  if (ok && p->stage == Stage::endorsing && p->gathering) on_gathered(p, true);
+                }));
+  return true;
+}
+
+void Pipeline::on_gathered(const PendingPtr& p, bool late) {
+  const Gathering::Next next = p->gathering->next(late);
+  if (next == Gathering::Next::wait) return;
+  if (late && next == Gathering::Next::unavailable && std::chrono::system_clock::now() < p->deadline) return;
+  const Gathering gathering = std::move(*p->gathering);
+  p->gathering.reset();
+  p->alarm->Cancel();
+  for (const auto& unary : p->asked) unary->context.TryCancel();
+  std::vector<std::string> responses;
+  for (const Gathering::Answer* one : gathering.best()) responses.push_back(one->bytes);
+  switch (next) {
+    case Gathering::Next::send:
+      p->unheard = gathering.problem();
+      take_endorsed(p, assemble(p->proposal, responses));
+      return;
+    case Gathering::Next::refused:
+      finish(p, Outcome::Kind::refused, gathering.problem());
+      return;
+    case Gathering::Next::again:
+      on_not_endorsed(p, {grpc::StatusCode::UNAVAILABLE, "the peers' answers differ"});
+      return;
+    default:
+      on_not_endorsed(p, {grpc::StatusCode::UNAVAILABLE, "no second organisation endorses: " + gathering.problem()});
+  }
+}
+
+void Pipeline::endorse(const PendingPtr& p) {
+  using Count = EndorsementNeed::Count;
+  if (ordering_ && p->need.count == Count::one) {
+    if (p->need.organisation.empty()) return propose_to(p, *proposals_[connection_->peer()]);
+    for (const std::size_t i : connection_->endorsers_now()) {
+      if (connection_->config.endorsers[i].msp_id == p->need.organisation) return propose_to(p, *endorsers_[i]);
+    }
+  }
+  if (ordering_ && p->need.count != Count::one && gather(p)) return;
+  gateway::EndorseRequest request;
+  if (p->need.count == Count::one && !p->need.organisation.empty())
+    request.add_endorsing_organizations(p->need.organisation);
+  request.set_transaction_id(p->proposal.tx_id);
+  request.set_channel_id(connection_->config.where.channel);
+  request.mutable_proposed_transaction()->ParseFromString(p->proposal.signed_proposal);
+  p->endorse = make_unary<gateway::EndorseResponse>(p);
+  p->endorse->reader = gateways_[connection_->peer()]->AsyncEndorse(&p->endorse->context, request, &queue_);
+  await(p, p->endorse, &Pipeline::on_endorsed);
+}
+
+void Pipeline::on_endorsed(const PendingPtr& p) {
+  const grpc::Status& status = p->endorse->status;
+  if (!status.ok() && p->need.count == EndorsementNeed::Count::two_if_there_are &&
+      status.error_code() != grpc::StatusCode::ABORTED && std::chrono::system_clock::now() < p->deadline) {
+    p->unheard = describe(status);
+    p->need.count = EndorsementNeed::Count::one;
+    return propose_to(p, *proposals_[connection_->peer()]);
+  }
+  if (!status.ok()) return on_not_endorsed(p, status);
+  take_endorsed(p, p->endorse->response.prepared_transaction().SerializeAsString());
+}
+
+void Pipeline::on_proposed(const PendingPtr& p) {
+  if (!p->propose->status.ok()) return on_not_endorsed(p, p->propose->status);
+  take_endorsed(p, assemble(p->proposal, {p->propose->response.SerializeAsString()}));
+}
+
+void Pipeline::on_not_endorsed(const PendingPtr& p, const grpc::Status& status) {
+  if (retry(p, status, &Pipeline::endorse)) return;
+  finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
+}
+
+}  // namespace ledgerline::fabric

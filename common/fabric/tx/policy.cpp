@@ -1,0 +1,72 @@
+#include "common/fabric/tx/policy.hpp"
+
+#include "common/policies.pb.h"
+#include "msp/msp_principal.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+constexpr int max_depth = 16;  // of rules within rules; ours have two
+
+bool matches(const common::MSPPrincipal& principal, const Endorser& endorser) {
+  common::MSPRole role;
+  if (principal.principal_classification() != common::MSPPrincipal::ROLE ||
+      !role.ParseFromString(principal.principal()) || role.msp_identifier() != endorser.msp_id) {
+    return false;
+  }
+  return role.role() == common::MSPRole::MEMBER || (role.role() == common::MSPRole::PEER && endorser.peer);
+}
+
+/// `used`: who counts already.
+bool holds(const common::SignaturePolicyEnvelope& policy, const common::SignaturePolicy& rule,
+           const std::vector<Endorser>& endorsers, std::vector<bool>& used, int depth) {
+  if (depth > max_depth) return false;
+  if (rule.has_n_out_of()) {
+    int held = 0;
+    std::vector<bool> then = used;
+    for (const common::SignaturePolicy& part : rule.n_out_of().rules()) {
+      std::vector<bool> with = then;
+      if (!holds(policy, part, endorsers, with, depth + 1)) continue;
+      then = std::move(with);
+      ++held;
+    }
+    if (held < rule.n_out_of().n()) return false;
+    used = std::move(then);
+    return true;
+  }
+  if (rule.Type_case() != common::SignaturePolicy::kSignedBy || rule.signed_by() < 0 ||
+      rule.signed_by() >= policy.identities_size()) {
+    return false;
+  }
+  for (std::size_t i = 0; i < endorsers.size(); ++i) {
+    if (used[i] || !matches(policy.identities(rule.signed_by()), endorsers[i])) continue;
+    used[i] = true;
+    return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::string peer_policy(const std::string& msp_id) {
+  common::MSPRole role;
+  role.set_msp_identifier(msp_id);
+  role.set_role(common::MSPRole::PEER);
+  common::SignaturePolicyEnvelope policy;
+  common::MSPPrincipal& principal = *policy.add_identities();
+  principal.set_principal_classification(common::MSPPrincipal::ROLE);
+  principal.set_principal(role.SerializeAsString());
+  auto& rule = *policy.mutable_rule()->mutable_n_out_of();
+  rule.set_n(1);
+  rule.add_rules()->set_signed_by(0);
+  return policy.SerializeAsString();
+}
+
+bool satisfies(std::string_view policy, const std::vector<Endorser>& endorsers) {
+  common::SignaturePolicyEnvelope envelope;
+  if (!envelope.ParseFromArray(policy.data(), static_cast<int>(policy.size()))) return false;
+  std::vector<bool> used(endorsers.size(), false);
+  return holds(envelope, envelope.rule(), endorsers, used, 0);
+}
+
+}  // namespace ledgerline::fabric
