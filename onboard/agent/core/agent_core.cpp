@@ -100,6 +100,8 @@ void AgentCore::progress(TimeNs) {
   unanswered_since_ns_.reset();
 }
 
+constexpr int endorsement_policy_failure = 10;  // protos.TxValidationCode
+
 void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
   if (transitions_.finished(now, frame, outcome) || folds_.finished(now, frame, outcome)) {
     if (outcome.kind == fabric::Outcome::Kind::committed) progress(now);
@@ -111,6 +113,10 @@ void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcom
     out.traces.push_back(record_of(TraceKind::call_endorsed, outcome.endorsed_ns, 0, frame, ended->submitted_ns));
   if (outcome.ordered_ns != 0)
     out.traces.push_back(record_of(TraceKind::call_ordered, outcome.ordered_ns, 0, frame, ended->submitted_ns));
+  if (outcome.kind == fabric::Outcome::Kind::invalidated && outcome.code == endorsement_policy_failure) {
+    // The contract has become a newer version, and our records have no policy yet: a fold renews them.
+    for (const DroneName& drone : config_.drones) folds_.want(now, drone.number);
+  }
   if (outcome.kind != fabric::Outcome::Kind::committed) return;
   progress(now);
   out.traces.push_back(TraceRecord{.t_ns = now,

@@ -185,6 +185,25 @@ TEST_F(AgentCoreTest, AStopInABlockIsFoldedUntilTheLedgerHasIt) {
   EXPECT_EQ(core_.folds().folded(), 1U);
 }
 
+TEST_F(AgentCoreTest, AFrameThatLacksEndorsementsHasTheRecordsRenewed) {
+  core_.on_state(start, state(1, start), out_);
+  core_.step(start, out_);
+  fabric::Outcome outcome;
+  outcome.kind = Kind::invalidated;
+  outcome.code = 11;
+  core_.on_outcome(start + ns_per_ms, out_.submits.back().frame, outcome, out_);
+  EXPECT_FALSE(core_.folds().pending()) << "it has read what changed: the next one reads it anew";
+  core_.on_state(start + 50 * ns_per_ms, state(2, start + 50 * ns_per_ms), out_);
+  core_.step(start + 50 * ns_per_ms, out_);
+  outcome.code = 10;
+  core_.on_outcome(start + 51 * ns_per_ms, out_.submits.back().frame, outcome, out_);
+  out_.submits.clear();
+  core_.step(start + 52 * ns_per_ms, out_);
+  const auto folds = std::count_if(out_.submits.begin(), out_.submits.end(),
+                                   [](const auto& submit) { return submit.call.function == "fold"; });
+  EXPECT_EQ(folds, 2) << "of each drone";
+}
+
 TEST_F(AgentCoreTest, AStopFromBeforeItsStartIsFoldedToo) {
   Control stopped = control("tello1", 1);
   add_stop(stopped, testing::stop_of("tello1"));
