@@ -80,8 +80,9 @@ class Peer:
     """Fabric's own command line at a peer, as a user of an organisation."""
 
     def __init__(self, directory: pathlib.Path, address: str, organisation: int, orderer: str, user: str = "User1",
-                 command=lambda *words: list(words), ca_files: tuple[pathlib.Path, pathlib.Path] | None = None):
-        """`ca_files`: of the TLS certificates of peer and orderer, where they are not those of their organisations."""
+                 command=lambda *words: list(words), ca_files: tuple[pathlib.Path, pathlib.Path] | None = None, peers: list[str] = ()):
+        """`ca_files`: of the TLS certificates of peer and orderer, where they are not those of their organisations. `peers`: of
+        all organisations, for who invokes: its own endorses, and one of another."""
         home = organisation_dir(directory, organisation)
         ca_file, orderer_ca_file = ca_files or (
             home / "tlsca" / f"tlsca.org{organisation}.ledgerline-cert.pem",
@@ -92,6 +93,9 @@ class Peer:
             "CORE_PEER_LOCALMSPID": f"Org{organisation}MSP", "CORE_PEER_TLS_ENABLED": "true",
             "CORE_PEER_MSPCONFIGPATH": str(home / "users" / f"{user}@org{organisation}.ledgerline" / "msp"),
             "CORE_PEER_TLS_ROOTCERT_FILE": str(ca_file)}
+        self.endorsers = [word for k in (organisation, 1 if organisation != 1 else 2) if peers
+                          for word in ("--peerAddresses", peers[k - 1], "--tlsRootCertFiles",
+                                       organisation_dir(directory, k) / "tlsca" / f"tlsca.org{k}.ledgerline-cert.pem")]
         self.ordering = ["-o", orderer, "--tls", "--cafile", orderer_ca_file]
 
     def run(self, *words) -> subprocess.CompletedProcess:
@@ -100,7 +104,7 @@ class Peer:
 
     def invoke(self, channel: str, *arguments: str) -> None:
         """Returns when it is committed at this peer."""
-        done = self.run("chaincode", "invoke", *self.ordering, "-C", channel, "-n", "ledgerline", "-c", json.dumps({"Args": arguments}),
+        done = self.run("chaincode", "invoke", *self.ordering, *self.endorsers, "-C", channel, "-n", "ledgerline", "-c", json.dumps({"Args": arguments}),
                           "--waitForEvent")
         assert done.returncode == 0, done.stderr
 

@@ -103,8 +103,10 @@ Status Network::up() {
     return list;
   };
   peers_ = texts(place_.embedded ? "endpoint" : "peers");
+  endorsers_ = texts("peers");
   orderers_ = texts(place_.embedded ? "endpoint" : "orderers");
-  if (peers_.empty() || orderers_.empty()) return Error{name_ + " did not say its endpoints: " + ready_};
+  if (peers_.empty() || orderers_.empty() || endorsers_.size() < 2)
+    return Error{name_ + " did not say its endpoints: " + ready_};
   return enroll();
 }
 
@@ -114,6 +116,10 @@ Network::Access Network::access(int organisation, const std::string& user) const
   const auto tls_ca_of = [](const fs::path& home, const std::string& domain) {
     return home / "tlsca" / fmt::format("tlsca.{}-cert.pem", domain);
   };
+  const auto endorser = [&](int k) {
+    return Access::Endorser{endorsers_[k - 1u],
+                            tls_ca_of(identities::organisation_dir(ledger, k), identities::domain_of(k))};
+  };
   const int host = static_cast<int>(index) + 1;  // whose peer it is; the embedded node is organisation 1's
   const fs::path peer_ca = tls_ca_of(identities::organisation_dir(ledger, host), identities::domain_of(host));
   return {.endpoint = peers_[index],
@@ -121,7 +127,8 @@ Network::Access Network::access(int organisation, const std::string& user) const
           .msp_id = identities::msp_id_of(organisation),
           .msp_dir = identities::user_dir(ledger, organisation, user) / "msp",
           .orderer_tls_ca = place_.embedded ? peer_ca : tls_ca_of(identities::ordering_dir(ledger), "ledgerline"),
-          .orderers = orderers_};
+          .orderers = orderers_,
+          .endorsers = {endorser(organisation), endorser(organisation == 1 ? 2 : 1)}};
 }
 
 // Side a speaks for tello1 ..., which every new ledger knows; side b's names are enrolled here.
@@ -214,6 +221,8 @@ class Pair {
       for (const std::string& orderer : access.orderers) {
         text += fmt::format("\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", orderer, access.orderer_tls_ca);
       }
+      text += fmt::format("\n[[endorser]]\nmsp_id = \"{}\"\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", access.msp_id,
+                          access.endorsers.front().endpoint, access.endorsers.front().tls_ca);
       if (auto s = write_file(config, text); !s) return s;
       program.command = {place_.programs / "two_way_client", "--role", name, "--config", config, "--schedule",
                          write_schedule(schedule_)};
@@ -221,10 +230,14 @@ class Pair {
       const char* way = contender_.way == Way::direct    ? "direct"
                         : contender_.way == Way::polling ? "polling"
                                                          : "gateway";
+      json endorsers = json::array();
+      for (const auto& [endpoint, tls_ca] : access.endorsers)
+        endorsers.push_back({{"endpoint", endpoint}, {"tlsCa", tls_ca}});
       const json ledger{{"way", way},
                         {"endpoint", access.endpoint},
                         {"tlsCa", access.tls_ca},
                         {"mspDir", access.msp_dir},
+                        {"endorsers", endorsers},
                         {"orderer", access.orderers.front()},
                         {"ordererTlsCa", access.orderer_tls_ca},
                         {"pollMs", place_.poll_ms}};

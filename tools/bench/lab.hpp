@@ -47,6 +47,10 @@ class Network {
   struct Access {
     std::string endpoint, tls_ca, msp_id, msp_dir, orderer_tls_ca;
     std::vector<std::string> orderers;
+    struct Endorser {
+      std::string endpoint, tls_ca;
+    };
+    std::vector<Endorser> endorsers;  ///< the organisation's own peer and another's: a majority
   };
   Access access(int organisation, const std::string& user = "User1") const;
 
@@ -59,7 +63,7 @@ class Network {
   std::filesystem::path dir_;
   const std::atomic<int>& interrupts_;
   std::string name_, ready_;
-  std::vector<std::string> peers_, orderers_;
+  std::vector<std::string> peers_, endorsers_, orderers_;
   Children children_;
 };
 

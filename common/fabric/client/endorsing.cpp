@@ -90,10 +90,14 @@ void Pipeline::on_gathered(const PendingPtr& p, bool late) {
 void Pipeline::endorse(const PendingPtr& p) {
   using Count = EndorsementNeed::Count;
   if (ordering_ && p->need.count == Count::one) {
-    if (p->need.organisation.empty()) return propose_to(p, *proposals_[connection_->peer()]);
+    const bool own = p->need.organisation.empty();
+    const std::string& organisation = own ? connection_->config.identity.name.msp_id : p->need.organisation;
     for (const std::size_t i : connection_->endorsers_now()) {
-      if (connection_->config.endorsers[i].msp_id == p->need.organisation) return propose_to(p, *endorsers_[i]);
+      const bool there = connection_->endorsers[i]->GetState(true) != GRPC_CHANNEL_TRANSIENT_FAILURE;
+      if (connection_->config.endorsers[i].msp_id == organisation && (there || !own))
+        return propose_to(p, *endorsers_[i]);
     }
+    if (own) return propose_to(p, *proposals_[connection_->peer()]);
   }
   if (ordering_ && p->need.count != Count::one && gather(p)) return;
   gateway::EndorseRequest request;

@@ -26,7 +26,7 @@ struct Call {
 /// Whose endorsements a call needs.
 struct EndorsementNeed {
   enum class Count {
-    one,               ///< by `organisation`, where it is named
+    one,               ///< by `organisation`; where none is named, one's own: its endorser, or the own peer
     two,               ///< by two organisations; all that are known are asked side by side
     two_if_there_are,  ///< the same, but it goes out with one where no second one answers in time
   };

@@ -25,6 +25,11 @@ using namespace ledgerline;
 using nlohmann::json;
 
 constexpr const char* asset = "tello1/fault";
+
+/// A state, which needs one endorsement; its type is its number.
+std::string frame(std::uint64_t number) {
+  return json{{"assets", {{{"id", asset}, {"msgType", std::to_string(number)}}}}, {"stream", true}}.dump();
+}
 constexpr std::size_t max_in_flight = 16;
 
 /// The longest time between two things, the one that has not ended yet among them.
@@ -105,7 +110,7 @@ class Load {
       ++in_flight_;
       const std::uint64_t number = next_++;
       lock.unlock();
-      client_.submit({"set", {json{{"id", asset}, {"msgType", std::to_string(number)}}.dump()}},
+      client_.submit({"set", {frame(number)}},
                      [this, number](fabric::Outcome outcome) { done(number, std::move(outcome)); });
     }
   }

@@ -96,7 +96,7 @@ def test_up_twice_is_one_network_and_down_leaves_nothing_behind(tmp_path):
     processes = processes_in(net)
     assert set(processes) == {"orderer1", *(f"{kind}{k}" for kind in ("peer", "chaincode") for k in (1, 2, 3))}
     assert all(process["pid"] > 0 and process["restarts"] == 0 and process["address"] for process in processes.values())
-    at = Peer(net, ready["endpoint"], 1, ready["orderers"][0])
+    at = Peer(net, ready["endpoint"], 1, ready["orderers"][0], peers=ready["peers"])
     at.invoke("teleop", "set", note("before"))
     assert fabric("down", "--dir", net).returncode == 0
     assert living(net) == []
@@ -110,7 +110,7 @@ def test_up_twice_is_one_network_and_down_leaves_nothing_behind(tmp_path):
 
 def test_what_is_killed_is_back_by_itself(tmp_path):
     net = Network(tmp_path / "net").wait_ready()
-    at = Peer(net.directory, net.ready["endpoint"], 1, net.ready["orderers"][0])
+    at = Peer(net.directory, net.ready["endpoint"], 1, net.ready["orderers"][0], peers=net.ready["peers"])
     before = processes_in(net.directory)
     victims = ("chaincode1", "peer1", "orderer1")
     for name in victims:
@@ -133,7 +133,7 @@ def test_what_is_killed_is_back_by_itself(tmp_path):
 def test_a_transaction_is_on_its_channel_alone(tmp_path):
     net = Network(tmp_path / "net", "--channel", "teleop", "--channel", "yard").wait_ready()
     assert net.ready["channels"] == ["teleop", "yard"]
-    first, other = (Peer(net.directory, net.ready["peers"][k - 1], k, net.ready["orderers"][0]) for k in (1, 2))
+    first, other = (Peer(net.directory, net.ready["peers"][k - 1], k, net.ready["orderers"][0], peers=net.ready["peers"]) for k in (1, 2))
     first.invoke("yard", "set", note("in the yard"))
     other.wait_for("yard", '"in the yard"', "get", "tello1/note")
     assert "not found" in first.query("teleop", "get", "tello1/note")
@@ -147,8 +147,8 @@ def test_networks_run_side_by_side(tmp_path):
     one, two = (Network(tmp_path / name) for name in ("one", "two"))
     ports = [set(one.wait_ready().ready["peers"]), set(two.wait_ready().ready["peers"])]
     assert not ports[0] & ports[1]
-    Peer(one.directory, one.ready["endpoint"], 1, one.ready["orderers"][0]).invoke("teleop", "set", note("one"))
-    at_two = Peer(two.directory, two.ready["endpoint"], 1, two.ready["orderers"][0])
+    Peer(one.directory, one.ready["endpoint"], 1, one.ready["orderers"][0], peers=one.ready["peers"]).invoke("teleop", "set", note("one"))
+    at_two = Peer(two.directory, two.ready["endpoint"], 1, two.ready["orderers"][0], peers=two.ready["peers"])
     assert "not found" in at_two.query("teleop", "get", "tello1/note")
     one.stop()
     at_two.invoke("teleop", "set", note("two"))

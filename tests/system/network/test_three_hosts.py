@@ -69,7 +69,7 @@ def test_a_transaction_through_each_host_is_read_at_the_others(tmp_path):
             ready = network.wait_ready().ready
             assert ready["endpoint"] == f"{HOSTS[k]}:7051"
             assert [p["name"] for p in ready["processes"]] == [f"orderer{k}", f"peer{k}", f"chaincode{k}"]
-            peers.append(Peer(network.directory, ready["endpoint"], k, f"{HOSTS[k]}:7061", command=space.command))
+            peers.append(Peer(network.directory, ready["endpoint"], k, f"{HOSTS[k]}:7061", command=space.command, peers=ready["peers"]))
         for k, peer in enumerate(peers, 1):
             identifier = f"Org{k}MSP/note"
             peer.invoke("teleop", "set", json.dumps({"id": identifier, "msgType": f"from host {k}"}))

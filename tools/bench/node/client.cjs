@@ -66,8 +66,11 @@ function directly() {
   });
   broadcast.on('error', fail);
   broadcast.on('end', () => fail(new Error('the orderer ended the stream')));
-  const propose = (signed) => new Promise((resolve, reject) => {
-    rpc.makeUnaryRequest('/protos.Endorser/ProcessProposal', (request) => Buffer.from(request.serializeBinary()),
+  // A majority endorses: the own peer and another organisation's, side by side.
+  const peers = ledger.endorsers.map(({ endpoint, tlsCa }) =>
+    new grpc.Client(endpoint, grpc.credentials.createSsl(fs.readFileSync(tlsCa))));
+  const propose = (at, signed) => new Promise((resolve, reject) => {
+    at.makeUnaryRequest('/protos.Endorser/ProcessProposal', (request) => Buffer.from(request.serializeBinary()),
       peer.ProposalResponse.deserializeBinary, signed, { deadline: Date.now() + 15_000 },
       (error, response) => (error ? reject(error) : resolve(response)));
   });
@@ -75,14 +78,16 @@ function directly() {
     const proposal = contract.newProposal('set', { arguments: [asset] });
     const signed = gateway.ProposedTransaction.deserializeBinary(proposal.getBytes()).getProposal();
     signed.setSignature(await sign(proposal.getDigest()));
-    const response = await propose(signed);
-    if (response.getResponse().getStatus() >= 400) throw new Error(response.getResponse().getMessage());
+    const responses = await Promise.all(peers.map((at) => propose(at, signed)));
+    const refused = responses.find((one) => one.getResponse().getStatus() >= 400);
+    if (refused) throw new Error(refused.getResponse().getMessage());
+    const [response] = responses;
 
     const asked = peer.Proposal.deserializeBinary(signed.getProposalBytes_asU8());
     const header = common.Header.deserializeBinary(asked.getHeader_asU8());
     const endorsed = new peer.ChaincodeEndorsedAction();
     endorsed.setProposalResponsePayload(response.getPayload_asU8());
-    endorsed.setEndorsementsList([response.getEndorsement()]);
+    endorsed.setEndorsementsList(responses.map((one) => one.getEndorsement()));
     const payload = new peer.ChaincodeActionPayload();
     payload.setChaincodeProposalPayload(asked.getPayload_asU8()); // there is no transient data to leave out
     payload.setAction(endorsed);
