@@ -3,7 +3,7 @@
 #include "peer/transaction.pb.h"
 #include "tests/unit/chaincode/node/core/core_fixture.hpp"
 
-/// Whose endorsement the committer asks for; what Fabric says to the same is in tests/system/conformance/test_policies.py.
+/// Whose endorsement the committer asks for; what Fabric says to the same is in tests/system/conformance/test_identities.py.
 namespace ledgerline::node {
 namespace {
 
