@@ -40,23 +40,19 @@ Response verify(Stub& stub, const Arguments& call) {
   const auto asked = read_anchor(call, contract::verify);
   if (!asked) return refuse(asked.error().what);
   const std::string start = anchors_prefix(asked->digest());
-  std::string end = start;
-  end.back() = '0';  // follows "/"
-  const auto found = stub.get_range(start, end, contract::max_page_anchors);
+  const auto found = stub.get_range(start, end_of(start), contract::max_page_anchors);
   if (!found) return refuse(found.error().what);
   Anchors anchors;
   for (const KeyValue& entry : *found) {
     Stored stored;
-    AnchorCall anchored;
-    if (!stored.ParseFromString(entry.value) || stored.assets_size() != 1 ||
-        !anchored.ParseFromString(stored.assets(0).msg_data())) {
-      return refuse("the record " + entry.key + " is damaged");
-    }
+    if (!stored.ParseFromString(entry.value)) return refuse("the record " + entry.key + " is damaged");
+    const auto anchored = parse_record<AnchorCall>(entry.key, stored);
+    if (!anchored) return refuse(anchored.error().what);
     const auto versions = stub.get_history(entry.key, 0, 1);
     if (!versions) return refuse(versions.error().what);
     Anchor& one = *anchors.add_anchors();
     *one.mutable_signer() = stored.signer();
-    one.set_what(anchored.what());
+    one.set_what(anchored->what());
     if (versions->empty()) continue;  // a peer without a history database
     one.set_tx_id(versions->front().tx_id);
     one.set_timestamp_ns(versions->front().timestamp_ns);

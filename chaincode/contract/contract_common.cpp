@@ -106,6 +106,10 @@ std::string stops_prefix(const std::string& drone) { return "stop/" + drone + "/
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper) {
   return stops_prefix(drone) + name_hash(stopper);
 }
+std::string end_of(std::string prefix) {
+  prefix.back() = '0';  // follows "/"
+  return prefix;
+}
 std::string frame_key(const crypto::IdentityName& owner) { return "frame/" + name_hash(owner); }
 std::string command_key(const std::string& owner_msp_id, const crypto::IdentityName& writer) {
   return "command/" + owner_msp_id + "/" + name_hash(writer);

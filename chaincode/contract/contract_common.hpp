@@ -52,6 +52,8 @@ std::string request_key(const std::string& drone);
 std::string drones_key(const std::string& msp_id);
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper);
 std::string stops_prefix(const std::string& drone);  ///< what all of its stops' keys begin with
+/// The end of the range of all keys that begin with a prefix, which ends with "/".
+std::string end_of(std::string prefix);
 std::string frame_key(const crypto::IdentityName& owner);
 std::string command_key(const std::string& owner_msp_id, const crypto::IdentityName& writer);
 std::string pilot_key(const std::string& owner_msp_id, const crypto::IdentityName& holder);

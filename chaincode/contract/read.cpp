@@ -321,9 +321,7 @@ Result<Assets> get_page(Stub& stub, const Arguments& call, const std::string& pr
   }
   const std::string root = records ? "" : "asset/";
   std::string start = std::max(root + prefix, root + after + '\0');
-  // "0" follows "/", so this is behind every key that begins with the prefix.
-  std::string end = root + prefix;
-  end.back() = '0';
+  const std::string end = end_of(root + prefix);
   Assets page;
   std::size_t bytes = 0;
   for (bool more = true; more || !waiting.empty();) {

@@ -40,8 +40,7 @@ Status add_stops(Stub& stub, Control& control) {
   control.clear_stoppers();
   const std::string prefix = stops_prefix(control.drone());
   std::string start = prefix;
-  std::string end = prefix;
-  end.back() = '0';  // follows "/"
+  const std::string end = end_of(prefix);
   for (;;) {
     const auto some = stub.get_range(start, end, step);
     if (!some) return some.error();

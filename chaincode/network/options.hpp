@@ -39,8 +39,8 @@ struct Options {
   /// because 2.5.0 may hang when it comes in parts (issue 4199 of hyperledger/fabric; OrdererWatch).
   std::uint64_t batch_bytes = 10'000'000;
   bool ca = false;  ///< identities from fabric-ca, one an organisation; on one host alone
-  std::string
-      signature_policy{};  ///< of the contract's definition, in Fabric's words; empty: the channel's, a majority
+  /// Of the contract's definition, in Fabric's words; empty: the channel's, a majority.
+  std::string signature_policy{};
 
   bool runs_organisation(int number) const { return runs("org" + std::to_string(number)); }
   bool runs_orderer(int number) const { return runs("orderer" + std::to_string(number)); }

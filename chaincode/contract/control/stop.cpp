@@ -75,8 +75,6 @@ Response fold(Stub& stub, const Arguments& call) {
   const auto target = read_drones<DronesCall>(call);
   if (!target) return refuse("fold: " + target.error().what);
   Records<Host> hosts(stub);
-  if (const auto host = hosts.at(host_key(stub.caller()), stub.caller().msp_id); !host)
-    return refuse(host.error().what);
   Status renewed = renew_host(stub, hosts, stub.caller());
   if (renewed) renewed = hosts.write();
   if (!renewed) return refuse(renewed.error().what);

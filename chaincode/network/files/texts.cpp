@@ -123,24 +123,38 @@ std::vector<std::string> peer_environment(const Options& options, const ListenAd
   const auto own = identities::peer_dir(options.dir, organisation);
   const std::string data = fmt::format("{}/peer{}", options.dir, organisation);
   const std::string listen = places.peer(organisation);
-  return {
-      "FABRIC_CFG_PATH=" + options.tools + "/config", "FABRIC_LOGGING_SPEC=warn",
-      "CORE_PEER_ID=peer0." + domain_of(organisation), "CORE_PEER_NETWORKID=ledgerline", "CORE_PEER_ADDRESS=" + listen,
-      "CORE_PEER_LISTENADDRESS=" + listen, "CORE_PEER_CHAINCODELISTENADDRESS=" + places.peer_chaincode(organisation),
-      "CORE_PEER_LOCALMSPID=" + msp_id_of(organisation), "CORE_PEER_MSPCONFIGPATH=" + (own / "msp").string(),
-      "CORE_PEER_FILESYSTEMPATH=" + data, "CORE_LEDGER_SNAPSHOTS_ROOTDIR=" + data + "/snapshots",
-      "CORE_LEDGER_HISTORY_ENABLEHISTORYDATABASE=true", "CORE_PEER_TLS_ENABLED=true",
-      "CORE_PEER_TLS_KEY_FILE=" + tls_file(own, "server.key"), "CORE_PEER_TLS_CERT_FILE=" + tls_file(own, "server.crt"),
-      "CORE_PEER_TLS_ROOTCERT_FILE=" + tls_file(own, "ca.crt"), "CORE_PEER_GOSSIP_BOOTSTRAP=" + listen,
-      "CORE_PEER_GOSSIP_ENDPOINT=" + listen, "CORE_PEER_GOSSIP_EXTERNALENDPOINT=" + listen,
-      "CORE_PEER_GOSSIP_USELEADERELECTION=false", "CORE_PEER_GOSSIP_ORGLEADER=true",
-      "CORE_PEER_GOSSIP_STATE_ENABLED=false",
-      // Until a peer that was started again knows the others, its gateway finds nobody to endorse as a second one.
-      "CORE_PEER_GOSSIP_RECONNECTINTERVAL=1s", "CORE_PEER_GOSSIP_ALIVETIMEINTERVAL=1s",
-      "CORE_PEER_DELIVERYCLIENT_BLOCKGOSSIPENABLED=false", "CORE_VM_ENDPOINT=",
-      "CORE_CHAINCODE_EXTERNALBUILDERS=[{name: ccaas, path: " + options.dir +
-          "/builder, propagateEnvironment: [CORE_PEER_TLS_KEY_FILE, CORE_PEER_TLS_CERT_FILE]}]",
-      "CORE_OPERATIONS_LISTENADDRESS=127.0.0.1:0", "CORE_METRICS_PROVIDER=disabled"};
+  // Gossip looks for the other peers once a second: until one that was started again knows them, its gateway finds nobody
+  // to endorse as a second one.
+  return {"FABRIC_CFG_PATH=" + options.tools + "/config",
+          "FABRIC_LOGGING_SPEC=warn",
+          "CORE_PEER_ID=peer0." + domain_of(organisation),
+          "CORE_PEER_NETWORKID=ledgerline",
+          "CORE_PEER_ADDRESS=" + listen,
+          "CORE_PEER_LISTENADDRESS=" + listen,
+          "CORE_PEER_CHAINCODELISTENADDRESS=" + places.peer_chaincode(organisation),
+          "CORE_PEER_LOCALMSPID=" + msp_id_of(organisation),
+          "CORE_PEER_MSPCONFIGPATH=" + (own / "msp").string(),
+          "CORE_PEER_FILESYSTEMPATH=" + data,
+          "CORE_LEDGER_SNAPSHOTS_ROOTDIR=" + data + "/snapshots",
+          "CORE_LEDGER_HISTORY_ENABLEHISTORYDATABASE=true",
+          "CORE_PEER_TLS_ENABLED=true",
+          "CORE_PEER_TLS_KEY_FILE=" + tls_file(own, "server.key"),
+          "CORE_PEER_TLS_CERT_FILE=" + tls_file(own, "server.crt"),
+          "CORE_PEER_TLS_ROOTCERT_FILE=" + tls_file(own, "ca.crt"),
+          "CORE_PEER_GOSSIP_BOOTSTRAP=" + listen,
+          "CORE_PEER_GOSSIP_ENDPOINT=" + listen,
+          "CORE_PEER_GOSSIP_EXTERNALENDPOINT=" + listen,
+          "CORE_PEER_GOSSIP_USELEADERELECTION=false",
+          "CORE_PEER_GOSSIP_ORGLEADER=true",
+          "CORE_PEER_GOSSIP_STATE_ENABLED=false",
+          "CORE_PEER_GOSSIP_RECONNECTINTERVAL=1s",
+          "CORE_PEER_GOSSIP_ALIVETIMEINTERVAL=1s",
+          "CORE_PEER_DELIVERYCLIENT_BLOCKGOSSIPENABLED=false",
+          "CORE_VM_ENDPOINT=",
+          "CORE_CHAINCODE_EXTERNALBUILDERS=[{name: ccaas, path: " + options.dir +
+              "/builder, propagateEnvironment: [CORE_PEER_TLS_KEY_FILE, CORE_PEER_TLS_CERT_FILE]}]",
+          "CORE_OPERATIONS_LISTENADDRESS=127.0.0.1:0",
+          "CORE_METRICS_PROVIDER=disabled"};
 }
 
 std::vector<std::string> admin_environment(const Options& options, const ListenAddresses& places, int organisation) {

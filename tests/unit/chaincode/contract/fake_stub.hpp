@@ -9,6 +9,7 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "ledgerline.pb.h"
+#include "tests/unit/chaincode/command_call.hpp"
 
 namespace ledgerline::chaincode {
 
@@ -132,13 +133,7 @@ class ContractTest : public ::testing::Test {
 
   /// A plan for tello1.
   Response command(const crypto::IdentityName& by, std::uint64_t epoch) {
-    CommandCall call;
-    call.set_organisation("Org1MSP");
-    DronePlan& plan = *call.add_plans();
-    plan.set_drone("tello1");
-    plan.set_epoch(epoch);
-    plan.add_setpoints()->set_at_ns(1000);
-    return stub.call(by, "command", call);
+    return stub.call(by, "command", command_call(epoch));
   }
 
   static Asset asset(const std::string& id, const std::string& data = "data") {

@@ -32,14 +32,7 @@ class StopTest : public ContractTest {
 
   /// A command with one plan; `action` FLY has a setpoint.
   Response command(Action action = FLY) {
-    CommandCall call;
-    call.set_organisation("Org1MSP");
-    DronePlan& plan = *call.add_plans();
-    plan.set_drone("tello1");
-    plan.set_epoch(control("tello1").epoch());
-    plan.set_action(action);
-    if (action == FLY) plan.add_setpoints()->set_at_ns(1000);
-    return stub.call(pilot, "command", call);
+    return stub.call(pilot, "command", command_call(control("tello1").epoch(), action));
   }
   int stop(const crypto::IdentityName& by) { return stub.call(by, "stop", {"tello1"}).status; }
   int cut(const crypto::IdentityName& by) { return stub.call(by, "stop", {"tello1", "cut=true"}).status; }

@@ -4,6 +4,7 @@
 
 #include "common/base/random.hpp"
 #include "peer/transaction.pb.h"
+#include "tests/unit/chaincode/command_call.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
 /// Leases that change hands while their holder's commands are under way, in the ledger's own check of what was read (MVCC):
@@ -43,15 +44,7 @@ class LeaseConflicts : public ::testing::Test {
     call.mutable_to()->set_subject(who.name.subject);
     return call.SerializeAsString();
   }
-  static std::string plan(std::uint64_t epoch) {
-    CommandCall call;
-    call.set_organisation("Org1MSP");
-    DronePlan& plan = *call.add_plans();
-    plan.set_drone("tello1");
-    plan.set_epoch(epoch);
-    plan.add_setpoints()->set_at_ns(1000);
-    return call.SerializeAsString();
-  }
+  static std::string plan(std::uint64_t epoch) { return command_call(epoch).SerializeAsString(); }
   std::string command(const crypto::SigningIdentity& who) { return net.endorsed(who, "command", plan(epoch)); }
   /// The contract says no, under the epoch of now and under that of before.
   void expect_refused(const crypto::SigningIdentity& who) {

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 
 #include "peer/transaction.pb.h"
+#include "tests/unit/chaincode/command_call.hpp"
 #include "tests/unit/chaincode/node/core/core_fixture.hpp"
 
 /// Whose endorsement the committer asks for; what Fabric says to the same is in tests/system/conformance/test_identities.py.
@@ -38,14 +39,7 @@ class PolicyTest : public CoreTest {
     call.set_stream(true);
     return call.SerializeAsString();
   }
-  static std::string command(std::uint64_t epoch) {
-    CommandCall call;
-    call.set_organisation("Org1MSP");
-    call.add_plans()->set_drone("tello1");
-    call.mutable_plans(0)->set_epoch(epoch);
-    call.mutable_plans(0)->set_action(LAND);
-    return call.SerializeAsString();
-  }
+  static std::string command(std::uint64_t epoch) { return command_call(epoch, LAND).SerializeAsString(); }
 };
 
 TEST_F(PolicyTest, AStateAndACommandNeedThePeerOfTheDronesOrganisationAndNoOther) {

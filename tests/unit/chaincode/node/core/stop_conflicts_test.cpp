@@ -5,6 +5,7 @@
 
 #include "common/base/random.hpp"
 #include "peer/transaction.pb.h"
+#include "tests/unit/chaincode/command_call.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
 /// Stops against everything else that changes who flies, in the ledger's own check of what was read (MVCC).
@@ -36,15 +37,7 @@ class StopConflicts : public ::testing::Test {
     net.restart();
   }
 
-  std::string command() {
-    CommandCall call;
-    call.set_organisation("Org1MSP");
-    DronePlan& plan = *call.add_plans();
-    plan.set_drone("tello1");
-    plan.set_epoch(1);
-    plan.add_setpoints()->set_at_ns(1000);
-    return net.endorsed(net.pilot, "command", call.SerializeAsString());
-  }
+  std::string command() { return net.endorsed(net.pilot, "command", command_call(1).SerializeAsString()); }
 
   std::vector<int> in_one_block(const std::vector<std::string>& envelopes) {
     blocks_of(envelopes.size());
