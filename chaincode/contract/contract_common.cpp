@@ -106,6 +106,9 @@ std::string stops_prefix(const std::string& drone) { return "stop/" + drone + "/
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper) {
   return stops_prefix(drone) + name_hash(stopper);
 }
+std::string lifted_key(const std::string& drone, const crypto::IdentityName& stopper) {
+  return stop_key(drone, stopper) + "/lifted";
+}
 std::string end_of(std::string prefix) {
   prefix.back() = '0';  // follows "/"
   return prefix;

@@ -51,6 +51,7 @@ std::string grant_key(const std::string& drone);
 std::string request_key(const std::string& drone);
 std::string drones_key(const std::string& msp_id);
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper);
+std::string lifted_key(const std::string& drone, const crypto::IdentityName& stopper);
 std::string stops_prefix(const std::string& drone);  ///< what all of its stops' keys begin with
 /// The end of the range of all keys that begin with a prefix, which ends with "/".
 std::string end_of(std::string prefix);

@@ -38,6 +38,7 @@ namespace {
 Status add_stops(Stub& stub, Control& control) {
   constexpr std::size_t step = 64;
   control.clear_stoppers();
+  control.clear_resumed();
   const std::string prefix = stops_prefix(control.drone());
   std::string start = prefix;
   const std::string end = end_of(prefix);
@@ -47,7 +48,11 @@ Status add_stops(Stub& stub, Control& control) {
     for (const KeyValue& entry : *some) {
       const auto stop = parse_record<Stop>(entry);
       if (!stop) return stop.error();
-      if (!stop->lifted()) add_stop(control, *stop);
+      if (entry.key == lifted_key(control.drone(), to_name(stop->stopper()))) {
+        set_resumes(control, stop->stopper(), stop->resumes());  // its key follows that of the stop
+      } else if (!stop->lifted()) {
+        add_stop(control, *stop);
+      }
     }
     if (some->size() < step) return done;
     start = some->back().key + '\0';
@@ -95,6 +100,7 @@ Result<std::optional<Versioned<Control>>> read_control(Stub& stub, const std::st
 Control stored_part(const Control& control) {
   Control stored = control;
   stored.clear_stoppers();
+  stored.clear_resumed();
   stored.clear_grants();
   stored.clear_revoked();
   stored.clear_requests();
@@ -109,6 +115,21 @@ Status make_owner(Stub& stub, const std::string& drone, const std::string& msp_i
 
 Status write_stop(Stub& stub, const Stop& stop) {
   return write_record(stub, stop_key(stop.drone(), to_name(stop.stopper())), stop);
+}
+
+Result<std::uint64_t> read_resumes(Stub& stub, const std::string& drone, const crypto::IdentityName& stopper) {
+  const auto lifted = read_record<Stop>(stub, lifted_key(drone, stopper));
+  if (!lifted) return lifted.error();
+  return *lifted ? (*lifted)->resumes() : 0;
+}
+
+Status write_resumes(Stub& stub, const std::string& drone, const Resumed& resumed) {
+  Stop lifted;
+  lifted.set_drone(drone);
+  *lifted.mutable_stopper() = resumed.stopper();
+  lifted.set_lifted(true);
+  lifted.set_resumes(resumed.resumes());
+  return write_record(stub, lifted_key(drone, to_name(resumed.stopper())), lifted);
 }
 
 Result<Role> read_role(Stub& stub, const crypto::IdentityName& who) {

@@ -5,7 +5,7 @@
 #include "chaincode/contract/contract_common.hpp"
 #include "common/msg/contract.hpp"
 
-/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, grant/<drone>, request/<drone>, owner/<drone>, drones/<MSP id>,
+/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, stop/<drone>/<stopper>/lifted, grant/<drone>, request/<drone>, owner/<drone>, drones/<MSP id>,
 /// role/<identity>, pilot/<owner MSP>/<holder>, and the two that the hot path reads instead of every drone's control record,
 /// lease/<owner MSP>/<holder>/<epoch> and host/<owner>. Each is kept as an asset, so that `get` serves it.
 ///
@@ -118,7 +118,7 @@ inline bool contains(const Names& names, const std::string& name) {
 void insert(Names& names, const std::string& name);
 void erase(Names& names, const std::string& name);
 
-/// Adds to a control record what has keys of its own: the drone's grants, the stops that stand, who is revoked and who requests it. Stops
+/// Adds to a control record what has keys of its own: the drone's grants, the stops that stand and how often stops were lifted, who is revoked and who requests it. Stops
 /// come from a range, so whoever writes after reading them loses to a stop that came between; the stop, which reads
 /// nothing of this, loses to nobody.
 Status complete(Stub& stub, Control& control);
@@ -127,6 +127,9 @@ Result<std::optional<Versioned<Control>>> read_control(Stub& stub, const std::st
 /// A control record as it is stored: without what complete() adds.
 Control stored_part(const Control& control);
 Status write_stop(Stub& stub, const Stop& stop);
+/// How often the stopper's stops of this drone were lifted.
+Result<std::uint64_t> read_resumes(Stub& stub, const std::string& drone, const crypto::IdentityName& stopper);
+Status write_resumes(Stub& stub, const std::string& drone, const Resumed& resumed);
 /// owner/<drone>.
 Status make_owner(Stub& stub, const std::string& drone, const std::string& msp_id);
 Result<Role> read_role(Stub& stub, const crypto::IdentityName& who);

@@ -256,6 +256,10 @@ Status stop_follows(const ControlEvent& event, const Control& before, const Stop
   if (stop.cut() != std::get<DronesCall>(event.asked).cut()) return Error{"its cut is not as it was asked for"};
   if (stop.cut() && !rights_of(before, to_message(creator.name)).cut)
     return Error{"its creator may not cut this drone's motors"};
+  const auto& asked = std::get<DronesCall>(event.asked);
+  const auto at = std::find(asked.drones().begin(), asked.drones().end(), stop.drone()) - asked.drones().begin();
+  if (!asked.resumes().empty() && (at >= asked.resumes_size() || asked.resumes(static_cast<int>(at)) != stop.resumes()))
+    return Error{"it is not for the resumes that it was asked for"};
   return done;
 }
 

@@ -1,12 +1,13 @@
 #pragma once
 #include <algorithm>
+#include <cstdint>
 #include <string>
 #include <tuple>
 
 #include "ledgerline.pb.h"
 
 /// The set of those who have a drone stopped, as contract, agent and ground keep it. Each identity has one stop at
-/// most; each lifts its own. Thread-safe as the messages are.
+/// most; each lifts its own, and no stop comes back that was lifted. Thread-safe as the messages are.
 namespace ledgerline {
 
 inline bool same_identity(const Identity& a, const Identity& b) {
@@ -40,25 +41,43 @@ inline bool is_cut(const Control& control) {
   return std::any_of(control.stoppers().begin(), control.stoppers().end(), [](const Stop& s) { return s.cut(); });
 }
 
-/// Takes one stopper's stop away; says whether there was one.
-inline bool remove_stop(Control& control, const Identity& stopper) {
-  return remove_entry(*control.mutable_stoppers(), stopper, whose_stop);
+/// How often that stopper's stops were lifted.
+inline std::uint64_t resumes_of(const Control& control, const Identity& stopper) {
+  const auto& all = control.resumed();
+  const auto found =
+      std::find_if(all.begin(), all.end(), [&](const Resumed& one) { return same_identity(one.stopper(), stopper); });
+  return found == all.end() ? 0 : found->resumes();
 }
 
-/// Adds a stop; of the same stopper, the newer word replaces the older one. A lifted one is no stop.
+/// Adds a stop; of the same stopper, the newer word replaces the older one. One that was lifted since it was given is no
+/// stop any more, however late it comes.
 inline void add_stop(Control& control, const Stop& stop) {
-  if (stop.lifted()) {
-    remove_stop(control, stop.stopper());
-  } else {
-    put_entry(*control.mutable_stoppers(), stop, whose_stop);
-  }
+  if (stop.resumes() >= resumes_of(control, stop.stopper())) put_entry(*control.mutable_stoppers(), stop, whose_stop);
+}
+
+/// Stops of a lower count are lifted.
+inline void set_resumes(Control& control, const Identity& stopper, std::uint64_t resumes) {
+  Resumed resumed;
+  *resumed.mutable_stopper() = stopper;
+  resumed.set_resumes(resumes);
+  put_entry(*control.mutable_resumed(), resumed, [](const Resumed& one) -> const Identity& { return one.stopper(); });
+  const auto& stops = control.stoppers();
+  const auto of_stopper = [&](const Stop& one) { return same_identity(one.stopper(), stopper); };
+  const auto stop = std::find_if(stops.begin(), stops.end(), of_stopper);
+  if (stop != stops.end() && stop->resumes() < resumes) remove_entry(*control.mutable_stoppers(), stopper, whose_stop);
 }
 
 /// Lifts everybody's stop for a supervisor of the drone's organisation, else one's own. False: there was none.
 inline bool lift_stops(Control& control, const Identity& who, bool supervisor) {
-  if (!supervisor || control.owner().msp_id() != who.msp_id()) return remove_stop(control, who);
-  control.clear_stoppers();
-  return true;
+  const bool all = supervisor && control.owner().msp_id() == who.msp_id();
+  bool found = all;
+  const auto stops = control.stoppers();
+  for (const Stop& stop : stops) {
+    if (!all && !same_identity(stop.stopper(), who)) continue;
+    set_resumes(control, stop.stopper(), stop.resumes() + 1);
+    found = true;
+  }
+  return found;
 }
 
 /// "Org1MSP CN=guard, Org3MSP CN=chief": for messages.

@@ -86,7 +86,7 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
   ending_ = ending_ || (config_.manual && (time_is_up || !inputs.land.empty()));
   for (const PilotWish& wish : inputs.wishes) take_wish(now_ns, wish, out);
   for (std::size_t i = 0; i < drones_.size(); ++i) step_drone(now_ns, i, inputs, out);
-  stops_.submit(now_ns, next_id_, out.submissions);
+  stops_.submit(now_ns, leases_, next_id_, out.submissions);
   if (outbox_ && !inputs.more) outbox_->submit(now_ns, next_id_, out);
   return out;
 }

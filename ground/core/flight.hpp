@@ -5,13 +5,13 @@
 #include <vector>
 
 #include "ground/core/flight/command_outbox.hpp"
-#include "ground/core/flight/lease_book.hpp"
 #include "ground/core/flight/phases.hpp"
-#include "ground/core/flight/pilot_stops.hpp"
 #include "ground/core/flight/plan_timing.hpp"
 #include "ground/core/flight/planner.hpp"
 #include "ground/core/flight/state_intake.hpp"
 #include "ground/core/flight_types.hpp"
+#include "ground/core/lease/lease_book.hpp"
+#include "ground/core/lease/pilot_stops.hpp"
 
 namespace ledgerline::ground {
 

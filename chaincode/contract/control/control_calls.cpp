@@ -84,11 +84,9 @@ Status write_changes(Stub& stub, const Control& before, const Control& after, st
   if (status) status = records.write(request_key(drone), requests_of(before), requests_of(after));
   if (status) status = records.write_owner(drone);
   if (!status) return status;
-  for (Stop stop : before.stoppers()) {
-    Control rest = after;
-    if (remove_stop(rest, stop.stopper())) continue;
-    stop.set_lifted(true);
-    if (status = write_stop(stub, stop); !status) return status;
+  for (const Resumed& resumed : after.resumed()) {
+    if (resumes_of(before, resumed.stopper()) == resumed.resumes()) continue;
+    if (status = write_resumes(stub, drone, resumed); !status) return status;
   }
   return done;
 }

@@ -43,7 +43,7 @@ Status renew_host(Stub& stub, Records<Host>& hosts, const crypto::IdentityName& 
 
 /// Changes the control record of each drone. `change` changes it, or says why that is refused (without the drone's
 /// name, which comes first in every refusal); it gets an epoch that is new to all of them. What is written is what
-/// differs afterwards: the record, its grants, the stops that are gone (as lifted; none can come), and the leases that
+/// differs afterwards: the record, its grants, how often stops were lifted (no stop can come), and the leases that
 /// follow from these; and all of a drone's records, where they are of an older version. Event and answer hold all records as they now are.
 Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
                          const std::function<Status(Control&, std::uint64_t new_epoch)>& change);

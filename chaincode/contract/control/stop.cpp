@@ -5,7 +5,9 @@
 #include "common/msg/stops.hpp"
 
 /// stop, resume and fold. A stop must lose to nobody: it writes a key of its stopper's own without reading it, and
-/// reads what administrators alone write. What flies under a lease finds out by the fold of the drone's host.
+/// reads what administrators alone write, and how often its stopper's own stops were lifted. So it is invalid where one
+/// of them was lifted behind its endorsement, and never again: no more of them stands. Held back until
+/// then, it would stop what was resumed. What flies under a lease finds out by the fold of the drone's host.
 namespace ledgerline::chaincode {
 namespace {
 
@@ -35,6 +37,11 @@ Response stop(Stub& stub, const Arguments& call) {
   const std::string option = call.option("cut", "");
   if (!option.empty() && option != "true" && option != "false") return refuse("stop: cut must be true or false");
   if (option == "true") target->set_cut(true);
+  const bool counted = !target->resumes().empty();
+  if (counted && target->resumes_size() != target->drones_size()) {
+    return refuse("stop: " + std::to_string(target->resumes_size()) + " resumes for " +
+                  std::to_string(target->drones_size()) + " drones");
+  }
   const auto role = read_role(stub, stub.caller());
   if (!role) return refuse(role.error().what);
 
@@ -44,10 +51,19 @@ Response stop(Stub& stub, const Arguments& call) {
     if (Status status = check_stop(stub, drone, *role, target->cut()); !status) {
       return refuse(drone + ": " + status.error().what);
     }
+    const auto resumes = read_resumes(stub, drone, stub.caller());
+    if (!resumes) return refuse(resumes.error().what);
+    const auto asked = std::find(target->drones().begin(), target->drones().end(), drone) - target->drones().begin();
+    if (counted && target->resumes(static_cast<int>(asked)) != *resumes) {
+      return refuse(drone + ": a stop for " + std::to_string(target->resumes(static_cast<int>(asked))) +
+                    " resumes, but " + to_text(stub.caller()) + "'s were lifted " + std::to_string(*resumes) +
+                    " times");
+    }
     Stop& one = *all.add_stops();
     one.set_drone(drone);
     *one.mutable_stopper() = to_message(stub.caller());
     one.set_cut(target->cut());
+    one.set_resumes(*resumes);
     if (Status status = write_stop(stub, one); !status) return refuse(status.error().what);
   }
   const std::string payload = write_form(call, all);

@@ -2,9 +2,9 @@
 #include <memory>
 #include <optional>
 
-#include "ground/core/flight/lease_book.hpp"
 #include "ground/core/flight/plan_timing.hpp"
 #include "ground/core/flight/state_intake.hpp"
+#include "ground/core/lease/lease_book.hpp"
 #include "ground/core/manual.hpp"
 
 namespace ledgerline::ground {

@@ -1,7 +1,7 @@
 #pragma once
 #include <vector>
 
-#include "ground/core/flight/lease_book.hpp"
+#include "ground/core/lease/lease_book.hpp"
 
 namespace ledgerline::ground {
 

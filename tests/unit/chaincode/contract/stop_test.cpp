@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 
+#include "chaincode/contract/records.hpp"
 #include "common/msg/stops.hpp"
 #include "tests/unit/chaincode/contract/fake_stub.hpp"
 
@@ -7,8 +8,10 @@
 namespace ledgerline::chaincode {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::EndsWith;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
@@ -108,16 +111,59 @@ TEST_F(StopTest, EachLiftsItsOwnAndTheOwnersSupervisorAll) {
   EXPECT_THAT(stub.call(chief, "resume", {"tello1"}).message, StartsWith("tello1: not stopped"));
 }
 
-TEST_F(StopTest, AStopsRecordStaysAsLifted) {
+TEST_F(StopTest, AStopsRecordStaysAndItsLiftIsCountedBesideIt) {
   stop(guard);
   resume(guard);
   const auto records = parsed<Assets>(stub.call(other, "get", {"stop/tello1/*"}).payload);
-  ASSERT_EQ(records.assets_size(), 1);
+  ASSERT_EQ(records.assets_size(), 2);
   const auto record = parsed<Stop>(records.assets(0).msg_data());
-  EXPECT_TRUE(record.lifted());
   EXPECT_EQ(record.stopper().subject(), "CN=guard");
+  EXPECT_EQ(record.resumes(), 0U);
+  const auto lifted = parsed<Stop>(records.assets(1).msg_data());
+  EXPECT_TRUE(lifted.lifted());
+  EXPECT_EQ(lifted.stopper().subject(), "CN=guard");
+  EXPECT_EQ(lifted.resumes(), 1U);
   EXPECT_EQ(stop(guard), 200);
   EXPECT_EQ(stoppers(), "Org1MSP CN=guard") << "and stops again";
+  EXPECT_EQ(control("tello1").stoppers(0).resumes(), 1U);
+  EXPECT_EQ(resume(chief), 200);
+  EXPECT_EQ(resumes_of(control("tello1"), control("tello1").resumed(0).stopper()), 2U);
+}
+
+TEST_F(StopTest, AStopForAnotherCountIsRefusedAndSaysTheCount) {
+  DronesCall call;
+  call.add_drones("tello2");
+  call.add_drones("tello1");
+  call.add_resumes(0);
+  call.add_resumes(0);
+  EXPECT_EQ(stub.call(guard, "stop", call).status, 200);
+  resume(guard);
+  EXPECT_EQ(stub.call(guard, "stop", call).message,
+            "tello1: a stop for 0 resumes, but Org1MSP CN=guard's were lifted 1 times");
+  call.set_resumes(1, 1);
+  EXPECT_EQ(stub.call(guard, "stop", call).status, 200) << "in the order of its drones";
+  call.add_resumes(0);
+  EXPECT_EQ(stub.call(guard, "stop", call).message, "stop: 3 resumes for 2 drones");
+}
+
+TEST_F(StopTest, AnOldRecordThatSaysLiftedIsNoStop) {
+  Stop old;
+  old.set_drone("tello1");
+  old.mutable_stopper()->set_msp_id(guard.msp_id);
+  old.mutable_stopper()->set_subject(guard.subject);
+  old.set_lifted(true);
+  const auto put = [&] {
+    stub.who = guard;
+    ASSERT_TRUE(write_stop(stub, old));
+    for (const auto& [key, value] : stub.writes) stub.state[key] = value;
+  };
+  put();
+  EXPECT_THAT(stoppers(), IsEmpty());
+  old.set_lifted(false);
+  put();
+  EXPECT_EQ(stoppers(), "Org1MSP CN=guard");
+  EXPECT_EQ(resume(guard), 200);
+  EXPECT_THAT(stoppers(), IsEmpty());
 }
 
 TEST_F(StopTest, AStoppersNewestWordSaysWhetherItCuts) {
@@ -136,7 +182,8 @@ TEST_F(StopTest, AStopReadsWhatNobodyWritesWhoFliesAndWritesOneKeyOfItsOwn) {
     ASSERT_EQ(stop(who), 200);
     EXPECT_THAT(stub.reads, Not(Contains(StartsWith("control/"))));
     EXPECT_THAT(stub.reads, Not(Contains(StartsWith("lease/"))));
-    EXPECT_THAT(stub.reads, Not(Contains(StartsWith("stop/"))));
+    // But for how often its own were lifted, which nobody writes while none of its own stands.
+    EXPECT_THAT(stub.reads, Not(Contains(AllOf(StartsWith("stop/"), Not(EndsWith("/lifted"))))));
     EXPECT_THAT(stub.ranges, IsEmpty());
     ASSERT_EQ(stub.writes.size(), 1U);
     EXPECT_THAT(stub.writes.begin()->first, StartsWith("stop/tello1/"));

@@ -213,7 +213,8 @@ TEST(ManualFlight, AStopIsSaidAgainUntilTheLedgerHasItOrRefusesIt) {
   other.end_of_stops = Kind::refused;
   other.say({.drone = 0, .stop = true});
   other.run(1);
-  EXPECT_EQ(other.stops.size(), 1U);
+  ASSERT_EQ(other.stops.size(), 2U) << "once with the count of its resumes, once without";
+  EXPECT_EQ(other.stops[1].resumes_size(), 0);
   EXPECT_THAT(other.notes.at(0), HasSubstr("no stop: as the test wants it"));
   other.run(5);
   EXPECT_EQ(other.core.status(0).phase, DronePhase::landed) << "its own plans land it, too";

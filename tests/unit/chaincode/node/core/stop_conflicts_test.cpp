@@ -84,6 +84,40 @@ TEST_F(StopConflicts, AStopOfTheHolderDoesNotLoseToTheEndOfItsLease) {
   EXPECT_THAT(in_one_block({release, late}), ElementsAre(protos::VALID, protos::VALID));
 }
 
+/// Held back by whoever carries them, and sent once their stopper or a supervisor has lifted one that stood.
+TEST_F(StopConflicts, AThousandOldStopsSentAgainAfterAResumeDoNothing) {
+  DronesCall counted;
+  counted.add_drones("tello1");
+  counted.add_resumes(0);
+  std::vector<std::string> old;
+  for (int i = 0; i < 1'000; ++i) {
+    old.push_back(i % 2 == 0 ? net.endorsed(stoppers[0], "stop", "tello1")
+                             : net.endorsed(stoppers[0], "stop", counted.SerializeAsString()));
+  }
+  EXPECT_THAT(in_one_block({old[0]}), ElementsAre(protos::VALID));
+  ASSERT_THAT(net.submit(stoppers[0], "resume", "tello1"), ElementsAre(protos::VALID));
+  const auto codes = in_one_block(old);
+  ASSERT_EQ(codes.size(), 1'000U);
+  EXPECT_EQ(codes[0], protos::DUPLICATE_TXID);
+  EXPECT_THAT(std::vector(codes.begin() + 1, codes.end()), Each(protos::MVCC_READ_CONFLICT));
+  EXPECT_THAT(in_one_block({command()}), ElementsAre(protos::VALID)) << "nobody has it stopped";
+  EXPECT_NE(
+      net.core->endorse(net.propose(stoppers[0], "stop", counted.SerializeAsString()).signed_proposal, net.now).code,
+      Code::ok);
+  EXPECT_THAT(net.submit(stoppers[0], "stop", "tello1"), ElementsAre(protos::VALID)) << "a new one stops";
+}
+
+TEST_F(StopConflicts, AStopLosesToTheLiftOfAnEarlierOneOfItsOwnOnceAtMost) {
+  ASSERT_THAT(net.submit(stoppers[0], "stop", "tello1"), ElementsAre(protos::VALID));
+  const std::string lift = net.endorsed(stoppers[0], "resume", "tello1");
+  const std::string next = net.endorsed(stoppers[0], "stop", "tello1");
+  EXPECT_THAT(in_one_block({lift, next}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
+  const std::string again = net.endorsed(stoppers[0], "stop", "tello1");
+  ASSERT_NE(net.core->endorse(net.propose(stoppers[0], "resume", "tello1").signed_proposal, net.now).code, Code::ok)
+      << "there is no stop of its own that anybody could lift meanwhile";
+  EXPECT_THAT(in_one_block({again}), ElementsAre(protos::VALID));
+}
+
 TEST_F(StopConflicts, AFoldInvalidatesTheCommandsThatAreUnderWay) {
   const std::string early = command(), late = command();
   const std::string stop = net.endorsed(stoppers[0], "stop", "tello1");

@@ -507,7 +507,9 @@ TEST_F(CommandCheckTest, AStopByNameWithMotorsOffGivesACut) {
 
 TEST_F(CommandCheckTest, AfterResumeCommandsAreTakenAgain) {
   (void)give({stop_event()});
-  const auto checked = give({control_event("resume", control("tello1", epoch)), command(good_plan(1))});
+  Control resumed = control("tello1", epoch);
+  set_resumes(resumed, testing::stop_of("tello1").stopper(), 1);
+  const auto checked = give({control_event("resume", resumed), command(good_plan(1))});
   ASSERT_EQ(checked.plans.size(), 1U);
   EXPECT_EQ(checked.plans[0].action, PlanAction::fly);
 }

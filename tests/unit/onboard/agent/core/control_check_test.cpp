@@ -103,11 +103,14 @@ TEST_F(ControlCheckTest, AResumeOfAnotherDroneLiftsNoStop) {
 
 TEST_F(ControlCheckTest, AResumeLiftsItsCreatorsStopOrAllByTheOwnersOrganisation) {
   start(stopped({holder, own_guard}));
-  expect_refused(event("resume", control("tello1", epoch), holder), "all of them by one of another organisation");
+  Control none = control("tello1", epoch), his = stopped({own_guard});
+  for (Control* record : {&none, &his}) set_resumes(*record, to_message(holder), 1);
+  set_resumes(none, to_message(own_guard), 1);
+  expect_refused(event("resume", none, holder), "all of them by one of another organisation");
   expect_refused(event("resume", stopped({holder}), holder), "another's in place of his own");
-  expect_taken(event("resume", stopped({own_guard}), holder));
+  expect_taken(event("resume", his, holder));
   EXPECT_TRUE(is_stopped_now());
-  expect_taken(event("resume", control("tello1", epoch), admin));
+  expect_taken(event("resume", none, admin));
   EXPECT_FALSE(is_stopped_now());
 }
 
@@ -425,6 +428,32 @@ TEST_F(ControlCheckTest, AStopIsItsCreatorsOwnAndCutsOnlyWhereItWasAskedTo) {
   cut.event_payload = stops.SerializeAsString();
   cut.creator = own_guard;
   EXPECT_EQ(give(cut).plans.at(0).action, PlanAction::cut);
+}
+
+/// A peer that calls an old stop valid, or bends the count that its stopper signed.
+TEST_F(ControlCheckTest, AnOldStopSentAThousandTimesAfterAResumeStopsNothing) {
+  start(stopped({own_guard}));
+  Control resumed = control("tello1", epoch);
+  set_resumes(resumed, to_message(own_guard), 1);
+  expect_refused(event("resume", control("tello1", epoch), own_guard), "a lift that is not counted");
+  expect_taken(event("resume", resumed, own_guard));
+  DronesCall call;
+  call.add_drones("tello1");
+  call.add_resumes(0);
+  Stops stops;
+  *stops.add_stops() = stop_of("tello1");
+  *stops.mutable_stops(0)->mutable_stopper() = to_message(own_guard);
+  Tx old = tx("stop", stops.SerializeAsString(), own_guard);
+  old.asked = fabric::Call{"stop", {call.SerializeAsString()}};
+  for (int i = 0; i < 1'000; ++i) ASSERT_TRUE(give(old).plans.empty());
+  EXPECT_FALSE(is_stopped_now());
+  stops.mutable_stops(0)->set_resumes(1);
+  old.event_payload = stops.SerializeAsString();
+  expect_refused(old, "a count that was not asked for");
+  EXPECT_FALSE(is_stopped_now());
+  call.set_resumes(0, 1);
+  old.asked = fabric::Call{"stop", {call.SerializeAsString()}};
+  EXPECT_EQ(give(old).plans.size(), 1U) << "one for this count";
 }
 
 TEST_F(ControlCheckTest, WithoutARecordBeforeOnlyAStopToLandIsTaken) {

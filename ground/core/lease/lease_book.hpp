@@ -13,7 +13,7 @@ namespace ledgerline::ground {
 struct Lease {
   std::optional<crypto::IdentityName> owner, holder;
   std::optional<Control> record;  ///< the newest, whole: what control events have to follow from
-  Control stoppers;               ///< who has it stopped; nothing else of the record
+  Control stoppers;               ///< who has it stopped, and whose stops were lifted; nothing else of the record
   std::uint64_t epoch = 0;
   bool revoked = false;      ///< its holder
   bool may_command = false;  ///< it is ours, we are not revoked and the drone is not stopped

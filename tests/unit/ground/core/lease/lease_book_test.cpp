@@ -1,4 +1,4 @@
-#include "ground/core/flight/lease_book.hpp"
+#include "ground/core/lease/lease_book.hpp"
 
 #include <gtest/gtest.h>
 

@@ -5,18 +5,21 @@
 
 #include "common/fabric/sending/repeat.hpp"
 #include "ground/core/flight_types.hpp"
+#include "ground/core/lease/lease_book.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground {
 
 /// A pilot's stops on their way: each goes out by itself, at once, and again until the ledger has it, the contract
-/// refuses it, or 30 s are over. One of a drone at a time; a cut replaces a stop. Deterministic; one thread.
+/// refuses it, or 30 s are over. It says how often our stops of that drone were lifted, so that none stops what was
+/// resumed since; where the contract refuses that one, as another count may have come meanwhile, it goes out once more
+/// without. One of a drone at a time; a cut replaces a stop. Deterministic; one thread.
 class PilotStops {
  public:
   PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self);
 
   void want(TimeNs now, std::size_t drone, bool cut);
-  void submit(TimeNs now, std::uint64_t& next_id, std::vector<Submission>& submissions);
+  void submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next_id, std::vector<Submission>& submissions);
 
   struct Ended {
     std::size_t drone = 0;
@@ -32,10 +35,12 @@ class PilotStops {
     std::string name;
     std::uint64_t seed = 0;                  ///< of the pauses' jitter
     std::optional<DronesCall> stop{};        ///< to be submitted, or under way
+    bool counted = true;                     ///< it says how often our stops were lifted
     std::optional<fabric::Repeat> repeat{};  ///< of that one
     std::uint64_t id = 0;                    ///< 0: not under way
     TimeNs next_ns = 0;
   };
+  const Identity self_;
   std::vector<Slot> slots_;
 };
 

@@ -1,4 +1,4 @@
-#include "ground/core/flight/lease_book.hpp"
+#include "ground/core/lease/lease_book.hpp"
 
 #include <fmt/format.h>
 
@@ -40,6 +40,7 @@ std::optional<LeaseBook::Change> LeaseBook::take_record(std::size_t drone, const
   lease.owner.reset();
   lease.holder.reset();
   *lease.stoppers.mutable_stoppers() = control.stoppers();
+  *lease.stoppers.mutable_resumed() = control.resumed();
   if (control.has_owner()) lease.owner = to_name(control.owner());
   if (control.has_holder()) lease.holder = to_name(control.holder());
   update(lease);

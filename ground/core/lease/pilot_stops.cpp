@@ -1,4 +1,4 @@
-#include "ground/core/flight/pilot_stops.hpp"
+#include "ground/core/lease/pilot_stops.hpp"
 
 #include <fmt/format.h>
 
@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "common/msg/contract.hpp"
+#include "common/msg/stops.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -13,9 +14,17 @@ namespace {
 /// A stop that did not reach the ledger by then is given up, aloud: drone and ground have landed it long since.
 constexpr TimeNs stop_within_ns = 30 * ns_per_s;
 
+Identity to_message(const crypto::IdentityName& name) {
+  Identity identity;
+  identity.set_msp_id(name.msp_id);
+  identity.set_subject(name.subject);
+  return identity;
+}
+
 }  // namespace
 
-PilotStops::PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self) {
+PilotStops::PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self)
+    : self_(to_message(self)) {
   // Pilots that stop at one time do not come back together.
   const std::uint64_t seed = std::hash<std::string>{}(self.msp_id + self.subject);
   for (std::size_t i = 0; i < drones.size(); ++i) slots_.push_back({.name = drones[i].name, .seed = seed + i});
@@ -27,14 +36,20 @@ void PilotStops::want(TimeNs now, std::size_t drone, bool cut) {
   slot.stop.emplace();
   slot.stop->add_drones(slot.name);
   slot.stop->set_cut(cut);
+  slot.counted = true;
   slot.repeat.emplace(fabric::RepeatLimits{.within_ns = stop_within_ns}, slot.seed, now);
   slot.id = 0;  // what may be under way asks for less
   slot.next_ns = now;
 }
 
-void PilotStops::submit(TimeNs now, std::uint64_t& next_id, std::vector<Submission>& submissions) {
-  for (Slot& slot : slots_) {
+void PilotStops::submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next_id,
+                        std::vector<Submission>& submissions) {
+  for (std::size_t drone = 0; drone < slots_.size(); ++drone) {
+    Slot& slot = slots_[drone];
     if (!slot.stop || slot.id != 0 || now < slot.next_ns) continue;
+    slot.stop->clear_resumes();
+    const std::optional<Control>& record = leases.of(drone).record;
+    if (slot.counted && record) slot.stop->add_resumes(resumes_of(*record, self_));
     slot.id = next_id++;
     submissions.push_back({slot.id, {contract::stop, {slot.stop->SerializeAsString()}}, true});
   }
@@ -50,6 +65,11 @@ std::optional<PilotStops::Ended> PilotStops::take_outcome(TimeNs now, const fabr
   slot->next_ns = slot->repeat->at_ns();
   Ended ended{static_cast<std::size_t>(slot - slots_.begin()), ""};
   if (next == Next::again) return ended;
+  if (next == Next::refused && !slot->stop->resumes().empty()) {
+    slot->counted = false;
+    slot->next_ns = now;
+    return ended;
+  }
   slot->stop.reset();
   if (next == Next::refused) ended.problem = fmt::format("no stop: {}", outcome.refusal->words);
   if (next == Next::given_up)

@@ -1,0 +1,78 @@
+#include "ground/core/lease/pilot_stops.hpp"
+
+#include <gtest/gtest.h>
+
+#include "common/msg/stops.hpp"
+#include "tests/unit/ground/core/flight_world.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+using Kind = fabric::Outcome::Kind;
+
+class PilotStopsTest : public ::testing::Test {
+ protected:
+  void submit(TimeNs now) { stops.submit(now, leases, id, sent); }
+  DronesCall newest() const {
+    DronesCall call;
+    EXPECT_TRUE(call.ParseFromString(sent.back().call.args.at(0)));
+    return call;
+  }
+
+  const FlightConfig config = config_for(1);
+  FlightTransactions counters;
+  LeaseBook leases{config, counters};
+  PilotStops stops{config.drones, operator_name};
+  std::uint64_t id = 1;
+  std::vector<Submission> sent;
+};
+
+TEST_F(PilotStopsTest, AStopGoesAgainUntilTheLedgerHasItAndACutReplacesIt) {
+  stops.want(0, 0, false);
+  submit(0);
+  submit(1);
+  ASSERT_EQ(sent.size(), 1u);
+  EXPECT_TRUE(sent[0].urgent);
+  stops.want(2, 0, true);
+  submit(2);
+  ASSERT_EQ(sent.size(), 2u);
+  EXPECT_FALSE(stops.take_outcome(3, fabric::Outcome::failed(Kind::committed, ""), 1)) << "of the stop before";
+  const auto again = stops.take_outcome(4, fabric::Outcome::failed(Kind::unavailable, "away"), 2);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->problem, "");
+  EXPECT_TRUE(stops.pending());
+  submit(ns_per_s);
+  ASSERT_EQ(sent.size(), 3u);
+  EXPECT_TRUE(stops.take_outcome(ns_per_s, fabric::Outcome::failed(Kind::committed, ""), 3));
+  EXPECT_FALSE(stops.pending());
+}
+
+TEST_F(PilotStopsTest, ItSaysForWhichResumesItIsAndOnceMoreWithoutWhereThatIsRefused) {
+  Control record = control_record("tello1", operator_name);
+  set_resumes(record, stop_of("tello1", operator_name).stopper(), 4);
+  ASSERT_TRUE(leases.set(record));
+  stops.want(0, 0, false);
+  submit(0);
+  ASSERT_EQ(newest().resumes_size(), 1);
+  EXPECT_EQ(newest().resumes(0), 4u);
+  const auto refused = fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: lifted 5 times");
+  EXPECT_EQ(stops.take_outcome(1, refused, 1)->problem, "");
+  submit(1);
+  ASSERT_EQ(sent.size(), 2u);
+  EXPECT_EQ(newest().resumes_size(), 0);
+  EXPECT_EQ(stops.take_outcome(2, refused, 2)->problem, "no stop: tello1: lifted 5 times");
+  EXPECT_FALSE(stops.pending());
+}
+
+TEST_F(PilotStopsTest, TheContractsWordsAreSaidWhenItRefuses) {
+  stops.want(0, 0, false);
+  submit(0);
+  const auto ended =
+      stops.take_outcome(1, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: not enrolled"), 1);
+  ASSERT_TRUE(ended);
+  EXPECT_EQ(ended->problem, "no stop: tello1: not enrolled");
+  EXPECT_FALSE(stops.pending());
+}
+
+}  // namespace
+}  // namespace ledgerline::ground
