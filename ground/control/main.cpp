@@ -4,13 +4,17 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
 #include <fstream>
 #include <iterator>
 #include <random>
 #include <thread>
+#include <variant>
 
 #include "common/base/log.hpp"
 #include "common/belief/client.hpp"
+#include "common/belief/control_events.hpp"
 #include "common/belief/control_records.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
@@ -20,6 +24,8 @@
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "common/program/stop_signals.hpp"
+#include "common/rt/mailbox.hpp"
 #include "ground/control/table.hpp"
 #include "ledgerline.pb.h"
 
@@ -35,7 +41,7 @@ struct Wish {
   bool fly = false, stop = false, cut = false;
   double within_s = 30;
   std::string msp, certificate, subject, role, file, what;
-  bool json = false;
+  bool json = false, live = false;
 };
 
 /// The identity of a certificate file, or of nobody where no file is named.
@@ -194,10 +200,42 @@ Result<std::vector<Control>> read_records(fabric::Client& client, const Wish& wi
 Status show_records(fabric::Client& client, const Wish& wish) {
   const auto controls = read_records(client, wish);
   if (!controls) return Error{fmt::format("{}: {}", show, controls.error().what)};
-  if (!wish.json) return fmt::print("{}", ground::control_table(*controls)), done;
+  if (!wish.json) return print_line(ground::control_table(*controls)), done;
   Controls all;
   for (const Control& control : *controls) *all.add_controls() = control;
-  return fmt::print("{}\n", to_json(all)), done;
+  return print_line(to_json(all)), done;
+}
+
+bool changes_records(const fabric::Block& block) {
+  return std::any_of(block.transactions.begin(), block.transactions.end(),
+                     [](const auto& tx) { return tx.code == 0 && belief::is_control_event(tx.event_name); });
+}
+
+/// Once, and again behind each block that changes a record, until asked to end.
+Status show_live(fabric::Client& client, const Wish& wish) {
+  std::atomic<bool> changed{true};
+  Mailbox<std::monostate> bell;
+  fabric::Client::StreamHandlers handlers;
+  handlers.on_block = [&](const fabric::Block& block, std::string_view) {
+    if (!changes_records(block)) return;
+    changed = true;
+    bell.wake();
+  };
+  handlers.on_connection = [&](bool connected, const std::string& why) {
+    if (!connected) spdlog::warn("block stream: {}", why);
+    changed = true;  // behind a break, too: what came meanwhile was not seen
+    bell.wake();
+  };
+  const auto stream = client.blocks(std::nullopt, std::move(handlers));
+  while (!stop_requested) {
+    if (!changed.exchange(false)) {
+      bell.wait(200 * ns_per_ms);  // and see whether to end
+      bell.take_all();
+      continue;
+    }
+    if (auto status = show_records(client, wish); !status) return status;
+  }
+  return done;
 }
 
 Status call_contract(const Wish& wish) {
@@ -208,7 +246,7 @@ Status call_contract(const Wish& wish) {
   if (!ledger) return ledger.error();
   auto client = fabric::Client::create(belief::for_contract(std::move(ledger).value()));
   if (!client) return client.error();
-  if (wish.function == show) return show_records(**client, wish);
+  if (wish.function == show) return wish.live ? show_live(**client, wish) : show_records(**client, wish);
   auto call = make_call(wish);
   if (!call) return call.error();
   if (wish.function == contract::verify) {
@@ -296,8 +334,10 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
   Verb verify = line.verb(contract::verify, "print who has anchored this very file, and when; exit code 1: nobody");
   verify.option("file", wish.file, "the file").required().existing_file();
   verbs.push_back(verify);
-  add(show, "print whose drones they are, who holds them, who stopped them, to whom they are granted; no name: of all")
-      .flag("--json", wish.json, "the records as JSON");
+  Verb showing = add(
+      show, "print whose drones they are, who holds them, who stopped them, to whom they are granted; no name: of all");
+  showing.flag("--json", wish.json, "the records as JSON, in one line with --live");
+  showing.flag("--live", wish.live, "again whenever one changes, until Ctrl-C");
   return verbs;
 }
 
@@ -309,6 +349,7 @@ int main(int argc, char** argv) {
   line.option("--config", wish.config, "TOML file with [ledger]").required();
   const std::vector<Verb> verbs = add_verbs(line, wish);
   if (const auto end = line.parse(argc, argv)) return *end;
+  if (wish.live) catch_stop_signals();
   for (const Verb& verb : verbs) {
     if (verb.given()) wish.function = verb.name();
   }

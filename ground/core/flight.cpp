@@ -45,7 +45,8 @@ FlightCore::FlightCore(FlightConfig config)
       leases_(config_, transactions_),
       intake_(config_, leases_, transactions_),
       timing_(config_.drones.size()),
-      stops_(config_.drones, config_.self) {
+      stops_(config_.drones, config_.self),
+      requests_(config_) {
   std::vector<CommandOutbox::Slot> slots;
   for (std::size_t i = 0; i < config_.drones.size(); ++i) {
     drones_.push_back(std::make_unique<Drone>(config_, i, leases_.of(i), intake_.of(i)));
@@ -87,6 +88,7 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
   for (const PilotWish& wish : inputs.wishes) take_wish(now_ns, wish, out);
   for (std::size_t i = 0; i < drones_.size(); ++i) step_drone(now_ns, i, inputs, out);
   stops_.submit(now_ns, leases_, next_id_, out.submissions);
+  requests_.step(now_ns, leases_, next_id_, out.submissions, out.notes);
   if (outbox_ && !inputs.more) outbox_->submit(now_ns, next_id_, out);
   return out;
 }
@@ -161,6 +163,9 @@ void FlightCore::lease_changed(TimeNs now_ns, const LeaseBook::Change& change) {
 void FlightCore::take_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
   if (const auto stop = stops_.take_outcome(now_ns, *inputs.outcome, inputs.outcome_id)) {
     if (!stop->problem.empty()) refuse(now_ns, stop->drone, stop->problem, out);
+  } else if (const auto answer = requests_.take_outcome(now_ns, *inputs.outcome, inputs.outcome_id)) {
+    if (!answer->problem.empty())
+      out.notes.push_back(fmt::format("{}: {}", config_.drones[answer->drone].name, answer->problem));
   } else if (outbox_) {
     outbox_->take_outcome(now_ns, *inputs.outcome, inputs.outcome_id, out);
   }

@@ -12,6 +12,7 @@
 #include "ground/core/flight_types.hpp"
 #include "ground/core/lease/lease_book.hpp"
 #include "ground/core/lease/pilot_stops.hpp"
+#include "ground/core/lease/request_answers.hpp"
 
 namespace ledgerline::ground {
 
@@ -89,6 +90,7 @@ class FlightCore {
   StateIntake intake_;
   PlanTiming timing_;
   PilotStops stops_;
+  RequestAnswers requests_;
   std::vector<std::unique_ptr<Drone>> drones_;
   std::optional<CommandOutbox> outbox_;  ///< of a ledger
   TimeNs started_ns_ = 0;                ///< 0: not yet

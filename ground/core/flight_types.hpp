@@ -24,6 +24,9 @@ struct FlightDrone {
   DroneNumber number = 1;
 };
 
+/// What is done with a request for a drone that we hold when our operator has not answered it in time.
+enum class RequestRule { none, hand_over, deny };
+
 struct FlightConfig {
   std::vector<FlightDrone> drones;
   bool manual = false;                      ///< flown by a pilot's messages instead of around a path
@@ -40,6 +43,8 @@ struct FlightConfig {
       believed;  ///< states must be signed by one of these, the drone's owner, and control events must follow from
                  ///< what their signer asked for; null: not checked
   fabric::ChannelAndContract where;  ///< what comes from elsewhere is not for us
+  RequestRule request_rule = RequestRule::none;
+  TimeNs request_after_ns = 0;  ///< so long our operator may answer a request before the rule does
 
   // Time-outs of the phases; each ends in landing, or in failure where there is nothing to land.
   TimeNs wait_ns = 30 * ns_per_s;     ///< for the first state with a pose, on the ground, under our lease

@@ -73,10 +73,24 @@ void read_controller(Config& config, ControllerConfig& controller) {
                     controller.lag_s, 0.01, 2);
 }
 
+void read_requests(Config& config, FlightConfig& flight) {
+  const std::string rule = config.choice(
+      {"requests.rule",
+       "what becomes of another operator's request for a drone that this ground holds, once it is older than after_s: "
+       "hand_over gives it to the highest priority, in flight too; none: the log says it, and a person answers with "
+       "ledgerline-control"},
+      {"none", "hand_over", "deny"}, "none");
+  if (rule == "hand_over") flight.request_rule = RequestRule::hand_over;
+  if (rule == "deny") flight.request_rule = RequestRule::deny;
+  flight.request_after_ns =
+      from_seconds(config.number({"requests.after_s", "so long a person may answer first"}, 10, 0, 3600));
+}
+
 }  // namespace
 
 FlightConfig flight_config(Config& config) {
   FlightConfig flight;
+  read_requests(config, flight);
   read_path(config, flight);
   read_controller(config, flight.controller);
   for (std::size_t i = 0; i < config.table_count({"drone", "one for each drone that is to fly"}); ++i) {

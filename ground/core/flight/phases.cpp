@@ -46,6 +46,7 @@ void Phases::end_path() {
 }
 
 void Phases::lease_changed(TimeNs now) {
+  if (config_.manual && status_.phase == DronePhase::waiting && lease_.may_command) status_.why.clear();
   if (!in_air()) return;
   if (is_stopped(lease_.stoppers)) {
     land(now, "stopped by " + stopper_names(lease_.stoppers));
@@ -54,7 +55,8 @@ void Phases::lease_changed(TimeNs now) {
     status_.why = lease_.holder != config_.self
                       ? "lost its lease" + (lease_.holder ? " to " + lease_.holder->subject : "")
                       : "its operator " + config_.self.subject + " is revoked";
-    enter(now, DronePhase::failed);
+    // Handed back, its pilot flies it on.
+    enter(now, config_.manual && !lease_.revoked ? DronePhase::waiting : DronePhase::failed);
   }
 }
 

@@ -46,6 +46,23 @@ TEST(ManualFlight, StandsOnTheGroundUntilItsPilotSaysTakeOff) {
   EXPECT_EQ(world.drones[0].plans.front().action(), TAKEOFF);
 }
 
+TEST(ManualFlight, HandedOverItWaitsAndHandedBackItFliesOn) {
+  Flying world;
+  ASSERT_TRUE(world.core.set_control(control_record("tello1", stranger_name, 2).SerializeAsString()));
+  world.run(2);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
+  EXPECT_THAT(world.core.why(), HasSubstr("lost its lease to CN=User1@org3"));
+  EXPECT_FALSE(world.core.ok());
+  const auto before = world.drones[0].plans.size();
+  world.run(2);
+  EXPECT_EQ(world.drones[0].plans.size(), before);
+  ASSERT_TRUE(world.core.set_control(control_record("tello1", operator_name, 3).SerializeAsString()));
+  world.run(1);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  EXPECT_GT(world.drones[0].plans.size(), before);
+  EXPECT_TRUE(world.core.ok());
+}
+
 TEST(ManualFlight, HoversWithoutAWordAndLandsOnOneAndFliesAgain) {
   Flying world;
   for (int round = 0; round < 2; ++round) {
