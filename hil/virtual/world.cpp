@@ -358,6 +358,8 @@ void VirtualWorld::step_ground() {
 void VirtualWorld::give_ground(ground::FlightInputs inputs) {
   next_ground_ns_ = now_ + ground_period_ns;
   inputs.realtime_s = real_epoch_s + now_ / ns_per_s;
+  const auto wishes = std::exchange(wishes_, {});
+  inputs.wishes = wishes;
   auto out = ground_->step(now_, inputs);
   for (const ground::DroneNews& news : out.news) {
     if (news.state) witness_.shown(now_, news.drone, *news.state);

@@ -83,10 +83,13 @@ class VirtualWorld {
   void restart_ledger();
   LedgerPort& port(Process process) { return process == Process::agent ? host_ : operator_; }
   Relay& relay() { return ledger_.relay(); }
+  VirtualLedger& ledger() { return ledger_; }
   void jump_clock(TimeNs by_ns) { clock_jump_ns_ += by_ns; }
   sim::Simulator& sim() { return sim_; }
   /// The contract's stop, and its end.
   void say_control(Stopper who, std::size_t drone, ControlWord word);
+  /// What the pilot of a manual flight wants; with ground's next step.
+  void wish(const ground::PilotWish& wish) { wishes_.push_back(wish); }
   void note(WorldEvent::Kind kind, std::size_t drone, std::string text) {
     witness_.note(now_, kind, drone, std::move(text));
   }
@@ -115,6 +118,7 @@ class VirtualWorld {
   VirtualLedger ledger_;
   LedgerPort host_, operator_;
   Stoppers stoppers_;
+  std::vector<ground::PilotWish> wishes_;
   std::vector<VirtualLedger::Ended> ground_outcomes_;  ///< a ground that stands still finds them later
   sim::Simulator sim_;
   std::optional<link::LinkCore> link_;

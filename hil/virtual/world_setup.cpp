@@ -84,6 +84,9 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
   ground.waypoints = config.waypoints;
   ground.ledger = config.mode == WorldConfig::Mode::ledger;
   ground.laps = config.laps;
+  ground.manual = config.manual;
+  ground.request_rule = config.request_rule;
+  ground.request_after_ns = config.request_after_ns;
   ground.controller.speed_mps = config.speed_mps;
   ground.controller.predict = config.predict;
   ground.controller.ramp = config.ramp;

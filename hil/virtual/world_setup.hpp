@@ -36,6 +36,9 @@ struct WorldConfig {
   std::size_t batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   std::uint64_t seed = 1;
+  bool manual = false;  ///< flown by the wishes of a pilot
+  ground::RequestRule request_rule = ground::RequestRule::none;
+  TimeNs request_after_ns = 0;
   bool supervisors = false;  ///< enrolled besides the operator: for scripts in which they speak
 };
 
