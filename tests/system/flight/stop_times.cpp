@@ -1,0 +1,92 @@
+// Stops drones one after the other, each by the next of the stoppers, who are connected before. The holder, where one is
+// named, fights them: it acquires all drones anew as fast as the ledger lets it. Prints as JSON when (CLOCK_MONOTONIC)
+// each stop was submitted, and how often it was said.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <thread>
+
+#include "common/base/random.hpp"
+#include "common/belief/client.hpp"
+#include "common/config/config.hpp"
+#include "common/fabric/config.hpp"
+#include "common/fabric/sending/repeat.hpp"
+#include "common/rt/clock.hpp"
+#include "ledgerline.pb.h"
+
+using namespace ledgerline;
+
+namespace {
+
+std::unique_ptr<fabric::Client> connect(const std::string& path) {
+  auto config = Config::load(path);
+  auto ledger = config ? fabric::ledger_config(*config) : Result<fabric::ClientConfig>(config.error());
+  auto client = ledger ? fabric::Client::create(belief::for_contract(std::move(*ledger))) : ledger.error();
+  if (client) return std::move(*client);
+  std::fprintf(stderr, "%s: %s\n", path.c_str(), client.error().what.c_str());
+  std::exit(1);
+}
+
+/// How often it was said until it was on the ledger; 0: it was refused or given up.
+int stop(fabric::Client& client, const std::string& drone) {
+  DronesCall call;
+  call.add_drones(drone);
+  fabric::Repeat repeat({}, 1, monotonic_ns());
+  while (true) {
+    const fabric::Outcome outcome = client.submit_and_wait({"stop", {call.SerializeAsString()}});
+    const auto next = repeat.ended(monotonic_ns(), outcome);
+    if (next == fabric::Repeat::Next::on_ledger) return repeat.attempts();
+    if (next != fabric::Repeat::Next::again) return std::fprintf(stderr, "stop: %s\n", outcome.message.c_str()), 0;
+    std::this_thread::sleep_for(std::chrono::nanoseconds(std::max<TimeNs>(0, repeat.at_ns() - monotonic_ns())));
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Stops drones one after the other"};
+  std::vector<std::string> stoppers, drones;
+  std::string holder;
+  double gap_s = 1;
+  app.add_option("--stopper", stoppers, "TOML files with [ledger]")->required();
+  app.add_option("--drone", drones)->required();
+  app.add_option("--holder", holder, "TOML file with [ledger]");
+  app.add_option("--gap", gap_s, "Seconds between two stops, on average");
+  CLI11_PARSE(app, argc, argv);
+  std::vector<std::unique_ptr<fabric::Client>> clients;
+  for (const std::string& path : stoppers) {
+    clients.push_back(connect(path));
+    (void)clients.back()->evaluate({"get", {"control/" + drones.front()}});  // connected
+  }
+  std::atomic<bool> quit{false};
+  int fought = 0;
+  std::jthread fight;
+  if (!holder.empty()) {
+    fight = std::jthread([&, client = std::shared_ptr<fabric::Client>(connect(holder))] {
+      LeaseCall call;
+      for (const std::string& drone : drones) call.add_drones(drone);
+      for (std::uint32_t priority = 2; !quit; ++priority) {
+        call.set_priority(priority);
+        if (client->submit_and_wait({"acquire", {call.SerializeAsString()}}).kind == fabric::Outcome::Kind::committed)
+          ++fought;
+      }
+    });
+  }
+  Random random(static_cast<std::uint64_t>(monotonic_ns()));
+  std::string stops;
+  for (std::size_t i = 0; i < drones.size(); ++i) {
+    const double wait_s = gap_s * (0.5 + static_cast<double>(random.next() % 1000) / 1000);
+    std::this_thread::sleep_for(std::chrono::duration<double>(wait_s));
+    const TimeNs submitted_ns = monotonic_ns();
+    const int attempts = stop(*clients[i % clients.size()], drones[i]);
+    char line[160];
+    std::snprintf(line, sizeof line, R"(%s{"drone": "%s", "submitted_ns": %lld, "attempts": %d})", i == 0 ? "" : ", ",
+                  drones[i].c_str(), static_cast<long long>(submitted_ns), attempts);
+    stops += line;
+  }
+  quit = true;
+  if (fight.joinable()) fight.join();
+  std::printf("{\"stops\": [%s], \"fought\": %d}\n", stops.c_str(), fought);
+}

@@ -1,0 +1,68 @@
+"""How soon a stop lands: sixteen drones in the air, each stopped by itself, by four people of three organisations."""
+import json
+import re
+import subprocess
+
+import pytest
+from fabric import needs_fabric
+from flights import BIN, assert_nothing_left, fly, no_flight_outlives_its_test, printed, result, wait_for_flight
+from trace_file import TraceKind, records
+
+DRONES = [f"tello{k}" for k in range(1, 17)]
+LAND = 3  # FailsafeMode
+
+
+def control(config, *words) -> None:
+    subprocess.run([BIN / "ledgerline-control", "--config", config, *words], check=True, timeout=30, stdout=subprocess.DEVNULL)
+
+
+def stoppers(run) -> list:
+    """Configs of operators of the drones' organisation and of two others that are granted the stop."""
+    configs = []
+    for organisation, user in ((1, "User2"), (2, "User2"), (3, "User1"), (3, "User2")):
+        msp = f"Org{organisation}MSP"
+        users = run / "ledger" / "crypto" / "peerOrganizations" / f"org{organisation}.ledgerline" / "users"
+        for who, name in (("Admin", f"admin{organisation}"), (user, f"stopper{organisation}{user}")):
+            text = (run / "operator.toml").read_text().replace("Org2MSP", msp)
+            folder = users / f"{who}@org{organisation}.ledgerline" / "msp"
+            (run / f"{name}.toml").write_text(re.sub(r'msp_dir = ".*"', f'msp_dir = "{folder}"', text))
+        control(run / f"admin{organisation}.toml", "enroll", "--msp", msp, "--role", "operator", "--cert",
+                next((users / f"{user}@org{organisation}.ledgerline" / "msp" / "signcerts").iterdir()))
+        configs.append(run / f"stopper{organisation}{user}.toml")
+    control(run / "admin.toml", "grant", "--msp", "Org3MSP", "--stop", *DRONES)
+    return configs
+
+
+def quantile(values: list[float], share: float) -> float:
+    return sorted(values)[min(len(values) - 1, int(share * len(values)))]
+
+
+@pytest.mark.parametrize("ledger", ["embedded", "fabric"])
+def test_each_stop_lands_its_drone_while_the_holder_fights(tmp_path, ledger):
+    if ledger == "fabric":
+        needs_fabric()
+    flight = fly(tmp_path, "--drones", str(len(DRONES)), "--seconds", "60", "--ledger", ledger)
+    wait_for_flight(tmp_path, flight)
+    run = tmp_path / "run"
+    who = [word for config in stoppers(run) for word in ("--stopper", config)]
+    drones = [word for drone in DRONES for word in ("--drone", drone)]
+    done = subprocess.run([BIN / "test_stop_times", *who, *drones, "--holder", run / "operator.toml", "--gap", "0.5"],
+                          stdout=subprocess.PIPE, text=True, check=True, timeout=90)
+    told = json.loads(done.stdout)
+    assert flight.wait(120) == 1, printed(tmp_path)
+    assert result(tmp_path)["why"].count("stopped by") == len(DRONES), result(tmp_path)["why"]
+    assert all(stop["attempts"] for stop in told["stops"]) and told["fought"] > 0, told
+    modes = [r for r in records(run / "link.trace") if r.kind == TraceKind.MODE and r.extra == LAND]
+    lands_ms = []
+    for stop in told["stops"]:
+        number = int(stop["drone"].removeprefix("tello"))
+        landing = [r.t_ns for r in modes if r.drone == number and r.t_ns > stop["submitted_ns"]]
+        assert landing, f"{stop['drone']} was not landed by its stop"
+        lands_ms.append((landing[0] - stop["submitted_ns"]) / 1e6)
+    first = told["stops"][0]["submitted_ns"]
+    two_way_ms = [(r.t_ns - r.stamp_ns) / 1e6 for r in records(run / "agent.trace")
+                  if r.kind == TraceKind.COMMAND_VERIFIED and r.t_ns < first]
+    print(json.dumps({"ledger": ledger, "lands_ms": [round(ms, 1) for ms in lands_ms],
+                      "attempts": [stop["attempts"] for stop in told["stops"]], "fought": told["fought"],
+                      "two_way_ms": {"median": round(quantile(two_way_ms, 0.5), 1), "p99": round(quantile(two_way_ms, 0.99), 1)}}))
+    assert_nothing_left()
