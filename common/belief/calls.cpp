@@ -139,23 +139,20 @@ Status check_event(const AskedCall& call, std::string_view event_name, std::stri
   return match == Match::same ? Status(done) : another;
 }
 
-fabric::EndorsementNeed endorsement_need(const AskedCall& call) {
+fabric::EndorsementNeed command_need(const std::string& organisation) {
+  return {fabric::EndorsementNeed::Count::one, organisation};
+}
+
+fabric::EndorsementNeed frame_need() { return {fabric::EndorsementNeed::Count::one}; }
+
+fabric::EndorsementNeed endorsement_need(std::string_view function) {
   using Count = fabric::EndorsementNeed::Count;
-  if (call.function == contract::command) {
-    CommandCall asked;
-    if (call.args.size() == 1 && read(call.args[0], asked)) return {Count::one, asked.organisation()};
-    return {};
-  }
-  if (call.function == contract::set) {
-    SetCall asked;
-    const bool stream = call.args.size() == 1 && read(call.args[0], asked) && asked.stream();
-    return {stream ? Count::one : Count::two};
-  }
+  if (function == contract::set) return {Count::two};
   // What changes records that are there needs their keeper's peer alone: a second one must not hold it up.
-  const bool makes_records = call.function == contract::enroll || call.function == contract::acquire ||
-                             call.function == contract::hand_over || call.function == contract::anchor ||
-                             call.function == contract::delete_;
-  return {makes_records ? Count::two : Count::two_if_there_are, {}, call.function == contract::delete_};
+  const bool makes_records = function == contract::enroll || function == contract::acquire ||
+                             function == contract::hand_over || function == contract::anchor ||
+                             function == contract::delete_;
+  return {makes_records ? Count::two : Count::two_if_there_are, {}, function == contract::delete_};
 }
 
 }  // namespace ledgerline::belief

@@ -42,7 +42,9 @@ Plan plan_of(DroneNumber drone, const DronePlan& asked);
 Status check_event(const AskedCall& call, std::string_view event_name, std::string_view event_payload);
 
 /// Whose endorsements a call of the contract needs: a command's that of the drones' organisation, a frame's that of
-/// one's own, all others' those of two organisations. A stop goes out with what there is.
-fabric::EndorsementNeed endorsement_need(const AskedCall& call);
+/// one's own, all others' those of two organisations, by their functions. A stop goes out with what there is.
+fabric::EndorsementNeed command_need(const std::string& organisation);
+fabric::EndorsementNeed frame_need();
+fabric::EndorsementNeed endorsement_need(std::string_view function);
 
 }  // namespace ledgerline::belief

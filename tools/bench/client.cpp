@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/log.hpp"
+#include "common/belief/calls.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
@@ -204,7 +205,10 @@ class Side {
         asset->set_msg_data(write_message({sample.sequence - 1, sample.stamp_ns}, own_.topic));
       }
     }
-    return {.function = contract::set, .args = {call.SerializeAsString()}, .told_by_block = true};
+    return {.function = contract::set,
+            .args = {call.SerializeAsString()},
+            .told_by_block = true,
+            .need = belief::frame_need()};
   }
 
   const bool is_a_;

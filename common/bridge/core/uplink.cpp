@@ -1,4 +1,5 @@
 #include "common/bridge/core/uplink.hpp"
+#include "common/belief/calls.hpp"
 
 #include <fmt/format.h>
 
@@ -200,6 +201,7 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
   Submit submit{
       .number = number, .call = {.function = contract::set, .args = {}, .told_by_block = true}, .bulk = kind == bulk};
   submit.call.args.push_back(std::move(argument));
+  if (kind == stream) submit.call.need = belief::frame_need();
   lane.in_flight.add(number, now, std::move(messages));
   return submit;
 }

@@ -146,7 +146,11 @@ void Pipeline::begin(Job job) {
     return;
   }
   p->proposal = std::move(*proposal);
-  if (connection_->config.endorsement_need) p->need = connection_->config.endorsement_need(p->call);
+  if (p->call.need) {
+    p->need = *p->call.need;
+  } else if (connection_->config.endorsement_need) {
+    p->need = connection_->config.endorsement_need(p->call);
+  }
   if (p->need.in_order) order_.push_back(p);
   endorse(p);
 }

@@ -14,15 +14,6 @@
 /// All byte strings are serialized protobuf messages of Fabric, named in the comments.
 namespace ledgerline::fabric {
 
-/// One call of a contract; arguments are bytes.
-struct Call {
-  std::string function;
-  std::vector<std::string> args;
-  /// Its end may be told as soon as a block stream of the same client brings it, which is sooner and cheaper than
-  /// asking the peer; the peer's state may not show it yet, though. For writes that no later call of the client reads.
-  bool told_by_block = false;
-};
-
 /// Whose endorsements a call needs.
 struct EndorsementNeed {
   enum class Count {
@@ -33,6 +24,17 @@ struct EndorsementNeed {
   Count count = Count::one;
   std::string organisation{};
   bool in_order = true;  ///< behind what was submitted before it; else whenever it is endorsed
+};
+
+/// One call of a contract; arguments are bytes.
+struct Call {
+  std::string function;
+  std::vector<std::string> args;
+  /// Its end may be told as soon as a block stream of the same client brings it, which is sooner and cheaper than
+  /// asking the peer; the peer's state may not show it yet, though. For writes that no later call of the client reads.
+  bool told_by_block = false;
+  /// Where its maker knows better than its function's name tells (ClientConfig::endorsement_need).
+  std::optional<EndorsementNeed> need{};
 };
 
 struct ChannelAndContract {

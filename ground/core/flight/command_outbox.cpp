@@ -97,7 +97,8 @@ void CommandOutbox::submit_to(const std::string& organisation, TimeNs now, std::
   }
   const std::uint64_t id = next_id++;
   ++counters_.submitted;
-  out.submissions.push_back({id, {contract::command, {call.SerializeAsString()}, true}});
+  out.submissions.push_back(
+      {id, {contract::command, {call.SerializeAsString()}, true, belief::command_need(call.organisation())}});
   in_flight.add(id, now, std::move(commands));
 }
 

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/belief/calls.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/ros.hpp"
 #include "ledgerline.pb.h"
@@ -57,7 +58,10 @@ fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& dron
       if (it != drones.end()) add_drone(call, sample, it->name, real_offset_ns);
     }
   }
-  return fabric::Call{.function = contract::set, .args = {call.SerializeAsString()}, .told_by_block = true};
+  return fabric::Call{.function = contract::set,
+                      .args = {call.SerializeAsString()},
+                      .told_by_block = true,
+                      .need = belief::frame_need()};
 }
 
 fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs real_offset_ns) {
