@@ -55,9 +55,9 @@ Response stop(Stub& stub, const Arguments& call) {
     if (!resumes) return refuse(resumes.error().what);
     const auto asked = std::find(target->drones().begin(), target->drones().end(), drone) - target->drones().begin();
     if (counted && target->resumes(static_cast<int>(asked)) != *resumes) {
-      return refuse(drone + ": a stop for " + std::to_string(target->resumes(static_cast<int>(asked))) +
-                    " resumes, but " + to_text(stub.caller()) + "'s were lifted " + std::to_string(*resumes) +
-                    " times");
+      return refuse(drone + ": a stop meant for " + std::to_string(target->resumes(static_cast<int>(asked))) +
+                    " lifts of the stops of " + to_text(stub.caller()) + "; the ledger has " +
+                    std::to_string(*resumes) + ": name that, or none");
     }
     Stop& one = *all.add_stops();
     one.set_drone(drone);

@@ -130,3 +130,16 @@ def test_each_lifts_its_own_stop_and_a_foreign_supervisor_no_other(admin, enroll
     operator.submit("resume", "kept")
     host.submit("fold", "kept")
     supervisor.submit("resume", "kept")
+
+
+def test_a_stop_that_is_held_back_until_a_resume_does_nothing(enroll, operator):
+    enroll("resumed")
+    operator.submit("stop", "resumed")
+    late = operator.call("late", "stop", "resumed", between=call("resume", "resumed"))
+    assert late["code"] == MVCC_READ_CONFLICT, late
+    assert "stopped by" not in operator.refusal("resume", "resumed"), "nobody has it stopped"
+    assert operator.refusal("stop", {"drones": ["resumed"], "resumes": [0]}).startswith(
+        "resumed: a stop meant for 0 lifts of the stops of Org2MSP"), "an old count"
+    operator.submit("stop", {"drones": ["resumed"], "resumes": [1]})
+    late = operator.call("late", "stop", {"drones": ["resumed"], "resumes": [1]}, between=call("resume", "resumed"))
+    assert late["code"] == MVCC_READ_CONFLICT, late

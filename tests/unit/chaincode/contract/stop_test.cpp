@@ -139,7 +139,7 @@ TEST_F(StopTest, AStopForAnotherCountIsRefusedAndSaysTheCount) {
   EXPECT_EQ(stub.call(guard, "stop", call).status, 200);
   resume(guard);
   EXPECT_EQ(stub.call(guard, "stop", call).message,
-            "tello1: a stop for 0 resumes, but Org1MSP CN=guard's were lifted 1 times");
+            "tello1: a stop meant for 0 lifts of the stops of Org1MSP CN=guard; the ledger has 1: name that, or none");
   call.set_resumes(1, 1);
   EXPECT_EQ(stub.call(guard, "stop", call).status, 200) << "in the order of its drones";
   call.add_resumes(0);
