@@ -115,10 +115,11 @@ void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcom
     out.traces.push_back(record_of(TraceKind::call_ordered, outcome.ordered_ns, 0, frame, ended->submitted_ns));
   if (outcome.kind == fabric::Outcome::Kind::invalidated && outcome.code == endorsement_policy_failure) {
     // The contract has become a newer version, and our records have no policy yet: a fold renews them.
-    for (const DroneName& drone : config_.drones) folds_.want(now, drone.number);
+    folds_.renew(now);
   }
   if (outcome.kind != fabric::Outcome::Kind::committed) return;
   progress(now);
+  folds_.renewed();
   out.traces.push_back(TraceRecord{.t_ns = now,
                                    .kind = TraceKind::frame_committed,
                                    .extra = static_cast<std::uint32_t>(ended->samples.size()),
