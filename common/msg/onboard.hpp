@@ -35,6 +35,9 @@ enum class FlightPhase : std::uint8_t {
 constexpr bool in_flight(FlightPhase phase) noexcept {
   return phase == FlightPhase::taking_off || phase == FlightPhase::flying || phase == FlightPhase::landing;
 }
+constexpr bool on_ground(FlightPhase phase) noexcept {
+  return phase == FlightPhase::on_ground || phase == FlightPhase::landed;
+}
 
 /// What the failsafe does now; `none` while the plan is flown.
 enum class FailsafeMode : std::uint8_t { none = 0, hold = 1, brake = 2, land = 3, cut = 4 };

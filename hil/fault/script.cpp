@@ -69,6 +69,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   flight.rate_hz = config.number("flight.rate_hz", flight.rate_hz, 1, 200);
   flight.predict = config.boolean("flight.predict", flight.predict);
   flight.max_age_ns = duration(config, "flight.max_age", flight.max_age_ns, 100 * ns_per_ms, 10 * ns_per_s);
+  flight.idle_evict_ns = duration(config, "flight.idle_evict", flight.idle_evict_ns, ns_per_s, 86'400 * ns_per_s);
   flight.laps = static_cast<int>(config.integer("flight.laps", flight.laps, 1, 100));
   flight.battery = config.number("flight.battery", flight.battery, 0, 1);
   flight.keeps_rc = config.boolean("flight.keeps_rc", flight.keeps_rc);
@@ -150,6 +151,8 @@ std::string text_of(const Script& script) {
   if (f.laps != usual.laps) text += fmt::format("laps = {}\n", f.laps);
   if (f.predict != usual.predict) text += fmt::format("predict = {}\n", f.predict);
   if (f.max_age_ns != usual.max_age_ns) text += fmt::format("max_age = \"{:g} s\"\n", to_seconds(f.max_age_ns));
+  if (f.idle_evict_ns != usual.idle_evict_ns)
+    text += fmt::format("idle_evict = \"{:g} s\"\n", to_seconds(f.idle_evict_ns));
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
   if (f.keeps_rc != usual.keeps_rc) text += fmt::format("keeps_rc = {}\n", f.keeps_rc);
   if (f.command_counts != usual.command_counts) text += fmt::format("command_counts = {}\n", f.command_counts);

@@ -72,6 +72,7 @@ agent::AgentConfig agent_config(const WorldConfig& config, std::uint64_t starts)
   // A far ledger is not yet a silent one.
   agent.ledger_silent_after_ns += std::max<TimeNs>(0, config.max_age_ns - agent.check.max_age_ns);
   agent.check.max_age_ns = config.max_age_ns;
+  agent.idle_evict_ns = config.idle_evict_ns;
   for (int k = 1; k <= config.drones; ++k) agent.drones.push_back({static_cast<DroneNumber>(k), drone_name(k)});
   return agent;
 }

@@ -164,7 +164,7 @@ constexpr FaultKind ledger_table[] = {
     {"ledger agent|ground|both lies WHAT...", lie},
     {"ledger relay LIE...", relay},
     {"operator errs WHAT...", slip},
-    {"operator|supervisor|stranger stop|cut|resume|acquire|evict|request|hand_over|deny NAME", say_control},
+    {"operator|supervisor|stranger stop|cut|resume|acquire|claim|evict|request|hand_over|deny NAME", say_control},
     {"administrator revoke NAME", revoke},
 };
 

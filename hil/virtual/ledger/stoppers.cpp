@@ -26,11 +26,11 @@ LedgerPort& Stoppers::port(Stopper who) {
 namespace {
 
 fabric::Call call_of(const std::string& drone, ControlWord word) {
-  if (word == ControlWord::acquire || word == ControlWord::request) {
+  if (word == ControlWord::acquire || word == ControlWord::claim || word == ControlWord::request) {
     LeaseCall call;
     call.add_drones(drone);
-    call.set_priority(contract::max_priority);
-    return {word == ControlWord::acquire ? contract::acquire : contract::request, {call.SerializeAsString()}};
+    if (word != ControlWord::claim) call.set_priority(contract::max_priority);
+    return {word == ControlWord::request ? contract::request : contract::acquire, {call.SerializeAsString()}};
   }
   if (word == ControlWord::hand_over || word == ControlWord::deny) {
     AnswerCall call;

@@ -10,6 +10,8 @@ namespace {
 
 constexpr TimeNs stop_gap_ns = 100 * ns_per_ms;      // between two times that one stop is said to link
 constexpr TimeNs unseen_stop_gap_ns = 1 * ns_per_s;  // the same while link does not see the drone, perhaps for hours
+constexpr TimeNs state_counts_ns =
+    3 * ns_per_s;  // of a state that shows the drone on the ground: link says one a second
 
 TraceRecord record_of(TraceKind kind, TimeNs now, DroneNumber drone, std::uint64_t id, TimeNs stamp_ns,
                       std::uint64_t extra = 0) {
@@ -29,6 +31,7 @@ void AgentOutputs::clear() {
   poses.clear();
   beat.reset();
   traces.clear();
+  evictions.clear();
 }
 
 AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
@@ -36,6 +39,7 @@ AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
       batcher_(config_.batch, config_.drones, config_.seed),
       transitions_(config_.batch, config_.drones, config_.seed + 1),
       folds_(config_.batch, config_.drones, config_.seed + 2),
+      idle_(config_.idle_evict_ns, config_.batch, config_.drones, config_.seed + 3),
       check_(config_.check, config_.drones, registry) {
   for (std::size_t i = 0; i < config_.drones.size(); ++i) {
     drones_.push_back(Drone{.fusion = Fusion(config_.fusion), .newest = {}, .two_way = {}});
@@ -62,6 +66,7 @@ void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& ou
   const std::size_t i = index(sample.drone);
   if (i == drones_.size()) return;
   drones_[i].newest = sample;
+  drones_[i].heard_ns = now;
   out.traces.push_back(record_of(TraceKind::state_taken, now, sample.drone, sample.sequence, sample.stamp_ns));
   batcher_.add(now, sample);
   repeat_stop(now, sample, out);
@@ -103,7 +108,8 @@ void AgentCore::progress(TimeNs) {
 constexpr int endorsement_policy_failure = 10;  // protos.TxValidationCode
 
 void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
-  if (transitions_.finished(now, frame, outcome) || folds_.finished(now, frame, outcome)) {
+  if (transitions_.finished(now, frame, outcome) || folds_.finished(now, frame, outcome) ||
+      take_eviction(now, frame, outcome, out)) {
     if (outcome.kind == fabric::Outcome::Kind::committed) progress(now);
     return;
   }
@@ -115,10 +121,11 @@ void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcom
     out.traces.push_back(record_of(TraceKind::call_ordered, outcome.ordered_ns, 0, frame, ended->submitted_ns));
   if (outcome.kind == fabric::Outcome::Kind::invalidated && outcome.code == endorsement_policy_failure) {
     // The contract has become a newer version, and our records have no policy yet: a fold renews them.
-    for (const DroneName& drone : config_.drones) folds_.want(now, drone.number);
+    folds_.renew(now);
   }
   if (outcome.kind != fabric::Outcome::Kind::committed) return;
   progress(now);
+  folds_.renewed();
   out.traces.push_back(TraceRecord{.t_ns = now,
                                    .kind = TraceKind::frame_committed,
                                    .extra = static_cast<std::uint32_t>(ended->samples.size()),
@@ -127,6 +134,7 @@ void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcom
 }
 
 void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out) {
+  for (const DroneName& drone : config_.drones) check_.set_evicting(drone.number, idle_.evicting(drone.number));
   auto checked = check_.check(now, (now + real_offset_ns_) / ns_per_s, block);
   for (const auto& refused : checked.refused) {
     out.traces.push_back(TraceRecord{.t_ns = now,
@@ -150,6 +158,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
     out.traces.push_back(record_of(TraceKind::command_taken, now, plan.drone, plan.sequence, plan.state_stamp_ns));
   }
   for (const DroneNumber drone : checked.revoked) folds_.want(now, drone);
+  for (const DroneNumber drone : checked.heard) idle_.heard(now, drone);
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
 }
 
@@ -216,6 +225,29 @@ void AgentCore::submit_folds(TimeNs now, AgentOutputs& out) {
   }
 }
 
+void AgentCore::submit_evictions(TimeNs now, AgentOutputs& out) {
+  for (std::size_t i = 0; i < drones_.size(); ++i) {
+    const Drone& drone = drones_[i];
+    const bool seen = drone.newest && now - drone.heard_ns <= state_counts_ns;
+    const DroneNumber number = config_.drones[i].number;
+    idle_.see(now, number,
+              {.lease = check_.lease(number),
+               .on_ground = seen && on_ground(drone.newest->phase),
+               .ledger_heard = ledger_alive(now)});
+  }
+  while (const auto sending = idle_.next(now)) {
+    if (!unanswered_since_ns_) unanswered_since_ns_ = now;
+    out.submits.push_back({sending->number, encode_evict(*sending), true});
+    out.evictions.push_back({sending->drone->name, std::nullopt, {}});
+  }
+}
+
+bool AgentCore::take_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out) {
+  const auto ended = idle_.finished(now, number, outcome);
+  if (ended && ended->next) out.evictions.push_back({ended->drone->name, ended->next, outcome.message});
+  return ended.has_value();
+}
+
 // A beat without a pose says that the pose is lost. An agent that was started again in mid-flight has not lost it, only
 // not yet heard it.
 bool AgentCore::may_beat(TimeNs now) {
@@ -228,7 +260,10 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
   hand_over_plans(now, out);
   submit_folds(now, out);
   submit_transitions(now, out);
-  if (submitting_) submit_frame(now, out);
+  if (submitting_) {
+    submit_evictions(now, out);
+    submit_frame(now, out);
+  }
   if (now >= next_beat_ns_ && may_beat(now)) {
     out.beat = AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now)};
     transitions_.tell(*out.beat);

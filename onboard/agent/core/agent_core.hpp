@@ -12,6 +12,7 @@
 #include "onboard/agent/core/fusion.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/core/outbox/fold_sender.hpp"
+#include "onboard/agent/core/outbox/idle_evictor.hpp"
 #include "onboard/agent/core/outbox/transition_sender.hpp"
 
 namespace ledgerline::agent {
@@ -24,7 +25,8 @@ struct AgentConfig {
   TimeNs beat_period_ns = 50 * ns_per_ms;
   TimeNs first_beat_wait_ns = 200 * ns_per_ms;  ///< for a pose of every drone, at most
   TimeNs ledger_silent_after_ns = 1 * ns_per_s;
-  std::uint64_t seed = 1;  ///< of the back-off's jitter
+  TimeNs idle_evict_ns = usual_idle_ns;  ///< 0: never, see IdleEvictor
+  std::uint64_t seed = 1;                ///< of the back-off's jitter
 };
 
 /// What the agent wants done. Calls of AgentCore append; the shell acts on it and clears it.
@@ -32,13 +34,20 @@ struct AgentOutputs {
   struct Submit {
     std::uint64_t frame = 0;  ///< give it back to on_outcome()
     fabric::Call call;
-    bool urgent = false;  ///< transitions and folds: must not wait behind states
+    bool urgent = false;  ///< transitions, folds, evictions: must not wait behind states
   };
   std::vector<Submit> submits;
   std::vector<Plan> plans;  ///< to link
   std::vector<Pose> poses;  ///< to link
   std::optional<AgentBeat> beat;
   std::vector<TraceRecord> traces;
+  /// For the log, of an eviction of an idle holder: how a call ended, or that one goes out.
+  struct Eviction {
+    std::string drone;
+    std::optional<fabric::Repeat::Next> ended;  ///< none: it goes out
+    std::string why;                            ///< it did not get onto the ledger
+  };
+  std::vector<Eviction> evictions;
   void clear();
 };
 
@@ -75,10 +84,12 @@ class AgentCore {
   void on_connection(TimeNs now, bool connected);  ///< of the block stream
   void step(TimeNs now, AgentOutputs& out);
 
-  /// From now on step() makes no frame of states; what is in flight may end, and transitions and folds still go. For an
-  /// orderly end.
+  /// From now on step() makes no frame of states and evicts nobody; what is in flight may end, and transitions and folds
+  /// still go. For an orderly end.
   void stop_submitting() { submitting_ = false; }
-  bool anything_under_way() const { return batcher_.in_flight() > 0 || transitions_.pending() || folds_.pending(); }
+  bool anything_under_way() const {
+    return batcher_.in_flight() > 0 || transitions_.pending() || folds_.pending() || idle_.in_flight();
+  }
 
   bool ledger_alive(TimeNs now) const;
   std::uint64_t height() const { return check_.height(); }
@@ -87,6 +98,7 @@ class AgentCore {
   std::uint64_t blocks_broken() const { return check_.broken_blocks(); }
   const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
   const FoldSender& folds() const { return folds_; }
+  const IdleEvictor& idle() const { return idle_; }
   std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
   std::uint64_t unbelievable_transactions() const { return check_.unbelievable_transactions(); }
   const std::vector<DroneName>& drones() const { return config_.drones; }
@@ -96,6 +108,7 @@ class AgentCore {
   struct Drone {
     Fusion fusion;
     std::optional<StateSample> newest;
+    TimeNs heard_ns = 0;  ///< when it came
     bool has_pose = false;
     TimeNs last_command_verified_ns = 0;
     TimeNs next_stop_ns = 0;
@@ -107,6 +120,8 @@ class AgentCore {
   void submit_frame(TimeNs now, AgentOutputs& out);
   void submit_transitions(TimeNs now, AgentOutputs& out);
   void submit_folds(TimeNs now, AgentOutputs& out);
+  void submit_evictions(TimeNs now, AgentOutputs& out);
+  bool take_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out);
   void progress(TimeNs now);
   bool may_beat(TimeNs now);
 
@@ -114,6 +129,7 @@ class AgentCore {
   Batcher batcher_;
   TransitionSender transitions_;
   FoldSender folds_;
+  IdleEvictor idle_;
   CommandCheck check_;
   std::vector<Drone> drones_;  ///< as in config_.drones
   std::vector<Plan> checked_;  ///< waiting for step()

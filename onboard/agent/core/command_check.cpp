@@ -20,7 +20,8 @@ constexpr std::array names{"none",          "broken_chain", "invalid_transaction
                            "bad_signature", "not_endorsed", "not_holder",
                            "stopped",       "wrong_epoch",  "foreign_boot",
                            "unknown_stamp", "replayed",     "too_old",
-                           "over_limits",   "altered",      "revoked"};
+                           "over_limits",   "altered",      "revoked",
+                           "evicting"};
 static_assert(names.size() == refusal_count);
 
 bool same(const Identity& a, const crypto::IdentityName& b) {
@@ -45,10 +46,27 @@ CommandCheck::Drone* CommandCheck::find(std::string_view name) {
   return it == drones_.end() ? nullptr : &*it;
 }
 
-const CommandCheck::Counters& CommandCheck::counters(DroneNumber drone) const {
+const CommandCheck::Drone* CommandCheck::find(DroneNumber number) const {
+  const auto it = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == number; });
+  return it == drones_.end() ? nullptr : &*it;
+}
+
+const CommandCheck::Counters& CommandCheck::counters(DroneNumber number) const {
   static const Counters not_ours;
-  const auto it = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == drone; });
-  return it == drones_.end() ? not_ours : it->counters;
+  const Drone* drone = find(number);
+  return drone ? drone->counters : not_ours;
+}
+
+std::optional<std::uint64_t> CommandCheck::lease(DroneNumber number) const {
+  const Drone* drone = find(number);
+  if (!drone || !drone->control || !drone->control->has_holder()) return std::nullopt;
+  return drone->control->epoch();
+}
+
+void CommandCheck::set_evicting(DroneNumber number, bool evicting) {
+  for (Drone& drone : drones_) {
+    if (drone.name.number == number) drone.evicting = evicting;
+  }
 }
 
 void CommandCheck::set_control(const Control& control) {
@@ -127,6 +145,7 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
     Drone* drone = find(plan.drone());
     if (!drone) continue;
     if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
+    if (whole == Refusal::none && holds(*drone, signer.name, plan)) out.heard.push_back(drone->name.number);
     const Refusal why = whole != Refusal::none ? whole : check_plan(now, *drone, signer.name, plan);
     if (why != Refusal::none) {
       refuse(*drone, plan, why, out);
@@ -170,6 +189,11 @@ void CommandCheck::refuse_altered(const fabric::Transaction& tx, CommandCall ask
   }
 }
 
+// An absent holder reads as an empty name, which no signer has.
+bool CommandCheck::holds(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) {
+  return drone.control && same(drone.control->holder(), signer) && plan.epoch() == drone.control->epoch();
+}
+
 Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer,
                                  const DronePlan& plan) const {
   // An absent holder reads as an empty name, which no signer has.
@@ -185,6 +209,7 @@ Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::I
   }
   const std::uint64_t last = plan.epoch() == drone.epoch ? drone.last_sequence : 0;
   if (plan.sequence() <= last) return Refusal::replayed;
+  if (drone.evicting && plan.action() == TAKEOFF) return Refusal::evicting;
   if (now - plan.state_stamp_ns() > config_.max_age_ns) return Refusal::too_old;
   return check_setpoints(now, plan);
 }
@@ -289,9 +314,8 @@ void CommandCheck::take_stops(TimeNs now, std::int64_t now_s, const fabric::Tran
 }
 
 std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) const {
-  const auto drone =
-      std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == number; });
-  if (drone == drones_.end() || !drone->control || !is_stopped(*drone->control)) return std::nullopt;
+  const Drone* drone = find(number);
+  if (!drone || !drone->control || !is_stopped(*drone->control)) return std::nullopt;
   Plan stop;
   stop.drone = number;
   stop.action = is_cut(*drone->control) ? PlanAction::cut : PlanAction::stop;

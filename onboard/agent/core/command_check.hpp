@@ -38,6 +38,7 @@ enum class Refusal : std::uint8_t {
   over_limits = 15,         ///< setpoints: not finite, too fast, too many, out of order, or beyond the horizon
   altered = 16,  ///< not what its creator asked for and signed; or a record that does not follow from the last
   revoked = 17,  ///< its signer's organisation has taken its role back
+  evicting = 18  ///< to take off, while this agent's eviction of its idle holder is under way
 };
 inline constexpr std::size_t refusal_count = enum_count<Refusal>;
 std::string_view refusal_name(Refusal refusal);
@@ -81,6 +82,7 @@ class CommandCheck {
     std::vector<Plan> plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut
     std::vector<Refused> refused;
     std::vector<DroneNumber> revoked;  ///< drones whose holder, or somebody whom they are granted to, is now revoked
+    std::vector<DroneNumber> heard;    ///< drones whose holder commands them under its lease, flown or refused
     bool chain_ok = true;
     std::string chain_error;  ///< in words, when not chain_ok; the block was then not looked at further
   };
@@ -95,13 +97,17 @@ class CommandCheck {
   void set_control(const Control& control);
   /// A state that was submitted: commands may answer it. Of another boot than the one before: that one's are forgotten.
   void sent(const StateSample& sample);
+  /// Whether its holder may lose the drone any moment by our own doing: it does not take off then.
+  void set_evicting(DroneNumber number, bool evicting);
   /// `now_s`: real time, for the certificates' validity.
   Checked check(TimeNs now, std::int64_t now_s, const fabric::Block& block);
 
   /// The stop that the ledger's record asks of link; none when the drone is not stopped.
-  std::optional<Plan> standing_stop(TimeNs now, DroneNumber drone) const;
+  std::optional<Plan> standing_stop(TimeNs now, DroneNumber number) const;
+  /// The epoch of its holder's lease; none: nobody holds the drone, or no record of it was read.
+  std::optional<std::uint64_t> lease(DroneNumber number) const;
 
-  const Counters& counters(DroneNumber drone) const;
+  const Counters& counters(DroneNumber number) const;
   std::uint64_t height() const { return chain_.height(); }
   std::uint64_t broken_blocks() const { return broken_blocks_; }
   std::uint64_t malformed_commands() const { return malformed_commands_; }  ///< of no drone, therefore
@@ -115,11 +121,14 @@ class CommandCheck {
     std::uint64_t boot_id = 0;
     std::deque<TimeNs> stamps;
     std::uint64_t epoch = 0, last_sequence = 0;  ///< the newest plan accepted under that epoch
+    bool evicting = false;
     Counters counters;
   };
   Drone* find(std::string_view name);
+  const Drone* find(DroneNumber number) const;
   Refusal check_transaction(std::int64_t now_s, const fabric::Transaction& tx, belief::Creator& signer);
   bool endorsed_by_us(std::int64_t now_s, const fabric::Transaction& tx);
+  static bool holds(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan);
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
   Refusal check_setpoints(TimeNs now, const DronePlan& plan) const;
   Refusal check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out, belief::Creator& signer);

@@ -87,6 +87,22 @@ FusionConfig fusion(Config& config) {
   return f;
 }
 
+TimeNs idle_evict(Config& config) {
+  constexpr double min_s = 30;
+  const Key key{
+      "agent.idle_evict_s",
+      "a drone that is seen on the ground for so long, without a command of who holds its lease, is taken from "
+      "the holder, so that others may acquire it; 0: never, else at least 30. Longer than a change of batteries"};
+  const double idle_s = config.number(key, to_seconds(usual_idle_ns), 0, 86'400);
+  if (idle_s > 0 && idle_s < min_s) {
+    config.wrong(key.name,
+                 fmt::format("must be 0 (never), or {:g} to 86400: a holder who has just acquired the drone needs "
+                             "a moment before its first command",
+                             min_s));
+  }
+  return from_seconds(idle_s);
+}
+
 void read_output(Config& config, Settings& s) {
   s.trace = config.text({"output.trace", "file for `ledgerline timing` and the report (binary)"}, "");
   s.summary = config.text({"output.summary", "file with all counts, JSON, written at the end"}, "");
@@ -121,6 +137,7 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
                   {"agent.ledger_silent_after_ms",
                    "with no answer to a call, or no connection, for so long, link is told that the ledger is silent"},
                   s.core.ledger_silent_after_ns, 10, 60'000);
+  s.core.idle_evict_ns = idle_evict(config);
   s.core.seed = static_cast<std::uint64_t>(config.integer(
       {"agent.seed", "of the back-off's jitter: the same seed, the same pauses", "the time of its start"}, 0, 0,
       INT64_MAX));

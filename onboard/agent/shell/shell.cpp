@@ -143,6 +143,7 @@ void AgentShell::step_and_act() {
         });
   }
   tell_refusals();
+  tell_evictions();
   recorder_.add(out_.traces);
   out_.clear();
 }
@@ -154,6 +155,24 @@ void AgentShell::tell_refusals() {
                  refusal_name(static_cast<Refusal>(record.extra)),
                  record.extra == static_cast<std::uint32_t>(Refusal::broken_chain) ? ": " + core_.last_chain_error()
                                                                                    : std::string());
+  }
+}
+
+void AgentShell::tell_evictions() {
+  using Next = fabric::Repeat::Next;
+  const double idle_s = to_seconds(core_.idle().idle_ns());
+  for (const AgentOutputs::Eviction& eviction : out_.evictions) {
+    if (!eviction.ended) {
+      spdlog::info("{}: on the ground and no command of its holder for {:g} s: its lease is ended", eviction.drone,
+                   idle_s);
+    } else if (*eviction.ended == Next::on_ledger) {
+      spdlog::warn("{}: its idle holder has lost the lease; who wants to fly it acquires it", eviction.drone);
+    } else if (*eviction.ended == Next::again) {
+      spdlog::warn("{}: its lease is not ended yet, tried again: {}", eviction.drone, eviction.why);
+    } else {
+      spdlog::error("{}: its idle holder keeps the lease, tried again in {:g} s: {}{}", eviction.drone, idle_s,
+                    *eviction.ended == Next::refused ? "the contract refuses it: " : "", eviction.why);
+    }
   }
 }
 

@@ -67,6 +67,7 @@ class AgentShell {
   void tell_implausible(DroneNumber drone, const MocapMessage& message);
   void step_and_act();
   void tell_refusals();
+  void tell_evictions();
   void tell_outcome(const fabric::Outcome& outcome);
   void tell_connection(const StreamState& state);
   void tell_lost_transitions();

@@ -32,8 +32,6 @@ std::array<float, 3> acceleration_mps2(const TelloState& state) noexcept {
   return out;
 }
 
-bool on_ground(FlightPhase phase) noexcept { return phase == FlightPhase::on_ground || phase == FlightPhase::landed; }
-
 }  // namespace
 
 DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id)

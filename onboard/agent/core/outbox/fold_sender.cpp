@@ -33,6 +33,12 @@ void FoldSender::want(TimeNs now, DroneNumber drone) {
   }
 }
 
+void FoldSender::renew(TimeNs now) {
+  if (!renewal_pause_.over(now)) return;
+  renewal_pause_.failed(now, seeds_);
+  for (const Slot& slot : slots_) want(now, slot.drone.number);
+}
+
 std::optional<FoldSender::Sending> FoldSender::next(TimeNs now) {
   const auto slot = std::find_if(slots_.begin(), slots_.end(),
                                  [&](const Slot& s) { return s.repeat && s.call == 0 && now >= s.next_ns; });

@@ -5,6 +5,7 @@
 
 #include "common/fabric/sending/repeat.hpp"
 #include "common/msg/onboard.hpp"
+#include "common/rt/retry/back_off.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 
 namespace ledgerline::agent {
@@ -12,7 +13,8 @@ namespace ledgerline::agent {
 /// Folds stops: a stop writes nothing that commands read, so the drone's host says `fold` until the ledger has it. From
 /// then on the contract refuses the holder's commands, and those under way are invalid. Likewise a holder's revocation,
 /// which writes nothing but his role: the fold ends his lease. Agent itself obeys both at once, whatever becomes of its
-/// fold. And a contract of a newer version: the fold renews the drone's records, without which no frame is valid.
+/// fold. And a contract of a newer version: the fold renews the drone's records, without which no frame is valid. That
+/// has a pause of its own, with back-off, since a frame may lack endorsements for other reasons, for as long as those last.
 ///
 ///     stop seen -> wanted -> in flight -> committed: over, unless another stop came meanwhile
 ///                    ^           |     -> refused by the contract: over (another host's drone by now)
@@ -23,6 +25,10 @@ namespace ledgerline::agent {
 /// same calls.
 class FoldSender {
  public:
+  /// Between two renewals. A fold and the frame behind it take a second on a far ledger; a minute is what an
+  /// administrator waits who has mended the network, and sixteen drones' folds in it are no load.
+  static constexpr TimeNs first_renewal_pause_ns = 1 * ns_per_s, max_renewal_pause_ns = 60 * ns_per_s;
+
   struct Sending {
     std::uint64_t number = 0;  ///< never that of a frame or of transitions
     const DroneName* drone = nullptr;
@@ -32,6 +38,10 @@ class FoldSender {
 
   /// A stop of this drone, or a revocation that concerns it, was seen in a block or in its record.
   void want(TimeNs now, DroneNumber drone);
+  /// A frame of states lacked endorsements: all drones' records are folded, at most so often as the pause has it.
+  void renew(TimeNs now);
+  /// A frame of states is on the ledger, so the records are good: the pause is short again.
+  void renewed() { renewal_pause_.succeeded(); }
   /// A call to make now, if any; it is then in flight.
   std::optional<Sending> next(TimeNs now);
   /// How call `number` ended; false if it is none of ours.
@@ -54,6 +64,7 @@ class FoldSender {
   std::vector<Slot> slots_;
   fabric::RepeatLimits limits_;
   Random seeds_;
+  BackOff renewal_pause_{first_renewal_pause_ns, max_renewal_pause_ns};
   std::uint64_t last_call_ = std::uint64_t{3} << 62;  // transitions count from the half of that range
   std::uint64_t folded_ = 0, repeated_ = 0;
 };

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "common/msg/stops.hpp"
 #include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
@@ -202,6 +203,77 @@ TEST_F(AgentCoreTest, AFrameThatLacksEndorsementsHasTheRecordsRenewed) {
   const auto folds = std::count_if(out_.submits.begin(), out_.submits.end(),
                                    [](const auto& submit) { return submit.call.function == "fold"; });
   EXPECT_EQ(folds, 2) << "of each drone";
+}
+
+class IdleHolderTest : public AgentCoreTest {
+ protected:
+  /// States of the drone ten times a second, each on the ledger at once; evictions on the way.
+  std::size_t until(TimeNs end, FlightPhase phase) {
+    std::size_t evictions = 0;
+    for (; now_ < end; now_ += 100 * ns_per_ms) {
+      StateSample sample = state(++sequence_, now_);
+      sample.phase = phase;
+      out_.clear();
+      core_.on_state(now_, sample, out_);
+      core_.step(now_, out_);
+      for (const auto& submit : std::exchange(out_.submits, {})) {
+        fabric::Outcome outcome;
+        outcome.kind = Kind::committed;
+        if (submit.call.function == "evict") {
+          eviction_ = submit.frame;
+          ++evictions;
+        } else {
+          core_.on_outcome(now_, submit.frame, outcome, out_);
+        }
+      }
+    }
+    return evictions;
+  }
+  /// To take off, for the newest state.
+  void command_takeoff() {
+    core_.on_block(now_, ledger_.block({command(++commands_, now_ - 100 * ns_per_ms)}), out_);
+    core_.step(now_, out_);
+  }
+
+  TimeNs now_ = start;
+  std::uint64_t sequence_ = 0, commands_ = 0, eviction_ = 0;
+};
+
+TEST_F(IdleHolderTest, LosesTheLeaseOnTheGroundAfterTheIdleTime) {
+  EXPECT_EQ(until(start + usual_idle_ns, FlightPhase::on_ground), 0U);
+  EXPECT_EQ(until(start + usual_idle_ns + ns_per_s, FlightPhase::landed), 1U);
+  ASSERT_TRUE(core_.anything_under_way());
+  core_.on_outcome(now_, eviction_, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: no"), out_);
+  ASSERT_EQ(out_.evictions.size(), 1U);
+  EXPECT_EQ(out_.evictions[0].drone, "tello1");
+  EXPECT_EQ(out_.evictions[0].ended, fabric::Repeat::Next::refused);
+  EXPECT_FALSE(core_.anything_under_way());
+}
+
+TEST_F(IdleHolderTest, KeepsItInTheAirAndUnseenAndWithoutAnyState) {
+  EXPECT_EQ(until(start + 2 * usual_idle_ns, FlightPhase::flying), 0U);
+  EXPECT_EQ(until(now_ + 2 * usual_idle_ns, FlightPhase::disconnected), 0U);
+  EXPECT_EQ(until(now_ + usual_idle_ns / 2, FlightPhase::on_ground), 0U);
+  out_.clear();
+  for (const TimeNs end = now_ + usual_idle_ns; now_ < end; now_ += 100 * ns_per_ms) core_.step(now_, out_);
+  EXPECT_TRUE(out_.submits.empty()) << "a link that is gone says nothing: its drone may be anywhere";
+}
+
+TEST_F(IdleHolderTest, KeepsItWithACommandNowAndThenAndDoesNotTakeOffWhileItIsTaken) {
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(until(now_ + usual_idle_ns - ns_per_s, FlightPhase::on_ground), 0U);
+    command_takeoff();
+    EXPECT_EQ(out_.plans.size(), 1U);
+  }
+  EXPECT_EQ(until(now_ + usual_idle_ns + ns_per_s, FlightPhase::on_ground), 1U);
+  command_takeoff();
+  EXPECT_TRUE(out_.plans.empty()) << "it would be taken from him in the air";
+  EXPECT_EQ(core_.report(1).commands.reasons[static_cast<std::size_t>(Refusal::evicting)], 1U);
+  core_.on_outcome(now_, eviction_, fabric::Outcome::failed(Kind::unavailable, "away"), out_);
+  EXPECT_EQ(until(now_ + 10 * ns_per_s, FlightPhase::on_ground), 0U) << "he is not idle any more";
+  out_.clear();
+  command_takeoff();
+  EXPECT_EQ(out_.plans.size(), 1U);
 }
 
 TEST_F(AgentCoreTest, AStopFromBeforeItsStartIsFoldedToo) {

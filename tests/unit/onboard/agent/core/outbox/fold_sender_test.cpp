@@ -80,6 +80,32 @@ TEST_F(FoldSenderTest, AStopThatComesDuringAFoldIsFoldedAfterIt) {
   EXPECT_NE(call(t0), 0U) << "the first may have come before that stop";
 }
 
+TEST_F(FoldSenderTest, WhileFramesLackEndorsementsRecordsAreRenewedAtABoundedRate) {
+  std::vector<TimeNs> renewals;
+  const auto lacking = [&](TimeNs from, TimeNs until) {
+    renewals.clear();
+    for (TimeNs now = from; now < until; now += 30 * ns_per_ms) {
+      sender_.renew(now);
+      while (const auto sending = sender_.next(now)) {
+        if (sending->drone->number == 1) renewals.push_back(now);
+        sender_.finished(now, sending->number, outcome(Kind::committed));
+      }
+    }
+  };
+  lacking(t0, t0 + 600 * ns_per_s);
+  ASSERT_FALSE(renewals.empty());
+  EXPECT_EQ(renewals.front(), t0) << "the first at once: the drones hold until then";
+  EXPECT_GE(renewals.size(), 10U);
+  EXPECT_LE(renewals.size(), 25U) << "1, 2, 4 ... 60 s, half of it at least";
+  for (std::size_t i = 1; i < renewals.size(); ++i) EXPECT_GE(renewals[i] - renewals[i - 1], ns_per_s / 2);
+
+  sender_.renewed();
+  const TimeNs later = t0 + 700 * ns_per_s;
+  lacking(later, later + 3 * ns_per_s);
+  EXPECT_EQ(renewals.front(), later);
+  EXPECT_GE(renewals.size(), 2U) << "the pause is short again";
+}
+
 TEST_F(FoldSenderTest, DronesAreFoldedEachByItself) {
   sender_.want(t0, 1);
   sender_.want(t0, 2);
