@@ -94,15 +94,17 @@ class Host:
             f"mount --rbind /dev/shm/ledger {ledger.directory}", f"cd {self.directory}",
             start("roudi"), "for i in $(seq 200); do grep -q ready roudi.log && break; sleep 0.1; done", start("sim", "--config", "sim.toml", "--drones", "1", "--summary", f"{self.directory}/sim.json"),
             start("link", "--config", "link.toml"), start("agent", "--config", "agent.toml"),
-            "trap 'for one in $all; do kill $one; wait $one || true; done; exit' TERM", "echo started", "wait"])
-        self.process = self.space.popen("unshare", "-m", "sh", "-euc", script, stdout=subprocess.PIPE, text=True)
+            "echo started", "read word || true", "for one in $all; do kill $one || true; wait $one || true; done"])
+        # A process namespace, too: whatever ends the first process ends all.
+        self.process = self.space.popen("unshare", "-m", "--pid", "--fork", "--kill-child", "--mount-proc", "sh", "-euc", script,
+                                        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout.readline() == "started\n"
 
     def log(self) -> str:
         return "\n".join(f"{file}:\n{file.read_text()[-3000:]}" for file in sorted(self.directory.glob("*.log")))
 
     def stop(self) -> None:
-        self.process.terminate()
+        self.process.stdin.close()
         self.process.wait(60)
         for way in self.ways:
             way.close()
