@@ -17,6 +17,7 @@
 #include "chaincode/network/network.hpp"
 #include "chaincode/network/processes/start_check.hpp"
 #include "chaincode/network/run_file.hpp"
+#include "chaincode/network/upgrade.hpp"
 #include "chaincode/node/storage/files.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
@@ -40,6 +41,7 @@ constexpr const char* notes = R"(Examples:
   ledgerline fabric logs --dir /tmp/net peer1
   ledgerline fabric up --dir /tmp/netca --ca                identities from fabric-ca, one server an organisation
   ledgerline fabric revoke --dir /tmp/netca --org 2 --user User1
+  ledgerline fabric upgrade --dir /tmp/net                  after an update: this version's contract, while drones fly
   ledgerline fabric down --dir /tmp/net                     ends it; the directory stays, and `up` goes on with it
   ledgerline fabric run --dir /tmp/net                      the same in the foreground, until SIGINT or SIGTERM
 On three hosts (docs/fabric.md):
@@ -260,6 +262,13 @@ int revoke(Options options, int organisation, const std::string& user) {
   return 0;
 }
 
+/// To this version's contract.
+int renew(const Options& options) {
+  if (Status s = fabric_network::upgrade(options); !s) return fail(s.error());
+  std::printf("the network in %s has this version's contract\n", options.dir.c_str());
+  return 0;
+}
+
 /// Beside this program; the tools where scripts/fabric-tools puts them.
 void find_programs(Options& options) {
   std::error_code error;
@@ -337,6 +346,7 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
   add("status", "Does it run, and where");
   add("logs", "What it or one of its processes logged")
       .option("process", wish.process, "peer1, orderer1, chaincode1, ...");
+  add_with_tools("upgrade", "Bring a running network, or this host's part, to this version's contract");
   Verb revoke = add_with_tools("revoke", "Take a user out: peers refuse it from then on");
   revoke.option("--org", wish.organisation, "Number of the user's organisation")
       .required()
@@ -368,6 +378,7 @@ int carry_out(const std::string& verb, Wish& wish) {
   find_programs(options);
   if (verb == "revoke") return revoke(options, wish.organisation, wish.user);
   if (verb == "up") return up(options);
+  if (verb == "upgrade") return renew(options);
   if (verb == "identities") return make_identities(options);
   return run(options, wish.summary, print_line);
 }

@@ -9,8 +9,11 @@ import time
 
 import pytest
 from fabric import FABRIC
+from trace_file import TraceKind
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+FLYING = 3  # FlightPhase
+NONE, HOLD = 0, 1  # FailsafeMode
 
 
 started = []
@@ -80,3 +83,20 @@ def assert_nothing_left() -> None:
         time.sleep(0.1)
     assert our_processes() == {}
     assert [f for f in os.listdir("/dev/shm")] == []
+
+
+def without_commands(trace: list[tuple], since_ns: int = 0) -> float:
+    """The longest time in which link flew no new command, between the first lap's beginning and the end."""
+    times = [r[0] for r in trace if r[1] == TraceKind.COMMAND_APPLIED]
+    times = [t for t in times if t - times[0] > 5e9]  # the first one asks for the take-off
+    return max(b - a for a, b in zip(times, times[1:]) if b > since_ns) / 1e9
+
+
+def holds(trace: list[tuple], since_ns: int) -> list[tuple[float, float]]:
+    """When each hold in the air began after `since_ns`, and how long it lasted [s]; nothing but holds may be there."""
+    modes = [(r[0], r[3]) for r in trace if r[1] == TraceKind.MODE and r[4] == FLYING and r[0] > since_ns]
+    assert {m for _, m in modes} <= {NONE, HOLD}, modes
+    assert not modes or modes[-1][1] == NONE, modes
+    changes = [m for before, m in zip([(0, NONE), *modes], modes) if before[1] != m[1]]  # a hold may change its cause
+    return [((begin - since_ns) / 1e9, (end - begin) / 1e9)
+            for (begin, mode), (end, _) in zip(changes, changes[1:]) if mode == HOLD]

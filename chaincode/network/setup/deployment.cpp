@@ -16,7 +16,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* label = "ledgerline_1";
+constexpr const char* label = "ledgerline_1";  // of the package, which says where the service is and stays the same
+/// Of the contract's definition. A network of an older one needs a new definition, because what the contract writes
+/// needs other endorsements: the first, of records without a version, named its own policy.
+std::string contract_version() { return std::to_string(contract::record_version + 1); }
 // Peers hear of each other once a second; those of hosts that are down are not waited for longer.
 constexpr TimeNs endorsers_limit_ns = 30 * ns_per_s;
 
@@ -92,45 +95,105 @@ Status Deployment::install() {
   });
 }
 
-std::vector<std::string> Deployment::lifecycle(const std::string& verb, const std::string& channel,
+std::vector<std::string> Deployment::lifecycle(const std::string& verb, const std::string& channel, int sequence,
                                                const std::vector<std::string>& more) const {
   std::vector<std::string> words{"lifecycle", "chaincode", verb};
   words.insert(words.end(), more.begin(), more.end());
-  words.insert(words.end(), {"-o", site_.places().orderer(1), "--tls", "--cafile",
-                             identities::orderer_dir(site_.options().dir, 1) / "tls" / "ca.crt", "--channelID", channel,
-                             "--name", "ledgerline", "--version", "1", "--sequence", "1"});
+  words.insert(words.end(),
+               {"-o", site_.places().orderer(1), "--tls", "--cafile",
+                identities::orderer_dir(site_.options().dir, 1) / "tls" / "ca.crt", "--channelID", channel, "--name",
+                "ledgerline", "--version", contract_version(), "--sequence", std::to_string(sequence)});
   // Without one the channel's holds, /Channel/Application/Endorsement: a majority of its organisations.
   if (!site_.options().signature_policy.empty())
     words.insert(words.end(), {"--signature-policy", site_.options().signature_policy});
   return words;
 }
 
-Status Deployment::approve(const std::string& channel, int organisation) {
+Status Deployment::approve(const std::string& channel, int organisation, int sequence) {
   return site_.ask_peer(fmt::format("organisation {} approving the contract on channel {}", organisation, channel),
                         organisation,
-                        lifecycle("approveformyorg", channel,
+                        lifecycle("approveformyorg", channel, sequence,
                                   {"--package-id", package_ids_[organisation], "--waitForEventTimeout", "10s"}),
                         "unchanged content");
 }
 
-Status Deployment::commit(const std::string& channel) {
-  std::vector<std::string> words = lifecycle("commit", channel);
+Status Deployment::commit(const std::string& channel, int sequence) {
+  std::vector<std::string> words = lifecycle("commit", channel, sequence);
   for (int k = 1; k <= identities::organisations; ++k) {
     words.insert(words.end(), {"--peerAddresses", site_.places().peer(k), "--tlsRootCertFiles",
                                identities::peer_dir(site_.options().dir, k) / "tls" / "ca.crt"});
   }
-  return site_.ask_peer("committing the contract on channel " + channel, 1, words, "new definition must be sequence 2");
+  return site_.ask_peer("committing the contract on channel " + channel, 1, words,
+                        fmt::format("new definition must be sequence {}", sequence + 1));
+}
+
+Result<Deployment::Definition> Deployment::definition_on(const std::string& channel) {
+  const int organisation = site_.own_organisations().front();
+  const std::vector<std::string> command{site_.tool("peer"), "lifecycle", "chaincode", "querycommitted",
+                                         "--channelID",      channel,     "--name",    "ledgerline",
+                                         "--output",         "json"};
+  const auto ask = [&] {
+    return site_.processes().run("asking for the contract's definition on channel " + channel, command,
+                                 admin_environment(site_.options(), site_.places(), organisation));
+  };
+  auto printed = ask();
+  for (const TimeNs until = monotonic_ns() + site_.patience(); !printed && monotonic_ns() < until; printed = ask()) {
+    if (Status s = site_.tend(ns_per_s / 10); !s) return s.error();
+  }
+  if (!printed) return printed.error();
+  const auto said = nlohmann::json::parse(*printed, nullptr, false);
+  if (!said.is_object() || !said.contains("sequence") || !said["sequence"].is_number_integer() ||
+      !said.contains("version") || !said["version"].is_string()) {
+    return Error{"the peer's answer is no definition: " + *printed};
+  }
+  return Definition{said["sequence"].get<int>(), said["version"].get<std::string>()};
 }
 
 Status Deployment::define() {
-  return site_.once_per_channel("contract", [&](const std::string& channel) -> Status {
-    // One after the other: the command waits from the newest block on, and may miss its own beside others. Those are on
-    // other hosts, and then it is soon asked again.
-    for (const int k : site_.own_organisations()) {
-      if (Status s = approve(channel, k); !s) return s;
+  for (const std::string& channel : site_.options().channels) {
+    if (Status s = define_on(channel); !s) return s;
+  }
+  return done;
+}
+
+/// The directory keeps which version was defined; of the first one the mark is empty.
+Status Deployment::define_on(const std::string& channel) {
+  const std::string mark = site_.in("done/contract-" + channel);
+  if (const auto defined = read_file(mark); defined && *defined == contract_version()) return done;
+  Definition now;
+  if (fs::exists(mark)) {
+    const auto found = definition_on(channel);
+    if (!found) return found.error();
+    now = *found;
+  }
+  const bool new_here = now.version != contract_version();  // else another host has committed it already
+  const int sequence = now.sequence + (new_here ? 1 : 0);
+  // One after the other: the command waits from the newest block on, and may miss its own beside others. Those are on
+  // other hosts, and then it is soon asked again.
+  for (const int k : site_.own_organisations()) {
+    if (Status s = approve(channel, k, sequence); !s) return s;
+  }
+  if (new_here && site_.options().runs_organisation(1)) {
+    if (Status s = commit(channel, sequence); !s) return s;
+  }
+  return write_file(mark, contract_version(), 0644);
+}
+
+Status Deployment::wait_for_definition() {
+  const TimeNs until = monotonic_ns() + site_.patience();
+  for (const std::string& channel : site_.options().channels) {
+    for (;;) {
+      const auto now = definition_on(channel);
+      if (now && now->version == contract_version()) break;
+      if (monotonic_ns() > until) {
+        return now ? Error{"channel " + channel +
+                           " has the contract of before yet: the host of organisation 1 commits it"}
+                   : now.error();
+      }
+      if (Status s = site_.tend(ns_per_s / 10); !s) return s;
     }
-    return site_.options().runs_organisation(1) ? commit(channel) : done;
-  });
+  }
+  return done;
 }
 
 Status Deployment::wait_for_contract() {

@@ -10,8 +10,9 @@ import time
 
 import pytest
 from fabric import BIN, PATIENCE_S, Network, leader_in, needs_fabric, organisation_dir, processes_in
+from flights import holds, without_commands
 from netns import die_with_parent
-from trace_file import TraceKind, records
+from trace_file import records
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 KINDS = ["leader", "orderer", "peer", "gateway peer", "chaincode"]
@@ -105,26 +106,7 @@ def test_what_was_confirmed_stays_and_nothing_is_applied_twice(tmp_path):
     assert sum(restarts.values()) == len(kinds)
 
 
-FLYING = 3  # FlightPhase
-NONE, HOLD = 0, 1  # FailsafeMode
 HELD_AFTER_S = 1.0  # the plan in hand is flown to its end, which is less than this away, then link holds
-
-
-def without_commands(trace: list[tuple]) -> float:
-    """The longest time in which link flew no new command, between the first lap's beginning and the end."""
-    times = [r[0] for r in trace if r[1] == TraceKind.COMMAND_APPLIED]
-    times = [t for t in times if t - times[0] > 5e9]  # the first one asks for the take-off
-    return max(b - a for a, b in zip(times, times[1:])) / 1e9
-
-
-def holds(trace: list[tuple], since_ns: int) -> list[tuple[float, float]]:
-    """When each hold in the air began after `since_ns`, and how long it lasted [s]; nothing but holds may be there."""
-    modes = [(r[0], r[3]) for r in trace if r[1] == TraceKind.MODE and r[4] == FLYING and r[0] > since_ns]
-    assert {m for _, m in modes} <= {NONE, HOLD}, modes
-    assert not modes or modes[-1][1] == NONE, modes
-    changes = [m for before, m in zip([(0, NONE), *modes], modes) if before[1] != m[1]]  # a hold may change its cause
-    return [((begin - since_ns) / 1e9, (end - begin) / 1e9)
-            for (begin, mode), (end, _) in zip(changes, changes[1:]) if mode == HOLD]
 
 
 @pytest.mark.parametrize("kind", KINDS if LONG else ["leader"])

@@ -2,28 +2,9 @@
 import json
 import pathlib
 import shutil
-import subprocess
 
 from fabric import FABRIC, Network, Peer, fabric, needs_fabric
-from netns import Namespace
-
-HOSTS = {k: f"10.77.0.{k}" for k in (1, 2, 3)}
-
-
-def make_hosts() -> list[Namespace]:
-    """Namespaces with an interface each at a bridge in this one."""
-    ip = lambda words: subprocess.run(["ip", *words.split()], check=True)
-    ip("link add hosts type bridge")
-    ip("link set hosts up")
-    spaces = []
-    for k, address in HOSTS.items():
-        space = Namespace()
-        ip(f"link add host{k} type veth peer name eth0 netns {space.holder.pid}")
-        ip(f"link set host{k} master hosts up")
-        space.run("ip", "addr", "add", f"{address}/24", "dev", "eth0")
-        space.run("ip", "link", "set", "eth0", "up")
-        spaces.append(space)
-    return spaces
+from three_hosts import HOSTS, make_hosts, network_config
 
 
 def private_keys(folder: pathlib.Path) -> set[str]:
@@ -49,10 +30,7 @@ KEPT = {f"crypto/{organisation}/{authority}/priv_sk" for authority in ("ca", "tl
 
 def test_a_transaction_through_each_host_is_read_at_the_others(tmp_path):
     needs_fabric()
-    config = tmp_path / "net.toml"
-    config.write_text("batch_count = 1\n" + "".join(
-        f'[[{table}]]\nhost = "{address}"\nport = {port}\n'
-        for table, port in (("organisation", 7051), ("orderer", 7061)) for address in HOSTS.values()))
+    config = network_config(tmp_path)
     made = fabric("identities", "--config", config, "--dir", tmp_path / "made", "--tools", FABRIC)
     assert made.returncode == 0, made.stderr
     assert private_keys(tmp_path / "made" / "authority") == KEPT.union(*map(keys_of_host, HOSTS))

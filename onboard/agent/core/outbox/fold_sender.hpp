@@ -25,9 +25,9 @@ namespace ledgerline::agent {
 /// same calls.
 class FoldSender {
  public:
-  /// Between two renewals. A fold and the frame behind it take a second on a far ledger; a minute is what an
-  /// administrator waits who has mended the network, and sixteen drones' folds in it are no load.
-  static constexpr TimeNs first_renewal_pause_ns = 1 * ns_per_s, max_renewal_pause_ns = 60 * ns_per_s;
+  /// Between two renewals. A channel that moves has its new contract a second or more behind the definition that asks for
+  /// the endorsements, and drones land after 5 s of silence; a call a drone and second is no load where it lasts.
+  static constexpr TimeNs first_renewal_pause_ns = 200 * ns_per_ms, max_renewal_pause_ns = 1 * ns_per_s;
 
   struct Sending {
     std::uint64_t number = 0;  ///< never that of a frame or of transitions

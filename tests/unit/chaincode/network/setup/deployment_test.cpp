@@ -28,6 +28,12 @@ class DeploymentTest : public testing::Test {
     deployment = std::make_unique<Deployment>(*site);
     ASSERT_TRUE(deployment->make_packages().ok());
   }
+  /// The channel has this definition, and the directory the mark of the version before, which is empty.
+  void before(const std::string& definition, const std::string& first = "") {
+    tools.script("peer",
+                 first + "echo \"${0##*/} $*\" >>" + tools.options().dir + "/../calls; echo '" + definition + "'");
+    ASSERT_TRUE(write_file(site->in("done/contract-teleop"), "", 0644).ok());
+  }
   FakeTools tools;
   std::unique_ptr<Site> site;
   std::unique_ptr<Deployment> deployment;
@@ -59,7 +65,49 @@ TEST_F(DeploymentTest, AllOrganisationsApproveThenOneCommits) {
                                  StartsWith("peer lifecycle chaincode approveformyorg --package-id ledgerline_1:"),
                                  StartsWith("peer lifecycle chaincode approveformyorg --package-id ledgerline_1:"),
                                  StartsWith("peer lifecycle chaincode commit -o " + site->places().orderer(1))));
-  EXPECT_THAT(calls, Each(HasSubstr("--channelID teleop --name ledgerline --version 1 --sequence 1")));
+  EXPECT_THAT(calls, Each(HasSubstr("--channelID teleop --name ledgerline --version 2 --sequence 1")));
+  ASSERT_TRUE(deployment->define().ok());
+  EXPECT_THAT(tools.calls(), IsEmpty());
+}
+
+TEST_F(DeploymentTest, ANetworkWithTheContractOfBeforeGetsTheNextDefinition) {
+  start(tools.options());
+  before(R"({"sequence":4,"version":"1"})");
+  ASSERT_TRUE(deployment->define().ok());
+  const auto calls = tools.calls();
+  ASSERT_THAT(calls, SizeIs(5));
+  EXPECT_THAT(calls.front(), HasSubstr(" querycommitted --channelID teleop "));
+  for (std::size_t i = 1; i < calls.size(); ++i) {
+    EXPECT_THAT(calls[i], HasSubstr(i < 4 ? " approveformyorg " : " commit "));
+    EXPECT_THAT(calls[i], HasSubstr("--version 2 --sequence 5"));
+    EXPECT_THAT(calls[i], testing::Not(HasSubstr("--signature-policy"))) << "a majority, whatever it was before";
+  }
+  ASSERT_TRUE(deployment->define().ok());
+  EXPECT_THAT(tools.calls(), IsEmpty());
+}
+
+TEST_F(DeploymentTest, WhatAnotherHostHasCommittedIsApprovedAsItIs) {
+  start(tools.options());
+  before(R"({"sequence":5,"version":"2"})");
+  ASSERT_TRUE(deployment->define().ok());
+  EXPECT_THAT(tools.calls(), ElementsAre(HasSubstr(" querycommitted "), HasSubstr("--version 2 --sequence 5"),
+                                         HasSubstr("--version 2 --sequence 5"), HasSubstr("--version 2 --sequence 5")));
+  EXPECT_TRUE(deployment->wait_for_definition().ok());
+}
+
+TEST_F(DeploymentTest, APeerThatIsJustStartingIsAskedAgain) {
+  start(tools.options());
+  before(R"({"sequence":2,"version":"2"})", "[ -e \"$0.asked\" ] || { touch \"$0.asked\"; exit 1; }; ");
+  ASSERT_TRUE(deployment->define().ok());
+  EXPECT_THAT(tools.calls(), SizeIs(4));
+}
+
+TEST_F(DeploymentTest, APeerThatSaysNoDefinitionIsAnError) {
+  start(tools.options());
+  before("a moment, please");
+  const Status defined = deployment->define();
+  ASSERT_FALSE(defined);
+  EXPECT_THAT(defined.error().what, HasSubstr("a moment, please"));
 }
 
 TEST_F(DeploymentTest, AHostWithoutTheFirstOrganisationApprovesItsOwnAndCommitsNothing) {
