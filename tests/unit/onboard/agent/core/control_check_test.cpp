@@ -398,6 +398,23 @@ TEST_F(RevocationTest, EnrolledAnewItFliesAgain) {
   EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
 }
 
+TEST_F(ControlCheckTest, LinkIsToldWhenTheLastStopIsLiftedAndWhetherTheOwnersOrganisationLiftedIt) {
+  start(stopped({holder, own_guard}));
+  EXPECT_FALSE(check_->no_stop(now, 1));
+  EXPECT_TRUE(give(event("resume", stopped({holder}), own_guard)).plans.empty()) << "one is left";
+  auto plans = give(event("resume", control("tello1", epoch), holder)).plans;
+  ASSERT_EQ(plans.size(), 1U);
+  EXPECT_EQ(plans[0].action, PlanAction::resumed) << "another organisation's lifts no local stop";
+  ASSERT_TRUE(check_->no_stop(now, 1));
+  EXPECT_EQ(check_->no_stop(now, 1)->action, PlanAction::resumed);
+  EXPECT_TRUE(give(event("resume", control("tello1", epoch), own_guard)).plans.empty()) << "nobody had it stopped";
+
+  start(stopped({holder}));
+  plans = give(event("resume", control("tello1", epoch), admin)).plans;
+  ASSERT_EQ(plans.size(), 1U);
+  EXPECT_EQ(plans[0].action, PlanAction::resumed_by_owner);
+}
+
 TEST_F(ControlCheckTest, AFoldChangesNothing) {
   start(stopped({own_guard}));
   expect_refused(event("fold", control("tello1", epoch), owner), "a stop less");
