@@ -106,7 +106,7 @@ class CommandCheck {
 
   /// The stop that the ledger's record asks of link; none when the drone is not stopped.
   std::optional<Plan> standing_stop(TimeNs now, DroneNumber number) const;
-  /// For a link that does not know yet that nobody has the drone stopped; none while somebody has, or no record is known.
+  /// For a link that does not know yet that nobody has the drone stopped; none while somebody has, or without a record.
   std::optional<Plan> no_stop(TimeNs now, DroneNumber number) const;
   /// The epoch of its holder's lease; none: nobody holds the drone, or no record of it was read.
   std::optional<std::uint64_t> lease(DroneNumber number) const;

@@ -18,8 +18,8 @@
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/shell/link_loop.hpp"
 #include "onboard/link/shell/link_summary.hpp"
-#include "onboard/link/shell/local_stops.hpp"
-#include "onboard/link/shell/starts.hpp"
+#include "onboard/link/shell/memory/local_stops.hpp"
+#include "onboard/link/shell/memory/starts.hpp"
 
 namespace ledgerline::link {
 namespace {
