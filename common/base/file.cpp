@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -35,6 +36,30 @@ Status write_file(const std::string& path, std::string_view content, int mode) {
   const int why = errno;
   if (fd >= 0) ::close(fd);
   if (!good) return Error{"cannot write " + path + ": " + std::strerror(why)};
+  return done;
+}
+
+namespace {
+
+bool sync(const std::string& path, int flags) {
+  const int fd = ::open(path.c_str(), flags | O_CLOEXEC);
+  if (fd < 0) return false;
+  const bool good = ::fsync(fd) == 0;
+  const int why = errno;
+  ::close(fd);
+  errno = why;
+  return good;
+}
+
+}  // namespace
+
+Status replace_file(const std::string& path, std::string_view content, int mode) {
+  const std::string fresh = path + ".new";
+  if (auto status = write_file(fresh, content, mode); !status) return status;
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  const bool good = sync(fresh, O_WRONLY) && std::rename(fresh.c_str(), path.c_str()) == 0 &&
+                    sync(folder.empty() ? "." : folder.string(), O_RDONLY | O_DIRECTORY);
+  if (!good) return Error{"cannot write " + path + ": " + std::strerror(errno)};
   return done;
 }
 

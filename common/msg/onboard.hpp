@@ -14,14 +14,25 @@ namespace ledgerline {
 using DroneNumber = std::uint16_t;
 inline constexpr DroneNumber max_drones = 16;
 
-/// What a plan wants. The first three are also on the wire (ledgerline.proto uses the same values); stop and cut are
-/// said by agent alone, from the contract's stop: land now, and motors off at once, only where asked for by name.
-enum class PlanAction : std::uint8_t { fly = 0, takeoff = 1, land = 2, stop = 3, cut = 4 };
-/// Stop and cut come from the ledger, not from the lease's holder: they answer no state, carry no sequence and are always
-/// obeyed.
+/// What a plan wants. The first three are also on the wire (ledgerline.proto uses the same values); the others are said
+/// by agent alone, from the contract's control records: land now; motors off at once, only where asked for by name;
+/// nobody has it stopped on the ledger any more; and that the owner's organisation resumed it, which lifts the local
+/// stop of link as well.
+enum class PlanAction : std::uint8_t {
+  fly = 0,
+  takeoff = 1,
+  land = 2,
+  stop = 3,
+  cut = 4,
+  resumed = 5,
+  resumed_by_owner = 6
+};
 constexpr bool is_contract_stop(PlanAction action) noexcept {
   return action == PlanAction::stop || action == PlanAction::cut;
 }
+/// From the ledger, not from the lease's holder: such a plan answers no state, carries no sequence, and is always
+/// obeyed unless it is older (`verified_ns`) than the stop that it would lift.
+constexpr bool is_contract_word(PlanAction action) noexcept { return action >= PlanAction::stop; }
 
 /// Where the flight is, as link sees it.
 enum class FlightPhase : std::uint8_t {

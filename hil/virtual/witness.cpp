@@ -112,7 +112,7 @@ void Witness::asked(const fabric::Call& call) {
     return nullptr;
   };
   CommandCall command;
-  DronesCall stop;
+  DronesCall stop;  // or resume
   if (call.function == contract::command && parse_message(call.args[0], command)) {
     for (const DronePlan& plan : command.plans()) {
       if (Asked* drone = of(plan.drone())) drone->plans.insert(key_of(plan));
@@ -123,6 +123,10 @@ void Witness::asked(const fabric::Call& call) {
       if (!drone) continue;
       drone->stop = true;
       drone->cut = drone->cut || stop.cut();
+    }
+  } else if (call.function == contract::resume && parse_message(call.args[0], stop)) {
+    for (const std::string& name : stop.drones()) {
+      if (Asked* drone = of(name)) drone->resumed = true;
     }
   }
 }
@@ -147,9 +151,11 @@ void Witness::shown(TimeNs now, std::size_t drone, const StateSample& state) {
 
 void Witness::handed_unasked(TimeNs now, const Plan& plan) {
   const Asked& asked = asked_[plan.drone - 1U];
-  const bool known = plan.action == PlanAction::stop  ? asked.stop
-                     : plan.action == PlanAction::cut ? asked.cut
-                                                      : asked.plans.contains(key_of(plan));
+  const bool known = plan.action == PlanAction::stop               ? asked.stop
+                     : plan.action == PlanAction::cut              ? asked.cut
+                     : plan.action == PlanAction::resumed          ? asked.resumed || !asked.stop
+                     : plan.action == PlanAction::resumed_by_owner ? asked.resumed
+                                                                   : asked.plans.contains(key_of(plan));
   if (known) return;
   events_.push_back(
       {now, WorldEvent::Kind::unasked, plan.drone - 1U, 0, "agent hands on what nobody signed", plan.sequence});
@@ -157,7 +163,7 @@ void Witness::handed_unasked(TimeNs now, const Plan& plan) {
 
 void Witness::handed(TimeNs now, const Plan& plan) {
   handed_unasked(now, plan);
-  if (is_contract_stop(plan.action)) return;
+  if (is_contract_word(plan.action)) return;
   events_.push_back({now, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
 }
 

@@ -49,7 +49,7 @@ class Witness {
   std::vector<DroneFacts> facts_;
   struct Asked {
     std::unordered_set<std::string> plans;  ///< every one that was signed
-    bool stop = false, cut = false;
+    bool stop = false, cut = false, resumed = false;
     std::deque<StateSample> said;  ///< newest last
   };
   void handed_unasked(TimeNs now, const Plan& plan);

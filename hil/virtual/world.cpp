@@ -86,7 +86,7 @@ void VirtualWorld::start_link() {
   std::erase_if(link_starts_ns_, [this](TimeNs start) { return now_ - start > link::starts_within_ns; });
   link_starts_ns_.push_back(now_);
   link_.emplace(link_settings(config_), Random(config_.seed * 1000 + link_start_).next(),
-                static_cast<int>(link_starts_ns_.size()));
+                static_cast<int>(link_starts_ns_.size()), link_stops_);
   link_ends_ns_.reset();
 }
 
@@ -168,7 +168,8 @@ void VirtualWorld::start(Process process) {
   note(WorldEvent::Kind::started, 0, "link");
 }
 
-void VirtualWorld::end_link() {
+void VirtualWorld::end_link(bool again) {
+  link_begins_again_ = again;
   if (link_ && !link_ends_ns_) link_ends_ns_ = now_ + landing_bound_ns;
 }
 
@@ -406,7 +407,10 @@ void VirtualWorld::step_link() {
     witness_.traced(now_, record);
   }
   witness_.given(plans);
-  if (link_ends_ns_ && (link_->all_landed_or_told() || now_ >= *link_ends_ns_)) kill(Process::link);
+  link_stops_ = link_->local_stops();
+  if (!link_ends_ns_ || !(link_->all_landed_or_told() || now_ >= *link_ends_ns_)) return;
+  kill(Process::link);
+  if (std::exchange(link_begins_again_, false)) start(Process::link);
 }
 
 void VirtualWorld::deliver_to_drones() {

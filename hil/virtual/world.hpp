@@ -77,8 +77,8 @@ class VirtualWorld {
   void kill(Process process);   ///< also one whose start waits for the ledger
   void start(Process process);  ///< no effect while it lives
   void stop(Process process, bool stopped) { stopped_[static_cast<std::size_t>(process)] = stopped; }
-  /// SIGTERM: link lands what flies and ends, as its loop does.
-  void end_link();
+  /// SIGTERM: link lands what flies and ends, as its loop does; `again`: whoever watches over it then starts it anew.
+  void end_link(bool again = false);
   void stall_ledger(bool stalled) { ledger_stalled_ = stalled; }
   void restart_ledger();
   LedgerPort& port(Process process) { return process == Process::agent ? host_ : operator_; }
@@ -133,6 +133,8 @@ class VirtualWorld {
   bool ledger_stalled_ = false;
   std::array<bool, process_count> stopped_{};
   std::optional<TimeNs> link_ends_ns_;  ///< SIGTERM came: at the latest then
+  bool link_begins_again_ = false;
+  link::DroneSet link_stops_;  ///< the file of its local stops
   std::vector<TimeNs> link_starts_ns_;
   bool agent_wanted_ = true, ground_wanted_ = true;  ///< to live: a start waits until the ledger is reached
   agent::AgentOutputs agent_out_;

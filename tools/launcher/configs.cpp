@@ -45,8 +45,10 @@ std::string output_table(const RunFiles& files, const std::string& program) {
   return fmt::format("[output]\ntrace = \"{}\"\nsummary = \"{}\"\n", files.trace(program), files.summary(program));
 }
 
-// So that a link that dies and dies lands what it flies: more of [output].
-std::string starts_line(const RunFiles& files) { return fmt::format("starts = \"{}\"\n", files.in("link.starts")); }
+// So that a link that dies and dies lands what it flies, and one that was asked to end keeps it down: more of [output].
+std::string memory_lines(const RunFiles& files) {
+  return fmt::format("starts = \"{}\"\nlocal_stops = \"{}\"\n", files.in("link.starts"), files.in("link.stops"));
+}
 
 // Where the proxy stands for a drone.
 std::string proxied_address_of(int drone) { return fmt::format("127.0.1.{}", drone + 1); }
@@ -146,7 +148,7 @@ Status write_sim_config(const RunFiles& files, const Options& options) {
 }
 
 Status write_local_configs(const RunFiles& files, const Options& options) {
-  const std::string link = output_table(files, "link") + starts_line(files) +
+  const std::string link = output_table(files, "link") + memory_lines(files) +
                            fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
                            drone_tables(options, true);
   const std::string local = output_table(files, "local") + "status_period_ms = 250\n" + flight_table(options) +
@@ -196,7 +198,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
            direct(program);
   };
   const std::string with_status = "status_period_ms = 250\n";
-  const std::string link = output_table(files, "link") + starts_line(files) +
+  const std::string link = output_table(files, "link") + memory_lines(files) +
                            fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
                            drone_tables(options, true);
   const std::string agent = ledger("agent", 1) + msp_tables(files) + output_table(files, "agent") + with_status +

@@ -158,6 +158,13 @@ void fence(RuleState& state, const Sight& sight, std::size_t drone) {
   }
 }
 
+// `done`: it has flown, and landed.
+void takes_off_once(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  if (on_ground(facts.truth) && sight.flew[drone]) state.done[drone] = true;
+  if (state.done[drone] && facts.truth.in_flight) state.verdict.broke(sight.moment.now, facts.name + " took off again");
+}
+
 void no_crash(RuleState& state, const Sight& sight, std::size_t drone) {
   const DroneFacts& facts = of(sight, drone);
   if (facts.truth.crashed) state.verdict.broke(sight.moment.now, facts.name + " turned over");
@@ -247,6 +254,7 @@ constexpr RuleKind table[] = {
      .help = "on the ledger, on average",
      .finish = transactions,
      .not_real = "the traces do not tell how many there were"},
+    {.form = "takes off once", .help = "no drone leaves the ground again that has landed", .observe = takes_off_once},
     {.form = "ends within {}", .takes = Takes::time, .help = "of the run's beginning", .finish = ends},
     {.form = "sends {}",
      .takes = Takes::command,

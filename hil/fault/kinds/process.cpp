@@ -52,6 +52,13 @@ Result<FaultActs> end_link(const Said&) {
                    .stops_link = true};
 }
 
+Result<FaultActs> restart_link(const Said&) {
+  return FaultActs{.begin = [](VirtualWorld& world) { world.end_link(true); },
+                   .not_real = because("the launcher takes link's end for the flight's: virtual time alone has it"),
+                   .momentary = true,
+                   .stops_link = true};
+}
+
 Result<FaultActs> jump_clock(const Said& said) {
   const bool back = said.words[0].starts_with('-');
   const auto by = parse_time(said.words[0].substr(back ? 1 : 0));
@@ -62,10 +69,8 @@ Result<FaultActs> jump_clock(const Said& said) {
 }
 
 constexpr FaultKind process_table[] = {
-    {"agent|link|ground kill", kill},
-    {"agent|link|ground stop", stop},
-    {"link end", end_link},
-    {"clock jump TIME", jump_clock},
+    {"agent|link|ground kill", kill}, {"agent|link|ground stop", stop}, {"link end", end_link},
+    {"link restart", restart_link},   {"clock jump TIME", jump_clock},
 };
 
 Result<FaultActs> kill_part_named(const std::string& part) {

@@ -21,11 +21,11 @@ inline constexpr std::array<std::string_view, 10> control_words{"stop",   "cut",
                                                                 "revoke", "request", "hand_over", "deny",    "claim"};
 static_assert(control_words.size() == enum_count<ControlWord>);
 
-/// Those who stop, resume and take drones by a script, each as ledgerline-control does: a stop is said again until it is
-/// on the ledger or refused, the others over conflicts alone. An acquire is of the highest priority there is, a claim of
-/// the lowest, which gets what nobody holds; it is the operator who is revoked, and the supervisor to whom a drone is
-/// handed over, or denied. The operator speaks over the port that it commands by, the others each over their own, which is
-/// there from their first word on. Deterministic for a seed; one thread.
+/// Those who stop, resume and take drones by a script, each as ledgerline-control does: a stop is said again until it
+/// is on the ledger or refused, the others over conflicts alone. An acquire is of the highest priority there is, a
+/// claim of the lowest, which gets what nobody holds; it is the operator who is revoked, and the supervisor to whom a
+/// drone is handed over, or denied. The operator speaks over the port that it commands by, the others each over their
+/// own, which is there from their first word on. Deterministic for a seed; one thread.
 class Stoppers {
  public:
   Stoppers(VirtualLedger& ledger, LedgerPort& operating, std::uint64_t seed);

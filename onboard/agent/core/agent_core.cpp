@@ -8,8 +8,8 @@
 namespace ledgerline::agent {
 namespace {
 
-constexpr TimeNs stop_gap_ns = 100 * ns_per_ms;      // between two times that one stop is said to link
-constexpr TimeNs unseen_stop_gap_ns = 1 * ns_per_s;  // the same while link does not see the drone, perhaps for hours
+constexpr TimeNs stop_gap_ns = 100 * ns_per_ms;    // between two times that one stop is said to link
+constexpr TimeNs calm_stop_gap_ns = 1 * ns_per_s;  // the same on the ground, or unseen, perhaps for hours
 constexpr TimeNs state_counts_ns =
     3 * ns_per_s;  // of a state that shows the drone on the ground: link says one a second
 
@@ -72,21 +72,28 @@ void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& ou
   repeat_stop(now, sample, out);
 }
 
-// The event of a stop comes once; agent or link may have been down then, or the plan may not have reached link.
+// The events of stops and their ends come once; agent or link may have been down then, or the plan may not have reached
+// link. So it is said again until link's states agree with the ledger's record.
 void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs& out) {
   Drone& drone = drones_[index(sample.drone)];
-  // A link that does not see the drone may have to land it blindly; a new one knows of no stop.
-  const bool unseen = sample.phase == FlightPhase::disconnected;
-  if (!(in_flight(sample.phase) || unseen) || now < drone.next_stop_ns) return;
-  auto stop = check_.standing_stop(now, sample.drone);
-  if (!stop) return;
-  const bool obeyed = stop->action == PlanAction::cut
-                          ? sample.mode == FailsafeMode::cut
-                          : sample.mode >= FailsafeMode::land || sample.phase == FlightPhase::landing;
-  if (obeyed) return;
-  drone.next_stop_ns = now + (unseen ? unseen_stop_gap_ns : stop_gap_ns);
-  stop->verified_ns = now;
-  out.plans.push_back(*stop);
+  if (now < drone.next_stop_ns) return;
+  const bool grounded = on_ground(sample.phase), link_has_stop = sample.cause == FailsafeCause::stopped;
+  auto word = check_.standing_stop(now, sample.drone);
+  if (word) {
+    // A link that does not see the drone may have to land it blindly; a new one knows of no stop.
+    const bool obeyed = grounded ? link_has_stop
+                        : word->action == PlanAction::cut
+                            ? sample.mode == FailsafeMode::cut
+                            : sample.mode >= FailsafeMode::land || sample.phase == FlightPhase::landing;
+    if (obeyed) return;
+  } else {
+    if (!grounded || !link_has_stop) return;  // or link's own: that one stands
+    word = check_.no_stop(now, sample.drone);
+    if (!word) return;
+  }
+  drone.next_stop_ns = now + (in_flight(sample.phase) ? stop_gap_ns : calm_stop_gap_ns);
+  word->verified_ns = now;
+  out.plans.push_back(*word);
 }
 
 void AgentCore::on_mocap(TimeNs, DroneNumber drone, const MocapPose& measured, AgentOutputs& out) {
@@ -151,6 +158,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
   ++blocks_;
   progress(now);
   for (const Plan& plan : checked.plans) {
+    if (is_contract_word(plan.action) && !is_contract_stop(plan.action)) continue;
     if (block.received_ns != 0)
       out.traces.push_back(
           record_of(TraceKind::command_in_block, block.received_ns, plan.drone, plan.sequence, plan.state_stamp_ns));
@@ -180,7 +188,7 @@ bool AgentCore::ledger_alive(TimeNs now) const {
 void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
   for (Plan& plan : checked_) {
     plan.verified_ns = now;
-    if (!is_contract_stop(plan.action)) {
+    if (!is_contract_word(plan.action)) {
       Drone& drone = drones_[index(plan.drone)];
       drone.last_command_verified_ns = now;
       drone.two_way.add(now - plan.state_stamp_ns);

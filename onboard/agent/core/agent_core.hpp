@@ -84,8 +84,8 @@ class AgentCore {
   void on_connection(TimeNs now, bool connected);  ///< of the block stream
   void step(TimeNs now, AgentOutputs& out);
 
-  /// From now on step() makes no frame of states and evicts nobody; what is in flight may end, and transitions and folds
-  /// still go. For an orderly end.
+  /// From now on step() makes no frame of states and evicts nobody; what is in flight may end, and transitions and
+  /// folds still go. For an orderly end.
   void stop_submitting() { submitting_ = false; }
   bool anything_under_way() const {
     return batcher_.in_flight() > 0 || transitions_.pending() || folds_.pending() || idle_.in_flight();

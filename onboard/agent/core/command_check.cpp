@@ -101,7 +101,7 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
     } else if (out.chain_ok && tx.code == 0 && tx.event_name == contract::stop) {
       take_stops(now, now_s, tx, out);
     } else if (out.chain_ok && tx.code == 0 && belief::is_control_event(tx.event_name)) {
-      take_controls(now_s, tx, out);
+      take_controls(now, now_s, tx, out);
     }
   }
   return out;
@@ -252,7 +252,7 @@ void CommandCheck::refuse_control_event(Refusal why, DroneNumber drone, Checked&
   out.refused.push_back(Refused{.drone = drone, .why = why});
 }
 
-void CommandCheck::take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
   belief::Creator signer;
   const auto event = believed<Controls>(
       now_s, tx, [this](const Controls& told) { return names_one_of_ours(told); }, signer, out);
@@ -269,7 +269,14 @@ void CommandCheck::take_controls(std::int64_t now_s, const fabric::Transaction& 
   }
   if (!follows) return;
   for (const Control& control : event->controls.controls()) {
-    if (Drone* drone = find(control.drone())) drone->control = control;
+    Drone* drone = find(control.drone());
+    if (!drone) continue;
+    const bool lifted = event->function == contract::resume && is_stopped(*drone->control) && !is_stopped(control);
+    drone->control = control;
+    if (!lifted) continue;
+    // Who speaks for the drone's owner speaks for whoever pressed the key beside it, too.
+    const bool owners = signer.name.msp_id == control.owner().msp_id();
+    out.plans.push_back(contract_word(now, *drone, owners ? PlanAction::resumed_by_owner : PlanAction::resumed));
   }
   if (role) take_role(*role, out);
 }
@@ -316,13 +323,23 @@ void CommandCheck::take_stops(TimeNs now, std::int64_t now_s, const fabric::Tran
 std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) const {
   const Drone* drone = find(number);
   if (!drone || !drone->control || !is_stopped(*drone->control)) return std::nullopt;
-  Plan stop;
-  stop.drone = number;
-  stop.action = is_cut(*drone->control) ? PlanAction::cut : PlanAction::stop;
-  stop.epoch = std::max(drone->control->epoch(), drone->epoch);
-  stop.sequence = (stop.epoch == drone->epoch ? drone->last_sequence : 0) + 1;  // newer than any plan that link has
-  stop.state_stamp_ns = drone->stamps.empty() ? now : drone->stamps.back();
-  return stop;
+  return contract_word(now, *drone, is_cut(*drone->control) ? PlanAction::cut : PlanAction::stop);
+}
+
+std::optional<Plan> CommandCheck::no_stop(TimeNs now, DroneNumber number) const {
+  const Drone* drone = find(number);
+  if (!drone || !drone->control || is_stopped(*drone->control)) return std::nullopt;
+  return contract_word(now, *drone, PlanAction::resumed);
+}
+
+Plan CommandCheck::contract_word(TimeNs now, const Drone& drone, PlanAction action) {
+  Plan word;
+  word.drone = drone.name.number;
+  word.action = action;
+  word.epoch = std::max(drone.control->epoch(), drone.epoch);
+  word.sequence = (word.epoch == drone.epoch ? drone.last_sequence : 0) + 1;  // newer than any plan that link has
+  word.state_stamp_ns = drone.stamps.empty() ? now : drone.stamps.back();
+  return word;
 }
 
 }  // namespace ledgerline::agent

@@ -79,7 +79,9 @@ class CommandCheck {
     Refusal why = Refusal::none;
   };
   struct Checked {
-    std::vector<Plan> plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut
+    std::vector<Plan>
+        plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut, the last
+                ///< stopper's `resume` as resumed
     std::vector<Refused> refused;
     std::vector<DroneNumber> revoked;  ///< drones whose holder, or somebody whom they are granted to, is now revoked
     std::vector<DroneNumber> heard;    ///< drones whose holder commands them under its lease, flown or refused
@@ -104,6 +106,8 @@ class CommandCheck {
 
   /// The stop that the ledger's record asks of link; none when the drone is not stopped.
   std::optional<Plan> standing_stop(TimeNs now, DroneNumber number) const;
+  /// For a link that does not know yet that nobody has the drone stopped; none while somebody has, or without a record.
+  std::optional<Plan> no_stop(TimeNs now, DroneNumber number) const;
   /// The epoch of its holder's lease; none: nobody holds the drone, or no record of it was read.
   std::optional<std::uint64_t> lease(DroneNumber number) const;
 
@@ -128,6 +132,7 @@ class CommandCheck {
   const Drone* find(DroneNumber number) const;
   Refusal check_transaction(std::int64_t now_s, const fabric::Transaction& tx, belief::Creator& signer);
   bool endorsed_by_us(std::int64_t now_s, const fabric::Transaction& tx);
+  static Plan contract_word(TimeNs now, const Drone& drone, PlanAction action);
   static bool holds(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan);
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
   Refusal check_setpoints(TimeNs now, const DronePlan& plan) const;
@@ -140,7 +145,7 @@ class CommandCheck {
   std::optional<belief::ControlEvent> believed(std::int64_t now_s, const fabric::Transaction& tx, const Ours& ours,
                                                belief::Creator& signer, Checked& out);
   void refuse_control_event(Refusal why, DroneNumber drone, Checked& out);
-  void take_controls(std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  void take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
   bool names_one_of_ours(const Controls& told);
   void take_role(const belief::RoleChange& change, Checked& out);
   void take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);

@@ -34,7 +34,7 @@ std::array<float, 3> acceleration_mps2(const TelloState& state) noexcept {
 
 }  // namespace
 
-DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id)
+DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id, bool local_stop)
     : name_(drone.name),
       number_(drone.number),
       boot_id_(boot_id),
@@ -44,7 +44,8 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       session_(settings.session),
       admission_(settings.playout),
       playout_(settings.playout, admission_),
-      limiter_(settings.playout) {}
+      limiter_(settings.playout),
+      local_stop_(local_stop) {}
 
 void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept {
   if (port == Port::answer) {
@@ -81,7 +82,7 @@ void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
                      .stamp_ns = plan.state_stamp_ns,
                      .v = {}});
   if (admission_.admit(at.now, plan) != DropReason::none) return;
-  if (!is_contract_stop(plan.action)) {
+  if (!is_contract_word(plan.action)) {
     arrived_sequence_ = plan.sequence;
     arrived_ns_ = at.now;
   }
@@ -93,7 +94,8 @@ void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
     playout_.add(at.now, plan);
   } else {
     admission_.applied();
-    record_applied(at, plan.sequence, plan.state_stamp_ns, 0);
+    // What is resumed is nothing that is flown.
+    if (plan.action < PlanAction::resumed) record_applied(at, plan.sequence, plan.state_stamp_ns, 0);
   }
 }
 
@@ -111,8 +113,11 @@ DropReason DroneLink::obey(const LinkMoment& at, const Plan& plan) noexcept {
       return land(at.now);
     case PlanAction::stop:
     case PlanAction::cut:
-      stop(at.now, plan.action == PlanAction::cut);
+      stop(at.now, plan);
       return DropReason::none;
+    case PlanAction::resumed:
+    case PlanAction::resumed_by_owner:
+      return resume(plan);
     default:
       return DropReason::bad_value;
   }
@@ -123,8 +128,6 @@ DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept 
   if (phase == FlightPhase::taking_off || phase == FlightPhase::flying) return DropReason::none;
   if (!on_ground(phase)) return DropReason::not_flying;
   if (plan.state_stamp_ns <= takeoff_after_ns_) return DropReason::too_old;
-  // Agent passes on no take-off of a stopped drone: one from a state after the stop means that it was resumed.
-  stop_ = cut_ = false;
   update_facts(at, {});
   const bool refused = takeoff_refusal(failsafe_settings_, at.now, facts_) != FailsafeCause::none;
   return !refused && session_.request_takeoff(at.now) ? DropReason::none : DropReason::not_flying;
@@ -138,12 +141,43 @@ DropReason DroneLink::land(TimeNs now) noexcept {
   return DropReason::none;
 }
 
-void DroneLink::stop(TimeNs now, bool cut) noexcept {
+void DroneLink::stop(TimeNs now, const Plan& plan) noexcept {
   stop_ = true;
-  cut_ = cut_ || cut;
+  cut_ = cut_ || plan.action == PlanAction::cut;
+  stopped_ns_ = std::max(stopped_ns_, plan.verified_ns);
+  resumed_ = resumed_locally_ = false;
   takeoff_after_ns_ = now;
   session_.land_again(now, BlindTalk::Asker::contract);
   playout_.clear(DropReason::superseded);
+}
+
+void DroneLink::stop_locally(TimeNs now) noexcept {
+  session_.land_again(now, BlindTalk::Asker::local);
+  if (!may_fly() || !session_.heard()) return;
+  local_stop_ = true;
+  stopped_ns_ = std::max(stopped_ns_, now);
+  resumed_ = resumed_locally_ = false;
+}
+
+// One that was overtaken by a newer stop lifts nothing.
+DropReason DroneLink::resume(const Plan& plan) noexcept {
+  if (plan.verified_ns < stopped_ns_) return DropReason::out_of_order;
+  resumed_ = true;
+  resumed_locally_ = resumed_locally_ || plan.action == PlanAction::resumed_by_owner;
+  lift_stops();  // a take-off may come with it
+  return DropReason::none;
+}
+
+void DroneLink::resume_locally() noexcept {
+  resumed_locally_ = true;
+  lift_stops();
+}
+
+void DroneLink::lift_stops() noexcept {
+  if (may_fly()) return;
+  if (resumed_) stop_ = cut_ = false;
+  if (resumed_locally_) local_stop_ = false;
+  resumed_ = resumed_locally_ = false;
 }
 
 void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept {
@@ -158,13 +192,14 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) no
   facts_.velocity_mps = pose_.velocity_mps;
   facts_.height_m = session_.state().height_m;
   facts_.battery = session_.state().battery;
-  facts_.stop = stop_ || at.stop_all;
+  facts_.stop = stop_ || local_stop_ || at.stop_all;
   facts_.cut = cut_;
 }
 
 void DroneLink::step(const LinkMoment& at) noexcept {
   const TimeNs now = at.now;
   watch_phase(at);
+  lift_stops();
   const Playout::Wish wish = playout_.wish(now);
   update_facts(at, wish);
   facts_.blind = session_.blind(now);

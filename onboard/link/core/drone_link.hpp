@@ -45,7 +45,8 @@ struct LinkMoment {
 /// no I/O, no clock, no allocation after construction; one thread.
 class DroneLink {
  public:
-  DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id);
+  /// `local_stop`: one of a link before this one stands.
+  DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id, bool local_stop);
   DroneLink(const DroneLink&) = delete;
   DroneLink& operator=(const DroneLink&) = delete;
 
@@ -54,7 +55,12 @@ class DroneLink {
   void take_beat(const AgentBeat& beat) noexcept;
   void take_pose(TimeNs now, const Pose& pose) noexcept;
   void take_plan(const LinkMoment& at, const Plan& plan) noexcept;
-  /// The local stop key, or link was started too often: `land` is said again to a drone that is not seen.
+  /// The local stop key. A drone that is in the air, or was heard and may be, stays down until it is resumed.
+  void stop_locally(TimeNs now) noexcept;
+  /// Somebody at this host lifts the local stop; the ledger's stands.
+  void resume_locally() noexcept;
+  bool stopped_locally() const noexcept { return local_stop_; }
+  /// Link was started too often: `land` is said again to a drone that is not seen.
   void land_again(TimeNs now) noexcept { session_.land_again(now, BlindTalk::Asker::local); }
   /// Time passed: without a pose (agent died, its plan is flown to the end) the fence still needs to know about where
   /// the drone is.
@@ -81,7 +87,9 @@ class DroneLink {
   DropReason obey(const LinkMoment& at, const Plan& plan) noexcept;
   DropReason take_off(const LinkMoment& at, const Plan& plan) noexcept;
   DropReason land(TimeNs now) noexcept;
-  void stop(TimeNs now, bool cut) noexcept;
+  void stop(TimeNs now, const Plan& plan) noexcept;
+  DropReason resume(const Plan& plan) noexcept;
+  void lift_stops() noexcept;
   void update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept;
   void obey_failsafe(TimeNs now) noexcept;
   void talk(const LinkMoment& at) noexcept;
@@ -109,8 +117,13 @@ class DroneLink {
 
   Pose pose_;
   std::array<double, 3> moved_m_{};  ///< since that pose, as far as what was sent tells
-  bool stop_ = false;                ///< until the next take-off from a state after the landing
-  bool cut_ = false;
+  // Each stands until it is resumed by name: no plan, epoch, boot or agent lifts it.
+  bool stop_ = false;      ///< the ledger's
+  bool local_stop_;        ///< of the local stop key, perhaps of a link before this one
+  bool cut_ = false;       ///< the ledger's; in the air nobody takes it back, and it ends on the ground
+  TimeNs stopped_ns_ = 0;  ///< the newest stop: what was resumed before it lifts nothing
+  // What was resumed in the air counts from the ground on: a landing is never taken back.
+  bool resumed_ = false, resumed_locally_ = false;
   TimeNs takeoff_after_ns_ = 0;  ///< end of the last flight, or a stop: take-off wants a younger state
 
   FlightPhase last_phase_ = FlightPhase::disconnected;  ///< what the trace was told last

@@ -5,12 +5,13 @@
 
 namespace ledgerline::link {
 
-LinkCore::LinkCore(const LinkSettings& settings, std::uint64_t boot_id, int starts)
+LinkCore::LinkCore(const LinkSettings& settings, std::uint64_t boot_id, int starts, DroneSet local_stops)
     : period_ns_(from_seconds(1.0 / settings.rate_hz)),
       health_gap_ns_(settings.health_gap_ns),
       health_rest_ns_(settings.health_rest_ns),
       land_first_(starts >= settings.session.many_starts) {
-  for (const DroneSettings& drone : settings.drones) drones_.emplace_back(drone, settings, boot_id);
+  for (const DroneSettings& drone : settings.drones)
+    drones_.emplace_back(drone, settings, boot_id, local_stops.test(drone.number));
 }
 
 const DroneLink* LinkCore::find(DroneNumber number) const noexcept {
@@ -26,8 +27,10 @@ DroneLink* LinkCore::find(DroneNumber number) noexcept {
 const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept {
   out_.clear();
   watch_health(now);
-  if ((inputs.stop_all && !stop_all_) || land_first_) {
-    for (DroneLink& drone : drones_) drone.land_again(now);
+  for (DroneLink& drone : drones_) {
+    if (inputs.stop_all && !stop_all_) drone.stop_locally(now);
+    if (land_first_) drone.land_again(now);
+    if (inputs.resume_local) drone.resume_locally();
   }
   land_first_ = false;
   stop_all_ = stop_all_ || inputs.stop_all;
@@ -85,6 +88,12 @@ bool LinkCore::all_on_ground_or_unheard() const noexcept {
 bool LinkCore::all_landed_or_told() const noexcept {
   return std::none_of(drones_.begin(), drones_.end(),
                       [&](const DroneLink& d) { return d.may_fly() && !d.told_to_land(last_step_ns_); });
+}
+
+DroneSet LinkCore::local_stops() const noexcept {
+  DroneSet stopped;
+  for (const DroneLink& drone : drones_) stopped[drone.number()] = drone.stopped_locally();
+  return stopped;
 }
 
 FlightPhase LinkCore::phase(DroneNumber number) const noexcept {

@@ -1,4 +1,5 @@
 #pragma once
+#include <bitset>
 #include <cstdint>
 #include <span>
 #include <string_view>
@@ -32,8 +33,12 @@ struct LinkInputs {
   std::span<const Plan> plans;
   std::span<const Pose> poses;
   std::span<const AgentBeat> beats;
-  bool stop_all = false;  ///< the local stop key (SIGTERM): every drone lands; stays true once it was
+  bool stop_all = false;      ///< the local stop key (SIGTERM): every drone lands; stays true once it was
+  bool resume_local = false;  ///< the local stops are lifted by somebody at this host (SIGUSR1)
 };
+
+/// Drones by their numbers.
+using DroneSet = std::bitset<max_drones + 1>;
 
 struct LinkOutputs {
   FixedVector<ToSend, 4 * max_drones> to_send;

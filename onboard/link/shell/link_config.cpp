@@ -236,6 +236,11 @@ void read_output(Config& config, ShellSettings& settings) {
       config.text({"output.starts",
                    "file that remembers link's last starts, so that one that dies again and again lands its drones"},
                   "");
+  settings.local_stops = config.text(
+      {"output.local_stops",
+       "file that remembers which drones SIGTERM has landed: they stay down, whatever starts anew, until the "
+       "owner's organisation resumes them on the ledger, or link gets SIGUSR1"},
+      "");
   settings.status_period_ms = config.integer(
       {"output.status_period_ms", "between two status lines on standard output (JSON); 0: none"}, 0, 0, 60'000);
 }

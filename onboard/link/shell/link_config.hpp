@@ -15,9 +15,10 @@ struct ShellSettings {
   LinkSettings link;
   std::vector<sockaddr_in> addresses;  ///< of the drones' command ports, in the order of link.drones
   sockaddr_in state_listen{};
-  std::string trace;    ///< empty: none
-  std::string summary;  ///< empty: none
-  std::string starts;   ///< remembers link's last starts (starts.hpp); empty: nobody does
+  std::string trace;        ///< empty: none
+  std::string summary;      ///< empty: none
+  std::string starts;       ///< remembers link's last starts (starts.hpp); empty: nobody does
+  std::string local_stops;  ///< remembers the local stops (local_stops.hpp); empty: nobody does
   std::int64_t status_period_ms = 0;
   double loop_hz = 1000;
   int priority = 80;                        ///< SCHED_FIFO; 0: ordinary scheduling is wanted

@@ -33,7 +33,9 @@ void LinkLoop::turn(TimeNs now, bool stopping) noexcept {
                                             .plans = {plans_.data(), plans},
                                             .poses = {poses_.data(), poses},
                                             .beats = {beats_.data(), beats},
-                                            .stop_all = stopping});
+                                            .stop_all = stopping,
+                                            .resume_local = resume_local_.exchange(false, std::memory_order_relaxed)});
+  local_stops_.store(bits(core_.local_stops()), std::memory_order_relaxed);
   for (const ToSend& message : out.to_send) figures_.sends_failed += sockets_.send(message) ? 0 : 1;
   const TimeNs sent_ns = out.to_send.empty() ? now : monotonic_ns();
   for (const StateSample& state : out.states) {

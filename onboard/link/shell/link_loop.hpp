@@ -30,7 +30,12 @@ struct LoopFigures {
 class LinkLoop {
  public:
   LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, Courier& courier, TelloSockets& sockets)
-      : settings_(settings), core_(core), end_(end), courier_(courier), sockets_(sockets) {}
+      : settings_(settings),
+        core_(core),
+        end_(end),
+        courier_(courier),
+        sockets_(sockets),
+        local_stops_(bits(core.local_stops())) {}
 
   /// Runs in the calling thread until request_stop(), and then until all drones are on the ground or were told to land
   /// long enough, or the bound is over.
@@ -38,6 +43,10 @@ class LinkLoop {
 
   /// Any thread.
   void request_stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
+  /// Any thread: somebody at this host lifts the local stops.
+  void resume_local() noexcept { resume_local_.store(true, std::memory_order_relaxed); }
+  /// Any thread: the drones that the local stop key keeps down, as of the newest turn.
+  DroneSet local_stops() const noexcept { return DroneSet(local_stops_.load(std::memory_order_relaxed)); }
   bool ended() const noexcept { return ended_.load(std::memory_order_acquire); }
   /// How many turns were made: the proof that the loop goes on.
   std::uint64_t turns() const noexcept { return turns_.load(std::memory_order_relaxed); }
@@ -54,6 +63,10 @@ class LinkLoop {
   static constexpr std::size_t max_poses = 128;
   static constexpr std::size_t max_beats = 8;
 
+  static std::uint32_t bits(const DroneSet& drones) noexcept {
+    static_assert(max_drones < 32);
+    return static_cast<std::uint32_t>(drones.to_ulong());
+  }
   void turn(TimeNs now, bool stopping) noexcept;
   void hand_over(const TraceRecord& record) noexcept { figures_.trace_lost += trace_.push(record) ? 0 : 1; }
 
@@ -70,6 +83,8 @@ class LinkLoop {
   SpscRing<StateSample, 512> states_;
   LoopFigures figures_;
   std::atomic<bool> stop_{false};
+  std::atomic<bool> resume_local_{false};
+  std::atomic<std::uint32_t> local_stops_;
   std::atomic<bool> ended_{false};
   std::atomic<std::uint64_t> turns_{0};
 };

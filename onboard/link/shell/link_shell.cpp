@@ -18,14 +18,16 @@
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/shell/link_loop.hpp"
 #include "onboard/link/shell/link_summary.hpp"
-#include "onboard/link/shell/starts.hpp"
+#include "onboard/link/shell/memory/local_stops.hpp"
+#include "onboard/link/shell/memory/starts.hpp"
 
 namespace ledgerline::link {
 namespace {
 
 constexpr TimeNs housekeeping_period_ns = 10 * ns_per_ms;
 constexpr TimeNs roudi_period_ns = 1 * ns_per_s;
-constexpr int courier_below_loop = 10;  // priorities between the two are for what a user wants there
+constexpr TimeNs stops_retry_ns = 1 * ns_per_s;  // a disk that is full may have room again
+constexpr int courier_below_loop = 10;           // priorities between the two are for what a user wants there
 
 Result<std::uint64_t> random_boot_id() {
   std::uint64_t id = 0;
@@ -36,10 +38,12 @@ Result<std::uint64_t> random_boot_id() {
 // The thread that may block, beside the loop.
 class Housekeeping {
  public:
-  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace, ServiceManager& manager)
-      : settings_(settings), loop_(loop), trace_(std::move(trace)), manager_(manager) {}
+  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace, ServiceManager& manager,
+               LocalStopsFile& stops)
+      : settings_(settings), loop_(loop), trace_(std::move(trace)), manager_(manager), stops_(stops) {}
 
   void once(TimeNs now) {
+    keep_stops(now);
     for (TraceRecord record; loop_.trace().pop(record);) {
       if (trace_) trace_->add(record);
       if (record.kind == TraceKind::mode) log_mode(record);
@@ -82,6 +86,21 @@ class Housekeeping {
                 name(mode), name(cause));
   }
 
+  void keep_stops(TimeNs now) {
+    const DroneSet stopped = loop_.local_stops();
+    for (const DroneSettings& drone : settings_.link.drones) {
+      if (stopped[drone.number] && !told_stops_[drone.number])
+        spdlog::warn("{}: stopped at this host: it stays down until it is resumed", drone.name);
+      if (!stopped[drone.number] && told_stops_[drone.number]) spdlog::info("{}: its local stop is lifted", drone.name);
+    }
+    told_stops_ = stopped;
+    if (now < next_stops_ns_) return;
+    if (const Status status = stops_.keep(stopped); !status) {
+      next_stops_ns_ = now + stops_retry_ns;
+      spdlog::error("{}: a link that starts anew would not know who is stopped", status.error().what);
+    }
+  }
+
   void watch_roudi(TimeNs now) {
     next_roudi_ns_ = now + roudi_period_ns;
     const bool lives = ipc::roudi_lives();
@@ -97,16 +116,29 @@ class Housekeeping {
   LinkLoop& loop_;
   std::optional<TraceWriter> trace_;
   ServiceManager& manager_;
+  LocalStopsFile& stops_;
+  DroneSet told_stops_;
+  TimeNs next_stops_ns_ = 0;
   std::array<StateSample, max_drones + 1> newest_{};
   TimeNs next_status_ns_ = 0;
   TimeNs next_roudi_ns_ = 0;
   bool roudi_lives_ = true;
 };
 
-// Signals are blocked in every thread; this one picks them up, or waits a turn.
-bool wait_for_signal(const sigset_t& signals) {
+// Signals are blocked in every thread; this one picks them up, or waits a turn: then 0.
+int wait_for_signal(const sigset_t& signals) {
   const timespec turn{0, housekeeping_period_ns};
-  return ::sigtimedwait(&signals, nullptr, &turn) > 0;
+  return std::max(::sigtimedwait(&signals, nullptr, &turn), 0);
+}
+
+// Who cannot know which drones are stopped stops all of them.
+DroneSet stops_of_before(const ShellSettings& settings, LocalStopsFile& file) {
+  auto stopped = file.read();
+  if (stopped) return *stopped;
+  spdlog::error("{}: every drone counts as stopped at this host, until it is resumed", stopped.error().what);
+  DroneSet all;
+  for (const DroneSettings& drone : settings.link.drones) all.set(drone.number);
+  return all;
 }
 
 // How often it was started of late. Without that memory a link that dies and dies is taken for a first one each time,
@@ -155,6 +187,7 @@ int run_link(const ShellSettings& settings) {
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);
   sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGUSR1);
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 
   std::optional<TraceWriter> trace;
@@ -175,9 +208,11 @@ int run_link(const ShellSettings& settings) {
 
   auto courier = Courier::start(**end, settings.priority > 0 ? std::max(settings.priority - courier_below_loop, 1) : 0);
   if (!courier) return fail(courier.error());
-  auto core = std::make_unique<LinkCore>(settings.link, *boot_id, recent_starts(settings));
+  LocalStopsFile stops(settings.local_stops, settings.link.drones);
+  auto core =
+      std::make_unique<LinkCore>(settings.link, *boot_id, recent_starts(settings), stops_of_before(settings, stops));
   auto loop = std::make_unique<LinkLoop>(settings, *core, **end, **courier, *sockets);
-  Housekeeping housekeeping(settings, *loop, std::move(trace), *manager);
+  Housekeeping housekeeping(settings, *loop, std::move(trace), *manager, stops);
 
   std::promise<RealTime> entered;
   auto real_time_result = entered.get_future();
@@ -193,7 +228,11 @@ int run_link(const ShellSettings& settings) {
   if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
 
   while (!loop->ended()) {
-    if (wait_for_signal(signals)) {
+    const int signal = wait_for_signal(signals);
+    if (signal == SIGUSR1) {
+      spdlog::info("asked to lift the local stops");
+      loop->resume_local();
+    } else if (signal != 0) {
       spdlog::info("asked to stop: what flies lands first, for at most {:.0f} s",
                    to_seconds(settings.landing_bound_ns));
       loop->request_stop();

@@ -14,7 +14,8 @@ namespace ledgerline::agent {
 /// then on the contract refuses the holder's commands, and those under way are invalid. Likewise a holder's revocation,
 /// which writes nothing but his role: the fold ends his lease. Agent itself obeys both at once, whatever becomes of its
 /// fold. And a contract of a newer version: the fold renews the drone's records, without which no frame is valid. That
-/// has a pause of its own, with back-off, since a frame may lack endorsements for other reasons, for as long as those last.
+/// has a pause of its own, with back-off, since a frame may lack endorsements for other reasons, for as long as those
+/// last.
 ///
 ///     stop seen -> wanted -> in flight -> committed: over, unless another stop came meanwhile
 ///                    ^           |     -> refused by the contract: over (another host's drone by now)

@@ -26,8 +26,8 @@ struct PlanEnd {
 
 /// Whether a drone's plan may be acted on, whatever its action, and what became of each. A plan never goes behind a
 /// newer one: (epoch, sequence) only rises. What wants flight must be young and made of believable numbers; a landing
-/// is never too old, and what the contract stops or cuts carries no sequence and is always admitted. Whoever acts on an
-/// admitted plan says here how it ended: applied, late or dropped. Core: no allocation; one thread.
+/// is never too old, and what comes from the contract (stop, cut, resumed) carries no sequence and is always admitted.
+/// Whoever acts on an admitted plan says here how it ended: applied, late or dropped. Core: no allocation; one thread.
 class PlanAdmission {
  public:
   explicit PlanAdmission(const PlayoutSettings& settings) noexcept : settings_(settings) {}

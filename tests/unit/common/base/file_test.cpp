@@ -38,5 +38,23 @@ TEST(WriteFile, LeavesTheModeOfWhatIsNoRegularFile) {
   std::filesystem::remove(path);
 }
 
+TEST(ReplaceFile, IsWholeOrAsBeforeAndLeavesNothingBeside) {
+  const std::string dir = ::testing::TempDir() + "/replace_file_" + std::to_string(::getpid());
+  const std::string path = dir + "/a";
+  ASSERT_TRUE(replace_file(path, "first", 0600).ok());
+  ASSERT_TRUE(replace_file(path, "second", 0600).ok());
+  EXPECT_EQ(*read_file(path), "second");
+  struct stat info {};
+  ASSERT_EQ(::stat(path.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777U, 0600U);
+  EXPECT_FALSE(std::filesystem::exists(path + ".new"));
+  std::filesystem::create_directory(path + ".new");
+  const auto blocked = replace_file(path, "third", 0600);
+  ASSERT_FALSE(blocked.ok());
+  EXPECT_THAT(blocked.error().what, ::testing::HasSubstr("cannot write " + path));
+  EXPECT_EQ(*read_file(path), "second");
+  std::filesystem::remove_all(dir);
+}
+
 }  // namespace
 }  // namespace ledgerline

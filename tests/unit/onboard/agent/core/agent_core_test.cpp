@@ -143,21 +143,48 @@ TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
   StateSample flying = state(1, start);
   flying.phase = FlightPhase::on_ground;
   core_.on_state(start, flying, out_);
-  EXPECT_TRUE(out_.plans.empty()) << "on the ground there is nothing to stop";
+  ASSERT_EQ(out_.plans.size(), 1U) << "a link that started anew on the ground knows of none";
+  EXPECT_EQ(out_.plans.back().action, PlanAction::stop);
+  core_.on_state(start + 999 * ns_per_ms, flying, out_);
+  EXPECT_EQ(out_.plans.size(), 1U) << "once a second there";
+  flying.cause = FailsafeCause::stopped;
+  core_.on_state(start + 2 * ns_per_s, flying, out_);
+  EXPECT_EQ(out_.plans.size(), 1U) << "link has it";
+  out_.plans.clear();
+  flying.cause = FailsafeCause::none;
   flying.phase = FlightPhase::flying;
-  for (int i = 0; i < 30; ++i) core_.on_state(start + i * 33 * ns_per_ms, flying, out_);
+  for (int i = 0; i < 30; ++i) core_.on_state(start + 2 * ns_per_s + i * 33 * ns_per_ms, flying, out_);
   ASSERT_GE(out_.plans.size(), 8U);
   ASSERT_LE(out_.plans.size(), 11U) << "at most ten a second";
   EXPECT_EQ(out_.plans.back().action, PlanAction::stop);
   out_.plans.clear();
   flying.mode = FailsafeMode::land;
-  core_.on_state(start + 2 * ns_per_s, flying, out_);
+  core_.on_state(start + 4 * ns_per_s, flying, out_);
   EXPECT_TRUE(out_.plans.empty());
   add_stop(stopped, testing::stop_of("tello1", true));
   core_.set_control(start, stopped);
-  core_.on_state(start + 3 * ns_per_s, flying, out_);
+  core_.on_state(start + 5 * ns_per_s, flying, out_);
   ASSERT_EQ(out_.plans.size(), 1U);
   EXPECT_EQ(out_.plans[0].action, PlanAction::cut);
+}
+
+TEST_F(AgentCoreTest, ALinkThatHoldsOnToAStopThatNobodyHasOnTheLedgerIsToldOnceASecondOnTheGround) {
+  StateSample stopped = state(1, start);
+  stopped.phase = FlightPhase::landed;
+  stopped.cause = FailsafeCause::stopped;
+  for (int i = 0; i < 30; ++i) core_.on_state(start + i * 100 * ns_per_ms, stopped, out_);
+  ASSERT_EQ(out_.plans.size(), 3U);
+  EXPECT_EQ(out_.plans[0].action, PlanAction::resumed) << "its own stop stands: that is the owner's word";
+  EXPECT_EQ(out_.plans[0].verified_ns, start);
+  out_.plans.clear();
+  stopped.phase = FlightPhase::landing;
+  core_.on_state(start + 5 * ns_per_s, stopped, out_);
+  EXPECT_TRUE(out_.plans.empty()) << "it lands";
+  StateSample other = state(1, start, 2);
+  other.phase = FlightPhase::landed;
+  other.cause = FailsafeCause::stopped;
+  core_.on_state(start + 5 * ns_per_s, other, out_);
+  EXPECT_TRUE(out_.plans.empty()) << "no record of it was read";
 }
 
 TEST_F(AgentCoreTest, AStopInABlockIsFoldedUntilTheLedgerHasIt) {

@@ -401,6 +401,28 @@ TEST_F(RevocationTest, EnrolledAnewItFliesAgain) {
   EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
 }
 
+TEST_F(ControlCheckTest, LinkIsToldWhenTheLastStopIsLiftedAndWhetherTheOwnersOrganisationLiftedIt) {
+  start(stopped({holder, own_guard}));
+  Control one_left = stopped({holder}), none = control("tello1", epoch);
+  for (Control* record : {&one_left, &none}) set_resumes(*record, to_message(own_guard), 1);
+  set_resumes(none, to_message(holder), 1);
+  EXPECT_FALSE(check_->no_stop(now, 1));
+  EXPECT_TRUE(give(event("resume", one_left, own_guard)).plans.empty()) << "one is left";
+  auto plans = give(event("resume", none, holder)).plans;
+  ASSERT_EQ(plans.size(), 1U);
+  EXPECT_EQ(plans[0].action, PlanAction::resumed) << "another organisation's lifts no local stop";
+  ASSERT_TRUE(check_->no_stop(now, 1));
+  EXPECT_EQ(check_->no_stop(now, 1)->action, PlanAction::resumed);
+  EXPECT_TRUE(give(event("resume", none, own_guard)).plans.empty()) << "nobody had it stopped";
+
+  start(stopped({holder}));
+  none = control("tello1", epoch);
+  set_resumes(none, to_message(holder), 1);
+  plans = give(event("resume", none, admin)).plans;
+  ASSERT_EQ(plans.size(), 1U);
+  EXPECT_EQ(plans[0].action, PlanAction::resumed_by_owner);
+}
+
 TEST_F(ControlCheckTest, AFoldChangesNothing) {
   start(stopped({own_guard}));
   expect_refused(event("fold", control("tello1", epoch), owner), "a stop less");

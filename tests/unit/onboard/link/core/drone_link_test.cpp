@@ -53,7 +53,7 @@ class DroneLinkTest : public ::testing::Test {
   }
 
   LinkSettings settings;
-  DroneLink drone{{"tello1", 1}, settings, 42};
+  DroneLink drone{{"tello1", 1}, settings, 42, false};
   LinkOutputs out;
   TimeNs now = 1000 * ns_per_s;
   double height_m = 0;
@@ -96,7 +96,7 @@ TEST_F(DroneLinkTest, AStopLandsAndATakeOffFromAnOlderStateIsTooOld) {
   again.sequence = ++sequence;
   drone.take_plan(at(), again);
   EXPECT_EQ(dropped(drone.report().plans, DropReason::too_old), 1U);
-  EXPECT_EQ(dropped(give(PlanAction::takeoff), DropReason::too_old), 1U) << "from a state after the stop it is resumed";
+  EXPECT_EQ(dropped(give(PlanAction::takeoff), DropReason::too_old), 1U) << "from the moment of the stop";
 }
 
 TEST_F(DroneLinkTest, WithoutAHealthyLinkNoPlanIsTakenAndOneZeroIsSent) {

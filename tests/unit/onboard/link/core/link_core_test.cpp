@@ -205,7 +205,7 @@ TEST(LinkCore, TheFenceHoldsEvenWhenAgentDiesWithItsPosesAndThePlanGoesOn) {
   EXPECT_LE(w.tellos[0].position[0], 1.05);
 }
 
-TEST(LinkCore, AStopLandsAndOnlyATakeOffFromALaterStateFliesAgain) {
+TEST(LinkCore, AStopLandsAndOnceResumedOnlyATakeOffFromALaterStateFliesAgain) {
   LinkWorld w;
   w.take_off();
   Plan& stop = w.plan(PlanAction::stop);
@@ -221,6 +221,7 @@ TEST(LinkCore, AStopLandsAndOnlyATakeOffFromALaterStateFliesAgain) {
   w.pass(3 * ns_per_s);
   EXPECT_EQ(w.tellos[0].count("takeoff"), 1);
   EXPECT_EQ(w.core.reports()[0].plans.dropped_by[static_cast<std::size_t>(DropReason::too_old)], 1U);
+  w.plan(PlanAction::resumed);
   w.plan(PlanAction::takeoff);
   w.pass(5 * ns_per_s);
   EXPECT_EQ(w.tellos[0].count("takeoff"), 2);

@@ -126,8 +126,13 @@ class LinkWorld {
       beat.ledger_alive = ledger;
       beats.push_back(beat);
     }
-    const LinkOutputs& out =
-        core.step(now, {.received = received, .plans = plans, .poses = poses, .beats = beats, .stop_all = stop_all});
+    const LinkOutputs& out = core.step(now, {.received = received,
+                                             .plans = plans,
+                                             .poses = poses,
+                                             .beats = beats,
+                                             .stop_all = stop_all,
+                                             .resume_local = resume_local});
+    resume_local = false;
     plans.clear();
     for (const ToSend& message : out.to_send) {
       sent.emplace_back(now, std::string(message.command.view()));
@@ -177,6 +182,7 @@ class LinkWorld {
   std::uint64_t sequence = 0;
   std::vector<Plan> plans;
   bool mocap = true, agent = true, ledger = true, stop_all = false;
+  bool resume_local = false;  ///< once
   std::vector<std::pair<TimeNs, std::string>> sent;
   std::vector<StateSample> states;
   std::vector<Transition> transitions;

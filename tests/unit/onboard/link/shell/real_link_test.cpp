@@ -1,6 +1,7 @@
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -32,7 +33,9 @@ class RealLink : public ::testing::Test {
                                        "[[drone]]\nname = \"nobody\"\naddress = \"127.0.0.9\"\n"
                                        "[state]\nlisten = \"127.0.0.1:8890\"\n"
                                        "[failsafe]\nland_after_s = 1.0\n"
-                                       "[output]\ntrace = \"/tmp/link.trace\"\nsummary = \"/tmp/link.json\"\n";
+                                       "[output]\ntrace = \"/tmp/link.trace\"\nsummary = \"/tmp/link.json\"\n"
+                                       "local_stops = \"/tmp/link.stops\"\n";
+    std::ofstream("/tmp/link.stops") << "damaged";
     ASSERT_TRUE(connect("stand-in-agent"));
     auto end = AgentEnd::create();
     ASSERT_TRUE(end);
@@ -118,6 +121,15 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
   EXPECT_NE(newest[1].boot_id, 0U);
   EXPECT_GT(newest[1].battery, 0.9F);
 
+  // Nobody knows who was stopped, so all are, until somebody at this host lifts it.
+  const auto both = [&](FailsafeCause cause) { return newest[1].cause == cause && newest[2].cause == cause; };
+  EXPECT_TRUE(both(FailsafeCause::stopped));
+  command(PlanAction::takeoff);
+  EXPECT_FALSE(run_until(ns_per_s, [&] { return !all(FlightPhase::on_ground); }));
+  link.signal(SIGUSR1);
+  ASSERT_TRUE(run_until(5 * ns_per_s, [&] { return both(FailsafeCause::none); }));
+  EXPECT_EQ(read_file("/tmp/link.stops")->find("tello"), std::string::npos);
+
   ASSERT_TRUE(run_until(30 * ns_per_s, [&, asked = TimeNs{0}]() mutable {
     if (!all(FlightPhase::flying) && monotonic_ns() - asked > 100 * ns_per_ms) {
       asked = monotonic_ns();
@@ -171,6 +183,13 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
   link.signal(SIGTERM);
   EXPECT_EQ(link.wait(), 0);
   EXPECT_EQ(sim.end(SIGTERM), 0);
+
+  // Who was landed so stays down, for whichever link comes next.
+  const std::string stops = *read_file("/tmp/link.stops");
+  EXPECT_NE(stops.find("\ntello1\ntello2\n"), std::string::npos) << stops;
+  struct stat info {};
+  ASSERT_EQ(::stat("/tmp/link.stops", &info), 0);
+  EXPECT_EQ(info.st_mode & 0777U, 0600U);
 
   const nlohmann::json sim_summary = read("/tmp/sim.json");
   const nlohmann::json link_summary = read("/tmp/link.json");

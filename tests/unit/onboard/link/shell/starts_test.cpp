@@ -1,4 +1,4 @@
-#include "onboard/link/shell/starts.hpp"
+#include "onboard/link/shell/memory/starts.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

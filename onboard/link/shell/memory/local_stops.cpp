@@ -1,0 +1,92 @@
+#include "onboard/link/shell/memory/local_stops.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "common/base/file.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+constexpr std::string_view first_line = "ledgerline-link local stops 1\n";
+constexpr std::string_view sum_word = "sum ";
+
+// FNV-1a: tells a torn or overwritten file, not one that somebody forged, who could as well write the right one.
+std::uint64_t sum_of(std::string_view text) {
+  std::uint64_t sum = 0xcbf29ce484222325U;
+  for (const char c : text) sum = (sum ^ static_cast<unsigned char>(c)) * 0x100000001b3U;
+  return sum;
+}
+
+/// The lines between the first and the last one; none: it is not whole.
+std::optional<std::vector<std::string>> names_in(std::string_view text) {
+  const auto sum_at = text.rfind(sum_word);
+  if (!text.starts_with(first_line) || sum_at == std::string_view::npos || sum_at < first_line.size() ||
+      text.substr(sum_at) != fmt::format("{}{:016x}\n", sum_word, sum_of(text.substr(0, sum_at))))
+    return std::nullopt;
+  std::vector<std::string> names;
+  std::string_view rest = text.substr(first_line.size(), sum_at - first_line.size());
+  while (!rest.empty()) {
+    const auto end = rest.find('\n');
+    if (end == std::string_view::npos) return std::nullopt;
+    names.emplace_back(rest.substr(0, end));
+    rest.remove_prefix(end + 1);
+  }
+  return names;
+}
+
+}  // namespace
+
+LocalStopsFile::LocalStopsFile(std::string path, std::vector<DroneSettings> drones)
+    : path_(std::move(path)), drones_(std::move(drones)) {}
+
+Result<DroneSet> LocalStopsFile::read() {
+  kept_ = text_of({});  // what no file says
+  std::error_code error;
+  const bool missing = std::filesystem::symlink_status(path_, error).type() == std::filesystem::file_type::not_found;
+  if (path_.empty() || missing) return DroneSet{};
+  kept_.clear();  // to be written anew, if it is not whole
+  const auto text = read_file(path_);
+  if (!text) return Error{fmt::format("output.local_stops: {}", text.error().what)};
+  const auto names = names_in(*text);
+  if (!names) return Error{fmt::format("output.local_stops: {} is damaged", path_)};
+  DroneSet stopped;
+  for (const std::string& name : *names) {
+    const auto drone =
+        std::find_if(drones_.begin(), drones_.end(), [&](const DroneSettings& d) { return d.name == name; });
+    if (drone == drones_.end()) {
+      others_.push_back(name);
+    } else {
+      stopped.set(drone->number);
+    }
+  }
+  kept_ = *text;
+  return stopped;
+}
+
+std::string LocalStopsFile::text_of(const DroneSet& stopped) const {
+  std::string text(first_line);
+  for (const DroneSettings& drone : drones_) {
+    if (stopped.test(drone.number)) text += drone.name + "\n";
+  }
+  for (const std::string& name : others_) text += name + "\n";
+  return text + fmt::format("{}{:016x}\n", sum_word, sum_of(text));
+}
+
+Status LocalStopsFile::keep(const DroneSet& stopped) {
+  if (path_.empty()) return done;
+  std::string text = text_of(stopped);
+  if (text == kept_) return done;
+  if (auto status = replace_file(path_, text, 0600); !status)
+    return Error{fmt::format("output.local_stops: {}", status.error().what)};
+  kept_ = std::move(text);
+  return done;
+}
+
+}  // namespace ledgerline::link

@@ -1,0 +1,33 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "onboard/link/core/link_io.hpp"
+#include "onboard/link/core/settings.hpp"
+
+namespace ledgerline::link {
+
+/// The file of the local stops, so that they outlast link: one drone's name a line, between a first line that says what
+/// it is and a last one with a checksum. Not for the real-time loop: it waits for a disk. One thread.
+class LocalStopsFile {
+ public:
+  /// `path`: empty: nobody remembers.
+  LocalStopsFile(std::string path, std::vector<DroneSettings> drones);
+
+  /// The drones that are stopped: none where there is no file. An error: the file is there, and cannot be read or is not
+  /// whole. Then nobody knows which, and all are.
+  Result<DroneSet> read();
+  /// Keeps them, with mode 0600; no effect where the file has them already. Names that this link does not fly stay in it.
+  Status keep(const DroneSet& stopped);
+
+ private:
+  std::string text_of(const DroneSet& stopped) const;
+
+  std::string path_;
+  std::vector<DroneSettings> drones_;
+  std::vector<std::string> others_;  ///< names in the file that are none of `drones`
+  std::string kept_;                 ///< as the file is, or is not there; see read()
+};
+
+}  // namespace ledgerline::link

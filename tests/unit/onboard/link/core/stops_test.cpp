@@ -1,0 +1,155 @@
+#include <gtest/gtest.h>
+
+#include "tests/unit/onboard/link/core/link_world.hpp"
+#include "tests/unit/onboard/link/core/times.hpp"
+
+/// A stop stands until it is resumed by name: the ledger's, and the one of the local stop key.
+namespace ledgerline::link {
+namespace {
+
+class Stops : public ::testing::Test {
+ protected:
+  Stops() { w.take_off(); }
+
+  void land_by(PlanAction action) {
+    w.plan(action);
+    pass_until_down();
+  }
+  /// SIGTERM, and whoever watches over link starts it anew with what it left.
+  void land_by_the_local_key() {
+    w.stop_all = true;
+    pass_until_down();
+    start_anew(w.core.local_stops());
+  }
+  void start_anew(const DroneSet& local_stops) {
+    w.stop_all = false;
+    w.core = LinkCore(w.settings_, ++boot_id_, 1, local_stops);
+    w.pass(5 * ns_per_s);  // until the drone counts as standing on the ground
+  }
+  void pass_until_down() {
+    for (int i = 0; i < 5000 && w.core.phase(1) != FlightPhase::landed; ++i) w.step();
+    ASSERT_EQ(w.core.phase(1), FlightPhase::landed);
+    w.pass(100 * ms);
+  }
+  /// Whether it takes off when a holder asks for it, under a newer lease each time.
+  bool takes_off() {
+    const auto before = w.tellos[0].count("takeoff");
+    Plan& plan = w.plan(PlanAction::takeoff);
+    plan.epoch = ++epoch_;
+    w.pass(3 * ns_per_s);
+    return w.tellos[0].count("takeoff") > before;
+  }
+
+  LinkWorld w;
+  std::uint64_t boot_id_ = 100, epoch_ = 1;
+};
+
+TEST_F(Stops, TheLedgersStandsWhateverPlanOrEpochComesUntilItIsResumed) {
+  land_by(PlanAction::stop);
+  EXPECT_FALSE(takes_off());
+  EXPECT_FALSE(takes_off());
+  EXPECT_EQ(w.states.back().cause, FailsafeCause::stopped);
+  w.plan(PlanAction::resumed);
+  w.pass(100 * ms);
+  EXPECT_EQ(w.states.back().cause, FailsafeCause::none);
+  EXPECT_TRUE(takes_off());
+}
+
+TEST_F(Stops, ACutStandsAsWell) {
+  land_by(PlanAction::cut);
+  EXPECT_FALSE(takes_off());
+  w.plan(PlanAction::resumed);
+  EXPECT_TRUE(takes_off());
+}
+
+TEST_F(Stops, AnAgentThatStartsAnewLiftsNone) {
+  land_by(PlanAction::stop);
+  w.agent = false;
+  w.pass(3 * ns_per_s);
+  w.agent = true;
+  w.pass(ns_per_s);
+  EXPECT_FALSE(takes_off());
+}
+
+TEST_F(Stops, AResumeThatIsOlderThanTheStopLiftsNothing) {
+  Plan late = w.plan(PlanAction::resumed);
+  w.pass(ms);
+  land_by(PlanAction::stop);
+  w.plans.push_back(late);
+  EXPECT_FALSE(takes_off());
+}
+
+TEST_F(Stops, WhatIsResumedInTheAirCountsFromTheGroundOn) {
+  w.plan(PlanAction::stop);
+  w.pass(ms);
+  w.plan(PlanAction::resumed);
+  w.pass(ms);
+  EXPECT_EQ(w.core.mode(1), FailsafeMode::land) << "a landing is never taken back";
+  pass_until_down();
+  EXPECT_TRUE(takes_off());
+}
+
+TEST_F(Stops, AStopBehindAResumeInTheAirStands) {
+  w.plan(PlanAction::stop);
+  w.plan(PlanAction::resumed_by_owner);
+  w.pass(ms);
+  w.plan(PlanAction::stop);
+  pass_until_down();
+  EXPECT_FALSE(takes_off());
+}
+
+TEST_F(Stops, TheLocalOneOutlastsLinkAndNoWordOfTheLedgersEverydayLiftsIt) {
+  land_by_the_local_key();
+  EXPECT_FALSE(takes_off());
+  w.plan(PlanAction::resumed);  // that nobody has it stopped on the ledger says nothing about who stands beside it
+  EXPECT_FALSE(takes_off());
+  start_anew(w.core.local_stops());
+  EXPECT_FALSE(takes_off());
+  EXPECT_EQ(w.states.back().cause, FailsafeCause::stopped);
+  w.plan(PlanAction::resumed_by_owner);
+  EXPECT_TRUE(takes_off());
+  EXPECT_TRUE(w.core.local_stops().none());
+}
+
+TEST_F(Stops, TheLocalOneIsLiftedAtThisHostAndTheLedgersIsNot) {
+  land_by(PlanAction::stop);
+  start_anew(DroneSet().set(1));
+  w.plan(PlanAction::stop);  // agent says it again to a link that knows of none
+  w.pass(ms);
+  w.resume_local = true;
+  EXPECT_FALSE(takes_off());
+  EXPECT_TRUE(w.core.local_stops().none());
+  w.plan(PlanAction::resumed);
+  EXPECT_TRUE(takes_off());
+}
+
+TEST_F(Stops, ALinkThatEndsOnTheGroundHasStoppedNobody) {
+  w.plan(PlanAction::land);
+  pass_until_down();
+  w.stop_all = true;
+  w.pass(ns_per_s);
+  EXPECT_TRUE(w.core.local_stops().none());
+  start_anew(w.core.local_stops());
+  EXPECT_TRUE(takes_off());
+}
+
+TEST(LocalStop, OfADroneThatNobodyEverHeardOfIsNone) {
+  LinkWorld w(2);
+  w.tellos[1].hears = false;
+  w.take_off();
+  w.stop_all = true;
+  w.pass(10 * ns_per_s);
+  EXPECT_EQ(w.core.local_stops(), DroneSet().set(1));
+}
+
+TEST(LocalStop, ThatOutlastedLinkLandsADroneInTheAir) {
+  LinkWorld w;
+  w.take_off();
+  w.core = LinkCore(w.settings_, 43, 1, DroneSet().set(1));
+  w.pass(10 * ns_per_s);
+  EXPECT_LT(w.tellos[0].position[2], 0.1);
+  EXPECT_GE(w.tellos[0].count("land"), 1);
+}
+
+}  // namespace
+}  // namespace ledgerline::link
