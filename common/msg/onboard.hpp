@@ -32,7 +32,9 @@ constexpr bool is_contract_stop(PlanAction action) noexcept {
 }
 /// From the ledger, not from the lease's holder: such a plan answers no state, carries no sequence, and is always
 /// obeyed unless it is older (`verified_ns`) than the stop that it would lift.
-constexpr bool is_contract_word(PlanAction action) noexcept { return action >= PlanAction::stop; }
+constexpr bool is_contract_word(PlanAction action) noexcept {
+  return action >= PlanAction::stop && action <= PlanAction::resumed_by_owner;
+}
 
 /// Where the flight is, as link sees it.
 enum class FlightPhase : std::uint8_t {
