@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <iostream>
 #include <map>
 
 #include "common/base/random.hpp"
@@ -196,8 +197,7 @@ TEST(HandOverInFlight, OfAThousandAndTwoHundredEvictionsNoneLeavesTwoHoldersOrAD
   }
   std::string text;
   for (const auto& [gap, count] : gaps) text += std::to_string(gap) + " blocks: " + std::to_string(count) + ", ";
-  RecordProperty("gaps", text);
-  std::printf("%s%lu commands valid, %lu under way at a change and invalid\n", text.c_str(), all.commands, all.late);
+  std::cout << text << all.commands << " commands valid, " << all.late << " under way at a change and invalid\n";
 }
 
 }  // namespace
