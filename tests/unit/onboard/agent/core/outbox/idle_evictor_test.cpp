@@ -119,8 +119,9 @@ TEST_F(IdleEvictorTest, WhatDoesNotGetThroughIsSentAgainBehindPausesAndNotForEve
 }
 
 TEST_F(IdleEvictorTest, ARefusalIsNotTriedAgainBeforeAnotherIdleTime) {
-  const auto ended = evictor_.finished(now_, first_call(),
-                                       outcome(Kind::refused, "chaincode response 500, tello1: you may not evict"));
+  const auto call = first_call();  // takes its time
+  const auto ended =
+      evictor_.finished(now_, call, outcome(Kind::refused, "chaincode response 500, tello1: you may not evict"));
   ASSERT_TRUE(ended);
   EXPECT_EQ(ended->next, Next::refused);
   EXPECT_EQ(evictor_.counters().refused, 1U);
