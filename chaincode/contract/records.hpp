@@ -5,9 +5,10 @@
 #include "chaincode/contract/contract_common.hpp"
 #include "common/msg/contract.hpp"
 
-/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, stop/<drone>/<stopper>/lifted, grant/<drone>, request/<drone>, owner/<drone>, drones/<MSP id>,
-/// role/<identity>, pilot/<owner MSP>/<holder>, and the two that the hot path reads instead of every drone's control record,
-/// lease/<owner MSP>/<holder>/<epoch> and host/<owner>. Each is kept as an asset, so that `get` serves it.
+/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, stop/<drone>/<stopper>/lifted, grant/<drone>,
+/// request/<drone>, owner/<drone>, drones/<MSP id>, role/<identity>, pilot/<owner MSP>/<holder>, and the two that the
+/// hot path reads instead of every drone's control record, lease/<owner MSP>/<holder>/<epoch> and host/<owner>. Each is
+/// kept as an asset, so that `get` serves it.
 ///
 /// A record has a keeper: the organisation whose peer alone endorses its changes, by the key's own policy. The policy is set once,
 /// by the call that makes the record, and with it Stored.version. A record of an older version gets both when a
@@ -118,9 +119,9 @@ inline bool contains(const Names& names, const std::string& name) {
 void insert(Names& names, const std::string& name);
 void erase(Names& names, const std::string& name);
 
-/// Adds to a control record what has keys of its own: the drone's grants, the stops that stand and how often stops were lifted, who is revoked and who requests it. Stops
-/// come from a range, so whoever writes after reading them loses to a stop that came between; the stop, which reads
-/// nothing of this, loses to nobody.
+/// Adds to a control record what has keys of its own: the drone's grants, the stops that stand and how often stops were
+/// lifted, who is revoked and who requests it. Stops come from a range, so whoever writes after reading them loses to a
+/// stop that came between; the stop, which reads nothing of this, loses to nobody.
 Status complete(Stub& stub, Control& control);
 /// A complete one; nullopt: not enrolled. Its version is that of the drone's owner, grant and request records, too.
 Result<std::optional<Versioned<Control>>> read_control(Stub& stub, const std::string& drone);

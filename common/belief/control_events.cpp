@@ -5,6 +5,7 @@
 #include <set>
 #include <string>
 
+#include "common/belief/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
@@ -16,13 +17,6 @@ namespace {
 
 bool same(const Identity& a, const crypto::IdentityName& b) {
   return a.msp_id() == b.msp_id && a.subject() == b.subject;
-}
-
-Identity to_message(const crypto::IdentityName& name) {
-  Identity identity;
-  identity.set_msp_id(name.msp_id);
-  identity.set_subject(name.subject);
-  return identity;
 }
 
 /// Calls of messages alone; the others may be plain strings.

@@ -7,6 +7,7 @@
 
 #include "common/msg/ros.hpp"
 #include "hil/virtual/digester.hpp"
+#include "hil/virtual/ledger/ground_news.hpp"
 #include "hil/virtual/ledger/ledger_audit.hpp"
 #include "hil/virtual/wires/wires.hpp"
 #include "ledgerline.pb.h"
@@ -340,19 +341,8 @@ void VirtualWorld::step_ground() {
     }
     return;
   }
-  for (const auto& ended : std::exchange(ground_outcomes_, {})) {
-    ground::FlightInputs inputs;
-    inputs.outcome = &ended.outcome;
-    inputs.outcome_id = ended.id;
-    give_ground(inputs);
-  }
-  const auto blocks = operator_.take_blocks();
-  for (std::size_t i = 0; i < blocks.size(); ++i) {
-    ground::FlightInputs inputs;
-    inputs.block = &blocks[i];
-    inputs.more = i + 1 < blocks.size();
-    give_ground(inputs);
-  }
+  const auto outcomes = std::exchange(ground_outcomes_, {});
+  give_news(outcomes, operator_.take_blocks(), [this](const ground::FlightInputs& inputs) { give_ground(inputs); });
   if (now_ >= next_ground_ns_) give_ground({});
 }
 

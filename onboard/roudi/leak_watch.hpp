@@ -29,16 +29,16 @@ class LeakWatch {
       for (const Chunks& one : history_) least = std::min(least, one[pool]);
       leaked_ += least - std::min(least, kept_[pool]);
     }
-    most_ = std::max(most_, leaked_);
+    max_leaked_ = std::max(max_leaked_, leaked_);
   }
   std::uint32_t leaked() const { return leaked_; }
-  std::uint32_t most() const { return most_; }
+  std::uint32_t max_leaked() const { return max_leaked_; }
 
  private:
   Chunks kept_;
   std::array<Chunks, looks> history_{};
   std::uint64_t looks_ = 0;
-  std::uint32_t leaked_ = 0, most_ = 0;
+  std::uint32_t leaked_ = 0, max_leaked_ = 0;
 };
 
 }  // namespace ledgerline::roudi

@@ -46,7 +46,8 @@ int watch_leaks(const sigset_t& signals, const Broker& broker, LeakWatch& watch,
 }
 
 std::string summary(const LeakWatch::Chunks& used, const LeakWatch& watch) {
-  return nlohmann::json{{"chunks_in_use", used}, {"leaked", watch.leaked()}, {"leaked_at_most", watch.most()}}.dump(2);
+  return nlohmann::json{{"chunks_in_use", used}, {"leaked", watch.leaked()}, {"leaked_at_most", watch.max_leaked()}}
+      .dump(2);
 }
 
 int run(const std::string& summary_file) {

@@ -48,6 +48,30 @@ def result(out: pathlib.Path) -> dict:
     return json.loads((out / "result.json").read_text())
 
 
+def as_user(run: pathlib.Path, organisation: int, user: str) -> pathlib.Path:
+    """The config of ledgerline-control of another user than the flight's operator."""
+    text = (run / "operator.toml").read_text().replace("Org2MSP", f"Org{organisation}MSP")
+    config = run / f"org{organisation}-{user}.toml"
+    config.write_text(re.sub(r'msp_dir = ".*"', f'msp_dir = "{user_dir(run, organisation, user)}"', text))
+    return config
+
+
+def user_dir(run: pathlib.Path, organisation: int, user: str) -> pathlib.Path:
+    name = f"org{organisation}.ledgerline"
+    return run / "ledger" / "crypto" / "peerOrganizations" / name / "users" / f"{user}@{name}" / "msp"
+
+
+def enroll_operator(run: pathlib.Path, organisation: int, user: str) -> pathlib.Path:
+    """By the administrator of its organisation; its config."""
+    control(as_user(run, organisation, "Admin"), "enroll", "--msp", f"Org{organisation}MSP", "--role", "operator", "--cert",
+            next((user_dir(run, organisation, user) / "signcerts").iterdir()))
+    return as_user(run, organisation, user)
+
+
+def control(config: pathlib.Path, *words) -> None:
+    subprocess.run([BIN / "ledgerline-control", "--config", config, *words], check=True, timeout=30, stdout=subprocess.DEVNULL)
+
+
 def our_processes() -> dict[int, str]:
     """Programs of this build, and Fabric's, in this network namespace."""
     here = os.readlink("/proc/self/ns/net")

@@ -121,6 +121,21 @@ class Fabric(Ledger):
                 self.directory / "crypto" / "ordererOrganizations" / "ledgerline" / "tlsca" / "tlsca.ledgerline-cert.pem")
 
 
+def tables(ledger, organisation: int, user: str = "User1", endorsers: bool = False) -> str:
+    """Where the ledger is, and whom to believe, in the config of a program of that user; where the others' peers are, too,
+    or else its own peer asks them."""
+    endpoint, ca = ledger.peer(organisation)
+    text = (f'[ledger]\nendpoint = "{endpoint}"\ntls_ca = "{ca}"\nmsp_id = "Org{organisation}MSP"\n'
+            f'msp_dir = "{ledger.msp_dir(organisation, user)}"\n')
+    if ledger.name == "fabric":
+        text += '[[orderer]]\nendpoint = "{}"\ntls_ca = "{}"\n'.format(*ledger.orderer())
+    if ledger.name == "fabric" and endorsers:
+        text += "".join('[[endorser]]\nmsp_id = "Org{}MSP"\nendpoint = "{}"\ntls_ca = "{}"\n'.format(k, *ledger.endorser(k))
+                        for k in (1, 2, 3))
+    return text + "".join(f'[[msp]]\nid = "Org{k}MSP"\nca = "{ledger.organisation(k)}/ca/ca.org{k}.ledgerline-cert.pem"\n'
+                          for k in (1, 2, 3))
+
+
 class Authority:
     """Issues certificates by the CA of one organisation, whose key is in the network's directory."""
 

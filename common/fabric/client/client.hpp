@@ -41,8 +41,8 @@ struct ClientConfig {
   /// Says of a call's result why its event (no name: none) cannot follow from the call; it is then not signed, and ends
   /// as refused. Empty: any event of the called contract is signed. On the client's own thread.
   std::function<Status(const Call& call, std::string_view event, std::string_view payload)> event_check;
-  /// Whose endorsements a call needs that does not say so itself, since only who knows the contract can say. Empty: that of one peer, the own one. On
-  /// the client's own thread.
+  /// Whose endorsements a call needs that does not say so itself, since only who knows the contract can say. Empty: that
+  /// of one peer, the own one. On the client's own thread.
   std::function<EndorsementNeed(const Call& call)> endorsement_need;
   crypto::SigningIdentity identity;
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded

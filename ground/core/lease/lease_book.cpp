@@ -4,15 +4,11 @@
 
 #include <algorithm>
 
+#include "common/belief/identity.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::ground {
-namespace {
-
-crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
-
-}  // namespace
 
 LeaseBook::LeaseBook(const FlightConfig& config, FlightTransactions& counters)
     : config_(config), counters_(counters), leases_(config.drones.size()) {
@@ -41,8 +37,8 @@ std::optional<LeaseBook::Change> LeaseBook::take_record(std::size_t drone, const
   lease.holder.reset();
   *lease.stoppers.mutable_stoppers() = control.stoppers();
   *lease.stoppers.mutable_resumed() = control.resumed();
-  if (control.has_owner()) lease.owner = to_name(control.owner());
-  if (control.has_holder()) lease.holder = to_name(control.holder());
+  if (control.has_owner()) lease.owner = belief::to_name(control.owner());
+  if (control.has_holder()) lease.holder = belief::to_name(control.holder());
   update(lease);
   return change;
 }

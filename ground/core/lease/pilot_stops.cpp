@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <functional>
 
+#include "common/belief/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/stops.hpp"
 
@@ -14,17 +15,10 @@ namespace {
 /// A stop that did not reach the ledger by then is given up, aloud: drone and ground have landed it long since.
 constexpr TimeNs stop_within_ns = 30 * ns_per_s;
 
-Identity to_message(const crypto::IdentityName& name) {
-  Identity identity;
-  identity.set_msp_id(name.msp_id);
-  identity.set_subject(name.subject);
-  return identity;
-}
-
 }  // namespace
 
 PilotStops::PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self)
-    : self_(to_message(self)) {
+    : self_(belief::to_message(self)) {
   // Pilots that stop at one time do not come back together.
   const std::uint64_t seed = std::hash<std::string>{}(self.msp_id + self.subject);
   for (std::size_t i = 0; i < drones.size(); ++i) slots_.push_back({.name = drones[i].name, .seed = seed + i});

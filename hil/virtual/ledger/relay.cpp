@@ -4,6 +4,7 @@
 #include <array>
 #include <utility>
 
+#include "common/belief/identity.hpp"
 #include "common/fabric/tx/opened.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
@@ -66,13 +67,6 @@ std::string_view function_of(RelayLie lie) {
 }
 bool of_what_was_asked(RelayLie lie) { return lie >= RelayLie::asked_plan; }
 
-Identity message_of(const crypto::IdentityName& name) {
-  Identity identity;
-  identity.set_msp_id(name.msp_id);
-  identity.set_subject(name.subject);
-  return identity;
-}
-
 std::string bytes_of(const Control& record) {
   Controls controls;
   *controls.add_controls() = record;
@@ -84,7 +78,7 @@ std::string cut_of(const std::string& drone, const crypto::IdentityName& stopper
   Stops stops;
   Stop& stop = *stops.add_stops();
   stop.set_drone(drone);
-  *stop.mutable_stopper() = message_of(stopper);
+  *stop.mutable_stopper() = belief::to_message(stopper);
   stop.set_cut(true);
   return stops.SerializeAsString();
 }
@@ -182,8 +176,8 @@ std::string relay_lies() {
 Control Relay::record_of(const std::string& drone) const {
   Control record;
   record.set_drone(drone);
-  *record.mutable_owner() = message_of(names_.drone_host);
-  *record.mutable_holder() = message_of(names_.holder);
+  *record.mutable_owner() = belief::to_message(names_.drone_host);
+  *record.mutable_holder() = belief::to_message(names_.holder);
   record.set_epoch(1);
   Grant& operators = *record.add_grants();
   operators.mutable_to()->set_msp_id(names_.holder.msp_id);
@@ -217,7 +211,7 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
       return Event{contract::command, earlier.SerializeAsString()};
     }
     case RelayLie::command_acquire:
-      *record.mutable_holder() = message_of(rival);
+      *record.mutable_holder() = belief::to_message(rival);
       record.set_epoch(2);
       return Event{contract::acquire, bytes_of(record)};
     case RelayLie::command_release:
@@ -227,7 +221,7 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
     case RelayLie::command_resume:
       return Event{contract::resume, bytes_of(record)};
     case RelayLie::command_enroll:
-      *record.mutable_owner() = message_of(rival);
+      *record.mutable_owner() = belief::to_message(rival);
       return Event{contract::enroll, bytes_of(record)};
     case RelayLie::command_fold:
       record.set_epoch(9);
@@ -253,7 +247,7 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
     const std::string drone = asset.id().substr(0, asset.id().find('/'));
     if (host_sequence_++ == 0) {
       Control record = record_of(drone);
-      *record.mutable_holder() = message_of(names_.drone_host);
+      *record.mutable_holder() = belief::to_message(names_.drone_host);
       record.set_epoch(2);
       return Event{contract::acquire, bytes_of(record)};
     }
@@ -280,7 +274,7 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
     case RelayLie::frame_cut:
       return Event{contract::stop, cut_of(drone, names_.drone_host)};
     case RelayLie::frame_acquire:
-      *record.mutable_holder() = message_of(rival);
+      *record.mutable_holder() = belief::to_message(rival);
       record.set_epoch(2);
       return Event{contract::acquire, bytes_of(record)};
     case RelayLie::frame_release:
@@ -290,10 +284,10 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
     case RelayLie::frame_resume:
       return Event{contract::resume, bytes_of(record)};
     case RelayLie::frame_enroll:
-      *record.mutable_owner() = message_of(rival);
+      *record.mutable_owner() = belief::to_message(rival);
       return Event{contract::enroll, bytes_of(record)};
     case RelayLie::frame_back:
-      *record.mutable_holder() = message_of(rival);
+      *record.mutable_holder() = belief::to_message(rival);
       record.set_epoch(0);
       return Event{contract::acquire, bytes_of(record)};
     case RelayLie::frame_flies:
@@ -325,12 +319,12 @@ std::optional<Relay::Event> Relay::bent_stop(const std::string& payload) const {
   auto controls = parsed<Controls>(payload);
   for (Stop& stop : *stops.mutable_stops()) {
     if (lie_ == RelayLie::stop_cut) stop.set_cut(true);
-    if (lie_ == RelayLie::stop_other) *stop.mutable_stopper() = message_of(rival);
+    if (lie_ == RelayLie::stop_other) *stop.mutable_stopper() = belief::to_message(rival);
   }
   for (Control& record : *controls.mutable_controls()) {
     if (lie_ == RelayLie::fold_lifts) record.clear_stoppers();
     if (lie_ == RelayLie::fold_back) {
-      *record.mutable_holder() = message_of(rival);
+      *record.mutable_holder() = belief::to_message(rival);
       record.set_epoch(0);
     }
   }

@@ -8,23 +8,11 @@ import time
 import peers
 import pytest
 from fabric import BIN, needs_fabric
-from ledgers import Embedded, Fabric
+from ledgers import Embedded, Fabric, tables
 from netns import die_with_parent
 
 PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
 os.environ["CYCLONEDDS_URI"] = peers.LAN  # of the bridges and of what cyclone.py makes
-
-
-def ledger_tables(ledger, organisation: int, user: str = "User1") -> str:
-    """Where the ledger is, and whom to believe, in the config of a program of that user."""
-    endpoint, ca = ledger.peer(organisation)
-    orderer = ""
-    if ledger.name == "fabric":
-        orderer = '[[orderer]]\nendpoint = "{}"\ntls_ca = "{}"\n'.format(*ledger.orderer())
-    members = "".join(f'[[msp]]\nid = "Org{k}MSP"\nca = "{ledger.organisation(k)}/ca/ca.org{k}.ledgerline-cert.pem"\n'
-                      for k in (1, 2, 3))
-    return (f'[ledger]\nendpoint = "{endpoint}"\ntls_ca = "{ca}"\nmsp_id = "Org{organisation}MSP"\n'
-            f'msp_dir = "{ledger.msp_dir(organisation, user)}"\n{orderer}{members}')
 
 
 class Program:
@@ -75,7 +63,7 @@ class Bridge(Program):
     def __init__(self, ledger, directory: pathlib.Path, organisation: int, domain: int, topics: str, name: str = "bridge",
                  options: str = "", dds: str = "", user: str = "User1"):
         super().__init__(directory, f"{name}{domain}", [BIN / "ledgerline-bridge"],
-                         f"status_period_ms = 100\n{ledger_tables(ledger, organisation, user)}[dds]\ndomain = {domain}\n{dds}"
+                         f"status_period_ms = 100\n{tables(ledger, organisation, user)}[dds]\ndomain = {domain}\n{dds}"
                          f'[bridge]\nname = "{name}"\n{options}{topics}')
 
 
@@ -122,7 +110,7 @@ def hosts(embedded, tmp_path):
     made = []
 
     def make(program: str, organisation: int, domain: int, topics: str, more: str = "", dds: str = "") -> Program:
-        config = (f'summary = "{tmp_path / program}.summary.json"\n{ledger_tables(embedded, organisation)}[dds]\ndomain = {domain}\n{dds}[[drone]]\nname = "tello1"\n'
+        config = (f'summary = "{tmp_path / program}.summary.json"\n{tables(embedded, organisation)}[dds]\ndomain = {domain}\n{dds}[[drone]]\nname = "tello1"\n'
                   f"{more}{topics}")
         made.append(Program(tmp_path, program, [BIN / f"ledgerline-{program}", "--config"], config))
         return made[-1]

@@ -11,24 +11,13 @@
 #include <mutex>
 #include <thread>
 
-#include "common/config/config.hpp"
-#include "common/fabric/client/client.hpp"
-#include "common/fabric/config.hpp"
 #include "common/fabric/sending/repeat.hpp"
 #include "ledgerline.pb.h"
+#include "tests/system/connect.hpp"
 
 using namespace ledgerline;
 
 namespace {
-
-std::unique_ptr<fabric::Client> connect(const std::string& path) {
-  auto config = Config::load(path);
-  auto ledger = config ? fabric::ledger_config(*config) : Result<fabric::ClientConfig>(config.error());
-  auto client = ledger ? fabric::Client::create(std::move(*ledger)) : ledger.error();
-  if (client) return std::move(*client);
-  std::fprintf(stderr, "%s: %s\n", path.c_str(), client.error().what.c_str());
-  std::exit(1);
-}
 
 fabric::Call call_of(const std::string& function, const std::string& drone, std::uint32_t priority = 0) {
   LeaseCall call;

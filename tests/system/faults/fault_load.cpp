@@ -36,17 +36,17 @@ constexpr std::size_t max_in_flight = 16;
 class Gap {
  public:
   void happened(TimeNs now) {
-    longest_ = std::max(longest_, now - last_);
+    max_ = std::max(max_, now - last_);
     last_ = now;
   }
   void reset(TimeNs now) {
-    longest_ = 0;
+    max_ = 0;
     last_ = now;
   }
-  double ms(TimeNs now) const { return to_ms(std::max(longest_, now - last_)); }
+  double ms(TimeNs now) const { return to_ms(std::max(max_, now - last_)); }
 
  private:
-  TimeNs longest_ = 0, last_ = 0;
+  TimeNs max_ = 0, last_ = 0;
 };
 
 class Load {

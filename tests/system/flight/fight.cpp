@@ -5,11 +5,9 @@
 #include <cstdio>
 #include <thread>
 
-#include "common/config/config.hpp"
-#include "common/fabric/client/client.hpp"
-#include "common/fabric/config.hpp"
 #include "common/rt/clock.hpp"
 #include "ledgerline.pb.h"
+#include "tests/system/connect.hpp"
 
 using namespace ledgerline;
 
@@ -24,15 +22,7 @@ int main(int argc, char** argv) {
   app.add_option("--seconds", seconds);
   CLI11_PARSE(app, argc, argv);
   std::vector<std::unique_ptr<fabric::Client>> operators;
-  for (const std::string& path : configs) {
-    auto config = Config::load(path);
-    if (!config) return std::fprintf(stderr, "%s\n", config.error().what.c_str()), 1;
-    auto ledger = fabric::ledger_config(*config);
-    if (!ledger) return std::fprintf(stderr, "%s\n", ledger.error().what.c_str()), 1;
-    auto client = fabric::Client::create(std::move(ledger).value());
-    if (!client) return std::fprintf(stderr, "%s\n", client.error().what.c_str()), 1;
-    operators.push_back(std::move(*client));
-  }
+  for (const std::string& path : configs) operators.push_back(connect(path));
   std::string committed_ns;
   int others = 0;
   auto at = std::chrono::steady_clock::now();

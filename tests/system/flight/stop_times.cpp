@@ -9,25 +9,14 @@
 #include <thread>
 
 #include "common/base/random.hpp"
-#include "common/belief/client.hpp"
-#include "common/config/config.hpp"
-#include "common/fabric/config.hpp"
 #include "common/fabric/sending/repeat.hpp"
 #include "common/rt/clock.hpp"
 #include "ledgerline.pb.h"
+#include "tests/system/connect.hpp"
 
 using namespace ledgerline;
 
 namespace {
-
-std::unique_ptr<fabric::Client> connect(const std::string& path) {
-  auto config = Config::load(path);
-  auto ledger = config ? fabric::ledger_config(*config) : Result<fabric::ClientConfig>(config.error());
-  auto client = ledger ? fabric::Client::create(belief::for_contract(std::move(*ledger))) : ledger.error();
-  if (client) return std::move(*client);
-  std::fprintf(stderr, "%s: %s\n", path.c_str(), client.error().what.c_str());
-  std::exit(1);
-}
 
 /// How often it was said until it was on the ledger; 0: it was refused or given up.
 int stop(fabric::Client& client, const std::string& drone) {

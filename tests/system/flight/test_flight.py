@@ -9,8 +9,8 @@ import time
 
 import pytest
 from fabric import needs_fabric
-from flights import (BIN, assert_nothing_left, fly, no_flight_outlives_its_test, our_processes, pid_of,
-                     printed, result, wait_for_flight)
+from flights import (BIN, assert_nothing_left, control, enroll_operator, fly, no_flight_outlives_its_test, our_processes,
+                     pid_of, printed, result, wait_for_flight)
 from trace_file import TraceKind, records
 
 QUANTILES = {"p5", "q1", "median", "q3", "p95", "p99", "max", "count"}
@@ -83,17 +83,9 @@ def test_a_drone_that_two_operators_fight_over_does_not_touch_its_neighbours(tmp
     flight = fly(tmp_path, "--drones", "16", "--seconds", "20", "--ledger", ledger)
     wait_for_flight(tmp_path, flight)
     run = tmp_path / "run"
-    crypto = run / "ledger" / "crypto" / "peerOrganizations" / "org3.ledgerline"
-    for user, into in (("Admin", "admin3"), ("User1", "operator3")):
-        text = (run / "operator.toml").read_text().replace("Org2MSP", "Org3MSP")
-        msp = crypto / "users" / f"{user}@org3.ledgerline" / "msp"
-        (run / f"{into}.toml").write_text(re.sub(r'msp_dir = ".*"', f'msp_dir = "{msp}"', text))
-    subprocess.run([BIN / "ledgerline-control", "--config", run / "admin3.toml", "enroll", "--msp", "Org3MSP", "--cert",
-                    next((crypto / "users" / "User1@org3.ledgerline" / "msp" / "signcerts").iterdir()), "--role", "operator"],
-                   check=True, timeout=30)
-    subprocess.run([BIN / "ledgerline-control", "--config", run / "admin.toml", "grant", "--msp", "Org3MSP", "--fly",
-                    "--max-priority", "1000", "tello16"], check=True, timeout=30)
-    fight = subprocess.run([BIN / "test_fight", "--config", run / "operator.toml", run / "operator3.toml",
+    rival = enroll_operator(run, 3, "User1")
+    control(run / "admin.toml", "grant", "--msp", "Org3MSP", "--fly", "--max-priority", "1000", "tello16")
+    fight = subprocess.run([BIN / "test_fight", "--config", run / "operator.toml", rival,
                             "--drone", "tello16", "--hz", "10", "--seconds", "10"],
                            stdout=subprocess.PIPE, text=True, check=True, timeout=60)
     commits_ns = json.loads(fight.stdout)["committed_ns"]

@@ -1,34 +1,21 @@
 """How soon a stop lands: sixteen drones in the air, each stopped by itself, by four people of three organisations."""
 import json
-import re
 import subprocess
 
 import pytest
 from fabric import needs_fabric
-from flights import BIN, assert_nothing_left, fly, no_flight_outlives_its_test, printed, result, wait_for_flight
+from flights import (BIN, assert_nothing_left, control, enroll_operator, fly, no_flight_outlives_its_test, printed, result,
+                     wait_for_flight)
 from trace_file import TraceKind, records
 
 DRONES = [f"tello{k}" for k in range(1, 17)]
 LAND = 3  # FailsafeMode
 
 
-def control(config, *words) -> None:
-    subprocess.run([BIN / "ledgerline-control", "--config", config, *words], check=True, timeout=30, stdout=subprocess.DEVNULL)
-
-
 def stoppers(run) -> list:
     """Configs of operators of the drones' organisation and of two others that are granted the stop."""
-    configs = []
-    for organisation, user in ((1, "User2"), (2, "User2"), (3, "User1"), (3, "User2")):
-        msp = f"Org{organisation}MSP"
-        users = run / "ledger" / "crypto" / "peerOrganizations" / f"org{organisation}.ledgerline" / "users"
-        for who, name in (("Admin", f"admin{organisation}"), (user, f"stopper{organisation}{user}")):
-            text = (run / "operator.toml").read_text().replace("Org2MSP", msp)
-            folder = users / f"{who}@org{organisation}.ledgerline" / "msp"
-            (run / f"{name}.toml").write_text(re.sub(r'msp_dir = ".*"', f'msp_dir = "{folder}"', text))
-        control(run / f"admin{organisation}.toml", "enroll", "--msp", msp, "--role", "operator", "--cert",
-                next((users / f"{user}@org{organisation}.ledgerline" / "msp" / "signcerts").iterdir()))
-        configs.append(run / f"stopper{organisation}{user}.toml")
+    configs = [enroll_operator(run, organisation, user)
+               for organisation, user in ((1, "User2"), (2, "User2"), (3, "User1"), (3, "User2"))]
     control(run / "admin.toml", "grant", "--msp", "Org3MSP", "--stop", *DRONES)
     return configs
 

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 from fabric import BIN, needs_fabric
-from ledgers import Embedded, Fabric
+from ledgers import Embedded, Fabric, tables
 from netns import Namespace
 
 PATIENCE_S = 120
@@ -54,19 +54,6 @@ def port_of(endpoint: str) -> int:
     return int(endpoint.rsplit(":", 1)[1])
 
 
-def tables(ledger, organisation: int, user: str = "User1") -> str:
-    """Where the ledger is, and whom to believe, in the config of a program of that user."""
-    endpoint, ca = ledger.peer(organisation)
-    text = (f'[ledger]\nendpoint = "{endpoint}"\ntls_ca = "{ca}"\nmsp_id = "Org{organisation}MSP"\n'
-            f'msp_dir = "{ledger.msp_dir(organisation, user)}"\n')
-    if ledger.name == "fabric":
-        text += '[[orderer]]\nendpoint = "{}"\ntls_ca = "{}"\n'.format(*ledger.orderer())
-        text += "".join('[[endorser]]\nmsp_id = "Org{}MSP"\nendpoint = "{}"\ntls_ca = "{}"\n'.format(k, *ledger.endorser(k))
-                        for k in (1, 2, 3))
-    return text + "".join(f'[[msp]]\nid = "Org{k}MSP"\nca = "{ledger.organisation(k)}/ca/ca.org{k}.ledgerline-cert.pem"\n'
-                          for k in (1, 2, 3))
-
-
 class Host:
     """A drone host: RouDi, link and agent, and the simulator of its drone."""
 
@@ -81,7 +68,7 @@ class Host:
         output = lambda name: f'[output]\nsummary = "{self.directory}/{name}.json"\n'
         for name, text in (("sim", "[dds]\nlocal_only = true\n"),
                            ("link", f'{output("link")}[playout]\nmax_margin_ms = 0\n{this}address = "127.0.0.2"\n'),
-                           ("agent", f'{tables(ledger, organisation)}{output("agent")}[mocap]\n'
+                           ("agent", f'{tables(ledger, organisation, endorsers=True)}{output("agent")}[mocap]\n'
                                      f'topic = "/vrpn_mocap/tello1/pose"\n[dds]\nlocal_only = true\n{this}')):
             (self.directory / f"{name}.toml").write_text(text)
         start = lambda name, *words: f'{BIN}/ledgerline-{name} {" ".join(words)} > {self.directory}/{name}.log 2>&1 & all="$! $all"'
@@ -123,7 +110,7 @@ def ledger(request, tmp_path):
 def test_an_operator_flies_drones_of_two_other_organisations_in_one_mission(tmp_path, ledger):
     def control(organisation: int, user: str, *words) -> None:
         file = tmp_path / f"control{organisation}{user}.toml"
-        file.write_text(tables(ledger, organisation, user).split("[[msp]]")[0])
+        file.write_text(tables(ledger, organisation, user, endorsers=True).split("[[msp]]")[0])
         done = subprocess.run([BIN / "ledgerline-control", "--config", file, *words], capture_output=True, text=True, timeout=60)
         assert done.returncode == 0, done.stderr
 
@@ -139,7 +126,7 @@ def test_an_operator_flies_drones_of_two_other_organisations_in_one_mission(tmp_
     hosts = [Host(tmp_path, ledger, owner, drone, number) for number, (owner, drone) in enumerate(drones.items(), 1)]
     try:
         (tmp_path / "ground.toml").write_text(
-            f'{tables(ledger, OPERATOR)}[output]\nsummary = "{tmp_path}/ground.json"\nstatus_period_ms = 0\n'
+            f'{tables(ledger, OPERATOR, endorsers=True)}[output]\nsummary = "{tmp_path}/ground.json"\nstatus_period_ms = 0\n'
             "[flight]\nlaps = 1\n[dds]\nlocal_only = true\n" +
             "".join(f'[[drone]]\nname = "{drone}"\n' for drone in drones.values()))
         flown = subprocess.run([BIN / "ledgerline-ground", "--config", tmp_path / "ground.toml"], capture_output=True,

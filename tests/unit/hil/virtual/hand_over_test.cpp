@@ -7,6 +7,7 @@
 #include "common/base/random.hpp"
 #include "common/belief/control_records.hpp"
 #include "common/msg/contract.hpp"
+#include "hil/virtual/ledger/ground_news.hpp"
 #include "hil/virtual/world.hpp"
 #include "tests/unit/campaign.hpp"
 
@@ -29,19 +30,8 @@ class OtherGround {
   void step() {
     const TimeNs now = world_.now();
     port_.step(now);
-    for (const auto& ended : port_.take_outcomes()) {
-      ground::FlightInputs inputs;
-      inputs.outcome = &ended.outcome;
-      inputs.outcome_id = ended.id;
-      give(inputs);
-    }
-    const auto blocks = port_.take_blocks();
-    for (std::size_t i = 0; i < blocks.size(); ++i) {
-      ground::FlightInputs inputs;
-      inputs.block = &blocks[i];
-      inputs.more = i + 1 < blocks.size();
-      give(inputs);
-    }
+    const auto outcomes = port_.take_outcomes();
+    give_news(outcomes, port_.take_blocks(), [this](const ground::FlightInputs& inputs) { give(inputs); });
     if (now % (50 * ns_per_ms) == 0) give({});
   }
   bool flies() const { return core_.status(0).phase == ground::DronePhase::manual; }

@@ -33,7 +33,7 @@ TEST(LeakWatch, AReaderThatStoodStillAndGoesOnHasLostNothing) {
   EXPECT_EQ(watch.leaked(), 99U);
   watch.look({2, 1, 1});
   EXPECT_EQ(watch.leaked(), 0U);
-  EXPECT_EQ(watch.most(), 99U);
+  EXPECT_EQ(watch.max_leaked(), 99U);
 }
 
 }  // namespace

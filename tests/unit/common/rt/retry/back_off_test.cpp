@@ -9,10 +9,10 @@ TEST(BackOff, DoublesToItsLongestWithJitterAndASuccessResetsIt) {
   BackOff back_off(10 * ns_per_ms, 40 * ns_per_ms);
   Random random(1);
   EXPECT_TRUE(back_off.over(0)) << "nothing failed yet";
-  for (const TimeNs longest_ms : {10, 20, 40, 40}) {
+  for (const TimeNs max_ms : {10, 20, 40, 40}) {
     back_off.failed(0, random);
-    EXPECT_GE(back_off.until_ns(), longest_ms * ns_per_ms / 2);
-    EXPECT_LE(back_off.until_ns(), longest_ms * ns_per_ms);
+    EXPECT_GE(back_off.until_ns(), max_ms * ns_per_ms / 2);
+    EXPECT_LE(back_off.until_ns(), max_ms * ns_per_ms);
     EXPECT_FALSE(back_off.over(back_off.until_ns() - 1));
     EXPECT_TRUE(back_off.over(back_off.until_ns()));
   }

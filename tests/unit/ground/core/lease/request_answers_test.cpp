@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "common/belief/identity.hpp"
 #include "common/msg/requests.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
@@ -15,13 +16,6 @@ using Kind = fabric::Outcome::Kind;
 
 const crypto::IdentityName other_name{"Org2MSP", "CN=User2@org2"};
 
-Identity message_of(const crypto::IdentityName& name) {
-  Identity identity;
-  identity.set_msp_id(name.msp_id);
-  identity.set_subject(name.subject);
-  return identity;
-}
-
 class RequestAnswersTest : public ::testing::Test {
  protected:
   void rule(RequestRule rule) {
@@ -29,11 +23,11 @@ class RequestAnswersTest : public ::testing::Test {
     config.request_after_ns = 10 * ns_per_s;
   }
   void request(const crypto::IdentityName& who, std::uint32_t priority) {
-    add_request(record, message_of(who), priority);
+    add_request(record, belief::to_message(who), priority);
     ASSERT_TRUE(leases.set(record));
   }
   void gone(const crypto::IdentityName& who) {
-    remove_request(record, message_of(who));
+    remove_request(record, belief::to_message(who));
     ASSERT_TRUE(leases.set(record));
   }
   void step(TimeNs now) {

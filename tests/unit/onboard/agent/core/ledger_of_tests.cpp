@@ -125,13 +125,6 @@ fabric::Block LedgerOfTests::block(const std::vector<Tx>& transactions) {
   return block;
 }
 
-Identity to_message(const crypto::IdentityName& name) {
-  Identity identity;
-  identity.set_msp_id(name.msp_id);
-  identity.set_subject(name.subject);
-  return identity;
-}
-
 Stop stop_of(const std::string& drone, bool cut) {
   Stop stop;
   stop.set_drone(drone);

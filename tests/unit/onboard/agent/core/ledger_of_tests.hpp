@@ -4,11 +4,14 @@
 #include <string>
 #include <vector>
 
+#include "common/belief/identity.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::agent::testing {
+
+using belief::to_message;
 
 /// Makes blocks of real Fabric transactions with test signatures: proposal, result, endorsement, creator's signature
 /// and chain, each of which a test can spoil.
@@ -49,6 +52,5 @@ class LedgerOfTests {
 Control control(const std::string& drone, std::uint64_t epoch);
 /// A stop by operator_name().
 Stop stop_of(const std::string& drone, bool cut = false);
-Identity to_message(const crypto::IdentityName& name);
 
 }  // namespace ledgerline::agent::testing
