@@ -244,6 +244,35 @@ Status role_follows(const RoleChange& change, const Creator& creator) {
   return Error{"its creator is no administrator of that organisation"};
 }
 
+Result<DronesCall> read_stop_call(const AskedCall& call) {
+  DronesCall asked;
+  if (call.function != contract::stop || !read_call(call, asked)) return Error{"it is no call of stop"};
+  return asked;
+}
+
+Stop signed_stop(const DronesCall& asked, std::string_view event_payload, const std::string& drone,
+                 const Identity& creator) {
+  Stop stop;
+  stop.set_drone(drone);
+  *stop.mutable_stopper() = creator;
+  stop.set_cut(asked.cut());
+  const auto at = std::find(asked.drones().begin(), asked.drones().end(), drone) - asked.drones().begin();
+  if (at < asked.resumes_size()) {
+    stop.set_resumes(asked.resumes(static_cast<int>(at)));
+    return stop;
+  }
+  Stops told;
+  if (!parse_message(event_payload, told)) return stop;
+  for (const Stop& one : told.stops()) {
+    if (one.drone() == drone && same_identity(one.stopper(), creator)) stop.set_resumes(one.resumes());
+  }
+  return stop;
+}
+
+bool may_stop(const Control& record, Role role, const Identity& who) {
+  return is_operator(role) && rights_of(record, who).stop;
+}
+
 Status stop_follows(const ControlEvent& event, const Control& before, const Stop& stop, const Creator& creator) {
   if (event.function != contract::stop) return Error{"it is no stop"};
   if (!same(stop.stopper(), creator.name) || stop.lifted()) return Error{"it is not its creator's own stop"};

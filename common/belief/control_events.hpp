@@ -52,6 +52,15 @@ Status control_follows(const ControlEvent& event, const Control& before, const C
 /// Whether the creator may give and take roles of that organisation.
 Status role_follows(const RoleChange& change, const Creator& creator);
 
+/// A call of `stop`, as its creator signed it.
+Result<DronesCall> read_stop_call(const AskedCall& call);
+/// The creator's own stop of one of the drones that he asked for, without any peer's word: how often his stops had been
+/// lifted he signed in the call or, where that says nothing of it, in the event of the same payload; else never.
+Stop signed_stop(const DronesCall& asked, std::string_view event_payload, const std::string& drone,
+                 const Identity& creator);
+/// Whether somebody of that role may stop the record's drone: the contract's own rule.
+bool may_stop(const Control& record, Role role, const Identity& who);
+
 /// Whether one of the event's stops is its creator's own, as asked. A cut is for the drone's organisation and those
 /// whom it is granted to, by the record before.
 Status stop_follows(const ControlEvent& event, const Control& before, const Stop& stop, const Creator& creator);

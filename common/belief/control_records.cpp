@@ -9,6 +9,23 @@
 
 namespace ledgerline::belief {
 
+Status read_all(const std::string& kind, const Evaluate& evaluate, const std::function<Status(const Asset&)>& take) {
+  QueryCall query;
+  query.set_id(kind + "/*");
+  do {
+    const auto answer = evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
+    if (!answer) return answer.error();
+    Assets page;
+    if (auto status = parse_message(*answer, page); !status) return status;
+    if (!page.bookmark().empty() && page.bookmark() == query.bookmark()) return Error{"the ledger's pages do not end"};
+    for (const Asset& asset : page.assets()) {
+      if (auto status = take(asset); !status) return status;
+    }
+    query.set_bookmark(page.bookmark());
+  } while (!query.bookmark().empty());
+  return done;
+}
+
 Result<Control> read_control(const std::string& drone, const Evaluate& evaluate) {
   QueryCall query;
   query.set_id("control/" + drone);
@@ -33,21 +50,23 @@ Result<std::vector<Control>> read_controls(const std::vector<std::string>& drone
   return controls;
 }
 
+Status keep_reading(const std::stop_token& stop, const std::function<Status()>& read, const TryWorld& world) {
+  return keep_trying(
+      "the control records can be read (no block is taken before)",
+      {.within_ns = max_controls_wait_ns, .first_pause_ns = 50 * ns_per_ms, .max_pause_ns = 500 * ns_per_ms},
+      [&] { return stop.stop_requested(); }, read, world);
+}
+
 Result<std::vector<Control>> keep_reading_controls(const std::stop_token& stop, const std::vector<std::string>& drones,
                                                    const Evaluate& evaluate, const TryWorld& world) {
   std::vector<Control> read;
-  const Status status = keep_trying(
-      "the control records can be read (no block is taken before)",
-      {.within_ns = max_controls_wait_ns, .first_pause_ns = 50 * ns_per_ms, .max_pause_ns = 500 * ns_per_ms},
-      [&] { return stop.stop_requested(); },
-      [&]() -> Status {
-        auto controls = read_controls(drones, evaluate);
-        if (!controls) return controls.error();
-        read = std::move(controls).value();
-        return done;
-      },
-      world);
-  if (!status) return status.error();
+  const auto once = [&]() -> Status {
+    auto controls = read_controls(drones, evaluate);
+    if (!controls) return controls.error();
+    read = std::move(controls).value();
+    return done;
+  };
+  if (auto status = keep_reading(stop, once, world); !status) return status.error();
   return read;
 }
 

@@ -15,12 +15,17 @@ namespace ledgerline::belief {
 /// Asks the ledger without writing, as fabric::Client::evaluate.
 using Evaluate = std::function<Result<std::string>(const fabric::Call&)>;
 
+/// Every record of a kind, page by page, as `get` answers to KIND/*; ends with the first error of `take`.
+Status read_all(const std::string& kind, const Evaluate& evaluate, const std::function<Status(const Asset&)>& take);
 /// The control record of a drone, by a call of the contract's `get`.
 Result<Control> read_control(const std::string& drone, const Evaluate& evaluate);
 /// Those of all these drones.
 Result<std::vector<Control>> read_controls(const std::vector<std::string>& drones, const Evaluate& evaluate);
-/// read_controls() until it succeeds, for max_controls_wait_ns at most; an error, too, when asked to stop. Says in the
-/// log why it has not yet.
+/// Reads until it succeeds, for max_controls_wait_ns at most; an error, too, when asked to stop. Says in the log why it
+/// has not yet.
+Status keep_reading(const std::stop_token& stop, const std::function<Status()>& read,
+                    const TryWorld& world = TryWorld::real());
+/// The same with read_controls().
 Result<std::vector<Control>> keep_reading_controls(const std::stop_token& stop, const std::vector<std::string>& drones,
                                                    const Evaluate& evaluate, const TryWorld& world = TryWorld::real());
 /// The ledger has just sent a block, so it answers soon or something is broken. A minute outlasts a peer's restart; a

@@ -76,14 +76,16 @@ class MspRegistry {
   struct Member {
     IdentityName name;
     std::string pem;
-    bool admin = false;  ///< OU=admin
-    bool peer = false;   ///< OU=peer: may endorse
+    bool admin = false;    ///< OU=admin
+    bool peer = false;     ///< OU=peer: may endorse
+    bool orderer = false;  ///< OU=orderer: may sign blocks
     std::shared_ptr<const Verifier> verifier;
   };
   virtual ~MspRegistry() = default;
-  /// `serialized`: bytes of msp.SerializedIdentity. Unknown MSP, unknown CA, expired (at now_s): an error in Fabric's
-  /// words (without the "access denied:" around it).
-  virtual Result<std::shared_ptr<const Member>> member(std::string_view serialized, std::int64_t now_s) = 0;
+  /// `serialized`: bytes of msp.SerializedIdentity. Unknown MSP, unknown CA, expired (at now_s; nullopt: whenever it was
+  /// valid): an error in Fabric's words (without the "access denied:" around it).
+  virtual Result<std::shared_ptr<const Member>> member(std::string_view serialized,
+                                                       std::optional<std::int64_t> now_s) = 0;
 };
 struct MspRoot {
   std::string msp_id;

@@ -39,7 +39,7 @@ class TestRegistry final : public MspRegistry {
  public:
   explicit TestRegistry(std::vector<std::string> msp_ids) : msp_ids_(std::move(msp_ids)) {}
 
-  Result<std::shared_ptr<const Member>> member(std::string_view serialized, std::int64_t) override {
+  Result<std::shared_ptr<const Member>> member(std::string_view serialized, std::optional<std::int64_t>) override {
     msp::SerializedIdentity identity;
     if (!identity.ParseFromArray(serialized.data(), static_cast<int>(serialized.size()))) {
       return Error{"could not deserialize a SerializedIdentity"};
@@ -49,9 +49,9 @@ class TestRegistry final : public MspRegistry {
     }
     if (!identity.id_bytes().starts_with(test_prefix)) return Error{"could not decode the PEM structure"};
     const IdentityName name{identity.mspid(), identity.id_bytes().substr(test_prefix.size())};
-    return std::make_shared<const Member>(Member{name, identity.id_bytes(), name.subject.starts_with("CN=Admin"),
-                                                 name.subject.starts_with("CN=peer"),
-                                                 std::make_shared<TestVerifier>(name)});
+    return std::make_shared<const Member>(
+        Member{name, identity.id_bytes(), name.subject.starts_with("CN=Admin"), name.subject.starts_with("CN=peer"),
+               name.subject.starts_with("CN=orderer"), std::make_shared<TestVerifier>(name)});
   }
 
  private:

@@ -11,6 +11,9 @@
 /// Thread-safe as the messages are.
 namespace ledgerline {
 
+/// Whether a role is one of those that fly, stop and answer.
+inline bool is_operator(Role role) { return role == OPERATOR || role == SUPERVISOR; }
+
 /// What an operator or supervisor may do with a drone.
 struct Rights {
   bool fly = false, stop = false, cut = false;

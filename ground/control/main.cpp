@@ -182,18 +182,10 @@ Result<std::vector<Control>> read_records(fabric::Client& client, const Wish& wi
   const belief::Evaluate evaluate = [&](const fabric::Call& call) { return client.evaluate(call); };
   if (!wish.drones.empty()) return belief::read_controls(wish.drones, evaluate);
   std::vector<Control> controls;
-  QueryCall query;
-  query.set_id("control/*");
-  do {
-    const auto answer = evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
-    if (!answer) return answer.error();
-    Assets page;
-    if (auto status = parse_message(*answer, page); !status) return status.error();
-    for (const Asset& asset : page.assets()) {
-      if (auto status = parse_message(asset.msg_data(), controls.emplace_back()); !status) return status.error();
-    }
-    query.set_bookmark(page.bookmark());
-  } while (!query.bookmark().empty());
+  const Status status = belief::read_all("control", evaluate, [&](const Asset& asset) {
+    return parse_message(asset.msg_data(), controls.emplace_back());
+  });
+  if (!status) return status.error();
   return controls;
 }
 

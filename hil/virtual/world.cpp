@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/belief/roles.hpp"
 #include "common/msg/ros.hpp"
 #include "hil/virtual/digester.hpp"
 #include "hil/virtual/ledger/ground_news.hpp"
@@ -101,6 +102,9 @@ Status VirtualWorld::start_agent() {
     if (!control) return control.error();
     agent_->set_control(now_, *control);
   }
+  auto roles = belief::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); });
+  if (!roles) return roles.error();
+  agent_->set_roles(std::move(*roles));
   return done;
 }
 

@@ -98,7 +98,7 @@ std::string revoked_text(const crypto::IdentityName& who) {
 }
 
 Status check_operator(const crypto::IdentityName& who, Role role) {
-  if (role == OPERATOR || role == SUPERVISOR) return done;
+  if (is_operator(role)) return done;
   if (role == REVOKED) return Error{revoked_text(who)};
   return Error{to_text(who) + " is neither operator nor supervisor; an administrator of " + who.msp_id +
                " may enroll it as one"};

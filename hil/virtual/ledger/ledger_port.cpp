@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t stale_blocks = 5;
 constexpr TimeNs stale_period_ns = 20 * ns_per_ms;
 
-constexpr std::array<std::pair<std::string_view, Lie>, 10> all_lies{{{"chain", Lie::chain},
+constexpr std::array<std::pair<std::string_view, Lie>, 11> all_lies{{{"chain", Lie::chain},
                                                                      {"hash", Lie::hash},
                                                                      {"number", Lie::number},
                                                                      {"signature", Lie::signature},
@@ -23,7 +23,8 @@ constexpr std::array<std::pair<std::string_view, Lie>, 10> all_lies{{{"chain", L
                                                                      {"member", Lie::member},
                                                                      {"channel", Lie::channel},
                                                                      {"contract", Lie::contract},
-                                                                     {"flag", Lie::flag}}};
+                                                                     {"flag", Lie::flag},
+                                                                     {"stops", Lie::stops}}};
 static_assert(all_lies.size() + 1 == enum_count<Lie>);  // none has no word
 constexpr std::array<std::pair<std::string_view, Slip>, 5> all_slips{{{"boot", Slip::boot},
                                                                       {"stamp", Slip::stamp},
@@ -75,6 +76,9 @@ void lie_about(fabric::Transaction& tx, Lie lie) {
       return;
     case Lie::flag:
       tx.code = 11;  // MVCC_READ_CONFLICT
+      return;
+    case Lie::stops:
+      if (tx.function == contract::stop) tx.code = 11;
       return;
     case Lie::none:
     case Lie::chain:

@@ -27,6 +27,7 @@ enum class Lie : std::uint8_t {
   channel,      ///< of another channel
   contract,     ///< of another contract
   flag,         ///< flagged invalid
+  stops,        ///< stops alone flagged invalid
 };
 std::optional<Lie> lie_from(std::string_view word);
 std::string lies();  ///< all of them, for errors

@@ -32,6 +32,7 @@ void AgentOutputs::clear() {
   beat.reset();
   traces.clear();
   evictions.clear();
+  unconfirmed_stops.clear();
 }
 
 AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
@@ -51,6 +52,8 @@ std::size_t AgentCore::index(DroneNumber drone) const {
       std::find_if(config_.drones.begin(), config_.drones.end(), [&](const DroneName& d) { return d.number == drone; });
   return static_cast<std::size_t>(it - config_.drones.begin());
 }
+
+void AgentCore::set_roles(belief::Roles roles) { check_.set_roles(std::move(roles)); }
 
 void AgentCore::set_control(TimeNs now, const Control& control) {
   check_.set_control(control);
@@ -85,6 +88,7 @@ void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs&
                         : word->action == PlanAction::cut
                             ? sample.mode == FailsafeMode::cut
                             : sample.mode >= FailsafeMode::land || sample.phase == FlightPhase::landing;
+    if (grounded && link_has_stop) check_.landed(sample.drone);
     if (obeyed) return;
   } else {
     if (!grounded || !link_has_stop) return;  // or link's own: that one stands
@@ -165,6 +169,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
     if (is_contract_stop(plan.action)) folds_.want(now, plan.drone);  // a stop or cut of the ledger's
     out.traces.push_back(record_of(TraceKind::command_taken, now, plan.drone, plan.sequence, plan.state_stamp_ns));
   }
+  out.unconfirmed_stops.insert(out.unconfirmed_stops.end(), checked.unconfirmed.begin(), checked.unconfirmed.end());
   for (const DroneNumber drone : checked.revoked) folds_.want(now, drone);
   for (const DroneNumber drone : checked.heard) idle_.heard(now, drone);
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());

@@ -48,6 +48,7 @@ struct AgentOutputs {
     std::string why;                            ///< it did not get onto the ledger
   };
   std::vector<Eviction> evictions;
+  std::vector<CommandCheck::Checked::UnconfirmedStop> unconfirmed_stops;  ///< alarms
   void clear();
 };
 
@@ -75,6 +76,7 @@ class AgentCore {
   void set_real_offset(TimeNs offset_ns) { real_offset_ns_ = offset_ns; }
   /// Control records as read from the ledger (`get control/<drone>`), before the first block is given.
   void set_control(TimeNs now, const Control& control);
+  void set_roles(belief::Roles roles);
 
   void on_state(TimeNs now, const StateSample& sample, AgentOutputs& out);
   void on_transition(const Transition& transition) { transitions_.add(transition); }
@@ -99,6 +101,7 @@ class AgentCore {
   const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
   const FoldSender& folds() const { return folds_; }
   const IdleEvictor& idle() const { return idle_; }
+  std::uint64_t unconfirmed_stops() const { return check_.unconfirmed_stops(); }
   std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
   std::uint64_t unbelievable_transactions() const { return check_.unbelievable_transactions(); }
   const std::vector<DroneName>& drones() const { return config_.drones; }

@@ -6,6 +6,7 @@
 
 #include "common/belief/calls.hpp"
 #include "common/belief/control_events.hpp"
+#include "common/belief/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
@@ -15,13 +16,15 @@
 namespace ledgerline::agent {
 namespace {
 
+constexpr int duplicate_tx_id = 9;  // protos.TxValidationCode
+
 constexpr std::array names{"none",          "broken_chain", "invalid_transaction",
                            "wrong_channel", "malformed",    "unknown_signer",
                            "bad_signature", "not_endorsed", "not_holder",
                            "stopped",       "wrong_epoch",  "foreign_boot",
                            "unknown_stamp", "replayed",     "too_old",
                            "over_limits",   "altered",      "revoked",
-                           "evicting"};
+                           "evicting",      "may_not_stop"};
 static_assert(names.size() == refusal_count);
 
 bool same(const Identity& a, const crypto::IdentityName& b) {
@@ -69,6 +72,8 @@ void CommandCheck::set_evicting(DroneNumber number, bool evicting) {
   }
 }
 
+void CommandCheck::set_roles(belief::Roles roles) { roles_ = std::move(roles); }
+
 void CommandCheck::set_control(const Control& control) {
   if (Drone* drone = find(control.drone())) drone->control = control;
 }
@@ -96,32 +101,38 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.config) continue;
     if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
-    if (tx.event_name == contract::command) {
-      take_commands(now, now_s, tx, out);
-    } else if (out.chain_ok && tx.code == 0 && tx.event_name == contract::stop) {
-      take_stops(now, now_s, tx, out);
-    } else if (out.chain_ok && tx.code == 0 && belief::is_control_event(tx.event_name)) {
-      take_controls(now, now_s, tx, out);
-    }
+    if (tx.event_name == contract::command) take_commands(now, now_s, tx, out);
+    if (!out.chain_ok) continue;
+    const bool stops = tx.event_name == contract::stop;
+    if (tx.code == 0 && !stops && belief::is_control_event(tx.event_name)) take_controls(now, now_s, tx, out);
+    if (tx.code != duplicate_tx_id && (stops || tx.function == contract::stop)) take_stops(now, tx, out);
   }
   return out;
 }
 
-Refusal CommandCheck::check_transaction(std::int64_t now_s, const fabric::Transaction& tx, belief::Creator& signer) {
+Refusal CommandCheck::check_creator(std::optional<std::int64_t> now_s, const fabric::Transaction& tx,
+                                    belief::Creator& signer) {
   if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) return Refusal::wrong_channel;
   const auto creator = registry_.member(tx.creator, now_s);
   if (!creator) return Refusal::unknown_signer;
   if (!(*creator)->verifier->verify(tx.payload, tx.signature)) return Refusal::bad_signature;
-  if (!result_is_of_own_proposal(tx) || !endorsed_by_us(now_s, tx)) return Refusal::not_endorsed;
   signer = {(*creator)->name, (*creator)->admin};
   return Refusal::none;
 }
 
-bool CommandCheck::endorsed_by_us(std::int64_t now_s, const fabric::Transaction& tx) {
+Refusal CommandCheck::check_transaction(std::int64_t now_s, const fabric::Transaction& tx,
+                                        const Organisations& endorsers, belief::Creator& signer) {
+  const Refusal why = check_creator(now_s, tx, signer);
+  return why != Refusal::none || endorsed_by(endorsers, now_s, tx) ? why : Refusal::not_endorsed;
+}
+
+bool CommandCheck::endorsed_by(const Organisations& organisations, std::optional<std::int64_t> now_s,
+                               const fabric::Transaction& tx) {
+  if (!result_is_of_own_proposal(tx)) return false;
   return std::any_of(tx.endorsements.begin(), tx.endorsements.end(), [&](const fabric::Endorsement& e) {
     const auto endorser = registry_.member(e.endorser, now_s);
-    // Peers alone: any other member of our organisation, this agent included, could sign a result of its own making.
-    return endorser && (*endorser)->name.msp_id == config_.msp_id && (*endorser)->peer &&
+    // Peers alone: any other member of the organisation, this agent included, could sign a result of its own making.
+    return endorser && (*endorser)->peer && organisations.contains((*endorser)->name.msp_id) &&
            (*endorser)->verifier->verify(tx.response_payload + e.endorser, e.signature);
   });
 }
@@ -162,7 +173,7 @@ Refusal CommandCheck::check_whole(std::int64_t now_s, const fabric::Transaction&
                                   belief::Creator& signer) {
   if (!out.chain_ok) return Refusal::broken_chain;
   if (tx.code != 0) return Refusal::invalid_transaction;
-  return check_transaction(now_s, tx, signer);
+  return check_transaction(now_s, tx, {config_.msp_id}, signer);
 }
 
 void CommandCheck::refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out) {
@@ -201,7 +212,7 @@ Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::I
     return Refusal::not_holder;
   }
   if (is_revoked(*drone.control, drone.control->holder())) return Refusal::revoked;
-  if (is_stopped(*drone.control) && plan.action() != LAND) return Refusal::stopped;
+  if ((is_stopped(*drone.control) || drone.heard) && plan.action() != LAND) return Refusal::stopped;
   if (plan.epoch() != drone.control->epoch()) return Refusal::wrong_epoch;
   if (plan.boot_id() != drone.boot_id) return Refusal::foreign_boot;
   if (!std::binary_search(drone.stamps.begin(), drone.stamps.end(), plan.state_stamp_ns())) {
@@ -229,14 +240,16 @@ Refusal CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) const {
   return Refusal::none;
 }
 
-template <typename Event, typename Ours>
 std::optional<belief::ControlEvent> CommandCheck::believed(std::int64_t now_s, const fabric::Transaction& tx,
-                                                           const Ours& ours, belief::Creator& signer, Checked& out) {
-  Event told;
+                                                           belief::Creator& signer, Checked& out) {
+  Controls told;
   Refusal why = parse_message(tx.event_payload, told) ? Refusal::none : Refusal::malformed;
   if (why == Refusal::none) {
-    if (!ours(told)) return std::nullopt;
-    why = check_transaction(now_s, tx, signer);
+    if (!concerns_us(told)) return std::nullopt;
+    // A role is kept by the organisation that gives it.
+    Organisations endorsers{config_.msp_id};
+    if (told.has_identity()) endorsers.insert(told.identity().msp_id());
+    why = check_transaction(now_s, tx, endorsers, signer);
   }
   if (why == Refusal::none) {
     auto event = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
@@ -254,8 +267,7 @@ void CommandCheck::refuse_control_event(Refusal why, DroneNumber drone, Checked&
 
 void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
   belief::Creator signer;
-  const auto event = believed<Controls>(
-      now_s, tx, [this](const Controls& told) { return names_one_of_ours(told); }, signer, out);
+  const auto event = believed(now_s, tx, signer, out);
   if (!event) return;
   const auto role = belief::role_change(*event);
   bool follows = !role || belief::role_follows(*role, signer);  // as a whole or not at all, as on the ledger
@@ -273,7 +285,12 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
     if (!drone) continue;
     const bool lifted = event->function == contract::resume && is_stopped(*drone->control) && !is_stopped(control);
     drone->control = control;
-    if (!lifted) continue;
+    // What no record shows after its host's fold, or after somebody lifted stops, the ledger never had.
+    if (drone->heard && !is_stopped(control)) {
+      if (event->function == contract::fold) drone->heard->not_on_ledger = true;
+      if (event->function == contract::resume) drone->heard.reset();
+    }
+    if (!lifted || drone->heard) continue;
     // Who speaks for the drone's owner speaks for whoever pressed the key beside it, too.
     const bool owners = signer.name.msp_id == control.owner().msp_id();
     out.plans.push_back(contract_word(now, *drone, owners ? PlanAction::resumed_by_owner : PlanAction::resumed));
@@ -281,15 +298,14 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
   if (role) take_role(*role, out);
 }
 
-bool CommandCheck::names_one_of_ours(const Controls& told) {
+// Anybody's role does: who has one may stop.
+bool CommandCheck::concerns_us(const Controls& told) {
   const auto& all = told.controls();
-  return std::any_of(all.begin(), all.end(), [&](const Control& one) { return find(one.drone()); }) ||
-         std::any_of(drones_.begin(), drones_.end(), [&](const Drone& drone) {
-           return told.has_identity() && drone.control && names_identity(*drone.control, told.identity());
-         });
+  return told.has_identity() || std::any_of(all.begin(), all.end(), [&](const auto& one) { return find(one.drone()); });
 }
 
 void CommandCheck::take_role(const belief::RoleChange& change, Checked& out) {
+  roles_.take(change);
   for (Drone& drone : drones_) {
     if (!drone.control) continue;
     apply_role(*drone.control, change.identity, change.role);
@@ -297,39 +313,89 @@ void CommandCheck::take_role(const belief::RoleChange& change, Checked& out) {
   }
 }
 
-void CommandCheck::take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
+// Stopping needs less than going. Who signed the stop counts, by the contract's own rule on the records that are
+// believed; flag, endorsers and the wall clock, which a peer or a host without a clock gets wrong, only say whether the
+// ledger has it as well.
+void CommandCheck::take_stops(TimeNs now, const fabric::Transaction& tx, Checked& out) {
+  const auto asked = belief::read_stop_call({tx.function, tx.args});
+  const bool valid = tx.code == 0 && tx.event_name == contract::stop;
+  Stops told;
+  if (valid && !parse_message(tx.event_payload, told)) told.Clear();
+  const auto ours = [this](const auto& name) { return find(name) != nullptr; };
+  const bool asks = asked && std::any_of(asked->drones().begin(), asked->drones().end(), ours);
+  const bool tells =
+      std::any_of(told.stops().begin(), told.stops().end(), [&](const Stop& s) { return ours(s.drone()); });
+  if (!asks && !tells) return;
   belief::Creator signer;
-  const auto ours = [this](const Stops& told) {
-    const auto& all = told.stops();
-    return std::any_of(all.begin(), all.end(), [&](const Stop& one) { return find(one.drone()); });
-  };
-  const auto event = believed<Stops>(now_s, tx, ours, signer, out);
-  if (!event) return;
-  for (const Stop& stop : event->stops.stops()) {
-    Drone* drone = find(stop.drone());
-    if (!drone) continue;
-    Control record = drone->control.value_or(Control());
-    if (!belief::stop_follows(*event, record, stop, signer)) {
-      refuse_control_event(Refusal::altered, drone->name.number, out);
-      continue;
-    }
-    record.set_drone(drone->name.name);  // none was read yet: it is stopped, whoever flies it
-    add_stop(record, stop);
-    drone->control = std::move(record);
-    if (auto plan = standing_stop(now, drone->name.number)) out.plans.push_back(*plan);
+  if (const Refusal why = check_creator(std::nullopt, tx, signer); why != Refusal::none)
+    return refuse_control_event(why, 0, out);
+  std::optional<belief::ControlEvent> event;
+  if (valid) {
+    auto read = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
+    if (read) event = std::move(*read);
+    if (!read) refuse_control_event(Refusal::altered, 0, out);
   }
+  if (!asks) return;
+  const StopSaid said{.signer = signer,
+                      .endorsed_by_us = endorsed_by({config_.msp_id}, std::nullopt, tx),
+                      .again = std::find(heard_stops_.begin(), heard_stops_.end(), tx.tx_id) != heard_stops_.end(),
+                      .event = event ? &*event : nullptr,
+                      .tx = tx};
+  for (Drone& drone : drones_) {
+    if (std::find(asked->drones().begin(), asked->drones().end(), drone.name.name) == asked->drones().end()) continue;
+    const Stop stop = belief::signed_stop(*asked, tx.event_payload, drone.name.name, belief::to_message(signer.name));
+    take_stop(now, said, stop, drone, out);
+  }
+}
+
+void CommandCheck::take_stop(TimeNs now, const StopSaid& said, const Stop& stop, Drone& drone, Checked& out) {
+  Control record = drone.control.value_or(Control());
+  record.set_drone(drone.name.name);  // none was read yet: it is stopped, whoever flies it
+  const Stop* told = nullptr;
+  if (said.event != nullptr) {
+    const auto& stops = said.event->stops.stops();  // of exactly the drones that were asked for
+    told = &*std::find_if(stops.begin(), stops.end(), [&](const Stop& one) { return one.drone() == stop.drone(); });
+    if (!belief::stop_follows(*said.event, record, *told, said.signer)) {
+      refuse_control_event(Refusal::altered, drone.name.number, out);
+      told = nullptr;
+    }
+  }
+  const bool vouched = told != nullptr && said.endorsed_by_us;
+  if (!vouched && !belief::may_stop(record, roles_.of(said.signer.name), stop.stopper())) {
+    const bool known = told == nullptr && said.tx.code == 0;  // as altered
+    if (!known) refuse_control_event(Refusal::may_not_stop, drone.name.number, out);
+    return;
+  }
+  if (stop.resumes() < resumes_of(record, stop.stopper())) return;
+  if (told != nullptr) add_stop(record, *told);
+  if (!is_stopped_by(record, stop.stopper())) {
+    if (said.again) return;
+    drone.heard = HeardStop{};
+    if (heard_stops_.empty() || heard_stops_.back() != said.tx.tx_id) heard_stops_.push_back(said.tx.tx_id);
+    if (heard_stops_.size() > max_heard_stops) heard_stops_.pop_front();
+    ++unconfirmed_stops_;
+    out.unconfirmed.push_back({drone.name.number, said.signer.name, said.tx.code});
+  }
+  drone.control = std::move(record);
+  if (auto plan = standing_stop(now, drone.name.number)) out.plans.push_back(*plan);
 }
 
 std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) const {
   const Drone* drone = find(number);
-  if (!drone || !drone->control || !is_stopped(*drone->control)) return std::nullopt;
+  if (!drone || !drone->control || !(is_stopped(*drone->control) || drone->heard)) return std::nullopt;
   return contract_word(now, *drone, is_cut(*drone->control) ? PlanAction::cut : PlanAction::stop);
 }
 
 std::optional<Plan> CommandCheck::no_stop(TimeNs now, DroneNumber number) const {
   const Drone* drone = find(number);
-  if (!drone || !drone->control || is_stopped(*drone->control)) return std::nullopt;
+  if (!drone || !drone->control || is_stopped(*drone->control) || drone->heard) return std::nullopt;
   return contract_word(now, *drone, PlanAction::resumed);
+}
+
+void CommandCheck::landed(DroneNumber number) {
+  for (Drone& drone : drones_) {
+    if (drone.name.number == number && drone.heard && drone.heard->not_on_ledger) drone.heard.reset();
+  }
 }
 
 Plan CommandCheck::contract_word(TimeNs now, const Drone& drone, PlanAction action) {

@@ -3,12 +3,14 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "common/base/enum_count.hpp"
 #include "common/belief/control_events.hpp"
+#include "common/belief/roles.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
@@ -36,9 +38,10 @@ enum class Refusal : std::uint8_t {
   replayed = 13,            ///< its sequence does not grow
   too_old = 14,             ///< its state is older than the limit
   over_limits = 15,         ///< setpoints: not finite, too fast, too many, out of order, or beyond the horizon
-  altered = 16,  ///< not what its creator asked for and signed; or a record that does not follow from the last
-  revoked = 17,  ///< its signer's organisation has taken its role back
-  evicting = 18  ///< to take off, while this agent's eviction of its idle holder is under way
+  altered = 16,      ///< not what its creator asked for and signed; or a record that does not follow from the last
+  revoked = 17,      ///< its signer's organisation has taken its role back
+  evicting = 18,     ///< to take off, while this agent's eviction of its idle holder is under way
+  may_not_stop = 19  ///< a stop by somebody whom neither role nor grant lets stop this drone
 };
 inline constexpr std::size_t refusal_count = enum_count<Refusal>;
 std::string_view refusal_name(Refusal refusal);
@@ -59,7 +62,9 @@ struct CheckConfig {
 /// comes from Control records: the first ones are set by the caller as read from the ledger, later ones come from the
 /// control events in the blocks. Such an event must be what its creator asked for, of the drones that were asked for,
 /// and follow from the record before (common/belief/control_events.hpp), so an epoch never goes back and nobody's stop
-/// is lifted by another. What stays the peers' word: the first records, the roles, and what they leave out.
+/// is lifted by another. A stop needs less: its creator's signature and right by these records, whatever flag, endorser
+/// or clock; a cut is only flown where it is flagged valid. What stays the peers' word: the first records and roles, and
+/// what they leave out.
 ///
 // clang-format off
 ///     block -> chain -> flag -> channel -> signer, signature -> endorsement -> asked for
@@ -84,7 +89,14 @@ class CommandCheck {
                 ///< stopper's `resume` as resumed
     std::vector<Refused> refused;
     std::vector<DroneNumber> revoked;  ///< drones whose holder, or somebody whom they are granted to, is now revoked
-    std::vector<DroneNumber> heard;    ///< drones whose holder commands them under its lease, flown or refused
+    /// Stops that are obeyed although the ledger as we are told has none such: a peer may lie, or it came to nothing.
+    struct UnconfirmedStop {
+      DroneNumber drone = 0;
+      crypto::IdentityName stopper;
+      int code = 0;  ///< its flag, protos.TxValidationCode
+    };
+    std::vector<UnconfirmedStop> unconfirmed;
+    std::vector<DroneNumber> heard;  ///< drones whose holder commands them under its lease, flown or refused
     bool chain_ok = true;
     std::string chain_error;  ///< in words, when not chain_ok; the block was then not looked at further
   };
@@ -95,6 +107,8 @@ class CommandCheck {
     std::array<std::uint64_t, refusal_count> reasons{};
   };
 
+  /// Everybody's role, as read from the ledger at start: until then a stop must be one that our own peer endorsed.
+  void set_roles(belief::Roles roles);
   /// The record of one of our drones, as read from the ledger at start. Others are ignored.
   void set_control(const Control& control);
   /// A state that was submitted: commands may answer it. Of another boot than the one before: that one's are forgotten.
@@ -104,10 +118,13 @@ class CommandCheck {
   /// `now_s`: real time, for the certificates' validity.
   Checked check(TimeNs now, std::int64_t now_s, const fabric::Block& block);
 
-  /// The stop that the ledger's record asks of link; none when the drone is not stopped.
+  /// The stop that the ledger's record asks of link, or one that was heard and must be flown once; none when the drone is
+  /// not stopped.
   std::optional<Plan> standing_stop(TimeNs now, DroneNumber number) const;
   /// For a link that does not know yet that nobody has the drone stopped; none while somebody has, or without a record.
   std::optional<Plan> no_stop(TimeNs now, DroneNumber number) const;
+  /// The drone is on the ground, stopped: a heard stop that is not on the ledger has been obeyed.
+  void landed(DroneNumber number);
   /// The epoch of its holder's lease; none: nobody holds the drone, or no record of it was read.
   std::optional<std::uint64_t> lease(DroneNumber number) const;
 
@@ -116,12 +133,21 @@ class CommandCheck {
   std::uint64_t broken_blocks() const { return broken_blocks_; }
   std::uint64_t malformed_commands() const { return malformed_commands_; }  ///< of no drone, therefore
   std::uint64_t refused_control_events() const { return refused_control_events_; }
+  std::uint64_t unconfirmed_stops() const { return unconfirmed_stops_; }
   std::uint64_t unbelievable_transactions() const { return unbelievable_transactions_; }  ///< of anybody
 
  private:
+  static constexpr std::size_t max_heard_stops = 256;  ///< remembered, so that each lands its drones once
+  using Organisations = std::set<std::string>;
+  /// A stop that its creator may give, and that the blocks do not show as valid. It stands until the drone is down, and
+  /// a fold's record, which comes from behind it, does not show it either.
+  struct HeardStop {
+    bool not_on_ledger = false;
+  };
   struct Drone {
     DroneName name;
     std::optional<Control> control;
+    std::optional<HeardStop> heard;
     std::uint64_t boot_id = 0;
     std::deque<TimeNs> stamps;
     std::uint64_t epoch = 0, last_sequence = 0;  ///< the newest plan accepted under that epoch
@@ -130,8 +156,13 @@ class CommandCheck {
   };
   Drone* find(std::string_view name);
   const Drone* find(DroneNumber number) const;
-  Refusal check_transaction(std::int64_t now_s, const fabric::Transaction& tx, belief::Creator& signer);
-  bool endorsed_by_us(std::int64_t now_s, const fabric::Transaction& tx);
+  /// Channel, contract, and who signed it; `now_s`: nullopt: whatever the time is.
+  Refusal check_creator(std::optional<std::int64_t> now_s, const fabric::Transaction& tx, belief::Creator& signer);
+  /// The same, and that a peer of one of the organisations endorsed it.
+  Refusal check_transaction(std::int64_t now_s, const fabric::Transaction& tx, const Organisations& endorsers,
+                            belief::Creator& signer);
+  bool endorsed_by(const Organisations& organisations, std::optional<std::int64_t> now_s,
+                   const fabric::Transaction& tx);
   static Plan contract_word(TimeNs now, const Drone& drone, PlanAction action);
   static bool holds(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan);
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
@@ -140,23 +171,34 @@ class CommandCheck {
   static void refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out);
   void refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out);
   void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
-  /// A control event that concerns a drone of ours and is what its creator asked for; else it was refused.
-  template <typename Event, typename Ours>
-  std::optional<belief::ControlEvent> believed(std::int64_t now_s, const fabric::Transaction& tx, const Ours& ours,
+  /// A control event, of any function but stop, that concerns us and is what its creator asked for; else it was refused.
+  std::optional<belief::ControlEvent> believed(std::int64_t now_s, const fabric::Transaction& tx,
                                                belief::Creator& signer, Checked& out);
   void refuse_control_event(Refusal why, DroneNumber drone, Checked& out);
   void take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
-  bool names_one_of_ours(const Controls& told);
+  bool concerns_us(const Controls& told);
   void take_role(const belief::RoleChange& change, Checked& out);
-  void take_stops(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
+  void take_stops(TimeNs now, const fabric::Transaction& tx, Checked& out);
+  /// A call of `stop`, well signed.
+  struct StopSaid {
+    const belief::Creator& signer;
+    bool endorsed_by_us = false;
+    bool again = false;                           ///< it was heard before
+    const belief::ControlEvent* event = nullptr;  ///< what the ledger is said to have made of it; null: nothing
+    const fabric::Transaction& tx;
+  };
+  void take_stop(TimeNs now, const StopSaid& said, const Stop& stop, Drone& drone, Checked& out);
 
   CheckConfig config_;
   std::vector<Drone> drones_;
+  belief::Roles roles_;
+  std::deque<std::string> heard_stops_;  ///< transactions, newest last
   crypto::MspRegistry& registry_;
   fabric::ChainCheck chain_;
   std::uint64_t broken_blocks_ = 0;
   std::uint64_t malformed_commands_ = 0;
   std::uint64_t refused_control_events_ = 0;
+  std::uint64_t unconfirmed_stops_ = 0;
   std::uint64_t unbelievable_transactions_ = 0;
 };
 

@@ -4,6 +4,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/belief/roles.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/rt/mailbox.hpp"
 #include "ledgerline.pb.h"
@@ -20,11 +21,16 @@ struct StreamState {
   bool connected = false;
   std::string why;
 };
-/// The control records, as read after the first block had come, or why they cannot be.
-struct ControlsRead {
-  Result<std::vector<Control>> controls;
+/// What the blocks change from then on.
+struct FirstRecords {
+  std::vector<Control> controls;
+  belief::Roles roles;
 };
-using Letter = std::variant<fabric::Block, FrameEnded, StreamState, ControlsRead>;
+/// The records to begin with, as read after the first block had come, or why they cannot be.
+struct RecordsRead {
+  Result<FirstRecords> records;
+};
+using Letter = std::variant<fabric::Block, FrameEnded, StreamState, RecordsRead>;
 
 /// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one frame in
 /// flight).

@@ -82,6 +82,7 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
                 {"repeated", core.idle().counters().repeated},
                 {"given_up", core.idle().counters().given_up}}},
               {"control_events_refused", core.refused_control_events()},
+              {"stops_unconfirmed", core.unconfirmed_stops()},
               {"transactions_unbelievable", core.unbelievable_transactions()},
               {"plans_not_handed_over", shell.plans_not_handed_over},
               {"mocap_lost", shell.mocap_lost},

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
+#include "common/base/printable.hpp"
 #include "common/msg/ros.hpp"
 
 namespace ledgerline::agent {
@@ -68,8 +69,8 @@ Status AgentShell::take_letters() {
     } else if (const auto* state = std::get_if<StreamState>(&letter)) {
       core_.on_connection(now, state->connected);
       tell_connection(*state);
-    } else if (const auto* read = std::get_if<ControlsRead>(&letter)) {
-      if (auto status = take_controls(*read); !status) return status;
+    } else if (const auto* read = std::get_if<RecordsRead>(&letter)) {
+      if (auto status = take_records(*read); !status) return status;
     }
     step_and_act();
   }
@@ -81,13 +82,18 @@ Status AgentShell::take_block(fabric::Block block) {
   if (!next) return next.error();
   if (*next == belief::ControlStart::Next::take) core_.on_block(monotonic_ns(), block, out_);
   if (*next == belief::ControlStart::Next::read)
-    control_reader_ = std::jthread([this](const std::stop_token& stop) { read_controls_again(stop); });
+    control_reader_ = std::jthread([this](const std::stop_token& stop) { read_records_again(stop); });
   return done;
 }
 
-Status AgentShell::take_controls(const ControlsRead& read) {
-  if (!read.controls) return read.controls.error();
-  for (const Control& control : *read.controls) core_.set_control(monotonic_ns(), control);
+void AgentShell::set_records(const FirstRecords& records) {
+  core_.set_roles(records.roles);
+  for (const Control& control : records.controls) core_.set_control(monotonic_ns(), control);
+}
+
+Status AgentShell::take_records(const RecordsRead& read) {
+  if (!read.records) return read.records.error();
+  set_records(*read.records);
   for (const fabric::Block& block : control_start_.on_read()) core_.on_block(monotonic_ns(), block, out_);
   return done;
 }
@@ -144,6 +150,7 @@ void AgentShell::step_and_act() {
   }
   tell_refusals();
   tell_evictions();
+  tell_unconfirmed_stops();
   recorder_.add(out_.traces);
   out_.clear();
 }
@@ -155,6 +162,15 @@ void AgentShell::tell_refusals() {
                  refusal_name(static_cast<Refusal>(record.extra)),
                  record.extra == static_cast<std::uint32_t>(Refusal::broken_chain) ? ": " + core_.last_chain_error()
                                                                                    : std::string());
+  }
+}
+
+void AgentShell::tell_unconfirmed_stops() {
+  for (const auto& stop : out_.unconfirmed_stops) {
+    spdlog::error(
+        "drone {}: stopped by {} {}, which the block flags {}: it lands all the same; it is resumed when a fold shows "
+        "that the ledger has no such stop",
+        stop.drone, stop.stopper.msp_id, printable(stop.stopper.subject), stop.code);
   }
 }
 

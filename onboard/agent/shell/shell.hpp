@@ -55,19 +55,22 @@ class AgentShell {
   void hurry(const char* thread) const;
   void open_block_stream();
   Status wait_for_block_stream();
-  void read_controls_again(const std::stop_token& stop);
+  void read_records_again(const std::stop_token& stop);
+  Result<FirstRecords> read_records();
+  void set_records(const FirstRecords& records);
   void watch_roudi(const std::stop_token& stop);
   bool cut_off(TimeNs now) const;
 
   Status take_letters();
   Status take_block(fabric::Block block);
-  Status take_controls(const ControlsRead& read);
+  Status take_records(const RecordsRead& read);
   void take_states();
   void take_mocap();
   void tell_implausible(DroneNumber drone, const MocapMessage& message);
   void step_and_act();
   void tell_refusals();
   void tell_evictions();
+  void tell_unconfirmed_stops();
   void tell_outcome(const fabric::Outcome& outcome);
   void tell_connection(const StreamState& state);
   void tell_lost_transitions();

@@ -47,11 +47,20 @@ Status AgentShell::start() {
   open_block_stream();
   if (auto status = wait_for_block_stream(); !status) return status;
   return keep_waiting("the control records can be read", [this]() -> Status {
-    const auto controls = belief::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });
-    if (!controls) return controls.error();
-    for (const Control& control : *controls) core_.set_control(monotonic_ns(), control);
+    const auto records = read_records();
+    if (!records) return records.error();
+    set_records(*records);
     return done;
   });
+}
+
+Result<FirstRecords> AgentShell::read_records() {
+  const belief::Evaluate evaluate = [this](const fabric::Call& call) { return client_->evaluate(call); };
+  auto controls = belief::read_controls(names_, evaluate);
+  if (!controls) return controls.error();
+  auto roles = belief::read_roles(evaluate);
+  if (!roles) return roles.error();
+  return FirstRecords{std::move(*controls), std::move(*roles)};
 }
 
 Status AgentShell::subscribe_to_mocap() {
@@ -111,10 +120,16 @@ Status AgentShell::wait_for_block_stream() {
   });
 }
 
-void AgentShell::read_controls_again(const std::stop_token& stop) {
-  auto controls =
-      belief::keep_reading_controls(stop, names_, [this](const fabric::Call& call) { return client_->evaluate(call); });
-  if (!stop.stop_requested()) mailbox_.put(ControlsRead{std::move(controls)});
+void AgentShell::read_records_again(const std::stop_token& stop) {
+  FirstRecords records;
+  const Status status = belief::keep_reading(stop, [&]() -> Status {
+    auto read = read_records();
+    if (!read) return read.error();
+    records = std::move(*read);
+    return done;
+  });
+  if (stop.stop_requested()) return;
+  mailbox_.put(RecordsRead{status ? Result<FirstRecords>(std::move(records)) : status.error()});
 }
 
 void AgentShell::watch_roudi(const std::stop_token& stop) {
