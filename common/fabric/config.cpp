@@ -5,6 +5,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "common/base/file.hpp"
+
 namespace ledgerline::fabric {
 namespace {
 
@@ -64,6 +66,12 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
          config.text({key + "tls_ca", "PEM file of the authority that signed its TLS certificate"})});
   }
   out.other_peers = servers(config, {"peer", "stand in, for everything, while the one of [ledger] is not reached"});
+  const std::string config_block = config.text(
+      {"ledger.config_block",
+       "file with a config block of the channel, the trust anchor (`ledgerline fabric` and ledgerline-node write "
+       "CHANNEL.block into their folder): blocks must be signed by the orderers that it names, or that a later "
+       "configuration names; none: the peer is believed about blocks"},
+      "");
   out.cross_check = config.boolean(
       {"ledger.cross_check",
        "compare the headers of the peer's blocks with an orderer's: for whoever does not run that peer; costs each "
@@ -73,11 +81,15 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
   const std::string msp_dir = config.text({"ledger.msp_dir", "folder with the own signcerts/ and keystore/"});
   const crypto::Library signer = library_of(
       config, {"ledger.signer", "library that signs: libcrypto needs a tenth of mbedTLS's time"}, "libcrypto");
-  (void)library_of(config, verifier_key(), "libcrypto");
+  out.verifier = library_of(config, verifier_key(), "libcrypto");
   if (out.endpoint.empty() || out.tls_ca_file.empty() || msp_id.empty() || msp_dir.empty()) return incomplete;
   auto identity = crypto::load_identity(signer, msp_id, msp_dir);
   if (!identity) return identity.error();
   out.identity = std::move(*identity);
+  if (config_block.empty()) return out;
+  auto block = read_file(config_block);
+  if (!block) return Error{fmt::format("ledger.config_block: {}", block.error().what)};
+  out.config_block = std::move(*block);
   return out;
 }
 

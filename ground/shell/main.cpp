@@ -1,3 +1,4 @@
+#include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
@@ -29,6 +30,7 @@ int fly(Config& config) {
   flight.believed = std::move(believed).value();
   flight.where = ledger->where;
   const fabric::ClientConfig careful = belief::for_contract(std::move(ledger).value());
+  if (careful.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   auto client = fabric::Client::create(careful);
   auto urgent = fabric::Client::create(careful);
   if (!client || !urgent) return fail((client ? urgent : client).error(), exit_usage);

@@ -125,7 +125,7 @@ def tables(ledger, organisation: int, user: str = "User1", endorsers: bool = Fal
     """Where the ledger is, and whom to believe, in the config of a program of that user; where the others' peers are, too,
     or else its own peer asks them."""
     endpoint, ca = ledger.peer(organisation)
-    text = (f'[ledger]\nendpoint = "{endpoint}"\ntls_ca = "{ca}"\nmsp_id = "Org{organisation}MSP"\n'
+    text = (f'[ledger]\nendpoint = "{endpoint}"\ntls_ca = "{ca}"\nconfig_block = "{ledger.directory}/teleop.block"\nmsp_id = "Org{organisation}MSP"\n'
             f'msp_dir = "{ledger.msp_dir(organisation, user)}"\n')
     if ledger.name == "fabric":
         text += '[[orderer]]\nendpoint = "{}"\ntls_ca = "{}"\n'.format(*ledger.orderer())

@@ -1,5 +1,6 @@
 #include <utility>
 
+#include "common/base/log.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/config.hpp"
@@ -34,6 +35,7 @@ int run(Config& config) {
   if (checked && !ledger) checked = ledger.error();
   if (checked && !believed) checked = believed.error();
   if (!checked) return fail(checked.error(), exit_usage);
+  if (ledger->config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   return exit_code(carry(carried, dds, *ledger, **believed));
 }
 

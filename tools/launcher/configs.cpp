@@ -27,9 +27,10 @@ std::string tls_ca(const RunFiles& files, int organisation) {
 std::string ledger_table(const RunFiles& files, const std::string& endpoint, int organisation, const std::string& user,
                          const std::string& more = {}) {
   return fmt::format(
-      "[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n"
+      "[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nconfig_block = \"{}\"\n"
       "msp_id = \"Org{}MSP\"\nmsp_dir = \"{}/msp\"\n{}\n",
-      endpoint, tls_ca(files, 1), organisation, user_dir(files, organisation, user), more);
+      endpoint, tls_ca(files, 1), files.in("ledger/teleop.block"), organisation, user_dir(files, organisation, user),
+      more);
 }
 
 std::string msp_tables(const RunFiles& files) {

@@ -48,6 +48,7 @@ struct CoreConfig {
   std::size_t max_waiting = 10'000;            ///< envelopes that wait for a block; more are refused
   std::size_t max_waiting_bytes = 64'000'000;  ///< of them together; one alone is always taken
   std::vector<crypto::MspRoot> organisations;  ///< written into the config block
+  crypto::MspRoot orderers;                    ///< likewise: whose orderer signs blocks; no name: of nobody
 };
 
 }  // namespace ledgerline::node

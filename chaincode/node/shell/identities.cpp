@@ -42,6 +42,9 @@ Result<Identities> open_identities(const std::string& dir) {
       crypto::load_identity(crypto::Library::libcrypto, "OrdererMSP", identities::orderer_dir(dir, 1) / "msp");
   if (!identity) return identity.error();
   all.orderer = std::move(*identity);
+  const auto ca = read_file(identities::ordering_dir(dir) / "ca" / "ca.ledgerline-cert.pem");
+  if (!ca) return ca.error();
+  all.orderers = {"OrdererMSP", *ca};
   return all;
 }
 

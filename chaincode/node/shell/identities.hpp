@@ -12,6 +12,7 @@ struct Identities {
   std::vector<crypto::MspRoot> organisations;  ///< Org1MSP..Org3MSP with their certificate authorities
   std::vector<crypto::SigningIdentity> peers;  ///< one for each
   crypto::SigningIdentity orderer;
+  crypto::MspRoot orderers;  ///< its organisation
   struct Tls {
     std::string key_pem, certificate_pem;
   };

@@ -1,6 +1,7 @@
 #include "chaincode/node/shell/node.hpp"
 
 #include "chaincode/identities/first_calls.hpp"
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
@@ -23,7 +24,9 @@ Result<std::unique_ptr<Node>> Node::open(Options options) {
   node->identities_ = std::move(*identities);
   node->config_ = std::move(options.core);
   node->config_.organisations = node->identities_.organisations;
+  node->config_.orderers = node->identities_.orderers;
   if (Status status = node->open_ledger(); !status) return status.error();
+  if (Status status = node->write_config_block(); !status) return status.error();
   if (node->core_->height() < 1 + first_call_count) {
     // A new ledger, or one whose first start was cut short; what was called already changes nothing.
     if (Status status = node->enroll_first(); !status) return status.error();
@@ -50,6 +53,12 @@ Status Node::open_ledger() {
   if (core_->height() == 0) return commit_now(core_->genesis());
   spdlog::info("replayed {} blocks from {}", core_->height(), dir_);
   return done;
+}
+
+Status Node::write_config_block() {
+  const auto block = store_->read(0);
+  if (!block) return block.error();
+  return replace_file(dir_ + "/" + config_.channel + ".block", *block);
 }
 
 Status Node::commit_now(const CutBlock& block) {

@@ -63,6 +63,8 @@ class Node {
 
   Node() = default;
   Status open_ledger();
+  /// For clients: the trust anchor.
+  Status write_config_block();
   Status enroll_first();
   Status submit_now(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg);
   Status commit_now(const CutBlock& block);

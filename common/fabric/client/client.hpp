@@ -35,6 +35,10 @@ struct ClientConfig {
   std::vector<Endorser> endorsers;
   /// Peers that stand in while the one at `endpoint` is not reached, for everything; the first that is reached.
   std::vector<Server> other_peers;
+  /// A common.Block with a configuration of the channel, the trust anchor: blocks must then be signed by the orderers that
+  /// it names, or that a later configuration names (BlockJudge). Empty: the peer is believed about blocks.
+  std::string config_block;
+  crypto::Library verifier = crypto::Library::libcrypto;  ///< of those signatures
   /// Compare each block's header with the one that an orderer tells (needs `orderers`): see blocks().
   bool cross_check = false;
   ChannelAndContract where;
@@ -56,7 +60,7 @@ struct ClientConfig {
 /// common/fabric/client/pipeline.hpp says how. What must not wait behind them has a client of its own.
 class Client {
  public:
-  /// Does not connect yet; a bad identity or CA file is an error here.
+  /// Does not connect yet; a bad identity, CA file or config block is an error here.
   static Result<std::unique_ptr<Client>> create(ClientConfig config);
   virtual ~Client() = default;
 

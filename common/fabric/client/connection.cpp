@@ -1,5 +1,7 @@
 #include "common/fabric/client/connection.hpp"
 
+#include "common/fabric/judge/block_judge.hpp"
+
 #include <fmt/format.h>
 #include <google/protobuf/any.pb.h>
 #include <google/protobuf/empty.pb.h>
@@ -56,6 +58,10 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
   // protobuf would write a line to standard error for each malformed text that a hostile transaction carries.
   google::protobuf::SetLogHandler(nullptr);
   if (!config.identity.signer) return Error{"the ledger's client has no identity to sign with"};
+  if (!config.config_block.empty()) {
+    const auto judge = BlockJudge::from(config.config_block, config.where.channel, config.verifier);
+    if (!judge) return Error{"ledger.config_block: " + judge.error().what};
+  }
   auto connection = std::make_shared<Connection>();
   for (auto* into : {&connection->peers, &connection->stream_peers}) {
     auto channel = make_channel(config.endpoint, config.tls_ca_file, config.server_name);

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "common/base/printable.hpp"
+#include "common/fabric/judge/block_judge.hpp"
 #include "common/fabric/tx/cross_check.hpp"
 #include "common/fabric/tx/decode.hpp"
 #include "gateway/gateway.grpc.pb.h"
@@ -40,7 +41,8 @@ class BlockReader {
       : connection_(std::move(connection)),
         next_(start),
         handlers_(std::move(handlers)),
-        cross_check_(std::move(cross_check)) {}
+        cross_check_(std::move(cross_check)),
+        judge_(make_judge(connection_->config)) {}
 
   std::string follow(Follower& follower) {
     grpc::ClientContext context;
@@ -48,6 +50,7 @@ class BlockReader {
     const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
     const auto stream = stub->Deliver(&context);
     if (std::string problem = seek(*connection_, *stream, next_); !problem.empty()) return problem;
+    caught_up_ = false;
     std::optional<Seeing> seeing;
     if (next_) {
       seeing.emplace(*connection_->commits);
@@ -55,7 +58,7 @@ class BlockReader {
     }
     protos::DeliverResponse response;
     while (stream->Read(&response)) {
-      std::string problem = take(response);
+      std::string problem = take(response, follower);
       if (!problem.empty() || follower.stopping()) {
         context.TryCancel();
         (void)stream->Finish();
@@ -81,7 +84,41 @@ class BlockReader {
     Commits& commits_;
   };
 
-  std::string take(const protos::DeliverResponse& response) {
+  static std::optional<BlockJudge> make_judge(const ClientConfig& config) {
+    if (config.config_block.empty()) return std::nullopt;
+    return std::move(BlockJudge::from(config.config_block, config.where.channel, config.verifier)).value();
+  }
+
+  /// One block of the same peer, while its stream waits.
+  Result<common::Block> fetch(Follower& follower, std::uint64_t number) {
+    grpc::ClientContext context;
+    const Follower::Cancellable cancellable(follower, context);
+    context.set_deadline(std::chrono::system_clock::now() + connection_->config.deadline);
+    const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
+    const auto stream = stub->Deliver(&context);
+    if (std::string problem = seek(*connection_, *stream, number); !problem.empty()) return Error{problem};
+    protos::DeliverResponse response;
+    const bool read = stream->Read(&response);
+    context.TryCancel();
+    const grpc::Status status = stream->Finish();
+    if (!read || response.Type_case() != protos::DeliverResponse::kBlock ||
+        response.block().header().number() != number)
+      return Error{fmt::format("the peer does not give block {}: {}", number, text_of(status))};
+    return std::move(*response.mutable_block());
+  }
+
+  /// Whether the channel's orderers have signed it; empty: yes, or nobody asks.
+  std::string judge(const common::Block& block, Follower& follower) {
+    if (!judge_) return {};
+    if (!std::exchange(caught_up_, true)) {
+      const auto caught_up = judge_->catch_up(block, [&](std::uint64_t number) { return fetch(follower, number); });
+      if (!caught_up) return caught_up.error().what;
+    }
+    const Status judged = judge_->judge(block);
+    return judged ? std::string() : judged.error().what;
+  }
+
+  std::string take(const protos::DeliverResponse& response, Follower& follower) {
     if (response.Type_case() == protos::DeliverResponse::kStatus) {
       return fmt::format("the peer refused the stream: {}", common::Status_Name(response.status()));
     }
@@ -90,6 +127,7 @@ class BlockReader {
     auto block = decode_block(response.block());
     if (!block) return block.error().what;
     block->received_ns = received_ns;
+    if (std::string problem = judge(response.block(), follower); !problem.empty()) return problem;
     if (next_ && block->number != *next_) return fmt::format("block {} came where {} was due", block->number, *next_);
     if (auto s = chain_.add(*block); !s) return s.error().what;
     if (cross_check_) {
@@ -124,6 +162,8 @@ class BlockReader {
   ChainCheck chain_;
   const Client::StreamHandlers handlers_;
   const std::shared_ptr<CrossCheck> cross_check_;
+  std::optional<BlockJudge> judge_;
+  bool caught_up_ = false;  ///< with the configurations before the first block of this stream
   std::uint64_t unbelievable_ = 0;
   TimeNs next_word_ns_ = 0;
 };
@@ -270,7 +310,11 @@ Follower::~Follower() {
   thread_.join();
 }
 
-Follower::Cancellable::Cancellable(Follower& follower, grpc::ClientContext& context) : follower_(follower) {
+Follower::Cancellable::Cancellable(Follower& follower, grpc::ClientContext& context)
+    : follower_(follower), outer_([&] {
+        const std::lock_guard lock(follower.mutex_);
+        return follower.context_;
+      }()) {
   const std::lock_guard lock(follower_.mutex_);
   follower_.context_ = &context;
   if (follower_.stopping_) context.TryCancel();
@@ -278,7 +322,7 @@ Follower::Cancellable::Cancellable(Follower& follower, grpc::ClientContext& cont
 
 Follower::Cancellable::~Cancellable() {
   const std::lock_guard lock(follower_.mutex_);
-  follower_.context_ = nullptr;
+  follower_.context_ = outer_;
 }
 
 bool Follower::stopping() {

@@ -167,7 +167,7 @@ Result<Block> decode_block(std::string_view bytes) {
   return decode_block(block);
 }
 
-std::string block_header_hash(std::uint64_t number, std::string_view previous_hash, std::string_view data_hash) {
+std::string block_header_bytes(std::uint64_t number, std::string_view previous_hash, std::string_view data_hash) {
   std::string digits;  // shortest two's complement of a positive number
   do {
     digits.insert(digits.begin(), static_cast<char>(number & 0xff));
@@ -179,7 +179,11 @@ std::string block_header_hash(std::uint64_t number, std::string_view previous_ha
   put_element(body, 0x04, previous_hash);
   put_element(body, 0x04, data_hash);
   put_element(sequence, 0x30, body);
-  const crypto::Digest digest = crypto::sha256(sequence);
+  return sequence;
+}
+
+std::string block_header_hash(std::uint64_t number, std::string_view previous_hash, std::string_view data_hash) {
+  const crypto::Digest digest = crypto::sha256(block_header_bytes(number, previous_hash, data_hash));
   return {digest.begin(), digest.end()};
 }
 

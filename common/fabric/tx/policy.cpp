@@ -14,7 +14,8 @@ bool matches(const common::MSPPrincipal& principal, const Endorser& endorser) {
       !role.ParseFromString(principal.principal()) || role.msp_identifier() != endorser.msp_id) {
     return false;
   }
-  return role.role() == common::MSPRole::MEMBER || (role.role() == common::MSPRole::PEER && endorser.peer);
+  return role.role() == common::MSPRole::MEMBER || (role.role() == common::MSPRole::PEER && endorser.peer) ||
+         (role.role() == common::MSPRole::ORDERER && endorser.orderer);
 }
 
 /// `used`: who counts already.
@@ -46,12 +47,11 @@ bool holds(const common::SignaturePolicyEnvelope& policy, const common::Signatur
   return false;
 }
 
-}  // namespace
-
-std::string peer_policy(const std::string& msp_id) {
+/// One of those who have that role there.
+std::string policy_of(const std::string& msp_id, common::MSPRole::MSPRoleType type) {
   common::MSPRole role;
   role.set_msp_identifier(msp_id);
-  role.set_role(common::MSPRole::PEER);
+  role.set_role(type);
   common::SignaturePolicyEnvelope policy;
   common::MSPPrincipal& principal = *policy.add_identities();
   principal.set_principal_classification(common::MSPPrincipal::ROLE);
@@ -61,6 +61,11 @@ std::string peer_policy(const std::string& msp_id) {
   rule.add_rules()->set_signed_by(0);
   return policy.SerializeAsString();
 }
+
+}  // namespace
+
+std::string peer_policy(const std::string& msp_id) { return policy_of(msp_id, common::MSPRole::PEER); }
+std::string member_policy(const std::string& msp_id) { return policy_of(msp_id, common::MSPRole::MEMBER); }
 
 bool satisfies(std::string_view policy, const std::vector<Endorser>& endorsers) {
   common::SignaturePolicyEnvelope envelope;

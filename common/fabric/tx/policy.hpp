@@ -3,20 +3,23 @@
 #include <string_view>
 #include <vector>
 
-/// Endorsement policies: common.SignaturePolicyEnvelope, as peers judge them. Pure.
+/// Signature policies: common.SignaturePolicyEnvelope, as peers judge endorsements, and orderers' signatures. Pure.
 namespace ledgerline::fabric {
 
-/// Who has endorsed, or whom a principal asks for.
+/// Who has signed.
 struct Endorser {
   std::string msp_id;
-  bool peer = false;  ///< OU=peer
+  bool peer = false;     ///< OU=peer
+  bool orderer = false;  ///< OU=orderer
 };
 
-/// "A peer of this organisation", serialized.
+/// "A peer of this organisation", and "a member", serialized.
 std::string peer_policy(const std::string& msp_id);
+std::string member_policy(const std::string& msp_id);
 
 /// Whether these endorsements, each of another identity, satisfy a serialized policy. As Fabric's: each counts once in a
-/// policy. One that does not parse, or asks for anything but members, peers and numbers of them, is satisfied by nobody.
+/// policy. One that does not parse, or asks for anything but members, peers, orderers and numbers of them, is satisfied by
+/// nobody.
 bool satisfies(std::string_view policy, const std::vector<Endorser>& endorsers);
 
 }  // namespace ledgerline::fabric

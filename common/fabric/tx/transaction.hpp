@@ -119,7 +119,9 @@ struct Block {
 /// so that neither can stop those who follow the chain.
 Result<Block> decode_block(std::string_view block);
 
-/// SHA-256 over the ASN.1 of (number, previous hash, data hash): what the next block names as its previous hash.
+/// ASN.1 DER of SEQUENCE { INTEGER number, OCTET STRING previous hash, OCTET STRING data hash }: what orderers sign.
+std::string block_header_bytes(std::uint64_t number, std::string_view previous_hash, std::string_view data_hash);
+/// SHA-256 over these bytes: what the next block names as its previous hash.
 std::string block_header_hash(std::uint64_t number, std::string_view previous_hash, std::string_view data_hash);
 
 /// Follows a chain: each block must be the next number and carry the hash of the one before, and its data must match

@@ -2,6 +2,7 @@
 
 #include <set>
 
+#include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
@@ -56,6 +57,7 @@ int run(Config& config) {
   if (checked && !registry) checked = registry.error();
   if (checked) checked = own_msp;
   if (!checked) return fail(checked.error(), exit_usage);
+  if (known.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   auto client = fabric::Client::create(known);
   auto urgent = fabric::Client::create(known);
   if (!client || !urgent) return fail((client ? urgent : client).error(), exit_usage);

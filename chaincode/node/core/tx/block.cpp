@@ -5,6 +5,9 @@
 
 #include "common/configtx.pb.h"
 #include "common/configuration.pb.h"
+#include "common/fabric/tx/policy.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "common/policies.pb.h"
 #include "msp/msp_config.pb.h"
 #include "orderer/configuration.pb.h"
 
@@ -12,29 +15,6 @@ namespace ledgerline::node {
 namespace {
 
 std::string to_string(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
-
-std::string der(char tag, const std::string& content) {
-  std::string out(1, tag);
-  if (content.size() < 0x80) {
-    out += static_cast<char>(content.size());
-  } else {
-    std::string length;
-    for (std::size_t rest = content.size(); rest > 0; rest >>= 8) length.insert(0, 1, static_cast<char>(rest & 0xff));
-    out += static_cast<char>(0x80 | length.size());
-    out += length;
-  }
-  return out + content;
-}
-
-std::string der_unsigned(std::uint64_t number) {
-  std::string content;
-  do {
-    content.insert(0, 1, static_cast<char>(number & 0xff));
-    number >>= 8;
-  } while (number > 0);
-  if ((content[0] & 0x80) != 0) content.insert(0, 1, '\0');
-  return der('\x02', content);
-}
 
 /// Maps in protobuf have no order of their own; the config block needs one, since it is hashed.
 std::string serialize(const google::protobuf::MessageLite& message) {
@@ -76,14 +56,29 @@ msp::MSPConfig msp_config(const crypto::MspRoot& organisation) {
   return config;
 }
 
-}  // namespace
-
-std::string header_bytes(const common::BlockHeader& header) {
-  return der('\x30',
-             der_unsigned(header.number()) + der('\x04', header.previous_hash()) + der('\x04', header.data_hash()));
+void set_policy(common::ConfigGroup& group, const std::string& name, int type, const std::string& value) {
+  common::ConfigPolicy& entry = (*group.mutable_policies())[name];
+  entry.mutable_policy()->set_type(type);
+  entry.mutable_policy()->set_value(value);
+  entry.set_mod_policy("Admins");
 }
 
-std::string header_hash(const common::BlockHeader& header) { return to_string(crypto::sha256(header_bytes(header))); }
+/// Any member of the orderers' organisation signs blocks, as in Fabric's own sample configuration.
+void set_orderers(common::ConfigGroup& ordering, const crypto::MspRoot& orderers) {
+  common::ConfigGroup& group = (*ordering.mutable_groups())[orderers.msp_id];
+  set_value(group, "MSP", msp_config(orderers));
+  set_policy(group, "Writers", common::Policy::SIGNATURE, fabric::member_policy(orderers.msp_id));
+  common::ImplicitMetaPolicy any;
+  any.set_sub_policy("Writers");
+  any.set_rule(common::ImplicitMetaPolicy::ANY);
+  set_policy(ordering, "BlockValidation", common::Policy::IMPLICIT_META, any.SerializeAsString());
+}
+
+}  // namespace
+
+std::string header_hash(const common::BlockHeader& header) {
+  return fabric::block_header_hash(header.number(), header.previous_hash(), header.data_hash());
+}
 
 std::string data_hash(const common::BlockData& data) {
   std::string all;
@@ -107,7 +102,8 @@ Status sign_block(common::Block& block, const crypto::SigningIdentity& orderer) 
   orderer_metadata.mutable_last_config()->set_index(0);
   common::Metadata signatures;
   signatures.set_value(orderer_metadata.SerializeAsString());
-  const std::string header = header_bytes(block.header());
+  const std::string header =
+      fabric::block_header_bytes(block.header().number(), block.header().previous_hash(), block.header().data_hash());
   common::SignatureHeader signer;
   signer.set_creator(orderer.serialized);
   // A nonce has to differ from block to block and to repeat with the same input; the header's hash does both.
@@ -140,6 +136,7 @@ std::string make_config_envelope(const CoreConfig& config, const crypto::Signing
   }
   common::ConfigGroup& ordering = (*root.mutable_groups())["Orderer"];
   set_capability(ordering);
+  if (!config.orderers.msp_id.empty()) set_orderers(ordering, config.orderers);
   orderer::ConsensusType consensus;
   consensus.set_type("ledgerline-node");
   set_value(ordering, "ConsensusType", consensus);

@@ -8,9 +8,7 @@
 /// Blocks as Fabric's orderers and peers make them.
 namespace ledgerline::node {
 
-/// ASN.1 DER of SEQUENCE { INTEGER number, OCTET STRING previous hash, OCTET STRING data hash }: its SHA-256 is what
-/// the next block names, and the orderer signs it.
-std::string header_bytes(const common::BlockHeader& header);
+/// What the next block names.
 std::string header_hash(const common::BlockHeader& header);
 /// SHA-256 over all envelopes, one behind the other.
 std::string data_hash(const common::BlockData& data);

@@ -1,0 +1,50 @@
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "common/base/result.hpp"
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/judge/channel_config.hpp"
+
+namespace common {
+class Block;
+}
+
+namespace ledgerline::fabric {
+
+/// Whether a block was made by the channel's orderers: their signature over its header, by the policy of the channel's
+/// own configuration, which is followed from one config block, the trust anchor, on. Fabric signs neither a block's flags
+/// nor which blocks a peer leaves out. Pure but for the registry's cache; one thread.
+class BlockJudge {
+ public:
+  /// `anchor`: a common.Block with the channel's configuration, from somebody who is trusted.
+  static Result<BlockJudge> from(std::string_view anchor, const std::string& channel, crypto::Library library);
+
+  /// Enough orderers must have signed the block's header, and they must say that the configuration that is known is the
+  /// newest. (Whether its data match the header decode_block says.) A config block, once it is judged, is the
+  /// configuration from then on. The one that is known passes by its hash; what is before it does not pass.
+  Status judge(const common::Block& block);
+
+  /// For a block that is far ahead of the configuration that is known: judges each config block between, by those before
+  /// it, which `fetch` brings by their numbers. After an error some of them may be known.
+  using Fetch = std::function<Result<common::Block>(std::uint64_t number)>;
+  Status catch_up(const common::Block& block, const Fetch& fetch);
+
+  /// Number of the config block that counts.
+  std::uint64_t config() const { return config_.block; }
+
+ private:
+  BlockJudge() = default;
+  Status follow(const common::Block& block);
+
+  std::string channel_;
+  crypto::Library library_ = crypto::Library::libcrypto;
+  ChannelConfig config_;
+  std::string config_hash_;  ///< of its block's header
+  std::unique_ptr<crypto::MspRegistry> orderers_;
+};
+
+}  // namespace ledgerline::fabric

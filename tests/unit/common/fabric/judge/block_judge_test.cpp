@@ -1,0 +1,239 @@
+#include "common/fabric/judge/block_judge.hpp"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <map>
+
+#include "chaincode/node/core/tx/block.hpp"
+#include "common/base/random.hpp"
+#include "common/configtx.pb.h"
+#include "common/fabric/tx/transaction.hpp"
+#include "msp/identities.pb.h"
+#include "orderer/configuration.pb.h"
+
+/// A chain of the embedded node's making, with real certificates, and those who would like to add to it.
+namespace ledgerline::fabric {
+namespace {
+
+constexpr auto library = crypto::Library::libcrypto;
+
+struct Organisation {
+  std::string msp_id;
+  crypto::KeyAndCertificate ca;
+  explicit Organisation(std::string id) : msp_id(std::move(id)), ca(*crypto::make_ca("ca." + msp_id, msp_id)) {}
+  crypto::SigningIdentity member(const std::string& unit) const {
+    const auto made =
+        crypto::issue(ca, {.common_name = unit + "." + msp_id, .organization = msp_id, .unit = unit, .sans = {}});
+    msp::SerializedIdentity serialized;
+    serialized.set_mspid(msp_id);
+    serialized.set_id_bytes(made->certificate_pem);
+    return {{msp_id, "CN=" + unit}, serialized.SerializeAsString(), *crypto::make_signer(library, made->key_pem)};
+  }
+  crypto::MspRoot root() const { return {msp_id, ca.certificate_pem}; }
+};
+
+class BlockJudgeTest : public ::testing::Test {
+ protected:
+  BlockJudgeTest() { add(config_of(first_)); }
+
+  std::string config_of(const Organisation& orderers) const {
+    node::CoreConfig config;
+    config.organisations = {peers_.root()};
+    config.orderers = orderers.root();
+    return node::make_config_envelope(config, orderer_);
+  }
+  /// The next block; `signer`: null: nobody.
+  const common::Block& add(const std::string& envelope, const crypto::SigningIdentity* signer = nullptr,
+                           std::uint64_t last_config = 0) {
+    const node::ChainEnd end{chain_.size(), chain_.empty() ? "" : node::header_hash(chain_.back().header())};
+    common::Block block = node::make_block(end, {envelope});
+    if (signer != nullptr) sign(block, *signer, last_config);
+    return chain_.emplace_back(std::move(block));
+  }
+  static void sign(common::Block& block, const crypto::SigningIdentity& signer, std::uint64_t last_config = 0) {
+    ASSERT_TRUE(node::sign_block(block, signer));
+    if (last_config == 0) return;
+    common::OrdererBlockMetadata value;
+    value.mutable_last_config()->set_index(last_config);
+    common::Metadata metadata;
+    ASSERT_TRUE(metadata.ParseFromString(block.metadata().metadata(common::SIGNATURES)));
+    metadata.set_value(value.SerializeAsString());
+    const auto& header = block.header();
+    metadata.mutable_signatures(0)->set_signature(
+        *signer.signer->sign(metadata.value() + metadata.signatures(0).signature_header() +
+                             block_header_bytes(header.number(), header.previous_hash(), header.data_hash())));
+    block.mutable_metadata()->set_metadata(common::SIGNATURES, metadata.SerializeAsString());
+  }
+  BlockJudge judge() const {
+    auto judge = BlockJudge::from(chain_[0].SerializeAsString(), "teleop", library);
+    EXPECT_TRUE(judge) << judge.error().what;
+    return std::move(judge).value();
+  }
+  /// A block 1 that an orderer has signed.
+  common::Block good() {
+    common::Block block = add("transaction", &orderer_);
+    chain_.pop_back();
+    return block;
+  }
+  static std::string why(BlockJudge judge, const common::Block& block) {
+    const Status judged = judge.judge(block);
+    return judged ? "" : judged.error().what;
+  }
+  BlockJudge::Fetch from_chain() const {
+    return [this](std::uint64_t number) -> Result<common::Block> { return chain_.at(number); };
+  }
+
+  const Organisation peers_{"Org1MSP"}, first_{"OrdererMSP"}, second_{"OtherMSP"};
+  const crypto::SigningIdentity orderer_ = first_.member("orderer"), other_ = second_.member("orderer");
+  std::vector<common::Block> chain_;
+};
+
+TEST_F(BlockJudgeTest, WhatAnOrdererHasSignedPasses) {
+  BlockJudge one = judge();
+  EXPECT_TRUE(one.judge(chain_[0])) << "the anchor itself";
+  for (int i = 0; i < 5; ++i) {
+    const auto judged = one.judge(add("transaction", &orderer_));
+    EXPECT_TRUE(judged) << judged.error().what;
+  }
+}
+
+TEST_F(BlockJudgeTest, WhatNoOrdererHasSignedDoesNot) {
+  EXPECT_NE(why(judge(), add("transaction")).find("no orderer has signed it"), std::string::npos);
+  const auto peer = peers_.member("peer"), stranger = second_.member("orderer");
+  for (const auto* signer : {&peer, &stranger}) {
+    common::Block block = good();
+    sign(block, *signer);
+    EXPECT_NE(why(judge(), block).find("do not satisfy the channel's policy (0 of them count)"), std::string::npos);
+  }
+  Organisation impostor("OrdererMSP");  // the same name, another authority
+  common::Block block = good();
+  sign(block, impostor.member("orderer"));
+  EXPECT_FALSE(why(judge(), block).empty());
+}
+
+TEST_F(BlockJudgeTest, AnotherBlockInPlaceOfTheOneThatWasSignedDoesNot) {
+  const std::map<std::string, std::function<void(common::Block&)>> lies{
+      {"number", [](auto& b) { b.mutable_header()->set_number(2); }},
+      {"previous hash", [](auto& b) { b.mutable_header()->set_previous_hash(std::string(32, 'x')); }},
+      {"data hash", [](auto& b) { b.mutable_header()->set_data_hash(std::string(32, 'x')); }},
+      {"no metadata", [](auto& b) { b.clear_metadata(); }},
+      {"no signature", [](auto& b) { b.mutable_metadata()->set_metadata(common::SIGNATURES, ""); }},
+      {"bytes", [](auto& b) { b.mutable_metadata()->set_metadata(common::SIGNATURES, "\xff\xff"); }},
+  };
+  for (const auto& [name, lie] : lies) {
+    common::Block block = good();
+    lie(block);
+    EXPECT_FALSE(why(judge(), block).empty()) << name;
+  }
+}
+
+TEST_F(BlockJudgeTest, NoByteOfHeaderOrSignaturesMayDiffer) {
+  const common::Block block = good();
+  Random random(1);
+  int passed = 0;
+  for (int i = 0; i < 1'000; ++i) {
+    common::Block bent = block;
+    const bool header = i % 2 == 0;
+    std::string bytes = header ? block.header().SerializeAsString() : block.metadata().metadata(common::SIGNATURES);
+    const std::size_t at = random.next() % bytes.size();
+    bytes[at] = static_cast<char>(bytes[at] ^ (1 + random.next() % 255));
+    if (!header) {
+      bent.mutable_metadata()->set_metadata(common::SIGNATURES, bytes);
+    } else if (!bent.mutable_header()->ParseFromString(bytes)) {
+      continue;
+    }
+    const bool same = header && bent.header().SerializeAsString() == block.header().SerializeAsString();
+    if (why(judge(), bent).empty() && !same) ++passed;
+  }
+  EXPECT_EQ(passed, 0);
+}
+
+TEST_F(BlockJudgeTest, ManySignaturesOfOneCountOnce) {
+  common::Block block = good();
+  common::Metadata metadata;
+  ASSERT_TRUE(metadata.ParseFromString(block.metadata().metadata(common::SIGNATURES)));
+  *metadata.add_signatures() = metadata.signatures(0);
+  // In front of the good one, one in the same name that is none.
+  metadata.mutable_signatures(0)->set_signature("nothing");
+  block.mutable_metadata()->set_metadata(common::SIGNATURES, metadata.SerializeAsString());
+  EXPECT_EQ(why(judge(), block), "");
+}
+
+TEST_F(BlockJudgeTest, AConfigurationIsFollowedFromItsBlockOn) {
+  BlockJudge one = judge();
+  ASSERT_TRUE(one.judge(add("transaction", &orderer_)));
+  EXPECT_FALSE(one.judge(add(config_of(second_), &other_, 2))) << "by those whom it names itself";
+  sign(chain_.back(), orderer_, 2);
+  const auto judged = one.judge(chain_.back());
+  ASSERT_TRUE(judged) << judged.error().what;
+  EXPECT_EQ(one.config(), 2U);
+  const common::Block old = add("transaction", &orderer_, 2);
+  EXPECT_FALSE(one.judge(old)) << "its orderers are not the channel's any more";
+  sign(chain_.back(), other_, 2);
+  EXPECT_TRUE(one.judge(chain_.back()));
+  EXPECT_FALSE(one.judge(chain_[1])) << "from before it";
+}
+
+TEST_F(BlockJudgeTest, ABlockUnderALaterConfigurationNeedsThatFirst) {
+  add("transaction", &orderer_);
+  add(config_of(second_), &orderer_, 2);
+  add("transaction", &other_, 2);
+  add(config_of(first_), &other_, 4);
+  add("transaction", &orderer_, 4);
+  BlockJudge hasty = judge();
+  EXPECT_NE(why(std::move(hasty), chain_[5]).find("was configured anew in block 4"), std::string::npos);
+  BlockJudge one = judge();
+  const auto caught_up = one.catch_up(chain_[5], from_chain());
+  ASSERT_TRUE(caught_up) << caught_up.error().what;
+  EXPECT_EQ(one.config(), 4U);
+  EXPECT_TRUE(one.judge(chain_[5]));
+  EXPECT_TRUE(one.catch_up(chain_[5], from_chain())) << "it is known";
+}
+
+TEST_F(BlockJudgeTest, WhoHidesAConfigurationIsFoundOut) {
+  add("transaction", &orderer_);
+  add(config_of(second_), &orderer_, 2);
+  add("transaction", &other_, 2);
+  // An orderer that was taken out signs on as if it had not been.
+  const auto fork = chain_;
+  common::Block forged = node::make_block({4, node::header_hash(fork[3].header())}, {config_of(first_)});
+  sign(forged, orderer_, 4);
+  chain_.push_back(forged);
+  common::Block newest = node::make_block({5, node::header_hash(forged.header())}, {"transaction"});
+  sign(newest, orderer_, 4);
+  BlockJudge one = judge();
+  EXPECT_FALSE(one.catch_up(newest, from_chain()));
+  EXPECT_FALSE(one.judge(newest));
+  const auto no_answer = [](std::uint64_t) -> Result<common::Block> { return Error{"gone"}; };
+  EXPECT_FALSE(judge().catch_up(newest, no_answer));
+  const auto endless = [&](std::uint64_t) -> Result<common::Block> { return newest; };
+  EXPECT_FALSE(judge().catch_up(newest, endless));
+}
+
+TEST_F(BlockJudgeTest, AnAnchorThatIsNoneIsRefusedWithTheReason) {
+  const auto refused = [](const common::Block& block, const std::string& channel = "teleop") {
+    const auto judge = BlockJudge::from(block.SerializeAsString(), channel, library);
+    return judge ? std::string() : judge.error().what;
+  };
+  EXPECT_NE(refused(chain_[0], "another").find("is of channel teleop, not of another"), std::string::npos);
+  EXPECT_NE(refused(add("transaction", &orderer_)).find("holds no configuration"), std::string::npos);
+  common::Block torn = chain_[0];
+  torn.mutable_data()->set_data(0, torn.data().data(0) + "x");
+  EXPECT_FALSE(refused(torn).empty());
+  node::CoreConfig nobody;
+  nobody.organisations = {peers_.root()};
+  EXPECT_NE(refused(node::make_block({}, {node::make_config_envelope(nobody, orderer_)})).find("BlockValidation"),
+            std::string::npos);
+  EXPECT_FALSE(BlockJudge::from("\xff\xff", "teleop", library));
+  Random random(2);
+  const std::string bytes = chain_[0].SerializeAsString();
+  for (int i = 0; i < 1'000; ++i) {
+    std::string bent = bytes;
+    bent[random.next() % bent.size()] ^= static_cast<char>(1 + random.next() % 255);
+    (void)BlockJudge::from(bent, "teleop", library);  // whatever it says, it says it
+  }
+}
+
+}  // namespace
+}  // namespace ledgerline::fabric
