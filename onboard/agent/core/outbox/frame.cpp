@@ -65,10 +65,12 @@ fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& dron
 }
 
 fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs real_offset_ns) {
-  const std::string& drone = sending.drone->name;
-  const Header header{sending.transitions.back().stamp_ns + real_offset_ns, drone + "/base_link"};
   SetCall call;
-  add_asset(call, drone + "/failsafe", transitions_type, transitions_to_cdr(header, drone, sending.transitions));
+  for (const auto& part : sending.parts) {
+    const std::string& drone = part.drone->name;
+    const Header header{part.transitions.back().stamp_ns + real_offset_ns, drone + "/base_link"};
+    add_asset(call, drone + "/failsafe", transitions_type, transitions_to_cdr(header, drone, part.transitions));
+  }
   return fabric::Call{.function = contract::set, .args = {call.SerializeAsString()}};
 }
 

@@ -1,6 +1,7 @@
 #include "onboard/agent/core/outbox/transition_sender.hpp"
 
 #include <algorithm>
+#include <set>
 
 namespace ledgerline::agent {
 
@@ -26,37 +27,65 @@ void TransitionSender::add(const Transition& transition) {
   ++slot->counters.pending;
 }
 
+bool TransitionSender::due(const Slot& slot, TimeNs now) const {
+  return !slot.kept.empty() && slot.in_flight == 0 && slot.pause.over(now);
+}
+
+void TransitionSender::take(Slot& slot, Sending& sending, std::size_t room) {
+  slot.in_flight = std::min(slot.kept.size(), room);
+  slot.call = sending.number;
+  sending.parts.push_back(
+      {&slot.drone, {slot.kept.begin(), slot.kept.begin() + static_cast<std::ptrdiff_t>(slot.in_flight)}});
+}
+
+std::size_t TransitionSender::calls_of_many() const {
+  std::set<std::uint64_t> calls;
+  for (const Slot& slot : slots_) {
+    if (slot.in_flight > 0 && !slot.alone) calls.insert(slot.call);
+  }
+  return calls.size();
+}
+
 std::optional<TransitionSender::Sending> TransitionSender::next(TimeNs now) {
-  const auto slot = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) {
-    return !s.kept.empty() && s.in_flight == 0 && s.pause.over(now);
-  });
-  if (slot == slots_.end()) return std::nullopt;
-  slot->in_flight = std::min(slot->kept.size(), max_per_call);
-  slot->call = ++last_call_;
-  return Sending{
-      .number = slot->call,
-      .drone = &slot->drone,
-      .transitions = {slot->kept.begin(), slot->kept.begin() + static_cast<std::ptrdiff_t>(slot->in_flight)}};
+  Sending sending{.number = last_call_ + 1, .parts = {}};
+  const auto alone = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.alone && due(s, now); });
+  if (alone != slots_.end()) {
+    take(*alone, sending, max_per_call);
+  } else if (calls_of_many() < max_calls) {
+    std::size_t room = max_per_call;
+    for (Slot& slot : slots_) {
+      if (room == 0 || !due(slot, now)) continue;
+      take(slot, sending, room);
+      room -= slot.in_flight;
+    }
+  }
+  if (sending.parts.empty()) return std::nullopt;
+  last_call_ = sending.number;
+  return sending;
 }
 
 bool TransitionSender::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome) {
-  const auto slot =
-      std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.in_flight > 0 && s.call == number; });
-  if (slot == slots_.end()) return false;
-  if (outcome.kind != fabric::Outcome::Kind::committed) {
-    ++slot->counters.calls_repeated;
-    slot->in_flight = 0;
-    slot->pause.failed(now, random_);
-    return true;
+  using Kind = fabric::Outcome::Kind;
+  bool ours = false;
+  for (Slot& slot : slots_) {
+    if (slot.in_flight == 0 || slot.call != number) continue;
+    ours = true;
+    slot.alone = outcome.kind == Kind::refused || (slot.alone && outcome.kind != Kind::committed);
+    if (outcome.kind != Kind::committed) {
+      ++slot.counters.calls_repeated;
+      slot.in_flight = 0;
+      slot.pause.failed(now, random_);
+      continue;
+    }
+    slot.pause.succeeded();
+    slot.counters.on_ledger += slot.in_flight;
+    slot.counters.pending -= slot.in_flight;
+    for (; slot.in_flight > 0; --slot.in_flight) {
+      if (slot.kept.front().boot_id == boot_id_) slot.on_ledger = slot.kept.front().number;
+      slot.kept.pop_front();
+    }
   }
-  slot->pause.succeeded();
-  slot->counters.on_ledger += slot->in_flight;
-  slot->counters.pending -= slot->in_flight;
-  for (; slot->in_flight > 0; --slot->in_flight) {
-    if (slot->kept.front().boot_id == boot_id_) slot->on_ledger = slot->kept.front().number;
-    slot->kept.pop_front();
-  }
-  return true;
+  return ours;
 }
 
 void TransitionSender::tell(AgentBeat& beat) const {

@@ -12,9 +12,12 @@
 namespace ledgerline::agent {
 
 /// Brings the transitions of each drone's failsafe onto the ledger: in order, none left out, never in a frame of states
-/// nor behind one. A drone has one call in flight, with all that wait; it is made again, behind a back-off with jitter,
-/// until it is committed. Where a call's fate is unknown (Outcome::Kind::unavailable) its transitions may be on the
-/// ledger twice: the same boot id and number is the same transition.
+/// nor behind one. A call takes all that wait, of all drones, since each costs endorsements of two organisations and
+/// sixteen drones take off at once; what comes while max_calls are in flight waits for the first that ends. A drone has
+/// one call in flight; it is made again, behind a back-off with jitter, until it is committed. From a call that the contract
+/// refused on a drone goes by itself until one of its own is committed: none is held up by what is wrong with another. Where
+/// a call's fate is unknown (Outcome::Kind::unavailable) its transitions may be on the ledger twice: the same boot id and
+/// number is the same transition.
 ///
 ///     link -> waiting -> in flight -> committed: told to link, which forgets them
 ///                ^           |
@@ -25,6 +28,9 @@ class TransitionSender {
  public:
   static constexpr std::size_t max_kept = 256;  ///< of a drone
   static constexpr std::size_t max_per_call = 64;
+  /// Of many drones. With one a drone whose peers are slow would hold up the rest for its whole deadline; more are no
+  /// sooner on the ledger.
+  static constexpr std::size_t max_calls = 2;
 
   struct Counters {
     std::uint64_t taken = 0, on_ledger = 0, pending = 0;  ///< taken = on_ledger + pending
@@ -33,8 +39,11 @@ class TransitionSender {
   };
   struct Sending {
     std::uint64_t number = 0;  ///< never that of a frame
-    const DroneName* drone = nullptr;
-    std::vector<Transition> transitions;
+    struct Part {
+      const DroneName* drone = nullptr;
+      std::vector<Transition> transitions;
+    };
+    std::vector<Part> parts;
   };
 
   TransitionSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
@@ -59,8 +68,14 @@ class TransitionSender {
     std::deque<Transition> kept{};
     std::size_t in_flight = 0;  ///< so many of the front
     std::uint64_t call = 0;
+    bool alone = false;                       ///< the contract refused a call of many
     std::uint64_t newest = 0, on_ledger = 0;  ///< numbers of this boot
   };
+
+  bool due(const Slot& slot, TimeNs now) const;
+  /// Into a call, as many as there is room for.
+  static void take(Slot& slot, Sending& sending, std::size_t room);
+  std::size_t calls_of_many() const;
 
   std::vector<Slot> slots_;
   Random random_;
@@ -68,7 +83,7 @@ class TransitionSender {
   std::uint64_t last_call_ = std::uint64_t{1} << 63;  // frames count from 1
 };
 
-/// The call as one asset `<drone>/failsafe`. `real_offset_ns`: as for encode_frame.
+/// The call, with an asset `<drone>/failsafe` for each drone. `real_offset_ns`: as for encode_frame.
 fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs real_offset_ns);
 
 }  // namespace ledgerline::agent

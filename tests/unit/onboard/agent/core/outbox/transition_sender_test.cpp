@@ -32,7 +32,7 @@ fabric::Outcome ended(Kind kind) {
 
 Numbers numbers(const std::optional<TransitionSender::Sending>& sending) {
   Numbers all;
-  for (const Transition& t : sending.value().transitions) all.push_back(t.number);
+  for (const Transition& t : sending.value().parts.at(0).transitions) all.push_back(t.number);
   return all;
 }
 
@@ -54,7 +54,7 @@ TEST(TransitionSender, WhateverACallEndsWithButCommittedItIsMadeAgainWithAllThat
   for (const Kind kind : {Kind::invalidated, Kind::refused, Kind::unavailable, Kind::overloaded}) {
     const auto sending = sender.next(now);
     ASSERT_TRUE(sending);
-    EXPECT_EQ(sending->transitions.front().number, 1U);
+    EXPECT_EQ(sending->parts[0].transitions.front().number, 1U);
     EXPECT_TRUE(sender.finished(now, sending->number, ended(kind)));
     EXPECT_FALSE(sender.next(now)) << "not at once";
     now += 2 * ns_per_s;
@@ -68,18 +68,53 @@ TEST(TransitionSender, WhateverACallEndsWithButCommittedItIsMadeAgainWithAllThat
   EXPECT_EQ(sender.counters(1).on_ledger, 2U);
 }
 
+TEST(TransitionSender, AllThatWaitOfAllDronesGoInOneCall) {
+  std::vector<DroneName> sixteen;
+  for (DroneNumber k = 1; k <= 16; ++k) sixteen.push_back({k, "tello" + std::to_string(k)});
+  TransitionSender sender({}, sixteen, 1);
+  for (DroneNumber k = 1; k <= 16; ++k) sender.add(transition(1, k));
+  const auto all = sender.next(0);
+  ASSERT_TRUE(all);
+  EXPECT_EQ(all->parts.size(), 16U);
+  SetCall call;
+  ASSERT_TRUE(call.ParseFromString(encode_transitions(*all, 0).args[0]));
+  EXPECT_EQ(call.assets_size(), 16);
+  EXPECT_EQ(call.assets(15).id(), "tello16/failsafe");
+  EXPECT_TRUE(sender.finished(0, all->number, ended(Kind::committed)));
+  EXPECT_FALSE(sender.pending());
+}
+
+TEST(TransitionSender, WhatComesWhileCallsAreInFlightWaitsForTheFirstThatEnds) {
+  const std::vector<DroneName> four = {{1, "a"}, {2, "b"}, {3, "c"}, {4, "d"}};
+  TransitionSender sender({}, four, 1);
+  sender.add(transition(1, 1));
+  const auto first = sender.next(0);
+  sender.add(transition(1, 2));
+  const auto second = sender.next(0);
+  ASSERT_TRUE(first && second);
+  sender.add(transition(1, 3));
+  sender.add(transition(1, 4));
+  EXPECT_FALSE(sender.next(0));
+  sender.finished(0, first->number, ended(Kind::committed));
+  EXPECT_EQ(sender.next(0).value().parts.size(), 2U);
+}
+
 TEST(TransitionSender, OneDronesRefusalDoesNotHoldUpAnother) {
   TransitionSender sender({}, two, 1);
   sender.add(transition(1, 1));
   sender.add(transition(1, 2));
-  const auto first = sender.next(0);
-  const auto second = sender.next(0);
+  const auto both = sender.next(0);
+  ASSERT_TRUE(both);
+  sender.finished(0, both->number, ended(Kind::refused));
+  const TimeNs later = 2 * ns_per_s;
+  const auto first = sender.next(later), second = sender.next(later);
   ASSERT_TRUE(first && second);
-  EXPECT_EQ(second->drone->name, "tello2");
-  sender.finished(0, first->number, ended(Kind::refused));
-  sender.finished(0, second->number, ended(Kind::committed));
+  EXPECT_EQ(first->parts.size() + second->parts.size(), 2U) << "each by itself from then on";
+  EXPECT_EQ(second->parts[0].drone->name, "tello2");
+  sender.finished(later, first->number, ended(Kind::refused));
+  sender.finished(later, second->number, ended(Kind::committed));
   sender.add(transition(2, 2));
-  EXPECT_EQ(numbers(sender.next(0)), Numbers{2});
+  EXPECT_EQ(numbers(sender.next(later)), Numbers{2});
 }
 
 TEST(TransitionSender, WhatCameBeforeOrCameTooSoonIsLeftToLinkToSendAgain) {
@@ -131,7 +166,7 @@ TEST(TransitionSender, WhenItIsFullLinkKeepsTheRest) {
   Numbers seen;
   while (const auto sending = sender.next(0)) {
     for (const std::uint64_t n : numbers(sending)) seen.push_back(n);
-    EXPECT_LE(sending->transitions.size(), TransitionSender::max_per_call);
+    EXPECT_LE(sending->parts[0].transitions.size(), TransitionSender::max_per_call);
     sender.finished(0, sending->number, ended(Kind::committed));
   }
   ASSERT_EQ(seen.size(), TransitionSender::max_kept);
