@@ -150,9 +150,11 @@ Status denied(const AnswerCall& asked, const Control& before, const Control& aft
   return expect(expected, after);
 }
 
-Status evicted(const Control& before, const Control& after, const Creator& creator) {
+Status evicted(const DronesCall& asked, const Control& before, const Control& after, const Creator& creator) {
   if (before.owner().msp_id() != creator.name.msp_id) return Error{"its creator is of another organisation"};
   if (!before.has_holder()) return Error{"nobody held the lease"};
+  if (!asked.epochs().empty() && said_of(asked, asked.epochs(), before.drone()) != before.epoch())
+    return Error{"its lease is not the one that was asked for"};
   return lease_ended(before, after);
 }
 
@@ -225,7 +227,7 @@ Status control_follows(const ControlEvent& event, const Control& before, const C
   if (event.function == contract::hand_over)
     return handed_over(std::get<AnswerCall>(event.asked), before, after, creator);
   if (event.function == contract::deny) return denied(std::get<AnswerCall>(event.asked), before, after, creator);
-  if (event.function == contract::evict) return evicted(before, after, creator);
+  if (event.function == contract::evict) return evicted(std::get<DronesCall>(event.asked), before, after, creator);
   if (event.function == contract::resume) return resumed(before, after, creator);
   if (event.function == contract::fold) return folded(before, after, creator);
   if (event.function == contract::enroll) return enrolled(std::get<EnrollCall>(event.asked), before, after, creator);
@@ -256,9 +258,8 @@ Stop signed_stop(const DronesCall& asked, std::string_view event_payload, const 
   stop.set_drone(drone);
   *stop.mutable_stopper() = creator;
   stop.set_cut(asked.cut());
-  const auto at = std::find(asked.drones().begin(), asked.drones().end(), drone) - asked.drones().begin();
-  if (at < asked.resumes_size()) {
-    stop.set_resumes(asked.resumes(static_cast<int>(at)));
+  if (const auto resumes = said_of(asked, asked.resumes(), drone)) {
+    stop.set_resumes(*resumes);
     return stop;
   }
   Stops told;
@@ -280,8 +281,7 @@ Status stop_follows(const ControlEvent& event, const Control& before, const Stop
   if (stop.cut() && !rights_of(before, to_message(creator.name)).cut)
     return Error{"its creator may not cut this drone's motors"};
   const auto& asked = std::get<DronesCall>(event.asked);
-  const auto at = std::find(asked.drones().begin(), asked.drones().end(), stop.drone()) - asked.drones().begin();
-  if (!asked.resumes().empty() && (at >= asked.resumes_size() || asked.resumes(static_cast<int>(at)) != stop.resumes()))
+  if (!asked.resumes().empty() && said_of(asked, asked.resumes(), stop.drone()) != stop.resumes())
     return Error{"it is not for the resumes that it was asked for"};
   return done;
 }

@@ -1,6 +1,7 @@
 #pragma once
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <tuple>
 
@@ -43,6 +44,14 @@ inline bool is_stopped_by(const Control& control, const Identity& stopper) {
 }
 inline bool is_cut(const Control& control) {
   return std::any_of(control.stoppers().begin(), control.stoppers().end(), [](const Stop& s) { return s.cut(); });
+}
+
+/// What a call says of one of its drones in a list beside them; nothing: it does not say.
+inline std::optional<std::uint64_t> said_of(const DronesCall& call,
+                                            const google::protobuf::RepeatedField<std::uint64_t>& list,
+                                            const std::string& drone) {
+  const auto at = std::find(call.drones().begin(), call.drones().end(), drone) - call.drones().begin();
+  return at < list.size() ? std::optional(list.Get(static_cast<int>(at))) : std::nullopt;
 }
 
 /// How often that stopper's stops were lifted.

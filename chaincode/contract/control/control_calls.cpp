@@ -111,6 +111,11 @@ Status check_operator(Stub& stub, const crypto::IdentityName& who, const std::st
   return done;
 }
 
+Status check_beside(const std::string& list, int entries, int drones) {
+  if (entries == 0 || entries == drones) return done;
+  return Error{std::to_string(entries) + " " + list + " for " + std::to_string(drones) + " drones"};
+}
+
 std::vector<std::string> sorted_names(const Names& list) {
   std::vector<std::string> names(list.begin(), list.end());
   std::sort(names.begin(), names.end());

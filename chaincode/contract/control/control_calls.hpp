@@ -35,6 +35,9 @@ Result<Message> read_drones(const Arguments& call) {
   return message;
 }
 
+/// A list that says something of each drone of a call is empty or as long as the drones.
+Status check_beside(const std::string& list, int entries, int drones);
+
 /// In order, each once.
 std::vector<std::string> sorted_names(const Names& list);
 

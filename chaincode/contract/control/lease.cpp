@@ -148,21 +148,28 @@ Response deny(Stub& stub, const Arguments& call) {
 Response evict(Stub& stub, const Arguments& call) {
   const auto target = read_drones<DronesCall>(call);
   if (!target) return refuse("evict: " + target.error().what);
+  if (Status status = check_beside("epochs", target->epochs_size(), target->drones_size()); !status)
+    return refuse("evict: " + status.error().what);
   const auto role = read_role(stub, stub.caller());
   if (!role) return refuse(role.error().what);
   if (*role == REVOKED) return refuse("evict: " + revoked_text(stub.caller()));
-  return change_controls(stub, call, contract::evict, target->drones(),
-                         [&](Control& control, std::uint64_t new_epoch) -> Status {
-                           const std::string& owner = control.owner().msp_id();
-                           const bool supervisor = *role == SUPERVISOR && stub.caller().msp_id == owner;
-                           if (!supervisor && to_name(control.owner()) != stub.caller()) {
-                             return Error{to_text(stub.caller()) + " may not evict: neither a supervisor of " + owner +
-                                          " nor the drone's host"};
-                           }
-                           if (!control.has_holder()) return Error{"nobody holds the lease"};
-                           end_lease(control, new_epoch);
-                           return done;
-                         });
+  return change_controls(
+      stub, call, contract::evict, target->drones(), [&](Control& control, std::uint64_t new_epoch) -> Status {
+        const std::string& owner = control.owner().msp_id();
+        const bool supervisor = *role == SUPERVISOR && stub.caller().msp_id == owner;
+        if (!supervisor && to_name(control.owner()) != stub.caller()) {
+          return Error{to_text(stub.caller()) + " may not evict: neither a supervisor of " + owner +
+                       " nor the drone's host"};
+        }
+        if (!control.has_holder()) return Error{"nobody holds the lease"};
+        const auto meant = said_of(*target, target->epochs(), control.drone());
+        if (meant && *meant != control.epoch()) {
+          return Error{"its lease is not the one of epoch " + std::to_string(*meant) + " any more: " +
+                       to_text(to_name(control.holder())) + " holds it under epoch " + std::to_string(control.epoch())};
+        }
+        end_lease(control, new_epoch);
+        return done;
+      });
 }
 
 }  // namespace ledgerline::chaincode

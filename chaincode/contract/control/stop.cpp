@@ -37,11 +37,8 @@ Response stop(Stub& stub, const Arguments& call) {
   const std::string option = call.option("cut", "");
   if (!option.empty() && option != "true" && option != "false") return refuse("stop: cut must be true or false");
   if (option == "true") target->set_cut(true);
-  const bool counted = !target->resumes().empty();
-  if (counted && target->resumes_size() != target->drones_size()) {
-    return refuse("stop: " + std::to_string(target->resumes_size()) + " resumes for " +
-                  std::to_string(target->drones_size()) + " drones");
-  }
+  if (Status status = check_beside("resumes", target->resumes_size(), target->drones_size()); !status)
+    return refuse("stop: " + status.error().what);
   const auto role = read_role(stub, stub.caller());
   if (!role) return refuse(role.error().what);
 
@@ -53,11 +50,10 @@ Response stop(Stub& stub, const Arguments& call) {
     }
     const auto resumes = read_resumes(stub, drone, stub.caller());
     if (!resumes) return refuse(resumes.error().what);
-    const auto asked = std::find(target->drones().begin(), target->drones().end(), drone) - target->drones().begin();
-    if (counted && target->resumes(static_cast<int>(asked)) != *resumes) {
-      return refuse(drone + ": a stop meant for " + std::to_string(target->resumes(static_cast<int>(asked))) +
-                    " lifts of the stops of " + to_text(stub.caller()) + "; the ledger has " +
-                    std::to_string(*resumes) + ": name that, or none");
+    const auto meant = said_of(*target, target->resumes(), drone);
+    if (meant && *meant != *resumes) {
+      return refuse(drone + ": a stop meant for " + std::to_string(*meant) + " lifts of the stops of " +
+                    to_text(stub.caller()) + "; the ledger has " + std::to_string(*resumes) + ": name that, or none");
     }
     Stop& one = *all.add_stops();
     one.set_drone(drone);

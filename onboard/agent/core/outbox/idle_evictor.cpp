@@ -47,7 +47,7 @@ std::optional<IdleEvictor::Sending> IdleEvictor::next(TimeNs now) {
   if (slot == slots_.end()) return std::nullopt;
   if (!slot->repeat) slot->repeat.emplace(limits_, seeds_.next(), now);
   slot->call = ++last_call_;
-  return Sending{slot->call, &slot->drone};
+  return Sending{slot->call, &slot->drone, *slot->lease};
 }
 
 std::optional<IdleEvictor::Ended> IdleEvictor::finished(TimeNs now, std::uint64_t number,
@@ -87,6 +87,7 @@ bool IdleEvictor::in_flight() const {
 fabric::Call encode_evict(const IdleEvictor::Sending& sending) {
   DronesCall call;
   call.add_drones(sending.drone->name);
+  call.add_epochs(sending.lease);
   return {contract::evict, {call.SerializeAsString()}};
 }
 

@@ -37,6 +37,7 @@ class IdleEvictor {
   struct Sending {
     std::uint64_t number = 0;  ///< never that of a frame, of transitions or of a fold
     const DroneName* drone = nullptr;
+    std::uint64_t lease = 0;  ///< its epoch: whoever has acquired the drone since keeps it
   };
   struct Ended {
     const DroneName* drone = nullptr;

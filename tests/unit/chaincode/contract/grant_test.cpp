@@ -134,6 +134,24 @@ TEST_F(GrantTest, ADroneHasAsManyGrantsAsTheBoundSays) {
   EXPECT_THAT(grant(admin1, {"tello1"}, "Org3MSP", "CN=more", true).message, HasSubstr("64 grants already"));
 }
 
+TEST_F(GrantTest, AnEvictionOfOneEpochEndsNoOther) {
+  acquire(pilot);
+  const std::uint64_t epoch = control("tello1").epoch();
+  DronesCall call;
+  call.add_drones("tello1");
+  call.add_epochs(epoch);
+  const std::string old = call.SerializeAsString();
+  acquire(rival, contract::max_priority);
+  EXPECT_THAT(stub.call(host, "evict", {old}).message, HasSubstr("not the one of epoch " + std::to_string(epoch)));
+  EXPECT_TRUE(control("tello1").has_holder());
+  call.add_epochs(epoch);
+  EXPECT_THAT(stub.call(host, "evict", {call.SerializeAsString()}).message, HasSubstr("2 epochs for 1 drones"));
+  call.mutable_epochs()->Clear();
+  call.add_epochs(control("tello1").epoch());
+  EXPECT_EQ(stub.call(host, "evict", {call.SerializeAsString()}).status, 200);
+  EXPECT_FALSE(control("tello1").has_holder());
+}
+
 TEST_F(GrantTest, TheOwnersSupervisorAndTheHostEvict) {
   EXPECT_THAT(stub.call(chief, "evict", {"tello1"}).message, StartsWith("tello1: nobody holds the lease"));
   for (const auto& who : {chief, host}) {

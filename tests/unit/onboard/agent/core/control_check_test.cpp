@@ -183,7 +183,15 @@ TEST_F(ControlCheckTest, AnEvictionIsOfTheOwnersOrganisationAndEndsTheLease) {
   Control handed_on = control("tello1", epoch + 1);
   *handed_on.mutable_holder() = to_message(own_guard);
   expect_refused(event("evict", handed_on, own_guard), "to somebody");
-  expect_taken(event("evict", free, owner));
+  DronesCall call;
+  call.add_drones("tello1");
+  call.add_epochs(epoch - 1);
+  Tx late = event("evict", free, owner);
+  late.asked = fabric::Call{"evict", {call.SerializeAsString()}};
+  expect_refused(late, "of a lease that was over");
+  call.set_epochs(0, epoch);
+  late.asked = fabric::Call{"evict", {call.SerializeAsString()}};
+  expect_taken(late);
 }
 
 TEST_F(ControlCheckTest, AGrantIsOfAnAdministratorAndIsWhatWasAskedFor) {

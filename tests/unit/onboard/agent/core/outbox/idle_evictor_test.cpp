@@ -47,12 +47,13 @@ TEST_F(IdleEvictorTest, AHolderOnTheGroundWhoSaysNothingIsEvictedOnceAfterTheIdl
   ASSERT_EQ(calls.size(), 1U) << "one call at a time";
   EXPECT_TRUE(evictor_.evicting(1));
   EXPECT_FALSE(evictor_.evicting(2));
-  const fabric::Call made = encode_evict({calls[0], &drones_[0]});
+  const fabric::Call made = encode_evict({calls[0], &drones_[0], 7});
   EXPECT_EQ(made.function, "evict");
   DronesCall message;
   ASSERT_TRUE(message.ParseFromString(made.args.at(0)));
   ASSERT_EQ(message.drones_size(), 1);
   EXPECT_EQ(message.drones(0), "tello1");
+  EXPECT_EQ(message.epochs(0), 7U) << "whoever acquires it behind that keeps it";
   const auto ended = evictor_.finished(now_, calls[0], outcome(Kind::committed));
   ASSERT_TRUE(ended);
   EXPECT_EQ(ended->drone->name, "tello1");
