@@ -115,7 +115,9 @@ Status BlockJudge::judge(const common::Block& block) {
 
 Status BlockJudge::catch_up(const common::Block& newest, const Fetch& fetch) {
   const auto said = read_signed(newest);
-  if (!said) return newest.header().number() <= config_.block ? Status(done) : said.error();
+  const std::uint64_t height = newest.header().number();
+  if (!said)
+    return height <= config_.block ? Status(done) : Error{fmt::format("block {}: {}", height, said.error().what)};
   // Back from the newest: each block before a config block says which one came before that.
   struct Step {
     common::Block before, config;

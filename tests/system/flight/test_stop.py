@@ -46,10 +46,13 @@ def test_each_stop_lands_its_drone_while_the_holder_fights(tmp_path, ledger):
         landing = [r.t_ns for r in modes if r.drone == number and r.t_ns > stop["submitted_ns"]]
         assert landing, f"{stop['drone']} was not landed by its stop"
         lands_ms.append((landing[0] - stop["submitted_ns"]) / 1e6)
-    first = told["stops"][0]["submitted_ns"]
-    two_way_ms = [(r.t_ns - r.stamp_ns) / 1e6 for r in records(run / "agent.trace")
-                  if r.kind == TraceKind.COMMAND_VERIFIED and r.t_ns < first]
+    first, last = told["stops"][0]["submitted_ns"], told["stops"][-1]["submitted_ns"]
+    commands = [r for r in records(run / "agent.trace") if r.kind == TraceKind.COMMAND_VERIFIED]
+    two_way_ms = lambda of: [(r.t_ns - r.stamp_ns) / 1e6 for r in of]
+    figures = {"flight": two_way_ms(commands), "before": two_way_ms(r for r in commands if r.t_ns < first),
+               "meanwhile": two_way_ms(r for r in commands if first <= r.t_ns <= last)}
     print(json.dumps({"ledger": ledger, "lands_ms": [round(ms, 1) for ms in lands_ms],
                       "attempts": [stop["attempts"] for stop in told["stops"]], "fought": told["fought"],
-                      "two_way_ms": {"median": round(quantile(two_way_ms, 0.5), 1), "p99": round(quantile(two_way_ms, 0.99), 1)}}))
+                      "two_way_ms": {when: {"median": round(quantile(ms, 0.5), 1), "p99": round(quantile(ms, 0.99), 1)}
+                                     for when, ms in figures.items()}}))
     assert_nothing_left()

@@ -1,0 +1,77 @@
+#include "common/fabric/judge/block_judge.hpp"
+#include "tests/fuzz/entry.hpp"
+#include "tests/unit/common/fabric/judge/signed_chain.hpp"
+
+/// What a trust anchor's file and a peer's blocks hold, before anybody believes them.
+namespace ledgerline::fuzz::judge_part {
+namespace {
+
+using namespace fabric;
+
+/// Blocks 0 to 2 of a channel that is configured once and again.
+class Chain : public SignedChain {
+ public:
+  Chain() {
+    add("transaction", &orderer_);
+    add(config_of(second_), &orderer_, 2);
+  }
+  const common::Block& block(std::size_t number) const { return chain_[number]; }
+};
+const Chain& chain() {
+  static const Chain one;
+  return one;
+}
+
+common::Block parsed(std::string_view bytes) {
+  common::Block block;
+  (void)block.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
+  return block;
+}
+
+std::unique_ptr<Entry> anchor() {
+  return std::make_unique<Function>(
+      std::vector<std::string>{chain().block(0).SerializeAsString()},
+      [](std::string_view bytes) { return outcome_of(BlockJudge::from(bytes, "teleop", library)); });
+}
+
+/// With its data's hash made right again: the configuration itself is reached.
+std::unique_ptr<Entry> sealed_anchor() {
+  return std::make_unique<Function>(std::vector<std::string>{chain().block(0).SerializeAsString()},
+                                    [](std::string_view bytes) {
+                                      common::Block block = parsed(bytes);
+                                      block.mutable_header()->set_data_hash(node::data_hash(block.data()));
+                                      return outcome_of(BlockJudge::from(block.SerializeAsString(), "teleop", library));
+                                    });
+}
+
+std::unique_ptr<Entry> judged() {
+  return std::make_unique<Function>(
+      std::vector<std::string>{chain().block(1).SerializeAsString(), chain().block(2).SerializeAsString()},
+      [](std::string_view bytes) {
+        BlockJudge judge = std::move(BlockJudge::from(chain().block(0).SerializeAsString(), "teleop", library)).value();
+        const Status verdict = judge.judge(parsed(bytes));
+        return verdict ? accepted() : refused(verdict.error().what);
+      });
+}
+
+/// What a peer answers when it is asked for configurations.
+std::unique_ptr<Entry> caught_up() {
+  return std::make_unique<Function>(
+      std::vector<std::string>{chain().block(1).SerializeAsString(), chain().block(2).SerializeAsString()},
+      [](std::string_view bytes) {
+        BlockJudge judge = std::move(BlockJudge::from(chain().block(0).SerializeAsString(), "teleop", library)).value();
+        const common::Block block = parsed(bytes);
+        const Status verdict = judge.catch_up(chain().block(2), [&](std::uint64_t number) -> Result<common::Block> {
+          return number == block.header().number() ? block : chain().block(std::min<std::uint64_t>(number, 2));
+        });
+        return verdict ? accepted() : refused(verdict.error().what);
+      });
+}
+
+const Registration anchors({"judge.anchor", Kind::protobuf, anchor});
+const Registration sealed_anchors({"judge.anchor_sealed", Kind::protobuf, sealed_anchor, 0.05});
+const Registration blocks({"judge.block", Kind::protobuf, judged});
+const Registration fetched({"judge.fetched", Kind::protobuf, caught_up});
+
+}  // namespace
+}  // namespace ledgerline::fuzz::judge_part
