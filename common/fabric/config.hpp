@@ -15,7 +15,7 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
 
 /// For the log of a program that acts on blocks, where config_block is empty.
 inline constexpr const char* blocks_not_judged =
-    "[ledger] config_block is not set: the peer is believed about blocks, whoever signed them";
+    "config_block is not set: the peer is believed about blocks, whoever signed them";
 
 /// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are believed, at least one.
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);

@@ -35,7 +35,6 @@ int run(Config& config) {
   if (checked && !ledger) checked = ledger.error();
   if (checked && !believed) checked = believed.error();
   if (!checked) return fail(checked.error(), exit_usage);
-  if (ledger->config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   return exit_code(carry(carried, dds, *ledger, **believed));
 }
 

@@ -68,6 +68,13 @@ Rule read_rule(Config& config, const std::string& at) {
   }
   rule.channel = config.text(
       {at + "channel", "of Fabric; each has transactions, blocks and pacing of its own", "that of [ledger]"}, "");
+  rule.config_block =
+      config.text({at + "config_block",
+                   "trust anchor of a channel of its own, as config_block of [ledger]: one topic of the "
+                   "channel names it; none: the peer is believed about the channel's blocks"},
+                  "");
+  if (rule.channel.empty() && !rule.config_block.empty())
+    config.wrong(at + "config_block", "is of a channel of its own; that of [ledger] has its own key there");
   rule.latest =
       config.choice({at + "keep", "latest: only the newest message waits"}, {"all", "latest"}, "all") == "latest";
   rule.latched = config.boolean(

@@ -22,14 +22,15 @@ struct Rule {
   /// From the ledger: first segment of the ids that are taken, an organisation's MSP id or an enrolled name; `anybody`:
   /// all. Empty: nobody's.
   std::string from;
-  std::string channel;    ///< empty: that of [ledger]
-  bool latest = false;    ///< only the newest message waits; a newer one takes its place
-  bool latched = false;   ///< who comes late gets the last value, on the ledger and on DDS
-  bool stream = false;    ///< rides in this host's frame; else it has a key of its own
-  double rate_hz = 0;     ///< at most; 0: all
-  int every = 1;          ///< every n-th message
-  int priority = 0;       ///< higher ones go first
-  std::size_t queue = 0;  ///< messages that may wait
+  std::string channel;       ///< empty: that of [ledger]
+  std::string config_block;  ///< file with a config block of `channel`: its trust anchor; empty: none is named here
+  bool latest = false;       ///< only the newest message waits; a newer one takes its place
+  bool latched = false;      ///< who comes late gets the last value, on the ledger and on DDS
+  bool stream = false;       ///< rides in this host's frame; else it has a key of its own
+  double rate_hz = 0;        ///< at most; 0: all
+  int every = 1;             ///< every n-th message
+  int priority = 0;          ///< higher ones go first
+  std::size_t queue = 0;     ///< messages that may wait
   bool reliable = true;
   int depth = 0;          ///< of DDS's history
   bool left_out = false;  ///< what it matches is not carried here: the program's own, or another channel's

@@ -23,6 +23,22 @@ const std::string& channel_of(const Rule& rule, const fabric::ClientConfig& ledg
   return rule.channel.empty() ? ledger.where.channel : rule.channel;
 }
 
+/// Of a channel that is not [ledger]'s; empty: no topic of it names one.
+Result<std::string> anchor_of(const std::string& channel, const BridgeConfig& config) {
+  std::string file;
+  for (const Rule& rule : config.rules) {
+    if (rule.channel != channel || rule.config_block.empty()) continue;
+    if (!file.empty() && file != rule.config_block)
+      return Error{
+          fmt::format("topics of channel {} name two config blocks: {} and {}", channel, file, rule.config_block)};
+    file = rule.config_block;
+  }
+  if (file.empty()) return std::string();
+  auto block = read_file(file);
+  if (!block) return Error{fmt::format("config_block of channel {}: {}", channel, block.error().what)};
+  return block;
+}
+
 void wait(const std::atomic<bool>& quit, TimeNs until_ns) {
   while (!quit && monotonic_ns() < until_ns) std::this_thread::sleep_for(turn);
 }
@@ -48,7 +64,13 @@ Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config, con
     BridgeConfig of_channel = config;
     for (Rule& rule : of_channel.rules) rule.left_out = rule.left_out || channel_of(rule, ledger) != channel;
     fabric::ClientConfig on_channel = ledger;
-    on_channel.where.channel = channel;
+    if (channel != ledger.where.channel) {
+      on_channel.where.channel = channel;
+      auto anchor = anchor_of(channel, config);
+      if (!anchor) return anchor.error();
+      on_channel.config_block = std::move(*anchor);
+    }
+    if (on_channel.config_block.empty()) spdlog::warn("channel {}: {}", channel, fabric::blocks_not_judged);
     auto bridge = Bridge::create(of_channel, on_channel, believed, participant);
     if (!bridge) return bridge.error();
     made->bridges_.push_back(std::move(bridge).value());

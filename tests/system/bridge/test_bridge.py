@@ -119,7 +119,8 @@ def test_topics_appear_change_their_type_and_vanish(embedded, bridges):
 
 @pytest.mark.parametrize("ledger", ["fabric"], indirect=True)  # the embedded node has one channel
 def test_a_topic_may_have_a_channel_of_its_own(ledger, bridges):
-    carried = topic("/map", 'type = "std_msgs/msg/String"', 'channel = "yard"', ANYBODY) + topic("/*", ANYBODY)
+    anchor = f'config_block = "{ledger.directory}/yard.block"'
+    carried = topic("/map", 'type = "std_msgs/msg/String"', 'channel = "yard"', anchor, ANYBODY) + topic("/*", ANYBODY)
     here, there = (bridges(ledger, bridges.directory, organisation, domain, carried)
                    for organisation, domain in ((1, HERE), (2, THERE)))
     for name in ("/map", "/note"):
