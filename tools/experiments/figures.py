@@ -16,7 +16,7 @@ import verdicts
 PAGE = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", config.STYLE.split("@media")[0]))  # the pages' light colours
 OURS = (PAGE["two-way"], PAGE["age"], PAGE["good"], "#8e44ad", PAGE["bad"], "#0f8b8d")
 GREY = WANTED = PAGE["published"]
-MOST_TRACKS = 16
+MAX_TRACKS = 16
 OVERVIEW = {"latency": "Two-way latency beside the published boxes", "delay": "Speed growing every lap, square of 12 m"}
 plt.rcParams.update({"font.size": 9, "axes.grid": True, "grid.color": PAGE["grid"], "text.color": PAGE["ink"], "axes.labelcolor": PAGE["ink"], "axes.axisbelow": True, "figure.dpi": 100,
                      "axes.spines.top": False, "axes.spines.right": False})
@@ -78,7 +78,7 @@ def trajectories(document: dict, figure: dict, _published: dict):
     for axes in all_axes.flat[len(cases):]:
         axes.axis("off")
     for axes, (name, repetitions) in zip(all_axes.flat, cases.items()):
-        for i, track in enumerate(list(repetitions[0].get("tracks", {}).values())[:MOST_TRACKS]):
+        for i, track in enumerate(list(repetitions[0].get("tracks", {}).values())[:MAX_TRACKS]):
             if not track["flown"]:
                 continue
             points = np.array(track["flown"])

@@ -26,7 +26,7 @@ PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric"
 SOURCES = {"exchange": [HERE.parent / "bench/node/client.cjs"], "hosts": [HERE / "hosts.py", HERE.parent / "python/netns.py"]}
 STATE_HZ = {70: 30, 110: 50}  # states a second of the published rates, messages a second
 TOLD_MPS = 1.0                # what a drone can be told at most, where nothing else is asked for: rc 100
-LONGEST_DELAY_MS = 3000       # of hil virtual
+MAX_DELAY_MS = 3000       # of hil virtual
 VIRTUAL_LEDGER_MS = 17        # two-way latency of hil virtual without a delay added
 libc = ctypes.CDLL(None, use_errno=True)
 
@@ -275,7 +275,7 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
             # Of one core: each message and each answer costs that.
             figures[name + ".cpu_percent"] = one["cpu_ms_per_message"] * one["rate"] / 10
         samples[name] = verdicts.distribution(times)
-        if one["rate"] in STATE_HZ and not one["collapsed"] and figures[name + ".ms.median"] < LONGEST_DELAY_MS:
+        if one["rate"] in STATE_HZ and not one["collapsed"] and figures[name + ".ms.median"] < MAX_DELAY_MS:
             figures[name + ".top_speed_mps"] = plain_top_speed(place, seed, one["rate"], figures[name + ".ms.median"], ramp)
     return {"figures": figures, "why": missing, "incomplete": missing, "ledger": out["ledger"], "exchange_ms": samples}
 

@@ -1,7 +1,5 @@
 #include "common/fabric/client/connection.hpp"
 
-#include "common/fabric/judge/block_judge.hpp"
-
 #include <fmt/format.h>
 #include <google/protobuf/any.pb.h>
 #include <google/protobuf/empty.pb.h>
@@ -12,6 +10,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "common/fabric/judge/block_judge.hpp"
 #include "gateway/gateway.pb.h"
 
 namespace ledgerline::fabric {

@@ -310,13 +310,9 @@ Follower::~Follower() {
   thread_.join();
 }
 
-Follower::Cancellable::Cancellable(Follower& follower, grpc::ClientContext& context)
-    : follower_(follower), outer_([&] {
-        const std::lock_guard lock(follower.mutex_);
-        return follower.context_;
-      }()) {
+Follower::Cancellable::Cancellable(Follower& follower, grpc::ClientContext& context) : follower_(follower) {
   const std::lock_guard lock(follower_.mutex_);
-  follower_.context_ = &context;
+  outer_ = std::exchange(follower_.context_, &context);
   if (follower_.stopping_) context.TryCancel();
 }
 

@@ -28,7 +28,7 @@ class Follower final : public Client::Stream {
 
    private:
     Follower& follower_;
-    grpc::ClientContext* const outer_;  ///< of a call that waits while this one is made
+    grpc::ClientContext* outer_ = nullptr;  ///< of a call that waits while this one is made
   };
   bool stopping();
   /// The stream is there; said once a connection.

@@ -332,12 +332,15 @@ void CommandCheck::take_stops(TimeNs now, const fabric::Transaction& tx, Checked
   std::optional<belief::ControlEvent> event;
   if (valid) {
     auto read = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
-    if (read) event = std::move(*read);
-    if (!read) refuse_control_event(Refusal::altered, 0, out);
+    if (read) {
+      event = std::move(*read);
+    } else {
+      refuse_control_event(Refusal::altered, 0, out);
+    }
   }
   if (!asks) return;
   const StopSaid said{.signer = signer,
-                      .endorsed_by_us = endorsed_by({config_.msp_id}, std::nullopt, tx),
+                      .endorsed_by_us = event && endorsed_by({config_.msp_id}, std::nullopt, tx),
                       .again = std::find(heard_stops_.begin(), heard_stops_.end(), tx.tx_id) != heard_stops_.end(),
                       .event = event ? &*event : nullptr,
                       .tx = tx};

@@ -182,7 +182,7 @@ class CommandCheck {
   /// A call of `stop`, well signed.
   struct StopSaid {
     const belief::Creator& signer;
-    bool endorsed_by_us = false;
+    bool endorsed_by_us = false;                  ///< of an event alone is it asked
     bool again = false;                           ///< it was heard before
     const belief::ControlEvent* event = nullptr;  ///< what the ledger is said to have made of it; null: nothing
     const fabric::Transaction& tx;

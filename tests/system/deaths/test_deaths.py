@@ -20,7 +20,7 @@ FLYING, LANDING = 3, 4  # FlightPhase
 NONE, HOLD, LAND = 0, 1, 3  # FailsafeMode
 AGENT_SILENT = 3  # FailsafeCause
 LAND_AFTER_S, HOLD_GRACE_S = 5.0, 0.1  # onboard/link/core/settings.hpp
-LONGEST_PLAN_S = 2.0 + 0.05  # the contract's and agent's limit, and how long a plan's last setpoint is flown
+MAX_PLAN_S = 2.0 + 0.05  # the contract's and agent's limit, and how long a plan's last setpoint is flown
 LOST_S = 0.25  # LinkSettings::health_gap_ns: a loop that is later calls itself unhealthy
 
 
@@ -152,7 +152,7 @@ def test_with_a_stopped_agent_the_plan_is_flown_out_and_then_held_every_time(tmp
         assert after and after[-1] == NONE, "it flies on when agent does"
     print(f"{trials} trials: from SIGSTOP to hold {min(held_s):.2f} to {max(held_s):.2f} s", flush=True)
     assert min(held_s) > 0.3, "the plan in hand is flown"
-    assert max(held_s) < LONGEST_PLAN_S + HOLD_GRACE_S
+    assert max(held_s) < MAX_PLAN_S + HOLD_GRACE_S
     assert_nothing_left()
 
 

@@ -18,7 +18,7 @@ from ros import (BatteryState, DiagnosticArray, Empty, Imu, Odometry, PoseStampe
 from trace_file import TraceKind, records
 
 DRONES, GROUND = 31, 32  # DDS domains
-LONGEST_S = "900"  # of a flight whose test is gone
+MAX_S = "900"  # of a flight whose test is gone
 
 
 class Drone:
@@ -139,7 +139,7 @@ def test_a_stranger_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
     stranger, neighbour = Stranger(GROUND), Neighbour()
     flown = [Drone(stranger, f"tello{k + 1}") for k in range(drones)]
     tf = stranger.reads("/tf", TFMessage)
-    flight = fly(tmp_path, "--shape", "manual", "--seconds", LONGEST_S, "--drones", str(drones), "--ledger", ledger,
+    flight = fly(tmp_path, "--shape", "manual", "--seconds", MAX_S, "--drones", str(drones), "--ledger", ledger,
                  "--domains", f"{DRONES},{GROUND}")
     first = flown[0]
     wait_for_states(first, tmp_path, flight)
@@ -218,7 +218,7 @@ def test_a_pilot_of_another_make_flies_a_drone_by_ros_topics_alone(tmp_path, led
     lan.write_text(peers.LAN)
     forward_mps, seconds = 0.4, 3
     neighbour = Neighbour(cyclone_config=peers.LAN)
-    flight = fly(tmp_path, "--shape", "manual", "--seconds", LONGEST_S, "--ledger", ledger, "--domains", f"{DRONES},{GROUND}",
+    flight = fly(tmp_path, "--shape", "manual", "--seconds", MAX_S, "--ledger", ledger, "--domains", f"{DRONES},{GROUND}",
                  "--dds", lan)
     pilot = peers.pilot(GROUND, "tello1", forward_mps, seconds)
     try:
@@ -277,7 +277,7 @@ odom.wait(lambda all: False, patience_s=600)
 def test_a_stop_is_the_ledgers_and_keeps_the_drone_down(tmp_path):
     stranger = Stranger()
     drone = Drone(stranger, "tello1")
-    flight = fly(tmp_path, "--shape", "manual", "--seconds", LONGEST_S)
+    flight = fly(tmp_path, "--shape", "manual", "--seconds", MAX_S)
     wait_for_states(drone, tmp_path, flight)
     take_off(drone)
     reader = subprocess.Popen([sys.executable, "-c", READS_ALL], cwd=pathlib.Path(__file__).parent, stdout=subprocess.PIPE,
