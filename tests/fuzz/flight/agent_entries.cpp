@@ -61,6 +61,8 @@ class EventEntry final : public Entry {
     }
     const bool told = std::any_of(out.traces.begin(), out.traces.end(),
                                   [](const TraceRecord& r) { return r.kind == TraceKind::refused; });
+    // Its stopper was obeyed, and alarmed: not what the event says, but who signed.
+    if (!out.unconfirmed_stops.empty()) return dropped();
     const bool taken = !out.plans.empty();
     if (taken) return accepted();
     if (name_ != "command" && !told) return accepted();  // a record was changed, or it was about other drones
