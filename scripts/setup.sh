@@ -85,7 +85,7 @@ build() {
       }
     }
     END { if (bar) printf "\r\033[K" > "/dev/stderr" }'; then
-    grep -E -A 15 'FAILED|error:' "$log" | head -n 60 >&2
+    sed -nE '/FAILED|error:/,+15p' "$log" | sed -n 1,60p >&2
     die "the build failed (whole log: $log)"
   fi
 }
