@@ -21,6 +21,22 @@ protos::Response to_message(const chaincode::Response& response) {
   return message;
 }
 
+std::string to_payload(const ProposalParts& proposal, const protos::ChaincodeAction& action) {
+  protos::ProposalResponsePayload payload;
+  payload.set_proposal_hash(proposal_hash(proposal.header, proposal.payload));
+  payload.set_extension(action.SerializeAsString());
+  return payload.SerializeAsString();
+}
+
+/// What a peer signs of an answer of its own contracts: no reads and no writes, and Fabric's name for their version.
+std::string system_payload(const ProposalParts& proposal, const chaincode::Response& response) {
+  protos::ChaincodeAction action;
+  *action.mutable_response() = to_message(response);
+  action.mutable_chaincode_id()->set_name(proposal.contract);
+  action.mutable_chaincode_id()->set_version("syscc");
+  return to_payload(proposal, action);
+}
+
 Result<protos::Endorsement> endorse_by(const crypto::SigningIdentity& peer, const std::string& payload) {
   auto signature = peer.signer->sign(payload + peer.serialized);
   if (!signature) return Error{"signing with the key of " + peer.name.subject + ": " + signature.error().what};
@@ -72,10 +88,7 @@ std::string Endorser::response_payload(const ProposalParts& proposal, const Simu
   *action.mutable_response() = to_message(response);
   action.mutable_chaincode_id()->set_name(config_.contract);
   action.mutable_chaincode_id()->set_version("1");
-  protos::ProposalResponsePayload payload;
-  payload.set_proposal_hash(proposal_hash(proposal.header, proposal.payload));
-  payload.set_extension(action.SerializeAsString());
-  return payload.SerializeAsString();
+  return to_payload(proposal, action);
 }
 
 std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(std::string_view signed_proposal, Now now) {
@@ -178,13 +191,19 @@ Reply Endorser::process_proposal(std::string_view signed_proposal, Now now, std:
     }
   }
   const auto& simulated = std::get<Simulated>(answer);
+  const ProposalParts& proposal = simulated.proposal;
   response.set_version(1);
   *response.mutable_response() = to_message(simulated.response);
-  if (!simulated.payload.empty()) {
-    auto endorsement = endorse_by(peers_.at(peer), simulated.payload);
+  std::string payload = simulated.payload;
+  // As Fabric's peers: what they say of a channel they sign, what they are asked without one they do not.
+  if (is_system_contract(proposal.contract) && simulated.response.status < 400 &&
+      !proposal.channel_header.channel_id().empty())
+    payload = system_payload(proposal, simulated.response);
+  if (!payload.empty()) {
+    auto endorsement = endorse_by(peers_.at(peer), payload);
     if (!endorsement) return {Code::unknown, endorsement.error().what, {}, {}};
     *response.mutable_endorsement() = std::move(*endorsement);
-    response.set_payload(simulated.payload);
+    response.set_payload(std::move(payload));
   }
   return {Code::ok, {}, {}, response.SerializeAsString()};
 }

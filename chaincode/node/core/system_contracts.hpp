@@ -7,7 +7,7 @@
 #include "chaincode/node/core/tx/proposal.hpp"
 
 /// The contracts that every peer of Fabric has of its own, as far as tools ask them: qscc (the chain) and cscc (the
-/// channels). They answer questions; nothing of them is endorsed.
+/// channels). They answer questions. A peer signs what they say of the channel; no transaction can be made of it.
 namespace ledgerline::node {
 
 bool is_system_contract(const std::string& contract);

@@ -21,7 +21,6 @@ class SystemContractsTest : public CoreTest {
     EXPECT_EQ(reply.code, Code::ok) << reply.message;
     protos::ProposalResponse response;
     EXPECT_TRUE(response.ParseFromString(reply.bytes));
-    EXPECT_FALSE(response.has_endorsement());
     return response;
   }
   protos::Response of_chain(std::vector<std::string> args) {
@@ -60,6 +59,41 @@ TEST_F(SystemContractsTest, BlocksAndTransactionsAreFound) {
   EXPECT_EQ(channels.channels(0).channel_id(), "teleop");
 }
 
+TEST_F(SystemContractsTest, APeerSignsWhatItSaysOfTheChannelAndNothingElse) {
+  net.submit(net.host, "set", note("tello1/a"));
+  const std::string id = net.block(2).transactions[0].tx_id;
+  for (std::size_t peer = 0; peer < 3; ++peer) {
+    const auto proposal = fabric::make_proposal(net.host, {"teleop", "qscc"}, {"GetTransactionByID", {"teleop", id}}, 0,
+                                                std::string(24, 'n'));
+    protos::ProposalResponse response;
+    ASSERT_TRUE(response.ParseFromString(net.core->process_proposal(proposal->signed_proposal, net.now, peer).bytes));
+    const auto signer = crypto::make_test_identity({"Org" + std::to_string(peer + 1) + "MSP", "CN=peer0"});
+    EXPECT_EQ(response.endorsement().endorser(), signer.serialized);
+    EXPECT_EQ(response.endorsement().signature(), *signer.signer->sign(response.payload() + signer.serialized));
+    protos::ProposalResponsePayload payload;
+    protos::ChaincodeAction action;
+    ASSERT_TRUE(payload.ParseFromString(response.payload()) && action.ParseFromString(payload.extension()));
+    EXPECT_EQ(action.chaincode_id().name(), "qscc");
+    EXPECT_EQ(action.chaincode_id().version(), "syscc");
+    EXPECT_EQ(action.response().SerializeAsString(), response.response().SerializeAsString());
+    EXPECT_TRUE(action.results().empty());
+  }
+  EXPECT_FALSE(ask({"", "qscc"}, {"GetChainInfo", "teleop"}).has_endorsement()) << "no channel was asked";
+  EXPECT_FALSE(ask({"teleop", "qscc"}, {"GetTransactionByID", "teleop", "none"}).has_endorsement()) << "a refusal";
+}
+
+TEST_F(SystemContractsTest, WhatAPeerSignedOfTheChainIsNoTransaction) {
+  const fabric::Proposal proposal =
+      *fabric::make_proposal(net.host, {"teleop", "qscc"}, {"GetChainInfo", {"teleop"}}, 0, std::string(24, 'q'));
+  std::vector<std::string> responses;
+  for (std::size_t peer = 0; peer < 3; ++peer)
+    responses.push_back(net.core->process_proposal(proposal.signed_proposal, net.now, peer).bytes);
+  const auto envelope = fabric::assemble(proposal, responses);
+  ASSERT_TRUE(envelope) << envelope.error().what;
+  ASSERT_EQ(net.core->order(*fabric::sign_envelope(net.host, *envelope), net.now).code, Code::ok);
+  EXPECT_EQ(net.commit(), std::vector<int>{protos::INVALID_CHAINCODE});
+}
+
 TEST_F(SystemContractsTest, WhatIsNotThereIsRefused) {
   for (const std::vector<std::string>& args : {std::vector<std::string>{"GetBlockByNumber", "3"},
                                                {"GetBlockByNumber", "-1"},
@@ -75,7 +109,7 @@ TEST_F(SystemContractsTest, WhatIsNotThereIsRefused) {
   EXPECT_EQ(ask({"", "ledgerline"}, {"get"}).response().status(), 500) << "the contract has a channel";
 }
 
-TEST_F(SystemContractsTest, WhoIsNoMemberIsNotAnsweredAndNothingIsEndorsed) {
+TEST_F(SystemContractsTest, WhoIsNoMemberIsNotAnsweredAndTheGatewayEndorsesNothing) {
   const auto stranger = crypto::make_test_identity({"Org9MSP", "CN=x"});
   const auto propose = [&](const crypto::SigningIdentity& who) {
     return fabric::make_proposal(who, {"teleop", "qscc"}, {"GetChainInfo", {"teleop"}}, 0, std::string(24, 'n'))
