@@ -1,0 +1,77 @@
+#include "common/fabric/receipt/asking.hpp"
+
+#include <fmt/format.h>
+
+#include "common/fabric/client/connection.hpp"
+#include "peer/peer.grpc.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+struct Peer {
+  std::string name;  ///< for messages
+  std::shared_ptr<grpc::Channel> channel;
+};
+
+std::vector<Peer> peers_to_ask(const Connection& connection) {
+  const ClientConfig& config = connection.config;
+  const std::string& own = config.identity.name.msp_id;
+  std::vector<Peer> peers;
+  bool own_known = false;
+  for (const std::size_t i : connection.endorsers_now()) {
+    const ClientConfig::Endorser& endorser = config.endorsers[i];
+    own_known = own_known || endorser.msp_id == own;
+    peers.push_back({fmt::format("{} ({})", endorser.endpoint, endorser.msp_id), connection.endorsers[i]});
+  }
+  if (!own_known) peers.push_back({config.endpoint, connection.peers[connection.peer()]});
+  return peers;
+}
+
+/// Its answer, or why there is none.
+Result<PeerAnswer> ask(const Peer& peer, const protos::SignedProposal& question, std::chrono::milliseconds deadline) {
+  protos::ProposalResponse response;
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + deadline);
+  const grpc::Status status = protos::Endorser::NewStub(peer.channel)->ProcessProposal(&context, question, &response);
+  if (!status.ok()) return Error{describe(status)};
+  if (response.response().status() != 200) return Error{response.response().message()};
+  return PeerAnswer{peer.name, response.SerializeAsString()};
+}
+
+}  // namespace
+
+Result<AskedReceipt> ask_receipt(ClientConfig config, const std::string& tx_id) {
+  config.where.contract = chain_contract;
+  const std::string channel = config.where.channel;
+  auto client = Client::create(config);
+  if (!client) return client.error();
+  const auto block = (*client)->evaluate({"GetBlockByTxID", {channel, tx_id}});
+  if (!block) return Error{fmt::format("transaction {}: its block: {}", tx_id, block.error().what)};
+
+  const auto connection = make_connection(std::move(config));
+  if (!connection) return connection.error();
+  const ClientConfig& settings = (*connection)->config;
+  const auto proposal = make_proposal(settings.identity, settings.where, {verdict_function, {channel, tx_id}},
+                                      realtime_ns(), crypto::random_bytes(24));
+  if (!proposal) return proposal.error();
+  protos::SignedProposal question;
+  question.ParseFromString(proposal->signed_proposal);
+  std::vector<PeerAnswer> answers;
+  AskedReceipt out;
+  for (const Peer& peer : peers_to_ask(**connection)) {
+    auto answer = ask(peer, question, settings.deadline);
+    if (answer) {
+      answers.push_back(std::move(*answer));
+    } else {
+      out.unheard.push_back(fmt::format("{}: {}", peer.name, answer.error().what));
+    }
+  }
+  if (answers.empty())
+    return Error{fmt::format("transaction {}: no peer has answered; {}", tx_id, fmt::join(out.unheard, "; "))};
+  auto receipt = make_receipt(channel, tx_id, *block, proposal->signed_proposal, answers);
+  if (!receipt) return Error{fmt::format("transaction {}: {}", tx_id, receipt.error().what)};
+  out.receipt = std::move(*receipt);
+  return out;
+}
+
+}  // namespace ledgerline::fabric

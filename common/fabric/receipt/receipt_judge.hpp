@@ -1,0 +1,68 @@
+#pragma once
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "common/crypto/crypto.hpp"
+#include "common/rt/clock.hpp"
+
+namespace ledgerline::fabric {
+
+/// Whom to believe. All of it comes from who checks, nothing from the receipt.
+struct ReceiptTrust {
+  std::string channel;
+  std::vector<crypto::MspRoot> organisations;  ///< of the channel: a majority of these has to say the verdict
+  std::vector<crypto::MspRoot> orderers;       ///< organisations of orderers
+};
+
+/// What a receipt proves, and by whose word.
+struct Proven {
+  std::string channel, tx_id;
+  std::uint64_t block = 0;
+  std::string block_hash;                      ///< hex, of its header: what the next block names
+  std::vector<crypto::IdentityName> orderers;  ///< by their word the transaction is in this block
+  crypto::IdentityName creator;                ///< by its own word: contract, function, arguments, time
+  std::string contract, function;
+  std::size_t arguments = 0, argument_bytes = 0;
+  TimeNs timestamp_ns = 0;
+  std::vector<crypto::IdentityName> endorsers;  ///< whose endorsements of this call are good
+  int code = 0;                                 ///< protos.TxValidationCode
+  std::string verdict;                          ///< its name
+  std::vector<crypto::IdentityName> peers;      ///< by their word the verdict is that
+  std::size_t organisations = 0;                ///< of these, peers of more than half have said so
+  /// The block's other transactions, which the receipt shows as well. What they say of themselves; nothing is checked.
+  struct Other {
+    std::string tx_id;
+    crypto::IdentityName creator;  ///< no names: it cannot be read, or is of nobody who is known
+  };
+  std::vector<Other> others;
+};
+
+/// Checks receipts, without any network. Proven is, in this order:
+/// - the block is as one orderer or more of the named organisations signed it (each signature in it counts; Fabric's
+///   default policy wants one. Where the channel's policy wants more, one orderer's word is proven and not more);
+/// - the transaction is in it, is of this channel, has its creator's signature, and its id is of that creator;
+/// - peers (OU=peer) of more than half of the named organisations signed one and the same verdict on this very
+///   transaction. Validity is signed nowhere else: a lying majority would be believed, as by the channel itself.
+/// Certificates must be of the named authorities; whether they had expired or been revoked is not looked at, since a
+/// receipt outlives them: that the peers did before they gave the verdict.
+/// Any thread; checked certificates are kept between receipts.
+class ReceiptJudge {
+ public:
+  /// An error names the certificate that cannot be read, or what is missing.
+  static Result<ReceiptJudge> from(ReceiptTrust trust);
+
+  /// The error names the first thing that is wrong.
+  Result<Proven> verify(std::string_view receipt) const;
+
+ private:
+  ReceiptJudge() = default;
+
+  std::string channel_;
+  std::size_t organisation_count_ = 0;
+  std::unique_ptr<crypto::MspRegistry> organisations_, orderers_;
+};
+
+}  // namespace ledgerline::fabric
