@@ -68,7 +68,8 @@ const std::vector<Source>& sources() {
        {ledger, topics, dds},
        [](Config& config) { (void)bridge::read_bridge(config); }},
       {"control",
-       "`ledgerline control --config operator.toml`: leases, stops, grants and enrolments by hand.",
+       "`ledgerline control --config operator.toml`: leases, stops, grants and enrolments by hand. "
+       "[Receipts](receipts.md) are made with the same.",
        {ledger},
        {}},
       {"sim", "`ledgerline sim --config sim.toml`; all else are options.", {dds}, {}},
