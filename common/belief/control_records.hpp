@@ -49,6 +49,8 @@ class ControlStart {
   Result<Next> on_block(const fabric::Block& block);
   /// The records were read anew: take them, then these blocks in their order.
   std::vector<fabric::Block> on_read();
+  /// Of blocks that come each is taken at once.
+  bool known() const { return known_; }
 
  private:
   const std::size_t max_held_;

@@ -12,6 +12,7 @@ class Roles {
  public:
   void take(const RoleChange& change);
   Role of(const crypto::IdentityName& who) const;
+  const std::map<crypto::IdentityName, Role>& all() const { return roles_; }
 
  private:
   std::map<crypto::IdentityName, Role> roles_;

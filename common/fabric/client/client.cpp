@@ -43,7 +43,11 @@ class GatewayClient final : public Client {
   }
 
   std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) override {
-    return follow_blocks(connection_, start, std::move(handlers));
+    return follow_blocks(connection_, {start, std::nullopt}, std::move(handlers));
+  }
+
+  std::unique_ptr<Stream> blocks_behind(Believed believed, StreamHandlers handlers) override {
+    return follow_blocks(connection_, {std::nullopt, std::move(believed)}, std::move(handlers));
   }
 
   std::unique_ptr<Stream> events(std::optional<std::uint64_t> start, std::function<void(const Event&)> on_event,

@@ -9,6 +9,7 @@
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/fabric/checkpoint/continuation.hpp"
 #include "common/fabric/sending/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
 
@@ -87,6 +88,8 @@ class Client {
     /// Transactions that the peers flagged valid and that cannot be (code_unbelievable), in words: block, transaction,
     /// why, and how many there were. The first at once, then at most one word a minute; on_block has them all.
     std::function<void(const std::string& what)> on_unbelievable = {};
+    /// Of blocks_behind(): how the peer's chain goes on; once, before the first block.
+    std::function<void(const Continuation&)> on_continued = {};
   };
   /// Blocks from number `start` (nullopt: from the next new one on). Reconnects with back-off and jitter, for ever, and
   /// resumes behind the last block handed over. A transaction that cannot be believed is left out alone, see
@@ -94,6 +97,11 @@ class Client {
   /// stream starts again at the last good one. With cross_check a second stream brings an orderer's blocks; once the
   /// two differ, nothing more is handed over, and on_connection says so.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;
+  /// The same for who starts again: blocks from behind a checkpoint on, or, after a longer absence than it allows, from the
+  /// next new one on, whose predecessor then counts by its orderers' signatures (needs config_block, or is the peer's word).
+  /// A chain that ends before the checkpoint, or has another block in its place, is refused: on_connection says so, and
+  /// the peer is asked again.
+  virtual std::unique_ptr<Stream> blocks_behind(Believed believed, StreamHandlers handlers) = 0;
   /// Contract events through the gateway's ChaincodeEvents, from block `start` on (nullopt: from the next new one on),
   /// behind transaction `after_tx_id` of that block where one is named: the last event handled is a checkpoint.
   /// Reconnects like blocks(), without loss or doublet.

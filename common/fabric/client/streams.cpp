@@ -36,15 +36,17 @@ std::string seek(const Connection& connection, DeliverStream& stream, std::optio
 
 class BlockReader {
  public:
-  BlockReader(std::shared_ptr<const Connection> connection, std::optional<std::uint64_t> start,
-              Client::StreamHandlers handlers, std::shared_ptr<CrossCheck> cross_check)
+  BlockReader(std::shared_ptr<const Connection> connection, BlocksFrom from, Client::StreamHandlers handlers,
+              std::shared_ptr<CrossCheck> cross_check)
       : connection_(std::move(connection)),
-        next_(start),
+        next_(from.number),
+        believed_(std::move(from.believed)),
         handlers_(std::move(handlers)),
         cross_check_(std::move(cross_check)),
         judge_(make_judge(connection_->config)) {}
 
   std::string follow(Follower& follower) {
+    if (std::string problem = continue_chain(follower); !problem.empty()) return problem;
     grpc::ClientContext context;
     const Follower::Cancellable cancellable(follower, context);
     const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
@@ -89,8 +91,26 @@ class BlockReader {
     return std::move(BlockJudge::from(config.config_block, config.where.channel, config.verifier)).value();
   }
 
-  /// One block of the same peer, while its stream waits.
-  Result<common::Block> fetch(Follower& follower, std::uint64_t number) {
+  /// Finds the place behind the checkpoint, where there is one; once.
+  std::string continue_chain(Follower& follower) {
+    if (!believed_) return {};
+    const auto newest = fetch(follower, std::nullopt);
+    if (!newest) return newest.error().what;
+    const auto on = continue_behind(*believed_, *newest, [&](std::uint64_t number) { return fetch(follower, number); });
+    if (!on) return on.error().what;
+    caught_up_ = false;
+    if (on->gap) {
+      if (std::string problem = judge(*newest, follower); !problem.empty()) return problem;
+    }
+    believed_.reset();
+    chain_ = on->chain;
+    next_ = chain_.height();
+    if (handlers_.on_continued) handlers_.on_continued(*on);
+    return {};
+  }
+
+  /// One block of the same peer, while its stream waits; without a number its newest.
+  Result<common::Block> fetch(Follower& follower, std::optional<std::uint64_t> number) {
     grpc::ClientContext context;
     const Follower::Cancellable cancellable(follower, context);
     context.set_deadline(std::chrono::system_clock::now() + connection_->config.deadline);
@@ -102,8 +122,9 @@ class BlockReader {
     context.TryCancel();
     const grpc::Status status = stream->Finish();
     if (!read || response.Type_case() != protos::DeliverResponse::kBlock ||
-        response.block().header().number() != number)
-      return Error{fmt::format("the peer does not give block {}: {}", number, text_of(status))};
+        (number && response.block().header().number() != *number))
+      return Error{fmt::format("the peer does not give {}: {}",
+                               number ? fmt::format("block {}", *number) : "its newest block", text_of(status))};
     return std::move(*response.mutable_block());
   }
 
@@ -159,6 +180,7 @@ class BlockReader {
 
   const std::shared_ptr<const Connection> connection_;
   std::optional<std::uint64_t> next_;
+  std::optional<Believed> believed_;  ///< until the chain goes on behind it
   ChainCheck chain_;
   const Client::StreamHandlers handlers_;
   const std::shared_ptr<CrossCheck> cross_check_;
@@ -346,16 +368,16 @@ void Follower::run() {
   }
 }
 
-std::unique_ptr<Client::Stream> follow_blocks(std::shared_ptr<const Connection> connection,
-                                              std::optional<std::uint64_t> start, Client::StreamHandlers handlers) {
+std::unique_ptr<Client::Stream> follow_blocks(std::shared_ptr<const Connection> connection, BlocksFrom from,
+                                              Client::StreamHandlers handlers) {
   auto on_connection = handlers.on_connection;
   const bool checked = connection->config.cross_check && !connection->orderers.empty();
   const auto cross_check = checked ? std::make_shared<CrossCheck>() : nullptr;
   const auto run = [](auto reader, Follower::OnConnection tell) {
     return std::make_unique<Follower>([reader](Follower& f) { return reader->follow(f); }, std::move(tell));
   };
-  auto blocks =
-      run(std::make_shared<BlockReader>(connection, start, std::move(handlers), cross_check), std::move(on_connection));
+  auto blocks = run(std::make_shared<BlockReader>(connection, std::move(from), std::move(handlers), cross_check),
+                    std::move(on_connection));
   if (!checked) return blocks;
   auto both = std::make_unique<CheckedBlocks>();
   both->blocks = std::move(blocks);

@@ -78,6 +78,14 @@ void CommandCheck::set_control(const Control& control) {
   if (Drone* drone = find(control.drone())) drone->control = control;
 }
 
+FirstRecords CommandCheck::records() const {
+  FirstRecords records{.controls = {}, .roles = roles_};
+  for (const Drone& drone : drones_) {
+    if (drone.control) records.controls.push_back(*drone.control);
+  }
+  return records;
+}
+
 void CommandCheck::sent(const StateSample& sample) {
   const auto it =
       std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == sample.drone; });

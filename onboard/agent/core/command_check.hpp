@@ -17,6 +17,7 @@
 #include "common/msg/onboard.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/agent/core/drone_name.hpp"
+#include "onboard/agent/core/records/first_records.hpp"
 
 namespace ledgerline::agent {
 
@@ -128,8 +129,12 @@ class CommandCheck {
   /// The epoch of its holder's lease; none: nobody holds the drone, or no record of it was read.
   std::optional<std::uint64_t> lease(DroneNumber number) const;
 
+  /// What is believed now, as set at the start and changed by the blocks since.
+  FirstRecords records() const;
+
   const Counters& counters(DroneNumber number) const;
   std::uint64_t height() const { return chain_.height(); }
+  const std::string& chain_hash() const { return chain_.hash(); }  ///< of the newest block's header; empty before one
   std::uint64_t broken_blocks() const { return broken_blocks_; }
   std::uint64_t malformed_commands() const { return malformed_commands_; }  ///< of no drone, therefore
   std::uint64_t refused_control_events() const { return refused_control_events_; }

@@ -2,12 +2,10 @@
 #include <cstdint>
 #include <string>
 #include <variant>
-#include <vector>
 
-#include "common/belief/roles.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/rt/mailbox.hpp"
-#include "ledgerline.pb.h"
+#include "onboard/agent/core/records/first_records.hpp"
 
 namespace ledgerline::agent {
 
@@ -21,16 +19,15 @@ struct StreamState {
   bool connected = false;
   std::string why;
 };
-/// What the blocks change from then on.
-struct FirstRecords {
-  std::vector<Control> controls;
-  belief::Roles roles;
+/// The chain goes on behind the checkpoint.
+struct Continued {
+  fabric::Continuation how;
 };
 /// The records to begin with, as read after the first block had come, or why they cannot be.
 struct RecordsRead {
   Result<FirstRecords> records;
 };
-using Letter = std::variant<fabric::Block, FrameEnded, StreamState, RecordsRead>;
+using Letter = std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead>;
 
 /// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one frame in
 /// flight).

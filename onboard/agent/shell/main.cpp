@@ -58,6 +58,10 @@ int run(Config& config) {
   if (checked) checked = own_msp;
   if (!checked) return fail(checked.error(), exit_usage);
   if (known.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
+  settings.blocks_are_judged = !known.config_block.empty();
+  auto checkpoint = settings.checkpoint.empty() ? Result<std::optional<fabric::Checkpoint>>(std::nullopt)
+                                                : fabric::read_checkpoint(settings.checkpoint, known.where.channel);
+  if (!checkpoint) return fail(checkpoint.error(), exit_usage);
   auto client = fabric::Client::create(known);
   auto urgent = fabric::Client::create(known);
   if (!client || !urgent) return fail((client ? urgent : client).error(), exit_usage);
@@ -68,7 +72,7 @@ int run(Config& config) {
     participant = std::move(made).value();
   }
   agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(),
-                          std::move(urgent).value(), participant, stop_requested);
+                          std::move(urgent).value(), participant, std::move(*checkpoint), stop_requested);
   if (auto status = shell.start(); !status) return fail(status.error());
   const auto bridges = bridge::BesideBridges::create(config, bridged, participant);
   if (!bridges) return fail(bridges.error());
@@ -86,7 +90,8 @@ const std::string notes =
 
 agent.toml: [[drone]] name, number;
 )" + ledger_table_help +
-    R"(  [output] trace, summary, status_period_ms; and with defaults
+    R"(    checkpoint (file), max_absence_blocks
+  [output] trace, summary, status_period_ms; and with defaults
   [mocap] topic, clock (host|arrival), position_sigma_m, acceleration_sigma_mps2, gate_sigma,
     outliers_before_reset, longest_gap_ms, frozen_after_ms
   [check] max_age_ms, max_speed_mps, max_yaw_rate_radps, horizon_ms, stamps_kept

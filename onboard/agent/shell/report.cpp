@@ -84,6 +84,7 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
               {"control_events_refused", core.refused_control_events()},
               {"stops_unconfirmed", core.unconfirmed_stops()},
               {"transactions_unbelievable", core.unbelievable_transactions()},
+              {"blocks_not_read", shell.blocks_not_read},
               {"plans_not_handed_over", shell.plans_not_handed_over},
               {"mocap_lost", shell.mocap_lost},
               {"mocap_implausible", shell.mocap_implausible}}

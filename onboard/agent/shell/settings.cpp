@@ -112,6 +112,21 @@ void read_output(Config& config, Settings& s) {
       ns_per_ms;
 }
 
+void read_checkpoint_keys(Config& config, Settings& s) {
+  s.checkpoint = config.text(
+      {"ledger.checkpoint",
+       "file, of this agent alone, with the newest block that was believed and the control records behind it: a peer "
+       "that serves an older chain, or another one, is refused at the next start; none: each start begins anew"},
+      "");
+  s.max_absence_blocks = static_cast<std::uint64_t>(config.integer(
+      {"ledger.max_absence_blocks",
+       "blocks behind the checkpoint that are read one by one at a start, so that nothing on them is missed, before "
+       "the "
+       "agent is ready; after a longer absence the newest one counts by its orderers' signatures, and the control "
+       "records are read anew"},
+      1'000, 0, 1'000'000));
+}
+
 }  // namespace
 
 Settings read_settings(Config& config, const std::string& msp_id, const fabric::ChannelAndContract& where) {
@@ -145,6 +160,7 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
       {"agent.start_wait_s", "for RouDi and for the ledger, each, at the start; then it ends"}, 15, 0.1, 3'600));
   s.priority = static_cast<int>(config.integer(
       {"realtime.priority", "SCHED_FIFO from block to plan, below link's 80; 0: ordinary scheduling"}, 0, 0, 98));
+  read_checkpoint_keys(config, s);
   read_output(config, s);
   s.mocap_topic = config.text({"mocap.topic", "where mocap's poses come; {drone} is the drone's name; \"\": no mocap"},
                               "/vrpn_mocap/{drone}/pose");

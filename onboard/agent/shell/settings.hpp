@@ -16,6 +16,9 @@ struct Settings {
   std::string mocap_topic;                    ///< "{drone}" stands for the drone's name; empty: no mocap
   bool mocap_stamps_are_of_this_host = true;  ///< else the time of arrival counts
   TimeNs start_wait_ns = 0;                   ///< for RouDi and the ledger, each
+  std::string checkpoint;                     ///< file of the newest block believed; empty: none
+  std::uint64_t max_absence_blocks = 0;       ///< behind it that are read one by one
+  bool blocks_are_judged = false;             ///< config_block is set
   int priority = 0;  ///< SCHED_FIFO of the threads between a block and its plans; 0: ordinary. Below link's (80)
 };
 

@@ -45,11 +45,13 @@ TimeNs real_offset() {
 
 AgentShell::AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry,
                        std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent,
-                       dds::ParticipantPtr participant, const std::atomic<bool>& quit)
+                       dds::ParticipantPtr participant, std::optional<fabric::Checkpoint> checkpoint,
+                       const std::atomic<bool>& quit)
     : settings_(std::move(settings)),
       quit_(quit),
       registry_(std::move(registry)),
       core_(settings_.core, *registry_),
+      checkpoint_(std::move(checkpoint)),
       participant_(std::move(participant)),
       client_(std::move(client)),
       urgent_(std::move(urgent)) {
@@ -69,6 +71,8 @@ Status AgentShell::take_letters() {
     } else if (const auto* state = std::get_if<StreamState>(&letter)) {
       core_.on_connection(now, state->connected);
       tell_connection(*state);
+    } else if (const auto* continued = std::get_if<Continued>(&letter)) {
+      take_continued(continued->how);
     } else if (const auto* read = std::get_if<RecordsRead>(&letter)) {
       if (auto status = take_records(*read); !status) return status;
     }
@@ -220,6 +224,7 @@ void AgentShell::chores(TimeNs now) {
     core_.set_real_offset(mocap_intake_.clock().offset_ns());
     tell_lost_transitions();
   }
+  if (due(now, next_checkpoint_ns_, fabric::CheckpointKeeper::usual_period_ns)) keep_checkpoint();
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
     fmt::print("{}\n", status_line(core_, now));
     std::fflush(stdout);
@@ -255,7 +260,16 @@ void AgentShell::drain() {
   }
 }
 
+// Records and block belong together: while the records are being read, the core has taken no block.
+void AgentShell::keep_checkpoint() {
+  const std::uint64_t height = core_.height();
+  if (!keeper_ || !control_start_.known() || height == 0 || height == kept_height_) return;
+  keeper_->keep({settings_.core.check.where.channel, height - 1, core_.chain_hash(), to_bytes(core_.records())});
+  kept_height_ = height;
+}
+
 Status AgentShell::write_summary() {
+  keep_checkpoint();
   counters_.mocap_lost = mocap_lost_;
   for (const Mocap& mocap : mocap_) {
     const dds::Refused refused = mocap.subscriber->refused();

@@ -9,6 +9,7 @@
 
 #include "common/belief/control_records.hpp"
 #include "common/dds/dds.hpp"
+#include "common/fabric/checkpoint/keeper.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/program/recorder.hpp"
 #include "common/program/service_manager.hpp"
@@ -32,9 +33,10 @@ class AgentShell {
  public:
   /// `quit` is watched everywhere and must outlive the shell.
   /// `client` is for states and blocks, `urgent` for what must not wait behind states.
-  /// `participant`: for mocap.
+  /// `participant`: for mocap. `checkpoint`: as the file of the settings has it; none: there is none yet.
   AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry, std::unique_ptr<fabric::Client> client,
-             std::unique_ptr<fabric::Client> urgent, dds::ParticipantPtr participant, const std::atomic<bool>& quit);
+             std::unique_ptr<fabric::Client> urgent, dds::ParticipantPtr participant,
+             std::optional<fabric::Checkpoint> checkpoint, const std::atomic<bool>& quit);
   ~AgentShell();
 
   /// RouDi, mocap, the block stream, the control records: each with a bounded wait and a message that names the cure.
@@ -53,8 +55,12 @@ class AgentShell {
   Status keep_waiting(const std::string& what, const std::function<Status()>& attempt) const;
   Status subscribe_to_mocap();
   void hurry(const char* thread) const;
+  void open_checkpoint();
   void open_block_stream();
   Status wait_for_block_stream();
+  Status take_early_letters();
+  void take_continued(const fabric::Continuation& how);
+  void keep_checkpoint();
   void read_records_again(const std::stop_token& stop);
   Result<FirstRecords> read_records();
   void set_records(const FirstRecords& records);
@@ -92,12 +98,18 @@ class AgentShell {
   std::atomic<bool> roudi_gone_{false};
   TimeNs flight_heard_ns_ = 0;  ///< newest state of a drone in the air
   MocapIntake mocap_intake_{real_offset, settings_.mocap_stamps_are_of_this_host};
-  TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0;
+  TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0,
+         next_checkpoint_ns_ = 0;
   std::uint64_t transitions_lost_ = 0;  ///< as told last
   bool connected_ = false, mocap_warned_ = false;
   std::string stream_problem_;
   belief::ControlStart control_start_;
-  std::vector<std::string> names_;  ///< of the drones
+  std::vector<std::string> names_;                ///< of the drones
+  std::optional<fabric::Checkpoint> checkpoint_;  ///< as the last agent left it
+  std::optional<FirstRecords> kept_records_;      ///< of it, where it has one of each drone
+  std::uint64_t catch_up_to_ = 0;                 ///< height that the chain had at the start
+  std::uint64_t kept_height_ = 0;                 ///< of the newest checkpoint of this agent
+  std::unique_ptr<fabric::CheckpointKeeper> keeper_;
 
   // In this order: the threads and streams below use what is above, and are ended first.
   Mailbox mailbox_;

@@ -1,4 +1,6 @@
 // AgentShell's beginning: everything that may not be there yet is waited for, for a bounded time.
+#include <fmt/format.h>
+
 #include <chrono>
 #include <utility>
 
@@ -14,6 +16,7 @@ namespace {
 using std::chrono::milliseconds;
 constexpr milliseconds roudi_watch_turn{100};
 constexpr milliseconds roudi_watch_period{1000};
+constexpr TimeNs max_catching_up_ns = 1 * ns_per_s;  // then the wait is told
 
 std::string topic_of(const std::string& pattern, const std::string& drone) {
   std::string topic = pattern;
@@ -44,8 +47,10 @@ Status AgentShell::start() {
   roudi_watch_ = std::jthread([this](const std::stop_token& stop) { watch_roudi(stop); });
   if (auto status = subscribe_to_mocap(); !status) return status;
 
+  open_checkpoint();
   open_block_stream();
   if (auto status = wait_for_block_stream(); !status) return status;
+  if (control_start_.known()) return done;  // by the checkpoint and the blocks since
   return keep_waiting("the control records can be read", [this]() -> Status {
     const auto records = read_records();
     if (!records) return records.error();
@@ -101,21 +106,78 @@ void AgentShell::open_block_stream() {
     mailbox_.put(StreamState{connected, why});
   };
   handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
-  blocks_ = client_->blocks(std::nullopt, std::move(handlers));
+  handlers.on_continued = [this](const fabric::Continuation& how) { mailbox_.put(Continued{how}); };
+  if (!checkpoint_) {
+    blocks_ = client_->blocks(std::nullopt, std::move(handlers));
+    return;
+  }
+  // Without their records, blocks from before now would change records from now.
+  const std::uint64_t max_absence = kept_records_ ? settings_.max_absence_blocks : 0;
+  blocks_ = client_->blocks_behind({*checkpoint_, max_absence}, std::move(handlers));
+}
+
+void AgentShell::open_checkpoint() {
+  if (settings_.checkpoint.empty()) return;
+  keeper_ = std::make_unique<fabric::CheckpointKeeper>(
+      settings_.checkpoint, [](const std::string& why) { spdlog::error("the checkpoint is not kept: {}", why); });
+  if (!checkpoint_) {
+    spdlog::warn("there is no checkpoint yet: this start believes the chain that the peer serves");
+    return;
+  }
+  auto records = records_from(checkpoint_->records, names_);
+  if (!records) {
+    spdlog::warn("the checkpoint at block {}: {}: the control records are read anew", checkpoint_->number,
+                 records.error().what);
+    return;
+  }
+  kept_records_ = std::move(*records);
+}
+
+void AgentShell::take_continued(const fabric::Continuation& how) {
+  if (how.gap) {
+    counters_.blocks_not_read = how.newest - how.believed;
+    spdlog::warn(
+        "blocks {} to {} came while this agent was away, and are not read (more than {} behind the checkpoint): "
+        "block {} counts {}, and the control records are read anew",
+        how.believed + 1, how.newest, settings_.max_absence_blocks, how.newest,
+        settings_.blocks_are_judged ? "by its orderers' signatures"
+                                    : "by the peer's word, for config_block is not set");
+    return;
+  }
+  if (!kept_records_) return;
+  spdlog::info("goes on behind block {}, which was believed; the chain is at {}", how.believed, how.newest);
+  set_records(*kept_records_);
+  (void)control_start_.on_read();  // it comes before the first block
+  catch_up_to_ = how.newest > how.believed ? how.newest + 1 : 0;
+}
+
+Status AgentShell::take_early_letters() {
+  for (Letter& letter : mailbox_.take_all()) {
+    if (const auto* state = std::get_if<StreamState>(&letter)) {
+      core_.on_connection(monotonic_ns(), state->connected);
+      connected_ = state->connected;
+      stream_problem_ = state->why;
+    } else if (const auto* continued = std::get_if<Continued>(&letter)) {
+      take_continued(continued->how);
+    } else if (auto* block = std::get_if<fabric::Block>(&letter)) {
+      if (auto status = take_block(std::move(*block)); !status) return status;
+    }
+  }
+  return done;
 }
 
 Status AgentShell::wait_for_block_stream() {
   return keep_waiting("the ledger's block stream is open", [this]() -> Status {
-    for (Letter& letter : mailbox_.take_all()) {
-      if (const auto* state = std::get_if<StreamState>(&letter)) {
-        core_.on_connection(monotonic_ns(), state->connected);
-        connected_ = state->connected;
-        stream_problem_ = state->why;
-      } else if (auto* block = std::get_if<fabric::Block>(&letter)) {
-        if (auto status = take_block(std::move(*block)); !status) return status;
-      }
-    }
-    if (connected_) return done;
+    const TimeNs until_ns = monotonic_ns() + max_catching_up_ns;
+    do {
+      if (auto status = take_early_letters(); !status) return status;
+      if (connected_ && core_.height() >= catch_up_to_) return done;
+      if (connected_) mailbox_.wait(1 * ns_per_ms);  // the blocks since the checkpoint, a box of them at a time
+    } while (connected_ && monotonic_ns() < until_ns);
+    if (connected_)
+      return Error{fmt::format("of the {} blocks since the checkpoint {} have come",
+                               catch_up_to_ - 1 - checkpoint_->number,
+                               core_.height() == 0 ? 0 : core_.height() - checkpoint_->number - 1)};
     return Error{stream_problem_.empty() ? "no answer yet" : stream_problem_};
   });
 }

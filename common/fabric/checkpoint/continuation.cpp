@@ -1,0 +1,42 @@
+#include "common/fabric/checkpoint/continuation.hpp"
+
+#include <fmt/format.h>
+
+#include "common/common.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+std::string hash_of(const common::BlockHeader& header) {
+  return block_header_hash(header.number(), header.previous_hash(), header.data_hash());
+}
+
+}  // namespace
+
+Result<Continuation> continue_behind(const Believed& believed, const common::Block& newest,
+                                     const std::function<Result<common::Block>(std::uint64_t number)>& fetch) {
+  const Checkpoint& last = believed.last;
+  const std::uint64_t height = newest.header().number();
+  if (height < last.number)
+    return Error{fmt::format(
+        "the peer serves a chain that ends at block {}; we have believed block {}: it lags behind, or tells an old one",
+        height, last.number)};
+  std::string hash = hash_of(newest.header());
+  if (height > last.number) {
+    const auto block = fetch(last.number);
+    if (!block) return block.error();
+    if (hash_of(block->header()) != last.hash) hash.clear();
+  } else if (hash != last.hash) {
+    hash.clear();
+  }
+  if (hash.empty())
+    return Error{fmt::format(
+        "the peer serves another block {} than the one that we have believed: a fork, or the channel was made anew "
+        "(then remove the checkpoint's file)",
+        last.number)};
+  if (height - last.number <= believed.max_absence_blocks)
+    return Continuation{ChainCheck::behind(last.number, last.hash), last.number, height, false};
+  return Continuation{ChainCheck::behind(height, std::move(hash)), last.number, height, true};
+}
+
+}  // namespace ledgerline::fabric

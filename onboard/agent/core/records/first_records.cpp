@@ -1,0 +1,58 @@
+#include "onboard/agent/core/records/first_records.hpp"
+
+#include <algorithm>
+
+#include "common/belief/identity.hpp"
+#include "common/msg/proto_json.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+constexpr const char* control_id = "control";
+constexpr const char* role_id = "role";
+
+void add(Assets& assets, const char* id, const std::string& data) {
+  Asset& asset = *assets.add_assets();
+  asset.set_id(id);
+  asset.set_msg_data(data);
+}
+
+}  // namespace
+
+std::string to_bytes(const FirstRecords& records) {
+  Assets assets;
+  for (const Control& control : records.controls) add(assets, control_id, control.SerializeAsString());
+  for (const auto& [who, role] : records.roles.all()) {
+    EnrollCall record;
+    *record.mutable_identity() = belief::to_message(who);
+    record.set_role(role);
+    add(assets, role_id, record.SerializeAsString());
+  }
+  return assets.SerializeAsString();
+}
+
+Result<FirstRecords> records_from(std::string_view bytes, const std::vector<std::string>& drones) {
+  const Error malformed{"its records cannot be read"};
+  Assets assets;
+  FirstRecords records;
+  if (!assets.ParseFromString(std::string(bytes))) return malformed;
+  for (const Asset& asset : assets.assets()) {
+    Control control;
+    EnrollCall role;
+    if (asset.id() == control_id && control.ParseFromString(asset.msg_data())) {
+      records.controls.push_back(std::move(control));
+    } else if (asset.id() == role_id && role.ParseFromString(asset.msg_data())) {
+      records.roles.take({role.identity(), role.role()});
+    } else {
+      return malformed;
+    }
+  }
+  for (const std::string& drone : drones) {
+    if (std::none_of(records.controls.begin(), records.controls.end(),
+                     [&](const Control& control) { return control.drone() == drone; }))
+      return Error{"it has no record of " + drone};
+  }
+  return records;
+}
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,193 @@
+"""An agent that starts again, at a ledger that has grown, lags behind, was forked, or whose checkpoint is spoilt."""
+import contextlib
+import json
+import os
+import shutil
+import stat
+import subprocess
+import time
+
+import pytest
+from ledgers import Embedded, tables
+from programs import BIN
+
+LONG = os.environ.get("LEDGERLINE_LONG") == "1"
+ABSENCE = 100_000 if LONG else 3_000
+PATIENCE_S = 60
+
+
+def grow(directory, height: int) -> None:
+    subprocess.run([BIN / "grow_chain", "--dir", directory, "--height", str(height)], check=True, timeout=800,
+                   stdout=subprocess.DEVNULL)
+
+
+def height_of(directory) -> int:
+    grown = subprocess.run([BIN / "grow_chain", "--dir", directory, "--height", "0"], check=True, timeout=60,
+                           capture_output=True, text=True)
+    return int(grown.stdout.splitlines()[-1])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def roudi():
+    process = subprocess.Popen([BIN / "ledgerline-roudi"], stdout=subprocess.PIPE, text=True)
+    assert json.loads(process.stdout.readline())["ready"]
+    yield
+    process.terminate()
+    process.wait(timeout=PATIENCE_S)
+
+
+class Host:
+    """A drone's host: its ledger's directory, its agent's config and what the agent leaves behind."""
+
+    def __init__(self, folder):
+        self.folder, self.directory = folder, folder / "ledger"
+        self.checkpoint, self.log, self.summary = folder / "agent.checkpoint", folder / "agent.log", folder / "agent.json"
+        grow(self.directory, 20)
+
+    def write_config(self, ledger, more: str) -> None:
+        where = tables(ledger, 1).replace("[ledger]\n", f'[ledger]\ncheckpoint = "{self.checkpoint}"\n{more}', 1)
+        (self.folder / "agent.toml").write_text(
+            f'{where}[mocap]\ntopic = ""\n[output]\nsummary = "{self.summary}"\n[agent]\nstart_wait_s = 2\n'
+            '[[drone]]\nname = "tello1"\n')
+
+    @contextlib.contextmanager
+    def ledger(self, directory=None, more: str = ""):
+        ledger = Embedded(directory or self.directory)
+        try:
+            self.write_config(ledger, more)
+            yield ledger
+        finally:
+            ledger.stop()
+
+    def run_agent(self, ledger=None) -> tuple[float, str]:
+        """Until it is ready, and, where a ledger is named, has seen a block more; then it ends. Seconds to its start, its log."""
+        begin = time.monotonic()
+        with open(self.log, "w") as log:
+            agent = subprocess.Popen([BIN / "ledgerline-agent", "--config", self.folder / "agent.toml"],
+                                     stdout=subprocess.PIPE, stderr=log, text=True)
+        try:
+            line = agent.stdout.readline()
+            took_s = time.monotonic() - begin
+            assert '"ready":true' in line, self.log.read_text()
+            if ledger:
+                before = self.checkpoint.read_bytes() if self.checkpoint.exists() else b""
+                submit(ledger)
+                until = time.monotonic() + PATIENCE_S
+                while (self.checkpoint.read_bytes() if self.checkpoint.exists() else b"") == before:
+                    assert time.monotonic() < until, self.log.read_text()
+                    time.sleep(0.02)
+        finally:
+            agent.terminate()
+            assert agent.wait(timeout=PATIENCE_S) == 0, self.log.read_text()
+        return took_s, self.log.read_text()
+
+    def refused(self) -> tuple[int, str]:
+        ended = subprocess.run([BIN / "ledgerline-agent", "--config", self.folder / "agent.toml"], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
+        assert ended.stdout == "", "it must not have become ready"
+        return ended.returncode, ended.stderr
+
+    def block(self) -> int:
+        return int(self.checkpoint.read_bytes().split(b"\n")[2].split()[1])
+
+
+def submit(ledger) -> None:
+    endpoint, ca = ledger.peer(1)
+    subprocess.run([BIN / "client_example", endpoint, ca, "Org1MSP", ledger.msp_dir(1, "User1"), "submit", "set",
+                    '{"assets":[{"id":"Org1MSP/note","msgType":"t","msgData":"AAAA"}]}'], check=True, timeout=60,
+                   stdout=subprocess.DEVNULL)
+
+
+@pytest.fixture
+def host(tmp_path) -> Host:
+    """Whose agent was there once, at its ledger's end."""
+    host = Host(tmp_path)
+    with host.ledger() as ledger:
+        _, log = host.run_agent(ledger)
+    assert "there is no checkpoint yet" in log
+    assert stat.S_IMODE(host.checkpoint.stat().st_mode) == 0o600
+    assert host.block() == height_of(host.directory) - 1
+    return host
+
+
+def test_a_restart_goes_on_behind_the_checkpoint_and_misses_no_block(host):
+    believed = host.block()
+    grow(host.directory, height_of(host.directory) + 500)
+    with host.ledger():
+        _, log = host.run_agent()
+    assert f"goes on behind block {believed}, which was believed; the chain is at {believed + 500}" in log
+    summary = json.loads(host.summary.read_text())
+    assert summary["blocks"] == 500 and summary["blocks_not_read"] == 0 and summary["control_events_refused"] == 0
+    assert host.block() == believed + 500, "kept at the orderly end"
+
+
+def test_a_restart_after_a_long_absence_reads_neither_all_blocks_nor_takes_long(host):
+    believed = host.block()
+    grow(host.directory, height_of(host.directory) + ABSENCE)
+    with host.ledger() as ledger:
+        took_s, log = host.run_agent(ledger)
+    print(f"ready {took_s:.2f} s after {ABSENCE} blocks of absence")
+    assert took_s < 2
+    assert f"blocks {believed + 1} to {believed + ABSENCE} came while this agent was away" in log
+    assert "counts by its orderers' signatures" in log
+    summary = json.loads(host.summary.read_text())
+    assert summary["blocks_not_read"] == ABSENCE and summary["blocks"] < 10
+    assert host.block() > believed + ABSENCE
+
+
+def test_a_peer_that_serves_an_old_chain_is_refused(host, tmp_path):
+    old = tmp_path / "old"
+    shutil.copytree(host.directory, old)
+    grow(host.directory, height_of(host.directory) + 10)
+    with host.ledger():
+        host.run_agent()
+    believed, kept = host.block(), host.checkpoint.read_bytes()
+    with host.ledger(old):
+        code, log = host.refused()
+    assert code == 1
+    assert f"serves a chain that ends at block {believed - 10}; we have believed block {believed}" in log
+    assert host.checkpoint.read_bytes() == kept
+
+
+@pytest.mark.parametrize("more", ["", "max_absence_blocks = 0\n"])
+def test_a_fork_that_the_same_orderers_signed_is_refused(host, tmp_path, more):
+    fork = tmp_path / "fork"
+    shutil.copytree(host.directory, fork)
+    grow(host.directory, height_of(host.directory) + 10)
+    grow(fork, height_of(fork) + 20)
+    with host.ledger():
+        host.run_agent()
+    believed, kept = host.block(), host.checkpoint.read_bytes()
+    with host.ledger(fork, more):
+        code, log = host.refused()
+    assert code == 1
+    assert f"serves another block {believed} than the one that we have believed" in log
+    assert host.checkpoint.read_bytes() == kept
+
+
+def test_a_damaged_checkpoint_is_never_silently_none(host):
+    spoilt = bytearray(host.checkpoint.read_bytes())
+    spoilt[len(spoilt) // 2] ^= 1
+    host.checkpoint.write_bytes(spoilt)
+    with host.ledger():
+        code, log = host.refused()
+        assert code == 2 and f"{host.checkpoint}: it is damaged" in log and "then remove the file" in log
+        host.checkpoint.unlink()
+        host.run_agent()
+
+
+def test_an_agent_that_is_killed_goes_on_from_what_it_had_written(host):
+    with host.ledger() as ledger:
+        with open(host.log, "w") as log:
+            agent = subprocess.Popen([BIN / "ledgerline-agent", "--config", host.folder / "agent.toml"],
+                                     stdout=subprocess.PIPE, stderr=log, text=True)
+        assert '"ready":true' in agent.stdout.readline()
+        before = host.block()
+        submit(ledger)
+        until = time.monotonic() + PATIENCE_S
+        while host.block() == before and time.monotonic() < until:
+            time.sleep(0.02)
+        agent.kill()
+        agent.wait()
+        _, log = host.run_agent()
+    assert f"goes on behind block {before + 1}" in log

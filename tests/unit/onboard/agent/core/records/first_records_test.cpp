@@ -1,0 +1,72 @@
+#include "onboard/agent/core/records/first_records.hpp"
+
+#include <gmock/gmock.h>
+
+#include "common/msg/stops.hpp"
+#include "onboard/agent/core/command_check.hpp"
+#include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::LedgerOfTests;
+
+constexpr TimeNs now = 100 * ns_per_s;
+constexpr std::int64_t now_s = 1'700'000'000;
+
+FirstRecords some_records() {
+  FirstRecords records;
+  records.controls = {testing::control("tello1", 5), testing::control("tello2", 6)};
+  records.roles.take({testing::to_message(LedgerOfTests::operator_name()), OPERATOR});
+  return records;
+}
+
+TEST(FirstRecordsTest, ComeBackFromACheckpointAsTheyWere) {
+  const auto read = records_from(to_bytes(some_records()), {"tello1", "tello2"});
+  ASSERT_TRUE(read);
+  ASSERT_EQ(read->controls.size(), 2U);
+  EXPECT_EQ(read->controls[1].SerializeAsString(), testing::control("tello2", 6).SerializeAsString());
+  EXPECT_EQ(read->roles.of(LedgerOfTests::operator_name()), OPERATOR);
+  EXPECT_EQ(read->roles.all().size(), 1U);
+}
+
+TEST(FirstRecordsTest, WithoutADronesRecordAreNotTheOnesToBeginWith) {
+  const auto read = records_from(to_bytes(some_records()), {"tello1", "tello3"});
+  ASSERT_FALSE(read);
+  EXPECT_EQ(read.error().what, "it has no record of tello3");
+  EXPECT_THAT(records_from("none", {"tello1"}).error().what, HasSubstr("cannot be read"));
+}
+
+// What a checkpoint holds must be what the blocks have made of the records, or the blocks behind it do not follow.
+TEST(FirstRecordsTest, OfACheckAreThoseThatItsBlocksHaveMade) {
+  const std::unique_ptr<crypto::MspRegistry> registry = crypto::make_test_registry({"Org1MSP", "Org2MSP"});
+  const std::vector<DroneName> drones{{1, "tello1"}};
+  CommandCheck check(CheckConfig{}, drones, *registry);
+  FirstRecords first = some_records();
+  check.set_roles(first.roles);
+  check.set_control(first.controls[0]);
+  LedgerOfTests ledger;
+  Stops stops;
+  *stops.add_stops() = testing::stop_of("tello1");
+  LedgerOfTests::Tx stop;
+  stop.event_name = "stop";
+  stop.event_payload = stops.SerializeAsString();
+  const fabric::Block block = ledger.block({stop});
+  ASSERT_EQ(check.check(now, now_s, block).plans.size(), 1U);
+  const auto kept = records_from(to_bytes(check.records()), {"tello1"});
+  ASSERT_TRUE(kept);
+  EXPECT_TRUE(is_stopped(kept->controls[0]));
+  EXPECT_EQ(kept->roles.of(LedgerOfTests::operator_name()), OPERATOR);
+  EXPECT_EQ(check.height(), block.number + 1);
+  EXPECT_EQ(check.chain_hash(), fabric::block_header_hash(block.number, block.previous_hash, block.data_hash));
+
+  // Another agent that begins there takes what comes behind it.
+  CommandCheck next(CheckConfig{}, drones, *registry);
+  next.set_roles(kept->roles);
+  next.set_control(kept->controls[0]);
+  EXPECT_TRUE(next.standing_stop(now, 1));
+}
+
+}  // namespace
+}  // namespace ledgerline::agent
