@@ -1,0 +1,154 @@
+#include "tools/audit/chain_audit.hpp"
+
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+#include "peer/transaction.pb.h"
+#include "tests/unit/tools/audit/signed_ledger.hpp"
+#include "tools/audit/show/show.hpp"
+
+namespace ledgerline::audit {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::EndsWith;
+using ::testing::Field;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+std::vector<std::string> texts(const ChainAudit& audit) {
+  std::vector<std::string> all;
+  for (const Finding& finding : audit.findings()) all.push_back(to_text(finding));
+  return all;
+}
+
+common::Block parsed(const std::string& bytes) {
+  common::Block block;
+  EXPECT_TRUE(block.ParseFromString(bytes));
+  return block;
+}
+
+class ChainAuditTest : public ::testing::Test {
+ protected:
+  ChainAuditTest() {
+    ledger.enroll();
+    ledger.acquire();
+    for (int i = 1; i <= 3; ++i) ids.push_back(ledger.send(ledger.pilot, "command", ledger.command_call(i, 1, i)));
+    ledger.commit();
+  }
+  std::size_t last() const { return ledger.chain.size() - 1; }
+
+  SignedLedger ledger;
+  std::vector<std::string> ids;  ///< of the last block
+};
+
+TEST_F(ChainAuditTest, NothingIsFoundInAnHonestChain) {
+  const ChainAudit audit = audited(ledger.chain, ledger.trust());
+  EXPECT_THAT(texts(audit), IsEmpty());
+  EXPECT_EQ(audit.counts().blocks, ledger.chain.size());
+  EXPECT_EQ(audit.counts().config_blocks, 1U);
+  EXPECT_EQ(audit.counts().transactions, audit.counts().valid);
+  EXPECT_EQ(audit.counts().endorsements, 3 * (audit.counts().transactions - 1));
+  EXPECT_THAT(to_table(audit, {"teleop", "memory", "anchor"}),
+              EndsWith("nothing found: everything is as it must be\n"));
+}
+
+TEST_F(ChainAuditTest, AFlagThatIsNotTheVerdictIsFound) {
+  common::Block block = parsed(ledger.chain.back());
+  std::string& flags = *block.mutable_metadata()->mutable_metadata(common::TRANSACTIONS_FILTER);
+  ASSERT_EQ(flags, std::string(3, '\0'));
+  flags[1] = static_cast<char>(protos::MVCC_READ_CONFLICT);
+  ledger.chain.back() = block.SerializeAsString();
+  const ChainAudit audit = audited(ledger.chain, ledger.trust());
+  ASSERT_THAT(texts(audit), ElementsAre(AllOf(HasSubstr("transaction 1 (" + ids[1] + ")"),
+                                              HasSubstr("flag is MVCC_READ_CONFLICT, but it is VALID"))));
+  EXPECT_THAT(to_table(audit, {"teleop", "memory", "anchor"}), HasSubstr("\nfirst difference: block"));
+  EXPECT_FALSE(to_json(audit, {})["ok"].get<bool>());
+}
+
+TEST_F(ChainAuditTest, AHiddenStopIsFound) {
+  ledger.submit(ledger.pilot, "stop", SignedLedger::drones_call());
+  common::Block block = parsed(ledger.chain.back());
+  (*block.mutable_metadata()->mutable_metadata(common::TRANSACTIONS_FILTER))[0] =
+      static_cast<char>(protos::ENDORSEMENT_POLICY_FAILURE);
+  ledger.chain.back() = block.SerializeAsString();
+  EXPECT_THAT(texts(audited(ledger.chain, ledger.trust())),
+              ElementsAre(HasSubstr("flag is ENDORSEMENT_POLICY_FAILURE, but it is VALID")));
+}
+
+TEST_F(ChainAuditTest, AChangedTransactionIsNamed) {
+  common::Block block = parsed(ledger.chain.back());
+  std::string& envelope = *block.mutable_data()->mutable_data(2);
+  envelope[envelope.size() / 2] ^= 1;
+  ledger.chain.back() = block.SerializeAsString();
+  const ChainAudit audit = audited(ledger.chain, ledger.trust());
+  ASSERT_FALSE(audit.findings().empty());
+  EXPECT_EQ(audit.findings()[0].block, last());
+  EXPECT_EQ(audit.findings()[0].transaction, 2U);
+}
+
+TEST_F(ChainAuditTest, DataThatNobodyFlaggedDifferentlyAreStillHeldAgainstTheirHash) {
+  common::Block block = parsed(ledger.chain.back());
+  block.mutable_data()->mutable_data()->RemoveLast();
+  block.mutable_metadata()->mutable_metadata(common::TRANSACTIONS_FILTER)->pop_back();
+  ledger.chain.back() = block.SerializeAsString();
+  EXPECT_THAT(texts(audited(ledger.chain, ledger.trust())), ElementsAre(HasSubstr("does not match its data hash")));
+}
+
+TEST_F(ChainAuditTest, ABlockThatIsMissingIsFoundAndSaysWhere) {
+  ledger.chain.erase(ledger.chain.begin() + 2);
+  const ChainAudit audit = audited(ledger.chain, ledger.trust());
+  ASSERT_FALSE(audit.findings().empty());
+  EXPECT_THAT(to_text(audit.findings()[0]), HasSubstr("block 2: block 3 is in its place"));
+}
+
+TEST_F(ChainAuditTest, OrderersOfSomebodyElseAreFound) {
+  const fabric::Organisation others{"OrdererMSP"};
+  common::Block block = parsed(ledger.chain.back());
+  fabric::SignedChain::sign(block, others.member("orderer"));
+  ledger.chain.back() = block.SerializeAsString();
+  EXPECT_THAT(texts(audited(ledger.chain, ledger.trust())),
+              ElementsAre(HasSubstr("orderers' signatures do not satisfy the channel's policy")));
+}
+
+TEST_F(ChainAuditTest, AWholeChainOfSomebodyElseIsFoundByTheAnchor) {
+  const SignedLedger other;
+  EXPECT_FALSE(texts(audited(ledger.chain, other.trust())).empty());
+  Trust blind{"teleop", ""};
+  EXPECT_THAT(texts(audited(other.chain, blind)), IsEmpty());
+  EXPECT_THAT(to_table(audited(other.chain, blind), {"teleop", "memory", ""}), HasSubstr("NO TRUST ANCHOR"));
+}
+
+TEST_F(ChainAuditTest, AnAnchorOfAnotherChannelIsRefused) {
+  EXPECT_FALSE(ChainAudit::start({"other", ledger.chain[0]}));
+  EXPECT_FALSE(ChainAudit::start({"teleop", "no block"}));
+}
+
+TEST_F(ChainAuditTest, AnOrderersBlocksHaveNoFlagsAndAreJudgedAllTheSame) {
+  for (std::string& bytes : ledger.chain) {
+    common::Block block = parsed(bytes);
+    block.mutable_metadata()->mutable_metadata(common::TRANSACTIONS_FILTER)->clear();
+    bytes = block.SerializeAsString();
+  }
+  const ChainAudit audit = audited(ledger.chain, ledger.trust());
+  EXPECT_THAT(texts(audit), IsEmpty());
+  EXPECT_EQ(audit.counts().without_flags, ledger.chain.size());
+  EXPECT_EQ(audit.counts().valid, audit.counts().transactions);
+}
+
+TEST_F(ChainAuditTest, WhatFailsByWhatItReadIsARefusalAndNoFinding) {
+  for (int i = 0; i < 2; ++i) ledger.send(ledger.pilot, "release", SignedLedger::drones_call());
+  ledger.commit();
+  const ChainAudit audit = audited(ledger.chain, ledger.trust());
+  EXPECT_THAT(texts(audit), IsEmpty());
+  ASSERT_EQ(audit.story().refusals().size(), 1U);
+  const auto& [key, refusals] = *audit.story().refusals().begin();
+  EXPECT_EQ(key.code, protos::MVCC_READ_CONFLICT);
+  EXPECT_EQ(key.who, "Org2MSP/client.Org2MSP");
+  EXPECT_EQ(refusals.count, 1U);
+}
+
+}  // namespace
+}  // namespace ledgerline::audit

@@ -1,0 +1,158 @@
+#include "tools/audit/story/story.hpp"
+
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+#include "common/msg/ros.hpp"
+#include "tests/unit/tools/audit/signed_ledger.hpp"
+#include "tools/audit/show/show.hpp"
+
+namespace ledgerline::audit {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+const std::string pilot_name = "Org2MSP/client.Org2MSP", admin_name = "Org1MSP/admin.Org1MSP";
+
+class StoryTest : public ::testing::Test {
+ protected:
+  StoryTest() { ledger.enroll(); }
+
+  const DroneStory& told() {
+    audit = std::make_unique<ChainAudit>(audited(ledger.chain, ledger.trust()));
+    EXPECT_THAT(audit->findings(), IsEmpty()) << to_text(audit->findings().front());
+    return audit->story().drones().at("tello1");
+  }
+  static void add(SetCall& call, const std::string& id, std::string_view type, std::string cdr) {
+    Asset& asset = *call.add_assets();
+    asset.set_id(id);
+    asset.set_msg_type(std::string(type));
+    asset.set_msg_data(std::move(cdr));
+  }
+  std::vector<std::string> words(const DroneStory& drone) {
+    std::vector<std::string> all;
+    for (const Word& word : drone.words.all()) all.push_back(word.what + " by " + word.who);
+    return all;
+  }
+
+  SignedLedger ledger;
+  std::unique_ptr<ChainAudit> audit;
+};
+
+TEST_F(StoryTest, WhoHeldADroneFromWhereToWhere) {
+  const std::string acquired = ledger.acquire();
+  const std::string released = ledger.submit(ledger.pilot, "release", SignedLedger::drones_call());
+  ledger.acquire();
+  const DroneStory& drone = told();
+  ASSERT_EQ(drone.holders.all().size(), 2U);
+  const Tenure& first = drone.holders.all()[0];
+  EXPECT_EQ(first.who, pilot_name);
+  EXPECT_EQ(first.from.tx_id, acquired);
+  ASSERT_TRUE(first.to);
+  EXPECT_EQ(first.to->tx_id, released);
+  EXPECT_EQ(first.ended_by, "release by " + pilot_name);
+  EXPECT_FALSE(drone.holders.all()[1].to);
+  EXPECT_GT(drone.holders.all()[1].epoch, first.epoch);
+}
+
+TEST_F(StoryTest, CommandsAreCountedByWhomAndByWhatBecameOfThem) {
+  ledger.acquire();
+  ledger.submit(ledger.pilot, "command", ledger.command_call(1, 1, 100, TAKEOFF));
+  ledger.submit(ledger.pilot, "command", ledger.command_call(2, 1, 200));
+  ledger.send(ledger.pilot, "release", SignedLedger::drones_call());
+  ledger.send(ledger.pilot, "command", ledger.command_call(3, 1, 300));  // the release wrote what it read
+  ledger.commit();
+  const DroneStory& drone = told();
+  const Commands& commands = drone.commands.at(pilot_name);
+  EXPECT_EQ(commands.valid, 2U);
+  EXPECT_EQ(commands.invalid, (std::map<int, std::uint64_t>{{protos::MVCC_READ_CONFLICT, 1}}));
+  EXPECT_THAT(words(drone), Contains("take-off by " + pilot_name));
+  std::uint64_t valid = 0, invalid = 0;
+  for (const auto& [at, both] : drone.commands_over_time.counts()) valid += both.first, invalid += both.second;
+  EXPECT_EQ(valid, 2U);
+  EXPECT_EQ(invalid, 1U);
+}
+
+TEST_F(StoryTest, StopsResumesAndRolesAreTold) {
+  ledger.submit(ledger.pilot, "stop", SignedLedger::drones_call());
+  ledger.submit(ledger.pilot, "resume", SignedLedger::drones_call());
+  const DroneStory& drone = told();
+  EXPECT_THAT(words(drone), ::testing::ElementsAre("enroll by " + admin_name, "grant by " + admin_name,
+                                                   "stop by " + pilot_name, "resume by " + pilot_name));
+  ASSERT_EQ(audit->story().roles().all().size(), 1U);
+  EXPECT_EQ(audit->story().roles().all()[0].what, "OPERATOR " + pilot_name);
+}
+
+TEST_F(StoryTest, TwoWayLatencyIsOfOneClock) {
+  ledger.acquire();
+  ledger.submit(ledger.pilot, "command", ledger.command_call(1, 1, 1'000 * ns_per_ms));
+  StateSample sample;
+  sample.boot_id = 7;
+  sample.stamp_ns = 1'100 * ns_per_ms;
+  sample.arrived_sequence = 1;
+  sample.arrived_ns = 1'030 * ns_per_ms;
+  for (int i = 0; i < 2; ++i) {  // the second one names the same command
+    SetCall call;
+    add(call, "tello1/link", link_status_type, link_status_to_cdr(sample));
+    ledger.submit(ledger.host, "set", call.SerializeAsString());
+  }
+  const DroneStory& drone = told();
+  EXPECT_EQ(drone.states, 2U);
+  EXPECT_EQ(drone.two_way.count(), 1U);
+  EXPECT_NEAR(to_ms(drone.two_way.quantile(0.5)), 30, 1);
+}
+
+TEST_F(StoryTest, TheFlownPathIsThinnedAndTheFailsafesTransitionsAreKept) {
+  SetCall call;
+  Odometry odometry;
+  odometry.header = {ledger.now.real_ns, "map"};
+  odometry.position_m = {1, 2, 3};
+  add(call, "tello1/odom", odometry_type, to_cdr(odometry));
+  Transition transition;
+  transition.boot_id = 7;
+  transition.number = 3;
+  transition.phase = FlightPhase::flying;
+  transition.mode = FailsafeMode::hold;
+  transition.cause = FailsafeCause::ledger_silent;
+  transition.stamp_ns = 5;
+  add(call, "tello1/failsafe", transitions_type, transitions_to_cdr(odometry.header, "tello1", {transition}));
+  ledger.submit(ledger.host, "set", call.SerializeAsString());
+  ledger.submit(ledger.host, "set", call.SerializeAsString());
+  const DroneStory& drone = told();
+  ASSERT_EQ(drone.transitions.all().size(), 1U) << "one that is said again is one";
+  EXPECT_EQ(drone.transitions.all()[0].transition.cause, FailsafeCause::ledger_silent);
+  EXPECT_EQ(drone.transitions_missing, 2U);
+  ASSERT_EQ(drone.path.all().size(), 2U);
+  EXPECT_EQ(drone.path.all()[0].position_m, (std::array<double, 3>{1, 2, 3}));
+  const auto document = to_json(*audit, {"teleop", "memory", "anchor"});
+  EXPECT_EQ(document["drones"]["tello1"]["failsafe"][0]["mode"], "hold");
+  const std::string page = to_page(document);
+  EXPECT_THAT(page, HasSubstr("ledger_silent"));
+  EXPECT_THAT(page, ::testing::Not(HasSubstr("@DATA@")));
+  EXPECT_THAT(page, ::testing::Not(HasSubstr("src=\"http")));
+}
+
+TEST(BoundedTest, AThinnedListStaysBetweenHalfAndAllOfItsBound) {
+  Thinned<int> list(100);
+  for (int i = 0; i < 10'000; ++i) list.add(i);
+  EXPECT_GE(list.all().size(), 50U);
+  EXPECT_LT(list.all().size(), 100U);
+  for (std::size_t i = 0; i < list.all().size(); ++i)
+    EXPECT_EQ(list.all()[i], static_cast<int>(i * list.step())) << "evenly over the whole";
+  EXPECT_EQ(list.seen(), 10'000U);
+}
+
+TEST(BoundedTest, CountsOverTimeStayFewAndLoseNothing) {
+  OverTime counted;
+  for (int i = 0; i < 5'000; ++i) counted.add((1'700'000'000 + i) * ns_per_s, i % 2 == 0);
+  EXPECT_LE(counted.counts().size(), 600U);
+  std::uint64_t all = 0;
+  for (const auto& [at, both] : counted.counts()) all += both.first + both.second;
+  EXPECT_EQ(all, 5'000U);
+}
+
+}  // namespace
+}  // namespace ledgerline::audit

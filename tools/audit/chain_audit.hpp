@@ -1,0 +1,97 @@
+#pragma once
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/judge/block_judge.hpp"
+#include "common/fabric/judge/key_state.hpp"
+#include "tools/audit/story/story.hpp"
+
+namespace ledgerline::audit {
+
+/// Something that is not as it must be.
+struct Finding {
+  std::uint64_t block = 0;
+  std::optional<std::size_t> transaction{};  ///< its place in the block; nullopt: the block itself
+  std::string tx_id{};
+  std::string what;
+};
+/// "block 17, transaction 3 (0a1b...): its flag is VALID, but ..."
+std::string to_text(const Finding& finding);
+
+/// Whom to believe.
+struct Trust {
+  std::string channel = "teleop";
+  /// common.Block with a configuration of the channel, from somebody who is trusted: any one of the chain's. Empty: the
+  /// first block that comes is taken as it is, and with it whoever made it.
+  std::string anchor;
+  crypto::Library library = crypto::Library::libcrypto;
+};
+
+struct Counts {
+  std::uint64_t blocks = 0, config_blocks = 0, transactions = 0, valid = 0;
+  std::uint64_t without_flags = 0;       ///< blocks as orderers have them: nothing to compare with
+  std::map<int, std::uint64_t> invalid;  ///< by protos.TxValidationCode, own verdict
+  std::uint64_t endorsements = 0;
+  std::uint64_t findings = 0;
+};
+
+/// Judges a channel's whole chain, block by block from number 0: form, order and hashes; the orderers' signatures; each
+/// transaction by Fabric's own rule, against the flag that the peer gave it; control events against the records before.
+/// What is believed goes into the story. Goes on behind a finding as well as it can, so that what follows a first one
+/// may follow from it. Memory: that of KeyState, the story's bounds, and max_findings. Pure; one thread.
+class ChainAudit {
+ public:
+  /// An error: the anchor is no configuration of that channel.
+  static Result<ChainAudit> start(Trust trust);
+
+  /// The next block of the chain, a common.Block.
+  void add(std::string_view block);
+  /// Something that whoever reads the chain has found out, where the next block should be.
+  void find_at_end(const std::string& what);
+  /// Behind the last block: that the anchor was in the chain.
+  void end();
+
+  static constexpr std::size_t max_findings = 1'000;
+  const std::vector<Finding>& findings() const { return findings_; }  ///< the first ones
+  const Counts& counts() const { return counts_; }
+  const Story& story() const { return *story_; }
+  std::uint64_t height() const { return next_; }
+  /// Of the newest block's header, hex.
+  std::string newest_hash() const { return crypto::hex(hash_.value_or("")); }
+
+ private:
+  explicit ChainAudit(Trust trust) : trust_(std::move(trust)) {}
+  void find(std::optional<std::size_t> transaction, const std::string& tx_id, std::string what);
+  bool follow_chain(const common::Block& block);
+  void judge_orderers(const common::Block& block);
+  void check_anchor(const common::Block& block);
+  void configure(const fabric::ChannelConfig& config);
+  void judge_transactions(const common::Block& block, std::string_view bytes);
+  void compare(const common::Block& block, const std::vector<fabric::Verdict>& verdicts);
+  void tell(const fabric::Block& block, const std::vector<fabric::Verdict>& verdicts);
+
+  Trust trust_;
+  std::uint64_t next_ = 0;           ///< number of the block that must come
+  std::optional<std::string> hash_;  ///< of the header of the one before; nullopt: could not be read
+  bool hash_is_known_ = true;
+  bool data_match_ = true;  ///< of the block at hand
+  std::uint64_t anchor_number_ = 0;
+  std::string anchor_hash_, anchor_signatures_;
+  bool anchor_seen_ = false;
+  std::optional<fabric::BlockJudge> orderers_;
+  bool orderers_missing_said_ = false;
+  fabric::JudgeRules rules_;
+  fabric::KeyState state_;
+  std::unique_ptr<crypto::MspRegistry> members_;
+  std::unique_ptr<Story> story_ = std::make_unique<Story>();
+  std::vector<Finding> findings_;
+  Counts counts_;
+};
+
+}  // namespace ledgerline::audit

@@ -1,0 +1,139 @@
+#include <fmt/format.h>
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "common/base/file.hpp"
+#include "common/config/config.hpp"
+#include "common/fabric/config.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "tools/audit/show/show.hpp"
+#include "tools/audit/source/copy.hpp"
+#include "tools/audit/source/peer.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using namespace ledgerline::audit;
+
+constexpr int exit_found = 1, exit_unreadable = 2;
+
+struct Options {
+  std::string blocks, config, anchor, channel = "teleop", save, json, html;
+  bool trust_first_block = false;
+  double patience_s = 20;
+};
+
+int give_up(const std::string& what) {
+  fmt::print(stderr, "audit: {}\n", what);
+  return exit_unreadable;
+}
+
+/// What goes where: set by what was asked for, before anything is read.
+struct Plan {
+  Trust trust;
+  Asked asked;
+  std::optional<fabric::ClientConfig> peer;
+};
+
+Result<Plan> make_plan(const Options& options) {
+  Plan plan;
+  plan.trust.channel = options.channel;
+  plan.asked.source = options.blocks;
+  if (!options.config.empty()) {
+    auto config = Config::load(options.config);
+    if (!config) return config.error();
+    auto ledger = fabric::ledger_config(*config);
+    if (auto status = config->finish(); !status) return status.error();
+    if (!ledger) return ledger.error();
+    plan.trust.channel = ledger->where.channel;
+    plan.trust.anchor = ledger->config_block;
+    plan.asked.source = ledger->endpoint;
+    if (!ledger->config_block.empty()) plan.asked.anchor = "config_block of " + options.config;
+    plan.peer = std::move(*ledger);
+  }
+  if (!options.anchor.empty()) {
+    auto anchor = read_file(options.anchor);
+    if (!anchor) return anchor.error();
+    plan.trust.anchor = std::move(*anchor);
+    plan.asked.anchor = options.anchor;
+  }
+  plan.asked.channel = plan.trust.channel;
+  if (plan.trust.anchor.empty() && !options.trust_first_block)
+    return Error{
+        "name a config block of the channel that you trust (--anchor FILE, or config_block in --config FILE); "
+        "--trust-first-block takes the chain's own word for it"};
+  if (!plan.trust.anchor.empty() && options.trust_first_block)
+    return Error{"--trust-first-block is for who has no trust anchor"};
+  return plan;
+}
+
+int run(const Options& options) {
+  auto plan = make_plan(options);
+  if (!plan) return give_up(plan.error().what);
+  auto audit = ChainAudit::start(plan->trust);
+  if (!audit) return give_up("the trust anchor: " + audit.error().what);
+  Status saved = done;
+  const OnBlock on_block = [&](std::string_view block) {
+    if (!options.save.empty() && saved) saved = save_block(options.save, audit->height(), block);
+    audit->add(block);
+  };
+  const std::chrono::seconds patience(static_cast<int>(options.patience_s));
+  const auto reading =
+      plan->peer ? read_peer(std::move(*plan->peer), patience, on_block) : read_copy(options.blocks, on_block);
+  if (!reading) return give_up(reading.error().what);
+  if (!reading->problem.empty()) audit->find_at_end(reading->problem);
+  audit->end();
+
+  if (options.json != "-") std::cout << to_table(*audit, plan->asked) << std::flush;
+  const nlohmann::json document = to_json(*audit, plan->asked);
+  Status written = saved;
+  if (options.json == "-") {
+    std::cout << document.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
+  } else if (written && !options.json.empty()) {
+    written = write_file(options.json, document.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  }
+  if (written && !options.html.empty()) written = write_file(options.html, to_page(document));
+  if (!written) return give_up(written.error().what);
+  return audit->counts().findings == 0 ? EXIT_SUCCESS : exit_found;
+}
+
+constexpr const char* about =
+    "Judges a channel's whole chain, from a peer or from a copy without any network, believing no flag: who commanded, "
+    "held and stopped which drone, and the first transaction that is not as it must be.";
+constexpr const char* notes = R"(Examples:
+  audit --config operator.toml --html audit.html
+  audit --config operator.toml --save copy
+  audit --blocks copy --anchor teleop.block
+  audit --blocks /tmp/ledger/ledger/blocks --anchor /tmp/ledger/teleop.block --json -
+A copy: the blocks file of a ledgerline-node that has ended, or a folder with 0.block, 1.block ... as --save and
+`peer channel fetch N` write them. Without flags (an orderer's blocks) there is nothing to compare verdicts with.
+Exit codes: 0 nothing found; 1 something is not as it must be: the last line names the first such thing;
+2 bad usage, or nothing that can be read.)";
+
+void add_options(CommandLine& line, Options& o) {
+  line.option("--config", o.config, "TOML file with [ledger], as of ledgerline-control: audit what that peer has")
+      .existing_file();
+  line.option("--blocks", o.blocks, "Audit this copy of a chain");
+  line.option("--anchor", o.anchor, "A config block of the channel that you trust (CHANNEL.block)").existing_file();
+  line.flag("--trust-first-block", o.trust_first_block, "Without an anchor: take the chain's first block as it is");
+  line.option("--channel", o.channel, "The channel of a copy").shows_default();
+  line.option("--save", o.save, "Write every block into this folder, for later audits");
+  line.option("--patience", o.patience_s, "Seconds without a block after which a peer's chain ends")
+      .within(1.0, 600.0)
+      .shows_default();
+  line.option("--json", o.json, "Write everything to this file as one JSON object; -: to standard output, alone");
+  line.option("--html", o.html, "Write a page that opens without a network");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CommandLine line("audit", about, notes);
+  Options o;
+  add_options(line, o);
+  if (const auto end = line.parse(argc, argv)) return *end;
+  if (o.config.empty() == o.blocks.empty()) return give_up("name a copy (--blocks) or a peer (--config): see --help");
+  return run(o);
+}

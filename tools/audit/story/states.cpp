@@ -1,0 +1,49 @@
+#include "tools/audit/story/states.hpp"
+
+#include "common/msg/ros.hpp"
+
+namespace ledgerline::audit {
+namespace {
+
+void take_pose(const Asset& asset, DroneStory& story) {
+  const auto odometry = odometry_from_cdr(asset.msg_data());
+  if (odometry) story.path.add({odometry->header.stamp_ns, odometry->position_m});
+}
+
+/// The newest command that was with link when the state was made, and when it came: both on the drone host's clock.
+void take_link(const Asset& asset, DroneStory& story) {
+  const auto sample = link_status_from_cdr(asset.msg_data());
+  if (!sample) return;
+  ++story.states;
+  if (sample->boot_id != story.asked_boot || sample->arrived_sequence <= story.last_arrived) return;
+  const auto asked = story.asked.find(sample->arrived_sequence);
+  if (asked == story.asked.end()) return;
+  story.last_arrived = sample->arrived_sequence;
+  if (sample->arrived_ns > asked->second) story.two_way.add(sample->arrived_ns - asked->second);
+  story.asked.erase(story.asked.begin(), std::next(asked));
+}
+
+void take_transitions(const Asset& asset, const Moment& when, DroneStory& story) {
+  const auto transitions = transitions_from_cdr(asset.msg_data());
+  if (!transitions) return;
+  for (const Transition& transition : *transitions) {
+    if (transition.boot_id != story.transition_boot) {
+      story.transition_boot = transition.boot_id;
+      story.last_transition = 0;
+    }
+    if (transition.number <= story.last_transition) continue;  // said again
+    story.transitions_missing += transition.number - story.last_transition - 1;
+    story.last_transition = transition.number;
+    story.transitions.add({transition, when});
+  }
+}
+
+}  // namespace
+
+void take_asset(const Asset& asset, const Moment& when, DroneStory& story) {
+  if (asset.id().ends_with("/odom") && asset.msg_type() == odometry_type) take_pose(asset, story);
+  if (asset.id().ends_with("/link") && asset.msg_type() == link_status_type) take_link(asset, story);
+  if (asset.id().ends_with("/failsafe") && asset.msg_type() == transitions_type) take_transitions(asset, when, story);
+}
+
+}  // namespace ledgerline::audit

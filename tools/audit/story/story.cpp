@@ -1,0 +1,190 @@
+#include "tools/audit/story/story.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/base/printable.hpp"
+#include "common/belief/calls.hpp"
+#include "common/belief/identity.hpp"
+#include "common/msg/grants.hpp"
+#include "common/msg/proto_json.hpp"
+#include "common/msg/stops.hpp"
+#include "peer/transaction.pb.h"
+#include "tools/audit/story/states.hpp"
+
+namespace ledgerline::audit {
+namespace {
+
+constexpr std::size_t max_name = 200;   // of what strangers chose
+constexpr std::size_t max_asked = 512;  // commands that no state has named yet: 10 s at 50 Hz
+constexpr std::size_t max_functions = 200;
+
+Moment moment_of(const Judged& judged, const fabric::Transaction& tx) {
+  return {judged.block, tx.timestamp_ns, printable(tx.tx_id, max_name)};
+}
+
+/// In `map`, or nullptr where it would outgrow its bound.
+template <typename Map>
+typename Map::mapped_type* bounded_entry(Map& map, const typename Map::key_type& key, std::size_t max) {
+  const auto found = map.find(key);
+  if (found != map.end()) return &found->second;
+  return map.size() < max ? &map[key] : nullptr;
+}
+
+std::string action_word(Action action) { return action == TAKEOFF ? "take-off" : "landing"; }
+
+}  // namespace
+
+std::string words_of(const crypto::IdentityName& name) {
+  std::string subject = name.subject;
+  if (subject.starts_with("CN=")) subject = subject.substr(3, subject.find(',') - 3);
+  return printable(name.msp_id.empty() ? subject : name.msp_id + "/" + subject, max_name);
+}
+
+DroneStory* Story::drone(const std::string& name) {
+  return bounded_entry(drones_, printable(name, max_name), max_drones);
+}
+
+Status Story::take(const Judged& judged, const fabric::Transaction& tx, const belief::Creator& creator) {
+  const std::string who = words_of(creator.name);
+  if (tx.timestamp_ns > 0) {
+    first_ns_ = first_ns_ == 0 ? tx.timestamp_ns : std::min(first_ns_, tx.timestamp_ns);
+    last_ns_ = std::max(last_ns_, tx.timestamp_ns);
+  }
+  const bool valid = judged.code == protos::VALID;
+  const bool ours = tx.contract == contract_;
+  if (!valid) take_refusal(judged, tx, who);
+  if (valid) {
+    const std::string name = printable(ours ? tx.function : tx.contract + ":", max_name);
+    if (auto* count = bounded_entry(functions_, name, max_functions)) ++*count;
+  }
+  if (!ours || !tx.problem.empty()) return done;
+  if (tx.function == contract::command) take_command(judged, tx, who);
+  if (!valid) return done;
+  const Moment when = moment_of(judged, tx);
+  if (tx.function == contract::set) take_set(tx, when);
+  if (belief::is_control_event(tx.event_name)) return take_control(tx, creator, when);
+  return done;
+}
+
+void Story::take_refusal(const Judged& judged, const fabric::Transaction& tx, const std::string& who) {
+  const RefusalKey key{judged.code, who, printable(tx.function, max_name)};
+  Refusals* refusals = bounded_entry(refusals_, key, max_refusals);
+  if (refusals == nullptr) {
+    ++refusals_left_out_;
+    return;
+  }
+  if (refusals->count++ == 0) {
+    refusals->why = judged.why;
+    refusals->first = moment_of(judged, tx);
+  }
+}
+
+void Story::take_command(const Judged& judged, const fabric::Transaction& tx, const std::string& who) {
+  CommandCall call;
+  if (tx.args.size() != 1 || !parse_message(tx.args[0], call)) return;
+  const bool valid = judged.code == protos::VALID;
+  const Moment when = moment_of(judged, tx);
+  for (const DronePlan& plan : call.plans()) {
+    // Of an invalid one only for drones that are there: anybody may name any.
+    if (!valid && !drones_.contains(plan.drone())) continue;
+    DroneStory* story = drone(plan.drone());
+    if (story == nullptr) continue;
+    story->commands_over_time.add(tx.timestamp_ns, valid);
+    if (Commands* commands = bounded_entry(story->commands, who, max_people)) {
+      if (commands->first.tx_id.empty()) commands->first = when;
+      commands->last = when;
+      if (valid) {
+        ++commands->valid;
+      } else {
+        ++commands->invalid[judged.code];
+      }
+    }
+    if (!valid) continue;
+    if (plan.action() != FLY) {
+      const Word* last = story->words.last();  // it is said again until it is done
+      const std::string what = action_word(plan.action());
+      if (last == nullptr || last->what != what || last->who != who) story->words.add({what, who, when});
+    }
+    if (plan.epoch() != story->asked_epoch || plan.boot_id() != story->asked_boot) {
+      story->asked.clear();
+      story->last_arrived = 0;
+    }
+    story->asked_epoch = plan.epoch();
+    story->asked_boot = plan.boot_id();
+    story->asked[plan.sequence()] = plan.state_stamp_ns();
+    if (story->asked.size() > max_asked) story->asked.erase(story->asked.begin());
+  }
+}
+
+void Story::take_set(const fabric::Transaction& tx, const Moment& when) {
+  SetCall call;
+  if (belief::match_set({tx.function, tx.args}, tx.event_payload, call) != belief::Match::same) return;
+  for (const Asset& asset : call.assets()) {
+    const auto slash = asset.id().find('/');
+    if (slash == std::string::npos) continue;
+    const auto found = drones_.find(asset.id().substr(0, slash));
+    if (found == drones_.end()) continue;  // of no drone that was ever enrolled
+    take_asset(asset, when, found->second);
+  }
+}
+
+void Story::take_record(const Control& after, const std::string& by, const Moment& when) {
+  DroneStory* story = drone(after.drone());
+  if (story == nullptr) return;
+  Tenure* last = story->holders.last();
+  const bool held = last != nullptr && !last->to;
+  const std::string holder = after.has_holder() ? words_of(belief::to_name(after.holder())) : "";
+  if (held && (holder != last->who || after.epoch() != last->epoch)) {
+    last->to = when;
+    last->ended_by = by;
+  }
+  const bool same = held && !last->to;
+  if (after.has_holder() && !same)
+    story->holders.add({holder, after.epoch(), after.priority(), when, std::nullopt, ""});
+  story->record = after;
+}
+
+Status Story::take_control(const fabric::Transaction& tx, const belief::Creator& creator, const Moment& when) {
+  const auto event = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
+  if (!event) return event.error();
+  const std::string who = words_of(creator.name), by = tx.function + " by " + who;
+  Status problem = done;
+  const auto judge = [&](const std::string& drone_name, const Status& status) {
+    if (!status && problem)
+      problem = Error{fmt::format("{} of {} does not follow: {}", tx.function, printable(drone_name, max_name),
+                                  status.error().what)};
+    return status.ok();
+  };
+  const auto role = belief::role_change(*event);
+  const bool role_good = !role || judge("a role", belief::role_follows(*role, creator));
+  for (const Control& after : event->controls.controls()) {
+    DroneStory* story = drone(after.drone());
+    if (story == nullptr) continue;
+    // A drone's first record is what its enrolment makes of nothing.
+    if (story->record && !judge(after.drone(), belief::control_follows(*event, *story->record, after, creator)))
+      continue;
+    if (tx.function != contract::acquire && tx.function != contract::release)
+      story->words.add({tx.function, who, when});
+    take_record(after, by, when);
+  }
+  for (const Stop& stop : event->stops.stops()) {
+    DroneStory* story = drone(stop.drone());
+    if (story == nullptr) continue;
+    if (story->record && !judge(stop.drone(), belief::stop_follows(*event, *story->record, stop, creator))) continue;
+    story->words.add({stop.cut() ? "cut" : "stop", who, when});
+    if (story->record) add_stop(*story->record, stop);
+  }
+  if (role && role_good) {
+    const std::string of = words_of(belief::to_name(role->identity));
+    roles_.add({fmt::format("{} {}", Role_Name(role->role), of), who, when});
+    for (auto& [name, story] : drones_) {
+      if (story.record && names_identity(*story.record, role->identity))
+        apply_role(*story.record, role->identity, role->role);
+    }
+  }
+  return problem;
+}
+
+}  // namespace ledgerline::audit

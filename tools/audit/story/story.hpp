@@ -1,0 +1,131 @@
+#pragma once
+#include <array>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/belief/control_events.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "common/msg/onboard.hpp"
+#include "common/rt/histogram.hpp"
+#include "tools/audit/story/bounded.hpp"
+
+namespace ledgerline::audit {
+
+/// Where a transaction is, and the own verdict on it.
+struct Judged {
+  std::uint64_t block = 0;
+  std::size_t index = 0;
+  int code = 0;          ///< protos.TxValidationCode
+  const char* why = "";  ///< unless VALID
+};
+
+/// A moment on the chain. `time_ns` is what the transaction's creator claims: a ledger has no clock.
+struct Moment {
+  std::uint64_t block = 0;
+  TimeNs time_ns = 0;
+  std::string tx_id;
+};
+
+/// Who held a drone, from when to when.
+struct Tenure {
+  std::string who;
+  std::uint64_t epoch = 0;
+  std::uint32_t priority = 0;
+  Moment from;
+  std::optional<Moment> to;  ///< nullopt: still
+  std::string ended_by;      ///< function and signer
+};
+/// What somebody said once: a stop, a resume, a grant, a take-off, a landing ...
+struct Word {
+  std::string what, who;
+  Moment when;
+};
+struct Commands {
+  std::uint64_t valid = 0;
+  std::map<int, std::uint64_t> invalid;  ///< by code
+  Moment first, last;
+};
+struct Change {
+  Transition transition;
+  Moment when;
+};
+struct PathPoint {
+  TimeNs stamp_ns = 0;  ///< real time of the pose
+  std::array<double, 3> position_m{};
+};
+
+struct DroneStory {
+  FirstOnes<Tenure> holders{1'000};
+  FirstOnes<Word> words{2'000};
+  std::map<std::string, Commands> commands;  ///< by who
+  OverTime commands_over_time;
+  FirstOnes<Change> transitions{5'000};
+  std::uint64_t transitions_missing = 0;  ///< gaps in the numbers that link gave them
+  Thinned<PathPoint> path{4'000};
+  std::uint64_t states = 0;
+  /// On the drone host's clock, as link signed it through its agent: from the stamp of a state until the command that
+  /// answers it was with link. Of the commands that a later state names as the newest that had come.
+  Histogram two_way;
+
+  // To follow the chain with.
+  std::optional<Control> record;
+  std::map<std::uint64_t, TimeNs> asked;  ///< sequence of a command -> stamp of the state that it answers
+  std::uint64_t asked_epoch = 0, asked_boot = 0, last_arrived = 0, last_transition = 0, transition_boot = 0;
+};
+
+/// Invalid transactions of one signer, function and code.
+struct Refusals {
+  std::uint64_t count = 0;
+  const char* why = "";
+  Moment first;
+};
+
+/// What a channel tells of its drones: who held and commanded them, who stopped them, what their failsafes did, how
+/// long a command took, where they flew. Everything is bounded or counted. Pure; one thread.
+class Story {
+ public:
+  explicit Story(std::string contract = "ledgerline") : contract_(std::move(contract)) {}
+
+  /// A transaction in the chain's order; `creator` as its certificate says. An error: what it wrote of a drone does not
+  /// follow from what its creator signed and from the record before, though its endorsers let it pass.
+  Status take(const Judged& judged, const fabric::Transaction& tx, const belief::Creator& creator);
+
+  static constexpr std::size_t max_drones = 1'000, max_refusals = 1'000, max_people = 1'000;
+  struct RefusalKey {
+    int code = 0;
+    std::string who, function;
+    auto operator<=>(const RefusalKey&) const = default;
+  };
+  const std::map<std::string, DroneStory>& drones() const { return drones_; }
+  const std::map<RefusalKey, Refusals>& refusals() const { return refusals_; }
+  std::uint64_t refusals_left_out() const { return refusals_left_out_; }
+  /// Valid transactions by function; of other contracts by "CONTRACT:".
+  const std::map<std::string, std::uint64_t>& functions() const { return functions_; }
+  /// Roles given and taken.
+  const FirstOnes<Word>& roles() const { return roles_; }
+  TimeNs first_ns() const { return first_ns_; }
+  TimeNs last_ns() const { return last_ns_; }
+
+ private:
+  DroneStory* drone(const std::string& name);
+  void take_refusal(const Judged& judged, const fabric::Transaction& tx, const std::string& who);
+  void take_command(const Judged& judged, const fabric::Transaction& tx, const std::string& who);
+  void take_set(const fabric::Transaction& tx, const Moment& when);
+  Status take_control(const fabric::Transaction& tx, const belief::Creator& creator, const Moment& when);
+  void take_record(const Control& after, const std::string& by, const Moment& when);
+
+  std::string contract_;
+  std::map<std::string, DroneStory> drones_;
+  std::map<RefusalKey, Refusals> refusals_;
+  std::uint64_t refusals_left_out_ = 0;
+  std::map<std::string, std::uint64_t> functions_;
+  FirstOnes<Word> roles_{1'000};
+  TimeNs first_ns_ = 0, last_ns_ = 0;
+};
+
+/// An identity as a person reads it: "Org2MSP/User1@org2.ledgerline".
+std::string words_of(const crypto::IdentityName& name);
+
+}  // namespace ledgerline::audit
