@@ -82,14 +82,16 @@ class MspRegistry {
     std::shared_ptr<const Verifier> verifier;
   };
   virtual ~MspRegistry() = default;
-  /// `serialized`: bytes of msp.SerializedIdentity. Unknown MSP, unknown CA, expired (at now_s; nullopt: whenever it was
-  /// valid): an error in Fabric's words (without the "access denied:" around it).
+  /// `serialized`: bytes of msp.SerializedIdentity. Unknown MSP, unknown CA, revoked, expired (at now_s; nullopt: whenever
+  /// it was valid): an error in Fabric's words (without the "access denied:" around it).
   virtual Result<std::shared_ptr<const Member>> member(std::string_view serialized,
                                                        std::optional<std::int64_t> now_s) = 0;
 };
 struct MspRoot {
   std::string msp_id;
-  std::string ca_pem;
+  std::string ca_pem;  ///< certificates of its authorities, root and intermediate
+  std::string
+      revocation_lists_pem{};  ///< X.509 CRLs; one that none of its authorities has signed is ignored, as in Fabric
 };
 std::unique_ptr<MspRegistry> make_msp_registry(Library library, std::vector<MspRoot> roots);
 

@@ -33,7 +33,11 @@ struct Validity {
 class CachingRegistry final : public MspRegistry {
  public:
   CachingRegistry(Library library, std::vector<MspRoot> roots) : library_(library) {
-    for (MspRoot& root : roots) roots_[root.msp_id] += root.ca_pem + "\n";
+    for (const MspRoot& root : roots) {
+      Authorities& known = roots_[root.msp_id];
+      known.ca_pem += root.ca_pem + "\n";
+      for (CrlPtr& list : read_lists(root.revocation_lists_pem)) known.lists.push_back(std::move(list));
+    }
   }
 
   Result<std::shared_ptr<const Member>> member(std::string_view serialized,
@@ -55,6 +59,10 @@ class CachingRegistry final : public MspRegistry {
   }
 
  private:
+  struct Authorities {
+    std::string ca_pem;
+    std::vector<CrlPtr> lists;
+  };
   struct Entry {
     std::string serialized;
     std::shared_ptr<const Member> member;
@@ -122,13 +130,13 @@ class CachingRegistry final : public MspRegistry {
 
   /// Returns when the identity is valid: within its own validity and that of each CA above it. The validity is looked
   /// at on every use, so the chain is checked without the time.
-  static Result<Validity> check_chain(const std::string& ca_pem, X509* certificate) {
+  static Result<Validity> check_chain(const Authorities& authorities, X509* certificate) {
     if (X509_check_ca(certificate) != 0) {
       return Error{
           "An X509 certificate with Basic Constraint: Certificate Authority equals true cannot be used as an identity"};
     }
     const StorePtr store(X509_STORE_new());
-    const BioPtr pem = bio_of(ca_pem);
+    const BioPtr pem = bio_of(authorities.ca_pem);
     while (X509Ptr ca{PEM_read_bio_X509(pem.get(), nullptr, no_pass_phrase, nullptr)})
       X509_STORE_add_cert(store.get(), ca.get());
     ERR_clear_error();  // the end of the PEM text
@@ -149,12 +157,35 @@ class CachingRegistry final : public MspRegistry {
       if (!link) return link.error();
       validity.from_s = std::max(validity.from_s, link->not_before_s);
       validity.to_s = std::min(validity.to_s, link->not_after_s);
+      if (i > 0 && is_revoked(authorities, sk_X509_value(chain, i - 1), sk_X509_value(chain, i)))
+        return Error{"the supplied identity is not valid: The certificate has been revoked"};
     }
     return validity;
   }
 
+  static std::vector<CrlPtr> read_lists(const std::string& pem) {
+    std::vector<CrlPtr> lists;
+    const BioPtr text = bio_of(pem);
+    while (CrlPtr list{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)})
+      lists.push_back(std::move(list));
+    ERR_clear_error();  // the end of the PEM text
+    return lists;
+  }
+
+  /// As Fabric: a list of that authority counts whenever it was made, and until there is another.
+  static bool is_revoked(const Authorities& authorities, X509* certificate, X509* issuer) {
+    for (const CrlPtr& list : authorities.lists) {
+      X509_REVOKED* entry = nullptr;
+      if (X509_CRL_get0_by_cert(list.get(), &entry, certificate) != 1) continue;
+      const bool signed_by_issuer = X509_CRL_verify(list.get(), X509_get0_pubkey(issuer)) == 1;
+      ERR_clear_error();
+      if (signed_by_issuer) return true;
+    }
+    return false;
+  }
+
   Library library_;
-  std::map<std::string, std::string> roots_;  ///< MSP id -> PEM of its CAs
+  std::map<std::string, Authorities> roots_;  ///< by MSP id
   std::mutex mutex_;
   std::list<Entry> entries_;  ///< newest use first
   Index index_;               ///< keys point into entries_
