@@ -34,6 +34,18 @@ class GatewayClient final : public Client {
     return std::move(*response.mutable_result()->mutable_payload());
   }
 
+  Result<std::string> evaluate_at_peer(Call call) override {
+    protos::ProposalResponse response;
+    const Status asked = keep_asking(call, [&](const Proposal& proposal, grpc::ClientContext& context) {
+      protos::SignedProposal request;
+      request.ParseFromString(proposal.signed_proposal);
+      return protos::Endorser::NewStub(connection_->peers[0])->ProcessProposal(&context, request, &response);
+    });
+    if (!asked) return asked.error();
+    if (response.response().status() >= 400) return Error{response.response().message()};
+    return std::move(*response.mutable_response()->mutable_payload());
+  }
+
   Status endorsable(Call call) override {
     gateway::EndorseResponse response;
     return ask<gateway::EndorseRequest>(
@@ -60,6 +72,18 @@ class GatewayClient final : public Client {
   /// A question to the gateway until it answers, within the deadline.
   template <typename Request, typename Rpc>
   Status ask(const Call& call, const Rpc& rpc) {
+    return keep_asking(call, [&](const Proposal& proposal, grpc::ClientContext& context) {
+      Request request;
+      request.set_transaction_id(proposal.tx_id);
+      request.set_channel_id(connection_->config.where.channel);
+      request.mutable_proposed_transaction()->ParseFromString(proposal.signed_proposal);
+      const auto stub = gateway::Gateway::NewStub(connection_->peers[connection_->peer()]);
+      return rpc(*stub, context, request);
+    });
+  }
+
+  template <typename Rpc>
+  Status keep_asking(const Call& call, const Rpc& rpc) {
     const auto deadline = std::chrono::system_clock::now() + connection_->config.deadline;
     BackOff back_off(first_retry_ns, max_retry_ns);
     Random random(random_seed());
@@ -67,14 +91,9 @@ class GatewayClient final : public Client {
       auto proposal = make_proposal(connection_->config.identity, connection_->config.where, call, realtime_ns(),
                                     crypto::random_bytes(24));
       if (!proposal) return proposal.error();
-      Request request;
-      request.set_transaction_id(proposal->tx_id);
-      request.set_channel_id(connection_->config.where.channel);
-      request.mutable_proposed_transaction()->ParseFromString(proposal->signed_proposal);
       grpc::ClientContext context;
       context.set_deadline(deadline);
-      const auto stub = gateway::Gateway::NewStub(connection_->peers[connection_->peer()]);
-      const grpc::Status status = rpc(*stub, context, request);
+      const grpc::Status status = rpc(*proposal, context);
       if (status.ok()) return done;
       const std::chrono::nanoseconds wait(back_off.next(random));
       if (!may_pass(status) || attempt == max_attempts || std::chrono::system_clock::now() + wait >= deadline) {

@@ -72,6 +72,9 @@ class Client {
   /// Asks without writing; waits for the answer, at most the deadline. An error has the contract's words, or says why
   /// the ledger was not reached.
   virtual Result<std::string> evaluate(Call call) = 0;
+  /// The same, asked of the peer at `endpoint` itself, past any gateway: its own word, of an organisation that need not be
+  /// the caller's.
+  virtual Result<std::string> evaluate_at_peer(Call call) = 0;
   /// Whether the gateway finds endorsements enough for the call now; nothing is submitted. Waits as evaluate().
   virtual Status endorsable(Call call) = 0;
 

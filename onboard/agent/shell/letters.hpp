@@ -27,7 +27,11 @@ struct Continued {
 struct RecordsRead {
   Result<FirstRecords> records;
 };
-using Letter = std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead>;
+/// The records as another organisation's peer tells them, or why it does not.
+struct SecondReading {
+  Result<FirstRecords> records;
+};
+using Letter = std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead, SecondReading>;
 
 /// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one frame in
 /// flight).

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <set>
 
 #include "common/base/log.hpp"
@@ -41,6 +42,20 @@ Status check_own_msp(Config& config, const std::string& msp_id) {
       fmt::format("no [[msp]] has id = \"{}\": without our own organisation no command could be believed", msp_id)};
 }
 
+/// Who is asked for a second opinion: the first peer named of another organisation; none: nobody is named.
+Result<std::unique_ptr<fabric::Client>> make_witness(const fabric::ClientConfig& own) {
+  const auto other = std::find_if(own.endorsers.begin(), own.endorsers.end(),
+                                  [&](const auto& endorser) { return endorser.msp_id != own.identity.name.msp_id; });
+  if (other == own.endorsers.end()) return std::unique_ptr<fabric::Client>();
+  fabric::ClientConfig config;
+  config.endpoint = other->endpoint;
+  config.tls_ca_file = other->tls_ca_file;
+  config.where = own.where;
+  config.identity = own.identity;
+  config.deadline = own.deadline;
+  return fabric::Client::create(std::move(config));
+}
+
 int run(Config& config) {
   // What a leader that died took with it is given up soon: newer states say more.
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
@@ -64,7 +79,9 @@ int run(Config& config) {
   if (!checkpoint) return fail(checkpoint.error(), exit_usage);
   auto client = fabric::Client::create(known);
   auto urgent = fabric::Client::create(known);
+  auto witness = make_witness(known);
   if (!client || !urgent) return fail((client ? urgent : client).error(), exit_usage);
+  if (!witness) return fail(witness.error(), exit_usage);
   dds::ParticipantPtr participant;
   if (!settings.mocap_topic.empty() || bridged.carries_something()) {
     auto made = dds::Participant::create(dds);
@@ -72,7 +89,8 @@ int run(Config& config) {
     participant = std::move(made).value();
   }
   agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(),
-                          std::move(urgent).value(), participant, std::move(*checkpoint), stop_requested);
+                          std::move(urgent).value(), std::move(witness).value(), participant, std::move(*checkpoint),
+                          stop_requested);
   if (auto status = shell.start(); !status) return fail(status.error());
   const auto bridges = bridge::BesideBridges::create(config, bridged, participant);
   if (!bridges) return fail(bridges.error());
@@ -96,7 +114,7 @@ agent.toml: [[drone]] name, number;
     outliers_before_reset, longest_gap_ms, frozen_after_ms
   [check] max_age_ms, max_speed_mps, max_yaw_rate_radps, horizon_ms, stamps_kept
   [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, longest_back_off_ms, refused_drone_pause_ms
-  [agent] beat_ms, ledger_silent_after_ms, idle_evict_s, seed, start_wait_s
+  [agent] beat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, seed, start_wait_s
   [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:

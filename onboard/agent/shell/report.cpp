@@ -85,6 +85,8 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
               {"stops_unconfirmed", core.unconfirmed_stops()},
               {"transactions_unbelievable", core.unbelievable_transactions()},
               {"blocks_not_read", shell.blocks_not_read},
+              {"records_compared", shell.records_compared},
+              {"records_differ", shell.records_differ},
               {"plans_not_handed_over", shell.plans_not_handed_over},
               {"mocap_lost", shell.mocap_lost},
               {"mocap_implausible", shell.mocap_implausible}}

@@ -13,6 +13,8 @@ struct ShellCounters {
   std::uint64_t plans_not_handed_over = 0;  ///< no shared memory chunk was left
   std::uint64_t mocap_lost = 0;             ///< the loop was too slow, or it was no pose
   std::uint64_t mocap_implausible = 0;      ///< a stamp or orientation that cannot be
+  std::uint64_t records_compared = 0;       ///< times, with another organisation's peer
+  std::uint64_t records_differ = 0;         ///< alarms: differences that lasted
   std::uint64_t blocks_not_read = 0;        ///< between the checkpoint and the start, after a long absence
 };
 /// The summary file's JSON.

@@ -153,6 +153,11 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
                    "with no answer to a call, or no connection, for so long, link is told that the ledger is silent"},
                   s.core.ledger_silent_after_ns, 10, 60'000);
   s.core.idle_evict_ns = idle_evict(config);
+  s.recheck_ns = from_seconds(config.number(
+      {"agent.recheck_s",
+       "between two looks at the control records and roles of another organisation's peer, the first [[endorser]] of "
+       "one; a difference that lasts is an alarm, in the log and the summary (records_differ); 0: never"},
+      5, 0, 3'600));
   s.core.seed = static_cast<std::uint64_t>(config.integer(
       {"agent.seed", "of the back-off's jitter: the same seed, the same pauses", "the time of its start"}, 0, 0,
       INT64_MAX));

@@ -45,8 +45,8 @@ TimeNs real_offset() {
 
 AgentShell::AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry,
                        std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent,
-                       dds::ParticipantPtr participant, std::optional<fabric::Checkpoint> checkpoint,
-                       const std::atomic<bool>& quit)
+                       std::unique_ptr<fabric::Client> witness, dds::ParticipantPtr participant,
+                       std::optional<fabric::Checkpoint> checkpoint, const std::atomic<bool>& quit)
     : settings_(std::move(settings)),
       quit_(quit),
       registry_(std::move(registry)),
@@ -54,7 +54,8 @@ AgentShell::AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> r
       checkpoint_(std::move(checkpoint)),
       participant_(std::move(participant)),
       client_(std::move(client)),
-      urgent_(std::move(urgent)) {
+      urgent_(std::move(urgent)),
+      witness_(std::move(witness)) {
   for (const DroneName& drone : core_.drones()) names_.push_back(drone.name);
 }
 
@@ -73,6 +74,8 @@ Status AgentShell::take_letters() {
       tell_connection(*state);
     } else if (const auto* continued = std::get_if<Continued>(&letter)) {
       take_continued(continued->how);
+    } else if (const auto* second = std::get_if<SecondReading>(&letter)) {
+      take_second_reading(*second);
     } else if (const auto* read = std::get_if<RecordsRead>(&letter)) {
       if (auto status = take_records(*read); !status) return status;
     }
@@ -100,6 +103,26 @@ Status AgentShell::take_records(const RecordsRead& read) {
   set_records(*read.records);
   for (const fabric::Block& block : control_start_.on_read()) core_.on_block(monotonic_ns(), block, out_);
   return done;
+}
+
+void AgentShell::take_second_reading(const SecondReading& reading) {
+  const std::string problem = reading.records ? "" : reading.records.error().what;
+  if (problem != witness_problem_ && !problem.empty())
+    spdlog::warn("the control records of another organisation's peer cannot be read: {}", problem);
+  witness_problem_ = problem;
+  ask_again_ = reading.records && !control_start_.known();  // our own are still being read
+  if (!reading.records || ask_again_) return;
+  const auto verdict = second_opinion_.compare(core_.records(), *reading.records);
+  for (const SecondOpinion::Difference& difference : verdict.alarms)
+    spdlog::error(
+        "{}: another organisation's peer tells another record than this agent believes: here {}; there {}. One of the "
+        "two peers lies or stands still: look at both before you fly",
+        difference.what, difference.ours, difference.theirs);
+  for (const std::string& what : verdict.cleared)
+    spdlog::warn("{}: another organisation's peer tells the same record again", what);
+  ask_again_ = verdict.again_soon;
+  counters_.records_compared = second_opinion_.comparisons();
+  counters_.records_differ = second_opinion_.alarms();
 }
 
 void AgentShell::take_states() {

@@ -16,6 +16,7 @@
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/agent/core/agent_core.hpp"
 #include "onboard/agent/core/mocap_intake.hpp"
+#include "onboard/agent/core/records/second_opinion.hpp"
 #include "onboard/agent/shell/letters.hpp"
 #include "onboard/agent/shell/report.hpp"
 #include "onboard/agent/shell/settings.hpp"
@@ -32,11 +33,13 @@ TimeNs real_offset();
 class AgentShell {
  public:
   /// `quit` is watched everywhere and must outlive the shell.
-  /// `client` is for states and blocks, `urgent` for what must not wait behind states.
+  /// `client` is for states and blocks, `urgent` for what must not wait behind states, `witness` asks a peer of another
+  /// organisation (none: nobody is asked).
   /// `participant`: for mocap. `checkpoint`: as the file of the settings has it; none: there is none yet.
   AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> registry, std::unique_ptr<fabric::Client> client,
-             std::unique_ptr<fabric::Client> urgent, dds::ParticipantPtr participant,
-             std::optional<fabric::Checkpoint> checkpoint, const std::atomic<bool>& quit);
+             std::unique_ptr<fabric::Client> urgent, std::unique_ptr<fabric::Client> witness,
+             dds::ParticipantPtr participant, std::optional<fabric::Checkpoint> checkpoint,
+             const std::atomic<bool>& quit);
   ~AgentShell();
 
   /// RouDi, mocap, the block stream, the control records: each with a bounded wait and a message that names the cure.
@@ -62,7 +65,10 @@ class AgentShell {
   void take_continued(const fabric::Continuation& how);
   void keep_checkpoint();
   void read_records_again(const std::stop_token& stop);
+  Result<FirstRecords> read_records(const belief::Evaluate& evaluate) const;
   Result<FirstRecords> read_records();
+  void ask_witness(const std::stop_token& stop);
+  void take_second_reading(const SecondReading& reading);
   void set_records(const FirstRecords& records);
   void watch_roudi(const std::stop_token& stop);
   bool cut_off(TimeNs now) const;
@@ -110,14 +116,17 @@ class AgentShell {
   std::uint64_t catch_up_to_ = 0;                 ///< height that the chain had at the start
   std::uint64_t kept_height_ = 0;                 ///< of the newest checkpoint of this agent
   std::unique_ptr<fabric::CheckpointKeeper> keeper_;
+  SecondOpinion second_opinion_;
+  std::string witness_problem_;         ///< as told last
+  std::atomic<bool> ask_again_{false};  ///< the witness, soon
 
   // In this order: the threads and streams below use what is above, and are ended first.
   Mailbox mailbox_;
   dds::ParticipantPtr participant_;
   std::vector<Mocap> mocap_;
-  std::unique_ptr<fabric::Client> client_, urgent_;
+  std::unique_ptr<fabric::Client> client_, urgent_, witness_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
-  std::jthread control_reader_, roudi_watch_;
+  std::jthread control_reader_, roudi_watch_, witness_reader_;
 };
 
 }  // namespace ledgerline::agent

@@ -16,6 +16,9 @@ namespace {
 using std::chrono::milliseconds;
 constexpr milliseconds roudi_watch_turn{100};
 constexpr milliseconds roudi_watch_period{1000};
+constexpr TimeNs witness_turn_ns = 100 * ns_per_ms;
+// Two peers of one channel are a block apart, rarely more: long beside that, short beside what a lie could do.
+constexpr TimeNs witness_again_ns = 500 * ns_per_ms;
 constexpr TimeNs max_catching_up_ns = 1 * ns_per_s;  // then the wait is told
 
 std::string topic_of(const std::string& pattern, const std::string& drone) {
@@ -47,6 +50,8 @@ Status AgentShell::start() {
   roudi_watch_ = std::jthread([this](const std::stop_token& stop) { watch_roudi(stop); });
   if (auto status = subscribe_to_mocap(); !status) return status;
 
+  if (witness_ && settings_.recheck_ns > 0)
+    witness_reader_ = std::jthread([this](const std::stop_token& stop) { ask_witness(stop); });
   open_checkpoint();
   open_block_stream();
   if (auto status = wait_for_block_stream(); !status) return status;
@@ -60,7 +65,10 @@ Status AgentShell::start() {
 }
 
 Result<FirstRecords> AgentShell::read_records() {
-  const belief::Evaluate evaluate = [this](const fabric::Call& call) { return client_->evaluate(call); };
+  return read_records([this](const fabric::Call& call) { return client_->evaluate(call); });
+}
+
+Result<FirstRecords> AgentShell::read_records(const belief::Evaluate& evaluate) const {
   auto controls = belief::read_controls(names_, evaluate);
   if (!controls) return controls.error();
   auto roles = belief::read_roles(evaluate);
@@ -192,6 +200,21 @@ void AgentShell::read_records_again(const std::stop_token& stop) {
   });
   if (stop.stop_requested()) return;
   mailbox_.put(RecordsRead{status ? Result<FirstRecords>(std::move(records)) : status.error()});
+}
+
+void AgentShell::ask_witness(const std::stop_token& stop) {
+  const belief::Evaluate evaluate = [&](const fabric::Call& call) -> Result<std::string> {
+    if (stop.stop_requested()) return Error{"asked to end"};
+    return witness_->evaluate_at_peer(call);
+  };
+  while (!stop.stop_requested()) {
+    mailbox_.put(SecondReading{read_records(evaluate)});
+    for (TimeNs waited_ns = 0; waited_ns < settings_.recheck_ns && !stop.stop_requested();
+         waited_ns += witness_turn_ns) {
+      if (ask_again_ && waited_ns >= witness_again_ns) break;
+      std::this_thread::sleep_for(std::chrono::nanoseconds(witness_turn_ns));
+    }
+  }
 }
 
 void AgentShell::watch_roudi(const std::stop_token& stop) {

@@ -1,4 +1,5 @@
-"""An agent that starts again, at a ledger that has grown, lags behind, was forked, or whose checkpoint is spoilt."""
+"""An agent that starts again, at a ledger that has grown, lags behind, was forked, or whose checkpoint is spoilt; and one
+whose records another organisation's peer tells otherwise."""
 import contextlib
 import json
 import os
@@ -44,10 +45,12 @@ class Host:
         self.checkpoint, self.log, self.summary = folder / "agent.checkpoint", folder / "agent.log", folder / "agent.json"
         grow(self.directory, 20)
 
-    def write_config(self, ledger, more: str) -> None:
+    def write_config(self, ledger, more: str, witness=None) -> None:
         where = tables(ledger, 1).replace("[ledger]\n", f'[ledger]\ncheckpoint = "{self.checkpoint}"\n{more}', 1)
+        if witness:
+            where += '[[endorser]]\nmsp_id = "Org2MSP"\nendpoint = "{}"\ntls_ca = "{}"\n'.format(*witness.endorser(2))
         (self.folder / "agent.toml").write_text(
-            f'{where}[mocap]\ntopic = ""\n[output]\nsummary = "{self.summary}"\n[agent]\nstart_wait_s = 2\n'
+            f'{where}[mocap]\ntopic = ""\n[output]\nsummary = "{self.summary}"\n[agent]\nstart_wait_s = 2\nrecheck_s = 1\n'
             '[[drone]]\nname = "tello1"\n')
 
     @contextlib.contextmanager
@@ -91,11 +94,11 @@ class Host:
         return int(self.checkpoint.read_bytes().split(b"\n")[2].split()[1])
 
 
-def submit(ledger) -> None:
+def submit(ledger, organisation: int = 1, function: str = "set",
+           argument: str = '{"assets":[{"id":"Org1MSP/note","msgType":"t","msgData":"AAAA"}]}') -> None:
     endpoint, ca = ledger.peer(1)
-    subprocess.run([BIN / "client_example", endpoint, ca, "Org1MSP", ledger.msp_dir(1, "User1"), "submit", "set",
-                    '{"assets":[{"id":"Org1MSP/note","msgType":"t","msgData":"AAAA"}]}'], check=True, timeout=60,
-                   stdout=subprocess.DEVNULL)
+    subprocess.run([BIN / "client_example", endpoint, ca, f"Org{organisation}MSP", ledger.msp_dir(organisation, "User1"),
+                    "submit", function, argument], check=True, timeout=60, stdout=subprocess.DEVNULL)
 
 
 @pytest.fixture
@@ -191,3 +194,64 @@ def test_an_agent_that_is_killed_goes_on_from_what_it_had_written(host):
         agent.wait()
         _, log = host.run_agent()
     assert f"goes on behind block {before + 1}" in log
+
+
+class Running:
+    """An agent that runs, and what it says."""
+
+    def __init__(self, host: Host):
+        self.host = host
+        with open(host.log, "w") as log:
+            self.process = subprocess.Popen([BIN / "ledgerline-agent", "--config", host.folder / "agent.toml"],
+                                            stdout=subprocess.PIPE, stderr=log, text=True)
+
+    def __enter__(self):
+        assert '"ready":true' in self.process.stdout.readline(), self.host.log.read_text()
+        return self
+
+    def __exit__(self, *_):
+        self.process.terminate()
+        self.process.wait(timeout=PATIENCE_S)
+
+    def wait_for(self, words: str) -> None:
+        until = time.monotonic() + PATIENCE_S
+        while words not in self.host.log.read_text():
+            assert time.monotonic() < until, self.host.log.read_text()
+            time.sleep(0.02)
+
+
+ALARM = "tello1: another organisation's peer tells another record than this agent believes"
+
+
+def test_records_that_two_organisations_peers_tell_alike_are_no_alarm(host):
+    with host.ledger() as ledger:
+        host.write_config(ledger, "", ledger)
+        with Running(host):
+            for function in ("acquire", "release") * 4:  # while they are compared
+                submit(ledger, 2, function, '{"drones":["tello1"]}')
+                time.sleep(0.5)
+    summary = json.loads(host.summary.read_text())
+    assert summary["records_compared"] >= 3 and summary["records_differ"] == 0, host.log.read_text()
+
+
+def test_a_record_that_differs_at_another_organisations_peer_is_an_alarm_until_it_agrees(host, tmp_path):
+    shutil.copytree(host.directory, tmp_path / "other")
+    with host.ledger() as ledger:
+        other = Embedded(tmp_path / "other")
+        try:
+            host.write_config(ledger, "", other)
+            with Running(host) as agent:
+                submit(ledger, 2, "acquire", '{"drones":["tello1"]}')
+                agent.wait_for(ALARM)
+                assert "held by Org2MSP" in host.log.read_text() and "there not held" in host.log.read_text()
+                submit(ledger, 2, "release", '{"drones":["tello1"]}')
+                submit(other, 2, "acquire", '{"drones":["tello1"]}')
+                submit(other, 2, "release", '{"drones":["tello1"]}')
+                agent.wait_for("tello1: another organisation's peer tells the same record again")
+            assert json.loads(host.summary.read_text())["records_differ"] == 1
+            other.stop()
+            with Running(host) as agent:
+                agent.wait_for("the control records of another organisation's peer cannot be read")
+            assert json.loads(host.summary.read_text())["records_differ"] == 0
+        finally:
+            other.stop()

@@ -1,0 +1,80 @@
+#include "onboard/agent/core/records/second_opinion.hpp"
+
+#include <algorithm>
+
+namespace ledgerline::agent {
+namespace {
+
+// Who of those that a record names is revoked follows from the roles, which are compared themselves.
+std::string bytes_of(Control record) {
+  record.clear_revoked();
+  return record.SerializeAsString();
+}
+
+std::string in_short(const Control& record) {
+  return (record.has_holder() ? "held by " + record.holder().msp_id() + " " + record.holder().subject() : "not held") +
+         ", epoch " + std::to_string(record.epoch()) + ", " + std::to_string(record.stoppers_size()) + " stops, " +
+         std::to_string(record.grants_size()) + " grants";
+}
+
+// An identity without a role and one that is not known may do the same.
+std::map<crypto::IdentityName, Role> given(const belief::Roles& roles) {
+  std::map<crypto::IdentityName, Role> out = roles.all();
+  std::erase_if(out, [](const auto& one) { return one.second == ROLE_NONE; });
+  return out;
+}
+
+std::string text_of(const std::map<crypto::IdentityName, Role>& roles) {
+  std::string text;
+  for (const auto& [who, role] : roles) text += who.msp_id + " " + who.subject + " " + Role_Name(role) + "\n";
+  return text;
+}
+
+}  // namespace
+
+void SecondOpinion::compare(const Difference& in_short, Seen now, Verdict& verdict) {
+  const auto known = seen_.find(in_short.what);
+  if (now.ours == now.theirs) {
+    if (known == seen_.end()) return;
+    if (known->second.told) verdict.cleared.push_back(in_short.what);
+    seen_.erase(known);
+    return;
+  }
+  if (known == seen_.end()) {
+    seen_.emplace(in_short.what, std::move(now));
+    verdict.again_soon = true;
+    return;
+  }
+  Seen& before = known->second;
+  if (before.told) return;
+  if (before.ours == now.ours && before.theirs == now.theirs) {
+    before.told = true;
+    ++alarms_;
+    verdict.alarms.push_back(in_short);
+    return;
+  }
+  before = std::move(now);
+  verdict.again_soon = true;
+}
+
+SecondOpinion::Verdict SecondOpinion::compare(const FirstRecords& ours, const FirstRecords& theirs) {
+  ++compared_;
+  Verdict verdict;
+  for (const Control& control : ours.controls) {
+    const auto told = std::find_if(theirs.controls.begin(), theirs.controls.end(),
+                                   [&](const Control& one) { return one.drone() == control.drone(); });
+    const bool there = told != theirs.controls.end();
+    compare({control.drone(), in_short(control), there ? in_short(*told) : "no record"},
+            {bytes_of(control), there ? bytes_of(*told) : ""}, verdict);
+  }
+  const auto our_roles = given(ours.roles), their_roles = given(theirs.roles);
+  compare({"roles", std::to_string(our_roles.size()) + " of them", std::to_string(their_roles.size()) + " of them"},
+          {text_of(our_roles), text_of(their_roles)}, verdict);
+  return verdict;
+}
+
+bool SecondOpinion::differs() const {
+  return std::any_of(seen_.begin(), seen_.end(), [](const auto& one) { return one.second.told; });
+}
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,42 @@
+#pragma once
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "onboard/agent/core/records/first_records.hpp"
+
+namespace ledgerline::agent {
+
+/// Compares the records that agent believes with those that a peer of another organisation tells. The two may be read on
+/// either side of a block, so a difference counts once the very same two records differ in two comparisons in a row.
+/// Pure; one thread.
+class SecondOpinion {
+ public:
+  struct Difference {
+    std::string what;          ///< the drone, or "roles"
+    std::string ours, theirs;  ///< in short
+  };
+  struct Verdict {
+    std::vector<Difference> alarms;    ///< that have begun
+    std::vector<std::string> cleared;  ///< of what alarms there is agreement again
+    bool again_soon = false;           ///< something differs for the first time
+  };
+  Verdict compare(const FirstRecords& ours, const FirstRecords& theirs);
+
+  std::uint64_t alarms() const { return alarms_; }  ///< that have begun since the start
+  bool differs() const;                             ///< an alarm stands
+  std::uint64_t comparisons() const { return compared_; }
+
+ private:
+  struct Seen {
+    std::string ours, theirs;  ///< bytes
+    bool told = false;
+  };
+  void compare(const Difference& in_short, Seen now, Verdict& verdict);
+
+  std::map<std::string, Seen> seen_;  ///< what differs, by its name
+  std::uint64_t alarms_ = 0, compared_ = 0;
+};
+
+}  // namespace ledgerline::agent

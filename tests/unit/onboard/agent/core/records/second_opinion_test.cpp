@@ -1,0 +1,86 @@
+#include "onboard/agent/core/records/second_opinion.hpp"
+
+#include <gtest/gtest.h>
+
+#include "common/msg/stops.hpp"
+#include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+FirstRecords records(std::uint64_t epoch = 5) {
+  FirstRecords out;
+  out.controls = {testing::control("tello1", epoch), testing::control("tello2", 6)};
+  out.roles.take({testing::to_message(testing::LedgerOfTests::operator_name()), OPERATOR});
+  return out;
+}
+
+TEST(SecondOpinionTest, WhoAgreesIsNeverAnAlarm) {
+  SecondOpinion opinion;
+  for (std::uint64_t epoch = 1; epoch < 100; ++epoch) {
+    const auto verdict = opinion.compare(records(epoch), records(epoch));
+    EXPECT_TRUE(verdict.alarms.empty() && verdict.cleared.empty() && !verdict.again_soon);
+  }
+  EXPECT_EQ(opinion.alarms(), 0U);
+  EXPECT_EQ(opinion.comparisons(), 99U);
+}
+
+TEST(SecondOpinionTest, ADifferenceOnceIsOnlyAskedAboutSoon) {
+  SecondOpinion opinion;
+  EXPECT_TRUE(opinion.compare(records(5), records(4)).again_soon);
+  const auto agreed = opinion.compare(records(5), records(5));
+  EXPECT_TRUE(agreed.alarms.empty() && agreed.cleared.empty() && !agreed.again_soon);
+  EXPECT_FALSE(opinion.differs());
+}
+
+TEST(SecondOpinionTest, APeerThatFollowsABlockBehindIsNoAlarm) {
+  SecondOpinion opinion;
+  for (std::uint64_t epoch = 1; epoch < 100; ++epoch) {
+    const auto verdict = opinion.compare(records(epoch + 1), records(epoch));
+    EXPECT_TRUE(verdict.alarms.empty() && verdict.again_soon);
+  }
+  EXPECT_EQ(opinion.alarms(), 0U);
+}
+
+TEST(SecondOpinionTest, ALastingDifferenceIsOneAlarmUntilThereIsAgreement) {
+  SecondOpinion opinion;
+  (void)opinion.compare(records(5), records(4));
+  const auto verdict = opinion.compare(records(5), records(4));
+  ASSERT_EQ(verdict.alarms.size(), 1U);
+  EXPECT_EQ(verdict.alarms[0].what, "tello1");
+  EXPECT_NE(verdict.alarms[0].ours.find("epoch 5"), std::string::npos);
+  EXPECT_NE(verdict.alarms[0].theirs.find("epoch 4"), std::string::npos);
+  EXPECT_TRUE(opinion.differs());
+  for (std::uint64_t epoch = 6; epoch < 20; ++epoch)
+    EXPECT_TRUE(opinion.compare(records(epoch), records(4)).alarms.empty()) << "it is told once";
+  EXPECT_EQ(opinion.compare(records(5), records(5)).cleared, std::vector<std::string>{"tello1"});
+  EXPECT_FALSE(opinion.differs());
+  (void)opinion.compare(records(5), records(4));
+  EXPECT_EQ(opinion.compare(records(5), records(4)).alarms.size(), 1U);
+  EXPECT_EQ(opinion.alarms(), 2U);
+}
+
+TEST(SecondOpinionTest, AStopARoleOrADroneThatOneSideDoesNotHaveIsADifference) {
+  FirstRecords stopped = records(), promoted = records(), fewer = records();
+  add_stop(stopped.controls[1], testing::stop_of("tello2"));
+  promoted.roles.take({testing::to_message(testing::LedgerOfTests::operator_name()), SUPERVISOR});
+  fewer.controls.pop_back();
+  for (const auto& [other, what] :
+       {std::pair(stopped, "tello2"), std::pair(promoted, "roles"), std::pair(fewer, "tello2")}) {
+    SecondOpinion opinion;
+    (void)opinion.compare(records(), other);
+    const auto verdict = opinion.compare(records(), other);
+    ASSERT_EQ(verdict.alarms.size(), 1U) << what;
+    EXPECT_EQ(verdict.alarms[0].what, what);
+  }
+}
+
+TEST(SecondOpinionTest, ARoleThatIsNoneIsAsGoodAsNoRole) {
+  FirstRecords other = records();
+  other.roles.take({testing::to_message({"Org3MSP", "CN=host"}), ROLE_NONE});
+  SecondOpinion opinion;
+  EXPECT_FALSE(opinion.compare(records(), other).again_soon);
+}
+
+}  // namespace
+}  // namespace ledgerline::agent
