@@ -1,21 +1,19 @@
 #include "chaincode/node/core/committer.hpp"
 
-#include <algorithm>
-#include <set>
-
-#include "peer/chaincode_event.pb.h"
+#include "chaincode/node/core/tx/proposal.hpp"
+#include "common/fabric/judge/transaction_judge.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::node {
 namespace {
 
-/// An event that names another contract or transaction would reach readers under a false name. (Fabric looks at the
-/// contract alone.)
-bool own_event(const TransactionParts& transaction, const std::string& contract) {
-  if (transaction.action.events().empty()) return true;
-  protos::ChaincodeEvent event;
-  return event.ParseFromString(transaction.action.events()) && event.chaincode_id() == contract &&
-         event.tx_id() == transaction.channel_header.tx_id();
+/// A majority of the organisations, each by one of its peers.
+fabric::Policy majority_of(const std::vector<crypto::MspRoot>& organisations) {
+  fabric::Policy policy;
+  for (const crypto::MspRoot& one : organisations) policy.parts.push_back(fabric::peer_policy(one.msp_id));
+  policy.needed = organisations.size() / 2 + 1;
+  return policy;
 }
 
 /// The network's settings may have changed since; its name may not.
@@ -31,82 +29,25 @@ bool configures(const common::Block& block, const std::string& channel) {
 
 }  // namespace
 
-std::vector<fabric::Endorser> Committer::endorsers_of(const TransactionParts& transaction, Now now) const {
-  std::vector<fabric::Endorser> found;
-  std::set<std::string> known;
-  for (const protos::Endorsement& endorsement : transaction.endorsements) {
-    const bool peer = std::find(endorsers_.begin(), endorsers_.end(), endorsement.endorser()) != endorsers_.end();
-    if (!peer || !known.insert(endorsement.endorser()).second) continue;
-    const auto member = members_.check(endorsement.endorser(), transaction.response_payload + endorsement.endorser(),
-                                       endorsement.signature(), now);
-    if (member) found.push_back({(*member)->name.msp_id, true});
-  }
-  return found;
-}
+Committer::Committer(const CoreConfig& config, std::shared_ptr<crypto::MspRegistry> members, Ledger& ledger)
+    : config_(config),
+      rules_{config.channel, false},
+      members_(std::move(members)),
+      view_(ledger.state(), config.contract, majority_of(config.organisations)),
+      ledger_(ledger) {}
 
-bool Committer::satisfies_policies(const kvrwset::KVRWSet& set, const std::vector<fabric::Endorser>& endorsers) const {
-  std::set<std::string> keys, organisations;
-  for (const kvrwset::KVWrite& write : set.writes()) keys.insert(write.key());
-  for (const kvrwset::KVMetadataWrite& write : set.metadata_writes()) keys.insert(write.key());
-  bool contract_policy = keys.empty();
-  for (const std::string& key : keys) {
-    if (new_policies_.contains(key)) return false;
-    const State::Value* value = ledger_.state().find(key);
-    if (value == nullptr || value->policy.empty()) {
-      contract_policy = true;
-    } else if (!fabric::satisfies(value->policy, endorsers)) {
-      return false;
-    }
-  }
-  if (!contract_policy) return true;
-  for (const fabric::Endorser& endorser : endorsers) organisations.insert(endorser.msp_id);
-  return organisations.size() > config_.organisations.size() / 2;
-}
-
-int Committer::validate_form(const TransactionParts& transaction, Now now, kvrwset::KVRWSet& set) {
-  if (transaction.code != protos::VALID) return transaction.code;
-  if (ledger_.state().find_tx(transaction.channel_header.tx_id())) return protos::DUPLICATE_TXID;
-  if (transaction.action.chaincode_id().name() != config_.contract) return protos::INVALID_CHAINCODE;
-  ContractSet contract_set = read_contract_set(transaction.action, config_.contract);
-  if (contract_set.code != protos::VALID) return contract_set.code;
-  if (!own_event(transaction, config_.contract)) return protos::INVALID_OTHER_REASON;
-  if (!satisfies_policies(contract_set.set, endorsers_of(transaction, now))) return protos::ENDORSEMENT_POLICY_FAILURE;
-  set = std::move(contract_set.set);
-  // Also when it turns out to have read what has changed: Fabric judges endorsements first.
-  for (const kvrwset::KVMetadataWrite& write : set.metadata_writes()) new_policies_.insert(write.key());
-  return protos::VALID;
-}
-
-std::vector<TxStatus> Committer::validate_all(const common::Block& block, Now now, std::vector<Write>& writes) {
-  const std::uint64_t number = block.header().number();
-  Overlay overlay(ledger_.state());
-  std::vector<TxStatus> statuses;
-  std::set<std::string> ids;
-  new_policies_.clear();
-  for (const std::string& envelope : block.data().data()) {
-    const TransactionParts transaction = read_transaction(envelope);
-    kvrwset::KVRWSet set;
-    int code = validate_form(transaction, now, set);
-    // As in Fabric, a transaction that fails for what it read has used its id up, also within the block.
-    if (code == protos::VALID && !ids.insert(transaction.channel_header.tx_id()).second) code = protos::DUPLICATE_TXID;
-    if (code == protos::VALID) code = overlay.check(set);
-    if (code == protos::VALID) {
-      overlay.add(set);
-      writes.push_back({{number, statuses.size()}, std::move(set)});
-    }
-    statuses.push_back({transaction.channel_header.tx_id(), number, code});
-  }
-  return statuses;
-}
-
-CutBlock Committer::validate(OrderedBlock ordered, Now now) {
+CutBlock Committer::validate(OrderedBlock ordered) {
   common::Block& block = ordered.block;
   CutBlock cut{block.header().number(), {}, {}, std::move(ordered.warning)};
   std::vector<Write> writes;
   if (cut.number == 0) {
     cut.transactions.push_back({"", 0, protos::VALID});  // the config block, which is the node's own
   } else {
-    cut.transactions = validate_all(block, now, writes);
+    for (fabric::Verdict& verdict : fabric::judge_transactions(block, view_, *members_, rules_)) {
+      const Version at{cut.number, cut.transactions.size()};
+      if (verdict.code == protos::VALID) writes.push_back({at, set_of(verdict.sets, config_.contract)});
+      cut.transactions.push_back({std::move(verdict.tx_id), cut.number, verdict.code});
+    }
   }
   std::string flags;
   for (const TxStatus& status : cut.transactions) flags += static_cast<char>(status.code);
@@ -159,14 +100,13 @@ Status Committer::check_follows(const common::Block& block, const std::string& n
 }
 
 void Committer::replay_transaction(std::string_view envelope, Version at, int code) {
-  const TransactionParts transaction = read_transaction(envelope);
+  const fabric::TransactionForm transaction = fabric::read_form(envelope);
   const std::string& tx_id = transaction.channel_header.tx_id();
   ++counts_.transactions;
   if (code != protos::VALID) ++counts_.invalid;
   if (!tx_id.empty() && code != protos::BAD_PROPOSAL_TXID) ledger_.state().add_tx(tx_id, {at.block, code});
   if (code != protos::VALID) return;
-  const ContractSet writes = read_contract_set(transaction.action, config_.contract);
-  ledger_.state().write(writes.set, at);
+  ledger_.state().write(set_of(fabric::read_sets(transaction.action.results()), config_.contract), at);
 }
 
 Status Committer::replay(std::string_view bytes) {

@@ -1,18 +1,16 @@
 #pragma once
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "chaincode/node/core/ledger/ledger.hpp"
-#include "chaincode/node/core/member_check.hpp"
 #include "chaincode/node/core/orderer.hpp"
-#include "chaincode/node/core/tx/proposal.hpp"
 #include "chaincode/node/core/types.hpp"
-#include "common/fabric/tx/policy.hpp"
+#include "common/fabric/judge/transaction_judge.hpp"
 
 namespace ledgerline::node {
 
@@ -47,11 +45,9 @@ struct Applied {
 /// at a time.
 class Committer {
  public:
-  /// `endorsers`: the peers (msp.SerializedIdentity) whose endorsements count.
-  Committer(const CoreConfig& config, MemberCheck members, std::vector<std::string> endorsers, Ledger& ledger)
-      : config_(config), members_(std::move(members)), endorsers_(std::move(endorsers)), ledger_(ledger) {}
+  Committer(const CoreConfig& config, std::shared_ptr<crypto::MspRegistry> members, Ledger& ledger);
 
-  CutBlock validate(OrderedBlock ordered, Now now);
+  CutBlock validate(OrderedBlock ordered);
   bool under_way() const { return under_way_.has_value(); }
   /// Commits the block that validate() gave. Only after it is on disk.
   Applied apply(const CutBlock& block);
@@ -78,23 +74,15 @@ class Committer {
     std::string hash;
     std::vector<Write> writes;
   };
-  std::vector<TxStatus> validate_all(const common::Block& block, Now now, std::vector<Write>& writes);
-  /// A protos.TxValidationCode of everything but what was read; fills `set` when it is VALID.
-  int validate_form(const TransactionParts& transaction, Now now, kvrwset::KVRWSet& set);
-  /// Which of the members' peers have endorsed, each once.
-  std::vector<fabric::Endorser> endorsers_of(const TransactionParts& transaction, Now now) const;
-  /// Fabric's rule: a key with a policy of its own needs what that says, the others what the contract's says, which is a
-  /// majority of the organisations; so does a transaction that writes nothing.
-  bool satisfies_policies(const kvrwset::KVRWSet& set, const std::vector<fabric::Endorser>& endorsers) const;
   Status check_follows(const common::Block& block, const std::string& name) const;
   void replay_transaction(std::string_view envelope, Version at, int code);
 
   const CoreConfig& config_;
-  const MemberCheck members_;
-  const std::vector<std::string> endorsers_;
+  const fabric::JudgeRules rules_;
+  const std::shared_ptr<crypto::MspRegistry> members_;
+  const StateView view_;
   Ledger& ledger_;
   std::optional<UnderWay> under_way_;
-  std::set<std::string> new_policies_;  ///< keys whose policy the block under validation has changed so far
   std::map<std::string, std::vector<std::uint64_t>> waiters_;
   Counts counts_;
 };

@@ -1,16 +1,6 @@
 #include "chaincode/node/core/core.hpp"
 
 namespace ledgerline::node {
-namespace {
-
-std::vector<std::string> serialized(const std::vector<crypto::SigningIdentity>& peers) {
-  std::vector<std::string> all;
-  for (const crypto::SigningIdentity& peer : peers) all.push_back(peer.serialized);
-  return all;
-}
-
-}  // namespace
-
 NodeCore::NodeCore(CoreConfig config, const std::shared_ptr<crypto::MspRegistry>& registry,
                    const std::vector<crypto::SigningIdentity>& peers, crypto::SigningIdentity orderer,
                    ReadBlock read_block)
@@ -19,7 +9,7 @@ NodeCore::NodeCore(CoreConfig config, const std::shared_ptr<crypto::MspRegistry>
       ledger_(std::move(read_block)),
       endorser_(config_, members_, peers, ledger_),
       orderer_(config_, members_, std::move(orderer)),
-      committer_(config_, members_, serialized(peers), ledger_) {}
+      committer_(config_, registry, ledger_) {}
 
 Result<crypto::IdentityName> NodeCore::check_signer(std::string_view serialized, std::string_view message,
                                                     std::string_view signature, Now now) const {
@@ -34,7 +24,7 @@ std::optional<CutBlock> NodeCore::cut(Now now) {
   if (committer_.under_way()) return std::nullopt;
   auto block = orderer_.cut(now, ledger_.end());
   if (!block) return std::nullopt;
-  return committer_.validate(std::move(*block), now);
+  return committer_.validate(std::move(*block));
 }
 
 }  // namespace ledgerline::node

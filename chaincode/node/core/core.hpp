@@ -35,7 +35,7 @@ class NodeCore {
   NodeCore& operator=(const NodeCore&) = delete;
 
   /// The config block, as number 0: for an empty ledger. To be written, then given to apply() as any other.
-  CutBlock genesis() { return committer_.validate(orderer_.genesis(), {}); }
+  CutBlock genesis() { return committer_.validate(orderer_.genesis()); }
   /// Takes a block from disk: state, history, transaction ids. In order, before anything else.
   Status replay(std::string_view block) { return committer_.replay(block); }
   std::uint64_t height() const { return ledger_.height(); }

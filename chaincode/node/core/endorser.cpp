@@ -23,7 +23,8 @@ protos::Response to_message(const chaincode::Response& response) {
 
 std::string to_payload(const ProposalParts& proposal, const protos::ChaincodeAction& action) {
   protos::ProposalResponsePayload payload;
-  payload.set_proposal_hash(proposal_hash(proposal.header, proposal.payload));
+  payload.set_proposal_hash(
+      fabric::proposal_hash(proposal.header.channel_header(), proposal.header.signature_header(), proposal.payload));
   payload.set_extension(action.SerializeAsString());
   return payload.SerializeAsString();
 }

@@ -4,6 +4,7 @@
 
 #include "chaincode/node/core/types.hpp"
 #include "common/base/printable.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/ledger.pb.h"
 #include "peer/query.pb.h"
 #include "peer/transaction.pb.h"
@@ -61,7 +62,7 @@ std::optional<chaincode::Response> ask_system_contract(const Ledger& ledger, con
     const auto block = ledger.block_at(known->block);
     if (!block) return refuse(block.error().what);
     for (const std::string& bytes : block->data().data()) {
-      if (read_transaction(bytes).channel_header.tx_id() != argument(1)) continue;
+      if (fabric::read_form(bytes).channel_header.tx_id() != argument(1)) continue;
       protos::ProcessedTransaction transaction;
       if (!transaction.mutable_transactionenvelope()->ParseFromString(bytes)) break;
       transaction.set_validationcode(known->code);

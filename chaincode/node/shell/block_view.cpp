@@ -1,6 +1,7 @@
 #include "chaincode/node/shell/block_view.hpp"
 
-#include "chaincode/node/core/tx/proposal.hpp"
+#include "common/fabric/tx/form.hpp"
+#include "peer/chaincode_event.pb.h"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::node {
@@ -18,7 +19,7 @@ int flag(const common::Block& block, int tx) {
   return place < flags.size() ? static_cast<unsigned char>(flags[place]) : static_cast<int>(protos::NOT_VALIDATED);
 }
 
-bool read_event(const TransactionParts& transaction, protos::ChaincodeEvent& event) {
+bool read_event(const fabric::TransactionForm& transaction, protos::ChaincodeEvent& event) {
   return !transaction.action.events().empty() && event.ParseFromString(transaction.action.events());
 }
 
@@ -38,7 +39,7 @@ Status fill_filtered(std::string_view bytes, protos::DeliverResponse& response) 
   protos::FilteredBlock& filtered = *response.mutable_filtered_block();
   filtered.set_number(block.header().number());
   for (int i = 0; i < block.data().data_size(); ++i) {
-    const TransactionParts transaction = read_transaction(block.data().data(i));
+    const fabric::TransactionForm transaction = fabric::read_form(block.data().data(i));
     filtered.set_channel_id(transaction.channel_header.channel_id());
     protos::FilteredTransaction& entry = *filtered.add_filtered_transactions();
     entry.set_txid(transaction.channel_header.tx_id());
@@ -69,7 +70,7 @@ Status fill_events(std::string_view bytes, const std::string& contract, const st
   if (Status status = parse(bytes, block); !status) return status;
   response.set_block_number(block.header().number());
   for (int i = 0; i < block.data().data_size(); ++i) {
-    const TransactionParts transaction = read_transaction(block.data().data(i));
+    const fabric::TransactionForm transaction = fabric::read_form(block.data().data(i));
     if (!after.empty() && transaction.channel_header.tx_id() == after) {
       response.clear_events();
       continue;

@@ -66,9 +66,7 @@ std::vector<Endorser> signers_of(const common::Block& block, const common::Metad
 Status check_signatures(const common::Block& block, const Signed& said, const ChannelConfig& config,
                         crypto::MspRegistry& orderers) {
   const std::vector<Endorser> signers = signers_of(block, said.metadata, orderers);
-  std::size_t satisfied = 0;
-  for (const std::string& policy : config.block_policies) satisfied += satisfies(policy, signers) ? 1 : 0;
-  if (satisfied >= config.block_policies_needed) return done;
+  if (satisfies(config.block_validation, signers)) return done;
   return Error{
       fmt::format("its orderers' signatures do not satisfy the channel's policy ({} of them count)", signers.size())};
 }

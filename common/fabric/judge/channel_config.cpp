@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <optional>
+
 #include "common/base/printable.hpp"
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
@@ -41,46 +43,64 @@ Result<crypto::MspRoot> read_msp(const std::string& name, const common::ConfigGr
   for (const auto* list : {&fabric.root_certs(), &fabric.intermediate_certs()}) {
     for (const std::string& pem : *list) root.ca_pem += pem + "\n";
   }
+  for (const std::string& pem : fabric.revocation_list()) root.revocation_lists_pem += pem + "\n";
   return root;
 }
 
-/// A policy over the orderers' organisations, as parts that are signature policies.
-Status read_block_policy(const common::ConfigGroup& ordering, ChannelConfig& out) {
-  const common::Policy* policy = policy_of(ordering, "BlockValidation");
-  if (policy == nullptr) return Error{"there is no policy /Channel/Orderer/BlockValidation"};
-  if (policy->type() == common::Policy::SIGNATURE) {
-    out.block_policies.push_back(policy->value());
-    out.block_policies_needed = 1;
-    return done;
-  }
+/// One signature policy, or the organisations' own of that name, of which so many must agree. Fabric counts an
+/// organisation without that policy as one that never agrees.
+std::optional<Policy> read_policy(const common::ConfigGroup& group, const std::string& name) {
+  const common::Policy* policy = policy_of(group, name);
+  if (policy == nullptr) return std::nullopt;
+  if (policy->type() == common::Policy::SIGNATURE) return Policy{{policy->value()}, 1};
   common::ImplicitMetaPolicy implicit;
   if (policy->type() != common::Policy::IMPLICIT_META || !implicit.ParseFromString(policy->value()))
-    return Error{"the policy /Channel/Orderer/BlockValidation is of no known type"};
-  for (const auto& [name, organisation] : ordering.groups()) {
+    return std::nullopt;
+  Policy out;
+  for (const auto& [id, organisation] : group.groups()) {
     const common::Policy* part = policy_of(organisation, implicit.sub_policy());
-    // Fabric counts an organisation without that policy as one that never agrees.
-    out.block_policies.push_back(part != nullptr && part->type() == common::Policy::SIGNATURE ? part->value() : "");
+    out.parts.push_back(part != nullptr && part->type() == common::Policy::SIGNATURE ? part->value() : "");
   }
-  const std::size_t all = out.block_policies.size();
-  out.block_policies_needed = implicit.rule() == common::ImplicitMetaPolicy::ANY   ? 1
-                              : implicit.rule() == common::ImplicitMetaPolicy::ALL ? all
-                                                                                   : all / 2 + 1;
-  if (all == 0) return Error{"it names no orderers"};
-  return done;
+  const std::size_t all = out.parts.size();
+  out.needed = implicit.rule() == common::ImplicitMetaPolicy::ANY   ? 1
+               : implicit.rule() == common::ImplicitMetaPolicy::ALL ? all
+                                                                    : all / 2 + 1;
+  return out;
 }
 
-Status read_group(const common::ConfigGroup& channel, ChannelConfig& out) {
+Status read_orderers(const common::ConfigGroup& channel, ChannelConfig& out) {
   const common::ConfigGroup* ordering = group_of(channel, "Orderer");
   if (ordering == nullptr) return Error{"it has no group Orderer"};
   orderer::ConsensusType consensus;
   if (!read_value(*ordering, "ConsensusType", consensus)) return Error{"it has no ConsensusType"};
   if (consensus.type() == "BFT") return Error{"its consensus is BFT, whose blocks need more signatures than are read"};
+  out.embedded_node = consensus.type() == "ledgerline-node";
   for (const auto& [name, organisation] : ordering->groups()) {
     auto root = read_msp(name, organisation);
     if (!root) return root.error();
     out.orderers.push_back(std::move(*root));
   }
-  return read_block_policy(*ordering, out);
+  auto policy = read_policy(*ordering, "BlockValidation");
+  if (!policy) return Error{"there is no policy /Channel/Orderer/BlockValidation that can be read"};
+  if (policy->parts.empty()) return Error{"it names no orderers"};
+  out.block_validation = std::move(*policy);
+  return done;
+}
+
+Status read_application(const common::ConfigGroup& channel, ChannelConfig& out) {
+  const common::ConfigGroup* application = group_of(channel, "Application");
+  if (application == nullptr) return Error{"it has no group Application"};
+  for (const auto& [name, organisation] : application->groups()) {
+    auto root = read_msp(name, organisation);
+    if (!root) return root.error();
+    // Fabric's own default, where an organisation says nothing: any of its members.
+    out.endorsement_of[root->msp_id] =
+        read_policy(organisation, "Endorsement").value_or(Policy{{member_policy(root->msp_id)}, 1});
+    out.organisations.push_back(std::move(*root));
+  }
+  out.endorsement = read_policy(*application, "Endorsement").value_or(nobody());
+  out.lifecycle_endorsement = read_policy(*application, "LifecycleEndorsement").value_or(nobody());
+  return done;
 }
 
 }  // namespace
@@ -99,7 +119,9 @@ Result<ChannelConfig> read_channel_config(const common::Block& block) {
     return wrong("it holds no configuration");
   }
   out.channel = header.channel_id();
-  if (Status status = read_group(config.config().channel_group(), out); !status) return wrong(status.error().what);
+  const common::ConfigGroup& group = config.config().channel_group();
+  if (Status status = read_orderers(group, out); !status) return wrong(status.error().what);
+  if (Status status = read_application(group, out); !status) return wrong(status.error().what);
   return out;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -16,16 +17,18 @@ namespace ledgerline::fabric {
 
 struct ChannelConfig {
   std::string channel;
-  std::uint64_t block = 0;  ///< number of the config block
-  /// Organisations of the orderers, with the certificates of their authorities, root and intermediate.
-  std::vector<crypto::MspRoot> orderers;
-  /// Who must sign a block (/Channel/Orderer/BlockValidation): so many of these policies, each a serialized
-  /// common.SignaturePolicyEnvelope, must be satisfied.
-  std::vector<std::string> block_policies;
-  std::size_t block_policies_needed = 0;
+  std::uint64_t block = 0;                     ///< number of the config block
+  std::vector<crypto::MspRoot> orderers;       ///< organisations of the orderers, with their revocation lists
+  Policy block_validation;                     ///< who must sign a block: /Channel/Orderer/BlockValidation
+  std::vector<crypto::MspRoot> organisations;  ///< of the application, with their revocation lists
+  Policy endorsement;                          ///< /Channel/Application/Endorsement
+  Policy lifecycle_endorsement;                ///< /Channel/Application/LifecycleEndorsement
+  bool embedded_node = false;                  ///< of ledgerline-node, whose rules differ in what docs/ledger.md lists
+  std::map<std::string, Policy> endorsement_of;  ///< of each organisation alone, by MSP id
 };
 
-/// Takes a block with a configuration apart. An error names what is missing or not supported; never a crash.
+/// Takes a block with a configuration apart. A policy that is not there, or of a kind that is not read, is satisfied by
+/// nobody. An error names what is missing or not supported; never a crash.
 /// Raft's and the embedded node's orderers alone: with consensus that tolerates liars (BFT) a block needs more than this
 /// reads.
 Result<ChannelConfig> read_channel_config(const common::Block& block);

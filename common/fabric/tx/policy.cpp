@@ -1,5 +1,7 @@
 #include "common/fabric/tx/policy.hpp"
 
+#include <algorithm>
+
 #include "common/policies.pb.h"
 #include "msp/msp_principal.pb.h"
 
@@ -72,6 +74,12 @@ bool satisfies(std::string_view policy, const std::vector<Endorser>& endorsers) 
   if (!envelope.ParseFromArray(policy.data(), static_cast<int>(policy.size()))) return false;
   std::vector<bool> used(endorsers.size(), false);
   return holds(envelope, envelope.rule(), endorsers, used, 0);
+}
+
+bool satisfies(const Policy& policy, const std::vector<Endorser>& endorsers) {
+  const auto satisfied = std::count_if(policy.parts.begin(), policy.parts.end(),
+                                       [&](const std::string& part) { return satisfies(part, endorsers); });
+  return static_cast<std::size_t>(satisfied) >= policy.needed;
 }
 
 }  // namespace ledgerline::fabric

@@ -1,4 +1,5 @@
 #pragma once
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,5 +22,15 @@ std::string member_policy(const std::string& msp_id);
 /// policy. One that does not parse, or asks for anything but members, peers, orderers and numbers of them, is satisfied by
 /// nobody.
 bool satisfies(std::string_view policy, const std::vector<Endorser>& endorsers);
+
+/// A policy of a channel: so many of these signature policies must be satisfied, each by whoever has signed. One
+/// signature policy by itself, or what an ImplicitMetaPolicy makes of those of its organisations.
+struct Policy {
+  std::vector<std::string> parts;  ///< each a serialized common.SignaturePolicyEnvelope
+  std::size_t needed = 1;
+};
+bool satisfies(const Policy& policy, const std::vector<Endorser>& endorsers);
+/// One that nobody can satisfy.
+inline Policy nobody() { return {{}, 1}; }
 
 }  // namespace ledgerline::fabric

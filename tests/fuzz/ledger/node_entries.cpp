@@ -48,7 +48,7 @@ void right_id(common::Header& header, const std::string& nonce, std::string& cre
   common::SignatureHeader signature;
   if (!read(channel, header.channel_header()) || !read(signature, header.signature_header())) return;
   if (!nonce.empty()) signature.set_nonce(nonce);
-  channel.set_tx_id(transaction_id(signature));
+  channel.set_tx_id(fabric::transaction_id(signature));
   creator = signature.creator();
   header.set_channel_header(channel.SerializeAsString());
   header.set_signature_header(signature.SerializeAsString());
@@ -186,7 +186,8 @@ class OrderEntry final : public Entry {
       return;
     }
     transaction.mutable_actions(0)->set_header(payload.header().signature_header());
-    response.set_proposal_hash(proposal_hash(payload.header(), action.chaincode_proposal_payload()));
+    response.set_proposal_hash(fabric::proposal_hash(
+        payload.header().channel_header(), payload.header().signature_header(), action.chaincode_proposal_payload()));
     right_event(*response.mutable_extension(), payload);
     const std::string result = response.SerializeAsString();
     action.mutable_action()->set_proposal_response_payload(result);

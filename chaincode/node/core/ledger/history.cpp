@@ -16,9 +16,9 @@ Result<chaincode::KeyVersion> History::version_of(const std::string& key, Versio
   if (version.tx >= static_cast<std::uint64_t>(block_->data().data_size())) {
     return Error{"there is no transaction " + place};
   }
-  const TransactionParts transaction = read_transaction(block_->data().data(static_cast<int>(version.tx)));
-  const ContractSet writes = read_contract_set(transaction.action, contract_);
-  for (const kvrwset::KVWrite& write : writes.set.writes()) {
+  const fabric::TransactionForm transaction = fabric::read_form(block_->data().data(static_cast<int>(version.tx)));
+  const kvrwset::KVRWSet set = set_of(fabric::read_sets(transaction.action.results()), contract_);
+  for (const kvrwset::KVWrite& write : set.writes()) {
     if (write.key() != key) continue;
     const auto& time = transaction.channel_header.timestamp();
     constexpr std::int64_t max_s = 9'000'000'000;  // a client's word: beyond it nanoseconds would not fit

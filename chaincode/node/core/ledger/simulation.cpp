@@ -82,7 +82,7 @@ kvrwset::KVRWSet Simulation::read_write_set() const {
   for (const auto& [key, policy] : policies_) {
     kvrwset::KVMetadataWrite& write = *set.add_metadata_writes();
     write.set_key(key);
-    write.add_entries()->set_name(validation_parameter);
+    write.add_entries()->set_name(fabric::validation_parameter);
     write.mutable_entries(0)->set_value(policy);
   }
   return set;

@@ -1,6 +1,6 @@
 #include "chaincode/node/core/ledger/state.hpp"
 
-#include "peer/transaction.pb.h"
+#include "common/fabric/judge/block_overlay.hpp"
 
 namespace ledgerline::node {
 
@@ -16,7 +16,7 @@ const std::vector<Version>* State::history(const std::string& key) const {
 
 void State::write(const kvrwset::KVWrite& write, Version version) {
   history_[write.key()].push_back(version);
-  if (write.is_delete()) {
+  if (fabric::deletes(write)) {
     values_.erase(write.key());
   } else {
     Value& value = values_[write.key()];
@@ -33,7 +33,7 @@ void State::write(const kvrwset::KVRWSet& set, Version version) {
     value->second.version = version;
     value->second.policy.clear();
     for (const kvrwset::KVMetadataEntry& entry : metadata.entries()) {
-      if (entry.name() == validation_parameter) value->second.policy = entry.value();
+      if (entry.name() == fabric::validation_parameter) value->second.policy = entry.value();
     }
   }
 }
@@ -43,46 +43,22 @@ std::optional<State::Tx> State::find_tx(const std::string& tx_id) const {
   return found == txs_.end() ? std::nullopt : std::optional(found->second);
 }
 
-bool Overlay::same_version(const kvrwset::KVRead& read) const {
-  if (written_.contains(read.key())) return false;
-  const State::Value* value = state_.find(read.key());
-  if (value == nullptr || !read.has_version()) return value == nullptr && !read.has_version();
-  return value->version == Version{read.version().block_num(), read.version().tx_num()};
+std::optional<StateView::Key> StateView::find(const fabric::KeyName& name) const {
+  const State::Value* value = name.name == contract_ && name.collection.empty() ? state_.find(name.key) : nullptr;
+  return value == nullptr ? std::nullopt : std::optional(Key{value->version, value->policy});
 }
 
-bool Overlay::same_range(const kvrwset::RangeQueryInfo& range) const {
-  const auto& reads = range.raw_reads().kv_reads();
-  const std::string& start = range.start_key();
-  // A query that stopped early has seen the keys up to its last one, and says nothing about those behind it.
-  const bool bounded = range.itr_exhausted();
-  if (!bounded && reads.empty()) return true;
-  const std::string end = bounded ? range.end_key() : reads.rbegin()->key() + '\0';
-  for (auto it = written_.lower_bound(start); it != written_.end() && it->first < end; ++it) return false;
-  auto value = state_.values().lower_bound(start);
-  for (const kvrwset::KVRead& read : reads) {
-    if (value == state_.values().end() || value->first >= end || value->first != read.key() || !same_version(read)) {
-      return false;
-    }
-    ++value;
+void StateView::walk(const std::string& name, const std::string& start,
+                     const std::function<bool(const std::string& key, Version version)>& take) const {
+  if (name != contract_) return;
+  for (auto it = state_.values().lower_bound(start); it != state_.values().end(); ++it) {
+    if (!take(it->first, it->second.version)) return;
   }
-  return value == state_.values().end() || value->first >= end;
 }
 
-int Overlay::check(const kvrwset::KVRWSet& set) const {
-  for (const kvrwset::KVRead& read : set.reads()) {
-    if (!same_version(read)) return protos::MVCC_READ_CONFLICT;
-  }
-  for (const kvrwset::RangeQueryInfo& range : set.range_queries_info()) {
-    if (!same_range(range)) return protos::PHANTOM_READ_CONFLICT;
-  }
-  return protos::VALID;
-}
-
-void Overlay::add(const kvrwset::KVRWSet& set) {
-  for (const kvrwset::KVWrite& write : set.writes()) written_[write.key()] = true;
-  for (const kvrwset::KVMetadataWrite& write : set.metadata_writes()) {
-    if (state_.find(write.key()) != nullptr) written_[write.key()] = true;
-  }
+std::optional<fabric::Policy> StateView::policy_of(const std::string& name, const std::string& collection) const {
+  if (name != contract_) return std::nullopt;
+  return collection.empty() ? policy_ : fabric::nobody();  // it has no private data
 }
 
 }  // namespace ledgerline::node

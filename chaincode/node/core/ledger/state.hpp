@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -7,19 +8,12 @@
 #include <unordered_map>
 #include <vector>
 
+#include "common/fabric/judge/channel_state.hpp"
 #include "ledger/rwset/kvrwset/kv_rwset.pb.h"
 
 namespace ledgerline::node {
 
-/// Where a value was written: block and place in it, as Fabric's versions.
-struct Version {
-  std::uint64_t block = 0;
-  std::uint64_t tx = 0;
-  auto operator<=>(const Version&) const = default;
-};
-
-/// The name under which Fabric keeps a key's policy among its metadata.
-inline constexpr const char* validation_parameter = "VALIDATION_PARAMETER";
+using fabric::Version;
 
 /// The contract's keys with their newest values, where each was ever written, and the known transactions. In memory;
 /// made again from the blocks at every start.
@@ -56,21 +50,23 @@ class State {
   std::unordered_map<std::string, Tx> txs_;  // looked up only, never walked: its order would not repeat
 };
 
-/// The valid writes of the block under validation, laid over the state. Policies of keys are those before the block.
-class Overlay {
+/// The state as who judges transactions sees it: that of one contract. `state` must outlive it.
+class StateView final : public fabric::ChannelState {
  public:
-  explicit Overlay(const State& state) : state_(state) {}
-  /// Fabric's checks: each key that was read still has the version that was read, each range still has the same keys.
-  /// Gives a protos.TxValidationCode.
-  int check(const kvrwset::KVRWSet& set) const;
-  void add(const kvrwset::KVRWSet& set);
+  /// `policy`: whose endorsement keys need that have none of their own.
+  StateView(const State& state, std::string contract, fabric::Policy policy)
+      : state_(state), contract_(std::move(contract)), policy_(std::move(policy)) {}
+
+  std::optional<Key> find(const fabric::KeyName& name) const override;
+  void walk(const std::string& name, const std::string& start,
+            const std::function<bool(const std::string& key, Version version)>& take) const override;
+  bool knows_transaction(const std::string& tx_id) const override { return state_.find_tx(tx_id).has_value(); }
+  std::optional<fabric::Policy> policy_of(const std::string& name, const std::string& collection) const override;
 
  private:
-  bool same_version(const kvrwset::KVRead& read) const;
-  bool same_range(const kvrwset::RangeQueryInfo& range) const;
-
   const State& state_;
-  std::map<std::string, bool> written_;
+  const std::string contract_;
+  const fabric::Policy policy_;
 };
 
 }  // namespace ledgerline::node

@@ -133,7 +133,12 @@ std::string make_config_envelope(const CoreConfig& config, const crypto::Signing
   for (const crypto::MspRoot& organisation : config.organisations) {
     common::ConfigGroup& group = (*application.mutable_groups())[organisation.msp_id];
     set_value(group, "MSP", msp_config(organisation));
+    set_policy(group, "Endorsement", common::Policy::SIGNATURE, fabric::peer_policy(organisation.msp_id));
   }
+  common::ImplicitMetaPolicy majority;
+  majority.set_sub_policy("Endorsement");
+  majority.set_rule(common::ImplicitMetaPolicy::MAJORITY);
+  set_policy(application, "Endorsement", common::Policy::IMPLICIT_META, majority.SerializeAsString());
   common::ConfigGroup& ordering = (*root.mutable_groups())["Orderer"];
   set_capability(ordering);
   if (!config.orderers.msp_id.empty()) set_orderers(ordering, config.orderers);

@@ -5,6 +5,7 @@
 
 #include "common/base/result.hpp"
 #include "common/common.pb.h"
+#include "common/fabric/tx/form.hpp"
 #include "ledger/rwset/kvrwset/kv_rwset.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
@@ -25,31 +26,11 @@ struct ProposalParts {
 };
 Result<ProposalParts> read_proposal(std::string_view proposal_bytes);
 
-/// Hex SHA-256 of nonce and creator.
-std::string transaction_id(const common::SignatureHeader& header);
-/// What ties a response to its proposal.
-std::string proposal_hash(const common::Header& header, std::string_view payload);
-
 /// The transaction's envelope, still unsigned.
 std::string make_envelope(const ProposalParts& proposal, const std::string& response_payload,
                           const std::vector<protos::Endorsement>& endorsements);
 
-/// An endorser transaction in an envelope, taken apart. `code` is VALID, or what is wrong with its form.
-struct TransactionParts {
-  int code = 0;
-  common::ChannelHeader channel_header;
-  common::SignatureHeader signature_header;
-  std::string response_payload;
-  std::vector<protos::Endorsement> endorsements;
-  protos::ChaincodeAction action;
-};
-TransactionParts read_transaction(std::string_view envelope);
-
-/// The contract's part of a transaction's read-write set; an error says which rule it breaks as a TxValidationCode.
-struct ContractSet {
-  int code = 0;
-  kvrwset::KVRWSet set;
-};
-ContractSet read_contract_set(const protos::ChaincodeAction& action, const std::string& contract);
+/// The part of a transaction's read-write set that is the contract's own.
+kvrwset::KVRWSet set_of(const fabric::ReadWriteSet& sets, const std::string& contract);
 
 }  // namespace ledgerline::node

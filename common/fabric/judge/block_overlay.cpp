@@ -1,0 +1,80 @@
+#include "common/fabric/judge/block_overlay.hpp"
+
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+bool same_version(const kvrwset::KVRead& read, const std::optional<Version>& version) {
+  if (!version || !read.has_version()) return !version && !read.has_version();
+  return *version == Version{read.version().block_num(), read.version().tx_num()};
+}
+
+}  // namespace
+
+bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::KVRead& read) const {
+  const KeyName name{part.name, part.collection, read.key()};
+  if (written_.contains(name)) return false;
+  const auto key = state_.find(name);
+  return same_version(read, key ? std::optional(key->version) : std::nullopt);
+}
+
+bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range) const {
+  // A query that stopped early has seen the keys up to its last one, and says nothing about those behind it.
+  const std::string& end = range.end_key();
+  const bool with_end = !range.itr_exhausted();
+  const auto within = [&](const std::string& key) { return end.empty() || key < end || (with_end && key == end); };
+  // A key that the block has written before has a version that nobody can have read.
+  for (auto it = written_.lower_bound({part.name, part.collection, range.start_key()}); it != written_.end(); ++it) {
+    const KeyName& name = it->first;
+    if (name.name != part.name || name.collection != part.collection || !within(name.key)) break;
+    if (it->second || state_.find(name)) return false;
+  }
+  const auto& reads = range.raw_reads().kv_reads();
+  int seen = 0;
+  bool same = true;
+  state_.walk(part.name, range.start_key(), [&](const std::string& key, Version version) {
+    if (!within(key)) return false;
+    same = seen < reads.size() && reads[seen].key() == key && same_version(reads[seen], version);
+    ++seen;
+    return same;
+  });
+  return same && seen == reads.size();
+}
+
+int BlockOverlay::check(const ReadWriteSet& sets) const {
+  for (const NamespaceSet& part : sets.parts) {
+    for (const kvrwset::KVRead& read : part.set.reads()) {
+      if (!is_current(part, read)) return protos::MVCC_READ_CONFLICT;
+    }
+    for (const kvrwset::RangeQueryInfo& range : part.set.range_queries_info()) {
+      if (!is_current(part, range)) return protos::PHANTOM_READ_CONFLICT;
+    }
+  }
+  return protos::VALID;
+}
+
+bool BlockOverlay::exists(const KeyName& key) const {
+  const auto found = written_.find(key);
+  return found == written_.end() ? state_.find(key).has_value() : found->second;
+}
+
+void BlockOverlay::add(const ReadWriteSet& sets) {
+  for (const NamespaceSet& part : sets.parts) {
+    for (const kvrwset::KVWrite& write : part.set.writes())
+      written_[{part.name, part.collection, write.key()}] = !deletes(write);
+    for (const kvrwset::KVMetadataWrite& write : part.set.metadata_writes()) {
+      const KeyName key{part.name, part.collection, write.key()};
+      if (exists(key)) written_[key] = true;
+    }
+  }
+}
+
+void BlockOverlay::add_policies(const ReadWriteSet& sets) {
+  for (const NamespaceSet& part : sets.parts) {
+    for (const kvrwset::KVMetadataWrite& write : part.set.metadata_writes())
+      new_policies_.insert({part.name, part.collection, write.key()});
+  }
+}
+
+}  // namespace ledgerline::fabric

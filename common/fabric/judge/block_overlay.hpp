@@ -1,0 +1,39 @@
+#pragma once
+#include <map>
+#include <optional>
+#include <set>
+
+#include "common/fabric/judge/channel_state.hpp"
+#include "common/fabric/tx/form.hpp"
+
+namespace ledgerline::fabric {
+
+/// What the valid transactions of a block, so far, have written over the state before it.
+class BlockOverlay {
+ public:
+  explicit BlockOverlay(const ChannelState& state) : state_(state) {}
+
+  /// VALID where each key that was read still has the version that was read, and each range the same keys; else
+  /// protos.TxValidationCode.
+  int check(const ReadWriteSet& sets) const;
+  void add(const ReadWriteSet& sets);
+
+  /// Whether an endorsed transaction of this block has set the key's policy: then nobody knows yet what it is.
+  bool has_new_policy(const KeyName& key) const { return new_policies_.contains(key); }
+  /// Also of one that turns out to have read what has changed: Fabric judges endorsements first.
+  void add_policies(const ReadWriteSet& sets);
+
+ private:
+  bool is_current(const NamespaceSet& part, const kvrwset::KVRead& read) const;
+  bool is_current(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range) const;
+  bool exists(const KeyName& key) const;
+
+  const ChannelState& state_;
+  std::map<KeyName, bool> written_;  ///< true: it is there afterwards
+  std::set<KeyName> new_policies_;
+};
+
+/// Fabric takes an empty value for a deletion.
+inline bool deletes(const kvrwset::KVWrite& write) { return write.is_delete() || write.value().empty(); }
+
+}  // namespace ledgerline::fabric

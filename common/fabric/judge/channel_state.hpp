@@ -1,0 +1,48 @@
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "common/fabric/tx/policy.hpp"
+
+namespace ledgerline::fabric {
+
+/// Where a value was written: block and place in it, as Fabric's versions.
+struct Version {
+  std::uint64_t block = 0;
+  std::uint64_t tx = 0;
+  auto operator<=>(const Version&) const = default;
+};
+
+/// The name under which Fabric keeps a key's policy among its metadata.
+inline constexpr const char* validation_parameter = "VALIDATION_PARAMETER";
+
+/// A key of one namespace (a contract's name), or, by its hash, of a collection of private data.
+struct KeyName {
+  std::string name;
+  std::string collection;  ///< empty: the namespace's own keys
+  std::string key;
+  auto operator<=>(const KeyName&) const = default;
+};
+
+/// What was committed before a block, as far as judging the block's transactions asks.
+class ChannelState {
+ public:
+  virtual ~ChannelState() = default;
+  struct Key {
+    Version version;
+    std::string policy{};  ///< its own, common.SignaturePolicyEnvelope; empty: that of its namespace or collection
+  };
+  /// nullopt: it is not there.
+  virtual std::optional<Key> find(const KeyName& name) const = 0;
+  /// The keys that a namespace has from `start` on, in order, until `take` says false.
+  virtual void walk(const std::string& name, const std::string& start,
+                    const std::function<bool(const std::string& key, Version version)>& take) const = 0;
+  virtual bool knows_transaction(const std::string& tx_id) const = 0;
+
+  /// Whose endorsement a namespace's keys need, or a collection's; nullopt: there is no such contract.
+  virtual std::optional<Policy> policy_of(const std::string& name, const std::string& collection) const = 0;
+};
+
+}  // namespace ledgerline::fabric

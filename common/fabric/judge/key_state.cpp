@@ -1,0 +1,125 @@
+#include "common/fabric/judge/key_state.hpp"
+
+#include "common/fabric/judge/block_overlay.hpp"
+#include "peer/collection.pb.h"
+#include "peer/lifecycle/chaincode_definition.pb.h"
+#include "peer/lifecycle/db.pb.h"
+#include "peer/policy.pb.h"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+constexpr std::string_view lifecycle_name = "_lifecycle";
+constexpr std::string_view fields = "namespaces/fields/", validation = "/ValidationInfo";
+constexpr std::string_view collections_field = "/Collections";
+constexpr std::string_view implicit_collection = "_implicit_org_";  // and an MSP id: what an organisation has approved
+}  // namespace
+
+void KeyState::define(const std::string& contract) { definitions_[contract] = {}; }
+
+std::optional<ChannelState::Key> KeyState::find(const KeyName& name) const {
+  const auto found = keys_.find(name);
+  return found == keys_.end() ? std::nullopt : std::optional(found->second);
+}
+
+void KeyState::walk(const std::string& name, const std::string& start,
+                    const std::function<bool(const std::string& key, Version version)>& take) const {
+  for (auto it = keys_.lower_bound({name, "", start}); it != keys_.end(); ++it) {
+    if (it->first.name != name || !it->first.collection.empty() || !take(it->first.key, it->second.version)) return;
+  }
+}
+
+bool KeyState::knows_transaction(const std::string& tx_id) const { return transactions_.contains(tx_id); }
+
+Policy KeyState::application_policy(const std::string& bytes) const {
+  protos::ApplicationPolicy policy;
+  if (bytes.empty()) return config_.endorsement;
+  if (!policy.ParseFromString(bytes)) return nobody();
+  if (policy.has_signature_policy()) return {{policy.signature_policy().SerializeAsString()}, 1};
+  const std::string& reference = policy.channel_config_policy_reference();
+  if (reference == "/Channel/Application/Endorsement") return config_.endorsement;
+  return reference == "/Channel/Application/LifecycleEndorsement" ? config_.lifecycle_endorsement : nobody();
+}
+
+std::optional<Policy> KeyState::policy_of(const std::string& name, const std::string& collection) const {
+  if (name == lifecycle_name) {
+    if (collection.empty()) return config_.lifecycle_endorsement;
+    if (!collection.starts_with(implicit_collection)) return nobody();
+    const auto found = config_.endorsement_of.find(collection.substr(implicit_collection.size()));
+    return found == config_.endorsement_of.end() ? nobody() : found->second;
+  }
+  const auto found = definitions_.find(name);
+  if (found == definitions_.end()) return std::nullopt;
+  if (collection.empty()) return application_policy(found->second.policy);
+  const auto own = found->second.collections.find(collection);
+  if (own == found->second.collections.end()) return nobody();
+  return application_policy(own->second.empty() ? found->second.policy : own->second);
+}
+
+void KeyState::take_collections(const std::string& contract, const std::string& bytes) {
+  protos::CollectionConfigPackage package;
+  auto& collections = definitions_[contract].collections;
+  collections.clear();
+  if (!package.ParseFromString(bytes)) return;
+  for (const protos::CollectionConfig& one : package.config()) {
+    const protos::StaticCollectionConfig& config = one.static_collection_config();
+    collections[config.name()] =
+        config.has_endorsement_policy() ? config.endorsement_policy().SerializeAsString() : std::string();
+  }
+}
+
+/// A definition is a key for each of its fields.
+void KeyState::take_definition(const kvrwset::KVWrite& write) {
+  std::string_view key = write.key();
+  if (!key.starts_with(fields)) return;
+  key.remove_prefix(fields.size());
+  const std::size_t slash = key.rfind('/');
+  if (slash == std::string_view::npos) return;
+  const std::string contract(key.substr(0, slash));
+  const std::string_view field = key.substr(slash);
+  lifecycle::StateData data;
+  lifecycle::ChaincodeValidationInfo info;
+  if (field == validation && deletes(write)) {
+    definitions_.erase(contract);
+  } else if (!data.ParseFromString(write.value())) {
+    return;
+  } else if (field == validation && info.ParseFromString(data.bytes())) {
+    definitions_[contract].policy = info.validation_parameter();
+  } else if (field == collections_field) {
+    take_collections(contract, data.bytes());
+  }
+}
+
+void KeyState::write(const NamespaceSet& part, Version version) {
+  for (const kvrwset::KVWrite& one : part.set.writes()) {
+    const KeyName name{part.name, part.collection, one.key()};
+    if (deletes(one)) {
+      keys_.erase(name);
+    } else {
+      keys_[name].version = version;
+    }
+    if (part.name == lifecycle_name && part.collection.empty()) take_definition(one);
+  }
+  for (const kvrwset::KVMetadataWrite& metadata : part.set.metadata_writes()) {
+    const auto key = keys_.find({part.name, part.collection, metadata.key()});
+    if (key == keys_.end()) continue;  // as in Fabric: without effect
+    key->second.version = version;
+    key->second.policy.clear();
+    for (const kvrwset::KVMetadataEntry& entry : metadata.entries()) {
+      if (entry.name() == validation_parameter) key->second.policy = entry.value();
+    }
+  }
+}
+
+void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts) {
+  for (std::size_t i = 0; i < verdicts.size(); ++i) {
+    const Verdict& verdict = verdicts[i];
+    // Of invalid ones, too; in Fabric also of those who only claim an id, so that its owner is refused from then on.
+    if (verdict.code != protos::BAD_PROPOSAL_TXID || !config_.embedded_node) transactions_.insert(verdict.tx_id);
+    if (verdict.code != protos::VALID) continue;
+    for (const NamespaceSet& part : verdict.sets.parts) write(part, {block, i});
+  }
+}
+
+}  // namespace ledgerline::fabric

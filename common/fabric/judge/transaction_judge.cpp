@@ -1,0 +1,186 @@
+#include "common/fabric/judge/transaction_judge.hpp"
+
+#include <algorithm>
+#include <set>
+#include <unordered_set>
+
+#include "common/fabric/judge/block_overlay.hpp"
+#include "peer/chaincode_event.pb.h"
+#include "peer/proposal.pb.h"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+/// A certificate however its PEM is laid out: of one identity only one endorsement counts.
+std::string without_layout(std::string pem) {
+  std::erase_if(pem, [](unsigned char c) { return c <= ' '; });
+  return pem;
+}
+
+class Judging {
+ public:
+  Judging(const ChannelState& state, crypto::MspRegistry& members, const JudgeRules& rules)
+      : state_(state), members_(members), rules_(rules), overlay_(state) {}
+
+  Verdict judge(std::string_view envelope) {
+    const TransactionForm form =
+        read_form(envelope, [this](const std::string& creator, const std::string& payload,
+                                   const std::string& signature) { return has_signed(creator, payload, signature); });
+    Verdict verdict;
+    verdict.tx_id = form.channel_header.tx_id();
+    verdict.config = form.config;
+    verdict.code = form.code;
+    // A malformed result is told behind a used id and a malformed header extension.
+    const bool formed = form.code == protos::VALID || form.code == protos::BAD_RESPONSE_PAYLOAD;
+    if (!formed) return refuse(std::move(verdict), form.code, "its form or its creator's signature is wrong");
+    if (form.channel_header.channel_id() != rules_.channel)
+      return refuse(std::move(verdict), protos::TARGET_CHAIN_NOT_FOUND, "it is of another channel");
+    if (form.config) return verdict;
+    if (state_.knows_transaction(verdict.tx_id))
+      return refuse(std::move(verdict), protos::DUPLICATE_TXID, "its id was used before");
+    ReadWriteSet sets;
+    if (const Wrong wrong = endorsed(form, sets); wrong.code != protos::VALID)
+      return refuse(std::move(verdict), wrong.code, wrong.why);
+    overlay_.add_policies(sets);
+    // As in Fabric, a transaction that fails for what it read has used its id up, also within the block.
+    if (!ids_.insert(verdict.tx_id).second)
+      return refuse(std::move(verdict), protos::DUPLICATE_TXID, "its id was used before in this block");
+    if (const int code = overlay_.check(sets); code != protos::VALID)
+      return refuse(std::move(verdict), code, "what it read has changed since");
+    overlay_.add(sets);
+    verdict.sets = std::move(sets);
+    return verdict;
+  }
+
+ private:
+  struct Wrong {
+    int code = protos::VALID;
+    const char* why = "";
+  };
+
+  static Verdict refuse(Verdict verdict, int code, const char* why) {
+    verdict.code = code;
+    verdict.why = why;
+    return verdict;
+  }
+
+  bool has_signed(const std::string& who, const std::string& message, const std::string& signature) {
+    const auto member = members_.member(who, std::nullopt);
+    return member && (*member)->verifier->verify(message, signature);
+  }
+
+  /// Who has endorsed, each once.
+  std::vector<Endorser> endorsers_of(const TransactionForm& form) {
+    std::vector<Endorser> found;
+    std::set<std::string> known;
+    for (const protos::Endorsement& endorsement : form.endorsements) {
+      const auto member = members_.member(endorsement.endorser(), std::nullopt);
+      if (!member) continue;
+      const std::string identity = (*member)->name.msp_id + ' ' + without_layout((*member)->pem);
+      if (known.contains(identity) ||
+          !(*member)->verifier->verify(form.response_payload + endorsement.endorser(), endorsement.signature()))
+        continue;
+      known.insert(identity);
+      found.push_back({(*member)->name.msp_id, (*member)->peer, (*member)->orderer});
+    }
+    return found;
+  }
+
+  /// That header and result are of one contract.
+  static Wrong check_contract(const protos::ChaincodeHeaderExtension& called, const protos::ChaincodeAction& result) {
+    if (!called.has_chaincode_id() || !result.has_chaincode_id())
+      return {protos::INVALID_OTHER_REASON, "it names no contract"};
+    const std::string& name = called.chaincode_id().name();
+    if (name.empty() || name != result.chaincode_id().name() || result.chaincode_id().version().empty())
+      return {protos::INVALID_CHAINCODE, "its result is of another contract, or of no version"};
+    return {};
+  }
+
+  /// An event that names another contract would reach readers under a false name.
+  Wrong check_event(const TransactionForm& form, const std::string& contract) const {
+    if (form.action.events().empty()) return {};
+    protos::ChaincodeEvent event;
+    if (!event.ParseFromString(form.action.events()) || event.chaincode_id() != contract)
+      return {protos::INVALID_OTHER_REASON, "its event is of another contract"};
+    if (!rules_.foreign_events && event.tx_id() != form.channel_header.tx_id())
+      return {protos::INVALID_OTHER_REASON, "its event names another transaction"};
+    return {};
+  }
+
+  Wrong endorsed(const TransactionForm& form, ReadWriteSet& sets) {
+    protos::ChaincodeHeaderExtension called;
+    if (!called.ParseFromString(form.channel_header.extension()))
+      return {protos::BAD_HEADER_EXTENSION, "its header extension is malformed"};
+    if (form.code != protos::VALID) return {form.code, "its proposal response is malformed"};
+    sets = read_sets(form.action.results());
+    if (sets.code == protos::BAD_RWSET) return {sets.code, "what it read and wrote is malformed"};
+    const std::string& contract = called.chaincode_id().name();
+    if (const Wrong wrong = check_contract(called, form.action); wrong.code != protos::VALID) return wrong;
+    if (const Wrong wrong = check_event(form, contract); wrong.code != protos::VALID) return wrong;
+    if (sets.code != protos::VALID) return {sets.code, "it names a namespace twice"};
+    std::set<std::string> namespaces{contract};
+    for (const NamespaceSet& part : sets.parts) {
+      if (part.writes()) namespaces.insert(part.name);
+    }
+    const std::vector<Endorser> endorsers = endorsers_of(form);
+    for (const std::string& name : namespaces) {
+      if (!state_.policy_of(name, "")) return {protos::INVALID_CHAINCODE, "it writes to a contract that is not there"};
+      if (!satisfies_policies(name, sets, endorsers))
+        return {protos::ENDORSEMENT_POLICY_FAILURE, "its endorsements do not satisfy the policies of what it writes"};
+    }
+    return {};
+  }
+
+  bool satisfies_policy_of(const std::string& name, const std::string& collection,
+                           const std::vector<Endorser>& endorsers) const {
+    const auto policy = state_.policy_of(name, collection);
+    return policy && satisfies(*policy, endorsers);
+  }
+
+  /// Fabric's rule: a key with a policy of its own needs what that says, the others what their namespace's or
+  /// collection's says; so does a transaction that writes nothing.
+  bool satisfies_policies(const std::string& name, const ReadWriteSet& sets,
+                          const std::vector<Endorser>& endorsers) const {
+    bool any = false;
+    for (const NamespaceSet& part : sets.parts) {
+      if (part.name != name) continue;
+      std::set<std::string> keys;
+      for (const kvrwset::KVWrite& write : part.set.writes()) keys.insert(write.key());
+      for (const kvrwset::KVMetadataWrite& write : part.set.metadata_writes()) keys.insert(write.key());
+      bool common_policy = false;
+      for (const std::string& key : keys) {
+        const KeyName whole{name, part.collection, key};
+        if (overlay_.has_new_policy(whole)) return false;
+        const auto found = state_.find(whole);
+        if (!found || found->policy.empty()) {
+          common_policy = true;
+        } else if (!satisfies(found->policy, endorsers)) {
+          return false;
+        }
+        any = true;
+      }
+      if (common_policy && !satisfies_policy_of(name, part.collection, endorsers)) return false;
+    }
+    return any || satisfies_policy_of(name, "", endorsers);
+  }
+
+  const ChannelState& state_;
+  crypto::MspRegistry& members_;
+  const JudgeRules& rules_;
+  BlockOverlay overlay_;
+  std::unordered_set<std::string> ids_;
+};
+
+}  // namespace
+
+std::vector<Verdict> judge_transactions(const common::Block& block, const ChannelState& state,
+                                        crypto::MspRegistry& members, const JudgeRules& rules) {
+  Judging judging(state, members, rules);
+  std::vector<Verdict> verdicts;
+  verdicts.reserve(static_cast<std::size_t>(block.data().data_size()));
+  for (const std::string& envelope : block.data().data()) verdicts.push_back(judging.judge(envelope));
+  return verdicts;
+}
+
+}  // namespace ledgerline::fabric

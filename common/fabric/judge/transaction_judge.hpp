@@ -1,0 +1,36 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/judge/channel_state.hpp"
+#include "common/fabric/tx/form.hpp"
+
+/// Which of a block's transactions are valid: the rule by which Fabric's peers flag them, for everybody who does not want
+/// to take a peer's word. From an unmodified peer the flags differ in no transaction (tests/system/judge compares them).
+/// Pure but for the registry's cache. One thread.
+namespace ledgerline::fabric {
+
+struct Verdict {
+  std::string tx_id;
+  int code = 0;          ///< protos.TxValidationCode
+  const char* why = "";  ///< in words, unless it is VALID
+  bool config = false;   ///< whether it may configure the channel is not judged here: BlockJudge follows it
+  ReadWriteSet sets{};   ///< of a valid one
+};
+
+struct JudgeRules {
+  std::string channel = "teleop";
+  /// Events that name another transaction than their own. Fabric takes them, and its readers are misled.
+  bool foreign_events = true;
+};
+
+/// Of each transaction in the block, in its order: form, creator, transaction id, contract, endorsements by the
+/// policies of what it writes (those before the block: who writes a key whose policy the block has changed before it, is
+/// invalid), and that what it read is as it was. Certificates count whenever they were valid, as in Fabric, and not when
+/// they are revoked. `members`: of all organisations of the channel, the orderers' among them. Signatures are of a block
+/// that BlockJudge passed.
+std::vector<Verdict> judge_transactions(const common::Block& block, const ChannelState& state,
+                                        crypto::MspRegistry& members, const JudgeRules& rules);
+
+}  // namespace ledgerline::fabric

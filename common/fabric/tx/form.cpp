@@ -1,0 +1,125 @@
+#include "common/fabric/tx/form.hpp"
+
+#include <cstdint>
+#include <set>
+
+#include "common/crypto/crypto.hpp"
+#include "ledger/rwset/rwset.pb.h"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+bool complete(const common::SignatureHeader& header) { return !header.nonce().empty() && !header.creator().empty(); }
+
+/// Fabric's BAD_COMMON_HEADER is everything else.
+bool good_headers(const common::Header& header, TransactionForm& form) {
+  const auto known = [](int type) {
+    return type == common::ENDORSER_TRANSACTION || type == common::CONFIG || type == common::CONFIG_UPDATE;
+  };
+  return form.channel_header.ParseFromString(header.channel_header()) &&
+         form.signature_header.ParseFromString(header.signature_header()) && known(form.channel_header.type()) &&
+         form.channel_header.epoch() == 0 && complete(form.signature_header);
+}
+
+/// That there is one action, and that its response is of this proposal. The action has a signature header of its own, of
+/// which the hash is made; that it is the creator's nobody asks.
+int read_action(const common::Payload& payload, TransactionForm& form) {
+  protos::Transaction transaction;
+  if (!transaction.ParseFromString(payload.data()) || transaction.actions_size() != 1)
+    return protos::INVALID_ENDORSER_TRANSACTION;
+  const protos::TransactionAction& only = transaction.actions(0);
+  common::SignatureHeader header;
+  protos::ChaincodeActionPayload action;
+  protos::ProposalResponsePayload response;
+  if (!header.ParseFromString(only.header()) || !complete(header) || !action.ParseFromString(only.payload()))
+    return protos::INVALID_ENDORSER_TRANSACTION;
+  form.response_payload = std::move(*action.mutable_action()->mutable_proposal_response_payload());
+  form.endorsements.assign(action.action().endorsements().begin(), action.action().endorsements().end());
+  if (!response.ParseFromString(form.response_payload) ||
+      response.proposal_hash() !=
+          proposal_hash(payload.header().channel_header(), only.header(), action.chaincode_proposal_payload())) {
+    return protos::INVALID_ENDORSER_TRANSACTION;
+  }
+  if (response.extension().empty() || !form.action.ParseFromString(response.extension()))
+    return protos::BAD_RESPONSE_PAYLOAD;
+  return protos::VALID;
+}
+
+bool read_collection(const rwset::CollectionHashedReadWriteSet& collection, kvrwset::KVRWSet& out) {
+  kvrwset::HashedRWSet hashed;
+  if (!hashed.ParseFromString(collection.hashed_rwset())) return false;
+  for (const kvrwset::KVReadHash& read : hashed.hashed_reads()) {
+    kvrwset::KVRead& as = *out.add_reads();
+    as.set_key(read.key_hash());
+    if (read.has_version()) *as.mutable_version() = read.version();
+  }
+  for (const kvrwset::KVWriteHash& write : hashed.hashed_writes()) {
+    kvrwset::KVWrite& as = *out.add_writes();
+    as.set_key(write.key_hash());
+    as.set_is_delete(write.is_delete());
+    as.set_value(write.value_hash());
+  }
+  for (const kvrwset::KVMetadataWriteHash& write : hashed.metadata_writes()) {
+    kvrwset::KVMetadataWrite& as = *out.add_metadata_writes();
+    as.set_key(write.key_hash());
+    *as.mutable_entries() = write.entries();
+  }
+  return true;
+}
+
+}  // namespace
+
+std::string transaction_id(const common::SignatureHeader& header) {
+  return crypto::hex(crypto::sha256(header.nonce() + header.creator()));
+}
+
+std::string proposal_hash(const std::string& channel_header, const std::string& signature_header,
+                          std::string_view payload) {
+  std::string bytes = channel_header + signature_header;
+  bytes.append(payload);
+  const crypto::Digest digest = crypto::sha256(bytes);
+  return {digest.begin(), digest.end()};
+}
+
+TransactionForm read_form(std::string_view bytes, const CreatorCheck& creator_check) {
+  TransactionForm form;
+  const auto wrong = [&](int code) {
+    form.code = code;
+    return form;
+  };
+  common::Envelope envelope;
+  common::Payload payload;
+  if (bytes.size() > INT32_MAX || !envelope.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
+    return wrong(protos::INVALID_OTHER_REASON);
+  if (!payload.ParseFromString(envelope.payload())) return wrong(protos::BAD_PAYLOAD);
+  if (!good_headers(payload.header(), form)) return wrong(protos::BAD_COMMON_HEADER);
+  form.config = form.channel_header.type() == common::CONFIG;
+  if (creator_check && !creator_check(form.signature_header.creator(), envelope.payload(), envelope.signature()))
+    return wrong(protos::BAD_CREATOR_SIGNATURE);
+  if (form.config) return form;
+  if (form.channel_header.type() != common::ENDORSER_TRANSACTION) return wrong(protos::UNSUPPORTED_TX_PAYLOAD);
+  if (form.channel_header.tx_id() != transaction_id(form.signature_header)) return wrong(protos::BAD_PROPOSAL_TXID);
+  return wrong(read_action(payload, form));
+}
+
+ReadWriteSet read_sets(const std::string& results) {
+  ReadWriteSet out;
+  rwset::TxReadWriteSet all;
+  if (!all.ParseFromString(results)) return {protos::BAD_RWSET, {}};
+  std::set<std::string> names;
+  for (const rwset::NsReadWriteSet& one : all.ns_rwset()) {
+    NamespaceSet own{one.namespace_(), {}, {}};
+    if (!own.set.ParseFromString(one.rwset())) return {protos::BAD_RWSET, {}};
+    if (!names.insert(own.name).second) out.code = protos::ILLEGAL_WRITESET;
+    out.parts.push_back(std::move(own));
+    for (const rwset::CollectionHashedReadWriteSet& collection : one.collection_hashed_rwset()) {
+      NamespaceSet hashed{one.namespace_(), collection.collection_name(), {}};
+      if (!read_collection(collection, hashed.set)) return {protos::BAD_RWSET, {}};
+      out.parts.push_back(std::move(hashed));
+    }
+  }
+  return out;
+}
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,52 @@
+#pragma once
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/common.pb.h"
+#include "ledger/rwset/kvrwset/kv_rwset.pb.h"
+#include "peer/proposal.pb.h"
+#include "peer/proposal_response.pb.h"
+
+/// Transactions opened as a peer's committer opens them, with Fabric's code of the first thing that is wrong. Pure.
+namespace ledgerline::fabric {
+
+/// Hex SHA-256 of nonce and creator.
+std::string transaction_id(const common::SignatureHeader& header);
+/// What ties a response to its proposal. `payload`: ChaincodeProposalPayload without the transient map.
+std::string proposal_hash(const std::string& channel_header, const std::string& signature_header,
+                          std::string_view payload);
+
+struct TransactionForm {
+  int code = 0;         ///< protos.TxValidationCode: VALID, or what is wrong with its form
+  bool config = false;  ///< a configuration: only the headers are read
+  common::ChannelHeader channel_header;
+  common::SignatureHeader signature_header;
+  std::string response_payload;  ///< protos.ProposalResponsePayload, which endorsements sign
+  std::vector<protos::Endorsement> endorsements;
+  protos::ChaincodeAction action;
+};
+/// Whether `signature` of `payload` is that of `creator` (msp.SerializedIdentity), a member.
+using CreatorCheck =
+    std::function<bool(const std::string& creator, const std::string& payload, const std::string& signature)>;
+/// `envelope`: common.Envelope. Without a check of the creator every creator is taken. Layers that were opened before
+/// something was found wrong are filled in.
+TransactionForm read_form(std::string_view envelope, const CreatorCheck& creator_check = {});
+
+/// What a transaction read and wrote in one namespace, or in one collection of private data of it. There, keys and values
+/// are hashes, as all but the collection's members see them.
+struct NamespaceSet {
+  std::string name;
+  std::string collection;  ///< empty: the namespace's own keys
+  kvrwset::KVRWSet set;
+  bool writes() const { return !set.writes().empty() || !set.metadata_writes().empty(); }
+};
+struct ReadWriteSet {
+  int code = 0;                     ///< VALID, or BAD_RWSET or ILLEGAL_WRITESET (a namespace twice)
+  std::vector<NamespaceSet> parts;  ///< in the order of the transaction
+};
+/// `results`: rwset.TxReadWriteSet.
+ReadWriteSet read_sets(const std::string& results);
+
+}  // namespace ledgerline::fabric

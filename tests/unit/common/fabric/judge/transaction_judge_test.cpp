@@ -1,0 +1,257 @@
+#include "common/fabric/judge/transaction_judge.hpp"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "common/policies.pb.h"
+#include "peer/transaction.pb.h"
+#include "tests/unit/common/fabric/judge/drafts.hpp"
+#include "tests/unit/common/fabric/judge/signed_chain.hpp"
+
+/// What Fabric's peers say of these transactions tests/system/judge finds out; here it is written down.
+namespace ledgerline::fabric {
+namespace {
+
+using Codes = std::set<int>;
+const Codes valid{protos::VALID}, policy{protos::ENDORSEMENT_POLICY_FAILURE},
+    form{protos::INVALID_ENDORSER_TRANSACTION};
+const Codes headers{protos::BAD_COMMON_HEADER}, contract{protos::INVALID_CHAINCODE},
+    other{protos::INVALID_OTHER_REASON};
+
+/// Those that are not named are valid.
+const std::map<std::string, Codes> expected{
+    {"an epoch", headers},
+    {"another type", headers},
+    {"a type that nobody knows", headers},
+    {"no nonce", headers},
+    {"an id of another", {protos::BAD_PROPOSAL_TXID}},
+    {"no id", {protos::BAD_PROPOSAL_TXID}},
+    {"a nonce behind the id", {protos::BAD_PROPOSAL_TXID}},
+    {"a header extension that is none", {protos::BAD_HEADER_EXTENSION}},
+    {"a header without contract", other},
+    {"a header with an empty contract", contract},
+    {"a header of another contract", contract},
+    {"a contract that is not there", contract},
+    {"data that is no transaction", form},
+    {"no action", form},
+    {"two actions", form},
+    {"an action without header", form},
+    {"an action that is none", form},
+    {"another proposal's hash", form},
+    {"a response that is none", form},
+    {"a response without result", {protos::BAD_RESPONSE_PAYLOAD}},
+    {"a result that is none", {protos::BAD_RESPONSE_PAYLOAD}},
+    {"reads and writes that are none", {protos::BAD_RWSET}},
+    {"a namespace's that are none", {protos::BAD_RWSET}},
+    {"a result without contract", other},
+    {"a result of another contract", contract},
+    {"a result of no version", contract},
+    {"an event that is none", other},
+    {"an event of another contract", other},
+    {"a namespace twice", {protos::ILLEGAL_WRITESET}},
+    {"a write to _lifecycle", policy},
+    {"a write to a contract that is not there", contract},
+    {"no endorsement", policy},
+    {"one organisation alone", policy},
+    {"one organisation's two peers", policy},
+    {"a client beside a peer", policy},
+    {"an administrator beside a peer", policy},
+    {"a peer of an authority that is nobody's", policy},
+    {"one peer twice", policy},
+    {"one peer's certificate laid out twice", policy},
+    {"a signature of something else", policy},
+    {"a high S", policy},
+    {"a result that was changed behind the endorsement", policy},
+    {"a kept key by another", policy},
+    {"a kept key by two others", policy},
+    {"a kept key deleted by another", policy},
+    {"its policy replaced by another", policy},
+    {"a kept key beside a free one, by its keeper", policy},
+    {"a range without its last keys", {protos::PHANTOM_READ_CONFLICT}},
+    {"a version that is not the newest", {protos::MVCC_READ_CONFLICT}},
+    {"a version that never was", {protos::MVCC_READ_CONFLICT}},
+    {"read as absent", {protos::MVCC_READ_CONFLICT}},
+};
+
+class TransactionJudge : public ::testing::Test {
+ protected:
+  TransactionJudge() {
+    node::CoreConfig config;
+    for (const Organisation* one : {&first_, &second_, &third_}) config.organisations.push_back(one->root());
+    config.orderers = orderers_.root();
+    common::Block block;
+    block.mutable_data()->add_data(node::make_config_envelope(config, orderers_.member("orderer")));
+    config_ = *read_channel_config(block);
+    members_ = crypto::make_msp_registry(library, config_.organisations);
+    state_.configure(config_);
+    state_.define("ledgerline");
+    for (const Organisation* one : {&first_, &second_, &third_}) {
+      cast_.members.push_back(one->member("client"));
+      cast_.peers.push_back(one->member("peer"));
+      cast_.new_peers.push_back(one->member("peer"));
+    }
+    cast_.admin = first_.member("admin");
+    cast_.client = first_.member("client");
+    cast_.nobodys = Organisation("Org1MSP").member("peer");
+    all_ = kinds(cast_, state_, random_);
+    fill();
+  }
+
+  Draft draft() {
+    Draft draft;
+    draft.creator = &cast_.members[0];
+    draft.endorsers = {&cast_.peers[0], &cast_.peers[1]};
+    draft.channel_header.set_type(common::ENDORSER_TRANSACTION);
+    draft.channel_header.set_channel_id("teleop");
+    draft.extension.mutable_chaincode_id()->set_name("ledgerline");
+    draft.action.mutable_chaincode_id()->set_name("ledgerline");
+    draft.action.mutable_chaincode_id()->set_version("1");
+    draft.nonce = "nonce " + std::to_string(++nonces_);
+    return draft;
+  }
+  void write(Draft& draft, const std::string& key) {
+    draft.set.add_writes()->set_key(key);
+    draft.set.mutable_writes()->rbegin()->set_value("value");
+  }
+  /// All keys that kinds speak of are there; the own ones are Org1MSP's.
+  void fill() {
+    Draft made = draft();
+    for (int i = 0; i < 20; ++i) {
+      write(made, "judge/free/" + std::to_string(i));
+      write(made, "judge/range/" + std::to_string(i % 9));
+      const std::string own = "judge/own/" + std::to_string(i);
+      write(made, own);
+      kvrwset::KVMetadataWrite& metadata = *made.set.add_metadata_writes();
+      metadata.set_key(own);
+      metadata.add_entries()->set_name(validation_parameter);
+      metadata.mutable_entries(0)->set_value(peer_policy("Org1MSP"));
+    }
+    ASSERT_EQ(commit({made.seal()}), std::vector<int>{protos::VALID});
+  }
+  std::vector<Verdict> judge(const std::vector<std::string>& envelopes, JudgeRules rules = {}) {
+    common::Block block;
+    for (const std::string& one : envelopes) block.mutable_data()->add_data(one);
+    return judge_transactions(block, state_, *members_, rules);
+  }
+  std::vector<int> commit(const std::vector<std::string>& envelopes) {
+    const auto verdicts = judge(envelopes);
+    state_.apply(++height_, verdicts);
+    std::vector<int> codes;
+    for (const Verdict& one : verdicts) codes.push_back(one.code);
+    return codes;
+  }
+  const Kind& kind(const std::string& name) {
+    return *std::find_if(all_.begin(), all_.end(), [&](const Kind& one) { return one.name == name; });
+  }
+  std::string sealed(const std::string& name) {
+    Draft made = draft();
+    kind(name).bend(made);
+    return made.seal();
+  }
+
+  const Organisation first_{"Org1MSP"}, second_{"Org2MSP"}, third_{"Org3MSP"}, orderers_{"OrdererMSP"};
+  Cast cast_;
+  Random random_{1};
+  ChannelConfig config_;
+  std::unique_ptr<crypto::MspRegistry> members_;
+  KeyState state_;
+  std::vector<Kind> all_;
+  std::uint64_t height_ = 0;
+  int nonces_ = 0;
+};
+
+TEST_F(TransactionJudge, SaysOfEachKindWhatAPeerSays) {
+  std::set<std::string> named;
+  for (const Kind& one : all_) {
+    if (one.again) continue;
+    const std::vector<Verdict> verdicts = judge({sealed(one.name)});
+    const auto found = expected.find(one.name);
+    EXPECT_TRUE((found == expected.end() ? valid : found->second).contains(verdicts[0].code))
+        << one.name << ": " << verdicts[0].code << ' ' << verdicts[0].why;
+    EXPECT_EQ(verdicts[0].code == protos::VALID, *verdicts[0].why == '\0') << one.name;
+    named.insert(one.name);
+  }
+  for (const auto& [name, codes] : expected) EXPECT_TRUE(named.contains(name)) << name;
+}
+
+TEST_F(TransactionJudge, AnIdIsGoodForOneTransaction) {
+  const std::string once = sealed("blind write by two peers");
+  EXPECT_EQ(commit({once, once}), (std::vector<int>{protos::VALID, protos::DUPLICATE_TXID}));
+  EXPECT_EQ(commit({once}), std::vector<int>{protos::DUPLICATE_TXID});
+}
+
+TEST_F(TransactionJudge, WhatWasReadMustNotHaveChangedWithinTheBlockEither) {
+  Draft reads = draft();
+  kvrwset::KVRead& read = *reads.set.add_reads();
+  read.set_key("judge/free/7");
+  read.mutable_version()->set_block_num(1);
+  Draft writes = draft();
+  write(writes, "judge/free/7");
+  const std::string one = reads.seal(), other_one = writes.seal();
+  EXPECT_EQ(judge({one})[0].code, protos::VALID);
+  EXPECT_EQ(judge({other_one, one})[1].code, protos::MVCC_READ_CONFLICT);
+  EXPECT_EQ(judge({sealed("a key of the range written"), sealed("a whole range read")})[1].code,
+            protos::PHANTOM_READ_CONFLICT);
+}
+
+TEST_F(TransactionJudge, AKeyWhosePolicyTheBlockHasSetIsWrittenByNobodyBehindIt) {
+  random_ = Random(5);
+  const std::string sets = sealed("its policy replaced by its keeper");
+  random_ = Random(5);  // the same key
+  const std::string writes = sealed("a kept key by its keeper");
+  EXPECT_EQ(judge({sets, writes})[1].code, protos::ENDORSEMENT_POLICY_FAILURE);
+  EXPECT_EQ(judge({writes})[0].code, protos::VALID);
+}
+
+TEST_F(TransactionJudge, OfOneIdentityOneEndorsementCounts) {
+  common::SignaturePolicyEnvelope twice;  // two of Org1MSP's peers
+  ASSERT_TRUE(twice.ParseFromString(peer_policy("Org1MSP")));
+  twice.mutable_rule()->mutable_n_out_of()->set_n(2);
+  twice.mutable_rule()->mutable_n_out_of()->add_rules()->set_signed_by(0);
+  Draft made = draft();
+  write(made, "judge/two");
+  kvrwset::KVMetadataWrite& metadata = *made.set.add_metadata_writes();
+  metadata.set_key("judge/two");
+  metadata.add_entries()->set_name(validation_parameter);
+  metadata.mutable_entries(0)->set_value(twice.SerializeAsString());
+  ASSERT_EQ(commit({made.seal()}), std::vector<int>{protos::VALID});
+  const auto code_with = [&](const crypto::SigningIdentity& second) {
+    Draft written = draft();
+    write(written, "judge/two");
+    written.endorsers = {&cast_.peers[0], &second};
+    return judge({written.seal()})[0].code;
+  };
+  EXPECT_EQ(code_with(cast_.new_peers[0]), protos::VALID);
+  EXPECT_EQ(code_with(cast_.peers[0]), protos::ENDORSEMENT_POLICY_FAILURE);
+  crypto::SigningIdentity laid_out = cast_.peers[0];  // the same certificate, another PEM
+  msp::SerializedIdentity identity;
+  ASSERT_TRUE(identity.ParseFromString(laid_out.serialized));
+  identity.set_id_bytes(identity.id_bytes() + "\n");
+  laid_out.serialized = identity.SerializeAsString();
+  EXPECT_EQ(code_with(laid_out), protos::ENDORSEMENT_POLICY_FAILURE);
+}
+
+TEST_F(TransactionJudge, ACreatorWhoDidNotSignIsNone) {
+  Draft made = draft();
+  const crypto::SigningIdentity& stranger = cast_.nobodys;
+  made.creator = &stranger;
+  EXPECT_EQ(judge({made.seal()})[0].code, protos::BAD_CREATOR_SIGNATURE);
+  common::Envelope envelope;
+  ASSERT_TRUE(envelope.ParseFromString(sealed("blind write by two peers")));
+  envelope.set_signature("nothing");
+  EXPECT_EQ(judge({envelope.SerializeAsString()})[0].code, protos::BAD_CREATOR_SIGNATURE);
+}
+
+TEST_F(TransactionJudge, AnEventOfAnotherTransactionIsRefusedWhereTheRulesSaySo) {
+  const std::string event = sealed("an event");
+  EXPECT_EQ(judge({event})[0].code, protos::VALID);
+  EXPECT_EQ(judge({event}, {"teleop", false})[0].code, protos::INVALID_OTHER_REASON);
+}
+
+TEST_F(TransactionJudge, AnotherChannelsTransactionIsNone) {
+  EXPECT_EQ(judge({sealed("blind write by two peers")}, {"other", true})[0].code, protos::TARGET_CHAIN_NOT_FOUND);
+}
+
+}  // namespace
+}  // namespace ledgerline::fabric
