@@ -41,7 +41,7 @@ bool has_unsigned_bytes(const common::Block& block) {
   return known.SerializeAsString() != bytes;
 }
 
-/// The first block configures a channel that has nobody yet: its transaction has no creator, and the anchor stands for it.
+/// The first block configures a channel that has nobody yet: its transaction has no creator, the anchor stands for it.
 std::vector<fabric::Verdict> first_verdict() {
   fabric::Verdict verdict;
   verdict.code = protos::VALID;
@@ -200,8 +200,7 @@ void ChainAudit::judge_transactions(const common::Block& block, std::string_view
       ++counts_.invalid[verdict.code];
     }
   }
-  const bool config = verdicts.size() == 1 && verdicts[0].config && orderers_ && orderers_->config() == next_;
-  if (!config) return;
+  if (!orderers_ || orderers_->config() != next_) return;
   ++counts_.config_blocks;
   if (next_ == 0) return;  // the anchor, or taken as it is: done before
   if (const auto read = fabric::read_channel_config(block); read) configure(*read);

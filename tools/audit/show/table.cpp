@@ -68,6 +68,10 @@ std::string drone_text(const std::string& drone_name, const DroneStory& drone) {
   });
   if (drone.transitions_missing > 0)
     text += fmt::format("    {} of its failsafe's transitions are not in the chain\n", drone.transitions_missing);
+  if (drone.path.seen() > 0)
+    text +=
+        fmt::format("    flown: x {:.2f} to {:.2f} m, y {:.2f} to {:.2f} m, z {:.2f} to {:.2f} m\n", drone.lowest_m[0],
+                    drone.highest_m[0], drone.lowest_m[1], drone.highest_m[1], drone.lowest_m[2], drone.highest_m[2]);
   const Quantiles q = drone.two_way.quantiles_ms();
   if (q.count > 0)
     text +=

@@ -1,5 +1,8 @@
 #include "tools/audit/story/states.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 #include "common/msg/ros.hpp"
 
 namespace ledgerline::audit {
@@ -7,7 +10,16 @@ namespace {
 
 void take_pose(const Asset& asset, DroneStory& story) {
   const auto odometry = odometry_from_cdr(asset.msg_data());
-  if (odometry) story.path.add({odometry->header.stamp_ns, odometry->position_m});
+  if (!odometry) return;
+  const auto& position = odometry->position_m;
+  const bool finite = std::all_of(position.begin(), position.end(), [](double m) { return std::isfinite(m); });
+  if (!finite) return;
+  for (std::size_t axis = 0; axis < position.size(); ++axis) {
+    const bool first = story.path.seen() == 0;
+    story.lowest_m[axis] = first ? position[axis] : std::min(story.lowest_m[axis], position[axis]);
+    story.highest_m[axis] = first ? position[axis] : std::max(story.highest_m[axis], position[axis]);
+  }
+  story.path.add({odometry->header.stamp_ns, position});
 }
 
 /// The newest command that was with link when the state was made, and when it came: both on the drone host's clock.

@@ -64,6 +64,7 @@ struct DroneStory {
   FirstOnes<Change> transitions{5'000};
   std::uint64_t transitions_missing = 0;  ///< gaps in the numbers that link gave them
   Thinned<PathPoint> path{4'000};
+  std::array<double, 3> lowest_m{}, highest_m{};  ///< of all poses, by axis
   std::uint64_t states = 0;
   /// On the drone host's clock, as link signed it through its agent: from the stamp of a state until the command that
   /// answers it was with link. Of the commands that a later state names as the newest that had come.

@@ -12,6 +12,7 @@ namespace ledgerline::audit {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::EndsWith;
 using ::testing::Field;
@@ -111,6 +112,69 @@ TEST_F(ChainAuditTest, OrderersOfSomebodyElseAreFound) {
   ledger.chain.back() = block.SerializeAsString();
   EXPECT_THAT(texts(audited(ledger.chain, ledger.trust())),
               ElementsAre(HasSubstr("orderers' signatures do not satisfy the channel's policy")));
+}
+
+TEST_F(ChainAuditTest, AForkThatTheOrderersSignedIsFound) {
+  common::Block block = parsed(ledger.chain.back());
+  (*block.mutable_header()->mutable_previous_hash())[0] ^= 1;
+  fabric::SignedChain::sign(block, ledger.orderer);
+  ledger.chain.back() = block.SerializeAsString();
+  EXPECT_THAT(texts(audited(ledger.chain, ledger.trust())),
+              ElementsAre(HasSubstr("previous hash is not that of the block before")));
+}
+
+TEST_F(ChainAuditTest, BytesThatNobodySignedAmongTheSignaturesAreFound) {
+  common::Block block = parsed(ledger.chain.back());
+  block.mutable_metadata()->mutable_metadata(common::SIGNATURES)->append("\x7a\x01!");  // a field that nobody knows
+  ledger.chain.back() = block.SerializeAsString();
+  EXPECT_THAT(texts(audited(ledger.chain, ledger.trust())), ElementsAre(HasSubstr("bytes among its signatures")));
+}
+
+TEST_F(ChainAuditTest, TheFirstBlocksSignaturesAreTheAnchors) {
+  common::Block block = parsed(ledger.chain[0]);
+  block.mutable_metadata()->mutable_metadata(common::SIGNATURES)->append("\x7a\x01!");
+  const Trust trust = ledger.trust();
+  ledger.chain[0] = block.SerializeAsString();
+  EXPECT_THAT(texts(audited(ledger.chain, trust)), Contains(HasSubstr("not those of the trust anchor")));
+}
+
+/// Block 2 configures the channel anew, with other orderers.
+class ReconfiguredTest : public ::testing::Test {
+ protected:
+  ReconfiguredTest() {
+    made.add("x", &made.orderer_);
+    made.add(made.config_of(made.second_), &made.orderer_, 0);
+    made.add("y", &made.other_, 2);
+    for (const common::Block& block : made.chain_) chain.push_back(block.SerializeAsString());
+  }
+  fabric::SignedChain made;
+  std::vector<std::string> chain;
+};
+
+TEST_F(ReconfiguredTest, AnyConfigurationOfTheChainIsAnAnchor) {
+  for (const std::size_t anchor : {0U, 2U}) EXPECT_THAT(texts(audited(chain, {"teleop", chain[anchor]})), IsEmpty());
+}
+
+TEST_F(ReconfiguredTest, AChainThatEndsBeforeItsAnchorProvesNothing) {
+  const std::string anchor = chain[2];
+  chain.resize(2);
+  EXPECT_THAT(texts(audited(chain, {"teleop", anchor})),
+              ElementsAre(HasSubstr("ends before block 2, the trust anchor")));
+}
+
+TEST_F(ReconfiguredTest, OrderersOfBeforeSignNothingAnyMore) {
+  fabric::SignedChain::sign(made.chain_[3], made.orderer_, 2);
+  chain[3] = made.chain_[3].SerializeAsString();
+  EXPECT_THAT(texts(audited(chain, {"teleop", chain[0]})),
+              ElementsAre(HasSubstr("orderers' signatures do not satisfy")));
+}
+
+TEST_F(ReconfiguredTest, AnotherConfigurationInTheAnchorsPlaceIsFound) {
+  fabric::SignedChain other;
+  other.add("x", &other.orderer_);
+  other.add(other.config_of(other.second_), &other.orderer_, 0);
+  EXPECT_THAT(texts(audited(chain, {"teleop", other.chain_[2].SerializeAsString()})),
+              ElementsAre(HasSubstr("block 2: it is another block than the trust anchor")));
 }
 
 TEST_F(ChainAuditTest, AWholeChainOfSomebodyElseIsFoundByTheAnchor) {

@@ -135,6 +135,64 @@ TEST_F(StoryTest, TheFlownPathIsThinnedAndTheFailsafesTransitionsAreKept) {
   EXPECT_THAT(page, ::testing::Not(HasSubstr("src=\"http")));
 }
 
+/// What endorsers let pass though it is not what the creator asked for, or may do.
+class LiesTest : public ::testing::Test {
+ protected:
+  Control record(const std::string& holder, std::uint64_t epoch) const {
+    Control control;
+    control.set_drone("tello1");
+    control.mutable_owner()->set_msp_id("Org1MSP");
+    control.mutable_owner()->set_subject("CN=host");
+    control.set_epoch(epoch);
+    if (!holder.empty()) {
+      control.mutable_holder()->set_msp_id("Org1MSP");
+      control.mutable_holder()->set_subject(holder);
+    }
+    return control;
+  }
+  Status take(const std::string& function, const std::string& creator, const Control& after) {
+    Controls event;
+    *event.add_controls() = after;
+    fabric::Transaction tx;
+    tx.tx_id = std::to_string(++transactions);
+    tx.contract = "ledgerline";
+    tx.function = tx.event_name = function;
+    tx.args = {"tello1"};
+    tx.event_payload = event.SerializeAsString();
+    if (function == "enroll") {
+      EnrollCall call;
+      call.add_drones("tello1");
+      call.mutable_identity()->set_msp_id("Org1MSP");
+      call.mutable_identity()->set_subject("CN=host");
+      tx.args = {call.SerializeAsString()};
+    }
+    return story.take({transactions, 0, protos::VALID, ""}, tx, {{"Org1MSP", creator}, creator == "CN=admin"});
+  }
+  Story story;
+  std::uint64_t transactions = 0;
+};
+
+TEST_F(LiesTest, ALeaseForSomebodyWhoDidNotAskForItIsFoundAndNotTold) {
+  ASSERT_TRUE(take("enroll", "CN=admin", record("", 0)));
+  ASSERT_TRUE(take("acquire", "CN=pilot", record("CN=pilot", 1)));
+  const Status status = take("release", "CN=other", record("", 2));
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().what, HasSubstr("release of tello1 does not follow: another one holds the lease"));
+  EXPECT_FALSE(take("acquire", "CN=other", record("CN=third", 2)));
+  ASSERT_EQ(story.drones().at("tello1").holders.all().size(), 1U);
+  EXPECT_FALSE(story.drones().at("tello1").holders.all()[0].to);
+}
+
+TEST_F(LiesTest, TransactionsOfOtherContractsTellNothingOfDrones) {
+  fabric::Transaction tx;
+  tx.tx_id = "a";
+  tx.contract = "other";
+  tx.function = tx.event_name = "acquire";
+  EXPECT_TRUE(story.take({1, 0, protos::VALID, ""}, tx, {{"Org1MSP", "CN=pilot"}, false}));
+  EXPECT_EQ(story.functions().at("other:"), 1U);
+  EXPECT_TRUE(story.drones().empty());
+}
+
 TEST(BoundedTest, AThinnedListStaysBetweenHalfAndAllOfItsBound) {
   Thinned<int> list(100);
   for (int i = 0; i < 10'000; ++i) list.add(i);

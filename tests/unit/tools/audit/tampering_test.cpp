@@ -1,5 +1,5 @@
-// Single bytes of a copy are changed: in a block's header, its data, its orderers' signatures. Each must be found. A slice
-// in every test run; 10,000 with LEDGERLINE_LONG=1.
+// Single bytes of a copy are changed: in a block's header, its data, its orderers' signatures. Each must be found. A
+// slice in every test run; 10,000 with LEDGERLINE_LONG=1.
 #include <gmock/gmock.h>
 
 #include "common/base/random.hpp"
