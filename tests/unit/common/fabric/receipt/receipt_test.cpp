@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 
+#include "common/fabric/tx/opened.hpp"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"
@@ -44,8 +45,48 @@ class ReceiptTest : public ::testing::Test, protected LedgerOfReceipts {
     say(answer, [code](protos::ProcessedTransaction& said) { said.set_validationcode(code); });
   }
 
+  static void say_response(Receipt::Answer& answer, const std::function<void(protos::ChaincodeAction&)>& lie) {
+    protos::ProposalResponsePayload payload;
+    protos::ChaincodeAction action;
+    ASSERT_TRUE(payload.ParseFromString(answer.payload) && action.ParseFromString(payload.extension()));
+    lie(action);
+    payload.set_extension(action.SerializeAsString());
+    answer.payload = payload.SerializeAsString();
+  }
+  /// Another block in place of the receipt's, and every key of the network lies with it: what is left to hold against it
+  /// is what the creators signed.
+  Receipt conspire(Receipt receipt, const std::vector<std::string>& envelopes) const {
+    std::string all;
+    for (const std::string& one : envelopes) all += one;
+    const crypto::Digest digest = crypto::sha256(all);
+    Receipt::Block& block = receipt.block;
+    block.data = envelopes;
+    block.data_hash.assign(digest.begin(), digest.end());
+    const std::string& signer = block.orderers[0].signer;
+    block.orderers[0].signature = *orderer_.signer->sign(
+        block.orderers_value + signer + block_header_bytes(block.number, block.previous_hash, block.data_hash));
+    for (std::size_t i = 0; i < receipt.answers.size(); ++i) {
+      say(receipt.answers[i], [&](protos::ProcessedTransaction& said) {
+        said.mutable_transactionenvelope()->ParseFromString(envelopes[0]);
+      });
+      sign(receipt.answers[i], peers_[i]);
+    }
+    return receipt;
+  }
+
   const ReceiptJudge judge_ = judge();
 };
+
+/// A transaction with something changed in it, signed again by `who`.
+std::string altered(const std::string& envelope, const crypto::SigningIdentity& who,
+                    const std::function<void(OpenedTransaction&, common::ChannelHeader&)>& alter) {
+  auto opened = *open_transaction(envelope);
+  common::ChannelHeader header;
+  EXPECT_TRUE(header.ParseFromString(opened.payload.header().channel_header()));
+  alter(opened, header);
+  opened.payload.mutable_header()->set_channel_header(header.SerializeAsString());
+  return *sign_envelope(who, opened.bytes());
+}
 
 TEST_F(ReceiptTest, ItProvesBlockCreatorCallAndVerdictAndSaysByWhoseWord) {
   const Sent other = send(1, "somebody else's");
@@ -166,14 +207,72 @@ TEST_F(ReceiptTest, APeersKeyIsNotEnoughForALie) {
   EXPECT_THAT(why(bent), HasSubstr("is about another transaction than the one in the block"));
 
   bent = good;
-  protos::ProposalResponsePayload payload;
-  protos::ChaincodeAction action;
-  ASSERT_TRUE(payload.ParseFromString(bent.answers[0].payload) && action.ParseFromString(payload.extension()));
-  action.mutable_chaincode_id()->set_name("ledgerline");
-  payload.set_extension(action.SerializeAsString());
-  bent.answers[0].payload = payload.SerializeAsString();
+  say_response(bent.answers[0], [](auto& action) { action.mutable_chaincode_id()->set_name("ledgerline"); });
   sign(bent.answers[0], peers_[0]);
   EXPECT_THAT(why(bent), HasSubstr("it is not of qscc")) << "a contract answers whatever it likes";
+  bent = good;
+  say_response(bent.answers[0], [](auto& action) { action.mutable_response()->set_status(500); });
+  sign(bent.answers[0], peers_[0]);
+  EXPECT_THAT(why(bent), HasSubstr("it is a refusal"));
+}
+
+TEST_F(ReceiptTest, WhatItsCreatorHasNotSignedIsNotProvenWhoeverElseSaysSo) {
+  const Sent sent = committed(0, "mine");
+  const Receipt good = receipt(sent);
+  const std::string& mine = good.block.data[0];
+  ASSERT_EQ(why(conspire(good, {mine})), "");
+  const auto nothing = [](OpenedTransaction&, common::ChannelHeader&) {};
+  const auto refusal = [&](const std::string& envelope) { return why(conspire(good, {envelope})); };
+  EXPECT_THAT(refusal(altered(mine, users_[1], nothing)), HasSubstr("its creator's signature is wrong"));
+  EXPECT_THAT(refusal(altered(mine, users_[0],
+                              [](OpenedTransaction& one, auto&) {
+                                common::SignatureHeader header;
+                                header.ParseFromString(one.payload.header().signature_header());
+                                header.set_nonce("another");
+                                one.payload.mutable_header()->set_signature_header(header.SerializeAsString());
+                              })),
+              HasSubstr("its id is not of its creator"));
+  EXPECT_THAT(refusal(altered(mine, users_[0], [](auto&, auto& header) { header.set_channel_id("other"); })),
+              HasSubstr("block 1: it is of channel other, not of teleop"));
+  EXPECT_THAT(refusal(altered(mine, users_[0], [](auto&, auto& header) { header.set_type(common::CONFIG); })),
+              HasSubstr("it is a configuration of the channel"));
+  const std::string elsewhere = altered(mine, users_[0], [](auto&, auto& header) {
+    header.set_channel_id("other");
+    header.set_tx_id("another one's");
+  });
+  EXPECT_THAT(why(conspire(good, {mine, elsewhere})), HasSubstr("of channel other"));
+}
+
+TEST_F(ReceiptTest, AnEndorsementCountsOnlyByAPeersKeyAndForThisCall) {
+  const Sent sent = committed(0, "mine");
+  const Receipt good = receipt(sent);
+  const std::string& mine = good.block.data[0];
+  const auto endorsed = [&](const std::function<void(OpenedTransaction&, common::ChannelHeader&)>& alter) {
+    return why(conspire(good, {altered(mine, users_[0], alter)}));
+  };
+  const auto by = [](OpenedTransaction& one, const crypto::SigningIdentity& who) {
+    one.seal_result();
+    auto& action = *one.action.mutable_action();
+    action.clear_endorsements();
+    auto& endorsement = *action.add_endorsements();
+    endorsement.set_endorser(who.serialized);
+    endorsement.set_signature(*who.signer->sign(action.proposal_response_payload() + who.serialized));
+  };
+  const std::string none = "the peers call it valid, and no endorsement of it is good";
+  EXPECT_EQ(endorsed([&](auto& one, auto&) { by(one, peers_[1]); }), "");
+  EXPECT_EQ(endorsed([](auto& one, auto&) { one.action.mutable_action()->clear_endorsements(); }), none);
+  EXPECT_EQ(endorsed([&](auto& one, auto&) { by(one, users_[1]); }), none) << "no peer";
+  EXPECT_EQ(endorsed([&](auto& one, auto&) { by(one, Organisation("Org1MSP").member("peer")); }), none);
+  EXPECT_EQ(endorsed([&](auto& one, auto&) {
+              by(one, peers_[1]);
+              one.action.mutable_action()->mutable_endorsements(0)->set_endorser(peers_[2].serialized);
+            }),
+            none);
+  EXPECT_EQ(endorsed([&](auto& one, auto&) {
+              one.response.set_proposal_hash("of another call");
+              by(one, peers_[1]);
+            }),
+            none);
 }
 
 TEST_F(ReceiptTest, WhoIsNoPeerOrNoOrdererHasNoWord) {
