@@ -15,8 +15,8 @@ bool parse(Message& message, std::string_view bytes) {
 }
 
 /// What ties answers to `question`, a protos.Proposal. An error: it does not ask chain_contract for the verdict on that
-/// transaction, in the one form that a question has. (The hash is over three texts, one behind the other, and does not say
-/// where one ends.)
+/// transaction, in the one form that a question has. (The hash is over three texts, one behind the other, and does not
+/// say where one ends.)
 Result<std::string> question_hash(std::string_view question, const std::string& channel, const std::string& tx_id);
 
 /// What a peer said: the transaction as its chain has it, with its code. `payload`: protos.ProposalResponsePayload.

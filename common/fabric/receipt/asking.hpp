@@ -16,8 +16,8 @@ struct AskedReceipt {
 
 /// Asks the ledger for all that a receipt of transaction `tx_id` is made of: the own peer for its block, and for the
 /// verdict a peer of each organisation of `config.endorsers`, and the own one where none of those is of the own
-/// organisation. Waits for each at most `config.deadline`. An error: there is no such transaction, no peer answers, or the
-/// peers differ. One thread.
+/// organisation. Waits for each at most `config.deadline`. An error: there is no such transaction, no peer answers, or
+/// the peers differ. One thread.
 Result<AskedReceipt> ask_receipt(ClientConfig config, const std::string& tx_id);
 
 }  // namespace ledgerline::fabric

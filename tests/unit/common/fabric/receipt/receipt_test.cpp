@@ -53,8 +53,8 @@ class ReceiptTest : public ::testing::Test, protected LedgerOfReceipts {
     payload.set_extension(action.SerializeAsString());
     answer.payload = payload.SerializeAsString();
   }
-  /// Another block in place of the receipt's, and every key of the network lies with it: what is left to hold against it
-  /// is what the creators signed.
+  /// Another block in place of the receipt's, and every key of the network lies with it: what is left to hold against
+  /// it is what the creators signed.
   Receipt conspire(Receipt receipt, const std::vector<std::string>& envelopes) const {
     std::string all;
     for (const std::string& one : envelopes) all += one;

@@ -44,8 +44,8 @@ class EmptyRoot:
 
     def verify(self, receipt: bytes, *words, trust=None) -> subprocess.CompletedProcess:
         (self.root / "one.receipt").write_bytes(receipt)
-        return subprocess.run([shutil.which("unshare"), "--net", f"--root={self.root}", "--wd=/", "/receipt", "--verify", "/one.receipt",
-                               *(self.trust if trust is None else trust), *words],
+        return subprocess.run([shutil.which("unshare"), "--net", f"--root={self.root}", "--wd=/", "/receipt",
+                               "--verify", "/one.receipt", *(self.trust if trust is None else trust), *words],
                               env={}, capture_output=True, text=True, timeout=60)
 
     def proven(self, receipt: bytes) -> dict:
