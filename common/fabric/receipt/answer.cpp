@@ -4,8 +4,8 @@
 
 #include "common/base/printable.hpp"
 #include "common/common.pb.h"
-#include "common/crypto/crypto.hpp"
 #include "common/fabric/receipt/receipt.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "peer/chaincode.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
@@ -29,7 +29,7 @@ std::string question_of(const Asker& asker, const std::string& channel, const st
   channel_header.set_channel_id(channel);
   channel_header.mutable_timestamp()->set_seconds(asker.time_s);
   channel_header.mutable_timestamp()->set_nanos(asker.time_ns);
-  channel_header.set_tx_id(crypto::hex(crypto::sha256(asker.who.nonce() + asker.who.creator())));
+  channel_header.set_tx_id(transaction_id(asker.who));
   channel_header.set_extension(extension.SerializeAsString());
   common::SignatureHeader signature_header;
   signature_header.set_creator(asker.who.creator());
@@ -64,9 +64,7 @@ Result<std::string> question_hash(std::string_view question, const std::string& 
   asker.time_ns = channel_header.timestamp().nanos();
   if (question_of(asker, channel, tx_id) != question)
     return Error{"the peers were not asked for this transaction's verdict"};
-  const crypto::Digest digest =
-      crypto::sha256(header.channel_header() + header.signature_header() + proposal.payload());
-  return std::string(digest.begin(), digest.end());
+  return proposal_hash(header.channel_header(), header.signature_header(), proposal.payload());
 }
 
 Result<protos::ProcessedTransaction> read_answer(std::string_view bytes, const std::string& hash) {

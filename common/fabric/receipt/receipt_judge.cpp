@@ -11,6 +11,7 @@
 #include "common/fabric/receipt/answer.hpp"
 #include "common/fabric/receipt/receipt.hpp"
 #include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/opened.hpp"
 
 namespace ledgerline::fabric {
@@ -75,10 +76,10 @@ Result<std::size_t> find_transaction(const Receipt& receipt, const Block& block)
 /// Endorsements of this very call that are good.
 Names endorsers_of(const Transaction& transaction, const OpenedTransaction& opened, crypto::MspRegistry& registry) {
   const common::Header& header = opened.payload.header();
-  const crypto::Digest digest =
-      crypto::sha256(header.channel_header() + header.signature_header() + opened.action.chaincode_proposal_payload());
   Names names;
-  if (opened.response.proposal_hash() != std::string(digest.begin(), digest.end())) return names;
+  if (opened.response.proposal_hash() !=
+      proposal_hash(header.channel_header(), header.signature_header(), opened.action.chaincode_proposal_payload()))
+    return names;
   for (const Endorsement& one : transaction.endorsements) {
     const auto member = registry.member(one.endorser, std::nullopt);
     if (member && (*member)->peer &&
@@ -94,8 +95,7 @@ Status read_call(const Transaction& transaction, const OpenedTransaction& opened
   const auto wrong = [&](const std::string& why) { return Error{fmt::format("transaction {}: {}", out.tx_id, why)}; };
   common::SignatureHeader header;
   if (!header.ParseFromString(opened.payload.header().signature_header())) return wrong("its creator cannot be read");
-  if (out.tx_id != crypto::hex(crypto::sha256(header.nonce() + header.creator())))
-    return wrong("its id is not of its creator");
+  if (out.tx_id != transaction_id(header)) return wrong("its id is not of its creator");
   const auto creator = registry.member(header.creator(), std::nullopt);
   if (!creator) return wrong("its creator is nobody of the organisations that you named: " + creator.error().what);
   if (!(*creator)->verifier->verify(opened.envelope.payload(), opened.envelope.signature()))
