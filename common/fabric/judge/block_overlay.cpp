@@ -1,5 +1,6 @@
 #include "common/fabric/judge/block_overlay.hpp"
 
+#include "common/fabric/judge/key_effects.hpp"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::fabric {
@@ -61,11 +62,10 @@ bool BlockOverlay::exists(const KeyName& key) const {
 
 void BlockOverlay::add(const ReadWriteSet& sets) {
   for (const NamespaceSet& part : sets.parts) {
-    for (const kvrwset::KVWrite& write : part.set.writes())
-      written_[{part.name, part.collection, write.key()}] = !deletes(write);
-    for (const kvrwset::KVMetadataWrite& write : part.set.metadata_writes()) {
-      const KeyName key{part.name, part.collection, write.key()};
-      if (exists(key)) written_[key] = true;
+    for (const auto& [key, effect] : effects_of(part.set)) {
+      const KeyName name{part.name, part.collection, key};
+      if (effect.kind != KeyEffect::Kind::policy || exists(name))
+        written_[name] = effect.kind != KeyEffect::Kind::deletion;
     }
   }
 }

@@ -33,7 +33,4 @@ class BlockOverlay {
   std::set<KeyName> new_policies_;
 };
 
-/// Fabric takes an empty value for a deletion.
-inline bool deletes(const kvrwset::KVWrite& write) { return write.is_delete() || write.value().empty(); }
-
 }  // namespace ledgerline::fabric

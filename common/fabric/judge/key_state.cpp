@@ -1,6 +1,5 @@
 #include "common/fabric/judge/key_state.hpp"
 
-#include "common/fabric/judge/block_overlay.hpp"
 #include "peer/collection.pb.h"
 #include "peer/lifecycle/chaincode_definition.pb.h"
 #include "peer/lifecycle/db.pb.h"
@@ -70,8 +69,7 @@ void KeyState::take_collections(const std::string& contract, const std::string& 
 }
 
 /// A definition is a key for each of its fields.
-void KeyState::take_definition(const kvrwset::KVWrite& write) {
-  std::string_view key = write.key();
+void KeyState::take_definition(std::string_view key, const KeyEffect& effect) {
   if (!key.starts_with(fields)) return;
   key.remove_prefix(fields.size());
   const std::size_t slash = key.rfind('/');
@@ -80,9 +78,9 @@ void KeyState::take_definition(const kvrwset::KVWrite& write) {
   const std::string_view field = key.substr(slash);
   lifecycle::StateData data;
   lifecycle::ChaincodeValidationInfo info;
-  if (field == validation && deletes(write)) {
+  if (field == validation && effect.kind == KeyEffect::Kind::deletion) {
     definitions_.erase(contract);
-  } else if (!data.ParseFromString(write.value())) {
+  } else if (!data.ParseFromString(effect.value)) {
     return;
   } else if (field == validation && info.ParseFromString(data.bytes())) {
     definitions_[contract].policy = info.validation_parameter();
@@ -92,23 +90,19 @@ void KeyState::take_definition(const kvrwset::KVWrite& write) {
 }
 
 void KeyState::write(const NamespaceSet& part, Version version) {
-  for (const kvrwset::KVWrite& one : part.set.writes()) {
-    const KeyName name{part.name, part.collection, one.key()};
-    if (deletes(one)) {
+  const bool defines = part.name == lifecycle_name && part.collection.empty();
+  for (const auto& [key, effect] : effects_of(part.set)) {
+    const KeyName name{part.name, part.collection, key};
+    if (defines) take_definition(key, effect);
+    if (effect.kind == KeyEffect::Kind::deletion) {
       keys_.erase(name);
-    } else {
-      keys_[name].version = version;
+      continue;
     }
-    if (part.name == lifecycle_name && part.collection.empty()) take_definition(one);
-  }
-  for (const kvrwset::KVMetadataWrite& metadata : part.set.metadata_writes()) {
-    const auto key = keys_.find({part.name, part.collection, metadata.key()});
-    if (key == keys_.end()) continue;  // as in Fabric: without effect
-    key->second.version = version;
-    key->second.policy.clear();
-    for (const kvrwset::KVMetadataEntry& entry : metadata.entries()) {
-      if (entry.name() == validation_parameter) key->second.policy = entry.value();
-    }
+    const auto found = keys_.find(name);
+    if (found == keys_.end() && effect.kind == KeyEffect::Kind::policy) continue;
+    Key& known = found == keys_.end() ? keys_[name] : found->second;
+    known.version = version;
+    if (effect.kind != KeyEffect::Kind::value) known.policy = effect.policy;
   }
 }
 

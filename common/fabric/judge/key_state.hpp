@@ -8,6 +8,7 @@
 
 #include "common/fabric/judge/channel_config.hpp"
 #include "common/fabric/judge/channel_state.hpp"
+#include "common/fabric/judge/key_effects.hpp"
 #include "common/fabric/judge/transaction_judge.hpp"
 
 namespace ledgerline::fabric {
@@ -36,7 +37,7 @@ class KeyState final : public ChannelState {
 
  private:
   void write(const NamespaceSet& part, Version version);
-  void take_definition(const kvrwset::KVWrite& write);
+  void take_definition(std::string_view key, const KeyEffect& effect);
   void take_collections(const std::string& contract, const std::string& bytes);
   Policy application_policy(const std::string& bytes) const;
 

@@ -32,7 +32,7 @@ msp_dir = "{ledger.msp_dir(1, "User1")}"
         assert ledger.stop() == 0, ledger.log()
     said = json.loads(done.stdout)
     print(json.dumps({key: value for key, value in said.items() if key != "differ"}, indent=1))
-    assert said["differ"] == []
+    assert said["differ"] == [], json.dumps(said["differ"])
     assert said["ours"] == COUNT
     never_valid = [kind for kind, flags in said["kinds"].items() if "0" not in flags]
     assert len(never_valid) >= SPOILT, never_valid

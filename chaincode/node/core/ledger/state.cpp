@@ -1,6 +1,6 @@
 #include "chaincode/node/core/ledger/state.hpp"
 
-#include "common/fabric/judge/block_overlay.hpp"
+#include "common/fabric/judge/key_effects.hpp"
 
 namespace ledgerline::node {
 
@@ -14,27 +14,20 @@ const std::vector<Version>* State::history(const std::string& key) const {
   return found == history_.end() ? nullptr : &found->second;
 }
 
-void State::write(const kvrwset::KVWrite& write, Version version) {
-  history_[write.key()].push_back(version);
-  if (fabric::deletes(write)) {
-    values_.erase(write.key());
-  } else {
-    Value& value = values_[write.key()];
-    value.bytes = write.value();
-    value.version = version;
-  }
-}
-
 void State::write(const kvrwset::KVRWSet& set, Version version) {
-  for (const kvrwset::KVWrite& one : set.writes()) write(one, version);
-  for (const kvrwset::KVMetadataWrite& metadata : set.metadata_writes()) {
-    const auto value = values_.find(metadata.key());
-    if (value == values_.end()) continue;
-    value->second.version = version;
-    value->second.policy.clear();
-    for (const kvrwset::KVMetadataEntry& entry : metadata.entries()) {
-      if (entry.name() == fabric::validation_parameter) value->second.policy = entry.value();
+  for (const kvrwset::KVWrite& one : set.writes()) history_[one.key()].push_back(version);
+  for (auto& [key, effect] : fabric::effects_of(set)) {
+    if (effect.kind == fabric::KeyEffect::Kind::deletion) {
+      values_.erase(key);
+      continue;
     }
+    const auto found = values_.find(key);
+    const bool policy_alone = effect.kind == fabric::KeyEffect::Kind::policy;
+    if (found == values_.end() && policy_alone) continue;
+    Value& value = found == values_.end() ? values_[key] : found->second;
+    if (!policy_alone) value.bytes = effect.value;
+    if (effect.kind != fabric::KeyEffect::Kind::value) value.policy = effect.policy;
+    value.version = version;
   }
 }
 

@@ -30,8 +30,7 @@ class State {
   const Values& values() const { return values_; }
   /// Oldest first; nullptr: never written.
   const std::vector<Version>* history(const std::string& key) const;
-  /// What a transaction writes: values, then policies of keys. A policy outlives the key's next values, not its deletion; one for a
-  /// key that is not there has no effect. As Fabric.
+  /// What a transaction does to keys (fabric::effects_of).
   void write(const kvrwset::KVRWSet& set, Version version);
 
   struct Tx {
@@ -43,8 +42,6 @@ class State {
   void add_tx(const std::string& tx_id, Tx tx) { txs_.emplace(tx_id, tx); }
 
  private:
-  void write(const kvrwset::KVWrite& write, Version version);
-
   Values values_;
   std::map<std::string, std::vector<Version>> history_;
   std::unordered_map<std::string, Tx> txs_;  // looked up only, never walked: its order would not repeat

@@ -119,7 +119,7 @@ class TransactionJudge : public ::testing::Test {
     Draft made = draft();
     for (int i = 0; i < 20; ++i) {
       write(made, "judge/free/" + std::to_string(i));
-      write(made, "judge/range/" + std::to_string(i % 9));
+      if (i < 9) write(made, "judge/range/" + std::to_string(i));
       const std::string own = "judge/own/" + std::to_string(i);
       write(made, own);
       kvrwset::KVMetadataWrite& metadata = *made.set.add_metadata_writes();
@@ -230,6 +230,33 @@ TEST_F(TransactionJudge, OfOneIdentityOneEndorsementCounts) {
   identity.set_id_bytes(identity.id_bytes() + "\n");
   laid_out.serialized = identity.SerializeAsString();
   EXPECT_EQ(code_with(laid_out), protos::ENDORSEMENT_POLICY_FAILURE);
+}
+
+TEST_F(TransactionJudge, AKeyWrittenTwiceAtOnceIsTakenAsFabricTakesIt) {
+  Draft made = draft();
+  for (const char* key : {"judge/free/1", "judge/free/1", "judge/new", "judge/new"}) write(made, key);
+  ASSERT_EQ(commit({made.seal()}), std::vector<int>{protos::VALID});
+  EXPECT_FALSE(state_.find({"ledgerline", "", "judge/new"})) << "as metadata of a key that is not there";
+  EXPECT_EQ(state_.find({"ledgerline", "", "judge/free/1"})->version, (Version{height_, 0}));
+}
+
+TEST_F(TransactionJudge, AKeyAndItsPolicyAreTakenTogether) {
+  const KeyName own{"ledgerline", "", "judge/own/3"};
+  ASSERT_EQ(state_.find(own)->policy, peer_policy("Org1MSP"));
+  Draft writes = draft();
+  write(writes, own.key);
+  writes.endorsers = {&cast_.peers[0]};
+  ASSERT_EQ(commit({writes.seal()}), std::vector<int>{protos::VALID});
+  EXPECT_EQ(state_.find(own)->policy, peer_policy("Org1MSP")) << "a new value keeps it";
+  Draft deletes = draft();
+  deletes.set.add_writes()->set_key(own.key);  // without a value
+  deletes.endorsers = {&cast_.peers[0]};
+  ASSERT_EQ(commit({deletes.seal()}), std::vector<int>{protos::VALID});
+  EXPECT_FALSE(state_.find(own));
+  Draft again = draft();
+  write(again, own.key);
+  ASSERT_EQ(commit({again.seal()}), std::vector<int>{protos::VALID});
+  EXPECT_EQ(state_.find(own)->policy, "") << "a deletion ends it";
 }
 
 TEST_F(TransactionJudge, ACreatorWhoDidNotSignIsNone) {
