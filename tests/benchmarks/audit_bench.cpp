@@ -1,6 +1,6 @@
 // What an audit costs beside the signature checks that it cannot do without: a chain of states and commands, made here
-// with real keys and written to a file; then, block by block in turns, bare verifications of all its signatures, and the
-// audit.
+// with real keys and written to a file; then, block by block in turns, bare verifications of all its signatures, and
+// the audit.
 #include <fmt/format.h>
 #include <malloc.h>
 #include <unistd.h>

@@ -79,7 +79,7 @@ int run(const Options& options) {
     if (!options.save.empty() && saved) saved = save_block(options.save, audit->height(), block);
     audit->add(block);
   };
-  const std::chrono::seconds patience(static_cast<int>(options.patience_s));
+  const std::chrono::milliseconds patience(static_cast<int>(1e3 * options.patience_s));
   const auto reading =
       plan->peer ? read_peer(std::move(*plan->peer), patience, on_block) : read_copy(options.blocks, on_block);
   if (!reading) return give_up(reading.error().what);

@@ -1,7 +1,9 @@
 """`ledgerline audit` of both ledgers: from a peer, and from copies where there is no network; a channel that Fabric's own
 client wrote, and one that was flown on."""
 import json
+import os
 import pathlib
+import random
 import subprocess
 import sys
 
@@ -13,10 +15,11 @@ from programs import BIN
 
 sys.path.append(str(pathlib.Path(__file__).resolve().parent.parent / "conformance"))
 from cli import good, invoke, peer_of  # noqa: E402
-from official import asset  # noqa: E402
+from official import Node, asset  # noqa: E402
 
 PROGRAM = BIN / "ledgerline-audit"
 PATIENCE_S = 120
+CHANGES = 400 if os.environ.get("LEDGERLINE_LONG") == "1" else 40
 
 
 def audit(*words, network: bool = True) -> subprocess.CompletedProcess:
@@ -128,10 +131,59 @@ def test_a_flag_that_hides_a_stop_is_found(written, copy, tmp_path):
     assert "its flag is ENDORSEMENT_POLICY_FAILURE, but it is VALID" in done.stdout
 
 
+def fields(message: bytes, begin: int, end: int):
+    """(number, where its content begins, where it ends) of each length-delimited field: blocks have no others on their outside."""
+    def varint(at: int) -> tuple[int, int]:
+        value = shift = 0
+        while True:
+            byte = message[at]
+            value, shift, at = value | (byte & 0x7F) << shift, shift + 7, at + 1
+            if byte < 0x80:
+                return value, at
+    while begin < end:
+        key, at = varint(begin)
+        size, at = varint(at)
+        begin = at + size
+        yield key >> 3, at, begin
+
+
+def test_each_changed_byte_of_header_data_or_signatures_is_found(written, copy, tmp_path):
+    random.seed(20)
+    copy.changed(tmp_path, bytes)
+    for _ in range(CHANGES):
+        number = random.randrange(copy.told["blocks"])
+        path = tmp_path / f"{number}.block"
+        block = path.read_bytes()
+        parts = {field: (begin, end) for field, begin, end in fields(block, 0, len(block))}  # header, data, metadata
+        _, *signatures = next(fields(block, *parts[3]))
+        begin, end = random.choice([place for place in (parts[1], parts[2], tuple(signatures)) if place[0] < place[1]])
+        at = random.randrange(begin, end)
+        path.write_bytes(block[:at] + bytes([block[at] ^ random.randrange(1, 256)]) + block[at + 1:])
+        done = audit("--blocks", tmp_path, "--anchor", written.anchor)
+        assert done.returncode == 1, f"block {number}, byte {at}: {done.stdout}{done.stderr}"
+        assert f"\nfirst difference: block {number}" in done.stdout, f"block {number}, byte {at}: {done.stdout}"
+        path.write_bytes(block)
+    assert audit("--blocks", tmp_path, "--anchor", written.anchor).returncode == 0
+
+
 def test_a_missing_block_is_found(written, copy, tmp_path):
     (copy.changed(tmp_path, bytes) / "2.block").unlink()
     done = audit("--blocks", tmp_path, "--anchor", written.anchor)
     assert done.returncode == 1 and "first difference: block 2:" in done.stdout, done.stdout + done.stderr
+
+
+def test_the_official_node_client_is_read_as_well(written):
+    modules = pathlib.Path(os.environ.get("LEDGERLINE_NPM", "")) / "node_modules"
+    if not (modules / "@hyperledger" / "fabric-gateway").is_dir():
+        pytest.skip("its packages are missing: ./run-tests fetches them")
+    node = Node(modules, written.ledger)
+    try:
+        sent = node.user(1, "User1").submit("set", asset("tello1/official"))
+        refused = node.user(2, "User1").call("evaluate", "set", asset("tello1/official"))
+    finally:
+        node.close()
+    told = audited("--config", written.config)
+    assert "error" in refused and told["ok"] and told["blocks"] > sent["block"]
 
 
 def test_what_peer_fetches_is_a_copy_too(written, copy, tmp_path):

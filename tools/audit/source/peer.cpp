@@ -20,10 +20,11 @@ class Belt {
     std::unique_lock lock(mutex_);
     room_.wait(lock, [&] { return ended_ || blocks_.size() < max_blocks; });
     if (ended_) return;
+    why_.clear();
     blocks_.emplace_back(block);
     filled_.notify_one();
   }
-  std::optional<std::string> take(std::chrono::seconds patience) {
+  std::optional<std::string> take(std::chrono::milliseconds patience) {
     std::unique_lock lock(mutex_);
     if (!filled_.wait_for(lock, patience, [&] { return !blocks_.empty(); })) return std::nullopt;
     std::string block = std::move(blocks_.front());
@@ -31,6 +32,7 @@ class Belt {
     room_.notify_one();
     return block;
   }
+  /// Why the stream was broken; it counts until the next block comes.
   void say(const std::string& why) {
     const std::lock_guard lock(mutex_);
     why_ = why;
@@ -70,24 +72,21 @@ Result<std::uint64_t> height_of(fabric::ClientConfig config) {
 
 }  // namespace
 
-Result<Reading> read_peer(fabric::ClientConfig config, std::chrono::seconds patience, const OnBlock& on_block) {
-  config.config_block.clear();
-  config.cross_check = false;
-  const auto height = height_of(config);
-  if (!height) return height.error();
-  auto client = fabric::Client::create(std::move(config));
-  if (!client) return client.error();
+Result<Reading> read_blocks(fabric::Client& client, std::uint64_t height, std::chrono::milliseconds patience,
+                            const OnBlock& on_block) {
   Belt belt;
   Reading reading;
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [&](const fabric::Block&, std::string_view raw) { belt.put(raw); };
-  handlers.on_connection = [&](bool connected, const std::string& why) { belt.say(connected ? "" : why); };
-  auto stream = (*client)->blocks(0, std::move(handlers));
-  while (reading.blocks < *height) {
+  handlers.on_connection = [&](bool connected, const std::string& why) {
+    if (!connected) belt.say(why);
+  };
+  auto stream = client.blocks(0, std::move(handlers));
+  while (reading.blocks < height) {
     const auto block = belt.take(patience);
     if (!block) {
       const std::string why = belt.why();
-      reading.problem = fmt::format("the peer said that it has {} blocks, and gives no more of them{}{}", *height,
+      reading.problem = fmt::format("the peer said that it has {} blocks, and gives no more of them{}{}", height,
                                     why.empty() ? "" : ": ", why);
       break;
     }
@@ -98,6 +97,16 @@ Result<Reading> read_peer(fabric::ClientConfig config, std::chrono::seconds pati
   stream.reset();
   if (reading.blocks == 0) return Error{reading.problem};
   return reading;
+}
+
+Result<Reading> read_peer(fabric::ClientConfig config, std::chrono::milliseconds patience, const OnBlock& on_block) {
+  config.config_block.clear();
+  config.cross_check = false;
+  const auto height = height_of(config);
+  if (!height) return height.error();
+  auto client = fabric::Client::create(std::move(config));
+  if (!client) return client.error();
+  return read_blocks(**client, *height, patience, on_block);
 }
 
 }  // namespace ledgerline::audit

@@ -48,11 +48,11 @@ DroneStory* Story::drone(const std::string& name) {
 
 Status Story::take(const Judged& judged, const fabric::Transaction& tx, const belief::Creator& creator) {
   const std::string who = words_of(creator.name);
-  if (tx.timestamp_ns > 0) {
+  const bool valid = judged.code == protos::VALID;
+  if (valid && tx.timestamp_ns > 0) {
     first_ns_ = first_ns_ == 0 ? tx.timestamp_ns : std::min(first_ns_, tx.timestamp_ns);
     last_ns_ = std::max(last_ns_, tx.timestamp_ns);
   }
-  const bool valid = judged.code == protos::VALID;
   const bool ours = tx.contract == contract_;
   if (!valid) take_refusal(judged, tx, who);
   if (valid) {
