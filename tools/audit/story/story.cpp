@@ -113,6 +113,7 @@ void Story::take_command(const Judged& judged, const fabric::Transaction& tx, co
     }
     story->asked_epoch = plan.epoch();
     story->asked_boot = plan.boot_id();
+    if (plan.state_stamp_ns() <= 0) continue;  // answers no state
     story->asked[plan.sequence()] = plan.state_stamp_ns();
     if (story->asked.size() > max_asked) story->asked.erase(story->asked.begin());
   }

@@ -183,6 +183,36 @@ TEST_F(LiesTest, ALeaseForSomebodyWhoDidNotAskForItIsFoundAndNotTold) {
   EXPECT_FALSE(story.drones().at("tello1").holders.all()[0].to);
 }
 
+TEST_F(LiesTest, AStampThatNoStateCanHaveIsNoLatency) {
+  ASSERT_TRUE(take("enroll", "CN=admin", record("", 0)));
+  fabric::Transaction tx;
+  tx.contract = "ledgerline";
+  const belief::Creator who{{"Org1MSP", "CN=pilot"}, false};
+  CommandCall command;
+  DronePlan& plan = *command.add_plans();
+  plan.set_drone("tello1");
+  plan.set_boot_id(7);
+  plan.set_sequence(1);
+  plan.set_state_stamp_ns(INT64_MIN);
+  tx.function = tx.event_name = "command";
+  tx.args = {command.SerializeAsString()};
+  ASSERT_TRUE(story.take({2, 0, protos::VALID, ""}, tx, who));
+  StateSample sample;
+  sample.boot_id = 7;
+  sample.arrived_sequence = 1;
+  sample.arrived_ns = ns_per_s;
+  SetCall state;
+  state.add_assets()->set_id("tello1/link");
+  state.mutable_assets(0)->set_msg_type(std::string(link_status_type));
+  state.mutable_assets(0)->set_msg_data(link_status_to_cdr(sample));
+  tx.function = tx.event_name = "set";
+  tx.args = {state.SerializeAsString()};
+  tx.event_payload = tx.args[0];
+  ASSERT_TRUE(story.take({3, 0, protos::VALID, ""}, tx, who));
+  EXPECT_EQ(story.drones().at("tello1").states, 1U);
+  EXPECT_EQ(story.drones().at("tello1").two_way.count(), 0U);
+}
+
 TEST_F(LiesTest, TransactionsOfOtherContractsTellNothingOfDrones) {
   fabric::Transaction tx;
   tx.tx_id = "a";
