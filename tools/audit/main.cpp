@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <google/protobuf/stubs/logging.h>
 
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -70,6 +71,7 @@ Result<Plan> make_plan(const Options& options) {
 }
 
 int run(const Options& options) {
+  google::protobuf::SetLogHandler(nullptr);  // a line for each string that is no UTF-8: findings say what is wrong
   auto plan = make_plan(options);
   if (!plan) return give_up(plan.error().what);
   auto audit = ChainAudit::start(plan->trust);
