@@ -131,6 +131,15 @@ void Witness::asked(const fabric::Call& call) {
   }
 }
 
+void Witness::committed(const fabric::Call& call) {
+  DronesCall stop;
+  if (call.function != contract::stop || call.args.empty() || !parse_message(call.args[0], stop)) return;
+  for (std::size_t i = 0; i < facts_.size(); ++i) {
+    const auto& names = stop.drones();
+    if (std::find(names.begin(), names.end(), facts_[i].name) != names.end()) asked_[i].stopped = true;
+  }
+}
+
 void Witness::said(const StateSample& state) {
   constexpr std::size_t kept = 4096;  // four seconds at a thousand a second; ground takes older ones no more
   auto& said = asked_[state.drone - 1U].said;
@@ -153,7 +162,7 @@ void Witness::handed_unasked(TimeNs now, const Plan& plan) {
   const Asked& asked = asked_[plan.drone - 1U];
   const bool known = plan.action == PlanAction::stop               ? asked.stop
                      : plan.action == PlanAction::cut              ? asked.cut
-                     : plan.action == PlanAction::resumed          ? asked.resumed || !asked.stop
+                     : plan.action == PlanAction::resumed          ? asked.resumed || !asked.stopped
                      : plan.action == PlanAction::resumed_by_owner ? asked.resumed
                                                                    : asked.plans.contains(key_of(plan));
   if (known) return;

@@ -34,6 +34,8 @@ class Witness {
   void handed(TimeNs now, const Plan& plan);
   /// A call that its creator signed: what agent hands on must be in one.
   void asked(const fabric::Call& call);
+  /// A call that is on the ledger: a stop that is not may be obeyed, and is over once the drone is down.
+  void committed(const fabric::Call& call);
   /// A state that link said: what ground shows must be one.
   void said(const StateSample& state);
   void shown(TimeNs now, std::size_t drone, const StateSample& state);
@@ -50,6 +52,7 @@ class Witness {
   struct Asked {
     std::unordered_set<std::string> plans;  ///< every one that was signed
     bool stop = false, cut = false, resumed = false;
+    bool stopped = false;          ///< by a stop that is on the ledger
     std::deque<StateSample> said;  ///< newest last
   };
   void handed_unasked(TimeNs now, const Plan& plan);

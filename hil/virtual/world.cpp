@@ -67,6 +67,7 @@ Status VirtualWorld::set_up() {
   host_.forget();  // what came before the processes
   operator_.forget();
   ledger_.on_asked([this](const fabric::Call& call) { witness_.asked(call); });
+  ledger_.on_committed([this](const fabric::Call& call) { witness_.committed(call); });
   start_link();
   mocap_intake_.emplace([this] { return real_offset(); });
   if (!local_) {

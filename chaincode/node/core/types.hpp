@@ -47,7 +47,7 @@ struct CoreConfig {
   std::size_t max_envelope_bytes = 10 << 20;   ///< larger ones are refused (Fabric's AbsoluteMaxBytes)
   std::size_t max_waiting = 10'000;            ///< envelopes that wait for a block; more are refused
   std::size_t max_waiting_bytes = 64'000'000;  ///< of them together; one alone is always taken
-  std::vector<crypto::MspRoot> organisations;  ///< written into the config block
+  std::vector<crypto::MspRoot> organisations;  ///< of the channel: a majority of them endorses; in the config block
   crypto::MspRoot orderers;                    ///< likewise: whose orderer signs blocks; no name: of nobody
 };
 

@@ -23,6 +23,7 @@ const std::string& reason_of(const node::Reply& reply) { return reply.detail.emp
 VirtualLedger::VirtualLedger(const node::CoreConfig& config, const LedgerDelays& delays, std::uint64_t seed)
     : config_(config), delays_(delays), where_{config.channel, config.contract}, random_(seed) {
   std::vector<std::string> msp_ids = organisations;
+  for (const std::string& msp_id : msp_ids) config_.organisations.push_back({msp_id, "test authority of " + msp_id});
   msp_ids.push_back("OrdererMSP");
   registry_ = crypto::make_test_registry(msp_ids);
   open();
@@ -165,6 +166,7 @@ void VirtualLedger::apply(TimeNs now, const node::CutBlock& block) {
     outcome.block = answer.status.block;
     outcome.code = answer.status.code;
     const Pending& pending = found->second;
+    if (committed_ && answer.status.code == 0) committed_(pending.call);
     outcome.ordered_after_ns = pending.ordered_after_ns;
     Member& member = members_[pending.client];
     member.outcomes.emplace_back(delivered(now, member), Ended{pending.id, outcome});

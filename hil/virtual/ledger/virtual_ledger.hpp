@@ -46,6 +46,8 @@ class VirtualLedger {
   Relay& relay() { return relay_; }
   /// Told of every call that a member proposes, as it is signed.
   void on_asked(std::function<void(const fabric::Call&)> asked) { asked_ = std::move(asked); }
+  /// Told of every call whose transaction is valid.
+  void on_committed(std::function<void(const fabric::Call&)> committed) { committed_ = std::move(committed); }
 
   /// Starts a transaction; its outcome comes out of take_outcomes() with the same `id`.
   void submit(TimeNs now, Client client, std::uint64_t id, const fabric::Call& call);
@@ -119,7 +121,7 @@ class VirtualLedger {
   Relay relay_{{crypto::make_test_identity({"Org1MSP", "CN=peer0"}),
                 {"Org1MSP", "CN=User1@org1.ledgerline"},
                 {"Org2MSP", "CN=User1@org2.ledgerline"}}};
-  std::function<void(const fabric::Call&)> asked_;
+  std::function<void(const fabric::Call&)> asked_, committed_;
 };
 
 }  // namespace ledgerline::hil
