@@ -39,20 +39,24 @@ Status check_setpoints(const DronePlan& plan) {
 Status why_not(Stub& stub, const DronePlan& plan, const std::string& organisation) {
   const auto record = read_control(stub, plan.drone());
   if (!record) return record.error();
-  if (!*record) return Error{"not enrolled"};
+  if (!*record) return Error{"not enrolled; an administrator of its organisation may enroll it"};
   const Control& control = (*record)->message;
   if (control.owner().msp_id() != organisation) {
     return Error{"it belongs to " + control.owner().msp_id() + ", not to " + organisation};
   }
   if (!control.has_holder() || to_name(control.holder()) != stub.caller()) {
     return Error{"the lease is held by " + (control.has_holder() ? to_text(to_name(control.holder())) : "nobody") +
-                 ", not by " + to_text(stub.caller())};
+                 ", not by " + to_text(stub.caller()) +
+                 (control.has_holder() ? ", who may request it" : ", who may acquire it")};
   }
   if (plan.epoch() != control.epoch()) {
     return Error{"the lease's epoch is " + std::to_string(control.epoch()) + ", the plan says " +
                  std::to_string(plan.epoch())};
   }
-  if (is_stopped(control)) return Error{"stopped by " + stopper_names(control) + "; only LAND is accepted"};
+  if (is_stopped(control)) {
+    return Error{"stopped by " + stopper_names(control) + "; only LAND is accepted until they, or a supervisor of " +
+                 control.owner().msp_id() + ", resume it"};
+  }
   return Error{"its lease's record does not name it; its host's fold renews records of an older version"};
 }
 

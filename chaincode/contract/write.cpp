@@ -18,9 +18,11 @@ Status check_owner(Stub& stub, const std::string& id, Records<Host>& hosts) {
   const auto control = read_record<Control>(stub, control_key(name));
   if (!control) return control.error();
   if (!*control) {
-    return Error{name + ": not enrolled, and not your organisation (" + stub.caller().msp_id + ")"};
+    return Error{name + ": not enrolled, and not your organisation (" + stub.caller().msp_id +
+                 "); an administrator may enroll it"};
   }
-  return Error{name + ": enrolled to " + to_text(to_name((*control)->owner())) + ", not to " + to_text(stub.caller())};
+  return Error{name + ": enrolled to " + to_text(to_name((*control)->owner())) + ", not to " + to_text(stub.caller()) +
+               "; an administrator of " + (*control)->owner().msp_id() + " may enroll it to another"};
 }
 
 Result<SetCall> read_set(const Arguments& call) {

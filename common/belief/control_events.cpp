@@ -135,6 +135,7 @@ Status requested(const LeaseCall& asked, const Control& before, const Control& a
 
 Status handed_over(const AnswerCall& asked, const Control& before, const Control& after, const Creator& creator) {
   if (!before.has_holder() || !same(before.holder(), creator.name)) return Error{"another one holds the lease"};
+  if (is_revoked(before, before.holder())) return Error{"its creator is revoked"};
   if (after.epoch() <= before.epoch()) return Error{"its epoch does not grow"};
   Control expected = before;
   if (!hand_over_lease(expected, asked.to(), after.epoch()))
@@ -143,7 +144,8 @@ Status handed_over(const AnswerCall& asked, const Control& before, const Control
 }
 
 Status denied(const AnswerCall& asked, const Control& before, const Control& after, const Creator& creator) {
-  if (!same(before.holder(), creator.name) && !same(asked.to(), creator.name))
+  const bool holder = same(before.holder(), creator.name) && !is_revoked(before, before.holder());
+  if (!holder && !same(asked.to(), creator.name))
     return Error{"its creator is neither the holder nor who has requested"};
   Control expected = before;
   remove_request(expected, asked.to());

@@ -13,7 +13,8 @@
 namespace ledgerline::ground {
 namespace {
 
-constexpr TimeNs tick_ns = 20 * ns_per_ms;  // for time-outs and signals; blocks and outcomes wake at once
+constexpr TimeNs unheard_gap_ns = 10 * ns_per_s;  // a peer may be away for long
+constexpr TimeNs tick_ns = 20 * ns_per_ms;        // for time-outs and signals; blocks and outcomes wake at once
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
 constexpr TimeNs warning_gap_ns = ns_per_s;
 
@@ -143,6 +144,10 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
   } else if (const auto* ended = std::get_if<Ended>(&letter)) {
     inputs.outcome = &ended->outcome;
     inputs.outcome_id = ended->id;
+    if (!ended->outcome.unheard.empty() && monotonic_ns() >= next_unheard_log_ns_) {
+      next_unheard_log_ns_ = monotonic_ns() + unheard_gap_ns;
+      spdlog::warn("a call was endorsed by less than all peers that were asked: {}", ended->outcome.unheard);
+    }
     if (ended->outcome.kind != fabric::Outcome::Kind::committed) {
       spdlog::warn("a command did not get through (block {}, code {}): {}", ended->outcome.block, ended->outcome.code,
                    ended->outcome.message);

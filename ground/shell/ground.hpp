@@ -74,7 +74,7 @@ class Ground {
   std::vector<std::vector<dds::RawWriter>> writers_;  ///< a row for each of drone_topics, a drone each
   ShellCounters counters_;
   TimeNs next_status_ns_ = 0;
-  TimeNs next_warning_ns_ = 0;
+  TimeNs next_warning_ns_ = 0, next_unheard_log_ns_ = 0;
 
   Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight
   std::deque<Letter> letters_;  ///< taken out of the mailbox, not opened yet

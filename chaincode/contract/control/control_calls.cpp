@@ -93,6 +93,8 @@ Status write_changes(Stub& stub, const Control& before, const Control& after, st
 
 }  // namespace
 
+std::string not_enrolled_text() { return "not enrolled; an administrator of its organisation may enroll it"; }
+
 std::string revoked_text(const crypto::IdentityName& who) {
   return to_text(who) + " is revoked; an administrator of " + who.msp_id + " may enroll it anew";
 }
@@ -146,7 +148,7 @@ Response change_controls(Stub& stub, const Arguments& call, const std::string& e
     if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
     auto control = read_control(stub, drone);
     if (!control) return refuse(control.error().what);
-    if (!*control) return refuse(drone + ": not enrolled");
+    if (!*control) return refuse(drone + ": " + not_enrolled_text());
     new_epoch = std::max(new_epoch, (*control)->message.epoch() + 1);
     *all.add_controls() = std::move((*control)->message);
     versions.push_back((*control)->version);

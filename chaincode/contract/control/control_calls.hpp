@@ -17,6 +17,7 @@ Status check_operator(const crypto::IdentityName& who, Role role);
 /// The same, with the role read for `function`.
 Status check_operator(Stub& stub, const crypto::IdentityName& who, const std::string& function);
 std::string revoked_text(const crypto::IdentityName& who);
+std::string not_enrolled_text();
 
 /// A LeaseCall, DronesCall, GrantCall or AnswerCall, in any form, with at least one drone and not too many.
 template <typename Message>

@@ -12,7 +12,8 @@ Result<bool> bind(Records<Host>& hosts, Control& control, const Control* old, co
   if (old) {
     control = *old;
     if (old->owner().msp_id() != identity.msp_id()) {
-      return Error{old->drone() + ": enrolled to organisation " + old->owner().msp_id() + " already"};
+      return Error{old->drone() + ": enrolled to organisation " + old->owner().msp_id() +
+                   " already; names are for good"};
     }
   }
   const auto host = hosts.at(host_key(to_name(identity)), identity.msp_id());

@@ -30,8 +30,11 @@ Response grant(Stub& stub, const Arguments& call) {
   if (!asked) return refuse("grant: " + asked.error().what);
   if (Status status = check_grant(asked->grant()); !status) return refuse("grant: " + status.error().what);
   const std::string& to = asked->grant().to().msp_id();
-  if (const auto role = read_role(stub, to_name(asked->grant().to())); !role || *role == REVOKED) {
-    return refuse("grant: " + (role ? revoked_text(to_name(asked->grant().to())) : role.error().what));
+  // Withdrawn it may be at any time.
+  const bool gives = asked->grant().fly() || asked->grant().stop() || asked->grant().cut();
+  if (const auto role = read_role(stub, to_name(asked->grant().to())); !role || (gives && takes_back(*role))) {
+    const Status status = role ? check_operator(to_name(asked->grant().to()), *role) : Status(role.error());
+    return refuse("grant: " + status.error().what);
   }
   return change_controls(
       stub, call, contract::grant, asked->drones(), [&](Control& control, std::uint64_t new_epoch) -> Status {
@@ -42,7 +45,8 @@ Response grant(Stub& stub, const Arguments& call) {
         if (to == owner) return Error{"operators and supervisors of " + owner + " need no grant; take the role away"};
         set_grant(control, asked->grant(), new_epoch);
         if (static_cast<std::size_t>(control.grants_size()) > contract::max_drone_grants) {
-          return Error{"it has " + std::to_string(contract::max_drone_grants) + " grants already, which is the limit"};
+          return Error{"it has " + std::to_string(contract::max_drone_grants) +
+                       " grants already, which is the limit; an administrator of " + owner + " may withdraw some"};
         }
         return done;
       });

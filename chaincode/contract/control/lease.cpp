@@ -39,7 +39,8 @@ Status check_rights(const Control& control, const Identity& who, std::uint32_t p
   }
   if (priority > rights.max_priority) {
     return Error{owner + " has granted " + to_text(to_name(who)) + " priorities up to " +
-                 std::to_string(rights.max_priority) + ", not " + std::to_string(priority)};
+                 std::to_string(rights.max_priority) + ", not " + std::to_string(priority) + "; an administrator of " +
+                 owner + " may grant more"};
   }
   return done;
 }
@@ -54,6 +55,15 @@ Status check_lease(const Control& control, const Identity& who, std::uint32_t pr
                  " may evict it"};
   }
   return done;
+}
+
+/// Why somebody may not act as the drone's holder.
+Status check_holder(const Control& control, const crypto::IdentityName& who) {
+  if (control.has_holder() && to_name(control.holder()) == who)
+    return is_revoked(control, control.holder()) ? Status(Error{revoked_text(who)}) : Status(done);
+  return Error{to_text(who) + " does not hold the lease; " +
+               (control.has_holder() ? to_text(to_name(control.holder())) + " does, who may hand it over on request"
+                                     : "nobody does, and who is granted it may acquire it")};
 }
 
 Result<AnswerCall> read_answer(const Arguments& call, const std::string& function) {
@@ -87,9 +97,9 @@ Response release(Stub& stub, const Arguments& call) {
   if (!lease) return refuse("release: " + lease.error().what);
   return change_controls(stub, call, contract::release, lease->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
-                           if (!control.has_holder() || to_name(control.holder()) != stub.caller()) {
-                             return Error{to_text(stub.caller()) + " does not hold the lease"};
-                           }
+                           // A revoked one may give back what it holds.
+                           const bool holds = control.has_holder() && to_name(control.holder()) == stub.caller();
+                           if (Status status = check_holder(control, stub.caller()); !status && !holds) return status;
                            end_lease(control, new_epoch);
                            return done;
                          });
@@ -123,11 +133,12 @@ Response hand_over(Stub& stub, const Arguments& call) {
   if (Status status = check_operator(stub, to, contract::hand_over); !status) return refuse(status.error().what);
   return change_controls(stub, call, contract::hand_over, asked->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
-                           if (!control.has_holder() || to_name(control.holder()) != stub.caller()) {
-                             return Error{to_text(stub.caller()) + " does not hold the lease"};
-                           }
+                           if (Status status = check_holder(control, stub.caller()); !status) return status;
                            if (hand_over_lease(control, asked->to(), new_epoch)) return done;
-                           return Error{to_text(to) + " has not requested it, or is not granted it any more"};
+                           return Error{to_text(to) +
+                                        " has not requested it, or is not granted it any more; it may request it, an "
+                                        "administrator of " +
+                                        control.owner().msp_id() + " may grant it"};
                          });
 }
 
@@ -136,11 +147,12 @@ Response deny(Stub& stub, const Arguments& call) {
   if (!asked) return refuse(asked.error().what);
   const crypto::IdentityName to = to_name(asked->to());
   return change_controls(stub, call, contract::deny, asked->drones(), [&](Control& control, std::uint64_t) -> Status {
-    const bool holder = control.has_holder() && to_name(control.holder()) == stub.caller();
+    const Status holder = check_holder(control, stub.caller());
     if (!holder && to != stub.caller()) {
-      return Error{to_text(stub.caller()) + " may not deny it: only the lease's holder, or who has requested it, may"};
+      return Error{to_text(stub.caller()) +
+                   " may not deny it: only the lease's holder, or who has requested it, may: " + holder.error().what};
     }
-    if (!remove_request(control, asked->to())) return Error{to_text(to) + " has not requested it"};
+    if (!remove_request(control, asked->to())) return Error{to_text(to) + " has not requested it; nothing to deny"};
     return done;
   });
 }
@@ -159,9 +171,9 @@ Response evict(Stub& stub, const Arguments& call) {
         const bool supervisor = *role == SUPERVISOR && stub.caller().msp_id == owner;
         if (!supervisor && to_name(control.owner()) != stub.caller()) {
           return Error{to_text(stub.caller()) + " may not evict: neither a supervisor of " + owner +
-                       " nor the drone's host"};
+                       " nor the drone's host, who may"};
         }
-        if (!control.has_holder()) return Error{"nobody holds the lease"};
+        if (!control.has_holder()) return Error{"nobody holds the lease; there is nothing to evict"};
         const auto meant = said_of(*target, target->epochs(), control.drone());
         if (meant && *meant != control.epoch()) {
           return Error{"its lease is not the one of epoch " + std::to_string(*meant) + " any more: " +

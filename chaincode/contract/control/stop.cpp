@@ -16,7 +16,7 @@ namespace {
 Status check_stop(Stub& stub, const std::string& drone, Role role, bool cut) {
   const auto organisation = read_record<Organisation>(stub, owner_key(drone));
   if (!organisation) return organisation.error();
-  if (!*organisation) return Error{"not enrolled"};
+  if (!*organisation) return Error{not_enrolled_text()};
   const std::string& owner = (*organisation)->msp_id();
   if (Status status = check_operator(stub.caller(), role); !status) return status;
   if (owner == stub.caller().msp_id) return done;
@@ -76,7 +76,8 @@ Response resume(Stub& stub, const Arguments& call) {
 
   return change_controls(
       stub, call, contract::resume, target->drones(), [&](Control& control, std::uint64_t) -> Status {
-        if (!is_stopped(control)) return Error{"not stopped"};
+        if (!is_stopped(control))
+          return Error{"not stopped; there is nothing that " + to_text(stub.caller()) + " could lift"};
         if (lift_stops(control, to_message(stub.caller()), *role == SUPERVISOR)) return done;
         return Error{"stopped by " + stopper_names(control) + "; only they, each its own, or a supervisor of " +
                      control.owner().msp_id() + " may resume it"};

@@ -19,6 +19,7 @@ namespace {
 constexpr TimeNs poll_ns = 500 * ns_per_us;  // iceoryx; blocks and outcomes wake at once
 constexpr TimeNs drain_limit_ns = 500 * ns_per_ms;
 constexpr TimeNs log_gap_ns = 1 * ns_per_s;       // of one kind of message
+constexpr TimeNs unheard_gap_ns = 10 * ns_per_s;  // a peer may be away for long
 constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // real time may be slewed
 constexpr TimeNs flight_silent_ns = 1 * ns_per_s;
 
@@ -220,6 +221,8 @@ void AgentShell::tell_evictions() {
 }
 
 void AgentShell::tell_outcome(const fabric::Outcome& outcome) {
+  if (!outcome.unheard.empty() && due(monotonic_ns(), next_unheard_log_ns_, unheard_gap_ns))
+    spdlog::warn("a call was endorsed by less than all peers that were asked: {}", outcome.unheard);
   if (outcome.kind == fabric::Outcome::Kind::committed) return;
   if (!due(monotonic_ns(), next_outcome_log_ns_, log_gap_ns)) return;
   spdlog::warn("a call did not get through (block {}, code {}): {}", outcome.block, outcome.code, outcome.message);

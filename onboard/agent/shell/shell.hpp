@@ -105,7 +105,7 @@ class AgentShell {
   TimeNs flight_heard_ns_ = 0;  ///< newest state of a drone in the air
   MocapIntake mocap_intake_{real_offset, settings_.mocap_stamps_are_of_this_host};
   TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0,
-         next_checkpoint_ns_ = 0;
+         next_unheard_log_ns_ = 0, next_checkpoint_ns_ = 0;
   std::uint64_t transitions_lost_ = 0;  ///< as told last
   bool connected_ = false, mocap_warned_ = false;
   std::string stream_problem_;

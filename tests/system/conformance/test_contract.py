@@ -223,13 +223,13 @@ def test_two_operators_hand_a_drone_over(enroll, admin, operator):
     words = f"Org2MSP {to['to']['subject']}"
     assert pilot.refusal("request", "shared") == "shared: nobody holds the lease; acquire it"
     operator.submit("acquire", "shared", "priority=7")
-    assert operator.refusal("hand_over", to) == f"shared: {words} has not requested it, or is not granted it any more"
+    assert operator.refusal("hand_over", to).startswith(f"shared: {words} has not requested it, or is not granted it any more")
     pilot.submit("request", "shared", "priority=3")
     operator.submit("command", {"organisation": "Org1MSP", "plans": [plan("shared")]})
     operator.submit("deny", to)
     assert operator.refusal("hand_over", to).startswith(f"shared: {words} has not requested it")
     pilot.submit("request", "shared", "priority=3")
-    assert pilot.refusal("hand_over", to) == f"shared: {words} does not hold the lease"
+    assert pilot.refusal("hand_over", to).startswith(f"shared: {words} does not hold the lease")
     record = json.loads(decode(operator.submit("hand_over", to)["result"]))["controls"][0]
     assert record["holder"] == to["to"] and record["priority"] == 3 and "requests" not in record
     assert operator.refusal("command", {"organisation": "Org1MSP", "plans": [plan("shared")]}).startswith(f"shared: the lease is held by {words}")

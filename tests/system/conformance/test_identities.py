@@ -1,5 +1,6 @@
 """Who is no member, or signs wrongly, is refused by every service with the code that Fabric has for it; and whose endorsement counts
 for what."""
+import base64
 import hashlib
 import time
 
@@ -10,6 +11,7 @@ from official import (ABORTED, ENDORSEMENT_POLICY_FAILURE, FAILED_PRECONDITION, 
                       VALID, Client, asset, encode)
 
 SERVICES = ("peer", "filtered", "private", "orderer")
+ANCHORED = bytes(range(32))
 OUTSIDERS = ("wrong key", "high S", "unknown CA", "another organisation's CA", "unknown MSP", "no certificate")
 
 
@@ -82,8 +84,14 @@ def keys(node, admin, enroll, operator) -> dict[str, str]:
     """Every kind of record of a drone of Org1 that an operator of Org2 flies."""
     enroll("kept1", "kept2")
     operator.submit("acquire", {"drones": ["kept1"]})
-    host, pilot = digest(1, "User1"), digest(2, "User1")
-    return {"control": "control/kept1", "owner": "owner/kept1", "grant": "grant/kept1", "request": "request/kept1",
+    guard = enroll(organisation=1, user="User2", role="OPERATOR")
+    guard.submit("stop", "kept2")
+    guard.submit("resume", "kept2")
+    guard.submit("anchor", {"digest": base64.b64encode(ANCHORED).decode()})
+    host, pilot, guarding = digest(1, "User1"), digest(2, "User1"), digest(1, "User2")
+    return {"role": f"role/{guarding}", "stop": f"stop/kept2/{guarding}", "lifted": f"stop/kept2/{guarding}/lifted",
+            "anchor": f"anchor/{ANCHORED.hex()}/{guarding}",
+            "control": "control/kept1", "owner": "owner/kept1", "grant": "grant/kept1", "request": "request/kept1",
             "host": f"host/{host}", "frame": f"frame/{host}", "drones": "drones/Org1MSP",
             "lease": f"lease/Org1MSP/{pilot}/1", "pilot": f"pilot/Org1MSP/{pilot}", "command": f"command/Org1MSP/{pilot}"}
 
@@ -109,7 +117,8 @@ def policy(key: str, organisation: int | None) -> dict:
     return {"key": key, "mspId": f"Org{organisation}MSP" if organisation else None}
 
 
-KINDS = ["control", "owner", "grant", "request", "host", "frame", "drones", "lease", "pilot", "command"]
+KEPT = ["control", "owner", "grant", "request", "host", "frame", "drones", "lease", "pilot", "command", "role"]
+KINDS = KEPT + ["stop", "lifted", "anchor"]  # the others need any two
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -137,7 +146,7 @@ def test_nobodys_peer_alone_makes_a_record(forge, keys):
 
 def test_two_others_cannot_change_what_has_a_keeper(forge, keys):
     """They can make keys that are not there: docs/ledger.md says what readers make of those."""
-    for kind in KINDS:
+    for kind in KEPT:
         assert forge([write(keys[kind])], 2, 3) == ENDORSEMENT_POLICY_FAILURE, kind
     assert forge([write("free/two")], 2, 3) == VALID
     assert forge([write("free/two")], 2) == ENDORSEMENT_POLICY_FAILURE

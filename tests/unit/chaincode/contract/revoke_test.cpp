@@ -110,6 +110,54 @@ TEST_F(RevokeTest, EnrolledAnewItIsRevokedNoLonger) {
   EXPECT_THAT(enroll(admin2, pilot, {}, REVOKED).message, HasSubstr("call revoke"));
 }
 
+TEST_F(RevokeTest, EnrolledAnewBeforeTheFoldItHasItsLeaseAgainAndBehindItNot) {
+  acquire(pilot);
+  const std::uint64_t epoch = control("tello1").epoch();
+  revoke(admin2, pilot);
+  enroll(admin2, pilot, {}, OPERATOR);
+  EXPECT_EQ(command(pilot, epoch).status, 200);
+  EXPECT_EQ(control("tello1").holder().subject(), "CN=pilot");
+  revoke(admin2, pilot);
+  ASSERT_EQ(stub.call(host, "fold", {"tello1"}).status, 200);
+  enroll(admin2, pilot, {}, OPERATOR);
+  EXPECT_FALSE(control("tello1").has_holder());
+}
+
+TEST_F(RevokeTest, ToBeMadeAnAuditorTakesBackAsMuch) {
+  grant(admin1, {"tello1"}, "Org3MSP", "CN=other", true);
+  acquire(pilot);
+  ASSERT_EQ(enroll(admin2, pilot, {}, AUDITOR).status, 200);
+  EXPECT_THAT(revoked(), ElementsAre("CN=pilot"));
+  EXPECT_THAT(acquire(pilot).message, HasSubstr("neither operator nor supervisor"));
+  EXPECT_EQ(acquire(rival).status, 200) << "it keeps nobody out";
+  const crypto::IdentityName admin3{"Org3MSP", "CN=Admin@org3"};
+  ASSERT_EQ(enroll(admin3, other, {}, AUDITOR).status, 200);
+  EXPECT_THAT(grant(admin1, {"tello1"}, "Org3MSP", "CN=other", true).message, HasSubstr("neither operator nor"));
+}
+
+TEST_F(RevokeTest, TheGrantOfTheRevokedMayBeWithdrawn) {
+  grant(admin1, {"tello1"}, "Org3MSP", "CN=other", true);
+  const int before = control("tello1").grants_size();
+  ASSERT_EQ(revoke({"Org3MSP", "CN=Admin@org3"}, other).status, 200);
+  EXPECT_EQ(grant(admin1, {"tello1"}, "Org3MSP", "CN=other", false).status, 200);
+  EXPECT_EQ(control("tello1").grants_size(), before - 1);
+}
+
+TEST_F(RevokeTest, ARevokedHolderHandsNothingOverAndDeniesNobody) {
+  acquire(pilot);
+  LeaseCall wish;
+  wish.add_drones("tello1");
+  ASSERT_EQ(stub.call(rival, "request", wish).status, 200);
+  revoke(admin2, pilot);
+  AnswerCall answer;
+  answer.add_drones("tello1");
+  answer.mutable_to()->set_msp_id(rival.msp_id);
+  answer.mutable_to()->set_subject(rival.subject);
+  EXPECT_THAT(stub.call(pilot, "hand_over", answer).message, HasSubstr("is revoked"));
+  EXPECT_THAT(stub.call(pilot, "deny", answer).message, HasSubstr("is revoked"));
+  EXPECT_EQ(stub.call(pilot, "release", {"tello1"}).status, 200) << "it may give back what it holds";
+}
+
 TEST_F(RevokeTest, ARevokedHostOwnsNothingUntilItIsEnrolledAnew) {
   ASSERT_EQ(set(host, {asset("tello1/odom")}, true).status, 200);
   ASSERT_EQ(revoke(admin1, host).status, 200);

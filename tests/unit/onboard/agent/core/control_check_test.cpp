@@ -309,6 +309,11 @@ TEST_F(HandOverTest, TheHolderGivesTheLeaseToOneWhoRequestedIt) {
   Control higher = handed_over();
   higher.set_priority(9);
   expect_refused(answer("hand_over", higher, holder), "at another priority than requested");
+  Control revoked = requested(rival);
+  apply_role(revoked, to_message(holder), REVOKED);
+  start(revoked);
+  expect_refused(answer("hand_over", handed_over(), holder), "of a revoked one");
+  start(requested(rival));
   expect_taken(answer("hand_over", handed_over(), holder));
 }
 
