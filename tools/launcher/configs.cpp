@@ -51,7 +51,7 @@ std::string memory_lines(const RunFiles& files) {
   return fmt::format("starts = \"{}\"\nlocal_stops = \"{}\"\n", files.in("link.starts"), files.in("link.stops"));
 }
 
-// So that a peer cannot show an agent that is started again an older chain: more of [ledger]. It goes with its ledger.
+// So that a peer cannot show an agent that is started again an older chain: more of [output]. It goes with its ledger.
 std::string checkpoint_line(const RunFiles& files) {
   return fmt::format("checkpoint = \"{}\"\n", files.in("ledger/agent.checkpoint"));
 }
@@ -199,16 +199,16 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
     }
     return tables;
   };
-  const auto ledger = [&](const std::string& program, int organisation, const std::string& more = {}) {
-    return ledger_table(files, place(proxied, program, endpoint), organisation, "User1", ledger_keys(options) + more) +
+  const auto ledger = [&](const std::string& program, int organisation) {
+    return ledger_table(files, place(proxied, program, endpoint), organisation, "User1", ledger_keys(options)) +
            direct(program);
   };
   const std::string with_status = "status_period_ms = 250\n";
   const std::string link = output_table(files, "link") + memory_lines(files) +
                            fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
                            drone_tables(options, true);
-  const std::string agent = ledger("agent", 1, checkpoint_line(files)) + msp_tables(files) +
-                            output_table(files, "agent") + with_status + patience(options) +
+  const std::string agent = ledger("agent", 1) + msp_tables(files) + output_table(files, "agent") +
+                            checkpoint_line(files) + with_status + patience(options) +
                             dds_table(options, Side::drones) + drone_tables(options, false);
   const std::string ground = ledger("ground", 2) + msp_tables(files) + output_table(files, "ground") + with_status +
                              flight_table(options) + dds_table(options, Side::ground) + drone_tables(options, false);

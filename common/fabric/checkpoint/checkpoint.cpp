@@ -76,7 +76,7 @@ Result<std::optional<Checkpoint>> read_checkpoint(const std::string& path, const
     return std::optional<Checkpoint>();
   const auto unusable = [&](const std::string& why) {
     return Error{fmt::format(
-        "ledger.checkpoint: {}: {}. Compare the peer's newest block with another organisation's; then remove the file: "
+        "output.checkpoint: {}: {}. Compare the peer's newest block with another organisation's; then remove the file: "
         "the next start believes what the peer of [ledger] serves",
         path, why)};
   };
@@ -91,7 +91,7 @@ Result<std::optional<Checkpoint>> read_checkpoint(const std::string& path, const
 
 Status write_checkpoint(const std::string& path, const Checkpoint& checkpoint) {
   if (auto status = replace_file(path, to_text(checkpoint), 0600); !status)
-    return Error{fmt::format("ledger.checkpoint: {}", status.error().what)};
+    return Error{fmt::format("output.checkpoint: {}", status.error().what)};
   return done;
 }
 

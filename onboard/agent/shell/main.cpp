@@ -108,13 +108,12 @@ const std::string notes =
 
 agent.toml: [[drone]] name, number;
 )" + ledger_table_help +
-    R"(    checkpoint (file), max_absence_blocks
-  [output] trace, summary, status_period_ms; and with defaults
+    R"(  [output] trace, summary, status_period_ms, checkpoint; and with defaults
   [mocap] topic, clock (host|arrival), position_sigma_m, acceleration_sigma_mps2, gate_sigma,
     outliers_before_reset, longest_gap_ms, frozen_after_ms
   [check] max_age_ms, max_speed_mps, max_yaw_rate_radps, horizon_ms, stamps_kept
   [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, longest_back_off_ms, refused_drone_pause_ms
-  [agent] beat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, seed, start_wait_s
+  [agent] beat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, max_absence_blocks, seed, start_wait_s
   [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:

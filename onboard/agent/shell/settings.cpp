@@ -114,15 +114,14 @@ void read_output(Config& config, Settings& s) {
 
 void read_checkpoint_keys(Config& config, Settings& s) {
   s.checkpoint = config.text(
-      {"ledger.checkpoint",
+      {"output.checkpoint",
        "file, of this agent alone, with the newest block that was believed and the control records behind it: a peer "
        "that serves an older chain, or another one, is refused at the next start; none: each start begins anew"},
       "");
   s.max_absence_blocks = static_cast<std::uint64_t>(config.integer(
-      {"ledger.max_absence_blocks",
+      {"agent.max_absence_blocks",
        "blocks behind the checkpoint that are read one by one at a start, so that nothing on them is missed, before "
-       "the "
-       "agent is ready; after a longer absence the newest one counts by its orderers' signatures, and the control "
+       "the agent is ready; after a longer absence the newest one counts by its orderers' signatures, and the control "
        "records are read anew"},
       1'000, 0, 1'000'000));
 }

@@ -46,11 +46,12 @@ class Host:
         grow(self.directory, 20)
 
     def write_config(self, ledger, more: str, witness=None) -> None:
-        where = tables(ledger, 1).replace("[ledger]\n", f'[ledger]\ncheckpoint = "{self.checkpoint}"\n{more}', 1)
+        where = tables(ledger, 1)
         if witness:
             where += '[[endorser]]\nmsp_id = "Org2MSP"\nendpoint = "{}"\ntls_ca = "{}"\n'.format(*witness.endorser(2))
         (self.folder / "agent.toml").write_text(
-            f'{where}[mocap]\ntopic = ""\n[output]\nsummary = "{self.summary}"\n[agent]\nstart_wait_s = 2\nrecheck_s = 1\n'
+            f'{where}[mocap]\ntopic = ""\n[output]\nsummary = "{self.summary}"\ncheckpoint = "{self.checkpoint}"\n'
+            f'[agent]\nstart_wait_s = 2\nrecheck_s = 1\n{more}'
             '[[drone]]\nname = "tello1"\n')
 
     @contextlib.contextmanager

@@ -15,11 +15,11 @@ namespace {
 using ::testing::HasSubstr;
 
 crypto::SigningIdentity identity(const crypto::KeyAndCertificate& ca, const std::string& msp_id,
-                                 const std::string& name) {
+                                 const std::string& name, const std::string& unit = "client") {
   crypto::CertificateRequest request;
   request.common_name = name;
   request.organization = "org1";
-  request.unit = "client";
+  request.unit = unit;
   const auto issued = crypto::issue(ca, request);
   EXPECT_TRUE(issued.ok());
   msp::SerializedIdentity serialized;
@@ -34,9 +34,11 @@ class SignatureTest : public ::testing::Test {
  protected:
   SignatureTest() {
     std::vector<crypto::MspRoot> roots{{"Org1MSP", ca.certificate_pem}};
-    core = std::make_unique<NodeCore>(CoreConfig{}, crypto::make_msp_registry(crypto::Library::libcrypto, roots),
-                                      std::vector{identity(ca, "Org1MSP", "peer0")}, identity(ca, "Org1MSP", "orderer"),
-                                      nullptr);
+    CoreConfig config;
+    config.organisations = roots;
+    core = std::make_unique<NodeCore>(config, crypto::make_msp_registry(crypto::Library::libcrypto, roots),
+                                      std::vector{identity(ca, "Org1MSP", "peer0", "peer")},
+                                      identity(ca, "Org1MSP", "orderer", "orderer"), nullptr);
     core->apply(core->genesis());
   }
 
