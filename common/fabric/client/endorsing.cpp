@@ -40,7 +40,9 @@ bool Pipeline::gather(const PendingPtr& p) {
   if (chosen.size() < 2) return false;
   protos::SignedProposal proposal;
   proposal.ParseFromString(p->proposal.signed_proposal);
-  p->gathering.emplace(chosen.size(), 2, p->need.count == EndorsementNeed::Count::two_if_there_are);
+  std::vector<std::string> organisations;
+  for (const std::size_t i : chosen) organisations.push_back(connection_->config.endorsers[i].msp_id);
+  p->gathering.emplace(std::move(organisations), 2, p->need.count == EndorsementNeed::Count::two_if_there_are);
   p->asked.clear();
   for (const std::size_t i : chosen) {
     auto unary = make_unary<protos::ProposalResponse>(p);

@@ -27,14 +27,15 @@ class Gathering {
     unavailable,  ///< problem() says who did not answer
   };
 
-  /// `asked`: how many peers. `enough`: how many must agree; `any`: one will do where no more are to be had.
-  Gathering(std::size_t asked, std::size_t enough, bool any) : asked_(asked), enough_(enough), any_(any) {}
+  /// `asked`: the organisations. `enough`: how many must agree; `any`: one will do where no more are to be had.
+  Gathering(std::vector<std::string> asked, std::size_t enough, bool any)
+      : asked_(std::move(asked)), enough_(enough), any_(any) {}
 
   void take(Answer answer) { answers_.push_back(std::move(answer)); }
 
   /// `late`: who has not answered by now is not waited for.
   Next next(bool late) const {
-    if (answers_.size() < asked_ && !late) return Next::wait;
+    if (answers_.size() < asked_.size() && !late) return Next::wait;
     const std::size_t agreed = best().size();
     if (agreed >= enough_ || (agreed > 0 && any_)) return Next::send;
     const auto has = [&](std::string Answer::*what) {
@@ -66,14 +67,19 @@ class Gathering {
       if (!one.refusal.empty() && best().empty()) return one.refusal;
       if (!one.failure.empty()) text += (text.empty() ? "" : "; ") + one.organisation + ": " + one.failure;
     }
-    if (answers_.size() < asked_) text += (text.empty() ? "" : "; ") + std::string("no answer in time from the others");
+    for (const std::string& organisation : asked_) {
+      const bool answered = std::any_of(answers_.begin(), answers_.end(),
+                                        [&](const Answer& one) { return one.organisation == organisation; });
+      if (!answered) text += (text.empty() ? "" : "; ") + organisation + ": no answer in time";
+    }
     return text;
   }
 
  private:
   static bool endorsed(const Answer& answer) { return answer.failure.empty() && answer.refusal.empty(); }
 
-  std::size_t asked_, enough_;
+  std::vector<std::string> asked_;
+  std::size_t enough_;
   bool any_;
   std::vector<Answer> answers_;
 };

@@ -128,7 +128,7 @@ def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, op
     (lease,) = controls(rival.submit("acquire", "flown", "priority=3"))
     assert (lease["epoch"], lease["priority"], lease["holder"]["subject"]) == ("2", 3, subject(2, "User2"))
     assert operator.refusal("command", {"organisation": "Org1MSP", "plans": [plan("flown")]}) == (
-        f"flown: the lease is held by {RIVAL}, not by {OPERATOR}")
+        f"flown: the lease is held by {RIVAL}, not by {OPERATOR}, who may request it")
     (stopped,) = controls(rival.submit("stop", "flown"), "stops")
     assert stopped == {"drone": "flown", "stopper": {"mspId": "Org2MSP", "subject": subject(2, "User2")}}
     (stopped,) = controls(supervisor.submit("stop", "flown", "cut=true"), "stops")
@@ -136,7 +136,7 @@ def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, op
     (folded,) = controls(host.submit("fold", "flown"))
     assert [stop["stopper"]["mspId"] for stop in folded["stoppers"]] == ["Org1MSP", "Org2MSP"]
     assert rival.refusal("command", {"organisation": "Org1MSP", "plans": [plan("flown", epoch="2")]}) == (
-        f"flown: stopped by {SUPERVISOR}, {RIVAL}; only LAND is accepted")
+        f"flown: stopped by {SUPERVISOR}, {RIVAL}; only LAND is accepted until they, or a supervisor of Org1MSP, resume it")
     (resumed,) = controls(rival.submit("resume", "flown"))
     assert [stop["stopper"]["mspId"] for stop in resumed["stoppers"]] == ["Org1MSP"]
     assert rival.refusal("resume", "flown").startswith(f"flown: stopped by {SUPERVISOR}; only they")
@@ -190,7 +190,7 @@ def test_a_role_means_nothing_on_others_drones_and_what_is_granted_can_be_taken_
         refusal = far.refusal(fn, "lent", *args)
         assert refusal.startswith(f"lent: {FAR} may not ") and "Org1MSP" in refusal, refusal
     grant(fly=True, maxPriority=5)
-    assert far.refusal("acquire", "lent", "priority=6") == f"lent: Org1MSP has granted {FAR} priorities up to 5, not 6"
+    assert far.refusal("acquire", "lent", "priority=6") == f"lent: Org1MSP has granted {FAR} priorities up to 5, not 6; an administrator of Org1MSP may grant more"
     far.submit("acquire", "lent", "priority=5")
     far.submit("command", {"organisation": "Org1MSP", "plans": [plan("lent")]})
     supervisor.submit("evict", "lent")

@@ -128,7 +128,7 @@ def test_a_living_channel_moves_and_its_drones_fly_on(tmp_path, monkeypatch, mem
     pilot.submit("acquire", {"drones": [GROUNDED, STOPPED_LATER]})
     guard.submit("stop", GROUNDED)
     host.submit("fold", {"drones": [GROUNDED]})
-    stopped = f"{GROUNDED}: stopped by Org1MSP {subject(1, 'User2')}; only LAND is accepted"
+    stopped = f"{GROUNDED}: stopped by Org1MSP {subject(1, 'User2')}; only LAND is accepted until they, or a supervisor of Org1MSP, resume it"
     assert pilot.refusal("command", plan(GROUNDED)) == stopped
     lease_before = f"lease/{digest(2, 'User1')}/1"
     drones = (*FLOWN, GROUNDED, STOPPED_LATER)

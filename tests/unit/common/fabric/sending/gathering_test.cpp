@@ -14,7 +14,7 @@ Gathering::Answer refused(const std::string& organisation) { return {organisatio
 Gathering::Answer failed(const std::string& organisation) { return {organisation, "connection refused", {}}; }
 
 Gathering gathering(const std::vector<Gathering::Answer>& answers, bool any = false) {
-  Gathering all(3, 2, any);
+  Gathering all({"Org1MSP", "Org2MSP", "Org3MSP"}, 2, any);
   for (const auto& one : answers) all.take(one);
   return all;
 }
@@ -24,7 +24,7 @@ TEST(Gathering, WaitsForAllUntilItIsLateAndGoesWithTwo) {
   EXPECT_EQ(two.next(false), Step::wait) << "the third may be the keys' keeper";
   EXPECT_EQ(two.next(true), Step::send);
   EXPECT_EQ(two.best().size(), 2u);
-  EXPECT_EQ(two.problem(), "no answer in time from the others");
+  EXPECT_EQ(two.problem(), "Org3MSP: no answer in time");
 }
 
 TEST(Gathering, APeerThatIsDownHoldsNothingUpAndIsNamed) {
