@@ -61,11 +61,10 @@ class EventEntry final : public Entry {
     }
     const bool told = std::any_of(out.traces.begin(), out.traces.end(),
                                   [](const TraceRecord& r) { return r.kind == TraceKind::refused; });
-    // Its stopper was obeyed, and alarmed: not what the event says, but who signed.
-    if (!out.unconfirmed_stops.empty()) return dropped();
     const bool taken = !out.plans.empty();
     if (taken) return accepted();
-    if (name_ != "command" && !told) return accepted();  // a record was changed, or it was about other drones
+    const bool says_plans = name_ == "command" || name_ == "stop";  // what it changes, it also tells link
+    if (!says_plans && !told) return accepted();  // a record was changed, or it was about other drones
     // It did nothing: so a good command is taken after it.
     LedgerOfTests::Tx good;
     good.event_payload = plans(fly);
