@@ -1,6 +1,7 @@
 #include <cmath>
 #include <set>
 
+#include "chaincode/contract/control/control_calls.hpp"
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/stops.hpp"
@@ -39,7 +40,7 @@ Status check_setpoints(const DronePlan& plan) {
 Status why_not(Stub& stub, const DronePlan& plan, const std::string& organisation) {
   const auto record = read_control(stub, plan.drone());
   if (!record) return record.error();
-  if (!*record) return Error{"not enrolled; an administrator of its organisation may enroll it"};
+  if (!*record) return Error{not_enrolled_text()};
   const Control& control = (*record)->message;
   if (control.owner().msp_id() != organisation) {
     return Error{"it belongs to " + control.owner().msp_id() + ", not to " + organisation};

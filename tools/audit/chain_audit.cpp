@@ -93,9 +93,7 @@ void ChainAudit::end() {
 }
 
 void ChainAudit::configure(const fabric::ChannelConfig& config) {
-  std::vector<crypto::MspRoot> roots = config.organisations;
-  roots.insert(roots.end(), config.orderers.begin(), config.orderers.end());
-  members_ = crypto::make_msp_registry(trust_.library, std::move(roots));
+  members_ = crypto::make_msp_registry(trust_.library, fabric::everybody(config));
   rules_.foreign_events = !config.embedded_node;
   state_.configure(config);
   if (config.embedded_node) state_.define("ledgerline");

@@ -57,13 +57,20 @@ Status check_lease(const Control& control, const Identity& who, std::uint32_t pr
   return done;
 }
 
-/// Why somebody may not act as the drone's holder.
-Status check_holder(const Control& control, const crypto::IdentityName& who) {
-  if (control.has_holder() && to_name(control.holder()) == who)
-    return is_revoked(control, control.holder()) ? Status(Error{revoked_text(who)}) : Status(done);
+bool holds(const Control& control, const crypto::IdentityName& who) {
+  return control.has_holder() && to_name(control.holder()) == who;
+}
+
+Error not_the_holder(const Control& control, const crypto::IdentityName& who) {
   return Error{to_text(who) + " does not hold the lease; " +
                (control.has_holder() ? to_text(to_name(control.holder())) + " does, who may hand it over on request"
                                      : "nobody does, and who is granted it may acquire it")};
+}
+
+/// Why somebody may not act as the drone's holder.
+Status check_holder(const Control& control, const crypto::IdentityName& who) {
+  if (!holds(control, who)) return not_the_holder(control, who);
+  return is_revoked(control, control.holder()) ? Status(Error{revoked_text(who)}) : Status(done);
 }
 
 Result<AnswerCall> read_answer(const Arguments& call, const std::string& function) {
@@ -98,8 +105,7 @@ Response release(Stub& stub, const Arguments& call) {
   return change_controls(stub, call, contract::release, lease->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            // A revoked one may give back what it holds.
-                           const bool holds = control.has_holder() && to_name(control.holder()) == stub.caller();
-                           if (Status status = check_holder(control, stub.caller()); !status && !holds) return status;
+                           if (!holds(control, stub.caller())) return not_the_holder(control, stub.caller());
                            end_lease(control, new_epoch);
                            return done;
                          });

@@ -105,6 +105,12 @@ Status read_application(const common::ConfigGroup& channel, ChannelConfig& out) 
 
 }  // namespace
 
+std::vector<crypto::MspRoot> everybody(const ChannelConfig& config) {
+  std::vector<crypto::MspRoot> roots = config.organisations;
+  roots.insert(roots.end(), config.orderers.begin(), config.orderers.end());
+  return roots;
+}
+
 Result<ChannelConfig> read_channel_config(const common::Block& block) {
   ChannelConfig out;
   out.block = block.header().number();

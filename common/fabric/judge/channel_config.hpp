@@ -27,6 +27,9 @@ struct ChannelConfig {
   std::map<std::string, Policy> endorsement_of;  ///< of each organisation alone, by MSP id
 };
 
+/// Everybody in the channel: the application's organisations and those of the orderers, for a registry of members.
+std::vector<crypto::MspRoot> everybody(const ChannelConfig& config);
+
 /// Takes a block with a configuration apart. A policy that is not there, or of a kind that is not read, is satisfied by
 /// nobody. An error names what is missing or not supported; never a crash.
 /// Raft's and the embedded node's orderers alone: with consensus that tolerates liars (BFT) a block needs more than this

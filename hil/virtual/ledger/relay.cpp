@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/belief/identity.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/opened.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
@@ -356,9 +357,8 @@ std::string Relay::bend(const fabric::Call& call, std::string bytes) {
     proposal.set_input(invocation.SerializeAsString());
     opened->action.set_chaincode_proposal_payload(proposal.SerializeAsString());
     const common::Header& header = opened->payload.header();
-    const crypto::Digest hash = crypto::sha256(header.channel_header() + header.signature_header() +
-                                               opened->action.chaincode_proposal_payload());
-    opened->response.set_proposal_hash({hash.begin(), hash.end()});
+    opened->response.set_proposal_hash(fabric::proposal_hash(header.channel_header(), header.signature_header(),
+                                                             opened->action.chaincode_proposal_payload()));
   } else {
     event.set_event_name(bent->name);
     event.set_payload(bent->payload);

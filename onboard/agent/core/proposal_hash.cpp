@@ -1,7 +1,7 @@
 #include "onboard/agent/core/proposal_hash.hpp"
 
 #include "common/common.pb.h"
-#include "common/crypto/crypto.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"
@@ -18,9 +18,9 @@ bool result_is_of_own_proposal(const fabric::Transaction& tx) {
       !action.ParseFromString(transaction.actions(0).payload())) {
     return false;
   }
-  const crypto::Digest hash = crypto::sha256(payload.header().channel_header() + payload.header().signature_header() +
-                                             action.chaincode_proposal_payload());
-  return response.proposal_hash() == std::string_view(reinterpret_cast<const char*>(hash.data()), hash.size());
+  return response.proposal_hash() == fabric::proposal_hash(payload.header().channel_header(),
+                                                           payload.header().signature_header(),
+                                                           action.chaincode_proposal_payload());
 }
 
 }  // namespace ledgerline::agent

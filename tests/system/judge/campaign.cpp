@@ -87,9 +87,7 @@ class Beside {
     common::Block block;
     if (!block.ParseFromArray(raw.data(), static_cast<int>(raw.size()))) fail("a block that does not parse");
     if (auto config = read_channel_config(block)) {
-      std::vector<crypto::MspRoot> roots = config->organisations;
-      roots.insert(roots.end(), config->orderers.begin(), config->orderers.end());
-      members_ = crypto::make_msp_registry(library, roots);
+      members_ = crypto::make_msp_registry(library, everybody(*config));
       rules_ = {config->channel, !config->embedded_node};
       if (config->embedded_node) state_.define("ledgerline");
       state_.configure(std::move(*config));
