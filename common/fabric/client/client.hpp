@@ -91,6 +91,9 @@ class Client {
     /// Transactions that the peers flagged valid and that cannot be (code_unbelievable), in words: block, transaction,
     /// why, and how many there were. The first at once, then at most one word a minute; on_block has them all.
     std::function<void(const std::string& what)> on_unbelievable = {};
+    /// The peer's stream contradicts what is known: a fork, a block that the orderers have not signed, or that an orderer has
+    /// otherwise. In words, at each attempt; nothing of it was handed over.
+    std::function<void(const std::string& what)> on_contradiction = {};
     /// Of blocks_behind(): how the peer's chain goes on; once, before the first block.
     std::function<void(const Continuation&)> on_continued = {};
   };
