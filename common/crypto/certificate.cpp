@@ -25,12 +25,6 @@ std::vector<std::string> values_of(const X509_NAME* name, int nid) {
   return values;
 }
 
-Result<std::int64_t> unix_time(const ASN1_TIME* time) {
-  std::tm parts{};
-  if (ASN1_TIME_to_tm(time, &parts) != 1) return Error{"the certificate's validity cannot be read: " + openssl_error()};
-  return static_cast<std::int64_t>(timegm(&parts));
-}
-
 }  // namespace
 
 std::string openssl_error() {
@@ -61,6 +55,12 @@ Result<X509Ptr> read_certificate(std::string_view pem) {
   if (!certificate) return Error{"could not decode the PEM structure: " + openssl_error()};
   if (!whole) return Error{"x509: trailing data behind the certificate"};  // refused by Fabric's peers, too
   return certificate;
+}
+
+Result<std::int64_t> unix_time(const ASN1_TIME* time) {
+  std::tm parts{};
+  if (ASN1_TIME_to_tm(time, &parts) != 1) return Error{"a date cannot be read: " + openssl_error()};
+  return static_cast<std::int64_t>(timegm(&parts));
 }
 
 Result<Certificate> describe(X509* certificate) {

@@ -95,6 +95,14 @@ struct MspRoot {
 };
 std::unique_ptr<MspRegistry> make_msp_registry(Library library, std::vector<MspRoot> roots);
 
+struct RevocationList {
+  std::string msp_id;       ///< whose authority signed it
+  std::int64_t made_s = 0;  ///< Unix time, as it says
+};
+/// For who hands lists over beside the authorities, where none may be ignored. An error: there is no list in it, one cannot
+/// be read, or none of the authorities has signed it.
+Result<std::vector<RevocationList>> read_revocation_lists(const std::string& pem, const std::vector<MspRoot>& roots);
+
 /// A signer with its name and its serialized form, ready to make transactions.
 struct SigningIdentity {
   IdentityName name;

@@ -38,6 +38,7 @@ inline int no_pass_phrase(char*, int, int, void*) { return -1; }
 
 Result<X509Ptr> read_certificate(std::string_view pem);
 Result<Certificate> describe(X509* certificate);
+Result<std::int64_t> unix_time(const ASN1_TIME* time);
 /// 65 bytes: 4, x, y. Refuses keys on other curves than P-256.
 Result<std::string> public_point(X509* certificate);
 

@@ -1,36 +1,12 @@
+#include "tests/unit/common/crypto/revocation_list.hpp"
+
 #include <gtest/gtest.h>
-#include <openssl/pem.h>
 
-#include <ctime>
-
-#include "common/crypto/openssl.hpp"
 #include "msp/identities.pb.h"
 
 /// Revocation lists of an organisation's authorities, as a channel's configuration holds them.
 namespace ledgerline::crypto {
 namespace {
-
-/// X.509 CRL of `issuer` with the certificate's serial number; PEM.
-std::string list_of(const KeyAndCertificate& issuer, const std::string& certificate) {
-  const X509Ptr ca = *read_certificate(issuer.certificate_pem), revoked = *read_certificate(certificate);
-  const BioPtr key_text = bio_of(issuer.key_pem);
-  const KeyPtr key(PEM_read_bio_PrivateKey(key_text.get(), nullptr, no_pass_phrase, nullptr));
-  const CrlPtr list(X509_CRL_new());
-  const std::unique_ptr<ASN1_TIME, Freed<ASN1_TIME_free>> now(ASN1_TIME_set(nullptr, std::time(nullptr)));
-  X509_CRL_set_version(list.get(), 1);
-  X509_CRL_set_issuer_name(list.get(), X509_get_subject_name(ca.get()));
-  X509_CRL_set1_lastUpdate(list.get(), now.get());
-  X509_CRL_set1_nextUpdate(list.get(), now.get());  // over at once, which nobody asks for
-  X509_REVOKED* entry = X509_REVOKED_new();
-  X509_REVOKED_set_serialNumber(entry, X509_get_serialNumber(revoked.get()));
-  X509_REVOKED_set_revocationDate(entry, now.get());
-  X509_CRL_add0_revoked(list.get(), entry);
-  X509_CRL_sort(list.get());
-  EXPECT_GT(X509_CRL_sign(list.get(), key.get(), EVP_sha256()), 0);
-  const BioPtr out(BIO_new(BIO_s_mem()));
-  PEM_write_bio_X509_CRL(out.get(), list.get());
-  return text_of(out.get());
-}
 
 class Revocation : public testing::Test {
  protected:
@@ -64,6 +40,27 @@ TEST_F(Revocation, AListOfTheAuthorityEndsACertificateAndNoOther) {
 TEST_F(Revocation, AListThatTheAuthorityHasNotSignedEndsNothing) {
   EXPECT_EQ(said_of(peer_, list_of(other_ca_, peer_.certificate_pem)), "accepted");
   EXPECT_EQ(said_of(peer_, "no list"), "accepted");
+}
+
+TEST_F(Revocation, WhoHandsListsOverIsToldWhoseTheyAreAndWhichIsNone) {
+  const std::vector<MspRoot> roots{{"Org2MSP", other_ca_.certificate_pem}, {"Org1MSP", ca_.certificate_pem}};
+  const auto why = [&](const std::string& text) { return read_revocation_lists(text, roots).error().what; };
+  const std::string list = list_of(ca_, peer_.certificate_pem), other = list_of(other_ca_, peer_.certificate_pem);
+  const auto both = read_revocation_lists(list + other, roots);
+  ASSERT_TRUE(both) << both.error().what;
+  ASSERT_EQ(both->size(), 2U);
+  EXPECT_EQ((*both)[0].msp_id, "Org1MSP");
+  EXPECT_EQ((*both)[1].msp_id, "Org2MSP");
+  EXPECT_NEAR(static_cast<double>((*both)[0].made_s), static_cast<double>(std::time(nullptr)), 60);
+  const KeyAndCertificate third = *make_ca("ca.org1.ledgerline", "org1.ledgerline");
+  EXPECT_EQ(why(list + list_of(third, peer_.certificate_pem)),
+            "a revocation list is signed by none of the named authorities");
+  EXPECT_NE(why("no list").find("there is no revocation list in it"), std::string::npos);
+  EXPECT_NE(why(ca_.certificate_pem).find("there is no revocation list in it"), std::string::npos);
+  std::string damaged = list;
+  damaged[damaged.size() / 2] = '!';
+  EXPECT_NE(why(list + damaged).find("cannot be read"), std::string::npos);
+  EXPECT_NE(why(list + list.substr(0, list.size() / 2)).find("cannot be read"), std::string::npos);
 }
 
 }  // namespace

@@ -1,0 +1,55 @@
+#include <fmt/format.h>
+#include <openssl/err.h>
+#include <openssl/pem.h>
+
+#include "common/crypto/openssl.hpp"
+
+namespace ledgerline::crypto {
+namespace {
+
+bool is_of(X509_CRL* list, X509* authority) {
+  const bool signed_by_it = X509_NAME_cmp(X509_CRL_get_issuer(list), X509_get_subject_name(authority)) == 0 &&
+                            X509_CRL_verify(list, X509_get0_pubkey(authority)) == 1;
+  ERR_clear_error();
+  return signed_by_it;
+}
+
+/// The MSP id of the authority that signed it; empty: none of these.
+std::string signer_of(X509_CRL* list, const std::vector<MspRoot>& roots) {
+  for (const MspRoot& root : roots) {
+    const BioPtr text = bio_of(root.ca_pem);
+    while (const X509Ptr authority{PEM_read_bio_X509(text.get(), nullptr, no_pass_phrase, nullptr)})
+      if (is_of(list, authority.get())) return root.msp_id;
+    ERR_clear_error();  // the end of the PEM text
+  }
+  return {};
+}
+
+Result<RevocationList> describe(X509_CRL* list, const std::vector<MspRoot>& roots) {
+  RevocationList out;
+  out.msp_id = signer_of(list, roots);
+  if (out.msp_id.empty()) return Error{"a revocation list is signed by none of the named authorities"};
+  const auto made = unix_time(X509_CRL_get0_lastUpdate(list));
+  if (!made) return made.error();
+  out.made_s = *made;
+  return out;
+}
+
+}  // namespace
+
+Result<std::vector<RevocationList>> read_revocation_lists(const std::string& pem, const std::vector<MspRoot>& roots) {
+  std::vector<RevocationList> lists;
+  const BioPtr text = bio_of(pem);
+  while (const CrlPtr list{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)}) {
+    auto described = describe(list.get(), roots);
+    if (!described) return described.error();
+    lists.push_back(std::move(*described));
+  }
+  const bool at_end = ERR_GET_REASON(ERR_peek_last_error()) == PEM_R_NO_START_LINE;
+  const std::string why = openssl_error();
+  if (!at_end) return Error{"a revocation list cannot be read: " + why};
+  if (lists.empty()) return Error{"there is no revocation list in it (X.509 CRL, PEM)"};
+  return lists;
+}
+
+}  // namespace ledgerline::crypto
