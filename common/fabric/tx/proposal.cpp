@@ -1,5 +1,6 @@
 #include "common/common.pb.h"
 #include "common/fabric/tx/envelope.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/opened.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "orderer/ab.pb.h"
@@ -12,20 +13,34 @@
 namespace ledgerline::fabric {
 namespace {
 
-common::ChannelHeader channel_header(common::HeaderType type, const std::string& channel, TimeNs timestamp_ns) {
+google::protobuf::Timestamp timestamp_of(TimeNs real_ns) {
+  google::protobuf::Timestamp time;
+  time.set_seconds(real_ns / ns_per_s);
+  time.set_nanos(static_cast<std::int32_t>(real_ns % ns_per_s));
+  return time;
+}
+
+common::SignatureHeader signer_of(const crypto::SigningIdentity& who, std::string nonce) {
+  common::SignatureHeader signer;
+  signer.set_creator(who.serialized);
+  signer.set_nonce(std::move(nonce));
+  return signer;
+}
+
+common::ChannelHeader channel_header(common::HeaderType type, const std::string& channel,
+                                     const google::protobuf::Timestamp& time) {
   common::ChannelHeader header;
   header.set_type(type);
   header.set_channel_id(channel);
-  header.mutable_timestamp()->set_seconds(timestamp_ns / ns_per_s);
-  header.mutable_timestamp()->set_nanos(static_cast<std::int32_t>(timestamp_ns % ns_per_s));
+  header.mutable_timestamp()->set_seconds(time.seconds());
+  header.mutable_timestamp()->set_nanos(time.nanos());
   return header;
 }
 
-common::Header whole_header(const common::ChannelHeader& channel, const crypto::SigningIdentity& who,
-                            std::string nonce) {
+common::Header whole_header(const common::ChannelHeader& channel, const common::SignatureHeader& who) {
   common::SignatureHeader signature;
-  signature.set_creator(who.serialized);
-  signature.set_nonce(std::move(nonce));
+  signature.set_creator(who.creator());
+  signature.set_nonce(who.nonce());
   common::Header header;
   header.set_channel_header(channel.SerializeAsString());
   header.set_signature_header(signature.SerializeAsString());
@@ -71,15 +86,12 @@ Status check_event(const Proposal& proposal, const std::string& asked_channel_he
 
 }  // namespace
 
-Result<Proposal> make_proposal(const crypto::SigningIdentity& who, const ChannelAndContract& where, const Call& call,
-                               TimeNs timestamp_ns, std::string nonce) {
-  Proposal out;
-  out.tx_id = crypto::hex(crypto::sha256(nonce + who.serialized));
-
+std::string proposal_bytes(const common::SignatureHeader& who, const ChannelAndContract& where, const Call& call,
+                           const google::protobuf::Timestamp& time) {
   protos::ChaincodeHeaderExtension extension;
   extension.mutable_chaincode_id()->set_name(where.contract);
-  common::ChannelHeader channel = channel_header(common::ENDORSER_TRANSACTION, where.channel, timestamp_ns);
-  channel.set_tx_id(out.tx_id);
+  common::ChannelHeader channel = channel_header(common::ENDORSER_TRANSACTION, where.channel, time);
+  channel.set_tx_id(transaction_id(who));
   channel.set_extension(extension.SerializeAsString());
 
   protos::ChaincodeInvocationSpec invocation;
@@ -92,15 +104,20 @@ Result<Proposal> make_proposal(const crypto::SigningIdentity& who, const Channel
   payload.set_input(invocation.SerializeAsString());
 
   protos::Proposal proposal;
-  proposal.set_header(whole_header(channel, who, std::move(nonce)).SerializeAsString());
+  proposal.set_header(whole_header(channel, who).SerializeAsString());
   proposal.set_payload(payload.SerializeAsString());
+  return proposal.SerializeAsString();
+}
+
+Result<Proposal> make_proposal(const crypto::SigningIdentity& who, const ChannelAndContract& where, const Call& call,
+                               TimeNs timestamp_ns, std::string nonce) {
+  const common::SignatureHeader signer = signer_of(who, std::move(nonce));
   protos::SignedProposal signed_proposal;
-  signed_proposal.set_proposal_bytes(proposal.SerializeAsString());
+  signed_proposal.set_proposal_bytes(proposal_bytes(signer, where, call, timestamp_of(timestamp_ns)));
   auto signature = who.signer->sign(signed_proposal.proposal_bytes());
   if (!signature) return signature.error();
   signed_proposal.set_signature(std::move(*signature));
-  out.signed_proposal = signed_proposal.SerializeAsString();
-  return out;
+  return Proposal{transaction_id(signer), signed_proposal.SerializeAsString()};
 }
 
 Result<std::string> assemble(const Proposal& proposal, const std::vector<std::string>& responses) {
@@ -188,8 +205,8 @@ Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::str
   seek.mutable_stop()->mutable_specified()->set_number(UINT64_MAX);
   seek.set_behavior(orderer::SeekInfo::BLOCK_UNTIL_READY);
   common::Payload payload;
-  *payload.mutable_header() =
-      whole_header(channel_header(common::DELIVER_SEEK_INFO, channel, timestamp_ns), who, std::move(nonce));
+  *payload.mutable_header() = whole_header(
+      channel_header(common::DELIVER_SEEK_INFO, channel, timestamp_of(timestamp_ns)), signer_of(who, std::move(nonce)));
   payload.set_data(seek.SerializeAsString());
   return signed_envelope(who, payload.SerializeAsString());
 }

@@ -45,7 +45,7 @@ std::unique_ptr<Entry> file() {
 std::unique_ptr<Entry> answered() {
   return std::make_unique<Function>(
       std::vector<std::string>{ledger().answer(ledger().asked, 0).response}, [](std::string_view bytes) {
-        return outcome_of(make_receipt("teleop", ledger().sent.tx_id, ledger().chain_.at(ledger().sent.block),
+        return outcome_of(make_receipt("teleop", ledger().sent.tx_id, ledger().chain.at(ledger().sent.block),
                                        ledger().asked, {{"peer", std::string(bytes)}}));
       });
 }

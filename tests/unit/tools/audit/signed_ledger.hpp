@@ -1,53 +1,24 @@
 #pragma once
-#include <gtest/gtest.h>
-
-#include <memory>
 #include <string>
 #include <vector>
 
-#include "chaincode/node/core/core.hpp"
-#include "common/fabric/tx/transaction.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
-#include "tests/unit/common/fabric/judge/signed_chain.hpp"
+#include "tests/unit/common/fabric/judge/signed_node.hpp"
 #include "tools/audit/chain_audit.hpp"
 
-/// The embedded node's core with real certificates of three organisations, and a short history of a drone on it.
+/// A short history of a drone on a ledger of three organisations.
 namespace ledgerline::audit {
 
-class SignedLedger {
+class SignedLedger : public fabric::SignedNode {
  public:
-  SignedLedger() {
-    node::CoreConfig config;
-    config.batch_count = 1'000;  // a block is what commit() is called for
-    for (const auto& one : organisations) {
-      config.organisations.push_back(one.root());
-      peers_.push_back(one.member("peer"));
-    }
-    config.orderers = orderers.root();
-    core_ = std::make_unique<node::NodeCore>(config, crypto::make_msp_registry(fabric::library, config.organisations),
-                                             peers_, orderer, [this](std::uint64_t number) -> Result<std::string> {
-                                               if (number < chain.size()) return chain[number];
-                                               return Error{"no such block"};
-                                             });
-    keep(core_->genesis());
-  }
-
   /// Endorsed and signed, for the next block; its transaction's id.
   std::string send(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg) {
     now.real_ns += 20 * ns_per_ms;
-    const auto proposal = *fabric::make_proposal(who, {}, {function, {arg}}, now.real_ns, crypto::random_bytes(24));
-    const node::Reply reply = core_->endorse(proposal.signed_proposal, now);
+    const fabric::Proposal proposal = propose(who, {function, {arg}});
+    const node::Reply reply = core->endorse(proposal.signed_proposal, now);
     EXPECT_EQ(reply.code, node::Code::ok) << function << ": " << reply.message << reply.detail;
-    const auto ordered = core_->order(*fabric::sign_envelope(who, reply.bytes), now);
-    EXPECT_EQ(ordered.code, node::Code::ok) << ordered.message << ordered.detail;
+    order(who, reply.bytes);
     return proposal.tx_id;
-  }
-  /// All that was sent is in the next block.
-  void commit() {
-    now.monotonic_ns += ns_per_s;
-    const auto block = core_->cut(now);
-    ASSERT_TRUE(block);
-    keep(*block);
   }
   std::string submit(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg) {
     const std::string tx_id = send(who, function, arg);
@@ -89,14 +60,8 @@ class SignedLedger {
 
   Trust trust() const { return {"teleop", chain.at(0)}; }
 
-  const std::vector<fabric::Organisation> organisations{
-      fabric::Organisation("Org1MSP"), fabric::Organisation("Org2MSP"), fabric::Organisation("Org3MSP")};
-  const fabric::Organisation orderers{"OrdererMSP"};
-  const crypto::SigningIdentity orderer = orderers.member("orderer");
   const crypto::SigningIdentity admin1 = named(0, "admin"), admin2 = named(1, "admin"), host = named(0, "client"),
                                 pilot = named(1, "client");
-  std::vector<std::string> chain;
-  node::Now now{ns_per_s, realtime_ns()};
 
  private:
   /// Under the name that its certificate has.
@@ -107,13 +72,6 @@ class SignedLedger {
     identity.name.subject = crypto::parse_certificate(serialized.id_bytes())->subject;
     return identity;
   }
-  void keep(const node::CutBlock& block) {
-    chain.push_back(block.bytes);
-    core_->apply(block);
-  }
-
-  std::vector<crypto::SigningIdentity> peers_;
-  std::unique_ptr<node::NodeCore> core_;
 };
 
 inline ChainAudit audited(const std::vector<std::string>& chain, Trust trust) {

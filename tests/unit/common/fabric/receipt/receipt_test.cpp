@@ -63,13 +63,13 @@ class ReceiptTest : public ::testing::Test, protected LedgerOfReceipts {
     block.data = envelopes;
     block.data_hash.assign(digest.begin(), digest.end());
     const std::string& signer = block.orderers[0].signer;
-    block.orderers[0].signature = *orderer_.signer->sign(
+    block.orderers[0].signature = *orderer.signer->sign(
         block.orderers_value + signer + block_header_bytes(block.number, block.previous_hash, block.data_hash));
     for (std::size_t i = 0; i < receipt.answers.size(); ++i) {
       say(receipt.answers[i], [&](protos::ProcessedTransaction& said) {
         said.mutable_transactionenvelope()->ParseFromString(envelopes[0]);
       });
-      sign(receipt.answers[i], peers_[i]);
+      sign(receipt.answers[i], peers[i]);
     }
     return receipt;
   }
@@ -105,7 +105,7 @@ TEST_F(ReceiptTest, ItProvesBlockCreatorCallAndVerdictAndSaysByWhoseWord) {
   EXPECT_EQ(proven->function, "set");
   EXPECT_EQ(proven->arguments, 1U);
   EXPECT_EQ(proven->argument_bytes, node::note("Org1MSP/notes2", "mine").size());
-  EXPECT_EQ(proven->timestamp_ns, now_.real_ns);
+  EXPECT_EQ(proven->timestamp_ns, now.real_ns);
   EXPECT_EQ(proven->endorsers.size(), 3U);
   EXPECT_EQ(proven->code, protos::VALID);
   EXPECT_EQ(proven->verdict, "VALID");
@@ -122,7 +122,7 @@ TEST_F(ReceiptTest, TheBlocksHashIsTheOneThatTheNextBlockNames) {
   committed(1, "second");
   const auto proven = judge_.verify(receipt_bytes(receipt(sent)));
   ASSERT_TRUE(proven) << proven.error().what;
-  EXPECT_EQ(proven->block_hash, crypto::hex(decode_block(chain_[2])->previous_hash));
+  EXPECT_EQ(proven->block_hash, crypto::hex(decode_block(chain[2])->previous_hash));
 }
 
 TEST_F(ReceiptTest, WhatWasRefusedIsProvenToBeInvalid) {
@@ -195,24 +195,24 @@ TEST_F(ReceiptTest, APeersKeyIsNotEnoughForALie) {
   const Receipt good = receipt(sent), elsewhere = receipt(committed(0, "elsewhere"));
   Receipt bent = good;
   say_code(bent.answers[1], protos::MVCC_READ_CONFLICT);
-  sign(bent.answers[1], peers_[1]);
+  sign(bent.answers[1], peers[1]);
   EXPECT_THAT(why(bent), HasSubstr("the peers differ: Org1MSP says VALID, Org2MSP says MVCC_READ_CONFLICT"));
 
   bent = good;  // with the answer of a peer of two organisations beside a made-up one
   say(bent.answers[0], [&](protos::ProcessedTransaction& said) {
     said.mutable_transactionenvelope()->ParseFromString(elsewhere.block.data[0]);
   });
-  sign(bent.answers[0], peers_[0]);
+  sign(bent.answers[0], peers[0]);
   EXPECT_THAT(why(bent), HasSubstr("Org1MSP"));
   EXPECT_THAT(why(bent), HasSubstr("is about another transaction than the one in the block"));
 
   bent = good;
   say_response(bent.answers[0], [](auto& action) { action.mutable_chaincode_id()->set_name("ledgerline"); });
-  sign(bent.answers[0], peers_[0]);
+  sign(bent.answers[0], peers[0]);
   EXPECT_THAT(why(bent), HasSubstr("it is not of qscc")) << "a contract answers whatever it likes";
   bent = good;
   say_response(bent.answers[0], [](auto& action) { action.mutable_response()->set_status(500); });
-  sign(bent.answers[0], peers_[0]);
+  sign(bent.answers[0], peers[0]);
   EXPECT_THAT(why(bent), HasSubstr("it is a refusal"));
 }
 
@@ -223,8 +223,8 @@ TEST_F(ReceiptTest, WhatItsCreatorHasNotSignedIsNotProvenWhoeverElseSaysSo) {
   ASSERT_EQ(why(conspire(good, {mine})), "");
   const auto nothing = [](OpenedTransaction&, common::ChannelHeader&) {};
   const auto refusal = [&](const std::string& envelope) { return why(conspire(good, {envelope})); };
-  EXPECT_THAT(refusal(altered(mine, users_[1], nothing)), HasSubstr("its creator's signature is wrong"));
-  EXPECT_THAT(refusal(altered(mine, users_[0],
+  EXPECT_THAT(refusal(altered(mine, users[1], nothing)), HasSubstr("its creator's signature is wrong"));
+  EXPECT_THAT(refusal(altered(mine, users[0],
                               [](OpenedTransaction& one, auto&) {
                                 common::SignatureHeader header;
                                 header.ParseFromString(one.payload.header().signature_header());
@@ -232,11 +232,11 @@ TEST_F(ReceiptTest, WhatItsCreatorHasNotSignedIsNotProvenWhoeverElseSaysSo) {
                                 one.payload.mutable_header()->set_signature_header(header.SerializeAsString());
                               })),
               HasSubstr("its id is not of its creator"));
-  EXPECT_THAT(refusal(altered(mine, users_[0], [](auto&, auto& header) { header.set_channel_id("other"); })),
+  EXPECT_THAT(refusal(altered(mine, users[0], [](auto&, auto& header) { header.set_channel_id("other"); })),
               HasSubstr("block 1: it is of channel other, not of teleop"));
-  EXPECT_THAT(refusal(altered(mine, users_[0], [](auto&, auto& header) { header.set_type(common::CONFIG); })),
+  EXPECT_THAT(refusal(altered(mine, users[0], [](auto&, auto& header) { header.set_type(common::CONFIG); })),
               HasSubstr("it is a configuration of the channel"));
-  const std::string elsewhere = altered(mine, users_[0], [](auto&, auto& header) {
+  const std::string elsewhere = altered(mine, users[0], [](auto&, auto& header) {
     header.set_channel_id("other");
     header.set_tx_id("another one's");
   });
@@ -248,7 +248,7 @@ TEST_F(ReceiptTest, AnEndorsementCountsOnlyByAPeersKeyAndForThisCall) {
   const Receipt good = receipt(sent);
   const std::string& mine = good.block.data[0];
   const auto endorsed = [&](const std::function<void(OpenedTransaction&, common::ChannelHeader&)>& alter) {
-    return why(conspire(good, {altered(mine, users_[0], alter)}));
+    return why(conspire(good, {altered(mine, users[0], alter)}));
   };
   const auto by = [](OpenedTransaction& one, const crypto::SigningIdentity& who) {
     one.seal_result();
@@ -259,18 +259,18 @@ TEST_F(ReceiptTest, AnEndorsementCountsOnlyByAPeersKeyAndForThisCall) {
     endorsement.set_signature(*who.signer->sign(action.proposal_response_payload() + who.serialized));
   };
   const std::string none = "the peers call it valid, and no endorsement of it is good";
-  EXPECT_EQ(endorsed([&](auto& one, auto&) { by(one, peers_[1]); }), "");
+  EXPECT_EQ(endorsed([&](auto& one, auto&) { by(one, peers[1]); }), "");
   EXPECT_EQ(endorsed([](auto& one, auto&) { one.action.mutable_action()->clear_endorsements(); }), none);
-  EXPECT_EQ(endorsed([&](auto& one, auto&) { by(one, users_[1]); }), none) << "no peer";
+  EXPECT_EQ(endorsed([&](auto& one, auto&) { by(one, users[1]); }), none) << "no peer";
   EXPECT_EQ(endorsed([&](auto& one, auto&) { by(one, Organisation("Org1MSP").member("peer")); }), none);
   EXPECT_EQ(endorsed([&](auto& one, auto&) {
-              by(one, peers_[1]);
-              one.action.mutable_action()->mutable_endorsements(0)->set_endorser(peers_[2].serialized);
+              by(one, peers[1]);
+              one.action.mutable_action()->mutable_endorsements(0)->set_endorser(peers[2].serialized);
             }),
             none);
   EXPECT_EQ(endorsed([&](auto& one, auto&) {
               one.response.set_proposal_hash("of another call");
-              by(one, peers_[1]);
+              by(one, peers[1]);
             }),
             none);
 }
@@ -278,7 +278,7 @@ TEST_F(ReceiptTest, AnEndorsementCountsOnlyByAPeersKeyAndForThisCall) {
 TEST_F(ReceiptTest, WhoIsNoPeerOrNoOrdererHasNoWord) {
   const Receipt good = receipt(committed(0, "mine"));
   Receipt bent = good;
-  sign(bent.answers[0], users_[0]);
+  sign(bent.answers[0], users[0]);
   EXPECT_THAT(why(bent), HasSubstr("it is not of a peer"));
   const Organisation impostor("Org1MSP");  // the same name, another authority
   sign(bent.answers[0], impostor.member("peer"));
@@ -296,9 +296,9 @@ TEST_F(ReceiptTest, WhoIsNoPeerOrNoOrdererHasNoWord) {
                                    block_header_bytes(block.number, block.previous_hash, block.data_hash))}};
     return why(receipt);
   };
-  EXPECT_EQ(order(orderers_.member("orderer")), "");
-  EXPECT_THAT(order(orderers_.member("client")), HasSubstr("signed it and is no orderer"));
-  EXPECT_THAT(order(peers_[0]), HasSubstr("no orderer that you named"));
+  EXPECT_EQ(order(orderers.member("orderer")), "");
+  EXPECT_THAT(order(orderers.member("client")), HasSubstr("signed it and is no orderer"));
+  EXPECT_THAT(order(peers[0]), HasSubstr("no orderer that you named"));
   EXPECT_THAT(order(Organisation("OrdererMSP").member("orderer")), HasSubstr("no orderer that you named"));
 }
 
@@ -330,7 +330,7 @@ TEST_F(ReceiptTest, WhoMakesOneIsToldWhichPeerIsInTheWay) {
   const Sent sent = committed(0, "mine");
   const std::string asked = question(sent.tx_id);
   const auto refusal = [&](std::vector<PeerAnswer> answers, const std::string& by = "") {
-    const auto made = make_receipt("teleop", sent.tx_id, chain_[sent.block], by.empty() ? asked : by, answers);
+    const auto made = make_receipt("teleop", sent.tx_id, chain[sent.block], by.empty() ? asked : by, answers);
     return made ? std::string() : made.error().what;
   };
   PeerAnswer liar = answer(asked, 1), silent = answer(asked, 2);
