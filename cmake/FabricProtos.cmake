@@ -27,7 +27,7 @@ set(FABRIC_MESSAGES
   ledger/queryresult/kv_query_result ledger/rwset/rwset ledger/rwset/kvrwset/kv_rwset
   msp/identities msp/msp_config msp/msp_principal
   orderer/ab orderer/configuration
-  peer/lifecycle/chaincode_definition peer/lifecycle/db
+  peer/lifecycle/chaincode_definition peer/lifecycle/db peer/lifecycle/lifecycle
   peer/chaincode peer/chaincode_event peer/chaincode_shim peer/configuration peer/events peer/peer peer/policy peer/proposal
   peer/proposal_response peer/collection peer/transaction peer/query peer/resources)
 set(FABRIC_SERVICES gateway/gateway orderer/ab peer/events peer/peer peer/chaincode_shim)

@@ -17,7 +17,7 @@ foreach(target ledgerline_fabric_client ledgerline_shim)
   target_compile_features(${target} INTERFACE cxx_std_20)
 endforeach()
 install(TARGETS ledgerline_fabric_client ledgerline_shim
-    ledgerline_fabric_checkpoint ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session fabric_protos fabric_grpc
+    ledgerline_fabric_checkpoint ledgerline_fabric_stream ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session fabric_protos fabric_grpc
   EXPORT LedgerlineTargets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
   INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline)

@@ -108,7 +108,7 @@ void Downlink::identify(TimeNs real_now, const fabric::Transaction& tx, Signer& 
   const auto member = believed_.member(tx.creator, real_now / ns_per_s);
   if (!member) return;
   signer.name = (*member)->name;
-  signer.believed = (*member)->verifier->verify(tx.payload, tx.signature);
+  signer.believed = fabric::creator_signed(tx, *(*member)->verifier);
 }
 
 void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetView& set, std::vector<Delivery>& out) {

@@ -5,12 +5,13 @@
 #include <algorithm>
 
 #include "common/base/printable.hpp"
-#include "common/fabric/judge/block_judge.hpp"
+#include "common/fabric/stream/block_intake.hpp"
 #include "common/fabric/tx/cross_check.hpp"
-#include "common/fabric/tx/decode.hpp"
 #include "gateway/gateway.grpc.pb.h"
 #include "orderer/ab.grpc.pb.h"
 #include "peer/events.grpc.pb.h"
+#include "peer/lifecycle/lifecycle.pb.h"
+#include "peer/peer.grpc.pb.h"
 
 namespace ledgerline::fabric {
 namespace {
@@ -34,27 +35,42 @@ std::string seek(const Connection& connection, DeliverStream& stream, std::optio
   return stream.Write(message) ? "" : text_of(stream.Finish());
 }
 
+BlockIntake make_intake(const ClientConfig& config, const std::shared_ptr<CrossCheck>& cross_check) {
+  BlockIntake::Setup setup{.where = config.where,
+                           .config_block = config.config_block,
+                           .make_registry = [verifier = config.verifier](std::vector<crypto::MspRoot> roots) {
+                             return crypto::make_msp_registry(verifier, std::move(roots));
+                           }};
+  if (cross_check) {
+    setup.compare = [cross_check](std::uint64_t number, const std::string& hash) {
+      return cross_check->add(CrossCheck::Source::peer, number, hash);
+    };
+  }
+  return std::move(BlockIntake::make(std::move(setup))).value();  // make_connection has tried it
+}
+
 class BlockReader {
  public:
   BlockReader(std::shared_ptr<const Connection> connection, BlocksFrom from, Client::StreamHandlers handlers,
-              std::shared_ptr<CrossCheck> cross_check)
+              const std::shared_ptr<CrossCheck>& cross_check)
       : connection_(std::move(connection)),
-        next_(from.number),
         believed_(std::move(from.believed)),
         handlers_(std::move(handlers)),
-        cross_check_(std::move(cross_check)),
-        judge_(make_judge(connection_->config)) {}
+        intake_(make_intake(connection_->config, cross_check)) {
+    if (from.number) intake_.start_at(*from.number);
+  }
 
   std::string follow(Follower& follower) {
     if (std::string problem = continue_chain(follower); !problem.empty()) return problem;
+    ask_definition(follower);
     grpc::ClientContext context;
     const Follower::Cancellable cancellable(follower, context);
     const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
     const auto stream = stub->Deliver(&context);
-    if (std::string problem = seek(*connection_, *stream, next_); !problem.empty()) return problem;
-    caught_up_ = false;
+    if (std::string problem = seek(*connection_, *stream, intake_.next()); !problem.empty()) return problem;
+    intake_.begin();
     std::optional<Seeing> seeing;
-    if (next_) {
+    if (intake_.next()) {
       seeing.emplace(*connection_->commits);
       follower.connected();
     }
@@ -86,27 +102,65 @@ class BlockReader {
     Commits& commits_;
   };
 
-  static std::optional<BlockJudge> make_judge(const ClientConfig& config) {
-    if (config.config_block.empty()) return std::nullopt;
-    return std::move(BlockJudge::from(config.config_block, config.where.channel, config.verifier)).value();
-  }
-
   /// Finds the place behind the checkpoint, where there is one; once.
   std::string continue_chain(Follower& follower) {
     if (!believed_) return {};
     const auto newest = fetch(follower, std::nullopt);
     if (!newest) return newest.error().what;
-    const auto on = continue_behind(*believed_, *newest, [&](std::uint64_t number) { return fetch(follower, number); });
-    if (!on) return on.error().what;
-    caught_up_ = false;
-    if (on->gap) {
-      if (std::string problem = judge(*newest, follower); !problem.empty()) return problem;
+    failed_fetch_ = false;
+    const auto on = intake_.continue_chain(*believed_, *newest, fetcher(follower));
+    if (!on) {
+      // A peer that lags behind may be honest.
+      const bool lags = newest->header().number() < believed_->last.number;
+      return lags ? on.error().what : contradicted(on.error().what);
     }
     believed_.reset();
-    chain_ = on->chain;
-    next_ = chain_.height();
     if (handlers_.on_continued) handlers_.on_continued(*on);
     return {};
+  }
+
+  /// Whose endorsement the contract needs lies behind the first block that is read: the peer is asked. What it would gain by
+  /// a lie it has without one, since its flags count where nothing is known.
+  void ask_definition(Follower& follower) {
+    if (!intake_.misses_definition()) return;
+    lifecycle::QueryChaincodeDefinitionArgs question;
+    question.set_name(connection_->config.where.contract);
+    const auto proposal = make_proposal(connection_->config.identity, {connection_->config.where.channel, "_lifecycle"},
+                                        {"QueryChaincodeDefinition", {question.SerializeAsString()}}, realtime_ns(),
+                                        crypto::random_bytes(24));
+    protos::SignedProposal message;
+    if (!proposal || !message.ParseFromString(proposal->signed_proposal)) return;
+    grpc::ClientContext context;
+    const Follower::Cancellable cancellable(follower, context);
+    context.set_deadline(std::chrono::system_clock::now() + connection_->config.deadline);
+    const auto stub = protos::Endorser::NewStub(connection_->stream_peers[connection_->peer()]);
+    protos::ProposalResponse answer;
+    const grpc::Status status = stub->ProcessProposal(&context, message, &answer);
+    lifecycle::QueryChaincodeDefinitionResult definition;
+    std::string problem;
+    if (!status.ok()) {
+      problem = text_of(status);
+    } else if (answer.response().status() != 200) {
+      problem = answer.response().message();
+    } else if (!definition.ParseFromString(answer.response().payload())) {
+      problem = "its answer is malformed";
+    } else {
+      intake_.define(definition.validation_parameter());
+      return;
+    }
+    if (std::exchange(definition_problem_told_, true) || !handlers_.on_unbelievable) return;
+    handlers_.on_unbelievable(fmt::format(
+        "the peer does not say whose endorsement contract {} needs ({}): of what makes new keys the flags are "
+        "believed",
+        connection_->config.where.contract, printable(problem)));
+  }
+
+  BlockIntake::Fetch fetcher(Follower& follower) {
+    return [this, &follower](std::uint64_t number) {
+      auto block = fetch(follower, number);
+      failed_fetch_ = failed_fetch_ || !block;
+      return block;
+    };
   }
 
   /// One block of the same peer, while its stream waits; without a number its newest.
@@ -128,15 +182,9 @@ class BlockReader {
     return std::move(*response.mutable_block());
   }
 
-  /// Whether the channel's orderers have signed it; empty: yes, or nobody asks.
-  std::string judge(const common::Block& block, Follower& follower) {
-    if (!judge_) return {};
-    if (!std::exchange(caught_up_, true)) {
-      const auto caught_up = judge_->catch_up(block, [&](std::uint64_t number) { return fetch(follower, number); });
-      if (!caught_up) return caught_up.error().what;
-    }
-    const Status judged = judge_->judge(block);
-    return judged ? std::string() : judged.error().what;
+  std::string contradicted(const std::string& what) {
+    if (!failed_fetch_ && handlers_.on_contradiction) handlers_.on_contradiction(what);
+    return what;
   }
 
   std::string take(const protos::DeliverResponse& response, Follower& follower) {
@@ -145,21 +193,12 @@ class BlockReader {
     }
     if (response.Type_case() != protos::DeliverResponse::kBlock) return "the peer sent something else than blocks";
     const TimeNs received_ns = monotonic_ns();
-    auto block = decode_block(response.block());
-    if (!block) return block.error().what;
-    block->received_ns = received_ns;
-    if (std::string problem = judge(response.block(), follower); !problem.empty()) return problem;
-    if (next_ && block->number != *next_) return fmt::format("block {} came where {} was due", block->number, *next_);
-    if (auto s = chain_.add(*block); !s) return s.error().what;
-    if (cross_check_) {
-      if (std::string problem = cross_check_->add(CrossCheck::Source::peer, block->number, chain_.hash());
-          !problem.empty()) {
-        return problem;
-      }
-    }
     // "From the next new one on": the newest block that the peer sends first only says where that is.
-    const bool wanted = next_.has_value();
-    next_ = chain_.height();
+    const bool wanted = intake_.next().has_value();
+    failed_fetch_ = false;
+    auto block = intake_.take(response.block(), fetcher(follower));
+    if (!block) return contradicted(block.error().what);
+    block->received_ns = received_ns;
     if (wanted) tell_unbelievable(*block);
     if (wanted && handlers_.on_block) handlers_.on_block(*block, response.block().SerializeAsString());
     connection_->commits->block(*block);
@@ -168,24 +207,23 @@ class BlockReader {
 
   void tell_unbelievable(const Block& block) {
     for (const Transaction& transaction : block.transactions) {
-      if (transaction.code != code_unbelievable) continue;
+      if (transaction.problem.empty()) continue;
       ++unbelievable_;
       if (!handlers_.on_unbelievable || (unbelievable_ > 1 && block.received_ns < next_word_ns_)) continue;
       next_word_ns_ = block.received_ns + unbelievable_period_ns;
-      handlers_.on_unbelievable(fmt::format("block {}: transaction {}: flagged valid, but {}; left out ({} so far)",
-                                            block.number, printable(transaction.tx_id), transaction.problem,
-                                            unbelievable_));
+      const bool left_out = transaction.code == code_unbelievable;
+      handlers_.on_unbelievable(fmt::format("block {}: transaction {}: flagged {}, but {}; left out ({} so far)",
+                                            block.number, printable(transaction.tx_id), left_out ? "valid" : "invalid",
+                                            transaction.problem, unbelievable_));
     }
   }
 
   const std::shared_ptr<const Connection> connection_;
-  std::optional<std::uint64_t> next_;
   std::optional<Believed> believed_;  ///< until the chain goes on behind it
-  ChainCheck chain_;
   const Client::StreamHandlers handlers_;
-  const std::shared_ptr<CrossCheck> cross_check_;
-  std::optional<BlockJudge> judge_;
-  bool caught_up_ = false;  ///< with the configurations before the first block of this stream
+  BlockIntake intake_;
+  bool failed_fetch_ = false;  ///< what was refused last may be right: the peer did not answer
+  bool definition_problem_told_ = false;
   std::uint64_t unbelievable_ = 0;
   TimeNs next_word_ns_ = 0;
 };

@@ -74,9 +74,15 @@ Status check_signatures(const common::Block& block, const Signed& said, const Ch
 }  // namespace
 
 Result<BlockJudge> BlockJudge::from(std::string_view anchor, const std::string& channel, crypto::Library library) {
+  return from(anchor, channel, [library](std::vector<crypto::MspRoot> roots) {
+    return crypto::make_msp_registry(library, std::move(roots));
+  });
+}
+
+Result<BlockJudge> BlockJudge::from(std::string_view anchor, const std::string& channel, MakeRegistry make_registry) {
   BlockJudge judge;
   judge.channel_ = channel;
-  judge.library_ = library;
+  judge.make_registry_ = std::move(make_registry);
   common::Block block;
   if (anchor.size() > INT32_MAX || !block.ParseFromArray(anchor.data(), static_cast<int>(anchor.size())))
     return Error{"the config block cannot be parsed"};
@@ -92,7 +98,7 @@ Status BlockJudge::follow(const common::Block& block) {
     return Error{fmt::format("config block {} is of channel {}, not of {}", config->block, config->channel, channel_)};
   config_hash_ = hash_of(block.header());
   config_ = std::move(*config);
-  orderers_ = crypto::make_msp_registry(library_, config_.orderers);
+  orderers_ = make_registry_(config_.orderers);
   return done;
 }
 

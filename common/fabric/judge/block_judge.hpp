@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
@@ -20,7 +21,10 @@ namespace ledgerline::fabric {
 /// nor which blocks a peer leaves out. Pure but for the registry's cache; one thread.
 class BlockJudge {
  public:
+  /// Who checks the signatures of these organisations' members; a campaign has test signers.
+  using MakeRegistry = std::function<std::unique_ptr<crypto::MspRegistry>(std::vector<crypto::MspRoot>)>;
   /// `anchor`: a common.Block with the channel's configuration, from somebody who is trusted.
+  static Result<BlockJudge> from(std::string_view anchor, const std::string& channel, MakeRegistry make_registry);
   static Result<BlockJudge> from(std::string_view anchor, const std::string& channel, crypto::Library library);
 
   /// Enough orderers must have signed the block's header, and they must say that the configuration that is known is the
@@ -35,13 +39,16 @@ class BlockJudge {
 
   /// Number of the config block that counts.
   std::uint64_t config() const { return config_.block; }
+  const ChannelConfig& channel_config() const { return config_; }
+  /// Of everybody in the channel, by that configuration.
+  std::unique_ptr<crypto::MspRegistry> make_members() const { return make_registry_(everybody(config_)); }
 
  private:
   BlockJudge() = default;
   Status follow(const common::Block& block);
 
   std::string channel_;
-  crypto::Library library_ = crypto::Library::libcrypto;
+  MakeRegistry make_registry_;
   ChannelConfig config_;
   std::string config_hash_;  ///< of its block's header
   std::unique_ptr<crypto::MspRegistry> orderers_;

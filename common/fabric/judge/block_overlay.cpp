@@ -13,9 +13,15 @@ bool same_version(const kvrwset::KVRead& read, const std::optional<Version>& ver
 
 }  // namespace
 
+bool BlockOverlay::is_known(const NamespaceSet& part, const kvrwset::KVRead& read) const {
+  const KeyName name{part.name, part.collection, read.key()};
+  return written_.contains(name) || (state_.known(name).version && !perhaps_written_.contains(name));
+}
+
 bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::KVRead& read) const {
   const KeyName name{part.name, part.collection, read.key()};
   if (written_.contains(name)) return false;
+  if (!state_.known(name).version) return true;
   const auto key = state_.find(name);
   return same_version(read, key ? std::optional(key->version) : std::nullopt);
 }
@@ -31,28 +37,41 @@ bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::RangeQuer
     if (name.name != part.name || name.collection != part.collection || !within(name.key)) break;
     if (it->second || state_.find(name)) return false;
   }
+  // Both go up: each key that is there must have been read, and nothing else where that is known.
   const auto& reads = range.raw_reads().kv_reads();
   int seen = 0;
   bool same = true;
+  const auto skip_unknown = [&](const std::string* up_to) {
+    for (; same && seen < reads.size() && (up_to == nullptr || reads[seen].key() < *up_to); ++seen) {
+      const std::string& key = reads[seen].key();
+      const bool up = key >= range.start_key() && (seen == 0 || reads[seen - 1].key() < key);
+      same = up && within(key) && !is_known(part, reads[seen]);
+    }
+  };
   state_.walk(part.name, range.start_key(), [&](const std::string& key, Version version) {
     if (!within(key)) return false;
-    same = seen < reads.size() && reads[seen].key() == key && same_version(reads[seen], version);
+    skip_unknown(&key);
+    same = same && seen < reads.size() && reads[seen].key() == key && same_version(reads[seen], version);
     ++seen;
     return same;
   });
+  skip_unknown(nullptr);
   return same && seen == reads.size();
 }
 
-int BlockOverlay::check(const ReadWriteSet& sets) const {
+BlockOverlay::Checked BlockOverlay::check(const ReadWriteSet& sets) const {
+  bool unknown = false;
   for (const NamespaceSet& part : sets.parts) {
     for (const kvrwset::KVRead& read : part.set.reads()) {
-      if (!is_current(part, read)) return protos::MVCC_READ_CONFLICT;
+      if (!is_current(part, read)) return {protos::MVCC_READ_CONFLICT};
+      unknown = unknown || !is_known(part, read);
     }
     for (const kvrwset::RangeQueryInfo& range : part.set.range_queries_info()) {
-      if (!is_current(part, range)) return protos::PHANTOM_READ_CONFLICT;
+      if (!is_current(part, range)) return {protos::PHANTOM_READ_CONFLICT};
+      unknown = unknown || !state_.whole();
     }
   }
-  return protos::VALID;
+  return {protos::VALID, unknown};
 }
 
 bool BlockOverlay::exists(const KeyName& key) const {
@@ -64,8 +83,11 @@ void BlockOverlay::add(const ReadWriteSet& sets) {
   for (const NamespaceSet& part : sets.parts) {
     for (const auto& [key, effect] : effects_of(part.set)) {
       const KeyName name{part.name, part.collection, key};
-      if (effect.kind != KeyEffect::Kind::policy || exists(name))
+      if (effect.kind != KeyEffect::Kind::policy || exists(name)) {
         written_[name] = effect.kind != KeyEffect::Kind::deletion;
+      } else if (!state_.known(name).version && !written_.contains(name)) {
+        perhaps_written_.insert(name);
+      }
     }
   }
 }

@@ -13,9 +13,12 @@ class BlockOverlay {
  public:
   explicit BlockOverlay(const ChannelState& state) : state_(state) {}
 
-  /// VALID where each key that was read still has the version that was read, and each range the same keys; else
-  /// protos.TxValidationCode.
-  int check(const ReadWriteSet& sets) const;
+  struct Checked {
+    int code = 0;  ///< VALID where each key that was read still has the version that was read, and each range the
+                   ///< same keys; else protos.TxValidationCode
+    bool unknown = false;  ///< it has read what the state does not know
+  };
+  Checked check(const ReadWriteSet& sets) const;
   void add(const ReadWriteSet& sets);
 
   /// Whether an endorsed transaction of this block has set the key's policy: then nobody knows yet what it is.
@@ -24,12 +27,15 @@ class BlockOverlay {
   void add_policies(const ReadWriteSet& sets);
 
  private:
+  /// False only where that is certain.
   bool is_current(const NamespaceSet& part, const kvrwset::KVRead& read) const;
   bool is_current(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range) const;
+  bool is_known(const NamespaceSet& part, const kvrwset::KVRead& read) const;
   bool exists(const KeyName& key) const;
 
   const ChannelState& state_;
-  std::map<KeyName, bool> written_;  ///< true: it is there afterwards
+  std::map<KeyName, bool> written_;    ///< true: it is there afterwards
+  std::set<KeyName> perhaps_written_;  ///< whether they are there is not known, so neither is whether that counts
   std::set<KeyName> new_policies_;
 };
 

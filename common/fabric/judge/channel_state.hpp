@@ -34,14 +34,22 @@ class ChannelState {
     Version version;
     std::string policy{};  ///< its own, common.SignaturePolicyEnvelope; empty: that of its namespace or collection
   };
-  /// nullopt: it is not there.
+  /// nullopt: it is not there, or nobody knows.
   virtual std::optional<Key> find(const KeyName& name) const = 0;
+  /// Whether a channel was followed from its first block on: what is not found is then not there.
+  virtual bool whole() const { return true; }
+  /// What is known of a key, found or not.
+  struct Known {
+    bool version = true, policy = true;
+  };
+  virtual Known known(const KeyName&) const { return {}; }
   /// The keys that a namespace has from `start` on, in order, until `take` says false.
   virtual void walk(const std::string& name, const std::string& start,
                     const std::function<bool(const std::string& key, Version version)>& take) const = 0;
   virtual bool knows_transaction(const std::string& tx_id) const = 0;
 
-  /// Whose endorsement a namespace's keys need, or a collection's; nullopt: there is no such contract.
+  /// Whose endorsement a namespace's keys need, or a collection's; nullopt: there is no such contract, or, where the
+  /// state is not whole, nobody knows.
   virtual std::optional<Policy> policy_of(const std::string& name, const std::string& collection) const = 0;
 };
 

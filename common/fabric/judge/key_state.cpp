@@ -15,17 +15,27 @@ constexpr std::string_view collections_field = "/Collections";
 constexpr std::string_view implicit_collection = "_implicit_org_";  // and an MSP id: what an organisation has approved
 }  // namespace
 
-void KeyState::define(const std::string& contract) { definitions_[contract] = {}; }
+void KeyState::define(const std::string& contract, const std::string& policy) {
+  definitions_[contract] = {.policy = policy, .collections = {}};
+}
 
 std::optional<ChannelState::Key> KeyState::find(const KeyName& name) const {
   const auto found = keys_.find(name);
-  return found == keys_.end() ? std::nullopt : std::optional(found->second);
+  return found == keys_.end() || !found->second.there || !found->second.known.version
+             ? std::nullopt
+             : std::optional(found->second.key);
+}
+
+ChannelState::Known KeyState::known(const KeyName& name) const {
+  const auto found = keys_.find(name);
+  return found == keys_.end() ? Known{whole(), whole()} : found->second.known;
 }
 
 void KeyState::walk(const std::string& name, const std::string& start,
                     const std::function<bool(const std::string& key, Version version)>& take) const {
   for (auto it = keys_.lower_bound({name, "", start}); it != keys_.end(); ++it) {
-    if (it->first.name != name || !it->first.collection.empty() || !take(it->first.key, it->second.version)) return;
+    if (it->first.name != name || !it->first.collection.empty()) return;
+    if (it->second.there && it->second.known.version && !take(it->first.key, it->second.key.version)) return;
   }
 }
 
@@ -52,7 +62,7 @@ std::optional<Policy> KeyState::policy_of(const std::string& name, const std::st
   if (found == definitions_.end()) return std::nullopt;
   if (collection.empty()) return application_policy(found->second.policy);
   const auto own = found->second.collections.find(collection);
-  if (own == found->second.collections.end()) return nobody();
+  if (own == found->second.collections.end()) return whole() ? std::optional(nobody()) : std::nullopt;
   return application_policy(own->second.empty() ? found->second.policy : own->second);
 }
 
@@ -89,30 +99,84 @@ void KeyState::take_definition(std::string_view key, const KeyEffect& effect) {
   }
 }
 
+bool KeyState::follows(const NamespaceSet& part) const {
+  return whole() || (part.collection.empty() && (part.name == part_->contract || part.name == lifecycle_name));
+}
+
+KeyState::Entry* KeyState::entry(const KeyName& name) {
+  const auto found = keys_.find(name);
+  if (found != keys_.end()) return &found->second;
+  if (part_ && keys_.size() >= part_->max_keys) return nullptr;
+  Entry& made = keys_[name];
+  made.there = false;
+  made.known = {whole(), whole()};
+  return &made;
+}
+
+/// A transaction that counts has read what was there.
+void KeyState::learn(const NamespaceSet& part) {
+  for (const kvrwset::KVRead& read : part.set.reads()) {
+    const KeyName name{part.name, part.collection, read.key()};
+    Entry* found = entry(name);
+    if (found == nullptr || found->known.version) continue;
+    found->known.version = true;
+    found->there = read.has_version();
+    found->known.policy = found->known.policy || !found->there;  // what is not there has none
+    if (found->there) found->key.version = {read.version().block_num(), read.version().tx_num()};
+  }
+}
+
+void KeyState::write(const KeyName& name, const KeyEffect& effect, Version version) {
+  if (effect.kind == KeyEffect::Kind::deletion && whole()) {
+    keys_.erase(name);
+    return;
+  }
+  Entry* found = entry(name);
+  if (found == nullptr) return;
+  if (effect.kind == KeyEffect::Kind::deletion) {
+    *found = {.key = {}, .there = false, .known = {}};
+    return;
+  }
+  if (effect.kind == KeyEffect::Kind::policy && !found->there) {
+    // Where it is not known whether the key is there, neither is what this has changed.
+    if (found->known.version && whole()) keys_.erase(name);
+    return;
+  }
+  found->there = true;
+  found->key.version = version;
+  found->known.version = true;
+  if (effect.kind == KeyEffect::Kind::value) return;
+  found->key.policy = effect.policy;
+  found->known.policy = true;
+}
+
 void KeyState::write(const NamespaceSet& part, Version version) {
   const bool defines = part.name == lifecycle_name && part.collection.empty();
   for (const auto& [key, effect] : effects_of(part.set)) {
-    const KeyName name{part.name, part.collection, key};
     if (defines) take_definition(key, effect);
-    if (effect.kind == KeyEffect::Kind::deletion) {
-      keys_.erase(name);
-      continue;
-    }
-    const auto found = keys_.find(name);
-    if (found == keys_.end() && effect.kind == KeyEffect::Kind::policy) continue;
-    Key& known = found == keys_.end() ? keys_[name] : found->second;
-    known.version = version;
-    if (effect.kind != KeyEffect::Kind::value) known.policy = effect.policy;
+    write({part.name, part.collection, key}, effect, version);
   }
+}
+
+void KeyState::remember(const std::string& tx_id) {
+  if (!transactions_.insert(tx_id).second || !part_) return;
+  newest_.push_back(tx_id);
+  if (newest_.size() <= part_->max_ids) return;
+  transactions_.erase(newest_.front());
+  newest_.pop_front();
 }
 
 void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts) {
   for (std::size_t i = 0; i < verdicts.size(); ++i) {
     const Verdict& verdict = verdicts[i];
     // Of invalid ones, too; in Fabric also of those who only claim an id, so that its owner is refused from then on.
-    if (verdict.code != protos::BAD_PROPOSAL_TXID || !config_.embedded_node) transactions_.insert(verdict.tx_id);
+    if (verdict.code != protos::BAD_PROPOSAL_TXID || !config_.embedded_node) remember(verdict.tx_id);
     if (verdict.code != protos::VALID) continue;
-    for (const NamespaceSet& part : verdict.sets.parts) write(part, {block, i});
+    for (const NamespaceSet& part : verdict.sets.parts) {
+      if (!follows(part)) continue;
+      if (part_) learn(part);
+      write(part, {block, i});
+    }
   }
 }
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <deque>
 #include <map>
 #include <optional>
 #include <string>
@@ -13,20 +14,33 @@
 
 namespace ledgerline::fabric {
 
-/// The state of a channel as a judge needs it who has followed it from its first block on: versions and policies of all
-/// keys, but no values; the ids of all transactions; the definitions of contracts, out of Fabric's `_lifecycle`. Memory
-/// grows with the number of keys, and by some 120 bytes a transaction. One thread.
+/// The state of a channel as a judge needs it who has followed it: versions and policies of keys, but no values; the ids
+/// of transactions; the definitions of contracts, out of Fabric's `_lifecycle`. One thread.
+///
+/// Followed from its first block on it is whole: memory grows with the number of keys, and by some 120 bytes a
+/// transaction. Followed from a later block on it knows what the blocks since have written, and which versions those
+/// transactions have read that counted; memory is bounded.
 class KeyState final : public ChannelState {
  public:
+  KeyState() = default;
+  struct Part {
+    std::string contract;           ///< whose keys are followed, beside the definitions
+    std::size_t max_keys = 20'000;  ///< further ones are not followed
+    std::size_t max_ids = 50'000;   ///< of the newest transactions
+  };
+  explicit KeyState(Part part) : part_(std::move(part)) {}
+
   /// From here on these policies are the channel's.
   void configure(ChannelConfig config) { config_ = std::move(config); }
   /// A contract that the channel has without Fabric's lifecycle, as the embedded node's: its keys need the channel's
-  /// own policy.
-  void define(const std::string& contract);
+  /// own policy. `policy`: protos.ApplicationPolicy of one whose definition was not followed.
+  void define(const std::string& contract, const std::string& policy = {});
   /// What the block's valid transactions have written. `verdicts`: of all of them.
   void apply(std::uint64_t block, const std::vector<Verdict>& verdicts);
 
   std::optional<Key> find(const KeyName& name) const override;
+  bool whole() const override { return !part_; }
+  Known known(const KeyName& name) const override;
   void walk(const std::string& name, const std::string& start,
             const std::function<bool(const std::string& key, Version version)>& take) const override;
   bool knows_transaction(const std::string& tx_id) const override;
@@ -36,14 +50,27 @@ class KeyState final : public ChannelState {
   std::size_t transactions() const { return transactions_.size(); }
 
  private:
+  struct Entry {
+    Key key;
+    bool there = true;  ///< else it is known that it is not; of a part alone
+    Known known{};
+  };
+  bool follows(const NamespaceSet& part) const;
+  /// nullptr: there are too many already.
+  Entry* entry(const KeyName& name);
+  void learn(const NamespaceSet& part);
   void write(const NamespaceSet& part, Version version);
+  void write(const KeyName& name, const KeyEffect& effect, Version version);
+  void remember(const std::string& tx_id);
   void take_definition(std::string_view key, const KeyEffect& effect);
   void take_collections(const std::string& contract, const std::string& bytes);
   Policy application_policy(const std::string& bytes) const;
 
   ChannelConfig config_;
-  std::map<KeyName, Key> keys_;
+  std::optional<Part> part_;  ///< none: it is whole
+  std::map<KeyName, Entry> keys_;
   std::unordered_set<std::string> transactions_;
+  std::deque<std::string> newest_;  ///< of a part's transactions, newest last
   struct Definition {
     std::string policy;                              ///< protos.ApplicationPolicy; empty: the channel's own
     std::map<std::string, std::string> collections;  ///< the same for those of private data; empty: the contract's

@@ -23,11 +23,13 @@ class Judging {
   Judging(const ChannelState& state, crypto::MspRegistry& members, const JudgeRules& rules)
       : state_(state), members_(members), rules_(rules), overlay_(state) {}
 
-  Verdict judge(std::string_view envelope) {
-    const TransactionForm form =
-        read_form(envelope, [this](const std::string& creator, const std::string& payload,
-                                   const std::string& signature) { return has_signed(creator, payload, signature); });
+  /// `told`: the peer's flag, which counts where the state does not know enough.
+  Verdict judge(std::string_view envelope, std::optional<int> told) {
     Verdict verdict;
+    const TransactionForm form =
+        read_form(envelope, [&](const std::string& creator, const std::string& payload, const std::string& signature) {
+          return verdict.creator_signed = has_signed(creator, payload, signature);
+        });
     verdict.tx_id = form.channel_header.tx_id();
     verdict.config = form.config;
     verdict.code = form.code;
@@ -40,14 +42,20 @@ class Judging {
     if (state_.knows_transaction(verdict.tx_id))
       return refuse(std::move(verdict), protos::DUPLICATE_TXID, "its id was used before");
     ReadWriteSet sets;
-    if (const Wrong wrong = endorsed(form, sets); wrong.code != protos::VALID)
-      return refuse(std::move(verdict), wrong.code, wrong.why);
+    unknown_ = !state_.whole() && told == protos::DUPLICATE_TXID && !ids_.contains(verdict.tx_id);
+    if (const Wrong wrong = endorsed(form, sets, verdict.endorsement_fits); wrong.code != protos::VALID)
+      return refuse(std::move(verdict), wrong.code, wrong.why, told);
+    if (unknown_ && is_of_endorsement(told)) return refuse(std::move(verdict), *told, by_word, told);
     overlay_.add_policies(sets);
     // As in Fabric, a transaction that fails for what it read has used its id up, also within the block.
     if (!ids_.insert(verdict.tx_id).second)
       return refuse(std::move(verdict), protos::DUPLICATE_TXID, "its id was used before in this block");
-    if (const int code = overlay_.check(sets); code != protos::VALID)
-      return refuse(std::move(verdict), code, "what it read has changed since");
+    const BlockOverlay::Checked checked = overlay_.check(sets);
+    if (checked.code != protos::VALID)
+      return refuse(std::move(verdict), checked.code, "what it read has changed since", told);
+    unknown_ = unknown_ || checked.unknown;
+    verdict.by_flag = unknown_ && told;
+    if (verdict.by_flag && *told != protos::VALID) return refuse(std::move(verdict), *told, by_word, told);
     overlay_.add(sets);
     verdict.sets = std::move(sets);
     return verdict;
@@ -59,10 +67,26 @@ class Judging {
     const char* why = "";
   };
 
+  static constexpr const char* by_word = "the peer says so";
+
   static Verdict refuse(Verdict verdict, int code, const char* why) {
     verdict.code = code;
     verdict.why = why;
     return verdict;
+  }
+  /// It is invalid in any case; where something before that is not known, the flag may name the first reason.
+  Verdict refuse(Verdict verdict, int code, const char* why, std::optional<int> told) const {
+    if (unknown_ && told && *told != protos::VALID) {
+      verdict.by_flag = code != *told;
+      code = *told;
+    }
+    return refuse(std::move(verdict), code, why);
+  }
+
+  /// Whether a peer that gives this code has found too few endorsements, or no contract.
+  static bool is_of_endorsement(std::optional<int> code) {
+    return code && *code != protos::VALID && *code != protos::DUPLICATE_TXID && *code != protos::MVCC_READ_CONFLICT &&
+           *code != protos::PHANTOM_READ_CONFLICT;
   }
 
   bool has_signed(const std::string& who, const std::string& message, const std::string& signature) {
@@ -71,17 +95,19 @@ class Judging {
   }
 
   /// Who has endorsed, each once.
-  std::vector<Endorser> endorsers_of(const TransactionForm& form) {
+  std::vector<Endorser> endorsers_of(const TransactionForm& form, std::vector<bool>& fits) {
     std::vector<Endorser> found;
     std::set<std::string> known;
     for (const protos::Endorsement& endorsement : form.endorsements) {
       const auto member = members_.member(endorsement.endorser(), std::nullopt);
+      fits.push_back(false);
       if (!member) continue;
       const std::string identity = (*member)->name.msp_id + ' ' + without_layout((*member)->pem);
       if (known.contains(identity) ||
           !(*member)->verifier->verify(form.response_payload + endorsement.endorser(), endorsement.signature()))
         continue;
       known.insert(identity);
+      fits.back() = true;
       found.push_back({(*member)->name.msp_id, (*member)->peer, (*member)->orderer});
     }
     return found;
@@ -108,7 +134,7 @@ class Judging {
     return {};
   }
 
-  Wrong endorsed(const TransactionForm& form, ReadWriteSet& sets) {
+  Wrong endorsed(const TransactionForm& form, ReadWriteSet& sets, std::vector<bool>& fits) {
     protos::ChaincodeHeaderExtension called;
     if (!called.ParseFromString(form.channel_header.extension()))
       return {protos::BAD_HEADER_EXTENSION, "its header extension is malformed"};
@@ -123,9 +149,10 @@ class Judging {
     for (const NamespaceSet& part : sets.parts) {
       if (part.writes()) namespaces.insert(part.name);
     }
-    const std::vector<Endorser> endorsers = endorsers_of(form);
+    const std::vector<Endorser> endorsers = endorsers_of(form, fits);
     for (const std::string& name : namespaces) {
-      if (!state_.policy_of(name, "")) return {protos::INVALID_CHAINCODE, "it writes to a contract that is not there"};
+      if (state_.whole() && !state_.policy_of(name, ""))
+        return {protos::INVALID_CHAINCODE, "it writes to a contract that is not there"};
       if (!satisfies_policies(name, sets, endorsers))
         return {protos::ENDORSEMENT_POLICY_FAILURE, "its endorsements do not satisfy the policies of what it writes"};
     }
@@ -133,15 +160,15 @@ class Judging {
   }
 
   bool satisfies_policy_of(const std::string& name, const std::string& collection,
-                           const std::vector<Endorser>& endorsers) const {
+                           const std::vector<Endorser>& endorsers) {
     const auto policy = state_.policy_of(name, collection);
-    return policy && satisfies(*policy, endorsers);
+    if (!policy && !state_.whole()) unknown_ = true;
+    return policy ? satisfies(*policy, endorsers) : !state_.whole() && !endorsers.empty();
   }
 
   /// Fabric's rule: a key with a policy of its own needs what that says, the others what their namespace's or
   /// collection's says; so does a transaction that writes nothing.
-  bool satisfies_policies(const std::string& name, const ReadWriteSet& sets,
-                          const std::vector<Endorser>& endorsers) const {
+  bool satisfies_policies(const std::string& name, const ReadWriteSet& sets, const std::vector<Endorser>& endorsers) {
     bool any = false;
     for (const NamespaceSet& part : sets.parts) {
       if (part.name != name) continue;
@@ -151,14 +178,19 @@ class Judging {
       bool common_policy = false;
       for (const std::string& key : keys) {
         const KeyName whole{name, part.collection, key};
+        any = true;
         if (overlay_.has_new_policy(whole)) return false;
+        if (!state_.known(whole).policy) {
+          unknown_ = true;
+          if (endorsers.empty()) return false;  // whatever it is
+          continue;
+        }
         const auto found = state_.find(whole);
         if (!found || found->policy.empty()) {
           common_policy = true;
         } else if (!satisfies(found->policy, endorsers)) {
           return false;
         }
-        any = true;
       }
       if (common_policy && !satisfies_policy_of(name, part.collection, endorsers)) return false;
     }
@@ -170,6 +202,7 @@ class Judging {
   const JudgeRules& rules_;
   BlockOverlay overlay_;
   std::unordered_set<std::string> ids_;
+  bool unknown_ = false;  ///< the verdict so far rests on something that the state does not know
 };
 
 }  // namespace
@@ -177,9 +210,16 @@ class Judging {
 std::vector<Verdict> judge_transactions(const common::Block& block, const ChannelState& state,
                                         crypto::MspRegistry& members, const JudgeRules& rules) {
   Judging judging(state, members, rules);
+  const auto count = static_cast<std::size_t>(block.data().data_size());
+  std::string_view flags;
+  if (!state.whole() && block.metadata().metadata_size() > common::TRANSACTIONS_FILTER)
+    flags = block.metadata().metadata(common::TRANSACTIONS_FILTER);
   std::vector<Verdict> verdicts;
-  verdicts.reserve(static_cast<std::size_t>(block.data().data_size()));
-  for (const std::string& envelope : block.data().data()) verdicts.push_back(judging.judge(envelope));
+  verdicts.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto told = flags.size() == count ? std::optional<int>(static_cast<unsigned char>(flags[i])) : std::nullopt;
+    verdicts.push_back(judging.judge(block.data().data(static_cast<int>(i)), told));
+  }
   return verdicts;
 }
 

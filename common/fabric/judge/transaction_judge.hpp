@@ -16,7 +16,11 @@ struct Verdict {
   int code = 0;          ///< protos.TxValidationCode
   const char* why = "";  ///< in words, unless it is VALID
   bool config = false;   ///< whether it may configure the channel is not judged here: BlockJudge follows it
-  ReadWriteSet sets{};   ///< of a valid one
+  /// It is as the peer flagged it, for it rests on something that the state does not know.
+  bool by_flag = false;
+  bool creator_signed = false;
+  std::vector<bool> endorsement_fits{};  ///< of each endorsement, as far as they were looked at: it is a member's
+  ReadWriteSet sets{};                   ///< of a valid one
 };
 
 struct JudgeRules {
@@ -27,7 +31,8 @@ struct JudgeRules {
 
 /// Of each transaction in the block, in its order: form, creator, transaction id, contract, endorsements by the
 /// policies of what it writes (those before the block: who writes a key whose policy the block has changed before it, is
-/// invalid), and that what it read is as it was. Certificates count whenever they were valid, as in Fabric, and not when
+/// invalid), and that what it read is as it was. Where the state is not whole, what it does not know is taken from the
+/// block's flags, if it has some. Certificates count whenever they were valid, as in Fabric, and not when
 /// they are revoked. `members`: of all organisations of the channel, the orderers' among them. Signatures are of a block
 /// that BlockJudge passed.
 std::vector<Verdict> judge_transactions(const common::Block& block, const ChannelState& state,

@@ -78,18 +78,6 @@ const char* read_call(const common::ChannelHeader& channel, const common::Payloa
   return read_action(out.response_payload, out);
 }
 
-/// What may still be said of a transaction that is not what its flag says: who it is, and why. Nothing that somebody
-/// could act on.
-void disbelieve(Transaction& transaction, const char* why) {
-  Transaction bare;
-  bare.tx_id = std::move(transaction.tx_id);
-  bare.channel = std::move(transaction.channel);
-  bare.contract = std::move(transaction.contract);
-  bare.code = code_unbelievable;
-  bare.problem = why;
-  transaction = std::move(bare);
-}
-
 /// nullptr, or what is wrong.
 const char* read_transaction(const std::string& bytes, Transaction& out) {
   common::Envelope envelope;
@@ -129,6 +117,16 @@ void put_element(std::string& der, char tag, std::string_view content) {
 }
 
 }  // namespace
+
+void disbelieve(Transaction& transaction, std::string why) {
+  Transaction bare;
+  bare.tx_id = std::move(transaction.tx_id);
+  bare.channel = std::move(transaction.channel);
+  bare.contract = std::move(transaction.contract);
+  bare.code = code_unbelievable;
+  bare.problem = std::move(why);
+  transaction = std::move(bare);
+}
 
 Result<Block> decode_block(const common::Block& block) {
   Block out;

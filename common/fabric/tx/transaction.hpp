@@ -79,6 +79,7 @@ Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::str
 struct Endorsement {
   std::string endorser;  ///< msp.SerializedIdentity
   std::string signature;
+  bool fits = false;  ///< as Transaction::creator_fits
 };
 
 /// A verdict of our own beside protos.TxValidationCode, which is a byte: flagged valid by the peers, but what is in it
@@ -99,11 +100,25 @@ struct Transaction {
   std::string event_payload;
   std::string payload;  ///< common.Payload, signed by creator as `signature`
   std::string signature;
+  /// Whoever handed over the block has verified this signature with the key in the identity, and need not be asked
+  /// whose identity that is. False: nobody has, or it does not fit.
+  bool creator_fits = false;
   std::string response_payload;  ///< ProposalResponsePayload: each endorsement signs it followed by the endorser
   std::vector<Endorsement> endorsements;
   bool config = false;  ///< a config transaction: only tx_id, channel and code are set
-  std::string problem;  ///< why it is not believed; only tx_id, channel, contract and code are set then
+  /// Why it is not believed. Where it was flagged valid, only tx_id, channel, contract and code are set then; else it is as
+  /// it came, and it is our own judgement that contradicts its flag.
+  std::string problem;
 };
+
+/// Whether they signed it, who have these keys; not verified again where that was done.
+inline bool creator_signed(const Transaction& transaction, const crypto::Verifier& key) {
+  return transaction.creator_fits || key.verify(transaction.payload, transaction.signature);
+}
+inline bool endorser_signed(const Transaction& transaction, const Endorsement& endorsement,
+                            const crypto::Verifier& key) {
+  return endorsement.fits || key.verify(transaction.response_payload + endorsement.endorser, endorsement.signature);
+}
 
 struct Block {
   std::uint64_t number = 0;

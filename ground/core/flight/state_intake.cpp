@@ -21,7 +21,7 @@ bool StateIntake::believed(const fabric::Transaction& tx, std::int64_t realtime_
   const auto member = config_.believed->member(tx.creator, realtime_s);
   const auto& owner = leases_.of(drone).owner;
   if (!member || (owner && (*member)->name != *owner)) return false;
-  return (*member)->verifier->verify(tx.payload, tx.signature);
+  return fabric::creator_signed(tx, *(*member)->verifier);
 }
 
 bool StateIntake::same_boot(std::size_t drone, const StateSample& state) const {

@@ -46,7 +46,7 @@ std::optional<LeaseBook::Change> LeaseBook::take_record(std::size_t drone, const
 // Who signed it; nobody who is believed: none.
 std::optional<belief::Creator> LeaseBook::creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const {
   const auto member = config_.believed->member(tx.creator, realtime_s);
-  if (!member || !(*member)->verifier->verify(tx.payload, tx.signature)) return std::nullopt;
+  if (!member || !fabric::creator_signed(tx, *(*member)->verifier)) return std::nullopt;
   return belief::Creator{(*member)->name, (*member)->admin};
 }
 

@@ -108,13 +108,15 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
   }
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.config) continue;
-    if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
+    if (!tx.problem.empty() && out.unbelievable++ == 0)
+      out.unbelievable_problem = "transaction " + tx.tx_id + ": " + tx.problem;
     if (tx.event_name == contract::command) take_commands(now, now_s, tx, out);
     if (!out.chain_ok) continue;
     const bool stops = tx.event_name == contract::stop;
     if (tx.code == 0 && !stops && belief::is_control_event(tx.event_name)) take_controls(now, now_s, tx, out);
     if (tx.code != duplicate_tx_id && (stops || tx.function == contract::stop)) take_stops(now, tx, out);
   }
+  unbelievable_transactions_ += out.unbelievable;
   return out;
 }
 
@@ -123,7 +125,7 @@ Refusal CommandCheck::check_creator(std::optional<std::int64_t> now_s, const fab
   if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) return Refusal::wrong_channel;
   const auto creator = registry_.member(tx.creator, now_s);
   if (!creator) return Refusal::unknown_signer;
-  if (!(*creator)->verifier->verify(tx.payload, tx.signature)) return Refusal::bad_signature;
+  if (!fabric::creator_signed(tx, *(*creator)->verifier)) return Refusal::bad_signature;
   signer = {(*creator)->name, (*creator)->admin};
   return Refusal::none;
 }
@@ -141,7 +143,7 @@ bool CommandCheck::endorsed_by(const Organisations& organisations, std::optional
     const auto endorser = registry_.member(e.endorser, now_s);
     // Peers alone: any other member of the organisation, this agent included, could sign a result of its own making.
     return endorser && (*endorser)->peer && organisations.contains((*endorser)->name.msp_id) &&
-           (*endorser)->verifier->verify(tx.response_payload + e.endorser, e.signature);
+           fabric::endorser_signed(tx, e, *(*endorser)->verifier);
   });
 }
 

@@ -1,0 +1,110 @@
+#include "common/fabric/stream/block_intake.hpp"
+
+#include <fmt/format.h>
+
+#include "common/fabric/tx/decode.hpp"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::fabric {
+
+Result<BlockIntake> BlockIntake::make(Setup setup) {
+  BlockIntake intake(std::move(setup));
+  if (intake.setup_.config_block.empty()) return intake;
+  auto judge = BlockJudge::from(intake.setup_.config_block, intake.setup_.where.channel, intake.setup_.make_registry);
+  if (!judge) return judge.error();
+  intake.judge_ = std::move(*judge);
+  intake.rules_.channel = intake.setup_.where.channel;
+  intake.forget();
+  return intake;
+}
+
+/// What has been followed does not hold on: blocks are missing.
+void BlockIntake::forget() {
+  if (!judge_) return;
+  state_.emplace(KeyState::Part{.contract = setup_.where.contract});
+  defined_ = false;
+  configure();
+}
+
+void BlockIntake::configure() {
+  const ChannelConfig& config = judge_->channel_config();
+  configured_ = config.block;
+  members_ = judge_->make_members();
+  rules_.foreign_events = !config.embedded_node;
+  state_->configure(config);
+  if (config.embedded_node) define({});
+}
+
+void BlockIntake::define(const std::string& policy) {
+  if (!state_) return;
+  state_->define(setup_.where.contract, policy);
+  defined_ = true;
+}
+
+Result<Continuation> BlockIntake::continue_chain(const Believed& believed, const common::Block& newest,
+                                                 const Fetch& fetch) {
+  auto on = continue_behind(believed, newest, fetch);
+  if (!on) return on;
+  caught_up_ = false;
+  if (on->gap) {
+    if (const Status judged = judge_block(newest, fetch); !judged) return judged.error();
+    forget();
+  }
+  chain_ = on->chain;
+  next_ = chain_.height();
+  return on;
+}
+
+Status BlockIntake::judge_block(const common::Block& message, const Fetch& fetch) {
+  if (!judge_) return done;
+  if (!std::exchange(caught_up_, true)) {
+    if (auto caught_up = judge_->catch_up(message, fetch); !caught_up) return caught_up;
+  }
+  return judge_->judge(message);
+}
+
+Result<Block> BlockIntake::take(const common::Block& message, const Fetch& fetch) {
+  auto block = decode_block(message);
+  if (!block) return block;
+  if (Status judged = judge_block(message, fetch); !judged) return judged.error();
+  if (next_ && block->number != *next_)
+    return Error{fmt::format("block {} came where {} was due", block->number, *next_)};
+  if (Status follows = chain_.add(*block); !follows) return follows.error();
+  if (setup_.compare) {
+    if (std::string problem = setup_.compare(block->number, chain_.hash()); !problem.empty()) return Error{problem};
+  }
+  next_ = chain_.height();
+  if (state_) judge_transactions(message, *block);
+  return block;
+}
+
+void BlockIntake::judge_transactions(const common::Block& message, Block& block) {
+  if (judge_->config() != configured_ && judge_->config() != block.number) configure();
+  // Nobody orders the first block.
+  if (block.number == 0) return;
+  const std::vector<Verdict> verdicts = fabric::judge_transactions(message, *state_, *members_, rules_);
+  for (std::size_t i = 0; i < verdicts.size(); ++i) {
+    const Verdict& verdict = verdicts[i];
+    Transaction& transaction = block.transactions[i];
+    if (verdict.config) continue;
+    if (verdict.by_flag) {
+      ++counts_.by_flag;
+    } else {
+      ++counts_.judged;
+    }
+    transaction.creator_fits = verdict.creator_signed;
+    for (std::size_t e = 0; e < verdict.endorsement_fits.size() && e < transaction.endorsements.size(); ++e)
+      transaction.endorsements[e].fits = verdict.endorsement_fits[e];
+    if (verdict.code == transaction.code || transaction.code < 0 || transaction.code == code_unbelievable) continue;
+    ++counts_.differ;
+    if (transaction.code == protos::VALID) {
+      disbelieve(transaction, verdict.why);
+    } else {
+      transaction.problem = fmt::format("it is {}", verdict.code == protos::VALID ? "valid" : verdict.why);
+    }
+  }
+  state_->apply(block.number, verdicts);
+  if (judge_->config() != configured_) configure();
+}
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,169 @@
+#include "common/fabric/stream/block_intake.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "peer/transaction.pb.h"
+#include "tests/unit/campaign.hpp"
+#include "tests/unit/common/fabric/judge/judged_channel.hpp"
+
+/// What a program believes of a peer's blocks that began to read them somewhere.
+namespace ledgerline::fabric {
+namespace {
+
+Result<common::Block> nothing(std::uint64_t) { return Error{"nobody is asked"}; }
+
+class Intake : public ::testing::Test, protected JudgedChannel {
+ protected:
+  Intake() : chain_{first_block_} {
+    for (const Kind& kind : all_) {
+      if (!kind.again) usable_.push_back(&kind);
+    }
+    // What the fixture has filled in is on the chain as well.
+    state_ = KeyState();
+    state_.configure(config_);
+    state_.define("ledgerline");
+    height_ = 0;
+    Draft made = filling();
+    for (const kvrwset::KVWrite& write : made.set.writes()) made.set.add_reads()->set_key(write.key());  // not there
+    add({made.seal()});
+  }
+
+  /// The next block, as an honest peer serves it.
+  void add(const std::vector<std::string>& envelopes) {
+    common::Block block = node::make_block({chain_.size(), node::header_hash(chain_.back().header())}, envelopes);
+    ASSERT_TRUE(node::sign_block(block, orderer_));
+    const auto verdicts = judge(envelopes, rules_);
+    std::string flags;
+    for (const Verdict& one : verdicts) flags += static_cast<char>(one.code);
+    block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
+    if (part_) part_->apply(chain_.size(), judge_transactions(block, *part_, *members_, rules_));
+    state_.apply(++height_, verdicts);
+    chain_.push_back(std::move(block));
+  }
+  std::size_t below(std::size_t count) { return static_cast<std::size_t>(random_.next() % count); }
+  /// Of every kind, good and spoilt, in blocks of up to four; some again.
+  void grow(std::size_t transactions) {
+    std::string last;
+    for (std::size_t made = 0; made < transactions;) {
+      std::vector<std::string> envelopes;
+      const std::size_t count = 1 + below(4);
+      for (std::size_t i = 0; i < count; ++i) {
+        const bool again = !last.empty() && below(20) == 0;
+        if (!again) {
+          last_name_ = usable_[below(usable_.size())]->name;
+          last = sealed(last_name_);
+        }
+        names_[{chain_.size(), i}] = last_name_ + (again ? ", again" : "");
+        envelopes.push_back(last);
+      }
+      add(envelopes);
+      made += count;
+    }
+  }
+
+  BlockIntake make() const {
+    return std::move(BlockIntake::make(
+                         {.where = {},
+                          .config_block = chain_[0].SerializeAsString(),
+                          .make_registry = [](auto roots) { return crypto::make_msp_registry(library, roots); }}))
+        .value();
+  }
+  /// From that block on; each flag as `bend` makes it.
+  struct Taken {
+    std::uint64_t honest = 0, lies = 0, told = 0, flown = 0;
+    BlockIntake::Counts counts;
+  };
+  Taken take(std::size_t from, const std::function<int(int flag)>& bend = {}) {
+    BlockIntake intake = make();
+    intake.define({});
+    Taken taken;
+    for (std::size_t number = from; number < chain_.size(); ++number) {
+      common::Block block = chain_[number];
+      std::string flags = block.metadata().metadata(common::TRANSACTIONS_FILTER);
+      const std::string truth = flags;
+      if (bend && number > from + 50) {
+        for (char& flag : flags) flag = static_cast<char>(bend(static_cast<unsigned char>(flag)));
+      }
+      block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
+      const auto read = intake.take(block, nothing);
+      EXPECT_TRUE(read) << read.error().what;
+      for (std::size_t i = 0; read && i < read->transactions.size(); ++i) {
+        const Transaction& one = read->transactions[i];
+        const bool lie = flags[i] != truth[i];
+        ++(lie ? taken.lies : taken.honest);
+        if (!one.problem.empty() && lie) ++taken.told;
+        if (one.problem.empty() && lie && one.code == protos::VALID) ++taken.flown, ++believed_[names_[{number, i}]];
+        // The decoder leaves out what Fabric takes and nobody can read.
+        if (lie || one.code == code_unbelievable) continue;
+        EXPECT_EQ(one.problem, "") << "block " << number << ", " << i << ", flag " << int(truth[i]) << ", "
+                                   << names_[{number, i}];
+      }
+    }
+    taken.counts = intake.counts();
+    return taken;
+  }
+
+  const JudgeRules rules_{"teleop", false};  ///< the embedded node's, of whose making the first block is
+  std::optional<KeyState> part_;
+  std::vector<common::Block> chain_;
+  std::vector<const Kind*> usable_;
+  std::map<std::string, int> believed_;  ///< lies that were, by kind
+  std::string last_name_;
+  std::map<std::pair<std::size_t, std::size_t>, std::string> names_;  ///< of the kinds, by block and place
+};
+
+TEST_F(Intake, BelievesAnHonestPeerWhereverItBegins) {
+  grow(static_cast<std::size_t>(seeds(600, 6'000)));
+  for (const std::size_t from : {std::size_t(1), chain_.size() / 4, chain_.size() / 2, chain_.size() - 20}) {
+    const Taken taken = take(from);
+    EXPECT_GT(taken.honest, 20u);
+    EXPECT_EQ(taken.counts.differ, 0u) << "from " << from;
+  }
+}
+
+TEST_F(Intake, APartKnowsNothingElseThanTheWhole) {
+  grow(50);
+  part_.emplace(KeyState::Part{.contract = "ledgerline"});
+  part_->configure(config_);
+  part_->define("ledgerline");
+  for (int block = 0; block < 300; ++block) {
+    grow(1);
+    for (const char* kind : {"free", "own", "range"}) {
+      for (int i = 0; i < 20; ++i) {
+        const KeyName name{"ledgerline", "", fmt::format("judge/{}/{}", kind, i)};
+        const auto whole = state_.find(name), part = part_->find(name);
+        const auto known = part_->known(name);
+        if (known.version) {
+          ASSERT_EQ(whole.has_value(), part.has_value()) << name.key << " block " << chain_.size() - 1;
+        }
+        if (known.version && whole) {
+          ASSERT_EQ(whole->version, part->version) << name.key;
+        }
+        if (known.policy && part) {
+          ASSERT_EQ(whole->policy, part->policy) << name.key;
+        }
+      }
+    }
+  }
+}
+
+TEST_F(Intake, JudgesEverythingWhereItHasSeenTheKeysMade) {
+  grow(600);
+  const Taken taken = take(1);
+  EXPECT_LT(taken.counts.by_flag * 4, taken.counts.judged);
+  const auto flip = [](int flag) { return flag == protos::VALID ? protos::MVCC_READ_CONFLICT : protos::VALID; };
+  const Taken lied = take(1, flip);
+  EXPECT_GT(lied.lies, 300u);
+  std::cout << taken.counts.judged << " judged, " << taken.counts.by_flag << " by flag; " << lied.lies << " lies, "
+            << lied.told << " told, " << lied.flown << " believed\n";
+  EXPECT_GT(lied.told * 10, lied.lies * 8);
+  const std::set<std::string> of_others{"a contract that is not there", "a write to _lifecycle",
+                                        "a write to a contract that is not there"};
+  for (const auto& [kind, times] : believed_) EXPECT_TRUE(of_others.contains(kind)) << times << " times: " << kind;
+}
+
+}  // namespace
+}  // namespace ledgerline::fabric
