@@ -7,6 +7,7 @@
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/receipt/asking.hpp"
 #include "common/fabric/receipt/receipt.hpp"
@@ -20,10 +21,13 @@ namespace {
 using namespace ledgerline;
 
 struct Wish {
-  std::string transaction, config, out, verify, channel;
+  std::string transaction, config, out, channel;
+  std::vector<std::string> verify, revocation_lists;
   std::vector<std::string> organisations, orderers;  ///< ID=FILE
   bool json = false;
-  bool trusts() const { return !channel.empty() || !organisations.empty() || !orderers.empty(); }
+  bool trusts() const {
+    return !channel.empty() || !organisations.empty() || !orderers.empty() || !revocation_lists.empty();
+  }
 };
 
 std::string not_named(const std::string& text) {
@@ -45,24 +49,52 @@ Result<std::vector<crypto::MspRoot>> read_roots(const std::vector<std::string>& 
   return roots;
 }
 
+Result<std::string> read_lists(const std::vector<std::string>& files, const std::vector<crypto::MspRoot>& roots) {
+  std::string all;
+  for (const std::string& file : files) {
+    const auto pem = read_file(file);
+    if (!pem) return pem.error();
+    if (const auto lists = crypto::read_revocation_lists(*pem, roots); !lists)
+      return Error{fmt::format("{}: {}", file, lists.error().what)};
+    all += *pem + "\n";
+  }
+  return all;
+}
+
 Result<fabric::ReceiptJudge> judge_of(const Wish& wish) {
   auto organisations = read_roots(wish.organisations);
   if (!organisations) return organisations.error();
   auto orderers = read_roots(wish.orderers);
   if (!orderers) return orderers.error();
-  return fabric::ReceiptJudge::from({wish.channel, std::move(*organisations), std::move(*orderers)});
+  std::vector<crypto::MspRoot> all = *organisations;
+  all.insert(all.end(), orderers->begin(), orderers->end());
+  auto lists = read_lists(wish.revocation_lists, all);
+  if (!lists) return lists.error();
+  return fabric::ReceiptJudge::from({wish.channel, std::move(*organisations), std::move(*orderers), std::move(*lists)});
 }
 
-Status check(const Wish& wish, const std::string& bytes, const std::string& name) {
-  const auto judge = judge_of(wish);
-  if (!judge) return judge.error();
-  const auto proven = judge->verify(bytes);
+std::int64_t now_s() { return realtime_ns() / ns_per_s; }
+
+Status check(const fabric::ReceiptJudge& judge, bool as_json, const std::string& bytes, const std::string& name) {
+  const auto proven = judge.verify(bytes);
   if (proven) {
-    print_line(wish.json ? receipt::json(*proven) : receipt::words(*proven));
+    print_line(as_json ? receipt::json(*proven, now_s()) : receipt::words(*proven, now_s()));
     return done;
   }
-  if (wish.json) print_line(nlohmann::json{{"proven", false}, {"why", proven.error().what}}.dump());
+  if (as_json) print_line(nlohmann::json{{"proven", false}, {"why", proven.error().what}}.dump());
   return Error{fmt::format("{}: nothing is proven: {}", name, proven.error().what)};
+}
+
+Status check_all(const fabric::ReceiptJudge& judge, bool as_json, const std::vector<std::string>& files) {
+  std::size_t not_proven = 0;
+  for (const std::string& file : files) {
+    const auto bytes = read_file(file);
+    const Result<fabric::Proven> proven = bytes ? judge.verify(*bytes) : bytes.error();
+    if (!proven) ++not_proven;
+    print_line(as_json ? receipt::json_line(file, proven, now_s()) : receipt::line(file, proven));
+  }
+  if (not_proven == 0) return done;
+  return Error{fmt::format("of {} receipts {} prove nothing", files.size(), not_proven)};
 }
 
 Status make(const Wish& wish) {
@@ -76,7 +108,9 @@ Status make(const Wish& wish) {
   for (const std::string& peer : asked->unheard) spdlog::warn("without the answer of {}", peer);
   const std::string bytes = fabric::receipt_bytes(asked->receipt);
   if (wish.trusts()) {
-    if (auto status = check(wish, bytes, "the receipt"); !status) return status;
+    const auto judge = judge_of(wish);
+    if (!judge) return judge.error();
+    if (auto status = check(*judge, wish.json, bytes, "the receipt"); !status) return status;
   }
   const std::string out = wish.out.empty() ? wish.transaction + ".receipt" : wish.out;
   if (auto status = replace_file(out, bytes); !status) return status;
@@ -91,13 +125,14 @@ constexpr const char* about =
     "transactions in it as well.";
 constexpr const char* notes =
     R"(Make one: TX and --config (as ledgerline-control has it, with an [[endorser]] for each organisation).
-Check one: --verify, --channel, --organisation of every organisation of the channel, --orderer. Beside TX the three
-check what was made before it is written.
+Check some: --verify, --channel, --organisation of every organisation of the channel, --orderer, and --crl for every
+list of revoked certificates that is known; several receipts are a line each. Beside TX they check what was made before
+it is written.
 Examples:
   ledgerline receipt --config operator.toml 3f5a... --out stop.receipt
   ledgerline receipt --verify stop.receipt --channel teleop --organisation Org1MSP=org1-ca.pem \
     --organisation Org2MSP=org2-ca.pem --organisation Org3MSP=org3-ca.pem --orderer OrdererMSP=orderer-ca.pem
-Exit codes: 0 proven (or made), 1 not proven (or not made), 2 bad usage.)";
+Exit codes: 0 all proven (or made), 1 one is not (or not made), 2 bad usage.)";
 
 /// Empty: what was asked for makes sense.
 std::string nonsense(const Wish& wish) {
@@ -112,9 +147,13 @@ std::string nonsense(const Wish& wish) {
 }
 
 Status verify(const Wish& wish) {
-  const auto bytes = read_file(wish.verify);
+  const auto judge = judge_of(wish);
+  if (!judge) return judge.error();
+  if (wish.verify.size() > 1) return check_all(*judge, wish.json, wish.verify);
+  const std::string& file = wish.verify.front();
+  const auto bytes = read_file(file);
   if (!bytes) return bytes.error();
-  return check(wish, *bytes, wish.verify);
+  return check(*judge, wish.json, *bytes, file);
 }
 
 }  // namespace
@@ -125,7 +164,7 @@ int main(int argc, char** argv) {
   line.option("TX", wish.transaction, "id of the transaction, as commands and events tell it");
   line.option("--config", wish.config, "TOML file with [ledger] and [[endorser]]").existing_file();
   line.option("--out", wish.out, "the receipt's file; else TX.receipt here");
-  line.option("--verify", wish.verify, "receipt to check").existing_file();
+  line.option("--verify", wish.verify, "receipts to check").existing_file();
   line.option("--channel", wish.channel, "the channel that it must be of");
   line.option("--organisation", wish.organisations, "an organisation of the channel and its authority's certificate")
       .one_at_a_time()
@@ -133,6 +172,9 @@ int main(int argc, char** argv) {
   line.option("--orderer", wish.orderers, "an orderers' organisation and its authority's certificate")
       .one_at_a_time()
       .checked_by("ID=FILE", not_named);
+  line.option("--crl", wish.revocation_lists, "certificates that one of these authorities has revoked (X.509 CRL, PEM)")
+      .one_at_a_time()
+      .existing_file();
   line.flag("--json", wish.json, "what is proven as JSON");
   if (const auto end = line.parse(argc, argv)) return *end;
   if (const std::string why = nonsense(wish); !why.empty()) return fail(Error{why}, exit_usage);

@@ -12,7 +12,7 @@
 
 namespace ledgerline::fabric {
 
-Result<std::string> question_hash(std::string_view question, const std::string& channel, const std::string& tx_id) {
+Result<Question> read_question(std::string_view question, const std::string& channel, const std::string& tx_id) {
   protos::Proposal proposal;
   common::Header header;
   common::ChannelHeader channel_header;
@@ -24,7 +24,8 @@ Result<std::string> question_hash(std::string_view question, const std::string& 
   if (proposal_bytes(asker, {channel, chain_contract}, {verdict_function, {channel, tx_id}},
                      channel_header.timestamp()) != question)
     return Error{"the peers were not asked for this transaction's verdict"};
-  return proposal_hash(header.channel_header(), header.signature_header(), proposal.payload());
+  return Question{proposal_hash(header.channel_header(), header.signature_header(), proposal.payload()),
+                  channel_header.timestamp().seconds()};
 }
 
 Result<protos::ProcessedTransaction> read_answer(std::string_view bytes, const std::string& hash) {

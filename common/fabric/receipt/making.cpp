@@ -62,11 +62,11 @@ Result<Receipt> make_receipt(const std::string& channel, const std::string& tx_i
   protos::SignedProposal question;
   if (!parse(question, signed_question)) return Error{"the question to the peers is malformed"};
   receipt.question = question.proposal_bytes();
-  const auto hash = question_hash(receipt.question, channel, tx_id);
-  if (!hash) return hash.error();
+  const auto asked = read_question(receipt.question, channel, tx_id);
+  if (!asked) return asked.error();
   std::map<std::string, Said> by_organisation;
   for (const PeerAnswer& answer : answers) {
-    auto said = read_response(answer, *hash);
+    auto said = read_response(answer, asked->hash);
     if (!said) return said.error();
     if (!by_organisation.empty() && by_organisation.begin()->second.code != said->code) {
       const Said& first = by_organisation.begin()->second;

@@ -6,6 +6,7 @@
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/fabric/receipt/members.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric {
@@ -15,6 +16,7 @@ struct ReceiptTrust {
   std::string channel;
   std::vector<crypto::MspRoot> organisations;  ///< of the channel: a majority of these has to say the verdict
   std::vector<crypto::MspRoot> orderers;       ///< organisations of orderers
+  std::string revocation_lists_pem{};          ///< of any of these; empty: nobody looks at revocation
 };
 
 /// What a receipt proves, and by whose word.
@@ -38,6 +40,20 @@ struct Proven {
     crypto::IdentityName creator;  ///< no names: it cannot be read, or is of nobody who is known
   };
   std::vector<Other> others;
+
+  /// A certificate by which something is proven, and what else there is to know of it.
+  struct Certificate {
+    enum class Role { orderer, creator, endorser, peer };
+    Role role = Role::peer;
+    crypto::IdentityName who;
+    std::int64_t valid_from_s = 0, valid_to_s = 0;  ///< Unix time
+    std::int64_t used_s = 0;  ///< when its key signed, as claimed: by the creator; for a peer's answer by the asker
+    bool revoked = false;     ///< by a list of ReceiptTrust
+    bool valid_when_used() const { return valid_from_s <= used_s && used_s <= valid_to_s; }
+  };
+  std::vector<Certificate> certificates;
+  std::vector<crypto::RevocationList> revocation_lists;  ///< that were looked at
+  std::vector<std::string> without_list;                 ///< organisations of which there was no list
 };
 
 /// Checks receipts, without any network. Proven is, in this order:
@@ -46,8 +62,10 @@ struct Proven {
 /// - the transaction is in it, is of this channel, has its creator's signature, and its id is of that creator;
 /// - peers (OU=peer) of more than half of the named organisations signed one and the same verdict on this very
 ///   transaction. Validity is signed nowhere else: a lying majority would be believed, as by the channel itself.
-/// Certificates must be of the named authorities; whether they had expired or been revoked is not looked at, since a
-/// receipt outlives them: that the peers did before they gave the verdict.
+/// Certificates must be of the named authorities, and count whenever they were valid, as in a block of Fabric's: a receipt
+/// outlives them. Who is on a revocation list has no word any more as orderer or as answering peer, since the receipt has no
+/// time that its key's thief could not claim. Creator and endorsers stay what they were: the channel's peers judged them
+/// when the transaction came, and their verdict is what is proven. All of it is told beside (Proven::Certificate).
 /// Any thread; checked certificates are kept between receipts.
 class ReceiptJudge {
  public:
@@ -62,7 +80,9 @@ class ReceiptJudge {
 
   std::string channel_;
   std::size_t organisation_count_ = 0;
-  std::unique_ptr<crypto::MspRegistry> organisations_, orderers_;
+  std::unique_ptr<Members> organisations_, orderers_;
+  std::vector<crypto::RevocationList> lists_;
+  std::vector<std::string> without_list_;
 };
 
 }  // namespace ledgerline::fabric

@@ -10,6 +10,7 @@
 #include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"
 #include "tests/unit/campaign.hpp"
+#include "tests/unit/common/crypto/revocation_list.hpp"
 #include "tests/unit/common/fabric/receipt/ledger_of_receipts.hpp"
 
 /// Receipts, by who makes them honestly and by who would like to have another one.
@@ -324,6 +325,100 @@ TEST_F(ReceiptTest, OnlyWhoChecksSaysWhomToBelieve) {
               }),
               HasSubstr("3 of 6 organisations, which is no majority"));
   EXPECT_EQ(refusal([](auto& t) { t.organisations.push_back(t.organisations[0]); }), "") << "named twice is one";
+}
+
+std::string certificate_of(const crypto::SigningIdentity& who) {
+  msp::SerializedIdentity serialized;
+  EXPECT_TRUE(serialized.ParseFromString(who.serialized));
+  return serialized.id_bytes();
+}
+
+TEST_F(ReceiptTest, WhoIsRevokedHasNoWordAnyMoreAsOrdererOrAsAnsweringPeer) {
+  const Receipt good = receipt(committed(0, "mine"));
+  Receipt two = good;
+  two.answers.pop_back();
+  const auto said = [&](const Receipt& receipt, const std::string& lists) {
+    ReceiptTrust with = trust();
+    with.revocation_lists_pem = lists;
+    const auto judge = ReceiptJudge::from(std::move(with));
+    return judge ? judge->verify(receipt_bytes(receipt)) : judge.error();
+  };
+  const auto list = [](const Organisation& of, const crypto::SigningIdentity& who) {
+    return crypto::list_of(of.ca, certificate_of(who));
+  };
+  const std::string peer1 = list(organisations[0], peers[0]), user2 = list(organisations[1], users[1]);
+  const std::string user1 = list(organisations[0], users[0]);
+
+  const auto most = said(good, peer1);
+  ASSERT_TRUE(most) << most.error().what;
+  EXPECT_EQ(most->peers.size(), 2U) << "not counted";
+  EXPECT_EQ(most->verdict, "VALID");
+  EXPECT_THAT(
+      said(two, peer1).error().what,
+      HasSubstr("peers of 1 of 3 organisations, which is no majority; revoked, so not counted: Org1MSP CN=peer"));
+  EXPECT_TRUE(said(two, user2)) << "somebody else's revocation";
+  Receipt spoilt = good;
+  say_code(spoilt.answers[0], 11);
+  EXPECT_THAT(said(spoilt, peer1).error().what, HasSubstr("has a signature that is not its own"))
+      << "a receipt has no byte that nobody looks at";
+  EXPECT_THAT(said(good, list(orderers, orderer)).error().what,
+              HasSubstr("no orderer has signed it; revoked, so not counted: OrdererMSP CN=orderer"));
+
+  const auto creator = said(good, user1 + user2);
+  ASSERT_TRUE(creator) << creator.error().what << ": the peers judged who made it, and when";
+  EXPECT_EQ(creator->peers.size(), 3U);
+  for (const Proven::Certificate& one : creator->certificates)
+    EXPECT_EQ(one.revoked, one.role == Proven::Certificate::Role::creator) << one.who.subject;
+  const std::string all = list(organisations[0], peers[0]) + list(organisations[1], peers[1]);
+  EXPECT_THAT(said(good, all).error().what, HasSubstr("1 of 3 organisations"));
+}
+
+TEST_F(ReceiptTest, ItTellsWhichListsWereLookedAtAndTakesNoneThatIsNobodys) {
+  const std::string bytes = receipt_bytes(receipt(committed(0, "mine")));
+  const auto none = judge_.verify(bytes);
+  ASSERT_TRUE(none) << none.error().what;
+  EXPECT_TRUE(none->revocation_lists.empty());
+  EXPECT_EQ(none->without_list, (std::vector<std::string>{"OrdererMSP", "Org1MSP", "Org2MSP", "Org3MSP"}));
+  ReceiptTrust with = trust();
+  with.revocation_lists_pem = crypto::list_of(organisations[1].ca, certificate_of(users[1]));
+  with.orderers[0].revocation_lists_pem = crypto::list_of(orderers.ca, certificate_of(orderers.member("orderer")));
+  const auto judge = ReceiptJudge::from(with);
+  ASSERT_TRUE(judge) << judge.error().what;
+  const auto proven = judge->verify(bytes);
+  ASSERT_TRUE(proven) << proven.error().what;
+  ASSERT_EQ(proven->revocation_lists.size(), 2U);
+  EXPECT_EQ(proven->revocation_lists[0].msp_id, "Org2MSP");
+  EXPECT_EQ(proven->without_list, (std::vector<std::string>{"Org1MSP", "Org3MSP"}));
+  with.revocation_lists_pem = crypto::list_of(Organisation("Org2MSP").ca, certificate_of(users[1]));
+  EXPECT_THAT(ReceiptJudge::from(with).error().what, HasSubstr("signed by none of the named authorities"));
+  with.revocation_lists_pem = "no list";
+  EXPECT_THAT(ReceiptJudge::from(with).error().what, HasSubstr("revocation list"));
+}
+
+TEST_F(ReceiptTest, EveryCertificateCountsWheneverItWasValidAndItsTimeIsTold) {
+  const Sent sent = committed(0, "mine");
+  const TimeNs then_ns = now.real_ns;
+  now.real_ns += 3'600 * ns_per_s;  // the question is asked an hour later
+  const auto proven = judge_.verify(receipt_bytes(receipt(sent)));
+  ASSERT_TRUE(proven) << proven.error().what;
+  std::map<Proven::Certificate::Role, int> roles;
+  for (const Proven::Certificate& one : proven->certificates) {
+    ++roles[one.role];
+    const bool peer = one.role == Proven::Certificate::Role::peer;
+    EXPECT_EQ(one.used_s, (peer ? now.real_ns : then_ns) / ns_per_s);
+    EXPECT_TRUE(one.valid_when_used());
+    EXPECT_GT(one.valid_to_s, one.used_s + 300 * 86'400);
+    EXPECT_FALSE(one.revoked);
+  }
+  using enum Proven::Certificate::Role;
+  EXPECT_EQ(roles, (std::map<Proven::Certificate::Role, int>{{orderer, 1}, {creator, 1}, {endorser, 3}, {peer, 3}}));
+  Proven::Certificate one = proven->certificates[0];
+  one.used_s = one.valid_to_s;
+  EXPECT_TRUE(one.valid_when_used());
+  ++one.used_s;
+  EXPECT_FALSE(one.valid_when_used());
+  one.used_s = one.valid_from_s - 1;
+  EXPECT_FALSE(one.valid_when_used());
 }
 
 TEST_F(ReceiptTest, WhoMakesOneIsToldWhichPeerIsInTheWay) {
