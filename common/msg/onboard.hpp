@@ -67,7 +67,8 @@ enum class FailsafeCause : std::uint8_t {
   fence = 7,
   battery_low = 8,
   battery_critical = 9,
-  stopped = 10
+  stopped = 10,
+  ledger_doubted = 11
 };
 
 /// Why a plan or setpoint was not flown.
@@ -117,7 +118,8 @@ struct Pose {
 /// agent -> link, at least ten times a second.
 struct AgentBeat {
   TimeNs stamp_ns = 0;
-  bool ledger_alive = false;  ///< blocks or commits came lately
+  bool ledger_alive = false;    ///< blocks or commits came lately
+  bool ledger_doubted = false;  ///< what agent is shown of it contradicts itself, others or agent's own judgement
   /// Of each drone's transitions, by its number: the newest that agent keeps, and the newest on the ledger; of that
   /// boot of link.
   std::uint64_t boot_id = 0;

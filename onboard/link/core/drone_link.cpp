@@ -58,6 +58,7 @@ void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexce
 void DroneLink::take_beat(const AgentBeat& beat) noexcept {
   facts_.beat_ns = beat.stamp_ns;
   facts_.ledger_alive = beat.ledger_alive;
+  facts_.ledger_doubted = beat.ledger_doubted;
   const bool of_this_boot = beat.boot_id == boot_id_;  // an agent that started anew knows of no boot
   const std::size_t i = std::min(number_, max_drones);
   transitions_.heard(of_this_boot ? beat.transitions_taken[i] : 0, of_this_boot ? beat.transitions_on_ledger[i] : 0);

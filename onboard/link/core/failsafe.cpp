@@ -108,6 +108,9 @@ struct FailsafeMoment {
   bool pose_lost = false;
   FailsafeCause no_plan = FailsafeCause::none;
   bool resting = false;  ///< what made it hover is away, but not long enough
+
+  /// The ledger is, and the config wants this for it.
+  bool doubted(OnDoubt then) const noexcept { return facts.ledger_doubted && settings.doubt == then; }
 };
 
 namespace {
@@ -118,7 +121,7 @@ using Moment = FailsafeMoment;
 // goes does not make the cause come and go. A brake rests the same way.
 void rest(Moment& at, FailsafeState& memory) noexcept {
   bool away = false;
-  if (memory.mode == FailsafeMode::brake) away = !at.state_stale && !at.pose_lost;
+  if (memory.mode == FailsafeMode::brake) away = !at.state_stale && !at.pose_lost && !at.doubted(OnDoubt::hold);
   if (memory.mode == FailsafeMode::hold)
     away = memory.cause != FailsafeCause::plan_ran_out && at.no_plan != memory.cause;
   if (!away) {
@@ -144,14 +147,18 @@ bool battery_critical(const Moment& at) {
 bool leaves_fence(const Moment& at) {
   return at.memory.outward_since_ns != 0 && at.now - at.memory.outward_since_ns >= at.settings.fence_land_after_ns;
 }
+bool doubted_lands(const Moment& at) { return at.doubted(OnDoubt::land); }
 bool state_stale(const Moment& at) { return at.state_stale || brakes_for(at, FailsafeCause::state_stale); }
 bool pose_lost(const Moment& at) { return at.pose_lost || brakes_for(at, FailsafeCause::pose_lost); }
+bool doubted_holds(const Moment& at) {
+  return at.doubted(OnDoubt::hold) || brakes_for(at, FailsafeCause::ledger_doubted);
+}
 bool agent_silent(const Moment& at) { return at.no_plan == FailsafeCause::agent_silent; }
 bool ledger_silent(const Moment& at) { return at.no_plan == FailsafeCause::ledger_silent; }
 bool plan_ran_out(const Moment& at) { return at.no_plan == FailsafeCause::plan_ran_out; }
 bool held_too_long(const Moment& at) {
   const TimeNs since = at.memory.hovering_since_ns;
-  const bool goes_on = state_stale(at) || pose_lost(at) || at.no_plan != FailsafeCause::none;
+  const bool goes_on = state_stale(at) || pose_lost(at) || doubted_holds(at) || at.no_plan != FailsafeCause::none;
   return at.facts.phase == FlightPhase::flying && since != 0 && goes_on && at.now - since >= at.settings.land_after_ns;
 }
 bool outside_fence(const Moment& at) {
@@ -162,14 +169,16 @@ bool blind(const Moment& at) { return at.facts.blind; }
 
 }  // namespace
 
-const std::array<FailsafeRow, 13> failsafe_table{{
+const std::array<FailsafeRow, 15> failsafe_table{{
     {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, Clears::on_ground, cut},
     {"FS-02", FailsafeCause::stopped, FailsafeMode::land, Clears::on_ground, stopped},
     {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, Clears::on_ground, battery_critical},
     {"FS-04", FailsafeCause::fence, FailsafeMode::land, Clears::on_ground, leaves_fence},
+    {"FS-14", FailsafeCause::ledger_doubted, FailsafeMode::land, Clears::on_ground, doubted_lands},
     {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, Clears::on_ground, held_too_long},
     {"FS-06", FailsafeCause::state_stale, FailsafeMode::brake, Clears::when_rested, state_stale},
     {"FS-07", FailsafeCause::pose_lost, FailsafeMode::brake, Clears::when_rested, pose_lost},
+    {"FS-15", FailsafeCause::ledger_doubted, FailsafeMode::brake, Clears::when_rested, doubted_holds},
     {"FS-08", FailsafeCause::agent_silent, FailsafeMode::hold, Clears::with_a_plan, agent_silent},
     {"FS-09", FailsafeCause::ledger_silent, FailsafeMode::hold, Clears::with_a_plan, ledger_silent},
     {"FS-10", FailsafeCause::plan_ran_out, FailsafeMode::hold, Clears::with_a_plan, plan_ran_out},
@@ -215,6 +224,7 @@ FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, cons
   if (facts.battery <= settings.battery_low) return FailsafeCause::battery_low;
   if (older(now, facts.beat_ns, settings.agent_silent_ns)) return FailsafeCause::agent_silent;
   if (!facts.ledger_alive) return FailsafeCause::ledger_silent;
+  if (facts.ledger_doubted && settings.doubt != OnDoubt::ignore) return FailsafeCause::ledger_doubted;
   if (older(now, facts.pose_ns, settings.pose_lost_ns)) return FailsafeCause::pose_lost;
   return FailsafeCause::none;
 }

@@ -16,6 +16,7 @@ struct FailsafeFacts {
   TimeNs covered_until_ns = 0;         ///< end of the newest plan
   TimeNs beat_ns = 0;                  ///< newest beat of agent
   bool ledger_alive = false;           ///< as that beat says
+  bool ledger_doubted = false;         ///< as that beat says
   TimeNs state_ns = 0;                 ///< newest state text of the drone
   TimeNs pose_ns = 0;                  ///< stamp of the newest pose
   std::array<double, 3> position_m{};  ///< of that pose, and moved on by what was sent since
@@ -42,7 +43,7 @@ struct FailsafeState {
 /// ends otherwise in any reachable state: failsafe_search_test.cpp holds each of them to it.
 enum class Clears : std::uint8_t {
   on_ground,    ///< once on the ground: a landing is never taken back in the air
-  when_rested,  ///< its cause, measured at half the limit, has been away for clear_after
+  when_rested,  ///< its cause, measured at half the limit where it has one, has been away for clear_after
   with_a_plan,  ///< a plan covers this moment again
   back_inside,  ///< inside the fence for clear_after
   when_charged  ///< above the threshold by battery_margin
@@ -64,11 +65,11 @@ struct FailsafeRow {
 ///          no plan: FS-08 to 10                 land_after: FS-05
 ///   none ──────────────────────────▶ hold ──────────────────────────────▶ land ──▶ none, on the ground
 ///   │ ▲ ▲      a plan again          │ │                                 ▲ ▲ │
-///   │ │ └────────────────────────────┘ │ FS-06, FS-07                    │ │ │
+///   │ │ └────────────────────────────┘ │ FS-06, FS-07, FS-15             │ │ │
 ///   │ │        rested                  ▼         land_after: FS-05       │ │ │
 ///   │ └────────────────────────────── brake ─────────────────────────────┘ │ │
-///   ├──▶ stale state, lost pose: FS-06, FS-07 ▲                            │ │ cut asked for by name
-///   └──▶ stop, battery, fence, unseen: FS-02 to 04, FS-13, from everywhere ┘ ▼ from everywhere: FS-01
+///   ├──▶ stale state, lost pose, doubt: FS-06, FS-07, FS-15 ▲              │ │ cut asked for by name
+///   └──▶ stop, battery, fence, doubt, unseen: FS-02 to 04, 13, 14 ─────────┘ ▼ from everywhere: FS-01
 ///                                                                            cut ──▶ none, on the ground
 ///
 /// none: the plan is flown, clipped at the fence. hold: ramp to zero, and hover. brake: the same with twice the
@@ -76,7 +77,7 @@ struct FailsafeRow {
 ///
 /// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground
 /// and while the drone may fly unseen, the others while it flies.
-extern const std::array<FailsafeRow, 13> failsafe_table;
+extern const std::array<FailsafeRow, 15> failsafe_table;
 
 /// Pure: the next state from the last one, the time and the facts.
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "common/msg/onboard.hpp"
 
 /// Every threshold of link's cores, with its default. The shell reads them from TOML (link_config.hpp); hil and tests
@@ -120,6 +121,15 @@ struct RcSettings {
   TimeNs max_gap_ns = 50 * ns_per_ms;
 };
 
+/// What the failsafe does while agent doubts the ledger that it is shown.
+enum class OnDoubt : std::uint8_t { ignore = 0, hold = 1, land = 2 };
+constexpr const char* name(OnDoubt doubt) noexcept {
+  constexpr std::array names{"ignore", "hold", "land"};
+  static_assert(names.size() == enum_count<OnDoubt>);
+  const auto at = static_cast<std::size_t>(doubt);
+  return at < names.size() ? names[at] : "unknown";
+}
+
 struct FailsafeSettings {
   /// From the end of the plan until the mode says hold; the ramp to zero begins at once. Three plans at 30 Hz: with
   /// half each late plan is a hold, and each hold a transition on the ledger; with double a gap of six goes unsaid.
@@ -155,6 +165,9 @@ struct FailsafeSettings {
   /// A low battery is forgotten only above the threshold by this: the state text has whole percents, so 0.01 is one
   /// step back and forth. Half is still a step; double holds a warning up for longer where a battery was changed.
   float battery_margin = 0.03F;
+  /// Agent leaves out alone what cannot be believed, and what stays away becomes silence: so nothing is done besides
+  /// unless the config asks for it. Whoever feeds agent blocks can be doubted at will, and would bring drones down by it.
+  OnDoubt doubt = OnDoubt::ignore;
 };
 
 struct FenceSettings {

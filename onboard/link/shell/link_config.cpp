@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/config/config.hpp"
+#include "common/msg/names.hpp"
 
 namespace ledgerline::link {
 namespace {
@@ -129,6 +130,14 @@ void read_failsafe(Config& config, FailsafeSettings& failsafe) {
                "a brake ends when its cause has been away this long; at least half of each of the "
                "three limits above, or a lonely sign of life would end it"},
               failsafe.clear_after_ns, 0, 60'000);
+  failsafe.doubt =
+      from_name<OnDoubt>(
+          config.choice({"failsafe.doubt",
+                         "when agent doubts the ledger: brake and hover, or land, and do not take off. What cannot be "
+                         "believed is left out "
+                         "anyway, and whoever can have it doubted (a peer, a relay) would bring drones down"},
+                        {name(OnDoubt::ignore), name(OnDoubt::hold), name(OnDoubt::land)}, name(failsafe.doubt)))
+          .value_or(failsafe.doubt);
   failsafe.battery_low =
       read_float(config, {"failsafe.battery_low", "share of a full battery: below it a warning, and no take-off"},
                  failsafe.battery_low, 0.01, 0.95);

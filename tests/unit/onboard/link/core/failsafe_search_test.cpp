@@ -24,15 +24,15 @@ struct State {
   int phase = 0;
   int unseen = -1;  ///< disconnected, and it may fly: for so long; then all handshakes were in vain
   int uncovered = 0, beat = 0, state = 0, pose = 0;
-  int ledger_alive = 1;
+  int ledger_alive = 1, doubted = 0;
   int mode = 0, cause = 0, battery_low = 0;
   int hovering = -1, gone = -1, outward = -1, outside = -1;
   int unflown = 0;  ///< since a plan was followed: counted here, not by the failsafe
 
   std::uint64_t key() const {
     std::uint64_t key = 0;
-    for (const int field : {phase, unseen, uncovered, beat, state, pose, ledger_alive, mode, cause, battery_low,
-                            hovering, gone, outward, outside, unflown}) {
+    for (const int field : {phase, unseen, uncovered, beat, state, pose, ledger_alive, doubted, mode, cause,
+                            battery_low, hovering, gone, outward, outside, unflown}) {
       key = key << 4 | static_cast<std::uint64_t>(field + 1);
     }
     return key;
@@ -43,7 +43,7 @@ enum class Place { inside, back, out };
 enum class Asked { nothing, stop, cut, empty_battery };
 
 struct Input {
-  bool beat = false, ledger_alive = false, plan = false, pose = false;
+  bool beat = false, ledger_alive = false, doubted = false, plan = false, pose = false;
   enum class Text { none, charged, low } text = Text::none;
   Place place = Place::inside;
   Asked asked = Asked::nothing;
@@ -51,7 +51,9 @@ struct Input {
 
 class Search {
  public:
-  explicit Search(const std::array<int, 7>& limits) : limits_(limits) {
+  /// Where a doubt is ignored nobody doubts: it is not looked at (FS-14).
+  Search(const std::array<int, 7>& limits, OnDoubt doubt) : limits_(limits) {
+    settings_.doubt = doubt;
     settings_.hold_grace_ns = grace() * step_ns;
     settings_.land_after_ns = land_after() * step_ns;
     settings_.agent_silent_ns = agent_silent() * step_ns;
@@ -95,21 +97,25 @@ class Search {
     return {phase, phase + 1};
   }
 
-  static const std::vector<Input>& inputs() {
-    static const std::vector<Input> all = [] {
-      std::vector<Input> made;
-      for (const int heard : {0, 1, 2})
-        for (const int bits : {0, 1, 2, 3})
-          for (const auto text : {Input::Text::none, Input::Text::charged, Input::Text::low})
-            for (const auto place : {Place::inside, Place::back, Place::out})
-              made.push_back({heard > 0, heard == 2, (bits & 1) != 0, (bits & 2) != 0, text, place, Asked::nothing});
-      for (const auto asked : {Asked::stop, Asked::cut, Asked::empty_battery})
-        for (const int bits : {0, 1, 2, 3})
-          made.push_back(
-              {(bits & 2) != 0, true, (bits & 1) != 0, (bits & 2) != 0, Input::Text::none, Place::inside, asked});
-      return made;
-    }();
-    return all;
+  const std::vector<Input>& inputs() const {
+    static const std::vector<Input> trusting = make_inputs({0, 1, 2}), doubting = make_inputs({0, 1, 2, 3, 4});
+    return settings_.doubt == OnDoubt::ignore ? trusting : doubting;
+  }
+
+  /// `heard`: no beat; that the ledger is silent, that it is alive; the same in doubt.
+  static std::vector<Input> make_inputs(std::initializer_list<int> all_heard) {
+    std::vector<Input> made;
+    for (const int heard : all_heard)
+      for (const int bits : {0, 1, 2, 3})
+        for (const auto text : {Input::Text::none, Input::Text::charged, Input::Text::low})
+          for (const auto place : {Place::inside, Place::back, Place::out})
+            made.push_back({heard > 0, heard == 2 || heard == 4, heard > 2, (bits & 1) != 0, (bits & 2) != 0, text,
+                            place, Asked::nothing});
+    for (const auto asked : {Asked::stop, Asked::cut, Asked::empty_battery})
+      for (const int bits : {0, 1, 2, 3})
+        made.push_back(
+            {(bits & 2) != 0, true, false, (bits & 1) != 0, (bits & 2) != 0, Input::Text::none, Place::inside, asked});
+    return made;
   }
 
   // One step later: older, but for what was heard.
@@ -131,6 +137,7 @@ class Search {
     }
     s.beat = input.beat ? 0 : std::min(s.beat + 1, silent);
     if (input.beat) s.ledger_alive = input.ledger_alive;
+    if (input.beat) s.doubted = input.doubted;
     return s;
   }
 
@@ -143,6 +150,7 @@ class Search {
     f.covered_until_ns = f.flying_since_ns = now - s.uncovered * step_ns;
     f.beat_ns = now - s.beat * step_ns;
     f.ledger_alive = s.ledger_alive != 0;
+    f.ledger_doubted = s.doubted != 0;
     f.state_ns = now - s.state * step_ns;
     f.pose_ns = now - s.pose * step_ns;
     f.position_m = {input.place == Place::inside ? 0 : fence_.max_m[0] + 0.5, 0, 1};
@@ -214,7 +222,8 @@ class Search {
       case Clears::when_rested: {
         const bool seen = last.cause != FailsafeCause::state_stale || 2 * s.state <= stale();
         const bool placed = last.cause != FailsafeCause::pose_lost || 2 * s.pose <= pose_lost() || s.pose <= s.beat;
-        return seen && placed && last.cause_gone_since_ns != 0 &&
+        const bool trusted = last.cause != FailsafeCause::ledger_doubted || !f.ledger_doubted;
+        return seen && placed && trusted && last.cause_gone_since_ns != 0 &&
                now - last.cause_gone_since_ns > settings_.clear_after_ns;
       }
       case Clears::with_a_plan:
@@ -242,6 +251,8 @@ class Search {
     if (next.mode == FailsafeMode::cut && !f.cut && last.mode != FailsafeMode::cut) told("a cut nobody asked for");
     if ((f.stop || f.battery <= settings_.battery_critical) && !down) told("a stop or an empty battery does not land");
     if (f.blind && !down) told("it may fly unseen, and is not landed");
+    if (f.ledger_doubted && settings_.doubt == OnDoubt::land && !down)
+      told("the ledger is doubted, and it is not landed");
     if (f.phase != FlightPhase::flying) return;
 
     const bool follows = follows_plan(next.mode, f.plan_valid);
@@ -249,6 +260,7 @@ class Search {
     if (!down && s.unflown > land_after() + grace()) told("no plan for longer than land_after, and no landing");
     if (follows && s.state > stale()) told("flies on though the drone is silent");
     if (follows && s.pose > pose_lost() && s.pose - s.beat > pose_lost() / 2) told("flies on though the pose is lost");
+    if (follows && f.ledger_doubted) told("flies on though the ledger is doubted");
     if (next.mode == FailsafeMode::hold && f.plan_valid) told("holds though there is a plan");
     if (next.mode != FailsafeMode::none && next.cause == FailsafeCause::none) told("a mode without a cause");
   }
@@ -269,10 +281,13 @@ TEST(FailsafeSearch, NoReachableStateHasNeitherAFreshPlanNorAnAction) {
   // Limits in steps, in the order of the defaults' sizes: hold_grace, land_after, agent_silent, state_stale, pose_lost,
   // clear_after, fence_land_after.
   const bool whole = seeds(0, 1) == 1;
-  Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2});
-  search.run();
-  std::printf("%zu states of the failsafe visited, %zu steps taken\n", search.states(), search.steps());
-  EXPECT_GT(search.states(), whole ? 500'000U : 100'000U) << "the search did not get anywhere";
+  for (const OnDoubt doubt : {OnDoubt::ignore, OnDoubt::hold, OnDoubt::land}) {
+    Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2}, doubt);
+    search.run();
+    std::printf("doubt %s: %zu states of the failsafe visited, %zu steps taken\n", name(doubt), search.states(),
+                search.steps());
+    EXPECT_GT(search.states(), whole ? 500'000U : 100'000U) << "the search did not get anywhere";
+  }
 }
 
 }  // namespace

@@ -94,6 +94,30 @@ TEST_F(FailsafeTest, FS05AHoldOrBrakeOfLandAfterMeansLand) {
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
+TEST_F(FailsafeTest, FS14ADoubtedLedgerLandsWhereTheConfigSaysSo) {
+  facts.ledger_doubted = true;
+  pass(ns_per_s);
+  expect(FailsafeMode::none, FailsafeCause::none);  // what cannot be believed is left out anyway
+  settings.doubt = OnDoubt::land;
+  pass(ms);
+  expect(FailsafeMode::land, FailsafeCause::ledger_doubted);
+}
+
+TEST_F(FailsafeTest, FS15ADoubtedLedgerBrakesUntilItIsBelievedForAWhileWhereTheConfigSaysSo) {
+  settings.doubt = OnDoubt::hold;
+  facts.ledger_doubted = true;
+  pass(ms);
+  expect(FailsafeMode::brake, FailsafeCause::ledger_doubted);
+  facts.ledger_doubted = false;
+  pass(settings.clear_after_ns);
+  expect(FailsafeMode::brake, FailsafeCause::ledger_doubted);
+  pass(2 * ms);
+  expect(FailsafeMode::none, FailsafeCause::none);
+  facts.ledger_doubted = true;
+  pass(settings.land_after_ns + ms);
+  expect(FailsafeMode::land, FailsafeCause::ledger_doubted);
+}
+
 TEST_F(FailsafeTest, TakingOffGivesNoFreeTime) {
   facts.plan_valid = false;
   facts.covered_until_ns = 0;
@@ -461,6 +485,8 @@ TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.pose_ns -= ns_per_s; }), FailsafeCause::pose_lost);
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.beat_ns -= ns_per_s; }), FailsafeCause::agent_silent);
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.ledger_alive = false; }), FailsafeCause::ledger_silent);
+  settings.doubt = OnDoubt::hold;
+  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.ledger_doubted = true; }), FailsafeCause::ledger_doubted);
 }
 
 TEST_F(FailsafeTest, TheSetpointIsClippedAtTheFenceAndOnlyOutward) {

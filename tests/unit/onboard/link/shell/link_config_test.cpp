@@ -37,7 +37,7 @@ TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
   const auto settings =
       load(drone +
            "[state]\nrate_hz = 50.0\nlisten = \"127.0.0.1:9000\"\n[limits]\nspeed_mps = 0.7\n"
-           "[failsafe]\nland_after_s = 2.5\npose_lost_ms = 250\n[fence]\nmax_m = [1.0, 2.0, 3.0]\n"
+           "[failsafe]\nland_after_s = 2.5\npose_lost_ms = 250\ndoubt = \"hold\"\n[fence]\nmax_m = [1.0, 2.0, 3.0]\n"
            "[realtime]\npriority = 0\ncpu = 1\n[rc]\nsigns = [1, 1, 1, 1]\n[output]\nstarts = \"x\"\n");
   ASSERT_TRUE(settings) << settings.error().what;
   EXPECT_EQ(settings->link.rate_hz, 50);
@@ -45,6 +45,7 @@ TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
   EXPECT_FLOAT_EQ(settings->link.playout.max_speed_mps, 0.7F);
   EXPECT_EQ(settings->link.failsafe.land_after_ns, 2500 * ns_per_ms);
   EXPECT_EQ(settings->link.failsafe.pose_lost_ns, 250 * ns_per_ms);
+  EXPECT_EQ(settings->link.failsafe.doubt, OnDoubt::hold);
   EXPECT_EQ(settings->link.fence.max_m[1], 2);
   EXPECT_EQ(settings->link.rc.signs[0], 1);
   EXPECT_EQ(settings->priority, 0);
