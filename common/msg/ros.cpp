@@ -256,9 +256,11 @@ Result<StateSample> link_status_from_cdr(std::string_view cdr) {
 
 namespace {
 
+constexpr std::uint8_t level_ok = 0, level_warn = 1, level_error = 2;  // diagnostic_msgs/msg/DiagnosticStatus
+
 std::uint8_t level(const Transition& t) {
-  if (t.mode >= FailsafeMode::land) return 2;
-  return t.mode == FailsafeMode::none && t.cause == FailsafeCause::none ? 0 : 1;
+  if (t.mode >= FailsafeMode::land) return level_error;
+  return t.mode == FailsafeMode::none && t.cause == FailsafeCause::none ? level_ok : level_warn;
 }
 
 template <typename Number>
@@ -286,6 +288,19 @@ bool read_value(std::string_view key, std::string_view value, Transition& t) {
   return true;
 }
 
+using Values = std::vector<std::pair<std::string_view, std::string>>;
+
+void put_status(CdrWriter& out, std::uint8_t level, const std::string& name, const std::string& message,
+                const std::string& hardware, const Values& values) {
+  out.put(level);
+  for (const std::string* text : {&name, &message, &hardware}) out.put(std::string_view(*text));
+  out.put(static_cast<std::uint32_t>(values.size()));
+  for (const auto& [key, value] : values) {
+    out.put(key);
+    out.put(std::string_view(value));
+  }
+}
+
 }  // namespace
 
 std::string transitions_to_cdr(const Header& header, const std::string& drone,
@@ -294,22 +309,15 @@ std::string transitions_to_cdr(const Header& header, const std::string& drone,
   put_header(out, header);
   out.put(static_cast<std::uint32_t>(transitions.size()));
   for (const Transition& t : transitions) {
-    out.put(level(t));
-    out.put(std::string_view(drone + "/failsafe"));
-    out.put(std::string_view(std::string(name(t.phase)) + ", failsafe " + name(t.mode) + " (" + name(t.cause) + ")"));
-    out.put(std::string_view(drone));
-    const std::array<std::pair<std::string_view, std::string>, 7> values{{{"boot_id", std::to_string(t.boot_id)},
-                                                                          {"number", std::to_string(t.number)},
-                                                                          {"lost", std::to_string(t.lost)},
-                                                                          {"stamp_ns", std::to_string(t.stamp_ns)},
-                                                                          {"phase", name(t.phase)},
-                                                                          {"mode", name(t.mode)},
-                                                                          {"cause", name(t.cause)}}};
-    out.put(static_cast<std::uint32_t>(values.size()));
-    for (const auto& [key, value] : values) {
-      out.put(key);
-      out.put(std::string_view(value));
-    }
+    put_status(out, level(t), drone + "/failsafe",
+               std::string(name(t.phase)) + ", failsafe " + name(t.mode) + " (" + name(t.cause) + ")", drone,
+               {{"boot_id", std::to_string(t.boot_id)},
+                {"number", std::to_string(t.number)},
+                {"lost", std::to_string(t.lost)},
+                {"stamp_ns", std::to_string(t.stamp_ns)},
+                {"phase", name(t.phase)},
+                {"mode", name(t.mode)},
+                {"cause", name(t.cause)}});
   }
   return out.take();
 }
@@ -335,6 +343,44 @@ Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr) {
   if (in.ok() && !known)
     return Error{"diagnostic_msgs/msg/DiagnosticArray: a value of a transition is none that can be"};
   return checked(in, transitions, transitions_type);
+}
+
+std::string alarms_to_cdr(const Header& header, const std::string& drone, const std::vector<Alarm>& alarms) {
+  CdrWriter out;
+  put_header(out, header);
+  out.put(static_cast<std::uint32_t>(alarms.size()));
+  for (const Alarm& alarm : alarms) {
+    put_status(
+        out, alarm.stands ? level_error : level_ok, drone + "/alarm/" + alarm.kind,
+        (alarm.stands ? "the ledger is doubted: " : "over: ") + alarm.words, drone,
+        {{"count", std::to_string(alarm.count)}, {"words", alarm.words}, {"block", std::to_string(alarm.block)}});
+  }
+  return out.take();
+}
+
+Result<std::vector<Alarm>> alarms_from_cdr(std::string_view cdr) {
+  CdrReader in(cdr);
+  (void)get_header(in);
+  std::vector<Alarm> alarms;
+  bool known = true;
+  const auto count = in.get<std::uint32_t>();
+  for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
+    Alarm alarm;
+    alarm.stands = in.get<std::uint8_t>() >= level_error;
+    const std::string name = in.get_string();
+    alarm.kind = name.substr(name.rfind('/') + 1);
+    for (int text = 0; text < 2; ++text) (void)in.get_string();
+    const auto values = in.get<std::uint32_t>();
+    for (std::uint32_t k = 0; k < values && in.ok(); ++k) {
+      const std::string key = in.get_string(), value = in.get_string();
+      if (key == "count") known = known && read_number(value, alarm.count);
+      if (key == "block") known = known && read_number(value, alarm.block);
+      if (key == "words") alarm.words = value;
+    }
+    alarms.push_back(std::move(alarm));
+  }
+  if (in.ok() && !known) return Error{"diagnostic_msgs/msg/DiagnosticArray: a value of an alarm is none that can be"};
+  return checked(in, alarms, alarms_type);
 }
 
 }  // namespace ledgerline

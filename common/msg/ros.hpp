@@ -99,6 +99,20 @@ std::string transitions_to_cdr(const Header& header, const std::string& drone,
 /// The drone's number is left out: its name is in the id.
 Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr);
 
+/// diagnostic_msgs/msg/DiagnosticArray: why the drone's agent doubts the ledger that it is shown, or did, a
+/// DiagnosticStatus each. Its name is "<drone>/alarm/<kind>", its level 2 (ERROR) while it stands, else 0 (OK), its
+/// message a sentence, its values count, words and block.
+struct Alarm {
+  std::string kind;
+  bool stands = false;
+  std::uint64_t count = 0;  ///< since agent's start
+  std::string words;        ///< of the newest
+  std::uint64_t block = 0;  ///< of the newest; 0: of none
+};
+inline constexpr std::string_view alarms_type = transitions_type;
+std::string alarms_to_cdr(const Header& header, const std::string& drone, const std::vector<Alarm>& alarms);
+Result<std::vector<Alarm>> alarms_from_cdr(std::string_view cdr);
+
 /// From roll about x, pitch about y and yaw about z (REP 103), turned in the order yaw, pitch, roll.
 std::array<double, 4> quaternion_from_attitude(double roll_rad, double pitch_rad, double yaw_rad);
 /// Rotation about z only, from yaw.

@@ -14,7 +14,8 @@ constexpr std::int64_t default_queue = 256, max_queued = 10'000;
 constexpr std::array guarded_names{
     "*/cmd_vel",     "*/takeoff",   "*/land", "*/stop",    "*/emergency",  // pilots' (ground/core/topics.cpp)
     "/vrpn_mocap/*",                                                       // mocap's (agent, sim)
-    "*/odom",        "*/pose",      "*/link", "*/battery", "*/imu",       "*/failsafe",  // drones' (agent, ground)
+    "*/odom",        "*/pose",      "*/link", "*/battery", "*/imu",
+    "*/failsafe",    "*/alarm",  // drones' (agent, ground)
     "/tf",           "/diagnostics"};
 
 bool is_name_char(char c) {

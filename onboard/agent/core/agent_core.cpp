@@ -33,6 +33,7 @@ void AgentOutputs::clear() {
   traces.clear();
   evictions.clear();
   unconfirmed_stops.clear();
+  doubts.clear();
 }
 
 AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
@@ -41,7 +42,9 @@ AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
       transitions_(config_.batch, config_.drones, config_.seed + 1),
       folds_(config_.batch, config_.drones, config_.seed + 2),
       idle_(config_.idle_evict_ns, config_.batch, config_.drones, config_.seed + 3),
-      check_(config_.check, config_.drones, registry) {
+      alarms_(config_.batch, config_.drones, config_.seed + 4),
+      check_(config_.check, config_.drones, registry),
+      doubt_(config_.doubt_ns) {
   for (std::size_t i = 0; i < config_.drones.size(); ++i) {
     drones_.push_back(Drone{.fusion = Fusion(config_.fusion), .newest = {}, .two_way = {}});
   }
@@ -120,7 +123,7 @@ constexpr int endorsement_policy_failure = 10;  // protos.TxValidationCode
 
 void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
   if (transitions_.finished(now, frame, outcome) || folds_.finished(now, frame, outcome) ||
-      take_eviction(now, frame, outcome, out)) {
+      alarms_.finished(now, frame, outcome) || take_eviction(now, frame, outcome, out)) {
     if (outcome.kind == fabric::Outcome::Kind::committed) progress(now);
     return;
   }
@@ -155,6 +158,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
                                      .id = refused.sequence,
                                      .stamp_ns = refused.state_stamp_ns});
   }
+  doubt_block(now, block, checked);
   if (!checked.chain_ok) {
     last_chain_error_ = checked.chain_error;
     return;
@@ -173,6 +177,16 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
   for (const DroneNumber drone : checked.revoked) folds_.want(now, drone);
   for (const DroneNumber drone : checked.heard) idle_.heard(now, drone);
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
+}
+
+void AgentCore::doubt_block(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked) {
+  if (!checked.chain_ok) doubt_.add(now, DoubtKind::chain, block.number, checked.chain_error);
+  doubt_.add(now, DoubtKind::transaction, block.number, checked.unbelievable_problem, checked.unbelievable);
+  for (const auto& stop : checked.unconfirmed) {
+    doubt_.add(now, DoubtKind::stop, block.number,
+               "drone " + std::to_string(stop.drone) + ": stopped by " + stop.stopper.msp_id + " " +
+                   stop.stopper.subject + ", which the block flags " + std::to_string(stop.code));
+  }
 }
 
 void AgentCore::on_connection(TimeNs now, bool connected) {
@@ -231,6 +245,13 @@ void AgentCore::submit_transitions(TimeNs now, AgentOutputs& out) {
   }
 }
 
+void AgentCore::submit_alarm(TimeNs now, AgentOutputs& out) {
+  const auto sending = alarms_.next(now, doubt_);
+  if (!sending) return;
+  if (!unanswered_since_ns_) unanswered_since_ns_ = now;
+  out.submits.push_back({sending->number, encode_alarm(*sending, doubt_, now, real_offset_ns_), true});
+}
+
 void AgentCore::submit_folds(TimeNs now, AgentOutputs& out) {
   while (const auto sending = folds_.next(now)) {
     if (!unanswered_since_ns_) unanswered_since_ns_ = now;
@@ -273,12 +294,14 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
   hand_over_plans(now, out);
   submit_folds(now, out);
   submit_transitions(now, out);
+  for (Doubt::Word& word : doubt_.take_words(now)) out.doubts.push_back(std::move(word));
   if (submitting_) {
+    submit_alarm(now, out);
     submit_evictions(now, out);
     submit_frame(now, out);
   }
   if (now >= next_beat_ns_ && may_beat(now)) {
-    out.beat = AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now)};
+    out.beat = AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now), .ledger_doubted = doubt_.stands(now)};
     transitions_.tell(*out.beat);
     // Beats keep their grid, except after a pause: then none are made up for.
     const bool paused = next_beat_ns_ + config_.beat_period_ns <= now;

@@ -9,7 +9,9 @@
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"
 #include "onboard/agent/core/command_check.hpp"
+#include "onboard/agent/core/doubt.hpp"
 #include "onboard/agent/core/fusion.hpp"
+#include "onboard/agent/core/outbox/alarm_sender.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/core/outbox/fold_sender.hpp"
 #include "onboard/agent/core/outbox/idle_evictor.hpp"
@@ -26,7 +28,11 @@ struct AgentConfig {
   TimeNs first_beat_wait_ns = 200 * ns_per_ms;  ///< for a pose of every drone, at most
   TimeNs ledger_silent_after_ns = 1 * ns_per_s;
   TimeNs idle_evict_ns = usual_idle_ns;  ///< 0: never, see IdleEvictor
-  std::uint64_t seed = 1;                ///< of the back-off's jitter
+  /// How long a reason to doubt the ledger counts. It outlasts the peer's next try of a stream that it has broken off, and
+  /// the seconds between two looks at another organisation's records: with half a lie that goes on would begin and end in
+  /// turn; double keeps drones on the ground for longer, where link asks for that.
+  TimeNs doubt_ns = 10 * ns_per_s;
+  std::uint64_t seed = 1;  ///< of the back-off's jitter
 };
 
 /// What the agent wants done. Calls of AgentCore append; the shell acts on it and clears it.
@@ -34,7 +40,7 @@ struct AgentOutputs {
   struct Submit {
     std::uint64_t frame = 0;  ///< give it back to on_outcome()
     fabric::Call call;
-    bool urgent = false;  ///< transitions, folds, evictions: must not wait behind states
+    bool urgent = false;  ///< transitions, alarms, folds, evictions: must not wait behind states
   };
   std::vector<Submit> submits;
   std::vector<Plan> plans;  ///< to link
@@ -48,7 +54,8 @@ struct AgentOutputs {
     std::string why;                            ///< it did not get onto the ledger
   };
   std::vector<Eviction> evictions;
-  std::vector<CommandCheck::Checked::UnconfirmedStop> unconfirmed_stops;  ///< alarms
+  std::vector<CommandCheck::Checked::UnconfirmedStop> unconfirmed_stops;
+  std::vector<Doubt::Word> doubts;  ///< for the log
   void clear();
 };
 
@@ -84,13 +91,18 @@ class AgentCore {
   void on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out);
   void on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out);
   void on_connection(TimeNs now, bool connected);  ///< of the block stream
+  /// A reason to doubt the ledger that was found outside, in words: by the stream, by another organisation's records.
+  void on_doubt(TimeNs now, DoubtKind kind, const std::string& words) { doubt_.add(now, kind, newest_block(), words); }
+  /// Whether another organisation's peer tells other records now.
+  void set_records_differ(bool differ) { doubt_.records_differ(differ); }
   void step(TimeNs now, AgentOutputs& out);
 
   /// From now on step() makes no frame of states and evicts nobody; what is in flight may end, and transitions and
   /// folds still go. For an orderly end.
   void stop_submitting() { submitting_ = false; }
   bool anything_under_way() const {
-    return batcher_.in_flight() > 0 || transitions_.pending() || folds_.pending() || idle_.in_flight();
+    return batcher_.in_flight() > 0 || transitions_.pending() || folds_.pending() || idle_.in_flight() ||
+           alarms_.in_flight();
   }
 
   bool ledger_alive(TimeNs now) const;
@@ -102,6 +114,8 @@ class AgentCore {
   std::uint64_t blocks_broken() const { return check_.broken_blocks(); }
   const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
   const FoldSender& folds() const { return folds_; }
+  const Doubt& doubt() const { return doubt_; }
+  const AlarmSender& alarms() const { return alarms_; }
   const IdleEvictor& idle() const { return idle_; }
   std::uint64_t unconfirmed_stops() const { return check_.unconfirmed_stops(); }
   std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
@@ -126,6 +140,9 @@ class AgentCore {
   void submit_transitions(TimeNs now, AgentOutputs& out);
   void submit_folds(TimeNs now, AgentOutputs& out);
   void submit_evictions(TimeNs now, AgentOutputs& out);
+  void submit_alarm(TimeNs now, AgentOutputs& out);
+  void doubt_block(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked);
+  std::uint64_t newest_block() const { return height() == 0 ? 0 : height() - 1; }
   bool take_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out);
   void progress(TimeNs now);
   bool may_beat(TimeNs now);
@@ -135,7 +152,9 @@ class AgentCore {
   TransitionSender transitions_;
   FoldSender folds_;
   IdleEvictor idle_;
+  AlarmSender alarms_;
   CommandCheck check_;
+  Doubt doubt_;
   std::vector<Drone> drones_;  ///< as in config_.drones
   std::vector<Plan> checked_;  ///< waiting for step()
   TimeNs real_offset_ns_ = 0;

@@ -97,6 +97,9 @@ class CommandCheck {
       int code = 0;  ///< its flag, protos.TxValidationCode
     };
     std::vector<UnconfirmedStop> unconfirmed;
+    /// Transactions that the stream does not believe (fabric::Transaction::problem): how many, and the first's problem.
+    std::uint64_t unbelievable = 0;
+    std::string unbelievable_problem;
     std::vector<DroneNumber> heard;  ///< drones whose holder commands them under its lease, flown or refused
     bool chain_ok = true;
     std::string chain_error;  ///< in words, when not chain_ok; the block was then not looked at further

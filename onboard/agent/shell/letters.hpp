@@ -31,7 +31,12 @@ struct RecordsRead {
 struct SecondReading {
   Result<FirstRecords> records;
 };
-using Letter = std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead, SecondReading>;
+/// The peer's stream contradicts what is known of the channel.
+struct Contradiction {
+  std::string what;
+};
+using Letter =
+    std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead, SecondReading, Contradiction>;
 
 /// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one frame in
 /// flight).

@@ -62,7 +62,8 @@ int run(Config& config) {
   auto registry = fabric::msp_registry(config);
   const fabric::ClientConfig known = belief::for_contract(ledger ? *ledger : fabric::ClientConfig{});
   agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
-  const bridge::BridgeConfig bridged = agent::read_bridge(config, settings.core.drones);
+  bridge::BridgeConfig bridged = agent::read_bridge(config, settings.core.drones);
+  bridged.checkpoint = bridge::checkpoint_beside(settings.checkpoint);
   const dds::ParticipantOptions dds = dds::participant_options(config, "ledgerline_agent");
   if (settings.core.seed == 0) settings.core.seed = static_cast<std::uint64_t>(realtime_ns());
   const Status own_msp = check_own_msp(config, known.identity.name.msp_id);
@@ -74,8 +75,7 @@ int run(Config& config) {
   if (!checked) return fail(checked.error(), exit_usage);
   if (known.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   settings.blocks_are_judged = !known.config_block.empty();
-  auto checkpoint = settings.checkpoint.empty() ? Result<std::optional<fabric::Checkpoint>>(std::nullopt)
-                                                : fabric::read_checkpoint(settings.checkpoint, known.where.channel);
+  auto checkpoint = fabric::read_checkpoint(settings.checkpoint, known.where.channel);
   if (!checkpoint) return fail(checkpoint.error(), exit_usage);
   auto client = fabric::Client::create(known);
   auto urgent = fabric::Client::create(known);
@@ -113,7 +113,8 @@ agent.toml: [[drone]] name, number;
     outliers_before_reset, longest_gap_ms, frozen_after_ms
   [check] max_age_ms, max_speed_mps, max_yaw_rate_radps, horizon_ms, stamps_kept
   [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, longest_back_off_ms, refused_drone_pause_ms
-  [agent] beat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, max_absence_blocks, seed, start_wait_s
+  [agent] beat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, doubt_s, max_absence_blocks, seed,
+    start_wait_s
   [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:

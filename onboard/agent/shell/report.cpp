@@ -34,6 +34,15 @@ json to_json(const Fusion::Counters& c) {
           {"outliers", c.outliers}, {"frozen", c.frozen},         {"resets", c.resets}};
 }
 
+json doubts(const AgentCore& core) {
+  json kinds = json::object();
+  for (std::size_t i = 0; i < doubt_kinds; ++i) {
+    const auto kind = static_cast<DoubtKind>(i);
+    if (core.doubt().of(kind).count > 0) kinds[std::string(name(kind))] = core.doubt().of(kind).count;
+  }
+  return kinds;
+}
+
 }  // namespace
 
 std::string status_line(const AgentCore& core, TimeNs now) {
@@ -51,7 +60,12 @@ std::string status_line(const AgentCore& core, TimeNs now) {
     }
     drones.push_back(std::move(line));
   }
-  return json{{"agent", {{"height", core.height()}, {"ledger_alive", core.ledger_alive(now)}, {"drones", drones}}}}
+  return json{{"agent",
+               {{"height", core.height()},
+                {"ledger_alive", core.ledger_alive(now)},
+                {"ledger_doubted", core.doubt().stands(now)},
+                {"doubts", core.doubt().count()},
+                {"drones", drones}}}}
       .dump();
 }
 
@@ -81,6 +95,12 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
                 {"refused", core.idle().counters().refused},
                 {"repeated", core.idle().counters().repeated},
                 {"given_up", core.idle().counters().given_up}}},
+              {"doubts", core.doubt().count()},
+              {"doubts_by_kind", doubts(core)},
+              {"alarms",
+               {{"on_ledger", core.alarms().counters().on_ledger},
+                {"repeated", core.alarms().counters().repeated},
+                {"refused", core.alarms().counters().refused}}},
               {"control_events_refused", core.refused_control_events()},
               {"stops_unconfirmed", core.unconfirmed_stops()},
               {"transactions_unbelievable", core.unbelievable_transactions()},

@@ -157,6 +157,11 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
        "between two looks at the control records and roles of another organisation's peer, the first [[endorser]] of "
        "one; a difference that lasts is an alarm, in the log and the summary (records_differ); 0: never"},
       5, 0, 3'600));
+  s.core.doubt_ns = from_seconds(config.number({"agent.doubt_s",
+                                                "how long a reason to doubt the ledger counts (what contradicts its "
+                                                "flags, its orderers, other peers): so long the "
+                                                "alarm stands, and link is told (its failsafe.doubt)"},
+                                               to_seconds(s.core.doubt_ns), 1, 3'600));
   s.core.seed = static_cast<std::uint64_t>(config.integer(
       {"agent.seed", "of the back-off's jitter: the same seed, the same pauses", "the time of its start"}, 0, 0,
       INT64_MAX));
@@ -178,7 +183,7 @@ bridge::BridgeConfig read_bridge(Config& config, const std::vector<DroneName>& d
   bridge::Host host{.topics = {}, .enrolled = {}, .has_frame = true};
   for (const DroneName& drone : drones) {
     host.enrolled.push_back(drone.name);
-    for (const char* own : {"odom", "link", "battery", "failsafe"})
+    for (const char* own : {"odom", "link", "battery", "failsafe", "alarm"})
       host.topics.push_back(fmt::format("/{}/{}", drone.name, own));
   }
   return bridge::read_bridge(config, &host);

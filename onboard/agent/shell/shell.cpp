@@ -75,6 +75,8 @@ Status AgentShell::take_letters() {
       tell_connection(*state);
     } else if (const auto* continued = std::get_if<Continued>(&letter)) {
       take_continued(continued->how);
+    } else if (const auto* contradiction = std::get_if<Contradiction>(&letter)) {
+      core_.on_doubt(now, DoubtKind::stream, contradiction->what);
     } else if (const auto* second = std::get_if<SecondReading>(&letter)) {
       take_second_reading(*second);
     } else if (const auto* read = std::get_if<RecordsRead>(&letter)) {
@@ -114,11 +116,16 @@ void AgentShell::take_second_reading(const SecondReading& reading) {
   ask_again_ = reading.records && !control_start_.known();  // our own are still being read
   if (!reading.records || ask_again_) return;
   const auto verdict = second_opinion_.compare(core_.records(), *reading.records);
-  for (const SecondOpinion::Difference& difference : verdict.alarms)
+  for (const SecondOpinion::Difference& difference : verdict.alarms) {
+    core_.on_doubt(monotonic_ns(), DoubtKind::records,
+                   fmt::format("{}: here {}; at another organisation's peer {}", difference.what, difference.ours,
+                               difference.theirs));
     spdlog::error(
         "{}: another organisation's peer tells another record than this agent believes: here {}; there {}. One of the "
         "two peers lies or stands still: look at both before you fly",
         difference.what, difference.ours, difference.theirs);
+  }
+  core_.set_records_differ(second_opinion_.differs());
   for (const std::string& what : verdict.cleared)
     spdlog::warn("{}: another organisation's peer tells the same record again", what);
   ask_again_ = verdict.again_soon;
@@ -179,6 +186,7 @@ void AgentShell::step_and_act() {
   tell_refusals();
   tell_evictions();
   tell_unconfirmed_stops();
+  tell_doubts();
   recorder_.add(out_.traces);
   out_.clear();
 }
@@ -200,6 +208,12 @@ void AgentShell::tell_unconfirmed_stops() {
         "that the ledger has no such stop",
         stop.drone, stop.stopper.msp_id, printable(stop.stopper.subject), stop.code);
   }
+}
+
+void AgentShell::tell_doubts() {
+  for (const Doubt::Word& word : out_.doubts)
+    spdlog::error("the ledger is doubted, {} ({} of {} since the last word): {}", name(word.kind), word.since,
+                  word.count, word.words);
 }
 
 void AgentShell::tell_evictions() {

@@ -83,6 +83,7 @@ class AgentShell {
   void tell_refusals();
   void tell_evictions();
   void tell_unconfirmed_stops();
+  void tell_doubts();
   void tell_outcome(const fabric::Outcome& outcome);
   void tell_connection(const StreamState& state);
   void tell_lost_transitions();

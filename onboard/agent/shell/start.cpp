@@ -114,6 +114,7 @@ void AgentShell::open_block_stream() {
     mailbox_.put(StreamState{connected, why});
   };
   handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
+  handlers.on_contradiction = [this](const std::string& what) { mailbox_.put(Contradiction{what}); };
   handlers.on_continued = [this](const fabric::Continuation& how) { mailbox_.put(Continued{how}); };
   if (!checkpoint_) {
     blocks_ = client_->blocks(std::nullopt, std::move(handlers));
@@ -167,6 +168,8 @@ Status AgentShell::take_early_letters() {
       stream_problem_ = state->why;
     } else if (const auto* continued = std::get_if<Continued>(&letter)) {
       take_continued(continued->how);
+    } else if (const auto* contradiction = std::get_if<Contradiction>(&letter)) {
+      core_.on_doubt(monotonic_ns(), DoubtKind::stream, contradiction->what);
     } else if (auto* block = std::get_if<fabric::Block>(&letter)) {
       if (auto status = take_block(std::move(*block)); !status) return status;
     }

@@ -80,11 +80,20 @@ std::unique_ptr<Entry> transitions() {
       [](std::string_view bytes) { return outcome_of(transitions_from_cdr(bytes)); });
 }
 
+std::unique_ptr<Entry> alarms() {
+  const Alarm differs{"records_differ", true, 3, "tello1: not held; there held by Org2MSP", 41};
+  return std::make_unique<Function>(
+      std::vector<std::string>{alarms_to_cdr({ns_per_s, "tello1"}, "tello1", {differs, differs}),
+                               alarms_to_cdr({}, "", {})},
+      [](std::string_view bytes) { return outcome_of(alarms_from_cdr(bytes)); });
+}
+
 const Registration cdr_odometry({"cdr.odometry", Kind::bytes, odometry});
 const Registration cdr_battery({"cdr.battery", Kind::bytes, battery, 0.1});
 const Registration cdr_twist({"cdr.twist", Kind::bytes, twist, 0.1});
 const Registration cdr_link_status({"cdr.link_status", Kind::bytes, link_status});
 const Registration cdr_transitions({"cdr.transitions", Kind::bytes, transitions});
+const Registration cdr_alarms({"cdr.alarms", Kind::bytes, alarms, 0.1});
 
 // ---- forms
 

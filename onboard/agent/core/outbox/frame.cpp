@@ -6,6 +6,7 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/ros.hpp"
 #include "ledgerline.pb.h"
+#include "onboard/agent/core/outbox/alarm_sender.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/core/outbox/transition_sender.hpp"
 
@@ -70,6 +71,22 @@ fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs
     const std::string& drone = part.drone->name;
     const Header header{part.transitions.back().stamp_ns + real_offset_ns, drone + "/base_link"};
     add_asset(call, drone + "/failsafe", transitions_type, transitions_to_cdr(header, drone, part.transitions));
+  }
+  return fabric::Call{.function = contract::set, .args = {call.SerializeAsString()}};
+}
+
+fabric::Call encode_alarm(const AlarmSender::Sending& sending, const Doubt& doubt, TimeNs now, TimeNs real_offset_ns) {
+  std::vector<Alarm> alarms;
+  for (std::size_t i = 0; i < doubt_kinds; ++i) {
+    const auto kind = static_cast<DoubtKind>(i);
+    const Doubt::Reason& reason = doubt.of(kind);
+    if (reason.count > 0)
+      alarms.push_back({std::string(name(kind)), doubt.stands(now, kind), reason.count, reason.words, reason.block});
+  }
+  SetCall call;
+  for (const DroneName* drone : sending.drones) {
+    const Header header{now + real_offset_ns, drone->name + "/base_link"};
+    add_asset(call, drone->name + "/alarm", alarms_type, alarms_to_cdr(header, drone->name, alarms));
   }
   return fabric::Call{.function = contract::set, .args = {call.SerializeAsString()}};
 }

@@ -221,8 +221,28 @@ TEST(Ros, TransitionsWithValuesThatCannotBeAreRefused) {
   EXPECT_FALSE(transitions_from_cdr(text));
 }
 
+TEST(Ros, AlarmsComeBackWholeAndDamagedOnesAreRefused) {
+  std::string text =
+      alarms_to_cdr({5, ""}, "tello1",
+                    {{"records_differ", true, 3, "held by A; there by B", 41}, {"chain_broken", false, 1, "x", 7}});
+  const auto got = alarms_from_cdr(text);
+  ASSERT_TRUE(got);
+  ASSERT_EQ(got->size(), 2U);
+  EXPECT_EQ((*got)[0].kind, "records_differ");
+  EXPECT_TRUE((*got)[0].stands);
+  EXPECT_EQ((*got)[0].count, 3U);
+  EXPECT_EQ((*got)[0].words, "held by A; there by B");
+  EXPECT_EQ((*got)[0].block, 41U);
+  EXPECT_EQ((*got)[1].kind, "chain_broken");
+  EXPECT_FALSE((*got)[1].stands);
+  EXPECT_TRUE(transitions_from_cdr(text)) << "of the same type";
+  for (std::size_t cut = 0; cut < text.size(); ++cut) ASSERT_FALSE(alarms_from_cdr(text.substr(0, cut))) << cut;
+  text.replace(text.find("41"), 2, "4x");
+  EXPECT_FALSE(alarms_from_cdr(text));
+}
+
 TEST(Ros, EveryModeCauseAndPhaseHasANameOfItsOwn) {
-  for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(FailsafeCause::stopped); ++i) {
+  for (std::uint8_t i = 0; i < enum_count<FailsafeCause>; ++i) {
     EXPECT_EQ(from_name<FailsafeCause>(name(static_cast<FailsafeCause>(i))), static_cast<FailsafeCause>(i));
   }
   for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(FailsafeMode::cut); ++i) {
@@ -284,6 +304,7 @@ TEST(Ros, HostileBytesNeverCrash) {
     (void)battery_from_cdr(bad);
     (void)link_status_from_cdr(bad);
     (void)transitions_from_cdr(bad);
+    (void)alarms_from_cdr(bad);
     (void)twist_from_cdr(bad);
     (void)pose_from_cdr(bad);
   }

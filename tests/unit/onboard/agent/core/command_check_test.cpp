@@ -270,10 +270,16 @@ TEST_F(CommandCheckTest, ASecondArgumentIsNoCommandOfOurs) {
 }
 
 TEST_F(CommandCheckTest, ATransactionThatCannotBeBelievedIsCountedAndGivesNothing) {
-  auto tx = command(good_plan());
-  tx.code = fabric::code_unbelievable;
-  expect_refused(tx, Refusal::invalid_transaction);
-  EXPECT_EQ(check_.unbelievable_transactions(), 1U);
+  auto block = ledger_.block({command(good_plan()), command(good_plan(2))});
+  block.transactions[0].code = fabric::code_unbelievable;
+  block.transactions[0].problem = "its event is another's";
+  block.transactions[1].code = 11;
+  block.transactions[1].problem = "flagged 11, but valid";
+  const auto checked = check_.check(now, now_s, block);
+  EXPECT_TRUE(checked.plans.empty());
+  EXPECT_EQ(checked.unbelievable, 2U);
+  EXPECT_EQ(checked.unbelievable_problem, "transaction " + block.transactions[0].tx_id + ": its event is another's");
+  EXPECT_EQ(check_.unbelievable_transactions(), 2U);
 }
 
 TEST_F(CommandCheckTest, ASignerOfAnUnknownOrganisationIsRefused) {
