@@ -174,6 +174,13 @@ class Authority:
         return {"mspId": f"Org{self.organisation}MSP", "certificate": certificate.read_text(), "key": key.read_text(),
                 "end": end}
 
+    def revoke(self, certificate: pathlib.Path) -> str:
+        """Its newest list of what it has revoked, as PEM, with this certificate on it and no other."""
+        (self.home / "index.txt").write_text("")
+        words = ("-config", self.home / "settings", "-cert", self.certificate, "-keyfile", self.key)
+        openssl("ca", *words, "-revoke", certificate)
+        return openssl("ca", *words, "-gencrl", "-crldays", "1")
+
     def begin(self) -> float:
         """From when on the CA's own certificate is valid."""
         text = openssl("x509", "-in", self.certificate, "-noout", "-startdate").split("=", 1)[1].strip()

@@ -1,73 +1,9 @@
 """Receipts: made on either ledger, checked where there is no network, no config and no other file."""
 import json
-import pathlib
-import shutil
-import subprocess
 
-import pytest
-from fabric import BIN
+from empty_root import ORGANISATIONS, config, make, run
+from ledgers import Authority
 from official import MVCC_READ_CONFLICT, asset, call
-
-ORGANISATIONS = (1, 2, 3)
-PROGRAM = BIN / "ledgerline-receipt"
-
-
-def config(ledger, folder: pathlib.Path, organisation: int, peers=ORGANISATIONS) -> pathlib.Path:
-    endpoint, ca = ledger.peer(organisation)
-    path = folder / f"org{organisation}.toml"
-    path.write_text(
-        f'[ledger]\nendpoint = "{endpoint}"\ntls_ca = "{ca}"\nmsp_id = "Org{organisation}MSP"\n'
-        f'msp_dir = "{ledger.msp_dir(organisation, "User1")}"\n' + "".join(
-            '[[endorser]]\nmsp_id = "Org{}MSP"\nendpoint = "{}"\ntls_ca = "{}"\n'.format(k, *ledger.endorser(k)) for k in peers))
-    return path
-
-
-class EmptyRoot:
-    """A root with the program, what it is linked with, and the authorities' certificates: no network, no variable, no config."""
-
-    def __init__(self, ledger, root: pathlib.Path):
-        self.root = root
-        root.mkdir()
-        linked = subprocess.run(["ldd", PROGRAM], capture_output=True, text=True, check=True).stdout
-        for library in (word for line in linked.splitlines() for word in line.split() if word.startswith("/")):
-            copy = root / library[1:]
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(library, copy)
-        shutil.copy(PROGRAM, root / "receipt")
-        self.trust = ["--channel", "teleop"]
-        for k in ORGANISATIONS:
-            shutil.copy(ledger.organisation(k) / "ca" / f"ca.org{k}.ledgerline-cert.pem", root / f"org{k}.pem")
-            self.trust += ["--organisation", f"Org{k}MSP=/org{k}.pem"]
-        orderers = ledger.directory / "crypto" / "ordererOrganizations" / "ledgerline" / "ca" / "ca.ledgerline-cert.pem"
-        shutil.copy(orderers, root / "orderers.pem")
-        self.trust += ["--orderer", "OrdererMSP=/orderers.pem"]
-
-    def verify(self, receipt: bytes, *words, trust=None) -> subprocess.CompletedProcess:
-        (self.root / "one.receipt").write_bytes(receipt)
-        return subprocess.run([shutil.which("unshare"), "--net", f"--root={self.root}", "--wd=/", "/receipt",
-                               "--verify", "/one.receipt", *(self.trust if trust is None else trust), *words],
-                              env={}, capture_output=True, text=True, timeout=60)
-
-    def proven(self, receipt: bytes) -> dict:
-        done = self.verify(receipt, "--json")
-        assert done.returncode == 0, done.stdout + done.stderr
-        return json.loads(done.stdout)
-
-
-@pytest.fixture(scope="module")
-def empty_root(ledger, tmp_path_factory) -> EmptyRoot:
-    return EmptyRoot(ledger, tmp_path_factory.mktemp("empty") / "root")
-
-
-def run(folder: pathlib.Path, *words) -> subprocess.CompletedProcess:
-    return subprocess.run([PROGRAM, *words], cwd=folder, capture_output=True, text=True, timeout=60)
-
-
-def make(ledger, folder: pathlib.Path, transaction: str, **more) -> bytes:
-    out = folder / "made.receipt"
-    done = run(folder, "--config", config(ledger, folder, 2, **more), transaction, "--out", out)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return out.read_bytes()
 
 
 def test_a_valid_transaction_is_proven_in_an_empty_root(tmp_path, ledger, drone_host, empty_root):
@@ -120,6 +56,37 @@ def test_only_who_checks_says_whom_to_believe(tmp_path, ledger, drone_host, empt
     assert "no orderer that you named" in empty_root.verify(receipt, trust=no_orderers).stderr
     for too_little in (trust[:2], trust[2:], trust[:-2], []):
         assert empty_root.verify(receipt, trust=too_little).returncode == 2
+
+
+def test_the_word_of_a_revoked_peer_does_not_count_once_its_list_is_given(tmp_path, ledger, drone_host, empty_root):
+    receipt = make(ledger, tmp_path, drone_host.submit("set", asset("tello1/receipt"))["tx"], peers=(2, 3))
+    assert "no revocation list was given" in empty_root.verify(receipt).stdout
+    revoking = Authority(ledger, 2, tmp_path / "revoking")
+    peer = next((ledger.organisation(2) / "peers" / "peer0.org2.ledgerline" / "msp" / "signcerts").iterdir())
+    (empty_root.root / "peer.crl").write_text(revoking.revoke(peer))
+    done = empty_root.verify(receipt, "--crl", "/peer.crl")
+    assert done.returncode == 1 and "peers of 1 of 3 organisations, which is no majority; revoked, so not counted: Org2MSP" in done.stderr
+    all_three = make(ledger, tmp_path, drone_host.submit("set", asset("tello1/receipt"))["tx"])
+    done = empty_root.verify(all_three, "--crl", "/peer.crl")
+    assert done.returncode == 0, done.stderr
+    assert "by the word of peers of 2 of 3 organisations: Org1MSP" in done.stdout and "revoked, so its word was not counted" in done.stdout
+    assert "Org2MSP's of 2" in done.stdout and "none was given of: OrdererMSP, Org1MSP, Org3MSP" in done.stdout
+    (empty_root.root / "damaged.crl").write_text((empty_root.root / "peer.crl").read_text()[:200])
+    for list_file in ("damaged.crl", "org1.pem"):
+        done = empty_root.verify(receipt, "--crl", f"/{list_file}")
+        assert done.returncode == 1 and f"/{list_file}: " in done.stderr and not done.stdout, done
+
+
+def test_several_are_checked_at_once_and_one_that_proves_nothing_is_named(tmp_path, ledger, drone_host, empty_root):
+    receipt = make(ledger, tmp_path, drone_host.submit("set", asset("tello1/receipt"))["tx"])
+    for name, content in (("good", receipt), ("bad", receipt[:-1])):
+        (empty_root.root / name).write_bytes(content)
+    done = empty_root.run("--verify", "/good", "/bad", "/good", *empty_root.trust)
+    lines = done.stdout.splitlines()
+    assert done.returncode == 1 and "of 3 receipts 1 prove nothing" in done.stderr
+    assert lines[0] == lines[2] and lines[0].startswith("/good: proven: transaction ") and len(lines) == 3
+    assert lines[1] == "/bad: nothing is proven: it is cut off or damaged"
+    assert empty_root.run("--verify", "/good", "/good", *empty_root.trust).returncode == 0
 
 
 def test_it_is_checked_before_it_is_written_where_that_is_asked_for(tmp_path, ledger, drone_host, empty_root):
