@@ -6,9 +6,11 @@
 #include <utility>
 
 #include "common/base/enum_count.hpp"
+#include "common/base/printable.hpp"
 #include "common/belief/calls.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
+#include "common/msg/ros.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -17,6 +19,7 @@ constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs new_enough_ns =
     200 * ns_per_ms;  // a state to make a plan from at once; agent takes none beyond 500 ms
 constexpr TimeNs note_again_ns = 1 * ns_per_s;
+constexpr std::size_t max_kind = 64, max_alarm_words = 300;  // bytes in the log: agent's own are no longer
 
 }  // namespace
 
@@ -113,6 +116,7 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
 }
 
 void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
+  std::size_t looked_at = out.news.size();
   for (const fabric::Transaction& tx : inputs.block->transactions) {
     if (tx.code == fabric::code_unbelievable) ++transactions_.unbelievable;
     if (tx.code != 0 || tx.config) continue;
@@ -120,12 +124,31 @@ void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOut
     if (tx.event_name == contract::set) {
       for (const StateIntake::New& one : intake_.take(tx, inputs.realtime_s, out.news))
         take_state(now_ns, one.drone, one.state, out);
+      for (; looked_at < out.news.size(); ++looked_at) take_alarm(out.news[looked_at], out);
     } else if (tx.event_name == contract::command) {
       if (outbox_) outbox_->take_block(now_ns, tx);
     } else if (belief::is_control_event(tx.event_name)) {
       for (const LeaseBook::Change& change : leases_.take(tx, inputs.realtime_s)) lease_changed(now_ns, change);
     }
   }
+}
+
+void FlightCore::take_alarm(const DroneNews& news, FlightOutputs& out) {
+  if (news.alarm.empty()) return;
+  const auto alarms = alarms_from_cdr(news.alarm);
+  if (!alarms) {
+    ++transactions_.malformed;
+    return;
+  }
+  FlightStatus& status = drones_[news.drone]->status;
+  const std::string& name = config_.drones[news.drone].name;
+  ++status.alarms;
+  const auto standing = std::find_if(alarms->begin(), alarms->end(), [](const Alarm& alarm) { return alarm.stands; });
+  status.ledger_doubted = standing != alarms->end();
+  out.notes.push_back(status.ledger_doubted ? fmt::format("{}: its agent doubts the ledger: {} ({} times): {}", name,
+                                                          printable(standing->kind, max_kind), standing->count,
+                                                          printable(standing->words, max_alarm_words))
+                                            : fmt::format("{}: its agent believes the ledger again", name));
 }
 
 void FlightCore::take_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out) {

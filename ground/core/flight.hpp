@@ -76,6 +76,7 @@ class FlightCore {
   };
 
   void take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
+  void take_alarm(const DroneNews& news, FlightOutputs& out);
   void take_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out);
   void lease_changed(TimeNs now_ns, const LeaseBook::Change& change);
   void take_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);

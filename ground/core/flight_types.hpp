@@ -96,6 +96,7 @@ struct DroneNews {
   std::optional<StateSample> state;
   std::string odometry, battery;  ///< of the state's moment
   std::string transitions;        ///< of the failsafe
+  std::string alarm;              ///< why its agent doubts the ledger, or did
 };
 
 struct FlightOutputs {
@@ -130,6 +131,8 @@ struct FlightStatus {
   double limit_mps = 0;                 ///< the latency-aware limit now; 0: none known, or no prediction
   std::optional<double> slowed_to_mps;  ///< the least limit that was below the speed asked for
   motion::Response response;            ///< as learned so far
+  std::uint64_t alarms = 0;             ///< of its agent, which doubts the ledger that it is shown
+  bool ledger_doubted = false;          ///< as the newest of them says
   std::uint64_t states_received = 0, commands_made = 0, commands_sent = 0, commands_merged = 0, commands_refused = 0;
 };
 

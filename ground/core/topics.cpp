@@ -57,6 +57,8 @@ Result<std::string> diagnostics(const DroneNews& news, const std::string&) {
   return as_it_is(news.transitions, transitions_from_cdr);
 }
 
+Result<std::string> alarm(const DroneNews& news, const std::string&) { return as_it_is(news.alarm, alarms_from_cdr); }
+
 void velocity(std::string_view cdr, TimeNs came_ns, PilotWish& wish) {
   const auto twist = twist_from_cdr(cdr);
   if (!twist) {
@@ -79,13 +81,14 @@ void say(std::string_view, TimeNs, PilotWish& wish) {
 
 }  // namespace
 
-const std::array<DroneTopic, 6> drone_topics{{
+const std::array<DroneTopic, 7> drone_topics{{
     {"/odom", false, odometry_type, false, odometry},
     {"/pose", false, pose_type, false, pose},
     {"/tf", true, transforms_type, false, transform},
     {"/battery", false, battery_type, false, battery},
     {"/imu", false, imu_type, false, imu},
     {"/diagnostics", true, transitions_type, true, diagnostics},
+    {"/diagnostics", true, alarms_type, true, alarm},  // a writer of its own: who comes late gets the last ones of both
 }};
 
 const std::array<PilotTopic, 5> pilot_topics{{

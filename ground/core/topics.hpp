@@ -16,7 +16,7 @@ struct DroneTopic {
   /// Its message as CDR; empty where the news have none. An error: what the ledger has is no such message.
   Result<std::string> (*make)(const DroneNews& news, const std::string& drone);
 };
-extern const std::array<DroneTopic, 6> drone_topics;
+extern const std::array<DroneTopic, 7> drone_topics;
 std::string topic_of(const DroneTopic& topic, const std::string& drone);
 
 /// What ground hears from ROS 2, in the names of the Tello's driver for ROS 2, and stop.

@@ -148,6 +148,8 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
          {"lap_m", status.lap_m},
          {"origin", status.origin_m},
          {"height_m", core.height_m()},
+         {"alarms", status.alarms},
+         {"ledger_doubted", status.ledger_doubted},
          {"states_received", status.states_received},
          {"commands_made", status.commands_made},
          {"commands_sent", status.commands_sent},

@@ -60,7 +60,8 @@ std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, s
     const bool odometry = what == "odom" && asset.msg_type() == odometry_type;
     const bool battery = what == "battery" && asset.msg_type() == battery_type;
     const bool transitions = what == "failsafe" && asset.msg_type() == transitions_type;
-    if (!status && !odometry && !battery && !transitions) continue;
+    const bool alarm = what == "alarm" && asset.msg_type() == alarms_type;
+    if (!status && !odometry && !battery && !transitions && !alarm) continue;
     if (drone != checked) {
       if (!believed(tx, realtime_s, *drone)) {
         ++counters_.unbelieved;
@@ -72,6 +73,7 @@ std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, s
     if (odometry) one.odometry = asset.msg_data();
     if (battery) one.battery = asset.msg_data();
     if (transitions) one.transitions = asset.msg_data();
+    if (alarm) one.alarm = asset.msg_data();
     if (!status) continue;
     auto sample = link_status_from_cdr(asset.msg_data());
     if (!sample) {
@@ -85,7 +87,7 @@ std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, s
     DroneNews& one = all[i];
     one.drone = i;
     if (!one.state) one.odometry = one.battery = "";  // sent again for the frame's sake
-    if (one.state || !one.transitions.empty()) news.push_back(std::move(one));
+    if (one.state || !one.transitions.empty() || !one.alarm.empty()) news.push_back(std::move(one));
   }
   return states;
 }

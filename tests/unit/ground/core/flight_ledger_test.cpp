@@ -216,6 +216,27 @@ TEST_F(FlightByHand, WhatRidesAgainInAFrameIsNoNewsButTransitionsAlwaysAre) {
   EXPECT_FALSE(again.news[0].state);
 }
 
+TEST_F(FlightByHand, AnAlarmOfADronesAgentIsNewsAndIsSaidAndCounted) {
+  const auto told = [&](bool stands) {
+    SetCall call;
+    Asset* asset = call.add_assets();
+    asset->set_id("tello2/alarm");
+    asset->set_msg_type(std::string(alarms_type));
+    asset->set_msg_data(alarms_to_cdr({}, "tello2", {{"chain_broken", stands, 3, "block 9 came where 8 was due", 9}}));
+    return block(event("set", call.SerializeAsString()));
+  };
+  const auto begins = told(true);
+  ASSERT_EQ(begins.news.size(), 1U);
+  EXPECT_FALSE(begins.news[0].alarm.empty());
+  EXPECT_THAT(begins.notes, testing::ElementsAre("tello2: its agent doubts the ledger: chain_broken (3 times): block 9 "
+                                                 "came where 8 was due"));
+  EXPECT_TRUE(core.status(1).ledger_doubted);
+  EXPECT_FALSE(core.status(0).ledger_doubted);
+  EXPECT_THAT(told(false).notes, testing::ElementsAre("tello2: its agent believes the ledger again"));
+  EXPECT_FALSE(core.status(1).ledger_doubted);
+  EXPECT_EQ(core.status(1).alarms, 2U);
+}
+
 TEST_F(FlightByHand, InvalidTransactionsAndForeignAssetsAreNotListenedTo) {
   fabric::Transaction invalid = event("set", "");
   StateSample sample;

@@ -37,6 +37,7 @@ DroneNews sample_news() {
   news.odometry = to_cdr(sample_odometry());
   news.battery = to_cdr(BatteryState{{1'700'000'000 * ns_per_s + 5, "tello1/base_link"}, 0, 0.5F});
   news.transitions = transitions_to_cdr({1, "tello1/base_link"}, "tello1", {Transition{}});
+  news.alarm = alarms_to_cdr({1, "tello1/base_link"}, "tello1", {{"chain_broken", true, 1, "x", 7}});
   return news;
 }
 
@@ -51,6 +52,8 @@ TEST(Topics, WhatTheLedgerHasGoesOnAsItIs) {
   EXPECT_EQ(*topic("/odom").make(news, "tello1"), news.odometry);
   EXPECT_EQ(*topic("/battery").make(news, "tello1"), news.battery);
   EXPECT_EQ(*topic("/diagnostics").make(news, "tello1"), news.transitions);
+  EXPECT_EQ(*drone_topics.back().make(news, "tello1"), news.alarm);
+  EXPECT_EQ(topic_of(drone_topics.back(), "tello1"), "/diagnostics");
 }
 
 TEST(Topics, PoseAndTransformAreTheOdometrys) {
@@ -89,6 +92,7 @@ TEST(Topics, WhatIsNoSuchMessageIsAnErrorAndGoesNowhere) {
   news.odometry.resize(100);
   news.battery.resize(20);
   news.transitions.resize(20);
+  news.alarm.resize(20);
   for (const DroneTopic& one : drone_topics) EXPECT_FALSE(one.make(news, "tello1")) << one.name;
 }
 
