@@ -21,10 +21,12 @@ constexpr TimeNs warning_gap_ns = ns_per_s;
 }  // namespace
 
 Ground::Ground(FlightConfig flight, OutputSettings output, dds::ParticipantPtr participant,
-               std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent)
+               std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent,
+               fabric::KeptCheckpoint kept)
     : output_(std::move(output)),
       core_(std::move(flight)),
       participant_(std::move(participant)),
+      kept_(std::move(kept)),
       client_(std::move(client)),
       urgent_(std::move(urgent)) {
   for (const FlightDrone& drone : core_.drones()) names_.push_back(drone.name);
@@ -62,7 +64,7 @@ Status Ground::start(const std::atomic<bool>& quit) {
     mailbox_.put(StreamState{connected, why});
   };
   handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
-  blocks_ = client_->blocks(std::nullopt, std::move(handlers));
+  blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));
   if (auto status = wait_for_block_stream(quit); !status) return status;
   const auto controls = belief::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });
   if (!controls) return controls.error();

@@ -12,6 +12,7 @@
 #include "common/belief/control_records.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
+#include "common/fabric/checkpoint/kept_blocks.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/program/recorder.hpp"
 #include "common/rt/mailbox.hpp"
@@ -25,9 +26,10 @@ namespace ledgerline::ground {
 /// trace and status lines.
 class Ground {
  public:
-  /// `client` is for commands and blocks, `urgent` for what must not wait behind commands.
+  /// `client` is for commands and blocks, `urgent` for what must not wait behind commands. `kept`: as the last ground
+  /// left it.
   Ground(FlightConfig flight, OutputSettings output, dds::ParticipantPtr participant,
-         std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent);
+         std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent, fabric::KeptCheckpoint kept);
   ~Ground();
 
   /// Opens trace and topics, subscribes to blocks, reads the drones' control records. Ends early, with an error, when
@@ -83,6 +85,7 @@ class Ground {
   StreamState stream_;
   belief::ControlStart control_start_;
   std::vector<std::string> names_;  ///< of the drones
+  fabric::KeptCheckpoint kept_;     ///< until start()
 
   // Last, so that they end first: their callbacks use all of the above.
   std::vector<dds::RawReader> readers_;  ///< of each drone one for each of pilot_topics

@@ -16,7 +16,9 @@ using namespace ledgerline;
 int fly(Config& config) {
   ground::FlightConfig flight = ground::flight_config(config);
   const ground::OutputSettings output = ground::output_settings(config);
-  const bridge::BridgeConfig bridged = ground::read_bridge(config, flight.drones);
+  const std::string checkpoint = ground::checkpoint_path(config);
+  bridge::BridgeConfig bridged = ground::read_bridge(config, flight.drones);
+  bridged.checkpoint = bridge::checkpoint_beside(checkpoint);
   const dds::ParticipantOptions dds = dds::participant_options(config, "ledgerline_ground");
   // What a leader that died took with it is given up soon: newer commands say more.
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
@@ -26,6 +28,8 @@ int fly(Config& config) {
   if (checked && !ledger) checked = ledger.error();
   if (checked && !believed) checked = believed.error();
   if (!checked) return fail(checked.error(), exit_usage);
+  auto kept = fabric::KeptCheckpoint::read(checkpoint, ledger->where.channel);
+  if (!kept) return fail(kept.error(), exit_usage);
   flight.self = ledger->identity.name;
   flight.believed = std::move(believed).value();
   flight.where = ledger->where;
@@ -36,7 +40,8 @@ int fly(Config& config) {
   if (!client || !urgent) return fail((client ? urgent : client).error(), exit_usage);
   auto participant = dds::Participant::create(dds);
   if (!participant) return fail(participant.error());
-  ground::Ground ground(std::move(flight), output, *participant, std::move(client).value(), std::move(urgent).value());
+  ground::Ground ground(std::move(flight), output, *participant, std::move(client).value(), std::move(urgent).value(),
+                        std::move(*kept));
   if (auto status = ground.start(stop_requested); !status) return fail(status.error());
   const auto bridges = bridge::BesideBridges::create(config, bridged, *participant);
   if (!bridges) return fail(bridges.error());
@@ -57,7 +62,7 @@ ground.toml: [[drone]] name, number;
     R"(  [flight] shape (square|triangle|x|eight|waypoints|manual), waypoints (CSV: x,y[,z[,speed]]), predict,
     ramp_start_mps, ramp_step_mps, told_mps, told_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, side_m,
     lag_s, cmd_timeout_ms
-  [output] trace, summary, status_period_ms
+  [output] trace, summary, status_period_ms, checkpoint
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:
 )" + topic_tables_help +

@@ -123,6 +123,14 @@ OutputSettings output_settings(Config& config) {
   return output;
 }
 
+std::string checkpoint_path(Config& config) {
+  return config.text(
+      {"output.checkpoint",
+       "file, of this ground alone, with the newest block that was believed: a peer that serves an older "
+       "chain, or another one, is refused at the next start; none: each start begins anew"},
+      "");
+}
+
 std::string status_line(const FlightCore& core) {
   json drones = json::array();
   for (std::size_t i = 0; i < core.drones().size(); ++i) {

@@ -17,8 +17,10 @@ struct OutputSettings {
 FlightConfig flight_config(Config& config);
 /// Reads what else ground bridges: not the drones' topics and pilots'.
 bridge::BridgeConfig read_bridge(Config& config, const std::vector<FlightDrone>& drones);
-/// Reads [output].
+/// Reads [output], but for its checkpoint.
 OutputSettings output_settings(Config& config);
+/// Reads [output] checkpoint, of who follows a ledger: the file of the newest block believed; empty: none.
+std::string checkpoint_path(Config& config);
 
 /// What the shell counts itself.
 struct ShellCounters {

@@ -12,17 +12,17 @@ namespace {
 
 using namespace ledgerline;
 
-Status carry(const bridge::BridgeConfig& carried, const dds::ParticipantOptions& dds,
-             const fabric::ClientConfig& ledger, crypto::MspRegistry& believed) {
+int carry(const bridge::BridgeConfig& carried, const dds::ParticipantOptions& dds, const fabric::ClientConfig& ledger,
+          crypto::MspRegistry& believed) {
   bridge::warn_of_open_topics(carried);
   auto participant = dds::Participant::create(dds);
-  if (!participant) return participant.error();
+  if (!participant) return fail(participant.error());
   auto bridges = bridge::Bridges::create(carried, ledger, believed, *participant);
-  if (!bridges) return bridges.error();
-  return (*bridges)->run(stop_requested, [ready = false](const std::string& status) mutable {
+  if (!bridges) return fail(bridges.error(), exit_usage);  // of files that the config names
+  return exit_code((*bridges)->run(stop_requested, [ready = false](const std::string& status) mutable {
     if (!std::exchange(ready, true)) print_line(R"({"ready":true,"program":"ledgerline-bridge"})");
     print_line(status);
-  });
+  }));
 }
 
 int run(Config& config) {
@@ -35,7 +35,7 @@ int run(Config& config) {
   if (checked && !ledger) checked = ledger.error();
   if (checked && !believed) checked = believed.error();
   if (!checked) return fail(checked.error(), exit_usage);
-  return exit_code(carry(carried, dds, *ledger, **believed));
+  return carry(carried, dds, *ledger, **believed);
 }
 
 const char* const about =
@@ -51,6 +51,7 @@ bridge.toml:
 )" + ledger_table_help +
     topic_tables_help + dds_table_help +
     R"(A status line (JSON) comes on standard output every [output] status_period_ms, and into the file [output] status.
+[output] checkpoint is the file that a start goes on from, so that no peer shows it an older chain.
 Exit codes: 0 ended by a signal; 1 DDS or ledger not reached, or a file not written; 2 bad usage or config)";
 
 }  // namespace

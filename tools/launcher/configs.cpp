@@ -51,9 +51,9 @@ std::string memory_lines(const RunFiles& files) {
   return fmt::format("starts = \"{}\"\nlocal_stops = \"{}\"\n", files.in("link.starts"), files.in("link.stops"));
 }
 
-// So that a peer cannot show an agent that is started again an older chain: more of [output]. It goes with its ledger.
-std::string checkpoint_line(const RunFiles& files) {
-  return fmt::format("checkpoint = \"{}\"\n", files.in("ledger/agent.checkpoint"));
+// So that a peer cannot show a program that is started again an older chain: more of [output]. It goes with its ledger.
+std::string checkpoint_line(const RunFiles& files, const std::string& program) {
+  return fmt::format("checkpoint = \"{}\"\n", files.in(fmt::format("ledger/{}.checkpoint", program)));
 }
 
 // Where the proxy stands for a drone.
@@ -208,10 +208,11 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
                            fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
                            drone_tables(options, true);
   const std::string agent = ledger("agent", 1) + msp_tables(files) + output_table(files, "agent") +
-                            checkpoint_line(files) + with_status + patience(options) +
+                            checkpoint_line(files, "agent") + with_status + patience(options) +
                             dds_table(options, Side::drones) + drone_tables(options, false);
-  const std::string ground = ledger("ground", 2) + msp_tables(files) + output_table(files, "ground") + with_status +
-                             flight_table(options) + dds_table(options, Side::ground) + drone_tables(options, false);
+  const std::string ground = ledger("ground", 2) + msp_tables(files) + output_table(files, "ground") +
+                             checkpoint_line(files, "ground") + with_status + flight_table(options) +
+                             dds_table(options, Side::ground) + drone_tables(options, false);
   const std::pair<std::string, std::string> all[] = {
       {"link", link},
       {"agent", agent},

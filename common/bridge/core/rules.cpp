@@ -153,6 +153,13 @@ BridgeConfig read_bridge(Config& config, const Host* host) {
                   "between two statuses, on standard output and in the file; beside agent's and ground's work: 1,000"},
                  1'000, 10, 60'000) *
                  ns_per_ms;
+  if (!host)
+    out.checkpoint = config.text(
+        {"output.checkpoint",
+         "file, of this bridge alone, with the newest block that was believed; a channel that is not [ledger]'s has "
+         "FILE.CHANNEL. A peer that serves an older chain, or another one, is refused at the next start; none: each "
+         "start begins anew. Beside agent's and ground's work: their own file's name and .bridge"},
+        "");
   for (std::size_t i = 0; i < config.table_count({"enrolled",
                                                   "a name that is enrolled to this identity: topics below /NAME/ have "
                                                   "the id NAME/..., all others MSPID/..."});
@@ -180,6 +187,12 @@ BridgeConfig read_bridge(Config& config, const Host* host) {
     }
   }
   return out;
+}
+
+std::string checkpoint_beside(const std::string& own) { return own.empty() ? own : own + ".bridge"; }
+
+std::string checkpoint_of(const BridgeConfig& config, const std::string& channel, const std::string& of_ledger) {
+  return config.checkpoint.empty() || channel == of_ledger ? config.checkpoint : config.checkpoint + "." + channel;
 }
 
 bool is_wildcard(const Rule& rule) { return rule.name.find('*') != std::string::npos; }

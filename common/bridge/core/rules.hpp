@@ -44,6 +44,7 @@ struct BridgeConfig {
   bool beside = false;                ///< beside a program whose own traffic comes first
   std::string status_file;            ///< for `ledgerline topics`; empty: none
   TimeNs status_period_ns = 0;
+  std::string checkpoint;  ///< file of the newest block believed on the channel of [ledger]; empty: none is kept
   std::vector<Rule> rules;
 
   bool carries_something() const;
@@ -56,9 +57,15 @@ struct Host {
   bool has_frame = false;             ///< its own states are its identity's one frame, so no topic may ride in it
 };
 
-/// Reads [bridge], [[enrolled]], [[topic]] and [output] status, status_period_ms; config.finish() then says what is
-/// wrong. `host`: null where bridging is all that the program does.
+/// Reads [bridge], [[enrolled]], [[topic]] and [output] status, status_period_ms, checkpoint; config.finish() then says
+/// what is wrong. `host`: null where bridging is all that the program does; else [output] checkpoint is the program's
+/// own, and checkpoint_beside() says the bridge's.
 BridgeConfig read_bridge(Config& config, const Host* host = nullptr);
+
+/// BridgeConfig::checkpoint beside a program whose own is `own`: each block stream has a file for itself.
+std::string checkpoint_beside(const std::string& own);
+/// The file of one of a bridge's channels.
+std::string checkpoint_of(const BridgeConfig& config, const std::string& channel, const std::string& of_ledger);
 
 /// The rule that carries a topic to the ledger, or an id from it; null where none does. `by_name`: rules with a "*" in
 /// their name are passed over.

@@ -47,22 +47,24 @@ dds::Qos qos_of(const Rule& rule) {
 }  // namespace
 
 Result<std::unique_ptr<Bridge>> Bridge::create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
-                                               crypto::MspRegistry& believed, dds::ParticipantPtr participant) {
+                                               crypto::MspRegistry& believed, dds::ParticipantPtr participant,
+                                               fabric::KeptCheckpoint kept) {
   const fabric::ClientConfig careful = belief::for_contract(ledger);
   auto client = fabric::Client::create(careful);
   if (!client) return client.error();
   auto bulk = fabric::Client::create(careful);
   if (!bulk) return bulk.error();
-  return std::unique_ptr<Bridge>(
-      new Bridge(config, ledger, believed, std::move(participant), std::move(client).value(), std::move(bulk).value()));
+  return std::unique_ptr<Bridge>(new Bridge(config, ledger, believed, std::move(participant), std::move(client).value(),
+                                            std::move(bulk).value(), std::move(kept)));
 }
 
 Bridge::Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& believed,
                dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client,
-               std::unique_ptr<fabric::Client> bulk)
+               std::unique_ptr<fabric::Client> bulk, fabric::KeptCheckpoint kept)
     : rules_(config.rules),
       channel_(ledger.where.channel),
       participant_(std::move(participant)),
+      kept_(std::move(kept)),
       uplink_(uplink_config(config, ledger.identity.name)),
       downlink_({.rules = config.rules,
                  .self = ledger.identity.name,
@@ -104,7 +106,7 @@ Status Bridge::start(const std::atomic<bool>& quit) {
     connection_problem_ = why;
   };
   handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
-  blocks_ = client_->blocks(std::nullopt, std::move(handlers));
+  blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));
   if (auto status = wait_for_stream(quit); !status) return status;
   if (auto status = read_latched(); !status) return status;
   if (auto status = open_named_topics(); !status) return status;

@@ -11,6 +11,7 @@
 
 #include "common/bridge/core/report.hpp"
 #include "common/dds/raw.hpp"
+#include "common/fabric/checkpoint/kept_blocks.hpp"
 #include "common/fabric/client/client.hpp"
 
 namespace ledgerline::bridge {
@@ -20,9 +21,11 @@ namespace ledgerline::bridge {
 /// none of DDS's threads takes Downlink's, under which readers and writers of DDS are used.
 class Bridge {
  public:
-  /// `believed` must outlive it. `ledger`: for this channel; the rules of `config` are all carried on it.
+  /// `believed` must outlive it. `ledger`: for this channel; the rules of `config` are all carried on it. `kept`: of this
+  /// channel, read already.
   static Result<std::unique_ptr<Bridge>> create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
-                                                crypto::MspRegistry& believed, dds::ParticipantPtr participant);
+                                                crypto::MspRegistry& believed, dds::ParticipantPtr participant,
+                                                fabric::KeptCheckpoint kept);
   ~Bridge() { end(); }
 
   /// Opens the block stream, publishes latched values of the ledger, then begins to carry. Ends early, with an error,
@@ -47,7 +50,8 @@ class Bridge {
   };
 
   Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& believed,
-         dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> bulk);
+         dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> bulk,
+         fabric::KeptCheckpoint kept);
   Status wait_for_stream(const std::atomic<bool>& quit);
   Status read_latched();
   Status open_named_topics();
@@ -66,6 +70,7 @@ class Bridge {
   const std::vector<Rule> rules_;
   const std::string channel_;
   const dds::ParticipantPtr participant_;
+  fabric::KeptCheckpoint kept_;  ///< until start()
 
   std::mutex up_mutex_;
   std::condition_variable up_wake_;

@@ -71,7 +71,9 @@ Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config, con
       on_channel.config_block = std::move(*anchor);
     }
     if (on_channel.config_block.empty()) spdlog::warn("channel {}: {}", channel, fabric::blocks_not_judged);
-    auto bridge = Bridge::create(of_channel, on_channel, believed, participant);
+    auto kept = fabric::KeptCheckpoint::read(checkpoint_of(config, channel, ledger.where.channel), channel);
+    if (!kept) return kept.error();
+    auto bridge = Bridge::create(of_channel, on_channel, believed, participant, std::move(*kept));
     if (!bridge) return bridge.error();
     made->bridges_.push_back(std::move(bridge).value());
   }

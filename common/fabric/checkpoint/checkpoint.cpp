@@ -71,6 +71,7 @@ Result<Checkpoint> checkpoint_from(std::string_view text) {
 }
 
 Result<std::optional<Checkpoint>> read_checkpoint(const std::string& path, const std::string& channel) {
+  if (path.empty()) return std::optional<Checkpoint>();
   std::error_code error;
   if (std::filesystem::symlink_status(path, error).type() == std::filesystem::file_type::not_found)
     return std::optional<Checkpoint>();

@@ -23,8 +23,8 @@ std::string to_text(const Checkpoint& checkpoint);
 /// An error: it is not whole, or of another kind.
 Result<Checkpoint> checkpoint_from(std::string_view text);
 
-/// None where there is no file. A damaged file, or one of another channel, is an error that says what to do: never
-/// silently a start without one.
+/// None where there is no file, or no path. A damaged file, or one of another channel, is an error that says what to
+/// do: never silently a start without one.
 Result<std::optional<Checkpoint>> read_checkpoint(const std::string& path, const std::string& channel);
 /// With mode 0600, whole or not at all, on the disk when it returns.
 Status write_checkpoint(const std::string& path, const Checkpoint& checkpoint);

@@ -15,6 +15,7 @@ CheckpointKeeper::~CheckpointKeeper() {
     stopping_ = true;
   }
   wake_.notify_all();
+  end_.notify_all();
   thread_.join();
 }
 
@@ -35,7 +36,7 @@ void CheckpointKeeper::run() {
     lock.unlock();
     write(*checkpoint);
     lock.lock();
-    wake_.wait_for(lock, std::chrono::nanoseconds(period_ns_), [this] { return stopping_; });
+    end_.wait_for(lock, std::chrono::nanoseconds(period_ns_), [this] { return stopping_; });
   }
 }
 

@@ -37,7 +37,7 @@ class CheckpointKeeper {
   const TimeNs period_ns_;
   bool problem_told_ = false;
   std::mutex mutex_;
-  std::condition_variable wake_;
+  std::condition_variable wake_, end_;  ///< the second cuts a period short; keep() wakes nobody within one
   std::optional<Checkpoint> newest_;
   bool stopping_ = false;
   std::thread thread_;

@@ -133,5 +133,24 @@ TEST(BridgeRules, WhatAProgramCarriesItselfIsNotBridgedBesideIt) {
   EXPECT_EQ(problem_of("", &agent), "") << "no topics: no bridge";
 }
 
+TEST(BridgeRules, EachBlockStreamHasACheckpointOfItsOwn) {
+  const std::string toml = "[output]\ncheckpoint = \"/var/a\"\n";
+  auto config = Config::parse(toml, "bridge.toml");
+  const BridgeConfig bridge = read_bridge(*config);
+  ASSERT_TRUE(config->finish().ok());
+  EXPECT_EQ(checkpoint_of(bridge, "teleop", "teleop"), "/var/a");
+  EXPECT_EQ(checkpoint_of(bridge, "yard", "teleop"), "/var/a.yard");
+
+  BridgeConfig beside;
+  EXPECT_EQ(checkpoint_of(beside, "yard", "teleop"), "") << "none is kept";
+  EXPECT_EQ(checkpoint_beside(""), "");
+  beside.checkpoint = checkpoint_beside("/var/agent");
+  EXPECT_EQ(checkpoint_of(beside, "teleop", "teleop"), "/var/agent.bridge") << "the program's is its own";
+  EXPECT_EQ(checkpoint_of(beside, "yard", "teleop"), "/var/agent.bridge.yard");
+  const Host agent;
+  auto others = Config::parse(toml, "agent.toml");
+  EXPECT_EQ(read_bridge(*others, &agent).checkpoint, "") << "it is the program's";
+}
+
 }  // namespace
 }  // namespace ledgerline::bridge

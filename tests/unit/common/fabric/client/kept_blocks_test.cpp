@@ -1,0 +1,149 @@
+#include "common/fabric/checkpoint/kept_blocks.hpp"
+
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <condition_variable>
+#include <filesystem>
+#include <mutex>
+
+#include "tests/unit/common/fabric/client/fake_gateway.hpp"
+
+/// A program that keeps its place in the chain and reads everything else anew, as it starts again.
+namespace ledgerline::fabric {
+namespace {
+
+using ::testing::HasSubstr;
+using Numbers = std::vector<std::uint64_t>;
+
+class KeptBlocksTest : public ::testing::Test {
+ protected:
+  KeptBlocksTest() { std::filesystem::create_directories(dir_); }
+  ~KeptBlocksTest() override {
+    end();  // it writes once more
+    std::filesystem::remove_all(dir_);
+  }
+
+  void grow(FakeGateway& gateway, int blocks, const std::string& function = "set") {
+    for (int i = 0; i < blocks; ++i) gateway.add_block(function, "");
+  }
+  void start(FakeGateway& gateway) {
+    numbers_.clear();
+    problems_.clear();
+    connected_ = false;
+    client_ = std::move(Client::create(gateway.client_config())).value();
+    Client::StreamHandlers handlers;
+    handlers.on_block = [this](const Block& block, std::string_view) {
+      say([&] { numbers_.push_back(block.number); });
+    };
+    handlers.on_connection = [this](bool connected, const std::string& why) {
+      say([&] { connected ? void(connected_ = true) : problems_.push_back(why); });
+    };
+    auto kept = KeptCheckpoint::read(path_, "teleop");
+    ASSERT_TRUE(kept);
+    stream_ = kept_blocks(*client_, std::move(*kept), std::move(handlers));
+  }
+  void end() {
+    stream_.reset();
+    client_.reset();
+  }
+  void say(const std::function<void()>& what) {
+    const std::lock_guard lock(mutex_);
+    what();
+    changed_.notify_all();
+  }
+  void await(const std::function<bool()>& there) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, there);  // ctest has a limit
+  }
+  /// One block more, as who follows sees it.
+  Numbers next(FakeGateway& gateway) {
+    await([&] { return connected_; });
+    grow(gateway, 1);
+    await([&] { return !numbers_.empty(); });
+    return numbers_;
+  }
+  std::optional<Checkpoint> in_file() const { return *read_checkpoint(path_, "teleop"); }
+  static std::string hash_of(const Block& block) {
+    return block_header_hash(block.number, block.previous_hash, block.data_hash);
+  }
+
+  const std::string dir_ = ::testing::TempDir() + "/kept_blocks_" + std::to_string(::getpid());
+  std::string path_ = dir_ + "/ground.checkpoint";
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  Numbers numbers_;
+  std::vector<std::string> problems_;
+  bool connected_ = false;
+  FakeGateway gateway_;
+  std::unique_ptr<Client> client_;
+  std::unique_ptr<Client::Stream> stream_;  ///< ends first
+};
+
+TEST_F(KeptBlocksTest, TheNewestBlockIsInTheFileAtTheEndAndTheNextStartReadsNoneBefore) {
+  grow(gateway_, 3);
+  start(gateway_);
+  const Numbers first = next(gateway_);
+  end();
+  ASSERT_TRUE(in_file());
+  EXPECT_EQ(in_file()->number, first.back());
+  EXPECT_EQ(in_file()->hash, hash_of(gateway_.chain().at(first.back())));
+  EXPECT_EQ(in_file()->records, "");
+
+  grow(gateway_, 5);
+  start(gateway_);
+  EXPECT_EQ(next(gateway_), (Numbers{first.back() + 6}));
+  end();
+  EXPECT_EQ(in_file()->number, first.back() + 6);
+}
+
+TEST_F(KeptBlocksTest, WithNothingNewItGoesOnBehindTheCheckpoint) {
+  grow(gateway_, 3);
+  start(gateway_);
+  const Numbers first = next(gateway_);
+  end();
+  start(gateway_);
+  EXPECT_EQ(next(gateway_), (Numbers{first.back() + 1}));
+}
+
+TEST_F(KeptBlocksTest, AStartThatSeesNoNewBlockRemembersTheNewestAllTheSame) {
+  grow(gateway_, 3);
+  start(gateway_);
+  const Numbers first = next(gateway_);
+  end();
+  grow(gateway_, 5);
+  start(gateway_);
+  await([&] { return connected_; });
+  end();
+  EXPECT_EQ(in_file()->number, first.back() + 5);
+  EXPECT_EQ(in_file()->hash, hash_of(gateway_.chain().back()));
+}
+
+TEST_F(KeptBlocksTest, AnOldChainAndAForkAreRefusedAndTheFileStays) {
+  grow(gateway_, 3);
+  start(gateway_);
+  const std::uint64_t believed = next(gateway_).back();
+  end();
+  FakeGateway old, fork;
+  grow(old, 2);
+  grow(fork, 9, "get");
+  for (FakeGateway* lie : {&old, &fork}) {
+    start(*lie);
+    await([&] { return !problems_.empty(); });
+    EXPECT_THAT(problems_[0], HasSubstr(lie == &old ? "serves a chain that ends at block" : "serves another block"));
+    EXPECT_TRUE(numbers_.empty() && !connected_);
+    end();
+    EXPECT_EQ(in_file()->number, believed);
+  }
+}
+
+TEST_F(KeptBlocksTest, WithoutAPathNothingIsKept) {
+  path_.clear();
+  start(gateway_);
+  (void)next(gateway_);
+  end();
+  EXPECT_TRUE(std::filesystem::is_empty(dir_));
+}
+
+}  // namespace
+}  // namespace ledgerline::fabric
