@@ -195,15 +195,21 @@ Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::strin
 }
 
 Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::string& channel,
-                              std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce) {
+                              std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce,
+                              SeekStop stop) {
   orderer::SeekInfo seek;
   if (start) {
     seek.mutable_start()->mutable_specified()->set_number(*start);
   } else {
     seek.mutable_start()->mutable_newest();
   }
-  seek.mutable_stop()->mutable_specified()->set_number(UINT64_MAX);
-  seek.set_behavior(orderer::SeekInfo::BLOCK_UNTIL_READY);
+  if (stop == SeekStop::at_start) {
+    *seek.mutable_stop() = seek.start();
+    seek.set_behavior(orderer::SeekInfo::FAIL_IF_NOT_READY);
+  } else {
+    seek.mutable_stop()->mutable_specified()->set_number(UINT64_MAX);
+    seek.set_behavior(orderer::SeekInfo::BLOCK_UNTIL_READY);
+  }
   common::Payload payload;
   *payload.mutable_header() = whole_header(
       channel_header(common::DELIVER_SEEK_INFO, channel, timestamp_of(timestamp_ns)), signer_of(who, std::move(nonce)));

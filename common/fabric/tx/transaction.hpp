@@ -70,10 +70,15 @@ Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsig
 /// Signs a common.Envelope that came unsigned (from Endorse) and returns it whole.
 Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope);
 
-/// A signed common.Envelope with SeekInfo for Deliver: from block `start` (nullopt: newest) on, for ever,
-/// BLOCK_UNTIL_READY.
+/// Up to where a seek asks for blocks.
+enum class SeekStop {
+  never,     ///< what is not there yet is waited for
+  at_start,  ///< the first block alone; where it is not there the peer says so at once
+};
+/// A signed common.Envelope with SeekInfo for Deliver: from block `start` (nullopt: newest) on.
 Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::string& channel,
-                              std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce);
+                              std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce,
+                              SeekStop stop = SeekStop::never);
 
 /// Who endorsed, in a transaction.
 struct Endorsement {

@@ -72,6 +72,22 @@ TEST(Seek, AsksForBlocksWithoutEnd) {
   }
 }
 
+TEST(Seek, AsksForASingleBlock) {
+  for (const std::optional<std::uint64_t> start : {std::optional<std::uint64_t>(7), std::optional<std::uint64_t>()}) {
+    common::Envelope envelope;
+    common::Payload payload;
+    orderer::SeekInfo seek;
+    ASSERT_TRUE(
+        envelope.ParseFromString(make_seek(client, "teleop", start, ns_per_s, nonce, SeekStop::at_start).value()) &&
+        payload.ParseFromString(envelope.payload()) && seek.ParseFromString(payload.data()));
+    for (const auto& position : {seek.start(), seek.stop()}) {
+      EXPECT_EQ(position.has_newest(), !start.has_value());
+      EXPECT_EQ(position.specified().number(), start.value_or(0));
+    }
+    EXPECT_EQ(seek.behavior(), orderer::SeekInfo::FAIL_IF_NOT_READY);
+  }
+}
+
 class PreparedTransaction : public testing::Test {
  protected:
   std::string refusal(const common::Envelope& envelope) const {
