@@ -117,9 +117,7 @@ void AgentShell::take_second_reading(const SecondReading& reading) {
   if (!reading.records || ask_again_) return;
   const auto verdict = second_opinion_.compare(core_.records(), *reading.records);
   for (const SecondOpinion::Difference& difference : verdict.alarms) {
-    core_.on_doubt(monotonic_ns(), DoubtKind::records,
-                   fmt::format("{}: here {}; at another organisation's peer {}", difference.what, difference.ours,
-                               difference.theirs));
+    core_.on_doubt(monotonic_ns(), DoubtKind::records, difference.text());
     spdlog::error(
         "{}: another organisation's peer tells another record than this agent believes: here {}; there {}. One of the "
         "two peers lies or stands still: look at both before you fly",

@@ -69,6 +69,7 @@ class AgentShell {
   Result<FirstRecords> read_records();
   void ask_witness(const std::stop_token& stop);
   void take_second_reading(const SecondReading& reading);
+  Status confirm(const FirstRecords& records) const;
   void set_records(const FirstRecords& records);
   void watch_roudi(const std::stop_token& stop);
   bool cut_off(TimeNs now) const;
@@ -115,6 +116,7 @@ class AgentShell {
   std::optional<fabric::Checkpoint> checkpoint_;  ///< as the last agent left it
   std::optional<FirstRecords> kept_records_;      ///< of it, where it has one of each drone
   std::uint64_t catch_up_to_ = 0;                 ///< height that the chain had at the start
+  bool gap_ = false;                              ///< between it and the start: blocks were not read
   std::uint64_t kept_height_ = 0;                 ///< of the newest checkpoint of this agent
   std::unique_ptr<fabric::CheckpointKeeper> keeper_;
   SecondOpinion second_opinion_;

@@ -59,9 +59,29 @@ Status AgentShell::start() {
   return keep_waiting("the control records can be read", [this]() -> Status {
     const auto records = read_records();
     if (!records) return records.error();
+    if (auto status = confirm(*records); !status) return status;
     set_records(*records);
     return done;
   });
+}
+
+// Behind a gap nothing connects what was believed with what the peer tells now: another organisation's must tell the same.
+Status AgentShell::confirm(const FirstRecords& records) const {
+  if (!gap_ || !witness_) return done;
+  const auto theirs = read_records([this](const fabric::Call& call) { return witness_->evaluate_at_peer(call); });
+  if (!theirs)
+    return Error{
+        fmt::format("another organisation's peer does not tell the control records, which a start after a "
+                    "long absence needs of two: {}",
+                    theirs.error().what)};
+  const auto differences = SecondOpinion::differences(records, *theirs);
+  if (!differences.empty())
+    return Error{fmt::format(
+        "after a long absence two organisations' peers must tell the same control records, and "
+        "do not: {}{}",
+        differences[0].text(), differences.size() > 1 ? fmt::format(", and {} more", differences.size() - 1) : "")};
+  spdlog::info("another organisation's peer tells the same control records");
+  return done;
 }
 
 Result<FirstRecords> AgentShell::read_records() {
@@ -151,6 +171,10 @@ void AgentShell::take_continued(const fabric::Continuation& how) {
         how.believed + 1, how.newest, settings_.max_absence_blocks, how.newest,
         settings_.blocks_are_judged ? "by its orderers' signatures"
                                     : "by the peer's word, for config_block is not set");
+    gap_ = true;
+    if (!witness_)
+      spdlog::warn(
+          "no [[endorser]] of another organisation is named: those records are this organisation's peer's word alone");
     return;
   }
   if (!kept_records_) return;

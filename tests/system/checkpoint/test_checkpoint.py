@@ -1,5 +1,6 @@
 """An agent that starts again, at a ledger that has grown, lags behind, was forked, or whose checkpoint is spoilt; and one
 whose records another organisation's peer tells otherwise."""
+import base64
 import contextlib
 import json
 import os
@@ -102,6 +103,19 @@ def submit(ledger, organisation: int = 1, function: str = "set",
                     "submit", function, argument], check=True, timeout=60, stdout=subprocess.DEVNULL)
 
 
+def alarm_on(ledger) -> bytes:
+    """The newest of tello1's agent, as soon as there is one."""
+    endpoint, ca = ledger.peer(1)
+    until = time.monotonic() + PATIENCE_S
+    while True:
+        read = subprocess.run([BIN / "client_example", endpoint, ca, "Org1MSP", ledger.msp_dir(1, "User1"), "evaluate", "get",
+                               "tello1/alarm"], timeout=60, capture_output=True, text=True)
+        if read.returncode == 0:
+            return base64.b64decode(json.loads(read.stdout[read.stdout.index("{"):])["msgData"])
+        assert time.monotonic() < until, read.stderr
+        time.sleep(0.1)
+
+
 @pytest.fixture
 def host(tmp_path) -> Host:
     """Whose agent was there once, at its ledger's end."""
@@ -137,6 +151,38 @@ def test_a_restart_after_a_long_absence_reads_neither_all_blocks_nor_takes_long(
     summary = json.loads(host.summary.read_text())
     assert summary["blocks_not_read"] == ABSENCE and summary["blocks"] < 10
     assert host.block() > believed + ABSENCE
+
+
+def test_behind_a_gap_two_organisations_peers_must_tell_the_same_records(host, tmp_path):
+    shutil.copytree(host.directory, tmp_path / "other")
+    grow(host.directory, height_of(host.directory) + 10)
+    gap = "max_absence_blocks = 0\n"
+    kept = host.checkpoint.read_bytes()
+    with host.ledger(more=gap) as ledger:
+        host.write_config(ledger, gap, ledger)
+        _, log = host.run_agent()
+        assert "another organisation's peer tells the same control records" in log
+
+        host.checkpoint.write_bytes(kept)
+        host.write_config(ledger, gap)
+        _, log = host.run_agent()
+        assert "those records are this organisation's peer's word alone" in log, "and it goes on"
+
+        host.checkpoint.write_bytes(kept)
+        other = Embedded(tmp_path / "other")
+        try:
+            submit(ledger, 2, "acquire", '{"drones":["tello1"]}')
+            host.write_config(ledger, gap, other)
+            code, log = host.refused()
+            assert code == 1
+            assert "two organisations' peers must tell the same control records, and do not: tello1: here held by Org2MSP" in log
+            assert "at another organisation's peer not held" in log
+            other.stop()
+            code, log = host.refused()
+            assert code == 1 and "another organisation's peer does not tell the control records" in log
+            assert host.checkpoint.read_bytes() == kept
+        finally:
+            other.stop()
 
 
 def test_a_peer_that_serves_an_old_chain_is_refused(host, tmp_path):
@@ -233,6 +279,7 @@ def test_records_that_two_organisations_peers_tell_alike_are_no_alarm(host):
                 time.sleep(0.5)
     summary = json.loads(host.summary.read_text())
     assert summary["records_compared"] >= 3 and summary["records_differ"] == 0, host.log.read_text()
+    assert summary["doubts"] == 0 and summary["alarms"]["on_ledger"] == 0, host.log.read_text()
 
 
 def test_a_record_that_differs_at_another_organisations_peer_is_an_alarm_until_it_agrees(host, tmp_path):
@@ -245,11 +292,14 @@ def test_a_record_that_differs_at_another_organisations_peer_is_an_alarm_until_i
                 submit(ledger, 2, "acquire", '{"drones":["tello1"]}')
                 agent.wait_for(ALARM)
                 assert "held by Org2MSP" in host.log.read_text() and "there not held" in host.log.read_text()
+                agent.wait_for("the ledger is doubted, records_differ (1 of 1 since the last word): tello1: here held by Org2MSP")
+                assert b"tello1/alarm/records_differ" in alarm_on(ledger)
                 submit(ledger, 2, "release", '{"drones":["tello1"]}')
                 submit(other, 2, "acquire", '{"drones":["tello1"]}')
                 submit(other, 2, "release", '{"drones":["tello1"]}')
                 agent.wait_for("tello1: another organisation's peer tells the same record again")
-            assert json.loads(host.summary.read_text())["records_differ"] == 1
+            summary = json.loads(host.summary.read_text())
+            assert summary["records_differ"] == 1 and summary["doubts_by_kind"] == {"records_differ": 1}
             other.stop()
             with Running(host) as agent:
                 agent.wait_for("the control records of another organisation's peer cannot be read")

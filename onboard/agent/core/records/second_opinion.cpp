@@ -1,6 +1,7 @@
 #include "onboard/agent/core/records/second_opinion.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace ledgerline::agent {
 namespace {
@@ -57,20 +58,36 @@ void SecondOpinion::compare(const Difference& in_short, Seen now, Verdict& verdi
   verdict.again_soon = true;
 }
 
-SecondOpinion::Verdict SecondOpinion::compare(const FirstRecords& ours, const FirstRecords& theirs) {
-  ++compared_;
-  Verdict verdict;
+std::vector<SecondOpinion::Pair> SecondOpinion::pairs(const FirstRecords& ours, const FirstRecords& theirs) {
+  std::vector<Pair> pairs;
   for (const Control& control : ours.controls) {
     const auto told = std::find_if(theirs.controls.begin(), theirs.controls.end(),
                                    [&](const Control& one) { return one.drone() == control.drone(); });
     const bool there = told != theirs.controls.end();
-    compare({control.drone(), in_short(control), there ? in_short(*told) : "no record"},
-            {bytes_of(control), there ? bytes_of(*told) : ""}, verdict);
+    pairs.push_back({{control.drone(), in_short(control), there ? in_short(*told) : "no record"},
+                     {bytes_of(control), there ? bytes_of(*told) : ""}});
   }
   const auto our_roles = given(ours.roles), their_roles = given(theirs.roles);
-  compare({"roles", std::to_string(our_roles.size()) + " of them", std::to_string(their_roles.size()) + " of them"},
-          {text_of(our_roles), text_of(their_roles)}, verdict);
+  pairs.push_back(
+      {{"roles", std::to_string(our_roles.size()) + " of them", std::to_string(their_roles.size()) + " of them"},
+       {text_of(our_roles), text_of(their_roles)}});
+  return pairs;
+}
+
+SecondOpinion::Verdict SecondOpinion::compare(const FirstRecords& ours, const FirstRecords& theirs) {
+  ++compared_;
+  Verdict verdict;
+  for (Pair& pair : pairs(ours, theirs)) compare(pair.in_short, std::move(pair.seen), verdict);
   return verdict;
+}
+
+std::vector<SecondOpinion::Difference> SecondOpinion::differences(const FirstRecords& ours,
+                                                                  const FirstRecords& theirs) {
+  std::vector<Difference> different;
+  for (Pair& pair : pairs(ours, theirs)) {
+    if (pair.seen.ours != pair.seen.theirs) different.push_back(std::move(pair.in_short));
+  }
+  return different;
 }
 
 bool SecondOpinion::differs() const {

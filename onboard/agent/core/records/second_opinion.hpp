@@ -16,6 +16,8 @@ class SecondOpinion {
   struct Difference {
     std::string what;          ///< the drone, or "roles"
     std::string ours, theirs;  ///< in short
+
+    std::string text() const { return what + ": here " + ours + "; at another organisation's peer " + theirs; }
   };
   struct Verdict {
     std::vector<Difference> alarms;    ///< that have begun
@@ -23,6 +25,8 @@ class SecondOpinion {
     bool again_soon = false;           ///< something differs for the first time
   };
   Verdict compare(const FirstRecords& ours, const FirstRecords& theirs);
+  /// What differs between the two, of whatever block each is.
+  static std::vector<Difference> differences(const FirstRecords& ours, const FirstRecords& theirs);
 
   std::uint64_t alarms() const { return alarms_; }  ///< that have begun since the start
   bool differs() const;                             ///< an alarm stands
@@ -33,6 +37,11 @@ class SecondOpinion {
     std::string ours, theirs;  ///< bytes
     bool told = false;
   };
+  struct Pair {
+    Difference in_short;
+    Seen seen;
+  };
+  static std::vector<Pair> pairs(const FirstRecords& ours, const FirstRecords& theirs);
   void compare(const Difference& in_short, Seen now, Verdict& verdict);
 
   std::map<std::string, Seen> seen_;  ///< what differs, by its name

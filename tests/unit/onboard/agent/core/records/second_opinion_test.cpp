@@ -23,6 +23,7 @@ TEST(SecondOpinionTest, WhoAgreesIsNeverAnAlarm) {
   }
   EXPECT_EQ(opinion.alarms(), 0U);
   EXPECT_EQ(opinion.comparisons(), 99U);
+  EXPECT_TRUE(SecondOpinion::differences(records(), records()).empty());
 }
 
 TEST(SecondOpinionTest, ADifferenceOnceIsOnlyAskedAboutSoon) {
@@ -72,6 +73,9 @@ TEST(SecondOpinionTest, AStopARoleOrADroneThatOneSideDoesNotHaveIsADifference) {
     const auto verdict = opinion.compare(records(), other);
     ASSERT_EQ(verdict.alarms.size(), 1U) << what;
     EXPECT_EQ(verdict.alarms[0].what, what);
+    const auto now = SecondOpinion::differences(records(), other);
+    ASSERT_EQ(now.size(), 1U) << what;
+    EXPECT_EQ(now[0].text(), verdict.alarms[0].text());
   }
 }
 
