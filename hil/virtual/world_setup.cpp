@@ -54,6 +54,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   settings.playout.max_speed_mps =
       std::max(settings.playout.max_speed_mps, 1.5F * static_cast<float>(config.full_scale_mps));
   settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, config.max_age_ns);
+  settings.failsafe.doubt = config.doubt;
   settings.playout.max_margin_ns = 0;  // as ./fly: ground counts on plans that take over as they come
   for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
   if (!config.room_m) return settings;

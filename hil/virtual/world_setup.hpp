@@ -25,6 +25,7 @@ struct WorldConfig {
   int laps = 1;
   bool predict = true;
   TimeNs max_age_ns = 500 * ns_per_ms;          ///< of a command, from its state's stamp; for a far ledger more
+  link::OnDoubt doubt = link::OnDoubt::ignore;  ///< link's, while agent doubts the ledger
   TimeNs idle_evict_ns = agent::usual_idle_ns;  ///< agent's: a holder who is idle on the ground for so long
   bool keeps_rc = true, command_counts = true;  ///< which Tello: sim::SdkParameters
   double battery = 1.0;                         ///< of every drone at the start, 0..1

@@ -76,6 +76,7 @@ Status check_real(const Script& script, const RealLedger& ledger) {
   if (flight.room_m != usual.room_m) reasons.push_back("flight.room_m: ./fly flies with the usual fence");
   if (flight.idle_evict_ns != usual.idle_evict_ns)
     reasons.push_back("flight.idle_evict: ./fly's agent has the usual one");
+  if (flight.doubt != usual.doubt) reasons.push_back("flight.doubt: ./fly's link ignores a doubt");
   for (const Fault& fault : script.faults) {
     if (const auto why = fault.acts.not_real ? fault.acts.not_real(fault, ledger) : std::string(); !why.empty())
       reasons.push_back(fmt::format("\"{}\": {}", fault.text, why));

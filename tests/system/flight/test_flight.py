@@ -53,6 +53,8 @@ def test_drones_finish_their_path_and_land(tmp_path, drones, shape, ledger):
         order = applied(tmp_path, int(drone["id"].removeprefix("tello")))
         assert len(order) == drone["commands"]["applied"]
         assert all(a < b for a, b in zip(order, order[1:])), "applied out of order"
+    agent = json.loads((tmp_path / "run" / "agent.summary.json").read_text())
+    assert agent["doubts"] == 0, (agent["doubts_by_kind"], printed(tmp_path))
     assert report["ledger"]["kind"] == ledger and report["ledger"]["blocks"] > 100
     assert report["messages_per_s"] > 30 and report["transactions_per_s"] > 10
     pages = list((tmp_path / "run").glob("*.html"))

@@ -12,7 +12,9 @@ namespace {
 VirtualFlightResult fly(const VirtualFlightConfig& config) {
   auto flight = fly_virtually(config);
   EXPECT_TRUE(flight.ok()) << flight.error().what;
-  return flight.ok() ? *flight : VirtualFlightResult{};
+  if (!flight) return {};
+  EXPECT_EQ(flight->doubts, 0U) << "nobody lies here";
+  return *flight;
 }
 
 TEST(VirtualFlight, OneDroneFinishesItsSquareAndLands) {
