@@ -4,6 +4,7 @@ import pathlib
 import shutil
 import subprocess
 
+import pytest
 from fabric import BIN
 
 ORGANISATIONS = (1, 2, 3)
@@ -65,6 +66,11 @@ class EmptyRoot:
         done = self.verify(receipt, "--json")
         assert done.returncode == 0, done.stdout + done.stderr
         return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def empty_root(ledger, tmp_path_factory) -> EmptyRoot:
+    return EmptyRoot(ledger, tmp_path_factory.mktemp("empty") / "root")
 
 
 def run(folder: pathlib.Path, *words) -> subprocess.CompletedProcess:

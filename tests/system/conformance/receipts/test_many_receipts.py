@@ -3,7 +3,7 @@ import concurrent.futures
 import os
 import random
 
-from empty_root import ORGANISATIONS, make
+from empty_root import ORGANISATIONS, empty_root, make  # noqa: F401: a fixture
 from official import VALID, asset, call
 
 COUNT = 1_000 if os.environ.get("LEDGERLINE_LONG") == "1" else 50

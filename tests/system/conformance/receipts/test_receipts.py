@@ -1,7 +1,7 @@
 """Receipts: made on either ledger, checked where there is no network, no config and no other file."""
 import json
 
-from empty_root import ORGANISATIONS, config, make, run
+from empty_root import ORGANISATIONS, config, empty_root, make, run  # noqa: F401: a fixture
 from ledgers import Authority
 from official import MVCC_READ_CONFLICT, asset, call
 
