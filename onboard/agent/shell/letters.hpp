@@ -39,7 +39,7 @@ using Letter =
     std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead, SecondReading, Contradiction>;
 
 /// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one frame in
-/// flight).
+/// flight; a contradiction for each attempt of the stream, which backs off).
 using Mailbox = ledgerline::Mailbox<Letter>;
 
 }  // namespace ledgerline::agent
