@@ -4,6 +4,7 @@
 #include <array>
 
 #include "common/belief/control_events.hpp"
+#include "common/fabric/tx/policy.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 
@@ -153,6 +154,15 @@ fabric::EndorsementNeed endorsement_need(std::string_view function) {
                              function == contract::hand_over || function == contract::anchor ||
                              function == contract::delete_;
   return {makes_records ? Count::two : Count::two_if_there_are, {}, function == contract::delete_};
+}
+
+std::optional<std::string> likely_policy(std::string_view key) {
+  constexpr std::array<std::string_view, 4> kinds{"command/", "lease/", "pilot/", "drones/"};  // docs/ledger.md
+  const auto kind =
+      std::find_if(kinds.begin(), kinds.end(), [&](std::string_view one) { return key.starts_with(one); });
+  if (kind == kinds.end()) return std::nullopt;
+  key.remove_prefix(kind->size());
+  return fabric::peer_policy(std::string(key.substr(0, key.find('/'))));
 }
 
 }  // namespace ledgerline::belief

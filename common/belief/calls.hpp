@@ -1,4 +1,5 @@
 #pragma once
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -46,5 +47,9 @@ Status check_event(const AskedCall& call, std::string_view event_name, std::stri
 fabric::EndorsementNeed command_need(const std::string& organisation);
 fabric::EndorsementNeed frame_need();
 fabric::EndorsementNeed endorsement_need(std::string_view function);
+
+/// The policy that a key of the contract has once it is there, for the keys whose names say whose they are; none: it has none,
+/// or the name does not say. For ClientConfig::likely_policy.
+std::optional<std::string> likely_policy(std::string_view key);
 
 }  // namespace ledgerline::belief

@@ -55,6 +55,7 @@ struct WorldEvent {
     started,  ///< a process: `text`
     ended,    ///< the same
     fault,    ///< begins or ends: `text`
+    doubted,  ///< agent doubts the ledger: `text`
     unasked,  ///< something is flown or shown that nobody signed: `text`
   };
   TimeNs t_ns = 0;

@@ -139,6 +139,8 @@ class VirtualWorld {
   std::vector<TimeNs> link_starts_ns_;
   bool agent_wanted_ = true, ground_wanted_ = true;  ///< to live: a start waits until the ledger is reached
   agent::AgentOutputs agent_out_;
+  std::optional<fabric::Checkpoint> agent_checkpoint_;  ///< as the last agent left it, with its records
+  agent::FirstRecords agent_records_;
   std::optional<LocalLoop> local_;  ///< in the agent's place
 };
 

@@ -38,9 +38,11 @@ std::string seek(const Connection& connection, DeliverStream& stream, std::optio
 BlockIntake make_intake(const ClientConfig& config, const std::shared_ptr<CrossCheck>& cross_check) {
   BlockIntake::Setup setup{.where = config.where,
                            .config_block = config.config_block,
-                           .make_registry = [verifier = config.verifier](std::vector<crypto::MspRoot> roots) {
-                             return crypto::make_msp_registry(verifier, std::move(roots));
-                           }};
+                           .make_registry =
+                               [verifier = config.verifier](std::vector<crypto::MspRoot> roots) {
+                                 return crypto::make_msp_registry(verifier, std::move(roots));
+                               },
+                           .likely_policy = config.likely_policy};
   if (cross_check) {
     setup.compare = [cross_check](std::uint64_t number, const std::string& hash) {
       return cross_check->add(CrossCheck::Source::peer, number, hash);

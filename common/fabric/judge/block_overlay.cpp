@@ -18,6 +18,11 @@ bool BlockOverlay::is_known(const NamespaceSet& part, const kvrwset::KVRead& rea
   return written_.contains(name) || (state_.known(name).version && !perhaps_written_.contains(name));
 }
 
+// A policy that was set on a key that is perhaps there may have given it a new version.
+bool BlockOverlay::is_known(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range) const {
+  return state_.knows_range(part.name, range.start_key(), range.end_key());
+}
+
 bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::KVRead& read) const {
   const KeyName name{part.name, part.collection, read.key()};
   if (written_.contains(name)) return false;
@@ -68,7 +73,7 @@ BlockOverlay::Checked BlockOverlay::check(const ReadWriteSet& sets) const {
     }
     for (const kvrwset::RangeQueryInfo& range : part.set.range_queries_info()) {
       if (!is_current(part, range)) return {protos::PHANTOM_READ_CONFLICT};
-      unknown = unknown || !state_.whole();
+      unknown = unknown || !is_known(part, range);
     }
   }
   return {protos::VALID, unknown};

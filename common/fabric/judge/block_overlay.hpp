@@ -31,6 +31,7 @@ class BlockOverlay {
   bool is_current(const NamespaceSet& part, const kvrwset::KVRead& read) const;
   bool is_current(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range) const;
   bool is_known(const NamespaceSet& part, const kvrwset::KVRead& read) const;
+  bool is_known(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range) const;
   bool exists(const KeyName& key) const;
 
   const ChannelState& state_;

@@ -43,6 +43,13 @@ class ChannelState {
     bool version = true, policy = true;
   };
   virtual Known known(const KeyName&) const { return {}; }
+  /// The policy of its own that a key has, if it has one, by those who know the contract; common.SignaturePolicyEnvelope.
+  /// Asked where its policy is not known.
+  virtual std::optional<std::string> likely_policy(const KeyName&) const { return std::nullopt; }
+  /// Whether all keys of a namespace from `start` up to `end` (empty: all behind) are known.
+  virtual bool knows_range(const std::string&, const std::string& /*start*/, const std::string& /*end*/) const {
+    return true;
+  }
   /// The keys that a namespace has from `start` on, in order, until `take` says false.
   virtual void walk(const std::string& name, const std::string& start,
                     const std::function<bool(const std::string& key, Version version)>& take) const = 0;

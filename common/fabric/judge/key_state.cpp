@@ -1,5 +1,7 @@
 #include "common/fabric/judge/key_state.hpp"
 
+#include <algorithm>
+
 #include "peer/collection.pb.h"
 #include "peer/lifecycle/chaincode_definition.pb.h"
 #include "peer/lifecycle/db.pb.h"
@@ -28,7 +30,25 @@ std::optional<ChannelState::Key> KeyState::find(const KeyName& name) const {
 
 ChannelState::Known KeyState::known(const KeyName& name) const {
   const auto found = keys_.find(name);
-  return found == keys_.end() ? Known{whole(), whole()} : found->second.known;
+  if (found != keys_.end()) return found->second.known;
+  // In a range that is known, what was not found is not there.
+  const bool missing = whole() || std::any_of(ranges_.begin(), ranges_.end(), [&](const Range& range) {
+                         return name.collection.empty() && range.name == name.name && range.start <= name.key &&
+                                (range.end.empty() || name.key < range.end);
+                       });
+  return {missing, missing};
+}
+
+std::optional<std::string> KeyState::likely_policy(const KeyName& name) const {
+  const bool asked = part_ && part_->likely_policy && name.name == part_->contract && name.collection.empty();
+  return asked ? part_->likely_policy(name.key) : std::nullopt;
+}
+
+bool KeyState::knows_range(const std::string& name, const std::string& start, const std::string& end) const {
+  return whole() || std::any_of(ranges_.begin(), ranges_.end(), [&](const Range& range) {
+           return range.name == name && range.start <= start &&
+                  (range.end.empty() || (!end.empty() && end <= range.end));
+         });
 }
 
 void KeyState::walk(const std::string& name, const std::string& start,
@@ -106,23 +126,49 @@ bool KeyState::follows(const NamespaceSet& part) const {
 KeyState::Entry* KeyState::entry(const KeyName& name) {
   const auto found = keys_.find(name);
   if (found != keys_.end()) return &found->second;
-  if (part_ && keys_.size() >= part_->max_keys) return nullptr;
+  if (part_ && keys_.size() >= part_->max_keys) {
+    ranges_.clear();  // one of them may have a key from now on that is not followed
+    return nullptr;
+  }
+  const Known at_first = known(name);
   Entry& made = keys_[name];
   made.there = false;
-  made.known = {whole(), whole()};
+  made.known = at_first;
   return &made;
 }
 
 /// A transaction that counts has read what was there.
 void KeyState::learn(const NamespaceSet& part) {
-  for (const kvrwset::KVRead& read : part.set.reads()) {
-    const KeyName name{part.name, part.collection, read.key()};
-    Entry* found = entry(name);
-    if (found == nullptr || found->known.version) continue;
-    found->known.version = true;
-    found->there = read.has_version();
-    found->known.policy = found->known.policy || !found->there;  // what is not there has none
-    if (found->there) found->key.version = {read.version().block_num(), read.version().tx_num()};
+  for (const kvrwset::KVRead& read : part.set.reads()) learn({part.name, part.collection, read.key()}, read);
+  for (const kvrwset::RangeQueryInfo& range : part.set.range_queries_info()) {
+    for (const kvrwset::KVRead& read : range.raw_reads().kv_reads())
+      learn({part.name, part.collection, read.key()}, read);
+    const bool all = range.itr_exhausted() && range.has_raw_reads();
+    const bool room = keys_.size() < part_->max_keys && ranges_.size() < part_->max_ranges;
+    if (all && room && !knows_range(part.name, range.start_key(), range.end_key()))
+      ranges_.insert({part.name, range.start_key(), range.end_key()});
+  }
+}
+
+void KeyState::learn(const KeyName& name, const kvrwset::KVRead& read) {
+  Entry* found = entry(name);
+  if (found == nullptr || found->known.version) return;
+  found->known.version = true;
+  found->there = read.has_version();
+  found->known.policy = found->known.policy || !found->there;  // what is not there has none
+  if (found->there) found->key.version = {read.version().block_num(), read.version().tx_num()};
+}
+
+void KeyState::learn_policies(const NamespaceSet& part, const std::vector<Endorser>& endorsers) {
+  const auto common = policy_of(part.name, part.collection);
+  if (!common || satisfies(*common, endorsers)) return;
+  for (const kvrwset::KVWrite& write : part.set.writes()) {
+    const auto found = keys_.find({part.name, part.collection, write.key()});
+    if (found == keys_.end() || found->second.known.policy) continue;
+    const auto own = likely_policy(found->first);
+    if (!own || !satisfies(*own, endorsers)) continue;
+    found->second.key.policy = *own;
+    found->second.known.policy = true;
   }
 }
 
@@ -176,6 +222,7 @@ void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts) 
       if (!follows(part)) continue;
       if (part_) learn(part);
       write(part, {block, i});
+      if (part_) learn_policies(part, verdict.endorsers);
     }
   }
 }

@@ -1,7 +1,9 @@
 #pragma once
 #include <deque>
+#include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <unordered_set>
@@ -27,6 +29,9 @@ class KeyState final : public ChannelState {
     std::string contract;           ///< whose keys are followed, beside the definitions
     std::size_t max_keys = 20'000;  ///< further ones are not followed
     std::size_t max_ids = 50'000;   ///< of the newest transactions
+    std::size_t max_ranges = 1'000;
+    /// As ClientConfig::likely_policy.
+    std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
   };
   explicit KeyState(Part part) : part_(std::move(part)) {}
 
@@ -41,6 +46,8 @@ class KeyState final : public ChannelState {
   std::optional<Key> find(const KeyName& name) const override;
   bool whole() const override { return !part_; }
   Known known(const KeyName& name) const override;
+  std::optional<std::string> likely_policy(const KeyName& name) const override;
+  bool knows_range(const std::string& name, const std::string& start, const std::string& end) const override;
   void walk(const std::string& name, const std::string& start,
             const std::function<bool(const std::string& key, Version version)>& take) const override;
   bool knows_transaction(const std::string& tx_id) const override;
@@ -59,6 +66,9 @@ class KeyState final : public ChannelState {
   /// nullptr: there are too many already.
   Entry* entry(const KeyName& name);
   void learn(const NamespaceSet& part);
+  void learn(const KeyName& name, const kvrwset::KVRead& read);
+  /// Of a transaction that counts, whose endorsements are too few for keys that have no policy of their own.
+  void learn_policies(const NamespaceSet& part, const std::vector<Endorser>& endorsers);
   void write(const NamespaceSet& part, Version version);
   void write(const KeyName& name, const KeyEffect& effect, Version version);
   void remember(const std::string& tx_id);
@@ -69,6 +79,11 @@ class KeyState final : public ChannelState {
   ChannelConfig config_;
   std::optional<Part> part_;  ///< none: it is whole
   std::map<KeyName, Entry> keys_;
+  struct Range {
+    std::string name, start, end;
+    auto operator<=>(const Range&) const = default;
+  };
+  std::set<Range> ranges_;  ///< of a part, whose keys are all known
   std::unordered_set<std::string> transactions_;
   std::deque<std::string> newest_;  ///< of a part's transactions, newest last
   struct Definition {

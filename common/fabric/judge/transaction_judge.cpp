@@ -43,9 +43,13 @@ class Judging {
       return refuse(std::move(verdict), protos::DUPLICATE_TXID, "its id was used before");
     ReadWriteSet sets;
     unknown_ = !state_.whole() && told == protos::DUPLICATE_TXID && !ids_.contains(verdict.tx_id);
-    if (const Wrong wrong = endorsed(form, sets, verdict.endorsement_fits); wrong.code != protos::VALID)
+    if (const Wrong wrong = endorsed(form, sets, verdict.endorsement_fits, verdict.endorsers);
+        wrong.code != protos::VALID)
       return refuse(std::move(verdict), wrong.code, wrong.why, told);
-    if (unknown_ && is_of_endorsement(told)) return refuse(std::move(verdict), *told, by_word, told);
+    if (unknown_ && is_of_endorsement(told)) {
+      verdict.by_flag = true;
+      return refuse(std::move(verdict), *told, by_word);
+    }
     overlay_.add_policies(sets);
     // As in Fabric, a transaction that fails for what it read has used its id up, also within the block.
     if (!ids_.insert(verdict.tx_id).second)
@@ -55,7 +59,7 @@ class Judging {
       return refuse(std::move(verdict), checked.code, "what it read has changed since", told);
     unknown_ = unknown_ || checked.unknown;
     verdict.by_flag = unknown_ && told;
-    if (verdict.by_flag && *told != protos::VALID) return refuse(std::move(verdict), *told, by_word, told);
+    if (verdict.by_flag && *told != protos::VALID) return refuse(std::move(verdict), *told, by_word);
     overlay_.add(sets);
     verdict.sets = std::move(sets);
     return verdict;
@@ -77,7 +81,7 @@ class Judging {
   /// It is invalid in any case; where something before that is not known, the flag may name the first reason.
   Verdict refuse(Verdict verdict, int code, const char* why, std::optional<int> told) const {
     if (unknown_ && told && *told != protos::VALID) {
-      verdict.by_flag = code != *told;
+      verdict.by_flag = verdict.by_flag || code != *told;
       code = *told;
     }
     return refuse(std::move(verdict), code, why);
@@ -134,7 +138,8 @@ class Judging {
     return {};
   }
 
-  Wrong endorsed(const TransactionForm& form, ReadWriteSet& sets, std::vector<bool>& fits) {
+  Wrong endorsed(const TransactionForm& form, ReadWriteSet& sets, std::vector<bool>& fits,
+                 std::vector<Endorser>& endorsers) {
     protos::ChaincodeHeaderExtension called;
     if (!called.ParseFromString(form.channel_header.extension()))
       return {protos::BAD_HEADER_EXTENSION, "its header extension is malformed"};
@@ -149,7 +154,7 @@ class Judging {
     for (const NamespaceSet& part : sets.parts) {
       if (part.writes()) namespaces.insert(part.name);
     }
-    const std::vector<Endorser> endorsers = endorsers_of(form, fits);
+    endorsers = endorsers_of(form, fits);
     for (const std::string& name : namespaces) {
       if (state_.whole() && !state_.policy_of(name, ""))
         return {protos::INVALID_CHAINCODE, "it writes to a contract that is not there"};
@@ -181,8 +186,12 @@ class Judging {
         any = true;
         if (overlay_.has_new_policy(whole)) return false;
         if (!state_.known(whole).policy) {
-          unknown_ = true;
           if (endorsers.empty()) return false;  // whatever it is
+          const auto own = state_.likely_policy(whole);
+          const auto common = state_.policy_of(name, part.collection);
+          const bool by_own = own && satisfies(*own, endorsers), by_common = common && satisfies(*common, endorsers);
+          if (own && common && !by_own && !by_common) return false;
+          unknown_ = unknown_ || !by_own || !by_common;
           continue;
         }
         const auto found = state_.find(whole);

@@ -20,6 +20,7 @@ struct Verdict {
   bool by_flag = false;
   bool creator_signed = false;
   std::vector<bool> endorsement_fits{};  ///< of each endorsement, as far as they were looked at: it is a member's
+  std::vector<Endorser> endorsers{};     ///< likewise, each once
   ReadWriteSet sets{};                   ///< of a valid one
 };
 

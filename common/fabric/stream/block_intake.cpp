@@ -21,7 +21,7 @@ Result<BlockIntake> BlockIntake::make(Setup setup) {
 /// What has been followed does not hold on: blocks are missing.
 void BlockIntake::forget() {
   if (!judge_) return;
-  state_.emplace(KeyState::Part{.contract = setup_.where.contract});
+  state_.emplace(KeyState::Part{.contract = setup_.where.contract, .likely_policy = setup_.likely_policy});
   defined_ = false;
   configure();
 }
@@ -92,13 +92,16 @@ void BlockIntake::judge_transactions(const common::Block& message, Block& block)
     } else {
       ++counts_.judged;
     }
+    transaction.by_flag = verdict.by_flag;
     transaction.creator_fits = verdict.creator_signed;
     for (std::size_t e = 0; e < verdict.endorsement_fits.size() && e < transaction.endorsements.size(); ++e)
       transaction.endorsements[e].fits = verdict.endorsement_fits[e];
-    if (verdict.code == transaction.code || transaction.code < 0 || transaction.code == code_unbelievable) continue;
+    if (verdict.code == transaction.code || transaction.code == code_unbelievable) continue;
     ++counts_.differ;
     if (transaction.code == protos::VALID) {
       disbelieve(transaction, verdict.why);
+    } else if (transaction.code < 0) {
+      transaction.problem = "the peer does not say whether it is";
     } else {
       transaction.problem = fmt::format("it is {}", verdict.code == protos::VALID ? "valid" : verdict.why);
     }

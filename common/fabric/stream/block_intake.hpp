@@ -24,6 +24,8 @@ class BlockIntake {
     /// As ClientConfig::config_block. Empty: neither blocks nor transactions are judged, the peer is believed.
     std::string config_block;
     BlockJudge::MakeRegistry make_registry;
+    /// As ClientConfig::likely_policy.
+    std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
     /// Whether somebody else has the same block, by the hash of its header; in words what differs. Empty: nobody is asked.
     std::function<std::string(std::uint64_t number, const std::string& hash)> compare{};
   };

@@ -97,6 +97,7 @@ struct Transaction {
   std::string channel;
   std::string contract;  ///< that was called; an event with this name of another contract means something else
   int code = -1;  ///< protos.TxValidationCode; 0 = VALID; -1: the block has no flags (orderer's); code_unbelievable
+  bool by_flag = false;     ///< whoever judged it for itself knows too little, and `code` is the peer's word alone
   TimeNs timestamp_ns = 0;  ///< as the client claimed it
   std::string creator;      ///< msp.SerializedIdentity
   std::string function;     ///< what the creator asked for, read out of `payload`; empty: no call of a contract

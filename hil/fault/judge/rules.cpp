@@ -118,6 +118,14 @@ void sends_no(RuleState& state, const Moment& moment, const WorldEvent& event) {
   if (is_sent(state, event)) state.verdict.broke(moment.now, moment.drones[event.drone].name + " was sent it");
 }
 
+void doubted(RuleState& state, const Moment&, const WorldEvent& event) {
+  state.seen = state.seen || event.kind == WorldEvent::Kind::doubted;
+}
+
+void never_doubted(RuleState& state, const Moment& moment, const WorldEvent& event) {
+  if (event.kind == WorldEvent::Kind::doubted) state.verdict.broke(moment.now, event.text);
+}
+
 void height(RuleState& state, const Sight& sight, std::size_t drone) {
   const DroneFacts& facts = of(sight, drone);
   const double metres = facts.truth.position_m[2];
@@ -254,6 +262,15 @@ constexpr RuleKind table[] = {
      .help = "on the ledger, on average",
      .finish = transactions,
      .not_real = "the traces do not tell how many there were"},
+    {.form = "the ledger is doubted",
+     .help = "by agent, which says so in its log",
+     .hear = doubted,
+     .finish = was_seen,
+     .not_real = "the traces do not tell it"},
+    {.form = "the ledger is never doubted",
+     .help = "the same",
+     .hear = never_doubted,
+     .not_real = "the traces do not tell it"},
     {.form = "takes off once", .help = "no drone leaves the ground again that has landed", .observe = takes_off_once},
     {.form = "ends within {}", .takes = Takes::time, .help = "of the run's beginning", .finish = ends},
     {.form = "sends {}",

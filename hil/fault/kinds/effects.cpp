@@ -7,6 +7,7 @@ void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
   port.cut(now, effects.cut);
   port.stale(effects.stale);
   port.lie(effects.lie);
+  port.serve(effects.serves);
   port.slip(effects.slip);
   port.stall_to(effects.stall_to);
   port.stall_from(effects.stall_from);

@@ -67,6 +67,17 @@ Result<FaultActs> lie(const Said& said) {
                    .not_real = because(nobody_real)};
 }
 
+Result<FaultActs> serve(const Said& said) {
+  const auto lie = peer_lie_from(said.rest);
+  if (!lie) {
+    std::string all;
+    for (const std::string& name : peer_lie_names()) all += (all.empty() ? "" : ", ") + name;
+    return Error{"serves must be followed by one of " + all};
+  }
+  return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.serves = lie; }),
+                   .not_real = because(nobody_real)};
+}
+
 // Of several relays the later one in the script counts.
 Result<FaultActs> relay(const Said& said) {
   const auto words = words_of(said.rest);
@@ -107,7 +118,7 @@ Result<FaultActs> refuse_effect(const Said& said) {
       return Error{fmt::format("a ledger's connection is a stream (TCP) and has no {}: use delay, stall or cut", no)};
   }
   return Error{
-      "must be `ledger agent|ground|both ` and cut, stale, lies WHAT, or [to|from] with stall or delay "
+      "must be `ledger agent|ground|both ` and cut, stale, lies WHAT, serves WHAT, or [to|from] with stall or delay "
       "DISTRIBUTION"};
 }
 
@@ -162,6 +173,7 @@ constexpr FaultKind ledger_table[] = {
     {"ledger agent|ground|both EFFECTS...", refuse_effect},
     {"ledger agent|ground|both to|from EFFECTS...", refuse_effect},
     {"ledger agent|ground|both lies WHAT...", lie},
+    {"ledger agent|ground|both serves WHAT...", serve},
     {"ledger relay LIE...", relay},
     {"operator errs WHAT...", slip},
     {"operator|supervisor|stranger stop|cut|resume|acquire|claim|evict|request|hand_over|deny NAME", say_control},

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "common/base/enum_count.hpp"
+#include "common/belief/calls.hpp"
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
 
@@ -116,7 +117,11 @@ LedgerPort::LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, 
       client_(ledger.add_client(name, way, share)),
       patience_ns_(patience_ns),
       draws_to_(seed),
-      draws_from_(~seed) {}
+      draws_from_(~seed),
+      peer_(ledger.block(0), seed) {
+  for (std::uint64_t number = 1; number < ledger.height(); ++number) peer_.add(0, ledger.block(number));
+  begin();
+}
 
 // TCP keeps the order, whatever each piece is delayed by.
 TimeNs LedgerPort::in_order(TimeNs due_ns, TimeNs& last_ns) {
@@ -200,19 +205,81 @@ void LedgerPort::cut(TimeNs now, bool away) {
 }
 
 void LedgerPort::forget() {
-  (void)ledger_.take_blocks(std::numeric_limits<TimeNs>::max(), client_);
   open_.clear();
   to_.clear();
   outcomes_.clear();
-  blocks_.clear();
   arrived_blocks_.clear();
   arrived_outcomes_.clear();
+  contradictions_.clear();
+  reading_ = false;
+}
+
+void LedgerPort::begin(std::optional<fabric::Checkpoint> believed) {
+  // What the ledger has by now the peer has, too.
+  const auto take = [this](VirtualLedger::BlockPtr block) { peer_.add(0, std::move(block)); };
+  for (auto& [due, block] : std::exchange(blocks_, {})) take(std::move(block));
+  for (auto& block : ledger_.take_blocks(std::numeric_limits<TimeNs>::max(), client_)) take(std::move(block));
+  auto intake =
+      fabric::BlockIntake::make({.where = ledger_.where(),
+                                 .config_block = ledger_.block(0)->SerializeAsString(),
+                                 .make_registry =
+                                     [](const std::vector<crypto::MspRoot>& roots) {
+                                       std::vector<std::string> names;
+                                       for (const auto& one : roots) names.push_back(one.msp_id);
+                                       return crypto::make_test_registry(names);
+                                     },
+                                 .likely_policy = [](const std::string& key) { return belief::likely_policy(key); }});
+  intake_ = std::move(intake).value();
+  believed_ = std::move(believed);
+  newest_believed_ = believed_;
+  if (!believed_) intake_->start_at(peer_.height());
+  reading_ = true;
+}
+
+std::optional<fabric::Checkpoint> LedgerPort::checkpoint() const { return newest_believed_; }
+
+void LedgerPort::leave_peer(TimeNs now, const std::string& why) {
+  contradictions_.push_back(why);
+  connection_ = false;
+  connect_at_ns_ = now + reconnect_ns;
+}
+
+/// False: the peer's chain is not the one that was believed, or it does not say.
+bool LedgerPort::find_place(TimeNs now) {
+  if (!believed_) return true;
+  const auto newest = peer_.newest(now);
+  if (!newest) return false;
+  const auto on = intake_->continue_chain({*believed_, max_absence_blocks}, *newest,
+                                          [this](std::uint64_t number) { return peer_.fetch(number); });
+  if (!on) {
+    leave_peer(now, on.error().what);
+    return false;
+  }
+  believed_.reset();
+  return true;
+}
+
+void LedgerPort::read_blocks(TimeNs now) {
+  if (!find_place(now)) return;
+  while (const auto message = peer_.serve(now, *intake_->next())) {
+    auto block = intake_->take(*message, [this](std::uint64_t number) { return peer_.fetch(number); });
+    if (!block) return leave_peer(now, block.error().what);
+    newest_believed_ = {ledger_.where().channel,
+                        block->number,
+                        fabric::block_header_hash(block->number, block->previous_hash, block->data_hash),
+                        {}};
+    newest_.push_back(*block);
+    if (newest_.size() > stale_blocks) newest_.pop_front();
+    ++counts_.blocks;
+    arrive(std::move(*block));
+  }
 }
 
 void LedgerPort::step(TimeNs now) {
   if (!cut_ && connect_at_ns_ != 0 && now >= connect_at_ns_) {
     connect_at_ns_ = 0;
     connection_ = true;
+    intake_->begin();
   }
   const bool connected = !cut_ && connect_at_ns_ == 0;
   while (connected && !stalled_to_ && !to_.empty() && to_.front().due_ns <= now) {
@@ -232,12 +299,10 @@ void LedgerPort::step(TimeNs now) {
   }
   if (connected && !stalled_from_) {
     for (; !outcomes_.empty() && outcomes_.front().first <= now; outcomes_.pop_front()) end(outcomes_.front().second);
-    for (; !stale_ && !blocks_.empty() && blocks_.front().first <= now; blocks_.pop_front()) {
-      newest_.push_back(blocks_.front().second);
-      if (newest_.size() > stale_blocks) newest_.pop_front();
-      ++counts_.blocks;
-      arrive(std::move(blocks_.front().second));
-    }
+    for (; !stale_ && !blocks_.empty() && blocks_.front().first <= now; blocks_.pop_front())
+      peer_.add(now, std::move(blocks_.front().second));
+    if (!stale_ && reading_) read_blocks(now);
+    if (const std::string own = peer_.orders(now); !own.empty()) ledger_.order(now, own);
     if (stale_ && now >= next_stale_ns_) {
       next_stale_ns_ = now + stale_period_ns;
       counts_.stale_blocks += newest_.size();

@@ -8,13 +8,16 @@
 #include <utility>
 #include <vector>
 
+#include "common/fabric/stream/block_intake.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "hil/lines/distribution.hpp"
 #include "hil/virtual/ledger/virtual_ledger.hpp"
+#include "hil/virtual/peer/serving_peer.hpp"
 
 namespace ledgerline::hil {
 
-/// What a lying peer shows instead of its blocks, or before them.
+/// What is wrong with the blocks that a program is given, behind all that its stream of blocks checks: as from one that
+/// checks nothing.
 enum class Lie : std::uint8_t {
   none,
   chain,        ///< blocks that name another previous hash, with all their transactions
@@ -46,11 +49,13 @@ std::string slips();
 
 /// One process' connection to the virtual ledger, with what may be wrong with it. It keeps its order, as TCP does, and
 /// behaves as fabric::Client: every call ends once, as unavailable when no answer came within the deadline; blocks come
-/// without gap or doublet, also behind a cut. Deterministic for a seed; one thread.
+/// through a BlockIntake, with the channel's first block as the trust anchor, without gap or doublet, also behind a cut;
+/// a peer that contradicts itself is left and asked again. Deterministic for a seed; one thread.
 class LedgerPort {
  public:
   static constexpr TimeNs deadline_ns = 1 * ns_per_s;  ///< as agent and ground, of a ledger that is not far
   static constexpr TimeNs reconnect_ns = 150 * ns_per_ms;
+  static constexpr std::uint64_t max_absence_blocks = 1'000;  ///< as agent's
 
   /// `way` and `share`: of the ledger's added delay (VirtualLedger::add_client()).
   LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed,
@@ -66,8 +71,15 @@ class LedgerPort {
   Result<std::string> evaluate(TimeNs now, const fabric::Call& call) { return ledger_.evaluate(now, client_, call); }
   bool reachable() const { return !cut_ && !stalled_to_ && !stalled_from_; }
 
-  /// The process died: nobody waits for what is under way, and who comes hears the next new block first.
+  /// The process died: nobody waits for what is under way, and nobody hears blocks.
   void forget();
+  /// A process begins: it hears the next new block first, or goes on behind the checkpoint.
+  void begin(std::optional<fabric::Checkpoint> believed = std::nullopt);
+  /// The newest block that was believed; none: none was yet.
+  std::optional<fabric::Checkpoint> checkpoint() const;
+  /// Why the peer was left since the last call, in words.
+  std::vector<std::string> take_contradictions() { return std::exchange(contradictions_, {}); }
+  const fabric::BlockIntake::Counts& judged() const { return intake_->counts(); }
 
   // Faults.
   void delay_to(std::optional<Distribution> delay) { delay_to_ = std::move(delay); }
@@ -87,6 +99,8 @@ class LedgerPort {
   /// The peer shows its last blocks over and over, and no new one.
   void stale(bool stale) { stale_ = stale; }
   void lie(Lie lie) { lie_ = lie; }
+  /// What the peer serves in place of the ledger's blocks.
+  void serve(PeerLie lie) { peer_.lie(lie); }
   void slip(Slip slip) { slip_ = slip; }
 
   struct Counts {
@@ -106,6 +120,9 @@ class LedgerPort {
   };
   void end(const VirtualLedger::Ended& ended);
   void send(TimeNs now, std::uint64_t number, fabric::Call call);
+  void read_blocks(TimeNs now);
+  bool find_place(TimeNs now);
+  void leave_peer(TimeNs now, const std::string& why);
   void arrive(fabric::Block block);
   static TimeNs in_order(TimeNs due_ns, TimeNs& last_ns);
 
@@ -123,8 +140,14 @@ class LedgerPort {
   std::uint64_t next_call_ = 1;                                     ///< as the ledger knows calls
   std::map<std::uint64_t, std::pair<std::uint64_t, TimeNs>> open_;  ///< by call: the caller's id, the deadline
   std::deque<Waiting> to_;
-  std::deque<std::pair<TimeNs, VirtualLedger::Ended>> outcomes_;  ///< on their way back
-  std::deque<std::pair<TimeNs, fabric::Block>> blocks_;
+  std::deque<std::pair<TimeNs, VirtualLedger::Ended>> outcomes_;   ///< on their way back
+  std::deque<std::pair<TimeNs, VirtualLedger::BlockPtr>> blocks_;  ///< on their way to the peer
+  ServingPeer peer_;
+  std::optional<fabric::BlockIntake> intake_;
+  bool reading_ = true;                         ///< a process is there
+  std::optional<fabric::Checkpoint> believed_;  ///< until its place is found
+  std::optional<fabric::Checkpoint> newest_believed_;
+  std::vector<std::string> contradictions_;
   std::deque<fabric::Block> newest_;  ///< that came, for `stale`
   std::vector<fabric::Block> arrived_blocks_;
   std::vector<VirtualLedger::Ended> arrived_outcomes_;

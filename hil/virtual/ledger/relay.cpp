@@ -10,6 +10,7 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
+#include "hil/virtual/peer/bent_transactions.hpp"
 #include "peer/chaincode_event.pb.h"
 
 namespace ledgerline::hil {
@@ -143,13 +144,6 @@ void bend_plan(DronePlan& plan, RelayLie lie) {
     default:
       return;
   }
-}
-
-template <typename Message>
-Message parsed(const std::string& bytes) {
-  Message message;
-  message.ParseFromString(bytes);
-  return message;
 }
 
 }  // namespace

@@ -24,7 +24,8 @@ VirtualLedger::VirtualLedger(const node::CoreConfig& config, const LedgerDelays&
     : config_(config), delays_(delays), where_{config.channel, config.contract}, random_(seed) {
   std::vector<std::string> msp_ids = organisations;
   for (const std::string& msp_id : msp_ids) config_.organisations.push_back({msp_id, "test authority of " + msp_id});
-  msp_ids.push_back("OrdererMSP");
+  config_.orderers = {"OrdererMSP", "test authority of OrdererMSP"};
+  msp_ids.push_back(config_.orderers.msp_id);
   registry_ = crypto::make_test_registry(msp_ids);
   open();
 }
@@ -141,6 +142,8 @@ void VirtualLedger::advance(TimeNs now, Pending pending) {
   waiting_.emplace(waiter, std::move(pending));
 }
 
+void VirtualLedger::order(TimeNs now, const std::string& envelope) { (void)core_->order(envelope, at(now)); }
+
 void VirtualLedger::cut_if_due(TimeNs now) {
   const auto due = core_->next_cut();
   if (writing_ || !due || *due > now) return;
@@ -151,12 +154,13 @@ void VirtualLedger::apply(TimeNs now, const node::CutBlock& block) {
   [[maybe_unused]] const Status stored = store_->append(block.bytes);
   assert(stored.ok());
   const node::Applied applied = core_->apply(block);
-  const auto decoded = fabric::decode_block(block.bytes);
-  assert(decoded.ok());
+  const auto message = std::make_shared<common::Block>();
+  [[maybe_unused]] const bool whole = message->ParseFromString(block.bytes);
+  assert(whole);
   for (auto& member : members_) {
     // A stream keeps its order: no block overtakes the one before.
     const TimeNs earliest = member.blocks.empty() ? 0 : member.blocks.back().first;
-    member.blocks.emplace_back(std::max(earliest, delivered(now, member)), *decoded);
+    member.blocks.emplace_back(std::max(earliest, delivered(now, member)), message);
   }
   for (const auto& answer : applied.answers) {
     const auto found = waiting_.find(answer.waiter);
@@ -216,8 +220,16 @@ Result<std::string> VirtualLedger::evaluate(TimeNs now, Client client, const fab
   return response.payload();
 }
 
-std::vector<fabric::Block> VirtualLedger::take_blocks(TimeNs now, Client client) {
-  std::vector<fabric::Block> arrived;
+VirtualLedger::BlockPtr VirtualLedger::block(std::uint64_t number) const {
+  const auto message = std::make_shared<common::Block>();
+  const auto bytes = store_->read(number);
+  [[maybe_unused]] const bool whole = bytes.ok() && message->ParseFromString(*bytes);
+  assert(whole);
+  return message;
+}
+
+std::vector<VirtualLedger::BlockPtr> VirtualLedger::take_blocks(TimeNs now, Client client) {
+  std::vector<BlockPtr> arrived;
   auto& queue = members_[client].blocks;
   for (; !queue.empty() && queue.front().first <= now; queue.pop_front())
     arrived.push_back(std::move(queue.front().second));

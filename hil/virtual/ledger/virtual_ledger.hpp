@@ -10,6 +10,7 @@
 #include "chaincode/node/core/core.hpp"
 #include "chaincode/node/storage/block_store.hpp"
 #include "common/base/random.hpp"
+#include "common/common.pb.h"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/sending/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
@@ -33,12 +34,14 @@ struct LedgerDelays {
 class VirtualLedger {
  public:
   using Client = std::size_t;
+  using BlockPtr = std::shared_ptr<const common::Block>;
 
   VirtualLedger(const node::CoreConfig& config, const LedgerDelays& delays, std::uint64_t seed);
 
   /// `way`: of the added delay, that from the ledger to this client: `back` for the one that commands go to; `share`:
   /// how much of it. The shares of both add up to 1.
   Client add_client(const crypto::IdentityName& name, WayDelay::Way way = WayDelay::Way::there, double share = 0.5);
+  const fabric::ChannelAndContract& where() const { return where_; }
   crypto::MspRegistry& registry() { return *registry_; }
   std::shared_ptr<crypto::MspRegistry> shared_registry() { return registry_; }
 
@@ -51,6 +54,8 @@ class VirtualLedger {
 
   /// Starts a transaction; its outcome comes out of take_outcomes() with the same `id`.
   void submit(TimeNs now, Client client, std::uint64_t id, const fabric::Call& call);
+  /// Has a common.Envelope ordered that somebody made by other ways; nobody hears what became of it.
+  void order(TimeNs now, const std::string& envelope);
   /// For the set-up before the flight: commits at once, at `now`.
   Status commit_now(TimeNs now, Client client, const fabric::Call& call);
   Result<std::string> evaluate(TimeNs now, Client client, const fabric::Call& call);
@@ -63,7 +68,8 @@ class VirtualLedger {
   void restart(TimeNs now);
 
   /// What has reached this client since the last call. Blocks come in order, from the one after add_client() on.
-  std::vector<fabric::Block> take_blocks(TimeNs now, Client client);
+  std::vector<BlockPtr> take_blocks(TimeNs now, Client client);
+  BlockPtr block(std::uint64_t number) const;  ///< of those that are stored
   struct Ended {
     std::uint64_t id = 0;
     fabric::Outcome outcome;
@@ -90,7 +96,7 @@ class VirtualLedger {
   struct Member {
     crypto::SigningIdentity identity;
     WayDelay added;
-    std::deque<std::pair<TimeNs, fabric::Block>> blocks;
+    std::deque<std::pair<TimeNs, BlockPtr>> blocks;
     std::deque<std::pair<TimeNs, Ended>> outcomes;
   };
 

@@ -114,7 +114,9 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
     if (!out.chain_ok) continue;
     const bool stops = tx.event_name == contract::stop;
     if (tx.code == 0 && !stops && belief::is_control_event(tx.event_name)) take_controls(now, now_s, tx, out);
-    if (tx.code != duplicate_tx_id && (stops || tx.function == contract::stop)) take_stops(now, tx, out);
+    // A stop that is there again was heard before; that it is, a peer may only say.
+    const bool again = tx.code == duplicate_tx_id && !tx.by_flag;
+    if (!again && (stops || tx.function == contract::stop)) take_stops(now, tx, out);
   }
   unbelievable_transactions_ += out.unbelievable;
   return out;

@@ -30,7 +30,7 @@ class Port : public ::testing::Test {
     VirtualLedger::Ended ended;
   };
 
-  Port() { port.forget(); }
+  Port() { port.begin(); }
   void submit(std::uint64_t id) { port.submit(now, id, note(std::to_string(id))); }
   void run(TimeNs duration) {
     for (const TimeNs end = now + duration; now < end;) {
@@ -238,6 +238,7 @@ TEST_F(Port, WhoComesAnewHearsNothingOfBefore) {
   submit(1);
   run(20 * ns_per_ms);
   port.forget();
+  port.begin();
   EXPECT_EQ(port.under_way(), 0U);
   run(200 * ns_per_ms);
   EXPECT_TRUE(outcomes.empty());
@@ -253,6 +254,7 @@ TEST_F(Port, WhoComesAnewHearsNoBlockThatWasCutBefore) {
   while (ledger.height() < 2) run(ns_per_ms);
   ASSERT_TRUE(blocks.empty());
   port.forget();
+  port.begin();
   run(undisturbed);
   EXPECT_TRUE(blocks.empty());
 }

@@ -150,7 +150,8 @@ class Host {
       if (world.now >= submitted.gives_up_ns) finish(id, {});
     }
     if (!away) {
-      for (const auto& block : ledger_.take_blocks(world.now, client_)) agent_->on_block(world.now, block, out_);
+      for (const auto& block : ledger_.take_blocks(world.now, client_))
+        agent_->on_block(world.now, *fabric::decode_block(block->SerializeAsString()), out_);
     }
     agent_->step(world.now, out_);
     for (const auto& submit : out_.submits) {

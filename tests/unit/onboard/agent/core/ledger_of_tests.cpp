@@ -98,6 +98,7 @@ fabric::Transaction LedgerOfTests::transaction(const Tx& tx) {
   out.channel = tx.channel;
   out.contract = tx.contract;
   out.code = tx.code;
+  out.by_flag = tx.by_flag;
   out.creator = creator.serialized;
   out.function = asked.function;
   out.args = asked.args;

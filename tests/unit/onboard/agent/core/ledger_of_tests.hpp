@@ -31,6 +31,7 @@ class LedgerOfTests {
     std::string channel = "teleop";
     std::string contract = "ledgerline";
     int code = 0;
+    bool by_flag = false;
     Spoil spoil;
   };
 

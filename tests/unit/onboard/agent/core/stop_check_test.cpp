@@ -130,6 +130,9 @@ TEST_F(StopCheckTest, AnEventThatSaysSomethingElseHidesNoStop) {
 TEST_F(StopCheckTest, ADuplicateIsNoStop) {
   EXPECT_TRUE(give(stop(guard, duplicate)).plans.empty());
   EXPECT_FALSE(is_stopped_now());
+  Tx told = stop(guard, duplicate);
+  told.by_flag = true;
+  EXPECT_FALSE(give(told).plans.empty()) << "a peer alone says that it was there before";
 }
 
 TEST_F(StopCheckTest, WhoMayNotStopIsNotObeyedAndAlarmed) {

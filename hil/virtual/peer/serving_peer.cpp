@@ -1,0 +1,287 @@
+#include "hil/virtual/peer/serving_peer.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "chaincode/node/core/tx/block.hpp"
+#include "common/base/enum_count.hpp"
+#include "common/msg/contract.hpp"
+#include "hil/virtual/peer/bent_transactions.hpp"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr TimeNs delay_ns = 2 * ns_per_s, max_stutter_ns = 1 * ns_per_s, own_period_ns = 100 * ns_per_ms;
+constexpr std::uint64_t max_age_blocks = 20;
+
+constexpr std::array<std::pair<std::string_view, PeerLie>, 40> peer_lies{{
+    {"hides-commands", PeerLie::hides_commands},
+    {"hides-stops", PeerLie::hides_stops},
+    {"hides-stops-as-double", PeerLie::hides_stops_as_double},
+    {"hides-controls", PeerLie::hides_controls},
+    {"hides-all", PeerLie::hides_all},
+    {"hides-some", PeerLie::hides_some},
+    {"believes-own", PeerLie::believes_own},
+    {"no-flags", PeerLie::no_flags},
+    {"bends-plan", PeerLie::bends_plan},
+    {"bends-and-hashes", PeerLie::bends_and_hashes},
+    {"loses-block-signatures", PeerLie::loses_block_signatures},
+    {"swaps-block-signatures", PeerLie::swaps_block_signatures},
+    {"names-other-config", PeerLie::names_other_config},
+    {"mixes-headers", PeerLie::mixes_headers},
+    {"signs-bent-plan", PeerLie::signs_bent_plan},
+    {"signs-broken-creator", PeerLie::signs_broken_creator},
+    {"signs-without-endorsement", PeerLie::signs_without_endorsement},
+    {"signs-strangers-endorsement", PeerLie::signs_strangers_endorsement},
+    {"signs-other-channel", PeerLie::signs_other_channel},
+    {"signs-own-stop", PeerLie::signs_own_stop},
+    {"signs-own-command", PeerLie::signs_own_command},
+    {"signs-left-out", PeerLie::signs_left_out},
+    {"signs-reordered", PeerLie::signs_reordered},
+    {"signs-replayed", PeerLie::signs_replayed},
+    {"signs-empty", PeerLie::signs_empty},
+    {"signs-config", PeerLie::signs_config},
+    {"skips", PeerLie::skips},
+    {"repeats", PeerLie::repeats},
+    {"grows-old", PeerLie::grows_old},
+    {"renumbers", PeerLie::renumbers},
+    {"turns-away", PeerLie::turns_away},
+    {"forks", PeerLie::forks},
+    {"forks-unsigned", PeerLie::forks_unsigned},
+    {"withholds", PeerLie::withholds},
+    {"withholds-stops", PeerLie::withholds_stops},
+    {"withholds-commands", PeerLie::withholds_commands},
+    {"delays", PeerLie::delays},
+    {"stutters", PeerLie::stutters},
+    {"garbage", PeerLie::garbage},
+    {"mixes", PeerLie::mixes},
+}};
+static_assert(peer_lies.size() + 1 == enum_count<PeerLie>);  // none has no word
+
+bool is_stop(const std::string& envelope) { return called_function(envelope) == contract::stop; }
+bool is_command(const std::string& envelope) { return called_function(envelope) == contract::command; }
+bool is_control(const std::string& envelope) {
+  const std::string function = called_function(envelope);
+  return !function.empty() && function != contract::set && function != contract::command && function != contract::stop;
+}
+
+bool has(const common::Block& block, bool (*is)(const std::string& envelope)) {
+  return std::any_of(block.data().data().begin(), block.data().data().end(), is);
+}
+
+void rehash(common::Block& block) { block.mutable_header()->set_data_hash(node::data_hash(block.data())); }
+
+/// Mixed by seed and number, so that the same flight is the same.
+std::uint64_t drawn(std::uint64_t seed, std::uint64_t number) { return Random(seed ^ (number * 0x9e3779b9ULL)).next(); }
+
+}  // namespace
+
+std::optional<PeerLie> peer_lie_from(std::string_view word) {
+  for (const auto& [name, lie] : peer_lies) {
+    if (name == word) return lie;
+  }
+  return std::nullopt;
+}
+
+std::vector<std::string> peer_lie_names() {
+  std::vector<std::string> names;
+  for (const auto& pair : peer_lies) names.emplace_back(pair.first);
+  return names;
+}
+
+ServingPeer::ServingPeer(BlockPtr first, std::uint64_t seed)
+    : peer_(crypto::make_test_identity({"Org1MSP", "CN=peer0"})), seed_(seed) {
+  blocks_.push_back({std::move(first), 0});
+}
+
+void ServingPeer::lie(PeerLie lie) {
+  if (lie == lie_) return;
+  lie_ = lie;
+  fork_.reset();
+  lied_from_ = height();
+}
+
+std::string ServingPeer::orders(TimeNs now) {
+  if (lie_ != PeerLie::believes_own || now < next_order_ns_) return {};
+  next_order_ns_ = now + own_period_ns;
+  const auto number = static_cast<std::uint64_t>(now);
+  return earlier_command_.empty() || drawn(seed_, number) % 2 == 0 ? own_stop(peer_, number)
+                                                                   : own_command(peer_, earlier_command_, number);
+}
+
+ServingPeer::BlockPtr ServingPeer::newest(TimeNs now) {
+  if (lie_ != PeerLie::grows_old) return serve(now, height() - 1);
+  return at(lied_from_ > max_age_blocks ? lied_from_ - max_age_blocks : 0);
+}
+
+void ServingPeer::add(TimeNs now, BlockPtr block) {
+  const auto& envelopes = block->data().data();
+  const auto command = std::find_if(envelopes.begin(), envelopes.end(), is_command);
+  if (command != envelopes.end()) earlier_command_ = *command;
+  blocks_.push_back({std::move(block), now});
+}
+
+ServingPeer::BlockPtr ServingPeer::at(std::uint64_t number) const {
+  return number < blocks_.size() ? blocks_[number].block : nullptr;
+}
+
+Result<common::Block> ServingPeer::fetch(std::uint64_t number) const {
+  const BlockPtr block = at(number);
+  if (!block || lie_ == PeerLie::withholds) return Error{fmt::format("the peer does not give block {}", number)};
+  return *block;
+}
+
+bool ServingPeer::holds_back(PeerLie lie, TimeNs now, const Kept& next) const {
+  switch (lie) {
+    case PeerLie::withholds:
+    case PeerLie::grows_old:
+      return true;
+    case PeerLie::withholds_stops:
+      return has(*next.block, is_stop);
+    case PeerLie::withholds_commands:
+      return has(*next.block, is_command);
+    case PeerLie::delays:
+      return now - next.came_ns < delay_ns;
+    case PeerLie::stutters:
+      return now - next.came_ns <
+             static_cast<TimeNs>(drawn(seed_, next.block->header().number()) % std::uint64_t(max_stutter_ns));
+    default:
+      return false;
+  }
+}
+
+ServingPeer::BlockPtr ServingPeer::serve(TimeNs now, std::uint64_t wanted) {
+  PeerLie lie = lie_;
+  if (lie == PeerLie::mixes) {
+    lie = peer_lies[drawn(seed_, wanted) % (peer_lies.size() - 1)].second;
+    // One for a while: else the first that it withholds for good is the only one that is seen.
+    if (lie == PeerLie::withholds || lie == PeerLie::withholds_commands || lie == PeerLie::grows_old)
+      lie = PeerLie::stutters;
+  }
+  const BlockPtr next = at(wanted);
+  if (!next || wanted == 0) return next;
+  if (lie == PeerLie::signs_reordered && !at(wanted + 1)) return nullptr;
+  if (holds_back(lie, now, blocks_[wanted])) return nullptr;
+  return bent(lie, wanted);
+}
+
+void ServingPeer::bend_flags(PeerLie lie, common::Block& block) const {
+  std::string flags = block.metadata().metadata(common::TRANSACTIONS_FILTER);
+  for (std::size_t i = 0; i < flags.size(); ++i) {
+    const std::string& envelope = block.data().data(static_cast<int>(i));
+    const bool hides = (lie == PeerLie::hides_commands && is_command(envelope)) ||
+                       (lie == PeerLie::hides_stops && is_stop(envelope)) ||
+                       (lie == PeerLie::hides_controls && is_control(envelope)) || lie == PeerLie::hides_all ||
+                       (lie == PeerLie::hides_some && drawn(seed_, block.header().number() + i) % 3 == 0);
+    if (hides) flags[i] = static_cast<char>(protos::MVCC_READ_CONFLICT);
+    if (lie == PeerLie::hides_stops_as_double && is_stop(envelope))
+      flags[i] = static_cast<char>(protos::DUPLICATE_TXID);
+    if (lie == PeerLie::believes_own) flags[i] = static_cast<char>(protos::VALID);
+  }
+  if (lie == PeerLie::no_flags) flags.clear();
+  block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
+}
+
+/// False: there is nothing in this block to bend.
+bool ServingPeer::bend_data(PeerLie lie, common::Block& block) {
+  auto& data = *block.mutable_data();
+  const auto command = std::find_if(data.mutable_data()->begin(), data.mutable_data()->end(), is_command);
+  const bool has_command = command != data.mutable_data()->end();
+  switch (lie) {
+    case PeerLie::signs_own_stop:
+      data.add_data(own_stop(peer_, block.header().number()));
+      return true;
+    case PeerLie::signs_own_command:
+      if (has_command) data.add_data(own_command(peer_, *command, block.header().number()));
+      return has_command;
+    case PeerLie::signs_left_out:
+      data.mutable_data()->RemoveLast();
+      return true;
+    case PeerLie::signs_reordered:
+      if (const BlockPtr next = at(block.header().number() + 1)) data = next->data();
+      return at(block.header().number() + 1) != nullptr;
+    case PeerLie::signs_replayed:
+      if (!earlier_command_.empty()) data.add_data(earlier_command_);
+      return !earlier_command_.empty();
+    case PeerLie::signs_empty:
+      data.clear_data();
+      return true;
+    case PeerLie::signs_config:
+      data.clear_data();
+      data.add_data(own_config(peer_));
+      return true;
+    default:
+      break;
+  }
+  if (!has_command) return false;
+  if (lie == PeerLie::signs_broken_creator) {
+    break_creator(*command);
+  } else if (lie == PeerLie::signs_without_endorsement) {
+    endorse_by(*command, nullptr);
+  } else if (lie == PeerLie::signs_strangers_endorsement) {
+    const auto stranger = crypto::make_test_identity({"Org2MSP", "CN=peer0"});
+    endorse_by(*command, &stranger);
+  } else if (lie == PeerLie::signs_other_channel) {
+    name_channel(*command, "another");
+  } else {
+    bend_plan(*command);
+  }
+  return true;
+}
+
+/// A chain that leaves the ledger's behind: with its transactions, but for the commands.
+ServingPeer::BlockPtr ServingPeer::forked(PeerLie lie, std::uint64_t wanted) {
+  if (!fork_ || fork_->first != wanted) fork_.emplace(wanted, node::header_hash(at(wanted - 1)->header()));
+  std::vector<std::string> envelopes;
+  for (const std::string& one : at(wanted)->data().data()) {
+    if (!is_command(one)) envelopes.push_back(one);
+  }
+  auto block = std::make_shared<common::Block>(node::make_block({wanted, fork_->second}, envelopes));
+  if (lie == PeerLie::forks) (void)node::sign_block(*block, peer_);
+  block->mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, std::string(envelopes.size(), protos::VALID));
+  fork_.emplace(wanted + 1, node::header_hash(block->header()));
+  return block;
+}
+
+ServingPeer::BlockPtr ServingPeer::bent(PeerLie lie, std::uint64_t wanted) {
+  const BlockPtr honest = at(wanted);
+  if (lie == PeerLie::skips) return at(wanted + 1);
+  if (lie == PeerLie::repeats) return at(wanted - 1);
+  if (lie == PeerLie::forks || lie == PeerLie::forks_unsigned) return forked(lie, wanted);
+  auto block = std::make_shared<common::Block>(*honest);
+  auto& signatures = *block->mutable_metadata()->mutable_metadata(common::SIGNATURES);
+  if (lie >= PeerLie::hides_commands && lie <= PeerLie::no_flags) {
+    bend_flags(lie, *block);
+  } else if (lie == PeerLie::loses_block_signatures) {
+    signatures.clear();
+  } else if (lie == PeerLie::swaps_block_signatures) {
+    signatures = at(wanted - 1)->metadata().metadata(common::SIGNATURES);
+  } else if (lie == PeerLie::names_other_config) {
+    name_config(signatures, wanted - 1);
+  } else if (lie == PeerLie::mixes_headers) {
+    *block->mutable_header() = at(wanted - 1)->header();
+    block->mutable_header()->set_number(wanted);
+  } else if (lie == PeerLie::renumbers) {
+    block->mutable_header()->set_number(wanted + 1);
+  } else if (lie == PeerLie::turns_away) {
+    (*block->mutable_header()->mutable_previous_hash())[0] ^= 1;
+  } else if (lie == PeerLie::garbage) {
+    block->mutable_data()->add_data("garbage");
+  } else if (lie >= PeerLie::bends_plan && lie <= PeerLie::signs_config) {
+    if (!bend_data(lie, *block)) return honest;
+    if (lie != PeerLie::bends_plan) rehash(*block);
+    if (lie >= PeerLie::signs_bent_plan) {
+      (void)node::sign_block(*block, peer_);
+      block->mutable_metadata()->set_metadata(
+          common::TRANSACTIONS_FILTER,
+          std::string(static_cast<std::size_t>(block->data().data_size()), static_cast<char>(protos::VALID)));
+    }
+  }
+  return block;
+}
+
+}  // namespace ledgerline::hil

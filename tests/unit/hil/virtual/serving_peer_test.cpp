@@ -1,0 +1,93 @@
+#include "hil/virtual/peer/serving_peer.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "hil/fault/run/run.hpp"
+#include "tests/unit/campaign.hpp"
+
+/// A drone's peer that lies to its agent about the chain: nothing is flown that nobody signed, a stop lands the drone, and
+/// somebody says so. docs/faults.md.
+namespace ledgerline::hil {
+namespace {
+
+/// What stays away is silence, not a contradiction.
+bool is_silence(const std::string& lie, bool restart) {
+  return lie.starts_with("withholds") || lie == "delays" || lie == "stutters" || (lie == "grows-old" && !restart);
+}
+
+/// Whether what a fold has read is current, agent judges once it has seen one that counts.
+constexpr const char* seen_before =
+    "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"0s\"\n"
+    "[[fault]]\nwhat = \"operator resume tello1\"\nat = \"500ms\"\n";
+
+/// Its agent may die behind the lie, and come back.
+Script script_of(const std::string& lie, std::uint64_t seed) {
+  const bool restart = seed % 3 == 0;
+  const std::string text = fmt::format(
+      "title = \"A peer serves: {0}\"\nmust = [\"no crash\", \"fence kept within 0.5 m\", \"lands within 20 s\", "
+      "\"{4}\"]\n"
+      "[flight]\ndrones = {1}\nlaps = 3\n"
+      "[[fault]]\nwhat = \"ledger agent serves {0}\"\nat = \"path + {2}ms\"\n"
+      "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"path + 6s\"\n{3}{5}",
+      lie, seed % 5 == 0 ? 2 : 1, 500 + 300 * (seed % 9),
+      restart ? "[[fault]]\nwhat = \"agent kill\"\nat = \"path + 4s\"\nfor = \"700ms\"\n" : "",
+      is_silence(lie, restart)             ? "hold is seen"
+      : lie == "hides-controls" && restart ? "land is seen"  // a new agent has not seen one yet
+                                           : "the ledger is doubted",
+      lie == "hides-controls" ? seen_before : "");
+  const auto script = parse_script(text, lie);
+  EXPECT_TRUE(script) << (script ? "" : script.error().what);
+  return *script;
+}
+
+class PeerLies : public testing::TestWithParam<std::string> {};
+
+TEST_P(PeerLies, NothingIsFlownThatNobodySignedAndAStopLands) {
+  for (int seed = 1; seed <= seeds(slow ? 1 : 3, 20); ++seed) {
+    const auto number = static_cast<std::uint64_t>(seed);
+    const auto result = run_script(script_of(GetParam(), number), number);
+    ASSERT_TRUE(result) << result.error().what;
+    for (const Verdict& verdict : result->verdicts) {
+      EXPECT_TRUE(verdict.held) << "seed " << seed << ": " << verdict.rule.text << ": " << verdict.what;
+    }
+  }
+}
+
+// With sanitizers one of eight: the rule itself is tested whole in tests/unit/common/fabric/stream.
+std::vector<std::string> lies() {
+  const auto all = peer_lie_names();
+  std::vector<std::string> some;
+  for (std::size_t i = 0; i < all.size(); i += slow ? 8 : 1) some.emplace_back(all[i]);
+  return some;
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, PeerLies, testing::ValuesIn(lies()), [](const auto& lie) {
+  std::string name = lie.param;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+});
+
+TEST(PeerLies, AnHonestPeerIsNeverDoubted) {
+  for (int seed = 1; seed <= seeds(slow ? 2 : 20, 1000); ++seed) {
+    const auto number = static_cast<std::uint64_t>(seed);
+    const std::string text = fmt::format(
+        "title = \"An honest peer\"\nmust = [\"the ledger is never doubted\"]\n[flight]\ndrones = {}\nlaps = 1\n"
+        "[[fault]]\nwhat = \"ledger both delay {}ms\"\nat = \"path + 500ms\"\nfor = \"2s\"\n{}{}",
+        1 + seed % 3, 5 + seed % 60,
+        seed % 4 == 0 ? "[[fault]]\nwhat = \"agent kill\"\nat = \"path + 2s\"\nfor = \"700ms\"\n" : "",
+        seed % 2 == 0 ? "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"path + 4s\"\n" : "");
+    const auto script = parse_script(text, "honest");
+    ASSERT_TRUE(script) << script.error().what;
+    const auto result = run_script(*script, number);
+    ASSERT_TRUE(result) << result.error().what;
+    for (const Verdict& verdict : result->verdicts) {
+      EXPECT_TRUE(verdict.held) << "seed " << seed << ": " << verdict.rule.text << ": " << verdict.what;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace ledgerline::hil
