@@ -59,6 +59,7 @@ void lie_about(fabric::Transaction& tx, Lie lie) {
   switch (lie) {
     case Lie::signature:
       if (!tx.signature.empty()) tx.signature[0] ^= 1;
+      tx.creator_fits = false;  // nobody has looked
       return;
     case Lie::endorsement:
       tx.endorsements.clear();

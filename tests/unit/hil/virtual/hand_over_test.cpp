@@ -21,7 +21,7 @@ class OtherGround {
  public:
   OtherGround(VirtualWorld& world, const WorldConfig& config)
       : world_(world), port_(world.ledger(), supervisor_name, config.seed + 77), core_(flight(world, config)) {
-    port_.forget();
+    port_.begin();
     const auto control = belief::read_control(
         drone_name(1), [&](const fabric::Call& call) { return port_.evaluate(world_.now(), call); });
     EXPECT_TRUE(control && core_.set_control(control->SerializeAsString()));
