@@ -141,7 +141,7 @@ struct FlightTransactions {
   std::uint64_t malformed = 0;   ///< frames and states that are none
   std::uint64_t unbelieved = 0;  ///< states whose signer is not the owner of the drone, or not believed; control events
   std::uint64_t altered = 0;     ///< events that are not what their signer asked for, records that follow from nothing
-  std::uint64_t unbelievable = 0;  ///< flagged valid, and cannot be (fabric::code_unbelievable)
+  std::uint64_t unbelievable = 0;  ///< not what their flags say (fabric::Transaction::problem)
 };
 
 /// As flown: the shape's waypoints or one's own.

@@ -64,6 +64,9 @@ Status Ground::start(const std::atomic<bool>& quit) {
     mailbox_.put(StreamState{connected, why});
   };
   handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
+  handlers.on_contradiction = [last = std::string()](const std::string& what) mutable {
+    if (std::exchange(last, what) != what) spdlog::error("the peer contradicts what is known: {}", what);
+  };
   blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));
   if (auto status = wait_for_block_stream(quit); !status) return status;
   const auto controls = belief::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });

@@ -40,7 +40,7 @@ Downlink::Downlink(DownlinkConfig config, crypto::MspRegistry& believed)
 void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector<Delivery>& out) {
   held_.clear();
   for (const fabric::Transaction& tx : block.transactions) {
-    if (tx.code == fabric::code_unbelievable) ++unbelievable_transactions_;
+    if (!tx.problem.empty()) ++unbelievable_transactions_;
     if (tx.code != 0 || tx.config || tx.event_name != contract::set || tx.contract != config_.contract) continue;
     // A peer could have put other messages into the event than its writer signed.
     if (!belief::tells_set({tx.function, tx.args}, tx.event_payload)) {

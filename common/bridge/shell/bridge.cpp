@@ -106,6 +106,9 @@ Status Bridge::start(const std::atomic<bool>& quit) {
     connection_problem_ = why;
   };
   handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
+  handlers.on_contradiction = [this, last = std::string()](const std::string& what) mutable {
+    if (std::exchange(last, what) != what) spdlog::error("{}: the peer contradicts what is known: {}", channel_, what);
+  };
   blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));
   if (auto status = wait_for_stream(quit); !status) return status;
   if (auto status = read_latched(); !status) return status;

@@ -92,8 +92,9 @@ class Client {
     std::function<void(const Block&, std::string_view raw)>
         on_block;  ///< in order, no gap, no doublet, across reconnects
     std::function<void(bool connected, const std::string& why)> on_connection;
-    /// Transactions that the peers flagged valid and that cannot be (code_unbelievable), in words: block, transaction,
-    /// why, and how many there were. The first at once, then at most one word a minute; on_block has them all.
+    /// Transactions that are not what their flags say (Transaction::problem), in words: block, transaction, why, and how
+    /// many there were. The first at once, then at most one word a minute; on_block has them all. And, once, that the peer
+    /// does not say whose endorsement the contract needs.
     std::function<void(const std::string& what)> on_unbelievable = {};
     /// The peer's stream contradicts what is known: a fork, a block that the orderers have not signed, or that an orderer has
     /// otherwise. In words, at each attempt; nothing of it was handed over.
@@ -102,8 +103,9 @@ class Client {
     std::function<void(const Continuation&)> on_continued = {};
   };
   /// Blocks from number `start` (nullopt: from the next new one on). Reconnects with back-off and jitter, for ever, and
-  /// resumes behind the last block handed over. A transaction that cannot be believed is left out alone, see
-  /// decode_block. A block that breaks the chain is reported through on_connection and the
+  /// resumes behind the last block handed over. With config_block each transaction is judged by the rule of Fabric's
+  /// peers, as far as the blocks of this stream tell what it rests on (BlockIntake). One that cannot be believed is left
+  /// out alone, see decode_block. A block that breaks the chain is reported through on_connection and the
   /// stream starts again at the last good one. With cross_check a second stream brings an orderer's blocks; once the
   /// two differ, nothing more is handed over, and on_connection says so.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;

@@ -17,6 +17,7 @@ namespace ledgerline::fabric {
 namespace {
 
 constexpr TimeNs first_reconnect_ns = 20 * ns_per_ms, max_reconnect_ns = 1 * ns_per_s;
+constexpr int max_lags = 8;                               // some seconds of back-off
 constexpr TimeNs unbelievable_period_ns = 60 * ns_per_s;  // a peer may send thousands; a log must not fill a disk
 
 std::string text_of(const grpc::Status& status) {
@@ -26,9 +27,10 @@ std::string text_of(const grpc::Status& status) {
 
 /// Asks for blocks from `start` on; an empty text when the question is on its way.
 template <typename DeliverStream>
-std::string seek(const Connection& connection, DeliverStream& stream, std::optional<std::uint64_t> start) {
+std::string seek(const Connection& connection, DeliverStream& stream, std::optional<std::uint64_t> start,
+                 SeekStop stop = SeekStop::never) {
   auto envelope = make_seek(connection.config.identity, connection.config.where.channel, start, realtime_ns(),
-                            crypto::random_bytes(24));
+                            crypto::random_bytes(24), stop);
   if (!envelope) return envelope.error().what;
   common::Envelope message;
   message.ParseFromString(*envelope);
@@ -112,9 +114,10 @@ class BlockReader {
     failed_fetch_ = false;
     const auto on = intake_.continue_chain(*believed_, *newest, fetcher(follower));
     if (!on) {
-      // A peer that lags behind may be honest.
+      // A peer that lags behind may be honest, for a moment.
       const bool lags = newest->header().number() < believed_->last.number;
-      return lags ? on.error().what : contradicted(on.error().what);
+      lagged_ = lags ? lagged_ + 1 : 0;
+      return lags && lagged_ < max_lags ? on.error().what : contradicted(on.error().what);
     }
     believed_.reset();
     if (handlers_.on_continued) handlers_.on_continued(*on);
@@ -172,7 +175,8 @@ class BlockReader {
     context.set_deadline(std::chrono::system_clock::now() + connection_->config.deadline);
     const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
     const auto stream = stub->Deliver(&context);
-    if (std::string problem = seek(*connection_, *stream, number); !problem.empty()) return Error{problem};
+    if (std::string problem = seek(*connection_, *stream, number, SeekStop::at_start); !problem.empty())
+      return Error{problem};
     protos::DeliverResponse response;
     const bool read = stream->Read(&response);
     context.TryCancel();
@@ -225,6 +229,7 @@ class BlockReader {
   const Client::StreamHandlers handlers_;
   BlockIntake intake_;
   bool failed_fetch_ = false;  ///< what was refused last may be right: the peer did not answer
+  int lagged_ = 0;             ///< connections in a row in which the peer's chain ended before the checkpoint
   bool definition_problem_told_ = false;
   std::uint64_t unbelievable_ = 0;
   TimeNs next_word_ns_ = 0;
