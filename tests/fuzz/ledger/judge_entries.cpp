@@ -1,6 +1,7 @@
 #include "common/fabric/judge/block_judge.hpp"
+#include "common/fabric/stream/block_intake.hpp"
 #include "tests/fuzz/entry.hpp"
-#include "tests/unit/common/fabric/judge/signed_chain.hpp"
+#include "tests/unit/common/fabric/judge/judged_channel.hpp"
 
 /// What a trust anchor's file and a peer's blocks hold, before anybody believes them.
 namespace ledgerline::fuzz::judge_part {
@@ -68,9 +69,51 @@ std::unique_ptr<Entry> caught_up() {
       });
 }
 
+/// A channel with transactions of every kind.
+class Transactions : public JudgedChannel {
+ public:
+  std::vector<std::string> blocks() {
+    std::vector<std::string> all;
+    for (const fabric::Kind& kind : all_) {
+      if (!kind.again) all.push_back(sealed_block(std::vector<std::string>{sealed(kind.name)}).SerializeAsString());
+    }
+    return all;
+  }
+  common::Block sealed_block(const std::vector<std::string>& envelopes) const {
+    common::Block block = node::make_block({1, node::header_hash(first_block_.header())}, envelopes);
+    (void)node::sign_block(block, orderer_);
+    return block;
+  }
+  BlockIntake intake() const {
+    return std::move(BlockIntake::make({.where = {},
+                                        .config_block = first_block_.SerializeAsString(),
+                                        .make_registry =
+                                            [](std::vector<crypto::MspRoot> roots) {
+                                              return crypto::make_msp_registry(library, std::move(roots));
+                                            }}))
+        .value();
+  }
+};
+
+/// What a peer serves, once the orderers have signed it: any member can have anything ordered. Flags are as they come.
+std::unique_ptr<Entry> taken_in() {
+  static Transactions channel;
+  return std::make_unique<Function>(channel.blocks(), [](std::string_view bytes) {
+    const common::Block come = parsed(bytes);
+    common::Block block = channel.sealed_block({come.data().data().begin(), come.data().data().end()});
+    if (come.metadata().metadata_size() > common::TRANSACTIONS_FILTER)
+      block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER,
+                                             come.metadata().metadata(common::TRANSACTIONS_FILTER));
+    BlockIntake intake = channel.intake();
+    const auto taken = intake.take(block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
+    return taken ? accepted() : refused(taken.error().what);
+  });
+}
+
 const Registration anchors({"judge.anchor", Kind::protobuf, anchor});
 const Registration sealed_anchors({"judge.anchor_sealed", Kind::protobuf, sealed_anchor, 0.05});
 const Registration blocks({"judge.block", Kind::protobuf, judged});
+const Registration taken({"judge.taken_in", Kind::protobuf, taken_in, 0.3});
 const Registration fetched({"judge.fetched", Kind::protobuf, caught_up});
 
 }  // namespace
