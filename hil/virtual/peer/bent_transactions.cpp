@@ -128,10 +128,10 @@ std::string own_command(const crypto::SigningIdentity& peer, const std::string& 
   return own_transaction(peer, {contract::command, {plans}}, plans, number);
 }
 
-std::string own_config(const crypto::SigningIdentity& peer) {
+std::string own_config(const crypto::SigningIdentity& peer, const std::string& authority) {
   node::CoreConfig config;
-  config.organisations = {{"Org1MSP", "test authority of Org1MSP"}};
-  config.orderers = {peer.name.msp_id, "test authority of " + peer.name.msp_id};
+  config.organisations = {{peer.name.msp_id, authority}};
+  config.orderers = {peer.name.msp_id, authority};
   return node::make_config_envelope(config, peer);
 }
 

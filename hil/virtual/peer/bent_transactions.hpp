@@ -29,8 +29,8 @@ void name_channel(std::string& envelope, const std::string& channel);
 std::string own_stop(const crypto::SigningIdentity& peer, std::uint64_t number);
 /// Of a command that was signed by another.
 std::string own_command(const crypto::SigningIdentity& peer, const std::string& envelope, std::uint64_t number);
-/// A configuration in which the peer's organisation orders.
-std::string own_config(const crypto::SigningIdentity& peer);
+/// A configuration in which the peer's organisation orders; `authority`: that organisation's certificate.
+std::string own_config(const crypto::SigningIdentity& peer, const std::string& authority);
 
 /// In a common.Metadata of block signatures: that the newest configuration is that block's.
 void name_config(std::string& signatures, std::uint64_t number);

@@ -93,8 +93,12 @@ std::vector<std::string> peer_lie_names() {
   return names;
 }
 
-ServingPeer::ServingPeer(BlockPtr first, std::uint64_t seed)
-    : peer_(crypto::make_test_identity({"Org1MSP", "CN=peer0"})), seed_(seed) {
+PeerKeys test_peer_keys() {
+  return {crypto::make_test_identity({"Org1MSP", "CN=peer0"}), "test authority of Org1MSP",
+          crypto::make_test_identity({"Org2MSP", "CN=peer0"})};
+}
+
+ServingPeer::ServingPeer(BlockPtr first, std::uint64_t seed, PeerKeys keys) : keys_(std::move(keys)), seed_(seed) {
   blocks_.push_back({std::move(first), 0});
 }
 
@@ -109,8 +113,8 @@ std::string ServingPeer::orders(TimeNs now) {
   if (lie_ != PeerLie::believes_own || now < next_order_ns_) return {};
   next_order_ns_ = now + own_period_ns;
   const auto number = static_cast<std::uint64_t>(now);
-  return earlier_command_.empty() || drawn(seed_, number) % 2 == 0 ? own_stop(peer_, number)
-                                                                   : own_command(peer_, earlier_command_, number);
+  return earlier_command_.empty() || drawn(seed_, number) % 2 == 0 ? own_stop(keys_.peer, number)
+                                                                   : own_command(keys_.peer, earlier_command_, number);
 }
 
 ServingPeer::BlockPtr ServingPeer::newest(TimeNs now) {
@@ -193,10 +197,10 @@ bool ServingPeer::bend_data(PeerLie lie, common::Block& block) {
   const bool has_command = command != data.mutable_data()->end();
   switch (lie) {
     case PeerLie::signs_own_stop:
-      data.add_data(own_stop(peer_, block.header().number()));
+      data.add_data(own_stop(keys_.peer, block.header().number()));
       return true;
     case PeerLie::signs_own_command:
-      if (has_command) data.add_data(own_command(peer_, *command, block.header().number()));
+      if (has_command) data.add_data(own_command(keys_.peer, *command, block.header().number()));
       return has_command;
     case PeerLie::signs_left_out:
       data.mutable_data()->RemoveLast();
@@ -212,7 +216,7 @@ bool ServingPeer::bend_data(PeerLie lie, common::Block& block) {
       return true;
     case PeerLie::signs_config:
       data.clear_data();
-      data.add_data(own_config(peer_));
+      data.add_data(own_config(keys_.peer, keys_.authority));
       return true;
     default:
       break;
@@ -223,8 +227,7 @@ bool ServingPeer::bend_data(PeerLie lie, common::Block& block) {
   } else if (lie == PeerLie::signs_without_endorsement) {
     endorse_by(*command, nullptr);
   } else if (lie == PeerLie::signs_strangers_endorsement) {
-    const auto stranger = crypto::make_test_identity({"Org2MSP", "CN=peer0"});
-    endorse_by(*command, &stranger);
+    endorse_by(*command, &keys_.stranger);
   } else if (lie == PeerLie::signs_other_channel) {
     name_channel(*command, "another");
   } else {
@@ -241,7 +244,7 @@ ServingPeer::BlockPtr ServingPeer::forked(PeerLie lie, std::uint64_t wanted) {
     if (!is_command(one)) envelopes.push_back(one);
   }
   auto block = std::make_shared<common::Block>(node::make_block({wanted, fork_->second}, envelopes));
-  if (lie == PeerLie::forks) (void)node::sign_block(*block, peer_);
+  if (lie == PeerLie::forks) (void)node::sign_block(*block, keys_.peer);
   block->mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, std::string(envelopes.size(), protos::VALID));
   fork_.emplace(wanted + 1, node::header_hash(block->header()));
   return block;
@@ -275,7 +278,7 @@ ServingPeer::BlockPtr ServingPeer::bent(PeerLie lie, std::uint64_t wanted) {
     if (!bend_data(lie, *block)) return honest;
     if (lie != PeerLie::bends_plan) rehash(*block);
     if (lie >= PeerLie::signs_bent_plan) {
-      (void)node::sign_block(*block, peer_);
+      (void)node::sign_block(*block, keys_.peer);
       block->mutable_metadata()->set_metadata(
           common::TRANSACTIONS_FILTER,
           std::string(static_cast<std::size_t>(block->data().data_size()), static_cast<char>(protos::VALID)));

@@ -65,12 +65,21 @@ enum class PeerLie : std::uint8_t {
 std::optional<PeerLie> peer_lie_from(std::string_view word);
 std::vector<std::string> peer_lie_names();
 
+/// Whose keys a serving peer has.
+struct PeerKeys {
+  crypto::SigningIdentity peer;
+  std::string authority;             ///< certificate of the peer's organisation
+  crypto::SigningIdentity stranger;  ///< a peer of an organisation whose endorsement a command does not need
+};
+/// Of the registry for tests.
+PeerKeys test_peer_keys();
+
 /// A peer that serves a client its blocks: honest, or not. Deterministic for a seed; one thread.
 class ServingPeer {
  public:
   using BlockPtr = std::shared_ptr<const common::Block>;
   /// `first`: the channel's first block.
-  ServingPeer(BlockPtr first, std::uint64_t seed);
+  ServingPeer(BlockPtr first, std::uint64_t seed, PeerKeys keys = test_peer_keys());
 
   void lie(PeerLie lie);
   /// What the peer has ordered now: a common.Envelope; empty: nothing.
@@ -97,7 +106,7 @@ class ServingPeer {
   bool bend_data(PeerLie lie, common::Block& block);
   BlockPtr forked(PeerLie lie, std::uint64_t wanted);
 
-  const crypto::SigningIdentity peer_;
+  const PeerKeys keys_;
   PeerLie lie_ = PeerLie::none;
   std::uint64_t seed_;
   std::vector<Kept> blocks_;     ///< by number

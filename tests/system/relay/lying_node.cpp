@@ -21,12 +21,14 @@
 #include "gateway/gateway.grpc.pb.h"
 #include "hil/virtual/ledger/relay.hpp"
 #include "peer/chaincode_event.pb.h"
-#include "peer/events.grpc.pb.h"
+#include "tests/system/relay/lying_blocks.hpp"
 #include "tests/unit/common/fabric/tx/chain_of_tests.hpp"
 
-/// Stands in for ledgerline-node: starts the real one behind itself and hands on everything, but what Endorse answers
-/// is bent by hil::Relay, with the real key of Org1's peer, from some seconds behind the first command on.
-/// LYING_NODE: the real program; LYING_LIE: a name of hil/virtual/ledger/relay.hpp; LYING_AFTER_S; LYING_LOG: a JSON file in the end.
+/// Stands in for ledgerline-node: starts the real one behind itself and hands on everything, but lies with the real key of
+/// Org1's peer in one place. Either what Endorse answers is bent by hil::Relay, from some seconds behind the first command on;
+/// or the blocks that the drones' agent is served are hil::ServingPeer's, from SIGUSR1 on.
+/// LYING_NODE: the real program; LYING_LIE: a name of hil/virtual/ledger/relay.hpp, LYING_AFTER_S; or LYING_BLOCKS: one of
+/// hil/virtual/peer/serving_peer.hpp, LYING_SEED; LYING_LOG: a JSON file in the end.
 namespace {
 
 using namespace ledgerline;
@@ -125,31 +127,6 @@ class LyingGateway final : public gateway::Gateway::Service {
   std::atomic<std::uint64_t> bent_ = 0, submitted_ = 0;
 };
 
-class Blocks final : public protos::Deliver::Service {
- public:
-  explicit Blocks(const std::shared_ptr<grpc::Channel>& node) : stub_(protos::Deliver::NewStub(node)) {}
-
-  grpc::Status Deliver(grpc::ServerContext* context,
-                       grpc::ServerReaderWriter<protos::DeliverResponse, common::Envelope>* client) override {
-    common::Envelope seek;
-    if (!client->Read(&seek)) return grpc::Status::OK;
-    const auto forward = grpc::ClientContext::FromServerContext(*context);
-    const auto node = stub_->Deliver(forward.get());
-    protos::DeliverResponse response;
-    if (!node->Write(seek)) return node->Finish();
-    while (node->Read(&response)) {
-      if (!client->Write(response)) {
-        forward->TryCancel();
-        break;
-      }
-    }
-    return node->Finish();
-  }
-
- private:
-  const std::unique_ptr<protos::Deliver::Stub> stub_;
-};
-
 /// The real node, of which the first line says where it listens.
 struct Child {
   pid_t pid = -1;
@@ -196,10 +173,14 @@ int run(int argc, char** argv) {
     if (args.back() == "--dir" && i + 1 < argc) dir = argv[i + 1];
     if (args.back() == "--listen" && i + 1 < argc) listen = argv[i + 1];
   }
+  sigaddset(&ends, SIGUSR1);
   const Child node = start_node(args);
-  const auto lie = hil::relay_lie_from(from_environment("LYING_LIE", ""));
-  if (node.endpoint.empty() || !lie) {
-    std::fprintf(stderr, "the node did not start, or LYING_LIE is none of %s\n", hil::relay_lies().c_str());
+  const std::string block_lie_name = from_environment("LYING_BLOCKS", "");
+  const auto block_lie = hil::peer_lie_from(block_lie_name);
+  const auto lie = block_lie ? hil::RelayLie::none : hil::relay_lie_from(from_environment("LYING_LIE", ""));
+  if (node.endpoint.empty() || !lie || (!block_lie_name.empty() && !block_lie)) {
+    std::fprintf(stderr, "the node did not start, LYING_BLOCKS is no lie, or LYING_LIE is none of %s\n",
+                 hil::relay_lies().c_str());
     return 1;
   }
   pthread_sigmask(SIG_BLOCK, &ends, nullptr);  // behind the fork: the node ends by them
@@ -211,14 +192,20 @@ int run(int argc, char** argv) {
   const auto peer = org1 / "peers" / "peer0.org1.ledgerline";
   const auto user = [&](const std::string& number) {
     const std::string org = "org" + number + ".ledgerline";
-    return identity(organisations / org / "users" / ("User1@" + org) / "msp", ("Org" + number + "MSP").c_str()).name;
+    return identity(organisations / org / "users" / ("User1@" + org) / "msp", ("Org" + number + "MSP").c_str());
   };
   grpc::SslCredentialsOptions trust;
   trust.pem_root_certs = read(org1 / "tlsca" / "tlsca.org1.ledgerline-cert.pem");
   const auto channel = grpc::CreateChannel(node.endpoint, grpc::SslCredentials(trust));
-  LyingGateway lying(channel, {identity(peer / "msp", "Org1MSP"), user("1"), user("2")}, *lie,
+  LyingGateway lying(channel, {identity(peer / "msp", "Org1MSP"), user("1").name, user("2").name}, *lie,
                      std::chrono::duration<double>(std::stod(from_environment("LYING_AFTER_S", "0"))));
-  Blocks blocks(channel);
+  const auto stranger = organisations / "org2.ledgerline" / "peers" / "peer0.org2.ledgerline" / "msp";
+  LyingBlocks blocks({channel,
+                      {identity(peer / "msp", "Org1MSP"), read(org1 / "ca" / "ca.org1.ledgerline-cert.pem"),
+                       identity(stranger, "Org2MSP")},
+                      user("1").serialized,
+                      block_lie.value_or(hil::PeerLie::none),
+                      std::stoull(from_environment("LYING_SEED", "1"))});
   grpc::SslServerCredentialsOptions tls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
   tls.pem_key_cert_pairs.push_back({read(peer / "tls" / "server.key"), read(peer / "tls" / "server.crt")});
   grpc::ServerBuilder builder;
@@ -231,7 +218,7 @@ int run(int argc, char** argv) {
   std::printf("{\"ready\":true,\"endpoint\":\"127.0.0.1:%d\"}\n", port);
   std::fflush(stdout);
   int which = 0;
-  sigwait(&ends, &which);
+  while (sigwait(&ends, &which) == 0 && which == SIGUSR1) blocks.begin();
   kill(node.pid, SIGTERM);
   int status = 0;
   waitpid(node.pid, &status, 0);
@@ -239,7 +226,8 @@ int run(int argc, char** argv) {
   std::ofstream(from_environment("LYING_LOG", "/dev/null")) << nlohmann::json{{"bent", lying.bent()},
                                                                               {"submitted", lying.submitted()},
                                                                               {"asked", lying.asked()},
-                                                                              {"told", lying.told()}}
+                                                                              {"told", lying.told()},
+                                                                              {"blocks", blocks.told()}}
                                                             << "\n";
   return WIFEXITED(status) ? WEXITSTATUS(status) : 1;
 }
