@@ -1,12 +1,17 @@
 #include "tools/audit/story/states.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/printable.hpp"
 #include "common/msg/ros.hpp"
 
 namespace ledgerline::audit {
 namespace {
+
+constexpr std::size_t max_alarm_kinds = 32;
 
 void take_pose(const Asset& asset, DroneStory& story) {
   const auto odometry = odometry_from_cdr(asset.msg_data());
@@ -50,11 +55,29 @@ void take_transitions(const Asset& asset, const Moment& when, DroneStory& story)
   }
 }
 
+/// Of a kind each time that it begins, counts more or is over: agent says the newest reason alone.
+void take_alarms(const Asset& asset, const Moment& when, DroneStory& story) {
+  const auto alarms = alarms_from_cdr(asset.msg_data());
+  if (!alarms) return;
+  for (const Alarm& alarm : *alarms) {
+    if (!story.alarms.contains(alarm.kind) && story.alarms.size() == max_alarm_kinds) continue;
+    DroneStory::Alarmed& before = story.alarms[alarm.kind];
+    const DroneStory::Alarmed now{alarm.stands, alarm.count};
+    if (now == before || (!alarm.stands && !before.stands)) continue;
+    before = now;
+    const std::string what = alarm.stands ? fmt::format("alarm, {}, {} so far: {}", printable(alarm.kind), alarm.count,
+                                                        printable(alarm.words))
+                                          : fmt::format("alarm, {}: over", printable(alarm.kind));
+    story.words.add({what, "its host's agent", when});
+  }
+}
+
 }  // namespace
 
 void take_asset(const Asset& asset, const Moment& when, DroneStory& story) {
   if (asset.id().ends_with("/odom") && asset.msg_type() == odometry_type) take_pose(asset, story);
   if (asset.id().ends_with("/link") && asset.msg_type() == link_status_type) take_link(asset, story);
+  if (asset.id().ends_with("/alarm") && asset.msg_type() == alarms_type) take_alarms(asset, when, story);
   if (asset.id().ends_with("/failsafe") && asset.msg_type() == transitions_type) take_transitions(asset, when, story);
 }
 

@@ -37,7 +37,7 @@ struct Tenure {
   std::optional<Moment> to;  ///< nullopt: still
   std::string ended_by;      ///< function and signer
 };
-/// What somebody said once: a stop, a resume, a grant, a take-off, a landing ...
+/// What somebody said once: a stop, a resume, a grant, a take-off, a landing, an alarm ...
 struct Word {
   std::string what, who;
   Moment when;
@@ -71,6 +71,12 @@ struct DroneStory {
   Histogram two_way;
 
   // To follow the chain with.
+  struct Alarmed {
+    bool stands = false;
+    std::uint64_t count = 0;
+    bool operator==(const Alarmed&) const = default;
+  };
+  std::map<std::string, Alarmed> alarms;  ///< by kind, as told last
   std::optional<Control> record;
   std::map<std::uint64_t, TimeNs> asked;  ///< sequence of a command -> stamp of the state that it answers
   std::uint64_t asked_epoch = 0, asked_boot = 0, last_arrived = 0, last_transition = 0, transition_boot = 0;

@@ -119,9 +119,22 @@ TEST_F(StoryTest, TheFlownPathIsThinnedAndTheFailsafesTransitionsAreKept) {
   transition.cause = FailsafeCause::ledger_silent;
   transition.stamp_ns = 5;
   add(call, "tello1/failsafe", transitions_type, transitions_to_cdr(odometry.header, "tello1", {transition}));
+  add(call, "tello1/alarm", alarms_type,
+      alarms_to_cdr(odometry.header, "tello1", {{"stream_contradicted", true, 2, "block 7: a fork", 7}}));
   ledger.submit(ledger.host, "set", call.SerializeAsString());
   ledger.submit(ledger.host, "set", call.SerializeAsString());
+  SetCall over;
+  over.set_stream(call.stream());
+  add(over, "tello1/alarm", alarms_type,
+      alarms_to_cdr(odometry.header, "tello1", {{"stream_contradicted", false, 2, "block 7: a fork", 7}}));
+  ledger.submit(ledger.host, "set", over.SerializeAsString());
   const DroneStory& drone = told();
+  std::vector<std::string> alarms;
+  for (const Word& word : drone.words.all()) {
+    if (word.what.starts_with("alarm")) alarms.push_back(word.what);
+  }
+  EXPECT_EQ(alarms, (std::vector<std::string>{"alarm, stream_contradicted, 2 so far: block 7: a fork",
+                                              "alarm, stream_contradicted: over"}));
   ASSERT_EQ(drone.transitions.all().size(), 1U) << "one that is said again is one";
   EXPECT_EQ(drone.transitions.all()[0].transition.cause, FailsafeCause::ledger_silent);
   EXPECT_EQ(drone.transitions_missing, 2U);
