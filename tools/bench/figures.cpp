@@ -83,6 +83,7 @@ const std::vector<Contender>& contenders() {
       {"ledgerline", "Ledgerline, libcrypto", Way::ledgerline, false, "libcrypto"},
       {"ledgerline-mbedtls", "Ledgerline, mbedTLS", Way::ledgerline, false, "mbedtls"},
       {"ledgerline-checked", "Ledgerline, cross-checked", Way::ledgerline, false, "libcrypto", false, true},
+      {"ledgerline-judged", "Ledgerline, judged", Way::ledgerline, false, "libcrypto", false, false, true},
   };
   return all;
 }

@@ -19,6 +19,7 @@ struct Contender {
   std::string signer = {};          ///< of Ledgerline alone: "libcrypto" or "mbedtls"
   bool only_when_asked = false;
   bool cross_check = false;  ///< of Ledgerline: an orderer's stream is compared with the peer's
+  bool judged = false;       ///< of Ledgerline: blocks and transactions are judged, by a trust anchor
 };
 const std::vector<Contender>& contenders();
 const Contender* find_contender(const std::string& id);

@@ -127,6 +127,7 @@ Network::Access Network::access(int organisation, const std::string& user) const
           .msp_id = identities::msp_id_of(organisation),
           .msp_dir = identities::user_dir(ledger, organisation, user) / "msp",
           .orderer_tls_ca = place_.embedded ? peer_ca : tls_ca_of(identities::ordering_dir(ledger), "ledgerline"),
+          .config_block = ledger + "/teleop.block",
           .orderers = orderers_,
           .endorsers = {endorser(organisation), endorser(organisation == 1 ? 2 : 1)}};
 }
@@ -218,6 +219,7 @@ class Pair {
       const fs::path config = dir_ / (name + ".toml");
       std::string text = ledger_table(access) +
                          fmt::format("signer = \"{}\"\ncross_check = {}\n", contender_.signer, contender_.cross_check);
+      if (contender_.judged) text += fmt::format("config_block = \"{}\"\n", access.config_block);
       for (const std::string& orderer : access.orderers) {
         text += fmt::format("\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", orderer, access.orderer_tls_ca);
       }

@@ -46,6 +46,7 @@ class Network {
   /// What a client of organisation 1 (side a) or 2 (side b) needs.
   struct Access {
     std::string endpoint, tls_ca, msp_id, msp_dir, orderer_tls_ca;
+    std::string config_block;  ///< the channel's first, a file
     std::vector<std::string> orderers;
     struct Endorser {
       std::string endpoint, tls_ca;

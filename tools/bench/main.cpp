@@ -34,6 +34,7 @@ Clients:
   ledgerline            frames and the direct path, signed by libcrypto; reads from its peer alone, as the others
   ledgerline-mbedtls    the same, signed by mbedTLS
   ledgerline-checked    as ledgerline, and an orderer's blocks are compared with the peer's
+  ledgerline-judged     as ledgerline, and each side judges every block and transaction
 
 Examples:
   ledgerline bench two-way --rates 30,70 --json two-way.json

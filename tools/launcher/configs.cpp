@@ -26,11 +26,12 @@ std::string tls_ca(const RunFiles& files, int organisation) {
 
 std::string ledger_table(const RunFiles& files, const std::string& endpoint, int organisation, const std::string& user,
                          const std::string& more = {}) {
-  return fmt::format(
-      "[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nconfig_block = \"{}\"\n"
-      "msp_id = \"Org{}MSP\"\nmsp_dir = \"{}/msp\"\n{}\n",
-      endpoint, tls_ca(files, 1), files.in("ledger/teleop.block"), organisation, user_dir(files, organisation, user),
-      more);
+  return fmt::format("[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nmsp_id = \"Org{}MSP\"\nmsp_dir = \"{}/msp\"\n{}\n",
+                     endpoint, tls_ca(files, 1), organisation, user_dir(files, organisation, user), more);
+}
+
+std::string anchor_line(const RunFiles& files) {
+  return fmt::format("config_block = \"{}\"\n", files.in("ledger/teleop.block"));
 }
 
 std::string msp_tables(const RunFiles& files) {
@@ -200,7 +201,9 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
     return tables;
   };
   const auto ledger = [&](const std::string& program, int organisation) {
-    return ledger_table(files, place(proxied, program, endpoint), organisation, "User1", ledger_keys(options)) +
+    const std::string anchor = options.believe_peer ? "" : anchor_line(files);
+    return ledger_table(files, place(proxied, program, endpoint), organisation, "User1",
+                        anchor + ledger_keys(options)) +
            direct(program);
   };
   const std::string with_status = "status_period_ms = 250\n";
@@ -217,8 +220,8 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
       {"link", link},
       {"agent", agent},
       {"ground", ground},
-      {"admin", ledger_table(files, endpoint, 1, "Admin")},
-      {"operator", ledger_table(files, endpoint, 2, "User1")},
+      {"admin", ledger_table(files, endpoint, 1, "Admin", anchor_line(files))},
+      {"operator", ledger_table(files, endpoint, 2, "User1", anchor_line(files))},
   };
   for (const auto& [program, text] : all) {
     if (auto status = write_file(files.config(program), text); !status) return status;

@@ -119,6 +119,8 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
   line.option("--crypto", words.crypto, "What signs and verifies in agent and ground")
       .one_of({"libcrypto", "mbedtls"})
       .shows_default();
+  line.flag("--believe-peer", o.believe_peer,
+            "Agent and ground judge neither blocks nor transactions (no config_block), to compare what that costs");
   line.option("--batch-timeout", words.batch_timeout,
               "Ledger: a block is cut when its oldest transaction waited this long")
       .checked_by("TIME", check_duration)
@@ -163,6 +165,7 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--ca", ledger, of_a_ledger},
       {"--max-age", ledger, of_a_ledger},
       {"--crypto", ledger, of_a_ledger},
+      {"--believe-peer", ledger, of_a_ledger},
       {"--ca", fabric, "goes with --ledger fabric: the embedded ledger issues its identities itself"},
       {"--proxy", ledger, "stands between drones and a ledger: it does not go with --ledger none"},
       {"--gateway", fabric, "goes with --ledger fabric: the embedded ledger is one process"},

@@ -60,6 +60,7 @@ json to_json(const Results& r) {
              {"storage", r.asked.tmpfs ? "tmpfs" : "disk"},
              {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
              {"batch_count", r.asked.batch_count},
+             {"believe_peer", r.asked.believe_peer},
              {"gateway", r.asked.gateway},
              {"crypto", r.asked.mbedtls ? "mbedtls" : "libcrypto"},
              {"proxy", r.asked.proxy},

@@ -147,14 +147,16 @@ TEST_F(FakePrograms, WhatIsSwitchedStandsInTheConfigs) {
   for (const char* side : {"agent", "ground"}) {
     EXPECT_THAT(text(side), HasSubstr("signer = \"libcrypto\"\nverifier = \"libcrypto\""));
     EXPECT_THAT(text(side), HasSubstr("[[orderer]]\nendpoint = \"127.0.0.1:2\""));
+    EXPECT_THAT(text(side), HasSubstr("config_block = \"" + files.in("ledger/teleop.block")));
   }
 
   Options options;
-  options.mbedtls = options.gateway = true;
+  options.mbedtls = options.gateway = options.believe_peer = true;
   ASSERT_TRUE(write_configs(files, options, {"127.0.0.1:1", {"127.0.0.1:2"}, {}}));
   for (const char* side : {"agent", "ground"}) {
     EXPECT_THAT(text(side), HasSubstr("signer = \"mbedtls\"\nverifier = \"mbedtls\""));
     EXPECT_THAT(text(side), Not(HasSubstr("[[orderer]]")));
+    EXPECT_THAT(text(side), Not(HasSubstr("config_block")));
   }
 }
 
