@@ -55,4 +55,6 @@ def test_each_stop_lands_its_drone_while_the_holder_fights(tmp_path, ledger):
                       "attempts": [stop["attempts"] for stop in told["stops"]], "fought": told["fought"],
                       "two_way_ms": {when: {"median": round(quantile(ms, 0.5), 1), "p99": round(quantile(ms, 0.99), 1)}
                                      for when, ms in figures.items()}}))
+    agent = json.loads((run / "agent.summary.json").read_text())
+    assert agent["doubts"] == 0, (agent["doubts_by_kind"], "a fight over drones among honest peers is no reason to doubt them")
     assert_nothing_left()
