@@ -31,7 +31,7 @@ BENT = ["hides-commands", "hides-stops", "hides-stops-as-double", "hides-control
         "mixes"]
 KILLED = ["hides-stops", "hides-all", "names-other-config", "signs-config", "signs-replayed", "renumbers", "forks", "grows-old",
           "withholds", "mixes"]
-SHORT = [("hides-stops", "killed"), ("signs-bent-plan", ""), ("withholds-stops", "")]
+SHORT = [("hides-stops", "killed"), ("believes-own", ""), ("forks", ""), ("withholds-stops", "")]
 FLIGHTS = [(lie, "") for lie in BENT + SILENT] + [(lie, "killed") for lie in KILLED] if LONG else SHORT
 
 
