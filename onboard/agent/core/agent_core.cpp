@@ -294,7 +294,7 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
   hand_over_plans(now, out);
   submit_folds(now, out);
   submit_transitions(now, out);
-  for (Doubt::Word& word : doubt_.take_words(now)) out.doubts.push_back(std::move(word));
+  tell_doubts(now, out);
   if (submitting_) {
     submit_alarm(now, out);
     submit_evictions(now, out);
@@ -321,6 +321,10 @@ DroneReport AgentCore::report(DroneNumber drone) const {
   report.last_command_verified_ns = drones_[i].last_command_verified_ns;
   report.two_way = drones_[i].two_way;
   return report;
+}
+
+void AgentCore::tell_doubts(TimeNs now, AgentOutputs& out) {
+  for (Doubt::Word& word : doubt_.take_words(now)) out.doubts.push_back(std::move(word));
 }
 
 }  // namespace ledgerline::agent

@@ -96,6 +96,8 @@ class AgentCore {
   /// Whether another organisation's peer tells other records now.
   void set_records_differ(bool differ) { doubt_.records_differ(differ); }
   void step(TimeNs now, AgentOutputs& out);
+  /// What the log is to say of doubts now: step() does it, too, but not before there is a stream.
+  void tell_doubts(TimeNs now, AgentOutputs& out);
 
   /// From now on step() makes no frame of states and evicts nobody; what is in flight may end, and transitions and
   /// folds still go. For an orderly end.

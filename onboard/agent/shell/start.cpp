@@ -194,6 +194,9 @@ Status AgentShell::take_early_letters() {
       take_continued(continued->how);
     } else if (const auto* contradiction = std::get_if<Contradiction>(&letter)) {
       core_.on_doubt(monotonic_ns(), DoubtKind::stream, contradiction->what);
+      core_.tell_doubts(monotonic_ns(), out_);
+      tell_doubts();
+      out_.doubts.clear();
     } else if (auto* block = std::get_if<fabric::Block>(&letter)) {
       if (auto status = take_block(std::move(*block)); !status) return status;
     }

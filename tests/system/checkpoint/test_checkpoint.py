@@ -196,6 +196,7 @@ def test_a_peer_that_serves_an_old_chain_is_refused(host, tmp_path):
         code, log = host.refused()
     assert code == 1
     assert f"serves a chain that ends at block {believed - 10}; we have believed block {believed}" in log
+    assert "the ledger is doubted, stream_contradicted" in log, "a peer that lags for so long is said to be doubted"
     assert host.checkpoint.read_bytes() == kept
 
 
@@ -212,6 +213,7 @@ def test_a_fork_that_the_same_orderers_signed_is_refused(host, tmp_path, more):
         code, log = host.refused()
     assert code == 1
     assert f"serves another block {believed} than the one that we have believed" in log
+    assert "the ledger is doubted, stream_contradicted" in log
     assert host.checkpoint.read_bytes() == kept
 
 
