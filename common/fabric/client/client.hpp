@@ -50,8 +50,7 @@ struct ClientConfig {
   /// of one peer, the own one. On the client's own thread.
   std::function<EndorsementNeed(const Call& call)> endorsement_need;
   /// The policy of its own that a key of the contract has once it is there (common.SignaturePolicyEnvelope), since only who
-  /// knows the contract can say; none: it has none, or that is not known. A hint: it counts where a block that was
-  /// believed fits it. On a stream's thread.
+  /// knows the contract can say; none: it has none, or that is not known. On a stream's thread.
   std::function<std::optional<std::string>(const std::string& key)> likely_policy;
   crypto::SigningIdentity identity;
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded

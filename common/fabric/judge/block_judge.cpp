@@ -122,6 +122,8 @@ Status BlockJudge::catch_up(const common::Block& newest, const Fetch& fetch) {
   const std::uint64_t height = newest.header().number();
   if (!said)
     return height <= config_.block ? Status(done) : Error{fmt::format("block {}: {}", height, said.error().what)};
+  if (said->last_config > height)
+    return Error{fmt::format("block {} names a later configuration, {}", height, said->last_config)};
   // Back from the newest: each block before a config block says which one came before that.
   struct Step {
     common::Block before, config;

@@ -20,7 +20,8 @@ bool BlockOverlay::is_known(const NamespaceSet& part, const kvrwset::KVRead& rea
 
 // A policy that was set on a key that is perhaps there may have given it a new version.
 bool BlockOverlay::is_known(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range) const {
-  return state_.knows_range(part.name, range.start_key(), range.end_key());
+  if (range.has_reads_merkle_hashes()) return false;
+  return state_.whole() || (range.itr_exhausted() && state_.knows_range(part.name, range.start_key(), range.end_key()));
 }
 
 bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::KVRead& read) const {
@@ -32,6 +33,7 @@ bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::KVRead& r
 }
 
 bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range) const {
+  if (range.has_reads_merkle_hashes()) return true;  // of many reads a peer tells hashes alone: nobody can say
   // A query that stopped early has seen the keys up to its last one, and says nothing about those behind it.
   const std::string& end = range.end_key();
   const bool with_end = !range.itr_exhausted();
@@ -68,11 +70,11 @@ BlockOverlay::Checked BlockOverlay::check(const ReadWriteSet& sets) const {
   bool unknown = false;
   for (const NamespaceSet& part : sets.parts) {
     for (const kvrwset::KVRead& read : part.set.reads()) {
-      if (!is_current(part, read)) return {protos::MVCC_READ_CONFLICT};
+      if (!is_current(part, read)) return {protos::MVCC_READ_CONFLICT, unknown};
       unknown = unknown || !is_known(part, read);
     }
     for (const kvrwset::RangeQueryInfo& range : part.set.range_queries_info()) {
-      if (!is_current(part, range)) return {protos::PHANTOM_READ_CONFLICT};
+      if (!is_current(part, range)) return {protos::PHANTOM_READ_CONFLICT, unknown};
       unknown = unknown || !is_known(part, range);
     }
   }
@@ -97,11 +99,19 @@ void BlockOverlay::add(const ReadWriteSet& sets) {
   }
 }
 
-void BlockOverlay::add_policies(const ReadWriteSet& sets) {
+namespace {
+
+void add_keys_with_policies(const ReadWriteSet& sets, std::set<KeyName>& keys) {
   for (const NamespaceSet& part : sets.parts) {
     for (const kvrwset::KVMetadataWrite& write : part.set.metadata_writes())
-      new_policies_.insert({part.name, part.collection, write.key()});
+      keys.insert({part.name, part.collection, write.key()});
   }
 }
+
+}  // namespace
+
+void BlockOverlay::add_policies(const ReadWriteSet& sets) { add_keys_with_policies(sets, new_policies_); }
+
+void BlockOverlay::add_doubtful_policies(const ReadWriteSet& sets) { add_keys_with_policies(sets, doubtful_policies_); }
 
 }  // namespace ledgerline::fabric

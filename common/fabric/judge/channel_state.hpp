@@ -54,10 +54,16 @@ class ChannelState {
   virtual void walk(const std::string& name, const std::string& start,
                     const std::function<bool(const std::string& key, Version version)>& take) const = 0;
   virtual bool knows_transaction(const std::string& tx_id) const = 0;
+  /// Of an id that is known: whether nobody but a transaction that was not its owner has used it.
+  virtual bool is_claimed(const std::string& /*tx_id*/) const { return false; }
+  /// All ids are known of transactions from this block on.
+  virtual std::uint64_t ids_since() const { return 0; }
 
   /// Whose endorsement a namespace's keys need, or a collection's; nullopt: there is no such contract, or, where the
   /// state is not whole, nobody knows.
   virtual std::optional<Policy> policy_of(const std::string& name, const std::string& collection) const = 0;
+  /// Whether somebody has only said so, of now: it may have been another one at the block that is judged.
+  virtual bool policy_is_hearsay(const std::string& /*name*/) const { return false; }
 };
 
 }  // namespace ledgerline::fabric

@@ -14,18 +14,13 @@ namespace {
 constexpr std::string_view lifecycle_name = "_lifecycle";
 constexpr std::string_view fields = "namespaces/fields/", validation = "/ValidationInfo";
 constexpr std::string_view collections_field = "/Collections";
+constexpr std::size_t id_digits = 64;                               // of a transaction, in hex
 constexpr std::string_view implicit_collection = "_implicit_org_";  // and an MSP id: what an organisation has approved
 }  // namespace
 
-void KeyState::define(const std::string& contract, const std::string& policy) {
-  definitions_[contract] = {.policy = policy, .collections = {}};
-}
-
 std::optional<ChannelState::Key> KeyState::find(const KeyName& name) const {
   const auto found = keys_.find(name);
-  return found == keys_.end() || !found->second.there || !found->second.known.version
-             ? std::nullopt
-             : std::optional(found->second.key);
+  return found == keys_.end() || !found->second.there ? std::nullopt : std::optional(found->second.key);
 }
 
 ChannelState::Known KeyState::known(const KeyName& name) const {
@@ -79,11 +74,17 @@ std::optional<Policy> KeyState::policy_of(const std::string& name, const std::st
     return found == config_.endorsement_of.end() ? nobody() : found->second;
   }
   const auto found = definitions_.find(name);
-  if (found == definitions_.end()) return std::nullopt;
-  if (collection.empty()) return application_policy(found->second.policy);
+  if (found == definitions_.end() || !found->second.policy) return std::nullopt;
+  const std::string& policy = *found->second.policy;
+  if (collection.empty()) return application_policy(policy);
   const auto own = found->second.collections.find(collection);
   if (own == found->second.collections.end()) return whole() ? std::optional(nobody()) : std::nullopt;
-  return application_policy(own->second.empty() ? found->second.policy : own->second);
+  return application_policy(own->second.empty() ? policy : own->second);
+}
+
+bool KeyState::policy_is_hearsay(const std::string& name) const {
+  const auto found = definitions_.find(name);
+  return found != definitions_.end() && found->second.hearsay;
 }
 
 void KeyState::take_collections(const std::string& contract, const std::string& bytes) {
@@ -114,6 +115,7 @@ void KeyState::take_definition(std::string_view key, const KeyEffect& effect) {
     return;
   } else if (field == validation && info.ParseFromString(data.bytes())) {
     definitions_[contract].policy = info.validation_parameter();
+    definitions_[contract].hearsay = false;
   } else if (field == collections_field) {
     take_collections(contract, data.bytes());
   }
@@ -204,22 +206,49 @@ void KeyState::write(const NamespaceSet& part, Version version) {
   }
 }
 
-void KeyState::remember(const std::string& tx_id) {
-  if (!transactions_.insert(tx_id).second || !part_) return;
-  newest_.push_back(tx_id);
+void KeyState::remember(std::uint64_t block, const Verdict& verdict) {
+  const bool claim = verdict.code == protos::BAD_PROPOSAL_TXID;
+  // In Fabric an id is used up by whoever claims it, so that its owner is refused from then on.
+  if (claim && config_.embedded_node) return;
+  const std::string& tx_id = verdict.tx_id;
+  if (tx_id.size() != id_digits) return;  // no valid transaction can have it
+  if (part_ && newest_.empty()) ids_since_ = block;
+  const bool is_new = transactions_.insert(tx_id).second;
+  if (claim && is_new) claimed_.insert(tx_id);
+  if (!claim && !is_new) claimed_.erase(tx_id);
+  if (!is_new || !part_) return;
+  newest_.emplace_back(tx_id, block);
   if (newest_.size() <= part_->max_ids) return;
-  transactions_.erase(newest_.front());
+  transactions_.erase(newest_.front().first);
+  claimed_.erase(newest_.front().first);
+  ids_since_ = newest_.front().second + 1;
   newest_.pop_front();
+}
+
+void KeyState::forget(const NamespaceSet& part) {
+  for (const auto& [key, effect] : effects_of(part.set)) {
+    const auto found = keys_.find({part.name, part.collection, key});
+    if (found != keys_.end() && effect.kind == KeyEffect::Kind::value && found->second.there) {
+      found->second.known.version = false;  // a value leaves the policy as it was
+    } else if (found != keys_.end()) {
+      keys_.erase(found);
+    }
+    std::erase_if(ranges_, [&, &written = key](const Range& range) {
+      return range.name == part.name && range.start <= written && (range.end.empty() || written < range.end);
+    });
+  }
 }
 
 void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts) {
   for (std::size_t i = 0; i < verdicts.size(); ++i) {
     const Verdict& verdict = verdicts[i];
-    // Of invalid ones, too; in Fabric also of those who only claim an id, so that its owner is refused from then on.
-    if (verdict.code != protos::BAD_PROPOSAL_TXID || !config_.embedded_node) remember(verdict.tx_id);
-    if (verdict.code != protos::VALID) continue;
+    remember(block, verdict);  // of invalid ones, too
     for (const NamespaceSet& part : verdict.sets.parts) {
       if (!follows(part)) continue;
+      if (verdict.code != protos::VALID) {
+        forget(part);
+        continue;
+      }
       if (part_) learn(part);
       write(part, {block, i});
       if (part_) learn_policies(part, verdict.endorsers);

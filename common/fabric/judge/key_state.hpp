@@ -39,7 +39,11 @@ class KeyState final : public ChannelState {
   void configure(ChannelConfig config) { config_ = std::move(config); }
   /// A contract that the channel has without Fabric's lifecycle, as the embedded node's: its keys need the channel's
   /// own policy. `policy`: protos.ApplicationPolicy of one whose definition was not followed.
-  void define(const std::string& contract, const std::string& policy = {});
+  void define(const std::string& contract) { definitions_[contract] = {.policy = std::string()}; }
+  /// What somebody says of a contract whose definition was not followed: protos.ApplicationPolicy; until it is.
+  void hear(const std::string& contract, const std::string& policy) {
+    definitions_[contract] = {.policy = policy, .hearsay = true};
+  }
   /// What the block's valid transactions have written. `verdicts`: of all of them.
   void apply(std::uint64_t block, const std::vector<Verdict>& verdicts);
 
@@ -51,7 +55,10 @@ class KeyState final : public ChannelState {
   void walk(const std::string& name, const std::string& start,
             const std::function<bool(const std::string& key, Version version)>& take) const override;
   bool knows_transaction(const std::string& tx_id) const override;
+  bool is_claimed(const std::string& tx_id) const override { return claimed_.contains(tx_id); }
+  std::uint64_t ids_since() const override { return ids_since_; }
   std::optional<Policy> policy_of(const std::string& name, const std::string& collection) const override;
+  bool policy_is_hearsay(const std::string& name) const override;
 
   std::size_t keys() const { return keys_.size(); }
   std::size_t transactions() const { return transactions_.size(); }
@@ -71,7 +78,9 @@ class KeyState final : public ChannelState {
   void learn_policies(const NamespaceSet& part, const std::vector<Endorser>& endorsers);
   void write(const NamespaceSet& part, Version version);
   void write(const KeyName& name, const KeyEffect& effect, Version version);
-  void remember(const std::string& tx_id);
+  void remember(std::uint64_t block, const Verdict& verdict);
+  /// Of what may have been written or not.
+  void forget(const NamespaceSet& part);
   void take_definition(std::string_view key, const KeyEffect& effect);
   void take_collections(const std::string& contract, const std::string& bytes);
   Policy application_policy(const std::string& bytes) const;
@@ -85,10 +94,14 @@ class KeyState final : public ChannelState {
   };
   std::set<Range> ranges_;  ///< of a part, whose keys are all known
   std::unordered_set<std::string> transactions_;
-  std::deque<std::string> newest_;  ///< of a part's transactions, newest last
+  std::unordered_set<std::string> claimed_;                   ///< of these those that nobody but others have used
+  std::deque<std::pair<std::string, std::uint64_t>> newest_;  ///< of a part's, with their blocks, newest last
+  std::uint64_t ids_since_ = 0;
   struct Definition {
-    std::string policy;                              ///< protos.ApplicationPolicy; empty: the channel's own
-    std::map<std::string, std::string> collections;  ///< the same for those of private data; empty: the contract's
+    /// protos.ApplicationPolicy; empty: the channel's own; none: a part has not seen it.
+    std::optional<std::string> policy{};
+    bool hearsay = false;
+    std::map<std::string, std::string> collections{};  ///< the same for those of private data; empty: the contract's
   };
   std::map<std::string, Definition> definitions_;  ///< by contract
 };

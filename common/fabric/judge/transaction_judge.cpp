@@ -39,27 +39,29 @@ class Judging {
     if (form.channel_header.channel_id() != rules_.channel)
       return refuse(std::move(verdict), protos::TARGET_CHAIN_NOT_FOUND, "it is of another channel");
     if (form.config) return verdict;
-    if (state_.knows_transaction(verdict.tx_id))
+    if (state_.knows_transaction(verdict.tx_id)) {
+      verdict.by_flag = state_.is_claimed(verdict.tx_id);
       return refuse(std::move(verdict), protos::DUPLICATE_TXID, "its id was used before");
+    }
     ReadWriteSet sets;
-    unknown_ = !state_.whole() && told == protos::DUPLICATE_TXID && !ids_.contains(verdict.tx_id);
-    if (const Wrong wrong = endorsed(form, sets, verdict.endorsement_fits, verdict.endorsers);
-        wrong.code != protos::VALID)
-      return refuse(std::move(verdict), wrong.code, wrong.why, told);
-    if (unknown_ && is_of_endorsement(told)) {
-      verdict.by_flag = true;
-      return refuse(std::move(verdict), *told, by_word);
+    unknown_ = false;
+    const Wrong wrong = endorsed(form, sets, verdict.endorsement_fits, verdict.endorsers);
+    if (wrong.code != protos::VALID) return refuse(std::move(verdict), wrong.code, wrong.why, told);
+    if (unknown_ && is_of_endorsement(told)) return refuse_by_flag(std::move(verdict), *told, std::move(sets));
+    if (told == protos::DUPLICATE_TXID && !ids_.contains(verdict.tx_id) && may_be_older(sets)) {
+      overlay_.add_doubtful_policies(sets);
+      return refuse_by_flag(std::move(verdict), *told, std::move(sets));
     }
     overlay_.add_policies(sets);
     // As in Fabric, a transaction that fails for what it read has used its id up, also within the block.
     if (!ids_.insert(verdict.tx_id).second)
       return refuse(std::move(verdict), protos::DUPLICATE_TXID, "its id was used before in this block");
     const BlockOverlay::Checked checked = overlay_.check(sets);
+    unknown_ = unknown_ || checked.unknown;
     if (checked.code != protos::VALID)
       return refuse(std::move(verdict), checked.code, "what it read has changed since", told);
-    unknown_ = unknown_ || checked.unknown;
+    if (unknown_ && told && *told != protos::VALID) return refuse_by_flag(std::move(verdict), *told, std::move(sets));
     verdict.by_flag = unknown_ && told;
-    if (verdict.by_flag && *told != protos::VALID) return refuse(std::move(verdict), *told, by_word);
     overlay_.add(sets);
     verdict.sets = std::move(sets);
     return verdict;
@@ -70,8 +72,6 @@ class Judging {
     int code = protos::VALID;
     const char* why = "";
   };
-
-  static constexpr const char* by_word = "the peer says so";
 
   static Verdict refuse(Verdict verdict, int code, const char* why) {
     verdict.code = code;
@@ -85,6 +85,25 @@ class Judging {
       code = *told;
     }
     return refuse(std::move(verdict), code, why);
+  }
+
+  /// `sets`: what it has written nevertheless, if that is not so.
+  static Verdict refuse_by_flag(Verdict verdict, int told, ReadWriteSet sets) {
+    verdict.by_flag = true;
+    verdict.sets = std::move(sets);
+    return refuse(std::move(verdict), told, "the peer says so");
+  }
+
+  /// Whether the same transaction may have been ordered before what the state knows: what has read a version of a later
+  /// block was made behind that.
+  bool may_be_older(const ReadWriteSet& sets) const {
+    if (state_.whole()) return false;
+    for (const NamespaceSet& part : sets.parts) {
+      for (const kvrwset::KVRead& read : part.set.reads()) {
+        if (read.has_version() && read.version().block_num() >= state_.ids_since()) return false;
+      }
+    }
+    return true;
   }
 
   /// Whether a peer that gives this code has found too few endorsements, or no contract.
@@ -167,8 +186,10 @@ class Judging {
   bool satisfies_policy_of(const std::string& name, const std::string& collection,
                            const std::vector<Endorser>& endorsers) {
     const auto policy = state_.policy_of(name, collection);
-    if (!policy && !state_.whole()) unknown_ = true;
-    return policy ? satisfies(*policy, endorsers) : !state_.whole() && !endorsers.empty();
+    if (policy && satisfies(*policy, endorsers)) return true;
+    if (state_.whole() || (policy && !state_.policy_is_hearsay(name))) return false;
+    unknown_ = true;
+    return true;
   }
 
   /// Fabric's rule: a key with a policy of its own needs what that says, the others what their namespace's or
@@ -185,12 +206,12 @@ class Judging {
         const KeyName whole{name, part.collection, key};
         any = true;
         if (overlay_.has_new_policy(whole)) return false;
+        unknown_ = unknown_ || overlay_.may_have_new_policy(whole);
         if (!state_.known(whole).policy) {
-          if (endorsers.empty()) return false;  // whatever it is
           const auto own = state_.likely_policy(whole);
           const auto common = state_.policy_of(name, part.collection);
           const bool by_own = own && satisfies(*own, endorsers), by_common = common && satisfies(*common, endorsers);
-          if (own && common && !by_own && !by_common) return false;
+          if (own && common && !by_own && !by_common && !state_.policy_is_hearsay(name)) return false;
           unknown_ = unknown_ || !by_own || !by_common;
           continue;
         }

@@ -21,7 +21,7 @@ struct Verdict {
   bool creator_signed = false;
   std::vector<bool> endorsement_fits{};  ///< of each endorsement, as far as they were looked at: it is a member's
   std::vector<Endorser> endorsers{};     ///< likewise, each once
-  ReadWriteSet sets{};                   ///< of a valid one
+  ReadWriteSet sets{};                   ///< of a valid one, or of one that is invalid by its flag alone
 };
 
 struct JudgeRules {

@@ -32,12 +32,14 @@ void BlockIntake::configure() {
   members_ = judge_->make_members();
   rules_.foreign_events = !config.embedded_node;
   state_->configure(config);
-  if (config.embedded_node) define({});
+  if (!config.embedded_node) return;
+  state_->define(setup_.where.contract);
+  defined_ = true;
 }
 
 void BlockIntake::define(const std::string& policy) {
-  if (!state_) return;
-  state_->define(setup_.where.contract, policy);
+  if (!misses_definition()) return;
+  state_->hear(setup_.where.contract, policy);
   defined_ = true;
 }
 
@@ -66,13 +68,16 @@ Status BlockIntake::judge_block(const common::Block& message, const Fetch& fetch
 Result<Block> BlockIntake::take(const common::Block& message, const Fetch& fetch) {
   auto block = decode_block(message);
   if (!block) return block;
-  if (Status judged = judge_block(message, fetch); !judged) return judged.error();
+  // Its place first: a configuration out of its turn, which the orderers have signed as well, is not to be followed.
   if (next_ && block->number != *next_)
     return Error{fmt::format("block {} came where {} was due", block->number, *next_)};
-  if (Status follows = chain_.add(*block); !follows) return follows.error();
+  ChainCheck chain = chain_;
+  if (Status follows = chain.add(*block); !follows) return follows.error();
+  if (Status judged = judge_block(message, fetch); !judged) return judged.error();
   if (setup_.compare) {
-    if (std::string problem = setup_.compare(block->number, chain_.hash()); !problem.empty()) return Error{problem};
+    if (std::string problem = setup_.compare(block->number, chain.hash()); !problem.empty()) return Error{problem};
   }
+  chain_ = std::move(chain);
   next_ = chain_.height();
   if (state_) judge_transactions(message, *block);
   return block;
@@ -92,18 +97,24 @@ void BlockIntake::judge_transactions(const common::Block& message, Block& block)
     } else {
       ++counts_.judged;
     }
-    transaction.by_flag = verdict.by_flag;
+    const bool told_again = transaction.code == protos::DUPLICATE_TXID && verdict.code != protos::DUPLICATE_TXID;
+    transaction.by_flag = verdict.by_flag || told_again;
     transaction.creator_fits = verdict.creator_signed;
     for (std::size_t e = 0; e < verdict.endorsement_fits.size() && e < transaction.endorsements.size(); ++e)
       transaction.endorsements[e].fits = verdict.endorsement_fits[e];
-    if (verdict.code == transaction.code || transaction.code == code_unbelievable) continue;
+    if (transaction.code == code_unbelievable) continue;
+    // Of what is invalid in any case the reason makes no difference.
+    const bool valid = verdict.code == protos::VALID;
+    if (transaction.code >= 0 && valid == (transaction.code == protos::VALID)) continue;
     ++counts_.differ;
     if (transaction.code == protos::VALID) {
-      disbelieve(transaction, verdict.why);
+      const bool again = verdict.code == protos::DUPLICATE_TXID;
+      transaction.code = again ? protos::DUPLICATE_TXID : code_unbelievable;
+      transaction.problem = verdict.why;
     } else if (transaction.code < 0) {
       transaction.problem = "the peer does not say whether it is";
     } else {
-      transaction.problem = fmt::format("it is {}", verdict.code == protos::VALID ? "valid" : verdict.why);
+      transaction.problem = "it is valid";
     }
   }
   state_->apply(block.number, verdicts);

@@ -78,6 +78,17 @@ const char* read_call(const common::ChannelHeader& channel, const common::Payloa
   return read_action(out.response_payload, out);
 }
 
+/// Leaves what may still be said of a transaction that is not what its flag says: who it is, and why.
+void disbelieve(Transaction& transaction, const char* why) {
+  Transaction bare;
+  bare.tx_id = std::move(transaction.tx_id);
+  bare.channel = std::move(transaction.channel);
+  bare.contract = std::move(transaction.contract);
+  bare.code = code_unbelievable;
+  bare.problem = why;
+  transaction = std::move(bare);
+}
+
 /// nullptr, or what is wrong.
 const char* read_transaction(const std::string& bytes, Transaction& out) {
   common::Envelope envelope;
@@ -117,16 +128,6 @@ void put_element(std::string& der, char tag, std::string_view content) {
 }
 
 }  // namespace
-
-void disbelieve(Transaction& transaction, std::string why) {
-  Transaction bare;
-  bare.tx_id = std::move(transaction.tx_id);
-  bare.channel = std::move(transaction.channel);
-  bare.contract = std::move(transaction.contract);
-  bare.code = code_unbelievable;
-  bare.problem = std::move(why);
-  transaction = std::move(bare);
-}
 
 Result<Block> decode_block(const common::Block& block) {
   Block out;

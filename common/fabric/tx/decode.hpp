@@ -7,8 +7,4 @@ namespace ledgerline::fabric {
 
 Result<Block> decode_block(const common::Block& block);
 
-/// Leaves of a transaction what may still be said where it is not what its flag says: who it is, and why. Nothing that
-/// somebody could act on.
-void disbelieve(Transaction& transaction, std::string why);
-
 }  // namespace ledgerline::fabric

@@ -87,8 +87,7 @@ struct Endorsement {
   bool fits = false;  ///< as Transaction::creator_fits
 };
 
-/// A verdict of our own beside protos.TxValidationCode, which is a byte: flagged valid by the peers, but what is in it
-/// cannot be. One peer's key is enough to get such a transaction into a block, so it must not stop those who follow.
+/// A verdict of our own beside protos.TxValidationCode, which is a byte: flagged valid by the peers, but it cannot be. One peer's key is enough to get such a transaction into a block, so it must not stop those who follow.
 inline constexpr int code_unbelievable = 256;
 
 /// An endorser transaction, taken apart.
@@ -112,8 +111,9 @@ struct Transaction {
   std::string response_payload;  ///< ProposalResponsePayload: each endorsement signs it followed by the endorser
   std::vector<Endorsement> endorsements;
   bool config = false;  ///< a config transaction: only tx_id, channel and code are set
-  /// Why it is not believed. Where it was flagged valid, only tx_id, channel, contract and code are set then; else it is as
-  /// it came, and it is our own judgement that contradicts its flag.
+  /// Why its flag is not believed. Of one that was flagged valid and cannot be read as one (decode_block) only tx_id,
+  /// channel, contract and code are set then; else it is as it came, and our own judgement contradicts its flag: with
+  /// code_unbelievable (or that of a duplicate, 9) where it was flagged valid.
   std::string problem;
 };
 

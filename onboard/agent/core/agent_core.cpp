@@ -183,6 +183,7 @@ void AgentCore::doubt_block(TimeNs now, const fabric::Block& block, const Comman
   if (!checked.chain_ok) doubt_.add(now, DoubtKind::chain, block.number, checked.chain_error);
   doubt_.add(now, DoubtKind::transaction, block.number, checked.unbelievable_problem, checked.unbelievable);
   for (const auto& stop : checked.unconfirmed) {
+    if (stop.judged) continue;  // it came to nothing, by our own judgement as well
     doubt_.add(now, DoubtKind::stop, block.number,
                "drone " + std::to_string(stop.drone) + ": stopped by " + stop.stopper.msp_id + " " +
                    stop.stopper.subject + ", which the block flags " + std::to_string(stop.code));

@@ -389,7 +389,8 @@ void CommandCheck::take_stop(TimeNs now, const StopSaid& said, const Stop& stop,
     if (heard_stops_.empty() || heard_stops_.back() != said.tx.tx_id) heard_stops_.push_back(said.tx.tx_id);
     if (heard_stops_.size() > max_heard_stops) heard_stops_.pop_front();
     ++unconfirmed_stops_;
-    out.unconfirmed.push_back({drone.name.number, said.signer.name, said.tx.code});
+    const bool judged = said.tx.creator_fits && !said.tx.by_flag && said.tx.problem.empty();
+    out.unconfirmed.push_back({drone.name.number, said.signer.name, said.tx.code, judged});
   }
   drone.control = std::move(record);
   if (auto plan = standing_stop(now, drone.name.number)) out.plans.push_back(*plan);

@@ -94,7 +94,8 @@ class CommandCheck {
     struct UnconfirmedStop {
       DroneNumber drone = 0;
       crypto::IdentityName stopper;
-      int code = 0;  ///< its flag, protos.TxValidationCode
+      int code = 0;         ///< its flag, protos.TxValidationCode
+      bool judged = false;  ///< our own judgement of the transaction says the same as its flag
     };
     std::vector<UnconfirmedStop> unconfirmed;
     /// Transactions that the stream does not believe (fabric::Transaction::problem): how many, and the first's problem.

@@ -19,13 +19,14 @@ bool is_silence(const std::string& lie, bool restart) {
 }
 
 /// Whether what a fold has read is current, agent judges once it has seen one that counts.
-constexpr const char* seen_before =
+const std::string seen_before =
     "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"0s\"\n"
     "[[fault]]\nwhat = \"operator resume tello1\"\nat = \"500ms\"\n";
 
 /// Its agent may die behind the lie, and come back.
 Script script_of(const std::string& lie, std::uint64_t seed) {
   const bool restart = seed % 3 == 0;
+  const std::string both = seed % 5 == 0 ? "[[fault]]\nwhat = \"operator stop tello2\"\nat = \"path + 6s\"\n" : "";
   const std::string text = fmt::format(
       "title = \"A peer serves: {0}\"\nmust = [\"no crash\", \"fence kept within 0.5 m\", \"lands within 20 s\", "
       "\"{4}\"]\n"
@@ -37,7 +38,7 @@ Script script_of(const std::string& lie, std::uint64_t seed) {
       is_silence(lie, restart)             ? "hold is seen"
       : lie == "hides-controls" && restart ? "land is seen"  // a new agent has not seen one yet
                                            : "the ledger is doubted",
-      lie == "hides-controls" ? seen_before : "");
+      lie == "hides-controls" ? seen_before + both : both);
   const auto script = parse_script(text, lie);
   EXPECT_TRUE(script) << (script ? "" : script.error().what);
   return *script;
