@@ -82,6 +82,8 @@ class Transactions : public JudgedChannel {
   common::Block sealed_block(const std::vector<std::string>& envelopes) const {
     common::Block block = node::make_block({1, node::header_hash(first_block_.header())}, envelopes);
     (void)node::sign_block(block, orderer_);
+    block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER,
+                                           std::string(envelopes.size(), static_cast<char>(protos::VALID)));
     return block;
   }
   BlockIntake intake() const {
@@ -96,18 +98,28 @@ class Transactions : public JudgedChannel {
 };
 
 /// What a peer serves, once the orderers have signed it: any member can have anything ordered. Flags are as they come.
+Outcome take_in(const Transactions& channel, std::string_view bytes) {
+  const common::Block come = parsed(bytes);
+  common::Block block = channel.sealed_block({come.data().data().begin(), come.data().data().end()});
+  if (come.metadata().metadata_size() > common::TRANSACTIONS_FILTER)
+    block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER,
+                                           come.metadata().metadata(common::TRANSACTIONS_FILTER));
+  BlockIntake intake = channel.intake();
+  const auto taken = intake.take(block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
+  if (!taken) return refused(taken.error().what);
+  for (const Transaction& transaction : taken->transactions) {
+    if (transaction.code == protos::VALID) return accepted();
+  }
+  return refused(taken->transactions.empty() ? "no transaction" : "none of them is valid");
+}
+
 std::unique_ptr<Entry> taken_in() {
   static Transactions channel;
-  return std::make_unique<Function>(channel.blocks(), [](std::string_view bytes) {
-    const common::Block come = parsed(bytes);
-    common::Block block = channel.sealed_block({come.data().data().begin(), come.data().data().end()});
-    if (come.metadata().metadata_size() > common::TRANSACTIONS_FILTER)
-      block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER,
-                                             come.metadata().metadata(common::TRANSACTIONS_FILTER));
-    BlockIntake intake = channel.intake();
-    const auto taken = intake.take(block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
-    return taken ? accepted() : refused(taken.error().what);
-  });
+  std::vector<std::string> good;
+  for (const std::string& block : channel.blocks()) {
+    if (take_in(channel, block).verdict == Outcome::Verdict::accepted) good.push_back(block);
+  }
+  return std::make_unique<Function>(good, [](std::string_view bytes) { return take_in(channel, bytes); });
 }
 
 const Registration anchors({"judge.anchor", Kind::protobuf, anchor});
