@@ -69,7 +69,7 @@ class VirtualWorld {
   std::string plans_text(std::size_t drone) const;
   /// From a state until the command that answers it is here again: as agent counts it, or a local flight.
   Quantiles two_way_ms(std::size_t drone) const;
-  const ground::FlightCore* ground() const { return ground_.get(); }  ///< null while it does not run
+  const ground::FlightCore* ground() const { return ground_.get(); }             ///< null while it does not run
   const agent::AgentCore* agent() const { return agent_ ? &*agent_ : nullptr; }  ///< null while it does not run
   const link::LinkCore* link() const { return link_ ? &*link_ : nullptr; }
 
