@@ -5,6 +5,7 @@
 #include <csignal>
 
 #include "hil/fault/kinds/said.hpp"
+#include "hil/virtual/peer/words.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -69,11 +70,7 @@ Result<FaultActs> lie(const Said& said) {
 
 Result<FaultActs> serve(const Said& said) {
   const auto lie = peer_lie_from(said.rest);
-  if (!lie) {
-    std::string all;
-    for (const std::string& name : peer_lie_names()) all += (all.empty() ? "" : ", ") + name;
-    return Error{"serves must be followed by one of " + all};
-  }
+  if (!lie) return Error{"serves must be followed by one of " + list_of(peer_lie_names())};
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.serves = lie; }),
                    .not_real = because(nobody_real)};
 }

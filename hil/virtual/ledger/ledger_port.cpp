@@ -1,12 +1,12 @@
 #include "hil/virtual/ledger/ledger_port.hpp"
 
 #include <algorithm>
-#include <array>
 #include <limits>
 
 #include "common/base/enum_count.hpp"
 #include "common/belief/calls.hpp"
 #include "common/msg/contract.hpp"
+#include "hil/virtual/peer/words.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
@@ -15,39 +15,24 @@ namespace {
 constexpr std::size_t stale_blocks = 5;
 constexpr TimeNs stale_period_ns = 20 * ns_per_ms;
 
-constexpr std::array<std::pair<std::string_view, Lie>, 11> all_lies{{{"chain", Lie::chain},
-                                                                     {"hash", Lie::hash},
-                                                                     {"number", Lie::number},
-                                                                     {"signature", Lie::signature},
-                                                                     {"endorsement", Lie::endorsement},
-                                                                     {"stranger", Lie::stranger},
-                                                                     {"member", Lie::member},
-                                                                     {"channel", Lie::channel},
-                                                                     {"contract", Lie::contract},
-                                                                     {"flag", Lie::flag},
-                                                                     {"stops", Lie::stops}}};
+constexpr WordTable<Lie, 11> all_lies{{{"chain", Lie::chain},
+                                       {"hash", Lie::hash},
+                                       {"number", Lie::number},
+                                       {"signature", Lie::signature},
+                                       {"endorsement", Lie::endorsement},
+                                       {"stranger", Lie::stranger},
+                                       {"member", Lie::member},
+                                       {"channel", Lie::channel},
+                                       {"contract", Lie::contract},
+                                       {"flag", Lie::flag},
+                                       {"stops", Lie::stops}}};
 static_assert(all_lies.size() + 1 == enum_count<Lie>);  // none has no word
-constexpr std::array<std::pair<std::string_view, Slip>, 5> all_slips{{{"boot", Slip::boot},
-                                                                      {"stamp", Slip::stamp},
-                                                                      {"speed", Slip::speed},
-                                                                      {"late", Slip::late},
-                                                                      {"twice", Slip::twice}}};
+constexpr WordTable<Slip, 5> all_slips{{{"boot", Slip::boot},
+                                        {"stamp", Slip::stamp},
+                                        {"speed", Slip::speed},
+                                        {"late", Slip::late},
+                                        {"twice", Slip::twice}}};
 static_assert(all_slips.size() + 1 == enum_count<Slip>);
-
-template <typename Pairs>
-auto value_of(const Pairs& pairs, std::string_view word) -> std::optional<decltype(pairs[0].second)> {
-  for (const auto& [name, value] : pairs) {
-    if (name == word) return value;
-  }
-  return std::nullopt;
-}
-
-template <typename Pairs>
-std::string names_of(const Pairs& pairs) {
-  std::string text;
-  for (const auto& pair : pairs) text += (text.empty() ? "" : ", ") + std::string(pair.first);
-  return text;
-}
 
 std::vector<fabric::Endorsement> endorsed_by(const fabric::Transaction& tx, const crypto::IdentityName& name) {
   const auto who = crypto::make_test_identity(name);
@@ -108,9 +93,9 @@ void let_slip(fabric::Call& call, Slip slip) {
 }  // namespace
 
 std::optional<Lie> lie_from(std::string_view word) { return value_of(all_lies, word); }
-std::string lies() { return names_of(all_lies); }
+std::string lies() { return list_of(names_of(all_lies)); }
 std::optional<Slip> slip_from(std::string_view word) { return value_of(all_slips, word); }
-std::string slips() { return names_of(all_slips); }
+std::string slips() { return list_of(names_of(all_slips)); }
 
 LedgerPort::LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed, WayDelay::Way way,
                        double share, TimeNs patience_ns)

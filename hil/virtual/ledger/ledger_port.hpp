@@ -79,7 +79,6 @@ class LedgerPort {
   std::optional<fabric::Checkpoint> checkpoint() const;
   /// Why the peer was left since the last call, in words.
   std::vector<std::string> take_contradictions() { return std::exchange(contradictions_, {}); }
-  const fabric::BlockIntake::Counts& judged() const { return intake_->counts(); }
 
   // Faults.
   void delay_to(std::optional<Distribution> delay) { delay_to_ = std::move(delay); }

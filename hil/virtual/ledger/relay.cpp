@@ -1,7 +1,6 @@
 #include "hil/virtual/ledger/relay.hpp"
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 #include "common/belief/identity.hpp"
@@ -11,12 +10,13 @@
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
 #include "hil/virtual/peer/bent_transactions.hpp"
+#include "hil/virtual/peer/words.hpp"
 #include "peer/chaincode_event.pb.h"
 
 namespace ledgerline::hil {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, RelayLie>, 40> all_lies{{
+constexpr WordTable<RelayLie, 40> all_lies{{
     {"plan-speed", RelayLie::plan_speed},
     {"plan-climb", RelayLie::plan_climb},
     {"plan-turn", RelayLie::plan_turn},
@@ -148,24 +148,11 @@ void bend_plan(DronePlan& plan, RelayLie lie) {
 
 }  // namespace
 
-std::optional<RelayLie> relay_lie_from(std::string_view word) {
-  for (const auto& [name, lie] : all_lies) {
-    if (name == word) return lie;
-  }
-  return std::nullopt;
-}
+std::optional<RelayLie> relay_lie_from(std::string_view word) { return value_of(all_lies, word); }
 
-std::vector<std::string> relay_lie_names() {
-  std::vector<std::string> names;
-  for (const auto& pair : all_lies) names.emplace_back(pair.first);
-  return names;
-}
+std::vector<std::string> relay_lie_names() { return names_of(all_lies); }
 
-std::string relay_lies() {
-  std::string text;
-  for (const std::string& name : relay_lie_names()) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
+std::string relay_lies() { return list_of(relay_lie_names()); }
 
 // As the launcher left it.
 Control Relay::record_of(const std::string& drone) const {

@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 #include "chaincode/node/core/tx/block.hpp"
 #include "common/base/enum_count.hpp"
 #include "common/msg/contract.hpp"
 #include "hil/virtual/peer/bent_transactions.hpp"
+#include "hil/virtual/peer/words.hpp"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::hil {
@@ -18,7 +18,7 @@ namespace {
 constexpr TimeNs delay_ns = 2 * ns_per_s, max_stutter_ns = 1 * ns_per_s, own_period_ns = 100 * ns_per_ms;
 constexpr std::uint64_t max_age_blocks = 20;
 
-constexpr std::array<std::pair<std::string_view, PeerLie>, 40> peer_lies{{
+constexpr WordTable<PeerLie, 40> peer_lies{{
     {"hides-commands", PeerLie::hides_commands},
     {"hides-stops", PeerLie::hides_stops},
     {"hides-stops-as-double", PeerLie::hides_stops_as_double},
@@ -80,18 +80,9 @@ std::uint64_t drawn(std::uint64_t seed, std::uint64_t number) { return Random(se
 
 }  // namespace
 
-std::optional<PeerLie> peer_lie_from(std::string_view word) {
-  for (const auto& [name, lie] : peer_lies) {
-    if (name == word) return lie;
-  }
-  return std::nullopt;
-}
+std::optional<PeerLie> peer_lie_from(std::string_view word) { return value_of(peer_lies, word); }
 
-std::vector<std::string> peer_lie_names() {
-  std::vector<std::string> names;
-  for (const auto& pair : peer_lies) names.emplace_back(pair.first);
-  return names;
-}
+std::vector<std::string> peer_lie_names() { return names_of(peer_lies); }
 
 PeerKeys test_peer_keys() {
   return {crypto::make_test_identity({"Org1MSP", "CN=peer0"}), "test authority of Org1MSP",
