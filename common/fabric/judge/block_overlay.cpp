@@ -11,6 +11,13 @@ bool same_version(const kvrwset::KVRead& read, const std::optional<Version>& ver
   return *version == Version{read.version().block_num(), read.version().tx_num()};
 }
 
+void add_keys_with_policies(const ReadWriteSet& sets, std::set<KeyName>& keys) {
+  for (const NamespaceSet& part : sets.parts) {
+    for (const kvrwset::KVMetadataWrite& write : part.set.metadata_writes())
+      keys.insert({part.name, part.collection, write.key()});
+  }
+}
+
 }  // namespace
 
 bool BlockOverlay::is_known(const NamespaceSet& part, const kvrwset::KVRead& read) const {
@@ -18,7 +25,6 @@ bool BlockOverlay::is_known(const NamespaceSet& part, const kvrwset::KVRead& rea
   return written_.contains(name) || (state_.known(name).version && !perhaps_written_.contains(name));
 }
 
-// A policy that was set on a key that is perhaps there may have given it a new version.
 bool BlockOverlay::is_known(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range) const {
   if (range.has_reads_merkle_hashes()) return false;
   return state_.whole() || (range.itr_exhausted() && state_.knows_range(part.name, range.start_key(), range.end_key()));
@@ -98,17 +104,6 @@ void BlockOverlay::add(const ReadWriteSet& sets) {
     }
   }
 }
-
-namespace {
-
-void add_keys_with_policies(const ReadWriteSet& sets, std::set<KeyName>& keys) {
-  for (const NamespaceSet& part : sets.parts) {
-    for (const kvrwset::KVMetadataWrite& write : part.set.metadata_writes())
-      keys.insert({part.name, part.collection, write.key()});
-  }
-}
-
-}  // namespace
 
 void BlockOverlay::add_policies(const ReadWriteSet& sets) { add_keys_with_policies(sets, new_policies_); }
 
