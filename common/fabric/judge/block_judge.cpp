@@ -74,9 +74,11 @@ Status check_signatures(const common::Block& block, const Signed& said, const Ch
 }  // namespace
 
 Result<BlockJudge> BlockJudge::from(std::string_view anchor, const std::string& channel, crypto::Library library) {
-  return from(anchor, channel, [library](std::vector<crypto::MspRoot> roots) {
-    return crypto::make_msp_registry(library, std::move(roots));
-  });
+  return from(anchor, channel, registry_of(library));
+}
+
+BlockJudge::MakeRegistry BlockJudge::registry_of(crypto::Library library) {
+  return [library](std::vector<crypto::MspRoot> roots) { return crypto::make_msp_registry(library, std::move(roots)); };
 }
 
 Result<BlockJudge> BlockJudge::from(std::string_view anchor, const std::string& channel, MakeRegistry make_registry) {

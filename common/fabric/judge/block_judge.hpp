@@ -26,6 +26,7 @@ class BlockJudge {
   /// `anchor`: a common.Block with the channel's configuration, from somebody who is trusted.
   static Result<BlockJudge> from(std::string_view anchor, const std::string& channel, MakeRegistry make_registry);
   static Result<BlockJudge> from(std::string_view anchor, const std::string& channel, crypto::Library library);
+  static MakeRegistry registry_of(crypto::Library library);
 
   /// Enough orderers must have signed the block's header, and they must say that the configuration that is known is the
   /// newest. (Whether its data match the header decode_block says.) A config block, once it is judged, is the

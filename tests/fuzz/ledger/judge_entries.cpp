@@ -89,10 +89,7 @@ class Transactions : public JudgedChannel {
   BlockIntake intake() const {
     return std::move(BlockIntake::make({.where = {},
                                         .config_block = first_block_.SerializeAsString(),
-                                        .make_registry =
-                                            [](std::vector<crypto::MspRoot> roots) {
-                                              return crypto::make_msp_registry(library, std::move(roots));
-                                            }}))
+                                        .make_registry = BlockJudge::registry_of(library)}))
         .value();
   }
 };

@@ -73,10 +73,9 @@ class Intake : public ::testing::Test, protected JudgedChannel {
   }
 
   BlockIntake make() const {
-    return std::move(BlockIntake::make(
-                         {.where = {},
-                          .config_block = chain_[0].SerializeAsString(),
-                          .make_registry = [](auto roots) { return crypto::make_msp_registry(library, roots); }}))
+    return std::move(BlockIntake::make({.where = {},
+                                        .config_block = chain_[0].SerializeAsString(),
+                                        .make_registry = BlockJudge::registry_of(library)}))
         .value();
   }
   /// From that block on; each flag as `bend` makes it.
@@ -168,10 +167,7 @@ TEST_F(Intake, AConfigurationOutOfItsTurnIsNotFollowed) {
   later.add(later.config_of(later.second_), &later.orderer_);
   BlockIntake intake = std::move(BlockIntake::make({.where = {},
                                                     .config_block = later.chain_[0].SerializeAsString(),
-                                                    .make_registry =
-                                                        [](std::vector<crypto::MspRoot> roots) {
-                                                          return crypto::make_msp_registry(library, std::move(roots));
-                                                        }}))
+                                                    .make_registry = BlockJudge::registry_of(library)}))
                            .value();
   intake.start_at(1);
   EXPECT_FALSE(intake.take(later.chain_[2], nothing));
