@@ -37,13 +37,31 @@ std::string seek(const Connection& connection, DeliverStream& stream, std::optio
   return stream.Write(message) ? "" : text_of(stream.Finish());
 }
 
+/// One block of the peer that is asked now, while another stream waits; without a number its newest.
+Result<common::Block> fetch_block(const Connection& connection, Follower& follower,
+                                  std::optional<std::uint64_t> number) {
+  grpc::ClientContext context;
+  const Follower::Cancellable cancellable(follower, context);
+  context.set_deadline(std::chrono::system_clock::now() + connection.config.deadline);
+  const auto stub = protos::Deliver::NewStub(connection.stream_peers[connection.peer()]);
+  const auto stream = stub->Deliver(&context);
+  if (std::string problem = seek(connection, *stream, number, SeekStop::at_start); !problem.empty())
+    return Error{problem};
+  protos::DeliverResponse response;
+  const bool read = stream->Read(&response);
+  context.TryCancel();
+  const grpc::Status status = stream->Finish();
+  if (!read || response.Type_case() != protos::DeliverResponse::kBlock ||
+      (number && response.block().header().number() != *number))
+    return Error{fmt::format("the peer does not give {}: {}",
+                             number ? fmt::format("block {}", *number) : "its newest block", text_of(status))};
+  return std::move(*response.mutable_block());
+}
+
 BlockIntake make_intake(const ClientConfig& config, const std::shared_ptr<CrossCheck>& cross_check) {
   BlockIntake::Setup setup{.where = config.where,
                            .config_block = config.config_block,
-                           .make_registry =
-                               [verifier = config.verifier](std::vector<crypto::MspRoot> roots) {
-                                 return crypto::make_msp_registry(verifier, std::move(roots));
-                               },
+                           .make_registry = BlockJudge::registry_of(config.verifier),
                            .likely_policy = config.likely_policy};
   if (cross_check) {
     setup.compare = [cross_check](std::uint64_t number, const std::string& hash) {
@@ -124,8 +142,8 @@ class BlockReader {
     return {};
   }
 
-  /// Whose endorsement the contract needs lies behind the first block that is read: the peer is asked. What it would gain by
-  /// a lie it has without one, since its flags count where nothing is known.
+  /// Whose endorsement the contract needs lies behind the first block that is read: the peer is asked. What it says may
+  /// confirm a transaction, not refuse one.
   void ask_definition(Follower& follower) {
     if (!intake_.misses_definition()) return;
     lifecycle::QueryChaincodeDefinitionArgs question;
@@ -168,24 +186,8 @@ class BlockReader {
     };
   }
 
-  /// One block of the same peer, while its stream waits; without a number its newest.
   Result<common::Block> fetch(Follower& follower, std::optional<std::uint64_t> number) {
-    grpc::ClientContext context;
-    const Follower::Cancellable cancellable(follower, context);
-    context.set_deadline(std::chrono::system_clock::now() + connection_->config.deadline);
-    const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
-    const auto stream = stub->Deliver(&context);
-    if (std::string problem = seek(*connection_, *stream, number, SeekStop::at_start); !problem.empty())
-      return Error{problem};
-    protos::DeliverResponse response;
-    const bool read = stream->Read(&response);
-    context.TryCancel();
-    const grpc::Status status = stream->Finish();
-    if (!read || response.Type_case() != protos::DeliverResponse::kBlock ||
-        (number && response.block().header().number() != *number))
-      return Error{fmt::format("the peer does not give {}: {}",
-                               number ? fmt::format("block {}", *number) : "its newest block", text_of(status))};
-    return std::move(*response.mutable_block());
+    return fetch_block(*connection_, follower, number);
   }
 
   std::string contradicted(const std::string& what) {
@@ -217,10 +219,9 @@ class BlockReader {
       ++unbelievable_;
       if (!handlers_.on_unbelievable || (unbelievable_ > 1 && block.received_ns < next_word_ns_)) continue;
       next_word_ns_ = block.received_ns + unbelievable_period_ns;
-      const bool left_out = transaction.code == code_unbelievable;
-      handlers_.on_unbelievable(fmt::format("block {}: transaction {}: flagged {}, but {}; left out ({} so far)",
-                                            block.number, printable(transaction.tx_id), left_out ? "valid" : "invalid",
-                                            transaction.problem, unbelievable_));
+      handlers_.on_unbelievable(
+          fmt::format("block {}: transaction {}: its flag is not believed: {}; left out ({} so far)", block.number,
+                      printable(transaction.tx_id), transaction.problem, unbelievable_));
     }
   }
 
@@ -309,17 +310,9 @@ class EventReader {
  private:
   /// The position must be known before the first event, else what comes during a lost connection would be lost as well.
   std::string find_start(Follower& follower) {
-    grpc::ClientContext context;
-    const Follower::Cancellable cancellable(follower, context);
-    const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
-    const auto stream = stub->Deliver(&context);
-    if (std::string problem = seek(*connection_, *stream, std::nullopt); !problem.empty()) return problem;
-    protos::DeliverResponse response;
-    if (!stream->Read(&response)) return text_of(stream->Finish());
-    context.TryCancel();
-    (void)stream->Finish();
-    if (response.Type_case() != protos::DeliverResponse::kBlock) return "the peer refused to say its newest block";
-    block_ = response.block().header().number() + 1;
+    const auto newest = fetch_block(*connection_, follower, std::nullopt);
+    if (!newest) return newest.error().what;
+    block_ = newest->header().number() + 1;
     return {};
   }
 
