@@ -301,6 +301,31 @@ void put_status(CdrWriter& out, std::uint8_t level, const std::string& name, con
   }
 }
 
+/// A DiagnosticArray: of each status first level and name, then each of its values; `read`: whether the value can be.
+template <typename Item, typename Begin, typename Read>
+Result<std::vector<Item>> statuses_from_cdr(std::string_view cdr, const char* what, Begin begin, Read read) {
+  CdrReader in(cdr);
+  (void)get_header(in);
+  std::vector<Item> items;
+  bool known = true;
+  const auto count = in.get<std::uint32_t>();
+  for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
+    Item item;
+    const auto level = in.get<std::uint8_t>();
+    begin(level, in.get_string(), item);
+    for (int text = 0; text < 2; ++text) (void)in.get_string();
+    const auto values = in.get<std::uint32_t>();
+    for (std::uint32_t k = 0; k < values && in.ok(); ++k) {
+      const std::string key = in.get_string(), value = in.get_string();
+      known = known && read(key, value, item);
+    }
+    items.push_back(std::move(item));
+  }
+  if (in.ok() && !known)
+    return Error{"diagnostic_msgs/msg/DiagnosticArray: a value of " + std::string(what) + " is none that can be"};
+  return checked(in, items, transitions_type);
+}
+
 }  // namespace
 
 std::string transitions_to_cdr(const Header& header, const std::string& drone,
@@ -323,26 +348,8 @@ std::string transitions_to_cdr(const Header& header, const std::string& drone,
 }
 
 Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr) {
-  CdrReader in(cdr);
-  (void)get_header(in);
-  std::vector<Transition> transitions;
-  bool known = true;
-  const auto count = in.get<std::uint32_t>();
-  for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
-    Transition t;
-    (void)in.get<std::uint8_t>();
-    for (int text = 0; text < 3; ++text) (void)in.get_string();
-    const auto values = in.get<std::uint32_t>();
-    for (std::uint32_t k = 0; k < values && in.ok(); ++k) {
-      const std::string key = in.get_string();
-      const std::string value = in.get_string();
-      known = known && read_value(key, value, t);
-    }
-    transitions.push_back(t);
-  }
-  if (in.ok() && !known)
-    return Error{"diagnostic_msgs/msg/DiagnosticArray: a value of a transition is none that can be"};
-  return checked(in, transitions, transitions_type);
+  return statuses_from_cdr<Transition>(
+      cdr, "a transition", [](std::uint8_t, const std::string&, Transition&) {}, read_value);
 }
 
 std::string alarms_to_cdr(const Header& header, const std::string& drone, const std::vector<Alarm>& alarms) {
@@ -359,28 +366,18 @@ std::string alarms_to_cdr(const Header& header, const std::string& drone, const 
 }
 
 Result<std::vector<Alarm>> alarms_from_cdr(std::string_view cdr) {
-  CdrReader in(cdr);
-  (void)get_header(in);
-  std::vector<Alarm> alarms;
-  bool known = true;
-  const auto count = in.get<std::uint32_t>();
-  for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
-    Alarm alarm;
-    alarm.stands = in.get<std::uint8_t>() >= level_error;
-    const std::string name = in.get_string();
-    alarm.kind = name.substr(name.rfind('/') + 1);
-    for (int text = 0; text < 2; ++text) (void)in.get_string();
-    const auto values = in.get<std::uint32_t>();
-    for (std::uint32_t k = 0; k < values && in.ok(); ++k) {
-      const std::string key = in.get_string(), value = in.get_string();
-      if (key == "count") known = known && read_number(value, alarm.count);
-      if (key == "block") known = known && read_number(value, alarm.block);
-      if (key == "words") alarm.words = value;
-    }
-    alarms.push_back(std::move(alarm));
-  }
-  if (in.ok() && !known) return Error{"diagnostic_msgs/msg/DiagnosticArray: a value of an alarm is none that can be"};
-  return checked(in, alarms, alarms_type);
+  return statuses_from_cdr<Alarm>(
+      cdr, "an alarm",
+      [](std::uint8_t level, const std::string& name, Alarm& alarm) {
+        alarm.stands = level >= level_error;
+        alarm.kind = name.substr(name.rfind('/') + 1);
+      },
+      [](const std::string& key, const std::string& value, Alarm& alarm) {
+        if (key == "count") return read_number(value, alarm.count);
+        if (key == "block") return read_number(value, alarm.block);
+        if (key == "words") alarm.words = value;
+        return true;
+      });
 }
 
 }  // namespace ledgerline
