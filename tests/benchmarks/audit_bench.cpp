@@ -10,7 +10,7 @@
 #include <fstream>
 #include <map>
 
-#include "common/msg/ros.hpp"
+#include "tests/benchmarks/state_call.hpp"
 #include "tests/unit/tools/audit/signed_ledger.hpp"
 
 namespace {
@@ -37,31 +37,12 @@ bool read(std::ifstream& file, std::string& block) {
   return static_cast<bool>(file.read(block.data(), size));
 }
 
-std::string state(std::uint64_t sequence, TimeNs now_ns) {
-  SetCall call;
-  call.set_stream(true);
-  StateSample sample;
-  sample.boot_id = 7;
-  sample.sequence = sequence;
-  sample.stamp_ns = static_cast<TimeNs>(sequence) * 20 * ns_per_ms;
-  Odometry odometry;
-  odometry.header = {now_ns, "map"};
-  for (const auto& [id, type, cdr] : {std::tuple("tello1/odom", odometry_type, to_cdr(odometry)),
-                                      std::tuple("tello1/link", link_status_type, link_status_to_cdr(sample))}) {
-    Asset& asset = *call.add_assets();
-    asset.set_id(id);
-    asset.set_msg_type(std::string(type));
-    asset.set_msg_data(cdr);
-  }
-  return call.SerializeAsString();
-}
-
 /// Half states, half commands. Returns the chain's first block.
 std::string make_chain(std::ofstream& file, std::uint64_t transactions, std::uint64_t per_block) {
   SignedLedger ledger;
   ledger.enroll();
   ledger.acquire();
-  ledger.submit(ledger.host, "set", state(1, ledger.now.real_ns));
+  ledger.submit(ledger.host, "set", state_call(1, ledger.now.real_ns));
   const std::string first = ledger.chain[0];
   std::uint64_t written = 0;
   const auto flush = [&] {
@@ -74,7 +55,7 @@ std::string make_chain(std::ofstream& file, std::uint64_t transactions, std::uin
     const bool command = i % 2 == 0;
     ledger.send(command ? ledger.pilot : ledger.host, command ? "command" : "set",
                 command ? ledger.command_call(i, 1, static_cast<TimeNs>(i) * 20 * ns_per_ms)
-                        : state(i + 1, ledger.now.real_ns));
+                        : state_call(i + 1, ledger.now.real_ns));
     if (i % per_block == 0 || i == transactions) ledger.commit();
     flush();
   }

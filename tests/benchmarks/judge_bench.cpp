@@ -17,6 +17,8 @@
 #include "common/rt/histogram_json.hpp"
 #include "onboard/agent/core/command_check.hpp"
 #include "peer/transaction.pb.h"
+#include "tests/benchmarks/rounds.hpp"
+#include "tests/benchmarks/state_call.hpp"
 #include "tests/unit/tools/audit/signed_ledger.hpp"
 #include "tools/launcher/machine.hpp"
 
@@ -43,25 +45,6 @@ TimeNs cpu_ns() {
 
 enum Kind : std::size_t { commands, states, kinds };
 constexpr std::array<const char*, kinds> kind_names{"command", "state"};
-
-std::string state_call(std::uint64_t sequence, TimeNs now_ns) {
-  SetCall call;
-  call.set_stream(true);
-  StateSample sample;
-  sample.boot_id = boot_id;
-  sample.sequence = sequence;
-  sample.stamp_ns = static_cast<TimeNs>(sequence) * period_ns;
-  Odometry odometry;
-  odometry.header = {now_ns, "map"};
-  for (const auto& [id, type, cdr] : {std::tuple("tello1/odom", odometry_type, to_cdr(odometry)),
-                                      std::tuple("tello1/link", link_status_type, link_status_to_cdr(sample))}) {
-    Asset& asset = *call.add_assets();
-    asset.set_id(id);
-    asset.set_msg_type(std::string(type));
-    asset.set_msg_data(cdr);
-  }
-  return call.SerializeAsString();
-}
 
 /// An envelope that nobody has signed yet, with the first endorsements alone.
 std::string endorsed_by_few(const std::string& bytes, int endorsements) {
@@ -114,11 +97,11 @@ class Chain {
   std::int64_t now_s() const { return ledger_.now.real_ns / ns_per_s; }
 
   fabric::BlockIntake make_intake(bool judges) const {
-    auto intake = fabric::BlockIntake::make(
-        {.where = {},
-         .config_block = judges ? ledger_.chain[0] : std::string(),
-         .make_registry = [](auto roots) { return crypto::make_msp_registry(fabric::library, std::move(roots)); },
-         .likely_policy = [](const std::string& key) { return belief::likely_policy(key); }});
+    auto intake =
+        fabric::BlockIntake::make({.where = {},
+                                   .config_block = judges ? ledger_.chain[0] : std::string(),
+                                   .make_registry = fabric::BlockJudge::registry_of(fabric::library),
+                                   .likely_policy = [](const std::string& key) { return belief::likely_policy(key); }});
     if (!intake) give_up(intake.error().what);
     intake->start_at(begin_);
     return std::move(*intake);
@@ -279,26 +262,6 @@ Round measure(const Chain& chain, int turn, std::size_t per_block, fabric::Block
       round[way][kind] = static_cast<double>(took[way][kind]) / 1e3 / static_cast<double>(transactions[kind]);
   }
   return round;
-}
-
-struct Quartiles {
-  double q1, median, q3;
-};
-Quartiles quartiles(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const auto at = [&](double q) {
-    return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1))];
-  };
-  return {at(0.25), at(0.5), at(0.75)};
-}
-void to_json(nlohmann::json& json, const Quartiles& q) {
-  json = {{"q1", rounded(q.q1)}, {"median", rounded(q.median)}, {"q3", rounded(q.q3)}};
-}
-
-double load_average() {
-  double load = 0;
-  std::ifstream("/proc/loadavg") >> load;
-  return load;
 }
 
 /// Of `value` of each round.

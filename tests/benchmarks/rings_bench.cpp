@@ -13,6 +13,7 @@
 #include "common/rt/histogram_json.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/ipc/ipc.hpp"
+#include "tests/benchmarks/rounds.hpp"
 #include "tests/unit/child.hpp"
 #include "tools/launcher/machine.hpp"
 
@@ -106,26 +107,6 @@ double round_trip_ns(Way& way, int messages) {
 struct Figures {
   std::vector<double> ns, ratio;
 };
-
-struct Quartiles {
-  double q1, median, q3;
-};
-Quartiles quartiles(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const auto at = [&](double q) {
-    return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1))];
-  };
-  return {at(0.25), at(0.5), at(0.75)};
-}
-void to_json(nlohmann::json& json, const Quartiles& q) {
-  json = {{"q1", rounded(q.q1)}, {"median", rounded(q.median)}, {"q3", rounded(q.q3)}};
-}
-
-double load_average() {
-  double load = 0;
-  std::ifstream("/proc/loadavg") >> load;
-  return load;
-}
 
 }  // namespace
 
