@@ -1,9 +1,7 @@
 #include <gmock/gmock.h>
 
-#include <condition_variable>
-#include <mutex>
-
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
+#include "tests/unit/common/fabric/client/stream_watch.hpp"
 #include "tests/unit/common/fabric/judge/signed_chain.hpp"
 
 /// A program that starts again, at a peer that serves what it likes.
@@ -11,9 +9,8 @@ namespace ledgerline::fabric {
 namespace {
 
 using ::testing::HasSubstr;
-using Numbers = std::vector<std::uint64_t>;
 
-class BehindCheckpoint : public ::testing::Test, protected SignedChain {
+class BehindCheckpoint : public ::testing::Test, protected StreamWatch, protected SignedChain {
  protected:
   void grow(int blocks) {
     for (int i = 0; i < blocks; ++i) add("transaction " + std::to_string(chain_.size()), &orderer_);
@@ -34,13 +31,7 @@ class BehindCheckpoint : public ::testing::Test, protected SignedChain {
     ClientConfig config = gateway_->client_config();
     config.config_block = chain_[0].SerializeAsString();
     client_ = std::move(Client::create(std::move(config))).value();
-    Client::StreamHandlers handlers;
-    handlers.on_block = [this](const Block& block, std::string_view) {
-      say([&] { numbers_.push_back(block.number); });
-    };
-    handlers.on_connection = [this](bool connected, const std::string& why) {
-      say([&] { connected ? void(connected_ = true) : problems_.push_back(why); });
-    };
+    Client::StreamHandlers handlers = this->handlers();
     handlers.on_continued = [this](const Continuation& on) {
       say([&] {
         EXPECT_TRUE(numbers_.empty()) << "before the first block";
@@ -48,15 +39,6 @@ class BehindCheckpoint : public ::testing::Test, protected SignedChain {
       });
     };
     stream_ = client_->blocks_behind({last, max_absence}, std::move(handlers));
-  }
-  void say(const std::function<void()>& what) {
-    const std::lock_guard lock(mutex_);
-    what();
-    changed_.notify_all();
-  }
-  void await(const std::function<bool()>& there) {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, there);
   }
   Numbers await_blocks(std::size_t count) {
     await([&] { return numbers_.size() >= count; });
@@ -68,12 +50,7 @@ class BehindCheckpoint : public ::testing::Test, protected SignedChain {
     return problems_[0];
   }
 
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  Numbers numbers_;
-  std::vector<std::string> problems_;
   std::vector<Continuation> continued_;
-  bool connected_ = false;
   std::optional<FakeGateway> gateway_;
   std::unique_ptr<Client> client_;
   std::unique_ptr<Client::Stream> stream_;  ///< ends first

@@ -3,20 +3,18 @@
 #include <gmock/gmock.h>
 #include <unistd.h>
 
-#include <condition_variable>
 #include <filesystem>
-#include <mutex>
 
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
+#include "tests/unit/common/fabric/client/stream_watch.hpp"
 
 /// A program that keeps its place in the chain and reads everything else anew, as it starts again.
 namespace ledgerline::fabric {
 namespace {
 
 using ::testing::HasSubstr;
-using Numbers = std::vector<std::uint64_t>;
 
-class KeptBlocksTest : public ::testing::Test {
+class KeptBlocksTest : public ::testing::Test, protected StreamWatch {
  protected:
   KeptBlocksTest() { std::filesystem::create_directories(dir_); }
   ~KeptBlocksTest() override {
@@ -32,29 +30,13 @@ class KeptBlocksTest : public ::testing::Test {
     problems_.clear();
     connected_ = false;
     client_ = std::move(Client::create(gateway.client_config())).value();
-    Client::StreamHandlers handlers;
-    handlers.on_block = [this](const Block& block, std::string_view) {
-      say([&] { numbers_.push_back(block.number); });
-    };
-    handlers.on_connection = [this](bool connected, const std::string& why) {
-      say([&] { connected ? void(connected_ = true) : problems_.push_back(why); });
-    };
     auto kept = KeptCheckpoint::read(path_, "teleop");
     ASSERT_TRUE(kept);
-    stream_ = kept_blocks(*client_, std::move(*kept), std::move(handlers));
+    stream_ = kept_blocks(*client_, std::move(*kept), handlers());
   }
   void end() {
     stream_.reset();
     client_.reset();
-  }
-  void say(const std::function<void()>& what) {
-    const std::lock_guard lock(mutex_);
-    what();
-    changed_.notify_all();
-  }
-  void await(const std::function<bool()>& there) {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, there);  // ctest has a limit
   }
   /// One block more, as who follows sees it.
   Numbers next(FakeGateway& gateway) {
@@ -70,11 +52,6 @@ class KeptBlocksTest : public ::testing::Test {
 
   const std::string dir_ = ::testing::TempDir() + "/kept_blocks_" + std::to_string(::getpid());
   std::string path_ = dir_ + "/ground.checkpoint";
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  Numbers numbers_;
-  std::vector<std::string> problems_;
-  bool connected_ = false;
   FakeGateway gateway_;
   std::unique_ptr<Client> client_;
   std::unique_ptr<Client::Stream> stream_;  ///< ends first
