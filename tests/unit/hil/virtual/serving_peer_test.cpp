@@ -3,10 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
-#include "hil/fault/run/run.hpp"
-#include "tests/unit/campaign.hpp"
+#include "tests/unit/hil/virtual/lies.hpp"
 
 /// A drone's peer that lies to its agent about the chain: nothing is flown that nobody signed, a stop lands the drone, and
 /// somebody says so. docs/faults.md.
@@ -24,10 +21,10 @@ const std::string seen_before =
     "[[fault]]\nwhat = \"operator resume tello1\"\nat = \"500ms\"\n";
 
 /// Its agent may die behind the lie, and come back.
-Script script_of(const std::string& lie, std::uint64_t seed) {
+std::string script_of(const std::string& lie, std::uint64_t seed) {
   const bool restart = seed % 3 == 0;
   const std::string both = seed % 5 == 0 ? "[[fault]]\nwhat = \"operator stop tello2\"\nat = \"path + 6s\"\n" : "";
-  const std::string text = fmt::format(
+  return fmt::format(
       "title = \"A peer serves: {0}\"\nmust = [\"no crash\", \"fence kept within 0.5 m\", \"lands within 20 s\", "
       "\"{4}\"]\n"
       "[flight]\ndrones = {1}\nlaps = 3\n"
@@ -39,9 +36,6 @@ Script script_of(const std::string& lie, std::uint64_t seed) {
       : lie == "hides-controls" && restart ? "land is seen"  // a new agent has not seen one yet
                                            : "the ledger is doubted",
       lie == "hides-controls" ? seen_before + both : both);
-  const auto script = parse_script(text, lie);
-  EXPECT_TRUE(script) << (script ? "" : script.error().what);
-  return *script;
 }
 
 class PeerLies : public testing::TestWithParam<std::string> {};
@@ -49,27 +43,12 @@ class PeerLies : public testing::TestWithParam<std::string> {};
 TEST_P(PeerLies, NothingIsFlownThatNobodySignedAndAStopLands) {
   for (int seed = 1; seed <= seeds(slow ? 1 : 3, 20); ++seed) {
     const auto number = static_cast<std::uint64_t>(seed);
-    const auto result = run_script(script_of(GetParam(), number), number);
-    ASSERT_TRUE(result) << result.error().what;
-    for (const Verdict& verdict : result->verdicts) {
-      EXPECT_TRUE(verdict.held) << "seed " << seed << ": " << verdict.rule.text << ": " << verdict.what;
-    }
+    expect_held(script_of(GetParam(), number), GetParam(), number);
   }
 }
 
-// With sanitizers one of eight: the rule itself is tested whole in tests/unit/common/fabric/stream.
-std::vector<std::string> lies() {
-  const auto all = peer_lie_names();
-  std::vector<std::string> some;
-  for (std::size_t i = 0; i < all.size(); i += slow ? 8 : 1) some.emplace_back(all[i]);
-  return some;
-}
-
-INSTANTIATE_TEST_SUITE_P(Each, PeerLies, testing::ValuesIn(lies()), [](const auto& lie) {
-  std::string name = lie.param;
-  std::replace(name.begin(), name.end(), '-', '_');
-  return name;
-});
+// Some of them with sanitizers: the rule itself is tested whole in tests/unit/common/fabric/stream.
+INSTANTIATE_TEST_SUITE_P(Each, PeerLies, testing::ValuesIn(some_of(peer_lie_names())), test_name);
 
 TEST(PeerLies, AnHonestPeerIsNeverDoubted) {
   for (int seed = 1; seed <= seeds(slow ? 2 : 20, 1000); ++seed) {
@@ -80,13 +59,7 @@ TEST(PeerLies, AnHonestPeerIsNeverDoubted) {
         1 + seed % 3, 5 + seed % 60,
         seed % 4 == 0 ? "[[fault]]\nwhat = \"agent kill\"\nat = \"path + 2s\"\nfor = \"700ms\"\n" : "",
         seed % 2 == 0 ? "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"path + 4s\"\n" : "");
-    const auto script = parse_script(text, "honest");
-    ASSERT_TRUE(script) << script.error().what;
-    const auto result = run_script(*script, number);
-    ASSERT_TRUE(result) << result.error().what;
-    for (const Verdict& verdict : result->verdicts) {
-      EXPECT_TRUE(verdict.held) << "seed " << seed << ": " << verdict.rule.text << ": " << verdict.what;
-    }
+    expect_held(text, "honest", number);
   }
 }
 
