@@ -101,13 +101,14 @@ Status Bridges::write_status(const std::function<void(const std::string& status)
                                  {"period_ms", config_.status_period_ns / ns_per_ms},
                                  {"channels", channels}};
   const std::string line = status.dump();
+  if (!config_.status_file.empty()) {
+    const std::string fresh = config_.status_file + ".new";
+    if (auto written = write_file(fresh, line + "\n"); !written) return written;
+    std::error_code error;
+    std::filesystem::rename(fresh, config_.status_file, error);
+    if (error) return Error{fmt::format("{}: {}", config_.status_file, error.message())};
+  }
   tell(line);
-  if (config_.status_file.empty()) return done;
-  const std::string fresh = config_.status_file + ".new";
-  if (auto written = write_file(fresh, line + "\n"); !written) return written;
-  std::error_code error;
-  std::filesystem::rename(fresh, config_.status_file, error);
-  if (error) return Error{fmt::format("{}: {}", config_.status_file, error.message())};
   return done;
 }
 

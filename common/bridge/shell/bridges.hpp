@@ -21,7 +21,7 @@ class Bridges {
                                                  crypto::MspRegistry& believed, const dds::ParticipantPtr& participant);
 
   /// Begins, and carries until `quit`. Each `status_period_ns`, and at the end, the status is written to the file that
-  /// the config names, whole at any moment, and told: {bridge, pid, time_ns, period_ms, channels}, a line of JSON.
+  /// the config names, whole at any moment, and then told: {bridge, pid, time_ns, period_ms, channels}, a line of JSON.
   Status run(const std::atomic<bool>& quit, const std::function<void(const std::string& status)>& tell);
 
  private:
