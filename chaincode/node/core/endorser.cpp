@@ -1,5 +1,7 @@
 #include "chaincode/node/core/endorser.hpp"
 
+#include <map>
+
 #include "chaincode/node/core/system_contracts.hpp"
 #include "common/base/printable.hpp"
 #include "ledger/rwset/rwset.pb.h"
@@ -38,6 +40,17 @@ std::string system_payload(const ProposalParts& proposal, const chaincode::Respo
   return to_payload(proposal, action);
 }
 
+/// That every result of a peer of Fabric has, so that none counts that was made under another definition.
+kvrwset::KVRead read_of_sequence(const std::string& contract, const Definition& definition) {
+  kvrwset::KVRead read;
+  read.set_key("namespaces/fields/" + contract + "/Sequence");
+  if (definition.sequence) {
+    read.mutable_version()->set_block_num(definition.sequence->block);
+    read.mutable_version()->set_tx_num(definition.sequence->tx);
+  }
+  return read;
+}
+
 Result<protos::Endorsement> endorse_by(const crypto::SigningIdentity& peer, const std::string& payload) {
   auto signature = peer.signer->sign(payload + peer.serialized);
   if (!signature) return Error{"signing with the key of " + peer.name.subject + ": " + signature.error().what};
@@ -71,11 +84,18 @@ Endorser::Endorser(const CoreConfig& config, MemberCheck members, std::vector<cr
       read_version_([this](const std::string& key, Version version) { return history_.version_of(key, version); }) {}
 
 std::string Endorser::response_payload(const ProposalParts& proposal, const Simulation& simulation,
-                                       const chaincode::Response& response) const {
+                                       const chaincode::Response& response, const Definition& definition) const {
+  std::map<std::string, kvrwset::KVRWSet> sets;
+  sets[config_.contract] = simulation.read_write_set();
+  if (definition_) sets[fabric::lifecycle_name].mutable_reads()->Add(read_of_sequence(config_.contract, definition));
   rwset::TxReadWriteSet results;
-  rwset::NsReadWriteSet& contract_set = *results.add_ns_rwset();
-  contract_set.set_namespace_(config_.contract);
-  contract_set.set_rwset(simulation.read_write_set().SerializeAsString());
+  for (const auto& [name, set] : sets) {
+    const std::string bytes = set.SerializeAsString();
+    if (definition_ && bytes.empty()) continue;
+    rwset::NsReadWriteSet& one = *results.add_ns_rwset();
+    one.set_namespace_(name);
+    one.set_rwset(bytes);
+  }
   protos::ChaincodeAction action;
   action.set_results(results.SerializeAsString());
   if (simulation.has_event()) {
@@ -88,7 +108,7 @@ std::string Endorser::response_payload(const ProposalParts& proposal, const Simu
   }
   *action.mutable_response() = to_message(response);
   action.mutable_chaincode_id()->set_name(config_.contract);
-  action.mutable_chaincode_id()->set_version("1");
+  action.mutable_chaincode_id()->set_version(definition.version);
   return to_payload(proposal, action);
 }
 
@@ -119,10 +139,17 @@ std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(std::
     return Unanswered{Kind::duplicate, "duplicate transaction found [" + tx_id + "]"};
   }
 
-  Simulation simulation(ledger_.state(), read_version_, **member);
+  std::optional<Definition> definition = Definition{"1", std::nullopt};
+  if (definition_ && !(definition = definition_())) {
+    return Unanswered{Kind::unknown_contract, "make sure the chaincode " + config_.contract +
+                                                  " has been successfully defined on channel " + config_.channel +
+                                                  " and try again: chaincode " + config_.contract + " not found"};
+  }
+  Simulation simulation(ledger_.state(), read_version_, **member, definition_ ? Ranges::as_fabric : Ranges::as_wanted);
   Simulated result;
   result.response = chaincode::invoke(simulation, proposal->function, proposal->args);
-  if (result.response.status < 400) result.payload = response_payload(*proposal, simulation, result.response);
+  if (result.response.status < 400 || definition_)
+    result.payload = response_payload(*proposal, simulation, result.response, *definition);
   result.proposal = std::move(*proposal);
   return result;
 }
@@ -200,12 +227,12 @@ Reply Endorser::process_proposal(std::string_view signed_proposal, Now now, std:
   if (is_system_contract(proposal.contract) && simulated.response.status < 400 &&
       !proposal.channel_header.channel_id().empty())
     payload = system_payload(proposal, simulated.response);
-  if (!payload.empty()) {
+  if (!payload.empty() && simulated.response.status < 400) {
     auto endorsement = endorse_by(peers_.at(peer), payload);
     if (!endorsement) return {Code::unknown, endorsement.error().what, {}, {}};
     *response.mutable_endorsement() = std::move(*endorsement);
-    response.set_payload(std::move(payload));
   }
+  response.set_payload(std::move(payload));
   return {Code::ok, {}, {}, response.SerializeAsString()};
 }
 

@@ -1,4 +1,6 @@
 #pragma once
+#include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -14,6 +16,12 @@
 
 namespace ledgerline::node {
 
+/// What Fabric's lifecycle says of the contract.
+struct Definition {
+  std::string version;              ///< of the contract, as it was committed
+  std::optional<Version> sequence;  ///< where its sequence was written last: each result has read it
+};
+
 /// The peers' endorsing half: runs members' proposals against the committed state, changes nothing of it, and signs
 /// what the contract said in the name of each peer. `config` and `ledger` must outlive it. One thread at a time.
 class Endorser {
@@ -21,6 +29,11 @@ class Endorser {
   /// `peers`: one for each organisation, all of them endorse.
   Endorser(const CoreConfig& config, MemberCheck members, std::vector<crypto::SigningIdentity> peers,
            const Ledger& ledger);
+  /// From now on it answers byte for byte as a peer of Fabric: with the definition that `definition` gives (nullopt: the
+  /// contract is not defined), with the ranges that such a peer reads, and with the result beside a refusal.
+  void answer_as_fabric(std::function<std::optional<Definition>()> definition) { definition_ = std::move(definition); }
+  /// Those of another configuration of the channel.
+  void set_members(MemberCheck members) { members_ = std::move(members); }
   Endorser(const Endorser&) = delete;
   Endorser& operator=(const Endorser&) = delete;
 
@@ -36,14 +49,15 @@ class Endorser {
   struct Unanswered;
   std::variant<Simulated, Unanswered> simulate(std::string_view signed_proposal, Now now);
   std::string response_payload(const ProposalParts& proposal, const Simulation& simulation,
-                               const chaincode::Response& response) const;
+                               const chaincode::Response& response, const Definition& definition) const;
 
   const CoreConfig& config_;
-  const MemberCheck members_;
+  MemberCheck members_;
   const std::vector<crypto::SigningIdentity> peers_;
   const Ledger& ledger_;
   History history_;
   const ReadVersion read_version_;
+  std::function<std::optional<Definition>()> definition_;  ///< empty: as the embedded node, without a lifecycle
 };
 
 }  // namespace ledgerline::node

@@ -18,6 +18,9 @@ struct Version {
 /// The name under which Fabric keeps a key's policy among its metadata.
 inline constexpr const char* validation_parameter = "VALIDATION_PARAMETER";
 
+/// Where Fabric keeps the definitions of contracts.
+inline constexpr const char* lifecycle_name = "_lifecycle";
+
 /// A key of one namespace (a contract's name), or, by its hash, of a collection of private data.
 struct KeyName {
   std::string name;

@@ -11,7 +11,6 @@
 namespace ledgerline::fabric {
 namespace {
 
-constexpr std::string_view lifecycle_name = "_lifecycle";
 constexpr std::string_view fields = "namespaces/fields/", validation = "/ValidationInfo";
 constexpr std::string_view collections_field = "/Collections";
 constexpr std::size_t id_digits = 64;                               // of a transaction, in hex

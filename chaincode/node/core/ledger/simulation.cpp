@@ -1,5 +1,6 @@
 #include "chaincode/node/core/ledger/simulation.hpp"
 
+#include "chaincode/node/core/ledger/range_reads.hpp"
 #include "common/fabric/tx/policy.hpp"
 
 namespace ledgerline::node {
@@ -32,19 +33,27 @@ Status Simulation::put_policy(const std::string& key, const std::string& msp_id)
 
 Result<std::vector<chaincode::KeyValue>> Simulation::get_range(const std::string& start, const std::string& end,
                                                                std::size_t limit) {
+  const std::size_t wanted = ranges_told_ == Ranges::as_fabric ? keys_read_by_peer(limit) : limit;
   std::vector<chaincode::KeyValue> found;
+  std::vector<kvrwset::KVRead> reads;
+  auto value = state_.values().lower_bound(start);
+  for (; reads.size() < wanted && value != state_.values().end() && value->first < end; ++value) {
+    kvrwset::KVRead& read = reads.emplace_back();
+    read.set_key(value->first);
+    set_version(read, value->second.version);
+    if (found.size() < limit) found.push_back({value->first, value->second.bytes});
+  }
+  const bool exhausted = reads.size() < wanted;
+  if (ranges_told_ == Ranges::as_fabric) {
+    ranges_.push_back(range_of_peer(start, end, std::move(reads), exhausted));
+    return found;
+  }
   kvrwset::RangeQueryInfo& query = ranges_.emplace_back();
   query.set_start_key(start);
   query.set_end_key(end);
   query.mutable_raw_reads();
-  auto value = state_.values().lower_bound(start);
-  for (; found.size() < limit && value != state_.values().end() && value->first < end; ++value) {
-    kvrwset::KVRead& read = *query.mutable_raw_reads()->add_kv_reads();
-    read.set_key(value->first);
-    set_version(read, value->second.version);
-    found.push_back({value->first, value->second.bytes});
-  }
-  query.set_itr_exhausted(found.size() < limit);
+  for (kvrwset::KVRead& read : reads) *query.mutable_raw_reads()->add_kv_reads() = std::move(read);
+  query.set_itr_exhausted(exhausted);
   return found;
 }
 

@@ -12,11 +12,18 @@ namespace ledgerline::node {
 /// Finds a written value in a block, with its transaction's id and time.
 using ReadVersion = std::function<Result<chaincode::KeyVersion>(const std::string& key, Version version)>;
 
+/// How a range that was read is told.
+enum class Ranges {
+  as_wanted,  ///< with the keys that the contract got
+  as_fabric,  ///< with those that a peer of Fabric reads for it (range_reads.hpp)
+};
+
 /// Runs a call against the committed state and records what it read and wrote.
 class Simulation final : public chaincode::Stub {
  public:
-  Simulation(const State& state, const ReadVersion& read_version, const crypto::MspRegistry::Member& caller)
-      : state_(state), read_version_(read_version), caller_(caller) {}
+  Simulation(const State& state, const ReadVersion& read_version, const crypto::MspRegistry::Member& caller,
+             Ranges ranges_told = Ranges::as_wanted)
+      : state_(state), read_version_(read_version), caller_(caller), ranges_told_(ranges_told) {}
 
   Result<std::optional<std::string>> get_state(const std::string& key) override;
   Status put_state(const std::string& key, const std::string& value) override;
@@ -39,6 +46,7 @@ class Simulation final : public chaincode::Stub {
   const State& state_;
   const ReadVersion& read_version_;
   const crypto::MspRegistry::Member& caller_;
+  const Ranges ranges_told_;
   std::map<std::string, std::optional<Version>> reads_;
   std::map<std::string, std::string> writes_;
   std::map<std::string, std::string> policies_;  ///< common.SignaturePolicyEnvelope
