@@ -97,7 +97,7 @@ std::size_t Connection::peer() const {
   return 0;
 }
 
-std::vector<std::size_t> Connection::endorsers_now() const {
+std::vector<std::size_t> Connection::endorsers_now(const std::function<bool(std::size_t)>& rests) const {
   std::vector<std::size_t> chosen;
   for (std::size_t i = 0; i < endorsers.size(); ++i) {
     const auto known = std::find_if(chosen.begin(), chosen.end(), [&](std::size_t one) {
@@ -105,7 +105,7 @@ std::vector<std::size_t> Connection::endorsers_now() const {
     });
     if (known == chosen.end()) {
       chosen.push_back(i);
-    } else if (endorsers[*known]->GetState(true) == GRPC_CHANNEL_TRANSIENT_FAILURE &&
+    } else if (((rests && rests(*known)) || endorsers[*known]->GetState(true) == GRPC_CHANNEL_TRANSIENT_FAILURE) &&
                endorsers[i]->GetState(true) == GRPC_CHANNEL_READY) {
       *known = i;
     }

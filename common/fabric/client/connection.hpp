@@ -2,6 +2,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -25,8 +26,8 @@ struct Connection {
 
   /// Index of the peer to ask now: our own, or, while it is not reached, the first stand-in that is.
   std::size_t peer() const;
-  /// Indices of the endorsers to ask now, one of each organisation: the first that is reached.
-  std::vector<std::size_t> endorsers_now() const;
+  /// Indices of the endorsers to ask now, one of each organisation: the first that is reached and does not rest.
+  std::vector<std::size_t> endorsers_now(const std::function<bool(std::size_t)>& rests = {}) const;
 };
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
 

@@ -9,6 +9,8 @@
 namespace ledgerline::fabric {
 namespace {
 
+constexpr std::chrono::milliseconds rest{200};
+
 bool not_reached(const grpc::Status& status) {
   return may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
          status.error_code() == grpc::StatusCode::CANCELLED;
@@ -35,8 +37,15 @@ void Pipeline::propose_to(const PendingPtr& p, protos::Endorser::Stub& endorser)
   await(p, p->propose, &Pipeline::on_proposed);
 }
 
+std::vector<std::size_t> Pipeline::endorsers_now() const {
+  const Time now = std::chrono::system_clock::now();
+  return connection_->endorsers_now([&](std::size_t i) { return now < rest_until_[i]; });
+}
+
+void Pipeline::let_rest(std::size_t endorser) { rest_until_[endorser] = std::chrono::system_clock::now() + rest; }
+
 bool Pipeline::gather(const PendingPtr& p) {
-  const std::vector<std::size_t> chosen = connection_->endorsers_now();
+  const std::vector<std::size_t> chosen = endorsers_now();
   if (chosen.size() < 2) return false;
   protos::SignedProposal proposal;
   proposal.ParseFromString(p->proposal.signed_proposal);
@@ -49,7 +58,8 @@ bool Pipeline::gather(const PendingPtr& p) {
     p->asked.push_back(unary);
     unary->reader = endorsers_[i]->AsyncProcessProposal(&unary->context, proposal, &queue_);
     const std::string& organisation = connection_->config.endorsers[i].msp_id;
-    unary->reader->Finish(&unary->response, &unary->status, new Tag([this, p, unary, &organisation](bool) {
+    unary->reader->Finish(&unary->response, &unary->status, new Tag([this, p, unary, i, &organisation](bool) {
+      if (may_pass(unary->status)) let_rest(i);
       if (p->stage != Stage::endorsing || !p->gathering || std::ranges::find(p->asked, unary) == p->asked.end()) return;
       p->gathering->take(answer_of(organisation, unary->status, unary->response));
       on_gathered(p, false);
@@ -94,10 +104,13 @@ void Pipeline::endorse(const PendingPtr& p) {
   if (ordering_ && p->need.count == Count::one) {
     const bool own = p->need.organisation.empty();
     const std::string& organisation = own ? connection_->config.identity.name.msp_id : p->need.organisation;
-    for (const std::size_t i : connection_->endorsers_now()) {
-      const bool there = connection_->endorsers[i]->GetState(true) != GRPC_CHANNEL_TRANSIENT_FAILURE;
-      if (connection_->config.endorsers[i].msp_id == organisation && (there || !own))
-        return propose_to(p, *endorsers_[i]);
+    p->endorser.reset();
+    for (const std::size_t i : endorsers_now()) {
+      const bool there = connection_->endorsers[i]->GetState(true) != GRPC_CHANNEL_TRANSIENT_FAILURE &&
+                         std::chrono::system_clock::now() >= rest_until_[i];
+      if (connection_->config.endorsers[i].msp_id != organisation || (!there && own)) continue;
+      p->endorser = i;
+      return propose_to(p, *endorsers_[i]);
     }
     if (own) return propose_to(p, *proposals_[connection_->peer()]);
   }
@@ -131,6 +144,11 @@ void Pipeline::on_proposed(const PendingPtr& p) {
 }
 
 void Pipeline::on_not_endorsed(const PendingPtr& p, const grpc::Status& status) {
+  if (const auto endorser = std::exchange(p->endorser, std::nullopt); endorser && may_pass(status)) {
+    const bool rested = std::chrono::system_clock::now() < rest_until_[*endorser];
+    let_rest(*endorser);
+    if (!rested) return endorse(p);  // at once, of another one: at most once while it rests
+  }
   if (retry(p, status, &Pipeline::endorse)) return;
   finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
 }

@@ -48,6 +48,7 @@ Pipeline::Pipeline(std::shared_ptr<const Connection> connection) : connection_(s
     proposals_.push_back(protos::Endorser::NewStub(peer));
   }
   for (const auto& endorser : connection_->endorsers) endorsers_.push_back(protos::Endorser::NewStub(endorser));
+  rest_until_.resize(endorsers_.size());
   if (!connection_->orderers.empty()) ordering_.emplace(connection_->orderers, queue_);
   connection_->commits->on_news([this] {
     const std::lock_guard lock(mutex_);
@@ -319,6 +320,8 @@ void Pipeline::finish(const PendingPtr& p, Outcome::Kind kind, const std::string
 
 void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
   p->stage = Stage::finished;
+  // It may have read what the peers had replaced already.
+  if (outcome.code == protos::MVCC_READ_CONFLICT && p->endorser) let_rest(*p->endorser);
   // What is still under way comes back as cancelled, finds the call finished, and is dropped.
   if (p->endorse) p->endorse->context.TryCancel();
   if (p->propose) p->propose->context.TryCancel();

@@ -67,6 +67,7 @@ class Pipeline {
     BackOff back_off{first_retry_ns, max_retry_ns};
     std::shared_ptr<Unary<gateway::EndorseResponse>> endorse;
     std::shared_ptr<Unary<protos::ProposalResponse>> propose;  ///< on the direct path in place of endorse
+    std::optional<std::size_t> endorser{};                     ///< that `propose` asks; none: the own peer
     EndorsementNeed need;
     std::vector<std::shared_ptr<Unary<protos::ProposalResponse>>> asked{};  ///< of several organisations
     std::optional<Gathering> gathering{};
@@ -97,6 +98,9 @@ class Pipeline {
   void on_endorsed(const PendingPtr& p);
   void on_proposed(const PendingPtr& p);
   void on_not_endorsed(const PendingPtr& p, const grpc::Status& status);
+  /// Of its organisation another endorser, or the peer, is asked for a while: it does not answer, or is behind.
+  void let_rest(std::size_t endorser);
+  std::vector<std::size_t> endorsers_now() const;
   void take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope);
   void send_next();
   void send(const PendingPtr& p);
@@ -121,6 +125,7 @@ class Pipeline {
   std::vector<std::unique_ptr<gateway::Gateway::Stub>> gateways_;   ///< of each peer
   std::vector<std::unique_ptr<protos::Endorser::Stub>> proposals_;  ///< likewise
   std::vector<std::unique_ptr<protos::Endorser::Stub>> endorsers_;  ///< of each endorser
+  std::vector<Time> rest_until_;                                    ///< of each endorser
   grpc::CompletionQueue queue_;
 
   std::mutex mutex_;  ///< guards the three below, and that nothing is put into the queue after its shutdown
