@@ -151,6 +151,9 @@ fs::path organisation_dir(const std::string& dir, int organisation) {
 fs::path peer_dir(const std::string& dir, int organisation) {
   return organisation_dir(dir, organisation) / "peers" / ("peer0." + domain_of(organisation));
 }
+fs::path endorser_dir(const std::string& dir, int organisation) {
+  return organisation_dir(dir, organisation) / "peers" / ("endorser0." + domain_of(organisation));
+}
 fs::path user_dir(const std::string& dir, int organisation, const std::string& user) {
   return organisation_dir(dir, organisation) / "users" / (user + "@" + domain_of(organisation));
 }
@@ -188,8 +191,9 @@ std::vector<Wanted> wanted_of(int organisation, int orderers, const Hosts& hosts
     }
     return all;
   }
-  const std::string peer = "peer0." + domain, chaincode = "chaincode." + domain;
-  add(fs::path("peers") / peer, peer, "peer", names_of_server(peer, hosts.organisations, organisation));
+  const std::string chaincode = "chaincode." + domain;
+  for (const std::string& peer : {"peer0." + domain, "endorser0." + domain})
+    add(fs::path("peers") / peer, peer, "peer", names_of_server(peer, hosts.organisations, organisation));
   // A server that signs nothing.
   add("chaincode", chaincode, "", names_of_server(chaincode, hosts.organisations, organisation));
   for (const char* user : {"User1", "User2"}) add_user(user, "client");

@@ -8,7 +8,7 @@
 #include "common/crypto/crypto.hpp"
 
 /// The identities of a network of our own, in cryptogen's layout under DIR/crypto: three organisations (Org1MSP ...),
-/// each with a CA, a TLS CA, peer0, a TLS certificate for its chaincode service, and the users Admin, User1 and User2
+/// each with a CA, a TLS CA, peer0, endorser0, a TLS certificate for its chaincode service, and the users Admin, User1 and User2
 /// (NodeOUs); and an organisation of orderers. The embedded node and the real network have the same.
 namespace ledgerline::identities {
 
@@ -20,6 +20,8 @@ std::string orderer_name(int number);     ///< "orderer.ledgerline", "orderer2.l
 
 std::filesystem::path organisation_dir(const std::string& dir, int organisation);
 std::filesystem::path peer_dir(const std::string& dir, int organisation);
+/// Of the organisation's own endorser: a peer's certificate and TLS, as those of peer0.
+std::filesystem::path endorser_dir(const std::string& dir, int organisation);
 std::filesystem::path user_dir(const std::string& dir, int organisation, const std::string& user);
 std::filesystem::path ordering_dir(const std::string& dir);
 std::filesystem::path orderer_dir(const std::string& dir, int number);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <functional>
 
+#include "chaincode/endorser/shell/settings.hpp"
 #include "chaincode/network/options.hpp"
 #include "common/bridge/core/rules.hpp"
 #include "common/dds/settings/config.hpp"
@@ -68,6 +69,10 @@ const std::vector<Source>& sources() {
        "`ledgerline bridge bridge.toml`: [any ROS 2 topic](bridge.md) through the ledger.",
        {ledger, topics, dds},
        [](Config& config) { (void)bridge::read_bridge(config); }},
+      {"endorser",
+       "`ledgerline endorser endorser.toml`: [an organisation's own endorser](endorser.md).",
+       {ledger},
+       [](Config& config) { (void)endorser::read_settings(config); }},
       {"control",
        "`ledgerline control --config operator.toml`: leases, stops, grants and enrolments by hand. "
        "[Receipts](receipts.md) are made with the same.",

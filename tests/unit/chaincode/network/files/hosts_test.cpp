@@ -84,6 +84,8 @@ TEST(FabricHosts, EachHasThePrivateKeysOfItsOwnPartsAndNoOther) {
     const std::string organisation = "crypto/peerOrganizations/" + domain;
     std::vector<std::string> expected{organisation + "/peers/peer0." + domain + "/msp/keystore/priv_sk",
                                       organisation + "/peers/peer0." + domain + "/tls/server.key",
+                                      organisation + "/peers/endorser0." + domain + "/msp/keystore/priv_sk",
+                                      organisation + "/peers/endorser0." + domain + "/tls/server.key",
                                       organisation + "/chaincode/tls/server.key"};
     for (const char* user : {"Admin", "User1", "User2"}) {
       expected.push_back(organisation + "/users/" + user + "@" + domain + "/msp/keystore/priv_sk");

@@ -1,0 +1,108 @@
+#include "chaincode/endorser/core/core.hpp"
+
+#include <fmt/format.h>
+
+#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/node/core/tx/proposal.hpp"
+#include "common/fabric/judge/channel_config.hpp"
+#include "common/fabric/tx/form.hpp"
+#include "msp/identities.pb.h"
+#include "peer/lifecycle/chaincode_definition.pb.h"
+#include "peer/lifecycle/db.pb.h"
+#include "peer/transaction.pb.h"
+
+namespace ledgerline::endorser {
+namespace {
+
+node::CoreConfig config_of(const fabric::ChannelAndContract& where) {
+  node::CoreConfig config;
+  config.channel = where.channel;
+  config.contract = where.contract;
+  return config;
+}
+
+/// 0: it has no certificate, as in tests.
+std::int64_t expiry_of(const crypto::SigningIdentity& identity) {
+  msp::SerializedIdentity serialized;
+  if (!serialized.ParseFromString(identity.serialized)) return 0;
+  const auto certificate = crypto::parse_certificate(serialized.id_bytes());
+  return certificate ? certificate->not_after_s : 0;
+}
+
+node::Reply ask_a_peer(const std::string& why) { return {node::Code::unavailable, why, why, {}}; }
+
+}  // namespace
+
+Core::Core(Setup setup)
+    : setup_(std::move(setup)),
+      config_(config_of(setup_.where)),
+      expires_s_(expiry_of(setup_.identity)),
+      ledger_([this](std::uint64_t number) -> Result<std::string> {
+        asks_for_blocks_ = true;
+        return Error{fmt::format("block {} is not kept here", number)};
+      }),
+      endorser_(config_, node::MemberCheck(setup_.make_registry({}), config_.channel), {setup_.identity}, ledger_) {}
+
+std::optional<node::Definition> Core::definition() const {
+  const std::string fields = "namespaces/fields/" + config_.contract + "/";
+  const node::State::Value* sequence = lifecycle_.find(fields + "Sequence");
+  const node::State::Value* info = lifecycle_.find(fields + "EndorsementInfo");
+  lifecycle::StateData data;
+  lifecycle::ChaincodeEndorsementInfo endorsement;
+  if (sequence == nullptr || info == nullptr || !data.ParseFromString(info->bytes) ||
+      !endorsement.ParseFromString(data.bytes()))
+    return std::nullopt;
+  return node::Definition{endorsement.version(), sequence->version};
+}
+
+Status Core::configure(const common::Block& message) {
+  auto config = fabric::read_channel_config(message);
+  if (!config) return config.error();
+  if (!config->embedded_node) endorser_.answer_as_fabric([this] { return definition(); });
+  embedded_node_ = config->embedded_node;
+  endorser_.set_members(node::MemberCheck(setup_.make_registry(std::move(config->organisations)), config_.channel));
+  return done;
+}
+
+void Core::write(const std::string& envelope, node::Version at) {
+  const fabric::TransactionForm form = fabric::read_form(envelope);
+  const fabric::ReadWriteSet sets = fabric::read_sets(form.action.results());
+  ledger_.state().write(node::set_of(sets, config_.contract), at);
+  lifecycle_.write(node::set_of(sets, fabric::lifecycle_name), at);
+}
+
+Status Core::take(const fabric::Block& block, std::string_view raw) {
+  const std::string name = fmt::format("block {}", block.number);
+  if (block.number != ledger_.height()) return Error{fmt::format("{} came where {} was due", name, ledger_.height())};
+  common::Block message;
+  if (!message.ParseFromArray(raw.data(), static_cast<int>(raw.size())) ||
+      static_cast<std::size_t>(message.data().data_size()) != block.transactions.size())
+    return Error{name + ": its bytes are those of another one"};
+  for (std::size_t i = 0; i < block.transactions.size(); ++i) {
+    const fabric::Transaction& transaction = block.transactions[i];
+    const bool valid = transaction.code == protos::VALID;
+    if (transaction.config) {
+      if (!valid) continue;
+      if (Status configured = configure(message); !configured) return Error{name + ": " + configured.error().what};
+      continue;
+    }
+    // In Fabric an id is used up by whoever claims it; on the embedded node it is its owner's.
+    const bool claimed = transaction.code == protos::BAD_PROPOSAL_TXID;
+    if (!transaction.tx_id.empty() && !(claimed && embedded_node_))
+      ledger_.state().add_tx(transaction.tx_id, {block.number, transaction.code});
+    if (valid) write(message.data().data(static_cast<int>(i)), {block.number, i});
+  }
+  ledger_.add_block(node::header_hash(message.header()));
+  return done;
+}
+
+node::Reply Core::process_proposal(std::string_view signed_proposal, node::Now now) {
+  if (expires_s_ != 0 && now.real_ns / ns_per_s > expires_s_)
+    return ask_a_peer("the endorser's own certificate has expired");
+  asks_for_blocks_ = false;
+  node::Reply reply = endorser_.process_proposal(signed_proposal, now, 0);
+  if (asks_for_blocks_) return ask_a_peer("the endorser keeps no blocks: a peer answers that");
+  return reply;
+}
+
+}  // namespace ledgerline::endorser

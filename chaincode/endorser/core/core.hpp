@@ -1,0 +1,55 @@
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "chaincode/node/core/endorser.hpp"
+#include "chaincode/node/core/ledger/ledger.hpp"
+#include "chaincode/node/core/types.hpp"
+#include "common/fabric/judge/block_judge.hpp"
+#include "common/fabric/tx/transaction.hpp"
+
+namespace ledgerline::endorser {
+
+/// An organisation's own endorser, without its I/O: the channel's blocks, from the first one on, and members' proposals
+/// in; answers out, byte for byte those of a peer of the organisation that has taken the same blocks (but for the
+/// signature). It runs the contract against the state that the blocks made, and keeps that state in memory: the keys of
+/// the contract with their policies, the ids of all transactions, and the contract's definition. One thread at a time.
+class Core {
+ public:
+  struct Setup {
+    fabric::ChannelAndContract where;
+    crypto::SigningIdentity identity;  ///< OU=peer, of its own: SECURITY.md says what its key can do
+    fabric::BlockJudge::MakeRegistry make_registry;
+  };
+  explicit Core(Setup setup);
+  Core(const Core&) = delete;
+  Core& operator=(const Core&) = delete;
+
+  /// The next block, as a stream that judges blocks handed it over (fabric::Client::blocks): `block` says which of the
+  /// transactions in `raw` (common.Block) count. An error: it is not the next one, or a configuration in it is not read.
+  Status take(const fabric::Block& block, std::string_view raw);
+  std::uint64_t height() const { return ledger_.height(); }
+
+  /// protos.Endorser.ProcessProposal, as NodeCore's. What only a peer can answer (history, and the chain's own contracts)
+  /// is `unavailable`, as everything is once the own certificate has expired: clients then ask the peer.
+  node::Reply process_proposal(std::string_view signed_proposal, node::Now now);
+
+ private:
+  std::optional<node::Definition> definition() const;
+  Status configure(const common::Block& message);
+  void write(const std::string& envelope, node::Version at);
+
+  const Setup setup_;
+  const node::CoreConfig config_;
+  const std::int64_t expires_s_;
+  bool asks_for_blocks_ = false;
+  bool embedded_node_ = false;
+  node::Ledger ledger_;
+  node::State lifecycle_;  ///< the keys of the namespace _lifecycle
+  node::Endorser endorser_;
+};
+
+}  // namespace ledgerline::endorser

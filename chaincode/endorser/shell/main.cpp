@@ -1,0 +1,138 @@
+#include <grpc/support/log.h>
+#include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
+
+#include <atomic>
+#include <chrono>
+#include <nlohmann/json.hpp>
+
+#include <thread>
+
+#include "chaincode/endorser/shell/service.hpp"
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
+#include "common/config/config.hpp"
+#include "common/fabric/config.hpp"
+#include "common/program/program.hpp"
+#include "common/program/shared_tables.hpp"
+#include "common/program/stop_signals.hpp"
+#include "peer/peer.grpc.pb.h"
+
+namespace {
+
+using namespace ledgerline;
+
+constexpr int max_request_bytes = 11 << 20;            // Fabric's AbsoluteMaxBytes, with room for a frame
+constexpr std::size_t max_memory_bytes = 256'000'000;  // of all requests that are being received
+constexpr std::chrono::milliseconds end_looked_for{100};
+constexpr double ready_within_s = 600;  // a long chain is read from its first block on
+
+/// The peer's service of this name, for any client of Fabric.
+class EndorserService final : public protos::Endorser::CallbackService {
+ public:
+  explicit EndorserService(endorser::Service& service) : service_(service) {}
+
+  grpc::ServerUnaryReactor* ProcessProposal(grpc::CallbackServerContext* context, const protos::SignedProposal* request,
+                                            protos::ProposalResponse* response) override {
+    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+    const node::Reply reply = service_.process_proposal(request->SerializeAsString());
+    if (reply.code != node::Code::ok) {
+      const bool elsewhere = reply.code == node::Code::unavailable;
+      reactor->Finish({elsewhere ? grpc::StatusCode::UNAVAILABLE : grpc::StatusCode::UNKNOWN, reply.message});
+    } else {
+      response->ParseFromString(reply.bytes);
+      reactor->Finish(grpc::Status::OK);
+    }
+    return reactor;
+  }
+
+ private:
+  endorser::Service& service_;
+};
+
+struct Served {
+  std::unique_ptr<grpc::Server> server;
+  std::string endpoint;
+};
+
+Result<Served> serve(const endorser::Settings& settings, grpc::Service& service) {
+  auto certificate = read_file(settings.tls_certificate);
+  if (!certificate) return Error{"serve.tls_certificate: " + certificate.error().what};
+  auto key = read_file(settings.tls_key);
+  if (!key) return Error{"serve.tls_key: " + key.error().what};
+  grpc::SslServerCredentialsOptions tls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
+  tls.pem_key_cert_pairs.push_back({std::move(*key), std::move(*certificate)});
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort(settings.listen, grpc::SslServerCredentials(tls), &port);
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // two on one port would share its calls in silence
+  builder.SetMaxReceiveMessageSize(max_request_bytes);
+  builder.SetResourceQuota(grpc::ResourceQuota("endorser").Resize(max_memory_bytes));
+  // Clients may ask every 20 s whether we are there, also while nothing happens.
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 20'000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder.RegisterService(&service);
+  auto server = builder.BuildAndStart();
+  if (!server || port == 0) return Error{"cannot listen on " + settings.listen + ": is the address in use?"};
+  return Served{std::move(server), settings.listen.substr(0, settings.listen.rfind(':') + 1) + std::to_string(port)};
+}
+
+Status write_summary(const std::string& path, const endorser::Service::Counts& counts) {
+  const nlohmann::json summary{{"blocks", counts.blocks},
+                               {"answered", counts.answered},
+                               {"sent_to_the_peer", counts.sent_to_the_peer},
+                               {"checked", counts.checked},
+                               {"same", counts.same},
+                               {"other_state", counts.other_state},
+                               {"peer_refused", counts.peer_refused},
+                               {"not_checked", counts.not_checked},
+                               {"differ", counts.differ}};
+  return write_file(path, summary.dump(2) + "\n");
+}
+
+int run(Config& config) {
+  auto ledger = fabric::ledger_config(config);
+  const endorser::Settings settings = endorser::read_settings(config);
+  Status checked = config.finish();
+  if (checked && !ledger) checked = ledger.error();
+  if (!checked) return fail(checked.error(), exit_usage);
+  std::atomic<bool> failed{false};
+  auto service = endorser::Service::start(std::move(*ledger), settings, [&](const std::string&) { failed = true; });
+  if (!service) return fail(service.error(), exit_usage);
+  EndorserService answers(**service);
+  auto served = serve(settings, answers);
+  if (!served) return fail(served.error());
+  const TimeNs until = monotonic_ns() + static_cast<TimeNs>(ready_within_s * ns_per_s);
+  bool ready = false;
+  while (!stop_requested && !failed && !ready && monotonic_ns() < until) ready = (*service)->wait_until_ready(0.2);
+  if (ready)
+    print_line(
+        nlohmann::json{{"ready", true}, {"program", "ledgerline-endorser"}, {"endpoint", served->endpoint}}.dump());
+  while (ready && !stop_requested && !failed) std::this_thread::sleep_for(end_looked_for);
+  served->server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
+  served->server->Wait();
+  if (!settings.summary.empty()) {
+    if (Status s = write_summary(settings.summary, (*service)->counts()); !s) return fail(s.error());
+  }
+  return failed || (!ready && !stop_requested) ? 1 : 0;
+}
+
+const char* const about =
+    "An organisation's own endorser: runs the contract against the state that its peer's blocks make, and signs what "
+    "comes\n"
+    "out with a certificate of its own, so that states and commands need no peer to endorse them.";
+
+const std::string notes =
+    R"(Examples:
+  ledgerline endorser endorser.toml
+
+endorser.toml:
+)" + ledger_table_help +
+    R"(  [serve] listen, tls_certificate, tls_key; check_one_in: how often the peer is asked whether it answers the same
+[ledger] names a peer of the organisation, an identity of its own with OU=peer, and config_block, which it needs. Prints
+{"ready":true,"endpoint":...} when it has all blocks. Agent and ground name it as an [[endorser]] before the peer.
+Exit codes: 0 ended by a signal; 1 it differs from its peer, or its blocks cannot be believed; 2 bad usage or config)";
+
+}  // namespace
+
+int main(int argc, char** argv) { return run_with_config(argc, argv, {"endorser", about, notes, "CONFIG"}, run); }

@@ -1,0 +1,189 @@
+#include "chaincode/endorser/shell/service.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+
+#include "chaincode/endorser/core/comparison.hpp"
+#include "common/base/log.hpp"
+#include "common/base/random.hpp"
+#include "common/rt/clock.hpp"
+#include "common/rt/retry/back_off.hpp"
+
+namespace ledgerline::endorser {
+namespace {
+
+constexpr TimeNs first_retry_ns = 50 * ns_per_ms, max_retry_ns = 1 * ns_per_s;
+
+std::uint64_t seed() { return std::random_device{}(); }
+
+}  // namespace
+
+Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, const Settings& settings,
+                                                std::function<void(const std::string&)> on_failure) {
+  if (ledger.config_block.empty())
+    return Error{"ledger.config_block is missing: an endorser signs only by blocks that the channel's orderers signed"};
+  auto peer = fabric::PeerQuestions::create(ledger);
+  if (!peer) return peer.error();
+  auto client = fabric::Client::create(ledger);
+  if (!client) return client.error();
+  std::unique_ptr<Service> service(new Service(std::move(ledger), settings, std::move(on_failure)));
+  Service& self = *service;
+  self.peer_ = std::move(*peer);
+  self.client_ = std::move(*client);
+  self.checker_ = std::thread([&self] { self.run_checks(); });
+  fabric::Client::StreamHandlers handlers;
+  handlers.on_block = [&self](const fabric::Block& block, std::string_view raw) { self.on_block(block, raw); };
+  handlers.on_connection = [&self](bool connected, const std::string& why) { self.on_connection(connected, why); };
+  handlers.on_unbelievable = [&self](const std::string& what) { self.fail("the peer's blocks: " + what); };
+  handlers.on_contradiction = [&self](const std::string& what) { self.fail("the peer's blocks: " + what); };
+  self.stream_ = self.client_->blocks(0, std::move(handlers));
+  return service;
+}
+
+Service::Service(fabric::ClientConfig ledger, const Settings& settings,
+                 std::function<void(const std::string&)> on_failure)
+    : check_one_in_(settings.check_one_in),
+      on_failure_(std::move(on_failure)),
+      core_({ledger.where, ledger.identity, fabric::BlockJudge::registry_of(ledger.verifier)}),
+      random_(seed()) {}
+
+Service::~Service() {
+  stream_.reset();
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    checks_wake_.notify_all();
+  }
+  if (checker_.joinable()) checker_.join();
+}
+
+void Service::fail(const std::string& why) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(failed_, true)) return;
+    ready_wakes_.notify_all();
+  }
+  spdlog::error("endorser: it signs nothing more: {}", why);
+  on_failure_(why);
+}
+
+void Service::on_block(const fabric::Block& block, std::string_view raw) {
+  Status taken = done;
+  {
+    const std::lock_guard lock(mutex_);
+    if (failed_) return;
+    taken = core_.take(block, raw);
+    counts_.blocks = core_.height();
+    ready_wakes_.notify_all();
+  }
+  if (!taken) fail(taken.error().what);
+}
+
+void Service::on_connection(bool connected, const std::string& why) {
+  const std::lock_guard lock(mutex_);
+  if (connected_ != connected) {
+    spdlog::info("endorser: {}", connected ? "follows the peer's blocks" : "clients are to ask the peer: " + why);
+  }
+  // What came while the stream was gone is only known to be there once the peer has said how many blocks there are.
+  connected_ = connected;
+  height_known_ = false;
+  checks_wake_.notify_all();
+}
+
+node::Reply Service::process_proposal(const std::string& signed_proposal) {
+  const std::lock_guard lock(mutex_);
+  if (failed_ || !connected_ || !height_known_ || core_.height() < peers_height_) {
+    ++counts_.sent_to_the_peer;
+    const std::string why = failed_ ? "the endorser has stopped" : "the endorser does not have all blocks yet";
+    return {node::Code::unavailable, why, why, {}};
+  }
+  node::Reply reply = core_.process_proposal(signed_proposal, {monotonic_ns(), realtime_ns()});
+  if (reply.code == node::Code::unavailable) {
+    ++counts_.sent_to_the_peer;
+    return reply;
+  }
+  ++counts_.answered;
+  if (reply.code == node::Code::ok) choose_for_check(signed_proposal, reply.bytes);
+  return reply;
+}
+
+void Service::choose_for_check(const std::string& signed_proposal, const std::string& answer) {
+  if (random_() % static_cast<std::uint64_t>(check_one_in_) != 0) return;
+  if (checks_.size() >= max_checks) {
+    ++counts_.not_checked;
+    return;
+  }
+  checks_.push_back({signed_proposal, answer});
+  checks_wake_.notify_all();
+}
+
+void Service::run_checks() {
+  BackOff back_off(first_retry_ns, max_retry_ns);
+  Random random(seed());
+  std::unique_lock lock(mutex_);
+  while (!stopping_) {
+    if (connected_ && !height_known_) {
+      lock.unlock();
+      const auto height = peer_->height();
+      lock.lock();
+      if (height && connected_) {
+        peers_height_ = *height;
+        height_known_ = true;
+        back_off.succeeded();
+        ready_wakes_.notify_all();
+      } else if (!height) {
+        spdlog::warn("endorser: the peer does not say how many blocks it has: {}", height.error().what);
+        checks_wake_.wait_for(lock, std::chrono::nanoseconds(back_off.next(random)), [&] { return stopping_; });
+      }
+    } else if (!checks_.empty()) {
+      const Check one = std::move(checks_.front());
+      checks_.pop_front();
+      lock.unlock();
+      check(one.signed_proposal, one.answer);
+      lock.lock();
+    } else {
+      checks_wake_.wait(lock);
+    }
+  }
+}
+
+void Service::check(const std::string& signed_proposal, const std::string& answer) {
+  const auto peers = peer_->propose(signed_proposal);
+  std::string differs;
+  {
+    const std::lock_guard lock(mutex_);
+    ++counts_.checked;
+    if (!peers) {
+      ++counts_.peer_refused;  // it has the transaction by now, or is not reached
+      return;
+    }
+    switch (compare(answer, *peers)) {
+      case Comparison::same:
+        ++counts_.same;
+        break;
+      case Comparison::other_state:
+        ++counts_.other_state;
+        break;
+      case Comparison::differ:
+        ++counts_.differ;
+        differs = fmt::format("its answer to a proposal differs from the peer's ({} and {} bytes)", answer.size(),
+                              peers->size());
+        break;
+    }
+  }
+  if (!differs.empty()) fail(differs);
+}
+
+bool Service::wait_until_ready(double seconds) {
+  std::unique_lock lock(mutex_);
+  const auto ready = [&] { return failed_ || (connected_ && height_known_ && core_.height() >= peers_height_); };
+  return ready_wakes_.wait_for(lock, std::chrono::duration<double>(seconds), ready) && !failed_;
+}
+
+Service::Counts Service::counts() const {
+  const std::lock_guard lock(mutex_);
+  return counts_;
+}
+
+}  // namespace ledgerline::endorser

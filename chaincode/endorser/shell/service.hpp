@@ -1,0 +1,76 @@
+#pragma once
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <random>
+#include <string>
+#include <thread>
+
+#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/shell/settings.hpp"
+#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/client.hpp"
+
+namespace ledgerline::endorser {
+
+/// The core with its peer: it follows the peer's blocks, answers proposals while it knows that it has them all, and asks
+/// the peer now and then whether it answers the same. While it is not sure it answers `unavailable`, so that clients ask
+/// the peer: before it has all blocks that the peer had when the stream began, and while the stream is gone. A block that
+/// cannot be believed, or an answer that differs from the peer's, ends it for good. Any thread.
+class Service {
+ public:
+  /// `on_failure`: called once, from a thread of its own, when it must not go on; says why.
+  static Result<std::unique_ptr<Service>> start(fabric::ClientConfig ledger, const Settings& settings,
+                                                std::function<void(const std::string& why)> on_failure);
+  ~Service();
+
+  node::Reply process_proposal(const std::string& signed_proposal);
+  /// Waits until it answers, or has failed, or `seconds` are over.
+  bool wait_until_ready(double seconds);
+
+  struct Counts {
+    std::uint64_t blocks = 0, answered = 0, sent_to_the_peer = 0;
+    std::uint64_t checked = 0, same = 0, other_state = 0, peer_refused = 0, not_checked = 0;
+    std::uint64_t differ = 0;
+  };
+  Counts counts() const;
+
+ private:
+  Service(fabric::ClientConfig ledger, const Settings& settings, std::function<void(const std::string&)> on_failure);
+  void fail(const std::string& why);
+  void on_block(const fabric::Block& block, std::string_view raw);
+  void on_connection(bool connected, const std::string& why);
+  void choose_for_check(const std::string& signed_proposal, const std::string& answer);
+  void run_checks();
+  void learn_height();
+  void check(const std::string& signed_proposal, const std::string& answer);
+
+  static constexpr std::size_t max_checks = 16;  // the peer is slow: further ones are left out, and counted
+
+  const int check_one_in_;
+  const std::function<void(const std::string&)> on_failure_;
+  std::unique_ptr<fabric::PeerQuestions> peer_;
+
+  mutable std::mutex mutex_;  // guards what follows
+  std::condition_variable checks_wake_, ready_wakes_;
+  Core core_;
+  bool connected_ = false, failed_ = false, stopping_ = false;
+  bool height_known_ = false;  // of the peer, since the stream has begun
+  std::uint64_t peers_height_ = 0;
+  struct Check {
+    std::string signed_proposal, answer;
+  };
+  std::deque<Check> checks_;
+  std::mt19937_64 random_;
+  Counts counts_;
+
+  std::unique_ptr<fabric::Client> client_;
+  std::thread checker_;
+  std::unique_ptr<fabric::Client::Stream> stream_;  // last: its callbacks use all of the above
+};
+
+}  // namespace ledgerline::endorser

@@ -1,0 +1,18 @@
+#pragma once
+#include <string>
+
+#include "common/config/config.hpp"
+
+namespace ledgerline::endorser {
+
+/// The tables [serve] and [output].
+struct Settings {
+  std::string listen;           ///< ADDRESS:PORT; port 0: a free one
+  std::string tls_certificate;  ///< PEM files of its own server
+  std::string tls_key;
+  int check_one_in = 100;  ///< of so many answers one is asked of the peer, too
+  std::string summary;     ///< empty: none is written
+};
+Settings read_settings(Config& config);
+
+}  // namespace ledgerline::endorser

@@ -1,0 +1,29 @@
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "common/fabric/client/client.hpp"
+
+namespace ledgerline::fabric {
+
+/// What a program asks the peer of its config directly, waiting at most the config's deadline: not a call of its own, but
+/// about the peer. Any thread.
+class PeerQuestions {
+ public:
+  static Result<std::unique_ptr<PeerQuestions>> create(ClientConfig config);
+  ~PeerQuestions();
+
+  /// The peer's protos.ProposalResponse to somebody's protos.SignedProposal.
+  Result<std::string> propose(std::string_view signed_proposal);
+  /// How many blocks the peer has of the channel.
+  Result<std::uint64_t> height();
+
+ private:
+  struct State;
+  explicit PeerQuestions(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,157 @@
+#include "chaincode/endorser/core/core.hpp"
+
+#include <gmock/gmock.h>
+
+#include <random>
+
+#include "chaincode/endorser/core/comparison.hpp"
+#include "peer/proposal_response.pb.h"
+#include "tests/unit/chaincode/node/core/fake_network.hpp"
+
+namespace ledgerline::endorser {
+namespace {
+
+using node::Code;
+using node::enroll_call;
+using node::note;
+using node::Reply;
+using ::testing::HasSubstr;
+
+fabric::BlockJudge::MakeRegistry test_members() {
+  return [](const std::vector<crypto::MspRoot>& roots) {
+    std::vector<std::string> ids;
+    for (const crypto::MspRoot& root : roots) ids.push_back(root.msp_id);
+    return crypto::make_test_registry(ids);
+  };
+}
+
+/// Beside the embedded node, whose blocks it takes.
+class OwnEndorserTest : public ::testing::Test {
+ protected:
+  OwnEndorserTest() {
+    net.submit(net.admin1, "enroll", enroll_call(net.host.name, {"tello1"}));
+    follow();
+  }
+  static node::CoreConfig with_orderers() {
+    node::CoreConfig config;
+    config.orderers = {"OrdererMSP", "ca of OrdererMSP"};
+    return config;
+  }
+
+  void follow() {
+    while (core.height() < net.chain.size()) {
+      const std::string& raw = net.chain[core.height()];
+      const Status taken = core.take(*fabric::decode_block(raw), raw);
+      ASSERT_TRUE(taken.ok()) << taken.error().what;
+    }
+  }
+  Reply ask(const fabric::Proposal& proposal) { return core.process_proposal(proposal.signed_proposal, net.now); }
+  Comparison beside_the_node(const fabric::Proposal& proposal) {
+    const Reply own = ask(proposal), nodes = net.core->process_proposal(proposal.signed_proposal, net.now);
+    EXPECT_EQ(own.code, nodes.code) << own.message << " " << nodes.message;
+    return own.code == Code::ok ? compare(own.bytes, nodes.bytes)
+                                : (own.message == nodes.message ? Comparison::same : Comparison::differ);
+  }
+
+  node::FakeNetwork net{with_orderers()};
+  const crypto::SigningIdentity identity = crypto::make_test_identity({"Org1MSP", "CN=peer1"});
+  Core core{{{}, identity, test_members()}};
+};
+
+TEST_F(OwnEndorserTest, AnswersAsThePeerAndSignsItself) {
+  const auto proposal = net.propose(net.host, "set", note("tello1/a"));
+  EXPECT_EQ(beside_the_node(proposal), Comparison::same);
+  protos::ProposalResponse response;
+  ASSERT_TRUE(response.ParseFromString(ask(proposal).bytes));
+  EXPECT_EQ(response.endorsement().endorser(), identity.serialized);
+  // It counts where a majority endorses, beside another organisation's peer.
+  protos::ProposalResponse second;
+  second.ParseFromString(net.core->process_proposal(proposal.signed_proposal, net.now, 1).bytes);
+  const auto envelope = fabric::assemble(proposal, {response.SerializeAsString(), second.SerializeAsString()});
+  ASSERT_TRUE(envelope.ok()) << envelope.error().what;
+  EXPECT_EQ(net.core->order(*fabric::sign_envelope(net.host, *envelope), net.now).code, Code::ok);
+  EXPECT_EQ(net.commit(), std::vector<int>{0});
+}
+
+TEST_F(OwnEndorserTest, RandomProposalsAreAnsweredAsByThePeer) {
+  std::mt19937 random(7);
+  const std::vector<const crypto::SigningIdentity*> people{&net.host, &net.pilot, &net.admin1, &net.admin2};
+  const std::vector<std::string> functions{"set",  "get",    "delete", "acquire", "release",
+                                           "stop", "enroll", "grant",  "none"};
+  const auto one_of = [&](const auto& all) { return all[random() % all.size()]; };
+  int refused = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const std::string function = one_of(functions),
+                      id = std::string(random() % 4 == 0 ? "tello2" : "tello1") + "/x" + std::to_string(random() % 4);
+    const std::string arg =
+        function == "set" ? note(id, std::to_string(i)) : one_of(std::vector<std::string>{id, "tello1", "", "?"});
+    const crypto::SigningIdentity& who = random() % 3 != 0 ? net.host : *one_of(people);
+    const auto proposal = net.propose(who, function, arg);
+    ASSERT_EQ(beside_the_node(proposal), Comparison::same) << function << " " << arg;
+    const Reply reply = net.core->endorse(proposal.signed_proposal, net.now);
+    if (reply.code != Code::ok) {
+      ++refused;
+      continue;
+    }
+    if (random() % 3 != 0) continue;
+    net.core->order(*fabric::sign_envelope(who, reply.bytes), net.now);
+    net.commit();
+    follow();
+    ASSERT_EQ(beside_the_node(proposal), Comparison::same) << "a transaction that was there before";
+  }
+  EXPECT_GT(refused, 100);
+  EXPECT_LT(refused, 900);
+}
+
+TEST_F(OwnEndorserTest, ABehindStateIsOneThatHasReadOtherVersions) {
+  net.submit(net.host, "set", note("tello1/a", "1"));
+  follow();
+  net.submit(net.host, "set", note("tello1/a", "2"));
+  EXPECT_EQ(beside_the_node(net.propose(net.host, "get", "tello1/a")), Comparison::other_state);
+  follow();
+  EXPECT_EQ(beside_the_node(net.propose(net.host, "get", "tello1/a")), Comparison::same);
+}
+
+TEST_F(OwnEndorserTest, ATamperedAnswerDiffers) {
+  const auto proposal = net.propose(net.host, "set", note("tello1/a"));
+  const std::string own = ask(proposal).bytes;
+  protos::ProposalResponse other;
+  ASSERT_TRUE(other.ParseFromString(own));
+  other.mutable_response()->set_message("all is well");
+  EXPECT_EQ(compare(own, other.SerializeAsString()), Comparison::differ);
+  const std::string elsewhere = ask(net.propose(net.host, "set", note("tello1/b"))).bytes;
+  EXPECT_EQ(compare(own, "no message of any kind"), Comparison::differ);
+  protos::ProposalResponse mixed;
+  ASSERT_TRUE(mixed.ParseFromString(elsewhere));
+  EXPECT_NE(compare(own, elsewhere), Comparison::same);
+}
+
+TEST_F(OwnEndorserTest, HistoryIsAPeersToTell) {
+  net.submit(net.host, "set", note("tello1/a"));
+  follow();
+  EXPECT_EQ(ask(net.propose(net.host, "history", "tello1/a")).code, Code::unavailable);
+}
+
+TEST_F(OwnEndorserTest, ABlockOutOfTurnIsRefused) {
+  net.submit(net.host, "set", note("tello1/a"));
+  net.submit(net.host, "set", note("tello1/b"));
+  const std::string& last = net.chain.back();
+  const Status taken = core.take(*fabric::decode_block(last), last);
+  ASSERT_FALSE(taken.ok());
+  EXPECT_THAT(taken.error().what, HasSubstr("where 2 was due"));
+  follow();
+}
+
+TEST_F(OwnEndorserTest, StrangersWrongSignaturesAndDuplicatesAreRefusedInThePeersWords) {
+  const auto stranger = crypto::make_test_identity({"Org9MSP", "CN=x"});
+  EXPECT_EQ(beside_the_node(net.propose(stranger, "get", "tello1/a")), Comparison::same);
+  EXPECT_EQ(ask(net.propose(stranger, "get", "tello1/a")).code, Code::unknown);
+  protos::SignedProposal wrong;
+  wrong.ParseFromString(net.propose(net.host, "set", note("tello1/a")).signed_proposal);
+  wrong.set_signature("wrong");
+  EXPECT_EQ(core.process_proposal(wrong.SerializeAsString(), net.now).code, Code::unknown);
+  EXPECT_EQ(core.process_proposal("no proposal", net.now).code, Code::unknown);
+}
+
+}  // namespace
+}  // namespace ledgerline::endorser
