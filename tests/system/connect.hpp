@@ -10,15 +10,23 @@
 
 namespace ledgerline {
 
-/// A client of the contract, for a program that tests drive, of a config file with [ledger]; ends the program if there is
-/// none.
-inline std::unique_ptr<fabric::Client> connect(const std::string& path) {
-  auto config = Config::load(path);
-  auto ledger = config ? fabric::ledger_config(*config) : Result<fabric::ClientConfig>(config.error());
-  auto client = ledger ? fabric::Client::create(belief::for_contract(std::move(*ledger))) : ledger.error();
-  if (client) return std::move(*client);
-  std::fprintf(stderr, "%s: %s\n", path.c_str(), client.error().what.c_str());
+/// For programs that tests drive: what the file says, or the program's end.
+template <typename T>
+T or_end(const std::string& path, Result<T> made) {
+  if (made) return std::move(*made);
+  std::fprintf(stderr, "%s: %s\n", path.c_str(), made.error().what.c_str());
   std::exit(1);
+}
+
+/// The [ledger] of a config file.
+inline fabric::ClientConfig ledger_of(const std::string& path) {
+  auto config = Config::load(path);
+  return or_end(path, config ? fabric::ledger_config(*config) : Result<fabric::ClientConfig>(config.error()));
+}
+
+/// A client of the contract, of a config file with [ledger].
+inline std::unique_ptr<fabric::Client> connect(const std::string& path) {
+  return or_end(path, fabric::Client::create(belief::for_contract(ledger_of(path))));
 }
 
 }  // namespace ledgerline

@@ -80,6 +80,8 @@ std::string orderer_name(const std::string& program, std::size_t i) {
   return fmt::format("{}-orderer{}", program, i + 1);
 }
 
+std::string own_endorser_name(const std::string& program) { return program + "-endorser"; }
+
 std::string endorser_name(const std::string& program, std::size_t organisation) {
   return fmt::format("{}-endorser{}", program, organisation);
 }
@@ -164,6 +166,16 @@ Status write_local_configs(const RunFiles& files, const Options& options) {
   return write_file(files.config("local"), local);
 }
 
+Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places) {
+  const std::string own = organisation_dir(files, 1) + "/peers/endorser0.org1.ledgerline";
+  return write_file(
+      files.config("endorser"),
+      fmt::format("[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nmsp_id = \"Org1MSP\"\nmsp_dir = "
+                  "\"{}/msp\"\n{}\n[serve]\ntls_certificate = \"{}/tls/server.crt\"\ntls_key = "
+                  "\"{}/tls/server.key\"\n\n[output]\nsummary = \"{}\"\n",
+                  places.endpoint, tls_ca(files, 1), own, anchor_line(files), own, own, files.summary("endorser")));
+}
+
 Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerPlaces& places) {
   std::string text = fmt::format("[proxy]\nseed = {}\nfaults = \"{}\"\nsummary = \"{}\"\nsource = \"{}\"\n",
                                  options.seed, files.in("faults.sock"), files.summary(proxy_name), proxy_address);
@@ -178,13 +190,19 @@ Status write_proxy_config(const RunFiles& files, const Options& options, const L
     server(program, places.endpoint);
     for (std::size_t i = 0; i < places.orderers.size(); ++i) server(orderer_name(program, i), places.orderers[i]);
     for (std::size_t k = 2; k <= places.peers.size(); ++k) server(endorser_name(program, k), places.peers[k - 1]);
+    if (!places.own_endorser.empty()) server(own_endorser_name(program), places.own_endorser);
   }
   return write_file(files.config(proxy_name), text);
 }
 
 Status write_configs(const RunFiles& files, const Options& options, const LedgerPlaces& places,
                      const Proxied& proxied) {
-  const auto& [endpoint, orderers, peers] = places;
+  const std::string& endpoint = places.endpoint;
+  const std::vector<std::string>& orderers = places.orderers;
+  const auto endorser = [&](int organisation, const std::string& at) {
+    return fmt::format("[[endorser]]\nmsp_id = \"Org{}MSP\"\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n", organisation, at,
+                       tls_ca(files, organisation));
+  };
   const auto direct = [&](const std::string& program) {
     std::string tables;
     for (std::size_t i = 0; !options.gateway && i < orderers.size(); ++i) {
@@ -192,11 +210,12 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
                             place(proxied, orderer_name(program, i), orderers[i]),
                             files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"));
     }
+    if (!places.own_endorser.empty())
+      tables += endorser(1, place(proxied, own_endorser_name(program), places.own_endorser));
     for (std::size_t k = 1; !options.gateway && k <= places.peers.size(); ++k) {
       const std::string at = k == 1 ? place(proxied, program, places.endpoint)
                                     : place(proxied, endorser_name(program, k), places.peers[k - 1]);
-      tables += fmt::format("[[endorser]]\nmsp_id = \"Org{}MSP\"\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n", k, at,
-                            tls_ca(files, static_cast<int>(k)));
+      tables += endorser(static_cast<int>(k), at);
     }
     return tables;
   };

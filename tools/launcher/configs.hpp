@@ -42,7 +42,11 @@ struct LedgerPlaces {
   std::string endpoint;               ///< of the node, or of the peer of the drones' organisation
   std::vector<std::string> orderers;  ///< of Fabric, for the direct path
   std::vector<std::string> peers;     ///< one of each organisation; the first is `endpoint`
+  std::string own_endorser{};         ///< of the drones' organisation; empty: it has none but its peer
 };
+
+/// Writes endorser.toml, for the endorser of the drones' organisation.
+Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places);
 
 /// Writes the proxy's config: every drone, and for agent and ground a server of their own for each of `places`. The
 /// ready line tells their ports.

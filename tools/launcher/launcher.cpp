@@ -37,6 +37,7 @@ std::vector<std::string> programs_of(const Options& options) {
   const std::string ledger = ledger_program(options), controller = controller_program(options);
   if (ledger.empty()) return {"roudi", "sim", "link", controller};
   std::vector<std::string> names{"roudi", ledger, "sim", "link", "agent", controller};
+  if (options.endorser) names.push_back("endorser");
   if (options.proxy) names.push_back(proxy_name);
   return names;
 }
@@ -187,7 +188,10 @@ Status Launcher::prepare_ledger() {
       all.push_back(one.is_string() ? one.get<std::string>() : "");
     return all;
   };
-  const LedgerPlaces places{ready["endpoint"], texts("orderers"), texts("peers")};
+  LedgerPlaces places{ready["endpoint"], texts("orderers"), texts("peers")};
+  if (options_.endorser) {
+    if (auto s = start_endorser(places); !s) return s;
+  }
   Proxied proxied;
   if (options_.proxy) {
     if (auto s = start_proxy(places, proxied); !s) return s;
@@ -208,6 +212,16 @@ Status Launcher::prepare_ledger() {
   acquire.insert(acquire.end(), names.begin(), names.end());
   if (auto s = run_to_end("control-enroll", enroll); !s) return s;
   return run_to_end("control-acquire", acquire);
+}
+
+Status Launcher::start_endorser(LedgerPlaces& places) {
+  if (auto s = write_endorser_config(files_, places); !s) return s;
+  if (auto s = start("endorser", {files_.config("endorser")}); !s) return s;
+  if (auto s = wait_ready({"endorser"}); !s) return s;
+  const json ready = json::parse(ready_["endorser"], nullptr, false);
+  places.own_endorser = ready.is_object() ? ready.value("endpoint", "") : "";
+  if (places.own_endorser.empty()) return Error{"the endorser did not say where it listens: " + ready_["endorser"]};
+  return done;
 }
 
 Status Launcher::start_proxy(const LedgerPlaces& places, Proxied& proxied) {
@@ -290,6 +304,11 @@ Status Launcher::fly() {
       ended_early(name);
       if (result) result = Error{crash_of(name, "during the flight")};
     }
+    if (options_.endorser && !endorser_gone_ && !children_.running("endorser")) {
+      endorser_gone_ = true;
+      ended_early("endorser");
+      live_.say(fmt::format("endorser {}: the peer endorses in its place", children_.how_it_ended("endorser")));
+    }
     if (flying && result) result = supervise_onboard(now_ns);
     flying = flying && result;
     if (interrupts_ > interrupts_seen && flying) {
@@ -364,7 +383,7 @@ void Launcher::recycle_shared_memory() {
 
 // Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
 void Launcher::stop_all(bool landed) {
-  std::vector<std::string> order{controller_, "agent", "link", proxy_name, "sim", ledger_, "roudi"};
+  std::vector<std::string> order{controller_, "agent", "link", proxy_name, "endorser", "sim", ledger_, "roudi"};
   if (!landed && !hurry() && children_.running("link") && children_.running("sim") && live_.anything_in_air()) {
     live_.say("Landing all drones");
     children_.signal("link", SIGTERM);

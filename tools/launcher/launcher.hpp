@@ -60,6 +60,7 @@ class Launcher {
   Status start(const std::string& name, std::vector<std::string> arguments);
   Status wait_ready(const std::vector<std::string>& names);
   Status run_to_end(const std::string& name, std::vector<std::string> arguments);
+  Status start_endorser(LedgerPlaces& places);
   Status start_proxy(const LedgerPlaces& places, Proxied& proxied);
   Status fly();
   void write_usage(const timing::UsageRecord& usage);
@@ -84,8 +85,9 @@ class Launcher {
   std::map<std::string, std::string> ready_;  ///< the line that a program said it serves with
   RunRecord record_;
   std::map<std::string, double> cpu_at_begin_;
-  std::vector<Onboard> onboard_;                 ///< in the order of their start: RouDi before those that need it
-  bool chunks_leaked_ = false;                   ///< as RouDi says
+  std::vector<Onboard> onboard_;  ///< in the order of their start: RouDi before those that need it
+  bool chunks_leaked_ = false;    ///< as RouDi says
+  bool endorser_gone_ = false;
   bool link_given_up_ = false;                   ///< killed here, for a new RouDi
   const std::string ledger_;                     ///< the process that is the ledger: node or fabric; empty: none
   const std::string controller_;                 ///< ground; local without a ledger

@@ -116,6 +116,8 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
       .shows_default();
   line.flag("--ca", o.ca, "Fabric: identities from fabric-ca, one server an organisation");
   line.flag("--gateway", o.gateway, "Fabric: transactions through the gateway instead of the direct path");
+  line.flag("--endorser", o.endorser,
+            "Fabric: the drones' organisation endorses by an endorser of its own, and by its peer where that is gone");
   line.option("--crypto", words.crypto, "What signs and verifies in agent and ground")
       .one_of({"libcrypto", "mbedtls"})
       .shows_default();
@@ -168,6 +170,8 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--believe-peer", ledger, of_a_ledger},
       {"--ca", fabric, "goes with --ledger fabric: the embedded ledger issues its identities itself"},
       {"--proxy", ledger, "stands between drones and a ledger: it does not go with --ledger none"},
+      {"--endorser", fabric && !o.gateway,
+       "goes with --ledger fabric and the direct path: the embedded ledger endorses within itself"},
       {"--gateway", fabric, "goes with --ledger fabric: the embedded ledger is one process"},
       {"--laps", !o.manual, "goes with a path: a manual flight lasts until Ctrl-C, or for --seconds"},
       {"--predict", !o.manual, of_a_path},

@@ -32,6 +32,7 @@ struct Options {
   bool ca = false;            ///< Fabric's identities come from fabric-ca
   bool gateway = false;       ///< Fabric: transactions through the gateway, not the direct path
   bool mbedtls = false;       ///< signs and verifies in agent and ground, in libcrypto's place
+  bool endorser = false;      ///< Fabric: the drones' organisation has an endorser of its own beside its peer
   bool believe_peer = false;  ///< agent and ground have no trust anchor: what their peer says is not judged
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;

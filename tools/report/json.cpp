@@ -61,6 +61,7 @@ json to_json(const Results& r) {
              {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
              {"batch_count", r.asked.batch_count},
              {"believe_peer", r.asked.believe_peer},
+             {"endorser", r.asked.endorser},
              {"gateway", r.asked.gateway},
              {"crypto", r.asked.mbedtls ? "mbedtls" : "libcrypto"},
              {"proxy", r.asked.proxy},
