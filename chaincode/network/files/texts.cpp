@@ -12,6 +12,8 @@ namespace {
 using identities::domain_of;
 using identities::msp_id_of;
 
+constexpr const char* orderer_msp = "OrdererMSP";
+
 std::string organisation_yaml(const std::string& name, const std::string& msp_dir, const std::string& more) {
   return fmt::format(R"yaml(  - &{0}
     Name: {0}
@@ -26,14 +28,24 @@ std::string organisation_yaml(const std::string& name, const std::string& msp_di
                      name, msp_dir, more);
 }
 
-std::string policies(int indent, const std::vector<std::pair<std::string, std::string>>& more) {
+std::string implicit(const std::string& rule) { return fmt::format("{{Type: ImplicitMeta, Rule: \"{}\"}}", rule); }
+
+/// Of organisations as one Signature policy, which costs one verification of the creator's signature. "ANY Writers" tries
+/// the organisations' own policies one after the other, in an order that each start of a process draws anew, and each of
+/// them verifies again.
+std::string any_member(const std::vector<std::string>& msp_ids) {
+  std::string members;
+  for (const std::string& id : msp_ids) members += fmt::format("{}'{}.member'", members.empty() ? "" : ", ", id);
+  return fmt::format("{{Type: Signature, Rule: \"OR({})\"}}", members);
+}
+
+std::string policies(int indent, const std::string& writers,
+                     const std::vector<std::pair<std::string, std::string>>& more) {
   std::vector<std::pair<std::string, std::string>> all{
-      {"Readers", "ANY Readers"}, {"Writers", "ANY Writers"}, {"Admins", "MAJORITY Admins"}};
+      {"Readers", implicit("ANY Readers")}, {"Writers", writers}, {"Admins", implicit("MAJORITY Admins")}};
   all.insert(all.end(), more.begin(), more.end());
   std::string text;
-  for (const auto& [name, rule] : all) {
-    text += fmt::format("{:{}}{}: {{Type: ImplicitMeta, Rule: \"{}\"}}\n", "", indent, name, rule);
-  }
+  for (const auto& [name, policy] : all) text += fmt::format("{:{}}{}: {}\n", "", indent, name, policy);
   return text;
 }
 
@@ -47,6 +59,7 @@ Authorities authorities(const Options& options, const ListenAddresses& places) {
 
 std::string configtx_yaml(const Options& options, const ListenAddresses& places) {
   std::string organisations, members, endpoints, consenters;
+  std::vector<std::string> application;
   for (int k = 1; k <= options.orderers; ++k) {
     const auto dir = identities::orderer_dir(options.dir, k);
     const ListenAddress& place = places.orderers[static_cast<std::size_t>(k - 1)];
@@ -54,7 +67,7 @@ std::string configtx_yaml(const Options& options, const ListenAddresses& places)
     consenters += fmt::format("        - {{Host: {}, Port: {}, ClientTLSCert: {}, ServerTLSCert: {}}}\n", place.host,
                               place.port, tls_file(dir, "server.crt"), tls_file(dir, "server.crt"));
   }
-  organisations += organisation_yaml("OrdererMSP", identities::ordering_dir(options.dir) / "msp",
+  organisations += organisation_yaml(orderer_msp, identities::ordering_dir(options.dir) / "msp",
                                      "    OrdererEndpoints:\n" + endpoints);
   for (int k = 1; k <= identities::organisations; ++k) {
     const ListenAddress& place = places.organisations[static_cast<std::size_t>(k - 1)];
@@ -62,9 +75,13 @@ std::string configtx_yaml(const Options& options, const ListenAddresses& places)
         organisation_yaml(msp_id_of(k), identities::organisation_dir(options.dir, k) / "msp",
                           fmt::format("    AnchorPeers:\n      - {{Host: {}, Port: {}}}\n", place.host, place.port));
     members += fmt::format("        - *{}\n", msp_id_of(k));
+    application.push_back(msp_id_of(k));
   }
+  std::vector<std::string> everybody = application;
+  everybody.insert(everybody.begin(), orderer_msp);
   // A leader that is gone is missed after 1 s (Raft's ElectionTick x TickInterval).
-  return fmt::format(R"yaml(Organizations:
+  return fmt::format(
+      R"yaml(Organizations:
 {organisations}Profiles:
   Ledgerline:
     Policies:
@@ -85,13 +102,14 @@ std::string configtx_yaml(const Options& options, const ListenAddresses& places)
 {members}      Policies:
 {application_policies}      Capabilities: {{V2_5: true}}
 )yaml",
-                     fmt::arg("organisations", organisations), fmt::arg("policies", policies(6, {})),
-                     fmt::arg("timeout_us", options.batch_timeout_ns / ns_per_us),
-                     fmt::arg("count", options.batch_count), fmt::arg("bytes", options.batch_bytes),
-                     fmt::arg("consenters", consenters), fmt::arg("members", members),
-                     fmt::arg("ordering_policies", policies(8, {{"BlockValidation", "ANY Writers"}})),
-                     fmt::arg("application_policies", policies(8, {{"LifecycleEndorsement", "MAJORITY Endorsement"},
-                                                                   {"Endorsement", "MAJORITY Endorsement"}})));
+      fmt::arg("organisations", organisations), fmt::arg("policies", policies(6, any_member(everybody), {})),
+      fmt::arg("timeout_us", options.batch_timeout_ns / ns_per_us), fmt::arg("count", options.batch_count),
+      fmt::arg("bytes", options.batch_bytes), fmt::arg("consenters", consenters), fmt::arg("members", members),
+      fmt::arg("ordering_policies",
+               policies(8, implicit("ANY Writers"), {{"BlockValidation", implicit("ANY Writers")}})),
+      fmt::arg("application_policies", policies(8, any_member(application),
+                                                {{"LifecycleEndorsement", implicit("MAJORITY Endorsement")},
+                                                 {"Endorsement", implicit("MAJORITY Endorsement")}})));
 }
 
 std::vector<std::string> orderer_environment(const Options& options, const ListenAddresses& places, int number) {
@@ -102,11 +120,12 @@ std::vector<std::string> orderer_environment(const Options& options, const Liste
                     ca = tls_file(own, "ca.crt");
   return {"FABRIC_CFG_PATH=" + options.tools + "/config", "FABRIC_LOGGING_SPEC=warn",
           "ORDERER_GENERAL_LISTENADDRESS=" + place.host, fmt::format("ORDERER_GENERAL_LISTENPORT={}", place.port),
-          "ORDERER_GENERAL_LOCALMSPID=OrdererMSP", "ORDERER_GENERAL_LOCALMSPDIR=" + (own / "msp").string(),
-          "ORDERER_GENERAL_BOOTSTRAPMETHOD=none", "ORDERER_GENERAL_TLS_ENABLED=true",
-          "ORDERER_GENERAL_TLS_PRIVATEKEY=" + key, "ORDERER_GENERAL_TLS_CERTIFICATE=" + certificate,
-          "ORDERER_GENERAL_TLS_ROOTCAS=[" + ca + "]", "ORDERER_GENERAL_CLUSTER_CLIENTPRIVATEKEY=" + key,
-          "ORDERER_GENERAL_CLUSTER_CLIENTCERTIFICATE=" + certificate, "ORDERER_GENERAL_CLUSTER_ROOTCAS=[" + ca + "]",
+          fmt::format("ORDERER_GENERAL_LOCALMSPID={}", orderer_msp),
+          "ORDERER_GENERAL_LOCALMSPDIR=" + (own / "msp").string(), "ORDERER_GENERAL_BOOTSTRAPMETHOD=none",
+          "ORDERER_GENERAL_TLS_ENABLED=true", "ORDERER_GENERAL_TLS_PRIVATEKEY=" + key,
+          "ORDERER_GENERAL_TLS_CERTIFICATE=" + certificate, "ORDERER_GENERAL_TLS_ROOTCAS=[" + ca + "]",
+          "ORDERER_GENERAL_CLUSTER_CLIENTPRIVATEKEY=" + key, "ORDERER_GENERAL_CLUSTER_CLIENTCERTIFICATE=" + certificate,
+          "ORDERER_GENERAL_CLUSTER_ROOTCAS=[" + ca + "]",
           // A leader that is gone holds up what is forwarded to it for as long.
           "ORDERER_GENERAL_CLUSTER_RPCTIMEOUT=1s", "ORDERER_GENERAL_CLUSTER_DIALTIMEOUT=1s",
           "ORDERER_CHANNELPARTICIPATION_ENABLED=true", "ORDERER_ADMIN_LISTENADDRESS=" + places.orderer_admin(number),

@@ -1,0 +1,48 @@
+#include "chaincode/network/files/texts.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace ledgerline::fabric_network {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+class TextsTest : public testing::Test {
+ protected:
+  TextsTest() { options.dir = "/net"; }
+  ListenAddresses places() const { return places_from(options, 7000); }
+  /// The part of configtx.yaml between two of its lines.
+  std::string between(const std::string& begin, const std::string& end) const {
+    const std::string yaml = configtx_yaml(options, places());
+    const auto from = yaml.find(begin), to = yaml.find(end, from);
+    EXPECT_NE(from, std::string::npos) << begin;
+    EXPECT_NE(to, std::string::npos) << end;
+    return yaml.substr(from, to - from);
+  }
+  Options options;
+};
+
+TEST_F(TextsTest, WhoWritesToTheChannelIsOnePolicyWithOneSignature) {
+  EXPECT_THAT(
+      between("  Ledgerline:\n", "    Orderer:\n"),
+      HasSubstr("      Writers: {Type: Signature, Rule: \"OR('OrdererMSP.member', 'Org1MSP.member', 'Org2MSP.member', "
+                "'Org3MSP.member')\"}\n"));
+}
+
+TEST_F(TextsTest, WhoWritesToTheApplicationIsOnePolicyWithoutTheOrderers) {
+  EXPECT_THAT(between("    Application:\n", "Capabilities"),
+              HasSubstr("        Writers: {Type: Signature, Rule: \"OR('Org1MSP.member', 'Org2MSP.member', "
+                        "'Org3MSP.member')\"}\n"));
+}
+
+TEST_F(TextsTest, OnlyTheOrderersSignBlocks) {
+  const std::string ordering = between("    Orderer:\n", "    Application:\n");
+  EXPECT_THAT(ordering, HasSubstr("        Writers: {Type: ImplicitMeta, Rule: \"ANY Writers\"}\n"));
+  EXPECT_THAT(ordering, HasSubstr("        BlockValidation: {Type: ImplicitMeta, Rule: \"ANY Writers\"}\n"));
+  EXPECT_THAT(ordering, Not(HasSubstr("Org1MSP")));
+}
+
+}  // namespace
+}  // namespace ledgerline::fabric_network
