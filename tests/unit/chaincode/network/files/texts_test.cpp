@@ -6,6 +6,7 @@
 namespace ledgerline::fabric_network {
 namespace {
 
+using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -42,6 +43,16 @@ TEST_F(TextsTest, OnlyTheOrderersSignBlocks) {
   EXPECT_THAT(ordering, HasSubstr("        Writers: {Type: ImplicitMeta, Rule: \"ANY Writers\"}\n"));
   EXPECT_THAT(ordering, HasSubstr("        BlockValidation: {Type: ImplicitMeta, Rule: \"ANY Writers\"}\n"));
   EXPECT_THAT(ordering, Not(HasSubstr("Org1MSP")));
+}
+
+TEST_F(TextsTest, APeerAsksOrderersThatWereGoneForLongAgainWithinASecond) {
+  EXPECT_THAT(peer_environment(options, places(), 1),
+              Contains("CORE_PEER_DELIVERYCLIENT_RECONNECTBACKOFFTHRESHOLD=1s"));
+}
+
+TEST_F(TextsTest, BurstsAreLongerThanFabricsDefaults) {
+  EXPECT_THAT(peer_environment(options, places(), 1), Contains("CORE_PEER_GOSSIP_STATE_BLOCKBUFFERSIZE=200"));
+  EXPECT_THAT(configtx_yaml(options, places()), HasSubstr("MaxInflightBlocks: 50,"));
 }
 
 }  // namespace
