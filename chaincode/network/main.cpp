@@ -319,6 +319,7 @@ void add_network_options(Verb verb, Wish& wish) {
       .shows_default();
   verb.option("--batch-count", options.batch_count, "or with this many transactions").within(1, 10'000).shows_default();
   verb.flag("--ca", options.ca, "Identities from fabric-ca, one server an organisation, that can be revoked");
+  verb.flag("!--no-history", options.history, "This host's peers keep no history database: `history` fails there");
   verb.option("--signature-policy", options.signature_policy,
               "Of the contract's definition; none: a majority endorses");
 }

@@ -36,6 +36,9 @@ Result<Options> read_options(Config& config, Options options) {
       options.signature_policy);
   options.ca =
       config.boolean({"ca", "identities from fabric-ca; on one host alone, so without [[organisation]]"}, options.ca);
+  options.history = config.boolean(
+      {"history", "the peers' history database; without it `history` fails, and blocks are told earlier"},
+      options.history);
   options.batch_count = static_cast<int>(config.integer(
       {"batch_count", "a block is cut with so many transactions: 1 is the fastest, the published flights had 10"},
       options.batch_count, 1, 10'000));

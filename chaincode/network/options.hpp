@@ -39,6 +39,8 @@ struct Options {
   /// because 2.5.0 may hang when it comes in parts (issue 4199 of hyperledger/fabric; OrdererWatch).
   std::uint64_t batch_bytes = 10'000'000;
   bool ca = false;  ///< identities from fabric-ca, one an organisation; on one host alone
+  /// Of this host's peers: without it the contract's `history` fails there, and a block's event leaves earlier.
+  bool history = true;
   /// Of the contract's definition, in Fabric's words; empty: the channel's, a majority.
   std::string signature_policy{};
 

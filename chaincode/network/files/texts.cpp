@@ -158,7 +158,7 @@ std::vector<std::string> peer_environment(const Options& options, const ListenAd
           "CORE_PEER_MSPCONFIGPATH=" + (own / "msp").string(),
           "CORE_PEER_FILESYSTEMPATH=" + data,
           "CORE_LEDGER_SNAPSHOTS_ROOTDIR=" + data + "/snapshots",
-          "CORE_LEDGER_HISTORY_ENABLEHISTORYDATABASE=true",
+          fmt::format("CORE_LEDGER_HISTORY_ENABLEHISTORYDATABASE={}", options.history),
           "CORE_PEER_TLS_ENABLED=true",
           "CORE_PEER_TLS_KEY_FILE=" + tls_file(own, "server.key"),
           "CORE_PEER_TLS_CERT_FILE=" + tls_file(own, "server.crt"),

@@ -108,6 +108,21 @@ def test_up_twice_is_one_network_and_down_leaves_nothing_behind(tmp_path):
     assert living(net) == []
 
 
+def test_without_a_history_database_only_what_was_is_unknown_and_a_later_start_has_it_all(tmp_path):
+    net = tmp_path / "net"
+    ready = json.loads(up(net, "--no-history").stdout)
+    at = Peer(net, ready["endpoint"], 1, ready["orderers"][0], peers=ready["peers"])
+    at.invoke("teleop", "set", note("first"))
+    at.invoke("teleop", "set", note("second"))
+    assert '"second"' in at.query("teleop", "get", "tello1/note")
+    assert "history database is not enabled" in at.query("teleop", "history", "tello1/note")
+    assert fabric("down", "--dir", net).returncode == 0
+    assert up(net).returncode == 0
+    history = at.query("teleop", "history", "tello1/note")
+    assert '"first"' in history and '"second"' in history
+    assert fabric("down", "--dir", net).returncode == 0
+
+
 def test_what_is_killed_is_back_by_itself(tmp_path):
     net = Network(tmp_path / "net").wait_ready()
     at = Peer(net.directory, net.ready["endpoint"], 1, net.ready["orderers"][0], peers=net.ready["peers"])

@@ -101,6 +101,11 @@ TEST(FabricOptions, WhatDoesNotFitTogetherIsRefusedByName) {
               HasSubstr("places"));
 }
 
+TEST(FabricOptions, HistoryIsOnUnlessAFileTurnsItOff) {
+  EXPECT_TRUE(options_of("batch_count = 3\n")->history);
+  EXPECT_FALSE(options_of("history = false\n")->history);
+}
+
 TEST(FabricOptions, KeysThatNobodyKnowsAreRefused) {
   const auto options = options_of("batch_cuont = 3\n");
   ASSERT_FALSE(options.ok());

@@ -50,6 +50,12 @@ TEST_F(TextsTest, APeerAsksOrderersThatWereGoneForLongAgainWithinASecond) {
               Contains("CORE_PEER_DELIVERYCLIENT_RECONNECTBACKOFFTHRESHOLD=1s"));
 }
 
+TEST_F(TextsTest, APeerKeepsHistoryUnlessItIsTurnedOff) {
+  EXPECT_THAT(peer_environment(options, places(), 1), Contains("CORE_LEDGER_HISTORY_ENABLEHISTORYDATABASE=true"));
+  options.history = false;
+  EXPECT_THAT(peer_environment(options, places(), 1), Contains("CORE_LEDGER_HISTORY_ENABLEHISTORYDATABASE=false"));
+}
+
 TEST_F(TextsTest, BurstsAreLongerThanFabricsDefaults) {
   EXPECT_THAT(peer_environment(options, places(), 1), Contains("CORE_PEER_GOSSIP_STATE_BLOCKBUFFERSIZE=200"));
   EXPECT_THAT(configtx_yaml(options, places()), HasSubstr("MaxInflightBlocks: 50,"));
