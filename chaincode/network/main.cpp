@@ -314,6 +314,10 @@ void add_network_options(Verb verb, Wish& wish) {
   verb.option("--orderer", wish.orderers, "HOST:PORT of one, once or three times").one_at_a_time();
   verb.option("--only", options.only, "A part that this host runs: org1, orderer1, ...; all if none is named")
       .one_at_a_time();
+  verb.option("--background", options.background,
+              "An organisation for whom nobody on this host waits, org1, ...: peer and chaincode run at nice 19")
+      .one_at_a_time();
+  verb.flag("--short-slices", options.short_slices, "All other parts run in slices of 0.1 ms (Linux 6.12)");
   verb.option("--batch-timeout", wish.batch_timeout_ms, "Cut a block after this many ms")
       .within(1.0, 60'000.0)
       .shows_default();

@@ -54,18 +54,18 @@ Status Network::check_room() {
 
 Status Network::start_orderers_and_peers() {
   for (const int k : site_.own_orderers()) {
-    if (Status s =
-            site_.processes().start(fmt::format("orderer{}", k), site_.places().orderer(k), {site_.tool("orderer")},
-                                    orderer_environment(site_.options(), site_.places(), k));
+    if (Status s = site_.processes().start(
+            fmt::format("orderer{}", k), site_.places().orderer(k), {site_.tool("orderer")},
+            orderer_environment(site_.options(), site_.places(), k), site_.options().orderer_scheduling());
         !s) {
       return s;
     }
   }
   // Peers take a moment to start; meanwhile the orderers are asked to join.
   for (const int k : site_.own_organisations()) {
-    if (Status s = site_.processes().start(fmt::format("peer{}", k), site_.places().peer(k),
-                                           {site_.tool("peer"), "node", "start"},
-                                           peer_environment(site_.options(), site_.places(), k));
+    if (Status s = site_.processes().start(
+            fmt::format("peer{}", k), site_.places().peer(k), {site_.tool("peer"), "node", "start"},
+            peer_environment(site_.options(), site_.places(), k), site_.options().organisation_scheduling(k));
         !s) {
       return s;
     }

@@ -24,6 +24,11 @@ bool Options::runs(const std::string& part) const {
   return only.empty() || std::find(only.begin(), only.end(), part) != only.end();
 }
 
+Scheduling Options::organisation_scheduling(int number) const {
+  const bool waits = std::find(background.begin(), background.end(), fmt::format("org{}", number)) == background.end();
+  return waits ? orderer_scheduling() : Scheduling::background;
+}
+
 Result<Options> read_options(const std::string& file, Options options) {
   auto config = Config::load(file);
   if (!config) return config.error();
@@ -106,6 +111,11 @@ Status check(const Options& options) {
     for (int k = 1; k <= identities::organisations; ++k) known = known || part == fmt::format("org{}", k);
     for (int k = 1; k <= options.orderers; ++k) known = known || part == fmt::format("orderer{}", k);
     if (!known) return Error{fmt::format("there is no part \"{}\": org1 to org3, orderer1 ...", part)};
+  }
+  for (const std::string& part : options.background) {
+    bool known = false;
+    for (int k = 1; k <= identities::organisations; ++k) known = known || part == fmt::format("org{}", k);
+    if (!known) return Error{fmt::format("there is no organisation \"{}\" for the background: org1 to org3", part)};
   }
   if (options.several_hosts() && orderers == 0) {
     return Error{"parts on several hosts need the places of all: a file with [[organisation]] and [[orderer]]"};

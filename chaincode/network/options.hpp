@@ -7,6 +7,7 @@
 
 #include "common/base/result.hpp"
 #include "common/config/config.hpp"
+#include "common/process/scheduling.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric_network {
@@ -31,6 +32,8 @@ struct Options {
   std::vector<ListenAddress> organisation_places;  ///< empty, or of all organisations
   std::vector<ListenAddress> orderer_places;       ///< empty, or of all orderers
   std::vector<std::string> only;                   ///< parts that this host runs ("org1", "orderer2"); empty: all
+  std::vector<std::string> background;             ///< organisations ("org3") for whom nobody on this host waits
+  bool short_slices = false;                       ///< of all other parts here
   TimeNs patience_ns = 120 * ns_per_s;             ///< how long parts on other hosts are waited for
   std::vector<std::string> channels{"teleop"};
   int batch_count = 1;
@@ -46,6 +49,9 @@ struct Options {
 
   bool runs_organisation(int number) const { return runs("org" + std::to_string(number)); }
   bool runs_orderer(int number) const { return runs("orderer" + std::to_string(number)); }
+  /// Of its peer and its chaincode service.
+  Scheduling organisation_scheduling(int number) const;
+  Scheduling orderer_scheduling() const { return short_slices ? Scheduling::short_slices : Scheduling::inherited; }
   bool several_hosts() const { return !only.empty(); }
 
  private:

@@ -16,6 +16,7 @@
 #include <deque>
 #include <fstream>
 #include <sstream>
+#include <string_view>
 
 namespace ledgerline {
 namespace {
@@ -24,7 +25,7 @@ constexpr std::size_t max_line = 1 << 20;
 
 // Between fork and exec: only what may be called there.
 [[noreturn]] void become(char* const* command, char* const* environment, int output, int log, int death_signal,
-                         pid_t parent) {
+                         Scheduling scheduling, pid_t parent) {
   prctl(PR_SET_PDEATHSIG, death_signal);
   if (getppid() != parent) _exit(127);
   setpgid(0, 0);
@@ -33,6 +34,13 @@ constexpr std::size_t max_line = 1 << 20;
   sigprocmask(SIG_SETMASK, &none, nullptr);
   const int nothing = ::open("/dev/null", O_RDONLY);
   if (nothing < 0 || dup2(nothing, 0) < 0 || dup2(output, 1) < 0 || dup2(log, 2) < 0) _exit(127);
+  if (!enter_scheduling(scheduling)) {
+    constexpr std::string_view refused = "its scheduling is refused: ";
+    const char* why = std::strerror(errno);
+    (void)!::write(2, refused.data(), refused.size());
+    (void)!::write(2, why, std::strlen(why));
+    _exit(127);
+  }
   execve(command[0], command, environment);
   const char* why = std::strerror(errno);
   (void)!::write(2, why, std::strlen(why));
@@ -111,7 +119,9 @@ Status Children::start(const Program& program) {
   environment.push_back(nullptr);
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
-  if (pid == 0) become(command.data(), environment.data(), pipe[1], log, program.death_signal, parent);
+  if (pid == 0) {
+    become(command.data(), environment.data(), pipe[1], log, program.death_signal, program.scheduling, parent);
+  }
   ::close(pipe[1]);
   ::close(log);
   if (pid < 0) {

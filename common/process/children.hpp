@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/process/scheduling.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline {
@@ -22,6 +23,7 @@ class Children {
     std::string log;                            ///< file for standard error
     int death_signal;                           ///< what it gets when the launcher dies
     std::vector<std::string> environment = {};  ///< "NAME=value", beside the launcher's own
+    Scheduling scheduling = Scheduling::inherited;
   };
   struct Handlers {
     std::function<void(const std::string& name, const std::string& line)> on_line;

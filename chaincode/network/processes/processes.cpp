@@ -25,11 +25,15 @@ Processes::Processes(std::string logs, Restarts::Limits limits)
       }}) {}
 
 Status Processes::start(const std::string& name, const std::string& address, std::vector<std::string> command,
-                        std::vector<std::string> environment) {
-  services_.push_back({name, address, std::move(command), std::move(environment),
+                        std::vector<std::string> environment, Scheduling scheduling) {
+  services_.push_back({name, address, std::move(command), std::move(environment), scheduling,
                        Restarts(limits_, static_cast<std::uint64_t>(realtime_ns()) + services_.size())});
-  const Service& service = services_.back();
-  return children_.start({name, service.command, log_of(name), SIGTERM, service.environment});
+  return launch(services_.back());
+}
+
+Status Processes::launch(const Service& service) {
+  return children_.start(
+      {service.name, service.command, log_of(service.name), SIGTERM, service.environment, service.scheduling});
 }
 
 Status Processes::tend(TimeNs duration) {
@@ -63,7 +67,7 @@ Status Processes::restart_ended(Service& service) {
   }
   if (now < service.start_at) return done;
   service.start_at = 0;
-  return children_.start({service.name, service.command, log_of(service.name), SIGTERM, service.environment});
+  return launch(service);
 }
 
 void Processes::kill(const std::string& name) { children_.signal(name, SIGKILL); }

@@ -17,9 +17,9 @@ class Processes {
   /// `logs`: folder with a file for each.
   explicit Processes(std::string logs, Restarts::Limits limits = {});
 
-  /// `address`: for people, where it listens.
+  /// `address`: for people, where it listens. Started again it is scheduled as before.
   Status start(const std::string& name, const std::string& address, std::vector<std::string> command,
-               std::vector<std::string> environment);
+               std::vector<std::string> environment, Scheduling scheduling = Scheduling::inherited);
   void supervise() { supervising_ = true; }
   /// Looks after them for so long. An error, with the last lines of its log: one has ended, and is not started again.
   Status tend(TimeNs duration);
@@ -48,9 +48,11 @@ class Processes {
   struct Service {
     std::string name, address;
     std::vector<std::string> command, environment;
+    Scheduling scheduling;
     Restarts restarts;
     TimeNs start_at = 0;  ///< > 0: it has ended and waits
   };
+  Status launch(const Service& service);
   Status restart_ended(Service& service);
   std::string log_of(const std::string& name) const { return logs_ + "/" + name + ".log"; }
 

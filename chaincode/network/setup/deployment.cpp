@@ -66,7 +66,8 @@ Status Deployment::start_services() {
   for (const int k : site_.own_organisations()) {
     if (Status s = site_.processes().start(fmt::format("chaincode{}", k), site_.places().chaincode(k),
                                            {site_.options().chaincode},
-                                           chaincode_environment(site_.options(), site_.places(), k, package_ids_[k]));
+                                           chaincode_environment(site_.options(), site_.places(), k, package_ids_[k]),
+                                           site_.options().organisation_scheduling(k));
         !s) {
       return s;
     }

@@ -145,6 +145,21 @@ def test_what_is_killed_is_back_by_itself(tmp_path):
     assert net.log().count("starts again") == len(victims)
 
 
+def test_who_is_in_the_background_is_there_with_every_thread_and_keeps_up(tmp_path):
+    net = tmp_path / "net"
+    ready = json.loads(up(net, "--background", "org3", "--short-slices").stdout)
+    at = Peer(net, ready["endpoint"], 1, ready["orderers"][0], peers=ready["peers"])
+    at.invoke("teleop", "set", note("first"))
+    for name, process in processes_in(net).items():
+        threads = [int(thread.name) for thread in pathlib.Path(f"/proc/{process['pid']}/task").iterdir()]
+        scheduled = {(os.sched_getscheduler(thread), os.getpriority(os.PRIO_PROCESS, thread)) for thread in threads}
+        ordinary = (os.SCHED_OTHER, os.getpriority(os.PRIO_PROCESS, 0))
+        assert scheduled == {(os.SCHED_BATCH, 19) if name in ("peer3", "chaincode3") else ordinary}, name
+    third = Peer(net, ready["peers"][2], 3, ready["orderers"][0])
+    third.wait_for("teleop", '"first"', "get", "tello1/note")
+    assert fabric("down", "--dir", net).returncode == 0
+
+
 def test_a_transaction_is_on_its_channel_alone(tmp_path):
     net = Network(tmp_path / "net", "--channel", "teleop", "--channel", "yard").wait_ready()
     assert net.ready["channels"] == ["teleop", "yard"]

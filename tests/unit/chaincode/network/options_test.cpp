@@ -86,6 +86,7 @@ TEST(FabricOptions, WhatDoesNotFitTogetherIsRefusedByName) {
   };
   EXPECT_EQ(why([](Options&) {}), "good");
   EXPECT_THAT(why([](Options& o) { o.only = {"org4"}; }), HasSubstr("\"org4\""));
+  EXPECT_THAT(why([](Options& o) { o.background = {"orderer1"}; }), HasSubstr("\"orderer1\""));
   EXPECT_THAT(why([](Options& o) { o.orderer_places.pop_back(); }), HasSubstr("2 of orderers"));
   EXPECT_THAT(why([](Options& o) { o.orderer_places[0].port = 7053; }), HasSubstr("overlap"));
   EXPECT_THAT(why([](Options& o) { o.orderer_places[0].host = "example"; }), HasSubstr("\"example\""));
@@ -104,6 +105,19 @@ TEST(FabricOptions, WhatDoesNotFitTogetherIsRefusedByName) {
 TEST(FabricOptions, HistoryIsOnUnlessAFileTurnsItOff) {
   EXPECT_TRUE(options_of("batch_count = 3\n")->history);
   EXPECT_FALSE(options_of("history = false\n")->history);
+}
+
+TEST(FabricOptions, ThePartsThatNobodyWaitsForAreInTheBackgroundAndTheOthersMayHaveShortSlices) {
+  Options options;
+  EXPECT_EQ(options.organisation_scheduling(3), Scheduling::inherited);
+  options.background = {"org3"};
+  EXPECT_EQ(options.organisation_scheduling(3), Scheduling::background);
+  EXPECT_EQ(options.organisation_scheduling(1), Scheduling::inherited);
+  EXPECT_EQ(options.orderer_scheduling(), Scheduling::inherited);
+  options.short_slices = true;
+  EXPECT_EQ(options.organisation_scheduling(3), Scheduling::background);
+  EXPECT_EQ(options.organisation_scheduling(1), Scheduling::short_slices);
+  EXPECT_EQ(options.orderer_scheduling(), Scheduling::short_slices);
 }
 
 TEST(FabricOptions, KeysThatNobodyKnowsAreRefused) {

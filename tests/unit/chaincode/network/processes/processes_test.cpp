@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -56,6 +58,23 @@ TEST_F(ProcessesTest, AKilledProcessIsStartedAgainAndCounted) {
   EXPECT_NE(processes().states()[0].pid, first);
   EXPECT_EQ(processes().states()[1].pid, other) << "the other one goes on";
   EXPECT_EQ(processes().states()[1].restarts, 0U);
+  EXPECT_TRUE(processes().stop());
+}
+
+TEST_F(ProcessesTest, OneOfTheBackgroundIsThereAgainAfterItsEnd) {
+  ASSERT_TRUE(
+      processes().start("peer3", "127.0.0.1:1", {"/bin/sh", "-c", "exec sleep 1000"}, {}, Scheduling::background).ok());
+  processes().supervise();
+  const auto in_background = [&] {
+    const pid_t pid = processes().states()[0].pid;
+    return pid > 0 && ::sched_getscheduler(pid) == SCHED_BATCH &&
+           ::getpriority(PRIO_PROCESS, static_cast<id_t>(pid)) == 19;
+  };
+  EXPECT_TRUE(tend_until(in_background).ok());
+  const pid_t first = processes().states()[0].pid;
+  ::kill(first, SIGKILL);
+  const Status again = tend_until([&] { return processes().states()[0].pid != first && in_background(); });
+  EXPECT_TRUE(again.ok()) << again.error().what;
   EXPECT_TRUE(processes().stop());
 }
 
