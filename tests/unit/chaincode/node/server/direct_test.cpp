@@ -7,6 +7,7 @@
 
 #include "common/fabric/client/client.hpp"
 #include "orderer/ab.grpc.pb.h"
+#include "peer/peer.grpc.pb.h"
 #include "tests/unit/chaincode/node/server/served_node.hpp"
 
 /// The client's direct path (ProcessProposal at the peer, Broadcast at an orderer) against the node, which is both.
@@ -16,21 +17,46 @@ namespace {
 using ::testing::HasSubstr;
 using Kind = fabric::Outcome::Kind;
 
-/// Takes envelopes and says nothing, as an orderer does whose leader has just died.
-class SilentOrderer final : public orderer::AtomicBroadcast::Service {
+/// A service beside the node, with the TLS of its first peer.
+class Beside {
  public:
-  explicit SilentOrderer(const ServedNode& as) {
+  Beside(const ServedNode& as, grpc::Service& service) {
     const auto tls =
         std::filesystem::path(as.tls_ca_file()).parent_path().parent_path() / "peers" / "peer0.org1.ledgerline" / "tls";
     grpc::SslServerCredentialsOptions options;
     options.pem_key_cert_pairs.push_back({text_of(tls / "server.key"), text_of(tls / "server.crt")});
     grpc::ServerBuilder builder;
     builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(options), &port_);
-    builder.RegisterService(this);
+    builder.RegisterService(&service);
     server_ = builder.BuildAndStart();
   }
-  ~SilentOrderer() override { server_->Shutdown(std::chrono::system_clock::now()); }
+  ~Beside() { server_->Shutdown(std::chrono::system_clock::now()); }
   std::string endpoint() const { return "127.0.0.1:" + std::to_string(port_); }
+
+ private:
+  int port_ = 0;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+/// Says that it does not have all blocks yet, as an own endorser that has just started.
+class BehindEndorser final : public protos::Endorser::Service {
+ public:
+  grpc::Status ProcessProposal(grpc::ServerContext*, const protos::SignedProposal*,
+                               protos::ProposalResponse*) override {
+    ++asked_;
+    return {grpc::StatusCode::UNAVAILABLE, "the endorser does not have all blocks yet"};
+  }
+  int asked() const { return asked_; }
+
+ private:
+  std::atomic<int> asked_{0};
+};
+
+/// Takes envelopes and says nothing, as an orderer does whose leader has just died.
+class SilentOrderer final : public orderer::AtomicBroadcast::Service {
+ public:
+  explicit SilentOrderer(const ServedNode& as) : beside_(as, *this) {}
+  std::string endpoint() const { return beside_.endpoint(); }
   int taken() const { return taken_; }
 
   grpc::Status Broadcast(grpc::ServerContext*,
@@ -40,20 +66,21 @@ class SilentOrderer final : public orderer::AtomicBroadcast::Service {
   }
 
  private:
-  int port_ = 0;
   std::atomic<int> taken_{0};
-  std::unique_ptr<grpc::Server> server_;
+  Beside beside_;
 };
 
 class DirectTest : public ::testing::Test {
  protected:
-  std::unique_ptr<fabric::Client> connect(const std::vector<std::string>& orderers, const std::string& own_peer = "") {
+  std::unique_ptr<fabric::Client> connect(const std::vector<std::string>& orderers, const std::string& own_peer = "",
+                                          const std::vector<std::string>& endorsers = {}) {
     fabric::ClientConfig config;
     config.endpoint = own_peer.empty() ? served.endpoint() : own_peer;
     if (!own_peer.empty()) config.other_peers.push_back({served.endpoint(), served.tls_ca_file()});
     config.cross_check = true;
     config.tls_ca_file = served.tls_ca_file();
     for (const std::string& one : orderers) config.orderers.push_back({one, served.tls_ca_file()});
+    for (const std::string& one : endorsers) config.endorsers.push_back({"Org1MSP", one, served.tls_ca_file()});
     config.identity = served.user(1, "User1");
     auto client = fabric::Client::create(std::move(config));
     EXPECT_TRUE(client.ok()) << client.error().what;
@@ -127,6 +154,26 @@ TEST_F(DirectTest, AnotherPeerStandsInForOneThatIsGone) {
     EXPECT_EQ(seen.get_future().get(), 0U);
     EXPECT_EQ(client->submit_and_wait(note("tello1/a")).kind, Kind::committed);
     EXPECT_TRUE(client->evaluate({"get", {}}).ok());
+  }
+}
+
+TEST_F(DirectTest, AnEndorserThatIsBehindRestsAndTheNextOneIsAsked) {
+  BehindEndorser behind;
+  const Beside beside(served, behind);
+  // With the peer behind it in the config, and without: then it is the own peer all the same.
+  for (const auto& endorsers : {std::vector{beside.endpoint(), served.endpoint()}, std::vector{beside.endpoint()}}) {
+    const int before = behind.asked();
+    const auto client = connect({served.endpoint()}, "", endorsers);
+    const auto began = std::chrono::steady_clock::now();
+    int calls = 0;
+    for (; std::chrono::steady_clock::now() - began < std::chrono::milliseconds(600); ++calls) {
+      const auto outcome = client->submit_and_wait(note("tello1/a"));
+      ASSERT_EQ(outcome.kind, Kind::committed) << outcome.message;
+    }
+    const int asked = behind.asked() - before;
+    EXPECT_GE(asked, 1);
+    EXPECT_LE(asked, 5) << "of " << calls << " calls: it rests for 0.2 s each time";
+    EXPECT_GT(calls, asked);
   }
 }
 
