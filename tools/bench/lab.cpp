@@ -90,6 +90,7 @@ Status Network::up() {
   } else {
     command.insert(command.begin(), {place_.programs / "ledgerline-fabric", "run"});
     command.insert(command.end(), {"--tools", place_.fabric, "--orderers", std::to_string(settings_.orderers)});
+    command.insert(command.end(), place_.network_options.begin(), place_.network_options.end());
   }
   if (auto s = children_.start({name_, command, dir_ / (name_ + ".log"), SIGTERM}); !s) return s;
   if (auto s = wait_for_line(name_, network_limit_ns); !s) return s;

@@ -23,7 +23,9 @@ struct Place {
   std::filesystem::path script;    ///< node/client.cjs
   std::filesystem::path npm;       ///< node_modules is in it
   bool embedded = false;           ///< ledgerline-node in place of Fabric
-  double poll_ms = 10;             ///< between an answer and the next question, polling
+  std::vector<std::string>
+      network_options;  ///< more words for `ledgerline fabric run`, for the networks of all clients
+  double poll_ms = 10;  ///< between an answer and the next question, polling
 };
 
 /// A ledger of its own, from up() to the destructor. One thread, which must be the one that lives longest (Children).

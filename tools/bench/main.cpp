@@ -39,6 +39,7 @@ Clients:
 Examples:
   ledgerline bench two-way --rates 30,70 --json two-way.json
   ledgerline bench two-way --rates 250 --clients gateway,ledgerline --alternations 1 --seconds 10
+  ledgerline bench two-way --rates 70 --network=--background --network=org3      what a setting of the network brings
   ledgerline bench two-way --dir /var/tmp/two-way              ledgers on that disk
 
 Exit codes: 0 measured (a client that collapses is a figure), 1 failed or interrupted, 2 wrong usage.)";
@@ -82,6 +83,9 @@ Status check(const Options& o) {
   if (baselines && !fs::exists(o.place.script)) return Error{o.place.script.string() + " is missing"};
   if (!o.place.embedded && !fs::exists(o.place.fabric / "peer")) {
     return Error{(o.place.fabric / "peer").string() + " is missing: scripts/fabric-tools builds it"};
+  }
+  if (o.place.embedded && !o.place.network_options.empty()) {
+    return Error{"--network is for Fabric: the embedded node knows no " + o.place.network_options.front()};
   }
   if (fs::exists(o.place.dir) && !fs::is_empty(o.place.dir)) {
     return Error{o.place.dir.string() + " is not empty; give a directory that is, or does not exist"};
@@ -137,6 +141,9 @@ void add_options(Verb verb, Options& o) {
   verb.option("--ledger", o.ledger, "fabric, or embedded for a quick look")
       .one_of({"fabric", "embedded"})
       .shows_default();
+  verb.option("--network", o.place.network_options,
+              "One more word for `ledgerline fabric run`, for all clients: --network=--no-history")
+      .one_at_a_time();
   verb.option("--dir", o.dir, "For ledgers and logs, empty or new [a new one under /dev/shm]");
   verb.option("--json", o.json, "Raw numbers and summary go here, after each run");
   verb.option("--fabric", o.place.fabric, "Fabric's own programs [build/fabric]");

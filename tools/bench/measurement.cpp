@@ -48,6 +48,7 @@ Status Measurement::write_json() const {
                     {"seconds", o_.seconds},
                     {"warm_up_s", o_.warm_up_s},
                     {"drain_s", o_.drain_s},
+                    {"network_options", o_.place.network_options},
                     {"poll_ms", o_.place.poll_ms}}},
                   {"ledger", {{"kind", o_.ledger}, {"storage", storage_}, {"networks", networks_}}},
                   {"machine",

@@ -125,6 +125,7 @@ def test_an_interrupt_keeps_what_was_measured_and_leaves_nothing_behind(tmp_path
     (["--clients", "nobody"], 2, "--clients"),
     (["--npm", "/nowhere", "--clients", "gateway"], 1, "/nowhere/node_modules"),
     (["--fabric", "/nowhere", "--clients", "ledgerline"], 1, "scripts/fabric-tools"),
+    (["--network=--no-history", "--clients", "ledgerline", "--ledger", "embedded"], 1, "knows no --no-history"),
     (["--dir", "/proc", "--clients", "ledgerline", "--ledger", "embedded"], 1, "/proc is not empty"),
 ])
 def test_what_is_wrong_is_named(options, code, words):
