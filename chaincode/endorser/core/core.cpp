@@ -14,6 +14,8 @@
 namespace ledgerline::endorser {
 namespace {
 
+constexpr std::size_t id_digits = 64;  // no proposal can have another id
+
 node::CoreConfig config_of(const fabric::ChannelAndContract& where) {
   node::CoreConfig config;
   config.channel = where.channel;
@@ -27,6 +29,14 @@ std::int64_t expiry_of(const crypto::SigningIdentity& identity) {
   if (!serialized.ParseFromString(identity.serialized)) return 0;
   const auto certificate = crypto::parse_certificate(serialized.id_bytes());
   return certificate ? certificate->not_after_s : 0;
+}
+
+/// What cannot be read is not for it either.
+bool is_for_contract(std::string_view signed_proposal, const fabric::ChannelAndContract& where) {
+  protos::SignedProposal outer;
+  if (!outer.ParseFromArray(signed_proposal.data(), static_cast<int>(signed_proposal.size()))) return false;
+  const auto proposal = node::read_proposal(outer.proposal_bytes());
+  return proposal && proposal->channel_header.channel_id() == where.channel && proposal->contract == where.contract;
 }
 
 node::Reply ask_a_peer(const std::string& why) { return {node::Code::unavailable, why, why, {}}; }
@@ -53,6 +63,11 @@ std::optional<node::Definition> Core::definition() const {
       !endorsement.ParseFromString(data.bytes()))
     return std::nullopt;
   return node::Definition{endorsement.version(), sequence->version};
+}
+
+std::optional<node::Version> Core::defined_at() const {
+  const auto now = definition();
+  return now ? now->sequence : std::nullopt;
 }
 
 Status Core::configure(const common::Block& message) {
@@ -88,7 +103,7 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
     }
     // In Fabric an id is used up by whoever claims it; on the embedded node it is its owner's.
     const bool claimed = transaction.code == protos::BAD_PROPOSAL_TXID;
-    if (!transaction.tx_id.empty() && !(claimed && embedded_node_))
+    if (transaction.tx_id.size() == id_digits && !(claimed && embedded_node_))
       ledger_.state().add_tx(transaction.tx_id, {block.number, transaction.code});
     if (valid) write(message.data().data(static_cast<int>(i)), {block.number, i});
   }
@@ -99,6 +114,7 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
 node::Reply Core::process_proposal(std::string_view signed_proposal, node::Now now) {
   if (expires_s_ != 0 && now.real_ns / ns_per_s > expires_s_)
     return ask_a_peer("the endorser's own certificate has expired");
+  if (!is_for_contract(signed_proposal, setup_.where)) return ask_a_peer("the endorser answers for its contract alone");
   asks_for_blocks_ = false;
   node::Reply reply = endorser_.process_proposal(signed_proposal, now, 0);
   if (asks_for_blocks_) return ask_a_peer("the endorser keeps no blocks: a peer answers that");

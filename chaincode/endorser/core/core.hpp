@@ -32,8 +32,10 @@ class Core {
   /// transactions in `raw` (common.Block) count. An error: it is not the next one, or a configuration in it is not read.
   Status take(const fabric::Block& block, std::string_view raw);
   std::uint64_t height() const { return ledger_.height(); }
+  /// Where the definition that counts was committed; none on the embedded node, which has no definitions.
+  std::optional<node::Version> defined_at() const;
 
-  /// protos.Endorser.ProcessProposal, as NodeCore's. What only a peer can answer (history, and the chain's own contracts)
+  /// protos.Endorser.ProcessProposal, as NodeCore's. What only a peer can answer (history, other contracts and channels)
   /// is `unavailable`, as everything is once the own certificate has expired: clients then ask the peer.
   node::Reply process_proposal(std::string_view signed_proposal, node::Now now);
 

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include <thread>
+#include <utility>
 
 #include "chaincode/endorser/shell/service.hpp"
 #include "common/base/file.hpp"
@@ -25,7 +26,7 @@ using namespace ledgerline;
 constexpr int max_request_bytes = 11 << 20;            // Fabric's AbsoluteMaxBytes, with room for a frame
 constexpr std::size_t max_memory_bytes = 256'000'000;  // of all requests that are being received
 constexpr std::chrono::milliseconds end_looked_for{100};
-constexpr double ready_within_s = 600;  // a long chain is read from its first block on
+constexpr TimeNs max_standstill_ns = 60 * ns_per_s;  // at the start, without a further block of the peer's
 
 /// The peer's service of this name, for any client of Fabric.
 class EndorserService final : public protos::Endorser::CallbackService {
@@ -85,6 +86,7 @@ Status write_summary(const std::string& path, const endorser::Service::Counts& c
                                {"same", counts.same},
                                {"other_state", counts.other_state},
                                {"peer_refused", counts.peer_refused},
+                               {"apart", counts.apart},
                                {"not_checked", counts.not_checked},
                                {"differ", counts.differ}};
   return write_file(path, summary.dump(2) + "\n");
@@ -102,9 +104,15 @@ int run(Config& config) {
   EndorserService answers(**service);
   auto served = serve(settings, answers);
   if (!served) return fail(served.error());
-  const TimeNs until = monotonic_ns() + static_cast<TimeNs>(ready_within_s * ns_per_s);
   bool ready = false;
-  while (!stop_requested && !failed && !ready && monotonic_ns() < until) ready = (*service)->wait_until_ready(0.2);
+  std::uint64_t blocks = 0;
+  for (TimeNs since = monotonic_ns();
+       !stop_requested && !failed && !ready && monotonic_ns() - since < max_standstill_ns;) {
+    ready = (*service)->wait_until_ready(0.2);
+    if (const std::uint64_t now = (*service)->counts().blocks; std::exchange(blocks, now) != now)
+      since = monotonic_ns();
+  }
+  if (!ready && !failed && !stop_requested) spdlog::error("endorser: the peer gives no block: it has {}", blocks);
   if (ready)
     print_line(
         nlohmann::json{{"ready", true}, {"program", "ledgerline-endorser"}, {"endpoint", served->endpoint}}.dump());

@@ -1,7 +1,5 @@
 #include "chaincode/endorser/shell/service.hpp"
 
-#include <fmt/format.h>
-
 #include <chrono>
 
 #include "chaincode/endorser/core/comparison.hpp"
@@ -13,6 +11,8 @@
 namespace ledgerline::endorser {
 namespace {
 
+constexpr int max_tries = 5, max_apart = 3;
+constexpr std::chrono::milliseconds again_after{20};
 constexpr TimeNs first_retry_ns = 50 * ns_per_ms, max_retry_ns = 1 * ns_per_s;
 
 std::uint64_t seed() { return std::random_device{}(); }
@@ -88,6 +88,7 @@ void Service::on_connection(bool connected, const std::string& why) {
   // What came while the stream was gone is only known to be there once the peer has said how many blocks there are.
   connected_ = connected;
   height_known_ = false;
+  ++connection_;
   checks_wake_.notify_all();
 }
 
@@ -103,18 +104,23 @@ node::Reply Service::process_proposal(const std::string& signed_proposal) {
     ++counts_.sent_to_the_peer;
     return reply;
   }
-  ++counts_.answered;
   if (reply.code == node::Code::ok) choose_for_check(signed_proposal, reply.bytes);
+  if (!agreed()) {
+    ++counts_.sent_to_the_peer;
+    const std::string why = "the endorser has not yet answered as the peer under this definition of the contract";
+    return {node::Code::unavailable, why, why, {}};
+  }
+  ++counts_.answered;
   return reply;
 }
 
 void Service::choose_for_check(const std::string& signed_proposal, const std::string& answer) {
-  if (random_() % static_cast<std::uint64_t>(check_one_in_) != 0) return;
+  if (agreed() && random_() % static_cast<std::uint64_t>(check_one_in_) != 0) return;
   if (checks_.size() >= max_checks) {
     ++counts_.not_checked;
     return;
   }
-  checks_.push_back({signed_proposal, answer});
+  checks_.push_back({signed_proposal, answer, core_.defined_at()});
   checks_wake_.notify_all();
 }
 
@@ -124,23 +130,25 @@ void Service::run_checks() {
   std::unique_lock lock(mutex_);
   while (!stopping_) {
     if (connected_ && !height_known_) {
+      const std::uint64_t connection = connection_;
       lock.unlock();
       const auto height = peer_->height();
       lock.lock();
-      if (height && connected_) {
+      if (connection != connection_) continue;  // it is of before
+      if (height) {
         peers_height_ = *height;
         height_known_ = true;
         back_off.succeeded();
         ready_wakes_.notify_all();
-      } else if (!height) {
+      } else {
         spdlog::warn("endorser: the peer does not say how many blocks it has: {}", height.error().what);
         checks_wake_.wait_for(lock, std::chrono::nanoseconds(back_off.next(random)), [&] { return stopping_; });
       }
     } else if (!checks_.empty()) {
-      const Check one = std::move(checks_.front());
+      Check one = std::move(checks_.front());
       checks_.pop_front();
       lock.unlock();
-      check(one.signed_proposal, one.answer);
+      check(std::move(one));
       lock.lock();
     } else {
       checks_wake_.wait(lock);
@@ -148,31 +156,46 @@ void Service::run_checks() {
   }
 }
 
-void Service::check(const std::string& signed_proposal, const std::string& answer) {
-  const auto peers = peer_->propose(signed_proposal);
-  std::string differs;
-  {
+void Service::check(Check one) {
+  Comparison found = Comparison::other_state;
+  for (int tried = 0; found == Comparison::other_state && tried < max_tries; ++tried) {
+    if (tried > 0) {
+      // One of the two had not taken a block yet: both once more.
+      std::unique_lock lock(mutex_);
+      checks_wake_.wait_for(lock, again_after, [&] { return stopping_; });
+      node::Reply reply = core_.process_proposal(one.signed_proposal, {monotonic_ns(), realtime_ns()});
+      if (stopping_ || failed_ || !connected_ || reply.code != node::Code::ok) return;
+      one.answer = std::move(reply.bytes);
+      one.defined_at = core_.defined_at();
+    }
+    const auto peers = peer_->propose(one.signed_proposal);
     const std::lock_guard lock(mutex_);
-    ++counts_.checked;
+    if (tried == 0) ++counts_.checked;
     if (!peers) {
       ++counts_.peer_refused;  // it has the transaction by now, or is not reached
       return;
     }
-    switch (compare(answer, *peers)) {
-      case Comparison::same:
-        ++counts_.same;
-        break;
-      case Comparison::other_state:
-        ++counts_.other_state;
-        break;
-      case Comparison::differ:
-        ++counts_.differ;
-        differs = fmt::format("its answer to a proposal differs from the peer's ({} and {} bytes)", answer.size(),
-                              peers->size());
-        break;
+    found = compare(one.answer, *peers);
+    if (found == Comparison::other_state) ++counts_.other_state;
+  }
+  std::string why;
+  {
+    const std::lock_guard lock(mutex_);
+    apart_ = found == Comparison::other_state ? apart_ + 1 : 0;
+    if (found == Comparison::same) {
+      ++counts_.same;
+      agreed_ = one.defined_at;
+      agreed_once_ = true;
+    } else if (found == Comparison::differ) {
+      ++counts_.differ;
+      why = "its answer to a proposal differs from the peer's";
+    } else {
+      ++counts_.apart;
+      // Where it has not signed under a definition yet, the peer may just not have approved that: it waits.
+      if (agreed() && apart_ >= max_apart) why = "its state is not the peer's";
     }
   }
-  if (!differs.empty()) fail(differs);
+  if (!why.empty()) fail(why);
 }
 
 bool Service::wait_until_ready(double seconds) {

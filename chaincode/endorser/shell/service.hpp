@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <random>
 #include <string>
 #include <thread>
@@ -18,9 +19,10 @@
 namespace ledgerline::endorser {
 
 /// The core with its peer: it follows the peer's blocks, answers proposals while it knows that it has them all, and asks
-/// the peer now and then whether it answers the same. While it is not sure it answers `unavailable`, so that clients ask
+/// the peer now and then whether it answers the same: always before it signs anything under a definition of the contract
+/// that is new to it, since the peer alone knows whether its organisation has approved that. While it is not sure it answers `unavailable`, so that clients ask
 /// the peer: before it has all blocks that the peer had when the stream began, and while the stream is gone. A block that
-/// cannot be believed, or an answer that differs from the peer's, ends it for good. Any thread.
+/// cannot be believed, an answer that differs from the peer's, or a state that stays another one ends it for good. Any thread.
 class Service {
  public:
   /// `on_failure`: called once, from a thread of its own, when it must not go on; says why.
@@ -34,20 +36,24 @@ class Service {
 
   struct Counts {
     std::uint64_t blocks = 0, answered = 0, sent_to_the_peer = 0;
-    std::uint64_t checked = 0, same = 0, other_state = 0, peer_refused = 0, not_checked = 0;
+    std::uint64_t checked = 0, same = 0, other_state = 0, peer_refused = 0, apart = 0, not_checked = 0;
     std::uint64_t differ = 0;
   };
   Counts counts() const;
 
  private:
   Service(fabric::ClientConfig ledger, const Settings& settings, std::function<void(const std::string&)> on_failure);
+  struct Check {
+    std::string signed_proposal, answer;
+    std::optional<node::Version> defined_at{};
+  };
   void fail(const std::string& why);
   void on_block(const fabric::Block& block, std::string_view raw);
   void on_connection(bool connected, const std::string& why);
+  bool agreed() const { return agreed_once_ && agreed_ == core_.defined_at(); }
   void choose_for_check(const std::string& signed_proposal, const std::string& answer);
   void run_checks();
-  void learn_height();
-  void check(const std::string& signed_proposal, const std::string& answer);
+  void check(Check one);
 
   static constexpr std::size_t max_checks = 16;  // the peer is slow: further ones are left out, and counted
 
@@ -59,11 +65,12 @@ class Service {
   std::condition_variable checks_wake_, ready_wakes_;
   Core core_;
   bool connected_ = false, failed_ = false, stopping_ = false;
-  bool height_known_ = false;  // of the peer, since the stream has begun
+  bool height_known_ = false;            // of the peer, since the stream has begun
+  std::uint64_t connection_ = 0;         // counts beginnings and ends of the stream
+  std::optional<node::Version> agreed_;  // the definition under which the peer has once answered the same
+  bool agreed_once_ = false;
+  int apart_ = 0;  // checks in a row in which both had read other versions to the end
   std::uint64_t peers_height_ = 0;
-  struct Check {
-    std::string signed_proposal, answer;
-  };
   std::deque<Check> checks_;
   std::mt19937_64 random_;
   Counts counts_;

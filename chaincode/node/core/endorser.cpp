@@ -220,7 +220,8 @@ Reply Endorser::process_proposal(std::string_view signed_proposal, Now now, std:
   }
   const auto& simulated = std::get<Simulated>(answer);
   const ProposalParts& proposal = simulated.proposal;
-  response.set_version(1);
+  // A peer of Fabric names no version with a refusal.
+  if (!definition_ || simulated.response.status < 400) response.set_version(1);
   *response.mutable_response() = to_message(simulated.response);
   std::string payload = simulated.payload;
   // As Fabric's peers: what they say of a channel they sign, what they are asked without one they do not.

@@ -9,7 +9,7 @@
 namespace ledgerline::fabric {
 namespace {
 
-constexpr std::chrono::milliseconds rest{200};
+constexpr std::chrono::milliseconds silent_rest{5'000};  // each try costs the call the patience with it
 
 bool not_reached(const grpc::Status& status) {
   return may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
@@ -33,6 +33,10 @@ void Pipeline::propose_to(const PendingPtr& p, protos::Endorser::Stub& endorser)
   protos::SignedProposal proposal;
   proposal.ParseFromString(p->proposal.signed_proposal);
   p->propose = make_unary<protos::ProposalResponse>(p);
+  // Where another one of its organisation can be asked it is not waited for to the call's end.
+  if (p->endorser && has_another(*p->endorser))
+    p->propose->context.set_deadline(
+        std::min(p->deadline, std::chrono::system_clock::now() + connection_->config.endorse_patience));
   p->propose->reader = endorser.AsyncProcessProposal(&p->propose->context, proposal, &queue_);
   await(p, p->propose, &Pipeline::on_proposed);
 }
@@ -42,7 +46,15 @@ std::vector<std::size_t> Pipeline::endorsers_now() const {
   return connection_->endorsers_now([&](std::size_t i) { return now < rest_until_[i]; });
 }
 
-void Pipeline::let_rest(std::size_t endorser) { rest_until_[endorser] = std::chrono::system_clock::now() + rest; }
+bool Pipeline::has_another(std::size_t endorser) const {
+  const auto& all = connection_->config.endorsers;
+  return std::any_of(all.begin() + static_cast<std::ptrdiff_t>(endorser) + 1, all.end(),
+                     [&](const ClientConfig::Endorser& one) { return one.msp_id == all[endorser].msp_id; });
+}
+
+void Pipeline::let_rest(std::size_t endorser, std::chrono::milliseconds time) {
+  rest_until_[endorser] = std::chrono::system_clock::now() + time;
+}
 
 bool Pipeline::gather(const PendingPtr& p) {
   const std::vector<std::size_t> chosen = endorsers_now();
@@ -144,10 +156,12 @@ void Pipeline::on_proposed(const PendingPtr& p) {
 }
 
 void Pipeline::on_not_endorsed(const PendingPtr& p, const grpc::Status& status) {
-  if (const auto endorser = std::exchange(p->endorser, std::nullopt); endorser && may_pass(status)) {
+  const bool silent =
+      status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED && std::chrono::system_clock::now() < p->deadline;
+  if (const auto endorser = std::exchange(p->endorser, std::nullopt); endorser && (may_pass(status) || silent)) {
     const bool rested = std::chrono::system_clock::now() < rest_until_[*endorser];
-    let_rest(*endorser);
-    if (!rested) return endorse(p);  // at once, of another one: at most once while it rests
+    let_rest(*endorser, silent ? silent_rest : rest);
+    if (!rested || silent) return endorse(p);  // at once, of another one: at most once while it rests
   }
   if (retry(p, status, &Pipeline::endorse)) return;
   finish(p, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));

@@ -320,8 +320,8 @@ void Pipeline::finish(const PendingPtr& p, Outcome::Kind kind, const std::string
 
 void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
   p->stage = Stage::finished;
-  // It may have read what the peers had replaced already.
-  if (outcome.code == protos::MVCC_READ_CONFLICT && p->endorser) let_rest(*p->endorser);
+  // It may have read what the peers had replaced already, or may not endorse any more.
+  if (outcome.kind == Outcome::Kind::invalidated && p->endorser) let_rest(*p->endorser);
   // What is still under way comes back as cancelled, finds the call finished, and is dropped.
   if (p->endorse) p->endorse->context.TryCancel();
   if (p->propose) p->propose->context.TryCancel();

@@ -43,6 +43,7 @@ class Pipeline {
 
  private:
   using Time = std::chrono::system_clock::time_point;
+  static constexpr std::chrono::milliseconds rest{200};
   template <typename Response>
   struct Unary {
     grpc::ClientContext context;
@@ -99,7 +100,9 @@ class Pipeline {
   void on_proposed(const PendingPtr& p);
   void on_not_endorsed(const PendingPtr& p, const grpc::Status& status);
   /// Of its organisation another endorser, or the peer, is asked for a while: it does not answer, or is behind.
-  void let_rest(std::size_t endorser);
+  void let_rest(std::size_t endorser, std::chrono::milliseconds time = rest);
+  /// Whether the config names one more of its organisation behind it.
+  bool has_another(std::size_t endorser) const;
   std::vector<std::size_t> endorsers_now() const;
   void take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope);
   void send_next();

@@ -16,9 +16,9 @@ def keys_of_host(k: int) -> set[str]:
     organisation = f"crypto/peerOrganizations/org{k}.ledgerline"
     orderer = f"crypto/ordererOrganizations/ledgerline/orderers/orderer{'' if k == 1 else k}.ledgerline"
     users = [f"{organisation}/users/{user}@org{k}.ledgerline" for user in ("Admin", "User1", "User2")]
-    peer = f"{organisation}/peers/peer0.org{k}.ledgerline"
-    return {f"{member}/msp/keystore/priv_sk" for member in (peer, orderer, *users)} | {
-        f"{server}/tls/server.key" for server in (peer, orderer)} | {
+    peers = [f"{organisation}/peers/{name}.org{k}.ledgerline" for name in ("peer0", "endorser0")]
+    return {f"{member}/msp/keystore/priv_sk" for member in (*peers, orderer, *users)} | {
+        f"{server}/tls/server.key" for server in (*peers, orderer)} | {
         f"{user}/tls/client.key" for user in users} | {f"{organisation}/chaincode/tls/server.key"}
 
 

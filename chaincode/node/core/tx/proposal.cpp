@@ -47,8 +47,9 @@ Result<ProposalParts> read_proposal(std::string_view proposal_bytes) {
   const auto& args = spec.chaincode_spec().input().args();
   if (!args.empty()) parts.function = args[0];
   for (int i = 1; i < args.size(); ++i) parts.args.push_back(args[i]);
-  payload.clear_transientmap();
-  parts.payload = payload.SerializeAsString();
+  protos::ChaincodeProposalPayload for_transaction;  // and of it no field that nobody knows, as a peer makes it
+  for_transaction.set_input(payload.input());
+  parts.payload = for_transaction.SerializeAsString();
   return parts;
 }
 

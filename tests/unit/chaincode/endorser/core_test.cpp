@@ -150,7 +150,37 @@ TEST_F(OwnEndorserTest, StrangersWrongSignaturesAndDuplicatesAreRefusedInThePeer
   wrong.ParseFromString(net.propose(net.host, "set", note("tello1/a")).signed_proposal);
   wrong.set_signature("wrong");
   EXPECT_EQ(core.process_proposal(wrong.SerializeAsString(), net.now).code, Code::unknown);
-  EXPECT_EQ(core.process_proposal("no proposal", net.now).code, Code::unknown);
+  EXPECT_EQ(core.process_proposal("no proposal", net.now).code, Code::unavailable);
+}
+
+TEST_F(OwnEndorserTest, OtherContractsAndChannelsAreAPeersToAnswer) {
+  for (const fabric::ChannelAndContract& where : {fabric::ChannelAndContract{"teleop", "qscc"},
+                                                  {"teleop", "other"},
+                                                  {"\x01", "ledgerline"},
+                                                  {"", "ledgerline"}}) {
+    const auto proposal = fabric::make_proposal(net.host, where, {"get", {""}}, 0, std::string(24, 'n'));
+    EXPECT_EQ(ask(*proposal).code, Code::unavailable) << where.channel << " " << where.contract;
+  }
+}
+
+TEST_F(OwnEndorserTest, AFieldThatNobodyKnowsIsNotSigned) {
+  auto proposal = net.propose(net.host, "set", note("tello1/a"));
+  protos::SignedProposal outer;
+  protos::Proposal inner;
+  outer.ParseFromString(proposal.signed_proposal);
+  inner.ParseFromString(outer.proposal_bytes());
+  const auto hash_of = [&] {
+    outer.set_proposal_bytes(inner.SerializeAsString());
+    outer.set_signature(*net.host.signer->sign(outer.proposal_bytes()));
+    protos::ProposalResponse response;
+    protos::ProposalResponsePayload payload;
+    EXPECT_TRUE(response.ParseFromString(core.process_proposal(outer.SerializeAsString(), net.now).bytes));
+    EXPECT_TRUE(payload.ParseFromString(response.payload()));
+    return payload.proposal_hash();
+  };
+  const std::string before = hash_of();
+  inner.set_payload(inner.payload() + "\x7a\x01x");  // field 15
+  EXPECT_EQ(hash_of(), before) << "peers leave it out of what a transaction holds";
 }
 
 }  // namespace
