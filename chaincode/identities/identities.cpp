@@ -151,9 +151,6 @@ fs::path organisation_dir(const std::string& dir, int organisation) {
 fs::path peer_dir(const std::string& dir, int organisation) {
   return organisation_dir(dir, organisation) / "peers" / ("peer0." + domain_of(organisation));
 }
-fs::path endorser_dir(const std::string& dir, int organisation) {
-  return organisation_dir(dir, organisation) / "peers" / ("endorser0." + domain_of(organisation));
-}
 fs::path user_dir(const std::string& dir, int organisation, const std::string& user) {
   return organisation_dir(dir, organisation) / "users" / (user + "@" + domain_of(organisation));
 }

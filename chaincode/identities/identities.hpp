@@ -20,8 +20,6 @@ std::string orderer_name(int number);     ///< "orderer.ledgerline", "orderer2.l
 
 std::filesystem::path organisation_dir(const std::string& dir, int organisation);
 std::filesystem::path peer_dir(const std::string& dir, int organisation);
-/// Of the organisation's own endorser: a peer's certificate and TLS, as those of peer0.
-std::filesystem::path endorser_dir(const std::string& dir, int organisation);
 std::filesystem::path user_dir(const std::string& dir, int organisation, const std::string& user);
 std::filesystem::path ordering_dir(const std::string& dir);
 std::filesystem::path orderer_dir(const std::string& dir, int number);
