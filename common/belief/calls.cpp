@@ -156,6 +156,8 @@ fabric::EndorsementNeed endorsement_need(std::string_view function) {
   return {makes_records ? Count::two : Count::two_if_there_are, {}, function == contract::delete_};
 }
 
+bool is_of_hot_path(std::string_view key) { return key.starts_with("frame/") || key.starts_with("command/"); }
+
 std::optional<std::string> likely_policy(std::string_view key) {
   constexpr std::array<std::string_view, 4> kinds{"command/", "lease/", "pilot/", "drones/"};  // docs/ledger.md
   const auto kind =

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "common/base/file.hpp"
+#include "common/base/log.hpp"
 
 namespace ledgerline::fabric {
 namespace {
@@ -18,6 +19,17 @@ crypto::Library library_of(Config& config, const Key& key, const std::string& ot
 }
 
 Key verifier_key() { return {"ledger.verifier", "library that checks signatures"}; }
+
+BlockSource block_source(Config& config) {
+  const std::string name = config.choice(
+      {"ledger.blocks",
+       "whose blocks are taken: `peer`, the own peer's; `compared`, likewise, and their headers must be those that an "
+       "orderer tells; `ordered`, whoever is first: an orderer's, judged here, which the peer confirms later (needs "
+       "config_block). The last two cost each block's transfer once more"},
+      {"peer", "compared", "ordered"}, "peer");
+  if (name == "ordered") return BlockSource::ordered;
+  return name == "compared" ? BlockSource::compared : BlockSource::peer;
+}
 
 std::vector<ClientConfig::Server> servers(Config& config, const Key& table) {
   std::vector<ClientConfig::Server> out;
@@ -72,11 +84,7 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
        "CHANNEL.block into their folder): blocks must be signed by the orderers that it names, or that a later "
        "configuration names; none: the peer is believed about blocks"},
       "");
-  out.cross_check = config.boolean(
-      {"ledger.cross_check",
-       "compare the headers of the peer's blocks with an orderer's: for whoever does not run that peer; costs each "
-       "block's transfer once more"},
-      out.cross_check);
+  out.blocks = block_source(config);
   const std::string msp_id = config.text({"ledger.msp_id", "the own organisation, such as Org1MSP"});
   const std::string msp_dir = config.text({"ledger.msp_dir", "folder with the own signcerts/ and keystore/"});
   const crypto::Library signer = library_of(
@@ -91,6 +99,14 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
   if (!block) return Error{fmt::format("ledger.config_block: {}", block.error().what)};
   out.config_block = std::move(*block);
   return out;
+}
+
+void tell_orderers(bool connected, const std::string& why) {
+  if (connected) {
+    spdlog::info("orderer's block stream connected");
+  } else {
+    spdlog::warn("orderer's block stream: {}", why);
+  }
 }
 
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {

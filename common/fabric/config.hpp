@@ -17,6 +17,9 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
 inline constexpr const char* blocks_not_judged =
     "config_block is not set: the peer is believed about blocks, whoever signed them";
 
+/// For the log of a program that reads an orderer's blocks, too: Client::StreamHandlers::on_orderers.
+void tell_orderers(bool connected, const std::string& why);
+
 /// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are believed, at least one.
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);
 

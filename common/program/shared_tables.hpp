@@ -6,7 +6,7 @@ namespace ledgerline {
 /// Help of the tables that several programs' configs have, each read by one reader (common/fabric/config.hpp,
 /// common/dds/settings/config.hpp, common/bridge/core/rules.hpp): lines for a program's notes.
 inline const std::string ledger_table_help =
-    "  [ledger] endpoint, tls_ca, msp_id, msp_dir, cross_check;\n"
+    "  [ledger] endpoint, tls_ca, msp_id, msp_dir, blocks;\n"
     "  [[orderer]], [[peer]] endpoint, tls_ca; [[msp]] id, ca\n";
 
 inline const std::string dds_table_help =

@@ -67,6 +67,10 @@ Status Ground::start(const std::atomic<bool>& quit) {
   handlers.on_contradiction = [last = std::string()](const std::string& what) mutable {
     if (std::exchange(last, what) != what) spdlog::error("the peer contradicts what is known: {}", what);
   };
+  handlers.on_confirmed = [this](std::uint64_t, TimeNs ordered_ns, TimeNs confirmed_ns) {
+    confirmations_.add(ordered_ns, confirmed_ns);
+  };
+  handlers.on_orderers = fabric::tell_orderers;
   blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));
   if (auto status = wait_for_block_stream(quit); !status) return status;
   const auto controls = belief::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });
@@ -247,6 +251,7 @@ void Ground::write_status(TimeNs now_ns) {
 Status Ground::write_summary() {
   return recorder_.end(output_.summary, [this] {
     count_losses();
+    counters_.confirmed_after_ms = confirmations_.quantiles_ms();
     return summary(core_, counters_);
   });
 }

@@ -14,6 +14,8 @@
 #include "common/dds/raw.hpp"
 #include "common/fabric/checkpoint/kept_blocks.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/fabric/config.hpp"
+#include "common/fabric/stream/confirmations.hpp"
 #include "common/program/recorder.hpp"
 #include "common/rt/mailbox.hpp"
 #include "ground/core/topics.hpp"
@@ -90,6 +92,7 @@ class Ground {
   // Last, so that they end first: their callbacks use all of the above.
   std::vector<dds::RawReader> readers_;  ///< of each drone one for each of pilot_topics
   std::unique_ptr<fabric::Client> client_, urgent_;
+  fabric::Confirmations confirmations_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
   std::jthread control_reader_;
 };

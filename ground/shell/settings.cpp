@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "common/rt/histogram_json.hpp"
 #include "ground/core/topics.hpp"
 #include "ground/shell/course_file.hpp"
 
@@ -193,6 +194,7 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
               {"transactions_altered", t.altered},
               {"transactions_unbelievable", t.unbelievable},
               {"news_unpublished", shell.news_unpublished},
+              {"ordered_blocks_confirmed_after_ms", shell.confirmed_after_ms},
               {"delay_ms", to_ms(core.delay_ns())},
               {"why", core.why()}}
       .dump(2);

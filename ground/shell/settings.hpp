@@ -3,6 +3,7 @@
 
 #include "common/bridge/core/rules.hpp"
 #include "common/config/config.hpp"
+#include "common/rt/histogram.hpp"
 #include "ground/core/flight.hpp"
 
 namespace ledgerline::ground {
@@ -28,6 +29,7 @@ struct ShellCounters {
     std::uint64_t dds_lost = 0, dds_refused = 0;  ///< messages that DDS did not hand over
   };
   std::vector<Pilot> pilots;           ///< of each drone
+  Quantiles confirmed_after_ms{};      ///< of blocks taken as they were ordered
   std::uint64_t news_unpublished = 0;  ///< what the ledger had was no such message, or DDS did not take it
 };
 

@@ -222,7 +222,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
   const auto ledger = [&](const std::string& program, int organisation) {
     const std::string anchor = options.believe_peer ? "" : anchor_line(files);
     return ledger_table(files, place(proxied, program, endpoint), organisation, "User1",
-                        anchor + ledger_keys(options)) +
+                        anchor + fmt::format("blocks = \"{}\"\n", options.blocks) + ledger_keys(options)) +
            direct(program);
   };
   const std::string with_status = "status_period_ms = 250\n";

@@ -123,6 +123,12 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
       .shows_default();
   line.flag("--believe-peer", o.believe_peer,
             "Agent and ground judge neither blocks nor transactions (no config_block), to compare what that costs");
+  line.option(
+          "--blocks", o.blocks,
+          "Whose blocks agent and ground take: the own peer's; the same, compared with an orderer's; or whoever's are\n"
+          "first, an orderer's as soon as they are judged")
+      .one_of({"peer", "compared", "ordered"})
+      .shows_default();
   line.option("--batch-timeout", words.batch_timeout,
               "Ledger: a block is cut when its oldest transaction waited this long")
       .checked_by("TIME", check_duration)
@@ -168,6 +174,8 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--max-age", ledger, of_a_ledger},
       {"--crypto", ledger, of_a_ledger},
       {"--believe-peer", ledger, of_a_ledger},
+      {"--blocks", ledger && !o.gateway, "goes with a ledger and the direct path, which knows its orderers"},
+      {"--believe-peer", o.blocks != "ordered", "goes with the peer's blocks: an orderer's have to be judged"},
       {"--ca", fabric, "goes with --ledger fabric: the embedded ledger issues its identities itself"},
       {"--proxy", ledger, "stands between drones and a ledger: it does not go with --ledger none"},
       {"--endorser", fabric && !o.gateway,

@@ -2,16 +2,9 @@
 
 #include <fmt/format.h>
 
-#include "common/common.pb.h"
+#include "common/fabric/tx/decode.hpp"
 
 namespace ledgerline::fabric {
-namespace {
-
-std::string hash_of(const common::BlockHeader& header) {
-  return block_header_hash(header.number(), header.previous_hash(), header.data_hash());
-}
-
-}  // namespace
 
 Result<Continuation> continue_behind(const Believed& believed, const common::Block& newest,
                                      const std::function<Result<common::Block>(std::uint64_t number)>& fetch) {
@@ -21,11 +14,11 @@ Result<Continuation> continue_behind(const Believed& believed, const common::Blo
     return Error{fmt::format(
         "the peer serves a chain that ends at block {}; we have believed block {}: it lags behind, or tells an old one",
         height, last.number)};
-  std::string hash = hash_of(newest.header());
+  std::string hash = header_hash(newest.header());
   if (height > last.number) {
     const auto block = fetch(last.number);
     if (!block) return block.error();
-    if (hash_of(block->header()) != last.hash) hash.clear();
+    if (header_hash(block->header()) != last.hash) hash.clear();
   } else if (hash != last.hash) {
     hash.clear();
   }

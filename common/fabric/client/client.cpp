@@ -4,7 +4,7 @@
 
 #include "common/fabric/client/connection.hpp"
 #include "common/fabric/client/pipeline.hpp"
-#include "common/fabric/client/streams.hpp"
+#include "common/fabric/client/streams/streams.hpp"
 
 namespace ledgerline::fabric {
 namespace {

@@ -11,6 +11,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/checkpoint/continuation.hpp"
 #include "common/fabric/sending/outcome.hpp"
+#include "common/fabric/stream/block_source.hpp"
 #include "common/fabric/tx/transaction.hpp"
 
 /// Client of a Fabric gateway, its peer's Endorser and Deliver services, and orderers. Nothing here knows which ledger
@@ -40,8 +41,8 @@ struct ClientConfig {
   /// it names, or that a later configuration names (BlockJudge). Empty: the peer is believed about blocks.
   std::string config_block;
   crypto::Library verifier = crypto::Library::libcrypto;  ///< of those signatures
-  /// Compare each block's header with the one that an orderer tells (needs `orderers`): see blocks().
-  bool cross_check = false;
+  /// Whose blocks blocks() hands over. Beside the peer's alone it needs `orderers`; `ordered` needs config_block, too.
+  BlockSource blocks = BlockSource::peer;
   ChannelAndContract where;
   /// Says of a call's result why its event (no name: none) cannot follow from the call; it is then not signed, and ends
   /// as refused. Empty: any event of the called contract is signed. On the client's own thread.
@@ -52,6 +53,9 @@ struct ClientConfig {
   /// The policy of its own that a key of the contract has once it is there (common.SignaturePolicyEnvelope), since only who
   /// knows the contract can say; none: it has none, or that is not known. On a stream's thread.
   std::function<std::optional<std::string>(const std::string& key)> likely_policy;
+  /// Keys whose readers go by a count or stamp in the value, so that a write that is told twice tells them nothing, since
+  /// only who knows the contract can say. On a stream's thread.
+  std::function<bool(const std::string& key)> is_of_hot_path;
   crypto::SigningIdentity identity;
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
   std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end
@@ -95,9 +99,13 @@ class Client {
     /// many there were. The first at once, then at most one word a minute; on_block has them all. And, once, that the peer
     /// does not say whose endorsement the contract needs.
     std::function<void(const std::string& what)> on_unbelievable = {};
-    /// The peer's stream contradicts what is known: a fork, a block that the orderers have not signed, or that an orderer has
-    /// otherwise. In words, at each attempt; nothing of it was handed over.
+    /// A stream contradicts what is known: a fork, a block that the orderers have not signed, peer and orderers that tell
+    /// two chains or verdicts, an orderer that withholds blocks. In words, at each attempt; nothing of it was handed over.
     std::function<void(const std::string& what)> on_contradiction = {};
+    /// A block that was handed over as an orderer told it is the peer's, too; when either came (CLOCK_MONOTONIC).
+    std::function<void(std::uint64_t number, TimeNs ordered_ns, TimeNs confirmed_ns)> on_confirmed = {};
+    /// Whether an orderer's stream is there, where one is read; the peer's stream goes on without it.
+    std::function<void(bool connected, const std::string& why)> on_orderers = {};
     /// Of blocks_behind(): how the peer's chain goes on; once, before the first block.
     std::function<void(const Continuation&)> on_continued = {};
   };
@@ -105,8 +113,11 @@ class Client {
   /// resumes behind the last block handed over. With config_block each transaction is judged by the rule of Fabric's
   /// peers, as far as the blocks of this stream tell what it rests on (BlockIntake). One that cannot be believed is left
   /// out alone, see decode_block. A block that breaks the chain is reported through on_connection and the
-  /// stream starts again at the last good one. With cross_check a second stream brings an orderer's blocks; once the
-  /// two differ, nothing more is handed over, and on_connection says so.
+  /// stream starts again at the last good one. With ClientConfig::blocks other than `peer` a second stream brings an
+  /// orderer's blocks; once the two differ, nothing more is handed over, and on_connection says so. With `ordered` a
+  /// block is handed over as soon as an orderer tells it, where our own judgement needs no flag of the peer (its flags
+  /// are our verdicts then), and on_confirmed says when the peer told the same; at most
+  /// BlockIntake::max_unconfirmed blocks ahead of the peer. Calls that are told_by_block end with the block, too.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;
   /// The same for who starts again: blocks from behind a checkpoint on, or, after a longer absence than it allows, from the
   /// next new one on, whose predecessor then counts by its orderers' signatures (needs config_block, or is the peer's word).

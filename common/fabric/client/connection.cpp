@@ -57,6 +57,10 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
   // protobuf would write a line to standard error for each malformed text that a hostile transaction carries.
   google::protobuf::SetLogHandler(nullptr);
   if (!config.identity.signer) return Error{"the ledger's client has no identity to sign with"};
+  if (config.blocks != BlockSource::peer && config.orderers.empty())
+    return Error{"ledger.blocks: without [[orderer]] there are the peer's blocks alone"};
+  if (config.blocks == BlockSource::ordered && config.config_block.empty())
+    return Error{"ledger.blocks: an orderer's blocks cannot be judged without ledger.config_block"};
   if (!config.config_block.empty()) {
     const auto judge = BlockJudge::from(config.config_block, config.where.channel, config.verifier);
     if (!judge) return Error{"ledger.config_block: " + judge.error().what};
@@ -67,14 +71,20 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
     if (!channel) return channel.error();
     into->push_back(std::move(*channel));
   }
-  for (const auto& [servers, into] :
-       {std::pair(&config.other_peers, &connection->peers), std::pair(&config.other_peers, &connection->stream_peers),
-        std::pair(&config.orderers, &connection->orderers)}) {
-    for (const ClientConfig::Server& server : *servers) {
-      auto to_server = make_channel(server.endpoint, server.tls_ca_file, "");
-      if (!to_server) return to_server.error();
-      into->push_back(std::move(*to_server));
+  using Channels = std::vector<std::shared_ptr<grpc::Channel>>;
+  const auto add = [](const std::vector<ClientConfig::Server>& servers, Channels& into) -> Status {
+    for (const ClientConfig::Server& server : servers) {
+      auto channel = make_channel(server.endpoint, server.tls_ca_file, "");
+      if (!channel) return channel.error();
+      into.push_back(std::move(*channel));
     }
+    return done;
+  };
+  if (auto s = add(config.other_peers, connection->peers); !s) return s.error();
+  if (auto s = add(config.other_peers, connection->stream_peers); !s) return s.error();
+  if (auto s = add(config.orderers, connection->orderers); !s) return s.error();
+  if (config.blocks != BlockSource::peer) {
+    if (auto s = add(config.orderers, connection->stream_orderers); !s) return s.error();
   }
   for (const ClientConfig::Endorser& endorser : config.endorsers) {
     if (endorser.endpoint == config.endpoint) {

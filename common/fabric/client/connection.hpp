@@ -21,7 +21,8 @@ struct Connection {
   /// bytes reads them, and must wake the other.
   std::vector<std::shared_ptr<grpc::Channel>> stream_peers;
   std::vector<std::shared_ptr<grpc::Channel>> orderers;
-  std::vector<std::shared_ptr<grpc::Channel>> endorsers;  ///< as in the config; the own peer's is its own
+  std::vector<std::shared_ptr<grpc::Channel>> stream_orderers;  ///< likewise; none where their blocks are not read
+  std::vector<std::shared_ptr<grpc::Channel>> endorsers;        ///< as in the config; the own peer's is its own
   std::shared_ptr<Commits> commits = std::make_shared<Commits>();
 
   /// Index of the peer to ask now: our own, or, while it is not reached, the first stand-in that is.

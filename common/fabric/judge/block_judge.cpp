@@ -22,10 +22,6 @@ bool is_config(const common::Block& block) {
          header.type() == common::CONFIG;
 }
 
-std::string hash_of(const common::BlockHeader& header) {
-  return block_header_hash(header.number(), header.previous_hash(), header.data_hash());
-}
-
 /// What the orderers signed beside the header.
 struct Signed {
   common::Metadata metadata;
@@ -98,7 +94,7 @@ Status BlockJudge::follow(const common::Block& block) {
   if (!config) return config.error();
   if (config->channel != channel_)
     return Error{fmt::format("config block {} is of channel {}, not of {}", config->block, config->channel, channel_)};
-  config_hash_ = hash_of(block.header());
+  config_hash_ = header_hash(block.header());
   config_ = std::move(*config);
   orderers_ = make_registry_(config_.orderers);
   return done;
@@ -108,7 +104,8 @@ Status BlockJudge::judge(const common::Block& block) {
   const std::uint64_t number = block.header().number();
   const auto wrong = [&](const std::string& why) { return Error{fmt::format("block {}: {}", number, why)}; };
   if (number == config_.block)
-    return hash_of(block.header()) == config_hash_ ? Status(done) : wrong("it is not the configuration that is known");
+    return header_hash(block.header()) == config_hash_ ? Status(done)
+                                                       : wrong("it is not the configuration that is known");
   if (number < config_.block) return wrong("it is older than the configuration that is known");
   const auto said = read_signed(block);
   if (!said) return wrong(said.error().what);

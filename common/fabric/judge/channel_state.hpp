@@ -3,8 +3,10 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/fabric/tx/policy.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric {
 
@@ -49,6 +51,10 @@ class ChannelState {
   /// The policy of its own that a key has, if it has one, by those who know the contract; common.SignaturePolicyEnvelope.
   /// Asked where its policy is not known.
   virtual std::optional<std::string> likely_policy(const KeyName&) const { return std::nullopt; }
+  /// Whether some of these have endorsed a write of the key that counted, by the policy that it still has, whatever that is.
+  virtual bool have_sufficed(const KeyName&, const std::vector<Endorser>&) const { return false; }
+  /// Whether its readers go by a count or stamp in its value, so that a write that is told twice tells them nothing.
+  virtual bool is_of_hot_path(const KeyName&) const { return false; }
   /// Whether all keys of a namespace from `start` up to `end` (empty: all behind) are known.
   virtual bool knows_range(const std::string&, const std::string& /*start*/, const std::string& /*end*/) const {
     return true;
@@ -61,6 +67,8 @@ class ChannelState {
   virtual bool is_claimed(const std::string& /*tx_id*/) const { return false; }
   /// All ids are known of transactions from this block on.
   virtual std::uint64_t ids_since() const { return 0; }
+  /// When the first of these came (real time); nullopt: nobody knows.
+  virtual std::optional<TimeNs> ids_since_ns() const { return std::nullopt; }
 
   /// Whose endorsement a namespace's keys need, or a collection's; nullopt: there is no such contract, or, where the
   /// state is not whole, nobody knows.

@@ -38,6 +38,20 @@ std::optional<std::string> KeyState::likely_policy(const KeyName& name) const {
   return asked ? part_->likely_policy(name.key) : std::nullopt;
 }
 
+bool KeyState::have_sufficed(const KeyName& name, const std::vector<Endorser>& endorsers) const {
+  const auto found = keys_.find(name);
+  if (found == keys_.end() || found->second.policies != policies_) return false;
+  const std::vector<Endorser>& then = found->second.sufficed;
+  return !then.empty() && std::all_of(then.begin(), then.end(), [&](const Endorser& one) {
+    return std::count(endorsers.begin(), endorsers.end(), one) >= std::count(then.begin(), then.end(), one);
+  });
+}
+
+bool KeyState::is_of_hot_path(const KeyName& name) const {
+  return part_ && part_->is_of_hot_path && name.name == part_->contract && name.collection.empty() &&
+         part_->is_of_hot_path(name.key);
+}
+
 bool KeyState::knows_range(const std::string& name, const std::string& start, const std::string& end) const {
   return whole() || std::any_of(ranges_.begin(), ranges_.end(), [&](const Range& range) {
            return range.name == name && range.start <= start &&
@@ -101,6 +115,7 @@ void KeyState::take_collections(const std::string& contract, const std::string& 
 /// A definition is a key for each of its fields.
 void KeyState::take_definition(std::string_view key, const KeyEffect& effect) {
   if (!key.starts_with(fields)) return;
+  ++policies_;
   key.remove_prefix(fields.size());
   const std::size_t slash = key.rfind('/');
   if (slash == std::string_view::npos) return;
@@ -173,6 +188,15 @@ void KeyState::learn_policies(const NamespaceSet& part, const std::vector<Endors
   }
 }
 
+void KeyState::learn_sufficed(const NamespaceSet& part, const std::vector<Endorser>& endorsers) {
+  for (const kvrwset::KVWrite& write : part.set.writes()) {
+    const auto found = keys_.find({part.name, part.collection, write.key()});
+    if (found == keys_.end() || found->second.known.policy) continue;
+    found->second.sufficed = endorsers;
+    found->second.policies = policies_;
+  }
+}
+
 void KeyState::write(const KeyName& name, const KeyEffect& effect, Version version) {
   if (effect.kind == KeyEffect::Kind::deletion && whole()) {
     keys_.erase(name);
@@ -205,22 +229,27 @@ void KeyState::write(const NamespaceSet& part, Version version) {
   }
 }
 
-void KeyState::remember(std::uint64_t block, const Verdict& verdict) {
+void KeyState::remember(std::uint64_t block, const Verdict& verdict, std::optional<TimeNs> now) {
   const bool claim = verdict.code == protos::BAD_PROPOSAL_TXID;
   // In Fabric an id is used up by whoever claims it, so that its owner is refused from then on.
   if (claim && config_.embedded_node) return;
   const std::string& tx_id = verdict.tx_id;
   if (tx_id.size() != id_digits) return;  // no valid transaction can have it
-  if (part_ && newest_.empty()) ids_since_ = block;
+  if (part_ && newest_.empty()) {
+    ids_since_ = block;
+    ids_since_ns_ = now;
+  }
   const bool is_new = transactions_.insert(tx_id).second;
   if (claim && is_new) claimed_.insert(tx_id);
   if (!claim && !is_new) claimed_.erase(tx_id);
   if (!is_new || !part_) return;
-  newest_.emplace_back(tx_id, block);
+  newest_.push_back({tx_id, block, now});
   if (newest_.size() <= part_->max_ids) return;
-  transactions_.erase(newest_.front().first);
-  claimed_.erase(newest_.front().first);
-  ids_since_ = newest_.front().second + 1;
+  const Id& oldest = newest_.front();
+  transactions_.erase(oldest.tx_id);
+  claimed_.erase(oldest.tx_id);
+  ids_since_ = oldest.block + 1;
+  ids_since_ns_ = newest_[1].came_ns;
   newest_.pop_front();
 }
 
@@ -238,10 +267,16 @@ void KeyState::forget(const NamespaceSet& part) {
   }
 }
 
-void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts) {
+void KeyState::forget(const ReadWriteSet& sets) {
+  for (const NamespaceSet& part : sets.parts) {
+    if (follows(part)) forget(part);
+  }
+}
+
+void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts, std::optional<TimeNs> now) {
   for (std::size_t i = 0; i < verdicts.size(); ++i) {
     const Verdict& verdict = verdicts[i];
-    remember(block, verdict);  // of invalid ones, too
+    remember(block, verdict, now);  // of invalid ones, too
     for (const NamespaceSet& part : verdict.sets.parts) {
       if (!follows(part)) continue;
       if (verdict.code != protos::VALID) {
@@ -251,6 +286,7 @@ void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts) 
       if (part_) learn(part);
       write(part, {block, i});
       if (part_) learn_policies(part, verdict.endorsers);
+      if (part_) learn_sufficed(part, verdict.endorsers);
     }
   }
 }

@@ -32,11 +32,16 @@ class KeyState final : public ChannelState {
     std::size_t max_ranges = 1'000;
     /// As ClientConfig::likely_policy.
     std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
+    /// As ClientConfig::is_of_hot_path.
+    std::function<bool(const std::string& key)> is_of_hot_path{};
   };
   explicit KeyState(Part part) : part_(std::move(part)) {}
 
   /// From here on these policies are the channel's.
-  void configure(ChannelConfig config) { config_ = std::move(config); }
+  void configure(ChannelConfig config) {
+    config_ = std::move(config);
+    ++policies_;
+  }
   /// A contract that the channel has without Fabric's lifecycle, as the embedded node's: its keys need the channel's
   /// own policy. `policy`: protos.ApplicationPolicy of one whose definition was not followed.
   void define(const std::string& contract) { definitions_[contract] = {.policy = std::string()}; }
@@ -44,19 +49,25 @@ class KeyState final : public ChannelState {
   void hear(const std::string& contract, const std::string& policy) {
     definitions_[contract] = {.policy = policy, .hearsay = true};
   }
-  /// What the block's valid transactions have written. `verdicts`: of all of them.
-  void apply(std::uint64_t block, const std::vector<Verdict>& verdicts);
+  /// What the block's valid transactions have written. `verdicts`: of all of them. `now`: real time; none: it counts as a
+  /// block of nobody knows when.
+  void apply(std::uint64_t block, const std::vector<Verdict>& verdicts, std::optional<TimeNs> now = std::nullopt);
+  /// A transaction that was applied as valid, and was not: what it has written is not known.
+  void forget(const ReadWriteSet& sets);
 
   std::optional<Key> find(const KeyName& name) const override;
   bool whole() const override { return !part_; }
   Known known(const KeyName& name) const override;
   std::optional<std::string> likely_policy(const KeyName& name) const override;
+  bool have_sufficed(const KeyName& name, const std::vector<Endorser>& endorsers) const override;
+  bool is_of_hot_path(const KeyName& name) const override;
   bool knows_range(const std::string& name, const std::string& start, const std::string& end) const override;
   void walk(const std::string& name, const std::string& start,
             const std::function<bool(const std::string& key, Version version)>& take) const override;
   bool knows_transaction(const std::string& tx_id) const override;
   bool is_claimed(const std::string& tx_id) const override { return claimed_.contains(tx_id); }
   std::uint64_t ids_since() const override { return ids_since_; }
+  std::optional<TimeNs> ids_since_ns() const override { return ids_since_ns_; }
   std::optional<Policy> policy_of(const std::string& name, const std::string& collection) const override;
   bool policy_is_hearsay(const std::string& name) const override;
 
@@ -68,6 +79,8 @@ class KeyState final : public ChannelState {
     Key key;
     bool there = true;  ///< else it is known that it is not; of a part alone
     Known known{};
+    std::vector<Endorser> sufficed{};  ///< of the newest write that counted; of a part alone
+    std::uint64_t policies = 0;        ///< then
   };
   bool follows(const NamespaceSet& part) const;
   /// nullptr: there are too many already.
@@ -76,9 +89,10 @@ class KeyState final : public ChannelState {
   void learn(const KeyName& name, const kvrwset::KVRead& read);
   /// Of a transaction that counts, whose endorsements are too few for keys that have no policy of their own.
   void learn_policies(const NamespaceSet& part, const std::vector<Endorser>& endorsers);
+  void learn_sufficed(const NamespaceSet& part, const std::vector<Endorser>& endorsers);
   void write(const NamespaceSet& part, Version version);
   void write(const KeyName& name, const KeyEffect& effect, Version version);
-  void remember(std::uint64_t block, const Verdict& verdict);
+  void remember(std::uint64_t block, const Verdict& verdict, std::optional<TimeNs> now);
   /// Of what may have been written or not.
   void forget(const NamespaceSet& part);
   void take_definition(std::string_view key, const KeyEffect& effect);
@@ -94,9 +108,16 @@ class KeyState final : public ChannelState {
   };
   std::set<Range> ranges_;  ///< of a part, whose keys are all known
   std::unordered_set<std::string> transactions_;
-  std::unordered_set<std::string> claimed_;                   ///< of these those that nobody but others have used
-  std::deque<std::pair<std::string, std::uint64_t>> newest_;  ///< of a part's, with their blocks, newest last
+  std::unordered_set<std::string> claimed_;  ///< of these those that nobody but others have used
+  struct Id {
+    std::string tx_id;
+    std::uint64_t block = 0;
+    std::optional<TimeNs> came_ns;
+  };
+  std::deque<Id> newest_;  ///< of a part's, newest last
   std::uint64_t ids_since_ = 0;
+  std::optional<TimeNs> ids_since_ns_;
+  std::uint64_t policies_ = 0;  ///< grows with each change of a policy that keys without one of their own have
   struct Definition {
     /// protos.ApplicationPolicy; empty: the channel's own; none: a part has not seen it.
     std::optional<std::string> policy{};

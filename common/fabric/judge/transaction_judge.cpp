@@ -12,6 +12,8 @@
 namespace ledgerline::fabric {
 namespace {
 
+constexpr TimeNs max_clock_error_ns = 5 * ns_per_s;  // of creators that keep their clocks
+
 /// A certificate however its PEM is laid out: of one identity only one endorsement counts.
 std::string without_layout(std::string pem) {
   std::erase_if(pem, [](unsigned char c) { return c <= ' '; });
@@ -45,12 +47,17 @@ class Judging {
     }
     ReadWriteSet sets;
     unknown_ = false;
+    flagged_ = told.has_value();
     const Wrong wrong = endorsed(form, sets, verdict.endorsement_fits, verdict.endorsers);
     if (wrong.code != protos::VALID) return refuse(std::move(verdict), wrong.code, wrong.why, told);
     if (unknown_ && is_of_endorsement(told)) return refuse_by_flag(std::move(verdict), *told, std::move(sets));
     if (told == protos::DUPLICATE_TXID && !ids_.contains(verdict.tx_id) && may_be_older(sets)) {
       overlay_.add_doubtful_policies(sets);
       return refuse_by_flag(std::move(verdict), *told, std::move(sets));
+    }
+    if (!told && !ids_.contains(verdict.tx_id) && may_be_older(sets)) {
+      verdict.by_creators_clock = is_repeatable(sets) && is_newer(form.channel_header.timestamp());
+      unknown_ = unknown_ || !verdict.by_creators_clock;
     }
     overlay_.add_policies(sets);
     // As in Fabric, a transaction that fails for what it read has used its id up, also within the block.
@@ -61,7 +68,7 @@ class Judging {
     if (checked.code != protos::VALID)
       return refuse(std::move(verdict), checked.code, "what it read has changed since", told);
     if (unknown_ && told && *told != protos::VALID) return refuse_by_flag(std::move(verdict), *told, std::move(sets));
-    verdict.by_flag = unknown_ && told;
+    verdict.by_flag = unknown_;
     overlay_.add(sets);
     verdict.sets = std::move(sets);
     return verdict;
@@ -80,6 +87,7 @@ class Judging {
   }
   /// It is invalid in any case; where something before that is not known, the flag may name the first reason.
   Verdict refuse(Verdict verdict, int code, const char* why, std::optional<int> told) const {
+    if (unknown_ && !told) verdict.by_flag = true;
     if (unknown_ && told && *told != protos::VALID) {
       verdict.by_flag = verdict.by_flag || code != *told;
       code = *told;
@@ -104,6 +112,23 @@ class Judging {
       }
     }
     return true;
+  }
+
+  /// Whether it writes nothing but what changes nothing when it is told twice.
+  bool is_repeatable(const ReadWriteSet& sets) const {
+    return std::all_of(sets.parts.begin(), sets.parts.end(), [&](const NamespaceSet& part) {
+      const auto of_hot_path = [&](const auto& write) {
+        return state_.is_of_hot_path({part.name, part.collection, write.key()});
+      };
+      return part.set.metadata_writes().empty() &&
+             std::all_of(part.set.writes().begin(), part.set.writes().end(), of_hot_path);
+    });
+  }
+
+  /// Whether it was made when all ids were known already, by its creator's clock.
+  bool is_newer(const google::protobuf::Timestamp& made) const {
+    const auto since_ns = state_.ids_since_ns();
+    return since_ns && made.seconds() * ns_per_s + made.nanos() > *since_ns + max_clock_error_ns;
   }
 
   /// Whether a peer that gives this code has found too few endorsements, or no contract.
@@ -211,8 +236,10 @@ class Judging {
           const auto own = state_.likely_policy(whole);
           const auto common = state_.policy_of(name, part.collection);
           const bool by_own = own && satisfies(*own, endorsers), by_common = common && satisfies(*common, endorsers);
-          if (own && common && !by_own && !by_common && !state_.policy_is_hearsay(name)) return false;
-          unknown_ = unknown_ || !by_own || !by_common;
+          const bool neither = own && common && !by_own && !by_common && !state_.policy_is_hearsay(name);
+          const bool certain = neither ? flagged_ : (by_own && by_common) || state_.have_sufficed(whole, endorsers);
+          unknown_ = unknown_ || !certain;
+          if (neither) return false;
           continue;
         }
         const auto found = state_.find(whole);
@@ -233,6 +260,7 @@ class Judging {
   BlockOverlay overlay_;
   std::unordered_set<std::string> ids_;
   bool unknown_ = false;  ///< the verdict so far rests on something that the state does not know
+  bool flagged_ = false;  ///< a peer has said what the transaction is
 };
 
 }  // namespace

@@ -16,8 +16,12 @@ struct Verdict {
   int code = 0;          ///< protos.TxValidationCode
   const char* why = "";  ///< in words, unless it is VALID
   bool config = false;   ///< whether it may configure the channel is not judged here: BlockJudge follows it
-  /// It is as the peer flagged it, for it rests on something that the state does not know.
+  /// It rests on something that the state does not know: it is as the peer flagged it, and in a block without flags a
+  /// guess, on which nobody may act.
   bool by_flag = false;
+  /// That it is none that was told long ago is its creator's word: its time. Only in a block without flags, and only of
+  /// what changes nothing when it is told twice.
+  bool by_creators_clock = false;
   bool creator_signed = false;
   std::vector<bool> endorsement_fits{};  ///< of each endorsement, as far as they were looked at: it is a member's
   std::vector<Endorser> endorsers{};     ///< likewise, each once

@@ -2,10 +2,35 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "common/fabric/tx/decode.hpp"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::fabric {
+namespace {
+
+/// The flags that a peer has set; empty: none, as in an orderer's block.
+std::string_view flags_of(const common::Block& message) {
+  if (message.metadata().metadata_size() <= common::TRANSACTIONS_FILTER) return {};
+  return message.metadata().metadata(common::TRANSACTIONS_FILTER);
+}
+
+void set_flags(common::Block& message, const std::vector<Verdict>& verdicts) {
+  std::string flags;
+  for (const Verdict& verdict : verdicts) flags.push_back(static_cast<char>(verdict.code));
+  while (message.metadata().metadata_size() <= common::TRANSACTIONS_FILTER)
+    message.mutable_metadata()->add_metadata("");
+  message.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, std::move(flags));
+}
+
+std::vector<bool> validity(std::string_view flags) {
+  std::vector<bool> valid;
+  for (const char flag : flags) valid.push_back(flag == static_cast<char>(protos::VALID));
+  return valid;
+}
+
+}  // namespace
 
 Result<BlockIntake> BlockIntake::make(Setup setup) {
   BlockIntake intake(std::move(setup));
@@ -21,7 +46,9 @@ Result<BlockIntake> BlockIntake::make(Setup setup) {
 /// What has been followed does not hold on: blocks are missing.
 void BlockIntake::forget() {
   if (!judge_) return;
-  state_.emplace(KeyState::Part{.contract = setup_.where.contract, .likely_policy = setup_.likely_policy});
+  state_.emplace(KeyState::Part{.contract = setup_.where.contract,
+                                .likely_policy = setup_.likely_policy,
+                                .is_of_hot_path = setup_.is_of_hot_path});
   defined_ = false;
   configure();
 }
@@ -66,6 +93,7 @@ Status BlockIntake::judge_block(const common::Block& message, const Fetch& fetch
 }
 
 Result<Block> BlockIntake::take(const common::Block& message, const Fetch& fetch) {
+  if (!contradiction_.empty()) return Error{contradiction_};
   auto block = decode_block(message);
   if (!block) return block;
   // Its place first: a configuration out of its turn, which the orderers have signed as well, is not to be followed.
@@ -74,20 +102,168 @@ Result<Block> BlockIntake::take(const common::Block& message, const Fetch& fetch
   ChainCheck chain = chain_;
   if (Status follows = chain.add(*block); !follows) return follows.error();
   if (Status judged = judge_block(message, fetch); !judged) return judged.error();
-  if (setup_.compare) {
-    if (std::string problem = setup_.compare(block->number, chain.hash()); !problem.empty()) return Error{problem};
-  }
+  if (Status same = compare_with_ordered(block->number, chain.hash()); !same) return same.error();
+  forget_waiting(block->number);
+  next_is_uncertain_ = false;
   chain_ = std::move(chain);
   next_ = chain_.height();
   if (state_) judge_transactions(message, *block);
   return block;
 }
 
+Error BlockIntake::contradict(std::string what) {
+  contradiction_ = std::move(what);
+  return Error{contradiction_};
+}
+
+bool BlockIntake::is_signed(const common::Block& message) {
+  if (!judge_) return true;
+  common::Block header_alone;  // a configuration in it must not be followed
+  *header_alone.mutable_header() = message.header();
+  *header_alone.mutable_metadata() = message.metadata();
+  return static_cast<bool>(judge_->judge(header_alone));
+}
+
+/// Of a block that the peer tells.
+Status BlockIntake::compare_with_ordered(std::uint64_t number, const std::string& hash) {
+  if (setup_.source == BlockSource::peer) return done;
+  const auto ordered = told_.take_ordered(number);
+  if (!ordered) {
+    told_.of_peer(number, hash);
+  } else if (ordered->hash != hash && is_signed(ordered->message)) {
+    return contradict(fmt::format("block {} of the peer is not the one that was ordered", number));
+  } else if (ordered->hash != hash) {
+    orderer_problem_ = fmt::format("block {} of an orderer is not the peer's, and not signed", number);
+  }
+  return done;
+}
+
+/// Of a block that an orderer tells behind the peer.
+Status BlockIntake::compare_with_taken(const common::Block& message, const std::string& hash) {
+  const std::uint64_t number = message.header().number();
+  const auto taken = told_.take_of_peer(number);
+  if (!taken || *taken == hash) return done;
+  if (is_signed(message))
+    return contradict(fmt::format("block {} of the peer is not the one that was ordered", number));
+  return Error{fmt::format("block {} of an orderer is not the peer's, and not signed", number)};
+}
+
+Result<std::size_t> BlockIntake::confirm(const common::Block& message) {
+  if (!contradiction_.empty()) return Error{contradiction_};
+  if (unconfirmed_.empty()) return Error{"no block waits to be confirmed"};
+  auto& [number, ours] = *unconfirmed_.begin();
+  if (message.header().number() != number)
+    return Error{fmt::format("block {} came where {} was due", message.header().number(), number)};
+  if (header_hash(message.header()) != ours.hash) {
+    if (!is_signed(message))
+      return Error{fmt::format("block {} of the peer is not the one that was ordered, and not signed", number)};
+    return contradict(fmt::format("block {} of the peer is not the one that was ordered", number));
+  }
+  const std::string_view flags = flags_of(message);
+  std::size_t told_again = 0;
+  for (const auto& [i, sets] : ours.again) {
+    if (i >= flags.size() || flags[i] != static_cast<char>(protos::DUPLICATE_TXID)) continue;
+    ours.valid[i] = false;
+    state_->forget(sets);
+    ++told_again;
+  }
+  if (validity(flags) != ours.valid)
+    return contradict(
+        fmt::format("block {}: the peer flags other transactions valid than we have found valid", number));
+  ++counts_.confirmed;
+  unconfirmed_.erase(unconfirmed_.begin());
+  return told_again;
+}
+
+std::optional<std::uint64_t> BlockIntake::begin_ordered() {
+  next_ordered_.reset();
+  orderer_problem_.clear();
+  waiting_.clear();
+  waiting_bytes_ = 0;
+  if (setup_.source != BlockSource::peer) next_ordered_ = next_;
+  return next_ordered_;
+}
+
+Status BlockIntake::add_ordered(common::Block message) {
+  if (!contradiction_.empty()) return Error{contradiction_};
+  if (!orderer_problem_.empty()) return Error{std::exchange(orderer_problem_, {})};
+  const std::uint64_t number = message.header().number();
+  if (number != next_ordered_)
+    return Error{fmt::format("an orderer sent block {} where {} was due", number, next_ordered_.value_or(0))};
+  *next_ordered_ += 1;
+  std::string hash = header_hash(message.header());
+  if (next_ && number < *next_) return compare_with_taken(message, hash);
+  told_.ordered(message, std::move(hash));
+  if (setup_.source == BlockSource::ordered) keep_waiting(std::move(message));
+  return done;
+}
+
+void BlockIntake::keep_waiting(common::Block message) {
+  const std::size_t bytes = message.ByteSizeLong();
+  if (waiting_.size() >= max_waiting || waiting_bytes_ + bytes > max_waiting_bytes) return;
+  const std::uint64_t number = message.header().number();
+  waiting_bytes_ += bytes;
+  waiting_[number] = {std::move(message), bytes};
+}
+
+void BlockIntake::forget_waiting(std::uint64_t up_to) {
+  while (!waiting_.empty() && waiting_.begin()->first <= up_to) {
+    waiting_bytes_ -= waiting_.begin()->second.bytes;
+    waiting_.erase(waiting_.begin());
+  }
+}
+
+bool BlockIntake::may_take_ordered() const {
+  return state_ && caught_up_ && next_ && *next_ != 0 && !next_is_uncertain_ && unconfirmed_.size() < max_unconfirmed;
+}
+
+Result<std::optional<BlockIntake::Ordered>> BlockIntake::take_ordered() {
+  if (!contradiction_.empty()) return Error{contradiction_};
+  std::optional<Ordered> none;
+  if (!may_take_ordered()) return none;
+  const auto found = waiting_.find(*next_);
+  if (found == waiting_.end()) return none;
+  const std::vector<Verdict> verdicts = fabric::judge_transactions(found->second.message, *state_, *members_, rules_);
+  // The peer's word decides on configurations, which are rare.
+  next_is_uncertain_ = std::any_of(verdicts.begin(), verdicts.end(),
+                                   [](const Verdict& verdict) { return verdict.by_flag || verdict.config; });
+  if (next_is_uncertain_) {
+    ++counts_.uncertain;
+    return none;
+  }
+  const std::uint64_t number = *next_;
+  Ordered out;
+  out.message = std::move(found->second.message);
+  forget_waiting(number);
+  (void)told_.take_ordered(number);
+  if (Status judged = judge_->judge(out.message); !judged) return judged.error();
+  set_flags(out.message, verdicts);
+  auto block = decode_block(out.message);
+  if (!block) return block.error();
+  ChainCheck chain = chain_;
+  if (Status follows = chain.add(*block); !follows) return follows.error();
+  out.block = std::move(*block);
+  Unconfirmed& unconfirmed = unconfirmed_[number];
+  unconfirmed = {chain.hash(), validity(flags_of(out.message)), {}};
+  for (std::size_t i = 0; i < verdicts.size(); ++i) {
+    if (verdicts[i].by_creators_clock && unconfirmed.valid[i]) unconfirmed.again[i] = verdicts[i].sets;
+  }
+  chain_ = std::move(chain);
+  next_ = chain_.height();
+  take_verdicts(verdicts, out.block);
+  ++counts_.ordered_first;
+  return std::optional(std::move(out));
+}
+
 void BlockIntake::judge_transactions(const common::Block& message, Block& block) {
   if (judge_->config() != configured_ && judge_->config() != block.number) configure();
   // Nobody orders the first block.
   if (block.number == 0) return;
-  const std::vector<Verdict> verdicts = fabric::judge_transactions(message, *state_, *members_, rules_);
+  take_verdicts(fabric::judge_transactions(message, *state_, *members_, rules_), block);
+  if (judge_->config() != configured_) configure();
+}
+
+void BlockIntake::take_verdicts(const std::vector<Verdict>& verdicts, Block& block) {
   for (std::size_t i = 0; i < verdicts.size(); ++i) {
     const Verdict& verdict = verdicts[i];
     Transaction& transaction = block.transactions[i];
@@ -117,8 +293,7 @@ void BlockIntake::judge_transactions(const common::Block& message, Block& block)
       transaction.problem = "it is valid";
     }
   }
-  state_->apply(block.number, verdicts);
-  if (judge_->config() != configured_) configure();
+  state_->apply(block.number, verdicts, real_time());
 }
 
 }  // namespace ledgerline::fabric

@@ -1,14 +1,18 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/fabric/checkpoint/continuation.hpp"
 #include "common/fabric/judge/block_judge.hpp"
 #include "common/fabric/judge/key_state.hpp"
 #include "common/fabric/judge/transaction_judge.hpp"
+#include "common/fabric/stream/block_source.hpp"
+#include "common/fabric/stream/told_headers.hpp"
 #include "common/fabric/tx/transaction.hpp"
 
 namespace ledgerline::fabric {
@@ -16,6 +20,15 @@ namespace ledgerline::fabric {
 /// What is believed of the blocks that a peer serves, without its I/O: the core of every stream of blocks. Each must be
 /// the next of the chain and signed by the channel's orderers; each of its transactions is judged by the rule of
 /// judge_transactions, as far as what came through here tells, and its flag believed beyond that.
+///
+/// Where an orderer's stream is read, too, its blocks have no flags. With BlockSource::ordered the next block is taken
+/// from whoever tells it first:
+///
+///      orderer tells N ──▶ every verdict certain? ──yes──▶ taken ──▶ peer tells N: same header, same verdicts? ──yes──▶ confirmed
+///                                  │ no                                                     │ no
+///                                  ▼                                                        ▼
+///                          waits for the peer's N                            contradiction: nothing more is taken
+///
 /// Pure but for the registries' caches; one thread. The same blocks give the same results.
 class BlockIntake {
  public:
@@ -26,8 +39,11 @@ class BlockIntake {
     BlockJudge::MakeRegistry make_registry;
     /// As ClientConfig::likely_policy.
     std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
-    /// Whether somebody else has the same block, by the hash of its header; in words what differs. Empty: nobody is asked.
-    std::function<std::string(std::uint64_t number, const std::string& hash)> compare{};
+    /// As ClientConfig::is_of_hot_path.
+    std::function<bool(const std::string& key)> is_of_hot_path{};
+    /// Now, by the clocks of those who make transactions; empty: nobody knows.
+    std::function<TimeNs()> real_time{};
+    BlockSource source = BlockSource::peer;  ///< `ordered` needs config_block
   };
   /// An error: the config block is none.
   static Result<BlockIntake> make(Setup setup);
@@ -42,7 +58,7 @@ class BlockIntake {
 
   /// The next block, with what is to be believed of its transactions: one that is flagged valid and is not is left out
   /// (code_unbelievable), one that is flagged invalid and is valid says so in its `problem`. An error: it is not the next
-  /// block, which may still come.
+  /// block, which may still come. Where confirms_next(), the peer's next block is for confirm().
   Result<Block> take(const common::Block& message, const Fetch& fetch);
 
   /// Whose endorsement the contract's keys need (protos.ApplicationPolicy), where no block has told it: it lies behind the
@@ -51,12 +67,48 @@ class BlockIntake {
   /// Whether that is worth asking.
   bool misses_definition() const { return state_ && !defined_; }
 
+  /// Number of the block that comes next; none: the first one that comes.
   std::optional<std::uint64_t> next() const { return next_; }
 
+  // Where an orderer's stream is read beside the peer's.
+
+  /// So many blocks that were taken may be ahead of the peer; then the orderers' wait for it.
+  static constexpr std::size_t max_unconfirmed = 64;
+  /// So many may wait, and so many bytes; the peer's stream brings what is beyond.
+  static constexpr std::size_t max_waiting = 64, max_waiting_bytes = 16 << 20;
+  /// What the peer's stream begins with: what is not confirmed yet comes again.
+  std::optional<std::uint64_t> next_of_peer() const {
+    return unconfirmed_.empty() ? next_ : std::optional(unconfirmed_.begin()->first);
+  }
+  bool confirms_next() const { return !unconfirmed_.empty(); }
+  /// The peer's word on a block that was taken as it was ordered. An error: it is not that block, which may still come, or
+  /// contradiction() says that it never will. Else how many of its transactions were told again after all, and were taken
+  /// by their creators' clocks: of what is told twice nothing follows.
+  Result<std::size_t> confirm(const common::Block& message);
+
+  /// A connection to an orderer begins: the number of the block that it begins with. None: the peer's has to come first.
+  std::optional<std::uint64_t> begin_ordered();
+  /// What an orderer tells. An error: this orderer is not to be believed, or contradiction() says that nobody is.
+  Status add_ordered(common::Block message);
+  /// The next block as an orderer has told it; to be asked behind each add_ordered() and take(), until there is none: then
+  /// the peer's stream brings the next one. An error as of add_ordered().
+  struct Ordered {
+    Block block;
+    common::Block message;  ///< with our own verdicts as its flags
+  };
+  Result<std::optional<Ordered>> take_ordered();
+  /// What that orderer's stream brings next; none: there is no such stream.
+  std::optional<std::uint64_t> next_ordered() const { return next_ordered_; }
+  /// Once peer and orderers have told two chains, or the peer other verdicts: in words. Nothing is taken from then on.
+  const std::string& contradiction() const { return contradiction_; }
+
   struct Counts {
-    std::uint64_t judged = 0;   ///< transactions whose flag rests on our own judgement as well
-    std::uint64_t by_flag = 0;  ///< on the peer's word
-    std::uint64_t differ = 0;   ///< of those that are judged
+    std::uint64_t judged = 0;         ///< transactions whose flag rests on our own judgement as well
+    std::uint64_t by_flag = 0;        ///< on the peer's word
+    std::uint64_t differ = 0;         ///< of those that are judged
+    std::uint64_t ordered_first = 0;  ///< blocks taken before the peer told them
+    std::uint64_t confirmed = 0;      ///< of these
+    std::uint64_t uncertain = 0;      ///< blocks that an orderer told first, and that had to wait for the peer
   };
   const Counts& counts() const { return counts_; }
 
@@ -64,6 +116,18 @@ class BlockIntake {
   explicit BlockIntake(Setup setup) : setup_(std::move(setup)) {}
   Status judge_block(const common::Block& message, const Fetch& fetch);
   void judge_transactions(const common::Block& message, Block& block);
+  std::optional<TimeNs> real_time() const {
+    return setup_.real_time ? std::optional(setup_.real_time()) : std::nullopt;
+  }
+  void take_verdicts(const std::vector<Verdict>& verdicts, Block& block);
+  bool may_take_ordered() const;
+  void keep_waiting(common::Block message);
+  void forget_waiting(std::uint64_t up_to);
+  Error contradict(std::string what);
+  /// Whether the channel's orderers have signed that header; true where nobody can tell.
+  bool is_signed(const common::Block& message);
+  Status compare_with_ordered(std::uint64_t number, const std::string& hash);
+  Status compare_with_taken(const common::Block& message, const std::string& hash);
   void configure();
   void forget();
 
@@ -80,6 +144,26 @@ class BlockIntake {
   std::uint64_t configured_ = 0;  ///< the config block by which that is so
   bool defined_ = false;
   Counts counts_;
+
+  // Of the orderers' stream.
+  std::optional<std::uint64_t> next_ordered_;
+  ToldHeaders told_;
+  struct Waiting {
+    common::Block message;
+    std::size_t bytes = 0;
+  };
+  std::map<std::uint64_t, Waiting> waiting_;
+  std::size_t waiting_bytes_ = 0;
+  bool next_is_uncertain_ = false;  ///< the peer has to tell it
+  struct Unconfirmed {
+    std::string hash;
+    std::vector<bool> valid;  ///< each transaction
+    std::map<std::size_t, ReadWriteSet>
+        again;  ///< of those that may have been told before, by their creators' clocks not
+  };
+  std::map<std::uint64_t, Unconfirmed> unconfirmed_;
+  std::string orderer_problem_;  ///< what an orderer told turned out to be forged
+  std::string contradiction_;
 };
 
 }  // namespace ledgerline::fabric

@@ -186,6 +186,10 @@ std::string block_header_hash(std::uint64_t number, std::string_view previous_ha
   return {digest.begin(), digest.end()};
 }
 
+std::string header_hash(const common::BlockHeader& header) {
+  return block_header_hash(header.number(), header.previous_hash(), header.data_hash());
+}
+
 ChainCheck ChainCheck::behind(std::uint64_t number, std::string hash) {
   ChainCheck check;
   check.started_ = true;

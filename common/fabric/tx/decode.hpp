@@ -2,9 +2,11 @@
 #include "common/common.pb.h"
 #include "common/fabric/tx/transaction.hpp"
 
-/// decode_block for those who have the message already. Inside common/fabric alone.
+/// Of transaction.hpp what is for those who have the message already. Inside common/fabric alone.
 namespace ledgerline::fabric {
 
 Result<Block> decode_block(const common::Block& block);
+/// block_header_hash of it.
+std::string header_hash(const common::BlockHeader& header);
 
 }  // namespace ledgerline::fabric

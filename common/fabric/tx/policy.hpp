@@ -12,6 +12,7 @@ struct Endorser {
   std::string msp_id;
   bool peer = false;     ///< OU=peer
   bool orderer = false;  ///< OU=orderer
+  bool operator==(const Endorser&) const = default;
 };
 
 /// "A peer of this organisation", and "a member", serialized.

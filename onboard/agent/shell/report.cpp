@@ -89,6 +89,7 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
                 {"unavailable", t.unavailable}}},
               {"blocks", core.blocks()},
               {"blocks_broken", core.blocks_broken()},
+              {"ordered_blocks_confirmed_after_ms", shell.confirmed_after_ms},
               {"folds", {{"on_ledger", core.folds().folded()}, {"repeated", core.folds().repeated()}}},
               {"evictions",
                {{"on_ledger", core.idle().counters().evicted},

@@ -16,6 +16,7 @@ struct ShellCounters {
   std::uint64_t records_compared = 0;       ///< times, with another organisation's peer
   std::uint64_t records_differ = 0;         ///< alarms: differences that lasted
   std::uint64_t blocks_not_read = 0;        ///< between the checkpoint and the start, after a long absence
+  Quantiles confirmed_after_ms{};           ///< of blocks taken as they were ordered
 };
 /// The summary file's JSON.
 std::string summary(const AgentCore& core, const ShellCounters& shell);

@@ -309,6 +309,7 @@ void AgentShell::keep_checkpoint() {
 Status AgentShell::write_summary() {
   keep_checkpoint();
   counters_.mocap_lost = mocap_lost_;
+  counters_.confirmed_after_ms = confirmations_.quantiles_ms();
   for (const Mocap& mocap : mocap_) {
     const dds::Refused refused = mocap.subscriber->refused();
     counters_.mocap_lost += refused.total();

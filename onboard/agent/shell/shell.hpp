@@ -11,6 +11,8 @@
 #include "common/dds/dds.hpp"
 #include "common/fabric/checkpoint/keeper.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/fabric/config.hpp"
+#include "common/fabric/stream/confirmations.hpp"
 #include "common/program/recorder.hpp"
 #include "common/program/service_manager.hpp"
 #include "common/rt/spsc_ring.hpp"
@@ -128,6 +130,7 @@ class AgentShell {
   dds::ParticipantPtr participant_;
   std::vector<Mocap> mocap_;
   std::unique_ptr<fabric::Client> client_, urgent_, witness_;
+  fabric::Confirmations confirmations_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
   std::jthread control_reader_, roudi_watch_, witness_reader_;
 };

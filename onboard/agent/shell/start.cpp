@@ -126,7 +126,8 @@ void AgentShell::hurry(const char* thread) const {
 
 void AgentShell::open_block_stream() {
   fabric::Client::StreamHandlers handlers;
-  handlers.on_block = [this, first = true](const fabric::Block& block, std::string_view) mutable {
+  handlers.on_block = [this](const fabric::Block& block, std::string_view) {
+    thread_local bool first = true;  // two threads bring blocks where an orderer's are read
     if (std::exchange(first, false)) hurry("the block stream");
     mailbox_.put_in_turn(block);
   };
@@ -135,6 +136,10 @@ void AgentShell::open_block_stream() {
   };
   handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
   handlers.on_contradiction = [this](const std::string& what) { mailbox_.put(Contradiction{what}); };
+  handlers.on_confirmed = [this](std::uint64_t, TimeNs ordered_ns, TimeNs confirmed_ns) {
+    confirmations_.add(ordered_ns, confirmed_ns);
+  };
+  handlers.on_orderers = fabric::tell_orderers;
   handlers.on_continued = [this](const fabric::Continuation& how) { mailbox_.put(Continued{how}); };
   if (!checkpoint_) {
     blocks_ = client_->blocks(std::nullopt, std::move(handlers));

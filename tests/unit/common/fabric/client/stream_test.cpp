@@ -7,7 +7,7 @@
 #include <set>
 #include <thread>
 
-#include "common/fabric/tx/cross_check.hpp"
+#include "common/fabric/stream/told_headers.hpp"
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
 
 namespace ledgerline::fabric {
@@ -345,24 +345,24 @@ TEST_F(EventStream, EndsAtAnyMoment) {
   }
 }
 
-std::unique_ptr<Client> checking_client_of(const FakeGateway& gateway) {
+std::unique_ptr<Client> comparing_client_of(const FakeGateway& gateway) {
   ClientConfig config = gateway.client_config();
   config.orderers.push_back({config.endpoint, config.tls_ca_file});
-  config.cross_check = true;
+  config.blocks = BlockSource::compared;
   return Client::create(std::move(config)).value();
 }
 
-TEST(CrossCheckedBlocks, ComeAsTheyWereOrdered) {
+TEST(ComparedBlocks, ComeAsTheyWereOrdered) {
   FakeGateway gateway;
   Logs logs;
-  const auto client = checking_client_of(gateway);
+  const auto client = comparing_client_of(gateway);
   const auto stream = client->blocks(0, logs.handlers());
   for (int i = 0; i < 50; ++i) gateway.add_block("set", "x");
   EXPECT_EQ(logs.blocks.await(51).back().number, 50U);
   EXPECT_EQ(logs.connection.now().size(), 1U) << "it came once and stayed";
 }
 
-TEST(CrossCheckedBlocks, EndWhereThePeerTellsAnotherChainThanWasOrdered) {
+TEST(ComparedBlocks, EndWhereThePeerTellsAnotherChainThanWasOrdered) {
   FakeGateway gateway({.ordered = [](const common::Block& block) -> std::optional<common::Block> {
     if (block.header().number() != 3) return std::nullopt;
     common::Block other = block;
@@ -370,7 +370,7 @@ TEST(CrossCheckedBlocks, EndWhereThePeerTellsAnotherChainThanWasOrdered) {
     return other;
   }});
   Logs logs;
-  const auto client = checking_client_of(gateway);
+  const auto client = comparing_client_of(gateway);
   const auto stream = client->blocks(0, logs.handlers());
   logs.await_connection();
   const auto found_out = [&] {
@@ -380,7 +380,7 @@ TEST(CrossCheckedBlocks, EndWhereThePeerTellsAnotherChainThanWasOrdered) {
     return false;
   };
   // However late the orderer's stream comes: fewer blocks than are kept for it.
-  for (std::size_t i = 0; i < CrossCheck::max_kept - 10 && !found_out(); ++i) {
+  for (std::size_t i = 0; i < ToldHeaders::max_kept - 10 && !found_out(); ++i) {
     gateway.add_block("set", "x");
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
@@ -389,18 +389,6 @@ TEST(CrossCheckedBlocks, EndWhereThePeerTellsAnotherChainThanWasOrdered) {
   for (int i = 0; i < 10; ++i) gateway.add_block("set", "x");
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   EXPECT_EQ(logs.blocks.now().size(), handed_over) << "for good";
-}
-
-TEST(CrossCheck, NeitherSideWaitsAndWhatIsKeptIsBounded) {
-  using Source = CrossCheck::Source;
-  CrossCheck check;
-  for (std::uint64_t i = 0; i < 2 * CrossCheck::max_kept; ++i) EXPECT_EQ(check.add(Source::orderer, i, "a"), "");
-  EXPECT_EQ(check.add(Source::peer, 0, "b"), "") << "forgotten";
-  EXPECT_EQ(check.compared(), 0U);
-  EXPECT_EQ(check.add(Source::peer, 2 * CrossCheck::max_kept - 1, "a"), "");
-  EXPECT_EQ(check.compared(), 1U);
-  EXPECT_NE(check.add(Source::peer, 2 * CrossCheck::max_kept - 2, "b"), "");
-  EXPECT_NE(check.add(Source::peer, 2 * CrossCheck::max_kept - 3, "a"), "") << "for good";
 }
 
 }  // namespace

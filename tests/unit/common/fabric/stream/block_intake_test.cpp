@@ -1,69 +1,16 @@
 #include "common/fabric/stream/block_intake.hpp"
 
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
 #include <set>
 
-#include "peer/transaction.pb.h"
 #include "tests/unit/campaign.hpp"
-#include "tests/unit/common/fabric/judge/judged_channel.hpp"
+#include "tests/unit/common/fabric/stream/growing_channel.hpp"
 
 /// What a program believes of a peer's blocks that began to read them somewhere.
 namespace ledgerline::fabric {
 namespace {
 
-Result<common::Block> nothing(std::uint64_t) { return Error{"nobody is asked"}; }
-
-class Intake : public ::testing::Test, protected JudgedChannel {
+class Intake : public GrowingChannel {
  protected:
-  Intake() : chain_{first_block_} {
-    for (const Kind& kind : all_) {
-      if (!kind.again) usable_.push_back(&kind);
-    }
-    // What the fixture has filled in is on the chain as well.
-    state_ = KeyState();
-    state_.configure(config_);
-    state_.define("ledgerline");
-    height_ = 0;
-    Draft made = filling();
-    for (const kvrwset::KVWrite& write : made.set.writes()) made.set.add_reads()->set_key(write.key());  // not there
-    add({made.seal()});
-  }
-
-  /// The next block, as an honest peer serves it.
-  void add(const std::vector<std::string>& envelopes) {
-    common::Block block = node::make_block({chain_.size(), node::header_hash(chain_.back().header())}, envelopes);
-    ASSERT_TRUE(node::sign_block(block, orderer_));
-    const auto verdicts = judge(envelopes, rules_);
-    std::string flags;
-    for (const Verdict& one : verdicts) flags += static_cast<char>(one.code);
-    block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
-    if (part_) part_->apply(chain_.size(), judge_transactions(block, *part_, *members_, rules_));
-    state_.apply(++height_, verdicts);
-    chain_.push_back(std::move(block));
-  }
-  std::size_t below(std::size_t count) { return static_cast<std::size_t>(random_.next() % count); }
-  /// Of every kind, good and spoilt, in blocks of up to four; some again.
-  void grow(std::size_t transactions) {
-    std::string last;
-    for (std::size_t made = 0; made < transactions;) {
-      std::vector<std::string> envelopes;
-      const std::size_t count = 1 + below(4);
-      for (std::size_t i = 0; i < count; ++i) {
-        const bool again = !last.empty() && below(20) == 0;
-        if (!again) {
-          last_name_ = usable_[below(usable_.size())]->name;
-          last = sealed(last_name_);
-        }
-        names_[{chain_.size(), i}] = last_name_ + (again ? ", again" : "");
-        envelopes.push_back(last);
-      }
-      add(envelopes);
-      made += count;
-    }
-  }
-
   /// Kinds that the decoder cannot read as a call, or whose event it does not believe.
   static bool is_malformed(const std::string& kind) {
     for (const char* word : {"that is none", "that are none", "no action", "two actions", "event", "header", "type"}) {
@@ -72,12 +19,6 @@ class Intake : public ::testing::Test, protected JudgedChannel {
     return kind.starts_with("data") || kind.starts_with("an action");
   }
 
-  BlockIntake make() const {
-    return std::move(BlockIntake::make({.where = {},
-                                        .config_block = chain_[0].SerializeAsString(),
-                                        .make_registry = BlockJudge::registry_of(library)}))
-        .value();
-  }
   /// From that block on; each flag as `bend` makes it.
   struct Taken {
     std::uint64_t honest = 0, lies = 0, told = 0, flown = 0;
@@ -117,13 +58,7 @@ class Intake : public ::testing::Test, protected JudgedChannel {
     return taken;
   }
 
-  const JudgeRules rules_{"teleop", false};  ///< the embedded node's, of whose making the first block is
-  std::optional<KeyState> part_;
-  std::vector<common::Block> chain_;
-  std::vector<const Kind*> usable_;
   std::map<std::string, int> believed_;  ///< lies that were, by kind
-  std::string last_name_;
-  std::map<std::pair<std::size_t, std::size_t>, std::string> names_;  ///< of the kinds, by block and place
 };
 
 TEST_F(Intake, BelievesAnHonestPeerWhereverItBegins) {

@@ -1,9 +1,17 @@
 #pragma once
-#include <condition_variable>
-#include <mutex>
-#include <thread>
+#include <grpcpp/grpcpp.h>
 
-#include "common/fabric/client/connection.hpp"
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "common/base/random.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/rt/retry/back_off.hpp"
 
 namespace ledgerline::fabric {
 
@@ -15,6 +23,10 @@ class Follower final : public Client::Stream {
   /// `follow` makes one connection, hands over what comes, and returns why it ended.
   Follower(std::function<std::string(Follower&)> follow, OnConnection on_connection);
   ~Follower() override;
+  /// Ends it; the destructor waits for its thread.
+  void stop();
+  /// The call under way is cancelled, as if the stream had ended. Any thread.
+  void interrupt();
 
   // For `follow`, on its thread.
 
@@ -52,16 +64,11 @@ class Follower final : public Client::Stream {
   std::thread thread_;
 };
 
-/// Where a stream of blocks begins: at a number, behind a checkpoint, or, where both are missing, with the next new one.
-struct BlocksFrom {
-  std::optional<std::uint64_t> number;
-  std::optional<Believed> believed;
-};
-std::unique_ptr<Client::Stream> follow_blocks(std::shared_ptr<const Connection> connection, BlocksFrom from,
-                                              Client::StreamHandlers handlers);
-std::unique_ptr<Client::Stream> follow_events(std::shared_ptr<const Connection> connection,
-                                              std::optional<std::uint64_t> start, std::string after_tx_id,
-                                              std::function<void(const Client::Event&)> on_event,
-                                              Follower::OnConnection on_connection);
+/// A follower of what `reader->follow(Follower&)` reads.
+template <typename Reader>
+std::unique_ptr<Follower> run_follower(std::shared_ptr<Reader> reader, Follower::OnConnection on_connection) {
+  return std::make_unique<Follower>([reader](Follower& follower) { return reader->follow(follower); },
+                                    std::move(on_connection));
+}
 
 }  // namespace ledgerline::fabric

@@ -1,0 +1,157 @@
+#include "common/fabric/client/streams/block_hand_over.hpp"
+
+#include <fmt/format.h>
+
+#include "common/base/printable.hpp"
+
+namespace ledgerline::fabric {
+namespace {
+
+constexpr TimeNs unbelievable_period_ns = 60 * ns_per_s;  // a peer may send thousands; a log must not fill a disk
+constexpr TimeNs max_missing_ns = 1 * ns_per_s;  // far beyond what an orderer's thread may be behind on a busy machine
+
+}  // namespace
+
+Result<Continuation> BlockHandOver::continue_chain(const Believed& believed, const common::Block& newest,
+                                                   const Fetch& fetch) {
+  const std::lock_guard lock(mutex_);
+  return intake_.continue_chain(believed, newest, fetch);
+}
+
+bool BlockHandOver::misses_definition() const {
+  const std::lock_guard lock(mutex_);
+  return intake_.misses_definition();
+}
+
+void BlockHandOver::define(const std::string& policy) {
+  const std::lock_guard lock(mutex_);
+  intake_.define(policy);
+}
+
+std::optional<std::uint64_t> BlockHandOver::begin() {
+  const std::lock_guard lock(mutex_);
+  begun_ = true;
+  intake_.begin();
+  return intake_.next_of_peer();
+}
+
+BlockHandOver::Told BlockHandOver::peer_tells(const common::Block& message, TimeNs now, const Fetch& fetch) {
+  const std::lock_guard lock(mutex_);
+  return intake_.confirms_next() ? confirm(message, now) : take(message, now, fetch);
+}
+
+BlockHandOver::Told BlockHandOver::take(const common::Block& message, TimeNs now, const Fetch& fetch) {
+  // "From the next new one on": the newest block that the peer sends first only says where that is.
+  const bool wanted = intake_.next().has_value();
+  bool fetched = true;
+  auto block = intake_.take(message, [&](std::uint64_t number) {
+    auto got = fetch(number);
+    fetched = fetched && got;
+    return got;
+  });
+  if (!block) {
+    // What was refused may be right where the peer did not answer.
+    if (fetched) tell_contradiction(block.error().what);
+    return {.problem = block.error().what};
+  }
+  if (wanted) {
+    hand_over(*block, message, now);
+  } else {
+    block->received_ns = now;
+    commits_->block(*block);
+  }
+  return {.end_orderer = !take_ordered(now).empty() || withholds(block->number, now)};
+}
+
+BlockHandOver::Told BlockHandOver::confirm(const common::Block& message, TimeNs now) {
+  const auto confirmed = intake_.confirm(message);
+  if (!confirmed) {
+    tell_contradiction(confirmed.error().what);
+    return {.problem = confirmed.error().what};
+  }
+  if (*confirmed > 0 && handlers_.on_unbelievable)
+    handlers_.on_unbelievable(fmt::format(
+        "block {}: {} transactions were told again, under new times: their creators have lied, or their clocks "
+        "are wrong; nothing follows of what is told twice",
+        message.header().number(), *confirmed));
+  const auto ordered = ordered_at_.extract(message.header().number());
+  if (handlers_.on_confirmed) handlers_.on_confirmed(message.header().number(), ordered.mapped(), now);
+  return {.end_orderer = !take_ordered(now).empty()};  // at the bound more could wait
+}
+
+bool BlockHandOver::withholds(std::uint64_t number, TimeNs now) {
+  const auto next = intake_.next_ordered();
+  if (!next || *next > number) {
+    missing_since_.reset();
+    return false;
+  }
+  if (!missing_since_) missing_since_ = now;
+  if (now - *missing_since_ < max_missing_ns) return false;
+  missing_since_.reset();
+  tell_contradiction(fmt::format("an orderer withholds block {}: the peer is at block {}", *next, number));
+  return true;
+}
+
+std::optional<std::uint64_t> BlockHandOver::begin_ordered() {
+  const std::lock_guard lock(mutex_);
+  missing_since_.reset();
+  return begun_ ? intake_.begin_ordered() : std::nullopt;
+}
+
+std::string BlockHandOver::orderer_tells(common::Block message, TimeNs now) {
+  const std::lock_guard lock(mutex_);
+  missing_since_.reset();
+  if (const Status added = intake_.add_ordered(std::move(message)); !added) {
+    tell_contradiction(added.error().what);
+    return added.error().what;
+  }
+  return take_ordered(now);
+}
+
+std::string BlockHandOver::take_ordered(TimeNs now) {
+  while (true) {
+    auto ordered = intake_.take_ordered();
+    if (!ordered) {
+      tell_contradiction(ordered.error().what);
+      return ordered.error().what;
+    }
+    if (!*ordered) return {};
+    ordered_at_[(*ordered)->block.number] = now;
+    hand_over((*ordered)->block, (*ordered)->message, now);
+  }
+}
+
+void BlockHandOver::hand_over(Block& block, const common::Block& message, TimeNs now) {
+  block.received_ns = now;
+  tell_unbelievable(block);
+  if (handlers_.on_block) handlers_.on_block(block, message.SerializeAsString());
+  commits_->block(block);
+}
+
+void BlockHandOver::tell_contradiction(const std::string& what) const {
+  if (handlers_.on_contradiction) handlers_.on_contradiction(what);
+}
+
+void BlockHandOver::contradicted(const std::string& what) const {
+  const std::lock_guard lock(mutex_);
+  tell_contradiction(what);
+}
+
+void BlockHandOver::tell_unbelievable(const std::string& what) const {
+  const std::lock_guard lock(mutex_);
+  if (handlers_.on_unbelievable) handlers_.on_unbelievable(what);
+}
+
+void BlockHandOver::tell_unbelievable(const Block& block) {
+  for (const Transaction& transaction : block.transactions) {
+    if (transaction.problem.empty()) continue;
+    ++unbelievable_;
+    if (!handlers_.on_unbelievable || (unbelievable_ > 1 && block.received_ns < next_word_ns_)) continue;
+    next_word_ns_ = block.received_ns + unbelievable_period_ns;
+    handlers_.on_unbelievable(
+        fmt::format("block {}: transaction {}: its flag is not believed: {}; left out ({} so far)", block.number,
+                    printable(transaction.tx_id), transaction.problem, unbelievable_));
+  }
+}
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,70 @@
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/client/commits.hpp"
+#include "common/fabric/stream/block_intake.hpp"
+
+namespace ledgerline::fabric {
+
+/// Where the peer's stream and an orderer's meet: one BlockIntake, and what is handed over of it in order, whoever told it
+/// first. Any thread; the handlers are called under its mutex, so that none comes beside another.
+class BlockHandOver {
+ public:
+  BlockHandOver(BlockIntake intake, std::shared_ptr<Commits> commits, Client::StreamHandlers handlers)
+      : intake_(std::move(intake)), commits_(std::move(commits)), handlers_(std::move(handlers)) {}
+
+  using Fetch = BlockIntake::Fetch;
+
+  // Of the peer's stream.
+
+  /// As BlockIntake::continue_chain.
+  Result<Continuation> continue_chain(const Believed& believed, const common::Block& newest, const Fetch& fetch);
+  bool misses_definition() const;
+  void define(const std::string& policy);
+  /// A connection begins, with this block; none: with the peer's newest.
+  std::optional<std::uint64_t> begin();
+  /// In words why the stream cannot go on; empty: it can.
+  struct Told {
+    std::string problem{};
+    bool end_orderer = false;  ///< it lies or withholds blocks
+  };
+  Told peer_tells(const common::Block& message, TimeNs now, const Fetch& fetch);
+
+  // Of an orderer's stream.
+
+  std::optional<std::uint64_t> begin_ordered();
+  std::string orderer_tells(common::Block message, TimeNs now);
+
+  // For what the readers find out themselves.
+
+  void contradicted(const std::string& what) const;
+  void tell_unbelievable(const std::string& what) const;
+
+ private:
+  void tell_contradiction(const std::string& what) const;
+  Told take(const common::Block& message, TimeNs now, const Fetch& fetch);
+  Told confirm(const common::Block& message, TimeNs now);
+  std::string take_ordered(TimeNs now);
+  bool withholds(std::uint64_t number, TimeNs now);
+  void hand_over(Block& block, const common::Block& message, TimeNs now);
+  void tell_unbelievable(const Block& block);
+
+  mutable std::mutex mutex_;
+  BlockIntake intake_;
+  bool begun_ = false;
+  std::map<std::uint64_t, TimeNs> ordered_at_;  ///< of what is not confirmed yet
+  std::optional<TimeNs> missing_since_;         ///< the peer is ahead of the orderer's stream
+  const std::shared_ptr<Commits> commits_;
+  const Client::StreamHandlers handlers_;
+  std::uint64_t unbelievable_ = 0;
+  TimeNs next_word_ns_ = 0;
+};
+
+}  // namespace ledgerline::fabric

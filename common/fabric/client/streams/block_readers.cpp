@@ -1,0 +1,157 @@
+#include "common/fabric/client/streams/block_readers.hpp"
+
+#include <fmt/format.h>
+
+#include "common/base/printable.hpp"
+#include "common/fabric/client/streams/delivering.hpp"
+#include "orderer/ab.grpc.pb.h"
+#include "peer/events.grpc.pb.h"
+#include "peer/lifecycle/lifecycle.pb.h"
+#include "peer/peer.grpc.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+constexpr int max_lags = 8;  // some seconds of back-off
+
+/// While it lives, every block that is committed comes through here.
+class Seeing {
+ public:
+  explicit Seeing(Commits& commits) : commits_(commits) { commits_.connected(true); }
+  ~Seeing() { commits_.connected(false); }
+  Seeing(const Seeing&) = delete;
+  Seeing& operator=(const Seeing&) = delete;
+
+ private:
+  Commits& commits_;
+};
+
+BlockIntake::Fetch fetcher(const Connection& connection, Follower& follower) {
+  return [&](std::uint64_t number) { return fetch_block(connection, follower, number); };
+}
+
+}  // namespace
+
+std::string BlockReader::follow(Follower& follower) {
+  if (std::string problem = continue_chain(follower); !problem.empty()) return problem;
+  ask_definition(follower);
+  grpc::ClientContext context;
+  const Follower::Cancellable cancellable(follower, context);
+  const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
+  const auto stream = stub->Deliver(&context);
+  const auto start = blocks_->begin();
+  if (std::string problem = seek(*connection_, *stream, start); !problem.empty()) return problem;
+  std::optional<Seeing> seeing;
+  if (start) {
+    seeing.emplace(*connection_->commits);
+    follower.connected();
+  }
+  protos::DeliverResponse response;
+  while (stream->Read(&response)) {
+    std::string problem = take(response, follower);
+    if (!problem.empty() || follower.stopping()) {
+      context.TryCancel();
+      (void)stream->Finish();
+      return problem;
+    }
+    if (!seeing) seeing.emplace(*connection_->commits);
+    follower.connected();
+    follower.progress();
+  }
+  return text_of(stream->Finish());
+}
+
+/// Finds the place behind the checkpoint, where there is one; once.
+std::string BlockReader::continue_chain(Follower& follower) {
+  if (!believed_) return {};
+  const auto newest = fetch_block(*connection_, follower, std::nullopt);
+  if (!newest) return newest.error().what;
+  bool fetched = true;
+  const auto on = blocks_->continue_chain(*believed_, *newest, [&](std::uint64_t number) {
+    auto block = fetch_block(*connection_, follower, number);
+    fetched = fetched && block;
+    return block;
+  });
+  if (!on) {
+    // A peer that lags behind may be honest, for a moment; where it did not answer, what was refused may be right.
+    const bool lags = newest->header().number() < believed_->last.number;
+    lagged_ = lags ? lagged_ + 1 : 0;
+    if ((!lags || lagged_ >= max_lags) && fetched) blocks_->contradicted(on.error().what);
+    return on.error().what;
+  }
+  believed_.reset();
+  if (on_continued_) on_continued_(*on);
+  return {};
+}
+
+/// Whose endorsement the contract needs lies behind the first block that is read: the peer is asked. What it says may
+/// confirm a transaction, not refuse one.
+void BlockReader::ask_definition(Follower& follower) {
+  if (!blocks_->misses_definition()) return;
+  lifecycle::QueryChaincodeDefinitionArgs question;
+  question.set_name(connection_->config.where.contract);
+  const auto proposal = make_proposal(connection_->config.identity, {connection_->config.where.channel, "_lifecycle"},
+                                      {"QueryChaincodeDefinition", {question.SerializeAsString()}}, realtime_ns(),
+                                      crypto::random_bytes(24));
+  protos::SignedProposal message;
+  if (!proposal || !message.ParseFromString(proposal->signed_proposal)) return;
+  grpc::ClientContext context;
+  const Follower::Cancellable cancellable(follower, context);
+  context.set_deadline(std::chrono::system_clock::now() + connection_->config.deadline);
+  const auto stub = protos::Endorser::NewStub(connection_->stream_peers[connection_->peer()]);
+  protos::ProposalResponse answer;
+  const grpc::Status status = stub->ProcessProposal(&context, message, &answer);
+  lifecycle::QueryChaincodeDefinitionResult definition;
+  std::string problem;
+  if (!status.ok()) {
+    problem = text_of(status);
+  } else if (answer.response().status() != 200) {
+    problem = answer.response().message();
+  } else if (!definition.ParseFromString(answer.response().payload())) {
+    problem = "its answer is malformed";
+  } else {
+    blocks_->define(definition.validation_parameter());
+    return;
+  }
+  if (std::exchange(definition_problem_told_, true)) return;
+  blocks_->tell_unbelievable(fmt::format(
+      "the peer does not say whose endorsement contract {} needs ({}): of what makes new keys the flags are "
+      "believed",
+      connection_->config.where.contract, printable(problem)));
+}
+
+std::string BlockReader::take(const protos::DeliverResponse& response, Follower& follower) {
+  if (response.Type_case() == protos::DeliverResponse::kStatus)
+    return fmt::format("the peer refused the stream: {}", common::Status_Name(response.status()));
+  if (response.Type_case() != protos::DeliverResponse::kBlock) return "the peer sent something else than blocks";
+  BlockHandOver::Told told = blocks_->peer_tells(response.block(), monotonic_ns(), fetcher(*connection_, follower));
+  if (told.end_orderer && interrupt_ordered_) interrupt_ordered_();
+  return std::move(told.problem);
+}
+
+std::string OrderedReader::follow(Follower& follower) {
+  const auto start = blocks_->begin_ordered();
+  if (!start) return {};  // the peer's stream comes first
+  grpc::ClientContext context;
+  const Follower::Cancellable cancellable(follower, context);
+  const auto stub =
+      orderer::AtomicBroadcast::NewStub(connection_->stream_orderers[which_++ % connection_->stream_orderers.size()]);
+  const auto stream = stub->Deliver(&context);
+  if (std::string problem = seek(*connection_, *stream, start); !problem.empty()) return problem;
+  orderer::DeliverResponse response;
+  while (stream->Read(&response)) {
+    std::string problem =
+        response.has_block() ? blocks_->orderer_tells(std::move(*response.mutable_block()), monotonic_ns())
+                             : fmt::format("an orderer refused the stream: {}", common::Status_Name(response.status()));
+    if (!problem.empty() || follower.stopping()) {
+      context.TryCancel();
+      (void)stream->Finish();
+      return problem;
+    }
+    follower.connected();
+    follower.progress();
+  }
+  return text_of(stream->Finish());
+}
+
+}  // namespace ledgerline::fabric

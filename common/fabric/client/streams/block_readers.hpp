@@ -1,0 +1,56 @@
+#pragma once
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "common/fabric/client/connection.hpp"
+#include "common/fabric/client/streams/block_hand_over.hpp"
+#include "common/fabric/client/streams/follower.hpp"
+#include "peer/events.pb.h"
+
+namespace ledgerline::fabric {
+
+/// Reads the own peer's blocks, one connection a call of follow(). One thread.
+class BlockReader {
+ public:
+  BlockReader(std::shared_ptr<const Connection> connection, std::optional<Believed> believed,
+              std::shared_ptr<BlockHandOver> blocks, std::function<void(const Continuation&)> on_continued)
+      : connection_(std::move(connection)),
+        believed_(std::move(believed)),
+        blocks_(std::move(blocks)),
+        on_continued_(std::move(on_continued)) {}
+
+  /// Ends the connection to an orderer that lies or withholds blocks; before the first follow().
+  void interrupt_ordered_by(std::function<void()> interrupt) { interrupt_ordered_ = std::move(interrupt); }
+  std::string follow(Follower& follower);
+
+ private:
+  std::string continue_chain(Follower& follower);
+  void ask_definition(Follower& follower);
+  std::string take(const protos::DeliverResponse& response, Follower& follower);
+
+  const std::shared_ptr<const Connection> connection_;
+  std::optional<Believed> believed_;  ///< until the chain goes on behind it
+  const std::shared_ptr<BlockHandOver> blocks_;
+  const std::function<void(const Continuation&)> on_continued_;
+  std::function<void()> interrupt_ordered_;
+  int lagged_ = 0;  ///< connections in a row in which the peer's chain ended before the checkpoint
+  bool definition_problem_told_ = false;
+};
+
+/// Reads an orderer's blocks; the next orderer's when one goes away or is not to be believed. One thread.
+class OrderedReader {
+ public:
+  OrderedReader(std::shared_ptr<const Connection> connection, std::shared_ptr<BlockHandOver> blocks)
+      : connection_(std::move(connection)), blocks_(std::move(blocks)) {}
+
+  std::string follow(Follower& follower);
+
+ private:
+  const std::shared_ptr<const Connection> connection_;
+  const std::shared_ptr<BlockHandOver> blocks_;
+  std::size_t which_ = 0;
+};
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,71 @@
+#include "common/fabric/client/streams/follower.hpp"
+
+#include "common/fabric/client/connection.hpp"
+
+namespace ledgerline::fabric {
+namespace {
+
+constexpr TimeNs first_reconnect_ns = 20 * ns_per_ms, max_reconnect_ns = 1 * ns_per_s;
+
+}  // namespace
+
+Follower::Follower(std::function<std::string(Follower&)> follow, OnConnection on_connection)
+    : follow_(std::move(follow)),
+      on_connection_(std::move(on_connection)),
+      back_off_(first_reconnect_ns, max_reconnect_ns),
+      thread_([this] { run(); }) {}
+
+Follower::~Follower() {
+  stop();
+  thread_.join();
+}
+
+void Follower::stop() {
+  const std::lock_guard lock(mutex_);
+  stopping_ = true;
+  if (context_ != nullptr) context_->TryCancel();
+  wake_.notify_all();
+}
+
+void Follower::interrupt() {
+  const std::lock_guard lock(mutex_);
+  if (context_ != nullptr) context_->TryCancel();
+}
+
+Follower::Cancellable::Cancellable(Follower& follower, grpc::ClientContext& context) : follower_(follower) {
+  const std::lock_guard lock(follower_.mutex_);
+  outer_ = std::exchange(follower_.context_, &context);
+  if (follower_.stopping_) context.TryCancel();
+}
+
+Follower::Cancellable::~Cancellable() {
+  const std::lock_guard lock(follower_.mutex_);
+  follower_.context_ = outer_;
+}
+
+bool Follower::stopping() {
+  const std::lock_guard lock(mutex_);
+  return stopping_;
+}
+
+void Follower::connected() {
+  if (connected_) return;
+  connected_ = true;
+  last_why_.clear();
+  if (on_connection_) on_connection_(true, "");
+}
+
+void Follower::run() {
+  while (!stopping()) {
+    const std::string why = follow_(*this);
+    if (stopping()) return;
+    const bool news = connected_ || why != last_why_;
+    connected_ = false;
+    last_why_ = why;
+    if (news && on_connection_) on_connection_(false, why);
+    std::unique_lock lock(mutex_);
+    wake_.wait_for(lock, std::chrono::nanoseconds(back_off_.next(random_)), [this] { return stopping_; });
+  }
+}
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,12 @@
+#pragma once
+
+namespace ledgerline::fabric {
+
+/// Whose blocks a stream hands over.
+enum class BlockSource {
+  peer,      ///< the own peer's
+  compared,  ///< the own peer's, whose headers must be those that the orderers tell
+  ordered,  ///< whoever is first: an orderer's, where our own judgement needs no flag of the peer, which confirms it later
+};
+
+}  // namespace ledgerline::fabric

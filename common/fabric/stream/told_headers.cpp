@@ -1,0 +1,35 @@
+#include "common/fabric/stream/told_headers.hpp"
+
+#include <utility>
+
+namespace ledgerline::fabric {
+namespace {
+
+template <typename Kept>
+void keep(std::map<std::uint64_t, Kept>& kept, std::uint64_t number, Kept one) {
+  kept.insert_or_assign(number, std::move(one));
+  if (kept.size() > ToldHeaders::max_kept) kept.erase(kept.begin());
+}
+
+template <typename Kept>
+std::optional<Kept> take(std::map<std::uint64_t, Kept>& kept, std::uint64_t number) {
+  auto node = kept.extract(number);
+  return node.empty() ? std::nullopt : std::optional(std::move(node.mapped()));
+}
+
+}  // namespace
+
+void ToldHeaders::ordered(const common::Block& message, std::string hash) {
+  Ordered one{std::move(hash), {}};
+  *one.message.mutable_header() = message.header();
+  *one.message.mutable_metadata() = message.metadata();
+  keep(ordered_, message.header().number(), std::move(one));
+}
+
+void ToldHeaders::of_peer(std::uint64_t number, std::string hash) { keep(of_peer_, number, std::move(hash)); }
+
+std::optional<ToldHeaders::Ordered> ToldHeaders::take_ordered(std::uint64_t number) { return take(ordered_, number); }
+
+std::optional<std::string> ToldHeaders::take_of_peer(std::uint64_t number) { return take(of_peer_, number); }
+
+}  // namespace ledgerline::fabric

@@ -1,0 +1,32 @@
+#pragma once
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "common/common.pb.h"
+
+namespace ledgerline::fabric {
+
+/// Headers that one of two streams of the same chain has told and the other has not yet. Neither waits for the other: of
+/// each side the newest max_kept are kept. Pure; one thread.
+class ToldHeaders {
+ public:
+  static constexpr std::size_t max_kept = 1024;
+
+  struct Ordered {
+    std::string hash;       ///< block_header_hash
+    common::Block message;  ///< without its data: what is signed, and the signatures
+  };
+  void ordered(const common::Block& message, std::string hash);
+  void of_peer(std::uint64_t number, std::string hash);
+  /// What the other side told of that block, which is then forgotten.
+  std::optional<Ordered> take_ordered(std::uint64_t number);
+  std::optional<std::string> take_of_peer(std::uint64_t number);
+
+ private:
+  std::map<std::uint64_t, Ordered> ordered_;
+  std::map<std::uint64_t, std::string> of_peer_;
+};
+
+}  // namespace ledgerline::fabric

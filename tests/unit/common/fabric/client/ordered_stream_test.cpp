@@ -1,0 +1,192 @@
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+
+#include "common/fabric/stream/block_intake.hpp"
+#include "peer/transaction.pb.h"
+#include "tests/unit/common/fabric/client/fake_gateway.hpp"
+#include "tests/unit/common/fabric/judge/signed_chain.hpp"
+
+/// A client that takes blocks as they are ordered, at a peer and an orderer that are late, silent or lie.
+namespace ledgerline::fabric {
+namespace {
+
+/// A door that whoever serves waits at.
+class Gate {
+ public:
+  void open() {
+    const std::lock_guard lock(mutex_);
+    open_ = true;
+    changed_.notify_all();
+  }
+  void pass() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return open_; });
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool open_ = false;
+};
+
+class OrderedStream : public ::testing::Test, protected SignedChain {
+ protected:
+  OrderedStream() {
+    for (int i = 0; i < 3; ++i) more();
+  }
+  /// A transaction that everybody finds invalid.
+  void more() {
+    const std::lock_guard lock(mutex_);
+    add("transaction", &orderer_);
+  }
+  common::Block block(std::uint64_t number) {
+    const std::lock_guard lock(mutex_);
+    return chain_.at(number);
+  }
+  common::Block of_peer(std::uint64_t number) {
+    common::Block block = this->block(number);
+    while (block.metadata().metadata_size() <= common::TRANSACTIONS_FILTER) block.mutable_metadata()->add_metadata("");
+    block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER,
+                                           std::string(1, static_cast<char>(protos::BAD_PAYLOAD)));
+    return block;
+  }
+  using Bend = std::function<std::optional<common::Block>(std::uint64_t number)>;
+  void serve(Bend peer = {}, Bend orderer = {}) {
+    gateway_.emplace(
+        FakeBehaviour{.deliver = [this, peer](const common::Block& block) -> std::optional<common::Block> {
+                        const std::uint64_t number = block.header().number();
+                        if (auto other = peer ? peer(number) : std::nullopt) return other;
+                        return of_peer(number);
+                      },
+                      .ordered = [this, orderer](const common::Block& block) -> std::optional<common::Block> {
+                        const std::uint64_t number = block.header().number();
+                        if (auto other = orderer ? orderer(number) : std::nullopt) return other;
+                        return this->block(number);
+                      }});
+    for (std::size_t i = 1; i < chain_.size(); ++i) gateway_->add_block("set", "");
+    ClientConfig config = gateway_->client_config();
+    config.config_block = chain_[0].SerializeAsString();
+    config.where.channel = "teleop";
+    config.orderers.push_back({config.endpoint, config.tls_ca_file});
+    config.blocks = BlockSource::ordered;
+    client_ = std::move(Client::create(std::move(config))).value();
+  }
+  void follow(std::uint64_t start) {
+    Client::StreamHandlers handlers;
+    handlers.on_block = [this](const Block& block, std::string_view) { keep(numbers_, block.number); };
+    handlers.on_contradiction = [this](const std::string& what) { keep(contradictions_, what); };
+    handlers.on_confirmed = [this](std::uint64_t number, TimeNs ordered_ns, TimeNs confirmed_ns) {
+      EXPECT_LE(ordered_ns, confirmed_ns);
+      keep(confirmed_, number);
+    };
+    stream_ = client_->blocks(start, std::move(handlers));
+  }
+  template <typename T>
+  void keep(std::vector<T>& where, T what) {
+    const std::lock_guard lock(mutex_);
+    where.push_back(std::move(what));
+    changed_.notify_all();
+  }
+  template <typename T>
+  std::vector<T> await(const std::vector<T>& where, std::size_t count) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return where.size() >= count; });
+    return where;
+  }
+  using Numbers = std::vector<std::uint64_t>;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  Numbers numbers_, confirmed_;
+  std::vector<std::string> contradictions_;
+  std::atomic<int> held_{0};
+  Gate gate_;  ///< outlives whoever waits at it
+  std::optional<FakeGateway> gateway_;
+  std::unique_ptr<Client> client_;
+  std::unique_ptr<Client::Stream> stream_;  ///< ends first
+};
+
+TEST_F(OrderedStream, BlocksComeBeforeThePeerTellsThemAndAreConfirmed) {
+  serve([&](std::uint64_t number) -> std::optional<common::Block> {
+    if (number == 2) gate_.pass();
+    return std::nullopt;
+  });
+  follow(1);
+  EXPECT_EQ(await(numbers_, 3), (Numbers{1, 2, 3}));
+  gate_.open();
+  EXPECT_EQ(await(confirmed_, 2), (Numbers{2, 3}));
+  EXPECT_TRUE(await(contradictions_, 0).empty());
+}
+
+TEST_F(OrderedStream, AnOrdererThatForgesIsAnAlarmAndThePeerGoesOn) {
+  serve(
+      [&](std::uint64_t number) -> std::optional<common::Block> {
+        if (number == 2) gate_.pass();
+        return std::nullopt;
+      },
+      [&](std::uint64_t number) -> std::optional<common::Block> {
+        if (number != 2) return std::nullopt;
+        common::Block forged = block(2);
+        forged.mutable_metadata()->set_metadata(common::SIGNATURES, "");
+        return forged;
+      });
+  follow(1);
+  EXPECT_EQ(await(contradictions_, 1)[0], "block 2: no orderer has signed it");
+  EXPECT_EQ(await(numbers_, 1), (Numbers{1})) << "nothing of it came";
+  gate_.open();
+  EXPECT_EQ(await(numbers_, 3), (Numbers{1, 2, 3}));
+}
+
+TEST_F(OrderedStream, AnOrdererThatWithholdsIsLeftAndThePeerGoesOn) {
+  serve({}, [&](std::uint64_t number) -> std::optional<common::Block> {
+    if (number >= 2 && held_++ == 0) gate_.pass();
+    return std::nullopt;
+  });
+  follow(1);
+  await(numbers_, 3);
+  std::size_t count = 3;
+  while (await(contradictions_, 0).empty() && count < 200) {
+    more();
+    gateway_->add_block("set", "");
+    await(numbers_, ++count);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  EXPECT_EQ(await(contradictions_, 1)[0].find("an orderer withholds block "), 0u);
+  gate_.open();
+}
+
+TEST_F(OrderedStream, WithoutAPeerNothingComesBeyondTheBound) {
+  for (std::size_t i = 0; i < 2 * BlockIntake::max_unconfirmed; ++i) more();
+  serve([&](std::uint64_t number) -> std::optional<common::Block> {
+    if (number == 2) gate_.pass();
+    return std::nullopt;
+  });
+  follow(1);
+  EXPECT_EQ(await(numbers_, 1 + BlockIntake::max_unconfirmed).size(), 1 + BlockIntake::max_unconfirmed);
+  gate_.open();
+  EXPECT_EQ(await(numbers_, chain_.size() - 1).back(), chain_.size() - 1);
+}
+
+TEST_F(OrderedStream, EndsAtAnyMoment) {
+  serve();
+  for (int i = 0; i < 20; ++i) {
+    follow(1);
+    if (i % 2 == 0) await(numbers_, 1);
+    stream_.reset();
+    const std::lock_guard lock(mutex_);
+    numbers_.clear();
+  }
+}
+
+TEST_F(OrderedStream, WithoutOrdererOrTrustAnchorItIsNotBegun) {
+  serve();
+  ClientConfig config = gateway_->client_config();
+  config.blocks = BlockSource::ordered;
+  EXPECT_FALSE(Client::create(config));
+  config.orderers.push_back({config.endpoint, config.tls_ca_file});
+  EXPECT_FALSE(Client::create(config));
+}
+
+}  // namespace
+}  // namespace ledgerline::fabric
