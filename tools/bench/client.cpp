@@ -9,12 +9,15 @@
 
 #include "common/base/log.hpp"
 #include "common/belief/calls.hpp"
+#include "common/belief/client.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/stream/confirmations.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
+#include "common/rt/histogram_json.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/shell/letters.hpp"
 #include "tools/bench/exchange.hpp"
@@ -54,6 +57,9 @@ class Side {
     for (std::uint64_t k = 0; k < newest_.size(); ++k) streams_[others_.id(k)] = k;
     fabric::Client::StreamHandlers handlers;
     handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_in_turn(block); };
+    handlers.on_confirmed = [this](std::uint64_t, TimeNs ordered_ns, TimeNs confirmed_ns) {
+      confirmations_.add(ordered_ns, confirmed_ns);
+    };
     handlers.on_connection = [this](bool connected, const std::string& why) {
       mailbox_.put(agent::StreamState{connected, why});
     };
@@ -119,6 +125,8 @@ class Side {
            {"answered", account_.answered()},
            {"replaced", account_.replaced()},
            {"transactions", tx.committed},
+           {"blocks", blocks_taken_},
+           {"ordered_blocks_confirmed_after_ms", confirmations_.quantiles_ms()},
            {"failed", tx.invalidated + tx.refused + tx.unavailable},
            {"why", why_}}}});
   }
@@ -155,6 +163,7 @@ class Side {
   }
 
   void take(const fabric::Block& block) {
+    ++blocks_taken_;
     for (const fabric::Transaction& tx : block.transactions) {
       if (tx.code != 0 || tx.config || tx.event_name != contract::set) continue;
       SetCall call;
@@ -218,12 +227,14 @@ class Side {
   agent::Batcher batcher_;
   std::map<std::string, std::uint64_t> streams_;
   std::vector<std::uint64_t> newest_;
+  std::uint64_t blocks_taken_ = 0;
   bool connected_ = false;
   std::string why_;
 
   // In this order: the threads and streams below use what is above, and are ended first.
   agent::Mailbox mailbox_;
   std::unique_ptr<fabric::Client> client_;
+  fabric::Confirmations confirmations_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
 };
 
@@ -235,7 +246,7 @@ Status run(const std::string& role, const std::string& config_file, const std::s
   auto ledger = fabric::ledger_config(*config);
   if (auto status = config->finish(); !status) return status;
   if (!ledger) return ledger.error();
-  auto client = fabric::Client::create(std::move(ledger).value());
+  auto client = fabric::Client::create(belief::for_contract(std::move(ledger).value()));
   if (!client) return client.error();
   Side side(role == "a", *schedule, std::move(client).value());
   constexpr TimeNs start_limit_ns = 20 * ns_per_s;

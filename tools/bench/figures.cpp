@@ -10,6 +10,7 @@ namespace {
 
 constexpr double tolerated_share = 0.01;
 constexpr double saturated_ms = 1000;
+constexpr const char* usual_id = "ledgerline";  // what its other ways are compared with, too
 
 using Value = std::optional<double> (*)(const Turn&);
 std::optional<double> p50(const Turn& run) {
@@ -19,6 +20,7 @@ std::optional<double> p99(const Turn& run) {
   return run.times_ms.empty() ? std::nullopt : std::optional(run.quantile_ms(0.99));
 }
 std::optional<double> cpu(const Turn& run) { return run.cpu_ms_per_message(); }
+std::optional<double> ledger_cpu(const Turn& run) { return run.ledger_cpu_ms_per_message(); }
 
 using Turns = std::vector<const Turn*>;
 Turns select(const std::vector<Turn>& runs, int rate, const std::string& contender) {
@@ -50,7 +52,10 @@ std::optional<Spread> ratio(const Turns& ours, const Turns& theirs, Value value)
 }
 
 Figures figures_of(const Turns& runs) {
-  Figures f{.p50_ms = spread(runs, p50), .p99_ms = spread(runs, p99), .cpu_ms_per_message = spread(runs, cpu)};
+  Figures f{.p50_ms = spread(runs, p50),
+            .p99_ms = spread(runs, p99),
+            .cpu_ms_per_message = spread(runs, cpu),
+            .ledger_cpu_ms_per_message = spread(runs, ledger_cpu)};
   for (const Turn* run : runs) {
     f.sent += run->sent;
     f.answered += run->answered;
@@ -82,8 +87,11 @@ const std::vector<Contender>& contenders() {
       {"polling", "gateway, polling", Way::polling, false, ""},
       {"ledgerline", "Ledgerline, libcrypto", Way::ledgerline, false, "libcrypto"},
       {"ledgerline-mbedtls", "Ledgerline, mbedTLS", Way::ledgerline, false, "mbedtls"},
-      {"ledgerline-checked", "Ledgerline, cross-checked", Way::ledgerline, false, "libcrypto", false, true},
-      {"ledgerline-judged", "Ledgerline, judged", Way::ledgerline, false, "libcrypto", false, false, true},
+      {"ledgerline-compared", "Ledgerline, compared", Way::ledgerline, false, "libcrypto", false, "compared"},
+      {"ledgerline-judged", "Ledgerline, judged", Way::ledgerline, false, "libcrypto", false, "peer", true},
+      {"ledgerline-ordered", "Ledgerline, ordered", Way::ledgerline, false, "libcrypto", false, "ordered", true},
+      {"endorser", "own endorser", Way::ledgerline, false, "libcrypto", true, "peer", true, true},
+      {"endorser-ordered", "own endorser, ordered", Way::ledgerline, false, "libcrypto", true, "ordered", true, true},
   };
   return all;
 }
@@ -108,6 +116,11 @@ std::optional<double> Turn::cpu_ms_per_message() const {
   return 1e3 * cpu_s / (2.0 * static_cast<double>(answers));
 }
 
+std::optional<double> Turn::ledger_cpu_ms_per_message() const {
+  if (answers == 0) return std::nullopt;
+  return 1e3 * ledger_cpu_s / (2.0 * static_cast<double>(answers));
+}
+
 bool Turn::saturated() const {
   return sent == 0 || static_cast<double>(sent - answered) > tolerated_share * static_cast<double>(sent) ||
          quantile_ms(0.99) > saturated_ms;
@@ -129,12 +142,16 @@ Summary summarize(const std::vector<Turn>& runs) {
   for (const Turn& run : runs) summary.figures[run.rate][run.contender] = {};
   for (auto& [rate, of_rate] : summary.figures) {
     for (auto& [id, figures] : of_rate) figures = figures_of(select(runs, rate, id));
-    const Turns ours = select(runs, rate, "ledgerline"), mbedtls = select(runs, rate, "ledgerline-mbedtls");
-    for (const Contender& baseline : contenders()) {
-      if (baseline.way == Way::ledgerline || of_rate.count(baseline.id) == 0) continue;
-      const Turns theirs = select(runs, rate, baseline.id);
-      summary.ratios.push_back({baseline.id, rate, ratio(ours, theirs, p50), ratio(ours, theirs, p99),
-                                ratio(ours, theirs, cpu), ratio(mbedtls, theirs, cpu)});
+    for (const Contender& one : contenders()) {
+      if (one.way != Way::ledgerline || of_rate.count(one.id) == 0) continue;
+      const Turns ours = select(runs, rate, one.id);
+      for (const Contender& baseline : contenders()) {
+        const bool is_baseline = baseline.way != Way::ledgerline || baseline.id == usual_id;
+        if (!is_baseline || baseline.id == one.id || of_rate.count(baseline.id) == 0) continue;
+        const Turns theirs = select(runs, rate, baseline.id);
+        summary.ratios.push_back({one.id, baseline.id, rate, ratio(ours, theirs, p50), ratio(ours, theirs, p99),
+                                  ratio(ours, theirs, cpu), ratio(ours, theirs, ledger_cpu)});
+      }
     }
   }
   for (const auto& [rate, of_rate] : summary.figures) {
@@ -147,25 +164,27 @@ Summary summarize(const std::vector<Turn>& runs) {
 }
 
 std::string to_table(const Summary& summary) {
-  std::string out = fmt::format("\n{:>5}  {:<31}{:<22}{:<22}{:<20}{:>8}{:>9}{:>9}{:>7}\n", "msg/s", "client", "p50, ms",
-                                "p99, ms", "CPU, ms a message", "sent", "answered", "replaced", "lost");
+  std::string out =
+      fmt::format("\n{:>5}  {:<31}{:<22}{:<22}{:<20}{:<20}{:>8}{:>9}{:>9}{:>7}\n", "msg/s", "client", "p50, ms",
+                  "p99, ms", "CPU, ms a message", "of the ledger", "sent", "answered", "replaced", "lost");
   for (const auto& [rate, of_rate] : summary.figures) {
     for (const Contender& one : contenders()) {
       const auto found = of_rate.find(one.id);
       if (found == of_rate.end()) continue;
       const Figures& f = found->second;
       const std::string note = f.collapsed > 0 ? fmt::format("  collapsed {} of {}", f.collapsed, f.runs) : "";
-      out += fmt::format("{:>5}  {:<31}{:<22}{:<22}{:<20}{:>8}{:>9}{:>9}{:>7}{}\n", rate, one.title, text(f.p50_ms),
-                         text(f.p99_ms), text(f.cpu_ms_per_message), f.sent, f.answered, f.replaced, f.lost, note);
+      out += fmt::format("{:>5}  {:<31}{:<22}{:<22}{:<20}{:<20}{:>8}{:>9}{:>9}{:>7}{}\n", rate, one.title,
+                         text(f.p50_ms), text(f.p99_ms), text(f.cpu_ms_per_message), text(f.ledger_cpu_ms_per_message),
+                         f.sent, f.answered, f.replaced, f.lost, note);
     }
   }
   if (!summary.ratios.empty()) {
-    out +=
-        fmt::format("\nLedgerline / baseline, median (lowest-highest alternation)\n{:>5}  {:<31}{:<22}{:<22}{:<22}{}\n",
-                    "msg/s", "baseline", "p50", "p99", "CPU, libcrypto", "CPU, mbedTLS");
+    out += fmt::format(
+        "\nLedgerline / baseline, median (lowest-highest alternation)\n{:>5}  {:<31}{:<31}{:<22}{:<22}{:<22}{}\n",
+        "msg/s", "client", "baseline", "p50", "p99", "CPU", "CPU of the ledger");
     for (const Ratios& r : summary.ratios) {
-      out += fmt::format("{:>5}  {:<31}{:<22}{:<22}{:<22}{}\n", r.rate, find_contender(r.against)->title, text(r.p50),
-                         text(r.p99), text(r.cpu), text(r.cpu_mbedtls));
+      out += fmt::format("{:>5}  {:<31}{:<31}{:<22}{:<22}{:<22}{}\n", r.rate, find_contender(r.ours)->title,
+                         find_contender(r.against)->title, text(r.p50), text(r.p99), text(r.cpu), text(r.ledger_cpu));
     }
   }
   out += "\nSaturates at (of the rates measured)\n";

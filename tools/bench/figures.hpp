@@ -18,8 +18,9 @@ struct Contender {
   bool published_settings = false;  ///< three orderers, 2 s / 10; otherwise one, a block for each transaction
   std::string signer = {};          ///< of Ledgerline alone: "libcrypto" or "mbedtls"
   bool only_when_asked = false;
-  bool cross_check = false;  ///< of Ledgerline: an orderer's stream is compared with the peer's
-  bool judged = false;       ///< of Ledgerline: blocks and transactions are judged, by a trust anchor
+  std::string blocks = "peer";  ///< of Ledgerline: ledger.blocks
+  bool judged = false;          ///< of Ledgerline: blocks and transactions are judged, by a trust anchor
+  bool endorser = false;        ///< of Ledgerline: each side's organisation has an endorser of its own
 };
 const std::vector<Contender>& contenders();
 const Contender* find_contender(const std::string& id);
@@ -33,8 +34,12 @@ struct Turn {
   std::uint64_t sent = 0, answered = 0, replaced = 0;
   std::vector<double> times_ms = {};  ///< of every message sent, as Account has them; in any order
   double cpu_s = 0;                   ///< of both clients, in the measured time
+  double ledger_cpu_s = 0;            ///< of the network, and of endorsers, likewise
   std::uint64_t answers = 0;          ///< in the measured time
   std::uint64_t transactions = 0, failed = 0, dropped = 0;  ///< of both clients, warm-up too
+  std::uint64_t blocks = 0;                                 ///< that Ledgerline's two clients took, likewise
+  std::uint64_t blocks_as_ordered = 0;                      ///< of these, before their peer told them
+  double confirmed_after_ms = 0;                            ///< of side a, median: how long before
   bool timed_out = false;                                   ///< it was ended by its time limit
   std::string why = {};                                     ///< what a client complained of last
 
@@ -43,6 +48,7 @@ struct Turn {
   double quantile_ms(double q) const;
   /// A message has two ends: an exchange is two messages. Nothing without an answer.
   std::optional<double> cpu_ms_per_message() const;
+  std::optional<double> ledger_cpu_ms_per_message() const;
   /// More than 1 % without an answer of their own, or p99 above 1 s.
   bool saturated() const;
   /// It had to be ended, or the drain was over, with more than 1 % lost.
@@ -57,20 +63,21 @@ struct Spread {
 std::optional<Spread> spread_of(std::vector<double> values);
 
 struct Figures {
-  std::optional<Spread> p50_ms, p99_ms, cpu_ms_per_message;
+  std::optional<Spread> p50_ms, p99_ms, cpu_ms_per_message, ledger_cpu_ms_per_message;
   std::uint64_t sent = 0, answered = 0, replaced = 0, lost = 0;
   int runs = 0, saturated = 0, collapsed = 0;
 };
-/// Ledgerline divided by a baseline, within each alternation: below 1, Ledgerline is better.
+/// A way of Ledgerline divided by a baseline, within each alternation: below 1, it is better. Baselines are the stock
+/// clients, and Ledgerline's usual way for its others.
 struct Ratios {
-  std::string against;
+  std::string ours, against;
   int rate = 0;
-  std::optional<Spread> p50, p99, cpu, cpu_mbedtls;
+  std::optional<Spread> p50, p99, cpu, ledger_cpu;
 };
 
 struct Summary {
   std::map<int, std::map<std::string, Figures>> figures;  ///< by rate, by contender
-  std::vector<Ratios> ratios;                             ///< by rate, as the table
+  std::vector<Ratios> ratios;                             ///< by rate, ours and baseline, as the table
   /// The lowest rate at which at least half of the runs saturate; nothing: none did.
   std::map<std::string, std::optional<int>> saturates_at;
 };

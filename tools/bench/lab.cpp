@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <csignal>
+#include <cstdio>
 #include <ctime>
 #include <optional>
 
@@ -28,6 +30,10 @@ std::string ledger_table(const Network::Access& access) {
                      access.endpoint, access.tls_ca, access.msp_id, access.msp_dir);
 }
 
+std::string endorser_table(const std::string& msp_id, const std::string& endpoint, const std::string& tls_ca) {
+  return fmt::format("\n[[endorser]]\nmsp_id = \"{}\"\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", msp_id, endpoint, tls_ca);
+}
+
 std::string tail(const Children& children, const std::string& name, const fs::path& log) {
   const std::string lines = children.log_tail(name, log_lines);
   return lines.empty() ? " It logged nothing." : fmt::format(" The end of {}:\n{}", log.string(), lines);
@@ -39,6 +45,30 @@ std::optional<double> cpu_seconds(pid_t process) {
   timespec t{};
   if (::clock_getcpuclockid(process, &clock) != 0 || ::clock_gettime(clock, &t) != 0) return std::nullopt;
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+/// Of a process and all that it has begun.
+double cpu_seconds_of_tree(pid_t root) {
+  std::map<pid_t, pid_t> parents;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator("/proc", error)) {
+    const std::string name = entry.path().filename();
+    const auto stat =
+        std::isdigit(static_cast<unsigned char>(name[0])) != 0 ? read_file(entry.path() / "stat") : Error{""};
+    if (!stat) continue;                               // it has ended
+    const std::size_t behind_name = stat->rfind(')');  // a name may have blanks in it
+    int parent = 0;
+    if (behind_name == std::string::npos || std::sscanf(stat->c_str() + behind_name, ") %*c %d", &parent) != 1)
+      continue;
+    parents[std::stoi(name)] = parent;
+  }
+  double seconds = 0;
+  for (const auto& [process, _] : parents) {
+    pid_t above = process;
+    while (above > 1 && above != root && parents.contains(above)) above = parents[above];
+    if (above == root) seconds += cpu_seconds(process).value_or(0);
+  }
+  return seconds;
 }
 
 std::uint64_t count_in(const json& object, const char* key) {
@@ -109,6 +139,20 @@ Status Network::up() {
   if (peers_.empty() || orderers_.empty() || endorsers_.size() < 2)
     return Error{name_ + " did not say its endpoints: " + ready_};
   return enroll();
+}
+
+double Network::cpu_seconds() const { return cpu_seconds_of_tree(children_.pid(name_)); }
+
+std::string Network::endorser_config(int organisation, const fs::path& summary) const {
+  const fs::path own = identities::organisation_dir(dir_ / "ledger", organisation) / "peers" /
+                       fmt::format("endorser0.{}", identities::domain_of(organisation));
+  Access as = access(organisation);
+  as.msp_dir = own / "msp";
+  return ledger_table(as) +
+         fmt::format(
+             "config_block = \"{}\"\n\n[serve]\ntls_certificate = \"{}\"\ntls_key = \"{}\"\n\n[output]\nsummary = "
+             "\"{}\"\n",
+             as.config_block, (own / "tls/server.crt").string(), (own / "tls/server.key").string(), summary.string());
 }
 
 Network::Access Network::access(int organisation, const std::string& user) const {
@@ -183,6 +227,11 @@ class Pair {
         children_({[this](const std::string& name, const std::string& line) { take(name, line); }}) {}
 
   Result<Turn> run() {
+    if (contender_.endorser) {
+      for (const int organisation : {1, 2}) {
+        if (auto s = start_endorser(organisation); !s) return s.error();
+      }
+    }
     for (const char* name : {"b", "a"}) {  // who asks comes last
       if (auto s = start(name); !s) return s.error();
     }
@@ -192,6 +241,10 @@ class Pair {
       children_.poll(watch_ns);
     }
     run_.timed_out = children_.running("a");
+    for (const auto& [name, _] : endorsers_) {
+      if (!children_.running(name))
+        run_.why = fmt::format("{} {}.{}", name, children_.how_it_ended(name), tail(children_, name, log(name)));
+    }
     for (const char* name : {"a", "b"}) {
       const bool died = !children_.running(name) && !children_.ended_well(name);
       if (died)
@@ -209,6 +262,41 @@ class Pair {
     double cpu_at_begin_s = 0;
   };
 
+  static std::string endorser_name(int organisation) { return fmt::format("endorser{}", organisation); }
+
+  Status start_endorser(int organisation) {
+    std::error_code error;
+    fs::create_directories(dir_, error);
+    const std::string name = endorser_name(organisation);
+    const fs::path config = dir_ / (name + ".toml");
+    if (auto s = write_file(config, network_.endorser_config(organisation, dir_ / (name + ".json"))); !s) return s;
+    endorsers_[name];
+    const Children::Program program{name, {place_.programs / "ledgerline-endorser", config}, log(name), SIGKILL};
+    if (auto s = children_.start(program); !s) return s;
+    return wait_for(name, [&] { return !endorsers_[name].empty(); });
+  }
+
+  /// Until it is there; an error says why it is not.
+  Status wait_for(const std::string& name, const std::function<bool()>& there) {
+    const TimeNs until_ns = monotonic_ns() + client_limit_ns;
+    while (!there()) {
+      if (interrupts_ > 0) return Error{"interrupted"};
+      if (!children_.running(name) || monotonic_ns() > until_ns) {
+        return Error{fmt::format("{}, {}: {}.{}", contender_.title, name,
+                                 children_.running(name) ? "not ready in time" : children_.how_it_ended(name),
+                                 tail(children_, name, log(name)))};
+      }
+      children_.poll(watch_ns);
+    }
+    return done;
+  }
+
+  double ledger_cpu_seconds() const {
+    double seconds = network_.cpu_seconds();
+    for (const auto& [name, _] : endorsers_) seconds += cpu_seconds(children_.pid(name)).value_or(0);
+    return seconds;
+  }
+
   fs::path log(const std::string& name) const { return dir_ / (name + ".log"); }
 
   Status start(const std::string& name) {
@@ -219,13 +307,15 @@ class Pair {
     if (contender_.way == Way::ledgerline) {
       const fs::path config = dir_ / (name + ".toml");
       std::string text = ledger_table(access) +
-                         fmt::format("signer = \"{}\"\ncross_check = {}\n", contender_.signer, contender_.cross_check);
+                         fmt::format("signer = \"{}\"\nblocks = \"{}\"\n", contender_.signer, contender_.blocks);
       if (contender_.judged) text += fmt::format("config_block = \"{}\"\n", access.config_block);
       for (const std::string& orderer : access.orderers) {
         text += fmt::format("\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", orderer, access.orderer_tls_ca);
       }
-      text += fmt::format("\n[[endorser]]\nmsp_id = \"{}\"\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", access.msp_id,
-                          access.endorsers.front().endpoint, access.endorsers.front().tls_ca);
+      const auto& peer = access.endorsers.front();
+      const auto own = endorsers_.find(endorser_name(name == "a" ? 1 : 2));
+      if (own != endorsers_.end()) text += endorser_table(access.msp_id, own->second, peer.tls_ca);
+      text += endorser_table(access.msp_id, peer.endpoint, peer.tls_ca);
       if (auto s = write_file(config, text); !s) return s;
       program.command = {place_.programs / "two_way_client", "--role", name, "--config", config, "--schedule",
                          write_schedule(schedule_)};
@@ -248,28 +338,24 @@ class Pair {
       program.environment = {"NODE_PATH=" + (place_.npm / "node_modules").string()};
     }
     if (auto s = children_.start(program); !s) return s;
-    const TimeNs until_ns = monotonic_ns() + client_limit_ns;
-    while (sides_[name].process == 0) {
-      if (interrupts_ > 0) return Error{"interrupted"};
-      if (!children_.running(name) || monotonic_ns() > until_ns) {
-        return Error{fmt::format("{}, side {}: {}.{}", contender_.title, name,
-                                 children_.running(name) ? "not ready in time" : children_.how_it_ended(name),
-                                 tail(children_, name, log(name)))};
-      }
-      children_.poll(watch_ns);
-    }
-    return done;
+    return wait_for(name, [&] { return sides_[name].process != 0; });
   }
 
   void take(const std::string& name, const std::string& text) {
     const json line = json::parse(text, nullptr, false);
     if (!line.is_object()) return;
+    if (line.contains("ready") && endorsers_.contains(name)) {
+      endorsers_[name] = line.value("endpoint", "");
+      return;
+    }
     if (line.contains("ready")) sides_[name].process = static_cast<pid_t>(count_in(line, "pid"));
     if (line.contains("measuring")) {
       for (auto& [_, side] : sides_) side.cpu_at_begin_s = cpu_seconds(side.process).value_or(0);
+      ledger_cpu_at_begin_s_ = ledger_cpu_seconds();
     }
     if (line.contains("measured")) {
       run_.answers = count_in(line, "answers");
+      run_.ledger_cpu_s = ledger_cpu_seconds() - ledger_cpu_at_begin_s_;
       for (const auto& [_, side] : sides_) {
         // A process that is gone used none that could be told; the run says that it died.
         run_.cpu_s += cpu_seconds(side.process).value_or(side.cpu_at_begin_s) - side.cpu_at_begin_s;
@@ -285,6 +371,10 @@ class Pair {
       const json& result = line["result"];
       if (name == "a") take_counts(result);
       run_.transactions += count_in(result, "transactions");
+      run_.blocks += count_in(result, "blocks");
+      const json confirmed = result.value("ordered_blocks_confirmed_after_ms", json::object());
+      run_.blocks_as_ordered += count_in(confirmed, "count");
+      if (name == "a") run_.confirmed_after_ms = confirmed.value("median", 0.0);
       run_.failed += count_in(result, "failed");
       run_.dropped += count_in(result, "dropped");
       if (result.contains("why") && result["why"].is_string() && result["why"] != "") run_.why = result["why"];
@@ -305,6 +395,8 @@ class Pair {
   const std::atomic<int>& interrupts_;
   Turn run_;
   std::map<std::string, Side> sides_;
+  std::map<std::string, std::string> endorsers_;  ///< where each listens, by its name
+  double ledger_cpu_at_begin_s_ = 0;
   Children children_;
 };
 

@@ -45,6 +45,11 @@ class Network {
   /// Ends it and says what it says of itself: blocks, transactions, storage.
   Result<nlohmann::json> down();
 
+  /// CPU time of all of its processes so far.
+  double cpu_seconds() const;
+  /// The config of that organisation's own endorser.
+  std::string endorser_config(int organisation, const std::filesystem::path& summary) const;
+
   /// What a client of organisation 1 (side a) or 2 (side b) needs.
   struct Access {
     std::string endpoint, tls_ca, msp_id, msp_dir, orderer_tls_ca;

@@ -33,8 +33,12 @@ Clients:
   polling               as gateway, but asking again and again, with a cache of what was there the last time
   ledgerline            frames and the direct path, signed by libcrypto; reads from its peer alone, as the others
   ledgerline-mbedtls    the same, signed by mbedTLS
-  ledgerline-checked    as ledgerline, and an orderer's blocks are compared with the peer's
+  ledgerline-compared   as ledgerline, and an orderer's blocks are compared with the peer's
   ledgerline-judged     as ledgerline, and each side judges every block and transaction
+  ledgerline-ordered    as ledgerline-judged, and takes an orderer's blocks where they are first
+  endorser              as ledgerline-judged; each organisation's own endorser endorses in its peer's place (Fabric alone;
+                        when it is asked for)
+  endorser-ordered      both of these
 
 Examples:
   ledgerline bench two-way --rates 30,70 --json two-way.json
@@ -81,6 +85,10 @@ Status check(const Options& o) {
                  " is missing: ./run-tests installs it, or npm ci in a copy of tests/system/conformance"};
   }
   if (baselines && !fs::exists(o.place.script)) return Error{o.place.script.string() + " is missing"};
+  const bool endorsers =
+      std::any_of(o.clients.begin(), o.clients.end(), [](const auto& id) { return find_contender(id)->endorser; });
+  if (endorsers && o.place.embedded)
+    return Error{"an organisation's own endorser is for Fabric: the embedded node endorses within itself"};
   if (!o.place.embedded && !fs::exists(o.place.fabric / "peer")) {
     return Error{(o.place.fabric / "peer").string() + " is missing: scripts/fabric-tools builds it"};
   }

@@ -54,17 +54,19 @@ def check(result: dict, table: str, rate: int, seconds: float) -> None:
         raw = [one for one in raw if one is not None]  # no CPU of an answer where a starved machine gave none in time
         assert any(row == pytest.approx(raw, rel=0.01, abs=0.01) for row in rows(table)), (raw, table)
     for ratios in result["summary"]["ratios"]:
-        theirs, ours = ([run for run in result["runs"] if run["client"] == client] for client in (ratios["against"], "ledgerline"))
+        theirs, ours = ([run for run in result["runs"] if run["client"] == client] for client in (ratios["against"], ratios["client"]))
         assert ratios["p50"]["median"] == pytest.approx(ours[0]["p50_ms"] / theirs[0]["p50_ms"], abs=1e-3)
 
 
 def test_every_client_exchanges_messages(tmp_path):
     needs_node()
-    clients = ["gateway", "direct", "polling", "ledgerline", "ledgerline-mbedtls", "ledgerline-checked", "ledgerline-judged"]
+    clients = ["gateway", "direct", "polling", "ledgerline", "ledgerline-mbedtls", "ledgerline-compared",
+               "ledgerline-judged", "ledgerline-ordered"]
     result, table = measure(tmp_path, "--ledger", "embedded", "--rates", 40, "--clients", ",".join(clients),
                             "--alternations", 1, "--seconds", 1, "--warm-up", 1)
     assert [run["client"] for run in result["runs"]] == clients
-    assert [ratios["against"] for ratios in result["summary"]["ratios"]] == clients[:3]
+    assert [(ratios["client"], ratios["against"]) for ratios in result["summary"]["ratios"]] == [
+        (ours, against) for ours in clients[3:] for against in clients[:4] if ours != against]
     assert result["ledger"]["storage"] in table
     check(result, table, 40, 1)
 
