@@ -71,6 +71,9 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   flight.predict = config.boolean("flight.predict", flight.predict);
   flight.max_age_ns = duration(config, "flight.max_age", flight.max_age_ns, 100 * ns_per_ms, 10 * ns_per_s);
   flight.idle_evict_ns = duration(config, "flight.idle_evict", flight.idle_evict_ns, ns_per_s, 86'400 * ns_per_s);
+  flight.blocks = config.choice("flight.blocks", {"peer", "ordered"}, "peer") == "ordered"
+                      ? fabric::BlockSource::ordered
+                      : fabric::BlockSource::peer;
   flight.doubt = from_name<link::OnDoubt>(config.choice("flight.doubt", {"ignore", "hold", "land"}, "ignore"))
                      .value_or(flight.doubt);
   flight.laps = static_cast<int>(config.integer("flight.laps", flight.laps, 1, 100));
@@ -156,6 +159,7 @@ std::string text_of(const Script& script) {
   if (f.max_age_ns != usual.max_age_ns) text += fmt::format("max_age = \"{:g} s\"\n", to_seconds(f.max_age_ns));
   if (f.idle_evict_ns != usual.idle_evict_ns)
     text += fmt::format("idle_evict = \"{:g} s\"\n", to_seconds(f.idle_evict_ns));
+  if (f.blocks != usual.blocks) text += "blocks = \"ordered\"\n";
   if (f.doubt != usual.doubt) text += fmt::format("doubt = \"{}\"\n", name(f.doubt));
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
   if (f.keeps_rc != usual.keeps_rc) text += fmt::format("keeps_rc = {}\n", f.keeps_rc);

@@ -42,6 +42,7 @@ VirtualWorld::VirtualWorld(const WorldConfig& config)
       wires_(std::make_unique<Wires>()),
       digester_(std::make_unique<Digester>()),
       witness_(config.drones, sim_) {
+  for (LedgerPort* port : {&host_, &operator_}) port->take_blocks_of(config.blocks);
   if (config.mode == WorldConfig::Mode::local) local_.emplace(config.drones);
   Random seeds(config.seed ^ 0x6c696e6573ULL);
   for (int k = 1; k <= config.drones; ++k)

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/fabric/stream/block_source.hpp"
 #include "ground/core/flight.hpp"
 #include "hil/virtual/ledger/virtual_ledger.hpp"
 #include "onboard/agent/core/agent_core.hpp"
@@ -41,6 +42,7 @@ struct WorldConfig {
   bool manual = false;  ///< flown by the wishes of a pilot
   ground::RequestRule request_rule = ground::RequestRule::none;
   TimeNs request_after_ns = 0;
+  fabric::BlockSource blocks = fabric::BlockSource::peer;  ///< agent's and ground's
   bool supervisors = false;  ///< enrolled besides the operator: for scripts in which they speak
 };
 

@@ -8,6 +8,7 @@ void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
   port.stale(effects.stale);
   port.lie(effects.lie);
   port.serve(effects.serves);
+  port.order(effects.orders);
   port.slip(effects.slip);
   port.stall_to(effects.stall_to);
   port.stall_from(effects.stall_from);

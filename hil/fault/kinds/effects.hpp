@@ -24,7 +24,7 @@ struct Effects {
     bool cut = false, stale = false, stall_to = false, stall_from = false;
     std::optional<Distribution> delay_to, delay_from;
     Lie lie = Lie::none;
-    PeerLie serves = PeerLie::none;
+    PeerLie serves = PeerLie::none, orders = PeerLie::none;
     Slip slip = Slip::none;
   };
   struct OfRelay {

@@ -75,6 +75,13 @@ Result<FaultActs> serve(const Said& said) {
                    .not_real = because(nobody_real)};
 }
 
+Result<FaultActs> order(const Said& said) {
+  const auto lie = peer_lie_from(said.rest);
+  if (!lie) return Error{"orders must be followed by one of " + list_of(peer_lie_names())};
+  return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.orders = lie; }),
+                   .not_real = because(nobody_real)};
+}
+
 // Of several relays the later one in the script counts.
 Result<FaultActs> relay(const Said& said) {
   const auto words = words_of(said.rest);
@@ -115,7 +122,8 @@ Result<FaultActs> refuse_effect(const Said& said) {
       return Error{fmt::format("a ledger's connection is a stream (TCP) and has no {}: use delay, stall or cut", no)};
   }
   return Error{
-      "must be `ledger agent|ground|both ` and cut, stale, lies WHAT, serves WHAT, or [to|from] with stall or delay "
+      "must be `ledger agent|ground|both ` and cut, stale, lies WHAT, serves WHAT, orders WHAT, or [to|from] with "
+      "stall or delay "
       "DISTRIBUTION"};
 }
 
@@ -171,6 +179,7 @@ constexpr FaultKind ledger_table[] = {
     {"ledger agent|ground|both to|from EFFECTS...", refuse_effect},
     {"ledger agent|ground|both lies WHAT...", lie},
     {"ledger agent|ground|both serves WHAT...", serve},
+    {"ledger agent|ground|both orders WHAT...", order},
     {"ledger relay LIE...", relay},
     {"operator errs WHAT...", slip},
     {"operator|supervisor|stranger stop|cut|resume|acquire|claim|evict|request|hand_over|deny NAME", say_control},

@@ -74,6 +74,8 @@ Status check_real(const Script& script, const RealLedger& ledger) {
   if (!flight.keeps_rc || !flight.command_counts)
     reasons.push_back("flight.keeps_rc, flight.command_counts: ./fly flies the usual Tello");
   if (flight.room_m != usual.room_m) reasons.push_back("flight.room_m: ./fly flies with the usual fence");
+  if (flight.blocks != usual.blocks)
+    reasons.push_back("flight.blocks: ./fly's ledger has no orderer that lies; --blocks ordered flies so without");
   if (flight.idle_evict_ns != usual.idle_evict_ns)
     reasons.push_back("flight.idle_evict: ./fly's agent has the usual one");
   if (flight.doubt != usual.doubt) reasons.push_back("flight.doubt: ./fly's link ignores a doubt");

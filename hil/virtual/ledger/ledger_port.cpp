@@ -104,7 +104,9 @@ LedgerPort::LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, 
       patience_ns_(patience_ns),
       draws_to_(seed),
       draws_from_(~seed),
-      peer_(ledger.block(0), seed) {
+      peer_(ledger.block(0), seed),
+      orderer_(ledger.block(0), ~seed, test_orderer_keys()),
+      lags_(seed ^ 0x6c616773ULL) {
   for (std::uint64_t number = 1; number < ledger.height(); ++number) peer_.add(0, ledger.block(number));
   begin();
 }
@@ -204,7 +206,11 @@ void LedgerPort::begin(std::optional<fabric::Checkpoint> believed) {
   // What the ledger has by now the peer has, too.
   const auto take = [this](VirtualLedger::BlockPtr block) { peer_.add(0, std::move(block)); };
   for (auto& [due, block] : std::exchange(blocks_, {})) take(std::move(block));
-  for (auto& block : ledger_.take_blocks(std::numeric_limits<TimeNs>::max(), client_)) take(std::move(block));
+  for (auto& [due, block] : std::exchange(ordered_, {})) orderer_.add(0, std::move(block));
+  for (auto& block : ledger_.take_blocks(std::numeric_limits<TimeNs>::max(), client_)) {
+    if (source_ != fabric::BlockSource::peer) orderer_.add(0, block);
+    take(std::move(block));
+  }
   auto intake =
       fabric::BlockIntake::make({.where = ledger_.where(),
                                  .config_block = ledger_.block(0)->SerializeAsString(),
@@ -214,7 +220,11 @@ void LedgerPort::begin(std::optional<fabric::Checkpoint> believed) {
                                        for (const auto& one : roots) names.push_back(one.msp_id);
                                        return crypto::make_test_registry(names);
                                      },
-                                 .likely_policy = [](const std::string& key) { return belief::likely_policy(key); }});
+                                 .likely_policy = [](const std::string& key) { return belief::likely_policy(key); },
+                                 .is_of_hot_path = [](const std::string& key) { return belief::is_of_hot_path(key); },
+                                 .real_time = [this] { return VirtualLedger::real(now_); },
+                                 .source = source_});
+  orderer_connected_ = false;
   intake_ = std::move(intake).value();
   believed_ = std::move(believed);
   newest_believed_ = believed_;
@@ -247,21 +257,67 @@ bool LedgerPort::find_place(TimeNs now) {
 
 void LedgerPort::read_blocks(TimeNs now) {
   if (!find_place(now)) return;
-  while (const auto message = peer_.serve(now, *intake_->next())) {
-    auto block = intake_->take(*message, [this](std::uint64_t number) { return peer_.fetch(number); });
-    if (!block) return leave_peer(now, block.error().what);
-    newest_believed_ = {ledger_.where().channel,
-                        block->number,
-                        fabric::block_header_hash(block->number, block->previous_hash, block->data_hash),
-                        {}};
-    newest_.push_back(*block);
-    if (newest_.size() > stale_blocks) newest_.pop_front();
-    ++counts_.blocks;
-    arrive(std::move(*block));
+  read_ordered(now);
+  while (const auto message = peer_.serve(now, *intake_->next_of_peer())) {
+    if (intake_->confirms_next()) {
+      if (const auto confirmed = intake_->confirm(*message); !confirmed) return leave_peer(now, confirmed.error().what);
+    } else {
+      auto block = intake_->take(*message, [this](std::uint64_t number) { return peer_.fetch(number); });
+      if (!block) return leave_peer(now, block.error().what);
+      hand_over(std::move(*block));
+    }
+    (void)take_ordered(now);
   }
 }
 
+void LedgerPort::leave_orderer(TimeNs now, const std::string& why) {
+  contradictions_.push_back(why);
+  orderer_connected_ = false;
+  orderer_at_ns_ = now + reconnect_ns;
+}
+
+void LedgerPort::read_ordered(TimeNs now) {
+  if (source_ == fabric::BlockSource::peer) return;
+  if (!orderer_connected_ && (now < orderer_at_ns_ || !intake_->begin_ordered())) return;
+  orderer_connected_ = true;
+  while (orderer_connected_) {
+    const auto message = orderer_.serve(now, *intake_->next_ordered());
+    if (!message) return;
+    common::Block without_flags = *message;
+    without_flags.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, "");
+    if (const Status added = intake_->add_ordered(std::move(without_flags)); !added)
+      return leave_orderer(now, added.error().what);
+    if (!take_ordered(now)) return;
+  }
+}
+
+/// False: what an orderer has told is not to be believed.
+bool LedgerPort::take_ordered(TimeNs now) {
+  while (true) {
+    auto ordered = intake_->take_ordered();
+    if (!ordered) {
+      leave_orderer(now, ordered.error().what);
+      return false;
+    }
+    if (!*ordered) return true;
+    ++counts_.ordered_blocks;
+    hand_over(std::move((*ordered)->block));
+  }
+}
+
+void LedgerPort::hand_over(fabric::Block block) {
+  newest_believed_ = {ledger_.where().channel,
+                      block.number,
+                      fabric::block_header_hash(block.number, block.previous_hash, block.data_hash),
+                      {}};
+  newest_.push_back(block);
+  if (newest_.size() > stale_blocks) newest_.pop_front();
+  ++counts_.blocks;
+  arrive(std::move(block));
+}
+
 void LedgerPort::step(TimeNs now) {
+  now_ = now;
   if (!cut_ && connect_at_ns_ != 0 && now >= connect_at_ns_) {
     connect_at_ns_ = 0;
     connection_ = true;
@@ -281,10 +337,17 @@ void LedgerPort::step(TimeNs now) {
   }
   for (auto& block : ledger_.take_blocks(now, client_)) {
     const TimeNs due_ns = in_order(now + (delay_from_ ? draws_from_.next(*delay_from_) : 0), last_from_ns_);
-    blocks_.emplace_back(due_ns, std::move(block));
+    TimeNs lag_ns = 0;
+    if (source_ != fabric::BlockSource::peer) {
+      ordered_.emplace_back(due_ns, block);
+      lag_ns = static_cast<TimeNs>(lags_.next() % static_cast<std::uint64_t>(max_peer_lag_ns));
+    }
+    blocks_.emplace_back(in_order(due_ns + lag_ns, last_peer_ns_), std::move(block));
   }
   if (connected && !stalled_from_) {
     for (; !outcomes_.empty() && outcomes_.front().first <= now; outcomes_.pop_front()) end(outcomes_.front().second);
+    for (; !ordered_.empty() && ordered_.front().first <= now; ordered_.pop_front())
+      orderer_.add(now, std::move(ordered_.front().second));
     for (; !stale_ && !blocks_.empty() && blocks_.front().first <= now; blocks_.pop_front())
       peer_.add(now, std::move(blocks_.front().second));
     if (!stale_ && reading_) read_blocks(now);

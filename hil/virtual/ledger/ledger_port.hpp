@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/random.hpp"
 #include "common/fabric/stream/block_intake.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "hil/lines/distribution.hpp"
@@ -75,6 +76,10 @@ class LedgerPort {
   void forget();
   /// A process begins: it hears the next new block first, or goes on behind the checkpoint.
   void begin(std::optional<fabric::Checkpoint> believed = std::nullopt);
+  /// Whose blocks a process takes that begins from now on. With an orderer's stream the peer is behind it by up to
+  /// max_peer_lag_ns.
+  void take_blocks_of(fabric::BlockSource source) { source_ = source; }
+  static constexpr TimeNs max_peer_lag_ns = 6 * ns_per_ms;
   /// The newest block that was believed; none: none was yet.
   std::optional<fabric::Checkpoint> checkpoint() const;
   /// Why the peer was left since the last call, in words.
@@ -100,11 +105,14 @@ class LedgerPort {
   void lie(Lie lie) { lie_ = lie; }
   /// What the peer serves in place of the ledger's blocks.
   void serve(PeerLie lie) { peer_.lie(lie); }
+  /// What an orderer does, which has an orderer's key.
+  void order(PeerLie lie) { orderer_.lie(lie); }
   void slip(Slip slip) { slip_ = slip; }
 
   struct Counts {
     std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0;
     std::uint64_t blocks = 0, stale_blocks = 0;
+    std::uint64_t ordered_blocks = 0;  ///< of the former, that were taken as they were ordered
   };
   const Counts& counts() const { return counts_; }
   std::size_t under_way() const { return open_.size(); }
@@ -120,6 +128,10 @@ class LedgerPort {
   void end(const VirtualLedger::Ended& ended);
   void send(TimeNs now, std::uint64_t number, fabric::Call call);
   void read_blocks(TimeNs now);
+  void read_ordered(TimeNs now);
+  bool take_ordered(TimeNs now);
+  void leave_orderer(TimeNs now, const std::string& why);
+  void hand_over(fabric::Block block);
   bool find_place(TimeNs now);
   void leave_peer(TimeNs now, const std::string& why);
   void arrive(fabric::Block block);
@@ -133,15 +145,21 @@ class LedgerPort {
   Lie lie_ = Lie::none;
   Slip slip_ = Slip::none;
   bool stalled_to_ = false, stalled_from_ = false, cut_ = false, stale_ = false;
-  TimeNs last_to_ns_ = 0, last_from_ns_ = 0, connect_at_ns_ = 0, next_stale_ns_ = 0;
+  TimeNs last_to_ns_ = 0, last_from_ns_ = 0, last_peer_ns_ = 0, connect_at_ns_ = 0, next_stale_ns_ = 0;
   std::optional<bool> connection_;
 
   std::uint64_t next_call_ = 1;                                     ///< as the ledger knows calls
   std::map<std::uint64_t, std::pair<std::uint64_t, TimeNs>> open_;  ///< by call: the caller's id, the deadline
   std::deque<Waiting> to_;
-  std::deque<std::pair<TimeNs, VirtualLedger::Ended>> outcomes_;   ///< on their way back
-  std::deque<std::pair<TimeNs, VirtualLedger::BlockPtr>> blocks_;  ///< on their way to the peer
-  ServingPeer peer_;
+  std::deque<std::pair<TimeNs, VirtualLedger::Ended>> outcomes_;    ///< on their way back
+  std::deque<std::pair<TimeNs, VirtualLedger::BlockPtr>> blocks_;   ///< on their way to the peer
+  std::deque<std::pair<TimeNs, VirtualLedger::BlockPtr>> ordered_;  ///< on their way to an orderer's stream
+  ServingPeer peer_, orderer_;
+  fabric::BlockSource source_ = fabric::BlockSource::peer;
+  bool orderer_connected_ = false;
+  TimeNs orderer_at_ns_ = 0;  ///< then it is asked again
+  Random lags_;               ///< of the peer, behind the orderer
+  TimeNs now_ = 0;
   std::optional<fabric::BlockIntake> intake_;
   bool reading_ = true;                         ///< a process is there
   std::optional<fabric::Checkpoint> believed_;  ///< until its place is found

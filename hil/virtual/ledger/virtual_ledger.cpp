@@ -142,6 +142,8 @@ void VirtualLedger::advance(TimeNs now, Pending pending) {
   waiting_.emplace(waiter, std::move(pending));
 }
 
+TimeNs VirtualLedger::real(TimeNs now) { return real_epoch_ns + now; }
+
 void VirtualLedger::order(TimeNs now, const std::string& envelope) { (void)core_->order(envelope, at(now)); }
 
 void VirtualLedger::cut_if_due(TimeNs now) {

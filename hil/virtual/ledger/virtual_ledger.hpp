@@ -56,6 +56,8 @@ class VirtualLedger {
   void submit(TimeNs now, Client client, std::uint64_t id, const fabric::Call& call);
   /// Has a common.Envelope ordered that somebody made by other ways; nobody hears what became of it.
   void order(TimeNs now, const std::string& envelope);
+  /// Real time on the virtual clock.
+  static TimeNs real(TimeNs now);
   /// For the set-up before the flight: commits at once, at `now`.
   Status commit_now(TimeNs now, Client client, const fabric::Call& call);
   Result<std::string> evaluate(TimeNs now, Client client, const fabric::Call& call);

@@ -89,6 +89,12 @@ PeerKeys test_peer_keys() {
           crypto::make_test_identity({"Org2MSP", "CN=peer0"})};
 }
 
+PeerKeys test_orderer_keys() {
+  PeerKeys keys = test_peer_keys();
+  keys.peer = crypto::make_test_identity({"OrdererMSP", "CN=orderer"});
+  return keys;
+}
+
 ServingPeer::ServingPeer(BlockPtr first, std::uint64_t seed, PeerKeys keys) : keys_(std::move(keys)), seed_(seed) {
   blocks_.push_back({std::move(first), 0});
 }

@@ -71,8 +71,9 @@ struct PeerKeys {
   std::string authority;             ///< certificate of the peer's organisation
   crypto::SigningIdentity stranger;  ///< a peer of an organisation whose endorsement a command does not need
 };
-/// Of the registry for tests.
+/// Of the registry for tests: a peer's, and an orderer's for one that lies as orderers may, signatures and all.
 PeerKeys test_peer_keys();
+PeerKeys test_orderer_keys();
 
 /// A peer that serves a client its blocks: honest, or not. Deterministic for a seed; one thread.
 class ServingPeer {

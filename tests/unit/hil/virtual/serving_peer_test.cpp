@@ -15,6 +15,11 @@ bool is_silence(const std::string& lie, bool restart) {
   return lie.starts_with("withholds") || lie == "delays" || lie == "stutters" || (lie == "grows-old" && !restart);
 }
 
+/// Flags an orderer's blocks have none of; and what it keeps to itself, the peer tells.
+bool says_nothing(const std::string& lie) {
+  return is_silence(lie, false) || lie.starts_with("hides") || lie == "believes-own" || lie == "no-flags";
+}
+
 /// Whether what a fold has read is current, agent judges once it has seen one that counts.
 const std::string seen_before =
     "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"0s\"\n"
@@ -55,6 +60,43 @@ TEST(PeerLies, AnHonestPeerIsNeverDoubted) {
     const auto number = static_cast<std::uint64_t>(seed);
     const std::string text = fmt::format(
         "title = \"An honest peer\"\nmust = [\"the ledger is never doubted\"]\n[flight]\ndrones = {}\nlaps = 1\n"
+        "[[fault]]\nwhat = \"ledger both delay {}ms\"\nat = \"path + 500ms\"\nfor = \"2s\"\n{}{}",
+        1 + seed % 3, 5 + seed % 60,
+        seed % 4 == 0 ? "[[fault]]\nwhat = \"agent kill\"\nat = \"path + 2s\"\nfor = \"700ms\"\n" : "",
+        seed % 2 == 0 ? "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"path + 4s\"\n" : "");
+    expect_held(text, "honest", number);
+  }
+}
+
+/// An orderer that has an orderer's key, and an honest peer that finds it out: agent goes on over the peer, or holds.
+std::string ordered_script_of(const std::string& lie, std::uint64_t seed) {
+  return fmt::format(
+      "title = \"An orderer serves: {0}\"\nmust = [\"no crash\", \"fence kept within 0.5 m\", \"lands within 20 s\", "
+      "\"{3}\"]\n[flight]\nlaps = 3\nblocks = \"ordered\"\n"
+      "[[fault]]\nwhat = \"ledger agent orders {0}\"\nat = \"path + {1}ms\"\n"
+      "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"path + 6s\"\n{2}",
+      lie, 500 + 300 * (seed % 9),
+      seed % 3 == 0 ? "[[fault]]\nwhat = \"agent kill\"\nat = \"path + 4s\"\nfor = \"700ms\"\n" : "",
+      says_nothing(lie) ? "land is seen" : "the ledger is doubted");
+}
+
+class OrdererLies : public testing::TestWithParam<std::string> {};
+
+TEST_P(OrdererLies, NothingIsFlownThatNobodySignedAndAStopLands) {
+  for (int seed = 1; seed <= seeds(slow ? 1 : 2, 20); ++seed) {
+    const auto number = static_cast<std::uint64_t>(seed);
+    expect_held(ordered_script_of(GetParam(), number), GetParam(), number);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, OrdererLies, testing::ValuesIn(some_of(peer_lie_names())), test_name);
+
+TEST(OrdererLies, HonestOnesAreNeverDoubted) {
+  for (int seed = 1; seed <= seeds(slow ? 2 : 20, 1000); ++seed) {
+    const auto number = static_cast<std::uint64_t>(seed);
+    const std::string text = fmt::format(
+        "title = \"Honest orderers\"\nmust = [\"the ledger is never doubted\"]\n[flight]\ndrones = {}\nlaps = 1\n"
+        "blocks = \"ordered\"\n"
         "[[fault]]\nwhat = \"ledger both delay {}ms\"\nat = \"path + 500ms\"\nfor = \"2s\"\n{}{}",
         1 + seed % 3, 5 + seed % 60,
         seed % 4 == 0 ? "[[fault]]\nwhat = \"agent kill\"\nat = \"path + 2s\"\nfor = \"700ms\"\n" : "",
