@@ -1,6 +1,7 @@
 #include "common/fabric/judge/transaction_judge.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <set>
 #include <unordered_set>
 
@@ -142,8 +143,9 @@ class Judging {
     return member && (*member)->verifier->verify(message, signature);
   }
 
-  /// Who has endorsed, each once.
-  std::vector<Endorser> endorsers_of(const TransactionForm& form, std::vector<bool>& fits) {
+  /// Who has endorsed, each once, until those found are enough: nothing follows from more of them.
+  std::vector<Endorser> endorsers_of(const TransactionForm& form, std::vector<bool>& fits,
+                                     const std::function<bool(const std::vector<Endorser>&)>& are_enough) {
     std::vector<Endorser> found;
     std::set<std::string> known;
     for (const protos::Endorsement& endorsement : form.endorsements) {
@@ -157,6 +159,7 @@ class Judging {
       known.insert(identity);
       fits.back() = true;
       found.push_back({(*member)->name.msp_id, (*member)->peer, (*member)->orderer});
+      if (are_enough(found)) break;
     }
     return found;
   }
@@ -198,7 +201,13 @@ class Judging {
     for (const NamespaceSet& part : sets.parts) {
       if (part.writes()) namespaces.insert(part.name);
     }
-    endorsers = endorsers_of(form, fits);
+    endorsers = endorsers_of(form, fits, [&](const std::vector<Endorser>& found) {
+      unknown_ = false;
+      return std::all_of(namespaces.begin(), namespaces.end(),
+                         [&](const std::string& name) { return satisfies_policies(name, sets, found); }) &&
+             !unknown_;
+    });
+    unknown_ = false;
     for (const std::string& name : namespaces) {
       if (state_.whole() && !state_.policy_of(name, ""))
         return {protos::INVALID_CHAINCODE, "it writes to a contract that is not there"};

@@ -23,9 +23,10 @@ struct Verdict {
   /// what changes nothing when it is told twice.
   bool by_creators_clock = false;
   bool creator_signed = false;
-  std::vector<bool> endorsement_fits{};  ///< of each endorsement, as far as they were looked at: it is a member's
-  std::vector<Endorser> endorsers{};     ///< likewise, each once
-  ReadWriteSet sets{};                   ///< of a valid one, or of one that is invalid by its flag alone
+  /// Of each endorsement, as far as they were looked at: it is a member's. Once they are enough, no further one is.
+  std::vector<bool> endorsement_fits{};
+  std::vector<Endorser> endorsers{};  ///< likewise, each once
+  ReadWriteSet sets{};                ///< of a valid one, or of one that is invalid by its flag alone
 };
 
 struct JudgeRules {

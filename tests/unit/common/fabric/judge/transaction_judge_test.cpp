@@ -146,6 +146,29 @@ TEST_F(TransactionJudge, OfOneIdentityOneEndorsementCounts) {
   EXPECT_EQ(code_with(laid_out), protos::ENDORSEMENT_POLICY_FAILURE);
 }
 
+TEST_F(TransactionJudge, OnceEndorsementsAreEnoughNoFurtherOneIsVerified) {
+  fill();
+  Draft three = draft();
+  three.endorsers = {&cast_.peers[0], &cast_.peers[1], &cast_.peers[2]};
+  write(three, "judge/free/1");  // a majority's
+  Draft own = draft();
+  own.endorsers = three.endorsers;
+  write(own, "judge/own/1");  // Org1MSP's
+  Draft late = draft();
+  late.endorsers = {&cast_.peers[1], &cast_.peers[2], &cast_.peers[0]};
+  write(late, "judge/own/2");
+  Draft worthless = draft();
+  worthless.endorsers = three.endorsers;
+  worthless.on_endorsements = [](std::vector<protos::Endorsement>& all) { all[0].mutable_signature()->back() ^= 1; };
+  write(worthless, "judge/free/2");
+  const auto verdicts = judge({three.seal(), own.seal(), late.seal(), worthless.seal()});
+  for (const Verdict& one : verdicts) EXPECT_EQ(one.code, protos::VALID) << one.why;
+  EXPECT_EQ(verdicts[0].endorsement_fits, (std::vector<bool>{true, true}));
+  EXPECT_EQ(verdicts[1].endorsement_fits, (std::vector<bool>{true}));
+  EXPECT_EQ(verdicts[2].endorsement_fits, (std::vector<bool>{true, true, true}));
+  EXPECT_EQ(verdicts[3].endorsement_fits, (std::vector<bool>{false, true, true}));
+}
+
 TEST_F(TransactionJudge, AKeyWrittenTwiceAtOnceIsTakenAsFabricTakesIt) {
   Draft made = draft();
   for (const char* key : {"judge/free/1", "judge/free/1", "judge/new", "judge/new"}) write(made, key);
