@@ -100,11 +100,12 @@ class Client {
     /// does not say whose endorsement the contract needs.
     std::function<void(const std::string& what)> on_unbelievable = {};
     /// A stream contradicts what is known: a fork, a block that the orderers have not signed, peer and orderers that tell
-    /// two chains or verdicts, an orderer that withholds blocks. In words, at each attempt; nothing of it was handed over.
+    /// two chains or verdicts. In words, at each attempt; nothing of it was handed over.
     std::function<void(const std::string& what)> on_contradiction = {};
     /// A block that was handed over as an orderer told it is the peer's, too; when either came (CLOCK_MONOTONIC).
     std::function<void(std::uint64_t number, TimeNs ordered_ns, TimeNs confirmed_ns)> on_confirmed = {};
-    /// Whether an orderer's stream is there, where one is read; the peer's stream goes on without it.
+    /// Whether an orderer's stream is there, where one is read, or withholds what the peer has told; the peer's stream
+    /// goes on without it.
     std::function<void(bool connected, const std::string& why)> on_orderers = {};
     /// Of blocks_behind(): how the peer's chain goes on; once, before the first block.
     std::function<void(const Continuation&)> on_continued = {};

@@ -88,14 +88,20 @@ bool BlockHandOver::withholds(std::uint64_t number, TimeNs now) {
   if (!missing_since_) missing_since_ = now;
   if (now - *missing_since_ < max_missing_ns) return false;
   missing_since_.reset();
-  tell_contradiction(fmt::format("an orderer withholds block {}: the peer is at block {}", *next, number));
+  withheld_ = fmt::format("it withholds block {}: the peer is at block {}", *next, number);
   return true;
 }
 
 std::optional<std::uint64_t> BlockHandOver::begin_ordered() {
   const std::lock_guard lock(mutex_);
   missing_since_.reset();
+  withheld_.clear();
   return begun_ ? intake_.begin_ordered() : std::nullopt;
+}
+
+std::string BlockHandOver::why_orderer_ended() const {
+  const std::lock_guard lock(mutex_);
+  return withheld_;
 }
 
 std::string BlockHandOver::orderer_tells(common::Block message, TimeNs now) {

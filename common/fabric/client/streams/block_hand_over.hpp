@@ -40,6 +40,8 @@ class BlockHandOver {
   // Of an orderer's stream.
 
   std::optional<std::uint64_t> begin_ordered();
+  /// That it withheld blocks; empty: something else.
+  std::string why_orderer_ended() const;
   std::string orderer_tells(common::Block message, TimeNs now);
 
   // For what the readers find out themselves.
@@ -61,6 +63,7 @@ class BlockHandOver {
   bool begun_ = false;
   std::map<std::uint64_t, TimeNs> ordered_at_;  ///< of what is not confirmed yet
   std::optional<TimeNs> missing_since_;         ///< the peer is ahead of the orderer's stream
+  std::string withheld_;                        ///< what this orderer did
   const std::shared_ptr<Commits> commits_;
   const Client::StreamHandlers handlers_;
   std::uint64_t unbelievable_ = 0;

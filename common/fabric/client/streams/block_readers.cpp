@@ -151,7 +151,9 @@ std::string OrderedReader::follow(Follower& follower) {
     follower.connected();
     follower.progress();
   }
-  return text_of(stream->Finish());
+  const grpc::Status status = stream->Finish();
+  const std::string withheld = blocks_->why_orderer_ended();
+  return withheld.empty() ? text_of(status) : withheld;
 }
 
 }  // namespace ledgerline::fabric
