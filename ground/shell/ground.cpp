@@ -65,10 +65,10 @@ Status Ground::start(const std::atomic<bool>& quit) {
   };
   handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
   handlers.on_contradiction = [last = std::string()](const std::string& what) mutable {
-    if (std::exchange(last, what) != what) spdlog::error("the peer contradicts what is known: {}", what);
+    if (std::exchange(last, what) != what) spdlog::error("the ledger's blocks contradict what is known: {}", what);
   };
-  handlers.on_confirmed = [this](std::uint64_t, TimeNs ordered_ns, TimeNs confirmed_ns) {
-    confirmations_.add(ordered_ns, confirmed_ns);
+  handlers.on_confirmed = [this](const auto& confirmed) {
+    confirmations_.add(confirmed.ordered_ns, confirmed.confirmed_ns);
   };
   handlers.on_orderers = fabric::tell_orderers;
   blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));

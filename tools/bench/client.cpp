@@ -57,8 +57,8 @@ class Side {
     for (std::uint64_t k = 0; k < newest_.size(); ++k) streams_[others_.id(k)] = k;
     fabric::Client::StreamHandlers handlers;
     handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_in_turn(block); };
-    handlers.on_confirmed = [this](std::uint64_t, TimeNs ordered_ns, TimeNs confirmed_ns) {
-      confirmations_.add(ordered_ns, confirmed_ns);
+    handlers.on_confirmed = [this](const auto& confirmed) {
+      confirmations_.add(confirmed.ordered_ns, confirmed.confirmed_ns);
     };
     handlers.on_connection = [this](bool connected, const std::string& why) {
       mailbox_.put(agent::StreamState{connected, why});

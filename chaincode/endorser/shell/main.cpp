@@ -97,6 +97,8 @@ int run(Config& config) {
   const endorser::Settings settings = endorser::read_settings(config);
   Status checked = config.finish();
   if (checked && !ledger) checked = ledger.error();
+  if (checked && ledger->blocks != fabric::BlockSource::peer)
+    checked = Error{"ledger.blocks: an endorser follows its own peer, whose answers it is to give"};
   if (!checked) return fail(checked.error(), exit_usage);
   std::atomic<bool> failed{false};
   auto service = endorser::Service::start(std::move(*ledger), settings, [&](const std::string&) { failed = true; });

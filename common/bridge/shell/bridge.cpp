@@ -8,6 +8,7 @@
 
 #include "common/base/log.hpp"
 #include "common/belief/client.hpp"
+#include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/rt/retry/keep_trying.hpp"
@@ -106,8 +107,10 @@ Status Bridge::start(const std::atomic<bool>& quit) {
     connection_problem_ = why;
   };
   handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
+  handlers.on_orderers = fabric::tell_orderers;
   handlers.on_contradiction = [this, last = std::string()](const std::string& what) mutable {
-    if (std::exchange(last, what) != what) spdlog::error("{}: the peer contradicts what is known: {}", channel_, what);
+    if (std::exchange(last, what) != what)
+      spdlog::error("{}: the ledger's blocks contradict what is known: {}", channel_, what);
   };
   blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));
   if (auto status = wait_for_stream(quit); !status) return status;

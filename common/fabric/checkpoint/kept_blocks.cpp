@@ -18,7 +18,12 @@ class KeptBlocks final : public Client::Stream {
   void open(Client& client, std::optional<Checkpoint> last, Client::StreamHandlers handlers) {
     handlers.on_block = [this, hand_over = std::move(handlers.on_block)](const Block& block, std::string_view raw) {
       if (hand_over) hand_over(block, raw);
+      if (!block.confirmed) return;
       keeper_.keep({channel_, block.number, block_header_hash(block.number, block.previous_hash, block.data_hash), {}});
+    };
+    handlers.on_confirmed = [this, tell = std::move(handlers.on_confirmed)](const auto& confirmed) {
+      if (tell) tell(confirmed);
+      keeper_.keep({channel_, confirmed.number, confirmed.hash, {}});
     };
     if (!last) {
       spdlog::warn("channel {}: there is no checkpoint yet: this start believes the chain that the peer serves",

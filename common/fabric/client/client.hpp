@@ -100,10 +100,15 @@ class Client {
     /// does not say whose endorsement the contract needs.
     std::function<void(const std::string& what)> on_unbelievable = {};
     /// A stream contradicts what is known: a fork, a block that the orderers have not signed, peer and orderers that tell
-    /// two chains or verdicts. In words, at each attempt; nothing of it was handed over.
+    /// two chains or verdicts. In words, at each attempt. What was refused was not handed over; a block that was taken as it was ordered was before.
     std::function<void(const std::string& what)> on_contradiction = {};
-    /// A block that was handed over as an orderer told it is the peer's, too; when either came (CLOCK_MONOTONIC).
-    std::function<void(std::uint64_t number, TimeNs ordered_ns, TimeNs confirmed_ns)> on_confirmed = {};
+    /// A block that was handed over as an orderer told it (Block::confirmed) is the peer's, too.
+    struct Confirmed {
+      std::uint64_t number = 0;
+      std::string hash;                         ///< block_header_hash
+      TimeNs ordered_ns = 0, confirmed_ns = 0;  ///< when either came, CLOCK_MONOTONIC
+    };
+    std::function<void(const Confirmed&)> on_confirmed = {};
     /// Whether an orderer's stream is there, where one is read, or withholds what the peer has told; the peer's stream
     /// goes on without it.
     std::function<void(bool connected, const std::string& why)> on_orderers = {};

@@ -13,15 +13,6 @@ namespace {
 
 constexpr std::size_t max_configs = 1'000;  // since the anchor, at once; a channel has a few in a year
 
-bool is_config(const common::Block& block) {
-  common::Envelope envelope;
-  common::Payload payload;
-  common::ChannelHeader header;
-  return block.data().data_size() == 1 && envelope.ParseFromString(block.data().data(0)) &&
-         payload.ParseFromString(envelope.payload()) && header.ParseFromString(payload.header().channel_header()) &&
-         header.type() == common::CONFIG;
-}
-
 /// What the orderers signed beside the header.
 struct Signed {
   common::Metadata metadata;
@@ -69,6 +60,15 @@ Status check_signatures(const common::Block& block, const Signed& said, const Ch
 
 }  // namespace
 
+bool is_config(const common::Block& block) {
+  common::Envelope envelope;
+  common::Payload payload;
+  common::ChannelHeader header;
+  return block.data().data_size() == 1 && envelope.ParseFromString(block.data().data(0)) &&
+         payload.ParseFromString(envelope.payload()) && header.ParseFromString(payload.header().channel_header()) &&
+         header.type() == common::CONFIG;
+}
+
 Result<BlockJudge> BlockJudge::from(std::string_view anchor, const std::string& channel, crypto::Library library) {
   return from(anchor, channel, registry_of(library));
 }
@@ -114,6 +114,11 @@ Status BlockJudge::judge(const common::Block& block) {
   if (said->last_config == config_.block) return done;
   return wrong(fmt::format("the channel was configured anew in block {}, and block {} is known", said->last_config,
                            config_.block));
+}
+
+bool BlockJudge::is_signed(const common::Block& block) const {
+  const auto said = read_signed(block);
+  return said && check_signatures(block, *said, config_, *orderers_);
 }
 
 Status BlockJudge::catch_up(const common::Block& newest, const Fetch& fetch) {

@@ -51,9 +51,10 @@ class ChannelState {
   /// The policy of its own that a key has, if it has one, by those who know the contract; common.SignaturePolicyEnvelope.
   /// Asked where its policy is not known.
   virtual std::optional<std::string> likely_policy(const KeyName&) const { return std::nullopt; }
-  /// Whether some of these have endorsed a write of the key that counted, by the policy that it still has, whatever that is.
+  /// Whether the endorsers of the newest write of the key are all among these, and no policy has changed since: then these
+  /// satisfy the key's policy, which need not be known.
   virtual bool have_sufficed(const KeyName&, const std::vector<Endorser>&) const { return false; }
-  /// Whether its readers go by a count or stamp in its value, so that a write that is told twice tells them nothing.
+  /// Whether its readers go by a count or stamp in its value: a write that comes a second time tells them nothing.
   virtual bool is_of_hot_path(const KeyName&) const { return false; }
   /// Whether all keys of a namespace from `start` up to `end` (empty: all behind) are known.
   virtual bool knows_range(const std::string&, const std::string& /*start*/, const std::string& /*end*/) const {

@@ -188,12 +188,13 @@ void KeyState::learn_policies(const NamespaceSet& part, const std::vector<Endors
   }
 }
 
-void KeyState::learn_sufficed(const NamespaceSet& part, const std::vector<Endorser>& endorsers) {
+void KeyState::learn_sufficed(const NamespaceSet& part, const std::vector<Endorser>& endorsers,
+                              std::uint64_t policies) {
   for (const kvrwset::KVWrite& write : part.set.writes()) {
     const auto found = keys_.find({part.name, part.collection, write.key()});
     if (found == keys_.end() || found->second.known.policy) continue;
     found->second.sufficed = endorsers;
-    found->second.policies = policies_;
+    found->second.policies = policies;
   }
 }
 
@@ -274,6 +275,7 @@ void KeyState::forget(const ReadWriteSet& sets) {
 }
 
 void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts, std::optional<TimeNs> now) {
+  const std::uint64_t policies = policies_;  // endorsements count by those before the block
   for (std::size_t i = 0; i < verdicts.size(); ++i) {
     const Verdict& verdict = verdicts[i];
     remember(block, verdict, now);  // of invalid ones, too
@@ -286,7 +288,7 @@ void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts, 
       if (part_) learn(part);
       write(part, {block, i});
       if (part_) learn_policies(part, verdict.endorsers);
-      if (part_) learn_sufficed(part, verdict.endorsers);
+      if (part_) learn_sufficed(part, verdict.endorsers, policies);
     }
   }
 }

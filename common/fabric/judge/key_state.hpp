@@ -47,10 +47,12 @@ class KeyState final : public ChannelState {
   void define(const std::string& contract) { definitions_[contract] = {.policy = std::string()}; }
   /// What somebody says of a contract whose definition was not followed: protos.ApplicationPolicy; until it is.
   void hear(const std::string& contract, const std::string& policy) {
-    definitions_[contract] = {.policy = policy, .hearsay = true};
+    Definition& definition = definitions_[contract];
+    if (definition.policy && !definition.hearsay) return;  // a block has told it
+    definition.policy = policy;
+    definition.hearsay = true;
   }
-  /// What the block's valid transactions have written. `verdicts`: of all of them. `now`: real time; none: it counts as a
-  /// block of nobody knows when.
+  /// What the block's valid transactions have written. `verdicts`: of all of them. `now`: real time, where it is known.
   void apply(std::uint64_t block, const std::vector<Verdict>& verdicts, std::optional<TimeNs> now = std::nullopt);
   /// A transaction that was applied as valid, and was not: what it has written is not known.
   void forget(const ReadWriteSet& sets);
@@ -80,7 +82,7 @@ class KeyState final : public ChannelState {
     bool there = true;  ///< else it is known that it is not; of a part alone
     Known known{};
     std::vector<Endorser> sufficed{};  ///< of the newest write that counted; of a part alone
-    std::uint64_t policies = 0;        ///< then
+    std::uint64_t policies = 0;        ///< policies_ before that write's block
   };
   bool follows(const NamespaceSet& part) const;
   /// nullptr: there are too many already.
@@ -89,7 +91,7 @@ class KeyState final : public ChannelState {
   void learn(const KeyName& name, const kvrwset::KVRead& read);
   /// Of a transaction that counts, whose endorsements are too few for keys that have no policy of their own.
   void learn_policies(const NamespaceSet& part, const std::vector<Endorser>& endorsers);
-  void learn_sufficed(const NamespaceSet& part, const std::vector<Endorser>& endorsers);
+  void learn_sufficed(const NamespaceSet& part, const std::vector<Endorser>& endorsers, std::uint64_t policies);
   void write(const NamespaceSet& part, Version version);
   void write(const KeyName& name, const KeyEffect& effect, Version version);
   void remember(std::uint64_t block, const Verdict& verdict, std::optional<TimeNs> now);

@@ -6,6 +6,7 @@
 #include <unordered_set>
 
 #include "common/fabric/judge/block_overlay.hpp"
+#include "common/fabric/tx/decode.hpp"
 #include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/transaction.pb.h"
@@ -56,9 +57,9 @@ class Judging {
       overlay_.add_doubtful_policies(sets);
       return refuse_by_flag(std::move(verdict), *told, std::move(sets));
     }
-    if (!told && !ids_.contains(verdict.tx_id) && may_be_older(sets)) {
-      verdict.by_creators_clock = is_repeatable(sets) && is_newer(form.channel_header.timestamp());
-      unknown_ = unknown_ || !verdict.by_creators_clock;
+    if (!flagged_ && !state_.whole()) {
+      verdict.repeatable = is_repeatable(sets);
+      unknown_ = unknown_ || (may_be_older(sets) && !is_newer(form.channel_header.timestamp()));
     }
     overlay_.add_policies(sets);
     // As in Fabric, a transaction that fails for what it read has used its id up, also within the block.
@@ -115,21 +116,23 @@ class Judging {
     return true;
   }
 
-  /// Whether it writes nothing but what changes nothing when it is told twice.
+  /// Whether it writes the hot path's keys alone, and has read none of them: whether one that was told before is the
+  /// newest of its key, another transaction's verdict must not depend on.
   bool is_repeatable(const ReadWriteSet& sets) const {
     return std::all_of(sets.parts.begin(), sets.parts.end(), [&](const NamespaceSet& part) {
-      const auto of_hot_path = [&](const auto& write) {
-        return state_.is_of_hot_path({part.name, part.collection, write.key()});
+      const auto of_hot_path = [&](const auto& one) {
+        return state_.is_of_hot_path({part.name, part.collection, one.key()});
       };
-      return part.set.metadata_writes().empty() &&
-             std::all_of(part.set.writes().begin(), part.set.writes().end(), of_hot_path);
+      return part.set.metadata_writes().empty() && part.set.range_queries_info().empty() &&
+             std::all_of(part.set.writes().begin(), part.set.writes().end(), of_hot_path) &&
+             std::none_of(part.set.reads().begin(), part.set.reads().end(), of_hot_path);
     });
   }
 
   /// Whether it was made when all ids were known already, by its creator's clock.
   bool is_newer(const google::protobuf::Timestamp& made) const {
     const auto since_ns = state_.ids_since_ns();
-    return since_ns && made.seconds() * ns_per_s + made.nanos() > *since_ns + max_clock_error_ns;
+    return since_ns && time_of(made) > *since_ns + max_clock_error_ns;
   }
 
   /// Whether a peer that gives this code has found too few endorsements, or no contract.
@@ -158,7 +161,7 @@ class Judging {
         continue;
       known.insert(identity);
       fits.back() = true;
-      found.push_back({(*member)->name.msp_id, (*member)->peer, (*member)->orderer});
+      found.push_back({(*member)->name.msp_id, (*member)->peer, (*member)->orderer, identity});
       if (are_enough(found)) break;
     }
     return found;
@@ -217,10 +220,13 @@ class Judging {
     return {};
   }
 
+  /// What somebody says of a policy confirms a flag, and nothing without one.
+  bool may_confirm(const std::string& name) const { return flagged_ || !state_.policy_is_hearsay(name); }
+
   bool satisfies_policy_of(const std::string& name, const std::string& collection,
                            const std::vector<Endorser>& endorsers) {
     const auto policy = state_.policy_of(name, collection);
-    if (policy && satisfies(*policy, endorsers)) return true;
+    if (policy && satisfies(*policy, endorsers) && (state_.whole() || may_confirm(name))) return true;
     if (state_.whole() || (policy && !state_.policy_is_hearsay(name))) return false;
     unknown_ = true;
     return true;
@@ -245,10 +251,9 @@ class Judging {
           const auto own = state_.likely_policy(whole);
           const auto common = state_.policy_of(name, part.collection);
           const bool by_own = own && satisfies(*own, endorsers), by_common = common && satisfies(*common, endorsers);
-          const bool neither = own && common && !by_own && !by_common && !state_.policy_is_hearsay(name);
-          const bool certain = neither ? flagged_ : (by_own && by_common) || state_.have_sufficed(whole, endorsers);
-          unknown_ = unknown_ || !certain;
-          if (neither) return false;
+          if (own && common && !by_own && !by_common && !state_.policy_is_hearsay(name)) return false;
+          const bool both = by_own && by_common && may_confirm(name);
+          unknown_ = unknown_ || (!both && !state_.have_sufficed(whole, endorsers));
           continue;
         }
         const auto found = state_.find(whole);

@@ -19,9 +19,9 @@ struct Verdict {
   /// It rests on something that the state does not know: it is as the peer flagged it, and in a block without flags a
   /// guess, on which nobody may act.
   bool by_flag = false;
-  /// That it is none that was told long ago is its creator's word: its time. Only in a block without flags, and only of
-  /// what changes nothing when it is told twice.
-  bool by_creators_clock = false;
+  /// In a block without flags: it has to do with keys of the hot path alone (ChannelState::is_of_hot_path). Its
+  /// creator may have used its id before the state knows ids; then peers flag it as a duplicate.
+  bool repeatable = false;
   bool creator_signed = false;
   /// Of each endorsement, as far as they were looked at: it is a member's. Once they are enough, no further one is.
   std::vector<bool> endorsement_fits{};

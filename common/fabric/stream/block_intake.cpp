@@ -10,6 +10,8 @@
 namespace ledgerline::fabric {
 namespace {
 
+constexpr TimeNs max_behind_ns = 2 * 3600 * ns_per_s;  // a clock that nobody set by time zone or summer
+
 /// The flags that a peer has set; empty: none, as in an orderer's block.
 std::string_view flags_of(const common::Block& message) {
   if (message.metadata().metadata_size() <= common::TRANSACTIONS_FILTER) return {};
@@ -22,12 +24,6 @@ void set_flags(common::Block& message, const std::vector<Verdict>& verdicts) {
   while (message.metadata().metadata_size() <= common::TRANSACTIONS_FILTER)
     message.mutable_metadata()->add_metadata("");
   message.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, std::move(flags));
-}
-
-std::vector<bool> validity(std::string_view flags) {
-  std::vector<bool> valid;
-  for (const char flag : flags) valid.push_back(flag == static_cast<char>(protos::VALID));
-  return valid;
 }
 
 }  // namespace
@@ -43,7 +39,7 @@ Result<BlockIntake> BlockIntake::make(Setup setup) {
   return intake;
 }
 
-/// What has been followed does not hold on: blocks are missing.
+/// Blocks are missing: what was followed up to there says nothing of what comes.
 void BlockIntake::forget() {
   if (!judge_) return;
   state_.emplace(KeyState::Part{.contract = setup_.where.contract,
@@ -116,13 +112,7 @@ Error BlockIntake::contradict(std::string what) {
   return Error{contradiction_};
 }
 
-bool BlockIntake::is_signed(const common::Block& message) {
-  if (!judge_) return true;
-  common::Block header_alone;  // a configuration in it must not be followed
-  *header_alone.mutable_header() = message.header();
-  *header_alone.mutable_metadata() = message.metadata();
-  return static_cast<bool>(judge_->judge(header_alone));
-}
+bool BlockIntake::is_signed(const common::Block& message) { return !judge_ || judge_->is_signed(message); }
 
 /// Of a block that the peer tells.
 Status BlockIntake::compare_with_ordered(std::uint64_t number, const std::string& hash) {
@@ -161,15 +151,15 @@ Result<std::size_t> BlockIntake::confirm(const common::Block& message) {
   }
   const std::string_view flags = flags_of(message);
   std::size_t told_again = 0;
-  for (const auto& [i, sets] : ours.again) {
-    if (i >= flags.size() || flags[i] != static_cast<char>(protos::DUPLICATE_TXID)) continue;
-    ours.valid[i] = false;
-    state_->forget(sets);
+  for (std::size_t i = 0; i < ours.sets.size(); ++i) {
+    const int flag = i < flags.size() ? static_cast<unsigned char>(flags[i]) : -1;
+    if (flag == protos::VALID) continue;
+    if (flag != protos::DUPLICATE_TXID)
+      return contradict(fmt::format("block {}: the peer does not flag transaction {} valid, as we have found it ({})",
+                                    number, i, flag));
+    state_->forget(ours.sets[i]);
     ++told_again;
   }
-  if (validity(flags) != ours.valid)
-    return contradict(
-        fmt::format("block {}: the peer flags other transactions valid than we have found valid", number));
   ++counts_.confirmed;
   unconfirmed_.erase(unconfirmed_.begin());
   return told_again;
@@ -178,6 +168,7 @@ Result<std::size_t> BlockIntake::confirm(const common::Block& message) {
 std::optional<std::uint64_t> BlockIntake::begin_ordered() {
   next_ordered_.reset();
   orderer_problem_.clear();
+  told_.forget_ordered();
   waiting_.clear();
   waiting_bytes_ = 0;
   if (setup_.source != BlockSource::peer) next_ordered_ = next_;
@@ -186,11 +177,12 @@ std::optional<std::uint64_t> BlockIntake::begin_ordered() {
 
 Status BlockIntake::add_ordered(common::Block message) {
   if (!contradiction_.empty()) return Error{contradiction_};
-  if (!orderer_problem_.empty()) return Error{std::exchange(orderer_problem_, {})};
   const std::uint64_t number = message.header().number();
   if (number != next_ordered_)
     return Error{fmt::format("an orderer sent block {} where {} was due", number, next_ordered_.value_or(0))};
   *next_ordered_ += 1;
+  // An orderer's block has no flags; what it says in their place is nobody's word.
+  if (!flags_of(message).empty()) message.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, "");
   std::string hash = header_hash(message.header());
   if (next_ && number < *next_) return compare_with_taken(message, hash);
   told_.ordered(message, std::move(hash));
@@ -223,36 +215,58 @@ Result<std::optional<BlockIntake::Ordered>> BlockIntake::take_ordered() {
   if (!may_take_ordered()) return none;
   const auto found = waiting_.find(*next_);
   if (found == waiting_.end()) return none;
-  const std::vector<Verdict> verdicts = fabric::judge_transactions(found->second.message, *state_, *members_, rules_);
-  // The peer's word decides on configurations, which are rare.
-  next_is_uncertain_ = std::any_of(verdicts.begin(), verdicts.end(),
-                                   [](const Verdict& verdict) { return verdict.by_flag || verdict.config; });
-  if (next_is_uncertain_) {
-    ++counts_.uncertain;
-    return none;
-  }
   const std::uint64_t number = *next_;
   Ordered out;
   out.message = std::move(found->second.message);
   forget_waiting(number);
+  next_is_uncertain_ = is_config(out.message);  // the peer's word decides, and is waited for
+  if (next_is_uncertain_) return none;
+  ChainCheck chain = chain_;
+  if (Status follows = judge_ordered(out.message, chain); !follows) {
+    (void)told_.take_ordered(number);
+    return follows.error();
+  }
+  const std::vector<Verdict> verdicts = fabric::judge_transactions(out.message, *state_, *members_, rules_);
+  next_is_uncertain_ = !std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& verdict) {
+    return verdict.code == protos::VALID && verdict.repeatable && !verdict.by_flag;
+  });
+  if (next_is_uncertain_) {
+    ++counts_.uncertain;
+    return none;
+  }
   (void)told_.take_ordered(number);
-  if (Status judged = judge_->judge(out.message); !judged) return judged.error();
   set_flags(out.message, verdicts);
   auto block = decode_block(out.message);
   if (!block) return block.error();
-  ChainCheck chain = chain_;
-  if (Status follows = chain.add(*block); !follows) return follows.error();
   out.block = std::move(*block);
+  out.block.confirmed = false;
   Unconfirmed& unconfirmed = unconfirmed_[number];
-  unconfirmed = {chain.hash(), validity(flags_of(out.message)), {}};
-  for (std::size_t i = 0; i < verdicts.size(); ++i) {
-    if (verdicts[i].by_creators_clock && unconfirmed.valid[i]) unconfirmed.again[i] = verdicts[i].sets;
-  }
+  unconfirmed.hash = chain.hash();
+  for (const Verdict& verdict : verdicts) unconfirmed.sets.push_back(verdict.sets);
   chain_ = std::move(chain);
   next_ = chain_.height();
   take_verdicts(verdicts, out.block);
   ++counts_.ordered_first;
   return std::optional(std::move(out));
+}
+
+/// That it is the next block, and signed. Before its transactions are looked at: anybody can make up some.
+Status BlockIntake::judge_ordered(const common::Block& message, ChainCheck& chain) {
+  if (Status judged = judge_->judge(message); !judged) return judged;
+  const auto block = decode_block(message);
+  return block ? chain.add(*block) : Status(block.error());
+}
+
+/// Since when ids are known, by creators' clocks: this machine's may be far behind theirs.
+std::optional<TimeNs> BlockIntake::came_ns(const Block& block) const {
+  if (!setup_.real_time) return std::nullopt;
+  const TimeNs now_ns = setup_.real_time();
+  TimeNs newest_ns = now_ns;
+  for (const Transaction& transaction : block.transactions) {
+    const bool plausible = transaction.code == protos::VALID && transaction.timestamp_ns < now_ns + max_behind_ns;
+    if (plausible) newest_ns = std::max(newest_ns, transaction.timestamp_ns);
+  }
+  return newest_ns;
 }
 
 void BlockIntake::judge_transactions(const common::Block& message, Block& block) {
@@ -293,7 +307,7 @@ void BlockIntake::take_verdicts(const std::vector<Verdict>& verdicts, Block& blo
       transaction.problem = "it is valid";
     }
   }
-  state_->apply(block.number, verdicts, real_time());
+  state_->apply(block.number, verdicts, came_ns(block));
 }
 
 }  // namespace ledgerline::fabric

@@ -24,10 +24,10 @@ namespace ledgerline::fabric {
 /// Where an orderer's stream is read, too, its blocks have no flags. With BlockSource::ordered the next block is taken
 /// from whoever tells it first:
 ///
-///      orderer tells N ──▶ every verdict certain? ──yes──▶ taken ──▶ peer tells N: same header, same verdicts? ──yes──▶ confirmed
-///                                  │ no                                                     │ no
-///                                  ▼                                                        ▼
-///                          waits for the peer's N                            contradiction: nothing more is taken
+///      orderer tells N ──▶ states and commands alone, each valid for certain? ──yes──▶ taken ──▶ peer tells N: the same? ──yes──▶ confirmed
+///                                  │ no                                                               │ no
+///                                  ▼                                                                  ▼
+///                          waits for the peer's N                              contradiction: nothing more is taken
 ///
 /// Pure but for the registries' caches; one thread. The same blocks give the same results.
 class BlockIntake {
@@ -41,7 +41,7 @@ class BlockIntake {
     std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
     /// As ClientConfig::is_of_hot_path.
     std::function<bool(const std::string& key)> is_of_hot_path{};
-    /// Now, by the clocks of those who make transactions; empty: nobody knows.
+    /// This machine's; empty: it has none.
     std::function<TimeNs()> real_time{};
     BlockSource source = BlockSource::peer;  ///< `ordered` needs config_block
   };
@@ -82,12 +82,14 @@ class BlockIntake {
   }
   bool confirms_next() const { return !unconfirmed_.empty(); }
   /// The peer's word on a block that was taken as it was ordered. An error: it is not that block, which may still come, or
-  /// contradiction() says that it never will. Else how many of its transactions were told again after all, and were taken
-  /// by their creators' clocks: of what is told twice nothing follows.
+  /// contradiction() says that it never will. Else how many of its transactions had used an id that was used before this
+  /// stream: they were taken, and are invalid.
   Result<std::size_t> confirm(const common::Block& message);
 
   /// A connection to an orderer begins: the number of the block that it begins with. None: the peer's has to come first.
   std::optional<std::uint64_t> begin_ordered();
+  /// What the peer's block has shown of the orderer's stream since the last call; empty: nothing.
+  std::string take_orderer_problem() { return std::exchange(orderer_problem_, {}); }
   /// What an orderer tells. An error: this orderer is not to be believed, or contradiction() says that nobody is.
   Status add_ordered(common::Block message);
   /// The next block as an orderer has told it; to be asked behind each add_ordered() and take(), until there is none: then
@@ -116,9 +118,8 @@ class BlockIntake {
   explicit BlockIntake(Setup setup) : setup_(std::move(setup)) {}
   Status judge_block(const common::Block& message, const Fetch& fetch);
   void judge_transactions(const common::Block& message, Block& block);
-  std::optional<TimeNs> real_time() const {
-    return setup_.real_time ? std::optional(setup_.real_time()) : std::nullopt;
-  }
+  Status judge_ordered(const common::Block& message, ChainCheck& chain);
+  std::optional<TimeNs> came_ns(const Block& block) const;
   void take_verdicts(const std::vector<Verdict>& verdicts, Block& block);
   bool may_take_ordered() const;
   void keep_waiting(common::Block message);
@@ -157,9 +158,7 @@ class BlockIntake {
   bool next_is_uncertain_ = false;  ///< the peer has to tell it
   struct Unconfirmed {
     std::string hash;
-    std::vector<bool> valid;  ///< each transaction
-    std::map<std::size_t, ReadWriteSet>
-        again;  ///< of those that may have been told before, by their creators' clocks not
+    std::vector<ReadWriteSet> sets;  ///< of its transactions, all valid
   };
   std::map<std::uint64_t, Unconfirmed> unconfirmed_;
   std::string orderer_problem_;  ///< what an orderer told turned out to be forged

@@ -22,9 +22,14 @@ std::optional<Kept> take(std::map<std::uint64_t, Kept>& kept, std::uint64_t numb
 void ToldHeaders::ordered(const common::Block& message, std::string hash) {
   Ordered one{std::move(hash), {}};
   *one.message.mutable_header() = message.header();
-  *one.message.mutable_metadata() = message.metadata();
+  // Of the metadata what is signed, and the signatures.
+  const auto& metadata = message.metadata().metadata();
+  if (metadata.size() > common::SIGNATURES && metadata[common::SIGNATURES].size() <= max_signatures_bytes)
+    *one.message.mutable_metadata()->add_metadata() = metadata[common::SIGNATURES];
   keep(ordered_, message.header().number(), std::move(one));
 }
+
+void ToldHeaders::forget_ordered() { ordered_.clear(); }
 
 void ToldHeaders::of_peer(std::uint64_t number, std::string hash) { keep(of_peer_, number, std::move(hash)); }
 

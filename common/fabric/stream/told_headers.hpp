@@ -13,12 +13,15 @@ namespace ledgerline::fabric {
 class ToldHeaders {
  public:
   static constexpr std::size_t max_kept = 1024;
+  static constexpr std::size_t max_signatures_bytes = 16 << 10;  ///< more are as good as none
 
   struct Ordered {
     std::string hash;       ///< block_header_hash
     common::Block message;  ///< without its data: what is signed, and the signatures
   };
   void ordered(const common::Block& message, std::string hash);
+  /// Another orderer tells from now on.
+  void forget_ordered();
   void of_peer(std::uint64_t number, std::string hash);
   /// What the other side told of that block, which is then forgotten.
   std::optional<Ordered> take_ordered(std::uint64_t number);

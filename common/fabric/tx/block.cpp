@@ -20,13 +20,6 @@ bool parse(Message& message, const std::string& bytes) {
 }
 
 /// A hostile client may claim any time; what is no time of our age counts as none.
-TimeNs time_of(const google::protobuf::Timestamp& timestamp) {
-  constexpr std::int64_t last_s = 8'000'000'000;
-  if (timestamp.seconds() < 0 || timestamp.seconds() > last_s || timestamp.nanos() < 0 || timestamp.nanos() >= ns_per_s)
-    return 0;
-  return timestamp.seconds() * ns_per_s + timestamp.nanos();
-}
-
 /// What the endorsers signed: event, and that it is of this contract and transaction. Fabric's peers look at the
 /// contract's name alone before they flag a transaction valid.
 const char* read_action(const std::string& response_payload, Transaction& out) {
@@ -184,6 +177,13 @@ std::string block_header_bytes(std::uint64_t number, std::string_view previous_h
 std::string block_header_hash(std::uint64_t number, std::string_view previous_hash, std::string_view data_hash) {
   const crypto::Digest digest = crypto::sha256(block_header_bytes(number, previous_hash, data_hash));
   return {digest.begin(), digest.end()};
+}
+
+TimeNs time_of(const google::protobuf::Timestamp& timestamp) {
+  constexpr std::int64_t last_s = 8'000'000'000;
+  if (timestamp.seconds() < 0 || timestamp.seconds() > last_s || timestamp.nanos() < 0 || timestamp.nanos() >= ns_per_s)
+    return 0;
+  return timestamp.seconds() * ns_per_s + timestamp.nanos();
 }
 
 std::string header_hash(const common::BlockHeader& header) {

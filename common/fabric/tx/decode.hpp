@@ -6,6 +6,8 @@
 namespace ledgerline::fabric {
 
 Result<Block> decode_block(const common::Block& block);
+/// 0: none that can be.
+TimeNs time_of(const google::protobuf::Timestamp& timestamp);
 /// block_header_hash of it.
 std::string header_hash(const common::BlockHeader& header);
 

@@ -12,6 +12,8 @@ struct Endorser {
   std::string msp_id;
   bool peer = false;     ///< OU=peer
   bool orderer = false;  ///< OU=orderer
+  /// Who it is, for those who compare identities: MSP id and certificate. Empty: nobody asks.
+  std::string identity{};
   bool operator==(const Endorser&) const = default;
 };
 

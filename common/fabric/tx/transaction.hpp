@@ -131,6 +131,8 @@ struct Block {
   std::string previous_hash;
   std::string data_hash;
   std::vector<Transaction> transactions;
+  /// False: it was taken as an orderer told it, and the own peer has still to tell the same.
+  bool confirmed = true;
   TimeNs received_ns = 0;  ///< CLOCK_MONOTONIC, when the client's stream had its bytes; 0: not known
 };
 /// Takes a common.Block apart. Malformed bytes, data that does not match its hash, a wrong number of flags: an error

@@ -31,12 +31,17 @@ struct RecordsRead {
 struct SecondReading {
   Result<FirstRecords> records;
 };
-/// The peer's stream contradicts what is known of the channel.
+/// A block that was taken as it was ordered is the own peer's, too. Of those that are not there are few.
+struct Confirmed {
+  std::uint64_t number = 0;
+  std::string hash;
+};
+/// A stream of blocks contradicts what is known of the channel.
 struct Contradiction {
   std::string what;
 };
-using Letter =
-    std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead, SecondReading, Contradiction>;
+using Letter = std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead, SecondReading,
+                            Contradiction, Confirmed>;
 
 /// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one frame in
 /// flight; a contradiction for each attempt of the stream, which backs off).

@@ -75,6 +75,8 @@ Status AgentShell::take_letters() {
       tell_connection(*state);
     } else if (const auto* continued = std::get_if<Continued>(&letter)) {
       take_continued(continued->how);
+    } else if (auto* confirmed = std::get_if<Confirmed>(&letter)) {
+      confirmed_ = std::move(*confirmed);
     } else if (const auto* contradiction = std::get_if<Contradiction>(&letter)) {
       core_.on_doubt(now, DoubtKind::stream, contradiction->what);
     } else if (const auto* second = std::get_if<SecondReading>(&letter)) {
@@ -88,6 +90,8 @@ Status AgentShell::take_letters() {
 }
 
 Status AgentShell::take_block(fabric::Block block) {
+  if (block.confirmed)
+    confirmed_ = {block.number, fabric::block_header_hash(block.number, block.previous_hash, block.data_hash)};
   const auto next = control_start_.on_block(block);
   if (!next) return next.error();
   if (*next == belief::ControlStart::Next::take) core_.on_block(monotonic_ns(), block, out_);
@@ -298,12 +302,12 @@ void AgentShell::drain() {
   }
 }
 
-// Records and block belong together: while the records are being read, the core has taken no block.
+// Records and block belong together: while the records are being read, the core has taken no block. Blocks that are not
+// confirmed yet hold states and commands alone, and change no record.
 void AgentShell::keep_checkpoint() {
-  const std::uint64_t height = core_.height();
-  if (!keeper_ || !control_start_.known() || height == 0 || height == kept_height_) return;
-  keeper_->keep({settings_.core.check.where.channel, height - 1, core_.chain_hash(), to_bytes(core_.records())});
-  kept_height_ = height;
+  if (!keeper_ || !control_start_.known() || !confirmed_ || core_.height() == 0 || confirmed_->number == kept_) return;
+  keeper_->keep({settings_.core.check.where.channel, confirmed_->number, confirmed_->hash, to_bytes(core_.records())});
+  kept_ = confirmed_->number;
 }
 
 Status AgentShell::write_summary() {

@@ -119,7 +119,8 @@ class AgentShell {
   std::optional<FirstRecords> kept_records_;      ///< of it, where it has one of each drone
   std::uint64_t catch_up_to_ = 0;                 ///< height that the chain had at the start
   bool gap_ = false;                              ///< between it and the start: blocks were not read
-  std::uint64_t kept_height_ = 0;                 ///< of the newest checkpoint of this agent
+  std::optional<Confirmed> confirmed_;            ///< the newest block that the own peer has told
+  std::optional<std::uint64_t> kept_;             ///< its number in the newest checkpoint
   std::unique_ptr<fabric::CheckpointKeeper> keeper_;
   SecondOpinion second_opinion_;
   std::string witness_problem_;         ///< as told last

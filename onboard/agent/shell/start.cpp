@@ -136,8 +136,9 @@ void AgentShell::open_block_stream() {
   };
   handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
   handlers.on_contradiction = [this](const std::string& what) { mailbox_.put(Contradiction{what}); };
-  handlers.on_confirmed = [this](std::uint64_t, TimeNs ordered_ns, TimeNs confirmed_ns) {
-    confirmations_.add(ordered_ns, confirmed_ns);
+  handlers.on_confirmed = [this](const auto& confirmed) {
+    confirmations_.add(confirmed.ordered_ns, confirmed.confirmed_ns);
+    mailbox_.put(Confirmed{confirmed.number, confirmed.hash});
   };
   handlers.on_orderers = fabric::tell_orderers;
   handlers.on_continued = [this](const fabric::Continuation& how) { mailbox_.put(Continued{how}); };

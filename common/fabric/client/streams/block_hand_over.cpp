@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include "common/base/printable.hpp"
+#include "common/fabric/tx/decode.hpp"
 
 namespace ledgerline::fabric {
 namespace {
 
 constexpr TimeNs unbelievable_period_ns = 60 * ns_per_s;  // a peer may send thousands; a log must not fill a disk
+constexpr TimeNs max_connecting_ns = 10 * ns_per_s;
 constexpr TimeNs max_missing_ns = 1 * ns_per_s;  // far beyond what an orderer's thread may be behind on a busy machine
 
 }  // namespace
@@ -30,9 +32,13 @@ void BlockHandOver::define(const std::string& policy) {
 
 std::optional<std::uint64_t> BlockHandOver::begin() {
   const std::lock_guard lock(mutex_);
+  return intake_.next_of_peer();
+}
+
+void BlockHandOver::peer_connected() {
+  const std::lock_guard lock(mutex_);
   begun_ = true;
   intake_.begin();
-  return intake_.next_of_peer();
 }
 
 BlockHandOver::Told BlockHandOver::peer_tells(const common::Block& message, TimeNs now, const Fetch& fetch) {
@@ -60,7 +66,9 @@ BlockHandOver::Told BlockHandOver::take(const common::Block& message, TimeNs now
     block->received_ns = now;
     commits_->block(*block);
   }
-  return {.end_orderer = !take_ordered(now).empty() || withholds(block->number, now)};
+  const std::string lie = intake_.take_orderer_problem();
+  if (!lie.empty()) tell_contradiction(lie);
+  return {.end_orderer = !lie.empty() || !take_ordered(now).empty() || withholds(block->number, now)};
 }
 
 BlockHandOver::Told BlockHandOver::confirm(const common::Block& message, TimeNs now) {
@@ -71,12 +79,13 @@ BlockHandOver::Told BlockHandOver::confirm(const common::Block& message, TimeNs 
   }
   if (*confirmed > 0 && handlers_.on_unbelievable)
     handlers_.on_unbelievable(fmt::format(
-        "block {}: {} transactions were told again, under new times: their creators have lied, or their clocks "
-        "are wrong; nothing follows of what is told twice",
+        "block {}: {} of its transactions, taken as they were ordered, are invalid: their ids were used before; "
+        "their creators' clocks are wrong, or they did it on purpose",
         message.header().number(), *confirmed));
   const auto ordered = ordered_at_.extract(message.header().number());
-  if (handlers_.on_confirmed) handlers_.on_confirmed(message.header().number(), ordered.mapped(), now);
-  return {.end_orderer = !take_ordered(now).empty()};  // at the bound more could wait
+  if (handlers_.on_confirmed)
+    handlers_.on_confirmed({message.header().number(), header_hash(message.header()), ordered.mapped(), now});
+  return {.end_orderer = !take_ordered(now).empty()};  // where the bound was reached, more may be taken now
 }
 
 bool BlockHandOver::withholds(std::uint64_t number, TimeNs now) {
@@ -86,7 +95,7 @@ bool BlockHandOver::withholds(std::uint64_t number, TimeNs now) {
     return false;
   }
   if (!missing_since_) missing_since_ = now;
-  if (now - *missing_since_ < max_missing_ns) return false;
+  if (now - *missing_since_ < (orderer_heard_ ? max_missing_ns : max_connecting_ns)) return false;
   missing_since_.reset();
   withheld_ = fmt::format("it withholds block {}: the peer is at block {}", *next, number);
   return true;
@@ -96,6 +105,7 @@ std::optional<std::uint64_t> BlockHandOver::begin_ordered() {
   const std::lock_guard lock(mutex_);
   missing_since_.reset();
   withheld_.clear();
+  orderer_heard_ = false;
   return begun_ ? intake_.begin_ordered() : std::nullopt;
 }
 
@@ -107,6 +117,7 @@ std::string BlockHandOver::why_orderer_ended() const {
 std::string BlockHandOver::orderer_tells(common::Block message, TimeNs now) {
   const std::lock_guard lock(mutex_);
   missing_since_.reset();
+  orderer_heard_ = true;
   if (const Status added = intake_.add_ordered(std::move(message)); !added) {
     tell_contradiction(added.error().what);
     return added.error().what;

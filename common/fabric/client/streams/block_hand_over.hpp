@@ -14,7 +14,8 @@
 namespace ledgerline::fabric {
 
 /// Where the peer's stream and an orderer's meet: one BlockIntake, and what is handed over of it in order, whoever told it
-/// first. Any thread; the handlers are called under its mutex, so that none comes beside another.
+/// first. Any thread; on_block, on_confirmed, on_unbelievable and on_contradiction are called under its mutex, so that
+/// none of them comes beside another.
 class BlockHandOver {
  public:
   BlockHandOver(BlockIntake intake, std::shared_ptr<Commits> commits, Client::StreamHandlers handlers)
@@ -28,8 +29,10 @@ class BlockHandOver {
   Result<Continuation> continue_chain(const Believed& believed, const common::Block& newest, const Fetch& fetch);
   bool misses_definition() const;
   void define(const std::string& policy);
-  /// A connection begins, with this block; none: with the peer's newest.
+  /// What a connection begins with; none: with the peer's newest.
   std::optional<std::uint64_t> begin();
+  /// Its first block is here.
+  void peer_connected();
   /// In words why the stream cannot go on; empty: it can.
   struct Told {
     std::string problem{};
@@ -63,6 +66,7 @@ class BlockHandOver {
   bool begun_ = false;
   std::map<std::uint64_t, TimeNs> ordered_at_;  ///< of what is not confirmed yet
   std::optional<TimeNs> missing_since_;         ///< the peer is ahead of the orderer's stream
+  bool orderer_heard_ = false;                  ///< on this connection
   std::string withheld_;                        ///< what this orderer did
   const std::shared_ptr<Commits> commits_;
   const Client::StreamHandlers handlers_;

@@ -47,7 +47,8 @@ std::string BlockReader::follow(Follower& follower) {
     follower.connected();
   }
   protos::DeliverResponse response;
-  while (stream->Read(&response)) {
+  for (bool first = true; stream->Read(&response); first = false) {
+    if (first) blocks_->peer_connected();
     std::string problem = take(response, follower);
     if (!problem.empty() || follower.stopping()) {
       context.TryCancel();

@@ -3,9 +3,10 @@
 #include <mutex>
 
 #include "common/fabric/stream/block_intake.hpp"
+#include "common/fabric/tx/decode.hpp"
 #include "peer/transaction.pb.h"
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
-#include "tests/unit/common/fabric/judge/signed_chain.hpp"
+#include "tests/unit/common/fabric/stream/growing_channel.hpp"
 
 /// A client that takes blocks as they are ordered, at a peer and an orderer that are late, silent or lie.
 namespace ledgerline::fabric {
@@ -30,25 +31,26 @@ class Gate {
   bool open_ = false;
 };
 
-class OrderedStream : public ::testing::Test, protected SignedChain {
+class OrderedStream : public GrowingChannel {
  protected:
   OrderedStream() {
     for (int i = 0; i < 3; ++i) more();
   }
-  /// A transaction that everybody finds invalid.
+  /// A block with a state, each made ten seconds behind the one before.
   void more() {
+    Draft made = draft();
+    write(made, "judge/free/1");
+    made.channel_header.mutable_timestamp()->set_seconds(start_s_ + 10 * static_cast<std::int64_t>(nonces_));
     const std::lock_guard lock(mutex_);
-    add("transaction", &orderer_);
+    add({made.seal()});
   }
-  common::Block block(std::uint64_t number) {
+  common::Block of_peer(std::uint64_t number) {
     const std::lock_guard lock(mutex_);
     return chain_.at(number);
   }
-  common::Block of_peer(std::uint64_t number) {
-    common::Block block = this->block(number);
-    while (block.metadata().metadata_size() <= common::TRANSACTIONS_FILTER) block.mutable_metadata()->add_metadata("");
-    block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER,
-                                           std::string(1, static_cast<char>(protos::BAD_PAYLOAD)));
+  common::Block block(std::uint64_t number) {
+    common::Block block = of_peer(number);
+    block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, "");
     return block;
   }
   using Bend = std::function<std::optional<common::Block>(std::uint64_t number)>;
@@ -67,6 +69,7 @@ class OrderedStream : public ::testing::Test, protected SignedChain {
     for (std::size_t i = 1; i < chain_.size(); ++i) gateway_->add_block("set", "");
     ClientConfig config = gateway_->client_config();
     config.config_block = chain_[0].SerializeAsString();
+    config.is_of_hot_path = [](const std::string& key) { return key.starts_with("judge/free/"); };
     config.where.channel = "teleop";
     config.orderers.push_back({config.endpoint, config.tls_ca_file});
     config.blocks = BlockSource::ordered;
@@ -79,9 +82,10 @@ class OrderedStream : public ::testing::Test, protected SignedChain {
     handlers.on_orderers = [this](bool connected, const std::string& why) {
       if (!connected) keep(orderers_, why);
     };
-    handlers.on_confirmed = [this](std::uint64_t number, TimeNs ordered_ns, TimeNs confirmed_ns) {
-      EXPECT_LE(ordered_ns, confirmed_ns);
-      keep(confirmed_, number);
+    handlers.on_confirmed = [this](const Client::StreamHandlers::Confirmed& confirmed) {
+      EXPECT_LE(confirmed.ordered_ns, confirmed.confirmed_ns);
+      EXPECT_EQ(confirmed.hash, header_hash(block(confirmed.number).header()));
+      keep(confirmed_, confirmed.number);
     };
     stream_ = client_->blocks(start, std::move(handlers));
   }
@@ -99,6 +103,7 @@ class OrderedStream : public ::testing::Test, protected SignedChain {
   }
   using Numbers = std::vector<std::uint64_t>;
 
+  const std::int64_t start_s_ = realtime_ns() / ns_per_s;
   std::mutex mutex_;
   std::condition_variable changed_;
   Numbers numbers_, confirmed_;
@@ -112,43 +117,42 @@ class OrderedStream : public ::testing::Test, protected SignedChain {
 
 TEST_F(OrderedStream, BlocksComeBeforeThePeerTellsThemAndAreConfirmed) {
   serve([&](std::uint64_t number) -> std::optional<common::Block> {
-    if (number == 2) gate_.pass();
+    if (number == 3) gate_.pass();
     return std::nullopt;
   });
   follow(1);
-  EXPECT_EQ(await(numbers_, 3), (Numbers{1, 2, 3}));
+  EXPECT_EQ(await(numbers_, 4), (Numbers{1, 2, 3, 4}));
   gate_.open();
-  EXPECT_EQ(await(confirmed_, 2), (Numbers{2, 3}));
+  EXPECT_EQ(await(confirmed_, 2), (Numbers{3, 4}));
   EXPECT_TRUE(await(contradictions_, 0).empty());
 }
 
 TEST_F(OrderedStream, AnOrdererThatForgesIsAnAlarmAndThePeerGoesOn) {
   serve(
       [&](std::uint64_t number) -> std::optional<common::Block> {
-        if (number == 2) gate_.pass();
+        if (number == 3) gate_.pass();
         return std::nullopt;
       },
       [&](std::uint64_t number) -> std::optional<common::Block> {
-        if (number != 2) return std::nullopt;
-        common::Block forged = block(2);
+        if (number != 3) return std::nullopt;
+        common::Block forged = block(3);
         forged.mutable_metadata()->set_metadata(common::SIGNATURES, "");
         return forged;
       });
   follow(1);
-  EXPECT_EQ(await(contradictions_, 1)[0], "block 2: no orderer has signed it");
-  EXPECT_EQ(await(numbers_, 1), (Numbers{1})) << "nothing of it came";
+  EXPECT_EQ(await(contradictions_, 1)[0], "block 3: no orderer has signed it");
+  EXPECT_EQ(await(numbers_, 2), (Numbers{1, 2})) << "nothing of it came";
   gate_.open();
-  EXPECT_EQ(await(numbers_, 3), (Numbers{1, 2, 3}));
+  EXPECT_EQ(await(numbers_, 4), (Numbers{1, 2, 3, 4}));
 }
 
 TEST_F(OrderedStream, AnOrdererThatWithholdsIsLeftAndThePeerGoesOn) {
   serve({}, [&](std::uint64_t number) -> std::optional<common::Block> {
-    if (number >= 2 && held_++ == 0) gate_.pass();
+    if (number >= 8 && held_++ == 0) gate_.pass();
     return std::nullopt;
   });
   follow(1);
-  await(numbers_, 3);
-  std::size_t count = 3;
+  std::size_t count = await(numbers_, 4).size();
   while (await(orderers_, 0).empty() && count < 200) {
     more();
     gateway_->add_block("set", "");
@@ -163,11 +167,11 @@ TEST_F(OrderedStream, AnOrdererThatWithholdsIsLeftAndThePeerGoesOn) {
 TEST_F(OrderedStream, WithoutAPeerNothingComesBeyondTheBound) {
   for (std::size_t i = 0; i < 2 * BlockIntake::max_unconfirmed; ++i) more();
   serve([&](std::uint64_t number) -> std::optional<common::Block> {
-    if (number == 2) gate_.pass();
+    if (number == 3) gate_.pass();
     return std::nullopt;
   });
   follow(1);
-  EXPECT_EQ(await(numbers_, 1 + BlockIntake::max_unconfirmed).size(), 1 + BlockIntake::max_unconfirmed);
+  EXPECT_EQ(await(numbers_, 2 + BlockIntake::max_unconfirmed).size(), 2 + BlockIntake::max_unconfirmed);
   gate_.open();
   EXPECT_EQ(await(numbers_, chain_.size() - 1).back(), chain_.size() - 1);
 }
