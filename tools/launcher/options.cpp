@@ -59,6 +59,7 @@ constexpr const char* help_notes = R"(Examples:
   fly --side 4 --ramp 0.5:0.1 --laps 6 --ledger none        each lap faster, with no ledger between
   fly --shape manual                  until Ctrl-C, by any ROS 2 teleop on /tello1/cmd_vel
   fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)
+  fly --ledger fabric --network=--background --network=org3    whom nobody waits for steps back (docs/fabric.md)
   fly --deployment desk.toml          the drones and the ledger that the file names
   fly --batch-timeout 100ms --batch-count 10 --seconds 60    a slower ledger
   fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run
@@ -118,6 +119,9 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
   line.flag("--gateway", o.gateway, "Fabric: transactions through the gateway instead of the direct path");
   line.flag("--endorser", o.endorser,
             "Fabric: the drones' organisation endorses by an endorser of its own, and by its peer where that is gone");
+  line.option("--network", o.network_options,
+              "Fabric: one more word for `ledgerline fabric run`: --network=--no-history (docs/fabric.md)")
+      .one_at_a_time();
   line.option("--crypto", words.crypto, "What signs and verifies in agent and ground")
       .one_of({"libcrypto", "mbedtls"})
       .shows_default();
@@ -180,6 +184,7 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--proxy", ledger, "stands between drones and a ledger: it does not go with --ledger none"},
       {"--endorser", fabric && !o.gateway,
        "goes with --ledger fabric and the direct path: the embedded ledger endorses within itself"},
+      {"--network", fabric, "goes with --ledger fabric: no other ledger takes options of Fabric's network"},
       {"--gateway", fabric, "goes with --ledger fabric: the embedded ledger is one process"},
       {"--laps", !o.manual, "goes with a path: a manual flight lasts until Ctrl-C, or for --seconds"},
       {"--predict", !o.manual, of_a_path},

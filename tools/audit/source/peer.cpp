@@ -101,7 +101,7 @@ Result<Reading> read_blocks(fabric::Client& client, std::uint64_t height, std::c
 
 Result<Reading> read_peer(fabric::ClientConfig config, std::chrono::milliseconds patience, const OnBlock& on_block) {
   config.config_block.clear();
-  config.blocks = BlockSource::peer;
+  config.blocks = fabric::BlockSource::peer;
   const auto height = height_of(config);
   if (!height) return height.error();
   auto client = fabric::Client::create(std::move(config));

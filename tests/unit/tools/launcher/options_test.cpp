@@ -106,6 +106,16 @@ TEST(FlyOptions, AuthoritiesGoWithFabricAlone) {
   expect_refused({"--ca"}, "--ledger fabric");
 }
 
+TEST(FlyOptions, WordsForTheNetworkOfFabricArePassedOnAsTheyStand) {
+  const auto line = parse_command_line(
+      {"--ledger", "fabric", "--network=--background", "--network=org3", "--network=--short-slices"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_THAT(line.options.network_options, testing::ElementsAre("--background", "org3", "--short-slices"));
+  EXPECT_THAT(parse_command_line({"--ledger", "fabric"}).options.network_options, testing::IsEmpty());
+  expect_refused({"--network=--no-history"}, "--network goes with --ledger fabric");
+  expect_refused({"--ledger", "none", "--network=--no-history"}, "--network goes with --ledger fabric");
+}
+
 TEST(FlyOptions, AProxyIsAskedForAndAScriptGoesWithOne) {
   EXPECT_FALSE(parse_command_line({}).options.proxy);
   EXPECT_TRUE(parse_command_line({"--proxy"}).options.proxy);
