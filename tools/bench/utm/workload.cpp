@@ -12,6 +12,7 @@ namespace {
 
 using nlohmann::json;
 
+constexpr double warm_up_per_s = 35;  // at least: what compiles itself as it runs warms up by calls, not by seconds
 constexpr int cells_wide = 40, layers = 4;
 constexpr double cell_degrees = 0.01, layer_m = 30, slot_s = 600;
 
@@ -64,7 +65,8 @@ std::vector<Intent> make_workload(const WorkloadOptions& o) {
   int cells = 0;
   double at_s = 0;
   while (true) {
-    at_s += o.poisson ? dice.exponential(1 / o.rate_per_s) : 1 / o.rate_per_s;
+    const double rate_per_s = at_s < o.warm_up_s ? std::max(o.rate_per_s, warm_up_per_s) : o.rate_per_s;
+    at_s += o.poisson ? dice.exponential(1 / rate_per_s) : 1 / rate_per_s;
     if (at_s >= o.warm_up_s + o.seconds) return intents;
     Intent intent;
     intent.at_ns = from_seconds(at_s);

@@ -75,6 +75,18 @@ TEST(UtmWorkload, ComesInOrderAtTheRateThatWasAskedFor) {
   }
 }
 
+TEST(UtmWorkload, ASlowRateWarmsUpFaster) {
+  WorkloadOptions o;
+  o.rate_per_s = 10;
+  o.poisson = false;
+  o.warm_up_s = 10;
+  o.seconds = 10;
+  const auto intents = make_workload(o);
+  const auto measured = std::count_if(intents.begin(), intents.end(), [](const Intent& i) { return i.measured; });
+  EXPECT_NEAR(static_cast<double>(measured), 100, 2);
+  EXPECT_NEAR(static_cast<double>(intents.size()) - static_cast<double>(measured), 350, 2);
+}
+
 TEST(UtmWorkload, ARecordFitsTheContractAndNamesEverySupplier) {
   std::set<std::string> suppliers;
   for (const Intent& intent : make_workload(options_of_a_long_run())) {
