@@ -73,7 +73,7 @@ class Process {
   std::string client_config() const {
     std::string text = fmt::format(
         "[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nmsp_id = \"{}\"\nmsp_dir = \"{}\"\nsigner = \"libcrypto\"\n"
-        "cross_check = false\nmax_in_flight = {}\ndeadline_ms = {}\n",
+        "max_in_flight = {}\ndeadline_ms = {}\n",
         access_.endpoint, access_.tls_ca, access_.msp_id, access_.msp_dir, max_in_flight, deadline_ms);
     for (const std::string& orderer : access_.orderers) {
       text += fmt::format("\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", orderer, access_.orderer_tls_ca);
