@@ -3,6 +3,7 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include <array>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -53,11 +54,12 @@ class Mailbox {
     (void)!::write(wake_fd_, &one, sizeof one);  // fails only when 2^64 - 2 wakes wait already
   }
 
-  /// The loop only: until something has come, for so long at most, or a signal comes.
-  void wait(TimeNs timeout_ns) const {
-    pollfd fd{.fd = wake_fd_, .events = POLLIN, .revents = 0};
+  /// The loop only: until something has come, or `other_fd` is readable, for so long at most, or a signal comes.
+  void wait(TimeNs timeout_ns, int other_fd = -1) const {
+    std::array<pollfd, 2> fds{pollfd{.fd = wake_fd_, .events = POLLIN, .revents = 0},
+                              pollfd{.fd = other_fd, .events = POLLIN, .revents = 0}};  // below 0: none
     const timespec timeout{.tv_sec = timeout_ns / ns_per_s, .tv_nsec = timeout_ns % ns_per_s};
-    (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
+    (void)::ppoll(fds.data(), fds.size(), &timeout, nullptr);  // interrupted or not: the loop looks at everything
   }
 
   /// The loop only: all that has come, in order. Also clears the descriptor.
