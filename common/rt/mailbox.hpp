@@ -3,48 +3,44 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include <condition_variable>
+#include <array>
+#include <atomic>
 #include <cstdint>
 #include <deque>
-#include <mutex>
+#include <memory>
 #include <utility>
 
 #include "common/rt/clock.hpp"
 
 namespace ledgerline {
 
-/// From any threads to one loop, which the box's file descriptor wakes at once. Bounded: whoever brings a letter by
-/// put_in_turn() into a full box waits, so a stream slows down instead of memory growing; put() never waits and may
-/// come from the loop itself: for letters of which only few can exist.
+/// From any threads to one loop, which the box's file descriptor wakes at once; letters come out in the order in which
+/// they were put. Nobody takes a lock, so no thread that is put aside in here holds up another: the loop's take is one
+/// exchange, wait-free, and a put tries again only if another came in between. (The heap, where letters lie, is shared.)
+///
+/// Bounded: whoever brings a letter by put_in_turn() into a full box waits, so a stream slows down instead of memory
+/// growing; put() never waits and may come from the loop itself: for letters of which only few can exist.
 template <typename Letter>
 class Mailbox {
  public:
-  explicit Mailbox(std::size_t max_in_turn = 256)
+  explicit Mailbox(std::uint32_t max_in_turn = 256)
       : max_in_turn_(max_in_turn), wake_fd_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
-  ~Mailbox() { ::close(wake_fd_); }
+  /// Nobody puts any more.
+  ~Mailbox() {
+    (void)take_all();
+    ::close(wake_fd_);
+  }
   Mailbox(const Mailbox&) = delete;
   Mailbox& operator=(const Mailbox&) = delete;
 
   /// Any thread but the loop's. Returns at once after close(): the letter is then thrown away.
   void put_in_turn(Letter letter) {
-    {
-      std::unique_lock lock(mutex_);
-      room_.wait(lock, [&] { return closed_ || in_turn_ < max_in_turn_; });
-      if (closed_) return;
-      ++in_turn_;
-      letters_.push_back(std::move(letter));
-    }
-    wake();
+    if (wait_for_room()) push(std::make_unique<Node>(Node{std::move(letter), true, nullptr}));
   }
 
   /// Any thread.
   void put(Letter letter) {
-    {
-      const std::lock_guard lock(mutex_);
-      if (closed_) return;
-      letters_.push_back(std::move(letter));
-    }
-    wake();
+    if ((in_turn_.load() & closed) == 0) push(std::make_unique<Node>(Node{std::move(letter), false, nullptr}));
   }
 
   /// Any thread: wakes the loop without a letter.
@@ -53,24 +49,31 @@ class Mailbox {
     (void)!::write(wake_fd_, &one, sizeof one);  // fails only when 2^64 - 2 wakes wait already
   }
 
-  /// The loop only: until something has come, for so long at most, or a signal comes.
-  void wait(TimeNs timeout_ns) const {
-    pollfd fd{.fd = wake_fd_, .events = POLLIN, .revents = 0};
+  /// The loop only: until something has come, or `other_fd` is readable, for so long at most, or a signal comes.
+  void wait(TimeNs timeout_ns, int other_fd = -1) const {
+    std::array<pollfd, 2> fds{pollfd{.fd = wake_fd_, .events = POLLIN, .revents = 0},
+                              pollfd{.fd = other_fd, .events = POLLIN, .revents = 0}};  // below 0: none
     const timespec timeout{.tv_sec = timeout_ns / ns_per_s, .tv_nsec = timeout_ns % ns_per_s};
-    (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
+    (void)::ppoll(fds.data(), fds.size(), &timeout, nullptr);  // interrupted or not: the loop looks at everything
   }
 
-  /// The loop only: all that has come, in order. Also clears the descriptor.
+  /// The loop only: all that has come, in order. Also clears the descriptor, and does so first: who puts behind the
+  /// take wakes behind the clearing.
   std::deque<Letter> take_all() {
     std::uint64_t count = 0;
     (void)!::read(wake_fd_, &count, sizeof count);  // nothing to read: nothing has come
     std::deque<Letter> letters;
-    {
-      const std::lock_guard lock(mutex_);
-      letters.swap(letters_);
-      in_turn_ = 0;
+    std::uint32_t in_turn = 0;
+    for (Node* newest = newest_.exchange(nullptr, std::memory_order_acquire); newest;) {
+      const std::unique_ptr<Node> node(newest);
+      newest = node->older;
+      in_turn += node->in_turn ? 1 : 0;
+      letters.push_front(std::move(node->letter));
     }
-    room_.notify_all();
+    if (in_turn > 0) {
+      in_turn_.fetch_sub(in_turn);
+      in_turn_.notify_all();  // a system call only where somebody waits
+    }
     return letters;
   }
 
@@ -79,21 +82,45 @@ class Mailbox {
 
   /// Lets everybody go who waits; from now on letters are thrown away.
   void close() {
-    {
-      const std::lock_guard lock(mutex_);
-      closed_ = true;
-    }
-    room_.notify_all();
+    in_turn_.fetch_or(closed);
+    in_turn_.notify_all();
   }
 
  private:
-  const std::size_t max_in_turn_;
+  struct Node {
+    Letter letter;
+    bool in_turn = false;
+    Node* older = nullptr;
+  };
+  static constexpr std::uint32_t closed = 1U << 31;
+
+  /// False: the box is closed.
+  bool wait_for_room() {
+    std::uint32_t seen = in_turn_.load();
+    while ((seen & closed) == 0) {
+      if (seen >= max_in_turn_) {
+        in_turn_.wait(seen);
+        seen = in_turn_.load();
+      } else if (in_turn_.compare_exchange_weak(seen, seen + 1)) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  // The loop takes all or nothing, so a node that is the newest again is never one that was away meanwhile.
+  void push(std::unique_ptr<Node> letter) {
+    Node* const node = letter.release();
+    node->older = newest_.load(std::memory_order_relaxed);
+    while (!newest_.compare_exchange_weak(node->older, node, std::memory_order_release, std::memory_order_relaxed)) {
+    }
+    wake();
+  }
+
+  const std::uint32_t max_in_turn_;
   const int wake_fd_;
-  std::mutex mutex_;
-  std::condition_variable room_;
-  std::deque<Letter> letters_;
-  std::size_t in_turn_ = 0;
-  bool closed_ = false;
+  std::atomic<Node*> newest_{nullptr};
+  std::atomic<std::uint32_t> in_turn_{0};  ///< letters of put_in_turn() that are in here, or come now; and `closed`
 };
 
 }  // namespace ledgerline

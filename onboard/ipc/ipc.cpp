@@ -2,11 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 #include <iceoryx_hoofs/log/logmanager.hpp>
 #include <iceoryx_posh/popo/publisher.hpp>
 #include <iceoryx_posh/popo/subscriber.hpp>
 #include <iceoryx_posh/runtime/posh_runtime.hpp>
 
+#include "onboard/ipc/bell.hpp"
 #include "onboard/ipc/quiet_stdout.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 
@@ -14,6 +17,8 @@ namespace ledgerline::ipc {
 namespace {
 
 constexpr const char* roudi_name = "roudi";
+// Beside the sockets of iceoryx, so that who shares those shares it, too.
+constexpr const char* agent_bell = "/tmp/ledgerline-agent.bell";
 std::uint64_t roudi_inode = 0;  // set once in connect(), before any thread
 
 // No history anywhere: a plan or pose from before the reader came is not to be flown. Queues hold what may gather while
@@ -60,11 +65,13 @@ class Receiver {
 
 class IceoryxLinkEnd final : public LinkEnd {
  public:
+  explicit IceoryxLinkEnd(BellRope agent) : agent_(std::move(agent)) {}
   bool take_plan(Plan& out) noexcept override { return plans_.take(out); }
   bool take_pose(Pose& out) noexcept override { return poses_.take(out); }
   bool take_beat(AgentBeat& out) noexcept override { return beats_.take(out); }
   bool send_state(const StateSample& sample) noexcept override { return states_.send(sample); }
   bool send_transition(const Transition& transition) noexcept override { return transitions_.send(transition); }
+  void wake_agent() noexcept override { agent_.pull(); }
 
  private:
   Receiver<Plan> plans_{"plan", plan_queue};
@@ -72,15 +79,19 @@ class IceoryxLinkEnd final : public LinkEnd {
   Receiver<AgentBeat> beats_{"beat", beat_queue};
   Sender<StateSample> states_{"state"};
   Sender<Transition> transitions_{"transition"};
+  BellRope agent_;
 };
 
 class IceoryxAgentEnd final : public AgentEnd {
  public:
+  explicit IceoryxAgentEnd(std::unique_ptr<Bell> bell) : bell_(std::move(bell)) {}
   bool take_state(StateSample& out) noexcept override { return states_.take(out); }
   bool take_transition(Transition& out) noexcept override { return transitions_.take(out); }
   bool send_plan(const Plan& plan) noexcept override { return plans_.send(plan); }
   bool send_pose(const Pose& pose) noexcept override { return poses_.send(pose); }
   bool send_beat(const AgentBeat& beat) noexcept override { return beats_.send(beat); }
+  int wake_fd() const noexcept override { return bell_->fd(); }
+  bool woken() noexcept override { return bell_->clear(); }
 
  private:
   Receiver<StateSample> states_{"state", state_queue};
@@ -88,6 +99,7 @@ class IceoryxAgentEnd final : public AgentEnd {
   Sender<Plan> plans_{"plan"};
   Sender<Pose> poses_{"pose"};
   Sender<AgentBeat> beats_{"beat"};
+  std::unique_ptr<Bell> bell_;
 };
 
 }  // namespace
@@ -116,11 +128,15 @@ Status connect(const std::string& program) {
 bool roudi_lives() { return probe(roudi_name) == Peer::alive && socket_inode(roudi_name) == roudi_inode; }
 
 Result<std::unique_ptr<LinkEnd>> LinkEnd::create() {
-  return std::unique_ptr<LinkEnd>(std::make_unique<IceoryxLinkEnd>());
+  auto agent = BellRope::create(agent_bell);
+  if (!agent) return agent.error();
+  return std::unique_ptr<LinkEnd>(std::make_unique<IceoryxLinkEnd>(std::move(*agent)));
 }
 
 Result<std::unique_ptr<AgentEnd>> AgentEnd::create() {
-  return std::unique_ptr<AgentEnd>(std::make_unique<IceoryxAgentEnd>());
+  auto bell = Bell::create(agent_bell);
+  if (!bell) return bell.error();
+  return std::unique_ptr<AgentEnd>(std::make_unique<IceoryxAgentEnd>(std::move(*bell)));
 }
 
 }  // namespace ledgerline::ipc

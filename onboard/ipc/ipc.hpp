@@ -32,9 +32,11 @@ class LinkEnd {
   /// False when there is no chunk left: the sample is lost and the caller counts it.
   virtual bool send_state(const StateSample& sample) noexcept = 0;
   virtual bool send_transition(const Transition& transition) noexcept = 0;
+  /// Behind what was sent: agent is to look. One system call that does not wait.
+  virtual void wake_agent() noexcept = 0;
 };
 
-/// agent's end.
+/// agent's end. One of them at a time in a machine's /tmp.
 class AgentEnd {
  public:
   static Result<std::unique_ptr<AgentEnd>> create();
@@ -44,6 +46,10 @@ class AgentEnd {
   virtual bool send_plan(const Plan& plan) noexcept = 0;
   virtual bool send_pose(const Pose& pose) noexcept = 0;
   virtual bool send_beat(const AgentBeat& beat) noexcept = 0;
+  /// Readable once link has sent something, until woken().
+  virtual int wake_fd() const noexcept = 0;
+  /// Whether link woke this end since the last call. To be called before the takes, so that no wake is lost.
+  virtual bool woken() noexcept = 0;
 };
 
 }  // namespace ledgerline::ipc

@@ -27,8 +27,7 @@ namespace {
 using namespace ledgerline;
 using namespace ledgerline::two_way;
 
-constexpr TimeNs linger_poll_ns = 500 * ns_per_us;  // agent's own poll
-constexpr TimeNs tick_ns = 100 * ns_per_ms;         // for signals and progress
+constexpr TimeNs tick_ns = 100 * ns_per_ms;  // for signals and progress
 constexpr std::uint64_t boot_id = 1;
 
 void say(const nlohmann::json& line) {
@@ -142,8 +141,8 @@ class Side {
 
   /// Waits for news, at most until `until`, and acts on all of it.
   void turn(TimeNs until) {
-    TimeNs wait_ns = std::clamp<TimeNs>(until - monotonic_ns(), 0, tick_ns);
-    if (batcher_.has_waiting()) wait_ns = std::min(wait_ns, linger_poll_ns);
+    const TimeNs now = monotonic_ns();
+    const TimeNs wait_ns = std::clamp(std::min(until, batcher_.due_ns(now)), now, now + tick_ns) - now;
     pollfd fd{.fd = mailbox_.wake_fd(), .events = POLLIN, .revents = 0};
     const timespec timeout{.tv_sec = 0, .tv_nsec = wait_ns};
     (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything

@@ -56,6 +56,11 @@ class InFlight {
   bool full() const { return entries_.size() >= max; }
   /// By the gap alone, behind the newest call of all.
   bool may_go(TimeNs now) const { return may_go_behind(now, last_ns_); }
+  /// The earliest time at which may_go() holds, if no call ends before.
+  TimeNs next_ns() const {
+    const auto oldest = std::find_if(entries_.begin(), entries_.end(), open);
+    return oldest == entries_.end() ? INT64_MIN : pacing_.next_ns(oldest->submitted_ns, last_ns_);
+  }
   /// The same behind the newest call that is under way: one that landed counts no more, be it newer.
   bool may_go_behind_open(TimeNs now) const {
     const auto newest = std::find_if(entries_.rbegin(), entries_.rend(), open);

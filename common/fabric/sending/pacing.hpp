@@ -20,6 +20,8 @@ class Pacing {
   bool may_go(TimeNs now, TimeNs oldest, TimeNs last) const {
     return now - last >= std::max(gap_ns_, (now - oldest) / 8);
   }
+  /// The earliest time at which may_go() holds of the same two.
+  TimeNs next_ns(TimeNs oldest, TimeNs last) const { return last + std::max(gap_ns_, (last - oldest + 6) / 7); }
   void ended(const Outcome& outcome) {
     if (outcome.ordered_after_ns == 0) return;
     smoothed_ns_ = smoothed_ns_ == 0 ? outcome.ordered_after_ns : (7 * smoothed_ns_ + outcome.ordered_after_ns) / 8;

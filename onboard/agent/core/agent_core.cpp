@@ -292,6 +292,7 @@ bool AgentCore::may_beat(TimeNs now) {
 }
 
 void AgentCore::step(TimeNs now, AgentOutputs& out) {
+  stepped_ns_ = now;
   hand_over_plans(now, out);
   submit_folds(now, out);
   submit_transitions(now, out);
@@ -308,6 +309,12 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
     const bool paused = next_beat_ns_ + config_.beat_period_ns <= now;
     next_beat_ns_ = (paused ? now : next_beat_ns_) + config_.beat_period_ns;
   }
+}
+
+TimeNs AgentCore::due_ns() const {
+  const TimeNs frame_ns = submitting_ ? batcher_.due_ns(stepped_ns_) : INT64_MAX;
+  // One that is over already waits for poses, which come with a step of their own.
+  return next_beat_ns_ > stepped_ns_ ? std::min(frame_ns, next_beat_ns_) : frame_ns;
 }
 
 DroneReport AgentCore::report(DroneNumber drone) const {

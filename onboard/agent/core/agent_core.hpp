@@ -72,8 +72,8 @@ struct DroneReport {
 
 /// The agent without its I/O: batches states into frames, checks commands from blocks, fuses mocap, beats. Inputs
 /// first, then step() with the same or a later time: frames, verified plans and the beat come out of step() alone, so
-/// that `verified_ns` is the time of handing over, checking included. Call step() after every burst of inputs and at
-/// least once a millisecond. `now` never goes back. One thread; deterministic: the same inputs give the same outputs.
+/// that `verified_ns` is the time of handing over, checking included. Call step() after every burst of inputs, when
+/// due_ns() says so, and at least every few milliseconds: what is sent again after a failure waits for no less. `now` never goes back. One thread; deterministic: the same inputs give the same outputs.
 class AgentCore {
  public:
   /// The registry must outlive the core.
@@ -96,6 +96,8 @@ class AgentCore {
   /// Whether another organisation's peer tells other records now.
   void set_records_differ(bool differ) { doubt_.records_differ(differ); }
   void step(TimeNs now, AgentOutputs& out);
+  /// After step(): when the next frame or beat is due, if nothing comes before; INT64_MAX: none is.
+  TimeNs due_ns() const;
   /// What the log is to say of doubts now: step() does it, too, but not before there is a stream.
   void tell_doubts(TimeNs now, AgentOutputs& out);
 
@@ -162,6 +164,7 @@ class AgentCore {
   TimeNs real_offset_ns_ = 0;
   TimeNs next_beat_ns_ = INT64_MIN;
   std::optional<TimeNs> first_step_ns_;
+  TimeNs stepped_ns_ = INT64_MIN;  ///< last
   bool submitting_ = true;
   std::uint64_t blocks_ = 0;
   std::string last_chain_error_;

@@ -108,6 +108,8 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
               {"blocks_not_read", shell.blocks_not_read},
               {"records_compared", shell.records_compared},
               {"records_differ", shell.records_differ},
+              {"link_wakes", shell.link_wakes},
+              {"states_without_wake", shell.states_without_wake},
               {"plans_not_handed_over", shell.plans_not_handed_over},
               {"mocap_lost", shell.mocap_lost},
               {"mocap_implausible", shell.mocap_implausible}}

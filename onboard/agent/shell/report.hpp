@@ -15,6 +15,8 @@ struct ShellCounters {
   std::uint64_t mocap_implausible = 0;      ///< a stamp or orientation that cannot be
   std::uint64_t records_compared = 0;       ///< times, with another organisation's peer
   std::uint64_t records_differ = 0;         ///< alarms: differences that lasted
+  std::uint64_t link_wakes = 0;             ///< turns that link's word of something new began
+  std::uint64_t states_without_wake = 0;    ///< found in other turns: some just before the word, all where none comes
   std::uint64_t blocks_not_read = 0;        ///< between the checkpoint and the start, after a long absence
   Quantiles confirmed_after_ms{};           ///< of blocks taken as they were ordered
 };

@@ -31,7 +31,8 @@ TimeNs real_offset();
 
 /// The agent's I/O around AgentCore. One main loop owns the core and the iceoryx end; the ledger client's threads hand
 /// over through the mailbox, whose descriptor wakes the loop at once; DDS hands over through one wait-free ring per
-/// drone; iceoryx is polled twice a millisecond.
+/// drone, and wakes it, too; so does link, behind each state. The loop waits for those and for the moment at which a
+/// frame or beat is due; it has no period.
 class AgentShell {
  public:
   /// `quit` is watched everywhere and must outlive the shell.
@@ -76,6 +77,7 @@ class AgentShell {
   void watch_roudi(const std::stop_token& stop);
   bool cut_off(TimeNs now) const;
 
+  void wait();
   Status take_letters();
   Status take_block(fabric::Block block);
   Status take_records(const RecordsRead& read);
@@ -112,6 +114,7 @@ class AgentShell {
          next_unheard_log_ns_ = 0, next_checkpoint_ns_ = 0;
   std::uint64_t transitions_lost_ = 0;  ///< as told last
   bool connected_ = false, mocap_warned_ = false;
+  bool link_woke_ = false;  ///< in this turn
   std::string stream_problem_;
   belief::ControlStart control_start_;
   std::vector<std::string> names_;                ///< of the drones

@@ -109,6 +109,7 @@ Status AgentShell::subscribe_to_mocap() {
           const auto pose = pose_from_cdr(dds::text_of(cdr));
           if (!pose || !ring->push({pose->header.stamp_ns, monotonic_ns(), pose->position_m, pose->orientation}))
             ++mocap_lost_;
+          mailbox_.wake();
         });
     if (!subscriber) return subscriber.error();
     mocap.subscriber = std::move(subscriber).value();

@@ -46,11 +46,15 @@ void Courier::run() noexcept {
     char byte = 0;
     (void)!::recv(own_fd_, &byte, 1, 0);
     last = stop_.load(std::memory_order_acquire);
+    bool sent = false;
     // Before the states: nothing that concerns safety waits behind them.
-    for (Transition transition; transitions_.pop(transition);) (void)end_.send_transition(transition);
+    for (Transition transition; transitions_.pop(transition);) sent = end_.send_transition(transition) || sent;
     for (StateSample state; ring_.pop(state);) {
-      if (!end_.send_state(state)) count_lost(state.drone);
+      const bool gone = end_.send_state(state);
+      if (!gone) count_lost(state.drone);
+      sent = sent || gone;
     }
+    if (sent) end_.wake_agent();
   }
 }
 

@@ -11,7 +11,7 @@
 
 namespace ledgerline::link {
 
-/// Carries states and transitions from the loop to agent, in a thread of its own. To publish, iceoryx 2.0 takes locks
+/// Carries states and transitions from the loop to agent, which it wakes, in a thread of its own. To publish, iceoryx 2.0 takes locks
 /// in shared memory that RouDi and agent take too; one of them killed while it holds one would stop the loop for ever.
 /// Here it stops the courier: agent hears no more states, link flies on, and at its end has to be killed.
 class Courier {

@@ -139,6 +139,38 @@ def test_systemd_hears_of_programs_that_are_ready_and_live_and_of_no_loop_that_s
         flight.wait(60)
 
 
+def own_file(program: pathlib.Path, place: str) -> str:
+    """Of the function that a call is made from, whatever was inlined into it. `place` is where it returns to."""
+    told = subprocess.run(["addr2line", "-i", "-e", program, hex(int(place, 16) - 1)], capture_output=True, text=True, check=True).stdout
+    return os.path.basename(told.splitlines()[-1].split(":")[0])
+
+
+def test_the_main_loop_of_agent_takes_no_lock_but_those_that_the_page_lists(tmp_path):
+    watch = BIN.parent / "tests/unit/onboard/libloop_watch.so"
+    if not watch.exists():
+        pytest.skip("the watch is not built with sanitizers")
+    report = tmp_path / "watch"
+    flown = subprocess.run([BIN / "ledgerline-fly", "--out", tmp_path / "run", "--seconds", "4"], stdout=subprocess.DEVNULL, timeout=120,
+                           env={**os.environ, "LD_PRELOAD": str(watch), "LOOP_WATCH_LOCKS": "ledgerline-agent",
+                                "LOOP_WATCH_REPORT": str(report)})
+    assert flown.returncode == 0
+    turns, *offences = report.read_text().splitlines()
+    summary = json.loads((tmp_path / "run/agent.summary.json").read_text())
+    assert int(turns.removeprefix("turns ")) > summary["link_wakes"] > 100
+    assert summary["states_without_wake"] < 0.2 * summary["link_wakes"], "states are found by chance, and not by a wake"
+    seen = set()
+    for offence in offences:
+        call, file, place = re.fullmatch(r"(\w+): \d+ x, by (.+)\+(0x[0-9a-f]+)", offence).groups()
+        if call.endswith(("unlock", "signal", "broadcast", "post")):
+            continue  # gives, and takes nothing
+        ours = os.path.basename(file) == "ledgerline-agent"
+        seen.add(own_file(BIN / "ledgerline-agent", place) if ours else os.path.basename(file).split(".so")[0])
+    agents = (ROOT / "docs/threads.md").read_text().split("**Locks on the main loop.**")[1].split("\n## ")[0]
+    listed_locks = set(re.findall(r"^\| `([\w.]+)`", agents, re.MULTILINE))
+    assert seen <= listed_locks
+    assert {"pipeline.cpp", "msp.cpp", "libiceoryx_hoofs"} <= seen, "the watch sees nothing"
+
+
 # qemu-user knows no multicast.
 UNICAST = """<CycloneDDS><Domain id="any"><General><AllowMulticast>false</AllowMulticast>
 <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces></General><Discovery>

@@ -66,6 +66,21 @@ bool Batcher::ready(TimeNs now) const {
   return now - in_flight_.last_ns() >= config_.min_gap_ns && (all || now - first_waiting_ns_ >= config_.linger_ns);
 }
 
+TimeNs Batcher::due_ns(TimeNs now) const {
+  TimeNs first_ns = INT64_MAX;  // of a sample that is not held back by its drone's pause
+  bool all = true;
+  for (const Slot& slot : slots_) {
+    if (slot.waiting) first_ns = std::min(first_ns, slot.paused_until_ns);
+    if (slot.paused_until_ns > now) continue;
+    all = all && (slot.waiting.has_value() || now - slot.heard_ns > heard_lately_ns);
+  }
+  if (first_ns == INT64_MAX || in_flight_.full()) return INT64_MAX;
+  first_ns = std::max(first_ns, pause_.until_ns());
+  if (again_at_once_) return first_ns;
+  first_ns = std::max({first_ns, in_flight_.next_ns(), in_flight_.last_ns() + config_.min_gap_ns});
+  return all ? first_ns : std::max(first_ns, first_waiting_ns_ + config_.linger_ns);
+}
+
 void Batcher::drop_stale(TimeNs now) {
   for (Slot& slot : slots_) {
     if (!slot.waiting || now - slot.waiting->stamp_ns <= config_.freshness_ns) continue;

@@ -3,7 +3,13 @@
 #include <gtest/gtest.h>
 #include <poll.h>
 
+#include <array>
+#include <chrono>
+#include <memory>
 #include <thread>
+#include <vector>
+
+#include "tests/unit/campaign.hpp"
 
 namespace ledgerline {
 namespace {
@@ -66,6 +72,68 @@ TEST(Mailbox, ClosingLetsTheStreamGoAndThrowsAwayWhatComesLater) {
   stream.join();
   box.put(9);
   EXPECT_EQ(box.take_all().size(), 1U);
+}
+
+TEST(Mailbox, LettersThatNobodyTookEndWithTheBox) {
+  const auto letter = std::make_shared<int>(1);
+  {
+    Mailbox<std::shared_ptr<int>> box;
+    box.put(letter);
+    box.put_in_turn(letter);
+    EXPECT_EQ(letter.use_count(), 3);
+  }
+  EXPECT_EQ(letter.use_count(), 1);
+}
+
+/// As in agent and ground: a stream that waits for room, others that never wait, a loop that sleeps until it is woken.
+/// It fails when the loop clears its descriptor behind the take, and when a full box forgets who waits.
+TEST(Mailbox, OfManyThreadsNothingIsLostDoubledOrOutOfOrderAndNoWakeIsMissed) {
+  constexpr std::uint64_t threads = 4;
+  const auto each = static_cast<std::uint64_t>(seeds(20'000, 2'000'000));
+  Box box(4);
+  std::vector<std::thread> writers;
+  for (std::uint64_t t = 0; t < threads; ++t) {
+    writers.emplace_back([&, t] {
+      for (std::uint64_t k = 0; k < each; ++k) {
+        if (t < 2) {
+          box.put_in_turn(t + threads * k);
+        } else {
+          box.put(t + threads * k);
+          if (k % 16 == 0) std::this_thread::yield();
+        }
+      }
+    });
+  }
+  std::array<std::uint64_t, threads> next{};
+  std::uint64_t taken = 0, wrong = 0, missed = 0;
+  while (taken < threads * each && missed == 0) {
+    const TimeNs before = monotonic_ns();
+    box.wait(5 * ns_per_s);
+    missed += monotonic_ns() - before >= 5 * ns_per_s ? 1 : 0;
+    for (const std::uint64_t letter : box.take_all()) {
+      wrong += letter / threads == next[letter % threads]++ ? 0 : 1;
+      ++taken;
+    }
+  }
+  box.close();
+  for (std::thread& writer : writers) writer.join();
+  EXPECT_EQ(taken, threads * each);
+  EXPECT_EQ(wrong, 0U);
+  EXPECT_EQ(missed, 0U);
+}
+
+TEST(Mailbox, WhoWaitsForRoomIsLetInByEachTake) {
+  Box box(1);
+  std::thread stream([&] {
+    for (std::uint64_t k = 0; k < 100; ++k) box.put_in_turn(k);
+  });
+  for (std::uint64_t k = 0; k < 100;) {
+    std::this_thread::sleep_for(std::chrono::microseconds(200));  // it waits by now
+    const auto letters = box.take_all();
+    ASSERT_LE(letters.size(), 1U);
+    for (const std::uint64_t letter : letters) EXPECT_EQ(letter, k++);
+  }
+  stream.join();
 }
 
 }  // namespace

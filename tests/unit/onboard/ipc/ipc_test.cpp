@@ -1,6 +1,7 @@
 #include "onboard/ipc/ipc.hpp"
 
 #include <gtest/gtest.h>
+#include <poll.h>
 
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -82,6 +83,18 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   ASSERT_TRUE(within_two_seconds(
       [&] { return (*link)->send_transition(transition) && (*agent)->take_transition(transition_back); }));
   EXPECT_EQ(transition_back.number, 13U);
+
+  // Who waits for link sleeps until it is woken, behind what was sent.
+  (void)(*agent)->woken();
+  const auto readable = [&] {
+    pollfd fd{.fd = (*agent)->wake_fd(), .events = POLLIN, .revents = 0};
+    return ::poll(&fd, 1, 0) == 1;
+  };
+  EXPECT_FALSE(readable());
+  (*link)->wake_agent();
+  EXPECT_TRUE(readable());
+  EXPECT_TRUE((*agent)->woken());
+  EXPECT_FALSE(readable());
 
   // A burst larger than any queue keeps the newest, in order, and never blocks or fails the sender.
   while ((*agent)->take_state(state_back)) {

@@ -481,5 +481,26 @@ TEST_F(AgentCoreTest, TheSameInputsGiveTheSameBytes) {
   EXPECT_EQ(once, run());
 }
 
+TEST_F(AgentCoreTest, ItSaysWhenTheNextFrameOrBeatIsDue) {
+  core_.step(start, out_);
+  EXPECT_EQ(core_.due_ns(), INT64_MAX) << "the first beat waits for poses, and nothing else is there";
+  hear_poses(start + 1);
+  core_.step(start + 2, out_);
+  ASSERT_TRUE(out_.beat);
+  const TimeNs next_beat_ns = core_.due_ns();
+  EXPECT_GT(next_beat_ns, start + 2);
+  EXPECT_LE(next_beat_ns, start + 2 + config().beat_period_ns);
+  for (DroneNumber drone = 1; drone <= 2; ++drone) core_.on_state(start + 3, state(1, start, drone), out_);
+  core_.step(start + 3, out_);
+  commit(start + 4);
+  core_.on_state(start + 5, state(2, start + 5), out_);
+  core_.step(start + 5, out_);
+  ASSERT_EQ(out_.submits.size(), 1U) << "it lingers for the other drone";
+  EXPECT_EQ(core_.due_ns(), start + 5 + config().batch.linger_ns);
+  core_.step(core_.due_ns(), out_);
+  EXPECT_EQ(out_.submits.size(), 2U);
+  EXPECT_EQ(core_.due_ns(), next_beat_ns);
+}
+
 }  // namespace
 }  // namespace ledgerline::agent

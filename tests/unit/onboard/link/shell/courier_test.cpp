@@ -25,7 +25,9 @@ struct FakeEnd final : ipc::LinkEnd {
     transitions.push_back(transition.number);
     return true;
   }
+  void wake_agent() noexcept override { heard_when_woken = heard.size() + transitions.size(); }
   std::atomic<bool> sending{false}, holds{false}, full{false};
+  std::size_t heard_when_woken = 0;
   std::vector<std::uint64_t> heard, transitions;
 };
 
@@ -49,6 +51,27 @@ TEST(Courier, CarriesEverythingInOrderBeforeItEnds) {
   }
   ASSERT_EQ(end.heard.size(), 100U);
   for (std::uint64_t i = 0; i < 100; ++i) EXPECT_EQ(end.heard[i], i + 1);
+}
+
+TEST(Courier, AgentIsWokenBehindWhateverItIsToHear) {
+  FakeEnd end;
+  {
+    auto courier = Courier::start(end, 0);
+    ASSERT_TRUE(courier);
+    for (std::uint64_t i = 1; i <= 20; ++i) (*courier)->put(state(i));
+    (*courier)->put(Transition{});
+    (*courier)->wake();
+  }
+  EXPECT_EQ(end.heard_when_woken, 21U);
+  FakeEnd closed;
+  closed.full = true;
+  {
+    auto courier = Courier::start(closed, 0);
+    ASSERT_TRUE(courier);
+    (*courier)->put(state(1));
+    (*courier)->wake();
+  }
+  EXPECT_EQ(closed.heard_when_woken, 0U) << "nothing came through: there is nothing to look at";
 }
 
 TEST(Courier, CarriesTransitionsInOrderToo) {

@@ -1,4 +1,6 @@
-// A loop that breaks one rule in each turn, for the test of the watch: loop_offender RULE.
+// A loop that breaks one rule in each turn, for the test of the watch: loop_offender RULE [polls]. With the second word it
+// waits as agent's main loop does, else as link's.
+#include <poll.h>
 #include <pthread.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
@@ -69,13 +71,19 @@ constexpr std::array rules{
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::string_view asked = argc == 2 ? argv[1] : "";
+  const std::string_view asked = argc > 1 ? argv[1] : "";
+  const bool polls = argc > 2;
   if (::socketpair(AF_UNIX, SOCK_DGRAM, 0, sockets.data()) != 0) return 1;
   for (const Rule& rule : rules) {
     if (rule.name != asked) continue;
     for (int turn = 0; turn < 5; ++turn) {
       const timespec past{};
-      ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &past, nullptr);
+      if (polls) {
+        std::array<pollfd, 2> fds{pollfd{sockets[0], POLLIN, 0}, pollfd{sockets[1], POLLIN, 0}};
+        (void)::ppoll(fds.data(), fds.size(), &past, nullptr);
+      } else {
+        ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &past, nullptr);
+      }
       rule.act();
     }
     return 0;

@@ -13,9 +13,10 @@ namespace {
 
 std::string watch, offender;
 
-std::string report_of(const std::string& rule) {
+std::string report_of(const std::string& rule, const std::string& settings = "") {
   const std::string file = ::testing::TempDir() + "loop_watch_test_" + std::to_string(::getpid());
-  const std::string command = "LD_PRELOAD=" + watch + " LOOP_WATCH_REPORT=" + file + " " + offender + " '" + rule + "'";
+  const std::string command = "LD_PRELOAD=" + watch + " LOOP_WATCH_REPORT=" + file + " " + settings + " " + offender +
+                              " '" + rule + "'" + (settings.empty() ? "" : " polls");
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
   const auto report = read_file(file);
   EXPECT_TRUE(report);
@@ -49,6 +50,18 @@ TEST(LoopWatch, EveryBrokenRuleShows) {
     // Of five turns four are followed by another.
     const std::string report = report_of(rule);
     EXPECT_NE(report.find("\n" + shown + ": 4 x"), std::string::npos) << rule << ":\n" << report;
+  }
+}
+
+TEST(LoopWatch, WhereOnlyLocksAreWatchedTheyShowWithTheirPlaceAndNothingElseDoes) {
+  const std::string only = "LOOP_WATCH_LOCKS=loop_offender";
+  for (const char* rule : {"none", "malloc", "new", "throw", "write", "system call"})
+    EXPECT_EQ(report_of(rule, only), "turns 5\n") << rule;
+  for (const auto& [rule, shown] :
+       {std::pair("mutex", "pthread_mutex_lock"), std::pair("trylock", "pthread_mutex_trylock"),
+        std::pair("condition", "pthread_cond_signal"), std::pair("rwlock", "pthread_rwlock_rdlock")}) {
+    const std::string report = report_of(rule, only);
+    EXPECT_NE(report.find(std::string("\n") + shown + ": 4 x, by " + offender + "+0x"), std::string::npos) << report;
   }
 }
 

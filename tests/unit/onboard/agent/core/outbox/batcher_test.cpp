@@ -4,8 +4,10 @@
 
 #include <deque>
 
+#include "common/base/random.hpp"
 #include "common/msg/ros.hpp"
 #include "ledgerline.pb.h"
+#include "tests/unit/campaign.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -431,6 +433,62 @@ TEST(EncodeFrame, WritesEveryStreamingAssetOfEachDroneWithRealTimeInHeaders) {
   EXPECT_EQ(status->stamp_ns, 5 * ns_per_s);
   EXPECT_EQ(set.assets(2).id(), "tello2/battery");
   EXPECT_FLOAT_EQ(battery_from_cdr(set.assets(2).msg_data())->percentage, 0.75F);
+}
+
+TEST(Batcher, AFrameThatLingersIsDueWhenItHasLingered) {
+  Batcher batcher({.linger_ns = 3 * ns_per_ms}, three, 1);
+  for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
+  batcher.finished(1, batcher.next(0)->number, outcome(Kind::committed));
+  EXPECT_EQ(batcher.due_ns(1), INT64_MAX) << "nothing waits";
+  batcher.add(10, sample(1, 2));
+  EXPECT_FALSE(batcher.next(10));
+  EXPECT_EQ(batcher.due_ns(10), 10 + 3 * ns_per_ms);
+}
+
+/// Who sleeps until a frame is due must not miss it, and who finds it due must get it: else a loop that waits for that
+/// moment sleeps too long, or spins.
+TEST(Batcher, ItIsDueExactlyWhenThereIsAFrame) {
+  const int flights = seeds(300, 20'000);
+  int frames = 0;
+  for (int seed = 1; seed <= flights; ++seed) {
+    Random random(static_cast<std::uint64_t>(seed));
+    const auto up_to = [&](TimeNs limit) { return static_cast<TimeNs>(random.uniform() * static_cast<double>(limit)); };
+    Batcher batcher({.min_gap_ns = seed % 2 == 0 ? 0 : up_to(20 * ns_per_ms),
+                     .linger_ns = up_to(2 * ns_per_ms),
+                     .freshness_ns = 100 * ns_per_s},
+                    three, static_cast<std::uint64_t>(seed));
+    std::deque<std::uint64_t> under_way;
+    TimeNs now = ns_per_s;
+    for (std::uint64_t k = 1; k <= 200; ++k) {
+      now += up_to(10 * ns_per_ms);
+      const int what = static_cast<int>(up_to(10));
+      if (what < 6 || under_way.empty()) {
+        batcher.add(now, sample(static_cast<DroneNumber>(1 + up_to(3)), k, now));
+      } else {
+        auto end = outcome(what < 8    ? Kind::committed
+                           : what == 8 ? Kind::unavailable
+                                       : Kind::refused,
+                           what == 9 ? "chaincode response 500, tello2: enrolled to another" : "");
+        end.ordered_after_ns = up_to(30 * ns_per_ms);
+        batcher.finished(now, under_way.front(), end);
+        under_way.pop_front();
+      }
+      for (auto frame = batcher.next(now); frame; frame = batcher.next(now)) under_way.push_back(frame->number);
+      const TimeNs due_ns = batcher.due_ns(now);
+      ASSERT_GT(due_ns, now) << "seed " << seed << ": due, and yet there was none";
+      if (due_ns == INT64_MAX) {
+        Batcher later = batcher;
+        ASSERT_FALSE(later.next(now + 200 * ns_per_ms)) << "seed " << seed;
+        continue;
+      }
+      if (due_ns - now > 250 * ns_per_ms) continue;  // by then a silent drone is not waited for any more
+      Batcher before = batcher, then = batcher;
+      ASSERT_FALSE(before.next(due_ns - 10)) << "seed " << seed << ": it went before it was due";
+      ASSERT_TRUE(then.next(due_ns)) << "seed " << seed << ": due, and it did not go";
+      ++frames;
+    }
+  }
+  EXPECT_GT(frames, flights);
 }
 
 }  // namespace
