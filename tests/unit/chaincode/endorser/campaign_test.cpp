@@ -231,6 +231,7 @@ class World {
                                         : propose(*client.who, "set", sample(client.drone, client.wanted));
     const auto [reply, by_endorser] = ask(client, proposal);
     if (payload_of(reply).empty()) {
+      if (!by_endorser) client.stale_in_a_row = 0;  // that call has had another end
       if (leaves || !channel_.peer.approves()) return;
       // Whoever refuses a good call by a state of before is asked once more; nobody may refuse it for ever.
       EXPECT_TRUE(by_endorser) << "the stock peer refuses: " << reply.message;
@@ -262,7 +263,7 @@ class World {
     EXPECT_TRUE(one.oracle || !by_endorser || one.stale) << "it signs what a peer of the same blocks refuses";
     ordered_.emplace(proposal.tx_id, std::move(one));
     waiting_.push_back({proposal.tx_id, *fabric::sign_envelope(who.identity, *envelope)});
-    last_ = proposal;
+    sent_.push_back(proposal);
   }
 
   /// Proposals that no peer answers well, some of them from people who would have the transaction ordered nevertheless.
@@ -271,6 +272,7 @@ class World {
     const std::string good = sample("tello1", "bad");
     const Member* who = &people().hosts[0];
     fabric::Proposal proposal;
+    bool again = false;
     const auto as = [&](const Member& one, const std::string& function = "set", const std::string& arg = "") {
       who = &one;
       proposal = propose(one, function, arg.empty() ? good : arg);
@@ -289,8 +291,9 @@ class World {
         as(people().hosts[1]);
         break;
       case 4:
-        if (!last_) return;
-        proposal = *last_;  // its id is used up, or soon will be
+        if (sent_.empty()) return;
+        proposal = sent_[random_.next() % sent_.size()];
+        again = true;  // its id is used up, or soon will be
         break;
       case 5: {
         as(people().hosts[0]);
@@ -313,7 +316,6 @@ class World {
         as(people().hosts[0], "fly");
         break;
     }
-    const bool again = last_ && proposal.tx_id == last_->tx_id;
     const Reply own = endorser_.process_proposal(proposal.signed_proposal, now_);
     if (payload_of(own).empty()) return;
     const bool used = channel_.peer.state().find_tx(proposal.tx_id).has_value();
@@ -396,7 +398,7 @@ class World {
   std::array<Client, 3> clients_;
   std::map<std::string, Ordered> ordered_;
   std::vector<std::pair<std::string, std::string>> waiting_;
-  std::optional<fabric::Proposal> last_;
+  std::vector<fabric::Proposal> sent_;
   const Member* next_identity_ = nullptr;
   std::size_t good_ = 0;
   bool calm_ = false, left_ = false, aged_ = false;
