@@ -241,8 +241,8 @@ int make_identities(Options options) {
   return network.down() ? 0 : fail(Error{"a process had to be killed"});
 }
 
-/// Takes a user of a running network out of it.
-int revoke(Options options, int organisation, const std::string& user) {
+/// Takes a user of a running network out of it, or whom the list in `file` names.
+int revoke(Options options, int organisation, const std::string& user, const std::string& file) {
   const auto running = RunFile(options.dir).read();
   if (!running || !running->contains("authorities")) return fail(Error{"no network runs in " + options.dir});
   options.dir = std::filesystem::canonical(options.dir);
@@ -257,8 +257,15 @@ int revoke(Options options, int organisation, const std::string& user) {
       all->push_back(std::move(*place));
     }
   }
-  if (Status s = fabric_network::revoke(options, places, organisation, user); !s) return fail(s.error());
-  std::printf("%s of organisation %d is revoked\n", user.c_str(), organisation);
+  if (file.empty()) {
+    if (Status s = fabric_network::revoke(options, places, organisation, user); !s) return fail(s.error());
+    std::printf("%s of organisation %d is revoked\n", user.c_str(), organisation);
+    return 0;
+  }
+  const auto list = fabric_network::read_list(options, organisation, file);
+  if (!list) return fail(list.error());
+  if (Status s = fabric_network::publish_list(options, places, organisation, *list); !s) return fail(s.error());
+  std::printf("whom %s names is revoked in organisation %d\n", file.c_str(), organisation);
   return 0;
 }
 
@@ -297,7 +304,7 @@ struct Wish {
   Options options;
   double batch_timeout_ms = to_ms(options.batch_timeout_ns);
   std::vector<std::string> organisations, orderers;
-  std::string config, summary, process, user;
+  std::string config, summary, process, user, list;
   int organisation = 0;
 };
 
@@ -352,11 +359,13 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
   add("logs", "What it or one of its processes logged")
       .option("process", wish.process, "peer1, orderer1, chaincode1, ...");
   add_with_tools("upgrade", "Bring a running network, or this host's part, to this version's contract");
-  Verb revoke = add_with_tools("revoke", "Take a user out: peers refuse it from then on");
+  Verb revoke = add_with_tools("revoke", "Take a user or an endorser out: peers refuse it from then on");
   revoke.option("--org", wish.organisation, "Number of the user's organisation")
       .required()
       .within(1, identities::organisations);
-  revoke.option("--user", wish.user, "User1, ...").required();
+  revoke.option("--user", wish.user, "User1, ... or endorser0, of a network with --ca");
+  revoke.option("--list", wish.list,
+                "In place of --user: a revocation list (PEM) of its authority, with all it revoked");
   return verbs;
 }
 
@@ -381,7 +390,9 @@ int carry_out(const std::string& verb, Wish& wish) {
   if (verb == "logs") return logs(options.dir, wish.process);
   if (Status s = add_places(options, wish.organisations, wish.orderers); !s) return fail(s.error(), exit_usage);
   find_programs(options);
-  if (verb == "revoke") return revoke(options, wish.organisation, wish.user);
+  if (verb == "revoke" && wish.user.empty() == wish.list.empty())
+    return fail(Error{"revoke: give one of --user and --list"}, exit_usage);
+  if (verb == "revoke") return revoke(options, wish.organisation, wish.user, wish.list);
   if (verb == "up") return up(options);
   if (verb == "upgrade") return renew(options);
   if (verb == "identities") return make_identities(options);

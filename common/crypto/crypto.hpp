@@ -102,6 +102,9 @@ struct RevocationList {
 /// For who hands lists over beside the authorities, where none may be ignored. An error: there is no list in it, one cannot
 /// be read, or none of the authorities has signed it.
 Result<std::vector<RevocationList>> read_revocation_lists(const std::string& pem, const std::vector<MspRoot>& roots);
+/// Whether each list says by an authority key identifier which key has signed it. Fabric takes no member of an authority,
+/// however good, while the channel's configuration has a list of it without one.
+bool lists_name_key(const std::string& pem);
 
 /// A signer with its name and its serialized form, ready to make transactions.
 struct SigningIdentity {

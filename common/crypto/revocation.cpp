@@ -52,4 +52,13 @@ Result<std::vector<RevocationList>> read_revocation_lists(const std::string& pem
   return lists;
 }
 
+bool lists_name_key(const std::string& pem) {
+  const BioPtr text = bio_of(pem);
+  bool all = true;
+  while (const CrlPtr list{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)})
+    all = all && X509_CRL_get_ext_by_NID(list.get(), NID_authority_key_identifier, -1) >= 0;
+  ERR_clear_error();  // the end of the PEM text
+  return all;
+}
+
 }  // namespace ledgerline::crypto

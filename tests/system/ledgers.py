@@ -152,7 +152,7 @@ class Authority:
             "default_md=sha256\npolicy=names\nx509_extensions=extensions\nunique_subject=no\n"
             "[names]\norganizationName=supplied\norganizationalUnitName=supplied\ncommonName=supplied\n"
             "[extensions]\nbasicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\n"
-            "authorityKeyIdentifier=keyid\n")
+            "authorityKeyIdentifier=keyid\n[list]\nauthorityKeyIdentifier=keyid:always\n")
 
     def replace_by_own_ca(self) -> None:
         """A CA of the same name with a key of its own: what somebody would make who wants to be taken for it."""
@@ -174,12 +174,13 @@ class Authority:
         return {"mspId": f"Org{self.organisation}MSP", "certificate": certificate.read_text(), "key": key.read_text(),
                 "end": end}
 
-    def revoke(self, certificate: pathlib.Path) -> str:
-        """Its newest list of what it has revoked, as PEM, with this certificate on it and no other."""
+    def revoke(self, certificate: pathlib.Path, names_key: bool = True) -> str:
+        """Its newest list of what it has revoked, as PEM, with this certificate on it and no other; whether it names the key
+        that signed it, as Fabric must have it."""
         (self.home / "index.txt").write_text("")
         words = ("-config", self.home / "settings", "-cert", self.certificate, "-keyfile", self.key)
         openssl("ca", *words, "-revoke", certificate)
-        return openssl("ca", *words, "-gencrl", "-crldays", "1")
+        return openssl("ca", *words, "-gencrl", "-crldays", "1", *(("-crlexts", "list") if names_key else ()))
 
     def begin(self) -> float:
         """From when on the CA's own certificate is valid."""

@@ -90,9 +90,12 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
   const std::string name = fmt::format("block {}", block.number);
   if (block.number != ledger_.height()) return Error{fmt::format("{} came where {} was due", name, ledger_.height())};
   common::Block message;
-  if (!message.ParseFromArray(raw.data(), static_cast<int>(raw.size())) ||
+  if (!message.ParseFromArray(raw.data(), static_cast<int>(raw.size())) || message.header().number() != block.number ||
+      message.header().data_hash() != block.data_hash ||
       static_cast<std::size_t>(message.data().data_size()) != block.transactions.size())
     return Error{name + ": its bytes are those of another one"};
+  if (message.header().previous_hash() != ledger_.end().hash)
+    return Error{name + " does not follow the one before it: it is of another chain"};
   for (std::size_t i = 0; i < block.transactions.size(); ++i) {
     const fabric::Transaction& transaction = block.transactions[i];
     const bool valid = transaction.code == protos::VALID;

@@ -11,7 +11,7 @@
 namespace ledgerline::endorser {
 namespace {
 
-constexpr int max_tries = 5, max_apart = 3;
+constexpr int max_tries = 5;
 constexpr std::chrono::milliseconds again_after{20};
 constexpr TimeNs first_retry_ns = 50 * ns_per_ms, max_retry_ns = 1 * ns_per_s;
 
@@ -61,7 +61,8 @@ Service::~Service() {
 void Service::fail(const std::string& why) {
   {
     const std::lock_guard lock(mutex_);
-    if (std::exchange(failed_, true)) return;
+    if (readiness_.failed()) return;
+    readiness_.fail();
     ready_wakes_.notify_all();
   }
   spdlog::error("endorser: it signs nothing more: {}", why);
@@ -72,7 +73,7 @@ void Service::on_block(const fabric::Block& block, std::string_view raw) {
   Status taken = done;
   {
     const std::lock_guard lock(mutex_);
-    if (failed_) return;
+    if (readiness_.failed()) return;
     taken = core_.take(block, raw);
     counts_.blocks = core_.height();
     ready_wakes_.notify_all();
@@ -82,21 +83,17 @@ void Service::on_block(const fabric::Block& block, std::string_view raw) {
 
 void Service::on_connection(bool connected, const std::string& why) {
   const std::lock_guard lock(mutex_);
-  if (connected_ != connected) {
+  if (readiness_.connected() != connected) {
     spdlog::info("endorser: {}", connected ? "follows the peer's blocks" : "clients are to ask the peer: " + why);
   }
-  // What came while the stream was gone is only known to be there once the peer has said how many blocks there are.
-  connected_ = connected;
-  height_known_ = false;
-  ++connection_;
+  readiness_.on_connection(connected);
   checks_wake_.notify_all();
 }
 
 node::Reply Service::process_proposal(const std::string& signed_proposal) {
   const std::lock_guard lock(mutex_);
-  if (failed_ || !connected_ || !height_known_ || core_.height() < peers_height_) {
+  if (const std::string why = readiness_.why_not(core_.height()); !why.empty()) {
     ++counts_.sent_to_the_peer;
-    const std::string why = failed_ ? "the endorser has stopped" : "the endorser does not have all blocks yet";
     return {node::Code::unavailable, why, why, {}};
   }
   node::Reply reply = core_.process_proposal(signed_proposal, {monotonic_ns(), realtime_ns()});
@@ -129,15 +126,14 @@ void Service::run_checks() {
   Random random(seed());
   std::unique_lock lock(mutex_);
   while (!stopping_) {
-    if (connected_ && !height_known_) {
-      const std::uint64_t connection = connection_;
+    if (readiness_.wants_height()) {
+      const std::uint64_t connection = readiness_.connection();
       lock.unlock();
       const auto height = peer_->height();
       lock.lock();
-      if (connection != connection_) continue;  // it is of before
+      if (connection != readiness_.connection()) continue;  // it is of before
       if (height) {
-        peers_height_ = *height;
-        height_known_ = true;
+        readiness_.take_height(connection, *height);
         back_off.succeeded();
         ready_wakes_.notify_all();
       } else {
@@ -164,7 +160,7 @@ void Service::check(Check one) {
       std::unique_lock lock(mutex_);
       checks_wake_.wait_for(lock, again_after, [&] { return stopping_; });
       node::Reply reply = core_.process_proposal(one.signed_proposal, {monotonic_ns(), realtime_ns()});
-      if (stopping_ || failed_ || !connected_ || reply.code != node::Code::ok) return;
+      if (stopping_ || readiness_.failed() || !readiness_.connected() || reply.code != node::Code::ok) return;
       one.answer = std::move(reply.bytes);
       one.defined_at = core_.defined_at();
     }
@@ -181,27 +177,18 @@ void Service::check(Check one) {
   std::string why;
   {
     const std::lock_guard lock(mutex_);
-    apart_ = found == Comparison::other_state ? apart_ + 1 : 0;
-    if (found == Comparison::same) {
-      ++counts_.same;
-      agreed_ = one.defined_at;
-      agreed_once_ = true;
-    } else if (found == Comparison::differ) {
-      ++counts_.differ;
-      why = "its answer to a proposal differs from the peer's";
-    } else {
-      ++counts_.apart;
-      // Where it has not signed under a definition yet, the peer may just not have approved that: it waits.
-      if (agreed() && apart_ >= max_apart) why = "its state is not the peer's";
-    }
+    if (found == Comparison::same) ++counts_.same;
+    if (found == Comparison::differ) ++counts_.differ;
+    if (found == Comparison::other_state) ++counts_.apart;
+    why = readiness_.take_check(found, one.defined_at, core_.defined_at());
   }
   if (!why.empty()) fail(why);
 }
 
 bool Service::wait_until_ready(double seconds) {
   std::unique_lock lock(mutex_);
-  const auto ready = [&] { return failed_ || (connected_ && height_known_ && core_.height() >= peers_height_); };
-  return ready_wakes_.wait_for(lock, std::chrono::duration<double>(seconds), ready) && !failed_;
+  const auto ready = [&] { return readiness_.failed() || readiness_.ready(core_.height()); };
+  return ready_wakes_.wait_for(lock, std::chrono::duration<double>(seconds), ready) && !readiness_.failed();
 }
 
 Service::Counts Service::counts() const {

@@ -6,12 +6,12 @@
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <random>
 #include <string>
 #include <thread>
 
 #include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/readiness.hpp"
 #include "chaincode/endorser/shell/settings.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/client/client.hpp"
@@ -45,12 +45,12 @@ class Service {
   Service(fabric::ClientConfig ledger, const Settings& settings, std::function<void(const std::string&)> on_failure);
   struct Check {
     std::string signed_proposal, answer;
-    std::optional<node::Version> defined_at{};
+    Readiness::DefinedAt defined_at{};
   };
   void fail(const std::string& why);
   void on_block(const fabric::Block& block, std::string_view raw);
   void on_connection(bool connected, const std::string& why);
-  bool agreed() const { return agreed_once_ && agreed_ == core_.defined_at(); }
+  bool agreed() const { return readiness_.agreed(core_.defined_at()); }
   void choose_for_check(const std::string& signed_proposal, const std::string& answer);
   void run_checks();
   void check(Check one);
@@ -64,13 +64,8 @@ class Service {
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable checks_wake_, ready_wakes_;
   Core core_;
-  bool connected_ = false, failed_ = false, stopping_ = false;
-  bool height_known_ = false;            // of the peer, since the stream has begun
-  std::uint64_t connection_ = 0;         // counts beginnings and ends of the stream
-  std::optional<node::Version> agreed_;  // the definition under which the peer has once answered the same
-  bool agreed_once_ = false;
-  int apart_ = 0;  // checks in a row in which both had read other versions to the end
-  std::uint64_t peers_height_ = 0;
+  Readiness readiness_;
+  bool stopping_ = false;
   std::deque<Check> checks_;
   std::mt19937_64 random_;
   Counts counts_;

@@ -198,7 +198,8 @@ Result<std::vector<identities::Issued>> issue_by_authorities(
 
 Result<std::string> revoke_at_authority(const Authorities& authorities, int organisation, const std::string& user) {
   const fs::path own = home_of(authorities.dir, organisation) / registrar;
-  const std::string name = user + "@" + domain_of(organisation);
+  // As chaincode/identities names them: a peer has a host's name.
+  const std::string name = user + (user == "endorser0" ? "." : "@") + domain_of(organisation);
   const auto ran =
       run_lanes({{client_command(authorities, organisation, "revoking " + name, own, {"revoke", "--revoke.name", name}),
                   client_command(authorities, organisation, "listing what is revoked", own, {"gencrl"})}},

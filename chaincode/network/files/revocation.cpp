@@ -13,6 +13,7 @@
 #include "common/base/random.hpp"
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
+#include "common/crypto/crypto.hpp"
 #include "msp/msp_config.pb.h"
 
 namespace ledgerline::fabric_network {
@@ -194,23 +195,42 @@ Result<std::string> revocation_update(std::string_view config_block, const std::
   return envelope.SerializeAsString();
 }
 
+Result<std::string> read_list(const Options& options, int organisation, const std::string& file) {
+  const std::string ca_file = identities::organisation_dir(options.dir, organisation) / "ca" /
+                              fmt::format("ca.{}-cert.pem", identities::domain_of(organisation));
+  auto list = read_file(file);
+  const auto ca = read_file(ca_file);
+  if (!list) return list.error();
+  if (!ca) return ca.error();
+  // Fabric ignores a list that no authority of the organisation has signed, and says nothing.
+  const auto lists = crypto::read_revocation_lists(*list, {{identities::msp_id_of(organisation), *ca}});
+  if (!lists) return Error{file + ": " + lists.error().what};
+  // With such a list in the configuration peers and orderers refuse everybody of the organisation, its administrator too.
+  if (!crypto::lists_name_key(*list))
+    return Error{file + ": a list has no authority key identifier: Fabric would refuse the whole organisation"};
+  return list;
+}
+
 Status revoke(const Options& options, const ListenAddresses& places, int organisation, const std::string& user) {
   if (user == "Admin") return Error{"Admin cannot be revoked: it signs for its organisation, and there is one alone"};
   if (!has_authorities(options.dir)) return Error{options.dir + " has no fabric-ca: it was not begun with --ca"};
   const auto list = revoke_at_authority(authorities(options, places), organisation, user);
   if (!list) return list.error();
-  if (Status s = write_lists(options, organisation, *list); !s) return s;
+  return publish_list(options, places, organisation, *list);
+}
 
+Status publish_list(const Options& options, const ListenAddresses& places, int organisation, const std::string& list) {
+  if (Status s = write_lists(options, organisation, list); !s) return s;
   const int orderers = static_cast<int>(places.orderers.size());
   for (const std::string& channel : options.channels) {
     const Where where{options, places, channel};
     int tried = 0;  // an orderer may just have started, or be gone: the next one
     const Status updated =
-        try_for_a_while([&] { return update_channel(where, organisation, tried++ % orderers + 1, *list); });
+        try_for_a_while([&] { return update_channel(where, organisation, tried++ % orderers + 1, list); });
     if (!updated) return updated;
     for (int k = 1; k <= identities::organisations; ++k) {
       const Status known =
-          try_for_a_while([&] { return check_known(where, k, identities::msp_id_of(organisation), *list); });
+          try_for_a_while([&] { return check_known(where, k, identities::msp_id_of(organisation), list); });
       if (!known) return known;
     }
   }

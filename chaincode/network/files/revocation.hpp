@@ -14,10 +14,14 @@ Result<std::string> revocation_update(std::string_view config_block, const std::
 /// The configuration in `config_block` has `list` for this MSP already.
 Result<bool> has_revocation_list(std::string_view config_block, const std::string& msp_id, const std::string& list);
 
-/// Revokes a user ("User1") of an organisation of a running network: at its fabric-ca, then in the configuration of
-/// each of `options.channels`, in the name of the organisation's administrator, whose signature suffices for its own
-/// MSP. Returns when every peer knows: from then on they refuse the user; what stands on the ledger stays. May be
-/// repeated.
+/// Puts `list` into the configuration of each of `options.channels` of a running network, in the name of the
+/// organisation's administrator, whose signature suffices for its own MSP. Returns when every peer knows. May be repeated.
+Status publish_list(const Options& options, const ListenAddresses& places, int organisation, const std::string& list);
+/// A file with a revocation list (PEM) that the organisation's authority has signed.
+Result<std::string> read_list(const Options& options, int organisation, const std::string& file);
+
+/// Revokes a user ("User1"), or the organisation's "endorser0", of a running network: at its fabric-ca, then by
+/// publish_list(). From then on peers refuse it, and what it endorses is invalid; what stands on the ledger stays.
 Status revoke(const Options& options, const ListenAddresses& places, int organisation, const std::string& user);
 
 }  // namespace ledgerline::fabric_network

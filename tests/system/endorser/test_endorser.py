@@ -7,9 +7,9 @@ import subprocess
 import time
 
 import pytest
-from fabric import BIN, PATIENCE_S, needs_fabric
+from fabric import BIN, FABRIC, PATIENCE_S, needs_fabric
 from flights import fly, no_flight_outlives_its_test, pid_of, printed, wait_for_flight
-from ledgers import CUTTING, Fabric, tables
+from ledgers import CUTTING, Authority, Fabric, tables
 from netns import die_with_parent
 from trace_file import TraceKind, records
 
@@ -75,6 +75,52 @@ def test_random_proposals_are_answered_byte_for_byte_as_by_the_peer(network, tmp
     # It starts again from nothing but the chain.
     again = Endorser(network, tmp_path)
     assert again.stop()["blocks"] == counts["blocks"]
+
+
+@pytest.fixture(params=["own", "fabric-ca"])
+def network_of(request, tmp_path):
+    needs_fabric()
+    if request.param == "fabric-ca" and not (FABRIC / "fabric-ca-server").exists():
+        pytest.skip("scripts/fabric-tools --ca builds fabric-ca")
+    ledger = Fabric(tmp_path / "network", *CUTTING, *(["--ca"] if request.param == "fabric-ca" else []))
+    yield request.param, ledger
+    assert ledger.stop() == 0, ledger.log()
+
+
+def test_a_stolen_key_of_an_endorser_ends_with_a_revocation_list(network_of, tmp_path):
+    authority, network = network_of
+    stolen = network.organisation(1) / "peers" / "endorser0.org1.ledgerline" / "msp"
+    host, admin = tmp_path / "host.toml", tmp_path / "admin.toml"
+    for file, user in ((host, "User1"), (admin, "Admin")):
+        file.write_text(tables(network, 1, user, endorsers=True).split("[[msp]]")[0])
+    orderer, orderer_ca = network.orderer()
+    thief = subprocess.Popen([BIN / "test_stolen_key", "--host", host, "--admin", admin, "--stolen", stolen, "--orderer", orderer,
+                              "--orderer-ca", orderer_ca], stdout=subprocess.PIPE, text=True, preexec_fn=die_with_parent)
+    assert json.loads(thief.stdout.readline())["valid"] == 20
+
+    def revoke(*which) -> subprocess.CompletedProcess:
+        return subprocess.run([BIN / "ledgerline-fabric", "revoke", "--dir", network.directory, "--tools", FABRIC, "--org", "1", *which],
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+
+    which = ["--user", "endorser0"]
+    if authority == "own":
+        certificate, own = next((stolen / "signcerts").iterdir()), Authority(network, 1, tmp_path / "authority")
+        listed = tmp_path / "revoked.pem"
+        listed.write_text(own.revoke(certificate, names_key=False))
+        unnamed = revoke("--list", listed)
+        assert unnamed.returncode == 1 and "authority key identifier" in unnamed.stderr, "it would lock the organisation out"
+    began_ns = time.monotonic_ns()
+    if authority == "own":
+        listed.write_text(own.revoke(certificate))
+        which = ["--list", listed]
+    revoked = revoke(*which)
+    known_ns = time.monotonic_ns()
+    assert revoked.returncode == 0, revoked.stderr
+    said = json.loads(thief.stdout.readline())
+    assert thief.wait(timeout=PATIENCE_S) == 0
+    print(json.dumps({"authority": authority, "first invalid after, s": round((said["at_ns"] - began_ns) / 1e9, 3),
+                      "every peer knows after, s": round((known_ns - began_ns) / 1e9, 3)} | said))
+    assert said["code"] == 10 and said["later"] == [10] * 5, "its endorsements count no more, from that block on"
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "halted"])

@@ -142,6 +142,19 @@ TEST_F(OwnEndorserTest, ABlockOutOfTurnIsRefused) {
   follow();
 }
 
+TEST_F(OwnEndorserTest, ABlockOfAnotherChainIsRefused) {
+  net.submit(net.host, "set", note("tello1/a"));
+  common::Block other;
+  ASSERT_TRUE(other.ParseFromString(net.chain.back()));
+  other.mutable_header()->set_previous_hash(std::string(32, 'f'));
+  const std::string raw = other.SerializeAsString();
+  const Status taken = core.take(*fabric::decode_block(raw), raw);
+  ASSERT_FALSE(taken.ok());
+  EXPECT_THAT(taken.error().what, HasSubstr("of another chain"));
+  EXPECT_FALSE(core.take(*fabric::decode_block(net.chain.back()), net.chain.front()).ok()) << "bytes of another block";
+  follow();
+}
+
 TEST_F(OwnEndorserTest, StrangersWrongSignaturesAndDuplicatesAreRefusedInThePeersWords) {
   const auto stranger = crypto::make_test_identity({"Org9MSP", "CN=x"});
   EXPECT_EQ(beside_the_node(net.propose(stranger, "get", "tello1/a")), Comparison::same);
