@@ -4,7 +4,7 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 set(public_headers common/crypto/crypto.hpp common/fabric/checkpoint/checkpoint.hpp common/fabric/checkpoint/continuation.hpp
-  common/fabric/client/client.hpp common/fabric/sending/outcome.hpp common/fabric/sending/refusal.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
+  common/fabric/client/client.hpp common/fabric/sending/outcome.hpp common/fabric/sending/refusal.hpp common/fabric/stream/block_source.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
   common/base/result.hpp chaincode/shim/shim.hpp)
 foreach(header ${public_headers})
   get_filename_component(folder ${header} DIRECTORY)

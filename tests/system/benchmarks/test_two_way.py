@@ -35,8 +35,8 @@ def measure(directory: pathlib.Path, *options, drain: float = 60, programs: path
 
 def rows(table: str) -> list[list[float]]:
     """The figures at the end of each line that has all of them; none ("-") is left out."""
-    found = [re.findall(r"(?<!\S)(?:\d+(?:\.\d+)?|-)(?!\S)", line)[-7:] for line in table.splitlines()]
-    return [[float(one) for one in row if one != "-"] for row in found if len(row) == 7]
+    found = [re.findall(r"(?<!\S)(?:\d+(?:\.\d+)?|-)(?!\S)", line)[-8:] for line in table.splitlines()]
+    return [[float(one) for one in row if one != "-"] for row in found if len(row) == 8]
 
 
 def check(result: dict, table: str, rate: int, seconds: float) -> None:
@@ -47,10 +47,10 @@ def check(result: dict, table: str, rate: int, seconds: float) -> None:
         assert run["answered"] > 0
         assert len(run["latencies_ms"]) == run["sent"]
         assert min(run["latencies_ms"]) <= run["p50_ms"] <= run["p99_ms"] <= max(run["latencies_ms"])
-        assert 0 < run["cpu_s"] and not run["collapsed"]
+        assert 0 < run["cpu_s"] and 0 < run["ledger_cpu_s"] and not run["collapsed"]
         (figures,) = [f for f in result["summary"]["figures"] if f["client"] == run["client"]]
         assert figures["p50_ms"]["median"] == pytest.approx(run["p50_ms"], abs=1e-3)
-        raw = [run["p50_ms"], run["p99_ms"], run["cpu_ms_per_message"]] + [run[what] for what in ("sent", "answered", "replaced", "lost")]
+        raw = [run[what] for what in ("p50_ms", "p99_ms", "cpu_ms_per_message", "ledger_cpu_ms_per_message")] + [run[what] for what in ("sent", "answered", "replaced", "lost")]
         raw = [one for one in raw if one is not None]  # no CPU of an answer where a starved machine gave none in time
         assert any(row == pytest.approx(raw, rel=0.01, abs=0.01) for row in rows(table)), (raw, table)
     for ratios in result["summary"]["ratios"]:
