@@ -38,9 +38,21 @@ Status Measurement::run() {
   return done;
 }
 
-Status Measurement::write_json() const {
-  if (o_.json.empty()) return done;
+Status write_result(const std::string& file, json head, const std::vector<json>& runs) {
+  if (file.empty()) return done;
   const fly::Machine machine = fly::describe_machine();
+  head["machine"] = {{"cpu", machine.cpu},
+                     {"system", machine.system},
+                     {"cores", machine.cores},
+                     {"memory_gb", rounded(machine.memory_gb)}};
+  std::string text = head.dump(1);
+  text.resize(text.size() - 2);  // "\n}": the runs follow, one a line
+  text += ",\n \"runs\": [";
+  for (std::size_t i = 0; i < runs.size(); ++i) text += (i > 0 ? ",\n  " : "\n  ") + runs[i].dump();
+  return write_file(file, text + "\n ]\n}\n");
+}
+
+Status Measurement::write_json() const {
   const json head{{"asked",
                    {{"rates", o_.rates},
                     {"clients", o_.clients},
@@ -51,17 +63,8 @@ Status Measurement::write_json() const {
                     {"network_options", o_.place.network_options},
                     {"poll_ms", o_.place.poll_ms}}},
                   {"ledger", {{"kind", o_.ledger}, {"storage", storage_}, {"networks", networks_}}},
-                  {"machine",
-                   {{"cpu", machine.cpu},
-                    {"system", machine.system},
-                    {"cores", machine.cores},
-                    {"memory_gb", rounded(machine.memory_gb)}}},
                   {"summary", to_json(summarize(runs_))}};
-  std::string text = head.dump(1);
-  text.resize(text.size() - 2);  // "\n}": the runs follow, one a line
-  text += ",\n \"runs\": [";
-  for (std::size_t i = 0; i < runs_.size(); ++i) text += (i > 0 ? ",\n  " : "\n  ") + to_json(runs_[i]).dump();
-  return write_file(o_.json, text + "\n ]\n}\n");
+  return write_result(o_.json, head, lines_of(runs_));
 }
 
 // Contenders on one network; a new one after a collapse, so that nobody finds another's backlog.

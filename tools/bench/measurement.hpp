@@ -18,6 +18,16 @@ struct Options {
   Place place;
 };
 
+/// A benchmark's result: `head`, `machine`, and each of the runs on a line of its own. To `file`; empty: nowhere.
+Status write_result(const std::string& file, nlohmann::json head, const std::vector<nlohmann::json>& runs);
+/// Those of any benchmark, as their to_json() has them.
+template <typename Run>
+std::vector<nlohmann::json> lines_of(const std::vector<Run>& runs) {
+  std::vector<nlohmann::json> lines;
+  for (const Run& run : runs) lines.push_back(to_json(run));
+  return lines;
+}
+
 /// Every contender at every rate, again and again; networks come up and go down as they are needed. What was measured
 /// stays when it fails or is interrupted.
 class Measurement {

@@ -9,8 +9,6 @@
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/process/children.hpp"
-#include "common/rt/histogram_json.hpp"
-#include "tools/launcher/machine.hpp"
 
 namespace ledgerline::utm {
 namespace {
@@ -190,8 +188,6 @@ Result<Turn> Bench::turn(const Network& network, const std::string& contender, i
 }
 
 Status Bench::write_json() const {
-  if (o_.common.json.empty()) return done;
-  const fly::Machine machine = fly::describe_machine();
   const json head{{"asked",
                    {{"rates", o_.common.rates},
                     {"clients", o_.common.clients},
@@ -209,17 +205,8 @@ Status Bench::write_json() const {
                     {"attempts", o_.attempts}}},
                   {"published", {{"source", "arXiv 2511.02171"}, {"p50_above_ms", 3000}, {"above_per_s", 30}}},
                   {"ledger", {{"kind", o_.common.ledger}, {"storage", storage_}, {"networks", networks_}}},
-                  {"machine",
-                   {{"cpu", machine.cpu},
-                    {"system", machine.system},
-                    {"cores", machine.cores},
-                    {"memory_gb", rounded(machine.memory_gb)}}},
                   {"summary", to_json(summarize(runs_))}};
-  std::string text = head.dump(1);
-  text.resize(text.size() - 2);  // "\n}": the runs follow, one a line
-  text += ",\n \"runs\": [";
-  for (std::size_t i = 0; i < runs_.size(); ++i) text += (i > 0 ? ",\n  " : "\n  ") + to_json(runs_[i]).dump();
-  return write_file(o_.common.json, text + "\n ]\n}\n");
+  return two_way::write_result(o_.common.json, head, two_way::lines_of(runs_));
 }
 
 }  // namespace ledgerline::utm
