@@ -5,31 +5,13 @@
 #include "common/fabric/stream/block_intake.hpp"
 #include "common/fabric/tx/decode.hpp"
 #include "peer/transaction.pb.h"
+#include "tests/unit/common/fabric/client/door.hpp"
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
 #include "tests/unit/common/fabric/stream/growing_channel.hpp"
 
 /// A client that takes blocks as they are ordered, at a peer and an orderer that are late, silent or lie.
 namespace ledgerline::fabric {
 namespace {
-
-/// A door that whoever serves waits at.
-class Gate {
- public:
-  void open() {
-    const std::lock_guard lock(mutex_);
-    open_ = true;
-    changed_.notify_all();
-  }
-  void pass() {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return open_; });
-  }
-
- private:
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  bool open_ = false;
-};
 
 class OrderedStream : public GrowingChannel {
  protected:
@@ -109,7 +91,7 @@ class OrderedStream : public GrowingChannel {
   Numbers numbers_, confirmed_;
   std::vector<std::string> contradictions_, orderers_;
   std::atomic<int> held_{0};
-  Gate gate_;  ///< outlives whoever waits at it
+  Door door_;  ///< outlives whoever waits at it
   std::optional<FakeGateway> gateway_;
   std::unique_ptr<Client> client_;
   std::unique_ptr<Client::Stream> stream_;  ///< ends first
@@ -117,12 +99,12 @@ class OrderedStream : public GrowingChannel {
 
 TEST_F(OrderedStream, BlocksComeBeforeThePeerTellsThemAndAreConfirmed) {
   serve([&](std::uint64_t number) -> std::optional<common::Block> {
-    if (number == 3) gate_.pass();
+    if (number == 3) door_.pass();
     return std::nullopt;
   });
   follow(1);
   EXPECT_EQ(await(numbers_, 4), (Numbers{1, 2, 3, 4}));
-  gate_.open();
+  door_.open();
   EXPECT_EQ(await(confirmed_, 2), (Numbers{3, 4}));
   EXPECT_TRUE(await(contradictions_, 0).empty());
 }
@@ -130,7 +112,7 @@ TEST_F(OrderedStream, BlocksComeBeforeThePeerTellsThemAndAreConfirmed) {
 TEST_F(OrderedStream, AnOrdererThatForgesIsAnAlarmAndThePeerGoesOn) {
   serve(
       [&](std::uint64_t number) -> std::optional<common::Block> {
-        if (number == 3) gate_.pass();
+        if (number == 3) door_.pass();
         return std::nullopt;
       },
       [&](std::uint64_t number) -> std::optional<common::Block> {
@@ -142,13 +124,13 @@ TEST_F(OrderedStream, AnOrdererThatForgesIsAnAlarmAndThePeerGoesOn) {
   follow(1);
   EXPECT_EQ(await(contradictions_, 1)[0], "block 3: no orderer has signed it");
   EXPECT_EQ(await(numbers_, 2), (Numbers{1, 2})) << "nothing of it came";
-  gate_.open();
+  door_.open();
   EXPECT_EQ(await(numbers_, 4), (Numbers{1, 2, 3, 4}));
 }
 
 TEST_F(OrderedStream, AnOrdererThatWithholdsIsLeftAndThePeerGoesOn) {
   serve({}, [&](std::uint64_t number) -> std::optional<common::Block> {
-    if (number >= 8 && held_++ == 0) gate_.pass();
+    if (number >= 8 && held_++ == 0) door_.pass();
     return std::nullopt;
   });
   follow(1);
@@ -161,18 +143,18 @@ TEST_F(OrderedStream, AnOrdererThatWithholdsIsLeftAndThePeerGoesOn) {
   }
   EXPECT_EQ(await(orderers_, 1)[0].find("it withholds block "), 0u);
   EXPECT_TRUE(await(contradictions_, 0).empty()) << "what stays away contradicts nothing";
-  gate_.open();
+  door_.open();
 }
 
 TEST_F(OrderedStream, WithoutAPeerNothingComesBeyondTheBound) {
   for (std::size_t i = 0; i < 2 * BlockIntake::max_unconfirmed; ++i) more();
   serve([&](std::uint64_t number) -> std::optional<common::Block> {
-    if (number == 3) gate_.pass();
+    if (number == 3) door_.pass();
     return std::nullopt;
   });
   follow(1);
   EXPECT_EQ(await(numbers_, 2 + BlockIntake::max_unconfirmed).size(), 2 + BlockIntake::max_unconfirmed);
-  gate_.open();
+  door_.open();
   EXPECT_EQ(await(numbers_, chain_.size() - 1).back(), chain_.size() - 1);
 }
 

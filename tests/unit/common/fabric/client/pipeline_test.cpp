@@ -9,31 +9,13 @@
 #include <thread>
 
 #include "common/fabric/tx/opened.hpp"
+#include "tests/unit/common/fabric/client/door.hpp"
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
 
 namespace ledgerline::fabric {
 namespace {
 
 using Kind = Outcome::Kind;
-
-/// A door that calls wait at until a test opens it.
-class Door {
- public:
-  void open() {
-    const std::lock_guard lock(mutex_);
-    open_ = true;
-    changed_.notify_all();
-  }
-  void pass() {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return open_; });
-  }
-
- private:
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  bool open_ = false;
-};
 
 /// Collects outcomes; they come on the client's thread.
 class Outcomes {
