@@ -283,10 +283,7 @@ void LedgerPort::read_ordered(TimeNs now) {
   while (orderer_connected_) {
     const auto message = orderer_.serve(now, *intake_->next_ordered());
     if (!message) return;
-    common::Block without_flags = *message;
-    without_flags.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, "");
-    if (const Status added = intake_->add_ordered(std::move(without_flags)); !added)
-      return leave_orderer(now, added.error().what);
+    if (const Status added = intake_->add_ordered(*message); !added) return leave_orderer(now, added.error().what);
     if (!take_ordered(now)) return;
   }
 }
