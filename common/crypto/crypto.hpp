@@ -93,7 +93,12 @@ struct MspRoot {
   std::string
       revocation_lists_pem{};  ///< X.509 CRLs; one that none of its authorities has signed is ignored, as in Fabric
 };
-std::unique_ptr<MspRegistry> make_msp_registry(Library library, std::vector<MspRoot> roots);
+enum class ListsFrom {
+  configuration,  ///< the channel's: while one has no readable authority key identifier, nobody of its MSP is a member
+  hand            ///< handed over beside it: one without such an identifier is as good as any
+};
+std::unique_ptr<MspRegistry> make_msp_registry(Library library, std::vector<MspRoot> roots,
+                                               ListsFrom lists_from = ListsFrom::configuration);
 
 struct RevocationList {
   std::string msp_id;       ///< whose authority signed it
@@ -102,8 +107,7 @@ struct RevocationList {
 /// For who hands lists over beside the authorities, where none may be ignored. An error: there is no list in it, one cannot
 /// be read, or none of the authorities has signed it.
 Result<std::vector<RevocationList>> read_revocation_lists(const std::string& pem, const std::vector<MspRoot>& roots);
-/// Whether each list says by an authority key identifier which key has signed it. Fabric takes no member of an authority,
-/// however good, while the channel's configuration has a list of it without one.
+/// Whether each list says by an authority key identifier which key has signed it (see ListsFrom::configuration).
 bool lists_name_key(const std::string& pem);
 
 /// A signer with its name and its serialized form, ready to make transactions.

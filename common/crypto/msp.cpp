@@ -32,7 +32,8 @@ struct Validity {
 
 class CachingRegistry final : public MspRegistry {
  public:
-  CachingRegistry(Library library, std::vector<MspRoot> roots) : library_(library) {
+  CachingRegistry(Library library, std::vector<MspRoot> roots, ListsFrom lists_from)
+      : library_(library), lists_from_(lists_from) {
     for (const MspRoot& root : roots) {
       Authorities& known = roots_[root.msp_id];
       known.ca_pem += root.ca_pem + "\n";
@@ -130,7 +131,7 @@ class CachingRegistry final : public MspRegistry {
 
   /// Returns when the identity is valid: within its own validity and that of each CA above it. The validity is looked
   /// at on every use, so the chain is checked without the time.
-  static Result<Validity> check_chain(const Authorities& authorities, X509* certificate) {
+  Result<Validity> check_chain(const Authorities& authorities, X509* certificate) const {
     if (X509_check_ca(certificate) != 0) {
       return Error{
           "An X509 certificate with Basic Constraint: Certificate Authority equals true cannot be used as an identity"};
@@ -157,8 +158,10 @@ class CachingRegistry final : public MspRegistry {
       if (!link) return link.error();
       validity.from_s = std::max(validity.from_s, link->not_before_s);
       validity.to_s = std::min(validity.to_s, link->not_after_s);
-      if (i > 0 && is_revoked(authorities, sk_X509_value(chain, i - 1), sk_X509_value(chain, i)))
-        return Error{"the supplied identity is not valid: The certificate has been revoked"};
+      if (i == 0) continue;
+      if (Status s = check_lists(authorities, sk_X509_value(chain, i - 1), sk_X509_value(chain, i)); !s) {
+        return Error{"the supplied identity is not valid: " + s.error().what};
+      }
     }
     return validity;
   }
@@ -172,19 +175,37 @@ class CachingRegistry final : public MspRegistry {
     return lists;
   }
 
-  /// As Fabric: a list of that authority counts whenever it was made, and until there is another.
-  static bool is_revoked(const Authorities& authorities, X509* certificate, X509* issuer) {
+  /// A list counts whenever it was made, and until there is another. Fabric finds those of a configuration by the key that
+  /// they name (msp/mspimplvalidate.go, validateCertAgainstChain), and takes nobody where one names none, whoever signed it.
+  Status check_lists(const Authorities& authorities, X509* certificate, X509* issuer) const {
     for (const CrlPtr& list : authorities.lists) {
-      X509_REVOKED* entry = nullptr;
-      if (X509_CRL_get0_by_cert(list.get(), &entry, certificate) != 1) continue;
-      const bool signed_by_issuer = X509_CRL_verify(list.get(), X509_get0_pubkey(issuer)) == 1;
-      ERR_clear_error();
-      if (signed_by_issuer) return true;
+      if (lists_from_ == ListsFrom::configuration) {
+        const auto key = authority_key_of(list.get());
+        if (!key) return Error{"could not obtain Authority Key Identifier for crl"};
+        if (!is_key_of(*key, issuer)) continue;
+      }
+      if (is_revoked(list.get(), certificate, issuer)) return Error{"The certificate has been revoked"};
     }
-    return false;
+    return done;
   }
 
-  Library library_;
+  static bool is_key_of(std::string_view id, X509* issuer) {
+    const ASN1_OCTET_STRING* own = X509_get0_subject_key_id(issuer);
+    return own != nullptr && id == std::string_view{reinterpret_cast<const char*>(ASN1_STRING_get0_data(own)),
+                                                    static_cast<std::size_t>(ASN1_STRING_length(own))};
+  }
+
+  static bool is_revoked(X509_CRL* list, X509* certificate, X509* issuer) {
+    X509_REVOKED* entry = nullptr;
+    // 2: removed from the list again, which Fabric does not know
+    if (X509_CRL_get0_by_serial(list, &entry, X509_get_serialNumber(certificate)) == 0) return false;
+    const bool signed_by_issuer = X509_CRL_verify(list, X509_get0_pubkey(issuer)) == 1;
+    ERR_clear_error();
+    return signed_by_issuer;
+  }
+
+  const Library library_;
+  const ListsFrom lists_from_;
   std::map<std::string, Authorities> roots_;  ///< by MSP id
   std::mutex mutex_;
   std::list<Entry> entries_;  ///< newest use first
@@ -193,8 +214,8 @@ class CachingRegistry final : public MspRegistry {
 
 }  // namespace
 
-std::unique_ptr<MspRegistry> make_msp_registry(Library library, std::vector<MspRoot> roots) {
-  return std::make_unique<CachingRegistry>(library, std::move(roots));
+std::unique_ptr<MspRegistry> make_msp_registry(Library library, std::vector<MspRoot> roots, ListsFrom lists_from) {
+  return std::make_unique<CachingRegistry>(library, std::move(roots), lists_from);
 }
 
 }  // namespace ledgerline::crypto

@@ -4,6 +4,7 @@
 #include <openssl/x509.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -39,6 +40,9 @@ inline int no_pass_phrase(char*, int, int, void*) { return -1; }
 Result<X509Ptr> read_certificate(std::string_view pem);
 Result<Certificate> describe(X509* certificate);
 Result<std::int64_t> unix_time(const ASN1_TIME* time);
+/// The key that a revocation list says has signed it, by its authority key identifier (RFC 5280, 5.2.1); empty: by name and
+/// number alone. nullopt: it has no such extension, or one that cannot be read.
+std::optional<std::string> authority_key_of(X509_CRL* list);
 /// 65 bytes: 4, x, y. Refuses keys on other curves than P-256.
 Result<std::string> public_point(X509* certificate);
 

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <openssl/err.h>
 #include <openssl/pem.h>
+#include <openssl/x509v3.h>
 
 #include "common/crypto/openssl.hpp"
 
@@ -52,11 +53,23 @@ Result<std::vector<RevocationList>> read_revocation_lists(const std::string& pem
   return lists;
 }
 
+std::optional<std::string> authority_key_of(X509_CRL* list) {
+  const int at = X509_CRL_get_ext_by_NID(list, NID_authority_key_identifier, -1);
+  if (at < 0) return std::nullopt;
+  const std::unique_ptr<AUTHORITY_KEYID, Freed<AUTHORITY_KEYID_free>> said{
+      static_cast<AUTHORITY_KEYID*>(X509V3_EXT_d2i(X509_CRL_get_ext(list, at)))};
+  ERR_clear_error();
+  if (!said) return std::nullopt;
+  return said->keyid == nullptr ? std::string{}
+                                : std::string{reinterpret_cast<const char*>(ASN1_STRING_get0_data(said->keyid)),
+                                              static_cast<std::size_t>(ASN1_STRING_length(said->keyid))};
+}
+
 bool lists_name_key(const std::string& pem) {
   const BioPtr text = bio_of(pem);
   bool all = true;
   while (const CrlPtr list{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)})
-    all = all && X509_CRL_get_ext_by_NID(list.get(), NID_authority_key_identifier, -1) >= 0;
+    all = all && authority_key_of(list.get());
   ERR_clear_error();  // the end of the PEM text
   return all;
 }

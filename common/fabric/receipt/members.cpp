@@ -9,7 +9,7 @@ Members::Members(std::vector<crypto::MspRoot> roots, const std::string& lists_pe
   all_ = crypto::make_msp_registry(crypto::Library::libcrypto, roots);
   if (lists_pem.empty()) return;
   for (crypto::MspRoot& root : roots) root.revocation_lists_pem = lists_pem;
-  not_revoked_ = crypto::make_msp_registry(crypto::Library::libcrypto, std::move(roots));
+  not_revoked_ = crypto::make_msp_registry(crypto::Library::libcrypto, std::move(roots), crypto::ListsFrom::hand);
 }
 
 Result<Members::Found> Members::find(std::string_view serialized) const {

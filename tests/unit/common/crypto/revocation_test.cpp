@@ -10,8 +10,9 @@ namespace {
 
 class Revocation : public testing::Test {
  protected:
-  std::string said_of(const KeyAndCertificate& user, const std::string& lists) {
-    const auto registry = make_msp_registry(Library::libcrypto, {{"Org1MSP", ca_.certificate_pem, lists}});
+  std::string said_of(const KeyAndCertificate& user, const std::string& lists,
+                      ListsFrom from = ListsFrom::configuration) {
+    const auto registry = make_msp_registry(Library::libcrypto, {{"Org1MSP", ca_.certificate_pem, lists}}, from);
     msp::SerializedIdentity identity;
     identity.set_mspid("Org1MSP");
     identity.set_id_bytes(user.certificate_pem);
@@ -40,6 +41,32 @@ TEST_F(Revocation, AListOfTheAuthorityEndsACertificateAndNoOther) {
 TEST_F(Revocation, AListThatTheAuthorityHasNotSignedEndsNothing) {
   EXPECT_EQ(said_of(peer_, list_of(other_ca_, peer_.certificate_pem)), "accepted");
   EXPECT_EQ(said_of(peer_, "no list"), "accepted");
+}
+
+TEST_F(Revocation, AListThatNamesNoKeyEndsTheWholeMspAsInFabric) {
+  constexpr auto nameless = "could not obtain Authority Key Identifier for crl";
+  for (const NamedKey named : {NamedKey::none, NamedKey::unreadable}) {
+    const std::string list = list_of(ca_, peer_.certificate_pem, named);
+    EXPECT_NE(said_of(next_, list).find(nameless), std::string::npos);
+    EXPECT_NE(said_of(peer_, list).find(nameless), std::string::npos);
+    EXPECT_NE(said_of(next_, list_of(ca_, peer_.certificate_pem) + list).find(nameless), std::string::npos);
+    // whoever has signed it
+    EXPECT_NE(said_of(next_, list_of(other_ca_, peer_.certificate_pem, named)).find(nameless), std::string::npos);
+    EXPECT_FALSE(lists_name_key(list));
+  }
+  EXPECT_TRUE(lists_name_key(list_of(ca_, peer_.certificate_pem)));
+}
+
+TEST_F(Revocation, AListThatNamesItsAuthorityOtherwiseThanByKeyEndsNobodyAsInFabric) {
+  EXPECT_EQ(said_of(peer_, list_of(ca_, peer_.certificate_pem, NamedKey::by_name_alone)), "accepted");
+}
+
+TEST_F(Revocation, AListThatSomebodyHandedOverNeedsToNameNoKey) {
+  const std::string list = list_of(ca_, peer_.certificate_pem, NamedKey::none);
+  EXPECT_NE(said_of(peer_, list, ListsFrom::hand).find("revoked"), std::string::npos);
+  EXPECT_EQ(said_of(next_, list, ListsFrom::hand), "accepted");
+  const std::string other = list_of(other_ca_, peer_.certificate_pem, NamedKey::none);
+  EXPECT_EQ(said_of(peer_, other, ListsFrom::hand), "accepted");
 }
 
 TEST_F(Revocation, WhoHandsListsOverIsToldWhoseTheyAreAndWhichIsNone) {

@@ -6,6 +6,7 @@
 
 #include "common/policies.pb.h"
 #include "peer/transaction.pb.h"
+#include "tests/unit/common/crypto/revocation_list.hpp"
 #include "tests/unit/common/fabric/judge/judged_channel.hpp"
 
 /// What Fabric's peers say of these transactions tests/system/judge finds out; here it is written down.
@@ -205,6 +206,22 @@ TEST_F(TransactionJudge, ACreatorWhoDidNotSignIsNone) {
   ASSERT_TRUE(envelope.ParseFromString(sealed("blind write by two peers")));
   envelope.set_signature("nothing");
   EXPECT_EQ(judge({envelope.SerializeAsString()})[0].code, protos::BAD_CREATOR_SIGNATURE);
+}
+
+TEST_F(TransactionJudge, AnOrganisationWhoseRevocationListNamesNoKeyIsNobodyAsInFabric) {
+  const auto code_with_list_of = [&](const Organisation& organisation, crypto::NamedKey named) {
+    auto roots = config_.organisations;
+    for (crypto::MspRoot& root : roots) {
+      if (root.msp_id == organisation.msp_id)
+        root.revocation_lists_pem = crypto::list_of(organisation.ca, organisation.ca.certificate_pem, named);
+    }
+    members_ = crypto::make_msp_registry(library, roots);
+    return judge({sealed("blind write by two peers")})[0].code;
+  };
+  EXPECT_EQ(code_with_list_of(first_, crypto::NamedKey::issuers), protos::VALID);
+  EXPECT_EQ(code_with_list_of(first_, crypto::NamedKey::none), protos::BAD_CREATOR_SIGNATURE);
+  EXPECT_EQ(code_with_list_of(second_, crypto::NamedKey::none), protos::ENDORSEMENT_POLICY_FAILURE);
+  EXPECT_EQ(code_with_list_of(third_, crypto::NamedKey::none), protos::VALID) << "it has no part in it";
 }
 
 TEST_F(TransactionJudge, AnEventOfAnotherTransactionIsRefusedWhereTheRulesSaySo) {

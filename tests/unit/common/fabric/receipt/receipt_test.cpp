@@ -344,7 +344,7 @@ TEST_F(ReceiptTest, WhoIsRevokedHasNoWordAnyMoreAsOrdererOrAsAnsweringPeer) {
     return judge ? judge->verify(receipt_bytes(receipt)) : judge.error();
   };
   const auto list = [](const Organisation& of, const crypto::SigningIdentity& who) {
-    return crypto::list_of(of.ca, certificate_of(who));
+    return crypto::list_of(of.ca, certificate_of(who), crypto::NamedKey::none);
   };
   const std::string peer1 = list(organisations[0], peers[0]), user2 = list(organisations[1], users[1]);
   const std::string user1 = list(organisations[0], users[0]);
