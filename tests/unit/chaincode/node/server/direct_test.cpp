@@ -70,6 +70,35 @@ class SilentOrderer final : public orderer::AtomicBroadcast::Service {
   Beside beside_;
 };
 
+/// Hands each envelope on to the node, and counts the streams that it came by.
+class CountingOrderer final : public orderer::AtomicBroadcast::Service {
+ public:
+  explicit CountingOrderer(const ServedNode& as)
+      : node_(orderer::AtomicBroadcast::NewStub(as.connect())), beside_(as, *this) {}
+  std::string endpoint() const { return beside_.endpoint(); }
+  int streams() const { return streams_; }
+  int envelopes() const { return envelopes_; }
+
+  grpc::Status Broadcast(grpc::ServerContext*,
+                         grpc::ServerReaderWriter<orderer::BroadcastResponse, common::Envelope>* stream) override {
+    ++streams_;
+    grpc::ClientContext context;
+    const auto onward = node_->Broadcast(&context);
+    orderer::BroadcastResponse response;
+    for (common::Envelope envelope; stream->Read(&envelope);) {
+      ++envelopes_;
+      if (!onward->Write(envelope) || !onward->Read(&response) || !stream->Write(response)) break;
+    }
+    context.TryCancel();
+    return grpc::Status::OK;
+  }
+
+ private:
+  std::atomic<int> streams_{0}, envelopes_{0};
+  const std::unique_ptr<orderer::AtomicBroadcast::Stub> node_;
+  Beside beside_;
+};
+
 class DirectTest : public ::testing::Test {
  protected:
   std::unique_ptr<fabric::Client> connect(const std::vector<std::string>& orderers, const std::string& own_peer = "",
@@ -133,6 +162,28 @@ TEST_F(DirectTest, ManyCallsAtOnceAreOrderedAsTheyWereSubmitted) {
     EXPECT_GT(got.block, last);
     last = got.block;
   }
+}
+
+/// Agent and ground have a client for each class of traffic: what is urgent must not wait behind states or commands, and the
+/// orderer must not have to hold more streams than that.
+TEST_F(DirectTest, EachClassOfTrafficHasOneStreamToTheOrderer) {
+  const CountingOrderer orderer(served);
+  const auto states = connect({orderer.endpoint()}), urgent = connect({orderer.endpoint()});
+  EXPECT_TRUE(states->evaluate({"get", {}}).ok());
+  ASSERT_EQ(urgent->submit_and_wait(note("tello1/a")).kind, Kind::committed);
+  EXPECT_EQ(orderer.streams(), 1) << "who only asks has none";
+  ASSERT_EQ(states->submit_and_wait(note("tello1/a")).kind, Kind::committed);
+  EXPECT_EQ(orderer.streams(), 2) << "the other class does not share it";
+  constexpr int each = 40;
+  std::vector<std::promise<fabric::Outcome>> outcomes(2 * each);
+  for (std::size_t i = 0; i < outcomes.size(); ++i) {
+    (i % 2 == 0 ? states : urgent)->submit(note("tello1/a"), [&outcomes, i](fabric::Outcome outcome) {
+      outcomes[i].set_value(std::move(outcome));
+    });
+  }
+  for (auto& outcome : outcomes) EXPECT_EQ(outcome.get_future().get().kind, Kind::committed);
+  EXPECT_EQ(orderer.envelopes(), 2 + 2 * each);
+  EXPECT_EQ(orderer.streams(), 2) << "however many calls there are at once";
 }
 
 TEST_F(DirectTest, AnOrdererThatIsGoneIsPassedOver) {
