@@ -27,7 +27,8 @@ using StoreContextPtr = std::unique_ptr<X509_STORE_CTX, Freed<X509_STORE_CTX_fre
 
 struct Validity {
   std::int64_t from_s = 0, to_s = 0;
-  bool holds(std::int64_t now_s) const { return now_s >= from_s && now_s <= to_s; }
+  /// In whole seconds: what is left of the last one is over for Fabric, too.
+  bool holds(std::int64_t now_s) const { return now_s >= from_s && now_s < to_s; }
 };
 
 class CachingRegistry final : public MspRegistry {

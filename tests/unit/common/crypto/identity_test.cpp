@@ -69,6 +69,15 @@ TEST_F(Msp, AMemberHasExactlyOneRole) {
             std::string::npos);
 }
 
+TEST_F(Msp, ACertificateIsOverWithItsLastSecondAsInFabric) {
+  const auto user = user_of(ca_, "User1@org1", "client", 1);
+  const std::string bytes = serialized("Org1MSP", user.certificate_pem);
+  const std::int64_t end_s = parse_certificate(user.certificate_pem).value().not_after_s;
+  EXPECT_TRUE(registry_->member(bytes, end_s - 1));
+  EXPECT_FALSE(registry_->member(bytes, end_s));
+  EXPECT_TRUE(registry_->member(bytes, std::nullopt)) << "a block's transactions count whenever that was";
+}
+
 TEST_F(Msp, RenewalKeepsTheName) {
   const auto first =
       registry_->member(serialized("Org1MSP", user_of(ca_, "User1@org1", "client").certificate_pem), now_).value();
