@@ -4,223 +4,199 @@
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <nlohmann/json.hpp>
-#include <random>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "chaincode/endorser/core/comparison.hpp"
+#include "common/base/file.hpp"
+#include "common/common.pb.h"
 #include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/config.hpp"
 #include "common/rt/clock.hpp"
-#include "ledgerline.pb.h"
+#include "msp/identities.pb.h"
 #include "peer/proposal_response.pb.h"
 #include "tests/system/connect.hpp"
+#include "tests/unit/chaincode/endorser/random_calls.hpp"
 
 namespace {
 
 using namespace ledgerline;
+using endorser::Kind;
 
 struct Person {
   fabric::ClientConfig config;
   std::unique_ptr<fabric::Client> client;
 };
 
-/// Calls of every function: good ones, refusals, keys that are there and are not, pages, and what is no call at all.
-class Calls {
- public:
-  Calls(std::uint64_t seed, std::vector<crypto::IdentityName> people) : random_(seed), people_(std::move(people)) {}
-
-  fabric::Call next() {
-    static const std::vector<std::string> functions{
-        "set",     "set",     "set",     "set",     "delete", "get",       "get",    "get",    "command",
-        "command", "acquire", "release", "request", "deny",   "hand_over", "stop",   "resume", "fold",
-        "evict",   "enroll",  "revoke",  "grant",   "anchor", "verify",    "nothing"};
-    const std::string& function = functions[pick(functions.size())];
-    if (pick(20) == 0) return {function, {word()}};
-    if (pick(40) == 0) return {function, {}};
-    return {function, {arguments_of(function)}};
-  }
-  std::size_t pick(std::size_t count) { return random_() % count; }
-
- private:
-  std::string drone() { return "tello" + std::to_string(1 + pick(6)); }
-  std::string id() { return drone() + "/key" + std::to_string(pick(60)); }
-  std::string word() {
-    static const std::vector<std::string> words{"",
-                                                "tello1",
-                                                "tello1/",
-                                                "tello2/key1",
-                                                "control/tello1",
-                                                "*",
-                                                "\xff\x01",
-                                                "lease/x",
-                                                "{\"id\":\"tello1/key1\"}",
-                                                "zzz"};
-    return words[pick(words.size())];
-  }
-  void name(Identity& identity) {
-    const crypto::IdentityName& one = people_[pick(people_.size())];
-    identity.set_msp_id(pick(8) == 0 ? "Org9MSP" : one.msp_id);
-    identity.set_subject(one.subject);
-  }
-  template <typename Call>
-  std::string drones_of(Call call) {
-    for (std::size_t i = 0; i <= pick(2); ++i) call.add_drones(drone());
-    return call.SerializeAsString();
-  }
-
-  std::string arguments_of(const std::string& function) {
-    if (function == "set") {
-      SetCall call;
-      for (std::size_t i = 0; i <= pick(3); ++i) {
-        Asset& asset = *call.add_assets();
-        asset.set_id(id());
-        asset.set_msg_type("std_msgs/msg/String");
-        asset.set_msg_data(std::string(1 + pick(300), static_cast<char>('a' + pick(26))));
-      }
-      call.set_stream(pick(3) == 0);
-      return call.SerializeAsString();
-    }
-    if (function == "delete") {
-      DeleteCall call;
-      call.set_id(id());
-      return call.SerializeAsString();
-    }
-    if (function == "get") {
-      static const std::vector<std::string> asked{"*",           "tello1/*",    "tello2/*",      "control/*",
-                                                  "tello1/key1", "tello3/key9", "control/tello1"};
-      QueryCall call;
-      call.set_id(pick(3) == 0 ? id() : asked[pick(asked.size())]);
-      if (pick(4) == 0) call.set_bookmark(id());
-      return call.SerializeAsString();
-    }
-    if (function == "command") {
-      CommandCall call;
-      call.set_organisation(pick(10) == 0 ? "Org2MSP" : "Org1MSP");
-      DronePlan& plan = *call.add_plans();
-      plan.set_drone("tello" + std::to_string(1 + pick(3)));
-      plan.set_epoch(pick(6));
-      plan.set_action(FLY);
-      plan.add_setpoints()->set_at_ns(1000);
-      return call.SerializeAsString();
-    }
-    if (function == "revoke") {
-      RevokeCall call;
-      name(*call.mutable_identity());
-      return call.SerializeAsString();
-    }
-    if (function == "enroll") {
-      EnrollCall call;
-      name(*call.mutable_identity());
-      if (pick(2) == 0) call.add_drones(drone());
-      if (pick(2) == 0) call.set_role(OPERATOR);
-      return call.SerializeAsString();
-    }
-    if (function == "grant") {
-      GrantCall call;
-      call.add_drones(drone());
-      name(*call.mutable_grant()->mutable_to());
-      call.mutable_grant()->set_fly(pick(2) == 0);
-      call.mutable_grant()->set_max_priority(static_cast<std::uint32_t>(pick(10)));
-      return call.SerializeAsString();
-    }
-    if (function == "hand_over" || function == "deny") {
-      AnswerCall call;
-      name(*call.mutable_to());
-      return drones_of(std::move(call));
-    }
-    if (function == "anchor" || function == "verify") {
-      AnchorCall call;
-      call.set_digest(std::string(pick(6) == 0 ? 5 : 32, static_cast<char>(pick(4))));
-      call.set_what("data");
-      return call.SerializeAsString();
-    }
-    if (function == "acquire" || function == "release" || function == "request") {
-      LeaseCall call;
-      call.set_priority(static_cast<std::uint32_t>(pick(5)));
-      return drones_of(std::move(call));
-    }
-    DronesCall call;
-    call.set_cut(pick(4) == 0);
-    return drones_of(std::move(call));
-  }
-
-  std::mt19937_64 random_;
-  const std::vector<crypto::IdentityName> people_;
+/// Of each kind: the answers that were the same, by what they were.
+struct Tally {
+  int asked = 0, endorsed = 0, refused = 0;  ///< by the contract
+  int unanswered = 0;                        ///< refused by both before the contract was asked
+  int left_to_the_peer = 0;                  ///< the peer answers, and the endorser says that only it can
 };
 
 struct Told {
-  std::map<std::string, int> same, unanswered, refusals;
+  std::map<Kind, Tally> of;
+  std::map<std::string, int> same, left;
+  std::map<std::string, std::string> words;  ///< of proposals that both leave unanswered, the first pair of each kind
   int other_state = 0, differ = 0, committed = 0, invalid = 0;
   std::string first_difference;
 };
 
-/// Org1's drones with their host, and an operator of Org2 that flies some: so that calls of all kinds can succeed. `people`: as
-/// test_endorser.py has them. What did not go, in words.
-std::string prepare(std::vector<Person>& people) {
-  EnrollCall drones, operators;
-  GrantCall grant;
-  LeaseCall lease;
-  for (int k = 1; k <= 4; ++k) drones.add_drones("tello" + std::to_string(k));
-  for (int k = 1; k <= 2; ++k) lease.add_drones("tello" + std::to_string(k));
-  const auto set = [](Identity& identity, const Person& who) {
-    identity.set_msp_id(who.config.identity.name.msp_id);
-    identity.set_subject(who.config.identity.name.subject);
+nlohmann::json as_json(const std::map<Kind, Tally>& tallies) {
+  nlohmann::json out;
+  for (const auto& [kind, tally] : tallies) {
+    out[endorser::name_of(kind)] = {{"asked", tally.asked},
+                                    {"endorsed", tally.endorsed},
+                                    {"refused", tally.refused},
+                                    {"unanswered", tally.unanswered},
+                                    {"left_to_the_peer", tally.left_to_the_peer}};
+  }
+  return out;
+}
+
+/// Nonces of the transactions that the peer's blocks told, with who has used each.
+class UsedIds {
+ public:
+  struct One {
+    std::size_t who = 0;
+    std::string nonce;
   };
-  set(*drones.mutable_identity(), people[0]);
-  set(*operators.mutable_identity(), people[3]);
-  operators.set_role(OPERATOR);
-  *grant.mutable_drones() = drones.drones();
-  grant.mutable_grant()->mutable_to()->set_msp_id("Org2MSP");
-  grant.mutable_grant()->set_fly(true);
-  grant.mutable_grant()->set_max_priority(10);
-  const std::vector<std::pair<std::size_t, fabric::Call>> calls{{1, {"enroll", {drones.SerializeAsString()}}},
-                                                                {2, {"enroll", {operators.SerializeAsString()}}},
-                                                                {1, {"grant", {grant.SerializeAsString()}}},
-                                                                {3, {"acquire", {lease.SerializeAsString()}}}};
+  UsedIds(fabric::Client& client, const std::vector<crypto::SigningIdentity>& people) {
+    for (std::size_t i = 0; i < people.size(); ++i) people_[people[i].serialized] = i;
+    blocks_ = client.blocks(
+        0, {.on_block = [this](const fabric::Block& block, std::string_view) { take(block); }, .on_connection = {}});
+  }
+  std::size_t count() {
+    const std::lock_guard lock(mutex_);
+    return used_.size();
+  }
+  One at(std::size_t i) {
+    const std::lock_guard lock(mutex_);
+    return used_.at(i);
+  }
+
+ private:
+  void take(const fabric::Block& block) {
+    for (const fabric::Transaction& transaction : block.transactions) {
+      common::Payload payload;
+      common::SignatureHeader header;
+      const auto who = people_.find(transaction.creator);
+      if (who == people_.end() || !payload.ParseFromString(transaction.payload) ||
+          !header.ParseFromString(payload.header().signature_header()))
+        continue;
+      const std::lock_guard lock(mutex_);
+      used_.push_back({who->second, header.nonce()});
+    }
+  }
+
+  std::map<std::string, std::size_t> people_;
+  std::mutex mutex_;
+  std::vector<One> used_;
+  std::unique_ptr<fabric::Client::Stream> blocks_;
+};
+
+/// What did not go, in words.
+std::string submit(std::vector<Person>& people, const std::vector<endorser::CallOf>& calls) {
   std::string problems;
-  for (const auto& [who, call] : calls) {
-    const fabric::Outcome outcome = people[who].client->submit_and_wait(call);
-    if (outcome.kind != fabric::Outcome::Kind::committed) problems += call.function + ": " + outcome.message + "\n";
+  for (const endorser::CallOf& one : calls) {
+    const fabric::Outcome outcome = people[one.who].client->submit_and_wait(one.call);
+    if (outcome.kind != fabric::Outcome::Kind::committed) problems += one.call.function + ": " + outcome.message + "\n";
   }
   return problems;
 }
 
-/// Until both have read the same versions.
-endorser::Comparison ask_both(fabric::PeerQuestions& own, fabric::PeerQuestions& peer, const std::string& proposal,
-                              const std::string& function, Told& told) {
-  endorser::Comparison found = endorser::Comparison::other_state;
-  for (int tried = 0; tried < 200 && found == endorser::Comparison::other_state; ++tried) {
-    if (tried > 0) {
-      ++told.other_state;
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+/// Why neither of the two answered; a peer of Fabric says less than the endorser of who is no member.
+std::string reason_in(const std::string& words) {
+  for (const char* reason : {"duplicate transaction found", "expired", "access denied"})
+    if (words.find(reason) != std::string::npos) return reason;
+  return words;
+}
+
+class Asking {
+ public:
+  Asking(fabric::PeerQuestions& own, fabric::PeerQuestions& peer, Told& told) : own_(own), peer_(peer), told_(told) {}
+
+  /// Until both have taken the same blocks.
+  void ask(const std::string& proposal, Kind kind, const std::string& function) {
+    Tally& tally = told_.of[kind];
+    ++tally.asked;
+    for (int tried = 0; tried < 200; ++tried) {
+      if (tried > 0) {
+        ++told_.other_state;
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      }
+      const auto mine = own_.propose(proposal), theirs = peer_.propose(proposal);
+      // An id is used up at each of the two from its block on.
+      if (kind == Kind::used_id && mine.ok() != theirs.ok()) continue;
+      // At its start it waits until the peer has answered the same once.
+      if (!mine && mine.error().what.find("has not yet answered as the peer") != std::string::npos) continue;
+      const endorser::Comparison found =
+          mine && theirs ? endorser::compare(*mine, *theirs) : unanswered(mine, theirs, kind, function);
+      if (found == endorser::Comparison::other_state) continue;
+      if (found == endorser::Comparison::differ) return differ(function, mine, theirs);
+      if (mine && theirs) {
+        protos::ProposalResponse response;
+        response.ParseFromString(*mine);
+        ++(response.has_endorsement() ? tally.endorsed : tally.refused);
+        ++told_.same[function];
+      }
+      return;
     }
-    const auto mine = own.propose(proposal), theirs = peer.propose(proposal);
-    if (!mine) {
-      const bool words_differ = !theirs && mine.error().what != theirs.error().what;
-      if (words_differ) told.first_difference = mine.error().what + " | " + theirs.error().what;
-      if (!words_differ) ++told.unanswered[function + ": " + mine.error().what];
-      return words_differ ? endorser::Comparison::differ : endorser::Comparison::same;
-    }
-    if (!theirs) {
-      told.first_difference = function + ": the peer alone refuses: " + theirs.error().what;
-      return endorser::Comparison::differ;
-    }
-    protos::ProposalResponse response;
-    response.ParseFromString(*mine);
-    found = endorser::compare(*mine, *theirs);
-    if (found == endorser::Comparison::same) {
-      ++told.same[function];
-      if (response.response().status() >= 400) ++told.refusals[function];
-    } else if (found == endorser::Comparison::differ && told.first_difference.empty()) {
-      protos::ProposalResponse other;
-      other.ParseFromString(*theirs);
-      told.first_difference = function + "\n" + response.ShortDebugString() + "\n" + other.ShortDebugString();
-    }
+    differ(function, Error{"never of the same blocks"}, Error{"never of the same blocks"});
   }
-  return found;
+
+ private:
+  using Answer = Result<std::string>;
+
+  endorser::Comparison unanswered(const Answer& mine, const Answer& theirs, Kind kind, const std::string& function) {
+    Tally& tally = told_.of[kind];
+    if (mine) return endorser::Comparison::differ;
+    if (theirs) {
+      if (mine.error().what.find("a peer answers that") == std::string::npos) return endorser::Comparison::differ;
+      ++tally.left_to_the_peer;
+      ++told_.left[function];
+      return endorser::Comparison::same;
+    }
+    ++tally.unanswered;
+    told_.words.try_emplace(endorser::name_of(kind),
+                            mine.error().what.substr(0, 200) + " | " + theirs.error().what.substr(0, 200));
+    return reason_in(mine.error().what) == reason_in(theirs.error().what) ? endorser::Comparison::same
+                                                                          : endorser::Comparison::differ;
+  }
+
+  void differ(const std::string& function, const Answer& mine, const Answer& theirs) {
+    ++told_.differ;
+    if (!told_.first_difference.empty()) return;
+    const auto words = [](const Answer& answer) {
+      protos::ProposalResponse response;
+      if (!answer) return answer.error().what;
+      response.ParseFromString(*answer);
+      return std::to_string(response.response().status()) + " " + response.response().message() + "\n" +
+             crypto::hex(response.payload());
+    };
+    told_.first_difference = function + "\n" + words(mine) + "\n" + words(theirs);
+  }
+
+  fabric::PeerQuestions &own_, &peer_;
+  Told& told_;
+};
+
+/// One whose certificate of the organisation has ended.
+crypto::SigningIdentity expired_of(const std::string& key, const std::string& certificate, const std::string& msp_id) {
+  const crypto::KeyAndCertificate ca{or_end(key, read_file(key)), or_end(certificate, read_file(certificate))};
+  const auto made =
+      or_end(certificate,
+             crypto::issue(ca, {.common_name = "old", .organization = "", .unit = "client", .sans = {}, .days = 0}));
+  msp::SerializedIdentity serialized;
+  serialized.set_mspid(msp_id);
+  serialized.set_id_bytes(made.certificate_pem);
+  return {{msp_id, "CN=old"},
+          serialized.SerializeAsString(),
+          or_end(certificate, crypto::make_signer(crypto::Library::libcrypto, made.key_pem))};
 }
 
 }  // namespace
@@ -228,57 +204,96 @@ endorser::Comparison ask_both(fabric::PeerQuestions& own, fabric::PeerQuestions&
 int main(int argc, char** argv) {
   CLI::App app{"Asks an own endorser and its peer the same random proposals"};
   std::vector<std::string> configs;
-  std::string endpoint, tls_ca;
+  std::string endpoint, tls_ca, ca_key, ca_certificate;
   std::uint64_t seed = 1;
   int count = 500;
-  app.add_option("--config", configs, "TOML files with [ledger], one a person; the peer asked is the first one's")
-      ->required();
+  app.add_option("--config", configs,
+                 "TOML files with [ledger], in the order of endorser::Who; the peer asked is the first one's")
+      ->required()
+      ->expected(endorser::people_count);
   app.add_option("--endorser", endpoint, "HOST:PORT")->required();
   app.add_option("--tls-ca", tls_ca, "of the endorser's certificate")->required();
+  app.add_option("--ca-key", ca_key, "of the first one's organisation")->required();
+  app.add_option("--ca-certificate", ca_certificate)->required();
   app.add_option("--count", count);
   app.add_option("--seed", seed);
   CLI11_PARSE(app, argc, argv);
 
   std::vector<Person> people;
   std::vector<crypto::IdentityName> names;
+  std::vector<crypto::SigningIdentity> identities;
   for (const std::string& file : configs) {
     people.push_back({ledger_of(file), connect(file)});
-    names.push_back(people.back().config.identity.name);
+    identities.push_back(people.back().config.identity);
+    names.push_back(identities.back().name);
   }
+  const crypto::SigningIdentity expired = expired_of(ca_key, ca_certificate, names.front().msp_id);
+  const auto wrong = endorser::wrong_creators(identities[endorser::steady_host], identities[endorser::host]);
   fabric::ClientConfig at_endorser = people.front().config;
   at_endorser.endpoint = endpoint;
   at_endorser.tls_ca_file = tls_ca;
-  auto own = fabric::PeerQuestions::create(at_endorser);
-  auto peer = fabric::PeerQuestions::create(people.front().config);
-  if (!own || !peer) {
-    std::fprintf(stderr, "%s\n", (own ? peer.error() : own.error()).what.c_str());
-    return 1;
-  }
-  if (people.size() < 5) return 1;
-  if (const std::string problems = prepare(people); !problems.empty()) {
+  const auto own = or_end(endpoint, fabric::PeerQuestions::create(at_endorser));
+  const auto peer = or_end(configs.front(), fabric::PeerQuestions::create(people.front().config));
+  const std::string problems =
+      submit(people, endorser::steady_calls(names)) + submit(people, endorser::usual_calls(names));
+  if (!problems.empty()) {
     std::fprintf(stderr, "%s", problems.c_str());
     return 1;
   }
-  Calls calls(seed, names);
+  UsedIds used(*people.front().client, identities);
+  while (used.count() == 0) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  endorser::Calls calls(seed, names);
   Told told;
+  Asking asking(*own, *peer, told);
   for (int i = 0; i < count; ++i) {
     // Random calls have revoked and evicted people, and deleted what there was.
-    if (i % 50 == 49) (void)prepare(people);
-    const fabric::Call call = calls.next();
-    const std::size_t usual = call.function == "command" ? 3 : 0;
-    Person& who = people[calls.pick(3) == 0 ? calls.pick(people.size()) : usual];
-    const auto proposal =
-        fabric::make_proposal(who.config.identity, who.config.where, call, realtime_ns(), crypto::random_bytes(24));
-    if (ask_both(**own, **peer, proposal->signed_proposal, call.function, told) != endorser::Comparison::same)
-      ++told.differ;
-    if (calls.pick(4) != 0 || call.function == "get" || call.function == "verify") continue;
-    const fabric::Outcome outcome = who.client->submit_and_wait(call);
+    if (i % 50 == 49) (void)submit(people, endorser::usual_calls(names));
+    const Kind kind = calls.next_kind();
+    fabric::Call call = calls.any();
+    std::size_t caller = calls.pick(3) == 0           ? calls.pick(people.size())
+                         : call.function == "command" ? endorser::second_operator
+                                                      : endorser::host;
+    const crypto::SigningIdentity* who = nullptr;
+    std::string nonce = crypto::random_bytes(24);
+    switch (kind) {
+      case Kind::command:
+        call = calls.command();
+        caller = endorser::steady_holder;
+        break;
+      case Kind::state:
+        call = calls.state();
+        caller = endorser::steady_host;
+        break;
+      case Kind::any:
+        break;
+      case Kind::used_id: {
+        const UsedIds::One one = used.at(calls.pick(used.count()));
+        caller = one.who;
+        nonce = one.nonce;
+        break;
+      }
+      case Kind::wrong_creator:
+        call = calls.state();
+        who = &wrong[calls.pick(wrong.size())];
+        break;
+      case Kind::expired_creator:
+        call = calls.state();
+        who = &expired;
+        break;
+    }
+    const bool can_be_good = kind == Kind::command || kind == Kind::state || kind == Kind::any;
+    if (who == nullptr) who = &identities[caller];
+    const auto proposal = fabric::make_proposal(*who, people.front().config.where, call, realtime_ns(), nonce);
+    asking.ask(proposal->signed_proposal, kind, call.function);
+    if (calls.pick(4) != 0 || !can_be_good || call.function == "get" || call.function == "verify") continue;
+    const fabric::Outcome outcome = people[caller].client->submit_and_wait(call);
     if (outcome.kind == fabric::Outcome::Kind::committed) ++told.committed;
     if (outcome.kind == fabric::Outcome::Kind::invalidated) ++told.invalid;
   }
-  std::printf("%s\n", nlohmann::json{{"same", told.same},
-                                     {"unanswered", told.unanswered},
-                                     {"refusals", told.refusals},
+  std::printf("%s\n", nlohmann::json{{"kinds", as_json(told.of)},
+                                     {"same", told.same},
+                                     {"left_to_the_peer", told.left},
+                                     {"words", told.words},
                                      {"other_state", told.other_state},
                                      {"differ", told.differ},
                                      {"committed", told.committed},
