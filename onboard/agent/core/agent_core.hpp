@@ -111,7 +111,6 @@ class AgentCore {
 
   bool ledger_alive(TimeNs now) const;
   std::uint64_t height() const { return check_.height(); }
-  const std::string& chain_hash() const { return check_.chain_hash(); }
   FirstRecords records() const { return check_.records(); }
   std::uint64_t blocks() const { return blocks_; }
   const std::string& last_chain_error() const { return last_chain_error_; }
