@@ -283,9 +283,7 @@ std::vector<Verdict> judge_transactions(const common::Block& block, const Channe
                                         crypto::MspRegistry& members, const JudgeRules& rules) {
   Judging judging(state, members, rules);
   const auto count = static_cast<std::size_t>(block.data().data_size());
-  std::string_view flags;
-  if (!state.whole() && block.metadata().metadata_size() > common::TRANSACTIONS_FILTER)
-    flags = block.metadata().metadata(common::TRANSACTIONS_FILTER);
+  const std::string_view flags = state.whole() ? std::string_view{} : flags_of(block);
   std::vector<Verdict> verdicts;
   verdicts.reserve(count);
   for (std::size_t i = 0; i < count; ++i) {

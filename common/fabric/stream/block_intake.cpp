@@ -12,10 +12,8 @@ namespace {
 
 constexpr TimeNs max_behind_ns = 2 * 3600 * ns_per_s;  // a clock that nobody set by time zone or summer
 
-/// The flags that a peer has set; empty: none, as in an orderer's block.
-std::string_view flags_of(const common::Block& message) {
-  if (message.metadata().metadata_size() <= common::TRANSACTIONS_FILTER) return {};
-  return message.metadata().metadata(common::TRANSACTIONS_FILTER);
+std::string not_as_ordered(std::uint64_t number) {
+  return fmt::format("block {} of the peer is not the one that was ordered", number);
 }
 
 void set_flags(common::Block& message, const std::vector<Verdict>& verdicts) {
@@ -121,7 +119,7 @@ Status BlockIntake::compare_with_ordered(std::uint64_t number, const std::string
   if (!ordered) {
     told_.of_peer(number, hash);
   } else if (ordered->hash != hash && is_signed(ordered->message)) {
-    return contradict(fmt::format("block {} of the peer is not the one that was ordered", number));
+    return contradict(not_as_ordered(number));
   } else if (ordered->hash != hash) {
     orderer_problem_ = fmt::format("block {} of an orderer is not the peer's, and not signed", number);
   }
@@ -133,8 +131,7 @@ Status BlockIntake::compare_with_taken(const common::Block& message, const std::
   const std::uint64_t number = message.header().number();
   const auto taken = told_.take_of_peer(number);
   if (!taken || *taken == hash) return done;
-  if (is_signed(message))
-    return contradict(fmt::format("block {} of the peer is not the one that was ordered", number));
+  if (is_signed(message)) return contradict(not_as_ordered(number));
   return Error{fmt::format("block {} of an orderer is not the peer's, and not signed", number)};
 }
 
@@ -145,9 +142,8 @@ Result<std::size_t> BlockIntake::confirm(const common::Block& message) {
   if (message.header().number() != number)
     return Error{fmt::format("block {} came where {} was due", message.header().number(), number)};
   if (header_hash(message.header()) != ours.hash) {
-    if (!is_signed(message))
-      return Error{fmt::format("block {} of the peer is not the one that was ordered, and not signed", number)};
-    return contradict(fmt::format("block {} of the peer is not the one that was ordered", number));
+    if (!is_signed(message)) return Error{not_as_ordered(number) + ", and not signed"};
+    return contradict(not_as_ordered(number));
   }
   const std::string_view flags = flags_of(message);
   std::size_t told_again = 0;

@@ -11,15 +11,11 @@
 namespace ledgerline::fabric {
 namespace {
 
-/// common.BlockMetadataIndex.TRANSACTIONS_FILTER: one byte per transaction.
-constexpr int flags_index = 2;
-
 template <typename Message>
 bool parse(Message& message, const std::string& bytes) {
   return message.ParseFromString(bytes);
 }
 
-/// A hostile client may claim any time; what is no time of our age counts as none.
 /// What the endorsers signed: event, and that it is of this contract and transaction. Fabric's peers look at the
 /// contract's name alone before they flag a transaction valid.
 const char* read_action(const std::string& response_payload, Transaction& out) {
@@ -134,8 +130,7 @@ Result<Block> decode_block(const common::Block& block) {
     return Error{fmt::format("block {}: its data does not match its data hash", out.number)};
   }
   const auto count = static_cast<std::size_t>(block.data().data_size());
-  std::string_view flags;
-  if (block.metadata().metadata_size() > flags_index) flags = block.metadata().metadata(flags_index);
+  const std::string_view flags = flags_of(block);
   if (!flags.empty() && flags.size() != count) {
     return Error{fmt::format("block {}: it has {} transactions but {} flags", out.number, count, flags.size())};
   }
@@ -179,11 +174,17 @@ std::string block_header_hash(std::uint64_t number, std::string_view previous_ha
   return {digest.begin(), digest.end()};
 }
 
+/// A hostile client may claim any time; what is no time of our age counts as none.
 TimeNs time_of(const google::protobuf::Timestamp& timestamp) {
   constexpr std::int64_t last_s = 8'000'000'000;
   if (timestamp.seconds() < 0 || timestamp.seconds() > last_s || timestamp.nanos() < 0 || timestamp.nanos() >= ns_per_s)
     return 0;
   return timestamp.seconds() * ns_per_s + timestamp.nanos();
+}
+
+std::string_view flags_of(const common::Block& block) {
+  if (block.metadata().metadata_size() <= common::TRANSACTIONS_FILTER) return {};
+  return block.metadata().metadata(common::TRANSACTIONS_FILTER);
 }
 
 std::string header_hash(const common::BlockHeader& header) {

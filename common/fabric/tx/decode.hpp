@@ -1,4 +1,7 @@
 #pragma once
+#include <string>
+#include <string_view>
+
 #include "common/common.pb.h"
 #include "common/fabric/tx/transaction.hpp"
 
@@ -8,6 +11,9 @@ namespace ledgerline::fabric {
 Result<Block> decode_block(const common::Block& block);
 /// 0: none that can be.
 TimeNs time_of(const google::protobuf::Timestamp& timestamp);
+/// What a peer has flagged each transaction with (protos.TxValidationCode, a byte each), as long as `block` lives; empty:
+/// nothing, as in an orderer's block.
+std::string_view flags_of(const common::Block& block);
 /// block_header_hash of it.
 std::string header_hash(const common::BlockHeader& header);
 
