@@ -49,15 +49,10 @@ BlockHandOver::Told BlockHandOver::peer_tells(const common::Block& message, Time
 BlockHandOver::Told BlockHandOver::take(const common::Block& message, TimeNs now, const Fetch& fetch) {
   // "From the next new one on": the newest block that the peer sends first only says where that is.
   const bool wanted = intake_.next().has_value();
-  bool fetched = true;
-  auto block = intake_.take(message, [&](std::uint64_t number) {
-    auto got = fetch(number);
-    fetched = fetched && got;
-    return got;
-  });
+  NotedFetch noted(fetch);
+  auto block = intake_.take(message, std::ref(noted));
   if (!block) {
-    // What was refused may be right where the peer did not answer.
-    if (fetched) tell_contradiction(block.error().what);
+    if (!noted.failed()) tell_contradiction(block.error().what);
     return {.problem = block.error().what};
   }
   if (wanted) {

@@ -13,6 +13,22 @@
 
 namespace ledgerline::fabric {
 
+/// Fetches blocks, and notes whether one did not come: what was refused for want of it may be right.
+class NotedFetch {
+ public:
+  explicit NotedFetch(BlockIntake::Fetch fetch) : fetch_(std::move(fetch)) {}
+  Result<common::Block> operator()(std::uint64_t number) {
+    auto block = fetch_(number);
+    failed_ = failed_ || !block;
+    return block;
+  }
+  bool failed() const { return failed_; }
+
+ private:
+  const BlockIntake::Fetch fetch_;
+  bool failed_ = false;
+};
+
 /// Where the peer's stream and an orderer's meet: one BlockIntake, and what is handed over of it in order, whoever told it
 /// first. Any thread; on_block, on_confirmed, on_unbelievable and on_contradiction are called under its mutex, so that
 /// none of them comes beside another.

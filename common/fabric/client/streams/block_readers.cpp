@@ -67,17 +67,13 @@ std::string BlockReader::continue_chain(Follower& follower) {
   if (!believed_) return {};
   const auto newest = fetch_block(*connection_, follower, std::nullopt);
   if (!newest) return newest.error().what;
-  bool fetched = true;
-  const auto on = blocks_->continue_chain(*believed_, *newest, [&](std::uint64_t number) {
-    auto block = fetch_block(*connection_, follower, number);
-    fetched = fetched && block;
-    return block;
-  });
+  NotedFetch noted(fetcher(*connection_, follower));
+  const auto on = blocks_->continue_chain(*believed_, *newest, std::ref(noted));
   if (!on) {
-    // A peer that lags behind may be honest, for a moment; where it did not answer, what was refused may be right.
+    // A peer that lags behind may be honest, for a moment.
     const bool lags = newest->header().number() < believed_->last.number;
     lagged_ = lags ? lagged_ + 1 : 0;
-    if ((!lags || lagged_ >= max_lags) && fetched) blocks_->contradicted(on.error().what);
+    if ((!lags || lagged_ >= max_lags) && !noted.failed()) blocks_->contradicted(on.error().what);
     return on.error().what;
   }
   believed_.reset();
