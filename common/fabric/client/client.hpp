@@ -29,16 +29,16 @@ struct ClientConfig {
   /// Orderers, for the direct path: calls are endorsed by the peer at `endpoint` itself and sent to an orderer, which
   /// saves the gateway's two steps. Empty: everything through the gateway.
   std::vector<Server> orderers;
-  /// Peers that endorse for their organisations, for the direct path; see `endorsement_need`. Those of organisations that are not
-  /// here are found by the gateway.
+  /// Peers that endorse for their organisations, for the direct path; see `endorsement_need`. Those of organisations
+  /// that are not here are found by the gateway.
   struct Endorser {
     std::string msp_id, endpoint, tls_ca_file;
   };
   std::vector<Endorser> endorsers;
   /// Peers that stand in while the one at `endpoint` is not reached, for everything; the first that is reached.
   std::vector<Server> other_peers;
-  /// A common.Block with a configuration of the channel, the trust anchor: blocks must then be signed by the orderers that
-  /// it names, or that a later configuration names (BlockJudge). Empty: the peer is believed about blocks.
+  /// A common.Block with a configuration of the channel, the trust anchor: blocks must then be signed by the orderers
+  /// that it names, or that a later configuration names (BlockJudge). Empty: the peer is believed about blocks.
   std::string config_block;
   crypto::Library verifier = crypto::Library::libcrypto;  ///< of those signatures
   /// Whose blocks blocks() hands over. Beside the peer's alone it needs `orderers`; `ordered` needs config_block, too.
@@ -47,14 +47,14 @@ struct ClientConfig {
   /// Says of a call's result why its event (no name: none) cannot follow from the call; it is then not signed, and ends
   /// as refused. Empty: any event of the called contract is signed. On the client's own thread.
   std::function<Status(const Call& call, std::string_view event, std::string_view payload)> event_check;
-  /// Whose endorsements a call needs that does not say so itself, since only who knows the contract can say. Empty: that
-  /// of one peer, the own one. On the client's own thread.
+  /// Whose endorsements a call needs that does not say so itself, since only who knows the contract can say. Empty:
+  /// that of one peer, the own one. On the client's own thread.
   std::function<EndorsementNeed(const Call& call)> endorsement_need;
-  /// The policy of its own that a key of the contract has once it is there (common.SignaturePolicyEnvelope), since only who
-  /// knows the contract can say; none: it has none, or that is not known. On a stream's thread.
+  /// The policy of its own that a key of the contract has once it is there (common.SignaturePolicyEnvelope), since only
+  /// who knows the contract can say; none: it has none, or that is not known. On a stream's thread.
   std::function<std::optional<std::string>(const std::string& key)> likely_policy;
-  /// Keys whose readers go by a count or stamp in the value, so that a write that is told twice tells them nothing, since
-  /// only who knows the contract can say. On a stream's thread.
+  /// Keys whose readers go by a count or stamp in the value, so that a write that is told twice tells them nothing,
+  /// since only who knows the contract can say. On a stream's thread.
   std::function<bool(const std::string& key)> is_of_hot_path;
   crypto::SigningIdentity identity;
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
@@ -79,8 +79,8 @@ class Client {
   /// Asks without writing; waits for the answer, at most the deadline. An error has the contract's words, or says why
   /// the ledger was not reached.
   virtual Result<std::string> evaluate(Call call) = 0;
-  /// The same, asked of the peer at `endpoint` itself, past any gateway: its own word, of an organisation that need not be
-  /// the caller's.
+  /// The same, asked of the peer at `endpoint` itself, past any gateway: its own word, of an organisation that need not
+  /// be the caller's.
   virtual Result<std::string> evaluate_at_peer(Call call) = 0;
   /// Whether the gateway finds endorsements enough for the call now; nothing is submitted. Waits as evaluate().
   virtual Status endorsable(Call call) = 0;
@@ -95,12 +95,13 @@ class Client {
     std::function<void(const Block&, std::string_view raw)>
         on_block;  ///< in order, no gap, no doublet, across reconnects
     std::function<void(bool connected, const std::string& why)> on_connection;
-    /// Transactions that are not what their flags say (Transaction::problem), in words: block, transaction, why, and how
-    /// many there were. The first at once, then at most one word a minute; on_block has them all. And, once, that the peer
-    /// does not say whose endorsement the contract needs.
+    /// Transactions that are not what their flags say (Transaction::problem), in words: block, transaction, why, and
+    /// how many there were. The first at once, then at most one word a minute; on_block has them all. And, once, that
+    /// the peer does not say whose endorsement the contract needs.
     std::function<void(const std::string& what)> on_unbelievable = {};
-    /// A stream contradicts what is known: a fork, a block that the orderers have not signed, peer and orderers that tell
-    /// two chains or verdicts. In words, at each attempt. What was refused was not handed over; a block that was taken as it was ordered was before.
+    /// A stream contradicts what is known: a fork, a block that the orderers have not signed, peer and orderers that
+    /// tell two chains or verdicts. In words, at each attempt. What was refused was not handed over; a block that was
+    /// taken as it was ordered was before.
     std::function<void(const std::string& what)> on_contradiction = {};
     /// A block that was handed over as an orderer told it (Block::confirmed) is the peer's, too.
     struct Confirmed {
@@ -117,18 +118,18 @@ class Client {
   };
   /// Blocks from number `start` (nullopt: from the next new one on). Reconnects with back-off and jitter, for ever, and
   /// resumes behind the last block handed over. With config_block each transaction is judged by the rule of Fabric's
-  /// peers, as far as the blocks of this stream tell what it rests on (BlockIntake). One that cannot be believed is left
-  /// out alone, see decode_block. A block that breaks the chain is reported through on_connection and the
-  /// stream starts again at the last good one. With ClientConfig::blocks other than `peer` a second stream brings an
-  /// orderer's blocks; once the two differ, nothing more is handed over, and on_connection says so. With `ordered` a
-  /// block is handed over as soon as an orderer tells it, where our own judgement needs no flag of the peer (its flags
-  /// are our verdicts then), and on_confirmed says when the peer told the same; at most
-  /// BlockIntake::max_unconfirmed blocks ahead of the peer. Calls that are told_by_block end with the block, too.
+  /// peers, as far as the blocks of this stream tell what it rests on (BlockIntake). One that cannot be believed is
+  /// left out alone, see decode_block. A block that breaks the chain is reported through on_connection and the stream
+  /// starts again at the last good one. With ClientConfig::blocks other than `peer` a second stream brings an orderer's
+  /// blocks; once the two differ, nothing more is handed over, and on_connection says so. With `ordered` a block is
+  /// handed over as soon as an orderer tells it, where our own judgement needs no flag of the peer (its flags are our
+  /// verdicts then), and on_confirmed says when the peer told the same; at most BlockIntake::max_unconfirmed blocks
+  /// ahead of the peer. Calls that are told_by_block end with the block, too.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;
-  /// The same for who starts again: blocks from behind a checkpoint on, or, after a longer absence than it allows, from the
-  /// next new one on, whose predecessor then counts by its orderers' signatures (needs config_block, or is the peer's word).
-  /// A chain that ends before the checkpoint, or has another block in its place, is refused: on_connection says so, and
-  /// the peer is asked again.
+  /// The same for who starts again: blocks from behind a checkpoint on, or, after a longer absence than it allows, from
+  /// the next new one on, whose predecessor then counts by its orderers' signatures (needs config_block, or is the
+  /// peer's word). A chain that ends before the checkpoint, or has another block in its place, is refused:
+  /// on_connection says so, and the peer is asked again.
   virtual std::unique_ptr<Stream> blocks_behind(Believed believed, StreamHandlers handlers) = 0;
   /// Contract events through the gateway's ChaincodeEvents, from block `start` on (nullopt: from the next new one on),
   /// behind transaction `after_tx_id` of that block where one is named: the last event handled is a checkpoint.
