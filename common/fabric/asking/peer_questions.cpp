@@ -2,36 +2,27 @@
 
 #include "common/fabric/client/connection.hpp"
 #include "common/ledger.pb.h"
-#include "peer/peer.grpc.pb.h"
 
 namespace ledgerline::fabric {
 
 struct PeerQuestions::State {
   std::shared_ptr<const Connection> connection;
-  std::unique_ptr<protos::Endorser::Stub> peer;
 };
 
 Result<std::unique_ptr<PeerQuestions>> PeerQuestions::create(ClientConfig config) {
   auto connection = make_connection(std::move(config));
   if (!connection) return connection.error();
-  auto peer = protos::Endorser::NewStub((*connection)->peers.front());
-  return std::unique_ptr<PeerQuestions>(
-      new PeerQuestions(std::make_unique<State>(State{std::move(*connection), std::move(peer)})));
+  return std::unique_ptr<PeerQuestions>(new PeerQuestions(std::make_unique<State>(State{std::move(*connection)})));
 }
 
 PeerQuestions::PeerQuestions(std::unique_ptr<State> state) : state_(std::move(state)) {}
 PeerQuestions::~PeerQuestions() = default;
 
 Result<std::string> PeerQuestions::propose(std::string_view signed_proposal) {
-  protos::SignedProposal question;
-  if (!question.ParseFromArray(signed_proposal.data(), static_cast<int>(signed_proposal.size())))
-    return Error{"what was to be asked is no proposal"};
-  protos::ProposalResponse response;
-  grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + state_->connection->config.deadline);
-  const grpc::Status status = state_->peer->ProcessProposal(&context, question, &response);
-  if (!status.ok()) return Error{describe(status)};
-  return response.SerializeAsString();
+  const Connection& connection = *state_->connection;
+  const auto answer = ask_peer(connection.peers.front(), signed_proposal, connection.config.deadline);
+  if (!answer) return answer.error();
+  return answer->SerializeAsString();
 }
 
 Result<std::uint64_t> PeerQuestions::height() {

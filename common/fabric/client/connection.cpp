@@ -12,6 +12,7 @@
 
 #include "common/fabric/judge/block_judge.hpp"
 #include "gateway/gateway.pb.h"
+#include "peer/peer.grpc.pb.h"
 
 namespace ledgerline::fabric {
 namespace {
@@ -147,6 +148,19 @@ std::string describe(const grpc::Status& status) {
     text += (text.empty() ? "" : "; ") + detail.message();
   }
   return text.empty() ? status.error_message() : text;
+}
+
+Result<protos::ProposalResponse> ask_peer(const std::shared_ptr<grpc::Channel>& peer, std::string_view signed_proposal,
+                                          std::chrono::milliseconds deadline) {
+  protos::SignedProposal question;
+  if (!question.ParseFromArray(signed_proposal.data(), static_cast<int>(signed_proposal.size())))
+    return Error{"what was to be asked is no proposal"};
+  protos::ProposalResponse response;
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + deadline);
+  const grpc::Status status = protos::Endorser::NewStub(peer)->ProcessProposal(&context, question, &response);
+  if (!status.ok()) return Error{describe(status)};
+  return response;
 }
 
 std::uint64_t random_seed() {

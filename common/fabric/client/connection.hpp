@@ -10,6 +10,7 @@
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/commits.hpp"
 #include "common/rt/retry/back_off.hpp"
+#include "peer/proposal_response.pb.h"
 
 /// What the pipeline and the streams share. Inside common/fabric alone: it brings in gRPC.
 namespace ledgerline::fabric {
@@ -37,6 +38,10 @@ bool may_pass(const grpc::Status& status);
 
 /// What the peers said (gateway.ErrorDetail), or gRPC's own message where they said nothing.
 std::string describe(const grpc::Status& status);
+
+/// The peer's own answer to somebody's protos.SignedProposal, waiting at most `deadline`.
+Result<protos::ProposalResponse> ask_peer(const std::shared_ptr<grpc::Channel>& peer, std::string_view signed_proposal,
+                                          std::chrono::milliseconds deadline);
 
 /// For a BackOff's jitter: another in each client of a process.
 std::uint64_t random_seed();

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include "common/fabric/client/connection.hpp"
-#include "peer/peer.grpc.pb.h"
 
 namespace ledgerline::fabric {
 namespace {
@@ -28,14 +27,11 @@ std::vector<Peer> peers_to_ask(const Connection& connection) {
 }
 
 /// Its answer, or why there is none.
-Result<PeerAnswer> ask(const Peer& peer, const protos::SignedProposal& question, std::chrono::milliseconds deadline) {
-  protos::ProposalResponse response;
-  grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + deadline);
-  const grpc::Status status = protos::Endorser::NewStub(peer.channel)->ProcessProposal(&context, question, &response);
-  if (!status.ok()) return Error{describe(status)};
-  if (response.response().status() != 200) return Error{response.response().message()};
-  return PeerAnswer{peer.name, response.SerializeAsString()};
+Result<PeerAnswer> ask(const Peer& peer, const std::string& question, std::chrono::milliseconds deadline) {
+  const auto response = ask_peer(peer.channel, question, deadline);
+  if (!response) return response.error();
+  if (response->response().status() != 200) return Error{response->response().message()};
+  return PeerAnswer{peer.name, response->SerializeAsString()};
 }
 
 }  // namespace
@@ -54,12 +50,10 @@ Result<AskedReceipt> ask_receipt(ClientConfig config, const std::string& tx_id) 
   const auto proposal = make_proposal(settings.identity, settings.where, {verdict_function, {channel, tx_id}},
                                       realtime_ns(), crypto::random_bytes(24));
   if (!proposal) return proposal.error();
-  protos::SignedProposal question;
-  question.ParseFromString(proposal->signed_proposal);
   std::vector<PeerAnswer> answers;
   AskedReceipt out;
   for (const Peer& peer : peers_to_ask(**connection)) {
-    auto answer = ask(peer, question, settings.deadline);
+    auto answer = ask(peer, proposal->signed_proposal, settings.deadline);
     if (answer) {
       answers.push_back(std::move(*answer));
     } else {
