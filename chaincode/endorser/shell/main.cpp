@@ -1,6 +1,4 @@
 #include <grpc/support/log.h>
-#include <grpcpp/server.h>
-#include <grpcpp/server_builder.h>
 
 #include <atomic>
 #include <chrono>
@@ -14,6 +12,7 @@
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/serving/tls_server.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
@@ -51,31 +50,18 @@ class EndorserService final : public protos::Endorser::CallbackService {
   endorser::Service& service_;
 };
 
-struct Served {
-  std::unique_ptr<grpc::Server> server;
-  std::string endpoint;
-};
-
-Result<Served> serve(const endorser::Settings& settings, grpc::Service& service) {
+Result<fabric::TlsServer> serve(const endorser::Settings& settings, grpc::Service& service) {
   auto certificate = read_file(settings.tls_certificate);
   if (!certificate) return Error{"serve.tls_certificate: " + certificate.error().what};
   auto key = read_file(settings.tls_key);
   if (!key) return Error{"serve.tls_key: " + key.error().what};
-  grpc::SslServerCredentialsOptions tls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
-  tls.pem_key_cert_pairs.push_back({std::move(*key), std::move(*certificate)});
-  grpc::ServerBuilder builder;
-  int port = 0;
-  builder.AddListeningPort(settings.listen, grpc::SslServerCredentials(tls), &port);
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // two on one port would share its calls in silence
-  builder.SetMaxReceiveMessageSize(max_request_bytes);
-  builder.SetResourceQuota(grpc::ResourceQuota("endorser").Resize(max_memory_bytes));
-  // Clients may ask every 20 s whether we are there, also while nothing happens.
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 20'000);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-  builder.RegisterService(&service);
-  auto server = builder.BuildAndStart();
-  if (!server || port == 0) return Error{"cannot listen on " + settings.listen + ": is the address in use?"};
-  return Served{std::move(server), settings.listen.substr(0, settings.listen.rfind(':') + 1) + std::to_string(port)};
+  return fabric::serve_by_tls({.name = "endorser",
+                               .listen = settings.listen,
+                               .key_pem = std::move(*key),
+                               .certificate_pem = std::move(*certificate),
+                               .max_request_bytes = max_request_bytes,
+                               .max_memory_bytes = max_memory_bytes},
+                              {&service});
 }
 
 Status write_summary(const std::string& path, const endorser::Service::Counts& counts) {

@@ -2,7 +2,6 @@
 #include <grpc/support/log.h>
 #include <grpcpp/impl/service_type.h>
 #include <grpcpp/server.h>
-#include <grpcpp/server_builder.h>
 
 #include <atomic>
 #include <chrono>
@@ -10,6 +9,7 @@
 #include "chaincode/node/server/services.hpp"
 #include "common/base/log.hpp"
 #include "common/base/printable.hpp"
+#include "common/fabric/serving/tls_server.hpp"
 
 namespace ledgerline::node {
 namespace {
@@ -52,28 +52,22 @@ Status Server::serve(Node& node, std::size_t peer, const std::string& address, c
     services_.push_back(make_orderer_service(node));
   }
 
-  grpc::SslServerCredentialsOptions tls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
   const auto& own = node.identities().tls.at(peer);
-  tls.pem_key_cert_pairs.push_back({own.key_pem, own.certificate_pem});
   // One more byte than the largest transaction, with room for its frame, so that the orderer's own answer is heard.
   constexpr int room = 1 << 20;
-  constexpr std::size_t max_request_bytes = 512'000'000;  // of all requests that are being received
-  grpc::ServerBuilder builder;
-  int bound = 0;
-  builder.AddListeningPort(address + port, grpc::SslServerCredentials(tls), &bound);
-  // Two nodes on one port would share its calls in silence.
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-  builder.SetMaxReceiveMessageSize(static_cast<int>(node.config().max_envelope_bytes) + room);
-  builder.SetMaxSendMessageSize(-1);
-  builder.SetResourceQuota(grpc::ResourceQuota("node").Resize(max_request_bytes));
-  // Clients may ask every 20 s whether we are there, also while nothing happens.
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 20'000);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-  for (std::size_t i = before; i < services_.size(); ++i) builder.RegisterService(services_[i].get());
-  auto started = builder.BuildAndStart();
-  if (!started || bound == 0) return Error{"cannot listen on " + address + port + ": is the address in use?"};
-  servers_.push_back(std::move(started));
-  endpoints_.push_back(address + std::to_string(bound));
+  constexpr std::size_t max_memory_bytes = 512'000'000;
+  std::vector<grpc::Service*> services;
+  for (std::size_t i = before; i < services_.size(); ++i) services.push_back(services_[i].get());
+  auto served = fabric::serve_by_tls({.name = "node",
+                                      .listen = address + port,
+                                      .key_pem = own.key_pem,
+                                      .certificate_pem = own.certificate_pem,
+                                      .max_request_bytes = static_cast<int>(node.config().max_envelope_bytes) + room,
+                                      .max_memory_bytes = max_memory_bytes},
+                                     services);
+  if (!served) return served.error();
+  servers_.push_back(std::move(served->server));
+  endpoints_.push_back(std::move(served->endpoint));
   return done;
 }
 

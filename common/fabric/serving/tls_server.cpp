@@ -1,0 +1,27 @@
+#include "common/fabric/serving/tls_server.hpp"
+
+#include <grpcpp/resource_quota.h>
+#include <grpcpp/server_builder.h>
+
+namespace ledgerline::fabric {
+
+Result<TlsServer> serve_by_tls(const TlsEndpoint& at, const std::vector<grpc::Service*>& services) {
+  grpc::SslServerCredentialsOptions tls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
+  tls.pem_key_cert_pairs.push_back({at.key_pem, at.certificate_pem});
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort(at.listen, grpc::SslServerCredentials(tls), &port);
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // two on one port would share its calls in silence
+  builder.SetMaxReceiveMessageSize(at.max_request_bytes);
+  builder.SetMaxSendMessageSize(-1);
+  builder.SetResourceQuota(grpc::ResourceQuota(at.name).Resize(at.max_memory_bytes));
+  // Clients may ask every 20 s whether we are there, also while nothing happens.
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 20'000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  for (grpc::Service* service : services) builder.RegisterService(service);
+  auto server = builder.BuildAndStart();
+  if (!server || port == 0) return Error{"cannot listen on " + at.listen + ": is the address in use?"};
+  return TlsServer{std::move(server), at.listen.substr(0, at.listen.rfind(':') + 1) + std::to_string(port)};
+}
+
+}  // namespace ledgerline::fabric
