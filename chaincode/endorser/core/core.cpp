@@ -14,8 +14,6 @@
 namespace ledgerline::endorser {
 namespace {
 
-constexpr std::size_t id_digits = 64;  // no proposal can have another id
-
 node::CoreConfig config_of(const fabric::ChannelAndContract& where) {
   node::CoreConfig config;
   config.channel = where.channel;
@@ -106,7 +104,7 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
     }
     // In Fabric an id is used up by whoever claims it; on the embedded node it is its owner's.
     const bool claimed = transaction.code == protos::BAD_PROPOSAL_TXID;
-    if (transaction.tx_id.size() == id_digits && !(claimed && embedded_node_))
+    if (transaction.tx_id.size() == fabric::id_digits && !(claimed && embedded_node_))
       ledger_.state().add_tx(transaction.tx_id, {block.number, transaction.code});
     if (valid) write(message.data().data(static_cast<int>(i)), {block.number, i});
   }

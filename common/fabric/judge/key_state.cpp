@@ -13,7 +13,6 @@ namespace {
 
 constexpr std::string_view fields = "namespaces/fields/", validation = "/ValidationInfo";
 constexpr std::string_view collections_field = "/Collections";
-constexpr std::size_t id_digits = 64;                               // of a transaction, in hex
 constexpr std::string_view implicit_collection = "_implicit_org_";  // and an MSP id: what an organisation has approved
 }  // namespace
 
@@ -235,7 +234,7 @@ void KeyState::remember(std::uint64_t block, const Verdict& verdict, std::option
   // In Fabric an id is used up by whoever claims it, so that its owner is refused from then on.
   if (claim && config_.embedded_node) return;
   const std::string& tx_id = verdict.tx_id;
-  if (tx_id.size() != id_digits) return;  // no valid transaction can have it
+  if (tx_id.size() != id_digits) return;
   if (part_ && newest_.empty()) {
     ids_since_ = block;
     ids_since_ns_ = now;

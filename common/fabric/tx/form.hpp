@@ -14,6 +14,7 @@ namespace ledgerline::fabric {
 
 /// Hex SHA-256 of nonce and creator.
 std::string transaction_id(const common::SignatureHeader& header);
+inline constexpr std::size_t id_digits = 64;  ///< of such an id: no valid transaction has another one
 /// What ties a response to its proposal. `payload`: ChaincodeProposalPayload without the transient map.
 std::string proposal_hash(const std::string& channel_header, const std::string& signature_header,
                           std::string_view payload);
