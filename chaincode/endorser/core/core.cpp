@@ -29,14 +29,6 @@ std::int64_t expiry_of(const crypto::SigningIdentity& identity) {
   return certificate ? certificate->not_after_s : 0;
 }
 
-/// What cannot be read is not for it either.
-bool is_for_contract(std::string_view signed_proposal, const fabric::ChannelAndContract& where) {
-  protos::SignedProposal outer;
-  if (!outer.ParseFromArray(signed_proposal.data(), static_cast<int>(signed_proposal.size()))) return false;
-  const auto proposal = node::read_proposal(outer.proposal_bytes());
-  return proposal && proposal->channel_header.channel_id() == where.channel && proposal->contract == where.contract;
-}
-
 node::Reply ask_a_peer(const std::string& why) { return {node::Code::unavailable, why, why, {}}; }
 
 }  // namespace
@@ -51,7 +43,7 @@ Core::Core(Setup setup)
       }),
       endorser_(config_, node::MemberCheck(setup_.make_registry({}), config_.channel), {setup_.identity}, ledger_) {}
 
-std::optional<node::Definition> Core::definition() const {
+std::optional<node::Definition> Core::read_definition() const {
   const std::string fields = "namespaces/fields/" + config_.contract + "/";
   const node::State::Value* sequence = lifecycle_.find(fields + "Sequence");
   const node::State::Value* info = lifecycle_.find(fields + "EndorsementInfo");
@@ -63,15 +55,12 @@ std::optional<node::Definition> Core::definition() const {
   return node::Definition{endorsement.version(), sequence->version};
 }
 
-std::optional<node::Version> Core::defined_at() const {
-  const auto now = definition();
-  return now ? now->sequence : std::nullopt;
-}
+std::optional<node::Version> Core::defined_at() const { return definition_ ? definition_->sequence : std::nullopt; }
 
 Status Core::configure(const common::Block& message) {
   auto config = fabric::read_channel_config(message);
   if (!config) return config.error();
-  if (!config->embedded_node) endorser_.answer_as_fabric([this] { return definition(); });
+  if (!config->embedded_node) endorser_.answer_as_fabric([this] { return definition_; });
   embedded_node_ = config->embedded_node;
   endorser_.set_members(node::MemberCheck(setup_.make_registry(std::move(config->organisations)), config_.channel));
   return done;
@@ -81,7 +70,10 @@ void Core::write(const std::string& envelope, node::Version at) {
   const fabric::TransactionForm form = fabric::read_form(envelope);
   const fabric::ReadWriteSet sets = fabric::read_sets(form.action.results());
   ledger_.state().write(node::set_of(sets, config_.contract), at);
-  lifecycle_.write(node::set_of(sets, fabric::lifecycle_name), at);
+  const kvrwset::KVRWSet lifecycle = node::set_of(sets, fabric::lifecycle_name);
+  if (lifecycle.writes().empty() && lifecycle.metadata_writes().empty()) return;
+  lifecycle_.write(lifecycle, at);
+  definition_ = read_definition();
 }
 
 Status Core::take(const fabric::Block& block, std::string_view raw) {
@@ -115,9 +107,13 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
 node::Reply Core::process_proposal(std::string_view signed_proposal, node::Now now) {
   if (expires_s_ != 0 && now.real_ns / ns_per_s > expires_s_)
     return ask_a_peer("the endorser's own certificate has expired");
-  if (!is_for_contract(signed_proposal, setup_.where)) return ask_a_peer("the endorser answers for its contract alone");
+  auto read = node::read_signed_proposal(signed_proposal);
+  // What cannot be read is not for it either.
+  if (!read || read->proposal.channel_header.channel_id() != setup_.where.channel ||
+      read->proposal.contract != setup_.where.contract)
+    return ask_a_peer("the endorser answers for its contract alone");
   asks_for_blocks_ = false;
-  node::Reply reply = endorser_.process_proposal(signed_proposal, now, 0);
+  node::Reply reply = endorser_.process_proposal(std::move(*read), now, 0);
   if (asks_for_blocks_) return ask_a_peer("the endorser keeps no blocks: a peer answers that");
   return reply;
 }

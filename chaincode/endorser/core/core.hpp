@@ -40,7 +40,7 @@ class Core {
   node::Reply process_proposal(std::string_view signed_proposal, node::Now now);
 
  private:
-  std::optional<node::Definition> definition() const;
+  std::optional<node::Definition> read_definition() const;
   Status configure(const common::Block& message);
   void write(const std::string& envelope, node::Version at);
 
@@ -50,7 +50,8 @@ class Core {
   bool asks_for_blocks_ = false;
   bool embedded_node_ = false;
   node::Ledger ledger_;
-  node::State lifecycle_;  ///< the keys of the namespace _lifecycle
+  node::State lifecycle_;                       ///< the keys of the namespace _lifecycle
+  std::optional<node::Definition> definition_;  ///< what they say
   node::Endorser endorser_;
 };
 

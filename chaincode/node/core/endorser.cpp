@@ -112,20 +112,16 @@ std::string Endorser::response_payload(const ProposalParts& proposal, const Simu
   return to_payload(proposal, action);
 }
 
-std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(std::string_view signed_proposal, Now now) {
-  protos::SignedProposal outer;
-  if (!outer.ParseFromArray(signed_proposal.data(), static_cast<int>(signed_proposal.size()))) {
-    return Unanswered{Kind::malformed, "error unmarshaling the signed proposal"};
-  }
-  auto proposal = read_proposal(outer.proposal_bytes());
-  if (!proposal) return Unanswered{Kind::malformed, proposal.error().what};
+std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(Result<SignedProposalParts> read, Now now) {
+  if (!read) return Unanswered{Kind::malformed, read.error().what};
+  ProposalParts* const proposal = &read->proposal;
   // Of the peer's own contracts some are asked without a channel.
   const bool of_peer = proposal->channel_header.channel_id().empty() && is_system_contract(proposal->contract);
   if (proposal->channel_header.channel_id() != config_.channel && !of_peer) {
     return Unanswered{Kind::unknown_channel,
                       "channel '" + printable(proposal->channel_header.channel_id(), max_name) + "' not found"};
   }
-  auto member = members_.check(proposal->signature_header.creator(), outer.proposal_bytes(), outer.signature(), now);
+  auto member = members_.check(proposal->signature_header.creator(), read->proposal_bytes, read->signature, now);
   if (!member) return Unanswered{Kind::denied, "error validating proposal: " + member.error().what};
   if (auto answer = ask_system_contract(ledger_, config_.channel, *proposal))
     return Simulated{std::move(*proposal), std::move(*answer), {}};
@@ -155,7 +151,7 @@ std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(std::
 }
 
 Reply Endorser::endorse(std::string_view signed_proposal, Now now) {
-  const auto answer = simulate(signed_proposal, now);
+  const auto answer = simulate(read_signed_proposal(signed_proposal), now);
   const std::string failed = "failed to endorse transaction, see attached details for more info";
   if (const auto* none = std::get_if<Unanswered>(&answer)) {
     switch (none->kind) {
@@ -184,7 +180,7 @@ Reply Endorser::endorse(std::string_view signed_proposal, Now now) {
 }
 
 Reply Endorser::evaluate(std::string_view signed_proposal, Now now) {
-  const auto answer = simulate(signed_proposal, now);
+  const auto answer = simulate(read_signed_proposal(signed_proposal), now);
   const std::string failed = "evaluate call to endorser returned error: ";
   if (const auto* none = std::get_if<Unanswered>(&answer)) {
     switch (none->kind) {
@@ -206,7 +202,14 @@ Reply Endorser::evaluate(std::string_view signed_proposal, Now now) {
 }
 
 Reply Endorser::process_proposal(std::string_view signed_proposal, Now now, std::size_t peer) {
-  const auto answer = simulate(signed_proposal, now);
+  return reply_of_peer(simulate(read_signed_proposal(signed_proposal), now), peer);
+}
+
+Reply Endorser::process_proposal(SignedProposalParts signed_proposal, Now now, std::size_t peer) {
+  return reply_of_peer(simulate(std::move(signed_proposal), now), peer);
+}
+
+Reply Endorser::reply_of_peer(const std::variant<Simulated, Unanswered>& answer, std::size_t peer) const {
   protos::ProposalResponse response;
   if (const auto* none = std::get_if<Unanswered>(&answer)) {
     switch (none->kind) {

@@ -41,13 +41,16 @@ class Endorser {
   Reply endorse(std::string_view signed_proposal, Now now);
   Reply evaluate(std::string_view signed_proposal, Now now);
   Reply process_proposal(std::string_view signed_proposal, Now now, std::size_t peer);
+  /// For who has read it already.
+  Reply process_proposal(SignedProposalParts signed_proposal, Now now, std::size_t peer);
 
  private:
   /// Why a proposal got no answer of the contract. The services give these different codes.
   enum class Kind { malformed, denied, unknown_channel, unknown_contract, duplicate };
   struct Simulated;
   struct Unanswered;
-  std::variant<Simulated, Unanswered> simulate(std::string_view signed_proposal, Now now);
+  std::variant<Simulated, Unanswered> simulate(Result<SignedProposalParts> read, Now now);
+  Reply reply_of_peer(const std::variant<Simulated, Unanswered>& answer, std::size_t peer) const;
   std::string response_payload(const ProposalParts& proposal, const Simulation& simulation,
                                const chaincode::Response& response, const Definition& definition) const;
 

@@ -53,6 +53,15 @@ Result<ProposalParts> read_proposal(std::string_view proposal_bytes) {
   return parts;
 }
 
+Result<SignedProposalParts> read_signed_proposal(std::string_view signed_proposal) {
+  protos::SignedProposal outer;
+  if (!parse(outer, signed_proposal)) return Error{"error unmarshaling the signed proposal"};
+  auto proposal = read_proposal(outer.proposal_bytes());
+  if (!proposal) return proposal.error();
+  return SignedProposalParts{std::move(*proposal), std::move(*outer.mutable_proposal_bytes()),
+                             std::move(*outer.mutable_signature())};
+}
+
 std::string make_envelope(const ProposalParts& proposal, const std::string& response_payload,
                           const std::vector<protos::Endorsement>& endorsements) {
   return fabric::unsigned_envelope(proposal.header, proposal.payload, response_payload, endorsements);

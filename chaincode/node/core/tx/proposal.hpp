@@ -26,6 +26,13 @@ struct ProposalParts {
 };
 Result<ProposalParts> read_proposal(std::string_view proposal_bytes);
 
+/// The same with its creator's signature, of which nothing is checked either.
+struct SignedProposalParts {
+  ProposalParts proposal;
+  std::string proposal_bytes, signature;
+};
+Result<SignedProposalParts> read_signed_proposal(std::string_view signed_proposal);
+
 /// The transaction's envelope, still unsigned.
 std::string make_envelope(const ProposalParts& proposal, const std::string& response_payload,
                           const std::vector<protos::Endorsement>& endorsements);
