@@ -28,6 +28,7 @@ Result<ProposalParts> read_proposal(std::string_view proposal_bytes) {
   if (parts.channel_header.type() != common::ENDORSER_TRANSACTION) {
     return Error{"invalid header type " + std::to_string(parts.channel_header.type())};
   }
+  if (parts.channel_header.epoch() != 0) return Error{"epoch is non-zero"};
   if (parts.signature_header.nonce().empty() || parts.signature_header.creator().empty()) {
     return Error{"the signature header has no nonce or no creator"};
   }

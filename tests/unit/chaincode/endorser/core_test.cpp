@@ -176,6 +176,26 @@ TEST_F(OwnEndorserTest, OtherContractsAndChannelsAreAPeersToAnswer) {
   }
 }
 
+TEST_F(OwnEndorserTest, AProposalOfAnEpochIsNotSigned) {
+  protos::SignedProposal outer;
+  protos::Proposal inner;
+  common::Header header;
+  common::ChannelHeader channel;
+  outer.ParseFromString(net.propose(net.host, "set", note("tello1/a")).signed_proposal);
+  inner.ParseFromString(outer.proposal_bytes());
+  header.ParseFromString(inner.header());
+  channel.ParseFromString(header.channel_header());
+  channel.set_epoch(1);
+  header.set_channel_header(channel.SerializeAsString());
+  inner.set_header(header.SerializeAsString());
+  outer.set_proposal_bytes(inner.SerializeAsString());
+  outer.set_signature(*net.host.signer->sign(outer.proposal_bytes()));
+  EXPECT_EQ(core.process_proposal(outer.SerializeAsString(), net.now).code, Code::unavailable);
+  const Reply nodes = net.core->process_proposal(outer.SerializeAsString(), net.now);
+  EXPECT_EQ(nodes.code, Code::unknown);
+  EXPECT_EQ(nodes.message, "epoch is non-zero");
+}
+
 TEST_F(OwnEndorserTest, AFieldThatNobodyKnowsIsNotSigned) {
   auto proposal = net.propose(net.host, "set", note("tello1/a"));
   protos::SignedProposal outer;
