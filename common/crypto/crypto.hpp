@@ -107,6 +107,9 @@ struct RevocationList {
 /// For who hands lists over beside the authorities, where none may be ignored. An error: there is no list in it, one cannot
 /// be read, or none of the authorities has signed it.
 Result<std::vector<RevocationList>> read_revocation_lists(const std::string& pem, const std::vector<MspRoot>& roots);
+/// The one list, as PEM, that Fabric reads in an entry of a configuration (Go's x509.ParseCRL): the first of a PEM text that
+/// begins with it, or DER. An error: none can be read, with which Fabric takes no configuration.
+Result<std::string> list_of_entry(const std::string& entry);
 /// Whether each list says by an authority key identifier which key has signed it (see ListsFrom::configuration).
 bool lists_name_key(const std::string& pem);
 

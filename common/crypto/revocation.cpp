@@ -65,6 +65,17 @@ std::optional<std::string> authority_key_of(X509_CRL* list) {
                                               static_cast<std::size_t>(ASN1_STRING_length(said->keyid))};
 }
 
+Result<std::string> list_of_entry(const std::string& entry) {
+  const bool is_text = entry.starts_with("-----BEGIN X509 CRL");
+  const BioPtr in = bio_of(entry);
+  const CrlPtr list{is_text ? PEM_read_bio_X509_CRL(in.get(), nullptr, no_pass_phrase, nullptr)
+                            : d2i_X509_CRL_bio(in.get(), nullptr)};
+  if (!list) return Error{"a revocation list cannot be read: " + openssl_error()};
+  const BioPtr out(BIO_new(BIO_s_mem()));
+  PEM_write_bio_X509_CRL(out.get(), list.get());
+  return text_of(out.get());
+}
+
 bool lists_name_key(const std::string& pem) {
   const BioPtr text = bio_of(pem);
   bool all = true;

@@ -205,6 +205,7 @@ Result<std::string> read_list(const Options& options, int organisation, const st
   // Fabric ignores a list that no authority of the organisation has signed, and says nothing.
   const auto lists = crypto::read_revocation_lists(*list, {{identities::msp_id_of(organisation), *ca}});
   if (!lists) return Error{file + ": " + lists.error().what};
+  if (lists->size() > 1) return Error{file + ": it holds several lists, of which Fabric would read the first alone"};
   // With such a list in the configuration peers and orderers refuse everybody of the organisation, its administrator too.
   if (!crypto::lists_name_key(*list))
     return Error{file + ": a list has no authority key identifier: Fabric would refuse the whole organisation"};

@@ -43,7 +43,11 @@ Result<crypto::MspRoot> read_msp(const std::string& name, const common::ConfigGr
   for (const auto* list : {&fabric.root_certs(), &fabric.intermediate_certs()}) {
     for (const std::string& pem : *list) root.ca_pem += pem + "\n";
   }
-  for (const std::string& pem : fabric.revocation_list()) root.revocation_lists_pem += pem + "\n";
+  for (const std::string& entry : fabric.revocation_list()) {
+    const auto list = crypto::list_of_entry(entry);
+    if (!list) return Error{fmt::format("organisation {}: {}", printable(name), list.error().what)};
+    root.revocation_lists_pem += *list;
+  }
   return root;
 }
 

@@ -69,6 +69,22 @@ TEST_F(Revocation, AListThatSomebodyHandedOverNeedsToNameNoKey) {
   EXPECT_EQ(said_of(peer_, other, ListsFrom::hand), "accepted");
 }
 
+TEST_F(Revocation, AnEntryOfAConfigurationIsReadAsFabricReadsIt) {
+  const std::string list = list_of(ca_, peer_.certificate_pem), other = list_of(ca_, next_.certificate_pem);
+  EXPECT_EQ(list_of_entry(list).value(), list);
+  EXPECT_EQ(list_of_entry(list + other).value(), list) << "the first alone";
+  const BioPtr text = bio_of(list), der(BIO_new(BIO_s_mem()));
+  const CrlPtr read{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)};
+  i2d_X509_CRL_bio(der.get(), read.get());
+  EXPECT_EQ(list_of_entry(text_of(der.get())).value(), list);
+  for (const std::string& none :
+       {std::string(), std::string("no list"), "\n" + list, ca_.certificate_pem, list.substr(0, list.size() / 2)}) {
+    const auto refused = list_of_entry(none);
+    ASSERT_FALSE(refused) << none;
+    EXPECT_NE(refused.error().what.find("cannot be read"), std::string::npos);
+  }
+}
+
 TEST_F(Revocation, WhoHandsListsOverIsToldWhoseTheyAreAndWhichIsNone) {
   const std::vector<MspRoot> roots{{"Org2MSP", other_ca_.certificate_pem}, {"Org1MSP", ca_.certificate_pem}};
   const auto why = [&](const std::string& text) { return read_revocation_lists(text, roots).error().what; };
