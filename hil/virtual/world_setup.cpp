@@ -30,6 +30,7 @@ sim::Parameters sim_parameters(const WorldConfig& config) {
   parameters.drones = config.drones;
   parameters.seed = config.seed;
   parameters.battery.start = config.battery;
+  parameters.pads = config.pads;
   parameters.sdk.keeps_rc = config.keeps_rc;
   parameters.sdk.command_counts = config.command_counts;
   parameters.wind.gust_mps = config.gust_mps;

@@ -109,8 +109,8 @@ Result<std::vector<Pad>> parse_pads(std::string_view text) {
 std::string pads_text(const std::vector<Pad>& pads) {
   std::string text;
   for (const Pad& pad : pads)
-    text += fmt::format("{}{}:{}:{}:{}:{}", text.empty() ? "" : ",", pad.id, pad.x_m, pad.y_m, pad.yaw_rad * degrees,
-                        pad.size_m);
+    text += fmt::format("{}{}:{:.10g}:{:.10g}:{:.10g}:{:.10g}", text.empty() ? "" : ",", pad.id, pad.x_m, pad.y_m,
+                        pad.yaw_rad * degrees, pad.size_m);
   return text;
 }
 
