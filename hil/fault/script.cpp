@@ -46,6 +46,7 @@ void which_tello(Config& config, WorldConfig& flight) {
   flight.battery = config.number("flight.battery", flight.battery, 0, 1);
   flight.keeps_rc = config.boolean("flight.keeps_rc", flight.keeps_rc);
   flight.command_counts = config.boolean("flight.command_counts", flight.command_counts);
+  flight.yaw_deg = config.number("flight.yaw_deg", flight.yaw_deg, -180, 180);
   if (auto pads = sim::parse_pads(config.text("flight.pads", "")))
     flight.pads = std::move(*pads);
   else
@@ -172,6 +173,7 @@ std::string text_of(const Script& script) {
   if (f.blocks != usual.blocks) text += "blocks = \"ordered\"\n";
   if (f.doubt != usual.doubt) text += fmt::format("doubt = \"{}\"\n", name(f.doubt));
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
+  if (f.yaw_deg != usual.yaw_deg) text += fmt::format("yaw_deg = {}\n", f.yaw_deg);
   if (!f.pads.empty()) text += fmt::format("pads = {}\n", quoted(sim::pads_text(f.pads)));
   if (f.keeps_rc != usual.keeps_rc) text += fmt::format("keeps_rc = {}\n", f.keeps_rc);
   if (f.command_counts != usual.command_counts) text += fmt::format("command_counts = {}\n", f.command_counts);
