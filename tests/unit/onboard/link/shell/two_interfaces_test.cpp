@@ -34,12 +34,9 @@ class TwoInterfaces : public ::testing::Test {
       const std::string adapter = "wlan" + std::to_string(k);
       ASSERT_TRUE(
           air[k].start({"/usr/bin/env", "unshare", "-n", "sh", "-c", "echo '\"ready\":true'; exec sleep 1000"}));
-      ASSERT_TRUE(shell("ip link add " + adapter + " type veth peer name eth0 netns " + std::to_string(air[k].pid())));
-      ASSERT_TRUE(shell("ip address add 192.168.10.2/24 dev " + adapter + " && ip link set " + adapter + " up"));
-      const std::vector<std::string> inside{"/usr/bin/env", "nsenter", "-n", "-t", std::to_string(air[k].pid())};
-      ASSERT_TRUE(shell("nsenter -n -t " + inside[4] +
-                        " sh -c 'ip link set lo up; ip address add 192.168.10.1/24 dev eth0; ip link set eth0 up'"));
-      std::vector<std::string> drone = inside;
+      ASSERT_TRUE(plug_in(k));
+      const std::string space = std::to_string(air[k].pid());
+      std::vector<std::string> drone{"/usr/bin/env", "nsenter", "-n", "-t", space};
       for (const std::string& word : {sim_program, std::string("--address"), std::string("192.168.10.1"),
                                       std::string("--mocap-hz"), std::string("0"), std::string("--first-serial"),
                                       std::to_string(k), std::string("--summary"), "/tmp/sim" + std::to_string(k)})
@@ -55,6 +52,15 @@ class TwoInterfaces : public ::testing::Test {
     ASSERT_TRUE(end);
     agent = std::move(*end);
     ASSERT_TRUE(link.start({"/bin/sh", "-c", "exec " + link_program + " --config /tmp/link.toml 2>/tmp/link.log"}));
+  }
+
+  /// The adapter, and behind it the drone.
+  bool plug_in(int k) {
+    const std::string adapter = "wlan" + std::to_string(k), space = std::to_string(air[k].pid());
+    return shell("ip link add " + adapter + " type veth peer name eth0 netns " + space) &&
+           shell("ip address add 192.168.10.2/24 dev " + adapter + " && ip link set " + adapter + " up") &&
+           shell("nsenter -n -t " + space +
+                 " sh -c 'ip link set lo up; ip address add 192.168.10.1/24 dev eth0; ip link set eth0 up'");
   }
 
   /// Does agent's chores until `reached`, or says false after `bound`.
@@ -99,6 +105,15 @@ TEST_F(TwoInterfaces, TwoDronesAtOneAddressFlyAndOneWithAnotherSerialStaysDown) 
   })) << log();
   ASSERT_TRUE(run_until(5 * ns_per_s, [&] { return log().find("0TQDG00SIM0003 answers") != std::string::npos; }))
       << log();
+
+  // An adapter that is pulled out and plugged in again is another one by the same name.
+  ASSERT_TRUE(shell("ip link delete wlan1"));
+  ASSERT_TRUE(run_until(5 * ns_per_s, [&] { return !newest[1].sdk_state_fresh; }));
+  ASSERT_TRUE(plug_in(1));
+  ASSERT_TRUE(run_until(15 * ns_per_s, [&] {
+    return newest[1].phase == FlightPhase::on_ground && newest[1].sdk_state_fresh;
+  })) << log();
+  EXPECT_TRUE(all(FlightPhase::on_ground));
 
   // The first alone: nothing that is said to it, and nothing that it says, is the other's.
   const auto take_off = [&](DroneNumber drone) {
