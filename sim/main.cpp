@@ -44,6 +44,9 @@ int main(int argc, char** argv) {
       .shows_default();
   line.option("--seed", p.seed, "of wind and noise; same seed, same flight").shows_default();
   line.option("--address", options.first_address, "of tello1; the others count up").shows_default();
+  line.option("--first-serial", p.sdk.first_serial, "last digits of what tello1 answers to sn?; the others count up")
+      .within(1, 9000)
+      .shows_default();
   line.option("--mocap-hz", p.mocap_hz, "poses a second on DDS; 0: none, and no DDS")
       .within(0.0, 1000.0)
       .shows_default();

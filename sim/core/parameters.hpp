@@ -123,6 +123,7 @@ struct SdkParameters {
   double rc_lasts_s = 0.5;
   bool command_counts = true;
   int max_turn_deg = 360;  ///< SDK 1.3: 3600
+  int first_serial = 1;    ///< last digits of what tello1 answers to `sn?`; the others count up
 };
 
 struct Parameters {

@@ -41,7 +41,7 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       failsafe_settings_(settings.failsafe),
       fence_(settings.fence),
       rc_settings_(settings.rc),
-      session_(settings.session),
+      session_(settings.session, drone.serial),
       admission_(settings.playout),
       playout_(settings.playout, admission_),
       limiter_(settings.playout),
@@ -211,6 +211,7 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   watch_phase(at);
   record_transition(at);
   record_ends(at);
+  tell_serial(at);
 }
 
 void DroneLink::obey_failsafe(TimeNs now) noexcept {
@@ -325,6 +326,13 @@ void DroneLink::record_transition(const LinkMoment& at) noexcept {
     transitions_.add(last);
   }
   if (Transition next; transitions_.next(next)) at.out.transitions.push(next);
+}
+
+void DroneLink::tell_serial(const LinkMoment& at) noexcept {
+  const SerialCheck& serial = session_.serial();
+  if (serial.verdict() == told_serial_) return;
+  told_serial_ = serial.verdict();
+  at.out.serials.push({number_, serial.verdict(), serial.answered()});
 }
 
 void DroneLink::sample(const LinkMoment& at) noexcept {

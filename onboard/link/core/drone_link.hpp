@@ -99,6 +99,7 @@ class DroneLink {
   void record_transition(const LinkMoment& at) noexcept;
   void record_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns, TimeNs late_ns) noexcept;
   void record_ends(const LinkMoment& at) noexcept;
+  void tell_serial(const LinkMoment& at) noexcept;
 
   std::string name_;
   DroneNumber number_;
@@ -130,6 +131,8 @@ class DroneLink {
   FailsafeMode last_mode_ = FailsafeMode::none;
   FailsafeCause last_cause_ = FailsafeCause::none;
   Transition last_transition_;
+
+  SerialCheck::Verdict told_serial_ = SerialCheck::Verdict::unwanted;
 
   TimeNs last_rc_ns_ = 0;
   Rc last_rc_{};

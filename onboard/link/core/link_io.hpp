@@ -7,6 +7,7 @@
 #include "common/msg/onboard.hpp"
 #include "common/rt/trace.hpp"
 #include "onboard/link/core/fixed_vector.hpp"
+#include "onboard/link/core/tello/serial_check.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
 /// What goes into a step of link, and what comes out of it.
@@ -27,6 +28,13 @@ struct ToSend {
   CommandText command;
 };
 
+/// What the check of a drone's serial came to, for people.
+struct SerialTold {
+  DroneNumber drone = 0;
+  SerialCheck::Verdict verdict = SerialCheck::Verdict::unwanted;
+  SerialText answered;
+};
+
 /// What came since the last step, in the order it came.
 struct LinkInputs {
   std::span<const Received> received;
@@ -44,6 +52,7 @@ struct LinkOutputs {
   FixedVector<ToSend, 4 * max_drones> to_send;
   FixedVector<StateSample, max_drones> states;
   FixedVector<Transition, max_drones> transitions;  ///< what is lost on the way comes again
+  FixedVector<SerialTold, max_drones> serials;      ///< each time that one of them changed
   FixedVector<TraceRecord, 512> trace;
 
   /// Refusals stay counted.
@@ -51,6 +60,7 @@ struct LinkOutputs {
     to_send.clear();
     states.clear();
     transitions.clear();
+    serials.clear();
     trace.clear();
   }
 };

@@ -189,6 +189,7 @@ struct FenceSettings {
 struct DroneSettings {
   std::string name;
   DroneNumber number = 0;
+  std::string serial{};  ///< what `sn?` must answer before a take-off; empty: not asked
 };
 
 struct LinkSettings {

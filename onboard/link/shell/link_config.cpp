@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
+#include <net/if.h>
 
 #include <charconv>
 #include <set>
@@ -9,6 +10,7 @@
 
 #include "common/config/config.hpp"
 #include "common/msg/names.hpp"
+#include "onboard/link/core/tello/serial_check.hpp"
 
 namespace ledgerline::link {
 namespace {
@@ -170,7 +172,7 @@ void read_fence(Config& config, LinkSettings& link) {
 
 struct DroneTable {
   DroneSettings drone;
-  std::string address;
+  std::string address, interface;
 };
 
 std::vector<DroneTable> read_drones(Config& config) {
@@ -182,7 +184,14 @@ std::vector<DroneTable> read_drones(Config& config) {
     table.drone.number = static_cast<DroneNumber>(
         config.integer({key + "number", "in shared memory; agent's must be the same", "its place in the file"},
                        static_cast<std::int64_t>(i) + 1, 1, max_drones));
-    table.address = config.text({key + "address", "IPv4; answers are told apart by it, so no two share one"});
+    table.address = config.text({key + "address", "IPv4; drones are told apart by it, and by their interfaces"});
+    table.interface =
+        config.text({key + "interface",
+                     "network interface that the drone is behind, such as wlan1: with one for each, several drones may "
+                     "have 192.168.10.1"},
+                    "");
+    table.drone.serial = config.text(
+        {key + "serial", "what it must answer to `sn?` before a take-off (`ledgerline tello find` shows it)"}, "");
     tables.push_back(std::move(table));
   }
   return tables;
@@ -192,12 +201,29 @@ Status check_drones(const std::string& path, const std::vector<DroneTable>& tabl
   if (tables.empty() || tables.size() > max_drones)
     return Error{fmt::format("{}: 1 to {} [[drone]] are needed", path, max_drones)};
   std::set<DroneNumber> numbers;
-  std::set<std::string> addresses;
+  std::set<std::pair<std::string, std::string>> ways;
   for (const DroneTable& table : tables) {
     if (!numbers.insert(table.drone.number).second)
       return Error{fmt::format("{}: two drones have number {}", path, table.drone.number)};
-    if (!addresses.insert(table.address).second)
-      return Error{fmt::format("{}: two drones have address {}", path, table.address)};
+    if (!ways.emplace(table.address, table.interface).second)
+      return Error{fmt::format("{}: two drones have address {}{}", path, table.address,
+                               table.interface.empty()
+                                   ? "; behind interfaces of their own they may: give each its interface"
+                                   : " behind interface " + table.interface)};
+    if (table.interface.size() >= IFNAMSIZ)
+      return Error{fmt::format("{}: drone {}: '{}' is no interface's name, which has at most {} letters", path,
+                               table.drone.name, table.interface, IFNAMSIZ - 1)};
+    if (!table.drone.serial.empty() && !is_serial(table.drone.serial))
+      return Error{fmt::format("{}: drone {}: '{}' is no serial: 4 to 24 letters and digits", path, table.drone.name,
+                               table.drone.serial)};
+  }
+  // Else a datagram of the one would be the other's as well.
+  for (const DroneTable& table : tables) {
+    if (!table.interface.empty()) continue;
+    for (const DroneTable& other : tables) {
+      if (&other != &table && other.address == table.address)
+        return Error{fmt::format("{}: two drones have address {}: give each its interface", path, table.address)};
+    }
   }
   return done;
 }
@@ -265,8 +291,13 @@ Result<ShellSettings> load_settings(const std::string& path) {
 Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   ShellSettings settings;
   const auto tables = read_drones(config);
-  const std::string port = std::to_string(config.integer(
-      {"tello.command_port", "where drones take commands; a Tello's is fixed, a proxy's may differ"}, 8889, 1, 65535));
+  const auto command_port = config.integer(
+      {"tello.command_port", "where drones take commands; a Tello's is fixed, a proxy's may differ"}, 8889, 1, 65535);
+  const std::string port = std::to_string(command_port);
+  settings.state_port = static_cast<std::uint16_t>(config.integer(
+      {"tello.state_port", "where drones send state text from: what comes from another port is not believed. 0: any",
+       "tello.command_port"},
+      command_port, 0, 65535));
   const std::string listen = config.text(
       {"state.listen", "IPv4 and port where state texts arrive; drones always send to port 8890"}, "0.0.0.0:8890");
   settings.link.rate_hz = config.number({"state.rate_hz",
@@ -299,6 +330,7 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
     auto address = parse_address(table.address, port);
     if (!address) return Error{fmt::format("{}: drone {}: {}", path, table.drone.name, address.error().what)};
     settings.addresses.push_back(*address);
+    settings.interfaces.push_back(table.interface);
     settings.link.drones.push_back(table.drone);
   }
   return settings;

@@ -46,6 +46,8 @@ void LinkLoop::turn(TimeNs now, bool stopping) noexcept {
   // What cannot be handed over, or nobody takes, the core gives again after agent's next beat.
   for (const Transition& transition : out.transitions) courier_.put(transition);
   if (!out.states.empty() || !out.transitions.empty()) courier_.wake();
+  // The same: a full ring is of drones that come and go faster than a person reads.
+  for (const SerialTold& told : out.serials) (void)serials_.push(told);
   for (TraceRecord record : out.trace) {
     hand_over(record);
     if (record.kind != TraceKind::command_applied) continue;

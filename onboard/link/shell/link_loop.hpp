@@ -11,7 +11,7 @@
 #include "onboard/link/core/link_core.hpp"
 #include "onboard/link/shell/courier.hpp"
 #include "onboard/link/shell/link_config.hpp"
-#include "onboard/link/shell/tello_sockets.hpp"
+#include "onboard/link/shell/sockets/tello_sockets.hpp"
 
 namespace ledgerline::link {
 
@@ -54,6 +54,7 @@ class LinkLoop {
   /// The other thread's ends of the rings: one thread.
   SpscRing<TraceRecord, 16384>& trace() noexcept { return trace_; }
   SpscRing<StateSample, 512>& states() noexcept { return states_; }
+  SpscRing<SerialTold, 64>& serials() noexcept { return serials_; }
 
   /// After ended().
   const LoopFigures& figures() const noexcept { return figures_; }
@@ -81,6 +82,7 @@ class LinkLoop {
   SpscRing<TraceRecord, 16384> trace_;
   PackedTurns packed_turns_;
   SpscRing<StateSample, 512> states_;
+  SpscRing<SerialTold, 64> serials_;
   LoopFigures figures_;
   std::atomic<bool> stop_{false};
   std::atomic<bool> resume_local_{false};

@@ -26,8 +26,9 @@ namespace {
 
 constexpr TimeNs housekeeping_period_ns = 10 * ns_per_ms;
 constexpr TimeNs roudi_period_ns = 1 * ns_per_s;
-constexpr TimeNs stops_retry_ns = 1 * ns_per_s;  // a disk that is full may have room again
-constexpr int courier_below_loop = 10;           // priorities between the two are for what a user wants there
+constexpr TimeNs sockets_period_ns = 1 * ns_per_s;  // a Wi-Fi that is joined anew is no loss for longer
+constexpr TimeNs stops_retry_ns = 1 * ns_per_s;     // a disk that is full may have room again
+constexpr int courier_below_loop = 10;              // priorities between the two are for what a user wants there
 
 Result<std::uint64_t> random_boot_id() {
   std::uint64_t id = 0;
@@ -39,8 +40,13 @@ Result<std::uint64_t> random_boot_id() {
 class Housekeeping {
  public:
   Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace, ServiceManager& manager,
-               LocalStopsFile& stops)
-      : settings_(settings), loop_(loop), trace_(std::move(trace)), manager_(manager), stops_(stops) {}
+               LocalStopsFile& stops, TelloSockets& sockets)
+      : settings_(settings),
+        loop_(loop),
+        trace_(std::move(trace)),
+        manager_(manager),
+        stops_(stops),
+        sockets_(sockets) {}
 
   void once(TimeNs now) {
     keep_stops(now);
@@ -49,12 +55,17 @@ class Housekeeping {
       if (record.kind == TraceKind::mode) log_mode(record);
     }
     for (StateSample state; loop_.states().pop(state);) newest_[state.drone] = state;
+    for (SerialTold told; loop_.serials().pop(told);) log_serial(told);
     if (settings_.status_period_ms > 0 && now >= next_status_ns_) {
       next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
       fmt::print("{}\n", status_line(settings_.link, newest_));
       std::fflush(stdout);
     }
     if (now >= next_roudi_ns_) watch_roudi(now);
+    if (now >= next_sockets_ns_) {
+      next_sockets_ns_ = now + sockets_period_ns;
+      for (const std::string& news : sockets_.tend()) spdlog::warn("{}", news);
+    }
     // The loop's own turns: a loop that hangs is not spoken for.
     if (auto status = manager_.alive(now, loop_.turns()); !status) spdlog::warn("{}", status.error().what);
   }
@@ -73,17 +84,39 @@ class Housekeeping {
 
  private:
   void log_mode(const TraceRecord& record) const {
-    std::string drone = fmt::format("drone {}", record.drone);
-    for (const DroneSettings& known : settings_.link.drones) {
-      if (known.number == record.drone) drone = known.name;
-    }
     const auto mode = static_cast<FailsafeMode>(record.extra);
     const auto cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
     const auto phase = static_cast<FlightPhase>(record.id);
     // On the ground a cause only says what a take-off waits for.
     const bool calm = cause == FailsafeCause::none || !in_flight(phase);
-    spdlog::log(calm ? spdlog::level::info : spdlog::level::warn, "{}: {}, failsafe {} ({})", drone, name(phase),
-                name(mode), name(cause));
+    spdlog::log(calm ? spdlog::level::info : spdlog::level::warn, "{}: {}, failsafe {} ({})", drone(record.drone).name,
+                name(phase), name(mode), name(cause));
+  }
+
+  void log_serial(const SerialTold& told) const {
+    const DroneSettings& meant = drone(told.drone);
+    switch (told.verdict) {
+      case SerialCheck::Verdict::same:
+        spdlog::info("{}: it is {}", meant.name, meant.serial);
+        break;
+      case SerialCheck::Verdict::other:
+        spdlog::error("{}: {} answers, not {} as in the config: it does not take off", meant.name, told.answered.view(),
+                      meant.serial);
+        break;
+      case SerialCheck::Verdict::untold:
+        spdlog::warn("{}: its firmware tells no serial (sn?), so it is not checked that it is {}", meant.name,
+                     meant.serial);
+        break;
+      case SerialCheck::Verdict::open:
+      case SerialCheck::Verdict::unwanted:
+        break;
+    }
+  }
+
+  // The loop speaks of no others.
+  const DroneSettings& drone(DroneNumber number) const {
+    return *std::find_if(settings_.link.drones.begin(), settings_.link.drones.end(),
+                         [&](const DroneSettings& known) { return known.number == number; });
   }
 
   void keep_stops(TimeNs now) {
@@ -117,11 +150,13 @@ class Housekeeping {
   std::optional<TraceWriter> trace_;
   ServiceManager& manager_;
   LocalStopsFile& stops_;
+  TelloSockets& sockets_;
   DroneSet told_stops_;
   TimeNs next_stops_ns_ = 0;
   std::array<StateSample, max_drones + 1> newest_{};
   TimeNs next_status_ns_ = 0;
   TimeNs next_roudi_ns_ = 0;
+  TimeNs next_sockets_ns_ = 0;
   bool roudi_lives_ = true;
 };
 
@@ -212,7 +247,7 @@ int run_link(const ShellSettings& settings) {
   auto core =
       std::make_unique<LinkCore>(settings.link, *boot_id, recent_starts(settings), stops_of_before(settings, stops));
   auto loop = std::make_unique<LinkLoop>(settings, *core, **end, **courier, *sockets);
-  Housekeeping housekeeping(settings, *loop, std::move(trace), *manager, stops);
+  Housekeeping housekeeping(settings, *loop, std::move(trace), *manager, stops, *sockets);
 
   std::promise<RealTime> entered;
   auto real_time_result = entered.get_future();

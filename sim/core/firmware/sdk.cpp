@@ -394,7 +394,7 @@ Sdk::Answer Sdk::query(Call& call) {
     if (call.name == "time?") return fmt::format("{}s", t.motor_time_s);
     if (call.name == "wifi?") return "90";
     if (call.name == "sdk?") return "20";
-    if (call.name == "sn?") return fmt::format("0TQDG00SIM{:04}", number_);
+    if (call.name == "sn?") return fmt::format("0TQDG00SIM{:04}", p_.sdk.first_serial + number_ - 1);
     if (call.name == "height?") return fmt::format("{}dm", t.height_dm);
     if (call.name == "temp?") return fmt::format("{}~{}C", t.temperature_low_c, t.temperature_high_c);
     if (call.name == "attitude?") return fmt::format("pitch:{};roll:{};yaw:{};", t.pitch_deg, t.roll_deg, t.yaw_deg);

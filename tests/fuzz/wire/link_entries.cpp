@@ -24,6 +24,7 @@ const std::vector<std::string> answers{"ok",
                                        "out of range",
                                        "unknown command: x",
                                        "error No valid imu"};
+const std::vector<std::string> serials{"0TQDG00EDPMV39\r\n", "0TQDG00EDPMV40"};
 
 Outcome state_alone(std::string_view bytes) {
   TelloState state{.height_m = 7, .tof_m = 8, .battery = 0.5F, .attitude_deg = {1, 2, 9}};
@@ -43,6 +44,8 @@ Outcome answer_alone(std::string_view bytes) { return parse_answer(bytes) == Ans
 /// came to and what is asked for meanwhile.
 class SessionEntry final : public Entry {
  public:
+  explicit SessionEntry(std::string_view serial) : session_(SessionSettings{}, serial) {}
+
   std::vector<std::string> seeds() override {
     std::vector<std::string> all;
     for (const char request : {'a', 'b', 'c', 'd'}) {
@@ -50,6 +53,7 @@ class SessionEntry final : public Entry {
     }
     for (const char request : {'A', 'B', 'C', 'D'}) {
       for (const std::string& answer : answers) all.push_back(std::string(1, request) + answer);
+      for (const std::string& serial : serials) all.push_back(std::string(1, request) + serial);
     }
     return all;
   }
@@ -89,13 +93,15 @@ class SessionEntry final : public Entry {
 
  private:
   TimeNs now_ = ns_per_s;
-  TelloSession session_{SessionSettings{}};
+  TelloSession session_;
 };
 
 const Registration state({"link.state", Kind::text, [] { return std::make_unique<Function>(states, state_alone); }});
 const Registration answer({"link.answer", Kind::text,
                            [] { return std::make_unique<Function>(answers, answer_alone); }});
-const Registration session({"link.session", Kind::text, [] { return std::make_unique<SessionEntry>(); }});
+const Registration session({"link.session", Kind::text, [] { return std::make_unique<SessionEntry>(""); }});
+const Registration session_of_one({"link.session_of_one", Kind::text,
+                                   [] { return std::make_unique<SessionEntry>("0TQDG00EDPMV39"); }});
 
 }  // namespace
 }  // namespace ledgerline::fuzz::link_part

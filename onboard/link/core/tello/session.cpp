@@ -37,6 +37,7 @@ void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
     handshake_ok_ = false;
     asked_ = Asked::nothing;
     blind_.seek();
+    serial_.begin();
   }
 }
 
@@ -77,6 +78,7 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
     handshake_ok_ = true;  // whatever it answers: a Tello answers nothing before `command`
     return;
   }
+  if (asked_ == Asked::nothing && on_ground(phase_) && serial_.on_answer(bytes)) return;
   if (answer == Answer::unknown || asked_ == Asked::nothing || send_) {
     ++answers_unasked_;
     return;
@@ -115,7 +117,7 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
 
 bool TelloSession::request_takeoff(TimeNs now) noexcept {
   if (phase_ != FlightPhase::on_ground && phase_ != FlightPhase::landed) return false;
-  if (now < takeoff_not_before_ns_ || asked_ != Asked::nothing) return false;
+  if (now < takeoff_not_before_ns_ || asked_ != Asked::nothing || !serial_.allows_takeoff()) return false;
   ask(now, Asked::takeoff);
   rising_until_ns_ = now + settings_.takeoff_timeout_ns;
   enter(now, FlightPhase::taking_off);
@@ -231,6 +233,10 @@ bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
   if (!says_blindly_.empty()) {
     out = says_blindly_[0];
     says_blindly_.erase_front(1);
+    return true;
+  }
+  if (asked_ == Asked::nothing && on_ground(phase_) && serial_.due(now)) {
+    out = command_text("sn?");
     return true;
   }
   if (asked_ == Asked::nothing || !send_) return false;

@@ -5,6 +5,7 @@
 #include "onboard/link/core/fixed_vector.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/blind_talk.hpp"
+#include "onboard/link/core/tello/serial_check.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
@@ -23,12 +24,14 @@ namespace ledgerline::link {
 /// spoken to as blind_talk.hpp says. Core: no I/O, no allocation; one thread.
 class TelloSession {
  public:
-  explicit TelloSession(const SessionSettings& settings) noexcept : settings_(settings), blind_(settings) {}
+  /// `serial`: the drone that is meant; whoever answers with another does not take off. Empty: whichever answers.
+  explicit TelloSession(const SessionSettings& settings, std::string_view serial = {}) noexcept
+      : settings_(settings), blind_(settings), serial_(serial) {}
 
   void on_answer(TimeNs now, std::string_view bytes) noexcept;
   void on_state(TimeNs now, std::string_view bytes) noexcept;
 
-  /// False when the phase (or the pause after a refusal) does not allow it.
+  /// False when the phase, the pause after a refusal or the serial does not allow it.
   bool request_takeoff(TimeNs now) noexcept;
   /// In the air, and where it may be in the air. May be called at every step: what is under way goes on.
   void request_land(TimeNs now) noexcept;
@@ -52,6 +55,7 @@ class TelloSession {
   bool heard() const noexcept { return heard_; }
   TimeNs phase_since_ns() const noexcept { return phase_since_ns_; }
   const TelloState& state() const noexcept { return state_; }
+  const SerialCheck& serial() const noexcept { return serial_; }
   /// When the newest state text came; 0: none yet.
   TimeNs state_at_ns() const noexcept { return state_at_ns_; }
   bool has_flown() const noexcept { return has_flown_; }
@@ -76,6 +80,7 @@ class TelloSession {
 
   SessionSettings settings_;
   BlindTalk blind_;
+  SerialCheck serial_;
   FixedVector<CommandText, 3> says_blindly_;  ///< what is still to be sent of it
   bool heard_ = false;
   bool stands_ = false;  ///< on the ground, by what was seen last, and for long enough to believe it

@@ -74,11 +74,16 @@ bool parse_state(std::string_view bytes, TelloState& state) noexcept {
   return true;
 }
 
-Answer parse_answer(std::string_view bytes) noexcept {
+std::string_view without_line_end(std::string_view bytes) noexcept {
   while (!bytes.empty() &&
          (bytes.back() == '\r' || bytes.back() == '\n' || bytes.back() == ' ' || bytes.back() == '\0')) {
     bytes.remove_suffix(1);
   }
+  return bytes;
+}
+
+Answer parse_answer(std::string_view bytes) noexcept {
+  bytes = without_line_end(bytes);
   if (bytes.size() == 2 && begins_with(bytes, "ok")) return Answer::ok;
   if (begins_with(bytes, "error") || begins_with(bytes, "out of range") || begins_with(bytes, "unknown command")) {
     return Answer::refused;

@@ -19,6 +19,9 @@ struct TelloState {
 /// False, and `state` untouched, unless at least battery, h and tof are there as plain numbers in a believable range.
 bool parse_state(std::string_view bytes, TelloState& state) noexcept;
 
+/// Without the CR, LF, blanks and zeros that firmwares end an answer with.
+std::string_view without_line_end(std::string_view bytes) noexcept;
+
 enum class Answer : std::uint8_t { ok, refused, unknown };
 /// `ok` alone (any case, CR LF stripped) is ok; what begins with error, out of range or unknown command is a refusal;
 /// anything else is unknown, and no answer at all to whoever waits for one.

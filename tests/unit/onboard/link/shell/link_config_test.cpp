@@ -68,6 +68,33 @@ TEST_F(LinkConfig, MistakesAreNamed) {
   EXPECT_NE(error_of("[[drone]]\nname = \"tello1\"\naddress = \"tello.local\"\n").find("tello1"), std::string::npos);
 }
 
+TEST_F(LinkConfig, DronesWithOneAddressNeedInterfacesOfTheirOwn) {
+  const auto two = [&](const std::string& first, const std::string& second) {
+    const std::string same = "\naddress = \"192.168.10.1\"\n";
+    const auto settings =
+        load("[[drone]]\nname = \"a\"" + same + first + "\n[[drone]]\nname = \"b\"" + same + second + "\n");
+    return settings ? settings->interfaces[0] + " " + settings->interfaces[1] : settings.error().what;
+  };
+  const std::string wlan0 = "interface = \"wlan0\"", wlan1 = "interface = \"wlan1\"";
+  EXPECT_EQ(two(wlan0, wlan1), "wlan0 wlan1");
+  for (const std::string& error : {two("", ""), two(wlan0, wlan0), two(wlan0, ""), two("", wlan1)}) {
+    EXPECT_NE(error.find("two drones have address 192.168.10.1"), std::string::npos) << error;
+  }
+  EXPECT_NE(two(wlan0, "interface = \"a-name-of-16-let\"").find("interface"), std::string::npos);
+}
+
+TEST_F(LinkConfig, ASerialIsLettersAndDigits) {
+  const auto settings = load(drone + "serial = \"0TQDG00EDPMV39\"\n[tello]\ncommand_port = 9999\n");
+  ASSERT_TRUE(settings) << settings.error().what;
+  EXPECT_EQ(settings->link.drones[0].serial, "0TQDG00EDPMV39");
+  EXPECT_EQ(settings->state_port, 9999);  // as the command port, unless it is named
+  for (const char* serial : {"x", "0TQDG00 EDPMV39", "0TQDG00EDPMV390TQDG00EDPMV39"}) {
+    const auto refused = load(drone + "serial = \"" + serial + "\"\n");
+    ASSERT_FALSE(refused) << serial;
+    EXPECT_NE(refused.error().what.find("tello1"), std::string::npos) << refused.error().what;
+  }
+}
+
 TEST_F(LinkConfig, AnOrderOfTimesThatTheFailsafeCannotKeepIsRefused) {
   const auto error_of = [&](const std::string& keys) {
     const auto settings = load(drone + "[failsafe]\n" + keys);

@@ -1,0 +1,61 @@
+#include "onboard/link/core/tello/serial_check.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include "onboard/link/core/tello/tello_text.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+// An answer takes tens of ms: half would ask twice on a slow radio, double delays a first take-off by a lost datagram.
+constexpr TimeNs repeat_ns = 500 * ns_per_ms;
+// One may be the late answer to what link said blindly before; double delays a take-off of such a drone by as much.
+constexpr int refusals_believed = 3;
+constexpr std::size_t min_serial = 4;
+
+SerialText copy(std::string_view text) noexcept {
+  SerialText out;
+  out.size = static_cast<std::uint8_t>(std::min(text.size(), out.bytes.size()));
+  std::memcpy(out.bytes.data(), text.data(), out.size);
+  return out;
+}
+
+}  // namespace
+
+bool is_serial(std::string_view text) noexcept {
+  return text.size() >= min_serial && text.size() <= SerialText{}.bytes.size() &&
+         std::all_of(text.begin(), text.end(),
+                     [](char c) { return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); });
+}
+
+SerialCheck::SerialCheck(std::string_view wanted) noexcept
+    : wanted_(copy(wanted)), verdict_(wanted.empty() ? Verdict::unwanted : Verdict::open) {}
+
+void SerialCheck::begin() noexcept {
+  if (verdict_ == Verdict::unwanted) return;
+  verdict_ = Verdict::open;
+  asked_ns_ = 0;
+  refusals_ = 0;
+}
+
+bool SerialCheck::due(TimeNs now) noexcept {
+  if (verdict_ != Verdict::open || (asked_ns_ != 0 && now - asked_ns_ < repeat_ns)) return false;
+  asked_ns_ = now;
+  return true;
+}
+
+bool SerialCheck::on_answer(std::string_view bytes) noexcept {
+  if (verdict_ != Verdict::open || asked_ns_ == 0) return false;
+  const std::string_view text = without_line_end(bytes);
+  if (parse_answer(text) == Answer::refused) {
+    if (++refusals_ >= refusals_believed) verdict_ = Verdict::untold;
+    return true;
+  }
+  if (!is_serial(text)) return false;
+  answered_ = copy(text);
+  verdict_ = text == wanted_.view() ? Verdict::same : Verdict::other;
+  return true;
+}
+
+}  // namespace ledgerline::link

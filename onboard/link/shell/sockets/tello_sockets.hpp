@@ -1,0 +1,79 @@
+#pragma once
+#include <netinet/in.h>
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "onboard/link/core/link_io.hpp"
+#include "onboard/link/shell/link_config.hpp"
+#include "onboard/link/shell/sockets/udp.hpp"
+
+namespace ledgerline::link {
+
+/// The UDP sockets toward all drones. Commands: one for each drone, behind its interface where it has one, connected to
+/// its address and command port, so that the kernel drops whatever else comes. State text: one for each interface, since
+/// drones send it all to port 8890; a datagram is a drone's if it comes from the drone's address and state port, and
+/// through its interface. Whoever is in the drone's network can write both as the sender: it is a fence against
+/// mistakes and mere neighbours. Non-blocking; after creation receive() and send() allocate nothing.
+///
+/// Threads: receive() and send() are the loop's; tend() is another's.
+class TelloSockets {
+ public:
+  static Result<TelloSockets> create(const ShellSettings& settings);
+
+  /// Everything that has come, up to a bound; valid until the next call.
+  std::span<const Received> receive() noexcept;
+  /// False when the system refused it, which the caller counts: to a drone it is a lost datagram.
+  bool send(const ToSend& message) noexcept;
+
+  /// To be called about once a second, beside the loop: a connected socket keeps the address and the interface that it
+  /// began with, so it is replaced where the way to the drone became another (Wi-Fi joined later or anew, an adapter
+  /// plugged in again). Returns what changed, and which drones' state text comes from a port that is not believed, for
+  /// people.
+  std::vector<std::string> tend();
+
+ private:
+  static constexpr std::size_t max_received = 64;
+  static constexpr std::size_t max_bytes = 1024;  // what clients receive with; a longer state text is no Tello's
+
+  struct Drone {
+    std::string name;
+    DroneNumber number = 0;
+    sockaddr_in address{};
+    std::string interface;
+    Descriptor commands;
+    bool reached = false;  ///< a way to it was found; tend()'s
+    std::string told;      ///< the newest trouble; tend()'s
+    bool told_port = false;
+  };
+  struct StateText {
+    std::string interface;
+    Descriptor socket;
+  };
+
+  TelloSockets() = default;
+  std::size_t read(int fd, sockaddr_in& from, bool& more) noexcept;
+  void receive_answers(std::size_t drone) noexcept;
+  void receive_states(const StateText& states) noexcept;
+  bool is_from(const Drone& drone, const StateText& states, const sockaddr_in& from) noexcept;
+  void tend(Drone& drone, std::vector<std::string>& news);
+  void tend(StateText& states, std::vector<std::string>& news);
+
+  std::vector<Drone> drones_;
+  std::vector<StateText> states_;
+  sockaddr_in state_listen_{};
+  std::uint16_t state_port_ = 0;
+  /// By drone: a port that its state text came from, though it is not the one; 0: none.
+  std::unique_ptr<std::array<std::atomic<std::uint16_t>, max_drones>> strange_ports_;
+  std::vector<std::array<char, max_bytes>> buffers_;
+  std::array<Received, max_received> received_{};
+  std::size_t count_ = 0;
+};
+
+}  // namespace ledgerline::link

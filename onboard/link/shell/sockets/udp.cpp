@@ -1,0 +1,89 @@
+#include "onboard/link/shell/sockets/udp.hpp"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+namespace ledgerline::link {
+
+Descriptor::Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+
+Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
+  std::swap(fd_, other.fd_);
+  return *this;
+}
+
+Descriptor::~Descriptor() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+std::string text(const sockaddr_in& address) {
+  std::array<char, INET_ADDRSTRLEN> host{};
+  ::inet_ntop(AF_INET, &address.sin_addr, host.data(), host.size());
+  return fmt::format("{}:{}", host.data(), ntohs(address.sin_port));
+}
+
+Result<Descriptor> open_udp(const std::string& interface) {
+  Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (socket.get() < 0) return Error{fmt::format("no UDP socket: {}", std::strerror(errno))};
+  if (interface.empty() || ::setsockopt(socket.get(), SOL_SOCKET, SO_BINDTODEVICE, interface.c_str(),
+                                        static_cast<socklen_t>(interface.size())) == 0)
+    return socket;
+  if (errno == EPERM)
+    return Error{
+        fmt::format("this process may not choose interface {}: before Linux 5.7 that takes CAP_NET_RAW (in its unit "
+                    "AmbientCapabilities=CAP_NET_RAW, or setcap cap_net_raw+ep on the program)",
+                    interface)};
+  if (errno == ENODEV) return Error{fmt::format("there is no interface {} (`ip link` lists them)", interface)};
+  return Error{fmt::format("interface {}: {}", interface, std::strerror(errno))};
+}
+
+Status listen_on(const Descriptor& socket, const sockaddr_in& address) {
+  const int on = 1;
+  ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  return listen_alone(socket, address);
+}
+
+Status listen_alone(const Descriptor& socket, const sockaddr_in& address) {
+  if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0) return done;
+  return Error{fmt::format("cannot listen on {}: {}; is another Tello client running? Else set [state] listen",
+                           text(address), std::strerror(errno))};
+}
+
+bool connect_to(const Descriptor& socket, const sockaddr_in& address) noexcept {
+  return ::connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+}
+
+bool same_interface(int one, int other) noexcept {
+  const auto index = [](int fd) {
+    int value = 0;
+    socklen_t size = sizeof value;
+    ::getsockopt(fd, SOL_SOCKET, SO_BINDTOIFINDEX, &value, &size);
+    return value;
+  };
+  return index(one) == index(other);
+}
+
+bool same_address(int one, int other) noexcept {
+  const auto own = [](int fd) {
+    sockaddr_in address{};
+    socklen_t size = sizeof address;
+    ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size);
+    return address.sin_addr.s_addr;
+  };
+  return own(one) == own(other);
+}
+
+Status put_in_place_of(int old, Descriptor replacement) {
+  if (::dup3(replacement.get(), old, O_CLOEXEC) >= 0) return done;
+  return Error{fmt::format("no socket in place of another: {}", std::strerror(errno))};
+}
+
+}  // namespace ledgerline::link

@@ -1,0 +1,48 @@
+#pragma once
+#include <netinet/in.h>
+
+#include <string>
+
+#include "common/base/result.hpp"
+
+/// UDP sockets as link needs them: non-blocking, and behind one network interface where one is named. Errors say what
+/// to do. Any thread, but not the real-time loop.
+namespace ledgerline::link {
+
+/// Owns a descriptor.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd = -1) noexcept : fd_(fd) {}
+  Descriptor(Descriptor&& other) noexcept;
+  Descriptor& operator=(Descriptor&& other) noexcept;
+  ~Descriptor();
+  int get() const noexcept { return fd_; }
+
+ private:
+  int fd_;
+};
+
+/// "192.168.10.1:8889".
+std::string text(const sockaddr_in& address);
+
+/// A socket that hears and reaches nothing but what is behind `interface`; empty: any. Fails where there is no such
+/// interface, or where this process may not choose one: before Linux 5.7 that takes CAP_NET_RAW.
+Result<Descriptor> open_udp(const std::string& interface);
+
+/// Another program of this host may hold the same port at another address or interface.
+Status listen_on(const Descriptor& socket, const sockaddr_in& address);
+/// The same, and fails where another program does.
+Status listen_alone(const Descriptor& socket, const sockaddr_in& address);
+
+/// From now on the kernel drops what does not come from exactly there. False where no route leads there yet.
+bool connect_to(const Descriptor& socket, const sockaddr_in& address) noexcept;
+
+/// By its index: an adapter that was unplugged and plugged in again has another, by the same name.
+bool same_interface(int one, int other) noexcept;
+/// Of their own: a Wi-Fi that is joined anew may lend another.
+bool same_address(int one, int other) noexcept;
+
+/// In one step, for whoever reads and writes `old` meanwhile: its number now names the other one.
+Status put_in_place_of(int old, Descriptor replacement);
+
+}  // namespace ledgerline::link

@@ -1,0 +1,123 @@
+"""`ledgerline tello` against simulated Tellos: who is there, what it is, join a Wi-Fi, and down."""
+import contextlib
+import json
+import os
+import pathlib
+import socket
+import subprocess
+import time
+
+BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+
+
+@contextlib.contextmanager
+def drones(count: int = 1, *more: str):
+    """Simulated ones at 127.0.0.2 and up, without poses."""
+    sim = subprocess.Popen([BIN / "ledgerline-sim", "--drones", str(count), "--mocap-hz", "0", *more],
+                           stdout=subprocess.PIPE, text=True)
+    try:
+        assert '"ready":true' in sim.stdout.readline()
+        yield
+    finally:
+        sim.terminate()
+        sim.wait(20)
+
+
+def tello(*words: str, **options) -> subprocess.CompletedProcess:
+    return subprocess.run([BIN / "ledgerline", "tello", *words], capture_output=True, text=True, timeout=60, **options)
+
+
+def test_all_of_a_subnet_are_found_with_what_they_say():
+    with drones(3):
+        found = tello("find", "--subnet", "127.0.0.0/28", "--json")
+        assert found.returncode == 0, found.stderr
+        listed = json.loads(found.stdout)["drones"]
+        assert [(d["address"], d["serial"]) for d in listed] == [(f"127.0.0.{k + 1}", f"0TQDG00SIM000{k}") for k in (1, 2, 3)]
+        assert all(d["battery"] > 90 and d["sdk"] == "20" and d["hardware"] == "TELLO" for d in listed)
+        assert all(d["version"] is None and d["wifi_version"] == "wifiv1.0.0.0" for d in listed)
+        shown = tello("info", "127.0.0.3")
+        assert shown.returncode == 0 and "0TQDG00SIM0002" in shown.stdout and "127.0.0.2" not in shown.stdout
+
+
+def test_nobody_is_said_so():
+    for words in (("find", "--address", "127.0.0.9"), ("info", "127.0.0.9")):
+        shown = tello(*words)
+        assert (shown.returncode, shown.stdout) == (1, "") and "no Tello answers" in shown.stderr
+    assert json.loads(tello("find", "--address", "127.0.0.9", "--json").stdout) == {"drones": []}
+    for words in (("find", "--subnet", "10.0.0.0/8"), ("info", "tello.local"), ("info",), ("calibrate-nothing",), ()):
+        assert tello(*words).returncode == 2, words
+    missing = tello("find", "--interface", "wlan77")
+    assert missing.returncode == 1 and "wlan77" in missing.stderr
+
+
+def test_a_password_comes_from_a_file_or_from_the_input_and_never_from_the_line(tmp_path):
+    secret = tmp_path / "wifi"
+    secret.write_text("correcthorse\n")
+    with drones():
+        joined = tello("join-wifi", "lab", "--password-file", str(secret), "--address", "127.0.0.2")
+        assert joined.returncode == 0 and "lab" in joined.stdout and "find" in joined.stdout, joined.stderr
+        typed = tello("join-wifi", "lab", "--address", "127.0.0.2", input="correcthorse\n")
+        assert typed.returncode == 0
+        for shown in (joined, typed):
+            assert "correcthorse" not in shown.stdout + shown.stderr
+        short = tello("join-wifi", "lab", "--address", "127.0.0.2", input="short\n")
+        assert short.returncode == 2 and "8 to 63" in short.stderr
+    assert tello("join-wifi", "lab", "correcthorse").returncode == 2
+    assert tello("join-wifi", "lab", "--address", "127.0.0.9", input="correcthorse\n").returncode == 1
+
+
+def test_a_tello_that_cannot_join_a_wifi_says_so():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain:
+        plain.bind(("127.0.0.2", 8889))
+        plain.settimeout(10)
+        asking = subprocess.Popen([BIN / "ledgerline-tello", "join-wifi", "lab", "--address", "127.0.0.2"], text=True,
+                                  stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        asking.stdin.write("correcthorse\n")
+        asking.stdin.flush()
+        _, client = plain.recvfrom(1024)
+        plain.sendto(b"ok", client)
+        word, client = plain.recvfrom(1024)
+        assert word == b"ap lab correcthorse"
+        plain.sendto(b"unknown command: ap", client)
+        _, errors = asking.communicate(timeout=20)
+    assert asking.returncode == 1 and "EDU" in errors
+
+
+def test_whoever_flies_is_brought_down(tmp_path):
+    summary = tmp_path / "sim.json"
+    with drones(1, "--summary", str(summary)), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as pilot:
+        pilot.settimeout(20)
+        for word in (b"command", b"takeoff"):
+            pilot.sendto(word, ("127.0.0.2", 8889))
+            assert pilot.recv(100) == b"ok"
+        pilot.sendto(b"rc 0 30 0 0", ("127.0.0.2", 8889))
+        time.sleep(0.5)
+        down = tello("land", "127.0.0.2")
+        assert down.returncode == 0 and "is down" in down.stdout, down.stderr
+        # Once more, for one that stands already.
+        assert tello("land", "127.0.0.2").returncode == 0
+    assert json.loads(summary.read_text())["drones"][0]["landed"]
+
+
+def test_a_landing_of_nobody_ends_with_its_time_and_says_so():
+    begun = time.monotonic()
+    down = tello("land", "127.0.0.9", "--seconds", "2")
+    assert down.returncode == 1 and "does not answer" in down.stderr
+    assert time.monotonic() - begun < 10
+
+
+def test_bytes_of_any_kind_end_nothing_and_reach_no_terminal():
+    noise = [b"", b"\x00" * 10, b"\xff\xfe\xfd", b"\x1b[2Jok", b"A" * 1400, b"battery?", b"okok", b"\x1b]0;x\x07"]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as liar:
+        liar.bind(("127.0.0.2", 8889))
+        liar.settimeout(0.05)
+        asking = subprocess.Popen([BIN / "ledgerline-tello", "find", "--address", "127.0.0.2"], text=True,
+                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        while asking.poll() is None:
+            with contextlib.suppress(TimeoutError):
+                word, client = liar.recvfrom(1024)
+                for answer in ([b"ok"] if word == b"command" else noise):
+                    liar.sendto(answer, client)
+        shown, errors = asking.communicate()
+    assert asking.returncode == 0, errors
+    assert "does not say" in shown and all(c == "\n" or " " <= c <= "~" for c in shown + errors)

@@ -1,0 +1,64 @@
+#include "tools/tello/core/places.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+
+namespace ledgerline::tello {
+namespace {
+
+constexpr int longest_prefix = 32, shortest_prefix = 24;
+// IEEE 802.11: a name has up to 32 bytes, a WPA2 password 8 to 63 letters.
+constexpr std::size_t max_ssid = 32, min_password = 8, max_password = 63;
+
+bool one_word(const std::string& text) {
+  return std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c <= '~'; });
+}
+
+}  // namespace
+
+Result<std::uint32_t> parse_address(const std::string& text) {
+  in_addr address{};
+  if (::inet_pton(AF_INET, text.c_str(), &address) != 1) return Error{fmt::format("'{}' is no IPv4 address", text)};
+  return ntohl(address.s_addr);
+}
+
+std::string address_text(std::uint32_t address) {
+  return fmt::format("{}.{}.{}.{}", address >> 24, (address >> 16) & 255, (address >> 8) & 255, address & 255);
+}
+
+Result<std::vector<std::uint32_t>> hosts_of(const std::string& cidr) {
+  const std::size_t slash = cidr.find('/');
+  const auto base = parse_address(cidr.substr(0, slash));
+  if (!base) return base.error();
+  int prefix = 0;
+  const char* const from = slash == std::string::npos ? nullptr : cidr.data() + slash + 1;
+  const char* const to = cidr.data() + cidr.size();
+  if (from == nullptr || std::from_chars(from, to, prefix).ptr != to || from == to || prefix < shortest_prefix ||
+      prefix > longest_prefix)
+    return Error{
+        fmt::format("'{}' is no subnet of /{} to /{}, such as 192.168.1.0/24", cidr, shortest_prefix, longest_prefix)};
+  const std::uint32_t size = std::uint32_t{1} << (longest_prefix - prefix);
+  const std::uint32_t first = *base & ~(size - 1);
+  std::vector<std::uint32_t> hosts;
+  for (std::uint32_t i = 0; i < size; ++i) {
+    if (size > 2 && (i == 0 || i == size - 1)) continue;
+    hosts.push_back(first + i);
+  }
+  return hosts;
+}
+
+std::string wifi_refusal(const std::string& ssid, const std::string& password) {
+  if (ssid.empty() || ssid.size() > max_ssid || !one_word(ssid))
+    return fmt::format(
+        "the network's name must be 1 to {} letters without blanks, since the drone takes a blank for its "
+        "end",
+        max_ssid);
+  if (password.size() < min_password || password.size() > max_password || !one_word(password))
+    return fmt::format("the password must be {} to {} letters without blanks", min_password, max_password);
+  return "";
+}
+
+}  // namespace ledgerline::tello

@@ -1,0 +1,133 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "tools/tello/core/places.hpp"
+#include "tools/tello/core/show.hpp"
+#include "tools/tello/shell/talk.hpp"
+
+namespace {
+
+using namespace ledgerline;
+
+constexpr const char* usual_address = "192.168.10.1";  // of every Tello in its own Wi-Fi
+
+struct Wish {
+  std::string address = usual_address, interface, subnet, ssid, password_file;
+  std::vector<std::string> addresses;
+  double seconds = 20;
+  bool json = false;
+};
+
+Result<std::vector<tello::Found>> asked_for(const std::vector<std::string>& addresses, const std::string& subnet) {
+  std::vector<std::uint32_t> hosts;
+  if (!subnet.empty()) {
+    auto all = tello::hosts_of(subnet);
+    if (!all) return all.error();
+    hosts = std::move(*all);
+  }
+  for (const std::string& text : addresses) {
+    const auto address = tello::parse_address(text);
+    if (!address) return address.error();
+    if (std::find(hosts.begin(), hosts.end(), *address) == hosts.end()) hosts.push_back(*address);
+  }
+  std::vector<tello::Found> drones;
+  for (const std::uint32_t host : hosts) drones.push_back({host, tello::Asking(tello::questions_of_info())});
+  return drones;
+}
+
+int show(const Wish& wish, std::vector<std::string> addresses) {
+  if (addresses.empty() && wish.subnet.empty()) addresses.emplace_back(usual_address);
+  auto drones = asked_for(addresses, wish.subnet);
+  if (!drones) return fail(drones.error(), exit_usage);
+  const std::size_t asked = drones->size();
+  if (auto status = tello::ask(*drones, wish.interface); !status) return fail(status.error());
+  std::erase_if(*drones, [](const tello::Found& drone) { return !drone.asking.present(); });
+  if (wish.json) print_line(tello::json(*drones));
+  if (drones->empty()) {
+    const std::string where = asked == 1 ? " at " + addresses.front() : fmt::format(" at any of {} addresses", asked);
+    return fail(Error{"no Tello answers" + where + ": is it switched on, and this computer in its Wi-Fi?"});
+  }
+  if (!wish.json) print_line(tello::words(*drones));
+  return 0;
+}
+
+int join_wifi(const Wish& wish) {
+  const auto password = tello::read_password(wish.password_file);
+  if (!password) return fail(password.error());
+  if (const std::string why = tello::wifi_refusal(wish.ssid, *password); !why.empty())
+    return fail(Error{why}, exit_usage);
+  const auto address = tello::parse_address(wish.address);
+  if (!address) return fail(address.error(), exit_usage);
+  const std::string word = fmt::format("ap {} {}", wish.ssid, *password);
+  std::vector<tello::Found> drones{{*address, tello::Asking({word})}};
+  if (auto status = tello::ask(drones, wish.interface); !status) return fail(status.error());
+  const tello::Asking& asking = drones.front().asking;
+  if (!asking.present()) return fail(Error{fmt::format("no Tello answers at {}", wish.address)});
+  const tello::Question& asked = asking.questions().back();
+  if (asked.refused)
+    return fail(Error{fmt::format("it refuses ({}): only a Tello EDU or TT can join a Wi-Fi", asked.answer)});
+  if (asked.answer.empty()) spdlog::warn("it was told, and did not answer: it may have left its own Wi-Fi already");
+  print_line(
+      fmt::format("It starts anew and joins {}. Its own Wi-Fi is gone then; join {} with this computer as well, "
+                  "and look for it: ledgerline tello find --subnet ADDRESS/24. It joins so until its button was "
+                  "held for 5 s, after which it has its own Wi-Fi again.",
+                  wish.ssid, wish.ssid));
+  return 0;
+}
+
+int land(const Wish& wish) {
+  const auto address = tello::parse_address(wish.address);
+  if (!address) return fail(address.error(), exit_usage);
+  const auto down = tello::land(*address, wish.interface, wish.seconds);
+  if (down && *down) print_line(wish.address + " is down");
+  return exit_code(down);
+}
+
+constexpr const char* about =
+    "Speaks to Tellos themselves, by the Tello SDK: who is there, what it is, how it joins a Wi-Fi; and lands one.\n"
+    "Not while ledgerline-link flies it (but for land): a Tello sends its state text to whoever spoke to it last.";
+constexpr const char* notes = R"(Examples:
+  ledgerline tello find                                   the Tello whose Wi-Fi this computer is in
+  ledgerline tello find --interface wlan1                 the one behind another adapter
+  ledgerline tello find --subnet 192.168.1.0/24 --json    all that joined this network
+  ledgerline tello join-wifi lab --password-file wifi.txt
+  ledgerline tello land 192.168.10.1
+Exit codes: 0 as asked (found, told, down), 1 not, 2 bad usage.)";
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CommandLine line("tello", about, notes);
+  Wish wish;
+  const auto interface = [&](Verb& verb) {
+    verb.option("--interface", wish.interface, "network interface that it is behind, such as wlan1");
+  };
+  Verb find = line.verb("find", "say which Tellos answer: address, serial, battery, hardware, firmware");
+  find.option("--address", wish.addresses, "one to ask, 192.168.10.1 where none is named").one_at_a_time();
+  find.option("--subnet", wish.subnet, "ask each address of a subnet, /24 at most, such as 192.168.1.0/24");
+  interface(find);
+  find.flag("--json", wish.json, "as JSON");
+  Verb info = line.verb("info", "the same of one Tello");
+  info.option("address", wish.address, "its address").required();
+  interface(info);
+  info.flag("--json", wish.json, "as JSON");
+  Verb join = line.verb("join-wifi", "tell a Tello EDU or TT to join a Wi-Fi; the password is asked for, or in a file");
+  join.option("ssid", wish.ssid, "the Wi-Fi's name").required();
+  join.option("--password-file", wish.password_file, "file with the password in its first line").existing_file();
+  join.option("--address", wish.address, "the Tello's address").shows_default();
+  interface(join);
+  Verb landing = line.verb("land", "stop a Tello and land it, whoever flew it: again each second until it is down");
+  landing.option("address", wish.address, "its address").required();
+  landing.option("--seconds", wish.seconds, "how long it is tried").within(1.0, 600.0).shows_default();
+  interface(landing);
+  if (const auto end = line.parse(argc, argv)) return *end;
+  if (find.given()) return show(wish, wish.addresses);
+  if (info.given()) return show(wish, {wish.address});
+  return join.given() ? join_wifi(wish) : land(wish);
+}
