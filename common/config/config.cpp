@@ -94,6 +94,14 @@ struct Config::State {
   void missing(const std::string& key, const std::string& wanted) {
     problem(nullptr, key, fmt::format("is missing ({})", wanted));
   }
+  void take_all(const toml::node& node, const std::string& prefix) {
+    asked.insert(prefix);
+    if (const auto* table = node.as_table()) {
+      for (const auto& [key, child] : *table) take_all(child, prefix + "." + std::string(key.str()));
+    } else if (const auto* array = node.as_array()) {
+      for (std::size_t i = 0; i < array->size(); ++i) take_all(*array->get(i), prefix + "." + std::to_string(i));
+    }
+  }
   void find_unknown(const toml::node& node, const std::string& prefix) {
     if (const auto* table = node.as_table()) {
       for (const auto& [key, child] : *table) {
@@ -264,6 +272,22 @@ std::size_t Config::table_count(const Key& key) {
   if (array && array->is_array_of_tables()) return array->size();
   state_->problem(node, key.name, fmt::format("must be tables, each beginning with [[{}]]", key.name));
   return 0;
+}
+
+std::string Config::table_text(const std::string& key) const {
+  const toml::node* node = state_->root.get(key);
+  toml::table alone;
+  if (node && node->is_table()) alone.insert(key, *node->as_table());
+  if (node && node->is_array_of_tables()) alone.insert(key, *node->as_array());
+  if (alone.empty()) return "";
+  std::ostringstream out;
+  out << alone << "\n";
+  return out.str();
+}
+
+void Config::left_to_another(const Key& table) {
+  state_->describe(table, "table", "none", "");
+  if (const toml::node* node = state_->find(table.name)) state_->take_all(*node, table.name);
 }
 
 void Config::wrong(const std::string& key, const std::string& what) { state_->problem(state_->find(key), key, what); }

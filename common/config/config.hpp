@@ -71,6 +71,11 @@ class Config {
   std::vector<std::string> texts(const Key& key, std::size_t max);
   /// Number of [[key]] tables; their keys are then "key.0.x", "key.1.x" ...
   std::size_t table_count(const Key& key);
+  /// The [table], or all [[table]] of that name, as TOML with headings, for another program's file. Empty where there is
+  /// none.
+  std::string table_text(const std::string& key) const;
+  /// Another program judges what is in this table, which goes into its file: here none of its keys is unknown.
+  void left_to_another(const Key& table);
   /// What the program itself finds wrong with a key's value, for finish(): "must ...".
   void wrong(const std::string& key, const std::string& what);
 

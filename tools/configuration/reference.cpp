@@ -15,6 +15,7 @@
 #include "onboard/agent/shell/settings.hpp"
 #include "onboard/link/shell/link_config.hpp"
 #include "tools/deployment/deployment.hpp"
+#include "tools/deployment/own_drones.hpp"
 
 namespace ledgerline::configuration {
 namespace {
@@ -90,9 +91,14 @@ const std::vector<Source>& sources() {
        {},
        [](Config& config) { (void)fabric_network::read_options(config, fabric_network::Options{}); }},
       {"deployment",
-       "`deployment.toml`: [which hosts, drones, ledger](deployment.md).",
+       "`deployment.toml`: [which hosts, drones, ledger](deployment.md). A file without `[[host]]` has `[[drone]]`, "
+       "`[ledger]`, `[pose]`, `[fence]`, `[rc]`, `[limits]` and `[flight]` alone, and [its drones are there "
+       "already](fly.md#real-drones).",
        {},
-       [](Config& config) { (void)deployment::read(config); }},
+       [](Config& config) {
+         (void)deployment::read(config);
+         (void)deployment::read_own_drones(config);
+       }},
       {ledger,
        "Where the ledger is, and whom to believe. At least one `[[msp]]` must be there; control alone, which reads no "
        "block, has none.",

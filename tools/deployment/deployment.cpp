@@ -81,7 +81,9 @@ Endpoint read_endpoint(Config& config, const std::string& key, const Deployment&
 }
 
 void read_ledger(Config& config, Deployment& out) {
-  const std::string kind = config.choice({"ledger.kind", "none: the controller beside the driver, for comparison"},
+  const std::string kind = config.choice({"ledger.kind",
+                                          "none: the controller beside the driver, for comparison; without [[host]] "
+                                          "not that, but `existing`: a network that runs already"},
                                          {ledger_kinds.begin(), ledger_kinds.end()}, ledger_kinds[0]);
   out.ledger = ledger_kind_of(kind);
   out.channel = config.text({"ledger.channel", "of Fabric"}, out.channel);

@@ -69,12 +69,10 @@ Result<OneDesk> on_one_desk(Config& config, const Deployment& deployment) {
                  std::max(1, static_cast<int>(deployment.orderers.size()))};
 }
 
-Result<OneDesk> load_one_desk(const std::string& path) {
-  auto config = Config::load(path);
-  if (!config) return config.error();
-  const auto deployment = read(*config);
+Result<OneDesk> read_one_desk(Config& config) {
+  const auto deployment = read(config);
   if (!deployment) return deployment.error();
-  return on_one_desk(*config, *deployment);
+  return on_one_desk(config, *deployment);
 }
 
 }  // namespace ledgerline::deployment

@@ -13,6 +13,6 @@ struct OneDesk {
 /// `config`: the file that the deployment was read from. Each thing that such a flight would have to pass over
 /// (docs/deployment.md) is an error with its file, line and key; all of them come at once.
 Result<OneDesk> on_one_desk(Config& config, const Deployment& deployment);
-Result<OneDesk> load_one_desk(const std::string& path);
+Result<OneDesk> read_one_desk(Config& config);
 
 }  // namespace ledgerline::deployment

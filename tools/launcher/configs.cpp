@@ -53,8 +53,9 @@ std::string memory_lines(const RunFiles& files) {
 }
 
 // So that a peer cannot show a program that is started again an older chain: more of [output]. It goes with its ledger.
-std::string checkpoint_line(const RunFiles& files, const std::string& program) {
-  return fmt::format("checkpoint = \"{}\"\n", files.in(fmt::format("ledger/{}.checkpoint", program)));
+std::string checkpoint_line(const RunFiles& files, const Options& options, const std::string& program) {
+  const std::string directory = is_of_others(options) ? "" : "ledger/";
+  return fmt::format("checkpoint = \"{}\"\n", files.in(fmt::format("{}{}.checkpoint", directory, program)));
 }
 
 // Where the proxy stands for a drone.
@@ -64,9 +65,14 @@ const char* const proxy_address = "127.0.2.1";  // toward the drones; link has t
 std::string drone_tables(const Options& options, bool with_address) {
   std::string tables;
   for (int k = 1; k <= options.drones; ++k) {
-    tables += fmt::format("\n[[drone]]\nname = \"tello{0}\"\nnumber = {0}\n", k);
-    const std::string address = options.proxy ? proxied_address_of(k) : address_of(k);
-    if (with_address) tables += fmt::format("address = \"{}\"\n", address);
+    tables += fmt::format("\n[[drone]]\nname = \"{}\"\nnumber = {}\n", drone_name(options, k), k);
+    if (!with_address) continue;
+    const deployment::OwnDrone own =
+        options.own ? options.own->drones[static_cast<std::size_t>(k) - 1] : deployment::OwnDrone{};
+    const std::string address = options.own ? own.address : options.proxy ? proxied_address_of(k) : address_of(k);
+    tables += fmt::format("address = \"{}\"\n", address);
+    if (!own.interface.empty()) tables += fmt::format("interface = \"{}\"\n", own.interface);
+    if (!own.serial.empty()) tables += fmt::format("serial = \"{}\"\n", own.serial);
   }
   return tables;
 }
@@ -129,15 +135,23 @@ std::string ledger_keys(const Options& options) {
          fmt::format("signer = \"{0}\"\nverifier = \"{0}\"\n", options.mbedtls ? "mbedtls" : "libcrypto");
 }
 
+// What a deployment says of its own drones comes as it stands there.
+std::string link_config(const RunFiles& files, const Options& options) {
+  return output_table(files, "link") + memory_lines(files) + (options.own ? "status_period_ms = 250\n" : "") +
+         fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
+         (options.own ? "\n" + options.own->link_tables : "") + drone_tables(options, true);
+}
+
 std::string flight_table(const Options& options) {
   std::string table = fmt::format(
       "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
       "{:.3f}\npredict = {}\n",
       shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, options.side_m, options.predict);
   // What link keeps to, as its own config leaves it.
-  table +=
-      fmt::format("told_mps = {:.3f}\ntold_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n", link::RcSettings{}.full_scale_mps,
-                  link::PlayoutSettings{}.max_acceleration_mps2, to_ms(link::FailsafeSettings{}.pose_lost_ns));
+  const link::LinkSettings link = options.own ? options.own->link : link::LinkSettings{};
+  table += fmt::format("told_mps = {:.3f}\ntold_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n",
+                       std::min(link.rc.full_scale_mps, link.playout.max_speed_mps), link.playout.max_acceleration_mps2,
+                       to_ms(link.failsafe.pose_lost_ns));
   if (!options.course_file.empty()) table += fmt::format("waypoints = \"{}\"\n", options.course_file);
   if (options.ramp.start_mps > 0) {
     table +=
@@ -157,9 +171,7 @@ Status write_sim_config(const RunFiles& files, const Options& options) {
 }
 
 Status write_local_configs(const RunFiles& files, const Options& options) {
-  const std::string link = output_table(files, "link") + memory_lines(files) +
-                           fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
-                           drone_tables(options, true);
+  const std::string link = link_config(files, options);
   const std::string local = output_table(files, "local") + "status_period_ms = 250\n" + flight_table(options) +
                             dds_table(options, Side::drones) + drone_tables(options, false);
   if (auto status = write_file(files.config("link"), link); !status) return status;
@@ -219,28 +231,29 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
     }
     return tables;
   };
+  const deployment::OwnLedger* network = is_of_others(options) ? &*options.own->network : nullptr;
   const auto ledger = [&](const std::string& program, int organisation) {
+    if (network) return (program == "agent" ? network->agent : network->ground) + "\n";
     const std::string anchor = options.believe_peer ? "" : anchor_line(files);
     return ledger_table(files, place(proxied, program, endpoint), organisation, "User1",
                         anchor + fmt::format("blocks = \"{}\"\n", options.blocks) + ledger_keys(options)) +
-           direct(program);
+           direct(program) + msp_tables(files);
   };
   const std::string with_status = "status_period_ms = 250\n";
-  const std::string link = output_table(files, "link") + memory_lines(files) +
-                           fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
-                           drone_tables(options, true);
-  const std::string agent = ledger("agent", 1) + msp_tables(files) + output_table(files, "agent") +
-                            checkpoint_line(files, "agent") + with_status + patience(options) +
-                            dds_table(options, Side::drones) + drone_tables(options, false);
-  const std::string ground = ledger("ground", 2) + msp_tables(files) + output_table(files, "ground") +
-                             checkpoint_line(files, "ground") + with_status + flight_table(options) +
+  const std::string link = link_config(files, options);
+  const std::string agent = ledger("agent", 1) + output_table(files, "agent") +
+                            checkpoint_line(files, options, "agent") + with_status + patience(options) +
+                            (options.own ? options.own->mocap_table : "") + dds_table(options, Side::drones) +
+                            drone_tables(options, false);
+  const std::string ground = ledger("ground", 2) + output_table(files, "ground") +
+                             checkpoint_line(files, options, "ground") + with_status + flight_table(options) +
                              dds_table(options, Side::ground) + drone_tables(options, false);
   const std::pair<std::string, std::string> all[] = {
       {"link", link},
       {"agent", agent},
       {"ground", ground},
-      {"admin", ledger_table(files, endpoint, 1, "Admin", anchor_line(files))},
-      {"operator", ledger_table(files, endpoint, 2, "User1", anchor_line(files))},
+      {"admin", network ? network->admin : ledger_table(files, endpoint, 1, "Admin", anchor_line(files))},
+      {"operator", network ? network->pilot : ledger_table(files, endpoint, 2, "User1", anchor_line(files))},
   };
   for (const auto& [program, text] : all) {
     if (auto status = write_file(files.config(program), text); !status) return status;

@@ -35,19 +35,13 @@ int death_signal(const std::string& name) { return name == "roudi" || name == "f
 // That live through the flight.
 std::vector<std::string> programs_of(const Options& options) {
   const std::string ledger = ledger_program(options), controller = controller_program(options);
-  if (ledger.empty()) return {"roudi", "sim", "link", controller};
-  std::vector<std::string> names{"roudi", ledger, "sim", "link", "agent", controller};
+  if (options.ledger == Ledger::none) return {"roudi", "sim", "link", controller};
+  std::vector<std::string> names{"roudi", "link", "agent", controller};
+  if (!ledger.empty()) names.push_back(ledger);
+  if (!options.own) names.push_back("sim");
   if (options.endorser) names.push_back("endorser");
   if (options.proxy) names.push_back(proxy_name);
   return names;
-}
-
-std::string first_certificate(const std::string& directory) {
-  std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(directory, error)) {
-    if (entry.path().extension() == ".pem") return entry.path();
-  }
-  return directory;
 }
 
 }  // namespace
@@ -58,14 +52,15 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
       files_(std::move(files)),
       programs_(std::move(programs)),
       interrupts_(interrupts),
-      live_(options_.drones, terminal, monotonic_ns()),
+      live_(drone_names(options_), terminal, monotonic_ns()),
+      preflight_(options_),
       children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}),
       ledger_(ledger_program(options_)),
       controller_(controller_program(options_)),
       all_programs_(programs_of(options_)) {
   // Without a ledger the controller is link's other end; a flight does not outlive it.
   for (const char* name : {"roudi", "link", "agent"}) {
-    if (ledger_.empty()) break;
+    if (options_.ledger == Ledger::none) break;
     onboard_.push_back({name, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()) + onboard_.size())});
   }
 }
@@ -78,6 +73,7 @@ void Launcher::take_line(const std::string& name, const std::string& line) {
     const json leaked = message.is_object() ? message.value("leaked", json()) : json();
     if (leaked.is_number_unsigned()) chunks_leaked_ = leaked > 0;
   } else {
+    if (name == "link") preflight_.take(line);
     live_.take(line);
   }
 }
@@ -99,16 +95,21 @@ Status Launcher::start(const std::string& name, std::vector<std::string> argumen
   return children_.start({name, std::move(arguments), files_.log(name), death_signal(name)});
 }
 
+Status Launcher::goes_well_so_far() const {
+  if (interrupts_ > 0) return Error{"interrupted before take-off"};
+  for (const std::string& name : children_.names()) {
+    if (children_.running(name) || children_.ended_well(name)) continue;
+    return Error{name == controller_ ? ground_why() : crash_of(name, "before take-off")};
+  }
+  return done;
+}
+
 Status Launcher::wait_ready(const std::vector<std::string>& names) {
   const TimeNs limit_ns = options_.ledger == Ledger::fabric ? fabric_ready_limit_ns : ready_limit_ns;
   const TimeNs until_ns = monotonic_ns() + limit_ns;
   for (const std::string& name : names) {
     while (!ready_.contains(name)) {
-      if (interrupts_ > 0) return Error{"interrupted before take-off"};
-      for (const std::string& other : children_.names()) {
-        if (children_.running(other) || children_.ended_well(other)) continue;
-        return Error{other == controller_ ? ground_why() : crash_of(other, "before take-off")};
-      }
+      if (auto s = goes_well_so_far(); !s) return s;
       if (!children_.running(name) && !ready_.contains(name)) return Error{crash_of(name, "before take-off")};
       if (monotonic_ns() > until_ns) {
         return Error{fmt::format("{} was not ready within {:.0f} s. The end of {}:\n{}", name, to_seconds(limit_ns),
@@ -135,15 +136,42 @@ Status Launcher::run_to_end(const std::string& name, std::vector<std::string> ar
 
 Status Launcher::start_all() {
   if (auto s = start("roudi", {"--summary", files_.summary("roudi")}); !s) return s;
-  if (ledger_.empty()) return start_local();
-  if (auto s = start_ledger(); !s) return s;
-  if (auto s = start_sim(); !s) return s;
-  if (auto s = wait_ready({"roudi", "sim", ledger_}); !s) return s;
+  if (options_.ledger == Ledger::none) return start_local();
+  std::vector<std::string> first{"roudi"};
+  if (!ledger_.empty()) {
+    if (auto s = start_ledger(); !s) return s;
+    first.push_back(ledger_);
+  }
+  if (!options_.own) {
+    if (auto s = start_sim(); !s) return s;
+    first.push_back("sim");
+  }
+  if (auto s = wait_ready(first); !s) return s;
   if (auto s = prepare_ledger(); !s) return s;
   for (const char* name : {"link", "agent", "ground"}) {
+    if (options_.own && name == controller_) {
+      if (auto s = wait_for_drones(); !s) return s;
+    }
     if (auto s = start(name, {"--config", files_.config(name)}); !s) return s;
   }
   return wait_ready({"link", "agent", "ground"});
+}
+
+// Nothing takes off before ground is there.
+Status Launcher::wait_for_drones() {
+  if (auto s = wait_ready({"link", "agent"}); !s) return s;
+  const TimeNs limit_ns = options_.own->flight.wait_ns;
+  for (const TimeNs until_ns = monotonic_ns() + limit_ns; !preflight_.ready();) {
+    if (auto s = goes_well_so_far(); !s) return s;
+    if (monotonic_ns() > until_ns) {
+      live_.say(preflight_.list());
+      return Error{
+          fmt::format("not every drone is there after {:.0f} s: {}", to_seconds(limit_ns), preflight_.missing())};
+    }
+    children_.poll(watch_ns);
+  }
+  live_.say(preflight_.list());
+  return preflight_.path_fits();
 }
 
 Status Launcher::start_local() {
@@ -161,84 +189,6 @@ Status Launcher::start_sim() {
   return start("sim",
                {"--config", files_.config("sim"), "--drones", std::to_string(options_.drones), "--seed",
                 std::to_string(options_.seed), "--trace", files_.trace("sim"), "--summary", files_.summary("sim")});
-}
-
-Status Launcher::start_ledger() {
-  std::vector<std::string> ledger{
-      "--dir",     files_.in("ledger"),     "--batch-count",   std::to_string(options_.batch_count),
-      "--summary", files_.summary(ledger_), "--batch-timeout", std::to_string(options_.batch_timeout_ns / ns_per_ms)};
-  if (options_.ledger == Ledger::fabric) {
-    ledger.insert(ledger.begin(), "run");
-    ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
-    if (options_.ca) ledger.push_back("--ca");
-    ledger.insert(ledger.end(), options_.network_options.begin(), options_.network_options.end());
-  } else {
-    ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
-  }
-  return start(ledger_, ledger);
-}
-
-Status Launcher::prepare_ledger() {
-  const json ready = json::parse(ready_[ledger_], nullptr, false);
-  if (!ready.is_object() || !ready.contains("endpoint") || !ready["endpoint"].is_string()) {
-    return Error{ledger_ + " did not say its endpoint: " + ready_[ledger_]};
-  }
-  const auto texts = [&](const char* key) {
-    std::vector<std::string> all;
-    for (const json& one : ready.value(key, json::array()))
-      all.push_back(one.is_string() ? one.get<std::string>() : "");
-    return all;
-  };
-  LedgerPlaces places{ready["endpoint"], texts("orderers"), texts("peers")};
-  if (options_.endorser) {
-    if (auto s = start_endorser(places); !s) return s;
-  }
-  Proxied proxied;
-  if (options_.proxy) {
-    if (auto s = start_proxy(places, proxied); !s) return s;
-  }
-  if (auto s = write_configs(files_, options_, places, proxied); !s) return s;
-
-  std::vector<std::string> names;
-  for (int k = 1; k <= options_.drones; ++k) names.push_back(fmt::format("tello{}", k));
-  std::vector<std::string> enroll{"--config",
-                                  files_.config("admin"),
-                                  "enroll",
-                                  "--msp",
-                                  "Org1MSP",
-                                  "--cert",
-                                  first_certificate(user_dir(files_, 1, "User1") + "/msp/signcerts")};
-  std::vector<std::string> acquire{"--config", files_.config("operator"), "acquire"};
-  enroll.insert(enroll.end(), names.begin(), names.end());
-  acquire.insert(acquire.end(), names.begin(), names.end());
-  if (auto s = run_to_end("control-enroll", enroll); !s) return s;
-  return run_to_end("control-acquire", acquire);
-}
-
-Status Launcher::start_endorser(LedgerPlaces& places) {
-  if (auto s = write_endorser_config(files_, places); !s) return s;
-  if (auto s = start("endorser", {files_.config("endorser")}); !s) return s;
-  if (auto s = wait_ready({"endorser"}); !s) return s;
-  const json ready = json::parse(ready_["endorser"], nullptr, false);
-  places.own_endorser = ready.is_object() ? ready.value("endpoint", "") : "";
-  if (places.own_endorser.empty()) return Error{"the endorser did not say where it listens: " + ready_["endorser"]};
-  return done;
-}
-
-Status Launcher::start_proxy(const LedgerPlaces& places, Proxied& proxied) {
-  if (auto s = write_proxy_config(files_, options_, places); !s) return s;
-  std::vector<std::string> arguments{"proxy", "--config", files_.config(proxy_name)};
-  if (!options_.faults.empty()) arguments.insert(arguments.end(), {"--script", options_.faults});
-  if (auto s = start(proxy_name, std::move(arguments)); !s) return s;
-  if (auto s = wait_ready({proxy_name}); !s) return s;
-  const json ready = json::parse(ready_[proxy_name], nullptr, false);
-  const json servers = ready.is_object() ? ready.value("servers", json()) : json();
-  for (const auto& [name, address] : servers.items()) {
-    if (address.is_string()) proxied[name] = address.get<std::string>();
-  }
-  if (!proxied.contains("agent") || !proxied.contains("ground"))
-    return Error{"the proxy did not say where it listens: " + ready_[proxy_name]};
-  return done;
 }
 
 std::string Launcher::ground_why() const {
@@ -297,8 +247,10 @@ Status Launcher::fly() {
       flying = false;
     }
     // Without a ledger nothing is started again: it is a reference, not a flight to be kept up.
-    auto given_up =
-        ledger_.empty() ? std::vector<std::string>{"sim", "link", "roudi"} : std::vector<std::string>{ledger_, "sim"};
+    std::vector<std::string> given_up;
+    if (options_.ledger == Ledger::none) given_up = {"link", "roudi"};
+    if (!ledger_.empty()) given_up.push_back(ledger_);
+    if (!options_.own) given_up.push_back("sim");
     if (options_.proxy) given_up.push_back(proxy_name);
     for (const auto& name : given_up) {
       if (children_.running(name)) continue;
@@ -385,7 +337,8 @@ void Launcher::recycle_shared_memory() {
 // Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
 void Launcher::stop_all(bool landed) {
   std::vector<std::string> order{controller_, "agent", "link", proxy_name, "endorser", "sim", ledger_, "roudi"};
-  if (!landed && !hurry() && children_.running("link") && children_.running("sim") && live_.anything_in_air()) {
+  if (!landed && !hurry() && children_.running("link") && (options_.own || children_.running("sim")) &&
+      live_.anything_in_air()) {
     live_.say("Landing all drones");
     children_.signal("link", SIGTERM);
     const TimeNs until_ns = monotonic_ns() + landing_patience_ns;

@@ -9,6 +9,7 @@
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/live.hpp"
 #include "tools/launcher/options.hpp"
+#include "tools/launcher/preflight/preflight.hpp"
 
 namespace ledgerline::timing {
 struct UsageRecord;
@@ -33,6 +34,7 @@ struct RunRecord {
 ///     roudi, ledger, sim, proxy (where asked for)  ->  enroll, acquire  ->  link, agent, ground  ->  ground ends  ->
 ///     agent, link, proxy, sim, ledger, roudi
 ///
+/// A deployment's own drones: no sim, and ground once all of them could take off.
 /// Without a ledger: roudi, sim -> link, local -> local ends -> link, sim, roudi; nothing is started again.
 /// RouDi, link and agent are started again when they end in flight, each a bounded number of times; any other one's end
 /// ends the flight. docs/deaths.md says what each death means for a drone in the air.
@@ -54,10 +56,13 @@ class Launcher {
 
   Status start_all();
   Status start_local();
+  Status wait_for_drones();
   Status start_sim();
   Status start_ledger();
   Status prepare_ledger();
+  Status enroll_and_acquire();
   Status start(const std::string& name, std::vector<std::string> arguments);
+  Status goes_well_so_far() const;  ///< before take-off: nobody has ended, and nobody wants it to end
   Status wait_ready(const std::vector<std::string>& names);
   Status run_to_end(const std::string& name, std::vector<std::string> arguments);
   Status start_endorser(LedgerPlaces& places);
@@ -81,6 +86,7 @@ class Launcher {
   std::string programs_;
   const std::atomic<int>& interrupts_;
   Live live_;
+  Preflight preflight_;
   Children children_;
   std::map<std::string, std::string> ready_;  ///< the line that a program said it serves with
   RunRecord record_;

@@ -31,10 +31,11 @@ std::string in_ms(double ms) { return ms < 0 ? "  -  " : fmt::format("{:4.0f} ms
 
 }  // namespace
 
-Live::Live(int drones, bool terminal, TimeNs start_ns) : terminal_(terminal), start_ns_(start_ns) {
-  for (int k = 1; k <= drones; ++k) {
+Live::Live(const std::vector<std::string>& names, bool terminal, TimeNs start_ns)
+    : terminal_(terminal), start_ns_(start_ns) {
+  for (const std::string& name : names) {
     Drone drone;
-    drone.name = fmt::format("tello{}", k);
+    drone.name = name;
     drones_.push_back(drone);
   }
 }

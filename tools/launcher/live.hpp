@@ -11,7 +11,7 @@ namespace ledgerline::fly {
 /// elsewhere. Fed with the status lines of agent and ground; on standard error.
 class Live {
  public:
-  Live(int drones, bool terminal, TimeNs start_ns);
+  Live(const std::vector<std::string>& names, bool terminal, TimeNs start_ns);
 
   /// A status line of agent or ground; others are ignored. False when it is no JSON object.
   bool take(const std::string& line);

@@ -81,7 +81,7 @@ class MemoryDirectory {
 int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
   fmt::print(stderr, "{} {} {}; everything of this run is in {}\n",
              options.drones == 1 ? "One drone" : fmt::format("{} drones", options.drones),
-             options.manual              ? "flown by ROS 2 topics (/tello1/takeoff, cmd_vel, land)"
+             options.manual ? fmt::format("flown by ROS 2 topics (/{}/takeoff, cmd_vel, land)", drone_name(options, 1))
              : options.waypoints.empty() ? "around a " + ground::name_of(options.shape)
                                          : "along " + options.course_file,
              options.ledger == fly::Ledger::none ? "without a ledger" : "through the ledger", files.directory);
@@ -117,7 +117,7 @@ int main(int argc, char** argv) {
   if (!lock) return fail(lock.error().what);
 
   std::vector<std::string> notes;
-  const auto problems = fly::check_machine(asked.options.drones, notes);
+  const auto problems = fly::check_machine(asked.options.own ? 0 : asked.options.drones, notes);
   const char* uri = std::getenv("CYCLONEDDS_URI");
   if (uri && *uri && asked.options.cyclonedds.empty())
     notes.emplace_back("CYCLONEDDS_URI is set and not looked at: DDS stays on this machine (or give --dds FILE)");

@@ -10,9 +10,8 @@
 #include "common/program/program.hpp"
 #include "ground/shell/course_file.hpp"
 #include "onboard/link/core/settings.hpp"
-#include "sim/core/parameters.hpp"
 #include "tools/deployment/one_desk.hpp"
-#include "tools/launcher/configs.hpp"
+#include "tools/launcher/preflight/fence.hpp"
 
 namespace ledgerline::fly {
 namespace {
@@ -22,36 +21,8 @@ std::string check_duration(const std::string& text) {
   return duration ? "" : duration.error().what;
 }
 
-// Where the simulator puts drones: rows of four.
-Eigen::Vector2d start_of(int drone) {
-  const sim::Parameters sim;
-  return sim.spacing_m * Eigen::Vector2d((drone - 1) % sim.columns, (drone - 1) / sim.columns);
-}
-
-// The path's first point that a drone would not reach; empty: none.
-std::string beyond_fence(const Options& o) {
-  const link::FenceSettings fence;
-  const auto least = Eigen::Vector3d::Map(fence.min_m.data()), most = Eigen::Vector3d::Map(fence.max_m.data());
-  const bool own = !o.waypoints.empty();
-  const auto points = own ? o.waypoints : motion::waypoints_of(o.shape, o.side_m);
-  for (int k = 1; k <= o.drones; ++k) {
-    for (const ground::Waypoint& point : points) {
-      const Eigen::Vector2d at = start_of(k) + point.at_m;
-      const Eigen::Vector3d place(at.x(), at.y(), point.height_m.value_or(height_m));
-      if ((place.array() >= least.array()).all() && (place.array() <= most.array()).all()) continue;
-      return fmt::format(
-          "{}: tello{} would be at {:g}, {:g}, {:g} m, beyond link's fence: x {:g} to {:g}, y {:g} to {:g}, z {:g} "
-          "to {:g} m",
-          own ? fmt::format("{}:{}", o.course_file, point.line)
-              : fmt::format("{} with --side {:g}", ground::name_of(o.shape), o.side_m),
-          k, place.x(), place.y(), place.z(), least.x(), most.x(), least.y(), most.y(), least.z(), most.z());
-    }
-  }
-  return "";
-}
-
 constexpr const char* help_about =
-    "Flies simulated drones around a path through the ledger, and reports how well it went.\n"
+    "Flies simulated drones, or a deployment's own, around a path through the ledger, and reports how well it went.\n"
     "Ctrl-C lands the drones.";
 constexpr const char* help_notes = R"(Examples:
   fly                                 one drone, three laps of a square
@@ -61,6 +32,7 @@ constexpr const char* help_notes = R"(Examples:
   fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)
   fly --ledger fabric --network=--background --network=org3    whom nobody waits for steps back (docs/fabric.md)
   fly --deployment desk.toml          the drones and the ledger that the file names
+  fly --deployment real.toml          drones that are there already: Tellos, with their fence (docs/fly.md)
   fly --batch-timeout 100ms --batch-count 10 --seconds 60    a slower ledger
   fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run
 Exit codes: 0 every drone finished its path and landed (manual: landed, and nothing went wrong); 1 not so; 2 bad usage.)";
@@ -103,8 +75,10 @@ void add_deployment_options(CommandLine& line, Options& o, Words& words) {
           .shows_default();
   const Option orderers =
       line.option("--orderers", o.orderers, "Fabric: how many orderers").one_of({1, 3}).shows_default();
-  line.option("--deployment", words.deployment,
-              "deployment.toml that names drones, ledger and orderers, all on this desk (docs/deployment.md)")
+  line.option(
+          "--deployment", words.deployment,
+          "deployment.toml: simulated drones and their ledger on this desk (docs/deployment.md), or without [[host]]\n"
+          "drones that are there already, real ones, and their fence (docs/fly.md)")
       .existing_file()
       .excludes(drones)
       .excludes(ledger)
@@ -164,6 +138,8 @@ void add_run_options(CommandLine& line, Options& o) {
 std::string contradiction(const CommandLine& line, const Options& o) {
   constexpr const char* of_a_ledger = "goes with a ledger: with --ledger none there is none";
   constexpr const char* of_a_path = "goes with a path: with --shape manual there is none";
+  constexpr const char* of_others = "stands in the [ledger] of the deployment's files, or is the network's own affair";
+  const bool others = is_of_others(o);
   const bool ledger = o.ledger != Ledger::none, fabric = o.ledger == Ledger::fabric;
   const struct {
     const char* option;
@@ -185,6 +161,16 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--endorser", fabric && !o.gateway,
        "goes with --ledger fabric and the direct path: the embedded ledger endorses within itself"},
       {"--network", fabric, "goes with --ledger fabric: no other ledger takes options of Fabric's network"},
+      {"--storage", !others, of_others},
+      {"--crypto", !others, of_others},
+      {"--believe-peer", !others, of_others},
+      {"--blocks", !others, of_others},
+      {"--ca", !others, of_others},
+      {"--gateway", !others, of_others},
+      {"--endorser", !others, of_others},
+      {"--network", !others, of_others},
+      {"--proxy", !o.own, "stands between simulated drones and a ledger: a deployment's own drones have none"},
+      {"--seed", !o.own, "is the simulator's, and none is started for a deployment's own drones"},
       {"--gateway", fabric, "goes with --ledger fabric: the embedded ledger is one process"},
       {"--laps", !o.manual, "goes with a path: a manual flight lasts until Ctrl-C, or for --seconds"},
       {"--predict", !o.manual, of_a_path},
@@ -206,7 +192,11 @@ std::string take_path(const Words& words, Options& o) {
   o.shape = course->shape;
   o.waypoints = std::move(course->waypoints);
   if (!o.waypoints.empty()) o.course_file = std::filesystem::absolute(words.shape);
-  if (const std::string beyond = beyond_fence(o); !beyond.empty()) return "--shape: " + beyond;
+  // Own drones stand where their poses say, before take-off.
+  if (!o.own) {
+    const std::string beyond = beyond_fence(o, link::FenceSettings{}, simulated_starts(o));
+    if (!beyond.empty()) return "--shape: " + beyond;
+  }
   if (words.ramp.empty()) return "";
   const auto ramp = ground::ramp_from(words.ramp);
   if (!ramp) return "--ramp: " + ramp.error().what;
@@ -214,14 +204,30 @@ std::string take_path(const Words& words, Options& o) {
   return "";
 }
 
-/// What is wrong with the deployment's file; empty: nothing, or there is none.
-std::string take_deployment(const Words& words, Options& o) {
+/// What is wrong with the deployment's file; empty: nothing, or there is none. An option that is given counts more than
+/// the file's [flight].
+std::string take_deployment(const CommandLine& line, Words& words, Options& o) {
   if (words.deployment.empty()) return "";
-  const auto desk = deployment::load_one_desk(words.deployment);
-  if (!desk) return "--deployment: " + desk.error().what;
-  o.drones = desk->drones;
-  o.ledger = desk->ledger;
-  o.orderers = desk->orderers;
+  auto config = Config::load(words.deployment);
+  if (!config) return "--deployment: " + config.error().what;
+  if (!deployment::is_of_own_drones(*config)) {
+    const auto desk = deployment::read_one_desk(*config);
+    if (!desk) return "--deployment: " + desk.error().what;
+    o.drones = desk->drones;
+    words.ledger = deployment::name_of(desk->ledger);
+    o.orderers = desk->orderers;
+    return "";
+  }
+  auto own = deployment::read_own_drones(*config);
+  if (!own) return "--deployment: " + own.error().what;
+  o.drones = static_cast<int>(own->drones.size());
+  words.ledger = deployment::name_of(own->ledger);
+  const deployment::OwnFlight& flight = own->flight;
+  if (!line.given("--shape")) words.shape = flight.shape;
+  if (!line.given("--side")) o.side_m = flight.side_m;
+  if (!line.given("--speed")) o.speed_mps = flight.speed_mps;
+  if (!line.given("--laps")) o.laps = flight.laps;
+  o.own = std::move(*own);
   return "";
 }
 
@@ -265,8 +271,8 @@ Asked parse_command_line(const std::vector<std::string>& arguments) {
     asked.text = end->text;
     return asked;
   }
+  std::string wrong = take_deployment(line, words, o);
   take(words, o);
-  std::string wrong = take_deployment(words, o);
   if (wrong.empty()) wrong = contradiction(line, o);
   if (wrong.empty()) wrong = take_path(words, o);
   asked.fly = wrong.empty();

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,7 @@
 #include "common/rt/clock.hpp"
 #include "ground/core/controller.hpp"
 #include "tools/deployment/deployment.hpp"
+#include "tools/deployment/own_drones.hpp"
 
 namespace ledgerline::fly {
 
@@ -22,6 +24,7 @@ struct Options {
   ground::Ramp ramp;
   TimeNs max_age_ns = 0;  ///< agent and link take no older command; 0: their defaults, longer on a slow ledger
   int drones = 1;
+  std::optional<deployment::OwnDrones> own;  ///< that are there already; none: simulated ones are started
   double rate_hz = 30;
   double speed_mps = 0.5;
   int laps = 3;
@@ -47,6 +50,17 @@ struct Options {
   std::string out;   ///< directory of the run; empty: chosen by the time
 };
 
+/// Of drone 1, 2 ...
+inline std::string drone_name(const Options& options, int drone) {
+  return options.own ? options.own->drones[static_cast<std::size_t>(drone) - 1].name : "tello" + std::to_string(drone);
+}
+
+inline std::vector<std::string> drone_names(const Options& options) {
+  std::vector<std::string> names;
+  for (int k = 1; k <= options.drones; ++k) names.push_back(drone_name(options, k));
+  return names;
+}
+
 inline std::string shape_name(const Options& options) {
   if (!options.waypoints.empty()) return "waypoints";
   return options.manual ? "manual" : ground::name_of(options.shape);
@@ -58,9 +72,14 @@ inline ground::Path path_of(const Options& options, const Eigen::Vector2d& origi
                                    : ground::Path(options.waypoints, origin);
 }
 
-/// The program that is the ledger, and the name of its process; empty: there is none.
+/// The ledger is a network that runs already.
+inline bool is_of_others(const Options& options) { return options.own && options.own->network; }
+
+/// The program that is the ledger, and the name of its process; empty: none is started.
 inline std::string ledger_program(const Options& options) {
-  return options.ledger == Ledger::none ? "" : options.ledger == Ledger::fabric ? "fabric" : "node";
+  return options.ledger == Ledger::none || is_of_others(options) ? ""
+         : options.ledger == Ledger::fabric                      ? "fabric"
+                                                                 : "node";
 }
 /// The program that flies: ground, or beside the driver.
 inline std::string controller_program(const Options& options) {
@@ -70,7 +89,7 @@ inline std::string controller_program(const Options& options) {
 /// that fills in flight is survived (docs/ledger.md).
 inline std::uint64_t min_ledger_bytes(const Options& options) {
   constexpr std::uint64_t node = 128'000'000, fabric = 100'000'000, orderer = 400'000'000;
-  if (options.ledger == Ledger::none) return 0;
+  if (ledger_program(options).empty()) return 0;
   return options.ledger == Ledger::fabric ? fabric + static_cast<std::uint64_t>(options.orderers) * orderer : node;
 }
 

@@ -68,6 +68,7 @@ json to_json(const Results& r) {
              {"crypto", r.asked.mbedtls ? "mbedtls" : "libcrypto"},
              {"proxy", r.asked.proxy},
              {"seed", r.asked.seed}};
+  if (r.asked.own) asked["own_drones"] = true;
   json cpu = json::object();
   for (const auto& [name, percent] : r.cpu_percent) cpu[name] = rounded(percent, 10);
   json memory = json::object();
@@ -83,7 +84,7 @@ json to_json(const Results& r) {
                 {"memory_gb", rounded(r.machine.memory_gb, 10)},
                 {"system", r.machine.system}}},
               {"ledger",
-               {{"kind", name_of(r.asked.ledger)},
+               {{"kind", fly::is_of_others(r.asked) ? "existing" : name_of(r.asked.ledger)},
                 {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
                 {"batch_count", r.asked.batch_count},
                 {"storage", r.storage},

@@ -50,6 +50,7 @@ json page_data(const Results& results) {
   for (const PublishedBox& box : published_boxes) data["published"].push_back(to_json(box));
   data["published_beside"] = to_json(published_for(ground::name_of(results.asked.shape), results.asked.drones));
   data["differences"] = differences(results);
+  data["no_truth"] = results.asked.own ? no_truth : "";
   data["date"] = local_date();
   if (!data.contains("why")) data["why"] = "";
   return data;

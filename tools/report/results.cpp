@@ -89,7 +89,7 @@ void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::u
   if (!origin.is_array() || origin.size() != 2 || !between.is_array() || between.size() != 2) return;
   const TimeNs begin_ns = time_of(between[0]), end_ns = time_of(between[1]);
   drone.flown = flown_path(truth, number, begin_ns, end_ns);
-  if (asked.manual) return;
+  if (asked.manual || asked.own) return;
   const ground::Path path = fly::path_of(asked, {number_of(origin[0]), number_of(origin[1])});
   const CrossTrack error = cross_track(truth, number, path, begin_ns, end_ns);
   drone.path_flown = error.count > 0;
@@ -157,13 +157,14 @@ Left read_left(const fly::RunFiles& files, const fly::Options& asked, Results& r
   const bool ledger = asked.ledger != fly::Ledger::none;
   const std::string controller = fly::controller_program(asked);
   Left left;
-  left.node = ledger ? read_summary(files, fly::ledger_program(asked), results) : json::object();
+  const std::string node = fly::ledger_program(asked);
+  left.node = node.empty() ? json::object() : read_summary(files, node, results);
   left.link = read_summary(files, "link", results);
   left.agent = ledger ? read_summary(files, "agent", results) : json::object();
   left.ground = read_summary(files, controller, results);
   left.link_trace = read(files, "link", results);
   left.agent_trace = read(files, ledger ? "agent" : controller, results);
-  left.truth = read(files, "sim", results);
+  if (!asked.own) left.truth = read(files, "sim", results);  // nobody else knows where drones really are
   return left;
 }
 
@@ -185,7 +186,7 @@ void read_ledger(const json& node, const fly::RunRecord& record, Results& result
 
 DroneResult read_drone(const Left& left, const fly::Options& asked, std::uint16_t number, TimeNs begin_ns) {
   DroneResult drone;
-  drone.id = fmt::format("tello{}", number);
+  drone.id = fly::drone_name(asked, number);
   drone.two_way = latencies(left.agent_trace, TraceKind::command_verified, number, begin_ns);
   drone.age = latencies(left.link_trace, TraceKind::command_applied, number, begin_ns);
   drone.two_way_ms = quantiles_of(drone.two_way);
@@ -257,10 +258,11 @@ Results read_results(const fly::RunFiles& files, const fly::Options& asked, cons
 std::vector<std::string> differences(const Results& r) {
   const std::string embedded = "the embedded node, one process, storage " + r.storage;
   return {
-      "theirs: " +
-          std::string("Wi-Fi between three machines and real drones; here: loopback on one machine, simulated drones"),
+      "theirs: " + std::string("Wi-Fi between three machines and real drones; here: one machine, ") +
+          (r.asked.own ? "drones of a deployment" : "loopback, simulated drones"),
       "theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: " +
-          (r.asked.ledger == fly::Ledger::none ? "no ledger, the controller beside the driver"
+          (fly::is_of_others(r.asked)            ? std::string("a network of others")
+           : r.asked.ledger == fly::Ledger::none ? "no ledger, the controller beside the driver"
            : r.asked.ledger == fly::Ledger::fabric
                ? fmt::format("Hyperledger Fabric 2.5, 3 organisations, {} Raft orderer(s), storage {}",
                              r.asked.orderers, r.storage)

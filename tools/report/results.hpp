@@ -61,6 +61,9 @@ struct Results {
   std::vector<std::string> missing;  ///< traces and summaries that a program did not leave
 };
 
+/// Of drones that the flight did not simulate: why there is no error figure.
+inline constexpr const char* no_truth = "no truth: a real drone";
+
 /// Reads what the programs left in the directory of the run. Files that are missing (a crash) leave their figures at
 /// zero and are named in `missing`.
 Results read_results(const fly::RunFiles& files, const fly::Options& asked, const fly::RunRecord& record);

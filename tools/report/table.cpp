@@ -47,17 +47,24 @@ std::string to_table(const Results& r) {
                     fmt::format("{} on the ledger, {} merged, {} dropped", d.states[2], d.states[3], d.states[4]),
                     fmt::format("{} of {} on the ledger, {} applied, {} refused, {} late, {} dropped", d.commands[1],
                                 d.commands[0], d.commands[3], d.commands[2], d.commands[4], d.commands[5]));
+    if (r.asked.own) text += fmt::format("  {:<10}{}\n", "", no_truth);
     if (d.slowed_to_mps) {
       text +=
           fmt::format("  {:<10}slowed to {:.2f} m/s for a while: its commands were flown late\n", "", *d.slowed_to_mps);
     }
     for (const auto& [reason, count] : d.reasons) text += fmt::format("  {:<10}{} x {}\n", "", count, reason);
   }
-  text += fmt::format(
-      "\n  {:.1f} messages/s, {:.1f} transactions/s over {:.1f} s; ledger: {} blocks, {} transactions, on {}{}\n",
-      r.messages_per_s, r.transactions_per_s, r.flight_s, r.blocks, r.transactions, r.storage,
-      r.disk_ms.count == 0 ? "" : fmt::format(" ({:.1f} ms a block, at most {:.0f})", r.disk_ms.median, r.disk_ms.max));
-  text += fmt::format("  the ledger grows by {:.2f} GB per drone and hour\n", r.bytes_per_drone_hour * 1e-9);
+  text += fmt::format("\n  {:.1f} messages/s, {:.1f} transactions/s over {:.1f} s; ledger: ", r.messages_per_s,
+                      r.transactions_per_s, r.flight_s);
+  if (fly::is_of_others(r.asked)) {
+    text += "a network of others\n";
+  } else {
+    text += fmt::format("{} blocks, {} transactions, on {}{}\n", r.blocks, r.transactions, r.storage,
+                        r.disk_ms.count == 0
+                            ? ""
+                            : fmt::format(" ({:.1f} ms a block, at most {:.0f})", r.disk_ms.median, r.disk_ms.max));
+    text += fmt::format("  the ledger grows by {:.2f} GB per drone and hour\n", r.bytes_per_drone_hour * 1e-9);
+  }
   for (const auto& counts : {r.restarts, r.onboard_restarts}) {
     for (const auto& [name, count] : counts) text += fmt::format("  {} was restarted {} x\n", name, count);
   }

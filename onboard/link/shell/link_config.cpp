@@ -67,9 +67,7 @@ void read_limits(Config& config, PlayoutSettings& playout) {
                  playout.max_yaw_acceleration_radps2, 0.1, 100);
 }
 
-void read_motion(Config& config, LinkSettings& link) {
-  PlayoutSettings& playout = link.playout;
-  read_limits(config, playout);
+void read_playout(Config& config, PlayoutSettings& playout) {
   playout.max_age_ns = read_ms(config,
                                {"playout.max_age_ms",
                                 "a plan made from an older state is dropped: longer flies by what is no longer true, "
@@ -84,8 +82,9 @@ void read_motion(Config& config, LinkSettings& link) {
                "upper bound of the adaptive playout margin, by which setpoints wait so that late ones still come in "
                "order; 0 disables it, as in a flight around a path, where ground chooses the moment"},
               playout.max_margin_ns, 0, 10'000);
+}
 
-  RcSettings& rc = link.rc;
+void read_rc(Config& config, RcSettings& rc) {
   rc.full_scale_mps = read_float(
       config,
       {"rc.full_scale_mps", "the velocity that rc 100 means; not documented by the maker, clients take rc as cm/s"},
@@ -282,6 +281,12 @@ void read_output(Config& config, ShellSettings& settings) {
 
 }  // namespace
 
+void read_bounds(Config& config, LinkSettings& link) {
+  read_limits(config, link.playout);
+  read_rc(config, link.rc);
+  read_fence(config, link);
+}
+
 Result<ShellSettings> load_settings(const std::string& path) {
   auto config = Config::load(path);
   if (!config) return config.error();
@@ -313,7 +318,9 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
       settings.priority, 0, 98));
   settings.cpu = static_cast<int>(
       config.integer({"realtime.cpu", "core that the loop is pinned to; -1: any"}, settings.cpu, -1, 1023));
-  read_motion(config, settings.link);
+  read_limits(config, settings.link.playout);
+  read_playout(config, settings.link.playout);
+  read_rc(config, settings.link.rc);
   read_failsafe(config, settings.link.failsafe);
   read_fence(config, settings.link);
   if (auto status = config.finish(); !status) return status.error();

@@ -61,11 +61,15 @@ std::string status_line(const LinkSettings& settings, const std::array<StateSamp
   nlohmann::json drones = nlohmann::json::array();
   for (const DroneSettings& drone : settings.drones) {
     const StateSample& state = newest[drone.number];
+    const nlohmann::json pose_age_ms =
+        state.pose_stamp_ns > 0 ? nlohmann::json(to_ms(state.stamp_ns - state.pose_stamp_ns)) : nlohmann::json();
     drones.push_back({{"name", drone.name},
                       {"phase", name(state.phase)},
                       {"mode", name(state.mode)},
                       {"cause", name(state.cause)},
                       {"battery", state.battery},
+                      {"position", state.position_m},
+                      {"pose_age_ms", pose_age_ms},
                       {"applied", state.plans_applied},
                       {"dropped", state.plans_dropped},
                       {"late", state.plans_late}});

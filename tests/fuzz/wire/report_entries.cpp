@@ -172,7 +172,7 @@ class LiveEntry final : public Entry {
   }
 
  private:
-  fly::Live live_{2, false, 0};
+  fly::Live live_{{"tello1", "tello2"}, false, 0};
 };
 
 const Registration trace({"report.trace", Kind::bytes, [] { return std::make_unique<TraceEntry>(); }});

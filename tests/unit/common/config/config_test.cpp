@@ -131,6 +131,23 @@ TEST(Config, AKeyOfADamagedFileIsShownAsAPersonCanReadIt) {
   EXPECT_LT(what.size(), 400U);
 }
 
+TEST(Config, ATableForAnotherProgramMeansTheSameThere) {
+  auto config =
+      config_of("[a]\nx = 1\nlist = [1, 2.5]\n[a.inner]\ntext = \"y\"\n[[b]]\nz = 3\n[[b]]\nz = 4\n[c]\nw = 5\n");
+  const std::string text = config.table_text("a") + config.table_text("b") + config.table_text("none");
+  config.left_to_another("a");
+  config.left_to_another("b");
+  EXPECT_EQ(problems(config), "link.toml:11: c.w: unknown key");
+  auto other = config_of(text);
+  EXPECT_EQ(other.integer("a.x", 0, 0, 9), 1);
+  EXPECT_EQ(other.numbers("a.list", 2, {}), (std::vector<double>{1, 2.5}));
+  EXPECT_EQ(other.text("a.inner.text"), "y");
+  EXPECT_EQ(other.table_count("b"), 2U);
+  EXPECT_EQ(other.integer("b.0.z", 0, 0, 9), 3);
+  EXPECT_EQ(other.integer("b.1.z", 0, 0, 9), 4);
+  EXPECT_EQ(problems(other), "");
+}
+
 TEST(Config, SyntaxErrorsHaveTheLineToo) {
   auto config = Config::parse("a = 1\nb = = 2\n", "link.toml");
   ASSERT_FALSE(config);

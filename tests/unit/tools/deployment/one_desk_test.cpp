@@ -13,9 +13,7 @@ using testing::HasSubstr;
 Result<OneDesk> of_text(const std::string& toml) {
   auto config = Config::parse(toml, "lab.toml");
   if (!config) return config.error();
-  const auto deployment = read(*config);
-  if (!deployment) return deployment.error();
-  return on_one_desk(*config, *deployment);
+  return read_one_desk(*config);
 }
 
 /// What is wrong with the page's flight on one desk once `text` is replaced there.
@@ -59,12 +57,6 @@ TEST(OneDesk, NothingOfTheFileIsPassedOverAndItsPlaceIsTold) {
   EXPECT_THAT(error_with("kind = \"embedded\"", "contract = \"other\""), HasSubstr("ledger.contract: is other"));
   EXPECT_THAT(error_with(last_organisation, ""), HasSubstr("organisation: must be Org1MSP, Org2MSP and Org3MSP"));
   EXPECT_THAT(error_with("tello2", "albatross"), HasSubstr("drone.1.name: albatross at 127.0.0.3"));
-}
-
-TEST(OneDesk, AMissingFileIsNamed) {
-  const auto desk = load_one_desk("/nowhere/lab.toml");
-  ASSERT_FALSE(desk);
-  EXPECT_THAT(desk.error().what, HasSubstr("/nowhere/lab.toml"));
 }
 
 }  // namespace

@@ -5,9 +5,9 @@
 
 namespace ledgerline::deployment {
 
-/// A block of TOML in docs/deployment.md, from 0 on.
-inline std::string example_of_the_page(int number) {
-  std::ifstream file(LEDGERLINE_SOURCE "/docs/deployment.md");
+/// A block of TOML in a page, from 0 on.
+inline std::string example_of_the_page(int number, const std::string& name = "docs/deployment.md") {
+  std::ifstream file(LEDGERLINE_SOURCE "/" + name);
   std::stringstream text;
   text << file.rdbuf();
   const std::string page = text.str(), fence = "```toml\n";

@@ -9,7 +9,7 @@ namespace {
 using testing::HasSubstr;
 
 TEST(Live, AgentAndGroundTogetherMakeTheLineOfADrone) {
-  Live live(2, false, 0);
+  Live live({"tello1", "tello2"}, false, 0);
   EXPECT_TRUE(
       live.take(R"({"agent":{"height":42,"drones":[{"name":"tello1","phase":"flying","mode":"none",)"
                 R"("position":[1.25,-2.5,1.0],"state_age_ms":7.0,"command_age_ms":12.0,"two_way_ms":15.0}]}})"));
@@ -24,20 +24,20 @@ TEST(Live, AgentAndGroundTogetherMakeTheLineOfADrone) {
 }
 
 TEST(Live, ADroneThatItsPilotFliesIsInTheAir) {
-  Live live(1, false, 0);
+  Live live({"tello1"}, false, 0);
   live.take(R"({"ground":{"drones":[{"name":"tello1","phase":"manual"}]}})");
   EXPECT_TRUE(live.anything_in_air());
   EXPECT_THAT(live.lines(0)[0], HasSubstr("manual"));
 }
 
 TEST(Live, AFailsafeModeIsShown) {
-  Live live(1, false, 0);
+  Live live({"tello1"}, false, 0);
   live.take(R"({"agent":{"height":1,"drones":[{"name":"tello1","mode":"hold"}]}})");
   EXPECT_THAT(live.lines(0)[0], HasSubstr("(hold)"));
 }
 
 TEST(Live, LinesThatAreNotWhatIsExpectedDoNoHarm) {
-  Live live(1, false, 0);
+  Live live({"tello1"}, false, 0);
   for (const char* line :
        {"", "hello", "[]", "{}", R"({"agent":3})", R"({"agent":{"drones":{}}})", R"({"agent":{"drones":[1]}})",
         R"({"agent":{"drones":[{"name":7}]}})",

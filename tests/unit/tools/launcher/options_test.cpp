@@ -84,6 +84,29 @@ TEST(FlyOptions, ADeploymentBeyondThisDeskIsRefusedWithItsPlace) {
   expect_refused({"--deployment", "/no/such/file"}, "/no/such/file");
 }
 
+TEST(FlyOptions, ADeploymentWithoutHostsIsOfItsOwnDrones) {
+  const std::string file = testing::TempDir() + "/own_deployment.toml";
+  const std::string good =
+      "[[drone]]\nname = \"heron\"\naddress = \"192.168.10.1\"\n[pose]\nsource = \"mocap\"\n"
+      "[fence]\nmin_m = [-2, -2, 0]\nmax_m = [2, 2, 2]\n";
+  ASSERT_TRUE(write_file(file, good + "[flight]\nshape = \"triangle\"\nspeed_mps = 0.3\nlaps = 2\n"));
+  const auto line = parse_command_line({"--deployment", file, "--speed", "0.4"});
+  ASSERT_TRUE(line.fly) << line.text;
+  ASSERT_TRUE(line.options.own);
+  EXPECT_EQ(line.options.drones, 1);
+  EXPECT_EQ(drone_name(line.options, 1), "heron");
+  EXPECT_EQ(line.options.shape, ground::Shape::triangle);
+  EXPECT_EQ(line.options.speed_mps, 0.4) << "what is said on the command line counts more";
+  EXPECT_EQ(line.options.laps, 2);
+  EXPECT_EQ(line.options.ledger, Ledger::embedded);
+  expect_refused({"--deployment", file, "--proxy"}, "--proxy stands between simulated drones");
+  expect_refused({"--deployment", file, "--seed", "3"}, "--seed is the simulator's");
+  ASSERT_TRUE(write_file(file, good + "[flight]\nshape = \"manual\"\n"));
+  EXPECT_TRUE(parse_command_line({"--deployment", file}).options.manual);
+  ASSERT_TRUE(write_file(file, good + "[flight]\nlapses = 2\n"));
+  expect_refused({"--deployment", file}, "own_deployment.toml:10: flight.lapses: unknown key");
+}
+
 TEST(FlyOptions, EachLedgerNeedsRoomOfItsOwn) {
   EXPECT_EQ(min_ledger_bytes(parse_command_line({"--ledger", "none"}).options), 0u);
   const auto embedded = min_ledger_bytes(parse_command_line({}).options);

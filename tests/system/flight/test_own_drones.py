@@ -1,0 +1,144 @@
+"""`ledgerline-fly --deployment` of drones that are there already: here those of a simulator that the test runs."""
+import contextlib
+import json
+import pathlib
+import re
+import signal
+import subprocess
+
+from flights import BIN, assert_nothing_left, fly, no_flight_outlives_its_test, printed, result, wait_for_flight
+
+SAFE = """
+[fence]
+min_m = [-3, -3, 0]
+max_m = [3, 3, 2]
+"""
+POSES = """
+[pose]
+source = "mocap"
+topic = "/vrpn_mocap/{drone}/pose"
+"""
+
+
+def deployment(directory: pathlib.Path, text: str, drones: int = 1) -> pathlib.Path:
+    file = directory / "real.toml"
+    for k in range(drones):
+        text += f'\n[[drone]]\nname = "tello{k + 1}"\naddress = "127.0.0.{k + 2}"\n'
+    file.write_text(text)
+    return file
+
+
+@contextlib.contextmanager
+def somebody_elses_drones(directory: pathlib.Path, drones: int = 1):
+    """Drones and motion capture that fly did not start and does not end."""
+    config = directory / "sim.toml"
+    config.write_text("[dds]\nlocal_only = true\n")
+    sim = subprocess.Popen([BIN / "ledgerline-sim", "--config", config, "--drones", str(drones), "--summary", directory / "sim.json"],
+                           stdout=subprocess.PIPE)
+    try:
+        assert json.loads(sim.stdout.readline())["ready"] is True
+        yield sim
+        assert sim.poll() is None, "fly ended what it did not start"
+    finally:
+        sim.terminate()
+        assert sim.wait(10) == 0
+        sim.stdout.close()
+
+
+def test_a_short_square(tmp_path):
+    file = deployment(tmp_path, POSES + SAFE + '[flight]\nshape = "square"\nside_m = 0.8\nlaps = 1\n')
+    with somebody_elses_drones(tmp_path):
+        flight = fly(tmp_path, "--deployment", file)
+        assert flight.wait(90) == 0, printed(tmp_path)
+    text = printed(tmp_path)
+    assert re.search(r"tello1 +127\.0\.0\.2 +battery \d+ %  pose from mocap, \d+ ms old", text), text
+    assert "fence      x -3 to 3, y -3 to 3, z 0 to 2 m" in text
+    assert "no truth: a real drone" in text
+    report = result(tmp_path)
+    assert report["ok"] is True and report["asked"]["own_drones"] is True
+    assert report["drones"][0]["cross_track_m"] is None and len(report["drones"][0]["lap_s"]) == 1
+    assert "no truth: a real drone" in (tmp_path / "run" / "report.html").read_text()
+    assert "max_m = [ 3, 3, 2 ]" in (tmp_path / "run" / "link.toml").read_text()
+    assert not (tmp_path / "run" / "sim.trace").exists()
+    assert_nothing_left()
+
+
+def test_ctrl_c_in_mid_flight_lands(tmp_path):
+    file = deployment(tmp_path, POSES + SAFE + "[flight]\nlaps = 50\n")
+    with somebody_elses_drones(tmp_path):
+        flight = fly(tmp_path, "--deployment", file)
+        wait_for_flight(tmp_path, flight)
+        flight.send_signal(signal.SIGINT)
+        assert flight.wait(60) == 1, printed(tmp_path)
+    assert "Landing all drones" in printed(tmp_path)
+    link = json.loads((tmp_path / "run" / "link.summary.json").read_text())
+    assert link["drones"][0]["phase"] in ("on_ground", "landed"), link["drones"][0]
+    assert_nothing_left()
+
+
+@contextlib.contextmanager
+def somebody_elses_network(directory: pathlib.Path):
+    """A ledger that fly did not start, and the files that say how agent, ground and an administrator reach it."""
+    node = subprocess.Popen([BIN / "ledgerline-node", "--dir", directory / "network", "--listen", "127.0.0.1:0"],
+                            stdout=subprocess.PIPE)
+    try:
+        endpoint = json.loads(node.stdout.readline())["endpoint"]
+        organisations = directory / "network" / "crypto" / "peerOrganizations"
+
+        def ledger(name: str, k: int, user: str) -> None:
+            own = organisations / f"org{k}.ledgerline"
+            text = (f'[ledger]\nendpoint = "{endpoint}"\nmsp_id = "Org{k}MSP"\n'
+                    f'tls_ca = "{organisations}/org1.ledgerline/tlsca/tlsca.org1.ledgerline-cert.pem"\n'
+                    f'msp_dir = "{own}/users/{user}@org{k}.ledgerline/msp"\n'
+                    f'config_block = "{directory}/network/teleop.block"\n')
+            for i in (1, 2, 3):
+                text += f'[[msp]]\nid = "Org{i}MSP"\nca = "{organisations}/org{i}.ledgerline/ca/ca.org{i}.ledgerline-cert.pem"\n'
+            (directory / f"{name}.toml").write_text(text)
+
+        ledger("agent", 1, "User1")
+        ledger("ground", 2, "User1")
+        ledger("admin", 1, "Admin")
+        yield
+        assert node.poll() is None, "fly ended what it did not start"
+    finally:
+        node.terminate()
+        assert node.wait(10) == 0
+        node.stdout.close()
+
+
+def test_a_network_of_others(tmp_path):
+    names = "".join(f'{name} = "{tmp_path}/{name}.toml"\n' for name in ("agent", "ground", "admin"))
+    file = deployment(tmp_path, POSES + SAFE + f'[flight]\nside_m = 0.8\nlaps = 1\n[ledger]\nkind = "existing"\n{names}')
+    with somebody_elses_drones(tmp_path), somebody_elses_network(tmp_path):
+        flight = fly(tmp_path, "--deployment", file)
+        assert flight.wait(90) == 0, printed(tmp_path)
+    assert result(tmp_path)["ok"] is True and len(result(tmp_path)["drones"][0]["lap_s"]) == 1
+    assert "ledger: a network of others" in printed(tmp_path) and result(tmp_path)["ledger"]["kind"] == "existing"
+    assert_nothing_left()
+
+
+def refusal(tmp_path: pathlib.Path, file: pathlib.Path, code: int) -> str:
+    assert fly(tmp_path, "--deployment", file).wait(90) == code, printed(tmp_path)
+    return printed(tmp_path)
+
+
+def test_what_is_wrong_in_the_file_is_told_with_its_place(tmp_path):
+    wrong = deployment(tmp_path, POSES + SAFE + "hieght_m = 2\n")
+    assert "real.toml:9: fence.hieght_m: unknown key" in refusal(tmp_path, wrong, 2)
+    assert "real drones are not flown without a fence" in refusal(tmp_path, deployment(tmp_path, POSES), 2)
+
+
+def test_a_path_beyond_the_fence_does_not_take_off(tmp_path):
+    file = deployment(tmp_path, POSES + SAFE + "[flight]\nside_m = 8\n")
+    with somebody_elses_drones(tmp_path):
+        assert re.search(r"tello1 would be at .* beyond link's fence", refusal(tmp_path, file, 1))
+    assert_nothing_left()
+
+
+def test_a_missing_drone_is_named(tmp_path):
+    file = deployment(tmp_path, POSES + SAFE + "[flight]\nwait_s = 4\n", drones=2)
+    with somebody_elses_drones(tmp_path, drones=1):
+        text = refusal(tmp_path, file, 1)
+    assert re.search(r"tello2 +127\.0\.0\.3 +not there", text), text
+    assert "tello2 at 127.0.0.3: does not answer" in text and "tello1 at" not in text.split("not every drone is there after 4 s")[1]
+    assert_nothing_left()

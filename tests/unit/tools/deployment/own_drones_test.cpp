@@ -1,0 +1,130 @@
+#include "tools/deployment/own_drones.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "onboard/link/shell/link_config.hpp"
+#include "tests/unit/tools/deployment/page.hpp"
+
+namespace ledgerline::deployment {
+namespace {
+
+using testing::HasSubstr;
+
+const std::string a_drone = "[[drone]]\nname = \"a\"\naddress = \"192.168.10.1\"\n";  // lines 1 to 3
+const std::string from_mocap = "[pose]\nsource = \"mocap\"\n";                        // 4, 5
+const std::string a_fence = "[fence]\nmin_m = [-2, -2, 0]\nmax_m = [2, 2, 2]\n";      // 6 to 8
+
+Result<OwnDrones> own_of(const std::string& toml) {
+  auto config = Config::parse(toml, "real.toml");
+  if (!config) return config.error();
+  EXPECT_TRUE(is_of_own_drones(*config));
+  return read_own_drones(*config);
+}
+
+std::string own_error(const std::string& toml) {
+  const auto own = own_of(toml);
+  return own ? "" : own.error().what;
+}
+
+TEST(OwnDrones, ThePagesExampleIsRead) {
+  const auto own = own_of(example_of_the_page(0, "docs/fly.md"));
+  ASSERT_TRUE(own) << own.error().what;
+  ASSERT_EQ(own->drones.size(), 1U);
+  EXPECT_EQ(own->drones[0].address, "192.168.10.1");
+  EXPECT_EQ(own->drones[0].interface, "");
+  EXPECT_EQ(own->pose_source, "mocap");
+  EXPECT_THAT(own->mocap_table, HasSubstr("[mocap]\ntopic = \"/vrpn_mocap/{drone}/pose\"\nclock = \"host\"\n"));
+  EXPECT_FLOAT_EQ(own->link.playout.max_speed_mps, 0.5F);
+  EXPECT_EQ(own->flight.side_m, 1.0);
+  EXPECT_EQ(own->flight.laps, 1);
+}
+
+TEST(OwnDrones, TheTablesForLinkMeanThereWhatTheyMeanHere) {
+  const auto own = own_of(a_drone + from_mocap + a_fence + "[rc]\nfull_scale_mps = 0.8\nsigns = [-1, 1, 1, 1]\n");
+  ASSERT_TRUE(own) << own.error().what;
+  auto config = Config::parse(own->link_tables + a_drone, "link.toml");
+  ASSERT_TRUE(config) << config.error().what;
+  const auto link = link::read_settings(*config, "link.toml");
+  ASSERT_TRUE(link) << link.error().what;
+  EXPECT_EQ(link->link.fence.min_m, own->link.fence.min_m);
+  EXPECT_EQ(link->link.fence.max_m, (std::array<double, 3>{2, 2, 2}));
+  EXPECT_FLOAT_EQ(link->link.rc.full_scale_mps, 0.8F);
+  EXPECT_FLOAT_EQ(link->link.rc.signs[0], -1.0F);
+}
+
+TEST(OwnDrones, WhatIsDangerousHasNoDefault) {
+  EXPECT_THAT(own_error(a_drone + from_mocap), HasSubstr("fence.min_m: must be there"));
+  EXPECT_THAT(own_error(a_drone + from_mocap), HasSubstr("fence.max_m: must be there"));
+  EXPECT_THAT(own_error(a_drone + from_mocap + "[fence]\nmin_m = [0, 0, 0]\n"),
+              HasSubstr("fence.max_m: must be there"));
+  EXPECT_THAT(own_error(a_drone + a_fence), HasSubstr("pose.source: is missing"));
+  EXPECT_THAT(own_error(from_mocap + a_fence), HasSubstr("drone: must be 1 to 16 tables"));
+}
+
+TEST(OwnDrones, WhatIsWrongIsToldWithFileLineAndKey) {
+  const std::string good = a_drone + from_mocap + a_fence;
+  EXPECT_EQ(own_error(good), "");
+  EXPECT_EQ(own_error(good + "hieght_m = 2\n"), "real.toml:9: fence.hieght_m: unknown key");
+  EXPECT_THAT(own_error(good + "[rc]\nfull_scale_mps = 900\n"), HasSubstr("real.toml:10: rc.full_scale_mps: must be"));
+  EXPECT_THAT(own_error(good + "[limits]\nsped_mps = 1\n"), HasSubstr("real.toml:10: limits.sped_mps: unknown key"));
+  EXPECT_THAT(own_error(good + "[ledger]\nkind = \"none\"\n"), HasSubstr("real.toml:10: ledger.kind: is \"none\""));
+  EXPECT_THAT(own_error(good + "[flight]\nspeed_mps = 1.5\n[limits]\nspeed_mps = 1\n"),
+              HasSubstr("flight.speed_mps: must not be above limits.speed_mps"));
+  EXPECT_THAT(own_error(good + "[[drone]]\nname = 'b\"c'\naddress = \"10.0.0.1\"\n"),
+              HasSubstr("real.toml:10: drone.1.name: must have no quote"));
+  EXPECT_THAT(own_error(good + a_drone), HasSubstr("drone.1.name: must be a name that no other has"));
+  EXPECT_THAT(own_error(good + a_drone), HasSubstr("drone.1.address: must be an address"));
+  EXPECT_THAT(own_error(a_drone + from_mocap + "[fence]\nmin_m = [3, -2, 0]\nmax_m = [2, 2, 2]\n"),
+              HasSubstr("real.toml:7: fence.min_m: must be below fence.max_m (x)"));
+}
+
+TEST(OwnDrones, ANetworkThatRunsIsTakenFromItsFiles) {
+  const std::string path = testing::TempDir() + "own_ledger_" + std::to_string(::getpid()) + ".toml";
+  const std::string text = a_drone + from_mocap + a_fence + "[ledger]\nkind = \"existing\"\nagent = \"" + path + "\"\n";
+  const std::string both = text + "ground = \"" + path + "\"\n";
+  std::ofstream(path) << "[ledger]\nmsp_id = \"Org1MSP\"\nmsp_dir = \"here\"\n[[orderer]]\nendpoint = \"a:1\"\n"
+                         "[[msp]]\nid = \"Org1MSP\"\nca = \"ca.pem\"\n";
+  const auto own = own_of(both);
+  ASSERT_TRUE(own) << own.error().what;
+  ASSERT_TRUE(own->network);
+  EXPECT_EQ(own->network->agent_msp_dir, "here");
+  EXPECT_THAT(own->network->ground, HasSubstr("[[msp]]"));
+  EXPECT_THAT(own->network->pilot, HasSubstr("[[orderer]]"));
+  EXPECT_THAT(own->network->pilot, testing::Not(HasSubstr("[[msp]]")));
+  EXPECT_EQ(own->network->admin, "");
+  EXPECT_THAT(own_error(text), HasSubstr("ledger.ground: must be there with ledger.kind = \"existing\""));
+  std::ofstream(path, std::ios::app) << "[output]\ntrace = \"x\"\n";
+  EXPECT_THAT(own_error(both), HasSubstr("real.toml:11: ledger.agent: " + path + ":10: output.trace: unknown key"));
+  std::filesystem::remove(path);
+  EXPECT_THAT(own_error(both), HasSubstr(path));
+  EXPECT_THAT(own_error(a_drone + from_mocap + a_fence + "[ledger]\nagent = \"x\"\n"),
+              HasSubstr("real.toml:10: ledger.agent: goes with ledger.kind = \"existing\""));
+}
+
+TEST(OwnDrones, DronesBehindInterfacesOfTheirOwnMayShareAnAddress) {
+  const std::string two = a_drone +
+                          "interface = \"wlan1\"\nserial = \"0TQDF6GEDB2Z8A\"\n[[drone]]\nname = \"b\"\naddress = "
+                          "\"192.168.10.1\"\ninterface = \"wlan2\"\n";
+  const auto own = own_of(two + from_mocap + a_fence);
+  ASSERT_TRUE(own) << own.error().what;
+  EXPECT_EQ(own->drones[0].serial, "0TQDF6GEDB2Z8A");
+  EXPECT_EQ(own->drones[1].interface, "wlan2");
+}
+
+TEST(OwnDrones, AnotherSourceOfPosesGoesToLinkAsItStands) {
+  const auto own = own_of(a_drone + a_fence + "[pose]\nsource = \"tello\"\nflow_mps = 0.1\n");
+  ASSERT_TRUE(own) << own.error().what;
+  EXPECT_THAT(own->link_tables, HasSubstr("[pose]\n"));
+  EXPECT_THAT(own->link_tables, HasSubstr("flow_mps = 0.1"));
+  EXPECT_THAT(own->mocap_table, HasSubstr("topic = \"\"\n"));
+  EXPECT_THAT(own_error(a_drone + a_fence + "[pose]\nsource = \"tello\"\ntopic = \"/p\"\n"),
+              HasSubstr("real.toml:9: pose.topic: goes with pose.source = \"mocap\""));
+}
+
+}  // namespace
+}  // namespace ledgerline::deployment

@@ -1,0 +1,180 @@
+#include "tools/deployment/own_drones.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "common/msg/onboard.hpp"
+#include "onboard/link/shell/link_config.hpp"
+
+namespace ledgerline::deployment {
+namespace {
+
+// That becomes a text of another TOML file as it stands.
+std::string plain_text(Config& config, const Key& key, std::string text) {
+  if (text.find_first_of("\"\\") != std::string::npos) config.wrong(key.name, "must have no quote and no backslash");
+  return text;
+}
+
+std::vector<OwnDrone> read_each(Config& config) {
+  const std::size_t count = config.table_count({"drone", "1 to 16 of them"});
+  if (!config.describes() && (count == 0 || count > max_drones))
+    config.wrong("drone", fmt::format("must be 1 to {} tables", max_drones));
+  std::vector<OwnDrone> drones;
+  std::set<std::string> names, ways;
+  for (std::size_t i = 0; i < std::min<std::size_t>(count, max_drones); ++i) {
+    const std::string key = fmt::format("drone.{}.", i);
+    OwnDrone drone;
+    const Key name{key + "name", "as it is enrolled on the ledger"};
+    const Key behind{key + "interface",
+                     "without [[host]]: network interface that the drone is behind, for link's config"};
+    const Key serial{key + "serial", "without [[host]]: what the drone must answer to `sn?`, for link's config"};
+    drone.name = plain_text(config, name, config.text(name));
+    drone.address = config.text({key + "address", "IPv4, as its host reaches it"});
+    drone.interface = plain_text(config, behind, config.text(behind, ""));
+    drone.serial = plain_text(config, serial, config.text(serial, ""));
+    in_addr ip{};
+    if (!drone.address.empty() && ::inet_pton(AF_INET, drone.address.c_str(), &ip) != 1)
+      config.wrong(key + "address", fmt::format("is \"{}\", must be an IPv4 address", drone.address));
+    if (!drone.name.empty() && !names.insert(drone.name).second)
+      config.wrong(key + "name", "must be a name that no other has");
+    if (!drone.address.empty() && !ways.insert(drone.interface + " " + drone.address).second)
+      config.wrong(key + "address", "must be an address that no other drone behind the same interface has");
+    drones.push_back(std::move(drone));
+  }
+  return drones;
+}
+
+// Of motion capture agent knows; of anything else link does, or refuses it.
+void read_pose(Config& config, OwnDrones& out) {
+  out.pose_source = config.text({"pose.source",
+                                 "without [[host]]: who says where drones are: mocap, or another one that link's "
+                                 "[pose] knows"});
+  const Key topic_key{"pose.topic", "of mocap: where its poses come, as agent's mocap.topic; \"\": agent's default"};
+  const Key clock_key{"pose.clock",
+                      "of mocap: whose clock its stamps are of, as agent's mocap.clock; \"\": agent's default"};
+  const std::string topic = plain_text(config, topic_key, config.text(topic_key, ""));
+  const std::string clock = plain_text(config, clock_key, config.text(clock_key, ""));
+  if (config.describes()) return;
+  if (out.pose_source != "mocap") {
+    for (const auto& [key, value] : {std::pair("pose.topic", topic), std::pair("pose.clock", clock)}) {
+      if (!value.empty()) config.wrong(key, "goes with pose.source = \"mocap\"");
+    }
+    config.left_to_another("pose");
+    out.mocap_table = "\n[mocap]\ntopic = \"\"\n";
+    out.link_tables += config.table_text("pose");
+    return;
+  }
+  if (!topic.empty()) out.mocap_table += fmt::format("topic = \"{}\"\n", topic);
+  if (!clock.empty()) out.mocap_table += fmt::format("clock = \"{}\"\n", clock);
+  if (!out.mocap_table.empty()) out.mocap_table.insert(0, "\n[mocap]\n");
+}
+
+// A drone without a fence, or with one that somebody else's room has, is dangerous: both corners are said.
+void read_fence_and_limits(Config& config, OwnDrones& out) {
+  link::read_bounds(config, out.link);
+  if (config.describes()) return;
+  for (const char* corner : {"fence.min_m", "fence.max_m"}) {
+    if (config.numbers(corner, 3, {}).empty())
+      config.wrong(corner, "must be there, x, y, z in m: real drones are not flown without a fence");
+  }
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (out.link.fence.min_m[i] >= out.link.fence.max_m[i])
+      config.wrong("fence.min_m", fmt::format("must be below fence.max_m ({})", "xyz"[i]));
+  }
+  for (const char* table : {"fence", "rc", "limits"}) out.link_tables += config.table_text(table);
+}
+
+constexpr const char* existing = "existing";
+
+/// The tables of one program's way to the ledger, from a file of their own.
+struct LedgerFile {
+  std::string tables, with_msp;
+  std::string msp_id, msp_dir;
+};
+
+LedgerFile read_ledger_file(Config& config, const std::string& key, const std::string& path) {
+  LedgerFile out;
+  if (path.empty()) return out;
+  auto file = Config::load(path);
+  if (!file) {
+    config.wrong(key, file.error().what);
+    return out;
+  }
+  for (const char* table : {"ledger", "orderer", "endorser", "peer"}) out.tables += file->table_text(table);
+  out.with_msp = out.tables + file->table_text("msp");
+  out.msp_id = file->text("ledger.msp_id");
+  out.msp_dir = file->text("ledger.msp_dir");
+  for (const char* table : {"ledger", "orderer", "endorser", "peer", "msp"}) file->left_to_another(table);
+  if (auto status = file->finish(); !status) config.wrong(key, status.error().what);
+  return out;
+}
+
+void read_own_ledger(Config& config, OwnDrones& out) {
+  const std::string embedded = name_of(LedgerKind::embedded), fabric = name_of(LedgerKind::fabric);
+  const std::string kind =
+      config.choice({"ledger.kind", "embedded and fabric: started on this host; existing: it runs already"},
+                    {embedded, fabric, existing}, embedded);
+  const Key keys[] = {
+      {"ledger.agent",
+       "without [[host]], of kind \"existing\": file with agent's [ledger], [[orderer]], [[endorser]], [[peer]], "
+       "[[msp]]"},
+      {"ledger.ground", "likewise with ground's, whose identity acquires the drones"},
+      {"ledger.admin", "likewise of who enrols agent for the drones; \"\": that was done"}};
+  std::string paths[3];
+  for (std::size_t i = 0; i < 3; ++i) paths[i] = config.text(keys[i], "");
+  if (config.describes()) return;
+  if (kind != existing) {
+    out.ledger = ledger_kind_of(kind);
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (!paths[i].empty()) config.wrong(keys[i].name, "goes with ledger.kind = \"existing\"");
+    }
+    return;
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (paths[i].empty()) config.wrong(keys[i].name, "must be there with ledger.kind = \"existing\"");
+  }
+  const LedgerFile agent = read_ledger_file(config, keys[0].name, paths[0]);
+  const LedgerFile ground = read_ledger_file(config, keys[1].name, paths[1]);
+  const LedgerFile admin = read_ledger_file(config, keys[2].name, paths[2]);
+  out.ledger = LedgerKind::fabric;
+  out.network = OwnLedger{agent.with_msp, ground.with_msp, ground.tables, admin.tables, agent.msp_id, agent.msp_dir};
+}
+
+void read_flight(Config& config, OwnDrones& out) {
+  OwnFlight& flight = out.flight;
+  flight.shape = config.text({"flight.shape",
+                              "without [[host]], as each key here: what --shape takes: square, triangle, x, eight, a "
+                              "file of waypoints, manual"},
+                             flight.shape);
+  flight.side_m = config.number({"flight.side_m", "of the shape"}, flight.side_m, 0.5, 15);
+  flight.speed_mps =
+      config.number({"flight.speed_mps", "along the path; not above limits.speed_mps"}, flight.speed_mps, 0.05, 5);
+  flight.wait_ns =
+      from_seconds(config.number({"flight.wait_s", "for all drones to be there before take-off, or none takes off"},
+                                 to_seconds(flight.wait_ns), 1, 600));
+  flight.laps = static_cast<int>(config.integer({"flight.laps", "to fly"}, flight.laps, 1, 1000));
+  if (!config.describes() && flight.speed_mps > static_cast<double>(out.link.playout.max_speed_mps))
+    config.wrong("flight.speed_mps", "must not be above limits.speed_mps");
+}
+
+}  // namespace
+
+bool is_of_own_drones(Config& config) {
+  return config.table_count({"host", "a computer; none: drones that are there already, flown from this one"}) == 0;
+}
+
+Result<OwnDrones> read_own_drones(Config& config) {
+  OwnDrones out;
+  out.drones = read_each(config);
+  read_own_ledger(config, out);
+  read_pose(config, out);
+  read_fence_and_limits(config, out);
+  read_flight(config, out);
+  if (auto status = config.finish(); !status) return status.error();
+  return out;
+}
+
+}  // namespace ledgerline::deployment

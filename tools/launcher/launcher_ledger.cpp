@@ -1,0 +1,115 @@
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "tools/launcher/launcher.hpp"
+
+// What the launcher does until a ledger is there, and who may fly what stands on it.
+
+namespace ledgerline::fly {
+namespace {
+
+using nlohmann::json;
+
+std::string first_certificate(const std::string& msp_dir) {
+  const std::string directory = msp_dir + "/signcerts";
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(directory, error)) {
+    if (entry.path().extension() == ".pem") return entry.path();
+  }
+  return directory;
+}
+
+}  // namespace
+
+Status Launcher::start_ledger() {
+  std::vector<std::string> ledger{
+      "--dir",     files_.in("ledger"),     "--batch-count",   std::to_string(options_.batch_count),
+      "--summary", files_.summary(ledger_), "--batch-timeout", std::to_string(options_.batch_timeout_ns / ns_per_ms)};
+  if (options_.ledger == Ledger::fabric) {
+    ledger.insert(ledger.begin(), "run");
+    ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
+    if (options_.ca) ledger.push_back("--ca");
+    ledger.insert(ledger.end(), options_.network_options.begin(), options_.network_options.end());
+  } else {
+    ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
+  }
+  return start(ledger_, ledger);
+}
+
+Status Launcher::prepare_ledger() {
+  if (is_of_others(options_)) {
+    if (auto s = write_configs(files_, options_, LedgerPlaces{}); !s) return s;
+    return enroll_and_acquire();
+  }
+  const json ready = json::parse(ready_[ledger_], nullptr, false);
+  if (!ready.is_object() || !ready.contains("endpoint") || !ready["endpoint"].is_string()) {
+    return Error{ledger_ + " did not say its endpoint: " + ready_[ledger_]};
+  }
+  const auto texts = [&](const char* key) {
+    std::vector<std::string> all;
+    for (const json& one : ready.value(key, json::array()))
+      all.push_back(one.is_string() ? one.get<std::string>() : "");
+    return all;
+  };
+  LedgerPlaces places{ready["endpoint"], texts("orderers"), texts("peers")};
+  if (options_.endorser) {
+    if (auto s = start_endorser(places); !s) return s;
+  }
+  Proxied proxied;
+  if (options_.proxy) {
+    if (auto s = start_proxy(places, proxied); !s) return s;
+  }
+  if (auto s = write_configs(files_, options_, places, proxied); !s) return s;
+  return enroll_and_acquire();
+}
+
+Status Launcher::enroll_and_acquire() {
+  const deployment::OwnLedger* network = is_of_others(options_) ? &*options_.own->network : nullptr;
+  std::vector<std::string> enroll{
+      "--config",
+      files_.config("admin"),
+      "enroll",
+      "--msp",
+      network ? network->agent_msp_id : "Org1MSP",
+      "--cert",
+      first_certificate(network ? network->agent_msp_dir : user_dir(files_, 1, "User1") + "/msp")};
+  std::vector<std::string> acquire{"--config", files_.config("operator"), "acquire"};
+  for (const std::string& name : drone_names(options_)) {
+    enroll.push_back(name);
+    acquire.push_back(name);
+  }
+  if (!network || !network->admin.empty()) {
+    if (auto s = run_to_end("control-enroll", enroll); !s) return s;
+  }
+  return run_to_end("control-acquire", acquire);
+}
+
+Status Launcher::start_endorser(LedgerPlaces& places) {
+  if (auto s = write_endorser_config(files_, places); !s) return s;
+  if (auto s = start("endorser", {files_.config("endorser")}); !s) return s;
+  if (auto s = wait_ready({"endorser"}); !s) return s;
+  const json ready = json::parse(ready_["endorser"], nullptr, false);
+  places.own_endorser = ready.is_object() ? ready.value("endpoint", "") : "";
+  if (places.own_endorser.empty()) return Error{"the endorser did not say where it listens: " + ready_["endorser"]};
+  return done;
+}
+
+Status Launcher::start_proxy(const LedgerPlaces& places, Proxied& proxied) {
+  if (auto s = write_proxy_config(files_, options_, places); !s) return s;
+  std::vector<std::string> arguments{"proxy", "--config", files_.config(proxy_name)};
+  if (!options_.faults.empty()) arguments.insert(arguments.end(), {"--script", options_.faults});
+  if (auto s = start(proxy_name, std::move(arguments)); !s) return s;
+  if (auto s = wait_ready({proxy_name}); !s) return s;
+  const json ready = json::parse(ready_[proxy_name], nullptr, false);
+  const json servers = ready.is_object() ? ready.value("servers", json()) : json();
+  for (const auto& [name, address] : servers.items()) {
+    if (address.is_string()) proxied[name] = address.get<std::string>();
+  }
+  if (!proxied.contains("agent") || !proxied.contains("ground"))
+    return Error{"the proxy did not say where it listens: " + ready_[proxy_name]};
+  return done;
+}
+
+}  // namespace ledgerline::fly
