@@ -97,6 +97,9 @@ class DroneLink {
   DropReason resume(const Plan& plan) noexcept;
   void lift_stops() noexcept;
   void update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept;
+  /// What of a wish may be flown, as the verdict says.
+  Velocity left_by_others(Velocity wish) const noexcept;
+  bool too_near() const noexcept;
   void obey_failsafe(TimeNs now) noexcept;
   void talk(const LinkMoment& at) noexcept;
   void fly(const LinkMoment& at, const Playout::Wish& wish) noexcept;
