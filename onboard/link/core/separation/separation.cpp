@@ -202,6 +202,9 @@ void Separation::go_round(std::size_t i, std::size_t other) noexcept {
 
 bool Separation::has_room(std::size_t i, std::size_t other, Way way) const noexcept {
   const double need = apart_m_ + headroom_m;
+  const bool beside = way != Way::up && way != Way::down;
+  // Neither over nor under one that comes down or goes up.
+  if (in_[other].kind == Neighbour::Kind::sinking || in_[other].kind == Neighbour::Kind::rising) return beside;
   if (way == Way::up) return drones_[other].now.high_m + need <= in_[i].ceiling_m;
   if (way == Way::down) return drones_[other].now.low_m - need >= in_[i].floor_m + lowest_m;
   return true;
@@ -211,7 +214,8 @@ void Separation::choose_way(std::size_t i, std::size_t other) noexcept {
   Memory& memory = memory_[std::min(in_[i].number, max_drones)];
   const Vec3& wish = in_[i].wish_mps;
   const bool below = in_[i].motion.position_m[2] < in_[other].motion.position_m[2] - headroom_m;
-  const bool upright = std::abs(wish[2]) > level(wish);
+  const bool upright = std::abs(wish[2]) > level(wish) || in_[other].kind == Neighbour::Kind::sinking ||
+                       in_[other].kind == Neighbour::Kind::rising;
   const Way first = below ? Way::down : Way::up, second = below ? Way::up : Way::down;
   std::array<Way, 5> ways{first, second, Way::right, Way::left, Way::away};
   if (upright) ways = {Way::away, Way::right, Way::left, first, second};
