@@ -176,11 +176,20 @@ void Separation::decide(std::size_t i) noexcept {
   memory.clear_s = 0;
   memory.waited_s += passed_s_;
   const double patience = !drones_[other].moves ? 0 : has_way_over(other, i) ? short_patience_s : patience_s;
+  if (hindered == i && leads_away(i, pressing)) {
+    fly(i, drone.wish_mps, Verdict::Kind::part);
+    return;
+  }
   if (memory.way == Way::none && pressing == i && memory.waited_s <= patience) {
     fly(i, {}, Verdict::Kind::hold);
     return;
   }
   go_round(i, pressing != i ? pressing : other);
+}
+
+bool Separation::leads_away(std::size_t i, std::size_t other) const noexcept {
+  const Vec3 &wish = in_[i].wish_mps, &at = drones_[i].course.at_m, &from = drones_[other].course.at_m;
+  return moves(wish) && wish[0] * (at[0] - from[0]) + wish[1] * (at[1] - from[1]) > 0;
 }
 
 void Separation::go_round(std::size_t i, std::size_t other) noexcept {
@@ -231,7 +240,8 @@ void Separation::choose_way(std::size_t i, std::size_t other) noexcept {
 }
 
 Vec3 Separation::way_mps(std::size_t i, std::size_t other, Way way) const noexcept {
-  const double speed = settings_.part_mps;
+  // From below one that lands there is a second: it sinks by a height of min_m meanwhile.
+  const double speed = (in_[other].kind == Neighbour::Kind::sinking ? 2 : 1) * settings_.part_mps;
   if (way == Way::none) return {};
   if (way == Way::up) {
     return {0, 0, std::clamp((in_[i].ceiling_m - in_[i].motion.position_m[2]) / 0.7, 0.0, speed)};

@@ -85,6 +85,8 @@ class Separation {
   void see(std::size_t i) noexcept;
   void find_near() noexcept;
   void decide(std::size_t i) noexcept;
+  /// Its wish, level.
+  bool leads_away(std::size_t i, std::size_t other) const noexcept;
   void go_round(std::size_t i, std::size_t other) noexcept;
   /// Takes the first of its ways that leads anywhere.
   void choose_way(std::size_t i, std::size_t other) noexcept;
