@@ -25,9 +25,9 @@ constexpr const char* name(FailsafeMode mode) noexcept {
 }
 
 constexpr const char* name(FailsafeCause cause) noexcept {
-  constexpr std::array names{"none",          "plan_ran_out",     "held_too_long", "agent_silent",
-                             "ledger_silent", "state_stale",      "pose_lost",     "fence",
-                             "battery_low",   "battery_critical", "stopped",       "ledger_doubted"};
+  constexpr std::array names{"none",        "plan_ran_out",   "held_too_long", "agent_silent", "ledger_silent",
+                             "state_stale", "pose_lost",      "fence",         "battery_low",  "battery_critical",
+                             "stopped",     "ledger_doubted", "too_near"};
   static_assert(names.size() == enum_count<FailsafeCause>);
   const auto at = static_cast<std::size_t>(cause);
   return at < names.size() ? names[at] : "unknown";
@@ -46,7 +46,8 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "battery low",
                              "battery critical",
                              "stopped",
-                             "the ledger is doubted"};
+                             "the ledger is doubted",
+                             "another drone is too near"};
   static_assert(words.size() == enum_count<FailsafeCause>);
   const auto at = static_cast<std::size_t>(cause);
   return at < words.size() ? words[at] : "unknown cause";

@@ -68,7 +68,8 @@ enum class FailsafeCause : std::uint8_t {
   battery_low = 8,
   battery_critical = 9,
   stopped = 10,
-  ledger_doubted = 11
+  ledger_doubted = 11,
+  too_near = 12  ///< another drone of this host
 };
 
 /// Why a plan or setpoint was not flown.

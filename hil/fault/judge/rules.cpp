@@ -166,6 +166,18 @@ void fence(RuleState& state, const Sight& sight, std::size_t drone) {
   }
 }
 
+// On the ground they stand where they were put.
+void apart(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  for (const DroneFacts& other : sight.moment.drones.first(drone)) {
+    if (on_ground(facts.truth) && on_ground(other.truth)) continue;
+    const auto &a = facts.truth.position_m, &b = other.truth.position_m;
+    const double distance = std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+    if (distance < state.verdict.rule.amount)
+      state.verdict.broke(sight.moment.now, fmt::format("{} and {}: {:.2f} m", facts.name, other.name, distance));
+  }
+}
+
 // `done`: it has flown, and landed.
 void takes_off_once(RuleState& state, const Sight& sight, std::size_t drone) {
   const DroneFacts& facts = of(sight, drone);
@@ -256,6 +268,10 @@ constexpr RuleKind table[] = {
      .takes = Takes::metres,
      .help = "the true place is nowhere farther beyond it",
      .observe = fence},
+    {.form = "drones apart by {}",
+     .takes = Takes::metres,
+     .help = "no two of which one flies are ever nearer",
+     .observe = apart},
     {.form = "nothing acknowledged is lost", .help = "neither commits nor transitions", .finish = nothing_lost},
     {.form = "at most {} transactions a second",
      .takes = Takes::number,

@@ -45,6 +45,7 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       admission_(settings.playout),
       playout_(settings.playout, admission_),
       limiter_(settings.playout),
+      in_common_frame_(drone.in_common_frame),
       local_stop_(local_stop) {}
 
 void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept {
@@ -67,6 +68,7 @@ void DroneLink::take_beat(const AgentBeat& beat) noexcept {
 void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {
   if (pose.stamp_ns <= pose_.stamp_ns || pose.stamp_ns > now || !finite(pose)) return;
   pose_ = pose;
+  pose_came_ns_ = now;
   moved_m_ = {};
 }
 
@@ -193,6 +195,7 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) no
   facts_.velocity_mps = pose_.velocity_mps;
   facts_.height_m = session_.state().height_m;
   facts_.battery = session_.state().battery;
+  facts_.too_near = too_near();
   facts_.stop = stop_ || local_stop_ || at.stop_all;
   facts_.cut = cut_;
 }
@@ -251,7 +254,8 @@ void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
     return;
   }
   const bool follows = follows_plan(failsafe_.mode, wish.valid);
-  const Velocity goal = follows ? clip_at_fence(fence_, facts_.position_m, facts_.height_m, wish.velocity) : Velocity{};
+  const Velocity apart = left_by_others(wish.velocity);
+  const Velocity goal = follows ? clip_at_fence(fence_, facts_.position_m, facts_.height_m, apart) : Velocity{};
   const Velocity limited = limiter_.step(now, goal, failsafe_.mode == FailsafeMode::brake);
   const BodyCommand command = to_body(rc_settings_, limited, pose_.yaw_rad);
 

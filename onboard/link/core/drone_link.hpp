@@ -1,6 +1,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -11,6 +12,7 @@
 #include "onboard/link/core/playout/limiter.hpp"
 #include "onboard/link/core/playout/plan_admission.hpp"
 #include "onboard/link/core/playout/playout.hpp"
+#include "onboard/link/core/separation/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/session.hpp"
 #include "onboard/link/core/transition_log.hpp"
@@ -65,6 +67,10 @@ class DroneLink {
   /// Time passed: without a pose (agent died, its plan is flown to the end) the fence still needs to know about where
   /// the drone is.
   void dead_reckon(double seconds) noexcept;
+  /// What the others must know of it, and what it wishes; false: it has no place among them, or none that is known.
+  bool among_others(TimeNs now, Neighbour& out) noexcept;
+  /// What it may fly of that, before step().
+  void take_verdict(const Verdict& verdict) noexcept { verdict_ = verdict; }
   void step(const LinkMoment& at) noexcept;
   void sample(const LinkMoment& at) noexcept;
   /// Ends all plans that still wait.
@@ -91,6 +97,9 @@ class DroneLink {
   DropReason resume(const Plan& plan) noexcept;
   void lift_stops() noexcept;
   void update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept;
+  /// What of a wish may be flown, as the verdict says.
+  Velocity left_by_others(Velocity wish) const noexcept;
+  bool too_near() const noexcept;
   void obey_failsafe(TimeNs now) noexcept;
   void talk(const LinkMoment& at) noexcept;
   void fly(const LinkMoment& at, const Playout::Wish& wish) noexcept;
@@ -118,6 +127,9 @@ class DroneLink {
 
   Pose pose_;
   std::array<double, 3> moved_m_{};  ///< since that pose, as far as what was sent tells
+  TimeNs pose_came_ns_ = 0;
+  bool in_common_frame_;
+  std::optional<Verdict> verdict_;  ///< of this step; none: it is alone
   // Each stands until it is resumed by name: no plan, epoch, boot or agent lifts it.
   bool stop_ = false;      ///< the ledger's
   bool local_stop_;        ///< of the local stop key, perhaps of a link before this one

@@ -164,12 +164,15 @@ bool held_too_long(const Moment& at) {
 bool outside_fence(const Moment& at) {
   return at.memory.outside_ns != 0 && at.now - at.memory.outside_ns <= at.settings.clear_after_ns;
 }
+bool too_near(const Moment& at) {
+  return at.memory.too_near_ns != 0 && at.now - at.memory.too_near_ns <= at.settings.clear_after_ns;
+}
 bool battery_low(const Moment& at) { return at.memory.battery_low; }
 bool blind(const Moment& at) { return at.facts.blind; }
 
 }  // namespace
 
-const std::array<FailsafeRow, 15> failsafe_table{{
+const std::array<FailsafeRow, 16> failsafe_table{{
     {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, Clears::on_ground, cut},
     {"FS-02", FailsafeCause::stopped, FailsafeMode::land, Clears::on_ground, stopped},
     {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, Clears::on_ground, battery_critical},
@@ -182,6 +185,7 @@ const std::array<FailsafeRow, 15> failsafe_table{{
     {"FS-08", FailsafeCause::agent_silent, FailsafeMode::hold, Clears::with_a_plan, agent_silent},
     {"FS-09", FailsafeCause::ledger_silent, FailsafeMode::hold, Clears::with_a_plan, ledger_silent},
     {"FS-10", FailsafeCause::plan_ran_out, FailsafeMode::hold, Clears::with_a_plan, plan_ran_out},
+    {"FS-60", FailsafeCause::too_near, FailsafeMode::none, Clears::apart, too_near},
     {"FS-11", FailsafeCause::fence, FailsafeMode::none, Clears::back_inside, outside_fence},
     {"FS-12", FailsafeCause::battery_low, FailsafeMode::none, Clears::when_charged, battery_low},
     {"FS-13", FailsafeCause::state_stale, FailsafeMode::land, Clears::on_ground, blind},
@@ -206,6 +210,7 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
   at.pose_lost = lost_pose(settings, memory, now, facts);
   at.no_plan = lack_of_plan(settings, memory, now, facts);
   remember_fence(fence, memory, now, facts, at.pose_lost);
+  if (facts.too_near) memory.too_near_ns = now;
   rest(at, memory);
   for (const FailsafeRow& row : failsafe_table) {
     if ((row.mode < FailsafeMode::land && facts.phase != FlightPhase::flying) || !row.applies(at)) continue;
@@ -226,6 +231,7 @@ FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, cons
   if (!facts.ledger_alive) return FailsafeCause::ledger_silent;
   if (facts.ledger_doubted && settings.doubt != OnDoubt::ignore) return FailsafeCause::ledger_doubted;
   if (older(now, facts.pose_ns, settings.pose_lost_ns)) return FailsafeCause::pose_lost;
+  if (facts.too_near) return FailsafeCause::too_near;
   return FailsafeCause::none;
 }
 

@@ -24,6 +24,8 @@ struct FailsafeFacts {
   /// The drone's own, above where it took off; held against the fence's ceiling beside the pose, and alone without one.
   float height_m = 0;
   float battery = 1;
+  /// Another drone of this host is in the way of what it wishes (separation.hpp); on the ground: of a take-off.
+  bool too_near = false;
   bool stop = false;  ///< from the ledger, or the local stop key
   bool cut = false;   ///< asked for by name
 };
@@ -36,6 +38,7 @@ struct FailsafeState {
   TimeNs cause_gone_since_ns = 0;  ///< while it hovers: since when its cause is away
   TimeNs outward_since_ns = 0;     ///< beyond the fence and still going outward
   TimeNs outside_ns = 0;           ///< when it was beyond the fence last
+  TimeNs too_near_ns = 0;          ///< when another was in its way last
   bool battery_low = false;
 };
 
@@ -46,6 +49,7 @@ enum class Clears : std::uint8_t {
   when_rested,  ///< its cause, measured at half the limit where it has one, has been away for clear_after
   with_a_plan,  ///< a plan covers this moment again
   back_inside,  ///< inside the fence for clear_after
+  apart,        ///< nobody has been in its way for clear_after
   when_charged  ///< above the threshold by battery_margin
 };
 
@@ -72,12 +76,12 @@ struct FailsafeRow {
 ///   └──▶ stop, battery, fence, doubt, unseen: FS-02 to 04, 13, 14 ─────────┘ ▼ from everywhere: FS-01
 ///                                                                            cut ──▶ none, on the ground
 ///
-/// none: the plan is flown, clipped at the fence. hold: ramp to zero, and hover. brake: the same with twice the
+/// none: the plan is flown, clipped at the fence and kept apart from other drones. hold: ramp to zero, and hover. brake: the same with twice the
 /// deceleration, and the plans in hand are dropped. land: until it is on the ground. cut: motors off.
 ///
 /// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground
 /// and while the drone may fly unseen, the others while it flies.
-extern const std::array<FailsafeRow, 15> failsafe_table;
+extern const std::array<FailsafeRow, 16> failsafe_table;
 
 /// Pure: the next state from the last one, the time and the facts.
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,

@@ -1,6 +1,8 @@
 #include "onboard/link/core/link_core.hpp"
 
 #include <algorithm>
+#include <array>
+#include <span>
 #include <utility>
 
 namespace ledgerline::link {
@@ -9,7 +11,8 @@ LinkCore::LinkCore(const LinkSettings& settings, std::uint64_t boot_id, int star
     : period_ns_(from_seconds(1.0 / settings.rate_hz)),
       health_gap_ns_(settings.health_gap_ns),
       health_rest_ns_(settings.health_rest_ns),
-      land_first_(starts >= settings.session.many_starts) {
+      land_first_(starts >= settings.session.many_starts),
+      separation_(settings.separation, static_cast<double>(settings.playout.max_acceleration_mps2)) {
   for (const DroneSettings& drone : settings.drones)
     drones_.emplace_back(drone, settings, boot_id, local_stops.test(drone.number));
 }
@@ -26,6 +29,7 @@ DroneLink* LinkCore::find(DroneNumber number) noexcept {
 
 const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept {
   out_.clear();
+  const double passed_s = last_step_ns_ == 0 ? 0 : to_seconds(now - last_step_ns_);
   watch_health(now);
   for (DroneLink& drone : drones_) {
     if (inputs.stop_all && !stop_all_) drone.stop_locally(now);
@@ -37,6 +41,7 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
 
   const LinkMoment at{.now = now, .healthy = now >= unhealthy_until_ns_, .stop_all = stop_all_, .out = out_};
   take_inputs(at, inputs);
+  keep_apart(now, passed_s);
   for (DroneLink& drone : drones_) drone.step(at);
   sample(at);
   return out_;
@@ -50,6 +55,17 @@ void LinkCore::watch_health(TimeNs now) noexcept {
     for (DroneLink& drone : drones_) drone.dead_reckon(to_seconds(now - last_step_ns_));
   }
   last_step_ns_ = now;
+}
+
+void LinkCore::keep_apart(TimeNs now, double passed_s) noexcept {
+  std::array<Neighbour, max_drones> neighbours{};
+  std::array<DroneLink*, max_drones> whose{};
+  std::size_t count = 0;
+  for (DroneLink& drone : drones_) {
+    if (count < max_drones && drone.among_others(now, neighbours[count])) whose[count++] = &drone;
+  }
+  const auto verdicts = separation_.step(passed_s, std::span(neighbours).first(count));
+  for (std::size_t i = 0; i < count; ++i) whose[i]->take_verdict(verdicts[i]);
 }
 
 void LinkCore::take_inputs(const LinkMoment& at, const LinkInputs& inputs) noexcept {

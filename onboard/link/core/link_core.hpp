@@ -6,6 +6,7 @@
 #include "common/msg/onboard.hpp"
 #include "onboard/link/core/drone_link.hpp"
 #include "onboard/link/core/link_io.hpp"
+#include "onboard/link/core/separation/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 
 namespace ledgerline::link {
@@ -45,6 +46,8 @@ class LinkCore {
   DroneLink* find(DroneNumber number) noexcept;
   void watch_health(TimeNs now) noexcept;
   void take_inputs(const LinkMoment& at, const LinkInputs& inputs) noexcept;
+  /// Of what the drones wish each is left so much that they do not come too near to each other.
+  void keep_apart(TimeNs now, double passed_s) noexcept;
   void sample(const LinkMoment& at) noexcept;
 
   TimeNs period_ns_;  ///< of samples
@@ -56,6 +59,7 @@ class LinkCore {
   TimeNs last_step_ns_ = 0;
   TimeNs unhealthy_until_ns_ = 0;
   TimeNs next_sample_ns_ = 0;
+  Separation separation_;
   LinkOutputs out_;
 };
 

@@ -7,6 +7,7 @@
 
 #include "common/base/enum_count.hpp"
 #include "common/msg/onboard.hpp"
+#include "onboard/link/core/separation/separation_settings.hpp"
 
 /// Every threshold of link's cores, with its default. The shell reads them from TOML (link_config.hpp); hil and tests
 /// fill them in directly. Each says why it has its value; the facts about the drone are from docs/sources.md.
@@ -190,6 +191,8 @@ struct DroneSettings {
   std::string name;
   DroneNumber number = 0;
   std::string serial{};  ///< what `sn?` must answer before a take-off; empty: not asked
+  /// Its poses are in the frame of the others': only then it can be kept apart from them.
+  bool in_common_frame = true;
 };
 
 struct LinkSettings {
@@ -209,6 +212,7 @@ struct LinkSettings {
   RcSettings rc;
   FailsafeSettings failsafe;
   FenceSettings fence;
+  SeparationSettings separation;
 };
 
 /// Starts further back count no more: after so long without a word a Tello lands by itself, so what is older held

@@ -227,6 +227,14 @@ Status check_drones(const std::string& path, const std::vector<DroneTable>& tabl
   return done;
 }
 
+void read_separation(Config& config, SeparationSettings& separation) {
+  separation.min_m = config.number(
+      {"separation.min_m",
+       "drones of this host never come nearer to each other, centre to centre; 0 switches it off. Larger needs more "
+       "room to pass"},
+      separation.min_m, 0, 10);
+}
+
 // A fence without room inside would hold every drone at once.
 Status check_fence(const std::string& path, const FenceSettings& fence) {
   for (std::size_t i = 0; i < 3; ++i) {
@@ -323,6 +331,7 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   read_rc(config, settings.link.rc);
   read_failsafe(config, settings.link.failsafe);
   read_fence(config, settings.link);
+  read_separation(config, settings.link.separation);
   if (auto status = config.finish(); !status) return status.error();
   if (auto status = check_drones(path, tables); !status) return status.error();
   if (auto status = check_fence(path, settings.link.fence); !status) return status.error();

@@ -358,5 +358,25 @@ TEST(FaultJudge, TheFenceIsOfTheTruth) {
   }
 }
 
+TEST(FaultJudge, DronesAreApartInTruthUnlessBothStand) {
+  for (const auto& [place, flies, kept] : {std::tuple(std::array<double, 3>{0.3, 0, 1.5}, true, true),
+                                           {{0.3, 0, 1.3}, true, false},
+                                           {{0, 0, 0}, true, true},
+                                           {{0.4, 0, 0}, false, true}}) {
+    Judged run("drones apart by 0.5 m");
+    run.drones.push_back(run.drones[0]);
+    run.drones[1].name = "tello2";
+    run.drones[1].truth.position_m = place;
+    if (!flies) {
+      for (DroneFacts& drone : run.drones) {
+        drone.truth.in_flight = false;
+        drone.truth.position_m[2] = 0;
+      }
+    }
+    run.pass(ns_per_ms);
+    EXPECT_EQ(run.broken().contains("drones apart by 0.5 m"), !kept) << place[0] << " " << place[2];
+  }
+}
+
 }  // namespace
 }  // namespace ledgerline::hil

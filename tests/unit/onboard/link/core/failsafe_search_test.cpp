@@ -26,13 +26,14 @@ struct State {
   int uncovered = 0, beat = 0, state = 0, pose = 0;
   int ledger_alive = 1, doubted = 0;
   int mode = 0, cause = 0, battery_low = 0;
-  int hovering = -1, gone = -1, outward = -1, outside = -1;
+  int hovering = -1, gone = -1, outward = -1, outside = -1, too_near = -1;
   int unflown = 0;  ///< since a plan was followed: counted here, not by the failsafe
 
   std::uint64_t key() const {
-    std::uint64_t key = 0;
-    for (const int field : {phase, unseen, uncovered, beat, state, pose, ledger_alive, doubted, mode, cause,
-                            battery_low, hovering, gone, outward, outside, unflown}) {
+    const int bits = ledger_alive | doubted << 1 | battery_low << 2;
+    auto key = static_cast<std::uint64_t>(cause);
+    for (const int field : {phase, unseen, uncovered, beat, state, pose, bits, mode, hovering, gone, outward, outside,
+                            too_near, unflown}) {
       key = key << 4 | static_cast<std::uint64_t>(field + 1);
     }
     return key;
@@ -47,6 +48,7 @@ struct Input {
   enum class Text { none, charged, low } text = Text::none;
   Place place = Place::inside;
   Asked asked = Asked::nothing;
+  bool too_near = false;
 };
 
 class Search {
@@ -115,6 +117,14 @@ class Search {
       for (const int bits : {0, 1, 2, 3})
         made.push_back(
             {(bits & 2) != 0, true, false, (bits & 1) != 0, (bits & 2) != 0, Input::Text::none, Place::inside, asked});
+    if (all_heard.size() > 3) return made;  // where doubt is looked at, other drones are not
+    for (const int bits : {0, 1, 2, 3})
+      made.push_back({.beat = true,
+                      .ledger_alive = true,
+                      .plan = (bits & 1) != 0,
+                      .pose = (bits & 2) != 0,
+                      .text = Input::Text::charged,
+                      .too_near = true});
     return made;
   }
 
@@ -162,6 +172,7 @@ class Search {
     if (input.asked == Asked::empty_battery) f.battery = settings_.battery_critical;
     f.stop = input.asked == Asked::stop;
     f.cut = input.asked == Asked::cut;
+    f.too_near = input.too_near;
     return f;
   }
 
@@ -180,6 +191,7 @@ class Search {
                              .cause_gone_since_ns = since(older(from.gone)),
                              .outward_since_ns = since(older(from.outward)),
                              .outside_ns = since(older(from.outside)),
+                             .too_near_ns = since(older(from.too_near)),
                              .battery_low = from.battery_low != 0};
     const FailsafeFacts f = facts(s, input);
     const FailsafeState next = update(settings_, fence_, last, now, f);
@@ -190,6 +202,7 @@ class Search {
     s.gone = age(next.cause_gone_since_ns, clear_after());
     s.outward = age(next.outward_since_ns, fence_land_after());
     s.outside = age(next.outside_ns, clear_after() + 1);
+    s.too_near = now - next.too_near_ns > settings_.clear_after_ns ? -1 : age(next.too_near_ns, clear_after());
     if (follows_plan(next.mode, f.plan_valid)) s.unflown = 0;
     check(s, last, next, f);
     if (next.mode >= FailsafeMode::land) s = landing(s);
@@ -230,6 +243,8 @@ class Search {
         return f.plan_valid;
       case Clears::back_inside:
         return f.position_m[0] <= fence_.max_m[0] && now - last.outside_ns > settings_.clear_after_ns;
+      case Clears::apart:
+        return !f.too_near && now - last.too_near_ns > settings_.clear_after_ns;
       case Clears::when_charged:
         return f.battery > settings_.battery_low + settings_.battery_margin;
     }
@@ -262,6 +277,8 @@ class Search {
     if (follows && s.pose > pose_lost() && s.pose - s.beat > pose_lost() / 2) told("flies on though the pose is lost");
     if (follows && f.ledger_doubted) told("flies on though the ledger is doubted");
     if (next.mode == FailsafeMode::hold && f.plan_valid) told("holds though there is a plan");
+    if (f.too_near && follows && next.cause != FailsafeCause::too_near)
+      told("another is in its way, and it is not said");
     if (next.mode != FailsafeMode::none && next.cause == FailsafeCause::none) told("a mode without a cause");
   }
 

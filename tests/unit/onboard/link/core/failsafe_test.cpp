@@ -10,49 +10,10 @@
 #include <sstream>
 
 #include "common/msg/names.hpp"
-#include "tests/unit/onboard/link/core/times.hpp"
+#include "tests/unit/onboard/link/core/failsafe_fixture.hpp"
 
 namespace ledgerline::link {
 namespace {
-
-/// A flight in which all is well, until a test takes something away.
-class FailsafeTest : public ::testing::Test {
- protected:
-  FailsafeTest() {
-    facts.phase = FlightPhase::flying;
-    facts.flying_since_ns = now;
-    facts.plan_valid = true;
-    facts.ledger_alive = true;
-    facts.position_m = {0, 0, 1};
-    facts.height_m = 1;
-    facts.battery = 0.8F;
-  }
-  void pass(TimeNs duration) {
-    for (const TimeNs end = now + duration; now < end;) {
-      now += ms;
-      if (beats) facts.beat_ns = now;
-      if (states) facts.state_ns = now;
-      if (poses) facts.pose_ns = now;
-      if (facts.plan_valid) facts.covered_until_ns = now + 10 * ms;
-      const FailsafeState before = state;
-      state = update(settings, fence, state, now, facts);
-      if (state.mode != before.mode) ++changes;
-      if (state.cause != before.cause) ++causes;
-    }
-  }
-  void expect(FailsafeMode mode, FailsafeCause cause) const {
-    EXPECT_EQ(state.mode, mode);
-    EXPECT_EQ(state.cause, cause);
-  }
-
-  FailsafeSettings settings;
-  FenceSettings fence;
-  FailsafeFacts facts;
-  FailsafeState state;
-  TimeNs now = 100 * ns_per_s;
-  bool beats = true, states = true, poses = true;
-  int changes = 0, causes = 0;  ///< of the mode, of the cause
-};
 
 TEST_F(FailsafeTest, WhileAllIsWellThePlanIsFlown) {
   pass(10 * ns_per_s);
@@ -513,7 +474,7 @@ TEST_F(FailsafeTest, TheSetpointsUpwardPartIsClippedByTheDronesOwnHeightToo) {
 // ---- docs/failsafe.md says what is true
 
 const char* name(Clears clears) {
-  constexpr std::array names{"on_ground", "when_rested", "with_a_plan", "back_inside", "when_charged"};
+  constexpr std::array names{"on_ground", "when_rested", "with_a_plan", "back_inside", "apart", "when_charged"};
   static_assert(names.size() == enum_count<Clears>);
   return names.at(static_cast<std::size_t>(clears));
 }

@@ -88,7 +88,10 @@ class LinkWorld {
   explicit LinkWorld(std::size_t drones = 1, LinkSettings settings = {})
       : settings_(with_drones(settings, drones)), core(settings_, 42) {
     tellos.resize(drones);
-    for (std::size_t i = 0; i < drones; ++i) tellos[i].number = static_cast<DroneNumber>(i + 1);
+    for (std::size_t i = 0; i < drones; ++i) {
+      tellos[i].number = static_cast<DroneNumber>(i + 1);
+      tellos[i].position[0] = 3 * static_cast<double>(i);
+    }
   }
 
   void pass(TimeNs duration) {
@@ -168,6 +171,7 @@ class LinkWorld {
   }
 
   static LinkSettings with_drones(LinkSettings settings, std::size_t drones) {
+    if (!settings.drones.empty()) return settings;
     for (std::size_t i = 1; i <= drones; ++i) {
       settings.drones.push_back({"tello" + std::to_string(i), static_cast<DroneNumber>(i)});
     }

@@ -1,0 +1,51 @@
+#include "onboard/link/core/drone_link.hpp"
+
+/// A drone as the others of its host must take it.
+namespace ledgerline::link {
+
+bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
+  verdict_.reset();
+  const FlightPhase phase = session_.phase();
+  const bool flies = may_fly();
+  // Of one in the air an old place is better than none.
+  if (!in_common_frame_ || pose_.stamp_ns == 0) return false;
+  if (!flies && now - pose_.stamp_ns > failsafe_settings_.pose_lost_ns) return false;
+  const Playout::Wish wish = playout_.wish(now);
+  const bool steered = phase == FlightPhase::flying && follows_plan(failsafe_.mode, wish.valid);
+  const bool sinks = phase == FlightPhase::landing || failsafe_.mode >= FailsafeMode::land;
+  using Kind = Neighbour::Kind;
+  out = {.number = number_,
+         .kind = !flies                             ? Kind::standing
+                 : sinks                            ? Kind::sinking
+                 : phase == FlightPhase::taking_off ? Kind::rising
+                 : steered                          ? Kind::steered
+                                                    : Kind::held,
+         .motion = {.velocity_mps = pose_.velocity_mps,
+                    .late_s = to_seconds(pose_came_ns_ - pose_.stamp_ns),
+                    .age_s = to_seconds(now - pose_.stamp_ns)},
+         .floor_m = fence_.min_m[2],
+         .ceiling_m = fence_.max_m[2]};
+  std::array<double, 3> place_m{};
+  for (std::size_t i = 0; i < 3; ++i) place_m[i] = pose_.position_m[i] + moved_m_[i];
+  out.motion.position_m = place_m;
+  if (phase == FlightPhase::flying) {
+    for (std::size_t i = 0; i < 3; ++i) out.motion.told_mps[i] = static_cast<double>(limiter_.output().mps[i]);
+  }
+  if (!steered) return true;
+  const Velocity inside = clip_at_fence(fence_, place_m, session_.state().height_m, wish.velocity);
+  for (std::size_t i = 0; i < 3; ++i) out.wish_mps[i] = static_cast<double>(inside.mps[i]);
+  return true;
+}
+
+Velocity DroneLink::left_by_others(Velocity wish) const noexcept {
+  if (!verdict_ || verdict_->kind == Verdict::Kind::unchanged) return wish;
+  for (std::size_t i = 0; i < 3; ++i) wish.mps[i] = static_cast<float>(verdict_->velocity_mps[i]);
+  return wish;
+}
+
+bool DroneLink::too_near() const noexcept {
+  if (!verdict_) return false;
+  return verdict_->kind != Verdict::Kind::unchanged || (!may_fly() && verdict_->takeoff_refused);
+}
+
+}  // namespace ledgerline::link

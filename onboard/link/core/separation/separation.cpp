@@ -1,0 +1,290 @@
+#include "onboard/link/core/separation/separation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace ledgerline::link {
+namespace {
+
+// Slower than this a drone hovers: it corrects its place, and goes nowhere. A gust's speed (docs/sources.md).
+constexpr double moving_mps = 0.1;
+// Without a parting: who has the right of way over the other, and who has not. The one behind waits for less, so that
+// mostly it alone moves; four times its time is enough for it to be away.
+constexpr double patience_s = 3.0, short_patience_s = 0.7;
+// On one way round: a layer's height takes half of it.
+constexpr double way_for_s = 3.0;
+// A way that leads no further is left after this.
+constexpr double idle_for_s = 0.5;
+// Its wish clear for so long, it is past: until then the ways that it tried are not tried again first.
+constexpr double forget_s = 5.0;
+// A take-off ends here at the latest, and no way round leads lower than this above the ground, where a drone's own
+// wash lifts it.
+constexpr double takeoff_height_m = 1.2, lowest_m = 0.3;
+// More than apart, where it has to be and in yielding: so that noise neither undoes a way round nor holds up who has the
+// right of way.
+constexpr double headroom_m = 0.05;
+constexpr double below_all_m = -1e3;
+
+double level(const Vec3& v) noexcept { return length({v[0], v[1], 0}); }
+bool moves(const Vec3& v) noexcept { return length(v) > moving_mps; }
+
+}  // namespace
+
+Separation::Separation(const SeparationSettings& settings, double acceleration_mps2) noexcept
+    : settings_(settings),
+      braking_{
+          .acceleration_mps2 = acceleration_mps2, .response_s = settings.response_s, .reaction_s = settings.reaction_s},
+      apart_m_(settings.min_m + settings.margin_m) {}
+
+std::span<const Verdict> Separation::step(double passed_s, std::span<const Neighbour> neighbours) noexcept {
+  in_ = neighbours.first(std::min<std::size_t>(neighbours.size(), max_drones));
+  passed_s_ = std::clamp(passed_s, 0.0, 0.05);  // as the limiter takes it
+  if (settings_.min_m <= 0) {
+    for (std::size_t i = 0; i < in_.size(); ++i) verdicts_[i] = {.velocity_mps = in_[i].wish_mps};
+    return {verdicts_.data(), in_.size()};
+  }
+  std::array<std::size_t, max_drones> order{};
+  for (std::size_t i = 0; i < in_.size(); ++i) {
+    order[i] = i;
+    see(i);
+  }
+  find_near();
+  std::sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(in_.size()),
+            [&](std::size_t a, std::size_t b) { return in_[a].number < in_[b].number; });
+  for (std::size_t k = 0; k < in_.size(); ++k) decide(order[k]);
+  refuse_takeoffs();
+  return {verdicts_.data(), in_.size()};
+}
+
+void Separation::see(std::size_t i) noexcept {
+  const Neighbour& drone = in_[i];
+  Drone& seen = drones_[i];
+  const bool steered = drone.kind == Neighbour::Kind::steered;
+  seen.course = course(drone.motion, braking_);
+  seen.now = until_rest(seen.course, braking_, limited(drone.motion.told_mps, {}));
+  if (drone.kind == Neighbour::Kind::rising)
+    seen.now.high_m = std::max(seen.now.high_m, drone.floor_m + takeoff_height_m);
+  if (drone.kind == Neighbour::Kind::sinking) seen.now.low_m = below_all_m;
+  const Memory& memory = memory_[std::min(drone.number, max_drones)];
+  const Vec3& way = memory.way == Way::none ? drone.wish_mps : drone.motion.told_mps;
+  seen.moves = steered && moves(drone.wish_mps);
+  seen.claim = seen.now;
+  if (seen.moves) {
+    Vec3 ahead = way;
+    for (double& v : ahead) v *= settings_.lookahead_s;
+    seen.claim = stretched(until_rest(seen.course, braking_, way), ahead);
+  }
+  // Whatever is tried in this step ends within a little more than these two.
+  const auto reach_m = [&](const Capsule& capsule) {
+    return level({capsule.to_m[0] - seen.now.from_m[0], capsule.to_m[1] - seen.now.from_m[1], 0}) + capsule.radius_m;
+  };
+  seen.reach_m = std::max(reach_m(seen.now), reach_m(seen.claim)) + settings_.margin_m;
+}
+
+void Separation::find_near() noexcept {
+  for (std::size_t i = 0; i < in_.size(); ++i) drones_[i].near.reset();
+  for (std::size_t i = 0; i < in_.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      const Drone &a = drones_[i], &b = drones_[j];
+      const double x = a.now.from_m[0] - b.now.from_m[0], y = a.now.from_m[1] - b.now.from_m[1];
+      const double reach_m = a.reach_m + b.reach_m + apart_m_;
+      const bool near = x * x + y * y < reach_m * reach_m;
+      drones_[i].near[j] = drones_[j].near[i] = near;
+    }
+  }
+}
+
+Vec3 Separation::limited(const Vec3& told_mps, const Vec3& wish_mps) const noexcept {
+  Vec3 change{};
+  for (std::size_t k = 0; k < 3; ++k) change[k] = wish_mps[k] - told_mps[k];
+  const double wanted = length(change);
+  const double allowed = braking_.acceleration_mps2 * passed_s_;
+  if (wanted <= allowed) return wish_mps;
+  Vec3 out = told_mps;
+  for (std::size_t k = 0; k < 3; ++k) out[k] += change[k] * allowed / wanted;
+  return out;
+}
+
+bool Separation::has_way_over(std::size_t j, std::size_t i) const noexcept {
+  return drones_[j].moves && in_[j].number < in_[i].number;
+}
+
+std::size_t Separation::hindered_by(std::size_t i, const Vec3& velocity_mps, bool yields) const noexcept {
+  const Capsule mine = until_rest(drones_[i].course, braking_, limited(in_[i].motion.told_mps, velocity_mps));
+  std::size_t worst = i;
+  double least = apart_m_;
+  for (std::size_t j = 0; j < in_.size(); ++j) {
+    if (j == i || !drones_[i].near.test(j)) continue;
+    const auto hinders = [&](double gap) {
+      if (gap >= least) return;
+      least = gap;
+      worst = j;
+    };
+    // What is too near already must come no nearer; where another has the right of way is left before anything else.
+    const double gap = gap_m(mine, drones_[j].now);
+    if (gap < least && gap < gap_m(drones_[i].now, drones_[j].now)) hinders(gap);
+    if (yields && has_way_over(j, i)) hinders(gap_m(mine, drones_[j].claim) - headroom_m);
+  }
+  return worst;
+}
+
+bool Separation::try_fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind, bool yields) noexcept {
+  if (hindered_by(i, velocity_mps, yields) != i) return false;
+  fly(i, velocity_mps, kind);
+  return true;
+}
+
+void Separation::fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind) noexcept {
+  verdicts_[i].kind = kind;
+  verdicts_[i].velocity_mps = velocity_mps;
+  drones_[i].now = until_rest(drones_[i].course, braking_, limited(in_[i].motion.told_mps, velocity_mps));
+}
+
+void Separation::decide(std::size_t i) noexcept {
+  const Neighbour& drone = in_[i];
+  verdicts_[i] = {.velocity_mps = drone.wish_mps};
+  Memory& memory = memory_[std::min(drone.number, max_drones)];
+  if (drone.kind != Neighbour::Kind::steered) {
+    memory = {};
+    return;
+  }
+  // Who is too near already, or comes with the right of way: then hovering is no answer.
+  std::size_t pressing = i;
+  double least = apart_m_;
+  for (std::size_t j = 0; j < in_.size(); ++j) {
+    if (j == i || !drones_[i].near.test(j)) continue;
+    double gap = apart_m_;
+    if (has_way_over(j, i)) gap = gap_m(drones_[i].now, drones_[j].claim) - headroom_m / 2;
+    // Within half of the margin something moved them that was not told to.
+    if (in_[j].kind != Neighbour::Kind::steered || in_[j].number < drone.number)
+      gap = std::min(gap, gap_m(drones_[i].now, drones_[j].now) + settings_.margin_m / 2);
+    if (gap < least) {
+      least = gap;
+      pressing = j;
+    }
+  }
+  const std::size_t hindered = hindered_by(i, drone.wish_mps, true);
+  if (pressing == i && hindered == i) {
+    memory.clear_s += passed_s_;
+    memory = {.tries = memory.clear_s < forget_s ? memory.tries : 0, .clear_s = memory.clear_s};
+    fly(i, drone.wish_mps, Verdict::Kind::unchanged);
+    return;
+  }
+  const std::size_t other = hindered != i ? hindered : pressing;
+  verdicts_[i].other = in_[other].number;
+  memory.clear_s = 0;
+  memory.waited_s += passed_s_;
+  const double patience = !drones_[other].moves ? 0 : has_way_over(other, i) ? short_patience_s : patience_s;
+  if (hindered == i && leads_away(i, pressing)) {
+    fly(i, drone.wish_mps, Verdict::Kind::part);
+    return;
+  }
+  if (memory.way == Way::none && pressing == i && memory.waited_s <= patience) {
+    fly(i, {}, Verdict::Kind::hold);
+    return;
+  }
+  go_round(i, pressing != i ? pressing : other);
+}
+
+bool Separation::leads_away(std::size_t i, std::size_t other) const noexcept {
+  const Vec3 &wish = in_[i].wish_mps, &at = drones_[i].course.at_m, &from = drones_[other].course.at_m;
+  return moves(wish) && wish[0] * (at[0] - from[0]) + wish[1] * (at[1] - from[1]) > 0;
+}
+
+void Separation::go_round(std::size_t i, std::size_t other) noexcept {
+  Memory& memory = memory_[std::min(in_[i].number, max_drones)];
+  memory.parting_s += passed_s_;
+  if (memory.way == Way::none || memory.parting_s > way_for_s || memory.idle_s > idle_for_s) choose_way(i, other);
+  const Vec3& wish = in_[i].wish_mps;
+  const Vec3 way = way_mps(i, other, memory.way);
+  const bool in_height = memory.way == Way::up || memory.way == Way::down;
+  // What of the wish leads past the other, once it is apart from it on the way that it took; then that way.
+  const Vec3 past = in_height ? Vec3{wish[0], wish[1], 0} : Vec3{0, 0, wish[2]};
+  const double idle_s = std::exchange(memory.idle_s, 0.0);
+  if (moves(past) && try_fly(i, past, Verdict::Kind::hold, true)) return;
+  if (in_height && try_fly(i, {wish[0], wish[1], way[2]}, Verdict::Kind::part, true)) return;
+  if (moves(way) && try_fly(i, way, Verdict::Kind::part, false)) return;
+  memory.idle_s = idle_s + passed_s_;
+  fly(i, {}, Verdict::Kind::hold);
+}
+
+bool Separation::has_room(std::size_t i, std::size_t other, Way way) const noexcept {
+  const double need = apart_m_ + headroom_m;
+  const bool beside = way != Way::up && way != Way::down;
+  // Neither over nor under one that comes down or goes up.
+  if (in_[other].kind == Neighbour::Kind::sinking || in_[other].kind == Neighbour::Kind::rising) return beside;
+  if (way == Way::up) return drones_[other].now.high_m + need <= in_[i].ceiling_m;
+  if (way == Way::down) return drones_[other].now.low_m - need >= in_[i].floor_m + lowest_m;
+  return true;
+}
+
+void Separation::choose_way(std::size_t i, std::size_t other) noexcept {
+  Memory& memory = memory_[std::min(in_[i].number, max_drones)];
+  const Vec3& wish = in_[i].wish_mps;
+  const bool below = in_[i].motion.position_m[2] < in_[other].motion.position_m[2] - headroom_m;
+  const bool upright = std::abs(wish[2]) > level(wish) || in_[other].kind == Neighbour::Kind::sinking ||
+                       in_[other].kind == Neighbour::Kind::rising;
+  const Way first = below ? Way::down : Way::up, second = below ? Way::up : Way::down;
+  std::array<Way, 5> ways{first, second, Way::right, Way::left, Way::away};
+  if (upright) ways = {Way::away, Way::right, Way::left, first, second};
+  for (std::size_t k = 0; k < ways.size(); ++k) {
+    const Way way = ways[(static_cast<std::size_t>(memory.tries) + k) % ways.size()];
+    if (!has_room(i, other, way) || hindered_by(i, way_mps(i, other, way), false) != i) continue;
+    memory.way = way;
+    memory.tries = static_cast<int>((static_cast<std::size_t>(memory.tries) + k + 1) % ways.size());
+    memory.parting_s = memory.idle_s = 0;
+    return;
+  }
+  memory.way = Way::none;
+}
+
+Vec3 Separation::way_mps(std::size_t i, std::size_t other, Way way) const noexcept {
+  // From below one that lands there is a second: it sinks by a height of min_m meanwhile.
+  const double speed = (in_[other].kind == Neighbour::Kind::sinking ? 2 : 1) * settings_.part_mps;
+  if (way == Way::none) return {};
+  if (way == Way::up) {
+    return {0, 0, std::clamp((in_[i].ceiling_m - in_[i].motion.position_m[2]) / 0.7, 0.0, speed)};
+  }
+  if (way == Way::down) {
+    return {0, 0, -std::clamp((in_[i].motion.position_m[2] - in_[i].floor_m - lowest_m) / 0.7, 0.0, speed)};
+  }
+  const Vec3& wish = in_[i].wish_mps;
+  double x = 0, y = 0;
+  if (way != Way::away && level(wish) > moving_mps) {
+    const double turn = way == Way::right ? 1 : -1;
+    x = turn * wish[1];
+    y = -turn * wish[0];
+  } else {  // from all that are near
+    for (std::size_t j = 0; j < in_.size(); ++j) {
+      if (j == i || (j != other && gap_m(drones_[i].now, drones_[j].now) > apart_m_ + headroom_m)) continue;
+      const double from_x = in_[i].motion.position_m[0] - in_[j].motion.position_m[0];
+      const double from_y = in_[i].motion.position_m[1] - in_[j].motion.position_m[1];
+      const double distance = std::max(length({from_x, from_y, 0}), 1e-3);
+      x += from_x / distance;
+      y += from_y / distance;
+    }
+  }
+  const double far = length({x, y, 0});
+  if (far <= 0) return {speed, 0, 0};
+  return {speed * x / far, speed * y / far, 0};
+}
+
+void Separation::refuse_takeoffs() noexcept {
+  for (std::size_t i = 0; i < in_.size(); ++i) {
+    if (in_[i].kind != Neighbour::Kind::standing) continue;
+    for (std::size_t j = 0; j < in_.size() && !verdicts_[i].takeoff_refused; ++j) {
+      if (j == i) continue;
+      const bool stands = in_[j].kind == Neighbour::Kind::standing;
+      Capsule column = drones_[i].now;
+      if (!stands) column.high_m = std::max(column.high_m, column.low_m) + takeoff_height_m + apart_m_;
+      // One that stands is where it was put: no margin for what it might do.
+      const double gap = gap_m(column, drones_[j].now);
+      if (gap >= (stands ? settings_.min_m : apart_m_)) continue;
+      verdicts_[i].takeoff_refused = true;
+      verdicts_[i].other = in_[j].number;
+    }
+  }
+}
+
+}  // namespace ledgerline::link

@@ -1,0 +1,114 @@
+#pragma once
+#include <array>
+#include <bitset>
+#include <cstdint>
+#include <span>
+
+#include "common/msg/onboard.hpp"
+#include "onboard/link/core/separation/capsule.hpp"
+#include "onboard/link/core/separation/separation_settings.hpp"
+
+namespace ledgerline::link {
+
+/// A drone as the others must take it.
+struct Neighbour {
+  enum class Kind : std::uint8_t {
+    steered,   ///< flies what it is told; only such a one is told anything here
+    held,      ///< in the air, and told zero whatever it wishes: a failsafe has it
+    rising,    ///< taking off: all heights up to its own take-off's end are its
+    sinking,   ///< landing, or motors off: all below it is its
+    standing,  ///< on the ground
+  };
+  DroneNumber number = 0;
+  Kind kind = Kind::held;
+  Motion motion;
+  Vec3 wish_mps{};  ///< of its plan, behind fence
+  double floor_m = 0, ceiling_m = 0;
+};
+
+struct Verdict {
+  enum class Kind : std::uint8_t {
+    unchanged,  ///< it flies its wish
+    hold,       ///< another comes too near: it waits, or flies that part of its wish that leads past
+    part,       ///< it gets out of the other's way
+  };
+  Kind kind = Kind::unchanged;
+  Vec3 velocity_mps{};           ///< what it may fly
+  DroneNumber other = 0;         ///< because of whom
+  bool takeoff_refused = false;  ///< of one that stands: another is beside it or above
+};
+
+/// Keeps drones of one host apart: never nearer than `min_m`, and nobody waits for ever.
+///
+/// Never nearer. Each drone has a capsule that it does not leave if it is told to stop (capsule.hpp). All are apart by
+/// min + margin; a wish is flown only if they still are with the next step's capsule of who flies it, against the new
+/// ones of those who were asked before and the present ones of those who come behind. To stop is always allowed, since it
+/// shrinks the own capsule into itself: so whoever decides what, all stay apart. Where something moved a drone that was
+/// not told to, nothing is flown that brings the two nearer.
+///
+/// Nobody waits for ever. Lower numbers are asked first, and higher ones keep out of where they will be for
+/// `lookahead_s`: one that is not in it waits at its edge, one that is in it parts. Nobody yields to who hovers: whoever
+/// moves goes round it. Whoever was in vain kept waiting for longer than `patience` goes round as well, whatever its
+/// number, and who found no way tries the next direction.
+///
+///   unchanged ──wish leads too near──▶ hold ──in the way, or waited enough──▶ part ──wish is clear──▶ unchanged
+///
+/// Pure but for what it remembers: no clock, no allocation; one thread.
+class Separation {
+ public:
+  Separation(const SeparationSettings& settings, double acceleration_mps2) noexcept;
+
+  /// `passed_s` since the last step. `neighbours`: all that have a place, max_drones at most, each in every step as long
+  /// as it has one. The verdicts are in their order, valid until the next step.
+  std::span<const Verdict> step(double passed_s, std::span<const Neighbour> neighbours) noexcept;
+
+ private:
+  /// The ways round another, tried in turn.
+  enum class Way : std::uint8_t { none, up, down, away, right, left };
+  struct Memory {
+    Way way = Way::none;
+    double parting_s = 0;  ///< on this way
+    double waited_s = 0;   ///< without a break, with a wish that is not flown
+    double idle_s = 0;     ///< on this way, without getting further
+    int tries = 0;         ///< where the next way is looked for
+    double clear_s = 0;    ///< the wish is flown
+  };
+  struct Drone {
+    Capsule now;         ///< until rest: first of who is told to stop, then of what was decided
+    Capsule claim;       ///< where it will be if nobody hinders it
+    double reach_m = 0;  ///< how far either of them goes, level
+    bool moves = false;
+    Course course;
+    std::bitset<max_drones> near;  ///< who could come into its way at all
+  };
+
+  void see(std::size_t i) noexcept;
+  void find_near() noexcept;
+  void decide(std::size_t i) noexcept;
+  /// Its wish, level.
+  bool leads_away(std::size_t i, std::size_t other) const noexcept;
+  void go_round(std::size_t i, std::size_t other) noexcept;
+  /// Takes the first of its ways that leads anywhere.
+  void choose_way(std::size_t i, std::size_t other) noexcept;
+  bool has_room(std::size_t i, std::size_t other, Way way) const noexcept;
+  Vec3 way_mps(std::size_t i, std::size_t other, Way way) const noexcept;
+  /// Who is in the way of this velocity; itself: nobody.
+  std::size_t hindered_by(std::size_t i, const Vec3& velocity_mps, bool yields) const noexcept;
+  bool try_fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind, bool yields) noexcept;
+  void fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind) noexcept;
+  /// What it is told in the next step, if this is its wish.
+  Vec3 limited(const Vec3& told_mps, const Vec3& wish_mps) const noexcept;
+  bool has_way_over(std::size_t j, std::size_t i) const noexcept;
+  void refuse_takeoffs() noexcept;
+
+  SeparationSettings settings_;
+  Braking braking_;
+  double apart_m_;
+  double passed_s_ = 0;
+  std::span<const Neighbour> in_;
+  std::array<Drone, max_drones> drones_{};
+  std::array<Verdict, max_drones> verdicts_{};
+  std::array<Memory, max_drones + 1> memory_{};  ///< by number
+};
+
+}  // namespace ledgerline::link

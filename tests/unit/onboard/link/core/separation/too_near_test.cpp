@@ -1,0 +1,128 @@
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tests/unit/onboard/link/core/failsafe_fixture.hpp"
+#include "tests/unit/onboard/link/core/link_world.hpp"
+
+/// What link makes of Separation's verdicts: what is flown, what is said, and who may take off.
+namespace ledgerline::link {
+namespace {
+
+TEST_F(FailsafeTest, FS60AnotherDroneInItsWayIsAWarningUntilItIsApartForAWhile) {
+  pass(ns_per_s);
+  facts.too_near = true;
+  pass(10 * ns_per_s);
+  expect(FailsafeMode::none, FailsafeCause::too_near);  // what of its plan leads past is flown on: it does not land
+  facts.too_near = false;
+  pass(settings.clear_after_ns - 10 * ms);
+  facts.too_near = true;
+  pass(10 * ms);
+  facts.too_near = false;
+  pass(settings.clear_after_ns - 10 * ms);
+  expect(FailsafeMode::none, FailsafeCause::too_near);
+  pass(20 * ms);
+  expect(FailsafeMode::none, FailsafeCause::none);
+  EXPECT_EQ(causes, 2);
+  facts.phase = FlightPhase::landed;
+  facts.too_near = true;
+  pass(ms);
+  expect(FailsafeMode::none, FailsafeCause::too_near);  // as what speaks against a take-off
+}
+
+/// Two drones that change places, each told anew ten times a second what leads to its goal.
+struct Crossing : LinkWorld {
+  explicit Crossing(LinkSettings settings = {}) : LinkWorld(2, std::move(settings)) {
+    take_off();
+    pass(2 * ns_per_s);
+  }
+  bool fly(TimeNs longest) {
+    const std::array goals{tellos[1].position, tellos[0].position};
+    for (const TimeNs end = now + longest; now < end;) {
+      double furthest = 0;
+      for (std::size_t i = 0; i < 2; ++i) {
+        std::array<float, 3> wish{};
+        for (std::size_t k = 0; k < 3; ++k) {
+          const double way = goals[i][k] - tellos[i].position[k];
+          wish[k] = static_cast<float>(std::clamp(way, -0.8, 0.8));
+          furthest = std::max(furthest, std::abs(way));
+        }
+        fly_plan(wish, 4, 0, i + 1);
+      }
+      if (furthest < 0.1) return true;
+      for (int i = 0; i < 100; ++i) {
+        step();
+        const auto &a = tellos[0].position, &b = tellos[1].position;
+        nearest_m = std::min(nearest_m, std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]));
+      }
+    }
+    return false;
+  }
+  bool said(DroneNumber drone) const {
+    return std::any_of(transitions.begin(), transitions.end(), [&](const Transition &t) {
+      return t.drone == drone && t.cause == FailsafeCause::too_near && t.mode == FailsafeMode::none;
+    });
+  }
+  double nearest_m = std::numeric_limits<double>::infinity();
+};
+
+TEST(TooNear, TwoDronesThatChangePlacesPassEachOtherAndItIsSaid) {
+  Crossing w;
+  EXPECT_TRUE(w.fly(30 * ns_per_s));
+  EXPECT_GE(w.nearest_m, w.settings_.separation.min_m);
+  EXPECT_TRUE(w.said(2));
+  EXPECT_EQ(w.core.mode(1), FailsafeMode::none);
+  w.pass(ns_per_s);
+  EXPECT_NE(w.states.back().cause, FailsafeCause::too_near);
+}
+
+TEST(TooNear, OneThatHoldsWithoutAPlanIsGoneRound) {
+  Crossing w;
+  const auto held = w.tellos[1].position;
+  const auto goal = std::array{held[0] + 1.5, held[1], held[2]};
+  for (int i = 0; i < 150; ++i) {  // tello2 holds, and lands in the end
+    std::array<float, 3> wish{};
+    for (std::size_t k = 0; k < 3; ++k)
+      wish[k] = static_cast<float>(std::clamp(goal[k] - w.tellos[0].position[k], -0.8, 0.8));
+    w.fly_plan(wish, 4);
+    for (int k = 0; k < 100; ++k) {
+      w.step();
+      const auto &a = w.tellos[0].position, &b = w.tellos[1].position;
+      w.nearest_m = std::min(w.nearest_m, std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]));
+    }
+  }
+  EXPECT_GE(w.nearest_m, w.settings_.separation.min_m);
+  EXPECT_NEAR(w.tellos[0].position[0], goal[0], 0.1);
+  EXPECT_TRUE(w.said(1));
+}
+
+TEST(TooNear, WithADistanceOfZeroOrOutsideTheCommonFrameNobodyIsKeptApart) {
+  for (const bool off : {true, false}) {
+    LinkSettings settings;
+    if (off) settings.separation.min_m = 0;
+    if (!off)
+      settings.drones = {{.name = "tello1", .number = 1}, {.name = "tello2", .number = 2, .in_common_frame = false}};
+    Crossing w(settings);
+    EXPECT_TRUE(w.fly(30 * ns_per_s));
+    EXPECT_LT(w.nearest_m, 0.2);
+    EXPECT_FALSE(w.said(1) || w.said(2));
+  }
+}
+
+TEST(TooNear, ATakeOffBesideAnotherDroneIsRefused) {
+  for (const double distance_m : {0.4, 0.6}) {
+    LinkWorld w(2);
+    w.tellos[1].position = {distance_m, 0, 0};
+    w.pass(ns_per_s);
+    w.plan(PlanAction::takeoff, 1);
+    w.pass(5 * ns_per_s);
+    EXPECT_EQ(w.core.phase(1) == FlightPhase::flying, distance_m > 0.5);
+    w.plan(PlanAction::takeoff, 2);
+    w.pass(5 * ns_per_s);
+    EXPECT_EQ(w.core.phase(2), FlightPhase::on_ground) << "beside one that flies, or stands too near";
+    EXPECT_EQ(w.states.back().cause, FailsafeCause::too_near);
+  }
+}
+
+}  // namespace
+}  // namespace ledgerline::link
