@@ -108,6 +108,7 @@ Plan plan_of(DroneNumber drone, const DronePlan& asked) {
   plan.sequence = asked.sequence();
   plan.epoch = asked.epoch();
   plan.state_stamp_ns = asked.state_stamp_ns();
+  plan.body_frame = asked.body_frame();
   plan.count = static_cast<std::uint32_t>(asked.setpoints_size());
   for (int i = 0; i < asked.setpoints_size(); ++i) {
     const PlannedSetpoint& s = asked.setpoints(i);

@@ -25,9 +25,10 @@ constexpr const char* name(FailsafeMode mode) noexcept {
 }
 
 constexpr const char* name(FailsafeCause cause) noexcept {
-  constexpr std::array names{"none",        "plan_ran_out",   "held_too_long", "agent_silent", "ledger_silent",
-                             "state_stale", "pose_lost",      "fence",         "battery_low",  "battery_critical",
-                             "stopped",     "ledger_doubted", "too_near"};
+  constexpr std::array names{"none",        "plan_ran_out",   "held_too_long", "agent_silent",       "ledger_silent",
+                             "state_stale", "pose_lost",      "fence",         "battery_low",        "battery_critical",
+                             "stopped",     "ledger_doubted", "velocity_lost", "position_uncertain", "motion_differs",
+                             "tilted",      "overturned",     "too_near"};
   static_assert(names.size() == enum_count<FailsafeCause>);
   const auto at = static_cast<std::size_t>(cause);
   return at < names.size() ? names[at] : "unknown";
@@ -47,6 +48,11 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "battery critical",
                              "stopped",
                              "the ledger is doubted",
+                             "its own velocity is lost (too dark, or a floor without texture?)",
+                             "its position is too uncertain for the fence",
+                             "it does not move as it is told",
+                             "it is tilted",
+                             "it lies on its back or side",
                              "another drone is too near"};
   static_assert(words.size() == enum_count<FailsafeCause>);
   const auto at = static_cast<std::size_t>(cause);

@@ -69,7 +69,12 @@ enum class FailsafeCause : std::uint8_t {
   battery_critical = 9,
   stopped = 10,
   ledger_doubted = 11,
-  too_near = 12  ///< another drone of this host
+  velocity_lost = 12,
+  position_uncertain = 13,
+  motion_differs = 14,
+  tilted = 15,
+  overturned = 16,
+  too_near = 17  ///< another drone of this host
 };
 
 /// Why a plan or setpoint was not flown.
@@ -103,9 +108,13 @@ struct Plan {
   std::uint64_t epoch = 0;     ///< lease epoch; sequence starts anew with it
   TimeNs state_stamp_ns = 0;   ///< of the state that it was made from
   TimeNs verified_ns = 0;      ///< when agent handed it over: two-way latency = verified - state_stamp
+  bool body_frame = false;     ///< flown by hand: velocities are in the drone's own frame, forward, left, up
   std::uint32_t count = 0;
   std::array<Setpoint, max_setpoints> setpoints{};
 };
+
+/// How well a pose is known: variances along x, y, z [m2] and of yaw [rad2]. Zeros: nobody told (motion capture).
+using PoseVariance = std::array<float, 4>;
 
 /// agent -> link: fused pose and velocity.
 struct Pose {
@@ -114,6 +123,7 @@ struct Pose {
   std::array<double, 3> position_m{};
   std::array<double, 3> velocity_mps{};
   double yaw_rad = 0;
+  PoseVariance variance{};
 };
 
 /// agent -> link, at least ten times a second.
@@ -172,6 +182,7 @@ struct StateSample {
   /// Roll, pitch and yaw as the Tello tells them, in REP 103's signs; its yaw counts from power on.
   std::array<float, 3> attitude_rad{};
   std::array<float, 3> acceleration_mps2{};  ///< its own, with gravity: x forward, y left, z up; 0, 0, 9.8 at rest
+  PoseVariance pose_variance{};
 };
 
 }  // namespace ledgerline

@@ -26,7 +26,16 @@ Header get_header(CdrReader& in) {
   return header;
 }
 
-void put_unknown_covariance(CdrWriter& out) { out.put(std::array<double, 36>{}); }
+// Rows and columns of x, y, z, roll, pitch, yaw.
+using Covariance = std::array<double, 36>;
+constexpr std::array<std::size_t, 4> told_variances{0, 7, 14, 35};
+
+Covariance covariance_of(const PoseVariance& variance) {
+  Covariance covariance{};
+  for (std::size_t i = 0; i < told_variances.size(); ++i)
+    covariance[told_variances[i]] = static_cast<double>(variance[i]);
+  return covariance;
+}
 
 template <typename T>
 Result<T> checked(const CdrReader& in, T value, std::string_view type) {
@@ -58,10 +67,10 @@ std::string to_cdr(const Odometry& odometry) {
   out.put(std::string_view(odometry.child_frame_id));
   out.put(odometry.position_m);
   out.put(odometry.orientation);
-  put_unknown_covariance(out);
+  out.put(covariance_of(odometry.pose_variance));
   out.put(odometry.linear_mps);
   out.put(odometry.angular_radps);
-  put_unknown_covariance(out);
+  out.put(Covariance{});
   return out.take();
 }
 
@@ -72,7 +81,9 @@ Result<Odometry> odometry_from_cdr(std::string_view cdr) {
   odometry.child_frame_id = in.get_string();
   odometry.position_m = in.get_array<double, 3>();
   odometry.orientation = in.get_array<double, 4>();
-  (void)in.get_array<double, 36>();
+  const auto covariance = in.get_array<double, 36>();
+  for (std::size_t i = 0; i < told_variances.size(); ++i)
+    odometry.pose_variance[i] = static_cast<float>(covariance[told_variances[i]]);
   odometry.linear_mps = in.get_array<double, 3>();
   odometry.angular_radps = in.get_array<double, 3>();
   (void)in.get_array<double, 36>();
@@ -212,6 +223,7 @@ std::string link_status_to_cdr(const StateSample& s) {
   out.put(s.plans_applied);
   out.put(s.attitude_rad);
   out.put(s.acceleration_mps2);
+  out.put(s.pose_variance);
   return out.take();
 }
 
@@ -248,6 +260,7 @@ Result<StateSample> link_status_from_cdr(std::string_view cdr) {
   s.plans_applied = in.get<std::uint32_t>();
   s.attitude_rad = in.get_array<float, 3>();
   s.acceleration_mps2 = in.get_array<float, 3>();
+  s.pose_variance = in.get_array<float, 4>();
   if (in.ok() && !believable(s)) {
     return Error{"ledgerline_msgs/msg/LinkStatus: a time or a number is beyond what a drone can say"};
   }

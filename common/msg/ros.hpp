@@ -17,7 +17,8 @@ struct Header {
   std::string frame_id;
 };
 
-/// nav_msgs/msg/Odometry without its covariances, which are written as zeros ("unknown"). Quaternion order x, y, z, w.
+/// nav_msgs/msg/Odometry. Of its covariances the pose's diagonal is told (x, y, z, yaw); zeros mean "unknown", as in ROS.
+/// Quaternion order x, y, z, w.
 struct Odometry {
   Header header;  ///< frame_id "map"
   std::string child_frame_id;
@@ -25,6 +26,7 @@ struct Odometry {
   std::array<double, 4> orientation{0, 0, 0, 1};
   std::array<double, 3> linear_mps{};  ///< in the child frame (REP 105)
   std::array<double, 3> angular_radps{};
+  PoseVariance pose_variance{};
 };
 inline constexpr std::string_view odometry_type = "nav_msgs/msg/Odometry";
 std::string to_cdr(const Odometry& odometry);

@@ -12,7 +12,8 @@ namespace ledgerline::ground {
 bool believable(const Twist& wish);
 
 /// A person flies: turns the velocity that was wished last (geometry_msgs/msg/Twist in the drone's frame: x forward, y
-/// left, z up, yaw counter-clockwise) into plans in the map frame. A wish holds for `timeout_ns` and not a moment
+/// left, z up, yaw counter-clockwise) into plans in that same frame, so that neither a position nor a heading is needed. A
+/// wish holds for `timeout_ns` and not a moment
 /// longer: every plan ends in zero, so that a pilot who falls silent leaves a drone that hovers.
 ///
 ///     no wish --take()--> flies it --timeout_ns after it came, or release()--> no wish: zero
@@ -33,18 +34,12 @@ class ManualController {
   bool take(TimeNs came_ns, const Twist& wish);
   void release() { until_ns_ = 0; }
 
-  /// A state in flight; `late_ns`: how much later than they say link flies setpoints (motion::PlayoutMargin).
-  void observe(const StateSample& state, TimeNs late_ns) { predictor_.observe(state, late_ns); }
-  /// Setpoints from `first_ns` (the drone's clock) on, which stands for `now_ns` (the ground's), for where the nose
-  /// will be then. `id` is for withdraw().
-  std::vector<Setpoint> plan(std::uint64_t id, TimeNs now_ns, TimeNs first_ns);
-  /// The plan will not be flown.
-  void withdraw(std::uint64_t id) { predictor_.withdraw(id); }
+  /// Setpoints from `first_ns` (the drone's clock) on, which stands for `now_ns` (the ground's).
+  std::vector<Setpoint> plan(TimeNs now_ns, TimeNs first_ns) const;
 
  private:
   ControllerConfig config_;
   TimeNs timeout_ns_;
-  motion::Predictor predictor_;           ///< of yaw, which knows no lag
   std::array<double, 3> velocity_mps_{};  ///< the drone's frame
   double yaw_rate_radps_ = 0;
   TimeNs until_ns_ = 0;  ///< the ground's clock

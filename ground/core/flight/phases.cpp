@@ -18,8 +18,18 @@ constexpr TimeNs end_wait_ns = 3 * ns_per_s;      // for the drone to come up to
 
 }  // namespace
 
-bool may_take_off(const StateSample& state) {
-  return state.cause == FailsafeCause::none || state.cause == FailsafeCause::stopped;
+bool may_take_off(const StateSample& state, bool manual) {
+  switch (state.cause) {
+    case FailsafeCause::none:
+    case FailsafeCause::stopped:
+      return true;
+    case FailsafeCause::pose_lost:
+    case FailsafeCause::velocity_lost:
+    case FailsafeCause::position_uncertain:
+      return manual;  // a pilot sees where it is
+    default:
+      return false;
+  }
 }
 
 void Phases::enter(TimeNs now, DronePhase phase) {
@@ -116,7 +126,7 @@ void Phases::advance_waiting(TimeNs now) {
     return;
   }
   if (!lease_.may_command || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
-  if (grounded && !may_take_off(s)) return;
+  if (grounded && !may_take_off(s, config_.manual)) return;
   status_.origin_m = {s.position_m[0], s.position_m[1]};
   planner_.begin_path(status_.origin_m, s.yaw_rad);
   enter(now, DronePhase::takeoff);
@@ -185,9 +195,10 @@ std::string Phases::not_ready() const {
   if (is_stopped(lease_.stoppers)) return "it is stopped by " + stopper_names(lease_.stoppers);
   if (!lease_.may_command)
     return lease_.holder ? "its lease is held by " + lease_.holder->subject : "nobody holds its lease";
-  if (seen_.state.pose_stamp_ns == 0) return "it has no pose (no mocap?)";
+  if (seen_.state.pose_stamp_ns == 0 && !config_.manual)
+    return "it has no pose (no motion capture, and [pose] source asks for it?)";
   if (seen_.state.phase == FlightPhase::disconnected) return "link does not reach it";
-  if (!in_flight(seen_.state.phase) && !may_take_off(seen_.state))
+  if (!in_flight(seen_.state.phase) && !may_take_off(seen_.state, config_.manual))
     return fmt::format("it may not take off ({})", words_for(seen_.state.cause));
   return "";
 }

@@ -9,7 +9,7 @@ constexpr bool is_in_air(DronePhase phase) { return phase >= DronePhase::takeoff
 
 /// On the ground link says what speaks against a take-off. A stop it keeps until the next take-off command; whether that
 /// is allowed says the ledger.
-bool may_take_off(const StateSample& state);
+bool may_take_off(const StateSample& state, bool manual);
 
 /// One drone's flight: which phase it is in, by its states, its lease, its pilot and the time; why it went wrong.
 ///

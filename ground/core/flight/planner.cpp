@@ -39,12 +39,10 @@ void Planner::observe(bool same_boot, TimeNs margin_ns) {
   }
   if (seen_.state.phase != FlightPhase::flying) return;
   if (controller_) controller_->observe(seen_.state, margin_ns);
-  if (config_.manual) manual_.observe(seen_.state, margin_ns);
 }
 
 void Planner::withdraw(std::uint64_t id) {
   if (controller_) controller_->withdraw(id);
-  manual_.withdraw(id);
 }
 
 bool Planner::wants_plan() const {
@@ -55,7 +53,8 @@ bool Planner::wants_plan() const {
   if (state.phase == FlightPhase::landing && phase == DronePhase::landing) return false;
   if (state.phase == FlightPhase::taking_off && phase == DronePhase::takeoff) return false;
   // Nor what link would refuse now.
-  if (state.phase != FlightPhase::flying && phase == DronePhase::takeoff && !may_take_off(state)) return false;
+  if (state.phase != FlightPhase::flying && phase == DronePhase::takeoff && !may_take_off(state, config_.manual))
+    return false;
   // Nor a path without a pose: link brakes, and a plan from nowhere would say nothing.
   return state.phase != FlightPhase::flying || phase == DronePhase::landing || config_.manual ||
          controller_->predictor().ready();
@@ -71,6 +70,7 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
   plan.set_boot_id(seen_.state.boot_id);
   plan.set_state_stamp_ns(seen_.state.stamp_ns);
   plan.set_epoch(lease_.epoch);
+  plan.set_body_frame(config_.manual && status_.phase != DronePhase::landing);
   if (status_.phase == DronePhase::landing) {
     plan.set_action(LAND);
   } else if (seen_.state.phase != FlightPhase::flying) {
@@ -98,7 +98,7 @@ std::vector<Setpoint> Planner::setpoints(TimeNs now, const PlannedCommand& comma
   const bool plain = !config_.manual && !config_.controller.predict;  // its command is for now, whenever it comes
   const TimeNs ahead_ns = plain ? 0 : config_.ledger ? timing.delay_ns : beside_ns;
   first_setpoint_ns_ = std::max(first_setpoint_ns_, command.made_on_drone_ns + ahead_ns);
-  if (config_.manual) return manual_.plan(command.id, now, first_setpoint_ns_);
+  if (config_.manual) return manual_.plan(now, first_setpoint_ns_);
   // Not sooner than the plan before it, even where the delay fell: then shorter.
   const TimeNs last_ns = command.made_on_drone_ns + timing.farthest_ns;
   const TimeNs room = (last_ns - first_setpoint_ns_) / PathController::step_ns;

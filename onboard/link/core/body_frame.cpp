@@ -26,4 +26,10 @@ BodyCommand to_body(const RcSettings& settings, const Velocity& velocity, double
   return command;
 }
 
+Velocity to_map(const Velocity& body, double yaw_rad) noexcept {
+  const auto c = static_cast<float>(std::cos(yaw_rad));
+  const auto s = static_cast<float>(std::sin(yaw_rad));
+  return {{c * body.mps[0] - s * body.mps[1], s * body.mps[0] + c * body.mps[1], body.mps[2]}, body.yaw_radps};
+}
+
 }  // namespace ledgerline::link

@@ -15,4 +15,7 @@ struct BodyCommand {
 /// velocity beyond rc's range is made shorter, its direction kept.
 BodyCommand to_body(const RcSettings& settings, const Velocity& velocity, double yaw_rad) noexcept;
 
+/// From the drone's frame into the map's.
+Velocity to_map(const Velocity& body, double yaw_rad) noexcept;
+
 }  // namespace ledgerline::link

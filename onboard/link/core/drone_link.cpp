@@ -2,38 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "onboard/link/core/body_frame.hpp"
+#include "onboard/link/core/tello/axes.hpp"
 
 namespace ledgerline::link {
-namespace {
-
-bool finite(const Pose& pose) noexcept {
-  return std::all_of(pose.position_m.begin(), pose.position_m.end(), [](double v) { return std::isfinite(v); }) &&
-         std::all_of(pose.velocity_mps.begin(), pose.velocity_mps.end(), [](double v) { return std::isfinite(v); }) &&
-         std::isfinite(pose.yaw_rad);
-}
-
-// The Tello's axes are forward, right, down; REP 103's forward, left, up.
-constexpr std::array<float, 3> forward_left_up{1, -1, -1};
-
-std::array<float, 3> attitude_rad(const TelloState& state) noexcept {
-  constexpr float rad_per_deg = std::numbers::pi_v<float> / 180;
-  std::array<float, 3> out{};
-  for (std::size_t i = 0; i < 3; ++i) out[i] = forward_left_up[i] * state.attitude_deg[i] * rad_per_deg;
-  return out;
-}
-
-std::array<float, 3> acceleration_mps2(const TelloState& state) noexcept {
-  constexpr float mps2_per_mg = 9.80665F / 1000;
-  std::array<float, 3> out{};
-  for (std::size_t i = 0; i < 3; ++i) out[i] = forward_left_up[i] * state.acceleration_mg[i] * mps2_per_mg;
-  return out;
-}
-
-}  // namespace
-
 DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id, bool local_stop)
     : name_(drone.name),
       number_(drone.number),
@@ -41,7 +14,10 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       failsafe_settings_(settings.failsafe),
       fence_(settings.fence),
       rc_settings_(settings.rc),
-      session_(settings.session, drone.serial),
+      source_(drone.source),
+      odometry_(drone.odometry),
+      pads_(settings.pads),
+      session_(settings.session, drone.serial, drone.source == PoseSource::pads),
       admission_(settings.playout),
       playout_(settings.playout, admission_),
       limiter_(settings.playout),
@@ -51,8 +27,8 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
 void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept {
   if (port == Port::answer) {
     session_.on_answer(now, bytes);
-  } else {
-    session_.on_state(now, bytes);
+  } else if (session_.on_state(now, bytes)) {
+    take_state(now, session_.state());
   }
 }
 
@@ -65,17 +41,6 @@ void DroneLink::take_beat(const AgentBeat& beat) noexcept {
   transitions_.heard(of_this_boot ? beat.transitions_taken[i] : 0, of_this_boot ? beat.transitions_on_ledger[i] : 0);
 }
 
-void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {
-  if (pose.stamp_ns <= pose_.stamp_ns || pose.stamp_ns > now || !finite(pose)) return;
-  pose_ = pose;
-  pose_came_ns_ = now;
-  moved_m_ = {};
-}
-
-void DroneLink::dead_reckon(double seconds) noexcept {
-  for (std::size_t i = 0; i < 3; ++i) moved_m_[i] += static_cast<double>(sent_.mps[i]) * seconds;
-}
-
 void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
   at.out.trace.push({.t_ns = at.now,
                      .kind = TraceKind::plan_received,
@@ -85,6 +50,7 @@ void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
                      .stamp_ns = plan.state_stamp_ns,
                      .v = {}});
   if (admission_.admit(at.now, plan) != DropReason::none) return;
+  if (plan.action == PlanAction::fly || plan.action == PlanAction::takeoff) by_hand_ = plan.body_frame;
   if (!is_contract_word(plan.action)) {
     arrived_sequence_ = plan.sequence;
     arrived_ns_ = at.now;
@@ -132,7 +98,7 @@ DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept 
   if (!on_ground(phase)) return DropReason::not_flying;
   if (plan.state_stamp_ns <= takeoff_after_ns_) return DropReason::too_old;
   update_facts(at, {});
-  const bool refused = takeoff_refusal(failsafe_settings_, at.now, facts_) != FailsafeCause::none;
+  const bool refused = takeoff_refusal(failsafe_settings_, fence_, at.now, facts_) != FailsafeCause::none;
   return !refused && session_.request_takeoff(at.now) ? DropReason::none : DropReason::not_flying;
 }
 
@@ -195,6 +161,14 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) no
   facts_.velocity_mps = pose_.velocity_mps;
   facts_.height_m = session_.state().height_m;
   facts_.battery = session_.state().battery;
+  for (std::size_t i = 0; i < 3; ++i) facts_.sigma_m[i] = std::sqrt(static_cast<double>(pose_.variance[i]));
+  facts_.own_senses = source_ != PoseSource::mocap;
+  facts_.needs_position = !by_hand_;
+  facts_.motion_differs = motion_watch_.differs();
+  facts_.tilted = tilt_watch_.tilted();
+  facts_.overturned = tilt_watch_.overturned();
+  facts_.tilt_rad = tilt_watch_.tilt_rad();
+  facts_.landing_battery = battery_watch_.needed(facts_.height_m);
   facts_.too_near = too_near();
   facts_.stop = stop_ || local_stop_ || at.stop_all;
   facts_.cut = cut_;
@@ -254,10 +228,12 @@ void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
     return;
   }
   const bool follows = follows_plan(failsafe_.mode, wish.valid);
-  const Velocity apart = left_by_others(wish.velocity);
-  const Velocity goal = follows ? clip_at_fence(fence_, facts_.position_m, facts_.height_m, apart) : Velocity{};
+  const double yaw = yaw_rad(now);
+  const Velocity apart = left_by_others(in_map(wish, now));
+  const FenceSettings fence = fence_for(failsafe_settings_, fence_, failsafe_, now, facts_);
+  const Velocity goal = follows ? clip_at_fence(fence, facts_.position_m, facts_.height_m, apart) : Velocity{};
   const Velocity limited = limiter_.step(now, goal, failsafe_.mode == FailsafeMode::brake);
-  const BodyCommand command = to_body(rc_settings_, limited, pose_.yaw_rad);
+  const BodyCommand command = to_body(rc_settings_, limited, yaw);
 
   const TimeNs gap = now - last_rc_ns_;
   const TimeNs wanted_gap = follows && wish.fresh    ? rc_settings_.min_gap_ns
@@ -293,6 +269,7 @@ void DroneLink::send_rc(const LinkMoment& at, const Velocity& told, const Rc& rc
 void DroneLink::watch_phase(const LinkMoment& at) noexcept {
   const FlightPhase phase = session_.phase();
   if (phase != last_phase_) {
+    motion_watch_.reset();
     if (phase == FlightPhase::flying) {
       limiter_.reset(at.now);
     } else {
@@ -371,6 +348,7 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
       .plans_applied = plans.applied,
       .attitude_rad = attitude_rad(session.state()),
       .acceleration_mps2 = acceleration_mps2(session.state()),
+      .pose_variance = pose_.variance,
   };
   at.out.states.push(state);
   at.out.trace.push({.t_ns = now,

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/msg/onboard.hpp"
 #include "common/rt/histogram.hpp"
@@ -12,11 +13,15 @@
 #include "onboard/link/core/playout/limiter.hpp"
 #include "onboard/link/core/playout/plan_admission.hpp"
 #include "onboard/link/core/playout/playout.hpp"
+#include "onboard/link/core/pose/odometry.hpp"
 #include "onboard/link/core/separation/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/session.hpp"
 #include "onboard/link/core/transition_log.hpp"
 #include "onboard/link/core/velocity.hpp"
+#include "onboard/link/core/watch/battery_watch.hpp"
+#include "onboard/link/core/watch/motion_watch.hpp"
+#include "onboard/link/core/watch/tilt_watch.hpp"
 
 namespace ledgerline::link {
 
@@ -53,7 +58,8 @@ class DroneLink {
   DroneLink& operator=(const DroneLink&) = delete;
 
   void take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept;
-  /// Stamps never go back and are not of the future: LinkCore passes on no other.
+  /// Stamps never go back and are not of the future: LinkCore passes on no other. A pose counts where motion capture is
+  /// the source.
   void take_beat(const AgentBeat& beat) noexcept;
   void take_pose(TimeNs now, const Pose& pose) noexcept;
   void take_plan(const LinkMoment& at, const Plan& plan) noexcept;
@@ -78,6 +84,7 @@ class DroneLink {
 
   DroneNumber number() const noexcept { return number_; }
   FlightPhase phase() const noexcept { return session_.phase(); }
+  const Pose& pose() const noexcept { return pose_; }
   FailsafeMode mode() const noexcept { return failsafe_.mode; }
   TimeNs margin_ns() const noexcept { return playout_.margin_ns(); }
   /// It is in the air, or nobody knows that it is not.
@@ -87,6 +94,10 @@ class DroneLink {
   DroneReport report() const;
 
  private:
+  void take_state(TimeNs now, const TelloState& state) noexcept;
+  void accept_pose(TimeNs now, const Pose& pose) noexcept;
+  double yaw_rad(TimeNs now) const noexcept;
+  Velocity in_map(const Playout::Wish& wish, TimeNs now) const noexcept;
   /// Why a plan to fly is not taken; none: it may be flown.
   DropReason may_follow(const LinkMoment& at) const noexcept;
   /// Does what any other plan asks for; none: done, or it was so already.
@@ -117,6 +128,13 @@ class DroneLink {
   FenceSettings fence_;
   RcSettings rc_settings_;
 
+  PoseSource source_;
+  Odometry odometry_;  ///< where its own senses are the source
+  std::vector<PadSettings> pads_;
+  TiltWatch tilt_watch_;
+  MotionWatch motion_watch_;
+  BatteryWatch battery_watch_;
+
   TelloSession session_;
   PlanAdmission admission_;
   Playout playout_;
@@ -126,7 +144,9 @@ class DroneLink {
   TransitionLog transitions_;
 
   Pose pose_;
-  std::array<double, 3> moved_m_{};  ///< since that pose, as far as what was sent tells
+  std::array<double, 3> moved_m_{};                     ///< since that pose, as far as what was sent tells
+  double told_yaw_rad_ = 0, told_yaw_at_pose_rad_ = 0;  ///< the drone's own, newest and at that pose
+  bool by_hand_ = false;                                ///< the newest plan is in the drone's frame
   TimeNs pose_came_ns_ = 0;
   bool in_common_frame_;
   std::optional<Verdict> verdict_;  ///< of this step; none: it is alone

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "onboard/link/core/watch/tilt_watch.hpp"
+
 namespace ledgerline::link {
 namespace {
 
@@ -14,10 +16,11 @@ TimeNs tightened(TimeNs limit, const FailsafeState& last) noexcept {
   return last.mode == FailsafeMode::brake ? limit / 2 : limit;
 }
 
-// Poses come through agent, so its death takes them along: that is agent's silence, and the plan is still flown to its
+// Poses of motion capture come through agent, so its death takes them along: that is agent's silence, and the plan is still flown to its
 // end. The pose alone is lost when agent has been heard for a while without one.
 bool lost_pose(const FailsafeSettings& settings, const FailsafeState& last, TimeNs now,
                const FailsafeFacts& facts) noexcept {
+  if (facts.own_senses) return older(now, facts.pose_ns, tightened(settings.velocity_lost_ns, last));
   const TimeNs limit = tightened(settings.pose_lost_ns, last);
   return older(now, facts.pose_ns, limit) && facts.beat_ns - facts.pose_ns > limit / 2;
 }
@@ -52,6 +55,18 @@ Outside outside(const FenceSettings& fence, const FailsafeFacts& facts, bool pos
     }
   }
   return worst;
+}
+
+// Whether the fence, drawn in, leaves less room than a path needs.
+bool uncertain(const FailsafeSettings& settings, const FailsafeState& last, const FenceSettings& fence,
+               const FailsafeFacts& facts) noexcept {
+  const bool brakes = last.mode == FailsafeMode::brake;
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (facts.sigma_m[i] <= 0) continue;
+    const double sigmas = (brakes ? 2 : 1) * settings.fence_sigmas * facts.sigma_m[i];
+    if (fence.max_m[i] - fence.min_m[i] - 2 * sigmas < settings.min_room_m) return true;
+  }
+  return false;
 }
 
 bool hovers(FailsafeMode mode) noexcept { return mode == FailsafeMode::hold || mode == FailsafeMode::brake; }
@@ -105,7 +120,8 @@ struct FailsafeMoment {
   TimeNs now;
   const FailsafeFacts& facts;
   bool state_stale = false;
-  bool pose_lost = false;
+  bool pose_lost = false;           ///< and a position is needed
+  bool position_uncertain = false;  ///< the same
   FailsafeCause no_plan = FailsafeCause::none;
   bool resting = false;  ///< what made it hover is away, but not long enough
 
@@ -121,7 +137,8 @@ using Moment = FailsafeMoment;
 // goes does not make the cause come and go. A brake rests the same way.
 void rest(Moment& at, FailsafeState& memory) noexcept {
   bool away = false;
-  if (memory.mode == FailsafeMode::brake) away = !at.state_stale && !at.pose_lost && !at.doubted(OnDoubt::hold);
+  if (memory.mode == FailsafeMode::brake)
+    away = !at.state_stale && !at.pose_lost && !at.position_uncertain && !at.doubted(OnDoubt::hold);
   if (memory.mode == FailsafeMode::hold)
     away = memory.cause != FailsafeCause::plan_ran_out && at.no_plan != memory.cause;
   if (!away) {
@@ -142,14 +159,25 @@ bool cut(const Moment& at) { return at.facts.cut; }
 bool stopped(const Moment& at) { return at.facts.stop; }
 bool battery_critical(const Moment& at) {
   return !older(at.now, at.facts.state_ns, at.settings.state_stale_ns) &&
-         at.facts.battery <= at.settings.battery_critical;
+         at.facts.battery <= std::max(double(at.settings.battery_critical), at.facts.landing_battery);
 }
 bool leaves_fence(const Moment& at) {
   return at.memory.outward_since_ns != 0 && at.now - at.memory.outward_since_ns >= at.settings.fence_land_after_ns;
 }
 bool doubted_lands(const Moment& at) { return at.doubted(OnDoubt::land); }
 bool state_stale(const Moment& at) { return at.state_stale || brakes_for(at, FailsafeCause::state_stale); }
-bool pose_lost(const Moment& at) { return at.pose_lost || brakes_for(at, FailsafeCause::pose_lost); }
+bool pose_lost(const Moment& at) {
+  return (at.pose_lost && !at.facts.own_senses) || brakes_for(at, FailsafeCause::pose_lost);
+}
+bool velocity_lost(const Moment& at) {
+  return (at.pose_lost && at.facts.own_senses) || brakes_for(at, FailsafeCause::velocity_lost);
+}
+bool position_uncertain(const Moment& at) {
+  return at.position_uncertain || brakes_for(at, FailsafeCause::position_uncertain);
+}
+bool overturned(const Moment& at) { return at.facts.overturned && at.facts.phase != FlightPhase::disconnected; }
+bool tilted(const Moment& at) { return at.facts.tilted; }
+bool motion_differs(const Moment& at) { return at.facts.motion_differs && at.facts.phase == FlightPhase::flying; }
 bool doubted_holds(const Moment& at) {
   return at.doubted(OnDoubt::hold) || brakes_for(at, FailsafeCause::ledger_doubted);
 }
@@ -158,7 +186,8 @@ bool ledger_silent(const Moment& at) { return at.no_plan == FailsafeCause::ledge
 bool plan_ran_out(const Moment& at) { return at.no_plan == FailsafeCause::plan_ran_out; }
 bool held_too_long(const Moment& at) {
   const TimeNs since = at.memory.hovering_since_ns;
-  const bool goes_on = state_stale(at) || pose_lost(at) || doubted_holds(at) || at.no_plan != FailsafeCause::none;
+  const bool goes_on = state_stale(at) || pose_lost(at) || velocity_lost(at) || position_uncertain(at) ||
+                       doubted_holds(at) || at.no_plan != FailsafeCause::none;
   return at.facts.phase == FlightPhase::flying && since != 0 && goes_on && at.now - since >= at.settings.land_after_ns;
 }
 bool outside_fence(const Moment& at) {
@@ -172,15 +201,20 @@ bool blind(const Moment& at) { return at.facts.blind; }
 
 }  // namespace
 
-const std::array<FailsafeRow, 16> failsafe_table{{
+const std::array<FailsafeRow, 21> failsafe_table{{
     {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, Clears::on_ground, cut},
+    {"FS-16", FailsafeCause::overturned, FailsafeMode::cut, Clears::on_ground, overturned},
     {"FS-02", FailsafeCause::stopped, FailsafeMode::land, Clears::on_ground, stopped},
     {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, Clears::on_ground, battery_critical},
     {"FS-04", FailsafeCause::fence, FailsafeMode::land, Clears::on_ground, leaves_fence},
+    {"FS-17", FailsafeCause::tilted, FailsafeMode::land, Clears::on_ground, tilted},
+    {"FS-18", FailsafeCause::motion_differs, FailsafeMode::land, Clears::on_ground, motion_differs},
     {"FS-14", FailsafeCause::ledger_doubted, FailsafeMode::land, Clears::on_ground, doubted_lands},
     {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, Clears::on_ground, held_too_long},
     {"FS-06", FailsafeCause::state_stale, FailsafeMode::brake, Clears::when_rested, state_stale},
     {"FS-07", FailsafeCause::pose_lost, FailsafeMode::brake, Clears::when_rested, pose_lost},
+    {"FS-37", FailsafeCause::velocity_lost, FailsafeMode::brake, Clears::when_rested, velocity_lost},
+    {"FS-19", FailsafeCause::position_uncertain, FailsafeMode::brake, Clears::when_rested, position_uncertain},
     {"FS-15", FailsafeCause::ledger_doubted, FailsafeMode::brake, Clears::when_rested, doubted_holds},
     {"FS-08", FailsafeCause::agent_silent, FailsafeMode::hold, Clears::with_a_plan, agent_silent},
     {"FS-09", FailsafeCause::ledger_silent, FailsafeMode::hold, Clears::with_a_plan, ledger_silent},
@@ -198,18 +232,21 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
   if (!in_flight(facts.phase) && !facts.may_fly_unseen) {
     FailsafeState grounded;
     grounded.battery_low = memory.battery_low;
-    grounded.cause = takeoff_refusal(settings, now, facts);
+    grounded.cause = takeoff_refusal(settings, fence, now, facts);
     if (grounded.cause == FailsafeCause::none && memory.battery_low) grounded.cause = FailsafeCause::battery_low;
     return grounded;
   }
-  // Until it is on the ground, unless a cut is asked for.
-  if (memory.mode == FailsafeMode::cut || (memory.mode == FailsafeMode::land && !facts.cut)) return memory;
+  // Until it is on the ground, unless a cut is asked for, or it turns out to lie there.
+  const bool motors_off = facts.cut || facts.overturned;
+  if (memory.mode == FailsafeMode::cut || (memory.mode == FailsafeMode::land && !motors_off)) return memory;
 
   Moment at{.settings = settings, .memory = memory, .now = now, .facts = facts};
   at.state_stale = older(now, facts.state_ns, tightened(settings.state_stale_ns, memory));
-  at.pose_lost = lost_pose(settings, memory, now, facts);
+  const bool lost = lost_pose(settings, memory, now, facts);
+  at.pose_lost = lost && facts.needs_position;
+  at.position_uncertain = facts.needs_position && uncertain(settings, memory, fence, facts);
   at.no_plan = lack_of_plan(settings, memory, now, facts);
-  remember_fence(fence, memory, now, facts, at.pose_lost);
+  remember_fence(fence_for(settings, fence, memory, now, facts), memory, now, facts, lost);
   if (facts.too_near) memory.too_near_ns = now;
   rest(at, memory);
   for (const FailsafeRow& row : failsafe_table) {
@@ -220,19 +257,45 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
   }
   // Not seen: what a take-off waits for, as on the ground.
   const bool seen = in_flight(facts.phase);
-  return change(memory, now, FailsafeMode::none, seen ? FailsafeCause::none : takeoff_refusal(settings, now, facts));
+  return change(memory, now, FailsafeMode::none,
+                seen ? FailsafeCause::none : takeoff_refusal(settings, fence, now, facts));
 }
 
-FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, const FailsafeFacts& facts) noexcept {
+FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSettings& fence, TimeNs now,
+                              const FailsafeFacts& facts) noexcept {
   if (facts.stop || facts.cut) return FailsafeCause::stopped;
   if (older(now, facts.state_ns, settings.state_stale_ns)) return FailsafeCause::state_stale;
   if (facts.battery <= settings.battery_low) return FailsafeCause::battery_low;
   if (older(now, facts.beat_ns, settings.agent_silent_ns)) return FailsafeCause::agent_silent;
   if (!facts.ledger_alive) return FailsafeCause::ledger_silent;
   if (facts.ledger_doubted && settings.doubt != OnDoubt::ignore) return FailsafeCause::ledger_doubted;
-  if (older(now, facts.pose_ns, settings.pose_lost_ns)) return FailsafeCause::pose_lost;
+  if (facts.tilt_rad > TiltWatch::no_takeoff_rad) return FailsafeCause::tilted;
+  const TimeNs limit = facts.own_senses ? settings.velocity_lost_ns : settings.pose_lost_ns;
+  const bool lost = older(now, facts.pose_ns, limit);
+  if (!facts.needs_position && (lost || facts.sigma_m[0] > 0)) return FailsafeCause::none;
+  if (lost) return facts.own_senses ? FailsafeCause::velocity_lost : FailsafeCause::pose_lost;
+  if (uncertain(settings, {}, fence, facts)) return FailsafeCause::position_uncertain;
+  const FenceSettings holds = fence_for(settings, fence, {}, now, facts);
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (facts.position_m[i] < holds.min_m[i] || facts.position_m[i] > holds.max_m[i]) return FailsafeCause::fence;
+  }
   if (facts.too_near) return FailsafeCause::too_near;
   return FailsafeCause::none;
+}
+
+FenceSettings fence_for(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
+                        TimeNs now, const FailsafeFacts& facts) noexcept {
+  constexpr double anywhere_m = 1e9;
+  const bool vague = uncertain(settings, last, fence, facts);
+  const bool unbounded = !facts.needs_position && (vague || lost_pose(settings, last, now, facts));
+  FenceSettings holds = fence;
+  for (std::size_t i = 0; i < 2; ++i) {
+    // Where FS-19 brakes the box is not drawn in to nothing: it would land who is to hover.
+    const double inward = unbounded ? -anywhere_m : vague ? 0 : settings.fence_sigmas * facts.sigma_m[i];
+    holds.min_m[i] += inward;
+    holds.max_m[i] -= inward;
+  }
+  return holds;
 }
 
 Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, float height_m,

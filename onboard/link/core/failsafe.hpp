@@ -21,6 +21,16 @@ struct FailsafeFacts {
   TimeNs pose_ns = 0;                  ///< stamp of the newest pose
   std::array<double, 3> position_m{};  ///< of that pose, and moved on by what was sent since
   std::array<double, 3> velocity_mps{};
+  std::array<double, 3> sigma_m{};  ///< standard deviations of that position; 0: nobody told
+  /// The pose is of the drone's own senses: it does not come through agent.
+  bool own_senses = false;
+  /// False where it is flown by hand, in its own frame: by the newest plan.
+  bool needs_position = true;
+  bool motion_differs = false;  ///< from what it is told (watch/motion_watch.hpp)
+  bool tilted = false;          ///< beyond what flying needs (watch/tilt_watch.hpp) ...
+  bool overturned = false;      ///< ... and it lies so
+  double tilt_rad = 0;
+  double landing_battery = 0;  ///< share of the battery that landing from here takes (watch/battery_watch.hpp)
   /// The drone's own, above where it took off; held against the fence's ceiling beside the pose, and alone without one.
   float height_m = 0;
   float battery = 1;
@@ -69,11 +79,11 @@ struct FailsafeRow {
 ///          no plan: FS-08 to 10                 land_after: FS-05
 ///   none ──────────────────────────▶ hold ──────────────────────────────▶ land ──▶ none, on the ground
 ///   │ ▲ ▲      a plan again          │ │                                 ▲ ▲ │
-///   │ │ └────────────────────────────┘ │ FS-06, FS-07, FS-15             │ │ │
+///   │ │ └────────────────────────────┘ │ FS-06, 07, 15, 19, 37           │ │ │
 ///   │ │        rested                  ▼         land_after: FS-05       │ │ │
 ///   │ └────────────────────────────── brake ─────────────────────────────┘ │ │
-///   ├──▶ stale state, lost pose, doubt: FS-06, FS-07, FS-15 ▲              │ │ cut asked for by name
-///   └──▶ stop, battery, fence, doubt, unseen: FS-02 to 04, 13, 14 ─────────┘ ▼ from everywhere: FS-01
+///   ├──▶ stale state, lost pose or velocity, doubt: 06, 07, 15, 19, 37     │ │ cut asked for by name, or it
+///   └──▶ stop, battery, fence, doubt, tilt, unseen: 02 to 04, 13, 14, 17, 18 ┘ ▼ lies overturned: FS-01, FS-16
 ///                                                                            cut ──▶ none, on the ground
 ///
 /// none: the plan is flown, clipped at the fence and kept apart from other drones. hold: ramp to zero, and hover. brake: the same with twice the
@@ -81,7 +91,12 @@ struct FailsafeRow {
 ///
 /// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground
 /// and while the drone may fly unseen, the others while it flies.
-extern const std::array<FailsafeRow, 16> failsafe_table;
+extern const std::array<FailsafeRow, 21> failsafe_table;
+
+/// The fence as it holds now: drawn in by how uncertain the position is. By hand and without a usable position it is the
+/// height alone: the walls are the pilot's to see.
+FenceSettings fence_for(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
+                        TimeNs now, const FailsafeFacts& facts) noexcept;
 
 /// Pure: the next state from the last one, the time and the facts.
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
@@ -93,7 +108,8 @@ constexpr bool follows_plan(FailsafeMode mode, bool plan_valid) noexcept {
 }
 
 /// Why the drone must not take off now; none: it may.
-FailsafeCause takeoff_refusal(const FailsafeSettings& settings, TimeNs now, const FailsafeFacts& facts) noexcept;
+FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSettings& fence, TimeNs now,
+                              const FailsafeFacts& facts) noexcept;
 
 /// The wish, slowed toward the fence and with no outward part at or beyond it; upward by the higher one of pose and the
 /// drone's own height. That one is taken as it is: a step too early only slows the last 0.1 m.

@@ -122,6 +122,11 @@ FailsafeMode LinkCore::mode(DroneNumber number) const noexcept {
   return drone ? drone->mode() : FailsafeMode::none;
 }
 
+Pose LinkCore::pose(DroneNumber number) const noexcept {
+  const DroneLink* drone = find(number);
+  return drone ? drone->pose() : Pose{};
+}
+
 TimeNs LinkCore::margin_ns(DroneNumber number) const noexcept {
   const DroneLink* drone = find(number);
   return drone ? drone->margin_ns() : 0;

@@ -34,6 +34,8 @@ class LinkCore {
   DroneSet local_stops() const noexcept;
   FlightPhase phase(DroneNumber drone) const noexcept;
   FailsafeMode mode(DroneNumber drone) const noexcept;
+  /// The newest; its stamp is 0 where there was none.
+  Pose pose(DroneNumber drone) const noexcept;
   /// How much later than they say its setpoints are flown now.
   TimeNs margin_ns(DroneNumber drone) const noexcept;
 

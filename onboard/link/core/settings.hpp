@@ -150,6 +150,14 @@ struct FailsafeSettings {
   /// While agent is heard. At 1 m/s the place is known to 0.3 m when the brake begins: double doubles that. Half must
   /// still be more than mocap's period, and so must its half, by which a brake ends.
   TimeNs pose_lost_ns = 300 * ns_per_ms;
+  /// Of a drone that is flown by its own senses: without a usable velocity. Five texts in a row are missing, or see
+  /// nothing: at 1 m/s the drone goes half a metre unseen. Half is two lost texts and a late one; double is a metre.
+  TimeNs velocity_lost_ns = 500 * ns_per_ms;
+  /// The fence is drawn in by so many standard deviations of the position: beyond three is one sample in 370.
+  double fence_sigmas = 3;
+  /// So much of it must be left, along x and y, or nobody can fly a path in it. Half is narrower than a drone that
+  /// overshoots; double refuses rooms of 3 m.
+  double min_room_m = 0.5;
   /// A brake, a silence or a warning ends when its cause has been away this long. At least half of each limit above
   /// (FS-29), or one lonely sign of life ends it: 500 ms is that of state_stale. Half is refused with the other
   /// defaults; double adds half a second of hovering to each brake.
@@ -171,6 +179,46 @@ struct FailsafeSettings {
   OnDoubt doubt = OnDoubt::ignore;
 };
 
+/// Who says where a drone is.
+enum class PoseSource : std::uint8_t {
+  mocap = 0,  ///< motion capture, or any other topic of poses, through agent
+  tello = 1,  ///< its own velocities and heights (pose/odometry.hpp)
+  pads = 2    ///< the same, and mission pads as fixes
+};
+constexpr const char* name(PoseSource source) noexcept {
+  constexpr std::array names{"mocap", "tello", "pads"};
+  static_assert(names.size() == enum_count<PoseSource>);
+  const auto at = static_cast<std::size_t>(source);
+  return at < names.size() ? names[at] : "unknown";
+}
+
+/// A drone's own odometry. Standard deviations, of the simulator's drone where nobody measured a Tello [A].
+struct OdometrySettings {
+  /// Where it stands, and which way its nose points, when link first sees it, or when it was switched off and on.
+  std::array<double, 3> start_m{};
+  double start_yaw_rad = 0;
+  double start_sigma_m = 0.02;     ///< how well somebody puts a drone on a mark
+  double start_sigma_rad = 0.035;  ///< two degrees, by eye
+  /// Of vgx, vgy, vgz against forward, left, up: nobody documents them, `ledgerline tello calibrate` measures them.
+  std::array<float, 3> velocity_signs{1, 1, 1};
+  /// Whether those turn with the drone; else they are told in the frame it had at power on.
+  bool velocity_in_body = false;
+  double flow_mps = 0.011;                 ///< slow error of the optical flow's velocity ...
+  double flow_s = 5;                       ///< ... and its correlation time
+  double flow_scale = 0.02;                ///< its scale: a flow is an angle until it is multiplied by a height
+  double heading_rad_per_sqrt_s = 0.0005;  ///< the gyroscope's random walk: 0.4 degrees in four minutes
+  /// How fast the pose that is told follows a fix that corrects it: half of a slow flight's speed, so that a drone on a
+  /// path is led back, not thrown. Double is a jolt of 0.4 m/s; half takes ten seconds for a metre.
+  double correction_mps = 0.2;
+};
+
+/// A mission pad: where it lies in `map`, and which way its arrow points.
+struct PadSettings {
+  int id = 0;  ///< 1 to 8
+  std::array<double, 3> position_m{};
+  double yaw_rad = 0;
+};
+
 struct FenceSettings {
   std::array<double, 3> min_m{-20, -20, 0};  ///< 40 m by 40 m: whoever flies a room sets its own
   std::array<double, 3> max_m{20, 20, 3};
@@ -190,6 +238,8 @@ struct FenceSettings {
 struct DroneSettings {
   std::string name;
   DroneNumber number = 0;
+  PoseSource source = PoseSource::mocap;
+  OdometrySettings odometry{};
   std::string serial{};  ///< what `sn?` must answer before a take-off; empty: not asked
   /// Its poses are in the frame of the others': only then it can be kept apart from them.
   bool in_common_frame = true;
@@ -212,6 +262,7 @@ struct LinkSettings {
   RcSettings rc;
   FailsafeSettings failsafe;
   FenceSettings fence;
+  std::vector<PadSettings> pads;  ///< for drones whose source they are
   SeparationSettings separation;
 };
 

@@ -29,6 +29,7 @@ Odometry to_odometry(const StateSample& s, const std::string& drone, TimeNs real
   odometry.child_frame_id = drone + "/base_link";
   odometry.position_m = s.position_m;
   odometry.orientation = quaternion_from_yaw(s.yaw_rad);
+  odometry.pose_variance = s.pose_variance;
   // REP 105: the twist is in the child frame, which is turned by yaw against the map.
   odometry.linear_mps = {c * s.velocity_mps[0] + n * s.velocity_mps[1], -n * s.velocity_mps[0] + c * s.velocity_mps[1],
                          s.velocity_mps[2]};

@@ -64,6 +64,7 @@ Playout::Wish Playout::wish(TimeNs now) noexcept {
   return {.valid = true,
           .fresh = wished_setpoint_ != flown.sent_setpoint,
           .velocity = {setpoint.velocity_mps, setpoint.yaw_rate_radps},
+          .body_frame = flown.plan.body_frame,
           .sequence = flown.plan.sequence,
           .state_stamp_ns = flown.plan.state_stamp_ns,
           .meant_ns = setpoint.at_ns};

@@ -27,6 +27,7 @@ class Playout {
     bool valid = false;  ///< a plan covers this moment
     bool fresh = false;  ///< its setpoint has not been sent yet
     Velocity velocity;
+    bool body_frame = false;  ///< of that velocity: forward, left, up; else the map's
     std::uint64_t sequence = 0;
     TimeNs state_stamp_ns = 0;
     TimeNs meant_ns = 0;  ///< when the setpoint was meant to be flown; it is by the margin later

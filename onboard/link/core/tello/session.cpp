@@ -57,10 +57,10 @@ bool TelloSession::seen_grounded(TimeNs now) const noexcept {
   return fresh(now) && state_.height_m < settings_.airborne_m && state_.tof_m <= settings_.grounded_m;
 }
 
-void TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
+bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
   if (!parse_state(bytes, state_)) {
     ++states_refused_;
-    return;
+    return false;
   }
   if (!fresh(now)) down_since_ns_ = 0;  // who knows what it did meanwhile
   state_at_ns_ = now;
@@ -69,6 +69,24 @@ void TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
   // Still on the ground a moment after a take-off was sent, it may yet rise.
   const bool down = now >= rising_until_ns_ && seen_grounded(now);
   stands_ = held(now, down, down_since_ns_, settings_.stands_after_ns);
+  return true;
+}
+
+// Until the state text shows that it looks for them: an answer is not needed, nor waited for.
+bool TelloSession::asks_for_pads(TimeNs now) noexcept {
+  constexpr TimeNs pause_ns = 2 * ns_per_s;
+  constexpr int not_looking = -2;
+  if (pad_requests_left_ == 0 || !seen_standing(now) || asked_ != Asked::nothing || !serial_.allows_takeoff())
+    return false;
+  if (phase_ != FlightPhase::on_ground && phase_ != FlightPhase::landed) return false;
+  if (state_.pad != not_looking) {
+    pad_requests_left_ = max_pad_requests;
+    return false;
+  }
+  if (pad_request_ns_ != 0 && now - pad_request_ns_ < pause_ns) return false;
+  pad_request_ns_ = now;
+  --pad_requests_left_;
+  return true;
 }
 
 void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
@@ -237,6 +255,10 @@ bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
   }
   if (asked_ == Asked::nothing && on_ground(phase_) && serial_.due(now)) {
     out = command_text("sn?");
+    return true;
+  }
+  if (asks_for_pads(now)) {
+    out = command_text("mon");
     return true;
   }
   if (asked_ == Asked::nothing || !send_) return false;

@@ -24,12 +24,14 @@ namespace ledgerline::link {
 /// spoken to as blind_talk.hpp says. Core: no I/O, no allocation; one thread.
 class TelloSession {
  public:
-  /// `serial`: the drone that is meant; whoever answers with another does not take off. Empty: whichever answers.
-  explicit TelloSession(const SessionSettings& settings, std::string_view serial = {}) noexcept
-      : settings_(settings), blind_(settings), serial_(serial) {}
+  /// `serial`: the drone that is meant; whoever answers with another does not take off. Empty: whichever answers. `pads`:
+  /// it is asked to look for mission pads.
+  explicit TelloSession(const SessionSettings& settings, std::string_view serial = {}, bool pads = false) noexcept
+      : settings_(settings), blind_(settings), serial_(serial), pad_requests_left_(pads ? max_pad_requests : 0) {}
 
   void on_answer(TimeNs now, std::string_view bytes) noexcept;
-  void on_state(TimeNs now, std::string_view bytes) noexcept;
+  /// False where it is no state text.
+  bool on_state(TimeNs now, std::string_view bytes) noexcept;
 
   /// False when the phase, the pause after a refusal or the serial does not allow it.
   bool request_takeoff(TimeNs now) noexcept;
@@ -53,6 +55,8 @@ class TelloSession {
   bool told_to_land(TimeNs now) const noexcept;
   /// Anything that can be read came from it.
   bool heard() const noexcept { return heard_; }
+  /// It is not in flight, and the newest text shows it on the ground.
+  bool seen_standing(TimeNs now) const noexcept { return !in_flight(phase_) && seen_grounded(now); }
   TimeNs phase_since_ns() const noexcept { return phase_since_ns_; }
   const TelloState& state() const noexcept { return state_; }
   const SerialCheck& serial() const noexcept { return serial_; }
@@ -77,10 +81,16 @@ class TelloSession {
 
   void connect(TimeNs now) noexcept;
   void talk_blindly(TimeNs now) noexcept;
+  bool asks_for_pads(TimeNs now) noexcept;
+
+  /// A firmware that knows no pads goes on saying that it does not look for them.
+  static constexpr int max_pad_requests = 5;
 
   SessionSettings settings_;
   BlindTalk blind_;
   SerialCheck serial_;
+  int pad_requests_left_;
+  TimeNs pad_request_ns_ = 0;                 ///< the newest; 0: none yet
   FixedVector<CommandText, 3> says_blindly_;  ///< what is still to be sent of it
   bool heard_ = false;
   bool stands_ = false;  ///< on the ground, by what was seen last, and for long enough to believe it

@@ -164,17 +164,19 @@ TEST(ManualFlight, SeveralDronesAreFlownEachByItsOwn) {
   EXPECT_EQ(world.core.status(1).phase, DronePhase::landed);
 }
 
-TEST(ManualFlight, ATakeOffThatCannotBeIsRefusedAndSaysWhy) {
+TEST(ManualFlight, NeedsNoPoseAndItsPlansAreInTheDronesFrame) {
   FlightWorld blind(manual_config(1));
   blind.drones[0].has_pose = false;
   blind.run(1);
   blind.say(takeoff());
   blind.run(1);
-  EXPECT_EQ(blind.core.status(0).phase, DronePhase::waiting);
-  ASSERT_EQ(blind.notes.size(), 1U);
-  EXPECT_THAT(blind.notes[0], HasSubstr("tello1: no take-off: it has no pose"));
-  EXPECT_TRUE(blind.calls.empty());
+  EXPECT_EQ(blind.core.status(0).phase, DronePhase::takeoff);
+  ASSERT_FALSE(blind.calls.empty());
+  EXPECT_EQ(blind.calls.back().plans(0).action(), TAKEOFF);
+  EXPECT_TRUE(blind.calls.back().plans(0).body_frame());
+}
 
+TEST(ManualFlight, ATakeOffThatCannotBeIsRefusedAndSaysWhy) {
   FlightWorld other(manual_config(1));
   ASSERT_TRUE(other.core.set_control(control_record("tello1", stranger_name, 2).SerializeAsString()));
   other.run(1);

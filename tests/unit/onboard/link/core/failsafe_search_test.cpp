@@ -42,25 +42,28 @@ struct State {
 
 enum class Place { inside, back, out };
 enum class Asked { nothing, stop, cut, empty_battery };
+/// What else its senses say, or that it is flown by hand.
+enum class Sensed { well, tilted, overturned, differs, uncertain, by_hand, by_hand_uncertain };
 
 struct Input {
   bool beat = false, ledger_alive = false, doubted = false, plan = false, pose = false;
   enum class Text { none, charged, low } text = Text::none;
   Place place = Place::inside;
   Asked asked = Asked::nothing;
+  Sensed sensed = Sensed::well;
   bool too_near = false;
 };
 
 class Search {
  public:
   /// Where a doubt is ignored nobody doubts: it is not looked at (FS-14).
-  Search(const std::array<int, 7>& limits, OnDoubt doubt) : limits_(limits) {
+  Search(const std::array<int, 7>& limits, OnDoubt doubt, bool own_senses) : limits_(limits), own_senses_(own_senses) {
     settings_.doubt = doubt;
     settings_.hold_grace_ns = grace() * step_ns;
     settings_.land_after_ns = land_after() * step_ns;
     settings_.agent_silent_ns = agent_silent() * step_ns;
     settings_.state_stale_ns = stale() * step_ns;
-    settings_.pose_lost_ns = pose_lost() * step_ns;
+    settings_.pose_lost_ns = settings_.velocity_lost_ns = pose_lost() * step_ns;
     settings_.clear_after_ns = clear_after() * step_ns;
     settings_.fence_land_after_ns = fence_land_after() * step_ns;
   }
@@ -117,7 +120,13 @@ class Search {
       for (const int bits : {0, 1, 2, 3})
         made.push_back(
             {(bits & 2) != 0, true, false, (bits & 1) != 0, (bits & 2) != 0, Input::Text::none, Place::inside, asked});
-    if (all_heard.size() > 3) return made;  // where doubt is looked at, other drones are not
+    if (all_heard.size() > 3) return made;  // where doubt is looked at, nothing else is
+    for (const auto sensed : {Sensed::tilted, Sensed::overturned, Sensed::differs, Sensed::uncertain, Sensed::by_hand,
+                              Sensed::by_hand_uncertain})
+      for (const int bits : {0, 2, 5, 7})
+        made.push_back({(bits & 4) != 0, true, false, (bits & 1) != 0, (bits & 2) != 0,
+                        (bits & 4) != 0 ? Input::Text::charged : Input::Text::none, Place::inside, Asked::nothing,
+                        sensed});
     for (const int bits : {0, 1, 2, 3})
       made.push_back({.beat = true,
                       .ledger_alive = true,
@@ -172,6 +181,12 @@ class Search {
     if (input.asked == Asked::empty_battery) f.battery = settings_.battery_critical;
     f.stop = input.asked == Asked::stop;
     f.cut = input.asked == Asked::cut;
+    f.own_senses = own_senses_;
+    f.tilted = input.sensed == Sensed::tilted || input.sensed == Sensed::overturned;
+    f.overturned = input.sensed == Sensed::overturned;
+    f.motion_differs = input.sensed == Sensed::differs;
+    f.needs_position = input.sensed != Sensed::by_hand && input.sensed != Sensed::by_hand_uncertain;
+    if (input.sensed == Sensed::uncertain || input.sensed == Sensed::by_hand_uncertain) f.sigma_m = {50, 50, 0.1};
     f.too_near = input.too_near;
     return f;
   }
@@ -234,9 +249,11 @@ class Search {
         return !in_flight(f.phase);
       case Clears::when_rested: {
         const bool seen = last.cause != FailsafeCause::state_stale || 2 * s.state <= stale();
-        const bool placed = last.cause != FailsafeCause::pose_lost || 2 * s.pose <= pose_lost() || s.pose <= s.beat;
+        const bool placed = (last.cause != FailsafeCause::pose_lost && last.cause != FailsafeCause::velocity_lost) ||
+                            2 * s.pose <= pose_lost() || (!own_senses_ && s.pose <= s.beat) || !f.needs_position;
+        const bool sure = last.cause != FailsafeCause::position_uncertain || f.sigma_m[0] <= 0 || !f.needs_position;
         const bool trusted = last.cause != FailsafeCause::ledger_doubted || !f.ledger_doubted;
-        return seen && placed && trusted && last.cause_gone_since_ns != 0 &&
+        return seen && placed && sure && trusted && last.cause_gone_since_ns != 0 &&
                now - last.cause_gone_since_ns > settings_.clear_after_ns;
       }
       case Clears::with_a_plan:
@@ -263,8 +280,12 @@ class Search {
     const bool down = next.mode >= FailsafeMode::land;
     if (next.mode < last.mode && last.mode >= FailsafeMode::land) told("a landing was taken back in the air");
     if (f.cut && next.mode != FailsafeMode::cut) told("a cut was not obeyed");
-    if (next.mode == FailsafeMode::cut && !f.cut && last.mode != FailsafeMode::cut) told("a cut nobody asked for");
+    if (next.mode == FailsafeMode::cut && !f.cut && !f.overturned && last.mode != FailsafeMode::cut)
+      told("a cut nobody asked for");
     if ((f.stop || f.battery <= settings_.battery_critical) && !down) told("a stop or an empty battery does not land");
+    if (f.overturned && in_flight(f.phase) && next.mode != FailsafeMode::cut) told("overturned, and its motors run");
+    if (f.tilted && in_flight(f.phase) && !down) told("it is tilted, and is not landed");
+    if (f.motion_differs && f.phase == FlightPhase::flying && !down) told("it moves otherwise, and is not landed");
     if (f.blind && !down) told("it may fly unseen, and is not landed");
     if (f.ledger_doubted && settings_.doubt == OnDoubt::land && !down)
       told("the ledger is doubted, and it is not landed");
@@ -274,7 +295,9 @@ class Search {
     if (!follows && next.mode == FailsafeMode::none && s.uncovered >= grace()) told("neither a plan nor an action");
     if (!down && s.unflown > land_after() + grace()) told("no plan for longer than land_after, and no landing");
     if (follows && s.state > stale()) told("flies on though the drone is silent");
-    if (follows && s.pose > pose_lost() && s.pose - s.beat > pose_lost() / 2) told("flies on though the pose is lost");
+    const bool lost = s.pose > pose_lost() && (own_senses_ || s.pose - s.beat > pose_lost() / 2);
+    if (follows && f.needs_position && lost) told("flies a path though the pose is lost");
+    if (follows && f.needs_position && f.sigma_m[0] > 0) told("flies a path though its position is uncertain");
     if (follows && f.ledger_doubted) told("flies on though the ledger is doubted");
     if (next.mode == FailsafeMode::hold && f.plan_valid) told("holds though there is a plan");
     if (f.too_near && follows && next.cause != FailsafeCause::too_near)
@@ -287,6 +310,7 @@ class Search {
   }
 
   std::array<int, 7> limits_;
+  bool own_senses_;
   FailsafeSettings settings_;
   FenceSettings fence_;
   std::unordered_set<std::uint64_t> seen_;
@@ -298,12 +322,13 @@ TEST(FailsafeSearch, NoReachableStateHasNeitherAFreshPlanNorAnAction) {
   // Limits in steps, in the order of the defaults' sizes: hold_grace, land_after, agent_silent, state_stale, pose_lost,
   // clear_after, fence_land_after.
   const bool whole = seeds(0, 1) == 1;
-  for (const OnDoubt doubt : {OnDoubt::ignore, OnDoubt::hold, OnDoubt::land}) {
+  for (const auto& [doubt, own_senses] : {std::pair(OnDoubt::ignore, false), std::pair(OnDoubt::ignore, true),
+                                          std::pair(OnDoubt::hold, false), std::pair(OnDoubt::land, false)}) {
     if (slow && doubt != OnDoubt::hold) continue;  // the one with most states
-    Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2}, doubt);
+    Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2}, doubt, own_senses);
     search.run();
-    std::printf("doubt %s: %zu states of the failsafe visited, %zu steps taken\n", name(doubt), search.states(),
-                search.steps());
+    std::printf("doubt %s, poses of %s: %zu states of the failsafe visited, %zu steps taken\n", name(doubt),
+                own_senses ? "its own senses" : "motion capture", search.states(), search.steps());
     EXPECT_GT(search.states(), whole ? 500'000U : 100'000U) << "the search did not get anywhere";
   }
 }

@@ -437,7 +437,7 @@ TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {
     FailsafeFacts spoiled = facts;
     spoiled.beat_ns = spoiled.state_ns = spoiled.pose_ns = now;
     spoil(spoiled);
-    return takeoff_refusal(settings, now, spoiled);
+    return takeoff_refusal(settings, fence, now, spoiled);
   };
   EXPECT_EQ(refusal([](FailsafeFacts&) {}), FailsafeCause::none);
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.stop = true; }), FailsafeCause::stopped);

@@ -52,6 +52,36 @@ TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
   EXPECT_EQ(settings->starts, "x");
 }
 
+TEST_F(LinkConfig, WhereADroneIsIsSaidForAllAndForOne) {
+  const auto settings =
+      load("[pose]\nsource = \"tello\"\nvelocity_signs = [-1, 1, -1]\nvelocity_frame = \"body\"\n" + drone +
+           "start_m = [1.0, 2.0, 0.0]\nstart_yaw_rad = 1.5\n[[drone]]\nname = \"tello2\"\naddress = "
+           "\"127.0.0.3\"\npose_source = \"pads\"\n[[pad]]\nid = 3\nposition_m = [0.5, 0.5, 0.0]\nyaw_rad = 0.2\n");
+  ASSERT_TRUE(settings) << settings.error().what;
+  const auto& drones = settings->link.drones;
+  EXPECT_EQ(drones[0].source, PoseSource::tello);
+  EXPECT_EQ(drones[0].odometry.start_m[1], 2);
+  EXPECT_EQ(drones[0].odometry.start_yaw_rad, 1.5);
+  EXPECT_EQ(drones[1].source, PoseSource::pads);
+  EXPECT_TRUE(drones[1].odometry.velocity_in_body);
+  EXPECT_EQ(drones[1].odometry.velocity_signs, (std::array<float, 3>{-1, 1, -1}));
+  ASSERT_EQ(settings->link.pads.size(), 1U);
+  EXPECT_EQ(settings->link.pads[0].id, 3);
+  EXPECT_EQ(settings->link.pads[0].position_m[0], 0.5);
+}
+
+TEST_F(LinkConfig, TwoDronesThatFlyByTheirOwnSensesFromOnePlaceAreRefused) {
+  const std::string own = "[pose]\nsource = \"tello\"\n" + drone;
+  const std::string second = "[[drone]]\nname = \"tello2\"\naddress = \"127.0.0.3\"\n";
+  const auto refused = load(own + second);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().what.find("drones tello1 and tello2 fly by their own senses from one place"),
+            std::string::npos)
+      << refused.error().what;
+  EXPECT_TRUE(load(own + second + "start_m = [1.0, 0.0, 0.0]\n"));
+  EXPECT_TRUE(load(own + second + "common_frame = false\n"));
+}
+
 TEST_F(LinkConfig, MistakesAreNamed) {
   const auto error_of = [&](const std::string& toml) {
     const auto settings = load(toml);

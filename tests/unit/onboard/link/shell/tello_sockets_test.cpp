@@ -52,7 +52,7 @@ class Speaker {
 class Sockets : public ::testing::Test {
  protected:
   Sockets() : tello1("127.0.0.2"), tello2("127.0.0.3", ntohs(tello1.place().sin_port)) {
-    settings.link.drones = {{"tello1", 3, ""}, {"tello2", 4, ""}};
+    settings.link.drones = {{.name = "tello1", .number = 3}, {.name = "tello2", .number = 4}};
     settings.addresses = {tello1.place(), tello2.place()};
     settings.interfaces = {"", ""};
     settings.state_port = ntohs(tello1.place().sin_port);

@@ -23,7 +23,8 @@ class Session : public ::testing::Test {
   }
   std::string state_text() const {
     const int h = static_cast<int>(height_m * 10) * 10;
-    return "tof:" + std::to_string(static_cast<int>(height_m * 100) + 10) + ";h:" + std::to_string(h) + ";bat:80;";
+    return "tof:" + std::to_string(static_cast<int>(height_m * 100) + 10) + ";h:" + std::to_string(h) + ";bat:80;" +
+           more_text;
   }
   void answer(const char* text) { session.on_answer(now, text); }
   long count(const std::string& command) const { return std::count(sent.begin(), sent.end(), command); }
@@ -51,6 +52,7 @@ class Session : public ::testing::Test {
   TimeNs now = ns_per_s;
   bool talks = false;
   float height_m = 0;
+  std::string more_text;
   std::vector<std::string> sent;
 };
 
@@ -64,6 +66,19 @@ TEST_F(Session, TheHandshakeWithWhatStandsOnTheGroundIsRepeatedWithGrowingPauses
   EXPECT_EQ(count("land"), 0);
   EXPECT_EQ(session.phase(), FlightPhase::disconnected);
   connect();
+}
+
+TEST_F(Session, ADroneIsAskedToLookForPadsUntilItsStateSaysThatItDoesAndNotForEver) {
+  session = TelloSession(settings, {}, true);
+  connect();
+  pass(ns_per_s);
+  EXPECT_EQ(count("mon"), 1);
+  more_text = "mid:-1;";
+  pass(10 * ns_per_s);
+  EXPECT_EQ(count("mon"), 1);
+  more_text.clear();
+  pass(60 * ns_per_s);
+  EXPECT_EQ(count("mon"), 6);
 }
 
 TEST_F(Session, AnOkWithoutStateTextIsNotAConnection) {

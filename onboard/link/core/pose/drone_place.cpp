@@ -1,0 +1,76 @@
+#include <algorithm>
+#include <cmath>
+
+#include "onboard/link/core/body_frame.hpp"
+#include "onboard/link/core/drone_link.hpp"
+#include "onboard/link/core/tello/axes.hpp"
+
+/// Where a drone is, as link takes it: by the poses that come, or by its own senses.
+namespace ledgerline::link {
+namespace {
+
+bool finite(const Pose& pose) noexcept {
+  return std::all_of(pose.position_m.begin(), pose.position_m.end(), [](double v) { return std::isfinite(v); }) &&
+         std::all_of(pose.velocity_mps.begin(), pose.velocity_mps.end(), [](double v) { return std::isfinite(v); }) &&
+         std::all_of(pose.variance.begin(), pose.variance.end(), [](float v) { return v >= 0 && std::isfinite(v); }) &&
+         std::isfinite(pose.yaw_rad);
+}
+
+// What a pad's own place and the camera's look at it are worth together [A].
+constexpr double pad_sigma_m = 0.03;
+
+std::array<double, 3> on_map(const PadSettings& pad, const std::array<float, 3>& on_pad_m) noexcept {
+  const double c = std::cos(pad.yaw_rad), s = std::sin(pad.yaw_rad);
+  const double x = static_cast<double>(on_pad_m[0]), y = static_cast<double>(on_pad_m[1]);
+  return {pad.position_m[0] + c * x - s * y, pad.position_m[1] + s * x + c * y,
+          pad.position_m[2] + static_cast<double>(on_pad_m[2])};
+}
+
+}  // namespace
+
+void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
+  const FlightPhase phase = session_.phase();
+  tilt_watch_.take(now, state);
+  if (phase == FlightPhase::flying) {
+    battery_watch_.take(now, state.battery);
+  } else {
+    battery_watch_.reset();
+  }
+  told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
+  if (source_ == PoseSource::mocap) return;
+  odometry_.take(now, state, session_.seen_standing(now));
+  for (const PadSettings& pad : pads_) {
+    if (source_ == PoseSource::pads && pad.id == state.pad) odometry_.fix(on_map(pad, state.on_pad_m), pad_sigma_m);
+  }
+  accept_pose(now, odometry_.pose());
+}
+
+void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {
+  if (source_ == PoseSource::mocap) accept_pose(now, pose);
+}
+
+void DroneLink::accept_pose(TimeNs now, const Pose& pose) noexcept {
+  if (pose.stamp_ns <= pose_.stamp_ns || pose.stamp_ns > now || !finite(pose)) return;
+  pose_ = pose;
+  pose_came_ns_ = now;
+  moved_m_ = {};
+  told_yaw_at_pose_rad_ = told_yaw_rad_;
+  motion_watch_.see(now, pose.velocity_mps);
+}
+
+// A pose that is missing for long takes the heading along: the drone's own tells how it has turned since.
+double DroneLink::yaw_rad(TimeNs now) const noexcept {
+  if (now - pose_.stamp_ns <= failsafe_settings_.pose_lost_ns) return pose_.yaw_rad;
+  return pose_.yaw_rad + told_yaw_rad_ - told_yaw_at_pose_rad_;
+}
+
+Velocity DroneLink::in_map(const Playout::Wish& wish, TimeNs now) const noexcept {
+  return wish.body_frame ? to_map(wish.velocity, yaw_rad(now)) : wish.velocity;
+}
+
+void DroneLink::dead_reckon(double seconds) noexcept {
+  motion_watch_.tell(seconds, sent_.mps);
+  for (std::size_t i = 0; i < 3; ++i) moved_m_[i] += static_cast<double>(sent_.mps[i]) * seconds;
+}
+
+}  // namespace ledgerline::link

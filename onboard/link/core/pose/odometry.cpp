@@ -1,0 +1,191 @@
+#include "onboard/link/core/pose/odometry.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "onboard/link/core/tello/axes.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+// Standard deviation of what is told in whole steps.
+constexpr double rounding(double step) { return step * std::numbers::inv_sqrt3 / 2; }
+constexpr double velocity_step_mps = 0.1, h_step_m = 0.1, tof_step_m = 0.01;
+constexpr double yaw_step_rad = std::numbers::pi / 180;
+
+// Nobody knows where it is: first seen in the air.
+constexpr double anywhere_m = 100;
+// Below this tof shows its least; beyond that it sees nothing (65.53), or too little.
+constexpr double tof_least_m = 0.15, tof_most_m = 6.0;
+// A tof that is off by more than this, and by more than chance, has come over something else.
+constexpr double new_floor_m = 0.15, new_floor_sigmas = 4;
+// Of the drone's own senses [A]: the tof sensor, the barometer, and how fast h and the barometer drift.
+constexpr double tof_sigma_m = 0.015, barometer_sigma_m = 0.2, drift_m_per_sqrt_s = 0.03;
+// How far from zero velocity a second of flight without a text may be.
+constexpr double max_gap_s = 1.0;
+
+constexpr int px = 0, flow = 2, scale = 4, heading = 5;  // of the plane
+constexpr int z = 0, floor_z = 1, drift = 2, zero = 3;   // of the height
+
+double square(double x) { return x * x; }
+
+}  // namespace
+
+void Odometry::start(const TelloState& state, bool at_start) noexcept {
+  const double sigma = at_start ? settings_.start_sigma_m : anywhere_m;
+  const double turn = at_start ? settings_.start_sigma_rad : std::numbers::pi;
+  plane_ << settings_.start_m[0], settings_.start_m[1], 0, 0, 0, 0;
+  plane_cov_.setZero();
+  plane_cov_.diagonal() << square(sigma), square(sigma), square(settings_.flow_mps), square(settings_.flow_mps),
+      square(settings_.flow_scale), square(turn) + square(rounding(yaw_step_rad));
+  const double start_z = settings_.start_m[2];
+  const double stands_z = at_start ? start_z : start_z + static_cast<double>(state.height_m);
+  height_ << stands_z, start_z, 0, static_cast<double>(state.barometer_m) - stands_z;
+  height_cov_.setZero();
+  height_cov_.diagonal() << square(at_start ? settings_.start_sigma_m : 1.0), square(settings_.start_sigma_m), 0,
+      square(barometer_sigma_m);
+  told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
+  frame_yaw_rad_ = settings_.start_yaw_rad - told_yaw_rad_;
+  takeoff_z_m_ = start_z;
+  held_back_m_.setZero();
+}
+
+Eigen::Vector3d Odometry::told_velocity(const TelloState& state) const noexcept {
+  Eigen::Vector3d told;
+  for (int i = 0; i < 3; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    told[i] = static_cast<double>(settings_.velocity_signs[at] * state.velocity_dmps[at]) / 10;
+  }
+  if (settings_.velocity_in_body) {
+    const double c = std::cos(told_yaw_rad_), s = std::sin(told_yaw_rad_);
+    told = {c * told.x() - s * told.y(), s * told.x() + c * told.y(), told.z()};
+  }
+  return told;
+}
+
+Eigen::Vector3d Odometry::in_map(const Eigen::Vector3d& velocity) const noexcept {
+  const double angle = frame_yaw_rad_ + plane_[heading];
+  const double c = std::cos(angle), s = std::sin(angle), by = 1 + plane_[scale];
+  return {by * (c * velocity.x() - s * velocity.y()) - plane_[flow],
+          by * (s * velocity.x() + c * velocity.y()) - plane_[flow + 1], velocity.z()};
+}
+
+double Odometry::yaw() const noexcept {
+  return std::remainder(frame_yaw_rad_ + plane_[heading] + told_yaw_rad_, 2 * std::numbers::pi);
+}
+
+void Odometry::predict(double seconds, const Eigen::Vector3d& velocity, bool stands) noexcept {
+  plane_cov_(heading, heading) += square(settings_.heading_rad_per_sqrt_s) * seconds;
+  if (stands) return;
+  const Eigen::Vector3d moved = in_map(velocity);
+  const double c = moved.x() + plane_[flow], s = moved.y() + plane_[flow + 1];  // without the flow's error
+  const double by = 1 + plane_[scale];
+  const double keeps = std::exp(-seconds / settings_.flow_s);
+  PlaneMatrix f = PlaneMatrix::Identity();
+  f(px, flow) = f(px + 1, flow + 1) = -seconds;
+  f(px, scale) = c / by * seconds;
+  f(px + 1, scale) = s / by * seconds;
+  f(px, heading) = -s * seconds;
+  f(px + 1, heading) = c * seconds;
+  f(flow, flow) = f(flow + 1, flow + 1) = keeps;
+  plane_.head<2>() += moved.head<2>() * seconds;
+  plane_.segment<2>(flow) *= keeps;
+  plane_cov_ = f * plane_cov_ * f.transpose();
+  for (int i = 0; i < 2; ++i) {
+    plane_cov_(px + i, px + i) += square(rounding(velocity_step_mps) * seconds);
+    plane_cov_(flow + i, flow + i) += square(settings_.flow_mps) * (1 - keeps * keeps);
+  }
+
+  height_[z] += velocity.z() * seconds;
+  height_cov_(z, z) += square(2 * rounding(velocity_step_mps) * seconds);
+  height_cov_(drift, drift) += square(drift_m_per_sqrt_s) * seconds;
+  height_cov_(zero, zero) += square(drift_m_per_sqrt_s) * seconds;
+}
+
+void Odometry::update_height(const Height& by, double measured, double sigma) noexcept {
+  const double innovation = measured - by.dot(height_);
+  const double variance = by.dot(height_cov_ * by) + square(sigma);
+  const Height gain = height_cov_ * by / variance;
+  height_ += gain * innovation;
+  height_cov_ -= gain * gain.transpose() * variance;
+}
+
+void Odometry::measure_height(const TelloState& state) noexcept {
+  const std::array<float, 3> attitude = attitude_rad(state);
+  const double upright = static_cast<double>(std::cos(attitude[0]) * std::cos(attitude[1]));
+  const auto tof = static_cast<double>(state.tof_m);
+  if (tof > tof_least_m && tof < tof_most_m && upright > 0.7) {
+    const double measured = tof * upright;
+    const Height by(1, -1, 0, 0);
+    const double off = std::abs(measured - by.dot(height_));
+    const double sigma = std::hypot(tof_sigma_m, rounding(tof_step_m));
+    if (off > new_floor_m && off > new_floor_sigmas * std::sqrt(by.dot(height_cov_ * by) + square(sigma)))
+      height_cov_(floor_z, floor_z) += square(off);  // what is below it has changed, not where it is
+    update_height(by, measured, sigma);
+  }
+  const double h = takeoff_z_m_ + static_cast<double>(state.height_m);
+  update_height(Height(1, 0, -1, 0), h, rounding(h_step_m));
+  if (state.barometer_told)
+    update_height(Height(1, 0, 0, 1), static_cast<double>(state.barometer_m), barometer_sigma_m);
+}
+
+void Odometry::take(TimeNs now, const TelloState& state, bool stands) noexcept {
+  const bool first = text_ns_ == 0, switched_off = state.motor_s < motor_s_;
+  motor_s_ = state.motor_s;
+  if (first || switched_off) start(state, stands);
+  const double seconds = first ? 0 : std::min(to_seconds(now - text_ns_), max_gap_s);
+  if (!first && to_seconds(now - text_ns_) > max_gap_s && !stands) {
+    // What it did meanwhile nobody saw: it may have gone on as fast as it flew.
+    const double far = (last_velocity_mps_.norm() + 1) * to_seconds(now - text_ns_);
+    plane_cov_(px, px) += square(far);
+    plane_cov_(px + 1, px + 1) += square(far);
+  }
+  text_ns_ = now;
+  told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
+  const bool usable = state.velocity_told && state.tof_m < static_cast<float>(tof_most_m);
+  const Eigen::Vector3d velocity = stands ? Eigen::Vector3d::Zero() : told_velocity(state);
+  predict(seconds, (last_velocity_mps_ + velocity) / 2, stands);
+  last_velocity_mps_ = velocity;
+  if (stands) {
+    takeoff_z_m_ = height_[z];
+  } else {
+    measure_height(state);
+  }
+  const double let_in = settings_.correction_mps * seconds, held = held_back_m_.norm();
+  held_back_m_ *= held > let_in ? 1 - let_in / held : 0;
+  if (usable || stands) pose_.stamp_ns = now;
+  tell(velocity);
+}
+
+void Odometry::fix(const std::array<double, 3>& position_m, double sigma_m) noexcept {
+  if (text_ns_ == 0) return;
+  const Eigen::Vector3d before(plane_[px], plane_[px + 1], height_[z]);
+  const Eigen::Vector2d innovation(position_m[0] - plane_[px], position_m[1] - plane_[px + 1]);
+  const Eigen::Matrix2d variance =
+      plane_cov_.topLeftCorner<2, 2>() + Eigen::Matrix2d(Eigen::Vector2d::Constant(square(sigma_m)).asDiagonal());
+  const Eigen::Matrix<double, 6, 2> gain = plane_cov_.leftCols<2>() * variance.inverse();
+  plane_ += gain * innovation;
+  plane_cov_ -= gain * variance * gain.transpose();
+  plane_cov_ = (0.5 * (plane_cov_ + plane_cov_.transpose())).eval();
+  update_height(Height(1, 0, 0, 0), position_m[2], sigma_m);
+  held_back_m_ += before - Eigen::Vector3d(plane_[px], plane_[px + 1], height_[z]);
+  tell(last_velocity_mps_);
+}
+
+void Odometry::tell(const Eigen::Vector3d& velocity) noexcept {
+  const Eigen::Vector3d place = Eigen::Vector3d(plane_[px], plane_[px + 1], height_[z]) + held_back_m_;
+  const Eigen::Vector3d moves = velocity.isZero() ? Eigen::Vector3d::Zero() : in_map(velocity);
+  for (int i = 0; i < 3; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    pose_.position_m[at] = place[i];
+    pose_.velocity_mps[at] = moves[i];
+    const double variance = i < 2 ? plane_cov_(px + i, px + i) : height_cov_(z, z);
+    pose_.variance[at] = static_cast<float>(variance + square(held_back_m_[i]));
+  }
+  pose_.yaw_rad = yaw();
+  pose_.variance[3] = static_cast<float>(plane_cov_(heading, heading) + square(rounding(yaw_step_rad)));
+}
+
+}  // namespace ledgerline::link

@@ -1,0 +1,66 @@
+#pragma once
+#include <Eigen/Core>
+#include <array>
+
+#include "common/msg/onboard.hpp"
+#include "onboard/link/core/settings.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
+
+namespace ledgerline::link {
+
+/// Where a drone is by its own senses: velocities from its optical flow, yaw, height above what is below it (tof), above
+/// where it took off (h) and by air pressure, fused by two Kalman filters (Bar-Shalom, Estimation with Applications,
+/// 5.2), one of the plane and one of the height. Its place is known where it starts, and less with each metre and second:
+/// the pose's variance says how well. Absolute fixes (a mission pad, motion capture before it went away) bring it back.
+///
+/// What is told never jumps: what a fix corrects is let in at OdometrySettings::correction_mps, and until then is part of
+/// the variance.
+///
+///   plane:  x, y | slow error of the flow in x, y | its scale | heading of the frame that velocities are told in
+///   height: z | height of what is below | drift of h | zero of the barometer
+///
+/// Core: no I/O, no clock, no allocation; one thread.
+class Odometry {
+ public:
+  explicit Odometry(const OdometrySettings& settings) noexcept : settings_(settings) {}
+
+  /// A state text that came at `now`. `stands`: it is seen on the ground, so it does not move. First seen in the air (a
+  /// link that starts again), or standing after an absence in which it was switched off: see the settings.
+  void take(TimeNs now, const TelloState& state, bool stands) noexcept;
+  /// An absolute fix at the time of the newest text.
+  void fix(const std::array<double, 3>& position_m, double sigma_m) noexcept;
+
+  /// Map frame. Its stamp is that of the newest text with usable velocities; 0: there was none.
+  const Pose& pose() const noexcept { return pose_; }
+
+ private:
+  using Plane = Eigen::Matrix<double, 6, 1>;
+  using PlaneMatrix = Eigen::Matrix<double, 6, 6>;
+  using Height = Eigen::Vector4d;
+  using HeightMatrix = Eigen::Matrix4d;
+
+  void start(const TelloState& state, bool at_start) noexcept;
+  void predict(double seconds, const Eigen::Vector3d& velocity_mps, bool stands) noexcept;
+  void measure_height(const TelloState& state) noexcept;
+  void update_height(const Height& by, double measured, double sigma) noexcept;
+  Eigen::Vector3d told_velocity(const TelloState& state) const noexcept;
+  Eigen::Vector3d in_map(const Eigen::Vector3d& velocity_mps) const noexcept;
+  double yaw() const noexcept;
+  void tell(const Eigen::Vector3d& velocity_mps) noexcept;
+
+  OdometrySettings settings_;
+  Plane plane_ = Plane::Zero();
+  PlaneMatrix plane_cov_ = PlaneMatrix::Zero();
+  Height height_ = Height::Zero();
+  HeightMatrix height_cov_ = HeightMatrix::Zero();
+  double frame_yaw_rad_ = 0;  ///< of the frame at power on, in the map
+  double told_yaw_rad_ = 0;   ///< the newest, counter-clockwise since power on
+  double takeoff_z_m_ = 0;    ///< h is 0 there
+  int motor_s_ = 0;
+  TimeNs text_ns_ = 0;  ///< the newest text
+  Eigen::Vector3d last_velocity_mps_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d held_back_m_ = Eigen::Vector3d::Zero();  ///< of corrections, not yet told
+  Pose pose_;
+};
+
+}  // namespace ledgerline::link

@@ -1,0 +1,35 @@
+#pragma once
+#include <array>
+
+#include "common/msg/onboard.hpp"
+
+namespace ledgerline::link {
+
+/// Whether a drone moves as it is told: what it was told goes through the drone's response (first order), what is seen
+/// of it through the same filter, and the two must not differ for long. So a drone that hears another drone's rc, poses
+/// that are another drone's or turned, a propeller that is gone, or flow over a floor that shows nothing is found, whatever
+/// the cause. Horizontal, map frame. Core; one thread.
+class MotionWatch {
+ public:
+  /// Above what gusts do (0.1 m/s), half of what a Tello is flown at, and a quarter of its slow mode.
+  static constexpr double limit_mps = 0.6;
+  /// Of what it was told: a fast drone is slower than it is told by its drag.
+  static constexpr double limit_share = 0.6;
+  /// A push from outside is over by then, and so is a jam of 3 s on the way to the drone. A turned frame has led
+  /// it two metres away at 0.5 m/s: half would land for a jam of datagrams, double doubles the two metres.
+  static constexpr TimeNs differs_for_ns = 4 * ns_per_s;
+
+  /// Time passed since the last call: `told` all the while.
+  void tell(double seconds, const std::array<float, 3>& told_mps) noexcept;
+  /// A new pose came: its velocity.
+  void see(TimeNs now, const std::array<double, 3>& velocity_mps) noexcept;
+  /// It does not fly, or nothing is known.
+  void reset() noexcept { *this = {}; }
+  bool differs() const noexcept { return since_ns_ != 0 && seen_ns_ - since_ns_ >= differs_for_ns; }
+
+ private:
+  std::array<double, 2> expected_mps_{}, smooth_mps_{};
+  TimeNs seen_ns_ = 0, since_ns_ = 0;
+};
+
+}  // namespace ledgerline::link

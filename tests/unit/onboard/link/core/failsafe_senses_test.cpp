@@ -1,0 +1,140 @@
+#include "tests/unit/onboard/link/core/failsafe_fixture.hpp"
+
+/// Rows of what a drone senses by itself, and of a person who flies it in its own frame.
+namespace ledgerline::link {
+namespace {
+
+TEST_F(FailsafeTest, FS37ALostVelocityMeansBrakeUntilItIsBackForAWhile) {
+  facts.own_senses = true;
+  pass(ns_per_s);
+  poses = false;
+  pass(settings.velocity_lost_ns);
+  expect(FailsafeMode::none, FailsafeCause::none);
+  pass(2 * ms);
+  expect(FailsafeMode::brake, FailsafeCause::velocity_lost);
+  poses = true;
+  pass(settings.clear_after_ns - 20 * ms);
+  expect(FailsafeMode::brake, FailsafeCause::velocity_lost);
+  pass(40 * ms);
+  expect(FailsafeMode::none, FailsafeCause::none);
+}
+
+TEST_F(FailsafeTest, ALostVelocityNeedsNoAgentToBeKnown) {
+  facts.own_senses = true;
+  pass(ns_per_s);
+  poses = beats = false;
+  pass(settings.velocity_lost_ns + 2 * ms);
+  expect(FailsafeMode::brake, FailsafeCause::velocity_lost);
+}
+
+TEST_F(FailsafeTest, FS19AnUncertainPositionMeansBrakeUntilItFitsTheFenceForAWhile) {
+  fence.min_m = {-2, -2, 0};
+  fence.max_m = {2, 2, 3};
+  facts.sigma_m = {0.5, 0.5, 0.1};  // 4 m less 2 x 3 x 0.5
+  pass(ns_per_s);
+  expect(FailsafeMode::none, FailsafeCause::none);
+  facts.sigma_m[1] = 0.6;
+  pass(ms);
+  expect(FailsafeMode::brake, FailsafeCause::position_uncertain);
+  facts.sigma_m[1] = 0.5;  // measured at half the limit
+  pass(ns_per_s);
+  expect(FailsafeMode::brake, FailsafeCause::position_uncertain);
+  facts.sigma_m = {0.2, 0.2, 0.1};
+  pass(settings.clear_after_ns + 2 * ms);
+  expect(FailsafeMode::none, FailsafeCause::none);
+}
+
+TEST_F(FailsafeTest, FS17ATiltedDroneLands) {
+  pass(ns_per_s);
+  facts.tilted = true;
+  pass(ms);
+  expect(FailsafeMode::land, FailsafeCause::tilted);
+}
+
+TEST_F(FailsafeTest, FS16AnOverturnedDronesMotorsAreCut) {
+  pass(ns_per_s);
+  facts.tilted = true;
+  pass(ns_per_s);
+  expect(FailsafeMode::land, FailsafeCause::tilted);
+  facts.overturned = true;
+  pass(ms);
+  expect(FailsafeMode::cut, FailsafeCause::overturned);
+}
+
+TEST_F(FailsafeTest, FS18ADroneThatMovesOtherwiseThanItIsToldLands) {
+  pass(ns_per_s);
+  facts.motion_differs = true;
+  pass(ms);
+  expect(FailsafeMode::land, FailsafeCause::motion_differs);
+}
+
+TEST_F(FailsafeTest, ByHandNeitherPoseNorVelocityNorACertainPositionIsNeeded) {
+  for (const bool own_senses : {false, true}) {
+    facts.own_senses = own_senses;
+    facts.needs_position = false;
+    facts.sigma_m = own_senses ? std::array{50.0, 50.0, 0.1} : std::array{0.0, 0.0, 0.0};
+    poses = false;
+    facts.position_m = {100, 0, 1};  // nobody knows
+    pass(3 * ns_per_s);
+    expect(FailsafeMode::none, FailsafeCause::none);
+    facts.needs_position = true;  // a path
+    pass(ms);
+    EXPECT_EQ(state.mode, FailsafeMode::brake);
+    facts.needs_position = false;
+    pass(settings.clear_after_ns + 2 * ms);
+    expect(FailsafeMode::none, FailsafeCause::none);
+  }
+}
+
+TEST_F(FailsafeTest, ByHandWithoutAPositionTheCeilingHoldsByTheDronesOwnHeight) {
+  facts.needs_position = false;
+  poses = false;
+  facts.height_m = static_cast<float>(fence.max_m[2]) + 0.3F;
+  pass(ns_per_s + settings.fence_land_after_ns);
+  expect(FailsafeMode::land, FailsafeCause::fence);
+}
+
+TEST_F(FailsafeTest, TheFenceIsDrawnInByTheUncertaintyOfThePosition) {
+  pass(ns_per_s);
+  facts.sigma_m = {0.5, 0.1, 0.1};
+  const FenceSettings holds = fence_for(settings, fence, state, now, facts);
+  EXPECT_DOUBLE_EQ(holds.max_m[0], fence.max_m[0] - 1.5);
+  EXPECT_DOUBLE_EQ(holds.min_m[1], fence.min_m[1] + 0.3);
+  EXPECT_DOUBLE_EQ(holds.max_m[2], fence.max_m[2]);
+}
+
+TEST_F(FailsafeTest, ABatteryThatEmptiesFastLandsWhileThereIsEnoughForIt) {
+  facts.battery = 0.25F;
+  pass(ns_per_s);
+  expect(FailsafeMode::none, FailsafeCause::none);
+  facts.landing_battery = 0.25;
+  pass(ms);
+  expect(FailsafeMode::land, FailsafeCause::battery_critical);
+}
+
+TEST_F(FailsafeTest, NoTakeOffTiltedOrOutsideTheFenceOrWithoutKnowingWhere) {
+  facts.phase = FlightPhase::on_ground;
+  facts.beat_ns = facts.state_ns = facts.pose_ns = now;
+  const auto refusal = [&](auto spoil) {
+    FailsafeFacts spoiled = facts;
+    spoil(spoiled);
+    return takeoff_refusal(settings, fence, now, spoiled);
+  };
+  EXPECT_EQ(refusal([](FailsafeFacts&) {}), FailsafeCause::none);
+  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.tilt_rad = 0.5; }), FailsafeCause::tilted);
+  EXPECT_EQ(refusal([&](FailsafeFacts& f) { f.position_m[0] = fence.max_m[0] + 0.1; }), FailsafeCause::fence);
+  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.sigma_m = {50, 50, 1}; }), FailsafeCause::position_uncertain);
+  const auto own = [](FailsafeFacts& f) {
+    f.own_senses = true;
+    f.pose_ns -= ns_per_s;
+  };
+  EXPECT_EQ(refusal(own), FailsafeCause::velocity_lost);
+  EXPECT_EQ(refusal([&](FailsafeFacts& f) {
+              own(f);
+              f.needs_position = false;
+            }),
+            FailsafeCause::none);
+}
+
+}  // namespace
+}  // namespace ledgerline::link

@@ -1,0 +1,247 @@
+#include "onboard/link/core/pose/odometry.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "common/base/random.hpp"
+#include "tests/unit/onboard/link/core/times.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+constexpr TimeNs text_ns = 100 * ms;
+constexpr double text_s = 0.1;
+
+/// A drone that tells a Tello's state of how it really moves, with the errors that the odometry is set for.
+class Walker {
+ public:
+  explicit Walker(std::uint64_t seed, OdometrySettings settings = {})
+      : random(seed), settings(settings), odometry(settings) {
+    position = {settings.start_m[0] + settings.start_sigma_m * random.normal(),
+                settings.start_m[1] + settings.start_sigma_m * random.normal(), settings.start_m[2]};
+    heading_error = settings.start_sigma_rad * random.normal();
+    flow = {settings.flow_mps * random.normal(), settings.flow_mps * random.normal()};
+    scale = settings.flow_scale * random.normal();
+    tell(true);
+  }
+
+  void fly(double seconds, std::array<double, 3> velocity) {
+    for (int i = 0; i < static_cast<int>(seconds / text_s + 0.5); ++i) {
+      // It gathers speed over a second, as a drone does.
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double before = moves[k];
+        moves[k] += 0.3 * (velocity[k] - moves[k]) + (k < 2 ? 0.03 * random.normal() : 0);  // gusts
+        position[k] += (before + moves[k]) / 2 * text_s;
+      }
+      const double keeps = std::exp(-text_s / settings.flow_s);
+      for (double& f : flow) f = keeps * f + settings.flow_mps * std::sqrt(1 - keeps * keeps) * random.normal();
+      yaw += yaw_rate * text_s;
+      now += text_ns;
+      tell(false);
+    }
+  }
+  void stand(double seconds) {
+    moves = {};
+    for (int i = 0; i < static_cast<int>(seconds / text_s); ++i) now += text_ns, tell(true);
+  }
+
+  void tell(bool stands) {
+    TelloState state;
+    state.velocity_told = state.barometer_told = true;
+    state.motor_s = motor_s;
+    // Its frame at power on: the map's, turned back by where its nose really pointed.
+    const double turn = -(settings.start_yaw_rad + heading_error);
+    const double vx = (moves[0] + flow[0]) / (1 + scale), vy = (moves[1] + flow[1]) / (1 + scale);
+    const std::array told{std::cos(turn) * vx - std::sin(turn) * vy, std::sin(turn) * vx + std::cos(turn) * vy,
+                          moves[2]};
+    for (std::size_t k = 0; k < 3; ++k)
+      state.velocity_dmps[k] = stands ? 0 : settings.velocity_signs[k] * static_cast<float>(std::lround(told[k] * 10));
+    state.attitude_deg[2] = static_cast<float>(std::lround(-yaw * 180 / std::numbers::pi));
+    const double above = position[2] - below_m;
+    state.tof_m = static_cast<float>(std::max(0.1, std::round((above + 0.01 * random.normal()) * 100) / 100));
+    state.height_m = static_cast<float>(std::round((position[2] - settings.start_m[2]) * 10) / 10);
+    state.barometer_m = static_cast<float>(140 + position[2] + 0.15 * random.normal());
+    if (blind) state.tof_m = 65.53F;
+    odometry.take(now, state, stands);
+  }
+
+  double error(std::size_t axis) const { return odometry.pose().position_m[axis] - position[axis]; }
+  double sigma(std::size_t axis) const { return std::sqrt(static_cast<double>(odometry.pose().variance[axis])); }
+
+  Random random;
+  OdometrySettings settings;
+  Odometry odometry;
+  TimeNs now = ns_per_s;
+  std::array<double, 3> position{}, moves{};
+  std::array<double, 2> flow{};
+  double scale = 0, heading_error = 0, yaw = 0, yaw_rate = 0, below_m = 0;
+  int motor_s = 0;
+  bool blind = false;
+};
+
+void fly_square(Walker& drone, double side_m = 2, double speed = 0.5) {
+  for (const auto& way : {std::array{1, 0}, std::array{0, 1}, std::array{-1, 0}, std::array{0, -1}})
+    drone.fly(side_m / speed, {speed * way[0], speed * way[1], 0});
+}
+
+TEST(Odometry, WhereItStartsIsWhereTheConfigSaysAndStandingAddsNothing) {
+  OdometrySettings settings;
+  settings.start_m = {1, 2, 0};
+  settings.start_yaw_rad = 0.7;
+  Walker drone(1, settings);
+  drone.stand(60);
+  EXPECT_NEAR(drone.odometry.pose().position_m[0], 1, 1e-9);
+  EXPECT_NEAR(drone.odometry.pose().position_m[1], 2, 1e-9);
+  EXPECT_NEAR(drone.odometry.pose().yaw_rad, 0.7, 1e-9);
+  EXPECT_NEAR(drone.sigma(0), settings.start_sigma_m, 1e-6);
+}
+
+TEST(Odometry, TheVarianceThatIsToldIsTheErrorThatIsMade) {
+  double sum = 0;
+  int samples = 0, inside = 0;
+  for (int seed = 1; seed <= 60; ++seed) {
+    Walker drone(static_cast<std::uint64_t>(seed));
+    drone.stand(3);
+    drone.fly(4, {0, 0, 0.3});
+    for (int lap = 0; lap < 3; ++lap) fly_square(drone);
+    for (const std::size_t axis : {0U, 1U}) {
+      const double normalised = drone.error(axis) / drone.sigma(axis);
+      sum += normalised * normalised;
+      inside += std::abs(normalised) < 3 ? 1 : 0;
+      ++samples;
+    }
+  }
+  EXPECT_GT(sum / samples, 0.5);
+  EXPECT_LT(sum / samples, 2.0);
+  EXPECT_GE(inside, samples * 95 / 100);
+}
+
+TEST(Odometry, TheVarianceGrowsWithTimeInTheAir) {
+  Walker drone(3);
+  drone.fly(5, {0, 0, 0.2});
+  const double soon = drone.sigma(0);
+  drone.fly(60, {0, 0, 0});
+  EXPECT_GT(drone.sigma(0), 1.5 * soon);
+}
+
+TEST(Odometry, VelocitiesAreReadInTheFrameAndWithTheSignsOfTheSettings) {
+  OdometrySettings settings;
+  settings.start_yaw_rad = std::numbers::pi / 2;
+  settings.velocity_signs = {-1, 1, -1};
+  settings.start_sigma_rad = 1e-6;
+  Walker drone(4, settings);
+  drone.fly(5, {0, 0, 0.2});
+  drone.fly(6, {0.5, 0.2, 0});
+  EXPECT_NEAR(drone.error(0), 0, 0.3);
+  EXPECT_NEAR(drone.error(1), 0, 0.3);
+  EXPECT_NEAR(drone.odometry.pose().velocity_mps[0], 0.5, 0.1);
+}
+
+TEST(Odometry, ItsYawTurnsWithTheDronesOwn) {
+  Walker drone(5);
+  drone.fly(5, {0, 0, 0.2});
+  drone.yaw_rate = 0.5;
+  drone.fly(4, {0, 0, 0});
+  EXPECT_NEAR(std::remainder(drone.odometry.pose().yaw_rad - 2.0, 2 * std::numbers::pi), 0, 0.02);
+}
+
+TEST(Odometry, TheHeightFollowsTofAndATableBelowIsNoClimb) {
+  Walker drone(6);
+  drone.fly(5, {0, 0, 0.2});
+  drone.fly(5, {0.2, 0, 0});
+  EXPECT_NEAR(drone.error(2), 0, 0.05);
+  drone.below_m = 0.75;
+  drone.fly(1, {0.2, 0, 0});
+  EXPECT_NEAR(drone.error(2), 0, 0.12);
+  drone.fly(10, {0, 0, 0});
+  EXPECT_NEAR(drone.error(2), 0, 0.15);
+  drone.below_m = 0;
+  drone.fly(5, {0.2, 0, 0});
+  EXPECT_NEAR(drone.error(2), 0, 0.15);
+}
+
+TEST(Odometry, WithoutASightOfTheGroundItsVelocityIsNotUsableAndThePoseGrowsOld) {
+  Walker drone(7);
+  drone.fly(5, {0, 0, 0.2});
+  const TimeNs seen_ns = drone.odometry.pose().stamp_ns;
+  EXPECT_EQ(seen_ns, drone.now);
+  drone.blind = true;
+  drone.fly(2, {0.2, 0, 0});
+  EXPECT_EQ(drone.odometry.pose().stamp_ns, seen_ns);
+}
+
+TEST(Odometry, AFixBringsItBackWithoutAJump) {
+  Walker drone(8);
+  drone.fly(5, {0, 0, 0.2});
+  drone.fly(120, {0, 0, 0});
+  const auto before = drone.odometry.pose().position_m;
+  const std::array fixed{before[0] + 0.5, before[1] - 0.3, before[2]};
+  drone.odometry.fix(fixed, 0.03);
+  EXPECT_NEAR(drone.odometry.pose().position_m[0], before[0], 1e-9);
+  EXPECT_GT(drone.sigma(0), 0.2) << "what is held back is uncertain";
+  double last = before[0], largest = 0;
+  for (int i = 0; i < 50; ++i) {
+    drone.fly(text_s, {0, 0, 0});
+    largest = std::max(largest, std::abs(drone.odometry.pose().position_m[0] - last));
+    last = drone.odometry.pose().position_m[0];
+  }
+  EXPECT_NEAR(last, fixed[0], 0.15);
+  EXPECT_LT(largest, 0.2 * text_s + 0.02);
+}
+
+TEST(Odometry, FixesNowAndThenHoldTheErrorDown) {
+  for (int seed = 1; seed <= 10; ++seed) {
+    Walker drone(static_cast<std::uint64_t>(seed));
+    drone.fly(5, {0, 0, 0.2});
+    for (int lap = 0; lap < 5; ++lap) {
+      fly_square(drone);
+      for (int i = 0; i < 5; ++i) {
+        drone.odometry.fix({drone.position[0] + 0.02 * drone.random.normal(),
+                            drone.position[1] + 0.02 * drone.random.normal(), drone.position[2]},
+                           0.03);
+        drone.fly(text_s, {0, 0, 0});
+      }
+    }
+    drone.fly(2, {0, 0, 0});
+    EXPECT_LT(std::hypot(drone.error(0), drone.error(1)), 0.15) << seed;
+  }
+}
+
+TEST(Odometry, FirstSeenInTheAirItIsAnywhere) {
+  Odometry odometry({});
+  TelloState state;
+  state.velocity_told = true;
+  state.tof_m = 1;
+  state.height_m = 1;
+  odometry.take(ns_per_s, state, false);
+  EXPECT_GT(odometry.pose().variance[0], 1000);
+}
+
+TEST(Odometry, SwitchedOffAndOnItStandsAtItsStartAgainAndAfterAnAbsenceAloneItDoesNot) {
+  Walker drone(9);
+  drone.motor_s = 40;
+  drone.fly(5, {0.5, 0, 0.1});
+  drone.stand(2);
+  const double place = drone.odometry.pose().position_m[0];
+  EXPECT_GT(place, 1);
+  drone.now += 20 * ns_per_s;
+  drone.stand(1);
+  EXPECT_NEAR(drone.odometry.pose().position_m[0], place, 1e-6);
+  drone.motor_s = 0;
+  drone.stand(1);
+  EXPECT_NEAR(drone.odometry.pose().position_m[0], 0, 1e-9);
+}
+
+TEST(Odometry, AGapOfTextsInTheAirIsUncertainty) {
+  Walker drone(10);
+  drone.fly(5, {0.5, 0, 0.2});
+  const double before = drone.sigma(0);
+  drone.now += 3 * ns_per_s;
+  drone.fly(text_s, {0.5, 0, 0});
+  EXPECT_GT(drone.sigma(0), before + 1);
+}
+
+}  // namespace
+}  // namespace ledgerline::link
