@@ -87,6 +87,8 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   flight.blocks = config.choice("flight.blocks", {"peer", "ordered"}, "peer") == "ordered"
                       ? fabric::BlockSource::ordered
                       : fabric::BlockSource::peer;
+  flight.pose = from_name<link::PoseSource>(config.choice("flight.pose", {"mocap", "tello", "pads"}, "mocap"))
+                    .value_or(flight.pose);
   flight.doubt = from_name<link::OnDoubt>(config.choice("flight.doubt", {"ignore", "hold", "land"}, "ignore"))
                      .value_or(flight.doubt);
   flight.laps = static_cast<int>(config.integer("flight.laps", flight.laps, 1, 100));
@@ -171,6 +173,7 @@ std::string text_of(const Script& script) {
   if (f.idle_evict_ns != usual.idle_evict_ns)
     text += fmt::format("idle_evict = \"{:g} s\"\n", to_seconds(f.idle_evict_ns));
   if (f.blocks != usual.blocks) text += "blocks = \"ordered\"\n";
+  if (f.pose != usual.pose) text += fmt::format("pose = \"{}\"\n", name(f.pose));
   if (f.doubt != usual.doubt) text += fmt::format("doubt = \"{}\"\n", name(f.doubt));
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
   if (f.yaw_deg != usual.yaw_deg) text += fmt::format("yaw_deg = {}\n", f.yaw_deg);

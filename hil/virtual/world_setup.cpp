@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/base/random.hpp"
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
 
@@ -18,6 +19,15 @@ const crypto::IdentityName stranger_name{"Org3MSP", "CN=User1@org3.ledgerline"};
 const crypto::IdentityName administrator_name{"Org2MSP", "CN=Admin@org2.ledgerline"};
 
 std::string drone_name(int number) { return fmt::format("tello{}", number); }
+
+namespace {
+
+std::array<double, 3> start_of(int k) {
+  const sim::Parameters places;
+  return {(k - 1) % places.columns * places.spacing_m, (k - 1) / places.columns * places.spacing_m, 0};
+}
+
+}  // namespace
 
 node::CoreConfig node_config(const WorldConfig& config) {
   node::CoreConfig node;
@@ -36,6 +46,7 @@ sim::Parameters sim_parameters(const WorldConfig& config) {
   parameters.sdk.keeps_rc = config.keeps_rc;
   parameters.sdk.command_counts = config.command_counts;
   parameters.wind.gust_mps = config.gust_mps;
+  if (config.pose != link::PoseSource::mocap) parameters.mocap_hz = 0;
   // A heavier drone hovers as well as any, its flight controller sees to that; but the same wind moves it less, and
   // its motors have less to spare.
   const double factor = 1 + config.model_error;
@@ -59,7 +70,17 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, config.max_age_ns);
   settings.failsafe.doubt = config.doubt;
   settings.playout.max_margin_ns = 0;  // as ./fly: ground counts on plans that take over as they come
-  for (int k = 1; k <= config.drones; ++k) settings.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
+  Random put(config.seed);
+  for (int k = 1; k <= config.drones; ++k) {
+    link::DroneSettings drone{.name = drone_name(k), .number = static_cast<DroneNumber>(k), .source = config.pose};
+    drone.odometry.start_m = start_of(k);
+    drone.odometry.start_m[0] += config.start_error_m * put.normal();
+    drone.odometry.start_m[1] += config.start_error_m * put.normal();
+    drone.odometry.start_yaw_rad = config.start_error_rad * put.normal();
+    settings.drones.push_back(drone);
+  }
+  for (const sim::Pad& pad : config.pads)
+    settings.pads.push_back({.id = pad.id, .position_m = {pad.x_m, pad.y_m, 0}, .yaw_rad = pad.yaw_rad});
   if (!config.room_m) return settings;
   const double room_m = *config.room_m;
   const int columns = std::min(config.drones, places.columns);
@@ -98,7 +119,8 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
   const link::LinkSettings link = link_settings(config);
   ground.controller.told_mps = static_cast<double>(link.rc.full_scale_mps);
   ground.controller.told_mps2 = static_cast<double>(link.playout.max_acceleration_mps2);
-  ground.controller.pose_lost_ns = link.failsafe.pose_lost_ns;
+  ground.controller.pose_lost_ns =
+      config.pose == link::PoseSource::mocap ? link.failsafe.pose_lost_ns : link.failsafe.velocity_lost_ns;
   ground.self = operator_name;
   ground.believed = ledger.shared_registry();
   return ground;
