@@ -35,6 +35,11 @@ std::vector<OwnDrone> read_each(Config& config) {
     drone.address = config.text({key + "address", "IPv4, as its host reaches it"});
     drone.interface = plain_text(config, behind, config.text(behind, ""));
     drone.serial = plain_text(config, serial, config.text(serial, ""));
+    const auto start = config.numbers(
+        {key + "start_m", "without [[host]]: where it stands, x, y, z in `map`, for its own odometry"}, 3, {0, 0, 0});
+    std::copy_n(start.begin(), std::min<std::size_t>(3, start.size()), drone.start_m.begin());
+    drone.start_yaw_rad = config.number(
+        {key + "start_yaw_rad", "without [[host]]: where its nose points then, counter-clockwise from x"}, 0, -7, 7);
     in_addr ip{};
     if (!drone.address.empty() && ::inet_pton(AF_INET, drone.address.c_str(), &ip) != 1)
       config.wrong(key + "address", fmt::format("is \"{}\", must be an IPv4 address", drone.address));
@@ -64,7 +69,8 @@ void read_pose(Config& config, OwnDrones& out) {
     }
     config.left_to_another("pose");
     out.mocap_table = "\n[mocap]\ntopic = \"\"\n";
-    out.link_tables += config.table_text("pose");
+    config.left_to_another("pad");
+    out.link_tables += config.table_text("pose") + config.table_text("pad");
     return;
   }
   if (!topic.empty()) out.mocap_table += fmt::format("topic = \"{}\"\n", topic);

@@ -14,10 +14,12 @@
 namespace ledgerline::deployment {
 
 struct OwnDrone {
-  std::string name;       ///< as it is enrolled
-  std::string address;    ///< IPv4
-  std::string interface;  ///< that it is behind; empty: the routing table says
-  std::string serial;     ///< that it must answer with; empty: any
+  std::string name{};               ///< as it is enrolled
+  std::string address{};            ///< IPv4
+  std::string interface {};         ///< that it is behind; empty: the routing table says
+  std::string serial{};             ///< that it must answer with; empty: any
+  std::array<double, 3> start_m{};  ///< where it stands, for its own odometry
+  double start_yaw_rad = 0;
 };
 
 /// What a flight is, where the command line does not say otherwise.

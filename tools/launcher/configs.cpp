@@ -6,6 +6,7 @@
 
 #include "common/base/file.hpp"
 #include "onboard/link/core/settings.hpp"
+#include "sim/core/parameters.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace ledgerline::fly {
@@ -62,15 +63,27 @@ std::string checkpoint_line(const RunFiles& files, const Options& options, const
 std::string proxied_address_of(int drone) { return fmt::format("127.0.1.{}", drone + 1); }
 const char* const proxy_address = "127.0.2.1";  // toward the drones; link has the ports for state at the others
 
-std::string drone_tables(const Options& options, bool with_address) {
+std::string drone_tables(const Options& options) {
+  std::string tables;
+  for (int k = 1; k <= options.drones; ++k)
+    tables += fmt::format("\n[[drone]]\nname = \"{}\"\nnumber = {}\n", drone_name(options, k), k);
+  return tables;
+}
+
+// A simulated one stands where the simulator puts it, so that those which fly by their own senses have one frame.
+std::string link_drone_tables(const Options& options) {
+  const sim::Parameters places;
   std::string tables;
   for (int k = 1; k <= options.drones; ++k) {
-    tables += fmt::format("\n[[drone]]\nname = \"{}\"\nnumber = {}\n", drone_name(options, k), k);
-    if (!with_address) continue;
     const deployment::OwnDrone own =
-        options.own ? options.own->drones[static_cast<std::size_t>(k) - 1] : deployment::OwnDrone{};
-    const std::string address = options.own ? own.address : options.proxy ? proxied_address_of(k) : address_of(k);
-    tables += fmt::format("address = \"{}\"\n", address);
+        options.own ? options.own->drones[static_cast<std::size_t>(k) - 1]
+                    : deployment::OwnDrone{.address = options.proxy ? proxied_address_of(k) : address_of(k),
+                                           .start_m = {(k - 1) % places.columns * places.spacing_m,
+                                                       (k - 1) / places.columns * places.spacing_m, 0}};
+    tables += fmt::format(
+        "\n[[drone]]\nname = \"{}\"\nnumber = {}\naddress = \"{}\"\nstart_m = [{:.3f}, {:.3f}, {:.3f}]\n"
+        "start_yaw_rad = {:.4f}\n",
+        drone_name(options, k), k, own.address, own.start_m[0], own.start_m[1], own.start_m[2], own.start_yaw_rad);
     if (!own.interface.empty()) tables += fmt::format("interface = \"{}\"\n", own.interface);
     if (!own.serial.empty()) tables += fmt::format("serial = \"{}\"\n", own.serial);
   }
@@ -139,7 +152,8 @@ std::string ledger_keys(const Options& options) {
 std::string link_config(const RunFiles& files, const Options& options) {
   return output_table(files, "link") + memory_lines(files) + (options.own ? "status_period_ms = 250\n" : "") +
          fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
-         (options.own ? "\n" + options.own->link_tables : "") + drone_tables(options, true);
+         (options.own ? "\n" + options.own->link_tables : fmt::format("\n[pose]\nsource = \"{}\"\n", options.pose)) +
+         link_drone_tables(options);
 }
 
 std::string flight_table(const Options& options) {
@@ -149,9 +163,10 @@ std::string flight_table(const Options& options) {
       shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, options.side_m, options.predict);
   // What link keeps to, as its own config leaves it.
   const link::LinkSettings link = options.own ? options.own->link : link::LinkSettings{};
+  const bool mocap = options.own ? options.own->pose_source == "mocap" : options.pose == "mocap";
   table += fmt::format("told_mps = {:.3f}\ntold_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n",
                        std::min(link.rc.full_scale_mps, link.playout.max_speed_mps), link.playout.max_acceleration_mps2,
-                       to_ms(link.failsafe.pose_lost_ns));
+                       to_ms(mocap ? link.failsafe.pose_lost_ns : link.failsafe.velocity_lost_ns));
   if (!options.course_file.empty()) table += fmt::format("waypoints = \"{}\"\n", options.course_file);
   if (options.ramp.start_mps > 0) {
     table +=
@@ -173,7 +188,7 @@ Status write_sim_config(const RunFiles& files, const Options& options) {
 Status write_local_configs(const RunFiles& files, const Options& options) {
   const std::string link = link_config(files, options);
   const std::string local = output_table(files, "local") + "status_period_ms = 250\n" + flight_table(options) +
-                            dds_table(options, Side::drones) + drone_tables(options, false);
+                            dds_table(options, Side::drones) + drone_tables(options);
   if (auto status = write_file(files.config("link"), link); !status) return status;
   return write_file(files.config("local"), local);
 }
@@ -244,10 +259,10 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
   const std::string agent = ledger("agent", 1) + output_table(files, "agent") +
                             checkpoint_line(files, options, "agent") + with_status + patience(options) +
                             (options.own ? options.own->mocap_table : "") + dds_table(options, Side::drones) +
-                            drone_tables(options, false);
+                            drone_tables(options);
   const std::string ground = ledger("ground", 2) + output_table(files, "ground") +
                              checkpoint_line(files, options, "ground") + with_status + flight_table(options) +
-                             dds_table(options, Side::ground) + drone_tables(options, false);
+                             dds_table(options, Side::ground) + drone_tables(options);
   const std::pair<std::string, std::string> all[] = {
       {"link", link},
       {"agent", agent},

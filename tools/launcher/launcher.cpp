@@ -186,9 +186,9 @@ Status Launcher::start_local() {
 
 Status Launcher::start_sim() {
   if (auto s = write_sim_config(files_, options_); !s) return s;
-  return start("sim",
-               {"--config", files_.config("sim"), "--drones", std::to_string(options_.drones), "--seed",
-                std::to_string(options_.seed), "--trace", files_.trace("sim"), "--summary", files_.summary("sim")});
+  return start("sim", {"--config", files_.config("sim"), "--drones", std::to_string(options_.drones), "--seed",
+                       std::to_string(options_.seed), "--trace", files_.trace("sim"), "--summary",
+                       files_.summary("sim"), "--mocap-hz", options_.pose == "mocap" ? "100" : "0"});
 }
 
 std::string Launcher::ground_why() const {

@@ -55,6 +55,10 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
       .one_of({"on", "off"})
       .shows_default();
   line.option("--ramp", words.ramp, "START:STEP, m/s: speed of the first lap, and by how much each one is faster");
+  line.option("--pose", o.pose,
+              "Who says where the drones are: motion capture, or each drone's own velocities and heights")
+      .one_of({"mocap", "tello"})
+      .shows_default();
   line.option("--max-age", words.max_age, "Agent and link take no command made from an older state (default: 500ms)")
       .checked_by("TIME", check_duration);
   line.option("--rate", o.rate_hz, "States a second of each drone").within(1.0, 200.0).shows_default();

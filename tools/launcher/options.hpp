@@ -19,6 +19,7 @@ struct Options {
   std::string course_file;                  ///< a path of one's own, absolute; empty: the shape
   std::vector<ground::Waypoint> waypoints;  ///< of that file
   double side_m = 1.5;                      ///< of the shape
+  std::string pose = "mocap";               ///< link's pose.source
   bool manual = false;                      ///< no path: a pilot flies, by ROS 2 topics
   bool predict = true;                      ///< false: the plain controller: newest state, newest command
   ground::Ramp ramp;
