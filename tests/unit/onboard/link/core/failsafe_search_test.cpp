@@ -68,13 +68,14 @@ class Search {
     settings_.fence_land_after_ns = fence_land_after() * step_ns;
   }
 
-  void run() {
+  /// To a fixed point, or for so many steps.
+  void run(std::size_t max_steps = SIZE_MAX) {
     State start;
     start.phase = static_cast<int>(FlightPhase::taking_off);
     visit(start);
     start.phase = static_cast<int>(FlightPhase::disconnected);
     visit(start);
-    while (!open_.empty() && !::testing::Test::HasFailure()) {
+    while (!open_.empty() && steps_ < max_steps && !::testing::Test::HasFailure()) {
       const State from = open_.front();
       open_.pop_front();
       for (const Input& input : inputs()) {
@@ -324,8 +325,11 @@ TEST(FailsafeSearch, NoReachableStateHasNeitherAFreshPlanNorAnAction) {
   const bool whole = seeds(0, 1) == 1;
   for (const auto& [doubt, own_senses] : {std::pair(OnDoubt::ignore, false), std::pair(OnDoubt::ignore, true),
                                           std::pair(OnDoubt::hold, false), std::pair(OnDoubt::land, false)}) {
-    if (slow && doubt != OnDoubt::hold) continue;  // the one with most states
     Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2}, doubt, own_senses);
+    if (slow) {  // what a sanitizer looks for shows in the first million steps, or not at all
+      search.run(1'000'000);
+      continue;
+    }
     search.run();
     std::printf("doubt %s, poses of %s: %zu states of the failsafe visited, %zu steps taken\n", name(doubt),
                 own_senses ? "its own senses" : "motion capture", search.states(), search.steps());
