@@ -173,6 +173,13 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
   read_output(config, s);
   s.mocap_topic = config.text({"mocap.topic", "where mocap's poses come; {drone} is the drone's name; \"\": no mocap"},
                               "/vrpn_mocap/{drone}/pose");
+  constexpr PoseMessage usual = PoseMessage::pose_stamped;
+  s.mocap_message = from_name<PoseMessage>(
+                        config.choice({"mocap.type", "of the topic's messages; of an array the drone's name counts"},
+                                      {name(PoseMessage::pose_stamped), name(PoseMessage::odometry),
+                                       name(PoseMessage::named_pose_array)},
+                                      name(usual)))
+                        .value_or(usual);
   s.mocap_stamps_are_of_this_host =
       config.choice({"mocap.clock", "whether its stamps are of this host's clock, or the time of arrival counts"},
                     {"host", "arrival"}, "host") == "host";

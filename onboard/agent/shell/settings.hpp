@@ -3,6 +3,7 @@
 
 #include "common/bridge/core/rules.hpp"
 #include "common/config/config.hpp"
+#include "common/msg/pose_messages.hpp"
 #include "onboard/agent/core/agent_core.hpp"
 
 namespace ledgerline::agent {
@@ -10,10 +11,11 @@ namespace ledgerline::agent {
 /// Everything of agent.toml but [ledger] and [[msp]], which common/fabric reads.
 struct Settings {
   AgentConfig core;
-  std::string trace;                          ///< file; empty: none
-  std::string summary;                        ///< file; empty: none
-  TimeNs status_period_ns = 0;                ///< 0: none
-  std::string mocap_topic;                    ///< "{drone}" stands for the drone's name; empty: no mocap
+  std::string trace;            ///< file; empty: none
+  std::string summary;          ///< file; empty: none
+  TimeNs status_period_ns = 0;  ///< 0: none
+  std::string mocap_topic;      ///< "{drone}" stands for the drone's name; empty: no mocap
+  PoseMessage mocap_message = PoseMessage::pose_stamped;
   bool mocap_stamps_are_of_this_host = true;  ///< else the time of arrival counts
   TimeNs start_wait_ns = 0;                   ///< for RouDi and the ledger, each
   std::string checkpoint;                     ///< file of the newest block believed; empty: none

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/msg/ros.hpp"
+#include "common/msg/pose_messages.hpp"
 #include "common/rt/real_time.hpp"
 #include "common/rt/retry/keep_trying.hpp"
 #include "onboard/agent/shell/shell.hpp"
@@ -104,10 +104,12 @@ Status AgentShell::subscribe_to_mocap() {
     mocap.ring = std::make_unique<SpscRing<MocapMessage, 64>>();
     // Best effort hears both kinds of writers, and a pose that was lost is not worth sending again.
     auto subscriber = dds::RawReader::create(
-        participant_, topic_of(settings_.mocap_topic, drone.name), std::string(pose_type), {.reliable = false},
-        [this, ring = mocap.ring.get()](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
-          const auto pose = pose_from_cdr(dds::text_of(cdr));
-          if (!pose || !ring->push({pose->header.stamp_ns, monotonic_ns(), pose->position_m, pose->orientation}))
+        participant_, topic_of(settings_.mocap_topic, drone.name), name(settings_.mocap_message), {.reliable = false},
+        [this, ring = mocap.ring.get(), drone = drone.name](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
+          const auto pose = pose_from_message(settings_.mocap_message, dds::text_of(cdr), drone);
+          if (pose && !*pose) return;  // of others alone
+          if (!pose ||
+              !ring->push({(*pose)->header.stamp_ns, monotonic_ns(), (*pose)->position_m, (*pose)->orientation}))
             ++mocap_lost_;
           mailbox_.wake();
         });
