@@ -48,7 +48,7 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "battery critical",
                              "stopped",
                              "the ledger is doubted",
-                             "its own velocity is lost (too dark, or a floor without texture?)",
+                             "its own velocity is lost (it sees no ground)",
                              "its position is too uncertain for the fence",
                              "it does not move as it is told",
                              "it is tilted",

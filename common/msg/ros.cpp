@@ -190,6 +190,8 @@ bool believable(const StateSample& s) {
          is_time(std::abs(std::max(s.applied_late_ns, -INT64_MAX))) && are_sizes(s.position_m) &&
          are_sizes(s.velocity_mps) && are_sizes(s.sent_velocity_mps) && are_sizes(s.attitude_rad) &&
          are_sizes(s.acceleration_mps2) &&
+         std::all_of(s.pose_variance.begin(), s.pose_variance.end(),
+                     [](float v) { return v >= 0 && std::isfinite(v); }) &&
          are_sizes(std::array<double, 5>{s.yaw_rad, s.battery, s.tof_m, s.height_m, s.sent_yaw_rate_radps});
 }
 

@@ -72,7 +72,10 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   settings.playout.max_margin_ns = 0;  // as ./fly: ground counts on plans that take over as they come
   Random put(config.seed);
   for (int k = 1; k <= config.drones; ++k) {
-    link::DroneSettings drone{.name = drone_name(k), .number = static_cast<DroneNumber>(k), .source = config.pose};
+    link::DroneSettings drone{.name = drone_name(k),
+                              .number = static_cast<DroneNumber>(k),
+                              .source = config.pose,
+                              .by_hand_without_pose = config.pose != link::PoseSource::mocap};
     drone.odometry.start_m = start_of(k);
     drone.odometry.start_m[0] += config.start_error_m * put.normal();
     drone.odometry.start_m[1] += config.start_error_m * put.normal();

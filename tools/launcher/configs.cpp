@@ -152,7 +152,8 @@ std::string ledger_keys(const Options& options) {
 std::string link_config(const RunFiles& files, const Options& options) {
   return output_table(files, "link") + memory_lines(files) + (options.own ? "status_period_ms = 250\n" : "") +
          fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
-         (options.own ? "\n" + options.own->link_tables : fmt::format("\n[pose]\nsource = \"{}\"\n", options.pose)) +
+         (options.own ? "\n" + options.own->link_tables
+                      : fmt::format("\n[pose]\nsource = \"{}\"\nvelocity_signs = [1, 1, 1]\n", options.pose)) +
          link_drone_tables(options);
 }
 

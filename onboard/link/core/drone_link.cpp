@@ -15,6 +15,7 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       fence_(settings.fence),
       rc_settings_(settings.rc),
       source_(drone.source),
+      by_hand_without_pose_(drone.by_hand_without_pose),
       odometry_(drone.odometry),
       pads_(settings.pads),
       session_(settings.session, drone.serial, drone.source == PoseSource::pads),
@@ -50,12 +51,13 @@ void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
                      .stamp_ns = plan.state_stamp_ns,
                      .v = {}});
   if (admission_.admit(at.now, plan) != DropReason::none) return;
-  if (plan.action == PlanAction::fly || plan.action == PlanAction::takeoff) by_hand_ = plan.body_frame;
   if (!is_contract_word(plan.action)) {
     arrived_sequence_ = plan.sequence;
     arrived_ns_ = at.now;
   }
   const bool flies = plan.action == PlanAction::fly;
+  // One that a brake drops counts all the same: by hand it may end.
+  if (flies && session_.phase() == FlightPhase::flying) by_hand_ = plan.body_frame;
   const DropReason reason = flies ? may_follow(at) : obey(at, plan);
   if (reason != DropReason::none) {
     admission_.dropped(plan, reason);
@@ -98,8 +100,11 @@ DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept 
   if (!on_ground(phase)) return DropReason::not_flying;
   if (plan.state_stamp_ns <= takeoff_after_ns_) return DropReason::too_old;
   update_facts(at, {});
+  facts_.needs_position = !(plan.body_frame && by_hand_without_pose_);
   const bool refused = takeoff_refusal(failsafe_settings_, fence_, at.now, facts_) != FailsafeCause::none;
-  return !refused && session_.request_takeoff(at.now) ? DropReason::none : DropReason::not_flying;
+  if (refused || !session_.request_takeoff(at.now)) return DropReason::not_flying;
+  by_hand_ = plan.body_frame;
+  return DropReason::none;
 }
 
 DropReason DroneLink::land(TimeNs now) noexcept {
@@ -162,8 +167,14 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) no
   facts_.height_m = session_.state().height_m;
   facts_.battery = session_.state().battery;
   for (std::size_t i = 0; i < 3; ++i) facts_.sigma_m[i] = std::sqrt(static_cast<double>(pose_.variance[i]));
+  facts_.sigma_yaw_rad = std::sqrt(static_cast<double>(pose_.variance[3]));
   facts_.own_senses = source_ != PoseSource::mocap;
-  facts_.needs_position = !by_hand_;
+  const bool by_hand = wish.valid ? wish.body_frame : by_hand_;
+  facts_.needs_position = !(by_hand && by_hand_without_pose_);
+  // Without a pose its own height is all that is known of where it is.
+  const bool placed =
+      pose_.stamp_ns != 0 && (facts_.needs_position || at.now - pose_.stamp_ns < failsafe_settings_.state_stale_ns);
+  if (!placed) facts_.position_m[2] = static_cast<double>(facts_.height_m);
   facts_.motion_differs = motion_watch_.differs();
   facts_.tilted = tilt_watch_.tilted();
   facts_.overturned = tilt_watch_.overturned();
@@ -272,6 +283,7 @@ void DroneLink::watch_phase(const LinkMoment& at) noexcept {
     motion_watch_.reset();
     if (phase == FlightPhase::flying) {
       limiter_.reset(at.now);
+      moved_m_ = {};
     } else {
       playout_.clear(DropReason::not_flying);
       sent_ = {};

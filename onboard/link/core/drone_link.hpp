@@ -129,6 +129,7 @@ class DroneLink {
   RcSettings rc_settings_;
 
   PoseSource source_;
+  bool by_hand_without_pose_;
   Odometry odometry_;  ///< where its own senses are the source
   std::vector<PadSettings> pads_;
   TiltWatch tilt_watch_;
@@ -146,7 +147,7 @@ class DroneLink {
   Pose pose_;
   std::array<double, 3> moved_m_{};                     ///< since that pose, as far as what was sent tells
   double told_yaw_rad_ = 0, told_yaw_at_pose_rad_ = 0;  ///< the drone's own, newest and at that pose
-  bool by_hand_ = false;                                ///< the newest plan is in the drone's frame
+  bool by_hand_ = false;  ///< the newest plan that was to be flown is in the drone's frame
   TimeNs pose_came_ns_ = 0;
   bool in_common_frame_;
   std::optional<Verdict> verdict_;  ///< of this step; none: it is alone

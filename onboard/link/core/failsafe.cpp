@@ -57,10 +57,11 @@ Outside outside(const FenceSettings& fence, const FailsafeFacts& facts, bool pos
   return worst;
 }
 
-// Whether the fence, drawn in, leaves less room than a path needs.
+// Whether the heading is vague, or the fence, drawn in, leaves less room than a path needs.
 bool uncertain(const FailsafeSettings& settings, const FailsafeState& last, const FenceSettings& fence,
                const FailsafeFacts& facts) noexcept {
   const bool brakes = last.mode == FailsafeMode::brake;
+  if ((brakes ? 2 : 1) * facts.sigma_yaw_rad > settings.max_yaw_sigma_rad) return true;
   for (std::size_t i = 0; i < 2; ++i) {
     if (facts.sigma_m[i] <= 0) continue;
     const double sigmas = (brakes ? 2 : 1) * settings.fence_sigmas * facts.sigma_m[i];
@@ -272,14 +273,15 @@ FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSetti
   if (facts.tilt_rad > TiltWatch::no_takeoff_rad) return FailsafeCause::tilted;
   const TimeNs limit = facts.own_senses ? settings.velocity_lost_ns : settings.pose_lost_ns;
   const bool lost = older(now, facts.pose_ns, limit);
-  if (!facts.needs_position && (lost || facts.sigma_m[0] > 0)) return FailsafeCause::none;
+  if (facts.too_near) return FailsafeCause::too_near;
+  const bool vague = uncertain(settings, {}, fence, facts);
+  if (!facts.needs_position && (lost || vague)) return FailsafeCause::none;
   if (lost) return facts.own_senses ? FailsafeCause::velocity_lost : FailsafeCause::pose_lost;
-  if (uncertain(settings, {}, fence, facts)) return FailsafeCause::position_uncertain;
+  if (vague) return FailsafeCause::position_uncertain;
   const FenceSettings holds = fence_for(settings, fence, {}, now, facts);
   for (std::size_t i = 0; i < 2; ++i) {
     if (facts.position_m[i] < holds.min_m[i] || facts.position_m[i] > holds.max_m[i]) return FailsafeCause::fence;
   }
-  if (facts.too_near) return FailsafeCause::too_near;
   return FailsafeCause::none;
 }
 
@@ -287,7 +289,8 @@ FenceSettings fence_for(const FailsafeSettings& settings, const FenceSettings& f
                         TimeNs now, const FailsafeFacts& facts) noexcept {
   constexpr double anywhere_m = 1e9;
   const bool vague = uncertain(settings, last, fence, facts);
-  const bool unbounded = !facts.needs_position && (vague || lost_pose(settings, last, now, facts));
+  const bool nowhere = lost_pose(settings, last, now, facts) || facts.sigma_m[0] > settings.lost_sigma_m;
+  const bool unbounded = !facts.needs_position && nowhere;
   FenceSettings holds = fence;
   for (std::size_t i = 0; i < 2; ++i) {
     // Where FS-19 brakes the box is not drawn in to nothing: it would land who is to hover.

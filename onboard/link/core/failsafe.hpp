@@ -22,9 +22,10 @@ struct FailsafeFacts {
   std::array<double, 3> position_m{};  ///< of that pose, and moved on by what was sent since
   std::array<double, 3> velocity_mps{};
   std::array<double, 3> sigma_m{};  ///< standard deviations of that position; 0: nobody told
+  double sigma_yaw_rad = 0;         ///< of the heading; the same
   /// The pose is of the drone's own senses: it does not come through agent.
   bool own_senses = false;
-  /// False where it is flown by hand, in its own frame: by the newest plan.
+  /// False where a pilot who may do without flies it by hand: what is flown now, or was flown last.
   bool needs_position = true;
   bool motion_differs = false;  ///< from what it is told (watch/motion_watch.hpp)
   bool tilted = false;          ///< beyond what flying needs (watch/tilt_watch.hpp) ...

@@ -158,6 +158,12 @@ struct FailsafeSettings {
   /// So much of it must be left, along x and y, or nobody can fly a path in it. Half is narrower than a drone that
   /// overshoots; double refuses rooms of 3 m.
   double min_room_m = 0.5;
+  /// Of the heading: with more a path leads somewhere else, and the fence holds another place. 17 degrees: a tenth of a
+  /// metre beside each third of one; half is what somebody makes who puts a drone down by eye twice; double is a
+  /// spiral.
+  double max_yaw_sigma_rad = 0.3;
+  /// Of the position: with more nobody knows where it is, and a fence around that place would hold it anywhere.
+  double lost_sigma_m = 5;
   /// A brake, a silence or a warning ends when its cause has been away this long. At least half of each limit above
   /// (FS-29), or one lonely sign of life ends it: 500 ms is that of state_stale. Half is refused with the other
   /// defaults; double adds half a second of hovering to each brake.
@@ -240,6 +246,9 @@ struct DroneSettings {
   DroneNumber number = 0;
   PoseSource source = PoseSource::mocap;
   OdometrySettings odometry{};
+  /// A pilot may fly it on, and take off with it, without a usable position; then no wall of the fence holds, only its
+  /// ceiling. For whoever sees the drone.
+  bool by_hand_without_pose = false;
   std::string serial{};  ///< what `sn?` must answer before a take-off; empty: not asked
   /// Its poses are in the frame of the others': only then it can be kept apart from them.
   bool in_common_frame = true;

@@ -13,6 +13,7 @@
 #include "common/config/config.hpp"
 #include "common/msg/names.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
+#include "onboard/link/shell/pose_config.hpp"
 
 namespace ledgerline::link {
 namespace {
@@ -182,67 +183,12 @@ void read_fence(Config& config, LinkSettings& link) {
                     fence.far_beyond_m, 0, 1000);
 }
 
-void read_odometry(Config& config, OdometrySettings& odometry) {
-  const auto signs = config.numbers(
-      {"pose.velocity_signs", "sign of each of vgx, vgy, vgz against forward, left, up, as `calibrate` measures them"},
-      3, {odometry.velocity_signs[0], odometry.velocity_signs[1], odometry.velocity_signs[2]});
-  for (std::size_t i = 0; i < 3 && i < signs.size(); ++i) odometry.velocity_signs[i] = signs[i] < 0 ? -1.0F : 1.0F;
-  odometry.velocity_in_body =
-      config.choice({"pose.velocity_frame",
-                     "the frame that vgx, vgy, vgz are told in: the one it had at power on, or one that turns with it"},
-                    {"power_on", "body"}, "power_on") == "body";
-  odometry.flow_mps =
-      config.number({"pose.flow_mps", "standard deviation of its velocities' slow error, for the variance"},
-                    odometry.flow_mps, 0.001, 1);
-  odometry.flow_s =
-      config.number({"pose.flow_s", "how long that error lasts (correlation time)"}, odometry.flow_s, 0.1, 600);
-  odometry.flow_scale =
-      config.number({"pose.flow_scale", "standard deviation of its velocities' scale"}, odometry.flow_scale, 0, 0.5);
-}
-
-void read_pads(Config& config, std::vector<PadSettings>& pads) {
-  for (std::size_t i = 0; i < config.table_count({"pad", "mission pads, where they lie; for source \"pads\""}); ++i) {
-    const std::string key = fmt::format("pad.{}.", i);
-    PadSettings pad;
-    pad.id = static_cast<int>(config.integer({key + "id", "the pad's number, printed on it"}, 1, 1, 8));
-    const auto place = config.numbers({key + "position_m", "x, y, z of its middle in `map`"}, 3, {0, 0, 0});
-    std::copy_n(place.begin(), std::min<std::size_t>(3, place.size()), pad.position_m.begin());
-    pad.yaw_rad = config.number({key + "yaw_rad", "where its arrow points, counter-clockwise from x"}, 0, -7, 7);
-    pads.push_back(pad);
-  }
-}
-
 struct DroneTable {
   DroneSettings drone;
   std::string address, interface;
 };
 
-PoseSource read_source(Config& config, const Key& key, PoseSource otherwise) {
-  return from_name<PoseSource>(config.choice(key,
-                                             {name(PoseSource::mocap), name(PoseSource::tello), name(PoseSource::pads)},
-                                             name(otherwise)))
-      .value_or(otherwise);
-}
-
-void read_start(Config& config, const std::string& key, OdometrySettings& odometry) {
-  const auto start = config.numbers(
-      {key + "start_m", "where it stands when link first sees it, x, y, z in `map`; for its own odometry"}, 3,
-      {0, 0, 0});
-  std::copy_n(start.begin(), std::min<std::size_t>(3, start.size()), odometry.start_m.begin());
-  odometry.start_yaw_rad =
-      config.number({key + "start_yaw_rad", "where its nose points then, counter-clockwise from x"}, 0, -7, 7);
-}
-
-std::vector<DroneTable> read_drones(Config& config, std::vector<PadSettings>& pads) {
-  const PoseSource source = read_source(config,
-                                        {"pose.source",
-                                         "who says where drones are: motion capture (or any topic of poses) through "
-                                         "agent, the drone's own velocities and "
-                                         "heights, or these and mission pads"},
-                                        PoseSource::mocap);
-  OdometrySettings odometry;
-  read_odometry(config, odometry);
-  read_pads(config, pads);
+std::vector<DroneTable> read_drones(Config& config, const PoseSettings& pose) {
   std::vector<DroneTable> tables;
   for (std::size_t i = 0; i < config.table_count({"drone", "1 to 16 of them, one for each drone"}); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
@@ -251,14 +197,7 @@ std::vector<DroneTable> read_drones(Config& config, std::vector<PadSettings>& pa
     table.drone.number = static_cast<DroneNumber>(
         config.integer({key + "number", "in shared memory; agent's must be the same", "its place in the file"},
                        static_cast<std::int64_t>(i) + 1, 1, max_drones));
-    table.drone.source =
-        read_source(config, {key + "pose_source", "as pose.source, of this drone", "pose.source"}, source);
-    table.drone.odometry = odometry;
-    read_start(config, key, table.drone.odometry);
-    table.drone.in_common_frame = config.boolean(
-        {key + "common_frame",
-         "its poses are in the frame of the others': else it is not kept apart from them, and you see to it"},
-        true);
+    read_drone_pose(config, key, pose, table.drone);
     table.address = config.text({key + "address", "IPv4; drones are told apart by it, and by their interfaces"});
     table.interface =
         config.text({key + "interface",
@@ -309,24 +248,6 @@ void read_separation(Config& config, SeparationSettings& separation) {
        "drones of this host never come nearer to each other, centre to centre; 0 switches it off. Larger needs more "
        "room to pass"},
       separation.min_m, 0, 10);
-}
-
-// Two that would be at one place have no common frame: they would not know of each other.
-Status check_starts(const std::string& path, const LinkSettings& link) {
-  for (std::size_t i = 0; i < link.drones.size(); ++i) {
-    for (std::size_t k = 0; k < i; ++k) {
-      const DroneSettings &one = link.drones[k], &other = link.drones[i];
-      if (one.source == PoseSource::mocap || other.source == PoseSource::mocap) continue;
-      if (!one.in_common_frame || !other.in_common_frame) continue;
-      const auto &a = one.odometry.start_m, &b = other.odometry.start_m;
-      if (std::hypot(a[0] - b[0], a[1] - b[1]) >= link.separation.min_m) continue;
-      return Error{fmt::format(
-          "{}: drones {} and {} fly by their own senses from one place ({:.2f}, {:.2f}): say start_m of each, or "
-          "common_frame = false of those that you keep apart by yourself",
-          path, one.name, other.name, b[0], b[1])};
-    }
-  }
-  return done;
 }
 
 // A fence without room inside would hold every drone at once.
@@ -397,7 +318,9 @@ Result<ShellSettings> load_settings(const std::string& path) {
 
 Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   ShellSettings settings;
-  const auto tables = read_drones(config, settings.link.pads);
+  const PoseSettings pose = read_pose(config);
+  settings.link.pads = pose.pads;
+  const auto tables = read_drones(config, pose);
   const auto command_port = config.integer(
       {"tello.command_port", "where drones take commands; a Tello's is fixed, a proxy's may differ"}, 8889, 1, 65535);
   const std::string port = std::to_string(command_port);
@@ -443,7 +366,7 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
     settings.interfaces.push_back(table.interface);
     settings.link.drones.push_back(table.drone);
   }
-  if (auto status = check_starts(path, settings.link); !status) return status.error();
+  if (auto status = check_poses(path, settings.link); !status) return status.error();
   return settings;
 }
 

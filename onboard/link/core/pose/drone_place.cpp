@@ -17,13 +17,16 @@ bool finite(const Pose& pose) noexcept {
 }
 
 // What a pad's own place and the camera's look at it are worth together [A].
-constexpr double pad_sigma_m = 0.03;
+constexpr double pad_sigma_m = 0.03, pad_sigma_rad = 0.05;
 
-std::array<double, 3> on_map(const PadSettings& pad, const std::array<float, 3>& on_pad_m) noexcept {
+Odometry::Fix on_map(const PadSettings& pad, const TelloState& state) noexcept {
   const double c = std::cos(pad.yaw_rad), s = std::sin(pad.yaw_rad);
-  const double x = static_cast<double>(on_pad_m[0]), y = static_cast<double>(on_pad_m[1]);
-  return {pad.position_m[0] + c * x - s * y, pad.position_m[1] + s * x + c * y,
-          pad.position_m[2] + static_cast<double>(on_pad_m[2])};
+  const double x = static_cast<double>(state.on_pad_m[0]), y = static_cast<double>(state.on_pad_m[1]);
+  Odometry::Fix fix{.sigma_m = pad_sigma_m, .sigma_rad = pad_sigma_rad};
+  fix.position_m = {pad.position_m[0] + c * x - s * y, pad.position_m[1] + s * x + c * y,
+                    pad.position_m[2] + static_cast<double>(state.on_pad_m[2])};
+  fix.yaw_rad = pad.yaw_rad - static_cast<double>(state.on_pad_yaw_deg * rad_per_deg);  // told clockwise
+  return fix;
 }
 
 }  // namespace
@@ -40,7 +43,7 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
   if (source_ == PoseSource::mocap) return;
   odometry_.take(now, state, session_.seen_standing(now));
   for (const PadSettings& pad : pads_) {
-    if (source_ == PoseSource::pads && pad.id == state.pad) odometry_.fix(on_map(pad, state.on_pad_m), pad_sigma_m);
+    if (source_ == PoseSource::pads && pad.id == state.pad) odometry_.fix(on_map(pad, state));
   }
   accept_pose(now, odometry_.pose());
 }

@@ -15,16 +15,22 @@ constexpr double rounding(double step) { return step * std::numbers::inv_sqrt3 /
 constexpr double velocity_step_mps = 0.1, h_step_m = 0.1, tof_step_m = 0.01;
 constexpr double yaw_step_rad = std::numbers::pi / 180;
 
-// Nobody knows where it is: first seen in the air.
+// Nobody knows where it is: first seen in the air. Larger than any room, small enough for the filter's numbers.
 constexpr double anywhere_m = 100;
-// Below this tof shows its least; beyond that it sees nothing (65.53), or too little.
-constexpr double tof_least_m = 0.15, tof_most_m = 6.0;
-// A tof that is off by more than this, and by more than chance, has come over something else.
+// At 0.10 m tof shows its least, whatever is below. 65.53 says that it sees nothing; a Tello's flow ends before that.
+constexpr double min_tof_m = 0.15, max_tof_m = 6.0;
+// A tof that is off by more than this, and by more than chance, has come over something else: half takes a tilt's error for
+// a table, with double a drone climbs by a stair's height.
 constexpr double new_floor_m = 0.15, new_floor_sigmas = 4;
-// Of the drone's own senses [A]: the tof sensor, the barometer, and how fast h and the barometer drift.
+// Of the drone's own senses [A]: the tof sensor, the barometer, and how fast h and the barometer drift. Halved, the height
+// follows the barometer's noise; doubled, it is tof's alone.
 constexpr double tof_sigma_m = 0.015, barometer_sigma_m = 0.2, drift_m_per_sqrt_s = 0.03;
-// How far from zero velocity a second of flight without a text may be.
+// One text in ten seconds may be that late. What is flown unseen for longer is not known any more.
 constexpr double max_gap_s = 1.0;
+// A fix is believed within so many standard deviations: beyond is one in 16,000. One that goes on saying the same is
+// believed all the same: the third is within a second.
+constexpr double fix_sigmas = 4;
+constexpr int max_fixes_refused = 2;
 
 constexpr int px = 0, flow = 2, scale = 4, heading = 5;  // of the plane
 constexpr int z = 0, floor_z = 1, drift = 2, zero = 3;   // of the height
@@ -34,6 +40,8 @@ double square(double x) { return x * x; }
 }  // namespace
 
 void Odometry::start(const TelloState& state, bool at_start) noexcept {
+  placed_ = at_start;
+  fixes_refused_ = 0;
   const double sigma = at_start ? settings_.start_sigma_m : anywhere_m;
   const double turn = at_start ? settings_.start_sigma_rad : std::numbers::pi;
   plane_ << settings_.start_m[0], settings_.start_m[1], 0, 0, 0, 0;
@@ -116,7 +124,7 @@ void Odometry::measure_height(const TelloState& state) noexcept {
   const std::array<float, 3> attitude = attitude_rad(state);
   const double upright = static_cast<double>(std::cos(attitude[0]) * std::cos(attitude[1]));
   const auto tof = static_cast<double>(state.tof_m);
-  if (tof > tof_least_m && tof < tof_most_m && upright > 0.7) {
+  if (tof > min_tof_m && tof < max_tof_m && upright > 0.7) {
     const double measured = tof * upright;
     const Height by(1, -1, 0, 0);
     const double off = std::abs(measured - by.dot(height_));
@@ -131,21 +139,34 @@ void Odometry::measure_height(const TelloState& state) noexcept {
     update_height(Height(1, 0, 0, 1), static_cast<double>(state.barometer_m), barometer_sigma_m);
 }
 
+void Odometry::doubt_place(double metres) noexcept {
+  plane_cov_(px, px) += square(metres);
+  plane_cov_(px + 1, px + 1) += square(metres);
+}
+
 void Odometry::take(TimeNs now, const TelloState& state, bool stands) noexcept {
-  const bool first = text_ns_ == 0, switched_off = state.motor_s < motor_s_;
-  motor_s_ = state.motor_s;
-  if (first || switched_off) start(state, stands);
-  const double seconds = first ? 0 : std::min(to_seconds(now - text_ns_), max_gap_s);
-  if (!first && to_seconds(now - text_ns_) > max_gap_s && !stands) {
-    // What it did meanwhile nobody saw: it may have gone on as fast as it flew.
-    const double far = (last_velocity_mps_.norm() + 1) * to_seconds(now - text_ns_);
-    plane_cov_(px, px) += square(far);
-    plane_cov_(px + 1, px + 1) += square(far);
-  }
+  const bool first = text_ns_ == 0;
+  // Texts may overtake each other, so in the air a `time` that falls is only an old text.
+  const bool switched_off = stands && state.motor_s < motor_s_;
+  const bool only_now_seen_standing = stands && !placed_ && state.motor_s == motor_s_;
+  motor_s_ = stands ? state.motor_s : std::max(motor_s_, state.motor_s);
+  if (first || switched_off || only_now_seen_standing) start(state, stands);
+  const double silence_s = first ? 0 : to_seconds(now - text_ns_);
+  const double seconds = std::min(silence_s, max_gap_s);
+  const double speed_mps = last_velocity_mps_.norm();
+  // What it did meanwhile nobody saw: it may have gone on as fast as it flew, and landed somewhere.
+  if (silence_s > max_gap_s && !(stands && stood_)) doubt_place((speed_mps + 1) * silence_s);
+  stood_ = stands;
   text_ns_ = now;
   told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
-  const bool usable = state.velocity_told && state.tof_m < static_cast<float>(tof_most_m);
-  const Eigen::Vector3d velocity = stands ? Eigen::Vector3d::Zero() : told_velocity(state);
+  const bool usable = state.velocity_told && state.tof_m < static_cast<float>(max_tof_m);
+  // Without a usable velocity it is taken to fly on as it did, and may as well not.
+  const Eigen::Vector3d velocity = stands   ? Eigen::Vector3d::Zero()
+                                   : usable ? told_velocity(state)
+                                            : last_velocity_mps_;
+  const double unseen_m = usable || stands ? 0 : unseen_m_ + (speed_mps + 0.5) * seconds;
+  if (unseen_m > 0) doubt_place(std::sqrt(square(unseen_m) - square(unseen_m_)));  // as much as it may be by now
+  unseen_m_ = unseen_m;
   predict(seconds, (last_velocity_mps_ + velocity) / 2, stands);
   last_velocity_mps_ = velocity;
   if (stands) {
@@ -159,17 +180,37 @@ void Odometry::take(TimeNs now, const TelloState& state, bool stands) noexcept {
   tell(velocity);
 }
 
-void Odometry::fix(const std::array<double, 3>& position_m, double sigma_m) noexcept {
+void Odometry::fix_heading(const Fix& fix) noexcept {
+  const double innovation = std::remainder(fix.yaw_rad - yaw(), 2 * std::numbers::pi);
+  const double variance = plane_cov_(heading, heading) + square(fix.sigma_rad);
+  const Plane gain = plane_cov_.col(heading) / variance;
+  plane_ += gain * innovation;
+  plane_cov_ -= gain * gain.transpose() * variance;
+}
+
+void Odometry::fix(const Fix& fix) noexcept {
   if (text_ns_ == 0) return;
+  const Eigen::Vector2d off(fix.position_m[0] - plane_[px], fix.position_m[1] - plane_[px + 1]);
+  const Eigen::Matrix2d off_variance =
+      plane_cov_.topLeftCorner<2, 2>() + Eigen::Matrix2d(Eigen::Vector2d::Constant(square(fix.sigma_m)).asDiagonal());
+  const bool believable = off.dot(off_variance.inverse() * off) < square(fix_sigmas);
+  if (!believable && fixes_refused_ < max_fixes_refused) {
+    ++fixes_refused_;
+    return;
+  }
+  fixes_refused_ = 0;
+  placed_ = true;
+  if (!believable) doubt_place(off.norm());
   const Eigen::Vector3d before(plane_[px], plane_[px + 1], height_[z]);
-  const Eigen::Vector2d innovation(position_m[0] - plane_[px], position_m[1] - plane_[px + 1]);
+  fix_heading(fix);
+  const Eigen::Vector2d innovation(fix.position_m[0] - plane_[px], fix.position_m[1] - plane_[px + 1]);
   const Eigen::Matrix2d variance =
-      plane_cov_.topLeftCorner<2, 2>() + Eigen::Matrix2d(Eigen::Vector2d::Constant(square(sigma_m)).asDiagonal());
+      plane_cov_.topLeftCorner<2, 2>() + Eigen::Matrix2d(Eigen::Vector2d::Constant(square(fix.sigma_m)).asDiagonal());
   const Eigen::Matrix<double, 6, 2> gain = plane_cov_.leftCols<2>() * variance.inverse();
   plane_ += gain * innovation;
   plane_cov_ -= gain * variance * gain.transpose();
   plane_cov_ = (0.5 * (plane_cov_ + plane_cov_.transpose())).eval();
-  update_height(Height(1, 0, 0, 0), position_m[2], sigma_m);
+  update_height(Height(1, 0, 0, 0), fix.position_m[2], fix.sigma_m);
   held_back_m_ += before - Eigen::Vector3d(plane_[px], plane_[px + 1], height_[z]);
   tell(last_velocity_mps_);
 }

@@ -13,8 +13,8 @@ namespace ledgerline::link {
 /// 5.2), one of the plane and one of the height. Its place is known where it starts, and less with each metre and second:
 /// the pose's variance says how well. Absolute fixes (a mission pad, motion capture before it went away) bring it back.
 ///
-/// What is told never jumps: what a fix corrects is let in at OdometrySettings::correction_mps, and until then is part of
-/// the variance.
+/// The place that is told never jumps: what a fix corrects is let in at OdometrySettings::correction_mps, and until then
+/// is part of the variance. A fix that is far beyond what the variance allows is believed when it comes three times.
 ///
 ///   plane:  x, y | slow error of the flow in x, y | its scale | heading of the frame that velocities are told in
 ///   height: z | height of what is below | drift of h | zero of the barometer
@@ -24,11 +24,17 @@ class Odometry {
  public:
   explicit Odometry(const OdometrySettings& settings) noexcept : settings_(settings) {}
 
-  /// A state text that came at `now`. `stands`: it is seen on the ground, so it does not move. First seen in the air (a
-  /// link that starts again), or standing after an absence in which it was switched off: see the settings.
+  /// A state text that came at `now`. `stands`: it is seen on the ground, so it does not move. It is where the settings
+  /// say when it is first seen standing, and when it was switched off and on; first seen in the air (a link that starts
+  /// again), or standing where it was seen flying before a silence, it may be anywhere.
   void take(TimeNs now, const TelloState& state, bool stands) noexcept;
-  /// An absolute fix at the time of the newest text.
-  void fix(const std::array<double, 3>& position_m, double sigma_m) noexcept;
+  /// An absolute fix at the time of the newest text: place and heading in the map, with their standard deviations.
+  struct Fix {
+    std::array<double, 3> position_m{};
+    double sigma_m = 0;
+    double yaw_rad = 0, sigma_rad = 0;
+  };
+  void fix(const Fix& fix) noexcept;
 
   /// Map frame. Its stamp is that of the newest text with usable velocities; 0: there was none.
   const Pose& pose() const noexcept { return pose_; }
@@ -40,6 +46,8 @@ class Odometry {
   using HeightMatrix = Eigen::Matrix4d;
 
   void start(const TelloState& state, bool at_start) noexcept;
+  void fix_heading(const Fix& fix) noexcept;
+  void doubt_place(double metres) noexcept;
   void predict(double seconds, const Eigen::Vector3d& velocity_mps, bool stands) noexcept;
   void measure_height(const TelloState& state) noexcept;
   void update_height(const Height& by, double measured, double sigma) noexcept;
@@ -56,8 +64,12 @@ class Odometry {
   double frame_yaw_rad_ = 0;  ///< of the frame at power on, in the map
   double told_yaw_rad_ = 0;   ///< the newest, counter-clockwise since power on
   double takeoff_z_m_ = 0;    ///< h is 0 there
-  int motor_s_ = 0;
-  TimeNs text_ns_ = 0;  ///< the newest text
+  int motor_s_ = 0;           ///< grows while it is switched on
+  bool placed_ = false;       ///< it was seen standing at its start, or has been fixed
+  bool stood_ = false;        ///< at the newest text
+  double unseen_m_ = 0;       ///< how far it may have gone since its velocity was usable
+  int fixes_refused_ = 0;     ///< in a row
+  TimeNs text_ns_ = 0;        ///< the newest text
   Eigen::Vector3d last_velocity_mps_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d held_back_m_ = Eigen::Vector3d::Zero();  ///< of corrections, not yet told
   Pose pose_;

@@ -135,6 +135,8 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
 
 bool TelloSession::request_takeoff(TimeNs now) noexcept {
   if (phase_ != FlightPhase::on_ground && phase_ != FlightPhase::landed) return false;
+  // A late refusal of `mon` would be taken for the take-off's.
+  if (pad_request_ns_ != 0 && now - pad_request_ns_ < settings_.answer_timeout_ns) return false;
   if (now < takeoff_not_before_ns_ || asked_ != Asked::nothing || !serial_.allows_takeoff()) return false;
   ask(now, Asked::takeoff);
   rising_until_ns_ = now + settings_.takeoff_timeout_ns;

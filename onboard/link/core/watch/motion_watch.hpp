@@ -6,13 +6,15 @@
 namespace ledgerline::link {
 
 /// Whether a drone moves as it is told: what it was told goes through the drone's response (first order), what is seen
-/// of it through the same filter, and the two must not differ for long. So a drone that hears another drone's rc, poses
-/// that are another drone's or turned, a propeller that is gone, or flow over a floor that shows nothing is found, whatever
-/// the cause. Horizontal, map frame. Core; one thread.
+/// of it through the same filter, and the two must not differ for long. So a drone that hears another drone's rc, whose
+/// poses are another drone's or turned against it, or whose own flow sees nothing, is found, whatever the cause. A heading
+/// that is wrong from the start is found where poses come from elsewhere alone: a drone's own odometry turns with it.
+/// Horizontal, map frame. Core; one thread.
 class MotionWatch {
  public:
-  /// Above what gusts do (0.1 m/s), half of what a Tello is flown at, and a quarter of its slow mode.
-  static constexpr double limit_mps = 0.6;
+  /// Three times what gusts do (0.1 m/s): a flow that sees nothing is found from 0.35 m/s on. Double would miss the
+  /// usual 0.5 m/s; half would land for a windy day.
+  static constexpr double limit_mps = 0.3;
   /// Of what it was told: a fast drone is slower than it is told by its drag.
   static constexpr double limit_share = 0.6;
   /// A push from outside is over by then, and so is a jam of 3 s on the way to the drone. A turned frame has led

@@ -9,6 +9,11 @@
 namespace ledgerline::link {
 namespace {
 
+LinkSettings free_by_hand(LinkSettings settings = {}) {
+  settings.drones.push_back({.name = "tello1", .number = 1, .by_hand_without_pose = true});
+  return settings;
+}
+
 void take_off_by_hand(LinkWorld& world) {
   world.pass(ns_per_s);
   world.plan(PlanAction::takeoff).body_frame = true;
@@ -23,7 +28,7 @@ void fly_by_hand(LinkWorld& world, const std::array<float, 3>& velocity, TimeNs 
 }
 
 TEST(ByHand, ADroneWithoutAnyPoseTakesOffFliesAndLands) {
-  LinkWorld world;
+  LinkWorld world(1, free_by_hand());
   world.mocap = false;
   world.tellos[0].yaw = 1.0;
   take_off_by_hand(world);
@@ -39,7 +44,7 @@ TEST(ByHand, ADroneWithoutAnyPoseTakesOffFliesAndLands) {
 }
 
 TEST(ByHand, APathWithoutAPoseDoesNotTakeOff) {
-  LinkWorld world;
+  LinkWorld world(1, free_by_hand());
   world.mocap = false;
   world.take_off();
   EXPECT_EQ(world.core.phase(1), FlightPhase::on_ground);
@@ -48,7 +53,7 @@ TEST(ByHand, APathWithoutAPoseDoesNotTakeOff) {
 TEST(ByHand, WithAPoseForwardIsAlongTheNoseAndTheFenceHolds) {
   LinkSettings settings;
   settings.fence.max_m = {2, 1, 3};
-  LinkWorld world(1, settings);
+  LinkWorld world(1, free_by_hand(settings));
   world.tellos[0].yaw = 1.5707963;
   take_off_by_hand(world);
   fly_by_hand(world, {0.5F, 0, 0}, 6 * ns_per_s);
@@ -58,7 +63,7 @@ TEST(ByHand, WithAPoseForwardIsAlongTheNoseAndTheFenceHolds) {
 }
 
 TEST(ByHand, WhenThePoseGoesAwayThePilotFliesOn) {
-  LinkWorld world;
+  LinkWorld world(1, free_by_hand());
   take_off_by_hand(world);
   fly_by_hand(world, {0.3F, 0, 0}, ns_per_s);
   world.mocap = false;
@@ -69,7 +74,7 @@ TEST(ByHand, WhenThePoseGoesAwayThePilotFliesOn) {
 }
 
 TEST(ByHand, APilotEndsTheBrakeOfAPathWhosePoseWasLost) {
-  LinkWorld world;
+  LinkWorld world(1, free_by_hand());
   world.take_off();
   world.fly_plan({0.3F, 0, 0});
   world.pass(200 * ms);
@@ -78,6 +83,59 @@ TEST(ByHand, APilotEndsTheBrakeOfAPathWhosePoseWasLost) {
   ASSERT_EQ(world.core.mode(1), FailsafeMode::brake);
   fly_by_hand(world, {0.3F, 0, 0}, 2 * ns_per_s);
   EXPECT_EQ(world.core.mode(1), FailsafeMode::none);
+}
+
+TEST(ByHand, WithoutAPoseItClimbsAndSinksByItsOwnHeightInEachFlight) {
+  LinkWorld world(1, free_by_hand());
+  world.mocap = false;
+  for (int flight = 0; flight < 3; ++flight) {
+    take_off_by_hand(world);
+    ASSERT_EQ(world.core.phase(1), FlightPhase::flying) << flight;
+    fly_by_hand(world, {0, 0, 0.5F}, 2 * ns_per_s);
+    EXPECT_NEAR(world.tellos[0].position[2], 2, 0.2) << flight;
+    fly_by_hand(world, {0, 0, -0.5F}, 2 * ns_per_s);
+    EXPECT_NEAR(world.tellos[0].position[2], 1, 0.3) << flight;
+    fly_by_hand(world, {0, 0, 0.5F}, 10 * ns_per_s);
+    EXPECT_LT(world.tellos[0].position[2], world.settings_.fence.max_m[2] + 0.2) << flight;
+    world.plan(PlanAction::land);
+    world.pass(12 * ns_per_s);
+    ASSERT_EQ(world.core.phase(1), FlightPhase::landed) << flight;
+  }
+}
+
+TEST(ByHand, WhereTheConfigDoesNotAllowItAPilotIsBrakedAsAPathIs) {
+  LinkWorld world;
+  take_off_by_hand(world);
+  ASSERT_EQ(world.core.phase(1), FlightPhase::flying);
+  world.mocap = false;
+  fly_by_hand(world, {0.3F, 0, 0}, ns_per_s);
+  EXPECT_EQ(world.core.mode(1), FailsafeMode::brake);
+
+  LinkWorld blind;
+  blind.mocap = false;
+  take_off_by_hand(blind);
+  EXPECT_EQ(blind.core.phase(1), FlightPhase::on_ground);
+}
+
+TEST(ByHand, APathIsNotFreedByATakeOffOrALaterPlanInTheDronesFrame) {
+  for (const bool by_takeoff : {true, false}) {
+    LinkWorld world(1, free_by_hand());
+    world.take_off();
+    world.fly_plan({0.3F, 0, 0}, max_setpoints);
+    world.pass(100 * ms);
+    world.mocap = false;
+    if (by_takeoff) {
+      world.plan(PlanAction::takeoff).body_frame = true;
+    } else {
+      world.fly_plan({0, 0, 0}, 1, 3 * ns_per_s).body_frame = true;  // not before the path is over
+    }
+    world.pass(500 * ms);
+    EXPECT_EQ(world.core.mode(1), FailsafeMode::brake) << by_takeoff;
+    world.pass(500 * ms);
+    const double stopped_m = world.tellos[0].position[0];
+    world.pass(ns_per_s);
+    EXPECT_NEAR(world.tellos[0].position[0], stopped_m, 0.01) << by_takeoff;
+  }
 }
 
 }  // namespace

@@ -44,6 +44,27 @@ TEST_F(FailsafeTest, FS19AnUncertainPositionMeansBrakeUntilItFitsTheFenceForAWhi
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
+TEST_F(FailsafeTest, AVagueHeadingIsAnUncertainPosition) {
+  pass(ns_per_s);
+  facts.sigma_yaw_rad = settings.max_yaw_sigma_rad + 0.01;
+  pass(ms);
+  expect(FailsafeMode::brake, FailsafeCause::position_uncertain);
+  facts.phase = FlightPhase::on_ground;
+  EXPECT_EQ(takeoff_refusal(settings, fence, now, facts), FailsafeCause::position_uncertain);
+}
+
+TEST_F(FailsafeTest, ByHandAPoseThatIsKnownHoldsTheFenceHoweverNarrowTheRoom) {
+  facts.needs_position = false;
+  facts.sigma_m = {0.5, 0.5, 0.1};
+  fence.min_m = {-1, -1, 0};
+  fence.max_m = {1, 1, 3};
+  pass(ns_per_s);
+  const FenceSettings holds = fence_for(settings, fence, state, now, facts);
+  EXPECT_DOUBLE_EQ(holds.max_m[0], 1);
+  facts.sigma_m = {50, 50, 0.1};
+  EXPECT_GT(fence_for(settings, fence, state, now, facts).max_m[0], 1000);
+}
+
 TEST_F(FailsafeTest, FS17ATiltedDroneLands) {
   pass(ns_per_s);
   facts.tilted = true;
@@ -124,6 +145,21 @@ TEST_F(FailsafeTest, NoTakeOffTiltedOrOutsideTheFenceOrWithoutKnowingWhere) {
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.tilt_rad = 0.5; }), FailsafeCause::tilted);
   EXPECT_EQ(refusal([&](FailsafeFacts& f) { f.position_m[0] = fence.max_m[0] + 0.1; }), FailsafeCause::fence);
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.sigma_m = {50, 50, 1}; }), FailsafeCause::position_uncertain);
+  const auto by_hand = [](FailsafeFacts& f) {
+    f.needs_position = false;
+    f.own_senses = true;
+    f.sigma_m = {0.02, 0.02, 0.02};
+  };
+  EXPECT_EQ(refusal([&](FailsafeFacts& f) {
+              by_hand(f);
+              f.too_near = true;
+            }),
+            FailsafeCause::too_near);
+  EXPECT_EQ(refusal([&](FailsafeFacts& f) {
+              by_hand(f);
+              f.position_m[0] = fence.max_m[0] + 0.1;
+            }),
+            FailsafeCause::fence);
   const auto own = [](FailsafeFacts& f) {
     f.own_senses = true;
     f.pose_ns -= ns_per_s;

@@ -105,7 +105,10 @@ class LinkWorld {
     std::vector<Pose> poses;
     texts.reserve(64);
     for (FakeTello& tello : tellos) {
+      const std::array<double, 3> before = tello.position;
       tello.move(to_seconds(tick));
+      std::array<double, 3> velocity{};
+      for (std::size_t i = 0; i < 3; ++i) velocity[i] = (tello.position[i] - before[i]) / to_seconds(tick);
       for (std::string& answer : tello.answer_queue) {
         texts.push_back(std::move(answer));
         received.push_back({tello.number, Port::answer, texts.back()});
@@ -119,7 +122,7 @@ class LinkWorld {
         poses.push_back({.drone = tello.number,
                          .stamp_ns = now,
                          .position_m = tello.position,
-                         .velocity_mps = {},
+                         .velocity_mps = velocity,
                          .yaw_rad = tello.yaw});
       }
     }
@@ -170,9 +173,10 @@ class LinkWorld {
     for (int i = 0; i < 4000 && core.phase(1) != FlightPhase::flying; ++i) step();
   }
 
+  /// Those that `settings` has not are as any other.
   static LinkSettings with_drones(LinkSettings settings, std::size_t drones) {
     if (!settings.drones.empty()) return settings;
-    for (std::size_t i = 1; i <= drones; ++i) {
+    for (std::size_t i = settings.drones.size() + 1; i <= drones; ++i) {
       settings.drones.push_back({"tello" + std::to_string(i), static_cast<DroneNumber>(i)});
     }
     return settings;

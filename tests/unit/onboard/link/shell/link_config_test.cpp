@@ -61,6 +61,8 @@ TEST_F(LinkConfig, WhereADroneIsIsSaidForAllAndForOne) {
   const auto& drones = settings->link.drones;
   EXPECT_EQ(drones[0].source, PoseSource::tello);
   EXPECT_EQ(drones[0].odometry.start_m[1], 2);
+  EXPECT_TRUE(drones[0].by_hand_without_pose);
+  EXPECT_FALSE(load(drone)->link.drones[0].by_hand_without_pose);
   EXPECT_EQ(drones[0].odometry.start_yaw_rad, 1.5);
   EXPECT_EQ(drones[1].source, PoseSource::pads);
   EXPECT_TRUE(drones[1].odometry.velocity_in_body);
@@ -70,8 +72,24 @@ TEST_F(LinkConfig, WhereADroneIsIsSaidForAllAndForOne) {
   EXPECT_EQ(settings->link.pads[0].position_m[0], 0.5);
 }
 
+TEST_F(LinkConfig, WhatWouldFlyADroneAwayHasNoDefault) {
+  const auto why_not = [&](const std::string& toml) {
+    const auto settings = load(toml);
+    return settings ? std::string() : settings.error().what;
+  };
+  const std::string signs = "velocity_signs = [1, 1, 1]\n", pad = "[[pad]]\nid = 1\nposition_m = [0, 0, 0]\n";
+  EXPECT_NE(why_not("[pose]\nsource = \"tello\"\n" + drone).find("pose.velocity_signs"), std::string::npos);
+  EXPECT_NE(why_not("[pose]\nsource = \"pads\"\n" + signs + drone).find("needs a [[pad]]"), std::string::npos);
+  EXPECT_NE(why_not("[pose]\nsource = \"pads\"\n" + signs + drone + pad + pad).find("two [[pad]] have id 1"),
+            std::string::npos);
+  EXPECT_NE(why_not(drone + pad).find("no drone has it"), std::string::npos);
+  EXPECT_NE(why_not("[pose]\nsource = \"pads\"\n" + signs + drone + "[[pad]]\nid = 1\n").find("position_m"),
+            std::string::npos);
+  EXPECT_EQ(why_not("[pose]\nsource = \"pads\"\n" + signs + drone + pad), "");
+}
+
 TEST_F(LinkConfig, TwoDronesThatFlyByTheirOwnSensesFromOnePlaceAreRefused) {
-  const std::string own = "[pose]\nsource = \"tello\"\n" + drone;
+  const std::string own = "[pose]\nsource = \"tello\"\nvelocity_signs = [1, 1, 1]\n" + drone;
   const std::string second = "[[drone]]\nname = \"tello2\"\naddress = \"127.0.0.3\"\n";
   const auto refused = load(own + second);
   ASSERT_FALSE(refused);

@@ -67,6 +67,13 @@ class Walker {
     odometry.take(now, state, stands);
   }
 
+  /// A fix there, with the true heading.
+  Odometry::Fix fix_at(const std::array<double, 3>& place_m) const {
+    return {.position_m = place_m,
+            .sigma_m = 0.03,
+            .yaw_rad = settings.start_yaw_rad + heading_error + yaw,
+            .sigma_rad = 0.05};
+  }
   double error(std::size_t axis) const { return odometry.pose().position_m[axis] - position[axis]; }
   double sigma(std::size_t axis) const { return std::sqrt(static_cast<double>(odometry.pose().variance[axis])); }
 
@@ -178,7 +185,7 @@ TEST(Odometry, AFixBringsItBackWithoutAJump) {
   drone.fly(120, {0, 0, 0});
   const auto before = drone.odometry.pose().position_m;
   const std::array fixed{before[0] + 0.5, before[1] - 0.3, before[2]};
-  drone.odometry.fix(fixed, 0.03);
+  drone.odometry.fix(drone.fix_at(fixed));
   EXPECT_NEAR(drone.odometry.pose().position_m[0], before[0], 1e-9);
   EXPECT_GT(drone.sigma(0), 0.2) << "what is held back is uncertain";
   double last = before[0], largest = 0;
@@ -198,9 +205,8 @@ TEST(Odometry, FixesNowAndThenHoldTheErrorDown) {
     for (int lap = 0; lap < 5; ++lap) {
       fly_square(drone);
       for (int i = 0; i < 5; ++i) {
-        drone.odometry.fix({drone.position[0] + 0.02 * drone.random.normal(),
-                            drone.position[1] + 0.02 * drone.random.normal(), drone.position[2]},
-                           0.03);
+        drone.odometry.fix(drone.fix_at({drone.position[0] + 0.02 * drone.random.normal(),
+                                         drone.position[1] + 0.02 * drone.random.normal(), drone.position[2]}));
         drone.fly(text_s, {0, 0, 0});
       }
     }
@@ -241,6 +247,78 @@ TEST(Odometry, AGapOfTextsInTheAirIsUncertainty) {
   drone.now += 3 * ns_per_s;
   drone.fly(text_s, {0.5, 0, 0});
   EXPECT_GT(drone.sigma(0), before + 1);
+}
+
+TEST(Odometry, AnOldTextInTheAirIsNoNewDrone) {
+  Walker drone(11);
+  drone.motor_s = 40;
+  drone.fly(5, {0.5, 0, 0.2});
+  const auto before = drone.odometry.pose().position_m;
+  drone.motor_s = 39;
+  drone.fly(text_s, {0.5, 0, 0});
+  EXPECT_NEAR(drone.odometry.pose().position_m[0], before[0], 0.1);
+  EXPECT_LT(drone.sigma(0), 1);
+}
+
+TEST(Odometry, WhatLandedUnseenMayBeAnywhereNear) {
+  Walker drone(12);
+  drone.fly(5, {0.5, 0, 0.2});
+  drone.now += 4 * ns_per_s;
+  drone.stand(1);
+  EXPECT_GT(drone.sigma(0), 4);
+}
+
+TEST(Odometry, WhatIsFlownWithoutAUsableVelocityIsUncertain) {
+  Walker drone(13);
+  drone.fly(5, {0.3, 0, 0.2});
+  drone.blind = true;
+  drone.fly(3, {-0.5, 0.3, 0});
+  drone.blind = false;
+  drone.fly(text_s, {0, 0, 0});
+  for (const std::size_t axis : {0U, 1U}) EXPECT_LT(std::abs(drone.error(axis)), 3 * drone.sigma(axis));
+  EXPECT_GT(drone.sigma(0), 0.3);
+}
+
+TEST(Odometry, AFirstTextWithoutASightOfTheGroundIsMadeGoodByTheNext) {
+  Odometry odometry({});
+  TelloState state;
+  state.velocity_told = true;
+  state.tof_m = 65.53F;
+  state.motor_s = 3;
+  odometry.take(ns_per_s, state, false);
+  EXPECT_GT(odometry.pose().variance[0], 1000);
+  state.tof_m = 0.1F;
+  odometry.take(ns_per_s + text_ns, state, true);
+  EXPECT_LT(odometry.pose().variance[0], 0.01);
+}
+
+TEST(Odometry, OneFixFarOffIsRefusedAndThreeInARowAreBelieved) {
+  Walker drone(14);
+  drone.fly(5, {0, 0, 0.2});
+  const auto before = drone.odometry.pose().position_m;
+  const auto far = drone.fix_at({before[0] + 5, before[1], before[2]});
+  for (int i = 0; i < 2; ++i) {
+    drone.odometry.fix(far);
+    drone.fly(text_s, {0, 0, 0});
+    EXPECT_LT(drone.sigma(0), 0.3) << i;
+  }
+  drone.odometry.fix(far);
+  EXPECT_GT(drone.sigma(0), 1) << "what is held back is uncertain";
+  drone.fly(30, {0, 0, 0});
+  EXPECT_NEAR(drone.odometry.pose().position_m[0], before[0] + 5, 0.5);
+}
+
+TEST(Odometry, FirstSeenInTheAirItsHeadingComesWithAFix) {
+  Walker drone(15);
+  drone.odometry = Odometry({});
+  drone.yaw = 1.2;
+  drone.position[2] = 1;
+  drone.tell(false);
+  EXPECT_GT(drone.odometry.pose().variance[3], 1);
+  drone.odometry.fix(drone.fix_at({1, 2, 1}));
+  EXPECT_LT(drone.odometry.pose().variance[3], 0.01);
+  EXPECT_NEAR(std::remainder(drone.odometry.pose().yaw_rad - (1.2 + drone.heading_error), 2 * std::numbers::pi), 0,
+              0.05);
 }
 
 }  // namespace

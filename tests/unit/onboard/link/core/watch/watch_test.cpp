@@ -96,7 +96,7 @@ TEST(MotionWatch, ADroneThatFliesTheOtherWayIsFound) {
 TEST(MotionWatch, APushAndABrakeAreNone) {
   Moving drone;
   drone.fly(5, {1, 0, 0}, {0.8, 0.1, 0});
-  drone.fly(1.5, {0, 0, 0}, {1.0, 0.0, 0});  // slow to stop
+  drone.fly(1.5, {0, 0, 0}, {0.6, 0.0, 0});  // slow to stop
   drone.fly(5, {0, 0, 0}, {0.1, 0.1, 0});
   drone.fly(1, {0, 0, 0}, {-1.5, 1.0, 0});  // a push
   drone.fly(5, {0, 0, 0}, {0, 0, 0});
