@@ -70,6 +70,15 @@ std::string drone_tables(const Options& options) {
   return tables;
 }
 
+std::string pad_tables(const std::vector<sim::Pad>& pads) {
+  std::string tables;
+  for (const sim::Pad& pad : pads) {
+    tables += fmt::format("\n[[pad]]\nid = {}\nposition_m = [{:.3f}, {:.3f}, 0]\nyaw_rad = {:.4f}\n", pad.id, pad.x_m,
+                          pad.y_m, pad.yaw_rad);
+  }
+  return tables;
+}
+
 // A simulated one stands where the simulator puts it, so that those which fly by their own senses have one frame.
 std::string link_drone_tables(const Options& options) {
   const sim::Parameters places;
@@ -153,7 +162,8 @@ std::string link_config(const RunFiles& files, const Options& options) {
   return output_table(files, "link") + memory_lines(files) + (options.own ? "status_period_ms = 250\n" : "") +
          fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
          (options.own ? "\n" + options.own->link_tables
-                      : fmt::format("\n[pose]\nsource = \"{}\"\nvelocity_signs = [1, 1, 1]\n", options.pose)) +
+                      : fmt::format("\n[pose]\nsource = \"{}\"\nvelocity_signs = [1, 1, 1]\n", options.pose) +
+                            pad_tables(options.pads)) +
          link_drone_tables(options);
 }
 

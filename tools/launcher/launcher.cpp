@@ -9,6 +9,7 @@
 
 #include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
+#include "sim/core/pads.hpp"
 #include "tools/launcher/machine.hpp"
 #include "tools/timing/usage.hpp"
 
@@ -186,9 +187,12 @@ Status Launcher::start_local() {
 
 Status Launcher::start_sim() {
   if (auto s = write_sim_config(files_, options_); !s) return s;
-  return start("sim", {"--config", files_.config("sim"), "--drones", std::to_string(options_.drones), "--seed",
-                       std::to_string(options_.seed), "--trace", files_.trace("sim"), "--summary",
-                       files_.summary("sim"), "--mocap-hz", options_.pose == "mocap" ? "100" : "0"});
+  std::vector<std::string> arguments{
+      "--config",  files_.config("sim"),          "--drones",   std::to_string(options_.drones),
+      "--seed",    std::to_string(options_.seed), "--trace",    files_.trace("sim"),
+      "--summary", files_.summary("sim"),         "--mocap-hz", options_.pose == "mocap" ? "100" : "0"};
+  if (!options_.pads.empty()) arguments.insert(arguments.end(), {"--pads", sim::pads_text(options_.pads)});
+  return start("sim", arguments);
 }
 
 std::string Launcher::ground_why() const {

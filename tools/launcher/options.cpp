@@ -10,6 +10,7 @@
 #include "common/program/program.hpp"
 #include "ground/shell/course_file.hpp"
 #include "onboard/link/core/settings.hpp"
+#include "sim/core/pads.hpp"
 #include "tools/deployment/one_desk.hpp"
 #include "tools/launcher/preflight/fence.hpp"
 
@@ -39,7 +40,7 @@ Exit codes: 0 every drone finished its path and landed (manual: landed, and noth
 
 /// Options whose words become values of another type, in take().
 struct Words {
-  std::string shape = "square", predict = "on", ramp, max_age;
+  std::string shape = "square", predict = "on", ramp, max_age, pads;
   std::string deployment, ledger = name_of(Ledger::embedded), storage = "disk", crypto = "libcrypto",
                           batch_timeout = "10ms";
 };
@@ -59,6 +60,13 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
               "Who says where the drones are: motion capture, or each drone's own velocities and heights")
       .one_of({"mocap", "tello"})
       .shows_default();
+  line.option("--pads", words.pads,
+              "Mission pads on the simulated floor, and drones that fly by their own senses and these:\n"
+              "ID:X:Y[:DEGREES], in m and counter-clockwise from x, with commas between")
+      .checked_by("PADS", [](const std::string& text) {
+        const auto pads = sim::parse_pads(text);
+        return pads ? std::string() : pads.error().what;
+      });
   line.option("--max-age", words.max_age, "Agent and link take no command made from an older state (default: 500ms)")
       .checked_by("TIME", check_duration);
   line.option("--rate", o.rate_hz, "States a second of each drone").within(1.0, 200.0).shows_default();
@@ -175,6 +183,8 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--network", !others, of_others},
       {"--proxy", !o.own, "stands between simulated drones and a ledger: a deployment's own drones have none"},
       {"--seed", !o.own, "is the simulator's, and none is started for a deployment's own drones"},
+      {"--pose", !o.own && o.pads.empty(), "goes with simulated drones, and not with --pads, which says it too"},
+      {"--pads", !o.own, "lie on the simulator's floor: a deployment names its own as [[pad]]"},
       {"--gateway", fabric, "goes with --ledger fabric: the embedded ledger is one process"},
       {"--laps", !o.manual, "goes with a path: a manual flight lasts until Ctrl-C, or for --seconds"},
       {"--predict", !o.manual, of_a_path},
@@ -238,6 +248,10 @@ std::string take_deployment(const CommandLine& line, Words& words, Options& o) {
 void take(const Words& words, Options& o) {
   o.manual = words.shape == "manual";
   o.predict = words.predict == "on";
+  if (!words.pads.empty()) {
+    o.pads = *sim::parse_pads(words.pads);
+    o.pose = "pads";
+  }
   if (!words.max_age.empty()) o.max_age_ns = *parse_duration(words.max_age);
   o.ledger = deployment::ledger_kind_of(words.ledger);
   o.tmpfs = words.storage == "tmpfs";

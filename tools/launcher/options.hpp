@@ -7,6 +7,7 @@
 #include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
 #include "ground/core/controller.hpp"
+#include "sim/core/parameters.hpp"
 #include "tools/deployment/deployment.hpp"
 #include "tools/deployment/own_drones.hpp"
 
@@ -20,6 +21,7 @@ struct Options {
   std::vector<ground::Waypoint> waypoints;  ///< of that file
   double side_m = 1.5;                      ///< of the shape
   std::string pose = "mocap";               ///< link's pose.source
+  std::vector<sim::Pad> pads{};             ///< that lie on the simulated floor; with any the source is "pads"
   bool manual = false;                      ///< no path: a pilot flies, by ROS 2 topics
   bool predict = true;                      ///< false: the plain controller: newest state, newest command
   ground::Ramp ramp;
