@@ -1,7 +1,10 @@
+#include <numbers>
+
 #include "common/dds/settings/config.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "sim/core/pads.hpp"
 #include "sim/shell/shell.hpp"
 
 namespace {
@@ -23,6 +26,7 @@ constexpr const char* about =
 constexpr const char* notes = R"(Examples:
   ledgerline-sim                                   tello1 at 127.0.0.2
   ledgerline-sim --drones 3 --seed 7               127.0.0.2 to 127.0.0.4
+  ledgerline-sim --pads 1:0:0,2:1.5:0:90           two mission pads on the floor
   ledgerline-sim --drones 16 --virtual 60          as fast as possible, prints the ratio
 Ends at SIGINT or SIGTERM. Exit: 0 ended as asked, 1 something failed, 2 bad usage.)";
 
@@ -31,8 +35,8 @@ Ends at SIGINT or SIGTERM. Exit: 0 ended as asked, 1 something failed, 2 bad usa
 int main(int argc, char** argv) {
   sim::ShellOptions options;
   sim::Parameters& p = options.parameters;
-  double virtual_s = 0, battery_percent = 100;
-  std::string config;
+  double virtual_s = 0, battery_percent = 100, yaw_deg = 0, light_percent = 100, floor_percent = 100;
+  std::string config, pads;
 
   CommandLine line("sim", about, notes);
   line.option("--drones", p.drones, "how many; drone k is tello<k>")
@@ -53,11 +57,28 @@ int main(int argc, char** argv) {
       .shows_default();
   line.option("--wind", p.wind.gust_mps, "standard deviation of gusts, m/s").within(0.0, 10.0).shows_default();
   line.option("--battery", battery_percent, "at the start, percent").within(0.0, 100.0).shows_default();
+  line.option("--yaw", yaw_deg, "where the drones look when they are switched on, degrees counter-clockwise from x")
+      .within(-360.0, 360.0)
+      .shows_default();
+  line.option("--pads", pads,
+              "mission pads on the floor: ID:X:Y, ID:X:Y:YAW or ID:X:Y:YAW:SIZE (m, degrees), with commas");
+  line.option("--light", light_percent, "percent; below 20 the drones' own velocity is lost")
+      .within(0.0, 100.0)
+      .shows_default();
+  line.option("--floor", floor_percent, "what is to be seen on the floor, percent; below 20 the same")
+      .within(0.0, 100.0)
+      .shows_default();
   line.option("--trace", options.trace_file, "where the drones really are, 30 times a second (binary)");
   line.option("--summary", options.summary_file, "JSON at the end");
   line.option("--virtual", virtual_s, "simulate this many seconds as fast as possible, without sockets").positive();
   if (const auto end = line.parse(argc, argv)) return *end;
   p.battery.start = battery_percent / 100;
+  p.start_yaw_rad = yaw_deg / 180 * std::numbers::pi;
+  p.sensing.light = light_percent / 100;
+  p.sensing.floor = floor_percent / 100;
+  auto laid = sim::parse_pads(pads);
+  if (!laid) return fail(laid.error(), exit_usage);
+  p.pads = std::move(*laid);
   const auto dds = read_dds(config);
   if (!dds) return fail(dds.error(), exit_usage);
   options.dds = *dds;

@@ -11,6 +11,7 @@
 #include "common/msg/names.hpp"
 #include "hil/fault/run/schedule.hpp"
 #include "hil/virtual/world_setup.hpp"
+#include "sim/core/pads.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -38,6 +39,18 @@ TimeNs duration(Config& config, const std::string& key, TimeNs otherwise, TimeNs
     return otherwise;
   }
   return from_seconds(amount->value);
+}
+
+// The drones, and the floor below them.
+void which_tello(Config& config, WorldConfig& flight) {
+  flight.battery = config.number("flight.battery", flight.battery, 0, 1);
+  flight.keeps_rc = config.boolean("flight.keeps_rc", flight.keeps_rc);
+  flight.command_counts = config.boolean("flight.command_counts", flight.command_counts);
+  flight.yaw_deg = config.number("flight.yaw_deg", flight.yaw_deg, -180, 180);
+  if (auto pads = sim::parse_pads(config.text("flight.pads", "")))
+    flight.pads = std::move(*pads);
+  else
+    config.wrong("flight.pads", pads.error().what);
 }
 
 // Of every script that does not say another one.
@@ -77,9 +90,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   flight.doubt = from_name<link::OnDoubt>(config.choice("flight.doubt", {"ignore", "hold", "land"}, "ignore"))
                      .value_or(flight.doubt);
   flight.laps = static_cast<int>(config.integer("flight.laps", flight.laps, 1, 100));
-  flight.battery = config.number("flight.battery", flight.battery, 0, 1);
-  flight.keeps_rc = config.boolean("flight.keeps_rc", flight.keeps_rc);
-  flight.command_counts = config.boolean("flight.command_counts", flight.command_counts);
+  which_tello(config, flight);
   flight.room_m = config.number("flight.room_m", *flight.room_m, -10, 100);
   flight.batch_count = static_cast<std::size_t>(config.integer("flight.batch_count", 1, 1, 1'000));
   flight.batch_timeout_ns = duration(config, "flight.batch_timeout", flight.batch_timeout_ns, ns_per_ms, 10 * ns_per_s);
@@ -162,6 +173,8 @@ std::string text_of(const Script& script) {
   if (f.blocks != usual.blocks) text += "blocks = \"ordered\"\n";
   if (f.doubt != usual.doubt) text += fmt::format("doubt = \"{}\"\n", name(f.doubt));
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
+  if (f.yaw_deg != usual.yaw_deg) text += fmt::format("yaw_deg = {}\n", f.yaw_deg);
+  if (!f.pads.empty()) text += fmt::format("pads = {}\n", quoted(sim::pads_text(f.pads)));
   if (f.keeps_rc != usual.keeps_rc) text += fmt::format("keeps_rc = {}\n", f.keeps_rc);
   if (f.command_counts != usual.command_counts) text += fmt::format("command_counts = {}\n", f.command_counts);
   if (f.room_m != usual.room_m) text += fmt::format("room_m = {}\n", f.room_m.value_or(0));

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
@@ -30,6 +31,8 @@ sim::Parameters sim_parameters(const WorldConfig& config) {
   parameters.drones = config.drones;
   parameters.seed = config.seed;
   parameters.battery.start = config.battery;
+  parameters.start_yaw_rad = config.yaw_deg / 180 * std::numbers::pi;
+  parameters.pads = config.pads;
   parameters.sdk.keeps_rc = config.keeps_rc;
   parameters.sdk.command_counts = config.command_counts;
   parameters.wind.gust_mps = config.gust_mps;

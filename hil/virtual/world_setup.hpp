@@ -29,6 +29,8 @@ struct WorldConfig {
   link::OnDoubt doubt = link::OnDoubt::ignore;  ///< link's, while agent doubts the ledger
   TimeNs idle_evict_ns = agent::usual_idle_ns;  ///< agent's: a holder who is idle on the ground for so long
   bool keeps_rc = true, command_counts = true;  ///< which Tello: sim::SdkParameters
+  double yaw_deg = 0;                           ///< every drone looks there when it is switched on
+  std::vector<sim::Pad> pads;                   ///< mission pads on the floor
   double battery = 1.0;                         ///< of every drone at the start, 0..1
   std::optional<double> room_m = 3;  ///< the fence's distance from the paths; below 0 its far sides cut through them;
                                      ///< nothing: link's own fence

@@ -1,5 +1,7 @@
 #pragma once
+#include <array>
 #include <cstdint>
+#include <vector>
 
 namespace ledgerline::sim {
 
@@ -55,6 +57,8 @@ struct BatteryParameters {
   double no_takeoff_below = 0.06;  ///< [T] takeoff answers `error` at 5 %
   double land_below = 0.05;        ///< [A] lands by itself
   double flip_above = 0.50;        ///< [T] flips are refused at about 50 %
+  /// [A] voltage sags: below sag_below the percent falls so many times as fast as above; flight_s stays the whole.
+  double sag_below = 0.2, sag_factor = 1.5;
 };
 
 /// Standard deviations where nothing else is said.
@@ -68,6 +72,41 @@ struct SensorParameters {
   double attitude_rad = 0.003;     ///< [A]
   double flow_mps = 0.01;          ///< [A] slow error of the drone's own velocity estimate: why a hovering Tello drifts
   double flow_s = 5.0;             ///< [A] its correlation time
+  double flow_scale = 0.02;        ///< [A] of the share by which one drone's velocities are too large or too small
+  double flow_noise_mps = 0.02;    ///< [A] of each velocity in the state text, before it becomes whole dm/s
+  double flow_needs = 0.2;         ///< [A] of Sensing's light and floor; with less flow is lost
+  double flow_lost_s = 0.5;        ///< [A] time constant with which the velocity then fades to zero
+  double baro_walk_m = 0.005;      ///< [A] random walk beside baro_m: after one second; after t with the root of t
+  double height_baro_share = 1.0;  ///< [A] how much of the barometer's drift since take-off is in `h`
+  double pad_m = 0.01;             ///< [A] of x, y, z above a mission pad
+  double pad_rad = 0.02;           ///< [A] of the angles to it
+  double pad_min_m = 0.3, pad_max_m = 1.2;  ///< [A] heights in which pads are seen
+  double pad_reach_by_height = 0.6;         ///< [A] half of the downward picture is so wide a metre of height
+  double pad_max_tilt_rad = 0.35;           ///< [A]
+};
+
+/// What a drone's sensors have to do with, and what is wrong with them, beyond noise.
+struct Sensing {
+  double light = 1;                       ///< 0 (dark) to 1
+  double floor = 1;                       ///< what is to be seen on the floor: 0 (glossy, or of one colour) to 1
+  bool tof = true;                        ///< false: it sees nothing, whatever the height
+  bool pads = true;                       ///< false: mission pads are covered
+  double baro_drift_mps = 0;              ///< the barometer's zero goes away at this rate
+  std::array<double, 2> flow_bias_mps{};  ///< added to the drone's own velocity; map frame
+};
+
+/// A mission pad on the floor, map frame.
+struct Pad {
+  int id = 1;  ///< 1 to 8
+  double x_m = 0, y_m = 0;
+  double yaw_rad = 0;    ///< where its rocket points, counter-clockwise from x
+  double size_m = 0.22;  ///< [A] a square
+};
+
+/// A box on the floor that tof sees; nothing bumps into it. Its sides lie along x and y.
+struct Table {
+  double x_m = 0, y_m = 0;  ///< its middle
+  double length_m = 1, width_m = 1, height_m = 0.5;
 };
 
 /// The SDK's side of a drone [T].
@@ -92,6 +131,7 @@ struct Parameters {
   std::uint64_t seed = 1;
   double spacing_m = 3.0;
   int columns = 4;
+  double start_yaw_rad = 0;  ///< of every drone when it is switched on, counter-clockwise from x
   double mocap_hz = 100;
   BodyParameters body;
   ControlParameters control;
@@ -99,6 +139,9 @@ struct Parameters {
   BatteryParameters battery;
   SensorParameters sensors;
   SdkParameters sdk;
+  Sensing sensing;  ///< of every drone until Simulator::set_sensing
+  std::vector<Pad> pads;
+  std::vector<Table> tables;
 };
 
 }  // namespace ledgerline::sim

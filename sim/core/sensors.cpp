@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -16,26 +17,58 @@ constexpr int temperature_spread_c = 3;
 constexpr int tof_on_ground_mm = 100;
 constexpr int tof_nothing_mm = 65530;  // the state then says 6553 cm
 constexpr double tof_max_tilt_rad = 0.7;
+constexpr int steps_per_walk = 100;  // the barometer's walk takes minutes
+constexpr std::uint64_t later_seed = 0x73656e73;
 
 int rounded(double x) { return static_cast<int>(std::lround(x)); }
 
 }  // namespace
 
 Sensors::Sensors(const Parameters& parameters, std::uint64_t seed)
-    : battery_parameters_(parameters.battery),
+    : p_(parameters),
       noise_(parameters.sensors),
       random_(seed),
+      later_(seed ^ later_seed),
+      sensing_(parameters.sensing),
       battery_(parameters.battery.start),
       temperature_c_(cool_c),
       barometer_zero_m_(300 * random_.uniform() - 150) {}
 
 void Sensors::step(bool flying) {
-  const double share = flying ? 1.0 : battery_parameters_.idle_share;
-  battery_ = std::max(0.0, battery_ - (share / battery_parameters_.flight_s + drain_per_s_) * step_s);
+  const BatteryParameters& b = p_.battery;
+  const double share = flying ? 1.0 : b.idle_share;
+  // Slower above sag_below by what it is faster below, so that all of it still lasts flight_s.
+  const double above = 1 - b.sag_below + b.sag_below / b.sag_factor;
+  const double sag = battery_ < b.sag_below ? above * b.sag_factor : above;
+  battery_ = std::max(0.0, battery_ - (share * sag / b.flight_s + drain_per_s_) * step_s);
+  barometer_drift_m_ += sensing_.baro_drift_mps * step_s;
+  if (steps_++ % steps_per_walk == 0)
+    barometer_drift_m_ += noise_.baro_walk_m * std::sqrt(steps_per_walk * step_s) * later_.normal();
+  if (!flying) takeoff_drift_m_ = barometer_drift_m_;
   temperature_c_ += ((flying ? warm_c : cool_c) - temperature_c_) * step_s / warming_s;
 }
 
-Telemetry Sensors::read(const Body& body, const Vector& estimated_velocity, double takeoff_z, double motor_s) {
+int Sensors::tof_mm(const Body& body) {
+  double below_m = 0;
+  for (const Table& table : p_.tables) {
+    const bool above = std::abs(body.position.x() - table.x_m) <= table.length_m / 2 &&
+                       std::abs(body.position.y() - table.y_m) <= table.width_m / 2 &&
+                       body.position.z() > table.height_m;
+    if (above) below_m = std::max(below_m, table.height_m);
+  }
+  const double tilt = tilt_of(body.attitude);
+  const double distance =
+      (body.position.z() - below_m) / std::max(0.1, std::cos(tilt)) + noise_.tof_m * random_.normal();
+  const bool seen = sensing_.tof && tilt < tof_max_tilt_rad && distance < noise_.tof_max_m;
+  return seen ? std::max(tof_on_ground_mm, rounded(distance * 1000)) : tof_nothing_mm;
+}
+
+std::optional<PadSight> Sensors::pad(const Body& body) {
+  if (!sensing_.pads) return std::nullopt;
+  return see_pad(p_, body, later_);
+}
+
+Telemetry Sensors::read(const Body& body, const Flown& flown) {
   Telemetry t;
   const Rotation& q = body.attitude;
   const double noise = noise_.attitude_rad;
@@ -44,19 +77,21 @@ Telemetry Sensors::read(const Body& body, const Vector& estimated_velocity, doub
   const double pitch = std::asin(std::clamp(2 * (q.w() * q.y() - q.z() * q.x()), -1.0, 1.0));
   t.roll_deg = rounded((roll + noise * random_.normal()) * degrees);
   t.pitch_deg = rounded((-pitch + noise * random_.normal()) * degrees);
-  t.yaw_deg = rounded(-yaw_of(q) * degrees);
-  for (std::size_t i = 0; i < 3; ++i) t.velocity_dmps[i] = rounded(estimated_velocity[static_cast<int>(i)] * 10);
+  t.yaw_deg = rounded(-std::remainder(yaw_of(q) - power_on_yaw_rad_, 2 * std::numbers::pi) * degrees);
+  Vector velocity = Eigen::AngleAxisd(-power_on_yaw_rad_, Vector::UnitZ()) * flown.velocity;
+  // What fades after flow was lost is no measurement: it has no noise.
+  if (!flown.flow_lost)
+    for (int i = 0; i < 2; ++i) velocity[i] += noise_.flow_noise_mps * later_.normal();
+  for (std::size_t i = 0; i < 3; ++i) t.velocity_dmps[i] = rounded(velocity[static_cast<int>(i)] * 10);
   t.temperature_low_c = static_cast<int>(temperature_c_);
   t.temperature_high_c = t.temperature_low_c + temperature_spread_c;
 
-  const double tilt = tilt_of(q);
-  const double distance = body.position.z() / std::max(0.1, std::cos(tilt)) + noise_.tof_m * random_.normal();
-  const bool seen = tilt < tof_max_tilt_rad && distance < noise_.tof_max_m;
-  t.tof_mm = seen ? std::max(tof_on_ground_mm, rounded(distance * 1000)) : tof_nothing_mm;
-  t.height_dm = rounded((body.position.z() - takeoff_z) * 10);
+  t.tof_mm = tof_mm(body);
+  const double height_error = noise_.height_baro_share * (barometer_drift_m_ - takeoff_drift_m_);
+  t.height_dm = rounded((body.position.z() - flown.takeoff_z + height_error) * 10);
   t.battery_percent = rounded(battery_ * 100);
-  t.barometer_m = barometer_zero_m_ + body.position.z() + noise_.baro_m * random_.normal();
-  t.motor_time_s = static_cast<int>(motor_s);
+  t.barometer_m = barometer_zero_m_ + barometer_drift_m_ + body.position.z() + noise_.baro_m * random_.normal();
+  t.motor_time_s = static_cast<int>(flown.motor_s);
   const Vector g = body.specific_force / gravity_mps2;
   const std::array<double, 3> axes{g.x(), -g.y(), -g.z()};
   for (std::size_t i = 0; i < 3; ++i)
@@ -65,16 +100,22 @@ Telemetry Sensors::read(const Body& body, const Vector& estimated_velocity, doub
 }
 
 std::string state_text(const Telemetry& t, bool pads_wanted) {
-  // No pad is ever seen: -2 and -200 say "not looking", -1 and -100 "looked, none".
-  const int id = pads_wanted ? -1 : -2;
-  const int place = id * 100;
+  // Of no pad: -2 and -200 say "not looking", -1 and -100 "looked, none".
+  int id = pads_wanted ? -1 : -2;
+  std::array<int, 3> place{id * 100, id * 100, id * 100}, angles{-1, -1, -1};
+  if (t.pad) {
+    id = t.pad->id;
+    for (std::size_t i = 0; i < 3; ++i) place[i] = rounded(t.pad->position[static_cast<int>(i)] * 100);
+    angles = {t.pitch_deg, t.roll_deg, rounded(-t.pad->yaw_rad * degrees)};
+  }
   return fmt::format(
-      "mid:{};x:{};y:{};z:{};mpry:-1,-1,-1;pitch:{};roll:{};yaw:{};vgx:{};vgy:{};vgz:{};templ:{};temph:{};tof:{};h:{};"
+      "mid:{};x:{};y:{};z:{};mpry:{},{},{};pitch:{};roll:{};yaw:{};vgx:{};vgy:{};vgz:{};templ:{};temph:{};tof:{};h:{};"
       "bat:{};"
       "baro:{:.2f};time:{};agx:{:.2f};agy:{:.2f};agz:{:.2f};\r\n",
-      id, place, place, place, t.pitch_deg, t.roll_deg, t.yaw_deg, t.velocity_dmps[0], t.velocity_dmps[1],
-      t.velocity_dmps[2], t.temperature_low_c, t.temperature_high_c, t.tof_mm / 10, t.height_dm * 10, t.battery_percent,
-      t.barometer_m, t.motor_time_s, t.acceleration_mg[0], t.acceleration_mg[1], t.acceleration_mg[2]);
+      id, place[0], place[1], place[2], angles[0], angles[1], angles[2], t.pitch_deg, t.roll_deg, t.yaw_deg,
+      t.velocity_dmps[0], t.velocity_dmps[1], t.velocity_dmps[2], t.temperature_low_c, t.temperature_high_c,
+      t.tof_mm / 10, t.height_dm * 10, t.battery_percent, t.barometer_m, t.motor_time_s, t.acceleration_mg[0],
+      t.acceleration_mg[1], t.acceleration_mg[2]);
 }
 
 }  // namespace ledgerline::sim

@@ -1,16 +1,18 @@
 #pragma once
 #include <array>
+#include <optional>
 #include <string>
 
 #include "common/base/random.hpp"
+#include "sim/core/pads.hpp"
 #include "sim/core/parameters.hpp"
 #include "sim/core/world.hpp"
 
 namespace ledgerline::sim {
 
 /// What the Tello's SDK says about itself, in its own units and signs: pitch up, roll right and yaw clockwise are
-/// positive; accelerations have z down; velocities (dm/s) agree with the map frame, since every drone is switched on at
-/// yaw 0.
+/// positive; accelerations have z down. Yaw is 0 as the drone stood when it was switched on; velocities (dm/s) are in
+/// that frame: x where it looked then, y left of it, z up.
 struct Telemetry {
   int pitch_deg = 0, roll_deg = 0, yaw_deg = 0;
   std::array<int, 3> velocity_dmps{};
@@ -21,6 +23,15 @@ struct Telemetry {
   double barometer_m = 0;
   int motor_time_s = 0;
   std::array<double, 3> acceleration_mg{};
+  std::optional<PadSight> pad;
+};
+
+/// What the firmware knows by itself, for Sensors::read.
+struct Flown {
+  Vector velocity = Vector::Zero();  ///< by flow, map frame
+  bool flow_lost = false;
+  double takeoff_z = 0;
+  double motor_s = 0;
 };
 
 /// Battery, temperature and the sensors' noise of one drone. One thread.
@@ -30,7 +41,14 @@ class Sensors {
 
   /// Every millisecond.
   void step(bool flying);
-  Telemetry read(const Body& body, const Vector& estimated_velocity, double takeoff_z, double motor_s);
+  /// The drone is switched on, where it stands.
+  void power_on(const Body& body) { power_on_yaw_rad_ = yaw_of(body.attitude); }
+  void set_sensing(const Sensing& sensing) { sensing_ = sensing; }
+  const Sensing& sensing() const { return sensing_; }
+  /// All but the pad.
+  Telemetry read(const Body& body, const Flown& flown);
+  /// What the camera that looks down sees now.
+  std::optional<PadSight> pad(const Body& body);
 
   double battery() const { return battery_; }  ///< 0..1
   void set_battery(double share) { battery_ = share; }
@@ -38,13 +56,21 @@ class Sensors {
   void drain(double per_s) { drain_per_s_ = per_s; }
 
  private:
-  BatteryParameters battery_parameters_;
+  int tof_mm(const Body& body);
+
+  Parameters p_;
   SensorParameters noise_;
   Random random_;
+  Random
+      later_;  ///< of flow's noise, pads and the barometer's walk: whatever they draw leaves the others' numbers alone
+  Sensing sensing_;
+  double power_on_yaw_rad_ = 0;
   double battery_;
   double drain_per_s_ = 0;
   double temperature_c_;
   double barometer_zero_m_;
+  double barometer_drift_m_ = 0, takeoff_drift_m_ = 0;
+  int steps_ = 0;
 };
 
 /// The line that goes to port 8890 ten times a second.

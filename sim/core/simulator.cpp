@@ -43,7 +43,8 @@ struct Simulator::State {
         mocap_noise(seeds.next()),
         now(start),
         next_mocap(start) {
-    for (int i = 0; i < p.drones; ++i) drones.emplace_back(p, static_cast<DroneNumber>(i + 1), seeds);
+    for (int i = 0; i < p.drones; ++i)
+      drones.emplace_back(p, static_cast<DroneNumber>(i + 1), seeds).sensors.power_on(world.body(i));
   }
 
   Parameters p;
@@ -79,7 +80,7 @@ void Simulator::State::one_step() {
   now += ns_per_ms;
   for (int i = 0; i < p.drones; ++i) {
     Drone& drone = drones[static_cast<std::size_t>(i)];
-    const Motors motors = drone.pilot.step(world.body(i));
+    const Motors motors = drone.pilot.step(world.body(i), drone.sensors.sensing());
     world.set_motors(i, drone.propeller_lost ? three_propellers(p.body, motors) : motors);
   }
   world.step();
@@ -156,9 +157,15 @@ void Simulator::lose_propeller(DroneNumber drone) {
 }
 
 void Simulator::restart(DroneNumber number) {
-  Drone& drone = state_->drones[static_cast<std::size_t>(state_->index(number))];
+  const int i = state_->index(number);
+  Drone& drone = state_->drones[static_cast<std::size_t>(i)];
   drone.pilot.cut();
+  drone.sensors.power_on(state_->world.body(i));
   drone.sdk.restart();
+}
+
+void Simulator::set_sensing(DroneNumber drone, const Sensing& sensing) {
+  state_->drones[static_cast<std::size_t>(state_->index(drone))].sensors.set_sensing(sensing);
 }
 
 void Simulator::set_wind(const std::array<double, 3>& v) { state_->world.set_wind(Vector(v[0], v[1], v[2])); }

@@ -53,13 +53,13 @@ struct Truth {
 
 /// N simulated Tellos in one world, all of it a core: no clock, thread, socket or randomness but the seed. Same
 /// parameters and same calls give the same bytes. Drone k (from 1) starts at ((k-1) % columns, (k-1) / columns) *
-/// spacing, yaw 0.
+/// spacing, and looks to start_yaw_rad.
 ///
 /// Physics runs in steps of 1 ms: step(now) runs all steps that are due since the last call. Answers to datagrams come
 /// out of the next step() call, which may well be at the same `now`. One instance belongs to one thread.
 ///
 /// Not simulated yet: VIDEO. `streamon` and `streamoff` answer ok, but no picture is sent to port 11111, so
-/// djitellopy's get_frame_read() fails after its 5 s. Mission pads are never seen.
+/// djitellopy's get_frame_read() fails after its 5 s.
 class Simulator {
  public:
   Simulator(const Parameters& parameters, TimeNs start);
@@ -89,6 +89,8 @@ class Simulator {
   void lose_propeller(DroneNumber drone);
   /// Off and on again: the motors stop, and it waits for `command` as after switching on.
   void restart(DroneNumber drone);
+  /// Light, floor, and faults of its sensors from now on.
+  void set_sensing(DroneNumber drone, const Sensing& sensing);
   /// Wind of this velocity, map frame, beside the gusts; for all drones.
   void set_wind(const std::array<double, 3>& velocity_mps);
 

@@ -85,6 +85,8 @@ World::World(const Parameters& parameters) : state_(std::make_unique<State>(para
     const auto column = static_cast<double>(static_cast<int>(i) % s.p.columns);
     const auto row = static_cast<double>(static_cast<int>(i) / s.p.columns);
     dBodySetPosition(drone.body, column * s.p.spacing_m, row * s.p.spacing_m, b.height_m / 2);
+    const dQuaternion looking{std::cos(s.p.start_yaw_rad / 2), 0, 0, std::sin(s.p.start_yaw_rad / 2)};
+    dBodySetQuaternion(drone.body, looking);
     drone.geom = dCreateBox(nullptr, b.length_m, b.length_m, b.height_m);
     dGeomSetBody(drone.geom, drone.body);
     s.look(drone);

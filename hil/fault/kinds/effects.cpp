@@ -32,6 +32,7 @@ void Effects::apply_to(VirtualWorld& world) const {
     world.lines(i).set_sensor_faults(drones[i].sensors);
     world.lines(i).set_mocap_fault(drones[i].mocap);
     world.sim().drain_battery(world.facts()[i].number, drones[i].drain_per_s);
+    world.sim().set_sensing(world.facts()[i].number, drones[i].sensing);
   }
 }
 

@@ -16,6 +16,7 @@ struct Effects {
     std::vector<SensorFault> sensors;
     MocapFault mocap;
     double drain_per_s = 0;
+    sim::Sensing sensing;
     Impairment& line(LineAt at) { return lines[static_cast<std::size_t>(at)]; }
     const Impairment& line(LineAt at) const { return lines[static_cast<std::size_t>(at)]; }
   };

@@ -70,7 +70,7 @@ struct FaultKind {
   Result<FaultActs> (*make)(const Said& said);
   bool real_only = false;  ///< virtual time has no such thing
 };
-std::span<const FaultKind> drone_faults(), ledger_faults(), process_faults(), machine_faults();
+std::span<const FaultKind> drone_faults(), sensing_faults(), ledger_faults(), process_faults(), machine_faults();
 /// All of them, in one row of rows.
 std::vector<const FaultKind*> fault_kinds();
 

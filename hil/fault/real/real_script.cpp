@@ -71,6 +71,8 @@ Status check_real(const Script& script, const RealLedger& ledger) {
   if (flight.side_m < min_side_m || flight.side_m > max_side_m)
     reasons.push_back(fmt::format("flight.side_m: ./fly flies paths of {} to {} m a side", min_side_m, max_side_m));
   if (flight.battery != usual.battery) reasons.push_back("flight.battery: ./fly flies with full batteries");
+  if (!flight.pads.empty()) reasons.push_back("flight.pads: ./fly lays none");
+  if (flight.yaw_deg != usual.yaw_deg) reasons.push_back("flight.yaw_deg: ./fly's drones look along x");
   if (!flight.keeps_rc || !flight.command_counts)
     reasons.push_back("flight.keeps_rc, flight.command_counts: ./fly flies the usual Tello");
   if (flight.room_m != usual.room_m) reasons.push_back("flight.room_m: ./fly flies with the usual fence");

@@ -8,7 +8,6 @@ namespace ledgerline::sim {
 namespace {
 
 // What no parameter describes. Sources as in parameters.hpp; all of these are [A], assumed: nobody published them.
-constexpr int steps_per_flow_error = 10;
 constexpr double hold_below_mps = 0.15;  // sticks are centred and the drone is about at rest: hold this place
 constexpr double reached_m = 0.08;       // a move's end
 constexpr double reached_rad = 0.03;
@@ -24,7 +23,7 @@ constexpr double flip_jump_s = 0.25, flip_jump_thrust = 1.8, flip_radps = 20, fl
 
 }  // namespace
 
-Pilot::Pilot(const Parameters& parameters, std::uint64_t seed) : p_(parameters), random_(seed) {}
+Pilot::Pilot(const Parameters& parameters, std::uint64_t seed) : p_(parameters), flow_(parameters.sensors, seed) {}
 
 bool Pilot::busy() const {
   return phase_ == Phase::spinning_up || phase_ == Phase::climbing || phase_ == Phase::landing ||
@@ -152,13 +151,8 @@ bool Pilot::idle_motors(bool on) {
   return true;
 }
 
-void Pilot::estimate(const Body& body) {
-  if (steps_++ % steps_per_flow_error == 0) {
-    const double keep = std::exp(-steps_per_flow_error * step_s / p_.sensors.flow_s);
-    const double fresh = p_.sensors.flow_mps * std::sqrt(1 - keep * keep);
-    for (int axis = 0; axis < 2; ++axis) flow_error_[axis] = keep * flow_error_[axis] + fresh * random_.normal();
-  }
-  estimate_ = body.velocity + flow_error_;
+void Pilot::estimate(const Body& body, const Sensing& sensing) {
+  estimate_ = flow_.step(body, sensing);
   odometry_.head<2>() += estimate_.head<2>() * step_s;
   odometry_.z() = body.position.z();
   yaw_ += std::remainder(yaw_of(body.attitude) - yaw_, 2 * std::numbers::pi);
@@ -252,8 +246,8 @@ Motors Pilot::somersault(Flipping& flip, const Body& body) {
   return fly_velocity(p_, body, estimate_, hold({}, body));
 }
 
-Motors Pilot::step(const Body& body) {
-  estimate(body);
+Motors Pilot::step(const Body& body, const Sensing& sensing) {
+  estimate(body, sensing);
   if (motors_on()) motor_s_ += step_s;
   phase_s_ += step_s;
   const double weight = p_.body.mass_kg * gravity_mps2;

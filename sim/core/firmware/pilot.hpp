@@ -2,8 +2,8 @@
 #include <optional>
 #include <variant>
 
-#include "common/base/random.hpp"
 #include "sim/core/firmware/controller.hpp"
+#include "sim/core/firmware/flow.hpp"
 #include "sim/core/path.hpp"
 
 namespace ledgerline::sim {
@@ -26,7 +26,7 @@ class Pilot {
   Pilot(const Parameters& parameters, std::uint64_t seed);
 
   /// Every millisecond of flight: what the motors do now.
-  Motors step(const Body& body);
+  Motors step(const Body& body, const Sensing& sensing);
 
   // Requests: false where the phase does not allow it; nothing changes then.
   bool takeoff(const Body& body);
@@ -50,7 +50,7 @@ class Pilot {
   bool motors_on() const { return phase_ != Phase::off || idling_; }
   double takeoff_z() const { return takeoff_z_; }
   double motor_seconds() const { return motor_s_; }
-  const Vector& estimated_velocity() const { return estimate_; }
+  const Flow& flow() const { return flow_; }
   /// How the last action ended; once.
   std::optional<End> take_end();
 
@@ -69,7 +69,7 @@ class Pilot {
     enum class Stage { jump, spin, recover } stage = Stage::jump;
   };
 
-  void estimate(const Body& body);
+  void estimate(const Body& body, const Sensing& sensing);
   void finish(End end);
   bool ready_for_move() const { return phase_ == Phase::flying && !busy(); }
   void begin_move();
@@ -82,17 +82,15 @@ class Pilot {
   Motors somersault(Flipping& flip, const Body& body);
 
   Parameters p_;
-  Random random_;
+  Flow flow_;
   Phase phase_ = Phase::off;
   bool crashed_ = false, idling_ = false;
   double phase_s_ = 0, motor_s_ = 0, takeoff_z_ = 0;
   int touching_steps_ = 0;
 
   Vector estimate_ = Vector::Zero();  ///< velocity
-  Vector flow_error_ = Vector::Zero();
   Vector odometry_ = Vector::Zero();
   double yaw_ = 0;  ///< unwrapped
-  int steps_ = 0;
 
   std::variant<std::monostate, Move, Turn, Flipping> action_;
   double action_s_ = 0;

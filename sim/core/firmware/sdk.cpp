@@ -4,9 +4,10 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <numbers>
+
+#include "sim/core/firmware/words.hpp"
 
 namespace ledgerline::sim {
 namespace {
@@ -18,30 +19,7 @@ constexpr double radians = std::numbers::pi / 180;
 constexpr int min_move_cm = 20, max_move_cm = 500;
 constexpr int min_speed_cmps = 10, max_speed_cmps = 100, max_curve_cmps = 60;
 constexpr double min_radius_m = 0.5, max_radius_m = 10;
-
-std::optional<int> number(std::string_view text) {
-  int value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
-/// All words as numbers, or nothing.
-template <std::size_t N>
-std::optional<std::array<int, N>> numbers(std::span<const std::string_view> words) {
-  if (words.size() != N) return std::nullopt;
-  std::array<int, N> values{};
-  for (std::size_t i = 0; i < N; ++i) {
-    const auto value = number(words[i]);
-    if (!value) return std::nullopt;
-    values[i] = *value;
-  }
-  return values;
-}
-
-bool within(int value, int low, int high) { return value >= low && value <= high; }
-
-bool is_pad(std::string_view word) { return word.size() >= 2 && word[0] == 'm'; }
+constexpr double min_line_m = 0.02;  // nearer above a pad than this: it is there
 
 /// A point in centimetres: x forward, y left, z up. Each within 5 m, and not all within 20 cm of where the drone is.
 bool point_in_range(int x, int y, int z) {
@@ -53,16 +31,9 @@ bool point_in_range(int x, int y, int z) {
 
 Vector metres(int x, int y, int z) { return Vector(x, y, z) / 100; }
 
-/// djitellopy takes any text with "ok" in it for a success, so the echo is left out of such a one.
-std::string unknown(std::string_view name) {
-  std::string echo;
-  for (const char c : name)
-    if (c > ' ' && c <= '~') echo += c;
-  std::string lower = echo;
-  std::transform(lower.begin(), lower.end(), lower.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
-  if (lower.find("ok") != std::string::npos) echo.clear();
-  return "unknown command: " + echo;
+/// From where the drone is to a point in the pad's frame: forward, left, up.
+Vector from_drone(const Vector& on_pad, const PadSight& pad) {
+  return Eigen::AngleAxisd(-pad.yaw_rad, Vector::UnitZ()) * (on_pad - pad.position);
 }
 
 }  // namespace
@@ -204,8 +175,18 @@ void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
 }
 
 Telemetry Sdk::telemetry(const Drone& drone) const {
-  return drone.sensors.read(drone.body, drone.pilot.estimated_velocity(), drone.pilot.takeoff_z(),
-                            drone.pilot.motor_seconds());
+  const Flow& flow = drone.pilot.flow();
+  Telemetry t = drone.sensors.read(
+      drone.body, {flow.velocity(), flow.lost(), drone.pilot.takeoff_z(), drone.pilot.motor_seconds()});
+  if (pads_wanted_ && looks_down_) t.pad = drone.sensors.pad(drone.body);
+  return t;
+}
+
+std::optional<PadSight> Sdk::pad_called(std::string_view word, const Drone& drone) const {
+  if (!pads_wanted_ || !looks_down_) return std::nullopt;
+  auto seen = drone.sensors.pad(drone.body);
+  const auto id = pad_id(word);
+  return seen && id && (*id < 0 || *id == seen->id) ? seen : std::nullopt;
 }
 
 void Sdk::break_off(Call& call, const char* why) {
@@ -303,26 +284,39 @@ Sdk::Answer Sdk::turn(Call& call) {
 Sdk::Answer Sdk::go(Call& call) {
   const bool pad = call.arguments.size() == 5;
   const auto values = numbers<4>(call.arguments.first(4));
-  if (!values || (pad && !is_pad(call.arguments[4]))) return "error";
+  if (!values || (pad && !pad_id(call.arguments[4]))) return "error";
   const auto [x, y, z, speed] = *values;
   if (!point_in_range(x, y, z) || !within(speed, min_speed_cmps, max_speed_cmps)) return out_of_range;
-  if (pad) return "error";
   if (auto why = refusal(call); !why.empty()) return why;
-  if (!call.drone.pilot.line(metres(x, y, z), speed / 100.0)) return "error";
+  Vector offset = metres(x, y, z);
+  if (pad) {
+    const auto seen = pad_called(call.arguments[4], call.drone);
+    if (!seen) return "error";
+    offset = from_drone(offset, *seen);
+    if (offset.norm() < min_line_m) return "ok";
+  }
+  if (!call.drone.pilot.line(offset, speed / 100.0)) return "error";
   return wait(call);
 }
 
 Sdk::Answer Sdk::curve(Call& call) {
   const bool pad = call.arguments.size() == 8;
   const auto values = numbers<7>(call.arguments.first(7));
-  if (!values || (pad && !is_pad(call.arguments[7]))) return "error";
+  if (!values || (pad && !pad_id(call.arguments[7]))) return "error";
   const auto [x1, y1, z1, x2, y2, z2, speed] = *values;
   if (!point_in_range(x1, y1, z1) || !point_in_range(x2, y2, z2) || !within(speed, min_speed_cmps, max_curve_cmps))
     return out_of_range;
-  const auto arc = Path::arc(Vector::Zero(), metres(x1, y1, z1), metres(x2, y2, z2));
-  if (pad || !arc || arc->radius() < min_radius_m || arc->radius() > max_radius_m) return "error";
+  Vector via = metres(x1, y1, z1), end = metres(x2, y2, z2);
+  if (pad) {
+    const auto seen = pad_called(call.arguments[7], call.drone);
+    if (!seen) return "error";
+    via = from_drone(via, *seen);
+    end = from_drone(end, *seen);
+  }
+  const auto arc = Path::arc(Vector::Zero(), via, end);
+  if (!arc || arc->radius() < min_radius_m || arc->radius() > max_radius_m) return "error";
   if (auto why = refusal(call); !why.empty()) return why;
-  if (!call.drone.pilot.arc(metres(x1, y1, z1), metres(x2, y2, z2), speed / 100.0)) return "error";
+  if (!call.drone.pilot.arc(via, end, speed / 100.0)) return "error";
   return wait(call);
 }
 
@@ -351,13 +345,16 @@ Sdk::Answer Sdk::set_speed(Call& call) {
 
 Sdk::Answer Sdk::pads(Call& call) {
   pads_wanted_ = call.name == "mon";
+  looks_down_ = true;
   return "ok";
 }
 
 Sdk::Answer Sdk::pad_direction(Call& call) {
   const auto direction = number(call.arguments[0]);
   if (!direction) return "error";
-  return within(*direction, 0, 2) ? "ok" : out_of_range;
+  if (!within(*direction, 0, 2)) return out_of_range;
+  looks_down_ = *direction != 1;
+  return "ok";
 }
 
 Sdk::Answer Sdk::motors(Call& call) { return call.drone.pilot.idle_motors(call.name == "motoron") ? "ok" : "error"; }
@@ -374,6 +371,7 @@ Sdk::Answer Sdk::set_ports(Call& call) {
 Sdk::Answer Sdk::reboot(Call& call) {
   // On the ground only: afterwards it waits for `command` as after switching on.
   if (call.drone.pilot.phase() != Pilot::Phase::off) return "error";
+  call.drone.sensors.power_on(call.drone.body);
   restart();
   return {};
 }
@@ -381,6 +379,7 @@ Sdk::Answer Sdk::reboot(Call& call) {
 void Sdk::restart() {
   sdk_mode_ = false;
   pads_wanted_ = false;
+  looks_down_ = true;
   state_port_ = state_port;
   speed_cmps_ = p_.sdk.default_speed_cmps;
   sticks_since_.reset();

@@ -21,7 +21,10 @@ namespace ledgerline::sim {
 /// - `land` is ignored, without an answer, during takeoff and while it is landing already, and `ok` on the ground;
 /// - `rc` counts as a sign of life always, steers only when flying without a move, and is dropped whole if malformed;
 ///   it is flown until the next one comes, and `command` counts as a sign of life: SdkParameters can have it otherwise;
-/// - mission pads are never seen, so whatever needs one answers `error`; `streamon` answers `ok` but NO VIDEO IS SENT.
+/// - `go` and `curve` with a mission pad need that one (`m-1`, `m-2`: any) in sight when they begin, otherwise they
+///   answer `error`; they then fly by odometry. `jump` always answers `error`;
+/// - `mdirection 1` looks forward only, where no pad is; `mon` looks both ways;
+/// - `streamon` answers `ok` but NO VIDEO IS SENT.
 class Sdk {
  public:
   /// What the endpoint acts on.
@@ -60,6 +63,8 @@ class Sdk {
   /// Why a move cannot begin now; empty: it can.
   Answer refusal(const Call& call) const;
   Telemetry telemetry(const Drone& drone) const;
+  /// The pad that `word` (m1, m-2) names, if it is in sight.
+  std::optional<PadSight> pad_called(std::string_view word, const Drone& drone) const;
 
   Answer enter(Call& call);
   Answer yes(Call& call);
@@ -91,7 +96,7 @@ class Sdk {
   TimeNs last_heard_ = 0;
   std::optional<TimeNs> sticks_since_;  ///< the newest rc that steers, until it lasts no longer
   double speed_cmps_;
-  bool pads_wanted_ = false;
+  bool pads_wanted_ = false, looks_down_ = true;
   /// Who waits for the end of the action that runs.
   std::optional<Endpoint> waiting_;
 };

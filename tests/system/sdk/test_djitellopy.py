@@ -62,6 +62,32 @@ def test_one_drone_flies_moves_and_answers_queries(drones):
     assert not flying and abs(z) < 0.05
 
 
+def test_a_drone_finds_a_mission_pad_and_flies_above_it(drones):
+    sim = drones(1, 1, "--pads", "3:0.3:0.2:90", "--wind", "0", "--mocap-hz", "0")
+
+    def client():
+        from djitellopy import Tello
+        tello = Tello(sim.hosts[0])
+        tello.connect()
+        tello.enable_mission_pads()
+        tello.takeoff()
+        time.sleep(0.3)
+        assert tello.get_mission_pad_id() == 3
+        # Its rocket points north (y): the drone is 0.2 m behind it and 0.3 m to its left.
+        assert abs(tello.get_mission_pad_distance_x() + 20) < 8
+        assert abs(tello.get_mission_pad_distance_y() - 30) < 8
+        assert abs(tello.get_mission_pad_distance_z() - 100) < 8
+        tello.go_xyz_speed_mid(0, 0, 70, 30, 3)
+        time.sleep(0.5)
+        assert abs(tello.get_mission_pad_distance_x()) < 12
+        tello.land()
+
+    sim.fly(client)
+    sim.end()
+    x, y, z, yaw, flying = sim.truth()[-1]
+    assert math.dist((x, y), (0.3, 0.2)) < 0.2
+
+
 def test_rc_is_never_answered_and_moves_the_drone(drones):
     sim = drones(1)
 

@@ -69,6 +69,8 @@ def test_usage():
     assert run("--drones", "0").returncode == 2
     assert run("--drones", "17").returncode == 2
     assert run("--no-such-option").returncode == 2
+    pad = run("--pads", "9:0:0")
+    assert pad.returncode == 2 and "is no mission pad" in pad.stderr
     wrong = run("--address", "here")
     assert wrong.returncode == 1 and "no IPv4 address" in wrong.stderr
 

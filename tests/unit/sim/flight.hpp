@@ -1,4 +1,6 @@
 #pragma once
+#include <map>
+#include <numbers>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -6,6 +8,21 @@
 #include "sim/core/simulator.hpp"
 
 namespace ledgerline::sim {
+
+/// A state text's fields.
+inline std::map<std::string, std::string> fields(const std::string& state) {
+  std::map<std::string, std::string> out;
+  for (std::size_t at = 0; at < state.size();) {
+    const std::size_t end = state.find(';', at);
+    if (end == std::string::npos) break;
+    const std::string field = state.substr(at, end - at);
+    out[field.substr(0, field.find(':'))] = field.substr(field.find(':') + 1);
+    at = end + 1;
+  }
+  return out;
+}
+
+inline constexpr double right_angle = std::numbers::pi / 2;
 
 /// A simulator on a virtual clock with one client, as a test wants to talk to it.
 class Flight {
@@ -18,8 +35,18 @@ class Flight {
   static Parameters calm() {
     Parameters p;
     p.wind.gust_mps = 0;
-    p.sensors = {
-        .mocap_m = 0, .mocap_rad = 0, .tof_m = 0, .baro_m = 0, .accelerometer_g = 0, .attitude_rad = 0, .flow_mps = 0};
+    p.sensors = {.mocap_m = 0,
+                 .mocap_rad = 0,
+                 .tof_m = 0,
+                 .baro_m = 0,
+                 .accelerometer_g = 0,
+                 .attitude_rad = 0,
+                 .flow_mps = 0,
+                 .flow_scale = 0,
+                 .flow_noise_mps = 0,
+                 .baro_walk_m = 0,
+                 .pad_m = 0,
+                 .pad_rad = 0};
     return p;
   }
 
@@ -53,6 +80,10 @@ class Flight {
     ask("command", 1, drone);
     ask("takeoff", 20, drone);
   }
+
+  /// Of the newest state text.
+  std::map<std::string, std::string> state() const { return fields(states.back().bytes); }
+  double told(const std::string& field) const { return std::stod(state().at(field)); }
 
   Truth truth(DroneNumber drone = 1) const { return simulator.truth(drone); }
 

@@ -224,7 +224,8 @@ TEST(Physics, TheBatteryEmptiesInThirteenMinutesOfFlightAndTheDroneLandsBefore) 
   flight.take_off();
   const double before = flight.truth().battery;
   flight.run(10);
-  EXPECT_NEAR(before - flight.truth().battery, 10.0 / 780, 1e-4);
+  const double below_sag = (1 - p.battery.sag_below) * p.battery.sag_factor + p.battery.sag_below;
+  EXPECT_NEAR(before - flight.truth().battery, below_sag * 10.0 / 780, 1e-4);
   for (int i = 0; i < 8; ++i) {
     flight.ask("keepalive");
     flight.run(5);

@@ -11,18 +11,6 @@ namespace {
 
 using testing::MatchesRegex;
 
-std::map<std::string, std::string> fields(const std::string& state) {
-  std::map<std::string, std::string> out;
-  for (std::size_t at = 0; at < state.size();) {
-    const std::size_t end = state.find(';', at);
-    if (end == std::string::npos) break;
-    const std::string field = state.substr(at, end - at);
-    out[field.substr(0, field.find(':'))] = field.substr(field.find(':') + 1);
-    at = end + 1;
-  }
-  return out;
-}
-
 TEST(Sdk, NothingIsHeardBeforeCommand) {
   Flight flight;
   EXPECT_EQ(flight.ask("battery?", 1), "");

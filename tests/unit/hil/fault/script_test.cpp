@@ -57,7 +57,12 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
                            "mocap tello1 clear",
                            "mocap tello1 every 0s",
                            "sensor tello1 all every 0s",
-                           "drone tello1 battery 200%"}) {
+                           "drone tello1 battery 200%",
+                           "drone tello1 flow",
+                           "drone tello1 light 50%",
+                           "drone tello1 baro drift fast",
+                           "pads",
+                           "pads gone now"}) {
     const std::string error = error_of(std::string("title = \"t\"\n[[fault]]\nwhat = \"") + what + "\"\n");
     EXPECT_NE(error.find("x.toml:3: fault.0.what:"), std::string::npos) << what << ": " << error;
   }
@@ -65,6 +70,9 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
   EXPECT_EQ(
       error_of("title = \"t\"\n[flight]\nkeeps_rc = false\ncommand_counts = false\n[[fault]]\nwhat = \"link end\"\n"),
       "");
+  EXPECT_NE(error_of("title = \"t\"\n[flight]\npads = \"9:0:0\"\n")
+                .find("x.toml:3: flight.pads: \"9:0:0\" is no mission pad"),
+            std::string::npos);
   EXPECT_NE(error_of("title = \"t\"\n[[fault]]\nwhat = \"clock jump 1s\"\nfor = \"1s\"\n").find("leave `for` out"),
             std::string::npos);
   EXPECT_NE(error_of("title = \"t\"\nmust = [\"lands within 3 s\"]\n").find("there is none"), std::string::npos);

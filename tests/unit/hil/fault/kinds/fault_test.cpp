@@ -32,12 +32,31 @@ TEST(FaultKinds, EachHasItsFormInThePage) {
 }
 
 TEST(FaultKinds, AFormThatIsFollowedIsTaken) {
-  for (const char* text :
-       {"drone tello1 to delay 200ms, loss 5%", "drone * plans stall", "drone tello1 reboot", "drone tello1 battery 7%",
-        "sensor tello1 h stuck", "mocap tello1 jump 1 0 0", "mocap tello1 loss 5%", "wind 1 0 0", "ledger stall",
-        "ledger both cut", "ledger agent to delay uniform 1ms 2ms", "ledger agent lies hash",
-        "ledger relay plan-speed compared", "operator errs boot", "supervisor resume tello1", "agent kill", "link end",
-        "clock jump -5s"}) {
+  for (const char* text : {"drone tello1 to delay 200ms, loss 5%",
+                           "drone * plans stall",
+                           "drone tello1 reboot",
+                           "drone tello1 battery 7%",
+                           "sensor tello1 h stuck",
+                           "mocap tello1 jump 1 0 0",
+                           "mocap tello1 loss 5%",
+                           "wind 1 0 0",
+                           "drone * flow lost",
+                           "drone tello1 light 10%",
+                           "drone tello1 floor 0%",
+                           "drone * flow bias 0.1 -0.1",
+                           "drone tello1 tof nothing",
+                           "drone tello1 baro drift -0.05",
+                           "pads gone",
+                           "ledger stall",
+                           "ledger both cut",
+                           "ledger agent to delay uniform 1ms 2ms",
+                           "ledger agent lies hash",
+                           "ledger relay plan-speed compared",
+                           "operator errs boot",
+                           "supervisor resume tello1",
+                           "agent kill",
+                           "link end",
+                           "clock jump -5s"}) {
     EXPECT_TRUE(parse_fault(text, "path", "").ok()) << text;
   }
 }
@@ -48,6 +67,11 @@ TEST(FaultKinds, WhatIsNearestIsSaid) {
   EXPECT_NE(error("drone tello1 sideways").find("`drone NAME reboot`"), std::string::npos);
   EXPECT_NE(error("ledger agent loss 5%").find("is a stream (TCP) and has no loss"), std::string::npos);
   EXPECT_NE(error("ledger agent lies twice").find("followed by one of chain"), std::string::npos);
+  EXPECT_NE(error("drone * light 20%").find("flow is not lost"), std::string::npos);
+  EXPECT_NE(error("drone * floor bright").find("floor must be followed by"), std::string::npos);
+  EXPECT_NE(error("drone * flow bias 0 0").find("does nothing"), std::string::npos);
+  EXPECT_NE(error("drone * flow bias 9 0").find("two velocities"), std::string::npos);
+  EXPECT_NE(error("drone * baro drift 0").find("rate in m/s"), std::string::npos);
   EXPECT_NE(error("clouds").find("must begin with drone"), std::string::npos);
   EXPECT_NE(error("peer 1 kill").find("peer is not there in virtual time"), std::string::npos);
 }
@@ -58,6 +82,8 @@ TEST(FaultKinds, SaysWhatAJudgeMayExpect) {
   EXPECT_FALSE(acts("drone tello1 answers loss 5%").deafens);
   EXPECT_TRUE(acts("operator cut tello1").pushes);
   EXPECT_FALSE(acts("operator stop tello1").pushes);
+  EXPECT_TRUE(acts("drone tello1 flow lost").pushes);
+  EXPECT_FALSE(acts("drone tello1 tof nothing").pushes);
   EXPECT_TRUE(acts("link kill").stops_link);
   EXPECT_FALSE(acts("agent kill").stops_link);
   EXPECT_TRUE(acts("drone tello1 propeller").breaks);

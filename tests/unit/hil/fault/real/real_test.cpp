@@ -70,8 +70,13 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
   EXPECT_THAT(refusal_of("ledger restart", "", true), HasSubstr("name the part"));
   EXPECT_THAT(check_real(script_of("must = [\"hold within 300 ms after the plan's end\"]"), {}).error().what,
               HasSubstr("do not tell a plan's end"));
-  EXPECT_THAT(check_real(script_of("[flight]\nside_m = 0.4\nbattery = 0.5\nroom_m = 9"), {}).error().what,
-              testing::AllOf(HasSubstr("flight.side_m"), HasSubstr("flight.battery"), HasSubstr("flight.room_m")));
+  EXPECT_THAT(
+      check_real(script_of("[flight]\nside_m = 0.4\nbattery = 0.5\nroom_m = 9\nyaw_deg = 90\npads = \"1:0:0\""), {})
+          .error()
+          .what,
+      testing::AllOf(HasSubstr("flight.side_m"), HasSubstr("flight.battery"), HasSubstr("flight.room_m"),
+                     HasSubstr("flight.yaw_deg"), HasSubstr("flight.pads")));
+  EXPECT_THAT(refusal_of("drone * flow lost"), HasSubstr("inside of the simulation"));
 }
 
 TEST(RealScript, VirtualTimeRefusesWhatTheRealProcessesAloneHave) {

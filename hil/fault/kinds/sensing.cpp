@@ -1,0 +1,81 @@
+// Faults of what the simulated drones sense: light, floor, flow, tof, barometer, mission pads.
+#include <algorithm>
+
+#include "hil/fault/kinds/said.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using Said = FaultKind::Said;
+
+constexpr double max_bias_mps = 5, max_baro_drift_mps = 10;
+
+/// What `set` does to a drone's Sensing while the fault goes on. `pushes`: its own velocity is wrong or lost, so that it
+/// drifts, and how fast and how far it gets says nothing of whoever flies it.
+template <class Set>
+FaultActs senses(Set set, bool pushes) {
+  return FaultActs{.lasts_on = [set](Effects::OfDrone& drone, std::size_t) { set(drone.sensing); },
+                   .not_real = because(inside_the_simulation),
+                   .pushes = pushes};
+}
+
+Result<FaultActs> flow_lost(const Said&) {
+  return senses([](sim::Sensing& sensing) { sensing.light = 0; }, true);
+}
+
+Result<FaultActs> light_or_floor(const Said& said) {
+  const auto share = share_of(said.words[1]);
+  if (!share || *share >= sim::SensorParameters{}.flow_needs)
+    return Error{std::string(said.words[0]) + " must be followed by a share below 20%: with more, flow is not lost"};
+  double sim::Sensing::*const which = said.words[0] == "light" ? &sim::Sensing::light : &sim::Sensing::floor;
+  return senses([which, share = *share](sim::Sensing& sensing) { sensing.*which = std::min(sensing.*which, share); },
+                true);
+}
+
+// Biases add up, and so do drifts.
+Result<FaultActs> flow_bias(const Said& said) {
+  std::array<double, 2> bias{};
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto value = parse_number(said.words[i]);
+    if (!value || std::abs(*value) > max_bias_mps)
+      return Error{"flow bias must be followed by two velocities in m/s, east and north, up to 5"};
+    bias[i] = *value;
+  }
+  if (bias[0] == 0 && bias[1] == 0) return Error{"flow bias of nothing does nothing"};
+  return senses(
+      [bias](sim::Sensing& sensing) {
+        for (std::size_t i = 0; i < 2; ++i) sensing.flow_bias_mps[i] += bias[i];
+      },
+      true);
+}
+
+Result<FaultActs> tof_nothing(const Said&) {
+  return senses([](sim::Sensing& sensing) { sensing.tof = false; }, false);
+}
+
+Result<FaultActs> baro_drift(const Said& said) {
+  const auto rate = parse_number(said.words[0]);
+  if (!rate || *rate == 0 || std::abs(*rate) > max_baro_drift_mps)
+    return Error{"baro drift must be followed by a rate in m/s, up to 10 and not 0"};
+  return senses([rate = *rate](sim::Sensing& sensing) { sensing.baro_drift_mps += rate; }, false);
+}
+
+Result<FaultActs> pads_gone(const Said&) {
+  return FaultActs{.lasts =
+                       [](Effects& effects) {
+                         for (Effects::OfDrone& drone : effects.drones) drone.sensing.pads = false;
+                       },
+                   .not_real = because(inside_the_simulation)};
+}
+
+constexpr FaultKind sensing_table[] = {
+    {"drone NAME flow lost", flow_lost},        {"drone NAME light|floor SHARE", light_or_floor},
+    {"drone NAME flow bias X Y", flow_bias},    {"drone NAME tof nothing", tof_nothing},
+    {"drone NAME baro drift RATE", baro_drift}, {"pads gone", pads_gone},
+};
+
+}  // namespace
+
+std::span<const FaultKind> sensing_faults() { return sensing_table; }
+
+}  // namespace ledgerline::hil
