@@ -19,6 +19,9 @@ bool parse_number(std::string_view text, float& out) noexcept {
 
 constexpr std::array<std::string_view, 3> attitude_keys{"roll", "pitch", "yaw"};
 constexpr std::array<std::string_view, 3> acceleration_keys{"agx", "agy", "agz"};
+constexpr std::array<std::string_view, 3> velocity_keys{"vgx", "vgy", "vgz"};
+constexpr std::array<std::string_view, 3> pad_keys{"x", "y", "z"};
+constexpr int last_pad = 8;  // the SDK's pads are 1 to 8; SDK 1.3 says 257
 
 // -1: none of them.
 int index_of(const std::array<std::string_view, 3>& keys, std::string_view key) noexcept {
@@ -44,7 +47,10 @@ char* append(char* at, char* end, int number) noexcept {
 
 bool parse_state(std::string_view bytes, TelloState& state) noexcept {
   TelloState parsed = state;
+  parsed.barometer_told = false;
+  parsed.pad = -2;
   bool height = false, tof = false, battery = false;
+  std::array<bool, 3> velocity{};
   while (!bytes.empty()) {
     const std::string_view field = bytes.substr(0, bytes.find(';'));
     bytes.remove_prefix(std::min(field.size() + 1, bytes.size()));
@@ -52,6 +58,11 @@ bool parse_state(std::string_view bytes, TelloState& state) noexcept {
     if (colon == std::string_view::npos) continue;
     const std::string_view key = field.substr(0, colon);
     float value = 0;
+    if (key == "mpry") {  // pitch, roll and yaw, comma between
+      const std::string_view yaw = field.substr(field.rfind(',') + 1);
+      if (parse_number(yaw, value) && std::abs(value) <= 360) parsed.on_pad_yaw_deg = value;
+      continue;
+    }
     if (!parse_number(field.substr(colon + 1), value)) continue;
     // Beyond these ranges it is not a Tello that speaks (the ToF sensor's "nothing seen" is 6553 or 8192).
     if (key == "h" && std::abs(value) < 20'000) {
@@ -67,8 +78,21 @@ bool parse_state(std::string_view bytes, TelloState& state) noexcept {
       parsed.attitude_deg[static_cast<std::size_t>(axis)] = value;
     } else if (const int along = index_of(acceleration_keys, key); along >= 0 && std::abs(value) < 50'000) {
       parsed.acceleration_mg[static_cast<std::size_t>(along)] = value;
+    } else if (const int way = index_of(velocity_keys, key); way >= 0 && std::abs(value) < 1'000) {
+      parsed.velocity_dmps[static_cast<std::size_t>(way)] = value;
+      velocity[static_cast<std::size_t>(way)] = true;
+    } else if (const int side = index_of(pad_keys, key); side >= 0 && std::abs(value) < 10'000) {
+      parsed.on_pad_m[static_cast<std::size_t>(side)] = value / 100;
+    } else if (key == "mid" && value >= -2 && value <= last_pad) {
+      parsed.pad = static_cast<int>(value);
+    } else if (key == "baro" && std::abs(value) < 20'000) {
+      parsed.barometer_m = value;
+      parsed.barometer_told = true;
+    } else if (key == "time" && value >= 0 && value < 1e6F) {
+      parsed.motor_s = static_cast<int>(value);
     }
   }
+  parsed.velocity_told = velocity[0] && velocity[1] && velocity[2];
   if (!height || !tof || !battery) return false;
   state = parsed;
   return true;

@@ -14,6 +14,15 @@ struct TelloState {
   /// Roll (right), pitch (up) and yaw (clockwise, since power on); positive as in the brackets.
   std::array<float, 3> attitude_deg{};
   std::array<float, 3> acceleration_mg{};  ///< forward, right, down, with gravity: about 0, 0, -1000 at rest
+  std::array<float, 3> velocity_dmps{};    ///< vgx, vgy, vgz as they are told: in which frame is for the reader to know
+  bool velocity_told = false;              ///< all three are in the newest packet
+  float barometer_m = 0;                   ///< from an arbitrary zero
+  bool barometer_told = false;
+  int motor_s = 0;  ///< `time`: with running motors since power on, so that it falls when the drone was switched off
+  /// The mission pad below: -1 none is seen, -2 it does not look for them, or the firmware knows none.
+  int pad = -2;
+  std::array<float, 3> on_pad_m{};  ///< the drone in the pad's frame
+  float on_pad_yaw_deg = 0;         ///< the third of mpry
 };
 
 /// False, and `state` untouched, unless at least battery, h and tof are there as plain numbers in a believable range.
