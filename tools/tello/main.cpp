@@ -6,6 +6,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/dds/settings/config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/tello/core/calibrate/estimate.hpp"
@@ -23,7 +24,7 @@ constexpr const char* usual_address = "192.168.10.1";  // of every Tello in its 
 struct Wish {
   std::string address = usual_address, interface, subnet, ssid, password_file;
   std::vector<std::string> addresses;
-  std::string mocap = "none", out = "calibration.toml";
+  std::string mocap = "none", config, out = "calibration.toml";
   int repeat = 2;
   double seconds = 20;
   bool json = false, yes = false;
@@ -97,6 +98,8 @@ int land(const Wish& wish) {
 int calibrate(const Wish& wish) {
   const auto address = tello::parse_address(wish.address);
   if (!address) return fail(address.error(), exit_usage);
+  auto dds = dds::participant_options_of(wish.config, "ledgerline_tello");
+  if (!dds) return fail(dds.error(), exit_usage);
   print_line(fmt::format(
       "{} will take off, and fly forwards and back, to its sides, up and down, and turn, for about {} s. It needs 4 m "
       "x "
@@ -105,7 +108,7 @@ int calibrate(const Wish& wish) {
       wish.address, 15 + 62 * wish.repeat));
   if (!wish.yes && !tello::person_agrees()) return fail(Error{"nobody said yes: its motors were not started"});
   const std::string topic = wish.mocap == "none" ? "" : wish.mocap;
-  const auto record = tello::fly_calibration({*address, wish.interface, topic, wish.repeat});
+  const auto record = tello::fly_calibration({*address, wish.interface, topic, *dds, wish.repeat});
   if (!record) return fail(record.error());
   const auto calibration = tello::estimate(*record);
   if (!calibration) return fail(Error{wish.address + " is down, but: " + calibration.error().what});
@@ -158,6 +161,8 @@ int main(int argc, char** argv) {
       line.verb("calibrate", "fly a Tello for two minutes to measure how it answers rc, and what vg means");
   calibration.option("address", wish.address, "its address").required();
   calibration.option("--mocap", wish.mocap, "topic of its poses (PoseStamped on DDS), or none").shows_default();
+  calibration.option("--config", wish.config,
+                     "TOML file: [dds] domain, local_only or cyclonedds, and the files of DDS Security (docs/dds.md)");
   calibration.option("--out", wish.out, "TOML file that is written").shows_default();
   calibration.option("--repeat", wish.repeat, "times that the schedule of a minute is flown")
       .within(1, 5)

@@ -9,7 +9,6 @@
 #include <memory>
 
 #include "common/base/log.hpp"
-#include "common/dds/dds.hpp"
 #include "common/msg/ros.hpp"
 #include "common/program/stop_signals.hpp"
 #include "common/rt/spsc_ring.hpp"
@@ -31,10 +30,10 @@ PoseSample sample_of(const PoseStamped& pose) {
   return {pose.header.stamp_ns - (realtime_ns() - monotonic_ns()), pose.position_m, yaw};
 }
 
-Result<dds::RawReader> subscribe(const std::string& topic, PoseRing& ring) {
-  auto participant = dds::Participant::create({.node = "ledgerline_tello"});
+Result<dds::RawReader> subscribe(const CalibrationWish& wish, PoseRing& ring) {
+  auto participant = dds::Participant::create(wish.dds);
   if (!participant) return participant.error();
-  return dds::RawReader::create(*participant, topic, std::string(pose_type), {.reliable = false},
+  return dds::RawReader::create(*participant, wish.pose_topic, std::string(pose_type), {.reliable = false},
                                 [&ring](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
                                   // One that does not fit is as one that DDS lost.
                                   if (const auto pose = pose_from_cdr(dds::text_of(cdr)))
@@ -61,7 +60,7 @@ Result<Record> fly_calibration(const CalibrationWish& wish) {
   PoseRing ring;
   std::optional<dds::RawReader> reader;  // ends before the ring that it fills
   if (!wish.pose_topic.empty()) {
-    auto made = subscribe(wish.pose_topic, ring);
+    auto made = subscribe(wish, ring);
     if (!made) return made.error();
     reader.emplace(std::move(*made));
   }

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "common/base/result.hpp"
+#include "common/dds/dds.hpp"
 #include "tools/tello/core/calibrate/record.hpp"
 
 namespace ledgerline::tello {
@@ -11,6 +12,7 @@ struct CalibrationWish {
   std::uint32_t address = 0;
   std::string interface;   ///< empty: wherever routes lead
   std::string pose_topic;  ///< PoseStamped on DDS; empty: none
+  dds::ParticipantOptions dds;
   int repeat = 2;
 };
 
