@@ -11,15 +11,6 @@ namespace {
 
 using namespace ledgerline;
 
-/// `file` may be empty: as if [dds] were.
-Result<dds::ParticipantOptions> read_dds(const std::string& file) {
-  auto config = file.empty() ? Config::parse("", "") : Config::load(file);
-  if (!config) return config.error();
-  const auto options = dds::participant_options(*config, "ledgerline_sim");
-  if (auto status = config->finish(); !status) return status.error();
-  return options;
-}
-
 constexpr const char* about =
     "Simulated Tello drones: each speaks the Tello SDK 2.0 (UDP 8889, state to 8890) on an address of its own, and is\n"
     "seen by a motion capture system (DDS, /vrpn_mocap/tello<k>/pose). No video is sent.";
@@ -79,7 +70,7 @@ int main(int argc, char** argv) {
   auto laid = sim::parse_pads(pads);
   if (!laid) return fail(laid.error(), exit_usage);
   p.pads = std::move(*laid);
-  const auto dds = read_dds(config);
+  const auto dds = dds::participant_options_of(config, "ledgerline_sim");
   if (!dds) return fail(dds.error(), exit_usage);
   options.dds = *dds;
   return exit_code(virtual_s > 0 ? sim::run_virtual(options, virtual_s) : sim::run_real_time(options));

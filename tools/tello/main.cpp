@@ -4,11 +4,15 @@
 #include <string>
 #include <vector>
 
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/dds/settings/config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/tello/core/calibrate/estimate.hpp"
 #include "tools/tello/core/places.hpp"
 #include "tools/tello/core/show.hpp"
+#include "tools/tello/shell/calibrate.hpp"
 #include "tools/tello/shell/talk.hpp"
 
 namespace {
@@ -20,8 +24,10 @@ constexpr const char* usual_address = "192.168.10.1";  // of every Tello in its 
 struct Wish {
   std::string address = usual_address, interface, subnet, ssid, password_file;
   std::vector<std::string> addresses;
+  std::string mocap = "none", config, out = "calibration.toml";
+  int repeat = 2;
   double seconds = 20;
-  bool json = false;
+  bool json = false, yes = false;
 };
 
 Result<std::vector<tello::Found>> asked_for(const std::vector<std::string>& addresses, const std::string& subnet) {
@@ -89,8 +95,32 @@ int land(const Wish& wish) {
   return exit_code(down);
 }
 
+int calibrate(const Wish& wish) {
+  const auto address = tello::parse_address(wish.address);
+  if (!address) return fail(address.error(), exit_usage);
+  auto dds = dds::participant_options_of(wish.config, "ledgerline_tello");
+  if (!dds) return fail(dds.error(), exit_usage);
+  print_line(fmt::format(
+      "{} will take off, and fly forwards and back, to its sides, up and down, and turn, for about {} s. It needs 4 m "
+      "x "
+      "4 m of free floor with something to be seen on it, light, 2.5 m of height, nobody near, and more than 30 % of "
+      "battery. Ctrl-C lands it.",
+      wish.address, 15 + 62 * wish.repeat));
+  if (!wish.yes && !tello::person_agrees()) return fail(Error{"nobody said yes: its motors were not started"});
+  const std::string topic = wish.mocap == "none" ? "" : wish.mocap;
+  const auto record = tello::fly_calibration({*address, wish.interface, topic, *dds, wish.repeat});
+  if (!record) return fail(record.error());
+  const auto calibration = tello::estimate(*record);
+  if (!calibration) return fail(Error{wish.address + " is down, but: " + calibration.error().what});
+  const std::string text = tello::toml(*calibration);
+  if (auto status = replace_file(wish.out, text); !status) return fail(status.error());
+  print_line(text);
+  return 0;
+}
+
 constexpr const char* about =
-    "Speaks to Tellos themselves, by the Tello SDK: who is there, what it is, how it joins a Wi-Fi; and lands one.\n"
+    "Speaks to Tellos themselves, by the Tello SDK: who is there, what it is, how it joins a Wi-Fi; lands one,\n"
+    "and measures by a flight how one answers.\n"
     "Not while ledgerline-link flies it (but for land): a Tello sends its state text to whoever spoke to it last.";
 constexpr const char* notes = R"(Examples:
   ledgerline tello find                                   the Tello whose Wi-Fi this computer is in
@@ -98,7 +128,8 @@ constexpr const char* notes = R"(Examples:
   ledgerline tello find --subnet 192.168.1.0/24 --json    all that joined this network
   ledgerline tello join-wifi lab --password-file wifi.txt
   ledgerline tello land 192.168.10.1
-Exit codes: 0 as asked (found, told, down), 1 not, 2 bad usage.)";
+  ledgerline tello calibrate 192.168.10.1 --mocap /vrpn_mocap/tello1/pose
+Exit codes: 0 as asked (found, told, down, written), 1 not, 2 bad usage.)";
 
 }  // namespace
 
@@ -126,7 +157,20 @@ int main(int argc, char** argv) {
   landing.option("address", wish.address, "its address").required();
   landing.option("--seconds", wish.seconds, "how long it is tried").within(1.0, 600.0).shows_default();
   interface(landing);
+  Verb calibration =
+      line.verb("calibrate", "fly a Tello for two minutes to measure how it answers rc, and what vg means");
+  calibration.option("address", wish.address, "its address").required();
+  calibration.option("--mocap", wish.mocap, "topic of its poses (PoseStamped on DDS), or none").shows_default();
+  calibration.option("--config", wish.config,
+                     "TOML file: [dds] domain, local_only or cyclonedds, and the files of DDS Security (docs/dds.md)");
+  calibration.option("--out", wish.out, "TOML file that is written").shows_default();
+  calibration.option("--repeat", wish.repeat, "times that the schedule of a minute is flown")
+      .within(1, 5)
+      .shows_default();
+  calibration.flag("--yes", wish.yes, "start the motors without asking");
+  interface(calibration);
   if (const auto end = line.parse(argc, argv)) return *end;
+  if (calibration.given()) return calibrate(wish);
   if (find.given()) return show(wish, wish.addresses);
   if (info.given()) return show(wish, {wish.address});
   return join.given() ? join_wifi(wish) : land(wish);

@@ -48,4 +48,12 @@ ParticipantOptions participant_options(Config& config, const std::string& node) 
   return options;
 }
 
+Result<ParticipantOptions> participant_options_of(const std::string& file, const std::string& node) {
+  auto config = file.empty() ? Config::parse("", "") : Config::load(file);
+  if (!config) return config.error();
+  auto options = participant_options(*config, node);
+  if (auto status = config->finish(); !status) return status.error();
+  return options;
+}
+
 }  // namespace ledgerline::dds

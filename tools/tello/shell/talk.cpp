@@ -1,16 +1,11 @@
 #include "tools/tello/shell/talk.hpp"
 
 #include <fmt/format.h>
-#include <poll.h>
-#include <sys/socket.h>
 #include <termios.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <iostream>
 
 #include "common/base/file.hpp"
@@ -19,55 +14,9 @@
 #include "onboard/link/shell/sockets/udp.hpp"
 #include "tools/tello/core/landing.hpp"
 #include "tools/tello/core/places.hpp"
+#include "tools/tello/shell/datagrams.hpp"
 
 namespace ledgerline::tello {
-namespace {
-
-constexpr std::uint16_t command_port = 8889, state_port = 8890;
-constexpr TimeNs pace_ns = 4 * ns_per_ms;  // between two datagrams: a subnet of 254 is asked within a second
-constexpr std::size_t max_reads = 64;      // of one turn, so that a flood ends no patience
-constexpr std::size_t max_bytes = 1024;    // what Tello clients receive with
-
-sockaddr_in place(std::uint32_t address, std::uint16_t port) {
-  sockaddr_in out{};
-  out.sin_family = AF_INET;
-  out.sin_addr.s_addr = htonl(address);
-  out.sin_port = htons(port);
-  return out;
-}
-
-// Waits a little, or until something comes or a signal asks to end.
-void wait(std::initializer_list<int> sockets) {
-  std::array<pollfd, 2> polled{};
-  std::size_t count = 0;
-  for (const int fd : sockets)
-    if (fd >= 0) polled[count++] = {fd, POLLIN, 0};
-  ::poll(polled.data(), count, static_cast<int>(pace_ns / ns_per_ms));
-}
-
-template <typename Take>
-void read_all(int fd, Take take) {
-  std::array<char, max_bytes> buffer{};
-  for (std::size_t i = 0; i < max_reads; ++i) {
-    sockaddr_in from{};
-    socklen_t size = sizeof from;
-    const ssize_t n =
-        ::recvfrom(fd, buffer.data(), buffer.size(), MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&from), &size);
-    if (n < 0 && errno != ECONNREFUSED) return;
-    if (n > 0 && ntohs(from.sin_port) == command_port)
-      take(ntohl(from.sin_addr.s_addr), std::string_view(buffer.data(), static_cast<std::size_t>(n)));
-  }
-}
-
-// What cannot be sent is a lost datagram: the core asks again.
-bool say(const link::Descriptor& socket, std::uint32_t address, const std::string& text) {
-  const sockaddr_in to = place(address, command_port);
-  return ::sendto(socket.get(), text.data(), text.size(), MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&to),
-                  sizeof to) >= 0;
-}
-
-}  // namespace
-
 Status ask(std::vector<Found>& drones, const std::string& interface) {
   catch_stop_signals();
   auto socket = link::open_udp(interface);

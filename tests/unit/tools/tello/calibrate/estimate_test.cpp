@@ -1,0 +1,140 @@
+#include "tools/tello/core/calibrate/estimate.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "common/config/config.hpp"
+#include "tests/unit/tools/tello/calibrate/world.hpp"
+
+namespace ledgerline::tello {
+namespace {
+
+struct Truth {
+  double full_mps = 0, lag_s = 0, dead_s = 0;
+};
+
+/// What this drone really does, without wind, noise or a way to it, seen at 100 Hz by nobody but sim: rc that changes its
+/// sign each two seconds, and the first order with dead time that is nearest to its velocity, by another code than that
+/// under test: Euler steps, and all of a grid.
+Truth truth_of(const Drone& drone) {
+  sim::Parameters p = drone.parameters;
+  p.wind.gust_mps = 0;
+  p.sensors.flow_mps = 0;  // its scale stays, which is what this one drone has
+  sim::Simulator simulator(p, 0);
+  const double way = p.start_yaw_rad;
+  std::vector<double> told, flown;
+  for (int ms = 0; ms < 19'000; ++ms) {
+    if (ms == 100) simulator.datagram(1, {1, 1}, "command");
+    if (ms == 200) simulator.datagram(1, {1, 1}, "takeoff");
+    if (ms >= 10'000 && (ms - 10'000) % 2000 == 0)
+      simulator.datagram(1, {1, 1}, (ms / 2000) % 2 == 1 ? "rc 0 35 0 0" : "rc 0 -35 0 0");
+    simulator.step(ms * ns_per_ms);
+    if (ms < 10'000 || ms % 10 != 0) continue;
+    const auto v = simulator.truth(1).velocity_mps;
+    told.push_back((ms / 2000) % 2 == 1 ? 0.35 : -0.35);
+    flown.push_back(std::cos(way) * v[0] + std::sin(way) * v[1]);
+  }
+  Truth best;
+  double least = 1e9;
+  for (int dead = 0; dead < 30; ++dead)
+    for (int lag = 5; lag < 60; ++lag) {
+      double v = 0, uu = 0, uv = 0, vv = 0;
+      for (std::size_t i = 0; i < told.size(); ++i) {
+        uu += v * v;
+        uv += v * flown[i];
+        vv += flown[i] * flown[i];
+        const double u = i < static_cast<std::size_t>(dead) ? 0 : told[i - static_cast<std::size_t>(dead)];
+        v += (u - v) * (1 - std::exp(-1.0 / lag));
+      }
+      if (const double squares = vv - uv * uv / uu; squares < least) {
+        least = squares;
+        best = {uv / uu, lag * 0.01, dead * 0.01};
+      }
+    }
+  return best;
+}
+
+std::array<int, 4> signs_of(const Drone& drone) {
+  // What a Tello obeys, a to the right and d clockwise, against left, forward, up, counter-clockwise.
+  return {-drone.rc_signs[0], drone.rc_signs[1], drone.rc_signs[2], -drone.rc_signs[3]};
+}
+
+double degrees_between(double a, double b) {
+  return std::abs(std::remainder(a - b, 2 * std::numbers::pi)) * 180 / std::numbers::pi;
+}
+
+class FiveDrones : public ::testing::TestWithParam<std::size_t> {
+ protected:
+  Result<Calibration> calibrated(bool poses) {
+    World world(drone, {.repeat = 2, .poses = poses});
+    double furthest = 0;
+    while (!world.flight.over() && world.now < 400 * ns_per_s) {
+      world.step();
+      furthest = std::max({furthest, std::abs(world.truth().position_m[0]), std::abs(world.truth().position_m[1])});
+    }
+    EXPECT_EQ(world.flight.failure(), "");
+    EXPECT_FALSE(world.truth().motors_on);
+    EXPECT_LT(furthest, 1.5);
+    EXPECT_LT(world.now, 150 * ns_per_s);
+    return estimate(world.flight.record());
+  }
+  void expect_near(const Calibration& c, double share, double s) const {
+    const Truth truth = truth_of(drone);
+    const double delay = to_seconds(drone.delay_ns);
+    EXPECT_NEAR(c.along.full_scale.value, truth.full_mps, share * truth.full_mps);
+    EXPECT_NEAR(c.along.lag_s.value, truth.lag_s, s);
+    EXPECT_NEAR(c.along.dead_s.value, truth.dead_s + delay, s);
+    EXPECT_NEAR(c.up.full_scale.value, drone.parameters.sdk.rc_full_mps, share * drone.parameters.sdk.rc_full_mps);
+    const double turns = drone.parameters.sdk.rc_full_yaw_degps * std::numbers::pi / 180;
+    EXPECT_NEAR(c.turning.full_scale.value, turns, share * turns);
+    EXPECT_NEAR(c.turning.lag_s.value, drone.parameters.control.yaw_rate_lag_s, s);
+    EXPECT_NEAR(c.turning.dead_s.value, delay, s);
+    EXPECT_EQ(c.rc_signs, signs_of(drone));
+    EXPECT_EQ(c.velocity_signs, drone.vg_signs);
+    EXPECT_EQ(c.velocity_in_body, drone.vg_in_body);
+  }
+
+  const Drone drone = five_drones()[GetParam()];
+};
+
+TEST_P(FiveDrones, AreMeasuredByPoses) {
+  const auto c = calibrated(true);
+  ASSERT_TRUE(c) << c.error().what;
+  expect_near(*c, 0.03, 0.020);
+  ASSERT_TRUE(c->nose_rad && c->power_on_rad);
+  EXPECT_LT(degrees_between(c->nose_rad->value, drone.mount_rad), 1);
+  EXPECT_LT(degrees_between(c->power_on_rad->value, drone.parameters.start_yaw_rad), 1);
+}
+
+TEST_P(FiveDrones, AreMeasuredByTheirOwnWords) {
+  const auto c = calibrated(false);
+  ASSERT_TRUE(c) << c.error().what;
+  expect_near(*c, 0.10, 0.060);
+  EXPECT_FALSE(c->nose_rad);
+}
+
+INSTANTIATE_TEST_SUITE_P(Calibration, FiveDrones, ::testing::Range(std::size_t{0}, std::size_t{5}));
+
+TEST(Calibration, IsTomlWithTheKeysOfLinkAndGround) {
+  Calibration c;
+  c.along.full_scale = {1.25, 0.01};
+  c.turning.full_scale = {1.5, 0.02};
+  c.along.lag_s = {0.31, 0.004};
+  c.rc_signs = {-1, 1, 1, -1};
+  c.velocity_signs = {-1, 1, -1};
+  c.velocity_in_body = true;
+  auto config = Config::parse(toml(c), "calibration.toml");
+  ASSERT_TRUE(config) << config.error().what;
+  EXPECT_NEAR(config->number({"rc.full_scale_mps", "."}, 0, 0.1, 20), 1.25, 1e-6);
+  EXPECT_NEAR(config->number({"rc.full_scale_radps", "."}, 0, 0.1, 20), 1.5, 1e-6);
+  EXPECT_EQ(config->numbers({"rc.signs", "."}, 4, {0, 0, 0, 0}), (std::vector<double>{-1, 1, 1, -1}));
+  EXPECT_EQ(config->numbers({"pose.velocity_signs", "."}, 3, {0, 0, 0}), (std::vector<double>{-1, 1, -1}));
+  EXPECT_EQ(config->choice({"pose.velocity_frame", "."}, {"power_on", "body"}, "power_on"), "body");
+  EXPECT_NEAR(config->number({"flight.told_mps", "."}, 0, 0.1, 20), 1.25, 1e-6);
+  EXPECT_NEAR(config->number({"flight.lag_s", "."}, 0, 0.01, 2), 0.31, 1e-6);
+  EXPECT_TRUE(config->finish());
+}
+
+}  // namespace
+}  // namespace ledgerline::tello

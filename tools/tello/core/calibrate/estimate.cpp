@@ -1,0 +1,308 @@
+#include "tools/tello/core/calibrate/estimate.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "tools/tello/core/calibrate/fit.hpp"
+
+namespace ledgerline::tello {
+namespace {
+
+constexpr double pose_window_s = 0.04;  // 0.5 mm of noise is 18 mm/s then, and a lag of 0.1 s is still seen
+constexpr double yaw_window_s = 0.2;    // of whole degrees in state text, ten times a second
+constexpr double rise_window_s = 0.3;   // of whole centimetres
+constexpr double tilt_window_s = 0.1;
+constexpr std::size_t least_samples = 25;  // a turn through a right angle has fewer where there is state text alone
+constexpr double least_correlation = 0.3;  // of tilt and acceleration; a flight of noise alone has below 0.1
+constexpr double clear = 0.25;             // squares of one frame of vg by those of the other, at most
+constexpr double quarter = std::numbers::pi / 2;
+
+int sign_of(double x) { return x < 0 ? -1 : 1; }
+double radians(float deg) { return static_cast<double>(deg) * std::numbers::pi / 180; }
+
+/// A block and what was measured meanwhile, all in seconds since the flight's first rc.
+struct Flown {
+  int channel = 0;
+  Stretch stretch;
+  std::vector<const StateSample*> states;
+  std::vector<const PoseSample*> poses;
+};
+
+class Times {
+ public:
+  explicit Times(TimeNs zero) : zero_(zero) {}
+  double s(TimeNs t) const { return to_seconds(t - zero_); }
+
+ private:
+  TimeNs zero_;
+};
+
+std::vector<Flown> blocks_of(const Record& record, const Times& times) {
+  std::vector<Flown> out;
+  for (const Block& block : record.blocks) {
+    Flown flown;
+    flown.channel = block.channel;
+    flown.stretch.end_s = times.s(block.end_ns);
+    for (const Told& told : record.told)
+      if (told.sent_ns >= block.begin_ns && told.sent_ns < block.end_ns)
+        flown.stretch.steps.push_back(
+            {times.s(told.sent_ns), told.rc[static_cast<std::size_t>(block.channel)] / 100.0});
+    for (const StateSample& state : record.states)
+      if (state.came_ns >= block.begin_ns && state.came_ns < block.end_ns) flown.states.push_back(&state);
+    for (const PoseSample& pose : record.poses)
+      if (pose.stamp_ns >= block.begin_ns && pose.stamp_ns < block.end_ns) flown.poses.push_back(&pose);
+    if (!flown.stretch.steps.empty()) out.push_back(std::move(flown));
+  }
+  return out;
+}
+
+/// Mean velocities between samples that are `window_s` apart or a little more. `moved`: from one sample to another.
+template <typename Sample, typename Time, typename Moved>
+std::vector<Measured> windows(const std::vector<const Sample*>& samples, double window_s, Time time, Moved moved) {
+  std::vector<Measured> out;
+  const Sample* from = nullptr;
+  for (const Sample* sample : samples) {
+    if (from != nullptr && time(*sample) - time(*from) < window_s - 1e-3) continue;
+    if (from != nullptr && time(*sample) - time(*from) < 2 * window_s)
+      out.push_back({time(*from), time(*sample), moved(*from, *sample) / (time(*sample) - time(*from))});
+    from = sample;
+  }
+  return out;
+}
+
+std::vector<Measured> posed(const Flown& flown, const Times& times, std::size_t axis) {
+  return windows(
+      flown.poses, pose_window_s, [&](const PoseSample& p) { return times.s(p.stamp_ns); },
+      [&](const PoseSample& a, const PoseSample& b) { return b.position_m[axis] - a.position_m[axis]; });
+}
+
+std::vector<Measured> told_velocity(const Flown& flown, const Times& times, std::size_t axis) {
+  std::vector<Measured> out;
+  for (const StateSample* sample : flown.states)
+    if (sample->state.velocity_told)
+      out.push_back({times.s(sample->came_ns), times.s(sample->came_ns),
+                     static_cast<double>(sample->state.velocity_dmps[axis]) / 10});
+  return out;
+}
+
+std::vector<Measured> turning(const Flown& flown, const Times& times, bool poses) {
+  const double whole = 2 * std::numbers::pi;
+  if (poses)
+    return windows(
+        flown.poses, pose_window_s, [&](const PoseSample& p) { return times.s(p.stamp_ns); },
+        [&](const PoseSample& a, const PoseSample& b) { return std::remainder(b.yaw_rad - a.yaw_rad, whole); });
+  return windows(
+      flown.states, yaw_window_s, [&](const StateSample& s) { return times.s(s.came_ns); },
+      [&](const StateSample& a, const StateSample& b) {
+        return std::remainder(radians(a.state.attitude_deg[2]) - radians(b.state.attitude_deg[2]), whole);
+      });
+}
+
+std::vector<Measured> rising(const Flown& flown, const Times& times) {
+  return windows(
+      flown.states, rise_window_s, [&](const StateSample& s) { return times.s(s.came_ns); },
+      [&](const StateSample& a, const StateSample& b) {
+        return static_cast<double>(height_of(b.state) - height_of(a.state));
+      });
+}
+
+Known mean_of(const std::vector<double>& values) {
+  double sum = 0, squares = 0;
+  for (const double value : values) sum += value;
+  const auto n = static_cast<double>(values.size());
+  for (const double value : values) squares += (value - sum / n) * (value - sum / n);
+  return {sum / n, values.size() < 2 ? 0 : std::sqrt(squares / (n - 1) / n)};
+}
+
+/// Of angles that lie together.
+Known mean_angle(const std::vector<double>& angles) {
+  std::vector<double> away;
+  for (const double angle : angles) away.push_back(std::remainder(angle - angles.front(), 2 * std::numbers::pi));
+  Known mean = mean_of(away);
+  mean.value = std::remainder(mean.value + angles.front(), 2 * std::numbers::pi);
+  return mean;
+}
+
+class Estimator {
+ public:
+  explicit Estimator(const Record& record) : times_(record.told.front().sent_ns), blocks_(blocks_of(record, times_)) {
+    out_.poses = !record.poses.empty();
+  }
+
+  Result<Calibration> run() {
+    for (const auto& step :
+         {&Estimator::along, &Estimator::up_and_down, &Estimator::turns, &Estimator::tilts, &Estimator::told_frame})
+      if (Status status = (this->*step)(); !status) return status.error();
+    if (out_.poses) nose();
+    return out_;
+  }
+
+ private:
+  std::vector<const Flown*> of(std::initializer_list<int> channels) const {
+    std::vector<const Flown*> out;
+    for (const Flown& flown : blocks_)
+      for (const int channel : channels)
+        if (flown.channel == channel) out.push_back(&flown);
+    return out;
+  }
+
+  static Status answering(std::vector<Stretch> stretches, const char* what, Answering& out, Fit& fit) {
+    // One step alone, as a turn's, does not tell a gain from a bias.
+    std::erase_if(stretches, [](const Stretch& s) { return s.steps.size() < 2 || s.axes[0].size() < least_samples; });
+    const auto fitted = fit_response(stretches);
+    if (!fitted)
+      return Error{
+          fmt::format("how it answers rc {} is not seen: it has too few samples, or answers otherwise than a "
+                      "first order with a lag up to 1 s and a dead time up to 0.4 s",
+                      what)};
+    fit = *fitted;
+    std::vector<double> scales;
+    for (const auto& gain : fit.gains) scales.push_back(std::hypot(gain[0], gain[1]));
+    out = {mean_of(scales), {fit.lag_s, fit.lag_sigma_s}, {fit.dead_s, fit.dead_sigma_s}};
+    return done;
+  }
+
+  Status along() {
+    std::vector<Stretch> stretches;
+    for (const Flown* flown : of({right, forward})) {
+      stretches.push_back(flown->stretch);
+      for (const std::size_t axis : {0, 1})
+        stretches.back().axes.push_back(out_.poses ? posed(*flown, times_, axis) : told_velocity(*flown, times_, axis));
+    }
+    const std::size_t all = stretches.size();
+    if (auto status = answering(std::move(stretches), "a and b (left and forward)", out_.along, along_); !status)
+      return status;
+    if (along_.gains.size() != all) return Error{"samples are missing while it flew forward or to the side"};
+    return done;
+  }
+
+  Status up_and_down() {
+    std::vector<Stretch> stretches;
+    for (const Flown* flown : of({up})) {
+      stretches.push_back(flown->stretch);
+      stretches.back().axes.push_back(out_.poses ? posed(*flown, times_, 2) : told_velocity(*flown, times_, 2));
+    }
+    Fit fit;
+    if (auto status = answering(std::move(stretches), "c (up)", out_.up, fit); !status) return status;
+    double rise = 0, told = 0;
+    for (const Flown* flown : of({up})) {
+      rise += gain_of(flown->stretch, out_.poses ? posed(*flown, times_, 2) : rising(*flown, times_), fit.lag_s,
+                      fit.dead_s);
+      told += gain_of(flown->stretch, told_velocity(*flown, times_, 2), fit.lag_s, fit.dead_s);
+    }
+    out_.rc_signs[2] = sign_of(rise);
+    out_.velocity_signs[2] = sign_of(told * rise);
+    return done;
+  }
+
+  Status turns() {
+    std::vector<Stretch> stretches;
+    for (const Flown* flown : of({clockwise})) {
+      stretches.push_back(flown->stretch);
+      stretches.back().axes.push_back(turning(*flown, times_, out_.poses));
+    }
+    Fit fit;
+    if (auto status = answering(std::move(stretches), "d (yaw)", out_.turning, fit); !status) return status;
+    double sum = 0;
+    for (const auto& gain : fit.gains) sum += gain[0];
+    out_.rc_signs[3] = sign_of(sum);
+    return done;
+  }
+
+  // It tilts towards where it speeds up: pitch (up positive) falls for forward, roll (right positive) for left.
+  Status tilts() {
+    for (const int channel : {right, forward}) {
+      double product = 0, tilts = 0, changes = 0;
+      for (const Flown* flown : of({channel})) {
+        std::vector<Measured> around;
+        for (const StateSample* s : flown->states)
+          around.push_back({times_.s(s->came_ns) - tilt_window_s / 2, times_.s(s->came_ns) + tilt_window_s / 2, 0});
+        const auto change = changes_of(flown->stretch, around, along_.lag_s, along_.dead_s);
+        for (std::size_t i = 0; i < change.size(); ++i) {
+          const double tilt = -radians(flown->states[i]->state.attitude_deg[channel == forward ? 1 : 0]);
+          product += tilt * change[i];
+          tilts += tilt * tilt;
+          changes += change[i] * change[i];
+        }
+      }
+      const double correlation = product / std::sqrt(std::max(1e-12, tilts * changes));
+      if (std::abs(correlation) < least_correlation)
+        return Error{fmt::format("its tilt does not show which way rc {} leads", channel == forward ? 'b' : 'a')};
+      out_.rc_signs[static_cast<std::size_t>(channel)] = sign_of(correlation);
+    }
+    return done;
+  }
+
+  /// Counter-clockwise from the nose, where a positive rc of this channel leads.
+  double leads_rad(int channel) const {
+    if (channel == forward) return out_.rc_signs[1] > 0 ? 0 : std::numbers::pi;
+    return out_.rc_signs[0] > 0 ? quarter : -quarter;
+  }
+
+  static double heading_rad(const Flown& flown) {  // since power on
+    std::vector<double> yaws;
+    for (const StateSample* s : flown.states) yaws.push_back(-radians(s->state.attitude_deg[2]));
+    return mean_angle(yaws).value;
+  }
+
+  Status told_frame() {
+    std::array<double, 2> best{1e9, 1e9};  // of the frame at power on, of the body's
+    std::array<std::array<int, 2>, 2> signs{};
+    for (const int frame : {0, 1})
+      for (const int sx : {1, -1})
+        for (const int sy : {1, -1}) {
+          double squares = 0;
+          for (const Flown* flown : of({right, forward})) {
+            const double way = leads_rad(flown->channel) + (frame == 0 ? heading_rad(*flown) : 0);
+            const double gx = gain_of(flown->stretch, told_velocity(*flown, times_, 0), along_.lag_s, along_.dead_s);
+            const double gy = gain_of(flown->stretch, told_velocity(*flown, times_, 1), along_.lag_s, along_.dead_s);
+            const double scale = out_.along.full_scale.value;
+            squares += std::pow(gx - sx * scale * std::cos(way), 2) + std::pow(gy - sy * scale * std::sin(way), 2);
+          }
+          const auto f = static_cast<std::size_t>(frame);
+          if (squares < best[f]) {
+            best[f] = squares;
+            signs[f] = {sx, sy};
+          }
+        }
+    out_.velocity_in_body = best[1] < best[0];
+    const std::size_t chosen = out_.velocity_in_body ? 1 : 0;
+    if (best[chosen] > clear * best[1 - chosen])
+      return Error{"vgx and vgy fit neither the frame at power on nor one that turns with the drone"};
+    out_.velocity_signs[0] = signs[chosen][0];
+    out_.velocity_signs[1] = signs[chosen][1];
+    return done;
+  }
+
+  void nose() {
+    std::vector<double> noses, power_on;
+    std::size_t i = 0;
+    for (const Flown* flown : of({right, forward})) {
+      std::vector<double> yaws;
+      for (const PoseSample* pose : flown->poses) yaws.push_back(pose->yaw_rad);
+      const double yaw = mean_angle(yaws).value;
+      const auto& gain = along_.gains[i++];
+      const double nose = std::atan2(gain[1], gain[0]) - leads_rad(flown->channel);  // in the source's frame
+      noses.push_back(nose - yaw);
+      power_on.push_back(nose - heading_rad(*flown));
+    }
+    out_.nose_rad = mean_angle(noses);
+    out_.power_on_rad = mean_angle(power_on);
+  }
+
+  Calibration out_;
+  Times times_;
+  std::vector<Flown> blocks_;
+  Fit along_;
+};
+
+}  // namespace
+
+Result<Calibration> estimate(const Record& record) {
+  if (record.told.empty()) return Error{"nothing was flown"};
+  return Estimator(record).run();
+}
+
+}  // namespace ledgerline::tello

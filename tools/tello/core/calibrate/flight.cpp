@@ -1,0 +1,296 @@
+#include "tools/tello/core/calibrate/flight.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/base/printable.hpp"
+
+namespace ledgerline::tello {
+namespace {
+
+constexpr TimeNs again_ns = 500 * ns_per_ms;      // `command` without an answer
+constexpr int max_handshakes = 10;                // 5 s
+constexpr TimeNs quiet_ns = 300 * ns_per_ms;      // after the handshake: late oks of its repetitions come in
+constexpr TimeNs first_pose_ns = 10 * ns_per_s;   // DDS finds its writers within a second or two
+constexpr TimeNs max_takeoff_ns = 20 * ns_per_s;  // as clients wait for its answer
+constexpr TimeNs rc_every_ns = 50 * ns_per_ms;    // as link's max_gap_ns: one that is lost is made good soon
+constexpr TimeNs silent_ns = 1 * ns_per_s;
+constexpr TimeNs landing_ns = 60 * ns_per_s;  // from 2.5 m at 0.5 m/s 5 s; the rest is for a Wi-Fi that comes back
+constexpr TimeNs rising_ns = 12 * ns_per_s;   // of a take-off that is broken off at the latest
+constexpr TimeNs landing_again_ns = 1 * ns_per_s;
+constexpr TimeNs turn_ns = 10 * ns_per_s;  // at 35 % of the slowest of drones
+constexpr double max_way_m = 2.0, max_reach_m = 0.7, max_reach_z_m = 0.35;
+constexpr TimeNs min_stroke_ns = 800 * ns_per_ms;  // until then what came before may still lead it outwards
+constexpr float max_tilt_deg = 35, min_height_m = 0.25F, max_height_m = 2.5F, min_battery = 0.30F;
+constexpr double right_angle_deg = 75;  // of turning with rc; what it turns until it stands comes on top
+constexpr std::size_t max_told_letters = 60;
+
+/// A channel's strokes. Each block's are balanced, so that it ends where it began: half, -1, +1, -1, half. Values of rc
+/// differ, since a drone tells its speed in whole dm/s: what is rounded off one is not off the other.
+struct Strokes {
+  int channel = 0;
+  std::array<int, 5> rc{};
+  double half_s = 0.97;  ///< no multiple of the 0.1 s between two state texts
+  bool turn = false;     ///< one stroke of the first value, until it has turned by a right angle
+};
+constexpr std::array<int, 5> one{30, -36, 40, -38, 38}, two{36, -32, 30, -34, 36}, three{33, -38, 35, -31, 35};
+constexpr double half_up_s = 0.63;
+constexpr std::array<Strokes, 8> schedule{{{forward, one},
+                                           {right, two},
+                                           {up, one, half_up_s},
+                                           {clockwise, two},
+                                           {clockwise, {38}, 0, true},
+                                           {forward, three},
+                                           {right, one},
+                                           {clockwise, {-38}, 0, true}}};
+constexpr double hover_s = 2.03;
+constexpr const char* channel_names[] = {"to the right", "forward", "up", "clockwise"};
+
+std::size_t strokes_of(const Strokes& strokes) { return strokes.turn ? 1 : strokes.rc.size(); }
+
+double stroke_s(const Strokes& strokes, std::size_t at) {
+  const bool half = at == 0 || at + 1 == strokes.rc.size();
+  return half ? strokes.half_s : 2 * strokes.half_s;
+}
+
+const Strokes& strokes_at(std::size_t block) { return schedule[block % schedule.size()]; }
+
+}  // namespace
+
+void CalibrationFlight::begin(Phase phase, TimeNs now) {
+  phase_ = phase;
+  since_ns_ = now;
+}
+
+void CalibrationFlight::end(const std::string& why) {
+  if (phase_ == Phase::landing || phase_ == Phase::over) return;
+  failure_ = why;
+  // What never took off needs no landing.
+  begin(took_off_ ? Phase::landing : Phase::over, now_ns_);
+}
+
+void CalibrationFlight::on_answer(std::string_view bytes) {
+  if (phase_ == Phase::landing) return landing_.on_answer(bytes);
+  switch (link::parse_answer(bytes)) {
+    case link::Answer::ok:
+      answered_ = true;
+      break;
+    case link::Answer::refused:
+      refusal_ = printable(link::without_line_end(bytes), max_told_letters);
+      break;
+    case link::Answer::unknown:
+      break;
+  }
+}
+
+void CalibrationFlight::on_state(TimeNs now, std::string_view bytes) {
+  link::TelloState state = state_;
+  if (!link::parse_state(bytes, state)) return;
+  const double dt = state_ns_ == 0 ? 0 : std::min(0.5, to_seconds(now - state_ns_));
+  for (std::size_t i = 0; i < 3; ++i) way_m_[i] += static_cast<double>(state.velocity_dmps[i]) / 10 * dt;
+  if (state_ns_ != 0)
+    turned_deg_ +=
+        std::remainder(static_cast<double>(state.attitude_deg[2]) - static_cast<double>(state_.attitude_deg[2]), 360.0);
+  state_ = state;
+  state_ns_ = now;
+  record_.states.push_back({now, state});
+  if (took_off_) landing_.on_state(now, bytes);
+}
+
+void CalibrationFlight::on_pose(const PoseSample& pose) {
+  if (pose_ && pose.stamp_ns <= pose_->stamp_ns) return;
+  for (const double value : pose.position_m)
+    if (!std::isfinite(value)) return;
+  if (!std::isfinite(pose.yaw_rad)) return;
+  pose_ = pose;
+  record_.poses.push_back(pose);
+}
+
+// Along the plane, or up and down while that is what it does.
+double CalibrationFlight::away_m() const {
+  const bool vertical = phase_ == Phase::stroke && strokes_at(block_).channel == up;
+  if (home_ && pose_) {
+    const double z = pose_->position_m[2] - home_->position_m[2];
+    if (vertical) return std::abs(z);
+    return std::hypot(pose_->position_m[0] - home_->position_m[0], pose_->position_m[1] - home_->position_m[1]);
+  }
+  return vertical ? std::abs(way_m_[2]) : std::hypot(way_m_[0], way_m_[1]);
+}
+
+std::string CalibrationFlight::wrong(TimeNs now) const {
+  if (now - state_ns_ > silent_ns) return "no state text came for a second";
+  const bool seen = pose_ && now - pose_->stamp_ns <= silent_ns;
+  if (settings_.poses && !seen && phase_ != Phase::poses) return "no pose came for a second";
+  if (state_.battery < min_battery)
+    return fmt::format("its battery has {:.0f} %, and {:.0f} are needed", state_.battery * 100, min_battery * 100);
+  if (std::max(std::abs(state_.attitude_deg[0]), std::abs(state_.attitude_deg[1])) > max_tilt_deg)
+    return fmt::format("it tilts by more than {:.0f} degrees", max_tilt_deg);
+  if (phase_ != Phase::hover && phase_ != Phase::stroke) return "";
+  const float height = height_of(state_);
+  if (height < min_height_m || height > max_height_m) return fmt::format("its height is {:.1f} m", height);
+  if (away_m() > max_way_m) return fmt::format("it is {:.1f} m away from where it began", away_m());
+  return "";
+}
+
+std::vector<std::string> CalibrationFlight::due(TimeNs now) {
+  now_ns_ = now;
+  Words words;
+  if (phase_ != Phase::handshake && phase_ != Phase::landing && phase_ != Phase::over)
+    if (const std::string why = wrong(now); !why.empty()) end(why);
+  switch (phase_) {
+    case Phase::handshake:
+      handshake(now, words);
+      break;
+    case Phase::poses:
+      wait_for_pose(now);
+      break;
+    case Phase::takeoff:
+      take_off(now, words);
+      break;
+    case Phase::hover:
+    case Phase::stroke:
+      fly(now, words);
+      break;
+    case Phase::landing:
+      land(now, words);
+      break;
+    case Phase::over:
+      break;
+  }
+  return words;
+}
+
+void CalibrationFlight::handshake(TimeNs now, Words& words) {
+  if (answered_ && state_ns_ != 0 && now - said_ns_ > quiet_ns) {
+    begin(Phase::poses, now);
+    return;
+  }
+  if (tries_ > 0 && now - said_ns_ < again_ns) return;
+  if (tries_++ == max_handshakes)
+    return end(answered_ ? "it answers, but sends no state text that says battery, height and tof"
+                         : "it does not answer");
+  said_ns_ = now;
+  words.emplace_back("command");
+}
+
+// Refuses what must not take off, too: wrong() is asked before.
+void CalibrationFlight::wait_for_pose(TimeNs now) {
+  if (!state_.velocity_told) return end("its state text does not tell vgx, vgy and vgz");
+  if (settings_.poses && (!pose_ || now - pose_->stamp_ns > silent_ns)) {
+    if (now - since_ns_ > first_pose_ns) end("no pose comes: is the topic's name right, and does the source see it?");
+    return;
+  }
+  answered_ = false;
+  refusal_.clear();
+  tries_ = 0;
+  begin(Phase::takeoff, now);
+}
+
+void CalibrationFlight::take_off(TimeNs now, Words& words) {
+  if (tries_ == 0) {
+    tries_ = 1;
+    took_off_ = true;
+    takeoff_ns_ = now;
+    words.emplace_back("takeoff");
+    return;
+  }
+  if (!refusal_.empty()) return end("it refuses to take off: " + refusal_);
+  if (now - since_ns_ > max_takeoff_ns) return end("it did not take off within 20 s");
+  if (!answered_ || !aloft_now()) return;
+  way_m_ = {};
+  home_ = pose_;
+  begin(Phase::hover, now);
+}
+
+void CalibrationFlight::tell(TimeNs now, int channel, int value) {
+  rc_ = {};
+  rc_[static_cast<std::size_t>(channel)] = value;
+  record_.told.push_back({now, rc_});
+  said_ns_ = 0;
+}
+
+void CalibrationFlight::begin_block(TimeNs now) {
+  begin(Phase::stroke, now);
+  stroke_ = 0;
+  turned_deg_ = 0;
+  way_m_[2] = 0;
+  if (home_) home_->position_m[2] = pose_->position_m[2];
+  record_.blocks.push_back({strokes_at(block_).channel, now, 0});
+  tell(now, strokes_at(block_).channel, strokes_at(block_).rc[0]);
+}
+
+bool CalibrationFlight::stroke_ends(TimeNs now) const {
+  const Strokes& strokes = strokes_at(block_);
+  if (strokes.turn) return std::abs(turned_deg_) >= right_angle_deg;
+  if (now - since_ns_ >= from_seconds(stroke_s(strokes, stroke_))) return true;
+  const double reach = strokes.channel == up ? max_reach_z_m : max_reach_m;
+  return strokes.channel != clockwise && now - since_ns_ >= min_stroke_ns && outwards_ && away_m() > reach;
+}
+
+void CalibrationFlight::next_stroke(TimeNs now) {
+  const Strokes& strokes = strokes_at(block_);
+  begin(Phase::stroke, now);
+  if (++stroke_ < strokes_of(strokes)) return tell(now, strokes.channel, strokes.rc[stroke_]);
+  record_.blocks.back().end_ns = now;
+  tell(now, strokes.channel, 0);
+  if (strokes.turn) way_m_ = {};
+  ++block_;
+  begin(Phase::hover, now);
+}
+
+void CalibrationFlight::fly(TimeNs now, Words& words) {
+  if (phase_ == Phase::hover && now - since_ns_ >= from_seconds(hover_s)) {
+    if (block_ >= schedule.size() * static_cast<std::size_t>(settings_.repeat)) {
+      begin(Phase::landing, now);
+      return land(now, words);
+    }
+    begin_block(now);
+  } else if (phase_ == Phase::stroke) {
+    const double away = away_m();
+    if (away != last_away_m_) outwards_ = away > last_away_m_;
+    last_away_m_ = away;
+    if (strokes_at(block_).turn && now - since_ns_ > turn_ns) return end("it does not turn when rc tells it to");
+    if (stroke_ends(now)) next_stroke(now);
+  }
+  if (now - said_ns_ < rc_every_ns) return;
+  said_ns_ = now;
+  words.emplace_back(link::rc_text(rc_).view());
+}
+
+void CalibrationFlight::land(TimeNs now, Words& words) {
+  // A take-off ignores `land`, while its drone still stands there or is said to be up: what says so early is not believed.
+  if (landing_.down() && now - takeoff_ns_ < rising_ns) {
+    if (now - said_ns_ < landing_again_ns) return;
+    said_ns_ = now;
+    landing_ = Landing();
+  }
+  words = landing_.due(now);
+  if ((landing_.down() && now - takeoff_ns_ >= rising_ns) || now - since_ns_ > landing_ns) {
+    if (!landing_.down() && failure_.empty()) failure_ = "it was not seen down";
+    begin(Phase::over, now);
+  }
+}
+
+std::string CalibrationFlight::doing() const {
+  switch (phase_) {
+    case Phase::handshake:
+    case Phase::poses:
+      return "says hello";
+    case Phase::takeoff:
+      return "takes off";
+    case Phase::hover:
+    case Phase::stroke:
+      return fmt::format(
+          "{} of {}: {} and back", std::min(block_ + 1, schedule.size() * static_cast<std::size_t>(settings_.repeat)),
+          schedule.size() * static_cast<std::size_t>(settings_.repeat), channel_names[strokes_at(block_).channel]);
+    case Phase::landing:
+      return "lands";
+    case Phase::over:
+      break;
+  }
+  return "is down";
+}
+
+}  // namespace ledgerline::tello

@@ -1,0 +1,85 @@
+#pragma once
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tools/tello/core/calibrate/record.hpp"
+#include "tools/tello/core/landing.hpp"
+
+namespace ledgerline::tello {
+
+struct CalibrationSettings {
+  int repeat = 2;      ///< of the whole schedule, a minute each
+  bool poses = false;  ///< a pose source is expected: without a fresh pose it does not take off, and lands
+};
+
+/// Flies one Tello through small steps of rc and records what came of them: one channel at a time, forwards and back, at
+/// two headings a right angle apart, around the place where it took off. The drone's own words are its only senses
+/// where there are no poses.
+///
+///     handshake -> (poses) -> takeoff -> hover, strokes, hover, ... -> landing -> over
+///                                 any of them: what is wrong, or end() -> landing
+///
+/// Lands when battery < 30 %, tilt > 35 degrees, height outside of 0.25..2.5 m, further than 2 m from where it began
+/// (since the last turn, where there are no poses), no state text or pose for 1 s, an action refused. A stroke ends early
+/// that leads beyond 0.7 m (0.35 m up or down). Landing is repeated until the drone is down (Landing), for 60 s at most:
+/// one that is not heard any more lands by itself 15 s after the last word. Core: no I/O, no clock; one thread.
+class CalibrationFlight {
+ public:
+  explicit CalibrationFlight(const CalibrationSettings& settings) : settings_(settings) {}
+
+  /// What is to be sent now, in this order. To be asked at least each 10 ms.
+  std::vector<std::string> due(TimeNs now);
+  void on_answer(std::string_view bytes);
+  void on_state(TimeNs now, std::string_view bytes);
+  void on_pose(const PoseSample& pose);
+  /// Lands; the first reason counts.
+  void end(const std::string& why);
+
+  bool over() const { return phase_ == Phase::over; }
+  /// Why there is nothing to estimate from; empty: all was flown.
+  const std::string& failure() const { return failure_; }
+  /// Landing was repeated in vain: it may be in the air.
+  bool aloft() const { return phase_ == Phase::over && took_off_ && !landing_.down(); }
+  const Record& record() const { return record_; }
+  /// For people: what it does now.
+  std::string doing() const;
+
+ private:
+  enum class Phase { handshake, poses, takeoff, hover, stroke, landing, over };
+  using Words = std::vector<std::string>;
+
+  void handshake(TimeNs now, Words& words);
+  void wait_for_pose(TimeNs now);
+  void take_off(TimeNs now, Words& words);
+  void fly(TimeNs now, Words& words);
+  void land(TimeNs now, Words& words);
+  void begin(Phase phase, TimeNs now);
+  void begin_block(TimeNs now);
+  void next_stroke(TimeNs now);
+  bool stroke_ends(TimeNs now) const;
+  void tell(TimeNs now, int channel, int value);
+  std::string wrong(TimeNs now) const;
+  double away_m() const;
+  bool aloft_now() const { return height_of(state_) >= 0.4F; }
+
+  CalibrationSettings settings_;
+  Phase phase_ = Phase::handshake;
+  Landing landing_;
+  Record record_;
+  std::string failure_, refusal_;
+  bool answered_ = false, took_off_ = false, turned_ = false;
+  int tries_ = 0;
+  TimeNs since_ns_ = 0, said_ns_ = 0, state_ns_ = 0, now_ns_ = 0, takeoff_ns_ = 0;
+  link::TelloState state_;
+  std::optional<PoseSample> pose_, home_;
+  std::array<double, 3> way_m_{};  ///< by its own velocities, from where it took off or turned
+  std::size_t block_ = 0, stroke_ = 0;
+  double stroke_from_m_ = 0, turned_deg_ = 0, last_away_m_ = 0;
+  bool outwards_ = false;
+  link::Rc rc_{};
+};
+
+}  // namespace ledgerline::tello
