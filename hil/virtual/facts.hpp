@@ -36,7 +36,7 @@ struct DroneFacts {
   TimeNs told_until_ns = 0;       ///< end of the newest plan that link was given, as it says; 0: none
   TimeNs plan_end_ns = 0;         ///< the same, later by playout's margin now; 0: none
   std::uint64_t plans_given = 0;  ///< FLY plans that link was given
-  std::optional<Pose> pose;       ///< newest that link was given
+  std::optional<Pose> pose;       ///< newest that link was given, or made of the drone's own senses
   ground::DronePhase ground_phase = ground::DronePhase::waiting;
   bool finished = false;
   int lap = 0;                       ///< 0 before the path

@@ -282,6 +282,15 @@ void VirtualWorld::step_link() {
   const auto& out = link_->step(
       now_,
       {.received = received, .plans = plans, .poses = poses, .beats = beats, .stop_all = link_ends_ns_.has_value()});
+  if (config_.pose != link::PoseSource::mocap) {  // nobody gives one: it is made there
+    std::vector<Pose> own;
+    for (const DroneFacts& drone : facts()) {
+      Pose pose = link_->pose(drone.number);
+      pose.drone = drone.number;
+      if (pose.stamp_ns != 0) own.push_back(pose);
+    }
+    witness_.given(own);
+  }
   for (const auto& send : out.to_send) {
     const std::string_view text = send.command.view();
     digester_->put(text);

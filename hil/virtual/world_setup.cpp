@@ -79,7 +79,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
     drone.odometry.start_m = start_of(k);
     drone.odometry.start_m[0] += config.start_error_m * put.normal();
     drone.odometry.start_m[1] += config.start_error_m * put.normal();
-    drone.odometry.start_yaw_rad = config.start_error_rad * put.normal();
+    drone.odometry.start_yaw_rad = config.yaw_deg / 180 * std::numbers::pi + config.start_error_rad * put.normal();
     settings.drones.push_back(drone);
   }
   for (const sim::Pad& pad : config.pads)
