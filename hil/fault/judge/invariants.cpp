@@ -26,6 +26,7 @@ enum Which : std::uint8_t {
   missing,
   lost,
   unasked,
+  upright,
   count
 };
 }  // namespace which
@@ -46,6 +47,7 @@ constexpr auto invariant_names = std::to_array<std::string_view>({
     "always: every fault began",
     "always: nothing acknowledged is lost",
     "always: nothing is flown that nobody signed",
+    "always: no motors cut while upright",
 });
 static_assert(invariant_names.size() == which::count);
 
@@ -71,8 +73,18 @@ void Invariants::observe(const Moment& moment) {
     if (event.kind == WorldEvent::Kind::unasked)
       broke(which::unasked, moment.now, fmt::format("{}: {}", moment.drones[event.drone].name, event.text));
     if (event.kind == WorldEvent::Kind::bad_rc) broke(which::rc_range, moment.now, event.text);
+    if (event.kind == WorldEvent::Kind::sent && event.text == "emergency") check_cut(moment, event.drone);
   }
   check_order(moment);
+}
+
+void Invariants::check_cut(const Moment& moment, std::size_t index) {
+  const DroneFacts& facts = moment.drones[index];
+  const bool upright = facts.truth.in_flight && !facts.truth.crashed && facts.truth.tilt_rad < upright_rad;
+  if (upright && !excuse_of(moment, index).cut)
+    broke(which::upright, moment.now,
+          fmt::format("{}: tilted by {:.2f} rad at {:.2f} m", facts.name, facts.truth.tilt_rad,
+                      facts.truth.position_m[2]));
 }
 
 void Invariants::check_order(const Moment& moment) {
@@ -131,9 +143,9 @@ void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies
 void Invariants::check_limits(const Moment& moment, std::size_t index) {
   const DroneFacts& facts = moment.drones[index];
   Drone& drone = drones_[index];
-  const auto& at = facts.truth.position_m;
-  const auto& v = facts.truth.velocity_mps;
   const Moment::Excuse excuse = excuse_of(moment, index);
+  const auto& at = excuse.blind && facts.pose ? facts.pose->position_m : facts.truth.position_m;
+  const auto& v = facts.truth.velocity_mps;
   if (excuse.physical || !facts.truth.in_flight || facts.truth.crashed) return;
   if (const double speed = std::hypot(v[0], v[1], v[2]); speed > limits_.speed_mps)
     broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));

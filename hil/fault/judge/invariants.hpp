@@ -11,7 +11,9 @@ namespace ledgerline::hil {
 ///
 ///     speed, height, distance   never beyond the limits, but of a drone that was pushed, broken or deafened, until 5 s
 ///                               behind that fault's end (1 s behind the start of a link that was away); where it got
-///                               meanwhile it may stay, but no farther than 0.5 m on
+///                               meanwhile it may stay, but no farther than 0.5 m on.
+///                               The place is the true one; of a drone that has its own senses alone, and they were
+///                               blinded, the one where link believes it to be
 ///     no crash                  no drone turns over but one that a fault broke, and no process ends but by a fault
 ///     unseen                    a drone in the air that a running link does not see stands still after 1 s, and is
 ///                               down after 25 s: whatever became of the link before
@@ -28,6 +30,7 @@ namespace ledgerline::hil {
 ///     every fault began         of the script, but those that are optional: otherwise the run says nothing about it
 ///     nothing unasked           what agent hands on is in a call that its creator signed, and what ground flies by is
 ///                               what link said
+///     no cut while upright      nobody says emergency to a drone in the air that stands upright, unless a cut was asked for
 ///     nothing is lost           that was acknowledged as committed; transitions have no gap
 ///
 /// Plain data in, verdicts out. One thread.
@@ -45,6 +48,7 @@ class Invariants {
   static constexpr TimeNs land_after_ns = 5'500 * ns_per_ms;
   static constexpr double farther_m = 0.5;  ///< than where it got while it was deaf
   static constexpr TimeNs unseen_stops_ns = 1 * ns_per_s, unseen_down_ns = 25 * ns_per_s;
+  static constexpr double upright_rad = 0.5;
   static constexpr double unseen_mps = 0.4;  ///< horizontally: gusts, and how a Tello drifts
 
  private:
@@ -65,6 +69,7 @@ class Invariants {
   void check_unseen(const Moment& moment, std::size_t drone);
   void check_ramp(const Moment& moment, std::size_t drone, bool rested);
   void check_brake(const Moment& moment, std::size_t drone, bool flies);
+  void check_cut(const Moment& moment, std::size_t drone);
   void check_order(const Moment& moment);
   void broke(std::size_t which, TimeNs now, std::string what) { verdicts_[which].broke(now, std::move(what)); }
 

@@ -20,7 +20,9 @@ struct Moment {
   struct Excuse {
     bool physical = false;  ///< it was broken or pushed: speed, height and place are not the flight's own
     bool broken = false;    ///< a fault took a part of it: it may turn over
-    bool deaf = false;      ///< nobody tells it anything, or it may not get there: it goes by what it heard last
+    bool cut = false;       ///< somebody asked for its motors to be cut
+    bool blind = false;  ///< flown by its own senses, which were blinded: it is where it should be, as far as it knows
+    bool deaf = false;   ///< nobody tells it anything, or it may not get there: it goes by what it heard last
   };
   std::span<const Excuse> excuses{};
   std::optional<TimeNs> first_fault_ns, last_fault_end_ns;

@@ -1,5 +1,6 @@
 // Faults of the drones themselves, of their lines, sensors and air.
 #include "hil/fault/kinds/said.hpp"
+#include "hil/virtual/facts.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -97,6 +98,8 @@ Result<FaultActs> wind(const Said& said) {
 Result<FaultActs> sensor(const Said& said) {
   const auto fault = parse_sensor(said.rest);
   if (!fault) return fault.error();
+  // A text that says the wrong velocity or heading, up to the other way round: all but the battery's.
+  const double misleads_mps = said.rest.starts_with("bat") ? 0 : 2 * rc_full_mps;
   return FaultActs{
       .lasts_on =
           [fault = *fault](Effects::OfDrone& drone, std::size_t item) {
@@ -105,7 +108,8 @@ Result<FaultActs> sensor(const Said& said) {
           },
       .really_begin = [text = said.text](RealActs& real, const RealLedger&) { real.proxy.push_back(text); },
       .really_end = [text = said.text](RealActs& real, const RealLedger&,
-                                       bool) { real.proxy.push_back(text + " off"); }};
+                                       bool) { real.proxy.push_back(text + " off"); },
+      .misleads_mps = misleads_mps};
 }
 
 Result<FaultActs> of_mocap(void (*set)(MocapFault&, const std::array<double, 3>&), const std::array<double, 3>& value,

@@ -38,9 +38,12 @@ struct FaultActs {
   bool deafens = false;            ///< what a drone is told may not get there
   bool stops_link = false;         ///< nobody tells drones anything until link runs again
   bool needs_supervisors = false;  ///< others than the operator speak
+  bool cuts = false;               ///< motors, as somebody asks for by name
+  bool blinds = false;             ///< a drone's own senses: by them it never knows how far it went meanwhile
   double misleads_m = 0;           ///< by how much mocap may say another place
-  std::string_view kills = {};     ///< the program that dies by SIGKILL: "link"
-  bool fills_disk = false;         ///< the ledger's has to be a small one
+  double misleads_mps = 0;      ///< how fast the place that a drone knows by its own senses may go away from the true
+  std::string_view kills = {};  ///< the program that dies by SIGKILL: "link"
+  bool fills_disk = false;      ///< the ledger's has to be a small one
 };
 
 /// One fault as it is written: where and what, e.g. "drone tello1 to delay 200ms". docs/faults.md lists all of them.

@@ -155,7 +155,8 @@ Result<FaultActs> say_control(const Said& said) {
       },
       .momentary = true,
       .pushes = word == ControlWord::cut,
-      .needs_supervisors = stopper != Stopper::operating || word == ControlWord::hand_over};
+      .needs_supervisors = stopper != Stopper::operating || word == ControlWord::hand_over,
+      .cuts = word == ControlWord::cut};
 }
 
 Result<FaultActs> revoke(const Said&) {

@@ -1,5 +1,6 @@
 // Faults of what the simulated drones sense: light, floor, flow, tof, barometer, mission pads.
 #include <algorithm>
+#include <cmath>
 
 #include "hil/fault/kinds/said.hpp"
 
@@ -11,16 +12,19 @@ using Said = FaultKind::Said;
 constexpr double max_bias_mps = 5, max_baro_drift_mps = 10;
 
 /// What `set` does to a drone's Sensing while the fault goes on. `pushes`: its own velocity is wrong or lost, so that it
-/// drifts, and how fast and how far it gets says nothing of whoever flies it.
+/// drifts, and how fast and how far it gets says nothing of whoever flies it. `misleads_mps`: how fast it goes away from
+/// where its own senses say that it is. `blinds`: nothing bounds that, since it does not feel its own speed.
 template <class Set>
-FaultActs senses(Set set, bool pushes) {
+FaultActs senses(Set set, bool pushes, double misleads_mps = 0, bool blinds = false) {
   return FaultActs{.lasts_on = [set](Effects::OfDrone& drone, std::size_t) { set(drone.sensing); },
                    .not_real = because(inside_the_simulation),
-                   .pushes = pushes};
+                   .pushes = pushes,
+                   .blinds = blinds,
+                   .misleads_mps = misleads_mps};
 }
 
 Result<FaultActs> flow_lost(const Said&) {
-  return senses([](sim::Sensing& sensing) { sensing.light = 0; }, true);
+  return senses([](sim::Sensing& sensing) { sensing.light = 0; }, true, 0, true);
 }
 
 Result<FaultActs> light_or_floor(const Said& said) {
@@ -29,7 +33,7 @@ Result<FaultActs> light_or_floor(const Said& said) {
     return Error{std::string(said.words[0]) + " must be followed by a share below 20%: with more, flow is not lost"};
   double sim::Sensing::*const which = said.words[0] == "light" ? &sim::Sensing::light : &sim::Sensing::floor;
   return senses([which, share = *share](sim::Sensing& sensing) { sensing.*which = std::min(sensing.*which, share); },
-                true);
+                true, 0, true);
 }
 
 // Biases add up, and so do drifts.
@@ -46,7 +50,7 @@ Result<FaultActs> flow_bias(const Said& said) {
       [bias](sim::Sensing& sensing) {
         for (std::size_t i = 0; i < 2; ++i) sensing.flow_bias_mps[i] += bias[i];
       },
-      true);
+      true, std::hypot(bias[0], bias[1]));
 }
 
 Result<FaultActs> tof_nothing(const Said&) {
@@ -57,7 +61,7 @@ Result<FaultActs> baro_drift(const Said& said) {
   const auto rate = parse_number(said.words[0]);
   if (!rate || *rate == 0 || std::abs(*rate) > max_baro_drift_mps)
     return Error{"baro drift must be followed by a rate in m/s, up to 10 and not 0"};
-  return senses([rate = *rate](sim::Sensing& sensing) { sensing.baro_drift_mps += rate; }, false);
+  return senses([rate = *rate](sim::Sensing& sensing) { sensing.baro_drift_mps += rate; }, false, std::abs(*rate));
 }
 
 Result<FaultActs> pads_gone(const Said&) {

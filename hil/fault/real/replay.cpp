@@ -272,7 +272,8 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
                        "that what a drone is told ramps: each rc's range is judged",
                        "that agent hands each command on once and in order: link's own order is judged",
                        "that what is flown was signed: tests/system/relay compares it with the ledger",
-                       "that no plan that waited during a brake is flown behind it: that of the plan in hand alone"};
+                       "that no plan that waited during a brake is flown behind it: that of the plan in hand alone",
+                       "that no motor of an upright drone is cut: of what it is told traces have rc alone"};
   return result;
 }
 

@@ -10,10 +10,17 @@
 namespace ledgerline::hil {
 namespace {
 
-// How far the fence may be off, since what link believes is off.
-double misled_m(const std::vector<Fault>& faults) {
+// How far the fence may be off, since what link believes is off. Without motion capture nobody sees what a drone's own
+// senses hide, and it stays behind the fault: what it had time to become, and no more. (How wrong they are without a
+// fault needs no room: by so much link draws the fence in.)
+double misled_m(const Script& script) {
+  const bool own_senses = script.flight.pose != link::PoseSource::mocap;
   double metres = 0;
-  for (const Fault& fault : faults) metres += fault.acts.misleads_m;
+  for (const Fault& fault : script.faults) {
+    metres += fault.acts.misleads_m;
+    const TimeNs lasts_ns = fault.for_ns > 0 ? fault.for_ns : script.limit_ns;
+    if (own_senses) metres += fault.acts.misleads_mps * to_seconds(lasts_ns);
+  }
   return metres;
 }
 
@@ -35,9 +42,9 @@ TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
 }  // namespace
 
 Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
-  const double slack = 1.5 + misled_m(script.faults), room = script.flight.room_m.value_or(3);
+  const double slack = 1.5 + misled_m(script), room = script.flight.room_m.value_or(3);
   Limits limits;
-  limits.height_m += misled_m(script.faults);
+  limits.height_m += misled_m(script);
   limits.fence_min_m = {-std::abs(room), -std::abs(room), 0};
   limits.fence_max_m = {0, 0, 3};
   for (std::size_t i = 0; i < 2; ++i) {

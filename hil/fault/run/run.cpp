@@ -29,7 +29,11 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
     world.step();
     for (std::size_t i = 0; i < excuses.size(); ++i) {
       const FaultSchedule::Effect effect = schedule.effect_on(i, world.now());
-      excuses[i] = {effect.pushed || world.facts()[i].truth.battery <= 0, effect.broken, effect.deafened};
+      excuses[i] = {.physical = effect.pushed || world.facts()[i].truth.battery <= 0,
+                    .broken = effect.broken,
+                    .cut = effect.cut,
+                    .blind = effect.blinded && script.flight.pose != link::PoseSource::mocap,
+                    .deaf = effect.deafened};
     }
     recorder.observe({.now = world.now(),
                       .drones = world.facts(),

@@ -111,6 +111,50 @@ TEST(FaultJudge, SaysTheMomentWhenARuleBroke) {
   EXPECT_EQ(broken_at("nothing acknowledged is lost", [](Judged& r) { r.ending.lost = {"x"}; }), 3 * ns_per_s);
 }
 
+TEST(FaultJudge, NobodyCutsAnUprightDroneUnlessItWasAskedFor) {
+  const std::string rule = "always: no motors cut while upright";
+  const auto broken = [&](const std::string& word, const std::function<void(Judged&)>& set) {
+    Judged run("");
+    std::vector<Moment::Excuse> excuses(1);
+    run.moment.excuses = excuses;
+    run.pass(ns_per_s);
+    set(run);
+    run.events.push_back({run.moment.now, WorldEvent::Kind::sent, 0, 0, word});
+    run.pass(ns_per_ms);
+    return run.broken().contains(rule);
+  };
+  EXPECT_TRUE(broken("emergency", [](Judged&) {}));
+  EXPECT_TRUE(broken("emergency", [](Judged& r) { r.drones[0].truth.tilt_rad = 0.4; }));
+  EXPECT_FALSE(broken("land", [](Judged&) {}));
+  EXPECT_FALSE(broken("emergency", [](Judged& r) { r.drones[0].truth.tilt_rad = 3; }));
+  EXPECT_FALSE(broken("emergency", [](Judged& r) { r.drones[0].truth.in_flight = false; }));
+  std::vector<Moment::Excuse> asked(1);
+  asked[0].cut = true;
+  EXPECT_FALSE(broken("emergency", [&](Judged& r) { r.moment.excuses = asked; }));
+  // That it was pushed is no reason.
+  std::vector<Moment::Excuse> pushed(1);
+  pushed[0] = {.physical = true, .broken = true};
+  EXPECT_TRUE(broken("emergency", [&](Judged& r) { r.moment.excuses = pushed; }));
+}
+
+TEST(FaultJudge, ABlindedDronesPlaceIsTheOneThatItBelieves) {
+  const std::string rule = "always: never farther than the limits";
+  const auto broken = [&](bool blind, double true_m, double believed_m) {
+    Judged run("");
+    std::vector<Moment::Excuse> excuses(1);
+    excuses[0].blind = blind;
+    run.moment.excuses = excuses;
+    run.drones[0].truth.position_m[0] = true_m;
+    run.drones[0].pose = Pose{.drone = 1, .position_m = {believed_m, 0, 1}};
+    run.pass(ns_per_s);
+    return run.broken().contains(rule);
+  };
+  EXPECT_TRUE(broken(false, 101, 0));
+  EXPECT_FALSE(broken(false, 0, 101));
+  EXPECT_FALSE(broken(true, 101, 0));
+  EXPECT_TRUE(broken(true, 0, 101));
+}
+
 TEST(FaultJudge, ResumesCountsFromTheLastFaultsEnd) {
   for (const bool again : {true, false}) {
     Judged run("resumes within 2 s");

@@ -1,5 +1,6 @@
 #include "hil/fault/run/recorder.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "hil/fault/run/result.hpp"
@@ -42,6 +43,27 @@ TEST(RunRecorder, KeepsAPointOfEachDroneEveryFiftyMilliseconds) {
   ASSERT_EQ(result.timeline[0].size(), 20U);
   EXPECT_EQ(result.timeline[0][1].t_ns - result.timeline[0][0].t_ns, timeline_period_ns);
   EXPECT_FLOAT_EQ(result.timeline[0][1].at_m[0], 0.25F);
+}
+
+TEST(RunRecorder, TheLimitsLeaveRoomForWhatADronesOwnSensesCannotKnowAndNoMore) {
+  const auto max_m = [](const char* pose, const char* fault) {
+    const auto script = parse_script(fmt::format("title = \"t\"\n[flight]\npose = \"{}\"\nlimit = \"20 s\"\n"
+                                                 "[[fault]]\nwhat = \"{}\"\nfor = \"4s\"\n",
+                                                 pose, fault),
+                                     "t.toml");
+    EXPECT_TRUE(script.ok()) << fault;
+    return limits_of(*script, std::vector<DroneFacts>(1)).max_m[0];
+  };
+  const double usual_m = max_m("tello", "agent stop");
+  EXPECT_DOUBLE_EQ(usual_m, max_m("mocap", "agent stop"));
+  EXPECT_NEAR(max_m("tello", "drone * flow bias 0.3 0.4") - usual_m, 4 * 0.5, 1e-9);
+  EXPECT_NEAR(max_m("tello", "drone * baro drift -0.1") - usual_m, 4 * 0.1, 1e-9);
+  EXPECT_NEAR(max_m("tello", "sensor * yaw bias 30") - usual_m, 4 * 2, 1e-9);
+  for (const char* none : {"sensor * bat stuck", "drone * tof nothing", "pads gone", "drone * flow lost"})
+    EXPECT_DOUBLE_EQ(max_m("tello", none), usual_m) << none;
+  // Motion capture sees it.
+  for (const char* seen : {"drone * flow bias 0.3 0.4", "drone * flow lost", "sensor * yaw bias 30"})
+    EXPECT_DOUBLE_EQ(max_m("mocap", seen), usual_m) << seen;
 }
 
 TEST(RunRecorder, KeepsEventsButThoseOfEachPlanAndSaysTheModeInWords) {

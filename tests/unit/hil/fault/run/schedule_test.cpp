@@ -127,6 +127,18 @@ TEST(FaultOverlap, ALinkThatIsBackExcusesTheDroneForOneSecond) {
     EXPECT_EQ(run.schedule->effect_on(0, from_seconds(t_s)).deafened, excused) << t_s;
 }
 
+TEST(FaultOverlap, ACutThatWasAskedForExcusesItsDroneForGood) {
+  WorldConfig config;
+  config.drones = 2;
+  Faulty run({{"operator cut tello2", "2s", ""}, {"operator stop tello1", "2s", ""}}, config);
+  run.fly_to(1.9);
+  EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(1.9)).cut);
+  run.fly_to(3);
+  EXPECT_TRUE(run.schedule->effect_on(1, from_seconds(60)).cut);
+  EXPECT_FALSE(run.schedule->effect_on(0, from_seconds(3)).cut);
+  EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(60)).pushed);
+}
+
 TEST(FaultOverlap, TwoBiasesAddUp) {
   const auto lands = [](const std::vector<Written>& faults) {
     Faulty run(faults);
