@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numbers>
 
 #include "hil/virtual/world_setup.hpp"
 
@@ -181,18 +182,63 @@ std::string moment(Draw& draw) {
   return fmt::format("{} + {}", trigger, milliseconds(draw.between(1, max_ms)));
 }
 
+void add(Script& script, const std::string& text, const std::string& at, double lasts_ms) {
+  auto fault = parse_fault(text, at, milliseconds(lasts_ms));
+  if (!fault) return;  // none of what is drawn is refused
+  fault->optional = true;
+  script.faults.push_back(std::move(*fault));
+}
+
 // Link dies, and its successor does not see the drone.
 void add_blind_restart(Draw& draw, Script& script) {
   constexpr std::array<const char*, 3> deaf{"states", "from", "answers"};
   const std::string at = moment(draw);
-  const auto add = [&](const std::string& text, double lasts_ms) {
-    auto fault = parse_fault(text, at, milliseconds(lasts_ms));
-    if (!fault) return;  // none of what is drawn is refused
-    fault->optional = true;
-    script.faults.push_back(std::move(*fault));
+  add(script, "link kill", at, draw.between(20, 2'500));
+  add(script, fmt::format("drone * {} partition", draw.of(deaf)), at, draw.between(1'000, 40'000));
+}
+
+std::string sensing_fault(Draw& draw, const std::string& drone, bool pads) {
+  switch (draw.below(pads ? 7 : 6)) {
+    case 0:
+      return fmt::format("drone {} flow lost", drone);
+    case 1:
+      return fmt::format("drone {} light {:.0f}%", drone, draw.between(0, 19));
+    case 2:
+      return fmt::format("drone {} floor {:.0f}%", drone, draw.between(0, 19));
+    case 3:
+      return fmt::format("drone {} flow bias {:.2f} {:.2f}", drone, draw.between(-0.4, 0.4), draw.between(0.01, 0.4));
+    case 4:
+      return fmt::format("drone {} tof nothing", drone);
+    case 5:
+      return fmt::format("drone {} baro drift {:.3f}", drone, draw.between(0.002, 0.1) * (draw.below(2) == 0 ? -1 : 1));
+    default:
+      return "pads gone";
+  }
+}
+
+// Where drones look at first, by what they know where they are, and what becomes of their senses. Without motion
+// capture its faults would do nothing: one of the senses comes in the place of each.
+void add_senses(Draw& draw, Script& script) {
+  WorldConfig& flight = script.flight;
+  if (draw.below(2) == 0) flight.yaw_deg = static_cast<double>(draw.below(360)) - 180;
+  const bool own = draw.below(3) == 0, pads = own && draw.below(2) == 0;
+  if (own) flight.pose = pads ? link::PoseSource::pads : link::PoseSource::tello;
+  for (int id = 1; pads && id <= 4; ++id) {
+    flight.pads.push_back({.id = id,
+                           .x_m = id == 2 || id == 3 ? flight.side_m : 0,
+                           .y_m = id > 2 ? flight.side_m : 0,
+                           .yaw_rad = (static_cast<double>(draw.below(360)) - 180) * std::numbers::pi / 180});
+  }
+  const auto some_drone = [&] {
+    return draw.below(4) == 0 ? "*" : drone_name(1 + static_cast<int>(draw.below(flight.drones)));
   };
-  add("link kill", draw.between(20, 2'500));
-  add(fmt::format("drone * {} partition", draw.of(deaf)), draw.between(1'000, 40'000));
+  const auto some_ms = [&] { return draw.below(3) == 0 ? draw.between(1'000, 15'000) : draw.between(20, 3'000); };
+  std::size_t wanted = own ? draw.below(3) : draw.below(4) == 0 ? 1 : 0;
+  if (own) wanted += std::erase_if(script.faults, [](const Fault& fault) { return fault.text.starts_with("mocap "); });
+  for (std::size_t i = 0; i < wanted; ++i) {
+    const std::string text = sensing_fault(draw, some_drone(), pads), at = moment(draw);
+    add(script, text, at, some_ms());
+  }
 }
 
 }  // namespace
@@ -238,6 +284,8 @@ Script draw_script(std::uint64_t number, const std::string& recording) {
     script.faults.push_back(std::move(*fault));
   }
   if (kind.below(5) == 0) add_blind_restart(kind, script);
+  Draw senses(number * 1'299'709 + 11);
+  add_senses(senses, script);
   return script;
 }
 
