@@ -146,13 +146,13 @@ void Invariants::check_limits(const Moment& moment, std::size_t index) {
   const Moment::Excuse excuse = excuse_of(moment, index);
   const auto& at = excuse.blind && facts.pose ? facts.pose->position_m : facts.truth.position_m;
   const auto& v = facts.truth.velocity_mps;
-  if (excuse.physical || !facts.truth.in_flight || facts.truth.crashed) return;
-  if (const double speed = std::hypot(v[0], v[1], v[2]); speed > limits_.speed_mps)
+  if (!facts.truth.in_flight || facts.truth.crashed) return;
+  if (const double speed = std::hypot(v[0], v[1], v[2]); speed > limits_.speed_mps && !excuse.physical)
     broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
   const double high = std::max(0.0, at[2] - limits_.height_m);
   double far = 0;
   for (std::size_t i = 0; i < 2; ++i) far = std::max({far, limits_.min_m[i] - at[i], at[i] - limits_.max_m[i]});
-  if (excuse.deaf) {
+  if (excuse.deaf || excuse.physical) {
     drone.high_m = high;
     drone.far_m = far;
     return;
@@ -198,7 +198,7 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
   }
   // A link that stood still says nothing for a second, so that the drone may land itself: see LinkSettings.
   const bool rested = flies && now - drone.rested_since_ns > 1'500 * ns_per_ms;
-  check_ramp(moment, index, rested);
+  check_ramp(moment, index, rested && !excuse_of(moment, index).spins);
   check_brake(moment, index, flies);
   if (flies) {
     const TimeNs silent_since = std::max(facts.plan_end_ns, drone.rested_since_ns);

@@ -27,12 +27,14 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   while (!over() && world.now() < script.limit_ns) {
     schedule.step(world);
     world.step();
+    const bool own_senses = script.flight.pose != link::PoseSource::mocap;
     for (std::size_t i = 0; i < excuses.size(); ++i) {
       const FaultSchedule::Effect effect = schedule.effect_on(i, world.now());
       excuses[i] = {.physical = effect.pushed || world.facts()[i].truth.battery <= 0,
                     .broken = effect.broken,
                     .cut = effect.cut,
-                    .blind = effect.blinded && script.flight.pose != link::PoseSource::mocap,
+                    .blind = effect.blinded && own_senses,
+                    .spins = effect.broken && own_senses,
                     .deaf = effect.deafened};
     }
     recorder.observe({.now = world.now(),

@@ -155,6 +155,19 @@ TEST(FaultJudge, ABlindedDronesPlaceIsTheOneThatItBelieves) {
   EXPECT_TRUE(broken(true, 0, 101));
 }
 
+TEST(FaultJudge, WhatASpinningDroneIsToldNeedNotRamp) {
+  for (const bool spins : {false, true}) {
+    Judged run("");
+    std::vector<Moment::Excuse> excuses(1);
+    excuses[0] = {.physical = true, .broken = true, .spins = spins};
+    run.moment.excuses = excuses;
+    run.pass(2 * ns_per_s);
+    run.drones[0].told = {0.6, 0, 0};
+    run.pass(ns_per_ms);
+    EXPECT_EQ(run.broken().contains("always: told speed ramps"), !spins);
+  }
+}
+
 TEST(FaultJudge, ResumesCountsFromTheLastFaultsEnd) {
   for (const bool again : {true, false}) {
     Judged run("resumes within 2 s");
