@@ -20,6 +20,7 @@
 #include "onboard/link/core/transition_log.hpp"
 #include "onboard/link/core/velocity.hpp"
 #include "onboard/link/core/watch/battery_watch.hpp"
+#include "onboard/link/core/watch/flow_watch.hpp"
 #include "onboard/link/core/watch/motion_watch.hpp"
 #include "onboard/link/core/watch/tilt_watch.hpp"
 
@@ -134,6 +135,7 @@ class DroneLink {
   std::vector<PadSettings> pads_;
   TiltWatch tilt_watch_;
   MotionWatch motion_watch_;
+  FlowWatch flow_watch_;
   BatteryWatch battery_watch_;
 
   TelloSession session_;

@@ -36,12 +36,16 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
   tilt_watch_.take(now, state);
   if (phase == FlightPhase::flying) {
     battery_watch_.take(now, state.battery);
+    flow_watch_.take(now, state, motion_watch_.expected_mps());
   } else {
     battery_watch_.reset();
+    flow_watch_.reset();
   }
   told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
   if (source_ == PoseSource::mocap) return;
-  odometry_.take(now, state, session_.seen_standing(now));
+  TelloState believed = state;
+  believed.velocity_told = state.velocity_told && !flow_watch_.blind();
+  odometry_.take(now, believed, session_.seen_standing(now));
   for (const PadSettings& pad : pads_) {
     if (source_ == PoseSource::pads && pad.id == state.pad) odometry_.fix(on_map(pad, state));
   }

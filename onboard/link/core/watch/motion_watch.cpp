@@ -16,6 +16,8 @@ void MotionWatch::tell(double seconds, const std::array<float, 3>& told_mps) noe
   for (std::size_t i = 0; i < 2; ++i) expected_mps_[i] += share * (static_cast<double>(told_mps[i]) - expected_mps_[i]);
 }
 
+double MotionWatch::expected_mps() const noexcept { return std::hypot(expected_mps_[0], expected_mps_[1]); }
+
 void MotionWatch::see(TimeNs now, const std::array<double, 3>& velocity_mps) noexcept {
   const TimeNs gap = now - seen_ns_;
   if (gap > max_pose_gap_ns) {
@@ -26,7 +28,7 @@ void MotionWatch::see(TimeNs now, const std::array<double, 3>& velocity_mps) noe
   const double share = 1 - std::exp(-to_seconds(std::min(gap, max_pose_gap_ns)) / response_s);
   for (std::size_t i = 0; i < 2; ++i) smooth_mps_[i] += share * (velocity_mps[i] - smooth_mps_[i]);
   const double off = std::hypot(smooth_mps_[0] - expected_mps_[0], smooth_mps_[1] - expected_mps_[1]);
-  const double limit = std::max(limit_mps, limit_share * std::hypot(expected_mps_[0], expected_mps_[1]));
+  const double limit = std::max(limit_mps, limit_share * expected_mps());
   since_ns_ = off <= limit ? 0 : since_ns_ == 0 ? now : since_ns_;
 }
 

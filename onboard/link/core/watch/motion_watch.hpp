@@ -27,6 +27,8 @@ class MotionWatch {
   void see(TimeNs now, const std::array<double, 3>& velocity_mps) noexcept;
   /// It does not fly, or nothing is known.
   void reset() noexcept { *this = {}; }
+  /// How fast it should move by now.
+  double expected_mps() const noexcept;
   bool differs() const noexcept { return since_ns_ != 0 && seen_ns_ - since_ns_ >= differs_for_ns; }
 
  private:

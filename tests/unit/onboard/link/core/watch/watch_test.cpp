@@ -4,6 +4,7 @@
 
 #include "common/base/random.hpp"
 #include "onboard/link/core/watch/battery_watch.hpp"
+#include "onboard/link/core/watch/flow_watch.hpp"
 #include "onboard/link/core/watch/motion_watch.hpp"
 #include "onboard/link/core/watch/tilt_watch.hpp"
 #include "tests/unit/onboard/link/core/times.hpp"
@@ -141,6 +142,22 @@ TEST(BatteryWatch, AChangedBatteryBeginsAnew) {
   watch.take(ns_per_s, 0.2F);
   watch.take(2 * ns_per_s, 1.0F);
   EXPECT_EQ(watch.needed(3), 0);
+}
+
+TEST(FlowWatch, ZerosWhileItIsToldToMoveAreNoVelocityUntilOneComesThatIsNotZero) {
+  FlowWatch watch;
+  TimeNs now = ns_per_s;
+  const auto fly = [&](int texts, float told_dmps, double expected_mps) {
+    TelloState state;
+    state.velocity_dmps = {told_dmps, 0, 0};
+    for (int i = 0; i < texts; ++i) watch.take(now += between_texts_ns, state, expected_mps);
+    return watch.blind();
+  };
+  EXPECT_FALSE(fly(100, 0, 0.05)) << "it hovers";
+  EXPECT_FALSE(fly(9, 0, 0.3));
+  EXPECT_TRUE(fly(1, 0, 0.3));
+  EXPECT_TRUE(fly(50, 0, 0)) << "braked, it sees no more than before";
+  EXPECT_FALSE(fly(1, -1, 0));
 }
 
 }  // namespace
