@@ -35,11 +35,12 @@ struct Strokes {
   double half_s = 0.97;  ///< no multiple of the 0.1 s between two state texts
   bool turn = false;     ///< one stroke of the first value, until it has turned by a right angle
 };
-constexpr std::array<int, 5> one{30, -36, 40, -38, 38}, two{36, -32, 30, -34, 36}, three{33, -38, 35, -31, 35};
+constexpr std::array<int, 5> one{30, -36, 40, -38, 38}, two{36, -32, 30, -34, 36}, three{33, -38, 35, -31, 35},
+    vertical{25, -32, 44, -45, 41};  // further apart: vgz has no noise that would level what is rounded
 constexpr double half_up_s = 0.63;
 constexpr std::array<Strokes, 8> schedule{{{forward, one},
                                            {right, two},
-                                           {up, one, half_up_s},
+                                           {up, vertical, half_up_s},
                                            {clockwise, two},
                                            {clockwise, {38}, 0, true},
                                            {forward, three},
