@@ -56,7 +56,7 @@ class RealLink : public ::testing::Test {
         (void)agent->send_beat(beat);
         for (DroneNumber drone = 1; drone <= 2; ++drone) {
           (void)agent->send_pose(
-              {.drone = drone, .stamp_ns = now, .position_m = {0, 0, 1}, .velocity_mps = {}, .yaw_rad = 0});
+              {.drone = drone, .stamp_ns = now, .position_m = {3.0 * drone, 0, 1}, .velocity_mps = {}, .yaw_rad = 0});
         }
       }
       for (StateSample sample; agent->take_state(sample);) newest[sample.drone] = sample;

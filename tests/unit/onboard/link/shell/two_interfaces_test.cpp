@@ -72,7 +72,7 @@ class TwoInterfaces : public ::testing::Test {
       (void)agent->send_beat(beat);
       for (DroneNumber k = 1; k <= drones; ++k)
         (void)agent->send_pose(
-            {.drone = k, .stamp_ns = monotonic_ns(), .position_m = {0, 0, 1}, .velocity_mps = {}, .yaw_rad = 0});
+            {.drone = k, .stamp_ns = monotonic_ns(), .position_m = {3.0 * k, 0, 1}, .velocity_mps = {}, .yaw_rad = 0});
       for (StateSample sample; agent->take_state(sample);) newest[sample.drone] = sample;
       if (reached()) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
