@@ -11,6 +11,7 @@ import time
 import tomllib
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 
 
 @contextlib.contextmanager
@@ -126,7 +127,7 @@ def test_bytes_of_any_kind_end_nothing_and_reach_no_terminal():
     assert "does not say" in shown and all(c == "\n" or " " <= c <= "~" for c in shown + errors)
 
 
-def test_a_flight_measures_a_drone_and_lands_it(tmp_path):
+def test_a_flight_measures_a_drone_and_lands_it_whoever_ends_it(tmp_path):
     written = tmp_path / "calibration.toml"
     with drones(1, "--yaw", "40", mocap=True):
         refused = tello("calibrate", "127.0.0.2", "--out", str(written), input="no\n")
@@ -137,19 +138,21 @@ def test_a_flight_measures_a_drone_and_lands_it(tmp_path):
         ended.send_signal(signal.SIGINT)
         said = ended.communicate(timeout=40)[0]
         assert ended.returncode == 1 and "asked to end" in said and not written.exists()
-        flown = subprocess.run([BIN / "ledgerline", "tello", "calibrate", "127.0.0.2", "--yes", "--repeat", "1", "--mocap",
-                                "/vrpn_mocap/tello1/pose", "--out", str(written)], capture_output=True, text=True, timeout=150)
-        assert flown.returncode == 0, flown.stderr
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain:
-            plain.connect(("127.0.0.2", 8889))
-            plain.settimeout(5)
-            plain.send(b"height?")
-            assert plain.recv(100) in (b"0dm", b"0dm\r\n")
-    measured = tomllib.loads(written.read_text())
-    assert abs(measured["rc"]["full_scale_mps"] - 1) < 0.1 and measured["rc"]["signs"] == [-1, 1, 1, -1]
-    assert abs(measured["rc"]["full_scale_radps"] - math.radians(100)) < 0.1
-    assert measured["pose"] == {"velocity_signs": [1, 1, 1], "velocity_frame": "power_on"}
-    assert measured["flight"]["told_mps"] == measured["rc"]["full_scale_mps"] and 0.1 < measured["flight"]["lag_s"] < 0.5
+        if LONG:  # in real time: a minute
+            flown = subprocess.run([BIN / "ledgerline", "tello", "calibrate", "127.0.0.2", "--yes", "--repeat", "1", "--mocap",
+                                    "/vrpn_mocap/tello1/pose", "--out", str(written)], capture_output=True, text=True, timeout=150)
+            assert flown.returncode == 0, flown.stderr
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain:
+                plain.connect(("127.0.0.2", 8889))
+                plain.settimeout(5)
+                plain.send(b"height?")
+                assert plain.recv(100) in (b"0dm", b"0dm\r\n")
+    if LONG:
+        measured = tomllib.loads(written.read_text())
+        assert abs(measured["rc"]["full_scale_mps"] - 1) < 0.1 and measured["rc"]["signs"] == [-1, 1, 1, -1]
+        assert abs(measured["rc"]["full_scale_radps"] - math.radians(100)) < 0.1
+        assert measured["pose"] == {"velocity_signs": [1, 1, 1], "velocity_frame": "power_on"}
+        assert measured["flight"]["told_mps"] == measured["rc"]["full_scale_mps"] and 0.1 < measured["flight"]["lag_s"] < 0.5
     assert tello("calibrate").returncode == 2
     nobody = tello("calibrate", "127.0.0.9", "--yes", "--out", str(written))
     assert nobody.returncode == 1 and "does not answer" in nobody.stderr

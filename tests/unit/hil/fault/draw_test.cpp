@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 TEST(FaultRandom, NoInvariantBreaks) {
-  const std::size_t count = static_cast<std::size_t>(seeds(slow ? 1 : 200, 10'000));
+  const std::size_t count = static_cast<std::size_t>(seeds(slow ? 1 : 100, 10'000));
   double flown_s = 0;
   const TimeNs begin = monotonic_ns();
   fly_all(
