@@ -1,7 +1,6 @@
 #include "onboard/link/core/tello/serial_check.hpp"
 
 #include <algorithm>
-#include <cstring>
 
 #include "onboard/link/core/tello/tello_text.hpp"
 
@@ -17,7 +16,7 @@ constexpr std::size_t min_serial = 4;
 SerialText copy(std::string_view text) noexcept {
   SerialText out;
   out.size = static_cast<std::uint8_t>(std::min(text.size(), out.bytes.size()));
-  std::memcpy(out.bytes.data(), text.data(), out.size);
+  std::copy_n(text.begin(), out.size, out.bytes.begin());
   return out;
 }
 
