@@ -20,15 +20,6 @@ const crypto::IdentityName administrator_name{"Org2MSP", "CN=Admin@org2.ledgerli
 
 std::string drone_name(int number) { return fmt::format("tello{}", number); }
 
-namespace {
-
-std::array<double, 3> start_of(int k) {
-  const sim::Parameters places;
-  return {(k - 1) % places.columns * places.spacing_m, (k - 1) / places.columns * places.spacing_m, 0};
-}
-
-}  // namespace
-
 node::CoreConfig node_config(const WorldConfig& config) {
   node::CoreConfig node;
   node.batch_count = config.batch_count;
@@ -76,7 +67,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
                               .number = static_cast<DroneNumber>(k),
                               .source = config.pose,
                               .by_hand_without_pose = config.pose != link::PoseSource::mocap};
-    drone.odometry.start_m = start_of(k);
+    drone.odometry.start_m = sim::start_of(places, k);
     drone.odometry.start_m[0] += config.start_error_m * put.normal();
     drone.odometry.start_m[1] += config.start_error_m * put.normal();
     drone.odometry.start_yaw_rad = config.yaw_deg / 180 * std::numbers::pi + config.start_error_rad * put.normal();

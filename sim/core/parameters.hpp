@@ -144,4 +144,10 @@ struct Parameters {
   std::vector<Table> tables;
 };
 
+/// Where drone `number` (from 1) stands when it is switched on, map frame [m].
+inline std::array<double, 3> start_of(const Parameters& parameters, int number) {
+  const int column = (number - 1) % parameters.columns, row = (number - 1) / parameters.columns;
+  return {column * parameters.spacing_m, row * parameters.spacing_m, 0};
+}
+
 }  // namespace ledgerline::sim

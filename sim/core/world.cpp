@@ -82,9 +82,8 @@ World::World(const Parameters& parameters) : state_(std::make_unique<State>(para
     dMassSetParameters(&mass, b.mass_kg, 0, 0, 0, b.inertia_xy_kgm2, b.inertia_xy_kgm2, b.inertia_z_kgm2, 0, 0, 0);
     dBodySetMass(drone.body, &mass);
     dBodySetGyroscopicMode(drone.body, 0);
-    const auto column = static_cast<double>(static_cast<int>(i) % s.p.columns);
-    const auto row = static_cast<double>(static_cast<int>(i) / s.p.columns);
-    dBodySetPosition(drone.body, column * s.p.spacing_m, row * s.p.spacing_m, b.height_m / 2);
+    const auto start_m = start_of(s.p, static_cast<int>(i) + 1);
+    dBodySetPosition(drone.body, start_m[0], start_m[1], b.height_m / 2);
     const dQuaternion looking{std::cos(s.p.start_yaw_rad / 2), 0, 0, std::sin(s.p.start_yaw_rad / 2)};
     dBodySetQuaternion(drone.body, looking);
     drone.geom = dCreateBox(nullptr, b.length_m, b.length_m, b.height_m);

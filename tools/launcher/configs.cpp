@@ -87,8 +87,7 @@ std::string link_drone_tables(const Options& options) {
     const deployment::OwnDrone own =
         options.own ? options.own->drones[static_cast<std::size_t>(k) - 1]
                     : deployment::OwnDrone{.address = options.proxy ? proxied_address_of(k) : address_of(k),
-                                           .start_m = {(k - 1) % places.columns * places.spacing_m,
-                                                       (k - 1) / places.columns * places.spacing_m, 0}};
+                                           .start_m = sim::start_of(places, k)};
     tables += fmt::format(
         "\n[[drone]]\nname = \"{}\"\nnumber = {}\naddress = \"{}\"\nstart_m = [{:.3f}, {:.3f}, {:.3f}]\n"
         "start_yaw_rad = {:.4f}\n",
