@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
 
 namespace ledgerline::sim {
@@ -28,7 +29,7 @@ sockaddr_in to_sockaddr(const Endpoint& endpoint) {
 Result<int> lock_address(std::uint32_t address) {
   const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return Error{fmt::format("no Unix socket: {}", std::strerror(errno))};
-  const std::string name = "ledgerline-sim@" + address_text(address);
+  const std::string name = "ledgerline-sim@" + ipv4_text(address);
   sockaddr_un place{};
   place.sun_family = AF_UNIX;
   std::copy(name.begin(), name.end(), place.sun_path + 1);
@@ -37,7 +38,7 @@ Result<int> lock_address(std::uint32_t address) {
   const int why = errno;
   close(fd);
   return Error{fmt::format("another ledgerline-sim holds {} ({}): end it, or choose other addresses with --address",
-                           address_text(address), std::strerror(why))};
+                           ipv4_text(address), std::strerror(why))};
 }
 
 Result<int> bind_drone(std::uint32_t address) {
@@ -53,20 +54,10 @@ Result<int> bind_drone(std::uint32_t address) {
   return Error{
       fmt::format("cannot bind {}:{}: {} (a Tello client on this host that binds 0.0.0.0:{} without SO_REUSEADDR? "
                   "Run it in a network namespace of its own)",
-                  address_text(address), command_port, std::strerror(why), command_port)};
+                  ipv4_text(address), command_port, std::strerror(why), command_port)};
 }
 
 }  // namespace
-
-Result<std::uint32_t> parse_address(const std::string& text) {
-  in_addr address{};
-  if (inet_pton(AF_INET, text.c_str(), &address) != 1) return Error{"'" + text + "' is no IPv4 address"};
-  return ntohl(address.s_addr);
-}
-
-std::string address_text(std::uint32_t address) {
-  return fmt::format("{}.{}.{}.{}", address >> 24, (address >> 16) & 255, (address >> 8) & 255, address & 255);
-}
 
 Result<DroneSockets> DroneSockets::open(std::uint32_t first_address, int drones) {
   DroneSockets sockets;
@@ -128,7 +119,7 @@ void DroneSockets::send(const Outgoing& datagram) {
     return;
   ++unsent_;
   if (!warned_[i])
-    spdlog::warn("tello{}: a datagram to {}:{} was not sent: {}", datagram.drone, address_text(datagram.to.address),
+    spdlog::warn("tello{}: a datagram to {}:{} was not sent: {}", datagram.drone, ipv4_text(datagram.to.address),
                  datagram.to.port, std::strerror(errno));
   warned_[i] = true;
 }

@@ -52,7 +52,4 @@ class DroneSockets {
   std::uint64_t unsent_ = 0;
 };
 
-Result<std::uint32_t> parse_address(const std::string& text);
-std::string address_text(std::uint32_t address);
-
 }  // namespace ledgerline::sim

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/base/file.hpp"
+#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
 #include "common/msg/ros.hpp"
 #include "common/program/stop_signals.hpp"
@@ -124,7 +125,7 @@ void print_line(const nlohmann::json& json) {
 }  // namespace
 
 Status run_real_time(const ShellOptions& options) {
-  const auto address = parse_address(options.first_address);
+  const auto address = parse_ipv4(options.first_address);
   if (!address) return address.error();
   const sigset_t waiting = catch_stop_signals_while_waiting();  // before DDS's threads, which inherit the mask
   auto sockets = DroneSockets::open(*address, options.parameters.drones);

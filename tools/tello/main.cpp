@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/base/file.hpp"
+#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/program/command_line.hpp"
@@ -38,7 +39,7 @@ Result<std::vector<tello::Found>> asked_for(const std::vector<std::string>& addr
     hosts = std::move(*all);
   }
   for (const std::string& text : addresses) {
-    const auto address = tello::parse_address(text);
+    const auto address = parse_ipv4(text);
     if (!address) return address.error();
     if (std::find(hosts.begin(), hosts.end(), *address) == hosts.end()) hosts.push_back(*address);
   }
@@ -68,7 +69,7 @@ int join_wifi(const Wish& wish) {
   if (!password) return fail(password.error());
   if (const std::string why = tello::wifi_refusal(wish.ssid, *password); !why.empty())
     return fail(Error{why}, exit_usage);
-  const auto address = tello::parse_address(wish.address);
+  const auto address = parse_ipv4(wish.address);
   if (!address) return fail(address.error(), exit_usage);
   const std::string word = fmt::format("ap {} {}", wish.ssid, *password);
   std::vector<tello::Found> drones{{*address, tello::Asking({word})}};
@@ -88,7 +89,7 @@ int join_wifi(const Wish& wish) {
 }
 
 int land(const Wish& wish) {
-  const auto address = tello::parse_address(wish.address);
+  const auto address = parse_ipv4(wish.address);
   if (!address) return fail(address.error(), exit_usage);
   const auto down = tello::land(*address, wish.interface, wish.seconds);
   if (down && *down) print_line(wish.address + " is down");
@@ -96,7 +97,7 @@ int land(const Wish& wish) {
 }
 
 int calibrate(const Wish& wish) {
-  const auto address = tello::parse_address(wish.address);
+  const auto address = parse_ipv4(wish.address);
   if (!address) return fail(address.error(), exit_usage);
   auto dds = dds::participant_options_of(wish.config, "ledgerline_tello");
   if (!dds) return fail(dds.error(), exit_usage);

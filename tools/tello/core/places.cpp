@@ -1,10 +1,11 @@
 #include "tools/tello/core/places.hpp"
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>
+
+#include "common/base/ipv4.hpp"
 
 namespace ledgerline::tello {
 namespace {
@@ -19,19 +20,9 @@ bool one_word(const std::string& text) {
 
 }  // namespace
 
-Result<std::uint32_t> parse_address(const std::string& text) {
-  in_addr address{};
-  if (::inet_pton(AF_INET, text.c_str(), &address) != 1) return Error{fmt::format("'{}' is no IPv4 address", text)};
-  return ntohl(address.s_addr);
-}
-
-std::string address_text(std::uint32_t address) {
-  return fmt::format("{}.{}.{}.{}", address >> 24, (address >> 16) & 255, (address >> 8) & 255, address & 255);
-}
-
 Result<std::vector<std::uint32_t>> hosts_of(const std::string& cidr) {
   const std::size_t slash = cidr.find('/');
-  const auto base = parse_address(cidr.substr(0, slash));
+  const auto base = parse_ipv4(cidr.substr(0, slash));
   if (!base) return base.error();
   int prefix = 0;
   const char* const from = slash == std::string::npos ? nullptr : cidr.data() + slash + 1;

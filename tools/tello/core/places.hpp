@@ -7,11 +7,7 @@
 
 namespace ledgerline::tello {
 
-/// IPv4 in host order; fails with words for a person.
-Result<std::uint32_t> parse_address(const std::string& text);
-std::string address_text(std::uint32_t address);
-
-/// All hosts of "192.168.1.0/24" or a smaller subnet, without its own and its broadcast address (but of /31 and /32).
+/// IPv4 in host order: all hosts of "192.168.1.0/24" or a smaller subnet, without its own and its broadcast address (but of /31 and /32).
 /// At most 254: whoever looks for a drone asks no network that is not his room's.
 Result<std::vector<std::uint32_t>> hosts_of(const std::string& cidr);
 

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tools/tello/core/places.hpp"
+#include "common/base/ipv4.hpp"
 
 namespace ledgerline::tello {
 namespace {
@@ -28,7 +28,7 @@ std::string words(const std::vector<Found>& drones) {
   for (const Found& drone : drones) {
     const Asking& asking = drone.asking;
     const std::string version = asking.answer("version?");
-    out += fmt::format(row, address_text(drone.address), or_silent(asking.answer("sn?")),
+    out += fmt::format(row, ipv4_text(drone.address), or_silent(asking.answer("sn?")),
                        or_silent(asking.answer("battery?"), " %"), or_silent(asking.answer("sdk?")),
                        or_silent(asking.answer("hardware?")),
                        or_silent(version.empty() ? asking.answer("wifiversion?") : version));
@@ -42,7 +42,7 @@ std::string json(const std::vector<Found>& drones) {
   for (const Found& drone : drones) {
     const Asking& asking = drone.asking;
     const std::string battery = asking.answer("battery?");
-    list.push_back({{"address", address_text(drone.address)},
+    list.push_back({{"address", ipv4_text(drone.address)},
                     {"serial", or_null(asking.answer("sn?"))},
                     {"battery", battery.empty() ? nlohmann::json() : nlohmann::json(std::stoi(battery))},
                     {"sdk", or_null(asking.answer("sdk?"))},

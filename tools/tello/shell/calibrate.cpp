@@ -8,13 +8,13 @@
 #include <iostream>
 #include <memory>
 
+#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
 #include "common/msg/ros.hpp"
 #include "common/program/stop_signals.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/link/shell/sockets/udp.hpp"
 #include "tools/tello/core/calibrate/flight.hpp"
-#include "tools/tello/core/places.hpp"
 #include "tools/tello/shell/datagrams.hpp"
 
 namespace ledgerline::tello {
@@ -87,7 +87,7 @@ Result<Record> fly_calibration(const CalibrationWish& wish) {
       }
     }
   }
-  const std::string where = address_text(wish.address);
+  const std::string where = ipv4_text(wish.address);
   if (flight.aloft())
     spdlog::error("{} was not seen down: a Tello lands by itself 15 s after the last word that it heard", where);
   if (!flight.failure().empty()) return Error{where + ": " + flight.failure()};

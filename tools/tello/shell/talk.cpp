@@ -9,11 +9,11 @@
 #include <iostream>
 
 #include "common/base/file.hpp"
+#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
 #include "common/program/stop_signals.hpp"
 #include "onboard/link/shell/sockets/udp.hpp"
 #include "tools/tello/core/landing.hpp"
-#include "tools/tello/core/places.hpp"
 #include "tools/tello/shell/datagrams.hpp"
 
 namespace ledgerline::tello {
@@ -63,7 +63,7 @@ Result<bool> land(std::uint32_t address, const std::string& interface, double se
       if (from == address) landing.on_state(monotonic_ns(), bytes);
     });
   }
-  const std::string where = address_text(address);
+  const std::string where = ipv4_text(address);
   if (!sent) spdlog::error("nothing can be sent to {}: is this computer in the drone's Wi-Fi?", where);
   if (!landing.heard()) {
     spdlog::error(

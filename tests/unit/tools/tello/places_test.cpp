@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "common/base/ipv4.hpp"
+
 namespace ledgerline::tello {
 namespace {
 
@@ -9,8 +11,8 @@ TEST(Places, ASubnetIsItsHostsWithoutItsEnds) {
   const auto all = hosts_of("192.168.1.77/24");
   ASSERT_TRUE(all) << all.error().what;
   ASSERT_EQ(all->size(), 254U);
-  EXPECT_EQ(address_text(all->front()), "192.168.1.1");
-  EXPECT_EQ(address_text(all->back()), "192.168.1.254");
+  EXPECT_EQ(ipv4_text(all->front()), "192.168.1.1");
+  EXPECT_EQ(ipv4_text(all->back()), "192.168.1.254");
   EXPECT_EQ(hosts_of("10.0.0.4/30")->size(), 2U);
   EXPECT_EQ(hosts_of("10.0.0.4/31")->size(), 2U);
   EXPECT_EQ(hosts_of("10.0.0.4/32")->size(), 1U);
