@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "onboard/link/core/watch/held.hpp"
 #include "onboard/link/core/watch/tilt_watch.hpp"
 
 namespace ledgerline::link {
@@ -93,11 +94,7 @@ void remember_fence(const FenceSettings& fence, FailsafeState& memory, TimeNs no
   if (out.distance_m > 0) memory.outside_ns = now;
   const bool outward =
       out.distance_m > fence.far_beyond_m || (out.distance_m > 0 && (pose_lost || out.outward_mps > fence.outward_mps));
-  if (!outward) {
-    memory.outward_since_ns = 0;
-  } else if (memory.outward_since_ns == 0) {
-    memory.outward_since_ns = now;
-  }
+  note_since(now, outward, memory.outward_since_ns);
 }
 
 // Why there is nothing to fly; none: there is a plan, or it ended only just now.

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "onboard/link/core/watch/held.hpp"
+
 namespace ledgerline::link {
 
 namespace {
@@ -16,15 +18,6 @@ constexpr TimeNs aloft_for_ns = 300 * ns_per_ms;
 // What is believed to fly but seen on the ground this long has come down by itself.
 constexpr TimeNs down_for_ns = 3 * ns_per_s;
 
-// Whether `seen` was true for all of `long_enough`; `since` remembers from when.
-bool held(TimeNs now, bool seen, TimeNs& since, TimeNs long_enough) noexcept {
-  if (!seen) {
-    since = 0;
-  } else if (since == 0) {
-    since = now;
-  }
-  return seen && now - since >= long_enough;
-}
 }  // namespace
 
 void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "onboard/link/core/watch/held.hpp"
+
 namespace ledgerline::link {
 namespace {
 
@@ -29,7 +31,7 @@ void MotionWatch::see(TimeNs now, const std::array<double, 3>& velocity_mps) noe
   for (std::size_t i = 0; i < 2; ++i) smooth_mps_[i] += share * (velocity_mps[i] - smooth_mps_[i]);
   const double off = std::hypot(smooth_mps_[0] - expected_mps_[0], smooth_mps_[1] - expected_mps_[1]);
   const double limit = std::max(limit_mps, limit_share * expected_mps());
-  since_ns_ = off <= limit ? 0 : since_ns_ == 0 ? now : since_ns_;
+  note_since(now, off > limit, since_ns_);
 }
 
 }  // namespace ledgerline::link

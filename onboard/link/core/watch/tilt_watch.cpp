@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "onboard/link/core/tello/axes.hpp"
+#include "onboard/link/core/watch/held.hpp"
 
 namespace ledgerline::link {
 namespace {
@@ -13,8 +14,6 @@ constexpr TimeNs max_text_gap_ns = 500 * ns_per_ms;  // of texts: what was befor
 constexpr double rest_mg = 1000, rest_within_mg = 250;
 // Upright it feels -1000 downward. Half of that is a tilt of 60 degrees, at rest.
 constexpr double upright_mg = -500;
-
-void count(TimeNs now, bool seen, TimeNs& since) noexcept { since = !seen ? 0 : since == 0 ? now : since; }
 
 }  // namespace
 
@@ -28,8 +27,8 @@ void TiltWatch::take(TimeNs now, const TelloState& state) noexcept {
   const bool rests = std::abs(all - rest_mg) < rest_within_mg;
   const bool turned = static_cast<double>(feels[2]) > upright_mg;
   const bool tilted = tilt_rad_ > tilted_rad;
-  count(now, tilted, tilted_since_ns_);
-  count(now, tilted && rests && turned, lies_since_ns_);
+  note_since(now, tilted, tilted_since_ns_);
+  note_since(now, tilted && rests && turned, lies_since_ns_);
 }
 
 }  // namespace ledgerline::link
