@@ -17,7 +17,7 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       source_(drone.source),
       by_hand_without_pose_(drone.by_hand_without_pose),
       odometry_(drone.odometry),
-      pads_(settings.pads),
+      pads_(drone.source == PoseSource::pads ? settings.pads : std::vector<PadSettings>{}),
       session_(settings.session, drone.serial, drone.source == PoseSource::pads),
       admission_(settings.playout),
       playout_(settings.playout, admission_),

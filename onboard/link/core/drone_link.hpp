@@ -131,8 +131,8 @@ class DroneLink {
 
   PoseSource source_;
   bool by_hand_without_pose_;
-  Odometry odometry_;  ///< where its own senses are the source
-  std::vector<PadSettings> pads_;
+  Odometry odometry_;              ///< where its own senses are the source
+  std::vector<PadSettings> pads_;  ///< none where they are not the source
   TiltWatch tilt_watch_;
   MotionWatch motion_watch_;
   FlowWatch flow_watch_;

@@ -47,7 +47,7 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
   believed.velocity_told = state.velocity_told && !flow_watch_.blind();
   odometry_.take(now, believed, session_.seen_standing(now));
   for (const PadSettings& pad : pads_) {
-    if (source_ == PoseSource::pads && pad.id == state.pad) odometry_.fix(on_map(pad, state));
+    if (pad.id == state.pad) odometry_.fix(on_map(pad, state));
   }
   accept_pose(now, odometry_.pose());
 }

@@ -188,12 +188,20 @@ void Odometry::fix_heading(const Fix& fix) noexcept {
   plane_cov_ -= gain * gain.transpose() * variance;
 }
 
+Eigen::Vector2d Odometry::beside(const Fix& fix) const noexcept {
+  return {fix.position_m[0] - plane_[px], fix.position_m[1] - plane_[px + 1]};
+}
+
+Eigen::Matrix2d Odometry::place_variance(const Fix& fix) const noexcept {
+  Eigen::Matrix2d variance = plane_cov_.topLeftCorner<2, 2>();
+  variance.diagonal().array() += square(fix.sigma_m);
+  return variance;
+}
+
 void Odometry::fix(const Fix& fix) noexcept {
   if (text_ns_ == 0) return;
-  const Eigen::Vector2d off(fix.position_m[0] - plane_[px], fix.position_m[1] - plane_[px + 1]);
-  const Eigen::Matrix2d off_variance =
-      plane_cov_.topLeftCorner<2, 2>() + Eigen::Matrix2d(Eigen::Vector2d::Constant(square(fix.sigma_m)).asDiagonal());
-  const bool believable = off.dot(off_variance.inverse() * off) < square(fix_sigmas);
+  const Eigen::Vector2d off = beside(fix);
+  const bool believable = off.dot(place_variance(fix).inverse() * off) < square(fix_sigmas);
   if (!believable && fixes_refused_ < max_fixes_refused) {
     ++fixes_refused_;
     return;
@@ -203,9 +211,8 @@ void Odometry::fix(const Fix& fix) noexcept {
   if (!believable) doubt_place(off.norm());
   const Eigen::Vector3d before(plane_[px], plane_[px + 1], height_[z]);
   fix_heading(fix);
-  const Eigen::Vector2d innovation(fix.position_m[0] - plane_[px], fix.position_m[1] - plane_[px + 1]);
-  const Eigen::Matrix2d variance =
-      plane_cov_.topLeftCorner<2, 2>() + Eigen::Matrix2d(Eigen::Vector2d::Constant(square(fix.sigma_m)).asDiagonal());
+  const Eigen::Vector2d innovation = beside(fix);
+  const Eigen::Matrix2d variance = place_variance(fix);
   const Eigen::Matrix<double, 6, 2> gain = plane_cov_.leftCols<2>() * variance.inverse();
   plane_ += gain * innovation;
   plane_cov_ -= gain * variance * gain.transpose();

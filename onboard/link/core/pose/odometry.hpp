@@ -46,6 +46,9 @@ class Odometry {
   using HeightMatrix = Eigen::Matrix4d;
 
   void start(const TelloState& state, bool at_start) noexcept;
+  /// How far a fix is beside the place in x and y, and the variance of that.
+  Eigen::Vector2d beside(const Fix& fix) const noexcept;
+  Eigen::Matrix2d place_variance(const Fix& fix) const noexcept;
   void fix_heading(const Fix& fix) noexcept;
   void doubt_place(double metres) noexcept;
   void predict(double seconds, const Eigen::Vector3d& velocity_mps, bool stands) noexcept;

@@ -93,6 +93,15 @@ void fly_square(Walker& drone, double side_m = 2, double speed = 0.5) {
     drone.fly(side_m / speed, {speed * way[0], speed * way[1], 0});
 }
 
+/// A text with a velocity.
+TelloState told(double tof_m, double height_m) {
+  TelloState state;
+  state.velocity_told = true;
+  state.tof_m = static_cast<float>(tof_m);
+  state.height_m = static_cast<float>(height_m);
+  return state;
+}
+
 TEST(Odometry, WhereItStartsIsWhereTheConfigSaysAndStandingAddsNothing) {
   OdometrySettings settings;
   settings.start_m = {1, 2, 0};
@@ -217,11 +226,7 @@ TEST(Odometry, FixesNowAndThenHoldTheErrorDown) {
 
 TEST(Odometry, FirstSeenInTheAirItIsAnywhere) {
   Odometry odometry({});
-  TelloState state;
-  state.velocity_told = true;
-  state.tof_m = 1;
-  state.height_m = 1;
-  odometry.take(ns_per_s, state, false);
+  odometry.take(ns_per_s, told(1, 1), false);
   EXPECT_GT(odometry.pose().variance[0], 1000);
 }
 
@@ -281,9 +286,7 @@ TEST(Odometry, WhatIsFlownWithoutAUsableVelocityIsUncertain) {
 
 TEST(Odometry, AFirstTextWithoutASightOfTheGroundIsMadeGoodByTheNext) {
   Odometry odometry({});
-  TelloState state;
-  state.velocity_told = true;
-  state.tof_m = 65.53F;
+  TelloState state = told(65.53, 0);
   state.motor_s = 3;
   odometry.take(ns_per_s, state, false);
   EXPECT_GT(odometry.pose().variance[0], 1000);
