@@ -29,20 +29,27 @@ def deployment(directory: pathlib.Path, text: str, drones: int = 1) -> pathlib.P
 
 
 @contextlib.contextmanager
+def somebody_elses(*command):
+    """A program that fly does not start, and must not end; its ready line and the process are yielded."""
+    program = subprocess.Popen(command, stdout=subprocess.PIPE)
+    try:
+        yield json.loads(program.stdout.readline()), program
+        assert program.poll() is None, "fly ended what it did not start"
+    finally:
+        program.terminate()
+        assert program.wait(10) == 0
+        program.stdout.close()
+
+
+@contextlib.contextmanager
 def somebody_elses_drones(directory: pathlib.Path, drones: int = 1):
     """Drones and motion capture that fly did not start and does not end."""
     config = directory / "sim.toml"
     config.write_text("[dds]\nlocal_only = true\n")
-    sim = subprocess.Popen([BIN / "ledgerline-sim", "--config", config, "--drones", str(drones), "--summary", directory / "sim.json"],
-                           stdout=subprocess.PIPE)
-    try:
-        assert json.loads(sim.stdout.readline())["ready"] is True
+    with somebody_elses(BIN / "ledgerline-sim", "--config", config, "--drones", str(drones), "--summary",
+                        directory / "sim.json") as (line, sim):
+        assert line["ready"] is True
         yield sim
-        assert sim.poll() is None, "fly ended what it did not start"
-    finally:
-        sim.terminate()
-        assert sim.wait(10) == 0
-        sim.stdout.close()
 
 
 def test_a_short_square(tmp_path):
@@ -79,10 +86,8 @@ def test_ctrl_c_in_mid_flight_lands(tmp_path):
 @contextlib.contextmanager
 def somebody_elses_network(directory: pathlib.Path):
     """A ledger that fly did not start, and the files that say how agent, ground and an administrator reach it."""
-    node = subprocess.Popen([BIN / "ledgerline-node", "--dir", directory / "network", "--listen", "127.0.0.1:0"],
-                            stdout=subprocess.PIPE)
-    try:
-        endpoint = json.loads(node.stdout.readline())["endpoint"]
+    with somebody_elses(BIN / "ledgerline-node", "--dir", directory / "network", "--listen", "127.0.0.1:0") as (line, _):
+        endpoint = line["endpoint"]
         organisations = directory / "network" / "crypto" / "peerOrganizations"
 
         def ledger(name: str, k: int, user: str) -> None:
@@ -99,11 +104,6 @@ def somebody_elses_network(directory: pathlib.Path):
         ledger("ground", 2, "User1")
         ledger("admin", 1, "Admin")
         yield
-        assert node.poll() is None, "fly ended what it did not start"
-    finally:
-        node.terminate()
-        assert node.wait(10) == 0
-        node.stdout.close()
 
 
 def test_a_network_of_others(tmp_path):

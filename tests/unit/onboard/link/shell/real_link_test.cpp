@@ -13,11 +13,12 @@
 #include "common/base/file.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "tests/unit/child.hpp"
+#include "tests/unit/onboard/link/shell/stand_in_agent.hpp"
 
 /// The real ledgerline-link flies the real ledgerline-sim; this test stands in for agent. Runs in a namespace of its
 /// own (in_namespace.sh); arguments: roudi, sim, link, and but with sanitizers loop_watch, which proves meanwhile that
-/// link's loop allocates, locks and throws nothing and makes no system call but the allowed ones. Virtual poses: the
-/// drone believes to stand still at the origin, which is enough to fly, since nothing here steers by position.
+/// link's loop allocates, locks and throws nothing and makes no system call but the allowed ones. Made-up poses
+/// are enough to fly, since nothing here steers by position.
 namespace ledgerline::ipc {
 namespace {
 
@@ -49,17 +50,8 @@ class RealLink : public ::testing::Test {
   /// Does agent's chores until `reached`, or says false after `bound`.
   bool run_until(TimeNs bound, const std::function<bool()>& reached) {
     for (const TimeNs end = monotonic_ns() + bound; monotonic_ns() < end;) {
-      const TimeNs now = monotonic_ns();
-      if (lives) {
-        beat.stamp_ns = now;
-        beat.ledger_alive = true;
-        (void)agent->send_beat(beat);
-        for (DroneNumber drone = 1; drone <= 2; ++drone) {
-          (void)agent->send_pose(
-              {.drone = drone, .stamp_ns = now, .position_m = {3.0 * drone, 0, 1}, .velocity_mps = {}, .yaw_rad = 0});
-        }
-      }
-      for (StateSample sample; agent->take_state(sample);) newest[sample.drone] = sample;
+      if (lives) beat_and_pose(*agent, beat, 2);
+      take_states(*agent, newest);
       if (lives) take_transitions();
       if (reached()) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -225,11 +217,6 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
 }  // namespace ledgerline::ipc
 
 int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  if (argc < 4) return 2;
-  ledgerline::ipc::roudi_program = argv[1];
-  ledgerline::ipc::sim_program = argv[2];
-  ledgerline::ipc::link_program = argv[3];
-  if (argc > 4) ledgerline::ipc::loop_watch = argv[4];
-  return RUN_ALL_TESTS();
+  using namespace ledgerline::ipc;
+  return run_with_programs(argc, argv, {&roudi_program, &sim_program, &link_program, &loop_watch}, 1);
 }

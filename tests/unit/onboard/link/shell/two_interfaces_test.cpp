@@ -12,11 +12,12 @@
 #include "common/rt/clock.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "tests/unit/child.hpp"
+#include "tests/unit/onboard/link/shell/stand_in_agent.hpp"
 
 /// Two plain Tellos, as they come out of the box: each with a Wi-Fi of its own, and both at 192.168.10.1. One link flies
 /// both, each behind its interface; a third drone is not the one that the config means. Runs in a namespace of its own
 /// (in_namespace.sh); arguments: roudi, sim, link. The drones are in network namespaces behind veth pairs, which are
-/// the adapters wlan1 to wlan3 here. Poses are this test's: the drones believe to stand still at the origin.
+/// the adapters wlan1 to wlan3 here. Poses are made up.
 namespace ledgerline::ipc {
 namespace {
 
@@ -66,14 +67,8 @@ class TwoInterfaces : public ::testing::Test {
   /// Does agent's chores until `reached`, or says false after `bound`.
   bool run_until(TimeNs bound, const std::function<bool()>& reached) {
     for (const TimeNs end = monotonic_ns() + bound; monotonic_ns() < end;) {
-      AgentBeat beat;
-      beat.stamp_ns = monotonic_ns();
-      beat.ledger_alive = true;
-      (void)agent->send_beat(beat);
-      for (DroneNumber k = 1; k <= drones; ++k)
-        (void)agent->send_pose(
-            {.drone = k, .stamp_ns = monotonic_ns(), .position_m = {3.0 * k, 0, 1}, .velocity_mps = {}, .yaw_rad = 0});
-      for (StateSample sample; agent->take_state(sample);) newest[sample.drone] = sample;
+      beat_and_pose(*agent, {}, drones);
+      take_states(*agent, newest);
       if (reached()) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
@@ -152,10 +147,6 @@ TEST_F(TwoInterfaces, TwoDronesAtOneAddressFlyAndOneWithAnotherSerialStaysDown) 
 }  // namespace ledgerline::ipc
 
 int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  if (argc < 4) return 2;
-  ledgerline::ipc::roudi_program = argv[1];
-  ledgerline::ipc::sim_program = argv[2];
-  ledgerline::ipc::link_program = argv[3];
-  return RUN_ALL_TESTS();
+  using namespace ledgerline::ipc;
+  return run_with_programs(argc, argv, {&roudi_program, &sim_program, &link_program});
 }
