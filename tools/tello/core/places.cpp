@@ -10,7 +10,7 @@
 namespace ledgerline::tello {
 namespace {
 
-constexpr int longest_prefix = 32, shortest_prefix = 24;
+constexpr int max_prefix = 32, min_prefix = 24;
 // IEEE 802.11: a name has up to 32 bytes, a WPA2 password 8 to 63 letters.
 constexpr std::size_t max_ssid = 32, min_password = 8, max_password = 63;
 
@@ -27,11 +27,10 @@ Result<std::vector<std::uint32_t>> hosts_of(const std::string& cidr) {
   int prefix = 0;
   const char* const from = slash == std::string::npos ? nullptr : cidr.data() + slash + 1;
   const char* const to = cidr.data() + cidr.size();
-  if (from == nullptr || std::from_chars(from, to, prefix).ptr != to || from == to || prefix < shortest_prefix ||
-      prefix > longest_prefix)
-    return Error{
-        fmt::format("'{}' is no subnet of /{} to /{}, such as 192.168.1.0/24", cidr, shortest_prefix, longest_prefix)};
-  const std::uint32_t size = std::uint32_t{1} << (longest_prefix - prefix);
+  if (from == nullptr || std::from_chars(from, to, prefix).ptr != to || from == to || prefix < min_prefix ||
+      prefix > max_prefix)
+    return Error{fmt::format("'{}' is no subnet of /{} to /{}, such as 192.168.1.0/24", cidr, min_prefix, max_prefix)};
+  const std::uint32_t size = std::uint32_t{1} << (max_prefix - prefix);
   const std::uint32_t first = *base & ~(size - 1);
   std::vector<std::uint32_t> hosts;
   for (std::uint32_t i = 0; i < size; ++i) {

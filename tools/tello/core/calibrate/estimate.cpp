@@ -14,9 +14,9 @@ constexpr double pose_window_s = 0.04;  // 0.5 mm of noise is 18 mm/s then, and 
 constexpr double yaw_window_s = 0.2;    // of whole degrees in state text, ten times a second
 constexpr double rise_window_s = 0.3;   // of whole centimetres
 constexpr double tilt_window_s = 0.1;
-constexpr std::size_t least_samples = 25;  // a turn through a right angle has fewer where there is state text alone
-constexpr double least_correlation = 0.3;  // of tilt and acceleration; a flight of noise alone has below 0.1
-constexpr double clear = 0.25;             // squares of one frame of vg by those of the other, at most
+constexpr std::size_t min_samples = 25;  // a turn through a right angle has fewer where there is state text alone
+constexpr double min_correlation = 0.3;  // of tilt and acceleration; a flight of noise alone has below 0.1
+constexpr double clear = 0.25;           // squares of one frame of vg by those of the other, at most
 constexpr double quarter = std::numbers::pi / 2;
 
 int sign_of(double x) { return x < 0 ? -1 : 1; }
@@ -150,7 +150,7 @@ class Estimator {
 
   static Status answering(std::vector<Stretch> stretches, const char* what, Answering& out, Fit& fit) {
     // One step alone, as a turn's, does not tell a gain from a bias.
-    std::erase_if(stretches, [](const Stretch& s) { return s.steps.size() < 2 || s.axes[0].size() < least_samples; });
+    std::erase_if(stretches, [](const Stretch& s) { return s.steps.size() < 2 || s.axes[0].size() < min_samples; });
     const auto fitted = fit_response(stretches);
     if (!fitted)
       return Error{
@@ -228,7 +228,7 @@ class Estimator {
         }
       }
       const double correlation = product / std::sqrt(std::max(1e-12, tilts * changes));
-      if (std::abs(correlation) < least_correlation)
+      if (std::abs(correlation) < min_correlation)
         return Error{fmt::format("its tilt does not show which way rc {} leads", channel == forward ? 'b' : 'a')};
       out_.rc_signs[static_cast<std::size_t>(channel)] = sign_of(correlation);
     }

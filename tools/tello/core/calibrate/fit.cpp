@@ -7,11 +7,11 @@
 namespace ledgerline::tello {
 namespace {
 
-constexpr double least_lag_s = 0.02, most_lag_s = 1.0, most_dead_s = 0.4;
+constexpr double min_lag_s = 0.02, max_lag_s = 1.0, max_dead_s = 0.4;
 constexpr double coarse_s = 0.04, fine_s = 0.01;
 constexpr int fine_points = 8;    // of the fine grid, to each side of the coarse one's best: two of its steps
 constexpr double walk_s = 0.005;  // of the model's integration, between whose points it is interpolated
-constexpr std::size_t least_measurements = 20;
+constexpr std::size_t min_measurements = 20;
 
 /// The way that a unit gain goes: values of its integral every walk_s since the stretch began.
 class Walk {
@@ -92,15 +92,15 @@ struct Grid {
 };
 
 Grid coarse_grid() {
-  return {{0, least_lag_s},
+  return {{0, min_lag_s},
           coarse_s,
-          1 + std::lround(most_dead_s / coarse_s),
-          1 + std::lround((most_lag_s - least_lag_s) / coarse_s)};
+          1 + std::lround(max_dead_s / coarse_s),
+          1 + std::lround((max_lag_s - min_lag_s) / coarse_s)};
 }
 
 Grid fine_grid(const Place& middle) {
   const Place first{std::max(0.0, middle.dead_s - fine_points * fine_s),
-                    std::max(least_lag_s, middle.lag_s - fine_points * fine_s)};
+                    std::max(min_lag_s, middle.lag_s - fine_points * fine_s)};
   return {first, fine_s, 1 + std::lround((middle.dead_s - first.dead_s) / fine_s) + fine_points,
           1 + std::lround((middle.lag_s - first.lag_s) / fine_s) + fine_points};
 }
@@ -167,7 +167,7 @@ std::optional<Fit> fit_response(const std::vector<Stretch>& stretches) {
   if (stretches.empty()) return std::nullopt;
   for (const Stretch& stretch : stretches)
     for (const auto& axis : stretch.axes)
-      if (axis.size() < least_measurements) return std::nullopt;
+      if (axis.size() < min_measurements) return std::nullopt;
   const Grid coarse = coarse_grid();
   const Eigen::MatrixXd first = sum_of(squares_of(stretches, coarse));
   Eigen::Index d = 0, l = 0;

@@ -36,20 +36,20 @@ struct Crossing : LinkWorld {
     take_off();
     pass(2 * ns_per_s);
   }
-  bool fly(TimeNs longest) {
+  bool fly(TimeNs max_duration) {
     const std::array goals{tellos[1].position, tellos[0].position};
-    for (const TimeNs end = now + longest; now < end;) {
-      double furthest = 0;
+    for (const TimeNs end = now + max_duration; now < end;) {
+      double max_way = 0;
       for (std::size_t i = 0; i < 2; ++i) {
         std::array<float, 3> wish{};
         for (std::size_t k = 0; k < 3; ++k) {
           const double way = goals[i][k] - tellos[i].position[k];
           wish[k] = static_cast<float>(std::clamp(way, -0.8, 0.8));
-          furthest = std::max(furthest, std::abs(way));
+          max_way = std::max(max_way, std::abs(way));
         }
         fly_plan(wish, 4, 0, i + 1);
       }
-      if (furthest < 0.1) return true;
+      if (max_way < 0.1) return true;
       for (int i = 0; i < 100; ++i) {
         step();
         const auto &a = tellos[0].position, &b = tellos[1].position;
