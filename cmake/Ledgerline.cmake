@@ -38,7 +38,8 @@ endfunction()
 # what runs on a companion computer (docs/onboard.md) that need none of the programs; they have the label `onboard`.
 # threads_tests: those that start threads, so that tsan has something to find; they have the label `threads`.
 add_custom_target(programs)
-add_custom_target(part_tests)  # unit tests without whole flights (label flights)
+# part_tests: those that sanitizers look into in every run; the others have the label `long_sanitized`.
+add_custom_target(part_tests)
 add_custom_target(unit_tests)
 add_dependencies(unit_tests part_tests)
 add_custom_target(onboard_tests)
@@ -70,7 +71,7 @@ function(ll_test name)
   target_compile_options(${name} PRIVATE ${LEDGERLINE_LITTLE_OPTIMISED})
   add_test(NAME ${name} COMMAND ${name})
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "unit;${ARG_LABELS}")
-  if("flights" IN_LIST ARG_LABELS)
+  if("long_sanitized" IN_LIST ARG_LABELS)
     add_dependencies(unit_tests ${name})
   else()
     add_dependencies(part_tests ${name})

@@ -108,7 +108,7 @@ def kill_agent_in_flight(out: pathlib.Path, kills: int) -> dict:
 
 
 def test_an_agent_that_is_killed_at_any_moment_is_taken_back_and_disturbs_link_nowhere(tmp_path):
-    kills, per_flight = (1000, 150) if LONG else (12, 12)  # a battery lasts twelve minutes
+    kills, per_flight = (1000, 150) if LONG else (5, 5)  # a battery lasts twelve minutes
     random.seed(6)
     flights = []
     while (left := kills - sum(f["kills"] for f in flights)) > 0:
@@ -129,7 +129,7 @@ def test_an_agent_that_is_killed_at_any_moment_is_taken_back_and_disturbs_link_n
 
 
 def test_with_a_stopped_agent_the_plan_is_flown_out_and_then_held_every_time(tmp_path):
-    trials = 100 if LONG else 3
+    trials = 100 if LONG else 2
     flight = fly(tmp_path, "--seconds", str(6 * trials + 8), "--storage", "tmpfs")
     wait_for_flight(tmp_path, flight)
     agent = pid_of("ledgerline-agent")

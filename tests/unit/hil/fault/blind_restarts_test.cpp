@@ -16,7 +16,7 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr int slice = slow ? 1 : 20;
+constexpr int slice = slow ? 1 : 8;
 
 enum class Deaf : std::uint8_t { states, both_ways, answers };
 constexpr std::array<const char*, 3> deaf_lines{"states", "both", "answers"};
