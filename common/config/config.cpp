@@ -274,10 +274,14 @@ std::size_t Config::table_count(const Key& key) {
   return 0;
 }
 
-std::string Config::table_text(const std::string& key) const {
+std::string Config::table_text(const std::string& key, std::initializer_list<std::string_view> without) const {
   const toml::node* node = state_->root.get(key);
   toml::table alone;
-  if (node && node->is_table()) alone.insert(key, *node->as_table());
+  if (node && node->is_table()) {
+    toml::table kept = *node->as_table();
+    for (const std::string_view left_out : without) kept.erase(left_out);
+    alone.insert(key, std::move(kept));
+  }
   if (node && node->is_array_of_tables()) alone.insert(key, *node->as_array());
   if (alone.empty()) return "";
   std::ostringstream out;

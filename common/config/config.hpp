@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -72,8 +73,8 @@ class Config {
   /// Number of [[key]] tables; their keys are then "key.0.x", "key.1.x" ...
   std::size_t table_count(const Key& key);
   /// The [table], or all [[table]] of that name, as TOML with headings, for another program's file. Empty where there is
-  /// none.
-  std::string table_text(const std::string& key) const;
+  /// none. `without`: keys of the [table] that are not for that program.
+  std::string table_text(const std::string& key, std::initializer_list<std::string_view> without = {}) const;
   /// Another program judges what is in this table, which goes into its file: here none of its keys is unknown.
   void left_to_another(const Key& table);
   /// What the program itself finds wrong with a key's value, for finish(): "must ...".

@@ -223,6 +223,7 @@ void add_senses(Draw& draw, Script& script) {
   if (draw.below(2) == 0) flight.yaw_deg = static_cast<double>(draw.below(360)) - 180;
   const bool own = draw.below(3) == 0, pads = own && draw.below(2) == 0;
   if (own) flight.pose = pads ? link::PoseSource::pads : link::PoseSource::tello;
+  if (!own && draw.below(3) == 0) flight.pose = link::PoseSource::mocap_then_tello;
   for (int id = 1; pads && id <= 4; ++id) {
     flight.pads.push_back({.id = id,
                            .x_m = id == 2 || id == 3 ? flight.side_m : 0,

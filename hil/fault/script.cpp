@@ -87,8 +87,9 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   flight.blocks = config.choice("flight.blocks", {"peer", "ordered"}, "peer") == "ordered"
                       ? fabric::BlockSource::ordered
                       : fabric::BlockSource::peer;
-  flight.pose = from_name<link::PoseSource>(config.choice("flight.pose", {"mocap", "tello", "pads"}, "mocap"))
-                    .value_or(flight.pose);
+  flight.pose =
+      from_name<link::PoseSource>(config.choice("flight.pose", {"mocap", "tello", "pads", "mocap+tello"}, "mocap"))
+          .value_or(flight.pose);
   flight.doubt = from_name<link::OnDoubt>(config.choice("flight.doubt", {"ignore", "hold", "land"}, "ignore"))
                      .value_or(flight.doubt);
   flight.laps = static_cast<int>(config.integer("flight.laps", flight.laps, 1, 100));

@@ -282,7 +282,7 @@ void VirtualWorld::step_link() {
   const auto& out = link_->step(
       now_,
       {.received = received, .plans = plans, .poses = poses, .beats = beats, .stop_all = link_ends_ns_.has_value()});
-  if (config_.pose != link::PoseSource::mocap) {  // nobody gives one: it is made there
+  if (link::uses_own_senses(config_.pose)) {  // made there, or joined there
     std::vector<Pose> own;
     for (const DroneFacts& drone : facts()) {
       Pose pose = link_->pose(drone.number);

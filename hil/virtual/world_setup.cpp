@@ -37,7 +37,7 @@ sim::Parameters sim_parameters(const WorldConfig& config) {
   parameters.sdk.keeps_rc = config.keeps_rc;
   parameters.sdk.command_counts = config.command_counts;
   parameters.wind.gust_mps = config.gust_mps;
-  if (config.pose != link::PoseSource::mocap) parameters.mocap_hz = 0;
+  if (!link::uses_mocap(config.pose)) parameters.mocap_hz = 0;
   // A heavier drone hovers as well as any, its flight controller sees to that; but the same wind moves it less, and
   // its motors have less to spare.
   const double factor = 1 + config.model_error;
@@ -66,7 +66,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
     link::DroneSettings drone{.name = drone_name(k),
                               .number = static_cast<DroneNumber>(k),
                               .source = config.pose,
-                              .by_hand_without_pose = config.pose != link::PoseSource::mocap};
+                              .by_hand_without_pose = !link::uses_mocap(config.pose)};
     drone.odometry.start_m = sim::start_of(places, k);
     drone.odometry.start_m[0] += config.start_error_m * put.normal();
     drone.odometry.start_m[1] += config.start_error_m * put.normal();
@@ -114,7 +114,7 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
   ground.controller.told_mps = static_cast<double>(link.rc.full_scale_mps);
   ground.controller.told_mps2 = static_cast<double>(link.playout.max_acceleration_mps2);
   ground.controller.pose_lost_ns =
-      config.pose == link::PoseSource::mocap ? link.failsafe.pose_lost_ns : link.failsafe.velocity_lost_ns;
+      link::uses_own_senses(config.pose) ? link.failsafe.velocity_lost_ns : link.failsafe.pose_lost_ns;
   ground.self = operator_name;
   ground.believed = ledger.shared_registry();
   return ground;

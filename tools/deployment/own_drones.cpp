@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <set>
 
+#include "common/msg/names.hpp"
 #include "common/msg/onboard.hpp"
 #include "onboard/link/shell/link_config.hpp"
 
@@ -63,14 +64,17 @@ void read_pose(Config& config, OwnDrones& out) {
   const std::string topic = plain_text(config, topic_key, config.text(topic_key, ""));
   const std::string clock = plain_text(config, clock_key, config.text(clock_key, ""));
   if (config.describes()) return;
-  if (out.pose_source != "mocap") {
-    for (const auto& [key, value] : {std::pair("pose.topic", topic), std::pair("pose.clock", clock)}) {
-      if (!value.empty()) config.wrong(key, "goes with pose.source = \"mocap\"");
-    }
+  const auto known = from_name<link::PoseSource>(out.pose_source);
+  if (known != link::PoseSource::mocap) {
     config.left_to_another("pose");
-    out.mocap_table = "\n[mocap]\ntopic = \"\"\n";
     config.left_to_another("pad");
-    out.link_tables += config.table_text("pose") + config.table_text("pad");
+    out.link_tables += config.table_text("pose", {"topic", "clock"}) + config.table_text("pad");
+  }
+  if (!known || !link::uses_mocap(*known)) {
+    for (const auto& [key, value] : {std::pair("pose.topic", topic), std::pair("pose.clock", clock)}) {
+      if (!value.empty()) config.wrong(key, "goes with pose.source = \"mocap\" or \"mocap+tello\"");
+    }
+    out.mocap_table = "\n[mocap]\ntopic = \"\"\n";
     return;
   }
   if (!topic.empty()) out.mocap_table += fmt::format("topic = \"{}\"\n", topic);

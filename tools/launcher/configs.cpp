@@ -173,7 +173,7 @@ std::string flight_table(const Options& options) {
       shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, options.side_m, options.predict);
   // What link keeps to, as its own config leaves it.
   const link::LinkSettings link = options.own ? options.own->link : link::LinkSettings{};
-  const bool mocap = options.own ? options.own->pose_source == "mocap" : options.pose == "mocap";
+  const bool mocap = (options.own ? options.own->pose_source : options.pose) == name(link::PoseSource::mocap);
   table += fmt::format("told_mps = {:.3f}\ntold_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n",
                        std::min(link.rc.full_scale_mps, link.playout.max_speed_mps), link.playout.max_acceleration_mps2,
                        to_ms(mocap ? link.failsafe.pose_lost_ns : link.failsafe.velocity_lost_ns));

@@ -190,7 +190,7 @@ Status Launcher::start_sim() {
   std::vector<std::string> arguments{
       "--config",  files_.config("sim"),          "--drones",   std::to_string(options_.drones),
       "--seed",    std::to_string(options_.seed), "--trace",    files_.trace("sim"),
-      "--summary", files_.summary("sim"),         "--mocap-hz", options_.pose == "mocap" ? "100" : "0"};
+      "--summary", files_.summary("sim"),         "--mocap-hz", uses_mocap(options_) ? "100" : "0"};
   if (!options_.pads.empty()) arguments.insert(arguments.end(), {"--pads", sim::pads_text(options_.pads)});
   return start("sim", arguments);
 }

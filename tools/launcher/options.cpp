@@ -57,8 +57,9 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
       .shows_default();
   line.option("--ramp", words.ramp, "START:STEP, m/s: speed of the first lap, and by how much each one is faster");
   line.option("--pose", o.pose,
-              "Who says where the drones are: motion capture, or each drone's own velocities and heights")
-      .one_of({"mocap", "tello"})
+              "Who says where the drones are: motion capture, each drone's own velocities and heights,\n"
+              "or these while motion capture is missing")
+      .one_of({"mocap", "tello", "mocap+tello"})
       .shows_default();
   line.option("--pads", words.pads,
               "Mission pads on the simulated floor, and drones that fly by their own senses and these:\n"

@@ -53,6 +53,9 @@ struct Options {
   std::string out;   ///< directory of the run; empty: chosen by the time
 };
 
+/// Motion capture is simulated.
+inline bool uses_mocap(const Options& options) { return options.pose != "tello" && options.pose != "pads"; }
+
 /// Of drone 1, 2 ...
 inline std::string drone_name(const Options& options, int drone) {
   return options.own ? options.own->drones[static_cast<std::size_t>(drone) - 1].name : "tello" + std::to_string(drone);

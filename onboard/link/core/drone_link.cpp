@@ -2,11 +2,25 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "onboard/link/core/body_frame.hpp"
 #include "onboard/link/core/tello/axes.hpp"
 
 namespace ledgerline::link {
+namespace {
+
+// Where motion capture is there too, it says where the drone starts.
+OdometrySettings own_senses_of(const DroneSettings& drone) noexcept {
+  OdometrySettings settings = drone.odometry;
+  if (!uses_mocap(drone.source)) return settings;
+  settings.start_sigma_m = 100;  // any room
+  settings.start_sigma_rad = std::numbers::pi;
+  return settings;
+}
+
+}  // namespace
+
 DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id, bool local_stop)
     : name_(drone.name),
       number_(drone.number),
@@ -16,7 +30,8 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       rc_settings_(settings.rc),
       source_(drone.source),
       by_hand_without_pose_(drone.by_hand_without_pose),
-      odometry_(drone.odometry),
+      odometry_(own_senses_of(drone)),
+      failover_(drone.own_senses_after_ns, drone.odometry.correction_mps),
       pads_(drone.source == PoseSource::pads ? settings.pads : std::vector<PadSettings>{}),
       session_(settings.session, drone.serial, drone.source == PoseSource::pads),
       admission_(settings.playout),
@@ -168,7 +183,7 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) no
   facts_.battery = session_.state().battery;
   for (std::size_t i = 0; i < 3; ++i) facts_.sigma_m[i] = std::sqrt(static_cast<double>(pose_.variance[i]));
   facts_.sigma_yaw_rad = std::sqrt(static_cast<double>(pose_.variance[3]));
-  facts_.own_senses = source_ != PoseSource::mocap;
+  facts_.own_senses = by_own_senses(at.now);
   const bool by_hand = wish.valid ? wish.body_frame : by_hand_;
   facts_.needs_position = !(by_hand && by_hand_without_pose_);
   // Without a pose its own height is all that is known of where it is.

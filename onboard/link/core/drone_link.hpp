@@ -13,6 +13,7 @@
 #include "onboard/link/core/playout/limiter.hpp"
 #include "onboard/link/core/playout/plan_admission.hpp"
 #include "onboard/link/core/playout/playout.hpp"
+#include "onboard/link/core/pose/failover.hpp"
 #include "onboard/link/core/pose/odometry.hpp"
 #include "onboard/link/core/separation/separation.hpp"
 #include "onboard/link/core/settings.hpp"
@@ -96,7 +97,11 @@ class DroneLink {
 
  private:
   void take_state(TimeNs now, const TelloState& state) noexcept;
+  /// It is one that counts: of the past, after the one before.
+  bool newer(TimeNs now, const Pose& pose) const noexcept;
   void accept_pose(TimeNs now, const Pose& pose) noexcept;
+  /// Its own senses say where it is, now.
+  bool by_own_senses(TimeNs now) const noexcept;
   double yaw_rad(TimeNs now) const noexcept;
   Velocity in_map(const Playout::Wish& wish, TimeNs now) const noexcept;
   /// Why a plan to fly is not taken; none: it may be flown.
@@ -132,6 +137,8 @@ class DroneLink {
   PoseSource source_;
   bool by_hand_without_pose_;
   Odometry odometry_;              ///< where its own senses are the source
+  Failover failover_;              ///< where they stand in for motion capture
+  Pose mocap_pose_;                ///< the newest of motion capture, there
   std::vector<PadSettings> pads_;  ///< none where they are not the source
   TiltWatch tilt_watch_;
   MotionWatch motion_watch_;

@@ -187,12 +187,17 @@ struct FailsafeSettings {
 
 /// Who says where a drone is.
 enum class PoseSource : std::uint8_t {
-  mocap = 0,  ///< motion capture, or any other topic of poses, through agent
-  tello = 1,  ///< its own velocities and heights (pose/odometry.hpp)
-  pads = 2    ///< the same, and mission pads as fixes
+  mocap = 0,            ///< motion capture, or any other topic of poses, through agent
+  tello = 1,            ///< its own velocities and heights (pose/odometry.hpp)
+  pads = 2,             ///< the same, and mission pads as fixes
+  mocap_then_tello = 3  ///< motion capture, and its own senses while that is missing (pose/failover.hpp)
 };
+constexpr bool uses_mocap(PoseSource source) noexcept {
+  return source == PoseSource::mocap || source == PoseSource::mocap_then_tello;
+}
+constexpr bool uses_own_senses(PoseSource source) noexcept { return source != PoseSource::mocap; }
 constexpr const char* name(PoseSource source) noexcept {
-  constexpr std::array names{"mocap", "tello", "pads"};
+  constexpr std::array names{"mocap", "tello", "pads", "mocap+tello"};
   static_assert(names.size() == enum_count<PoseSource>);
   const auto at = static_cast<std::size_t>(source);
   return at < names.size() ? names[at] : "unknown";
@@ -246,6 +251,9 @@ struct DroneSettings {
   DroneNumber number = 0;
   PoseSource source = PoseSource::mocap;
   OdometrySettings odometry{};
+  /// Motion capture is missing when its newest pose is that old, and own senses take over: two poses of 30 Hz and some.
+  /// Half changes over for two that are lost; double is pose_lost_ns, where it brakes instead.
+  TimeNs own_senses_after_ns = 150 * ns_per_ms;
   /// A pilot may fly it on, and take off with it, without a usable position; then no wall of the fence holds, only its
   /// ceiling. For whoever sees the drone.
   bool by_hand_without_pose = false;

@@ -49,7 +49,8 @@ void read_pads(Config& config, std::vector<PadSettings>& pads) {
 
 PoseSource read_source(Config& config, const Key& key, PoseSource otherwise) {
   return from_name<PoseSource>(config.choice(key,
-                                             {name(PoseSource::mocap), name(PoseSource::tello), name(PoseSource::pads)},
+                                             {name(PoseSource::mocap), name(PoseSource::tello), name(PoseSource::pads),
+                                              name(PoseSource::mocap_then_tello)},
                                              name(otherwise)))
       .value_or(otherwise);
 }
@@ -68,7 +69,7 @@ Status check_starts(const std::string& path, const LinkSettings& link) {
   for (std::size_t i = 0; i < link.drones.size(); ++i) {
     for (std::size_t k = 0; k < i; ++k) {
       const DroneSettings &one = link.drones[k], &other = link.drones[i];
-      if (one.source == PoseSource::mocap || other.source == PoseSource::mocap) continue;
+      if (uses_mocap(one.source) || uses_mocap(other.source)) continue;
       if (!one.in_common_frame || !other.in_common_frame) continue;
       const auto &a = one.odometry.start_m, &b = other.odometry.start_m;
       if (std::hypot(a[0] - b[0], a[1] - b[1]) >= link.separation.min_m) continue;
@@ -102,9 +103,16 @@ PoseSettings read_pose(Config& config) {
   pose.source = read_source(config,
                             {"pose.source",
                              "who says where drones are: motion capture (or any topic of poses) through agent, the "
-                             "drone's own velocities and "
-                             "heights, or these and mission pads"},
+                             "drone's own velocities and heights, these and mission pads, or motion capture and own "
+                             "senses while its poses are missing"},
                             PoseSource::mocap);
+  pose.own_senses_after_ns = from_seconds(
+      config.number(
+          {"pose.own_senses_after_ms",
+           "with mocap+tello: own senses take over when the newest pose of motion capture is that old; less than "
+           "failsafe.pose_lost_ms"},
+          to_ms(pose.own_senses_after_ns), 20, 60'000) /
+      1000);
   read_odometry(config, pose);
   read_pads(config, pose.pads);
   return pose;
@@ -114,10 +122,11 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
   drone.source =
       read_source(config, {key + "pose_source", "as pose.source, of this drone", "pose.source"}, pose.source);
   drone.odometry = pose.odometry;
-  const bool own = drone.source != PoseSource::mocap;
+  drone.own_senses_after_ns = pose.own_senses_after_ns;
+  const bool own = uses_own_senses(drone.source);
   if (own && !pose.signs_told && !config.describes()) {
     config.wrong("pose.velocity_signs",
-                 fmt::format("must be there: drone {} flies by its own senses, and with a wrong sign "
+                 fmt::format("must be there: drone {} flies by its own senses, or may, and with a wrong sign "
                              "it flies away",
                              drone.name));
   }
@@ -129,11 +138,19 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
   drone.by_hand_without_pose =
       config.boolean({key + "by_hand_without_pose",
                       "a pilot, who sees it, may fly it without a usable position: then the fence is its ceiling alone",
-                      "true where its own senses are the source"},
-                     own);
+                      "true where its own senses alone are the source"},
+                     !uses_mocap(drone.source));
 }
 
 Status check_poses(const std::string& path, const LinkSettings& link) {
+  for (const DroneSettings& drone : link.drones) {
+    if (drone.source != PoseSource::mocap_then_tello || drone.own_senses_after_ns < link.failsafe.pose_lost_ns)
+      continue;
+    return Error{
+        fmt::format("{}: pose.own_senses_after_ms must be less than failsafe.pose_lost_ms: drone {} would brake "
+                    "before its own senses take over",
+                    path, drone.name)};
+  }
   if (auto status = check_starts(path, link); !status) return status;
   return check_pads(path, link);
 }

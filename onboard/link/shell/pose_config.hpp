@@ -12,6 +12,7 @@ namespace ledgerline::link {
 struct PoseSettings {
   PoseSource source = PoseSource::mocap;  ///< of the drones that do not say their own
   OdometrySettings odometry;
+  TimeNs own_senses_after_ns = DroneSettings{}.own_senses_after_ns;
   bool signs_told = false;
   std::vector<PadSettings> pads;
 };

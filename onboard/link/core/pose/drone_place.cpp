@@ -18,6 +18,8 @@ bool finite(const Pose& pose) noexcept {
 
 // What a pad's own place and the camera's look at it are worth together [A].
 constexpr double pad_sigma_m = 0.03, pad_sigma_rad = 0.05;
+// Motion capture's, carried on to the time of a text [A].
+constexpr double mocap_sigma_m = 0.02, mocap_sigma_rad = 0.02;
 
 Odometry::Fix on_map(const PadSettings& pad, const TelloState& state) noexcept {
   const double c = std::cos(pad.yaw_rad), s = std::sin(pad.yaw_rad);
@@ -26,6 +28,14 @@ Odometry::Fix on_map(const PadSettings& pad, const TelloState& state) noexcept {
   fix.position_m = {pad.position_m[0] + c * x - s * y, pad.position_m[1] + s * x + c * y,
                     pad.position_m[2] + static_cast<double>(state.on_pad_m[2])};
   fix.yaw_rad = pad.yaw_rad - static_cast<double>(state.on_pad_yaw_deg * rad_per_deg);  // told clockwise
+  return fix;
+}
+
+// Motion capture as a fix of the own place, as old as a text is.
+Odometry::Fix at_text(const Pose& pose, TimeNs now) noexcept {
+  Odometry::Fix fix{.sigma_m = mocap_sigma_m, .yaw_rad = pose.yaw_rad, .sigma_rad = mocap_sigma_rad};
+  const double seconds = to_seconds(now - pose.stamp_ns);
+  for (std::size_t i = 0; i < 3; ++i) fix.position_m[i] = pose.position_m[i] + pose.velocity_mps[i] * seconds;
   return fix;
 }
 
@@ -42,22 +52,41 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
     flow_watch_.reset();
   }
   told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
-  if (source_ == PoseSource::mocap) return;
+  if (!uses_own_senses(source_)) return;
   TelloState believed = state;
   believed.velocity_told = state.velocity_told && !flow_watch_.blind();
   odometry_.take(now, believed, session_.seen_standing(now));
   for (const PadSettings& pad : pads_) {
     if (pad.id == state.pad) odometry_.fix(on_map(pad, state));
   }
-  accept_pose(now, odometry_.pose());
+  if (!uses_mocap(source_)) {
+    accept_pose(now, odometry_.pose());
+  } else if (!failover_.missing(now)) {
+    if (mocap_pose_.stamp_ns != 0) odometry_.fix(at_text(mocap_pose_, now));
+  } else if (newer(now, odometry_.pose())) {
+    accept_pose(now, failover_.by_own_senses(odometry_.pose(), in_flight(phase)));
+  }
 }
 
 void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {
-  if (source_ == PoseSource::mocap) accept_pose(now, pose);
+  if (!uses_mocap(source_)) return;
+  if (!uses_own_senses(source_)) return accept_pose(now, pose);
+  if (pose.stamp_ns > now || !finite(pose)) return;
+  failover_.heard(pose.stamp_ns);
+  mocap_pose_ = pose;
+  if (newer(now, pose)) accept_pose(now, failover_.by_mocap(pose, in_flight(session_.phase())));
+}
+
+bool DroneLink::by_own_senses(TimeNs now) const noexcept {
+  return uses_mocap(source_) ? uses_own_senses(source_) && failover_.missing(now) : true;
+}
+
+bool DroneLink::newer(TimeNs now, const Pose& pose) const noexcept {
+  return pose.stamp_ns > pose_.stamp_ns && pose.stamp_ns <= now && finite(pose);
 }
 
 void DroneLink::accept_pose(TimeNs now, const Pose& pose) noexcept {
-  if (pose.stamp_ns <= pose_.stamp_ns || pose.stamp_ns > now || !finite(pose)) return;
+  if (!newer(now, pose)) return;
   pose_ = pose;
   pose_came_ns_ = now;
   moved_m_ = {};

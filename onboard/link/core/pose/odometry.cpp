@@ -218,7 +218,8 @@ void Odometry::fix(const Fix& fix) noexcept {
   plane_cov_ -= gain * variance * gain.transpose();
   plane_cov_ = (0.5 * (plane_cov_ + plane_cov_.transpose())).eval();
   update_height(Height(1, 0, 0, 0), fix.position_m[2], fix.sigma_m);
-  held_back_m_ += before - Eigen::Vector3d(plane_[px], plane_[px + 1], height_[z]);
+  // On the ground nothing follows what is told, so nothing can jump.
+  if (!stood_) held_back_m_ += before - Eigen::Vector3d(plane_[px], plane_[px + 1], height_[z]);
   tell(last_velocity_mps_);
 }
 

@@ -123,7 +123,7 @@ TEST(OwnDrones, AnotherSourceOfPosesGoesToLinkAsItStands) {
   EXPECT_THAT(own->link_tables, HasSubstr("flow_mps = 0.1"));
   EXPECT_THAT(own->mocap_table, HasSubstr("topic = \"\"\n"));
   EXPECT_THAT(own_error(a_drone + a_fence + "[pose]\nsource = \"tello\"\ntopic = \"/p\"\n"),
-              HasSubstr("real.toml:9: pose.topic: goes with pose.source = \"mocap\""));
+              HasSubstr("real.toml:9: pose.topic: goes with pose.source = \"mocap\" or \"mocap+tello\""));
 }
 
 }  // namespace

@@ -26,7 +26,9 @@ struct FakeTello {
   std::array<int, 4> rc{};
   int battery = 90;
   std::string attitude_text;
-  double spin_up_s = 1.5, spun_s = 0;  // from `takeoff` until it leaves the ground
+  bool tells_velocity = false;           ///< in the frame that it had when it was made
+  std::array<double, 3> velocity_mps{};  ///< in that frame, of the newest step
+  double spin_up_s = 1.5, spun_s = 0;    // from `takeoff` until it leaves the ground
   std::vector<std::string> heard;
   std::vector<std::string> answer_queue;
 
@@ -77,7 +79,12 @@ struct FakeTello {
   std::string state_text() const {
     return "tof:" + std::to_string(static_cast<int>(position[2] * 100) + 10) +
            ";h:" + std::to_string(static_cast<int>(position[2] * 10) * 10) + ";bat:" + std::to_string(battery) + ";" +
-           attitude_text;
+           attitude_text + (tells_velocity ? velocity_text() : "");
+  }
+  std::string velocity_text() const {
+    const auto told = [](double mps) { return std::to_string(std::lround(10 * mps)); };
+    return "vgx:" + told(velocity_mps[0]) + ";vgy:" + told(velocity_mps[1]) + ";vgz:" + told(velocity_mps[2]) +
+           ";yaw:0;";
   }
   long count(const std::string& command) const { return std::count(heard.begin(), heard.end(), command); }
 };
@@ -109,6 +116,8 @@ class LinkWorld {
       tello.move(to_seconds(tick));
       std::array<double, 3> velocity{};
       for (std::size_t i = 0; i < 3; ++i) velocity[i] = (tello.position[i] - before[i]) / to_seconds(tick);
+      const double c = std::cos(tello.yaw), s = std::sin(tello.yaw);
+      tello.velocity_mps = {c * velocity[0] + s * velocity[1], c * velocity[1] - s * velocity[0], velocity[2]};
       for (std::string& answer : tello.answer_queue) {
         texts.push_back(std::move(answer));
         received.push_back({tello.number, Port::answer, texts.back()});
