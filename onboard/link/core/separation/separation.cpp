@@ -252,9 +252,8 @@ Vec3 Separation::way_mps(std::size_t i, std::size_t other, Way way) const noexce
   const Vec3& wish = in_[i].wish_mps;
   double x = 0, y = 0;
   if (way != Way::away && level(wish) > moving_mps) {
-    const double turn = way == Way::right ? 1 : -1;
-    x = turn * wish[1];
-    y = -turn * wish[0];
+    x = wish[0];
+    y = wish[1];
   } else {  // from all that are near
     for (std::size_t j = 0; j < in_.size(); ++j) {
       if (j == i || (j != other && gap_m(drones_[i].now, drones_[j].now) > apart_m_ + headroom_m)) continue;
@@ -267,6 +266,9 @@ Vec3 Separation::way_mps(std::size_t i, std::size_t other, Way way) const noexce
   }
   const double far = length({x, y, 0});
   if (far <= 0) return {speed, 0, 0};
+  // A wall may be there: beside that.
+  if (way == Way::right) return {speed * y / far, -speed * x / far, 0};
+  if (way == Way::left) return {-speed * y / far, speed * x / far, 0};
   return {speed * x / far, speed * y / far, 0};
 }
 
