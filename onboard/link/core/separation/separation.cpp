@@ -54,6 +54,7 @@ std::span<const Verdict> Separation::step(double passed_s, std::span<const Neigh
             [&](std::size_t a, std::size_t b) { return in_[a].number < in_[b].number; });
   for (std::size_t k = 0; k < in_.size(); ++k) decide(order[k]);
   refuse_takeoffs();
+  delay_landings();
   return {verdicts_.data(), in_.size()};
 }
 
@@ -284,6 +285,23 @@ void Separation::refuse_takeoffs() noexcept {
       const double gap = gap_m(column, drones_[j].now);
       if (gap >= (stands ? settings_.min_m : apart_m_)) continue;
       verdicts_[i].takeoff_refused = true;
+      verdicts_[i].other = in_[j].number;
+    }
+  }
+}
+
+// What is too near already does not hold a landing up unless it brings the two nearer: one beside it, or above.
+void Separation::delay_landings() noexcept {
+  for (std::size_t i = 0; i < in_.size(); ++i) {
+    if (!in_[i].lands) continue;
+    Capsule column = drones_[i].now;
+    column.low_m = below_all_m;
+    for (std::size_t j = 0; j < in_.size() && !verdicts_[i].landing_waits; ++j) {
+      if (j == i) continue;
+      const double apart_m = in_[j].kind == Neighbour::Kind::standing ? settings_.min_m : apart_m_;
+      const double gap = gap_m(column, drones_[j].now);
+      if (gap >= apart_m || gap >= gap_m(drones_[i].now, drones_[j].now)) continue;
+      verdicts_[i].landing_waits = true;
       verdicts_[i].other = in_[j].number;
     }
   }
