@@ -24,6 +24,7 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       limiter_(settings.playout),
       in_common_frame_(drone.in_common_frame),
       landing_wait_ns_(from_seconds(settings.separation.landing_wait_s)),
+      drawn_fence_(settings.fence),
       local_stop_(local_stop) {}
 
 void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept {
@@ -247,8 +248,8 @@ void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
   const bool follows = follows_plan(failsafe_.mode, wish.valid);
   const double yaw = yaw_rad(now);
   const Velocity apart = left_by_others(in_map(wish, now));
-  const FenceSettings fence = fence_for(failsafe_settings_, fence_, failsafe_, now, facts_);
-  const Velocity goal = follows ? clip_at_fence(fence, facts_.position_m, facts_.height_m, apart) : Velocity{};
+  drawn_fence_ = fence_for(failsafe_settings_, fence_, failsafe_, now, facts_);
+  const Velocity goal = follows ? clip_at_fence(drawn_fence_, facts_.position_m, facts_.height_m, apart) : Velocity{};
   const Velocity limited = limiter_.step(now, goal, failsafe_.mode == FailsafeMode::brake);
   const BodyCommand command = to_body(rc_settings_, limited, yaw);
 

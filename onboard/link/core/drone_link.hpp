@@ -159,6 +159,7 @@ class DroneLink {
   std::optional<Verdict> verdict_;  ///< of this step; none: it is alone
   TimeNs landing_wait_ns_;
   TimeNs landing_asked_ns_ = 0;  ///< when the holder asked a flying drone to land, which it is not told yet; 0: nobody
+  FenceSettings drawn_fence_;    ///< as it held in the last step that flew
   // Each stands until it is resumed by name: no plan, epoch, boot or agent lifts it.
   bool stop_ = false;      ///< the ledger's
   bool local_stop_;        ///< of the local stop key, perhaps of a link before this one

@@ -51,7 +51,7 @@ bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
     for (std::size_t i = 0; i < 3; ++i) out.motion.told_mps[i] = static_cast<double>(limiter_.output().mps[i]);
   }
   if (!steered) return true;
-  const Velocity inside = clip_at_fence(fence_, place_m, session_.state().height_m, in_map(wish, now));
+  const Velocity inside = clip_at_fence(drawn_fence_, place_m, session_.state().height_m, in_map(wish, now));
   for (std::size_t i = 0; i < 3; ++i) out.wish_mps[i] = static_cast<double>(inside.mps[i]);
   return true;
 }
