@@ -90,14 +90,17 @@ void Witness::given(const std::vector<Pose>& poses) {
   for (const Pose& pose : poses) facts_[pose.drone - 1U].pose = pose;
 }
 
-void Witness::given(const std::vector<Plan>& plans) {
+void Witness::given(TimeNs now, const std::vector<Plan>& plans) {
   for (const Plan& plan : plans) {
+    DroneFacts& facts = facts_[plan.drone - 1U];
+    // From the first word on, however often it is said.
+    if (plan.action == PlanAction::land && facts.phase == FlightPhase::flying && facts.land_until_ns == 0)
+      facts.land_until_ns = now + from_seconds(link::SeparationSettings{}.landing_wait_s);
     if (plan.action != PlanAction::fly || plan.count == 0 || plan.count > max_setpoints) continue;
     const link::PlayoutSettings settings;
     const TimeNs last = plan.setpoints[plan.count - 1].at_ns;
     const TimeNs hold = plan.count == 1 ? settings.default_hold_ns
                                         : std::min(last - plan.setpoints[plan.count - 2].at_ns, settings.max_hold_ns);
-    DroneFacts& facts = facts_[plan.drone - 1U];
     facts.told_until_ns = std::max(facts.told_until_ns, last + hold);
     ++facts.plans_given;
   }
@@ -205,6 +208,7 @@ void Witness::traced(TimeNs now, const TraceRecord& record) {
     facts.phase = static_cast<FlightPhase>(record.id);
     facts.mode = static_cast<FailsafeMode>(record.extra);
     facts.cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
+    if (facts.phase != FlightPhase::flying) facts.land_until_ns = 0;
     events_.push_back({now, WorldEvent::Kind::mode, record.drone - 1U, 0, {}});
   } else if (record.kind == TraceKind::command_applied) {
     events_.push_back(
@@ -217,7 +221,7 @@ void Witness::link_ended() {
     facts.phase = FlightPhase::disconnected;
     facts.mode = FailsafeMode::none;
     facts.cause = FailsafeCause::none;
-    facts.told_until_ns = facts.plan_end_ns = 0;
+    facts.told_until_ns = facts.land_until_ns = facts.plan_end_ns = 0;
   }
 }
 
@@ -226,7 +230,10 @@ void Witness::end_step(const sim::Simulator& sim, const ground::FlightCore* grou
   for (std::size_t i = 0; i < facts_.size(); ++i) {
     DroneFacts& facts = facts_[i];
     facts.truth = sim.truth(facts.number);
-    if (link && facts.told_until_ns != 0) facts.plan_end_ns = facts.told_until_ns + link->margin_ns(facts.number);
+    if (link) {
+      const TimeNs told_ns = facts.told_until_ns == 0 ? 0 : facts.told_until_ns + link->margin_ns(facts.number);
+      facts.plan_end_ns = std::max(told_ns, facts.land_until_ns);
+    }
     facts.off_path_m.reset();
     if (!ground) continue;
     const auto status = ground->status(i);

@@ -30,7 +30,7 @@ class Witness {
   void note(TimeNs now, WorldEvent::Kind kind, std::size_t drone, std::string text);
   void begin_step();
   void given(const std::vector<Pose>& poses);
-  void given(const std::vector<Plan>& plans);
+  void given(TimeNs now, const std::vector<Plan>& plans);
   void handed(TimeNs now, const Plan& plan);
   /// A call that its creator signed: what agent hands on must be in one.
   void asked(const fabric::Call& call);

@@ -306,7 +306,7 @@ void VirtualWorld::step_link() {
     digester_->put(record);
     witness_.traced(now_, record);
   }
-  witness_.given(plans);
+  witness_.given(now_, plans);
   link_stops_ = link_->local_stops();
   if (!link_ends_ns_ || !(link_->all_landed_or_told() || now_ >= *link_ends_ns_)) return;
   kill(Process::link);

@@ -38,6 +38,8 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       playout_(settings.playout, admission_),
       limiter_(settings.playout),
       in_common_frame_(drone.in_common_frame),
+      landing_wait_ns_(from_seconds(settings.separation.landing_wait_s)),
+      drawn_fence_(settings.fence),
       local_stop_(local_stop) {}
 
 void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept {
@@ -87,7 +89,7 @@ void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
 
 DropReason DroneLink::may_follow(const LinkMoment& at) const noexcept {
   const bool follows = failsafe_.mode == FailsafeMode::none || failsafe_.mode == FailsafeMode::hold;
-  const bool flying = session_.phase() == FlightPhase::flying;
+  const bool flying = session_.phase() == FlightPhase::flying && landing_asked_ns_ == 0;
   return flying && follows && at.healthy ? DropReason::none : DropReason::not_flying;
 }
 
@@ -125,7 +127,11 @@ DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept 
 DropReason DroneLink::land(TimeNs now) noexcept {
   if (session_.phase() == FlightPhase::disconnected && !session_.may_fly_unseen()) return DropReason::not_flying;
   session_.land_again(now, BlindTalk::Asker::holder);
-  session_.request_land(now);
+  if (session_.phase() != FlightPhase::flying) {
+    session_.request_land(now);
+  } else if (landing_asked_ns_ == 0) {
+    landing_asked_ns_ = now;  // step() tells it, in this step where nobody is below
+  }
   playout_.clear(DropReason::superseded);
   return DropReason::none;
 }
@@ -204,11 +210,12 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   const TimeNs now = at.now;
   watch_phase(at);
   lift_stops();
-  const Playout::Wish wish = playout_.wish(now);
+  const Playout::Wish wish = wished(now);
   update_facts(at, wish);
   facts_.blind = session_.blind(now);
   failsafe_ = update(failsafe_settings_, fence_, failsafe_, now, facts_);
   obey_failsafe(now);
+  if (landing_asked_ns_ != 0 && !landing_waits(at)) session_.request_land(now);
   if (session_.phase() == FlightPhase::flying) fly(at, wish);
   talk(at);
   watch_phase(at);
@@ -256,8 +263,8 @@ void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
   const bool follows = follows_plan(failsafe_.mode, wish.valid);
   const double yaw = yaw_rad(now);
   const Velocity apart = left_by_others(in_map(wish, now));
-  const FenceSettings fence = fence_for(failsafe_settings_, fence_, failsafe_, now, facts_);
-  const Velocity goal = follows ? clip_at_fence(fence, facts_.position_m, facts_.height_m, apart) : Velocity{};
+  drawn_fence_ = fence_for(failsafe_settings_, fence_, failsafe_, now, facts_);
+  const Velocity goal = follows ? clip_at_fence(drawn_fence_, facts_.position_m, facts_.height_m, apart) : Velocity{};
   const Velocity limited = limiter_.step(now, goal, failsafe_.mode == FailsafeMode::brake);
   const BodyCommand command = to_body(rc_settings_, limited, yaw);
 
@@ -267,7 +274,7 @@ void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
                                                      : rc_settings_.max_gap_ns;
   if (gap < wanted_gap) return;
   send_rc(at, command.told, command.rc);
-  if (!follows) return;
+  if (!follows || landing_asked_ns_ != 0) return;
   const bool first = playout_.mark_sent();
   applied_sequence_ = wish.sequence;
   applied_stamp_ns_ = wish.state_stamp_ns;
@@ -295,6 +302,7 @@ void DroneLink::send_rc(const LinkMoment& at, const Velocity& told, const Rc& rc
 void DroneLink::watch_phase(const LinkMoment& at) noexcept {
   const FlightPhase phase = session_.phase();
   if (phase != last_phase_) {
+    landing_asked_ns_ = 0;
     motion_watch_.reset();
     if (phase == FlightPhase::flying) {
       limiter_.reset(at.now);

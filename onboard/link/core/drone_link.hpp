@@ -114,6 +114,10 @@ class DroneLink {
   DropReason resume(const Plan& plan) noexcept;
   void lift_stops() noexcept;
   void update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept;
+  /// Of its plans; while a landing waits: downward.
+  Playout::Wish wished(TimeNs now) noexcept;
+  /// Another is below the drone that is to land, link can still steer it, and its time is not over.
+  bool landing_waits(const LinkMoment& at) const noexcept;
   /// What of a wish may be flown, as the verdict says.
   Velocity left_by_others(Velocity wish) const noexcept;
   bool too_near() const noexcept;
@@ -160,6 +164,9 @@ class DroneLink {
   TimeNs pose_came_ns_ = 0;
   bool in_common_frame_;
   std::optional<Verdict> verdict_;  ///< of this step; none: it is alone
+  TimeNs landing_wait_ns_;
+  TimeNs landing_asked_ns_ = 0;  ///< when the holder asked a flying drone to land, which it is not told yet; 0: nobody
+  FenceSettings drawn_fence_;    ///< as it held in the last step that flew
   // Each stands until it is resumed by name: no plan, epoch, boot or agent lifts it.
   bool stop_ = false;      ///< the ledger's
   bool local_stop_;        ///< of the local stop key, perhaps of a link before this one

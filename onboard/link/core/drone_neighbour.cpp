@@ -13,6 +13,8 @@ constexpr double blur_sigmas = 2;
 // Of a drone that may be anywhere (first seen in the air, without motion capture) nobody can keep away, and who tried
 // would never move again.
 constexpr double max_sigma_m = 2;
+// Down to whoever is below: as a Tello lands by itself.
+constexpr float landing_mps = 0.5F;
 
 }  // namespace
 
@@ -25,7 +27,7 @@ bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
   const double sigma_m = std::sqrt(static_cast<double>(std::max(pose_.variance[0], pose_.variance[1])));
   if (sigma_m > max_sigma_m) return false;
   if (!flies && now - pose_.stamp_ns > failsafe_settings_.pose_lost_ns) return false;
-  const Playout::Wish wish = playout_.wish(now);
+  const Playout::Wish wish = wished(now);
   const bool steered = phase == FlightPhase::flying && follows_plan(failsafe_.mode, wish.valid);
   const bool sinks = phase == FlightPhase::landing || failsafe_.mode >= FailsafeMode::land;
   using Kind = Neighbour::Kind;
@@ -38,6 +40,7 @@ bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
          .motion = {.velocity_mps = pose_.velocity_mps,
                     .late_s = to_seconds(pose_came_ns_ - pose_.stamp_ns),
                     .age_s = to_seconds(now - pose_.stamp_ns)},
+         .lands = landing_asked_ns_ != 0,
          .floor_m = fence_.min_m[2],
          .ceiling_m = fence_.max_m[2]};
   std::array<double, 3> place_m{};
@@ -48,9 +51,22 @@ bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
     for (std::size_t i = 0; i < 3; ++i) out.motion.told_mps[i] = static_cast<double>(limiter_.output().mps[i]);
   }
   if (!steered) return true;
-  const Velocity inside = clip_at_fence(fence_, place_m, session_.state().height_m, in_map(wish, now));
+  const Velocity inside = clip_at_fence(drawn_fence_, place_m, session_.state().height_m, in_map(wish, now));
   for (std::size_t i = 0; i < 3; ++i) out.wish_mps[i] = static_cast<double>(inside.mps[i]);
   return true;
+}
+
+Playout::Wish DroneLink::wished(TimeNs now) noexcept {
+  if (landing_asked_ns_ == 0) return playout_.wish(now);
+  return {.valid = true, .velocity = {{0, 0, -landing_mps}, 0}, .body_frame = by_hand_};
+}
+
+// In any mode but none it is not steered. Then, or when its place is lost, a wait leads nowhere.
+bool DroneLink::landing_waits(const LinkMoment& at) const noexcept {
+  const FailsafeSettings& failsafe = failsafe_settings_;
+  const TimeNs pose_limit_ns = facts_.own_senses ? failsafe.velocity_lost_ns : failsafe.pose_lost_ns;
+  return verdict_ && verdict_->landing_waits && at.healthy && failsafe_.mode == FailsafeMode::none &&
+         at.now - pose_.stamp_ns <= pose_limit_ns && at.now - landing_asked_ns_ < landing_wait_ns_;
 }
 
 Velocity DroneLink::left_by_others(Velocity wish) const noexcept {
@@ -61,7 +77,8 @@ Velocity DroneLink::left_by_others(Velocity wish) const noexcept {
 
 bool DroneLink::too_near() const noexcept {
   if (!verdict_) return false;
-  return verdict_->kind != Verdict::Kind::unchanged || (!may_fly() && verdict_->takeoff_refused);
+  return verdict_->kind != Verdict::Kind::unchanged || verdict_->landing_waits ||
+         (!may_fly() && verdict_->takeoff_refused);
 }
 
 }  // namespace ledgerline::link

@@ -54,6 +54,7 @@ std::span<const Verdict> Separation::step(double passed_s, std::span<const Neigh
             [&](std::size_t a, std::size_t b) { return in_[a].number < in_[b].number; });
   for (std::size_t k = 0; k < in_.size(); ++k) decide(order[k]);
   refuse_takeoffs();
+  delay_landings();
   return {verdicts_.data(), in_.size()};
 }
 
@@ -252,9 +253,8 @@ Vec3 Separation::way_mps(std::size_t i, std::size_t other, Way way) const noexce
   const Vec3& wish = in_[i].wish_mps;
   double x = 0, y = 0;
   if (way != Way::away && level(wish) > moving_mps) {
-    const double turn = way == Way::right ? 1 : -1;
-    x = turn * wish[1];
-    y = -turn * wish[0];
+    x = wish[0];
+    y = wish[1];
   } else {  // from all that are near
     for (std::size_t j = 0; j < in_.size(); ++j) {
       if (j == i || (j != other && gap_m(drones_[i].now, drones_[j].now) > apart_m_ + headroom_m)) continue;
@@ -267,6 +267,9 @@ Vec3 Separation::way_mps(std::size_t i, std::size_t other, Way way) const noexce
   }
   const double far = length({x, y, 0});
   if (far <= 0) return {speed, 0, 0};
+  // A wall may be there: beside that.
+  if (way == Way::right) return {speed * y / far, -speed * x / far, 0};
+  if (way == Way::left) return {-speed * y / far, speed * x / far, 0};
   return {speed * x / far, speed * y / far, 0};
 }
 
@@ -282,6 +285,23 @@ void Separation::refuse_takeoffs() noexcept {
       const double gap = gap_m(column, drones_[j].now);
       if (gap >= (stands ? settings_.min_m : apart_m_)) continue;
       verdicts_[i].takeoff_refused = true;
+      verdicts_[i].other = in_[j].number;
+    }
+  }
+}
+
+// What is too near already does not hold a landing up unless it brings the two nearer: one beside it, or above.
+void Separation::delay_landings() noexcept {
+  for (std::size_t i = 0; i < in_.size(); ++i) {
+    if (!in_[i].lands) continue;
+    Capsule column = drones_[i].now;
+    column.low_m = below_all_m;
+    for (std::size_t j = 0; j < in_.size() && !verdicts_[i].landing_waits; ++j) {
+      if (j == i) continue;
+      const double apart_m = in_[j].kind == Neighbour::Kind::standing ? settings_.min_m : apart_m_;
+      const double gap = gap_m(column, drones_[j].now);
+      if (gap >= apart_m || gap >= gap_m(drones_[i].now, drones_[j].now)) continue;
+      verdicts_[i].landing_waits = true;
       verdicts_[i].other = in_[j].number;
     }
   }

@@ -22,7 +22,8 @@ struct Neighbour {
   DroneNumber number = 0;
   Kind kind = Kind::held;
   Motion motion;
-  Vec3 wish_mps{};  ///< of its plan, behind fence
+  Vec3 wish_mps{};     ///< of its plan, behind fence
+  bool lands = false;  ///< its wish is to come down, and to land once there is room for it
   double floor_m = 0, ceiling_m = 0;
 };
 
@@ -36,6 +37,7 @@ struct Verdict {
   Vec3 velocity_mps{};           ///< what it may fly
   DroneNumber other = 0;         ///< because of whom
   bool takeoff_refused = false;  ///< of one that stands: another is beside it or above
+  bool landing_waits = false;    ///< of one that lands: another is below, or stands there
 };
 
 /// Keeps drones of one host apart: never nearer than `min_m`, and nobody waits for ever.
@@ -50,6 +52,9 @@ struct Verdict {
 /// `lookahead_s`: one that is not in it waits at its edge, one that is in it parts. Nobody yields to who hovers: whoever
 /// moves goes round it. Whoever was in vain kept waiting for longer than `patience` goes round as well, whatever its
 /// number, and who found no way tries the next direction.
+///
+/// A landing is not steered any more, and all below it is its: so it is begun with room for it. Until then who is to
+/// land comes down as any wish leads, and goes round whoever is there.
 ///
 ///   unchanged ──wish leads too near──▶ hold ──in the way, or waited enough──▶ part ──wish is clear──▶ unchanged
 ///
@@ -100,6 +105,7 @@ class Separation {
   Vec3 limited(const Vec3& told_mps, const Vec3& wish_mps) const noexcept;
   bool has_way_over(std::size_t j, std::size_t i) const noexcept;
   void refuse_takeoffs() noexcept;
+  void delay_landings() noexcept;
 
   SeparationSettings settings_;
   Braking braking_;

@@ -153,6 +153,70 @@ TEST(Separation, WhoHoversBelowOneThatComesDownGetsOutOfItsWay) {
   }
 }
 
+TEST(Separation, OneThatIsToLandAboveAnotherComesDownBesideIt) {
+  using Kind = Neighbour::Kind;
+  for (const auto& [kind, height_m] : {std::pair{Kind::steered, 1.0}, {Kind::held, 1.0}, {Kind::standing, 0.0}}) {
+    for (const DroneNumber landing : {DroneNumber{1}, DroneNumber{2}}) {
+      TrafficWorld world;
+      for (DroneNumber n = 1; n <= 2; ++n) {
+        const Vec3 place = n == landing ? Vec3{0.1, 0, 2.2} : Vec3{0, 0, height_m};
+        PointDrone& drone = world.add(place, place);
+        drone.lands = n == landing;
+        if (n != landing) drone.kind = kind;
+      }
+      const PointDrone& drone = world.drones[landing - 1U];
+      const TimeNs begin = world.now;
+      while (drone.kind != Kind::sinking && world.now - begin < 20 * ns_per_s) world.step();
+      EXPECT_LT(to_seconds(world.now - begin), SeparationSettings{}.landing_wait_s);
+      for (int i = 0; i < 1000; ++i) world.step();
+      EXPECT_LT(drone.place[2], 0.2);
+      EXPECT_GE(world.nearest_m, min_m) << landing << " above one at " << height_m;
+    }
+  }
+}
+
+TEST(Separation, OneThatIsToLandAboveAPathWaitsUntilTheOtherHasPassed) {
+  for (const DroneNumber landing : {DroneNumber{1}, DroneNumber{2}}) {
+    TrafficWorld world;
+    for (DroneNumber n = 1; n <= 2; ++n) {
+      const Vec3 place{3, 0, 2};
+      if (n == landing) world.add(place, place).lands = true;
+      if (n != landing) world.add({2.5, 0, 1}, {7, 0, 1}).speed = 0.5;
+    }
+    bool waited = false;
+    for (int i = 0; i < 4000; ++i) {
+      world.step();
+      waited = waited || world.drones[landing - 1U].verdict.landing_waits;
+    }
+    EXPECT_TRUE(waited);
+    EXPECT_LT(world.drones[landing - 1U].place[2], 0.2);
+    EXPECT_TRUE(world.drones[2U - landing].arrived());
+    EXPECT_GE(world.nearest_m, min_m) << landing;
+  }
+}
+
+TEST(Separation, ALandingDoesNotWaitForWhoIsBesideItOrAbove) {
+  const auto waits = [](const Vec3& other, Neighbour::Kind kind) {
+    Separation separation(SeparationSettings{}, 4);
+    const std::array neighbours{Neighbour{.number = 1, .kind = kind, .motion = {.position_m = other}, .ceiling_m = 3},
+                                Neighbour{.number = 2,
+                                          .kind = Neighbour::Kind::steered,
+                                          .motion = {.position_m = {0, 0, 1}},
+                                          .lands = true,
+                                          .ceiling_m = 3}};
+    const Verdict verdict = separation.step(0.001, neighbours)[1];
+    EXPECT_EQ(verdict.other, verdict.landing_waits ? 1 : 0);
+    return verdict.landing_waits;
+  };
+  using Kind = Neighbour::Kind;
+  EXPECT_TRUE(waits({0.3, 0, 0.2}, Kind::steered));
+  EXPECT_FALSE(waits({0.7, 0, 0.2}, Kind::steered));
+  EXPECT_FALSE(waits({0.3, 0, 1.8}, Kind::held));
+  EXPECT_FALSE(waits({0.62, 0, 1}, Kind::held)) << "nearer than the margin already, and no nearer by it";
+  EXPECT_TRUE(waits({0.45, 0, 0}, Kind::standing));
+  EXPECT_FALSE(waits({0.55, 0, 0}, Kind::standing));
+}
+
 TEST(Separation, OneThatAGustBringsTooNearIsLeft) {
   TrafficWorld world;
   world.add({0, 0, 1}, {0, 0, 1});

@@ -124,5 +124,104 @@ TEST(TooNear, ATakeOffBesideAnotherDroneIsRefused) {
   }
 }
 
+/// One is a metre above the other, which hovers by plans of its own.
+struct Above : LinkWorld {
+  explicit Above(DroneNumber upper = 1, LinkSettings settings = {})
+      : LinkWorld(2, std::move(settings)), upper_(upper), lower_(3U - upper) {
+    take_off();
+    pass(2 * ns_per_s);
+    tellos[upper_ - 1U].position = {tellos[lower_ - 1U].position[0] - 0.1, 0, 2};
+    hover(500 * ns_per_ms);
+  }
+  void hover(TimeNs duration) {
+    for (const TimeNs end = now + duration; now < end;) {
+      fly_plan({}, 4, 0, lower_);
+      for (int i = 0; i < 100; ++i) {
+        step();
+        const auto &a = tellos[0].position, &b = tellos[1].position;
+        nearest_m = std::min(nearest_m, std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]));
+      }
+    }
+  }
+  /// The holder's, as ground says it: until it is obeyed.
+  void ask_to_land(TimeNs duration) {
+    for (const TimeNs end = now + duration; now < end && core.phase(upper_) == FlightPhase::flying;) {
+      plan(PlanAction::land, upper_);
+      hover(100 * ns_per_ms);
+    }
+  }
+  FailsafeCause cause() const {
+    const auto at =
+        std::find_if(states.rbegin(), states.rend(), [&](const auto &state) { return state.drone == upper_; });
+    return at->cause;
+  }
+  DroneNumber upper_, lower_;
+  double nearest_m = std::numeric_limits<double>::infinity();
+};
+
+TEST(TooNear, ALandingAboveAnotherDroneIsMadeBesideItAndSaysWhatItWaitsFor) {
+  Above w;
+  w.ask_to_land(200 * ns_per_ms);
+  EXPECT_EQ(w.core.phase(1), FlightPhase::flying);
+  EXPECT_EQ(w.cause(), FailsafeCause::too_near);
+  const TimeNs asked = w.now;
+  w.hover(100 * ns_per_ms);  // whatever becomes of ground
+  w.fly_plan({0, 0, 0.5}, 10);
+  while (w.core.phase(1) == FlightPhase::flying && w.now - asked < 20 * ns_per_s) w.hover(100 * ns_per_ms);
+  EXPECT_LT(to_seconds(w.now - asked), w.settings_.separation.landing_wait_s - 1);
+  EXPECT_EQ(w.core.mode(1), FailsafeMode::none);
+  EXPECT_LT(w.tellos[0].position[2], 2) << "nothing is flown any more but the way down";
+  w.hover(6 * ns_per_s);
+  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
+  EXPECT_EQ(w.core.phase(2), FlightPhase::flying);
+  EXPECT_GE(w.nearest_m, w.settings_.separation.min_m);
+}
+
+TEST(TooNear, ALandingInACornerIsMadeBesideTheOther) {
+  LinkSettings settings;
+  settings.fence.min_m = {-0.2, -0.2, 0};  // no room behind it, nor on its left
+  Above w(2, settings);
+  const TimeNs asked = w.now;
+  w.ask_to_land(20 * ns_per_s);
+  EXPECT_LT(to_seconds(w.now - asked), settings.separation.landing_wait_s - 1);
+  w.hover(6 * ns_per_s);
+  EXPECT_EQ(w.core.phase(2), FlightPhase::landed);
+  EXPECT_GE(w.nearest_m, settings.separation.min_m);
+}
+
+TEST(TooNear, ALandingWithNobodyBelowIsToldInTheSameStep) {
+  Above w;
+  w.plan(PlanAction::land, 2);
+  w.step();
+  EXPECT_EQ(w.sent.back().second, "land");
+  EXPECT_EQ(w.core.phase(2), FlightPhase::landing);
+}
+
+TEST(TooNear, AStopLandsAtOnceWhoeverIsBelow) {
+  Above w;
+  w.ask_to_land(200 * ns_per_ms);
+  w.plan(PlanAction::stop, 1);
+  w.step();
+  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+}
+
+TEST(TooNear, ALandingWaitsNoLongerWhereItsPlaceIsLost) {
+  Above w;
+  w.ask_to_land(200 * ns_per_ms);
+  w.mocap = false;
+  w.hover(w.settings_.failsafe.pose_lost_ns + 100 * ns_per_ms);
+  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+}
+
+TEST(TooNear, ALandingIsMadeWhenItsTimeIsOverWhoeverIsBelow) {
+  LinkSettings settings;
+  settings.separation.landing_wait_s = 1;  // half of what it takes to get aside
+  Above w(2, settings);
+  const TimeNs asked = w.now;
+  w.ask_to_land(5 * ns_per_s);
+  EXPECT_NEAR(to_seconds(w.now - asked), settings.separation.landing_wait_s, 0.2);
+  EXPECT_EQ(w.core.phase(2), FlightPhase::landing);
+}
+
 }  // namespace
 }  // namespace ledgerline::link

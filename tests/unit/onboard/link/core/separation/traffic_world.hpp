@@ -11,6 +11,8 @@
 
 namespace ledgerline::link {
 
+inline constexpr double landing_mps = 0.5;
+
 /// A drone as a point that follows what it is told as a first-order response, and flies straight to its goal.
 struct PointDrone {
   DroneNumber number = 1;
@@ -18,7 +20,8 @@ struct PointDrone {
   double speed = 1;          ///< of its wish
   double pose_lag_s = 0.02;  ///< a pose is so old when it comes, one each 10 ms
   Neighbour::Kind kind = Neighbour::Kind::steered;
-  Vec3 gust{};  ///< moves it besides
+  Vec3 gust{};         ///< moves it besides
+  bool lands = false;  ///< it is to land, once nobody is below
 
   Vec3 velocity{};
   Limiter limiter{PlayoutSettings{}};
@@ -77,6 +80,7 @@ class TrafficWorld {
     for (std::size_t i = 0; i < drones.size(); ++i) {
       PointDrone& d = drones[i];
       d.verdict = verdicts[i];
+      if (d.lands && !d.verdict.landing_waits) d.kind = Neighbour::Kind::sinking;
       const bool steered = d.kind == Neighbour::Kind::steered;
       const Vec3 told = steered ? clipped(d, verdicts[i].velocity_mps) : Vec3{};
       Velocity wish;
@@ -117,6 +121,8 @@ class TrafficWorld {
     const double length = std::hypot(way[0], way[1], way[2]);
     const double speed = std::min(d.speed, 1.2 * length);
     for (std::size_t k = 0; k < 3; ++k) n.wish_mps[k] = length > 0 ? way[k] / length * speed : 0;
+    n.lands = d.lands && d.kind == Neighbour::Kind::steered;
+    if (n.lands) n.wish_mps = {0, 0, -landing_mps};
     n.wish_mps = clipped(d, n.wish_mps);
     return n;
   }
@@ -138,6 +144,7 @@ class TrafficWorld {
       d.heard = d.under_way.front().second;
       d.under_way.pop_front();
     }
+    if (d.lands && d.kind == Neighbour::Kind::sinking) d.heard = {0, 0, d.place[2] > 0.05 ? -landing_mps : 0};
     const double kept = std::exp(-dt / 0.3);
     for (std::size_t k = 0; k < 3; ++k) {
       d.velocity[k] = d.heard[k] + (d.velocity[k] - d.heard[k]) * kept;
