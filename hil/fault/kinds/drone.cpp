@@ -1,4 +1,7 @@
 // Faults of the drones themselves, of their lines, sensors and air.
+#include <cmath>
+#include <numbers>
+
 #include "hil/fault/kinds/said.hpp"
 #include "hil/virtual/facts.hpp"
 
@@ -132,6 +135,16 @@ Result<FaultActs> mocap_jump(const Said& said) {
   return of_mocap(add, *offset, std::hypot((*offset)[0], (*offset)[1], (*offset)[2]));
 }
 
+// What a drone can fly the wrong way until link sees that it does not move as it is told.
+constexpr double turned_m = 2;
+
+Result<FaultActs> mocap_turn(const Said& said) {
+  const auto degrees = parse_number(said.words[0]);
+  if (!degrees || std::abs(*degrees) > 180) return Error{"turn must be followed by -180 to 180 degrees"};
+  return of_mocap([](MocapFault& mocap, const auto& turns) { mocap.turn_rad += turns[0]; },
+                  {*degrees * std::numbers::pi / 180}, turned_m);
+}
+
 Result<FaultActs> mocap_noise(const Said& said) {
   const auto sigma = parse_number(said.words[0]);
   if (!sigma || *sigma < 0 || *sigma > 100) return Error{"noise must be followed by 0 to 100 m"};
@@ -166,6 +179,7 @@ constexpr FaultKind drone_table[] = {
     {"sensor NAME FIELD...", sensor},
     {"mocap NAME frozen", mocap_frozen},
     {"mocap NAME jump X Y Z", mocap_jump},
+    {"mocap NAME turn DEGREES", mocap_turn},
     {"mocap NAME noise METRES", mocap_noise},
     {"mocap NAME every TIME", mocap_every},
     {"mocap NAME EFFECTS...", mocap_effects},

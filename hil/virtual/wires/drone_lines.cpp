@@ -1,6 +1,7 @@
 #include "hil/virtual/wires/drone_lines.hpp"
 
 #include <cassert>
+#include <cmath>
 #include <string>
 #include <utility>
 
@@ -28,6 +29,11 @@ void DroneLines::push_mocap(TimeNs now, TimeNs real_offset_ns, const sim::MocapP
   for (std::size_t axis = 0; axis < 3; ++axis) {
     pose.position_m[axis] += mocap_.offset_m[axis];
     if (mocap_.noise_m > 0) pose.position_m[axis] += mocap_.noise_m * noise_.normal();
+  }
+  if (mocap_.turn_rad != 0) {
+    const double c = std::cos(mocap_.turn_rad / 2), s = std::sin(mocap_.turn_rad / 2);
+    const auto [x, y, z, w] = pose.orientation;
+    pose.orientation = {c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z};
   }
   if (mocap_.frozen) {
     if (!frozen_at_) frozen_at_ = pose;

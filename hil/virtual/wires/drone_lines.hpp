@@ -19,6 +19,7 @@ inline constexpr std::size_t line_count = 5;
 struct MocapFault {
   bool frozen = false;
   std::array<double, 3> offset_m{};
+  double turn_rad = 0;  ///< of its heading, counter-clockwise
   double noise_m = 0;  ///< standard deviation
   TimeNs period_ns = 0;
 };
