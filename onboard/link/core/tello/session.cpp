@@ -226,13 +226,17 @@ void TelloSession::watch_landing(TimeNs now) noexcept {
     blind_.be_silent(now, cut ? BlindTalk::Word::emergency : BlindTalk::Word::land);
     return;
   }
+  if (asked_ == Asked::emergency) {
+    if (!send_ && now - asked_at_ns_ >= settings_.cut_repeat_ns) ask(now, Asked::emergency);
+    return;
+  }
   if (!send_ && now - asked_at_ns_ >= settings_.land_repeat_ns) {
     const bool descends = fresh(now) && state_.height_m <= lowest_m_ - descent_m;
     lowest_m_ = std::min(lowest_m_, state_.height_m);
     if (descends) {
       asked_at_ns_ = now;
     } else {
-      ask(now, asked_ == Asked::emergency ? Asked::emergency : Asked::land);
+      ask(now, Asked::land);
     }
   }
 }
