@@ -56,7 +56,7 @@ std::vector<OwnDrone> read_each(Config& config) {
 void read_pose(Config& config, OwnDrones& out) {
   out.pose_source = config.text({"pose.source",
                                  "without [[host]]: who says where drones are: mocap, or another one that link's "
-                                 "[pose] knows"});
+                                 "[pose] knows; none: nobody, they are flown by hand (flight.shape manual)"});
   const Key topic_key{"pose.topic", "of mocap: where its poses come, as agent's mocap.topic; \"\": agent's default"};
   const Key clock_key{"pose.clock",
                       "of mocap: whose clock its stamps are of, as agent's mocap.clock; \"\": agent's default"};
@@ -67,8 +67,9 @@ void read_pose(Config& config, OwnDrones& out) {
     for (const auto& [key, value] : {std::pair("pose.topic", topic), std::pair("pose.clock", clock)}) {
       if (!value.empty()) config.wrong(key, "goes with pose.source = \"mocap\"");
     }
-    config.left_to_another("pose");
     out.mocap_table = "\n[mocap]\ntopic = \"\"\n";
+    if (out.pose_source == "none") return;
+    config.left_to_another("pose");
     config.left_to_another("pad");
     out.link_tables += config.table_text("pose") + config.table_text("pad");
     return;
