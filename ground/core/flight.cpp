@@ -107,6 +107,8 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
     }
   }
   drone.fresh = drone.wished = false;
+  if (const std::string why = drone.phases.refused_takeoff(now_ns); !why.empty())
+    refuse(now_ns, index, "no take-off: " + why, out);
   drone.phases.check_time(now_ns);
   if (drone.status.slowed_to_mps && !std::exchange(drone.slowed_said, true)) {
     out.notes.push_back(

@@ -1,4 +1,5 @@
 """One flight of ledgerline-fly, as a person starts it, watched from outside."""
+import contextlib
 import json
 import os
 import pathlib
@@ -124,3 +125,47 @@ def holds(trace: list[tuple], since_ns: int) -> list[tuple[float, float]]:
     changes = [m for before, m in zip([(0, NONE), *modes], modes) if before[1] != m[1]]  # a hold may change its cause
     return [((begin - since_ns) / 1e9, (end - begin) / 1e9)
             for (begin, mode), (end, _) in zip(changes, changes[1:]) if mode == HOLD]
+
+
+SAFE = """
+[fence]
+min_m = [-3, -3, 0]
+max_m = [3, 3, 2]
+"""
+POSES = """
+[pose]
+source = "mocap"
+topic = "/vrpn_mocap/{drone}/pose"
+"""
+
+
+def deployment(directory: pathlib.Path, text: str, drones: int = 1) -> pathlib.Path:
+    file = directory / "real.toml"
+    for k in range(drones):
+        text += f'\n[[drone]]\nname = "tello{k + 1}"\naddress = "127.0.0.{k + 2}"\n'
+    file.write_text(text)
+    return file
+
+
+@contextlib.contextmanager
+def somebody_elses(*command):
+    """A program that fly does not start, and must not end; its ready line and the process are yielded."""
+    program = subprocess.Popen(command, stdout=subprocess.PIPE)
+    try:
+        yield json.loads(program.stdout.readline()), program
+        assert program.poll() is None, "fly ended what it did not start"
+    finally:
+        program.terminate()
+        assert program.wait(10) == 0
+        program.stdout.close()
+
+
+@contextlib.contextmanager
+def somebody_elses_drones(directory: pathlib.Path, drones: int = 1, *more: str):
+    """Drones and motion capture that fly did not start and does not end."""
+    config = directory / "sim.toml"
+    config.write_text("[dds]\nlocal_only = true\n")
+    with somebody_elses(BIN / "ledgerline-sim", "--config", config, "--drones", str(drones), "--summary",
+                        directory / "sim.json", *more) as (line, sim):
+        assert line["ready"] is True
+        yield sim

@@ -57,7 +57,7 @@ std::vector<OwnDrone> read_each(Config& config) {
 void read_pose(Config& config, OwnDrones& out) {
   out.pose_source = config.text({"pose.source",
                                  "without [[host]]: who says where drones are: mocap, or another one that link's "
-                                 "[pose] knows"});
+                                 "[pose] knows; none: nobody, they are flown by hand (flight.shape manual)"});
   const Key topic_key{"pose.topic", "of mocap: where its poses come, as agent's mocap.topic; \"\": agent's default"};
   const Key clock_key{"pose.clock",
                       "of mocap: whose clock its stamps are of, as agent's mocap.clock; \"\": agent's default"};
@@ -65,7 +65,7 @@ void read_pose(Config& config, OwnDrones& out) {
   const std::string clock = plain_text(config, clock_key, config.text(clock_key, ""));
   if (config.describes()) return;
   const auto known = from_name<link::PoseSource>(out.pose_source);
-  if (known != link::PoseSource::mocap) {
+  if (known != link::PoseSource::mocap && out.pose_source != "none") {
     config.left_to_another("pose");
     config.left_to_another("pad");
     out.link_tables += config.table_text("pose", {"topic", "clock"}) + config.table_text("pad");

@@ -42,7 +42,7 @@ struct OwnDrones {
   std::vector<OwnDrone> drones;
   LedgerKind ledger = LedgerKind::embedded;
   std::optional<OwnLedger> network;  ///< none: the ledger is started
-  std::string pose_source;           ///< "mocap", or another one that link knows
+  std::string pose_source;           ///< "mocap", another one that link knows, or "none"
   std::string
       mocap_table;  ///< TOML, for agent's config, none of it where poses come from elsewhere; empty: its defaults
   std::string link_tables;  ///< TOML: [pose] unless from mocap, [fence], [rc], [limits], for link's config

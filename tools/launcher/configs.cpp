@@ -94,6 +94,7 @@ std::string link_drone_tables(const Options& options) {
         drone_name(options, k), k, own.address, own.start_m[0], own.start_m[1], own.start_m[2], own.start_yaw_rad);
     if (!own.interface.empty()) tables += fmt::format("interface = \"{}\"\n", own.interface);
     if (!own.serial.empty()) tables += fmt::format("serial = \"{}\"\n", own.serial);
+    if (pose_of(options) == "none") tables += "by_hand_without_pose = true\n";
   }
   return tables;
 }
@@ -156,13 +157,17 @@ std::string ledger_keys(const Options& options) {
          fmt::format("signer = \"{0}\"\nverifier = \"{0}\"\n", options.mbedtls ? "mbedtls" : "libcrypto");
 }
 
+// Without any pose link waits for those of motion capture, in vain, and its drones may be flown by hand.
+std::string source_for_link(const std::string& pose) { return pose == "none" ? "mocap" : pose; }
+
 // What a deployment says of its own drones comes as it stands there.
 std::string link_config(const RunFiles& files, const Options& options) {
   return output_table(files, "link") + memory_lines(files) + (options.own ? "status_period_ms = 250\n" : "") +
          fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
-         (options.own ? "\n" + options.own->link_tables
-                      : fmt::format("\n[pose]\nsource = \"{}\"\nvelocity_signs = [1, 1, 1]\n", options.pose) +
-                            pad_tables(options.pads)) +
+         (options.own
+              ? "\n" + options.own->link_tables
+              : fmt::format("\n[pose]\nsource = \"{}\"\nvelocity_signs = [1, 1, 1]\n", source_for_link(options.pose)) +
+                    pad_tables(options.pads)) +
          link_drone_tables(options);
 }
 
@@ -173,7 +178,7 @@ std::string flight_table(const Options& options) {
       shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, options.side_m, options.predict);
   // What link keeps to, as its own config leaves it.
   const link::LinkSettings link = options.own ? options.own->link : link::LinkSettings{};
-  const bool mocap = (options.own ? options.own->pose_source : options.pose) == name(link::PoseSource::mocap);
+  const bool mocap = source_for_link(pose_of(options)) == name(link::PoseSource::mocap);
   table += fmt::format("told_mps = {:.3f}\ntold_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n",
                        std::min(link.rc.full_scale_mps, link.playout.max_speed_mps), link.playout.max_acceleration_mps2,
                        to_ms(mocap ? link.failsafe.pose_lost_ns : link.failsafe.velocity_lost_ns));

@@ -30,6 +30,7 @@ constexpr const char* help_notes = R"(Examples:
   fly --drones 3 --shape x --laps 1
   fly --side 4 --ramp 0.5:0.1 --laps 6 --ledger none        each lap faster, with no ledger between
   fly --shape manual                  until Ctrl-C, by any ROS 2 teleop on /tello1/cmd_vel
+  fly --shape manual --pose none      the same without motion capture or any other pose: the pilot sees the drone
   fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)
   fly --ledger fabric --network=--background --network=org3    whom nobody waits for steps back (docs/fabric.md)
   fly --deployment desk.toml          the drones and the ledger that the file names
@@ -57,9 +58,9 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
       .shows_default();
   line.option("--ramp", words.ramp, "START:STEP, m/s: speed of the first lap, and by how much each one is faster");
   line.option("--pose", o.pose,
-              "Who says where the drones are: motion capture, each drone's own velocities and heights,\n"
-              "or these while motion capture is missing")
-      .one_of({"mocap", "tello", "mocap+tello"})
+              "Who says where the drones are: motion capture, each drone's own velocities and heights, or these while\n"
+              "motion capture is missing; none: nobody, with --shape manual")
+      .one_of({"mocap", "tello", "mocap+tello", "none"})
       .shows_default();
   line.option("--pads", words.pads,
               "Mission pads on the simulated floor, and drones that fly by their own senses and these:\n"
@@ -196,6 +197,8 @@ std::string contradiction(const CommandLine& line, const Options& o) {
   for (const auto& [option, fits, why] : rules) {
     if (!fits && line.given(option)) return fmt::format("{} {}", option, why);
   }
+  if (pose_of(o) == "none" && !o.manual)
+    return "a path needs poses: without (--pose none, or a deployment's pose.source) the shape is manual";
   return "";
 }
 

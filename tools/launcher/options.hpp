@@ -20,7 +20,7 @@ struct Options {
   std::string course_file;                  ///< a path of one's own, absolute; empty: the shape
   std::vector<ground::Waypoint> waypoints;  ///< of that file
   double side_m = 1.5;                      ///< of the shape
-  std::string pose = "mocap";               ///< link's pose.source
+  std::string pose = "mocap";               ///< link's pose.source, or "none": by hand alone, without poses
   std::vector<sim::Pad> pads{};             ///< that lie on the simulated floor; with any the source is "pads"
   bool manual = false;                      ///< no path: a pilot flies, by ROS 2 topics
   bool predict = true;                      ///< false: the plain controller: newest state, newest command
@@ -54,7 +54,7 @@ struct Options {
 };
 
 /// Motion capture is simulated.
-inline bool uses_mocap(const Options& options) { return options.pose != "tello" && options.pose != "pads"; }
+inline bool uses_mocap(const Options& options) { return options.pose.starts_with("mocap"); }
 
 /// Of drone 1, 2 ...
 inline std::string drone_name(const Options& options, int drone) {
@@ -65,6 +65,11 @@ inline std::vector<std::string> drone_names(const Options& options) {
   std::vector<std::string> names;
   for (int k = 1; k <= options.drones; ++k) names.push_back(drone_name(options, k));
   return names;
+}
+
+/// Who says where the drones are; "none": nobody, and a pilot flies them without.
+inline const std::string& pose_of(const Options& options) {
+  return options.own ? options.own->pose_source : options.pose;
 }
 
 inline std::string shape_name(const Options& options) {

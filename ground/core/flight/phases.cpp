@@ -14,6 +14,7 @@ namespace {
 constexpr double near_m = 0.2;  // of a place: close enough to call it reached
 constexpr double still_mps = 0.2;
 constexpr TimeNs grounded_for_ns = 2 * ns_per_s;  // a take-off command may still be under way
+constexpr TimeNs refused_for_ns = 2 * ns_per_s;   // link takes no older plan, so what came by then was this take-off
 constexpr TimeNs end_wait_ns = 3 * ns_per_s;      // for the drone to come up to the path's end
 
 }  // namespace
@@ -81,8 +82,20 @@ std::string Phases::take_off(TimeNs now, bool ending) {
   planner_.manual().release();
   status_.why.clear();
   status_.origin_m = {seen_.state.position_m[0], seen_.state.position_m[1]};
+  asked_ns_ = seen_.state.stamp_ns;
   enter(now, DronePhase::takeoff);
   return "";
+}
+
+// Whether a pilot may do without a pose only link's config knows: it is asked, and what it makes of that is seen.
+std::string Phases::refused_takeoff(TimeNs now) {
+  const StateSample& s = seen_.state;
+  const bool stands = s.phase == FlightPhase::on_ground || s.phase == FlightPhase::landed;
+  if (status_.phase != DronePhase::takeoff || !config_.manual || flew_ || !stands || may_take_off(s, false) ||
+      s.arrived_ns - asked_ns_ < refused_for_ns)
+    return "";
+  enter(now, DronePhase::waiting);
+  return fmt::format("link refuses it ({}; by_hand_without_pose lets a pilot do without)", words_for(s.cause));
 }
 
 bool Phases::near_origin() const {

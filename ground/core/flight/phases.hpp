@@ -36,6 +36,8 @@ class Phases {
   void land_by_pilot(TimeNs now, const std::string& why);
   /// What speaks against a pilot's take-off; empty: it takes off. `ending`: the whole flight is.
   std::string take_off(TimeNs now, bool ending);
+  /// Why link did not obey a pilot's take-off, which then is over; empty: it did, or may yet.
+  std::string refused_takeoff(TimeNs now);
 
  private:
   std::string not_ready() const;
@@ -56,6 +58,7 @@ class Phases {
   FlightStatus& status_;
   TimeNs entered_ns_ = 0;  ///< the phase; the ground's clock
   bool flew_ = false;
+  TimeNs asked_ns_ = 0;                                                  ///< for a pilot's take-off; the drone's clock
   TimeNs settling_since_ns_ = 0, path_since_ns_ = 0, end_since_ns_ = 0;  ///< the drone's clock
 };
 

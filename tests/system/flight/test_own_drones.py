@@ -4,52 +4,9 @@ import json
 import pathlib
 import re
 import signal
-import subprocess
 
-from flights import BIN, assert_nothing_left, fly, no_flight_outlives_its_test, printed, result, wait_for_flight
-
-SAFE = """
-[fence]
-min_m = [-3, -3, 0]
-max_m = [3, 3, 2]
-"""
-POSES = """
-[pose]
-source = "mocap"
-topic = "/vrpn_mocap/{drone}/pose"
-"""
-
-
-def deployment(directory: pathlib.Path, text: str, drones: int = 1) -> pathlib.Path:
-    file = directory / "real.toml"
-    for k in range(drones):
-        text += f'\n[[drone]]\nname = "tello{k + 1}"\naddress = "127.0.0.{k + 2}"\n'
-    file.write_text(text)
-    return file
-
-
-@contextlib.contextmanager
-def somebody_elses(*command):
-    """A program that fly does not start, and must not end; its ready line and the process are yielded."""
-    program = subprocess.Popen(command, stdout=subprocess.PIPE)
-    try:
-        yield json.loads(program.stdout.readline()), program
-        assert program.poll() is None, "fly ended what it did not start"
-    finally:
-        program.terminate()
-        assert program.wait(10) == 0
-        program.stdout.close()
-
-
-@contextlib.contextmanager
-def somebody_elses_drones(directory: pathlib.Path, drones: int = 1):
-    """Drones and motion capture that fly did not start and does not end."""
-    config = directory / "sim.toml"
-    config.write_text("[dds]\nlocal_only = true\n")
-    with somebody_elses(BIN / "ledgerline-sim", "--config", config, "--drones", str(drones), "--summary",
-                        directory / "sim.json") as (line, sim):
-        assert line["ready"] is True
-        yield sim
+from flights import (BIN, POSES, SAFE, assert_nothing_left, deployment, fly, no_flight_outlives_its_test, printed, result, somebody_elses,
+                     somebody_elses_drones, wait_for_flight)
 
 
 def test_a_short_square(tmp_path):

@@ -50,8 +50,13 @@ void Preflight::take(const std::string& line) {
   }
 }
 
+bool Preflight::ready(const Drone& drone) const {
+  const bool lacks_only_pose = drone.cause == "pose_lost" && pose_of(options_) == "none";
+  return (drone.phase == "on_ground" || drone.phase == "landed") && (drone.cause == "none" || lacks_only_pose);
+}
+
 bool Preflight::ready() const {
-  return std::all_of(drones_.begin(), drones_.end(), [](const Drone& drone) { return drone.ready(); });
+  return std::all_of(drones_.begin(), drones_.end(), [this](const Drone& drone) { return ready(drone); });
 }
 
 std::string Preflight::list() const {
@@ -64,7 +69,12 @@ std::string Preflight::list() const {
       text += "not there\n";
       continue;
     }
-    text += fmt::format("battery {:.0f} %  pose from {}", 100 * drone.battery, options_.own->pose_source);
+    text += fmt::format("battery {:.0f} %  ", 100 * drone.battery);
+    if (pose_of(options_) == "none") {
+      text += "by hand, without a pose\n";
+      continue;
+    }
+    text += fmt::format("pose from {}", pose_of(options_));
     text += drone.pose_age_ms < 0 ? ": none\n"
                                   : fmt::format(", {:.0f} ms old: {:.2f}, {:.2f}, {:.2f} m\n", drone.pose_age_ms,
                                                 drone.position_m[0], drone.position_m[1], drone.position_m[2]);
@@ -72,6 +82,7 @@ std::string Preflight::list() const {
   const link::FenceSettings& fence = options_.own->link.fence;
   text += fmt::format("  fence      x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} m", fence.min_m[0], fence.max_m[0],
                       fence.min_m[1], fence.max_m[1], fence.min_m[2], fence.max_m[2]);
+  if (pose_of(options_) == "none") text += ": of these the ceiling alone holds";
   return text;
 }
 
@@ -79,9 +90,9 @@ std::string Preflight::why_not(std::size_t i) const {
   const Drone& drone = drones_[i];
   if (!drone.there()) return "does not answer: is it on, and does this computer reach it?";
   if (drone.cause == "pose_lost" && drone.pose_age_ms < 0)
-    return fmt::format("no pose of it has come from {}", options_.own->pose_source);
+    return fmt::format("no pose of it has come from {}", pose_of(options_));
   if (drone.cause == "pose_lost")
-    return fmt::format("its pose from {} is {:.0f} ms old", options_.own->pose_source, drone.pose_age_ms);
+    return fmt::format("its pose from {} is {:.0f} ms old", pose_of(options_), drone.pose_age_ms);
   if (drone.cause == "battery_low") return fmt::format("its battery has {:.0f} %", 100 * drone.battery);
   if (!drone.cause.empty() && drone.cause != "none") return drone.cause;
   return "it is not on the ground: " + drone.phase;
@@ -90,7 +101,7 @@ std::string Preflight::why_not(std::size_t i) const {
 std::string Preflight::missing() const {
   std::vector<std::string> all;
   for (std::size_t i = 0; i < drones_.size(); ++i) {
-    if (!drones_[i].ready()) all.push_back(fmt::format("{} at {}: {}", own(i).name, own(i).address, why_not(i)));
+    if (!ready(drones_[i])) all.push_back(fmt::format("{} at {}: {}", own(i).name, own(i).address, why_not(i)));
   }
   return fmt::format("{}", fmt::join(all, "; "));
 }

@@ -32,9 +32,9 @@ class Preflight {
     double pose_age_ms = -1;  ///< < 0: none has come
     std::array<double, 3> position_m{};
     bool there() const { return phase != "disconnected"; }
-    bool ready() const { return (phase == "on_ground" || phase == "landed") && cause == "none"; }
   };
   const deployment::OwnDrone& own(std::size_t i) const { return options_.own->drones[i]; }
+  bool ready(const Drone& drone) const;
   std::string why_not(std::size_t i) const;
 
   Options options_;

@@ -176,6 +176,30 @@ TEST(ManualFlight, NeedsNoPoseAndItsPlansAreInTheDronesFrame) {
   EXPECT_TRUE(blind.calls.back().plans(0).body_frame());
 }
 
+TEST(ManualFlight, WhatLinkRefusesWithoutAPoseIsSaidAndMayBeAskedAgain) {
+  FlightWorld blind(manual_config(1));
+  FlightWorld::Drone& drone = blind.drones[0];
+  drone.has_pose = drone.obeys_takeoff = false;
+  drone.cause = FailsafeCause::pose_lost;
+  blind.run(1);
+  blind.say(takeoff());
+  blind.run(1.9);
+  EXPECT_TRUE(blind.notes.empty()) << "plans of before may be under way for so long";
+  blind.run(0.3);
+  ASSERT_EQ(blind.notes.size(), 1U);
+  EXPECT_THAT(blind.notes[0], testing::AllOf(HasSubstr("tello1: no take-off: link refuses it (its pose is lost"),
+                                             HasSubstr("by_hand_without_pose")));
+  EXPECT_EQ(blind.core.status(0).phase, DronePhase::waiting);
+  EXPECT_EQ(blind.core.status(0).pilot.refused, 1U);
+  const auto asked = drone.plans.size();
+  blind.run(1);
+  EXPECT_EQ(drone.plans.size(), asked) << "it is not asked on and on";
+  drone.obeys_takeoff = true;
+  blind.say(takeoff());
+  blind.run(5);
+  EXPECT_EQ(blind.core.status(0).phase, DronePhase::manual);
+}
+
 TEST(ManualFlight, ATakeOffThatCannotBeIsRefusedAndSaysWhy) {
   FlightWorld other(manual_config(1));
   ASSERT_TRUE(other.core.set_control(control_record("tello1", stranger_name, 2).SerializeAsString()));

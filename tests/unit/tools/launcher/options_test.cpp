@@ -103,6 +103,15 @@ TEST(FlyOptions, ADeploymentWithoutHostsIsOfItsOwnDrones) {
   expect_refused({"--deployment", file, "--seed", "3"}, "--seed is the simulator's");
   ASSERT_TRUE(write_file(file, good + "[flight]\nshape = \"manual\"\n"));
   EXPECT_TRUE(parse_command_line({"--deployment", file}).options.manual);
+  const std::string blind =
+      "[[drone]]\nname = \"heron\"\naddress = \"192.168.10.1\"\n[pose]\nsource = \"none\"\n"
+      "[fence]\nmin_m = [-2, -2, 0]\nmax_m = [2, 2, 2]\n[flight]\nshape = ";
+  ASSERT_TRUE(write_file(file, blind + "\"manual\"\n"));
+  EXPECT_TRUE(parse_command_line({"--deployment", file}).fly);
+  ASSERT_TRUE(write_file(file, blind + "\"square\"\n"));
+  expect_refused({"--deployment", file}, "a path needs poses");
+  expect_refused({"--pose", "none"}, "a path needs poses");
+  EXPECT_TRUE(parse_command_line({"--pose", "none", "--shape", "manual"}).fly);
   ASSERT_TRUE(write_file(file, good + "[flight]\nlapses = 2\n"));
   expect_refused({"--deployment", file}, "own_deployment.toml:10: flight.lapses: unknown key");
 }

@@ -64,6 +64,19 @@ TEST(Preflight, WhyADroneIsNotReadyIsSaid) {
   EXPECT_EQ(why(line_of("d1", "flying", "none")), "d1 at 10.0.0.1: it is not on the ground: flying");
 }
 
+TEST(Preflight, WithoutAnyPoseAPilotsDroneIsReady) {
+  Options options = options_of(1);
+  options.own->pose_source = "none";
+  options.manual = true;
+  Preflight preflight(options);
+  preflight.take(line_of("d1", "on_ground", "battery_low", "null"));
+  EXPECT_FALSE(preflight.ready());
+  preflight.take(line_of("d1", "on_ground", "pose_lost", "null"));
+  EXPECT_TRUE(preflight.ready()) << preflight.missing();
+  EXPECT_THAT(preflight.list(), HasSubstr("battery 87 %  by hand, without a pose"));
+  EXPECT_THAT(preflight.list(), HasSubstr("z 0 to 2 m: of these the ceiling alone holds"));
+}
+
 TEST(Preflight, WhatIsNoStatusLineChangesNothing) {
   Preflight preflight(options_of(1));
   for (const char* line : {"", "[1]", "{}", R"({"link":3})", R"({"link":{"drones":[1,{"name":7}]}})",
