@@ -298,7 +298,9 @@ void Separation::delay_landings() noexcept {
     column.low_m = below_all_m;
     for (std::size_t j = 0; j < in_.size() && !verdicts_[i].landing_waits; ++j) {
       if (j == i) continue;
-      const double apart_m = in_[j].kind == Neighbour::Kind::standing ? settings_.min_m : apart_m_;
+      // One that stands is where it was put; half of the margin is for who comes down.
+      const bool stands = in_[j].kind == Neighbour::Kind::standing;
+      const double apart_m = stands ? apart_m_ - settings_.margin_m / 2 : apart_m_;
       const double gap = gap_m(column, drones_[j].now);
       if (gap >= apart_m || gap >= gap_m(drones_[i].now, drones_[j].now)) continue;
       verdicts_[i].landing_waits = true;

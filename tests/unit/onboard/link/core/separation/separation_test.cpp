@@ -213,8 +213,8 @@ TEST(Separation, ALandingDoesNotWaitForWhoIsBesideItOrAbove) {
   EXPECT_FALSE(waits({0.7, 0, 0.2}, Kind::steered));
   EXPECT_FALSE(waits({0.3, 0, 1.8}, Kind::held));
   EXPECT_FALSE(waits({0.62, 0, 1}, Kind::held)) << "nearer than the margin already, and no nearer by it";
-  EXPECT_TRUE(waits({0.45, 0, 0}, Kind::standing));
-  EXPECT_FALSE(waits({0.55, 0, 0}, Kind::standing));
+  EXPECT_TRUE(waits({0.55, 0, 0}, Kind::standing));
+  EXPECT_FALSE(waits({0.6, 0, 0}, Kind::standing));
 }
 
 TEST(Separation, OneThatAGustBringsTooNearIsLeft) {
