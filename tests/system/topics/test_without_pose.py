@@ -94,7 +94,8 @@ class Truth:
 
 def audited(out) -> dict:
     """What the chain of the flight says, judged from its first block on."""
-    done = subprocess.run([BIN / "ledgerline-audit", "--blocks", out / "run/ledger/ledger/blocks", "--anchor", out / "run/ledger/teleop.block",
+    ledger = out / "run" / "ledger"
+    done = subprocess.run([BIN / "ledgerline-audit", "--blocks", ledger / "ledger" / "blocks", "--anchor", ledger / "teleop.block",
                            "--json", "-"], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stdout + done.stderr
     return json.loads(done.stdout)["drones"]
