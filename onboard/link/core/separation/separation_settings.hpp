@@ -8,9 +8,10 @@ struct SeparationSettings {
   /// A Tello with its guards is 0.18 m wide. With half, a gust of 0.5 m/s for 0.3 s is more than what is left between
   /// two; with double three layers are all that fit under a ceiling of 3 m.
   double min_m = 0.5;
-  /// On top, for what the model does not know: an rc's rounding and gap, noise of poses. Half is eaten up by a pose
-  /// that is 100 ms old while the drone turns; double keeps drones apart that could pass.
-  double margin_m = 0.15;
+  /// On top, for what the model does not know: an rc's rounding and gap, noise of poses. With 0.15 two that fly beside
+  /// each other drift together to 0.495 m in one of a hundred flights of eight; double keeps drones apart that could
+  /// pass.
+  double margin_m = 0.18;
   double response_s = 0.3;   ///< of the drone to a velocity, first order (docs/sources.md)
   double reaction_s = 0.05;  ///< RcSettings::changing_gap_ns, and what the radio takes
   /// Who has the right of way is yielded to for so long ahead: out of its way in height takes the other 1.7 s. Half
