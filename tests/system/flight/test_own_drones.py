@@ -58,8 +58,10 @@ def test_a_short_square(tmp_path):
         flight = fly(tmp_path, "--deployment", file)
         assert flight.wait(90) == 0, printed(tmp_path)
     text = printed(tmp_path)
-    assert re.search(r"tello1 +127\.0\.0\.2 +battery \d+ %  pose from mocap, \d+ ms old", text), text
-    assert "fence      x -3 to 3, y -3 to 3, z 0 to 2 m" in text
+    for well in (r"tello1 +drone +127\.0\.0\.2", r"tello1 +battery +\d+ %", r"tello1 +pose +/vrpn_mocap/tello1/pose, \d+ ms old",
+                 r"tello1 +lease +ours", r"fence +x -3 to 3, y -3 to 3, z 0 to 2 m", r"ledger +embedded: reached"):
+        assert re.search(r"  ok +" + well, text), text
+    assert re.search(r"  (ok|warn) +clocks ", text), text
     assert "no truth: a real drone" in text
     report = result(tmp_path)
     assert report["ok"] is True and report["asked"]["own_drones"] is True
@@ -139,6 +141,7 @@ def test_a_missing_drone_is_named(tmp_path):
     file = deployment(tmp_path, POSES + SAFE + "[flight]\nwait_s = 4\n", drones=2)
     with somebody_elses_drones(tmp_path, drones=1):
         text = refusal(tmp_path, file, 1)
-    assert re.search(r"tello2 +127\.0\.0\.3 +not there", text), text
-    assert "tello2 at 127.0.0.3: does not answer" in text and "tello1 at" not in text.split("not every drone is there after 4 s")[1]
+    assert re.search(r"BAD +tello2 +drone +127\.0\.0\.3 does not answer", text), text
+    error = text.split("not every drone is there after 4 s")[1]
+    assert "tello2's drone: 127.0.0.3 does not answer" in error and "tello1" not in error
     assert_nothing_left()
