@@ -6,7 +6,7 @@ import re
 import signal
 import subprocess
 
-from flights import BIN, assert_nothing_left, fly, no_flight_outlives_its_test, printed, result, wait_for_flight
+from flights import BIN, assert_nothing_left, control, fly, no_flight_outlives_its_test, printed, result, wait_for_flight
 
 SAFE = """
 [fence]
@@ -42,12 +42,12 @@ def somebody_elses(*command):
 
 
 @contextlib.contextmanager
-def somebody_elses_drones(directory: pathlib.Path, drones: int = 1):
+def somebody_elses_drones(directory: pathlib.Path, drones: int = 1, *more: str):
     """Drones and motion capture that fly did not start and does not end."""
     config = directory / "sim.toml"
     config.write_text("[dds]\nlocal_only = true\n")
     with somebody_elses(BIN / "ledgerline-sim", "--config", config, "--drones", str(drones), "--summary",
-                        directory / "sim.json") as (line, sim):
+                        directory / "sim.json", *more) as (line, sim):
         assert line["ready"] is True
         yield sim
 
@@ -92,20 +92,22 @@ def somebody_elses_network(directory: pathlib.Path):
         endpoint = line["endpoint"]
         organisations = directory / "network" / "crypto" / "peerOrganizations"
 
-        def ledger(name: str, k: int, user: str) -> None:
+        def ledger(name: str, k: int, user: str, believes: bool = True) -> None:
             own = organisations / f"org{k}.ledgerline"
             text = (f'[ledger]\nendpoint = "{endpoint}"\nmsp_id = "Org{k}MSP"\n'
                     f'tls_ca = "{organisations}/org1.ledgerline/tlsca/tlsca.org1.ledgerline-cert.pem"\n'
                     f'msp_dir = "{own}/users/{user}@org{k}.ledgerline/msp"\n'
                     f'config_block = "{directory}/network/teleop.block"\n')
-            for i in (1, 2, 3):
+            for i in (1, 2, 3) if believes else ():
                 text += f'[[msp]]\nid = "Org{i}MSP"\nca = "{organisations}/org{i}.ledgerline/ca/ca.org{i}.ledgerline-cert.pem"\n'
             (directory / f"{name}.toml").write_text(text)
 
         ledger("agent", 1, "User1")
         ledger("ground", 2, "User1")
         ledger("admin", 1, "Admin")
-        yield
+        ledger("admin2", 2, "Admin", believes=False)
+        ledger("other", 2, "User2", believes=False)
+        yield organisations
 
 
 def test_a_network_of_others(tmp_path):
@@ -116,6 +118,41 @@ def test_a_network_of_others(tmp_path):
         assert flight.wait(90) == 0, printed(tmp_path)
     assert result(tmp_path)["ok"] is True and len(result(tmp_path)["drones"][0]["lap_s"]) == 1
     assert "ledger: a network of others" in printed(tmp_path) and result(tmp_path)["ledger"]["kind"] == "existing"
+    assert_nothing_left()
+
+
+def preflight(file: pathlib.Path) -> tuple[int, dict]:
+    """Exit code, and each check: a drone's name or nothing, and what is looked at."""
+    ended = subprocess.run([BIN / "ledgerline", "tello", "preflight", "--deployment", file, "--seconds", "1.5", "--json"],
+                           capture_output=True, text=True, timeout=60)
+    assert ended.stdout, ended.stderr
+    return ended.returncode, {(check["drone"], check["check"]): check for check in json.loads(ended.stdout)["checks"]}
+
+
+def test_preflight_names_what_is_wrong_and_its_cure_and_fly_refuses_it(tmp_path):
+    names = "".join(f'{name} = "{tmp_path}/{name}.toml"\n' for name in ("agent", "ground", "admin"))
+    file = deployment(tmp_path, POSES + SAFE + f'[ledger]\nkind = "existing"\n{names}')
+    with somebody_elses_drones(tmp_path, 1, "--battery", "12"):
+        with somebody_elses_network(tmp_path) as organisations:
+            code, checks = preflight(file)
+            assert code == 1 and checks[None, "ledger"]["verdict"] == checks["tello1", "lease"]["verdict"] == "ok"
+            assert "free" in checks["tello1", "lease"]["what"]
+            users = organisations / "org2.ledgerline" / "users"
+            certificate = next((users / "User2@org2.ledgerline" / "msp" / "signcerts").iterdir())
+            control(tmp_path / "admin2.toml", "enroll", "--msp", "Org2MSP", "--cert", certificate, "--role", "operator")
+            control(tmp_path / "other.toml", "acquire", "tello1")
+            code, checks = preflight(file)
+            wrong = {check for check, line in checks.items() if line["verdict"] == "bad"}
+            assert code == 1 and wrong == {("tello1", "battery"), ("tello1", "lease")}, checks
+            assert "12 %" in checks["tello1", "battery"]["what"] and "charge" in checks["tello1", "battery"]["cure"]
+            assert "held by Org2MSP" in checks["tello1", "lease"]["what"] and "User2" in checks["tello1", "lease"]["what"]
+            assert "ledgerline control request tello1" in checks["tello1", "lease"]["cure"]
+            assert "100 a second" in checks["tello1", "pose"]["what"] and "state texts" in checks["tello1", "state"]["what"]
+            refused = refusal(tmp_path, file, 1)
+            assert "tello1's lease: held by Org2MSP" in refused and "ledgerline control request tello1" in refused
+        code, checks = preflight(file)
+        assert code == 1 and checks[None, "ledger"]["verdict"] == "bad" and checks[None, "ledger"]["cure"]
+        assert ("tello1", "lease") not in checks
     assert_nothing_left()
 
 
