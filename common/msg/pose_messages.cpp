@@ -54,4 +54,12 @@ Result<std::optional<PoseStamped>> pose_from_message(PoseMessage message, std::s
   return Error{"no message of poses"};
 }
 
+std::string pose_topic_of(const std::string& pattern, const std::string& drone) {
+  constexpr std::string_view place = "{drone}";
+  std::string topic = pattern;
+  const auto at = topic.find(place);
+  if (at != std::string::npos) topic.replace(at, place.size(), drone);
+  return topic;
+}
+
 }  // namespace ledgerline

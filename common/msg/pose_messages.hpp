@@ -1,6 +1,7 @@
 #pragma once
 #include <array>
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "common/base/enum_count.hpp"
@@ -9,6 +10,10 @@
 
 /// Messages that say where drones are.
 namespace ledgerline {
+
+/// Where a drone's poses are looked for unless a config says otherwise, "{drone}" for its name: as vrpn_mocap has it.
+inline constexpr const char* usual_pose_topic = "/vrpn_mocap/{drone}/pose";
+std::string pose_topic_of(const std::string& pattern, const std::string& drone);
 
 enum class PoseMessage : std::uint8_t {
   pose_stamped = 0,     ///< of one drone

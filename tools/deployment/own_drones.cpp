@@ -8,6 +8,7 @@
 
 #include "common/msg/names.hpp"
 #include "common/msg/onboard.hpp"
+#include "common/msg/pose_messages.hpp"
 #include "onboard/link/shell/link_config.hpp"
 
 namespace ledgerline::deployment {
@@ -77,6 +78,8 @@ void read_pose(Config& config, OwnDrones& out) {
     out.mocap_table = "\n[mocap]\ntopic = \"\"\n";
     return;
   }
+  out.pose_topic = topic.empty() ? usual_pose_topic : topic;
+  out.pose_stamps_count = clock != "arrival";
   if (!topic.empty()) out.mocap_table += fmt::format("topic = \"{}\"\n", topic);
   if (!clock.empty()) out.mocap_table += fmt::format("clock = \"{}\"\n", clock);
   if (!out.mocap_table.empty()) out.mocap_table.insert(0, "\n[mocap]\n");
@@ -150,7 +153,8 @@ void read_own_ledger(Config& config, OwnDrones& out) {
   const LedgerFile ground = read_ledger_file(config, keys[1].name, paths[1]);
   const LedgerFile admin = read_ledger_file(config, keys[2].name, paths[2]);
   out.ledger = LedgerKind::fabric;
-  out.network = OwnLedger{agent.with_msp, ground.with_msp, ground.tables, admin.tables, agent.msp_id, agent.msp_dir};
+  out.network = OwnLedger{agent.with_msp, ground.with_msp, ground.tables, admin.tables,
+                          agent.msp_id,   agent.msp_dir,   ground.msp_id, ground.msp_dir};
 }
 
 void read_flight(Config& config, OwnDrones& out) {

@@ -36,6 +36,7 @@ struct OwnLedger {
   std::string pilot;          ///< for ledgerline-control as ground's identity, who acquires the drones
   std::string admin;          ///< for ledgerline-control as who enrols agent; empty: it is enrolled
   std::string agent_msp_id, agent_msp_dir;
+  std::string ground_msp_id, ground_msp_dir;
 };
 
 struct OwnDrones {
@@ -43,6 +44,8 @@ struct OwnDrones {
   LedgerKind ledger = LedgerKind::embedded;
   std::optional<OwnLedger> network;  ///< none: the ledger is started
   std::string pose_source;           ///< "mocap", another one that link knows, or "none"
+  std::string pose_topic;            ///< of mocap, {drone} for the name; empty: it is not from there
+  bool pose_stamps_count = true;     ///< of mocap: its clock is this computer's; false: the time of arrival counts
   std::string
       mocap_table;  ///< TOML, for agent's config, none of it where poses come from elsewhere; empty: its defaults
   std::string link_tables;  ///< TOML: [pose] unless from mocap, [fence], [rc], [limits], for link's config

@@ -70,6 +70,8 @@ void Launcher::take_line(const std::string& name, const std::string& line) {
   const json message = json::parse(line, nullptr, false);
   if (message.is_object() && message.value("ready", json()) == true) {
     ready_[name] = line;
+  } else if (name == records_program) {
+    records_ = line;
   } else if (name == "roudi") {
     const json leaked = message.is_object() ? message.value("leaked", json()) : json();
     if (leaked.is_number_unsigned()) chunks_leaked_ = leaked > 0;
@@ -161,6 +163,7 @@ Status Launcher::start_all() {
 // Nothing takes off before ground is there.
 Status Launcher::wait_for_drones() {
   if (auto s = wait_ready({"link", "agent"}); !s) return s;
+  preflight_.take_clock(read_kernel_clock());
   const TimeNs limit_ns = options_.own->flight.wait_ns;
   for (const TimeNs until_ns = monotonic_ns() + limit_ns; !preflight_.ready();) {
     if (auto s = goes_well_so_far(); !s) return s;

@@ -29,6 +29,9 @@ struct RunRecord {
   std::uint64_t ledger_grown_bytes = 0;  ///< of the ledger's directory, during the flight
 };
 
+/// The child that prints the control records of a ledger of others.
+inline const std::string records_program = "control-show";
+
 /// Starts the programs of a flight, watches them, and ends every one of them, whatever happens:
 ///
 ///     roudi, ledger, sim, proxy (where asked for)  ->  enroll, acquire  ->  link, agent, ground  ->  ground ends  ->
@@ -60,6 +63,7 @@ class Launcher {
   Status start_sim();
   Status start_ledger();
   Status prepare_ledger();
+  Status look_at_leases(const deployment::OwnLedger& network);
   Status enroll_and_acquire();
   Status start(const std::string& name, std::vector<std::string> arguments);
   Status goes_well_so_far() const;  ///< before take-off: nobody has ended, and nobody wants it to end
@@ -88,6 +92,7 @@ class Launcher {
   Live live_;
   Preflight preflight_;
   Children children_;
+  std::string records_;                       ///< as control-show printed them
   std::map<std::string, std::string> ready_;  ///< the line that a program said it serves with
   RunRecord record_;
   std::map<std::string, double> cpu_at_begin_;

@@ -65,8 +65,20 @@ Status Launcher::prepare_ledger() {
   return enroll_and_acquire();
 }
 
+// Before anything is asked of the ledger: who holds a drone is named, with the cure, in place of the contract's refusal.
+Status Launcher::look_at_leases(const deployment::OwnLedger& network) {
+  const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_msp_dir);
+  if (!self) return self.error();
+  if (auto s = run_to_end(records_program, {"--config", files_.config("operator"), "show", "--json"}); !s) return s;
+  if (auto s = preflight_.take_records(records_, self->name); !s) return s;
+  return preflight_.leases_fit();
+}
+
 Status Launcher::enroll_and_acquire() {
   const deployment::OwnLedger* network = is_of_others(options_) ? &*options_.own->network : nullptr;
+  if (network) {
+    if (auto s = look_at_leases(*network); !s) return s;
+  }
   std::vector<std::string> enroll{
       "--config",
       files_.config("admin"),
@@ -83,7 +95,9 @@ Status Launcher::enroll_and_acquire() {
   if (!network || !network->admin.empty()) {
     if (auto s = run_to_end("control-enroll", enroll); !s) return s;
   }
-  return run_to_end("control-acquire", acquire);
+  if (auto s = run_to_end("control-acquire", acquire); !s) return s;
+  preflight_.acquired();
+  return done;
 }
 
 Status Launcher::start_endorser(LedgerPlaces& places) {

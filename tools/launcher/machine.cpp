@@ -10,6 +10,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
+#include <sys/timex.h>
 #include <sys/un.h>
 #include <sys/utsname.h>
 #include <unistd.h>
@@ -188,6 +189,14 @@ void remove_roudi_leftovers() {
   if (roudi_lives()) return;
   std::error_code error;  // another user's stay: the next flight's check names them
   for (const fs::path& file : roudi_leftovers()) fs::remove(file, error);
+}
+
+ClockFacts read_kernel_clock() {
+  timex clock{};
+  const int state = ::adjtimex(&clock);
+  if (state < 0) return {};
+  const bool synchronised = state != TIME_ERROR && (clock.status & STA_UNSYNC) == 0;
+  return {.known = true, .synchronised = synchronised, .max_error_ms = static_cast<double>(clock.maxerror) * 1e-3};
 }
 
 Machine describe_machine() {

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "tools/launcher/preflight/check.hpp"
 
 namespace ledgerline::fly {
 
@@ -41,6 +42,9 @@ struct Machine {
   double memory_gb = 0;
 };
 Machine describe_machine();
+
+/// Asks the kernel (adjtimex(2)); changes nothing, and takes no rights.
+ClockFacts read_kernel_clock();
 
 /// "127.0.0.2" for drone 1.
 std::string address_of(int drone);

@@ -32,6 +32,7 @@ class TraceKind(enum.IntEnum):
     SETPOINT_SENT = 19
     LOOP_TURNS = 20
     RC_SENT = 21
+    POSE_TOLD = 22
 
 
 class Record(NamedTuple):

@@ -13,6 +13,17 @@ json named(const std::array<std::uint64_t, N>& values, const std::array<const ch
   return object;
 }
 
+json or_null(const std::optional<double>& value) { return value ? json(rounded(*value)) : json(); }
+
+json to_json(const std::optional<ToldFigures>& told) {
+  if (!told) return nullptr;
+  return {{"count", told->count},
+          {"max_three_sigma_m", rounded(told->max_three_sigma_m)},
+          {"rms_error_m", or_null(told->rms_error_m)},
+          {"max_error_m", or_null(told->max_error_m)},
+          {"inside", or_null(told->inside)}};
+}
+
 json to_json(const DroneResult& drone) {
   json cross_track = nullptr;
   if (drone.path_flown)
@@ -34,8 +45,9 @@ json to_json(const DroneResult& drone) {
           {"cross_track_m", cross_track},
           {"lap_s", laps},
           {"turns", turns},
-          {"limit_mps", drone.limit_mps ? json(rounded(*drone.limit_mps)) : json()},
-          {"slowed_to_mps", drone.slowed_to_mps ? json(rounded(*drone.slowed_to_mps)) : json()},
+          {"limit_mps", or_null(drone.limit_mps)},
+          {"slowed_to_mps", or_null(drone.slowed_to_mps)},
+          {"told_position", to_json(figures_of(drone.told))},
           {"states", named<5>(drone.states, {"sampled", "sent", "on_ledger", "merged", "dropped"})},
           {"transitions", named<3>(drone.transitions, {"made", "on_ledger", "lost"})},
           {"commands", commands}};

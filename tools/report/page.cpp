@@ -34,7 +34,7 @@ json to_json(const PublishedBox& box) {
 
 json page_data(const Results& results) {
   json data = to_json(results);
-  const std::size_t each = points_in_page / std::max<std::size_t>(1, 4 * results.drones.size());
+  const std::size_t each = points_in_page / std::max<std::size_t>(1, 5 * results.drones.size());
   for (std::size_t i = 0; i < results.drones.size(); ++i) {
     const DroneResult& drone = results.drones[i];
     json& out = data["drones"][i];
@@ -43,6 +43,9 @@ json page_data(const Results& results) {
     out["two_way"] = thinned(drone.two_way, each, sample);
     out["age"] = thinned(drone.age, each, sample);
     out["flown"] = thinned(drone.flown, 2 * each, point);
+    out["told"] = thinned(drone.told, each, [](const ToldPosition& one) {
+      return json{rounded(one.t_s), rounded(one.three_sigma_m), one.error_m ? json(rounded(*one.error_m)) : json()};
+    });
     out["wanted"] = thinned(drone.wanted, drone.wanted.size() + 1, point);
   }
   data["all"] = {{"two_way_ms", results.two_way_ms}, {"age_ms", results.age_ms}};

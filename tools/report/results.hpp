@@ -21,6 +21,19 @@ struct Sample {
   double ms = 0;
 };
 
+/// Where a drone that flies by its own senses said that it is, against where it was; horizontally.
+struct ToldPosition {
+  double t_s = 0;                   ///< since the flight began
+  double three_sigma_m = 0;         ///< three standard deviations along the worse axis, as it told
+  std::optional<double> error_m{};  ///< none: no truth, a real drone
+};
+struct ToldFigures {
+  std::size_t count = 0;
+  double max_three_sigma_m = 0;
+  std::optional<double> rms_error_m{}, max_error_m{};
+  std::optional<double> inside{};  ///< share of errors within what was told, 0..1
+};
+
 struct DroneResult {
   std::string id;
   std::vector<Sample> two_way, age;
@@ -38,6 +51,7 @@ struct DroneResult {
   std::array<std::uint64_t, 6> commands{};         ///< sent, on_ledger, refused, applied, late, dropped
   std::map<std::string, std::uint64_t> reasons;    ///< of those refused by agent or dropped by link
   std::vector<std::array<double, 2>> wanted, flown;
+  std::vector<ToldPosition> told;  ///< empty: nobody told a variance, as with motion capture
 };
 
 struct Results {
@@ -81,6 +95,12 @@ struct CrossTrack {
 };
 CrossTrack cross_track(const std::vector<TraceRecord>& truth, std::uint16_t drone, const ground::Path& path,
                        TimeNs begin_ns, TimeNs end_ns);
+
+/// What link sampled with a variance since begin_ns; where there is a truth, while the drone flew.
+std::vector<ToldPosition> told_positions(const std::vector<TraceRecord>& link, const std::vector<TraceRecord>& truth,
+                                         std::uint16_t drone, TimeNs begin_ns);
+/// Nothing where nobody told.
+std::optional<ToldFigures> figures_of(const std::vector<ToldPosition>& told);
 
 /// The object of `fly --json`.
 nlohmann::json to_json(const Results& results);

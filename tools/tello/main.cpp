@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -10,10 +11,13 @@
 #include "common/dds/settings/config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/launcher/options.hpp"
+#include "tools/launcher/preflight/check.hpp"
 #include "tools/tello/core/calibrate/estimate.hpp"
 #include "tools/tello/core/places.hpp"
 #include "tools/tello/core/show.hpp"
 #include "tools/tello/shell/calibrate.hpp"
+#include "tools/tello/shell/preflight.hpp"
 #include "tools/tello/shell/talk.hpp"
 
 namespace {
@@ -26,8 +30,9 @@ struct Wish {
   std::string address = usual_address, interface, subnet, ssid, password_file;
   std::vector<std::string> addresses;
   std::string mocap = "none", config, out = "calibration.toml";
+  std::string deployment, cyclonedds;
   int repeat = 2;
-  double seconds = 20;
+  double seconds = 20, listen_s = 3;
   bool json = false, yes = false;
 };
 
@@ -119,9 +124,32 @@ int calibrate(const Wish& wish) {
   return 0;
 }
 
+// What the flight of this file would fly; fly's own reader says what is wrong with it.
+Result<fly::Options> flight_of(const Wish& wish) {
+  std::vector<std::string> words{"--deployment", wish.deployment};
+  if (!wish.cyclonedds.empty()) words.insert(words.end(), {"--dds", wish.cyclonedds});
+  fly::Asked asked = fly::parse_command_line(words);
+  if (!asked.fly) return Error{asked.text.substr(0, asked.text.find_last_not_of('\n') + 1)};
+  if (!asked.options.own)
+    return Error{wish.deployment + ": names simulated drones; preflight is of drones that are there: docs/fly.md"};
+  return asked.options;
+}
+
+int preflight(const Wish& wish) {
+  auto flight = flight_of(wish);
+  if (!flight) return fail(flight.error(), exit_usage);
+  std::error_code error;
+  const auto own = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
+  const auto facts = tello::look_around({std::move(*flight), own / "ledgerline-control", wish.listen_s});
+  if (!facts) return fail(facts.error());
+  const auto lines = fly::judge(*facts);
+  print_line(wish.json ? fly::to_json(lines) : fly::words(lines));
+  return fly::anything_bad(lines) ? exit_failed : 0;
+}
+
 constexpr const char* about =
     "Speaks to Tellos themselves, by the Tello SDK: who is there, what it is, how it joins a Wi-Fi; lands one,\n"
-    "and measures by a flight how one answers.\n"
+    "measures by a flight how one answers, and looks before a flight what is wrong.\n"
     "Not while ledgerline-link flies it (but for land): a Tello sends its state text to whoever spoke to it last.";
 constexpr const char* notes = R"(Examples:
   ledgerline tello find                                   the Tello whose Wi-Fi this computer is in
@@ -130,7 +158,8 @@ constexpr const char* notes = R"(Examples:
   ledgerline tello join-wifi lab --password-file wifi.txt
   ledgerline tello land 192.168.10.1
   ledgerline tello calibrate 192.168.10.1 --mocap /vrpn_mocap/tello1/pose
-Exit codes: 0 as asked (found, told, down, written), 1 not, 2 bad usage.)";
+  ledgerline tello preflight --deployment real.toml       what would keep the flight of this file on the ground
+Exit codes: 0 as asked (found, told, down, written, nothing wrong), 1 not, 2 bad usage.)";
 
 }  // namespace
 
@@ -170,7 +199,21 @@ int main(int argc, char** argv) {
       .shows_default();
   calibration.flag("--yes", wish.yes, "start the motors without asking");
   interface(calibration);
+  Verb looking =
+      line.verb("preflight",
+                "say what would keep a flight on the ground, and its cure: drones, batteries, state and pose "
+                "rates, leases, fence, clocks, ledger");
+  looking.option("--deployment", wish.deployment, "deployment.toml of drones that are there, as of `ledgerline fly`")
+      .required()
+      .existing_file();
+  looking.option("--dds", wish.cyclonedds, "file of Cyclone DDS's own configuration, for motion capture elsewhere")
+      .existing_file();
+  looking.option("--seconds", wish.listen_s, "how long it listens to state text and poses")
+      .within(1.0, 60.0)
+      .shows_default();
+  looking.flag("--json", wish.json, "as JSON");
   if (const auto end = line.parse(argc, argv)) return *end;
+  if (looking.given()) return preflight(wish);
   if (calibration.given()) return calibrate(wish);
   if (find.given()) return show(wish, wish.addresses);
   if (info.given()) return show(wish, {wish.address});

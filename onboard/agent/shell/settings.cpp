@@ -172,7 +172,7 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
   read_checkpoint_keys(config, s);
   read_output(config, s);
   s.mocap_topic = config.text({"mocap.topic", "where mocap's poses come; {drone} is the drone's name; \"\": no mocap"},
-                              "/vrpn_mocap/{drone}/pose");
+                              usual_pose_topic);
   constexpr PoseMessage usual = PoseMessage::pose_stamped;
   s.mocap_message = from_name<PoseMessage>(
                         config.choice({"mocap.type", "of the topic's messages; of an array the drone's name counts"},

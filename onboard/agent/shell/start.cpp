@@ -21,13 +21,6 @@ constexpr TimeNs witness_turn_ns = 100 * ns_per_ms;
 constexpr TimeNs witness_again_ns = 500 * ns_per_ms;
 constexpr TimeNs max_catching_up_ns = 1 * ns_per_s;  // then the wait is told
 
-std::string topic_of(const std::string& pattern, const std::string& drone) {
-  std::string topic = pattern;
-  const auto at = topic.find("{drone}");
-  if (at != std::string::npos) topic.replace(at, std::string_view("{drone}").size(), drone);
-  return topic;
-}
-
 }  // namespace
 
 Status AgentShell::keep_waiting(const std::string& what, const std::function<Status()>& attempt) const {
@@ -104,7 +97,8 @@ Status AgentShell::subscribe_to_mocap() {
     mocap.ring = std::make_unique<SpscRing<MocapMessage, 64>>();
     // Best effort hears both kinds of writers, and a pose that was lost is not worth sending again.
     auto subscriber = dds::RawReader::create(
-        participant_, topic_of(settings_.mocap_topic, drone.name), name(settings_.mocap_message), {.reliable = false},
+        participant_, pose_topic_of(settings_.mocap_topic, drone.name), name(settings_.mocap_message),
+        {.reliable = false},
         [this, ring = mocap.ring.get(), drone = drone.name](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
           const auto pose = pose_from_message(settings_.mocap_message, dds::text_of(cdr), drone);
           if (pose && !*pose) return;  // of others alone

@@ -393,6 +393,15 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
                      .id = state.sequence,
                      .stamp_ns = now,
                      .v = {state.position_m[0], state.position_m[1], state.position_m[2], state.yaw_rad}});
+  const PoseVariance& told = state.pose_variance;
+  if (told == PoseVariance{}) return;  // motion capture tells none
+  at.out.trace.push({.t_ns = now,
+                     .kind = TraceKind::pose_told,
+                     .drone = number_,
+                     .extra = 0,
+                     .id = state.sequence,
+                     .stamp_ns = state.pose_stamp_ns,
+                     .v = {double(told[0]), double(told[1]), double(told[2]), double(told[3])}});
 }
 
 void DroneLink::record_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns,

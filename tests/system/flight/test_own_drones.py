@@ -4,8 +4,9 @@ import json
 import pathlib
 import re
 import signal
+import subprocess
 
-from flights import (BIN, POSES, SAFE, assert_nothing_left, deployment, fly, no_flight_outlives_its_test, printed, result, somebody_elses,
+from flights import (BIN, POSES, SAFE, assert_nothing_left, control, deployment, fly, no_flight_outlives_its_test, printed, result, somebody_elses,
                      somebody_elses_drones, wait_for_flight)
 
 
@@ -15,8 +16,10 @@ def test_a_short_square(tmp_path):
         flight = fly(tmp_path, "--deployment", file)
         assert flight.wait(90) == 0, printed(tmp_path)
     text = printed(tmp_path)
-    assert re.search(r"tello1 +127\.0\.0\.2 +battery \d+ %  pose from mocap, \d+ ms old", text), text
-    assert "fence      x -3 to 3, y -3 to 3, z 0 to 2 m" in text
+    for well in (r"tello1 +drone +127\.0\.0\.2", r"tello1 +battery +\d+ %", r"tello1 +pose +/vrpn_mocap/tello1/pose, \d+ ms old",
+                 r"tello1 +lease +ours", r"fence +x -3 to 3, y -3 to 3, z 0 to 2 m", r"ledger +embedded: reached"):
+        assert re.search(r"  ok +" + well, text), text
+    assert re.search(r"  (ok|warn) +clocks ", text), text
     assert "no truth: a real drone" in text
     report = result(tmp_path)
     assert report["ok"] is True and report["asked"]["own_drones"] is True
@@ -47,20 +50,22 @@ def somebody_elses_network(directory: pathlib.Path):
         endpoint = line["endpoint"]
         organisations = directory / "network" / "crypto" / "peerOrganizations"
 
-        def ledger(name: str, k: int, user: str) -> None:
+        def ledger(name: str, k: int, user: str, believes: bool = True) -> None:
             own = organisations / f"org{k}.ledgerline"
             text = (f'[ledger]\nendpoint = "{endpoint}"\nmsp_id = "Org{k}MSP"\n'
                     f'tls_ca = "{organisations}/org1.ledgerline/tlsca/tlsca.org1.ledgerline-cert.pem"\n'
                     f'msp_dir = "{own}/users/{user}@org{k}.ledgerline/msp"\n'
                     f'config_block = "{directory}/network/teleop.block"\n')
-            for i in (1, 2, 3):
+            for i in (1, 2, 3) if believes else ():
                 text += f'[[msp]]\nid = "Org{i}MSP"\nca = "{organisations}/org{i}.ledgerline/ca/ca.org{i}.ledgerline-cert.pem"\n'
             (directory / f"{name}.toml").write_text(text)
 
         ledger("agent", 1, "User1")
         ledger("ground", 2, "User1")
         ledger("admin", 1, "Admin")
-        yield
+        ledger("admin2", 2, "Admin", believes=False)
+        ledger("other", 2, "User2", believes=False)
+        yield organisations
 
 
 def test_a_network_of_others(tmp_path):
@@ -71,6 +76,41 @@ def test_a_network_of_others(tmp_path):
         assert flight.wait(90) == 0, printed(tmp_path)
     assert result(tmp_path)["ok"] is True and len(result(tmp_path)["drones"][0]["lap_s"]) == 1
     assert "ledger: a network of others" in printed(tmp_path) and result(tmp_path)["ledger"]["kind"] == "existing"
+    assert_nothing_left()
+
+
+def preflight(file: pathlib.Path) -> tuple[int, dict]:
+    """Exit code, and each check: a drone's name or nothing, and what is looked at."""
+    ended = subprocess.run([BIN / "ledgerline", "tello", "preflight", "--deployment", file, "--seconds", "1.5", "--json"],
+                           capture_output=True, text=True, timeout=60)
+    assert ended.stdout, ended.stderr
+    return ended.returncode, {(check["drone"], check["check"]): check for check in json.loads(ended.stdout)["checks"]}
+
+
+def test_preflight_names_what_is_wrong_and_its_cure_and_fly_refuses_it(tmp_path):
+    names = "".join(f'{name} = "{tmp_path}/{name}.toml"\n' for name in ("agent", "ground", "admin"))
+    file = deployment(tmp_path, POSES + SAFE + f'[ledger]\nkind = "existing"\n{names}')
+    with somebody_elses_drones(tmp_path, 1, "--battery", "12"):
+        with somebody_elses_network(tmp_path) as organisations:
+            code, checks = preflight(file)
+            assert code == 1 and checks[None, "ledger"]["verdict"] == checks["tello1", "lease"]["verdict"] == "ok"
+            assert "free" in checks["tello1", "lease"]["what"]
+            users = organisations / "org2.ledgerline" / "users"
+            certificate = next((users / "User2@org2.ledgerline" / "msp" / "signcerts").iterdir())
+            control(tmp_path / "admin2.toml", "enroll", "--msp", "Org2MSP", "--cert", certificate, "--role", "operator")
+            control(tmp_path / "other.toml", "acquire", "tello1")
+            code, checks = preflight(file)
+            wrong = {check for check, line in checks.items() if line["verdict"] == "bad"}
+            assert code == 1 and wrong == {("tello1", "battery"), ("tello1", "lease")}, checks
+            assert "12 %" in checks["tello1", "battery"]["what"] and "charge" in checks["tello1", "battery"]["cure"]
+            assert "held by Org2MSP" in checks["tello1", "lease"]["what"] and "User2" in checks["tello1", "lease"]["what"]
+            assert "ledgerline control request tello1" in checks["tello1", "lease"]["cure"]
+            assert "100 a second" in checks["tello1", "pose"]["what"] and "state texts" in checks["tello1", "state"]["what"]
+            refused = refusal(tmp_path, file, 1)
+            assert "tello1's lease: held by Org2MSP" in refused and "ledgerline control request tello1" in refused
+        code, checks = preflight(file)
+        assert code == 1 and checks[None, "ledger"]["verdict"] == "bad" and checks[None, "ledger"]["cure"]
+        assert ("tello1", "lease") not in checks
     assert_nothing_left()
 
 
@@ -96,6 +136,7 @@ def test_a_missing_drone_is_named(tmp_path):
     file = deployment(tmp_path, POSES + SAFE + "[flight]\nwait_s = 4\n", drones=2)
     with somebody_elses_drones(tmp_path, drones=1):
         text = refusal(tmp_path, file, 1)
-    assert re.search(r"tello2 +127\.0\.0\.3 +not there", text), text
-    assert "tello2 at 127.0.0.3: does not answer" in text and "tello1 at" not in text.split("not every drone is there after 4 s")[1]
+    assert re.search(r"BAD +tello2 +drone +127\.0\.0\.3 does not answer", text), text
+    error = text.split("not every drone is there after 4 s")[1]
+    assert "tello2's drone: 127.0.0.3 does not answer" in error and "tello1" not in error
     assert_nothing_left()

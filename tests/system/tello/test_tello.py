@@ -127,6 +127,33 @@ def test_bytes_of_any_kind_end_nothing_and_reach_no_terminal():
     assert "does not say" in shown and all(c == "\n" or " " <= c <= "~" for c in shown + errors)
 
 
+def test_preflight_says_what_would_keep_a_flight_on_the_ground(tmp_path):
+    file = tmp_path / "real.toml"
+    file.write_text('[pose]\nsource = "tello"\n[fence]\nmin_m = [-3, -3, 0]\nmax_m = [3, 3, 2]\n'
+                    '[[drone]]\nname = "a"\naddress = "127.0.0.2"\nserial = "0TQDG00SIM0001"\n'
+                    '[[drone]]\nname = "b"\naddress = "127.0.0.3"\nserial = "0TQDG00SIM0009"\nstart_m = [1, 0, 0]\n')
+    words = ("preflight", "--deployment", str(file), "--seconds", "1.5")
+    with drones(2):
+        other = tello(*words)
+        assert other.returncode == 1 and "127.0.0.3 says serial 0TQDG00SIM0002, not 0TQDG00SIM0009" in other.stdout
+        assert "cure: look where each is" in other.stdout, other.stdout
+        file.write_text(file.read_text().replace("SIM0009", "SIM0002"))
+        well = tello(*words)
+        assert well.returncode == 0 and "BAD" not in well.stdout, well.stdout + well.stderr
+        assert "by its own senses (tello): 1.00, 0.00, 0.00 m" in well.stdout and "% " not in well.stderr
+        file.write_text(file.read_text() + "[flight]\nside_m = 6\n")
+        beyond = tello(*words)
+        assert beyond.returncode == 1 and "a would be at 6, 0, 1 m, beyond link's fence" in beyond.stdout
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as another:
+            another.bind(("0.0.0.0", 8890))
+            taken = tello(*words)
+            assert (taken.returncode, taken.stdout) == (1, "") and "8890" in taken.stderr
+    file.write_text("[fence]\n")
+    broken = tello(*words)
+    assert broken.returncode == 2 and "pose.source" in broken.stderr
+    assert tello("preflight").returncode == 2
+
+
 def test_a_flight_measures_a_drone_and_lands_it_whoever_ends_it(tmp_path):
     written = tmp_path / "calibration.toml"
     with drones(1, "--yaw", "40", mocap=True):

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/launcher/preflight/fence.hpp"
+#include "tools/launcher/preflight/records.hpp"
 
 namespace ledgerline::fly {
 namespace {
@@ -18,15 +19,67 @@ std::string text_in(const json& object, const char* key, const std::string& othe
   return found != object.end() && found->is_string() ? found->get<std::string>() : otherwise;
 }
 
-double number_in(const json& object, const char* key, double otherwise) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number() ? found->get<double>() : otherwise;
+void take_drone(const json& one, DroneFacts& drone) {
+  const std::string phase = text_in(one, "phase", "disconnected");
+  drone.there = phase != "disconnected";
+  drone.phase = phase == "on_ground" || phase == "landed" ? "" : phase;
+  drone.refusal = text_in(one, "cause", "unknown");
+  if (drone.refusal == "none") drone.refusal.clear();
+  const auto battery = one.find("battery");
+  if (battery != one.end() && battery->is_number()) drone.battery = battery->get<double>();
+  const auto age_ms = one.find("pose_age_ms");
+  const auto position = one.find("position");
+  drone.pose.reset();
+  if (age_ms == one.end() || !age_ms->is_number() || position == one.end() || !position->is_array()) return;
+  drone.pose = PoseFacts{.age_ms = age_ms->get<double>()};
+  for (std::size_t k = 0; k < std::min<std::size_t>(3, position->size()); ++k)
+    if ((*position)[k].is_number()) drone.pose->position_m[k] = (*position)[k].get<double>();
+}
+
+// For an error, in one line.
+std::string said(const Line& line) {
+  const std::string of = line.drone.empty() ? line.check : line.drone + "'s " + line.check;
+  return fmt::format("{}: {} (cure: {})", line.drone.empty() ? line.check : of, line.what, line.cure);
+}
+
+std::string bad_of(const std::vector<Line>& lines, const std::string& check = "") {
+  std::vector<std::string> all;
+  for (const Line& line : lines)
+    if (line.verdict == Verdict::bad && (check.empty() || line.check == check)) all.push_back(said(line));
+  return fmt::format("{}", fmt::join(all, "; "));
 }
 
 }  // namespace
 
-Preflight::Preflight(const Options& options)
-    : options_(options), drones_(options.own ? options.own->drones.size() : 0) {}
+Facts facts_of(const Options& options) {
+  Facts facts;
+  if (!options.own) return facts;
+  const deployment::OwnDrones& own = *options.own;
+  for (const deployment::OwnDrone& one : own.drones) {
+    DroneFacts drone{.name = one.name, .address = one.address, .interface = one.interface};
+    drone.wanted_serial = one.serial;
+    facts.drones.push_back(std::move(drone));
+  }
+  facts.link = own.link;
+  facts.pose_source = own.pose_source;
+  facts.pose_topic = own.pose_topic;
+  facts.stamps_count = own.pose_stamps_count;
+  facts.enrols = !own.network || !own.network->admin.empty();
+  facts.ledger.what = own.network ? "a network of others" : deployment::name_of(own.ledger);
+  return facts;
+}
+
+std::string path_beyond(const Options& options, const Facts& facts) {
+  if (options.manual || !options.own) return "";
+  std::vector<Eigen::Vector2d> starts;
+  for (const DroneFacts& drone : facts.drones) {
+    if (!drone.pose) return "";
+    starts.emplace_back(drone.pose->position_m[0], drone.pose->position_m[1]);
+  }
+  return beyond_fence(options, facts.link.fence, starts);
+}
+
+Preflight::Preflight(const Options& options) : options_(options), facts_(facts_of(options)) {}
 
 void Preflight::take(const std::string& line) {
   const json message = json::parse(line, nullptr, false);
@@ -34,84 +87,42 @@ void Preflight::take(const std::string& line) {
   const json list = link.is_object() ? link.value("drones", json()) : json();
   for (const json& one : list.is_array() ? list : json::array()) {
     if (!one.is_object()) continue;
-    for (std::size_t i = 0; i < drones_.size(); ++i) {
-      if (text_in(one, "name", "") != own(i).name) continue;
-      Drone& drone = drones_[i];
-      drone.phase = text_in(one, "phase", drone.phase);
-      drone.cause = text_in(one, "cause", drone.cause);
-      drone.battery = number_in(one, "battery", drone.battery);
-      drone.pose_age_ms = number_in(one, "pose_age_ms", -1);
-      const auto position = one.find("position");
-      if (position == one.end() || !position->is_array() || position->size() != 3) continue;
-      for (std::size_t k = 0; k < 3; ++k) {
-        if ((*position)[k].is_number()) drone.position_m[k] = (*position)[k].get<double>();
-      }
-    }
+    for (DroneFacts& drone : facts_.drones)
+      if (text_in(one, "name", "") == drone.name) take_drone(one, drone);
   }
 }
 
-bool Preflight::ready(const Drone& drone) const {
-  const bool lacks_only_pose = drone.cause == "pose_lost" && pose_of(options_) == "none";
-  return (drone.phase == "on_ground" || drone.phase == "landed") && (drone.cause == "none" || lacks_only_pose);
+Status Preflight::take_records(const std::string& line, const crypto::IdentityName& self) {
+  return fly::take_records(line, self, facts_);
 }
 
-bool Preflight::ready() const {
-  return std::all_of(drones_.begin(), drones_.end(), [this](const Drone& drone) { return ready(drone); });
+void Preflight::acquired() {
+  facts_.ledger.state = LedgerFacts::State::reached;
+  for (DroneFacts& drone : facts_.drones) drone.lease = {.holder = LeaseFacts::Holder::ours};
 }
+
+bool Preflight::ready() const { return !anything_bad(judge(facts_)); }
 
 std::string Preflight::list() const {
-  std::string text = "Before take-off:\n";
-  for (std::size_t i = 0; i < drones_.size(); ++i) {
-    const Drone& drone = drones_[i];
-    const std::string behind = own(i).interface.empty() ? "" : " behind " + own(i).interface;
-    text += fmt::format("  {:<10} {:<15}{}  ", own(i).name, own(i).address, behind);
-    if (!drone.there()) {
-      text += "not there\n";
-      continue;
-    }
-    text += fmt::format("battery {:.0f} %  ", 100 * drone.battery);
-    if (pose_of(options_) == "none") {
-      text += "by hand, without a pose\n";
-      continue;
-    }
-    text += fmt::format("pose from {}", pose_of(options_));
-    text += drone.pose_age_ms < 0 ? ": none\n"
-                                  : fmt::format(", {:.0f} ms old: {:.2f}, {:.2f}, {:.2f} m\n", drone.pose_age_ms,
-                                                drone.position_m[0], drone.position_m[1], drone.position_m[2]);
-  }
-  const link::FenceSettings& fence = options_.own->link.fence;
-  text += fmt::format("  fence      x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} m", fence.min_m[0], fence.max_m[0],
-                      fence.min_m[1], fence.max_m[1], fence.min_m[2], fence.max_m[2]);
-  if (pose_of(options_) == "none") text += ": of these the ceiling alone holds";
-  return text;
+  Facts facts = facts_;
+  facts.path_beyond = path_beyond(options_, facts_);
+  return words(judge(facts));
 }
 
-std::string Preflight::why_not(std::size_t i) const {
-  const Drone& drone = drones_[i];
-  if (!drone.there()) return "does not answer: is it on, and does this computer reach it?";
-  if (drone.cause == "pose_lost" && drone.pose_age_ms < 0)
-    return fmt::format("no pose of it has come from {}", pose_of(options_));
-  if (drone.cause == "pose_lost")
-    return fmt::format("its pose from {} is {:.0f} ms old", pose_of(options_), drone.pose_age_ms);
-  if (drone.cause == "battery_low") return fmt::format("its battery has {:.0f} %", 100 * drone.battery);
-  if (!drone.cause.empty() && drone.cause != "none") return drone.cause;
-  return "it is not on the ground: " + drone.phase;
-}
-
-std::string Preflight::missing() const {
-  std::vector<std::string> all;
-  for (std::size_t i = 0; i < drones_.size(); ++i) {
-    if (!ready(drones_[i])) all.push_back(fmt::format("{} at {}: {}", own(i).name, own(i).address, why_not(i)));
-  }
-  return fmt::format("{}", fmt::join(all, "; "));
-}
+std::string Preflight::missing() const { return bad_of(judge(facts_)); }
 
 Status Preflight::path_fits() const {
-  if (options_.manual || !options_.own) return done;
-  std::vector<Eigen::Vector2d> starts;
-  for (const Drone& drone : drones_) starts.emplace_back(drone.position_m[0], drone.position_m[1]);
-  const std::string beyond = beyond_fence(options_, options_.own->link.fence, starts);
-  if (!beyond.empty()) return Error{beyond};
+  const std::string why = path_beyond(options_, facts_);
+  if (!why.empty()) return Error{why};
+  return done;
+}
+
+Status Preflight::leases_fit() const {
+  Facts facts = facts_;
+  // Who is stopped can be acquired, and link waits for the end of the stop.
+  for (DroneFacts& drone : facts.drones) drone.lease.stoppers.clear();
+  const std::string why = bad_of(judge(facts), "lease");
+  if (!why.empty()) return Error{why};
   return done;
 }
 

@@ -1,14 +1,23 @@
 #pragma once
-#include <array>
 #include <string>
-#include <vector>
 
 #include "common/base/result.hpp"
+#include "common/crypto/crypto.hpp"
 #include "tools/launcher/options.hpp"
+#include "tools/launcher/preflight/check.hpp"
 
 namespace ledgerline::fly {
 
-/// What a person checks before a deployment's own drones take off, by link's status lines. One thread.
+/// What a deployment says beforehand of its own drones, none of which has been heard yet. Without drones of one's own
+/// there are none.
+Facts facts_of(const Options& options);
+
+/// Why the path would leave the fence from where the drones stand; empty: it does not, there is none, or a drone's place
+/// is not known yet.
+std::string path_beyond(const Options& options, const Facts& facts);
+
+/// What a person checks before a deployment's own drones take off, by link's status lines and the ledger's records. One
+/// thread.
 class Preflight {
  public:
   /// Without drones of one's own it knows of none.
@@ -16,29 +25,27 @@ class Preflight {
 
   /// A status line of link; others are ignored.
   void take(const std::string& line);
+  /// The records of a ledger of others, as `ledgerline-control show --json` prints them, before the drones are acquired.
+  /// `self`: who acquires them.
+  Status take_records(const std::string& line, const crypto::IdentityName& self);
+  /// The ledger gave us their leases.
+  void acquired();
+  void take_clock(const ClockFacts& clock) { facts_.clock = clock; }
+
   /// Link would let every drone take off.
   bool ready() const;
-  /// Drones, addresses, batteries, poses and the fence, one a line.
+  /// Drones, addresses, batteries, poses, leases, the fence, the clocks and the ledger, one a line, with cures.
   std::string list() const;
-  /// Each drone that could not take off and why, for an error; empty: ready.
+  /// What is bad, and its cure, for an error; empty: ready.
   std::string missing() const;
   /// Whether the path stays within the fence from where the drones stand.
   Status path_fits() const;
+  /// Whether every drone can be acquired; else who holds it, and the cure.
+  Status leases_fit() const;
 
  private:
-  struct Drone {
-    std::string phase = "disconnected", cause;
-    double battery = 0;
-    double pose_age_ms = -1;  ///< < 0: none has come
-    std::array<double, 3> position_m{};
-    bool there() const { return phase != "disconnected"; }
-  };
-  const deployment::OwnDrone& own(std::size_t i) const { return options_.own->drones[i]; }
-  bool ready(const Drone& drone) const;
-  std::string why_not(std::size_t i) const;
-
   Options options_;
-  std::vector<Drone> drones_;  ///< in the order of the file
+  Facts facts_;  ///< drones in the order of the file
 };
 
 }  // namespace ledgerline::fly

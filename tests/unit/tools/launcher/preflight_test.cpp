@@ -7,7 +7,10 @@
 namespace ledgerline::fly {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
 
 Options options_of(int drones) {
   Options options;
@@ -34,7 +37,8 @@ TEST(Preflight, EveryDroneMustBeReady) {
   EXPECT_FALSE(preflight.ready());
   preflight.take(line_of("d1", "on_ground", "none"));
   EXPECT_FALSE(preflight.ready());
-  EXPECT_EQ(preflight.missing(), "d2 at 10.0.0.2: does not answer: is it on, and does this computer reach it?");
+  EXPECT_THAT(preflight.missing(), AllOf(StartsWith("d2's drone: 10.0.0.2 behind wlan1 does not answer (cure: switch"),
+                                         Not(HasSubstr("d1"))));
   preflight.take(line_of("d2", "landed", "none"));
   EXPECT_TRUE(preflight.ready());
   EXPECT_EQ(preflight.missing(), "");
@@ -46,9 +50,11 @@ TEST(Preflight, TheListHasWhatAPersonChecks) {
   Preflight preflight(options_of(2));
   preflight.take(line_of("d2", "on_ground", "none"));
   const std::string list = preflight.list();
-  EXPECT_THAT(list, HasSubstr("d1         10.0.0.1         not there"));
-  EXPECT_THAT(list, HasSubstr("10.0.0.2        behind wlan1  battery 87 %  pose from mocap, 12 ms old: 0.00, 0.50"));
-  EXPECT_THAT(list, HasSubstr("fence      x -2 to 2, y -2 to 2, z 0 to 2 m"));
+  EXPECT_THAT(list, HasSubstr("BAD   d1         drone    10.0.0.1 does not answer"));
+  EXPECT_THAT(list, HasSubstr("ok    d2         drone    10.0.0.2 behind wlan1"));
+  EXPECT_THAT(list, HasSubstr("ok    d2         battery  87 %"));
+  EXPECT_THAT(list, HasSubstr("ok    d2         pose     mocap, 12 ms old: 0.00, 0.50, 0.10 m"));
+  EXPECT_THAT(list, HasSubstr("ok               fence    x -2 to 2, y -2 to 2, z 0 to 2 m"));
 }
 
 TEST(Preflight, WhyADroneIsNotReadyIsSaid) {
@@ -57,11 +63,11 @@ TEST(Preflight, WhyADroneIsNotReadyIsSaid) {
     preflight.take(line);
     return preflight.missing();
   };
-  EXPECT_EQ(why(line_of("d1", "on_ground", "pose_lost", "null")), "d1 at 10.0.0.1: no pose of it has come from mocap");
-  EXPECT_EQ(why(line_of("d1", "on_ground", "pose_lost", "900")), "d1 at 10.0.0.1: its pose from mocap is 900 ms old");
-  EXPECT_EQ(why(line_of("d1", "on_ground", "battery_low")), "d1 at 10.0.0.1: its battery has 87 %");
-  EXPECT_EQ(why(line_of("d1", "on_ground", "stopped")), "d1 at 10.0.0.1: stopped");
-  EXPECT_EQ(why(line_of("d1", "flying", "none")), "d1 at 10.0.0.1: it is not on the ground: flying");
+  EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "null")), HasSubstr("no pose of it has come from mocap"));
+  EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "900")), HasSubstr("d1's pose: mocap, 900 ms old"));
+  EXPECT_THAT(why(line_of("d1", "on_ground", "battery_low")), HasSubstr("d1's battery: 87 %"));
+  EXPECT_THAT(why(line_of("d1", "on_ground", "stopped")), HasSubstr("d1's link: it refuses a take-off: stopped"));
+  EXPECT_THAT(why(line_of("d1", "flying", "none")), HasSubstr("d1's link: it is not on the ground: flying"));
 }
 
 TEST(Preflight, WithoutAnyPoseAPilotsDroneIsReady) {
@@ -73,7 +79,7 @@ TEST(Preflight, WithoutAnyPoseAPilotsDroneIsReady) {
   EXPECT_FALSE(preflight.ready());
   preflight.take(line_of("d1", "on_ground", "pose_lost", "null"));
   EXPECT_TRUE(preflight.ready()) << preflight.missing();
-  EXPECT_THAT(preflight.list(), HasSubstr("battery 87 %  by hand, without a pose"));
+  EXPECT_THAT(preflight.list(), HasSubstr("none: it is flown by hand"));
   EXPECT_THAT(preflight.list(), HasSubstr("z 0 to 2 m: of these the ceiling alone holds"));
 }
 
@@ -95,6 +101,36 @@ TEST(Preflight, APathIsJudgedFromWhereTheDroneStands) {
   const Status status = preflight.path_fits();
   ASSERT_FALSE(status);
   EXPECT_THAT(status.error().what, HasSubstr("d1 would be at 2.5, 0.5, 1 m, beyond link's fence"));
+}
+
+TEST(Preflight, WhoHoldsADroneIsSaidBeforeItIsAcquired) {
+  Preflight preflight(options_of(1));
+  const crypto::IdentityName self{"Org2MSP", "CN=pilot"};
+  preflight.take(line_of("d1", "on_ground", "none"));
+  const auto fits = [&](const std::string& more) {
+    EXPECT_TRUE(preflight.take_records(R"({"controls":[{"drone":"d1")" + more + "}]}", self));
+    return preflight.leases_fit();
+  };
+  EXPECT_TRUE(fits(""));
+  EXPECT_TRUE(fits(R"(,"holder":{"mspId":"Org2MSP","subject":"CN=pilot"})"));
+  EXPECT_TRUE(fits(R"(,"stoppers":[{"stopper":{"mspId":"Org1MSP","subject":"CN=host"}}])"));  // link waits for its end
+  const Status other = fits(R"(,"holder":{"mspId":"Org3MSP","subject":"CN=pilot"})");
+  ASSERT_FALSE(other);
+  EXPECT_THAT(other.error().what, HasSubstr("d1's lease: held by Org3MSP CN=pilot (cure: ask for it"));
+  EXPECT_FALSE(preflight.ready());
+  preflight.acquired();
+  EXPECT_TRUE(preflight.ready());
+  EXPECT_THAT(preflight.list(), HasSubstr("lease    ours"));
+}
+
+TEST(Preflight, TheListHasThePathWhereItLeavesTheFence) {
+  Options options = options_of(1);
+  options.side_m = 3;
+  Preflight preflight(options);
+  preflight.take(line_of("d1", "on_ground", "none", "12.0", 0));
+  EXPECT_TRUE(preflight.ready());  // to stand there
+  EXPECT_THAT(preflight.list(),
+              HasSubstr("BAD              fence    square with --side 3: d1 would be at 3, 0.5, 1 m"));
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <map>
 #include <numbers>
 
 #include "tests/unit/onboard/link/core/link_world.hpp"
@@ -375,6 +376,42 @@ TEST(LinkCore, TheTraceNamesEveryPlanOnce) {
   EXPECT_EQ(applied, plans.applied);
   EXPECT_EQ(ended, plans.dropped + plans.late);
   EXPECT_EQ(plans.received, plans.applied + plans.dropped + plans.late);
+}
+
+// The variances that were traced, by the number of their state.
+std::map<std::uint64_t, TraceRecord> told_in(const LinkWorld& world) {
+  std::map<std::uint64_t, TraceRecord> told;
+  for (const TraceRecord& record : world.trace)
+    if (record.kind == TraceKind::pose_told) told.emplace(record.id, record);
+  return told;
+}
+
+TEST(LinkCore, TheTraceHasTheVarianceOfEachStateThatTellsOne) {
+  LinkSettings settings;
+  settings.drones.push_back({.name = "tello1", .number = 1, .source = PoseSource::tello});
+  LinkWorld w(1, settings);
+  w.mocap = false;
+  w.tellos[0].attitude_text = "pitch:0;roll:0;yaw:0;vgx:0;vgy:0;vgz:0;";
+  w.pass(2 * ns_per_s);
+  const auto told = told_in(w);
+  std::size_t with_variance = 0;
+  for (const StateSample& state : w.states) {
+    const bool tells = state.pose_variance != PoseVariance{};
+    ASSERT_EQ(told.contains(state.sequence), tells) << state.sequence;
+    if (!tells) continue;
+    ++with_variance;
+    const TraceRecord& record = told.at(state.sequence);
+    EXPECT_EQ(record.t_ns, state.stamp_ns);
+    EXPECT_EQ(record.stamp_ns, state.pose_stamp_ns);
+    for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(record.v[i], static_cast<double>(state.pose_variance[i]));
+  }
+  EXPECT_GT(with_variance, 20u);
+}
+
+TEST(LinkCore, OfMotionCaptureNoVarianceIsTraced) {
+  LinkWorld w;
+  w.take_off();
+  EXPECT_TRUE(told_in(w).empty());
 }
 
 }  // namespace

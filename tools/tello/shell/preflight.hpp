@@ -1,0 +1,21 @@
+#pragma once
+#include <string>
+
+#include "common/base/result.hpp"
+#include "tools/launcher/options.hpp"
+#include "tools/launcher/preflight/check.hpp"
+
+namespace ledgerline::tello {
+
+struct PreflightWish {
+  fly::Options flight;  ///< of a deployment of drones that are there already (options.hpp)
+  std::string control;  ///< the program that reads the control records of a ledger that runs already
+  double listen_s = 3;  ///< to state text and poses
+};
+
+/// Asks the drones, listens to them and to motion capture, reads the ledger's records, this computer's clock: nothing is
+/// flown, started for longer, or written on the ledger. What is wrong with one of them is a fact; an error: nobody can look, as
+/// where another program has the port. Catches SIGINT and SIGTERM, which end it early.
+Result<fly::Facts> look_around(const PreflightWish& wish);
+
+}  // namespace ledgerline::tello
