@@ -118,7 +118,7 @@ Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, con
   for (std::size_t i = 0; i < listening.size(); ++i) {
     listening[i].tell(monotonic_ns(), realtime_ns(), facts.stamps_count, facts.drones[i]);
     // By its own senses a drone is where the file says that it stands.
-    if (facts.pose_source != "mocap")
+    if (facts.pose_source != "none" && !facts.pose_source.starts_with("mocap"))
       facts.drones[i].pose = fly::PoseFacts{.position_m = wish.flight.own->drones[i].start_m};
   }
   if (stop_requested) return Error{"it was asked to end"};
