@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/msg/names.hpp"
 #include "common/rt/clock.hpp"
 #include "ground/core/controller.hpp"
 #include "sim/core/parameters.hpp"
@@ -54,7 +55,10 @@ struct Options {
 };
 
 /// Motion capture is simulated.
-inline bool uses_mocap(const Options& options) { return options.pose.starts_with("mocap"); }
+inline bool uses_mocap(const Options& options) {
+  const auto source = from_name<link::PoseSource>(options.pose);
+  return source && link::uses_mocap(*source);
+}
 
 /// Of drone 1, 2 ...
 inline std::string drone_name(const Options& options, int drone) {

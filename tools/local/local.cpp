@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "common/base/log.hpp"
+#include "common/msg/pose_messages.hpp"
 #include "common/msg/ros.hpp"
 #include "common/rt/retry/keep_trying.hpp"
 
@@ -42,7 +43,7 @@ Status LocalShell::hear_mocap() {
     drone.number = who.number;
     drone.ring = std::make_unique<SpscRing<agent::MocapMessage, 64>>();
     auto reader = dds::RawReader::create(
-        participant_, "/vrpn_mocap/" + who.name + "/pose", std::string(pose_type), {.reliable = false},
+        participant_, pose_topic_of(usual_pose_topic, who.name), std::string(pose_type), {.reliable = false},
         [ring = drone.ring.get()](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
           // A pose that finds the ring full is older than those that will be taken.
           if (const auto pose = pose_from_cdr(dds::text_of(cdr)))

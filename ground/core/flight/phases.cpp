@@ -95,7 +95,9 @@ std::string Phases::refused_takeoff(TimeNs now) {
       s.arrived_ns - asked_ns_ < refused_for_ns)
     return "";
   enter(now, DronePhase::waiting);
-  return fmt::format("link refuses it ({}; by_hand_without_pose lets a pilot do without)", words_for(s.cause));
+  const bool of_pose = s.cause == FailsafeCause::pose_lost || s.cause == FailsafeCause::position_uncertain;
+  return fmt::format("link refuses it ({}{})", words_for(s.cause),
+                     of_pose ? "; where its by_hand_without_pose is set a pilot does without" : "");
 }
 
 bool Phases::near_origin() const {

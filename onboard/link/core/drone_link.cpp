@@ -14,7 +14,8 @@ namespace {
 OdometrySettings own_senses_of(const DroneSettings& drone) noexcept {
   OdometrySettings settings = drone.odometry;
   if (!uses_mocap(drone.source)) return settings;
-  settings.start_sigma_m = 100;  // any room
+  settings.start_sigma_m = 100;    // any room
+  settings.correction_mps = 1000;  // what jumps is held back behind it, by Failover
   settings.start_sigma_rad = std::numbers::pi;
   return settings;
 }
@@ -113,6 +114,7 @@ DropReason DroneLink::obey(const LinkMoment& at, const Plan& plan) noexcept {
 
 DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept {
   const FlightPhase phase = session_.phase();
+  if (landing_asked_ns_ != 0) return DropReason::not_flying;
   if (phase == FlightPhase::taking_off || phase == FlightPhase::flying) return DropReason::none;
   if (!on_ground(phase)) return DropReason::not_flying;
   if (plan.state_stamp_ns <= takeoff_after_ns_) return DropReason::too_old;
@@ -189,7 +191,7 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) no
   facts_.battery = session_.state().battery;
   for (std::size_t i = 0; i < 3; ++i) facts_.sigma_m[i] = std::sqrt(static_cast<double>(pose_.variance[i]));
   facts_.sigma_yaw_rad = std::sqrt(static_cast<double>(pose_.variance[3]));
-  facts_.own_senses = by_own_senses(at.now);
+  facts_.own_senses = by_own_senses();
   const bool by_hand = wish.valid ? wish.body_frame : by_hand_;
   facts_.needs_position = !(by_hand && by_hand_without_pose_);
   // Without a pose its own height is all that is known of where it is.
@@ -363,10 +365,10 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
       .boot_id = boot_id_,
       .sequence = ++states_sampled_,
       .stamp_ns = now,
-      .pose_stamp_ns = pose_.stamp_ns,
-      .position_m = pose_.position_m,
-      .velocity_mps = pose_.velocity_mps,
-      .yaw_rad = pose_.yaw_rad,
+      .pose_stamp_ns = told_pose_.stamp_ns,
+      .position_m = told_pose_.position_m,
+      .velocity_mps = told_pose_.velocity_mps,
+      .yaw_rad = told_pose_.yaw_rad,
       .battery = session.state().battery,
       .tof_m = session.state().tof_m,
       .height_m = session.state().height_m,
@@ -383,7 +385,7 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
       .plans_applied = plans.applied,
       .attitude_rad = attitude_rad(session.state()),
       .acceleration_mps2 = acceleration_mps2(session.state()),
-      .pose_variance = pose_.variance,
+      .pose_variance = told_pose_.variance,
   };
   at.out.states.push(state);
   at.out.trace.push({.t_ns = now,

@@ -97,11 +97,9 @@ class DroneLink {
 
  private:
   void take_state(TimeNs now, const TelloState& state) noexcept;
-  /// It is one that counts: of the past, after the one before.
-  bool newer(TimeNs now, const Pose& pose) const noexcept;
   void accept_pose(TimeNs now, const Pose& pose) noexcept;
-  /// Its own senses say where it is, now.
-  bool by_own_senses(TimeNs now) const noexcept;
+  /// Its own senses said where it is.
+  bool by_own_senses() const noexcept;
   double yaw_rad(TimeNs now) const noexcept;
   Velocity in_map(const Playout::Wish& wish, TimeNs now) const noexcept;
   /// Why a plan to fly is not taken; none: it may be flown.
@@ -157,7 +155,8 @@ class DroneLink {
   FailsafeFacts facts_;
   TransitionLog transitions_;
 
-  Pose pose_;
+  Pose pose_;                                           ///< fence and separation go by it
+  Pose told_pose_;                                      ///< the same for whoever flies it, which never jumps
   std::array<double, 3> moved_m_{};                     ///< since that pose, as far as what was sent tells
   double told_yaw_rad_ = 0, told_yaw_at_pose_rad_ = 0;  ///< the drone's own, newest and at that pose
   bool by_hand_ = false;  ///< the newest plan that was to be flown is in the drone's frame

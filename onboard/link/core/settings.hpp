@@ -34,6 +34,7 @@ struct SessionSettings {
   /// `emergency` is sent again until the drone is seen on the ground: whom it is said for is to fall now, and it does no
   /// harm twice. With 60 % lost, nine of ten hear one of five. Double takes as long as the fall; half is talk.
   TimeNs cut_repeat_ns = 100 * ns_per_ms;
+  TimeNs cut_often_for_ns = 2 * ns_per_s;  ///< longer than a fall; then as often as `land`
   /// On the ground, without state text: disconnected. 30 texts at 10 Hz: half would disconnect a drone for fifteen
   /// lost ones; double shows a drone that is off as ready for longer.
   TimeNs lost_after_ns = 3 * ns_per_s;
@@ -254,9 +255,10 @@ struct DroneSettings {
   DroneNumber number = 0;
   PoseSource source = PoseSource::mocap;
   OdometrySettings odometry{};
-  /// Motion capture is missing when its newest pose is that old, and own senses take over: two poses of 30 Hz and some.
-  /// Half changes over for two that are lost; double is pose_lost_ns, where it brakes instead.
-  TimeNs own_senses_after_ns = 150 * ns_per_ms;
+  /// Motion capture is missing when none of its poses has come for so long, and own senses take over with the next text:
+  /// three poses of 30 Hz. Half changes over for one that is lost; with double, a text that is lost as well, and
+  /// pose_lost_ns is over: it brakes.
+  TimeNs own_senses_after_ns = 100 * ns_per_ms;
   /// A pilot may fly it on, and take off with it, without a usable position; then no wall of the fence holds, only its
   /// ceiling. For whoever sees the drone.
   bool by_hand_without_pose = false;

@@ -109,7 +109,7 @@ PoseSettings read_pose(Config& config) {
   pose.own_senses_after_ns = from_seconds(
       config.number(
           {"pose.own_senses_after_ms",
-           "with mocap+tello: own senses take over when the newest pose of motion capture is that old; less than "
+           "with mocap+tello: own senses take over when no pose of motion capture has come for so long; less than "
            "failsafe.pose_lost_ms"},
           to_ms(pose.own_senses_after_ns), 20, 60'000) /
       1000);

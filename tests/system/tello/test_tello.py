@@ -140,7 +140,7 @@ def test_preflight_says_what_would_keep_a_flight_on_the_ground(tmp_path):
         file.write_text(file.read_text().replace("SIM0009", "SIM0002"))
         well = tello(*words)
         assert well.returncode == 0 and "BAD" not in well.stdout, well.stdout + well.stderr
-        assert "by its own senses (tello): 1.00, 0.00, 0.00 m" in well.stdout and "% " not in well.stderr
+        assert "by its own senses (tello): 1.00, 0.00, 0.00 m" in well.stdout
         file.write_text(file.read_text() + "[flight]\nside_m = 6\n")
         beyond = tello(*words)
         assert beyond.returncode == 1 and "a would be at 6, 0, 1 m, beyond link's fence" in beyond.stdout

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "common/msg/names.hpp"
 #include "common/msg/pose_messages.hpp"
 
 namespace ledgerline::fly {
@@ -135,8 +136,19 @@ void judge_own_senses(const Facts& facts, const DroneFacts& drone, Lines& lines)
 
 void judge_pose(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   if (facts.pose_source == "none") return lines.ok("pose", "none: it is flown by hand");
-  if (facts.pose_source.starts_with("mocap")) return judge_mocap(facts, drone, lines);
-  judge_own_senses(facts, drone, lines);
+  const auto source = from_name<link::PoseSource>(facts.pose_source);
+  if (!source || !link::uses_mocap(*source)) return judge_own_senses(facts, drone, lines);
+  // By its own senses it may have landed, and no pose has come since.
+  if (drone.refusal == "velocity_lost" || drone.refusal == "position_uncertain") {
+    lines.bad("pose", "its newest place is of its own senses, not of motion capture",
+              "look whether motion capture sees the drone");
+  } else {
+    judge_mocap(facts, drone, lines);
+  }
+  if (link::uses_own_senses(*source) && !drone.velocity_told) {
+    lines.warn("senses", "it tells no velocity: nothing stands in for motion capture",
+               "light, and a floor with something to be seen on it; a firmware whose state text has vgx, vgy, vgz");
+  }
 }
 
 // What other lines do not tell of a refusal of link's.

@@ -38,8 +38,8 @@ void take_drone(const json& one, DroneFacts& drone) {
 
 // For an error, in one line.
 std::string said(const Line& line) {
-  const std::string of = line.drone.empty() ? line.check : line.drone + "'s " + line.check;
-  return fmt::format("{}: {} (cure: {})", line.drone.empty() ? line.check : of, line.what, line.cure);
+  const std::string of = line.drone.empty() ? "" : line.drone + "'s ";
+  return fmt::format("{}{}: {} (cure: {})", of, line.check, line.what, line.cure);
 }
 
 std::string bad_of(const std::vector<Line>& lines, const std::string& check = "") {

@@ -16,6 +16,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
+#include "common/msg/names.hpp"
 #include "common/msg/pose_messages.hpp"
 #include "common/process/children.hpp"
 #include "common/program/stop_signals.hpp"
@@ -104,6 +105,8 @@ Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, con
               fly::Facts& facts) {
   std::vector<Listening> listening(facts.drones.size());
   for (const auto& [interface, side] : sides) forget_what_waits(side.states);
+  for (Poses& of_one : poses)
+    for (HeardPose old; of_one.ring->pop(old);) continue;
   for (const TimeNs end = monotonic_ns() + from_seconds(wish.listen_s); monotonic_ns() < end && !stop_requested;) {
     wait({});
     for (auto& [interface, side] : sides) {
@@ -118,7 +121,8 @@ Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, con
   for (std::size_t i = 0; i < listening.size(); ++i) {
     listening[i].tell(monotonic_ns(), realtime_ns(), facts.stamps_count, facts.drones[i]);
     // By its own senses a drone is where the file says that it stands.
-    if (facts.pose_source != "none" && !facts.pose_source.starts_with("mocap"))
+    const auto source = from_name<link::PoseSource>(facts.pose_source);
+    if (source && !link::uses_mocap(*source))
       facts.drones[i].pose = fly::PoseFacts{.position_m = wish.flight.own->drones[i].start_m};
   }
   if (stop_requested) return Error{"it was asked to end"};

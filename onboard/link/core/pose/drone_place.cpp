@@ -63,31 +63,32 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
     accept_pose(now, odometry_.pose());
   } else if (!failover_.missing(now)) {
     if (mocap_pose_.stamp_ns != 0) odometry_.fix(at_text(mocap_pose_, now));
-  } else if (newer(now, odometry_.pose())) {
-    accept_pose(now, failover_.by_own_senses(odometry_.pose(), in_flight(phase)));
+  } else if (in_flight(phase)) {  // who stands may be carried away unseen
+    accept_pose(now, odometry_.pose());
   }
 }
 
 void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {
   if (!uses_mocap(source_)) return;
-  if (!uses_own_senses(source_)) return accept_pose(now, pose);
-  if (pose.stamp_ns > now || !finite(pose)) return;
-  failover_.heard(pose.stamp_ns);
-  mocap_pose_ = pose;
-  if (newer(now, pose)) accept_pose(now, failover_.by_mocap(pose, in_flight(session_.phase())));
+  if (uses_own_senses(source_)) {
+    if (pose.stamp_ns > now || now - pose.stamp_ns > failsafe_settings_.pose_lost_ns || !finite(pose)) return;
+    failover_.heard(now);
+    mocap_pose_ = pose;
+  }
+  accept_pose(now, pose);
 }
 
-bool DroneLink::by_own_senses(TimeNs now) const noexcept {
-  return uses_mocap(source_) ? uses_own_senses(source_) && failover_.missing(now) : true;
-}
-
-bool DroneLink::newer(TimeNs now, const Pose& pose) const noexcept {
-  return pose.stamp_ns > pose_.stamp_ns && pose.stamp_ns <= now && finite(pose);
+bool DroneLink::by_own_senses() const noexcept {
+  return !uses_mocap(source_) || failover_.source() == Failover::Source::own;
 }
 
 void DroneLink::accept_pose(TimeNs now, const Pose& pose) noexcept {
-  if (!newer(now, pose)) return;
-  pose_ = pose;
+  if (pose.stamp_ns <= pose_.stamp_ns || pose.stamp_ns > now || !finite(pose)) return;
+  pose_ = told_pose_ = pose;
+  if (source_ == PoseSource::mocap_then_tello) {
+    const auto by = failover_.missing(now) ? Failover::Source::own : Failover::Source::mocap;
+    told_pose_ = failover_.tell(by, pose, in_flight(session_.phase()));
+  }
   pose_came_ns_ = now;
   moved_m_ = {};
   told_yaw_at_pose_rad_ = told_yaw_rad_;

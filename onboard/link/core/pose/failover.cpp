@@ -10,21 +10,19 @@ namespace {
 // A heading that turns under a controller moves the drone sideways: 10 degrees in a second [A]. Double is felt in the
 // path, half takes ten seconds for what a gyroscope drifts by in an hour.
 constexpr double correction_radps = 0.17;
+// Behind a longer gap nobody flies by the place of before: the drone brakes, and plans end.
+constexpr double max_followed_s = 0.5;
 
 Eigen::Vector3d vector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
 }  // namespace
 
-Pose Failover::by_mocap(const Pose& pose, bool flies) noexcept { return tell(Origin::mocap, pose, flies); }
-
-Pose Failover::by_own_senses(const Pose& pose, bool flies) noexcept { return tell(Origin::own, pose, flies); }
-
-Pose Failover::tell(Origin origin, const Pose& pose, bool flies) noexcept {
+Pose Failover::tell(Source source, const Pose& pose, bool flies) noexcept {
   const double seconds = std::max(0.0, to_seconds(pose.stamp_ns - told_.stamp_ns));
-  if (!flies || origin_ == Origin::none) {
+  if (!flies || source_ == Source::none || seconds > max_followed_s) {
     ahead_m_.setZero();
     ahead_rad_ = 0;
-  } else if (origin != origin_) {
+  } else if (source != source_) {
     const Eigen::Vector3d flown_to = vector(told_.position_m) + vector(told_.velocity_mps) * seconds;
     ahead_m_ = flown_to - vector(pose.position_m);
     ahead_rad_ = std::remainder(told_.yaw_rad - pose.yaw_rad, 2 * std::numbers::pi);
@@ -34,7 +32,7 @@ Pose Failover::tell(Origin origin, const Pose& pose, bool flies) noexcept {
     const double turn = correction_radps * seconds;
     ahead_rad_ -= std::clamp(ahead_rad_, -turn, turn);
   }
-  origin_ = origin;
+  source_ = source;
   told_ = pose;
   for (std::size_t i = 0; i < 3; ++i) {
     const double ahead = ahead_m_[static_cast<Eigen::Index>(i)];

@@ -35,6 +35,7 @@ void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
 }
 
 void TelloSession::ask(TimeNs now, Asked what) noexcept {
+  if (what == Asked::emergency && asked_ != what) cut_since_ns_ = now;
   asked_ = what;
   asked_at_ns_ = now;
   send_ = true;
@@ -227,7 +228,9 @@ void TelloSession::watch_landing(TimeNs now) noexcept {
     return;
   }
   if (asked_ == Asked::emergency) {
-    if (!send_ && now - asked_at_ns_ >= settings_.cut_repeat_ns) ask(now, Asked::emergency);
+    const bool falls = now - cut_since_ns_ < settings_.cut_often_for_ns;
+    const TimeNs gap_ns = falls ? settings_.cut_repeat_ns : settings_.land_repeat_ns;
+    if (!send_ && now - asked_at_ns_ >= gap_ns) ask(now, Asked::emergency);
     return;
   }
   if (!send_ && now - asked_at_ns_ >= settings_.land_repeat_ns) {

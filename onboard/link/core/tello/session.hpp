@@ -103,6 +103,7 @@ class TelloSession {
   bool handshake_ok_ = false;
   bool has_flown_ = false;
   TimeNs asked_at_ns_ = 0;
+  TimeNs cut_since_ns_ = 0;  ///< `emergency` was asked for first
   TimeNs takeoff_not_before_ns_ = 0;
   TimeNs rising_until_ns_ = 0;  ///< until then a take-off that was sent may still lift it; 0: seen in the air since
   TimeNs grounded_since_ns_ = 0, aloft_since_ns_ = 0, down_since_ns_ = 0;

@@ -144,6 +144,19 @@ TEST(PreflightCheck, ADroneThatFliesByItsOwnSensesNeedsToTellAVelocity) {
   expect(facts, "pose", Verdict::bad, "tells no velocity", "vgx");
 }
 
+TEST(PreflightCheck, OwnSensesThatStandInForMotionCaptureNeedBoth) {
+  Facts facts = good();
+  facts.pose_source = "mocap+tello";
+  expect(facts, "pose", Verdict::ok, "/poses/d1", "");
+  for (const char* refusal : {"velocity_lost", "position_uncertain"}) {
+    Facts refused = facts;
+    refused.drones[0].refusal = refusal;
+    expect(refused, "pose", Verdict::bad, "of its own senses", "motion capture sees the drone");
+  }
+  facts.drones[0].velocity_told = false;
+  expect(facts, "senses", Verdict::warn, "nothing stands in", "firmware");
+}
+
 TEST(PreflightCheck, TwoFramesAreNoCommonPlace) {
   Facts facts = good();
   facts.drones[1].pose->frame = "world";

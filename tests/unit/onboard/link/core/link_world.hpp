@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <deque>
 #include <optional>
 #include <string>
 #include <vector>
@@ -128,13 +129,15 @@ class LinkWorld {
         received.push_back({tello.number, Port::state, texts.back()});
       }
       if (mocap && now % (10 * ns_per_ms) == 0) {
-        poses.push_back({.drone = tello.number,
-                         .stamp_ns = now,
-                         .position_m = tello.position,
-                         .velocity_mps = velocity,
-                         .yaw_rad = tello.yaw});
+        measured.push_back({.drone = tello.number,
+                            .stamp_ns = now,
+                            .position_m = tello.position,
+                            .velocity_mps = velocity,
+                            .yaw_rad = tello.yaw});
       }
     }
+    for (; !measured.empty() && now - measured.front().stamp_ns >= mocap_late_ns; measured.pop_front())
+      poses.push_back(measured.front());
     std::vector<AgentBeat> beats;
     if (agent && now % (50 * ns_per_ms) == 0) {
       beat.stamp_ns = now;
@@ -200,6 +203,8 @@ class LinkWorld {
   std::vector<Plan> plans;
   bool mocap = true, agent = true, ledger = true, stop_all = false;
   bool resume_local = false;  ///< once
+  TimeNs mocap_late_ns = 0;   ///< from a pose's stamp until link has it
+  std::deque<Pose> measured;  ///< on their way
   std::vector<std::pair<TimeNs, std::string>> sent;
   std::vector<StateSample> states;
   std::vector<Transition> transitions;

@@ -9,6 +9,7 @@ namespace ledgerline::link {
 namespace {
 
 constexpr TimeNs ms = ns_per_ms;
+using Source = Failover::Source;
 
 Pose at(TimeNs stamp_ns, double x, double speed_mps = 0, double yaw_rad = 0) {
   Pose pose;
@@ -22,28 +23,40 @@ Pose at(TimeNs stamp_ns, double x, double speed_mps = 0, double yaw_rad = 0) {
 
 TEST(Failover, WhatLiesBetweenTheSourcesIsLetInSlowlyAndToldAsVariance) {
   Failover failover(150 * ms, 0.2);
-  EXPECT_DOUBLE_EQ(failover.by_mocap(at(1000 * ms, 1.0, 0.5), true).position_m[0], 1.0);
+  EXPECT_DOUBLE_EQ(failover.tell(Source::mocap, at(1000 * ms, 1.0, 0.5), true).position_m[0], 1.0);
   // 0.2 s later it has flown on by 0.1 m; its own senses are 0.4 m and 0.3 rad off.
-  Pose told = failover.by_own_senses(at(1200 * ms, 1.5, 0.5, 0.3), true);
+  Pose told = failover.tell(Source::own, at(1200 * ms, 1.5, 0.5, 0.3), true);
   EXPECT_NEAR(told.position_m[0], 1.1, 1e-9);
   EXPECT_NEAR(told.yaw_rad, 0, 1e-9);
   EXPECT_NEAR(told.variance[0], 0.01 + 0.16, 1e-6);
   EXPECT_NEAR(told.variance[3], 0.01 + 0.09, 1e-6);
-  told = failover.by_own_senses(at(2200 * ms, 2.0, 0.5, 0.3), true);
-  EXPECT_NEAR(told.position_m[0], 1.8, 1e-9) << "0.2 m of the 0.4";
-  told = failover.by_own_senses(at(4200 * ms, 3.0, 0.5, 0.3), true);
+  for (int i = 1; i <= 10; ++i) {
+    told = failover.tell(Source::own, at((1200 + 100 * i) * ms, 1.5 + 0.05 * i, 0.5, 0.3), true);
+    EXPECT_NEAR(told.position_m[0], 1.1 + 0.05 * i + 0.02 * i, 1e-9) << "0.2 m/s of the 0.4 m";
+  }
+  for (int i = 11; i <= 30; ++i)
+    told = failover.tell(Source::own, at((1200 + 100 * i) * ms, 1.5 + 0.05 * i, 0.5, 0.3), true);
   EXPECT_NEAR(told.position_m[0], 3.0, 1e-9);
   EXPECT_NEAR(told.yaw_rad, 0.3, 1e-9);
   EXPECT_NEAR(told.variance[0], 0.01, 1e-6);
   // And back.
-  told = failover.by_mocap(at(4300 * ms, 2.8, 0.5), true);
+  told = failover.tell(Source::mocap, at(4300 * ms, 2.8, 0.5), true);
   EXPECT_NEAR(told.position_m[0], 3.05, 1e-9);
+  EXPECT_EQ(failover.source(), Source::mocap);
+}
+
+TEST(Failover, BehindAGapWithoutEitherTheNewPlaceCountsAtOnce) {
+  Failover failover(100 * ms, 0.2);
+  failover.tell(Source::own, at(1000 * ms, 1.0, 1.0), true);
+  const Pose told = failover.tell(Source::mocap, at(4000 * ms, 1.3), true);
+  EXPECT_DOUBLE_EQ(told.position_m[0], 1.3) << "it has braked meanwhile, and nobody flies by the place of before";
+  EXPECT_NEAR(told.variance[0], 0.01, 1e-6);
 }
 
 TEST(Failover, OnTheGroundTheSourceCountsAtOnce) {
   Failover failover(150 * ms, 0.2);
-  failover.by_own_senses(at(1000 * ms, 1.0), false);
-  EXPECT_DOUBLE_EQ(failover.by_mocap(at(1100 * ms, 5.0), false).position_m[0], 5.0);
+  failover.tell(Source::own, at(1000 * ms, 1.0), false);
+  EXPECT_DOUBLE_EQ(failover.tell(Source::mocap, at(1100 * ms, 5.0), false).position_m[0], 5.0);
 }
 
 TEST(Failover, ItIsMissingOnlyAfterItWasThere) {
@@ -80,21 +93,43 @@ TEST(Failover, ADroneFliesOnByItsOwnSensesAndNeverJumps) {
   ASSERT_EQ(world.core.phase(1), FlightPhase::flying);
   fly(world, 2 * ns_per_s);
   world.mocap = false;
-  double before = world.core.pose(1).position_m[0];
-  for (int i = 0; i < 30; ++i) {
+  double before = world.states.back().position_m[0];
+  for (int i = 0; i < 60; ++i) {
+    if (i == 30) world.mocap = true;
     fly(world, 100 * ms);
-    const Pose pose = world.core.pose(1);
-    EXPECT_LT(std::abs(pose.position_m[0] - before), 0.12) << "0.3 m/s, a text or two";
-    before = pose.position_m[0];
+    const double told = world.states.back().position_m[0];
+    EXPECT_LT(std::abs(told - before), 0.12) << "0.3 m/s, a text or two";
+    before = told;
     EXPECT_EQ(world.core.mode(1), FailsafeMode::none);
+    if (i != 29) continue;
+    EXPECT_GT(world.core.pose(1).stamp_ns, world.now - 150 * ms);
+    EXPECT_NEAR(world.core.pose(1).position_m[0], world.tellos[0].position[0], 0.1);
+    EXPECT_GT(world.core.pose(1).variance[0], 1e-4F);
   }
-  EXPECT_GT(world.core.pose(1).stamp_ns, world.now - 150 * ms);
-  EXPECT_NEAR(world.core.pose(1).position_m[0], world.tellos[0].position[0], 0.1);
-  EXPECT_GT(world.core.pose(1).variance[0], 1e-4F);
-  world.mocap = true;
+  EXPECT_NEAR(world.states.back().position_m[0], world.tellos[0].position[0], 0.03);
+}
+
+TEST(Failover, MotionCaptureThatIsSlowIsNotMissing) {
+  LinkWorld world(1, joined());
+  world.tellos[0].tells_velocity = true;
+  world.mocap_late_ns = 200 * ms;
+  world.take_off();
+  ASSERT_EQ(world.core.phase(1), FlightPhase::flying);
   fly(world, 3 * ns_per_s);
-  EXPECT_NEAR(world.core.pose(1).position_m[0], world.tellos[0].position[0], 0.02);
   EXPECT_EQ(world.core.mode(1), FailsafeMode::none);
+  EXPECT_EQ(world.core.pose(1).variance[0], 0) << "motion capture's, not its own senses'";
+}
+
+TEST(Failover, WhoStandsWaitsForMotionCapture) {
+  LinkWorld world(1, joined());
+  world.tellos[0].tells_velocity = true;
+  world.pass(5 * ns_per_s);
+  world.mocap = false;
+  world.pass(ns_per_s);
+  world.tellos[0].position[0] = 3;  // somebody carries it, and it tells no velocity
+  world.plan(PlanAction::takeoff);
+  world.pass(3 * ns_per_s);
+  EXPECT_EQ(world.core.phase(1), FlightPhase::on_ground);
 }
 
 TEST(Failover, WithoutItTheSameDroneBrakes) {

@@ -280,6 +280,9 @@ TEST_F(Session, CutSendsEmergencyUntilItIsDown) {
   session.request_cut(now);
   pass(ns_per_s + tick);
   EXPECT_GE(count("emergency"), 10) << "a link may lose three of five";
+  EXPECT_LE(count("emergency"), 12);
+  pass(10 * ns_per_s);
+  EXPECT_LE(count("emergency"), 34) << "whom it does not bring down, it does not flood";
   EXPECT_EQ(count("land"), 0);
   height_m = 0;
   pass(2 * ns_per_s);
