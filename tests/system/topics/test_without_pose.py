@@ -205,7 +205,7 @@ def test_where_the_config_does_not_let_a_pilot_do_without_a_pose_the_take_off_is
         connect(pilot)
         time.sleep(0.5)
         pilot.say("takeoff")
-        log, refusal = tmp_path / "run" / "ground.log", "tello1: no take-off: link refuses it (its pose is lost; by_hand_without_pose"
+        log, refusal = tmp_path / "run" / "ground.log", "tello1: no take-off: link refuses it (its pose is lost; where its by_hand_without_pose"
         deadline = time.monotonic() + 30
         while refusal not in log.read_text():
             assert time.monotonic() < deadline, log.read_text()
