@@ -54,16 +54,19 @@ TEST(FaultRandom, DrawsEveryKindOfFaultAndOfDistribution) {
 
 TEST(FaultRandom, DrawsEverySenseAndWhatBecomesOfIt) {
   std::string drawn;
-  std::size_t by_mocap = 0, by_own = 0, by_pads = 0, turned = 0;
+  std::size_t by_mocap = 0, by_both = 0, by_own = 0, by_pads = 0, turned = 0;
   for (std::uint64_t number = 1; number <= 600; ++number) {
     const Script script = draw_script(number);
     const link::PoseSource pose = script.flight.pose;
-    ++(pose == link::PoseSource::mocap ? by_mocap : pose == link::PoseSource::pads ? by_pads : by_own);
+    ++(pose == link::PoseSource::mocap              ? by_mocap
+       : pose == link::PoseSource::mocap_then_tello ? by_both
+       : pose == link::PoseSource::pads             ? by_pads
+                                                    : by_own);
     if (script.flight.yaw_deg != 0) ++turned;
     EXPECT_EQ(script.flight.pads.size(), pose == link::PoseSource::pads ? 4U : 0U) << script.name;
     for (const Fault& fault : script.faults) {
       drawn += fault.text + "\n";
-      if (pose != link::PoseSource::mocap) {
+      if (!link::uses_mocap(pose)) {
         EXPECT_FALSE(fault.text.starts_with("mocap ")) << script.name;
       }
     }
@@ -75,7 +78,8 @@ TEST(FaultRandom, DrawsEverySenseAndWhatBecomesOfIt) {
   EXPECT_NEAR(static_cast<double>(by_own + by_pads) / 600, 1. / 3, 0.08);
   EXPECT_NEAR(static_cast<double>(by_pads) / 600, 1. / 6, 0.06);
   EXPECT_NEAR(static_cast<double>(turned) / 600, 0.5, 0.08);
-  EXPECT_EQ(by_mocap + by_own + by_pads, 600U);
+  EXPECT_NEAR(static_cast<double>(by_both) / 600, 2. / 9, 0.07);
+  EXPECT_EQ(by_mocap + by_both + by_own + by_pads, 600U);
   for (const char* wanted : {"flow lost", " light ", " floor ", "flow bias ", "tof nothing", "baro drift 0",
                              "baro drift -", "pads gone", "drone * flow", "drone tello2 "})
     EXPECT_NE(drawn.find(wanted), std::string::npos) << wanted;
