@@ -22,7 +22,7 @@ struct Moment {
     bool broken = false;    ///< a fault took a part of it: it may turn over
     bool cut = false;       ///< somebody asked for its motors to be cut
     bool blind = false;  ///< flown by its own senses, which were blinded: it is where it should be, as far as it knows
-    bool spins = false;  ///< broken, and flown by its own senses: its pose is older than the heading that rc is said by
+    bool spins = false;  ///< broken: its pose is older than the heading that rc is said by
     bool deaf = false;   ///< nobody tells it anything, or it may not get there: it goes by what it heard last
   };
   std::span<const Excuse> excuses{};

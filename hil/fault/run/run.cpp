@@ -34,7 +34,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
                     .broken = effect.broken,
                     .cut = effect.cut,
                     .blind = effect.blinded && own_senses,
-                    .spins = effect.broken && own_senses,
+                    .spins = effect.broken,
                     .deaf = effect.deafened};
     }
     recorder.observe({.now = world.now(),
