@@ -22,8 +22,8 @@ namespace ledgerline::hil {
 ///     landing after a hold      a hold or brake of land_after (5 s) and 0.5 s more is a landing
 ///     rc in range               as the SDK takes it
 ///     ramps                     what the drone is told changes no faster than the limit of acceleration, but for a
-///                               link that stood still, and of a drone that lost a propeller and has its own senses
-///                               alone: it spins, and nobody tells in which heading it was told
+///                               link that stood still, and of a drone that lost a propeller: it spins, and nobody tells
+///                               in which heading it was told
 ///     commands in order         agent hands each one on once, link flies from each one once, none after a newer one
 ///     a brake takes its plans   after it nothing is flown before another plan came
 ///     down in the end           when the run is over, or its time is up, nothing is in the air
