@@ -20,7 +20,7 @@ struct MocapFault {
   bool frozen = false;
   std::array<double, 3> offset_m{};
   double turn_rad = 0;  ///< of its heading, counter-clockwise
-  double noise_m = 0;  ///< standard deviation
+  double noise_m = 0;   ///< standard deviation
   TimeNs period_ns = 0;
 };
 

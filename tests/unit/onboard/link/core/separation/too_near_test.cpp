@@ -169,7 +169,7 @@ TEST(TooNear, ALandingAboveAnotherDroneIsMadeBesideItAndSaysWhatItWaitsFor) {
   w.fly_plan({0, 0, 0.5}, 10);
   const std::uint64_t takeoff = w.plan(PlanAction::takeoff).sequence;
   w.hover(200 * ns_per_ms);
-  for (const TraceRecord& record : w.trace)
+  for (const TraceRecord &record : w.trace)
     EXPECT_FALSE(record.kind == TraceKind::command_applied && record.id == takeoff) << "it takes no landing back";
   while (w.core.phase(1) == FlightPhase::flying && w.now - asked < 20 * ns_per_s) w.hover(100 * ns_per_ms);
   EXPECT_LT(to_seconds(w.now - asked), w.settings_.separation.landing_wait_s - 1);
