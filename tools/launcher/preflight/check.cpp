@@ -28,6 +28,10 @@ constexpr const char* clock_cure =
     "set the clocks of both computers by NTP (chrony: `chronyc tracking` shows the offset), or [pose] clock = "
     "\"arrival\"";
 
+constexpr const char* wifi_cure = "go nearer, or to a Wi-Fi channel that nobody else has";
+constexpr const char* senses_cure =
+    "light, and a floor with something to be seen on it; a firmware whose state text has vgx, vgy, vgz";
+
 class Lines {
  public:
   explicit Lines(std::string drone) : drone_(std::move(drone)) {}
@@ -86,9 +90,9 @@ void judge_state(const DroneFacts& drone, Lines& lines) {
     lines.bad("state", "no state text comes to UDP port 8890",
               "let UDP 8890 through this computer's firewall; end whoever else speaks to the drone");
   } else if (*drone.state_hz < least_state_hz) {
-    lines.bad("state", rate + ", of ten", "go nearer, or to a Wi-Fi channel that nobody else has");
+    lines.bad("state", rate + ", of ten", wifi_cure);
   } else if (*drone.state_hz < good_state_hz) {
-    lines.warn("state", rate + ", of ten", "go nearer, or to a Wi-Fi channel that nobody else has");
+    lines.warn("state", rate + ", of ten", wifi_cure);
   } else {
     lines.ok("state", rate);
   }
@@ -123,8 +127,7 @@ void judge_mocap(const Facts& facts, const DroneFacts& drone, Lines& lines) {
 void judge_own_senses(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   const std::string by = fmt::format("by its own senses ({})", facts.pose_source);
   if (!drone.velocity_told || drone.refusal == "velocity_lost") {
-    lines.bad("pose", by + ", and it tells no velocity that link believes",
-              "light, and a floor with something to be seen on it; a firmware whose state text has vgx, vgy, vgz");
+    lines.bad("pose", by + ", and it tells no velocity that link believes", senses_cure);
   } else if (drone.refusal == "position_uncertain") {
     lines.bad("pose", by + ": too uncertain for the fence", "put it on its mark and switch it off and on");
   } else {
@@ -146,8 +149,7 @@ void judge_pose(const Facts& facts, const DroneFacts& drone, Lines& lines) {
     judge_mocap(facts, drone, lines);
   }
   if (link::uses_own_senses(*source) && !drone.velocity_told) {
-    lines.warn("senses", "it tells no velocity: nothing stands in for motion capture",
-               "light, and a floor with something to be seen on it; a firmware whose state text has vgx, vgy, vgz");
+    lines.warn("senses", "it tells no velocity: nothing stands in for motion capture", senses_cure);
   }
 }
 
@@ -162,7 +164,7 @@ void judge_refusal(const DroneFacts& drone, Lines& lines) {
   };
   constexpr Cure cures[] = {
       {"stopped", "who stopped it resumes it: `ledgerline control resume NAME`; what link stopped by itself as well"},
-      {"state_stale", "go nearer, or to a Wi-Fi channel that nobody else has"},
+      {"state_stale", wifi_cure},
       {"agent_silent", "look why agent does not run: its log"},
       {"ledger_silent", "look whether the ledger's peer is reached: agent's log"},
       {"ledger_doubted", "agent's log says what of the ledger contradicts itself (docs/failsafe.md)"},
