@@ -9,6 +9,7 @@
 #include "common/base/random.hpp"
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
+#include "onboard/link/core/failsafe.hpp"
 
 namespace ledgerline::hil {
 
@@ -113,8 +114,7 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
   const link::LinkSettings link = link_settings(config);
   ground.controller.told_mps = static_cast<double>(link.rc.full_scale_mps);
   ground.controller.told_mps2 = static_cast<double>(link.playout.max_acceleration_mps2);
-  ground.controller.pose_lost_ns =
-      link::uses_own_senses(config.pose) ? link.failsafe.velocity_lost_ns : link.failsafe.pose_lost_ns;
+  ground.controller.pose_lost_ns = link::pose_limit_ns(link.failsafe, link::uses_own_senses(config.pose));
   ground.self = operator_name;
   ground.believed = ledger.shared_registry();
   return ground;

@@ -63,10 +63,9 @@ Playout::Wish DroneLink::wished(TimeNs now) noexcept {
 
 // In any mode but none it is not steered. Then, or when its place is lost, a wait leads nowhere.
 bool DroneLink::landing_waits(const LinkMoment& at) const noexcept {
-  const FailsafeSettings& failsafe = failsafe_settings_;
-  const TimeNs pose_limit_ns = facts_.own_senses ? failsafe.velocity_lost_ns : failsafe.pose_lost_ns;
+  const TimeNs limit_ns = pose_limit_ns(failsafe_settings_, facts_.own_senses);
   return verdict_ && verdict_->landing_waits && at.healthy && failsafe_.mode == FailsafeMode::none &&
-         at.now - pose_.stamp_ns <= pose_limit_ns && at.now - landing_asked_ns_ < landing_wait_ns_;
+         at.now - pose_.stamp_ns <= limit_ns && at.now - landing_asked_ns_ < landing_wait_ns_;
 }
 
 Velocity DroneLink::left_by_others(Velocity wish) const noexcept {

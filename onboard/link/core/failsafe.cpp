@@ -21,8 +21,8 @@ TimeNs tightened(TimeNs limit, const FailsafeState& last) noexcept {
 // end. The pose alone is lost when agent has been heard for a while without one.
 bool lost_pose(const FailsafeSettings& settings, const FailsafeState& last, TimeNs now,
                const FailsafeFacts& facts) noexcept {
-  if (facts.own_senses) return older(now, facts.pose_ns, tightened(settings.velocity_lost_ns, last));
-  const TimeNs limit = tightened(settings.pose_lost_ns, last);
+  const TimeNs limit = tightened(pose_limit_ns(settings, facts.own_senses), last);
+  if (facts.own_senses) return older(now, facts.pose_ns, limit);
   return older(now, facts.pose_ns, limit) && facts.beat_ns - facts.pose_ns > limit / 2;
 }
 
@@ -268,8 +268,7 @@ FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSetti
   if (!facts.ledger_alive) return FailsafeCause::ledger_silent;
   if (facts.ledger_doubted && settings.doubt != OnDoubt::ignore) return FailsafeCause::ledger_doubted;
   if (facts.tilt_rad > TiltWatch::no_takeoff_rad) return FailsafeCause::tilted;
-  const TimeNs limit = facts.own_senses ? settings.velocity_lost_ns : settings.pose_lost_ns;
-  const bool lost = older(now, facts.pose_ns, limit);
+  const bool lost = older(now, facts.pose_ns, pose_limit_ns(settings, facts.own_senses));
   if (facts.too_near) return FailsafeCause::too_near;
   const bool vague = uncertain(settings, {}, fence, facts);
   if (!facts.needs_position && (lost || vague)) return FailsafeCause::none;

@@ -108,6 +108,11 @@ constexpr bool follows_plan(FailsafeMode mode, bool plan_valid) noexcept {
   return plan_valid && mode == FailsafeMode::none;
 }
 
+/// How old the newest pose may be, by who told it, before it counts as lost.
+constexpr TimeNs pose_limit_ns(const FailsafeSettings& settings, bool own_senses) noexcept {
+  return own_senses ? settings.velocity_lost_ns : settings.pose_lost_ns;
+}
+
 /// Why the drone must not take off now; none: it may.
 FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSettings& fence, TimeNs now,
                               const FailsafeFacts& facts) noexcept;
