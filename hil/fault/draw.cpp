@@ -197,6 +197,29 @@ void add_blind_restart(Draw& draw, Script& script) {
   add(script, fmt::format("drone * {} partition", draw.of(deaf)), at, draw.between(1'000, 40'000));
 }
 
+std::string sdk_fault(Draw& draw, const std::string& drone, bool another) {
+  constexpr std::array<const char*, 7> answers{"late", "twice", "wrong", "garbage", "missing", "other", "shifted"};
+  constexpr std::array<const char*, 3> states{"torn", "stale", "other"};
+  constexpr std::array<const char*, 5> commands{"takeoff", "land", "command", "emergency", "*"};
+  const std::string share = fmt::format(" {:.0f}%", draw.between(5, 100));
+  if (draw.below(3) == 0) return fmt::format("sdk {} states {}{}", drone, states[draw.below(another ? 3 : 2)], share);
+  const std::size_t which = draw.below(answers.size());
+  const std::string time = which < 2 ? " " + milliseconds(draw, 10, 20'000) : "";
+  return fmt::format("sdk {} answers {}{}{} to {}", drone, answers[which], time, share, draw.of(commands));
+}
+
+// In one of four: something is wrong at the SDK's own calls.
+void add_sdk_faults(Draw& draw, Script& script) {
+  if (draw.below(4) != 0) return;
+  const std::size_t faults = 1 + draw.below(2);
+  for (std::size_t i = 0; i < faults; ++i) {
+    const std::string drone = drone_name(1 + static_cast<int>(draw.below(script.flight.drones)));
+    const std::string text = sdk_fault(draw, drone, script.flight.drones > 1);
+    const std::string at = draw.below(2) == 0 ? "1ms" : moment(draw);
+    add(script, text, at, draw.below(3) == 0 ? draw.between(1'000, 60'000) : draw.between(100, 5'000));
+  }
+}
+
 std::string sensing_fault(Draw& draw, const std::string& drone, bool pads) {
   switch (draw.below(pads ? 7 : 6)) {
     case 0:
@@ -287,6 +310,8 @@ Script draw_script(std::uint64_t number, const std::string& recording) {
   if (kind.below(5) == 0) add_blind_restart(kind, script);
   Draw senses(number * 1'299'709 + 11);
   add_senses(senses, script);
+  Draw sdk(number * 15'485'863 + 3);
+  add_sdk_faults(sdk, script);
   return script;
 }
 

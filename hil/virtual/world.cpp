@@ -39,7 +39,7 @@ VirtualWorld::VirtualWorld(const WorldConfig& config)
                 patience_ns(config)),
       stoppers_(ledger_, operator_, config.seed + 3),
       sim_(sim_parameters(config), 0),
-      wires_(std::make_unique<Wires>()),
+      wires_(std::make_unique<Wires>(config.seed ^ 0x73646bULL, static_cast<std::size_t>(config.drones))),
       digester_(std::make_unique<Digester>()),
       witness_(config.drones, sim_) {
   for (LedgerPort* port : {&host_, &operator_}) port->take_blocks_of(config.blocks);
@@ -85,6 +85,8 @@ void VirtualWorld::say_control(Stopper who, std::size_t drone, ControlWord word)
 
 DroneLines& VirtualWorld::lines(std::size_t drone) { return wires_->drones[drone].lines; }
 
+SdkFaults& VirtualWorld::sdk() { return wires_->sdk; }
+
 std::string VirtualWorld::plans_text(std::size_t drone) const {
   return hil::plans_text(agent_ ? &*agent_ : nullptr, link(), drone, facts()[drone].number);
 }
@@ -120,12 +122,19 @@ void VirtualWorld::step_sim() {
   const auto& out = sim_.step(now_);
   step_mocap(out.poses);
   for (const auto& datagram : out.datagrams) {
-    DroneLines& lines = wires_->drones[datagram.drone - 1U].lines;
     digester_->put(datagram.bytes);
     if (datagram.to.port == sim::state_port) {
-      lines.push_state(now_, datagram.bytes);
+      wires_->sdk.state(now_, datagram.drone - 1U, datagram.bytes);
     } else {
-      lines.push(now_, LineAt::answers, datagram.bytes);
+      wires_->sdk.answer(now_, datagram.drone - 1U, datagram.bytes);
+    }
+  }
+  while (const auto unit = wires_->sdk.pop(now_)) {
+    DroneLines& lines = wires_->drones[unit->drone].lines;
+    if (unit->is_state) {
+      lines.push_state(now_, unit->bytes);
+    } else {
+      lines.push(now_, LineAt::answers, unit->bytes);
     }
   }
   for (std::size_t i = 0; i < facts().size(); ++i) {
@@ -317,6 +326,7 @@ void VirtualWorld::deliver_to_drones() {
   for (std::size_t i = 0; i < facts().size(); ++i) {
     while (auto unit = wires_->drones[i].lines.pop(now_, LineAt::to)) {
       digester_->put(unit->bytes);
+      wires_->sdk.command(now_, i, unit->bytes);
       sim_.datagram(facts()[i].number, link_endpoint, unit->bytes);
     }
   }

@@ -24,6 +24,7 @@
 namespace ledgerline::hil {
 
 class Digester;
+class SdkFaults;
 struct Wires;
 
 /// A whole flight in one thread on a virtual clock, millisecond by millisecond, so that faults can act between: the
@@ -75,6 +76,7 @@ class VirtualWorld {
 
   // Faults. Drones are indices.
   DroneLines& lines(std::size_t drone);
+  SdkFaults& sdk();
   void kill(Process process);   ///< also one whose start waits for the ledger
   void start(Process process);  ///< no effect while it lives
   void stop(Process process, bool stopped) { stopped_[static_cast<std::size_t>(process)] = stopped; }

@@ -1,5 +1,9 @@
 #include "hil/fault/kinds/effects.hpp"
 
+#include <cassert>
+
+#include "hil/lines/sdk/sdk_faults.hpp"
+
 namespace ledgerline::hil {
 namespace {
 
@@ -29,6 +33,8 @@ void Effects::apply_to(VirtualWorld& world) const {
   world.sim().set_wind(wind_mps);
   for (std::size_t i = 0; i < drones.size(); ++i) {
     for (std::size_t at = 0; at < line_count; ++at) world.lines(i).impair(static_cast<LineAt>(at), drones[i].lines[at]);
+    [[maybe_unused]] const Status set = world.sdk().set(i, drones[i].sdk);
+    assert(set.ok());  // whoever needs another drone was refused where there is none
     world.lines(i).set_sensor_faults(drones[i].sensors);
     world.lines(i).set_mocap_fault(drones[i].mocap);
     world.sim().drain_battery(world.facts()[i].number, drones[i].drain_per_s);

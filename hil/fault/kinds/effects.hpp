@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "hil/lines/sdk/sdk_fault.hpp"
 #include "hil/virtual/world.hpp"
 
 namespace ledgerline::hil {
@@ -14,6 +15,7 @@ struct Effects {
   struct OfDrone {
     std::array<Impairment, line_count> lines;
     std::vector<SensorFault> sensors;
+    std::vector<SdkFault> sdk;
     MocapFault mocap;
     double drain_per_s = 0;
     sim::Sensing sensing;

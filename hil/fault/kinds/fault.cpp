@@ -64,7 +64,8 @@ FaultKind::Said said_in(const std::string& text, const FaultKind& kind) {
 
 std::vector<const FaultKind*> fault_kinds() {
   std::vector<const FaultKind*> all;
-  for (const auto& table : {drone_faults(), sensing_faults(), ledger_faults(), process_faults(), machine_faults()}) {
+  for (const auto& table :
+       {drone_faults(), sdk_faults(), sensing_faults(), ledger_faults(), process_faults(), machine_faults()}) {
     for (const FaultKind& kind : table) all.push_back(&kind);
   }
   return all;
@@ -85,7 +86,7 @@ Result<const FaultKind*> kind_of(std::string_view text, bool real) {
   }
   if (nearest.empty())
     return wrong(text,
-                 "must begin with drone, sensor, mocap, pads, wind, ledger, agent, link, ground, clock, operator, "
+                 "must begin with drone, sdk, sensor, mocap, pads, wind, ledger, agent, link, ground, clock, operator, "
                  "supervisor or stranger");
   if (!real && nearest.front()->real_only)
     return wrong(

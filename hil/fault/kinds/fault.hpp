@@ -44,6 +44,7 @@ struct FaultActs {
   double misleads_mps = 0;      ///< how fast the place that a drone knows by its own senses may go away from the true
   std::string_view kills = {};  ///< the program that dies by SIGKILL: "link"
   bool fills_disk = false;      ///< the ledger's has to be a small one
+  bool of_two_drones = false;   ///< it needs a second one in the flight
 };
 
 /// One fault as it is written: where and what, e.g. "drone tello1 to delay 200ms". docs/faults.md lists all of them.
@@ -73,7 +74,8 @@ struct FaultKind {
   Result<FaultActs> (*make)(const Said& said);
   bool real_only = false;  ///< virtual time has no such thing
 };
-std::span<const FaultKind> drone_faults(), sensing_faults(), ledger_faults(), process_faults(), machine_faults();
+std::span<const FaultKind> drone_faults(), sdk_faults(), sensing_faults(), ledger_faults(), process_faults(),
+    machine_faults();
 /// All of them, in one row of rows.
 std::vector<const FaultKind*> fault_kinds();
 

@@ -16,6 +16,9 @@ Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std
     if (item.drones.empty())
       return Error{fmt::format("\"{}\": no {} flies here, only {} to {}", fault.text, fault.drone, drones.front().name,
                                drones.back().name)};
+    if (fault.acts.of_two_drones && drones.size() < 2)
+      return Error{
+          fmt::format("\"{}\": {} flies alone; it needs another drone in the flight", fault.text, drones.front().name)};
     item.fault = std::move(fault);
     items.push_back(std::move(item));
   }

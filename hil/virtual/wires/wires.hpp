@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/msg/onboard.hpp"
+#include "hil/lines/sdk/sdk_faults.hpp"
 #include "hil/virtual/wires/drone_lines.hpp"
 #include "onboard/link/core/link_core.hpp"
 
@@ -53,7 +54,10 @@ struct Wires {
     link::Port port = link::Port::answer;
     std::string bytes;
   };
+  Wires(std::uint64_t seed, std::size_t drone_count) : sdk(seed, drone_count) {}
+
   std::vector<Drone> drones;
+  SdkFaults sdk;  ///< between the drones and their lines
   std::deque<Datagram> to_link;
   std::deque<Plan> plans;
   std::deque<Pose> poses;

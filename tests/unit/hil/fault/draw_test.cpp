@@ -45,7 +45,8 @@ TEST(FaultRandom, DrawsEveryKindOfFaultAndOfDistribution) {
     for (const Fault& fault : script.faults) drawn += fault.text + "\n";
   }
   for (const char* wanted : {"ledger restart", "ledger stall", " rate ", "normal ", "gamma ", "uniform ", " plans ",
-                             "lies hash", "errs twice", "reboot", "corrupt ", "clock jump", "wind "})
+                             "lies hash", "errs twice", "reboot", "corrupt ", "clock jump", "wind ", "answers shifted",
+                             "answers late", "states torn", "states other"})
     EXPECT_NE(drawn.find(wanted), std::string::npos) << wanted;
   EXPECT_NE(drawn.find("delay recorded " + recording.string()), std::string::npos);
   EXPECT_NE(drawn.find("jitter recorded " + recording.string()), std::string::npos);

@@ -37,6 +37,9 @@ TEST(FaultKinds, AFormThatIsFollowedIsTaken) {
                            "drone tello1 reboot",
                            "drone tello1 battery 7%",
                            "sensor tello1 h stuck",
+                           "sdk * answers late 300ms 30% to takeoff",
+                           "sdk tello1 answers shifted",
+                           "sdk tello1 states torn 30%",
                            "mocap tello1 jump 1 0 0",
                            "mocap tello1 loss 5%",
                            "wind 1 0 0",
@@ -72,6 +75,9 @@ TEST(FaultKinds, WhatIsNearestIsSaid) {
   EXPECT_NE(error("drone * flow bias 0 0").find("does nothing"), std::string::npos);
   EXPECT_NE(error("drone * flow bias 9 0").find("two velocities"), std::string::npos);
   EXPECT_NE(error("drone * baro drift 0").find("rate in m/s"), std::string::npos);
+  EXPECT_NE(error("sdk tello1 answers late").find("TIME of more than nothing"), std::string::npos);
+  EXPECT_NE(error("sdk tello1 answers missing to rc").find("has no answer"), std::string::npos);
+  EXPECT_NE(error("sdk tello1 states late 1s").find("states torn|stale|other"), std::string::npos);
   EXPECT_NE(error("clouds").find("must begin with drone"), std::string::npos);
   EXPECT_NE(error("peer 1 kill").find("peer is not there in virtual time"), std::string::npos);
 }

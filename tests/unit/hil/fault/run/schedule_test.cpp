@@ -34,6 +34,19 @@ class Faulty {
   std::unique_ptr<FaultSchedule> schedule;
 };
 
+TEST(FaultSchedule, StatesOfAnotherDroneNeedAnotherDrone) {
+  const auto refused = [](int drones) {
+    WorldConfig config;
+    config.drones = drones;
+    const auto world = VirtualWorld::create(config);
+    const auto made =
+        FaultSchedule::create({*parse_fault("sdk tello1 states other 30%", "path", "")}, (*world)->facts());
+    return made ? std::string() : made.error().what;
+  };
+  EXPECT_NE(refused(1).find("tello1 flies alone"), std::string::npos);
+  EXPECT_EQ(refused(2), "");
+}
+
 TEST(FaultOverlap, TheEndOfOneLeavesTheOtherAsItIs) {
   Faulty stalls({{"ledger agent stall", "100ms", "1s"}, {"ledger agent to stall", "500ms", "2s"}});
   const LedgerPort& port = stalls.world->port(Process::agent);

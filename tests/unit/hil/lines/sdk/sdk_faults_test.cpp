@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "hil/lines/sdk/calls.hpp"
 
 namespace ledgerline::hil {
@@ -182,6 +184,7 @@ TEST(SdkFaults, ATornTextEndsInsideAFieldOrGoesOnWithTheOneBefore) {
     faults.state(i * ms, 0, text);
     const auto said = due(faults, i * ms);
     ASSERT_EQ(said.size(), 1U);
+    if (said[0] == text) continue;  // both end in the same bytes
     if (text.starts_with(said[0])) {
       ++cut;
       EXPECT_LT(said[0].size(), text.size());

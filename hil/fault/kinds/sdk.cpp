@@ -1,0 +1,33 @@
+// Faults at the SDK's own calls.
+#include "hil/fault/kinds/said.hpp"
+#include "hil/lines/sdk/sdk_fault.hpp"
+#include "hil/virtual/facts.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using Said = FaultKind::Said;
+
+Result<FaultActs> sdk(const Said& said) {
+  const auto fault = parse_sdk_fault(std::string(said.words[0]) + " " + said.rest);
+  if (!fault) return fault.error();
+  return FaultActs{.lasts_on =
+                       [fault = *fault](Effects::OfDrone& drone, std::size_t item) {
+                         drone.sdk.push_back(fault);
+                         drone.sdk.back().item = item;
+                       },
+                   .not_real = because("the proxy knows datagrams, not the SDK's calls: virtual time alone has it"),
+                   // As a state text that says another velocity or heading, up to the other way round.
+                   .misleads_mps = of_states(fault->kind) ? 2 * rc_full_mps : 0,
+                   .of_two_drones = fault->kind == SdkFault::Kind::other_drone};
+}
+
+constexpr FaultKind sdk_table[] = {
+    {"sdk NAME answers|states WHAT...", sdk},
+};
+
+}  // namespace
+
+std::span<const FaultKind> sdk_faults() { return sdk_table; }
+
+}  // namespace ledgerline::hil
