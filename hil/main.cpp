@@ -7,6 +7,7 @@
 #include "common/rt/clock.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "ground/shell/course_file.hpp"
+#include "hil/lines/recording/read_day.hpp"
 #include "hil/proxy/fault_socket.hpp"
 #include "hil/proxy/proxy.hpp"
 #include "hil/virtual/virtual_flight.hpp"
@@ -145,10 +146,18 @@ int tell_faults(const std::string& socket, const std::string& command) {
   return 0;
 }
 
+int print_day(const std::string& capture, const hil::DayAsked& asked) {
+  const auto table = hil::table_of_capture(capture, asked);
+  if (!table) return fail(table.error());
+  fmt::print("{}", *table);
+  return 0;
+}
+
 constexpr const char* notes = R"(Examples:
   ledgerline-hil virtual --drones 3 --shape x --seed 7
   ledgerline-hil proxy --config proxy.toml
-  ledgerline-hil faults faults.sock 'drone tello1 to delay 200ms, loss 5%')";
+  ledgerline-hil faults faults.sock 'drone tello1 to delay 200ms, loss 5%'
+  ledgerline-hil day flight.pcap > day.csv; ledgerline-hil faults faults.sock 'drone tello1 state recorded-day day.csv')";
 constexpr const char* about_virtual =
     "A whole flight as cores in one thread on a virtual clock; prints one JSON object.\n"
     "The same options give the same digest. Exit code 0: all drones finished and landed; 1: not; 2: bad options.";
@@ -163,6 +172,10 @@ constexpr const char* about_faults =
     "to|from|both EFFECTS, server NAME cut, clear, list (docs/proxy.md). Exit code 0: done; 1: refused or not "
     "reached;\n"
     "2: bad options.";
+
+constexpr const char* about_day =
+    "Prints loss and delay over time of a Tello's link, from a capture made at the client, as a table for the effect\n"
+    "recorded-day (docs/proxy.md). Exit code 0: done; 1: no such link in it, or damaged; 2: bad options.";
 
 }  // namespace
 
@@ -182,8 +195,21 @@ int main(int argc, char** argv) {
   faults.option("SOCKET", socket, "[proxy] faults of its config").required();
   faults.option("COMMAND", command, "in quotes: 'drone tello1 to delay 200ms, loss 5%'").required();
 
+  std::string capture, of = "states";
+  hil::DayAsked asked;
+  Verb day = line.verb("day", about_day);
+  day.option("CAPTURE", capture, "pcap or pcapng, as by tcpdump -w flight.pcap 'udp port 8889 or udp port 8890'")
+      .required()
+      .existing_file();
+  day.option("--of", of, "states: the way from the drone; answers: both ways, from commands that it answers at once")
+      .one_of({"states", "answers"})
+      .shows_default();
+  day.option("--drone", asked.drone, "its address, where there are several");
+
   if (const auto end = line.parse(argc, argv)) return *end;
   if (proxy.given()) return run_proxy(proxy_config, script);
+  asked.answers = of == "answers";
+  if (day.given()) return print_day(capture, asked);
   if (faults.given()) return tell_faults(socket, command);
   if (const Status read = read_words(words, config); !read) return fail(read.error(), exit_usage);
   return virtual_flight(config);

@@ -120,6 +120,46 @@ Status set_rate(const Words& words, std::optional<Impairment::Rate>& out) {
   return done;
 }
 
+/// "90s", "250ms", "15min", "2h".
+std::optional<TimeNs> offset_in(std::string_view text) {
+  static constexpr std::pair<std::string_view, double> units[] = {{"ms", 1e-3}, {"min", 60}, {"s", 1}, {"h", 3600}};
+  for (const auto& [unit, seconds] : units) {
+    if (!text.ends_with(unit)) continue;
+    const auto number = parse_number(text.substr(0, text.size() - unit.size()));
+    if (!number || *number < 0 || *number * seconds > to_seconds(RecordedDay::max_length)) return std::nullopt;
+    return std::llround(*number * seconds * 1e9);
+  }
+  return std::nullopt;
+}
+
+Status set_recorded_day(const Words& words, const ReadDay& read, std::optional<Impairment::RecordedLink>& out) {
+  const bool from = words.size() == 4 && words[2] == "at";
+  if (words.size() != 2 && !from)
+    return wrong(words, "allowed is recorded-day FILE [at OFFSET], such as recorded-day day.csv at 90s");
+  Impairment::RecordedLink recorded;
+  recorded.file = words[1];
+  auto day = read(recorded.file);
+  if (!day) return day.error();
+  recorded.day = std::move(*day);
+  const double length_s = to_seconds(recorded.day->length_ns());
+  if (from) {
+    const auto offset = offset_in(words[3]);
+    if (!offset || *offset >= recorded.day->length_ns())
+      return wrong(words,
+                   fmt::format("the OFFSET must be a time such as 90s, 15min or 2h within the day, which is {:g} s "
+                               "long",
+                               length_s));
+    recorded.offset_ns = *offset;
+  }
+  out = std::move(recorded);
+  return done;
+}
+
+std::string recorded_text(const Impairment::RecordedLink& recorded) {
+  if (recorded.offset_ns == 0) return "recorded-day " + recorded.file;
+  return fmt::format("recorded-day {} at {}s", recorded.file, to_seconds(recorded.offset_ns));
+}
+
 std::string percent(double share) { return fmt::format("{:.12g}%", share * 100); }
 
 std::string bytes_text(double bytes) {
@@ -152,6 +192,8 @@ bool switch_off(std::string_view name, Impairment& impairment) {
     impairment.truncate = 0;
   else if (name == "rate")
     impairment.rate.reset();
+  else if (name == "recorded-day")
+    impairment.recorded_day.reset();
   else if (name == "stall")
     impairment.stall = false;
   else if (name == "partition")
@@ -166,16 +208,10 @@ bool switch_off(std::string_view name, Impairment& impairment) {
 bool Impairment::any() const { return kinds_in(*this) != 0; }
 
 unsigned kinds_in(const Impairment& i) {
-  const bool there[] = {i.delay.has_value(),
-                        i.jitter.has_value(),
-                        i.loss.has_value(),
-                        i.duplicate.has_value(),
-                        i.reorder.has_value(),
-                        i.corrupt > 0,
-                        i.truncate > 0,
-                        i.rate.has_value(),
-                        i.stall,
-                        i.partition};
+  const bool there[] = {
+      i.delay.has_value(), i.jitter.has_value(), i.loss.has_value(), i.duplicate.has_value(),    i.reorder.has_value(),
+      i.corrupt > 0,       i.truncate > 0,       i.rate.has_value(), i.recorded_day.has_value(), i.stall,
+      i.partition};
   unsigned kinds = 0;
   for (std::size_t k = 0; k < std::size(there); ++k) kinds |= there[k] ? 1U << k : 0;
   return kinds;
@@ -193,15 +229,17 @@ void overlay(const Impairment& over, Impairment& impairment) {
   if (over.corrupt > 0) impairment.corrupt = over.corrupt;
   if (over.truncate > 0) impairment.truncate = over.truncate;
   take(over.rate, impairment.rate);
+  take(over.recorded_day, impairment.recorded_day);
   take(over.stall, impairment.stall);
   take(over.partition, impairment.partition);
 }
 
-Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read) {
+Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read, const ReadDay& day) {
   const std::string_view effect = trimmed(text);
   const Words words = words_of(effect);
   constexpr std::string_view allowed =
-      "allowed are delay, jitter, loss, duplicate, reorder, corrupt, truncate, rate, stall, partition, EFFECT off, and "
+      "allowed are delay, jitter, loss, duplicate, reorder, corrupt, truncate, rate, recorded-day, stall, partition, "
+      "EFFECT off, and "
       "clear";
   if (words.empty()) return Error{fmt::format("an effect is missing: {}", allowed)};
   const std::string_view name = words[0];
@@ -215,6 +253,7 @@ Status apply_effect(std::string_view text, Impairment& impairment, const ReadRec
   if (name == "loss") return set_loss(words, impairment.loss);
   if (name == "corrupt") return set_share(words, impairment.corrupt);
   if (name == "truncate") return set_share(words, impairment.truncate);
+  if (name == "recorded-day") return set_recorded_day(words, day, impairment.recorded_day);
   if (name == "rate") return set_rate(words, impairment.rate);
   if (name == "duplicate") {
     Impairment::Duplication duplicate;
@@ -231,11 +270,11 @@ Status apply_effect(std::string_view text, Impairment& impairment, const ReadRec
   return wrong(words, allowed);
 }
 
-Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read) {
+Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read, const ReadDay& day) {
   Impairment changed = impairment;
   for (;;) {
     const std::size_t comma = std::min(text.find(','), text.size());
-    if (auto applied = apply_effect(text.substr(0, comma), changed, read); !applied) return applied;
+    if (auto applied = apply_effect(text.substr(0, comma), changed, read, day); !applied) return applied;
     if (comma == text.size()) break;
     text.remove_prefix(comma + 1);
   }
@@ -256,6 +295,7 @@ std::string text_of(const Impairment& impairment) {
   if (const auto& r = impairment.rate)
     effects.push_back(
         fmt::format("rate {}/s queue {}", bytes_text(r->bytes_per_s), bytes_text(static_cast<double>(r->queue_bytes))));
+  if (impairment.recorded_day) effects.push_back(recorded_text(*impairment.recorded_day));
   if (impairment.stall) effects.push_back("stall");
   if (impairment.partition) effects.push_back("partition");
   return effects.empty() ? "clear" : fmt::format("{}", fmt::join(effects, ", "));
@@ -263,9 +303,12 @@ std::string text_of(const Impairment& impairment) {
 
 Status check_for_stream(const Impairment& impairment) {
   const std::pair<bool, const char*> effects[] = {
-      {impairment.loss.has_value(), "loss"},       {impairment.duplicate.has_value(), "duplicate"},
-      {impairment.reorder.has_value(), "reorder"}, {impairment.corrupt > 0, "corrupt"},
+      {impairment.loss.has_value(), "loss"},
+      {impairment.duplicate.has_value(), "duplicate"},
+      {impairment.reorder.has_value(), "reorder"},
+      {impairment.corrupt > 0, "corrupt"},
       {impairment.truncate > 0, "truncate"},
+      {impairment.recorded_day && impairment.recorded_day->day->loses(), "a recorded day with losses"},
   };
   for (const auto& [there, name] : effects) {
     if (there)

@@ -5,6 +5,8 @@
 #include <string_view>
 
 #include "hil/lines/distribution.hpp"
+#include "hil/lines/recording/day.hpp"
+#include "hil/lines/recording/read_day.hpp"
 
 namespace ledgerline::hil {
 
@@ -35,6 +37,14 @@ struct Impairment {
     bool operator==(const Rate&) const = default;
   };
 
+  /// A recorded link, played as its day went on: its losses, and its delays beside `delay`.
+  struct RecordedLink {
+    Day day;
+    std::string file;      ///< for text_of()
+    TimeNs offset_ns = 0;  ///< into the day: it begins there
+    bool operator==(const RecordedLink&) const = default;
+  };
+
   std::optional<Distribution> delay;   ///< keeps the order
   std::optional<Distribution> jitter;  ///< more delay, of each datagram by itself: they overtake each other
   std::optional<Loss> loss;
@@ -43,6 +53,7 @@ struct Impairment {
   double corrupt = 0;   ///< share in which one bit is turned over
   double truncate = 0;  ///< share that loses its end
   std::optional<Rate> rate;
+  std::optional<RecordedLink> recorded_day;
   bool stall = false;      ///< nothing comes out; when it ends, all that waited comes at once
   bool partition = false;  ///< datagrams are lost; bytes of a stream wait, and no connection is taken up
 
@@ -67,22 +78,27 @@ void overlay(const Impairment& over, Impairment& impairment);
 ///     corrupt 1%                      one bit
 ///     truncate 1%                     at least a byte less
 ///     rate 20kB/s queue 8kB           B/s, kB/s, MB/s; without `queue`: what goes through in a quarter of a second
+///     recorded-day FILE at 90s        loss and delay of a recorded link (hil/lines/recording/read_day.hpp) of the moment
+///                                     as its day goes on, from so far into it (s, min, h; without `at`: its start) around
+///                                     and around; in order
 ///     stall
 ///     partition
 ///     EFFECT off                      `delay off`, `stall off` ...
 ///     clear                           all of them off
 ///
 /// On an error nothing is changed; it quotes what is wrong and says what is allowed.
-Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read = read_recording);
+Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read = read_recording,
+                    const ReadDay& day = read_day);
 
 /// Several effects with commas between, all of them or, on an error, none: "delay 200ms, loss 5%".
-Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read = read_recording);
+Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read = read_recording,
+                     const ReadDay& day = read_day);
 
 /// What apply_effects() reads as the same again; "clear" where nothing is impaired.
 std::string text_of(const Impairment& impairment);
 
 /// What a stream of bytes (TCP) cannot have: it delivers what was sent, in order, or nothing. The error names the first
-/// such effect.
+/// such effect; a recorded day is one where anything is lost in it.
 Status check_for_stream(const Impairment& impairment);
 
 }  // namespace ledgerline::hil

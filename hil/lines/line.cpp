@@ -29,11 +29,22 @@ Status Line::set(const Impairment& impairment) {
   }
   if (impairment.loss != impairment_.loss) bad_ = false;
   if (impairment.rate != impairment_.rate) rate_free_at_ = 0;
+  if (impairment.recorded_day != impairment_.recorded_day) day_begins_.reset();
   impairment_ = impairment;
   return done;
 }
 
+void Line::begin_day(TimeNs now) {
+  if (impairment_.recorded_day && !day_begins_) day_begins_ = now - impairment_.recorded_day->offset_ns;
+}
+
+RecordedDay::Fate Line::fate(TimeNs now) const {
+  if (!impairment_.recorded_day) return {};
+  return impairment_.recorded_day->day->at(now - *day_begins_);
+}
+
 void Line::push(TimeNs now, std::string_view bytes, std::uint64_t tag) {
+  begin_day(now);
   if (kind_ == Kind::datagrams) return push_datagram(now, std::string(bytes), tag);
   const std::size_t most = impairment_.rate ? piece_bytes : std::max<std::size_t>(1, bytes.size());
   do {
@@ -45,7 +56,8 @@ void Line::push(TimeNs now, std::string_view bytes, std::uint64_t tag) {
 void Line::push_datagram(TimeNs now, std::string bytes, std::uint64_t tag) {
   ++counts_.pushed;
   counts_.bytes_in += bytes.size();
-  if (impairment_.partition || loses()) {
+  const RecordedDay::Fate recorded = fate(now);
+  if (impairment_.partition || loses() || recorded.lost) {
     ++counts_.lost;
     return;
   }
@@ -65,6 +77,7 @@ void Line::push_datagram(TimeNs now, std::string bytes, std::uint64_t tag) {
   }
   TimeNs due = *passed;
   if (impairment_.delay) due += draws_[delay].next(*impairment_.delay);
+  due += recorded.delay_ns;
   due = in_order_ = std::max(due, in_order_);
   if (impairment_.jitter) due += draws_[jitter].next(*impairment_.jitter);
   if (impairment_.reorder && share(reorder, impairment_.reorder->share)) {
@@ -89,6 +102,7 @@ void Line::push_piece(TimeNs now, std::string_view bytes, std::uint64_t tag) {
   }
   if (impairment_.delay) due += draws_[delay].next(*impairment_.delay);
   if (impairment_.jitter) due += draws_[jitter].next(*impairment_.jitter);
+  due += fate(now).delay_ns;
   due = in_order_ = std::max(due, in_order_);
   bytes_ += bytes.size();
   units_.emplace(std::pair(due, next_number_++), Unit{std::string(bytes), tag});
@@ -105,6 +119,7 @@ std::size_t Line::room(TimeNs now) const {
 }
 
 std::optional<Line::Unit> Line::pop(TimeNs now) {
+  begin_day(now);
   const bool held = impairment_.stall || (kind_ == Kind::stream && impairment_.partition);
   if (held || units_.empty() || units_.begin()->first.first > now) return std::nullopt;
   auto node = units_.extract(units_.begin());

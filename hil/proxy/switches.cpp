@@ -48,9 +48,10 @@ std::string kind_name(Target::Kind kind) { return kind == Target::Kind::drone ? 
 
 std::string_view name_of(Way way) { return way_names[static_cast<std::size_t>(way)]; }
 
-Switches::Switches(std::vector<Target> targets, ReadRecording read)
+Switches::Switches(std::vector<Target> targets, ReadRecording read, ReadDay read_day)
     : targets_(std::move(targets)),
       read_(std::move(read)),
+      read_day_(std::move(read_day)),
       sensors_(targets_.size()),
       impairments_(targets_.size()),
       cut_(targets_.size(), false) {}
@@ -140,7 +141,7 @@ Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_
   for (const std::size_t i : *meant) {
     for (const Way one : meant_ways) {
       Impairment& impairment = changed[i][static_cast<std::size_t>(one)];
-      if (auto applied = apply_effects(rest, impairment, read_); !applied) return applied;
+      if (auto applied = apply_effects(rest, impairment, read_, read_day_); !applied) return applied;
       if (kind == Target::Kind::drone) continue;
       if (auto possible = check_for_stream(impairment); !possible) return possible;
     }

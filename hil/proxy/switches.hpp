@@ -37,14 +37,15 @@ struct Target {
 ///     clear                                  no effect and no fault of a sensor is left
 ///     list                                   changes nothing; what is switched is in list()
 ///
-/// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why. A recording is
-/// read once, by the first command that names it.
+/// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why. A recording, or a
+/// recorded day, is read once, by the first command that names it.
 class Switches {
  public:
   static constexpr std::size_t max_sensor_faults = 16;  ///< of a drone at once
 
   /// Names are unique within a kind.
-  explicit Switches(std::vector<Target> targets, ReadRecording read = reading_once());
+  explicit Switches(std::vector<Target> targets, ReadRecording read = reading_once(),
+                    ReadDay read_day = reading_days_once());
 
   Status apply(std::string_view command);
   const std::vector<Target>& targets() const { return targets_; }
@@ -68,6 +69,7 @@ class Switches {
   Status apply_to_sensors(std::string_view name, std::string_view rest);
   std::vector<Target> targets_;
   ReadRecording read_;
+  ReadDay read_day_;
   std::vector<std::vector<Sensor>> sensors_;
   std::size_t items_ = 0;
   std::vector<std::array<Impairment, ways>> impairments_;

@@ -69,35 +69,9 @@ Status SdkFaults::set(std::size_t drone, std::vector<SdkFault> faults) {
 }
 
 void SdkFaults::command(TimeNs now, std::size_t drone, std::string_view bytes) {
-  const std::string_view word = call_word(bytes.substr(0, max_bytes));
-  if (word.empty()) return;
-  const Answered answered = how_answered(word).value_or(Answered::at_once);  // an unknown one is refused
-  if (answered == Answered::never) return;
   Drone& d = drones_[drone];
-  if (d.held) keep(now, drone, false, *std::exchange(d.held, std::nullopt));
-  const auto again =
-      std::find_if(d.pending.begin(), d.pending.end(), [&](const Pending& pending) { return pending.word == word; });
-  if (again != d.pending.end()) {
-    again->since_ns = now;
-    return;
-  }
-  if (d.pending.size() == max_pending) d.pending.pop_front();
-  d.pending.push_back({std::string(word), answered == Answered::at_once, now});
-}
-
-std::string SdkFaults::take_call(TimeNs now, Drone& drone, std::string_view answer) {
-  auto& pending = drone.pending;
-  std::erase_if(pending, [&](const Pending& p) { return now - p.since_ns > answer_lost_ns; });
-  const auto long_one = std::find_if(pending.begin(), pending.end(), [](const Pending& p) { return !p.at_once; });
-  const bool broken_off =
-      long_one != pending.end() && is_refusal(answer) &&
-      std::any_of(std::next(long_one), pending.end(), [](const Pending& p) { return breaks_off(p.word); });
-  const auto quick = std::find_if(pending.begin(), pending.end(), [](const Pending& p) { return p.at_once; });
-  const auto whose = broken_off || quick == pending.end() ? long_one : quick;
-  if (whose == pending.end()) return {};
-  std::string word = std::move(whose->word);
-  pending.erase(whose);
-  return word;
+  if (d.calls.command(now, bytes.substr(0, max_bytes)) && d.held)
+    keep(now, drone, false, *std::exchange(d.held, std::nullopt));
 }
 
 bool SdkFaults::strikes(Live& live) {
@@ -111,14 +85,14 @@ void SdkFaults::answer(TimeNs now, std::size_t drone, std::string_view bytes) {
   Drone& d = drones_[drone];
   std::string said(bytes);
   if (said.size() > max_bytes) return keep(now, drone, false, std::move(said));
-  const std::string word = take_call(now, d, said);
+  const auto call = d.calls.take(now, said);
   const std::string before = std::exchange(d.last_answer, said);
   bool missing = false, shifted = false;
   TimeNs due = now;
   std::vector<TimeNs> again;
   for (Live& live : d.faults) {
     const SdkFault& fault = live.fault;
-    if (of_states(fault.kind) || (!fault.command.empty() && fault.command != word)) continue;
+    if (of_states(fault.kind) || (!fault.command.empty() && (!call || call->word != fault.command))) continue;
     if (fault.kind == Kind::other && before.empty()) continue;
     if (!strikes(live)) continue;
     if (fault.kind == Kind::late) due += fault.time_ns;

@@ -12,6 +12,7 @@
 #include "common/base/random.hpp"
 #include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
+#include "hil/lines/sdk/open_calls.hpp"
 #include "hil/lines/sdk/sdk_fault.hpp"
 
 namespace ledgerline::hil {
@@ -21,22 +22,16 @@ namespace ledgerline::hil {
 /// and in its order. A core: no clock, no socket; the same seed, faults and bytes give the same bytes at the same
 /// times, and each fault has random numbers of its own. One thread; `now` never goes back.
 ///
-/// Whose answer it is: answers carry no id. One belongs to the oldest command that the drone answers at once and has
-/// not yet; without such, to the oldest that it answers at its end. A refusal while `stop`, `land` or `emergency`
-/// waits is the move's that this broke off. A command that has no answer after answer_lost_ns (a `land` during a
-/// take-off) is waited for no longer; the same word again is one command.
+/// Whose answer it is: OpenCalls.
 ///
 /// Faults of one drone act together: first which text is said (other, wrong, garbage; stale, other, then torn), then
 /// whether it is said (missing, shifted), then when (late, twice). Times of several `late` add up.
 ///
 /// Bounded: of each drone at most max_waiting units on their way, beyond which one that comes is dropped and counted
-/// (no_room); max_pending commands, beyond which the oldest is forgotten; max_texts old state texts. What is longer than
-/// max_bytes is no Tello's: no fault touches it, and nothing remembers it.
+/// (no_room), and max_texts old state texts. What is longer than max_bytes is no Tello's: no fault touches it, and nothing remembers it.
 class SdkFaults {
  public:
-  static constexpr std::size_t max_waiting = 256, max_pending = 16, max_texts = 100, max_bytes = 2'048;
-  /// Longer than any move; a take-off takes up to 20 s.
-  static constexpr TimeNs answer_lost_ns = 30 * ns_per_s;
+  static constexpr std::size_t max_waiting = 256, max_texts = 100, max_bytes = 2'048;
 
   SdkFaults(std::uint64_t seed, std::size_t drones);
 
@@ -73,21 +68,14 @@ class SdkFaults {
     SdkFault fault;
     Random random;
   };
-  struct Pending {
-    std::string word;
-    bool at_once = false;
-    TimeNs since_ns = 0;
-  };
   struct Drone {
     std::vector<Live> faults;
-    std::deque<Pending> pending;      ///< commands without an answer, oldest first
+    OpenCalls calls;
     std::string last_answer;          ///< empty: none yet
     std::optional<std::string> held;  ///< of `shifted`
     std::deque<std::string> texts;    ///< state texts as the drone said them, oldest first
     std::size_t waiting = 0;
   };
-  /// Takes the command that this answers off; empty: nobody asked.
-  static std::string take_call(TimeNs now, Drone& drone, std::string_view answer);
   /// Whether this fault acts now; draws.
   bool strikes(Live& live);
   const std::string* text_of_another(std::size_t drone, Random& random) const;

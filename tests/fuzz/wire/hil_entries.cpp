@@ -5,11 +5,17 @@
 
 #include <stdexcept>
 
+#include "common/base/file.hpp"
+#include "hil/lines/recording/read_day.hpp"
+#include "hil/lines/recording/udp.hpp"
+#include "hil/lines/sdk/sdk_faults.hpp"
 #include "hil/proxy/drone_side.hpp"
 #include "hil/proxy/switches.hpp"
+#include "tests/fuzz/directory.hpp"
 #include "tests/fuzz/entry.hpp"
+#include "tests/unit/hil/lines/recording/captures.hpp"
 
-/// What a person tells the proxy: commands with effects and distributions.
+/// What a person tells the proxy: commands with effects and distributions; captures and tables of recorded days.
 namespace ledgerline::fuzz::hil_part {
 namespace {
 
@@ -141,6 +147,104 @@ class Datagrams final : public Entry {
 
 const Registration datagrams_entry({"proxy.datagrams", Kind::bytes, [] { return std::make_unique<Datagrams>(); },
                                     0.05});
+
+/// A capture or a table, from a file.
+class DayFile final : public Entry {
+ public:
+  std::vector<std::string> seeds() override {
+    std::vector<hil::Packet> packets{hil::said_at(0, "command"), hil::answer_at(5 * ns_per_ms, "ok")};
+    for (int i = 0; i < 6; ++i) packets.push_back(hil::state_at((10 + i * 100) * ns_per_ms));
+    hil::write_capture(path_, packets);
+    auto capture = read_file(path_);
+    if (!capture) throw std::runtime_error(capture.error().what);
+    return {*capture, "seconds,delay_s\n0,0.1\n0.1,lost\n0.2,0.3\n"};
+  }
+  Outcome feed(std::string_view bytes) override {
+    if (const Status written = write_file(path_, bytes); !written) throw std::runtime_error(written.error().what);
+    const auto day = hil::read_day(path_);
+    if (!day) return refused(day.error().what);
+    for (const TimeNs at : {TimeNs{0}, (*day)->length_ns() / 2, (*day)->length_ns()}) {
+      if ((*day)->at(at).delay_ns < 0 || (*day)->at(at).delay_ns > hil::max_delay) return refused("");
+    }
+    return accepted();
+  }
+
+ private:
+  Directory directory_;
+  const std::string path_ = directory_.path + "/day";
+};
+
+const Registration day_entry({"recording.day", Kind::bytes, [] { return std::make_unique<DayFile>(); }});
+
+Outcome captured(std::string_view bytes) {
+  const auto datagram = hil::datagram_in(DLT_EN10MB, bytes);
+  if (!datagram) return dropped();
+  const auto inside = [&](std::string_view part) {
+    return part.empty() || (part.data() >= bytes.data() && part.data() + part.size() <= bytes.data() + bytes.size());
+  };
+  return inside(datagram->payload) ? accepted() : refused("");
+}
+
+const Registration packet_entry({"recording.packet", Kind::bytes, [] {
+                                   return std::make_unique<Function>(
+                                       std::vector<std::string>{hil::ethernet_frame(hil::state_at(0))}, captured);
+                                 }});
+
+/// What a client and a drone say goes through faults of every kind; the first byte says which of both it is.
+class SdkCalls final : public Entry {
+ public:
+  SdkCalls() : faults_(1, 2) {
+    std::vector<hil::SdkFault> all;
+    for (const char* text : {"answers late 10ms 30%", "answers wrong 30% to land", "answers garbage 10%",
+                             "answers missing 10%", "answers twice 5ms 30%", "answers other 30%", "answers shifted 10%",
+                             "states torn 50%", "states stale 30%", "states other 30%"}) {
+      all.push_back(*hil::parse_sdk_fault(text));
+      all.back().item = all.size();
+    }
+    if (!faults_.set(0, std::move(all))) throw std::runtime_error("faults are refused");
+  }
+  std::vector<std::string> seeds() override {
+    return {"ccommand", "crc 0 0 0 0", "cbattery?", "aok", "aerror Motor stop", "spitch:0;h:0;bat:87;\r\n"};
+  }
+  std::vector<std::string> probes() override { return {"spitch:0;h:0;bat:87;\r\n"}; }
+  Outcome feed(std::string_view bytes) override {
+    if (bytes.empty()) return dropped();
+    now_ += step;
+    const std::string_view rest = bytes.substr(1);
+    if (bytes[0] == 'c') {
+      faults_.command(now_, 0, rest);
+    } else if (bytes[0] == 's') {
+      faults_.state(now_, 1, "pitch:0;h:0;bat:87;\r\n");
+      faults_.state(now_, 0, rest);
+    } else {
+      faults_.answer(now_, 0, rest);
+    }
+    bool came = false;
+    while (faults_.pop(now_)) came = true;
+    return came ? accepted() : dropped();
+  }
+
+ private:
+  hil::SdkFaults faults_;
+  TimeNs now_ = 0;
+};
+
+const Registration sdk_entry({"sdk.calls", Kind::bytes, [] { return std::make_unique<SdkCalls>(); }});
+
+Outcome sdk_fault(std::string_view bytes) {
+  const auto fault = hil::parse_sdk_fault(bytes);
+  if (!fault) return refused(fault.error().what);
+  const auto again = hil::parse_sdk_fault(hil::text_of(*fault));
+  return again && hil::text_of(*again) == hil::text_of(*fault) ? accepted() : refused("");
+}
+
+const Registration sdk_fault_entry({"sdk.fault", Kind::text, [] {
+                                      return std::make_unique<Function>(
+                                          std::vector<std::string>{"answers late 300ms 30% to takeoff",
+                                                                   "answers shifted", "answers twice 700ms",
+                                                                   "states torn 30%"},
+                                          sdk_fault);
+                                    }});
 
 }  // namespace
 }  // namespace ledgerline::fuzz::hil_part

@@ -152,6 +152,24 @@ TEST(Script, ReadsARecordingOnce) {
   EXPECT_EQ(reads, 1);
 }
 
+TEST(Script, ReadsARecordedDayOnce) {
+  int reads = 0;
+  Switches s({{Kind::drone, "tello1"}, {Kind::server, "agent"}}, reading_once(),
+             reading_days_once([&](const std::string& path) {
+               ++reads;
+               return parse_day(path, path == "lossless" ? "0,0.01\n1,0.02\n" : "0,0.01\n1,lost\n");
+             }));
+  const auto script = Script::make({{0, ns_per_s, "drone tello1 state recorded-day f at 1s"}}, s);
+  ASSERT_TRUE(script) << script.error().what;
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(s.apply("drone tello1 state recorded-day f at 1s"));
+  EXPECT_EQ(reads, 1);
+  EXPECT_EQ(s.list(), "drone tello1 state recorded-day f at 1s\n");
+  ASSERT_TRUE(s.apply(*opposite("drone tello1 state recorded-day f at 1s")));
+  EXPECT_EQ(s.list(), "");
+  EXPECT_THAT(s.apply("server agent both recorded-day f").error().what, HasSubstr("a recorded day with losses"));
+  EXPECT_TRUE(s.apply("server agent both recorded-day lossless"));
+}
+
 TEST(Script, RefusesWhoseEndWouldEndAnother) {
   const auto error_of = [](std::vector<ScriptedFault> faults) {
     const auto script = Script::make(faults, switches());

@@ -1,5 +1,9 @@
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <filesystem>
+
+#include "common/base/file.hpp"
 #include "hil/fault/draw.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
@@ -53,6 +57,23 @@ TEST(FaultRun, BreaksOnAHeightAndACrashThatNobodyForbade) {
   EXPECT_EQ(broken_text(flown(script, 1)).find("always: no crash"), std::string::npos);
   script.faults[0].acts.breaks = false;
   EXPECT_NE(broken_text(flown(script, 1)).find("always: no crash: tello1 turned over"), std::string::npos);
+}
+
+TEST(FaultRun, ARecordedDayIsPlayedAsItWentOn) {
+  const std::string file = std::filesystem::temp_directory_path() / ("day-" + std::to_string(::getpid()) + ".csv");
+  const auto seen_stale = [&](const std::string& table, const std::string& offset) {
+    EXPECT_TRUE(write_file(file, table));
+    const Script script = scripted(
+        "title = \"t\"\nmust = [\"state stale is seen\"]\n[[fault]]\nwhat = \"drone tello1 states recorded-day " +
+        file + offset + "\"\nat = \"path + 1s\"\nfor = \"4s\"\n");
+    const RunResult result = flown(script, 3);
+    EXPECT_EQ(result.digest, flown(script, 3).digest);
+    return result.held();
+  };
+  const std::string lost_later = "0,0.02\n2,lost\n4,0.02\n60,0.02\n";
+  EXPECT_TRUE(seen_stale(lost_later, ""));
+  EXPECT_FALSE(seen_stale(lost_later, " at 5s")) << "what was lost is over by then";
+  std::filesystem::remove(file);
 }
 
 TEST(FaultRun, WhoseFaultNeverCameHasNotHeld) {

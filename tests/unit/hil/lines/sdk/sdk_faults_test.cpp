@@ -134,9 +134,19 @@ TEST(SdkFaults, RcIsNoCommandWithAnAnswer) {
 TEST(SdkFaults, ACommandThatWasNeverAnsweredIsForgottenAfterAWhile) {
   auto faults = with({"answers missing to land"});
   faults.command(0, 0, "land");  // ignored, as in a take-off
-  faults.command(SdkFaults::answer_lost_ns + ms, 0, "forward 100");
-  faults.answer(SdkFaults::answer_lost_ns + 2 * ms, 0, "ok");
-  EXPECT_THAT(due(faults, SdkFaults::answer_lost_ns + 2 * ms), ElementsAre("ok"));
+  faults.command(OpenCalls::answer_lost_ns + ms, 0, "forward 100");
+  faults.answer(OpenCalls::answer_lost_ns + 2 * ms, 0, "ok");
+  EXPECT_THAT(due(faults, OpenCalls::answer_lost_ns + 2 * ms), ElementsAre("ok"));
+}
+
+TEST(SdkFaults, OfManyOpenCommandsTheOldestAreForgotten) {
+  OpenCalls calls;
+  for (std::size_t i = 0; i < OpenCalls::max_open + 2; ++i)
+    EXPECT_TRUE(calls.command(0, "word" + std::to_string(i), i));
+  EXPECT_FALSE(calls.command(0, "rc 0 0 0 0"));
+  EXPECT_FALSE(calls.command(0, " \r\n"));
+  for (std::size_t i = 2; i < OpenCalls::max_open + 2; ++i) EXPECT_EQ(calls.take(0, "ok")->tag, i);
+  EXPECT_FALSE(calls.take(0, "ok"));
 }
 
 TEST(SdkFaults, TwiceComesAgainAfterItsTime) {
@@ -263,8 +273,6 @@ TEST(SdkFaults, QueuesAreBoundedAndCountWhatFindsNoRoom) {
   faults.answer(0, 1, "ok");  // the bound is each drone's own
   EXPECT_EQ(faults.counts().no_room, 3U);
   EXPECT_EQ(due(faults, 60 * ns_per_s).size(), SdkFaults::max_waiting + 1);
-  for (int i = 0; i < 1'000; ++i) faults.command(0, 0, "unheard-of " + std::to_string(i));
-  for (int i = 0; i < 1'000; ++i) faults.command(0, 0, "word" + std::to_string(i));
 }
 
 TEST(SdkFaults, WhatIsTooLongForATelloIsLeftAlone) {
