@@ -99,6 +99,16 @@ Result<std::pair<Schedule, std::vector<std::int64_t>>> schedule_of(Arrivals arri
   return std::pair(schedule, std::move(places));
 }
 
+/// A text stands for half a period before and behind its place: losses begin and end between two places, so that they
+/// stay as many where the day is played by somebody whose own clock is a little ahead.
+void add(DayMoment moment, std::vector<DayMoment>& moments) {
+  const DayMoment before{moment.at_ns - state_period_ns / 2, moment.delay_ns, moment.lost};
+  const bool ends_loss = !moment.lost && !moments.empty() && moments.back().lost;
+  if (moment.lost) moment = before;
+  if (ends_loss && before.at_ns > moments.back().at_ns) moments.push_back(before);
+  if (moments.empty() || moment.at_ns > moments.back().at_ns) moments.push_back(moment);
+}
+
 /// Adds a stretch that begins `begin_s` after the day's first text; an error where more texts come than its schedule has
 /// places for.
 Status add_stretch(Arrivals arrivals, double& day_begins_s, MeasuredDay& day, std::size_t& longest) {
@@ -126,7 +136,7 @@ Status add_stretch(Arrivals arrivals, double& day_begins_s, MeasuredDay& day, st
     }
     if (day.moments.size() > RecordedDay::max_moments)
       return Error{fmt::format("more than {} moments: cut it into shorter ones", RecordedDay::max_moments)};
-    if (day.moments.empty() || moment.at_ns > day.moments.back().at_ns) day.moments.push_back(moment);
+    add(moment, day.moments);
   }
   return done;
 }
@@ -145,9 +155,8 @@ Result<MeasuredDay> day_of_states(std::span<const TimeNs> arrivals) {
     std::size_t end = begin + 1;
     while (end < all.size() && all[end] - all[end - 1] <= to_seconds(states_end_after_ns)) ++end;
     if (!day.moments.empty()) {  // nothing came for long: one lost moment holds until the next stretch
-      const TimeNs lost_from = day.moments.back().at_ns + state_period_ns;
       day.missing += static_cast<std::size_t>((all[begin] - all[begin - 1]) / nominal_s);
-      day.moments.push_back({lost_from, 0, true});
+      add({day.moments.back().at_ns + state_period_ns, 0, true}, day.moments);
     }
     if (const Status added = add_stretch(Arrivals(all).subspan(begin, end - begin), day_begins_s, day, longest); !added)
       return added.error();

@@ -28,7 +28,7 @@ struct MeasuredDay {
 /// Method: the drone says one every 100 ms by a clock of its own. Its schedule is the straight line below all arrivals
 /// that is nearest to them (as Moon, Skelly and Towsley, Estimation and removal of clock skew from network delay
 /// measurements, 1999), found while the stretch that is looked at grows. Each text has the newest place in the schedule
-/// that it can have: after a pause a heap of texts is what was late, and places that stay empty are lost texts.
+/// that it can have: after a pause a heap of texts is what was late, and places that stay empty are lost texts. A text stands for half a period before and behind its place.
 ///
 /// Limits: unevenness of the drone itself is taken for the link's delay. Texts are not numbered: one that is later than
 /// three quarters of a period, with no text behind it in a heap, is taken for the next one, and a lost one before it. A

@@ -180,7 +180,7 @@ TEST_F(PlayedDay, KeepsTheOrder) {
   line.push(99 * ms, "first");
   set("recorded-day f at 300ms");
   line.push(100 * ms, "second");
-  line.pop(10 * ms);
+  line.pop(100 * ms);
   EXPECT_EQ(line.pop(1'000 * ms)->bytes, "first");
   EXPECT_EQ(line.pop(1'000 * ms)->bytes, "second");
 }
