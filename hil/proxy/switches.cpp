@@ -16,7 +16,7 @@ constexpr auto way_names = std::to_array<std::string_view>({"to", "answers", "st
 static_assert(way_names.size() == ways);
 constexpr std::string_view allowed =
     "allowed are: drone NAME to|answers|state|video|from|both EFFECTS, server NAME to|from|both EFFECTS, server NAME "
-    "cut, sensor NAME FIELD|all stuck|garbage|bias N|every TIME, clear, list";
+    "cut, sensor NAME FIELD|all stuck|garbage|bias N|every TIME, sdk NAME answers|states WHAT, clear, list";
 
 Error wrong(std::string_view command, std::string_view why) {
   return Error{fmt::format("\"{}\": {}", printable(command, 200), why)};
@@ -48,11 +48,13 @@ std::string kind_name(Target::Kind kind) { return kind == Target::Kind::drone ? 
 
 std::string_view name_of(Way way) { return way_names[static_cast<std::size_t>(way)]; }
 
-Switches::Switches(std::vector<Target> targets, ReadRecording read, ReadDay read_day)
+Switches::Switches(std::vector<Target> targets, ReadRecording read, ReadDay read_day, bool sdk_calls)
     : targets_(std::move(targets)),
       read_(std::move(read)),
       read_day_(std::move(read_day)),
+      sdk_calls_(sdk_calls),
       sensors_(targets_.size()),
+      sdk_(targets_.size()),
       impairments_(targets_.size()),
       cut_(targets_.size(), false) {}
 
@@ -63,13 +65,15 @@ Status Switches::apply(std::string_view command) {
   if (rest.empty() && first == "clear") {
     for (auto& impairments : impairments_) impairments = {};
     for (auto& sensors : sensors_) sensors.clear();
+    for (auto& sdk : sdk_) sdk.clear();
     return done;
   }
-  if (first != "drone" && first != "server" && first != "sensor") return wrong(command, allowed);
+  if (first != "drone" && first != "server" && first != "sensor" && first != "sdk") return wrong(command, allowed);
   const std::string_view name = take_word(rest);
   if (rest.empty()) return wrong(command, allowed);
-  const auto applied = first == "sensor"
-                           ? apply_to_sensors(name, rest)
+  const auto applied = first == "sensor" ? change(sensors_, parse_sensor, "sensors", name, rest)
+                       : first == "sdk"
+                           ? apply_to_sdk(name, rest)
                            : apply_to(first == "drone" ? Target::Kind::drone : Target::Kind::server, name, rest);
   if (!applied) return wrong(command, applied.error().what);
   return done;
@@ -89,36 +93,53 @@ Result<std::vector<std::size_t>> Switches::named(Target::Kind kind, std::string_
   return meant;
 }
 
-Status Switches::apply_to_sensors(std::string_view name, std::string_view rest) {
+template <typename Fault>
+Status Switches::change(OfTargets<Fault>& all, Result<Fault> (*parse)(std::string_view), std::string_view of,
+                        std::string_view name, std::string_view rest) {
   const auto meant = named(Target::Kind::drone, name);
   if (!meant) return meant.error();
   const bool off = rest.ends_with(" off");
   if (off) rest = trimmed(rest.substr(0, rest.size() - 4));
-  auto fault = parse_sensor(rest);
+  auto fault = parse(rest);
   if (!fault) return fault.error();
   const std::string text = fmt::format("{}", fmt::join(words_of(rest), " "));
-  auto changed = sensors_;
+  auto changed = all;
   for (const std::size_t i : *meant) {
-    std::vector<Sensor>& sensors = changed[i];
+    auto& faults = changed[i];
     if (off) {
-      const auto last =
-          std::find_if(sensors.rbegin(), sensors.rend(), [&](const Sensor& sensor) { return sensor.text == text; });
-      if (last != sensors.rend()) sensors.erase(std::next(last).base());
+      const auto last = std::find_if(faults.rbegin(), faults.rend(), [&](const auto& one) { return one.text == text; });
+      if (last != faults.rend()) faults.erase(std::next(last).base());
       continue;
     }
-    if (sensors.size() == max_sensor_faults)
-      return Error{fmt::format("{} has {} faults of its sensors already, which are the most", targets_[i].name,
-                               max_sensor_faults)};
+    if (faults.size() == max_sensor_faults)
+      return Error{fmt::format("{} has {} faults of its {} already, which are the most", targets_[i].name,
+                               max_sensor_faults, of)};
     fault->item = ++items_;
-    sensors.push_back({text, *fault});
+    faults.push_back({text, *fault});
   }
-  sensors_ = std::move(changed);
+  all = std::move(changed);
   return done;
+}
+
+Status Switches::apply_to_sdk(std::string_view name, std::string_view rest) {
+  if (!sdk_calls_) return Error{"the proxy knows datagrams, not the SDK's calls"};
+  const auto drones =
+      std::count_if(targets_.begin(), targets_.end(), [](const Target& t) { return t.kind == Target::Kind::drone; });
+  const auto fault = parse_sdk_fault(rest.ends_with(" off") ? rest.substr(0, rest.size() - 4) : rest);
+  if (fault && fault->kind == SdkFault::Kind::other_drone && drones < 2)
+    return Error{"there is no other drone whose state it could be"};
+  return change(sdk_, parse_sdk_fault, "calls", name, rest);
 }
 
 std::vector<SensorFault> Switches::sensors(std::size_t target) const {
   std::vector<SensorFault> faults;
-  for (const Sensor& sensor : sensors_[target]) faults.push_back(sensor.fault);
+  for (const auto& one : sensors_[target]) faults.push_back(one.fault);
+  return faults;
+}
+
+std::vector<SdkFault> Switches::sdk(std::size_t target) const {
+  std::vector<SdkFault> faults;
+  for (const auto& one : sdk_[target]) faults.push_back(one.fault);
   return faults;
 }
 
@@ -167,7 +188,8 @@ std::string Switches::list() const {
     }
   }
   for (std::size_t i = 0; i < targets_.size(); ++i) {
-    for (const Sensor& sensor : sensors_[i]) lines += fmt::format("sensor {} {}\n", targets_[i].name, sensor.text);
+    for (const auto& sensor : sensors_[i]) lines += fmt::format("sensor {} {}\n", targets_[i].name, sensor.text);
+    for (const auto& call : sdk_[i]) lines += fmt::format("sdk {} {}\n", targets_[i].name, call.text);
   }
   return lines;
 }
@@ -175,7 +197,8 @@ std::string Switches::list() const {
 Result<std::string> opposite(std::string_view command) {
   std::string_view rest = command;
   const std::string_view kind = take_word(rest);
-  if (kind == "sensor" && !trimmed(command).ends_with(" off")) return fmt::format("{} off", trimmed(command));
+  if ((kind == "sensor" || kind == "sdk") && !trimmed(command).ends_with(" off"))
+    return fmt::format("{} off", trimmed(command));
   const std::string_view name = take_word(rest), way = take_word(rest);
   const bool effects = !rest.empty() && (kind == "drone" || kind == "server");
   std::string off;

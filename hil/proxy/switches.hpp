@@ -8,6 +8,7 @@
 #include "common/base/enum_count.hpp"
 #include "common/rt/clock.hpp"
 #include "hil/lines/impairment.hpp"
+#include "hil/lines/sdk/sdk_fault.hpp"
 #include "hil/lines/sensor_text.hpp"
 
 namespace ledgerline::hil::proxy {
@@ -34,18 +35,20 @@ struct Target {
 ///     server agent cut                       its connections are reset, once
 ///     sensor tello1 h stuck                  one more fault of hil/lines/sensor_text.hpp in that drone's state text
 ///     sensor tello1 h stuck off              one less
-///     clear                                  no effect and no fault of a sensor is left
+///     sdk tello1 answers late 300ms          one more fault of hil/lines/sdk/sdk_fault.hpp at that drone's calls, and with
+///                                            ` off` behind it one less; where the SDK's calls are known
+///     clear                                  no effect and no fault of a sensor or call is left
 ///     list                                   changes nothing; what is switched is in list()
 ///
 /// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why. A recording, or a
 /// recorded day, is read once, by the first command that names it.
 class Switches {
  public:
-  static constexpr std::size_t max_sensor_faults = 16;  ///< of a drone at once
+  static constexpr std::size_t max_sensor_faults = 16;  ///< of a drone at once; as many at the SDK's calls
 
-  /// Names are unique within a kind.
+  /// Names are unique within a kind. `sdk_calls`: whoever is switched knows the SDK's calls; a proxy knows datagrams.
   explicit Switches(std::vector<Target> targets, ReadRecording read = reading_once(),
-                    ReadDay read_day = reading_days_once());
+                    ReadDay read_day = reading_days_once(), bool sdk_calls = false);
 
   Status apply(std::string_view command);
   const std::vector<Target>& targets() const { return targets_; }
@@ -54,23 +57,34 @@ class Switches {
   }
   /// What the target's state text says wrongly; each has an `item` of its own.
   std::vector<SensorFault> sensors(std::size_t target) const;
+  /// What is wrong at the target's calls; each has an `item` of its own.
+  std::vector<SdkFault> sdk(std::size_t target) const;
   /// Whether the target's connections are to be reset, since the last call.
   bool take_cut(std::size_t target);
   /// One line of text a direction that is impaired, as a command would say it.
   std::string list() const;
 
  private:
-  struct Sensor {
+  template <typename Fault>
+  struct Written {
     std::string text;
-    SensorFault fault;
+    Fault fault;
   };
+  template <typename Fault>
+  using OfTargets = std::vector<std::vector<Written<Fault>>>;
   Result<std::vector<std::size_t>> named(Target::Kind kind, std::string_view name) const;
   Status apply_to(Target::Kind kind, std::string_view name, std::string_view rest);
-  Status apply_to_sensors(std::string_view name, std::string_view rest);
+  /// One fault more or less in `all`, of the drones of that name.
+  template <typename Fault>
+  Status change(OfTargets<Fault>& all, Result<Fault> (*parse)(std::string_view), std::string_view of,
+                std::string_view name, std::string_view rest);
+  Status apply_to_sdk(std::string_view name, std::string_view rest);
   std::vector<Target> targets_;
   ReadRecording read_;
   ReadDay read_day_;
-  std::vector<std::vector<Sensor>> sensors_;
+  bool sdk_calls_;
+  OfTargets<SensorFault> sensors_;
+  OfTargets<SdkFault> sdk_;
   std::size_t items_ = 0;
   std::vector<std::array<Impairment, ways>> impairments_;
   std::vector<bool> cut_;

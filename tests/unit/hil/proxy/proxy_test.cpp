@@ -140,6 +140,29 @@ TEST(Switches, SensorsAreOneMoreAndOneLess) {
   EXPECT_EQ(s.list(), "");
 }
 
+TEST(Switches, FaultsAtTheSdksCallsAreOfWhoeverKnowsThem) {
+  const std::vector<Target> one{{Kind::drone, "tello1"}}, two{{Kind::drone, "tello1"}, {Kind::drone, "tello2"}};
+  EXPECT_THAT(Switches(one).apply("sdk tello1 answers late 300ms").error().what, HasSubstr("not the SDK's calls"));
+  Switches s(two, reading_once(), reading_days_once(), true);
+  ASSERT_TRUE(s.apply("sdk * answers late  300ms to takeoff"));
+  ASSERT_TRUE(s.apply("sdk tello2 states other 30%"));
+  EXPECT_EQ(
+      s.list(),
+      "sdk tello1 answers late 300ms to takeoff\nsdk tello2 answers late 300ms to takeoff\nsdk tello2 states other "
+      "30%\n");
+  ASSERT_EQ(s.sdk(1).size(), 2U);
+  EXPECT_EQ(s.sdk(1)[0].time_ns, 300 * ns_per_ms);
+  EXPECT_NE(s.sdk(1)[0].item, s.sdk(1)[1].item);
+  ASSERT_TRUE(s.apply(*opposite("sdk tello2 states other 30%")));
+  EXPECT_EQ(s.sdk(1).size(), 1U);
+  EXPECT_THAT(s.apply("sdk tello1 answers lost").error().what, HasSubstr("must be `answers late TIME"));
+  EXPECT_THAT(s.apply("sdk tello9 states torn").error().what, HasSubstr("there are tello1, tello2"));
+  ASSERT_TRUE(s.apply("clear"));
+  EXPECT_EQ(s.list(), "");
+  Switches alone(one, reading_once(), reading_days_once(), true);
+  EXPECT_THAT(alone.apply("sdk tello1 states other").error().what, HasSubstr("no other drone"));
+}
+
 TEST(Script, ReadsARecordingOnce) {
   int reads = 0;
   Switches s({{Kind::drone, "tello1"}}, reading_once([&](const std::string& path) {
