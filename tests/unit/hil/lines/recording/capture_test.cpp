@@ -17,8 +17,6 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-constexpr TimeNs ms = ns_per_ms;
-
 std::string error_of(const std::string& path) {
   const auto links = read_capture(path);
   return links ? std::string() : links.error().what;

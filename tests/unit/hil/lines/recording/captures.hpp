@@ -36,6 +36,7 @@ struct Packet {
   std::uint16_t ip_id = 0;
 };
 
+inline constexpr TimeNs ms = ns_per_ms;
 inline constexpr const char* drone_address = "192.168.10.1";
 inline constexpr const char* client_address = "192.168.10.2";
 

@@ -5,13 +5,12 @@
 
 #include "hil/lines/line.hpp"
 #include "hil/lines/recording/read_day.hpp"
+#include "tests/unit/hil/lines/recording/captures.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
 using ::testing::HasSubstr;
-
-constexpr TimeNs ms = ns_per_ms;
 
 Day day(const std::string& table) {
   auto parsed = parse_day("day.csv", table);

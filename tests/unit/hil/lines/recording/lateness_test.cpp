@@ -7,13 +7,12 @@
 #include <cmath>
 
 #include "common/base/random.hpp"
+#include "tests/unit/hil/lines/recording/captures.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
 using ::testing::HasSubstr;
-
-constexpr TimeNs ms = ns_per_ms;
 
 /// A link whose truth is known: states that were said, and when each came.
 struct Truth {
