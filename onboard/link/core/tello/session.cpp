@@ -1,6 +1,7 @@
 #include "onboard/link/core/tello/session.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "onboard/link/core/watch/held.hpp"
 
@@ -56,6 +57,8 @@ bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
     ++states_refused_;
     return false;
   }
+  // The higher one of two texts: no landing for the only one that says so, torn or another drone's.
+  state_.battery = std::max(std::exchange(battery_told_, state_.battery), state_.battery);
   if (!fresh(now)) down_since_ns_ = 0;  // who knows what it did meanwhile
   state_at_ns_ = now;
   heard_ = true;

@@ -51,9 +51,9 @@ bool parse_state(std::string_view bytes, TelloState& state) noexcept {
   parsed.pad = -2;
   bool height = false, tof = false, battery = false;
   std::array<bool, 3> velocity{};
-  while (!bytes.empty()) {
-    const std::string_view field = bytes.substr(0, bytes.find(';'));
-    bytes.remove_prefix(std::min(field.size() + 1, bytes.size()));
+  // What has no semicolon behind is the line's end, or a field that is torn: "bat:1" of "bat:100;".
+  for (std::size_t end; (end = bytes.find(';')) != std::string_view::npos; bytes.remove_prefix(end + 1)) {
+    const std::string_view field = bytes.substr(0, end);
     const std::size_t colon = field.find(':');
     if (colon == std::string_view::npos) continue;
     const std::string_view key = field.substr(0, colon);

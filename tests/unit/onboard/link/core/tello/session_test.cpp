@@ -56,6 +56,18 @@ class Session : public ::testing::Test {
   std::vector<std::string> sent;
 };
 
+TEST_F(Session, ABatteryIsLowWhenTwoTextsInARowSaySo) {
+  const auto told = [&](int percent) {
+    EXPECT_TRUE(session.on_state(now += 100 * ns_per_ms, "tof:10;h:0;bat:" + std::to_string(percent) + ";"));
+    return session.state().battery;
+  };
+  EXPECT_FLOAT_EQ(told(90), 0.9F) << "the first one is believed";
+  EXPECT_FLOAT_EQ(told(0), 0.9F);
+  EXPECT_FLOAT_EQ(told(89), 0.89F);
+  EXPECT_FLOAT_EQ(told(5), 0.89F);
+  EXPECT_FLOAT_EQ(told(4), 0.05F);
+}
+
 TEST_F(Session, TheHandshakeWithWhatStandsOnTheGroundIsRepeatedWithGrowingPausesWhileAnswersAreLost) {
   talks = true;
   pass(settings.answer_timeout_ns / 2);

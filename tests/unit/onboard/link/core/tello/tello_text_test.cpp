@@ -73,6 +73,15 @@ TEST(TelloText, APacketWithoutBatteryHeightOrTofLeavesTheStateAsItWas) {
   }
 }
 
+TEST(TelloText, AFieldThatIsTornIsNotRead) {
+  TelloState state;
+  ASSERT_TRUE(parse_state(real_state, state));
+  EXPECT_FALSE(parse_state("tof:10;h:0;bat:1", state));  // of 100
+  EXPECT_FLOAT_EQ(state.battery, 0.64F);
+  ASSERT_TRUE(parse_state("tof:10;h:0;bat:100;baro:14", state));
+  EXPECT_FALSE(state.barometer_told);
+}
+
 TEST(TelloText, AnyBytesAreSafeAndNeverGiveAnUnbelievableState) {
   Random random(7);
   for (int round = 0; round < 20'000; ++round) {
