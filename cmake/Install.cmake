@@ -1,11 +1,13 @@
-# `cmake --install` gives strangers the client and the shim as a CMake package: docs/library.md. Headers keep their paths of
+# `cmake --install` gives strangers the client and the shims as a CMake package: docs/library.md. Headers keep their paths of
 # this tree below include/ledgerline, so the examples are the same files here and there.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 set(public_headers common/crypto/crypto.hpp common/fabric/checkpoint/checkpoint.hpp common/fabric/checkpoint/continuation.hpp
   common/fabric/client/client.hpp common/fabric/sending/outcome.hpp common/fabric/sending/refusal.hpp common/fabric/stream/block_source.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
-  common/base/result.hpp chaincode/shim/shim.hpp)
+  common/base/result.hpp chaincode/shim/shim.hpp
+  common/msg/contract.hpp common/msg/onboard.hpp common/rt/spsc_ring.hpp
+  onboard/shim/drones_end.hpp onboard/shim/mapping.hpp onboard/shim/shim_memory.hpp)
 foreach(header ${public_headers})
   get_filename_component(folder ${header} DIRECTORY)
   install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline/${folder})
@@ -13,10 +15,11 @@ endforeach()
 
 set_target_properties(ledgerline_fabric_client PROPERTIES EXPORT_NAME client)
 set_target_properties(ledgerline_shim PROPERTIES EXPORT_NAME shim)
-foreach(target ledgerline_fabric_client ledgerline_shim)
+set_target_properties(ledgerline_drone_shim PROPERTIES EXPORT_NAME drone_shim)
+foreach(target ledgerline_fabric_client ledgerline_shim ledgerline_drone_shim)
   target_compile_features(${target} INTERFACE cxx_std_20)
 endforeach()
-install(TARGETS ledgerline_fabric_client ledgerline_shim
+install(TARGETS ledgerline_fabric_client ledgerline_shim ledgerline_drone_shim ledgerline_msg
     ledgerline_fabric_checkpoint ledgerline_fabric_stream ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session fabric_protos fabric_grpc
   EXPORT LedgerlineTargets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
@@ -30,4 +33,5 @@ install(FILES cmake/LedgerlineConfig.cmake cmake/FindMbedTLS.cmake ${CMAKE_BINAR
 set(examples ${CMAKE_INSTALL_DATADIR}/ledgerline/examples)
 install(FILES common/fabric/example.cpp DESTINATION ${examples} RENAME client.cpp)
 install(FILES chaincode/shim/example.cpp DESTINATION ${examples} RENAME chaincode.cpp)
+install(FILES hil/shim/example.cpp DESTINATION ${examples} RENAME drones.cpp)
 install(FILES cmake/examples.cmake DESTINATION ${examples} RENAME CMakeLists.txt)

@@ -7,16 +7,17 @@
 
 #include <cerrno>
 #include <cstring>
+#include <ctime>
 
 #include "common/rt/real_time.hpp"
 
 namespace ledgerline::link {
 
-Result<std::unique_ptr<Courier>> Courier::start(ipc::LinkEnd& end, int priority) {
+Result<std::unique_ptr<Courier>> Courier::start(ipc::LinkEnd& end, int priority, bool looks) {
   int fds[2];
   if (::socketpair(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0, fds) != 0)
     return Error{fmt::format("no pair of sockets: {}", std::strerror(errno))};
-  std::unique_ptr<Courier> courier(new Courier(end, fds[0], fds[1]));
+  std::unique_ptr<Courier> courier(new Courier(end, fds[0], fds[1], looks));
   courier->thread_ = std::thread([made = courier.get(), priority] {
     ::pthread_setname_np(::pthread_self(), "courier");
     // Where it is refused, the loop was refused too, and said so.
@@ -39,12 +40,22 @@ void Courier::put(const StateSample& state) noexcept {
 }
 
 // A full socket wakes as well as a fuller one would.
-void Courier::wake() noexcept { (void)!::send(loop_fd_, "", 1, MSG_DONTWAIT | MSG_NOSIGNAL); }
+void Courier::wake() noexcept {
+  if (!looks_) (void)!::send(loop_fd_, "", 1, MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
+void Courier::wait() const noexcept {
+  constexpr timespec look{0, ns_per_ms};
+  char byte = 0;
+  if (looks_)
+    (void)::nanosleep(&look, nullptr);
+  else
+    (void)!::recv(own_fd_, &byte, 1, 0);
+}
 
 void Courier::run() noexcept {
   for (bool last = false; !last;) {
-    char byte = 0;
-    (void)!::recv(own_fd_, &byte, 1, 0);
+    wait();
     last = stop_.load(std::memory_order_acquire);
     bool sent = false;
     // Before the states: nothing that concerns safety waits behind them.

@@ -16,8 +16,9 @@ namespace ledgerline::link {
 /// Here it stops the courier: agent hears no more states, link flies on, and at its end has to be killed.
 class Courier {
  public:
-  /// `priority`: of its thread, SCHED_FIFO; 0, or where that is not permitted, an ordinary one. `end` outlives it.
-  static Result<std::unique_ptr<Courier>> start(ipc::LinkEnd& end, int priority);
+  /// `priority`: of its thread, SCHED_FIFO; 0, or where that is not permitted, an ordinary one. `looks`: it is not woken,
+  /// but looks by itself every millisecond, so that the loop makes no system call for it. `end` outlives it.
+  static Result<std::unique_ptr<Courier>> start(ipc::LinkEnd& end, int priority, bool looks = false);
   /// Carries what was put before, then ends the thread.
   ~Courier();
   Courier(const Courier&) = delete;
@@ -26,19 +27,22 @@ class Courier {
   /// The loop's thread only; wait-free. A state that finds no room is lost, and counted; a transition comes again.
   void put(const StateSample& state) noexcept;
   void put(const Transition& transition) noexcept { (void)transitions_.push(transition); }
-  /// The loop's thread only, after the last put of a turn: one non-blocking send.
+  /// The loop's thread only, after the last put of a turn: one non-blocking send, or nothing where it looks.
   void wake() noexcept;
 
   /// Any thread: states that never came to agent, for want of room here or of a chunk there.
   std::uint64_t lost(DroneNumber drone) const noexcept { return lost_[drone].load(std::memory_order_relaxed); }
 
  private:
-  Courier(ipc::LinkEnd& end, int loop_fd, int own_fd) : end_(end), loop_fd_(loop_fd), own_fd_(own_fd) {}
+  Courier(ipc::LinkEnd& end, int loop_fd, int own_fd, bool looks)
+      : end_(end), loop_fd_(loop_fd), own_fd_(own_fd), looks_(looks) {}
+  void wait() const noexcept;
   void run() noexcept;
   void count_lost(DroneNumber drone) noexcept { lost_[drone].fetch_add(1, std::memory_order_relaxed); }
 
   ipc::LinkEnd& end_;
   const int loop_fd_, own_fd_;  ///< a pair of sockets: the loop may send, but not wake by a futex
+  const bool looks_;
   SpscRing<StateSample, 512> ring_;
   SpscRing<Transition, 128> transitions_;
   std::array<std::atomic<std::uint64_t>, max_drones + 1> lost_{};

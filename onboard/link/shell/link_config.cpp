@@ -183,12 +183,29 @@ void read_fence(Config& config, LinkSettings& link) {
                     fence.far_beyond_m, 0, 1000);
 }
 
+// Whether drones are reached over UDP.
+bool read_transport(Config& config, ShellSettings& settings) {
+  const bool udp =
+      config.choice({"tello.transport",
+                     "how drones are reached: udp, or shim: simulated ones through shared memory, without a network "
+                     "(docs/shim.md). The other keys of [tello] and [state] listen are udp's"},
+                    {"udp", "shim"}, "udp") == "udp";
+  const std::string memory =
+      config.text({"shim.memory", "the file in /dev/shm that `ledgerline hil shim` made"}, "");
+  settings.lockstep = config.boolean(
+      {"shim.lockstep", "the shim moves link's clock, and says plans, poses and signs of life in agent's place"}, false);
+  if (udp && settings.lockstep) config.wrong("shim.lockstep", "goes with tello.transport = \"shim\" alone");
+  if (!udp && memory.empty()) config.wrong("shim.memory", "is needed with tello.transport = \"shim\"");
+  if (!udp) settings.shim = memory;
+  return udp;
+}
+
 struct DroneTable {
   DroneSettings drone;
   std::string address, interface;
 };
 
-std::vector<DroneTable> read_drones(Config& config, const PoseSettings& pose) {
+std::vector<DroneTable> read_drones(Config& config, const PoseSettings& pose, bool udp) {
   std::vector<DroneTable> tables;
   for (std::size_t i = 0; i < config.table_count({"drone", "1 to 16 of them, one for each drone"}); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
@@ -198,7 +215,9 @@ std::vector<DroneTable> read_drones(Config& config, const PoseSettings& pose) {
         config.integer({key + "number", "in shared memory; agent's must be the same", "its place in the file"},
                        static_cast<std::int64_t>(i) + 1, 1, max_drones));
     read_drone_pose(config, key, pose, table.drone);
-    table.address = config.text({key + "address", "IPv4; drones are told apart by it, and by their interfaces"});
+    const Key address{key + "address",
+                      "IPv4; drones are told apart by it, and by their interfaces. Through the shim, by `number`"};
+    table.address = udp ? config.text(address) : config.text(address, "");
     table.interface =
         config.text({key + "interface",
                      "network interface that the drone is behind, such as wlan1: with one for each, several drones may "
@@ -211,7 +230,7 @@ std::vector<DroneTable> read_drones(Config& config, const PoseSettings& pose) {
   return tables;
 }
 
-Status check_drones(const std::string& path, const std::vector<DroneTable>& tables) {
+Status check_drones(const std::string& path, const std::vector<DroneTable>& tables, bool udp) {
   if (tables.empty() || tables.size() > max_drones)
     return Error{fmt::format("{}: 1 to {} [[drone]] are needed", path, max_drones)};
   std::set<DroneNumber> numbers;
@@ -219,7 +238,7 @@ Status check_drones(const std::string& path, const std::vector<DroneTable>& tabl
   for (const DroneTable& table : tables) {
     if (!numbers.insert(table.drone.number).second)
       return Error{fmt::format("{}: two drones have number {}", path, table.drone.number)};
-    if (!ways.emplace(table.address, table.interface).second)
+    if (udp && !ways.emplace(table.address, table.interface).second)
       return Error{fmt::format("{}: two drones have address {}{}", path, table.address,
                                table.interface.empty()
                                    ? "; behind interfaces of their own they may: give each its interface"
@@ -233,7 +252,7 @@ Status check_drones(const std::string& path, const std::vector<DroneTable>& tabl
   }
   // Else a datagram of the one would be the other's as well.
   for (const DroneTable& table : tables) {
-    if (!table.interface.empty()) continue;
+    if (!udp || !table.interface.empty()) continue;
     for (const DroneTable& other : tables) {
       if (&other != &table && other.address == table.address)
         return Error{fmt::format("{}: two drones have address {}: give each its interface", path, table.address)};
@@ -320,7 +339,8 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   ShellSettings settings;
   const PoseSettings pose = read_pose(config);
   settings.link.pads = pose.pads;
-  const auto tables = read_drones(config, pose);
+  const bool udp = read_transport(config, settings);
+  const auto tables = read_drones(config, pose, udp);
   const auto command_port = config.integer(
       {"tello.command_port", "where drones take commands; a Tello's is fixed, a proxy's may differ"}, 8889, 1, 65535);
   const std::string port = std::to_string(command_port);
@@ -350,7 +370,7 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   read_fence(config, settings.link);
   read_separation(config, settings.link.separation);
   if (auto status = config.finish(); !status) return status.error();
-  if (auto status = check_drones(path, tables); !status) return status.error();
+  if (auto status = check_drones(path, tables, udp); !status) return status.error();
   if (auto status = check_fence(path, settings.link.fence); !status) return status.error();
   if (auto status = check_failsafe(path, settings.link.failsafe); !status) return status.error();
 
@@ -360,11 +380,12 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   if (!state_listen) return Error{fmt::format("{}: state.listen: {}", path, state_listen.error().what)};
   settings.state_listen = *state_listen;
   for (const DroneTable& table : tables) {
+    settings.link.drones.push_back(table.drone);
+    if (!udp) continue;
     auto address = parse_address(table.address, port);
     if (!address) return Error{fmt::format("{}: drone {}: {}", path, table.drone.name, address.error().what)};
     settings.addresses.push_back(*address);
     settings.interfaces.push_back(table.interface);
-    settings.link.drones.push_back(table.drone);
   }
   if (auto status = check_poses(path, settings.link); !status) return status.error();
   return settings;

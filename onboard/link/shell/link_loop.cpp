@@ -2,42 +2,41 @@
 
 namespace ledgerline::link {
 
-void LinkLoop::run() noexcept {
-  LoopTicker turns(from_seconds(1.0 / settings_.loop_hz));
+void LinkLoop::run(LoopClock& clock) noexcept {
   TimeNs give_up_ns = 0;
   while (true) {
-    const TimeNs now = turns.wait();
-    if (packed_turns_.add(turns.due_ns(), now)) hand_over(packed_turns_.record());
+    const TimeNs now = clock.wait(stop_);
+    if (clock.lost()) break;
+    if (packed_turns_.add(clock.due_ns(), now)) hand_over(packed_turns_.record());
 
     const bool stopping = stop_.load(std::memory_order_relaxed);
-    turn(now, stopping);
-    turns_.store(turns.count(), std::memory_order_relaxed);
+    turn(clock, now, stopping);
+    turns_.store(++figures_.cycles, std::memory_order_relaxed);
     if (!stopping) continue;
     if (give_up_ns == 0) give_up_ns = now + settings_.landing_bound_ns;
     if (core_.all_landed_or_told() || now >= give_up_ns) break;
   }
   if (packed_turns_.record().extra < PackedTurns::capacity) hand_over(packed_turns_.record());
-  figures_.cycles = turns.count();
-  figures_.overruns = turns.overruns();
-  figures_.lateness = turns.late();
+  figures_.overruns = clock.overruns();
+  figures_.lateness = clock.late();
   ended_.store(true, std::memory_order_release);
 }
 
-void LinkLoop::turn(TimeNs now, bool stopping) noexcept {
+void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept {
   std::size_t plans = 0, poses = 0, beats = 0;
   while (beats < max_beats && end_.take_beat(beats_[beats])) ++beats;
   while (poses < max_poses && end_.take_pose(poses_[poses])) ++poses;
   while (plans < max_plans && end_.take_plan(plans_[plans])) ++plans;
 
-  const LinkOutputs& out = core_.step(now, {.received = sockets_.receive(),
+  const LinkOutputs& out = core_.step(now, {.received = transport_.receive(),
                                             .plans = {plans_.data(), plans},
                                             .poses = {poses_.data(), poses},
                                             .beats = {beats_.data(), beats},
                                             .stop_all = stopping,
                                             .resume_local = resume_local_.exchange(false, std::memory_order_relaxed)});
   local_stops_.store(bits(core_.local_stops()), std::memory_order_relaxed);
-  for (const ToSend& message : out.to_send) figures_.sends_failed += sockets_.send(message) ? 0 : 1;
-  const TimeNs sent_ns = out.to_send.empty() ? now : monotonic_ns();
+  for (const ToSend& message : out.to_send) figures_.sends_failed += transport_.send(message) ? 0 : 1;
+  const TimeNs sent_ns = out.to_send.empty() ? now : clock.now();
   for (const StateSample& state : out.states) {
     courier_.put(state);
     // Only shown to people: a full ring of these is no loss.

@@ -11,7 +11,8 @@
 #include "onboard/link/core/link_core.hpp"
 #include "onboard/link/shell/courier.hpp"
 #include "onboard/link/shell/link_config.hpp"
-#include "onboard/link/shell/sockets/tello_sockets.hpp"
+#include "onboard/link/shell/loop_clock.hpp"
+#include "onboard/link/shell/transport/transport.hpp"
 
 namespace ledgerline::link {
 
@@ -24,22 +25,22 @@ struct LoopFigures {
   std::uint64_t trace_lost = 0;  ///< the writer was behind
 };
 
-/// The one real-time loop: time-triggered, each turn polls shared memory and sockets, steps the core, sends. Its only
-/// system calls are clock, sleep, non-blocking receive and send; it takes no lock, allocates nothing and throws nothing
+/// The one real-time loop: time-triggered, each turn polls shared memory and transport, steps the core, sends. Its only
+/// system calls are clock, sleep, non-blocking receive and send (through the shim: clock and sleep alone); it takes no lock, allocates nothing and throws nothing
 /// (tests/unit/onboard/link/shell/real_link_test.cpp watches it). What others want to see leaves through wait-free rings.
 class LinkLoop {
  public:
-  LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, Courier& courier, TelloSockets& sockets)
+  LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, Courier& courier, Transport& transport)
       : settings_(settings),
         core_(core),
         end_(end),
         courier_(courier),
-        sockets_(sockets),
+        transport_(transport),
         local_stops_(bits(core.local_stops())) {}
 
   /// Runs in the calling thread until request_stop(), and then until all drones are on the ground or were told to land
-  /// long enough, or the bound is over.
-  void run() noexcept;
+  /// long enough, or the bound is over; or until the clock is lost.
+  void run(LoopClock& clock) noexcept;
 
   /// Any thread.
   void request_stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
@@ -68,14 +69,14 @@ class LinkLoop {
     static_assert(max_drones < 32);
     return static_cast<std::uint32_t>(drones.to_ulong());
   }
-  void turn(TimeNs now, bool stopping) noexcept;
+  void turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept;
   void hand_over(const TraceRecord& record) noexcept { figures_.trace_lost += trace_.push(record) ? 0 : 1; }
 
   const ShellSettings& settings_;
   LinkCore& core_;
   ipc::LinkEnd& end_;
   Courier& courier_;
-  TelloSockets& sockets_;
+  Transport& transport_;
   std::array<Plan, max_plans> plans_{};
   std::array<Pose, max_poses> poses_{};
   std::array<AgentBeat, max_beats> beats_{};

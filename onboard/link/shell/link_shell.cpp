@@ -15,20 +15,20 @@
 #include "common/base/log.hpp"
 #include "common/msg/names.hpp"
 #include "common/program/service_manager.hpp"
-#include "onboard/ipc/ipc.hpp"
 #include "onboard/link/shell/link_loop.hpp"
 #include "onboard/link/shell/link_summary.hpp"
 #include "onboard/link/shell/memory/local_stops.hpp"
 #include "onboard/link/shell/memory/starts.hpp"
+#include "onboard/link/shell/transport/link_ends.hpp"
 
 namespace ledgerline::link {
 namespace {
 
 constexpr TimeNs housekeeping_period_ns = 10 * ns_per_ms;
 constexpr TimeNs roudi_period_ns = 1 * ns_per_s;
-constexpr TimeNs sockets_period_ns = 1 * ns_per_s;  // a Wi-Fi that is joined anew is no loss for longer
-constexpr TimeNs stops_retry_ns = 1 * ns_per_s;     // a disk that is full may have room again
-constexpr int courier_below_loop = 10;              // priorities between the two are for what a user wants there
+constexpr TimeNs tend_period_ns = 1 * ns_per_s;  // a Wi-Fi that is joined anew is no loss for longer
+constexpr TimeNs stops_retry_ns = 1 * ns_per_s;  // a disk that is full may have room again
+constexpr int courier_below_loop = 10;           // priorities between the two are for what a user wants there
 
 Result<std::uint64_t> random_boot_id() {
   std::uint64_t id = 0;
@@ -40,13 +40,8 @@ Result<std::uint64_t> random_boot_id() {
 class Housekeeping {
  public:
   Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace, ServiceManager& manager,
-               LocalStopsFile& stops, TelloSockets& sockets)
-      : settings_(settings),
-        loop_(loop),
-        trace_(std::move(trace)),
-        manager_(manager),
-        stops_(stops),
-        sockets_(sockets) {}
+               LocalStopsFile& stops, LinkEnds& ends)
+      : settings_(settings), loop_(loop), trace_(std::move(trace)), manager_(manager), stops_(stops), ends_(ends) {}
 
   void once(TimeNs now) {
     keep_stops(now);
@@ -61,10 +56,10 @@ class Housekeeping {
       fmt::print("{}\n", status_line(settings_.link, newest_));
       std::fflush(stdout);
     }
-    if (now >= next_roudi_ns_) watch_roudi(now);
-    if (now >= next_sockets_ns_) {
-      next_sockets_ns_ = now + sockets_period_ns;
-      for (const std::string& news : sockets_.tend()) spdlog::warn("{}", news);
+    if (ends_.needs_roudi && now >= next_roudi_ns_) watch_roudi(now);
+    if (now >= next_tend_ns_) {
+      next_tend_ns_ = now + tend_period_ns;
+      for (const std::string& news : ends_.drones->tend()) spdlog::warn("{}", news);
     }
     // The loop's own turns: a loop that hangs is not spoken for.
     if (auto status = manager_.alive(now, loop_.turns()); !status) spdlog::warn("{}", status.error().what);
@@ -150,13 +145,13 @@ class Housekeeping {
   std::optional<TraceWriter> trace_;
   ServiceManager& manager_;
   LocalStopsFile& stops_;
-  TelloSockets& sockets_;
+  LinkEnds& ends_;
   DroneSet told_stops_;
   TimeNs next_stops_ns_ = 0;
   std::array<StateSample, max_drones + 1> newest_{};
   TimeNs next_status_ns_ = 0;
   TimeNs next_roudi_ns_ = 0;
-  TimeNs next_sockets_ns_ = 0;
+  TimeNs next_tend_ns_ = 0;
   bool roudi_lives_ = true;
 };
 
@@ -235,26 +230,24 @@ int run_link(const ShellSettings& settings) {
   if (!manager) return fail(manager.error());
   auto boot_id = random_boot_id();
   if (!boot_id) return fail(boot_id.error());
-  auto sockets = TelloSockets::create(settings);
-  if (!sockets) return fail(sockets.error());
-  if (auto status = ipc::connect("ledgerline-link"); !status) return fail(status.error());
-  auto end = ipc::LinkEnd::create();
-  if (!end) return fail(end.error());
+  auto ends = LinkEnds::open(settings);
+  if (!ends) return fail(ends.error());
 
-  auto courier = Courier::start(**end, settings.priority > 0 ? std::max(settings.priority - courier_below_loop, 1) : 0);
+  const int courier_priority = settings.priority > 0 ? std::max(settings.priority - courier_below_loop, 1) : 0;
+  auto courier = Courier::start(*ends->agent, courier_priority, ends->shim.has_value());
   if (!courier) return fail(courier.error());
   LocalStopsFile stops(settings.local_stops, settings.link.drones);
   auto core =
       std::make_unique<LinkCore>(settings.link, *boot_id, recent_starts(settings), stops_of_before(settings, stops));
-  auto loop = std::make_unique<LinkLoop>(settings, *core, **end, **courier, *sockets);
-  Housekeeping housekeeping(settings, *loop, std::move(trace), *manager, stops, *sockets);
+  auto loop = std::make_unique<LinkLoop>(settings, *core, *ends->agent, **courier, *ends->drones);
+  Housekeeping housekeeping(settings, *loop, std::move(trace), *manager, stops, *ends);
 
   std::promise<RealTime> entered;
   auto real_time_result = entered.get_future();
   std::thread thread([&] {
     ::pthread_setname_np(::pthread_self(), "loop");
     entered.set_value(enter_real_time(settings.priority, settings.cpu));
-    loop->run();
+    loop->run(*ends->clock(settings));
   });
   const RealTime real_time = real_time_result.get();
   for (const std::string& notice : real_time.notices) spdlog::warn("{}", notice);

@@ -13,7 +13,7 @@
 #include "common/msg/ros.hpp"
 #include "common/program/stop_signals.hpp"
 #include "common/rt/spsc_ring.hpp"
-#include "onboard/link/shell/sockets/udp.hpp"
+#include "onboard/link/shell/transport/udp.hpp"
 #include "tools/tello/core/calibrate/flight.hpp"
 #include "tools/tello/shell/datagrams.hpp"
 

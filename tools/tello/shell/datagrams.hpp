@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "common/rt/clock.hpp"
-#include "onboard/link/shell/sockets/udp.hpp"
+#include "onboard/link/shell/transport/udp.hpp"
 
 /// Datagrams to and from Tellos, for loops that go round every few milliseconds.
 namespace ledgerline::tello {

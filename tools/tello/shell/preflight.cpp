@@ -21,7 +21,7 @@
 #include "common/process/children.hpp"
 #include "common/program/stop_signals.hpp"
 #include "common/rt/spsc_ring.hpp"
-#include "onboard/link/shell/sockets/udp.hpp"
+#include "onboard/link/shell/transport/udp.hpp"
 #include "tools/launcher/machine.hpp"
 #include "tools/launcher/preflight/preflight.hpp"
 #include "tools/launcher/preflight/records.hpp"

@@ -12,7 +12,7 @@
 #include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
 #include "common/program/stop_signals.hpp"
-#include "onboard/link/shell/sockets/udp.hpp"
+#include "onboard/link/shell/transport/udp.hpp"
 #include "tools/tello/core/landing.hpp"
 #include "tools/tello/shell/datagrams.hpp"
 

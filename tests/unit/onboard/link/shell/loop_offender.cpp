@@ -38,6 +38,12 @@ constexpr std::array rules{
            timespec now{};
            ::clock_gettime(CLOCK_MONOTONIC, &now);
          }},
+    Rule{"wake", [] { (void)!::send(sockets[0], "", 1, MSG_DONTWAIT); }},
+    Rule{"clock",
+         [] {
+           timespec now{};
+           number = static_cast<int>(::syscall(SYS_clock_gettime, CLOCK_MONOTONIC, &now));
+         }},
     Rule{"malloc", [] { kept = std::malloc(100); }},
     Rule{"calloc", [] { kept = std::calloc(10, 10); }},
     Rule{"realloc", [] { kept = std::realloc(kept, 200); }},

@@ -15,7 +15,8 @@
 #include "tests/unit/child.hpp"
 #include "tests/unit/onboard/link/shell/stand_in_agent.hpp"
 
-/// The real ledgerline-link flies the real ledgerline-sim; this test stands in for agent. Runs in a namespace of its
+/// The real ledgerline-link flies the real ledgerline-sim, over UDP, or ledgerline-hil's drones through the shim, if that
+/// is the second program; this test stands in for agent. Runs in a namespace of its
 /// own (in_namespace.sh); arguments: roudi, sim, link, and but with sanitizers loop_watch, which proves meanwhile that
 /// link's loop allocates, locks and throws nothing and makes no system call but the allowed ones. Made-up poses
 /// are enough to fly, since nothing here steers by position.
@@ -28,14 +29,22 @@ class RealLink : public ::testing::Test {
  protected:
   void SetUp() override {
     ASSERT_TRUE(roudi.start({roudi_program}));
-    ASSERT_TRUE(sim.start({sim_program, "--drones", "2", "--summary", "/tmp/sim.json"}));
-    std::ofstream("/tmp/link.toml") << "[[drone]]\nname = \"tello1\"\naddress = \"127.0.0.2\"\n"
-                                       "[[drone]]\nname = \"tello2\"\naddress = \"127.0.0.3\"\n"
-                                       "[[drone]]\nname = \"nobody\"\naddress = \"127.0.0.9\"\n"
-                                       "[state]\nlisten = \"127.0.0.1:8890\"\n"
-                                       "[failsafe]\nland_after_s = 1.0\n"
-                                       "[output]\ntrace = \"/tmp/link.trace\"\nsummary = \"/tmp/link.json\"\n"
-                                       "local_stops = \"/tmp/link.stops\"\n";
+    std::vector<std::string> drones{sim_program, "--drones", "2", "--summary", "/tmp/sim.json"};
+    if (through_shim()) drones.insert(drones.begin() + 1, {"shim", "--memory", "/dev/shm/real_link_test"});
+    ASSERT_TRUE(sim.start(drones));
+    if (through_shim()) {
+      ASSERT_TRUE(wait_for_file("/dev/shm/real_link_test"));
+    }
+    const std::string transport =
+        through_shim() ? "[tello]\ntransport = \"shim\"\n[shim]\nmemory = \"/dev/shm/real_link_test\"\n" : "";
+    std::ofstream("/tmp/link.toml") << transport +
+                                           "[[drone]]\nname = \"tello1\"\naddress = \"127.0.0.2\"\n"
+                                           "[[drone]]\nname = \"tello2\"\naddress = \"127.0.0.3\"\n"
+                                           "[[drone]]\nname = \"nobody\"\naddress = \"127.0.0.9\"\n"
+                                           "[state]\nlisten = \"127.0.0.1:8890\"\n"
+                                           "[failsafe]\nland_after_s = 1.0\n"
+                                           "[output]\ntrace = \"/tmp/link.trace\"\nsummary = \"/tmp/link.json\"\n"
+                                           "local_stops = \"/tmp/link.stops\"\n";
     std::ofstream("/tmp/link.stops") << "damaged";
     ASSERT_TRUE(connect("stand-in-agent"));
     auto end = AgentEnd::create();
@@ -43,8 +52,15 @@ class RealLink : public ::testing::Test {
     agent = std::move(*end);
     std::vector<std::string> command{link_program, "--config", "/tmp/link.toml"};
     if (!loop_watch.empty())
-      command.insert(command.begin(), {"/usr/bin/env", "LD_PRELOAD=" + loop_watch, "LOOP_WATCH_REPORT=/tmp/watch.txt"});
+      command.insert(command.begin(), {"/usr/bin/env", "LD_PRELOAD=" + loop_watch, "LOOP_WATCH_REPORT=/tmp/watch.txt",
+                                       through_shim() ? "LOOP_WATCH_SHIM=1" : "LOOP_WATCH_UDP=1"});
     ASSERT_TRUE(link.start(command));
+  }
+
+  static bool through_shim() { return sim_program.ends_with("ledgerline-hil"); }
+  static bool wait_for_file(const std::string& path) {
+    for (int i = 0; i < 1000 && !std::ifstream(path); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    return std::ifstream(path).good();
   }
 
   /// Does agent's chores until `reached`, or says false after `bound`.
@@ -140,7 +156,7 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
   EXPECT_EQ(newest[1].mode, FailsafeMode::none);
   EXPECT_GT(newest[1].plans_applied, 20U);
   for (int i = 0; i < 40; ++i) command(PlanAction::fly, 0.3F);
-  shout(200);
+  if (!through_shim()) shout(200);
   run_until(ns_per_s / 5, [] { return false; });
 
   // agent falls silent: zero, then down.

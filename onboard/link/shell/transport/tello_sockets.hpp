@@ -12,7 +12,8 @@
 #include "common/base/result.hpp"
 #include "onboard/link/core/link_io.hpp"
 #include "onboard/link/shell/link_config.hpp"
-#include "onboard/link/shell/sockets/udp.hpp"
+#include "onboard/link/shell/transport/transport.hpp"
+#include "onboard/link/shell/transport/udp.hpp"
 
 namespace ledgerline::link {
 
@@ -20,23 +21,19 @@ namespace ledgerline::link {
 /// its address and command port, so that the kernel drops whatever else comes. State text: one for each interface, since
 /// drones send it all to port 8890; a datagram is a drone's if it comes from the drone's address and state port, and
 /// through its interface. Whoever is in the drone's network can write both as the sender: it is a fence against
-/// mistakes and mere neighbours. Non-blocking; after creation receive() and send() allocate nothing.
-///
-/// Threads: receive() and send() are the loop's; tend() is another's.
-class TelloSockets {
+/// mistakes and mere neighbours.
+class TelloSockets final : public Transport {
  public:
   static Result<TelloSockets> create(const ShellSettings& settings);
 
-  /// Everything that has come, up to a bound; valid until the next call.
-  std::span<const Received> receive() noexcept;
-  /// False when the system refused it, which the caller counts: to a drone it is a lost datagram.
-  bool send(const ToSend& message) noexcept;
+  std::span<const Received> receive() noexcept override;
+  bool send(const ToSend& message) noexcept override;
 
-  /// To be called about once a second, beside the loop: a connected socket keeps the address and the interface that it
+  /// A connected socket keeps the address and the interface that it
   /// began with, so it is replaced where the way to the drone became another (Wi-Fi joined later or anew, an adapter
   /// plugged in again). Returns what changed, and which drones' state text comes from a port that is not believed, for
   /// people.
-  std::vector<std::string> tend();
+  std::vector<std::string> tend() override;
 
  private:
   static constexpr std::size_t max_received = 64;

@@ -1,4 +1,4 @@
-#include "onboard/link/shell/sockets/udp.hpp"
+#include "onboard/link/shell/transport/udp.hpp"
 
 #include <arpa/inet.h>
 #include <fcntl.h>

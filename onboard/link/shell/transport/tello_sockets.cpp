@@ -1,4 +1,4 @@
-#include "onboard/link/shell/sockets/tello_sockets.hpp"
+#include "onboard/link/shell/transport/tello_sockets.hpp"
 
 #include <arpa/inet.h>
 #include <fmt/format.h>

@@ -1,0 +1,30 @@
+#pragma once
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "onboard/link/core/link_io.hpp"
+
+namespace ledgerline::link {
+
+struct ShellSettings;
+
+/// How link reaches its drones: over UDP, or through the shim's shared memory with the same bytes. After it was opened,
+/// receive() and send() allocate nothing, take no lock and do not wait.
+///
+/// Threads: receive() and send() are the loop's; tend() is another's.
+class Transport {
+ public:
+  virtual ~Transport() = default;
+
+  /// Everything that has come, up to a bound; valid until the next call.
+  virtual std::span<const Received> receive() noexcept = 0;
+  /// False when there was no way to send it, which the caller counts: to a drone it is a lost datagram.
+  virtual bool send(const ToSend& message) noexcept = 0;
+  /// To be called about once a second, beside the loop; what changed since, for people.
+  virtual std::vector<std::string> tend() = 0;
+};
+
+}  // namespace ledgerline::link
