@@ -1,6 +1,4 @@
 #pragma once
-#include <signal.h>
-
 #include <array>
 #include <cstdint>
 #include <string>
@@ -8,7 +6,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "sim/core/simulator.hpp"
+#include "sim/shell/drone_wire.hpp"
 
 namespace ledgerline::sim {
 
@@ -16,30 +14,22 @@ namespace ledgerline::sim {
 /// of what they get, so answers and state leave through it. SO_REUSEADDR, so that a client of this host which sets it
 /// too can hold 0.0.0.0:8889; a lock on the addresses (an abstract Unix socket of this network namespace) refuses a
 /// second simulator, which that option would let in. One thread.
-class DroneSockets {
+class DroneSockets final : public DroneWire {
  public:
   /// `first_address` in host byte order; the following drones count up.
   static Result<DroneSockets> open(std::uint32_t first_address, int drones);
   DroneSockets(DroneSockets&& other) noexcept;
   DroneSockets& operator=(DroneSockets&&) = delete;
-  ~DroneSockets();
+  ~DroneSockets() override;
 
-  struct Received {
-    DroneNumber drone = 0;
-    Endpoint from;
-    std::string_view bytes;  ///< until the next receive()
-  };
-  /// Waits until something arrives, `until` (CLOCK_MONOTONIC) is reached or a signal comes that `signals_while_waiting`
-  /// lets in; false: a signal came.
-  bool wait(TimeNs until, const sigset_t& signals_while_waiting);
-  /// The next datagram that is there already; at most max_at_once of each drone after a wait(), so that a flood at one
-  /// holds up neither its neighbours nor the simulation. The rest stays in the kernel's queue, which drops what is too
-  /// much.
+  bool wait(TimeNs until, const sigset_t& signals_while_waiting) override;
+  /// Of each drone, so that a flood at one holds up neither its neighbours nor the simulation. The rest stays in the
+  /// kernel's queue, which drops what is too much.
   static constexpr int max_at_once = 64;
-  bool receive(Received& out);
-  /// A datagram that cannot go is counted and logged (once a drone): UDP promises no more.
-  void send(const Outgoing& datagram);
-  std::uint64_t unsent() const { return unsent_; }
+  bool receive(Received& out) override;
+  /// What cannot go is logged, too, once a drone.
+  void send(const Outgoing& datagram) override;
+  std::uint64_t unsent() const override { return unsent_; }
 
  private:
   DroneSockets() = default;

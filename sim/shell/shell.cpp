@@ -127,9 +127,23 @@ void print_line(const nlohmann::json& json) {
 Status run_real_time(const ShellOptions& options) {
   const auto address = parse_ipv4(options.first_address);
   if (!address) return address.error();
+  const nlohmann::json ready{
+      {"ready", true}, {"drones", options.parameters.drones}, {"address", options.first_address}};
+  const auto open = [&]() -> Result<std::unique_ptr<DroneWire>> {
+    auto sockets = DroneSockets::open(*address, options.parameters.drones);
+    if (!sockets) return sockets.error();
+    spdlog::info("{} drone(s) from {}:{}, mocap {} Hz; no video is sent", options.parameters.drones,
+                 options.first_address, command_port, options.parameters.mocap_hz);
+    return std::unique_ptr<DroneWire>(std::make_unique<DroneSockets>(std::move(*sockets)));
+  };
+  return run_real_time(options, open, ready.dump());
+}
+
+Status run_real_time(const ShellOptions& options, const OpenWire& open, const std::string& ready) {
   const sigset_t waiting = catch_stop_signals_while_waiting();  // before DDS's threads, which inherit the mask
-  auto sockets = DroneSockets::open(*address, options.parameters.drones);
-  if (!sockets) return sockets.error();
+  auto made = open();
+  if (!made) return made.error();
+  DroneWire& wire = **made;
   std::optional<MocapOutput> mocap;
   if (options.parameters.mocap_hz > 0) {
     auto opened = MocapOutput::open(options.dds, options.parameters.drones);
@@ -141,22 +155,21 @@ Status run_real_time(const ShellOptions& options) {
 
   TimeNs tick = monotonic_ns();
   Simulator simulator(options.parameters, tick);
-  print_line({{"ready", true}, {"drones", options.parameters.drones}, {"address", options.first_address}});
-  spdlog::info("{} drone(s) from {}:{}, mocap {} Hz; no video is sent", options.parameters.drones,
-               options.first_address, command_port, options.parameters.mocap_hz);
+  std::puts(ready.c_str());
+  std::fflush(stdout);
   TimeNs max_late = 0;
   bool told_late = false;
-  DroneSockets::Received received;
+  DroneWire::Received received;
   while (!stop_requested) {
     tick += ns_per_ms;
     bool due = false;
     while (!due && !stop_requested) {
-      sockets->wait(tick, waiting);
+      wire.wait(tick, waiting);
       const TimeNs now = monotonic_ns();
       due = now >= tick;
-      while (sockets->receive(received)) simulator.datagram(received.drone, received.from, received.bytes);
+      while (wire.receive(received)) simulator.datagram(received.drone, received.from, received.bytes);
       const auto& output = simulator.step(now);
-      for (const Outgoing& datagram : output.datagrams) sockets->send(datagram);
+      for (const Outgoing& datagram : output.datagrams) wire.send(datagram);
       if (mocap)
         for (const MocapPose& pose : output.poses) mocap->publish(pose);
       if (!due) continue;
@@ -170,7 +183,7 @@ Status run_real_time(const ShellOptions& options) {
       if (now - tick > ns_per_ms) tick = now - (now - tick) % ns_per_ms;
     }
   }
-  return record.close(simulator, max_late, sockets->unsent());
+  return record.close(simulator, max_late, wire.unsent());
 }
 
 Status run_virtual(const ShellOptions& options, double seconds) {

@@ -1,9 +1,12 @@
 #pragma once
+#include <functional>
+#include <memory>
 #include <string>
 
 #include "common/base/result.hpp"
 #include "common/dds/dds.hpp"
 #include "sim/core/parameters.hpp"
+#include "sim/shell/drone_wire.hpp"
 
 namespace ledgerline::sim {
 
@@ -15,8 +18,12 @@ struct ShellOptions {
   std::string summary_file;       ///< empty: none
 };
 
-/// Real time: sockets, mocap on DDS, truth traced 30 times a second; until SIGINT or SIGTERM.
+/// Real time: UDP, mocap on DDS, truth traced 30 times a second; until SIGINT or SIGTERM.
 Status run_real_time(const ShellOptions& options);
+/// The same over another wire, which `open` makes once the signals are blocked that threads inherit. `ready` is printed
+/// as the first line.
+using OpenWire = std::function<Result<std::unique_ptr<DroneWire>>()>;
+Status run_real_time(const ShellOptions& options, const OpenWire& open, const std::string& ready);
 
 /// As fast as possible, without sockets and DDS: all drones take off and fly circles for `seconds` of simulated time.
 /// Prints one JSON object: {"drones","virtual_s","wall_s","ratio"}.
