@@ -10,6 +10,7 @@
 #include "hil/lines/recording/read_day.hpp"
 #include "hil/proxy/fault_socket.hpp"
 #include "hil/proxy/proxy.hpp"
+#include "hil/shim/shim_verb.hpp"
 #include "hil/virtual/virtual_flight.hpp"
 
 namespace {
@@ -156,6 +157,7 @@ int print_day(const std::string& capture, const hil::DayAsked& asked) {
 constexpr const char* notes = R"(Examples:
   ledgerline-hil virtual --drones 3 --shape x --seed 7
   ledgerline-hil proxy --config proxy.toml
+  ledgerline-hil shim --memory /dev/shm/tello --plans plans.toml --lockstep 10
   ledgerline-hil faults faults.sock 'drone tello1 to delay 200ms, loss 5%'
   ledgerline-hil day flight.pcap > day.csv; ledgerline-hil faults faults.sock 'drone tello1 state recorded-day day.csv')";
 constexpr const char* about_virtual =
@@ -168,8 +170,9 @@ constexpr const char* about_proxy =
     "options\n"
     "or file.";
 constexpr const char* about_faults =
-    "Tells a running proxy what to switch: drone NAME to|answers|state|video|from|both EFFECTS, server NAME\n"
-    "to|from|both EFFECTS, server NAME cut, clear, list (docs/proxy.md). Exit code 0: done; 1: refused or not "
+    "Tells a running proxy or shim what to switch: drone NAME to|answers|state|video|from|both EFFECTS, server NAME\n"
+    "to|from|both EFFECTS, server NAME cut, sensor NAME FAULT, of the shim sdk NAME FAULT, clear, list "
+    "(docs/proxy.md). Exit code 0: done; 1: refused or not "
     "reached;\n"
     "2: bad options.";
 
@@ -180,7 +183,9 @@ constexpr const char* about_day =
 }  // namespace
 
 int main(int argc, char** argv) {
-  CommandLine line("hil", "Ledgerline's flights in virtual time, and the proxy that impairs real ones", notes);
+  CommandLine line(
+      "hil", "Ledgerline's flights in virtual time, the proxy that impairs real ones, and the shim in place of UDP",
+      notes);
   hil::VirtualFlightConfig config;
   Words words;
   add_flight_options(line.verb("virtual", about_virtual), config, words);
@@ -189,6 +194,8 @@ int main(int argc, char** argv) {
   Verb proxy = line.verb("proxy", about_proxy);
   proxy.option("--config", proxy_config, "TOML file: what it stands before").required();
   proxy.option("--script", script, "TOML file: what is switched when");
+
+  hil::shim::ShimVerb shim(line.verb("shim", hil::shim::ShimVerb::about));
 
   std::string socket, command;
   Verb faults = line.verb("faults", about_faults);
@@ -208,6 +215,7 @@ int main(int argc, char** argv) {
 
   if (const auto end = line.parse(argc, argv)) return *end;
   if (proxy.given()) return run_proxy(proxy_config, script);
+  if (shim.given()) return shim.run();
   asked.answers = of == "answers";
   if (day.given()) return print_day(capture, asked);
   if (faults.given()) return tell_faults(socket, command);

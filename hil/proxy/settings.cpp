@@ -56,34 +56,6 @@ std::string name(Config& config, const std::string& key, std::set<std::string>& 
   return name;
 }
 
-Result<std::vector<ScriptedFault>> read_script(const std::string& file, const std::vector<Target>& targets) {
-  auto config = Config::load(file);
-  if (!config) return config.error();
-  std::vector<ScriptedFault> faults;
-  const std::size_t count = config->table_count("fault");
-  if (count == 0 || count > max_faults) config->wrong("fault", fmt::format("must be 1 to {} tables", max_faults));
-  for (std::size_t i = 0; i < std::min(count, max_faults); ++i) {
-    const std::string table = fmt::format("fault.{}.", i);
-    ScriptedFault fault;
-    fault.at_ns = from_seconds(config->number(table + "at_s", 0, max_script_s));
-    const double for_s = config->number(table + "for_s", -1, 0, max_script_s);  // left out: -1
-    if (for_s > 0) fault.for_ns = from_seconds(for_s);
-    if (for_s == 0) config->wrong(table + "for_s", "must be more than 0; leave it out for a fault that stays");
-    fault.command = config->text(table + "do");
-    // One by one, so that the error names the line; what was switched before matters to none.
-    const auto possible = Script::make({fault}, Switches(targets));
-    if (!fault.command.empty() && !possible) config->wrong(table + "do", possible.error().what);
-    faults.push_back(std::move(fault));
-  }
-  if (auto status = config->finish(); !status) return status.error();
-  std::size_t which = 0;
-  if (const auto possible = Script::make(faults, Switches(targets), &which); !possible) {
-    config->wrong(fmt::format("fault.{}.do", which), possible.error().what);
-    return config->finish().error();
-  }
-  return faults;
-}
-
 }  // namespace
 
 std::vector<Target> Settings::targets() const {
@@ -98,10 +70,37 @@ Result<Settings> read_settings(const std::string& config_file, const std::string
   if (!config) return config.error();
   auto settings = read_settings(*config);
   if (!settings || script_file.empty()) return settings;
-  auto faults = read_script(script_file, settings->targets());
-  if (!faults) return faults.error();
-  settings->faults = std::move(*faults);
+  auto script = Config::load(script_file);
+  if (!script) return script.error();
+  settings->faults = read_faults(*script, settings->targets());
+  if (settings->faults.empty()) script->wrong("fault", "must be there at least once");
+  if (auto status = script->finish(); !status) return status.error();
   return settings;
+}
+
+std::vector<ScriptedFault> read_faults(Config& config, const std::vector<Target>& targets) {
+  std::vector<ScriptedFault> faults;
+  const std::size_t count = config.table_count("fault");
+  if (count > max_faults) config.wrong("fault", fmt::format("must be {} tables at most", max_faults));
+  bool all_possible = true;
+  for (std::size_t i = 0; i < std::min(count, max_faults); ++i) {
+    const std::string table = fmt::format("fault.{}.", i);
+    ScriptedFault fault;
+    fault.at_ns = from_seconds(config.number(table + "at_s", 0, max_script_s));
+    const double for_s = config.number(table + "for_s", -1, 0, max_script_s);  // left out: -1
+    if (for_s > 0) fault.for_ns = from_seconds(for_s);
+    if (for_s == 0) config.wrong(table + "for_s", "must be more than 0; leave it out for a fault that stays");
+    fault.command = config.text(table + "do");
+    // One by one, so that the error names the line; what was switched before matters to none.
+    const auto possible = Script::make({fault}, Switches(targets));
+    if (!fault.command.empty() && !possible) config.wrong(table + "do", possible.error().what);
+    all_possible = all_possible && possible;
+    faults.push_back(std::move(fault));
+  }
+  std::size_t which = 0;
+  const auto together = Script::make(faults, Switches(targets), &which);
+  if (all_possible && !together) config.wrong(fmt::format("fault.{}.do", which), together.error().what);
+  return faults;
 }
 
 Result<Settings> read_settings(Config& config) {

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <type_traits>
 
 #include "common/base/enum_count.hpp"
 #include "common/base/printable.hpp"
@@ -16,7 +17,8 @@ constexpr auto way_names = std::to_array<std::string_view>({"to", "answers", "st
 static_assert(way_names.size() == ways);
 constexpr std::string_view allowed =
     "allowed are: drone NAME to|answers|state|video|from|both EFFECTS, server NAME to|from|both EFFECTS, server NAME "
-    "cut, sensor NAME FIELD|all stuck|garbage|bias N|every TIME, sdk NAME answers|states WHAT, clear, list";
+    "cut, sensor NAME FIELD|all stuck|garbage|bias N|every TIME, of the shim sdk NAME answers|states FAULT, clear, "
+    "list";
 
 Error wrong(std::string_view command, std::string_view why) {
   return Error{fmt::format("\"{}\": {}", printable(command, 200), why)};
@@ -31,11 +33,11 @@ std::string_view take_word(std::string_view& text) {
   return word;
 }
 
-std::vector<Way> ways_of(Target::Kind kind, std::string_view name) {
+std::vector<Way> ways_of(const Target& target, std::string_view name) {
   std::vector<Way> found;
   for (std::size_t i = 0; i < ways; ++i) {
     const Way way{static_cast<int>(i)};
-    if (!Target{kind, {}}.has(way)) continue;
+    if (!target.has(way)) continue;
     const bool comes_back = way != Way::to;
     if (name == way_names[i] || name == "both" || (name == "from" && comes_back)) found.push_back(way);
   }
@@ -48,11 +50,10 @@ std::string kind_name(Target::Kind kind) { return kind == Target::Kind::drone ? 
 
 std::string_view name_of(Way way) { return way_names[static_cast<std::size_t>(way)]; }
 
-Switches::Switches(std::vector<Target> targets, ReadRecording read, ReadDay read_day, bool sdk_calls)
+Switches::Switches(std::vector<Target> targets, ReadRecording read, ReadDay read_day)
     : targets_(std::move(targets)),
       read_(std::move(read)),
       read_day_(std::move(read_day)),
-      sdk_calls_(sdk_calls),
       sensors_(targets_.size()),
       sdk_(targets_.size()),
       impairments_(targets_.size()),
@@ -71,9 +72,9 @@ Status Switches::apply(std::string_view command) {
   if (first != "drone" && first != "server" && first != "sensor" && first != "sdk") return wrong(command, allowed);
   const std::string_view name = take_word(rest);
   if (rest.empty()) return wrong(command, allowed);
-  const auto applied = first == "sensor" ? change(sensors_, parse_sensor, "sensors", name, rest)
+  const auto applied = first == "sensor" ? apply_fault(sensors_, name, rest, parse_sensor)
                        : first == "sdk"
-                           ? apply_to_sdk(name, rest)
+                           ? apply_fault(sdk_, name, rest, parse_sdk_fault)
                            : apply_to(first == "drone" ? Target::Kind::drone : Target::Kind::server, name, rest);
   if (!applied) return wrong(command, applied.error().what);
   return done;
@@ -94,14 +95,20 @@ Result<std::vector<std::size_t>> Switches::named(Target::Kind kind, std::string_
 }
 
 template <typename Fault>
-Status Switches::change(OfTargets<Fault>& all, Result<Fault> (*parse)(std::string_view), std::string_view of,
-                        std::string_view name, std::string_view rest) {
+Status Switches::apply_fault(std::vector<std::vector<Switched<Fault>>>& all, std::string_view name,
+                             std::string_view rest, Result<Fault> (*parse)(std::string_view)) {
   const auto meant = named(Target::Kind::drone, name);
   if (!meant) return meant.error();
+  if (std::is_same_v<Fault, SdkFault> && !targets_[meant->front()].behind_shim)
+    return Error{"only the shim knows the SDK's calls (docs/shim.md): allowed here are drone, server and sensor"};
   const bool off = rest.ends_with(" off");
   if (off) rest = trimmed(rest.substr(0, rest.size() - 4));
   auto fault = parse(rest);
   if (!fault) return fault.error();
+  if constexpr (std::is_same_v<Fault, SdkFault>) {
+    if (fault->kind == SdkFault::Kind::other_drone && targets_.size() < 2)
+      return Error{"there is no other drone whose state text it could be"};
+  }
   const std::string text = fmt::format("{}", fmt::join(words_of(rest), " "));
   auto changed = all;
   for (const std::size_t i : *meant) {
@@ -111,36 +118,13 @@ Status Switches::change(OfTargets<Fault>& all, Result<Fault> (*parse)(std::strin
       if (last != faults.rend()) faults.erase(std::next(last).base());
       continue;
     }
-    if (faults.size() == max_sensor_faults)
-      return Error{fmt::format("{} has {} faults of its {} already, which are the most", targets_[i].name,
-                               max_sensor_faults, of)};
+    if (faults.size() == max_faults)
+      return Error{fmt::format("{} has {} such faults already, which are the most", targets_[i].name, max_faults)};
     fault->item = ++items_;
     faults.push_back({text, *fault});
   }
   all = std::move(changed);
   return done;
-}
-
-Status Switches::apply_to_sdk(std::string_view name, std::string_view rest) {
-  if (!sdk_calls_) return Error{"the proxy knows datagrams, not the SDK's calls"};
-  const auto drones =
-      std::count_if(targets_.begin(), targets_.end(), [](const Target& t) { return t.kind == Target::Kind::drone; });
-  const auto fault = parse_sdk_fault(rest.ends_with(" off") ? rest.substr(0, rest.size() - 4) : rest);
-  if (fault && fault->kind == SdkFault::Kind::other_drone && drones < 2)
-    return Error{"there is no other drone whose state it could be"};
-  return change(sdk_, parse_sdk_fault, "calls", name, rest);
-}
-
-std::vector<SensorFault> Switches::sensors(std::size_t target) const {
-  std::vector<SensorFault> faults;
-  for (const auto& one : sensors_[target]) faults.push_back(one.fault);
-  return faults;
-}
-
-std::vector<SdkFault> Switches::sdk(std::size_t target) const {
-  std::vector<SdkFault> faults;
-  for (const auto& one : sdk_[target]) faults.push_back(one.fault);
-  return faults;
 }
 
 Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_view rest) {
@@ -152,11 +136,14 @@ Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_
     for (const std::size_t i : *meant) cut_[i] = true;
     return done;
   }
-  const auto meant_ways = ways_of(kind, way);
+  const auto meant_ways = ways_of(targets_[meant->front()], way);
   if (meant_ways.empty())
     return Error{fmt::format("a {} has {}", kind_name(kind),
                              kind == Target::Kind::drone
-                                 ? "to, answers, state, video, from (all that comes from it) and both"
+                                 ? (targets_[meant->front()].behind_shim
+                                        ? "to, answers, state, from (all that comes from it) and both; no video, which "
+                                          "is not simulated"
+                                        : "to, answers, state, video, from (all that comes from it) and both")
                                  : "to, from, both and cut")};
   auto changed = impairments_;
   for (const std::size_t i : *meant) {
@@ -189,7 +176,7 @@ std::string Switches::list() const {
   }
   for (std::size_t i = 0; i < targets_.size(); ++i) {
     for (const auto& sensor : sensors_[i]) lines += fmt::format("sensor {} {}\n", targets_[i].name, sensor.text);
-    for (const auto& call : sdk_[i]) lines += fmt::format("sdk {} {}\n", targets_[i].name, call.text);
+    for (const auto& sdk : sdk_[i]) lines += fmt::format("sdk {} {}\n", targets_[i].name, sdk.text);
   }
   return lines;
 }

@@ -23,7 +23,11 @@ struct Target {
   enum class Kind { drone, server };
   Kind kind = Kind::drone;
   std::string name;
-  bool has(Way way) const { return way == Way::to || (way == Way::from) == (kind == Kind::server); }
+  bool behind_shim = false;  ///< who stands between is the shim, which knows the SDK's calls, and has no video
+  bool has(Way way) const {
+    if (way == Way::video && behind_shim) return false;
+    return way == Way::to || (way == Way::from) == (kind == Kind::server);
+  }
 };
 
 /// What is switched at the moment, and how commands change it. A core; one thread. Commands:
@@ -35,20 +39,19 @@ struct Target {
 ///     server agent cut                       its connections are reset, once
 ///     sensor tello1 h stuck                  one more fault of hil/lines/sensor_text.hpp in that drone's state text
 ///     sensor tello1 h stuck off              one less
-///     sdk tello1 answers late 300ms          one more fault of hil/lines/sdk/sdk_fault.hpp at that drone's calls, and with
-///                                            ` off` behind it one less; where the SDK's calls are known
-///     clear                                  no effect and no fault of a sensor or call is left
+///     sdk tello1 answers late 300ms          one more fault of hil/lines/sdk/sdk_fault.hpp; `off` as with sensors
+///     clear                                  no effect and no fault is left
 ///     list                                   changes nothing; what is switched is in list()
 ///
 /// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why. A recording, or a
 /// recorded day, is read once, by the first command that names it.
 class Switches {
  public:
-  static constexpr std::size_t max_sensor_faults = 16;  ///< of a drone at once; as many at the SDK's calls
+  static constexpr std::size_t max_faults = 16;  ///< of a drone's sensors at once, and as many of its SDK
 
-  /// Names are unique within a kind. `sdk_calls`: whoever is switched knows the SDK's calls; a proxy knows datagrams.
+  /// Names are unique within a kind.
   explicit Switches(std::vector<Target> targets, ReadRecording read = reading_once(),
-                    ReadDay read_day = reading_days_once(), bool sdk_calls = false);
+                    ReadDay read_day = reading_days_once());
 
   Status apply(std::string_view command);
   const std::vector<Target>& targets() const { return targets_; }
@@ -56,35 +59,37 @@ class Switches {
     return impairments_[target][static_cast<std::size_t>(way)];
   }
   /// What the target's state text says wrongly; each has an `item` of its own.
-  std::vector<SensorFault> sensors(std::size_t target) const;
-  /// What is wrong at the target's calls; each has an `item` of its own.
-  std::vector<SdkFault> sdk(std::size_t target) const;
+  std::vector<SensorFault> sensors(std::size_t target) const { return faults_in(sensors_[target]); }
+  /// What goes wrong at the target's SDK, likewise.
+  std::vector<SdkFault> sdk(std::size_t target) const { return faults_in(sdk_[target]); }
   /// Whether the target's connections are to be reset, since the last call.
   bool take_cut(std::size_t target);
   /// One line of text a direction that is impaired, as a command would say it.
   std::string list() const;
 
  private:
+  /// A fault as it was switched on, so that the same words switch it off.
   template <typename Fault>
-  struct Written {
+  struct Switched {
     std::string text;
     Fault fault;
   };
   template <typename Fault>
-  using OfTargets = std::vector<std::vector<Written<Fault>>>;
+  static std::vector<Fault> faults_in(const std::vector<Switched<Fault>>& switched) {
+    std::vector<Fault> faults;
+    for (const auto& one : switched) faults.push_back(one.fault);
+    return faults;
+  }
   Result<std::vector<std::size_t>> named(Target::Kind kind, std::string_view name) const;
   Status apply_to(Target::Kind kind, std::string_view name, std::string_view rest);
-  /// One fault more or less in `all`, of the drones of that name.
   template <typename Fault>
-  Status change(OfTargets<Fault>& all, Result<Fault> (*parse)(std::string_view), std::string_view of,
-                std::string_view name, std::string_view rest);
-  Status apply_to_sdk(std::string_view name, std::string_view rest);
+  Status apply_fault(std::vector<std::vector<Switched<Fault>>>& all, std::string_view name, std::string_view rest,
+                     Result<Fault> (*parse)(std::string_view));
   std::vector<Target> targets_;
   ReadRecording read_;
   ReadDay read_day_;
-  bool sdk_calls_;
-  OfTargets<SensorFault> sensors_;
-  OfTargets<SdkFault> sdk_;
+  std::vector<std::vector<Switched<SensorFault>>> sensors_;
+  std::vector<std::vector<Switched<SdkFault>>> sdk_;
   std::size_t items_ = 0;
   std::vector<std::array<Impairment, ways>> impairments_;
   std::vector<bool> cut_;

@@ -133,17 +133,19 @@ TEST(Switches, SensorsAreOneMoreAndOneLess) {
   EXPECT_NE(s.sensors(0)[0].item, s.sensors(1)[0].item);
   EXPECT_THAT(s.apply("sensor tello3 h stuck").error().what, HasSubstr("there is no such drone"));
   EXPECT_THAT(s.apply("sensor tello1 speed stuck").error().what, HasSubstr("must be `FIELD|all stuck|garbage`"));
-  for (std::size_t i = 1; i < Switches::max_sensor_faults; ++i) ASSERT_TRUE(s.apply("sensor tello1 all garbage"));
-  EXPECT_THAT(s.apply("sensor * h stuck").error().what, HasSubstr("tello1 has 16 faults of its sensors already"));
+  for (std::size_t i = 1; i < Switches::max_faults; ++i) ASSERT_TRUE(s.apply("sensor tello1 all garbage"));
+  EXPECT_THAT(s.apply("sensor * h stuck").error().what, HasSubstr("tello1 has 16 such faults already"));
   EXPECT_EQ(s.sensors(1).size(), 1U) << "a command that is refused for one changes none";
   ASSERT_TRUE(s.apply("clear"));
   EXPECT_EQ(s.list(), "");
 }
 
 TEST(Switches, FaultsAtTheSdksCallsAreOfWhoeverKnowsThem) {
-  const std::vector<Target> one{{Kind::drone, "tello1"}}, two{{Kind::drone, "tello1"}, {Kind::drone, "tello2"}};
-  EXPECT_THAT(Switches(one).apply("sdk tello1 answers late 300ms").error().what, HasSubstr("not the SDK's calls"));
-  Switches s(two, reading_once(), reading_days_once(), true);
+  const std::vector<Target> one{{Kind::drone, "tello1", true}},
+      two{{Kind::drone, "tello1", true}, {Kind::drone, "tello2", true}};
+  EXPECT_THAT(Switches({{Kind::drone, "tello1"}}).apply("sdk tello1 answers late 300ms").error().what,
+              HasSubstr("only the shim knows"));
+  Switches s(two);
   ASSERT_TRUE(s.apply("sdk * answers late  300ms to takeoff"));
   ASSERT_TRUE(s.apply("sdk tello2 states other 30%"));
   EXPECT_EQ(
@@ -159,7 +161,7 @@ TEST(Switches, FaultsAtTheSdksCallsAreOfWhoeverKnowsThem) {
   EXPECT_THAT(s.apply("sdk tello9 states torn").error().what, HasSubstr("there are tello1, tello2"));
   ASSERT_TRUE(s.apply("clear"));
   EXPECT_EQ(s.list(), "");
-  Switches alone(one, reading_once(), reading_days_once(), true);
+  Switches alone(one);
   EXPECT_THAT(alone.apply("sdk tello1 states other").error().what, HasSubstr("no other drone"));
 }
 

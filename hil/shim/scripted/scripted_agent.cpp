@@ -1,0 +1,90 @@
+#include "hil/shim/scripted/scripted_agent.hpp"
+
+#include <algorithm>
+
+namespace ledgerline::hil::shim {
+namespace {
+
+constexpr TimeNs flown_period_ns = ns_per_s / 30, other_period_ns = 100 * ns_per_ms;
+constexpr TimeNs pose_period_ns = 10 * ns_per_ms, beat_period_ns = 50 * ns_per_ms;
+constexpr TimeNs setpoint_period_ns = 50 * ns_per_ms;
+constexpr std::uint32_t setpoints = 12;          // 0.6 s, as ground's plans
+constexpr TimeNs state_age_ns = 20 * ns_per_ms;  // of the state that a plan would answer
+constexpr std::size_t max_transitions = 10'000;
+
+}  // namespace
+
+ScriptedAgent::ScriptedAgent(const PlanScript& script, TimeNs begin_ns)
+    : script_(script), begin_ns_(begin_ns), next_pose_ns_(begin_ns), next_beat_ns_(begin_ns) {
+  for (const auto& say : script.says) next_ns_.push_back(begin_ns + say.at_ns);
+}
+
+const ScriptedAgent::Said& ScriptedAgent::step(TimeNs now, const sim::Simulator& drones) {
+  said_.plans.clear();
+  said_.poses.clear();
+  said_.beats.clear();
+  const auto silent_at = [&](TimeNs moment) {
+    return std::any_of(script_.silences.begin(), script_.silences.end(), [&](const auto& silence) {
+      return moment - begin_ns_ >= silence.at_ns && moment - begin_ns_ < silence.until_ns;
+    });
+  };
+  const bool silent = silent_at(now);
+  if (now >= next_beat_ns_) {
+    next_beat_ns_ += beat_period_ns;
+    beat_.stamp_ns = now;
+    beat_.ledger_alive = true;
+    if (!silent) said_.beats.push_back(beat_);
+  }
+  if (now >= next_pose_ns_) {
+    next_pose_ns_ += pose_period_ns;
+    for (DroneNumber drone = 1; drone <= script_.drones && !silent; ++drone) {
+      const sim::Truth truth = drones.truth(drone);
+      said_.poses.push_back({.drone = drone,
+                             .stamp_ns = now,
+                             .position_m = truth.position_m,
+                             .velocity_mps = truth.velocity_mps,
+                             .yaw_rad = truth.yaw_rad});
+    }
+  }
+  for (std::size_t i = 0; i < script_.says.size(); ++i) {
+    const PlanScript::Say& say = script_.says[i];
+    if (now < next_ns_[i] || next_ns_[i] - begin_ns_ >= say.until_ns) continue;
+    plan(next_ns_[i], now, say, silent_at(next_ns_[i]));
+    next_ns_[i] += say.action == PlanAction::fly ? flown_period_ns : other_period_ns;
+  }
+  return said_;
+}
+
+void ScriptedAgent::plan(TimeNs due, TimeNs now, const PlanScript::Say& say, bool silent) {
+  for (DroneNumber drone = 1; drone <= script_.drones; ++drone) {
+    if (say.drone != 0 && say.drone != drone) continue;
+    Plan plan;
+    plan.drone = drone;
+    plan.action = say.action;
+    plan.sequence = ++sequences_[drone];
+    plan.epoch = static_cast<std::uint64_t>(begin_ns_) + 1;  // later than of a script that link flew before
+    plan.state_stamp_ns = due - state_age_ns;
+    plan.verified_ns = now;
+    if (say.action == PlanAction::fly) {
+      plan.count = setpoints;
+      for (std::uint32_t k = 0; k < setpoints; ++k)
+        plan.setpoints[k] = {due + k * setpoint_period_ns, say.velocity_mps, say.yaw_rate_radps};
+    }
+    if (!silent) said_.plans.push_back(plan);
+  }
+}
+
+void ScriptedAgent::take(const Transition& transition) {
+  if (transition.drone > max_drones) return;
+  if (beat_.boot_id != transition.boot_id) {
+    beat_.boot_id = transition.boot_id;
+    beat_.transitions_taken = {};
+  }
+  std::uint64_t& taken = beat_.transitions_taken[transition.drone];
+  if (transition.number != taken + 1) return;  // given again
+  taken = transition.number;
+  beat_.transitions_on_ledger[transition.drone] = taken;
+  if (transitions_.size() < max_transitions) transitions_.push_back(transition);
+}
+
+}  // namespace ledgerline::hil::shim
