@@ -1,8 +1,10 @@
 #include "tools/launcher/configs.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <functional>
 
 #include "common/base/file.hpp"
 #include "onboard/link/core/settings.hpp"
@@ -164,6 +166,8 @@ std::string source_for_link(const std::string& pose) { return pose == "none" ? "
 std::string link_config(const RunFiles& files, const Options& options) {
   return output_table(files, "link") + memory_lines(files) + (options.own ? "status_period_ms = 250\n" : "") +
          fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
+         (options.shim ? fmt::format("\n[tello]\ntransport = \"shim\"\n\n[shim]\nmemory = \"{}\"\n", shim_memory(files))
+                       : "") +
          (options.own
               ? "\n" + options.own->link_tables
               : fmt::format("\n[pose]\nsource = \"{}\"\nvelocity_signs = [1, 1, 1]\n", source_for_link(options.pose)) +
@@ -196,6 +200,10 @@ std::string user_dir(const RunFiles& files, int organisation, const std::string&
   return fmt::format("{}/users/{}@org{}.ledgerline", organisation_dir(files, organisation), user, organisation);
 }
 
+std::string shim_memory(const RunFiles& files) {
+  return fmt::format("/dev/shm/ledgerline-{}-{:x}.shim", ::getpid(), std::hash<std::string>{}(files.directory));
+}
+
 Status write_sim_config(const RunFiles& files, const Options& options) {
   return write_file(files.config("sim"), dds_table(options, Side::drones));
 }
@@ -221,7 +229,7 @@ Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places) 
 Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerPlaces& places) {
   std::string text = fmt::format("[proxy]\nseed = {}\nfaults = \"{}\"\nsummary = \"{}\"\nsource = \"{}\"\n",
                                  options.seed, files.in("faults.sock"), files.summary(proxy_name), proxy_address);
-  for (int k = 1; k <= options.drones; ++k) {
+  for (int k = 1; k <= options.drones && !options.shim; ++k) {
     text += fmt::format("\n[[drone]]\nname = \"tello{}\"\nlisten = \"{}\"\naddress = \"{}\"\n", k,
                         proxied_address_of(k), address_of(k));
   }

@@ -92,8 +92,9 @@ std::string Launcher::crash_of(const std::string& name, const std::string& when)
                                   : fmt::format(". The end of {}:\n{}", files_.log(name), tail));
 }
 
-Status Launcher::start(const std::string& name, std::vector<std::string> arguments) {
-  const std::string program = name.substr(0, name.find('-'));  // control-enroll and control-acquire are one program
+Status Launcher::start(const std::string& name, std::vector<std::string> arguments, const std::string& other_program) {
+  // control-enroll and control-acquire are one program.
+  const std::string program = other_program.empty() ? name.substr(0, name.find('-')) : other_program;
   arguments.insert(arguments.begin(), programs_ + "/ledgerline-" + program);
   return children_.start({name, std::move(arguments), files_.log(name), death_signal(name)});
 }
@@ -195,7 +196,9 @@ Status Launcher::start_sim() {
       "--seed",    std::to_string(options_.seed), "--trace",    files_.trace("sim"),
       "--summary", files_.summary("sim"),         "--mocap-hz", uses_mocap(options_) ? "100" : "0"};
   if (!options_.pads.empty()) arguments.insert(arguments.end(), {"--pads", sim::pads_text(options_.pads)});
-  return start("sim", arguments);
+  if (!options_.shim) return start("sim", arguments);
+  arguments.insert(arguments.begin(), {"shim", "--memory", shim_memory(files_), "--faults", files_.in("shim.sock")});
+  return start("sim", arguments, "hil");
 }
 
 std::string Launcher::ground_why() const {

@@ -135,6 +135,9 @@ void add_run_options(CommandLine& line, Options& o) {
                                  "Drones and ledger behind a proxy that `ledgerline hil faults OUT/faults.sock` "
                                  "impairs (docs/proxy.md)");
   line.option("--faults", o.faults, "TOML file: what the proxy switches when").needs(proxy).existing_file();
+  line.flag("--shim", o.shim,
+            "Drones behind shared memory in place of UDP; `ledgerline hil faults OUT/shim.sock` impairs them "
+            "(docs/shim.md)");
   line.option("--domains", o.domains,
               "DDS domains of the drones and of ground, such as 1,2 (default: ROS_DOMAIN_ID, else 0, for both)")
       .comma_list(2)
@@ -184,6 +187,7 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--endorser", !others, of_others},
       {"--network", !others, of_others},
       {"--proxy", !o.own, "stands between simulated drones and a ledger: a deployment's own drones have none"},
+      {"--shim", !o.own, "stands before simulated drones: a deployment has its own"},
       {"--seed", !o.own, "is the simulator's, and none is started for a deployment's own drones"},
       {"--pose", !o.own && o.pads.empty(), "goes with simulated drones, and not with --pads, which says it too"},
       {"--pads", !o.own, "lie on the simulator's floor: a deployment names its own as [[pad]]"},

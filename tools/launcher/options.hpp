@@ -45,6 +45,7 @@ struct Options {
   bool believe_peer = false;  ///< agent and ground have no trust anchor: what their peer says is not judged
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
+  bool shim = false;         ///< simulated drones are reached through shared memory in place of UDP (docs/shim.md)
   bool proxy = false;        ///< drones and ledger are reached through ledgerline-hil proxy
   std::string faults;        ///< file of what the proxy switches when; empty: none
   std::string cyclonedds;    ///< file of Cyclone DDS's own configuration; empty: DDS stays on this machine

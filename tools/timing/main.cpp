@@ -16,6 +16,7 @@
 #include "tools/timing/show.hpp"
 #include "tools/timing/trace/perfetto.hpp"
 #include "tools/timing/trace/recording.hpp"
+#include "tools/timing/transports.hpp"
 
 namespace {
 
@@ -29,7 +30,8 @@ constexpr TimeNs settled_after_ns = 4 * ns_per_s;  // a sample's walk is over, a
 
 struct Options {
   std::string directory;
-  bool live = false, self_test = false;
+  bool live = false, self_test = false, transports = false;
+  int drones = 16, pairs = 5;
   double every_s = 2, seconds = 0;
   int cpu = -1, priority = 80;
   std::size_t threads = 12;
@@ -118,11 +120,15 @@ int follow(const Options& options, const std::vector<Limit>& limits) {
   return lay_open(options, limits, before);
 }
 
+int core_of(const Options& options) {
+  return options.cpu >= 0 ? options.cpu : static_cast<int>(std::max(1U, std::thread::hardware_concurrency())) - 1;
+}
+
 int self_test(const Options& options) {
   SelfTestOptions asked;
   if (options.seconds > 0) asked.seconds = options.seconds;
   asked.priority = options.priority;
-  asked.cpu = options.cpu >= 0 ? options.cpu : static_cast<int>(std::max(1U, std::thread::hardware_concurrency())) - 1;
+  asked.cpu = core_of(options);
   const SelfTest test = run_self_test(asked);
   std::cout << to_table(test) << std::flush;
   if (!options.json.empty()) {
@@ -148,6 +154,25 @@ int self_test(const Options& options) {
   return test.good() ? EXIT_SUCCESS : exit_limit;
 }
 
+int transports(const Options& options) {
+  TransportsOptions asked;
+  asked.drones = options.drones;
+  asked.pairs = options.pairs;
+  if (options.seconds > 0) asked.seconds = options.seconds;
+  asked.priority = options.priority;
+  asked.cpu = core_of(options);
+  const auto runs = run_transports(asked);
+  if (!runs) return fail(runs.error().what);
+  std::cout << to_table(*runs) << std::flush;
+  if (options.json.empty()) return EXIT_SUCCESS;
+  json document = to_json(*runs);
+  document["asked"] = {
+      {"drones", asked.drones}, {"pairs", asked.pairs}, {"seconds", asked.seconds}, {"cpu", asked.cpu}};
+  document["machine"] = machine();
+  const Status written = write_file(options.json, document.dump(2) + "\n");
+  return written ? EXIT_SUCCESS : fail(written.error().what);
+}
+
 constexpr const char* about =
     "Lays a flight's time open: every sample's way from stage to stage, how late link's loop was, and who used the "
     "CPU.";
@@ -157,6 +182,7 @@ constexpr const char* notes = R"(Examples:
   timing /tmp/run --limit overruns=0 --limit headroom=50%
   timing /tmp/run --live
   timing --self-test --seconds 60
+  timing --transports --drones 16 --pairs 5
 Exit codes: 0 done, all limits kept; 1 a limit is not kept, or the self-test is not good enough for link;
 2 bad usage, or a limit on something that does not exist; 3 nothing to read, or a file not written)";
 
@@ -165,10 +191,18 @@ void add_options(CommandLine& line, Options& o) {
   line.flag("--live", o.live, "Follow a flight that is under way: the last ten seconds, then all of it");
   line.option("--every", o.every_s, "Seconds between two tables of --live").within(0.2, 60.0).shows_default();
   line.flag("--self-test", o.self_test, "No flight: link's loop alone on this machine, beside cyclictest");
-  line.option("--seconds", o.seconds, "How long to follow (default: to the end) or to test (default: 10)")
+  line.flag("--transports", o.transports,
+            "No flight: what link's way to its drones costs, UDP on loopback beside the shim's shared memory");
+  line.option("--drones", o.drones, "Transports: how many").within(1, 16).shows_default();
+  line.option("--pairs", o.pairs, "Transports: runs over each").within(1, 1000).shows_default();
+  line.option(
+          "--seconds", o.seconds,
+          "How long to follow (default: to the end), to test (default: 10), or one run of --transports (default: 5)")
       .within(0.1, 86'400.0);
-  line.option("--cpu", o.cpu, "Self-test: core (default: the last)").within(0, 1023);
-  line.option("--priority", o.priority, "Self-test: SCHED_FIFO priority of the loop").within(2, 98).shows_default();
+  line.option("--cpu", o.cpu, "Self-test, transports: core of the loop (default: the last)").within(0, 1023);
+  line.option("--priority", o.priority, "Self-test, transports: SCHED_FIFO priority of the loop")
+      .within(2, 98)
+      .shows_default();
   line.option("--limit", o.limits, "What must hold, such as p99.apply=1ms; may be given often");
   line.option("--threads", o.threads, "How many threads the table shows").shows_default();
   line.option("--json", o.json, "Write the figures to this file, as one JSON object");
@@ -183,8 +217,8 @@ int main(int argc, char** argv) {
   Options o;
   add_options(line, o);
   if (const auto end = line.parse(argc, argv)) return *end;
-  if (o.self_test == !o.directory.empty()) {
-    fmt::print(stderr, "timing: name the directory of a run, or --self-test: see --help\n");
+  if ((o.self_test ? 1 : 0) + (o.transports ? 1 : 0) + (o.directory.empty() ? 0 : 1) != 1) {
+    fmt::print(stderr, "timing: name the directory of a run, or --self-test, or --transports: see --help\n");
     return exit_usage;
   }
   std::vector<Limit> limits;
@@ -198,5 +232,6 @@ int main(int argc, char** argv) {
   }
   catch_stop_signals();
   if (o.self_test) return self_test(o);
+  if (o.transports) return transports(o);
   return o.live ? follow(o, limits) : lay_open(o, limits, {});
 }
