@@ -50,6 +50,12 @@ std::string quoted(const std::string& text) { return text.empty() ? "none" : fmt
 
 constexpr const char* must_be_there = "";
 
+/// For programs: what `allowed` says in words.
+struct Bounds {
+  std::optional<double> min{}, max{};
+  std::vector<std::string> choices{};
+};
+
 }  // namespace
 
 struct Config::State {
@@ -60,7 +66,8 @@ struct Config::State {
   bool describing = false;
   std::vector<KeyDescription> described;
 
-  void describe(const Key& key, const char* type, const std::string& usual, const std::string& allowed) {
+  void describe(const Key& key, const char* type, const std::string& usual, const std::string& allowed,
+                const Bounds& bounds = {}) {
     if (!describing) return;
     auto [table, within] = table_and_key(key.name);
     const auto known = std::find_if(described.begin(), described.end(),
@@ -68,7 +75,8 @@ struct Config::State {
     if (known != described.end()) return;
     std::string unit(unit_of(within));
     described.push_back({std::move(table), std::move(within), type, std::move(unit),
-                         key.otherwise.empty() ? usual : std::string(key.otherwise), allowed, std::string(key.about)});
+                         key.otherwise.empty() ? usual : std::string(key.otherwise), allowed, std::string(key.about),
+                         bounds.min, bounds.max, bounds.choices, std::string(key.pattern)});
   }
 
   // "drone.0.name" walks tables by name and arrays by index.
@@ -170,7 +178,7 @@ std::string Config::text(const Key& key, const std::string& otherwise) {
 }
 
 std::string Config::choice(const Key& key, const std::vector<std::string>& allowed, const std::string& otherwise) {
-  state_->describe(key, "text", quoted(otherwise), fmt::format("{}", fmt::join(allowed, ", ")));
+  state_->describe(key, "text", quoted(otherwise), fmt::format("{}", fmt::join(allowed, ", ")), {.choices = allowed});
   const std::string value = text(key, otherwise);
   for (const auto& a : allowed) {
     if (a == value) return value;
@@ -181,7 +189,7 @@ std::string Config::choice(const Key& key, const std::vector<std::string>& allow
 }
 
 double Config::number(const Key& key, double min, double max) {
-  state_->describe(key, "number", must_be_there, fmt::format("{} to {}", min, max));
+  state_->describe(key, "number", must_be_there, fmt::format("{} to {}", min, max), {.min = min, .max = max});
   if (!state_->find(key.name)) {
     state_->missing(key.name, fmt::format("a number from {} to {}", min, max));
     return min;
@@ -190,7 +198,8 @@ double Config::number(const Key& key, double min, double max) {
 }
 
 double Config::number(const Key& key, double otherwise, double min, double max) {
-  state_->describe(key, "number", fmt::format("{:.4g}", otherwise), fmt::format("{} to {}", min, max));
+  state_->describe(key, "number", fmt::format("{:.4g}", otherwise), fmt::format("{} to {}", min, max),
+                   {.min = min, .max = max});
   const toml::node* node = state_->find(key.name);
   if (!node) return otherwise;
   const auto value = node->is_number() ? node->value<double>() : std::nullopt;
@@ -202,9 +211,11 @@ double Config::number(const Key& key, double otherwise, double min, double max) 
 }
 
 std::int64_t Config::integer(const Key& key, std::int64_t otherwise, std::int64_t min, std::int64_t max) {
-  state_->describe(key, "whole number", fmt::format("{}", otherwise),
-                   max == std::numeric_limits<std::int64_t>::max() ? fmt::format("{} or more", min)
-                                                                   : fmt::format("{} to {}", min, max));
+  const bool bounded = max != std::numeric_limits<std::int64_t>::max();
+  state_->describe(
+      key, "whole number", fmt::format("{}", otherwise),
+      bounded ? fmt::format("{} to {}", min, max) : fmt::format("{} or more", min),
+      {.min = static_cast<double>(min), .max = bounded ? std::optional(static_cast<double>(max)) : std::nullopt});
   const toml::node* node = state_->find(key.name);
   if (!node) return otherwise;
   const auto* value = node->as_integer();
@@ -230,7 +241,8 @@ std::optional<bool> Config::boolean(const Key& key) {
 }
 
 std::vector<double> Config::numbers(const Key& key, std::size_t count, const std::vector<double>& otherwise) {
-  state_->describe(key, "numbers", fmt::format("[{}]", fmt::join(otherwise, ", ")), fmt::format("{} of them", count));
+  state_->describe(key, "numbers", fmt::format("[{}]", fmt::join(otherwise, ", ")), fmt::format("{} of them", count),
+                   {.min = static_cast<double>(count), .max = static_cast<double>(count)});
   const toml::node* node = state_->find(key.name);
   if (!node) return otherwise;
   std::vector<double> values;
@@ -245,7 +257,7 @@ std::vector<double> Config::numbers(const Key& key, std::size_t count, const std
 }
 
 std::vector<std::string> Config::texts(const Key& key, std::size_t max) {
-  state_->describe(key, "texts", "[]", fmt::format("at most {}", max));
+  state_->describe(key, "texts", "[]", fmt::format("at most {}", max), {.max = static_cast<double>(max)});
   const toml::node* node = state_->find(key.name);
   if (!node) return {};
   std::vector<std::string> values;

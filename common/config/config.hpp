@@ -20,9 +20,16 @@ struct Key {
   Key(std::string key, std::string_view what, std::string_view default_words = {})
       : name(std::move(key)), about(what), otherwise(default_words) {}
 
+  /// Of a text: what it must look like, as a regular expression (ECMA 262). For editors; the reader checks by itself.
+  Key&& like(std::string_view a_pattern) && {
+    pattern = a_pattern;
+    return std::move(*this);
+  }
+
   std::string name;
   std::string_view about;      ///< a literal
   std::string_view otherwise;  ///< the default in words, where the value itself would say too little; a literal
+  std::string_view pattern;    ///< a literal
 };
 
 /// What a reader asked a describing Config for, in the reference's words.
@@ -34,6 +41,10 @@ struct KeyDescription {
   std::string usual;    ///< the default; empty: the key must be there
   std::string allowed;  ///< empty: anything of its type
   std::string about;
+  // The same for programs.
+  std::optional<double> min, max;    ///< of a number; of texts: how many there may be
+  std::vector<std::string> choices;  ///< of a text; empty: any
+  std::string pattern;               ///< of a text; empty: any
 };
 
 /// Reads one TOML file with every key checked: a program asks for each key it knows, then calls finish(). A key of the
