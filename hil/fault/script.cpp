@@ -29,7 +29,7 @@ std::string quoted(const std::string& text) {
 }
 
 TimeNs duration(Config& config, const std::string& key, TimeNs otherwise, TimeNs least, TimeNs most) {
-  const std::string text = config.text(key, "");
+  const std::string text = config.text(Key(key).like(R"(^\s*[0-9.]+\s*(ms|s)\s*$)"), "");
   if (text.empty()) return otherwise;
   const auto amount = parse_amount(text);
   if (!amount || amount->unit != Amount::Unit::time || amount->value < to_seconds(least) ||
@@ -64,12 +64,34 @@ void demand_height(Script& script) {
   script.must.push_back(std::move(*height));
 }
 
+void read_fault(Config& config, const std::string& key, const std::vector<DroneFacts>& drones, bool real,
+                Script& script) {
+  const std::string what = config.text(key + "what"), at = config.text(key + "at", "path"),
+                    lasts = config.text(key + "for", "");
+  const bool optional = config.boolean(key + "optional", false);
+  if (what.empty()) return;
+  auto fault = parse_fault(what, at, lasts, real);
+  if (!fault) {
+    // Which of the three it is: the one that is wrong alone.
+    const std::string wrong = !parse_fault(what, "", "", real) ? "what" : !parse_trigger(at) ? "at" : "for";
+    config.wrong(key + wrong, fault.error().what);
+    return;
+  }
+  if (const auto tried = FaultSchedule::create({*fault}, drones); !tried) {
+    config.wrong(key + "what", tried.error().what);
+    return;
+  }
+  if (const auto idle = fault->acts.idle_in ? fault->acts.idle_in(script.flight) : ""; !idle.empty()) {
+    config.wrong(key + "what", fmt::format("\"{}\" does nothing: {}", fault->text, idle));
+    return;
+  }
+  fault->optional = optional;
+  script.faults.push_back(std::move(*fault));
+}
+
 }  // namespace
 
-Result<Script> parse_script(std::string_view toml, const std::string& file, bool real) {
-  auto parsed = Config::parse(toml, file);
-  if (!parsed) return parsed.error();
-  Config& config = *parsed;
+Script read_script(Config& config, const std::string& file, bool real) {
   Script script;
   script.name = std::filesystem::path(file).stem().string();
   script.title = config.text("title");
@@ -102,25 +124,7 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
   const std::size_t faults = config.table_count("fault");
   std::vector<DroneFacts> drones(static_cast<std::size_t>(flight.drones));
   for (std::size_t i = 0; i < drones.size(); ++i) drones[i].name = drone_name(static_cast<int>(i) + 1);
-  for (std::size_t i = 0; i < faults; ++i) {
-    const std::string key = fmt::format("fault.{}.", i);
-    const std::string what = config.text(key + "what"), at = config.text(key + "at", "path"),
-                      lasts = config.text(key + "for", "");
-    if (what.empty()) continue;
-    auto fault = parse_fault(what, at, lasts, real);
-    if (!fault) {
-      // Which of the three it is: the one that is wrong alone.
-      const std::string wrong = !parse_fault(what, "", "", real) ? "what" : !parse_trigger(at) ? "at" : "for";
-      config.wrong(key + wrong, fault.error().what);
-      continue;
-    }
-    if (const auto tried = FaultSchedule::create({*fault}, drones); !tried) {
-      config.wrong(key + "what", tried.error().what);
-      continue;
-    }
-    fault->optional = config.boolean(key + "optional", false);
-    script.faults.push_back(std::move(*fault));
-  }
+  for (std::size_t i = 0; i < faults; ++i) read_fault(config, fmt::format("fault.{}.", i), drones, real, script);
   for (const std::string& sentence : config.texts("must", max_rules)) {
     auto rule = parse_rule(sentence);
     if (!rule) {
@@ -141,7 +145,14 @@ Result<Script> parse_script(std::string_view toml, const std::string& file, bool
     }
     script.must.push_back(std::move(*rule));
   }
-  if (auto status = config.finish(); !status) return status.error();
+  return script;
+}
+
+Result<Script> parse_script(std::string_view toml, const std::string& file, bool real) {
+  auto config = Config::parse(toml, file);
+  if (!config) return config.error();
+  Script script = read_script(*config, file, real);
+  if (auto status = config->finish(); !status) return status.error();
   demand_height(script);
   return script;
 }

@@ -8,6 +8,10 @@
 #include "hil/fault/judge/judge.hpp"
 #include "hil/fault/kinds/fault.hpp"
 
+namespace ledgerline {
+class Config;
+}
+
 namespace ledgerline::hil {
 
 /// One flight, what goes wrong in it, and what must hold: a TOML file (docs/faults.md). Everything is checked when it
@@ -26,6 +30,8 @@ struct Script {
 /// `real`: for a flight with the real processes (hil/fault/real/real_script.hpp).
 Result<Script> parse_script(std::string_view toml, const std::string& file, bool real = false);
 Result<Script> load_script(const std::string& path, bool real = false);
+/// Asks for every key of a script; what is wrong is for config.finish() to say. For schemas, a describing Config.
+Script read_script(Config& config, const std::string& file, bool real = false);
 /// What parse_script() reads as the same again.
 std::string text_of(const Script& script);
 

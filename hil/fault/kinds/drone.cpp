@@ -115,10 +115,17 @@ Result<FaultActs> sensor(const Said& said) {
       .misleads_mps = misleads_mps};
 }
 
+// What link does not fly by.
+std::string without_mocap(const WorldConfig& flight) {
+  const bool has = flight.pose == link::PoseSource::mocap || flight.pose == link::PoseSource::mocap_then_tello;
+  return has ? "" : "this flight has no motion capture (flight.pose)";
+}
+
 Result<FaultActs> of_mocap(void (*set)(MocapFault&, const std::array<double, 3>&), const std::array<double, 3>& value,
                            double misleads_m = 0) {
   return FaultActs{.lasts_on = [set, value](Effects::OfDrone& drone, std::size_t) { set(drone.mocap, value); },
                    .not_real = because(inside_the_simulation),
+                   .idle_in = without_mocap,
                    .misleads_m = misleads_m};
 }
 
@@ -157,7 +164,8 @@ Result<FaultActs> mocap_every(const Said& said) {
   if (*period <= 0) return Error{"every must be followed by more than 0 s"};
   return FaultActs{
       .lasts_on = [period = *period](Effects::OfDrone& drone, std::size_t) { drone.mocap.period_ns = period; },
-      .not_real = because(inside_the_simulation)};
+      .not_real = because(inside_the_simulation),
+      .idle_in = without_mocap};
 }
 
 Result<FaultActs> mocap_effects(const Said& said) {
@@ -165,7 +173,8 @@ Result<FaultActs> mocap_effects(const Said& said) {
   if (!effects) return effects.error();
   return FaultActs{.lasts_on = [effects = *effects](Effects::OfDrone& drone,
                                                     std::size_t) { overlay(effects, drone.line(LineAt::mocap)); },
-                   .not_real = because("mocap goes past the proxy, by DDS")};
+                   .not_real = because("mocap goes past the proxy, by DDS"),
+                   .idle_in = without_mocap};
 }
 
 constexpr FaultKind drone_table[] = {

@@ -30,6 +30,9 @@ struct FaultActs {
   /// Why it cannot be; empty: it can.
   std::function<std::string(const Fault&, const RealLedger&)> not_real{};
 
+  /// Why it would do nothing in such a flight; empty: it does something.
+  std::function<std::string(const WorldConfig&)> idle_in{};
+
   // Properties.
   bool momentary = false;          ///< over by itself as soon as it began
   bool pushes = false;             ///< drones, from outside: how fast and how high they get says nothing

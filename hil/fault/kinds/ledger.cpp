@@ -79,7 +79,12 @@ Result<FaultActs> order(const Said& said) {
   const auto lie = peer_lie_from(said.rest);
   if (!lie) return Error{"orders must be followed by one of " + list_of(peer_lie_names())};
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.orders = lie; }),
-                   .not_real = because(nobody_real)};
+                   .not_real = because(nobody_real),
+                   .idle_in = [](const WorldConfig& flight) -> std::string {
+                     return flight.blocks == fabric::BlockSource::ordered
+                                ? ""
+                                : "nobody reads blocks as they are ordered here (flight.blocks = \"ordered\")";
+                   }};
 }
 
 // Of several relays the later one in the script counts.

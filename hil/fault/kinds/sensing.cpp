@@ -69,7 +69,10 @@ Result<FaultActs> pads_gone(const Said&) {
                        [](Effects& effects) {
                          for (Effects::OfDrone& drone : effects.drones) drone.sensing.pads = false;
                        },
-                   .not_real = because(inside_the_simulation)};
+                   .not_real = because(inside_the_simulation),
+                   .idle_in = [](const WorldConfig& flight) -> std::string {
+                     return flight.pads.empty() ? "there are none on the floor (flight.pads)" : "";
+                   }};
 }
 
 constexpr FaultKind sensing_table[] = {

@@ -47,10 +47,11 @@ TEST(RunRecorder, KeepsAPointOfEachDroneEveryFiftyMilliseconds) {
 
 TEST(RunRecorder, TheLimitsLeaveRoomForWhatADronesOwnSensesCannotKnowAndNoMore) {
   const auto max_m = [](const char* pose, const char* fault) {
-    const auto script = parse_script(fmt::format("title = \"t\"\n[flight]\npose = \"{}\"\nlimit = \"20 s\"\n"
-                                                 "[[fault]]\nwhat = \"{}\"\nfor = \"4s\"\n",
-                                                 pose, fault),
-                                     "t.toml");
+    const auto script =
+        parse_script(fmt::format("title = \"t\"\n[flight]\npose = \"{}\"\npads = \"1:0:0\"\nlimit = \"20 s\"\n"
+                                 "[[fault]]\nwhat = \"{}\"\nfor = \"4s\"\n",
+                                 pose, fault),
+                     "t.toml");
     EXPECT_TRUE(script.ok()) << fault;
     return limits_of(*script, std::vector<DroneFacts>(1)).max_m[0];
   };
