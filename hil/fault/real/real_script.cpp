@@ -65,33 +65,40 @@ RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int d
 
 }  // namespace
 
-Status check_real(const Script& script, const RealLedger& ledger) {
-  std::vector<std::string> reasons;
+std::vector<NotReal> not_real(const Script& script, const RealLedger& ledger) {
+  std::vector<NotReal> reasons;
   const WorldConfig usual, &flight = script.flight;
+  const auto refuse = [&](const char* key, std::string why) { reasons.push_back({key, std::move(why)}); };
   if (flight.side_m < min_side_m || flight.side_m > max_side_m)
-    reasons.push_back(fmt::format("flight.side_m: ./fly flies paths of {} to {} m a side", min_side_m, max_side_m));
-  if (flight.battery != usual.battery) reasons.push_back("flight.battery: ./fly flies with full batteries");
-  if (!flight.pads.empty()) reasons.push_back("flight.pads: ./fly lays none");
-  if (flight.yaw_deg != usual.yaw_deg) reasons.push_back("flight.yaw_deg: ./fly's drones look along x");
-  if (!flight.keeps_rc || !flight.command_counts)
-    reasons.push_back("flight.keeps_rc, flight.command_counts: ./fly flies the usual Tello");
-  if (flight.room_m != usual.room_m) reasons.push_back("flight.room_m: ./fly flies with the usual fence");
+    refuse("flight.side_m", fmt::format("./fly flies paths of {} to {} m a side", min_side_m, max_side_m));
+  if (flight.battery != usual.battery) refuse("flight.battery", "./fly flies with full batteries");
+  if (!flight.pads.empty()) refuse("flight.pads", "./fly lays none");
+  if (flight.yaw_deg != usual.yaw_deg) refuse("flight.yaw_deg", "./fly's drones look along x");
+  if (!flight.keeps_rc) refuse("flight.keeps_rc", "./fly flies the usual Tello");
+  if (!flight.command_counts) refuse("flight.command_counts", "./fly flies the usual Tello");
+  if (flight.room_m != usual.room_m) refuse("flight.room_m", "./fly flies with the usual fence");
   if (flight.blocks != usual.blocks)
-    reasons.push_back("flight.blocks: ./fly's ledger has no orderer that lies; --blocks ordered flies so without");
-  if (flight.idle_evict_ns != usual.idle_evict_ns)
-    reasons.push_back("flight.idle_evict: ./fly's agent has the usual one");
-  if (flight.doubt != usual.doubt) reasons.push_back("flight.doubt: ./fly's link ignores a doubt");
-  for (const Fault& fault : script.faults) {
+    refuse("flight.blocks", "./fly's ledger has no orderer that lies; --blocks ordered flies so without");
+  if (flight.idle_evict_ns != usual.idle_evict_ns) refuse("flight.idle_evict", "./fly's agent has the usual one");
+  if (flight.doubt != usual.doubt) refuse("flight.doubt", "./fly's link ignores a doubt");
+  for (std::size_t i = 0; i < script.faults.size(); ++i) {
+    const Fault& fault = script.faults[i];
     if (const auto why = fault.acts.not_real ? fault.acts.not_real(fault, ledger) : std::string(); !why.empty())
-      reasons.push_back(fmt::format("\"{}\": {}", fault.text, why));
+      reasons.push_back({fmt::format("fault.{}.what", i), fmt::format("\"{}\": {}", fault.text, why)});
   }
   for (const Rule& rule : script.must) {
     if (const auto why = rule.kind->not_real; !why.empty())
-      reasons.push_back(fmt::format("\"{}\": {}", rule.text, why));
+      reasons.push_back({"must", fmt::format("\"{}\": {}", rule.text, why)});
   }
-  if (reasons.empty()) return done;
-  return Error{
-      fmt::format("{} cannot be flown with the real processes:\n  {}", script.name, fmt::join(reasons, "\n  "))};
+  return reasons;
+}
+
+Status check_real(const Script& script, const RealLedger& ledger) {
+  std::vector<std::string> lines;
+  for (const NotReal& reason : not_real(script, ledger))
+    lines.push_back(fmt::format("{}: {}", reason.key, reason.what));
+  if (lines.empty()) return done;
+  return Error{fmt::format("{} cannot be flown with the real processes:\n  {}", script.name, fmt::join(lines, "\n  "))};
 }
 
 std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed, const RealLedger& ledger) {

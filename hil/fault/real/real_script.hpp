@@ -8,8 +8,15 @@
 
 namespace ledgerline::hil {
 
-/// All that the real processes cannot have of this script, a line each: faults of what is simulated inside (sensors,
-/// mocap, battery, the real clock ...), settings that ./fly has not, rules that the traces do not tell.
+/// Something that the real processes cannot have.
+struct NotReal {
+  std::string key;  ///< of the script's file
+  std::string what;
+};
+/// All that they cannot have of this script: faults of what is simulated inside (sensors, mocap, battery, the real clock
+/// ...), settings that ./fly has not, rules that the traces do not tell.
+std::vector<NotReal> not_real(const Script& script, const RealLedger& ledger);
+/// The same as an error, a line each.
 Status check_real(const Script& script, const RealLedger& ledger);
 
 /// For ledgerline-fly, without --out and --json.
