@@ -1,5 +1,6 @@
 # `cmake --install` gives strangers the client and the shims as a CMake package: docs/library.md. Headers keep their paths of
-# this tree below include/ledgerline, so the examples are the same files here and there.
+# this tree below include/ledgerline, so the examples are the same files here and there. And the program that flies fault
+# scripts with its scenarios, where they were built: docs/faults.md.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
@@ -35,3 +36,7 @@ install(FILES common/fabric/example.cpp DESTINATION ${examples} RENAME client.cp
 install(FILES chaincode/shim/example.cpp DESTINATION ${examples} RENAME chaincode.cpp)
 install(FILES hil/shim/example.cpp DESTINATION ${examples} RENAME drones.cpp)
 install(FILES cmake/examples.cmake DESTINATION ${examples} RENAME CMakeLists.txt)
+
+install(PROGRAMS $<TARGET_FILE:ledgerline> $<TARGET_FILE:ledgerline-fault> DESTINATION ${CMAKE_INSTALL_BINDIR} OPTIONAL)
+install(DIRECTORY hil/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline FILES_MATCHING PATTERN *.toml)
+install(FILES ${CMAKE_BINARY_DIR}/share/ledgerline/fault-script.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline OPTIONAL)

@@ -60,6 +60,15 @@ json run_json(const RunResult& result) {
           {"events", events_json(result)}};
 }
 
+json summary_json(const RunSummary& run) {
+  json figures = json::object();
+  for (const FigureValue& figure : run.figures) figures[std::string(figure.name)] = figure.value;
+  json out{
+      {"script", run.script}, {"seed", run.seed}, {"source", run.source}, {"broken", run.broken}, {"figures", figures}};
+  if (!run.digest.empty()) out["digest"] = run.digest;
+  return out;
+}
+
 json timeline_json(const std::vector<TimelinePoint>& points) {
   json out = json::array();
   for (const TimelinePoint& p : points)
@@ -106,12 +115,31 @@ std::string not_judged_text(const RunResult& result) {
   return text;
 }
 
-std::string json_text(const std::vector<RunResult>& results) {
+RunSummary summary_of(const RunResult& result, const std::string& source) {
+  RunSummary summary{result.script, result.seed, source, "", {}, result.figures};
+  if (result.digest != crypto::Digest{}) summary.digest = crypto::hex(result.digest);
+  for (const Verdict& verdict : result.verdicts) {
+    if (!verdict.held) summary.broken.push_back(verdict.rule.text);
+  }
+  return summary;
+}
+
+std::string source_of(std::string_view script_text) {
+  constexpr std::size_t digits = 16;
+  return crypto::hex(crypto::sha256(script_text)).substr(0, digits);
+}
+
+std::string json_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all) {
   json runs = json::array();
   for (const RunResult& result : results) runs.push_back(run_json(result));
-  const auto broken = std::count_if(results.begin(), results.end(), [](const RunResult& r) { return !r.held(); });
-  return json{{"held", broken == 0}, {"runs", runs}, {"broken", broken}}.dump(2, ' ', false,
-                                                                              json::error_handler_t::replace);
+  const auto broken = std::ranges::count_if(all, [](const RunSummary& run) { return !run.broken.empty(); });
+  std::string text = json{{"held", broken == 0}, {"runs", runs}, {"flown", all.size()}, {"broken", broken}}.dump(
+      2, ' ', false, json::error_handler_t::replace);
+  text.resize(text.rfind('\n'));  // the last brace comes behind what may be hundred thousand lines
+  text += ",\n  \"figures\": [";
+  for (std::size_t i = 0; i < all.size(); ++i)
+    text += (i > 0 ? ",\n    " : "\n    ") + summary_json(all[i]).dump(-1, ' ', false, json::error_handler_t::replace);
+  return text + "\n  ]\n}\n";
 }
 
 std::string junit_text(const std::vector<RunResult>& results) {

@@ -1,5 +1,7 @@
 #pragma once
+#include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "hil/fault/run/result.hpp"
@@ -13,8 +15,21 @@ std::string broken_text(const RunResult& result);
 /// "  not judged: WHAT", a line for each.
 std::string not_judged_text(const RunResult& result);
 
-/// One JSON object, with the events; the timeline is left out.
-std::string json_text(const std::vector<RunResult>& results);
+/// What is kept of each run, however many there are: by this builds are compared (hil/fault/compare/results_file.hpp).
+struct RunSummary {
+  std::string script;
+  std::uint64_t seed = 0;
+  std::string source;               ///< of which text of the script
+  std::string digest;               ///< empty: of real processes, which promise no bytes
+  std::vector<std::string> broken;  ///< rules
+  Figures figures;
+};
+RunSummary summary_of(const RunResult& result, const std::string& source);
+/// Short, the same for the same text of a script.
+std::string source_of(std::string_view script_text);
+
+/// One JSON object: `runs`, with the events but without the timeline, and `figures` of `all`, a line each.
+std::string json_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all);
 /// As CI systems read it: a testcase for each run.
 std::string junit_text(const std::vector<RunResult>& results);
 /// One page with everything in it: each run's verdicts and timeline.

@@ -87,14 +87,16 @@ std::optional<Amount> parse_amount(std::string_view text) {
   return std::nullopt;
 }
 
+std::string form_of(const RuleKind& kind) {
+  std::string form(kind.form);
+  if (const auto at = form.find("{}"); at != std::string::npos)
+    form.replace(at, 2, examples.at(static_cast<std::size_t>(kind.takes)));
+  return form;
+}
+
 std::string rule_help() {
   std::string help;
-  for (const RuleKind& kind : rule_kinds()) {
-    std::string form(kind.form);
-    if (const auto at = form.find("{}"); at != std::string::npos)
-      form.replace(at, 2, examples.at(static_cast<std::size_t>(kind.takes)));
-    help += fmt::format("  {:<40} {}\n", form, kind.help);
-  }
+  for (const RuleKind& kind : rule_kinds()) help += fmt::format("  {:<40} {}\n", form_of(kind), kind.help);
   return help;
 }
 

@@ -78,5 +78,7 @@ struct RuleKind {
   std::string_view not_real = {};  ///< why it cannot be judged of the real processes' traces; empty: it can
 };
 std::span<const RuleKind> rule_kinds();
+/// With an example of what it takes: "holds within 2 s".
+std::string form_of(const RuleKind& kind);
 
 }  // namespace ledgerline::hil

@@ -85,6 +85,7 @@ RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::ve
 
 void RunRecorder::observe(const Moment& moment) {
   judge_.observe(moment);
+  figures_.observe(moment);
   for (const WorldEvent& event : moment.events) keep_event(moment, event);
   if (moment.now < next_point_ns_) return;
   next_point_ns_ = moment.now + timeline_period_ns;
@@ -114,6 +115,7 @@ RunResult RunRecorder::finish(const Ending& ending) {
   result_.over = ending.over;
   result_.ok = ending.ok;
   result_.why = ending.why;
+  result_.figures = figures_.finish(ending.now);
   return std::move(result_);
 }
 

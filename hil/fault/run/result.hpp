@@ -6,6 +6,7 @@
 
 #include "common/crypto/crypto.hpp"
 #include "hil/fault/judge/rule.hpp"
+#include "hil/fault/run/figures.hpp"
 
 namespace ledgerline::hil {
 
@@ -40,6 +41,7 @@ struct RunResult {
   std::vector<std::string> plans;  ///< by drone: what became of them, as agent and link that ran last counted
   std::vector<std::vector<TimelinePoint>> timeline;  ///< by drone, every 50 ms
   std::array<double, 2> fence_min_m{}, fence_max_m{};
+  Figures figures;
 };
 inline constexpr std::size_t max_events = 5'000;
 

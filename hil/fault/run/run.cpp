@@ -8,6 +8,36 @@
 #include "hil/fault/run/schedule.hpp"
 
 namespace ledgerline::hil {
+namespace {
+
+// What agent and link counted: each of its last life, agent's the mean of the drones that it has a figure of.
+void add_counts(const VirtualWorld& world, Figures& figures) {
+  Quantiles two_way;
+  for (std::size_t i = 0; i < world.facts().size(); ++i) {
+    const Quantiles drone = world.two_way_ms(i);
+    if (drone.count == 0) continue;
+    ++two_way.count;
+    two_way.median += drone.median;
+    two_way.p95 += drone.p95;
+  }
+  if (two_way.count > 0) {
+    figures.push_back({"two_way_median_ms", two_way.median / static_cast<double>(two_way.count)});
+    figures.push_back({"two_way_p95_ms", two_way.p95 / static_cast<double>(two_way.count)});
+  }
+  std::uint64_t received = 0, late = 0, dropped = 0;
+  for (const link::DroneReport& drone : world.link() ? world.link()->reports() : std::vector<link::DroneReport>{}) {
+    received += drone.plans.received;
+    late += drone.plans.late;
+    dropped += drone.plans.dropped;
+  }
+  if (received > 0) {
+    figures.push_back({"late_percent", 100 * static_cast<double>(late) / static_cast<double>(received)});
+    figures.push_back({"dropped_percent", 100 * static_cast<double>(dropped) / static_cast<double>(received)});
+  }
+  figures.push_back({"transactions", static_cast<double>(world.transactions())});
+}
+
+}  // namespace
 
 Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   WorldConfig config = script.flight;
@@ -49,6 +79,8 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
 
   std::vector<std::string> plans;
   for (std::size_t i = 0; i < world.facts().size(); ++i) plans.push_back(world.plans_text(i));
+  Figures counts;
+  add_counts(world, counts);
   Ending ending;
   ending.now = world.now();
   ending.over = over();
@@ -67,6 +99,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   for (std::string& gap : world.lost_transitions()) ending.lost.push_back(std::move(gap));
   RunResult result = recorder.finish(ending);
   result.plans = std::move(plans);
+  result.figures.insert(result.figures.end(), counts.begin(), counts.end());
   result.blocks = world.blocks();
   result.transactions = world.transactions();
   result.digest = world.digest();

@@ -1,0 +1,19 @@
+#include "hil/fault/catalogue/check.hpp"
+
+#include "common/config/config.hpp"
+#include "hil/fault/real/real_script.hpp"
+
+namespace ledgerline::hil {
+
+Result<Script> check_script(std::string_view toml, const std::string& file, const std::optional<RealLedger>& real) {
+  auto script = parse_script(toml, file, real.has_value());
+  if (!script || !real) return script;
+  auto config = Config::parse(toml, file);  // it knows the lines
+  if (!config) return config.error();
+  (void)read_script(*config, file, true);
+  for (const NotReal& reason : not_real(*script, *real)) config->wrong(reason.key, reason.what);
+  if (auto status = config->finish(); !status) return status.error();
+  return script;
+}
+
+}  // namespace ledgerline::hil

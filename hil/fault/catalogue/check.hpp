@@ -1,0 +1,15 @@
+#pragma once
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "hil/fault/kinds/real_acts.hpp"
+#include "hil/fault/script.hpp"
+
+namespace ledgerline::hil {
+
+/// All that is wrong with a script without flying it, each as "FILE:LINE: key: what". `real`: for a flight with the real
+/// processes on this ledger: then also whatever they cannot have.
+Result<Script> check_script(std::string_view toml, const std::string& file, const std::optional<RealLedger>& real = {});
+
+}  // namespace ledgerline::hil

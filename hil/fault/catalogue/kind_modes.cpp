@@ -1,0 +1,132 @@
+#include "hil/fault/catalogue/kind_modes.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cctype>
+#include <optional>
+#include <set>
+
+#include "hil/lines/text_parse.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+/// What stands for a word in capitals, behind that word in small letters; behind any where `behind` is empty.
+struct Stand {
+  std::string_view behind, word, example;
+};
+constexpr Stand stand_ins[] = {
+    {"lies", "WHAT...", "chain"},
+    {"serves", "WHAT...", "hides-commands"},
+    {"orders", "WHAT...", "hides-commands"},
+    {"errs", "WHAT...", "boot"},
+    {"relay", "LIE...", "plan-speed"},
+    {"ledger", "EFFECTS...", "loss 5%"},
+    {"", "EFFECTS...", "delay 200ms"},
+    {"", "DISTRIBUTION...", "gamma 50ms 20ms"},
+    {"", "FIELD...", "h stuck"},
+    {"", "NAME", "tello1"},
+    {"", "SHARE", "7%"},
+    {"", "X", "0.5"},
+    {"", "Y", "0.1"},
+    {"", "Z", "0.1"},
+    {"", "DEGREES", "90"},
+    {"", "METRES", "0.02"},
+    {"", "TIME", "100ms"},
+    {"", "RATE", "0.05"},
+    {"", "N", "1"},
+    {"", "SIZE", "500MB"},
+};
+
+std::optional<std::string_view> example_for(std::string_view word, const std::set<std::string_view>& before) {
+  for (const Stand& stand : stand_ins) {
+    if (stand.word == word && (stand.behind.empty() || before.contains(stand.behind))) return stand.example;
+  }
+  return std::nullopt;
+}
+
+std::vector<std::string_view> choices_in(std::string_view word) {
+  std::vector<std::string_view> choices;
+  for (std::size_t begin = 0; begin <= word.size();) {
+    const std::size_t end = std::min(word.find('|', begin), word.size());
+    choices.push_back(word.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return choices;
+}
+
+// Lasting a second, where it lasts at all: in that time each kind can be had, if ever.
+std::string refusal_of(const std::string& text, bool real, const RealLedger& ledger) {
+  auto fault = parse_fault(text, "", "", real);
+  if (fault && !fault->acts.momentary) fault = parse_fault(text, "", "1s", real);
+  if (!fault) return fault.error().what;
+  return real && fault->acts.not_real ? fault->acts.not_real(*fault, ledger) : "";
+}
+
+InMode in_mode(const std::vector<std::string>& examples, bool real, const RealLedger& ledger) {
+  InMode mode;
+  for (const std::string& example : examples) {
+    std::string why = refusal_of(example, real, ledger);
+    if (why.empty())
+      mode.possible.push_back(example);
+    else
+      mode.refused.emplace_back(example, std::move(why));
+  }
+  return mode;
+}
+
+/// "real" where all examples are possible, else with those that are; empty: none is.
+std::string said_of(std::string_view name, const InMode& mode) {
+  if (mode.possible.empty()) return "";
+  return mode.all() ? std::string(name) : fmt::format("{}: `{}`", name, fmt::join(mode.possible, "`, `"));
+}
+
+}  // namespace
+
+bool is_placeholder(std::string_view word) { return std::isupper(static_cast<unsigned char>(word[0])) != 0; }
+
+std::vector<std::string> examples_of(const FaultKind& kind) {
+  std::vector<std::string> examples{""};
+  std::set<std::string_view> before;
+  for (const std::string_view word : words_of(kind.form)) {
+    std::vector<std::string_view> choices;
+    if (is_placeholder(word)) {
+      const auto example = example_for(word, before);
+      if (!example) return {};
+      choices = {*example};
+    } else {
+      choices = choices_in(word);
+      before.insert(choices.begin(), choices.end());
+    }
+    std::vector<std::string> longer;
+    for (const std::string& text : examples) {
+      for (const std::string_view choice : choices)
+        longer.push_back(text.empty() ? std::string(choice) : fmt::format("{} {}", text, choice));
+    }
+    examples = std::move(longer);
+  }
+  return examples;
+}
+
+KindModes modes_of(const FaultKind& kind) {
+  const auto examples = examples_of(kind);
+  return {&kind, in_mode(examples, false, {}), in_mode(examples, true, {.fabric = false}),
+          in_mode(examples, true, {.fabric = true})};
+}
+
+std::string modes_text(const KindModes& modes) {
+  std::vector<std::string> said;
+  if (const auto text = said_of("virtual", modes.in_virtual_time); !text.empty()) said.push_back(text);
+  if (modes.embedded.possible == modes.fabric.possible) {
+    if (const auto text = said_of("real", modes.embedded); !text.empty()) said.push_back(text);
+  } else {
+    if (const auto text = said_of("real on the embedded node", modes.embedded); !text.empty()) said.push_back(text);
+    if (const auto text = said_of("real on Fabric", modes.fabric); !text.empty()) said.push_back(text);
+  }
+  if (!said.empty()) return fmt::format("{}", fmt::join(said, ", "));
+  return modes.in_virtual_time.refused.empty() ? "refused" : "refused: " + modes.in_virtual_time.refused.front().second;
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,165 @@
+#include "hil/fault/catalogue/schema.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "common/base/enum_count.hpp"
+#include "common/config/config.hpp"
+#include "common/msg/names.hpp"
+#include "hil/fault/catalogue/kind_modes.hpp"
+#include "hil/fault/script.hpp"
+#include "hil/lines/text_parse.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr const char* duration_pattern = R"(^[0-9.]+(us|ms|s)$)";  // of hil/lines/distribution.cpp
+constexpr const char* number_pattern = "[0-9.]+";
+constexpr const char* moment_pattern =
+    R"(^\s*([0-9.]+(us|ms|s)|(takeoff|flying|path|landing|landed|lap\s+\S+|height\s+\S+)(\s*\+\s*[0-9.]+(us|ms|s))?)\s*$)";
+
+std::string choice_of(const std::vector<std::string>& words) { return fmt::format("({})", fmt::join(words, "|")); }
+
+/// "drone NAME reboot" -> "^\s*drone\s+\S+\s+reboot\s*$"
+std::string pattern_of(const FaultKind& kind) {
+  std::vector<std::string> parts;
+  for (const std::string_view word : words_of(kind.form)) {
+    if (!is_placeholder(word))
+      parts.push_back(word.find('|') == std::string_view::npos ? std::string(word) : fmt::format("({})", word));
+    else
+      parts.push_back(word.ends_with("...") ? R"(\S.*)" : R"(\S+)");
+  }
+  return fmt::format(R"(^\s*{}\s*$)", fmt::join(parts, R"(\s+)"));
+}
+
+std::string pattern_of(RuleKind::Takes takes) {
+  using Takes = RuleKind::Takes;
+  switch (takes) {
+    case Takes::nothing:
+      return "";
+    case Takes::time:
+      return fmt::format(R"({}\s*(ms|s))", number_pattern);
+    case Takes::metres:
+      return fmt::format(R"({}\s*m)", number_pattern);
+    case Takes::speed:
+      return fmt::format(R"({}\s*m/s)", number_pattern);
+    case Takes::number:
+      return R"(\S+)";
+    case Takes::mode_or_cause: {
+      std::vector<std::string> words{"hold", "brake", "land", "cut"};
+      for (std::size_t i = 1; i < enum_count<FailsafeCause>; ++i) {
+        std::string cause = name(static_cast<FailsafeCause>(i));
+        for (std::size_t at = 0; (at = cause.find('_', at)) != std::string::npos; at += 3)
+          cause.replace(at, 1, R"(\s+)");
+        words.push_back(cause);
+      }
+      return choice_of(words);
+    }
+    case Takes::command:
+      return choice_of({"command", "takeoff", "land", "emergency"});
+  }
+  return ".*";
+}
+
+std::string pattern_of(const RuleKind& kind) {
+  std::vector<std::string> parts;
+  for (const std::string_view word : words_of(kind.form))
+    parts.push_back(word == "{}" ? pattern_of(kind.takes) : std::string(word));
+  return fmt::format(R"(^\s*{}\s*$)", fmt::join(parts, R"(\s+)"));
+}
+
+Json schema_of_faults() {
+  Json kinds = Json::array(), examples = Json::array();
+  for (const FaultKind* kind : fault_kinds()) {
+    const KindModes modes = modes_of(*kind);
+    const bool anywhere =
+        !modes.in_virtual_time.possible.empty() || !modes.fabric.possible.empty() || !modes.embedded.possible.empty();
+    if (!anywhere) continue;  // rows that only say why there is no such fault
+    kinds.push_back(
+        {{"pattern", pattern_of(*kind)}, {"description", fmt::format("{} ({})", kind->form, modes_text(modes))}});
+    examples.push_back(examples_of(*kind).front());
+  }
+  return {{"anyOf", kinds}, {"examples", examples}};
+}
+
+Json schema_of_rules() {
+  Json kinds = Json::array();
+  for (const RuleKind& kind : rule_kinds())
+    kinds.push_back({{"pattern", pattern_of(kind)}, {"description", fmt::format("{}: {}", kind.form, kind.help)}});
+  return {{"type", "string"}, {"anyOf", kinds}};
+}
+
+/// Of one key, as the reader asked for it.
+Json property_of(const KeyDescription& key) {
+  Json property = Json::object();
+  const bool whole = key.type == "whole number";
+  if (!key.about.empty()) property["description"] = key.about;
+  if (key.type == "text") {
+    property["type"] = "string";
+    if (!key.choices.empty()) property["enum"] = key.choices;
+    if (!key.pattern.empty()) property["pattern"] = key.pattern;
+  } else if (key.type == "true or false") {
+    property["type"] = "boolean";
+  } else if (key.type == "number" || whole) {
+    property["type"] = whole ? "integer" : "number";
+    if (key.min) property["minimum"] = whole ? Json(static_cast<std::int64_t>(*key.min)) : Json(*key.min);
+    if (key.max) property["maximum"] = whole ? Json(static_cast<std::int64_t>(*key.max)) : Json(*key.max);
+  } else if (key.type == "texts") {
+    property["type"] = "array";
+    property["items"] = {{"type", "string"}};
+    if (key.max) property["maxItems"] = static_cast<std::int64_t>(*key.max);
+  }
+  return property;
+}
+
+/// What the tables of faults, moments and rules say of a key, besides.
+void refine(const KeyDescription& key, Json& property) {
+  if (key.key == "must" && key.table.empty()) property["items"] = schema_of_rules();
+  if (key.table != "[[fault]]") return;
+  if (key.key == "what") property.update(schema_of_faults());
+  if (key.key == "at") property["pattern"] = moment_pattern;
+  if (key.key == "for") property["pattern"] = duration_pattern;
+}
+
+Json empty_table() {
+  return {
+      {"type", "object"}, {"additionalProperties", false}, {"properties", Json::object()}, {"required", Json::array()}};
+}
+
+}  // namespace
+
+std::string script_schema() {
+  Config config = Config::describing();
+  (void)read_script(config, "");
+  Json root = empty_table();
+  Json tables = Json::object();
+  for (const KeyDescription& key : config.described()) {
+    if (!key.table.empty() && !tables.contains(key.table)) tables[key.table] = empty_table();
+    Json& table = key.table.empty() ? root : tables[key.table];
+    if (key.key.empty()) {
+      if (!key.about.empty()) table["description"] = key.about;
+      continue;
+    }
+    Json property = property_of(key);
+    refine(key, property);
+    table["properties"][key.key] = std::move(property);
+    if (key.usual.empty()) table["required"].push_back(key.key);
+  }
+  for (auto& [heading, table] : tables.items()) {
+    const bool repeated = heading.starts_with("[[");
+    const std::string name = heading.substr(repeated ? 2 : 1, heading.find(']') - (repeated ? 2 : 1));
+    root["properties"][name] = repeated ? Json{{"type", "array"}, {"items", table}} : table;
+  }
+  Json schema{{"$schema", "http://json-schema.org/draft-07/schema#"},
+              {"title", "A fault script of Ledgerline"},
+              {"description", "One flight, what goes wrong in it, and what must hold: docs/faults.md"}};
+  schema.update(root);
+  return schema.dump(2) + "\n";
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,81 @@
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+
+// Tells what became worse, or better, from one build to another, of runs of the same scripts by both. Pure.
+namespace ledgerline::hil::comparing {
+
+/// One run, as the file of `fault run --json` has it.
+struct FlownRun {
+  std::string script;
+  std::uint64_t seed = 0;
+  std::string source;               ///< of which text of the script; empty: not known
+  std::string digest;               ///< of all its bytes; empty: a run that promises none, in real time
+  std::vector<std::string> broken;  ///< rules
+  std::map<std::string, double, std::less<>> figures;
+};
+struct Runs {
+  std::string file;
+  std::vector<FlownRun> runs;  ///< a script's seed is there once
+};
+
+struct Options {
+  double error_rate = 0.01;   ///< chance, at most, that anything at all is called a change between equal builds
+  double least_share = 0.02;  ///< of a figure's old mean: a smaller change does not count, be it ever so certain
+};
+
+enum class Change : std::uint8_t {
+  none,
+  small,  ///< a change, too small to count; or one whose mean goes the other way than most runs
+  worse,
+  better
+};
+
+/// A figure of one script, or of all together; only those of which any run differs.
+struct FigureChange {
+  std::string script{};  ///< empty: all scripts whose seeds are paired, by shares of each pair's mean size
+  std::string figure;
+  bool paired = true;                      ///< by seed; else the two have no seed in common
+  std::size_t old_runs = 0, new_runs = 0;  ///< that have the figure; paired: pairs
+  double old_mean = 0, new_mean = 0;       ///< of all scripts: unused
+  double change = 0;                       ///< mean of the differences; of all scripts a share
+  std::size_t worse = 0, better = 0;       ///< pairs
+  double p = 1;                            ///< Holm's correction is in it
+  Change verdict = Change::none;
+};
+
+/// A rule that broke in some run.
+struct RuleChange {
+  std::string script, rule;
+  std::size_t old_broken = 0, old_runs = 0, new_broken = 0, new_runs = 0;
+  std::vector<std::uint64_t> newly{};  ///< seeds whose run held with the old build and broke with the new one
+  bool fact =
+      false;  ///< no statistics: the same seeds, the same bytes each time, and it never broke before, or never does now
+  double p = 1;  ///< not of a fact
+  Change verdict = Change::none;
+};
+
+struct Comparison {
+  std::size_t scripts = 0;  ///< compared
+  std::size_t old_runs = 0, new_runs = 0, pairs = 0, same_bytes = 0;
+  std::vector<RuleChange> rules;
+  std::vector<FigureChange> figures;
+  std::size_t tests = 0;              ///< that Holm's correction corrects for
+  std::size_t pairs_needed = 0;       ///< seeds of one script from which on anything can be told of it alone
+  bool can_tell = true;               ///< some test can get below error_rate at all, or there is nothing to test
+  std::vector<std::string> left_out;  ///< what was not compared, and why, in words
+
+  bool regression() const;
+  bool improvement() const;
+};
+
+/// The error says why nothing can be compared: no script in common, or each has another text.
+Result<Comparison> compare(const Runs& old_build, const Runs& new_build, const Options& options);
+
+}  // namespace ledgerline::hil::comparing

@@ -1,0 +1,159 @@
+#include "hil/fault/compare/comparison_text.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::hil::comparing {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::size_t max_seeds = 5;  // in a line
+
+const char* name_of(Change verdict) {
+  switch (verdict) {
+    case Change::worse:
+      return "worse";
+    case Change::better:
+      return "better";
+    case Change::small:
+      return "small";
+    case Change::none:
+      break;
+  }
+  return "none";
+}
+
+const char* mark_of(Change verdict) {
+  return verdict == Change::worse ? "WORSE" : verdict == Change::none ? "-" : name_of(verdict);
+}
+
+std::string percent_of(const FigureChange& figure) {
+  if (figure.script.empty()) return fmt::format("{:+.1f} %", 100 * figure.change);
+  if (figure.old_mean == 0) return fmt::format("{:+.4g}", figure.change);
+  return fmt::format("{:+.1f} %", 100 * figure.change / std::abs(figure.old_mean));
+}
+
+std::string line_of(const FigureChange& figure) {
+  const bool all = figure.script.empty();
+  const std::string before = all ? "" : fmt::format("{:.4g}", figure.old_mean);
+  const std::string now = all ? "" : fmt::format("{:.4g}", figure.new_mean);
+  const std::string runs = figure.paired
+                               ? fmt::format("{} of {} worse, {} better", figure.worse, figure.old_runs, figure.better)
+                               : fmt::format("{} and {} runs, other seeds", figure.old_runs, figure.new_runs);
+  return fmt::format("{:<6} {:<24} {:<22} {:>9} {:>9} {:>10}   {:<30} p {:.1g}\n", mark_of(figure.verdict),
+                     all ? "all scripts" : figure.script, figure.figure, before, now, percent_of(figure), runs,
+                     figure.p);
+}
+
+std::string line_of(const RuleChange& rule) {
+  std::string seeds;
+  if (!rule.newly.empty()) {
+    const auto end = rule.newly.begin() + static_cast<std::ptrdiff_t>(std::min(rule.newly.size(), max_seeds));
+    seeds = fmt::format(", newly with seed {}{}", fmt::join(rule.newly.begin(), end, ", "),
+                        rule.newly.size() > max_seeds ? ", ..." : "");
+  }
+  return fmt::format("{:<6} {:<24} {}: broke in {} of {} runs, then in {} of {}{}{}\n", mark_of(rule.verdict),
+                     rule.script, rule.rule, rule.old_broken, rule.old_runs, rule.new_broken, rule.new_runs, seeds,
+                     rule.fact ? "" : fmt::format("; p {:.1g}", rule.p));
+}
+
+std::string summary_of(const Comparison& c, const Options& options) {
+  std::string text = fmt::format("{} scripts, {} runs and {}", c.scripts, c.old_runs, c.new_runs);
+  if (c.pairs > 0) text += fmt::format(", {} pairs of one seed, {} of them the same bytes", c.pairs, c.same_bytes);
+  text += fmt::format("; {} tests: the chance that equal builds seem to differ in any is {:g} % at most\n", c.tests,
+                      100 * options.error_rate);
+  return text;
+}
+
+}  // namespace
+
+std::string verdict_of(const Comparison& comparison) {
+  if (comparison.regression()) return "regression";
+  if (!comparison.can_tell) return "unknown";
+  return comparison.improvement() ? "improvement" : "equal";
+}
+
+std::string table_text(const Comparison& comparison, const Options& options, bool all) {
+  std::string text;
+  const auto is_told = [all](Change verdict) { return all || verdict == Change::worse || verdict == Change::better; };
+  for (const RuleChange& rule : comparison.rules) {
+    if (is_told(rule.verdict)) text += line_of(rule);
+  }
+  std::string rows;
+  for (const Change verdict : {Change::worse, Change::better, Change::small, Change::none}) {
+    for (const FigureChange& figure : comparison.figures) {
+      if (figure.verdict == verdict && is_told(verdict)) rows += line_of(figure);
+    }
+  }
+  if (!rows.empty())
+    text += fmt::format("{:<6} {:<24} {:<22} {:>9} {:>9} {:>10}   {}\n", "", "script", "figure", "old", "new", "change",
+                        "runs") +
+            rows;
+  for (const std::string& what : comparison.left_out) text += "note: " + what + "\n";
+  text += summary_of(comparison, options);
+  const std::string verdict = verdict_of(comparison);
+  if (verdict == "unknown")
+    text += fmt::format("unknown: too few runs to tell anything; fly each script with {} seeds at least\n",
+                        comparison.pairs_needed);
+  else if (verdict == "equal" && comparison.pairs > 0 && comparison.same_bytes == comparison.pairs)
+    text += "equal: the same bytes\n";
+  else
+    text += verdict == "regression" ? "REGRESSION\n"
+            : verdict == "equal"    ? "equal: no change that counts\n"
+                                    : "improvement\n";
+  return text;
+}
+
+std::string json_text(const Comparison& comparison) {
+  json rules = json::array(), figures = json::array();
+  for (const RuleChange& rule : comparison.rules)
+    rules.push_back({{"script", rule.script},
+                     {"rule", rule.rule},
+                     {"old_broken", rule.old_broken},
+                     {"old_runs", rule.old_runs},
+                     {"new_broken", rule.new_broken},
+                     {"new_runs", rule.new_runs},
+                     {"newly", rule.newly},
+                     {"fact", rule.fact},
+                     {"p", rule.p},
+                     {"verdict", name_of(rule.verdict)}});
+  for (const FigureChange& figure : comparison.figures) {
+    json row{{"script", figure.script.empty() ? json() : json(figure.script)},
+             {"figure", figure.figure},
+             {"paired", figure.paired},
+             {"old_runs", figure.old_runs},
+             {"new_runs", figure.new_runs},
+             {"change", figure.change},
+             {"p", figure.p},
+             {"verdict", name_of(figure.verdict)}};
+    if (!figure.script.empty()) {
+      row["old_mean"] = figure.old_mean;
+      row["new_mean"] = figure.new_mean;
+    }
+    if (figure.paired) {
+      row["worse"] = figure.worse;
+      row["better"] = figure.better;
+    }
+    figures.push_back(std::move(row));
+  }
+  return json{{"verdict", verdict_of(comparison)},
+              {"scripts", comparison.scripts},
+              {"old_runs", comparison.old_runs},
+              {"new_runs", comparison.new_runs},
+              {"pairs", comparison.pairs},
+              {"same_bytes", comparison.same_bytes},
+              {"tests", comparison.tests},
+              {"pairs_needed", comparison.pairs_needed},
+              {"left_out", comparison.left_out},
+              {"rules", rules},
+              {"figures", figures}}
+             .dump(2, ' ', false, json::error_handler_t::replace) +
+         "\n";
+}
+
+}  // namespace ledgerline::hil::comparing

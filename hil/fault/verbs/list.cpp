@@ -1,0 +1,135 @@
+// ledgerline fault list: the scenarios that there are, the kinds of faults and rules, the figures.
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "common/program/program.hpp"
+#include "hil/fault/catalogue/kind_modes.hpp"
+#include "hil/fault/catalogue/scenarios.hpp"
+#include "hil/fault/real/real_script.hpp"
+#include "hil/fault/run/figures.hpp"
+#include "hil/fault/verbs/told.hpp"
+#include "hil/fault/verbs/verbs.hpp"
+
+namespace ledgerline::hil::verbs {
+namespace {
+
+using nlohmann::json;
+
+struct ListOptions {
+  std::string what;
+  bool json = false;
+};
+
+// One row a line of an array, or a text.
+void print_json(const json& rows) { fmt::print("{}\n", rows.dump(2, ' ', false, json::error_handler_t::replace)); }
+
+json json_of(const InMode& mode) {
+  json refused = json::array();
+  for (const auto& [example, why] : mode.refused) refused.push_back({{"fault", example}, {"why", why}});
+  return {{"possible", mode.possible}, {"refused", refused}};
+}
+
+int list_faults(bool as_json) {
+  json rows = json::array();
+  for (const FaultKind* kind : fault_kinds()) {
+    const KindModes modes = modes_of(*kind);
+    if (as_json)
+      rows.push_back({{"form", kind->form},
+                      {"modes", modes_text(modes)},
+                      {"virtual", json_of(modes.in_virtual_time)},
+                      {"real_embedded", json_of(modes.embedded)},
+                      {"real_fabric", json_of(modes.fabric)}});
+    else
+      fmt::print("{:<66} {}\n", kind->form, modes_text(modes));
+  }
+  if (as_json) print_json(rows);
+  return 0;
+}
+
+int list_rules(bool as_json) {
+  json rows = json::array();
+  for (const RuleKind& kind : rule_kinds()) {
+    const std::string modes = kind.not_real.empty() ? "virtual, real" : fmt::format("virtual ({})", kind.not_real);
+    if (as_json)
+      rows.push_back({{"rule", form_of(kind)},
+                      {"help", kind.help},
+                      {"virtual", true},
+                      {"real", kind.not_real.empty()},
+                      {"why_not_real", kind.not_real}});
+    else
+      fmt::print("{:<40} {}: {}\n", form_of(kind), modes, kind.help);
+  }
+  if (as_json) print_json(rows);
+  return 0;
+}
+
+int list_figures(bool as_json) {
+  json rows = json::array();
+  for (const FigureKind& kind : figure_kinds()) {
+    const char* worse = kind.less_is_worse ? "less" : "more";
+    if (as_json)
+      rows.push_back({{"figure", kind.name}, {"help", kind.help}, {"least_change", kind.least}, {"worse", worse}});
+    else
+      fmt::print("{:<24} {} is worse, from {} on: {}\n", kind.name, worse, kind.least, kind.help);
+  }
+  if (as_json) print_json(rows);
+  return 0;
+}
+
+// As far as scripts are good; those that are not are said, and make a bad exit code.
+int list_scenarios(const std::string& asked, bool as_json) {
+  const auto folder = asked.empty() ? scenario_folder(program_folder()) : Result<std::string>(asked);
+  const auto files = folder ? scripts_in(*folder) : Result<std::vector<std::string>>(folder.error());
+  if (!files) return fail(files.error(), exit_usage);
+  json rows = json::array();
+  std::string group_before;
+  int code = 0;
+  for (const std::string& file : *files) {
+    const auto script = load_script(file, true);  // with what the real processes alone have
+    if (!script) {
+      fmt::print(stderr, "{}\n", script.error().what);
+      code = exit_usage;
+      continue;
+    }
+    const std::string group = group_of(file, *folder);
+    if (as_json) {
+      const auto real = check_real(*script, {});
+      rows.push_back({{"name", script->name},
+                      {"group", group},
+                      {"title", script->title},
+                      {"file", file},
+                      {"real", real.ok()},
+                      {"why_not_real", real ? "" : real.error().what}});
+      continue;
+    }
+    if (group != group_before) fmt::print("{}{}:\n", group_before.empty() ? "" : "\n", group);
+    group_before = group;
+    fmt::print("  {:<26} {}\n", script->name, script->title);
+  }
+  if (as_json) print_json(rows);
+  return code;
+}
+
+int list_what(const ListOptions& options) {
+  if (options.what == "faults") return list_faults(options.json);
+  if (options.what == "rules") return list_rules(options.json);
+  if (options.what == "figures") return list_figures(options.json);
+  return list_scenarios(options.what, options.json);
+}
+
+}  // namespace
+
+Act list(CommandLine& line) {
+  const auto options = std::make_shared<ListOptions>();
+  Verb verb = line.verb("list", "Lists scenarios; or the kinds of faults and rules, and in which modes there are such");
+  verb.option(
+      "WHAT", options->what,
+      "faults, rules, figures, or a folder of scripts (./faults, if it has such a name); left out: the scenarios "
+      "that come with the program");
+  verb.flag("--json", options->json, "as a list of objects");
+  return {verb, [options] { return list_what(*options); }};
+}
+
+}  // namespace ledgerline::hil::verbs

@@ -1,0 +1,79 @@
+// ledgerline fault random: scripts drawn at random; what breaks is shrunk.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "common/base/log.hpp"
+#include "common/program/program.hpp"
+#include "hil/fault/campaign.hpp"
+#include "hil/fault/draw.hpp"
+#include "hil/fault/shrink.hpp"
+#include "hil/fault/verbs/told.hpp"
+#include "hil/fault/verbs/verbs.hpp"
+
+namespace ledgerline::hil::verbs {
+namespace {
+
+struct RandomOptions : FlightOptions {
+  std::string recording;
+  bool shrinks = true;
+};
+
+/// A broken flight's shortest script, said and written; false: it could not be.
+bool tell_shortest(const Flight& flight, const RandomOptions& options) {
+  Script script = flight.script;
+  if (options.shrinks) {
+    script = shrink(script, [&](const Script& shorter) {
+      const auto again = run_script(shorter, flight.seed);
+      return again && !again->held();
+    });
+  }
+  script.seed = flight.seed;
+  const auto result = run_script(script, flight.seed);
+  fmt::print("\n# {}, seed {}\n{}{}", script.name, flight.seed, text_of(script), result ? broken_text(*result) : "");
+  return options.out.empty() || write(fmt::format("{}/{}.toml", options.out, script.name), text_of(script));
+}
+
+int fly_random(const RandomOptions& options) {
+  const auto seeds = parse_seeds(options.seeds.empty() ? "1" : options.seeds);
+  if (!seeds) return usage_error(seeds.error().what);
+  const std::size_t count = seeds->second - seeds->first + 1;
+  Teller teller(count, true);
+  std::vector<Flight> broken;
+  bool fine = true;
+  fly_all(
+      count, options.jobs,
+      [&](std::size_t i) {
+        const std::uint64_t number = seeds->first + i;
+        return Flight{draw_script(number, options.recording), number};
+      },
+      [&](std::size_t, const Flight& flight, Result<RunResult> result) {
+        if (!result) {
+          spdlog::error("{}: {}", flight.script.name, result.error().what);
+          fine = false;
+          return true;
+        }
+        if (!result->held()) broken.push_back(flight);
+        teller.told(std::move(*result), source_of(text_of(flight.script)));
+        return true;
+      });
+  teller.end();
+  for (const Flight& flight : broken) fine = tell_shortest(flight, options) && fine;
+  return teller.write_files(options) && fine && broken.empty() ? 0 : exit_broken;
+}
+
+}  // namespace
+
+Act random(CommandLine& line) {
+  const auto options = std::make_shared<RandomOptions>();
+  Verb verb = line.verb("random", "Flies scripts drawn at random, number FIRST to LAST; shrinks what breaks");
+  add_flight_options(verb, *options);
+  verb.option("--recording", options->recording, "a file of delays, a number of seconds a line, for some of them")
+      .existing_file();
+  verb.option("--out", options->out, "folder for the shortest scripts that break");
+  verb.flag("!--no-shrink", options->shrinks, "leave broken scripts as they were drawn");
+  return {verb, [options] { return fly_random(*options); }};
+}
+
+}  // namespace ledgerline::hil::verbs

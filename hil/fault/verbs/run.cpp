@@ -1,0 +1,149 @@
+// ledgerline fault run: scripts in virtual time, or with the real processes.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <memory>
+
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
+#include "common/program/program.hpp"
+#include "hil/fault/campaign.hpp"
+#include "hil/fault/catalogue/scenarios.hpp"
+#include "hil/fault/real/real.hpp"
+#include "hil/fault/real/replay.hpp"
+#include "hil/fault/verbs/told.hpp"
+#include "hil/fault/verbs/verbs.hpp"
+
+namespace ledgerline::hil::verbs {
+namespace {
+
+constexpr double agree_within_m = 0.1;          // of the real processes and the virtual run of a script without faults
+constexpr std::uint64_t max_flights = 200'000;  // all are held ready
+
+struct RunOptions : FlightOptions {
+  std::vector<std::string> scripts;
+  bool real = false, out_given = false;
+  std::string ledger = "embedded";  // of --real
+};
+
+/// What is to be flown.
+struct Wanted {
+  std::vector<Flight> flights;
+  std::map<std::string, std::string> sources;  ///< by the script's name
+};
+
+Result<Wanted> read_all(const RunOptions& options) {
+  const auto files = scripts_named(options.scripts, program_folder());
+  if (!files) return files.error();
+  std::vector<Script> scripts;
+  Wanted wanted;
+  for (const std::string& file : *files) {
+    const auto text = read_file(file);
+    if (!text) return text.error();
+    auto script = parse_script(*text, file, options.real);
+    if (!script) return script.error();
+    wanted.sources[script->name] = source_of(*text);
+    scripts.push_back(std::move(*script));
+  }
+  std::optional<std::pair<std::uint64_t, std::uint64_t>> seeds;
+  if (!options.seeds.empty()) {
+    const auto parsed = parse_seeds(options.seeds);
+    if (!parsed) return parsed.error();
+    seeds = *parsed;
+  }
+  if (seeds && seeds->second - seeds->first >= max_flights / scripts.size())
+    return Error{fmt::format("{} are too many seeds for {} scripts: {} flights are the most", options.seeds,
+                             scripts.size(), max_flights)};
+  wanted.flights = flights_of(scripts, seeds);
+  return wanted;
+}
+
+/// What is said of a flight without faults, whose virtual run must agree; that is in the result's verdicts, too.
+std::string agree(const Script& script, std::uint64_t seed, RunResult& result) {
+  const auto virtually = run_script(script, seed);
+  const Agreement agreement = virtually ? hil::compare(result, *virtually) : Agreement{false, 0, "no virtual run"};
+  result.verdicts.push_back(verdict_on(agreement, agree_within_m, result.flown_ns));
+  return fmt::format("{} its virtual run: {} transitions, places within {:.3f} m ({:.1f} m may be){}\n",
+                     result.verdicts.back().held ? "agrees with" : "DIFFERS from",
+                     agreement.same_transitions ? "the same" : "other", agreement.farthest_m, agree_within_m,
+                     agreement.difference.empty() ? "" : "\n  " + agreement.difference);
+}
+
+/// The real processes, one flight after another. True: each was flown.
+bool fly_really(const Wanted& wanted, const RunOptions& options, Teller& teller) {
+  const char* elsewhere = std::getenv("LEDGERLINE_BIN");  // as for ledgerline-fly
+  const std::string programs = elsewhere ? elsewhere : program_folder();
+  bool flown = true;
+  for (const auto& [script, seed] : wanted.flights) {
+    const std::string directory =
+        fmt::format("{}/{}-{}", std::filesystem::absolute(options.out).string(), script.name, seed);
+    auto result = run_really(script, seed, {programs, directory, {options.ledger == "fabric"}});
+    if (!result) {
+      spdlog::error("{}: {}", script.name, result.error().what);
+      flown = false;
+      continue;
+    }
+    const std::string agreed = script.faults.empty() ? agree(script, seed, *result) : "";
+    teller.told(std::move(*result), wanted.sources.at(script.name), agreed);
+  }
+  return flown;
+}
+
+bool fly_virtually(const Wanted& wanted, const RunOptions& options, Teller& teller) {
+  bool flown = true;
+  fly_all(
+      wanted.flights.size(), options.jobs, [&](std::size_t i) { return wanted.flights[i]; },
+      [&](std::size_t, const Flight& flight, Result<RunResult> result) {
+        if (result) {
+          teller.told(std::move(*result), wanted.sources.at(flight.script.name));
+        } else {
+          spdlog::error("{}: {}", flight.script.name, result.error().what);
+          flown = false;
+        }
+        return true;
+      });
+  return flown;
+}
+
+int run_scripts(const RunOptions& options) {
+  if (options.real && (!options.out_given || options.jobs != 1))
+    return usage_error("--real goes with --out FOLDER, and without --jobs: there is one flight at a time");
+  const auto wanted = read_all(options);
+  if (!wanted) return usage_error(wanted.error().what);
+  for (const auto& [script, seed] : wanted->flights) {  // before any of them flies
+    if (!options.real) break;
+    if (const auto possible = check_real(script, {options.ledger == "fabric"}); !possible)
+      return usage_error(possible.error().what);
+  }
+  Teller teller(wanted->flights.size(), options.quiet);
+  const bool flown = options.real ? fly_really(*wanted, options, teller) : fly_virtually(*wanted, options, teller);
+  teller.end();
+  return teller.write_files(options) && flown && teller.broken() == 0 ? 0 : exit_broken;
+}
+
+}  // namespace
+
+Act run(CommandLine& line) {
+  const auto options = std::make_shared<RunOptions>();
+  Verb verb = line.verb("run", "Flies scripts, or all *.toml of a folder");
+  verb.option("SCRIPT", options->scripts, "files, folders, or names of scenarios and their groups (`fault list`)")
+      .required();
+  verb.flag("--quiet", options->quiet, "say broken runs only");
+  add_flight_options(verb, *options);
+  const Option real =
+      verb.flag("--real", options->real,
+                "with the real processes, in real time, one flight after another (./fly --proxy); a script without "
+                "faults must agree with its virtual run");
+  verb.option("--ledger", options->ledger, "of --real").needs(real).one_of({"embedded", "fabric"}).shows_default();
+  const Option out =
+      verb.option("--out", options->out, "of --real: folder for what each flight leaves behind").needs(real);
+  return {verb, [options, out] {
+            options->out_given = out.given();
+            return run_scripts(*options);
+          }};
+}
+
+}  // namespace ledgerline::hil::verbs

@@ -1,0 +1,72 @@
+#include "hil/fault/catalogue/check.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "hil/fault/catalogue/first_script.hpp"
+#include "hil/fault/run/run.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr const char* text = R"(title = "t"
+must = [
+  "finishes",
+  "sends no takeoff",
+]
+
+[flight]
+battery = 0.5
+
+[[fault]]
+what = "ledger stall"
+for = "1s"
+
+[[fault]]
+what = "drone tello1 reboot"
+
+[[fault]]
+what = "agent kill"
+for = "3s"
+)";
+
+TEST(Check, OfARealFlightSaysTheLineOfWhatItCannotHave) {
+  EXPECT_TRUE(check_script(text, "x.toml").ok());
+  const auto script = check_script(text, "x.toml", RealLedger{});
+  ASSERT_FALSE(script.ok());
+  const std::string& error = script.error().what;
+  for (const char* wanted : {"x.toml:2: must: \"sends no takeoff\": the traces do not tell it",
+                             "x.toml:8: flight.battery: ./fly flies with full",
+                             "x.toml:15: fault.1.what: \"drone tello1 reboot\": it is inside of the simulation",
+                             "x.toml:18: fault.2.what: \"agent kill\": the launcher starts it again at once"})
+    EXPECT_THAT(error, HasSubstr(wanted));
+  EXPECT_THAT(error, Not(HasSubstr("ledger stall")));
+  EXPECT_THAT(error, Not(HasSubstr("unknown")));
+}
+
+TEST(Check, AnswersForTheLedgerThatIsMeant) {
+  const std::string flight = "title = \"t\"\n[[fault]]\nwhat = \"peer 1 kill\"\n";
+  EXPECT_TRUE(check_script(flight, "x.toml", RealLedger{.fabric = true}).ok());
+  EXPECT_THAT(check_script(flight, "x.toml", RealLedger{}).error().what,
+              HasSubstr("x.toml:3: fault.0.what: \"peer 1 kill\": it is a part of Fabric"));
+  EXPECT_THAT(check_script(flight, "x.toml").error().what, HasSubstr("needs the real processes"));
+}
+
+TEST(FirstScript, IsFineInEveryModeAndHolds) {
+  const std::string first = first_script("mine");
+  for (const auto& real : {std::optional<RealLedger>(), std::optional(RealLedger{}), std::optional(RealLedger{true})}) {
+    const auto script = check_script(first, "mine.toml", real);
+    ASSERT_TRUE(script.ok()) << script.error().what;
+    EXPECT_THAT(script->title, HasSubstr("mine"));
+  }
+  const auto result = run_script(*check_script(first, "mine.toml"), 1);
+  ASSERT_TRUE(result.ok()) << result.error().what;
+  EXPECT_TRUE(result->held());
+  EXPECT_GT(result->flown_ns, 10 * ns_per_s);
+}
+
+}  // namespace
+}  // namespace ledgerline::hil
