@@ -37,6 +37,7 @@ install(FILES chaincode/shim/example.cpp DESTINATION ${examples} RENAME chaincod
 install(FILES hil/shim/example.cpp DESTINATION ${examples} RENAME drones.cpp)
 install(FILES cmake/examples.cmake DESTINATION ${examples} RENAME CMakeLists.txt)
 
-install(PROGRAMS $<TARGET_FILE:ledgerline> $<TARGET_FILE:ledgerline-fault> DESTINATION ${CMAKE_INSTALL_BINDIR} OPTIONAL)
-install(DIRECTORY hil/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline FILES_MATCHING PATTERN *.toml)
-install(FILES ${CMAKE_BINARY_DIR}/share/ledgerline/fault-script.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline OPTIONAL)
+install(PROGRAMS $<TARGET_FILE:ledgerline> $<TARGET_FILE:ledgerline-fault> DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT faults OPTIONAL)
+install(DIRECTORY hil/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline COMPONENT faults FILES_MATCHING PATTERN *.toml)
+install(FILES ${CMAKE_BINARY_DIR}/share/ledgerline/fault-script.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline COMPONENT faults
+  OPTIONAL)

@@ -67,7 +67,7 @@ def test_a_scenario_flies_by_its_name_from_anywhere(tmp_path):
 
 
 def test_an_installed_program_finds_its_scenarios_beside_it(tmp_path):
-    subprocess.run(["cmake", "--install", BIN.parent, "--prefix", tmp_path], check=True, capture_output=True)
+    subprocess.run(["cmake", "--install", BIN.parent, "--component", "faults", "--prefix", tmp_path], check=True, capture_output=True)
     listed = subprocess.run([tmp_path / "bin/ledgerline", "fault", "list", "--json"], capture_output=True, text=True, check=True)
     rows = json.loads(listed.stdout)
     assert len(rows) == len(SCENARIOS)
