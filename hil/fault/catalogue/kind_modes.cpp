@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cctype>
 #include <optional>
-#include <set>
 
 #include "hil/lines/text_parse.hpp"
 
@@ -23,6 +22,8 @@ constexpr Stand stand_ins[] = {
     {"orders", "WHAT...", "hides-commands"},
     {"errs", "WHAT...", "boot"},
     {"relay", "LIE...", "plan-speed"},
+    {"answers", "WHAT...", "late 300ms"},
+    {"states", "WHAT...", "torn"},
     {"ledger", "EFFECTS...", "loss 5%"},
     {"", "EFFECTS...", "delay 200ms"},
     {"", "DISTRIBUTION...", "gamma 50ms 20ms"},
@@ -40,9 +41,12 @@ constexpr Stand stand_ins[] = {
     {"", "SIZE", "500MB"},
 };
 
-std::optional<std::string_view> example_for(std::string_view word, const std::set<std::string_view>& before) {
+/// `text`: the fault as far as its words are known.
+std::optional<std::string_view> example_for(std::string_view placeholder, const std::string& text) {
+  const auto before = words_of(text);
   for (const Stand& stand : stand_ins) {
-    if (stand.word == word && (stand.behind.empty() || before.contains(stand.behind))) return stand.example;
+    const bool fits = stand.behind.empty() || std::find(before.begin(), before.end(), stand.behind) != before.end();
+    if (stand.word == placeholder && fits) return stand.example;
   }
   return std::nullopt;
 }
@@ -89,19 +93,15 @@ bool is_placeholder(std::string_view word) { return std::isupper(static_cast<uns
 
 std::vector<std::string> examples_of(const FaultKind& kind) {
   std::vector<std::string> examples{""};
-  std::set<std::string_view> before;
   for (const std::string_view word : words_of(kind.form)) {
-    std::vector<std::string_view> choices;
-    if (is_placeholder(word)) {
-      const auto example = example_for(word, before);
-      if (!example) return {};
-      choices = {*example};
-    } else {
-      choices = choices_in(word);
-      before.insert(choices.begin(), choices.end());
-    }
     std::vector<std::string> longer;
     for (const std::string& text : examples) {
+      std::vector<std::string_view> choices = choices_in(word);
+      if (is_placeholder(word)) {
+        const auto example = example_for(word, text);
+        if (!example) return {};
+        choices = {*example};
+      }
       for (const std::string_view choice : choices)
         longer.push_back(text.empty() ? std::string(choice) : fmt::format("{} {}", text, choice));
     }
