@@ -1,6 +1,7 @@
 // ledgerline fault list: the scenarios that there are, the kinds of faults and rules, the figures.
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -78,11 +79,23 @@ int list_figures(bool as_json) {
   return 0;
 }
 
+/// What is asked for: a folder's scripts, or those of a group or name among the scenarios; and where groups begin.
+Result<std::vector<std::string>> files_asked(const std::string& asked, std::string& folder) {
+  if (std::filesystem::is_directory(asked)) {
+    folder = asked;
+    return scripts_in(folder);
+  }
+  const auto library = scenario_folder(program_folder());
+  if (!library) return library.error();
+  folder = *library;
+  return asked.empty() ? scripts_in(folder) : scripts_named({asked}, program_folder());
+}
+
 // As far as scripts are good; those that are not are said, and make a bad exit code.
 int list_scenarios(const std::string& asked, bool as_json) {
-  const auto folder = asked.empty() ? scenario_folder(program_folder()) : Result<std::string>(asked);
-  const auto files = folder ? scripts_in(*folder) : Result<std::vector<std::string>>(folder.error());
-  if (!files) return fail(files.error(), exit_usage);
+  std::string folder;
+  const auto files = files_asked(asked, folder);
+  if (!files) return usage_error(files.error().what);
   json rows = json::array();
   std::string group_before;
   int code = 0;
@@ -93,7 +106,7 @@ int list_scenarios(const std::string& asked, bool as_json) {
       code = exit_usage;
       continue;
     }
-    const std::string group = group_of(file, *folder);
+    const std::string group = group_of(file, folder);
     if (as_json) {
       const auto real = check_real(*script, {});
       rows.push_back({{"name", script->name},
@@ -124,10 +137,10 @@ int list_what(const ListOptions& options) {
 Act list(CommandLine& line) {
   const auto options = std::make_shared<ListOptions>();
   Verb verb = line.verb("list", "Lists scenarios; or the kinds of faults and rules, and in which modes there are such");
-  verb.option(
-      "WHAT", options->what,
-      "faults, rules, figures, or a folder of scripts (./faults, if it has such a name); left out: the scenarios "
-      "that come with the program");
+  verb.option("WHAT", options->what,
+              "faults, rules, figures; or a folder of scripts (./faults, if it has such a name), or a group of "
+              "scenarios; left out: "
+              "all that come with the program");
   verb.flag("--json", options->json, "as a list of objects");
   return {verb, [options] { return list_what(*options); }};
 }

@@ -58,7 +58,8 @@ def test_list_has_every_scenario_and_says_modes():
     assert re.search(r"^drone NAME reboot +virtual$", shown, re.M) and re.search(r"^roudi kill +real$", shown, re.M)
     assert re.search(r"^sends COMMAND +virtual \(the traces", fault("list", "rules").stdout, re.M)
     assert "command_age_median_ms" in fault("list", "figures").stdout
-    fault("list", "/nowhere", expect=2)
+    assert {row["group"] for row in json.loads(fault("list", "fence", "--json").stdout)} == {"fence"}
+    assert "no scenario or group" in fault("list", "nowhere", expect=2).stderr
 
 
 def test_a_scenario_flies_by_its_name_from_anywhere(tmp_path):
