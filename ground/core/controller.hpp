@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "ground/core/follower.hpp"
 #include "ground/core/path.hpp"
 #include "ground/motion/predictor.hpp"
 #include "ground/motion/track.hpp"
@@ -82,7 +83,7 @@ class PredictionError {
 ///
 /// The work of a plan is bounded, whatever the times in the state: after a pause of more than 3 s the reference goes on
 /// from where it was, as it would after 3 s. Deterministic; one thread.
-class PathController {
+class PathController final : public Follower {
  public:
   static constexpr TimeNs step_ns = 50 * ns_per_ms;
   static constexpr std::size_t steps = 12;  ///< of a plan at least: 0.6 s
@@ -93,25 +94,26 @@ class PathController {
 
   /// Lets the reference move from `from_ns` on, as far as `end_m` along the track (laps count on); until then it waits
   /// at the origin.
-  void start(TimeNs from_ns, double end_m = std::numeric_limits<double>::infinity());
+  void start(TimeNs from_ns, double end_m = std::numeric_limits<double>::infinity()) override;
   /// A state in flight; `late_ns`: how much later than they say link flies setpoints (motion::PlayoutMargin).
-  void observe(const StateSample& state, TimeNs late_ns);
+  void observe(const StateSample& state, TimeNs late_ns) override;
+  bool ready() const override { return predictor_.ready(); }
   /// Setpoints for first_ns, first_ns + 50 ms, ... as many as asked for (12 to 40); first_ns must not go back from plan
   /// to plan. Without prediction: one velocity, held for 2 s from first_ns on. `id` is for withdraw().
-  std::vector<Setpoint> plan(std::uint64_t id, TimeNs first_ns, std::size_t count = steps);
+  std::vector<Setpoint> plan(std::uint64_t id, TimeNs first_ns, std::size_t count = steps) override;
   /// The plan will not be flown.
-  void withdraw(std::uint64_t id) { predictor_.withdraw(id); }
+  void withdraw(std::uint64_t id) override { predictor_.withdraw(id); }
 
   /// Of the reference, over all laps.
-  double progress_m() const { return progress_m_; }
-  bool at_end() const { return started_ && progress_m_ >= end_m_; }
+  double progress_m() const override { return progress_m_; }
+  bool at_end() const override { return started_ && progress_m_ >= end_m_; }
   /// Of one lap, as progress counts it.
-  double lap_m() const { return config_.predict ? track_.length_m() : path_.length_m(); }
-  const Path& path() const { return path_; }
+  double lap_m() const override { return config_.predict ? track_.length_m() : path_.length_m(); }
+  const Path& path() const override { return path_; }
   /// Of the first waypoint: where it hovers until it is started.
-  double start_height_m() const { return track_.at(0).position_m.z(); }
+  double start_height_m() const override { return track_.at(0).position_m.z(); }
   /// The time that these laps should take.
-  double expected_s(int laps) const;
+  double expected_s(int laps) const override;
 
   /// The speed asked for at this place, by the ramp.
   double asked_mps(double s_m) const;

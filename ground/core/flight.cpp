@@ -29,8 +29,9 @@ std::string name_of(DronePhase phase) {
   return names[static_cast<std::size_t>(phase)];
 }
 
-std::vector<Waypoint> waypoints_of(const FlightConfig& config) {
-  return config.waypoints.empty() ? motion::waypoints_of(config.shape, config.side_m) : config.waypoints;
+Task task_of(const FlightConfig& config, std::size_t drone) {
+  if (const auto& own = config.drones[drone].task) return *own;
+  return {config.shape, config.side_m, config.waypoints, config.controller.speed_mps, config.laps};
 }
 
 std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std::string_view name) {
@@ -267,6 +268,8 @@ std::string FlightCore::why() const {
 }
 
 FlightStatus FlightCore::status(std::size_t drone) const { return drones_.at(drone)->status; }
+
+const Follower* FlightCore::follower(std::size_t drone) const { return drones_.at(drone)->planner.follower(); }
 
 const PathController* FlightCore::controller(std::size_t drone) const {
   return drones_.at(drone)->planner.controller();

@@ -59,7 +59,9 @@ class FlightCore {
   const FlightTransactions& transactions() const { return transactions_; }
   /// The way there and back that plans are made for; the longest of all drones'.
   TimeNs delay_ns() const { return timing_.max_delay_ns(); }
-  /// The controller of a path that is flown or was; null before.
+  /// Who steers along a path that is flown or was; null before.
+  const Follower* follower(std::size_t drone) const;
+  /// The same where it is our own; null where a plug-in steers.
   const PathController* controller(std::size_t drone) const;
 
  private:

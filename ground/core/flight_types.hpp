@@ -22,6 +22,7 @@ namespace ledgerline::ground {
 struct FlightDrone {
   std::string name;  ///< "tello1"
   DroneNumber number = 1;
+  std::optional<Task> task{};  ///< nothing: what the flight says
 };
 
 /// What is done with a request for a drone that we hold when our operator has not answered it in time.
@@ -38,6 +39,7 @@ struct FlightConfig {
   int laps = 3;
   double seconds = 0;  ///< > 0: fly the path this long instead of counting laps; manual: land and end after so long
   ControllerConfig controller;
+  MakeFollower follower{};    ///< who steers along the path; null: PathController
   crypto::IdentityName self;  ///< whose lease it must be
   std::shared_ptr<crypto::MspRegistry>
       believed;  ///< states must be signed by one of these, the drone's owner, and control events must follow from
@@ -144,8 +146,8 @@ struct FlightTransactions {
   std::uint64_t unbelievable = 0;  ///< not what their flags say (fabric::Transaction::problem)
 };
 
-/// As flown: the shape's waypoints or one's own.
-std::vector<Waypoint> waypoints_of(const FlightConfig& config);
+/// What this drone flies: its own task, or the flight's.
+Task task_of(const FlightConfig& config, std::size_t drone);
 
 /// Index of the drone of this name; nothing: it does not fly here.
 std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std::string_view name);

@@ -6,6 +6,10 @@
 
 namespace ledgerline::ground {
 
+std::vector<Waypoint> waypoints_of(const Task& task) {
+  return task.waypoints.empty() ? motion::waypoints_of(task.shape, task.side_m) : task.waypoints;
+}
+
 Path::Path(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin)
     : waypoints_(waypoints), starts_m_{0} {
   for (const Waypoint& waypoint : waypoints) corners_.push_back(origin + waypoint.at_m);

@@ -12,6 +12,16 @@ using motion::Shape;
 using motion::shape_from_name;
 using motion::Waypoint;
 
+/// What one drone flies.
+struct Task {
+  Shape shape = Shape::square;
+  double side_m = 1.5;
+  std::vector<Waypoint> waypoints{};  ///< of a path of one's own; empty: the shape
+  double speed_mps = 0.5;
+  int laps = 3;
+};
+std::vector<Waypoint> waypoints_of(const Task& task);
+
 /// A closed polygon in the horizontal plane, metres in the map frame: what cross-track errors are measured against,
 /// with its corners sharp; its waypoints' heights and speeds along with it. It begins and ends at its first corner, the
 /// origin. Immutable; any thread.

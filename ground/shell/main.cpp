@@ -57,11 +57,11 @@ const std::string notes =
     R"(Example:
   ledgerline-ground --config ground.toml
 
-ground.toml: [[drone]] name, number;
+ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints, side_m, speed_mps, laps;
 )" + ledger_table_help +
     R"(  [flight] shape (square|triangle|x|eight|waypoints|manual), waypoints (CSV: x,y[,z[,speed]]), predict,
     ramp_start_mps, ramp_step_mps, told_mps, told_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, side_m,
-    lag_s, cmd_timeout_ms
+    lag_s, cmd_timeout_ms, controller (a library of your own: docs/own-code.md)
   [output] trace, summary, status_period_ms, checkpoint
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:

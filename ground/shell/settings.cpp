@@ -7,6 +7,7 @@
 
 #include "common/rt/histogram_json.hpp"
 #include "ground/core/topics.hpp"
+#include "ground/plugin/plugin.hpp"
 #include "ground/shell/course_file.hpp"
 
 namespace ledgerline::ground {
@@ -74,6 +75,52 @@ void read_controller(Config& config, ControllerConfig& controller) {
                     controller.lag_s, 0.01, 2);
 }
 
+// A controller of one's own, in the place of ours.
+void read_plugin(Config& config, FlightConfig& flight) {
+  const std::string file =
+      config.text({"flight.controller",
+                   "shared library that steers along the path in the place of ground's own controller "
+                   "(docs/own-code.md); none: ground's own"},
+                  "");
+  if (file.empty()) return;
+  auto loaded = load_controller(file);
+  if (!loaded) {
+    config.wrong("flight.controller", "must be a controller: " + loaded.error().what);
+  } else if (flight.manual) {
+    config.wrong("flight.controller", "must not be there with shape = \"manual\", which has no path");
+  } else {
+    flight.follower = std::move(*loaded);
+  }
+}
+
+// What one drone flies in its own way: the keys of [flight] again, in its table.
+void read_task(Config& config, const std::string& key, FlightConfig& flight, FlightDrone& drone) {
+  const std::string shape = config.choice({key + "shape", "its own path, in the place of the flight's", "the flight's"},
+                                          {"flight", "square", "triangle", "x", "eight", "waypoints"}, "flight");
+  if (shape == "flight" && !config.describes()) return;
+  if (flight.manual && !config.describes())
+    config.wrong(key + "shape", "must not be there with [flight] shape = \"manual\", which has no path");
+  Task task{flight.shape, flight.side_m, {}, flight.controller.speed_mps, flight.laps};
+  if (shape == "waypoints" || config.describes()) {
+    auto waypoints = read_waypoints(
+        config.text({key + "waypoints", "as flight.waypoints", "must be there with shape = \"waypoints\""}));
+    if (waypoints) {
+      task.waypoints = std::move(waypoints).value();
+    } else {
+      config.wrong(key + "waypoints", "must be a file of waypoints: " + waypoints.error().what);
+    }
+  } else {
+    task.shape = *shape_from_name(shape);
+  }
+  task.side_m =
+      config.number({key + "side_m", "as flight.side_m, of its own shape", "flight.side_m"}, task.side_m, 0.2, 50);
+  task.speed_mps = config.number({key + "speed_mps", "as flight.speed_mps, on its own path", "flight.speed_mps"},
+                                 task.speed_mps, 0.05, 8);
+  task.laps = static_cast<int>(
+      config.integer({key + "laps", "as flight.laps, of its own path", "flight.laps"}, task.laps, 1, 10'000));
+  drone.task = std::move(task);
+}
+
 void read_requests(Config& config, FlightConfig& flight) {
   const std::string rule = config.choice(
       {"requests.rule",
@@ -94,12 +141,14 @@ FlightConfig flight_config(Config& config) {
   read_requests(config, flight);
   read_path(config, flight);
   read_controller(config, flight.controller);
+  read_plugin(config, flight);
   for (std::size_t i = 0; i < config.table_count({"drone", "one for each drone that is to fly"}); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
     flight.drones.push_back(
         {config.text({key + "name", "as it is enrolled on the ledger"}),
          static_cast<DroneNumber>(config.integer({key + "number", "as link and agent have it", "its place in the file"},
                                                  static_cast<int>(i) + 1, 1, max_drones))});
+    read_task(config, key, flight, flight.drones.back());
   }
   return flight;
 }

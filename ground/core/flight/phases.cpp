@@ -107,7 +107,7 @@ bool Phases::near_origin() const {
 
 bool Phases::settled() const {
   const auto& s = seen_.state;
-  return near_origin() && std::abs(s.position_m[2] - planner_.controller()->start_height_m()) < near_m &&
+  return near_origin() && std::abs(s.position_m[2] - planner_.follower()->start_height_m()) < near_m &&
          std::hypot(s.velocity_mps[0], s.velocity_mps[1], s.velocity_mps[2]) < still_mps;
 }
 
@@ -143,7 +143,11 @@ void Phases::advance_waiting(TimeNs now) {
   if (!lease_.may_command || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
   if (grounded && !may_take_off(s, config_.manual)) return;
   status_.origin_m = {s.position_m[0], s.position_m[1]};
-  planner_.begin_path(status_.origin_m, s.yaw_rad);
+  if (const Status begun = planner_.begin_path(status_.origin_m, s.yaw_rad); !begun) {
+    status_.why = begun.error().what;
+    enter(now, DronePhase::failed);
+    return;
+  }
   enter(now, DronePhase::takeoff);
 }
 
@@ -180,14 +184,14 @@ void Phases::advance_flown(TimeNs now) {
 
 void Phases::advance_path(TimeNs now) {
   const StateSample& s = seen_.state;
-  const PathController& controller = *planner_.controller();
+  const Follower& follower = *planner_.follower();
   if (config_.seconds > 0) {
     const double share = to_seconds(s.stamp_ns - path_since_ns_) / config_.seconds;
     status_.progress = std::clamp(share, 0.0, 1.0);
     status_.finished = share >= 1;
   } else {
-    status_.progress = controller.progress_m() / (config_.laps * controller.lap_m());
-    if (controller.at_end()) {
+    status_.progress = follower.progress_m() / (planner_.laps() * follower.lap_m());
+    if (follower.at_end()) {
       if (end_since_ns_ == 0) end_since_ns_ = s.stamp_ns;
       status_.finished = near_origin();
       if (!status_.finished && s.stamp_ns - end_since_ns_ > end_wait_ns) land(now, "did not reach the end of its path");
@@ -201,7 +205,7 @@ void Phases::advance_path(TimeNs now) {
 TimeNs Phases::path_limit_ns() const {
   constexpr double spare_s = 30;
   if (config_.seconds > 0) return from_seconds(config_.seconds + spare_s);
-  return from_seconds(config_.path_factor * planner_.controller()->expected_s(config_.laps) + spare_s);
+  return from_seconds(config_.path_factor * planner_.follower()->expected_s(planner_.laps()) + spare_s);
 }
 
 // What speaks against a take-off; empty: nothing.
@@ -223,6 +227,12 @@ void Phases::check_time(TimeNs now) {
   if (in_air() && now - seen_.received_ns > config_.silence_ns) {
     land(now, fmt::format("no state came for {:.1f} s", to_seconds(config_.silence_ns)));
     return;
+  }
+  if (const Follower* follower = planner_.follower(); in_air() && follower) {
+    if (const std::string problem = follower->problem(); !problem.empty()) {
+      land(now, problem);
+      return;
+    }
   }
   switch (status_.phase) {
     case DronePhase::waiting: {

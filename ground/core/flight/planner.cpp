@@ -19,17 +19,30 @@ Planner::Planner(const FlightConfig& config, std::size_t drone, const Lease& lea
       lease_(lease),
       seen_(seen),
       status_(status),
+      task_(task_of(config, drone)),
       manual_(config.controller, config.cmd_timeout_ns) {}
 
-void Planner::begin_path(const std::array<double, 2>& origin_m, double yaw_rad) {
-  controller_ = std::make_unique<PathController>(waypoints_of(config_), Eigen::Vector2d(origin_m[0], origin_m[1]),
-                                                 config_.controller, yaw_rad);
+Status Planner::begin_path(const std::array<double, 2>& origin_m, double yaw_rad) {
+  ControllerConfig config = config_.controller;
+  config.speed_mps = task_.speed_mps;
+  const Eigen::Vector2d origin(origin_m[0], origin_m[1]);
+  if (config_.follower) {
+    auto made =
+        config_.follower({config_.drones[drone_].name, waypoints_of(task_), origin, yaw_rad, task_.laps}, config);
+    if (!made) return made.error();
+    follower_ = std::move(*made);
+    return done;
+  }
+  auto own = std::make_unique<PathController>(waypoints_of(task_), origin, config, yaw_rad);
+  controller_ = own.get();
+  follower_ = std::move(own);
+  return done;
 }
 
 void Planner::start_path(TimeNs at_ns) {
   lap_since_ns_ = last_at_ns_ = at_ns;
-  controller_->start(
-      at_ns, config_.seconds > 0 ? std::numeric_limits<double>::infinity() : config_.laps * controller_->lap_m());
+  follower_->start(at_ns,
+                   config_.seconds > 0 ? std::numeric_limits<double>::infinity() : task_.laps * follower_->lap_m());
 }
 
 void Planner::observe(bool same_boot, TimeNs margin_ns) {
@@ -38,11 +51,11 @@ void Planner::observe(bool same_boot, TimeNs margin_ns) {
     manual_ = ManualController(config_.controller, config_.cmd_timeout_ns);
   }
   if (seen_.state.phase != FlightPhase::flying) return;
-  if (controller_) controller_->observe(seen_.state, margin_ns);
+  if (follower_) follower_->observe(seen_.state, margin_ns);
 }
 
 void Planner::withdraw(std::uint64_t id) {
-  if (controller_) controller_->withdraw(id);
+  if (follower_) follower_->withdraw(id);
 }
 
 bool Planner::wants_plan() const {
@@ -56,8 +69,7 @@ bool Planner::wants_plan() const {
   if (state.phase != FlightPhase::flying && phase == DronePhase::takeoff && !may_take_off(state, config_.manual))
     return false;
   // Nor a path without a pose: link brakes, and a plan from nowhere would say nothing.
-  return state.phase != FlightPhase::flying || phase == DronePhase::landing || config_.manual ||
-         controller_->predictor().ready();
+  return state.phase != FlightPhase::flying || phase == DronePhase::landing || config_.manual || follower_->ready();
 }
 
 std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing& timing) {
@@ -78,7 +90,9 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
   } else {
     plan.set_action(FLY);
     command.id = next_plan_++;
-    for (const Setpoint& setpoint : setpoints(now, command, timing)) {
+    const std::vector<Setpoint> planned = setpoints(now, command, timing);
+    if (planned.empty()) return std::nullopt;
+    for (const Setpoint& setpoint : planned) {
       PlannedSetpoint* p = plan.add_setpoints();
       p->set_at_ns(setpoint.at_ns);
       p->set_vx(setpoint.velocity_mps[0]);
@@ -87,7 +101,7 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
       p->set_yaw_rate(setpoint.yaw_rate_radps);
     }
     if (status_.phase == DronePhase::path) count_laps(first_setpoint_ns_);
-    if (controller_) command.progress_m = controller_->progress_m();
+    if (follower_) command.progress_m = follower_->progress_m();
     report();
   }
   ++status_.commands_made;
@@ -103,20 +117,20 @@ std::vector<Setpoint> Planner::setpoints(TimeNs now, const PlannedCommand& comma
   const TimeNs last_ns = command.made_on_drone_ns + timing.farthest_ns;
   const TimeNs room = (last_ns - first_setpoint_ns_) / PathController::step_ns;
   const auto steps = static_cast<std::size_t>(std::max<TimeNs>(0, room));
-  return controller_->plan(command.id, first_setpoint_ns_, std::min(timing.steps, steps));
+  return follower_->plan(command.id, first_setpoint_ns_, std::min(timing.steps, steps));
 }
 
 void Planner::report() {
+  if (follower_) status_.lap_m = follower_->lap_m();
   if (!controller_) return;
-  status_.lap_m = controller_->lap_m();
   status_.limit_mps = config_.controller.predict ? controller_->limit_mps() : 0;
   status_.slowed_to_mps = controller_->slowed_to_mps();
   status_.response = controller_->predictor().response();
 }
 
 void Planner::count_laps(TimeNs at_ns) {
-  const double length_m = controller_->lap_m();
-  const double progress_m = controller_->progress_m();
+  const double length_m = follower_->lap_m();
+  const double progress_m = follower_->progress_m();
   while (progress_m > last_progress_m_) {
     const double lap_end_m = static_cast<double>(status_.lap_s.size() + 1) * length_m;
     if (progress_m < lap_end_m - 1e-9) break;
@@ -127,7 +141,7 @@ void Planner::count_laps(TimeNs at_ns) {
   }
   last_progress_m_ = progress_m;
   last_at_ns_ = at_ns;
-  status_.lap = static_cast<int>(status_.lap_s.size()) + (controller_->at_end() ? 0 : 1);
+  status_.lap = static_cast<int>(status_.lap_s.size()) + (follower_->at_end() ? 0 : 1);
 }
 
 }  // namespace ledgerline::ground

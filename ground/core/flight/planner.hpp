@@ -25,8 +25,8 @@ class Planner {
  public:
   Planner(const FlightConfig& config, std::size_t drone, const Lease& lease, const Seen& seen, FlightStatus& status);
 
-  /// The path begins where the drone stands.
-  void begin_path(const std::array<double, 2>& origin_m, double yaw_rad);
+  /// The path begins where the drone stands. The error says why nobody can steer along it.
+  Status begin_path(const std::array<double, 2>& origin_m, double yaw_rad);
   /// Behind the take-off: the path is flown from then on.
   void start_path(TimeNs at_ns);
   /// A state of this boot; another boot forgets what was planned for the one before.
@@ -37,7 +37,11 @@ class Planner {
   void withdraw(std::uint64_t id);
 
   /// Of a path that is flown or was; null before.
-  const PathController* controller() const { return controller_.get(); }
+  const Follower* follower() const { return follower_.get(); }
+  /// The same where it is our own; else null.
+  const PathController* controller() const { return controller_; }
+  /// Of this drone's path.
+  int laps() const { return task_.laps; }
   ManualController& manual() { return manual_; }
 
  private:
@@ -51,7 +55,9 @@ class Planner {
   const Lease& lease_;
   const Seen& seen_;
   FlightStatus& status_;
-  std::unique_ptr<PathController> controller_;
+  const Task task_;
+  std::unique_ptr<Follower> follower_;
+  PathController* controller_ = nullptr;  ///< the follower, where it is our own
   ManualController manual_;
   std::uint64_t next_plan_ = 1;
   TimeNs first_setpoint_ns_ = 0;  ///< of the newest plan; the drone's clock, as below

@@ -30,6 +30,36 @@ TEST(GroundSettings, AWholeConfigIsReadAndDefaultsFillTheRest) {
   EXPECT_EQ(output.status_period_ns, 0);
 }
 
+TEST(GroundSettings, ADroneMayFlyACourseOfItsOwn) {
+  auto config = Config::parse(
+      "[flight]\nside_m = 2\nlaps = 2\n[[drone]]\nname = \"tello1\"\n[[drone]]\nname = \"tello2\"\nshape = "
+      "\"triangle\"\n"
+      "speed_mps = 0.3\n",
+      "ground.toml");
+  const FlightConfig flight = flight_config(*config);
+  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  EXPECT_FALSE(flight.drones[0].task);
+  ASSERT_TRUE(flight.drones[1].task);
+  EXPECT_EQ(flight.drones[1].task->shape, Shape::triangle);
+  EXPECT_EQ(flight.drones[1].task->side_m, 2) << "the flight's";
+  EXPECT_EQ(flight.drones[1].task->laps, 2);
+  EXPECT_EQ(task_of(flight, 1).speed_mps, 0.3);
+  EXPECT_EQ(task_of(flight, 0).speed_mps, 0.5);
+
+  auto odd =
+      Config::parse("[flight]\nshape = \"manual\"\n[[drone]]\nname = \"tello1\"\nshape = \"x\"\n", "ground.toml");
+  (void)flight_config(*odd);
+  EXPECT_THAT(odd->finish().error().what, testing::HasSubstr("ground.toml:5: drone.0.shape: must not be there"));
+}
+
+TEST(GroundSettings, AControllerThatIsNoneIsRefusedByFile) {
+  auto config = Config::parse("[flight]\ncontroller = \"/nowhere/my.so\"\n", "ground.toml");
+  (void)flight_config(*config);
+  EXPECT_THAT(
+      config->finish().error().what,
+      testing::HasSubstr("ground.toml:2: flight.controller: must be a controller: there is no file /nowhere/my.so"));
+}
+
 TEST(GroundSettings, APilotFliesWhereTheShapeIsManual) {
   auto config = Config::parse("[flight]\nshape = \"manual\"\ncmd_timeout_ms = 200\n", "ground.toml");
   ASSERT_TRUE(config);
