@@ -72,6 +72,21 @@ std::string drone_tables(const Options& options) {
   return tables;
 }
 
+// Ground's, of which each may fly its own course.
+std::string flown_drone_tables(const Options& options) {
+  std::string tables;
+  for (int k = 1; k <= options.drones; ++k) {
+    tables += fmt::format("\n[[drone]]\nname = \"{}\"\nnumber = {}\n", drone_name(options, k), k);
+    if (!options.tasks.contains(k)) continue;
+    const auto& [course, file] = options.tasks.at(k);
+    tables += file.empty() ? fmt::format("shape = \"{}\"\n", ground::name_of(course.shape))
+                           : fmt::format("shape = \"waypoints\"\nwaypoints = \"{}\"\n", file);
+    tables +=
+        fmt::format("side_m = {:.3f}\nspeed_mps = {:.3f}\nlaps = {}\n", course.side_m, course.speed_mps, course.laps);
+  }
+  return tables;
+}
+
 std::string pad_tables(const std::vector<sim::Pad>& pads) {
   std::string tables;
   for (const sim::Pad& pad : pads) {
@@ -186,6 +201,7 @@ std::string flight_table(const Options& options) {
   table += fmt::format("told_mps = {:.3f}\ntold_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n",
                        std::min(link.rc.full_scale_mps, link.playout.max_speed_mps), link.playout.max_acceleration_mps2,
                        to_ms(mocap ? link.failsafe.pose_lost_ns : link.failsafe.velocity_lost_ns));
+  if (!options.controller.empty()) table += fmt::format("controller = \"{}\"\n", options.controller);
   if (!options.course_file.empty()) table += fmt::format("waypoints = \"{}\"\n", options.course_file);
   if (options.ramp.start_mps > 0) {
     table +=
@@ -211,7 +227,7 @@ Status write_sim_config(const RunFiles& files, const Options& options) {
 Status write_local_configs(const RunFiles& files, const Options& options) {
   const std::string link = link_config(files, options);
   const std::string local = output_table(files, "local") + "status_period_ms = 250\n" + flight_table(options) +
-                            dds_table(options, Side::drones) + drone_tables(options);
+                            dds_table(options, Side::drones) + flown_drone_tables(options);
   if (auto status = write_file(files.config("link"), link); !status) return status;
   return write_file(files.config("local"), local);
 }
@@ -285,7 +301,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
                             drone_tables(options);
   const std::string ground = ledger("ground", 2) + output_table(files, "ground") +
                              checkpoint_line(files, options, "ground") + with_status + flight_table(options) +
-                             dds_table(options, Side::ground) + drone_tables(options);
+                             dds_table(options, Side::ground) + flown_drone_tables(options);
   const std::pair<std::string, std::string> all[] = {
       {"link", link},
       {"agent", agent},

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <charconv>
 #include <filesystem>
 #include <sstream>
 
@@ -42,6 +43,7 @@ Exit codes: 0 every drone finished its path and landed (manual: landed, and noth
 /// Options whose words become values of another type, in take().
 struct Words {
   std::string shape = "square", predict = "on", ramp, max_age, pads;
+  std::vector<std::string> tasks;
   std::string deployment, ledger = name_of(Ledger::embedded), storage = "disk", crypto = "libcrypto",
                           batch_timeout = "10ms";
 };
@@ -56,6 +58,14 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
               "on: commands for where the drone will be when they take effect; off: newest state, newest command")
       .one_of({"on", "off"})
       .shows_default();
+  line.option(
+          "--task", words.tasks,
+          "What one drone flies instead: \"tello2 shape=SHAPE_OR_FILE side=M speed=MPS laps=N\", of which any may be\n"
+          "left out; once for each drone")
+      .one_at_a_time();
+  line.option("--controller", o.controller,
+              "A shared library that steers along the path in the place of ground's own controller (docs/own-code.md)")
+      .existing_file();
   line.option("--ramp", words.ramp, "START:STEP, m/s: speed of the first lap, and by how much each one is faster");
   line.option("--pose", o.pose,
               "Who says where the drones are: motion capture, each drone's own velocities and heights, or these while\n"
@@ -196,6 +206,11 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--predict", !o.manual, of_a_path},
       {"--side", !o.manual, of_a_path},
       {"--shape", ledger || !o.manual, "manual goes with a ledger: its pilots speak to ground"},
+      {"--controller", !o.manual, of_a_path},
+      {"--task", !o.manual, of_a_path},
+      {"--task", !o.own, "goes with simulated drones: a deployment's own all fly its [flight]"},
+      {"--predict", o.controller.empty(), "is of ground's own controller, and --controller takes its place"},
+      {"--ramp", o.controller.empty(), "is of ground's own controller, and --controller takes its place"},
       {"--ramp", !o.manual && o.seconds == 0, "goes with a path and its laps"},
   };
   for (const auto& [option, fits, why] : rules) {
@@ -203,6 +218,52 @@ std::string contradiction(const CommandLine& line, const Options& o) {
   }
   if (pose_of(o) == "none" && !o.manual)
     return "a path needs poses: without (--pose none, or a deployment's pose.source) the shape is manual";
+  return "";
+}
+
+/// One word of --task. What is wrong with it; empty: nothing.
+std::string take_task_word(const std::string& word, DroneTask& task) {
+  const auto equals = word.find('=');
+  const std::string key = word.substr(0, equals), value = equals == std::string::npos ? "" : word.substr(equals + 1);
+  if (key == "shape") {
+    auto course = ground::course_from(value);
+    if (!course) return course.error().what;
+    task.course.shape = course->shape;
+    task.course.waypoints = std::move(course->waypoints);
+    task.file = task.course.waypoints.empty() ? "" : std::filesystem::absolute(value).string();
+    return "";
+  }
+  double number = 0;
+  const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
+  const bool whole = error == std::errc() && end == value.data() + value.size();
+  const auto within = [&](double least, double most) { return whole && number >= least && number <= most; };
+  if (key == "side" && within(0.5, 15)) {
+    task.course.side_m = number;
+  } else if (key == "speed" && within(0.05, 5)) {
+    task.course.speed_mps = number;
+  } else if (key == "laps" && within(1, 1000) && number == static_cast<int>(number)) {
+    task.course.laps = static_cast<int>(number);
+  } else {
+    return fmt::format("\"{}\" is none of shape=SHAPE_OR_FILE, side=0.5 to 15, speed=0.05 to 5, laps=1 to 1000", word);
+  }
+  return "";
+}
+
+/// Behind the flight's own path. What is wrong; empty: nothing.
+std::string take_tasks(const Words& words, Options& o) {
+  for (const std::string& text : words.tasks) {
+    std::istringstream in(text);
+    std::string name, word;
+    in >> name;
+    int drone = 1;
+    while (drone <= o.drones && drone_name(o, drone) != name) ++drone;
+    if (drone > o.drones) return fmt::format("--task: \"{}\" names none of the {} drones", text, o.drones);
+    DroneTask task = task_of(o, drone);
+    while (in >> word) {
+      if (const std::string wrong = take_task_word(word, task); !wrong.empty()) return "--task: " + wrong;
+    }
+    o.tasks[drone] = std::move(task);
+  }
   return "";
 }
 
@@ -214,6 +275,7 @@ std::string take_path(const Words& words, Options& o) {
   o.shape = course->shape;
   o.waypoints = std::move(course->waypoints);
   if (!o.waypoints.empty()) o.course_file = std::filesystem::absolute(words.shape);
+  if (const std::string wrong = take_tasks(words, o); !wrong.empty()) return wrong;
   // Own drones stand where their poses say, before take-off.
   if (!o.own) {
     const std::string beyond = beyond_fence(o, link::FenceSettings{}, simulated_starts(o));
@@ -263,6 +325,7 @@ void take(const Words& words, Options& o) {
   if (!words.max_age.empty()) o.max_age_ns = *parse_duration(words.max_age);
   o.ledger = deployment::ledger_kind_of(words.ledger);
   o.tmpfs = words.storage == "tmpfs";
+  if (!o.controller.empty()) o.controller = std::filesystem::absolute(o.controller);
   o.mbedtls = words.crypto == "mbedtls";
   o.batch_timeout_ns = *parse_duration(words.batch_timeout);
   if (!o.cyclonedds.empty()) o.cyclonedds = std::filesystem::absolute(o.cyclonedds);

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,15 +17,23 @@ namespace ledgerline::fly {
 
 using Ledger = deployment::LedgerKind;
 
+/// What one drone flies in the place of the flight's course.
+struct DroneTask {
+  ground::Task course;
+  std::string file;  ///< of its waypoints, absolute; empty: a shape
+};
+
 struct Options {
   ground::Shape shape = ground::Shape::square;
   std::string course_file;                  ///< a path of one's own, absolute; empty: the shape
   std::vector<ground::Waypoint> waypoints;  ///< of that file
   double side_m = 1.5;                      ///< of the shape
+  std::map<int, DroneTask> tasks{};         ///< by number, from 1
   std::string pose = "mocap";               ///< link's pose.source, or "none": by hand alone, without poses
   std::vector<sim::Pad> pads{};             ///< that lie on the simulated floor; with any the source is "pads"
   bool manual = false;                      ///< no path: a pilot flies, by ROS 2 topics
   bool predict = true;                      ///< false: the plain controller: newest state, newest command
+  std::string controller;                   ///< file: a plug-in that steers in ground's place; empty: none
   ground::Ramp ramp;
   TimeNs max_age_ns = 0;  ///< agent and link take no older command; 0: their defaults, longer on a slow ledger
   int drones = 1;
@@ -82,10 +91,15 @@ inline std::string shape_name(const Options& options) {
   return options.manual ? "manual" : ground::name_of(options.shape);
 }
 
+/// What drone 1, 2 ... flies.
+inline DroneTask task_of(const Options& options, int drone) {
+  if (const auto own = options.tasks.find(drone); own != options.tasks.end()) return own->second;
+  return {{options.shape, options.side_m, options.waypoints, options.speed_mps, options.laps}, options.course_file};
+}
+
 /// As it is asked for, sharp corners and all, from this origin.
-inline ground::Path path_of(const Options& options, const Eigen::Vector2d& origin) {
-  return options.waypoints.empty() ? ground::Path(options.shape, origin, options.side_m)
-                                   : ground::Path(options.waypoints, origin);
+inline ground::Path path_of(const Options& options, int drone, const Eigen::Vector2d& origin) {
+  return {ground::waypoints_of(task_of(options, drone).course), origin};
 }
 
 /// The ledger is a network that runs already.

@@ -90,7 +90,7 @@ void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::u
   const TimeNs begin_ns = time_of(between[0]), end_ns = time_of(between[1]);
   drone.flown = flown_path(truth, number, begin_ns, end_ns);
   if (asked.manual || asked.own) return;
-  const ground::Path path = fly::path_of(asked, {number_of(origin[0]), number_of(origin[1])});
+  const ground::Path path = fly::path_of(asked, number, {number_of(origin[0]), number_of(origin[1])});
   const CrossTrack error = cross_track(truth, number, path, begin_ns, end_ns);
   drone.path_flown = error.count > 0;
   drone.cross_track_rms_m = error.rms_m;
@@ -101,7 +101,7 @@ void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::u
     const CrossTrack of_lap = cross_track(truth, number, path, from_ns, to_ns);
     const double asked_mps = asked.ramp.start_mps > 0
                                  ? asked.ramp.start_mps + asked.ramp.step_mps * static_cast<double>(drone.turns.size())
-                                 : asked.speed_mps;
+                                 : fly::task_of(asked, number).course.speed_mps;
     drone.turns.push_back(
         {asked_mps, lap_s > 0 ? number_of(at(ground, "lap_m")) / lap_s : 0, of_lap.rms_m, of_lap.max_m});
     from_ns = to_ns;

@@ -19,18 +19,18 @@ std::vector<Eigen::Vector2d> simulated_starts(const Options& options) {
 std::string beyond_fence(const Options& o, const link::FenceSettings& fence,
                          const std::vector<Eigen::Vector2d>& starts) {
   const auto low = Eigen::Vector3d::Map(fence.min_m.data()), high = Eigen::Vector3d::Map(fence.max_m.data());
-  const bool own = !o.waypoints.empty();
-  const auto points = own ? o.waypoints : motion::waypoints_of(o.shape, o.side_m);
   for (int k = 1; k <= o.drones; ++k) {
-    for (const ground::Waypoint& point : points) {
+    const DroneTask task = task_of(o, k);
+    for (const ground::Waypoint& point : ground::waypoints_of(task.course)) {
       const Eigen::Vector2d at = starts[static_cast<std::size_t>(k) - 1] + point.at_m;
       const Eigen::Vector3d place(at.x(), at.y(), point.height_m.value_or(height_m));
       if ((place.array() >= low.array()).all() && (place.array() <= high.array()).all()) continue;
       return fmt::format(
           "{}: {} would be at {:g}, {:g}, {:g} m, beyond link's fence: x {:g} to {:g}, y {:g} to {:g}, z {:g} "
           "to {:g} m",
-          own ? fmt::format("{}:{}", o.course_file, point.line)
-              : fmt::format("{} with --side {:g}", ground::name_of(o.shape), o.side_m),
+          task.course.waypoints.empty()
+              ? fmt::format("{} with --side {:g}", ground::name_of(task.course.shape), task.course.side_m)
+              : fmt::format("{}:{}", task.file, point.line),
           drone_name(o, k), place.x(), place.y(), place.z(), low.x(), high.x(), low.y(), high.y(), low.z(), high.z());
     }
   }

@@ -198,6 +198,35 @@ TEST(FlyOptions, AManualFlightHasNoPathAndNoLaps) {
   expect_refused({"--shape", "manual", "--side", "2"}, "--side goes with a path");
 }
 
+TEST(FlyOptions, ADroneMayFlyATaskOfItsOwn) {
+  const std::string file = testing::TempDir() + "/task_way.csv";
+  ASSERT_TRUE(write_file(file, "0,0\n1,0\n1,1\n"));
+  const auto line = parse_command_line({"--drones", "3", "--side", "2", "--task", "tello2 shape=triangle laps=1",
+                                        "--task", "tello3 shape=" + file + " speed=0.25"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_EQ(task_of(line.options, 1).course.shape, ground::Shape::square);
+  EXPECT_EQ(task_of(line.options, 2).course.shape, ground::Shape::triangle);
+  EXPECT_EQ(task_of(line.options, 2).course.side_m, 2) << "what is left out is the flight's";
+  EXPECT_EQ(task_of(line.options, 2).course.laps, 1);
+  EXPECT_EQ(task_of(line.options, 3).course.waypoints.size(), 3u);
+  EXPECT_EQ(task_of(line.options, 3).file, file);
+  EXPECT_DOUBLE_EQ(path_of(line.options, 2, {0, 0}).length_m(), 6);
+  expect_refused({"--task", "tello2 laps=1"}, "names none of the 1 drones");
+  expect_refused({"--task", "tello1 laps=0"}, "\"laps=0\" is none of shape=SHAPE_OR_FILE");
+  expect_refused({"--task", "tello1 shape=circle"}, "neither square, triangle, x nor eight");
+  const std::string far = testing::TempDir() + "/task_far.csv";
+  ASSERT_TRUE(write_file(far, "0,0\n30,0\n30,1\n"));
+  expect_refused({"--task", "tello1 shape=" + far}, far + ":2: tello1 would be at 30, 0, 1 m, beyond link's fence");
+  expect_refused({"--shape", "manual", "--task", "tello1 laps=1"}, "--task goes with a path");
+}
+
+TEST(FlyOptions, AControllerOfOnesOwnTakesThePlaceOfOurs) {
+  expect_refused({"--controller", "/nowhere/my.so"}, "/nowhere/my.so");
+  expect_refused({"--controller", "/etc/hostname", "--predict", "off"}, "--controller takes its place");
+  expect_refused({"--controller", "/etc/hostname", "--shape", "manual"}, "--controller goes with a path");
+  EXPECT_EQ(parse_command_line({"--controller", "/etc/hostname"}).options.controller, "/etc/hostname");
+}
+
 TEST(FlyOptions, PredictionIsOnUnlessItIsSwitchedOff) {
   EXPECT_TRUE(parse_command_line({}).options.predict);
   EXPECT_FALSE(parse_command_line({"--predict", "off"}).options.predict);
