@@ -2,6 +2,7 @@
 #include <array>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "ground/core/flight.hpp"
 #include "sim/core/simulator.hpp"
@@ -13,6 +14,9 @@ inline constexpr double rc_full_mps = 1;    ///< what rc 100 means
 
 /// Whether it is there, motors off: one whose motors were cut may still be falling.
 inline bool on_ground(const sim::Truth& truth) { return !truth.in_flight && truth.position_m[2] < on_ground_m; }
+
+/// A drone that somebody else than ground flies is on its way: high enough to have left the ground behind.
+inline bool on_course(const sim::Truth& truth) { return truth.in_flight && truth.position_m[2] > 0.5; }
 
 enum class Process : std::uint8_t { agent, link, ground };
 inline constexpr std::size_t process_count = 3;
@@ -40,9 +44,11 @@ struct DroneFacts {
   std::optional<Pose> pose;       ///< newest that link was given, or made of the drone's own senses
   ground::DronePhase ground_phase = ground::DronePhase::waiting;
   bool finished = false;
-  int lap = 0;                       ///< 0 before the path
-  std::optional<double> off_path_m;  ///< on its path: distance of the truth from it
-  std::array<double, 2> start_m{};   ///< where it stood
+  int lap = 0;                                   ///< 0 before the path
+  std::optional<double> off_path_m;              ///< on its path: distance of the truth from it
+  std::array<double, 2> start_m{};               ///< where it stood
+  std::vector<std::array<double, 2>> corners{};  ///< of its path, on the map, each once; the first is where it stood
+  int laps = 1;                                  ///< that it has to fly
 };
 
 /// What happened at one moment.

@@ -68,13 +68,17 @@ std::string plans_text(const agent::AgentCore* agent, const link::LinkCore* link
   return text;
 }
 
-Witness::Witness(int drones, const sim::Simulator& sim) {
-  for (int k = 1; k <= drones; ++k) {
+Witness::Witness(const WorldConfig& config, const sim::Simulator& sim) {
+  for (int k = 1; k <= config.drones; ++k) {
     DroneFacts facts;
     facts.name = drone_name(k);
     facts.number = static_cast<DroneNumber>(k);
     const sim::Truth truth = sim.truth(facts.number);
     facts.start_m = {truth.position_m[0], truth.position_m[1]};
+    const ground::Path course = course_of(config, k, facts.start_m);
+    facts.corners = corners_of(course);
+    facts.laps = task_of(config, k).laps;
+    if (config.manual) courses_.push_back(course);
     facts_.push_back(facts);
     asked_.emplace_back();
   }
@@ -235,14 +239,15 @@ void Witness::end_step(const sim::Simulator& sim, const ground::FlightCore* grou
       facts.plan_end_ns = std::max(told_ns, facts.land_until_ns);
     }
     facts.off_path_m.reset();
+    const auto& at_m = facts.truth.position_m;
+    if (!courses_.empty() && on_course(facts.truth)) facts.off_path_m = courses_[i].distance_m({at_m[0], at_m[1]});
     if (!ground) continue;
     const auto status = ground->status(i);
     facts.ground_phase = status.phase;
     facts.finished = status.finished;
     facts.lap = status.lap;
     if (status.phase == ground::DronePhase::path)
-      facts.off_path_m =
-          ground->controller(i)->path().distance_m({facts.truth.position_m[0], facts.truth.position_m[1]});
+      facts.off_path_m = ground->follower(i)->path().distance_m({facts.truth.position_m[0], facts.truth.position_m[1]});
   }
 }
 

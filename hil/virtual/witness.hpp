@@ -13,6 +13,8 @@
 
 namespace ledgerline::hil {
 
+struct WorldConfig;
+
 /// What became of a drone's plans, in words: agent's refusals and link's counters, of those that run.
 std::string plans_text(const agent::AgentCore* agent, const link::LinkCore* link, std::size_t drone,
                        DroneNumber number);
@@ -21,7 +23,7 @@ std::string plans_text(const agent::AgentCore* agent, const link::LinkCore* link
 /// One thread.
 class Witness {
  public:
-  Witness(int drones, const sim::Simulator& sim);
+  Witness(const WorldConfig& config, const sim::Simulator& sim);
 
   const std::vector<DroneFacts>& facts() const { return facts_; }
   /// Of the last step, and what was noted before it.
@@ -57,6 +59,7 @@ class Witness {
   };
   void handed_unasked(TimeNs now, const Plan& plan);
 
+  std::vector<ground::Path> courses_;  ///< by drone: what a pilot should fly; none in a flight around paths
   std::vector<WorldEvent> events_, noted_;
   std::vector<Asked> asked_;  ///< by drone
 };

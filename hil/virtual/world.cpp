@@ -41,7 +41,7 @@ VirtualWorld::VirtualWorld(const WorldConfig& config)
       sim_(sim_parameters(config), 0),
       wires_(std::make_unique<Wires>(config.seed ^ 0x73646bULL, static_cast<std::size_t>(config.drones))),
       digester_(std::make_unique<Digester>()),
-      witness_(config.drones, sim_) {
+      witness_(config, sim_) {
   for (LedgerPort* port : {&host_, &operator_}) port->take_blocks_of(config.blocks);
   if (config.mode == WorldConfig::Mode::local) local_.emplace(config.drones);
   Random seeds(config.seed ^ 0x6c696e6573ULL);

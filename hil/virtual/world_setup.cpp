@@ -21,6 +21,37 @@ const crypto::IdentityName administrator_name{"Org2MSP", "CN=Admin@org2.ledgerli
 
 std::string drone_name(int number) { return fmt::format("tello{}", number); }
 
+ground::Task task_of(const WorldConfig& config, int number) {
+  if (const auto own = config.tasks.find(number); own != config.tasks.end()) return own->second;
+  return {config.shape, config.side_m, config.waypoints, config.speed_mps, config.laps};
+}
+
+Reach reach_of(const ground::Task& task) {
+  Reach reach;
+  if (task.waypoints.empty()) {
+    reach.max_m = {task.side_m, task.side_m};
+    return reach;
+  }
+  for (const ground::Waypoint& waypoint : task.waypoints) {
+    for (std::size_t i = 0; i < 2; ++i) {
+      const double at_m = waypoint.at_m[static_cast<Eigen::Index>(i)];
+      reach.min_m[i] = std::min(reach.min_m[i], at_m);
+      reach.max_m[i] = std::max(reach.max_m[i], at_m);
+    }
+  }
+  return reach;
+}
+
+ground::Path course_of(const WorldConfig& config, int number, const std::array<double, 2>& start_m) {
+  return {ground::waypoints_of(task_of(config, number)), Eigen::Vector2d(start_m[0], start_m[1])};
+}
+
+std::vector<std::array<double, 2>> corners_of(const ground::Path& path) {
+  std::vector<std::array<double, 2>> corners;
+  for (const Eigen::Vector2d& corner : path.corners()) corners.push_back({corner.x(), corner.y()});
+  return corners;
+}
+
 node::CoreConfig node_config(const WorldConfig& config) {
   node::CoreConfig node;
   node.batch_count = config.batch_count;
@@ -78,11 +109,17 @@ link::LinkSettings link_settings(const WorldConfig& config) {
     settings.pads.push_back({.id = pad.id, .position_m = {pad.x_m, pad.y_m, 0}, .yaw_rad = pad.yaw_rad});
   if (!config.room_m) return settings;
   const double room_m = *config.room_m;
-  const int columns = std::min(config.drones, places.columns);
-  const int rows = (config.drones + places.columns - 1) / places.columns;
   settings.fence.min_m = {-std::abs(room_m), -std::abs(room_m), 0};
-  settings.fence.max_m = {(columns - 1) * places.spacing_m + config.side_m + room_m,
-                          (rows - 1) * places.spacing_m + config.side_m + room_m, 3};
+  settings.fence.max_m = {0, 0, 3};
+  for (int k = 1; k <= config.drones; ++k) {
+    const auto start_m = sim::start_of(places, k);
+    const Reach reach = reach_of(task_of(config, k));
+    for (std::size_t i = 0; i < 2; ++i) {
+      double &min_m = settings.fence.min_m[i], &max_m = settings.fence.max_m[i];
+      min_m = std::min(min_m, start_m[i] + reach.min_m[i] - std::abs(room_m));
+      max_m = std::max(max_m, start_m[i] + reach.max_m[i] + room_m);
+    }
+  }
   return settings;
 }
 
@@ -99,13 +136,18 @@ agent::AgentConfig agent_config(const WorldConfig& config, std::uint64_t starts)
 
 ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& ledger) {
   ground::FlightConfig ground;
-  for (int k = 1; k <= config.drones; ++k) ground.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
+  for (int k = 1; k <= config.drones; ++k) {
+    ground.drones.push_back({drone_name(k), static_cast<DroneNumber>(k)});
+    if (const auto own = config.tasks.find(k); own != config.tasks.end()) ground.drones.back().task = own->second;
+  }
   ground.shape = config.shape;
   ground.side_m = config.side_m;
   ground.waypoints = config.waypoints;
   ground.ledger = config.mode == WorldConfig::Mode::ledger;
   ground.laps = config.laps;
   ground.manual = config.manual;
+  if (config.manual) ground.seconds = config.seconds;
+  ground.follower = config.follower;
   ground.request_rule = config.request_rule;
   ground.request_after_ns = config.request_after_ns;
   ground.controller.speed_mps = config.speed_mps;

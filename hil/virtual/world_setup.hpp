@@ -1,5 +1,7 @@
 #pragma once
+#include <array>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +22,8 @@ struct WorldConfig {
   ground::Shape shape = ground::Shape::square;
   double side_m = 1.5;
   std::vector<ground::Waypoint> waypoints;  ///< of a path of one's own; empty: the shape
+  std::map<int, ground::Task> tasks;        ///< by number: of drones that fly something else
+  ground::MakeFollower follower;            ///< who steers in ground's place; null: ground itself
   double speed_mps = 0.5;
   ground::Ramp ramp;
   double rate_hz = 30;
@@ -42,6 +46,7 @@ struct WorldConfig {
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   std::uint64_t seed = 1;
   bool manual = false;  ///< flown by the wishes of a pilot
+  double seconds = 0;   ///< manual: then it is landed, and over; 0: never
   ground::RequestRule request_rule = ground::RequestRule::none;
   TimeNs request_after_ns = 0;
   double start_error_m = 0,
@@ -56,6 +61,17 @@ extern const crypto::IdentityName drone_host, operator_name;
 extern const crypto::IdentityName supervisor_name, stranger_name;  ///< of the drones' organisation, of another one
 extern const crypto::IdentityName administrator_name;              ///< of the operator's organisation
 std::string drone_name(int number);
+
+/// What drone `number` (from 1) flies; a pilot's: what he should.
+ground::Task task_of(const WorldConfig& config, int number);
+/// How far a path reaches, from where its drone stands: least and greatest x and y.
+struct Reach {
+  std::array<double, 2> min_m{}, max_m{};
+};
+Reach reach_of(const ground::Task& task);
+/// Of drone `number`, which stands there; its corners, as DroneFacts has them.
+ground::Path course_of(const WorldConfig& config, int number, const std::array<double, 2>& start_m);
+std::vector<std::array<double, 2>> corners_of(const ground::Path& path);
 
 // What each part of such a world is told.
 node::CoreConfig node_config(const WorldConfig& config);

@@ -10,6 +10,7 @@ void Judge::check_rule(const Moment& moment, RuleState& state) const {
   const RuleKind& kind = *state.verdict.rule.kind;
   state.waits = false;
   state.done.resize(moment.drones.size());
+  state.counts.resize(moment.drones.size());
   for (const WorldEvent& event : moment.events) {
     if (kind.hear) kind.hear(state, moment, event);
   }

@@ -51,8 +51,9 @@ struct Verdict {
 struct RuleState {
   Verdict verdict;
   bool seen = false;
-  bool waits = false;        ///< a drone of the first fault is not yet `done`
-  std::vector<bool> done{};  ///< by drone
+  bool waits = false;                 ///< a drone of the first fault is not yet `done`
+  std::vector<bool> done{};           ///< by drone
+  std::vector<std::size_t> counts{};  ///< by drone
   bool all_done() const;
 };
 
@@ -75,6 +76,7 @@ struct RuleKind {
   void (*finish)(RuleState&, const Ending&) = nullptr;                     ///< behind the last moment
   bool needs_fault = false;                                                ///< it counts from one's beginning
   bool needs_fault_end = false;                                            ///< from the last one's end
+  bool needs_link = false;         ///< link, agent, ground or the ledger say it: a flight by the SDK has none
   std::string_view not_real = {};  ///< why it cannot be judged of the real processes' traces; empty: it can
 };
 std::span<const RuleKind> rule_kinds();

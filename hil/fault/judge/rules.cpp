@@ -146,6 +146,26 @@ void path(RuleState& state, const Sight& sight, std::size_t drone) {
     state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m", facts.name, *facts.off_path_m));
 }
 
+// `counts`: corners that it came to in their order, from the one behind the first, laps counted on.
+void visits(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  const auto& corners = facts.corners;
+  std::size_t& count = state.counts[drone];
+  state.done[drone] = corners.empty() || count >= corners.size() * static_cast<std::size_t>(facts.laps);
+  if (state.done[drone] || !facts.truth.in_flight) return;
+  const auto& next = corners[(count + 1) % corners.size()];
+  if (std::hypot(facts.truth.position_m[0] - next[0], facts.truth.position_m[1] - next[1]) <= state.verdict.rule.amount)
+    ++count;
+}
+
+void visited_all(RuleState& state, const Ending& ending) {
+  for (std::size_t drone = 0; drone < state.counts.size(); ++drone) {
+    if (!state.done[drone])
+      state.verdict.broke(ending.now,
+                          fmt::format("drone {}: {} corners in their order", drone + 1, state.counts[drone]));
+  }
+}
+
 void estimate(RuleState& state, const Sight& sight, std::size_t drone) {
   const DroneFacts& facts = of(sight, drone);
   if (!facts.pose || facts.phase != FlightPhase::flying) return;
@@ -216,24 +236,28 @@ constexpr RuleKind table[] = {
      .observe = flies_again,
      .finish = recovers,
      .needs_fault = true,
-     .needs_fault_end = true},
+     .needs_fault_end = true,
+     .needs_link = true},
     {.form = "hold within {} after the plan's end",
      .takes = Takes::time,
      .help = "of the newest plan that link was given",
      .observe = hold_after_plan,
+     .needs_link = true,
      .not_real = "the traces do not tell a plan's end"},
     {.form = "holds within {}",
      .takes = Takes::time,
      .help = "of the first fault's beginning",
      .observe = reacts<FailsafeMode::hold>,
      .finish = was_done_by_all,
-     .needs_fault = true},
+     .needs_fault = true,
+     .needs_link = true},
     {.form = "brakes within {}",
      .takes = Takes::time,
      .help = "the same",
      .observe = reacts<FailsafeMode::brake>,
      .finish = was_done_by_all,
-     .needs_fault = true},
+     .needs_fault = true,
+     .needs_link = true},
     {.form = "lands within {}",
      .takes = Takes::time,
      .help = "the same: it is on the ground",
@@ -249,21 +273,37 @@ constexpr RuleKind table[] = {
            if (!state.all_done()) never(state, ending);
          },
      .needs_fault = true,
-     .needs_fault_end = true},
+     .needs_fault_end = true,
+     .needs_link = true},
     {.form = "{} is seen",
      .takes = Takes::mode_or_cause,
      .help = "hold, brake, land, cut; plan ran out, agent silent, pose lost ...",
      .observe = is_seen,
-     .finish = was_seen},
-    {.form = "{} is never seen", .takes = Takes::mode_or_cause, .help = "the same", .observe = is_never_seen},
-    {.form = "no command older than {} applied", .takes = Takes::time, .help = "at application", .hear = command_age},
+     .finish = was_seen,
+     .needs_link = true},
+    {.form = "{} is never seen",
+     .takes = Takes::mode_or_cause,
+     .help = "the same",
+     .observe = is_never_seen,
+     .needs_link = true},
+    {.form = "no command older than {} applied",
+     .takes = Takes::time,
+     .help = "at application",
+     .hear = command_age,
+     .needs_link = true},
     {.form = "height below {}", .takes = Takes::metres, .help = "of the true place", .observe = height},
     {.form = "speed below {}", .takes = Takes::speed, .help = "of the true speed", .observe = speed},
     {.form = "path within {}", .takes = Takes::metres, .help = "of the true place from the path", .observe = path},
+    {.form = "corners within {}",
+     .takes = Takes::metres,
+     .help = "every drone comes so near to each corner of its course, in their order, every lap",
+     .observe = visits,
+     .finish = visited_all},
     {.form = "pose within {}",
      .takes = Takes::metres,
      .help = "of what link believes from the truth, in flight",
-     .observe = estimate},
+     .observe = estimate,
+     .needs_link = true},
     {.form = "fence kept within {}",
      .takes = Takes::metres,
      .help = "the true place is nowhere farther beyond it",
@@ -272,20 +312,26 @@ constexpr RuleKind table[] = {
      .takes = Takes::metres,
      .help = "no two of which one flies are ever nearer",
      .observe = apart},
-    {.form = "nothing acknowledged is lost", .help = "neither commits nor transitions", .finish = nothing_lost},
+    {.form = "nothing acknowledged is lost",
+     .help = "neither commits nor transitions",
+     .finish = nothing_lost,
+     .needs_link = true},
     {.form = "at most {} transactions a second",
      .takes = Takes::number,
      .help = "on the ledger, on average",
      .finish = transactions,
+     .needs_link = true,
      .not_real = "the traces do not tell how many there were"},
     {.form = "the ledger is doubted",
      .help = "by agent, which says so in its log",
      .hear = doubted,
      .finish = was_seen,
+     .needs_link = true,
      .not_real = "the traces do not tell it"},
     {.form = "the ledger is never doubted",
      .help = "the same",
      .hear = never_doubted,
+     .needs_link = true,
      .not_real = "the traces do not tell it"},
     {.form = "takes off once", .help = "no drone leaves the ground again that has landed", .observe = takes_off_once},
     {.form = "ends within {}", .takes = Takes::time, .help = "of the run's beginning", .finish = ends},
