@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <limits>
 
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"
 #include "common/msg/names.hpp"
+#include "hil/fault/own/course_keys.hpp"
 #include "hil/fault/run/schedule.hpp"
 #include "hil/virtual/world_setup.hpp"
 #include "sim/core/pads.hpp"
@@ -17,6 +19,7 @@ namespace ledgerline::hil {
 namespace {
 
 constexpr std::size_t max_rules = 50;
+constexpr double usual_seconds = 30;  // of a manual flight
 
 // For a text in double quotes.
 std::string quoted(const std::string& text) {
@@ -56,7 +59,7 @@ void which_tello(Config& config, WorldConfig& flight) {
 // Of every script that does not say another one.
 void demand_height(Script& script) {
   constexpr double above_flight_m = 0.6;  // gusts, and what the drone overshoots when it stops a climb
-  auto height = parse_rule(fmt::format("height below {:g} m", ground::ControllerConfig{}.height_m + above_flight_m));
+  auto height = parse_rule(fmt::format("height below {:g} m", greatest_height_m(script.flight) + above_flight_m));
   if (!height ||
       std::any_of(script.must.begin(), script.must.end(), [&](const Rule& rule) { return rule.kind == height->kind; }))
     return;
@@ -64,44 +67,15 @@ void demand_height(Script& script) {
   script.must.push_back(std::move(*height));
 }
 
-void read_fault(Config& config, const std::string& key, const std::vector<DroneFacts>& drones, bool real,
-                Script& script) {
-  const std::string what = config.text(key + "what"), at = config.text(key + "at", "path"),
-                    lasts = config.text(key + "for", "");
-  const bool optional = config.boolean(key + "optional", false);
-  if (what.empty()) return;
-  auto fault = parse_fault(what, at, lasts, real);
-  if (!fault) {
-    // Which of the three it is: the one that is wrong alone.
-    const std::string wrong = !parse_fault(what, "", "", real) ? "what" : !parse_trigger(at) ? "at" : "for";
-    config.wrong(key + wrong, fault.error().what);
-    return;
-  }
-  if (const auto tried = FaultSchedule::create({*fault}, drones); !tried) {
-    config.wrong(key + "what", tried.error().what);
-    return;
-  }
-  if (const auto idle = fault->acts.idle_in ? fault->acts.idle_in(script.flight) : ""; !idle.empty()) {
-    config.wrong(key + "what", fmt::format("\"{}\" does nothing: {}", fault->text, idle));
-    return;
-  }
-  fault->optional = optional;
-  script.faults.push_back(std::move(*fault));
-}
-
-}  // namespace
-
-Script read_script(Config& config, const std::string& file, bool real) {
-  Script script;
-  script.name = std::filesystem::path(file).stem().string();
-  script.title = config.text("title");
-  constexpr std::int64_t max_seed = std::numeric_limits<std::int64_t>::max();
-  if (const auto seed = config.integer("seed", 0, 1, max_seed); seed > 0) script.seed = seed;
+void read_flight(Config& config, const std::string& folder, Script& script) {
   WorldConfig& flight = script.flight;
+  const std::string kind = config.choice(
+      {"flight.kind", "who flies: ground along a path; a pilot's messages over topics; a client of the drone's SDK"},
+      {"path", "manual", "sdk"}, "path");
+  script.kind = kind == "manual" ? FlightKind::manual : kind == "sdk" ? FlightKind::sdk : FlightKind::path;
+  flight.manual = script.kind == FlightKind::manual;
   flight.drones = static_cast<int>(config.integer("flight.drones", flight.drones, 1, max_drones));
-  flight.shape = *ground::shape_from_name(config.choice("flight.shape", motion::shape_names(), "square"));
-  flight.side_m = config.number("flight.side_m", flight.side_m, 0.3, 20);
-  flight.speed_mps = config.number("flight.speed_mps", flight.speed_mps, 0.05, 3);
+  read_tasks(config, folder, flight);
   flight.rate_hz = config.number("flight.rate_hz", flight.rate_hz, 1, 200);
   flight.predict = config.boolean("flight.predict", flight.predict);
   flight.max_age_ns = duration(config, "flight.max_age", flight.max_age_ns, 100 * ns_per_ms, 10 * ns_per_s);
@@ -114,37 +88,85 @@ Script read_script(Config& config, const std::string& file, bool real) {
           .value_or(flight.pose);
   flight.doubt = from_name<link::OnDoubt>(config.choice("flight.doubt", {"ignore", "hold", "land"}, "ignore"))
                      .value_or(flight.doubt);
-  flight.laps = static_cast<int>(config.integer("flight.laps", flight.laps, 1, 100));
   which_tello(config, flight);
   flight.room_m = config.number("flight.room_m", *flight.room_m, -10, 100);
   flight.batch_count = static_cast<std::size_t>(config.integer("flight.batch_count", 1, 1, 1'000));
   flight.batch_timeout_ns = duration(config, "flight.batch_timeout", flight.batch_timeout_ns, ns_per_ms, 10 * ns_per_s);
   script.limit_ns = duration(config, "flight.limit", script.limit_ns, ns_per_s, 3600 * ns_per_s);
+  flight.seconds =
+      config.number({"flight.seconds", "manual: then the drones are landed, and it is over"}, usual_seconds, 1, 3600);
+  if (flight.seconds != usual_seconds && !flight.manual)
+    config.wrong("flight.seconds", "must not be there: it goes with kind = \"manual\"");
+  script.pilot = read_pilot(config, flight.drones);
+  if (!script.pilot.empty() && !flight.manual)
+    config.wrong("pilot.0.do", "must not be there: a pilot goes with kind = \"manual\"");
+}
+
+void read_fault(Config& config, const std::string& key, const std::vector<DroneFacts>& drones, bool real,
+                Script& script) {
+  const bool on_path = script.kind == FlightKind::path;
+  const std::string what = config.text(key + "what"), at = config.text(key + "at", on_path ? "path" : "takeoff"),
+                    lasts = config.text(key + "for", "");
+  const bool optional = config.boolean(key + "optional", false);
+  if (what.empty()) return;
+  auto fault = parse_fault(what, at, lasts, real);
+  if (!fault) {
+    // Which of the three it is: the one that is wrong alone.
+    const std::string wrong = !parse_fault(what, "", "", real) ? "what" : !parse_trigger(at) ? "at" : "for";
+    config.wrong(key + wrong, fault.error().what);
+  } else if (const auto tried = FaultSchedule::create({*fault}, drones); !tried) {
+    config.wrong(key + "what", tried.error().what);
+  } else if (fault->trigger.of_a_path() && !on_path) {
+    config.wrong(key + "at", fmt::format("must be no moment of a path: in a flight of kind \"{}\" ground flies none",
+                                         name_of(script.kind)));
+  } else if (const auto idle = fault->acts.idle_in ? fault->acts.idle_in(script.flight) : ""; !idle.empty()) {
+    config.wrong(key + "what", fmt::format("\"{}\" does nothing: {}", fault->text, idle));
+  } else {
+    fault->optional = optional;
+    script.faults.push_back(std::move(*fault));
+  }
+}
+
+void read_rule(Config& config, const std::string& sentence, bool faults, Script& script) {
+  auto rule = parse_rule(sentence);
+  if (!rule) {
+    config.wrong("must", rule.error().what);
+    return;
+  }
+  if (rule->kind->needs_fault && !faults) {
+    config.wrong("must", fmt::format("\"{}\" counts from a fault, and there is none", sentence));
+    return;
+  }
+  const auto endless = std::find_if(script.faults.begin(), script.faults.end(),
+                                    [](const Fault& fault) { return fault.for_ns == 0 && !fault.acts.momentary; });
+  if (rule->kind->needs_fault_end && endless != script.faults.end()) {
+    config.wrong("must", fmt::format("\"{}\" counts from the last fault's end, and \"{}\" never ends: give it a `for`",
+                                     sentence, endless->text));
+    return;
+  }
+  script.must.push_back(std::move(*rule));
+}
+
+}  // namespace
+
+std::string_view name_of(FlightKind kind) {
+  constexpr std::array<std::string_view, 3> names{"path", "manual", "sdk"};
+  return names[static_cast<std::size_t>(kind)];
+}
+
+Script read_script(Config& config, const std::string& file, bool real) {
+  Script script;
+  script.name = std::filesystem::path(file).stem().string();
+  script.title = config.text("title");
+  constexpr std::int64_t max_seed = std::numeric_limits<std::int64_t>::max();
+  if (const auto seed = config.integer("seed", 0, 1, max_seed); seed > 0) script.seed = seed;
+  read_flight(config, std::filesystem::path(file).parent_path().string(), script);
 
   const std::size_t faults = config.table_count("fault");
-  std::vector<DroneFacts> drones(static_cast<std::size_t>(flight.drones));
+  std::vector<DroneFacts> drones(static_cast<std::size_t>(script.flight.drones));
   for (std::size_t i = 0; i < drones.size(); ++i) drones[i].name = drone_name(static_cast<int>(i) + 1);
   for (std::size_t i = 0; i < faults; ++i) read_fault(config, fmt::format("fault.{}.", i), drones, real, script);
-  for (const std::string& sentence : config.texts("must", max_rules)) {
-    auto rule = parse_rule(sentence);
-    if (!rule) {
-      config.wrong("must", rule.error().what);
-      continue;
-    }
-    if (rule->kind->needs_fault && faults == 0) {
-      config.wrong("must", fmt::format("\"{}\" counts from a fault, and there is none", sentence));
-      continue;
-    }
-    const auto endless = std::find_if(script.faults.begin(), script.faults.end(),
-                                      [](const Fault& fault) { return fault.for_ns == 0 && !fault.acts.momentary; });
-    if (rule->kind->needs_fault_end && endless != script.faults.end()) {
-      config.wrong("must",
-                   fmt::format("\"{}\" counts from the last fault's end, and \"{}\" never ends: give it a `for`",
-                               sentence, endless->text));
-      continue;
-    }
-    script.must.push_back(std::move(*rule));
-  }
+  for (const std::string& sentence : config.texts("must", max_rules)) read_rule(config, sentence, faults > 0, script);
   return script;
 }
 
@@ -174,12 +196,11 @@ std::string text_of(const Script& script) {
   }
   text += text.ends_with('[') ? "]\n" : "\n]\n";
   text += "\n[flight]\n";
+  if (script.kind != FlightKind::path) text += fmt::format("kind = \"{}\"\n", name_of(script.kind));
+  if (f.manual && f.seconds != usual_seconds) text += fmt::format("seconds = {}\n", f.seconds);
   if (f.drones != usual.drones) text += fmt::format("drones = {}\n", f.drones);
-  if (f.shape != usual.shape) text += fmt::format("shape = \"{}\"\n", ground::name_of(f.shape));
-  if (f.side_m != usual.side_m) text += fmt::format("side_m = {}\n", f.side_m);
-  if (f.speed_mps != usual.speed_mps) text += fmt::format("speed_mps = {}\n", f.speed_mps);
+  text += course_text(task_of(f, 0), task_of(usual, 0));
   if (f.rate_hz != usual.rate_hz) text += fmt::format("rate_hz = {}\n", f.rate_hz);
-  if (f.laps != usual.laps) text += fmt::format("laps = {}\n", f.laps);
   if (f.predict != usual.predict) text += fmt::format("predict = {}\n", f.predict);
   if (f.max_age_ns != usual.max_age_ns) text += fmt::format("max_age = \"{:g} s\"\n", to_seconds(f.max_age_ns));
   if (f.idle_evict_ns != usual.idle_evict_ns)
@@ -197,6 +218,7 @@ std::string text_of(const Script& script) {
   if (f.batch_timeout_ns != usual.batch_timeout_ns)
     text += fmt::format("batch_timeout = \"{} ms\"\n", to_ms(f.batch_timeout_ns));
   text += fmt::format("limit = \"{:g} s\"\n", to_seconds(script.limit_ns));
+  text += tasks_text(f) + pilot_text(script.pilot);
   for (const Fault& fault : script.faults) {
     text += fmt::format("\n[[fault]]\nwhat = {}\nat = {}\n", quoted(fault.text), quoted(fault.at));
     if (fault.for_ns > 0) text += fmt::format("for = {}\n", quoted(time_text(fault.for_ns)));

@@ -7,6 +7,7 @@
 
 #include "hil/fault/judge/judge.hpp"
 #include "hil/fault/kinds/fault.hpp"
+#include "hil/fault/own/pilot.hpp"
 
 namespace ledgerline {
 class Config;
@@ -14,12 +15,19 @@ class Config;
 
 namespace ledgerline::hil {
 
+/// Who flies: ground along a path; a pilot's messages, over a drone's topics; a client of the drone's own SDK, without
+/// link, agent and ledger.
+enum class FlightKind : std::uint8_t { path, manual, sdk };
+std::string_view name_of(FlightKind kind);
+
 /// One flight, what goes wrong in it, and what must hold: a TOML file (docs/faults.md). Everything is checked when it
 /// is read; what a script does not say has the default.
 struct Script {
   std::string name;   ///< of the file, without folder and ending
   std::string title;  ///< one sentence
+  FlightKind kind = FlightKind::path;
   WorldConfig flight;
+  std::vector<PilotRow> pilot;        ///< of a manual flight in virtual time
   std::optional<std::uint64_t> seed;  ///< it is flown with, unless another is asked for
   TimeNs limit_ns = 120 * ns_per_s;   ///< longer a run never takes: not over by then is broken
   std::vector<Fault> faults;

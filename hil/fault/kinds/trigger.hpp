@@ -13,9 +13,10 @@ namespace ledgerline::hil {
 struct Trigger {
   enum class Kind : std::uint8_t { time, takeoff, flying, path, lap, height, landing, landed };
   Kind kind = Kind::time;
-  double value = 0;                                         ///< the lap's number; the height [m]
-  TimeNs after_ns = 0;                                      ///< time: the moment itself
-  bool reached(TimeNs now, const DroneFacts& drone) const;  ///< without `after_ns`; not for time
+  double value = 0;                                                           ///< the lap's number; the height [m]
+  TimeNs after_ns = 0;                                                        ///< time: the moment itself
+  bool of_a_path() const { return kind == Kind::path || kind == Kind::lap; }  ///< ground flies one
+  bool reached(TimeNs now, const DroneFacts& drone) const;                    ///< without `after_ns`; not for time
 };
 Result<Trigger> parse_trigger(std::string_view text);
 

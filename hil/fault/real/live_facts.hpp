@@ -36,7 +36,8 @@ class LiveFacts {
     return r.drone >= 1 && r.drone <= facts_.size() ? &facts_[r.drone - 1u] : nullptr;
   }
   GrowingTrace sim_, link_, ground_;
-  double lap_m_;
+  bool by_sdk_;                ///< neither link nor ground
+  std::vector<double> lap_m_;  ///< by drone
   std::vector<DroneFacts> facts_;
   TimeNs begin_ns_ = 0;
 };

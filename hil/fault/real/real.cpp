@@ -1,26 +1,21 @@
 #include "hil/fault/real/real.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <csignal>
-#include <cstring>
-#include <deque>
 #include <filesystem>
-#include <functional>
 #include <map>
-#include <memory>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "common/base/file.hpp"
 #include "common/process/children.hpp"
+#include "hil/fault/own/course_keys.hpp"
+#include "hil/fault/own/own_program.hpp"
+#include "hil/fault/own/sdk_flight.hpp"
 #include "hil/fault/real/live_facts.hpp"
-#include "hil/fault/real/machine.hpp"
+#include "hil/fault/real/real_faults.hpp"
 #include "hil/fault/real/replay.hpp"
-#include "hil/proxy/fault_socket.hpp"
 #include "hil/virtual/world_setup.hpp"
 
 namespace ledgerline::hil {
@@ -31,48 +26,25 @@ namespace fs = std::filesystem;
 constexpr TimeNs watch_ns = 20 * ns_per_ms;
 constexpr TimeNs start_patience_ns = 180 * ns_per_s;  // Fabric's network comes up first
 constexpr TimeNs ending_patience_ns = 60 * ns_per_s;  // landing, and all processes' ends
-constexpr TimeNs errand_patience_ns = 20 * ns_per_s;
-
-struct Planned {
-  Fault fault;
-  std::vector<std::size_t> drones;
-  TimeNs reached_ns = 0, begun_ns = 0, ended_ns = 0;  ///< CLOCK_MONOTONIC; 0: not yet
-  bool begin_asked = false, stop_requested = false;   ///< an errand may still be on its way
-};
-
-/// Something that another program has to do or to say, while the flight is watched.
-struct Errand {
-  std::string name;
-  std::vector<std::string> command;
-  std::function<Status(const std::string& said)> then;
-  TimeNs until_ns = 0;  ///< 0: not begun
-};
 
 class RealFlight {
  public:
   RealFlight(const Script& script, std::uint64_t seed, const RealOptions& options)
-      : script_(script), seed_(seed), options_(options), run_(options.directory + "/run"), live_(run_, script) {
-    for (const Fault& fault : script.faults) {
-      Planned planned{fault, {}};
-      for (std::size_t i = 0; i < live_.facts().size(); ++i) {
-        if (fault.names(live_.facts()[i].name)) planned.drones.push_back(i);
-      }
-      planned_.push_back(std::move(planned));
-    }
-  }
+      : script_(script),
+        seed_(seed),
+        options_(options),
+        run_(options.directory + "/run"),
+        live_(run_, script),
+        faults_(script, {options.programs, options.directory, run_, "fly", options.ledger}, live_, children_),
+        program_(children_, options.own.program, options.directory) {}
 
   Result<RunResult> fly();
 
  private:
   Status start();
   Status watch();
-  Status step_faults(TimeNs now);
-  bool due(const Planned& planned, TimeNs now) const;
-  std::vector<Fault> active(const Planned* without) const;
-  Status act(const RealActs& acts, bool begin, const std::function<void()>& acted);
-  void signal_parts(const std::vector<std::pair<std::string, int>>& parts, TimeNs until,
-                    const std::function<void()>& signalled);
-  Status run_errands(TimeNs now);
+  void ask_to_end(TimeNs now);
+  Result<std::vector<std::string>> arguments() const;
   Result<Recording> recording() const;
   std::vector<std::string> crashes(const nlohmann::json& report) const;
 
@@ -81,15 +53,14 @@ class RealFlight {
   RealOptions options_;
   std::string run_;
   LiveFacts live_;
-  std::vector<Planned> planned_;
-  std::map<std::string, std::string> lines_;  // of errands
-  std::deque<Errand> errands_;                // at most two a fault
-  std::set<std::string> killed_parts_;        // of Fabric's network
-  SmallDisk disk_;                            // outlives the programs that write there
-  Children children_{{[this](const std::string& name, const std::string& line) { lines_[name] += line + "\n"; }}};
-  std::map<int, std::unique_ptr<Burner>> burners_;
-  std::multimap<std::uint64_t, std::vector<char>> memory_;  // by size
+  SmallDisk disk_;  // outlives the programs that write there
+  RealFaults faults_;
+  OwnProgram program_;
+  Children children_{{[this](const std::string& name, const std::string& line) {
+    name == OwnProgram::name ? program_.take_line(line) : faults_.take_line(name, line);
+  }}};
   bool over_ = true;
+  TimeNs asked_to_end_ns_ = 0;
 };
 
 Status RealFlight::start() {
@@ -107,14 +78,48 @@ Status RealFlight::start() {
   }
   std::vector<std::string> command{options_.programs + "/ledgerline-fly", "--out", run_, "--json",
                                    options_.directory + "/result.json"};
-  const auto arguments = fly_arguments(script_, seed_, options_.ledger);
-  command.insert(command.end(), arguments.begin(), arguments.end());
+  const auto more = arguments();
+  if (!more) return more.error();
+  command.insert(command.end(), more->begin(), more->end());
   return children_.start({"fly", std::move(command), options_.directory + "/fly.log", SIGTERM});
+}
+
+/// Courses of one's own go as files.
+Result<std::vector<std::string>> RealFlight::arguments() const {
+  std::vector<std::string> arguments = fly_arguments(script_, seed_, options_.ledger);
+  const WorldConfig& flight = script_.flight;
+  if (!options_.own.controller.empty())
+    arguments.insert(arguments.end(), {"--controller", fs::absolute(options_.own.controller).string()});
+  const auto file_of = [&](const ground::Task& task, const std::string& name) -> Result<std::string> {
+    const std::string file = fmt::format("{}/{}.csv", options_.directory, name);
+    if (auto written = write_file(file, course_rows(task)); !written) return written.error();
+    return file;
+  };
+  if (flight.manual) return arguments;
+  if (!flight.waypoints.empty()) {
+    const auto file = file_of(task_of(flight, 0), "course");
+    if (!file) return file.error();
+    arguments.insert(arguments.end(), {"--shape", *file});
+  }
+  for (const auto& [number, task] : flight.tasks) {
+    const auto shape = task.waypoints.empty() ? Result<std::string>(ground::name_of(task.shape))
+                                              : file_of(task, "course-" + drone_name(number));
+    if (!shape) return shape.error();
+    arguments.insert(arguments.end(),
+                     {"--task", fmt::format("{} shape={} side={:g} speed={:g} laps={}", drone_name(number), *shape,
+                                            task.side_m, task.speed_mps, task.laps)});
+  }
+  return arguments;
+}
+
+void RealFlight::ask_to_end(TimeNs now) {
+  if (asked_to_end_ns_ != 0) return;
+  asked_to_end_ns_ = now;
+  children_.signal("fly", SIGINT);
 }
 
 Status RealFlight::watch() {
   const TimeNs start_until = monotonic_ns() + start_patience_ns;
-  TimeNs asked_to_end_ns = 0;
   while (children_.running("fly")) {
     children_.poll(watch_ns);
     live_.read();
@@ -122,15 +127,18 @@ Status RealFlight::watch() {
     if (live_.begin_ns() == 0 && now > start_until)
       return Error{fmt::format("no flight within {:.0f} s: see {}", to_seconds(start_patience_ns), options_.directory)};
     if (live_.begin_ns() == 0) continue;
-    if (auto stepped = step_faults(now); !stepped) return stepped;
-    if (auto run = run_errands(now); !run) return run;
+    if (auto stepped = faults_.step(now); !stepped) return stepped;
+    if (program_.wanted() && !program_.started()) {
+      if (auto started = program_.start({}, topics_environment(script_.flight.drones)); !started) return started;
+    } else if (program_.wanted() && !program_.running()) {
+      ask_to_end(now);
+    }
     const TimeNs late_ns = now - live_.begin_ns() - script_.limit_ns;
     if (late_ns > 0 && over_) {
       over_ = false;
-      asked_to_end_ns = now;
-      children_.signal("fly", SIGINT);
+      ask_to_end(now);
     }
-    if (asked_to_end_ns > 0 && now - asked_to_end_ns > ending_patience_ns) {
+    if (asked_to_end_ns_ > 0 && now - asked_to_end_ns_ > ending_patience_ns) {
       children_.stop("fly", ending_patience_ns);
       break;
     }
@@ -138,148 +146,11 @@ Status RealFlight::watch() {
   return done;
 }
 
-bool RealFlight::due(const Planned& planned, TimeNs now) const {
-  const Trigger& trigger = planned.fault.trigger;
-  if (trigger.kind == Trigger::Kind::time) return now - live_.begin_ns() >= trigger.after_ns;
-  return planned.reached_ns != 0 && now - planned.reached_ns >= trigger.after_ns;
-}
-
-Status RealFlight::step_faults(TimeNs now) {
-  for (Planned& planned : planned_) {
-    const Fault& fault = planned.fault;
-    if (planned.reached_ns == 0 && fault.trigger.kind != Trigger::Kind::time) {
-      const bool reached = std::any_of(planned.drones.begin(), planned.drones.end(),
-                                       [&](std::size_t i) { return fault.trigger.reached(now, live_.facts()[i]); });
-      if (reached) planned.reached_ns = now;
-    }
-    if (!planned.begin_asked && due(planned, now)) {
-      planned.begin_asked = true;
-      const auto begun = [&planned] {
-        planned.begun_ns = monotonic_ns();
-        if (planned.fault.acts.momentary) planned.ended_ns = planned.begun_ns;
-      };
-      const auto acts = acts_at_begin(fault, active(nullptr), script_.flight.drones, options_.ledger);
-      if (auto acted = act(acts, true, begun); !acted)
-        return Error{fmt::format("\"{}\": {}", fault.text, acted.error().what)};
-    }
-    const bool lasts = planned.begun_ns != 0 && planned.ended_ns == 0 && fault.for_ns > 0;
-    if (lasts && !planned.stop_requested && now - planned.begun_ns >= fault.for_ns) {
-      planned.stop_requested = true;
-      const auto acts = acts_at_end(fault, active(&planned), script_.flight.drones, options_.ledger);
-      if (auto acted = act(acts, false, [&planned] { planned.ended_ns = monotonic_ns(); }); !acted)
-        return Error{fmt::format("the end of \"{}\": {}", fault.text, acted.error().what)};
-    }
-  }
-  return done;
-}
-
-std::vector<Fault> RealFlight::active(const Planned* without) const {
-  std::vector<Fault> faults;
-  for (const Planned& planned : planned_) {
-    if (planned.begin_asked && !planned.stop_requested && &planned != without) faults.push_back(planned.fault);
-  }
-  return faults;
-}
-
-Status RealFlight::act(const RealActs& acts, bool begin, const std::function<void()>& acted) {
-  for (const std::string& command : acts.proxy) {
-    if (auto told = proxy::tell(run_ + "/faults.sock", command); !told) return told.error();
-  }
-  for (const auto& [program, signal] : acts.programs) {
-    const auto pids = descendants(children_.pid("fly"), program);
-    if (pids.empty()) return Error{program + " does not run"};
-    for (const pid_t pid : pids) ::kill(pid, signal);
-  }
-  if (acts.burn_core >= 0 && begin) {
-    auto burner = std::make_unique<Burner>(acts.burn_core);
-    if (!burner->pinned()) return Error{fmt::format("there is no core {} for us", acts.burn_core)};
-    burners_[acts.burn_core] = std::move(burner);
-  } else if (acts.burn_core >= 0) {
-    burners_.erase(acts.burn_core);
-  }
-  if (acts.take_bytes > 0 && begin) {
-    if (available_memory() < acts.take_bytes + acts.take_bytes / 4)
-      return Error{fmt::format("only {} MB are available: take less", available_memory() / 1'000'000)};
-    memory_.emplace(acts.take_bytes, std::vector<char>(acts.take_bytes, 1));
-  } else if (acts.take_bytes > 0) {
-    (void)memory_.extract(acts.take_bytes);  // one of its size
-  }
-  const std::string filler = run_ + "/ledger/filler";
-  if (acts.fill_disk && begin) {
-    if (auto filled = fill(filler); !filled) return filled;
-  } else if (acts.fill_disk && ::unlink(filler.c_str()) != 0) {
-    return Error{fmt::format("cannot remove {}: {}", filler, std::strerror(errno))};
-  }
-  if (!acts.parts.empty()) {
-    signal_parts(acts.parts, monotonic_ns() + errand_patience_ns, acted);
-  } else if (!acts.control.empty()) {
-    std::vector<std::string> command{options_.programs + "/ledgerline-control", "--config", run_ + "/operator.toml"};
-    command.insert(command.end(), acts.control.begin(), acts.control.end());
-    errands_.push_back({"control", std::move(command), [acted](const std::string&) {
-                          acted();
-                          return done;
-                        }});
-  } else {
-    acted();
-  }
-  return done;
-}
-
-/// One after the other; the first one's answer is taken when it is there.
-Status RealFlight::run_errands(TimeNs now) {
-  if (errands_.empty()) return done;
-  Errand& errand = errands_.front();
-  const std::string& name = errand.name;
-  if (errand.until_ns == 0) {
-    errand.until_ns = now + errand_patience_ns;
-    lines_[name].clear();
-    return children_.start({name, errand.command, options_.directory + "/" + name + ".log", SIGKILL});
-  }
-  if (children_.running(name)) {
-    if (now < errand.until_ns) return done;
-    return Error{fmt::format("{} has not ended within {:.0f} s", name, to_seconds(errand_patience_ns))};
-  }
-  if (!children_.ended_well(name))
-    return Error{fmt::format("{} {}: {}", name, children_.how_it_ended(name), children_.log_tail(name, 3))};
-  const auto then = std::move(errand.then);
-  errands_.pop_front();
-  return then(lines_[name]);
-}
-
-/// Asks the network who they are, again while no orderer leads.
-void RealFlight::signal_parts(const std::vector<std::pair<std::string, int>>& parts, TimeNs until,
-                              const std::function<void()>& signalled) {
-  const auto then = [this, parts, until, signalled](const std::string& said) -> Status {
-    const auto status = nlohmann::json::parse(said, nullptr, false);
-    const auto processes =
-        status.is_object() ? status.value("processes", nlohmann::json::array()) : nlohmann::json::array();
-    for (const auto& [part, signal] : parts) {
-      const auto is_it = [&, name = std::string_view(part)](const nlohmann::json& process) {
-        if (process.value("pid", 0) <= 0) return false;
-        return name == leader_part ? process.contains("leads") && !process["leads"].empty()
-                                   : process.value("name", "") == name;
-      };
-      const auto found = std::find_if(processes.begin(), processes.end(), is_it);
-      if (found == processes.end()) {
-        if (part != leader_part || monotonic_ns() > until) return Error{part + " does not run"};
-        signal_parts(parts, until, signalled);
-        return done;
-      }
-      if (signal == SIGKILL) killed_parts_.insert((*found)["name"].get<std::string>());
-      ::kill((*found)["pid"].get<pid_t>(), signal);
-    }
-    signalled();
-    return done;
-  };
-  errands_.push_back(
-      {"fabric-status", {options_.programs + "/ledgerline-fabric", "status", "--dir", run_ + "/ledger"}, then});
-}
-
 /// What ended though no fault did it. A death by SIGKILL is a fault's, as often as there was one; without RouDi link
 /// and agent end by themselves on the ground.
 std::vector<std::string> RealFlight::crashes(const nlohmann::json& report) const {
   std::map<std::string, int> killed;
-  for (const Planned& planned : planned_) {
+  for (const RealFaults::Planned& planned : faults_.planned()) {
     if (planned.begun_ns == 0) continue;
     if (const auto program = planned.fault.acts.kills; !program.empty()) ++killed[std::string(program)];
   }
@@ -293,7 +164,8 @@ std::vector<std::string> RealFlight::crashes(const nlohmann::json& report) const
   }
   const auto parts = report.value("ledger", nlohmann::json::object()).value("restarts", nlohmann::json::object());
   for (const auto& [part, count] : parts.items()) {
-    if (!killed_parts_.contains(part)) texts.push_back(fmt::format("{} ended {} times", part, count.get<int>()));
+    if (!faults_.killed_parts().contains(part))
+      texts.push_back(fmt::format("{} ended {} times", part, count.get<int>()));
   }
   return texts;
 }
@@ -322,12 +194,12 @@ Result<Recording> RealFlight::recording() const {
   }
   recording.begin_ns = live_.begin_ns();
   recording.over = over_;
+  recording.faults = faults_.begun();
   bool died = false;  // link or agent, with its counts
-  for (const Planned& planned : planned_) {
+  for (const RealFaults::Planned& planned : faults_.planned()) {
     if (planned.begun_ns == 0) continue;
     const Fault& fault = planned.fault;
     died = died || !fault.acts.kills.empty();
-    recording.faults.push_back({fault.text, planned.begun_ns, planned.ended_ns, fault.acts.deafens, fault.drone});
     if (!fault.acts.stops_link) continue;
     const auto back = std::find_if(recording.link.begin(), recording.link.end(),
                                    [&](const TraceRecord& r) { return r.t_ns > planned.begun_ns; });
@@ -360,20 +232,23 @@ Result<RunResult> RealFlight::fly() {
     children_.stop("fly", ending_patience_ns);
     return watched.error();
   }
-  burners_.clear();
-  memory_.clear();
+  faults_.end();
+  program_.end();
   if (live_.begin_ns() == 0)
     return Error{
         fmt::format("the flight did not begin: {}\n{}", children_.how_it_ended("fly"), children_.log_tail("fly", 10))};
   const auto recorded = recording();
   if (!recorded) return recorded.error();
-  return judge_recording(script_, seed_, *recorded);
+  RunResult result = judge_recording(script_, seed_, *recorded);
+  if (program_.wanted()) result.verdicts.push_back(program_.verdict(result.flown_ns));
+  return result;
 }
 
 }  // namespace
 
 Result<RunResult> run_really(const Script& script, std::uint64_t seed, const RealOptions& options) {
-  if (auto possible = check_real(script, options.ledger); !possible) return possible.error();
+  if (script.kind == FlightKind::sdk) return fly_by_sdk(script, seed, options);
+  if (auto possible = check_real(script, options.ledger, options.own); !possible) return possible.error();
   return RealFlight(script, seed, options).fly();
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "hil/fault/own/sdk_script.hpp"
 #include "hil/lines/text_parse.hpp"
 #include "hil/virtual/world_setup.hpp"
 
@@ -66,12 +67,14 @@ RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int d
 }  // namespace
 
 std::vector<NotReal> not_real(const Script& script, const RealLedger& ledger) {
+  if (script.kind == FlightKind::sdk) return not_by_sdk(script);
   std::vector<NotReal> reasons;
   const WorldConfig usual, &flight = script.flight;
   const auto refuse = [&](const char* key, std::string why) { reasons.push_back({key, std::move(why)}); };
   if (flight.side_m < min_side_m || flight.side_m > max_side_m)
     refuse("flight.side_m", fmt::format("./fly flies paths of {} to {} m a side", min_side_m, max_side_m));
   if (flight.battery != usual.battery) refuse("flight.battery", "./fly flies with full batteries");
+  if (flight.pose == link::PoseSource::pads) refuse("flight.pose", "./fly lays no pads for it");
   if (!flight.pads.empty()) refuse("flight.pads", "./fly lays none");
   if (flight.yaw_deg != usual.yaw_deg) refuse("flight.yaw_deg", "./fly's drones look along x");
   if (!flight.keeps_rc) refuse("flight.keeps_rc", "./fly flies the usual Tello");
@@ -93,8 +96,10 @@ std::vector<NotReal> not_real(const Script& script, const RealLedger& ledger) {
   return reasons;
 }
 
-Status check_real(const Script& script, const RealLedger& ledger) {
+Status check_real(const Script& script, const RealLedger& ledger, const OwnCode& own) {
   std::vector<std::string> lines;
+  if (script.kind != FlightKind::path && own.program.empty())
+    lines.push_back(fmt::format("flight.kind: \"{}\" needs --program, which flies it", name_of(script.kind)));
   for (const NotReal& reason : not_real(script, ledger))
     lines.push_back(fmt::format("{}: {}", reason.key, reason.what));
   if (lines.empty()) return done;
@@ -103,29 +108,26 @@ Status check_real(const Script& script, const RealLedger& ledger) {
 
 std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed, const RealLedger& ledger) {
   const WorldConfig& flight = script.flight;
-  std::vector<std::string> arguments{"--proxy",
-                                     "--drones",
-                                     std::to_string(flight.drones),
-                                     "--shape",
-                                     ground::name_of(flight.shape),
-                                     "--side",
-                                     fmt::format("{:g}", flight.side_m),
-                                     "--predict",
-                                     flight.predict ? "on" : "off",
-                                     "--max-age",
-                                     fmt::format("{}ms", flight.max_age_ns / ns_per_ms),
-                                     "--speed",
-                                     fmt::format("{:g}", flight.speed_mps),
-                                     "--rate",
-                                     fmt::format("{:g}", flight.rate_hz),
-                                     "--laps",
-                                     std::to_string(flight.laps),
-                                     "--batch-count",
-                                     std::to_string(flight.batch_count),
-                                     "--batch-timeout",
-                                     fmt::format("{}ms", flight.batch_timeout_ns / ns_per_ms),
-                                     "--seed",
-                                     std::to_string(seed)};
+  std::vector<std::string> arguments{"--proxy"};
+  const auto add = [&](const char* option, std::string value) {
+    arguments.insert(arguments.end(), {option, std::move(value)});
+  };
+  add("--drones", std::to_string(flight.drones));
+  add("--max-age", fmt::format("{}ms", flight.max_age_ns / ns_per_ms));
+  add("--speed", fmt::format("{:g}", flight.speed_mps));
+  add("--rate", fmt::format("{:g}", flight.rate_hz));
+  add("--batch-count", std::to_string(flight.batch_count));
+  add("--batch-timeout", fmt::format("{}ms", flight.batch_timeout_ns / ns_per_ms));
+  add("--seed", std::to_string(seed));
+  if (flight.pose != link::PoseSource::mocap) add("--pose", name(flight.pose));
+  if (flight.manual) {
+    add("--shape", "manual");
+  } else {
+    if (flight.waypoints.empty()) add("--shape", ground::name_of(flight.shape));
+    add("--side", fmt::format("{:g}", flight.side_m));
+    add("--laps", std::to_string(flight.laps));
+    if (!flight.predict) add("--predict", "off");
+  }
   if (ledger.fabric)
     arguments.insert(arguments.end(), {"--ledger", "fabric", "--orderers", std::to_string(fabric_orderers)});
   return arguments;

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "hil/fault/own/own_code.hpp"
 #include "hil/fault/script.hpp"
 
 namespace ledgerline::hil {
@@ -16,10 +17,10 @@ struct NotReal {
 /// All that they cannot have of this script: faults of what is simulated inside (sensors, mocap, battery, the real clock
 /// ...), settings that ./fly has not, rules that the traces do not tell.
 std::vector<NotReal> not_real(const Script& script, const RealLedger& ledger);
-/// The same as an error, a line each.
-Status check_real(const Script& script, const RealLedger& ledger);
+/// The same as an error, a line each. `own`: who flies what ground does not.
+Status check_real(const Script& script, const RealLedger& ledger, const OwnCode& own = {});
 
-/// For ledgerline-fly, without --out and --json.
+/// For ledgerline-fly, without --out and --json, and without the waypoints of a course of one's own.
 std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed, const RealLedger& ledger);
 
 /// Of a fault that check_real() lets through, as it begins and as it ends. `active`: all that go on then, in the order

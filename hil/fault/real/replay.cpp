@@ -21,7 +21,10 @@ constexpr double in_the_air_m = 0.1;  // places lower than this say nothing abou
 class Player {
  public:
   Player(const Script& script, const Recording& recording)
-      : recording_(recording), begin_ns_(recording.begin_ns), facts_(static_cast<std::size_t>(script.flight.drones)) {
+      : recording_(recording),
+        begin_ns_(recording.begin_ns),
+        on_path_(script.kind == FlightKind::path),
+        facts_(static_cast<std::size_t>(script.flight.drones)) {
     for (std::size_t i = 0; i < facts_.size(); ++i) {
       facts_[i].number = static_cast<DroneNumber>(i + 1);
       facts_[i].name = drone_name(static_cast<int>(i) + 1);
@@ -35,10 +38,10 @@ class Player {
     }
     for (DroneFacts& drone : facts_) {
       drone.start_m = {drone.truth.position_m[0], drone.truth.position_m[1]};
-      paths_.emplace_back(script.flight.shape, Eigen::Vector2d(drone.start_m[0], drone.start_m[1]),
-                          script.flight.side_m);
+      paths_.push_back(course_of(script.flight, drone.number, drone.start_m));
+      drone.corners = corners_of(paths_.back());
+      drone.laps = task_of(script.flight, drone.number).laps;
     }
-    laps_ = script.flight.laps;
   }
 
   /// Everything up to `t_ns`, of the recording's clock.
@@ -83,7 +86,8 @@ class Player {
     drone->truth.crashed = r.extra == 2;
     drone->truth.battery = 1;
     drone->off_path_m.reset();
-    if (drone->ground_phase == ground::DronePhase::path && drone->phase == FlightPhase::flying)
+    if (on_path_ ? drone->ground_phase == ground::DronePhase::path && drone->phase == FlightPhase::flying
+                 : on_course(drone->truth))
       drone->off_path_m = paths_[r.drone - 1u].distance_m({at[0], at[1]});
   }
 
@@ -104,9 +108,13 @@ class Player {
                            fmt::format("rc {} {} {} {}", r.v[0], r.v[1], r.v[2], r.v[3])});
       drone->told_mps = std::hypot(r.v[0], r.v[1], r.v[2]) / 100 * rc_full_mps;
       drone->told_ns = r.t_ns - begin_ns_;
+    } else if (r.kind == TraceKind::plan_received && !on_path_) {
+      // A pilot's is in hand before its first setpoint is flown: playout smooths it, by so many us.
+      const TimeNs margin_ns = r.extra * 1'000LL;
+      drone->plan_end_ns = std::max(drone->plan_end_ns, r.t_ns - begin_ns_ + max_plan_ns + margin_ns);
     } else if (r.kind == TraceKind::command_applied) {
       ++drone->plans_given;
-      drone->plan_end_ns = r.t_ns - begin_ns_ + max_plan_ns;
+      drone->plan_end_ns = std::max(drone->plan_end_ns, r.t_ns - begin_ns_ + max_plan_ns);
       drone->told_ns = r.t_ns - begin_ns_;
       events_.push_back(
           {r.t_ns - begin_ns_, WorldEvent::Kind::applied, index, to_seconds(r.t_ns - r.stamp_ns), {}, r.id});
@@ -117,17 +125,17 @@ class Player {
     DroneFacts* drone = of(r);
     if (!drone || r.kind != TraceKind::command_made) return;
     const double length_m = paths_[r.drone - 1u].length_m();
-    const bool on_path = r.v[3] > 0 && r.v[3] < laps_ * length_m;
+    const bool on_path = r.v[3] > 0 && r.v[3] < drone->laps * length_m;
     drone->ground_phase = on_path ? ground::DronePhase::path : ground::DronePhase::waiting;
     if (on_path) drone->lap = 1 + static_cast<int>(r.v[3] / length_m);
   }
 
   const Recording& recording_;
   TimeNs begin_ns_, told_ns_ = 0, seen_ns_ = 0;
+  bool on_path_;  ///< else somebody's own program flies
   std::vector<DroneFacts> facts_;
   std::vector<ground::Path> paths_;
   std::vector<WorldEvent> events_;
-  int laps_ = 1;
   std::size_t link_ = 0, sim_ = 0, ground_ = 0;
 };
 
@@ -243,8 +251,9 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
   for (TimeNs now = 0; now <= recording.end_ns - recording.begin_ns; now += ns_per_ms) {
     const TimeNs t_ns = recording.begin_ns + now;
     player.play(t_ns);
-    const bool away = std::any_of(recording.link_away.begin(), recording.link_away.end(),
-                                  [&](const auto& span) { return span.first <= t_ns && t_ns < span.second; });
+    const bool away =
+        !recording.has_link || std::any_of(recording.link_away.begin(), recording.link_away.end(),
+                                           [&](const auto& span) { return span.first <= t_ns && t_ns < span.second; });
     const auto excuses = times.excuses(t_ns);
     recorder.observe({.now = now,
                       .drones = player.facts(),
@@ -265,6 +274,10 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
   ending.lost = recording.lost;
   ending.crashed = recording.crashed;
   RunResult result = recorder.finish(ending);
+  if (!recording.has_link) {
+    result.not_judged = {"whatever link, agent, ground and a ledger do: there are none in a flight by the SDK"};
+    return result;
+  }
   result.not_judged = {"that each plan's own end is followed by a hold: it is judged 2.05 s behind the newest command",
                        recording.lost_is_known
                            ? "commits that were acknowledged: the failsafe's transitions alone are looked for"

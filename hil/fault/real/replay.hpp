@@ -15,7 +15,8 @@ struct Recording {
   std::vector<TraceRecord> sim;     ///< where the drones were
   std::vector<TraceRecord> ground;  ///< its commands
   TimeNs begin_ns = 0, end_ns = 0;
-  bool over = false;  ///< ended by itself
+  bool has_link = true;  ///< else an SDK client flew, and the truth alone is judged
+  bool over = false;     ///< ended by itself
   bool ok = false;
   std::string why;
   std::vector<std::string> lost;     ///< what should be on the ledger and is not, in words

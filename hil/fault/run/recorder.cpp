@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/msg/names.hpp"
+#include "hil/virtual/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -48,8 +49,12 @@ Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
   limits.fence_min_m = {-std::abs(room), -std::abs(room), 0};
   limits.fence_max_m = {0, 0, 3};
   for (std::size_t i = 0; i < 2; ++i) {
-    for (const DroneFacts& drone : drones)
-      limits.fence_max_m[i] = std::max(limits.fence_max_m[i], drone.start_m[i] + script.flight.side_m + room);
+    for (std::size_t k = 0; k < drones.size(); ++k) {
+      const Reach reach = reach_of(task_of(script.flight, static_cast<int>(k) + 1));
+      double &min_m = limits.fence_min_m[i], &max_m = limits.fence_max_m[i];
+      min_m = std::min(min_m, drones[k].start_m[i] + reach.min_m[i] - std::abs(room));
+      max_m = std::max(max_m, drones[k].start_m[i] + reach.max_m[i] + room);
+    }
     limits.min_m[i] = limits.fence_min_m[i] - slack;
     limits.max_m[i] = limits.fence_max_m[i] + slack;
   }

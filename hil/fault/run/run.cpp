@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "hil/fault/own/own_code.hpp"
 #include "hil/fault/run/recorder.hpp"
 #include "hil/fault/run/schedule.hpp"
 
@@ -40,6 +41,7 @@ void add_counts(const VirtualWorld& world, Figures& figures) {
 }  // namespace
 
 Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
+  if (const Status flown = check_virtual(script); !flown) return flown.error();
   WorldConfig config = script.flight;
   config.supervisors = std::any_of(script.faults.begin(), script.faults.end(),
                                    [](const Fault& fault) { return fault.acts.needs_supervisors; });
@@ -50,12 +52,14 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   auto scheduled = FaultSchedule::create(script.faults, world.facts());
   if (!scheduled) return scheduled.error();
   FaultSchedule& schedule = *scheduled;
+  Pilot pilot(script.pilot, world.facts());
 
   RunRecorder recorder(script, seed, world.facts());
   std::vector<Moment::Excuse> excuses(world.facts().size());
   const auto over = [&] { return world.over() && !schedule.restart_pending(); };
   while (!over() && world.now() < script.limit_ns) {
     schedule.step(world);
+    pilot.step(world);
     world.step();
     const bool own_senses = script.flight.pose != link::PoseSource::mocap;
     for (std::size_t i = 0; i < excuses.size(); ++i) {
@@ -85,6 +89,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   ending.now = world.now();
   ending.over = over();
   ending.missing = schedule.never_begun();
+  for (std::string& text : pilot.never_said()) ending.missing.push_back(std::move(text));
   ending.ok = world.ok();
   ending.why = world.why();
   ending.transactions = world.transactions();

@@ -12,6 +12,7 @@
 #include "common/program/program.hpp"
 #include "hil/fault/campaign.hpp"
 #include "hil/fault/catalogue/scenarios.hpp"
+#include "hil/fault/own/own_code.hpp"
 #include "hil/fault/real/real.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/verbs/told.hpp"
@@ -27,6 +28,8 @@ struct RunOptions : FlightOptions {
   std::vector<std::string> scripts;
   bool real = false, out_given = false;
   std::string ledger = "embedded";  // of --real
+  std::string program;              // as it is given
+  OwnCode own;
 };
 
 /// What is to be flown.
@@ -45,9 +48,16 @@ Result<Wanted> read_all(const RunOptions& options) {
     if (!text) return text.error();
     auto script = parse_script(*text, file, options.real);
     if (!script) return script.error();
+    if (auto put = put_into(*script, options.own); !put) return put.error();
+    if (const auto flown = check_virtual(*script); !flown && !options.real) {
+      if (files->size() == options.scripts.size()) return flown.error();  // asked for by name
+      fmt::print(stderr, "not flown: {}\n", flown.error().what);
+      continue;
+    }
     wanted.sources[script->name] = source_of(*text);
     scripts.push_back(std::move(*script));
   }
+  if (scripts.empty()) return Error{"there is no script to fly"};
   std::optional<std::pair<std::uint64_t, std::uint64_t>> seeds;
   if (!options.seeds.empty()) {
     const auto parsed = parse_seeds(options.seeds);
@@ -80,13 +90,13 @@ bool fly_really(const Wanted& wanted, const RunOptions& options, Teller& teller)
   for (const auto& [script, seed] : wanted.flights) {
     const std::string directory =
         fmt::format("{}/{}-{}", std::filesystem::absolute(options.out).string(), script.name, seed);
-    auto result = run_really(script, seed, {programs, directory, {options.ledger == "fabric"}});
+    auto result = run_really(script, seed, {programs, directory, {options.ledger == "fabric"}, options.own});
     if (!result) {
       spdlog::error("{}: {}", script.name, result.error().what);
       flown = false;
       continue;
     }
-    const std::string agreed = script.faults.empty() ? agree(script, seed, *result) : "";
+    const std::string agreed = script.faults.empty() && options.own.program.empty() ? agree(script, seed, *result) : "";
     teller.told(std::move(*result), wanted.sources.at(script.name), agreed);
   }
   return flown;
@@ -108,14 +118,19 @@ bool fly_virtually(const Wanted& wanted, const RunOptions& options, Teller& tell
   return flown;
 }
 
-int run_scripts(const RunOptions& options) {
+int run_scripts(RunOptions& options) {
+  if (!options.program.empty()) {
+    auto words = words_of_command(options.program);
+    if (!words) return usage_error("--program: " + words.error().what);
+    options.own.program = std::move(*words);
+  }
   if (options.real && (!options.out_given || options.jobs != 1))
     return usage_error("--real goes with --out FOLDER, and without --jobs: there is one flight at a time");
   const auto wanted = read_all(options);
   if (!wanted) return usage_error(wanted.error().what);
   for (const auto& [script, seed] : wanted->flights) {  // before any of them flies
     if (!options.real) break;
-    if (const auto possible = check_real(script, {options.ledger == "fabric"}); !possible)
+    if (const auto possible = check_real(script, {options.ledger == "fabric"}, options.own); !possible)
       return usage_error(possible.error().what);
   }
   Teller teller(wanted->flights.size(), options.quiet);
@@ -138,6 +153,12 @@ Act run(CommandLine& line) {
                 "with the real processes, in real time, one flight after another (./fly --proxy); a script without "
                 "faults must agree with its virtual run");
   verb.option("--ledger", options->ledger, "of --real").needs(real).one_of({"embedded", "fabric"}).shows_default();
+  verb.option("--controller", options->own.controller,
+              "a shared library that steers along the path in the place of ground's own controller (docs/own-code.md)")
+      .existing_file();
+  verb.option("--program", options->program,
+              "a command that flies scripts of kind manual (over the drones' topics) or sdk (over the SDK)")
+      .needs(real);
   const Option out =
       verb.option("--out", options->out, "of --real: folder for what each flight leaves behind").needs(real);
   return {verb, [options, out] {

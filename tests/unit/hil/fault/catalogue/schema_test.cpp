@@ -42,7 +42,13 @@ TEST(Schema, HasEveryKeyThatTheReaderAsksForWithItsTypeAndRange) {
   for (const auto& [key, property] : flight.items()) EXPECT_TRUE(property.contains("type")) << key;
   EXPECT_EQ(flight["laps"]["type"], "integer");
   EXPECT_EQ(flight["laps"]["maximum"], 100);
-  EXPECT_EQ(flight["shape"]["enum"], json(motion::shape_names()));
+  EXPECT_EQ(flight["kind"]["enum"], json::array({"path", "manual", "sdk"}));
+  const std::regex shape(flight["shape"]["pattern"].get<std::string>());
+  for (const std::string& name : motion::shape_names()) EXPECT_TRUE(std::regex_match(name, shape)) << name;
+  EXPECT_TRUE(std::regex_match("way.csv", shape));
+  EXPECT_FALSE(std::regex_match("circle", shape));
+  EXPECT_EQ(root["properties"]["task"]["items"]["required"], json::array({"drone"}));
+  EXPECT_EQ(root["properties"]["pilot"]["items"]["required"], json::array({"do"}));
   EXPECT_TRUE(flight["limit"].contains("pattern"));
   EXPECT_EQ(fault["required"], json::array({"what"}));
   EXPECT_EQ(fault["properties"]["optional"]["type"], "boolean");

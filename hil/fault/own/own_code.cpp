@@ -1,0 +1,91 @@
+#include "hil/fault/own/own_code.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <sstream>
+#include <utility>
+
+#include "ground/plugin/plugin.hpp"
+#include "hil/fault/own/sdk_script.hpp"
+
+namespace ledgerline::hil {
+Result<std::vector<std::string>> words_of_command(const std::string& line) {
+  std::vector<std::string> words;
+  std::string word;
+  bool begun = false;
+  char quote = 0;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const char c = line[i];
+    if (c == '\\' && quote != '\'' && i + 1 < line.size()) {
+      word += line[++i];
+      begun = true;
+    } else if (quote != 0) {
+      if (c == quote) {
+        quote = 0;
+      } else {
+        word += c;
+      }
+    } else if (c == '"' || c == '\'') {
+      quote = c;
+      begun = true;
+    } else if (c == ' ' || c == '\t') {
+      if (begun) words.push_back(std::exchange(word, {}));
+      begun = false;
+    } else {
+      word += c;
+      begun = true;
+    }
+  }
+  if (quote != 0) return Error{fmt::format("\"{}\": the quote {} has no end", line, quote)};
+  if (begun) words.push_back(word);
+  if (words.empty()) return Error{"an empty command names no program"};
+  return words;
+}
+
+Result<std::string> program_at(const std::string& name) {
+  if (name.find('/') != std::string::npos) {
+    if (::access(name.c_str(), X_OK) == 0) return name;
+    return Error{fmt::format("{} is no program that can be run", name)};
+  }
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path ? path : "");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    std::string file = (folder.empty() ? "." : folder) + "/" + name;
+    if (::access(file.c_str(), X_OK) == 0) return file;
+  }
+  return Error{fmt::format("there is no program {} in PATH", name)};
+}
+
+Status check_virtual(const Script& script) {
+  const bool flown = script.kind == FlightKind::path || !script.pilot.empty();
+  if (flown) return done;
+  const bool manual = script.kind == FlightKind::manual;
+  return Error{
+      fmt::format("{}: flight.kind = \"{}\" is flown by a program of yours, in real time: give --program COMMAND{} "
+                  "(docs/own-code.md)",
+                  script.name, name_of(script.kind), manual ? ", or rows [[pilot]] for virtual time" : "")};
+}
+
+Status put_into(Script& script, const OwnCode& own) {
+  if (!own.controller.empty()) {
+    if (script.kind != FlightKind::path)
+      return Error{fmt::format("{}: --controller steers along a path, and flight.kind = \"{}\" has none", script.name,
+                               name_of(script.kind))};
+    auto loaded = ground::load_controller(own.controller);
+    if (!loaded) return loaded.error();
+    script.flight.follower = std::move(*loaded);
+  }
+  if (own.program.empty()) return done;
+  if (const auto program = program_at(own.program.front()); !program) return program.error();
+  if (script.kind == FlightKind::path)
+    return Error{fmt::format("{}: --program flies scripts of flight.kind = \"manual\" or \"sdk\"; here ground flies",
+                             script.name)};
+  if (!script.pilot.empty())
+    return Error{fmt::format("{}: it has a [[pilot]], who and --program would fly the same drones", script.name)};
+  if (script.kind == FlightKind::sdk) return check_sdk(script);
+  return done;
+}
+
+}  // namespace ledgerline::hil

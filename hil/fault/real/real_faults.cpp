@@ -1,0 +1,190 @@
+#include "hil/fault/real/real_faults.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "hil/proxy/fault_socket.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr TimeNs errand_patience_ns = 20 * ns_per_s;
+
+}  // namespace
+
+RealFaults::RealFaults(const Script& script, Where where, const LiveFacts& live, Children& children)
+    : where_(std::move(where)), drones_(script.flight.drones), live_(live), children_(children) {
+  for (const Fault& fault : script.faults) {
+    Planned planned{fault, {}};
+    for (std::size_t i = 0; i < live_.facts().size(); ++i) {
+      if (fault.names(live_.facts()[i].name)) planned.drones.push_back(i);
+    }
+    planned_.push_back(std::move(planned));
+  }
+}
+
+Status RealFaults::step(TimeNs now) {
+  if (auto stepped = step_faults(now); !stepped) return stepped;
+  return run_errands(now);
+}
+
+std::vector<Recording::Fault> RealFaults::begun() const {
+  std::vector<Recording::Fault> faults;
+  for (const Planned& planned : planned_) {
+    if (planned.begun_ns != 0)
+      faults.push_back(
+          {planned.fault.text, planned.begun_ns, planned.ended_ns, planned.fault.acts.deafens, planned.fault.drone});
+  }
+  return faults;
+}
+
+void RealFaults::end() {
+  burners_.clear();
+  memory_.clear();
+}
+
+bool RealFaults::due(const Planned& planned, TimeNs now) const {
+  const Trigger& trigger = planned.fault.trigger;
+  if (trigger.kind == Trigger::Kind::time) return now - live_.begin_ns() >= trigger.after_ns;
+  return planned.reached_ns != 0 && now - planned.reached_ns >= trigger.after_ns;
+}
+
+Status RealFaults::step_faults(TimeNs now) {
+  for (Planned& planned : planned_) {
+    const Fault& fault = planned.fault;
+    if (planned.reached_ns == 0 && fault.trigger.kind != Trigger::Kind::time) {
+      const bool reached = std::any_of(planned.drones.begin(), planned.drones.end(),
+                                       [&](std::size_t i) { return fault.trigger.reached(now, live_.facts()[i]); });
+      if (reached) planned.reached_ns = now;
+    }
+    if (!planned.begin_asked && due(planned, now)) {
+      planned.begin_asked = true;
+      const auto begun = [&planned] {
+        planned.begun_ns = monotonic_ns();
+        if (planned.fault.acts.momentary) planned.ended_ns = planned.begun_ns;
+      };
+      const auto acts = acts_at_begin(fault, active(nullptr), drones_, where_.ledger);
+      if (auto acted = act(acts, true, begun); !acted)
+        return Error{fmt::format("\"{}\": {}", fault.text, acted.error().what)};
+    }
+    const bool lasts = planned.begun_ns != 0 && planned.ended_ns == 0 && fault.for_ns > 0;
+    if (lasts && !planned.stop_requested && now - planned.begun_ns >= fault.for_ns) {
+      planned.stop_requested = true;
+      const auto acts = acts_at_end(fault, active(&planned), drones_, where_.ledger);
+      if (auto acted = act(acts, false, [&planned] { planned.ended_ns = monotonic_ns(); }); !acted)
+        return Error{fmt::format("the end of \"{}\": {}", fault.text, acted.error().what)};
+    }
+  }
+  return done;
+}
+
+std::vector<Fault> RealFaults::active(const Planned* without) const {
+  std::vector<Fault> faults;
+  for (const Planned& planned : planned_) {
+    if (planned.begin_asked && !planned.stop_requested && &planned != without) faults.push_back(planned.fault);
+  }
+  return faults;
+}
+
+Status RealFaults::act(const RealActs& acts, bool begin, const std::function<void()>& acted) {
+  for (const std::string& command : acts.proxy) {
+    if (auto told = proxy::tell(where_.run + "/faults.sock", command); !told) return told.error();
+  }
+  for (const auto& [program, signal] : acts.programs) {
+    const auto pids = descendants(children_.pid(where_.parent), program);
+    if (pids.empty()) return Error{program + " does not run"};
+    for (const pid_t pid : pids) ::kill(pid, signal);
+  }
+  if (acts.burn_core >= 0 && begin) {
+    auto burner = std::make_unique<Burner>(acts.burn_core);
+    if (!burner->pinned()) return Error{fmt::format("there is no core {} for us", acts.burn_core)};
+    burners_[acts.burn_core] = std::move(burner);
+  } else if (acts.burn_core >= 0) {
+    burners_.erase(acts.burn_core);
+  }
+  if (acts.take_bytes > 0 && begin) {
+    if (available_memory() < acts.take_bytes + acts.take_bytes / 4)
+      return Error{fmt::format("only {} MB are available: take less", available_memory() / 1'000'000)};
+    memory_.emplace(acts.take_bytes, std::vector<char>(acts.take_bytes, 1));
+  } else if (acts.take_bytes > 0) {
+    (void)memory_.extract(acts.take_bytes);  // one of its size
+  }
+  const std::string filler = where_.run + "/ledger/filler";
+  if (acts.fill_disk && begin) {
+    if (auto filled = fill(filler); !filled) return filled;
+  } else if (acts.fill_disk && ::unlink(filler.c_str()) != 0) {
+    return Error{fmt::format("cannot remove {}: {}", filler, std::strerror(errno))};
+  }
+  if (!acts.parts.empty()) {
+    signal_parts(acts.parts, monotonic_ns() + errand_patience_ns, acted);
+  } else if (!acts.control.empty()) {
+    std::vector<std::string> command{where_.programs + "/ledgerline-control", "--config",
+                                     where_.run + "/operator.toml"};
+    command.insert(command.end(), acts.control.begin(), acts.control.end());
+    errands_.push_back({"control", std::move(command), [acted](const std::string&) {
+                          acted();
+                          return done;
+                        }});
+  } else {
+    acted();
+  }
+  return done;
+}
+
+/// One after the other; the first one's answer is taken when it is there.
+Status RealFaults::run_errands(TimeNs now) {
+  if (errands_.empty()) return done;
+  Errand& errand = errands_.front();
+  const std::string& name = errand.name;
+  if (errand.until_ns == 0) {
+    errand.until_ns = now + errand_patience_ns;
+    lines_[name].clear();
+    return children_.start({name, errand.command, where_.directory + "/" + name + ".log", SIGKILL});
+  }
+  if (children_.running(name)) {
+    if (now < errand.until_ns) return done;
+    return Error{fmt::format("{} has not ended within {:.0f} s", name, to_seconds(errand_patience_ns))};
+  }
+  if (!children_.ended_well(name))
+    return Error{fmt::format("{} {}: {}", name, children_.how_it_ended(name), children_.log_tail(name, 3))};
+  const auto then = std::move(errand.then);
+  errands_.pop_front();
+  return then(lines_[name]);
+}
+
+/// Asks the network who they are, again while no orderer leads.
+void RealFaults::signal_parts(const std::vector<std::pair<std::string, int>>& parts, TimeNs until,
+                              const std::function<void()>& signalled) {
+  const auto then = [this, parts, until, signalled](const std::string& said) -> Status {
+    const auto status = nlohmann::json::parse(said, nullptr, false);
+    const auto processes =
+        status.is_object() ? status.value("processes", nlohmann::json::array()) : nlohmann::json::array();
+    for (const auto& [part, signal] : parts) {
+      const auto is_it = [&, name = std::string_view(part)](const nlohmann::json& process) {
+        if (process.value("pid", 0) <= 0) return false;
+        return name == leader_part ? process.contains("leads") && !process["leads"].empty()
+                                   : process.value("name", "") == name;
+      };
+      const auto found = std::find_if(processes.begin(), processes.end(), is_it);
+      if (found == processes.end()) {
+        if (part != leader_part || monotonic_ns() > until) return Error{part + " does not run"};
+        signal_parts(parts, until, signalled);
+        return done;
+      }
+      if (signal == SIGKILL) killed_parts_.insert((*found)["name"].get<std::string>());
+      ::kill((*found)["pid"].get<pid_t>(), signal);
+    }
+    signalled();
+    return done;
+  };
+  errands_.push_back(
+      {"fabric-status", {where_.programs + "/ledgerline-fabric", "status", "--dir", where_.run + "/ledger"}, then});
+}
+
+}  // namespace ledgerline::hil
