@@ -1,0 +1,38 @@
+"""An unmodified djitellopy script under the judge, over the proxy."""
+from own_code import EXAMPLES, broken, fly, planted, run, SCENARIOS
+
+
+def test_a_script_that_asks_again_passes(tmp_path):
+    code, flown = fly(tmp_path, "sdk-client-errors", EXAMPLES / "sdk_square.py")
+    assert code == 0, broken(flown)
+    said = (tmp_path / "r/sdk-client-errors-1/program.out").read_text()
+    assert "was unsuccessful" in said, "the fault was there, and the script heard of it"
+
+
+def test_one_that_ignores_an_error_is_caught(tmp_path):
+    program = planted(tmp_path, "sdk_square.py", "            if time.monotonic() > begin + PATIENCE_S:\n                raise\n", "            return\n")
+    code, flown = fly(tmp_path, "sdk-client-errors", program)
+    assert code == 1
+    assert "corners within 0.5 m" in broken(flown)
+    assert "finishes" not in broken(flown), "to itself it looks fine: it landed, with exit code 0"
+
+
+def test_what_has_no_link_is_refused_before_anything_flies(tmp_path):
+    script = tmp_path / "script.toml"
+    script.write_text('title = "t"\nmust = ["hold is seen"]\n[flight]\nkind = "sdk"\n[[fault]]\nwhat = "ledger both stall"\n')
+    done = run(script, "--real", "--out", tmp_path / "out", "--program", "true")
+    assert done.returncode == 2
+    assert "there is no ledger in a flight by the SDK" in done.stderr and "link says that" in done.stderr
+    done = run(SCENARIOS / "sdk-client-errors.toml")
+    assert done.returncode == 2 and "give --program" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_program_that_fails_breaks_the_run(tmp_path):
+    program = tmp_path / "gives_up.py"
+    program.write_text("import sys\nprint('no drone today')\nsys.exit(3)\n")
+    code, flown = fly(tmp_path, "sdk-client-errors", program)
+    assert code == 1
+    seen = broken(flown)
+    assert "ended with exit code 3" in seen["your program ends by itself, with exit code 0"]
+    assert seen["finishes"] == "tello1 never took off"
