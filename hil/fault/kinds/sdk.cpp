@@ -11,15 +11,17 @@ using Said = FaultKind::Said;
 Result<FaultActs> sdk(const Said& said) {
   const auto fault = parse_sdk_fault(std::string(said.words[0]) + " " + said.rest);
   if (!fault) return fault.error();
-  return FaultActs{.lasts_on =
-                       [fault = *fault](Effects::OfDrone& drone, std::size_t item) {
-                         drone.sdk.push_back(fault);
-                         drone.sdk.back().item = item;
-                       },
-                   .not_real = because("the proxy knows datagrams, not the SDK's calls: virtual time alone has it"),
-                   // As a state text that says another velocity or heading, up to the other way round.
-                   .misleads_mps = of_states(fault->kind) ? 2 * rc_full_mps : 0,
-                   .of_two_drones = fault->kind == SdkFault::Kind::other_drone};
+  return FaultActs{
+      .lasts_on =
+          [fault = *fault](Effects::OfDrone& drone, std::size_t item) {
+            drone.sdk.push_back(fault);
+            drone.sdk.back().item = item;
+          },
+      .not_real =
+          because("the proxy knows datagrams, not the SDK's calls: virtual time has it, and the shim (docs/shim.md)"),
+      // As a state text that says another velocity or heading, up to the other way round.
+      .misleads_mps = of_states(fault->kind) ? 2 * rc_full_mps : 0,
+      .of_two_drones = fault->kind == SdkFault::Kind::other_drone};
 }
 
 constexpr FaultKind sdk_table[] = {

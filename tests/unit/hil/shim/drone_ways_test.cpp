@@ -53,6 +53,25 @@ TEST_F(Ways, EachWayIsImpairedByItself) {
   EXPECT_EQ(heard_by_client(200 * ns_per_ms), Texts{"1a:ok"});
 }
 
+TEST(RecordedDay, IsPlayedBehindTheShimAsByTheProxy) {
+  const auto day = [](const std::string& path) { return parse_day(path, "0,0.2\n1,lost\n2,0.1\n"); };
+  proxy::Switches switches(DroneWays::targets(1), reading_once(), reading_days_once(day));
+  const Status applied = switches.apply("drone tello1 state recorded-day f");
+  ASSERT_TRUE(applied) << applied.error().what;
+  DroneWays ways(1, 1);
+  ways.set(switches);
+  const auto came = [&](TimeNs now) {
+    ways.from_drone(now, {1, listener, "h:1;"});
+    (void)ways.to_client(now);  // which takes what is due from the drone into its line
+    const auto due = ways.next_due();
+    if (due) (void)ways.to_client(*due);
+    return due;
+  };
+  EXPECT_EQ(came(0), 200 * ns_per_ms);
+  EXPECT_EQ(came(1'500 * ns_per_ms), std::nullopt);
+  EXPECT_EQ(came(2'000 * ns_per_ms), 2'100 * ns_per_ms);
+}
+
 TEST_F(Ways, KnowsTheSdksCalls) {
   apply("sdk tello1 answers wrong to takeoff");
   apply("sdk tello2 states other");
