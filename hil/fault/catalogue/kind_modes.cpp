@@ -113,7 +113,7 @@ std::vector<std::string> examples_of(const FaultKind& kind) {
 KindModes modes_of(const FaultKind& kind) {
   const auto examples = examples_of(kind);
   return {&kind, in_mode(examples, false, {}), in_mode(examples, true, {.fabric = false}),
-          in_mode(examples, true, {.fabric = true})};
+          in_mode(examples, true, {.fabric = true}), in_mode(examples, true, {.shim = true})};
 }
 
 std::string modes_text(const KindModes& modes) {
@@ -124,6 +124,9 @@ std::string modes_text(const KindModes& modes) {
   } else {
     if (const auto text = said_of("real on the embedded node", modes.embedded); !text.empty()) said.push_back(text);
     if (const auto text = said_of("real on Fabric", modes.fabric); !text.empty()) said.push_back(text);
+  }
+  if (modes.shim.possible != modes.embedded.possible) {
+    if (const auto text = said_of("real over the shim", modes.shim); !text.empty()) said.push_back(text);
   }
   if (!said.empty()) return fmt::format("{}", fmt::join(said, ", "));
   return modes.in_virtual_time.refused.empty() ? "refused" : "refused: " + modes.in_virtual_time.refused.front().second;

@@ -25,6 +25,7 @@ struct InMode {
 struct KindModes {
   const FaultKind* kind = nullptr;
   InMode in_virtual_time, embedded, fabric;  ///< the latter two: with the real processes, on this ledger
+  InMode shim;                               ///< with the real processes, and drones behind the shim
 };
 KindModes modes_of(const FaultKind& kind);
 

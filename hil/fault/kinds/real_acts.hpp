@@ -11,6 +11,7 @@ namespace ledgerline::hil {
 /// Which ledger a script is flown on with the real processes.
 struct RealLedger {
   bool fabric = false;  ///< with three orderers; else the embedded node
+  bool shim = false;    ///< drones behind the shim (docs/shim.md), which knows the SDK's calls; else UDP and the proxy
 };
 inline constexpr int fabric_orderers = 3;
 inline constexpr const char* leader_part = "orderer leader";
@@ -20,7 +21,7 @@ std::vector<std::string> servers_of(Process process, const RealLedger& ledger);
 
 /// What is to be done when a fault begins, or ends: in this order.
 struct RealActs {
-  std::vector<std::string> proxy;                     ///< commands of hil/proxy/switches.hpp
+  std::vector<std::string> proxy;                     ///< commands of hil/proxy/switches.hpp, also the shim's
   std::vector<std::pair<std::string, int>> programs;  ///< signals to programs of the flight: "ledgerline-agent"
   /// Signals to parts of Fabric's network: "peer1"; leader_part: the orderer that leads.
   std::vector<std::pair<std::string, int>> parts;

@@ -94,7 +94,9 @@ std::vector<Fault> RealFaults::active(const Planned* without) const {
 
 Status RealFaults::act(const RealActs& acts, bool begin, const std::function<void()>& acted) {
   for (const std::string& command : acts.proxy) {
-    if (auto told = proxy::tell(where_.run + "/faults.sock", command); !told) return told.error();
+    const bool of_shim = where_.ledger.shim && !command.starts_with("server ");
+    const std::string socket = where_.run + (of_shim ? "/shim.sock" : "/faults.sock");
+    if (auto told = proxy::tell(socket, command); !told) return told.error();
   }
   for (const auto& [program, signal] : acts.programs) {
     const auto pids = descendants(children_.pid(where_.parent), program);

@@ -24,7 +24,7 @@ class RealFaults {
   struct Where {
     std::string programs;   ///< directory of the programs
     std::string directory;  ///< for logs of what it starts
-    std::string run;        ///< with the proxy's faults.sock and operator.toml
+    std::string run;        ///< with the proxy's faults.sock, the shim's shim.sock and operator.toml
     std::string parent;     ///< the child whose descendants processes are
     RealLedger ledger;
   };

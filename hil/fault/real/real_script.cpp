@@ -128,6 +128,7 @@ std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed,
     add("--laps", std::to_string(flight.laps));
     if (!flight.predict) add("--predict", "off");
   }
+  if (ledger.shim) arguments.emplace_back("--shim");
   if (ledger.fabric)
     arguments.insert(arguments.end(), {"--ledger", "fabric", "--orderers", std::to_string(fabric_orderers)});
   return arguments;

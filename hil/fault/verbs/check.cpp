@@ -17,7 +17,7 @@ namespace {
 
 struct CheckOptions {
   std::vector<std::string> scripts;
-  bool real = false;
+  bool real = false, shim = false;
   std::string ledger = "embedded";  // of --real
 };
 
@@ -25,7 +25,7 @@ int check_scripts(const CheckOptions& options) {
   const auto files = scripts_named(options.scripts, program_folder());
   if (!files) return usage_error(files.error().what);
   std::optional<RealLedger> real;
-  if (options.real) real = RealLedger{options.ledger == "fabric"};
+  if (options.real) real = RealLedger{options.ledger == "fabric", options.shim};
   std::size_t wrong = 0;
   for (const std::string& file : *files) {
     const auto text = read_file(file);
@@ -51,6 +51,7 @@ Act check(CommandLine& line) {
   verb.option("SCRIPT", options->scripts, "files, folders, or names of scenarios and their groups").required();
   const Option real = verb.flag("--real", options->real, "whether they can be flown with the real processes");
   verb.option("--ledger", options->ledger, "of --real").needs(real).one_of({"embedded", "fabric"}).shows_default();
+  verb.flag("--shim", options->shim, "of --real: drones behind the shim").needs(real);
   return {verb, [options] { return check_scripts(*options); }};
 }
 

@@ -41,7 +41,8 @@ int list_faults(bool as_json) {
                       {"modes", modes_text(modes)},
                       {"virtual", json_of(modes.in_virtual_time)},
                       {"real_embedded", json_of(modes.embedded)},
-                      {"real_fabric", json_of(modes.fabric)}});
+                      {"real_fabric", json_of(modes.fabric)},
+                      {"real_shim", json_of(modes.shim)}});
     else
       fmt::print("{:<66} {}\n", kind->form, modes_text(modes));
   }

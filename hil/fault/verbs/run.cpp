@@ -26,7 +26,7 @@ constexpr std::uint64_t max_flights = 200'000;  // all are held ready
 
 struct RunOptions : FlightOptions {
   std::vector<std::string> scripts;
-  bool real = false, out_given = false;
+  bool real = false, shim = false, out_given = false;
   std::string ledger = "embedded";  // of --real
   std::string program;              // as it is given
   OwnCode own;
@@ -90,7 +90,8 @@ bool fly_really(const Wanted& wanted, const RunOptions& options, Teller& teller)
   for (const auto& [script, seed] : wanted.flights) {
     const std::string directory =
         fmt::format("{}/{}-{}", std::filesystem::absolute(options.out).string(), script.name, seed);
-    auto result = run_really(script, seed, {programs, directory, {options.ledger == "fabric"}, options.own});
+    auto result =
+        run_really(script, seed, {programs, directory, {options.ledger == "fabric", options.shim}, options.own});
     if (!result) {
       spdlog::error("{}: {}", script.name, result.error().what);
       flown = false;
@@ -130,7 +131,9 @@ int run_scripts(RunOptions& options) {
   if (!wanted) return usage_error(wanted.error().what);
   for (const auto& [script, seed] : wanted->flights) {  // before any of them flies
     if (!options.real) break;
-    if (const auto possible = check_real(script, {options.ledger == "fabric"}, options.own); !possible)
+    if (options.shim && script.kind == FlightKind::sdk)
+      return usage_error(script.name + ": an SDK client speaks UDP: it is flown over the proxy, without --shim");
+    if (const auto possible = check_real(script, {options.ledger == "fabric", options.shim}, options.own); !possible)
       return usage_error(possible.error().what);
   }
   Teller teller(wanted->flights.size(), options.quiet);
@@ -153,6 +156,10 @@ Act run(CommandLine& line) {
                 "with the real processes, in real time, one flight after another (./fly --proxy); a script without "
                 "faults must agree with its virtual run");
   verb.option("--ledger", options->ledger, "of --real").needs(real).one_of({"embedded", "fabric"}).shows_default();
+  verb.flag("--shim", options->shim,
+            "of --real: drones behind shared memory in place of UDP, which has faults at the SDK's own calls "
+            "(docs/shim.md)")
+      .needs(real);
   verb.option("--controller", options->own.controller,
               "a shared library that steers along the path in the place of ground's own controller (docs/own-code.md)")
       .existing_file();

@@ -18,11 +18,11 @@ def run(scenario: pathlib.Path, *options) -> subprocess.CompletedProcess:
     return done
 
 
-def fly(directory: pathlib.Path, scenario: str, program: pathlib.Path) -> tuple[int, dict]:
+def fly(directory: pathlib.Path, scenario: str, program: pathlib.Path, *options: str) -> tuple[int, dict]:
     """By a program, in real time: the exit code, and the run as JSON."""
     result = directory / "run.json"
     done = run(SCENARIOS / f"{scenario}.toml", "--real", "--out", directory / "r", "--json", result, "--junit", directory / "run.xml",
-               "--program", f"'{sys.executable}' '{program}'")
+               "--program", f"'{sys.executable}' '{program}'", *options)
     folder = directory / "r" / f"{scenario}-1"
     for name in ("program.out", "program.log"):
         if (folder / name).exists():

@@ -20,10 +20,11 @@ def test_it_flies_with_the_real_processes(tmp_path):
     script = tmp_path / "script.toml"
     script.write_text('title = "t"\nmust = ["finishes", "path within 0.4 m", "corners within 0.4 m"]\n'
                       '[flight]\nwaypoints = ["0,0", "1,0", "1,1,1.2", "0,1"]\n')
-    done = run(script, "--real", "--out", tmp_path / "out", "--json", tmp_path / "r.json", "--controller",
+    done = run(script, "--real", "--shim", "--out", tmp_path / "out", "--json", tmp_path / "r.json", "--controller",
                CONTROLLERS / "example_controller.so")
     flown = json.loads((tmp_path / "r.json").read_text())["runs"][0]
     assert done.returncode == 0, broken(flown)
+    assert 'transport = "shim"' in (tmp_path / "out/script-1/run/link.toml").read_text()
     assert "controller = " in (tmp_path / "out/script-1/run/ground.toml").read_text()
     assert_nothing_left()
 

@@ -29,6 +29,18 @@ def test_a_flight_with_agent_and_ledger_that_the_shim_impairs(tmp_path):
     assert not list(SHARED_MEMORY.glob("ledgerline-*.shim"))
 
 
+def test_a_fault_script_is_judged(tmp_path):
+    script = tmp_path / "takeoff-late.toml"
+    script.write_text('title = "Its take-off is answered late, and its state is torn: it flies"\nmust = ["finishes"]\n[flight]\nside_m = 0.6\n'
+                      '[[fault]]\nwhat = "sdk tello1 answers late 500ms"\nat = "0s"\n'
+                      '[[fault]]\nwhat = "sdk tello1 states torn 20%"\nfor = "2s"\n')
+    refused = subprocess.run([BIN / "ledgerline-fault", "run", script, "--real", "--out", tmp_path / "udp"], capture_output=True, text=True, timeout=60)
+    assert refused.returncode == 2 and "--shim" in refused.stderr
+    done = subprocess.run([BIN / "ledgerline-fault", "run", script, "--real", "--shim", "--out", tmp_path / "out"], capture_output=True, text=True,
+                          timeout=200)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_another_simulator_is_flown(tmp_path):
     memory = SHARED_MEMORY / "mine"
     log = tmp_path / "example.log"

@@ -49,8 +49,7 @@ TEST(KindModes, InVirtualTimeEachFaultActsOrIsRefusedByName) {
 }
 
 TEST(KindModes, WithTheRealProcessesEachFaultActsOrIsRefusedByName) {
-  for (const bool fabric : {false, true}) {
-    const RealLedger ledger{fabric};
+  for (const RealLedger ledger : {RealLedger{}, RealLedger{.fabric = true}, RealLedger{.shim = true}}) {
     for (const FaultKind* kind : fault_kinds()) {
       for (const std::string& example : examples_of(*kind)) {
         auto fault = parse_fault(example, "", "", true);
@@ -60,7 +59,7 @@ TEST(KindModes, WithTheRealProcessesEachFaultActsOrIsRefusedByName) {
             "title = \"t\"\n[[fault]]\nwhat = \"" + example + "\"\n" + (momentary ? "" : "for = \"1s\"\n");
         const auto script = check_script(flight, "x.toml", ledger);
         const auto modes = modes_of(*kind);
-        const auto& possible = (fabric ? modes.fabric : modes.embedded).possible;
+        const auto& possible = (ledger.fabric ? modes.fabric : ledger.shim ? modes.shim : modes.embedded).possible;
         const bool is_possible = std::find(possible.begin(), possible.end(), example) != possible.end();
         if (is_possible && script) {
           EXPECT_FALSE(is_nothing(acts_at_begin(*fault, {*fault}, 1, ledger)))

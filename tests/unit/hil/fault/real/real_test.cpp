@@ -104,6 +104,17 @@ RealActs end_of(const std::vector<std::string>& texts, std::size_t which = 0, in
   return acts_at_end(ends, active, drones, {fabric});
 }
 
+TEST(RealScript, FaultsAtTheSdksCallsAreTheShims) {
+  const RealLedger shim{.shim = true};
+  const Fault fault = fault_of("sdk tello1 answers late 300ms to takeoff");
+  EXPECT_EQ(fault.acts.not_real(fault, shim), "");
+  EXPECT_THAT(fault.acts.not_real(fault, {}), HasSubstr("--shim"));
+  EXPECT_THAT(acts_at_begin(fault, {fault}, 2, shim).proxy, ElementsAre("sdk tello1 answers late 300ms to takeoff"));
+  EXPECT_THAT(acts_at_end(fault, {}, 2, shim).proxy, ElementsAre("sdk tello1 answers late 300ms to takeoff off"));
+  const auto arguments = fly_arguments(Script{}, 1, shim);
+  EXPECT_NE(std::find(arguments.begin(), arguments.end(), "--shim"), arguments.end());
+}
+
 TEST(RealScript, SwitchesTheProxyOnAndOffAgain) {
   const auto acts = [](const std::string& text) { return std::pair(begin_of({text}).proxy, end_of({text}).proxy); };
   EXPECT_THAT(acts("drone tello2 from delay 20ms, loss 5%"),
