@@ -5,7 +5,7 @@
 
 namespace ledgerline::hil {
 
-Result<Script> check_script(std::string_view toml, const std::string& file, const std::optional<RealLedger>& real) {
+Result<Script> check_script(std::string_view toml, const std::string& file, const std::optional<RealStack>& real) {
   auto script = parse_script(toml, file, real.has_value());
   if (!script || !real) return script;
   auto config = Config::parse(toml, file);  // it knows the lines

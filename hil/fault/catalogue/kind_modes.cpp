@@ -62,17 +62,17 @@ std::vector<std::string_view> choices_in(std::string_view word) {
 }
 
 // Lasting a second, where it lasts at all: in that time each kind can be had, if ever.
-std::string refusal_of(const std::string& text, bool real, const RealLedger& ledger) {
+std::string refusal_of(const std::string& text, bool real, const RealStack& stack) {
   auto fault = parse_fault(text, "", "", real);
   if (fault && !fault->acts.momentary) fault = parse_fault(text, "", "1s", real);
   if (!fault) return fault.error().what;
-  return real && fault->acts.not_real ? fault->acts.not_real(*fault, ledger) : "";
+  return real && fault->acts.not_real ? fault->acts.not_real(*fault, stack) : "";
 }
 
-InMode in_mode(const std::vector<std::string>& examples, bool real, const RealLedger& ledger) {
+InMode in_mode(const std::vector<std::string>& examples, bool real, const RealStack& stack) {
   InMode mode;
   for (const std::string& example : examples) {
-    std::string why = refusal_of(example, real, ledger);
+    std::string why = refusal_of(example, real, stack);
     if (why.empty())
       mode.possible.push_back(example);
     else

@@ -109,9 +109,8 @@ Result<FaultActs> sensor(const Said& said) {
             drone.sensors.push_back(fault);
             drone.sensors.back().item = item;
           },
-      .really_begin = [text = said.text](RealActs& real, const RealLedger&) { real.proxy.push_back(text); },
-      .really_end = [text = said.text](RealActs& real, const RealLedger&,
-                                       bool) { real.proxy.push_back(text + " off"); },
+      .really_begin = [text = said.text](RealActs& real, const RealStack&) { real.proxy.push_back(text); },
+      .really_end = [text = said.text](RealActs& real, const RealStack&, bool) { real.proxy.push_back(text + " off"); },
       .misleads_mps = misleads_mps};
 }
 

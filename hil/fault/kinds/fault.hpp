@@ -25,10 +25,10 @@ struct FaultActs {
   std::function<void(Effects::OfDrone&, std::size_t item)> lasts_on{};
 
   // The real processes; what `lasts` and `lasts_on` do to drones' lines and connections is done by the proxy.
-  std::function<void(RealActs&, const RealLedger&)> really_begin{};
-  std::function<void(RealActs&, const RealLedger&, bool goes_on)> really_end{};  ///< `goes_on`: the same words do
+  std::function<void(RealActs&, const RealStack&)> really_begin{};
+  std::function<void(RealActs&, const RealStack&, bool goes_on)> really_end{};  ///< `goes_on`: the same words do
   /// Why it cannot be; empty: it can.
-  std::function<std::string(const Fault&, const RealLedger&)> not_real{};
+  std::function<std::string(const Fault&, const RealStack&)> not_real{};
 
   /// Why it would do nothing in such a flight; empty: it does something.
   std::function<std::string(const WorldConfig&)> idle_in{};

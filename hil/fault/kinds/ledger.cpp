@@ -12,26 +12,25 @@ namespace {
 
 using Said = FaultKind::Said;
 
-void signal_ledger(RealActs& real, const RealLedger& ledger, int signal) {
-  if (!ledger.fabric) real.programs.emplace_back("ledgerline-node", signal);
-  for (int k = 1; ledger.fabric && k <= fabric_orderers; ++k)
+void signal_ledger(RealActs& real, const RealStack& stack, int signal) {
+  if (!stack.fabric) real.programs.emplace_back("ledgerline-node", signal);
+  for (int k = 1; stack.fabric && k <= fabric_orderers; ++k)
     real.parts.emplace_back(fmt::format("orderer{}", k), signal);
 }
 
 Result<FaultActs> stall_ledger(const Said&) {
-  return FaultActs{
-      .lasts = [](Effects& effects) { effects.ledger_stalled = true; },
-      .really_begin = [](RealActs& real, const RealLedger& ledger) { signal_ledger(real, ledger, SIGSTOP); },
-      .really_end =
-          [](RealActs& real, const RealLedger& ledger, bool goes_on) {
-            if (!goes_on) signal_ledger(real, ledger, SIGCONT);
-          }};
+  return FaultActs{.lasts = [](Effects& effects) { effects.ledger_stalled = true; },
+                   .really_begin = [](RealActs& real, const RealStack& stack) { signal_ledger(real, stack, SIGSTOP); },
+                   .really_end =
+                       [](RealActs& real, const RealStack& stack, bool goes_on) {
+                         if (!goes_on) signal_ledger(real, stack, SIGCONT);
+                       }};
 }
 
 Result<FaultActs> restart_ledger(const Said&) {
   return FaultActs{.begin = [](VirtualWorld& world) { world.restart_ledger(); },
-                   .not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
-                     return ledger.fabric
+                   .not_real = [](const Fault&, const RealStack& stack) -> std::string {
+                     return stack.fabric
                                 ? "name the part: `peer 1 kill`, `orderer 1 kill`, `chaincode 1 kill`"
                                 : "the embedded node's end is the flight's end: use `ledger stall`, or fly on Fabric";
                    },
@@ -48,9 +47,9 @@ auto on_ports(std::string_view whose, Set set) {
 
 Result<FaultActs> cut(const Said& said) {
   return FaultActs{.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.cut = true; }),
-                   .really_begin = [processes = processes_of(said.words[0])](RealActs& real, const RealLedger& ledger) {
+                   .really_begin = [processes = processes_of(said.words[0])](RealActs& real, const RealStack& stack) {
                      for (const Process process : processes) {
-                       for (const std::string& server : servers_of(process, ledger))
+                       for (const std::string& server : servers_of(process, stack))
                          real.proxy.push_back("server " + server + " cut");
                      }
                    }};
@@ -148,10 +147,10 @@ Result<FaultActs> say_control(const Said& said) {
   return FaultActs{
       .strike = [stopper, word](VirtualWorld& world, std::size_t drone) { world.say_control(stopper, drone, word); },
       .really_begin =
-          [name = std::string(name), drone = said.drone](RealActs& real, const RealLedger&) {
+          [name = std::string(name), drone = said.drone](RealActs& real, const RealStack&) {
             real.control = {name, drone};
           },
-      .not_real = [stopper, word](const Fault&, const RealLedger&) -> std::string {
+      .not_real = [stopper, word](const Fault&, const RealStack&) -> std::string {
         if (stopper != Stopper::operating) return "nobody but the operator speaks there: virtual time alone has it";
         if (word == ControlWord::cut) return "a real flight's motors are not cut: virtual time alone has it";
         return word == ControlWord::stop || word == ControlWord::resume
@@ -194,9 +193,9 @@ constexpr FaultKind ledger_table[] = {
 
 }  // namespace
 
-std::vector<std::string> servers_of(Process process, const RealLedger& ledger) {
+std::vector<std::string> servers_of(Process process, const RealStack& stack) {
   std::vector<std::string> names{name_of(process)};
-  for (int k = 1; ledger.fabric && k <= fabric_orderers; ++k)
+  for (int k = 1; stack.fabric && k <= fabric_orderers; ++k)
     names.push_back(fmt::format("{}-orderer{}", name_of(process), k));
   return names;
 }

@@ -21,8 +21,8 @@ Result<FaultActs> kill(const Said& said) {
   const Process process = processes_of(said.words[0])[0];
   return FaultActs{.begin = [process](VirtualWorld& world) { world.kill(process); },
                    .end = [process](VirtualWorld& world) { world.start(process); },
-                   .really_begin = [process](RealActs& real, const RealLedger&) { signal(real, process, SIGKILL); },
-                   .not_real = [process](const Fault& fault, const RealLedger&) -> std::string {
+                   .really_begin = [process](RealActs& real, const RealStack&) { signal(real, process, SIGKILL); },
+                   .not_real = [process](const Fault& fault, const RealStack&) -> std::string {
                      if (process == Process::ground) return "ground's end is the flight's end: use `ground stop`";
                      const bool short_enough = fault.for_ns > 0 && fault.for_ns <= max_death_ns;
                      return short_enough ? "" : "the launcher starts it again at once: `for` must be at most 1 s";
@@ -36,9 +36,9 @@ Result<FaultActs> kill(const Said& said) {
 Result<FaultActs> stop(const Said& said) {
   const Process process = processes_of(said.words[0])[0];
   return FaultActs{.lasts = [process](Effects& effects) { effects.stopped[static_cast<std::size_t>(process)] = true; },
-                   .really_begin = [process](RealActs& real, const RealLedger&) { signal(real, process, SIGSTOP); },
+                   .really_begin = [process](RealActs& real, const RealStack&) { signal(real, process, SIGSTOP); },
                    .really_end =
-                       [process](RealActs& real, const RealLedger&, bool goes_on) {
+                       [process](RealActs& real, const RealStack&, bool goes_on) {
                          if (!goes_on) signal(real, process, SIGCONT);
                        },
                    .stops_link = process == Process::link};
@@ -74,12 +74,11 @@ constexpr FaultKind process_table[] = {
 };
 
 Result<FaultActs> kill_part_named(const std::string& part) {
-  return FaultActs{
-      .really_begin = [part](RealActs& real, const RealLedger&) { real.parts.emplace_back(part, SIGKILL); },
-      .not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
-        return ledger.fabric ? "" : "it is a part of Fabric: fly on it with --ledger fabric";
-      },
-      .momentary = true};
+  return FaultActs{.really_begin = [part](RealActs& real, const RealStack&) { real.parts.emplace_back(part, SIGKILL); },
+                   .not_real = [](const Fault&, const RealStack& stack) -> std::string {
+                     return stack.fabric ? "" : "it is a part of Fabric: fly on it with --ledger fabric";
+                   },
+                   .momentary = true};
 }
 
 Result<FaultActs> kill_leader(const Said&) { return kill_part_named(leader_part); }
@@ -92,10 +91,10 @@ Result<FaultActs> kill_part(const Said& said) {
 }
 
 Result<FaultActs> kill_roudi(const Said&) {
-  return FaultActs{.really_begin = [](RealActs& real,
-                                      const RealLedger&) { real.programs.emplace_back("ledgerline-roudi", SIGKILL); },
-                   .momentary = true,
-                   .kills = "roudi"};
+  return FaultActs{
+      .really_begin = [](RealActs& real, const RealStack&) { real.programs.emplace_back("ledgerline-roudi", SIGKILL); },
+      .momentary = true,
+      .kills = "roudi"};
 }
 
 Result<FaultActs> burn_core(const Said& said) {
@@ -103,9 +102,9 @@ Result<FaultActs> burn_core(const Said& said) {
   if (!core || *core < 0 || *core >= 1024 || *core != std::floor(*core))
     return Error{"must be `cpu N burn`, N being a core from 0 on"};
   return FaultActs{
-      .really_begin = [core = static_cast<int>(*core)](RealActs& real, const RealLedger&) { real.burn_core = core; },
+      .really_begin = [core = static_cast<int>(*core)](RealActs& real, const RealStack&) { real.burn_core = core; },
       .really_end =
-          [core = static_cast<int>(*core)](RealActs& real, const RealLedger&, bool goes_on) {
+          [core = static_cast<int>(*core)](RealActs& real, const RealStack&, bool goes_on) {
             if (!goes_on) real.burn_core = core;
           }};
 }
@@ -115,15 +114,15 @@ Result<FaultActs> take_memory(const Said& said) {
   const auto megabytes = size.ends_with("MB") ? parse_number(size.substr(0, size.size() - 2)) : std::nullopt;
   if (!megabytes || *megabytes < 1 || *megabytes > 1e6) return Error{"must be `memory take 500MB`, with at least 1MB"};
   const auto bytes = static_cast<std::uint64_t>(*megabytes * 1e6);
-  return FaultActs{.really_begin = [bytes](RealActs& real, const RealLedger&) { real.take_bytes = bytes; },
-                   .really_end = [bytes](RealActs& real, const RealLedger&, bool) { real.take_bytes = bytes; }};
+  return FaultActs{.really_begin = [bytes](RealActs& real, const RealStack&) { real.take_bytes = bytes; },
+                   .really_end = [bytes](RealActs& real, const RealStack&, bool) { real.take_bytes = bytes; }};
 }
 
 Result<FaultActs> fill_disk(const Said&) {
-  return FaultActs{.really_begin = [](RealActs& real, const RealLedger&) { real.fill_disk = true; },
-                   .really_end = [](RealActs& real, const RealLedger&, bool goes_on) { real.fill_disk = !goes_on; },
-                   .not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
-                     return ledger.fabric ? "Fabric's parts end on a full disk: fly on the embedded node" : "";
+  return FaultActs{.really_begin = [](RealActs& real, const RealStack&) { real.fill_disk = true; },
+                   .really_end = [](RealActs& real, const RealStack&, bool goes_on) { real.fill_disk = !goes_on; },
+                   .not_real = [](const Fault&, const RealStack& stack) -> std::string {
+                     return stack.fabric ? "Fabric's parts end on a full disk: fly on the embedded node" : "";
                    },
                    .fills_disk = true};
 }

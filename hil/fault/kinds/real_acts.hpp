@@ -8,16 +8,16 @@
 
 namespace ledgerline::hil {
 
-/// Which ledger a script is flown on with the real processes.
-struct RealLedger {
-  bool fabric = false;  ///< with three orderers; else the embedded node
+/// What a script is flown on with the real processes.
+struct RealStack {
+  bool fabric = false;  ///< its ledger, with three orderers; else the embedded node
   bool shim = false;    ///< drones behind the shim (docs/shim.md), which knows the SDK's calls; else UDP and the proxy
 };
 inline constexpr int fabric_orderers = 3;
 inline constexpr const char* leader_part = "orderer leader";
 
 /// Its connections to the ledger, as the proxy knows them: "agent", and with Fabric "agent-orderer1" and so on.
-std::vector<std::string> servers_of(Process process, const RealLedger& ledger);
+std::vector<std::string> servers_of(Process process, const RealStack& stack);
 
 /// What is to be done when a fault begins, or ends: in this order.
 struct RealActs {

@@ -16,7 +16,7 @@ inline constexpr std::string_view nobody_real = "no real peer or operator does t
 
 /// For FaultActs::not_real.
 inline auto because(std::string_view reason) {
-  return [reason](const Fault&, const RealLedger&) { return std::string(reason); };
+  return [reason](const Fault&, const RealStack&) { return std::string(reason); };
 }
 
 /// Metres, or metres a second.

@@ -17,13 +17,12 @@ Result<FaultActs> sdk(const Said& said) {
             drone.sdk.push_back(fault);
             drone.sdk.back().item = item;
           },
-      .really_begin = [text = said.text](RealActs& real, const RealLedger&) { real.proxy.push_back(text); },
-      .really_end = [text = said.text](RealActs& real, const RealLedger&,
-                                       bool) { real.proxy.push_back(text + " off"); },
-      .not_real = [](const Fault&, const RealLedger& ledger) -> std::string {
-        return ledger.shim ? ""
-                           : "the proxy knows datagrams, not the SDK's calls: virtual time has it, and the shim "
-                             "(--shim, docs/shim.md)";
+      .really_begin = [text = said.text](RealActs& real, const RealStack&) { real.proxy.push_back(text); },
+      .really_end = [text = said.text](RealActs& real, const RealStack&, bool) { real.proxy.push_back(text + " off"); },
+      .not_real = [](const Fault&, const RealStack& stack) -> std::string {
+        return stack.shim ? ""
+                          : "the proxy knows datagrams, not the SDK's calls: virtual time has it, and the shim "
+                            "(--shim, docs/shim.md)";
       },
       // As a state text that says another velocity or heading, up to the other way round.
       .misleads_mps = of_states(fault->kind) ? 2 * rc_full_mps : 0,

@@ -35,7 +35,7 @@ class RealFlight {
         options_(options),
         run_(options.directory + "/run"),
         live_(run_, script),
-        faults_(script, {options.programs, options.directory, run_, "fly", options.ledger}, live_, children_),
+        faults_(script, {options.programs, options.directory, run_, "fly", options.stack}, live_, children_),
         program_(children_, options.own.program, options.directory) {}
 
   Result<RunResult> fly();
@@ -86,7 +86,7 @@ Status RealFlight::start() {
 
 /// Courses of one's own go as files.
 Result<std::vector<std::string>> RealFlight::arguments() const {
-  std::vector<std::string> arguments = fly_arguments(script_, seed_, options_.ledger);
+  std::vector<std::string> arguments = fly_arguments(script_, seed_, options_.stack);
   const WorldConfig& flight = script_.flight;
   if (!options_.own.controller.empty())
     arguments.insert(arguments.end(), {"--controller", fs::absolute(options_.own.controller).string()});
@@ -248,7 +248,7 @@ Result<RunResult> RealFlight::fly() {
 
 Result<RunResult> run_really(const Script& script, std::uint64_t seed, const RealOptions& options) {
   if (script.kind == FlightKind::sdk) return fly_by_sdk(script, seed, options);
-  if (auto possible = check_real(script, options.ledger, options.own); !possible) return possible.error();
+  if (auto possible = check_real(script, options.stack, options.own); !possible) return possible.error();
   return RealFlight(script, seed, options).fly();
 }
 

@@ -10,7 +10,7 @@ namespace ledgerline::hil {
 struct RealOptions {
   std::string programs;   ///< directory of the programs
   std::string directory;  ///< of this flight, made here: its run, figures and logs
-  RealLedger ledger;
+  RealStack stack;
   OwnCode own{};  ///< a plug-in, or the program that flies a manual flight or one by the SDK
 };
 

@@ -69,14 +69,14 @@ Status RealFaults::step_faults(TimeNs now) {
         planned.begun_ns = monotonic_ns();
         if (planned.fault.acts.momentary) planned.ended_ns = planned.begun_ns;
       };
-      const auto acts = acts_at_begin(fault, active(nullptr), drones_, where_.ledger);
+      const auto acts = acts_at_begin(fault, active(nullptr), drones_, where_.stack);
       if (auto acted = act(acts, true, begun); !acted)
         return Error{fmt::format("\"{}\": {}", fault.text, acted.error().what)};
     }
     const bool lasts = planned.begun_ns != 0 && planned.ended_ns == 0 && fault.for_ns > 0;
     if (lasts && !planned.stop_requested && now - planned.begun_ns >= fault.for_ns) {
       planned.stop_requested = true;
-      const auto acts = acts_at_end(fault, active(&planned), drones_, where_.ledger);
+      const auto acts = acts_at_end(fault, active(&planned), drones_, where_.stack);
       if (auto acted = act(acts, false, [&planned] { planned.ended_ns = monotonic_ns(); }); !acted)
         return Error{fmt::format("the end of \"{}\": {}", fault.text, acted.error().what)};
     }
@@ -94,7 +94,7 @@ std::vector<Fault> RealFaults::active(const Planned* without) const {
 
 Status RealFaults::act(const RealActs& acts, bool begin, const std::function<void()>& acted) {
   for (const std::string& command : acts.proxy) {
-    const bool of_shim = where_.ledger.shim && !command.starts_with("server ");
+    const bool of_shim = where_.stack.shim && !command.starts_with("server ");
     const std::string socket = where_.run + (of_shim ? "/shim.sock" : "/faults.sock");
     if (auto told = proxy::tell(socket, command); !told) return told.error();
   }

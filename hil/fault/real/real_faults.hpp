@@ -26,7 +26,7 @@ class RealFaults {
     std::string directory;  ///< for logs of what it starts
     std::string run;        ///< with the proxy's faults.sock, the shim's shim.sock and operator.toml
     std::string parent;     ///< the child whose descendants processes are
-    RealLedger ledger;
+    RealStack stack;
   };
   struct Planned {
     Fault fault;

@@ -42,7 +42,7 @@ Impairment of_way(const Effects::OfPort& port, bool to) {
 }
 
 /// The directions that a fault is about, each with all that lies upon it now.
-RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int drones, const RealLedger& ledger) {
+RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int drones, const RealStack& stack) {
   RealActs acts;
   const Effects touched = effects_of({changed}, drones), all = effects_of(active, drones);
   for (int k = 1; k <= drones; ++k) {
@@ -56,7 +56,7 @@ RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int d
   for (const Process process : {Process::agent, Process::ground}) {
     for (const bool to : {true, false}) {
       if (!of_way(touched.port(process), to).any()) continue;
-      for (const std::string& server : servers_of(process, ledger))
+      for (const std::string& server : servers_of(process, stack))
         acts.proxy.push_back(
             fmt::format("server {} {} {}", server, to ? "to" : "from", all_of_it(of_way(all.port(process), to))));
     }
@@ -66,7 +66,7 @@ RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int d
 
 }  // namespace
 
-std::vector<NotReal> not_real(const Script& script, const RealLedger& ledger) {
+std::vector<NotReal> not_real(const Script& script, const RealStack& stack) {
   if (script.kind == FlightKind::sdk) return not_by_sdk(script);
   std::vector<NotReal> reasons;
   const WorldConfig usual, &flight = script.flight;
@@ -86,7 +86,7 @@ std::vector<NotReal> not_real(const Script& script, const RealLedger& ledger) {
   if (flight.doubt != usual.doubt) refuse("flight.doubt", "./fly's link ignores a doubt");
   for (std::size_t i = 0; i < script.faults.size(); ++i) {
     const Fault& fault = script.faults[i];
-    if (const auto why = fault.acts.not_real ? fault.acts.not_real(fault, ledger) : std::string(); !why.empty())
+    if (const auto why = fault.acts.not_real ? fault.acts.not_real(fault, stack) : std::string(); !why.empty())
       reasons.push_back({fmt::format("fault.{}.what", i), fmt::format("\"{}\": {}", fault.text, why)});
   }
   for (const Rule& rule : script.must) {
@@ -96,17 +96,16 @@ std::vector<NotReal> not_real(const Script& script, const RealLedger& ledger) {
   return reasons;
 }
 
-Status check_real(const Script& script, const RealLedger& ledger, const OwnCode& own) {
+Status check_real(const Script& script, const RealStack& stack, const OwnCode& own) {
   std::vector<std::string> lines;
   if (script.kind != FlightKind::path && own.program.empty())
     lines.push_back(fmt::format("flight.kind: \"{}\" needs --program, which flies it", name_of(script.kind)));
-  for (const NotReal& reason : not_real(script, ledger))
-    lines.push_back(fmt::format("{}: {}", reason.key, reason.what));
+  for (const NotReal& reason : not_real(script, stack)) lines.push_back(fmt::format("{}: {}", reason.key, reason.what));
   if (lines.empty()) return done;
   return Error{fmt::format("{} cannot be flown with the real processes:\n  {}", script.name, fmt::join(lines, "\n  "))};
 }
 
-std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed, const RealLedger& ledger) {
+std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed, const RealStack& stack) {
   const WorldConfig& flight = script.flight;
   std::vector<std::string> arguments{"--proxy"};
   const auto add = [&](const char* option, std::string value) {
@@ -128,23 +127,23 @@ std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed,
     add("--laps", std::to_string(flight.laps));
     if (!flight.predict) add("--predict", "off");
   }
-  if (ledger.shim) arguments.emplace_back("--shim");
-  if (ledger.fabric)
+  if (stack.shim) arguments.emplace_back("--shim");
+  if (stack.fabric)
     arguments.insert(arguments.end(), {"--ledger", "fabric", "--orderers", std::to_string(fabric_orderers)});
   return arguments;
 }
 
-RealActs acts_at_begin(const Fault& fault, const std::vector<Fault>& active, int drones, const RealLedger& ledger) {
-  RealActs acts = set_proxy(fault, active, drones, ledger);
-  if (fault.acts.really_begin) fault.acts.really_begin(acts, ledger);
+RealActs acts_at_begin(const Fault& fault, const std::vector<Fault>& active, int drones, const RealStack& stack) {
+  RealActs acts = set_proxy(fault, active, drones, stack);
+  if (fault.acts.really_begin) fault.acts.really_begin(acts, stack);
   return acts;
 }
 
-RealActs acts_at_end(const Fault& fault, const std::vector<Fault>& active, int drones, const RealLedger& ledger) {
-  RealActs acts = set_proxy(fault, active, drones, ledger);
+RealActs acts_at_end(const Fault& fault, const std::vector<Fault>& active, int drones, const RealStack& stack) {
+  RealActs acts = set_proxy(fault, active, drones, stack);
   const bool goes_on =
       std::any_of(active.begin(), active.end(), [&](const Fault& other) { return other.text == fault.text; });
-  if (fault.acts.really_end) fault.acts.really_end(acts, ledger, goes_on);
+  if (fault.acts.really_end) fault.acts.really_end(acts, stack, goes_on);
   return acts;
 }
 

@@ -16,16 +16,16 @@ struct NotReal {
 };
 /// All that they cannot have of this script: faults of what is simulated inside (sensors, mocap, battery, the real clock
 /// ...), settings that ./fly has not, rules that the traces do not tell.
-std::vector<NotReal> not_real(const Script& script, const RealLedger& ledger);
+std::vector<NotReal> not_real(const Script& script, const RealStack& stack);
 /// The same as an error, a line each. `own`: who flies what ground does not.
-Status check_real(const Script& script, const RealLedger& ledger, const OwnCode& own = {});
+Status check_real(const Script& script, const RealStack& stack, const OwnCode& own = {});
 
 /// For ledgerline-fly, without --out and --json, and without the waypoints of a course of one's own.
-std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed, const RealLedger& ledger);
+std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed, const RealStack& stack);
 
 /// Of a fault that check_real() lets through, as it begins and as it ends. `active`: all that go on then, in the order
 /// of the script; with the one that begins, without the one that ends. What another one keeps up is not ended.
-RealActs acts_at_begin(const Fault& fault, const std::vector<Fault>& active, int drones, const RealLedger& ledger);
-RealActs acts_at_end(const Fault& fault, const std::vector<Fault>& active, int drones, const RealLedger& ledger);
+RealActs acts_at_begin(const Fault& fault, const std::vector<Fault>& active, int drones, const RealStack& stack);
+RealActs acts_at_end(const Fault& fault, const std::vector<Fault>& active, int drones, const RealStack& stack);
 
 }  // namespace ledgerline::hil

@@ -24,8 +24,8 @@ struct CheckOptions {
 int check_scripts(const CheckOptions& options) {
   const auto files = scripts_named(options.scripts, program_folder());
   if (!files) return usage_error(files.error().what);
-  std::optional<RealLedger> real;
-  if (options.real) real = RealLedger{options.ledger == "fabric", options.shim};
+  std::optional<RealStack> real;
+  if (options.real) real = RealStack{options.ledger == "fabric", options.shim};
   std::size_t wrong = 0;
   for (const std::string& file : *files) {
     const auto text = read_file(file);

@@ -35,7 +35,7 @@ for = "3s"
 
 TEST(Check, OfARealFlightSaysTheLineOfWhatItCannotHave) {
   EXPECT_TRUE(check_script(text, "x.toml").ok());
-  const auto script = check_script(text, "x.toml", RealLedger{});
+  const auto script = check_script(text, "x.toml", RealStack{});
   ASSERT_FALSE(script.ok());
   const std::string& error = script.error().what;
   for (const char* wanted : {"x.toml:2: must: \"sends no takeoff\": the traces do not tell it",
@@ -49,15 +49,15 @@ TEST(Check, OfARealFlightSaysTheLineOfWhatItCannotHave) {
 
 TEST(Check, AnswersForTheLedgerThatIsMeant) {
   const std::string flight = "title = \"t\"\n[[fault]]\nwhat = \"peer 1 kill\"\n";
-  EXPECT_TRUE(check_script(flight, "x.toml", RealLedger{.fabric = true}).ok());
-  EXPECT_THAT(check_script(flight, "x.toml", RealLedger{}).error().what,
+  EXPECT_TRUE(check_script(flight, "x.toml", RealStack{.fabric = true}).ok());
+  EXPECT_THAT(check_script(flight, "x.toml", RealStack{}).error().what,
               HasSubstr("x.toml:3: fault.0.what: \"peer 1 kill\": it is a part of Fabric"));
   EXPECT_THAT(check_script(flight, "x.toml").error().what, HasSubstr("needs the real processes"));
 }
 
 TEST(FirstScript, IsFineInEveryModeAndHolds) {
   const std::string first = first_script("mine");
-  for (const auto& real : {std::optional<RealLedger>(), std::optional(RealLedger{}), std::optional(RealLedger{true})}) {
+  for (const auto& real : {std::optional<RealStack>(), std::optional(RealStack{}), std::optional(RealStack{true})}) {
     const auto script = check_script(first, "mine.toml", real);
     ASSERT_TRUE(script.ok()) << script.error().what;
     EXPECT_THAT(script->title, HasSubstr("mine"));

@@ -49,7 +49,7 @@ TEST(KindModes, InVirtualTimeEachFaultActsOrIsRefusedByName) {
 }
 
 TEST(KindModes, WithTheRealProcessesEachFaultActsOrIsRefusedByName) {
-  for (const RealLedger ledger : {RealLedger{}, RealLedger{.fabric = true}, RealLedger{.shim = true}}) {
+  for (const RealStack stack : {RealStack{}, RealStack{.fabric = true}, RealStack{.shim = true}}) {
     for (const FaultKind* kind : fault_kinds()) {
       for (const std::string& example : examples_of(*kind)) {
         auto fault = parse_fault(example, "", "", true);
@@ -57,12 +57,12 @@ TEST(KindModes, WithTheRealProcessesEachFaultActsOrIsRefusedByName) {
         if (fault && !momentary) fault = parse_fault(example, "", "1s", true);
         const std::string flight =
             "title = \"t\"\n[[fault]]\nwhat = \"" + example + "\"\n" + (momentary ? "" : "for = \"1s\"\n");
-        const auto script = check_script(flight, "x.toml", ledger);
+        const auto script = check_script(flight, "x.toml", stack);
         const auto modes = modes_of(*kind);
-        const auto& possible = (ledger.fabric ? modes.fabric : ledger.shim ? modes.shim : modes.embedded).possible;
+        const auto& possible = (stack.fabric ? modes.fabric : stack.shim ? modes.shim : modes.embedded).possible;
         const bool is_possible = std::find(possible.begin(), possible.end(), example) != possible.end();
         if (is_possible && script) {
-          EXPECT_FALSE(is_nothing(acts_at_begin(*fault, {*fault}, 1, ledger)))
+          EXPECT_FALSE(is_nothing(acts_at_begin(*fault, {*fault}, 1, stack)))
               << example << " is taken and does nothing";
           continue;
         }

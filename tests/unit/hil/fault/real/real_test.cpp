@@ -105,7 +105,7 @@ RealActs end_of(const std::vector<std::string>& texts, std::size_t which = 0, in
 }
 
 TEST(RealScript, FaultsAtTheSdksCallsAreTheShims) {
-  const RealLedger shim{.shim = true};
+  const RealStack shim{.shim = true};
   const Fault fault = fault_of("sdk tello1 answers late 300ms to takeoff");
   EXPECT_EQ(fault.acts.not_real(fault, shim), "");
   EXPECT_THAT(fault.acts.not_real(fault, {}), HasSubstr("--shim"));
