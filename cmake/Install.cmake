@@ -39,5 +39,9 @@ install(FILES cmake/examples.cmake DESTINATION ${examples} RENAME CMakeLists.txt
 
 install(PROGRAMS $<TARGET_FILE:ledgerline> $<TARGET_FILE:ledgerline-fault> DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT faults OPTIONAL)
 install(DIRECTORY hil/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline COMPONENT faults FILES_MATCHING PATTERN *.toml)
+# Your own code under the judge (docs/own-code.md): the interface of plug-ins, and the three examples.
+install(FILES ground/plugin/controller_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline/ground/plugin COMPONENT faults)
+install(FILES ground/plugin/example.cpp DESTINATION ${examples} RENAME controller.cpp COMPONENT faults)
+install(DIRECTORY hil/fault/own/examples/ DESTINATION ${examples} COMPONENT faults FILES_MATCHING PATTERN *.py)
 install(FILES ${CMAKE_BINARY_DIR}/share/ledgerline/fault-script.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline COMPONENT faults
   OPTIONAL)

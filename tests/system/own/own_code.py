@@ -29,6 +29,7 @@ def fly(directory: pathlib.Path, scenario: str, program: pathlib.Path, *options:
             print(name, (folder / name).read_text()[-2000:], flush=True)
     flown = json.loads(result.read_text())["runs"]
     assert flown, done.stderr
+    assert ("<failure" in (directory / "run.xml").read_text()) == (done.returncode == 1)
     return done.returncode, flown[0]
 
 
