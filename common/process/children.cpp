@@ -218,6 +218,11 @@ void Children::signal(const std::string& name, int signal) {
   if (child && !child->ended) ::kill(child->pid, signal);
 }
 
+void Children::signal_group(const std::string& name, int signal) {
+  const Child* child = find(name);
+  if (child && child->pid > 0) ::kill(-child->pid, signal);
+}
+
 bool Children::stop(const std::string& name, TimeNs patience_ns) {
   if (!running(name)) return true;
   signal(name, SIGTERM);

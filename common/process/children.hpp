@@ -44,6 +44,8 @@ class Children {
   std::string how_it_ended(const std::string& name) const;
   bool ended_well(const std::string& name) const;
   void signal(const std::string& name, int signal);
+  /// To all that this child started and that stayed in its process group, also after it has ended by itself.
+  void signal_group(const std::string& name, int signal);
   /// SIGTERM, then SIGKILL after `patience_ns`. False when it took the SIGKILL.
   bool stop(const std::string& name, TimeNs patience_ns);
   /// User and system time so far, including that of the processes it started that still run, and of programs that ran

@@ -21,6 +21,7 @@ namespace {
 using Table = ledgerline_controller_v1;
 constexpr std::size_t max_name = 64;
 constexpr double progress_slack_m = 0.5;  // beyond the end, which a controller may overshoot by a step
+constexpr double max_leap_m = 50;         // of the reference between two plans: more than any pause makes of it
 
 /// Keeps the library loaded as long as anything of it is in use.
 class Library {
@@ -145,8 +146,10 @@ std::string PluginFollower::wrong_in(const ledgerline_plan& plan, TimeNs first_n
       return fmt::format("setpoint {} is {:.3f} ms too late", i + 1, to_ms(setpoint.at_ns - last_ns));
     before_ns = setpoint.at_ns;
   }
-  if (!(plan.progress_m >= 0 && plan.progress_m <= end_m_ + progress_slack_m))
-    return fmt::format("a progress of {} m; 0 to {} may be", plan.progress_m, end_m_);
+  // No farther than it can have got since the plan before: each lap's end is looked for along the way.
+  const double max_m = std::min(end_m_, progress_m_ + max_leap_m);
+  if (!(plan.progress_m >= 0 && plan.progress_m <= max_m + progress_slack_m))
+    return fmt::format("a progress of {} m; 0 to {} may be", plan.progress_m, max_m);
   return {};
 }
 
@@ -218,14 +221,20 @@ Result<MakeFollower> load_controller(const std::string& file) {
   }
   using Entry = const Table* (*)();
   const auto entry = reinterpret_cast<Entry>(::dlsym(handle, "ledgerline_controller"));
-  const Table* table = entry ? entry() : nullptr;
+  const Table* table = nullptr;
   std::string wrong;
-  if (!table) {
+  try {
+    table = entry ? entry() : nullptr;
+  } catch (...) {
+    wrong = "threw an exception in ledgerline_controller()";
+  }
+  if (wrong.empty() && !table) {
     wrong = "is no controller: it has no ledgerline_controller() (ground/plugin/controller_plugin.h)";
-  } else if (table->version != LEDGERLINE_CONTROLLER_VERSION) {
+  } else if (table && table->version != LEDGERLINE_CONTROLLER_VERSION) {
     wrong = fmt::format("is made for version {} of the interface, this program has version {}: build it anew",
                         table->version, LEDGERLINE_CONTROLLER_VERSION);
-  } else if (!table->name || !table->create || !table->start || !table->observe || !table->plan || !table->destroy) {
+  } else if (table &&
+             (!table->name || !table->create || !table->start || !table->observe || !table->plan || !table->destroy)) {
     wrong = "lacks its name or one of create, start, observe, plan, destroy";
   }
   if (!wrong.empty()) {

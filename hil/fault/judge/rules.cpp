@@ -162,7 +162,7 @@ void visited_all(RuleState& state, const Ending& ending) {
   for (std::size_t drone = 0; drone < state.counts.size(); ++drone) {
     if (!state.done[drone])
       state.verdict.broke(ending.now,
-                          fmt::format("drone {}: {} corners in their order", drone + 1, state.counts[drone]));
+                          fmt::format("tello{}: {} corners in their order", drone + 1, state.counts[drone]));
   }
 }
 

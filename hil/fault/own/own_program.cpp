@@ -5,6 +5,7 @@
 #include <csignal>
 #include <cstdlib>
 
+#include "common/base/printable.hpp"
 #include "hil/fault/own/own_code.hpp"
 #include "hil/virtual/world_setup.hpp"
 
@@ -36,9 +37,13 @@ void OwnProgram::take_line(const std::string& line) {
 }
 
 void OwnProgram::end() {
-  if (!started_ || !running()) return;
-  ended_here_ = true;
-  children_.stop(name, program_patience_ns);
+  if (!started_) return;
+  if (running()) {
+    ended_here_ = true;
+    children_.stop(name, program_patience_ns);
+  }
+  // What it started would fly the next flight, too.
+  children_.signal_group(name, SIGKILL);
 }
 
 Verdict OwnProgram::verdict(TimeNs at_ns) const {
@@ -50,7 +55,8 @@ Verdict OwnProgram::verdict(TimeNs at_ns) const {
   } else if (ended_here_) {
     verdict.broke(at_ns, "it still ran when the flight's time was up");
   } else if (!children_.ended_well(name)) {
-    verdict.broke(at_ns, fmt::format("it {}: {}", children_.how_it_ended(name), children_.log_tail(name, 3)));
+    verdict.broke(at_ns,
+                  fmt::format("it {}: {}", children_.how_it_ended(name), printable(children_.log_tail(name, 3))));
   }
   return verdict;
 }

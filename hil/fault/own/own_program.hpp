@@ -23,7 +23,7 @@ class OwnProgram {
   void take_line(const std::string& line);
   bool started() const { return started_; }
   bool running() const { return children_.running(name); }
-  /// Ends it where it still runs: then it has not ended by itself.
+  /// Ends it where it still runs: then it has not ended by itself. With it, what it started in its process group.
   void end();
   /// Whether it ended by itself, with exit code 0; as a rule of the run.
   Verdict verdict(TimeNs at_ns) const;

@@ -135,6 +135,7 @@ Status SdkFlight::start_all() {
 
 Status SdkFlight::watch() {
   TimeNs ended_ns = 0;
+  const TimeNs start_until = monotonic_ns() + ready_patience_ns;
   for (;;) {
     children_.poll(sdk_watch_ns);
     live_.read();
@@ -143,14 +144,15 @@ Status SdkFlight::watch() {
       if (!children_.running(name))
         return Error{fmt::format("{} {}: {}", name, children_.how_it_ended(name), children_.log_tail(name, 3))};
     }
-    if (live_.begin_ns() == 0) continue;
+    if (live_.begin_ns() == 0 && now < start_until) continue;
+    if (live_.begin_ns() == 0) return Error{run_ + "/sim.trace says nothing: nobody could judge this flight"};
     if (auto stepped = faults_.step(now); !stepped) return stepped;
     if (!program_.running() && ended_ns == 0) ended_ns = now;
     const bool down = std::all_of(live_.facts().begin(), live_.facts().end(),
                                   [](const DroneFacts& drone) { return on_ground(drone.truth); });
     // What the traces tell is up to a second old.
     if (ended_ns != 0 && now - ended_ns > 2 * ns_per_s && (down || now - ended_ns > landing_patience_ns)) return done;
-    if (now - live_.begin_ns() > script_.limit_ns) {
+    if (ended_ns == 0 && now - live_.begin_ns() > script_.limit_ns) {
       over_ = false;
       return done;
     }

@@ -14,6 +14,7 @@ namespace {
 constexpr TimeNs network_patience_ns = 10 * ns_per_s, network_look_ns = 5 * ns_per_ms;
 constexpr const char* sky_end = "10.77.2.1";  // the cable's ends
 constexpr const char* client_end = "10.77.1.1";
+constexpr const char* clients_network = "192.168.10.0/24";  // of the proxy's fronts: there is no way around it
 constexpr const char* advice =
     "an SDK client gets a network of its own, which takes root, if only of a user namespace: run this as root, or "
     "below "
@@ -41,7 +42,8 @@ Status TwoNetworks::find_tools() {
     if (!found) return found.error();
     *at = std::move(*found);
   }
-  return done;
+  const auto ip = program_at("ip");  // the shell finds it by itself
+  return ip ? Status(done) : ip.error();
 }
 
 Status TwoNetworks::hold(const std::string& name, const std::string& directory) {
@@ -87,8 +89,8 @@ Status TwoNetworks::open(const std::vector<std::string>& sky_addresses, const st
   if (auto set = set_up(sky, lines, directory); !set) return set;
   return set_up(client,
                 fmt::format("ip link set lo up\nip addr add {0}/32 dev eth0\nip link set eth0 up\n"
-                            "ip route add {1}/32 dev eth0\nip route add default via {1} dev eth0 onlink\n",
-                            client_end, sky_end),
+                            "ip route add {1}/32 dev eth0\nip route add {2} via {1} dev eth0 onlink\n",
+                            client_end, sky_end, clients_network),
                 directory);
 }
 

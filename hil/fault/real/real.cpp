@@ -105,6 +105,8 @@ Result<std::vector<std::string>> RealFlight::arguments() const {
     const auto shape = task.waypoints.empty() ? Result<std::string>(ground::name_of(task.shape))
                                               : file_of(task, "course-" + drone_name(number));
     if (!shape) return shape.error();
+    if (shape->find_first_of(" \t") != std::string::npos)
+      return Error{fmt::format("{}: a [[task]] with waypoints needs an --out without blanks", *shape)};
     arguments.insert(arguments.end(),
                      {"--task", fmt::format("{} shape={} side={:g} speed={:g} laps={}", drone_name(number), *shape,
                                             task.side_m, task.speed_mps, task.laps)});

@@ -73,6 +73,11 @@ std::vector<NotReal> not_real(const Script& script, const RealStack& stack) {
   const auto refuse = [&](const char* key, std::string why) { reasons.push_back({key, std::move(why)}); };
   if (flight.side_m < min_side_m || flight.side_m > max_side_m)
     refuse("flight.side_m", fmt::format("./fly flies paths of {} to {} m a side", min_side_m, max_side_m));
+  for (const auto& [number, task] : flight.tasks) {
+    if (task.waypoints.empty() && (task.side_m < min_side_m || task.side_m > max_side_m))
+      refuse("task",
+             fmt::format("{}: ./fly flies paths of {} to {} m a side", drone_name(number), min_side_m, max_side_m));
+  }
   if (flight.battery != usual.battery) refuse("flight.battery", "./fly flies with full batteries");
   if (flight.pose == link::PoseSource::pads) refuse("flight.pose", "./fly lays no pads for it");
   if (!flight.pads.empty()) refuse("flight.pads", "./fly lays none");
@@ -121,6 +126,7 @@ std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed,
   if (flight.pose != link::PoseSource::mocap) add("--pose", name(flight.pose));
   if (flight.manual) {
     add("--shape", "manual");
+    add("--seconds", fmt::format("{:g}", flight.seconds));
   } else {
     if (flight.waypoints.empty()) add("--shape", ground::name_of(flight.shape));
     add("--side", fmt::format("{:g}", flight.side_m));

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <set>
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
@@ -41,6 +42,12 @@ struct Wanted {
 Result<Wanted> read_all(const RunOptions& options) {
   const auto files = scripts_named(options.scripts, program_folder());
   if (!files) return files.error();
+  // What is asked for by its own name is not passed over, as something in a folder is.
+  std::set<std::string> named;
+  for (const std::string& name : options.scripts) {
+    const auto meant = scripts_named({name}, program_folder());
+    if (meant && meant->size() == 1 && !std::filesystem::is_directory(name)) named.insert(meant->front());
+  }
   std::vector<Script> scripts;
   Wanted wanted;
   for (const std::string& file : *files) {
@@ -50,7 +57,7 @@ Result<Wanted> read_all(const RunOptions& options) {
     if (!script) return script.error();
     if (auto put = put_into(*script, options.own); !put) return put.error();
     if (const auto flown = check_virtual(*script); !flown && !options.real) {
-      if (files->size() == options.scripts.size()) return flown.error();  // asked for by name
+      if (named.contains(file)) return flown.error();
       fmt::print(stderr, "not flown: {}\n", flown.error().what);
       continue;
     }

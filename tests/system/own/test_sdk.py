@@ -1,4 +1,8 @@
 """An unmodified djitellopy script under the judge, over the proxy."""
+import json
+import pathlib
+import sys
+
 from own_code import EXAMPLES, broken, fly, planted, run, SCENARIOS
 
 
@@ -36,3 +40,17 @@ def test_a_program_that_fails_breaks_the_run(tmp_path):
     seen = broken(flown)
     assert "ended with exit code 3" in seen["your program ends by itself, with exit code 0"]
     assert seen["finishes"] == "tello1 never took off"
+
+
+def test_one_that_never_ends_is_ended_with_all_that_it_started(tmp_path):
+    left = tmp_path / "left"
+    program = tmp_path / "hangs.py"
+    program.write_text("import subprocess, time\n"
+                       f"child = subprocess.Popen(['sleep', '600'])\nopen({str(left)!r}, 'w').write(str(child.pid))\ntime.sleep(600)\n")
+    script = tmp_path / "hangs.toml"
+    script.write_text('title = "t"\nmust = ["no crash"]\n[flight]\nkind = "sdk"\nlimit = "6 s"\n')
+    done = run(script, "--real", "--out", tmp_path / "out", "--json", tmp_path / "r.json", "--program", f"'{sys.executable}' '{program}'")
+    assert done.returncode == 1
+    flown = json.loads((tmp_path / "r.json").read_text())["runs"][0]
+    assert "still ran" in broken(flown)["your program ends by itself, with exit code 0"]
+    assert not pathlib.Path(f"/proc/{left.read_text()}").exists()

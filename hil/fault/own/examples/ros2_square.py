@@ -23,7 +23,7 @@ P, I = 1.2, 0.15  # of the place: 1/s, 1/s^2
 LEASH_M = 0.5  # the reference waits for a drone that is farther behind
 MAX_MPS = 0.8
 LONGEST_STEP_S = 0.1  # between two states: in a longer gap the drone hovers, and nobody knows what the error was
-PATIENCE_S = 100
+PATIENCE_S = 60
 
 
 class Controller:

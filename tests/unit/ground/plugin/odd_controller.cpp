@@ -42,6 +42,7 @@ int plan(void* controller, int64_t first_ns, int64_t last_ns, ledgerline_plan* p
   if (odd == "progress is nan") plan->progress_m = std::nan("");
   if (odd == "goes back") plan->progress_m = -1;
   if (odd == "beyond") plan->progress_m = 100;
+  if (odd == "endless") plan->progress_m = INFINITY;
   return odd == "silent" ? 1 : 0;
 }
 

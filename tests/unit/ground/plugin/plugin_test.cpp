@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <limits>
 
 #include "ground/core/flight.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
@@ -78,6 +79,14 @@ TEST(Plugin, NonsenseIsNotFlownAndSaysWhatItIs) {
     EXPECT_EQ(follower->problem().find('\x1b'), std::string::npos) << "its name is somebody else's text";
     EXPECT_TRUE(follower->plan(2, first_ns, 20).empty()) << which << ": it is not asked again";
   }
+}
+
+TEST(Plugin, AProgressWithoutEndIsRefusedWhereTheFlightHasNone) {
+  const auto follower = odd("endless");
+  follower->observe(state_at(1), 0);
+  follower->start(first_ns, std::numeric_limits<double>::infinity());
+  EXPECT_TRUE(follower->plan(1, first_ns, 20).empty());
+  EXPECT_THAT(follower->problem(), HasSubstr("a progress of inf m; 0 to 50 may be"));
 }
 
 TEST(Plugin, OneThatHasNoPlanIsNoProblem) {
