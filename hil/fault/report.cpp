@@ -1,8 +1,10 @@
 #include "hil/fault/report.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "common/msg/names.hpp"
@@ -116,7 +118,7 @@ std::string not_judged_text(const RunResult& result) {
 }
 
 RunSummary summary_of(const RunResult& result, const std::string& source) {
-  RunSummary summary{result.script, result.seed, source, "", {}, result.figures};
+  RunSummary summary{result.script, result.seed, source, "", {}, result.figures, result.flown_ns};
   if (result.digest != crypto::Digest{}) summary.digest = crypto::hex(result.digest);
   for (const Verdict& verdict : result.verdicts) {
     if (!verdict.held) summary.broken.push_back(verdict.rule.text);
@@ -142,21 +144,24 @@ std::string json_text(const std::vector<RunResult>& results, const std::vector<R
   return text + "\n  ]\n}\n";
 }
 
-std::string junit_text(const std::vector<RunResult>& results) {
-  const auto broken = std::count_if(results.begin(), results.end(), [](const RunResult& r) { return !r.held(); });
+std::string junit_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all) {
+  std::map<std::pair<std::string, std::uint64_t>, const RunResult*> in_full;
+  for (const RunResult& result : results) in_full[{result.script, result.seed}] = &result;
+  const auto broken = std::ranges::count_if(all, [](const RunSummary& run) { return !run.broken.empty(); });
   std::string text = fmt::format(
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"ledgerline fault\" tests=\"{}\" "
       "failures=\"{}\">\n",
-      results.size(), broken);
-  for (const RunResult& result : results) {
-    text += fmt::format("  <testcase classname=\"{}\" name=\"seed {}\" time=\"{:.3f}\"", for_xml(result.script),
-                        result.seed, to_seconds(result.flown_ns));
-    text += ">\n";
-    if (!result.held())
-      text += fmt::format("    <failure message=\"{}\">{}</failure>\n", for_xml(result.title),
-                          for_xml(broken_text(result)));
-    if (!result.not_judged.empty())
-      text += fmt::format("    <system-out>{}</system-out>\n", for_xml(not_judged_text(result)));
+      all.size(), broken);
+  for (const RunSummary& run : all) {
+    const auto found = in_full.find({run.script, run.seed});
+    const RunResult* result = found == in_full.end() ? nullptr : found->second;
+    text += fmt::format("  <testcase classname=\"{}\" name=\"seed {}\" time=\"{:.3f}\">\n", for_xml(run.script),
+                        run.seed, to_seconds(run.flown_ns));
+    if (!run.broken.empty())
+      text += fmt::format("    <failure message=\"{}\">{}</failure>\n", for_xml(result ? result->title : run.script),
+                          for_xml(result ? broken_text(*result) : fmt::format("{}", fmt::join(run.broken, "\n"))));
+    if (result && !result->not_judged.empty())
+      text += fmt::format("    <system-out>{}</system-out>\n", for_xml(not_judged_text(*result)));
     text += "  </testcase>\n";
   }
   return text + "</testsuite>\n";

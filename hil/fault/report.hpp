@@ -23,6 +23,7 @@ struct RunSummary {
   std::string digest;               ///< empty: of real processes, which promise no bytes
   std::vector<std::string> broken;  ///< rules
   Figures figures;
+  TimeNs flown_ns = 0;
 };
 RunSummary summary_of(const RunResult& result, const std::string& source);
 /// Short, the same for the same text of a script.
@@ -30,8 +31,8 @@ std::string source_of(std::string_view script_text);
 
 /// One JSON object: `runs`, with the events but without the timeline, and `figures` of `all`, a line each.
 std::string json_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all);
-/// As CI systems read it: a testcase for each run.
-std::string junit_text(const std::vector<RunResult>& results);
+/// As CI systems read it: a testcase for each run of `all`; what was seen is told of those in `results`.
+std::string junit_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all);
 /// One page with everything in it: each run's verdicts and timeline.
 std::string html_text(const std::vector<RunResult>& results);
 

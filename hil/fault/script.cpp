@@ -31,14 +31,14 @@ std::string quoted(const std::string& text) {
   return out + "\"";
 }
 
-TimeNs duration(Config& config, const std::string& key, TimeNs otherwise, TimeNs least, TimeNs most) {
+TimeNs duration(Config& config, const Key& key, TimeNs otherwise, TimeNs least, TimeNs most) {
   const std::string text = config.text(Key(key).like(R"(^\s*[0-9.]+\s*(ms|s)\s*$)"), "");
   if (text.empty()) return otherwise;
   const auto amount = parse_amount(text);
   if (!amount || amount->unit != Amount::Unit::time || amount->value < to_seconds(least) ||
       amount->value > to_seconds(most)) {
-    config.wrong(
-        key, fmt::format("must be a time from {:g} s to {:g} s, as in \"30 s\"", to_seconds(least), to_seconds(most)));
+    config.wrong(key.name, fmt::format("must be a time from {:g} s to {:g} s, as in \"30 s\"", to_seconds(least),
+                                       to_seconds(most)));
     return otherwise;
   }
   return from_seconds(amount->value);
@@ -46,11 +46,19 @@ TimeNs duration(Config& config, const std::string& key, TimeNs otherwise, TimeNs
 
 // The drones, and the floor below them.
 void which_tello(Config& config, WorldConfig& flight) {
-  flight.battery = config.number("flight.battery", flight.battery, 0, 1);
-  flight.keeps_rc = config.boolean("flight.keeps_rc", flight.keeps_rc);
-  flight.command_counts = config.boolean("flight.command_counts", flight.command_counts);
-  flight.yaw_deg = config.number("flight.yaw_deg", flight.yaw_deg, -180, 180);
-  if (auto pads = sim::parse_pads(config.text("flight.pads", "")))
+  flight.battery = config.number({"flight.battery", "of every drone at the start, as a share"}, flight.battery, 0, 1);
+  flight.keeps_rc = config.boolean(
+      {"flight.keeps_rc", "a Tello that hears no rc flies on with the last one; false: it stops by itself after 0.5 s"},
+      flight.keeps_rc);
+  flight.command_counts =
+      config.boolean({"flight.command_counts", "`command` is a sign of life for its own 15 s, as every other word"},
+                     flight.command_counts);
+  flight.yaw_deg =
+      config.number({"flight.yaw_deg", "where drones look when they are switched on"}, flight.yaw_deg, -180, 180);
+  if (auto pads = sim::parse_pads(config.text(
+          {"flight.pads",
+           "mission pads on the floor: 1:0:0,2:1.5:0:90 is 1 at (0 m, 0 m), 2 at (1.5 m, 0 m), turned by 90 degrees"},
+          "")))
     flight.pads = std::move(*pads);
   else
     config.wrong("flight.pads", pads.error().what);
@@ -74,25 +82,38 @@ void read_flight(Config& config, const std::string& folder, Script& script) {
       {"path", "manual", "sdk"}, "path");
   script.kind = kind == "manual" ? FlightKind::manual : kind == "sdk" ? FlightKind::sdk : FlightKind::path;
   flight.manual = script.kind == FlightKind::manual;
-  flight.drones = static_cast<int>(config.integer("flight.drones", flight.drones, 1, max_drones));
+  flight.drones =
+      static_cast<int>(config.integer({"flight.drones", "how many fly, tello1 first"}, flight.drones, 1, max_drones));
   read_tasks(config, folder, flight);
-  flight.rate_hz = config.number("flight.rate_hz", flight.rate_hz, 1, 200);
-  flight.predict = config.boolean("flight.predict", flight.predict);
-  flight.max_age_ns = duration(config, "flight.max_age", flight.max_age_ns, 100 * ns_per_ms, 10 * ns_per_s);
-  flight.idle_evict_ns = duration(config, "flight.idle_evict", flight.idle_evict_ns, ns_per_s, 86'400 * ns_per_s);
-  flight.blocks = config.choice("flight.blocks", {"peer", "ordered"}, "peer") == "ordered"
-                      ? fabric::BlockSource::ordered
-                      : fabric::BlockSource::peer;
-  flight.pose =
-      from_name<link::PoseSource>(config.choice("flight.pose", {"mocap", "tello", "pads", "mocap+tello"}, "mocap"))
-          .value_or(flight.pose);
-  flight.doubt = from_name<link::OnDoubt>(config.choice("flight.doubt", {"ignore", "hold", "land"}, "ignore"))
-                     .value_or(flight.doubt);
+  flight.rate_hz = config.number({"flight.rate_hz", "states and commands a second"}, flight.rate_hz, 1, 200);
+  flight.predict = config.boolean(
+      {"flight.predict", "ground predicts where the drone will be when a command takes effect"}, flight.predict);
+  flight.max_age_ns = duration(config, {"flight.max_age", "of a command: an older one is not flown"}, flight.max_age_ns,
+                               100 * ns_per_ms, 10 * ns_per_s);
+  flight.idle_evict_ns = duration(config, {"flight.idle_evict", "a holder on the ground may say nothing for so long"},
+                                  flight.idle_evict_ns, ns_per_s, 86'400 * ns_per_s);
+  flight.blocks =
+      config.choice({"flight.blocks", "whose blocks agent and ground read: the peer's, or as they are ordered"},
+                    {"peer", "ordered"}, "peer") == "ordered"
+          ? fabric::BlockSource::ordered
+          : fabric::BlockSource::peer;
+  flight.pose = from_name<link::PoseSource>(config.choice({"flight.pose", "how a drone knows where it is"},
+                                                          {"mocap", "tello", "pads", "mocap+tello"}, "mocap"))
+                    .value_or(flight.pose);
+  flight.doubt =
+      from_name<link::OnDoubt>(config.choice({"flight.doubt", "what link does while agent doubts the ledger"},
+                                             {"ignore", "hold", "land"}, "ignore"))
+          .value_or(flight.doubt);
   which_tello(config, flight);
-  flight.room_m = config.number("flight.room_m", *flight.room_m, -10, 100);
-  flight.batch_count = static_cast<std::size_t>(config.integer("flight.batch_count", 1, 1, 1'000));
-  flight.batch_timeout_ns = duration(config, "flight.batch_timeout", flight.batch_timeout_ns, ns_per_ms, 10 * ns_per_s);
-  script.limit_ns = duration(config, "flight.limit", script.limit_ns, ns_per_s, 3600 * ns_per_s);
+  flight.room_m =
+      config.number({"flight.room_m", "the fence's distance from the paths; below 0 its far sides cut through them"},
+                    *flight.room_m, -10, 100);
+  flight.batch_count =
+      static_cast<std::size_t>(config.integer({"flight.batch_count", "transactions in a block, at most"}, 1, 1, 1'000));
+  flight.batch_timeout_ns = duration(config, {"flight.batch_timeout", "a block is cut after so long"},
+                                     flight.batch_timeout_ns, ns_per_ms, 10 * ns_per_s);
+  script.limit_ns = duration(config, {"flight.limit", "a run that is not over by then is broken"}, script.limit_ns,
+                             ns_per_s, 3600 * ns_per_s);
   flight.seconds =
       config.number({"flight.seconds", "manual: then the drones are landed, and it is over"}, usual_seconds, 1, 3600);
   if (flight.seconds != usual_seconds && !flight.manual)
@@ -105,9 +126,11 @@ void read_flight(Config& config, const std::string& folder, Script& script) {
 void read_fault(Config& config, const std::string& key, const std::vector<DroneFacts>& drones, bool real,
                 Script& script) {
   const bool on_path = script.kind == FlightKind::path;
-  const std::string what = config.text(key + "what"), at = config.text(key + "at", on_path ? "path" : "takeoff"),
-                    lasts = config.text(key + "for", "");
-  const bool optional = config.boolean(key + "optional", false);
+  const std::string what = config.text({key + "what", "where and what goes wrong"}),
+                    at = config.text({key + "at", "when it begins"}, on_path ? "path" : "takeoff"),
+                    lasts = config.text({key + "for", "how long it lasts; left out: to the end"}, "");
+  const bool optional =
+      config.boolean({key + "optional", "its moment may never come; otherwise the run is then broken"}, false);
   if (what.empty()) return;
   auto fault = parse_fault(what, at, lasts, real);
   if (!fault) {
@@ -157,16 +180,19 @@ std::string_view name_of(FlightKind kind) {
 Script read_script(Config& config, const std::string& file, bool real) {
   Script script;
   script.name = std::filesystem::path(file).stem().string();
-  script.title = config.text("title");
+  script.title = config.text({"title", "one sentence: what happens"});
   constexpr std::int64_t max_seed = std::numeric_limits<std::int64_t>::max();
-  if (const auto seed = config.integer("seed", 0, 1, max_seed); seed > 0) script.seed = seed;
+  if (const auto seed = config.integer({"seed", "it is flown with, unless --seed says another"}, 0, 1, max_seed);
+      seed > 0)
+    script.seed = seed;
   read_flight(config, std::filesystem::path(file).parent_path().string(), script);
 
-  const std::size_t faults = config.table_count("fault");
+  const std::size_t faults = config.table_count({"fault", "what goes wrong"});
   std::vector<DroneFacts> drones(static_cast<std::size_t>(script.flight.drones));
   for (std::size_t i = 0; i < drones.size(); ++i) drones[i].name = drone_name(static_cast<int>(i) + 1);
   for (std::size_t i = 0; i < faults; ++i) read_fault(config, fmt::format("fault.{}.", i), drones, real, script);
-  for (const std::string& sentence : config.texts("must", max_rules)) read_rule(config, sentence, faults > 0, script);
+  for (const std::string& sentence : config.texts({"must", "what must hold, a sentence each"}, max_rules))
+    read_rule(config, sentence, faults > 0, script);
   return script;
 }
 

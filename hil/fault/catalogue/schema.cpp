@@ -120,7 +120,7 @@ Json property_of(const KeyDescription& key) {
 /// What the tables of faults, moments and rules say of a key, besides.
 void refine(const KeyDescription& key, Json& property) {
   if (key.key == "must" && key.table.empty()) property["items"] = schema_of_rules();
-  if (key.table != "[[fault]]") return;
+  if (key.table != "[[fault]]" && key.table != "[[pilot]]") return;
   if (key.key == "what") property.update(schema_of_faults());
   if (key.key == "at") property["pattern"] = moment_pattern;
   if (key.key == "for") property["pattern"] = duration_pattern;

@@ -29,8 +29,8 @@ void read_course(Config& config, const std::string& prefix, const std::string& f
       "");
   const auto rows = config.texts({prefix + "waypoints", "the same rows here, in the place of a shape"}, max_waypoints);
   task.side_m = config.number({prefix + "side_m", "of a shape"}, task.side_m, 0.3, 20);
-  task.speed_mps = config.number(prefix + "speed_mps", task.speed_mps, 0.05, 3);
-  task.laps = static_cast<int>(config.integer(prefix + "laps", task.laps, 1, 100));
+  task.speed_mps = config.number({prefix + "speed_mps", "along the path"}, task.speed_mps, 0.05, 3);
+  task.laps = static_cast<int>(config.integer({prefix + "laps", "around the path"}, task.laps, 1, 100));
   if (!shape.empty() && !rows.empty()) {
     config.wrong(prefix + "waypoints", "must not be there beside a shape");
     return;

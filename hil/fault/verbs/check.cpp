@@ -9,6 +9,7 @@
 #include "common/base/file.hpp"
 #include "common/program/program.hpp"
 #include "hil/fault/catalogue/scenarios.hpp"
+#include "hil/fault/own/own_code.hpp"
 #include "hil/fault/verbs/told.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
@@ -32,8 +33,8 @@ int check_scripts(const CheckOptions& options) {
     const auto script = text ? check_script(*text, file, real) : Result<Script>(text.error());
     if (script) {
       const auto demanded = std::ranges::count_if(script->must, [](const Rule& rule) { return !rule.always; });
-      fmt::print("{}: fine: {} drones, {} faults, {} rules\n", file, script->flight.drones, script->faults.size(),
-                 demanded);
+      fmt::print("{}: fine: {} drones, {} faults, {} rules{}\n", file, script->flight.drones, script->faults.size(),
+                 demanded, check_virtual(*script) ? "" : "; in real time alone, by --program");
       continue;
     }
     fmt::print(stderr, "{}\n", script.error().what);

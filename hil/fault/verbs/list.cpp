@@ -8,6 +8,7 @@
 #include "common/program/program.hpp"
 #include "hil/fault/catalogue/kind_modes.hpp"
 #include "hil/fault/catalogue/scenarios.hpp"
+#include "hil/fault/own/own_code.hpp"
 #include "hil/fault/real/real_script.hpp"
 #include "hil/fault/run/figures.hpp"
 #include "hil/fault/verbs/told.hpp"
@@ -108,19 +109,23 @@ int list_scenarios(const std::string& asked, bool as_json) {
       continue;
     }
     const std::string group = group_of(file, folder);
+    const bool virtually = check_virtual(*script).ok();
     if (as_json) {
-      const auto real = check_real(*script, {});
+      const OwnCode given{.controller = "", .program = {"given"}};  // of one that somebody's own program flies
+      const auto real =
+          check_real(*script, {}, script->kind == FlightKind::path || !script->pilot.empty() ? OwnCode{} : given);
       rows.push_back({{"name", script->name},
                       {"group", group},
                       {"title", script->title},
                       {"file", file},
+                      {"virtual", virtually},
                       {"real", real.ok()},
                       {"why_not_real", real ? "" : real.error().what}});
       continue;
     }
     if (group != group_before) fmt::print("{}{}:\n", group_before.empty() ? "" : "\n", group);
     group_before = group;
-    fmt::print("  {:<26} {}\n", script->name, script->title);
+    fmt::print("  {:<26} {}{}\n", script->name, script->title, virtually ? "" : " (--real --program)");
   }
   if (as_json) print_json(rows);
   return code;

@@ -29,8 +29,8 @@ void add_flight_options(Verb& verb, FlightOptions& options) {
   verb.option("--jobs", options.jobs, "flights at once").within(1, 64).shows_default();
   verb.option("--json", options.json,
               "one object: figures of every run, for `fault compare`; the rest of at most 200, broken ones first");
-  verb.option("--junit", options.junit, "JUnit XML of the same 200");
-  verb.option("--html", options.html, "a page with the timelines of the same 200");
+  verb.option("--junit", options.junit, "JUnit XML: a testcase for each run");
+  verb.option("--html", options.html, "a page with the timelines of the 200");
 }
 
 std::string program_folder() {
@@ -84,7 +84,7 @@ bool Teller::write_files(const FlightOptions& options) {
   sort_by_script(summaries_);
   bool written = true;
   if (!options.json.empty()) written = write(options.json, json_text(kept_, summaries_)) && written;
-  if (!options.junit.empty()) written = write(options.junit, junit_text(kept_)) && written;
+  if (!options.junit.empty()) written = write(options.junit, junit_text(kept_, summaries_)) && written;
   if (!options.html.empty()) written = write(options.html, html_text(kept_)) && written;
   return written;
 }

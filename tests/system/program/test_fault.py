@@ -54,6 +54,7 @@ def test_list_has_every_scenario_and_says_modes():
     assert {row["name"] for row in rows} == {file.stem for file in SCENARIOS}
     assert all(row["title"] and row["group"] == pathlib.Path(row["file"]).parent.name for row in rows)
     assert {row["real"] for row in rows} == {True, False}
+    assert {row["name"] for row in rows if not row["virtual"]} >= {"ros2-gap", "sdk-client-errors"}
     shown = fault("list", "faults").stdout
     assert re.search(r"^drone NAME reboot +virtual$", shown, re.M) and re.search(r"^roudi kill +real$", shown, re.M)
     assert re.search(r"^sends COMMAND +virtual \(the traces", fault("list", "rules").stdout, re.M)

@@ -55,6 +55,19 @@ TEST(Check, AnswersForTheLedgerThatIsMeant) {
   EXPECT_THAT(check_script(flight, "x.toml").error().what, HasSubstr("needs the real processes"));
 }
 
+TEST(Check, OfWhatSomebodysOwnProgramFliesIsForRealTimeWithoutAsking) {
+  const std::string sdk = "title = \"t\"\nmust = [\"finishes\", \"hold is seen\"]\n[flight]\nkind = \"sdk\"\n";
+  for (const auto& real : {std::optional<RealStack>(), std::optional(RealStack{})}) {
+    EXPECT_THAT(check_script(sdk, "x.toml", real).error().what,
+                HasSubstr("x.toml:2: must: \"hold is seen\": link says that, and there is none"));
+    EXPECT_THAT(check_script(sdk + "predict = false\n", "x.toml", real).error().what,
+                HasSubstr("x.toml:5: flight.predict: it is ground's"));
+  }
+  const std::string manual = "title = \"t\"\n[flight]\nkind = \"manual\"\n";
+  EXPECT_TRUE(check_script(manual, "x.toml").ok());
+  EXPECT_TRUE(check_script(manual, "x.toml", RealStack{}).ok());
+}
+
 TEST(FirstScript, IsFineInEveryModeAndHolds) {
   const std::string first = first_script("mine");
   for (const auto& real : {std::optional<RealStack>(), std::optional(RealStack{}), std::optional(RealStack{true})}) {

@@ -39,7 +39,14 @@ TEST(Schema, HasEveryKeyThatTheReaderAsksForWithItsTypeAndRange) {
     EXPECT_TRUE(root["properties"].contains(key)) << key;
   const json &flight = root["properties"]["flight"]["properties"], &fault = root["properties"]["fault"]["items"];
   EXPECT_GE(flight.size(), 19U);
-  for (const auto& [key, property] : flight.items()) EXPECT_TRUE(property.contains("type")) << key;
+  for (const json* table : {&root["properties"], &flight, &fault["properties"]}) {
+    for (const auto& [key, property] : table->items()) {
+      EXPECT_TRUE(property.contains("type")) << key;
+      const bool told =
+          property.contains("description") || (property.contains("items") && property["items"].contains("description"));
+      EXPECT_TRUE(told || key == "flight") << key << ": its reader says what it is";
+    }
+  }
   EXPECT_EQ(flight["laps"]["type"], "integer");
   EXPECT_EQ(flight["laps"]["maximum"], 100);
   EXPECT_EQ(flight["kind"]["enum"], json::array({"path", "manual", "sdk"}));
@@ -49,6 +56,7 @@ TEST(Schema, HasEveryKeyThatTheReaderAsksForWithItsTypeAndRange) {
   EXPECT_FALSE(std::regex_match("circle", shape));
   EXPECT_EQ(root["properties"]["task"]["items"]["required"], json::array({"drone"}));
   EXPECT_EQ(root["properties"]["pilot"]["items"]["required"], json::array({"do"}));
+  EXPECT_EQ(flight["doubt"]["enum"], json::array({"ignore", "hold", "land"}));
   EXPECT_TRUE(flight["limit"].contains("pattern"));
   EXPECT_EQ(fault["required"], json::array({"what"}));
   EXPECT_EQ(fault["properties"]["optional"]["type"], "boolean");

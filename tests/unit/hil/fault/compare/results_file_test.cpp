@@ -39,6 +39,16 @@ TEST(ResultsFile, HasEveryRunThatWasFlownNotOnlyThoseInFull) {
   EXPECT_TRUE(runs->runs[0].broken.empty());
 }
 
+TEST(ResultsFile, JUnitHasATestCaseOfEveryRunToo) {
+  const RunResult held = result_of("a", 1, true), broken = result_of("a", 2, false),
+                  left_out = result_of("a", 3, false);
+  const std::string junit = junit_text(
+      {held, broken}, {hil::summary_of(held, ""), hil::summary_of(broken, ""), hil::summary_of(left_out, "")});
+  EXPECT_THAT(junit, HasSubstr("tests=\"3\" failures=\"2\""));
+  EXPECT_THAT(junit, HasSubstr("broke at 0.000 s: finishes"));
+  EXPECT_THAT(junit, HasSubstr("name=\"seed 3\" time=\"0.000\">\n    <failure message=\"a\">finishes</failure>"));
+}
+
 TEST(ResultsFile, OfRealProcessesPromisesNoBytes) {
   RunResult real = result_of("a", 1, true);
   real.digest = {};
