@@ -190,10 +190,10 @@ bool read_transport(Config& config, ShellSettings& settings) {
                      "how drones are reached: udp, or shim: simulated ones through shared memory, without a network "
                      "(docs/shim.md). The other keys of [tello] and [state] listen are udp's"},
                     {"udp", "shim"}, "udp") == "udp";
-  const std::string memory =
-      config.text({"shim.memory", "the file in /dev/shm that `ledgerline hil shim` made"}, "");
+  const std::string memory = config.text({"shim.memory", "the file in /dev/shm that `ledgerline hil shim` made"}, "");
   settings.lockstep = config.boolean(
-      {"shim.lockstep", "the shim moves link's clock, and says plans, poses and signs of life in agent's place"}, false);
+      {"shim.lockstep", "the shim moves link's clock, and says plans, poses and signs of life in agent's place"},
+      false);
   if (udp && settings.lockstep) config.wrong("shim.lockstep", "goes with tello.transport = \"shim\" alone");
   if (!udp && memory.empty()) config.wrong("shim.memory", "is needed with tello.transport = \"shim\"");
   if (!udp) settings.shim = memory;
