@@ -13,8 +13,8 @@ namespace ledgerline::link {
 /// What the shell needs beside the cores' settings.
 struct ShellSettings {
   LinkSettings link;
-  std::string shim;       ///< file of the shim's memory, in place of UDP; empty: UDP
-  bool lockstep = false;  ///< the shim moves link's clock, and stands in agent's place
+  std::string shim;                     ///< file of the shim's memory, in place of UDP; empty: UDP
+  bool lockstep = false;                ///< the shim moves link's clock, and stands in agent's place
   std::vector<sockaddr_in> addresses;   ///< of the drones' command ports, in the order of link.drones; UDP alone
   std::vector<std::string> interfaces;  ///< that each drone is behind, in the same order; empty: wherever routes lead
   std::uint16_t state_port = 8889;      ///< that drones send state text from; 0: any
