@@ -89,7 +89,7 @@ TEST(Course, ACornerThatIsNotFlownBreaksItsRule) {
       scripted(must + "[flight]\nside_m = 1\n[[fault]]\nwhat = \"operator stop tello1\"\nat = \"path + 1s\"\n"), 1);
   ASSERT_TRUE(missed);
   EXPECT_FALSE(missed->verdicts[1].held);
-  EXPECT_THAT(missed->verdicts[1].what, HasSubstr("drone 1: "));
+  EXPECT_THAT(missed->verdicts[1].what, HasSubstr("tello1: "));
 }
 
 }  // namespace
