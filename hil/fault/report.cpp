@@ -68,6 +68,13 @@ json summary_json(const RunSummary& run) {
   json out{
       {"script", run.script}, {"seed", run.seed}, {"source", run.source}, {"broken", run.broken}, {"figures", figures}};
   if (!run.digest.empty()) out["digest"] = run.digest;
+  if (!run.mode.empty()) out["mode"] = run.mode;
+  return out;
+}
+
+json not_flown_json(const NotFlown& flight) {
+  json out{{"script", flight.script}, {"why", flight.why}, {"error", flight.error}};
+  if (flight.seed) out["seed"] = *flight.seed;
   return out;
 }
 
@@ -131,12 +138,19 @@ std::string source_of(std::string_view script_text) {
   return crypto::hex(crypto::sha256(script_text)).substr(0, digits);
 }
 
-std::string json_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all) {
-  json runs = json::array();
+std::string json_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
+                      const std::vector<NotFlown>& not_flown) {
+  json runs = json::array(), missing = json::array();
+  for (const NotFlown& flight : not_flown) missing.push_back(not_flown_json(flight));
   for (const RunResult& result : results) runs.push_back(run_json(result));
   const auto broken = std::ranges::count_if(all, [](const RunSummary& run) { return !run.broken.empty(); });
-  std::string text = json{{"held", broken == 0}, {"runs", runs}, {"flown", all.size()}, {"broken", broken}}.dump(
-      2, ' ', false, json::error_handler_t::replace);
+  std::string text = json{
+      {"held", broken == 0 && std::ranges::none_of(not_flown, &NotFlown::error)},
+      {"runs", runs},
+      {"flown", all.size()},
+      {"broken", broken},
+      {"not_flown",
+       missing}}.dump(2, ' ', false, json::error_handler_t::replace);
   text.resize(text.rfind('\n'));  // the last brace comes behind what may be hundred thousand lines
   text += ",\n  \"figures\": [";
   for (std::size_t i = 0; i < all.size(); ++i)
@@ -144,14 +158,16 @@ std::string json_text(const std::vector<RunResult>& results, const std::vector<R
   return text + "\n  ]\n}\n";
 }
 
-std::string junit_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all) {
+std::string junit_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
+                       const std::vector<NotFlown>& not_flown) {
   std::map<std::pair<std::string, std::uint64_t>, const RunResult*> in_full;
   for (const RunResult& result : results) in_full[{result.script, result.seed}] = &result;
   const auto broken = std::ranges::count_if(all, [](const RunSummary& run) { return !run.broken.empty(); });
   std::string text = fmt::format(
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"ledgerline fault\" tests=\"{}\" "
-      "failures=\"{}\">\n",
-      all.size(), broken);
+      "failures=\"{}\" errors=\"{}\" skipped=\"{}\">\n",
+      all.size() + not_flown.size(), broken, std::ranges::count_if(not_flown, &NotFlown::error),
+      std::ranges::count_if(not_flown, [](const NotFlown& flight) { return !flight.error; }));
   for (const RunSummary& run : all) {
     const auto found = in_full.find({run.script, run.seed});
     const RunResult* result = found == in_full.end() ? nullptr : found->second;
@@ -164,6 +180,10 @@ std::string junit_text(const std::vector<RunResult>& results, const std::vector<
       text += fmt::format("    <system-out>{}</system-out>\n", for_xml(not_judged_text(*result)));
     text += "  </testcase>\n";
   }
+  for (const NotFlown& flight : not_flown)
+    text += fmt::format("  <testcase classname=\"{}\" name=\"{}\">\n    <{} message=\"{}\"/>\n  </testcase>\n",
+                        for_xml(flight.script), flight.seed ? fmt::format("seed {}", *flight.seed) : "not flown",
+                        flight.error ? "error" : "skipped", for_xml(flight.why));
   return text + "</testsuite>\n";
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,15 +25,28 @@ struct RunSummary {
   std::vector<std::string> broken;  ///< rules
   Figures figures;
   TimeNs flown_ns = 0;
+  std::string mode{};  ///< how it was flown; empty: not said
 };
 RunSummary summary_of(const RunResult& result, const std::string& source);
 /// Short, the same for the same text of a script.
 std::string source_of(std::string_view script_text);
 
-/// One JSON object: `runs`, with the events but without the timeline, and `figures` of `all`, a line each.
-std::string json_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all);
+/// What was asked for and has no result.
+struct NotFlown {
+  std::string script;
+  std::optional<std::uint64_t> seed;  ///< none: not with any
+  std::string why;
+  bool error = true;  ///< else it was passed over: it needs another mode
+};
+
+/// One JSON object: `runs`, with the events but without the timeline, and `figures` of `all`, a line each;
+/// `not_flown` has no figures.
+std::string json_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
+                      const std::vector<NotFlown>& not_flown = {});
 /// As CI systems read it: a testcase for each run of `all`; what was seen is told of those in `results`.
-std::string junit_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all);
+/// What was not flown is an error, or skipped.
+std::string junit_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
+                       const std::vector<NotFlown>& not_flown = {});
 /// One page with everything in it: each run's verdicts and timeline.
 std::string html_text(const std::vector<RunResult>& results);
 

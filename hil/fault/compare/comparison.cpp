@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "hil/fault/compare/statistics.hpp"
 #include "hil/fault/run/figures.hpp"
@@ -15,12 +17,22 @@ namespace ledgerline::hil::comparing {
 namespace {
 
 using BySeed = std::map<std::uint64_t, const FlownRun*>;
-using ByScript = std::map<std::string, BySeed>;
+using ScriptAndMode = std::pair<std::string, std::string>;
+using ByScript = std::map<ScriptAndMode, BySeed>;
 
 ByScript by_script(const Runs& runs) {
   ByScript all;
-  for (const FlownRun& run : runs.runs) all[run.script][run.seed] = &run;
+  for (const FlownRun& run : runs.runs) all[{run.script, run.mode}][run.seed] = &run;
   return all;
+}
+
+/// The modes in which a script was flown, in words; empty: it was not.
+std::string modes_of(const ByScript& runs, const std::string& script) {
+  std::vector<std::string> modes;
+  for (const auto& [key, by_seed] : runs) {
+    if (key.first == script) modes.push_back(key.second.empty() ? "a mode that is not said" : key.second);
+  }
+  return fmt::format("{}", fmt::join(modes, " and "));
 }
 
 bool broke(const FlownRun& run, const std::string& rule) {
@@ -60,7 +72,6 @@ class Comparer {
       return Error{fmt::format("{} and {} have no script that can be compared{}{}", old_.file, new_.file,
                                out_.left_out.empty() ? "" : ":\n  ", fmt::join(out_.left_out, "\n  "))};
     for (const Both& both : scripts_) {
-      if (both.paired && both.same_bytes == both.old_runs.size()) continue;
       compare_rules(both);
       for (const FigureKind& kind : figure_kinds()) compare_figure(both, kind);
     }
@@ -80,34 +91,47 @@ class Comparer {
 
   void collect() {
     const ByScript old_runs = by_script(old_), new_runs = by_script(new_);
-    for (const auto& [script, runs] : old_runs) {
-      const auto found = new_runs.find(script);
+    for (const auto& [key, runs] : old_runs) {
+      const std::string& script = key.first;
+      const auto found = new_runs.find(key);
       if (found == new_runs.end()) {
-        leave_out("{}: only in {}", script, old_.file);
+        missing_runs_ += runs.size();
+        const std::string modes = modes_of(new_runs, script);
+        if (modes.empty())
+          leave_out("{}: only in {}", script, old_.file);
+        else
+          leave_out("{}: flown in {} in {}, in {} in {}: only the same mode is compared", script,
+                    modes_of(old_runs, script), old_.file, modes, new_.file);
       } else if (runs.begin()->second->source != found->second.begin()->second->source) {
         leave_out("{}: its text is another one in {}", script, new_.file);
       } else {
         add_script(script, runs, found->second);
       }
     }
-    for (const auto& [script, runs] : new_runs) {
-      if (!old_runs.contains(script)) leave_out("{}: only in {}", script, new_.file);
+    for (const auto& [key, runs] : new_runs) {
+      if (modes_of(old_runs, key.first).empty()) leave_out("{}: only in {}", key.first, new_.file);
     }
+    const std::set<std::string> before = unknown_figures(old_), now = unknown_figures(new_);
+    std::set<std::string> unknown = before;
+    unknown.insert(now.begin(), now.end());
+    for (const std::string& figure : unknown) leave_out("{}: no figure that this program knows", figure);
+    std::ranges::set_difference(before, now, std::inserter(missing_figures_, missing_figures_.end()));
+  }
+
+  static std::set<std::string> unknown_figures(const Runs& runs) {
     std::set<std::string> unknown;
-    for (const Runs* runs : {&old_, &new_}) {
-      for (const FlownRun& run : runs->runs) {
-        for (const auto& [figure, value] : run.figures) {
-          if (!figure_kind(figure)) unknown.insert(figure);
-        }
+    for (const FlownRun& run : runs.runs) {
+      for (const auto& [figure, value] : run.figures) {
+        if (!figure_kind(figure)) unknown.insert(figure);
       }
     }
-    for (const std::string& figure : unknown) leave_out("{}: no figure that this program knows", figure);
+    return unknown;
   }
 
   void add_script(const std::string& script, const BySeed& old_runs, const BySeed& new_runs) {
     Both both;
     both.script = script;
-    std::size_t alone = 0;
+    std::size_t alone = 0;  // seeds
     for (const auto& [seed, run] : old_runs) {
       const auto found = new_runs.find(seed);
       if (found == new_runs.end()) {
@@ -119,6 +143,7 @@ class Comparer {
       if (!run->digest.empty() && run->digest == found->second->digest) ++both.same_bytes;
     }
     both.paired = !both.old_runs.empty();
+    if (both.paired) missing_runs_ += alone;
     alone += new_runs.size() - both.new_runs.size();
     if (!both.paired) {
       for (const auto& [seed, run] : old_runs) both.old_runs.push_back(run);
@@ -156,13 +181,15 @@ class Comparer {
       if (now && !before) change.newly.push_back(both.new_runs[i]->seed);
       if (before && !now) ++mended;
     }
-    change.fact = both.paired && both.bytes && (change.old_broken == 0 || change.new_broken == 0);
+    const bool differs = !both.paired || change.newly.size() + mended > 0;
+    change.fact = both.paired && both.bytes && differs &&
+                  (change.old_broken == 0 || change.new_broken == 0 || both.same_bytes == both.old_runs.size());
     if (change.fact) {
-      change.verdict = one_way(change.new_broken > 0);
-    } else {
+      change.verdict = one_way(!change.newly.empty());
+    } else if (differs) {
       const TestResult result = both.paired
-                                    ? changed_pairs(change.newly.size(), mended)
-                                    : shares(change.old_broken, change.old_runs, change.new_broken, change.new_runs);
+                                    ? mcnemar(change.newly.size(), mended)
+                                    : fisher(change.old_broken, change.old_runs, change.new_broken, change.new_runs);
       tests_.push_back({.result = result, .of_rule = true, .which = out_.rules.size()});
     }
     out_.rules.push_back(std::move(change));
@@ -186,6 +213,7 @@ class Comparer {
       if (lost + new_ones > 0)
         leave_out("{}: {}: of {} seeds only {} has it, of {} only {}", both.script, kind.name, lost, old_.file,
                   new_ones, new_.file);
+      if (lost > 0) missing_figures_.emplace(kind.name);
     } else {
       for (const FlownRun* run : both.old_runs) {
         if (const auto value = value_in(*run, kind.name)) before.push_back(*value);
@@ -193,6 +221,7 @@ class Comparer {
       for (const FlownRun* run : both.new_runs) {
         if (const auto value = value_in(*run, kind.name)) now.push_back(*value);
       }
+      if (!before.empty() && now.empty()) missing_figures_.emplace(kind.name);
     }
     const TestResult result = both.paired ? signed_rank(differences) : rank_sum(before, now);
     const bool differs = both.paired ? change.worse + change.better > 0 : !before.empty() && !now.empty();
@@ -251,10 +280,12 @@ class Comparer {
     const std::vector<double> corrected = holm(p);
     out_.tests = able.size();
     out_.pairs_needed = pairs_needed(tests_.size(), options_.error_rate);
-    const bool enough = std::ranges::any_of(
-        scripts_, [&](const Both& both) { return both.paired && both.old_runs.size() >= out_.pairs_needed; });
-    out_.can_tell = tests_.empty() || enough ||
-                    (!able.empty() && least_p * static_cast<double>(able.size()) <= options_.error_rate);
+    const bool enough = std::ranges::any_of(scripts_, [&](const Both& both) {
+      return both.paired && both.same_bytes < both.old_runs.size() && both.old_runs.size() >= out_.pairs_needed;
+    });
+    if (!tests_.empty() && !enough &&
+        (able.empty() || least_p * static_cast<double>(able.size()) > options_.error_rate))
+      cannot_tell("too few runs to tell anything; fly each script with {} seeds at least", out_.pairs_needed);
     for (std::size_t i = 0; i < able.size(); ++i) {
       const Test& test = able[i];
       const bool certain = corrected[i] <= options_.error_rate;
@@ -270,7 +301,26 @@ class Comparer {
       const bool counts = std::abs(figure.change) >= test.least && (figure.change > 0) == (test.result.direction > 0);
       figure.verdict = counts ? one_way((figure.change > 0) != test.less_is_worse) : Change::small;
     }
+    say_what_is_missing();
+    say_what_may_be_worse();
     note_few_seeds();
+  }
+
+  void say_what_is_missing() {
+    if (missing_runs_ > 0) cannot_tell("{} lacks {} runs that {} has", new_.file, missing_runs_, old_.file);
+    if (!missing_figures_.empty())
+      cannot_tell("{} lacks figures that {} has: {}", new_.file, old_.file, fmt::join(missing_figures_, ", "));
+  }
+
+  // A rule that broke newly and was mended nowhere, in so few runs that no test is certain.
+  void say_what_may_be_worse() {
+    for (const RuleChange& rule : out_.rules) {
+      const bool none_mended = rule.old_broken + rule.newly.size() == rule.new_broken;
+      if (rule.verdict == Change::none && !rule.newly.empty() && none_mended)
+        cannot_tell(
+            "{}: {}: newly broken with {} of {} seeds, mended with none: fly more seeds to tell that from chance",
+            rule.script, rule.rule, rule.newly.size(), rule.new_runs);
+    }
   }
 
   void note_few_seeds() {
@@ -287,10 +337,17 @@ class Comparer {
     out_.left_out.push_back(fmt::format(format, std::forward<Words>(words)...));
   }
 
+  template <typename... Words>
+  void cannot_tell(fmt::format_string<Words...> format, Words&&... words) {
+    out_.cannot_tell.push_back(fmt::format(format, std::forward<Words>(words)...));
+  }
+
   const Runs &old_, &new_;
   Options options_;
   std::vector<Both> scripts_;
   std::vector<Test> tests_;
+  std::size_t missing_runs_ = 0;           // that the old build has and the new one has not
+  std::set<std::string> missing_figures_;  // the same
   Comparison out_;
 };
 

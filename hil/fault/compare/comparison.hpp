@@ -17,6 +17,7 @@ struct FlownRun {
   std::uint64_t seed = 0;
   std::string source;               ///< of which text of the script; empty: not known
   std::string digest;               ///< of all its bytes; empty: a run that promises none, in real time
+  std::string mode;                 ///< how it was flown: "virtual", "real" ...; empty: not said
   std::vector<std::string> broken;  ///< rules
   std::map<std::string, double, std::less<>> figures;
 };
@@ -26,7 +27,9 @@ struct Runs {
 };
 
 struct Options {
-  double error_rate = 0.01;   ///< chance, at most, that anything at all is called a change between equal builds
+  /// Chance, at most, that any test calls equal builds different. It bounds the tests alone: a fact (RuleChange) is no
+  /// test, and is told as it is.
+  double error_rate = 0.01;
   double least_share = 0.02;  ///< of a figure's old mean: a smaller change does not count, be it ever so certain
 };
 
@@ -55,8 +58,9 @@ struct RuleChange {
   std::string script, rule;
   std::size_t old_broken = 0, old_runs = 0, new_broken = 0, new_runs = 0;
   std::vector<std::uint64_t> newly{};  ///< seeds whose run held with the old build and broke with the new one
-  bool fact =
-      false;  ///< no statistics: the same seeds, the same bytes each time, and it never broke before, or never does now
+  /// No statistics, and no part of the error rate: the same seeds, the same bytes each time, and it never broke before, or
+  /// never does now; or both builds flew the same bytes, and judge them otherwise.
+  bool fact = false;
   double p = 1;  ///< not of a fact
   Change verdict = Change::none;
 };
@@ -68,14 +72,17 @@ struct Comparison {
   std::vector<FigureChange> figures;
   std::size_t tests = 0;              ///< that Holm's correction corrects for
   std::size_t pairs_needed = 0;       ///< seeds of one script from which on anything can be told of it alone
-  bool can_tell = true;               ///< some test can get below error_rate at all, or there is nothing to test
   std::vector<std::string> left_out;  ///< what was not compared, and why, in words
+  /// Why builds that no test tells apart are not called equal, in words: no test can get below error_rate; runs or figures
+  /// of the old build are missing in the new one; a rule broke newly, was mended nowhere, and in too few runs to be certain.
+  std::vector<std::string> cannot_tell;
 
+  bool can_tell() const { return cannot_tell.empty(); }
   bool regression() const;
   bool improvement() const;
 };
 
-/// The error says why nothing can be compared: no script in common, or each has another text.
+/// Runs are compared with those of the same script, text and mode. The error says why nothing can be.
 Result<Comparison> compare(const Runs& old_build, const Runs& new_build, const Options& options);
 
 }  // namespace ledgerline::hil::comparing

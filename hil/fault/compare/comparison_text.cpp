@@ -28,10 +28,6 @@ const char* name_of(Change verdict) {
   return "none";
 }
 
-const char* mark_of(Change verdict) {
-  return verdict == Change::worse ? "WORSE" : verdict == Change::none ? "-" : name_of(verdict);
-}
-
 std::string percent_of(const FigureChange& figure) {
   if (figure.script.empty()) return fmt::format("{:+.1f} %", 100 * figure.change);
   if (figure.old_mean == 0) return fmt::format("{:+.4g}", figure.change);
@@ -45,7 +41,7 @@ std::string line_of(const FigureChange& figure) {
   const std::string runs = figure.paired
                                ? fmt::format("{} of {} worse, {} better", figure.worse, figure.old_runs, figure.better)
                                : fmt::format("{} and {} runs, other seeds", figure.old_runs, figure.new_runs);
-  return fmt::format("{:<6} {:<24} {:<22} {:>9} {:>9} {:>10}   {:<30} p {:.1g}\n", mark_of(figure.verdict),
+  return fmt::format("{:<6} {:<24} {:<22} {:>9} {:>9} {:>10}   {:<30} p {:.1g}\n", name_of(figure.verdict),
                      all ? "all scripts" : figure.script, figure.figure, before, now, percent_of(figure), runs,
                      figure.p);
 }
@@ -57,7 +53,7 @@ std::string line_of(const RuleChange& rule) {
     seeds = fmt::format(", newly with seed {}{}", fmt::join(rule.newly.begin(), end, ", "),
                         rule.newly.size() > max_seeds ? ", ..." : "");
   }
-  return fmt::format("{:<6} {:<24} {}: broke in {} of {} runs, then in {} of {}{}{}\n", mark_of(rule.verdict),
+  return fmt::format("{:<6} {:<24} {}: broke in {} of {} runs, then in {} of {}{}{}\n", name_of(rule.verdict),
                      rule.script, rule.rule, rule.old_broken, rule.old_runs, rule.new_broken, rule.new_runs, seeds,
                      rule.fact ? "" : fmt::format("; p {:.1g}", rule.p));
 }
@@ -67,6 +63,9 @@ std::string summary_of(const Comparison& c, const Options& options) {
   if (c.pairs > 0) text += fmt::format(", {} pairs of one seed, {} of them the same bytes", c.pairs, c.same_bytes);
   text += fmt::format("; {} tests: the chance that equal builds seem to differ in any is {:g} % at most\n", c.tests,
                       100 * options.error_rate);
+  const auto facts = std::ranges::count_if(c.rules, &RuleChange::fact);
+  if (facts > 0)
+    text += fmt::format("rules that changed as a fact, without a test and outside of that chance: {}\n", facts);
   return text;
 }
 
@@ -74,7 +73,7 @@ std::string summary_of(const Comparison& c, const Options& options) {
 
 std::string verdict_of(const Comparison& comparison) {
   if (comparison.regression()) return "regression";
-  if (!comparison.can_tell) return "unknown";
+  if (!comparison.can_tell()) return "unknown";
   return comparison.improvement() ? "improvement" : "equal";
 }
 
@@ -82,7 +81,7 @@ std::string table_text(const Comparison& comparison, const Options& options, boo
   std::string text;
   const auto is_told = [all](Change verdict) { return all || verdict == Change::worse || verdict == Change::better; };
   for (const RuleChange& rule : comparison.rules) {
-    if (is_told(rule.verdict)) text += line_of(rule);
+    if (is_told(rule.verdict) || !rule.newly.empty()) text += line_of(rule);
   }
   std::string rows;
   for (const Change verdict : {Change::worse, Change::better, Change::small, Change::none}) {
@@ -95,18 +94,17 @@ std::string table_text(const Comparison& comparison, const Options& options, boo
                         "runs") +
             rows;
   for (const std::string& what : comparison.left_out) text += "note: " + what + "\n";
-  text += summary_of(comparison, options);
   const std::string verdict = verdict_of(comparison);
+  if (verdict != "unknown") {
+    for (const std::string& why : comparison.cannot_tell) text += "note: " + why + "\n";
+  }
+  text += summary_of(comparison, options);
   if (verdict == "unknown")
-    text += fmt::format("unknown: too few runs to tell anything; fly each script with {} seeds at least\n",
-                        comparison.pairs_needed);
-  else if (verdict == "equal" && comparison.pairs > 0 && comparison.same_bytes == comparison.pairs)
-    text += "equal: the same bytes\n";
-  else
-    text += verdict == "regression" ? "REGRESSION\n"
-            : verdict == "equal"    ? "equal: no change that counts\n"
-                                    : "improvement\n";
-  return text;
+    return text + fmt::format("unknown: {}\n", fmt::join(comparison.cannot_tell, "\nunknown: "));
+  if (verdict != "equal") return text + verdict + "\n";
+  const bool same_bytes = comparison.pairs > 0 && comparison.same_bytes == comparison.pairs;
+  return text +
+         (same_bytes && comparison.figures.empty() ? "equal: the same bytes\n" : "equal: no change that counts\n");
 }
 
 std::string json_text(const Comparison& comparison) {
@@ -150,6 +148,7 @@ std::string json_text(const Comparison& comparison) {
               {"tests", comparison.tests},
               {"pairs_needed", comparison.pairs_needed},
               {"left_out", comparison.left_out},
+              {"cannot_tell", comparison.cannot_tell},
               {"rules", rules},
               {"figures", figures}}
              .dump(2, ' ', false, json::error_handler_t::replace) +

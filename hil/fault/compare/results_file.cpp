@@ -52,6 +52,7 @@ std::string run_in(const json& row, FlownRun& run) {
   run.seed = seed->get<std::uint64_t>();
   if (auto wrong = text_in(row, "source", false, run.source); !wrong.empty()) return wrong;
   if (auto wrong = text_in(row, "digest", false, run.digest); !wrong.empty()) return wrong;
+  if (auto wrong = text_in(row, "mode", false, run.mode); !wrong.empty()) return wrong;
   if (auto wrong = broken_in(row, run.broken); !wrong.empty()) return wrong;
   return figures_in(row, run);
 }

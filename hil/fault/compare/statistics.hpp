@@ -23,11 +23,11 @@ inline constexpr std::size_t max_exact_pairs = 60;
 TestResult rank_sum(std::span<const double> first, std::span<const double> second);
 inline constexpr std::size_t max_exact_sum = 30;
 
-/// McNemar's exact test: of the pairs that changed, so many did one way, and so many the other.
-TestResult changed_pairs(std::size_t there, std::size_t back);
+/// McNemar's exact test of pairs that changed: so many broke newly, and so many were mended.
+TestResult mcnemar(std::size_t newly, std::size_t mended);
 
 /// Fisher's exact test: so many of so many in each of two samples.
-TestResult shares(std::size_t first, std::size_t of_first, std::size_t second, std::size_t of_second);
+TestResult fisher(std::size_t first, std::size_t of_first, std::size_t second, std::size_t of_second);
 
 /// Holm's correction: with these in place of the p values, the chance that any of the tests of equal builds is below
 /// `error_rate` is at most `error_rate`. In the order given.

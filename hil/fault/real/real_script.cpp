@@ -67,8 +67,13 @@ RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int d
 }  // namespace
 
 std::vector<NotReal> not_real(const Script& script, const RealStack& stack) {
-  if (script.kind == FlightKind::sdk) return not_by_sdk(script);
   std::vector<NotReal> reasons;
+  if (script.kind == FlightKind::sdk) {
+    reasons = not_by_sdk(script);
+    if (stack.shim)
+      reasons.push_back({"flight.kind", "an SDK client speaks UDP: it is flown over the proxy, without --shim"});
+    return reasons;
+  }
   const WorldConfig usual, &flight = script.flight;
   const auto refuse = [&](const char* key, std::string why) { reasons.push_back({key, std::move(why)}); };
   if (flight.side_m < min_side_m || flight.side_m > max_side_m)

@@ -29,7 +29,7 @@ int compare_files(const CompareOptions& asked) {
   fmt::print("{}", comparing::table_text(*comparison, asked.options, asked.all));
   const bool written = asked.json.empty() || write(asked.json, comparing::json_text(*comparison));
   if (comparison->regression() || !written) return exit_broken;
-  return comparison->can_tell ? 0 : exit_usage;
+  return comparison->can_tell() ? 0 : exit_usage;
 }
 
 }  // namespace
@@ -41,14 +41,16 @@ Act compare(CommandLine& line) {
       R"(OLD and NEW are what `fault run --json` wrote. Runs of one script and seed are paired; a figure has changed where
 Wilcoxon's signed-rank test says so behind Holm's correction for all of them (of other seeds: the rank-sum test), and its
 mean did by as much as counts. A rule that broke for the first time with the same seed is a regression without statistics.
-The same bytes are equal.
+The same bytes are equal. Runs are compared with those of the same script, text and mode (virtual, real ...).
 
-Exit codes: 0 no regression; 1 a regression, or a file could not be written; 2 bad usage, nothing to compare, or too few
-runs to tell anything.)");
+Exit codes: 0 no regression; 1 a regression, or a file could not be written; 2 bad usage, nothing to compare, or unknown:
+too few runs to tell, or NEW lacks runs or figures that OLD has.)");
   verb.option("OLD", asked->old_file, "results of the old build").required().existing_file();
   verb.option("NEW", asked->new_file, "results of the new one").required().existing_file();
   verb.option("--json", asked->json, "everything that was tested, as one object");
-  verb.option("--error-rate", asked->options.error_rate, "how often equal builds may be told apart")
+  verb.option(
+          "--error-rate", asked->options.error_rate,
+          "how often the tests may tell equal builds apart; a rule that breaks for the first time is a fact, no test")
       .within(1e-9, 0.5)
       .shows_default();
   verb.option("--least", asked->options.least_share, "share of a figure by which it must change to count")

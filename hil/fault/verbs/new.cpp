@@ -28,10 +28,8 @@ int write_first(const std::string& asked) {
   if (!is_plain(name))
     return usage_error(fmt::format("\"{}\": a script's name is of letters, digits, -, _ and .", asked));
   std::error_code error;
-  if (fs::exists(fs::symlink_status(path, error))) {
-    fmt::print(stderr, "{} is there already, and is left as it is\n", path.string());
-    return exit_broken;
-  }
+  if (fs::exists(fs::symlink_status(path, error)))
+    return usage_error(fmt::format("{} is there already, and is left as it is", path.string()));
   if (const auto written = write_file(path.string(), first_script(name)); !written) return fail(written.error());
   fmt::print("{}: `ledgerline fault run {}` flies it\n", path.string(), path.string());
   return 0;

@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <memory>
 
-#include "common/base/log.hpp"
 #include "common/program/program.hpp"
 #include "hil/fault/campaign.hpp"
 #include "hil/fault/draw.hpp"
@@ -39,7 +38,7 @@ int fly_random(const RandomOptions& options) {
   const auto seeds = parse_seeds(options.seeds.empty() ? "1" : options.seeds);
   if (!seeds) return usage_error(seeds.error().what);
   const std::size_t count = seeds->second - seeds->first + 1;
-  Teller teller(count, true);
+  Teller teller(count, true, "virtual");
   std::vector<Flight> broken;
   bool fine = true;
   fly_all(
@@ -50,8 +49,7 @@ int fly_random(const RandomOptions& options) {
       },
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (!result) {
-          spdlog::error("{}: {}", flight.script.name, result.error().what);
-          fine = false;
+          teller.could_not_fly(flight, result.error().what);
           return true;
         }
         if (!result->held()) broken.push_back(flight);
@@ -60,7 +58,7 @@ int fly_random(const RandomOptions& options) {
       });
   teller.end();
   for (const Flight& flight : broken) fine = tell_shortest(flight, options) && fine;
-  return teller.write_files(options) && fine && broken.empty() ? 0 : exit_broken;
+  return teller.write_files(options) && fine && teller.all_held() ? 0 : exit_broken;
 }
 
 }  // namespace

@@ -9,7 +9,6 @@
 #include <set>
 
 #include "common/base/file.hpp"
-#include "common/base/log.hpp"
 #include "common/program/program.hpp"
 #include "hil/fault/campaign.hpp"
 #include "hil/fault/catalogue/scenarios.hpp"
@@ -37,6 +36,7 @@ struct RunOptions : FlightOptions {
 struct Wanted {
   std::vector<Flight> flights;
   std::map<std::string, std::string> sources;  ///< by the script's name
+  std::vector<NotFlown> passed_over;           ///< in folders: they need another mode
 };
 
 Result<Wanted> read_all(const RunOptions& options) {
@@ -50,15 +50,20 @@ Result<Wanted> read_all(const RunOptions& options) {
   }
   std::vector<Script> scripts;
   Wanted wanted;
+  std::map<std::string, std::string> file_of;  // by the script's name
   for (const std::string& file : *files) {
     const auto text = read_file(file);
     if (!text) return text.error();
     auto script = parse_script(*text, file, options.real);
     if (!script) return script.error();
+    if (const auto [same, fresh] = file_of.emplace(script->name, file); !fresh)
+      return Error{fmt::format("{} and {}: two scripts of one name, {}: their results could not be told apart",
+                               same->second, file, script->name)};
     if (auto put = put_into(*script, options.own); !put) return put.error();
     if (const auto flown = check_virtual(*script); !flown && !options.real) {
       if (named.contains(file)) return flown.error();
       fmt::print(stderr, "not flown: {}\n", flown.error().what);
+      wanted.passed_over.push_back({script->name, std::nullopt, flown.error().what, false});
       continue;
     }
     wanted.sources[script->name] = source_of(*text);
@@ -89,41 +94,42 @@ std::string agree(const Script& script, std::uint64_t seed, RunResult& result) {
                      agreement.difference.empty() ? "" : "\n  " + agreement.difference);
 }
 
-/// The real processes, one flight after another. True: each was flown.
-bool fly_really(const Wanted& wanted, const RunOptions& options, Teller& teller) {
+/// The real processes, one flight after another.
+void fly_really(const Wanted& wanted, const RunOptions& options, Teller& teller) {
   const char* elsewhere = std::getenv("LEDGERLINE_BIN");  // as for ledgerline-fly
   const std::string programs = elsewhere ? elsewhere : program_folder();
-  bool flown = true;
-  for (const auto& [script, seed] : wanted.flights) {
+  for (const Flight& flight : wanted.flights) {
+    const auto& [script, seed] = flight;
     const std::string directory =
         fmt::format("{}/{}-{}", std::filesystem::absolute(options.out).string(), script.name, seed);
     auto result =
         run_really(script, seed, {programs, directory, {options.ledger == "fabric", options.shim}, options.own});
     if (!result) {
-      spdlog::error("{}: {}", script.name, result.error().what);
-      flown = false;
+      teller.could_not_fly(flight, result.error().what);
       continue;
     }
     const std::string agreed = script.faults.empty() && options.own.program.empty() ? agree(script, seed, *result) : "";
     teller.told(std::move(*result), wanted.sources.at(script.name), agreed);
   }
-  return flown;
 }
 
-bool fly_virtually(const Wanted& wanted, const RunOptions& options, Teller& teller) {
-  bool flown = true;
+void fly_virtually(const Wanted& wanted, const RunOptions& options, Teller& teller) {
   fly_all(
       wanted.flights.size(), options.jobs, [&](std::size_t i) { return wanted.flights[i]; },
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (result) {
           teller.told(std::move(*result), wanted.sources.at(flight.script.name));
         } else {
-          spdlog::error("{}: {}", flight.script.name, result.error().what);
-          flown = false;
+          teller.could_not_fly(flight, result.error().what);
         }
         return true;
       });
-  return flown;
+}
+
+/// How the flights are flown, for their results.
+std::string mode_of(const RunOptions& options) {
+  if (!options.real) return "virtual";
+  return fmt::format("real{}{}", options.shim ? "-shim" : "", options.ledger == "fabric" ? "-fabric" : "");
 }
 
 int run_scripts(RunOptions& options) {
@@ -138,15 +144,17 @@ int run_scripts(RunOptions& options) {
   if (!wanted) return usage_error(wanted.error().what);
   for (const auto& [script, seed] : wanted->flights) {  // before any of them flies
     if (!options.real) break;
-    if (options.shim && script.kind == FlightKind::sdk)
-      return usage_error(script.name + ": an SDK client speaks UDP: it is flown over the proxy, without --shim");
     if (const auto possible = check_real(script, {options.ledger == "fabric", options.shim}, options.own); !possible)
       return usage_error(possible.error().what);
   }
-  Teller teller(wanted->flights.size(), options.quiet);
-  const bool flown = options.real ? fly_really(*wanted, options, teller) : fly_virtually(*wanted, options, teller);
+  Teller teller(wanted->flights.size(), options.quiet, mode_of(options));
+  for (const NotFlown& script : wanted->passed_over) teller.passed_over(script);
+  if (options.real)
+    fly_really(*wanted, options, teller);
+  else
+    fly_virtually(*wanted, options, teller);
   teller.end();
-  return teller.write_files(options) && flown && teller.broken() == 0 ? 0 : exit_broken;
+  return teller.write_files(options) && teller.all_held() ? 0 : exit_broken;
 }
 
 }  // namespace

@@ -49,7 +49,8 @@ bool write(const std::string& path, const std::string& text) {
   return written.ok();
 }
 
-Teller::Teller(std::size_t all, bool quiet) : all_(all), quiet_(quiet), terminal_(::isatty(STDERR_FILENO) != 0) {}
+Teller::Teller(std::size_t all, bool quiet, std::string mode)
+    : all_(all), quiet_(quiet), terminal_(::isatty(STDERR_FILENO) != 0), mode_(std::move(mode)) {}
 
 void Teller::told(RunResult result, const std::string& source, const std::string& more) {
   ++done_;
@@ -69,7 +70,15 @@ void Teller::told(RunResult result, const std::string& source, const std::string
     std::fflush(stderr);
   }
   summaries_.push_back(summary_of(result, source));
+  summaries_.back().mode = mode_;
   keep(std::move(result));
+}
+
+void Teller::could_not_fly(const Flight& flight, const std::string& why) {
+  clear();
+  spdlog::error("{}: {}", flight.script.name, why);
+  not_flown_.push_back({flight.script.name, flight.seed, why});
+  ++errors_;
 }
 
 void Teller::end() {
@@ -82,9 +91,10 @@ void Teller::end() {
 bool Teller::write_files(const FlightOptions& options) {
   sort_by_script(kept_);
   sort_by_script(summaries_);
+  sort_by_script(not_flown_);
   bool written = true;
-  if (!options.json.empty()) written = write(options.json, json_text(kept_, summaries_)) && written;
-  if (!options.junit.empty()) written = write(options.junit, junit_text(kept_, summaries_)) && written;
+  if (!options.json.empty()) written = write(options.json, json_text(kept_, summaries_, not_flown_)) && written;
+  if (!options.junit.empty()) written = write(options.junit, junit_text(kept_, summaries_, not_flown_)) && written;
   if (!options.html.empty()) written = write(options.html, html_text(kept_)) && written;
   return written;
 }

@@ -34,7 +34,7 @@ def test_a_new_script_is_fine_and_is_not_overwritten(tmp_path):
     assert "fine: 1 drones, 1 faults, 4 rules" in fault("check", "mine.toml", cwd=tmp_path).stdout
     fault("check", "mine.toml", "--real", cwd=tmp_path)
     before = (tmp_path / "mine.toml").read_text()
-    assert "left as it is" in fault("new", "mine.toml", expect=1, cwd=tmp_path).stderr
+    assert "left as it is" in fault("new", "mine.toml", expect=2, cwd=tmp_path).stderr
     assert (tmp_path / "mine.toml").read_text() == before
     fault("new", 'a"b', expect=2, cwd=tmp_path)
 
@@ -66,6 +66,41 @@ def test_list_has_every_scenario_and_says_modes():
 def test_a_scenario_flies_by_its_name_from_anywhere(tmp_path):
     assert "held   blind-end" in fault("run", "blind-end", cwd=tmp_path).stdout
     assert "no scenario or group of this name" in fault("run", "wings", expect=2, cwd=tmp_path).stderr
+
+
+def test_scripts_of_one_name_are_refused(flown, tmp_path):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "x.toml").write_text((flown.parent / "short.toml").read_text())
+    told = fault("run", "a/x.toml", "b/x.toml", expect=2, cwd=tmp_path).stderr
+    assert "a/x.toml and b/x.toml: two scripts of one name, x" in told
+
+
+def test_what_is_not_flown_is_in_the_files(flown, tmp_path):
+    folder = tmp_path / "scripts"
+    folder.mkdir()
+    (folder / "short.toml").write_text((flown.parent / "short.toml").read_text())
+    (folder / "client.toml").write_text('title = "t"\n[flight]\nkind = "sdk"\n')
+    fault("run", folder, "--junit", "j.xml", "--json", "j.json", cwd=tmp_path)
+    results = json.loads((tmp_path / "j.json").read_text())
+    assert results["held"] and [(row["script"], row["error"]) for row in results["not_flown"]] == [("client", False)]
+    assert [row["mode"] for row in results["figures"]] == ["virtual"]
+    assert 'tests="2" failures="0" errors="0" skipped="1"' in (tmp_path / "j.xml").read_text()
+    # A file where its folder should be keeps a real flight from its beginning.
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/short-1").write_text("")
+    fault("run", "--real", "--out", "out", folder / "short.toml", "--junit", "r.xml", "--json", "r.json", expect=1, cwd=tmp_path)
+    results = json.loads((tmp_path / "r.json").read_text())
+    assert not results["held"] and results["figures"] == []
+    assert [(row["script"], row["seed"], row["error"]) for row in results["not_flown"]] == [("short", 1, True)]
+    assert re.search(r'classname="short" name="seed 1">\s+<error message="', (tmp_path / "r.xml").read_text())
+
+
+def test_check_refuses_what_run_refuses_over_the_shim(tmp_path):
+    (tmp_path / "client.toml").write_text('title = "t"\n[flight]\nkind = "sdk"\n')
+    for words in (("check", "--real", "--shim"), ("run", "--real", "--shim", "--out", "out", "--program", "true")):
+        assert "flight.kind: an SDK client speaks UDP" in fault(*words, "client.toml", expect=2, cwd=tmp_path).stderr
+    fault("check", "--real", "client.toml", cwd=tmp_path)
 
 
 def test_an_installed_program_finds_its_scenarios_beside_it(tmp_path):
@@ -117,7 +152,7 @@ def test_equal_runs_are_equal_and_a_regression_is_not(flown, tmp_path):
         row["broken"] = ["finishes"] if row["seed"] == 3 else []
 
     told = fault("compare", changed(30, as_flown), changed(30, later), "--json", tmp_path / "c.json", expect=1).stdout
-    assert re.search(r"^WORSE +short +flown_s", told, re.M) and told.endswith("REGRESSION\n")
+    assert re.search(r"^worse +short +flown_s", told, re.M) and told.endswith("\nregression\n")
     assert json.loads((tmp_path / "c.json").read_text())["verdict"] == "regression"
     assert "improvement" in fault("compare", changed(30, later), changed(30, as_flown)).stdout
     assert "newly with seed 3" in fault("compare", changed(30, as_flown), changed(30, breaks), expect=1).stdout
@@ -133,5 +168,21 @@ def test_the_example_workflow_asks_for_what_there_is():
         known = fault(verb, "--help").stdout
         for option in re.findall(r"--[a-z-]+", words):
             assert re.search(rf"{option}\b", known), f"{verb} has no {option}"
+    flies = [words for verb, words in calls if verb == "run"]
+    assert flies
+    for words in flies:
+        for name in words.split(" --")[0].split():
+            assert json.loads(fault("list", name, "--json").stdout), name
     for path in re.findall(r"\b((?:hil|scripts)/[\w/-]+)", WORKFLOW.read_text()):
         assert (ROOT / path).exists() or any(ROOT.glob(path + ".*")), path
+
+
+def test_the_example_workflow_compares_and_keeps_runs_that_broke():
+    steps = dict(re.findall(r"^      - name: (.+)\n((?:        .*\n)+)", WORKFLOW.read_text(), re.M))
+    for name in ("Figures of main", "Which figures", "Compare", "They are the new figures of main", "Keep them", "Keep what was seen"):
+        condition = re.search(r"^        if: (.+)$", steps[name], re.M)
+        assert condition and "!cancelled()" in condition[1] and condition[1].startswith("${{"), name  # else a step waits for success
+    for name in ("Compare", "They are the new figures of main", "Keep them"):
+        assert "hashFiles('faults.json') != ''" in steps[name], name
+    told = steps["Which figures"]
+    assert "cache-matched-key" in told and "no figures of main" in told

@@ -63,6 +63,10 @@ TEST(Check, OfWhatSomebodysOwnProgramFliesIsForRealTimeWithoutAsking) {
     EXPECT_THAT(check_script(sdk + "predict = false\n", "x.toml", real).error().what,
                 HasSubstr("x.toml:5: flight.predict: it is ground's"));
   }
+  const std::string plain = "title = \"t\"\n[flight]\nkind = \"sdk\"\n";
+  EXPECT_TRUE(check_script(plain, "x.toml", RealStack{}).ok());
+  EXPECT_THAT(check_script(plain, "x.toml", RealStack{.shim = true}).error().what,
+              HasSubstr("x.toml:3: flight.kind: an SDK client speaks UDP"));
   const std::string manual = "title = \"t\"\n[flight]\nkind = \"manual\"\n";
   EXPECT_TRUE(check_script(manual, "x.toml").ok());
   EXPECT_TRUE(check_script(manual, "x.toml", RealStack{}).ok());

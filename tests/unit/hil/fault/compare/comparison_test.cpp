@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 
 #include "common/base/random.hpp"
 #include "hil/fault/compare/comparison_text.hpp"
@@ -13,6 +15,7 @@ namespace ledgerline::hil::comparing {
 namespace {
 
 using testing::Contains;
+using testing::ElementsAre;
 using testing::HasSubstr;
 
 /// Runs with figures that vary as those of flights do; `change` makes another build of each.
@@ -113,7 +116,7 @@ TEST(Comparison, ARegressionIsToldFromNoiseAndNamed) {
     for (const std::string& name : told(comparison, Change::worse))
       EXPECT_THAT(name, HasSubstr("command_age_median_ms"));
     EXPECT_TRUE(told(comparison, Change::better).empty());
-    EXPECT_THAT(table_text(comparison, {}, false), HasSubstr("WORSE  script2"));
+    EXPECT_THAT(table_text(comparison, {}, false), HasSubstr("worse  script2"));
     EXPECT_THAT(json_text(comparison), HasSubstr("\"verdict\": \"regression\""));
   }
   const Comparison back = of(Flights{.build = 7, .change = later}.runs(), Flights{}.runs());
@@ -183,7 +186,105 @@ TEST(Comparison, ARuleThatBreaksNowAndThenIsJudgedByHowOften) {
     if (run.seed == 5) run.broken = {"finishes"};
   };
   const Comparison once = of(Flights{.change = real}.runs(), Flights{.build = 2, .change = real_once}.runs());
-  EXPECT_EQ(verdict_of(once), "equal");
+  EXPECT_EQ(verdict_of(once), "unknown") << "nor is it equality";
+}
+
+TEST(Comparison, TheSameBytesThatAreJudgedOtherwiseAreAFact) {
+  const auto breaks = [](FlownRun& run) {
+    if (run.script == "script1" && run.seed <= 2) run.broken = {"finishes"};
+  };
+  const Runs held = Flights{}.runs(), broken = Flights{.change = breaks}.runs();
+  const Comparison comparison = of(held, broken);
+  EXPECT_EQ(comparison.same_bytes, 90U);
+  EXPECT_EQ(verdict_of(comparison), "regression");
+  ASSERT_EQ(comparison.rules.size(), 1U);
+  EXPECT_EQ(comparison.rules[0].newly, (std::vector<std::uint64_t>{1, 2}));
+  EXPECT_EQ(verdict_of(of(broken, held)), "improvement");
+  EXPECT_EQ(verdict_of(of(broken, broken)), "equal");
+  EXPECT_EQ(of(broken, broken).tests, 0U);
+  // One more, where the rule breaks with both.
+  Runs more = broken;
+  more.runs[5].broken = {"finishes"};
+  EXPECT_EQ(verdict_of(of(broken, more)), "regression");
+  EXPECT_THAT(table_text(of(broken, more), {}, false), HasSubstr("without a test and outside of that chance: 1"));
+}
+
+TEST(Comparison, RunsAndFiguresThatTheNewBuildLacksAreNoEquality) {
+  const Runs all = Flights{}.runs();
+  const auto without = [&](const std::function<bool(const FlownRun&)>& gone) {
+    Runs some{"new.json", {}};
+    std::ranges::remove_copy_if(all.runs, std::back_inserter(some.runs), gone);
+    return some;
+  };
+  const Runs no_script = without([](const FlownRun& run) { return run.script == "script3"; });
+  const Runs no_seed = without([](const FlownRun& run) { return run.script == "script1" && run.seed == 4; });
+  EXPECT_THAT(of(all, no_script).cannot_tell, ElementsAre("new.json lacks 30 runs that build1.json has"));
+  EXPECT_THAT(of(all, no_seed).cannot_tell, ElementsAre("new.json lacks 1 runs that build1.json has"));
+  EXPECT_EQ(verdict_of(of(all, no_script)), "unknown");
+  EXPECT_THAT(table_text(of(all, no_seed), {}, false), HasSubstr("unknown: new.json lacks 1 runs"));
+  EXPECT_EQ(verdict_of(of(no_script, all)), "equal") << "what only the new one has is a note";
+  EXPECT_EQ(verdict_of(of(no_seed, all)), "equal");
+
+  for (const int first_seed : {1, 100}) {  // also of other seeds
+    const auto no_figure = [](FlownRun& run) { run.figures.erase("path_rms_m"); };
+    const Runs lacks = Flights{.first_seed = first_seed, .build = 2, .change = no_figure}.runs();
+    EXPECT_THAT(of(all, lacks).cannot_tell, ElementsAre("build2.json lacks figures that build1.json has: path_rms_m"));
+    EXPECT_EQ(verdict_of(of(lacks, all)), "equal");
+  }
+  Runs once = all, renamed = all;
+  once.runs[7].figures.erase("holds");
+  EXPECT_EQ(verdict_of(of(all, once)), "unknown") << "the same bytes, too";
+  for (FlownRun& run : renamed.runs) run.figures["wings"] = 2;
+  EXPECT_THAT(of(renamed, all).cannot_tell, ElementsAre("build1.json lacks figures that build1.json has: wings"));
+}
+
+TEST(Comparison, ARuleThatOnlyGotWorseInTooFewRunsIsShownAndIsNotEqual) {
+  const auto first = [](std::uint64_t count) {
+    return [count](FlownRun& run) {
+      if (run.script == "script1" && run.seed <= count) run.broken = {"path within 0.4 m"};
+    };
+  };
+  const Runs before = Flights{.change = first(1)}.runs();
+  for (const std::uint64_t now : {7, 9}) {  // no test at all; a test that is not certain behind the correction
+    const Comparison comparison = of(before, Flights{.build = 2, .change = first(now)}.runs());
+    EXPECT_EQ(verdict_of(comparison), "unknown") << now;
+    EXPECT_THAT(table_text(comparison, {}, false), HasSubstr("path within 0.4 m: broke in 1 of 30 runs, then in " +
+                                                             std::to_string(now) + " of 30, newly with seed 2, 3"));
+    EXPECT_THAT(comparison.cannot_tell, ElementsAre(HasSubstr("newly broken with " + std::to_string(now - 1) +
+                                                              " of 30 seeds, mended with none")));
+  }
+  EXPECT_EQ(verdict_of(of(before, Flights{.build = 2, .change = first(30)}.runs())), "regression");
+}
+
+TEST(Comparison, ScriptsOfTheSameBytesDoNotMakeFewRunsOfAnotherEnough) {
+  Runs before = Flights{.scripts = 1}.runs(), now = before;
+  for (const Runs* few : {&before, &now}) EXPECT_EQ(few->runs.size(), 30U);
+  const Runs some = Flights{.scripts = 2, .seeds = 3}.runs(),
+             other = Flights{.scripts = 2, .seeds = 3, .build = 2}.runs();
+  before.runs.insert(before.runs.end(), some.runs.begin() + 3, some.runs.end());
+  now.runs.insert(now.runs.end(), other.runs.begin() + 3, other.runs.end());
+  EXPECT_EQ(of(before, now).same_bytes, 30U);
+  EXPECT_EQ(verdict_of(of(before, now)), "unknown");
+}
+
+TEST(Comparison, OnlyTheSameModeIsCompared) {
+  const auto flown = [](std::string mode, int scripts) {
+    return Flights{.scripts = scripts, .change = [mode](FlownRun& run) { run.mode = mode; }}.runs();
+  };
+  const auto nothing = compare(flown("virtual", 1), flown("real", 1), {});
+  ASSERT_FALSE(nothing.ok());
+  EXPECT_THAT(nothing.error().what,
+              HasSubstr("script1: flown in virtual in build1.json, in real in build1.json: only"));
+  Runs both = flown("virtual", 2), real = flown("real-shim", 1);
+  EXPECT_EQ(verdict_of(of(both, both)), "equal");
+  Runs now = flown("virtual", 2);
+  for (FlownRun& run : now.runs) {
+    if (run.script == "script2") run.mode = "real-fabric";
+  }
+  EXPECT_EQ(of(both, now).scripts, 1U);
+  EXPECT_EQ(verdict_of(of(both, now)), "unknown") << "its virtual runs are missing";
+  EXPECT_THAT(of(both, now).left_out, Contains(HasSubstr("script2: flown in virtual in")));
+  EXPECT_EQ(verdict_of(of(real, real)), "equal");
 }
 
 TEST(Comparison, FewSeedsOfManyScriptsAreToldTogether) {
@@ -191,7 +292,7 @@ TEST(Comparison, FewSeedsOfManyScriptsAreToldTogether) {
   const Flights few{.scripts = 40, .seeds = 1};
   const Comparison comparison = of(few.runs(), Flights{.scripts = 40, .seeds = 1, .build = 2, .change = later}.runs());
   EXPECT_EQ(told(comparison, Change::worse), std::vector<std::string>{":command_age_median_ms"});
-  EXPECT_THAT(table_text(comparison, {}, false), HasSubstr("WORSE  all scripts"));
+  EXPECT_THAT(table_text(comparison, {}, false), HasSubstr("worse  all scripts"));
   EXPECT_THAT(comparison.left_out, Contains(HasSubstr("40 scripts have fewer seeds")));
   EXPECT_EQ(verdict_of(of(few.runs(), Flights{.scripts = 40, .seeds = 1, .build = 3}.runs())), "equal");
 }
@@ -199,7 +300,7 @@ TEST(Comparison, FewSeedsOfManyScriptsAreToldTogether) {
 TEST(Comparison, TooFewRunsAreNotCalledEqual) {
   const Comparison comparison =
       of(Flights{.scripts = 1, .seeds = 4}.runs(), Flights{.scripts = 1, .seeds = 4, .build = 2}.runs());
-  EXPECT_FALSE(comparison.can_tell);
+  EXPECT_FALSE(comparison.can_tell());
   EXPECT_EQ(verdict_of(comparison), "unknown");
   EXPECT_THAT(table_text(comparison, {}, false), HasSubstr("too few runs to tell anything; fly each script with"));
 }
@@ -215,6 +316,7 @@ TEST(Comparison, SaysWhatItCouldNotCompare) {
   }
   const Comparison comparison = of(before, now);
   EXPECT_EQ(comparison.scripts, 1U);
+  EXPECT_THAT(comparison.cannot_tell, ElementsAre("build2.json lacks 20 runs that build1.json has"));
   for (const char* wanted :
        {"script1: its text is another one in build2.json", "script3: only in build1.json",
         "script2: 10 runs whose seed is in one file alone", "wings: no figure that this program knows",

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "hil/fault/report.hpp"
 
 namespace ledgerline::hil::comparing {
@@ -47,6 +49,29 @@ TEST(ResultsFile, JUnitHasATestCaseOfEveryRunToo) {
   EXPECT_THAT(junit, HasSubstr("tests=\"3\" failures=\"2\""));
   EXPECT_THAT(junit, HasSubstr("broke at 0.000 s: finishes"));
   EXPECT_THAT(junit, HasSubstr("name=\"seed 3\" time=\"0.000\">\n    <failure message=\"a\">finishes</failure>"));
+}
+
+TEST(ResultsFile, WhatWasNotFlownIsInBothFilesAndIsNoRun) {
+  const RunResult held = result_of("a", 1, true);
+  const std::vector<NotFlown> missing{{"a", 2, "no \"room\""}, {"b", std::nullopt, "real time alone", false}};
+  const std::string junit = junit_text({held}, {hil::summary_of(held, "")}, missing);
+  EXPECT_THAT(junit, HasSubstr("tests=\"3\" failures=\"0\" errors=\"1\" skipped=\"1\""));
+  EXPECT_THAT(junit, HasSubstr("classname=\"a\" name=\"seed 2\">\n    <error message=\"no &quot;room&quot;\"/>"));
+  EXPECT_THAT(junit, HasSubstr("classname=\"b\" name=\"not flown\">\n    <skipped message=\"real time alone\"/>"));
+  const std::string text = hil::json_text({held}, {hil::summary_of(held, "")}, missing);
+  const auto all = nlohmann::json::parse(text);
+  EXPECT_FALSE(all["held"]);
+  EXPECT_EQ(all["not_flown"][0],
+            (nlohmann::json{{"script", "a"}, {"seed", 2}, {"error", true}, {"why", "no \"room\""}}));
+  EXPECT_EQ(all["not_flown"][1], (nlohmann::json{{"script", "b"}, {"error", false}, {"why", "real time alone"}}));
+  EXPECT_EQ(parse_results(text, "r.json")->runs.size(), 1U);
+  EXPECT_TRUE(nlohmann::json::parse(hil::json_text({held}, {hil::summary_of(held, "")}, {missing[1]}))["held"]);
+}
+
+TEST(ResultsFile, SaysHowEachRunWasFlown) {
+  RunSummary flown = hil::summary_of(result_of("a", 1, true), "");
+  flown.mode = "real-fabric";
+  EXPECT_EQ(parse_results(hil::json_text({}, {flown}), "r.json")->runs[0].mode, "real-fabric");
 }
 
 TEST(ResultsFile, OfRealProcessesPromisesNoBytes) {

@@ -65,13 +65,13 @@ TEST(RankSum, HasTheExactChancesOfTheTables) {
 }
 
 TEST(Shares, HaveFishersAndMcNemarsChances) {
-  EXPECT_NEAR(shares(3, 4, 1, 4).p, 0.4857, 5e-5) << "the lady tasting tea";
-  EXPECT_NEAR(shares(1, 10, 11, 14).p, 0.002759, 5e-7);
-  EXPECT_EQ(shares(1, 10, 11, 14).direction, 1);
-  EXPECT_NEAR(shares(0, 30, 0, 30).p, 1, 1e-12);
-  EXPECT_NEAR(changed_pairs(8, 1).p, 20.0 / 512, 1e-12);
-  EXPECT_EQ(changed_pairs(8, 1).direction, 1);
-  EXPECT_EQ(changed_pairs(0, 0).p, 1);
+  EXPECT_NEAR(fisher(3, 4, 1, 4).p, 0.4857, 5e-5) << "the lady tasting tea";
+  EXPECT_NEAR(fisher(1, 10, 11, 14).p, 0.002759, 5e-7);
+  EXPECT_EQ(fisher(1, 10, 11, 14).direction, 1);
+  EXPECT_NEAR(fisher(0, 30, 0, 30).p, 1, 1e-12);
+  EXPECT_NEAR(mcnemar(8, 1).p, 20.0 / 512, 1e-12);
+  EXPECT_EQ(mcnemar(8, 1).direction, 1);
+  EXPECT_EQ(mcnemar(0, 0).p, 1);
 }
 
 TEST(Holm, CorrectsForAllTests) {
