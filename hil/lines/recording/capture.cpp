@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <utility>
 
 #include "hil/lines/recording/udp.hpp"
 #include "hil/lines/sdk/calls.hpp"
@@ -37,10 +38,12 @@ class Listener {
     if (datagram.to_port != command_port && datagram.from_port != command_port) return done;
     const std::string_view text = datagram.payload.substr(0, max_text);
     const std::string_view word = call_word(text);
-    if (word == "rc") return done;
+    if (word == "rc" || said_[{datagram.from.s_addr, datagram.to.s_addr}].again(datagram)) return done;
     if (talk_.size() == max_talk)
       return Error{fmt::format("more than {} commands and answers: cut it into shorter ones", max_talk)};
-    if (datagram.to_port == command_port && word == "command") drones_.insert(datagram.to.s_addr);
+    if (datagram.to_port == command_port && word == "command") {
+      if (const Status added = add_drone(datagram.to.s_addr); !added) return added;
+    }
     talk_.push_back(
         {at, datagram.from.s_addr, datagram.to.s_addr, datagram.from_port, datagram.to_port, std::string(text)});
     return done;
@@ -57,10 +60,20 @@ class Listener {
   }
 
  private:
+  /// Of one direction.
+  struct Newest {
+    std::uint16_t id = 0;
+    std::size_t bytes = 0;  // as a hash
+
+    bool again(const CapturedDatagram& datagram) {
+      const std::uint16_t id_before = std::exchange(id, datagram.ip_id);
+      const std::size_t bytes_before = std::exchange(bytes, std::hash<std::string_view>()(datagram.payload));
+      return id != 0 && id == id_before && bytes == bytes_before;
+    }
+  };
   struct Heard {
     std::vector<TimeNs> states;
-    std::uint16_t last_id = 0;
-    std::size_t last_bytes = 0;  // as a hash
+    Newest newest;
   };
   struct Talk {
     TimeNs at = 0;
@@ -69,18 +82,20 @@ class Listener {
     std::string text;
   };
 
+  Status add_drone(std::uint32_t address) {
+    if (drones_.size() == max_captured_drones && drones_.count(address) == 0)
+      return Error{fmt::format("more than {} hosts send to port {} or are told `command`: no Tellos",
+                               max_captured_drones, state_port)};
+    drones_.insert(address);
+    return done;
+  }
+
   Status take_state(TimeNs at, const CapturedDatagram& datagram) {
-    drones_.insert(datagram.from.s_addr);
-    if (drones_.size() > max_captured_drones)
-      return Error{fmt::format("more than {} hosts send to port {}: no Tellos", max_captured_drones, state_port)};
+    if (const Status added = add_drone(datagram.from.s_addr); !added) return added;
     Heard& heard = heard_[datagram.from.s_addr];
-    const std::size_t bytes = std::hash<std::string_view>()(datagram.payload);
-    const bool again = datagram.ip_id != 0 && datagram.ip_id == heard.last_id && bytes == heard.last_bytes;
-    if (again) return done;
+    if (heard.newest.again(datagram)) return done;
     if (states_++ == max_states)
       return Error{fmt::format("more than {} state texts: cut it into shorter ones", max_states)};
-    heard.last_id = datagram.ip_id;
-    heard.last_bytes = bytes;
     heard.states.push_back(at);
     return done;
   }
@@ -102,6 +117,7 @@ class Listener {
   }
 
   std::map<std::uint32_t, Heard> heard_;
+  std::map<std::pair<std::uint32_t, std::uint32_t>, Newest> said_;  // by who says it to whom: no more than talk_
   std::set<std::uint32_t> drones_;
   std::vector<Talk> talk_;
   std::size_t states_ = 0;

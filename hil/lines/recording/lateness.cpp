@@ -109,8 +109,8 @@ void add(DayMoment moment, std::vector<DayMoment>& moments) {
   if (moments.empty() || moment.at_ns > moments.back().at_ns) moments.push_back(moment);
 }
 
-/// Adds a stretch that begins `begin_s` after the day's first text; an error where more texts come than its schedule has
-/// places for.
+/// Adds a stretch; the first one sets `day_begins_s`, from which the day's moments count. An error where more texts come
+/// than the stretch's schedule has places for.
 Status add_stretch(Arrivals arrivals, double& day_begins_s, MeasuredDay& day, std::size_t& longest) {
   const auto made = schedule_of(arrivals);
   if (!made) return made.error();

@@ -25,7 +25,8 @@ namespace ledgerline::hil {
 /// Whose answer it is: OpenCalls.
 ///
 /// Faults of one drone act together: first which text is said (other, wrong, garbage; stale, other, then torn), then
-/// whether it is said (missing, shifted), then when (late, twice). Times of several `late` add up.
+/// whether it is said (missing, shifted), then when (late, twice). Times of several `late` add up. What
+/// `shifted` keeps comes with the next command, once and at once: to that answer late and twice do nothing.
 ///
 /// Bounded: of each drone at most max_waiting units on their way, beyond which one that comes is dropped and counted
 /// (no_room), and max_texts old state texts. What is longer than max_bytes is no Tello's: no fault touches it, and nothing remembers it.

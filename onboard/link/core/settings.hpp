@@ -14,6 +14,11 @@
 namespace ledgerline::link {
 
 struct SessionSettings {
+  /// A battery is as low as battery_says_so of the newest battery_texts state texts say. One text that is torn or another
+  /// drone's lands nobody; and where every second text is another drone's, which is charged, its own low one is believed
+  /// within 0.4 s. Said by two of two, those would hide it for ever; by two of eight, two torn texts within 0.8 s land; by
+  /// three of four, every second text is not enough.
+  static constexpr std::size_t battery_texts = 4, battery_says_so = 2;
   /// First try of `command`; doubles with each further one. A Tello near its access point answers within tens of ms:
   /// half would ask twice on a slow radio (harmless, but the doublet's answer comes late), double delays a first
   /// contact.

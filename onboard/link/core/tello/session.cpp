@@ -1,7 +1,7 @@
 #include "onboard/link/core/tello/session.hpp"
 
 #include <algorithm>
-#include <utility>
+#include <cstddef>
 
 #include "onboard/link/core/watch/held.hpp"
 
@@ -57,8 +57,7 @@ bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
     ++states_refused_;
     return false;
   }
-  // The higher one of two texts: no landing for the only one that says so, torn or another drone's.
-  state_.battery = std::max(std::exchange(battery_told_, state_.battery), state_.battery);
+  take_battery(state_.battery);
   if (!fresh(now)) down_since_ns_ = 0;  // who knows what it did meanwhile
   state_at_ns_ = now;
   heard_ = true;
@@ -67,6 +66,18 @@ bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
   const bool down = now >= rising_until_ns_ && seen_grounded(now);
   stands_ = held(now, down, down_since_ns_, settings_.stands_after_ns);
   return true;
+}
+
+void TelloSession::take_battery(float told) noexcept {
+  if (batteries_told_.size() == SessionSettings::battery_texts) batteries_told_.erase_front(1);
+  batteries_told_.push(told);
+  const auto needed = static_cast<std::ptrdiff_t>(std::min(SessionSettings::battery_says_so, batteries_told_.size()));
+  state_.battery = 1;
+  for (const float low : batteries_told_) {
+    const auto says_so = [low](float battery) { return battery <= low; };
+    if (std::count_if(batteries_told_.begin(), batteries_told_.end(), says_so) >= needed)
+      state_.battery = std::min(state_.battery, low);
+  }
 }
 
 // Until the state text shows that it looks for them: an answer is not needed, nor waited for.

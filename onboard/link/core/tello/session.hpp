@@ -58,7 +58,7 @@ class TelloSession {
   /// It is not in flight, and the newest text shows it on the ground.
   bool seen_standing(TimeNs now) const noexcept { return !in_flight(phase_) && seen_grounded(now); }
   TimeNs phase_since_ns() const noexcept { return phase_since_ns_; }
-  /// Its battery is the higher one of the newest two texts.
+  /// Its battery is as low as battery_says_so of the newest battery_texts texts say, or the first one alone.
   const TelloState& state() const noexcept { return state_; }
   const SerialCheck& serial() const noexcept { return serial_; }
   /// When the newest state text came; 0: none yet.
@@ -72,6 +72,8 @@ class TelloSession {
 
   void enter(TimeNs now, FlightPhase phase) noexcept;
   void ask(TimeNs now, Asked what) noexcept;
+  /// Of the newest text.
+  void take_battery(float told) noexcept;
   void watch_connection(TimeNs now) noexcept;
   void watch_takeoff(TimeNs now) noexcept;
   void watch_sight(TimeNs now) noexcept;
@@ -98,7 +100,7 @@ class TelloSession {
   FlightPhase phase_ = FlightPhase::disconnected;
   TimeNs phase_since_ns_ = 0;
   TelloState state_;
-  float battery_told_ = 0;  ///< by the newest text
+  FixedVector<float, SessionSettings::battery_texts> batteries_told_;  ///< oldest first
   TimeNs state_at_ns_ = 0;
   Asked asked_ = Asked::nothing;  ///< the command whose answer is waited for
   bool send_ = false;             ///< asked_ has still to be sent

@@ -56,6 +56,22 @@ TEST(Capture, WhatWasCapturedTwiceCountsOnce) {
   EXPECT_THAT(links->front().states, ElementsAre(0, 100 * ms, 200 * ms));
 }
 
+TEST(Capture, CommandsAndAnswersThatWereCapturedTwiceCountOnce) {
+  const TemporaryFile file("twice_said.pcap");
+  write_capture(file.path,
+                {said_at(0, "battery?", 7), answer_at(1 * ms, "87", 7), said_at(2 * ms, "battery?", 7),
+                 answer_at(3 * ms, "87", 7), said_at(100 * ms, "battery?", 8), said_at(101 * ms, "speed?", 8),
+                 said_at(102 * ms, "speed?", 8), answer_at(110 * ms, "86", 9), answer_at(111 * ms, "86", 9),
+                 answer_at(120 * ms, "10", 10), state_at(200 * ms)});
+  const auto links = read_capture(file.path);
+  ASSERT_TRUE(links.ok()) << links.error().what;
+  const std::vector<AskedAt>& asked = links->front().asked;
+  ASSERT_EQ(asked.size(), 3U);
+  EXPECT_EQ(asked[0].answered_ns, 1 * ms);
+  EXPECT_EQ(asked[1].answered_ns, 110 * ms);
+  EXPECT_EQ(asked[2].answered_ns, 120 * ms);
+}
+
 TEST(Capture, OfSeveralDronesOneIsNamed) {
   const TemporaryFile file("several.pcap");
   Packet other = state_at(10 * ms);
@@ -204,6 +220,15 @@ TEST(Capture, TooManyHostsAreNoTellos) {
   }
   write_capture(file.path, packets);
   EXPECT_THAT(error_of(file.path), HasSubstr("no Tellos"));
+  for (std::size_t i = 0; i <= max_captured_drones; ++i) {
+    packets[i] = said_at(packets[i].at, "command");
+    packets[i].to = "10.0.1." + std::to_string(i);
+  }
+  write_capture(file.path, packets);
+  EXPECT_THAT(error_of(file.path), HasSubstr("no Tellos"));
+  packets.back().to = packets.front().to;
+  write_capture(file.path, packets);
+  EXPECT_EQ(read_capture(file.path)->size(), max_captured_drones);
 }
 
 // Whatever a file is made of, reading it ends, with a day or a reason that names it.

@@ -43,11 +43,11 @@ inline constexpr const char* client_address = "192.168.10.2";
 inline Packet state_at(TimeNs at, const std::string& text = "pitch:0;h:0;tof:10;bat:87;\r\n", std::uint16_t id = 0) {
   return {at, drone_address, client_address, 8889, 8890, text, id};
 }
-inline Packet said_at(TimeNs at, const std::string& command) {
-  return {at, client_address, drone_address, 8889, 8889, command};
+inline Packet said_at(TimeNs at, const std::string& command, std::uint16_t id = 0) {
+  return {at, client_address, drone_address, 8889, 8889, command, id};
 }
-inline Packet answer_at(TimeNs at, const std::string& answer) {
-  return {at, drone_address, client_address, 8889, 8889, answer};
+inline Packet answer_at(TimeNs at, const std::string& answer, std::uint16_t id = 0) {
+  return {at, drone_address, client_address, 8889, 8889, answer, id};
 }
 
 template <typename Header>

@@ -76,6 +76,18 @@ TEST(SdkFaults, LateTimesOfTwoFaultsAddUp) {
   EXPECT_EQ(faults.next_due(), 500 * ms);
 }
 
+TEST(SdkFaults, WhatShiftedKeepsComesOnceWithTheNextCommandNeitherLateNorTwice) {
+  auto faults = with({"answers late 300ms", "answers twice 100ms", "answers shifted to takeoff"});
+  faults.command(0, 0, "takeoff");
+  faults.answer(10 * ms, 0, "ok");
+  EXPECT_EQ(faults.next_due(), std::nullopt);
+  faults.command(500 * ms, 0, "battery?");
+  EXPECT_THAT(due(faults, 500 * ms), ElementsAre("ok"));
+  EXPECT_EQ(faults.next_due(), std::nullopt);
+  faults.answer(510 * ms, 0, "87");
+  EXPECT_THAT(due(faults, 910 * ms), ElementsAre("87", "87")) << "one that is not kept";
+}
+
 TEST(SdkFaults, WhatIsLateComesWhenItWasDueThoughTheFaultHasEnded) {
   auto faults = with({"answers late 300ms"});
   faults.answer(0, 0, "ok");

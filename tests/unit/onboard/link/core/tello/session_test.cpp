@@ -26,6 +26,11 @@ class Session : public ::testing::Test {
     return "tof:" + std::to_string(static_cast<int>(height_m * 100) + 10) + ";h:" + std::to_string(h) + ";bat:80;" +
            more_text;
   }
+  /// What is believed of the battery after one more text.
+  float battery_told(int percent) {
+    EXPECT_TRUE(session.on_state(now += 100 * ns_per_ms, "tof:10;h:0;bat:" + std::to_string(percent) + ";"));
+    return session.state().battery;
+  }
   void answer(const char* text) { session.on_answer(now, text); }
   long count(const std::string& command) const { return std::count(sent.begin(), sent.end(), command); }
 
@@ -56,16 +61,29 @@ class Session : public ::testing::Test {
   std::vector<std::string> sent;
 };
 
-TEST_F(Session, ABatteryIsLowWhenTwoTextsInARowSaySo) {
-  const auto told = [&](int percent) {
-    EXPECT_TRUE(session.on_state(now += 100 * ns_per_ms, "tof:10;h:0;bat:" + std::to_string(percent) + ";"));
-    return session.state().battery;
-  };
-  EXPECT_FLOAT_EQ(told(90), 0.9F) << "the first one is believed";
-  EXPECT_FLOAT_EQ(told(0), 0.9F);
-  EXPECT_FLOAT_EQ(told(89), 0.89F);
-  EXPECT_FLOAT_EQ(told(5), 0.89F);
-  EXPECT_FLOAT_EQ(told(4), 0.05F);
+TEST_F(Session, ABatteryIsLowWhenTwoOfTheNewestFourTextsSaySo) {
+  EXPECT_FLOAT_EQ(battery_told(90), 0.9F) << "the first one is believed";
+  EXPECT_FLOAT_EQ(battery_told(0), 0.9F) << "an odd one";
+  for (int i = 0; i < 3; ++i) EXPECT_FLOAT_EQ(battery_told(89), 0.89F);
+  EXPECT_FLOAT_EQ(battery_told(5), 0.89F);
+  EXPECT_FLOAT_EQ(battery_told(4), 0.05F);
+  for (int i = 0; i < 2; ++i) EXPECT_FLOAT_EQ(battery_told(90), 0.05F);
+  EXPECT_FLOAT_EQ(battery_told(90), 0.9F) << "of four one is left";
+}
+
+TEST_F(Session, ALowBatteryIsToldWithinFourTextsThoughAnotherDronesTextsComeInTurn) {
+  for (const bool own_first : {true, false}) {
+    for (int i = 0; i < 4; ++i) battery_told(100);
+    const TimeNs since = now;
+    TimeNs low_at = 0;
+    for (int i = 0; i < 100; ++i) {
+      const bool low = battery_told((i % 2 == 0) == own_first ? 5 : 100) <= FailsafeSettings().battery_critical;
+      if (low && low_at == 0) low_at = now;
+      EXPECT_EQ(low, low_at != 0) << "and stays so: " << i;
+    }
+    ASSERT_NE(low_at, 0);
+    EXPECT_LE(low_at - since, 400 * ns_per_ms);
+  }
 }
 
 TEST_F(Session, TheHandshakeWithWhatStandsOnTheGroundIsRepeatedWithGrowingPausesWhileAnswersAreLost) {
