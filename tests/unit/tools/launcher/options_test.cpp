@@ -251,7 +251,7 @@ TEST(FlyOptions, APathOfOnesOwnIsAFileOfWaypoints) {
   ASSERT_TRUE(line.fly) << line.text;
   EXPECT_EQ(line.options.waypoints.size(), 3u);
   EXPECT_EQ(shape_name(line.options), "waypoints");
-  EXPECT_NEAR(path_of(line.options, {2, 3}).length_m(), 2 + std::sqrt(2.0), 1e-9);
+  EXPECT_NEAR(path_of(line.options, 1, {2, 3}).length_m(), 2 + std::sqrt(2.0), 1e-9);
   ASSERT_TRUE(write_file(file, "0,0\n1\n1,1\n"));
   expect_refused({"--shape", file}, "way.csv:2: 1 columns");
   expect_refused({"--shape", testing::TempDir()}, "there is no file");
