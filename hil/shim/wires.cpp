@@ -9,7 +9,10 @@
 
 namespace ledgerline::hil::shim {
 
-namespace shared = drone_shim;
+bool give(drone_shim::DronesEnd& end, const sim::Outgoing& datagram) {
+  using Port = drone_shim::Datagram::Port;
+  return end.give(datagram.drone, datagram.to.port == sim::state_port ? Port::state : Port::answer, datagram.bytes);
+}
 
 bool ShimWire::wait(TimeNs until, const sigset_t& signals_while_waiting) {
   taken_ = 0;
@@ -19,16 +22,14 @@ bool ShimWire::wait(TimeNs until, const sigset_t& signals_while_waiting) {
 }
 
 bool ShimWire::receive(Received& out) {
-  if (taken_ == shared::Memory::datagrams || !end_.take(received_)) return false;
+  if (taken_ == drone_shim::Memory::datagrams || !end_.take(received_)) return false;
   ++taken_;
   out = {received_.drone, link_endpoint, received_.view()};
   return true;
 }
 
 void ShimWire::send(const sim::Outgoing& datagram) {
-  const auto port =
-      datagram.to.port == sim::state_port ? shared::Datagram::Port::state : shared::Datagram::Port::answer;
-  if (!end_.give(datagram.drone, port, datagram.bytes)) ++unsent_;
+  if (!give(end_, datagram)) ++unsent_;
 }
 
 Result<std::unique_ptr<BentWire>> BentWire::open(std::unique_ptr<sim::DroneWire> wire, int drones, std::uint64_t seed,

@@ -14,6 +14,9 @@ namespace ledgerline::hil::shim {
 /// Whoever speaks through the shim's memory is the drones' one client.
 inline constexpr sim::Endpoint link_endpoint{1, sim::command_port};
 
+/// To whoever is behind the memory; false: there is no room.
+bool give(drone_shim::DronesEnd& end, const sim::Outgoing& datagram);
+
 /// The shim's memory. Nobody wakes this end, since link's loop makes no system call for it: what link said is taken at
 /// the simulation's next step, at most 1 ms later.
 class ShimWire final : public sim::DroneWire {

@@ -90,9 +90,7 @@ class Lockstep {
     }
     for (const sim::Outgoing& datagram : drones_.step(now_).datagrams) ways_.from_drone(now_, datagram);
     while (const auto datagram = ways_.to_client(now_)) {
-      const auto port =
-          datagram->to.port == sim::state_port ? drone_shim::Datagram::Port::state : drone_shim::Datagram::Port::answer;
-      if (!end_.give(datagram->drone, port, datagram->bytes)) return Error{"link did not take what its drones said"};
+      if (!give(end_, *datagram)) return Error{"link did not take what its drones said"};
     }
     if (!say()) return Error{"link did not take what agent said"};
     if (const Status made = turn(); !made) return made;
