@@ -2,16 +2,15 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
-#include <poll.h>
+#include <pthread.h>
+#include <signal.h>
 #include <sys/resource.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <atomic>
 #include <charconv>
-#include <cstring>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -19,115 +18,22 @@
 
 #include "common/rt/loop_ticker.hpp"
 #include "common/rt/real_time.hpp"
+#include "hil/shim/wires.hpp"
 #include "onboard/link/shell/shim/shim_end.hpp"
 #include "onboard/link/shell/transport/tello_sockets.hpp"
 #include "onboard/shim/drones_end.hpp"
+#include "sim/shell/drone_sockets.hpp"
 
 namespace ledgerline::timing {
 namespace {
 
 constexpr TimeNs turn_ns = ns_per_ms, setpoint_ns = 50 * ns_per_ms, state_ns = 100 * ns_per_ms;
+// Over UDP: where link hears state texts; the drones' addresses are behind it.
+constexpr sim::Endpoint listener{(127U << 24) + (77U << 16) + (1U << 8) + 1, sim::state_port};
 constexpr std::size_t remembered = 1 << 16;  // newest times by number, so that a late one is told from another
 
 /// When number i was said; the other thread reads it once it has number i.
 using Times = std::array<std::atomic<TimeNs>, remembered>;
-
-Error failed(const std::string& what) { return Error{fmt::format("{}: {}", what, std::strerror(errno))}; }
-
-/// The drones' side: says and hears texts, each of a drone.
-class Drones {
- public:
-  virtual ~Drones() = default;
-  /// Until something comes, or until then.
-  virtual void wait(TimeNs until) = 0;
-  virtual bool take(std::string& text) = 0;
-  virtual void give(DroneNumber drone, std::string_view text) = 0;
-};
-
-void sleep_until(TimeNs until) {
-  const timespec at{until / ns_per_s, until % ns_per_s};
-  (void)::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr);
-}
-
-class ShimDrones final : public Drones {
- public:
-  explicit ShimDrones(drone_shim::DronesEnd& end) : end_(end) {}
-  void wait(TimeNs until) override { sleep_until(until); }
-  bool take(std::string& text) override {
-    if (!end_.take(datagram_)) return false;
-    text = datagram_.view();
-    return true;
-  }
-  void give(DroneNumber drone, std::string_view text) override {
-    (void)end_.give(drone, drone_shim::Datagram::Port::state, text);  // what is lost is counted at link's side
-  }
-
- private:
-  drone_shim::DronesEnd& end_;
-  drone_shim::Datagram datagram_;
-};
-
-class UdpDrones final : public Drones {
- public:
-  static Result<std::unique_ptr<UdpDrones>> open(link::ShellSettings& settings, int drones) {
-    std::unique_ptr<UdpDrones> made(new UdpDrones);
-    for (int k = 1; k <= drones; ++k) {
-      link::Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-      sockaddr_in own = loopback(static_cast<std::uint32_t>(k));
-      socklen_t size = sizeof own;
-      if (socket.get() < 0 || ::bind(socket.get(), reinterpret_cast<const sockaddr*>(&own), sizeof own) != 0 ||
-          ::getsockname(socket.get(), reinterpret_cast<sockaddr*>(&own), &size) != 0)
-        return failed("no UDP socket for a drone");
-      settings.addresses.push_back(own);
-      settings.interfaces.emplace_back();
-      made->polled_.push_back({socket.get(), POLLIN, 0});
-      made->sockets_.push_back(std::move(socket));
-    }
-    // A free port for state texts: whoever takes it in between makes link's own listening fail aloud.
-    link::Descriptor probe(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-    made->listener_ = loopback(0);
-    socklen_t size = sizeof made->listener_;
-    if (::bind(probe.get(), reinterpret_cast<const sockaddr*>(&made->listener_), size) != 0 ||
-        ::getsockname(probe.get(), reinterpret_cast<sockaddr*>(&made->listener_), &size) != 0)
-      return failed("no free UDP port");
-    settings.state_listen = made->listener_;
-    settings.state_port = 0;
-    return made;
-  }
-  void wait(TimeNs until) override {
-    const TimeNs left = std::max<TimeNs>(0, until - monotonic_ns());
-    const timespec timeout{left / ns_per_s, left % ns_per_s};
-    (void)::ppoll(polled_.data(), polled_.size(), &timeout, nullptr);
-    next_ = 0;
-  }
-  bool take(std::string& text) override {
-    for (; next_ < polled_.size(); ++next_) {
-      if (polled_[next_].revents == 0) continue;
-      std::array<char, 256> buffer;
-      const ssize_t got = ::recv(polled_[next_].fd, buffer.data(), buffer.size(), MSG_DONTWAIT);
-      if (got < 0) continue;
-      text.assign(buffer.data(), static_cast<std::size_t>(got));
-      return true;
-    }
-    return false;
-  }
-  void give(DroneNumber drone, std::string_view text) override {
-    (void)!::sendto(polled_[drone - 1u].fd, text.data(), text.size(), MSG_DONTWAIT,
-                    reinterpret_cast<const sockaddr*>(&listener_), sizeof listener_);
-  }
-
- private:
-  static sockaddr_in loopback(std::uint32_t host) {
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl((127U << 24) + (77U << 16) + (1U << 8) + host + 1);
-    return address;
-  }
-  std::vector<link::Descriptor> sockets_;
-  std::vector<pollfd> polled_;
-  sockaddr_in listener_{};
-  std::size_t next_ = 0;
-};
 
 double cpu_s() {
   rusage usage{};
@@ -162,17 +68,18 @@ std::string state_text(std::uint64_t number) {
       number);
 }
 
-void run_drones(Drones& drones, int count, Shared& shared, TransportRun& run) {
+void run_drones(sim::DroneWire& wire, int count, Shared& shared, TransportRun& run) {
+  sigset_t waiting;
+  ::pthread_sigmask(SIG_SETMASK, nullptr, &waiting);
   const double cpu_before = cpu_s();
   const TimeNs begin = monotonic_ns();
   TimeNs next = begin + turn_ns, next_state = begin;
-  std::string text;
   while (!shared.ended) {
-    drones.wait(next);
+    wire.wait(next, waiting);
     TimeNs now = monotonic_ns();
-    while (drones.take(text)) {
+    for (sim::DroneWire::Received received; wire.receive(received);) {
       now = monotonic_ns();
-      run.to_drone.add(now - shared.setpoints[number_behind(text, "rc ")].load(std::memory_order_acquire));
+      run.to_drone.add(now - shared.setpoints[number_behind(received.bytes, "rc ")].load(std::memory_order_acquire));
       ++shared.setpoints_heard;
     }
     if (now < next) continue;
@@ -183,7 +90,7 @@ void run_drones(Drones& drones, int count, Shared& shared, TransportRun& run) {
       const std::uint64_t number = shared.states_said++ % remembered;
       const std::string said = state_text(number);
       shared.states[number].store(monotonic_ns(), std::memory_order_release);
-      drones.give(static_cast<DroneNumber>(k), said);
+      wire.send({static_cast<DroneNumber>(k), listener, said});
     }
   }
   run.drones_percent = 100 * (cpu_s() - cpu_before) / to_seconds(monotonic_ns() - begin);
@@ -226,6 +133,48 @@ void run_loop(link::Transport& transport, const TransportsOptions& options, Shar
   run.late = turns.late();
 }
 
+struct Ends {
+  std::optional<drone_shim::DronesEnd> memory;
+  std::optional<drone_shim::Mapping> mapping;
+  std::unique_ptr<sim::DroneWire> drones;
+  std::unique_ptr<link::Transport> link;
+};
+
+Status open_shim(const link::ShellSettings& settings, Ends& ends) {
+  const std::string path = fmt::format("/dev/shm/ledgerline-timing-{}", ::getpid());
+  auto made = drone_shim::DronesEnd::open(path);
+  if (!made) return made.error();
+  ends.memory.emplace(std::move(*made));
+  auto opened = drone_shim::Mapping::open(path, drone_shim::End::link);
+  if (!opened) return opened.error();
+  ends.mapping.emplace(std::move(*opened));
+  ends.drones = std::make_unique<hil::shim::ShimWire>(*ends.memory);
+  ends.link = std::make_unique<link::ShimTransport>(ends.mapping->memory(), settings.link.drones);
+  return done;
+}
+
+Status open_udp(link::ShellSettings& settings, Ends& ends) {
+  const auto drones = static_cast<int>(settings.link.drones.size());
+  auto wire = sim::DroneSockets::open(listener.address + 1, drones);
+  if (!wire) return wire.error();
+  ends.drones = std::make_unique<sim::DroneSockets>(std::move(*wire));
+  const auto at = [](std::uint32_t address, std::uint16_t port) {
+    sockaddr_in place{};
+    place.sin_family = AF_INET;
+    place.sin_addr.s_addr = htonl(address);
+    place.sin_port = htons(port);
+    return place;
+  };
+  settings.state_listen = at(listener.address, listener.port);
+  for (int k = 1; k <= drones; ++k)
+    settings.addresses.push_back(at(listener.address + static_cast<std::uint32_t>(k), sim::command_port));
+  settings.interfaces.resize(settings.addresses.size());
+  auto sockets = link::TelloSockets::create(settings);
+  if (!sockets) return sockets.error();
+  ends.link = std::make_unique<link::TelloSockets>(std::move(*sockets));
+  return done;
+}
+
 Result<TransportRun> run_one(const TransportsOptions& options, bool shim) {
   link::ShellSettings settings;
   for (int k = 1; k <= options.drones; ++k) {
@@ -234,33 +183,13 @@ Result<TransportRun> run_one(const TransportsOptions& options, bool shim) {
     drone.name = fmt::format("tello{}", k);
     settings.link.drones.push_back(drone);
   }
-  std::optional<drone_shim::DronesEnd> memory;
-  std::optional<drone_shim::Mapping> mapping;
-  std::unique_ptr<Drones> drones;
-  std::unique_ptr<link::Transport> transport;
-  if (shim) {
-    const std::string path = fmt::format("/dev/shm/ledgerline-timing-{}", ::getpid());
-    auto made = drone_shim::DronesEnd::open(path);
-    if (!made) return made.error();
-    memory.emplace(std::move(*made));
-    auto opened = drone_shim::Mapping::open(path, drone_shim::End::link);
-    if (!opened) return opened.error();
-    mapping.emplace(std::move(*opened));
-    drones = std::make_unique<ShimDrones>(*memory);
-    transport = std::make_unique<link::ShimTransport>(mapping->memory(), settings.link.drones);
-  } else {
-    auto made = UdpDrones::open(settings, options.drones);
-    if (!made) return made.error();
-    drones = std::move(*made);
-    auto sockets = link::TelloSockets::create(settings);
-    if (!sockets) return sockets.error();
-    transport = std::make_unique<link::TelloSockets>(std::move(*sockets));
-  }
+  Ends ends;
+  if (const Status opened = shim ? open_shim(settings, ends) : open_udp(settings, ends); !opened) return opened.error();
   TransportRun run;
   run.shim = shim;
   const auto shared = std::make_unique<Shared>();
-  std::thread drones_thread([&] { run_drones(*drones, options.drones, *shared, run); });
-  std::thread loop_thread([&] { run_loop(*transport, options, *shared, run); });
+  std::thread drones_thread([&] { run_drones(*ends.drones, options.drones, *shared, run); });
+  std::thread loop_thread([&] { run_loop(*ends.link, options, *shared, run); });
   loop_thread.join();
   shared->ended = true;
   drones_thread.join();
