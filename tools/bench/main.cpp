@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <csignal>
-#include <sstream>
 
 #include "common/base/log.hpp"
+#include "common/process/find_program.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
@@ -71,14 +71,6 @@ Examples:
 
 Exit codes: 0 measured, 1 failed or interrupted, 2 wrong usage.)";
 
-fs::path find_on_path(const std::string& program) {
-  std::stringstream path(std::getenv("PATH") ? std::getenv("PATH") : "");
-  for (std::string dir; std::getline(path, dir, ':');) {
-    if (::access((fs::path(dir) / program).c_str(), X_OK) == 0) return fs::path(dir) / program;
-  }
-  return {};
-}
-
 /// build/PRESET/bin/ledgerline-bench: the rest of the tree is found from there.
 void find_programs(Options& o) {
   std::error_code error;
@@ -89,7 +81,7 @@ void find_programs(Options& o) {
   o.place.script = build.parent_path() / "tools/bench/node/client.cjs";
   if (o.place.fabric.empty()) o.place.fabric = build / "fabric";
   if (o.place.npm.empty()) o.place.npm = build / "npm";
-  o.place.node = find_on_path("node");
+  o.place.node = find_program("node");
   o.place.embedded = o.ledger == "embedded";
   if (o.dir.empty()) {
     const bool shared_memory = ::access("/dev/shm", W_OK) == 0;

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "common/process/children.hpp"
+#include "common/process/find_program.hpp"
 #include "common/process/usage.hpp"
 #include "common/rt/loop_ticker.hpp"
 #include "tools/timing/figures.hpp"
@@ -22,16 +23,6 @@ constexpr int histogram_us = 2000;
 constexpr TimeNs overrun_ns = ns_per_ms;
 constexpr double max_p999_ms = 0.2, max_of_cyclictest = 1.5, beyond_cyclictest_ms = 0.05;
 constexpr TimeNs patience_ns = 10 * ns_per_s;
-
-std::string on_path(const std::string& program) {
-  const char* path = std::getenv("PATH");
-  std::istringstream folders(std::string(path ? path : "") + ":/usr/bin:/usr/sbin");
-  for (std::string folder; std::getline(folders, folder, ':');) {
-    const std::string file = folder + "/" + program;
-    if (!folder.empty() && ::access(file.c_str(), X_OK) == 0) return file;
-  }
-  return "";
-}
 
 std::vector<std::string> cyclictest_command(const std::string& file, const SelfTestOptions& asked,
                                             const RealTime& real) {
@@ -111,7 +102,7 @@ SelfTest run_self_test(const SelfTestOptions& asked) {
 
   std::string output;
   Children children({[&](const std::string&, const std::string& line) { output += line + "\n"; }});
-  const std::string file = on_path("cyclictest");
+  const std::string file = find_program("cyclictest", "/usr/bin:/usr/sbin");
   if (file.empty()) {
     test.why_no_cyclictest = "cyclictest is not installed: apt-get install rt-tests";
   } else if (auto s = children.start(

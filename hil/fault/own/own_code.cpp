@@ -3,14 +3,14 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstdlib>
-#include <sstream>
 #include <utility>
 
+#include "common/process/find_program.hpp"
 #include "ground/plugin/plugin.hpp"
 #include "hil/fault/own/sdk_script.hpp"
 
 namespace ledgerline::hil {
+
 Result<std::vector<std::string>> words_of_command(const std::string& line) {
   std::vector<std::string> words;
   std::string word;
@@ -49,12 +49,7 @@ Result<std::string> program_at(const std::string& name) {
     if (::access(name.c_str(), X_OK) == 0) return name;
     return Error{fmt::format("{} is no program that can be run", name)};
   }
-  const char* path = std::getenv("PATH");
-  std::istringstream folders(path ? path : "");
-  for (std::string folder; std::getline(folders, folder, ':');) {
-    std::string file = (folder.empty() ? "." : folder) + "/" + name;
-    if (::access(file.c_str(), X_OK) == 0) return file;
-  }
+  if (std::string file = find_program(name); !file.empty()) return file;
   return Error{fmt::format("there is no program {} in PATH", name)};
 }
 

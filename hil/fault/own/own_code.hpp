@@ -11,7 +11,6 @@ namespace ledgerline::hil {
 struct OwnCode {
   std::string controller;            ///< file: a plug-in in the place of ground's controller
   std::vector<std::string> program;  ///< command: a client of the SDK, or one that speaks to a drone's topics
-  bool any() const { return !controller.empty() || !program.empty(); }
 };
 
 /// The words of a command line, as a shell would take them: blanks part them, single and double quotes keep them
