@@ -1,7 +1,6 @@
 // ledgerline fault random: scripts drawn at random; what breaks is shrunk.
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <memory>
 
 #include "common/program/program.hpp"

@@ -32,6 +32,8 @@ struct RunOptions : FlightOptions {
   OwnCode own;
 };
 
+RealStack stack_of(const RunOptions& options) { return {options.ledger == "fabric", options.shim}; }
+
 /// What is to be flown.
 struct Wanted {
   std::vector<Flight> flights;
@@ -40,18 +42,18 @@ struct Wanted {
 };
 
 Result<Wanted> read_all(const RunOptions& options) {
-  const auto files = scripts_named(options.scripts, program_folder());
-  if (!files) return files.error();
   // What is asked for by its own name is not passed over, as something in a folder is.
-  std::set<std::string> named;
+  std::set<std::string> files, named;
   for (const std::string& name : options.scripts) {
     const auto meant = scripts_named({name}, program_folder());
-    if (meant && meant->size() == 1 && !std::filesystem::is_directory(name)) named.insert(meant->front());
+    if (!meant) return meant.error();
+    files.insert(meant->begin(), meant->end());
+    if (meant->size() == 1 && !std::filesystem::is_directory(name)) named.insert(meant->front());
   }
   std::vector<Script> scripts;
   Wanted wanted;
   std::map<std::string, std::string> file_of;  // by the script's name
-  for (const std::string& file : *files) {
+  for (const std::string& file : files) {
     const auto text = read_file(file);
     if (!text) return text.error();
     auto script = parse_script(*text, file, options.real);
@@ -102,8 +104,7 @@ void fly_really(const Wanted& wanted, const RunOptions& options, Teller& teller)
     const auto& [script, seed] = flight;
     const std::string directory =
         fmt::format("{}/{}-{}", std::filesystem::absolute(options.out).string(), script.name, seed);
-    auto result =
-        run_really(script, seed, {programs, directory, {options.ledger == "fabric", options.shim}, options.own});
+    auto result = run_really(script, seed, {programs, directory, stack_of(options), options.own});
     if (!result) {
       teller.could_not_fly(flight, result.error().what);
       continue;
@@ -129,7 +130,8 @@ void fly_virtually(const Wanted& wanted, const RunOptions& options, Teller& tell
 /// How the flights are flown, for their results.
 std::string mode_of(const RunOptions& options) {
   if (!options.real) return "virtual";
-  return fmt::format("real{}{}", options.shim ? "-shim" : "", options.ledger == "fabric" ? "-fabric" : "");
+  const RealStack stack = stack_of(options);
+  return fmt::format("real{}{}", stack.shim ? "-shim" : "", stack.fabric ? "-fabric" : "");
 }
 
 int run_scripts(RunOptions& options) {
@@ -144,7 +146,7 @@ int run_scripts(RunOptions& options) {
   if (!wanted) return usage_error(wanted.error().what);
   for (const auto& [script, seed] : wanted->flights) {  // before any of them flies
     if (!options.real) break;
-    if (const auto possible = check_real(script, {options.ledger == "fabric", options.shim}, options.own); !possible)
+    if (const auto possible = check_real(script, stack_of(options), options.own); !possible)
       return usage_error(possible.error().what);
   }
   Teller teller(wanted->flights.size(), options.quiet, mode_of(options));
