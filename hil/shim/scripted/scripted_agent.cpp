@@ -9,6 +9,7 @@ constexpr TimeNs flown_period_ns = ns_per_s / 30, other_period_ns = 100 * ns_per
 constexpr TimeNs pose_period_ns = 10 * ns_per_ms, beat_period_ns = 50 * ns_per_ms;
 constexpr TimeNs setpoint_period_ns = 50 * ns_per_ms;
 constexpr std::uint32_t setpoints = 12;          // 0.6 s, as ground's plans
+constexpr TimeNs ahead_ns = 20 * ns_per_ms;      // time for an ordinary thread to hand the plan over before it is due
 constexpr TimeNs state_age_ns = 20 * ns_per_ms;  // of the state that a plan would answer
 constexpr std::size_t max_transitions = 10'000;
 
@@ -68,7 +69,7 @@ void ScriptedAgent::plan(TimeNs due, TimeNs now, const PlanScript::Say& say, boo
     if (say.action == PlanAction::fly) {
       plan.count = setpoints;
       for (std::uint32_t k = 0; k < setpoints; ++k)
-        plan.setpoints[k] = {due + k * setpoint_period_ns, say.velocity_mps, say.yaw_rate_radps};
+        plan.setpoints[k] = {due + ahead_ns + k * setpoint_period_ns, say.velocity_mps, say.yaw_rate_radps};
     }
     if (!silent) said_.plans.push_back(plan);
   }
