@@ -55,6 +55,9 @@ class FlightCore {
   std::string why() const;  ///< of all drones; empty while nothing went wrong
   const std::vector<FlightDrone>& drones() const { return config_.drones; }
   FlightStatus status(std::size_t drone) const;
+  const Seen& seen(std::size_t drone) const { return intake_.of(drone); }
+  const Lease& lease(std::size_t drone) const { return leases_.of(drone); }
+  const FlightConfig& config() const { return config_; }
   double height_m() const { return config_.controller.height_m; }
   const FlightTransactions& transactions() const { return transactions_; }
   /// The way there and back that plans are made for; the longest of all drones'.

@@ -17,6 +17,8 @@ constexpr TimeNs unheard_gap_ns = 10 * ns_per_s;  // a peer may be away for long
 constexpr TimeNs tick_ns = 20 * ns_per_ms;        // for time-outs and signals; blocks and outcomes wake at once
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
 constexpr TimeNs warning_gap_ns = ns_per_s;
+constexpr TimeNs show_gap_ns = ns_per_s / 30;      // for whoever looks at the page
+constexpr TimeNs unwatched_gap_ns = ns_per_s / 2;  // while nobody does
 
 }  // namespace
 
@@ -109,13 +111,36 @@ Status Ground::hear_pilots() {
 }
 
 void Ground::hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
+  wish(drone, [&](PilotWish& wished) { topic.take(cdr, monotonic_ns(), wished); });
+}
+
+void Ground::wish(std::size_t drone, const std::function<void(PilotWish&)>& change) {
   {
     const std::lock_guard lock(wishes_mutex_);
-    auto wish = std::find_if(wishes_.begin(), wishes_.end(), [&](const PilotWish& w) { return w.drone == drone; });
-    if (wish == wishes_.end()) wish = wishes_.insert(wish, {.drone = drone});
-    topic.take(cdr, monotonic_ns(), *wish);
+    auto wished = std::find_if(wishes_.begin(), wishes_.end(), [&](const PilotWish& w) { return w.drone == drone; });
+    if (wished == wishes_.end()) wished = wishes_.insert(wished, {.drone = drone});
+    change(*wished);
   }
   mailbox_.wake();
+}
+
+Status Ground::serve(const service::ServiceSettings& settings) {
+  const FlightConfig& flight = core_.config();
+  auto server = service::Server::start(
+      settings, names_,
+      {.manual = flight.manual, .speed_mps = flight.controller.speed_mps, .cmd_timeout_ns = flight.cmd_timeout_ns},
+      [this](const PilotWish& one) { wish(one.drone, [&](PilotWish& wished) { service::merge(one, wished); }); });
+  if (!server) return server.error();
+  server_ = std::move(server).value();
+  return done;
+}
+
+void Ground::show(TimeNs now_ns) {
+  if (!server_ || now_ns < next_show_ns_) return;
+  next_show_ns_ = now_ns + (server_->watched() ? show_gap_ns : unwatched_gap_ns);
+  std::string drones = service::Board::drones(now_ns, core_);
+  std::string state = service::Board::state_message(now_ns, core_, drones);
+  server_->publish(std::move(drones), std::move(state), std::exchange(unshown_, {}));
 }
 
 Status Ground::wait_for_block_stream(const std::atomic<bool>& quit) {
@@ -196,6 +221,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
       spdlog::error("not all drones were seen to land within {:.0f} s", to_seconds(landing_limit_ns));
       break;
     }
+    show(now_ns);
     if (output_.status_period_ns > 0 && now_ns >= next_status_ns_) write_status(now_ns);
   }
   if (output_.status_period_ns > 0) write_status(monotonic_ns());
@@ -214,6 +240,9 @@ void Ground::step(FlightInputs inputs) {
   }
   recorder_.add(out.traces);
   for (const std::string& note : out.notes) spdlog::warn("{}", note);
+  if (server_) {
+    for (service::Event& event : board_.look(monotonic_ns(), core_, out.notes)) unshown_.push_back(std::move(event));
+  }
   for (const DroneNews& news : out.news) publish(news);
 }
 

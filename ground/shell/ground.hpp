@@ -1,6 +1,7 @@
 #pragma once
 #include <atomic>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -19,6 +20,8 @@
 #include "common/program/recorder.hpp"
 #include "common/rt/mailbox.hpp"
 #include "ground/core/topics.hpp"
+#include "ground/service/core/board.hpp"
+#include "ground/service/shell/server.hpp"
 #include "ground/shell/settings.hpp"
 
 namespace ledgerline::ground {
@@ -40,6 +43,10 @@ class Ground {
   /// Flies until every drone has landed or failed. Once `quit` is set, all drones land, and it returns at the latest
   /// `landing_limit` later. True when every drone finished its path and landed.
   Result<bool> run(const std::atomic<bool>& quit);
+  /// The page and the API, from the start on. Before start().
+  Status serve(const service::ServiceSettings& settings);
+  /// Where the page is; empty: nowhere.
+  std::string page_url() const { return server_ ? server_->url() : std::string(); }
 
  private:
   struct Ended {
@@ -59,6 +66,9 @@ class Ground {
   Status open_topics();
   Status hear_pilots();
   void hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr);
+  /// Changes what is wished of a drone, and wakes the core's thread. Any thread.
+  void wish(std::size_t drone, const std::function<void(PilotWish&)>& change);
+  void show(TimeNs now_ns);
   void publish(const DroneNews& news);
   Status wait_for_block_stream(const std::atomic<bool>& quit);
   Status set_controls(const std::vector<Control>& controls);
@@ -77,7 +87,9 @@ class Ground {
   dds::ParticipantPtr participant_;
   std::vector<std::vector<dds::RawWriter>> writers_;  ///< a row for each of drone_topics, a drone each
   ShellCounters counters_;
-  TimeNs next_status_ns_ = 0;
+  TimeNs next_status_ns_ = 0, next_show_ns_ = 0;
+  service::Board board_;
+  std::vector<service::Event> unshown_;  ///< of this board, not handed to the server yet
   TimeNs next_warning_ns_ = 0, next_unheard_log_ns_ = 0;
 
   Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight
@@ -90,6 +102,7 @@ class Ground {
   fabric::KeptCheckpoint kept_;     ///< until start()
 
   // Last, so that they end first: their callbacks use all of the above.
+  std::unique_ptr<service::Server> server_;
   std::vector<dds::RawReader> readers_;  ///< of each drone one for each of pilot_topics
   std::unique_ptr<fabric::Client> client_, urgent_;
   fabric::Confirmations confirmations_;

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/bridge/shell/bridges.hpp"
@@ -16,6 +18,7 @@ using namespace ledgerline;
 int fly(Config& config) {
   ground::FlightConfig flight = ground::flight_config(config);
   const ground::OutputSettings output = ground::output_settings(config);
+  const ground::service::ServiceSettings service = ground::service_settings(config);
   const std::string checkpoint = ground::checkpoint_path(config);
   bridge::BridgeConfig bridged = ground::read_bridge(config, flight.drones);
   bridged.checkpoint = bridge::checkpoint_beside(checkpoint);
@@ -42,10 +45,14 @@ int fly(Config& config) {
   if (!participant) return fail(participant.error());
   ground::Ground ground(std::move(flight), output, *participant, std::move(client).value(), std::move(urgent).value(),
                         std::move(*kept));
+  if (!service.listen.empty()) {
+    if (auto status = ground.serve(service); !status) return fail(status.error(), exit_usage);
+  }
   if (auto status = ground.start(stop_requested); !status) return fail(status.error());
   const auto bridges = bridge::BesideBridges::create(config, bridged, *participant);
   if (!bridges) return fail(bridges.error());
-  print_line(R"({"ready":true})");
+  print_line(ground.page_url().empty() ? R"({"ready":true})"
+                                       : fmt::format(R"({{"ready":true,"page":"{}"}})", ground.page_url()));
   return exit_code(ground.run(stop_requested));
 }
 
@@ -63,6 +70,7 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
     ramp_start_mps, ramp_step_mps, told_mps, told_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, side_m,
     lag_s, cmd_timeout_ms, controller (a library of your own: docs/own-code.md)
   [output] trace, summary, status_period_ms, checkpoint
+  [service] listen, token_file (a page to look on, take off, land and stop: docs/station.md)
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:
 )" + topic_tables_help +

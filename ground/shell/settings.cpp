@@ -173,6 +173,19 @@ OutputSettings output_settings(Config& config) {
   return output;
 }
 
+service::ServiceSettings service_settings(Config& config) {
+  service::ServiceSettings settings;
+  settings.listen = config.text({"service.listen",
+                                 "ADDRESS:PORT of the page and the API (docs/station.md), of this computer alone "
+                                 "(127.0.0.1:8800; port 0: any); none: no page"},
+                                "");
+  settings.token_file = config.text(
+      {"service.token_file", "file of the page's token, made where it is missing: whoever may read it may fly"}, "");
+  if (!settings.listen.empty() && settings.token_file.empty())
+    config.wrong("service.token_file", "must name a file, since [service] listen is set");
+  return settings;
+}
+
 std::string checkpoint_path(Config& config) {
   return config.text(
       {"output.checkpoint",

@@ -5,6 +5,7 @@
 #include "common/config/config.hpp"
 #include "common/rt/histogram.hpp"
 #include "ground/core/flight.hpp"
+#include "ground/service/core/settings.hpp"
 
 namespace ledgerline::ground {
 
@@ -20,6 +21,8 @@ FlightConfig flight_config(Config& config);
 bridge::BridgeConfig read_bridge(Config& config, const std::vector<FlightDrone>& drones);
 /// Reads [output], but for its checkpoint.
 OutputSettings output_settings(Config& config);
+/// Reads [service].
+service::ServiceSettings service_settings(Config& config);
 /// Reads [output] checkpoint, of who follows a ledger: the file of the newest block believed; empty: none.
 std::string checkpoint_path(Config& config);
 

@@ -50,6 +50,11 @@ std::string output_table(const RunFiles& files, const std::string& program) {
   return fmt::format("[output]\ntrace = \"{}\"\nsummary = \"{}\"\n", files.trace(program), files.summary(program));
 }
 
+std::string service_table(const RunFiles& files, const Options& options) {
+  if (!options.watch) return "";
+  return fmt::format("\n[service]\nlisten = \"127.0.0.1:0\"\ntoken_file = \"{}\"\n\n", files.page_token());
+}
+
 // So that a link that dies and dies lands what it flies, and one that was asked to end keeps it down: more of [output].
 std::string memory_lines(const RunFiles& files) {
   return fmt::format("starts = \"{}\"\nlocal_stops = \"{}\"\n", files.in("link.starts"), files.in("link.stops"));
@@ -300,8 +305,8 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
                             (options.own ? options.own->mocap_table : "") + dds_table(options, Side::drones) +
                             drone_tables(options);
   const std::string ground = ledger("ground", 2) + output_table(files, "ground") +
-                             checkpoint_line(files, options, "ground") + with_status + flight_table(options) +
-                             dds_table(options, Side::ground) + flown_drone_tables(options);
+                             checkpoint_line(files, options, "ground") + with_status + service_table(files, options) +
+                             flight_table(options) + dds_table(options, Side::ground) + flown_drone_tables(options);
   const std::pair<std::string, std::string> all[] = {
       {"link", link},
       {"agent", agent},

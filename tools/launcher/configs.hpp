@@ -12,6 +12,7 @@ namespace ledgerline::fly {
 struct RunFiles {
   std::string directory;
   std::string in(const std::string& name) const { return directory + "/" + name; }
+  std::string page_token() const { return in("page.token"); }
   std::string log(const std::string& program) const { return in(program + ".log"); }
   std::string config(const std::string& program) const { return in(program + ".toml"); }
   std::string trace(const std::string& program) const { return in(program + ".trace"); }

@@ -70,6 +70,7 @@ void Launcher::take_line(const std::string& name, const std::string& line) {
   const json message = json::parse(line, nullptr, false);
   if (message.is_object() && message.value("ready", json()) == true) {
     ready_[name] = line;
+    if (const json page = message.value("page", json()); page.is_string()) tell_page(page);
   } else if (name == records_program) {
     records_ = line;
   } else if (name == "roudi") {
@@ -79,6 +80,13 @@ void Launcher::take_line(const std::string& name, const std::string& line) {
     if (name == "link") preflight_.take(line);
     live_.take(line);
   }
+}
+
+// The token is no word for a log: the terminal alone has it.
+void Launcher::tell_page(const std::string& url) {
+  const auto token = read_file(files_.page_token());
+  live_.say(token ? fmt::format("The page: {}/#token={}", url, *token)
+                  : fmt::format("The page: {}, but its token cannot be read: {}", url, token.error().what));
 }
 
 void Launcher::ended_early(const std::string& name) {

@@ -82,6 +82,7 @@ class Launcher {
   void recycle_shared_memory();
   void stop_all(bool landed);
   void take_line(const std::string& name, const std::string& line);
+  void tell_page(const std::string& url);
   void ended_early(const std::string& name);
   std::string crash_of(const std::string& name, const std::string& when) const;
   std::string ground_why() const;

@@ -31,6 +31,7 @@ constexpr const char* help_notes = R"(Examples:
   fly --drones 3 --shape x --laps 1
   fly --side 4 --ramp 0.5:0.1 --laps 6 --ledger none        each lap faster, with no ledger between
   fly --shape manual                  until Ctrl-C, by any ROS 2 teleop on /tello1/cmd_vel
+  fly --drones 3 --shape manual --watch    the same by a page: keyboard, gamepad, touch, and a button that stops all
   fly --shape manual --pose none      the same without motion capture or any other pose: the pilot sees the drone
   fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)
   fly --ledger fabric --network=--background --network=org3    whom nobody waits for steps back (docs/fabric.md)
@@ -148,6 +149,9 @@ void add_run_options(CommandLine& line, Options& o) {
   line.flag("--shim", o.shim,
             "Drones behind shared memory in place of UDP; `ledgerline hil faults OUT/shim.sock` impairs them "
             "(docs/shim.md)");
+  line.flag(
+      "--watch", o.watch,
+      "Ground serves a page to look on, to fly by hand and to stop all; its address is printed (docs/station.md)");
   line.option("--domains", o.domains,
               "DDS domains of the drones and of ground, such as 1,2 (default: ROS_DOMAIN_ID, else 0, for both)")
       .comma_list(2)
@@ -185,6 +189,8 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--believe-peer", o.blocks != "ordered", "goes with the peer's blocks: an orderer's have to be judged"},
       {"--ca", fabric, "goes with --ledger fabric: the embedded ledger issues its identities itself"},
       {"--proxy", ledger, "stands between drones and a ledger: it does not go with --ledger none"},
+      {"--watch", ledger, "shows what ground sees: with --ledger none there is no ground"},
+      {"--watch", !others, "stands as [service] in the ground.toml of the deployment"},
       {"--endorser", fabric && !o.gateway,
        "goes with --ledger fabric and the direct path: the embedded ledger endorses within itself"},
       {"--network", fabric, "goes with --ledger fabric: no other ledger takes options of Fabric's network"},

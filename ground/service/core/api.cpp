@@ -1,0 +1,189 @@
+#include "ground/service/core/api.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "common/base/enum_count.hpp"
+#include "common/base/printable.hpp"
+
+namespace ledgerline::ground::service {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::string_view root = "/api/v1/";
+constexpr std::size_t max_shown = 64;  // bytes of a name that is given back in an error
+
+constexpr const char* word_of(Level level) {
+  constexpr std::array words{"info", "warning", "alarm"};
+  static_assert(words.size() == enum_count<Level>);
+  return words[static_cast<std::size_t>(level)];
+}
+
+json event_json(const Event& event) {
+  return {{"n", event.number},
+          {"t_ms", to_ms(event.at_ns)},
+          {"level", word_of(event.level)},
+          {"drone", event.drone},
+          {"text", event.text}};
+}
+
+json events_json(const std::deque<Event>& events, std::size_t first) {
+  json list = json::array();
+  for (std::size_t i = first; i < events.size(); ++i) list.push_back(event_json(events[i]));
+  return list;
+}
+
+// A text that is no UTF-8, which a drone's agent may have sent, is no reason to say nothing.
+std::string dump(const json& value) { return value.dump(-1, ' ', false, json::error_handler_t::replace); }
+
+/// An object, or nothing at all, which is the empty one. Nested no deeper than any request is.
+Result<json> object_from(std::string_view body) {
+  if (body.empty()) return json::object();
+  constexpr int max_depth = 4;
+  bool too_deep = false;
+  const auto bounded = [&](int depth, json::parse_event_t, json&) {
+    too_deep = too_deep || depth > max_depth;
+    return !too_deep;
+  };
+  json parsed = json::parse(body, bounded, false);
+  if (too_deep || parsed.is_discarded() || !parsed.is_object())
+    return Error{"the body must be a JSON object that nests at most 4 deep"};
+  return parsed;
+}
+
+Status only(const json& object, std::initializer_list<std::string_view> allowed) {
+  for (const auto& [key, value] : object.items()) {
+    if (std::find(allowed.begin(), allowed.end(), key) == allowed.end())
+      return Error{"unknown key \"" + printable(key, max_shown) + "\""};
+  }
+  return done;
+}
+
+std::optional<std::size_t> find(const std::vector<std::string>& names, std::string_view name) {
+  const auto at = std::find(names.begin(), names.end(), name);
+  if (at == names.end()) return std::nullopt;
+  return static_cast<std::size_t>(at - names.begin());
+}
+
+ApiAnswer accepted(std::vector<PilotWish> wishes) { return {202, R"({"accepted":true})", std::move(wishes)}; }
+
+ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const Known& known) {
+  const auto slash = path.find('/');
+  const std::string_view name = path.substr(0, slash);
+  const std::string_view verb = slash == std::string_view::npos ? "" : path.substr(slash + 1);
+  const auto drone = find(known.names, name);
+  if (!drone) return refusal(404, "no drone \"" + printable(std::string(name), max_shown) + "\" flies here");
+  PilotWish wish{.drone = *drone};
+  if (verb == "takeoff") {
+    wish.takeoff = true;
+  } else if (verb == "land") {
+    wish.land = true;
+  } else if (verb == "stop") {
+    wish.stop = true;
+  } else if (verb == "cut") {
+    wish.stop = wish.cut = true;
+  } else {
+    return refusal(404, "a drone knows takeoff, land, stop, cut");
+  }
+  if (request.method != "POST") return refusal(405, "POST it");
+  const auto body = object_from(request.body);
+  if (!body) return refusal(400, body.error().what);
+  if (const Status keys = only(*body, {}); !keys) return refusal(400, keys.error().what);
+  return accepted({wish});
+}
+
+ApiAnswer answer_stop(const ApiRequest& request, const Known& known) {
+  if (request.method != "POST") return refusal(405, "POST it");
+  const auto body = object_from(request.body);
+  if (!body) return refusal(400, body.error().what);
+  if (const Status keys = only(*body, {"cut"}); !keys) return refusal(400, keys.error().what);
+  const json cut = body->value("cut", json(false));
+  if (!cut.is_boolean()) return refusal(400, "cut must be true or false");
+  std::vector<PilotWish> wishes;
+  for (std::size_t drone = 0; drone < known.names.size(); ++drone)
+    wishes.push_back({.drone = drone, .stop = true, .cut = cut.get<bool>()});
+  return accepted(std::move(wishes));
+}
+
+ApiAnswer answer_events(std::string_view query, const Known& known) {
+  std::uint64_t since = 0;
+  if (!query.empty()) {
+    constexpr std::string_view key = "since=";
+    const std::string_view digits = query.substr(0, key.size()) == key ? query.substr(key.size()) : "";
+    const auto read = std::from_chars(digits.data(), digits.data() + digits.size(), since);
+    if (digits.empty() || read.ec != std::errc() || read.ptr != digits.data() + digits.size())
+      return refusal(400, "events takes since=NUMBER");
+  }
+  const auto first =
+      std::find_if(known.events.begin(), known.events.end(), [&](const Event& event) { return event.number > since; });
+  const auto at = static_cast<std::size_t>(first - known.events.begin());
+  return {200, dump({{"events", events_json(known.events, at)}})};
+}
+
+/// Three numbers, or an error.
+Result<std::array<double, 3>> triple(const json& value, const char* what) {
+  std::array<double, 3> numbers{};
+  const bool three = value.is_array() && value.size() == numbers.size() &&
+                     std::all_of(value.begin(), value.end(), [](const json& n) { return n.is_number(); });
+  if (!three) return Error{std::string(what) + " must be three numbers"};
+  for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = value[i].get<double>();
+  return numbers;
+}
+
+}  // namespace
+
+ApiAnswer refusal(unsigned status, const std::string& words) { return {status, dump({{"error", words}})}; }
+
+ApiAnswer answer(const ApiRequest& request, const Known& known, TimeNs) {
+  const std::string_view target = request.target;
+  if (target.substr(0, root.size()) != root) return refusal(404, "the API is below /api/v1/");
+  const auto question = target.find('?');
+  const std::string_view path = target.substr(root.size(), question - root.size());
+  const std::string_view query = question == std::string_view::npos ? "" : target.substr(question + 1);
+  constexpr std::string_view of_drone = "drones/";
+  if (path == "drones" || path == "events") {
+    if (request.method != "GET") return refusal(405, "GET it");
+    if (path == "events") return answer_events(query, known);
+    return {200, fmt::format(R"({{"drones":{}}})", known.drones)};
+  }
+  if (path == "stop") return answer_stop(request, known);
+  if (path.substr(0, of_drone.size()) == of_drone) return answer_drone(request, path.substr(of_drone.size()), known);
+  return refusal(404, "there are drones, events, stop, stream");
+}
+
+Result<PilotWish> wish_from(std::string_view message, const std::vector<std::string>& names, TimeNs now) {
+  const auto said = object_from(message);
+  if (!said) return said.error();
+  if (const Status keys = only(*said, {"op", "drone", "linear", "yaw_rate"}); !keys) return keys.error();
+  if (said->value("op", json()) != "velocity") return Error{R"(op must be "velocity")"};
+  const json name = said->value("drone", json());
+  const auto drone = name.is_string() ? find(names, name.get<std::string>()) : std::nullopt;
+  if (!drone) return Error{"drone must be one that flies here"};
+  const auto linear = triple(said->value("linear", json()), "linear");
+  if (!linear) return linear.error();
+  const json yaw_rate = said->value("yaw_rate", json());
+  if (!yaw_rate.is_number()) return Error{"yaw_rate must be a number"};
+  return PilotWish{.drone = *drone, .velocity = Twist{*linear, {0, 0, yaw_rate.get<double>()}}, .came_ns = now};
+}
+
+void merge(const PilotWish& wish, PilotWish& waiting) {
+  waiting.takeoff = waiting.takeoff || wish.takeoff;
+  waiting.land = waiting.land || wish.land;
+  waiting.stop = waiting.stop || wish.stop;
+  waiting.cut = waiting.cut || wish.cut;
+  if (!wish.velocity) return;
+  waiting.replaced += waiting.velocity ? 1 : 0;
+  waiting.velocity = wish.velocity;
+  waiting.came_ns = wish.came_ns;
+}
+
+std::string events_message(const std::deque<Event>& events, std::size_t first) {
+  return dump({{"op", "events"}, {"events", events_json(events, first)}});
+}
+
+}  // namespace ledgerline::ground::service

@@ -1,0 +1,156 @@
+#include "ground/service/core/board.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "common/msg/names.hpp"
+#include "common/msg/stops.hpp"
+
+namespace ledgerline::ground::service {
+namespace {
+
+using nlohmann::json;
+
+std::string text_of(const std::optional<crypto::IdentityName>& who) {
+  return who ? who->msp_id + " " + who->subject : std::string();
+}
+
+json stoppers_of(const Lease& lease) {
+  json all = json::array();
+  for (const Stop& stop : lease.stoppers.stoppers())
+    all.push_back(stop.stopper().msp_id() + " " + stop.stopper().subject());
+  return all;
+}
+
+json path_of(const FlightStatus& status, const Follower* follower, double height_m) {
+  json corners = json::array();
+  if (!follower || !is_in_air(status.phase)) return corners;
+  const std::vector<Eigen::Vector2d>& points = follower->path().corners();
+  for (const Eigen::Vector2d& corner : points) corners.push_back({corner.x(), corner.y(), height_m});
+  if (!points.empty()) corners.push_back({points.front().x(), points.front().y(), height_m});  // paths are closed
+  return corners;
+}
+
+json drone_json(TimeNs now, const FlightCore& core, std::size_t i) {
+  const FlightStatus status = core.status(i);
+  const Seen& seen = core.seen(i);
+  const Lease& lease = core.lease(i);
+  const StateSample& state = seen.state;
+  const bool placed = seen.has_state && state.pose_stamp_ns != 0;
+  const TimeNs since_ns = now - seen.received_ns;
+  json drone{
+      {"name", core.drones()[i].name},
+      {"phase", name_of(status.phase)},
+      {"why", status.why},
+      {"has_state", seen.has_state},
+      {"link_phase", name(state.phase)},
+      {"mode", name(state.mode)},
+      {"cause", name(state.cause)},
+      {"cause_words", state.cause == FailsafeCause::none ? "" : words_for(state.cause)},
+      {"state_age_ms", seen.has_state ? json(to_ms(since_ns)) : json()},
+      {"command_age_ms",
+       seen.has_state && state.arrived_ns != 0 ? json(to_ms(state.stamp_ns - state.arrived_ns + since_ns)) : json()},
+      {"battery_percent", seen.has_state ? json(std::lround(100 * state.battery)) : json()},
+      {"position", placed ? json(state.position_m) : json()},
+      {"velocity", placed ? json(state.velocity_mps) : json()},
+      {"yaw", placed ? json(state.yaw_rad) : json()},
+      {"origin", status.origin_m},
+      {"lap", status.lap},
+      {"progress", status.progress},
+      {"path", path_of(status, core.follower(i), core.height_m())},
+      {"stopped_by", stoppers_of(lease)},
+      {"ledger_doubted", status.ledger_doubted},
+      {"limit_mps", std::isfinite(status.limit_mps) && status.limit_mps > 0 ? json(status.limit_mps) : json()},
+      {"lease", {{"holder", text_of(lease.holder)}, {"ours", lease.may_command}, {"epoch", lease.epoch}}}};
+  drone["predicted"] = nullptr;
+  if (const PathController* own = core.controller(i); own && placed && status.phase == DronePhase::path) {
+    const Eigen::Vector3d ahead =
+        own->predictor().until(state.stamp_ns + since_ns + core.delay_ns()).effect().position_m;
+    drone["predicted"] = {ahead.x(), ahead.y(), ahead.z()};
+  }
+  return drone;
+}
+
+constexpr Level level_of(FailsafeMode mode) {
+  switch (mode) {
+    case FailsafeMode::none:
+      return Level::info;
+    case FailsafeMode::hold:
+    case FailsafeMode::brake:
+      return Level::warning;
+    case FailsafeMode::land:
+    case FailsafeMode::cut:
+      return Level::alarm;
+  }
+  return Level::alarm;
+}
+
+}  // namespace
+
+std::string Board::drones(TimeNs now, const FlightCore& core) {
+  json all = json::array();
+  for (std::size_t i = 0; i < core.drones().size(); ++i) all.push_back(drone_json(now, core, i));
+  // A subject of somebody's certificate may be no UTF-8.
+  return all.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+std::string Board::state_message(TimeNs now, const FlightCore& core, const std::string& drones) {
+  return fmt::format(R"({{"op":"state","t_ms":{:.1f},"delay_ms":{:.1f},"drones":{}}})", to_ms(now),
+                     to_ms(core.delay_ns()), drones);
+}
+
+void Board::add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events) {
+  events.push_back({next_number_++, now, level, drone, std::move(text)});
+}
+
+void Board::compare(TimeNs now, const std::string& name, const Before& before, const Before& after,
+                    const std::string& why, std::vector<Event>& events) {
+  if (after.phase != before.phase) {
+    const bool failed = after.phase == DronePhase::failed;
+    add(now,
+        failed        ? Level::alarm
+        : why.empty() ? Level::info
+                      : Level::warning,
+        name, name_of(after.phase) + (why.empty() ? "" : ": " + why), events);
+  }
+  if (after.reached != before.reached)
+    add(now, after.reached ? Level::info : Level::alarm, name,
+        after.reached ? "link reaches it" : "link does not reach it", events);
+  if (after.mode != before.mode || (after.mode != FailsafeMode::none && after.cause != before.cause)) {
+    add(now, level_of(after.mode), name,
+        after.mode == FailsafeMode::none
+            ? "its failsafe lets it go on"
+            : fmt::format("failsafe: {} ({})", ledgerline::name(after.mode), words_for(after.cause)),
+        events);
+  }
+  if (after.holder != before.holder)
+    add(now, Level::info, name,
+        after.holder.empty() ? "nobody holds its lease" : "its lease is held by " + after.holder, events);
+  if (after.stoppers != before.stoppers)
+    add(now, after.stoppers.empty() ? Level::info : Level::alarm, name,
+        after.stoppers.empty() ? "its stop is lifted" : "stopped by " + after.stoppers, events);
+}
+
+std::vector<Event> Board::look(TimeNs now, const FlightCore& core, const std::vector<std::string>& notes) {
+  std::vector<Event> events;
+  before_.resize(core.drones().size());
+  for (std::size_t i = 0; i < before_.size(); ++i) {
+    const FlightStatus status = core.status(i);
+    const Seen& seen = core.seen(i);
+    const Lease& lease = core.lease(i);
+    Before after{.phase = status.phase,
+                 .mode = seen.state.mode,
+                 .cause = seen.state.cause,
+                 .reached = seen.has_state && seen.state.phase != FlightPhase::disconnected,
+                 .holder = text_of(lease.holder),
+                 .stoppers = is_stopped(lease.stoppers) ? stopper_names(lease.stoppers) : ""};
+    compare(now, core.drones()[i].name, before_[i], after, status.why, events);
+    before_[i] = std::move(after);
+  }
+  for (const std::string& note : notes) add(now, Level::warning, "", note, events);
+  return events;
+}
+
+}  // namespace ledgerline::ground::service

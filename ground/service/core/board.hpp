@@ -1,0 +1,38 @@
+#pragma once
+#include <deque>
+#include <string>
+#include <vector>
+
+#include "ground/core/flight.hpp"
+#include "ground/service/core/api.hpp"
+
+namespace ledgerline::ground::service {
+
+/// Makes of the flight what the station's clients are told: its drones as JSON, and events of what changed between two
+/// looks. Deterministic; one thread.
+class Board {
+ public:
+  /// Events since the look before: phases, failsafe, lease, stops, and the core's notes.
+  std::vector<Event> look(TimeNs now, const FlightCore& core, const std::vector<std::string>& notes);
+  /// [DRONE...] of docs/station.md.
+  static std::string drones(TimeNs now, const FlightCore& core);
+  /// {"op":"state", ...} around that.
+  static std::string state_message(TimeNs now, const FlightCore& core, const std::string& drones);
+
+ private:
+  struct Before {
+    DronePhase phase = DronePhase::waiting;
+    FailsafeMode mode = FailsafeMode::none;
+    FailsafeCause cause = FailsafeCause::none;
+    bool reached = false;
+    std::string holder, stoppers;
+  };
+  void compare(TimeNs now, const std::string& name, const Before& before, const Before& after, const std::string& why,
+               std::vector<Event>& events);
+  void add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events);
+
+  std::vector<Before> before_;
+  std::uint64_t next_number_ = 1;
+};
+
+}  // namespace ledgerline::ground::service

@@ -1,0 +1,69 @@
+#include "ground/service/core/guard.hpp"
+
+#include <algorithm>
+
+namespace ledgerline::ground::service {
+namespace {
+
+/// In a time that does not depend on where they differ.
+bool same_secret(std::string_view a, std::string_view b) {
+  if (a.size() != b.size()) return false;
+  unsigned differ = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    differ |= static_cast<unsigned char>(a[i]) ^ static_cast<unsigned char>(b[i]);
+  return differ == 0;
+}
+
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && text.front() == ' ') text.remove_prefix(1);
+  while (!text.empty() && text.back() == ' ') text.remove_suffix(1);
+  return text;
+}
+
+}  // namespace
+
+Guard::Guard(std::string token, std::string address, std::uint16_t port)
+    : token_(std::move(token)),
+      by_address_(std::move(address) + ":" + std::to_string(port)),
+      by_name_("localhost:" + std::to_string(port)) {}
+
+bool Guard::is_own(std::string_view host) const { return host == by_address_ || host == by_name_; }
+
+ApiAnswer Guard::check_place(const Head& head) const {
+  if (!is_own(head.host)) return refusal(403, "Host must be " + by_address_ + " or " + by_name_);
+  constexpr std::string_view scheme = "http://";
+  const bool from_here = head.origin.empty() || (head.origin.substr(0, scheme.size()) == scheme &&
+                                                 head.origin.substr(scheme.size()) == head.host);
+  if (!from_here) return refusal(403, "asked by a page of another site");
+  return {.status = 0, .body = {}};
+}
+
+bool Guard::knows_token(const Head& head) const {
+  constexpr std::string_view bearer = "Bearer ", in_list = "token.";
+  if (!head.websocket)
+    return head.authorization.substr(0, bearer.size()) == bearer &&
+           same_secret(head.authorization.substr(bearer.size()), token_);
+  for (std::string_view rest = head.subprotocols; !rest.empty();) {
+    const auto comma = std::min(rest.find(','), rest.size());
+    const std::string_view one = trimmed(rest.substr(0, comma));
+    if (one.substr(0, in_list.size()) == in_list && same_secret(one.substr(in_list.size()), token_)) return true;
+    rest.remove_prefix(std::min(comma + 1, rest.size()));
+  }
+  return false;
+}
+
+ApiAnswer Guard::check(const Head& head) const {
+  if (ApiAnswer place = check_place(head); place.status != 0) return place;
+  if (!knows_token(head)) return refusal(401, "the token is missing, or it is another ground's");
+  return {.status = 0, .body = {}};
+}
+
+bool Budget::take(TimeNs now) {
+  left_ = std::min(per_s_, left_ + per_s_ * to_seconds(std::max<TimeNs>(0, now - last_ns_)));
+  last_ns_ = now;
+  if (left_ < 1) return false;
+  left_ -= 1;
+  return true;
+}
+
+}  // namespace ledgerline::ground::service

@@ -1,0 +1,49 @@
+#pragma once
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "ground/service/core/api.hpp"
+
+namespace ledgerline::ground::service {
+
+inline constexpr std::size_t token_digits = 64;
+
+/// What of a request's head decides whether it is heard.
+struct Head {
+  std::string_view host, origin, authorization, subprotocols;
+  bool websocket = false;
+};
+
+/// Who may ask: whoever knows the token, from a page that this server served, or from no page. Host and Origin must name
+/// the server itself, so that neither another site's script nor a name that was bound anew to this address is heard.
+/// Immutable; any thread.
+class Guard {
+ public:
+  /// `token`: 64 hex digits. `port`: of the server.
+  Guard(std::string token, std::string address, std::uint16_t port);
+
+  /// For the page's own files, which need no token: status 0, they may go out.
+  ApiAnswer check_place(const Head& head) const;
+  /// For the API and the stream: status 0, the request is heard.
+  ApiAnswer check(const Head& head) const;
+
+ private:
+  bool is_own(std::string_view host) const;
+  bool knows_token(const Head& head) const;
+
+  std::string token_, by_address_, by_name_;
+};
+
+/// A budget of requests for one connection: `per_s` a second, and as many at once. One thread.
+class Budget {
+ public:
+  explicit Budget(double per_s) : per_s_(per_s), left_(per_s) {}
+  bool take(TimeNs now);
+
+ private:
+  double per_s_, left_;
+  TimeNs last_ns_ = 0;
+};
+
+}  // namespace ledgerline::ground::service

@@ -1,0 +1,55 @@
+#pragma once
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "ground/service/core/api.hpp"
+#include "ground/service/core/guard.hpp"
+#include "ground/service/core/settings.hpp"
+
+namespace ledgerline::ground::service {
+
+/// The token in that file, which is made where there is none. An error: it holds no token, or others may read it.
+Result<std::string> read_token(const std::string& file);
+
+/// What a client of the stream hears first.
+struct Greeting {
+  bool manual = false;
+  double speed_mps = 0;
+  TimeNs cmd_timeout_ns = 0;
+};
+
+/// HTTP and WebSocket for page, command line and scripts, on a thread of its own: whatever clients do, the flight's
+/// thread only hands over two texts. A client gets the newest state, and every event in order; one that does not read
+/// keeps nothing but its place, and is closed when it is max_events behind.
+class Server {
+ public:
+  static constexpr std::size_t max_connections = 64, max_events = 1000;
+  using TakeWish = std::function<void(const PilotWish&)>;
+
+  /// Listens. `take` is called on the server's thread and must outlive it.
+  static Result<std::unique_ptr<Server>> start(const ServiceSettings& settings, std::vector<std::string> drones,
+                                               const Greeting& greeting, TakeWish take);
+  virtual ~Server() = default;
+
+  /// Any thread; does not wait for clients. `drones`: [DRONE...]; `state`: the stream's message around it.
+  virtual void publish(std::string drones, std::string state, std::vector<Event> events) = 0;
+  /// Somebody is connected: it pays to publish often.
+  virtual bool watched() const = 0;
+  /// "http://127.0.0.1:8800"
+  virtual std::string url() const = 0;
+};
+
+/// A file of the page, as it is built into the program.
+struct PageFile {
+  const char* name;
+  const unsigned char* bytes;
+  std::size_t size;
+};
+extern const PageFile* const page_files;
+extern const std::size_t page_file_count;
+
+}  // namespace ledgerline::ground::service

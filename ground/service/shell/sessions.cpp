@@ -1,0 +1,252 @@
+#include "ground/service/shell/sessions.hpp"
+
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+
+#include "common/base/log.hpp"
+#include "common/rt/clock.hpp"
+
+namespace ledgerline::ground::service {
+namespace {
+
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using boost::asio::ip::tcp;
+using Request = http::request<http::string_body>;
+using Response = http::response<http::string_body>;
+
+constexpr std::chrono::seconds patience{10};
+constexpr double requests_per_s = 100;  // of one connection; a pilot's velocities come fifteen times a second
+constexpr std::size_t max_head_bytes = 8192, max_message_bytes = 4096;
+constexpr const char* policy =
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+std::string_view view(beast::string_view text) { return {text.data(), text.size()}; }
+
+Head head_of(const Request& request) {
+  return {.host = view(request[http::field::host]),
+          .origin = view(request[http::field::origin]),
+          .authorization = view(request[http::field::authorization]),
+          .subprotocols = view(request[http::field::sec_websocket_protocol]),
+          .websocket = websocket::is_upgrade(request)};
+}
+
+Response respond(const Request& request, unsigned status, std::string body, const char* type) {
+  Response response{http::int_to_status(status), request.version()};
+  response.set(http::field::server, "ledgerline-ground");
+  response.set(http::field::content_type, type);
+  response.set(http::field::cache_control, "no-store");
+  response.set("Content-Security-Policy", policy);
+  response.set("X-Content-Type-Options", "nosniff");
+  response.set("Referrer-Policy", "no-referrer");
+  response.keep_alive(request.keep_alive());
+  response.body() = std::move(body);
+  response.prepare_payload();
+  return response;
+}
+Response respond(const Request& request, ApiAnswer answer) {
+  return respond(request, answer.status, std::move(answer.body), "application/json");
+}
+
+const char* type_of(std::string_view name) {
+  const auto ends = [&](std::string_view end) {
+    return name.size() >= end.size() && name.substr(name.size() - end.size()) == end;
+  };
+  if (ends(".html")) return "text/html; charset=utf-8";
+  if (ends(".js")) return "text/javascript; charset=utf-8";
+  if (ends(".css")) return "text/css; charset=utf-8";
+  if (ends(".svg")) return "image/svg+xml";
+  return "application/octet-stream";
+}
+
+Response page(const Request& request) {
+  constexpr std::string_view folder = "/page/";
+  const std::string_view target = view(request.target());
+  std::string_view name = target == "/" ? "index.html" : "";
+  if (target.substr(0, folder.size()) == folder) name = target.substr(folder.size());
+  if (request.method() != http::verb::get) return respond(request, refusal(405, "GET it"));
+  for (std::size_t i = 0; i < page_file_count; ++i) {
+    const PageFile& file = page_files[i];
+    if (name != file.name) continue;
+    return respond(request, 200, std::string(reinterpret_cast<const char*>(file.bytes), file.size), type_of(name));
+  }
+  return respond(request, refusal(404, "there is / and what it loads, and the API below /api/v1/"));
+}
+
+/// The stream to one client. One write at a time: behind it the events it lacks, then the newest state.
+class Stream final : public Hub::Listener, public std::enable_shared_from_this<Stream> {
+ public:
+  Stream(beast::tcp_stream&& socket, Hub& hub, Hub::Place place)
+      : socket_(std::move(socket)), hub_(hub), place_(std::move(place)), budget_(requests_per_s) {}
+
+  void start(const Request& request) {
+    socket_.set_option(websocket::stream_base::timeout::suggested(beast::role_type::server));
+    socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
+      response.set(http::field::sec_websocket_protocol, "ledgerline.v1");
+    }));
+    socket_.read_message_max(max_message_bytes);
+    socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
+      if (error) return;
+      self->hub_.join(self);
+      self->send(std::make_shared<const std::string>(self->hub_.greeting()));
+      self->read();
+    });
+  }
+
+  void news() override {
+    if (writing_ || closing_) {
+      // Who has not taken a write for so many events will not catch up, and may come again.
+      const auto& events = hub_.events();
+      if (!closing_ && !events.empty() && events.front().number > told_ + 1) close("a thousand events behind");
+      return;
+    }
+    const auto& events = hub_.events();
+    if (hub_.newest_event() > told_) {
+      const std::size_t missing = std::min<std::size_t>(hub_.newest_event() - told_, events.size());
+      told_ = hub_.newest_event();
+      send(std::make_shared<const std::string>(events_message(events, events.size() - missing)));
+    } else if (hub_.state() && hub_.state() != shown_) {
+      shown_ = hub_.state();
+      send(shown_);
+    }
+  }
+
+ private:
+  void send(std::shared_ptr<const std::string> text) {
+    writing_ = true;
+    socket_.text(true);
+    const auto buffer = boost::asio::buffer(*text);
+    socket_.async_write(buffer,
+                        [self = shared_from_this(), text = std::move(text)](beast::error_code error, std::size_t) {
+                          self->writing_ = false;
+                          if (!error) self->news();
+                        });
+  }
+
+  void read() {
+    socket_.async_read(buffer_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+      if (error) return;
+      self->take();
+    });
+  }
+
+  void take() {
+    const TimeNs now = monotonic_ns();
+    if (!budget_.take(now)) return close("more than 100 messages a second");
+    const auto text = beast::buffers_to_string(buffer_.data());
+    buffer_.consume(buffer_.size());
+    const auto wish = wish_from(text, hub_.names(), now);
+    if (!wish) return close(wish.error().what);
+    hub_.take(*wish);
+    read();
+  }
+
+  // What it wrote wrong it would write wrong again; the words are in the close frame.
+  void close(const std::string& why) {
+    closing_ = true;
+    if (writing_) {  // a close frame would have to wait behind a write that nobody takes
+      beast::get_lowest_layer(socket_).cancel();
+      beast::get_lowest_layer(socket_).close();
+      return;
+    }
+    websocket::close_reason reason(websocket::close_code::policy_error);
+    reason.reason = why.substr(0, 120);  // a control frame has room for 123 bytes
+    socket_.async_close(reason, [self = shared_from_this()](beast::error_code) {});
+  }
+
+  websocket::stream<beast::tcp_stream> socket_;
+  Hub& hub_;
+  Hub::Place place_;
+  Budget budget_;
+  beast::flat_buffer buffer_;
+  std::shared_ptr<const std::string> shown_;
+  std::uint64_t told_ = 0;  ///< the newest event that it has
+  bool writing_ = false, closing_ = false;
+};
+
+class HttpSession final : public std::enable_shared_from_this<HttpSession> {
+ public:
+  HttpSession(tcp::socket&& socket, Hub& hub, const Guard& guard)
+      : socket_(std::move(socket)), hub_(hub), guard_(guard), place_(hub), budget_(requests_per_s) {}
+
+  void read() {
+    parser_.emplace();
+    parser_->body_limit(max_body_bytes);
+    parser_->header_limit(max_head_bytes);
+    socket_.expires_after(patience);
+    http::async_read(socket_, buffer_, *parser_,
+                     [self = shared_from_this()](beast::error_code error, std::size_t) { self->on_read(error); });
+  }
+
+ private:
+  void on_read(beast::error_code error) {
+    if (error == http::error::body_limit)
+      return write(respond(parser_->get(), refusal(413, "a body has 64 kB at most")));
+    if (error) return end();
+    const Request& request = parser_->get();
+    if (websocket::is_upgrade(request)) return upgrade();
+    write(make_response(request));
+  }
+
+  Response make_response(const Request& request) {
+    const std::string_view target = view(request.target());
+    const Head head = head_of(request);
+    if (target.substr(0, 5) != "/api/") {
+      const ApiAnswer place = guard_.check_place(head);
+      return place.status != 0 ? respond(request, place) : page(request);
+    }
+    if (ApiAnswer refused = guard_.check(head); refused.status != 0) return respond(request, refused);
+    const TimeNs now = monotonic_ns();
+    ApiAnswer made = answer({view(request.method_string()), target, request.body()}, hub_.known(), now);
+    const bool lands =
+        std::any_of(made.wishes.begin(), made.wishes.end(), [](const PilotWish& w) { return w.stop || w.land; });
+    // A budget is no reason to keep a drone in the air.
+    if (!budget_.take(now) && !lands) return respond(request, refusal(429, "more than 100 requests a second"));
+    for (const PilotWish& wish : made.wishes) hub_.take(wish);
+    return respond(request, std::move(made));
+  }
+
+  void upgrade() {
+    const Request& request = parser_->get();
+    if (view(request.target()) != "/api/v1/stream")
+      return write(respond(request, refusal(404, "the stream is /api/v1/stream")));
+    if (ApiAnswer refused = guard_.check(head_of(request)); refused.status != 0)
+      return write(respond(request, refused));
+    socket_.expires_never();
+    std::make_shared<Stream>(std::move(socket_), hub_, std::move(place_))->start(request);
+  }
+
+  void write(Response response) {
+    auto kept = std::make_shared<Response>(std::move(response));
+    socket_.expires_after(patience);
+    http::async_write(socket_, *kept, [self = shared_from_this(), kept](beast::error_code error, std::size_t) {
+      if (error || !kept->keep_alive()) return self->end();
+      self->read();
+    });
+  }
+
+  void end() {
+    beast::error_code ignored;  // the other side may be gone already
+    socket_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+  }
+
+  beast::tcp_stream socket_;
+  Hub& hub_;
+  const Guard& guard_;
+  Hub::Place place_;
+  Budget budget_;
+  beast::flat_buffer buffer_{max_head_bytes + max_body_bytes};
+  std::optional<http::request_parser<http::string_body>> parser_;
+};
+
+}  // namespace
+
+void serve_http(tcp::socket socket, Hub& hub, const Guard& guard) {
+  std::make_shared<HttpSession>(std::move(socket), hub, guard)->read();
+}
+
+}  // namespace ledgerline::ground::service
