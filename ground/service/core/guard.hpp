@@ -11,7 +11,7 @@ inline constexpr std::size_t token_digits = 64;
 
 /// What of a request's head decides whether it is heard.
 struct Head {
-  std::string_view host, origin, authorization, subprotocols;
+  std::string_view host{}, origin{}, authorization{}, subprotocols{};
   bool websocket = false;
 };
 

@@ -1,0 +1,74 @@
+#include "ground/service/core/api.hpp"
+#include "ground/service/core/guard.hpp"
+#include "tests/fuzz/entry.hpp"
+
+/// What the station's clients say: a request's line and body, the stream's messages, and heads that the guard judges.
+namespace ledgerline::fuzz::station_part {
+namespace {
+
+using namespace ground::service;
+
+const std::vector<std::string> names{"tello1", "tello2"};
+
+/// METHOD TARGET, a line's end, the body.
+class RequestEntry final : public Entry {
+ public:
+  std::vector<std::string> seeds() override {
+    return {"GET /api/v1/drones\n", "GET /api/v1/events?since=12\n", "POST /api/v1/drones/tello1/takeoff\n{}",
+            "POST /api/v1/stop\n{\"cut\":true}", "POST /api/v1/drones/tello2/land\n"};
+  }
+  Outcome feed(std::string_view bytes) override {
+    const auto end = std::min(bytes.find('\n'), bytes.size());
+    const std::string_view line = bytes.substr(0, end), body = bytes.substr(std::min(end + 1, bytes.size()));
+    const auto blank = std::min(line.find(' '), line.size());
+    const ApiAnswer made =
+        answer({line.substr(0, blank), line.substr(std::min(blank + 1, line.size())), body}, {names, "[]", events_}, 1);
+    if (made.status < 300) return accepted();
+    // A refused request must not move a drone.
+    return made.wishes.empty() ? refused(made.body) : refused("");
+  }
+
+ private:
+  const std::deque<Event> events_{{1, 1, Level::info, "tello1", "takeoff"}};
+};
+
+class StreamEntry final : public Entry {
+ public:
+  std::vector<std::string> seeds() override {
+    return {R"({"op":"velocity","drone":"tello1","linear":[0.5,0,-0.25],"yaw_rate":0.3})",
+            R"({"op":"velocity","drone":"tello2","linear":[0,0,0],"yaw_rate":0})"};
+  }
+  Outcome feed(std::string_view bytes) override { return outcome_of(wish_from(bytes, names, 1)); }
+};
+
+/// Host, Origin and token, a line each: only the right ones are heard.
+class HeadEntry final : public Entry {
+ public:
+  std::vector<std::string> seeds() override {
+    return {"127.0.0.1:8800\n\nBearer " + token_, "localhost:8800\nhttp://localhost:8800\nBearer " + token_};
+  }
+  Outcome feed(std::string_view bytes) override {
+    const auto first = std::min(bytes.find('\n'), bytes.size());
+    const std::string_view rest = bytes.substr(std::min(first + 1, bytes.size()));
+    const auto second = std::min(rest.find('\n'), rest.size());
+    Head head{.host = bytes.substr(0, first),
+              .origin = rest.substr(0, second),
+              .authorization = rest.substr(std::min(second + 1, rest.size()))};
+    const ApiAnswer plain = guard_.check(head);
+    head.websocket = true;
+    head.subprotocols = std::exchange(head.authorization, "");
+    if (guard_.check(head).status == 0) return refused("");  // a header's words are no subprotocol
+    return plain.status == 0 ? accepted() : refused(plain.body);
+  }
+
+ private:
+  const std::string token_ = std::string(64, '7');
+  const Guard guard_{token_, "127.0.0.1", 8800};
+};
+
+const Registration request({"station.request", Kind::text, [] { return std::make_unique<RequestEntry>(); }});
+const Registration stream({"station.stream", Kind::json, [] { return std::make_unique<StreamEntry>(); }});
+const Registration head({"station.head", Kind::text, [] { return std::make_unique<HeadEntry>(); }});
+
+}  // namespace
+}  // namespace ledgerline::fuzz::station_part

@@ -1,0 +1,119 @@
+#include "ground/service/core/api.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace ledgerline::ground::service {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+using testing::SizeIs;
+
+class Api : public testing::Test {
+ protected:
+  ApiAnswer ask(std::string_view method, std::string_view target, std::string_view body = "") {
+    return answer({method, target, body}, {names, drones, events}, 7);
+  }
+  const std::vector<std::string> names{"tello1", "tello2"};
+  const std::string drones = R"([{"name":"tello1"}])";
+  std::deque<Event> events{{3, 1'000'000, Level::info, "tello1", "takeoff"},
+                           {4, 2'000'000, Level::alarm, "", "a \xff text that is no UTF-8"}};
+};
+
+TEST_F(Api, GivesTheDronesAsTheBoardHasThem) {
+  EXPECT_EQ(ask("GET", "/api/v1/drones").body, R"({"drones":[{"name":"tello1"}]})");
+}
+
+TEST_F(Api, GivesTheEventsBehindOneThatTheClientHas) {
+  EXPECT_THAT(ask("GET", "/api/v1/events").body, HasSubstr(R"("text":"takeoff")"));
+  const ApiAnswer rest = ask("GET", "/api/v1/events?since=3");
+  EXPECT_THAT(rest.body, Not(HasSubstr("takeoff")));
+  EXPECT_THAT(rest.body, HasSubstr(R"("level":"alarm","n":4)"));
+  EXPECT_EQ(ask("GET", "/api/v1/events?since=4").body, R"({"events":[]})");
+  for (const char* wrong : {"?since=", "?since=-1", "?since=3x", "?from=3", "?since=99999999999999999999999"})
+    EXPECT_EQ(ask("GET", std::string("/api/v1/events") + wrong).status, 400U) << wrong;
+}
+
+TEST_F(Api, AWordToADroneIsAWishOfThatDroneAlone) {
+  const ApiAnswer takeoff = ask("POST", "/api/v1/drones/tello2/takeoff");
+  EXPECT_EQ(takeoff.status, 202U);
+  ASSERT_THAT(takeoff.wishes, SizeIs(1));
+  EXPECT_EQ(takeoff.wishes[0].drone, 1U);
+  EXPECT_TRUE(takeoff.wishes[0].takeoff);
+  EXPECT_FALSE(takeoff.wishes[0].stop);
+  const ApiAnswer cut = ask("POST", "/api/v1/drones/tello1/cut", "{}");
+  ASSERT_THAT(cut.wishes, SizeIs(1));
+  EXPECT_TRUE(cut.wishes[0].stop && cut.wishes[0].cut);
+  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/land").wishes.at(0).land);
+  const ApiAnswer stop = ask("POST", "/api/v1/drones/tello1/stop");
+  EXPECT_TRUE(stop.wishes.at(0).stop && !stop.wishes.at(0).cut);
+}
+
+TEST_F(Api, StopAllStopsEveryDroneAndCutsOnlyWhereThatIsSaid) {
+  const ApiAnswer stop = ask("POST", "/api/v1/stop");
+  ASSERT_THAT(stop.wishes, SizeIs(2));
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(stop.wishes[i].drone, i);
+    EXPECT_TRUE(stop.wishes[i].stop && !stop.wishes[i].cut);
+  }
+  EXPECT_TRUE(ask("POST", "/api/v1/stop", R"({"cut":true})").wishes.at(0).cut);
+}
+
+TEST_F(Api, WhatItDoesNotUnderstandIsRefusedInWordsAndWishesNothing) {
+  const struct {
+    const char *method, *target, *body;
+    unsigned status;
+    const char* words;
+  } cases[] = {
+      {"POST", "/api/v1/drones/tello3/land", "", 404, "tello3"},
+      {"POST", "/api/v1/drones/tello1/fly", "", 404, "takeoff, land, stop"},
+      {"POST", "/api/v1/drones/tello1", "", 404, "takeoff, land, stop"},
+      {"GET", "/api/v1/drones/tello1/takeoff", "", 405, "POST"},
+      {"GET", "/api/v1/stop", "", 405, "POST"},
+      {"POST", "/api/v1/drones", "", 405, "GET"},
+      {"POST", "/api/v1/stop", R"({"cut":"yes"})", 400, "cut"},
+      {"POST", "/api/v1/stop", R"({"cutt":true})", 400, "cutt"},
+      {"POST", "/api/v1/stop", "[]", 400, "object"},
+      {"POST", "/api/v1/stop", R"({"a":{"b":{"c":{"d":{"e":1}}}}})", 400, "deep"},
+      {"POST", "/api/v1/drones/tello1/takeoff", "{", 400, "object"},
+      {"GET", "/api/v2/drones", "", 404, "/api/v1/"},
+      {"GET", "/api/v1/nothing", "", 404, "drones"},
+  };
+  for (const auto& c : cases) {
+    const ApiAnswer refused = ask(c.method, c.target, c.body);
+    EXPECT_EQ(refused.status, c.status) << c.target;
+    EXPECT_THAT(refused.body, HasSubstr(c.words)) << c.target;
+    EXPECT_TRUE(refused.wishes.empty()) << c.target;
+  }
+}
+
+TEST_F(Api, AVelocityOfTheStreamIsAWishWithItsMoment) {
+  const auto wish = wish_from(R"({"op":"velocity","drone":"tello2","linear":[0.5,0,-0.1],"yaw_rate":0.3})", names, 99);
+  ASSERT_TRUE(wish) << wish.error().what;
+  EXPECT_EQ(wish->drone, 1U);
+  EXPECT_EQ(wish->came_ns, 99);
+  ASSERT_TRUE(wish->velocity);
+  EXPECT_EQ(wish->velocity->linear_mps[2], -0.1);
+  EXPECT_EQ(wish->velocity->angular_radps[2], 0.3);
+  for (const char* wrong : {"", "[]", R"({"op":"velocity"})", R"({"op":"stop","drone":"tello1"})",
+                            R"({"op":"velocity","drone":"tello7","linear":[0,0,0],"yaw_rate":0})",
+                            R"({"op":"velocity","drone":"tello1","linear":[0,0],"yaw_rate":0})",
+                            R"({"op":"velocity","drone":"tello1","linear":[0,0,"1"],"yaw_rate":0})",
+                            R"({"op":"velocity","drone":"tello1","linear":[0,0,0],"yaw_rate":null})"})
+    EXPECT_FALSE(wish_from(wrong, names, 0)) << wrong;
+}
+
+TEST(Wishes, OfTwoThatWaitNoWordIsLostAndTheNewestVelocityCounts) {
+  PilotWish waiting{.drone = 0, .velocity = Twist{{0.1, 0, 0}, {}}, .came_ns = 1, .takeoff = true};
+  merge({.drone = 0, .stop = true}, waiting);
+  EXPECT_TRUE(waiting.takeoff && waiting.stop && !waiting.cut);
+  EXPECT_EQ(waiting.came_ns, 1);
+  merge({.drone = 0, .velocity = Twist{{0.2, 0, 0}, {}}, .came_ns = 2}, waiting);
+  EXPECT_EQ(waiting.velocity->linear_mps[0], 0.2);
+  EXPECT_EQ(waiting.came_ns, 2);
+  EXPECT_EQ(waiting.replaced, 1U);
+}
+
+}  // namespace
+}  // namespace ledgerline::ground::service
