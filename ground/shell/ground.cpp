@@ -225,6 +225,11 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
     if (output_.status_period_ns > 0 && now_ns >= next_status_ns_) write_status(now_ns);
   }
   if (output_.status_period_ns > 0) write_status(monotonic_ns());
+  if (server_) {
+    next_show_ns_ = 0;
+    show(monotonic_ns());
+    server_->end();
+  }
   if (auto status = write_summary(); !status) return status.error();
   return core_.ok();
 }

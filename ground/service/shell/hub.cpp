@@ -11,6 +11,15 @@ void Hub::publish(std::string drones, std::shared_ptr<const std::string> state, 
   state_ = std::move(state);
   for (Event& event : events) events_.push_back(std::move(event));
   while (events_.size() > Server::max_events) events_.pop_front();
+  tell();
+}
+
+void Hub::end() {
+  ended_ = true;
+  tell();
+}
+
+void Hub::tell() {
   listeners_.erase(std::remove_if(listeners_.begin(), listeners_.end(), [](const auto& one) { return one.expired(); }),
                    listeners_.end());
   for (const auto& one : listeners_) {

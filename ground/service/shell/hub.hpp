@@ -26,6 +26,9 @@ class Hub {
   };
 
   void publish(std::string drones, std::shared_ptr<const std::string> state, std::vector<Event> events);
+  /// Nothing more is published.
+  void end();
+  bool ended() const { return ended_; }
   void join(const std::shared_ptr<Listener>& listener) { listeners_.push_back(listener); }
 
   const std::vector<std::string>& names() const { return names_; }
@@ -55,6 +58,8 @@ class Hub {
   std::size_t connections() const { return connections_; }
 
  private:
+  void tell();
+
   const std::vector<std::string> names_;
   const Greeting greeting_;
   const Server::TakeWish take_;
@@ -62,6 +67,7 @@ class Hub {
   std::shared_ptr<const std::string> state_;
   std::deque<Event> events_;
   std::vector<std::weak_ptr<Listener>> listeners_;
+  bool ended_ = false;
   std::atomic<std::size_t> connections_{0};
 };
 

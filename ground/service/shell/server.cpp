@@ -72,12 +72,22 @@ class BeastServer final : public Server {
       hub_.publish(std::move(drones), std::move(state), std::move(events));
     });
   }
+  void end() override {
+    asio::post(io_, [this] {
+      boost::system::error_code ignored;  // it is no matter whether it was open
+      acceptor_.close(ignored);
+      hub_.end();
+    });
+    const TimeNs until = monotonic_ns() + 500 * ns_per_ms;
+    while (hub_.connections() > 0 && monotonic_ns() < until) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
   bool watched() const override { return hub_.connections() > 0; }
   std::string url() const override { return url_; }
 
  private:
   void accept() {
     acceptor_.async_accept([this](boost::system::error_code error, tcp::socket socket) {
+      if (error == asio::error::operation_aborted) return;
       // Beyond the bound a connection is closed at once; the pages that are open go on.
       if (!error && hub_.connections() < max_connections) serve_http(std::move(socket), hub_, *guard_);
       if (error) spdlog::warn("ground's page: a connection could not be taken: {}", error.message());

@@ -37,6 +37,8 @@ class Server {
 
   /// Any thread; does not wait for clients. `drones`: [DRONE...]; `state`: the stream's message around it.
   virtual void publish(std::string drones, std::string state, std::vector<Event> events) = 0;
+  /// The last words: every client that reads gets what it lacks of the events, then a close frame; half a second at most.
+  virtual void end() = 0;
   /// Somebody is connected: it pays to publish often.
   virtual bool watched() const = 0;
   /// "http://127.0.0.1:8800"

@@ -112,6 +112,8 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     } else if (hub_.state() && hub_.state() != shown_) {
       shown_ = hub_.state();
       send(shown_);
+    } else if (hub_.ended()) {
+      close("the ground has ended", websocket::close_code::going_away);
     }
   }
 
@@ -146,14 +148,14 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   }
 
   // What it wrote wrong it would write wrong again; the words are in the close frame.
-  void close(const std::string& why) {
+  void close(const std::string& why, websocket::close_code code = websocket::close_code::policy_error) {
     closing_ = true;
     if (writing_) {  // a close frame would have to wait behind a write that nobody takes
       beast::get_lowest_layer(socket_).cancel();
       beast::get_lowest_layer(socket_).close();
       return;
     }
-    websocket::close_reason reason(websocket::close_code::policy_error);
+    websocket::close_reason reason(code);
     reason.reason = why.substr(0, 120);  // a control frame has room for 123 bytes
     socket_.async_close(reason, [self = shared_from_this()](beast::error_code) {});
   }

@@ -1,0 +1,60 @@
+"""A client of the ground station's API, as a page or a script is one."""
+import json
+import pathlib
+import re
+import subprocess
+import time
+import urllib.error
+import urllib.request
+
+from flights import printed
+from websockets.sync.client import ClientConnection, connect
+
+PATIENCE_S = 60  # not a limit on speed: only how long a broken test may take
+
+
+class Station:
+    def __init__(self, out: pathlib.Path, flight: subprocess.Popen) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while not (found := re.search(r"The page: (http://([\d.:]+))/#token=(\w+)", printed(out))):
+            assert flight.poll() is None and time.monotonic() < deadline, printed(out)
+            time.sleep(0.05)
+        self.url, self.place, self.token = found.groups()
+
+    def ask(self, method: str, path: str, body: object = None, headers: dict | None = None) -> tuple[int, dict]:
+        """Status and what was answered."""
+        request = urllib.request.Request(f"{self.url}/api/v1/{path}", method=method, headers={"Authorization": f"Bearer {self.token}", **(headers or {})},
+                                         data=None if body is None else json.dumps(body).encode())
+        try:
+            with urllib.request.urlopen(request, timeout=PATIENCE_S) as response:
+                return response.status, json.load(response)
+        except urllib.error.HTTPError as refused:
+            return refused.code, json.load(refused)
+
+    def say(self, path: str, body: object = None) -> None:
+        status, answer = self.ask("POST", path, body)
+        assert status == 202, answer
+
+    def drone(self, name: str) -> dict:
+        return next(drone for drone in self.ask("GET", "drones")[1]["drones"] if drone["name"] == name)
+
+    def wait(self, name: str, wanted) -> dict:
+        """Until that holds of the drone."""
+        deadline = time.monotonic() + PATIENCE_S
+        while not wanted(drone := self.drone(name)):
+            assert time.monotonic() < deadline, drone
+            time.sleep(0.05)
+        return drone
+
+    def stream(self, **options) -> ClientConnection:
+        return connect(f"ws://{self.place}/api/v1/stream", subprotocols=["ledgerline.v1", f"token.{self.token}"], **options)
+
+
+def take_off(station: Station, name: str) -> None:
+    station.wait(name, lambda drone: drone["link_phase"] == "on_ground" and drone["position"])
+    station.say(f"drones/{name}/takeoff")
+    station.wait(name, lambda drone: drone["phase"] == "manual")
+
+
+def velocity(name: str, x: float, y: float = 0, yaw_rate: float = 0) -> str:
+    return json.dumps({"op": "velocity", "drone": name, "linear": [x, y, 0], "yaw_rate": yaw_rate})
