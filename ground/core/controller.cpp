@@ -93,6 +93,14 @@ PathController::PathController(const std::vector<Waypoint>& waypoints, const Eig
       predictor_(predictor_of(config)),
       position_gain_(config.position_gain) {}
 
+void PathController::go_on_from(const PathController& before) {
+  predictor_ = before.predictor_;
+  error_ = before.error_;
+  raw_ = before.raw_;
+  raw_stamp_ns_ = before.raw_stamp_ns_;
+  waits_ = before.waits_;
+}
+
 void PathController::start(TimeNs from_ns, double end_m) {
   started_ = true;
   end_m_ = end_m;

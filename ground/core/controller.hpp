@@ -92,6 +92,8 @@ class PathController final : public Follower {
   PathController(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin, ControllerConfig config,
                  double yaw_rad);
 
+  /// Takes over what `before` has learned of the same drone in the same boot, and the plans that it has on their way.
+  void go_on_from(const PathController& before);
   /// Lets the reference move from `from_ns` on, as far as `end_m` along the track (laps count on); until then it waits
   /// at the origin.
   void start(TimeNs from_ns, double end_m = std::numeric_limits<double>::infinity()) override;
@@ -109,6 +111,9 @@ class PathController final : public Follower {
   bool at_end() const override { return started_ && progress_m_ >= end_m_; }
   /// Of one lap, as progress counts it.
   double lap_m() const override { return config_.predict ? track_.length_m() : path_.length_m(); }
+  double length_to(std::size_t corner) const override {
+    return config_.predict ? track_.length_to(corner) : path_.length_to(corner);
+  }
   const Path& path() const override { return path_; }
   /// Of the first waypoint: where it hovers until it is started.
   double start_height_m() const override { return track_.at(0).position_m.z(); }

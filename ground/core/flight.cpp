@@ -110,7 +110,8 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
   drone.fresh = drone.wished = false;
   if (const std::string why = drone.phases.refused_takeoff(now_ns); !why.empty())
     refuse(now_ns, index, "no take-off: " + why, out);
-  drone.phases.check_time(now_ns);
+  if (const std::string note = drone.phases.check_time(now_ns); !note.empty())
+    out.notes.push_back(fmt::format("{}: {}", config_.drones[index].name, note));
   if (drone.status.slowed_to_mps && !std::exchange(drone.slowed_said, true)) {
     out.notes.push_back(
         fmt::format("{}: slowed to {:.2f} m/s: at the age that its commands are flown with, more might leave the path",
@@ -208,6 +209,11 @@ void FlightCore::take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& 
   } else if (wish.takeoff) {
     if (const std::string why = drone.phases.take_off(now_ns, ending_); !why.empty())
       refuse(now_ns, wish.drone, "no take-off: " + why, out);
+  }
+  if (wish.order && !stop && !wish.land) {
+    const TimeNs delay_ns = timing_.of(wish.drone).delay_ns;
+    if (const std::string why = drone.phases.take_order(now_ns, *wish.order, delay_ns); !why.empty())
+      refuse(now_ns, wish.drone, why, out);
   }
   PilotCounters& counters = drone.status.pilot;
   counters.replaced += wish.replaced;

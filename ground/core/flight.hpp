@@ -22,7 +22,8 @@ namespace ledgerline::ground {
 /// drone ("tello3: ...") is sent again at once without that drone.
 ///
 /// Manual: no path, a pilot's wishes instead. A velocity makes a plan at once, from the newest state; one that is not
-/// renewed ends in zero after cmd_timeout_ns, and the drone hovers until it hears more or its failsafe lands it. A stop
+/// renewed ends in zero after cmd_timeout_ns, and the drone hovers until it hears more or its failsafe lands it. An order
+/// (PilotOrder) has a drone in the air fly a path of its pilot's, and hover or land behind it. A stop
 /// goes out by itself, at once, and again until the ledger has it or refuses it. It ends when it is asked to, and every
 /// drone is down.
 ///

@@ -58,7 +58,8 @@ struct FlightConfig {
 };
 
 /// Per drone: waiting -> takeoff -> path -> landing -> landed, or failed: never took off, or not seen to land.
-/// In a manual flight `manual` stands for the path, and a take-off is possible whenever the drone is on the ground.
+/// In a manual flight `manual` stands for the path, except while a pilot's path is flown (PilotOrder), and a take-off is
+/// possible whenever the drone is on the ground.
 enum class DronePhase { waiting, takeoff, path, manual, landing, landed, failed };
 std::string name_of(DronePhase phase);
 
@@ -69,16 +70,31 @@ struct Submission {
   bool urgent = false;  ///< a stop: must not wait behind commands
 };
 
+/// What a pilot wants of a drone that is in the air in a manual flight.
+struct PilotOrder {
+  enum class Kind {
+    path,        ///< fly this way, from where it is, and hover at its end; in the place of the path that is flown
+    pause,       ///< hover where it is; the rest of the path is kept until another path, a return or a landing
+    resume,      ///< fly that rest, from where it is to the next waypoint not reached yet
+    return_home  ///< fly to where it took off, at the height that it has, and hover
+  };
+  Kind kind = Kind::path;
+  /// Of a path; metres in the map. No height: the flight's. The first one's speed holds on the way to it, too.
+  std::vector<Waypoint> waypoints{};
+  bool land_behind = false;  ///< of a path: lands at its end
+};
+
 /// What a pilot wants of one drone, since the last time. Of several words the safest counts: cut, stop, land.
 struct PilotWish {
   std::size_t drone = 0;  ///< index into FlightConfig::drones
   std::optional<Twist> velocity{};
   TimeNs came_ns = 0;  ///< when the velocity came; the ground's clock
   bool takeoff = false, land = false;
-  bool stop = false, cut = false;  ///< the contract's stop: land now, whoever flies; motors off at once
-  std::uint64_t replaced = 0;      ///< velocities for which a newer one came before anybody looked
-  std::uint64_t bad_values = 0;    ///< velocities that no drone can fly
-  std::uint64_t malformed = 0;     ///< messages that are not what their topic says
+  std::optional<PilotOrder> order{};  ///< the newest; no match for land, stop and cut
+  bool stop = false, cut = false;     ///< the contract's stop: land now, whoever flies; motors off at once
+  std::uint64_t replaced = 0;         ///< velocities for which a newer one came before anybody looked
+  std::uint64_t bad_values = 0;       ///< velocities that no drone can fly
+  std::uint64_t malformed = 0;        ///< messages that are not what their topic says
 };
 
 struct FlightInputs {
@@ -116,15 +132,18 @@ struct PilotCounters {
   std::uint64_t bad_values = 0;  ///< velocities with numbers that no drone can fly
   std::uint64_t not_flying = 0;  ///< velocities for a drone that is not in manual flight
   std::uint64_t malformed = 0;   ///< messages that are not what their topic says
-  std::uint64_t refused = 0;     ///< take-offs and stops
+  std::uint64_t refused = 0;     ///< take-offs, orders and stops
 };
 
 struct FlightStatus {
   DronePhase phase = DronePhase::waiting;
   bool finished = false;  ///< flew its whole path
+  bool paused = false;    ///< manual: the rest of a path waits for its pilot's resume
   int lap = 0;            ///< the one it is in, from 1; 0 before the path
-  double progress = 0;    ///< of the whole flight, 0..1
+  double progress = 0;    ///< of the whole flight, manual: of the newest path; 0..1
   std::array<double, 2> origin_m{};
+  /// Corners of the path that is flown or paused, in its order; map frame. A closed path ends with its first corner.
+  std::vector<std::array<double, 3>> planned;
   std::vector<double> lap_s;
   double lap_m = 0;                 ///< of one lap, as flown: with rounded corners; 0: no path
   std::array<TimeNs, 2> path_ns{};  ///< when the path began and ended; the drone's clock; 0: not yet

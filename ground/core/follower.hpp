@@ -32,6 +32,8 @@ class Follower {
   virtual bool at_end() const = 0;
   /// Of one lap, as progress counts it.
   virtual double lap_m() const = 0;
+  /// Up to a corner of the path in the first lap, as progress counts it.
+  virtual double length_to(std::size_t corner) const = 0;
   virtual const Path& path() const = 0;
   /// Of the first waypoint: where it hovers until it is started.
   virtual double start_height_m() const = 0;

@@ -31,6 +31,8 @@ class Path {
   Path(Shape shape, const Eigen::Vector2d& origin, double side_m) : Path(motion::waypoints_of(shape, side_m), origin) {}
 
   double length_m() const { return starts_m_.back(); }
+  /// Arc length of a corner.
+  double length_to(std::size_t corner) const { return starts_m_.at(corner); }
   /// Without the origin repeated at the end.
   const std::vector<Eigen::Vector2d>& corners() const { return corners_; }
   /// At arc length `s_m` from the origin; any number, laps are taken off.

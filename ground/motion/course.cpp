@@ -60,6 +60,20 @@ Result<Waypoint> waypoint_of(const std::vector<std::string_view>& cells) {
   return point;
 }
 
+// What is wrong with a waypoint by itself; empty: nothing.
+std::string wrong_in(const Waypoint& point, const Eigen::Vector2d& from_m) {
+  if (const double far_m = (point.at_m - from_m).norm(); !(far_m <= max_distance_m))
+    return fmt::format("is {:.1f} m away; {} m may be", far_m, max_distance_m);
+  const auto within = [](const std::optional<double>& value, double least, double greatest) {
+    return !value || (*value >= least && *value <= greatest);
+  };
+  if (!within(point.height_m, lowest_m, highest_m))
+    return fmt::format("has z {} m; {} to {} may be", *point.height_m, lowest_m, highest_m);
+  if (!within(point.speed_mps, slowest_mps, fastest_mps))
+    return fmt::format("has speed {} m/s; {} to {} may be", *point.speed_mps, slowest_mps, fastest_mps);
+  return {};
+}
+
 bool is_heading(const std::vector<std::string_view>& cells) {
   return !cells.empty() && !cells[0].empty() && std::isalpha(static_cast<unsigned char>(cells[0].front())) != 0 &&
          cells[0] != "nan" && cells[0] != "inf";
@@ -142,6 +156,18 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
       return Error{fmt::format("{}:{}: more than {} m from the first point", file, point.line, max_distance_m)};
   }
   return points;
+}
+
+Status check_way(const std::vector<Waypoint>& way, const Eigen::Vector2d& from_m) {
+  if (way.empty() || way.size() > max_points)
+    return Error{fmt::format("{} waypoints; 1 to {} may be", way.size(), max_points)};
+  for (std::size_t i = 0; i < way.size(); ++i) {
+    if (const std::string wrong = wrong_in(way[i], from_m); !wrong.empty())
+      return Error{fmt::format("waypoint {} {}", i + 1, wrong)};
+    if (i > 0 && (way[i].at_m - way[i - 1].at_m).norm() < min_distance_m)
+      return Error{fmt::format("waypoint {} is closer than 1 cm to the one before", i + 1)};
+  }
+  return done;
 }
 
 }  // namespace ledgerline::motion

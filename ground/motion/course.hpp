@@ -39,4 +39,8 @@ std::vector<Waypoint> waypoints_of(Shape shape, double side_m);
 /// row closer than 1 cm, 0.3 <= z <= 10, 0.05 <= speed <= 8. An error names file, line and what is allowed.
 Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const std::string& file);
 
+/// Waypoints in metres of the map, of a way that begins at `from_m`: 1 to 500, within 100 m of it, and otherwise what
+/// waypoints_from_csv() allows. The error says which one is wrong, counted from 1, and what is allowed.
+Status check_way(const std::vector<Waypoint>& way, const Eigen::Vector2d& from_m);
+
 }  // namespace ledgerline::motion

@@ -80,22 +80,26 @@ void Track::lay(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& o
     const Eigen::Vector2d in = edge(i + n - 1).normalized(), out = edge(i).normalized();
     const double speed_in = waypoints[(i + n - 1) % n].speed_mps.value_or(any_speed);
     const double speed_out = waypoints[i].speed_mps.value_or(any_speed);
+    corners_m_.push_back(length_m_);
     if (here.cut > 0) {
       const double radius = here.cut / std::tan(0.5 * std::abs(here.turn));
       // Turning back on itself: no arc can be that tight.
       const double tight = std::max(radius, 1e-3);
       pieces.push_back({point(i) - here.cut * in, in, tight * std::abs(here.turn), (here.turn > 0 ? 1 : -1) / tight,
                         height(i), height(i), std::min(speed_in, speed_out)});
+      corners_m_.back() += 0.5 * pieces.back().length;
+      length_m_ += pieces.back().length;
     }
     const double straight = edge(i).norm() - here.cut - next.cut;
     if (straight > 1e-9) {
       pieces.push_back({point(i) + here.cut * out, out, straight, 0, height(i), height(i + 1), speed_out});
+      length_m_ += straight;
     }
   }
-  for (const Piece& piece : pieces) length_m_ += piece.length;
   const auto count = std::clamp<std::size_t>(static_cast<std::size_t>(std::ceil(length_m_ / grain_m)), 8, max_knots);
   step_m_ = length_m_ / static_cast<double>(count);
-  const double offset = corners[0].cut > 0 ? 0.5 * pieces.front().length : 0;
+  const double offset = corners_m_.front();
+  for (double& corner_m : corners_m_) corner_m -= offset;
   std::size_t k = 0;
   double begin = 0;
   for (std::size_t i = 0; i < count; ++i) {

@@ -25,6 +25,8 @@ class Track {
         const TrackLimits& limits);
 
   double length_m() const { return length_m_; }
+  /// Arc length of the place that is nearest to this corner: the middle of its bend.
+  double length_to(std::size_t corner) const { return corners_m_.at(corner); }
 
   struct Point {
     Eigen::Vector3d position_m;
@@ -52,7 +54,8 @@ class Track {
   void pace(const TrackLimits& limits);
 
   double length_m_ = 0;
-  double step_m_ = 0;  ///< between knots
+  std::vector<double> corners_m_;  ///< arc length of each
+  double step_m_ = 0;              ///< between knots
   std::vector<Knot> knots_;
 };
 

@@ -75,6 +75,7 @@ class PluginFollower final : public Follower {
   double progress_m() const override { return progress_m_; }
   bool at_end() const override { return started_ && progress_m_ >= end_m_ - 1e-6; }
   double lap_m() const override { return path_.length_m(); }
+  double length_to(std::size_t corner) const override { return path_.length_to(corner); }
   const Path& path() const override { return path_; }
   double start_height_m() const override { return height_m_; }
   double expected_s(int laps) const override { return laps * path_.length_m() / slowest_mps_; }

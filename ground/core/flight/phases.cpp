@@ -7,12 +7,11 @@
 
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
+#include "ground/core/flight/near.hpp"
 
 namespace ledgerline::ground {
 namespace {
 
-constexpr double near_m = 0.2;  // of a place: close enough to call it reached
-constexpr double still_mps = 0.2;
 constexpr TimeNs grounded_for_ns = 2 * ns_per_s;  // a take-off command may still be under way
 constexpr TimeNs refused_for_ns = 2 * ns_per_s;   // link takes no older plan, so what came by then was this take-off
 constexpr TimeNs end_wait_ns = 3 * ns_per_s;      // for the drone to come up to the path's end
@@ -36,6 +35,8 @@ bool may_take_off(const StateSample& state, bool manual) {
 void Phases::enter(TimeNs now, DronePhase phase) {
   status_.phase = phase;
   entered_ns_ = now;
+  status_.paused = false;
+  if (phase != DronePhase::takeoff && phase != DronePhase::path) status_.planned.clear();
 }
 
 void Phases::land(TimeNs now, const std::string& why) {
@@ -82,6 +83,7 @@ std::string Phases::take_off(TimeNs now, bool ending) {
   planner_.manual().release();
   status_.why.clear();
   status_.origin_m = {seen_.state.position_m[0], seen_.state.position_m[1]};
+  origin_known_ = no_pose().empty();
   asked_ns_ = seen_.state.stamp_ns;
   enter(now, DronePhase::takeoff);
   return "";
@@ -106,9 +108,7 @@ bool Phases::near_origin() const {
 }
 
 bool Phases::settled() const {
-  const auto& s = seen_.state;
-  return near_origin() && std::abs(s.position_m[2] - planner_.follower()->start_height_m()) < near_m &&
-         std::hypot(s.velocity_mps[0], s.velocity_mps[1], s.velocity_mps[2]) < still_mps;
+  return is_settled(seen_.state, {status_.origin_m[0], status_.origin_m[1], planner_.follower()->start_height_m()});
 }
 
 void Phases::advance(TimeNs now, TimeNs delay_ns) {
@@ -137,7 +137,9 @@ void Phases::advance_waiting(TimeNs now) {
   const bool flying = s.phase == FlightPhase::flying;
   if (config_.manual) {
     // Found in the air, it is held there: see takeoff.
-    if (flying && not_ready().empty()) enter(now, DronePhase::takeoff);
+    if (!flying || !not_ready().empty()) return;
+    origin_known_ = false;
+    enter(now, DronePhase::takeoff);
     return;
   }
   if (!lease_.may_command || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
@@ -178,7 +180,7 @@ void Phases::advance_flown(TimeNs now) {
   } else if (s.mode == FailsafeMode::land || s.mode == FailsafeMode::cut) {
     land(now, fmt::format("its failsafe landed it: {}", words_for(s.cause)));
   } else if (status_.phase == DronePhase::path) {
-    advance_path(now);
+    config_.manual ? advance_pilot_path(now) : advance_path(now);
   }
 }
 
@@ -202,8 +204,22 @@ void Phases::advance_path(TimeNs now) {
   enter(now, DronePhase::landing);
 }
 
+void Phases::advance_pilot_path(TimeNs now) {
+  const Follower& follower = *planner_.follower();
+  const PilotPath& path = *planner_.pilot_path();
+  const double end_m = path.end_m(follower);
+  status_.progress = end_m > 0 ? std::clamp(follower.progress_m() / end_m, 0.0, 1.0) : 1;
+  if (!path.at_end(follower, seen_.state)) return;
+  if (path.land_behind()) {
+    land(now, "");
+  } else {
+    enter(now, DronePhase::manual);
+  }
+}
+
 TimeNs Phases::path_limit_ns() const {
   constexpr double spare_s = 30;
+  if (config_.manual) return from_seconds(config_.path_factor * planner_.follower()->expected_s(1) + spare_s);
   if (config_.seconds > 0) return from_seconds(config_.seconds + spare_s);
   return from_seconds(config_.path_factor * planner_.follower()->expected_s(planner_.laps()) + spare_s);
 }
@@ -222,47 +238,58 @@ std::string Phases::not_ready() const {
   return "";
 }
 
-void Phases::check_time(TimeNs now) {
+std::string Phases::check_time(TimeNs now) {
   const TimeNs in_phase_ns = now - entered_ns_;
   if (in_air() && now - seen_.received_ns > config_.silence_ns) {
     land(now, fmt::format("no state came for {:.1f} s", to_seconds(config_.silence_ns)));
-    return;
+    return "";
   }
   if (const Follower* follower = planner_.follower(); in_air() && follower) {
-    if (const std::string problem = follower->problem(); !problem.empty()) {
+    const std::string problem = follower->problem();
+    if (!problem.empty() && !config_.manual) {
       land(now, problem);
-      return;
+      return "";
     }
+    if (!problem.empty() && status_.phase == DronePhase::path) return give_up_path(now, problem);
   }
   switch (status_.phase) {
     case DronePhase::waiting: {
-      if (config_.manual || in_phase_ns <= config_.wait_ns) return;
+      if (config_.manual || in_phase_ns <= config_.wait_ns) return "";
       const std::string missing = not_ready();
       status_.why = fmt::format("{} within {:.0f} s", missing.empty() ? "it never was ready on the ground" : missing,
                                 to_seconds(config_.wait_ns));
       enter(now, DronePhase::failed);
-      return;
+      return "";
     }
     case DronePhase::takeoff:
       if (in_phase_ns > config_.takeoff_ns)
         land(now, fmt::format("did not take off within {:.0f} s", to_seconds(config_.takeoff_ns)));
-      return;
+      return "";
     case DronePhase::path:
-      if (in_phase_ns > path_limit_ns())
-        land(now, fmt::format("did not finish its path within {:.0f} s", to_seconds(path_limit_ns())));
-      return;
+      if (in_phase_ns > path_limit_ns()) {
+        const std::string late = fmt::format("did not finish its path within {:.0f} s", to_seconds(path_limit_ns()));
+        if (config_.manual) return give_up_path(now, late);
+        land(now, late);
+      }
+      return "";
     case DronePhase::landing:
       if (in_phase_ns > config_.landing_ns) {
         const std::string silent = fmt::format("was not seen to land within {:.0f} s", to_seconds(config_.landing_ns));
         status_.why += (status_.why.empty() ? "" : "; ") + silent;
         enter(now, DronePhase::failed);
       }
-      return;
+      return "";
     case DronePhase::manual:
     case DronePhase::landed:
     case DronePhase::failed:
-      return;
+      return "";
   }
+  return "";
+}
+
+std::string Phases::give_up_path(TimeNs now, const std::string& why) {
+  enter(now, DronePhase::manual);
+  return fmt::format("{}: it hovers", why);
 }
 
 }  // namespace ledgerline::ground

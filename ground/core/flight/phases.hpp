@@ -13,7 +13,7 @@ bool may_take_off(const StateSample& state, bool manual);
 
 /// One drone's flight: which phase it is in, by its states, its lease, its pilot and the time; why it went wrong.
 ///
-///     waiting -> takeoff -> path or manual -> landing -> landed
+///     waiting -> takeoff -> path or manual (manual: a pilot's path, and back to manual) -> landing -> landed
 ///        |          |            |               |
 ///        +----------+-- failed --+---------------+   (with something to land: through landing)
 ///
@@ -27,7 +27,8 @@ class Phases {
   bool in_air() const { return is_in_air(status_.phase); }
   /// On a new state. `delay_ns`: until a plan made now is flown.
   void advance(TimeNs now, TimeNs delay_ns);
-  void check_time(TimeNs now);
+  /// What its pilot should know; empty: nothing.
+  std::string check_time(TimeNs now);
   /// The lease changed, or somebody stopped the drone.
   void lease_changed(TimeNs now);
   /// Ends the flight, where it is not landing already.
@@ -36,15 +37,24 @@ class Phases {
   void land_by_pilot(TimeNs now, const std::string& why);
   /// What speaks against a pilot's take-off; empty: it takes off. `ending`: the whole flight is.
   std::string take_off(TimeNs now, bool ending);
+  /// What speaks against a pilot's order; empty: it is obeyed. `delay_ns`: until a plan made now is flown.
+  std::string take_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns);
   /// Why link did not obey a pilot's take-off, which then is over; empty: it did, or may yet.
   std::string refused_takeoff(TimeNs now);
 
  private:
   std::string not_ready() const;
+  std::string not_under_way() const;
+  std::string no_pose() const;
+  std::string fly(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
+  std::string fly_checked(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
+  void pause(TimeNs now);
+  std::string give_up_path(TimeNs now, const std::string& why);
   void advance_waiting(TimeNs now);
   void advance_takeoff(TimeNs now, TimeNs delay_ns);
   void advance_flown(TimeNs now);
   void advance_path(TimeNs now);
+  void advance_pilot_path(TimeNs now);
   bool settled() const;
   bool near_origin() const;
   void end_path();
@@ -58,6 +68,7 @@ class Phases {
   FlightStatus& status_;
   TimeNs entered_ns_ = 0;  ///< the phase; the ground's clock
   bool flew_ = false;
+  bool origin_known_ = false;                                            ///< it took off under us, with a pose
   TimeNs asked_ns_ = 0;                                                  ///< for a pilot's take-off; the drone's clock
   TimeNs settling_since_ns_ = 0, path_since_ns_ = 0, end_since_ns_ = 0;  ///< the drone's clock
 };

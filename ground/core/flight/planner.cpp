@@ -22,20 +22,48 @@ Planner::Planner(const FlightConfig& config, std::size_t drone, const Lease& lea
       task_(task_of(config, drone)),
       manual_(config.controller, config.cmd_timeout_ns) {}
 
-Status Planner::begin_path(const std::array<double, 2>& origin_m, double yaw_rad) {
+Status Planner::make_follower(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin_m, double yaw_rad,
+                              int laps) {
   ControllerConfig config = config_.controller;
   config.speed_mps = task_.speed_mps;
-  const Eigen::Vector2d origin(origin_m[0], origin_m[1]);
   if (config_.follower) {
-    auto made =
-        config_.follower({config_.drones[drone_].name, waypoints_of(task_), origin, yaw_rad, task_.laps}, config);
+    auto made = config_.follower({config_.drones[drone_].name, waypoints, origin_m, yaw_rad, laps}, config);
     if (!made) return made.error();
     follower_ = std::move(*made);
     return done;
   }
-  auto own = std::make_unique<PathController>(waypoints_of(task_), origin, config, yaw_rad);
+  auto own = std::make_unique<PathController>(waypoints, origin_m, config, yaw_rad);
+  // What was learned of a drone holds until its host starts anew: then its clock may, too.
+  if (controller_ && follower_boot_id_ == seen_.state.boot_id) own->go_on_from(*controller_);
+  follower_boot_id_ = seen_.state.boot_id;
   controller_ = own.get();
   follower_ = std::move(own);
+  return done;
+}
+
+Status Planner::begin_path(const std::array<double, 2>& origin_m, double yaw_rad) {
+  const std::vector<Waypoint> waypoints = waypoints_of(task_);
+  const Eigen::Vector2d origin(origin_m[0], origin_m[1]);
+  if (Status made = make_follower(waypoints, origin, yaw_rad, task_.laps); !made) return made;
+  for (std::size_t i = 0; i <= waypoints.size(); ++i) {
+    const Waypoint& waypoint = waypoints[i % waypoints.size()];
+    const Eigen::Vector2d at = origin + waypoint.at_m;
+    status_.planned.push_back({at.x(), at.y(), waypoint.height_m.value_or(config_.controller.height_m)});
+  }
+  return done;
+}
+
+Status Planner::begin_pilot_path(const std::vector<Waypoint>& way, bool land_behind, TimeNs from_ns) {
+  const StateSample& state = seen_.state;
+  const Waypoint here{{state.position_m[0], state.position_m[1]}, state.position_m[2]};
+  PilotPath path(way, land_behind, here, config_.controller.height_m);
+  const motion::OpenCourse& course = path.course();
+  if (Status made = make_follower(course.waypoints, course.origin_m, state.yaw_rad, 1); !made) return made;
+  follower_->observe(state, margin_ns_);
+  follower_->start(from_ns, path.end_m(*follower_));
+  manual_.release();
+  status_.planned = path.corners();
+  pilot_path_ = std::move(path);
   return done;
 }
 
@@ -50,8 +78,10 @@ void Planner::observe(bool same_boot, TimeNs margin_ns) {
     first_setpoint_ns_ = 0;
     manual_ = ManualController(config_.controller, config_.cmd_timeout_ns);
   }
+  margin_ns_ = margin_ns;
   if (seen_.state.phase != FlightPhase::flying) return;
   if (follower_) follower_->observe(seen_.state, margin_ns);
+  if (pilot_path_ && status_.phase == DronePhase::path) pilot_path_->observe(*follower_, seen_.state);
 }
 
 void Planner::withdraw(std::uint64_t id) {
@@ -69,7 +99,7 @@ bool Planner::wants_plan() const {
   if (state.phase != FlightPhase::flying && phase == DronePhase::takeoff && !may_take_off(state, config_.manual))
     return false;
   // Nor a path without a pose: link brakes, and a plan from nowhere would say nothing.
-  return state.phase != FlightPhase::flying || phase == DronePhase::landing || config_.manual || follower_->ready();
+  return state.phase != FlightPhase::flying || phase == DronePhase::landing || by_hand() || follower_->ready();
 }
 
 std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing& timing) {
@@ -82,7 +112,7 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
   plan.set_boot_id(seen_.state.boot_id);
   plan.set_state_stamp_ns(seen_.state.stamp_ns);
   plan.set_epoch(lease_.epoch);
-  plan.set_body_frame(config_.manual && status_.phase != DronePhase::landing);
+  plan.set_body_frame(by_hand() && status_.phase != DronePhase::landing);
   if (status_.phase == DronePhase::landing) {
     plan.set_action(LAND);
   } else if (seen_.state.phase != FlightPhase::flying) {
@@ -100,7 +130,7 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
       p->set_vz(setpoint.velocity_mps[2]);
       p->set_yaw_rate(setpoint.yaw_rate_radps);
     }
-    if (status_.phase == DronePhase::path) count_laps(first_setpoint_ns_);
+    if (status_.phase == DronePhase::path && !config_.manual) count_laps(first_setpoint_ns_);
     if (follower_) command.progress_m = follower_->progress_m();
     report();
   }
@@ -109,10 +139,10 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
 }
 
 std::vector<Setpoint> Planner::setpoints(TimeNs now, const PlannedCommand& command, const PlanTiming::Timing& timing) {
-  const bool plain = !config_.manual && !config_.controller.predict;  // its command is for now, whenever it comes
+  const bool plain = !by_hand() && !config_.controller.predict;  // its command is for now, whenever it comes
   const TimeNs ahead_ns = plain ? 0 : config_.ledger ? timing.delay_ns : beside_ns;
   first_setpoint_ns_ = std::max(first_setpoint_ns_, command.made_on_drone_ns + ahead_ns);
-  if (config_.manual) return manual_.plan(now, first_setpoint_ns_);
+  if (by_hand()) return manual_.plan(now, first_setpoint_ns_);
   // Not sooner than the plan before it, even where the delay fell: then shorter.
   const TimeNs last_ns = command.made_on_drone_ns + timing.farthest_ns;
   const TimeNs room = (last_ns - first_setpoint_ns_) / PathController::step_ns;
@@ -121,9 +151,9 @@ std::vector<Setpoint> Planner::setpoints(TimeNs now, const PlannedCommand& comma
 }
 
 void Planner::report() {
-  if (follower_) status_.lap_m = follower_->lap_m();
+  if (follower_ && !config_.manual) status_.lap_m = follower_->lap_m();
   if (!controller_) return;
-  status_.limit_mps = config_.controller.predict ? controller_->limit_mps() : 0;
+  status_.limit_mps = config_.controller.predict && !by_hand() ? controller_->limit_mps() : 0;
   status_.slowed_to_mps = controller_->slowed_to_mps();
   status_.response = controller_->predictor().response();
 }

@@ -2,6 +2,7 @@
 #include <memory>
 #include <optional>
 
+#include "ground/core/flight/pilot_path.hpp"
 #include "ground/core/flight/plan_timing.hpp"
 #include "ground/core/flight/state_intake.hpp"
 #include "ground/core/lease/lease_book.hpp"
@@ -29,6 +30,9 @@ class Planner {
   Status begin_path(const std::array<double, 2>& origin_m, double yaw_rad);
   /// Behind the take-off: the path is flown from then on.
   void start_path(TimeNs at_ns);
+  /// In the air, instead of what was flown before: a pilot's path, from where the drone is. It waits there until
+  /// `from_ns`. After an error nothing has changed.
+  Status begin_pilot_path(const std::vector<Waypoint>& way, bool land_behind, TimeNs from_ns);
   /// A state of this boot; another boot forgets what was planned for the one before.
   void observe(bool same_boot, TimeNs margin_ns);
   /// A plan that answers the newest state, where there is anything to say.
@@ -38,13 +42,19 @@ class Planner {
 
   /// Of a path that is flown or was; null before.
   const Follower* follower() const { return follower_.get(); }
-  /// The same where it is our own; else null.
+  /// The newest that its pilot gave; null before.
+  const PilotPath* pilot_path() const { return pilot_path_ ? &*pilot_path_ : nullptr; }
+  /// The same as follower() where it is our own; else null.
   const PathController* controller() const { return controller_; }
   /// Of this drone's path.
   int laps() const { return task_.laps; }
   ManualController& manual() { return manual_; }
 
  private:
+  Status make_follower(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin_m, double yaw_rad,
+                       int laps);
+  /// Flown in the drone's own frame, by velocities.
+  bool by_hand() const { return config_.manual && status_.phase != DronePhase::path; }
   bool wants_plan() const;
   std::vector<Setpoint> setpoints(TimeNs now, const PlannedCommand& command, const PlanTiming::Timing& timing);
   void report();
@@ -58,6 +68,9 @@ class Planner {
   const Task task_;
   std::unique_ptr<Follower> follower_;
   PathController* controller_ = nullptr;  ///< the follower, where it is our own
+  std::uint64_t follower_boot_id_ = 0;    ///< of the states that it was made for
+  std::optional<PilotPath> pilot_path_;
+  TimeNs margin_ns_ = 0;
   ManualController manual_;
   std::uint64_t next_plan_ = 1;
   TimeNs first_setpoint_ns_ = 0;  ///< of the newest plan; the drone's clock, as below

@@ -98,6 +98,7 @@ class FlightWorld {
     std::uint64_t boot_id = 7, sequence = 0;
     FailsafeCause cause = FailsafeCause::none;
     bool obeys_takeoff = true, obeys_landing = true, silent = false, has_pose = true;
+    TimeNs pose_late_ns = 0;       ///< so old is its pose
     std::vector<DronePlan> plans;  ///< as they came
     TimeNs arrived_ns = 0;         ///< the newest of them
   };
@@ -218,7 +219,7 @@ class FlightWorld {
       sample.boot_id = drone.boot_id;
       sample.sequence = ++drone.sequence;
       sample.stamp_ns = now_ns;
-      sample.pose_stamp_ns = drone.has_pose ? now_ns : 0;
+      sample.pose_stamp_ns = drone.has_pose ? now_ns - drone.pose_late_ns : 0;
       for (int i = 0; i < 3; ++i) {
         sample.position_m[static_cast<std::size_t>(i)] = drone.model.motion.position_m[i];
         sample.velocity_mps[static_cast<std::size_t>(i)] = drone.model.motion.velocity_mps[i];
