@@ -31,7 +31,7 @@ export class DelayPlot {
     const delays = this.#points.map((each) => each.delay).filter((each) => each !== null);
     if (!delays.length) return;
     const now = this.#points.at(-1).delay;
-    const said = `Delay ${now === null ? 'unknown' : `${Math.round(now)} ms`}, last minute: median ${Math.round(median(delays))}, most ${Math.round(Math.max(...delays))} ms`;
+    const said = `Now ${now === null ? 'unknown' : Math.round(now)}, median ${Math.round(median(delays))}, most ${Math.round(Math.max(...delays))} ms`;
     if (this.#words.textContent !== said) this.#words.textContent = said;
   }
 

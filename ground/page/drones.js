@@ -160,7 +160,8 @@ export class Fleet {
     if (!name || name === this.selected) return;
     this.selected = name;
     this.onselect(name);
-    this.#cards.get(name)?.element.scrollIntoView({ block: 'nearest' });
+    const card = this.#cards.get(name)?.element;
+    if (card && this.#list.scrollHeight > this.#list.clientHeight) card.scrollIntoView({ block: 'nearest' }); // the list, not the page
   }
 
   /// Ages go on while nothing comes.

@@ -148,7 +148,7 @@ function showFlying() {
       : !drone ? 'No drone is selected.'
         : stopAll.pending ? 'Stopping: keys and pads do nothing.'
           : !inManual() ? `${drone.name} cannot be flown by hand now: ${drone.phase === 'path' ? 'it is on its path' : FLYING.includes(drone.phase) ? 'wait' : 'take off first'}.`
-            : hand.flown ? `Flying ${drone.name}. Let go to hover.` : `Hold a key to fly ${drone.name} at ${hand.speed_mps} m/s. Let go to hover.`;
+            : hand.flown ? `Flying ${drone.name}. Let go to hover.` : `Hold a key${document.body.classList.contains('touch') ? ' or a pad' : ''} to fly ${drone.name} at ${hand.speed_mps} m/s. Let go to hover.`;
   put(at('fly-words'), words);
   put(at('keys-on'), keysOn ? 'Keys: on' : 'Keys: off');
 }
@@ -161,7 +161,7 @@ requestAnimationFrame(frame);
 setInterval(() => {
   const now = performance.now();
   connection.check(now);
-  fleet.show(connection.up && fleet.silent(now) < STALE_MS, now);
+  fleet.show(connection.up, now);
   showLink(now);
   showFlying();
 }, 100);

@@ -31,7 +31,7 @@ const { chromium, axe } = (() => {
   }
 })();
 
-const saw = { requests: 0, bytes: 0, console_errors: [], axe: {}, phases: [], velocities_sent: 0, flown_m: 0, zeros_after_release: 0,
+const saw = { requests: 0, bytes: 0, console_errors: [], axe: {}, phases: [], velocities_sent: 0, by_finger: 0, flown_m: 0, zeros_after_release: 0,
   waypoints_sent: 0, stop: [], alarms: [], wide_by_px: {}, wrong: [] };
 const check = (good, words) => good || saw.wrong.push(words);
 const velocities = []; // every velocity that the page sent
@@ -132,7 +132,21 @@ async function flyPath(page, drone) {
   await drone.phase('By hand', PATH_MS);
 }
 
-async function onPhone(browser) {
+async function flyByFinger(context, page) {
+  const box = await page.locator('#pad-right').boundingBox();
+  const finger = await context.newCDPSession(page);
+  const touch = (type, touchPoints) => finger.send('Input.dispatchTouchEvent', { type, touchPoints });
+  const count = velocities.length;
+  await touch('touchStart', [{ x: box.x + box.width / 2, y: box.y + 10 }]);
+  await page.waitForTimeout(600);
+  await touch('touchEnd', []);
+  await page.waitForTimeout(400);
+  const sent = velocities.slice(count).map((each) => each.linear[0]);
+  saw.by_finger = sent.length;
+  check(sent.length >= 5 && sent.slice(0, -1).every((ahead) => ahead > 0) && sent.at(-1) === 0, 'a finger on the pad does not fly ahead and stop');
+}
+
+async function onPhone(browser, name) {
   const context = await browser.newContext({ viewport: SIZES.phone, hasTouch: true, isMobile: true, deviceScaleFactor: 2 });
   const page = await context.newPage();
   watch(page);
@@ -143,7 +157,9 @@ async function onPhone(browser) {
   await page.waitForTimeout(200);
   check(await page.locator('#pads').isVisible(), 'fingers have no pads');
   await pictures(page, 'phone', 'flight');
+  await cardOf(page, name).card.locator('.select').tap();
   await page.locator('#fly').scrollIntoViewIfNeeded();
+  await flyByFinger(context, page);
   await page.screenshot({ path: join(outdir, 'pads-phone-dark.png') });
   await page.locator('.card').last().scrollIntoViewIfNeeded();
   await page.screenshot({ path: join(outdir, 'cards-phone-dark.png') });
@@ -184,7 +200,7 @@ async function main() {
     await takeOff(page, drone);
     await flyByKeys(page, drone);
     await flyPath(page, drone);
-    await onPhone(browser);
+    await onPhone(browser, name);
     await stopAll(page, name);
   } catch (error) {
     saw.wrong.push(String(error.message).split('\n')[0]);
