@@ -19,6 +19,27 @@ const ACTIONS = {
 const span = (className, text = '') => Object.assign(document.createElement('span'), { className, textContent: text });
 const put = (element, text) => element.textContent !== text && (element.textContent = text);
 
+const numbers = (list, count) => (Array.isArray(list) && list.length === count && list.every(Number.isFinite) ? list : null);
+const number = (value) => (Number.isFinite(value) ? value : null);
+
+/// A drone as the station says it; what is missing or no number is null, so that nobody draws or adds it.
+export function cleaned(drone) {
+  return {
+    ...drone,
+    has_state: drone.has_state === true && Number.isFinite(drone.state_age_ms),
+    command_age_ms: number(drone.command_age_ms),
+    battery_percent: number(drone.battery_percent),
+    position: numbers(drone.position, 3),
+    velocity: numbers(drone.velocity, 3),
+    predicted: numbers(drone.predicted, 3),
+    origin: numbers(drone.origin, 2),
+    yaw: number(drone.yaw) ?? 0,
+    sigma_m: number(drone.sigma_m),
+    limit_mps: number(drone.limit_mps),
+    path: (drone.path ?? []).filter((corner) => numbers(corner, 3)),
+  };
+}
+
 /// An age in words, and how bad it is.
 export function freshness(age_ms, connected) {
   if (age_ms === null) return { words: 'none yet', level: 'none' };
@@ -86,8 +107,9 @@ class Card {
     fields.select.setAttribute('aria-pressed', selected);
     put(fields.phase, drone.paused ? 'Paused' : PHASES[drone.phase] ?? drone.phase);
     fields.phase.dataset.phase = drone.phase;
-    put(fields.battery, `${drone.battery_percent} %`);
-    fields.meter.value = drone.battery_percent;
+    put(fields.battery, drone.battery_percent === null ? 'unknown' : `${drone.battery_percent} %`);
+    fields.meter.hidden = drone.battery_percent === null;
+    fields.meter.value = drone.battery_percent ?? 0;
     this.#age(fields.state, drone.has_state ? state : { words: 'none yet', level: 'none' });
     this.#age(fields.command, command);
     const calm = drone.mode === 'normal' || drone.mode === 'none';
@@ -99,7 +121,7 @@ class Card {
     const place = drone.position ? drone.position.map((each) => each.toFixed(2)).join(', ') : 'unknown';
     put(fields.place, `${place} m at ${Math.hypot(...(drone.velocity ?? [0])).toFixed(2)} m/s`);
     this.#optional('stopped', drone.stopped_by?.length ? drone.stopped_by.join(', ') : '');
-    this.#optional('limit', drone.limit_mps === null || drone.limit_mps === undefined ? '' : `${drone.limit_mps} m/s`);
+    this.#optional('limit', drone.limit_mps === null ? '' : `${drone.limit_mps} m/s`);
     this.#optional('why', [drone.why, drone.ledger_doubted ? 'the ledger is doubted' : ''].filter(Boolean).join('; '));
     for (const [what, button] of Object.entries(this.#buttons)) button.setAttribute('aria-disabled', this.fresh && !ACTIONS[what][1](drone));
     const pause = drone.paused ? 'Resume' : 'Pause';
@@ -166,7 +188,7 @@ export class Fleet {
 
   /// Ages go on while nothing comes.
   age(drone, now = performance.now()) {
-    return drone.has_state === false ? Infinity : drone.state_age_ms + now - this.#heard;
+    return !drone.has_state ? Infinity : drone.state_age_ms + now - this.#heard;
   }
 
   silent(now) {

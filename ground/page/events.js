@@ -2,10 +2,10 @@
 
 const MOST_SHOWN = 200;
 const BEEP_EVERY_MS = 1400;
+const CLOCK_STEP_MS = 2000; // less is the way of the message, more a new clock
 const MARKS = { info: '○ Info', warning: '▲ Warning', alarm: '■ Alarm' }; // shape and word, not colour alone
 
 const sayOf = (event) => (event.drone ? `${event.drone}: ${event.text}` : event.text);
-const clock = (t_ms) => new Date(t_ms).toISOString().slice(11, 19);
 
 /// A beep every now and then while it is on. Browsers allow sound only after a gesture.
 class Beeper {
@@ -60,6 +60,7 @@ export class Events {
   #last = 0; // number of the newest event shown
   #seen = Number(sessionStorage.getItem('seen') ?? 0); // number of the newest alarm that a person has acknowledged
   #open = []; // alarms nobody has acknowledged
+  #offset_ms = null;
 
   constructor() {
     this.#button.addEventListener('click', () => this.acknowledge());
@@ -88,6 +89,13 @@ export class Events {
     this.#show();
   }
 
+  /// `offset_ms`: from the station's clock, which counts from its start, to the time of day.
+  setClock(offset_ms) {
+    if (this.#offset_ms !== null && Math.abs(offset_ms - this.#offset_ms) < CLOCK_STEP_MS) return;
+    this.#offset_ms = offset_ms;
+    for (const time of this.#list.querySelectorAll('time')) this.#tellTime(time);
+  }
+
   acknowledge() {
     if (!this.#open.length) return;
     this.#seen = this.#last;
@@ -96,12 +104,17 @@ export class Events {
     this.#show();
   }
 
+  #tellTime(time) {
+    if (this.#offset_ms !== null) time.textContent = new Date(Number(time.dataset.t) + this.#offset_ms).toTimeString().slice(0, 8);
+  }
+
   #row(event) {
     const row = document.createElement('li');
     row.className = `event ${event.level in MARKS ? event.level : 'info'}`;
     const [level, time, text] = ['strong', 'time', 'span'].map((tag) => document.createElement(tag));
     level.textContent = MARKS[event.level] ?? MARKS.info;
-    time.textContent = clock(event.t_ms);
+    time.dataset.t = event.t_ms;
+    this.#tellTime(time);
     text.textContent = sayOf(event);
     row.append(level, ' ', time, ' ', text);
     return row;

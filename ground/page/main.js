@@ -2,7 +2,7 @@
 import { Connection, takeToken } from './connection.js';
 import { DelayPlot } from './delay.js';
 import { Draft } from './draft.js';
-import { Fleet, FLYING, STALE_MS } from './drones.js';
+import { cleaned, Fleet, FLYING, STALE_MS } from './drones.js';
 import { Events } from './events.js';
 import { bindKeys, flyByKeys, Hand } from './keys.js';
 import { PlanView } from './map.js';
@@ -104,7 +104,8 @@ connection.addEventListener('hello', async () => {
   events.restart(answer.body.events);
   events.add(answer.body.events);
 });
-function takeState(drones, now) {
+function takeState(said, now) {
+  const drones = said.map(cleaned);
   fleet.update(drones, now);
   map.update(drones, now);
   stopAll.update(drones);
@@ -112,8 +113,9 @@ function takeState(drones, now) {
 connection.addEventListener('state', ({ detail }) => {
   const now = performance.now();
   delayMs = detail.delay_ms ?? null;
+  events.setClock(Date.now() - detail.t_ms);
   takeState(detail.drones, now);
-  delay.add(now, delayMs, Math.max(0, ...detail.drones.filter((drone) => drone.has_state).map((drone) => drone.state_age_ms)));
+  delay.add(now, delayMs, Math.max(0, ...fleet.drones.filter((drone) => drone.has_state).map((drone) => drone.state_age_ms)));
 });
 connection.addEventListener('events', ({ detail }) => events.add(detail.events));
 connection.addEventListener('link', ({ detail }) => {
