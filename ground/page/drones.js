@@ -1,0 +1,204 @@
+// A card for each drone: what it does, how fresh that is, who may command it, and its buttons.
+
+export const LATE_MS = 300;
+export const STALE_MS = 1000;
+
+const PHASES = { waiting: 'Waiting', takeoff: 'Taking off', path: 'On its path', manual: 'By hand', landing: 'Landing', landed: 'Landed', failed: 'Failed' };
+const MODES = { none: 'none', normal: 'none', hold: 'holds its place', brake: 'brakes', land: 'lands', cut: 'motors cut', stop: 'stopped' };
+export const FLYING = ['takeoff', 'path', 'manual', 'landing'];
+
+/// [the button, what it asks, when it can be asked, else why not]
+const ACTIONS = {
+  takeoff: ['Take off', (drone) => !FLYING.includes(drone.phase), 'is in the air already'],
+  land: ['Land', (drone) => FLYING.includes(drone.phase), 'is not in the air'],
+  stop: ['Stop', () => true, ''],
+  pause: ['Pause', (drone) => drone.paused || drone.phase === 'path', 'flies no path that could be paused'],
+  return: ['Return', (drone) => drone.phase === 'path' || drone.phase === 'manual', 'is not in the air'],
+};
+
+const span = (className, text = '') => Object.assign(document.createElement('span'), { className, textContent: text });
+const put = (element, text) => element.textContent !== text && (element.textContent = text);
+
+const numbers = (list, count) => (Array.isArray(list) && list.length === count && list.every(Number.isFinite) ? list : null);
+const number = (value) => (Number.isFinite(value) ? value : null);
+
+/// A drone as the station says it; what is missing or no number is null, so that nobody draws or adds it.
+export function cleaned(drone) {
+  return {
+    ...drone,
+    has_state: drone.has_state === true && Number.isFinite(drone.state_age_ms),
+    command_age_ms: number(drone.command_age_ms),
+    battery_percent: number(drone.battery_percent),
+    position: numbers(drone.position, 3),
+    velocity: numbers(drone.velocity, 3),
+    predicted: numbers(drone.predicted, 3),
+    origin: numbers(drone.origin, 2),
+    yaw: number(drone.yaw) ?? 0,
+    sigma_m: number(drone.sigma_m),
+    limit_mps: number(drone.limit_mps),
+    path: (drone.path ?? []).filter((corner) => numbers(corner, 3)),
+  };
+}
+
+/// An age in words, and how bad it is.
+export function freshness(age_ms, connected) {
+  if (age_ms === null) return { words: 'none yet', level: 'none' };
+  const words = age_ms < 1000 ? `${Math.round(age_ms)} ms` : age_ms < 100000 ? `${(age_ms / 1000).toFixed(1)} s` : 'over 100 s';
+  if (!connected) return { words: `${words}, not connected`, level: 'stale' };
+  if (age_ms > STALE_MS) return { words: `${words}, stale`, level: 'stale' };
+  return age_ms > LATE_MS ? { words: `${words}, late`, level: 'late' } : { words, level: 'fresh' };
+}
+
+class Card {
+  #connection;
+  #fields = {};
+  #buttons = {};
+  #drone = null;
+  #replied = 0;
+
+  constructor(connection, name, number, pick) {
+    this.#connection = connection;
+    this.name = name;
+    this.element = document.getElementById('card').content.firstElementChild.cloneNode(true);
+    this.element.classList.add(`drone${number % 6}`);
+    for (const field of this.element.querySelectorAll('[data-field]')) this.#fields[field.dataset.field] = field;
+    const title = this.#fields.select;
+    title.append(span('number', number < 9 ? `${number + 1}` : ''), ' ', span('name', name));
+    if (number < 9) title.setAttribute('aria-keyshortcuts', `${number + 1}`);
+    this.element.addEventListener('click', () => pick(name));
+    this.#fields.meter.setAttribute('aria-label', `Battery of ${name}`);
+    for (const [what, [label]] of Object.entries(ACTIONS)) {
+      const button = document.createElement('button');
+      button.type = 'button';
+      button.className = what === 'stop' ? 'danger' : '';
+      button.dataset.action = what;
+      button.textContent = label;
+      button.setAttribute('aria-label', `${label} ${name}`);
+      button.addEventListener('click', () => this.#ask(what));
+      this.#buttons[what] = button;
+      this.#fields.actions.append(button);
+    }
+  }
+
+  async #ask(action) {
+    const [label, possible, why] = ACTIONS[action];
+    // What is stale may be wrong: then the station decides.
+    if (this.#drone && this.fresh && !possible(this.#drone)) return this.#reply(`${this.name} ${why}.`);
+    const what = action === 'pause' && this.#drone?.paused ? 'resume' : action;
+    const said = what === 'resume' ? 'Resume' : label;
+    this.#reply(`${said}: sent`);
+    const answer = await this.#connection.request('POST', `drones/${encodeURIComponent(this.name)}/${what}`);
+    return this.#reply(`${said}: ${answer.words}`);
+  }
+
+  #reply(words) {
+    put(this.#fields.reply, words);
+    this.#replied = performance.now();
+  }
+
+  show(drone, ages, connected, selected, now) {
+    this.#drone = drone;
+    const state = freshness(ages.state, connected);
+    const command = freshness(ages.command, connected);
+    this.fresh = state.level === 'fresh' || state.level === 'late';
+    const fields = this.#fields;
+    this.element.classList.toggle('selected', selected);
+    this.element.classList.toggle('stale', !this.fresh);
+    fields.select.setAttribute('aria-pressed', selected);
+    put(fields.phase, drone.paused ? 'Paused' : PHASES[drone.phase] ?? drone.phase);
+    fields.phase.dataset.phase = drone.phase;
+    put(fields.battery, drone.battery_percent === null ? 'unknown' : `${drone.battery_percent} %`);
+    fields.meter.hidden = drone.battery_percent === null;
+    fields.meter.value = drone.battery_percent ?? 0;
+    this.#age(fields.state, drone.has_state ? state : { words: 'none yet', level: 'none' });
+    this.#age(fields.command, command);
+    const calm = drone.mode === 'normal' || drone.mode === 'none';
+    put(fields.failsafe, calm ? 'not active' : `${MODES[drone.mode] ?? drone.mode}: ${drone.cause_words || drone.cause}`);
+    fields.failsafe.classList.toggle('bad', !calm);
+    const holder = drone.lease?.holder;
+    put(fields.lease, drone.lease?.ours ? `ours (${holder})` : holder ? `NOT ours: ${holder}` : 'nobody holds it');
+    fields.lease.classList.toggle('warn', !drone.lease?.ours);
+    const place = drone.position ? drone.position.map((each) => each.toFixed(2)).join(', ') : 'unknown';
+    put(fields.place, `${place} m at ${Math.hypot(...(drone.velocity ?? [0])).toFixed(2)} m/s`);
+    this.#optional('stopped', drone.stopped_by?.length ? drone.stopped_by.join(', ') : '');
+    this.#optional('limit', drone.limit_mps === null ? '' : `${drone.limit_mps} m/s`);
+    this.#optional('why', [drone.why, drone.ledger_doubted ? 'the ledger is doubted' : ''].filter(Boolean).join('; '));
+    for (const [what, button] of Object.entries(this.#buttons)) button.setAttribute('aria-disabled', this.fresh && !ACTIONS[what][1](drone));
+    const pause = drone.paused ? 'Resume' : 'Pause';
+    if (this.#buttons.pause.textContent !== pause) {
+      this.#buttons.pause.textContent = pause;
+      this.#buttons.pause.setAttribute('aria-label', `${pause} ${this.name}`);
+    }
+    if (now - this.#replied > 8000) put(fields.reply, '');
+  }
+
+  #age(field, { words, level }) {
+    put(field, words);
+    field.dataset.level = level;
+  }
+
+  #optional(name, text) {
+    this.#fields[name].parentElement.hidden = text === '';
+    put(this.#fields[name], text);
+  }
+}
+
+/// The cards, who is selected, and how old what is known is.
+export class Fleet {
+  #connection;
+  #list = document.getElementById('drones');
+  #cards = new Map();
+  #heard = 0;
+  drones = [];
+  selected = null;
+  onselect = () => {};
+
+  constructor(connection) {
+    this.#connection = connection;
+  }
+
+  get drone() {
+    return this.drones.find((drone) => drone.name === this.selected);
+  }
+
+  update(drones, now) {
+    this.drones = drones;
+    this.#heard = now;
+    for (const [number, drone] of drones.entries()) {
+      if (this.#cards.has(drone.name)) continue;
+      const card = new Card(this.#connection, drone.name, number, (name) => this.select(name));
+      this.#cards.set(drone.name, card);
+      this.#list.append(card.element);
+    }
+    for (const [name, card] of this.#cards) {
+      if (drones.some((drone) => drone.name === name)) continue;
+      card.element.remove();
+      this.#cards.delete(name);
+    }
+    if (!this.drone && drones.length) this.select(drones[0].name);
+  }
+
+  select(name) {
+    if (!name || name === this.selected) return;
+    this.selected = name;
+    this.onselect(name);
+    const card = this.#cards.get(name)?.element;
+    if (card && this.#list.scrollHeight > this.#list.clientHeight) card.scrollIntoView({ block: 'nearest' }); // the list, not the page
+  }
+
+  /// Ages go on while nothing comes.
+  age(drone, now = performance.now()) {
+    return !drone.has_state ? Infinity : drone.state_age_ms + now - this.#heard;
+  }
+
+  silent(now) {
+    return now - this.#heard;
+  }
+
+  show(connected, now) {
+    for (const drone of this.drones) {
+      const command = drone.command_age_ms === null ? null : drone.command_age_ms + now - this.#heard;
+      this.#cards.get(drone.name)?.show(drone, { state: this.age(drone, now), command }, connected, drone.name === this.selected, now);
+    }
+  }
+}

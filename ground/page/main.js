@@ -1,0 +1,180 @@
+// Puts the parts together: what the station says goes to each of them, what the person does goes to the station.
+import { Connection, takeToken } from './connection.js';
+import { DelayPlot } from './delay.js';
+import { Draft } from './draft.js';
+import { cleaned, Fleet, FLYING, STALE_MS } from './drones.js';
+import { Events } from './events.js';
+import { bindKeys, flyByKeys, Hand } from './keys.js';
+import { PlanView } from './map.js';
+import { flyByGamepad, flyByTouch } from './pads.js';
+import { StopAll } from './stop.js';
+
+const at = (id) => document.getElementById(id);
+const put = (element, text) => element.textContent !== text && (element.textContent = text);
+
+/// The style sheet's colours, for canvases; they change with the theme.
+function inks() {
+  const probe = at('ink');
+  let known = new Map();
+  const forget = () => (known = new Map());
+  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', forget);
+  const ink = (name) => {
+    if (!known.has(name)) {
+      probe.style.color = `var(--${name})`;
+      known.set(name, getComputedStyle(probe).color);
+    }
+    return known.get(name);
+  };
+  return { ink, forget };
+}
+
+/// As the system has it, light, dark.
+function themeSwitch(changed) {
+  const themes = ['auto', 'light', 'dark'];
+  const show = (theme) => {
+    document.documentElement.dataset.theme = theme;
+    at('theme').textContent = `Theme: ${theme}`;
+    changed();
+  };
+  let theme = localStorage.getItem('theme');
+  if (!themes.includes(theme)) theme = 'auto';
+  show(theme);
+  at('theme').addEventListener('click', () => {
+    theme = themes[(themes.indexOf(theme) + 1) % themes.length];
+    localStorage.setItem('theme', theme);
+    show(theme);
+  });
+}
+
+const { ink, forget } = inks();
+themeSwitch(forget);
+const connection = new Connection();
+const fleet = new Fleet(connection);
+const map = new PlanView(at('map'), ink);
+const delay = new DelayPlot(at('delay'), ink);
+const events = new Events();
+const stopAll = new StopAll(connection);
+const draft = new Draft(map, at('map'), connection, () => fleet.drone);
+
+let keysOn = true;
+let linkWords = 'Not connected';
+let delayMs = null;
+
+const inManual = () => connection.hello.manual && fleet.drone?.phase === 'manual';
+const mayFly = () => connection.up && inManual() && !stopAll.pending;
+const hand = new Hand(
+  (drone, linear, yaw_rate) => connection.send({ op: 'velocity', drone, linear, yaw_rate }),
+  () => (mayFly() ? fleet.selected : null),
+);
+flyByKeys(hand, () => keysOn && mayFly());
+flyByGamepad(hand, at('gamepad-words'));
+flyByTouch(hand, [at('pad-left'), at('pad-right')]);
+const showPads = () => document.body.classList.add('touch');
+if (matchMedia('(pointer: coarse)').matches) showPads();
+addEventListener('pointerdown', (event) => event.pointerType === 'touch' && showPads()); // a screen beside a mouse
+hand.onchange = (flown) => at('fly').classList.toggle('flying', flown !== null);
+
+stopAll.onstop = () => hand.release();
+fleet.onselect = (name) => {
+  hand.release();
+  if (map.selected && draft.on) draft.toggle(false);
+  map.selected = name;
+};
+map.onpick = (name) => fleet.select(name);
+
+bindKeys({
+  Backspace: () => (stopAll.stop(fleet.drones), true),
+  Escape: () => draft.clear(),
+  Enter: (event) => !event.target.closest?.('button, a, summary') && draft.fly(),
+  digit: (event) => keysOn && fleet.drones[Number(event.key) - 1] && (fleet.select(fleet.drones[Number(event.key) - 1].name), true),
+});
+at('keys-on').addEventListener('click', () => {
+  keysOn = !keysOn;
+  hand.release();
+  at('keys-on').setAttribute('aria-pressed', keysOn);
+});
+at('zoom-in').addEventListener('click', () => map.zoom(0.8));
+at('zoom-out').addEventListener('click', () => map.zoom(1.25));
+at('zoom-fit').addEventListener('click', () => map.fit());
+
+connection.addEventListener('hello', async () => {
+  hand.speed_mps = connection.hello.speed_mps;
+  const answer = await connection.request('GET', 'events?since=0');
+  if (!answer.ok) return;
+  events.restart(answer.body.events);
+  events.add(answer.body.events);
+});
+function takeState(said, now) {
+  const drones = said.map(cleaned);
+  fleet.update(drones, now);
+  map.update(drones, now);
+  stopAll.update(drones);
+}
+connection.addEventListener('state', ({ detail }) => {
+  const now = performance.now();
+  delayMs = detail.delay_ms ?? null;
+  events.setClock(Date.now() - detail.t_ms);
+  takeState(detail.drones, now);
+  delay.add(now, delayMs, Math.max(0, ...fleet.drones.filter((drone) => drone.has_state).map((drone) => drone.state_age_ms)));
+});
+connection.addEventListener('events', ({ detail }) => events.add(detail.events));
+connection.addEventListener('link', ({ detail }) => {
+  linkWords = detail.words;
+  if (detail.up) at('token').hidden = true;
+  else hand.release();
+});
+connection.addEventListener('token', ({ detail }) => {
+  at('token').hidden = false;
+  put(at('token-words'), detail);
+  at('token-field').focus();
+});
+at('token').addEventListener('submit', (event) => {
+  event.preventDefault();
+  connection.start(at('token-field').value.trim());
+  at('token-field').value = '';
+});
+addEventListener('online', () => connection.retryNow());
+
+function showLink(now) {
+  const silent = fleet.silent(now);
+  const quiet = connection.up && fleet.drones.length > 0 && silent > STALE_MS;
+  at('link').dataset.level = !connection.up ? 'stale' : quiet ? 'late' : 'fresh';
+  put(at('link-words'), quiet ? 'Connected, but nothing comes' : linkWords);
+  put(at('link-age'), connection.up && !quiet && delayMs !== null ? `${Math.round(delayMs)} ms` : fleet.drones.length ? `data ${(silent / 1000).toFixed(1)} s old` : '');
+}
+
+function showFlying() {
+  const drone = fleet.drone;
+  const words = !connection.up ? 'Not connected: keys and pads do nothing.'
+    : !connection.hello.manual ? 'This flight is not flown by hand: keys and pads do nothing.'
+      : !drone ? 'No drone is selected.'
+        : stopAll.pending ? 'Stopping: keys and pads do nothing.'
+          : !inManual() ? `${drone.name} cannot be flown by hand now: ${drone.phase === 'path' ? 'it is on its path' : FLYING.includes(drone.phase) ? 'wait' : 'take off first'}.`
+            : hand.flown ? `Flying ${drone.name}. Let go to hover.` : `Hold a key${document.body.classList.contains('touch') ? ' or a pad' : ''} to fly ${drone.name} at ${hand.speed_mps} m/s. Let go to hover.`;
+  put(at('fly-words'), words);
+  put(at('keys-on'), keysOn ? 'Keys: on' : 'Keys: off');
+}
+
+function frame(now) {
+  map.draw(now, (drone) => fleet.age(drone, now));
+  requestAnimationFrame(frame);
+}
+requestAnimationFrame(frame);
+setInterval(() => {
+  const now = performance.now();
+  connection.check(now);
+  fleet.show(connection.up, now);
+  showLink(now);
+  showFlying();
+}, 100);
+setInterval(async () => {
+  const now = performance.now();
+  if (fleet.drones.length && (!connection.up || fleet.silent(now) > STALE_MS)) delay.add(now, null, fleet.silent(now));
+  delay.say();
+  delay.draw(now);
+  if (!stopAll.pending || fleet.silent(now) < STALE_MS) return;
+  const answer = await connection.request('GET', 'drones'); // the stop is followed without the stream, too
+  if (answer.ok) takeState(answer.body.drones, performance.now());
+}, 500);
+
+connection.start(takeToken());

@@ -1,0 +1,103 @@
+// Stop all: a plain request that is repeated until the station accepts it, and what is confirmed for each drone since.
+
+const AGAIN_MS = 500;
+const MOST_TRIES = 60;
+const STEPS = ['sent', 'accepted', 'on the ledger', 'landing', 'on the ground'];
+const DOWN = ['waiting', 'landed', 'failed'];
+
+function stepsOf(drone) {
+  const down = drone.phase === 'landed' || (DOWN.includes(drone.phase) && drone.link_phase === 'on_ground');
+  return { 'on the ledger': drone.stopped_by?.length > 0, landing: drone.phase === 'landing', 'on the ground': down };
+}
+
+export class StopAll {
+  #connection;
+  #panel = document.getElementById('stop-panel');
+  #words = document.getElementById('stop-words');
+  #list = document.getElementById('stop-list');
+  #rows = new Map(); // name -> {row, done: set of steps}
+  #tries = 0;
+  #accepted = false;
+  #running = false;
+  onstop = () => {};
+
+  constructor(connection) {
+    this.#connection = connection;
+    document.getElementById('stop-all').addEventListener('click', () => this.stop());
+    document.getElementById('stop-close').addEventListener('click', () => {
+      this.#panel.hidden = true;
+      document.getElementById('stop-all').focus();
+    });
+  }
+
+  get open() {
+    return !this.#panel.hidden;
+  }
+
+  /// `drones`: those known, however old what is known of them.
+  async stop(drones = this.drones ?? []) {
+    this.onstop();
+    this.#panel.hidden = false;
+    this.#tries = 0;
+    this.#accepted = false;
+    this.#list.replaceChildren();
+    this.#rows.clear();
+    for (const drone of drones) this.#mark(drone.name, 'sent');
+    if (this.#running) return;
+    this.#running = true;
+    while (!this.#accepted && this.#tries < MOST_TRIES) {
+      ++this.#tries;
+      this.#words.textContent = this.#tries === 1 ? 'Stop sent to all drones.' : `Stop sent again (${this.#tries}).`;
+      const answer = await this.#connection.request('POST', 'stop', { cut: false });
+      if (answer.ok) {
+        this.#accepted = true;
+        this.#words.textContent = 'The station has accepted the stop of all drones.';
+        for (const name of this.#rows.keys()) this.#mark(name, 'accepted');
+      } else {
+        this.#words.textContent = `Stop NOT confirmed: ${answer.words}. Sending it again. Use the local stop key at the drones if you can.`;
+        await new Promise((done) => setTimeout(done, AGAIN_MS));
+      }
+    }
+    if (!this.#accepted) this.#words.textContent = 'Stop NOT confirmed. Press Stop all again, or use the local stop key at the drones.';
+    this.#running = false;
+  }
+
+  /// What the newest state says; also of a drone that was not known when the stop was sent.
+  update(drones) {
+    this.drones = drones;
+    if (!this.open || !this.#accepted) return;
+    for (const drone of drones) {
+      this.#mark(drone.name, 'accepted');
+      for (const [step, done] of Object.entries(stepsOf(drone))) if (done) this.#mark(drone.name, step);
+    }
+  }
+
+  get pending() {
+    return this.open && this.#accepted && [...this.#rows.values()].some((row) => !row.done.has('on the ground'));
+  }
+
+  #mark(name, step) {
+    let entry = this.#rows.get(name);
+    if (!entry) {
+      const row = document.createElement('li');
+      const who = document.createElement('strong');
+      who.textContent = name;
+      row.append(who, ...STEPS.map((each) => {
+        const mark = document.createElement('span');
+        mark.className = 'step';
+        mark.textContent = `– ${each}`;
+        return mark;
+      }));
+      this.#list.append(row);
+      entry = { row, done: new Set() };
+      this.#rows.set(name, entry);
+    }
+    if (entry.done.has(step)) return;
+    entry.done.add(step);
+    // It stood on the ground all the time, or its landing was not seen.
+    if (step === 'on the ground' && !entry.done.has('landing')) entry.row.children[1 + STEPS.indexOf('landing')].hidden = true;
+    const mark = entry.row.children[1 + STEPS.indexOf(step)];
+    mark.classList.add('done');
+    mark.textContent = `✓ ${step}`;
+  }
+}

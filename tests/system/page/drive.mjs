@@ -1,0 +1,216 @@
+// Flies one drone through the ground station's page in a real browser, as a person would, and says what it saw.
+//
+// Usage: node drive.mjs URL OUTDIR [--drone NAME]
+//   URL      of the page, with #token=...; its station flies a manual flight, the drone stands on the ground
+//   OUTDIR   gets screenshots
+// Prints one JSON object. Exit code: 0 all went well; 1 not (`wrong` says what); 2 usage, or no browser.
+// LEDGERLINE_PAGE_NPM: where playwright-core and axe-core are installed, else build/npm-page; LEDGERLINE_CHROMIUM: the browser.
+import { mkdirSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { join } from 'node:path';
+
+const TAKEOFF_MS = 45000;
+const PATH_MS = 60000;
+const LANDED_MS = 30000;
+const SIZES = { desktop: { width: 1280, height: 800 }, phone: { width: 390, height: 844 } };
+const THEMES = ['light', 'dark'];
+
+const [url, outdir, flag, named] = process.argv.slice(2);
+if (!url || !outdir || (flag && (flag !== '--drone' || !named))) {
+  console.error('usage: node drive.mjs URL OUTDIR [--drone NAME]');
+  process.exit(2);
+}
+const packages = process.env.LEDGERLINE_PAGE_NPM ?? join(import.meta.dirname, '../../../build/npm-page');
+const { chromium, axe } = (() => {
+  const require = createRequire(join(packages, 'any.js'));
+  try {
+    return { ...require('playwright-core'), axe: require('axe-core') };
+  } catch (error) {
+    console.error(`drive.mjs: ${packages} lacks what package.json names (${error.code}); copy package.json and package-lock.json there and run npm ci`);
+    process.exit(2);
+  }
+})();
+
+const saw = { requests: 0, bytes: 0, console_errors: [], axe: {}, phases: [], velocities_sent: 0, by_finger: 0, flown_m: 0, zeros_after_release: 0,
+  waypoints_sent: 0, stop: [], alarms: [], wide_by_px: {}, wrong: [] };
+const check = (good, words) => good || saw.wrong.push(words);
+const velocities = []; // every velocity that the page sent
+
+function watch(page) {
+  page.on('console', (message) => message.type() === 'error' && saw.console_errors.push(message.text()));
+  page.on('pageerror', (error) => saw.console_errors.push(String(error)));
+  page.on('websocket', (socket) => socket.on('framesent', ({ payload }) => {
+    const message = JSON.parse(payload);
+    if (message.op === 'velocity') velocities.push(message);
+  }));
+}
+
+async function countLoad(page) {
+  const loads = [];
+  const take = (request) => loads.push(request);
+  page.on('requestfinished', take);
+  await page.goto(url);
+  await page.waitForSelector('.card', { timeout: 20000 });
+  page.off('requestfinished', take);
+  const files = loads.filter((request) => !request.url().includes('/api/') && !request.url().startsWith('data:'));
+  const sizes = await Promise.all(files.map((request) => request.sizes()));
+  saw.requests = files.length;
+  saw.bytes = sizes.reduce((sum, size) => sum + size.responseBodySize + size.responseHeadersSize, 0);
+  check(!page.url().includes('token'), 'the token stays in the address bar');
+}
+
+async function axeOf(page, name) {
+  await page.evaluate(axe.source);
+  const found = await page.evaluate(() => globalThis.axe.run(document, { runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'] }));
+  saw.axe[name] = found.violations.map(({ id, nodes }) => `${id}: ${nodes.slice(0, 4).map((node) => node.target.join(' ')).join(', ')}`);
+  check(saw.axe[name].length === 0, `axe finds violations (${name})`);
+}
+
+async function pictures(page, size, moment) {
+  for (const theme of THEMES) {
+    await page.emulateMedia({ colorScheme: theme });
+    await page.waitForTimeout(400);
+    await page.screenshot({ path: join(outdir, `${moment}-${size}-${theme}.png`) });
+    if (moment === 'flight') await axeOf(page, `${size} ${theme}`);
+  }
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+  saw.wide_by_px[size] = wide;
+  check(wide <= 0, `the page is wider than the screen (${size})`);
+}
+
+function cardOf(page, name) {
+  const card = page.locator('.card', { has: page.locator('.name', { hasText: new RegExp(`^${name}$`) }) });
+  const phase = (words, timeout) => card.locator('.phase', { hasText: new RegExp(`^(${words})$`) }).waitFor({ timeout });
+  const place = async () => (await card.locator('[data-field=place]').textContent()).match(/-?\d+\.\d+/g).map(Number);
+  return { card, phase, place };
+}
+
+async function takeOff(page, drone) {
+  await drone.card.locator('[data-action=takeoff]').click();
+  await drone.phase('By hand', TAKEOFF_MS);
+}
+
+async function flyByKeys(page, drone) {
+  const before = await drone.place();
+  await page.keyboard.down('w');
+  await page.waitForTimeout(1500);
+  await page.keyboard.down('ArrowUp');
+  await page.waitForTimeout(500);
+  await page.keyboard.up('ArrowUp');
+  await page.keyboard.up('w');
+  await page.waitForTimeout(1500);
+  const after = await drone.place();
+  saw.velocities_sent = velocities.length;
+  saw.flown_m = Number(Math.hypot(after[0] - before[0], after[1] - before[1]).toFixed(2));
+  const moving = velocities.findLastIndex((each) => each.linear.some((part) => part !== 0) || each.yaw_rate !== 0);
+  saw.zeros_after_release = velocities.length - 1 - moving;
+  check(saw.flown_m > 0.2, 'held keys do not move the drone');
+  check(saw.velocities_sent >= 20 && saw.velocities_sent <= 60, 'velocities are not sent some 15 times a second');
+  check(saw.zeros_after_release === 1, 'zero is not sent once when the keys are let go');
+  await page.keyboard.down('d');
+  await page.waitForTimeout(200);
+  await page.evaluate(() => dispatchEvent(new Event('blur')));
+  const count = velocities.length;
+  await page.waitForTimeout(400);
+  check(velocities.length === count || velocities.slice(count).every((each) => each.linear.every((part) => part === 0)), 'a window that lost the focus flies on');
+  await page.keyboard.up('d');
+}
+
+async function flyPath(page, drone) {
+  await page.locator('#draw').click();
+  const box = await page.locator('#map').boundingBox();
+  for (const [x, y] of [[0.56, 0.42], [0.62, 0.55]]) await page.mouse.click(box.x + box.width * x, box.y + box.height * y);
+  await page.screenshot({ path: join(outdir, 'draft-desktop.png') });
+  const sent = page.waitForRequest((request) => request.url().endsWith('/path'));
+  await page.locator('#map').focus();
+  await page.keyboard.press('Enter');
+  saw.waypoints_sent = (await sent).postDataJSON().waypoints.length;
+  check(saw.waypoints_sent === 2, 'two clicks are not two waypoints');
+  await drone.phase('On its path', 10000);
+  await page.waitForTimeout(700);
+  await pictures(page, 'desktop', 'flight');
+  await drone.phase('By hand', PATH_MS);
+}
+
+async function flyByFinger(context, page) {
+  const box = await page.locator('#pad-right').boundingBox();
+  const finger = await context.newCDPSession(page);
+  const touch = (type, touchPoints) => finger.send('Input.dispatchTouchEvent', { type, touchPoints });
+  const count = velocities.length;
+  await touch('touchStart', [{ x: box.x + box.width / 2, y: box.y + 10 }]);
+  await page.waitForTimeout(600);
+  await touch('touchEnd', []);
+  await page.waitForTimeout(400);
+  const sent = velocities.slice(count).map((each) => each.linear[0]);
+  saw.by_finger = sent.length;
+  check(sent.length >= 5 && sent.slice(0, -1).every((ahead) => ahead > 0) && sent.at(-1) === 0, 'a finger on the pad does not fly ahead and stop');
+}
+
+async function onPhone(browser, name) {
+  const context = await browser.newContext({ viewport: SIZES.phone, hasTouch: true, isMobile: true, deviceScaleFactor: 2 });
+  const page = await context.newPage();
+  watch(page);
+  await page.goto(url);
+  await page.waitForSelector('.card');
+  await page.waitForTimeout(600);
+  await page.touchscreen.tap(60, 20);
+  await page.waitForTimeout(200);
+  check(await page.locator('#pads').isVisible(), 'fingers have no pads');
+  await pictures(page, 'phone', 'flight');
+  await cardOf(page, name).card.locator('.select').tap();
+  await page.locator('#fly').scrollIntoViewIfNeeded();
+  await flyByFinger(context, page);
+  await page.screenshot({ path: join(outdir, 'pads-phone-dark.png') });
+  await page.locator('.card').last().scrollIntoViewIfNeeded();
+  await page.screenshot({ path: join(outdir, 'cards-phone-dark.png') });
+  await page.setViewportSize({ width: 360, height: 740 });
+  check(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), 'the page is wider than 360 px');
+  await context.close();
+}
+
+async function stopAll(page, name) {
+  await page.keyboard.press('Backspace');
+  const row = page.locator('#stop-list li', { has: page.locator('strong', { hasText: new RegExp(`^${name}$`) }) });
+  await row.locator('.done', { hasText: 'on the ledger' }).waitFor({ timeout: LANDED_MS });
+  await pictures(page, 'desktop', 'stop');
+  await row.locator('.done', { hasText: 'on the ground' }).waitFor({ timeout: LANDED_MS });
+  saw.stop = await page.locator('#stop-list li').evaluateAll((rows) => rows.map((each) => [...each.children].map((part) => part.textContent).join(' ')));
+  saw.alarms = [await page.locator('#alarm-words').textContent()];
+  if (await page.locator('#acknowledge').isVisible()) {
+    await page.locator('#acknowledge').click();
+    saw.alarms.push(await page.locator('#alarm-words').textContent());
+    check(saw.alarms[1] === 'No alarm', 'an acknowledged alarm stays');
+  }
+}
+
+async function main() {
+  mkdirSync(outdir, { recursive: true });
+  const browser = await chromium.launch({ executablePath: process.env.LEDGERLINE_CHROMIUM ?? '/usr/bin/chromium', args: process.getuid() === 0 ? ['--no-sandbox'] : [] });
+  const page = await browser.newPage({ viewport: SIZES.desktop });
+  watch(page);
+  try {
+    await countLoad(page);
+    const name = named ?? (await page.locator('.card .name').first().textContent());
+    const drone = cardOf(page, name);
+    await drone.card.locator('.select').click();
+    await page.evaluate(() => {
+      globalThis.phases = new Set();
+      setInterval(() => phases.add(document.querySelector('.card.selected .phase').textContent), 50);
+    });
+    await takeOff(page, drone);
+    await flyByKeys(page, drone);
+    await flyPath(page, drone);
+    await onPhone(browser, name);
+    await stopAll(page, name);
+  } catch (error) {
+    saw.wrong.push(String(error.message).split('\n')[0]);
+    await page.screenshot({ path: join(outdir, 'wrong.png') });
+  }
+  saw.phases = await page.evaluate(() => [...(globalThis.phases ?? [])]);
+  await browser.close();
+  check(saw.console_errors.length === 0, 'the console has errors');
+  console.log(JSON.stringify(saw, null, 1));
+  process.exit(saw.wrong.length ? 1 : 0);
+}
+
+await main();
