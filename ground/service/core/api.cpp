@@ -16,6 +16,7 @@ namespace {
 using nlohmann::json;
 
 constexpr std::string_view root = "/api/v1/";
+constexpr std::size_t max_path_waypoints = 500;
 constexpr std::size_t max_shown = 64;  // bytes of a name that is given back in an error
 
 constexpr const char* word_of(Level level) {
@@ -72,6 +73,37 @@ std::optional<std::size_t> find(const std::vector<std::string>& names, std::stri
 
 ApiAnswer accepted(std::vector<PilotWish> wishes) { return {202, R"({"accepted":true})", std::move(wishes)}; }
 
+/// {"x":1,"y":0,"z":1.2,"speed":0.5}; FlightCore says what of it cannot be flown.
+Result<Waypoint> waypoint_from(const json& given) {
+  if (!given.is_object()) return Error{"must be an object"};
+  if (const Status keys = only(given, {"x", "y", "z", "speed"}); !keys) return keys.error();
+  for (const auto& [key, value] : given.items()) {
+    if (!value.is_number()) return Error{key + " must be a number"};
+  }
+  if (!given.contains("x") || !given.contains("y")) return Error{"needs x and y"};
+  Waypoint waypoint;
+  waypoint.at_m = {given["x"].get<double>(), given["y"].get<double>()};
+  if (given.contains("z")) waypoint.height_m = given["z"].get<double>();
+  if (given.contains("speed")) waypoint.speed_mps = given["speed"].get<double>();
+  return waypoint;
+}
+
+Result<PilotOrder> path_from(const json& body) {
+  if (const Status keys = only(body, {"waypoints", "then"}); !keys) return keys.error();
+  const json waypoints = body.value("waypoints", json());
+  const json then = body.value("then", json("hover"));
+  if (!waypoints.is_array() || waypoints.empty() || waypoints.size() > max_path_waypoints)
+    return Error{fmt::format("waypoints must be a list of 1 to {}", max_path_waypoints)};
+  if (then != "hover" && then != "land") return Error{R"(then must be "hover" or "land")"};
+  PilotOrder order{.kind = PilotOrder::Kind::path, .land_behind = then == "land"};
+  for (const json& given : waypoints) {
+    auto waypoint = waypoint_from(given);
+    if (!waypoint) return Error{fmt::format("waypoint {}: {}", order.waypoints.size() + 1, waypoint.error().what)};
+    order.waypoints.push_back(*waypoint);
+  }
+  return order;
+}
+
 ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const Known& known) {
   const auto slash = path.find('/');
   const std::string_view name = path.substr(0, slash);
@@ -87,14 +119,26 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const K
     wish.stop = true;
   } else if (verb == "cut") {
     wish.stop = wish.cut = true;
-  } else {
-    return refusal(404, "a drone knows takeoff, land, stop, cut");
+  } else if (verb == "pause") {
+    wish.order = PilotOrder{.kind = PilotOrder::Kind::pause};
+  } else if (verb == "resume") {
+    wish.order = PilotOrder{.kind = PilotOrder::Kind::resume};
+  } else if (verb == "return") {
+    wish.order = PilotOrder{.kind = PilotOrder::Kind::return_home};
+  } else if (verb != "path") {
+    return refusal(404, "a drone knows takeoff, land, stop, cut, path, pause, resume, return");
   }
   if (request.method != "POST") return refusal(405, "POST it");
   const auto body = object_from(request.body);
   if (!body) return refusal(400, body.error().what);
-  if (const Status keys = only(*body, {}); !keys) return refusal(400, keys.error().what);
-  return accepted({wish});
+  if (verb == "path") {
+    auto order = path_from(*body);
+    if (!order) return refusal(400, order.error().what);
+    wish.order = std::move(*order);
+  } else if (const Status keys = only(*body, {}); !keys) {
+    return refusal(400, keys.error().what);
+  }
+  return accepted({std::move(wish)});
 }
 
 ApiAnswer answer_stop(const ApiRequest& request, const Known& known) {
@@ -176,6 +220,7 @@ void merge(const PilotWish& wish, PilotWish& waiting) {
   waiting.land = waiting.land || wish.land;
   waiting.stop = waiting.stop || wish.stop;
   waiting.cut = waiting.cut || wish.cut;
+  if (wish.order) waiting.order = wish.order;
   if (!wish.velocity) return;
   waiting.replaced += waiting.velocity ? 1 : 0;
   waiting.velocity = wish.velocity;

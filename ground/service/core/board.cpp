@@ -24,15 +24,6 @@ json stoppers_of(const Lease& lease) {
   return all;
 }
 
-json path_of(const FlightStatus& status, const Follower* follower, double height_m) {
-  json corners = json::array();
-  if (!follower || !is_in_air(status.phase)) return corners;
-  const std::vector<Eigen::Vector2d>& points = follower->path().corners();
-  for (const Eigen::Vector2d& corner : points) corners.push_back({corner.x(), corner.y(), height_m});
-  if (!points.empty()) corners.push_back({points.front().x(), points.front().y(), height_m});  // paths are closed
-  return corners;
-}
-
 json drone_json(TimeNs now, const FlightCore& core, std::size_t i) {
   const FlightStatus status = core.status(i);
   const Seen& seen = core.seen(i);
@@ -59,11 +50,15 @@ json drone_json(TimeNs now, const FlightCore& core, std::size_t i) {
       {"origin", status.origin_m},
       {"lap", status.lap},
       {"progress", status.progress},
-      {"path", path_of(status, core.follower(i), core.height_m())},
+      {"path", status.planned},
+      {"paused", status.paused},
       {"stopped_by", stoppers_of(lease)},
       {"ledger_doubted", status.ledger_doubted},
       {"limit_mps", std::isfinite(status.limit_mps) && status.limit_mps > 0 ? json(status.limit_mps) : json()},
       {"lease", {{"holder", text_of(lease.holder)}, {"ours", lease.may_command}, {"epoch", lease.epoch}}}};
+  // Motion capture tells no variance.
+  const float variance = state.pose_variance[0] + state.pose_variance[1];
+  drone["sigma_m"] = placed && variance > 0 ? json(std::sqrt(variance)) : json();
   drone["predicted"] = nullptr;
   if (const PathController* own = core.controller(i); own && placed && status.phase == DronePhase::path) {
     const Eigen::Vector3d ahead =

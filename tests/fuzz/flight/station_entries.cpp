@@ -14,8 +14,13 @@ const std::vector<std::string> names{"tello1", "tello2"};
 class RequestEntry final : public Entry {
  public:
   std::vector<std::string> seeds() override {
-    return {"GET /api/v1/drones\n", "GET /api/v1/events?since=12\n", "POST /api/v1/drones/tello1/takeoff\n{}",
-            "POST /api/v1/stop\n{\"cut\":true}", "POST /api/v1/drones/tello2/land\n"};
+    return {
+        "GET /api/v1/drones\n",
+        "GET /api/v1/events?since=12\n",
+        "POST /api/v1/drones/tello1/takeoff\n{}",
+        "POST /api/v1/drones/tello1/path\n{\"waypoints\":[{\"x\":1,\"y\":2,\"z\":1,\"speed\":0.5}],\"then\":\"land\"}",
+        "POST /api/v1/stop\n{\"cut\":true}",
+        "POST /api/v1/drones/tello2/land\n"};
   }
   Outcome feed(std::string_view bytes) override {
     const auto end = std::min(bytes.find('\n'), bytes.size());

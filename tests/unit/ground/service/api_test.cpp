@@ -50,6 +50,32 @@ TEST_F(Api, AWordToADroneIsAWishOfThatDroneAlone) {
   EXPECT_TRUE(stop.wishes.at(0).stop && !stop.wishes.at(0).cut);
 }
 
+TEST_F(Api, APathIsAnOrderWithItsWaypointsAndItsEnd) {
+  const ApiAnswer path = ask("POST", "/api/v1/drones/tello1/path",
+                             R"({"waypoints":[{"x":1,"y":-2},{"x":0,"y":0,"z":1.5,"speed":0.4}],"then":"land"})");
+  ASSERT_THAT(path.wishes, SizeIs(1)) << path.body;
+  const auto& order = path.wishes[0].order;
+  ASSERT_TRUE(order);
+  EXPECT_EQ(order->kind, PilotOrder::Kind::path);
+  EXPECT_TRUE(order->land_behind);
+  ASSERT_THAT(order->waypoints, SizeIs(2));
+  EXPECT_EQ(order->waypoints[0].at_m.y(), -2);
+  EXPECT_FALSE(order->waypoints[0].height_m);
+  EXPECT_EQ(order->waypoints[1].height_m, 1.5);
+  EXPECT_EQ(order->waypoints[1].speed_mps, 0.4);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/pause").wishes.at(0).order->kind, PilotOrder::Kind::pause);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/resume").wishes.at(0).order->kind, PilotOrder::Kind::resume);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/return").wishes.at(0).order->kind, PilotOrder::Kind::return_home);
+  std::string long_list = R"({"waypoints":[)";
+  for (int i = 0; i < 501; ++i) long_list += std::string(i > 0 ? "," : "") + R"({"x":1,"y":1})";
+  for (const std::string& wrong :
+       {std::string("{}"), std::string(R"({"waypoints":[]})"), std::string(R"({"waypoints":[1]})"),
+        std::string(R"({"waypoints":[{"x":1}]})"), std::string(R"({"waypoints":[{"x":1,"y":"2"}]})"),
+        std::string(R"({"waypoints":[{"x":1,"y":2,"w":3}]})"),
+        std::string(R"({"waypoints":[{"x":1,"y":2}],"then":"dance"})"), long_list + "]}"})
+    EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/path", wrong).status, 400U) << wrong.substr(0, 60);
+}
+
 TEST_F(Api, StopAllStopsEveryDroneAndCutsOnlyWhereThatIsSaid) {
   const ApiAnswer stop = ask("POST", "/api/v1/stop");
   ASSERT_THAT(stop.wishes, SizeIs(2));
