@@ -121,7 +121,7 @@ class Card {
     const place = drone.position ? drone.position.map((each) => each.toFixed(2)).join(', ') : 'unknown';
     put(fields.place, `${place} m at ${Math.hypot(...(drone.velocity ?? [0])).toFixed(2)} m/s`);
     this.#optional('stopped', drone.stopped_by?.length ? drone.stopped_by.join(', ') : '');
-    this.#optional('limit', drone.limit_mps === null ? '' : `${drone.limit_mps} m/s`);
+    this.#optional('limit', drone.limit_mps === null ? '' : `${drone.limit_mps.toFixed(1)} m/s`);
     this.#optional('why', [drone.why, drone.ledger_doubted ? 'the ledger is doubted' : ''].filter(Boolean).join('; '));
     for (const [what, button] of Object.entries(this.#buttons)) button.setAttribute('aria-disabled', this.fresh && !ACTIONS[what][1](drone));
     const pause = drone.paused ? 'Resume' : 'Pause';

@@ -132,6 +132,7 @@ Status Ground::serve(const service::ServiceSettings& settings) {
       [this](const PilotWish& one) { wish(one.drone, [&](PilotWish& wished) { service::merge(one, wished); }); });
   if (!server) return server.error();
   server_ = std::move(server).value();
+  show(monotonic_ns());
   return done;
 }
 

@@ -55,7 +55,8 @@ json drone_json(TimeNs now, const FlightCore& core, std::size_t i) {
       {"stopped_by", stoppers_of(lease)},
       {"ledger_doubted", status.ledger_doubted},
       {"limit_mps", std::isfinite(status.limit_mps) && status.limit_mps > 0 ? json(status.limit_mps) : json()},
-      {"lease", {{"holder", text_of(lease.holder)}, {"ours", lease.may_command}, {"epoch", lease.epoch}}}};
+      {"lease",
+       {{"holder", text_of(lease.holder)}, {"ours", lease.holder == core.config().self}, {"epoch", lease.epoch}}}};
   // Motion capture tells no variance.
   const float variance = state.pose_variance[0] + state.pose_variance[1];
   drone["sigma_m"] = placed && variance > 0 ? json(std::sqrt(variance)) : json();
