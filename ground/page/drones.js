@@ -40,13 +40,30 @@ export function cleaned(drone) {
   };
 }
 
+/// "Org2MSP CN=User1@org2.ledgerline,OU=client": "User1@org2.ledgerline (Org2MSP)".
+function shortName(identity) {
+  const found = /^(\S+) .*?CN=([^,]+)/.exec(identity);
+  return found ? `${found[2]} (${found[1]})` : identity;
+}
+
+/// Fixed digits; what rounds to zero has no sign.
+export const fixed = (value, digits) => (Number(value.toFixed(digits)) + 0).toFixed(digits);
+
 /// An age in words, and how bad it is.
 export function freshness(age_ms, connected) {
   if (age_ms === null) return { words: 'none yet', level: 'none' };
   const words = age_ms < 1000 ? `${Math.round(age_ms)} ms` : age_ms < 100000 ? `${(age_ms / 1000).toFixed(1)} s` : 'over 100 s';
-  if (!connected) return { words: `${words}, not connected`, level: 'stale' };
+  if (!connected) return { words: `${words}, lost`, level: 'stale' };
   if (age_ms > STALE_MS) return { words: `${words}, stale`, level: 'stale' };
   return age_ms > LATE_MS ? { words: `${words}, late`, level: 'late' } : { words, level: 'fresh' };
+}
+
+// While a drone is stopped nobody may command it, its holder neither.
+function leaseWords({ lease, stopped_by }) {
+  if (!lease?.holder) return 'nobody holds it';
+  const who = shortName(lease.holder);
+  if (!lease.ours) return `NOT ours: ${who}`;
+  return stopped_by?.length ? `ours, no commands while stopped: ${who}` : `ours: ${who}`;
 }
 
 class Card {
@@ -116,11 +133,13 @@ class Card {
     put(fields.failsafe, calm ? 'not active' : `${MODES[drone.mode] ?? drone.mode}: ${drone.cause_words || drone.cause}`);
     fields.failsafe.classList.toggle('bad', !calm);
     const holder = drone.lease?.holder;
-    put(fields.lease, drone.lease?.ours ? `ours (${holder})` : holder ? `NOT ours: ${holder}` : 'nobody holds it');
+    put(fields.lease, leaseWords(drone));
+    fields.lease.title = holder ?? '';
     fields.lease.classList.toggle('warn', !drone.lease?.ours);
-    const place = drone.position ? drone.position.map((each) => each.toFixed(2)).join(', ') : 'unknown';
+    const place = drone.position ? drone.position.map((each) => fixed(each, 2)).join(', ') : 'unknown';
     put(fields.place, `${place} m at ${Math.hypot(...(drone.velocity ?? [0])).toFixed(2)} m/s`);
-    this.#optional('stopped', drone.stopped_by?.length ? drone.stopped_by.join(', ') : '');
+    this.#optional('stopped', (drone.stopped_by ?? []).map(shortName).join(', '));
+    fields.stopped.title = (drone.stopped_by ?? []).join('; ');
     this.#optional('limit', drone.limit_mps === null ? '' : `${drone.limit_mps.toFixed(1)} m/s`);
     this.#optional('why', [drone.why, drone.ledger_doubted ? 'the ledger is doubted' : ''].filter(Boolean).join('; '));
     for (const [what, button] of Object.entries(this.#buttons)) button.setAttribute('aria-disabled', this.fresh && !ACTIONS[what][1](drone));

@@ -1,8 +1,8 @@
 // The plan view: x to the right, y up, metres. Draws what is there and says where it was clicked.
+import { fixed, STALE_MS } from './drones.js';
 import { View } from './view.js';
 
 const TRAIL_MS = 60000;
-const STALE_MS = 1000;
 
 export class PlanView {
   #canvas;
@@ -229,7 +229,7 @@ export class PlanView {
     ctx.fillRect(px + 0.5, py + tall / 2 - tall * share, 5, tall * share);
     ctx.font = '12px system-ui, sans-serif';
     ctx.fillStyle = this.#ink('text');
-    ctx.fillText(`${z.toFixed(1)} m`, px + 10, py + 4);
+    ctx.fillText(`${fixed(z, 1)} m`, px + 10, py + 4);
   }
 
   #label(px, py, text, stale) {

@@ -2,12 +2,12 @@
 
 const AGAIN_MS = 500;
 const MOST_TRIES = 60;
-const STEPS = ['sent', 'accepted', 'on the ledger', 'landing', 'on the ground'];
+const STEPS = ['sent', 'accepted', 'on ledger', 'landing', 'on ground'];
 const DOWN = ['waiting', 'landed', 'failed'];
 
 function stepsOf(drone) {
   const down = drone.phase === 'landed' || (DOWN.includes(drone.phase) && drone.link_phase === 'on_ground');
-  return { 'on the ledger': drone.stopped_by?.length > 0, landing: drone.phase === 'landing', 'on the ground': down };
+  return { 'on ledger': drone.stopped_by?.length > 0, landing: drone.phase === 'landing', 'on ground': down };
 }
 
 export class StopAll {
@@ -73,7 +73,7 @@ export class StopAll {
   }
 
   get pending() {
-    return this.open && this.#accepted && [...this.#rows.values()].some((row) => !row.done.has('on the ground'));
+    return this.open && this.#accepted && [...this.#rows.values()].some((row) => !row.done.has('on ground'));
   }
 
   #mark(name, step) {
@@ -95,7 +95,7 @@ export class StopAll {
     if (entry.done.has(step)) return;
     entry.done.add(step);
     // It stood on the ground all the time, or its landing was not seen.
-    if (step === 'on the ground' && !entry.done.has('landing')) entry.row.children[1 + STEPS.indexOf('landing')].hidden = true;
+    if (step === 'on ground' && !entry.done.has('landing')) entry.row.children[1 + STEPS.indexOf('landing')].hidden = true;
     const mark = entry.row.children[1 + STEPS.indexOf(step)];
     mark.classList.add('done');
     mark.textContent = `✓ ${step}`;

@@ -171,9 +171,9 @@ async function onPhone(browser, name) {
 async function stopAll(page, name) {
   await page.keyboard.press('Backspace');
   const row = page.locator('#stop-list li', { has: page.locator('strong', { hasText: new RegExp(`^${name}$`) }) });
-  await row.locator('.done', { hasText: 'on the ledger' }).waitFor({ timeout: LANDED_MS });
+  await row.locator('.done', { hasText: 'on ledger' }).waitFor({ timeout: LANDED_MS });
   await pictures(page, 'desktop', 'stop');
-  await row.locator('.done', { hasText: 'on the ground' }).waitFor({ timeout: LANDED_MS });
+  await row.locator('.done', { hasText: 'on ground' }).waitFor({ timeout: LANDED_MS });
   saw.stop = await page.locator('#stop-list li').evaluateAll((rows) => rows.map((each) => [...each.children].map((part) => part.textContent).join(' ')));
   saw.alarms = [await page.locator('#alarm-words').textContent()];
   if (await page.locator('#acknowledge').isVisible()) {
