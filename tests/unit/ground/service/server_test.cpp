@@ -1,0 +1,195 @@
+#include "ground/service/shell/server.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "common/base/file.hpp"
+#include "tests/fuzz/directory.hpp"
+
+namespace ledgerline::ground::service {
+namespace {
+
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using boost::asio::ip::tcp;
+using nlohmann::json;
+using testing::HasSubstr;
+
+class StationServer : public testing::Test {
+ protected:
+  StationServer() {
+    settings = {.listen = "127.0.0.1:0", .token_file = directory.path + "/" + "page.token"};
+    auto started =
+        Server::start(settings, {"tello1"}, {.manual = true, .speed_mps = 0.5}, [this](const PilotWish& wish) {
+          const std::lock_guard lock(mutex);
+          wishes.push_back(wish);
+        });
+    if (!started) throw std::runtime_error(started.error().what);
+    server = std::move(*started);
+    place = server->url().substr(std::string("http://").size());
+    token = read_file(settings.token_file)->substr(0, token_digits);
+  }
+
+  tcp::socket dial() {
+    tcp::socket socket(io);
+    socket.connect({boost::asio::ip::make_address_v4("127.0.0.1"),
+                    static_cast<std::uint16_t>(std::stoi(place.substr(place.find(':') + 1)))});
+    return socket;
+  }
+  http::response<http::string_body> ask(http::verb verb, const std::string& target, const std::string& bearer) {
+    tcp::socket socket = dial();
+    http::request<http::string_body> request{verb, target, 11};
+    request.set(http::field::host, place);
+    if (!bearer.empty()) request.set(http::field::authorization, "Bearer " + bearer);
+    request.prepare_payload();
+    http::write(socket, request);
+    beast::flat_buffer buffer;
+    http::response<http::string_body> response;
+    http::read(socket, buffer, response);
+    return response;
+  }
+  using Stream = websocket::stream<tcp::socket>;
+  std::unique_ptr<Stream> stream() {
+    auto opened = std::make_unique<Stream>(dial());
+    opened->set_option(websocket::stream_base::decorator([&](websocket::request_type& request) {
+      request.set(http::field::sec_websocket_protocol, "ledgerline.v1, token." + token);
+    }));
+    opened->handshake(place, "/api/v1/stream");
+    return opened;
+  }
+  static json read(Stream& from) {
+    beast::flat_buffer buffer;
+    from.read(buffer);
+    return json::parse(beast::buffers_to_string(buffer.data()));
+  }
+  void publish_event(std::uint64_t number) {
+    server->publish("[]", R"({"op":"state","drones":[]})", {{number, 1, Level::info, "tello1", "event"}});
+  }
+  std::size_t heard() {
+    const std::lock_guard lock(mutex);
+    return wishes.size();
+  }
+
+  fuzz::Directory directory;
+  boost::asio::io_context io;
+  std::mutex mutex;
+  std::vector<PilotWish> wishes;
+  ServiceSettings settings;
+  std::unique_ptr<Server> server;
+  std::string place, token;
+};
+
+TEST_F(StationServer, ServesItsPageToAnybodyHereAndTheApiToWhoKnowsTheToken) {
+  const auto page = ask(http::verb::get, "/", "");
+  EXPECT_EQ(page.result_int(), 200U);
+  EXPECT_THAT(page.body(), HasSubstr("<html"));
+  EXPECT_THAT(std::string(page["Content-Security-Policy"]), HasSubstr("default-src 'none'"));
+  EXPECT_EQ(ask(http::verb::get, "/page/main.js", "").result_int(), 200U);
+  EXPECT_EQ(ask(http::verb::get, "/page/../page.token", "").result_int(), 404U);
+  EXPECT_EQ(ask(http::verb::get, "/api/v1/drones", "").result_int(), 401U);
+  EXPECT_EQ(ask(http::verb::get, "/api/v1/drones", token).result_int(), 200U);
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/drones/tello1/takeoff", "").result_int(), 401U);
+  EXPECT_EQ(heard(), 0U);
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/drones/tello1/takeoff", token).result_int(), 202U);
+  EXPECT_EQ(heard(), 1U);
+}
+
+TEST_F(StationServer, AClientHearsEveryEventInOrderAndTheNewestState) {
+  const auto client = stream();
+  EXPECT_EQ(read(*client)["op"], "hello");
+  for (std::uint64_t number = 1; number <= 200; ++number) publish_event(number);
+  std::uint64_t newest = 0;
+  while (newest < 200) {
+    for (const json& event : read(*client).value("events", json::array())) EXPECT_EQ(event["n"], ++newest);
+  }
+  while (read(*client)["op"] != "state") continue;
+}
+
+TEST_F(StationServer, AClientThatDoesNotReadIsClosedAndTheOthersGoOn) {
+  const auto deaf = stream(), client = stream();
+  const std::string words(2000, 'x');
+  std::uint64_t newest = 0;
+  for (std::uint64_t number = 1; number <= 6'000; ++number) {
+    server->publish("[]", "{}", {{number, 1, Level::info, "", words}});
+    while (number % 100 == 0 && newest < number) {
+      for (const json& event : read(*client).value("events", json::array())) newest = event["n"];
+    }
+  }
+  EXPECT_EQ(newest, 6'000U);
+  beast::flat_buffer buffer;
+  beast::error_code error;
+  while (!error) {
+    deaf->read(buffer, error);
+    buffer.clear();
+  }
+  EXPECT_TRUE(server->watched());
+}
+
+TEST_F(StationServer, WhatIsNoVelocityEndsTheStreamWithTheReason) {
+  const auto client = stream();
+  client->write(
+      boost::asio::buffer(std::string(R"({"op":"velocity","drone":"tello1","linear":[0.1,0,0],"yaw_rate":0})")));
+  client->write(boost::asio::buffer(std::string(R"({"op":"fly"})")));
+  beast::flat_buffer buffer;
+  beast::error_code error;
+  while (!error) client->read(buffer, error);
+  EXPECT_EQ(error, websocket::error::closed);
+  EXPECT_EQ(client->reason().code, websocket::close_code::policy_error);
+  EXPECT_EQ(heard(), 1U);
+}
+
+TEST_F(StationServer, TheLastEventsReachEveryoneBeforeItEnds) {
+  const auto client = stream();
+  EXPECT_EQ(read(*client)["op"], "hello");
+  publish_event(1);
+  std::jthread ending([&] { server->end(); });
+  bool told = false;
+  beast::flat_buffer buffer;
+  beast::error_code error;
+  while (!error) {
+    client->read(buffer, error);
+    told = told || beast::buffers_to_string(buffer.data()).find("\"events\"") != std::string::npos;
+    buffer.clear();
+  }
+  EXPECT_TRUE(told);
+  EXPECT_EQ(client->reason().code, websocket::close_code::going_away);
+}
+
+TEST(StationToken, IsMadeOnceForItsOwnerAloneAndAnOpenOneIsRefused) {
+  const fuzz::Directory directory;
+  const std::string file = directory.path + "/" + "token";
+  const auto made = read_token(file), again = read_token(file);
+  ASSERT_TRUE(made && again);
+  EXPECT_EQ(*made, *again);
+  EXPECT_EQ(made->size(), token_digits);
+  ASSERT_EQ(::chmod(file.c_str(), 0640), 0);
+  const auto open = read_token(file);
+  ASSERT_FALSE(open);
+  EXPECT_THAT(open.error().what, HasSubstr("chmod 600"));
+  ASSERT_TRUE(replace_file(file, "short", 0600));
+  EXPECT_FALSE(read_token(file));
+  EXPECT_FALSE(read_token(""));
+}
+
+TEST(StationPlace, IsThisComputerAlone) {
+  const fuzz::Directory directory;
+  for (const char* listen :
+       {"0.0.0.0:8800", "10.0.0.1:8800", "127.0.0.1", "127.0.0.1:65536", "127.0.0.1:x", "localhost:8800"}) {
+    const auto server = Server::start({listen, directory.path + "/" + "token"}, {}, {}, [](const PilotWish&) {});
+    ASSERT_FALSE(server) << listen;
+    EXPECT_THAT(server.error().what, HasSubstr("[service] listen"));
+  }
+}
+
+}  // namespace
+}  // namespace ledgerline::ground::service
