@@ -55,6 +55,8 @@ struct InAir : FlightWorld {
   const DronePlan& newest_plan() const { return drones[0].plans.back(); }
 };
 
+std::string last_note(const FlightWorld& world) { return world.notes.empty() ? "" : world.notes.back(); }
+
 bool hovers(const DronePlan& plan) {
   return plan.action() == FLY && plan.body_frame() &&
          std::all_of(plan.setpoints().begin(), plan.setpoints().end(),
@@ -137,7 +139,7 @@ TEST(PilotOrder, APauseHoldsAndResumeGoesOnToTheNextWaypoint) {
   world.run(5);
   EXPECT_LT((world.position() - here).norm(), 0.02);
   world.say(order(Order::pause));
-  EXPECT_THAT(world.notes.back(), HasSubstr("no pause: it is paused already"));
+  EXPECT_THAT(last_note(world), HasSubstr("no pause: it is paused already"));
 
   world.say(order(Order::resume));
   EXPECT_EQ(world.phase(), DronePhase::path);
@@ -177,7 +179,7 @@ TEST(PilotOrder, WhatIsPausedIsForgottenBehindAnotherPathAndBehindALanding) {
   EXPECT_FALSE(world.status().paused);
   ASSERT_TRUE(world.ends_path());
   world.say(order(Order::resume));
-  EXPECT_THAT(world.notes.back(), HasSubstr("no resume: no path of it is paused"));
+  EXPECT_THAT(last_note(world), HasSubstr("no resume: no path of it is paused"));
   world.run(2);
   world.say(path({at(3, 1)}));
   world.run(2);
@@ -189,7 +191,7 @@ TEST(PilotOrder, WhatIsPausedIsForgottenBehindAnotherPathAndBehindALanding) {
   world.say({.drone = 0, .takeoff = true});
   world.run(5);
   world.say(order(Order::resume));
-  EXPECT_THAT(world.notes.back(), HasSubstr("no resume"));
+  EXPECT_THAT(last_note(world), HasSubstr("no resume"));
   EXPECT_EQ(world.phase(), DronePhase::manual);
 }
 
@@ -215,7 +217,7 @@ TEST(PilotOrder, OfADroneFoundInTheAirNobodyKnowsWhereItTookOff) {
   ASSERT_EQ(world.core.status(0).phase, DronePhase::manual);
   world.say(order(Order::return_home));
   EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
-  EXPECT_THAT(world.notes.back(), HasSubstr("no return: where it took off is not known"));
+  EXPECT_THAT(last_note(world), HasSubstr("no return: where it took off is not known"));
   world.say(path({at(5, 4)}));
   EXPECT_EQ(world.core.status(0).phase, DronePhase::path) << "where it is it knows";
 }
@@ -232,12 +234,12 @@ TEST(PilotOrder, OnTheGroundAndOnItsWayUpAndDownOrdersAreRefusedInWords) {
   world.say({.drone = 0, .takeoff = true});
   world.run(1);
   world.say(path({at(1, 1)}));
-  EXPECT_THAT(world.notes.back(), HasSubstr("no path: it is still taking off"));
+  EXPECT_THAT(last_note(world), HasSubstr("no path: it is still taking off"));
   world.run(5);
   world.say({.drone = 0, .land = true});
   world.run(0.5);
   world.say(order(Order::return_home));
-  EXPECT_THAT(world.notes.back(), HasSubstr("no return: it is landing"));
+  EXPECT_THAT(last_note(world), HasSubstr("no return: it is landing"));
   EXPECT_EQ(world.core.status(0).phase, DronePhase::landing);
 }
 
@@ -249,7 +251,7 @@ TEST(PilotOrder, AFlightAroundItsOwnPathTakesNoOrder) {
   EXPECT_EQ(world.core.status(0).planned.front(), world.core.status(0).planned.back());
   for (const Order kind : {Order::path, Order::pause, Order::resume, Order::return_home}) {
     world.say(order(kind));
-    EXPECT_THAT(world.notes.back(), HasSubstr("it flies the path of its flight"));
+    EXPECT_THAT(last_note(world), HasSubstr("it flies the path of its flight"));
     EXPECT_EQ(world.core.status(0).phase, DronePhase::path);
     world.run(1.1);
   }
@@ -264,11 +266,42 @@ TEST(PilotOrder, WithoutAPoseNoPathIsFlown) {
   blind.run(0.2);
   for (const auto& wish : {path({at(1, 1)}), order(Order::return_home)}) {
     blind.say(wish);
-    EXPECT_THAT(blind.notes.back(), HasSubstr("it has no pose"));
+    EXPECT_THAT(last_note(blind), HasSubstr("it has no pose"));
     EXPECT_EQ(blind.phase(), DronePhase::manual);
     blind.run(1.1);
   }
   EXPECT_EQ(blind.status().pilot.refused, 2U);
+}
+
+TEST(PilotOrder, AnOldPoseIsNoPlaceToBeginAt) {
+  InAir world;
+  world.drones[0].pose_late_ns = 2 * ns_per_s;
+  world.run(0.2);
+  world.say(path({at(1, 1)}));
+  EXPECT_THAT(last_note(world), HasSubstr("no path: its pose is lost"));
+  EXPECT_EQ(world.phase(), DronePhase::manual);
+}
+
+TEST(PilotOrder, AVelocityOfBeforeIsNotFlownBehindAPathThatEndsAtOnce) {
+  InAir world;
+  world.say({.drone = 0, .velocity = Twist{{0.1, 0, 0}, {}}});
+  world.run(0.05);
+  const Eigen::Vector3d here = world.position();
+  world.say(path({at(here.x(), here.y(), here.z())}));
+  world.run(0.1);
+  ASSERT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_TRUE(hovers(world.newest_plan()));
+}
+
+TEST(PilotOrder, WhatWasLearnedOfTheDroneHoldsForItsNextPath) {
+  InAir world;
+  world.say(path({at(3, 1), at(3, 4), at(0, 4), at(0, 1)}));
+  const motion::Response first = world.status().response;
+  ASSERT_TRUE(world.ends_path());
+  const motion::Response learned = world.status().response;
+  ASSERT_NE(learned.lag_s, first.lag_s);
+  world.say(path({at(2, 1)}));
+  EXPECT_EQ(world.status().response.lag_s, learned.lag_s);
 }
 
 TEST(PilotOrder, BadWaypointsAreRefusedAndThePathThatIsFlownGoesOn) {
@@ -276,7 +309,7 @@ TEST(PilotOrder, BadWaypointsAreRefusedAndThePathThatIsFlownGoesOn) {
   world.say(path({at(2, 1)}));
   world.run(1);
   world.say(path({at(1, 1), at(1, 2, 0.1)}));
-  EXPECT_THAT(world.notes.back(), HasSubstr("no path: waypoint 2 has z 0.1 m"));
+  EXPECT_THAT(last_note(world), HasSubstr("no path: waypoint 2 has z 0.1 m"));
   world.say(path({}));
   EXPECT_EQ(world.status().pilot.refused, 2U);
   EXPECT_EQ(world.phase(), DronePhase::path);
@@ -320,7 +353,7 @@ TEST(PilotOrder, AVelocityAndATakeOffDuringAPathAreRefusedAndItFliesOn) {
   EXPECT_EQ(world.status().pilot.not_flying, 10U);
   EXPECT_EQ(world.status().pilot.velocities, 0U);
   world.say({.drone = 0, .takeoff = true});
-  EXPECT_THAT(world.notes.back(), HasSubstr("no take-off: it is in the air"));
+  EXPECT_THAT(last_note(world), HasSubstr("no take-off: it is in the air"));
   EXPECT_LT(std::abs(world.position().y() - 1), 0.1);
   ASSERT_TRUE(world.ends_path());
   EXPECT_LT(world.away_m(2, 1), 0.15);
@@ -365,7 +398,7 @@ TEST(PilotOrder, APathThatTakesTooLongEndsInAHoverAndAWordAboutIt) {
   EXPECT_EQ(world.phase(), DronePhase::path);
   world.run(2);
   EXPECT_EQ(world.phase(), DronePhase::manual);
-  EXPECT_EQ(world.notes.back(), "tello1: did not finish its path within 30 s: it hovers");
+  EXPECT_EQ(last_note(world), "tello1: did not finish its path within 30 s: it hovers");
   world.run(2);
   EXPECT_TRUE(hovers(world.newest_plan()));
   EXPECT_TRUE(world.core.ok()) << world.core.why();
@@ -380,7 +413,7 @@ TEST(PilotOrder, ALostLeaseEndsThePathAndHandedBackTheDroneHovers) {
   EXPECT_EQ(world.phase(), DronePhase::waiting);
   EXPECT_TRUE(world.status().planned.empty());
   world.say(path({at(4, 1)}));
-  EXPECT_THAT(world.notes.back(), HasSubstr("no path: its lease is held by CN=User1@org3"));
+  EXPECT_THAT(last_note(world), HasSubstr("no path: its lease is held by CN=User1@org3"));
   ASSERT_TRUE(world.core.set_control(control_record("tello1", operator_name, 3).SerializeAsString()));
   world.run(1);
   EXPECT_EQ(world.phase(), DronePhase::manual);
