@@ -4,6 +4,7 @@
 
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <deque>
 #include <mutex>
 #include <set>
@@ -44,7 +45,7 @@ Result<Place> place_from(const std::string& listen) {
 class BeastServer final : public Server {
  public:
   BeastServer(std::vector<std::string> drones, const Greeting& greeting, TakeWish take)
-      : hub_(std::move(drones), greeting, std::move(take)), acceptor_(io_) {}
+      : hub_(std::move(drones), greeting, std::move(take)), acceptor_(io_), again_(io_) {}
   ~BeastServer() override {
     io_.stop();
     if (thread_.joinable()) thread_.join();
@@ -62,7 +63,7 @@ class BeastServer final : public Server {
     url_ = fmt::format("http://{}:{}", place.address, port);
     guard_.emplace(token, place.address, port);
     accept();
-    thread_ = std::thread([this] { io_.run(); });
+    thread_ = std::thread([this] { serve(); });
     return done;
   }
 
@@ -76,6 +77,7 @@ class BeastServer final : public Server {
     asio::post(io_, [this] {
       boost::system::error_code ignored;  // it is no matter whether it was open
       acceptor_.close(ignored);
+      again_.cancel();
       hub_.end();
     });
     const TimeNs until = monotonic_ns() + 500 * ns_per_ms;
@@ -85,20 +87,39 @@ class BeastServer final : public Server {
   std::string url() const override { return url_; }
 
  private:
+  // Whatever goes wrong here is no reason for a flight to end.
+  void serve() {
+    try {
+      io_.run();
+    } catch (const std::exception& problem) {
+      spdlog::error("ground's page has ended, the flight goes on: {}", problem.what());
+    }
+  }
+
   void accept() {
     acceptor_.async_accept([this](boost::system::error_code error, tcp::socket socket) {
       if (error == asio::error::operation_aborted) return;
+      if (error) {
+        // Out of descriptors, for one: it would fail again at once.
+        spdlog::warn("ground's page: a connection could not be taken: {}", error.message());
+        again_.expires_after(std::chrono::seconds(1));
+        again_.async_wait([this](boost::system::error_code ended) {
+          if (!ended) accept();
+        });
+        return;
+      }
       // Beyond the bound a connection is closed at once; the pages that are open go on.
-      if (!error && hub_.connections() < max_connections) serve_http(std::move(socket), hub_, *guard_);
-      if (error) spdlog::warn("ground's page: a connection could not be taken: {}", error.message());
+      if (hub_.connections() < max_connections) serve_http(std::move(socket), hub_, *guard_);
       accept();
     });
   }
 
-  asio::io_context io_{1};
+  // Before io_, whose end ends the connections that still wait: they speak to both.
   Hub hub_;
   std::optional<Guard> guard_;
+  asio::io_context io_{1};
   tcp::acceptor acceptor_;
+  asio::steady_timer again_;
   std::string url_;
   std::thread thread_;
 };
