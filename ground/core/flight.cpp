@@ -34,6 +34,12 @@ Task task_of(const FlightConfig& config, std::size_t drone) {
   return {config.shape, config.side_m, config.waypoints, config.controller.speed_mps, config.laps};
 }
 
+void take_velocity(const Twist& velocity, TimeNs came_ns, PilotWish& wish) {
+  if (wish.velocity) ++wish.replaced;
+  wish.velocity = velocity;
+  wish.came_ns = came_ns;
+}
+
 std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std::string_view name) {
   for (std::size_t i = 0; i < drones.size(); ++i) {
     if (drones[i].name == name) return i;
@@ -273,7 +279,7 @@ std::string FlightCore::why() const {
   return all;
 }
 
-FlightStatus FlightCore::status(std::size_t drone) const { return drones_.at(drone)->status; }
+const FlightStatus& FlightCore::status(std::size_t drone) const { return drones_.at(drone)->status; }
 
 const Follower* FlightCore::follower(std::size_t drone) const { return drones_.at(drone)->planner.follower(); }
 

@@ -55,7 +55,7 @@ class FlightCore {
   bool ok() const;    ///< every drone finished its path and landed; manual: nothing went wrong
   std::string why() const;  ///< of all drones; empty while nothing went wrong
   const std::vector<FlightDrone>& drones() const { return config_.drones; }
-  FlightStatus status(std::size_t drone) const;
+  const FlightStatus& status(std::size_t drone) const;
   const Seen& seen(std::size_t drone) const { return intake_.of(drone); }
   const Lease& lease(std::size_t drone) const { return leases_.of(drone); }
   const FlightConfig& config() const { return config_; }

@@ -168,6 +168,9 @@ struct FlightTransactions {
 /// What this drone flies: its own task, or the flight's.
 Task task_of(const FlightConfig& config, std::size_t drone);
 
+/// The newest velocity counts; one that nobody has looked at yet is replaced.
+void take_velocity(const Twist& velocity, TimeNs came_ns, PilotWish& wish);
+
 /// Index of the drone of this name; nothing: it does not fly here.
 std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std::string_view name);
 

@@ -69,9 +69,7 @@ void velocity(std::string_view cdr, TimeNs came_ns, PilotWish& wish) {
     ++wish.bad_values;
     return;
   }
-  if (wish.velocity) ++wish.replaced;
-  wish.velocity = *twist;
-  wish.came_ns = came_ns;
+  take_velocity(*twist, came_ns, wish);
 }
 
 template <bool PilotWish::*word>

@@ -12,9 +12,9 @@
 namespace ledgerline::motion {
 namespace {
 
-constexpr std::size_t min_points = 3, max_points = 500;
-constexpr double max_distance_m = 100, min_distance_m = 0.01;
-constexpr double lowest_m = 0.3, highest_m = 10, slowest_mps = 0.05, fastest_mps = 8;
+constexpr std::size_t min_points = 3;
+constexpr double max_distance_m = 100;
+constexpr double smin_height_mps = 0.05, fastest_mps = 8;
 
 std::string_view trimmed(std::string_view text) {
   const auto from = text.find_first_not_of(" \t\r");
@@ -48,12 +48,12 @@ Result<Waypoint> waypoint_of(const std::vector<std::string_view>& cells) {
   if (!y) return y.error();
   Waypoint point{{*x, *y}};
   if (cells.size() > 2 && !cells[2].empty()) {
-    const auto z = number_in(cells[2], "z", lowest_m, highest_m);
+    const auto z = number_in(cells[2], "z", min_height_m, max_height_m);
     if (!z) return z.error();
     point.height_m = *z;
   }
   if (cells.size() > 3 && !cells[3].empty()) {
-    const auto speed = number_in(cells[3], "speed", slowest_mps, fastest_mps);
+    const auto speed = number_in(cells[3], "speed", smin_height_mps, fastest_mps);
     if (!speed) return speed.error();
     point.speed_mps = *speed;
   }
@@ -67,10 +67,10 @@ std::string wrong_in(const Waypoint& point, const Eigen::Vector2d& from_m) {
   const auto within = [](const std::optional<double>& value, double least, double greatest) {
     return !value || (*value >= least && *value <= greatest);
   };
-  if (!within(point.height_m, lowest_m, highest_m))
-    return fmt::format("has z {} m; {} to {} may be", *point.height_m, lowest_m, highest_m);
-  if (!within(point.speed_mps, slowest_mps, fastest_mps))
-    return fmt::format("has speed {} m/s; {} to {} may be", *point.speed_mps, slowest_mps, fastest_mps);
+  if (!within(point.height_m, min_height_m, max_height_m))
+    return fmt::format("has z {} m; {} to {} may be", *point.height_m, min_height_m, max_height_m);
+  if (!within(point.speed_mps, smin_height_mps, fastest_mps))
+    return fmt::format("has speed {} m/s; {} to {} may be", *point.speed_mps, smin_height_mps, fastest_mps);
   return {};
 }
 
@@ -139,15 +139,16 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
     if (std::exchange(first, false) && is_heading(cells)) continue;
     const auto point = waypoint_of(cells);
     if (!point) return Error{fmt::format("{}:{}: {}", file, number, point.error().what)};
-    if (!points.empty() && (point->at_m - points.back().at_m).norm() < min_distance_m)
+    if (!points.empty() && (point->at_m - points.back().at_m).norm() < min_apart_m)
       return Error{fmt::format("{}:{}: closer than 1 cm to the point before", file, number)};
-    if (points.size() == max_points) return Error{fmt::format("{}:{}: more than {} points", file, number, max_points)};
+    if (points.size() == max_waypoints)
+      return Error{fmt::format("{}:{}: more than {} points", file, number, max_waypoints)};
     points.push_back(*point);
     points.back().line = number;
   }
   if (points.size() < min_points)
     return Error{fmt::format("{}: {} points, at least {} are needed", file, points.size(), min_points)};
-  if ((points.back().at_m - points.front().at_m).norm() < min_distance_m)
+  if ((points.back().at_m - points.front().at_m).norm() < min_apart_m)
     return Error{fmt::format("{}:{}: the first point again: the path closes by itself", file, points.back().line)};
   const Eigen::Vector2d origin = points.front().at_m;
   for (Waypoint& point : points) {
@@ -159,12 +160,12 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
 }
 
 Status check_way(const std::vector<Waypoint>& way, const Eigen::Vector2d& from_m) {
-  if (way.empty() || way.size() > max_points)
-    return Error{fmt::format("{} waypoints; 1 to {} may be", way.size(), max_points)};
+  if (way.empty() || way.size() > max_waypoints)
+    return Error{fmt::format("{} waypoints; 1 to {} may be", way.size(), max_waypoints)};
   for (std::size_t i = 0; i < way.size(); ++i) {
     if (const std::string wrong = wrong_in(way[i], from_m); !wrong.empty())
       return Error{fmt::format("waypoint {} {}", i + 1, wrong)};
-    if (i > 0 && (way[i].at_m - way[i - 1].at_m).norm() < min_distance_m)
+    if (i > 0 && (way[i].at_m - way[i - 1].at_m).norm() < min_apart_m)
       return Error{fmt::format("waypoint {} is closer than 1 cm to the one before", i + 1)};
   }
   return done;

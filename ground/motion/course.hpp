@@ -14,6 +14,11 @@ std::string name_of(Shape shape);
 /// "square", "triangle", "x", "eight".
 const std::vector<std::string>& shape_names();
 
+/// What a waypoint of a path of one's own may be.
+inline constexpr std::size_t max_waypoints = 500;
+inline constexpr double min_apart_m = 0.01;  ///< of two in a row; what is nearer is one place
+inline constexpr double min_height_m = 0.3, max_height_m = 10;
+
 /// A corner of a path. Metres from the first one, which lies where the drone takes off.
 struct Waypoint {
   Eigen::Vector2d at_m = Eigen::Vector2d::Zero();

@@ -3,14 +3,13 @@
 namespace ledgerline::motion {
 namespace {
 
-constexpr double same_place_m = 0.01;
 constexpr double closing_m = 0.3;  // beyond the bend of any corner, which misses its corner by 7 cm at most
 
 }  // namespace
 
 OpenCourse open_course(const Waypoint& here, const std::vector<Waypoint>& way) {
   OpenCourse course;
-  if ((way.front().at_m - here.at_m).norm() >= same_place_m) {
+  if ((way.front().at_m - here.at_m).norm() >= min_apart_m) {
     course.waypoints.push_back(here);
     course.waypoints.back().speed_mps = way.front().speed_mps;
     course.first = 1;

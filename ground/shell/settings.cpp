@@ -197,7 +197,7 @@ std::string checkpoint_path(Config& config) {
 std::string status_line(const FlightCore& core) {
   json drones = json::array();
   for (std::size_t i = 0; i < core.drones().size(); ++i) {
-    const FlightStatus status = core.status(i);
+    const FlightStatus& status = core.status(i);
     drones.push_back({{"name", core.drones()[i].name},
                       {"phase", name_of(status.phase)},
                       {"lap", status.lap},
@@ -209,7 +209,7 @@ std::string status_line(const FlightCore& core) {
 std::string summary(const FlightCore& core, const ShellCounters& shell) {
   json drones = json::array();
   for (std::size_t i = 0; i < core.drones().size(); ++i) {
-    const FlightStatus status = core.status(i);
+    const FlightStatus& status = core.status(i);
     const PilotCounters& p = status.pilot;
     drones.push_back(
         {{"name", core.drones()[i].name},

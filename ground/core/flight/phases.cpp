@@ -230,8 +230,7 @@ std::string Phases::not_ready() const {
   if (is_stopped(lease_.stoppers)) return "it is stopped by " + stopper_names(lease_.stoppers);
   if (!lease_.may_command)
     return lease_.holder ? "its lease is held by " + lease_.holder->subject : "nobody holds its lease";
-  if (seen_.state.pose_stamp_ns == 0 && !config_.manual)
-    return "it has no pose (no motion capture, and [pose] source asks for it?)";
+  if (seen_.state.pose_stamp_ns == 0 && !config_.manual) return no_pose();
   if (seen_.state.phase == FlightPhase::disconnected) return "link does not reach it";
   if (!in_flight(seen_.state.phase) && !may_take_off(seen_.state, config_.manual))
     return fmt::format("it may not take off ({})", words_for(seen_.state.cause));

@@ -5,11 +5,6 @@
 
 /// Phases, continued: what a pilot orders of a drone in the air.
 namespace ledgerline::ground {
-namespace {
-
-constexpr double lowest_return_m = 0.3, highest_return_m = 10;  // as of any waypoint
-
-}  // namespace
 
 std::string Phases::take_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns) {
   const bool path = status_.phase == DronePhase::path, paused = status_.paused;
@@ -32,7 +27,7 @@ std::string Phases::take_order(TimeNs now, const PilotOrder& order, TimeNs delay
       if (why.empty() && !origin_known_)
         why = "where it took off is not known (it was found in the air, or had no pose then)";
       if (why.empty()) {
-        const double height_m = std::clamp(seen_.state.position_m[2], lowest_return_m, highest_return_m);
+        const double height_m = std::clamp(seen_.state.position_m[2], motion::min_height_m, motion::max_height_m);
         // However far it has got: this place is nobody's mistake in writing.
         why = fly(now, {{{status_.origin_m[0], status_.origin_m[1]}, height_m}}, false, delay_ns);
       }

@@ -16,7 +16,6 @@ namespace {
 using nlohmann::json;
 
 constexpr std::string_view root = "/api/v1/";
-constexpr std::size_t max_path_waypoints = 500;
 constexpr std::size_t max_shown = 64;  // bytes of a name that is given back in an error
 
 constexpr const char* word_of(Level level) {
@@ -92,8 +91,8 @@ Result<PilotOrder> path_from(const json& body) {
   if (const Status keys = only(body, {"waypoints", "then"}); !keys) return keys.error();
   const json waypoints = body.value("waypoints", json());
   const json then = body.value("then", json("hover"));
-  if (!waypoints.is_array() || waypoints.empty() || waypoints.size() > max_path_waypoints)
-    return Error{fmt::format("waypoints must be a list of 1 to {}", max_path_waypoints)};
+  if (!waypoints.is_array() || waypoints.empty() || waypoints.size() > motion::max_waypoints)
+    return Error{fmt::format("waypoints must be a list of 1 to {}", motion::max_waypoints)};
   if (then != "hover" && then != "land") return Error{R"(then must be "hover" or "land")"};
   PilotOrder order{.kind = PilotOrder::Kind::path, .land_behind = then == "land"};
   for (const json& given : waypoints) {
@@ -183,7 +182,7 @@ Result<std::array<double, 3>> triple(const json& value, const char* what) {
 
 ApiAnswer refusal(unsigned status, const std::string& words) { return {status, dump({{"error", words}})}; }
 
-ApiAnswer answer(const ApiRequest& request, const Known& known, TimeNs) {
+ApiAnswer answer(const ApiRequest& request, const Known& known) {
   const std::string_view target = request.target;
   if (target.substr(0, root.size()) != root) return refusal(404, "the API is below /api/v1/");
   const auto question = target.find('?');
@@ -221,10 +220,7 @@ void merge(const PilotWish& wish, PilotWish& waiting) {
   waiting.stop = waiting.stop || wish.stop;
   waiting.cut = waiting.cut || wish.cut;
   if (wish.order) waiting.order = wish.order;
-  if (!wish.velocity) return;
-  waiting.replaced += waiting.velocity ? 1 : 0;
-  waiting.velocity = wish.velocity;
-  waiting.came_ns = wish.came_ns;
+  if (wish.velocity) take_velocity(*wish.velocity, wish.came_ns, waiting);
 }
 
 std::string events_message(const std::deque<Event>& events, std::size_t first) {

@@ -40,7 +40,7 @@ struct Known {
   const std::deque<Event>& events;        ///< oldest first
 };
 /// A request below /api/v1/ that has passed the guard.
-ApiAnswer answer(const ApiRequest& request, const Known& known, TimeNs now);
+ApiAnswer answer(const ApiRequest& request, const Known& known);
 
 /// What a client of the stream says: {"op":"velocity", ...}. The error says what is wrong with it.
 Result<PilotWish> wish_from(std::string_view message, const std::vector<std::string>& names, TimeNs now);

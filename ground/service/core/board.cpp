@@ -4,7 +4,9 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
+#include "common/belief/identity.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
 
@@ -19,13 +21,12 @@ std::string text_of(const std::optional<crypto::IdentityName>& who) {
 
 json stoppers_of(const Lease& lease) {
   json all = json::array();
-  for (const Stop& stop : lease.stoppers.stoppers())
-    all.push_back(stop.stopper().msp_id() + " " + stop.stopper().subject());
+  for (const Stop& stop : lease.stoppers.stoppers()) all.push_back(text_of(belief::to_name(stop.stopper())));
   return all;
 }
 
 json drone_json(TimeNs now, const FlightCore& core, std::size_t i) {
-  const FlightStatus status = core.status(i);
+  const FlightStatus& status = core.status(i);
   const Seen& seen = core.seen(i);
   const Lease& lease = core.lease(i);
   const StateSample& state = seen.state;
@@ -101,50 +102,46 @@ void Board::add(TimeNs now, Level level, const std::string& drone, std::string t
   events.push_back({next_number_++, now, level, drone, std::move(text)});
 }
 
-void Board::compare(TimeNs now, const std::string& name, const Before& before, const Before& after,
-                    const std::string& why, std::vector<Event>& events) {
-  if (after.phase != before.phase) {
-    const bool failed = after.phase == DronePhase::failed;
-    add(now,
-        failed        ? Level::alarm
-        : why.empty() ? Level::info
-                      : Level::warning,
-        name, name_of(after.phase) + (why.empty() ? "" : ": " + why), events);
+void Board::look(TimeNs now, const FlightCore& core, std::size_t i, std::vector<Event>& events) {
+  const std::string& name = core.drones()[i].name;
+  const FlightStatus& status = core.status(i);
+  const StateSample& state = core.seen(i).state;
+  const Lease& lease = core.lease(i);
+  Before& before = before_[i];
+  if (std::exchange(before.phase, status.phase) != status.phase) {
+    const bool failed = status.phase == DronePhase::failed;
+    const Level level = failed ? Level::alarm : status.why.empty() ? Level::info : Level::warning;
+    add(now, level, name, name_of(status.phase) + (status.why.empty() ? "" : ": " + status.why), events);
   }
-  if (after.reached != before.reached)
-    add(now, after.reached ? Level::info : Level::alarm, name,
-        after.reached ? "link reaches it" : "link does not reach it", events);
-  if (after.mode != before.mode || (after.mode != FailsafeMode::none && after.cause != before.cause)) {
-    add(now, level_of(after.mode), name,
-        after.mode == FailsafeMode::none
+  const bool reached = state.phase != FlightPhase::disconnected;
+  if (std::exchange(before.reached, reached) != reached)
+    add(now, reached ? Level::info : Level::alarm, name, reached ? "link reaches it" : "link does not reach it",
+        events);
+  const bool other_mode = std::exchange(before.mode, state.mode) != state.mode;
+  const bool other_cause = std::exchange(before.cause, state.cause) != state.cause;
+  if (other_mode || (other_cause && state.mode != FailsafeMode::none)) {
+    add(now, level_of(state.mode), name,
+        state.mode == FailsafeMode::none
             ? "its failsafe lets it go on"
-            : fmt::format("failsafe: {} ({})", ledgerline::name(after.mode), words_for(after.cause)),
+            : fmt::format("failsafe: {} ({})", ledgerline::name(state.mode), words_for(state.cause)),
         events);
   }
-  if (after.holder != before.holder)
+  if (before.holder != lease.holder) {
+    before.holder = lease.holder;
     add(now, Level::info, name,
-        after.holder.empty() ? "nobody holds its lease" : "its lease is held by " + after.holder, events);
-  if (after.stoppers != before.stoppers)
-    add(now, after.stoppers.empty() ? Level::info : Level::alarm, name,
-        after.stoppers.empty() ? "its stop is lifted" : "stopped by " + after.stoppers, events);
+        lease.holder ? "its lease is held by " + text_of(lease.holder) : "nobody holds its lease", events);
+  }
+  if (std::string stoppers = stopper_names(lease.stoppers); stoppers != before.stoppers) {
+    add(now, stoppers.empty() ? Level::info : Level::alarm, name,
+        stoppers.empty() ? "its stop is lifted" : "stopped by " + stoppers, events);
+    before.stoppers = std::move(stoppers);
+  }
 }
 
 std::vector<Event> Board::look(TimeNs now, const FlightCore& core, const std::vector<std::string>& notes) {
   std::vector<Event> events;
   before_.resize(core.drones().size());
-  for (std::size_t i = 0; i < before_.size(); ++i) {
-    const FlightStatus status = core.status(i);
-    const Seen& seen = core.seen(i);
-    const Lease& lease = core.lease(i);
-    Before after{.phase = status.phase,
-                 .mode = seen.state.mode,
-                 .cause = seen.state.cause,
-                 .reached = seen.has_state && seen.state.phase != FlightPhase::disconnected,
-                 .holder = text_of(lease.holder),
-                 .stoppers = is_stopped(lease.stoppers) ? stopper_names(lease.stoppers) : ""};
-    compare(now, core.drones()[i].name, before_[i], after, status.why, events);
-    before_[i] = std::move(after);
-  }
+  for (std::size_t i = 0; i < before_.size(); ++i) look(now, core, i, events);
   for (const std::string& note : notes) add(now, Level::warning, "", note, events);
   return events;
 }

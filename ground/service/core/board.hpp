@@ -1,5 +1,5 @@
 #pragma once
-#include <deque>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,10 +25,10 @@ class Board {
     FailsafeMode mode = FailsafeMode::none;
     FailsafeCause cause = FailsafeCause::none;
     bool reached = false;
-    std::string holder, stoppers;
+    std::optional<crypto::IdentityName> holder;
+    std::string stoppers;
   };
-  void compare(TimeNs now, const std::string& name, const Before& before, const Before& after, const std::string& why,
-               std::vector<Event>& events);
+  void look(TimeNs now, const FlightCore& core, std::size_t drone, std::vector<Event>& events);
   void add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events);
 
   std::vector<Before> before_;

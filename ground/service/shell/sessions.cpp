@@ -1,5 +1,6 @@
 #include "ground/service/shell/sessions.hpp"
 
+#include <algorithm>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
@@ -203,7 +204,7 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     }
     if (ApiAnswer refused = guard_.check(head); refused.status != 0) return respond(request, refused);
     const TimeNs now = monotonic_ns();
-    ApiAnswer made = answer({view(request.method_string()), target, request.body()}, hub_.known(), now);
+    ApiAnswer made = answer({view(request.method_string()), target, request.body()}, hub_.known());
     const bool lands =
         std::any_of(made.wishes.begin(), made.wishes.end(), [](const PilotWish& w) { return w.stop || w.land; });
     // A budget is no reason to keep a drone in the air.

@@ -27,7 +27,7 @@ class RequestEntry final : public Entry {
     const std::string_view line = bytes.substr(0, end), body = bytes.substr(std::min(end + 1, bytes.size()));
     const auto blank = std::min(line.find(' '), line.size());
     const ApiAnswer made =
-        answer({line.substr(0, blank), line.substr(std::min(blank + 1, line.size())), body}, {names, "[]", events_}, 1);
+        answer({line.substr(0, blank), line.substr(std::min(blank + 1, line.size())), body}, {names, "[]", events_});
     if (made.status < 300) return accepted();
     // A refused request must not move a drone.
     return made.wishes.empty() ? refused(made.body) : refused("");

@@ -13,7 +13,7 @@ using testing::SizeIs;
 class Api : public testing::Test {
  protected:
   ApiAnswer ask(std::string_view method, std::string_view target, std::string_view body = "") {
-    return answer({method, target, body}, {names, drones, events}, 7);
+    return answer({method, target, body}, {names, drones, events});
   }
   const std::vector<std::string> names{"tello1", "tello2"};
   const std::string drones = R"([{"name":"tello1"}])";
