@@ -4,7 +4,7 @@ const TOKEN = /^[0-9a-f]{64}$/i;
 const REQUEST_MS = 3000;
 const SILENT_MS = 5000; // states come 30 times a second: a stream that is silent for so long is dead
 const FIRST_WAIT_MS = 250;
-const LONGEST_WAIT_MS = 5000;
+const MAX_WAIT_MS = 5000;
 
 /// Takes the token out of the address bar, so that it is in no history and on no screenshot.
 export function takeToken() {
@@ -110,8 +110,8 @@ export class Connection extends EventTarget {
     socket.onclose = null;
     socket.close();
     // Half of the wait is drawn, so that many pages do not come back all at once.
-    const most = Math.min(LONGEST_WAIT_MS, FIRST_WAIT_MS * 2 ** this.#fails++);
-    const wait = most / 2 + (Math.random() * most) / 2;
+    const longest = Math.min(MAX_WAIT_MS, FIRST_WAIT_MS * 2 ** this.#fails++);
+    const wait = longest / 2 + (Math.random() * longest) / 2;
     this.#wait = setTimeout(() => this.#open(), wait);
     this.#say('link', { up: false, words: `Connection lost: trying again in ${(wait / 1000).toFixed(1)} s` });
     // A refused WebSocket does not say why; a plain request does.

@@ -1,7 +1,7 @@
 // A path that is being drawn for the selected drone: by clicks on the map, or by a cross that the arrow keys move.
 
-const MOST_WAYPOINTS = 500;
-const LEAST_APART_M = 0.01;
+const MAX_WAYPOINTS = 500;
+const MIN_APART_M = 0.01;
 const STEP_M = 0.25;
 const ARROWS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] };
 
@@ -52,8 +52,8 @@ export class Draft {
     const drone = this.#selected();
     const last = this.#map.draft.at(-1);
     if (!drone) return this.#say('Select a drone first.');
-    if (this.#map.draft.length >= MOST_WAYPOINTS) return this.#say(`A path has ${MOST_WAYPOINTS} waypoints at most.`);
-    if (last && Math.hypot(last.x - x, last.y - y) < LEAST_APART_M) return undefined; // the second half of a double click
+    if (this.#map.draft.length >= MAX_WAYPOINTS) return this.#say(`A path has ${MAX_WAYPOINTS} waypoints at most.`);
+    if (last && Math.hypot(last.x - x, last.y - y) < MIN_APART_M) return undefined; // the second half of a double click
     return this.#set([...this.#map.draft, { x: round(x), y: round(y) }]);
   }
 

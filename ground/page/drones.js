@@ -4,7 +4,7 @@ export const LATE_MS = 300;
 export const STALE_MS = 1000;
 
 const PHASES = { waiting: 'Waiting', takeoff: 'Taking off', path: 'On its path', manual: 'By hand', landing: 'Landing', landed: 'Landed', failed: 'Failed' };
-const MODES = { none: 'none', normal: 'none', hold: 'holds its place', brake: 'brakes', land: 'lands', cut: 'motors cut', stop: 'stopped' };
+const MODES = { hold: 'holds its place', brake: 'brakes', land: 'lands', cut: 'motors cut' };
 export const FLYING = ['takeoff', 'path', 'manual', 'landing'];
 
 /// [the button, what it asks, when it can be asked, else why not]
@@ -17,7 +17,7 @@ const ACTIONS = {
 };
 
 const span = (className, text = '') => Object.assign(document.createElement('span'), { className, textContent: text });
-const put = (element, text) => element.textContent !== text && (element.textContent = text);
+export const put = (element, text) => element.textContent !== text && (element.textContent = text);
 
 const numbers = (list, count) => (Array.isArray(list) && list.length === count && list.every(Number.isFinite) ? list : null);
 const number = (value) => (Number.isFinite(value) ? value : null);
@@ -129,7 +129,7 @@ class Card {
     fields.meter.value = drone.battery_percent ?? 0;
     this.#age(fields.state, drone.has_state ? state : { words: 'none yet', level: 'none' });
     this.#age(fields.command, command);
-    const calm = drone.mode === 'normal' || drone.mode === 'none';
+    const calm = drone.mode === 'none';
     put(fields.failsafe, calm ? 'not active' : `${MODES[drone.mode] ?? drone.mode}: ${drone.cause_words || drone.cause}`);
     fields.failsafe.classList.toggle('bad', !calm);
     const holder = drone.lease?.holder;

@@ -1,6 +1,6 @@
 // What happened, newest first; alarms sound until a person has seen them.
 
-const MOST_SHOWN = 200;
+const MAX_SHOWN = 200;
 const BEEP_EVERY_MS = 1400;
 const CLOCK_STEP_MS = 2000; // less is the way of the message, more a new clock
 const MARKS = { info: '○ Info', warning: '▲ Warning', alarm: '■ Alarm' }; // shape and word, not colour alone
@@ -85,7 +85,7 @@ export class Events {
       this.#list.prepend(this.#row(event));
       if (event.level === 'alarm' && event.n > this.#seen) this.#open.push(event);
     }
-    while (this.#list.children.length > MOST_SHOWN) this.#list.lastElementChild.remove();
+    while (this.#list.children.length > MAX_SHOWN) this.#list.lastElementChild.remove();
     this.#show();
   }
 

@@ -2,7 +2,7 @@
 import { Connection, takeToken } from './connection.js';
 import { DelayPlot } from './delay.js';
 import { Draft } from './draft.js';
-import { cleaned, Fleet, FLYING, STALE_MS } from './drones.js';
+import { cleaned, Fleet, FLYING, put, STALE_MS } from './drones.js';
 import { Events } from './events.js';
 import { bindKeys, flyByKeys, Hand } from './keys.js';
 import { PlanView } from './map.js';
@@ -10,7 +10,6 @@ import { flyByGamepad, flyByTouch } from './pads.js';
 import { StopAll } from './stop.js';
 
 const at = (id) => document.getElementById(id);
-const put = (element, text) => element.textContent !== text && (element.textContent = text);
 
 /// The style sheet's colours, for canvases; they change with the theme.
 function inks() {

@@ -1,7 +1,7 @@
 // Stop all: a plain request that is repeated until the station accepts it, and what is confirmed for each drone since.
 
 const AGAIN_MS = 500;
-const MOST_TRIES = 60;
+const MAX_TRIES = 60;
 const STEPS = ['sent', 'accepted', 'on ledger', 'landing', 'on ground'];
 const DOWN = ['waiting', 'landed', 'failed'];
 
@@ -45,7 +45,7 @@ export class StopAll {
     for (const drone of drones) this.#mark(drone.name, 'sent');
     if (this.#running) return;
     this.#running = true;
-    while (!this.#accepted && this.#tries < MOST_TRIES) {
+    while (!this.#accepted && this.#tries < MAX_TRIES) {
       ++this.#tries;
       this.#words.textContent = this.#tries === 1 ? 'Stop sent to all drones.' : `Stop sent again (${this.#tries}).`;
       const answer = await this.#connection.request('POST', 'stop', { cut: false });

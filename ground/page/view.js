@@ -1,7 +1,7 @@
 // Which part of the world a canvas shows: pixels to metres and back; x to the right, y up.
 
 const ROOM_PX = 46; // around what is there, for names and heights
-const LEAST_SPAN_M = 3;
+const MIN_SPAN_M = 3;
 const calm = matchMedia('(prefers-reduced-motion: reduce)');
 
 export class View {
@@ -66,7 +66,7 @@ export class View {
     const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
     const short = Math.min(width, height);
     const needed = (metres, pixels) => (metres * short) / Math.max(40, pixels - 2 * ROOM_PX);
-    const span = Math.max(LEAST_SPAN_M, needed(right - left, width), needed(high - low, height));
+    const span = Math.max(MIN_SPAN_M, needed(right - left, width), needed(high - low, height));
     const ease = this.placed && !calm.matches ? 0.08 : 1;
     this.#x += ((left + right) / 2 - this.#x) * ease;
     this.#y += ((low + high) / 2 - this.#y) * ease;
