@@ -47,7 +47,7 @@ class Station:
         return drone
 
     def stream(self, **options) -> ClientConnection:
-        return connect(f"ws://{self.place}/api/v1/stream", subprotocols=["ledgerline.v1", f"token.{self.token}"], **options)
+        return connect(f"ws://{self.place}/api/v1/stream", **({"subprotocols": ["ledgerline.v1", f"token.{self.token}"]} | options))
 
 
 def take_off(station: Station, name: str) -> None:
