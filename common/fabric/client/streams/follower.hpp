@@ -11,6 +11,7 @@
 
 #include "common/base/random.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/fabric/client/connection.hpp"
 #include "common/rt/retry/back_off.hpp"
 
 namespace ledgerline::fabric {

@@ -1,4 +1,5 @@
 #pragma once
+#include "common/rt/clock.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
