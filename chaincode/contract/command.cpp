@@ -4,9 +4,10 @@
 #include "chaincode/contract/control/control_calls.hpp"
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
+#include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 
-/// command: plans of the lease's holder.
+/// command: plans of the lease's holder, or of who commands in its place.
 namespace ledgerline::chaincode {
 namespace {
 
@@ -36,6 +37,15 @@ Status check_setpoints(const DronePlan& plan) {
   return done;
 }
 
+/// Why the caller does not command a drone.
+Error not_the_commander(const Control& control, const crypto::IdentityName& caller) {
+  const std::string who = to_text(caller);
+  if (!control.has_holder()) return Error{"the lease is held by nobody, not by " + who + ", who may acquire it"};
+  const bool holder = to_name(control.holder()) == caller;
+  return Error{"the lease is held by " + holder_text(control) + (control.has_delegate() ? "; not by " : ", not by ") +
+               who + (holder ? ", who may acquire it without a delegate" : ", who may request it")};
+}
+
 /// What one finds in the control record of a drone that the lease does not let fly.
 Status why_not(Stub& stub, const DronePlan& plan, const std::string& organisation) {
   const auto record = read_control(stub, plan.drone());
@@ -45,11 +55,7 @@ Status why_not(Stub& stub, const DronePlan& plan, const std::string& organisatio
   if (control.owner().msp_id() != organisation) {
     return Error{"it belongs to " + control.owner().msp_id() + ", not to " + organisation};
   }
-  if (!control.has_holder() || to_name(control.holder()) != stub.caller()) {
-    return Error{"the lease is held by " + (control.has_holder() ? to_text(to_name(control.holder())) : "nobody") +
-                 ", not by " + to_text(stub.caller()) +
-                 (control.has_holder() ? ", who may request it" : ", who may acquire it")};
-  }
+  if (to_name(commander_of(control)) != stub.caller()) return not_the_commander(control, stub.caller());
   if (plan.epoch() != control.epoch()) {
     return Error{"the lease's epoch is " + std::to_string(control.epoch()) + ", the plan says " +
                  std::to_string(plan.epoch())};

@@ -117,8 +117,8 @@ std::string frame_key(const crypto::IdentityName& owner) { return "frame/" + nam
 std::string command_key(const std::string& owner_msp_id, const crypto::IdentityName& writer) {
   return "command/" + owner_msp_id + "/" + name_hash(writer);
 }
-std::string pilot_key(const std::string& owner_msp_id, const crypto::IdentityName& holder) {
-  return "pilot/" + owner_msp_id + "/" + name_hash(holder);
+std::string pilot_key(const std::string& owner_msp_id, const crypto::IdentityName& commander) {
+  return "pilot/" + owner_msp_id + "/" + name_hash(commander);
 }
 std::string anchors_prefix(const std::string& digest) {
   return "anchor/" + crypto::hex(std::string_view(digest)) + "/";
@@ -127,8 +127,8 @@ std::string anchor_key(const std::string& digest, const crypto::IdentityName& si
   return anchors_prefix(digest) + name_hash(signer);
 }
 std::string role_key(const crypto::IdentityName& who) { return "role/" + name_hash(who); }
-std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityName& holder, std::uint64_t epoch) {
-  return "lease/" + owner_msp_id + "/" + name_hash(holder) + "/" + std::to_string(epoch);
+std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityName& commander, std::uint64_t epoch) {
+  return "lease/" + owner_msp_id + "/" + name_hash(commander) + "/" + std::to_string(epoch);
 }
 std::string host_key(const crypto::IdentityName& host) { return "host/" + name_hash(host); }
 

@@ -57,11 +57,11 @@ std::string stops_prefix(const std::string& drone);  ///< what all of its stops'
 std::string end_of(std::string prefix);
 std::string frame_key(const crypto::IdentityName& owner);
 std::string command_key(const std::string& owner_msp_id, const crypto::IdentityName& writer);
-std::string pilot_key(const std::string& owner_msp_id, const crypto::IdentityName& holder);
+std::string pilot_key(const std::string& owner_msp_id, const crypto::IdentityName& commander);
 std::string anchors_prefix(const std::string& digest);
 std::string anchor_key(const std::string& digest, const crypto::IdentityName& signer);
 std::string role_key(const crypto::IdentityName& who);
-std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityName& holder, std::uint64_t epoch);
+std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityName& commander, std::uint64_t epoch);
 std::string host_key(const crypto::IdentityName& host);
 
 Identity to_message(const crypto::IdentityName& name);

@@ -62,10 +62,14 @@ Status add_stops(Stub& stub, Control& control) {
 Status add_revoked(Stub& stub, Control& control) {
   control.clear_revoked();
   std::vector<Identity> named;
-  if (control.has_holder()) named.push_back(control.holder());
+  const auto name = [&](const Identity& who) {  // each is read once
+    const auto is_it = [&](const Identity& one) { return same_identity(one, who); };
+    if (std::none_of(named.begin(), named.end(), is_it)) named.push_back(who);
+  };
+  if (control.has_holder()) name(control.holder());
+  if (control.has_delegate()) name(control.delegate());
   for (const Grant& grant : control.grants()) {
-    const bool holder = control.has_holder() && same_identity(control.holder(), grant.to());
-    if (!grant.to().subject().empty() && !holder) named.push_back(grant.to());  // each is read once
+    if (!grant.to().subject().empty()) name(grant.to());
   }
   for (const Identity& who : named) {
     const auto role = read_role(stub, to_name(who));

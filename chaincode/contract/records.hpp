@@ -6,8 +6,8 @@
 #include "common/msg/contract.hpp"
 
 /// The contract's own records: control/<drone>, stop/<drone>/<stopper>, stop/<drone>/<stopper>/lifted, grant/<drone>,
-/// request/<drone>, owner/<drone>, drones/<MSP id>, role/<identity>, pilot/<owner MSP>/<holder>, and the two that the
-/// hot path reads instead of every drone's control record, lease/<owner MSP>/<holder>/<epoch> and host/<owner>. Each is
+/// request/<drone>, owner/<drone>, drones/<MSP id>, role/<identity>, pilot/<owner MSP>/<commander>, and the two that the
+/// hot path reads instead of every drone's control record, lease/<owner MSP>/<commander>/<epoch> and host/<owner>. Each is
 /// kept as an asset, so that `get` serves it.
 ///
 /// A record has a keeper: the organisation whose peer alone endorses its changes, by the key's own policy. The policy is set once,

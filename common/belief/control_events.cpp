@@ -101,16 +101,27 @@ Status check_granted(const LeaseCall& asked, const Control& before, const Creato
                                                                : Error{"its creator is not granted that"};
 }
 
+// What role it has stays the peer's word.
+Status check_delegate(const LeaseCall& asked, const Control& before, const Creator& creator) {
+  if (!asked.has_delegate()) return done;
+  if (!may_delegate(to_message(creator.name), asked.delegate()))
+    return Error{"its delegate is none that its creator may have"};
+  return is_revoked(before, asked.delegate()) ? Status(Error{"its delegate is revoked"}) : Status(done);
+}
+
 Status acquired(const LeaseCall& asked, const Control& before, const Control& after, const Creator& creator) {
+  const Identity self = to_message(creator.name);
   const bool mine = same(before.holder(), creator.name);
   if (Status status = check_granted(asked, before, creator); !status) return status;
-  const bool free = !before.has_holder() || is_revoked(before, before.holder());
+  if (Status status = check_delegate(asked, before, creator); !status) return status;
+  const bool free = !before.has_holder() || is_lease_revoked(before);
   if (!free && !mine && asked.priority() <= before.priority())
     return Error{"somebody holds the lease with no lower priority"};
-  if (!mine && after.epoch() <= before.epoch()) return Error{"its epoch does not grow"};
+  const bool goes_on = is_lease_of(before, self, delegate_in(asked));
+  if (!goes_on && after.epoch() <= before.epoch()) return Error{"its epoch does not grow"};
   Control expected = before;
-  begin_lease(expected, to_message(creator.name), after.epoch(), asked.priority());
-  remove_request(expected, to_message(creator.name));
+  begin_lease(expected, self, delegate_in(asked), after.epoch(), asked.priority());
+  remove_request(expected, self);
   return expect(expected, after);
 }
 
@@ -128,8 +139,9 @@ Status released(const Control& before, const Control& after, const Creator& crea
 
 Status requested(const LeaseCall& asked, const Control& before, const Control& after, const Creator& creator) {
   if (Status status = check_granted(asked, before, creator); !status) return status;
+  if (Status status = check_delegate(asked, before, creator); !status) return status;
   Control expected = before;
-  add_request(expected, to_message(creator.name), asked.priority());
+  add_request(expected, to_message(creator.name), delegate_in(asked), asked.priority());
   return expect(expected, after);
 }
 

@@ -44,9 +44,27 @@ inline Rights rights_of(const Control& control, const Identity& who) {
   return rights_of(control.grants(), control.owner().msp_id(), who);
 }
 
-/// Whether the record speaks of an identity: as holder, or in a grant to it alone.
+/// Who alone commands the drone under its lease: the delegate, else the holder. Of a drone that nobody holds it is empty,
+/// as no signer is.
+inline const Identity& commander_of(const Control& control) {
+  return control.has_delegate() ? control.delegate() : control.holder();
+}
+
+/// Of a LeaseCall or a Request; null: the holder shall command.
+template <typename Message>
+const Identity* delegate_in(const Message& message) {
+  return message.has_delegate() ? &message.delegate() : nullptr;
+}
+
+/// Whether a holder may let somebody command in its place: another one of its own organisation.
+inline bool may_delegate(const Identity& holder, const Identity& delegate) {
+  return delegate.msp_id() == holder.msp_id() && !delegate.subject().empty() && !same_identity(delegate, holder);
+}
+
+/// Whether the record speaks of an identity: as holder, as delegate, or in a grant to it alone.
 inline bool names_identity(const Control& control, const Identity& who) {
   return (control.has_holder() && same_identity(control.holder(), who)) ||
+         (control.has_delegate() && same_identity(control.delegate(), who)) ||
          std::any_of(control.grants().begin(), control.grants().end(),
                      [&](const Grant& grant) { return same_identity(grant.to(), who); });
 }
@@ -70,10 +88,28 @@ inline void forget_unnamed(Control& control) {
             all.end());
 }
 
-/// Gives a lease to somebody; who holds it already keeps his epoch.
-inline void begin_lease(Control& control, const Identity& holder, std::uint64_t new_epoch, std::uint32_t priority) {
-  if (!control.has_holder() || !same_identity(control.holder(), holder)) {
+/// Whether nothing is flown under the lease any more, which the fold of the drone's host ends: its holder or his delegate
+/// is revoked.
+inline bool is_lease_revoked(const Control& control) {
+  return control.has_holder() &&
+         (is_revoked(control, control.holder()) || (control.has_delegate() && is_revoked(control, control.delegate())));
+}
+
+/// Whether the drone has this holder, with this delegate (null: none), already.
+inline bool is_lease_of(const Control& control, const Identity& holder, const Identity* delegate) {
+  return control.has_holder() && same_identity(control.holder(), holder) &&
+         control.has_delegate() == (delegate != nullptr) &&
+         (delegate == nullptr || same_identity(control.delegate(), *delegate));
+}
+
+/// Gives a lease to somebody, `delegate` commands in its place (null: it commands itself). The same holder with the same
+/// delegate keeps his epoch.
+inline void begin_lease(Control& control, const Identity& holder, const Identity* delegate, std::uint64_t new_epoch,
+                        std::uint32_t priority) {
+  if (!is_lease_of(control, holder, delegate)) {
     *control.mutable_holder() = holder;
+    control.clear_delegate();
+    if (delegate != nullptr) *control.mutable_delegate() = *delegate;
     control.set_epoch(new_epoch);
   }
   control.set_priority(priority);
@@ -83,6 +119,7 @@ inline void begin_lease(Control& control, const Identity& holder, std::uint64_t 
 /// Ends a lease; the epoch is the new one.
 inline void end_lease(Control& control, std::uint64_t epoch) {
   control.clear_holder();
+  control.clear_delegate();
   control.set_priority(0);
   control.set_epoch(epoch);
   forget_unnamed(control);
@@ -94,7 +131,7 @@ inline void end_revoked(Control& control, std::uint64_t new_epoch) {
   grants.erase(
       std::remove_if(grants.begin(), grants.end(), [&](const Grant& g) { return is_revoked(control, g.to()); }),
       grants.end());
-  if (control.has_holder() && is_revoked(control, control.holder())) end_lease(control, new_epoch);
+  if (is_lease_revoked(control)) end_lease(control, new_epoch);
   forget_unnamed(control);
 }
 

@@ -3,27 +3,29 @@
 #include <set>
 #include <utility>
 
+#include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::chaincode {
 namespace {
 
-/// Sees to it that the key is there which this holder's commands write, before the first of them.
-Status make_pilot(Stub& stub, const std::string& keeper, const crypto::IdentityName& holder) {
-  const std::string key = pilot_key(keeper, holder);
+/// Sees to it that the key is there which this commander's commands write, before the first of them.
+Status make_pilot(Stub& stub, const std::string& keeper, const crypto::IdentityName& commander) {
+  const std::string key = pilot_key(keeper, commander);
   const auto known = read_stored(stub, key);  // not the commands' own key: each of them would make this call invalid
   if (!known || *known) return known ? Status(done) : known.error();
   Organisation organisation;
   organisation.set_msp_id(keeper);
   if (Status status = make_record(stub, key, organisation, keeper); !status) return status;
-  return make_record(stub, command_key(keeper, holder), CommandCall(), keeper);
+  return make_record(stub, command_key(keeper, commander), CommandCall(), keeper);
 }
 
-/// Keeps the leases true to a control record that has changed. `new_pilots`: whom it gives a new lease, by keeper.
+/// Keeps the leases true to a control record that has changed. Holders who let the same one command may share a lease's
+/// record; what it says is said of each drone alone. `new_pilots`: whom it lets command anew, by keeper.
 Status follow(Records<Lease>& leases, const Control& before, const Control& after,
               std::set<std::pair<std::string, crypto::IdentityName>>& new_pilots) {
   const auto key = [](const Control& control) {
-    return control.has_holder() ? lease_key(control.owner().msp_id(), to_name(control.holder()), control.epoch())
+    return control.has_holder() ? lease_key(control.owner().msp_id(), to_name(commander_of(control)), control.epoch())
                                 : std::string();
   };
   const std::string& keeper = after.owner().msp_id();
@@ -39,7 +41,7 @@ Status follow(Records<Lease>& leases, const Control& before, const Control& afte
   if (!lease) return lease.error();
   insert(*(*lease)->mutable_drones(), after.drone());
   (is_stopped(after) ? insert : erase)(*(*lease)->mutable_stopped(), after.drone());
-  if (!leases.was_there(to)) new_pilots.emplace(keeper, to_name(after.holder()));
+  if (!leases.was_there(to)) new_pilots.emplace(keeper, to_name(commander_of(after)));
   return done;
 }
 
@@ -97,6 +99,12 @@ std::string not_enrolled_text() { return "not enrolled; an administrator of its 
 
 std::string revoked_text(const crypto::IdentityName& who) {
   return to_text(who) + " is revoked; an administrator of " + who.msp_id + " may enroll it anew";
+}
+
+std::string holder_text(const Control& control) {
+  const std::string holder = to_text(to_name(control.holder()));
+  return control.has_delegate() ? holder + ", who lets " + to_text(to_name(control.delegate())) + " command it"
+                                : holder;
 }
 
 Status check_operator(const crypto::IdentityName& who, Role role) {
@@ -165,8 +173,8 @@ Response change_controls(Stub& stub, const Arguments& call, const std::string& e
       return refuse(status.error().what);
     if (Status status = follow(leases, before, control, new_pilots); !status) return refuse(status.error().what);
   }
-  for (const auto& [keeper, holder] : new_pilots) {
-    if (Status status = make_pilot(stub, keeper, holder); !status) return refuse(status.error().what);
+  for (const auto& [keeper, commander] : new_pilots) {
+    if (Status status = make_pilot(stub, keeper, commander); !status) return refuse(status.error().what);
   }
   if (Status status = leases.write(); !status) return refuse(status.error().what);
   const std::string payload = write_form(call, all);

@@ -18,6 +18,8 @@ Status check_operator(const crypto::IdentityName& who, Role role);
 Status check_operator(Stub& stub, const crypto::IdentityName& who, const std::string& function);
 std::string revoked_text(const crypto::IdentityName& who);
 std::string not_enrolled_text();
+/// "Org2MSP CN=pilot, who lets Org2MSP CN=station command it": of a drone that somebody holds.
+std::string holder_text(const Control& control);
 
 /// A LeaseCall, DronesCall, GrantCall or AnswerCall, in any form, with at least one drone and not too many.
 template <typename Message>

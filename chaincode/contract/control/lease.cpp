@@ -26,7 +26,31 @@ Result<LeaseCall> read_wish(const Arguments& call, const std::string& function) 
   return lease;
 }
 
-bool is_held(const Control& control) { return control.has_holder() && !is_revoked(control, control.holder()); }
+/// Why somebody may not let the delegate of its acquire or request command. It needs no role: it commands under a lease,
+/// and may do nothing else by it.
+Status check_delegate(Stub& stub, const std::string& function, const Identity& delegate) {
+  const crypto::IdentityName who = to_name(delegate), &holder = stub.caller();
+  if (who.msp_id.empty() || who.subject.empty()) return Error{function + ": delegate needs mspId and subject"};
+  for (const std::string& part : {who.msp_id, who.subject}) {
+    if (part.size() <= contract::max_subject_chars) continue;
+    return Error{function + ": delegate has " + std::to_string(part.size()) + " characters; the limit is " +
+                 std::to_string(contract::max_subject_chars)};
+  }
+  if (who == holder) {
+    return Error{function + ": delegate is " + to_text(holder) + " itself, who commands without one; leave it out"};
+  }
+  if (!may_delegate(to_message(holder), delegate)) {
+    return Error{function + ": " + to_text(who) + " cannot command for " + to_text(holder) +
+                 ": a delegate is of its holder's organisation"};
+  }
+  const auto role = read_role(stub, who);
+  if (!role) return role.error();
+  if (*role == REVOKED) return Error{function + ": delegate " + revoked_text(who)};
+  if (takes_back(*role)) return Error{function + ": delegate " + to_text(who) + " is an auditor, who commands nothing"};
+  return done;
+}
+
+bool is_held(const Control& control) { return control.has_holder() && !is_lease_revoked(control); }
 
 /// Why somebody who is an operator may not fly the drone at this priority, whoever flies it now.
 Status check_rights(const Control& control, const Identity& who, std::uint32_t priority) {
@@ -63,14 +87,27 @@ bool holds(const Control& control, const crypto::IdentityName& who) {
 
 Error not_the_holder(const Control& control, const crypto::IdentityName& who) {
   return Error{to_text(who) + " does not hold the lease; " +
-               (control.has_holder() ? to_text(to_name(control.holder())) + " does, who may hand it over on request"
-                                     : "nobody does, and who is granted it may acquire it")};
+               (!control.has_holder()    ? "nobody does, and who is granted it may acquire it"
+                : control.has_delegate() ? holder_text(control) + " and may itself hand it over on request"
+                                         : holder_text(control) + " does, who may hand it over on request")};
 }
 
 /// Why somebody may not act as the drone's holder.
 Status check_holder(const Control& control, const crypto::IdentityName& who) {
   if (!holds(control, who)) return not_the_holder(control, who);
   return is_revoked(control, control.holder()) ? Status(Error{revoked_text(who)}) : Status(done);
+}
+
+/// Why a lease that somebody has requested cannot be handed over with its delegate, who may have lost its role since.
+Status check_requested_delegate(Stub& stub, const Control& control, const Identity& to) {
+  const Request* request = request_of(control, to);
+  if (request == nullptr || !request->has_delegate()) return done;
+  const crypto::IdentityName delegate = to_name(request->delegate());
+  const auto role = read_role(stub, delegate);
+  if (!role) return role.error();
+  if (!takes_back(*role)) return done;
+  return Error{to_text(to_name(to)) + " has requested it for " + to_text(delegate) +
+               ", whose organisation lets it command no more; it may request it anew"};
 }
 
 Result<AnswerCall> read_answer(const Arguments& call, const std::string& function) {
@@ -89,11 +126,15 @@ Response acquire(Stub& stub, const Arguments& call) {
   if (!lease) return refuse(lease.error().what);
   if (Status status = check_operator(stub, stub.caller(), contract::acquire); !status)
     return refuse(status.error().what);
+  if (lease->has_delegate()) {
+    if (Status status = check_delegate(stub, contract::acquire, lease->delegate()); !status)
+      return refuse(status.error().what);
+  }
   const Identity self = to_message(stub.caller());
   return change_controls(stub, call, contract::acquire, lease->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            if (Status status = check_lease(control, self, lease->priority()); !status) return status;
-                           begin_lease(control, self, new_epoch, lease->priority());
+                           begin_lease(control, self, delegate_in(*lease), new_epoch, lease->priority());
                            remove_request(control, self);
                            return done;
                          });
@@ -102,6 +143,7 @@ Response acquire(Stub& stub, const Arguments& call) {
 Response release(Stub& stub, const Arguments& call) {
   const auto lease = read_drones<LeaseCall>(call);
   if (!lease) return refuse("release: " + lease.error().what);
+  if (lease->has_delegate()) return refuse("release: a delegate is of acquire and request alone; leave it out");
   return change_controls(stub, call, contract::release, lease->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            // A revoked one may give back what it holds.
@@ -116,6 +158,10 @@ Response request(Stub& stub, const Arguments& call) {
   if (!wish) return refuse(wish.error().what);
   if (Status status = check_operator(stub, stub.caller(), contract::request); !status)
     return refuse(status.error().what);
+  if (wish->has_delegate()) {
+    if (Status status = check_delegate(stub, contract::request, wish->delegate()); !status)
+      return refuse(status.error().what);
+  }
   const Identity self = to_message(stub.caller());
   return change_controls(stub, call, contract::request, wish->drones(), [&](Control& control, std::uint64_t) -> Status {
     if (Status status = check_rights(control, self, wish->priority()); !status) return status;
@@ -123,7 +169,7 @@ Response request(Stub& stub, const Arguments& call) {
     if (same_identity(control.holder(), self)) {
       return Error{to_text(stub.caller()) + " holds the lease already"};
     }
-    add_request(control, self, wish->priority());
+    add_request(control, self, delegate_in(*wish), wish->priority());
     if (static_cast<std::size_t>(control.requests_size()) > contract::max_drone_requests) {
       return Error{"it has " + std::to_string(contract::max_drone_requests) +
                    " requests already, which is the limit; its holder may deny some"};
@@ -140,6 +186,8 @@ Response hand_over(Stub& stub, const Arguments& call) {
   return change_controls(stub, call, contract::hand_over, asked->drones(),
                          [&](Control& control, std::uint64_t new_epoch) -> Status {
                            if (Status status = check_holder(control, stub.caller()); !status) return status;
+                           if (Status status = check_requested_delegate(stub, control, asked->to()); !status)
+                             return status;
                            if (hand_over_lease(control, asked->to(), new_epoch)) return done;
                            return Error{to_text(to) +
                                         " has not requested it, or is not granted it any more; it may request it, an "

@@ -213,6 +213,7 @@ std::string Calls::arguments_of(const std::string& function) {
   if (function == "acquire" || function == "release" || function == "request") {
     LeaseCall call;
     call.set_priority(static_cast<std::uint32_t>(pick(5)));
+    if (pick(3) == 0) name(*call.mutable_delegate());
     return drones_of(std::move(call));
   }
   DronesCall call;

@@ -44,6 +44,13 @@ class LeaseConflicts : public ::testing::Test {
     call.mutable_to()->set_subject(who.name.subject);
     return call.SerializeAsString();
   }
+  static std::string lease_by_station() {
+    LeaseCall call;
+    call.add_drones("tello1");
+    call.mutable_delegate()->set_msp_id("Org2MSP");
+    call.mutable_delegate()->set_subject("CN=station");
+    return call.SerializeAsString();
+  }
   static std::string plan(std::uint64_t epoch) { return command_call(epoch).SerializeAsString(); }
   std::string command(const crypto::SigningIdentity& who) { return net.endorsed(who, "command", plan(epoch)); }
   /// The contract says no, under the epoch of now and under that of before.
@@ -57,6 +64,7 @@ class LeaseConflicts : public ::testing::Test {
   FakeNetwork net;
   std::uint64_t epoch = 0;
   const crypto::SigningIdentity rival = crypto::make_test_identity({"Org2MSP", "CN=rival"});
+  const crypto::SigningIdentity station = crypto::make_test_identity({"Org2MSP", "CN=station"});
   const crypto::SigningIdentity chief = crypto::make_test_identity({"Org1MSP", "CN=chief"});
 };
 
@@ -98,6 +106,51 @@ TEST_F(LeaseConflicts, ARequestLeavesTheHoldersCommandsAlone) {
   const std::string early = command(net.pilot);
   const std::string request = net.endorsed(rival, "request", "tello1");
   EXPECT_THAT(in_one_block({request, early}), Each(protos::VALID));
+}
+
+TEST_F(LeaseConflicts, CommandsOfADelegateNeverConflictWithEachOther) {
+  submit(net.pilot, "acquire", lease_by_station()), ++epoch;
+  std::vector<std::string> block{net.endorsed(rival, "request", lease_by_station())};
+  for (int i = 0; i < 8; ++i) block.push_back(command(station));
+  EXPECT_THAT(in_one_block(block), Each(protos::VALID));
+  expect_refused(net.pilot);
+}
+
+TEST_F(LeaseConflicts, BetweenTwoHoldersOfOneDelegateEachCommandIsOfOneLease) {
+  submit(net.pilot, "acquire", lease_by_station()), ++epoch;
+  const crypto::SigningIdentity* holder = &net.pilot;
+  const crypto::SigningIdentity* next = &rival;
+  for (int i = 0; i < 200; ++i) {
+    submit(*next, "request", lease_by_station());
+    const std::string before = command(station), after = command(station);
+    const std::string change = net.endorsed(*holder, "hand_over", answer_to(*next));
+    ASSERT_THAT(in_one_block({before, change, after}),
+                ElementsAre(protos::VALID, protos::VALID, protos::MVCC_READ_CONFLICT));
+    const std::string old = plan(epoch++);
+    EXPECT_NE(net.core->endorse(net.propose(station, "command", old).signed_proposal, net.now).code, Code::ok);
+    ASSERT_THAT(in_one_block({command(station)}), ElementsAre(protos::VALID)) << "flown on in the next block";
+    std::swap(holder, next);
+  }
+}
+
+TEST_F(LeaseConflicts, AFoldAfterTheDelegatesRevocationInvalidatesWhatIsUnderWay) {
+  submit(net.pilot, "acquire", lease_by_station()), ++epoch;
+  RevokeCall call;
+  call.mutable_identity()->set_msp_id("Org2MSP");
+  call.mutable_identity()->set_subject("CN=station");
+  submit(net.admin2, "revoke", call.SerializeAsString());
+  const std::string early = command(station);
+  const std::string fold = net.endorsed(net.host, "fold", "tello1");
+  EXPECT_THAT(in_one_block({fold, early}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
+}
+
+TEST_F(LeaseConflicts, ALeaseForADelegateWhomARevocationOvertookIsInvalid) {
+  const std::string acquire = net.endorsed(net.pilot, "acquire", lease_by_station());
+  RevokeCall call;
+  call.mutable_identity()->set_msp_id("Org2MSP");
+  call.mutable_identity()->set_subject("CN=station");
+  const std::string revoke = net.endorsed(net.admin2, "revoke", call.SerializeAsString());
+  EXPECT_THAT(in_one_block({revoke, acquire}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
 }
 
 TEST_F(LeaseConflicts, AFoldAfterARevocationInvalidatesWhatIsUnderWay) {

@@ -23,7 +23,7 @@ class RequestAnswersTest : public ::testing::Test {
     config.request_after_ns = 10 * ns_per_s;
   }
   void request(const crypto::IdentityName& who, std::uint32_t priority) {
-    add_request(record, belief::to_message(who), priority);
+    add_request(record, belief::to_message(who), nullptr, priority);
     ASSERT_TRUE(leases.set(record));
   }
   void gone(const crypto::IdentityName& who) {

@@ -267,7 +267,7 @@ class HandOverTest : public ControlCheckTest {
   }
   static Control requested(const crypto::IdentityName& who, std::uint32_t priority = 3) {
     Control record = control("tello1", epoch);
-    add_request(record, to_message(who), priority);
+    add_request(record, to_message(who), nullptr, priority);
     return record;
   }
   static Tx request(const Control& after, const crypto::IdentityName& by, std::uint32_t priority = 3) {
