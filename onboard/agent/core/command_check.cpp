@@ -168,7 +168,7 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
     Drone* drone = find(plan.drone());
     if (!drone) continue;
     if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
-    if (whole == Refusal::none && holds(*drone, signer.name, plan)) out.heard.push_back(drone->name.number);
+    if (whole == Refusal::none && commands(*drone, signer.name, plan)) out.heard.push_back(drone->name.number);
     const Refusal why = whole != Refusal::none ? whole : check_plan(now, *drone, signer.name, plan);
     if (why != Refusal::none) {
       refuse(*drone, plan, why, out);
@@ -212,18 +212,16 @@ void CommandCheck::refuse_altered(const fabric::Transaction& tx, CommandCall ask
   }
 }
 
-// An absent holder reads as an empty name, which no signer has.
-bool CommandCheck::holds(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) {
-  return drone.control && same(drone.control->holder(), signer) && plan.epoch() == drone.control->epoch();
+bool CommandCheck::commands(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) {
+  return drone.control && same(commander_of(*drone.control), signer) && plan.epoch() == drone.control->epoch();
 }
 
 Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer,
                                  const DronePlan& plan) const {
-  // An absent holder reads as an empty name, which no signer has.
-  if (!drone.control || !same(drone.control->holder(), signer)) {
+  if (!drone.control || !same(commander_of(*drone.control), signer)) {
     return Refusal::not_holder;
   }
-  if (is_revoked(*drone.control, drone.control->holder())) return Refusal::revoked;
+  if (is_lease_revoked(*drone.control)) return Refusal::revoked;
   if ((is_stopped(*drone.control) || drone.heard) && plan.action() != LAND) return Refusal::stopped;
   if (plan.epoch() != drone.control->epoch()) return Refusal::wrong_epoch;
   if (plan.boot_id() != drone.boot_id) return Refusal::foreign_boot;

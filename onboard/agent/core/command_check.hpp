@@ -31,8 +31,8 @@ enum class Refusal : std::uint8_t {
   unknown_signer = 5,       ///< the creator's certificate is not from an organisation that is believed
   bad_signature = 6,        ///< the creator's signature does not fit the transaction
   not_endorsed = 7,         ///< no peer of our own organisation signed this result of this proposal
-  not_holder = 8,           ///< the signer does not hold the drone's lease at that block
-  stopped = 9,              ///< the drone is stopped; its holder may still land it
+  not_holder = 8,           ///< the signer neither holds the drone's lease at that block nor commands for who does
+  stopped = 9,              ///< the drone is stopped; its commander may still land it
   wrong_epoch = 10,         ///< made under another lease
   foreign_boot = 11,        ///< answers a state of another start of link
   unknown_stamp = 12,       ///< answers a state that this agent did not send
@@ -40,7 +40,7 @@ enum class Refusal : std::uint8_t {
   too_old = 14,             ///< its state is older than the limit
   over_limits = 15,         ///< setpoints: not finite, too fast, too many, out of order, or beyond the horizon
   altered = 16,      ///< not what its creator asked for and signed; or a record that does not follow from the last
-  revoked = 17,      ///< its signer's organisation has taken its role back
+  revoked = 17,      ///< the holder's or his delegate's organisation has taken its role back
   evicting = 18,     ///< to take off, while this agent's eviction of its idle holder is under way
   may_not_stop = 19  ///< a stop by somebody whom neither role nor grant lets stop this drone
 };
@@ -69,7 +69,7 @@ struct CheckConfig {
 ///
 // clang-format off
 ///     block -> chain -> flag -> channel -> signer, signature -> endorsement -> asked for
-///         -+-> control event: follows -> record updated; a stop also gives a plan; a revoked holder flies nothing
+///         -+-> control event: follows -> record updated; a stop also gives a plan; under a revoked lease nothing flies
 ///          +-> command: lease -> epoch -> boot, stamp -> sequence -> age -> limits -> Plan
 // clang-format on
 ///
@@ -89,7 +89,7 @@ class CommandCheck {
         plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut, the last
                 ///< stopper's `resume` as resumed
     std::vector<Refused> refused;
-    std::vector<DroneNumber> revoked;  ///< drones whose holder, or somebody whom they are granted to, is now revoked
+    std::vector<DroneNumber> revoked;  ///< drones whose record names somebody who is now revoked: a fold is due
     /// Stops that are obeyed although the ledger as we are told has none such: a peer may lie, or it came to nothing.
     struct UnconfirmedStop {
       DroneNumber drone = 0;
@@ -101,7 +101,7 @@ class CommandCheck {
     /// Transactions that the stream does not believe (fabric::Transaction::problem): how many, and the first's problem.
     std::uint64_t unbelievable = 0;
     std::string unbelievable_problem;
-    std::vector<DroneNumber> heard;  ///< drones whose holder commands them under its lease, flown or refused
+    std::vector<DroneNumber> heard;  ///< drones that are commanded under their lease, flown or refused
     bool chain_ok = true;
     std::string chain_error;  ///< in words, when not chain_ok; the block was then not looked at further
   };
@@ -173,7 +173,7 @@ class CommandCheck {
   bool endorsed_by(const Organisations& organisations, std::optional<std::int64_t> now_s,
                    const fabric::Transaction& tx);
   static Plan contract_word(TimeNs now, const Drone& drone, PlanAction action);
-  static bool holds(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan);
+  static bool commands(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan);
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
   Refusal check_setpoints(TimeNs now, const DronePlan& plan) const;
   Refusal check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out, belief::Creator& signer);

@@ -15,13 +15,13 @@ namespace ledgerline::agent {
 inline constexpr TimeNs usual_idle_ns = 600 * ns_per_s;
 
 /// Ends leases that nobody uses, as the drone's host: a ledger has no clock. A drone's holder is idle once the drone was
-/// seen on the ground, under this lease and without a command of the holder, for the idle time by this host's monotonic
+/// seen on the ground, under this lease and without a command under it, for the idle time by this host's monotonic
 /// clock. Then `evict` goes out, one call at a time:
 ///
 ///     counting -> idle -> in flight -> committed: counts anew, mostly nobody holds it now
 ///        ^          ^        |      -> refused by the contract: counts anew
 ///        |          +--------+ anything else, behind a back-off with jitter: ten calls within 30 s, then counts anew
-///        +- from anywhere: another lease, a command of the holder, the drone in the air or unseen
+///        +- from anywhere: another lease, a command under it, the drone in the air or unseen
 ///
 /// While the ledger is silent commands may be on their way: nothing is sent, nor before what came meanwhile has had
 /// `catch_up_ns` to get here. One thread; the same inputs and seed give the same calls.
@@ -52,7 +52,7 @@ class IdleEvictor {
 
   /// How it is now; for each drone, before next().
   void see(TimeNs now, DroneNumber drone, const View& view);
-  /// Its holder has commanded it.
+  /// It was commanded under its lease.
   void heard(TimeNs now, DroneNumber drone);
   /// A call to make now, if any; it is then in flight.
   std::optional<Sending> next(TimeNs now);

@@ -12,9 +12,12 @@ std::string bytes_of(Control record) {
   return record.SerializeAsString();
 }
 
+std::string text_of(const Identity& who) { return who.msp_id() + " " + who.subject(); }
+
 std::string in_short(const Control& record) {
-  return (record.has_holder() ? "held by " + record.holder().msp_id() + " " + record.holder().subject() : "not held") +
-         ", epoch " + std::to_string(record.epoch()) + ", " + std::to_string(record.stoppers_size()) + " stops, " +
+  return (record.has_holder() ? "held by " + text_of(record.holder()) : "not held") +
+         (record.has_delegate() ? ", commanded by " + text_of(record.delegate()) : "") + ", epoch " +
+         std::to_string(record.epoch()) + ", " + std::to_string(record.stoppers_size()) + " stops, " +
          std::to_string(record.grants_size()) + " grants";
 }
 

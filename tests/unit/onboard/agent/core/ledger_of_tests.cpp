@@ -31,6 +31,7 @@ fabric::Call honest_call(const LedgerOfTests::Tx& tx) {
     enrolment.add_drones(control.drone());
     lease.add_drones(control.drone());
     lease.set_priority(control.priority());
+    if (tx.event_name == "acquire" && control.has_delegate()) *lease.mutable_delegate() = control.delegate();
   }
   *enrolment.mutable_identity() = controls.identity();
   const bool enroll = tx.event_name == "enroll";

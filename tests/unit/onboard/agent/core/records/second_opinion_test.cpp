@@ -26,6 +26,14 @@ TEST(SecondOpinionTest, WhoAgreesIsNeverAnAlarm) {
   EXPECT_TRUE(SecondOpinion::differences(records(), records()).empty());
 }
 
+TEST(SecondOpinionTest, AnotherCommanderIsADifference) {
+  FirstRecords theirs = records();
+  *theirs.controls[0].mutable_delegate() = testing::to_message({"Org2MSP", "CN=station"});
+  const auto different = SecondOpinion::differences(records(), theirs);
+  ASSERT_EQ(different.size(), 1U);
+  EXPECT_NE(different[0].theirs.find("commanded by Org2MSP CN=station"), std::string::npos);
+}
+
 TEST(SecondOpinionTest, ADifferenceOnceIsOnlyAskedAboutSoon) {
   SecondOpinion opinion;
   EXPECT_TRUE(opinion.compare(records(5), records(4)).again_soon);
