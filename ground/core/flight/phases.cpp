@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/belief/identity.hpp"
+#include "common/msg/grants.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
 #include "ground/core/flight/near.hpp"
@@ -15,6 +17,12 @@ namespace {
 constexpr TimeNs grounded_for_ns = 2 * ns_per_s;  // a take-off command may still be under way
 constexpr TimeNs refused_for_ns = 2 * ns_per_s;   // link takes no older plan, so what came by then was this take-off
 constexpr TimeNs end_wait_ns = 3 * ns_per_s;      // for the drone to come up to the path's end
+
+std::string revoked_words(const Lease& lease) {
+  return is_revoked(*lease.record, lease.record->holder())
+             ? fmt::format("its operator {} is revoked", lease.holder->subject)
+             : fmt::format("{}, who commands it, is revoked", lease.commander->subject);
+}
 
 }  // namespace
 
@@ -62,13 +70,14 @@ void Phases::lease_changed(TimeNs now) {
   if (!in_air()) return;
   if (is_stopped(lease_.stoppers)) {
     land(now, "stopped by " + stopper_names(lease_.stoppers));
-  } else if (lease_.holder != config_.self || lease_.revoked) {
+  } else if (lease_.commander != config_.self || lease_.revoked) {
     end_path();
-    status_.why = lease_.holder != config_.self
-                      ? "lost its lease" + (lease_.holder ? " to " + lease_.holder->subject : "")
-                      : "its operator " + config_.self.subject + " is revoked";
-    // Handed back, its pilot flies it on.
-    enter(now, config_.manual && !lease_.revoked ? DronePhase::waiting : DronePhase::failed);
+    status_.why = lease_.commander != config_.self
+                      ? "lost its lease" + (lease_.holder ? " to " + holder_words(lease_) : "")
+                      : revoked_words(lease_);
+    const bool ourselves = lease_.revoked && is_revoked(*lease_.record, belief::to_message(config_.self));
+    // Handed back, or held by another one who lets us command, its pilot flies it on.
+    enter(now, config_.manual && !ourselves ? DronePhase::waiting : DronePhase::failed);
   }
 }
 
@@ -229,7 +238,7 @@ std::string Phases::not_ready() const {
   if (!seen_.has_state) return "no state came through the ledger";
   if (is_stopped(lease_.stoppers)) return "it is stopped by " + stopper_names(lease_.stoppers);
   if (!lease_.may_command)
-    return lease_.holder ? "its lease is held by " + lease_.holder->subject : "nobody holds its lease";
+    return lease_.holder ? "its lease is held by " + holder_words(lease_) : "nobody holds its lease";
   if (seen_.state.pose_stamp_ns == 0 && !config_.manual) return no_pose();
   if (seen_.state.phase == FlightPhase::disconnected) return "link does not reach it";
   if (!in_flight(seen_.state.phase) && !may_take_off(seen_.state, config_.manual))

@@ -10,15 +10,20 @@
 
 namespace ledgerline::ground {
 
+std::string holder_words(const Lease& lease) {
+  return lease.holder->subject +
+         (lease.commander == lease.holder ? "" : ", who lets " + lease.commander->subject + " command it");
+}
+
 LeaseBook::LeaseBook(const FlightConfig& config, FlightTransactions& counters)
     : config_(config), counters_(counters), leases_(config.drones.size()) {
   for (Lease& lease : leases_) update(lease);
 }
 
 void LeaseBook::update(Lease& lease) const {
-  lease.revoked = lease.record && lease.record->has_holder() && is_revoked(*lease.record, lease.record->holder());
+  lease.revoked = lease.record && is_lease_revoked(*lease.record);
   lease.may_command =
-      !config_.ledger || (lease.holder == config_.self && !lease.revoked && !is_stopped(lease.stoppers));
+      !config_.ledger || (lease.commander == config_.self && !lease.revoked && !is_stopped(lease.stoppers));
 }
 
 Result<std::optional<LeaseBook::Change>> LeaseBook::set(const Control& record) {
@@ -35,10 +40,14 @@ std::optional<LeaseBook::Change> LeaseBook::take_record(std::size_t drone, const
   lease.epoch = control.epoch();
   lease.owner.reset();
   lease.holder.reset();
+  lease.commander.reset();
   *lease.stoppers.mutable_stoppers() = control.stoppers();
   *lease.stoppers.mutable_resumed() = control.resumed();
   if (control.has_owner()) lease.owner = belief::to_name(control.owner());
-  if (control.has_holder()) lease.holder = belief::to_name(control.holder());
+  if (control.has_holder()) {
+    lease.holder = belief::to_name(control.holder());
+    lease.commander = belief::to_name(commander_of(control));
+  }
   update(lease);
   return change;
 }

@@ -1,5 +1,6 @@
 #pragma once
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "common/belief/control_events.hpp"
@@ -12,16 +13,20 @@ namespace ledgerline::ground {
 /// What the ledger says of who may command a drone.
 struct Lease {
   std::optional<crypto::IdentityName> owner, holder;
-  std::optional<Control> record;  ///< the newest, whole: what control events have to follow from
-  Control stoppers;               ///< who has it stopped, and whose stops were lifted; nothing else of the record
+  std::optional<crypto::IdentityName> commander;  ///< the holder, or who commands in its place
+  std::optional<Control> record;                  ///< the newest, whole: what control events have to follow from
+  Control stoppers;  ///< who has it stopped, and whose stops were lifted; nothing else of the record
   std::uint64_t epoch = 0;
-  bool revoked = false;      ///< its holder
-  bool may_command = false;  ///< it is ours, we are not revoked and the drone is not stopped
+  bool revoked = false;      ///< its holder or its commander
+  bool may_command = false;  ///< we are its commander, nobody of it is revoked and the drone is not stopped
 };
+
+/// "CN=pilot, who lets CN=station command it"; of a lease that somebody holds.
+std::string holder_words(const Lease& lease);
 
 /// The leases of all drones: first as read from the ledger, then by the control events in the blocks, each of which
 /// must be signed by somebody who is believed, be what its signer asked for, and follow from the record before. Without
-/// a ledger all are ours. Deterministic; one thread.
+/// a ledger we command all. Deterministic; one thread.
 class LeaseBook {
  public:
   struct Change {

@@ -15,7 +15,7 @@ namespace {
 constexpr fabric::RepeatLimits limits{.attempts = 10, .conflicts_only = true};
 
 bool same(const Request& a, const Request& b) {
-  return same_identity(a.who(), b.who()) && a.priority() == b.priority();
+  return same_identity(a.who(), b.who()) && a.priority() == b.priority() && same_identity(a.delegate(), b.delegate());
 }
 
 std::string text_of(const Identity& who) { return printable(who.msp_id() + " " + who.subject()); }
@@ -63,8 +63,9 @@ void RequestAnswers::follow(TimeNs now, std::size_t drone, const Control* record
                          config_.request_rule == RequestRule::deny ? "denied" : "handed over",
                          to_seconds(config_.request_after_ns));
     }
-    notes.push_back(fmt::format("{}: {} requests it, at priority {} (ours: {}): {}", record->drone(),
-                                text_of(request.who()), request.priority(), record->priority(), what));
+    const std::string delegate = request.has_delegate() ? ", for " + text_of(request.delegate()) + " to command" : "";
+    notes.push_back(fmt::format("{}: {} requests it{}, at priority {} (ours: {}): {}", record->drone(),
+                                text_of(request.who()), delegate, request.priority(), record->priority(), what));
   }
 }
 

@@ -57,7 +57,10 @@ json drone_json(TimeNs now, const FlightCore& core, std::size_t i) {
       {"ledger_doubted", status.ledger_doubted},
       {"limit_mps", std::isfinite(status.limit_mps) && status.limit_mps > 0 ? json(status.limit_mps) : json()},
       {"lease",
-       {{"holder", text_of(lease.holder)}, {"ours", lease.holder == core.config().self}, {"epoch", lease.epoch}}}};
+       {{"holder", text_of(lease.holder)},
+        {"commander", text_of(lease.commander)},
+        {"ours", lease.commander == core.config().self},
+        {"epoch", lease.epoch}}}};
   // Motion capture tells no variance.
   const float variance = state.pose_variance[0] + state.pose_variance[1];
   drone["sigma_m"] = placed && variance > 0 ? json(std::sqrt(variance)) : json();
@@ -126,10 +129,12 @@ void Board::look(TimeNs now, const FlightCore& core, std::size_t i, std::vector<
             : fmt::format("failsafe: {} ({})", ledgerline::name(state.mode), words_for(state.cause)),
         events);
   }
-  if (before.holder != lease.holder) {
+  if (before.holder != lease.holder || before.commander != lease.commander) {
     before.holder = lease.holder;
-    add(now, Level::info, name,
-        lease.holder ? "its lease is held by " + text_of(lease.holder) : "nobody holds its lease", events);
+    before.commander = lease.commander;
+    std::string text = lease.holder ? "its lease is held by " + text_of(lease.holder) : "nobody holds its lease";
+    if (lease.commander != lease.holder) text += ", who lets " + text_of(lease.commander) + " command it";
+    add(now, Level::info, name, std::move(text), events);
   }
   if (std::string stoppers = stopper_names(lease.stoppers); stoppers != before.stoppers) {
     add(now, stoppers.empty() ? Level::info : Level::alarm, name,

@@ -25,7 +25,7 @@ class Board {
     FailsafeMode mode = FailsafeMode::none;
     FailsafeCause cause = FailsafeCause::none;
     bool reached = false;
-    std::optional<crypto::IdentityName> holder;
+    std::optional<crypto::IdentityName> holder, commander;
     std::string stoppers;
   };
   void look(TimeNs now, const FlightCore& core, std::size_t drone, std::vector<Event>& events);

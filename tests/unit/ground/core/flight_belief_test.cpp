@@ -149,6 +149,137 @@ TEST_F(FlightBesideALyingPeer, WhoIsRevokedFliesNoMore) {
   EXPECT_THAT(core.status(0).why, HasSubstr("is revoked"));
 }
 
+TEST_F(FlightBesideALyingPeer, NobodyCommandsForAHolderWhoDidNotAskForIt) {
+  record = control_record("tello1", operator_name, 5);
+  record.mutable_delegate()->set_msp_id(operator_name.msp_id);
+  record.mutable_delegate()->set_subject("CN=station");
+  (void)give(record_event("acquire", record), operator_name);  // for nobody
+  EXPECT_EQ(core.transactions().altered, 1u);
+  EXPECT_TRUE(flies_on());
+  LeaseCall call;
+  call.add_drones("tello1");
+  *call.mutable_delegate() = record.delegate();
+  fabric::Transaction asked = record_event("acquire", record);
+  asked.args = {call.SerializeAsString()};
+  (void)give(asked, operator_name);
+  EXPECT_EQ(core.transactions().altered, 1u);
+  EXPECT_EQ(core.status(0).phase, DronePhase::failed);
+  EXPECT_THAT(core.status(0).why, HasSubstr("who lets CN=station command it"));
+}
+
+/// Two operators of one station, which commands for whichever of them holds the drone.
+class FlightOfTwoOperators : public testing::Test {
+ protected:
+  static constexpr const char* first = "CN=operator 1";
+  static constexpr const char* second = "CN=operator 2";
+  void start(bool manual) {
+    FlightConfig config = config_for(1);
+    config.manual = manual;
+    world.emplace(config);
+    (void)world->core.set_control(delegated_record("tello1", first, 2).SerializeAsString());
+  }
+  void give(const char* function, const Control& after) {
+    Controls controls;
+    *controls.add_controls() = after;
+    AnswerCall call;
+    call.add_drones("tello1");
+    *call.mutable_to() = after.holder();
+    const bool hand_over = function == std::string("hand_over");
+    world->put_block(
+        control_event(function, {hand_over ? call.SerializeAsString() : "tello1"}, controls.SerializeAsString()));
+  }
+  void revoke(const std::string& who) {
+    Controls told;
+    told.mutable_identity()->set_msp_id(operator_name.msp_id);
+    told.mutable_identity()->set_subject(who);
+    told.set_role(REVOKED);
+    RevokeCall call;
+    *call.mutable_identity() = told.identity();
+    world->put_block(control_event("revoke", {call.SerializeAsString()}, told.SerializeAsString()));
+  }
+  const std::vector<DronePlan>& plans() const { return world->drones[0].plans; }
+
+  std::optional<FlightWorld> world;
+};
+
+TEST_F(FlightOfTwoOperators, AHandOverBetweenThemIsFlownThroughUnderTheNewEpoch) {
+  start(false);
+  world->run(12);
+  ASSERT_EQ(world->core.status(0).phase, DronePhase::path);
+  const double progress = world->core.status(0).progress;
+  const std::size_t before = plans().size();
+  ASSERT_EQ(plans().back().epoch(), 2u);
+  give("hand_over", delegated_record("tello1", second, 3));
+  const TimeNs given_ns = world->now_ns + world->one_way_ns;
+  world->run(0.2);
+  EXPECT_EQ(world->core.status(0).phase, DronePhase::path);
+  EXPECT_EQ(world->core.status(0).why, "");
+  EXPECT_EQ(world->core.lease(0).holder->subject, second);
+  std::size_t at = before;
+  while (at < plans().size() && plans()[at].epoch() == 2) ++at;
+  ASSERT_LT(at, plans().size()) << "it is commanded under the new epoch";
+  EXPECT_EQ(plans()[at].sequence(), 1u);
+  EXPECT_LT(plans()[at].state_stamp_ns() - given_ns, 40 * ns_per_ms) << "by the next state";
+  for (; at < plans().size(); ++at) {
+    EXPECT_EQ(plans()[at].epoch(), 3u);
+    EXPECT_EQ(plans()[at].action(), FLY);
+  }
+  world->run(120);
+  EXPECT_EQ(world->core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(world->core.status(0).why, "");
+  EXPECT_GT(world->core.status(0).progress, progress);
+}
+
+TEST_F(FlightOfTwoOperators, ByHandItStaysByHand) {
+  start(true);
+  world->drones[0].phase = FlightPhase::flying;
+  world->drones[0].model.motion.position_m.z() = 1;
+  world->run(1);
+  ASSERT_EQ(world->core.status(0).phase, DronePhase::manual);
+  give("hand_over", delegated_record("tello1", second, 3));
+  world->run(0.5);
+  EXPECT_EQ(world->core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(plans().back().epoch(), 3u);
+}
+
+TEST_F(FlightOfTwoOperators, TheHolderWhoTakesTheCommandBackEndsIt) {
+  start(false);
+  world->run(12);
+  give("acquire", control_record("tello1", {operator_name.msp_id, first}, 3));
+  world->run(0.5);
+  EXPECT_EQ(world->core.status(0).phase, DronePhase::failed);
+  EXPECT_THAT(world->core.status(0).why, HasSubstr("lost its lease to CN=operator 1"));
+  EXPECT_EQ(plans().back().epoch(), 2u);
+}
+
+TEST_F(FlightOfTwoOperators, ByHandARevokedOneLeavesItToTheOther) {
+  start(true);
+  world->drones[0].phase = FlightPhase::flying;
+  world->drones[0].model.motion.position_m.z() = 1;
+  world->run(1);
+  revoke(first);
+  world->run(0.5);
+  EXPECT_EQ(world->core.status(0).phase, DronePhase::waiting);
+  EXPECT_THAT(world->core.status(0).why, HasSubstr("its operator CN=operator 1 is revoked"));
+  give("acquire", delegated_record("tello1", second, 3));
+  world->run(0.5);
+  EXPECT_EQ(world->core.status(0).phase, DronePhase::manual);
+}
+
+TEST_F(FlightOfTwoOperators, TheStationRevokedFliesNothing) {
+  start(true);
+  world->drones[0].phase = FlightPhase::flying;
+  world->drones[0].model.motion.position_m.z() = 1;
+  world->run(1);
+  revoke(operator_name.subject);
+  world->run(0.1);
+  EXPECT_EQ(world->core.status(0).phase, DronePhase::failed);
+  EXPECT_THAT(world->core.status(0).why, HasSubstr("CN=User1@org2, who commands it, is revoked"));
+  const std::size_t then = plans().size();
+  world->run(0.5);
+  EXPECT_EQ(plans().size(), then);
+}
+
 TEST_F(FlightBesideALyingPeer, AStopIsItsCreatorsOwn) {
   Stops stops;
   *stops.add_stops() = stop_of("tello1", stranger_name);

@@ -40,6 +40,14 @@ inline Control control_record(const std::string& drone, const crypto::IdentityNa
   return control;
 }
 
+/// Of a drone that somebody of our organisation holds, and lets us command.
+inline Control delegated_record(const std::string& drone, const std::string& holder, std::uint64_t epoch = 1) {
+  Control control = control_record(drone, {operator_name.msp_id, holder}, epoch);
+  control.mutable_delegate()->set_msp_id(operator_name.msp_id);
+  control.mutable_delegate()->set_subject(operator_name.subject);
+  return control;
+}
+
 inline FlightConfig config_for(int drones) {
   FlightConfig config;
   for (int k = 1; k <= drones; ++k) config.drones.push_back({"tello" + std::to_string(k), static_cast<DroneNumber>(k)});

@@ -43,6 +43,19 @@ TEST(Board, TellsOfEachDroneWhatItsStateAndItsLeaseSay) {
   EXPECT_EQ(second["stopped_by"], json::array());
 }
 
+TEST(Board, TellsWhoCommandsForTheHolder) {
+  FlightWorld world(manual_config(1));
+  Board board;
+  (void)board.look(world.now_ns, world.core, {});
+  ASSERT_TRUE(world.core.set_control(delegated_record("tello1", "CN=pilot", 2).SerializeAsString()));
+  const json lease = json::parse(Board::drones(world.now_ns, world.core))[0]["lease"];
+  EXPECT_EQ(lease["holder"], "Org2MSP CN=pilot");
+  EXPECT_EQ(lease["commander"], "Org2MSP CN=User1@org2");
+  EXPECT_EQ(lease["ours"], true);
+  EXPECT_THAT(words(board.look(world.now_ns, world.core, {})),
+              Contains("tello1: its lease is held by Org2MSP CN=pilot, who lets Org2MSP CN=User1@org2 command it"));
+}
+
 TEST(Board, OfADroneThatWasNeverHeardItSaysNoNumbers) {
   const FlightWorld world(manual_config(1));
   const json drone = json::parse(Board::drones(world.now_ns, world.core))[0];

@@ -11,7 +11,7 @@ namespace {
 class PhasesTest : public testing::Test {
  protected:
   PhasesTest() {
-    lease.holder = operator_name;
+    lease.holder = lease.commander = operator_name;
     lease.may_command = true;
     seen.has_state = true;
     seen.state.phase = FlightPhase::on_ground;
@@ -50,10 +50,26 @@ TEST_F(PhasesTest, ALostLeaseFailsAStopLands) {
 
 TEST_F(PhasesTest, ALeaseThatIsAnothersEndsTheFlight) {
   phases.advance(0, 0);
-  lease.holder = stranger_name;
+  lease.holder = lease.commander = stranger_name;
   phases.lease_changed(0);
   EXPECT_EQ(status.phase, DronePhase::failed);
   EXPECT_EQ(status.why, "lost its lease to CN=User1@org3");
+}
+
+TEST_F(PhasesTest, ALeaseThatWeHoldAndAnotherCommandsEndsTheFlight) {
+  phases.advance(0, 0);
+  lease.commander = stranger_name;
+  phases.lease_changed(0);
+  EXPECT_EQ(status.phase, DronePhase::failed);
+  EXPECT_EQ(status.why, "lost its lease to CN=User1@org2, who lets CN=User1@org3 command it");
+}
+
+TEST_F(PhasesTest, AnotherHolderWhoLetsUsCommandLeavesTheFlightAlone) {
+  phases.advance(0, 0);
+  lease.holder = stranger_name;
+  phases.lease_changed(0);
+  EXPECT_EQ(status.phase, DronePhase::takeoff);
+  EXPECT_EQ(status.why, "");
 }
 
 TEST_F(PhasesTest, SilenceLandsItAndALandingThatNobodySeesFails) {

@@ -24,6 +24,43 @@ TEST(LeaseBook, MayCommandUnderItsOwnLeaseWhileNobodyStops) {
   EXPECT_FALSE(leases.of(0).may_command);
 }
 
+TEST(LeaseBook, MayCommandForAHolderWhoLetsItAndNotWhereAnotherCommandsForUs) {
+  const FlightConfig config = config_for(1);
+  FlightTransactions counters;
+  LeaseBook leases(config, counters);
+  ASSERT_TRUE(leases.set(delegated_record("tello1", "CN=pilot")).ok());
+  EXPECT_TRUE(leases.of(0).may_command);
+  EXPECT_EQ(leases.of(0).commander, operator_name);
+  EXPECT_EQ(holder_words(leases.of(0)), "CN=pilot, who lets CN=User1@org2 command it");
+  Control lent = control_record("tello1", operator_name, 2);
+  lent.mutable_delegate()->set_msp_id(operator_name.msp_id);
+  lent.mutable_delegate()->set_subject("CN=station");
+  ASSERT_TRUE(leases.set(lent).ok());
+  EXPECT_FALSE(leases.of(0).may_command);
+  ASSERT_TRUE(leases.set(control_record("tello1", operator_name, 3)).ok());
+  EXPECT_TRUE(leases.of(0).may_command);
+  EXPECT_EQ(leases.of(0).commander, operator_name);
+}
+
+TEST(LeaseBook, WithHolderOrDelegateRevokedNobodyCommands) {
+  const FlightConfig config = config_for(1);
+  for (const std::string& who : {std::string("CN=pilot"), operator_name.subject}) {
+    FlightTransactions counters;
+    LeaseBook leases(config, counters);
+    ASSERT_TRUE(leases.set(delegated_record("tello1", "CN=pilot")).ok());
+    Controls told;
+    told.mutable_identity()->set_msp_id(operator_name.msp_id);
+    told.mutable_identity()->set_subject(who);
+    told.set_role(REVOKED);
+    RevokeCall call;
+    *call.mutable_identity() = told.identity();
+    const auto revoke = control_event("revoke", {call.SerializeAsString()}, told.SerializeAsString());
+    EXPECT_EQ(leases.take(revoke, 0).size(), 1u) << who;
+    EXPECT_TRUE(leases.of(0).revoked);
+    EXPECT_FALSE(leases.of(0).may_command);
+  }
+}
+
 TEST(LeaseBook, AnOlderRecordAndADroneThatDoesNotFlyHereChangeNothing) {
   const FlightConfig config = config_for(1);
   FlightTransactions counters;

@@ -114,6 +114,27 @@ TEST_F(RequestAnswersTest, WhoAnswersFirstOrWithdrawsLeavesTheRuleNothingToDo) {
   EXPECT_THAT(sent, IsEmpty()) << "it is not ours any more";
 }
 
+TEST_F(RequestAnswersTest, OfADroneThatWeOnlyCommandItsHolderAnswers) {
+  rule(RequestRule::hand_over);
+  record = delegated_record("tello1", "CN=pilot");
+  request(other_name, 3);
+  for (int s = 0; s < 100; ++s) {
+    step(s * ns_per_s);
+    EXPECT_THAT(notes, IsEmpty());
+  }
+  EXPECT_THAT(sent, IsEmpty()) << "the ledger would refuse it";
+}
+
+TEST_F(RequestAnswersTest, AnotherDelegateIsAnotherRequest) {
+  request(other_name, 3);
+  step(0);
+  const Identity station = belief::to_message({"Org2MSP", "CN=station"});
+  add_request(record, belief::to_message(other_name), &station, 3);
+  ASSERT_TRUE(leases.set(record));
+  step(ns_per_s);
+  EXPECT_THAT(notes, ElementsAre(HasSubstr("requests it, for Org2MSP CN=station to command, at priority 3")));
+}
+
 TEST_F(RequestAnswersTest, AnAnswerGoesAgainOverAConflictAndIsLeftToTheOperatorWhereItFails) {
   rule(RequestRule::hand_over);
   request(other_name, 3);
