@@ -40,20 +40,26 @@ struct Wish {
   std::uint32_t priority = 0;
   bool fly = false, stop = false, cut = false;
   double within_s = 30;
-  std::string msp, certificate, subject, role, file, what;
+  std::string msp, certificate, subject, role, file, what, delegate;
   bool json = false, live = false;
 };
+
+Result<std::string> subject_of(const std::string& path) {
+  std::ifstream file(path);
+  const std::string pem((std::istreambuf_iterator<char>(file)), {});
+  const auto certificate = crypto::parse_certificate(pem);
+  if (!certificate) return Error{path + ": " + certificate.error().what};
+  return certificate->subject;
+}
 
 /// The identity of a certificate file, or of nobody where no file is named.
 Result<Identity> identity_of(const Wish& wish) {
   Identity identity;
   identity.set_msp_id(wish.msp);
   if (wish.certificate.empty()) return identity;
-  std::ifstream file(wish.certificate);
-  const std::string pem((std::istreambuf_iterator<char>(file)), {});
-  const auto certificate = crypto::parse_certificate(pem);
-  if (!certificate) return Error{wish.certificate + ": " + certificate.error().what};
-  identity.set_subject(certificate->subject);
+  auto subject = subject_of(wish.certificate);
+  if (!subject) return subject.error();
+  identity.set_subject(std::move(*subject));
   return identity;
 }
 
@@ -74,7 +80,8 @@ Result<std::string> digest_of(const std::string& path) {
   return std::string(digest.begin(), digest.end());
 }
 
-Result<fabric::Call> make_call(const Wish& wish) {
+/// `own_msp_id`: the caller's.
+Result<fabric::Call> make_call(const Wish& wish, const std::string& own_msp_id) {
   const auto with_drones = [&](auto message) {
     for (const auto& drone : wish.drones) message.add_drones(drone);
     return message;
@@ -126,6 +133,12 @@ Result<fabric::Call> make_call(const Wish& wish) {
   if (wish.function == contract::acquire || wish.function == contract::release || wish.function == contract::request) {
     LeaseCall call = with_drones(LeaseCall());
     call.set_priority(wish.priority);
+    if (!wish.delegate.empty()) {
+      auto subject = subject_of(wish.delegate);
+      if (!subject) return subject.error();
+      call.mutable_delegate()->set_msp_id(own_msp_id);
+      call.mutable_delegate()->set_subject(std::move(*subject));
+    }
     return fabric::Call{wish.function, {call.SerializeAsString()}};
   }
   DronesCall call = with_drones(DronesCall());
@@ -236,10 +249,11 @@ Status call_contract(const Wish& wish) {
   auto ledger = fabric::ledger_config(*config);
   if (auto status = config->finish(); !status) return status;
   if (!ledger) return ledger.error();
+  const std::string own_msp_id = ledger->identity.name.msp_id;
   auto client = fabric::Client::create(belief::for_contract(std::move(ledger).value()));
   if (!client) return client.error();
   if (wish.function == show) return wish.live ? show_live(**client, wish) : show_records(**client, wish);
-  auto call = make_call(wish);
+  auto call = make_call(wish, own_msp_id);
   if (!call) return call.error();
   if (wish.function == contract::verify) {
     const auto answer = (*client)->evaluate(*call);
@@ -258,6 +272,7 @@ constexpr const char* about =
     "Prints the records as they now are (of stop: the stops), as JSON.";
 constexpr const char* notes = R"(Examples:
   ledgerline-control --config operator.toml acquire tello1 tello2
+  ledgerline-control --config operator.toml acquire --delegate-cert station.pem tello1   # which then flies it for you
   ledgerline-control --config operator.toml stop tello1
   ledgerline-control --config admin.toml enroll --msp Org1MSP --cert host.pem tello1
   ledgerline-control --config admin.toml enroll --msp Org2MSP --cert pilot.pem --role operator
@@ -301,10 +316,18 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
   grant.option("--max-priority", wish.priority, "the highest priority of its leases").shows_default();
   grant.flag("--stop", wish.stop, "land them");
   grant.flag("--cut", wish.cut, "motors off, and land them");
-  add(contract::acquire, "take the lease").option("--priority", wish.priority, "a higher one pre-empts");
+  const auto add_delegate = [&](Verb& verb) {
+    verb.option("--delegate-cert", wish.delegate,
+                "certificate, PEM, of who commands in your place, of your organisation; without: you do")
+        .existing_file();
+  };
+  Verb acquire = add(contract::acquire, "take the lease");
+  acquire.option("--priority", wish.priority, "a higher one pre-empts");
+  add_delegate(acquire);
   add(contract::release, "give the lease back");
-  add(contract::request, "ask the holder for the lease")
-      .option("--priority", wish.priority, "of the lease that is asked for");
+  Verb request = add(contract::request, "ask the holder for the lease");
+  request.option("--priority", wish.priority, "of the lease that is asked for");
+  add_delegate(request);
   for (const auto& [function, help] : {std::pair(contract::hand_over, "give the lease to one who has requested it"),
                                        std::pair(contract::deny, "end somebody's request, or one's own")}) {
     Verb answer = add(function, help);

@@ -88,14 +88,19 @@ Status Launcher::enroll_and_acquire() {
       "--cert",
       first_certificate(network ? network->agent_msp_dir : user_dir(files_, 1, "User1") + "/msp")};
   std::vector<std::string> acquire{"--config", files_.config("operator"), "acquire"};
+  bool acquires = false;
   for (const std::string& name : drone_names(options_)) {
     enroll.push_back(name);
+    if (!preflight_.acquires(name)) continue;
     acquire.push_back(name);
+    acquires = true;
   }
   if (!network || !network->admin.empty()) {
     if (auto s = run_to_end("control-enroll", enroll); !s) return s;
   }
-  if (auto s = run_to_end("control-acquire", acquire); !s) return s;
+  if (acquires) {
+    if (auto s = run_to_end("control-acquire", acquire); !s) return s;
+  }
   preflight_.acquired();
   return done;
 }

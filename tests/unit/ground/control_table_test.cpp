@@ -30,6 +30,7 @@ TEST(ControlTable, ADroneThatNobodyHoldsSaysSo) {
 TEST(ControlTable, EverythingThatTheRecordSaysIsThere) {
   Control control = record();
   *control.mutable_holder() = identity("Org2MSP", "CN=pilot");
+  *control.mutable_delegate() = identity("Org2MSP", "CN=station");
   control.set_priority(7);
   *control.add_revoked() = control.holder();
   Stop& stop = *control.add_stoppers();
@@ -40,6 +41,9 @@ TEST(ControlTable, EverythingThatTheRecordSaysIsThere) {
   Request& request = *control.add_requests();
   *request.mutable_who() = identity("Org2MSP", "CN=rival");
   request.set_priority(3);
+  Request& second = *control.add_requests();
+  *second.mutable_who() = identity("Org2MSP", "CN=second");
+  *second.mutable_delegate() = control.delegate();
   Grant& grant = *control.add_grants();
   *grant.mutable_to() = identity("Org2MSP", "");
   grant.set_fly(true);
@@ -49,10 +53,12 @@ TEST(ControlTable, EverythingThatTheRecordSaysIsThere) {
             "tello1\n"
             "  host     Org1MSP CN=host\n"
             "  holder   Org2MSP CN=pilot, priority 7, epoch 4\n"
+            "  commands Org2MSP CN=station\n"
             "  revoked  Org2MSP CN=pilot\n"
             "  stopped  Org1MSP CN=guard\n"
             "  cut by   Org1MSP CN=chief\n"
             "  requests Org2MSP CN=rival, priority 3\n"
+            "  requests Org2MSP CN=second, priority 0, for Org2MSP CN=station to command\n"
             "  granted  Org2MSP (its operators and supervisors): fly up to priority 9, cut\n");
 }
 

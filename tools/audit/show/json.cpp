@@ -38,6 +38,7 @@ json holders_of(const DroneStory& drone) {
   json out = json::array();
   for (const Tenure& t : drone.holders.all()) {
     out.push_back({{"who", t.who},
+                   {"delegate", t.delegate},
                    {"epoch", t.epoch},
                    {"priority", t.priority},
                    {"from", to_json(t.from)},

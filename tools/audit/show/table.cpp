@@ -47,8 +47,9 @@ std::string some(const List& list, std::uint64_t count, const Line& line) {
 
 std::string holder_line(const Tenure& t) {
   const std::string until = t.to ? fmt::format("to {} ({})", where(*t.to), t.ended_by) : "and holds it still";
-  return fmt::format("held by {}, epoch {}, priority {}, from {}, {}", t.who, t.epoch, t.priority, where(t.from),
-                     until);
+  const std::string delegate = t.delegate.empty() ? "" : fmt::format(", commanded by {}", t.delegate);
+  return fmt::format("held by {}{}, epoch {}, priority {}, from {}, {}", t.who, delegate, t.epoch, t.priority,
+                     where(t.from), until);
 }
 
 std::string drone_text(const std::string& drone_name, const DroneStory& drone) {

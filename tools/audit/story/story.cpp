@@ -34,6 +34,15 @@ typename Map::mapped_type* bounded_entry(Map& map, const typename Map::key_type&
 
 std::string action_word(Action action) { return action == TAKEOFF ? "take-off" : "landing"; }
 
+/// Who signed a command; where it did so in a holder's place, for whom.
+std::string commander_words(const crypto::IdentityName& signer, const DronePlan& plan,
+                            const std::optional<Control>& record) {
+  const std::string who = words_of(signer);
+  const bool delegate = record && record->has_delegate() && belief::to_name(record->delegate()) == signer &&
+                        record->epoch() == plan.epoch();
+  return delegate ? who + " for " + words_of(belief::to_name(record->holder())) : who;
+}
+
 }  // namespace
 
 std::string words_of(const crypto::IdentityName& name) {
@@ -60,7 +69,7 @@ Status Story::take(const Judged& judged, const fabric::Transaction& tx, const be
     if (auto* count = bounded_entry(functions_, name, max_functions)) ++*count;
   }
   if (!ours || !tx.problem.empty()) return done;
-  if (tx.function == contract::command) take_command(judged, tx, who);
+  if (tx.function == contract::command) take_command(judged, tx, creator);
   if (!valid) return done;
   const Moment when = moment_of(judged, tx);
   if (tx.function == contract::set) take_set(tx, when);
@@ -81,7 +90,7 @@ void Story::take_refusal(const Judged& judged, const fabric::Transaction& tx, co
   }
 }
 
-void Story::take_command(const Judged& judged, const fabric::Transaction& tx, const std::string& who) {
+void Story::take_command(const Judged& judged, const fabric::Transaction& tx, const belief::Creator& creator) {
   CommandCall call;
   if (tx.args.size() != 1 || !parse_message(tx.args[0], call)) return;
   const bool valid = judged.code == protos::VALID;
@@ -91,6 +100,7 @@ void Story::take_command(const Judged& judged, const fabric::Transaction& tx, co
     if (!valid && !drones_.contains(plan.drone())) continue;
     DroneStory* story = drone(plan.drone());
     if (story == nullptr) continue;
+    const std::string who = commander_words(creator.name, plan, story->record);
     story->commands_over_time.add(tx.timestamp_ns, valid);
     if (Commands* commands = bounded_entry(story->commands, who, max_people)) {
       if (commands->first.tx_id.empty()) commands->first = when;
@@ -142,8 +152,9 @@ void Story::take_record(const Control& after, const std::string& by, const Momen
     last->ended_by = by;
   }
   const bool same = held && !last->to;
+  const std::string delegate = after.has_delegate() ? words_of(belief::to_name(after.delegate())) : "";
   if (after.has_holder() && !same)
-    story->holders.add({holder, after.epoch(), after.priority(), when, std::nullopt, ""});
+    story->holders.add({holder, after.epoch(), after.priority(), when, std::nullopt, "", delegate});
   story->record = after;
 }
 

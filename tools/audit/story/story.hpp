@@ -36,6 +36,7 @@ struct Tenure {
   Moment from;
   std::optional<Moment> to;  ///< nullopt: still
   std::string ended_by;      ///< function and signer
+  std::string delegate;      ///< who commanded in its place; empty: it did itself
 };
 /// What somebody said once: a stop, a resume, a grant, a take-off, a landing, an alarm ...
 struct Word {
@@ -59,7 +60,7 @@ struct PathPoint {
 struct DroneStory {
   FirstOnes<Tenure> holders{1'000};
   FirstOnes<Word> words{2'000};
-  std::map<std::string, Commands> commands;  ///< by who
+  std::map<std::string, Commands> commands;  ///< by who, of a delegate: "station for pilot"
   OverTime commands_over_time;
   FirstOnes<Change> transitions{5'000};
   std::uint64_t transitions_missing = 0;  ///< gaps in the numbers that link gave them
@@ -118,7 +119,7 @@ class Story {
  private:
   DroneStory* drone(const std::string& name);
   void take_refusal(const Judged& judged, const fabric::Transaction& tx, const std::string& who);
-  void take_command(const Judged& judged, const fabric::Transaction& tx, const std::string& who);
+  void take_command(const Judged& judged, const fabric::Transaction& tx, const belief::Creator& creator);
   void take_set(const fabric::Transaction& tx, const Moment& when);
   Status take_control(const fabric::Transaction& tx, const belief::Creator& creator, const Moment& when);
   void take_record(const Control& after, const std::string& by, const Moment& when);

@@ -199,6 +199,8 @@ void judge_lease(const Facts& facts, const DroneFacts& drone, Lines& lines) {
       return lines.ok("lease", "free: it is acquired before the flight");
     case LeaseFacts::Holder::ours:
       return lines.ok("lease", "ours");
+    case LeaseFacts::Holder::for_us:
+      return lines.ok("lease", "ours to command: held by " + lease.holder_name);
     case LeaseFacts::Holder::other:
       return lines.bad("lease", "held by " + lease.holder_name,
                        fmt::format("ask for it: `ledgerline control request {0}`; or pre-empt it: `ledgerline control "

@@ -22,7 +22,7 @@ struct PoseFacts {
 };
 
 struct LeaseFacts {
-  enum class Holder { unknown, free, ours, other };
+  enum class Holder { unknown, free, ours, for_us, other };  ///< for_us: another one holds it and lets us command
   Holder holder = Holder::unknown;
   bool enrolled = true;
   std::string holder_name{};            ///< MSP id and subject, printable

@@ -98,7 +98,15 @@ Status Preflight::take_records(const std::string& line, const crypto::IdentityNa
 
 void Preflight::acquired() {
   facts_.ledger.state = LedgerFacts::State::reached;
-  for (DroneFacts& drone : facts_.drones) drone.lease = {.holder = LeaseFacts::Holder::ours};
+  for (DroneFacts& drone : facts_.drones) {
+    if (drone.lease.holder != LeaseFacts::Holder::for_us) drone.lease = {.holder = LeaseFacts::Holder::ours};
+  }
+}
+
+bool Preflight::acquires(const std::string& name) const {
+  return std::none_of(facts_.drones.begin(), facts_.drones.end(), [&](const DroneFacts& drone) {
+    return drone.name == name && drone.lease.holder == LeaseFacts::Holder::for_us;
+  });
 }
 
 bool Preflight::ready() const { return !anything_bad(judge(facts_)); }

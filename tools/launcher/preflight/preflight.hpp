@@ -28,7 +28,9 @@ class Preflight {
   /// The records of a ledger of others, as `ledgerline-control show --json` prints them, before the drones are acquired.
   /// `self`: who acquires them.
   Status take_records(const std::string& line, const crypto::IdentityName& self);
-  /// The ledger gave us their leases.
+  /// Whether a drone has to be acquired: not where its holder lets us command it.
+  bool acquires(const std::string& drone) const;
+  /// The ledger gave us the leases of those.
   void acquired();
   void take_clock(const ClockFacts& clock) { facts_.clock = clock; }
 

@@ -24,8 +24,12 @@ LeaseFacts lease_in(const json& record, const crypto::IdentityName& self) {
   lease.holder = LeaseFacts::Holder::free;
   if (record.contains("holder")) {
     const crypto::IdentityName holder = identity_in(record["holder"]);
-    lease.holder = holder == self ? LeaseFacts::Holder::ours : LeaseFacts::Holder::other;
+    const crypto::IdentityName commander = record.contains("delegate") ? identity_in(record["delegate"]) : holder;
+    lease.holder = commander != self ? LeaseFacts::Holder::other
+                   : holder == self  ? LeaseFacts::Holder::ours
+                                     : LeaseFacts::Holder::for_us;
     lease.holder_name = words_of(holder);
+    if (commander != holder) lease.holder_name += ", who lets " + words_of(commander) + " command it";
   }
   const json stoppers = record.value("stoppers", json::array());
   for (const json& stop : stoppers)

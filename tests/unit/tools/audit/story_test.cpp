@@ -76,6 +76,28 @@ TEST_F(StoryTest, CommandsAreCountedByWhomAndByWhatBecameOfThem) {
   EXPECT_EQ(invalid, 1U);
 }
 
+TEST_F(StoryTest, ACommandInAHoldersPlaceNamesBoth) {
+  LeaseCall call;
+  call.add_drones("tello1");
+  call.mutable_delegate()->set_msp_id("Org2MSP");
+  call.mutable_delegate()->set_subject(ledger.admin2.name.subject);
+  ledger.submit(ledger.pilot, "acquire", call.SerializeAsString());
+  ledger.submit(ledger.admin2, "command", ledger.command_call(1, 1, 100, TAKEOFF));
+  ledger.send(ledger.pilot, "release", SignedLedger::drones_call());
+  ledger.send(ledger.admin2, "command", ledger.command_call(2, 1, 200));
+  ledger.commit();
+  const DroneStory& drone = told();
+  const std::string station = "Org2MSP/admin.Org2MSP", both = station + " for " + pilot_name;
+  ASSERT_EQ(drone.holders.all().size(), 1U);
+  EXPECT_EQ(drone.holders.all()[0].who, pilot_name);
+  EXPECT_EQ(drone.holders.all()[0].delegate, station);
+  EXPECT_EQ(drone.commands.at(both).valid, 1U);
+  EXPECT_THAT(words(drone), Contains("take-off by " + both));
+  EXPECT_EQ(drone.commands.at(station).valid, 0U) << "behind the release it is nobody's";
+  EXPECT_THAT(to_table(*audit, {}), HasSubstr("held by " + pilot_name + ", commanded by " + station));
+  EXPECT_EQ(to_json(*audit, {})["drones"]["tello1"]["holders"][0]["delegate"], station);
+}
+
 TEST_F(StoryTest, StopsResumesAndRolesAreTold) {
   ledger.submit(ledger.pilot, "stop", SignedLedger::drones_call());
   ledger.submit(ledger.pilot, "resume", SignedLedger::drones_call());

@@ -118,9 +118,25 @@ TEST(Preflight, WhoHoldsADroneIsSaidBeforeItIsAcquired) {
   ASSERT_FALSE(other);
   EXPECT_THAT(other.error().what, HasSubstr("d1's lease: held by Org3MSP CN=pilot (cure: ask for it"));
   EXPECT_FALSE(preflight.ready());
+  EXPECT_TRUE(preflight.acquires("d1"));
   preflight.acquired();
   EXPECT_TRUE(preflight.ready());
   EXPECT_THAT(preflight.list(), HasSubstr("lease    ours"));
+}
+
+TEST(Preflight, AHolderWhoLetsUsCommandIsNotAskedForTheLease) {
+  Preflight preflight(options_of(1));
+  const crypto::IdentityName station{"Org2MSP", "CN=station"}, pilot{"Org2MSP", "CN=pilot"};
+  preflight.take(line_of("d1", "on_ground", "none"));
+  const char* record = R"({"controls":[{"drone":"d1","holder":{"mspId":"Org2MSP","subject":"CN=pilot"},)"
+                       R"("delegate":{"mspId":"Org2MSP","subject":"CN=station"}}]})";
+  EXPECT_TRUE(preflight.take_records(record, station));
+  EXPECT_TRUE(preflight.leases_fit());
+  EXPECT_FALSE(preflight.acquires("d1"));
+  preflight.acquired();
+  EXPECT_THAT(preflight.list(), HasSubstr("lease    ours to command: held by Org2MSP CN=pilot"));
+  EXPECT_TRUE(preflight.take_records(record, pilot));
+  EXPECT_FALSE(preflight.leases_fit()) << "who lets another command flies it no more than anybody";
 }
 
 TEST(Preflight, TheListHasThePathWhereItLeavesTheFence) {
