@@ -244,11 +244,11 @@ double PathController::plain_mps(double s_m) const {
 
 std::vector<Setpoint> PathController::plan_plain(TimeNs first_ns) {
   reference_ns_ = started_ ? std::max(reference_ns_, first_ns - max_ns) : first_ns;
-  if (started_ && first_ns > reference_ns_ && progress_m_ < end_m_) {
+  if (started_ && !waits_ && first_ns > reference_ns_ && progress_m_ < end_m_) {
     progress_m_ = std::min(end_m_, progress_m_ + plain_mps(progress_m_) * to_seconds(first_ns - reference_ns_));
   }
   reference_ns_ = std::max(reference_ns_, first_ns);
-  const bool moving = started_ && progress_m_ < end_m_;
+  const bool moving = started_ && !waits_ && progress_m_ < end_m_;
   const Eigen::Vector2d reference =
       moving ? Eigen::Vector2d(plain_mps(progress_m_) * path_.direction(progress_m_)) : Eigen::Vector2d::Zero();
   Eigen::Vector2d wanted = reference + config_.position_gain * (path_.point(progress_m_) - raw_.position_m.head<2>()) +

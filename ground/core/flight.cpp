@@ -211,7 +211,11 @@ void FlightCore::take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& 
   const bool stop = wish.stop || wish.cut;
   if (stop) stops_.want(now_ns, wish.drone, wish.cut);
   if (stop || wish.land) {
-    drone.phases.land_by_pilot(now_ns, stop ? "stopped by its pilot" : config_.manual ? "" : "landed by its pilot");
+    const std::string why = drone.phases.land_by_pilot(now_ns, stop             ? "stopped by its pilot"
+                                                               : config_.manual ? ""
+                                                                                : "landed by its pilot");
+    // A stop is the ledger's, whoever flies.
+    if (!why.empty() && !stop) refuse(now_ns, wish.drone, "no landing: " + why, out);
   } else if (wish.takeoff) {
     if (const std::string why = drone.phases.take_off(now_ns, ending_); !why.empty())
       refuse(now_ns, wish.drone, "no take-off: " + why, out);
@@ -221,11 +225,19 @@ void FlightCore::take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& 
     if (const std::string why = drone.phases.take_order(now_ns, *wish.order, delay_ns); !why.empty())
       refuse(now_ns, wish.drone, why, out);
   }
+  if (wish.pause && !stop && !wish.land) {
+    if (const std::string why = drone.phases.take_pause(now_ns); !why.empty()) refuse(now_ns, wish.drone, why, out);
+  }
   PilotCounters& counters = drone.status.pilot;
   counters.replaced += wish.replaced;
   counters.bad_values += wish.bad_values;
   counters.malformed += wish.malformed;
+  counters.late += wish.late;
+  if (wish.late > 0 && !wish.velocity) say(now_ns, wish.drone, "a velocity was held back on its way: not flown", out);
   if (!wish.velocity) return;
+  if (drone.status.phase == DronePhase::path && config_.manual && !wish.order &&
+      is_deliberate(*wish.velocity, config_.controller) && drone.phases.take_pause(now_ns).empty())
+    say(now_ns, wish.drone, "paused: its pilot flies it by hand; resume flies the rest of its path", out);
   if (drone.status.phase != DronePhase::manual) {
     ++counters.not_flying;
   } else {
@@ -235,8 +247,12 @@ void FlightCore::take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& 
 
 // Counted always, said once a second: a pilot's messages may come as fast as they like.
 void FlightCore::refuse(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out) {
+  ++drones_[index]->status.pilot.refused;
+  say(now_ns, index, why, out);
+}
+
+void FlightCore::say(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out) {
   Drone& drone = *drones_[index];
-  ++drone.status.pilot.refused;
   if (now_ns < drone.next_note_ns) return;
   drone.next_note_ns = now_ns + note_again_ns;
   out.notes.push_back(fmt::format("{}: {}", config_.drones[index].name, why));

@@ -90,6 +90,7 @@ class FlightCore {
   void step_drone(TimeNs now_ns, std::size_t index, const FlightInputs& inputs, FlightOutputs& out);
   void hand_over(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out);
   void refuse(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
+  void say(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
 
   const FlightConfig config_;
   FlightTransactions transactions_;

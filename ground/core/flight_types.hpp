@@ -74,8 +74,7 @@ struct Submission {
 struct PilotOrder {
   enum class Kind {
     path,        ///< fly this way, from where it is, and hover at its end; in the place of the path that is flown
-    pause,       ///< hover where it is; the rest of the path is kept until another path, a return or a landing
-    resume,      ///< fly that rest, from where it is to the next waypoint not reached yet
+    resume,      ///< fly the rest of a paused path, from where it is to the next waypoint not reached yet
     return_home  ///< fly to where it took off, at the height that it has, and hover
   };
   Kind kind = Kind::path;
@@ -84,17 +83,21 @@ struct PilotOrder {
   bool land_behind = false;  ///< of a path: lands at its end
 };
 
-/// What a pilot wants of one drone, since the last time. Of several words the safest counts: cut, stop, land.
+/// What a pilot wants of one drone, since the last time. Of several words the safest counts: cut, stop, land, pause.
 struct PilotWish {
   std::size_t drone = 0;  ///< index into FlightConfig::drones
   std::optional<Twist> velocity{};
   TimeNs came_ns = 0;  ///< when the velocity came; the ground's clock
   bool takeoff = false, land = false;
+  /// Hover where it is; the rest of the path is kept until another path, a return or a landing. Of an order in the same
+  /// wish, too.
+  bool pause = false;
   std::optional<PilotOrder> order{};  ///< the newest; no match for land, stop and cut
   bool stop = false, cut = false;     ///< the contract's stop: land now, whoever flies; motors off at once
   std::uint64_t replaced = 0;         ///< velocities for which a newer one came before anybody looked
   std::uint64_t bad_values = 0;       ///< velocities that no drone can fly
   std::uint64_t malformed = 0;        ///< messages that are not what their topic says
+  std::uint64_t late = 0;             ///< velocities that were held back on their way: not flown
 };
 
 struct FlightInputs {
@@ -132,7 +135,8 @@ struct PilotCounters {
   std::uint64_t bad_values = 0;  ///< velocities with numbers that no drone can fly
   std::uint64_t not_flying = 0;  ///< velocities for a drone that is not in manual flight
   std::uint64_t malformed = 0;   ///< messages that are not what their topic says
-  std::uint64_t refused = 0;     ///< take-offs, orders and stops
+  std::uint64_t late = 0;        ///< velocities that were held back on their way
+  std::uint64_t refused = 0;     ///< take-offs, landings, orders and stops
 };
 
 struct FlightStatus {

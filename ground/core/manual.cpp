@@ -13,6 +13,14 @@ bool believable(const Twist& wish) {
   return within(wish.linear_mps) && within(wish.angular_radps);
 }
 
+bool is_deliberate(const Twist& wish, const ControllerConfig& limits) {
+  constexpr double at_rest = 0.1;
+  const auto& [x, y, z] = wish.linear_mps;
+  return believable(wish) &&
+         (std::hypot(x, y) > at_rest * limits.speed_mps || std::abs(z) > at_rest * limits.max_vertical_mps ||
+          std::abs(wish.angular_radps[2]) > at_rest * limits.max_yaw_rate_radps);
+}
+
 ManualController::ManualController(const ControllerConfig& config, TimeNs timeout_ns)
     : config_(config), timeout_ns_(std::min(timeout_ns, max_timeout_ns)) {}
 

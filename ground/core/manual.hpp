@@ -10,6 +10,8 @@ namespace ledgerline::ground {
 
 /// Every number finite and within absurd_speed.
 bool believable(const Twist& wish);
+/// Believable, and more than a stick at rest tells: a tenth of a limit. So much takes a drone off its path.
+bool is_deliberate(const Twist& wish, const ControllerConfig& limits);
 
 /// A person flies: turns the velocity that was wished last (geometry_msgs/msg/Twist in the drone's frame: x forward, y
 /// left, z up, yaw counter-clockwise) into plans in that same frame, so that neither a position nor a heading is needed. A

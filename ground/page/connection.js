@@ -23,6 +23,8 @@ export class Connection extends EventTarget {
   #fails = 0;
   #heard = 0;
   #wait = 0;
+  #paths = {};
+  stateMs = 0; // of the newest state, the station's clock: a velocity says what its pilot saw
   hello = { manual: false, speed_mps: 0, cmd_timeout_ms: 0 };
 
   get up() {
@@ -65,6 +67,11 @@ export class Connection extends EventTarget {
     return true;
   }
 
+  /// Paths come when they change, states all the time.
+  withPaths(drones) {
+    return drones.map((drone) => ({ ...drone, path: this.#paths[drone.name] ?? [] }));
+  }
+
   /// Called once a second or so: ends a stream that is open and silent.
   check(now) {
     if (this.up && now - this.#heard > SILENT_MS) this.#lost(this.#socket);
@@ -101,6 +108,11 @@ export class Connection extends EventTarget {
     this.#heard = performance.now();
     this.#fails = 0;
     if (message.op === 'hello') this.hello = message;
+    if (message.op === 'paths') this.#paths = message.paths;
+    if (message.op === 'state') {
+      this.stateMs = message.t_ms;
+      message.drones = this.withPaths(message.drones);
+    }
     if (['hello', 'state', 'events'].includes(message.op)) this.#say(message.op, message);
   }
 

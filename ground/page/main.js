@@ -62,7 +62,7 @@ let delayMs = null;
 const inManual = () => connection.hello.manual && fleet.drone?.phase === 'manual';
 const mayFly = () => connection.up && inManual() && !stopAll.pending;
 const hand = new Hand(
-  (drone, linear, yaw_rate) => connection.send({ op: 'velocity', drone, linear, yaw_rate }),
+  (drone, linear, yaw_rate) => connection.send({ op: 'velocity', drone, linear, yaw_rate, t_ms: connection.stateMs }),
   () => (mayFly() ? fleet.selected : null),
 );
 flyByKeys(hand, () => keysOn && mayFly());
@@ -173,7 +173,7 @@ setInterval(async () => {
   delay.draw(now);
   if (!stopAll.pending || fleet.silent(now) < STALE_MS) return;
   const answer = await connection.request('GET', 'drones'); // the stop is followed without the stream, too
-  if (answer.ok) takeState(answer.body.drones, performance.now());
+  if (answer.ok) takeState(connection.withPaths(answer.body.drones), performance.now());
 }, 500);
 
 connection.start(takeToken());

@@ -129,19 +129,28 @@ Status Ground::serve(const service::ServiceSettings& settings) {
   auto server = service::Server::start(
       settings, names_,
       {.manual = flight.manual, .speed_mps = flight.controller.speed_mps, .cmd_timeout_ns = flight.cmd_timeout_ns},
-      [this](const PilotWish& one) { wish(one.drone, [&](PilotWish& wished) { service::merge(one, wished); }); });
+      [this](const PilotWish& one) { return take(one); });
   if (!server) return server.error();
   server_ = std::move(server).value();
   show(monotonic_ns());
   return done;
 }
 
+// A stop may wait until the ledger is reached, and so may a landing; nobody wants another word then that he gave before.
+Status Ground::take(const PilotWish& one) {
+  if (!flying_ && !one.stop && !one.cut && !one.land) return Error{"the ledger is not reached yet: nothing can fly"};
+  wish(one.drone, [&](PilotWish& wished) { service::merge(one, wished); });
+  return done;
+}
+
 void Ground::show(TimeNs now_ns) {
   if (!server_ || now_ns < next_show_ns_) return;
   next_show_ns_ = now_ns + (server_->watched() ? show_gap_ns : unwatched_gap_ns);
-  std::string drones = service::Board::drones(now_ns, core_);
-  std::string state = service::Board::state_message(now_ns, core_, drones);
-  server_->publish(std::move(drones), std::move(state), std::exchange(unshown_, {}));
+  service::Telling telling{.drones = service::Board::drones(now_ns, core_)};
+  telling.paths = board_.changed_paths(core_);
+  telling.state = service::Board::state_message(now_ns, core_, telling.drones);
+  telling.events = std::exchange(unshown_, {});
+  server_->publish(std::move(telling));
 }
 
 Status Ground::wait_for_block_stream(const std::atomic<bool>& quit) {
@@ -200,6 +209,7 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
 }
 
 Result<bool> Ground::run(const std::atomic<bool>& quit) {
+  flying_ = true;
   TimeNs leave_ns = 0;
   while (!core_.done()) {
     const auto letter = next_letter(tick_ns);

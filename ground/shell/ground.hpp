@@ -66,6 +66,8 @@ class Ground {
   Status open_topics();
   Status hear_pilots();
   void hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr);
+  /// What the page wishes. Any thread. The error: it would only be flown later.
+  Status take(const PilotWish& one);
   /// Changes what is wished of a drone, and wakes the core's thread. Any thread.
   void wish(std::size_t drone, const std::function<void(PilotWish&)>& change);
   void show(TimeNs now_ns);
@@ -95,7 +97,8 @@ class Ground {
   Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight
   std::deque<Letter> letters_;  ///< taken out of the mailbox, not opened yet
   std::mutex wishes_mutex_;
-  std::vector<PilotWish> wishes_;  ///< at most one for each drone
+  std::vector<PilotWish> wishes_;    ///< at most one for each drone
+  std::atomic<bool> flying_{false};  ///< run() is
   StreamState stream_;
   belief::ControlStart control_start_;
   std::vector<std::string> names_;  ///< of the drones

@@ -237,6 +237,7 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
            {"bad_values", p.bad_values},
            {"not_flying", p.not_flying},
            {"malformed", p.malformed},
+           {"late", p.late},
            {"refused", p.refused},
            {"dds_lost", shell.pilots[i].dds_lost},
            {"dds_refused", shell.pilots[i].dds_refused}}},

@@ -54,10 +54,15 @@ void Phases::land(TimeNs now, const std::string& why) {
   enter(now, status_.phase == DronePhase::waiting ? DronePhase::failed : DronePhase::landing);
 }
 
-void Phases::land_by_pilot(TimeNs now, const std::string& why) {
-  if (in_air()) land(now, why);
+std::string Phases::land_by_pilot(TimeNs now, const std::string& why) {
+  // A flight along a path that waits would take off as soon as nothing speaks against it.
+  const bool waits_to_fly = status_.phase == DronePhase::waiting && !config_.manual;
+  if (in_air() || waits_to_fly) land(now, why);
   if (status_.phase == DronePhase::failed && seen_.has_state && in_flight(seen_.state.phase))
     enter(now, DronePhase::landing);
+  if (status_.phase != DronePhase::waiting) return "";
+  const std::string missing = not_ready(now);
+  return missing.empty() ? "it is on the ground" : missing;
 }
 
 void Phases::end_path() {
@@ -82,7 +87,7 @@ void Phases::lease_changed(TimeNs now) {
 }
 
 std::string Phases::take_off(TimeNs now, bool ending) {
-  std::string why = not_ready();
+  std::string why = not_ready(now);
   if (status_.phase == DronePhase::landing) why = "it is landing";
   if (ending) why = "the flight is ending";
   if (in_air()) why = "it is in the air";
@@ -92,7 +97,7 @@ std::string Phases::take_off(TimeNs now, bool ending) {
   planner_.manual().release();
   status_.why.clear();
   status_.origin_m = {seen_.state.position_m[0], seen_.state.position_m[1]};
-  origin_known_ = no_pose().empty();
+  origin_known_ = no_pose(now).empty();
   asked_ns_ = seen_.state.stamp_ns;
   enter(now, DronePhase::takeoff);
   return "";
@@ -146,7 +151,7 @@ void Phases::advance_waiting(TimeNs now) {
   const bool flying = s.phase == FlightPhase::flying;
   if (config_.manual) {
     // Found in the air, it is held there: see takeoff.
-    if (!flying || !not_ready().empty()) return;
+    if (!flying || !not_ready(now).empty()) return;
     origin_known_ = false;
     enter(now, DronePhase::takeoff);
     return;
@@ -234,12 +239,12 @@ TimeNs Phases::path_limit_ns() const {
 }
 
 // What speaks against a take-off; empty: nothing.
-std::string Phases::not_ready() const {
+std::string Phases::not_ready(TimeNs now) const {
   if (!seen_.has_state) return "no state came through the ledger";
   if (is_stopped(lease_.stoppers)) return "it is stopped by " + stopper_names(lease_.stoppers);
   if (!lease_.may_command)
     return lease_.holder ? "its lease is held by " + holder_words(lease_) : "nobody holds its lease";
-  if (seen_.state.pose_stamp_ns == 0 && !config_.manual) return no_pose();
+  if (seen_.state.pose_stamp_ns == 0 && !config_.manual) return no_pose(now);
   if (seen_.state.phase == FlightPhase::disconnected) return "link does not reach it";
   if (!in_flight(seen_.state.phase) && !may_take_off(seen_.state, config_.manual))
     return fmt::format("it may not take off ({})", words_for(seen_.state.cause));
@@ -263,7 +268,7 @@ std::string Phases::check_time(TimeNs now) {
   switch (status_.phase) {
     case DronePhase::waiting: {
       if (config_.manual || in_phase_ns <= config_.wait_ns) return "";
-      const std::string missing = not_ready();
+      const std::string missing = not_ready(now);
       status_.why = fmt::format("{} within {:.0f} s", missing.empty() ? "it never was ready on the ground" : missing,
                                 to_seconds(config_.wait_ns));
       enter(now, DronePhase::failed);

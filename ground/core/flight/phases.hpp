@@ -33,22 +33,24 @@ class Phases {
   void lease_changed(TimeNs now);
   /// Ends the flight, where it is not landing already.
   void land(TimeNs now, const std::string& why);
-  /// Its pilot wants it down, also where it was given up.
-  void land_by_pilot(TimeNs now, const std::string& why);
+  /// Its pilot wants it down, also where it was given up, and where it still waits to fly its path. What speaks against
+  /// it; empty: it lands, or is down.
+  std::string land_by_pilot(TimeNs now, const std::string& why);
   /// What speaks against a pilot's take-off; empty: it takes off. `ending`: the whole flight is.
   std::string take_off(TimeNs now, bool ending);
   /// What speaks against a pilot's order; empty: it is obeyed. `delay_ns`: until a plan made now is flown.
   std::string take_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns);
+  /// The same of a pause.
+  std::string take_pause(TimeNs now);
   /// Why link did not obey a pilot's take-off, which then is over; empty: it did, or may yet.
   std::string refused_takeoff(TimeNs now);
 
  private:
-  std::string not_ready() const;
-  std::string not_under_way() const;
-  std::string no_pose() const;
+  std::string not_ready(TimeNs now) const;
+  std::string not_under_way(TimeNs now) const;
+  std::string no_pose(TimeNs now) const;
   std::string fly(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
   std::string fly_checked(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
-  void pause(TimeNs now);
   std::string give_up_path(TimeNs now, const std::string& why);
   void advance_waiting(TimeNs now);
   void advance_takeoff(TimeNs now, TimeNs delay_ns);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "common/base/enum_count.hpp"
@@ -119,7 +120,7 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const K
   } else if (verb == "cut") {
     wish.stop = wish.cut = true;
   } else if (verb == "pause") {
-    wish.order = PilotOrder{.kind = PilotOrder::Kind::pause};
+    wish.pause = true;
   } else if (verb == "resume") {
     wish.order = PilotOrder{.kind = PilotOrder::Kind::resume};
   } else if (verb == "return") {
@@ -189,20 +190,21 @@ ApiAnswer answer(const ApiRequest& request, const Known& known) {
   const std::string_view path = target.substr(root.size(), question - root.size());
   const std::string_view query = question == std::string_view::npos ? "" : target.substr(question + 1);
   constexpr std::string_view of_drone = "drones/";
-  if (path == "drones" || path == "events") {
+  if (path == "drones" || path == "events" || path == "paths") {
     if (request.method != "GET") return refusal(405, "GET it");
     if (path == "events") return answer_events(query, known);
+    if (path == "paths") return {200, fmt::format(R"({{"paths":{}}})", known.paths)};
     return {200, fmt::format(R"({{"drones":{}}})", known.drones)};
   }
   if (path == "stop") return answer_stop(request, known);
   if (path.substr(0, of_drone.size()) == of_drone) return answer_drone(request, path.substr(of_drone.size()), known);
-  return refusal(404, "there are drones, events, stop, stream");
+  return refusal(404, "there are drones, events, paths, stop, stream");
 }
 
 Result<PilotWish> wish_from(std::string_view message, const std::vector<std::string>& names, TimeNs now) {
   const auto said = object_from(message);
   if (!said) return said.error();
-  if (const Status keys = only(*said, {"op", "drone", "linear", "yaw_rate"}); !keys) return keys.error();
+  if (const Status keys = only(*said, {"op", "drone", "linear", "yaw_rate", "t_ms"}); !keys) return keys.error();
   if (said->value("op", json()) != "velocity") return Error{R"(op must be "velocity")"};
   const json name = said->value("drone", json());
   const auto drone = name.is_string() ? find(names, name.get<std::string>()) : std::nullopt;
@@ -211,6 +213,11 @@ Result<PilotWish> wish_from(std::string_view message, const std::vector<std::str
   if (!linear) return linear.error();
   const json yaw_rate = said->value("yaw_rate", json());
   if (!yaw_rate.is_number()) return Error{"yaw_rate must be a number"};
+  const json t_ms = said->value("t_ms", json());
+  constexpr double rounded_ms = 1;
+  if (!t_ms.is_number() || !(std::abs(t_ms.get<double>()) <= to_ms(now) + rounded_ms))
+    return Error{"t_ms must be that of the newest state that its pilot had"};
+  if (to_ms(now) - t_ms.get<double>() > to_ms(max_held_ns)) return PilotWish{.drone = *drone, .late = 1};
   return PilotWish{.drone = *drone, .velocity = Twist{*linear, {0, 0, yaw_rate.get<double>()}}, .came_ns = now};
 }
 
@@ -219,9 +226,13 @@ void merge(const PilotWish& wish, PilotWish& waiting) {
   waiting.land = waiting.land || wish.land;
   waiting.stop = waiting.stop || wish.stop;
   waiting.cut = waiting.cut || wish.cut;
+  waiting.pause = waiting.pause || wish.pause;
+  waiting.late += wish.late;
   if (wish.order) waiting.order = wish.order;
   if (wish.velocity) take_velocity(*wish.velocity, wish.came_ns, waiting);
 }
+
+std::string paths_message(std::string_view paths) { return fmt::format(R"({{"op":"paths","paths":{}}})", paths); }
 
 std::string events_message(const std::deque<Event>& events, std::size_t first) {
   return dump({{"op", "events"}, {"events", events_json(events, first)}});

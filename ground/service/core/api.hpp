@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -33,21 +34,33 @@ struct ApiAnswer {
 };
 ApiAnswer refusal(unsigned status, const std::string& words);
 
+/// What Board tells of a moment: texts of JSON.
+struct Telling {
+  std::string drones{};                ///< [DRONE...]
+  std::string state{};                 ///< the stream's message around it
+  std::optional<std::string> paths{};  ///< {"tello1":[[x,y,z]...]}; nothing: as before
+  std::vector<Event> events{};
+};
+
 /// What there is to know, as Board last told it.
 struct Known {
   const std::vector<std::string>& names;  ///< of the drones, as FlightConfig has them
-  std::string_view drones;                ///< JSON: [DRONE...]
+  std::string_view drones, paths;         ///< as in Telling
   const std::deque<Event>& events;        ///< oldest first
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const Known& known);
 
-/// What a client of the stream says: {"op":"velocity", ...}. The error says what is wrong with it.
+/// What a client of the stream says: {"op":"velocity", ...}. `t_ms` in it is that of the newest state which its pilot had:
+/// older than max_held_ns, a network has held it back, and it is late. The error says what is wrong with it.
+inline constexpr TimeNs max_held_ns = 500 * ns_per_ms;
 Result<PilotWish> wish_from(std::string_view message, const std::vector<std::string>& names, TimeNs now);
 
 /// What one wish adds to those that wait for the same drone.
 void merge(const PilotWish& wish, PilotWish& waiting);
 
+/// {"op":"paths","paths":{...}}
+std::string paths_message(std::string_view paths);
 /// {"op":"events","events":[...]}, those from `first` on.
 std::string events_message(const std::deque<Event>& events, std::size_t first);
 

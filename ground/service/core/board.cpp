@@ -51,7 +51,6 @@ json drone_json(TimeNs now, const FlightCore& core, std::size_t i) {
       {"origin", status.origin_m},
       {"lap", status.lap},
       {"progress", status.progress},
-      {"path", status.planned},
       {"paused", status.paused},
       {"stopped_by", stoppers_of(lease)},
       {"ledger_doubted", status.ledger_doubted},
@@ -88,6 +87,21 @@ constexpr Level level_of(FailsafeMode mode) {
 }
 
 }  // namespace
+
+std::optional<std::string> Board::changed_paths(const FlightCore& core) {
+  const std::size_t count = core.drones().size();
+  bool changed = paths_.size() != count;
+  paths_.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (paths_[i] == core.status(i).planned) continue;
+    paths_[i] = core.status(i).planned;
+    changed = true;
+  }
+  if (!changed) return std::nullopt;
+  json all = json::object();
+  for (std::size_t i = 0; i < count; ++i) all[core.drones()[i].name] = paths_[i];
+  return all.dump();
+}
 
 std::string Board::drones(TimeNs now, const FlightCore& core) {
   json all = json::array();

@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,7 +17,9 @@ class Board {
   std::vector<Event> look(TimeNs now, const FlightCore& core, const std::vector<std::string>& notes);
   /// [DRONE...] of docs/station.md.
   static std::string drones(TimeNs now, const FlightCore& core);
-  /// {"op":"state", ...} around that.
+  /// {"tello1":[[x,y,z]...]}: what each drone flies or will; nothing where no path has changed since the last one.
+  std::optional<std::string> changed_paths(const FlightCore& core);
+  /// {"op":"state", ...} around drones().
   static std::string state_message(TimeNs now, const FlightCore& core, const std::string& drones);
 
  private:
@@ -32,6 +35,7 @@ class Board {
   void add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events);
 
   std::vector<Before> before_;
+  std::vector<std::vector<std::array<double, 3>>> paths_;  ///< as last told
   std::uint64_t next_number_ = 1;
 };
 

@@ -6,10 +6,14 @@
 
 namespace ledgerline::ground::service {
 
-void Hub::publish(std::string drones, std::shared_ptr<const std::string> state, std::vector<Event> events) {
-  drones_ = std::move(drones);
-  state_ = std::move(state);
-  for (Event& event : events) events_.push_back(std::move(event));
+void Hub::publish(Telling telling) {
+  drones_ = std::move(telling.drones);
+  state_ = std::make_shared<const std::string>(std::move(telling.state));
+  if (telling.paths) {
+    paths_ = std::move(*telling.paths);
+    paths_message_ = std::make_shared<const std::string>(paths_message(paths_));
+  }
+  for (Event& event : telling.events) events_.push_back(std::move(event));
   while (events_.size() > Server::max_events) events_.pop_front();
   tell();
 }
@@ -22,8 +26,21 @@ void Hub::end() {
 void Hub::tell() {
   listeners_.erase(std::remove_if(listeners_.begin(), listeners_.end(), [](const auto& one) { return one.expired(); }),
                    listeners_.end());
+  streams_ = listeners_.size();
   for (const auto& one : listeners_) {
     if (const auto listener = one.lock()) listener->news();
+  }
+}
+
+void Hub::make_room() {
+  const auto gone = [](const std::weak_ptr<Stranger>& one) {
+    const auto stranger = one.lock();
+    return !stranger || !stranger->is_stranger();
+  };
+  strangers_.erase(std::remove_if(strangers_.begin(), strangers_.end(), gone), strangers_.end());
+  while (strangers_.size() >= Server::max_strangers) {
+    if (const auto oldest = strangers_.front().lock()) oldest->leave();
+    strangers_.pop_front();
   }
 }
 

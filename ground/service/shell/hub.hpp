@@ -12,7 +12,7 @@
 namespace ledgerline::ground::service {
 
 /// What all connections share: the newest state, the newest events, and who listens to the stream. The server's thread
-/// only, but for connections().
+/// only, but for connections() and streams().
 class Hub {
  public:
   Hub(std::vector<std::string> drones, const Greeting& greeting, Server::TakeWish take)
@@ -25,19 +25,25 @@ class Hub {
     virtual void news() = 0;
   };
 
-  void publish(std::string drones, std::shared_ptr<const std::string> state, std::vector<Event> events);
+  void publish(Telling telling);
   /// Nothing more is published.
   void end();
   bool ended() const { return ended_; }
-  void join(const std::shared_ptr<Listener>& listener) { listeners_.push_back(listener); }
+  void join(const std::shared_ptr<Listener>& listener) {
+    listeners_.push_back(listener);
+    streams_ = listeners_.size();
+  }
 
   const std::vector<std::string>& names() const { return names_; }
-  Known known() const { return {names_, drones_, events_}; }
+  Known known() const { return {names_, drones_, paths_, events_}; }
   const std::deque<Event>& events() const { return events_; }
   std::uint64_t newest_event() const { return events_.empty() ? 0 : events_.back().number; }
+  /// The newest event that can not be told any more; 0: all can.
+  std::uint64_t forgotten_event() const { return events_.empty() ? 0 : events_.front().number - 1; }
   const std::shared_ptr<const std::string>& state() const { return state_; }
+  const std::shared_ptr<const std::string>& paths() const { return paths_message_; }
   std::string greeting() const;
-  void take(const PilotWish& wish) const { take_(wish); }
+  Status take(const PilotWish& wish) const { return take_(wish); }
 
   /// Counts a connection while it lives.
   class Place {
@@ -56,6 +62,18 @@ class Hub {
   };
   /// Any thread.
   std::size_t connections() const { return connections_; }
+  std::size_t streams() const { return streams_; }
+
+  /// A connection that has not shown the token yet.
+  class Stranger {
+   public:
+    virtual ~Stranger() = default;
+    virtual bool is_stranger() const = 0;
+    virtual void leave() = 0;
+  };
+  void join(const std::shared_ptr<Stranger>& stranger) { strangers_.push_back(stranger); }
+  /// For one more: closes the oldest stranger where there are max_strangers.
+  void make_room();
 
  private:
   void tell();
@@ -63,12 +81,13 @@ class Hub {
   const std::vector<std::string> names_;
   const Greeting greeting_;
   const Server::TakeWish take_;
-  std::string drones_ = "[]";
-  std::shared_ptr<const std::string> state_;
+  std::string drones_ = "[]", paths_ = "{}";
+  std::shared_ptr<const std::string> state_, paths_message_;
   std::deque<Event> events_;
   std::vector<std::weak_ptr<Listener>> listeners_;
+  std::deque<std::weak_ptr<Stranger>> strangers_;  ///< oldest first
   bool ended_ = false;
-  std::atomic<std::size_t> connections_{0};
+  std::atomic<std::size_t> connections_{0}, streams_{0};
 };
 
 }  // namespace ledgerline::ground::service

@@ -67,11 +67,8 @@ class BeastServer final : public Server {
     return done;
   }
 
-  void publish(std::string drones, std::string state, std::vector<Event> events) override {
-    asio::post(io_, [this, drones = std::move(drones), state = std::make_shared<const std::string>(std::move(state)),
-                     events = std::move(events)]() mutable {
-      hub_.publish(std::move(drones), std::move(state), std::move(events));
-    });
+  void publish(Telling telling) override {
+    asio::post(io_, [this, telling = std::move(telling)]() mutable { hub_.publish(std::move(telling)); });
   }
   void end() override {
     asio::post(io_, [this] {
@@ -83,7 +80,7 @@ class BeastServer final : public Server {
     const TimeNs until = monotonic_ns() + 500 * ns_per_ms;
     while (hub_.connections() > 0 && monotonic_ns() < until) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
-  bool watched() const override { return hub_.connections() > 0; }
+  bool watched() const override { return hub_.streams() > 0; }
   std::string url() const override { return url_; }
 
  private:
@@ -108,6 +105,7 @@ class BeastServer final : public Server {
         });
         return;
       }
+      hub_.make_room();
       // Beyond the bound a connection is closed at once; the pages that are open go on.
       if (hub_.connections() < max_connections) serve_http(std::move(socket), hub_, *guard_);
       accept();

@@ -28,18 +28,21 @@ struct Greeting {
 class Server {
  public:
   static constexpr std::size_t max_connections = 64, max_events = 1000;
-  using TakeWish = std::function<void(const PilotWish&)>;
+  /// Of connections that have not shown the token: beyond it the oldest one of them makes room.
+  static constexpr std::size_t max_strangers = 32;
+  /// The error says why it is not taken now.
+  using TakeWish = std::function<Status(const PilotWish&)>;
 
   /// Listens. `take` is called on the server's thread and must outlive it.
   static Result<std::unique_ptr<Server>> start(const ServiceSettings& settings, std::vector<std::string> drones,
                                                const Greeting& greeting, TakeWish take);
   virtual ~Server() = default;
 
-  /// Any thread; does not wait for clients. `drones`: [DRONE...]; `state`: the stream's message around it.
-  virtual void publish(std::string drones, std::string state, std::vector<Event> events) = 0;
+  /// Any thread; does not wait for clients.
+  virtual void publish(Telling telling) = 0;
   /// The last words: every client that reads gets what it lacks of the events, then a close frame; half a second at most.
   virtual void end() = 0;
-  /// Somebody is connected: it pays to publish often.
+  /// A stream is open: it pays to publish often.
   virtual bool watched() const = 0;
   /// "http://127.0.0.1:8800"
   virtual std::string url() const = 0;

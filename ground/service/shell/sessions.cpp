@@ -92,7 +92,8 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     socket_.read_message_max(max_message_bytes);
     socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
       if (error) return;
-      self->hub_.join(self);
+      self->told_ = self->hub_.forgotten_event();
+      self->hub_.join(std::shared_ptr<Hub::Listener>(self));
       self->send(std::make_shared<const std::string>(self->hub_.greeting()));
       self->read();
     });
@@ -110,6 +111,9 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
       const std::size_t missing = std::min<std::size_t>(hub_.newest_event() - told_, events.size());
       told_ = hub_.newest_event();
       send(std::make_shared<const std::string>(events_message(events, events.size() - missing)));
+    } else if (hub_.paths() && hub_.paths() != paths_) {
+      paths_ = hub_.paths();
+      send(paths_);
     } else if (hub_.state() && hub_.state() != shown_) {
       shown_ = hub_.state();
       send(shown_);
@@ -138,18 +142,21 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   }
 
   void take() {
+    if (closing_) return;
     const TimeNs now = monotonic_ns();
     if (!budget_.take(now)) return close("more than 100 messages a second");
     const auto text = beast::buffers_to_string(buffer_.data());
     buffer_.consume(buffer_.size());
     const auto wish = wish_from(text, hub_.names(), now);
     if (!wish) return close(wish.error().what);
-    hub_.take(*wish);
+    // One that is not taken now would not be flown, either: nothing is in the air yet.
+    if (const Status taken = hub_.take(*wish); !taken) return close(taken.error().what);
     read();
   }
 
   // What it wrote wrong it would write wrong again; the words are in the close frame.
   void close(const std::string& why, websocket::close_code code = websocket::close_code::policy_error) {
+    if (closing_) return;
     closing_ = true;
     if (writing_) {  // a close frame would have to wait behind a write that nobody takes
       beast::get_lowest_layer(socket_).cancel();
@@ -166,12 +173,12 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   Hub::Place place_;
   Budget budget_;
   beast::flat_buffer buffer_;
-  std::shared_ptr<const std::string> shown_;
+  std::shared_ptr<const std::string> shown_, paths_;
   std::uint64_t told_ = 0;  ///< the newest event that it has
   bool writing_ = false, closing_ = false;
 };
 
-class HttpSession final : public std::enable_shared_from_this<HttpSession> {
+class HttpSession final : public Hub::Stranger, public std::enable_shared_from_this<HttpSession> {
  public:
   HttpSession(tcp::socket&& socket, Hub& hub, const Guard& guard)
       : socket_(std::move(socket)), hub_(hub), guard_(guard), place_(hub), budget_(requests_per_s) {}
@@ -184,6 +191,9 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     http::async_read(socket_, buffer_, *parser_,
                      [self = shared_from_this()](beast::error_code error, std::size_t) { self->on_read(error); });
   }
+
+  bool is_stranger() const override { return !known_; }
+  void leave() override { socket_.close(); }
 
  private:
   void on_read(beast::error_code error) {
@@ -202,14 +212,20 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
       const ApiAnswer place = guard_.check_place(head);
       return place.status != 0 ? respond(request, place) : page(request);
     }
-    if (ApiAnswer refused = guard_.check(head); refused.status != 0) return respond(request, refused);
+    if (ApiAnswer refused = guard_.check(head); refused.status != 0) {
+      known_ = false;
+      return respond(request, refused);
+    }
+    known_ = true;
     const TimeNs now = monotonic_ns();
     ApiAnswer made = answer({view(request.method_string()), target, request.body()}, hub_.known());
     const bool lands =
         std::any_of(made.wishes.begin(), made.wishes.end(), [](const PilotWish& w) { return w.stop || w.land; });
     // A budget is no reason to keep a drone in the air.
     if (!budget_.take(now) && !lands) return respond(request, refusal(429, "more than 100 requests a second"));
-    for (const PilotWish& wish : made.wishes) hub_.take(wish);
+    for (const PilotWish& wish : made.wishes) {
+      if (const Status taken = hub_.take(wish); !taken) return respond(request, refusal(503, taken.error().what));
+    }
     return respond(request, std::move(made));
   }
 
@@ -224,6 +240,8 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
   }
 
   void write(Response response) {
+    // Who has not shown the token asks once a connection, and has no place to keep.
+    response.keep_alive(known_ && response.keep_alive());
     auto kept = std::make_shared<Response>(std::move(response));
     socket_.expires_after(patience);
     http::async_write(socket_, *kept, [self = shared_from_this(), kept](beast::error_code error, std::size_t) {
@@ -244,12 +262,15 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
   Budget budget_;
   beast::flat_buffer buffer_{max_head_bytes + max_body_bytes};
   std::optional<http::request_parser<http::string_body>> parser_;
+  bool known_ = false;  ///< its newest request had the token
 };
 
 }  // namespace
 
 void serve_http(tcp::socket socket, Hub& hub, const Guard& guard) {
-  std::make_shared<HttpSession>(std::move(socket), hub, guard)->read();
+  const auto session = std::make_shared<HttpSession>(std::move(socket), hub, guard);
+  hub.join(std::shared_ptr<Hub::Stranger>(session));
+  session->read();
 }
 
 }  // namespace ledgerline::ground::service

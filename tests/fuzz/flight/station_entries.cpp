@@ -16,6 +16,7 @@ class RequestEntry final : public Entry {
   std::vector<std::string> seeds() override {
     return {
         "GET /api/v1/drones\n",
+        "GET /api/v1/paths\n",
         "GET /api/v1/events?since=12\n",
         "POST /api/v1/drones/tello1/takeoff\n{}",
         "POST /api/v1/drones/tello1/path\n{\"waypoints\":[{\"x\":1,\"y\":2,\"z\":1,\"speed\":0.5}],\"then\":\"land\"}",
@@ -26,8 +27,8 @@ class RequestEntry final : public Entry {
     const auto end = std::min(bytes.find('\n'), bytes.size());
     const std::string_view line = bytes.substr(0, end), body = bytes.substr(std::min(end + 1, bytes.size()));
     const auto blank = std::min(line.find(' '), line.size());
-    const ApiAnswer made =
-        answer({line.substr(0, blank), line.substr(std::min(blank + 1, line.size())), body}, {names, "[]", events_});
+    const ApiAnswer made = answer({line.substr(0, blank), line.substr(std::min(blank + 1, line.size())), body},
+                                  {names, "[]", "{}", events_});
     if (made.status < 300) return accepted();
     // A refused request must not move a drone.
     return made.wishes.empty() ? refused(made.body) : refused("");
@@ -40,10 +41,10 @@ class RequestEntry final : public Entry {
 class StreamEntry final : public Entry {
  public:
   std::vector<std::string> seeds() override {
-    return {R"({"op":"velocity","drone":"tello1","linear":[0.5,0,-0.25],"yaw_rate":0.3})",
-            R"({"op":"velocity","drone":"tello2","linear":[0,0,0],"yaw_rate":0})"};
+    return {R"({"op":"velocity","drone":"tello1","linear":[0.5,0,-0.25],"yaw_rate":0.3,"t_ms":900})",
+            R"({"op":"velocity","drone":"tello2","linear":[0,0,0],"yaw_rate":0,"t_ms":100})"};
   }
-  Outcome feed(std::string_view bytes) override { return outcome_of(wish_from(bytes, names, 1)); }
+  Outcome feed(std::string_view bytes) override { return outcome_of(wish_from(bytes, names, ns_per_s)); }
 };
 
 /// Host, Origin and token, a line each: only the right ones are heard.

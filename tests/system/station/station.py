@@ -38,6 +38,9 @@ class Station:
     def drone(self, name: str) -> dict:
         return next(drone for drone in self.ask("GET", "drones")[1]["drones"] if drone["name"] == name)
 
+    def path(self, name: str) -> list:
+        return self.ask("GET", "paths")[1]["paths"][name]
+
     def wait(self, name: str, wanted) -> dict:
         """Until that holds of the drone."""
         deadline = time.monotonic() + PATIENCE_S
@@ -57,4 +60,5 @@ def take_off(station: Station, name: str) -> None:
 
 
 def velocity(name: str, x: float, y: float = 0, yaw_rate: float = 0) -> str:
-    return json.dumps({"op": "velocity", "drone": name, "linear": [x, y, 0], "yaw_rate": yaw_rate})
+    now_ms = time.monotonic() * 1e3  # the ground's clock, as it runs on this host; elsewhere: t_ms of the newest state
+    return json.dumps({"op": "velocity", "drone": name, "linear": [x, y, 0], "yaw_rate": yaw_rate, "t_ms": now_ms})

@@ -57,7 +57,7 @@ def test_stop_all_lands_every_drone_and_says_who_stopped_it(tmp_path):
     flight = fly(tmp_path, "--drones", "2", "--shape", "square", "--laps", "50", "--watch")
     station = Station(tmp_path, flight)
     for name in ("tello1", "tello2"):
-        station.wait(name, lambda drone: drone["phase"] == "path" and drone["path"] and drone["predicted"])
+        station.wait(name, lambda drone: drone["phase"] == "path" and station.path(name) and drone["predicted"])
     with station.stream() as stream:
         station.say("stop", {})
         events = []

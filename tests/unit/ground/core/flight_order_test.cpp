@@ -129,7 +129,7 @@ TEST(PilotOrder, APauseHoldsAndResumeGoesOnToTheNextWaypoint) {
   InAir world;
   world.say(path({at(2, 1), at(2, 3), at(0, 3)}, true));
   ASSERT_TRUE(world.passes(2, 2, 0.3));
-  world.say(order(Order::pause));
+  world.say({.drone = 0, .pause = true});
   EXPECT_EQ(world.phase(), DronePhase::manual);
   EXPECT_TRUE(world.status().paused);
   EXPECT_EQ(world.status().planned.size(), 4U) << "it is shown while it waits";
@@ -138,7 +138,7 @@ TEST(PilotOrder, APauseHoldsAndResumeGoesOnToTheNextWaypoint) {
   EXPECT_TRUE(hovers(world.newest_plan()));
   world.run(5);
   EXPECT_LT((world.position() - here).norm(), 0.02);
-  world.say(order(Order::pause));
+  world.say({.drone = 0, .pause = true});
   EXPECT_THAT(last_note(world), HasSubstr("no pause: it is paused already"));
 
   world.say(order(Order::resume));
@@ -156,7 +156,7 @@ TEST(PilotOrder, PausedBeforeAWaypointItFliesThereWhenResumedWhereverItWasFlownM
   InAir world;
   world.say(path({at(2, 1), at(2, 3)}));
   ASSERT_TRUE(world.passes(1, 1, 0.2));
-  world.say(order(Order::pause));
+  world.say({.drone = 0, .pause = true});
   for (int i = 0; i < 20; ++i) {
     world.say({.drone = 0, .velocity = Twist{{0, -0.5, 0}, {}}});
     world.run(0.1);
@@ -174,7 +174,7 @@ TEST(PilotOrder, WhatIsPausedIsForgottenBehindAnotherPathAndBehindALanding) {
   InAir world;
   world.say(path({at(3, 1)}));
   world.run(2);
-  world.say(order(Order::pause));
+  world.say({.drone = 0, .pause = true});
   world.say(path({at(0, 2)}));
   EXPECT_FALSE(world.status().paused);
   ASSERT_TRUE(world.ends_path());
@@ -183,7 +183,7 @@ TEST(PilotOrder, WhatIsPausedIsForgottenBehindAnotherPathAndBehindALanding) {
   world.run(2);
   world.say(path({at(3, 1)}));
   world.run(2);
-  world.say(order(Order::pause));
+  world.say({.drone = 0, .pause = true});
   world.say({.drone = 0, .land = true});
   EXPECT_FALSE(world.status().paused);
   EXPECT_TRUE(world.status().planned.empty());
@@ -249,8 +249,9 @@ TEST(PilotOrder, AFlightAroundItsOwnPathTakesNoOrder) {
   ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
   ASSERT_EQ(world.core.status(0).planned.size(), 5U) << "a square, closed";
   EXPECT_EQ(world.core.status(0).planned.front(), world.core.status(0).planned.back());
-  for (const Order kind : {Order::path, Order::pause, Order::resume, Order::return_home}) {
-    world.say(order(kind));
+  for (const PilotWish& wish :
+       {order(Order::path), order(Order::resume), order(Order::return_home), PilotWish{.drone = 0, .pause = true}}) {
+    world.say(wish);
     EXPECT_THAT(last_note(world), HasSubstr("it flies the path of its flight"));
     EXPECT_EQ(world.core.status(0).phase, DronePhase::path);
     world.run(1.1);
@@ -280,6 +281,99 @@ TEST(PilotOrder, AnOldPoseIsNoPlaceToBeginAt) {
   world.say(path({at(1, 1)}));
   EXPECT_THAT(last_note(world), HasSubstr("no path: its pose is lost"));
   EXPECT_EQ(world.phase(), DronePhase::manual);
+}
+
+TEST(PilotOrder, APoseAgesWhileNoStateComes) {
+  InAir world;
+  world.drones[0].silent = true;
+  world.run(1);
+  world.say(path({at(1, 1)}));
+  EXPECT_THAT(last_note(world), HasSubstr("no path: its pose is lost"));
+  EXPECT_EQ(world.phase(), DronePhase::manual);
+}
+
+TEST(PilotOrder, WhileItsFailsafeBrakesItNoPathIsBegun) {
+  InAir world;
+  world.drones[0].mode = FailsafeMode::brake;
+  world.drones[0].cause = FailsafeCause::ledger_doubted;
+  world.run(0.2);
+  world.say(path({at(1, 1)}));
+  EXPECT_THAT(last_note(world), HasSubstr("no path: its failsafe brakes it"));
+  EXPECT_EQ(world.phase(), DronePhase::manual);
+}
+
+TEST(PilotOrder, WithoutAPoseTheReferenceWaitsAlsoWithoutPrediction) {
+  InAir world(order_config(), false);
+  world.say(path({at(4, 1)}));
+  ASSERT_TRUE(world.passes(1, 1, 0.2));
+  const double progress = world.status().progress;
+  world.drones[0].pose_late_ns = 2 * ns_per_s;
+  world.run(0.2);
+  const double when_lost = world.status().progress;
+  world.run(2);
+  EXPECT_LT(when_lost, progress + 0.1);
+  EXPECT_EQ(world.status().progress, when_lost);
+}
+
+TEST(PilotOrder, APauseHoldsBesideAnyOrderOfTheSameStep) {
+  InAir world;
+  PilotWish both = path({at(2, 1)});
+  both.pause = true;
+  world.say(both);
+  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_TRUE(world.status().paused);
+  EXPECT_EQ(world.status().planned.back(), (std::array<double, 3>{2, 1, 1})) << "the new path waits";
+  both = order(Order::resume);
+  both.pause = true;
+  world.say(both);
+  EXPECT_TRUE(world.status().paused);
+  EXPECT_TRUE(world.notes.empty()) << world.notes.back();
+}
+
+TEST(PilotOrder, AStickThatIsMovedPausesThePathAndOneAtRestDoesNot) {
+  InAir world;
+  world.say(path({at(4, 1)}));
+  world.run(2);
+  world.say({.drone = 0, .velocity = Twist{{0.01, 0, 0}, {}}, .came_ns = world.now_ns});
+  EXPECT_EQ(world.phase(), DronePhase::path);
+  world.say({.drone = 0, .velocity = Twist{{0, 0.4, 0}, {}}, .came_ns = world.now_ns});
+  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_TRUE(world.status().paused);
+  EXPECT_THAT(last_note(world), HasSubstr("its pilot flies it by hand"));
+  EXPECT_GT(world.calls.back().plans(0).setpoints(0).vy(), 0.3) << "and is flown at once";
+  world.say(order(Order::resume));
+  ASSERT_TRUE(world.ends_path());
+  EXPECT_LT(world.away_m(4, 1), 0.15);
+}
+
+TEST(PilotOrder, ALandingThatChangesNothingIsRefusedInWords) {
+  FlightWorld world(order_config());
+  world.run(1);
+  world.say({.drone = 0, .land = true});
+  EXPECT_THAT(last_note(world), HasSubstr("no landing: it is on the ground"));
+}
+
+TEST(PilotOrder, AFlightAlongAPathThatWaitsIsEndedByALandingAndByAStop) {
+  for (const bool stop : {false, true}) {
+    FlightWorld world(config_for(1));
+    world.drones[0].has_pose = false;  // so that it waits
+    world.run(1);
+    ASSERT_EQ(world.core.status(0).phase, DronePhase::waiting);
+    world.say({.drone = 0, .land = !stop, .stop = stop});
+    EXPECT_EQ(world.core.status(0).phase, DronePhase::failed);
+    EXPECT_THAT(world.core.status(0).why, HasSubstr("its pilot"));
+    world.drones[0].has_pose = true;
+    world.run(10);
+    EXPECT_EQ(world.drones[0].phase, FlightPhase::on_ground) << "it never takes off";
+  }
+}
+
+TEST(PilotOrder, VelocitiesThatWereHeldBackAreSaidAndNotFlown) {
+  InAir world;
+  world.say({.drone = 0, .late = 3});
+  EXPECT_THAT(last_note(world), HasSubstr("held back on its way"));
+  EXPECT_EQ(world.status().pilot.late, 3U);
+  EXPECT_TRUE(hovers(world.newest_plan()));
 }
 
 TEST(PilotOrder, AVelocityOfBeforeIsNotFlownBehindAPathThatEndsAtOnce) {
@@ -343,11 +437,11 @@ TEST(PilotOrder, AStopInTheMiddleOfAPathStops) {
   EXPECT_EQ(world.phase(), DronePhase::landed);
 }
 
-TEST(PilotOrder, AVelocityAndATakeOffDuringAPathAreRefusedAndItFliesOn) {
+TEST(PilotOrder, ASticksNoiseAndATakeOffDuringAPathChangeNothing) {
   InAir world;
   world.say(path({at(2, 1)}));
   for (int i = 0; i < 10; ++i) {
-    world.say({.drone = 0, .velocity = Twist{{0, 1, 0}, {}}});
+    world.say({.drone = 0, .velocity = Twist{{0, 0.02, 0}, {}}});
     world.run(0.1);
   }
   EXPECT_EQ(world.status().pilot.not_flying, 10U);

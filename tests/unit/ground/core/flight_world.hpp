@@ -104,6 +104,7 @@ class FlightWorld {
     FlightPhase phase = FlightPhase::on_ground;
     TimeNs phase_since_ns = 0;
     std::uint64_t boot_id = 7, sequence = 0;
+    FailsafeMode mode = FailsafeMode::none;
     FailsafeCause cause = FailsafeCause::none;
     bool obeys_takeoff = true, obeys_landing = true, silent = false, has_pose = true;
     TimeNs pose_late_ns = 0;       ///< so old is its pose
@@ -223,6 +224,7 @@ class FlightWorld {
       if (drone.silent) continue;
       StateSample sample;
       sample.phase = drone.phase;
+      sample.mode = drone.mode;
       sample.cause = drone.cause;
       sample.boot_id = drone.boot_id;
       sample.sequence = ++drone.sequence;

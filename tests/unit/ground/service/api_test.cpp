@@ -13,7 +13,7 @@ using testing::SizeIs;
 class Api : public testing::Test {
  protected:
   ApiAnswer ask(std::string_view method, std::string_view target, std::string_view body = "") {
-    return answer({method, target, body}, {names, drones, events});
+    return answer({method, target, body}, {names, drones, R"({"tello1":[[1,2,3]]})", events});
   }
   const std::vector<std::string> names{"tello1", "tello2"};
   const std::string drones = R"([{"name":"tello1"}])";
@@ -23,6 +23,11 @@ class Api : public testing::Test {
 
 TEST_F(Api, GivesTheDronesAsTheBoardHasThem) {
   EXPECT_EQ(ask("GET", "/api/v1/drones").body, R"({"drones":[{"name":"tello1"}]})");
+}
+
+TEST_F(Api, GivesThePathsAsTheBoardHasThem) {
+  EXPECT_EQ(ask("GET", "/api/v1/paths").body, R"({"paths":{"tello1":[[1,2,3]]}})");
+  EXPECT_EQ(ask("POST", "/api/v1/paths").status, 405U);
 }
 
 TEST_F(Api, GivesTheEventsBehindOneThatTheClientHas) {
@@ -63,7 +68,7 @@ TEST_F(Api, APathIsAnOrderWithItsWaypointsAndItsEnd) {
   EXPECT_FALSE(order->waypoints[0].height_m);
   EXPECT_EQ(order->waypoints[1].height_m, 1.5);
   EXPECT_EQ(order->waypoints[1].speed_mps, 0.4);
-  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/pause").wishes.at(0).order->kind, PilotOrder::Kind::pause);
+  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/pause").wishes.at(0).pause);
   EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/resume").wishes.at(0).order->kind, PilotOrder::Kind::resume);
   EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/return").wishes.at(0).order->kind, PilotOrder::Kind::return_home);
   std::string long_list = R"({"waypoints":[)";
@@ -115,18 +120,29 @@ TEST_F(Api, WhatItDoesNotUnderstandIsRefusedInWordsAndWishesNothing) {
 }
 
 TEST_F(Api, AVelocityOfTheStreamIsAWishWithItsMoment) {
-  const auto wish = wish_from(R"({"op":"velocity","drone":"tello2","linear":[0.5,0,-0.1],"yaw_rate":0.3})", names, 99);
+  const TimeNs now = 2 * ns_per_s;
+  const auto said = [&](const std::string& t_ms) {
+    return wish_from(R"({"op":"velocity","drone":"tello2","linear":[0.5,0,-0.1],"yaw_rate":0.3)" + t_ms + "}", names,
+                     now);
+  };
+  const auto wish = said(R"(,"t_ms":1600)");
   ASSERT_TRUE(wish) << wish.error().what;
   EXPECT_EQ(wish->drone, 1U);
-  EXPECT_EQ(wish->came_ns, 99);
+  EXPECT_EQ(wish->came_ns, now);
   ASSERT_TRUE(wish->velocity);
   EXPECT_EQ(wish->velocity->linear_mps[2], -0.1);
   EXPECT_EQ(wish->velocity->angular_radps[2], 0.3);
+  const auto held = said(R"(,"t_ms":1499)");
+  ASSERT_TRUE(held);
+  EXPECT_FALSE(held->velocity) << "a network held it back: nobody means it any more";
+  EXPECT_EQ(held->late, 1U);
+  for (const char* t_ms : {"", R"(,"t_ms":2100)", R"(,"t_ms":"1600")", R"(,"t_ms":-1e300)"})
+    EXPECT_FALSE(said(t_ms)) << t_ms;
   for (const char* wrong : {"", "[]", R"({"op":"velocity"})", R"({"op":"stop","drone":"tello1"})",
-                            R"({"op":"velocity","drone":"tello7","linear":[0,0,0],"yaw_rate":0})",
-                            R"({"op":"velocity","drone":"tello1","linear":[0,0],"yaw_rate":0})",
-                            R"({"op":"velocity","drone":"tello1","linear":[0,0,"1"],"yaw_rate":0})",
-                            R"({"op":"velocity","drone":"tello1","linear":[0,0,0],"yaw_rate":null})"})
+                            R"({"op":"velocity","drone":"tello7","linear":[0,0,0],"yaw_rate":0,"t_ms":0})",
+                            R"({"op":"velocity","drone":"tello1","linear":[0,0],"yaw_rate":0,"t_ms":0})",
+                            R"({"op":"velocity","drone":"tello1","linear":[0,0,"1"],"yaw_rate":0,"t_ms":0})",
+                            R"({"op":"velocity","drone":"tello1","linear":[0,0,0],"yaw_rate":null,"t_ms":0})"})
     EXPECT_FALSE(wish_from(wrong, names, 0)) << wrong;
 }
 
@@ -135,6 +151,10 @@ TEST(Wishes, OfTwoThatWaitNoWordIsLostAndTheNewestVelocityCounts) {
   merge({.drone = 0, .stop = true}, waiting);
   EXPECT_TRUE(waiting.takeoff && waiting.stop && !waiting.cut);
   EXPECT_EQ(waiting.came_ns, 1);
+  merge({.drone = 0, .pause = true}, waiting);
+  merge({.drone = 0, .order = PilotOrder{.kind = PilotOrder::Kind::return_home}, .late = 2}, waiting);
+  EXPECT_TRUE(waiting.pause && waiting.order);
+  EXPECT_EQ(waiting.late, 2U);
   merge({.drone = 0, .velocity = Twist{{0.2, 0, 0}, {}}, .came_ns = 2}, waiting);
   EXPECT_EQ(waiting.velocity->linear_mps[0], 0.2);
   EXPECT_EQ(waiting.came_ns, 2);

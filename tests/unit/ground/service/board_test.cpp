@@ -68,7 +68,11 @@ TEST(Board, OfAFlightAlongAPathItSaysThePathAndWhereTheDroneWillBe) {
   world.run(12);
   const json drone = json::parse(Board::drones(world.now_ns, world.core))[0];
   ASSERT_EQ(drone["phase"], "path");
-  EXPECT_EQ(drone["path"].size(), 5U) << "four corners, and the first again";
+  Board board;
+  const auto paths = board.changed_paths(world.core);
+  ASSERT_TRUE(paths);
+  EXPECT_EQ(json::parse(*paths)["tello1"].size(), 5U) << "four corners, and the first again";
+  EXPECT_FALSE(board.changed_paths(world.core)) << "told once";
   ASSERT_FALSE(drone["predicted"].is_null());
   const double ahead = std::hypot(drone["predicted"][0].get<double>() - drone["position"][0].get<double>(),
                                   drone["predicted"][1].get<double>() - drone["position"][1].get<double>());

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <atomic>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
@@ -29,11 +30,13 @@ class StationServer : public testing::Test {
  protected:
   StationServer() {
     settings = {.listen = "127.0.0.1:0", .token_file = directory.path + "/" + "page.token"};
-    auto started =
-        Server::start(settings, {"tello1"}, {.manual = true, .speed_mps = 0.5}, [this](const PilotWish& wish) {
-          const std::lock_guard lock(mutex);
-          wishes.push_back(wish);
-        });
+    auto started = Server::start(settings, {"tello1"}, {.manual = true, .speed_mps = 0.5},
+                                 [this](const PilotWish& wish) -> Status {
+                                   if (wish.takeoff && !reached) return Error{"the ledger is not reached yet"};
+                                   const std::lock_guard lock(mutex);
+                                   wishes.push_back(wish);
+                                   return done;
+                                 });
     if (!started) throw std::runtime_error(started.error().what);
     server = std::move(*started);
     place = server->url().substr(std::string("http://").size());
@@ -73,7 +76,9 @@ class StationServer : public testing::Test {
     return json::parse(beast::buffers_to_string(buffer.data()));
   }
   void publish_event(std::uint64_t number) {
-    server->publish("[]", R"({"op":"state","drones":[]})", {{number, 1, Level::info, "tello1", "event"}});
+    server->publish({.drones = "[]",
+                     .state = R"({"op":"state","drones":[]})",
+                     .events = {{number, 1, Level::info, "tello1", "event"}}});
   }
   std::size_t heard() {
     const std::lock_guard lock(mutex);
@@ -84,6 +89,7 @@ class StationServer : public testing::Test {
   boost::asio::io_context io;
   std::mutex mutex;
   std::vector<PilotWish> wishes;
+  std::atomic<bool> reached{true};
   ServiceSettings settings;
   std::unique_ptr<Server> server;
   std::string place, token;
@@ -120,7 +126,7 @@ TEST_F(StationServer, AClientThatDoesNotReadIsClosedAndTheOthersGoOn) {
   const std::string words(2000, 'x');
   std::uint64_t newest = 0;
   for (std::uint64_t number = 1; number <= 6'000; ++number) {
-    server->publish("[]", "{}", {{number, 1, Level::info, "", words}});
+    server->publish({.drones = "[]", .state = "{}", .events = {{number, 1, Level::info, "", words}}});
     while (number % 100 == 0 && newest < number) {
       for (const json& event : read(*client).value("events", json::array())) newest = event["n"];
     }
@@ -137,8 +143,8 @@ TEST_F(StationServer, AClientThatDoesNotReadIsClosedAndTheOthersGoOn) {
 
 TEST_F(StationServer, WhatIsNoVelocityEndsTheStreamWithTheReason) {
   const auto client = stream();
-  client->write(
-      boost::asio::buffer(std::string(R"({"op":"velocity","drone":"tello1","linear":[0.1,0,0],"yaw_rate":0})")));
+  client->write(boost::asio::buffer(
+      std::string(R"({"op":"velocity","drone":"tello1","linear":[0.1,0,0],"yaw_rate":0,"t_ms":0})")));
   client->write(boost::asio::buffer(std::string(R"({"op":"fly"})")));
   beast::flat_buffer buffer;
   beast::error_code error;
@@ -165,6 +171,63 @@ TEST_F(StationServer, TheLastEventsReachEveryoneBeforeItEnds) {
   EXPECT_EQ(client->reason().code, websocket::close_code::going_away);
 }
 
+TEST_F(StationServer, AWordThatIsNotTakenNowIsAnswered503) {
+  reached = false;
+  const auto refused = ask(http::verb::post, "/api/v1/drones/tello1/takeoff", token);
+  EXPECT_EQ(refused.result_int(), 503U);
+  EXPECT_THAT(refused.body(), HasSubstr("the ledger is not reached yet"));
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/stop", token).result_int(), 202U);
+  EXPECT_EQ(heard(), 1U);
+}
+
+TEST_F(StationServer, APathIsToldWhenItChangesAndToWhoComesLater) {
+  const auto early = stream();
+  EXPECT_EQ(read(*early)["op"], "hello");
+  server->publish({.drones = "[]", .state = R"({"op":"state"})", .paths = R"({"tello1":[[1,2,3]]})"});
+  EXPECT_EQ(read(*early)["paths"]["tello1"][0][2], 3);
+  EXPECT_EQ(read(*early)["op"], "state");
+  server->publish({.drones = "[]", .state = R"({"op":"state","t_ms":2})"});
+  EXPECT_EQ(read(*early)["t_ms"], 2);
+  const auto late = stream();
+  EXPECT_EQ(read(*late)["op"], "hello");
+  EXPECT_EQ(read(*late)["op"], "paths");
+}
+
+TEST_F(StationServer, StrangersKeepNobodyOut) {
+  std::vector<tcp::socket> silent;
+  for (std::size_t i = 0; i < 3 * Server::max_connections; ++i) silent.push_back(dial());
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/stop", token).result_int(), 202U);
+  EXPECT_EQ(heard(), 1U);
+  // Nor does one who asks again and again on one connection.
+  tcp::socket asking = dial();
+  http::request<http::empty_body> request{http::verb::get, "/", 11};
+  request.set(http::field::host, place);
+  http::write(asking, request);
+  beast::flat_buffer buffer;
+  http::response<http::string_body> page;
+  http::read(asking, buffer, page);
+  EXPECT_EQ(page.result_int(), 200U);
+  EXPECT_FALSE(page.keep_alive());
+}
+
+TEST_F(StationServer, AClientMayJoinBehindMoreEventsThanAreKept) {
+  for (std::uint64_t number = 1; number <= 3 * Server::max_events; ++number) publish_event(number);
+  const auto client = stream();
+  EXPECT_EQ(read(*client)["op"], "hello");
+  const json first = read(*client);
+  ASSERT_EQ(first["op"], "events");
+  EXPECT_EQ(first["events"].size(), Server::max_events);
+}
+
+TEST_F(StationServer, OnlyAStreamIsWorthPublishingOftenFor) {
+  tcp::socket kept = dial();
+  EXPECT_EQ(ask(http::verb::get, "/api/v1/drones", token).result_int(), 200U);
+  EXPECT_FALSE(server->watched());
+  const auto client = stream();
+  EXPECT_EQ(read(*client)["op"], "hello");
+  EXPECT_TRUE(server->watched());
+}
+
 TEST(StationToken, IsMadeOnceForItsOwnerAloneAndAnOpenOneIsRefused) {
   const fuzz::Directory directory;
   const std::string file = directory.path + "/" + "token";
@@ -185,7 +248,8 @@ TEST(StationPlace, IsThisComputerAlone) {
   const fuzz::Directory directory;
   for (const char* listen :
        {"0.0.0.0:8800", "10.0.0.1:8800", "127.0.0.1", "127.0.0.1:65536", "127.0.0.1:x", "localhost:8800"}) {
-    const auto server = Server::start({listen, directory.path + "/" + "token"}, {}, {}, [](const PilotWish&) {});
+    const auto server =
+        Server::start({listen, directory.path + "/" + "token"}, {}, {}, [](const PilotWish&) { return Status(done); });
     ASSERT_FALSE(server) << listen;
     EXPECT_THAT(server.error().what, HasSubstr("[service] listen"));
   }

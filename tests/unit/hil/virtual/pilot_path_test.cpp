@@ -66,7 +66,8 @@ TEST_F(PilotPathTest, IsFlownPausedResumedAndComesBackAndTheFailsafeHasNothingTo
   order(Order::Kind::path, {at(1.5, 0), at(1.5, 1.5), at(0.5, 1.5)});
   ASSERT_EQ(status().phase, ground::DronePhase::path);
   run(2);
-  order(Order::Kind::pause);
+  world_->wish({.drone = 0, .pause = true});
+  run(0.1);
   ASSERT_TRUE(status().paused);
   run(3);
   const auto here_m = world_->facts()[0].truth.position_m;
