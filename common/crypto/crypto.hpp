@@ -121,6 +121,15 @@ struct SigningIdentity {
 };
 /// From cryptogen's layout: DIR/signcerts/*.pem and DIR/keystore/*_sk. Refuses a key that others may read (not 0600).
 Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const std::string& msp_dir);
+/// The same of a key that a pass phrase locks (PKCS #8, "ENCRYPTED PRIVATE KEY"); one that is not locked is refused. Takes
+/// some hundred milliseconds, as the phrase is made costly to guess.
+Result<SigningIdentity> load_locked_identity(Library library, const std::string& msp_id, const std::string& msp_dir,
+                                             const std::string& pass_phrase);
+/// Whose the certificate of such a folder is; no key is read.
+Result<IdentityName> read_identity_name(const std::string& msp_id, const std::string& msp_dir);
+/// A key of PEM, locked: AES-256-CBC, PBKDF2 (600,000 rounds of HMAC-SHA256). As `openssl pkcs8 -topk8 -v2 aes-256-cbc
+/// -v2prf hmacWithSHA256 -iter 600000`.
+Result<std::string> lock_key(const std::string& pem_key, const std::string& pass_phrase);
 
 /// A certificate authority of our own, for the embedded node and tests (libcrypto).
 struct KeyAndCertificate {

@@ -60,42 +60,77 @@ Result<fs::path> only_file(const fs::path& folder, const std::string& ending) {
   return *std::min_element(found.begin(), found.end());
 }
 
-}  // namespace
+struct Named {
+  fs::path file;
+  std::string pem;
+  X509Ptr certificate;
+  std::string subject;
+};
 
-Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const std::string& msp_dir) {
-  auto certificate_file = only_file(fs::path(msp_dir) / "signcerts", ".pem");
-  if (!certificate_file) return certificate_file.error();
+Result<Named> read_named(const std::string& msp_dir) {
+  auto file = only_file(fs::path(msp_dir) / "signcerts", ".pem");
+  if (!file) return file.error();
+  Named named{.file = *file, .pem = {}, .certificate = {}, .subject = {}};
+  if (auto s = read_file(*file, false, named.pem); !s) return s.error();
+  auto parsed = read_certificate(named.pem);
+  if (!parsed) return Error{file->string() + ": " + parsed.error().what};
+  auto description = describe(parsed->get());
+  if (!description) return Error{file->string() + ": " + description.error().what};
+  named.certificate = std::move(*parsed);
+  named.subject = description->subject;
+  return named;
+}
+
+/// `pass_phrase`: null where none locks the key.
+Result<SigningIdentity> load(Library library, const std::string& msp_id, const std::string& msp_dir,
+                             const std::string* pass_phrase) {
+  const auto named = read_named(msp_dir);
+  if (!named) return named.error();
   auto key_file = only_file(fs::path(msp_dir) / "keystore", "_sk");
   if (!key_file) return key_file.error();
-
-  std::string certificate;
-  if (auto s = read_file(*certificate_file, false, certificate); !s) return s.error();
-  auto parsed = read_certificate(certificate);
-  if (!parsed) return Error{certificate_file->string() + ": " + parsed.error().what};
-  auto description = describe(parsed->get());
-  if (!description) return Error{certificate_file->string() + ": " + description.error().what};
-
   Secret key;
   if (auto s = read_file(*key_file, true, key.text); !s) return s.error();
+  if (pass_phrase != nullptr) {
+    auto unlocked = unlock_key(key.text, *pass_phrase);
+    if (!unlocked) return Error{key_file->string() + ": " + unlocked.error().what};
+    key.text.swap(*unlocked);
+  }
   auto signer = make_signer(library, key.text);
   if (!signer) return Error{key_file->string() + ": " + signer.error().what};
-  auto verifier = make_verifier(library, parsed->get());
-  if (!verifier) return Error{certificate_file->string() + ": " + verifier.error().what};
+  auto verifier = make_verifier(library, named->certificate.get());
+  if (!verifier) return Error{named->file.string() + ": " + verifier.error().what};
   auto probe = (*signer)->sign("");
   if (!probe) return probe.error();
   if (!(*verifier)->verify("", *probe)) {
-    return Error{fmt::format("the key {} does not belong to the certificate {}", key_file->string(),
-                             certificate_file->string())};
+    return Error{
+        fmt::format("the key {} does not belong to the certificate {}", key_file->string(), named->file.string())};
   }
 
   SigningIdentity identity;
-  identity.name = {msp_id, description->subject};
+  identity.name = {msp_id, named->subject};
   msp::SerializedIdentity serialized;
   serialized.set_mspid(msp_id);
-  serialized.set_id_bytes(certificate);
+  serialized.set_id_bytes(named->pem);
   identity.serialized = serialized.SerializeAsString();
   identity.signer = std::move(*signer);
   return identity;
+}
+
+}  // namespace
+
+Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const std::string& msp_dir) {
+  return load(library, msp_id, msp_dir, nullptr);
+}
+
+Result<SigningIdentity> load_locked_identity(Library library, const std::string& msp_id, const std::string& msp_dir,
+                                             const std::string& pass_phrase) {
+  return load(library, msp_id, msp_dir, &pass_phrase);
+}
+
+Result<IdentityName> read_identity_name(const std::string& msp_id, const std::string& msp_dir) {
+  const auto named = read_named(msp_dir);
+  if (!named) return named.error();
+  return IdentityName{msp_id, named->subject};
 }
 
 }  // namespace ledgerline::crypto

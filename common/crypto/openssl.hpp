@@ -48,6 +48,8 @@ Result<std::string> public_point(X509* certificate);
 
 Result<std::unique_ptr<Verifier>> make_verifier(Library library, X509* certificate);
 Result<std::unique_ptr<Verifier>> make_libcrypto_verifier(X509* certificate);
+/// The key in PEM as it was before lock_key(). An error: it is not locked, or by another phrase.
+Result<std::string> unlock_key(const std::string& locked_pem, const std::string& pass_phrase);
 Result<std::unique_ptr<Signer>> make_libcrypto_signer(const std::string& pem_key);
 Result<std::unique_ptr<Verifier>> make_mbedtls_verifier(std::string_view point);
 Result<std::unique_ptr<Signer>> make_mbedtls_signer(const std::string& pem_key);

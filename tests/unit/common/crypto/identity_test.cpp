@@ -253,6 +253,22 @@ TEST_F(LoadIdentity, RefusesAKeyThatOthersMayRead) {
   EXPECT_EQ(error(), "loaded");
 }
 
+TEST_F(LoadIdentity, ALockedKeyNeedsItsPassPhraseAndAnOpenOneIsRefused) {
+  const auto load = [&](const std::string& phrase) {
+    auto identity = load_locked_identity(Library::mbedtls, "Org1MSP", dir_, phrase);
+    return identity ? "loaded" : identity.error().what;
+  };
+  EXPECT_NE(load("open").find("not locked"), std::string::npos) << "whoever reads the disk could sign with it";
+  const std::string locked = lock_key(user_.key_pem, "open sesame").value();
+  EXPECT_NE(locked.find("BEGIN ENCRYPTED PRIVATE KEY"), std::string::npos);
+  write(user_.certificate_pem, locked);
+  EXPECT_EQ(load("open sesame"), "loaded");
+  EXPECT_NE(load("open").find("another pass phrase"), std::string::npos) << load("open");
+  EXPECT_NE(load(""), "loaded");
+  EXPECT_NE(error(), "loaded") << "nobody is asked at the terminal";
+  EXPECT_EQ(read_identity_name("Org1MSP", dir_).value().subject, parse_certificate(user_.certificate_pem)->subject);
+}
+
 TEST_F(LoadIdentity, SaysWhatIsMissing) {
   fs::remove(key_file());
   EXPECT_NE(error().find("keystore has no file *_sk"), std::string::npos) << error();
