@@ -8,8 +8,6 @@
 #include <atomic>
 #include <fstream>
 #include <iterator>
-#include <random>
-#include <thread>
 #include <variant>
 
 #include "common/base/log.hpp"
@@ -18,8 +16,8 @@
 #include "common/belief/control_records.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/fabric/client/repeated.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/sending/repeat.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"
@@ -154,23 +152,12 @@ fabric::RepeatLimits limits_of(const Wish& wish) {
 }
 
 fabric::Outcome submit(fabric::Client& client, const Wish& wish, const fabric::Call& call) {
-  const fabric::RepeatLimits limits = limits_of(wish);
-  fabric::Repeat repeat(limits, std::random_device{}(), monotonic_ns());
-  while (true) {
-    fabric::Outcome outcome = client.submit_and_wait(call);
-    if (outcome.block != 0 && !outcome.unheard.empty())
-      spdlog::warn("{}: endorsed by less than all: {}", wish.function, outcome.unheard);
-    const auto next = repeat.ended(monotonic_ns(), outcome);
-    if (next == fabric::Repeat::Next::given_up && repeat.attempts() > 1) {
-      outcome.message =
-          fmt::format("not on the ledger after {} attempts{}; the last: {}", repeat.attempts(),
-                      limits.conflicts_only ? "" : fmt::format(" in {:g} s", wish.within_s), outcome.message);
-    }
-    if (next != fabric::Repeat::Next::again) return outcome;
-    if (repeat.attempts() == 1)
-      spdlog::warn("{}: said again until it is on the ledger: {}", wish.function, outcome.message);
-    std::this_thread::sleep_for(std::chrono::nanoseconds(std::max<TimeNs>(0, repeat.at_ns() - monotonic_ns())));
-  }
+  fabric::Outcome outcome = fabric::submit_repeatedly(client, call, limits_of(wish), [&](const fabric::Outcome& first) {
+    spdlog::warn("{}: said again until it is on the ledger: {}", wish.function, first.message);
+  });
+  if (outcome.block != 0 && !outcome.unheard.empty())
+    spdlog::warn("{}: endorsed by less than all: {}", wish.function, outcome.unheard);
+  return outcome;
 }
 
 template <typename Message>
