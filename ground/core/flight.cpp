@@ -209,13 +209,16 @@ void FlightCore::take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& 
   Drone& drone = *drones_[wish.drone];
   drone.wished = true;
   const bool stop = wish.stop || wish.cut;
-  if (stop) stops_.want(now_ns, wish.drone, wish.cut);
+  if (stop) stops_.want(now_ns, wish.drone, wish.cut, wish.by);
   if (stop || wish.land) {
     const std::string why = drone.phases.land_by_pilot(now_ns, stop             ? "stopped by its pilot"
                                                                : config_.manual ? ""
                                                                                 : "landed by its pilot");
     // A stop is the ledger's, whoever flies.
     if (!why.empty() && !stop) refuse(now_ns, wish.drone, "no landing: " + why, out);
+  } else if (const std::string whose = held_by_another(wish); !whose.empty()) {
+    if (wish.takeoff || wish.order || wish.pause || wish.velocity) refuse(now_ns, wish.drone, whose, out);
+    return;
   } else if (wish.takeoff) {
     if (const std::string why = drone.phases.take_off(now_ns, ending_); !why.empty())
       refuse(now_ns, wish.drone, "no take-off: " + why, out);
@@ -243,6 +246,14 @@ void FlightCore::take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& 
   } else {
     ++(drone.planner.manual().take(wish.came_ns, *wish.velocity) ? counters.velocities : counters.bad_values);
   }
+}
+
+std::string FlightCore::held_by_another(const PilotWish& wish) const {
+  const Lease& lease = leases_.of(wish.drone);
+  // What we do not command we do not fly, whoever wishes.
+  if (!lease.holder || lease.commander != config_.self) return "";
+  if (lease.holder == (wish.by ? *wish.by : config_.self)) return "";
+  return "its lease is held by " + holder_words(lease) + ": the holder's word counts";
 }
 
 // Counted always, said once a second: a pilot's messages may come as fast as they like.

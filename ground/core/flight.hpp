@@ -89,6 +89,8 @@ class FlightCore {
   void take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& out);
   void step_drone(TimeNs now_ns, std::size_t index, const FlightInputs& inputs, FlightOutputs& out);
   void hand_over(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out);
+  /// Who holds the lease, where it is not who wishes; empty: it is, or nobody does. Landings and stops are anybody's.
+  std::string held_by_another(const PilotWish& wish) const;
   void refuse(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
   void say(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
 

@@ -67,7 +67,8 @@ std::string name_of(DronePhase phase);
 struct Submission {
   std::uint64_t id = 0;
   fabric::Call call;
-  bool urgent = false;  ///< a stop: must not wait behind commands
+  bool urgent = false;                       ///< a stop: must not wait behind commands
+  std::optional<crypto::IdentityName> by{};  ///< the operator who signs it; none: ground's own identity
 };
 
 /// What a pilot wants of a drone that is in the air in a manual flight.
@@ -85,7 +86,8 @@ struct PilotOrder {
 
 /// What a pilot wants of one drone, since the last time. Of several words the safest counts: cut, stop, land, pause.
 struct PilotWish {
-  std::size_t drone = 0;  ///< index into FlightConfig::drones
+  std::size_t drone = 0;                     ///< index into FlightConfig::drones
+  std::optional<crypto::IdentityName> by{};  ///< the operator whose word it is; none: whoever ground serves
   std::optional<Twist> velocity{};
   TimeNs came_ns = 0;  ///< when the velocity came; the ground's clock
   bool takeoff = false, land = false;

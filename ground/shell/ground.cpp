@@ -16,6 +16,7 @@ namespace {
 constexpr TimeNs unheard_gap_ns = 10 * ns_per_s;  // a peer may be away for long
 constexpr TimeNs tick_ns = 20 * ns_per_ms;        // for time-outs and signals; blocks and outcomes wake at once
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
+constexpr TimeNs leaving_limit_ns = 60 * ns_per_s;
 constexpr TimeNs warning_gap_ns = ns_per_s;
 constexpr TimeNs show_gap_ns = ns_per_s / 30;      // for whoever looks at the page
 constexpr TimeNs unwatched_gap_ns = ns_per_s / 2;  // while nobody does
@@ -34,7 +35,10 @@ Ground::Ground(FlightConfig flight, OutputSettings output, dds::ParticipantPtr p
   for (const FlightDrone& drone : core_.drones()) names_.push_back(drone.name);
 }
 
-Ground::~Ground() { mailbox_.close(); }
+Ground::~Ground() {
+  mailbox_.close();
+  if (desk_) desk_->close();
+}
 
 std::optional<Ground::Letter> Ground::next_letter(TimeNs timeout_ns) {
   if (letters_.empty()) {
@@ -111,25 +115,74 @@ Status Ground::hear_pilots() {
 }
 
 void Ground::hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
-  wish(drone, [&](PilotWish& wished) { topic.take(cdr, monotonic_ns(), wished); });
+  wish(drone, std::nullopt, [&](PilotWish& wished) { topic.take(cdr, monotonic_ns(), wished); });
 }
 
-void Ground::wish(std::size_t drone, const std::function<void(PilotWish&)>& change) {
+void Ground::wish(std::size_t drone, const std::optional<crypto::IdentityName>& by,
+                  const std::function<void(PilotWish&)>& change) {
   {
     const std::lock_guard lock(wishes_mutex_);
-    auto wished = std::find_if(wishes_.begin(), wishes_.end(), [&](const PilotWish& w) { return w.drone == drone; });
-    if (wished == wishes_.end()) wished = wishes_.insert(wished, {.drone = drone});
+    auto wished = std::find_if(wishes_.begin(), wishes_.end(),
+                               [&](const PilotWish& w) { return w.drone == drone && w.by == by; });
+    if (wished == wishes_.end()) wished = wishes_.insert(wished, {.drone = drone, .by = by});
     change(*wished);
   }
   mailbox_.wake();
 }
 
-Status Ground::serve(const service::ServiceSettings& settings) {
+Status Ground::open_desk(const std::string& folder, const fabric::ClientConfig& ledger) {
+  auto desk = OperatorDesk::create({.folder = folder,
+                                    .ledger = ledger,
+                                    .drones = names_,
+                                    .tell =
+                                        [this](service::Level level, std::size_t drone, std::string words) {
+                                          mailbox_.put(Told{level, drone, std::move(words)});
+                                        },
+                                    .on_session =
+                                        [this](std::size_t who, bool in) {
+                                          mailbox_.put(SessionChange{who, in});
+                                        }});
+  if (!desk) return Error{"[service] operators: " + desk.error().what};
+  desk_ = std::move(*desk);
+  return done;
+}
+
+void Ground::see_off(TimeNs now_ns) {
+  for (auto one = leaving_.begin(); one != leaving_.end();) {
+    const crypto::IdentityName& who = desk_->operators()[one->who].identity;
+    std::vector<std::size_t> held, aloft;
+    for (std::size_t drone = 0; drone < names_.size(); ++drone) {
+      if (core_.lease(drone).holder != who || core_.lease(drone).commander != core_.config().self) continue;
+      held.push_back(drone);
+      const DronePhase phase = core_.status(drone).phase;
+      if (is_in_air(phase) || phase == DronePhase::landing) aloft.push_back(drone);
+    }
+    if (!aloft.empty() && now_ns < one->until_ns) {
+      if (now_ns >= one->next_ns) {
+        one->next_ns = now_ns + ns_per_s;
+        for (const std::size_t drone : aloft) wish(drone, who, [](PilotWish& wished) { wished.land = true; });
+      }
+      ++one;
+      continue;
+    }
+    for (const std::size_t drone : held) {
+      const Status asked = desk_->submit(one->who, {.kind = service::OperatorCall::Kind::release, .drone = drone});
+      if (!asked) spdlog::warn("{}: not given back: {}", names_[drone], asked.error().what);
+    }
+    desk_->forget(one->who);
+    one = leaving_.erase(one);
+  }
+}
+
+Status Ground::serve(const service::ServiceSettings& settings, const fabric::ClientConfig& ledger) {
+  if (!settings.operators.empty()) {
+    if (Status opened = open_desk(settings.operators, ledger); !opened) return opened;
+  }
   const FlightConfig& flight = core_.config();
   auto server = service::Server::start(
       settings, names_,
       {.manual = flight.manual, .speed_mps = flight.controller.speed_mps, .cmd_timeout_ns = flight.cmd_timeout_ns},
-      [this](const PilotWish& one) { return take(one); });
+      [this](const PilotWish& one) { return take(one); }, desk_.get());
   if (!server) return server.error();
   server_ = std::move(server).value();
   show(monotonic_ns());
@@ -139,7 +192,7 @@ Status Ground::serve(const service::ServiceSettings& settings) {
 // A stop may wait until the ledger is reached, and so may a landing; nobody wants another word then that he gave before.
 Status Ground::take(const PilotWish& one) {
   if (!flying_ && !one.stop && !one.cut && !one.land) return Error{"the ledger is not reached yet: nothing can fly"};
-  wish(one.drone, [&](PilotWish& wished) { service::merge(one, wished); });
+  wish(one.drone, one.by, [&](PilotWish& wished) { service::merge(one, wished); });
   return done;
 }
 
@@ -198,6 +251,11 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
     }
   } else if (const auto* state = std::get_if<StreamState>(&letter)) {
     stream_ = *state;
+  } else if (const auto* told = std::get_if<Told>(&letter)) {
+    unshown_.push_back(board_.tell(monotonic_ns(), told->level, names_[told->drone], told->words));
+  } else if (const auto* change = std::get_if<SessionChange>(&letter)) {
+    std::erase_if(leaving_, [&](const Leaving& one) { return one.who == change->who; });
+    if (!change->in) leaving_.push_back({change->who, monotonic_ns() + leaving_limit_ns, 0});
   } else if (const auto* read = std::get_if<ControlsRead>(&letter)) {
     if (!read->controls) return read->controls.error();
     // The blocks that waited come next, before any that came behind them.
@@ -232,6 +290,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
       spdlog::error("not all drones were seen to land within {:.0f} s", to_seconds(landing_limit_ns));
       break;
     }
+    if (!leaving_.empty()) see_off(now_ns);
     show(now_ns);
     if (output_.status_period_ns > 0 && now_ns >= next_status_ns_) write_status(now_ns);
   }
@@ -249,10 +308,11 @@ void Ground::step(FlightInputs inputs) {
   inputs.realtime_s = realtime_ns() / ns_per_s;
   FlightOutputs out = core_.step(monotonic_ns(), inputs);
   for (Submission& submission : out.submissions) {
-    const std::uint64_t id = submission.id;
-    (submission.urgent ? urgent_ : client_)->submit(std::move(submission.call), [this, id](fabric::Outcome outcome) {
-      mailbox_.put(Ended{id, std::move(outcome)});
-    });
+    auto ended = [this, id = submission.id](fabric::Outcome outcome) { mailbox_.put(Ended{id, std::move(outcome)}); };
+    if (submission.by)
+      desk_->stop(*submission.by, std::move(submission.call), std::move(ended));
+    else
+      (submission.urgent ? urgent_ : client_)->submit(std::move(submission.call), std::move(ended));
   }
   recorder_.add(out.traces);
   for (const std::string& note : out.notes) spdlog::warn("{}", note);

@@ -22,6 +22,7 @@
 #include "ground/core/topics.hpp"
 #include "ground/service/core/board.hpp"
 #include "ground/service/shell/server.hpp"
+#include "ground/shell/operator_desk.hpp"
 #include "ground/shell/settings.hpp"
 
 namespace ledgerline::ground {
@@ -43,8 +44,8 @@ class Ground {
   /// Flies until every drone has landed or failed. Once `quit` is set, all drones land, and it returns at the latest
   /// `landing_limit` later. True when every drone finished its path and landed.
   Result<bool> run(const std::atomic<bool>& quit);
-  /// The page and the API, from the start on. Before start().
-  Status serve(const service::ServiceSettings& settings);
+  /// The page and the API, from the start on. Before start(). `ledger`: as of the clients above, for the operators'.
+  Status serve(const service::ServiceSettings& settings, const fabric::ClientConfig& ledger);
   /// Where the page is; empty: nowhere.
   std::string page_url() const { return server_ ? server_->url() : std::string(); }
 
@@ -61,7 +62,18 @@ class Ground {
   struct ControlsRead {
     Result<std::vector<Control>> controls;
   };
-  using Letter = std::variant<fabric::Block, Ended, StreamState, ControlsRead>;
+  /// What an operator's call came to.
+  struct Told {
+    service::Level level;
+    std::size_t drone;
+    std::string words;
+  };
+  /// An operator's session began, or is over.
+  struct SessionChange {
+    std::size_t who;
+    bool in;
+  };
+  using Letter = std::variant<fabric::Block, Ended, StreamState, ControlsRead, Told, SessionChange>;
 
   Status open_topics();
   Status hear_pilots();
@@ -69,7 +81,11 @@ class Ground {
   /// What the page wishes. Any thread. The error: it would only be flown later.
   Status take(const PilotWish& one);
   /// Changes what is wished of a drone, and wakes the core's thread. Any thread.
-  void wish(std::size_t drone, const std::function<void(PilotWish&)>& change);
+  void wish(std::size_t drone, const std::optional<crypto::IdentityName>& by,
+            const std::function<void(PilotWish&)>& change);
+  Status open_desk(const std::string& folder, const fabric::ClientConfig& ledger);
+  /// Lands what somebody holds who has left, gives it back, and forgets his key.
+  void see_off(TimeNs now_ns);
   void show(TimeNs now_ns);
   void publish(const DroneNews& news);
   Status wait_for_block_stream(const std::atomic<bool>& quit);
@@ -97,14 +113,22 @@ class Ground {
   Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight
   std::deque<Letter> letters_;  ///< taken out of the mailbox, not opened yet
   std::mutex wishes_mutex_;
-  std::vector<PilotWish> wishes_;    ///< at most one for each drone
+  std::vector<PilotWish> wishes_;    ///< at most one for each drone and operator
   std::atomic<bool> flying_{false};  ///< run() is
   StreamState stream_;
   belief::ControlStart control_start_;
   std::vector<std::string> names_;  ///< of the drones
   fabric::KeptCheckpoint kept_;     ///< until start()
 
+  struct Leaving {
+    std::size_t who;
+    TimeNs until_ns;  ///< then his key is forgotten, whatever he holds
+    TimeNs next_ns;   ///< then they are asked again to land
+  };
+  std::vector<Leaving> leaving_;  ///< operators
+
   // Last, so that they end first: their callbacks use all of the above.
+  std::unique_ptr<OperatorDesk> desk_;  ///< null: nobody signs in
   std::unique_ptr<service::Server> server_;
   std::vector<dds::RawReader> readers_;  ///< of each drone one for each of pilot_topics
   std::unique_ptr<fabric::Client> client_, urgent_;

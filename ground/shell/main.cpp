@@ -46,7 +46,7 @@ int fly(Config& config) {
   ground::Ground ground(std::move(flight), output, *participant, std::move(client).value(), std::move(urgent).value(),
                         std::move(*kept));
   if (!service.listen.empty()) {
-    if (auto status = ground.serve(service); !status) return fail(status.error(), exit_usage);
+    if (auto status = ground.serve(service, careful); !status) return fail(status.error(), exit_usage);
   }
   if (auto status = ground.start(stop_requested); !status) return fail(status.error());
   const auto bridges = bridge::BesideBridges::create(config, bridged, *participant);

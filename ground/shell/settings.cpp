@@ -183,6 +183,14 @@ service::ServiceSettings service_settings(Config& config) {
       {"service.token_file", "file of the page's token, made where it is missing: whoever may read it may fly"}, "");
   if (!settings.listen.empty() && settings.token_file.empty())
     config.wrong("service.token_file", "must name a file, since [service] listen is set");
+  settings.operators = config.text({"service.operators",
+                                    "folder with an MSP folder for each operator, its key locked by a pass phrase: "
+                                    "each signs in at the page and signs "
+                                    "what he asks for (docs/station.md); none: ground's own identity signs all"},
+                                   "");
+  settings.session_idle_ns = from_seconds(config.number(
+      {"service.session_idle_s", "an operator of whom nothing is heard for so long is signed out, and his drones land"},
+      900, 10, 86'400));
   return settings;
 }
 

@@ -18,17 +18,21 @@ constexpr TimeNs stop_within_ns = 30 * ns_per_s;
 }  // namespace
 
 PilotStops::PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self)
-    : self_(belief::to_message(self)) {
-  // Pilots that stop at one time do not come back together.
-  const std::uint64_t seed = std::hash<std::string>{}(self.msp_id + self.subject);
-  for (std::size_t i = 0; i < drones.size(); ++i) slots_.push_back({.name = drones[i].name, .seed = seed + i});
-}
+    : drones_(drones), self_(self) {}
 
-void PilotStops::want(TimeNs now, std::size_t drone, bool cut) {
-  Slot& slot = slots_[drone];
+void PilotStops::want(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by) {
+  auto found =
+      std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.drone == drone && s.by == by; });
+  if (found == slots_.end()) {
+    // Pilots that stop at one time do not come back together.
+    const crypto::IdentityName& who = by ? *by : self_;
+    const std::uint64_t seed = std::hash<std::string>{}(who.msp_id + who.subject) + drone;
+    found = slots_.insert(found, {.drone = drone, .by = by, .seed = seed});
+  }
+  Slot& slot = *found;
   if (slot.stop && (!cut || slot.stop->cut())) return;
   slot.stop.emplace();
-  slot.stop->add_drones(slot.name);
+  slot.stop->add_drones(drones_[drone].name);
   slot.stop->set_cut(cut);
   slot.counted = true;
   slot.repeat.emplace(fabric::RepeatLimits{.within_ns = stop_within_ns}, slot.seed, now);
@@ -38,14 +42,14 @@ void PilotStops::want(TimeNs now, std::size_t drone, bool cut) {
 
 void PilotStops::submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next_id,
                         std::vector<Submission>& submissions) {
-  for (std::size_t drone = 0; drone < slots_.size(); ++drone) {
-    Slot& slot = slots_[drone];
+  for (Slot& slot : slots_) {
     if (!slot.stop || slot.id != 0 || now < slot.next_ns) continue;
     slot.stop->clear_resumes();
-    const std::optional<Control>& record = leases.of(drone).record;
-    if (slot.counted && record) slot.stop->add_resumes(resumes_of(*record, self_));
+    const std::optional<Control>& record = leases.of(slot.drone).record;
+    if (slot.counted && record)
+      slot.stop->add_resumes(resumes_of(*record, belief::to_message(slot.by ? *slot.by : self_)));
     slot.id = next_id++;
-    submissions.push_back({slot.id, {contract::stop, {slot.stop->SerializeAsString()}}, true});
+    submissions.push_back({slot.id, {contract::stop, {slot.stop->SerializeAsString()}}, true, slot.by});
   }
 }
 
@@ -57,7 +61,7 @@ std::optional<PilotStops::Ended> PilotStops::take_outcome(TimeNs now, const fabr
   using Next = fabric::Repeat::Next;
   const Next next = slot->repeat->ended(now, outcome);
   slot->next_ns = slot->repeat->at_ns();
-  Ended ended{static_cast<std::size_t>(slot - slots_.begin()), ""};
+  Ended ended{slot->drone, ""};
   if (next == Next::again) return ended;
   if (next == Next::refused && !slot->stop->resumes().empty()) {
     slot->counted = false;

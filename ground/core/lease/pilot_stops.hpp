@@ -13,12 +13,13 @@ namespace ledgerline::ground {
 /// A pilot's stops on their way: each goes out by itself, at once, and again until the ledger has it, the contract
 /// refuses it, or 30 s are over. It says how often our stops of that drone were lifted, so that none stops what was
 /// resumed since; where the contract refuses that one, as another count may have come meanwhile, it goes out once more
-/// without. One of a drone at a time; a cut replaces a stop. Deterministic; one thread.
+/// without. One of a drone and stopper at a time; a cut replaces a stop. Deterministic; one thread.
 class PilotStops {
  public:
   PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self);
 
-  void want(TimeNs now, std::size_t drone, bool cut);
+  /// `by`: the operator whose stop it is; none: ours.
+  void want(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by = std::nullopt);
   void submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next_id, std::vector<Submission>& submissions);
 
   struct Ended {
@@ -32,7 +33,8 @@ class PilotStops {
 
  private:
   struct Slot {
-    std::string name;
+    std::size_t drone = 0;
+    std::optional<crypto::IdentityName> by{};
     std::uint64_t seed = 0;                  ///< of the pauses' jitter
     std::optional<DronesCall> stop{};        ///< to be submitted, or under way
     bool counted = true;                     ///< it says how often our stops were lifted
@@ -40,8 +42,9 @@ class PilotStops {
     std::uint64_t id = 0;                    ///< 0: not under way
     TimeNs next_ns = 0;
   };
-  const Identity self_;
-  std::vector<Slot> slots_;
+  const std::vector<FlightDrone>& drones_;
+  const crypto::IdentityName self_;
+  std::vector<Slot> slots_;  ///< one for each that has stopped a drone from here
 };
 
 }  // namespace ledgerline::ground

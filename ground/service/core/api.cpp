@@ -10,6 +10,7 @@
 
 #include "common/base/enum_count.hpp"
 #include "common/base/printable.hpp"
+#include "common/msg/contract.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -17,6 +18,7 @@ namespace {
 using nlohmann::json;
 
 constexpr std::string_view root = "/api/v1/";
+constexpr std::size_t max_pass_phrase = 256;
 constexpr std::size_t max_shown = 64;  // bytes of a name that is given back in an error
 
 constexpr const char* word_of(Level level) {
@@ -71,7 +73,8 @@ std::optional<std::size_t> find(const std::vector<std::string>& names, std::stri
   return static_cast<std::size_t>(at - names.begin());
 }
 
-ApiAnswer accepted(std::vector<PilotWish> wishes) { return {202, R"({"accepted":true})", std::move(wishes)}; }
+constexpr const char* taken = R"({"accepted":true})";
+ApiAnswer accepted(std::vector<PilotWish> wishes) { return {202, taken, std::move(wishes)}; }
 
 /// {"x":1,"y":0,"z":1.2,"speed":0.5}; FlightCore says what of it cannot be flown.
 Result<Waypoint> waypoint_from(const json& given) {
@@ -104,12 +107,88 @@ Result<PilotOrder> path_from(const json& body) {
   return order;
 }
 
+/// {"to":{"msp":"Org2MSP","subject":"CN=..."}}
+Result<crypto::IdentityName> identity_from(const json& body) {
+  if (const Status keys = only(body, {"to"}); !keys) return keys.error();
+  const json to = body.value("to", json());
+  if (!to.is_object()) return Error{"to must be an object"};
+  if (const Status keys = only(to, {"msp", "subject"}); !keys) return keys.error();
+  const json msp = to.value("msp", json()), subject = to.value("subject", json());
+  if (!msp.is_string() || !subject.is_string()) return Error{"to needs msp and subject"};
+  return crypto::IdentityName{msp.get<std::string>(), subject.get<std::string>()};
+}
+
+std::optional<OperatorCall::Kind> call_of(std::string_view verb) {
+  using Kind = OperatorCall::Kind;
+  constexpr std::array<std::pair<std::string_view, Kind>, enum_count<Kind>> verbs{{{"acquire", Kind::acquire},
+                                                                                   {"release", Kind::release},
+                                                                                   {"request", Kind::request},
+                                                                                   {"hand_over", Kind::hand_over},
+                                                                                   {"deny", Kind::deny},
+                                                                                   {"lift", Kind::resume}}};
+  const auto row = std::find_if(verbs.begin(), verbs.end(), [&](const auto& one) { return one.first == verb; });
+  return row == verbs.end() ? std::nullopt : std::optional(row->second);
+}
+
+/// What an operator signs for a drone.
+ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const Known& known) {
+  using Kind = OperatorCall::Kind;
+  if (request.method != "POST") return refusal(405, "POST it");
+  if (known.operators.empty())
+    return refusal(404, "nobody signs in here: [service] operators is not set; ledgerline control does that");
+  if (!request.who) return refusal(403, "sign in first: who clicks is who signs");
+  const auto body = object_from(request.body);
+  if (!body) return refusal(400, body.error().what);
+  if (call.kind == Kind::hand_over || call.kind == Kind::deny) {
+    auto to = identity_from(*body);
+    if (!to) return refusal(400, to.error().what);
+    call.to = std::move(*to);
+  } else if (call.kind == Kind::acquire || call.kind == Kind::request) {
+    if (const Status keys = only(*body, {"priority"}); !keys) return refusal(400, keys.error().what);
+    const json priority = body->value("priority", json(0U));
+    if (!priority.is_number_unsigned() || priority.get<std::uint64_t>() > contract::max_priority)
+      return refusal(400, fmt::format("priority must be a number up to {}", contract::max_priority));
+    call.priority = priority.get<std::uint32_t>();
+  } else if (const Status keys = only(*body, {}); !keys) {
+    return refusal(400, keys.error().what);
+  }
+  return {.status = 202, .body = taken, .call = std::move(call)};
+}
+
+ApiAnswer answer_session(const ApiRequest& request, const Known& known) {
+  if (request.method == "DELETE") {
+    if (!request.who) return refusal(403, "nobody is signed in with this token");
+    return {.status = 202, .body = taken, .sign_out = true};
+  }
+  if (request.method != "POST") return refusal(405, "POST it, or DELETE it");
+  const auto body = object_from(request.body);
+  if (!body) return refusal(400, body.error().what);
+  if (const Status keys = only(*body, {"operator", "passphrase"}); !keys) return refusal(400, keys.error().what);
+  const json name = body->value("operator", json()), phrase = body->value("passphrase", json());
+  if (!name.is_string() || !phrase.is_string() || phrase.get_ref<const std::string&>().size() > max_pass_phrase)
+    return refusal(400, fmt::format("needs operator and passphrase, of {} bytes at most", max_pass_phrase));
+  const auto who = std::find_if(known.operators.begin(), known.operators.end(),
+                                [&](const Operator& one) { return one.name == name.get_ref<const std::string&>(); });
+  if (who == known.operators.end()) return refusal(404, "no operator of that name signs in here");
+  return {.status = 200,
+          .body = {},
+          .sign_in = SignIn{static_cast<std::size_t>(who - known.operators.begin()), phrase.get<std::string>()}};
+}
+
+ApiAnswer answer_operators(const ApiRequest& request, const Known& known) {
+  if (request.method != "GET") return refusal(405, "GET it");
+  json all = json::array();
+  for (const Operator& one : known.operators) all.push_back({{"name", one.name}, {"identity", text_of(one.identity)}});
+  return {200, dump({{"operators", all}, {"you", request.who ? json(known.operators[*request.who].name) : json()}})};
+}
+
 ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const Known& known) {
   const auto slash = path.find('/');
   const std::string_view name = path.substr(0, slash);
   const std::string_view verb = slash == std::string_view::npos ? "" : path.substr(slash + 1);
   const auto drone = find(known.names, name);
   if (!drone) return refusal(404, "no drone \"" + printable(std::string(name), max_shown) + "\" flies here");
+  if (const auto call = call_of(verb)) return answer_call(request, {.kind = *call, .drone = *drone}, known);
   PilotWish wish{.drone = *drone};
   if (verb == "takeoff") {
     wish.takeoff = true;
@@ -126,7 +205,9 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const K
   } else if (verb == "return") {
     wish.order = PilotOrder{.kind = PilotOrder::Kind::return_home};
   } else if (verb != "path") {
-    return refusal(404, "a drone knows takeoff, land, stop, cut, path, pause, resume, return");
+    return refusal(404,
+                   "a drone knows takeoff, land, stop, cut, path, pause, resume, return, acquire, release, request, "
+                   "hand_over, deny, lift");
   }
   if (request.method != "POST") return refusal(405, "POST it");
   const auto body = object_from(request.body);
@@ -169,21 +250,7 @@ ApiAnswer answer_events(std::string_view query, const Known& known) {
   return {200, dump({{"events", events_json(known.events, at)}})};
 }
 
-/// Three numbers, or an error.
-Result<std::array<double, 3>> triple(const json& value, const char* what) {
-  std::array<double, 3> numbers{};
-  const bool three = value.is_array() && value.size() == numbers.size() &&
-                     std::all_of(value.begin(), value.end(), [](const json& n) { return n.is_number(); });
-  if (!three) return Error{std::string(what) + " must be three numbers"};
-  for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = value[i].get<double>();
-  return numbers;
-}
-
-}  // namespace
-
-ApiAnswer refusal(unsigned status, const std::string& words) { return {status, dump({{"error", words}})}; }
-
-ApiAnswer answer(const ApiRequest& request, const Known& known) {
+ApiAnswer answer_any(const ApiRequest& request, const Known& known) {
   const std::string_view target = request.target;
   if (target.substr(0, root.size()) != root) return refusal(404, "the API is below /api/v1/");
   const auto question = target.find('?');
@@ -196,9 +263,39 @@ ApiAnswer answer(const ApiRequest& request, const Known& known) {
     if (path == "paths") return {200, fmt::format(R"({{"paths":{}}})", known.paths)};
     return {200, fmt::format(R"({{"drones":{}}})", known.drones)};
   }
+  if (path == "operators") return answer_operators(request, known);
+  if (path == "session") return answer_session(request, known);
   if (path == "stop") return answer_stop(request, known);
   if (path.substr(0, of_drone.size()) == of_drone) return answer_drone(request, path.substr(of_drone.size()), known);
-  return refusal(404, "there are drones, events, paths, stop, stream");
+  return refusal(404, "there are drones, events, operators, paths, session, stop, stream");
+}
+
+/// Three numbers, or an error.
+Result<std::array<double, 3>> triple(const json& value, const char* what) {
+  std::array<double, 3> numbers{};
+  const bool three = value.is_array() && value.size() == numbers.size() &&
+                     std::all_of(value.begin(), value.end(), [](const json& n) { return n.is_number(); });
+  if (!three) return Error{std::string(what) + " must be three numbers"};
+  for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = value[i].get<double>();
+  return numbers;
+}
+
+}  // namespace
+
+std::string text_of(const crypto::IdentityName& who) { return who.msp_id + " " + who.subject; }
+
+ApiAnswer refusal(unsigned status, const std::string& words) { return {status, dump({{"error", words}})}; }
+
+ApiAnswer answer(const ApiRequest& request, const Known& known) {
+  ApiAnswer made = answer_any(request, known);
+  if (made.wishes.empty() || known.operators.empty()) return made;
+  // Nobody has to look for a pass phrase to stop a drone.
+  const bool lands =
+      std::all_of(made.wishes.begin(), made.wishes.end(), [](const PilotWish& one) { return one.stop || one.land; });
+  if (!request.who && !lands) return refusal(403, "sign in first: who clicks is who signs; a stop needs no operator");
+  if (!request.who) return made;
+  for (PilotWish& wish : made.wishes) wish.by = known.operators[*request.who].identity;
+  return made;
 }
 
 Result<PilotWish> wish_from(std::string_view message, const std::vector<std::string>& names, TimeNs now) {
@@ -230,6 +327,10 @@ void merge(const PilotWish& wish, PilotWish& waiting) {
   waiting.late += wish.late;
   if (wish.order) waiting.order = wish.order;
   if (wish.velocity) take_velocity(*wish.velocity, wish.came_ns, waiting);
+}
+
+std::string session_text(const std::string& token, const Operator& who) {
+  return dump({{"session", token}, {"operator", who.name}, {"identity", text_of(who.identity)}});
 }
 
 std::string paths_message(std::string_view paths) { return fmt::format(R"({{"op":"paths","paths":{}}})", paths); }

@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "ground/core/flight_types.hpp"
+#include "ground/service/operators/calls.hpp"
+#include "ground/service/operators/sign_ins.hpp"
 
 /// The ground station's API, version 1 (docs/station.md), without I/O: what a request means and what is answered. Each
 /// function is pure; any thread.
@@ -26,12 +28,23 @@ struct Event {
 
 struct ApiRequest {
   std::string_view method, target, body;
+  std::optional<std::size_t> who{};  ///< the operator that is signed in
 };
+/// Somebody signs in.
+struct SignIn {
+  std::size_t who = 0;
+  std::string pass_phrase;
+};
+/// What is done before the answer goes out: one of these at most.
 struct ApiAnswer {
   unsigned status = 200;
   std::string body;  ///< JSON
   std::vector<PilotWish> wishes{};
+  std::optional<OperatorCall> call{};  ///< to be signed by who asked
+  std::optional<SignIn> sign_in{};
+  bool sign_out = false;
 };
+std::string text_of(const crypto::IdentityName& who);  ///< "Org2MSP CN=..."
 ApiAnswer refusal(unsigned status, const std::string& words);
 
 /// What Board tells of a moment: texts of JSON.
@@ -44,9 +57,10 @@ struct Telling {
 
 /// What there is to know, as Board last told it.
 struct Known {
-  const std::vector<std::string>& names;  ///< of the drones, as FlightConfig has them
-  std::string_view drones, paths;         ///< as in Telling
-  const std::deque<Event>& events;        ///< oldest first
+  const std::vector<std::string>& names;   ///< of the drones, as FlightConfig has them
+  std::string_view drones, paths;          ///< as in Telling
+  const std::deque<Event>& events;         ///< oldest first
+  const std::vector<Operator>& operators;  ///< who may sign in; none: ground's own identity signs all
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const Known& known);
@@ -59,6 +73,8 @@ Result<PilotWish> wish_from(std::string_view message, const std::vector<std::str
 /// What one wish adds to those that wait for the same drone.
 void merge(const PilotWish& wish, PilotWish& waiting);
 
+/// {"session":TOKEN,"operator":"alice","identity":"Org2MSP CN=..."}
+std::string session_text(const std::string& token, const Operator& who);
 /// {"op":"paths","paths":{...}}
 std::string paths_message(std::string_view paths);
 /// {"op":"events","events":[...]}, those from `first` on.

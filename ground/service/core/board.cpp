@@ -15,13 +15,22 @@ namespace {
 
 using nlohmann::json;
 
-std::string text_of(const std::optional<crypto::IdentityName>& who) {
-  return who ? who->msp_id + " " + who->subject : std::string();
+std::string text_or_none(const std::optional<crypto::IdentityName>& who) {
+  return who ? service::text_of(*who) : std::string();
 }
 
 json stoppers_of(const Lease& lease) {
   json all = json::array();
   for (const Stop& stop : lease.stoppers.stoppers()) all.push_back(text_of(belief::to_name(stop.stopper())));
+  return all;
+}
+
+json requests_of(const Lease& lease) {
+  json all = json::array();
+  if (!lease.record) return all;
+  for (const Request& request : lease.record->requests())
+    all.push_back(
+        {{"msp", request.who().msp_id()}, {"subject", request.who().subject()}, {"priority", request.priority()}});
   return all;
 }
 
@@ -53,11 +62,12 @@ json drone_json(TimeNs now, const FlightCore& core, std::size_t i) {
       {"progress", status.progress},
       {"paused", status.paused},
       {"stopped_by", stoppers_of(lease)},
+      {"requests", requests_of(lease)},
       {"ledger_doubted", status.ledger_doubted},
       {"limit_mps", std::isfinite(status.limit_mps) && status.limit_mps > 0 ? json(status.limit_mps) : json()},
       {"lease",
-       {{"holder", text_of(lease.holder)},
-        {"commander", text_of(lease.commander)},
+       {{"holder", text_or_none(lease.holder)},
+        {"commander", text_or_none(lease.commander)},
         {"ours", lease.commander == core.config().self},
         {"epoch", lease.epoch}}}};
   // Motion capture tells no variance.
@@ -115,8 +125,12 @@ std::string Board::state_message(TimeNs now, const FlightCore& core, const std::
                      to_ms(core.delay_ns()), drones);
 }
 
+Event Board::tell(TimeNs now, Level level, const std::string& drone, std::string text) {
+  return {next_number_++, now, level, drone, std::move(text)};
+}
+
 void Board::add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events) {
-  events.push_back({next_number_++, now, level, drone, std::move(text)});
+  events.push_back(tell(now, level, drone, std::move(text)));
 }
 
 void Board::look(TimeNs now, const FlightCore& core, std::size_t i, std::vector<Event>& events) {
@@ -146,8 +160,8 @@ void Board::look(TimeNs now, const FlightCore& core, std::size_t i, std::vector<
   if (before.holder != lease.holder || before.commander != lease.commander) {
     before.holder = lease.holder;
     before.commander = lease.commander;
-    std::string text = lease.holder ? "its lease is held by " + text_of(lease.holder) : "nobody holds its lease";
-    if (lease.commander != lease.holder) text += ", who lets " + text_of(lease.commander) + " command it";
+    std::string text = lease.holder ? "its lease is held by " + text_of(*lease.holder) : "nobody holds its lease";
+    if (lease.commander != lease.holder) text += ", who lets " + text_or_none(lease.commander) + " command it";
     add(now, Level::info, name, std::move(text), events);
   }
   if (std::string stoppers = stopper_names(lease.stoppers); stoppers != before.stoppers) {

@@ -15,6 +15,8 @@ class Board {
  public:
   /// Events since the look before: phases, failsafe, lease, stops, and the core's notes.
   std::vector<Event> look(TimeNs now, const FlightCore& core, const std::vector<std::string>& notes);
+  /// An event of the station itself.
+  Event tell(TimeNs now, Level level, const std::string& drone, std::string text);
   /// [DRONE...] of docs/station.md.
   static std::string drones(TimeNs now, const FlightCore& core);
   /// {"tello1":[[x,y,z]...]}: what each drone flies or will; nothing where no path has changed since the last one.

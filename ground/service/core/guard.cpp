@@ -20,6 +20,24 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
+/// What may be a token: of the Authorization header, or of the stream's subprotocols.
+std::vector<std::string_view> tokens_of(const Head& head) {
+  constexpr std::string_view bearer = "Bearer ", in_list = "token.";
+  if (!head.websocket) {
+    if (head.authorization.substr(0, bearer.size()) != bearer) return {};
+    return {head.authorization.substr(bearer.size())};
+  }
+  std::vector<std::string_view> tokens;
+  constexpr std::size_t max_tokens = 4;
+  for (std::string_view rest = head.subprotocols; !rest.empty() && tokens.size() < max_tokens;) {
+    const auto comma = std::min(rest.find(','), rest.size());
+    const std::string_view one = trimmed(rest.substr(0, comma));
+    if (one.substr(0, in_list.size()) == in_list) tokens.push_back(one.substr(in_list.size()));
+    rest.remove_prefix(std::min(comma + 1, rest.size()));
+  }
+  return tokens;
+}
+
 }  // namespace
 
 Guard::Guard(std::string token, std::string address, std::uint16_t port)
@@ -38,24 +56,14 @@ ApiAnswer Guard::check_place(const Head& head) const {
   return {.status = 0, .body = {}};
 }
 
-bool Guard::knows_token(const Head& head) const {
-  constexpr std::string_view bearer = "Bearer ", in_list = "token.";
-  if (!head.websocket)
-    return head.authorization.substr(0, bearer.size()) == bearer &&
-           same_secret(head.authorization.substr(bearer.size()), token_);
-  for (std::string_view rest = head.subprotocols; !rest.empty();) {
-    const auto comma = std::min(rest.find(','), rest.size());
-    const std::string_view one = trimmed(rest.substr(0, comma));
-    if (one.substr(0, in_list.size()) == in_list && same_secret(one.substr(in_list.size()), token_)) return true;
-    rest.remove_prefix(std::min(comma + 1, rest.size()));
+Guard::Judged Guard::check(const Head& head, const FindSession& find) const {
+  if (ApiAnswer place = check_place(head); place.status != 0) return {place};
+  for (const std::string_view token : tokens_of(head)) {
+    if (same_secret(token, token_)) return {{.status = 0, .body = {}}};
+    if (token.size() != token_digits) continue;
+    if (const auto session = find(token)) return {{.status = 0, .body = {}}, session};
   }
-  return false;
-}
-
-ApiAnswer Guard::check(const Head& head) const {
-  if (ApiAnswer place = check_place(head); place.status != 0) return place;
-  if (!knows_token(head)) return refusal(401, "the token is missing, or it is another ground's");
-  return {.status = 0, .body = {}};
+  return {refusal(401, "the token is missing, or it is another ground's, or of a session that is over")};
 }
 
 bool Budget::take(TimeNs now) {

@@ -1,9 +1,12 @@
 #pragma once
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 
 #include "ground/service/core/api.hpp"
+#include "ground/service/operators/sign_ins.hpp"
 
 namespace ledgerline::ground::service {
 
@@ -15,7 +18,7 @@ struct Head {
   bool websocket = false;
 };
 
-/// Who may ask: whoever knows the token, from a page that this server served, or from no page. Host and Origin must name
+/// Who may ask: whoever knows the token, or that of an operator's session, from a page that this server served, or from no page. Host and Origin must name
 /// the server itself, so that neither another site's script nor a name that was bound anew to this address is heard.
 /// Immutable; any thread.
 class Guard {
@@ -25,12 +28,17 @@ class Guard {
 
   /// For the page's own files, which need no token: status 0, they may go out.
   ApiAnswer check_place(const Head& head) const;
-  /// For the API and the stream: status 0, the request is heard.
-  ApiAnswer check(const Head& head) const;
+  /// For the API and the stream: status 0, the request is heard; `session`: that it belongs to.
+  struct Judged {
+    ApiAnswer refused;
+    std::optional<SignIns::Session> session{};
+  };
+  /// `find`: the session of a token.
+  using FindSession = std::function<std::optional<SignIns::Session>(std::string_view token)>;
+  Judged check(const Head& head, const FindSession& find) const;
 
  private:
   bool is_own(std::string_view host) const;
-  bool knows_token(const Head& head) const;
 
   std::string token_, by_address_, by_name_;
 };

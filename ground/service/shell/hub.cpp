@@ -6,6 +6,19 @@
 
 namespace ledgerline::ground::service {
 
+Hub::Hub(std::vector<std::string> drones, const Greeting& greeting, Server::TakeWish take, OperatorKeys* keys,
+         TimeNs session_idle_ns)
+    : names_(std::move(drones)),
+      greeting_(greeting),
+      take_(std::move(take)),
+      keys_(keys),
+      operators_(keys ? keys->operators() : std::vector<Operator>()),
+      sign_ins_(operators_.size(), session_idle_ns) {}
+
+void Hub::expire(TimeNs now) {
+  for (const std::size_t who : sign_ins_.expire(now)) keys_->leave(who);
+}
+
 void Hub::publish(Telling telling) {
   drones_ = std::move(telling.drones);
   state_ = std::make_shared<const std::string>(std::move(telling.state));

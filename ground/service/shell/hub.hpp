@@ -15,8 +15,9 @@ namespace ledgerline::ground::service {
 /// only, but for connections() and streams().
 class Hub {
  public:
-  Hub(std::vector<std::string> drones, const Greeting& greeting, Server::TakeWish take)
-      : names_(std::move(drones)), greeting_(greeting), take_(std::move(take)) {}
+  /// `keys`: null where nobody signs in.
+  Hub(std::vector<std::string> drones, const Greeting& greeting, Server::TakeWish take, OperatorKeys* keys,
+      TimeNs session_idle_ns);
 
   /// Somebody who is told that there is news.
   class Listener {
@@ -35,7 +36,7 @@ class Hub {
   }
 
   const std::vector<std::string>& names() const { return names_; }
-  Known known() const { return {names_, drones_, paths_, events_}; }
+  Known known() const { return {names_, drones_, paths_, events_, operators_}; }
   const std::deque<Event>& events() const { return events_; }
   std::uint64_t newest_event() const { return events_.empty() ? 0 : events_.back().number; }
   /// The newest event that can not be told any more; 0: all can.
@@ -44,6 +45,12 @@ class Hub {
   const std::shared_ptr<const std::string>& paths() const { return paths_message_; }
   std::string greeting() const;
   Status take(const PilotWish& wish) const { return take_(wish); }
+
+  SignIns& sign_ins() { return sign_ins_; }
+  const std::vector<Operator>& operators() const { return operators_; }
+  OperatorKeys& keys() { return *keys_; }
+  /// Ends the sessions that were idle for too long.
+  void expire(TimeNs now);
 
   /// Counts a connection while it lives.
   class Place {
@@ -81,6 +88,9 @@ class Hub {
   const std::vector<std::string> names_;
   const Greeting greeting_;
   const Server::TakeWish take_;
+  OperatorKeys* const keys_;
+  const std::vector<Operator> operators_;
+  SignIns sign_ins_;
   std::string drones_ = "[]", paths_ = "{}";
   std::shared_ptr<const std::string> state_, paths_message_;
   std::deque<Event> events_;

@@ -44,8 +44,12 @@ Result<Place> place_from(const std::string& listen) {
 
 class BeastServer final : public Server {
  public:
-  BeastServer(std::vector<std::string> drones, const Greeting& greeting, TakeWish take)
-      : hub_(std::move(drones), greeting, std::move(take)), acceptor_(io_), again_(io_) {}
+  BeastServer(std::vector<std::string> drones, const Greeting& greeting, TakeWish take, OperatorKeys* keys,
+              TimeNs session_idle_ns)
+      : hub_(std::move(drones), greeting, std::move(take), keys, session_idle_ns),
+        acceptor_(io_),
+        again_(io_),
+        expiry_(io_) {}
   ~BeastServer() override {
     io_.stop();
     if (thread_.joinable()) thread_.join();
@@ -63,6 +67,7 @@ class BeastServer final : public Server {
     url_ = fmt::format("http://{}:{}", place.address, port);
     guard_.emplace(token, place.address, port);
     accept();
+    expire_sessions();
     thread_ = std::thread([this] { serve(); });
     return done;
   }
@@ -75,6 +80,7 @@ class BeastServer final : public Server {
       boost::system::error_code ignored;  // it is no matter whether it was open
       acceptor_.close(ignored);
       again_.cancel();
+      expiry_.cancel();
       hub_.end();
     });
     const TimeNs until = monotonic_ns() + 500 * ns_per_ms;
@@ -91,6 +97,15 @@ class BeastServer final : public Server {
     } catch (const std::exception& problem) {
       spdlog::error("ground's page has ended, the flight goes on: {}", problem.what());
     }
+  }
+
+  void expire_sessions() {
+    expiry_.expires_after(std::chrono::seconds(1));
+    expiry_.async_wait([this](boost::system::error_code ended) {
+      if (ended) return;
+      hub_.expire(monotonic_ns());
+      expire_sessions();
+    });
   }
 
   void accept() {
@@ -117,7 +132,7 @@ class BeastServer final : public Server {
   std::optional<Guard> guard_;
   asio::io_context io_{1};
   tcp::acceptor acceptor_;
-  asio::steady_timer again_;
+  asio::steady_timer again_, expiry_;
   std::string url_;
   std::thread thread_;
 };
@@ -125,12 +140,13 @@ class BeastServer final : public Server {
 }  // namespace
 
 Result<std::unique_ptr<Server>> Server::start(const ServiceSettings& settings, std::vector<std::string> drones,
-                                              const Greeting& greeting, TakeWish take) {
+                                              const Greeting& greeting, TakeWish take, OperatorKeys* keys) {
   const auto place = place_from(settings.listen);
   if (!place) return Error{"[service] listen " + place.error().what};
   const auto token = read_token(settings.token_file);
   if (!token) return Error{"[service] token_file: " + token.error().what};
-  auto server = std::make_unique<BeastServer>(std::move(drones), greeting, std::move(take));
+  auto server =
+      std::make_unique<BeastServer>(std::move(drones), greeting, std::move(take), keys, settings.session_idle_ns);
   if (auto status = server->listen(*place, *token); !status) return status.error();
   return std::unique_ptr<Server>(std::move(server));
 }

@@ -22,6 +22,19 @@ struct Greeting {
   TimeNs cmd_timeout_ns = 0;
 };
 
+/// The operators' keys, behind the station. Called on the server's thread.
+class OperatorKeys {
+ public:
+  virtual ~OperatorKeys() = default;
+  virtual const std::vector<Operator>& operators() const = 0;
+  /// Unlocks a key on a thread of its own, where `answer` is called, too.
+  virtual void unlock(std::size_t who, std::string pass_phrase, std::function<void(Status)> answer) = 0;
+  /// His session is over: what he holds is landed and given back, and his key is forgotten.
+  virtual void leave(std::size_t who) = 0;
+  /// Signs and submits; what comes of it is told as an event. The error says why it cannot now.
+  virtual Status submit(std::size_t who, const OperatorCall& call) = 0;
+};
+
 /// HTTP and WebSocket for page, command line and scripts, on a thread of its own: whatever clients do, the flight's
 /// thread only hands over two texts. A client gets the newest state, and every event in order; one that does not read
 /// keeps nothing but its place, and is closed when it is max_events behind.
@@ -33,9 +46,10 @@ class Server {
   /// The error says why it is not taken now.
   using TakeWish = std::function<Status(const PilotWish&)>;
 
-  /// Listens. `take` is called on the server's thread and must outlive it.
+  /// Listens. `take` is called on the server's thread; it and `keys` must outlive the server. `keys`: null where nobody
+  /// signs in.
   static Result<std::unique_ptr<Server>> start(const ServiceSettings& settings, std::vector<std::string> drones,
-                                               const Greeting& greeting, TakeWish take);
+                                               const Greeting& greeting, TakeWish take, OperatorKeys* keys = nullptr);
   virtual ~Server() = default;
 
   /// Any thread; does not wait for clients.

@@ -1,12 +1,13 @@
 #include "ground/service/shell/sessions.hpp"
 
 #include <algorithm>
+#include <boost/asio/post.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
 
-#include "common/base/log.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::ground::service {
@@ -81,8 +82,8 @@ Response page(const Request& request) {
 /// The stream to one client. One write at a time: behind it the events it lacks, then the newest state.
 class Stream final : public Hub::Listener, public std::enable_shared_from_this<Stream> {
  public:
-  Stream(beast::tcp_stream&& socket, Hub& hub, Hub::Place place)
-      : socket_(std::move(socket)), hub_(hub), place_(std::move(place)), budget_(requests_per_s) {}
+  Stream(beast::tcp_stream&& socket, Hub& hub, Hub::Place place, std::optional<SignIns::Session> session)
+      : socket_(std::move(socket)), hub_(hub), place_(std::move(place)), session_(session), budget_(requests_per_s) {}
 
   void start(const Request& request) {
     socket_.set_option(websocket::stream_base::timeout::suggested(beast::role_type::server));
@@ -100,6 +101,8 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   }
 
   void news() override {
+    // A page that is open keeps its operator signed in.
+    if (session_ && !closing_ && !hub_.sign_ins().touch(monotonic_ns(), *session_)) close("the session is over");
     if (writing_ || closing_) {
       // Who has not taken a write for so many events will not catch up, and may come again.
       const auto& events = hub_.events();
@@ -147,8 +150,13 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     if (!budget_.take(now)) return close("more than 100 messages a second");
     const auto text = beast::buffers_to_string(buffer_.data());
     buffer_.consume(buffer_.size());
-    const auto wish = wish_from(text, hub_.names(), now);
+    auto wish = wish_from(text, hub_.names(), now);
     if (!wish) return close(wish.error().what);
+    if (!hub_.operators().empty()) {
+      if (!session_) return close("sign in first: who flies is who signs");
+      if (!hub_.sign_ins().touch(now, *session_)) return close("the session is over");
+      wish->by = hub_.operators()[session_->who].identity;
+    }
     // One that is not taken now would not be flown, either: nothing is in the air yet.
     if (const Status taken = hub_.take(*wish); !taken) return close(taken.error().what);
     read();
@@ -171,6 +179,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   websocket::stream<beast::tcp_stream> socket_;
   Hub& hub_;
   Hub::Place place_;
+  const std::optional<SignIns::Session> session_;
   Budget budget_;
   beast::flat_buffer buffer_;
   std::shared_ptr<const std::string> shown_, paths_;
@@ -202,23 +211,28 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     if (error) return end();
     const Request& request = parser_->get();
     if (websocket::is_upgrade(request)) return upgrade();
-    write(make_response(request));
+    if (auto response = make_response(request)) write(std::move(*response));
   }
 
-  Response make_response(const Request& request) {
+  Guard::Judged judge(const Head& head) {
+    return guard_.check(head, [&](std::string_view token) { return hub_.sign_ins().of(monotonic_ns(), token); });
+  }
+
+  /// Nothing: it comes later.
+  std::optional<Response> make_response(const Request& request) {
     const std::string_view target = view(request.target());
     const Head head = head_of(request);
     if (target.substr(0, 5) != "/api/") {
       const ApiAnswer place = guard_.check_place(head);
       return place.status != 0 ? respond(request, place) : page(request);
     }
-    if (ApiAnswer refused = guard_.check(head); refused.status != 0) {
-      known_ = false;
-      return respond(request, refused);
-    }
-    known_ = true;
+    Guard::Judged judged = judge(head);
+    known_ = judged.refused.status == 0;
+    if (!known_) return respond(request, judged.refused);
     const TimeNs now = monotonic_ns();
-    ApiAnswer made = answer({view(request.method_string()), target, request.body()}, hub_.known());
+    ApiRequest asked{view(request.method_string()), target, request.body()};
+    if (judged.session) asked.who = judged.session->who;
+    ApiAnswer made = answer(asked, hub_.known());
     const bool lands =
         std::any_of(made.wishes.begin(), made.wishes.end(), [](const PilotWish& w) { return w.stop || w.land; });
     // A budget is no reason to keep a drone in the air.
@@ -226,17 +240,49 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     for (const PilotWish& wish : made.wishes) {
       if (const Status taken = hub_.take(wish); !taken) return respond(request, refusal(503, taken.error().what));
     }
+    if (made.call) {
+      const Status signed_now = hub_.keys().submit(*asked.who, *made.call);
+      if (!signed_now) return respond(request, refusal(503, signed_now.error().what));
+    }
+    if (made.sign_out) {
+      hub_.sign_ins().end(*judged.session);
+      hub_.keys().leave(*asked.who);
+    }
+    if (made.sign_in) return sign_in(now, std::move(*made.sign_in));
     return respond(request, std::move(made));
+  }
+
+  std::optional<Response> sign_in(TimeNs now, SignIn asked) {
+    const std::string early = hub_.sign_ins().refused(now, asked.who);
+    if (!early.empty()) return respond(parser_->get(), refusal(429, early));
+    socket_.expires_never();
+    hub_.keys().unlock(
+        asked.who, std::move(asked.pass_phrase), [self = shared_from_this(), who = asked.who](Status unlocked) {
+          boost::asio::post(self->socket_.get_executor(),
+                            [self, who, unlocked = std::move(unlocked)] { self->signed_in(who, unlocked); });
+        });
+    return std::nullopt;
+  }
+
+  void signed_in(std::size_t who, const Status& unlocked) {
+    const TimeNs now = monotonic_ns();
+    if (!unlocked) {
+      hub_.sign_ins().failed(now, who);
+      return write(respond(parser_->get(), refusal(403, unlocked.error().what)));
+    }
+    const std::string token = crypto::hex(crypto::random_bytes(token_digits / 2));
+    hub_.sign_ins().begin(now, who, token);
+    write(respond(parser_->get(), {200, session_text(token, hub_.operators()[who])}));
   }
 
   void upgrade() {
     const Request& request = parser_->get();
     if (view(request.target()) != "/api/v1/stream")
       return write(respond(request, refusal(404, "the stream is /api/v1/stream")));
-    if (ApiAnswer refused = guard_.check(head_of(request)); refused.status != 0)
-      return write(respond(request, refused));
+    const Guard::Judged judged = judge(head_of(request));
+    if (judged.refused.status != 0) return write(respond(request, judged.refused));
     socket_.expires_never();
-    std::make_shared<Stream>(std::move(socket_), hub_, std::move(place_))->start(request);
+    std::make_shared<Stream>(std::move(socket_), hub_, std::move(place_), judged.session)->start(request);
   }
 
   void write(Response response) {

@@ -21,20 +21,31 @@ class RequestEntry final : public Entry {
         "POST /api/v1/drones/tello1/takeoff\n{}",
         "POST /api/v1/drones/tello1/path\n{\"waypoints\":[{\"x\":1,\"y\":2,\"z\":1,\"speed\":0.5}],\"then\":\"land\"}",
         "POST /api/v1/stop\n{\"cut\":true}",
-        "POST /api/v1/drones/tello2/land\n"};
+        "POST /api/v1/drones/tello2/land\n",
+        "POST /api/v1/session\n{\"operator\":\"alice\",\"passphrase\":\"open\"}",
+        "POST /api/v1/drones/tello1/hand_over\n{\"to\":{\"msp\":\"Org2MSP\",\"subject\":\"CN=bob\"}}",
+        "POST /api/v1/drones/tello1/acquire\n{\"priority\":3}"};
   }
   Outcome feed(std::string_view bytes) override {
     const auto end = std::min(bytes.find('\n'), bytes.size());
     const std::string_view line = bytes.substr(0, end), body = bytes.substr(std::min(end + 1, bytes.size()));
     const auto blank = std::min(line.find(' '), line.size());
-    const ApiAnswer made = answer({line.substr(0, blank), line.substr(std::min(blank + 1, line.size())), body},
-                                  {names, "[]", "{}", events_});
+    ApiRequest request{line.substr(0, blank), line.substr(std::min(blank + 1, line.size())), body};
+    const Known known{names, "[]", "{}", events_, operators_};
+    const ApiAnswer strangers = answer(request, known);
+    // Nobody is signed in: nothing is signed, and nothing flies.
+    const bool flies = std::any_of(strangers.wishes.begin(), strangers.wishes.end(),
+                                   [](const ground::PilotWish& wish) { return !wish.stop && !wish.land; });
+    if (strangers.call || strangers.sign_out || flies) return refused("");
+    request.who = 0;
+    const ApiAnswer made = answer(request, known);
     if (made.status < 300) return accepted();
     // A refused request must not move a drone.
     return made.wishes.empty() ? refused(made.body) : refused("");
   }
 
  private:
+  const std::vector<Operator> operators_{{"alice", {"Org2MSP", "CN=alice"}}};
   const std::deque<Event> events_{{1, 1, Level::info, "tello1", "takeoff"}};
 };
 
@@ -60,15 +71,16 @@ class HeadEntry final : public Entry {
     Head head{.host = bytes.substr(0, first),
               .origin = rest.substr(0, second),
               .authorization = rest.substr(std::min(second + 1, rest.size()))};
-    const ApiAnswer plain = guard_.check(head);
+    const ApiAnswer plain = guard_.check(head, nobody_).refused;
     head.websocket = true;
     head.subprotocols = std::exchange(head.authorization, "");
-    if (guard_.check(head).status == 0) return refused("");  // a header's words are no subprotocol
+    if (guard_.check(head, nobody_).refused.status == 0) return refused("");  // a header's words are no subprotocol
     return plain.status == 0 ? accepted() : refused(plain.body);
   }
 
  private:
   const std::string token_ = std::string(64, '7');
+  const Guard::FindSession nobody_ = [](std::string_view) { return std::nullopt; };
   const Guard guard_{token_, "127.0.0.1", 8800};
 };
 

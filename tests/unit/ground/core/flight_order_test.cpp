@@ -340,7 +340,8 @@ TEST(PilotOrder, AStickThatIsMovedPausesThePathAndOneAtRestDoesNot) {
   EXPECT_EQ(world.phase(), DronePhase::manual);
   EXPECT_TRUE(world.status().paused);
   EXPECT_THAT(last_note(world), HasSubstr("its pilot flies it by hand"));
-  EXPECT_GT(world.calls.back().plans(0).setpoints(0).vy(), 0.3) << "and is flown at once";
+  world.run(0.2);
+  EXPECT_GT(world.newest_plan().setpoints(0).vy(), 0.3) << "and is flown";
   world.say(order(Order::resume));
   ASSERT_TRUE(world.ends_path());
   EXPECT_LT(world.away_m(4, 1), 0.15);

@@ -12,9 +12,11 @@ using testing::SizeIs;
 
 class Api : public testing::Test {
  protected:
-  ApiAnswer ask(std::string_view method, std::string_view target, std::string_view body = "") {
-    return answer({method, target, body}, {names, drones, R"({"tello1":[[1,2,3]]})", events});
+  ApiAnswer ask(std::string_view method, std::string_view target, std::string_view body = "",
+                std::optional<std::size_t> who = {}) {
+    return answer({method, target, body, who}, {names, drones, R"({"tello1":[[1,2,3]]})", events, operators});
   }
+  std::vector<Operator> operators;  ///< none: ground's own identity signs all
   const std::vector<std::string> names{"tello1", "tello2"};
   const std::string drones = R"([{"name":"tello1"}])";
   std::deque<Event> events{{3, 1'000'000, Level::info, "tello1", "takeoff"},
@@ -117,6 +119,72 @@ TEST_F(Api, WhatItDoesNotUnderstandIsRefusedInWordsAndWishesNothing) {
     EXPECT_THAT(refused.body, HasSubstr(c.words)) << c.target;
     EXPECT_TRUE(refused.wishes.empty()) << c.target;
   }
+}
+
+class SignedIn : public Api {
+ protected:
+  SignedIn() { operators = {{"alice", {"Org2MSP", "CN=alice"}}, {"bob", {"Org2MSP", "CN=bob"}}}; }
+};
+
+TEST_F(SignedIn, WhoClicksIsWhoIsMeant) {
+  const ApiAnswer takeoff = ask("POST", "/api/v1/drones/tello2/takeoff", "", 1);
+  ASSERT_THAT(takeoff.wishes, SizeIs(1));
+  EXPECT_EQ(takeoff.wishes[0].by, operators[1].identity);
+  EXPECT_EQ(
+      ask("GET", "/api/v1/operators", "", 1).body,
+      R"({"operators":[{"identity":"Org2MSP CN=alice","name":"alice"},{"identity":"Org2MSP CN=bob","name":"bob"}],"you":"bob"})");
+}
+
+TEST_F(SignedIn, WithoutASessionThereAreOnlyLooksLandingsAndStops) {
+  for (const char* verb : {"takeoff", "pause", "resume", "return", "acquire", "release", "request", "lift"}) {
+    const ApiAnswer refused = ask("POST", std::string("/api/v1/drones/tello1/") + verb);
+    EXPECT_EQ(refused.status, 403U) << verb;
+    EXPECT_TRUE(refused.wishes.empty() && !refused.call) << verb;
+  }
+  EXPECT_EQ(ask("GET", "/api/v1/drones").status, 200U);
+  EXPECT_FALSE(ask("POST", "/api/v1/stop").wishes.at(0).by);
+  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/land").wishes.at(0).land);
+  EXPECT_EQ(ask("POST", "/api/v1/stop", "", 0).wishes.at(1).by, operators[0].identity) << "his own stop";
+}
+
+TEST_F(SignedIn, WhatAnOperatorSignsIsACall) {
+  using Kind = OperatorCall::Kind;
+  const ApiAnswer acquire = ask("POST", "/api/v1/drones/tello2/acquire", R"({"priority":3})", 0);
+  ASSERT_TRUE(acquire.call) << acquire.body;
+  EXPECT_EQ(acquire.call->kind, Kind::acquire);
+  EXPECT_EQ(acquire.call->drone, 1U);
+  EXPECT_EQ(acquire.call->priority, 3U);
+  const ApiAnswer over =
+      ask("POST", "/api/v1/drones/tello1/hand_over", R"({"to":{"msp":"Org2MSP","subject":"CN=bob"}})", 0);
+  ASSERT_TRUE(over.call) << over.body;
+  EXPECT_EQ(over.call->to, operators[1].identity);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/lift", "", 0).call->kind, Kind::resume);
+  for (const auto& [verb, body] : {std::pair("acquire", R"({"priority":-1})"),
+                                   std::pair("acquire", R"({"priority":1000000000})"), std::pair("hand_over", "{}"),
+                                   std::pair("deny", R"({"to":"bob"})"), std::pair("release", R"({"priority":1})")}) {
+    const ApiAnswer refused = ask("POST", std::string("/api/v1/drones/tello1/") + verb, body, 0);
+    EXPECT_EQ(refused.status, 400U) << verb << body;
+    EXPECT_FALSE(refused.call) << verb << body;
+  }
+}
+
+TEST_F(SignedIn, SignsInByNameAndPassPhraseAndOut) {
+  const ApiAnswer in = ask("POST", "/api/v1/session", R"({"operator":"bob","passphrase":"open"})");
+  ASSERT_TRUE(in.sign_in) << in.body;
+  EXPECT_EQ(in.sign_in->who, 1U);
+  EXPECT_EQ(in.sign_in->pass_phrase, "open");
+  EXPECT_EQ(ask("POST", "/api/v1/session", R"({"operator":"eve","passphrase":"open"})").status, 404U);
+  EXPECT_EQ(ask("POST", "/api/v1/session", R"({"operator":"bob"})").status, 400U);
+  EXPECT_EQ(
+      ask("POST", "/api/v1/session", R"({"operator":"bob","passphrase":")" + std::string(257, 'x') + "\"}").status,
+      400U);
+  EXPECT_TRUE(ask("DELETE", "/api/v1/session", "", 1).sign_out);
+  EXPECT_EQ(ask("DELETE", "/api/v1/session").status, 403U);
+}
+
+TEST_F(Api, WhereNobodySignsInThereIsNoCallToSign) {
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/acquire").status, 404U);
+  EXPECT_FALSE(ask("POST", "/api/v1/drones/tello1/takeoff").wishes.at(0).by);
 }
 
 TEST_F(Api, AVelocityOfTheStreamIsAWishWithItsMoment) {

@@ -10,17 +10,25 @@ class GuardTest : public testing::Test {
   const std::string token = std::string(63, 'a') + "b";
   const Guard guard{token, "127.0.0.1", 8800};
   const std::string authorization = "Bearer " + token;
+  std::optional<SignIns::Session> of_session(std::string_view candidate) const {
+    return candidate == session ? std::optional(SignIns::Session{.who = 1, .number = 7}) : std::nullopt;
+  }
+  Guard::Judged judge(const Head& head) const {
+    return guard.check(head, [&](std::string_view candidate) { return of_session(candidate); });
+  }
+  unsigned check(const Head& head) const { return judge(head).refused.status; }
+  const std::string session = std::string(64, 'c');
   Head good() const { return {.host = "127.0.0.1:8800", .origin = "", .authorization = authorization}; }
 };
 
 TEST_F(GuardTest, HearsWhoKnowsTheTokenFromItsOwnPageOrFromNone) {
-  EXPECT_EQ(guard.check(good()).status, 0U);
+  EXPECT_EQ(check(good()), 0U);
   Head head = good();
   head.origin = "http://127.0.0.1:8800";
-  EXPECT_EQ(guard.check(head).status, 0U);
+  EXPECT_EQ(check(head), 0U);
   head.host = "localhost:8800";
   head.origin = "http://localhost:8800";
-  EXPECT_EQ(guard.check(head).status, 0U);
+  EXPECT_EQ(check(head), 0U);
 }
 
 TEST_F(GuardTest, RefusesAnotherSitesPageAndANameThatWasBoundToThisAddress) {
@@ -28,13 +36,13 @@ TEST_F(GuardTest, RefusesAnotherSitesPageAndANameThatWasBoundToThisAddress) {
                              "http://127.0.0.1:8800.evil.example", "http://localhost:8800"}) {
     Head head = good();
     head.origin = origin;
-    EXPECT_EQ(guard.check(head).status, 403U) << origin;
+    EXPECT_EQ(check(head), 403U) << origin;
     EXPECT_EQ(guard.check_place(head).status, 403U) << origin;
   }
   for (const char* host : {"", "evil.example", "evil.example:8800", "127.0.0.1", "127.0.0.1:8801"}) {
     Head head = good();
     head.host = host;
-    EXPECT_EQ(guard.check(head).status, 403U) << host;
+    EXPECT_EQ(check(head), 403U) << host;
   }
 }
 
@@ -44,23 +52,37 @@ TEST_F(GuardTest, RefusesWhoDoesNotKnowTheWholeToken) {
         "Bearer " + std::string(64, 'a'), token, "bearer " + token, "Basic " + token}) {
     Head head = good();
     head.authorization = wrong;
-    EXPECT_EQ(guard.check(head).status, 401U) << wrong;
+    EXPECT_EQ(check(head), 401U) << wrong;
     EXPECT_EQ(guard.check_place(head).status, 0U) << "the page's files need none";
   }
+}
+
+TEST_F(GuardTest, ATokenOfASessionIsItsOperators) {
+  const std::string authorization_of_session = "Bearer " + session, list = "ledgerline.v1, token." + session;
+  Head head = good();
+  EXPECT_FALSE(judge(head).session) << "the page's own token is nobody's";
+  head.authorization = authorization_of_session;
+  ASSERT_TRUE(judge(head).session);
+  EXPECT_EQ(judge(head).session->who, 1U);
+  head.origin = "http://evil.example";
+  EXPECT_EQ(check(head), 403U);
+  EXPECT_FALSE(judge(head).session);
+  head = {.host = "127.0.0.1:8800", .subprotocols = list, .websocket = true};
+  ASSERT_TRUE(judge(head).session);
 }
 
 TEST_F(GuardTest, AStreamNamesTheTokenAmongItsSubprotocolsAndNowhereElse) {
   const std::string list = "ledgerline.v1, token." + token, wrong = "ledgerline.v1, token." + std::string(64, 'a');
   Head head = good();
   head.websocket = true;
-  EXPECT_EQ(guard.check(head).status, 401U);
+  EXPECT_EQ(check(head), 401U);
   head.subprotocols = list;
   head.authorization = "";
-  EXPECT_EQ(guard.check(head).status, 0U);
+  EXPECT_EQ(check(head), 0U);
   head.subprotocols = wrong;
-  EXPECT_EQ(guard.check(head).status, 401U);
+  EXPECT_EQ(check(head), 401U);
   head.subprotocols = ",,, ,";
-  EXPECT_EQ(guard.check(head).status, 401U);
+  EXPECT_EQ(check(head), 401U);
 }
 
 TEST(BudgetTest, GivesItsRateAndNoMoreThanASecondOfItAtOnce) {

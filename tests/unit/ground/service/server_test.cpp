@@ -26,17 +26,43 @@ using boost::asio::ip::tcp;
 using nlohmann::json;
 using testing::HasSubstr;
 
+/// Alice's pass phrase is "open".
+class TestKeys final : public OperatorKeys {
+ public:
+  const std::vector<Operator>& operators() const override { return operators_; }
+  void unlock(std::size_t, std::string pass_phrase, std::function<void(Status)> answer) override {
+    threads_.emplace_back([answer = std::move(answer), right = pass_phrase == "open"] {
+      answer(right ? Status(done) : Error{"a wrong pass phrase"});
+    });
+  }
+  void leave(std::size_t who) override { left.push_back(who); }
+  Status submit(std::size_t who, const OperatorCall& call) override {
+    calls.emplace_back(who, call.kind);
+    return done;
+  }
+  std::vector<std::size_t> left;
+  std::vector<std::pair<std::size_t, OperatorCall::Kind>> calls;
+
+ private:
+  const std::vector<Operator> operators_{{"alice", {"Org2MSP", "CN=alice"}}};
+  std::vector<std::jthread> threads_;
+};
+
 class StationServer : public testing::Test {
  protected:
-  StationServer() {
-    settings = {.listen = "127.0.0.1:0", .token_file = directory.path + "/" + "page.token"};
-    auto started = Server::start(settings, {"tello1"}, {.manual = true, .speed_mps = 0.5},
-                                 [this](const PilotWish& wish) -> Status {
-                                   if (wish.takeoff && !reached) return Error{"the ledger is not reached yet"};
-                                   const std::lock_guard lock(mutex);
-                                   wishes.push_back(wish);
-                                   return done;
-                                 });
+  explicit StationServer(OperatorKeys* keys = nullptr) {
+    settings.listen = "127.0.0.1:0";
+    settings.token_file = directory.path + "/" + "page.token";
+    settings.session_idle_ns = 60 * ns_per_s;
+    auto started = Server::start(
+        settings, {"tello1"}, {.manual = true, .speed_mps = 0.5},
+        [this](const PilotWish& wish) -> Status {
+          if (wish.takeoff && !reached) return Error{"the ledger is not reached yet"};
+          const std::lock_guard lock(mutex);
+          wishes.push_back(wish);
+          return done;
+        },
+        keys);
     if (!started) throw std::runtime_error(started.error().what);
     server = std::move(*started);
     place = server->url().substr(std::string("http://").size());
@@ -49,11 +75,13 @@ class StationServer : public testing::Test {
                     static_cast<std::uint16_t>(std::stoi(place.substr(place.find(':') + 1)))});
     return socket;
   }
-  http::response<http::string_body> ask(http::verb verb, const std::string& target, const std::string& bearer) {
+  http::response<http::string_body> ask(http::verb verb, const std::string& target, const std::string& bearer,
+                                        const std::string& body = "") {
     tcp::socket socket = dial();
     http::request<http::string_body> request{verb, target, 11};
     request.set(http::field::host, place);
     if (!bearer.empty()) request.set(http::field::authorization, "Bearer " + bearer);
+    request.body() = body;
     request.prepare_payload();
     http::write(socket, request);
     beast::flat_buffer buffer;
@@ -62,10 +90,10 @@ class StationServer : public testing::Test {
     return response;
   }
   using Stream = websocket::stream<tcp::socket>;
-  std::unique_ptr<Stream> stream() {
+  std::unique_ptr<Stream> stream(const std::string& of = "") {
     auto opened = std::make_unique<Stream>(dial());
     opened->set_option(websocket::stream_base::decorator([&](websocket::request_type& request) {
-      request.set(http::field::sec_websocket_protocol, "ledgerline.v1, token." + token);
+      request.set(http::field::sec_websocket_protocol, "ledgerline.v1, token." + (of.empty() ? token : of));
     }));
     opened->handshake(place, "/api/v1/stream");
     return opened;
@@ -171,6 +199,58 @@ TEST_F(StationServer, TheLastEventsReachEveryoneBeforeItEnds) {
   EXPECT_EQ(client->reason().code, websocket::close_code::going_away);
 }
 
+/// Made before the server that uses it, and gone behind it.
+struct HasKeys {
+  TestKeys keys;
+};
+class StationWithOperators : public HasKeys, public StationServer {
+ protected:
+  StationWithOperators() : StationServer(&keys) {}
+  std::string sign_in() {
+    const auto in = ask(http::verb::post, "/api/v1/session", token, R"({"operator":"alice","passphrase":"open"})");
+    EXPECT_EQ(in.result_int(), 200U) << in.body();
+    return json::parse(in.body()).value("session", "");
+  }
+};
+
+TEST_F(StationWithOperators, TheRightPassPhraseOpensASessionAndTheWrongOneSoonHasToWait) {
+  const std::string takeoff = "/api/v1/drones/tello1/takeoff";
+  EXPECT_EQ(ask(http::verb::post, takeoff, token).result_int(), 403U) << "the page's token flies nothing here";
+  const std::string session = sign_in();
+  EXPECT_EQ(session.size(), token_digits);
+  EXPECT_EQ(ask(http::verb::post, takeoff, session).result_int(), 202U);
+  ASSERT_EQ(heard(), 1U);
+  EXPECT_EQ(wishes[0].by->subject, "CN=alice");
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/drones/tello1/acquire", session).result_int(), 202U);
+  EXPECT_EQ(keys.calls.size(), 1U);
+  const std::string wrong = R"({"operator":"alice","passphrase":"opne"})";
+  for (int i = 0; i < SignIns::free_failures; ++i)
+    EXPECT_EQ(ask(http::verb::post, "/api/v1/session", token, wrong).result_int(), 403U);
+  const std::string right = R"({"operator":"alice","passphrase":"open"})";
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/session", token, right).result_int(), 429U);
+  EXPECT_EQ(ask(http::verb::post, takeoff, session).result_int(), 202U) << "who is in stays in";
+}
+
+TEST_F(StationWithOperators, ASessionThatIsOverFliesNothing) {
+  const std::string session = sign_in();
+  const auto flown = stream(session), looked = stream();
+  EXPECT_EQ(read(*flown)["op"], "hello");
+  EXPECT_EQ(read(*looked)["op"], "hello");
+  EXPECT_EQ(ask(http::verb::delete_, "/api/v1/session", session).result_int(), 202U);
+  EXPECT_EQ(keys.left.size(), 1U);
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/drones/tello1/takeoff", session).result_int(), 401U) << "replayed";
+  const std::string velocity = R"({"op":"velocity","drone":"tello1","linear":[0.1,0,0],"yaw_rate":0,"t_ms":0})";
+  for (Stream* client : {flown.get(), looked.get()}) {
+    client->write(boost::asio::buffer(velocity));
+    beast::flat_buffer buffer;
+    beast::error_code error;
+    while (!error) client->read(buffer, error);
+    EXPECT_EQ(error, websocket::error::closed);
+  }
+  EXPECT_EQ(heard(), 0U);
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/stop", token).result_int(), 202U) << "a stop needs no operator";
+}
+
 TEST_F(StationServer, AWordThatIsNotTakenNowIsAnswered503) {
   reached = false;
   const auto refused = ask(http::verb::post, "/api/v1/drones/tello1/takeoff", token);
@@ -248,8 +328,10 @@ TEST(StationPlace, IsThisComputerAlone) {
   const fuzz::Directory directory;
   for (const char* listen :
        {"0.0.0.0:8800", "10.0.0.1:8800", "127.0.0.1", "127.0.0.1:65536", "127.0.0.1:x", "localhost:8800"}) {
-    const auto server =
-        Server::start({listen, directory.path + "/" + "token"}, {}, {}, [](const PilotWish&) { return Status(done); });
+    ServiceSettings settings;
+    settings.listen = listen;
+    settings.token_file = directory.path + "/" + "token";
+    const auto server = Server::start(settings, {}, {}, [](const PilotWish&) { return Status(done); });
     ASSERT_FALSE(server) << listen;
     EXPECT_THAT(server.error().what, HasSubstr("[service] listen"));
   }

@@ -27,6 +27,21 @@ class PilotStopsTest : public ::testing::Test {
   std::vector<Submission> sent;
 };
 
+TEST_F(PilotStopsTest, EachStopperHasAStopOfHisOwn) {
+  const crypto::IdentityName alice{"Org2MSP", "CN=alice"};
+  stops.want(0, 0, false);
+  stops.want(0, 0, false, alice);
+  stops.want(1, 0, false, alice);
+  submit(1);
+  ASSERT_EQ(sent.size(), 2U);
+  EXPECT_FALSE(sent[0].by);
+  EXPECT_EQ(sent[1].by, alice);
+  const auto ended = stops.take_outcome(2, fabric::Outcome::failed(Kind::committed, ""), sent[1].id);
+  ASSERT_TRUE(ended);
+  EXPECT_EQ(ended->drone, 0U);
+  EXPECT_TRUE(stops.pending()) << "ours is under way";
+}
+
 TEST_F(PilotStopsTest, AStopGoesAgainUntilTheLedgerHasItAndACutReplacesIt) {
   stops.want(0, 0, false);
   submit(0);

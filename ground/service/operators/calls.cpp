@@ -1,0 +1,53 @@
+#include "ground/service/operators/calls.hpp"
+
+#include <array>
+
+#include "common/base/enum_count.hpp"
+#include "common/belief/identity.hpp"
+#include "common/msg/contract.hpp"
+#include "ledgerline.pb.h"
+
+namespace ledgerline::ground::service {
+namespace {
+
+struct Row {
+  const char* function;
+  const char* words;
+};
+constexpr std::array rows{
+    Row{contract::acquire, "take control"},    Row{contract::release, "give back"},
+    Row{contract::request, "ask for control"}, Row{contract::hand_over, "hand over"},
+    Row{contract::deny, "deny the request"},   Row{contract::resume, "lift the stop"},
+};
+static_assert(rows.size() == enum_count<OperatorCall::Kind>);
+
+const Row& row_of(OperatorCall::Kind kind) { return rows[static_cast<std::size_t>(kind)]; }
+
+}  // namespace
+
+const char* words_of(OperatorCall::Kind kind) { return row_of(kind).words; }
+
+fabric::Call contract_call(const OperatorCall& call, const std::string& drone, const crypto::IdentityName& commander) {
+  using Kind = OperatorCall::Kind;
+  const auto as_call = [&](const auto& message) {
+    return fabric::Call{row_of(call.kind).function, {message.SerializeAsString()}};
+  };
+  if (call.kind == Kind::hand_over || call.kind == Kind::deny) {
+    AnswerCall answer;
+    answer.add_drones(drone);
+    *answer.mutable_to() = belief::to_message(call.to);
+    return as_call(answer);
+  }
+  if (call.kind == Kind::resume) {
+    DronesCall drones;
+    drones.add_drones(drone);
+    return as_call(drones);
+  }
+  LeaseCall lease;
+  lease.add_drones(drone);
+  lease.set_priority(call.priority);
+  if (call.kind != Kind::release) *lease.mutable_delegate() = belief::to_message(commander);
+  return as_call(lease);
+}
+
+}  // namespace ledgerline::ground::service
