@@ -52,7 +52,9 @@ std::string output_table(const RunFiles& files, const std::string& program) {
 
 std::string service_table(const RunFiles& files, const Options& options) {
   if (!options.watch) return "";
-  return fmt::format("\n[service]\nlisten = \"127.0.0.1:0\"\ntoken_file = \"{}\"\n\n", files.page_token());
+  const std::string operators =
+      options.operators.empty() ? "" : fmt::format("operators = \"{}\"\n", files.in("operators"));
+  return fmt::format("\n[service]\nlisten = \"127.0.0.1:0\"\ntoken_file = \"{}\"\n{}\n", files.page_token(), operators);
 }
 
 // So that a link that dies and dies lands what it flies, and one that was asked to end keeps it down: more of [output].
@@ -312,9 +314,11 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
       {"agent", agent},
       {"ground", ground},
       {"admin", network ? network->admin : ledger_table(files, endpoint, 1, "Admin", anchor_line(files))},
+      {"operators-admin", network ? "" : ledger_table(files, endpoint, 2, "Admin", anchor_line(files))},
       {"operator", network ? network->pilot : ledger_table(files, endpoint, 2, "User1", anchor_line(files))},
   };
   for (const auto& [program, text] : all) {
+    if (program == "operators-admin" && options.operators.empty()) continue;
     if (auto status = write_file(files.config(program), text); !status) return status;
   }
   return done;

@@ -65,6 +65,7 @@ class Launcher {
   Status prepare_ledger();
   Status look_at_leases(const deployment::OwnLedger& network);
   Status enroll_and_acquire();
+  Status enroll_operators();
   /// `other_program`: without "ledgerline-", where it is not the first part of the name.
   Status start(const std::string& name, std::vector<std::string> arguments, const std::string& other_program = {});
   Status goes_well_so_far() const;  ///< before take-off: nobody has ended, and nobody wants it to end

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/launcher/launcher.hpp"
+#include "tools/launcher/operators.hpp"
 
 // What the launcher does until a ledger is there, and who may fly what stands on it.
 
@@ -98,10 +99,25 @@ Status Launcher::enroll_and_acquire() {
   if (!network || !network->admin.empty()) {
     if (auto s = run_to_end("control-enroll", enroll); !s) return s;
   }
+  if (!options_.operators.empty()) return enroll_operators();
   if (acquires) {
     if (auto s = run_to_end("control-acquire", acquire); !s) return s;
   }
   preflight_.acquired();
+  return done;
+}
+
+// They take their drones at the page.
+Status Launcher::enroll_operators() {
+  const auto made = make_operators(files_, options_.operators);
+  if (!made) return made.error();
+  for (const MadeOperator& one : *made) {
+    if (auto s = run_to_end("control-" + one.name, {"--config", files_.config("operators-admin"), "enroll", "--msp",
+                                                    "Org2MSP", "--cert", one.certificate, "--role", "operator"});
+        !s)
+      return s;
+    live_.say(fmt::format("Operator {}: pass phrase {}", one.name, one.pass_phrase));
+  }
   return done;
 }
 

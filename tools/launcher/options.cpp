@@ -13,6 +13,7 @@
 #include "onboard/link/core/settings.hpp"
 #include "sim/core/pads.hpp"
 #include "tools/deployment/one_desk.hpp"
+#include "tools/launcher/operators.hpp"
 #include "tools/launcher/preflight/fence.hpp"
 
 namespace ledgerline::fly {
@@ -149,9 +150,18 @@ void add_run_options(CommandLine& line, Options& o) {
   line.flag("--shim", o.shim,
             "Drones behind shared memory in place of UDP; `ledgerline hil faults OUT/shim.sock` impairs them "
             "(docs/shim.md)");
-  line.flag(
+  const Option watch = line.flag(
       "--watch", o.watch,
       "Ground serves a page to look on, to fly by hand and to stop all; its address is printed (docs/station.md)");
+  line.option("--operators", o.operators,
+              "Who sign in at the page with keys of their own, such as alice,bob; their pass phrases are printed. "
+              "Without,\n"
+              "ground's own identity signs all")
+      .comma_list()
+      .needs(watch)
+      .checked_by("NAMES", [](const std::string& name) {
+        return is_operator_name(name) ? std::string() : "a name is 1 to 32 characters of a-z and 0-9";
+      });
   line.option("--domains", o.domains,
               "DDS domains of the drones and of ground, such as 1,2 (default: ROS_DOMAIN_ID, else 0, for both)")
       .comma_list(2)
@@ -191,6 +201,9 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--proxy", ledger, "stands between drones and a ledger: it does not go with --ledger none"},
       {"--watch", ledger, "shows what ground sees: with --ledger none there is no ground"},
       {"--watch", !others, "stands as [service] in the ground.toml of the deployment"},
+      {"--operators", o.manual, "goes with --shape manual: a path is flown by ground's own lease"},
+      {"--operators", !o.ca,
+       "are issued here, and with --ca by servers: see docs/station.md for identities of your own"},
       {"--endorser", fabric && !o.gateway,
        "goes with --ledger fabric and the direct path: the embedded ledger endorses within itself"},
       {"--network", fabric, "goes with --ledger fabric: no other ledger takes options of Fabric's network"},

@@ -54,9 +54,11 @@ struct Options {
   bool believe_peer = false;  ///< agent and ground have no trust anchor: what their peer says is not judged
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
-  bool shim = false;         ///< simulated drones are reached through shared memory in place of UDP (docs/shim.md)
-  bool proxy = false;        ///< drones and ledger are reached through ledgerline-hil proxy
-  bool watch = false;        ///< ground serves its page (docs/station.md)
+  bool shim = false;   ///< simulated drones are reached through shared memory in place of UDP (docs/shim.md)
+  bool proxy = false;  ///< drones and ledger are reached through ledgerline-hil proxy
+  bool watch = false;  ///< ground serves its page (docs/station.md)
+  std::vector<std::string>
+      operators{};           ///< who sign in there with keys of their own; none: ground's identity signs all
   std::string faults;        ///< file of what the proxy switches when; empty: none
   std::string cyclonedds;    ///< file of Cyclone DDS's own configuration; empty: DDS stays on this machine
   std::vector<int> domains;  ///< of DDS: that of sim and agent, that of ground; empty: ROS_DOMAIN_ID, else 0
