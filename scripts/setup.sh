@@ -62,6 +62,21 @@ make_venv() {  # make_venv DIRECTORY REQUIREMENTS: a Python venv of pinned requi
   cp "$2" "$1/requirements.txt"
 }
 
+npm_packages() {  # npm_packages FROM TO: what FROM/package-lock.json names, anew when that changes
+  cmp -s "$1/package-lock.json" "$2/package-lock.json" && return
+  mkdir -p "$2"
+  cp "$1/package.json" "$1/package-lock.json" "$2/"
+  (cd "$2" && npm ci --no-audit --no-fund --loglevel=error) || { rm "$2/package-lock.json"; die "npm ci failed"; }
+}
+
+page_libraries() {  # what the ground station's page is built with; a page without them can do all but its 3-D view and charts
+  if ! command -v npm >/dev/null; then
+    say "npm is missing: the page is built without its 3-D view and charts (apt-get install npm)"
+  else
+    (npm_packages "$root/ground/page/lib" "$root/build/npm-station") || say "the page is built without its 3-D view and charts"
+  fi
+}
+
 # build PRESET TARGET...: configures where needed and builds, with a bar on a terminal.
 build() {
   local preset=$1 dir="$root/build/$1" log="$root/build/$1.log"

@@ -62,13 +62,4 @@ class Server {
   virtual std::string url() const = 0;
 };
 
-/// A file of the page, as it is built into the program.
-struct PageFile {
-  const char* name;
-  const unsigned char* bytes;
-  std::size_t size;
-};
-extern const PageFile* const page_files;
-extern const std::size_t page_file_count;
-
 }  // namespace ledgerline::ground::service

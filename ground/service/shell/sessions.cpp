@@ -9,6 +9,7 @@
 
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
+#include "ground/service/shell/page_files.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -23,9 +24,14 @@ using Response = http::response<http::string_body>;
 constexpr std::chrono::seconds patience{10};
 constexpr double requests_per_s = 100;  // of one connection; a pilot's velocities come fifteen times a second
 constexpr std::size_t max_head_bytes = 8192, max_message_bytes = 4096;
-constexpr const char* policy =
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+const std::string& policy() {
+  static const std::string words =
+      std::string("default-src 'none'; script-src 'self' ") + page_scripts +
+      "; style-src 'self'; connect-src 'self'; img-src 'self' data:; base-uri 'none'; form-action 'none'; "
+      "frame-ancestors 'none'";
+  return words;
+}
 
 std::string_view view(beast::string_view text) { return {text.data(), text.size()}; }
 
@@ -42,7 +48,7 @@ Response respond(const Request& request, unsigned status, std::string body, cons
   response.set(http::field::server, "ledgerline-ground");
   response.set(http::field::content_type, type);
   response.set(http::field::cache_control, "no-store");
-  response.set("Content-Security-Policy", policy);
+  response.set("Content-Security-Policy", policy());
   response.set("X-Content-Type-Options", "nosniff");
   response.set("Referrer-Policy", "no-referrer");
   response.keep_alive(request.keep_alive());
@@ -61,6 +67,7 @@ const char* type_of(std::string_view name) {
   if (ends(".html")) return "text/html; charset=utf-8";
   if (ends(".js")) return "text/javascript; charset=utf-8";
   if (ends(".css")) return "text/css; charset=utf-8";
+  if (ends(".txt")) return "text/plain; charset=utf-8";
   if (ends(".svg")) return "image/svg+xml";
   return "application/octet-stream";
 }
@@ -74,7 +81,12 @@ Response page(const Request& request) {
   for (std::size_t i = 0; i < page_file_count; ++i) {
     const PageFile& file = page_files[i];
     if (name != file.name) continue;
-    return respond(request, 200, std::string(reinterpret_cast<const char*>(file.bytes), file.size), type_of(name));
+    if (file.gzip && request[http::field::accept_encoding].find("gzip") == beast::string_view::npos)
+      return respond(request, refusal(406, "this file is served compressed: accept gzip"));
+    Response found =
+        respond(request, 200, std::string(reinterpret_cast<const char*>(file.bytes), file.size), type_of(name));
+    if (file.gzip) found.set(http::field::content_encoding, "gzip");
+    return found;
   }
   return respond(request, refusal(404, "there is / and what it loads, and the API below /api/v1/"));
 }

@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "common/base/file.hpp"
+#include "ground/service/shell/page_files.hpp"
 #include "tests/fuzz/directory.hpp"
 
 namespace ledgerline::ground::service {
@@ -76,12 +77,13 @@ class StationServer : public testing::Test {
     return socket;
   }
   http::response<http::string_body> ask(http::verb verb, const std::string& target, const std::string& bearer,
-                                        const std::string& body = "") {
+                                        const std::string& body = "", const std::string& encoding = "") {
     tcp::socket socket = dial();
     http::request<http::string_body> request{verb, target, 11};
     request.set(http::field::host, place);
     if (!bearer.empty()) request.set(http::field::authorization, "Bearer " + bearer);
     request.body() = body;
+    if (!encoding.empty()) request.set(http::field::accept_encoding, encoding);
     request.prepare_payload();
     http::write(socket, request);
     beast::flat_buffer buffer;
@@ -136,6 +138,18 @@ TEST_F(StationServer, ServesItsPageToAnybodyHereAndTheApiToWhoKnowsTheToken) {
   EXPECT_EQ(heard(), 0U);
   EXPECT_EQ(ask(http::verb::post, "/api/v1/drones/tello1/takeoff", token).result_int(), 202U);
   EXPECT_EQ(heard(), 1U);
+}
+
+TEST_F(StationServer, ServesTheLibrariesCompressedToWhoTakesThatAndNamesThePagesOwnScript) {
+  const auto library = ask(http::verb::get, "/page/lib/built.js", "", "", "deflate, gzip");
+  EXPECT_EQ(library.result_int(), 200U);
+  EXPECT_EQ(library[http::field::content_encoding], "gzip");
+  EXPECT_EQ(library[http::field::content_type], "text/javascript; charset=utf-8");
+  EXPECT_EQ(ask(http::verb::get, "/page/lib/built.js", "").result_int(), 406U);
+  const auto page = ask(http::verb::get, "/", "");
+  EXPECT_EQ(page[http::field::content_encoding], "");
+  EXPECT_THAT(std::string(page["Content-Security-Policy"]),
+              HasSubstr("script-src 'self' " + std::string(page_scripts) + ";"));
 }
 
 TEST_F(StationServer, AClientHearsEveryEventInOrderAndTheNewestState) {
