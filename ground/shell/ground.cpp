@@ -21,6 +21,12 @@ constexpr TimeNs warning_gap_ns = ns_per_s;
 constexpr TimeNs show_gap_ns = ns_per_s / 30;      // for whoever looks at the page
 constexpr TimeNs unwatched_gap_ns = ns_per_s / 2;  // while nobody does
 
+std::vector<std::string> names_of(const FlightCore& core) {
+  std::vector<std::string> names;
+  for (const FlightDrone& drone : core.drones()) names.push_back(drone.name);
+  return names;
+}
+
 }  // namespace
 
 Ground::Ground(FlightConfig flight, OutputSettings output, dds::ParticipantPtr participant,
@@ -28,12 +34,12 @@ Ground::Ground(FlightConfig flight, OutputSettings output, dds::ParticipantPtr p
                fabric::KeptCheckpoint kept)
     : output_(std::move(output)),
       core_(std::move(flight)),
+      names_(names_of(core_)),
       participant_(std::move(participant)),
+      refusals_(names_),
       kept_(std::move(kept)),
       client_(std::move(client)),
-      urgent_(std::move(urgent)) {
-  for (const FlightDrone& drone : core_.drones()) names_.push_back(drone.name);
-}
+      urgent_(std::move(urgent)) {}
 
 Ground::~Ground() {
   mailbox_.close();
@@ -178,6 +184,7 @@ Status Ground::serve(const service::ServiceSettings& settings, const fabric::Cli
   if (!settings.operators.empty()) {
     if (Status opened = open_desk(settings.operators, ledger); !opened) return opened;
   }
+  self_ = ledger.identity.serialized;
   const FlightConfig& flight = core_.config();
   auto server = service::Server::start(
       settings, names_,
@@ -199,11 +206,18 @@ Status Ground::take(const PilotWish& one) {
 void Ground::show(TimeNs now_ns) {
   if (!server_ || now_ns < next_show_ns_) return;
   next_show_ns_ = now_ns + (server_->watched() ? show_gap_ns : unwatched_gap_ns);
+  if (!unshown_blocks_.empty()) server_->publish_blocks(std::exchange(unshown_blocks_, {}));
   service::Telling telling{.drones = service::Board::drones(now_ns, core_)};
   telling.paths = board_.changed_paths(core_);
   telling.state = service::Board::state_message(now_ns, core_, telling.drones);
   telling.events = std::exchange(unshown_, {});
   server_->publish(std::move(telling));
+}
+
+void Ground::note(const fabric::Block& block) {
+  if (!server_) return;
+  if (unshown_blocks_.size() >= service::Server::max_blocks) unshown_blocks_.erase(unshown_blocks_.begin());
+  unshown_blocks_.push_back(service::summary_of(block, monotonic_ns(), self_, core_.config().where.contract));
 }
 
 Status Ground::wait_for_block_stream(const std::atomic<bool>& quit) {
@@ -231,7 +245,10 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
   if (const auto* block = std::get_if<fabric::Block>(&letter)) {
     const auto next = control_start_.on_block(*block);
     if (!next) return next.error();
-    if (*next == belief::ControlStart::Next::take) inputs.block = block;
+    if (*next == belief::ControlStart::Next::take) {
+      inputs.block = block;
+      note(*block);
+    }
     if (*next != belief::ControlStart::Next::read) return done;
     control_reader_ = std::jthread([this](const std::stop_token& stop) {
       auto controls = belief::keep_reading_controls(
@@ -245,6 +262,7 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
       next_unheard_log_ns_ = monotonic_ns() + unheard_gap_ns;
       spdlog::warn("a call was endorsed by less than all peers that were asked: {}", ended->outcome.unheard);
     }
+    refusals_.take(ended->function, ended->outcome);
     if (ended->outcome.kind != fabric::Outcome::Kind::committed) {
       spdlog::warn("a command did not get through (block {}, code {}): {}", ended->outcome.block, ended->outcome.code,
                    ended->outcome.message);
@@ -308,7 +326,9 @@ void Ground::step(FlightInputs inputs) {
   inputs.realtime_s = realtime_ns() / ns_per_s;
   FlightOutputs out = core_.step(monotonic_ns(), inputs);
   for (Submission& submission : out.submissions) {
-    auto ended = [this, id = submission.id](fabric::Outcome outcome) { mailbox_.put(Ended{id, std::move(outcome)}); };
+    auto ended = [this, id = submission.id, function = submission.call.function](fabric::Outcome outcome) {
+      mailbox_.put(Ended{id, function, std::move(outcome)});
+    };
     if (submission.by)
       desk_->stop(*submission.by, std::move(submission.call), std::move(ended));
     else
@@ -318,6 +338,7 @@ void Ground::step(FlightInputs inputs) {
   for (const std::string& note : out.notes) spdlog::warn("{}", note);
   if (server_) {
     for (service::Event& event : board_.look(monotonic_ns(), core_, out.notes)) unshown_.push_back(std::move(event));
+    for (service::Event& event : board_.refusals(monotonic_ns(), refusals_)) unshown_.push_back(std::move(event));
   }
   for (const DroneNews& news : out.news) publish(news);
 }

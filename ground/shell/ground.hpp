@@ -52,6 +52,7 @@ class Ground {
  private:
   struct Ended {
     std::uint64_t id;
+    std::string function;  ///< that was called
     fabric::Outcome outcome;
   };
   struct StreamState {
@@ -87,6 +88,8 @@ class Ground {
   /// Lands what somebody holds who has left, gives it back, and forgets his key.
   void see_off(TimeNs now_ns);
   void show(TimeNs now_ns);
+  /// For whoever looks at the page: what a block holds.
+  void note(const fabric::Block& block);
   void publish(const DroneNews& news);
   Status wait_for_block_stream(const std::atomic<bool>& quit);
   Status set_controls(const std::vector<Control>& controls);
@@ -101,6 +104,7 @@ class Ground {
 
   OutputSettings output_;
   FlightCore core_;
+  const std::vector<std::string> names_;  ///< of the drones
   Recorder recorder_;
   dds::ParticipantPtr participant_;
   std::vector<std::vector<dds::RawWriter>> writers_;  ///< a row for each of drone_topics, a drone each
@@ -108,6 +112,9 @@ class Ground {
   TimeNs next_status_ns_ = 0, next_show_ns_ = 0;
   service::Board board_;
   std::vector<service::Event> unshown_;  ///< of this board, not handed to the server yet
+  std::string self_;                     ///< of serve()
+  service::Refusals refusals_;
+  std::vector<service::BlockSummary> unshown_blocks_;  ///< as unshown_; the newest max_blocks
   TimeNs next_warning_ns_ = 0, next_unheard_log_ns_ = 0;
 
   Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight
@@ -117,8 +124,7 @@ class Ground {
   std::atomic<bool> flying_{false};  ///< run() is
   StreamState stream_;
   belief::ControlStart control_start_;
-  std::vector<std::string> names_;  ///< of the drones
-  fabric::KeptCheckpoint kept_;     ///< until start()
+  fabric::KeptCheckpoint kept_;  ///< until start()
 
   struct Leaving {
     std::size_t who;

@@ -179,4 +179,10 @@ std::vector<Event> Board::look(TimeNs now, const FlightCore& core, const std::ve
   return events;
 }
 
+std::vector<Event> Board::refusals(TimeNs now, Refusals& refusals) {
+  std::vector<Event> events;
+  for (Refusals::Said& said : refusals.due(now)) add(now, Level::warning, said.drone, std::move(said.text), events);
+  return events;
+}
+
 }  // namespace ledgerline::ground::service

@@ -6,6 +6,7 @@
 
 #include "ground/core/flight.hpp"
 #include "ground/service/core/api.hpp"
+#include "ground/service/core/refusals.hpp"
 
 namespace ledgerline::ground::service {
 
@@ -17,6 +18,8 @@ class Board {
   std::vector<Event> look(TimeNs now, const FlightCore& core, const std::vector<std::string>& notes);
   /// An event of the station itself.
   Event tell(TimeNs now, Level level, const std::string& drone, std::string text);
+  /// Events of calls that did not get through.
+  std::vector<Event> refusals(TimeNs now, Refusals& refusals);
   /// [DRONE...] of docs/station.md.
   static std::string drones(TimeNs now, const FlightCore& core);
   /// {"tello1":[[x,y,z]...]}: what each drone flies or will; nothing where no path has changed since the last one.

@@ -31,6 +31,12 @@ void Hub::publish(Telling telling) {
   tell();
 }
 
+void Hub::publish_blocks(const std::vector<BlockSummary>& blocks) {
+  blocks_.insert(blocks_.end(), blocks.begin(), blocks.end());
+  while (blocks_.size() > Server::max_blocks) blocks_.pop_front();
+  tell();
+}
+
 void Hub::end() {
   ended_ = true;
   tell();

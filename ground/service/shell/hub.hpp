@@ -27,6 +27,7 @@ class Hub {
   };
 
   void publish(Telling telling);
+  void publish_blocks(const std::vector<BlockSummary>& blocks);
   /// Nothing more is published.
   void end();
   bool ended() const { return ended_; }
@@ -41,6 +42,8 @@ class Hub {
   std::uint64_t newest_event() const { return events_.empty() ? 0 : events_.back().number; }
   /// The newest event that can not be told any more; 0: all can.
   std::uint64_t forgotten_event() const { return events_.empty() ? 0 : events_.front().number - 1; }
+  const std::deque<BlockSummary>& blocks() const { return blocks_; }
+  std::uint64_t newest_block() const { return blocks_.empty() ? 0 : blocks_.back().number; }
   const std::shared_ptr<const std::string>& state() const { return state_; }
   const std::shared_ptr<const std::string>& paths() const { return paths_message_; }
   std::string greeting() const;
@@ -94,6 +97,7 @@ class Hub {
   std::string drones_ = "[]", paths_ = "{}";
   std::shared_ptr<const std::string> state_, paths_message_;
   std::deque<Event> events_;
+  std::deque<BlockSummary> blocks_;
   std::vector<std::weak_ptr<Listener>> listeners_;
   std::deque<std::weak_ptr<Stranger>> strangers_;  ///< oldest first
   bool ended_ = false;

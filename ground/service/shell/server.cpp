@@ -75,6 +75,9 @@ class BeastServer final : public Server {
   void publish(Telling telling) override {
     asio::post(io_, [this, telling = std::move(telling)]() mutable { hub_.publish(std::move(telling)); });
   }
+  void publish_blocks(std::vector<BlockSummary> blocks) override {
+    asio::post(io_, [this, blocks = std::move(blocks)] { hub_.publish_blocks(blocks); });
+  }
   void end() override {
     asio::post(io_, [this] {
       boost::system::error_code ignored;  // it is no matter whether it was open

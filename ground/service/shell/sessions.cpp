@@ -129,9 +129,14 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     } else if (hub_.paths() && hub_.paths() != paths_) {
       paths_ = hub_.paths();
       send(paths_);
-    } else if (hub_.state() && hub_.state() != shown_) {
+    } else if (hub_.state() && hub_.state() != shown_ && (told_block_ >= hub_.newest_block() || !state_was_last_)) {
+      state_was_last_ = true;
       shown_ = hub_.state();
       send(shown_);
+    } else if (hub_.newest_block() > told_block_) {  // by turns with states, so that neither waits for the other
+      state_was_last_ = false;
+      const std::uint64_t told = std::exchange(told_block_, hub_.newest_block());
+      send(std::make_shared<const std::string>(blocks_message(hub_.blocks(), told)));
     } else if (hub_.ended()) {
       close("the ground has ended", websocket::close_code::going_away);
     }
@@ -196,6 +201,8 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   beast::flat_buffer buffer_;
   std::shared_ptr<const std::string> shown_, paths_;
   std::uint64_t told_ = 0;  ///< the newest event that it has
+  std::uint64_t told_block_ = 0;
+  bool state_was_last_ = false;
   bool writing_ = false, closing_ = false;
 };
 

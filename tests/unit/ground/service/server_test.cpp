@@ -163,6 +163,38 @@ TEST_F(StationServer, AClientHearsEveryEventInOrderAndTheNewestState) {
   while (read(*client)["op"] != "state") continue;
 }
 
+TEST_F(StationServer, AClientHearsTheNewestBlocksAndWhatItHasIsNotSaidAgain) {
+  std::vector<BlockSummary> blocks;
+  for (std::uint64_t number = 1; number <= 120; ++number) blocks.push_back({.number = number});
+  server->publish_blocks(blocks);
+  const auto client = stream();
+  publish_event(1);
+  const auto next = [&] {
+    json said = read(*client);
+    while (said["op"] != "blocks") said = read(*client);
+    return said["blocks"];
+  };
+  const json first = next();
+  ASSERT_EQ(first.size(), Server::max_blocks);
+  EXPECT_EQ(first[0]["n"], 71) << "those before are nobody's news any more";
+  server->publish_blocks({{.number = 121}});
+  const json second = next();
+  ASSERT_EQ(second.size(), 1U);
+  EXPECT_EQ(second[0]["n"], 121);
+}
+
+TEST_F(StationServer, StatesAndBlocksDoNotKeepEachOtherBack) {
+  const auto client = stream();
+  std::map<std::string, int> heard_of;
+  for (std::uint64_t number = 1; number <= 300; ++number) {
+    server->publish_blocks({{.number = number}});
+    server->publish("[]", R"({"op":"state","drones":[]})", {});
+    ++heard_of[read(*client)["op"]];
+  }
+  EXPECT_GT(heard_of["state"], 50);
+  EXPECT_GT(heard_of["blocks"], 50);
+}
+
 TEST_F(StationServer, AClientThatDoesNotReadIsClosedAndTheOthersGoOn) {
   const auto deaf = stream(), client = stream();
   const std::string words(2000, 'x');

@@ -1,0 +1,49 @@
+#include "ground/service/core/blocks.hpp"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::ground::service {
+namespace {
+
+using nlohmann::json;
+
+std::size_t kind_of(const fabric::Transaction& tx, std::string_view contract) {
+  constexpr std::size_t other = block_kinds.size() - 1, config = other - 1;
+  if (tx.config) return config;
+  if (tx.contract != contract) return other;
+  const auto known = std::find(block_kinds.begin(), block_kinds.begin() + config, tx.function);
+  return known == block_kinds.begin() + config ? other : static_cast<std::size_t>(known - block_kinds.begin());
+}
+
+json block_json(const BlockSummary& block) {
+  json kinds = json::object();
+  for (std::size_t i = 0; i < block_kinds.size(); ++i) {
+    if (block.kinds[i] > 0) kinds[std::string(block_kinds[i])] = block.kinds[i];
+  }
+  return {{"n", block.number},  {"t_ms", to_ms(block.at_ns)}, {"txs", block.transactions},
+          {"ours", block.ours}, {"invalid", block.invalid},   {"kinds", std::move(kinds)}};
+}
+
+}  // namespace
+
+BlockSummary summary_of(const fabric::Block& block, TimeNs now, std::string_view self, std::string_view contract) {
+  BlockSummary summary{.number = block.number, .at_ns = block.received_ns != 0 ? block.received_ns : now};
+  for (const fabric::Transaction& tx : block.transactions) {
+    ++summary.transactions;
+    if (tx.creator == self) ++summary.ours;
+    if (tx.code > 0) ++summary.invalid;  // below: an orderer's block, which has no flags
+    ++summary.kinds[kind_of(tx, contract)];
+  }
+  return summary;
+}
+
+std::string blocks_message(const std::deque<BlockSummary>& blocks, std::uint64_t told) {
+  json list = json::array();
+  for (const BlockSummary& block : blocks) {
+    if (block.number > told) list.push_back(block_json(block));
+  }
+  return json{{"op", "blocks"}, {"blocks", std::move(list)}}.dump();
+}
+
+}  // namespace ledgerline::ground::service

@@ -1,0 +1,49 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <string>
+#include <string_view>
+
+#include "common/fabric/tx/transaction.hpp"
+#include "common/msg/contract.hpp"
+
+/// What the page is told of the ledger's blocks: counts alone. Pure; any thread.
+namespace ledgerline::ground::service {
+
+/// What a transaction was for: a function of the contract that writes, the channel's own configuration, or anything else.
+inline constexpr std::array<std::string_view, 18> block_kinds{contract::set,
+                                                              contract::command,
+                                                              contract::anchor,
+                                                              contract::delete_,
+                                                              contract::enroll,
+                                                              contract::revoke,
+                                                              contract::grant,
+                                                              contract::acquire,
+                                                              contract::release,
+                                                              contract::request,
+                                                              contract::hand_over,
+                                                              contract::deny,
+                                                              contract::evict,
+                                                              contract::stop,
+                                                              contract::resume,
+                                                              contract::fold,
+                                                              "config",
+                                                              "other"};
+
+struct BlockSummary {
+  std::uint64_t number = 0;
+  TimeNs at_ns = 0;  ///< when it came; the ground's clock
+  std::uint32_t transactions = 0;
+  std::uint32_t ours = 0;     ///< created by the identity that ground signs with
+  std::uint32_t invalid = 0;  ///< flagged so, or not believed
+  std::array<std::uint32_t, block_kinds.size()> kinds{};
+};
+
+/// `self`: msp.SerializedIdentity. `contract`: any other's calls are "other".
+BlockSummary summary_of(const fabric::Block& block, TimeNs now, std::string_view self, std::string_view contract);
+
+/// {"op":"blocks","blocks":[...]} of docs/station.md: those behind block `told`, oldest first.
+std::string blocks_message(const std::deque<BlockSummary>& blocks, std::uint64_t told);
+
+}  // namespace ledgerline::ground::service
