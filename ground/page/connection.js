@@ -16,7 +16,7 @@ export function takeToken() {
   return sessionStorage.getItem('token');
 }
 
-/// Events: `hello`, `state`, `events` (detail: the message), `link` (detail: {up, words}), `token` (detail: why one is needed).
+/// Events: `hello`, `state`, `events`, `blocks` (detail: the message), `link` (detail: {up, words}), `token` (detail: why one is needed).
 export class Connection extends EventTarget {
   #token = null;
   #socket = null;
@@ -113,7 +113,7 @@ export class Connection extends EventTarget {
       this.stateMs = message.t_ms;
       message.drones = this.withPaths(message.drones);
     }
-    if (['hello', 'state', 'events'].includes(message.op)) this.#say(message.op, message);
+    if (['hello', 'state', 'events', 'blocks'].includes(message.op)) this.#say(message.op, message);
   }
 
   async #lost(socket) {

@@ -1,22 +1,62 @@
-// The last minute of delay and of the states' age, as a small plot and in words.
+// Delays as pictures, one at a time, and in words: over the last minute, how often each length comes, and both at once.
+import { Latency, quantile, shares } from './look/latency.js';
+import { drawWaterfall } from './look/waterfall.js';
 
 const SPAN_MS = 60000;
 const EVERY_MS = 200;
-const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
+const KINDS = { delay: 'Round trip', state: 'Age of states', command: 'Age of commands' };
+const PICTURES = ['time', 'histogram', 'waterfall'];
+const at = (id) => document.getElementById(id);
 
 export class DelayPlot {
   #canvas;
   #ink;
-  #words = document.getElementById('delay-words');
+  #words = at('delay-words');
   #points = []; // {t, delay, age: the oldest state of all drones}
+  #latency = new Latency();
+  #histogram = null;
+  #picture = 'time';
 
-  constructor(canvas, ink) {
+  /// `libraries`: whether uPlot is built in.
+  constructor(canvas, ink, libraries) {
     this.#canvas = canvas;
     this.#ink = ink;
+    const chosen = localStorage.getItem('delay');
+    if (PICTURES.includes(chosen)) at('delay-picture').value = chosen;
+    at('delay-picture').addEventListener('change', () => {
+      localStorage.setItem('delay', at('delay-picture').value);
+      this.#choose(libraries);
+    });
+    at('delay-kind').addEventListener('change', () => this.draw(performance.now()));
+    this.#choose(libraries);
   }
 
-  /// `delay`: null while nothing comes.
-  add(now, delay, age) {
+  async #choose(libraries) {
+    this.#picture = at('delay-picture').value;
+    const lacks = this.#picture === 'histogram' && !libraries;
+    at('delay-lacks').hidden = !lacks;
+    at('delay-chart').hidden = this.#picture !== 'histogram' || lacks;
+    this.#canvas.hidden = this.#picture === 'histogram';
+    at('delay-kind').hidden = this.#picture === 'time';
+    at('delay-legend').hidden = this.#picture !== 'time';
+    if (!at('delay-chart').hidden && !this.#histogram) {
+      const { Histogram } = await import('./look/histogram.js');
+      this.#histogram ??= new Histogram(at('delay-chart'), this.#ink);
+    }
+    this.draw(performance.now());
+  }
+
+  get #kind() {
+    return this.#picture === 'time' ? 'delay' : at('delay-kind').value;
+  }
+
+  /// `delay`: null while nothing comes. `drones`: as they were said; none: the age of the oldest state is `age`.
+  add(now, delay, age, drones = []) {
+    this.#latency.add(now, {
+      delay: delay === null ? [] : [delay],
+      state: drones.filter((drone) => drone.has_state).map((drone) => drone.state_age_ms),
+      command: drones.map((drone) => drone.command_age_ms).filter((ms) => ms !== null),
+    });
     const last = this.#points.at(-1);
     if (last && now - last.t < EVERY_MS) {
       last.delay = Math.max(last.delay ?? 0, delay ?? 0) || null; // a peak is not lost between two points
@@ -27,15 +67,21 @@ export class DelayPlot {
     while (now - this.#points[0].t > SPAN_MS) this.#points.shift();
   }
 
-  say() {
-    const delays = this.#points.map((each) => each.delay).filter((each) => each !== null);
-    if (!delays.length) return;
-    const now = this.#points.at(-1).delay;
-    const said = `Now ${now === null ? 'unknown' : Math.round(now)}, median ${Math.round(median(delays))}, most ${Math.round(Math.max(...delays))} ms`;
+  say(now) {
+    const sorted = this.#latency.sorted(this.#kind, now, SPAN_MS / 1000);
+    const ms = (value) => (value === null ? 'unknown' : `${Math.round(value)}`);
+    const newest = this.#kind === 'delay' ? `now ${ms(this.#points.at(-1)?.delay ?? null)}, ` : '';
+    const said = sorted.length
+      ? `${KINDS[this.#kind]}: ${newest}half within ${ms(quantile(sorted, 0.5))}, 99\u00a0% within ${ms(quantile(sorted, 0.99))}, most ${ms(sorted.at(-1))} ms`
+      : this.#kind === 'command' ? 'No drone has got a command in the last minute.' : 'No state has come in the last minute.';
     if (this.#words.textContent !== said) this.#words.textContent = said;
   }
 
   draw(now) {
+    if (this.#picture === 'histogram') {
+      this.#histogram?.draw(shares(this.#latency.sorted(this.#kind, now, SPAN_MS / 1000)));
+      return;
+    }
     const { clientWidth: width, clientHeight: height } = this.#canvas;
     if (!width) return;
     const dots = devicePixelRatio || 1;
@@ -43,6 +89,11 @@ export class DelayPlot {
     this.#canvas.height = Math.round(height * dots);
     const ctx = this.#canvas.getContext('2d');
     ctx.scale(dots, dots);
+    if (this.#picture === 'waterfall') drawWaterfall(ctx, width, height, this.#latency.columns(this.#kind, now), this.#ink);
+    else this.#overTime(ctx, now, width, height);
+  }
+
+  #overTime(ctx, now, width, height) {
     const peak = Math.max(100, ...this.#points.map((each) => Math.max(each.delay ?? 0, Math.min(each.age, 2000))));
     const top = [150, 300, 600, 1200, 2500].find((each) => each >= peak) ?? 5000;
     const left = 38;

@@ -4,6 +4,9 @@ import { DelayPlot } from './delay.js';
 import { Draft } from './draft.js';
 import { cleaned, Fleet, FLYING, put, STALE_MS } from './drones.js';
 import { Events } from './events.js';
+import { libraries } from './lib/built.js';
+import { Blocks } from './look/blocks.js';
+import { SpaceSwitch } from './look/space.js';
 import { bindKeys, flyByKeys, Hand } from './keys.js';
 import { PlanView } from './map.js';
 import { flyByGamepad, flyByTouch } from './pads.js';
@@ -50,14 +53,17 @@ themeSwitch(forget);
 const connection = new Connection();
 const fleet = new Fleet(connection);
 const map = new PlanView(at('map'), ink);
-const delay = new DelayPlot(at('delay'), ink);
+const delay = new DelayPlot(at('delay'), ink, libraries);
 const events = new Events();
+const blocks = new Blocks();
 const stopAll = new StopAll(connection);
 const draft = new Draft(map, at('map'), connection, () => fleet.drone);
+const space = new SpaceSwitch(map, draft, ink, libraries);
 
 let keysOn = true;
 let linkWords = 'Not connected';
 let delayMs = null;
+let stationMs = () => 0; // the station's clock
 
 const inManual = () => connection.hello.manual && fleet.drone?.phase === 'manual';
 const mayFly = () => connection.up && inManual() && !stopAll.pending;
@@ -85,6 +91,7 @@ bindKeys({
   Backspace: () => (stopAll.stop(fleet.drones), true),
   Escape: () => draft.clear(),
   Enter: (event) => !event.target.closest?.('button, a, summary') && draft.fly(),
+  v: () => (space.toggle(), true),
   digit: (event) => keysOn && fleet.drones[Number(event.key) - 1] && (fleet.select(fleet.drones[Number(event.key) - 1].name), true),
 });
 at('keys-on').addEventListener('click', () => {
@@ -92,11 +99,18 @@ at('keys-on').addEventListener('click', () => {
   hand.release();
   at('keys-on').setAttribute('aria-pressed', keysOn);
 });
-at('zoom-in').addEventListener('click', () => map.zoom(0.8));
-at('zoom-out').addEventListener('click', () => map.zoom(1.25));
-at('zoom-fit').addEventListener('click', () => map.fit());
+at('zoom-in').addEventListener('click', () => space.seen.zoom(0.8));
+at('zoom-out').addEventListener('click', () => space.seen.zoom(1.25));
+at('zoom-fit').addEventListener('click', () => space.seen.fit());
+at('blocks-on').addEventListener('click', () => {
+  const on = at('blocks-log').hidden;
+  at('blocks-log').hidden = !on;
+  at('events-log').hidden = on;
+  at('blocks-on').setAttribute('aria-pressed', on);
+});
 
 connection.addEventListener('hello', async () => {
+  blocks.restart();
   hand.speed_mps = connection.hello.speed_mps;
   const answer = await connection.request('GET', 'events?since=0');
   if (!answer.ok) return;
@@ -112,10 +126,13 @@ function takeState(said, now) {
 connection.addEventListener('state', ({ detail }) => {
   const now = performance.now();
   delayMs = detail.delay_ms ?? null;
+  stationMs = () => detail.t_ms + performance.now() - now;
   events.setClock(Date.now() - detail.t_ms);
+  blocks.setClock(Date.now() - detail.t_ms);
   takeState(detail.drones, now);
-  delay.add(now, delayMs, Math.max(0, ...fleet.drones.filter((drone) => drone.has_state).map((drone) => drone.state_age_ms)));
+  delay.add(now, delayMs, Math.max(0, ...fleet.drones.filter((drone) => drone.has_state).map((drone) => drone.state_age_ms)), fleet.drones);
 });
+connection.addEventListener('blocks', ({ detail }) => blocks.add(detail.blocks));
 connection.addEventListener('events', ({ detail }) => events.add(detail.events));
 connection.addEventListener('link', ({ detail }) => {
   linkWords = detail.words;
@@ -155,7 +172,7 @@ function showFlying() {
 }
 
 function frame(now) {
-  map.draw(now, (drone) => fleet.age(drone, now));
+  space.draw(now, (drone) => fleet.age(drone, now));
   requestAnimationFrame(frame);
 }
 requestAnimationFrame(frame);
@@ -169,8 +186,9 @@ setInterval(() => {
 setInterval(async () => {
   const now = performance.now();
   if (fleet.drones.length && (!connection.up || fleet.silent(now) > STALE_MS)) delay.add(now, null, fleet.silent(now));
-  delay.say();
+  delay.say(now);
   delay.draw(now);
+  blocks.draw(stationMs());
   if (!stopAll.pending || fleet.silent(now) < STALE_MS) return;
   const answer = await connection.request('GET', 'drones'); // the stop is followed without the stream, too
   if (answer.ok) takeState(connection.withPaths(answer.body.drones), performance.now());

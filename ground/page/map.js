@@ -8,10 +8,10 @@ export class PlanView {
   #canvas;
   #ctx;
   #ink;
-  #trails = new Map(); // name -> [{t, x, y}]
   #view;
   #drag = null;
   drones = [];
+  trails = new Map(); // name -> [{t, x, y, z}]
   selected = null;
   draft = [];
   cursor = null; // where the keyboard's cross stands while drawing
@@ -48,11 +48,11 @@ export class PlanView {
     this.drones = drones;
     for (const { name, position } of drones) {
       if (!position) continue;
-      const trail = this.#trails.get(name) ?? [];
+      const trail = this.trails.get(name) ?? [];
       const last = trail.at(-1);
-      if (!last || now - last.t > 100) trail.push({ t: now, x: position[0], y: position[1] });
+      if (!last || now - last.t > 100) trail.push({ t: now, x: position[0], y: position[1], z: position[2] });
       while (trail.length && now - trail[0].t > TRAIL_MS) trail.shift();
-      this.#trails.set(name, trail);
+      this.trails.set(name, trail);
     }
   }
 
@@ -71,7 +71,7 @@ export class PlanView {
 
   #points() {
     const points = this.drones.flatMap((drone) => [drone.position, drone.origin, ...(drone.path ?? [])].filter(Boolean));
-    for (const trail of this.#trails.values()) points.push(...trail.map((each) => [each.x, each.y]));
+    for (const trail of this.trails.values()) points.push(...trail.map((each) => [each.x, each.y]));
     return points;
   }
 
@@ -115,7 +115,7 @@ export class PlanView {
 
   #way(drone, number, now) {
     const colour = this.#ink(`drone${number % 6}`);
-    const trail = this.#trails.get(drone.name) ?? [];
+    const trail = this.trails.get(drone.name) ?? [];
     for (let i = 1; i < trail.length; ++i) {
       const alpha = 0.7 * (1 - (now - trail[i].t) / TRAIL_MS) + 0.08;
       this.#line([[trail[i - 1].x, trail[i - 1].y], [trail[i].x, trail[i].y]], { colour, alpha: Math.max(0, alpha), width: 2.5 });
