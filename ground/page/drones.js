@@ -1,9 +1,12 @@
 // A card for each drone: what it does, how fresh that is, who may command it, and its buttons.
 
+import { BatteryTime, timeLeft } from './look/battery.js';
+
 export const LATE_MS = 300;
 export const STALE_MS = 1000;
 
 const PHASES = { waiting: 'Waiting', takeoff: 'Taking off', path: 'On its path', manual: 'By hand', landing: 'Landing', landed: 'Landed', failed: 'Failed' };
+const LINKS = { disconnected: '■ does not reach it', on_ground: '● reaches it, on the ground', taking_off: '● reaches it, taking off', flying: '● reaches it, in the air', landing: '● reaches it, landing', landed: '● reaches it, landed' };
 const MODES = { hold: 'holds its place', brake: 'brakes', land: 'lands', cut: 'motors cut' };
 export const FLYING = ['takeoff', 'path', 'manual', 'landing'];
 
@@ -32,7 +35,7 @@ export function cleaned(drone) {
     position: numbers(drone.position, 3),
     velocity: numbers(drone.velocity, 3),
     predicted: numbers(drone.predicted, 3),
-    origin: numbers(drone.origin, 2),
+    origin: drone.phase === 'waiting' ? null : numbers(drone.origin, 2), // it has none before it takes off
     yaw: number(drone.yaw) ?? 0,
     sigma_m: number(drone.sigma_m),
     limit_mps: number(drone.limit_mps),
@@ -71,6 +74,7 @@ class Card {
   #fields = {};
   #buttons = {};
   #drone = null;
+  #battery = new BatteryTime();
   #replied = 0;
 
   constructor(connection, name, number, pick) {
@@ -113,6 +117,11 @@ class Card {
     this.#replied = performance.now();
   }
 
+  /// Every state, also while nobody looks.
+  take(drone, now) {
+    if (drone.has_state) this.#battery.add(now, drone.battery_percent);
+  }
+
   show(drone, ages, connected, selected, now) {
     this.#drone = drone;
     const state = freshness(ages.state, connected);
@@ -127,6 +136,12 @@ class Card {
     put(fields.battery, drone.battery_percent === null ? 'unknown' : `${drone.battery_percent} %`);
     fields.meter.hidden = drone.battery_percent === null;
     fields.meter.value = drone.battery_percent ?? 0;
+    const left = timeLeft(this.fresh ? this.#battery.left_s() : null);
+    put(fields.left, left.words);
+    for (const level of ['warn', 'bad']) fields.left.classList.toggle(level, left.level === level);
+    const reached = drone.has_state && drone.link_phase !== 'disconnected';
+    put(fields.link, !drone.has_state ? '– no word of it yet' : this.fresh ? LINKS[drone.link_phase] ?? drone.link_phase : '▲ unknown now');
+    fields.link.className = !this.fresh ? 'warn' : reached ? 'good' : 'bad';
     this.#age(fields.state, drone.has_state ? state : { words: 'none yet', level: 'none' });
     this.#age(fields.command, command);
     const calm = drone.mode === 'none';
@@ -184,10 +199,12 @@ export class Fleet {
     this.drones = drones;
     this.#heard = now;
     for (const [number, drone] of drones.entries()) {
-      if (this.#cards.has(drone.name)) continue;
-      const card = new Card(this.#connection, drone.name, number, (name) => this.select(name));
-      this.#cards.set(drone.name, card);
-      this.#list.append(card.element);
+      if (!this.#cards.has(drone.name)) {
+        const card = new Card(this.#connection, drone.name, number, (name) => this.select(name));
+        this.#cards.set(drone.name, card);
+        this.#list.append(card.element);
+      }
+      this.#cards.get(drone.name).take(drone, now);
     }
     for (const [name, card] of this.#cards) {
       if (drones.some((drone) => drone.name === name)) continue;
