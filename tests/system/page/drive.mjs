@@ -8,12 +8,14 @@
 import { mkdirSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { join } from 'node:path';
+import { openSpace, pictureDelays, readBlocks, turnSpace, withoutLibraries } from './look.mjs';
 
 const TAKEOFF_MS = 45000;
 const PATH_MS = 60000;
 const LANDED_MS = 30000;
 const SIZES = { desktop: { width: 1280, height: 800 }, phone: { width: 390, height: 844 } };
 const THEMES = ['light', 'dark'];
+const WEBGL = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']; // drawn by the processor
 
 const [url, outdir, flag, named] = process.argv.slice(2);
 if (!url || !outdir || (flag && (flag !== '--drone' || !named))) {
@@ -71,7 +73,7 @@ async function pictures(page, size, moment) {
     await page.emulateMedia({ colorScheme: theme });
     await page.waitForTimeout(400);
     await page.screenshot({ path: join(outdir, `${moment}-${size}-${theme}.png`) });
-    if (moment === 'flight') await axeOf(page, `${size} ${theme}`);
+    if (['flight', 'space'].includes(moment)) await axeOf(page, `${moment} ${size} ${theme}`);
   }
   const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
   saw.wide_by_px[size] = wide;
@@ -132,6 +134,14 @@ async function flyPath(page, drone) {
   await drone.phase('By hand', PATH_MS);
 }
 
+async function look(page) {
+  await page.keyboard.press('v');
+  await turnSpace(page, () => velocities.length, check);
+  await pictureDelays(page, saw, check);
+  await readBlocks(page, saw, check);
+  await pictures(page, 'desktop', 'space');
+}
+
 async function flyByFinger(context, page) {
   const box = await page.locator('#pad-right').boundingBox();
   const finger = await context.newCDPSession(page);
@@ -157,6 +167,11 @@ async function onPhone(browser, name) {
   await page.waitForTimeout(200);
   check(await page.locator('#pads').isVisible(), 'fingers have no pads');
   await pictures(page, 'phone', 'flight');
+  await page.locator('#space').tap();
+  await page.locator('#scene[data-pictures]').waitFor({ timeout: 20000 });
+  await page.locator('#scene').scrollIntoViewIfNeeded();
+  await pictures(page, 'phone', 'space');
+  await page.locator('#space').tap();
   await cardOf(page, name).card.locator('.select').tap();
   await page.locator('#fly').scrollIntoViewIfNeeded();
   await flyByFinger(context, page);
@@ -185,7 +200,7 @@ async function stopAll(page, name) {
 
 async function main() {
   mkdirSync(outdir, { recursive: true });
-  const browser = await chromium.launch({ executablePath: process.env.LEDGERLINE_CHROMIUM ?? '/usr/bin/chromium', args: process.getuid() === 0 ? ['--no-sandbox'] : [] });
+  const browser = await chromium.launch({ executablePath: process.env.LEDGERLINE_CHROMIUM ?? '/usr/bin/chromium', args: [...WEBGL, ...(process.getuid() === 0 ? ['--no-sandbox'] : [])] });
   const page = await browser.newPage({ viewport: SIZES.desktop });
   watch(page);
   try {
@@ -197,9 +212,13 @@ async function main() {
       globalThis.phases = new Set();
       setInterval(() => phases.add(document.querySelector('.card.selected .phase').textContent), 50);
     });
+    await openSpace(page, saw, check);
     await takeOff(page, drone);
+    await page.keyboard.press('v');
     await flyByKeys(page, drone);
     await flyPath(page, drone);
+    await look(page);
+    await withoutLibraries(browser, url, watch, check);
     await onPhone(browser, name);
     await stopAll(page, name);
   } catch (error) {
