@@ -42,6 +42,15 @@ def test_a_pilot_flies_by_the_stream_and_falls_silent(tmp_path):
         for _ in range(30):
             stream.send(velocity("tello1", 0.4))
             time.sleep(0.05)
+        blocks = []
+        while not any(block["kinds"].get("command") and block["ours"] for block in blocks):
+            message = json.loads(stream.recv(timeout=60))
+            if message["op"] == "blocks":
+                assert len(message["blocks"]) <= 50
+                blocks += message["blocks"]
+    numbers = [block["n"] for block in blocks]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), "each once, in order"
+    assert all(sum(block["kinds"].values()) == block["txs"] for block in blocks) and any("set" in block["kinds"] for block in blocks), blocks
     after = station.drone("tello1")["position"]
     assert 0.2 < after[0] - before[0] < 1.2, (before, after)
     time.sleep(2)  # the stream is closed: nobody steers

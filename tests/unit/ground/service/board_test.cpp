@@ -97,5 +97,19 @@ TEST(Board, AnEventSaysWhatChangedAndIsSaidOnce) {
   EXPECT_EQ(lost.front().number, first.back().number + 1) << "numbers have no gaps";
 }
 
+TEST(Board, ARefusedCallIsAWarningInTurnWithTheOtherEvents) {
+  FlightWorld world(manual_config(1));
+  Board board;
+  world.run(1);
+  const auto before = board.look(world.now_ns, world.core, {});
+  Refusals refusals({"tello1"});
+  refusals.take("command", fabric::Outcome::failed(fabric::Outcome::Kind::refused,
+                                                   "chaincode response 500, tello1: held by somebody else"));
+  const auto events = board.refusals(world.now_ns, refusals);
+  ASSERT_EQ(words(events), std::vector<std::string>{"tello1: command refused: tello1: held by somebody else"});
+  EXPECT_EQ(events.front().level, Level::warning);
+  EXPECT_EQ(events.front().number, before.back().number + 1);
+}
+
 }  // namespace
 }  // namespace ledgerline::ground::service
