@@ -16,6 +16,7 @@ export class DelayPlot {
   #latency = new Latency();
   #histogram = null;
   #picture = 'time';
+  #theme = '';
 
   /// `libraries`: whether uPlot is built in.
   constructor(canvas, ink, libraries) {
@@ -75,6 +76,13 @@ export class DelayPlot {
       ? `${KINDS[this.#kind]}: ${newest}half within ${ms(quantile(sorted, 0.5))}, 99\u00a0% within ${ms(quantile(sorted, 0.99))}, most ${ms(sorted.at(-1))} ms`
       : this.#kind === 'command' ? 'No drone has got a command in the last minute.' : 'No state has come in the last minute.';
     if (this.#words.textContent !== said) this.#words.textContent = said;
+  }
+
+  /// Each frame: draws anew at once when the theme has changed.
+  follow(now) {
+    if (this.#theme === this.#ink('text')) return;
+    this.#theme = this.#ink('text');
+    this.draw(now);
   }
 
   draw(now) {

@@ -173,6 +173,7 @@ function showFlying() {
 
 function frame(now) {
   space.draw(now, (drone) => fleet.age(drone, now));
+  delay.follow(now);
   requestAnimationFrame(frame);
 }
 requestAnimationFrame(frame);

@@ -48,6 +48,7 @@ export class SpaceView {
     this.#controls = new OrbitControls(this.#camera, canvas);
     Object.assign(this.#controls, { minDistance: NEAREST_M, maxDistance: FARTHEST_M, maxPolarAngle: Math.PI / 2 - 0.02, zoomToCursor: true });
     this.#controls.addEventListener('change', () => (this.#turned = true));
+    canvas.addEventListener('webglcontextrestored', () => (this.#turned = true));
     canvas.addEventListener('keydown', (event) => this.#key(event));
   }
 

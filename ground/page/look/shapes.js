@@ -2,25 +2,30 @@
 import * as THREE from 'three';
 
 const TRAIL_MS = 60000;
+
+// Materials are made once for each look: a new one would be a new program for the graphics card, twenty times a second.
+const looks = new Map();
+function material(Kind, options) {
+  const key = `${Kind.name} ${JSON.stringify(options)}`; // a colour is its number in there
+  if (!looks.has(key)) looks.set(key, new Kind(options));
+  return looks.get(key);
+}
+
 const points = (list) => new THREE.BufferGeometry().setFromPoints(list.map((each) => new THREE.Vector3(...each)));
 
-/// Lets go of what a group holds, in the graphics card, too. Labels are kept: they are the same again and again.
+/// Lets go of what a group holds, in the graphics card, too; but not of what is used again and again.
 export function forget(group) {
-  group.traverse((each) => {
-    if (each.isSprite) return;
-    each.geometry?.dispose();
-    each.material?.dispose();
-  });
+  group.traverse((each) => !each.isSprite && !kept.has(each.geometry) && each.geometry?.dispose());
   group.clear();
 }
 
 export function line(corners, colour, { dashed = false, dots = false } = {}) {
-  const material = dashed ? new THREE.LineDashedMaterial({ color: colour, dashSize: 0.12, gapSize: 0.07 }) : new THREE.LineBasicMaterial({ color: colour });
-  const made = new THREE.Line(points(corners), material);
+  const look = dashed ? material(THREE.LineDashedMaterial, { color: colour, dashSize: 0.12, gapSize: 0.07 }) : material(THREE.LineBasicMaterial, { color: colour });
+  const made = new THREE.Line(points(corners), look);
   if (dashed) made.computeLineDistances();
   if (!dots) return made;
   const group = new THREE.Group();
-  group.add(made, new THREE.Points(points(corners), new THREE.PointsMaterial({ color: colour, size: 6 * (devicePixelRatio || 1), sizeAttenuation: false })));
+  group.add(made, new THREE.Points(points(corners), material(THREE.PointsMaterial, { color: colour, size: 6 * (devicePixelRatio || 1), sizeAttenuation: false })));
   return group;
 }
 
@@ -36,17 +41,17 @@ export function trailOf(trail, now, colour, ground) {
   for (const each of trail) add(each);
   made.setAttribute('position', new THREE.Float32BufferAttribute(places, 3));
   made.setAttribute('color', new THREE.Float32BufferAttribute(colours, 3));
-  return new THREE.Line(made, new THREE.LineBasicMaterial({ vertexColors: true }));
+  return new THREE.Line(made, material(THREE.LineBasicMaterial, { vertexColors: true }));
 }
 
 /// Where it took off.
 export function cross([x, y, z], colour) {
   const arm = 0.09;
   const made = points([[x - arm, y - arm, z], [x + arm, y + arm, z], [x - arm, y + arm, z], [x + arm, y - arm, z]]);
-  return new THREE.LineSegments(made, new THREE.LineBasicMaterial({ color: colour }));
+  return new THREE.LineSegments(made, material(THREE.LineBasicMaterial, { color: colour }));
 }
 
-const outline = () => {
+const nose = (() => {
   const shape = new THREE.Shape();
   shape.moveTo(1, 0);
   shape.lineTo(-0.75, 0.7);
@@ -54,15 +59,15 @@ const outline = () => {
   shape.lineTo(-0.75, -0.7);
   shape.closePath();
   return new THREE.ExtrudeGeometry(shape, { depth: 0.3, bevelEnabled: false }).translate(0, 0, -0.15);
-};
+})();
+const edges = new THREE.EdgesGeometry(nose);
+const kept = new Set([nose, edges]);
 
 /// A drone, its nose where it heads; hollow: its edges alone.
 export function arrow(at, yaw, size, colour, { hollow = false } = {}) {
-  const solid = outline();
   const group = new THREE.Group();
-  group.add(new THREE.LineSegments(new THREE.EdgesGeometry(solid), new THREE.LineBasicMaterial({ color: hollow ? colour : colour.clone().multiplyScalar(0.45) })));
-  if (!hollow) group.add(new THREE.Mesh(solid, new THREE.MeshBasicMaterial({ color: colour, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 })));
-  else solid.dispose();
+  group.add(new THREE.LineSegments(edges, material(THREE.LineBasicMaterial, { color: hollow ? colour : colour.clone().multiplyScalar(0.45) })));
+  if (!hollow) group.add(new THREE.Mesh(nose, material(THREE.MeshBasicMaterial, { color: colour, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 })));
   group.position.set(...at);
   group.rotation.z = yaw;
   group.scale.setScalar(size);
@@ -73,7 +78,7 @@ export function arrow(at, yaw, size, colour, { hollow = false } = {}) {
 export function stand([x, y, z], size, colour) {
   const group = new THREE.Group();
   group.add(line([[x, y, 0], [x, y, z]], colour));
-  const spot = new THREE.Mesh(new THREE.CircleGeometry(size * 0.5, 24), new THREE.MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.35, depthWrite: false }));
+  const spot = new THREE.Mesh(new THREE.CircleGeometry(size * 0.5, 24), material(THREE.MeshBasicMaterial, { color: colour, transparent: true, opacity: 0.35, depthWrite: false }));
   spot.position.set(x, y, 0.004);
   group.add(spot);
   return group;
@@ -83,14 +88,14 @@ export function stand([x, y, z], size, colour) {
 export function disc(at, radius, colour, { ring = false } = {}) {
   const group = new THREE.Group();
   const edge = Array.from({ length: 48 }, (_, i) => [radius * Math.cos((i * Math.PI) / 24), radius * Math.sin((i * Math.PI) / 24), 0]);
-  group.add(new THREE.LineLoop(points(edge), new THREE.LineBasicMaterial({ color: colour })));
-  if (!ring) group.add(new THREE.Mesh(new THREE.CircleGeometry(radius, 48), new THREE.MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.18, side: THREE.DoubleSide, depthWrite: false })));
+  group.add(new THREE.LineLoop(points(edge), material(THREE.LineBasicMaterial, { color: colour })));
+  if (!ring) group.add(new THREE.Mesh(new THREE.CircleGeometry(radius, 48), material(THREE.MeshBasicMaterial, { color: colour, transparent: true, opacity: 0.18, side: THREE.DoubleSide, depthWrite: false })));
   group.position.set(...at);
   return group;
 }
 
 const MAX_LABELS = 200;
-const labels = new Map(); // words and look -> {texture, width, height}; the one used longest ago goes first
+const labels = new Map(); // words and look -> {look, width, height}; the one used longest ago goes first
 
 function painted(words, ink, ground, px) {
   const key = [words, ink, ground, px, devicePixelRatio].join('\n');
@@ -99,8 +104,9 @@ function painted(words, ink, ground, px) {
   const made = known ?? paint(words, ink, ground, px);
   labels.set(key, made);
   if (labels.size > MAX_LABELS) {
-    const [oldest, { texture }] = labels.entries().next().value;
-    texture.dispose();
+    const [oldest, { look }] = labels.entries().next().value;
+    look.map.dispose();
+    look.dispose();
     labels.delete(oldest);
   }
   return made;
@@ -129,16 +135,15 @@ function paint(words, ink, ground, px) {
   texture.colorSpace = THREE.SRGBColorSpace;
   texture.generateMipmaps = false;
   texture.minFilter = THREE.LinearFilter;
-  return { texture, width, height };
+  return { look: new THREE.SpriteMaterial({ map: texture, transparent: true, depthTest: false, sizeAttenuation: false }), width, height };
 }
 
 /// Words that face whoever looks, as large from far away as from near. `px`: of the letters.
 export function label(words, at, ink, ground = '', px = 11) {
-  const { texture, width, height } = painted(words, ink, ground, px);
-  const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map: texture, transparent: true, depthTest: false, sizeAttenuation: false }));
+  const { look, width, height } = painted(words, ink, ground, px);
+  const sprite = new THREE.Sprite(look);
   sprite.position.set(...at);
   sprite.center.set(0.5, 0);
-  sprite.userData = { width, height };
   sprite.onBeforeRender = (renderer, _scene, camera) => {
     const tall = 2 * Math.tan((camera.fov * Math.PI) / 360) / renderer.domElement.clientHeight; // of a pixel, at a distance of 1
     sprite.scale.set(width * tall, height * tall, 1);
