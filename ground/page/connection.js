@@ -113,7 +113,8 @@ export class Connection extends EventTarget {
       this.stateMs = message.t_ms;
       message.drones = this.withPaths(message.drones);
     }
-    if (['hello', 'state', 'events', 'blocks'].includes(message.op)) this.#say(message.op, message);
+    if (['hello', 'state', 'events'].includes(message.op)) this.#say(message.op, message);
+    if (message.op === 'blocks') this.#say('blocks', message);
   }
 
   async #lost(socket) {

@@ -206,7 +206,6 @@ Status Ground::take(const PilotWish& one) {
 void Ground::show(TimeNs now_ns) {
   if (!server_ || now_ns < next_show_ns_) return;
   next_show_ns_ = now_ns + (server_->watched() ? show_gap_ns : unwatched_gap_ns);
-  if (!unshown_blocks_.empty()) server_->publish_blocks(std::exchange(unshown_blocks_, {}));
   service::Telling telling{.drones = service::Board::drones(now_ns, core_)};
   telling.paths = board_.changed_paths(core_);
   telling.state = service::Board::state_message(now_ns, core_, telling.drones);
@@ -216,8 +215,9 @@ void Ground::show(TimeNs now_ns) {
 
 void Ground::note(const fabric::Block& block) {
   if (!server_) return;
-  if (unshown_blocks_.size() >= service::Server::max_blocks) unshown_blocks_.erase(unshown_blocks_.begin());
   unshown_blocks_.push_back(service::summary_of(block, monotonic_ns(), self_, core_.config().where.contract));
+  if (server_->watched() || unshown_blocks_.size() >= service::max_told_blocks)
+    server_->publish_blocks(std::exchange(unshown_blocks_, {}));
 }
 
 Status Ground::wait_for_block_stream(const std::atomic<bool>& quit) {

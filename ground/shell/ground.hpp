@@ -114,7 +114,7 @@ class Ground {
   std::vector<service::Event> unshown_;  ///< of this board, not handed to the server yet
   std::string self_;                     ///< of serve()
   service::Refusals refusals_;
-  std::vector<service::BlockSummary> unshown_blocks_;  ///< as unshown_; the newest max_blocks
+  std::vector<service::BlockSummary> unshown_blocks_;  ///< as unshown_; at most max_told_blocks
   TimeNs next_warning_ns_ = 0, next_unheard_log_ns_ = 0;
 
   Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight

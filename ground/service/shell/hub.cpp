@@ -33,7 +33,7 @@ void Hub::publish(Telling telling) {
 
 void Hub::publish_blocks(const std::vector<BlockSummary>& blocks) {
   blocks_.insert(blocks_.end(), blocks.begin(), blocks.end());
-  while (blocks_.size() > Server::max_blocks) blocks_.pop_front();
+  while (blocks_.size() > max_told_blocks) blocks_.pop_front();
   tell();
 }
 

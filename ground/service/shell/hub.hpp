@@ -19,6 +19,10 @@ class Hub {
   Hub(std::vector<std::string> drones, const Greeting& greeting, Server::TakeWish take, OperatorKeys* keys,
       TimeNs session_idle_ns);
 
+  void publish_blocks(const std::vector<BlockSummary>& blocks);
+  const std::deque<BlockSummary>& blocks() const { return blocks_; }
+  std::uint64_t newest_block() const { return blocks_.empty() ? 0 : blocks_.back().number; }
+
   /// Somebody who is told that there is news.
   class Listener {
    public:
@@ -27,7 +31,6 @@ class Hub {
   };
 
   void publish(Telling telling);
-  void publish_blocks(const std::vector<BlockSummary>& blocks);
   /// Nothing more is published.
   void end();
   bool ended() const { return ended_; }
@@ -42,8 +45,6 @@ class Hub {
   std::uint64_t newest_event() const { return events_.empty() ? 0 : events_.back().number; }
   /// The newest event that can not be told any more; 0: all can.
   std::uint64_t forgotten_event() const { return events_.empty() ? 0 : events_.front().number - 1; }
-  const std::deque<BlockSummary>& blocks() const { return blocks_; }
-  std::uint64_t newest_block() const { return blocks_.empty() ? 0 : blocks_.back().number; }
   const std::shared_ptr<const std::string>& state() const { return state_; }
   const std::shared_ptr<const std::string>& paths() const { return paths_message_; }
   std::string greeting() const;

@@ -41,7 +41,7 @@ class OperatorKeys {
 /// keeps nothing but its place, and is closed when it is max_events behind.
 class Server {
  public:
-  static constexpr std::size_t max_connections = 64, max_events = 1000, max_blocks = 50;
+  static constexpr std::size_t max_connections = 64, max_events = 1000;
   /// Of connections that have not shown the token: beyond it the oldest one of them makes room.
   static constexpr std::size_t max_strangers = 32;
   /// The error says why it is not taken now.
@@ -55,12 +55,12 @@ class Server {
 
   /// Any thread; does not wait for clients.
   virtual void publish(Telling telling) = 0;
-  /// Any thread; does not wait for clients. A client is told what it lacks of the newest max_blocks.
-  virtual void publish_blocks(std::vector<BlockSummary> blocks) = 0;
   /// The last words: every client that reads gets what it lacks of the events, then a close frame; half a second at most.
   virtual void end() = 0;
   /// A stream is open: it pays to publish often.
   virtual bool watched() const = 0;
+  /// Any thread; does not wait for clients. A client is told what it lacks of the newest max_told_blocks.
+  virtual void publish_blocks(std::vector<BlockSummary> blocks) = 0;
   /// "http://127.0.0.1:8800"
   virtual std::string url() const = 0;
 };

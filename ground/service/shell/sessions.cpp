@@ -121,6 +121,12 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
       if (!closing_ && !events.empty() && events.front().number > told_ + 1) close("a thousand events behind");
       return;
     }
+    if (hub_.newest_block() > told_block_ && !blocks_were_last_) {  // by turns, so that neither waits for the other
+      const std::uint64_t told = std::exchange(told_block_, hub_.newest_block());
+      send(std::make_shared<const std::string>(blocks_message(hub_.blocks(), told)));
+      blocks_were_last_ = true;
+      return;
+    }
     const auto& events = hub_.events();
     if (hub_.newest_event() > told_) {
       const std::size_t missing = std::min<std::size_t>(hub_.newest_event() - told_, events.size());
@@ -129,14 +135,9 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     } else if (hub_.paths() && hub_.paths() != paths_) {
       paths_ = hub_.paths();
       send(paths_);
-    } else if (hub_.state() && hub_.state() != shown_ && (told_block_ >= hub_.newest_block() || !state_was_last_)) {
-      state_was_last_ = true;
+    } else if (hub_.state() && hub_.state() != shown_) {
       shown_ = hub_.state();
       send(shown_);
-    } else if (hub_.newest_block() > told_block_) {  // by turns with states, so that neither waits for the other
-      state_was_last_ = false;
-      const std::uint64_t told = std::exchange(told_block_, hub_.newest_block());
-      send(std::make_shared<const std::string>(blocks_message(hub_.blocks(), told)));
     } else if (hub_.ended()) {
       close("the ground has ended", websocket::close_code::going_away);
     }
@@ -145,6 +146,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
  private:
   void send(std::shared_ptr<const std::string> text) {
     writing_ = true;
+    blocks_were_last_ = false;
     socket_.text(true);
     const auto buffer = boost::asio::buffer(*text);
     socket_.async_write(buffer,
@@ -202,7 +204,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   std::shared_ptr<const std::string> shown_, paths_;
   std::uint64_t told_ = 0;  ///< the newest event that it has
   std::uint64_t told_block_ = 0;
-  bool state_was_last_ = false;
+  bool blocks_were_last_ = false;
   bool writing_ = false, closing_ = false;
 };
 
