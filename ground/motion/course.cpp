@@ -2,76 +2,22 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <string_view>
 
 #include "common/base/enum_count.hpp"
+#include "ground/motion/csv.hpp"
 
 namespace ledgerline::motion {
 namespace {
 
 constexpr std::size_t min_points = 3;
-constexpr double max_distance_m = 100;
-constexpr double smin_height_mps = 0.05, fastest_mps = 8;
 
-std::string_view trimmed(std::string_view text) {
-  const auto from = text.find_first_not_of(" \t\r");
-  if (from == std::string_view::npos) return {};
-  return text.substr(from, text.find_last_not_of(" \t\r") - from + 1);
-}
-
-std::vector<std::string_view> cells_of(std::string_view line) {
-  std::vector<std::string_view> cells;
-  for (;;) {
-    const auto comma = line.find(',');
-    cells.push_back(trimmed(line.substr(0, comma)));
-    if (comma == std::string_view::npos) return cells;
-    line.remove_prefix(comma + 1);
-  }
-}
-
-Result<double> number_in(std::string_view cell, const char* what, double least, double greatest) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error != std::errc{} || end != cell.data() + cell.size() || !(value >= least && value <= greatest))
-    return Error{fmt::format("{} \"{}\" is no number from {} to {}", what, cell, least, greatest)};
-  return value;
-}
-
-Result<Waypoint> waypoint_of(const std::vector<std::string_view>& cells) {
-  if (cells.size() < 2 || cells.size() > 4) return Error{fmt::format("{} columns, not x,y[,z[,speed]]", cells.size())};
-  const auto x = number_in(cells[0], "x", -max_distance_m, max_distance_m);
-  if (!x) return x.error();
-  const auto y = number_in(cells[1], "y", -max_distance_m, max_distance_m);
-  if (!y) return y.error();
-  Waypoint point{{*x, *y}};
-  if (cells.size() > 2 && !cells[2].empty()) {
-    const auto z = number_in(cells[2], "z", min_height_m, max_height_m);
-    if (!z) return z.error();
-    point.height_m = *z;
-  }
-  if (cells.size() > 3 && !cells[3].empty()) {
-    const auto speed = number_in(cells[3], "speed", smin_height_mps, fastest_mps);
-    if (!speed) return speed.error();
-    point.speed_mps = *speed;
-  }
-  return point;
-}
-
-// What is wrong with a waypoint by itself; empty: nothing.
-std::string wrong_in(const Waypoint& point, const Eigen::Vector2d& from_m) {
+std::string wrong_from(const Waypoint& point, const Eigen::Vector2d& from_m) {
   if (const double far_m = (point.at_m - from_m).norm(); !(far_m <= max_distance_m))
     return fmt::format("is {:.1f} m away; {} m may be", far_m, max_distance_m);
-  const auto within = [](const std::optional<double>& value, double least, double greatest) {
-    return !value || (*value >= least && *value <= greatest);
-  };
-  if (!within(point.height_m, min_height_m, max_height_m))
-    return fmt::format("has z {} m; {} to {} may be", *point.height_m, min_height_m, max_height_m);
-  if (!within(point.speed_mps, smin_height_mps, fastest_mps))
-    return fmt::format("has speed {} m/s; {} to {} may be", *point.speed_mps, smin_height_mps, fastest_mps);
-  return {};
+  return wrong_in(point);
 }
 
 bool is_heading(const std::vector<std::string_view>& cells) {
@@ -126,18 +72,12 @@ std::vector<Waypoint> waypoints_of(Shape shape, double side_m) {
 
 Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const std::string& file) {
   std::vector<Waypoint> points;
-  int number = 0;
   bool first = true;
-  for (std::string_view rest = text; !rest.empty();) {
-    ++number;
-    const auto end = rest.find('\n');
-    std::string_view line = rest.substr(0, end);
-    rest = end == std::string_view::npos ? std::string_view{} : rest.substr(end + 1);
-    line = trimmed(line.substr(0, line.find('#')));
-    if (line.empty()) continue;
-    const auto cells = cells_of(line);
+  for (CsvLines lines(text); lines.next();) {
+    const int number = lines.number();
+    const auto cells = cells_of(lines.line());
     if (std::exchange(first, false) && is_heading(cells)) continue;
-    const auto point = waypoint_of(cells);
+    const auto point = waypoint_of(cells, max_distance_m);
     if (!point) return Error{fmt::format("{}:{}: {}", file, number, point.error().what)};
     if (!points.empty() && (point->at_m - points.back().at_m).norm() < min_apart_m)
       return Error{fmt::format("{}:{}: closer than 1 cm to the point before", file, number)};
@@ -159,11 +99,22 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
   return points;
 }
 
+std::string wrong_in(const Waypoint& point) {
+  const auto within = [](const std::optional<double>& value, double least, double greatest) {
+    return !value || (*value >= least && *value <= greatest);
+  };
+  if (!within(point.height_m, min_height_m, max_height_m))
+    return fmt::format("has z {} m; {} to {} may be", *point.height_m, min_height_m, max_height_m);
+  if (!within(point.speed_mps, min_speed_mps, max_speed_mps))
+    return fmt::format("has speed {} m/s; {} to {} may be", *point.speed_mps, min_speed_mps, max_speed_mps);
+  return {};
+}
+
 Status check_way(const std::vector<Waypoint>& way, const Eigen::Vector2d& from_m) {
   if (way.empty() || way.size() > max_waypoints)
     return Error{fmt::format("{} waypoints; 1 to {} may be", way.size(), max_waypoints)};
   for (std::size_t i = 0; i < way.size(); ++i) {
-    if (const std::string wrong = wrong_in(way[i], from_m); !wrong.empty())
+    if (const std::string wrong = wrong_from(way[i], from_m); !wrong.empty())
       return Error{fmt::format("waypoint {} {}", i + 1, wrong)};
     if (i > 0 && (way[i].at_m - way[i - 1].at_m).norm() < min_apart_m)
       return Error{fmt::format("waypoint {} is closer than 1 cm to the one before", i + 1)};

@@ -18,6 +18,8 @@ const std::vector<std::string>& shape_names();
 inline constexpr std::size_t max_waypoints = 500;
 inline constexpr double min_apart_m = 0.01;  ///< of two in a row; what is nearer is one place
 inline constexpr double min_height_m = 0.3, max_height_m = 10;
+inline constexpr double min_speed_mps = 0.05, max_speed_mps = 8;
+inline constexpr double max_distance_m = 100;  ///< of a waypoint from where its way begins
 
 /// A corner of a path. Metres from the first one, which lies where the drone takes off.
 struct Waypoint {
@@ -43,6 +45,9 @@ std::vector<Waypoint> waypoints_of(Shape shape, double side_m);
 /// comment; a first line with the columns' names is allowed. 3 to 500 points, within 100 m of each other, no two in a
 /// row closer than 1 cm, 0.3 <= z <= 10, 0.05 <= speed <= 8. An error names file, line and what is allowed.
 Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const std::string& file);
+
+/// What of its height or speed may not be; empty: nothing.
+std::string wrong_in(const Waypoint& point);
 
 /// Waypoints in metres of the map, of a way that begins at `from_m`: 1 to 500, within 100 m of it, and otherwise what
 /// waypoints_from_csv() allows. The error says which one is wrong, counted from 1, and what is allowed.

@@ -11,15 +11,19 @@
 #include "common/base/enum_count.hpp"
 #include "common/base/printable.hpp"
 #include "common/msg/contract.hpp"
+#include "ground/json/strict.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
 
+namespace strict = ground::json;
 using nlohmann::json;
+using strict::max_shown;
+using strict::only;
 
 constexpr std::string_view root = "/api/v1/";
 constexpr std::size_t max_pass_phrase = 256;
-constexpr std::size_t max_shown = 64;  // bytes of a name that is given back in an error
+constexpr int max_depth = 4;  // of any request
 
 constexpr const char* word_of(Level level) {
   constexpr std::array words{"info", "warning", "alarm"};
@@ -44,28 +48,7 @@ json events_json(const std::deque<Event>& events, std::size_t first) {
 // A text that is no UTF-8, which a drone's agent may have sent, is no reason to say nothing.
 std::string dump(const json& value) { return value.dump(-1, ' ', false, json::error_handler_t::replace); }
 
-/// An object, or nothing at all, which is the empty one. Nested no deeper than any request is.
-Result<json> object_from(std::string_view body) {
-  if (body.empty()) return json::object();
-  constexpr int max_depth = 4;
-  bool too_deep = false;
-  const auto bounded = [&](int depth, json::parse_event_t, json&) {
-    too_deep = too_deep || depth > max_depth;
-    return !too_deep;
-  };
-  json parsed = json::parse(body, bounded, false);
-  if (too_deep || parsed.is_discarded() || !parsed.is_object())
-    return Error{"the body must be a JSON object that nests at most 4 deep"};
-  return parsed;
-}
-
-Status only(const json& object, std::initializer_list<std::string_view> allowed) {
-  for (const auto& [key, value] : object.items()) {
-    if (std::find(allowed.begin(), allowed.end(), key) == allowed.end())
-      return Error{"unknown key \"" + printable(key, max_shown) + "\""};
-  }
-  return done;
-}
+Result<json> object_from(std::string_view body) { return strict::object_from(body, "the body", max_depth); }
 
 std::optional<std::size_t> find(const std::vector<std::string>& names, std::string_view name) {
   const auto at = std::find(names.begin(), names.end(), name);
@@ -76,31 +59,17 @@ std::optional<std::size_t> find(const std::vector<std::string>& names, std::stri
 constexpr const char* taken = R"({"accepted":true})";
 ApiAnswer accepted(std::vector<PilotWish> wishes) { return {202, taken, std::move(wishes)}; }
 
-/// {"x":1,"y":0,"z":1.2,"speed":0.5}; FlightCore says what of it cannot be flown.
-Result<Waypoint> waypoint_from(const json& given) {
-  if (!given.is_object()) return Error{"must be an object"};
-  if (const Status keys = only(given, {"x", "y", "z", "speed"}); !keys) return keys.error();
-  for (const auto& [key, value] : given.items()) {
-    if (!value.is_number()) return Error{key + " must be a number"};
-  }
-  if (!given.contains("x") || !given.contains("y")) return Error{"needs x and y"};
-  Waypoint waypoint;
-  waypoint.at_m = {given["x"].get<double>(), given["y"].get<double>()};
-  if (given.contains("z")) waypoint.height_m = given["z"].get<double>();
-  if (given.contains("speed")) waypoint.speed_mps = given["speed"].get<double>();
-  return waypoint;
-}
-
 Result<PilotOrder> path_from(const json& body) {
   if (const Status keys = only(body, {"waypoints", "then"}); !keys) return keys.error();
   const json waypoints = body.value("waypoints", json());
   const json then = body.value("then", json("hover"));
   if (!waypoints.is_array() || waypoints.empty() || waypoints.size() > motion::max_waypoints)
     return Error{fmt::format("waypoints must be a list of 1 to {}", motion::max_waypoints)};
-  if (then != "hover" && then != "land") return Error{R"(then must be "hover" or "land")"};
-  PilotOrder order{.kind = PilotOrder::Kind::path, .land_behind = then == "land"};
+  const auto land_behind = strict::land_behind_from(then);
+  if (!land_behind) return land_behind.error();
+  PilotOrder order{.kind = PilotOrder::Kind::path, .land_behind = *land_behind};
   for (const json& given : waypoints) {
-    auto waypoint = waypoint_from(given);
+    auto waypoint = strict::waypoint_from(given);
     if (!waypoint) return Error{fmt::format("waypoint {}: {}", order.waypoints.size() + 1, waypoint.error().what)};
     order.waypoints.push_back(*waypoint);
   }

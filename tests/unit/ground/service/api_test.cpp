@@ -79,6 +79,7 @@ TEST_F(Api, APathIsAnOrderWithItsWaypointsAndItsEnd) {
        {std::string("{}"), std::string(R"({"waypoints":[]})"), std::string(R"({"waypoints":[1]})"),
         std::string(R"({"waypoints":[{"x":1}]})"), std::string(R"({"waypoints":[{"x":1,"y":"2"}]})"),
         std::string(R"({"waypoints":[{"x":1,"y":2,"w":3}]})"),
+        std::string(R"({"waypoints":[{"x":1,"y":2,"x":3}]})"),
         std::string(R"({"waypoints":[{"x":1,"y":2}],"then":"dance"})"), long_list + "]}"})
     EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/path", wrong).status, 400U) << wrong.substr(0, 60);
 }

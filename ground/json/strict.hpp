@@ -1,0 +1,26 @@
+#pragma once
+#include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "ground/motion/course.hpp"
+
+/// JSON of clients, read strictly: what is not expected is refused, and the error says where. Pure; any thread.
+namespace ledgerline::ground::json {
+
+inline constexpr std::size_t max_shown = 64;  ///< bytes of a client's word that is given back in an error
+
+/// An object, or nothing at all, which is the empty one. Nested no deeper than `max_depth`, no key of an object twice.
+/// `what` the error is about: "the body".
+Result<nlohmann::json> object_from(std::string_view text, std::string_view what, int max_depth);
+
+/// The error names the first key that is not allowed.
+Status only(const nlohmann::json& object, std::initializer_list<std::string_view> allowed);
+
+/// {"x":1,"y":0,"z":1.2,"speed":0.5}, z and speed if they are there. What of it cannot be flown is for others to say.
+Result<motion::Waypoint> waypoint_from(const nlohmann::json& given);
+
+/// "hover" or "land": whether it lands behind a path.
+Result<bool> land_behind_from(const nlohmann::json& then);
+
+}  // namespace ledgerline::ground::json

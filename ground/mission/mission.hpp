@@ -1,0 +1,54 @@
+#pragma once
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "common/crypto/crypto.hpp"
+#include "ground/motion/course.hpp"
+
+/// Missions: several drones, a path each, flown together. All of this is without I/O.
+namespace ledgerline::ground::mission {
+
+using motion::Waypoint;
+
+inline constexpr std::size_t max_drones = 64;
+inline constexpr std::size_t max_name = 64;  ///< characters of a mission's and a drone's name
+/// Of a mission as text. 64 drones of 500 waypoints, each number with all its 17 digits, are 3.4 MB.
+inline constexpr std::size_t max_mission_bytes = 4'194'304;
+/// Of x and y in the map. What is further away is a mistake in writing: a path is within 100 m of its start.
+inline constexpr double max_coordinate_m = 1'000;
+
+struct MissionDrone {
+  std::string drone;
+  std::optional<Eigen::Vector2d> start_m{};  ///< where it is to stand or hover; nothing: wherever it does
+  std::vector<Waypoint> waypoints{};         ///< metres of the map; no height or speed: the drone's, then the flight's
+  bool land_behind = false;                  ///< lands at the end, else hovers there
+  std::optional<double> speed_mps{};         ///< of waypoints that say none
+
+  /// With the drone's speed where one says none.
+  std::vector<Waypoint> way() const;
+};
+
+struct Mission {
+  std::string name;
+  std::vector<MissionDrone> drones;  ///< their order says nothing
+};
+
+/// 1 to 64 of A-Z, a-z, 0-9, "_" and "-".
+bool is_name(std::string_view text);
+
+/// What every mission keeps to, whoever made it: names, counts, coordinates, heights, speeds; no drone twice. What
+/// depends on where the drones are is check()'s. The error names drone and waypoint, counted from 1.
+Status check_bounds(const Mission& mission);
+
+/// One text for each mission, which mission_from_json() reads: keys and drones in a fixed order, each number as short as
+/// it may be to be read as the same. Of a mission that check_bounds() allows.
+std::string canonical(const Mission& mission);
+
+/// SHA-256 of that text: what is approved. Equal for equal missions, however they were written.
+crypto::Digest digest(const Mission& mission);
+
+}  // namespace ledgerline::ground::mission
