@@ -20,14 +20,6 @@ constexpr int plain_setpoints = 4;
 
 double wrap(double angle) { return std::remainder(angle, 2 * std::numbers::pi); }
 
-motion::TrackLimits limits_of(const ControllerConfig& config) {
-  motion::TrackLimits limits;
-  limits.told_mps = config.told_mps;
-  limits.lag_s = config.lag_s;
-  limits.vertical_mps = 0.8 * config.max_vertical_mps;
-  return limits;
-}
-
 motion::PredictorConfig predictor_of(const ControllerConfig& config) {
   motion::PredictorConfig predictor;
   // Whoever says how slowly a drone answers means all of it; a third of that goes into leaning over.
@@ -39,6 +31,14 @@ motion::PredictorConfig predictor_of(const ControllerConfig& config) {
 }
 
 }  // namespace
+
+motion::TrackLimits track_limits(const ControllerConfig& config) {
+  motion::TrackLimits limits;
+  limits.told_mps = config.told_mps;
+  limits.lag_s = config.lag_s;
+  limits.vertical_mps = 0.8 * config.max_vertical_mps;
+  return limits;
+}
 
 Result<Ramp> ramp_from(const std::string& text) {
   const auto number = [](std::string_view cell, double& out) {
@@ -88,7 +88,7 @@ PathController::PathController(const std::vector<Waypoint>& waypoints, const Eig
                                ControllerConfig config, double yaw_rad)
     : config_(config),
       path_(waypoints, origin),
-      track_(waypoints, origin, config.height_m, limits_of(config)),
+      track_(waypoints, origin, config.height_m, track_limits(config)),
       yaw_rad_(yaw_rad),
       predictor_(predictor_of(config)),
       position_gain_(config.position_gain) {}
@@ -132,10 +132,7 @@ double PathController::expected_s(int laps) const {
 
 double PathController::speed_at(double s_m) const {
   const double max_mps = std::min({asked_mps(s_m), limit_mps_, config_.told_mps * predictor_.response().gain});
-  const double a = motion::TrackLimits{}.acceleration_mps2;
-  const double from_rest = std::sqrt(2 * a * std::max(0.0, s_m) + 0.01);
-  const double to_rest = std::sqrt(2 * a * std::max(0.0, end_m_ - s_m) + 0.0025);
-  return std::min({track_.speed_at(s_m), max_mps, from_rest, to_rest});
+  return std::min({track_.speed_at(s_m), max_mps, motion::from_rest_to_rest_mps(s_m, end_m_)});
 }
 
 // The share of its speed that the reference moves with: whole up to half the leash, none at its end. For a drone that
@@ -239,7 +236,7 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
 double PathController::plain_mps(double s_m) const {
   const double asked = std::min(asked_mps(s_m), path_.speed_mps(s_m).value_or(asked_mps(s_m)));
   const double climb = std::abs(path_.climb(s_m, config_.height_m));
-  return climb > 0 ? std::min(asked, limits_of(config_).vertical_mps / climb) : asked;
+  return climb > 0 ? std::min(asked, track_limits(config_).vertical_mps / climb) : asked;
 }
 
 std::vector<Setpoint> PathController::plan_plain(TimeNs first_ns) {

@@ -42,6 +42,9 @@ struct ControllerConfig {
   double min_limit_mps = 0.2;             ///< but never below this
 };
 
+/// Of the tracks that such a controller flies.
+motion::TrackLimits track_limits(const ControllerConfig& config);
+
 /// How well predictions come true: their error as a share of the way flown meanwhile, learned by comparing each
 /// prediction with the states around the moment that it was for. Bounded; one thread.
 class PredictionError {

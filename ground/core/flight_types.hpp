@@ -25,6 +25,9 @@ struct FlightDrone {
   std::optional<Task> task{};  ///< nothing: what the flight says
 };
 
+/// Of what is told to people.
+enum class Level { info, warning, alarm };
+
 /// What is done with a request for a drone that we hold when our operator has not answered it in time.
 enum class RequestRule { none, hand_over, deny };
 
@@ -143,10 +146,13 @@ struct PilotCounters {
 
 struct FlightStatus {
   DronePhase phase = DronePhase::waiting;
-  bool finished = false;  ///< flew its whole path
-  bool paused = false;    ///< manual: the rest of a path waits for its pilot's resume
-  int lap = 0;            ///< the one it is in, from 1; 0 before the path
-  double progress = 0;    ///< of the whole flight, manual: of the newest path; 0..1
+  bool finished = false;    ///< flew its whole path
+  bool paused = false;      ///< manual: the rest of a path waits for its pilot's resume
+  int lap = 0;              ///< the one it is in, from 1; 0 before the path
+  double progress = 0;      ///< of the whole flight, manual: of the newest path; 0..1
+  std::uint64_t paths = 0;  ///< manual: begun so far
+  std::size_t reached =
+      0;  ///< manual: waypoints of the newest path that it has reached; the last one when the path ends
   std::array<double, 2> origin_m{};
   /// Corners of the path that is flown or paused, in its order; map frame. A closed path ends with its first corner.
   std::vector<std::array<double, 3>> planned;

@@ -43,6 +43,13 @@ double limit_of(const Piece& piece, const TrackLimits& limits) {
 
 }  // namespace
 
+double from_rest_to_rest_mps(double s_m, double end_m) {
+  const double a = TrackLimits{}.acceleration_mps2;
+  const double from_rest = std::sqrt(2 * a * std::max(0.0, s_m) + 0.01);
+  const double to_rest = std::sqrt(2 * a * std::max(0.0, end_m - s_m) + 0.0025);
+  return std::min(from_rest, to_rest);
+}
+
 Track::Track(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin, double height_m,
              const TrackLimits& limits) {
   lay(waypoints, origin, height_m, limits);

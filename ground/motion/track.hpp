@@ -15,6 +15,10 @@ struct TrackLimits {
   double cut_m = 0.07;        ///< by which a bend may miss its corner; it begins at half the shorter piece at most
 };
 
+/// The greatest speed on a way that begins at rest at 0 and ends at rest at `end_m`, by TrackLimits' own acceleration;
+/// never none, so that it is left and reached.
+double from_rest_to_rest_mps(double s_m, double end_m);
+
 /// A closed path as it is to be flown: the waypoints' polygon with its corners rounded by arcs, and for each place the
 /// greatest speed that lets every bend be flown within the acceleration, found by one pass backward and one forward
 /// over the lap, both around twice since it closes (time-optimal along a fixed path with bounded acceleration: Bobrow,

@@ -223,7 +223,9 @@ void Phases::advance_pilot_path(TimeNs now) {
   const PilotPath& path = *planner_.pilot_path();
   const double end_m = path.end_m(follower);
   status_.progress = end_m > 0 ? std::clamp(follower.progress_m() / end_m, 0.0, 1.0) : 1;
+  status_.reached = path.reached();
   if (!path.at_end(follower, seen_.state)) return;
+  status_.reached = path.reached() + 1;
   if (path.land_behind()) {
     land(now, "");
   } else {

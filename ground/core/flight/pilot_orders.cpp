@@ -89,6 +89,8 @@ std::string Phases::fly(TimeNs now, const std::vector<Waypoint>& way, bool land_
   const TimeNs from_ns = seen_.state.stamp_ns + (now - seen_.received_ns) + delay_ns;
   if (const Status begun = planner_.begin_pilot_path(way, land_behind, from_ns); !begun) return begun.error().what;
   status_.progress = 0;
+  status_.reached = 0;
+  ++status_.paths;
   enter(now, DronePhase::path);
   return "";
 }

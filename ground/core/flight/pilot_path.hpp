@@ -22,6 +22,8 @@ class PilotPath {
   void observe(const Follower& follower, const StateSample& state);
   /// Settled at its last waypoint.
   bool at_end(const Follower& follower, const StateSample& state) const;
+  /// Waypoints, from the first on; without the last one until the path ends.
+  std::size_t reached() const { return next_; }
   /// The waypoints not reached yet; the last one is among them until the path ends.
   std::vector<Waypoint> rest() const;
   /// From where it began; map frame.

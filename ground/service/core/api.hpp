@@ -16,7 +16,7 @@ namespace ledgerline::ground::service {
 
 inline constexpr std::size_t max_body_bytes = 65'536;
 
-enum class Level { info, warning, alarm };
+using ground::Level;
 /// Something that happened: told to every client, in order, once.
 struct Event {
   std::uint64_t number = 0;  ///< from 1, without gaps

@@ -78,7 +78,11 @@ TEST(PilotOrder, AnOpenPathIsFlownThroughItsWaypointsAndTheDroneHoversAtItsEnd) 
     EXPECT_TRUE(world.passes(2, 3, 0.15));
     EXPECT_GT(world.position().z(), 1.3);
     EXPECT_GT(world.status().progress, 0.5);
+    EXPECT_EQ(world.status().paths, 1U);
+    EXPECT_GE(world.status().reached, 1U);
+    EXPECT_LT(world.status().reached, 3U);
     ASSERT_TRUE(world.ends_path());
+    EXPECT_EQ(world.status().reached, 3U);
     EXPECT_EQ(world.phase(), DronePhase::manual);
     world.run(3);
     EXPECT_LT(world.away_m(1, 3), 0.2);
@@ -100,6 +104,7 @@ TEST(PilotOrder, OneWaypointIsAPlaceToGoToAlsoStraightAbove) {
   world.say(path({at(here.x() + 0.005, here.y(), 2)}));
   ASSERT_TRUE(world.ends_path());
   EXPECT_LT(world.away_m(here.x(), here.y(), 2), 0.25);
+  EXPECT_EQ(world.status().reached, 1U);
   world.say(path({at(world.position().x(), world.position().y(), 1), at(0, 1)}));
   ASSERT_TRUE(world.ends_path());
   EXPECT_LT(world.away_m(0, 1), 0.15) << "from a place that is the first waypoint";

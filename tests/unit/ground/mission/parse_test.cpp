@@ -6,8 +6,8 @@
 
 #include <functional>
 
-#include "common/base/random.hpp"
 #include "tests/unit/campaign.hpp"
+#include "tests/unit/ground/mission/missions.hpp"
 
 namespace ledgerline::ground::mission {
 namespace {
@@ -23,9 +23,6 @@ constexpr auto csv_text =
     "tello2,-1,0.25,,1,\n"
     "tello1,1,2,1.5,0.5,\n"
     "tello1, 2 ,2,,,land  # its end\n";
-
-std::uint64_t below(Random& random, std::uint64_t end) { return random.next() % end; }
-double between(Random& random, double least, double most) { return least + (most - least) * random.uniform(); }
 
 Mission survey() {
   auto mission = mission_from_json(json_text);

@@ -1,0 +1,43 @@
+#pragma once
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+
+#include "ground/core/flight.hpp"
+
+namespace ledgerline::ground::mission {
+
+/// What a mission needs to know of a drone that flies here, as FlightCore has it now.
+struct DroneNow {
+  std::string name;
+  DronePhase phase = DronePhase::waiting;
+  bool seen = false;       ///< a state came from it
+  bool on_ground = false;  ///< as its newest state says
+  bool paused = false;
+  std::uint64_t paths = 0;                ///< FlightStatus::paths
+  std::size_t reached = 0;                ///< FlightStatus::reached
+  std::string why{};                      ///< what went wrong with its flight
+  std::optional<Eigen::Vector3d> at_m{};  ///< map; nothing: it has no pose, or its newest is old
+  std::optional<double> battery_share{};  ///< 0 to 1
+};
+
+inline DroneNow drone_now(const FlightCore& core, std::size_t drone) {
+  const FlightStatus& status = core.status(drone);
+  const Seen& seen = core.seen(drone);
+  const StateSample& state = seen.state;
+  DroneNow now{core.drones()[drone].name,
+               status.phase,
+               seen.has_state,
+               seen.has_state && on_ground(state.phase),
+               status.paused,
+               status.paths,
+               status.reached,
+               status.why};
+  const bool has_pose = seen.has_state && state.pose_stamp_ns > 0 &&
+                        state.stamp_ns - state.pose_stamp_ns <= core.config().controller.pose_lost_ns;
+  if (has_pose) now.at_m = Eigen::Vector3d::Map(state.position_m.data());
+  if (seen.has_state && state.sdk_state_fresh) now.battery_share = static_cast<double>(state.battery);
+  return now;
+}
+
+}  // namespace ledgerline::ground::mission
