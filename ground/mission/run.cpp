@@ -1,0 +1,351 @@
+#include "ground/mission/run.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "common/base/enum_count.hpp"
+#include "common/base/printable.hpp"
+
+namespace ledgerline::ground::mission {
+namespace {
+
+constexpr std::size_t max_approvals = 1'000;  // of all that were ever given for one mission
+constexpr std::size_t max_why = 300;          // bytes of a reason
+
+bool hovers(const DroneNow& seen) { return seen.phase == DronePhase::manual && !seen.on_ground; }
+bool is_down(const DroneNow& seen) {
+  return seen.phase == DronePhase::waiting || seen.phase == DronePhase::landed || seen.phase == DronePhase::failed;
+}
+
+std::string with_why(const std::string& words, const DroneNow& seen) {
+  return seen.why.empty() ? words : words + ": " + seen.why;
+}
+
+}  // namespace
+
+std::string name_of(RunPhase phase) {
+  constexpr std::array names{"checked", "approved", "taking_off", "to_start", "flying", "done", "aborted"};
+  static_assert(names.size() == enum_count<RunPhase>);
+  return names[static_cast<std::size_t>(phase)];
+}
+
+MissionRun::MissionRun(Mission mission, const RunConfig& config)
+    : mission_(std::move(mission)),
+      config_(config),
+      digest_(mission::digest(mission_)),
+      parts_(mission_.drones.size()) {
+  std::sort(mission_.drones.begin(), mission_.drones.end(),
+            [](const MissionDrone& a, const MissionDrone& b) { return a.drone < b.drone; });
+}
+
+Result<MissionRun> MissionRun::make(Mission mission, const RunConfig& config) {
+  if (config.required_approvals < 1 || config.required_approvals > 2) return Error{"1 or 2 approvals may be required"};
+  if (const Status bounds = check_bounds(mission); !bounds) return bounds.error();
+  return MissionRun(std::move(mission), config);
+}
+
+Status MissionRun::change(Mission mission) {
+  if (phase_ >= RunPhase::taking_off) return Error{fmt::format("mission {} is started", mission_.name)};
+  auto changed = make(std::move(mission), config_);
+  if (!changed) return changed.error();
+  const auto approvals = std::move(all_approvals_);
+  *this = std::move(*changed);
+  set_approvals(approvals);
+  return ledgerline::done;
+}
+
+void MissionRun::set_approvals(std::span<const Approval> approvals) {
+  const auto kept = approvals.first(std::min(approvals.size(), max_approvals));
+  all_approvals_.assign(kept.begin(), kept.end());
+  approvers_.clear();
+  for (const Approval& approval : all_approvals_) {
+    if (approval.digest == digest_) approvers_.insert(approval.signer);
+  }
+  if (phase_ <= RunPhase::approved) phase_ = missing_approvals() ? RunPhase::approved : RunPhase::checked;
+}
+
+Status MissionRun::missing_approvals() const {
+  if (approvers_.size() >= static_cast<std::size_t>(config_.required_approvals)) return ledgerline::done;
+  return Error{fmt::format("mission {} has {} of {} approvals of {}", mission_.name, approvers_.size(),
+                           config_.required_approvals, crypto::hex(digest_))};
+}
+
+Status MissionRun::start(std::span<const Finding> findings) {
+  if (phase_ >= RunPhase::taking_off)
+    return Error{fmt::format("mission {} is started already: {}", mission_.name, name_of(phase_))};
+  if (const Status missing = missing_approvals(); !missing) return missing;
+  const auto forbids_it = [](const Finding& finding) { return finding.forbids; };
+  const auto found = std::find_if(findings.begin(), findings.end(), forbids_it);
+  if (found != findings.end()) return Error{fmt::format("mission {}: {}", mission_.name, found->words)};
+  phase_ = RunPhase::taking_off;
+  tell(
+      Level::info, "",
+      fmt::format("mission {} begins with {} drones, approved by {}", mission_.name, parts_.size(), approvers_.size()));
+  return ledgerline::done;
+}
+
+Status MissionRun::pause() {
+  if (!active() || paused_)
+    return Error{fmt::format("mission {} is {}", mission_.name, paused_ ? "paused" : name_of(phase_))};
+  hold("it is paused");
+  return ledgerline::done;
+}
+
+Status MissionRun::resume() {
+  if (!active() || !paused_) return Error{fmt::format("mission {} is not paused: {}", mission_.name, name_of(phase_))};
+  if (recovering_) return Error{fmt::format("mission {} is still looking for its drones", mission_.name)};
+  if (const Status missing = missing_approvals(); !missing) return missing;
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    if (parts_[i].leg == Leg::ordered || parts_[i].leg == Leg::flying)
+      return Error{fmt::format("mission {}: {} does not hover yet", mission_.name, name(i))};
+  }
+  paused_ = false;
+  tell(Level::info, "", fmt::format("mission {} goes on", mission_.name));
+  return ledgerline::done;
+}
+
+Status MissionRun::end(const std::string& why) {
+  if (!active()) return Error{fmt::format("mission {} is {}", mission_.name, name_of(phase_))};
+  abort(why);
+  return ledgerline::done;
+}
+
+void MissionRun::hold(const std::string& why) {
+  if (paused_) return;
+  paused_ = true;
+  tell(Level::warning, "", fmt::format("mission {}: all hover: {}", mission_.name, why));
+}
+
+void MissionRun::abort(const std::string& why) {
+  phase_ = RunPhase::aborted;
+  why_ = printable(why, max_why);
+  paused_ = false;
+  land_all();
+  tell(Level::alarm, "", fmt::format("mission {}: all land: {}", mission_.name, why_));
+}
+
+void MissionRun::lose(std::size_t drone, const std::string& why) {
+  parts_[drone].leg = Leg::lost;
+  parts_[drone].found = true;
+  tell(Level::alarm, name(drone), fmt::format("mission {} lost it: {}", mission_.name, printable(why, max_why)));
+  if (!active()) return;
+  const auto lost = [](const Part& part) { return part.leg == Leg::lost; };
+  if (std::all_of(parts_.begin(), parts_.end(), lost)) return abort("no drone is left");
+  if (config_.on_loss == OnLoss::land) return abort(fmt::format("{}: {}", name(drone), why));
+  if (config_.on_loss == OnLoss::hover) hold(fmt::format("{} was lost", name(drone)));
+}
+
+void MissionRun::look(TimeNs now, std::size_t drone, const DroneNow& seen) {
+  switch (parts_[drone].leg) {
+    case Leg::standing:
+    case Leg::rising:
+      return look_rising(now, drone, seen);
+    case Leg::ready:
+    case Leg::halted:
+      if (hovers(seen) && seen.paths == parts_[drone].paths) return;
+      return lose(drone, seen.phase == DronePhase::path || hovers(seen) ? "somebody else flies it"
+                                                                        : with_why("it hovers no longer", seen));
+    case Leg::ordered:
+    case Leg::flying:
+      return look_flying(now, drone, seen);
+    case Leg::ended:
+    case Leg::landing:
+      return look_behind(drone, seen);
+    case Leg::landed:
+    case Leg::lost:
+      return;
+  }
+}
+
+void MissionRun::look_rising(TimeNs now, std::size_t drone, const DroneNow& seen) {
+  Part& part = parts_[drone];
+  if (hovers(seen)) {
+    part.leg = Leg::ready;
+    part.paths = seen.paths;
+  } else if (part.leg == Leg::standing) {
+    return;
+  } else if (seen.phase == DronePhase::landing || seen.phase == DronePhase::path) {
+    lose(drone, with_why("its take-off ended in " + name_of(seen.phase), seen));
+  } else if (now - part.asked_ns > (is_down(seen) ? config_.order_ns : config_.takeoff_ns)) {
+    lose(drone, with_why("it did not take off", seen));
+  }
+}
+
+void MissionRun::look_flying(TimeNs now, std::size_t drone, const DroneNow& seen) {
+  Part& part = parts_[drone];
+  if (is_down(seen) && seen.phase != DronePhase::landed) return lose(drone, with_why("it is flown no longer", seen));
+  if (seen.paths == part.paths) {
+    if (!hovers(seen)) return lose(drone, with_why("it is in " + name_of(seen.phase), seen));
+    if (now - part.asked_ns > config_.order_ns) lose(drone, with_why("it did not begin its path", seen));
+    return;
+  }
+  if (seen.paths > part.paths + 1) return lose(drone, "somebody else flies it");
+  part.leg = Leg::flying;
+  const std::size_t count = mission_.drones[drone].waypoints.size();
+  part.reached = std::min(count, part.begun_at + seen.reached);
+  const bool at_end = part.reached == count;
+  if (seen.phase == DronePhase::path) return;
+  if (seen.phase == DronePhase::landing || seen.phase == DronePhase::landed) {
+    if (!at_end || !mission_.drones[drone].land_behind) return lose(drone, with_why("it lands", seen));
+    part.leg = Leg::landing;
+    return look_behind(drone, seen);
+  }
+  if (!hovers(seen)) return lose(drone, with_why("it is in " + name_of(seen.phase), seen));
+  if (at_end) {
+    part.leg = Leg::ended;
+    return tell(Level::info, name(drone), fmt::format("mission {}: it hovers at its end", mission_.name));
+  }
+  if (!paused_ && !seen.paused) return lose(drone, with_why("it gave up its path", seen));
+  part.leg = Leg::halted;
+  part.paths = seen.paths;
+  hold(fmt::format("{} was paused", name(drone)));
+}
+
+void MissionRun::look_behind(std::size_t drone, const DroneNow& seen) {
+  Part& part = parts_[drone];
+  if (seen.phase == DronePhase::landed) {
+    part.leg = Leg::landed;
+    tell(Level::info, name(drone), fmt::format("mission {}: it has landed", mission_.name));
+  } else if (seen.phase == DronePhase::waiting || seen.phase == DronePhase::failed) {
+    lose(drone, with_why("it is flown no longer", seen));
+  }
+}
+
+// FlightCore holds a drone that it finds in the air; until then it is on its way there.
+void MissionRun::find(TimeNs now, std::size_t drone, const DroneNow& seen) {
+  Part& part = parts_[drone];
+  if (part.found) return;
+  if (hovers(seen)) {
+    part.found = true;
+    part.paths = seen.paths;
+    part.begun_at = part.reached;
+  } else if (seen.seen && seen.on_ground) {
+    DroneNow landed = seen;
+    landed.phase = DronePhase::landed;
+    part.leg == Leg::landing ? look_behind(drone, landed) : lose(drone, with_why("it was found on the ground", seen));
+    part.found = true;
+  } else if (now - recovering_since_ns_ > config_.find_ns) {
+    lose(drone, with_why("it was not found in the air", seen));
+  }
+}
+
+// All drones are found or lost.
+void MissionRun::recover() {
+  recovering_ = false;
+  if (!active()) return;
+  const Status missing = missing_approvals();
+  std::string waits = config_.after_restart == AfterRestart::hover ? "the ground station was started again" : "";
+  if (phase_ == RunPhase::taking_off) waits = "nobody takes off by itself after a restart";
+  if (!missing) waits = missing.error().what;
+  if (!waits.empty()) hold(waits);
+  if (!paused_) tell(Level::warning, "", fmt::format("mission {} goes on after a restart", mission_.name));
+}
+
+void MissionRun::order(TimeNs now, std::size_t drone, const DroneNow& seen, std::size_t index) {
+  Part& part = parts_[drone];
+  std::vector<Waypoint> rest = mission_.drones[drone].way();
+  rest.erase(rest.begin(), rest.begin() + static_cast<std::ptrdiff_t>(part.reached));
+  part.leg = Leg::ordered;
+  part.begun_at = part.reached;
+  part.asked_ns = now;
+  part.paths = seen.paths;
+  PilotWish wish{.drone = index};
+  wish.order = PilotOrder{PilotOrder::Kind::path, std::move(rest), mission_.drones[drone].land_behind};
+  wishes_.push_back(std::move(wish));
+}
+
+void MissionRun::conduct(TimeNs now, std::span<const DroneNow> drones, std::span<const std::size_t> indices) {
+  bool all_wait = true;  // each that is neither lost nor at its end hovers, and waits for its path
+  bool one_waits = false;
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    Part& part = parts_[i];
+    const bool waits = part.leg == Leg::ready || part.leg == Leg::halted;
+    one_waits = one_waits || waits;
+    all_wait = all_wait && (waits || is_over(i) || part.leg == Leg::landing);
+    if (paused_ && (part.leg == Leg::ordered || part.leg == Leg::flying) &&
+        drones[indices[i]].phase == DronePhase::path) {
+      wishes_.push_back({.drone = indices[i], .order = PilotOrder{.kind = PilotOrder::Kind::pause}});
+    } else if (!paused_ && part.leg == Leg::standing) {
+      part.leg = Leg::rising;
+      part.asked_ns = now;
+      wishes_.push_back({.drone = indices[i], .takeoff = true});
+    }
+  }
+  if (paused_ || !all_wait || !one_waits) return;
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    if (parts_[i].leg == Leg::ready || parts_[i].leg == Leg::halted) order(now, i, drones[indices[i]], indices[i]);
+  }
+  if (phase_ != RunPhase::taking_off) return;
+  phase_ = RunPhase::to_start;
+  tell(Level::info, "", fmt::format("mission {}: all hover, their paths begin", mission_.name));
+}
+
+void MissionRun::advance() {
+  const auto all = [&](auto holds) {
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      if (!holds(i)) return false;
+    }
+    return true;
+  };
+  if (phase_ == RunPhase::to_start && all([&](std::size_t i) { return parts_[i].reached > 0 || is_over(i); })) {
+    phase_ = RunPhase::flying;
+    tell(Level::info, "", fmt::format("mission {}: all are at their first waypoint", mission_.name));
+  }
+  if (phase_ == RunPhase::flying && all([&](std::size_t i) { return is_over(i); })) {
+    phase_ = RunPhase::done;
+    paused_ = false;
+    tell(Level::info, "", fmt::format("mission {} is done", mission_.name));
+  }
+}
+
+void MissionRun::land_all() {
+  for (Part& part : parts_) part.to_land = true;
+}
+
+// Once, and not before FlightCore has the drone: after a restart it has to find it.
+void MissionRun::land(std::size_t drone, const DroneNow& seen, std::size_t index) {
+  Part& part = parts_[drone];
+  const bool is_flown = is_in_air(seen.phase) || (seen.phase == DronePhase::failed && !seen.on_ground);
+  if (!part.to_land || !seen.seen || !(is_flown || seen.on_ground || seen.phase == DronePhase::landing)) return;
+  part.to_land = false;
+  if (is_flown) wishes_.push_back({.drone = index, .land = true});
+}
+
+RunOutputs MissionRun::step(TimeNs now, std::span<const DroneNow> drones) {
+  std::vector<std::size_t> indices;  // of each drone among `drones`; their count: it is not there
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const auto found =
+        std::find_if(drones.begin(), drones.end(), [&](const DroneNow& seen) { return seen.name == name(i); });
+    indices.push_back(static_cast<std::size_t>(found - drones.begin()));
+    if (found == drones.end() && active() && !is_over(i)) lose(i, "it does not fly here");
+  }
+  if (recovering_ && config_.after_restart == AfterRestart::land) abort("the ground station was started again");
+  recovering_ = recovering_ && active();
+  if (recovering_) {
+    if (recovering_since_ns_ == 0) recovering_since_ns_ = now;
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      if (indices[i] < drones.size()) find(now, i, drones[indices[i]]);
+    }
+    if (std::all_of(parts_.begin(), parts_.end(), [](const Part& part) { return part.found; })) recover();
+  } else if (active()) {
+    for (std::size_t i = 0; i < parts_.size() && active(); ++i) {
+      if (indices[i] < drones.size()) look(now, i, drones[indices[i]]);
+    }
+  }
+  if (!recovering_ && active()) conduct(now, drones, indices);
+  if (!recovering_ && active()) advance();
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    if (indices[i] < drones.size()) land(i, drones[indices[i]], indices[i]);
+  }
+  RunOutputs out{std::move(wishes_), std::move(events_), false};
+  wishes_.clear();
+  events_.clear();
+  std::string state = saved_state();
+  out.changed = state != last_saved_state_;
+  last_saved_state_ = std::move(state);
+  return out;
+}
+
+}  // namespace ledgerline::ground::mission

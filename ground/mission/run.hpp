@@ -1,0 +1,151 @@
+#pragma once
+#include <nlohmann/json_fwd.hpp>
+#include <set>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "ground/mission/check.hpp"
+#include "ground/mission/drone_now.hpp"
+#include "ground/mission/mission.hpp"
+
+namespace ledgerline::ground::mission {
+
+enum class RunPhase { checked, approved, taking_off, to_start, flying, done, aborted };
+/// What the others do when one drone is lost: lands, is stopped, loses its lease, does not begin or gives up its path.
+enum class OnLoss { hover, land, go_on };
+/// What is done with drones that are found in the air by a ground that was started again.
+enum class AfterRestart { hover, land, go_on };
+
+struct RunConfig {
+  int required_approvals = 1;  ///< of different signers: 1 or 2
+  OnLoss on_loss = OnLoss::hover;
+  AfterRestart after_restart = AfterRestart::hover;
+  TimeNs takeoff_ns = 40 * ns_per_s;  ///< until a drone hovers: FlightConfig gives it 25 s, and its take-off may wait
+  TimeNs order_ns = 3 * ns_per_s;     ///< until a drone does what it was told; FlightCore takes or refuses it at once
+  TimeNs find_ns = 30 * ns_per_s;  ///< after a restart, until FlightCore has a drone: as long as it waits for a state
+};
+
+/// As read from the ledger: who signed that this digest may be flown.
+struct Approval {
+  crypto::IdentityName signer;
+  crypto::Digest digest{};
+};
+
+struct RunEvent {
+  Level level = Level::info;
+  std::string drone;  ///< empty: of none
+  std::string text;
+};
+
+struct RunOutputs {
+  std::vector<PilotWish> wishes;  ///< for FlightCore's next step
+  std::vector<RunEvent> events;
+  bool changed = false;  ///< saved() is another than after the step before
+};
+
+/// Conducts one mission: all drones take off, and when every one hovers all begin their paths in the same step.
+///
+///     checked --approvals--> approved --start()--> taking_off --all hover--> to_start --all at their first waypoint-->
+///        flying --all at their ends--> done            (from taking_off on: end(), or a loss by its rule --> aborted)
+///
+/// pause() has all hover and keeps the rest of their paths, resume() has all begin the rest in the same step: so they keep
+/// their distances in time. A drone that is paused by hand pauses all.
+///
+/// start() and resume() need approvals of this mission's own digest by as many different signers as required: those of
+/// another count nothing, so a mission that was changed is to be approved anew.
+///
+/// Kept and restored, it waits until FlightCore has found each drone that was in the air, and then goes on, hovers or
+/// lands (AfterRestart). It goes on only if what was kept is approved; nobody takes off by itself after a restart.
+///
+/// Deterministic; no clock; one thread.
+class MissionRun {
+ public:
+  /// The error says what is wrong with mission (check_bounds) or settings.
+  static Result<MissionRun> make(Mission mission, const RunConfig& config);
+
+  /// What saved() gave, max_saved_bytes at most; else an error.
+  static constexpr std::size_t max_saved_bytes = max_mission_bytes + 65'536;
+  static Result<MissionRun> restore(std::string_view text, const RunConfig& config);
+  /// JSON: mission, phase, and how far each drone is. To be kept whenever RunOutputs::changed says so.
+  std::string saved() const;
+
+  const Mission& mission() const { return mission_; }  ///< drones in the order of their names
+  const crypto::Digest& digest() const { return digest_; }
+  RunPhase phase() const { return phase_; }
+  bool paused() const { return paused_; }
+  const std::string& why() const { return why_; }  ///< of an aborted one
+  /// Taken off, and not at its end: its drones are nobody else's.
+  bool active() const { return phase_ >= RunPhase::taking_off && phase_ < RunPhase::done; }
+  std::size_t reached(std::size_t drone) const { return parts_[drone].reached; }  ///< waypoints
+
+  /// Another mission in the place of this one; refused once it is started.
+  Status change(Mission mission);
+  /// All that the ledger has, in the place of those before.
+  void set_approvals(std::span<const Approval> approvals);
+  std::size_t approvals() const { return approvers_.size(); }
+
+  /// `findings`: of check() now. The error says what is missing. What these four order is in the next step's wishes.
+  Status start(std::span<const Finding> findings);
+  Status pause();
+  Status resume();
+  Status end(const std::string& why);  ///< all land
+
+  /// `drones`: all of the flight, in FlightConfig's order, behind FlightCore's step.
+  RunOutputs step(TimeNs now, std::span<const DroneNow> drones);
+
+ private:
+  enum class Leg { standing, rising, ready, ordered, flying, halted, ended, landing, landed, lost };
+  struct Part {
+    Leg leg = Leg::standing;
+    std::size_t reached = 0;
+    std::size_t begun_at = 0;  ///< reached, when the newest path was ordered
+    TimeNs asked_ns = 0;       ///< for what the leg waits for
+    std::uint64_t paths = 0;   ///< DroneNow::paths before the newest order
+    bool found = true;         ///< after a restart: FlightCore has it
+    bool to_land = false;      ///< and was not told yet
+  };
+  static const std::vector<std::string_view>& leg_names();
+
+  MissionRun(Mission mission, const RunConfig& config);
+  std::string saved_state() const;
+  Status restore_part(const nlohmann::json& given, std::size_t drone);
+  Status missing_approvals() const;
+  void tell(Level level, const std::string& drone, const std::string& text) { events_.push_back({level, drone, text}); }
+  void lose(std::size_t drone, const std::string& why);
+  void hold(const std::string& why);
+  void abort(const std::string& why);
+  void look(TimeNs now, std::size_t drone, const DroneNow& seen);
+  void look_rising(TimeNs now, std::size_t drone, const DroneNow& seen);
+  void look_flying(TimeNs now, std::size_t drone, const DroneNow& seen);
+  void look_behind(std::size_t drone, const DroneNow& seen);
+  void find(TimeNs now, std::size_t drone, const DroneNow& seen);
+  void recover();
+  void conduct(TimeNs now, std::span<const DroneNow> drones, std::span<const std::size_t> indices);
+  void order(TimeNs now, std::size_t drone, const DroneNow& seen, std::size_t index);
+  void advance();
+  void land_all();
+  void land(std::size_t drone, const DroneNow& seen, std::size_t index);
+  bool is_over(std::size_t drone) const { return parts_[drone].leg >= Leg::ended && parts_[drone].leg != Leg::landing; }
+  const std::string& name(std::size_t drone) const { return mission_.drones[drone].drone; }
+
+  Mission mission_;
+  RunConfig config_;
+  crypto::Digest digest_{};
+  RunPhase phase_ = RunPhase::checked;
+  bool paused_ = false;
+  bool recovering_ = false;
+  TimeNs recovering_since_ns_ = 0;
+  std::string why_;
+  std::vector<Approval> all_approvals_;
+  std::set<crypto::IdentityName> approvers_;  ///< of this digest
+  std::vector<Part> parts_;
+  std::vector<RunEvent> events_;  ///< not told yet
+  std::vector<PilotWish> wishes_;
+  std::string last_saved_state_;
+};
+
+std::string name_of(RunPhase phase);
+
+}  // namespace ledgerline::ground::mission

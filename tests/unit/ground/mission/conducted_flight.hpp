@@ -1,0 +1,118 @@
+#pragma once
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "ground/mission/run.hpp"
+#include "tests/unit/ground/mission/missions.hpp"
+
+namespace ledgerline::ground::mission {
+
+inline const crypto::IdentityName first_signer{"Org1MSP", "CN=User1"}, second_signer{"Org2MSP", "CN=User2"};
+
+inline Mission two_drones() {
+  return {"survey",
+          {flown_by("tello1", {at(0, 0), at(1, 0), at(2, 0)}), flown_by("tello2", {at(0, 2), at(2, 2)}, true)}};
+}
+
+/// A flight of tello3, which has no part in it, tello1 and tello2, that does at once what it is told.
+struct Flight {
+  explicit Flight(RunConfig config_ = {}, Mission mission = two_drones())
+      : config(config_), run(*MissionRun::make(std::move(mission), config)) {
+    approve();
+  }
+
+  void approve() {
+    run.set_approvals(std::vector<Approval>{{first_signer, run.digest()}, {second_signer, run.digest()}});
+  }
+  DroneNow& drone(const std::string& name) {
+    return *std::find_if(drones.begin(), drones.end(), [&](const DroneNow& drone) { return drone.name == name; });
+  }
+  /// One step; what it orders is done at once, as FlightCore does.
+  void step(double seconds = 0.1) {
+    now += from_seconds(seconds);
+    RunOutputs out = run.step(now, drones);
+    changed = out.changed;
+    wishes = std::move(out.wishes);
+    events.insert(events.end(), out.events.begin(), out.events.end());
+    for (const PilotWish& wish : wishes) obey(wish, drones.at(wish.drone));
+  }
+  void obey(const PilotWish& wish, DroneNow& drone) {
+    if (deaf == drone.name) return;
+    if (wish.takeoff) drone.phase = DronePhase::takeoff;
+    if (wish.land) drone.phase = DronePhase::landing;
+    if (!wish.order) return;
+    drone.paused = wish.order->kind == PilotOrder::Kind::pause;
+    drone.phase = drone.paused ? DronePhase::manual : DronePhase::path;
+    if (drone.paused) return;
+    ordered[drone.name] = *wish.order;
+    drone.reached = 0;
+    ++drone.paths;
+  }
+  void rises(const std::string& name) {
+    drone(name).phase = DronePhase::manual;
+    drone(name).on_ground = false;
+  }
+  void ends_path(const std::string& name) {
+    drone(name).reached = ordered.at(name).waypoints.size();
+    drone(name).phase = ordered.at(name).land_behind ? DronePhase::landing : DronePhase::manual;
+  }
+  void lands(const std::string& name) {
+    drone(name).phase = DronePhase::landed;
+    drone(name).on_ground = true;
+  }
+  void to_paths() {
+    ASSERT_TRUE(run.start({}));
+    step();
+    rises("tello1");
+    rises("tello2");
+    step();
+    ASSERT_EQ(run.phase(), RunPhase::to_start);
+    step();
+  }
+  /// The ground station is started again: it knows what was kept, and has found no drone yet.
+  void restart(AfterRestart rule) {
+    config.after_restart = rule;
+    auto restored = MissionRun::restore(run.saved(), config);
+    ASSERT_TRUE(restored) << restored.error().what;
+    run = std::move(*restored);
+    ordered.clear();
+    for (DroneNow& one : drones) {
+      if (one.on_ground) one.phase = DronePhase::waiting;
+      if (!one.on_ground) one.phase = DronePhase::waiting, one.paused = false, one.paths = 0, one.reached = 0;
+    }
+    approve();
+  }
+  std::vector<std::string> wished() const {
+    std::vector<std::string> words;
+    for (const PilotWish& wish : wishes) {
+      const std::string what = wish.takeoff                                  ? " takeoff"
+                               : wish.land                                   ? " land"
+                               : wish.order->kind == PilotOrder::Kind::pause ? " pause"
+                               : wish.order->kind == PilotOrder::Kind::path  ? " path"
+                                                                             : " ?";
+      words.push_back(drones.at(wish.drone).name + what);
+    }
+    return words;
+  }
+  std::vector<std::string> told() const {
+    std::vector<std::string> words;
+    for (const RunEvent& event : events) words.push_back(event.drone + (event.drone.empty() ? "" : ": ") + event.text);
+    return words;
+  }
+
+  RunConfig config;
+  MissionRun run;
+  std::vector<DroneNow> drones{standing("tello3", 9, 9), standing("tello2", 0, 2), standing("tello1", 0, 0)};
+  TimeNs now = ns_per_s;
+  std::vector<PilotWish> wishes;
+  std::vector<RunEvent> events;
+  std::map<std::string, PilotOrder> ordered;
+  std::string deaf;
+  bool changed = false;
+};
+
+}  // namespace ledgerline::ground::mission
