@@ -266,7 +266,7 @@ void MissionRun::conduct(TimeNs now, std::span<const DroneNow> drones, std::span
     all_wait = all_wait && (waits || is_over(i) || part.leg == Leg::landing);
     if (paused_ && (part.leg == Leg::ordered || part.leg == Leg::flying) &&
         drones[indices[i]].phase == DronePhase::path) {
-      wishes_.push_back({.drone = indices[i], .order = PilotOrder{.kind = PilotOrder::Kind::pause}});
+      wishes_.push_back({.drone = indices[i], .pause = true});
     } else if (!paused_ && part.leg == Leg::standing) {
       part.leg = Leg::rising;
       part.asked_ns = now;

@@ -44,8 +44,8 @@ struct Flight {
     if (deaf == drone.name) return;
     if (wish.takeoff) drone.phase = DronePhase::takeoff;
     if (wish.land) drone.phase = DronePhase::landing;
-    if (!wish.order) return;
-    drone.paused = wish.order->kind == PilotOrder::Kind::pause;
+    if (!wish.order && !wish.pause) return;
+    drone.paused = wish.pause;
     drone.phase = drone.paused ? DronePhase::manual : DronePhase::path;
     if (drone.paused) return;
     ordered[drone.name] = *wish.order;
@@ -89,11 +89,11 @@ struct Flight {
   std::vector<std::string> wished() const {
     std::vector<std::string> words;
     for (const PilotWish& wish : wishes) {
-      const std::string what = wish.takeoff                                  ? " takeoff"
-                               : wish.land                                   ? " land"
-                               : wish.order->kind == PilotOrder::Kind::pause ? " pause"
-                               : wish.order->kind == PilotOrder::Kind::path  ? " path"
-                                                                             : " ?";
+      const std::string what = wish.takeoff                                 ? " takeoff"
+                               : wish.land                                  ? " land"
+                               : wish.pause                                 ? " pause"
+                               : wish.order->kind == PilotOrder::Kind::path ? " path"
+                                                                            : " ?";
       words.push_back(drones.at(wish.drone).name + what);
     }
     return words;

@@ -1,0 +1,100 @@
+"""Operators with keys of their own at one ground: who clicks is who signs."""
+import json
+import re
+import subprocess
+import time
+
+from flights import BIN, fly, no_flight_outlives_its_test, printed
+from station import Station, take_off, velocity
+from test_station import STOPPED, end
+
+
+class Signed(Station):
+    """The station as one operator has it."""
+
+    def __init__(self, station: Station, name: str, pass_phrase: str) -> None:
+        self.url, self.place, self.page_token, self.name = station.url, station.place, station.token, name
+        self.token = self.page_token
+        status, answer = self.ask("POST", "session", {"operator": name, "passphrase": pass_phrase})
+        assert status == 200, answer
+        self.token, self.identity = answer["session"], answer["identity"]
+        self.msp, self.subject = self.identity.split(" ", 1)
+
+    def told(self, words: str) -> dict:
+        """Until an event says so."""
+        deadline = time.monotonic() + 60
+        while True:
+            events = self.ask("GET", "events")[1]["events"]
+            found = [event for event in events if words in event["text"]]
+            if found:
+                return found[-1]
+            assert time.monotonic() < deadline, [event["text"] for event in events]
+            time.sleep(0.05)
+
+
+def sign_in(station: Station, out, name: str) -> Signed:
+    phrase = re.search(rf"Operator {name}: pass phrase (\w+)", printed(out)).group(1)
+    return Signed(station, name, phrase)
+
+
+def holder(name: str):
+    return lambda drone: f"CN={name}@" in drone["lease"]["holder"]
+
+
+def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path):
+    flight = fly(tmp_path, "--drones", "2", "--shape", "manual", "--watch", "--operators", "alice,bob")
+    station = Station(tmp_path, flight)
+    station.wait("tello1", lambda drone: drone["link_phase"] == "on_ground")
+    assert station.ask("POST", "drones/tello1/takeoff")[0] == 403, "the page's own token flies nothing"
+    assert station.ask("POST", "session", {"operator": "alice", "passphrase": "guessed"})[0] == 403
+    alice, bob = sign_in(station, tmp_path, "alice"), sign_in(station, tmp_path, "bob")
+    assert alice.ask("GET", "operators")[1]["you"] == "alice"
+    alice.say("drones/tello1/acquire")
+    held = station.wait("tello1", holder("alice"))
+    assert "CN=User1@" in held["lease"]["commander"] and held["lease"]["ours"], held
+    take_off(alice, "tello1")
+
+    # bob is refused in words, asks, and is handed the drone in the air: it goes on hovering.
+    bob.say("drones/tello1/path", {"waypoints": [{"x": 1, "y": 0}]})
+    bob.told("its lease is held by")
+    bob.say("drones/tello1/request")
+    asked = station.wait("tello1", lambda drone: drone["requests"])["requests"][0]
+    alice.say("drones/tello1/hand_over", {"to": {"msp": asked["msp"], "subject": asked["subject"]}})
+    over = station.wait("tello1", holder("bob"))
+    assert over["phase"] == "manual" and over["lease"]["epoch"] > held["lease"]["epoch"], over
+    with bob.stream() as stream:
+        before = station.drone("tello1")["position"]
+        for _ in range(30):
+            stream.send(velocity("tello1", 0.4))
+            time.sleep(0.05)
+    assert station.drone("tello1")["position"][0] - before[0] > 0.2, "bob flies it"
+    alice.say("drones/tello1/path", {"waypoints": [{"x": 1, "y": 0}]})
+    time.sleep(0.5)
+    assert station.drone("tello1")["phase"] == "manual", "alice does not any more"
+
+    # A stop is its stopper's own, and so is lifting it.
+    alice.say("drones/tello1/stop")
+    stopped = station.wait("tello1", lambda drone: drone["phase"] == "landed" and drone["stopped_by"])
+    assert stopped["stopped_by"] == [alice.identity]
+    bob.say("drones/tello1/lift")
+    bob.told("bob: lift the stop: refused")
+    alice.say("drones/tello1/lift")
+    station.wait("tello1", lambda drone: not drone["stopped_by"])
+
+    # Whoever leaves in the air is landed, and what he held is free.
+    take_off(bob, "tello1")
+    assert bob.ask("DELETE", "session")[0] == 202
+    station.wait("tello1", lambda drone: drone["phase"] == "landed" and not drone["lease"]["holder"])
+    assert bob.ask("POST", "drones/tello1/takeoff")[0] == 401, "his session is over"
+    run = tmp_path / "run"
+    told = json.loads(subprocess.run([BIN / "ledgerline-audit", "--config", run / "operator.toml", "--json", "-", "--patience", "2"],
+                                     capture_output=True, text=True, timeout=60).stdout)
+    commanded = told["drones"]["tello1"]["commands"]
+    assert any("for" in who and "CN=alice@" in who for who in commanded) and any("CN=bob@" in who for who in commanded), commanded
+    stops = [word for word in told["drones"]["tello1"]["words"] if word["what"] == "stop"]
+    assert all("CN=alice@" in json.dumps(stop) for stop in stops) and stops, stops
+    end(flight, tmp_path, STOPPED)
+    assert "ENCRYPTED" in (run / "operators" / "alice" / "keystore" / "priv_sk").read_text()
+    logs = "".join(log.read_text(errors="replace") for log in run.glob("*.log"))
+    for secret in (alice.token, bob.token, *re.findall(r"pass phrase (\w+)", printed(tmp_path))):
+        assert secret not in logs, "no secret is in a log"
