@@ -145,8 +145,9 @@ inline void set_grant(Control& control, const Grant& grant, std::uint64_t new_ep
     remove_entry(*control.mutable_grants(), grant.to(), whose);
   }
   forget_unnamed(control);
-  if (!control.has_holder() || is_revoked(control, control.holder())) return;  // which a fold ends
-  const Rights rights = rights_of(control, control.holder());
+  if (!control.has_holder()) return;
+  // By the grants alone: a fold ends the lease of a revoked one, unless it is enrolled anew before that.
+  const Rights rights = rights_of(control.grants(), control.owner().msp_id(), control.holder());
   if (!rights.fly) return end_lease(control, new_epoch);
   control.set_priority(std::min(control.priority(), rights.max_priority));
 }

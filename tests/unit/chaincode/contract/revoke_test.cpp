@@ -143,6 +143,16 @@ TEST_F(RevokeTest, TheGrantOfTheRevokedMayBeWithdrawn) {
   EXPECT_EQ(control("tello1").grants_size(), before - 1);
 }
 
+TEST_F(RevokeTest, AGrantWithdrawnMeanwhileEndsTheLeaseOfTheRevokedToo) {
+  acquire(pilot);
+  const std::uint64_t epoch = control("tello1").epoch();
+  revoke(admin2, pilot);
+  ASSERT_EQ(grant(admin1, {"tello1"}, "Org2MSP", "", false).status, 200);
+  ASSERT_EQ(enroll(admin2, pilot, {}, OPERATOR).status, 200);
+  EXPECT_FALSE(control("tello1").has_holder()) << "enrolled anew before the fold it has no lease without a grant";
+  EXPECT_NE(command(pilot, epoch).status, 200);
+}
+
 TEST_F(RevokeTest, ARevokedHolderHandsNothingOverAndDeniesNobody) {
   acquire(pilot);
   LeaseCall wish;
