@@ -114,6 +114,25 @@ def test_a_long_history_comes_in_pages_of_a_megabyte(drone_host, nobody):
     assert [base64.b64decode(one["asset"]["msgData"])[0] for one in found] == [2, 1, 0]
 
 
+def test_a_delegate_commands_in_the_holders_place_and_nothing_else(enroll, operator, node):
+    enroll("delegated")
+    station = node.user(2, "User2")
+    command = {"organisation": "Org1MSP", "plans": [plan("delegated")]}
+    who = {"mspId": "Org2MSP", "subject": subject(2, "User2")}
+    foreign = {"mspId": "Org1MSP", "subject": subject(1, "User1")}
+    assert operator.refusal("acquire", {"drones": ["delegated"], "delegate": foreign}) == (
+        f"acquire: {HOST} cannot command for {OPERATOR}: a delegate is of its holder's organisation")
+    answer = operator.submit("acquire", {"drones": ["delegated"], "delegate": who})
+    assert json.loads(decode(answer["result"]))["controls"][0]["delegate"] == who
+    station.submit("command", command)
+    assert operator.refusal("command", command) == (
+        f"delegated: the lease is held by {OPERATOR}, who lets {RIVAL} command it; not by {OPERATOR}, "
+        "who may acquire it without a delegate")
+    assert station.refusal("release", "delegated").startswith(f"delegated: {RIVAL} does not hold the lease; {OPERATOR}, who lets")
+    operator.submit("release", "delegated")
+    assert station.refusal("command", command).startswith("delegated: the lease is held by nobody")
+
+
 def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, operator):
     host, rival = enroll("flown"), enroll(organisation=2, user="User2", role="OPERATOR")
     supervisor = enroll(user="User2", role="SUPERVISOR")
