@@ -97,7 +97,10 @@ bool Check::check_presence(const MissionDrone& drone, const DroneNow& now) {
   }();
   if (!words.empty()) add(drone.drone, {}, words);
   if (!now.at_m && now.seen) add(drone.drone, {}, "has no pose: nobody knows where it is");
-  return now.at_m.has_value() && words.empty();
+  if (!now.at_m || !words.empty()) return false;
+  if (now.at_m->allFinite() && now.at_m->cwiseAbs().maxCoeff() <= max_coordinate_m) return true;
+  add(drone.drone, {}, "its pose is not on the map");
+  return false;
 }
 
 void Check::check_fence(const std::string& drone, std::optional<std::size_t> waypoint, const Eigen::Vector3d& at_m) {

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdio>
 
 #include "common/rt/clock.hpp"
@@ -68,6 +69,10 @@ TEST_F(MissionCheck, ADroneThatIsNotSeenOrHasNoPose) {
   EXPECT_EQ(forbidden(), "drone tello1: has no pose: nobody knows where it is");
   now[0].seen = false;
   EXPECT_EQ(forbidden(), "drone tello1: no state came from it");
+  for (const double nowhere : {std::nan(""), 1e300}) {
+    now[0] = standing("tello1", nowhere, 0);
+    EXPECT_EQ(forbidden(), "drone tello1: its pose is not on the map");
+  }
 }
 
 TEST_F(MissionCheck, ADroneThatIsBusy) {
@@ -162,7 +167,9 @@ TEST_F(MissionCheck, ADroneWithoutAPartInItKeepsItsPlace) {
   EXPECT_THAT(words(), IsEmpty()) << "above the path";
   now.back() = hovering("tello3", 0, 0, 1.2);
   EXPECT_THAT(forbidden(), HasSubstr("at the start it is 0.00 m from tello3")) << "in the way of the take-off";
-  now.push_back(hovering("tello4", 0, 0, 1.3));
+  now.back() = hovering("tello3", 0, 0, 0.2);
+  EXPECT_THAT(forbidden(), HasSubstr("at the start it is 0.00 m from tello3")) << "in the column that it rises in";
+  now.push_back(hovering("tello4", 0, 0, 0.3));
   EXPECT_THAT(words(), SizeIs(2)) << "two that have no part in it are nobody's concern";
 }
 

@@ -68,6 +68,9 @@ TEST(Corridor, WhoHasLandedStandsThereAndIsFlownOver) {
 TEST(Corridor, AChangeOfHeightAtTheStartTakesUpAllHeightsBetween) {
   const Flown climbs = flown({0, 0, 1}, {at(0, 0, 3), at(3, 0, 3)});
   EXPECT_TRUE(meeting(climbs, {flown({0.3, 0, 2}, {at(5, 5, 2)})}));
+  std::size_t visits = 10'000;
+  EXPECT_TRUE(climbs.corridor.meets(Corridor({1.3, 0}, 2, 2), {}, visits)) << "it flies on before it is up";
+  EXPECT_FALSE(climbs.corridor.meets(Corridor({3.2, 0}, 2, 2), {}, visits)) << "it is up";
 }
 
 TEST(Corridor, AnUnfinishedSearchFindsNothingAndSaysSo) {

@@ -249,6 +249,17 @@ TEST(MissionRun, WhoeverDoesNotTakeOffOrDoesNotBeginItsPathIsLost) {
   EXPECT_THAT(other.wished(), ElementsAre("tello1 pause"));
 }
 
+TEST(MissionRun, WhoeverWasFlownElsewhereWhileItWaitedIsLost) {
+  Flight flight;
+  flight.to_paths();
+  ASSERT_TRUE(flight.run.pause());
+  flight.step();
+  flight.step();
+  ++flight.drone("tello1").paths;  // to a place of its pilot's, where it hovers now
+  flight.step();
+  EXPECT_THAT(flight.told(), Contains("tello1: mission survey lost it: somebody else flies it"));
+}
+
 TEST(MissionRun, ATakeOffThatNeverEndsIsALoss) {
   Flight flight;
   ASSERT_TRUE(flight.run.start({}));
