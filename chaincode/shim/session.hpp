@@ -4,7 +4,7 @@
 #include <mutex>
 
 #include "chaincode/shim/shim.hpp"
-#include "chaincode/shim/workers.hpp"
+#include "common/rt/workers.hpp"
 #include "peer/chaincode_shim.pb.h"
 
 namespace ledgerline::shim {

@@ -6,12 +6,13 @@
 #include <thread>
 #include <vector>
 
-namespace ledgerline::shim {
+namespace ledgerline {
 
-/// A fixed number of threads and a bounded queue before them. All methods from any thread.
+/// A fixed number of threads and a bounded queue before them; its end waits until all that was posted is done. All methods
+/// from any thread.
 class Workers {
  public:
-  explicit Workers(int threads) {
+  explicit Workers(int threads, std::size_t max_waiting = 1000) : max_waiting_(max_waiting) {
     for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { run(); });
   }
   ~Workers() {
@@ -29,7 +30,7 @@ class Workers {
   bool post(std::function<void()> task) {
     {
       const std::lock_guard lock(mutex_);
-      if (tasks_.size() >= max_waiting) return false;
+      if (tasks_.size() >= max_waiting_) return false;
       tasks_.push_back(std::move(task));
     }
     changed_.notify_one();
@@ -37,8 +38,6 @@ class Workers {
   }
 
  private:
-  static constexpr std::size_t max_waiting = 1000;
-
   void run() {
     std::unique_lock lock(mutex_);
     for (;;) {
@@ -52,6 +51,7 @@ class Workers {
     }
   }
 
+  const std::size_t max_waiting_;
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<std::function<void()>> tasks_;
@@ -59,4 +59,4 @@ class Workers {
   std::vector<std::thread> threads_;
 };
 
-}  // namespace ledgerline::shim
+}  // namespace ledgerline
