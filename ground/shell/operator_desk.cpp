@@ -16,7 +16,6 @@ namespace {
 namespace fs = std::filesystem;
 using service::OperatorCall;
 
-constexpr TimeNs end_check_ns = 200 * ns_per_ms;  // until the worker looks whether to end
 constexpr fabric::RepeatLimits limits{.attempts = 10, .conflicts_only = true};
 
 }  // namespace
@@ -42,30 +41,33 @@ Result<std::unique_ptr<OperatorDesk>> OperatorDesk::create(Parts parts) {
     desk->folders_.push_back(folder.string());
   }
   desk->clients_.resize(found.size());
-  desk->worker_ = std::jthread([&self = *desk](const std::stop_token& quit) { self.work(quit); });
   return desk;
 }
 
 void OperatorDesk::close() {
-  if (!worker_.joinable()) return;
-  tasks_.close();
-  worker_.request_stop();
-  tasks_.wake();
-  worker_.join();
-  for (const Task& thrown : tasks_.take_all()) (void)thrown;
+  closed_ = true;
+  std::unique_ptr<Workers> ending;
+  {
+    const std::lock_guard lock(worker_mutex_);
+    ending = std::move(worker_);
+  }
+}
+
+bool OperatorDesk::post(std::function<void()> task) {
+  const std::lock_guard lock(worker_mutex_);
+  return worker_ && worker_->post(std::move(task));
 }
 
 void OperatorDesk::unlock(std::size_t who, std::string pass_phrase, std::function<void(Status)> answer) {
-  if (waiting_ >= max_waiting) return answer(Error{"too much waits to be signed: try again"});
-  ++waiting_;
-  tasks_.put(Unlock{who, std::move(pass_phrase), std::move(answer)});
+  const auto task = [this, who, phrase = std::move(pass_phrase), answer]() mutable {
+    answer(closed_ ? Status(Error{"the ground ends"}) : open_key(who, phrase));
+  };
+  if (!post(task)) answer(Error{"too much waits to be signed: try again"});
 }
 
 Status OperatorDesk::submit(std::size_t who, const OperatorCall& call) {
   if (!clients_of(who).leases) return Error{"the key is locked: sign in anew"};
-  if (waiting_ >= max_waiting) return Error{"too much waits to be signed: try again"};
-  ++waiting_;
-  tasks_.put(Sign{who, call});
+  if (!post([this, who, call] { sign(who, call); })) return Error{"too much waits to be signed: try again"};
   return done;
 }
 
@@ -79,57 +81,44 @@ void OperatorDesk::stop(const crypto::IdentityName& who, fabric::Call call,
   ended(fabric::Outcome::failed(fabric::Outcome::Kind::unavailable, "the key of " + who.subject + " is locked"));
 }
 
-void OperatorDesk::forget(std::size_t who) { tasks_.put(Forget{who}); }
-
-void OperatorDesk::work(const std::stop_token& quit) {
-  while (!quit.stop_requested()) {
-    tasks_.wait(end_check_ns);
-    for (Task& task : tasks_.take_all()) {
-      if (quit.stop_requested()) return;
-      std::visit([this](auto& one) { run(one); }, task);
-    }
-  }
+void OperatorDesk::forget(std::size_t who) {
+  const auto task = [this, who] {
+    set_clients(who, {});
+    spdlog::info("operator {} signed out", operators_[who].name);
+  };
+  if (!post(task)) task();
 }
 
-void OperatorDesk::run(Unlock& task) {
-  --waiting_;
+Status OperatorDesk::open_key(std::size_t who, std::string& pass_phrase) {
   const auto& own = parts_.ledger;
-  auto identity =
-      crypto::load_locked_identity(own.verifier, own.identity.name.msp_id, folders_[task.who], task.pass_phrase);
-  ::explicit_bzero(task.pass_phrase.data(), task.pass_phrase.size());
-  const std::string& name = operators_[task.who].name;
+  auto identity = crypto::load_locked_identity(own.verifier, own.identity.name.msp_id, folders_[who], pass_phrase);
+  ::explicit_bzero(pass_phrase.data(), pass_phrase.size());
+  const service::Operator& one = operators_[who];
   if (!identity) {
-    spdlog::warn("operator {} does not sign in: {}", name, identity.error().what);
-    return task.answer(Error{"the key is not unlocked: a wrong pass phrase, or else ground's log says why"});
+    spdlog::warn("operator {} does not sign in: {}", one.name, identity.error().what);
+    return Error{"the key is not unlocked: a wrong pass phrase, or else ground's log says why"};
   }
   fabric::ClientConfig config = own;
   config.identity = std::move(*identity);
   auto leases = fabric::Client::create(config), stops = fabric::Client::create(config);
-  if (!leases || !stops) return task.answer((leases ? stops : leases).error());
-  set_clients(task.who, {std::move(*leases), std::move(*stops)});
-  spdlog::info("operator {} signed in as {} {}", name, operators_[task.who].identity.msp_id,
-               operators_[task.who].identity.subject);
-  parts_.on_session(task.who, true);
-  task.answer(done);
+  if (!leases || !stops) return (leases ? stops : leases).error();
+  set_clients(who, {std::move(*leases), std::move(*stops)});
+  spdlog::info("operator {} signed in as {}", one.name, service::text_of(one.identity));
+  parts_.on_session(who, true);
+  return done;
 }
 
-void OperatorDesk::run(Sign& task) {
-  --waiting_;
-  const Clients clients = clients_of(task.who);
-  const std::string what = fmt::format("{}: {}", operators_[task.who].name, service::words_of(task.call.kind));
-  if (!clients.leases)
-    return parts_.tell(service::Level::warning, task.call.drone, what + ": his key is locked by now");
-  const fabric::Call call =
-      service::contract_call(task.call, parts_.drones[task.call.drone], parts_.ledger.identity.name);
-  const fabric::Outcome outcome = fabric::submit_repeatedly(*clients.leases, call, limits, nullptr);
-  if (outcome.kind == fabric::Outcome::Kind::committed) return parts_.tell(service::Level::info, task.call.drone, what);
-  parts_.tell(service::Level::warning, task.call.drone,
+void OperatorDesk::sign(std::size_t who, const OperatorCall& call) {
+  if (closed_) return;
+  const Clients clients = clients_of(who);
+  const std::string drone = call.drone ? parts_.drones[*call.drone] : "";
+  const std::string what = fmt::format("{}: {}", operators_[who].name, service::words_of(call));
+  if (!clients.leases) return parts_.tell(service::Level::warning, drone, what + ": the key is locked by now");
+  const fabric::Call contract = service::contract_call(call, drone, parts_.ledger.identity.name);
+  const fabric::Outcome outcome = fabric::submit_repeatedly(*clients.leases, contract, limits, nullptr);
+  if (outcome.kind == fabric::Outcome::Kind::committed) return parts_.tell(service::Level::info, drone, what);
+  parts_.tell(service::Level::warning, drone,
               fmt::format("{}: refused: {}", what, outcome.refusal ? outcome.refusal->words : outcome.message));
-}
-
-void OperatorDesk::run(Forget& task) {
-  set_clients(task.who, {});
-  spdlog::info("operator {} signed out", operators_[task.who].name);
 }
 
 OperatorDesk::Clients OperatorDesk::clients_of(std::size_t who) const {

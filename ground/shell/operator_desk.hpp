@@ -4,12 +4,10 @@
 #include <memory>
 #include <mutex>
 #include <string>
-#include <thread>
-#include <variant>
 #include <vector>
 
 #include "common/fabric/client/client.hpp"
-#include "common/rt/mailbox.hpp"
+#include "common/rt/workers.hpp"
 #include "ground/service/core/api.hpp"
 #include "ground/service/shell/server.hpp"
 
@@ -24,8 +22,8 @@ class OperatorDesk final : public service::OperatorKeys {
     std::string folder;               ///< of the operators, an MSP folder each, whose key is locked
     fabric::ClientConfig ledger;      ///< as ground's own, whose identity commands under the operators' leases
     std::vector<std::string> drones;  ///< names, as FlightConfig has them
-    /// What became of a call. On a thread of the desk.
-    std::function<void(service::Level level, std::size_t drone, std::string words)> tell;
+    /// What became of a call; `drone`: its name, empty: of none. On a thread of the desk.
+    std::function<void(service::Level level, const std::string& drone, std::string words)> tell;
     /// A session began (true), or is over. On the thread that says so.
     std::function<void(std::size_t who, bool in)> on_session;
   };
@@ -42,32 +40,20 @@ class OperatorDesk final : public service::OperatorKeys {
   void stop(const crypto::IdentityName& who, fabric::Call call, std::function<void(fabric::Outcome)> ended);
   /// Forgets his key, behind the calls that wait.
   void forget(std::size_t who);
-  /// Nothing is unlocked or submitted from here on; what waits is thrown away.
+  /// Nothing is unlocked or submitted from here on; what waits is refused.
   void close();
 
  private:
-  struct Unlock {
-    std::size_t who = 0;
-    std::string pass_phrase;
-    std::function<void(Status)> answer;
-  };
-  struct Sign {
-    std::size_t who = 0;
-    service::OperatorCall call;
-  };
-  struct Forget {
-    std::size_t who = 0;
-  };
-  using Task = std::variant<Unlock, Sign, Forget>;
   struct Clients {
     std::shared_ptr<fabric::Client> leases, stops;
   };
 
   explicit OperatorDesk(Parts parts) : parts_(std::move(parts)) {}
-  void work(const std::stop_token& quit);
-  void run(Unlock& task);
-  void run(Sign& task);
-  void run(Forget& task);
+  /// False: too much waits, or the desk is closed.
+  bool post(std::function<void()> task);
+  /// On the worker.
+  Status open_key(std::size_t who, std::string& pass_phrase);
+  void sign(std::size_t who, const service::OperatorCall& call);
   Clients clients_of(std::size_t who) const;
   void set_clients(std::size_t who, Clients clients);
 
@@ -76,9 +62,9 @@ class OperatorDesk final : public service::OperatorKeys {
   std::vector<std::string> folders_;  ///< of each
   mutable std::mutex clients_mutex_;
   std::vector<Clients> clients_;  ///< of each; null: locked
-  std::atomic<std::size_t> waiting_{0};
-  Mailbox<Task> tasks_;
-  std::jthread worker_;
+  std::atomic<bool> closed_{false};
+  std::mutex worker_mutex_;
+  std::unique_ptr<Workers> worker_ = std::make_unique<Workers>(1, max_waiting);
 };
 
 }  // namespace ledgerline::ground

@@ -18,6 +18,7 @@ constexpr std::array rows{
     Row{contract::acquire, "take control"},    Row{contract::release, "give back"},
     Row{contract::request, "ask for control"}, Row{contract::hand_over, "hand over"},
     Row{contract::deny, "deny the request"},   Row{contract::resume, "lift the stop"},
+    Row{contract::anchor, "approve"},
 };
 static_assert(rows.size() == enum_count<OperatorCall::Kind>);
 
@@ -25,7 +26,10 @@ const Row& row_of(OperatorCall::Kind kind) { return rows[static_cast<std::size_t
 
 }  // namespace
 
-const char* words_of(OperatorCall::Kind kind) { return row_of(kind).words; }
+std::string words_of(const OperatorCall& call) {
+  const std::string words = row_of(call.kind).words;
+  return call.mission.empty() ? words : words + " mission " + call.mission;
+}
 
 fabric::Call contract_call(const OperatorCall& call, const std::string& drone, const crypto::IdentityName& commander) {
   using Kind = OperatorCall::Kind;
@@ -42,6 +46,12 @@ fabric::Call contract_call(const OperatorCall& call, const std::string& drone, c
     DronesCall drones;
     drones.add_drones(drone);
     return as_call(drones);
+  }
+  if (call.kind == Kind::approve) {
+    AnchorCall anchor;
+    anchor.set_digest(std::string(call.digest.begin(), call.digest.end()));
+    anchor.set_what("mission " + call.mission + " may be flown");
+    return as_call(anchor);
   }
   LeaseCall lease;
   lease.add_drones(drone);

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "common/crypto/crypto.hpp"
@@ -8,7 +9,7 @@
 
 namespace ledgerline::ground::service {
 
-/// What an operator signs beside stops: who flies one drone.
+/// What an operator signs beside stops: who flies one drone, and that a mission may be flown.
 struct OperatorCall {
   enum class Kind {
     acquire,    ///< takes the lease
@@ -16,18 +17,21 @@ struct OperatorCall {
     request,    ///< asks its holder for it
     hand_over,  ///< gives it to one who has requested it
     deny,       ///< ends somebody's request, or his own
-    resume      ///< lifts his own stop, or all as a supervisor of the drone's organisation
+    resume,     ///< lifts his own stop, or all as a supervisor of the drone's organisation
+    approve     ///< a mission: anchors its digest
   };
   Kind kind = Kind::acquire;
-  std::size_t drone = 0;       ///< index
-  std::uint32_t priority = 0;  ///< of acquire and request
-  crypto::IdentityName to{};   ///< of hand_over and deny
+  std::optional<std::size_t> drone{};  ///< index; of all but approve
+  std::uint32_t priority = 0;          ///< of acquire and request
+  crypto::IdentityName to{};           ///< of hand_over and deny
+  crypto::Digest digest{};             ///< of approve
+  std::string mission{};               ///< its name
 };
 
 /// In words: "take control", ...
-const char* words_of(OperatorCall::Kind kind);
+std::string words_of(const OperatorCall& call);
 
-/// The contract's call. `commander`: whose commands the drone shall obey under the operator's lease, the ground's own
+/// The contract's call. `drone`: its name. `commander`: whose commands the drone shall obey under the operator's lease, the ground's own
 /// identity. Pure.
 fabric::Call contract_call(const OperatorCall& call, const std::string& drone, const crypto::IdentityName& commander);
 
