@@ -64,6 +64,9 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
     if (options_.ledger == Ledger::none) break;
     onboard_.push_back({name, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()) + onboard_.size())});
   }
+  // Who flies by the page goes on with a new ground.
+  if (options_.watch && options_.manual)
+    onboard_.push_back({controller_, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()))});
 }
 
 void Launcher::take_line(const std::string& name, const std::string& line) {
@@ -258,7 +261,7 @@ Status Launcher::fly() {
       }
     }
     live_.show(now_ns);
-    if (!children_.running(controller_)) {
+    if (!children_.running(controller_) && !controller_comes_back()) {
       if (!children_.ended_well(controller_)) result = Error{ground_why()};
       // Its exit code says how the flight went.
       if (children_.how_it_ended(controller_).find("signal") != std::string::npos) ended_early(controller_);
@@ -296,6 +299,12 @@ Status Launcher::fly() {
   return result;
 }
 
+// One that was killed, and not asked to end.
+bool Launcher::controller_comes_back() const {
+  return options_.watch && options_.manual && interrupts_ == 0 &&
+         children_.how_it_ended(controller_).find("signal") != std::string::npos;
+}
+
 // A process ends; or RouDi lost chunks with one that was killed, and nothing flies: a new one has them all.
 Status Launcher::supervise_onboard(TimeNs now_ns) {
   if (chunks_leaked_ && !live_.anything_in_air()) recycle_shared_memory();
@@ -324,7 +333,7 @@ Status Launcher::supervise_onboard(TimeNs now_ns) {
 // the ground both end by themselves. Where one of them has ended, it needs RouDi to come back.
 bool Launcher::may_start(const std::string& name) const {
   if (name == "roudi") return !live_.anything_in_air() || !serves("link") || !serves("agent");
-  return serves("roudi") && (name == "link" || serves("link"));
+  return name == controller_ || (serves("roudi") && (name == "link" || serves("link")));
 }
 
 Status Launcher::start_again(const std::string& name) {

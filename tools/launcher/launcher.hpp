@@ -79,6 +79,7 @@ class Launcher {
   bool hurry() const { return interrupts_ > 1; }  ///< Ctrl-C twice: no drone is awaited
   bool serves(const std::string& name) const { return children_.running(name) && ready_.contains(name); }
   bool may_start(const std::string& name) const;
+  bool controller_comes_back() const;
   Status start_again(const std::string& name);
   void recycle_shared_memory();
   void stop_all(bool landed);

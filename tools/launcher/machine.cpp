@@ -174,6 +174,18 @@ RunLock::~RunLock() {
   if (fd_ >= 0) ::close(fd_);
 }
 
+int free_port() {
+  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in at{};
+  at.sin_family = AF_INET;
+  at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof at;
+  const bool bound = fd >= 0 && ::bind(fd, reinterpret_cast<const sockaddr*>(&at), size) == 0 &&
+                     ::getsockname(fd, reinterpret_cast<sockaddr*>(&at), &size) == 0;
+  if (fd >= 0) ::close(fd);
+  return bound ? ntohs(at.sin_port) : 0;
+}
+
 std::string address_of(int drone) { return fmt::format("127.0.0.{}", drone + 1); }
 
 std::vector<Problem> check_machine(int drones, std::vector<std::string>& notes) {
