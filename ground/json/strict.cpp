@@ -55,6 +55,8 @@ Result<motion::Waypoint> waypoint_from(const Json& given) {
   return waypoint;
 }
 
+std::string dump(const Json& value) { return value.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
 Result<bool> land_behind_from(const Json& then) {
   if (then != "hover" && then != "land") return Error{R"(then must be "hover" or "land")"};
   return then == "land";

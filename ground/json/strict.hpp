@@ -1,11 +1,13 @@
 #pragma once
 #include <initializer_list>
 #include <nlohmann/json.hpp>
+#include <string>
 #include <string_view>
 
 #include "ground/motion/course.hpp"
 
-/// JSON of clients, read strictly: what is not expected is refused, and the error says where. Pure; any thread.
+/// JSON of clients, read strictly: what is not expected is refused, and the error says where. And how it is written. Pure; any
+/// thread.
 namespace ledgerline::ground::json {
 
 inline constexpr std::size_t max_shown = 64;  ///< bytes of a client's word that is given back in an error
@@ -19,6 +21,9 @@ Status only(const nlohmann::json& object, std::initializer_list<std::string_view
 
 /// {"x":1,"y":0,"z":1.2,"speed":0.5}, z and speed if they are there. What of it cannot be flown is for others to say.
 Result<motion::Waypoint> waypoint_from(const nlohmann::json& given);
+
+/// The text of it. Words that are no UTF-8, which a drone's agent may have sent, are no reason to say nothing.
+std::string dump(const nlohmann::json& value);
 
 /// "hover" or "land": whether it lands behind a path.
 Result<bool> land_behind_from(const nlohmann::json& then);

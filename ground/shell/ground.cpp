@@ -43,6 +43,7 @@ Ground::Ground(FlightConfig flight, OutputSettings output, dds::ParticipantPtr p
 
 Ground::~Ground() {
   mailbox_.close();
+  if (missions_) missions_->close();
   if (desk_) desk_->close();
 }
 
@@ -88,6 +89,9 @@ Status Ground::start(const std::atomic<bool>& quit) {
   const auto controls = belief::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });
   if (!controls) return controls.error();
   if (auto status = set_controls(*controls); !status) return status;
+  if (missions_) {
+    if (auto status = missions_->restore(); !status) return status;
+  }
   return hear_pilots();
 }
 
@@ -141,7 +145,7 @@ Status Ground::open_desk(const std::string& folder, const fabric::ClientConfig& 
                                     .ledger = ledger,
                                     .drones = names_,
                                     .tell =
-                                        [this](service::Level level, std::size_t drone, std::string words) {
+                                        [this](service::Level level, const std::string& drone, std::string words) {
                                           mailbox_.put(Told{level, drone, std::move(words)});
                                         },
                                     .on_session =
@@ -180,7 +184,30 @@ void Ground::see_off(TimeNs now_ns) {
   }
 }
 
-Status Ground::serve(const service::ServiceSettings& settings, const fabric::ClientConfig& ledger) {
+void Ground::open_missions(service::MissionSettings settings) {
+  settings.check.flight = core_.config().controller;
+  missions_ = std::make_unique<MissionDesk>(MissionDesk::Parts{
+      .settings = std::move(settings),
+      .core = core_,
+      .client = *urgent_,
+      .sign = [this](std::size_t who, const service::OperatorCall& call) { return desk_->submit(who, call); },
+      .wish =
+          [this](const PilotWish& one) {
+            wish(one.drone, one.by, [&](PilotWish& wished) { service::merge(one, wished); });
+          },
+      .tell =
+          [this](Level level, const std::string& drone, const std::string& words) {
+            spdlog::log(level == Level::info ? spdlog::level::info : spdlog::level::warn, "{}{}{}", drone,
+                        drone.empty() ? "" : ": ", words);
+            unshown_.push_back(board_.tell(monotonic_ns(), level, drone, words));
+          },
+      .publish = [this](std::string list) { server_->publish_missions(std::move(list)); },
+      .wake = [this] { mailbox_.wake(); }});
+}
+
+Status Ground::serve(const service::ServiceSettings& settings, service::MissionSettings missions,
+                     const fabric::ClientConfig& ledger) {
+  open_missions(std::move(missions));
   if (!settings.operators.empty()) {
     if (Status opened = open_desk(settings.operators, ledger); !opened) return opened;
   }
@@ -189,7 +216,12 @@ Status Ground::serve(const service::ServiceSettings& settings, const fabric::Cli
   auto server = service::Server::start(
       settings, names_,
       {.manual = flight.manual, .speed_mps = flight.controller.speed_mps, .cmd_timeout_ns = flight.cmd_timeout_ns},
-      [this](const PilotWish& one) { return take(one); }, desk_.get());
+      {.take = [this](const PilotWish& one) { return take(one); },
+       .keys = desk_.get(),
+       .ask_missions =
+           [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
+             ask(std::move(asked), std::move(answer));
+           }});
   if (!server) return server.error();
   server_ = std::move(server).value();
   show(monotonic_ns());
@@ -201,6 +233,11 @@ Status Ground::take(const PilotWish& one) {
   if (!flying_ && !one.stop && !one.cut && !one.land) return Error{"the ledger is not reached yet: nothing can fly"};
   wish(one.drone, one.by, [&](PilotWish& wished) { service::merge(one, wished); });
   return done;
+}
+
+void Ground::ask(service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
+  if (!flying_) return answer(service::refusal(503, "the ledger is not reached yet"));
+  missions_->ask(std::move(asked), std::move(answer));
 }
 
 void Ground::show(TimeNs now_ns) {
@@ -248,6 +285,7 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
     if (*next == belief::ControlStart::Next::take) {
       inputs.block = block;
       note(*block);
+      if (missions_) missions_->look(*block);
     }
     if (*next != belief::ControlStart::Next::read) return done;
     control_reader_ = std::jthread([this](const std::stop_token& stop) {
@@ -270,7 +308,7 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
   } else if (const auto* state = std::get_if<StreamState>(&letter)) {
     stream_ = *state;
   } else if (const auto* told = std::get_if<Told>(&letter)) {
-    unshown_.push_back(board_.tell(monotonic_ns(), told->level, names_[told->drone], told->words));
+    unshown_.push_back(board_.tell(monotonic_ns(), told->level, told->drone, told->words));
   } else if (const auto* change = std::get_if<SessionChange>(&letter)) {
     std::erase_if(leaving_, [&](const Leaving& one) { return one.who == change->who; });
     if (!change->in) leaving_.push_back({change->who, monotonic_ns() + leaving_limit_ns, 0});
@@ -304,6 +342,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
       leave_ns = now_ns + landing_limit_ns;
     }
     step(inputs);
+    if (missions_) missions_->step(now_ns);
     if (leave_ns != 0 && now_ns > leave_ns) {
       spdlog::error("not all drones were seen to land within {:.0f} s", to_seconds(landing_limit_ns));
       break;

@@ -22,6 +22,7 @@
 #include "ground/core/topics.hpp"
 #include "ground/service/core/board.hpp"
 #include "ground/service/shell/server.hpp"
+#include "ground/shell/mission_desk.hpp"
 #include "ground/shell/operator_desk.hpp"
 #include "ground/shell/settings.hpp"
 
@@ -45,7 +46,8 @@ class Ground {
   /// `landing_limit` later. True when every drone finished its path and landed.
   Result<bool> run(const std::atomic<bool>& quit);
   /// The page and the API, from the start on. Before start(). `ledger`: as of the clients above, for the operators'.
-  Status serve(const service::ServiceSettings& settings, const fabric::ClientConfig& ledger);
+  Status serve(const service::ServiceSettings& settings, service::MissionSettings missions,
+               const fabric::ClientConfig& ledger);
   /// Where the page is; empty: nowhere.
   std::string page_url() const { return server_ ? server_->url() : std::string(); }
 
@@ -66,7 +68,7 @@ class Ground {
   /// What an operator's call came to.
   struct Told {
     service::Level level;
-    std::size_t drone;
+    std::string drone;
     std::string words;
   };
   /// An operator's session began, or is over.
@@ -81,9 +83,12 @@ class Ground {
   void hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr);
   /// What the page wishes. Any thread. The error: it would only be flown later.
   Status take(const PilotWish& one);
+  /// What the page asks of missions. Any thread.
+  void ask(service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer);
   /// Changes what is wished of a drone, and wakes the core's thread. Any thread.
   void wish(std::size_t drone, const std::optional<crypto::IdentityName>& by,
             const std::function<void(PilotWish&)>& change);
+  void open_missions(service::MissionSettings settings);
   Status open_desk(const std::string& folder, const fabric::ClientConfig& ledger);
   /// Lands what somebody holds who has left, gives it back, and forgets his key.
   void see_off(TimeNs now_ns);
@@ -134,7 +139,8 @@ class Ground {
   std::vector<Leaving> leaving_;  ///< operators
 
   // Last, so that they end first: their callbacks use all of the above.
-  std::unique_ptr<OperatorDesk> desk_;  ///< null: nobody signs in
+  std::unique_ptr<OperatorDesk> desk_;     ///< null: nobody signs in
+  std::unique_ptr<MissionDesk> missions_;  ///< null: there is no service
   std::unique_ptr<service::Server> server_;
   std::vector<dds::RawReader> readers_;  ///< of each drone one for each of pilot_topics
   std::unique_ptr<fabric::Client> client_, urgent_;

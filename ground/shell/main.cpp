@@ -19,6 +19,7 @@ int fly(Config& config) {
   ground::FlightConfig flight = ground::flight_config(config);
   const ground::OutputSettings output = ground::output_settings(config);
   const ground::service::ServiceSettings service = ground::service_settings(config);
+  ground::service::MissionSettings missions = ground::mission_settings(config);
   const std::string checkpoint = ground::checkpoint_path(config);
   bridge::BridgeConfig bridged = ground::read_bridge(config, flight.drones);
   bridged.checkpoint = bridge::checkpoint_beside(checkpoint);
@@ -46,7 +47,8 @@ int fly(Config& config) {
   ground::Ground ground(std::move(flight), output, *participant, std::move(client).value(), std::move(urgent).value(),
                         std::move(*kept));
   if (!service.listen.empty()) {
-    if (auto status = ground.serve(service, careful); !status) return fail(status.error(), exit_usage);
+    if (auto status = ground.serve(service, std::move(missions), careful); !status)
+      return fail(status.error(), exit_usage);
   }
   if (auto status = ground.start(stop_requested); !status) return fail(status.error());
   const auto bridges = bridge::BesideBridges::create(config, bridged, *participant);
@@ -70,7 +72,8 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
     ramp_start_mps, ramp_step_mps, told_mps, told_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, side_m,
     lag_s, cmd_timeout_ms, controller (a library of your own: docs/own-code.md)
   [output] trace, summary, status_period_ms, checkpoint
-  [service] listen, token_file (a page to look on, take off, land and stop: docs/station.md)
+  [service] listen, token_file, operators, session_idle_s (a page to fly from: docs/station.md)
+  [mission] folder, approvals, approvers, on_loss, after_restart, fence_min_m, fence_max_m (docs/missions.md)
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:
 )" + topic_tables_help +

@@ -194,6 +194,49 @@ service::ServiceSettings service_settings(Config& config) {
   return settings;
 }
 
+service::MissionSettings mission_settings(Config& config) {
+  service::MissionSettings settings;
+  settings.folder =
+      config.text({"mission.folder",
+                   "where missions are kept, so that a ground that is started again goes on with them; none: it "
+                   "knows none, and what is in the air hovers"},
+                  "");
+  mission::RunConfig& run = settings.run;
+  run.required_approvals = static_cast<int>(config.integer(
+      {"mission.approvals", "so many different signers must have approved a mission before it starts"}, 1, 1, 2));
+  settings.approvers =
+      config.texts({"mission.approvers", "MSP ids whose members' approvals count; none: our own organisation's"}, 16);
+  const std::string on_loss =
+      config.choice({"mission.on_loss", "what the others do when a drone of their mission is lost"},
+                    {"hover", "land", "go_on"}, "hover");
+  run.on_loss = on_loss == "land"    ? mission::OnLoss::land
+                : on_loss == "go_on" ? mission::OnLoss::go_on
+                                     : mission::OnLoss::hover;
+  const std::string after = config.choice(
+      {"mission.after_restart", "what drones of a mission do that a ground which was started again finds in the air"},
+      {"hover", "land", "go_on"}, "hover");
+  run.after_restart = after == "land"    ? mission::AfterRestart::land
+                      : after == "go_on" ? mission::AfterRestart::go_on
+                                         : mission::AfterRestart::hover;
+  mission::CheckConfig& check = settings.check;
+  mission::Fence fence;
+  const auto low = config.numbers({"mission.fence_min_m",
+                                   "corner of the box that missions are checked against, x, y, z "
+                                   "in `map`: as [fence] of link.toml",
+                                   "not checked"},
+                                  3, {});
+  const auto high = config.numbers({"mission.fence_max_m", "the opposite corner", "not checked"}, 3, {});
+  if (low.size() != high.size()) config.wrong("mission.fence_min_m", "must be there with fence_max_m");
+  if (low.size() == 3 && high.size() == 3) {
+    std::copy(low.begin(), low.end(), fence.min_m.begin());
+    std::copy(high.begin(), high.end(), fence.max_m.begin());
+    check.fence = fence;
+  }
+  check.battery_endurance_s = config.number({"mission.battery_endurance_s", "in the air with a full battery"},
+                                            check.battery_endurance_s, 60, 1'800);
+  return settings;
+}
+
 std::string checkpoint_path(Config& config) {
   return config.text(
       {"output.checkpoint",

@@ -6,6 +6,7 @@
 #include "common/rt/histogram.hpp"
 #include "ground/core/flight.hpp"
 #include "ground/service/core/settings.hpp"
+#include "ground/service/missions/book.hpp"
 
 namespace ledgerline::ground {
 
@@ -23,6 +24,8 @@ bridge::BridgeConfig read_bridge(Config& config, const std::vector<FlightDrone>&
 OutputSettings output_settings(Config& config);
 /// Reads [service].
 service::ServiceSettings service_settings(Config& config);
+/// Reads [mission].
+service::MissionSettings mission_settings(Config& config);
 /// Reads [output] checkpoint, of who follows a ledger: the file of the newest block believed; empty: none.
 std::string checkpoint_path(Config& config);
 

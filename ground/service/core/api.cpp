@@ -18,6 +18,7 @@ namespace {
 
 namespace strict = ground::json;
 using nlohmann::json;
+using strict::dump;
 using strict::max_shown;
 using strict::only;
 
@@ -44,9 +45,6 @@ json events_json(const std::deque<Event>& events, std::size_t first) {
   for (std::size_t i = first; i < events.size(); ++i) list.push_back(event_json(events[i]));
   return list;
 }
-
-// A text that is no UTF-8, which a drone's agent may have sent, is no reason to say nothing.
-std::string dump(const json& value) { return value.dump(-1, ' ', false, json::error_handler_t::replace); }
 
 Result<json> object_from(std::string_view body) { return strict::object_from(body, "the body", max_depth); }
 
@@ -89,12 +87,12 @@ Result<crypto::IdentityName> identity_from(const json& body) {
 
 std::optional<OperatorCall::Kind> call_of(std::string_view verb) {
   using Kind = OperatorCall::Kind;
-  constexpr std::array<std::pair<std::string_view, Kind>, enum_count<Kind>> verbs{{{"acquire", Kind::acquire},
-                                                                                   {"release", Kind::release},
-                                                                                   {"request", Kind::request},
-                                                                                   {"hand_over", Kind::hand_over},
-                                                                                   {"deny", Kind::deny},
-                                                                                   {"lift", Kind::resume}}};
+  constexpr std::array<std::pair<std::string_view, Kind>, enum_count<Kind> - 1> verbs{{{"acquire", Kind::acquire},
+                                                                                       {"release", Kind::release},
+                                                                                       {"request", Kind::request},
+                                                                                       {"hand_over", Kind::hand_over},
+                                                                                       {"deny", Kind::deny},
+                                                                                       {"lift", Kind::resume}}};
   const auto row = std::find_if(verbs.begin(), verbs.end(), [&](const auto& one) { return one.first == verb; });
   return row == verbs.end() ? std::nullopt : std::optional(row->second);
 }
@@ -149,6 +147,63 @@ ApiAnswer answer_operators(const ApiRequest& request, const Known& known) {
   json all = json::array();
   for (const Operator& one : known.operators) all.push_back({{"name", one.name}, {"identity", text_of(one.identity)}});
   return {200, dump({{"operators", all}, {"you", request.who ? json(known.operators[*request.who].name) : json()}})};
+}
+
+constexpr std::string_view missions_path = "missions";
+
+std::optional<MissionAsk::Kind> mission_verb(std::string_view verb) {
+  using Kind = MissionAsk::Kind;
+  constexpr std::array<std::pair<std::string_view, Kind>, 5> verbs{{{"approve", Kind::approve},
+                                                                    {"start", Kind::start},
+                                                                    {"pause", Kind::pause},
+                                                                    {"resume", Kind::resume},
+                                                                    {"land", Kind::land}}};
+  const auto row = std::find_if(verbs.begin(), verbs.end(), [&](const auto& one) { return one.first == verb; });
+  return row == verbs.end() ? std::nullopt : std::optional(row->second);
+}
+
+ApiAnswer ask_mission(const ApiRequest& request, MissionAsk asked, const Known& known) {
+  asked.who = request.who;
+  if (request.who) asked.by = known.operators[*request.who].identity;
+  const bool looks = asked.kind == MissionAsk::Kind::list || asked.kind == MissionAsk::Kind::show;
+  if (!looks && asked.kind != MissionAsk::Kind::land && !known.operators.empty() && !request.who)
+    return refusal(403, "sign in first: who clicks is who signs; to have all land needs no operator");
+  return {.status = 202, .body = {}, .mission = std::move(asked)};
+}
+
+/// `path`: behind "missions".
+ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std::string_view query,
+                          const Known& known) {
+  using Kind = MissionAsk::Kind;
+  MissionAsk asked;
+  if (path.empty()) {
+    if (request.method == "GET") return ask_mission(request, std::move(asked), known);
+    if (request.method != "POST") return refusal(405, "GET it, or POST a mission");
+    asked.kind = Kind::add;
+    asked.csv = request.content_type.substr(0, 8) == "text/csv";
+    constexpr std::string_view key = "name=";
+    if (!query.empty() && (!asked.csv || query.substr(0, key.size()) != key))
+      return refusal(400, "missions takes name=NAME with text/csv; JSON has its name within");
+    if (!query.empty()) asked.name = query.substr(key.size());
+    asked.text = request.body;
+    return ask_mission(request, std::move(asked), known);
+  }
+  const std::string_view rest = path.substr(1);
+  const auto slash = rest.find('/');
+  asked.id = rest.substr(0, std::min<std::size_t>(slash, max_shown));
+  if (slash == std::string_view::npos) {
+    if (request.method != "GET" && request.method != "DELETE") return refusal(405, "GET it, or DELETE it");
+    asked.kind = request.method == "GET" ? Kind::show : Kind::remove;
+    return ask_mission(request, std::move(asked), known);
+  }
+  const auto verb = mission_verb(rest.substr(slash + 1));
+  if (!verb) return refusal(404, "a mission knows approve, start, pause, resume, land");
+  if (request.method != "POST") return refusal(405, "POST it");
+  const auto body = object_from(request.body);
+  if (!body) return refusal(400, body.error().what);
+  if (const Status keys = only(*body, {}); !keys) return refusal(400, keys.error().what);
+  asked.kind = *verb;
+  return ask_mission(request, std::move(asked), known);
 }
 
 ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const Known& known) {
@@ -232,11 +287,15 @@ ApiAnswer answer_any(const ApiRequest& request, const Known& known) {
     if (path == "paths") return {200, fmt::format(R"({{"paths":{}}})", known.paths)};
     return {200, fmt::format(R"({{"drones":{}}})", known.drones)};
   }
+  if (path.substr(0, missions_path.size()) == missions_path) {
+    const std::string_view behind = path.substr(missions_path.size());
+    if (behind.empty() || behind[0] == '/') return answer_missions(request, behind, query, known);
+  }
   if (path == "operators") return answer_operators(request, known);
   if (path == "session") return answer_session(request, known);
   if (path == "stop") return answer_stop(request, known);
   if (path.substr(0, of_drone.size()) == of_drone) return answer_drone(request, path.substr(of_drone.size()), known);
-  return refusal(404, "there are drones, events, operators, paths, session, stop, stream");
+  return refusal(404, "there are drones, events, missions, operators, paths, session, stop, stream");
 }
 
 /// Three numbers, or an error.
@@ -300,6 +359,15 @@ void merge(const PilotWish& wish, PilotWish& waiting) {
 
 std::string session_text(const std::string& token, const Operator& who) {
   return dump({{"session", token}, {"operator", who.name}, {"identity", text_of(who.identity)}});
+}
+
+std::size_t body_limit(std::string_view target) {
+  const std::string_view path = target.substr(0, std::min(target.find('?'), target.size()));
+  return path == std::string(root) + std::string(missions_path) ? max_mission_body_bytes : max_body_bytes;
+}
+
+std::string missions_message(std::string_view list) {
+  return fmt::format(R"({{"op":"missions","missions":{}}})", list);
 }
 
 std::string paths_message(std::string_view paths) { return fmt::format(R"({{"op":"paths","paths":{}}})", paths); }

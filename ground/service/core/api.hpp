@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "ground/core/flight_types.hpp"
+#include "ground/service/missions/asked.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "ground/service/operators/sign_ins.hpp"
 
@@ -15,6 +16,9 @@
 namespace ledgerline::ground::service {
 
 inline constexpr std::size_t max_body_bytes = 65'536;
+inline constexpr std::size_t max_mission_body_bytes = 4'194'304;
+/// Of the body of a request for this target.
+std::size_t body_limit(std::string_view target);
 
 using ground::Level;
 /// Something that happened: told to every client, in order, once.
@@ -29,6 +33,7 @@ struct Event {
 struct ApiRequest {
   std::string_view method, target, body;
   std::optional<std::size_t> who{};  ///< the operator that is signed in
+  std::string_view content_type{};
 };
 /// Somebody signs in.
 struct SignIn {
@@ -43,6 +48,7 @@ struct ApiAnswer {
   std::optional<OperatorCall> call{};  ///< to be signed by who asked
   std::optional<SignIn> sign_in{};
   bool sign_out = false;
+  std::optional<MissionAsk> mission{};
 };
 std::string text_of(const crypto::IdentityName& who);  ///< "Org2MSP CN=..."
 ApiAnswer refusal(unsigned status, const std::string& words);
@@ -75,6 +81,8 @@ void merge(const PilotWish& wish, PilotWish& waiting);
 
 /// {"session":TOKEN,"operator":"alice","identity":"Org2MSP CN=..."}
 std::string session_text(const std::string& token, const Operator& who);
+/// {"op":"missions","missions":[...]}
+std::string missions_message(std::string_view list);
 /// {"op":"paths","paths":{...}}
 std::string paths_message(std::string_view paths);
 /// {"op":"events","events":[...]}, those from `first` on.

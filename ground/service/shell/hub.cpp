@@ -6,17 +6,15 @@
 
 namespace ledgerline::ground::service {
 
-Hub::Hub(std::vector<std::string> drones, const Greeting& greeting, Server::TakeWish take, OperatorKeys* keys,
-         TimeNs session_idle_ns)
+Hub::Hub(std::vector<std::string> drones, const Greeting& greeting, Server::Behind behind, TimeNs session_idle_ns)
     : names_(std::move(drones)),
       greeting_(greeting),
-      take_(std::move(take)),
-      keys_(keys),
-      operators_(keys ? keys->operators() : std::vector<Operator>()),
+      behind_(std::move(behind)),
+      operators_(behind_.keys ? behind_.keys->operators() : std::vector<Operator>()),
       sign_ins_(operators_.size(), session_idle_ns) {}
 
 void Hub::expire(TimeNs now) {
-  for (const std::size_t who : sign_ins_.expire(now)) keys_->leave(who);
+  for (const std::size_t who : sign_ins_.expire(now)) behind_.keys->leave(who);
 }
 
 void Hub::publish(Telling telling) {
@@ -34,6 +32,11 @@ void Hub::publish(Telling telling) {
 void Hub::publish_blocks(const std::vector<BlockSummary>& blocks) {
   blocks_.insert(blocks_.end(), blocks.begin(), blocks.end());
   while (blocks_.size() > max_told_blocks) blocks_.pop_front();
+  tell();
+}
+
+void Hub::publish_missions(std::string_view list) {
+  missions_message_ = std::make_shared<const std::string>(missions_message(list));
   tell();
 }
 

@@ -15,9 +15,7 @@ namespace ledgerline::ground::service {
 /// only, but for connections() and streams().
 class Hub {
  public:
-  /// `keys`: null where nobody signs in.
-  Hub(std::vector<std::string> drones, const Greeting& greeting, Server::TakeWish take, OperatorKeys* keys,
-      TimeNs session_idle_ns);
+  Hub(std::vector<std::string> drones, const Greeting& greeting, Server::Behind behind, TimeNs session_idle_ns);
 
   void publish_blocks(const std::vector<BlockSummary>& blocks);
   const std::deque<BlockSummary>& blocks() const { return blocks_; }
@@ -31,6 +29,7 @@ class Hub {
   };
 
   void publish(Telling telling);
+  void publish_missions(std::string_view list);
   /// Nothing more is published.
   void end();
   bool ended() const { return ended_; }
@@ -47,12 +46,14 @@ class Hub {
   std::uint64_t forgotten_event() const { return events_.empty() ? 0 : events_.front().number - 1; }
   const std::shared_ptr<const std::string>& state() const { return state_; }
   const std::shared_ptr<const std::string>& paths() const { return paths_message_; }
+  const std::shared_ptr<const std::string>& missions() const { return missions_message_; }
   std::string greeting() const;
-  Status take(const PilotWish& wish) const { return take_(wish); }
+  Status take(const PilotWish& wish) const { return behind_.take(wish); }
 
   SignIns& sign_ins() { return sign_ins_; }
   const std::vector<Operator>& operators() const { return operators_; }
-  OperatorKeys& keys() { return *keys_; }
+  OperatorKeys& keys() { return *behind_.keys; }
+  const auto& ask_missions() const { return behind_.ask_missions; }
   /// Ends the sessions that were idle for too long.
   void expire(TimeNs now);
 
@@ -91,12 +92,11 @@ class Hub {
 
   const std::vector<std::string> names_;
   const Greeting greeting_;
-  const Server::TakeWish take_;
-  OperatorKeys* const keys_;
+  const Server::Behind behind_;
   const std::vector<Operator> operators_;
   SignIns sign_ins_;
   std::string drones_ = "[]", paths_ = "{}";
-  std::shared_ptr<const std::string> state_, paths_message_;
+  std::shared_ptr<const std::string> state_, paths_message_, missions_message_;
   std::deque<Event> events_;
   std::deque<BlockSummary> blocks_;
   std::vector<std::weak_ptr<Listener>> listeners_;

@@ -44,9 +44,8 @@ Result<Place> place_from(const std::string& listen) {
 
 class BeastServer final : public Server {
  public:
-  BeastServer(std::vector<std::string> drones, const Greeting& greeting, TakeWish take, OperatorKeys* keys,
-              TimeNs session_idle_ns)
-      : hub_(std::move(drones), greeting, std::move(take), keys, session_idle_ns),
+  BeastServer(std::vector<std::string> drones, const Greeting& greeting, Behind behind, TimeNs session_idle_ns)
+      : hub_(std::move(drones), greeting, std::move(behind), session_idle_ns),
         acceptor_(io_),
         again_(io_),
         expiry_(io_) {}
@@ -61,7 +60,7 @@ class BeastServer final : public Server {
     acceptor_.open(at.protocol(), error);
     if (!error) acceptor_.set_option(asio::socket_base::reuse_address(true), error);
     if (!error) acceptor_.bind(at, error);
-    if (!error) acceptor_.listen(16, error);
+    if (!error) acceptor_.listen(128, error);
     if (error) return Error{fmt::format("cannot listen on {}:{}: {}", place.address, place.port, error.message())};
     const std::uint16_t port = acceptor_.local_endpoint().port();
     url_ = fmt::format("http://{}:{}", place.address, port);
@@ -77,6 +76,9 @@ class BeastServer final : public Server {
   }
   void publish_blocks(std::vector<BlockSummary> blocks) override {
     asio::post(io_, [this, blocks = std::move(blocks)] { hub_.publish_blocks(blocks); });
+  }
+  void publish_missions(std::string list) override {
+    asio::post(io_, [this, list = std::move(list)] { hub_.publish_missions(list); });
   }
   void end() override {
     asio::post(io_, [this] {
@@ -143,13 +145,12 @@ class BeastServer final : public Server {
 }  // namespace
 
 Result<std::unique_ptr<Server>> Server::start(const ServiceSettings& settings, std::vector<std::string> drones,
-                                              const Greeting& greeting, TakeWish take, OperatorKeys* keys) {
+                                              const Greeting& greeting, Behind behind) {
   const auto place = place_from(settings.listen);
   if (!place) return Error{"[service] listen " + place.error().what};
   const auto token = read_token(settings.token_file);
   if (!token) return Error{"[service] token_file: " + token.error().what};
-  auto server =
-      std::make_unique<BeastServer>(std::move(drones), greeting, std::move(take), keys, settings.session_idle_ns);
+  auto server = std::make_unique<BeastServer>(std::move(drones), greeting, std::move(behind), settings.session_idle_ns);
   if (auto status = server->listen(*place, *token); !status) return status.error();
   return std::unique_ptr<Server>(std::move(server));
 }

@@ -44,17 +44,24 @@ class Server {
   static constexpr std::size_t max_connections = 64, max_events = 1000;
   /// Of connections that have not shown the token: beyond it the oldest one of them makes room.
   static constexpr std::size_t max_strangers = 32;
-  /// The error says why it is not taken now.
-  using TakeWish = std::function<Status(const PilotWish&)>;
+  /// What stands behind it, and must outlive it. Called on the server's thread.
+  struct Behind {
+    /// A pilot's word; the error says why it is not taken now.
+    std::function<Status(const PilotWish&)> take;
+    OperatorKeys* keys = nullptr;  ///< null: nobody signs in
+    /// A question about missions; `answer` comes once, on any thread. Null: there are none.
+    std::function<void(MissionAsk asked, std::function<void(ApiAnswer)> answer)> ask_missions{};
+  };
 
-  /// Listens. `take` is called on the server's thread; it and `keys` must outlive the server. `keys`: null where nobody
-  /// signs in.
+  /// Listens.
   static Result<std::unique_ptr<Server>> start(const ServiceSettings& settings, std::vector<std::string> drones,
-                                               const Greeting& greeting, TakeWish take, OperatorKeys* keys = nullptr);
+                                               const Greeting& greeting, Behind behind);
   virtual ~Server() = default;
 
   /// Any thread; does not wait for clients.
   virtual void publish(Telling telling) = 0;
+  /// [MISSION...], when one has changed. Any thread.
+  virtual void publish_missions(std::string list) = 0;
   /// The last words: every client that reads gets what it lacks of the events, then a close frame; half a second at most.
   virtual void end() = 0;
   /// A stream is open: it pays to publish often.

@@ -135,6 +135,9 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     } else if (hub_.paths() && hub_.paths() != paths_) {
       paths_ = hub_.paths();
       send(paths_);
+    } else if (hub_.missions() && hub_.missions() != missions_) {
+      missions_ = hub_.missions();
+      send(missions_);
     } else if (hub_.state() && hub_.state() != shown_) {
       shown_ = hub_.state();
       send(shown_);
@@ -201,7 +204,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   const std::optional<SignIns::Session> session_;
   Budget budget_;
   beast::flat_buffer buffer_;
-  std::shared_ptr<const std::string> shown_, paths_;
+  std::shared_ptr<const std::string> shown_, paths_, missions_;
   std::uint64_t told_ = 0;  ///< the newest event that it has
   std::uint64_t told_block_ = 0;
   bool blocks_were_last_ = false;
@@ -215,20 +218,33 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
 
   void read() {
     parser_.emplace();
-    parser_->body_limit(max_body_bytes);
+    parser_->body_limit(max_mission_body_bytes);  // until the head says what it is
     parser_->header_limit(max_head_bytes);
     socket_.expires_after(patience);
-    http::async_read(socket_, buffer_, *parser_,
-                     [self = shared_from_this()](beast::error_code error, std::size_t) { self->on_read(error); });
+    http::async_read_header(socket_, buffer_, *parser_,
+                            [self = shared_from_this()](beast::error_code error, std::size_t) {
+                              error ? self->on_read(error) : self->read_body();
+                            });
   }
 
   bool is_stranger() const override { return !known_; }
   void leave() override { socket_.close(); }
 
  private:
+  // A mission is long, and only who knows the token may send one.
+  void read_body() {
+    const Request& request = parser_->get();
+    const bool known = judge(head_of(request)).refused.status == 0;
+    const std::size_t limit = known ? body_limit(view(request.target())) : max_body_bytes;
+    if (parser_->content_length().value_or(0) > limit) return on_read(http::error::body_limit);
+    parser_->body_limit(limit);
+    http::async_read(socket_, buffer_, *parser_,
+                     [self = shared_from_this()](beast::error_code error, std::size_t) { self->on_read(error); });
+  }
+
   void on_read(beast::error_code error) {
     if (error == http::error::body_limit)
-      return write(respond(parser_->get(), refusal(413, "a body has 64 kB at most")));
+      return write(respond(parser_->get(), refusal(413, "a body has 64 kB at most, a mission's 4 MB")));
     if (error) return end();
     const Request& request = parser_->get();
     if (websocket::is_upgrade(request)) return upgrade();
@@ -251,7 +267,10 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     known_ = judged.refused.status == 0;
     if (!known_) return respond(request, judged.refused);
     const TimeNs now = monotonic_ns();
-    ApiRequest asked{view(request.method_string()), target, request.body()};
+    ApiRequest asked{.method = view(request.method_string()),
+                     .target = target,
+                     .body = request.body(),
+                     .content_type = view(request[http::field::content_type])};
     if (judged.session) asked.who = judged.session->who;
     ApiAnswer made = answer(asked, hub_.known());
     const bool lands =
@@ -270,6 +289,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
       hub_.keys().leave(*asked.who);
     }
     if (made.sign_in) return sign_in(now, std::move(*made.sign_in));
+    if (made.mission) return ask(std::move(*made.mission));
     return respond(request, std::move(made));
   }
 
@@ -282,6 +302,17 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
           boost::asio::post(self->socket_.get_executor(),
                             [self, who, unlocked = std::move(unlocked)] { self->signed_in(who, unlocked); });
         });
+    return std::nullopt;
+  }
+
+  std::optional<Response> ask(MissionAsk asked) {
+    if (!hub_.ask_missions()) return respond(parser_->get(), refusal(404, "no missions are flown here"));
+    socket_.expires_never();
+    hub_.ask_missions()(std::move(asked), [self = shared_from_this()](ApiAnswer made) {
+      boost::asio::post(self->socket_.get_executor(), [self, made = std::move(made)]() mutable {
+        self->write(respond(self->parser_->get(), std::move(made)));
+      });
+    });
     return std::nullopt;
   }
 

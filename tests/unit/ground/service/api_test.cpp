@@ -78,8 +78,7 @@ TEST_F(Api, APathIsAnOrderWithItsWaypointsAndItsEnd) {
   for (const std::string& wrong :
        {std::string("{}"), std::string(R"({"waypoints":[]})"), std::string(R"({"waypoints":[1]})"),
         std::string(R"({"waypoints":[{"x":1}]})"), std::string(R"({"waypoints":[{"x":1,"y":"2"}]})"),
-        std::string(R"({"waypoints":[{"x":1,"y":2,"w":3}]})"),
-        std::string(R"({"waypoints":[{"x":1,"y":2,"x":3}]})"),
+        std::string(R"({"waypoints":[{"x":1,"y":2,"w":3}]})"), std::string(R"({"waypoints":[{"x":1,"y":2,"x":3}]})"),
         std::string(R"({"waypoints":[{"x":1,"y":2}],"then":"dance"})"), long_list + "]}"})
     EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/path", wrong).status, 400U) << wrong.substr(0, 60);
 }
@@ -181,6 +180,41 @@ TEST_F(SignedIn, SignsInByNameAndPassPhraseAndOut) {
       400U);
   EXPECT_TRUE(ask("DELETE", "/api/v1/session", "", 1).sign_out);
   EXPECT_EQ(ask("DELETE", "/api/v1/session").status, 403U);
+}
+
+TEST_F(SignedIn, WhatIsAskedOfMissionsSaysWhoAsks) {
+  using Kind = MissionAsk::Kind;
+  EXPECT_EQ(ask("GET", "/api/v1/missions").mission->kind, Kind::list);
+  EXPECT_EQ(ask("GET", "/api/v1/missions/0a1b").mission->id, "0a1b");
+  const ApiAnswer start = ask("POST", "/api/v1/missions/0a1b/start", "", 1);
+  ASSERT_TRUE(start.mission) << start.body;
+  EXPECT_EQ(start.mission->kind, Kind::start);
+  EXPECT_EQ(start.mission->by, operators[1].identity);
+  EXPECT_EQ(ask("DELETE", "/api/v1/missions/0a1b", "", 1).mission->kind, Kind::remove);
+  for (const char* verb : {"approve", "start", "pause", "resume"})
+    EXPECT_EQ(ask("POST", std::string("/api/v1/missions/0a1b/") + verb).status, 403U) << verb;
+  EXPECT_EQ(ask("POST", "/api/v1/missions", "{}").status, 403U);
+  EXPECT_EQ(ask("DELETE", "/api/v1/missions/0a1b").status, 403U);
+  EXPECT_EQ(ask("POST", "/api/v1/missions/0a1b/land").mission->kind, Kind::land) << "nobody has to sign in for that";
+  EXPECT_EQ(ask("POST", "/api/v1/missions/0a1b/fly", "", 1).status, 404U);
+  EXPECT_EQ(ask("POST", "/api/v1/missions/0a1b/start", "[]", 1).status, 400U);
+  EXPECT_EQ(ask("PUT", "/api/v1/missions", "", 1).status, 405U);
+  EXPECT_EQ(ask("POST", "/api/v1/missions?name=x", "{}", 1).status, 400U) << "JSON has its name within";
+}
+
+TEST_F(Api, AMissionComesAsJsonOrAsCsvWithAName) {
+  const auto post = [&](std::string_view target, std::string_view type) {
+    return answer({.method = "POST", .target = target, .body = "text", .content_type = type},
+                  {names, drones, "{}", events, operators});
+  };
+  const auto csv = post("/api/v1/missions?name=survey", "text/csv; charset=utf-8");
+  ASSERT_TRUE(csv.mission) << csv.body;
+  EXPECT_TRUE(csv.mission->csv);
+  EXPECT_EQ(csv.mission->name, "survey");
+  EXPECT_EQ(csv.mission->text, "text");
+  EXPECT_FALSE(post("/api/v1/missions", "application/json").mission->csv);
+  EXPECT_EQ(body_limit("/api/v1/missions?name=x"), max_mission_body_bytes);
+  EXPECT_EQ(body_limit("/api/v1/missions/0a/start"), max_body_bytes);
 }
 
 TEST_F(Api, WhereNobodySignsInThereIsNoCallToSign) {

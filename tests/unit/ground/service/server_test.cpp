@@ -56,15 +56,20 @@ class StationServer : public testing::Test {
     settings.listen = "127.0.0.1:0";
     settings.token_file = directory.path + "/" + "page.token";
     settings.session_idle_ns = 60 * ns_per_s;
-    auto started = Server::start(
-        settings, {"tello1"}, {.manual = true, .speed_mps = 0.5},
-        [this](const PilotWish& wish) -> Status {
-          if (wish.takeoff && !reached) return Error{"the ledger is not reached yet"};
-          const std::lock_guard lock(mutex);
-          wishes.push_back(wish);
-          return done;
-        },
-        keys);
+    const auto take = [this](const PilotWish& wish) -> Status {
+      if (wish.takeoff && !reached) return Error{"the ledger is not reached yet"};
+      const std::lock_guard lock(mutex);
+      wishes.push_back(wish);
+      return done;
+    };
+    // On a thread of its own, as the flight's is.
+    const auto ask_missions = [this](MissionAsk asked, std::function<void(ApiAnswer)> answer) {
+      threads.emplace_back([asked = std::move(asked), answer = std::move(answer)] {
+        answer({asked.kind == MissionAsk::Kind::add ? 201U : 202U, std::to_string(asked.text.size())});
+      });
+    };
+    auto started = Server::start(settings, {"tello1"}, {.manual = true, .speed_mps = 0.5},
+                                 {.take = take, .keys = keys, .ask_missions = ask_missions});
     if (!started) throw std::runtime_error(started.error().what);
     server = std::move(*started);
     place = server->url().substr(std::string("http://").size());
@@ -121,6 +126,7 @@ class StationServer : public testing::Test {
   std::mutex mutex;
   std::vector<PilotWish> wishes;
   std::atomic<bool> reached{true};
+  std::vector<std::jthread> threads;
   ServiceSettings settings;
   std::unique_ptr<Server> server;
   std::string place, token;
@@ -305,6 +311,37 @@ TEST_F(StationServer, AWordThatIsNotTakenNowIsAnswered503) {
   EXPECT_EQ(heard(), 1U);
 }
 
+TEST_F(StationServer, AMissionMayBeLongFromWhoKnowsTheTokenAlone) {
+  const std::string text(1'000'000, 'x');
+  const auto added = ask(http::verb::post, "/api/v1/missions", token, text);
+  EXPECT_EQ(added.result_int(), 201U);
+  EXPECT_EQ(added.body(), "1000000");
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/missions/abc/start", token).result_int(), 202U);
+  for (const auto& [target, bearer] :
+       {std::pair("/api/v1/missions", std::string("0")), std::pair("/api/v1/drones/tello1/path", token)}) {
+    beast::error_code error;
+    tcp::socket socket = dial();
+    http::request<http::string_body> request{http::verb::post, target, 11, text};
+    request.set(http::field::host, place);
+    request.set(http::field::authorization, "Bearer " + bearer);
+    request.prepare_payload();
+    http::write(socket, request, error);  // it need not take all of it
+    beast::flat_buffer buffer;
+    http::response<http::string_body> response;
+    http::read(socket, buffer, response, error);
+    EXPECT_TRUE(error || response.result_int() == 413U) << target;
+  }
+}
+
+TEST_F(StationServer, MissionsAreToldWhenTheyChange) {
+  const auto client = stream();
+  EXPECT_EQ(read(*client)["op"], "hello");
+  server->publish_missions(R"([{"id":"1"}])");
+  const json told = read(*client);
+  EXPECT_EQ(told["op"], "missions");
+  EXPECT_EQ(told["missions"][0]["id"], "1");
+}
+
 TEST_F(StationServer, APathIsToldWhenItChangesAndToWhoComesLater) {
   const auto early = stream();
   EXPECT_EQ(read(*early)["op"], "hello");
@@ -376,7 +413,7 @@ TEST(StationPlace, IsThisComputerAlone) {
     ServiceSettings settings;
     settings.listen = listen;
     settings.token_file = directory.path + "/" + "token";
-    const auto server = Server::start(settings, {}, {}, [](const PilotWish&) { return Status(done); });
+    const auto server = Server::start(settings, {}, {}, {.take = [](const PilotWish&) { return Status(done); }});
     ASSERT_FALSE(server) << listen;
     EXPECT_THAT(server.error().what, HasSubstr("[service] listen"));
   }

@@ -1,0 +1,99 @@
+#pragma once
+#include <map>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "ground/mission/check.hpp"
+#include "ground/mission/run.hpp"
+#include "ground/service/core/api.hpp"
+
+namespace ledgerline::ground::service {
+
+/// [mission] of ground.toml.
+struct MissionSettings {
+  std::string folder;  ///< where missions are kept; empty: nowhere, so a ground that is started again knows none
+  mission::RunConfig run{};
+  mission::CheckConfig check{};
+  std::vector<std::string> approvers;  ///< MSP ids whose members' approvals count; empty: our own
+};
+
+/// The station's missions: added, checked, approved, flown by a MissionRun each, and kept. No I/O; the flight's thread.
+class MissionBook {
+ public:
+  static constexpr std::size_t max_missions = 16;
+
+  /// `self`: who signs where no operator does.
+  MissionBook(MissionSettings settings, crypto::IdentityName self);
+
+  /// The error, or the id of the new mission: the first digits of its hash.
+  Result<std::string> add(mission::Mission mission);
+  /// What keep() gave. The error: it is none.
+  Result<std::string> restore(std::string_view text);
+  /// Of one that is not flown.
+  Status remove(const std::string& id);
+  /// As read from the ledger: who has anchored its digest.
+  void set_signers(const std::string& id, const std::vector<crypto::IdentityName>& signers);
+  /// What check() found.
+  void set_findings(const std::string& id, std::vector<mission::Finding> findings);
+
+  /// `lease`: of each drone of the flight, in its order; `by`: who wants it, none: ourselves. Whoever starts it has to hold
+  /// all of its drones, and no other mission may fly one of them.
+  Status start(const std::string& id, const std::optional<crypto::IdentityName>& by,
+               const std::vector<mission::Finding>& findings, const FlightCore& core);
+  Status pause(const std::string& id);
+  Status resume(const std::string& id);
+  Status land(const std::string& id, const std::string& why);
+
+  struct Outputs {
+    std::vector<PilotWish> wishes;
+    std::vector<mission::RunEvent> events;
+    std::vector<std::string> kept;   ///< ids whose keep() is another by now
+    std::vector<std::string> ended;  ///< ids of those that are done or aborted by now
+  };
+  /// Behind FlightCore's step.
+  Outputs step(TimeNs now, const FlightCore& core);
+  /// Whether step() has anything to do.
+  bool busy() const;
+
+  bool has(const std::string& id) const { return missions_.contains(id); }
+  const mission::Mission& mission(const std::string& id) const { return missions_.at(id).run->mission(); }
+  const crypto::Digest& digest(const std::string& id) const { return missions_.at(id).run->digest(); }
+  const mission::CheckConfig& check_config() const { return settings_.check; }
+  std::vector<std::string> ids() const;
+
+  /// JSON of docs/missions.md.
+  std::string list() const;
+  std::string show(const std::string& id) const;
+  /// For restore().
+  std::string keep(const std::string& id) const;
+  /// What became of it, for the ledger's eyes: a JSON text whose hash is anchored. `realtime_s`: now.
+  std::string record(const std::string& id, std::int64_t realtime_s) const;
+  /// Whether it has changed since it was asked last.
+  bool changed() { return std::exchange(changed_, false); }
+
+ private:
+  struct Entry {
+    std::unique_ptr<mission::MissionRun> run;
+    std::optional<crypto::IdentityName> by{};
+    std::vector<crypto::IdentityName> signers{};
+    std::vector<mission::Finding> findings{};
+    bool stirred = false;  ///< step() has something to tell of it
+    TimeNs quiet_ns = 0;   ///< of an aborted one: then not any more
+    mission::RunPhase phase = mission::RunPhase::checked;
+  };
+  Result<std::string> put(mission::MissionRun run, std::optional<crypto::IdentityName> by);
+  Entry* find(const std::string& id);
+  Status whole_lease(const Entry& entry, const std::optional<crypto::IdentityName>& by, const FlightCore& core) const;
+  nlohmann::json json_of(const std::string& id, const Entry& entry) const;
+
+  MissionSettings settings_;
+  const crypto::IdentityName self_;
+  std::map<std::string, Entry> missions_;  ///< by id
+  bool changed_ = true;
+};
+
+}  // namespace ledgerline::ground::service

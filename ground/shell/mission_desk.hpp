@@ -1,0 +1,73 @@
+#pragma once
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "common/fabric/client/client.hpp"
+#include "common/rt/mailbox.hpp"
+#include "common/rt/workers.hpp"
+#include "ground/service/missions/asked.hpp"
+#include "ground/service/missions/book.hpp"
+
+namespace ledgerline::ground {
+
+/// The shell around MissionBook: what takes long (reading a mission, checking it, asking the ledger who approved it, keeping
+/// it on the disk) is done by a worker, and comes back to the flight's thread, whose the book is.
+class MissionDesk {
+ public:
+  using Answer = std::function<void(service::ApiAnswer)>;
+  struct Parts {
+    service::MissionSettings settings;
+    const FlightCore& core;
+    fabric::Client& client;  ///< to ask, and for what ground's own identity anchors
+    /// Has an operator sign his approval; the error says why he cannot now.
+    std::function<Status(std::size_t who, const service::OperatorCall& call)> sign;
+    std::function<void(const PilotWish& wish)> wish;
+    std::function<void(Level level, const std::string& drone, const std::string& words)> tell;
+    std::function<void(std::string list)> publish;  ///< [MISSION...]
+    std::function<void()> wake;                     ///< the flight's thread shall step()
+  };
+  static constexpr std::size_t max_waiting = 32;
+
+  explicit MissionDesk(Parts parts) : parts_(std::move(parts)), book_(parts_.settings, parts_.core.config().self) {}
+  /// Reads what an earlier ground kept. An error: the folder cannot be read; a file that is no mission is said and left.
+  Status restore();
+  ~MissionDesk() { close(); }
+
+  /// Any thread; `answer` comes exactly once, on a thread of the desk's or of the flight's.
+  void ask(service::MissionAsk asked, Answer answer);
+  /// A block of the ledger, which may approve.
+  void look(const fabric::Block& block);
+  /// Behind FlightCore's step.
+  void step(TimeNs now);
+  /// Waits for the worker; what comes from here on is refused.
+  void close();
+
+ private:
+  using Task = std::function<void()>;
+  void later(Task task);  ///< on the flight's thread
+  bool work(Task task);
+  void add(const service::MissionAsk& asked, const Answer& answer);
+  void take(mission::Mission mission, const Answer& answer);
+  void check(const std::string& id, std::function<void(std::vector<mission::Finding>)> then);
+  void read_signers(const std::string& id);
+  void answer_on_flight(const service::MissionAsk& asked, const Answer& answer);
+  void approve(const service::MissionAsk& asked, const Answer& answer);
+  void keep(const std::string& id);
+  void forget(const std::string& id);
+  void write_record(const std::string& id);
+  void ask_again(TimeNs now);
+  std::string file_of(const std::string& id) const { return parts_.settings.folder + "/" + id + ".json"; }
+
+  Parts parts_;
+  service::MissionBook book_;
+  std::map<std::string, TimeNs> unread_;  ///< whose signers could not be read, and when to ask again
+  Mailbox<Task> tasks_;  ///< for the flight's thread; at most as many as requests and tasks of the worker
+  std::mutex worker_mutex_;
+  std::unique_ptr<Workers> worker_ = std::make_unique<Workers>(1, max_waiting);
+};
+
+}  // namespace ledgerline::ground

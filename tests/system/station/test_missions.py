@@ -1,0 +1,139 @@
+"""Missions at the station: written, checked, approved on the ledger, flown together, paused; and a ground that is killed."""
+import json
+import math
+import os
+import random
+import signal
+import subprocess
+import time
+
+from flights import BIN, fly, no_flight_outlives_its_test, pid_of, printed
+from station import Station
+from test_operators import holder, sign_in
+from test_station import end
+
+LONG = os.environ.get("LEDGERLINE_LONG") == "1"
+
+
+def mission(station: Station, name: str, ways: dict, then: str = "hover") -> dict:
+    """Of waypoints from where each drone stands now."""
+    drones = []
+    for drone, way in ways.items():
+        x, y, _ = station.wait(drone, lambda d: d["link_phase"] in ("on_ground", "landed", "flying") and d["position"])["position"]
+        drones.append({"drone": drone, "then": then,
+                       "waypoints": [{"x": round(x + dx, 3), "y": round(y + dy, 3), "z": 1.2} for dx, dy in way]})
+    return {"name": name, "drones": drones}
+
+
+def phase_of(station: Station, one: str) -> dict:
+    return station.ask("GET", f"missions/{one}")[1]
+
+
+def until(station: Station, one: str, wanted, limit_s: float = 90) -> dict:
+    deadline = time.monotonic() + limit_s
+    while not wanted(told := phase_of(station, one)):
+        assert time.monotonic() < deadline, told
+        time.sleep(0.1)
+    return told
+
+
+def add(station: Station, written: dict) -> str:
+    status, answer = station.ask("POST", "missions", written)
+    assert status == 201, answer
+    return answer["id"]
+
+
+def test_a_mission_is_checked_approved_flown_together_and_on_the_ledger(tmp_path):
+    flight = fly(tmp_path, "--drones", "2", "--shape", "manual", "--watch", "--operators", "alice,bob")
+    station = Station(tmp_path, flight)
+    alice = sign_in(station, tmp_path, "alice")
+    crossing = mission(station, "crossing", {"tello1": [(1, 1)], "tello2": [(-1, 1)]})
+    crossing["drones"][1]["waypoints"] = crossing["drones"][0]["waypoints"]
+    found = phase_of(alice, add(alice, crossing))["findings"]
+    assert any(one["forbids"] for one in found), found
+    written = mission(station, "survey", {"tello1": [(1, 0), (1, 1), (0, 1)], "tello2": [(1, 0), (1, 1), (0, 1)]}, "land")
+    assert station.ask("POST", "missions", written)[0] == 403, "nobody is signed in"
+    one = add(alice, written)
+    assert phase_of(alice, one)["findings"] == [], phase_of(alice, one)
+    status, refused = alice.ask("POST", f"missions/{one}/start")
+    assert status == 409, refused
+    for name in ("tello1", "tello2"):
+        alice.say(f"drones/{name}/acquire")
+        station.wait(name, holder("alice"))
+    status, refused = alice.ask("POST", f"missions/{one}/start")
+    assert status == 409 and "0 of 1 approvals" in refused["error"], refused
+    alice.say(f"missions/{one}/approve")
+    approved = until(alice, one, lambda told: told["phase"] == "approved")
+    assert approved["approvals"] == [alice.identity]
+    alice.say(f"missions/{one}/start")
+    flying = until(alice, one, lambda told: told["phase"] in ("to_start", "flying"))
+    assert flying["by"] == alice.identity
+    assert alice.ask("DELETE", f"missions/{one}")[0] == 409, "while it is flown"
+    until(alice, one, lambda told: all(n >= 1 for n in told["reached"].values()))
+    alice.say(f"missions/{one}/pause")
+    for name in ("tello1", "tello2"):
+        station.wait(name, lambda drone: drone["paused"] and math.hypot(*drone["velocity"]) < 0.1)
+    alice.say(f"missions/{one}/resume")
+    until(alice, one, lambda told: told["phase"] == "done")
+    for name in ("tello1", "tello2"):
+        station.wait(name, lambda drone: drone["phase"] == "landed")
+    record = tmp_path / "run" / "missions" / f"{one}.record.json"
+    deadline = time.monotonic() + 20
+    while (verified := subprocess.run([BIN / "ledgerline-control", "--config", tmp_path / "run" / "operator.toml", "verify", record],
+                                      capture_output=True, text=True, timeout=30)).returncode != 0:
+        assert time.monotonic() < deadline, verified.stderr
+        time.sleep(0.5)
+    assert "what became of mission survey" in verified.stdout
+    assert json.loads(record.read_text())["phase"] == "done"
+    end(flight, tmp_path)
+
+
+def comes_back(station: Station, pid: int) -> None:
+    deadline = time.monotonic() + 60
+    while True:
+        try:
+            if pid_of("ledgerline-ground") != pid and station.ask("GET", "missions")[0] == 200:
+                return
+        except (OSError, StopIteration, ValueError, AssertionError):
+            pass
+        assert time.monotonic() < deadline, "no ground came back"
+        time.sleep(0.1)
+
+
+def test_a_ground_that_is_killed_goes_on_with_its_mission(tmp_path):
+    kills = 200 if LONG else 3
+    draw = random.Random(7)
+    flight = fly(tmp_path, "--drones", "2", "--shape", "manual", "--watch")
+    station = Station(tmp_path, flight)
+    way = [(1.5, 0), (1.5, 1.5), (0, 1.5), (0, 0)] * 30
+
+    def begin(name: str) -> tuple[str, dict]:
+        one = add(station, mission(station, name, {"tello1": way, "tello2": way}))
+        station.say(f"missions/{one}/approve")
+        until(station, one, lambda told: told["phase"] == "approved")
+        station.say(f"missions/{one}/start")
+        return one, dict(until(station, one, lambda told: told["phase"] == "flying")["reached"])
+
+    one, flown = begin("rounds")
+    for kill in range(kills):
+        if max(flown.values()) > 100:  # a battery does not last for all kills
+            station.say(f"missions/{one}/land")
+            for name in flown:
+                station.wait(name, lambda drone: drone["phase"] == "landed")
+            assert station.ask("DELETE", f"missions/{one}")[0] == 202
+            one, flown = begin(f"rounds{kill}")
+        time.sleep(draw.uniform(0.5, 4))
+        pid = pid_of("ledgerline-ground")
+        os.kill(pid, signal.SIGKILL)
+        comes_back(station, pid)
+        told = until(station, one, lambda told: told["phase"] in ("to_start", "flying") and not told["paused"])
+        told = until(station, one, lambda told: all(told["reached"][name] > flown[name] for name in flown))
+        flown = dict(told["reached"])
+        for name in flown:
+            drone = station.drone(name)
+            assert drone["link_phase"] == "flying" and drone["lease"]["ours"], drone
+    print(f"{kills} kills in the middle of a mission: each went on, waypoints {flown}")
+    station.say(f"missions/{one}/land")
+    for name in flown:
+        station.wait(name, lambda drone: drone["phase"] == "landed")
+    end(flight, tmp_path)
