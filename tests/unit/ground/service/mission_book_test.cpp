@@ -1,0 +1,178 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "ground/service/missions/book.hpp"
+#include "tests/unit/ground/core/flight_world.hpp"
+
+namespace ledgerline::ground::service {
+namespace {
+
+using nlohmann::json;
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+const crypto::IdentityName alice{"Org2MSP", "CN=alice"};
+
+mission::Mission mission_of(const std::string& name, const std::vector<std::string>& drones) {
+  mission::Mission mission{name, {}};
+  for (const std::string& drone : drones) {
+    const double x = 3.0 * (drone.back() - '1');
+    mission.drones.push_back({.drone = drone, .start_m = {}, .waypoints = {{{x, 2}, 1.0}, {{x, 3}, 1.0}}});
+  }
+  return mission;
+}
+
+FlightConfig config_of(int drones) {
+  FlightConfig config = config_for(drones);
+  config.manual = true;
+  return config;
+}
+
+/// A flight whose drones ground holds itself, and its missions.
+class Book : public testing::Test {
+ protected:
+  std::string approved(const std::string& name, const std::vector<std::string>& drones) {
+    const auto id = book.add(mission_of(name, drones));
+    EXPECT_TRUE(id) << id.error().what;
+    book.set_signers(*id, {operator_name});
+    return *id;
+  }
+  void run(double seconds) {
+    for (int i = 0; i < seconds * 20; ++i) {
+      world.run(0.05);
+      auto out = book.step(world.now_ns, world.core);
+      for (const PilotWish& wish : out.wishes) world.say(wish);
+      for (const auto& event : out.events) told.push_back(event.text);
+      kept.insert(kept.end(), out.kept.begin(), out.kept.end());
+      ended.insert(ended.end(), out.ended.begin(), out.ended.end());
+    }
+  }
+  json one(const std::string& id) const { return json::parse(book.show(id)); }
+  Status start(const std::string& id, const std::optional<crypto::IdentityName>& by = {},
+               const std::vector<mission::Finding>& findings = {}) {
+    return book.start(id, by, findings, world.core);
+  }
+
+  FlightWorld world{config_of(3)};
+  MissionBook book{{}, operator_name};
+  std::vector<std::string> told, kept, ended;
+};
+
+TEST_F(Book, AMissionIsAddedApprovedFlownAndRecorded) {
+  world.run(1);
+  const std::string id = approved("survey", {"tello1", "tello2"});
+  EXPECT_EQ(id.size(), 12U);
+  EXPECT_EQ(one(id)["phase"], "approved");
+  EXPECT_EQ(one(id)["approvals"], json::array({"Org2MSP CN=User1@org2"}));
+  EXPECT_FALSE(book.busy());
+  ASSERT_TRUE(start(id));
+  EXPECT_TRUE(book.busy());
+  run(40);
+  EXPECT_EQ(one(id)["phase"], "done") << book.list();
+  EXPECT_EQ(one(id)["reached"]["tello2"], 2);
+  EXPECT_THAT(ended, ElementsAre(id));
+  EXPECT_THAT(kept, Contains(id));
+  EXPECT_THAT(told, Contains("mission survey is done"));
+  EXPECT_FALSE(book.busy());
+  const json record = json::parse(book.record(id, 1'700'000'000));
+  EXPECT_EQ(record["phase"], "done");
+  EXPECT_EQ(record["unix_time_s"], 1'700'000'000);
+  EXPECT_EQ(record["mission"]["name"], "survey");
+  EXPECT_EQ(record["by"], "Org2MSP CN=User1@org2");
+}
+
+TEST_F(Book, WithoutApprovalsByTheRightOrganisationNothingStarts) {
+  world.run(1);
+  const auto id = book.add(mission_of("survey", {"tello1"}));
+  ASSERT_TRUE(id);
+  EXPECT_THAT(start(*id).error().what, HasSubstr("0 of 1 approvals"));
+  book.set_signers(*id, {stranger_name});
+  EXPECT_FALSE(start(*id)) << "anybody may anchor a digest";
+  EXPECT_TRUE(one(*id)["approvals"].empty());
+  book.set_signers(*id, {operator_name});
+  EXPECT_TRUE(start(*id));
+}
+
+TEST_F(Book, WhoStartsItHoldsAllOfItsDrones) {
+  world.run(1);
+  const std::string id = approved("survey", {"tello1", "tello2"});
+  EXPECT_THAT(start(id, alice).error().what, HasSubstr("tello1: its lease is held by CN=User1@org2: take control"));
+  (void)world.core.set_control(control_record("tello2", stranger_name, 2).SerializeAsString());
+  EXPECT_THAT(start(id).error().what, HasSubstr("tello2: its lease is held by"));
+}
+
+TEST_F(Book, ADroneFliesInOneMissionAtATime) {
+  world.run(1);
+  const std::string first = approved("first", {"tello1", "tello2"}), second = approved("second", {"tello2", "tello3"});
+  ASSERT_TRUE(start(first));
+  run(1);
+  EXPECT_THAT(start(second).error().what, HasSubstr("tello2 flies in mission first"));
+  EXPECT_THAT(book.remove(first).error().what, HasSubstr("is flown"));
+  ASSERT_TRUE(book.land(first, "test"));
+  run(15);
+  EXPECT_EQ(one(first)["phase"], "aborted");
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_TRUE(start(second));
+  EXPECT_TRUE(book.remove(first));
+  EXPECT_FALSE(book.has(first));
+}
+
+TEST_F(Book, WhatForbidsItIsToldAndForbidsIt) {
+  world.run(1);
+  const std::string id = approved("survey", {"tello1"});
+  mission::Finding finding;
+  finding.drone = "tello1";
+  finding.words = "drone tello1: it is too far";
+  EXPECT_THAT(start(id, {}, {finding}).error().what, HasSubstr("too far"));
+  EXPECT_EQ(one(id)["findings"][0]["words"], finding.words);
+  finding.forbids = false;
+  EXPECT_TRUE(start(id, {}, {finding}));
+}
+
+TEST_F(Book, TheSameMissionIsThereOnceAndThereAreNotTooMany) {
+  ASSERT_TRUE(book.add(mission_of("m", {"tello1"})));
+  EXPECT_THAT(book.add(mission_of("m", {"tello1"})).error().what, HasSubstr("is here already"));
+  for (std::size_t i = 1; i < MissionBook::max_missions; ++i)
+    ASSERT_TRUE(book.add(mission_of("m" + std::to_string(i), {"tello1"})));
+  EXPECT_THAT(book.add(mission_of("more", {"tello1"})).error().what, HasSubstr("remove one"));
+}
+
+TEST_F(Book, WhatIsKeptIsRestoredWithWhoStartedIt) {
+  world.run(1);
+  const std::string id = approved("survey", {"tello1"});
+  ASSERT_TRUE(start(id));
+  for (int i = 0; i < 100 && one(id)["phase"] != "to_start"; ++i) run(0.1);
+  ASSERT_EQ(one(id)["phase"], "to_start") << book.list();
+  MissionSettings settings;
+  settings.run.after_restart = mission::AfterRestart::go_on;
+  MissionBook other(settings, operator_name);
+  const auto again = other.restore(book.keep(id));
+  ASSERT_TRUE(again) << again.error().what;
+  EXPECT_EQ(*again, id);
+  EXPECT_TRUE(other.busy()) << "it has drones to find";
+  other.set_signers(id, {operator_name});
+  for (int i = 0; i < 800; ++i) {
+    world.run(0.05);
+    for (const PilotWish& wish : other.step(world.now_ns, world.core).wishes) world.say(wish);
+  }
+  EXPECT_EQ(json::parse(other.show(id))["phase"], "done");
+}
+
+TEST_F(Book, WhatWasNotKeptByABookIsRefused) {
+  for (const char* text :
+       {"", "[]", "{}", R"({"by":null})", R"({"by":7,"run":{}})", R"({"by":null,"run":{},"more":1})"})
+    EXPECT_FALSE(book.restore(text)) << text;
+  EXPECT_EQ(book.list(), "[]");
+}
+
+TEST_F(Book, OfAnUnknownMissionEverythingIsRefused) {
+  for (const Status& status :
+       {start("0a"), book.pause("0a"), book.resume("0a"), book.land("0a", ""), book.remove("0a")})
+    EXPECT_THAT(status.error().what, HasSubstr("there is no mission"));
+}
+
+}  // namespace
+}  // namespace ledgerline::ground::service
