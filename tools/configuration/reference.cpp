@@ -64,6 +64,7 @@ const std::vector<Source>& sources() {
          (void)ground::flight_config(config);
          (void)ground::output_settings(config);
          (void)ground::service_settings(config);
+         (void)ground::mission_settings(config);
          (void)ground::checkpoint_path(config);
          (void)ground::read_bridge(config, {});
        }},
