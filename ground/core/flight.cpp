@@ -95,7 +95,13 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
   }
   const bool time_is_up = config_.manual && config_.seconds > 0 && now_ns - started_ns_ > from_seconds(config_.seconds);
   ending_ = ending_ || (config_.manual && (time_is_up || !inputs.land.empty()));
-  for (const PilotWish& wish : inputs.wishes) take_wish(now_ns, wish, out);
+  // Of all that is wished in one step the safest counts, whoever says it.
+  for (const PilotWish& wish : inputs.wishes) {
+    if (wish.stop || wish.cut || wish.land) take_wish(now_ns, wish, out);
+  }
+  for (const PilotWish& wish : inputs.wishes) {
+    if (!wish.stop && !wish.cut && !wish.land) take_wish(now_ns, wish, out);
+  }
   for (std::size_t i = 0; i < drones_.size(); ++i) step_drone(now_ns, i, inputs, out);
   stops_.submit(now_ns, leases_, next_id_, out.submissions);
   requests_.step(now_ns, leases_, next_id_, out.submissions, out.notes);
@@ -190,7 +196,11 @@ void FlightCore::lease_changed(TimeNs now_ns, const LeaseBook::Change& change) {
     if (outbox_) outbox_->begin_lease(change.drone, organisation, lease.epoch);
     timing_.begin_lease(change.drone);
   }
-  drones_[change.drone]->phases.lease_changed(now_ns);
+  Phases& phases = drones_[change.drone]->phases;
+  phases.lease_changed(now_ns);
+  // A path is its giver's: whoever has the drone now gives his own.
+  if (change.new_epoch && config_.manual && drones_[change.drone]->status.phase == DronePhase::path)
+    (void)phases.take_pause(now_ns);
 }
 
 void FlightCore::take_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
@@ -218,6 +228,9 @@ void FlightCore::take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& 
     if (!why.empty() && !stop) refuse(now_ns, wish.drone, "no landing: " + why, out);
   } else if (const std::string whose = held_by_another(wish); !whose.empty()) {
     if (wish.takeoff || wish.order || wish.pause || wish.velocity) refuse(now_ns, wish.drone, whose, out);
+    return;
+  } else if ((wish.takeoff || wish.order) && stops_.pending(wish.drone)) {
+    refuse(now_ns, wish.drone, "a stop of it is on its way to the ledger", out);
     return;
   } else if (wish.takeoff) {
     if (const std::string why = drone.phases.take_off(now_ns, ending_); !why.empty())

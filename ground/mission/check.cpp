@@ -22,6 +22,8 @@ std::string wrong_in(const CheckConfig& config) {
   return "";
 }
 
+constexpr std::size_t max_other_corners = 100;
+
 std::string at_time(double t_s) { return t_s < 0 ? "at the start" : fmt::format("at {:.1f} s", t_s); }
 
 class Check {
@@ -44,6 +46,7 @@ class Check {
   void check_way(const MissionDrone& drone, const Eigen::Vector3d& here_m);
   void check_fence(const std::string& drone, std::optional<std::size_t> waypoint, const Eigen::Vector3d& at_m);
   void check_battery(const MissionDrone& drone, const DroneNow& now, const Timetable& table);
+  void add_other(const DroneNow& now);
   void check_pairs();
   void add_meeting(const Flown& one, const Flown& other, const Corridor::Meeting& meeting);
   double height_m(const Waypoint& waypoint) const { return waypoint.height_m.value_or(config_.flight.height_m); }
@@ -207,6 +210,26 @@ void Check::check_pairs() {
   }
 }
 
+// One that has no part in the mission: it may be anywhere on its path at any time, and all below it while it takes off or
+// lands.
+void Check::add_other(const DroneNow& now) {
+  if (!now.at_m) {
+    if (now.seen && !now.on_ground) add(now.name, {}, "has no part in it, is in the air, and nobody knows where");
+    return;
+  }
+  const bool rises = now.phase == DronePhase::takeoff || now.phase == DronePhase::landing;
+  const double low_m = rises ? 0 : now.at_m->z(),
+               high_m = std::max(now.at_m->z(), rises ? config_.takeoff_height_m : 0);
+  flown_.push_back({nullptr, now.name, {}, Corridor(now.at_m->head<2>(), low_m, std::max(low_m, high_m))});
+  if (now.way.size() > max_other_corners)
+    return add(now.name, {}, "has no part in it, and its path is too long to be held against: wait for its end");
+  Eigen::Vector3d from_m = *now.at_m;
+  for (const Eigen::Vector3d& to_m : now.way) {
+    flown_.push_back({nullptr, now.name, {}, Corridor(from_m, to_m)});
+    from_m = to_m;
+  }
+}
+
 std::vector<Finding> Check::of(const Mission& mission) {
   if (const std::string wrong = wrong_in(config_); !wrong.empty()) {
     add("", {}, "not checked: " + wrong);
@@ -220,8 +243,7 @@ std::vector<Finding> Check::of(const Mission& mission) {
   for (const MissionDrone& drone : mission.drones) check_drone(drone);
   for (const DroneNow& now : now_) {
     const auto is_it = [&](const MissionDrone& drone) { return drone.drone == now.name; };
-    if (!now.at_m || std::any_of(mission.drones.begin(), mission.drones.end(), is_it)) continue;
-    flown_.push_back({nullptr, now.name, {}, Corridor(now.at_m->head<2>(), now.at_m->z(), now.at_m->z())});
+    if (std::none_of(mission.drones.begin(), mission.drones.end(), is_it)) add_other(now);
   }
   check_pairs();
   if (left_out_ > 0) findings_.push_back({"", {}, fmt::format("and {} more findings", left_out_), left_out_forbids_});

@@ -39,7 +39,7 @@ struct Finding {
 };
 
 /// What speaks against the mission as the drones stand and hover now; empty: nothing. Those of `now` that have no part in
-/// it keep their place. `max_findings` at most, the last one then says that there are more.
+/// it keep their place, or are anywhere on the path that they fly. `max_findings` at most, the last one then says that there are more.
 ///
 /// - bounds (check_bounds), names, phases, poses and starts; each waypoint within motion::max_distance_m of where its
 ///   drone is, and of every other one, since a pause may end anywhere between them;

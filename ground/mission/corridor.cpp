@@ -64,6 +64,12 @@ Corridor::Corridor(const Timetable& table, double low_m, double from_m, std::opt
   grow();
 }
 
+Corridor::Corridor(const Eigen::Vector3d& from_m, const Eigen::Vector3d& to_m) {
+  const auto [low_m, high_m] = std::minmax(from_m.z(), to_m.z());
+  add(from_m.head<2>(), to_m.head<2>(), low_m, high_m, -for_ever, for_ever);
+  grow();
+}
+
 Corridor::Corridor(const Eigen::Vector2d& at_m, double low_m, double high_m) {
   add(at_m, at_m, low_m, high_m, -for_ever, for_ever);
   grow();

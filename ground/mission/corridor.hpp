@@ -26,6 +26,8 @@ class Corridor {
   /// for so long; nothing: it hovers there.
   Corridor(const Timetable& table, double low_m, double from_m, std::optional<double> landing_s,
            const ControllerConfig& flight);
+  /// Of one that may be anywhere on this straight way at any time.
+  Corridor(const Eigen::Vector3d& from_m, const Eigen::Vector3d& to_m);
   /// Of one that stays where it is, between these heights.
   Corridor(const Eigen::Vector2d& at_m, double low_m, double high_m);
 

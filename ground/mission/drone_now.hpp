@@ -2,6 +2,7 @@
 #include <Eigen/Core>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "ground/core/flight.hpp"
 
@@ -19,6 +20,7 @@ struct DroneNow {
   std::string why{};                      ///< what went wrong with its flight
   std::optional<Eigen::Vector3d> at_m{};  ///< map; nothing: it has no pose, or its newest is old
   std::optional<double> battery_share{};  ///< 0 to 1
+  std::vector<Eigen::Vector3d> way{};     ///< corners of the path that it flies or has paused
 };
 
 inline DroneNow drone_now(const FlightCore& core, std::size_t drone) {
@@ -37,6 +39,7 @@ inline DroneNow drone_now(const FlightCore& core, std::size_t drone) {
                         state.stamp_ns - state.pose_stamp_ns <= core.config().controller.pose_lost_ns;
   if (has_pose) now.at_m = Eigen::Vector3d::Map(state.position_m.data());
   if (seen.has_state && state.sdk_state_fresh) now.battery_share = static_cast<double>(state.battery);
+  for (const auto& corner : status.planned) now.way.push_back(Eigen::Vector3d::Map(corner.data()));
   return now;
 }
 

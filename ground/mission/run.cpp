@@ -34,7 +34,8 @@ std::string name_of(RunPhase phase) {
 MissionRun::MissionRun(Mission mission, const RunConfig& config)
     : mission_(std::move(mission)),
       config_(config),
-      digest_(mission::digest(mission_)),
+      canonical_(mission::canonical(mission_)),
+      digest_(crypto::sha256(canonical_)),
       parts_(mission_.drones.size()) {
   std::sort(mission_.drones.begin(), mission_.drones.end(),
             [](const MissionDrone& a, const MissionDrone& b) { return a.drone < b.drone; });
@@ -44,6 +45,19 @@ Result<MissionRun> MissionRun::make(Mission mission, const RunConfig& config) {
   if (config.required_approvals < 1 || config.required_approvals > 2) return Error{"1 or 2 approvals may be required"};
   if (const Status bounds = check_bounds(mission); !bounds) return bounds.error();
   return MissionRun(std::move(mission), config);
+}
+
+Mission MissionRun::rest() const {
+  Mission rest{mission_.name, {}};
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    if (is_over(i) || parts_[i].leg == Leg::landing) continue;
+    MissionDrone drone = mission_.drones[i];
+    const std::size_t reached = std::min(parts_[i].reached, drone.waypoints.size() - 1);
+    drone.waypoints = {drone.waypoints.begin() + static_cast<std::ptrdiff_t>(reached), drone.waypoints.end()};
+    if (parts_[i].leg != Leg::standing) drone.start_m.reset();  // it is wherever its pause has left it
+    rest.drones.push_back(std::move(drone));
+  }
+  return rest;
 }
 
 Status MissionRun::change(Mission mission) {
@@ -301,12 +315,13 @@ void MissionRun::advance() {
 }
 
 void MissionRun::land_all() {
-  for (Part& part : parts_) part.to_land = true;
+  for (Part& part : parts_) part.to_land = part.landing_due = true;
 }
 
 // Once, and not before FlightCore has the drone: after a restart it has to find it.
 void MissionRun::land(std::size_t drone, const DroneNow& seen, std::size_t index) {
   Part& part = parts_[drone];
+  if (seen.seen && seen.on_ground) part.landing_due = false;
   const bool is_flown = is_in_air(seen.phase) || (seen.phase == DronePhase::failed && !seen.on_ground);
   if (!part.to_land || !seen.seen || !(is_flown || seen.on_ground || seen.phase == DronePhase::landing)) return;
   part.to_land = false;

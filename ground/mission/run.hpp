@@ -73,6 +73,9 @@ class MissionRun {
 
   const Mission& mission() const { return mission_; }  ///< drones in the order of their names
   const crypto::Digest& digest() const { return digest_; }
+  const std::string& canonical() const { return canonical_; }
+  /// What is left of it: the drones that are neither lost nor at their end, each with the waypoints that it has not reached.
+  Mission rest() const;
   RunPhase phase() const { return phase_; }
   bool paused() const { return paused_; }
   const std::string& why() const { return why_; }  ///< of an aborted one
@@ -105,6 +108,7 @@ class MissionRun {
     std::uint64_t paths = 0;   ///< DroneNow::paths before the newest order
     bool found = true;         ///< after a restart: FlightCore has it
     bool to_land = false;      ///< and was not told yet
+    bool landing_due = false;  ///< and was not seen down yet
   };
   static const std::vector<std::string_view>& leg_names();
 
@@ -132,6 +136,7 @@ class MissionRun {
 
   Mission mission_;
   RunConfig config_;
+  std::string canonical_;
   crypto::Digest digest_{};
   RunPhase phase_ = RunPhase::checked;
   bool paused_ = false;

@@ -51,7 +51,8 @@ std::string MissionRun::saved_state() const {
   for (std::size_t i = 0; i < parts_.size(); ++i)
     drones.push_back({{"drone", name(i)},
                       {"leg", leg_names()[static_cast<std::size_t>(parts_[i].leg)]},
-                      {"reached", parts_[i].reached}});
+                      {"reached", parts_[i].reached},
+                      {"to_land", parts_[i].landing_due}});
   const json state{{"version", version},
                    {"phase", name_of(phase_)},
                    {"paused", paused_},
@@ -63,12 +64,12 @@ std::string MissionRun::saved_state() const {
 std::string MissionRun::saved() const {
   std::string text = saved_state();
   text.back() = ',';
-  return text + R"("mission":)" + canonical(mission_) + "}";
+  return text + R"("mission":)" + canonical_ + "}";
 }
 
 Status MissionRun::restore_part(const nlohmann::json& given, std::size_t drone) {
   if (!given.is_object()) return Error{"must be an object"};
-  if (const Status keys = strict::only(given, {"drone", "leg", "reached"}); !keys) return keys;
+  if (const Status keys = strict::only(given, {"drone", "leg", "reached", "to_land"}); !keys) return keys;
   if (given.value("drone", json()) != name(drone)) return Error{fmt::format("must be {}", name(drone))};
   const auto leg = index_in(leg_names(), given.value("leg", json()));
   if (!leg) return Error{"leg must be one of a mission's"};
@@ -76,7 +77,10 @@ Status MissionRun::restore_part(const nlohmann::json& given, std::size_t drone) 
   const std::size_t count = mission_.drones[drone].waypoints.size();
   if (!reached.is_number_unsigned() || reached.get<std::uint64_t>() > count)
     return Error{fmt::format("reached must be 0 to {}", count)};
+  const json to_land = given.value("to_land", json());
+  if (!to_land.is_boolean()) return Error{"to_land must be true or false"};
   Part& part = parts_[drone];
+  part.to_land = part.landing_due = to_land.get<bool>();
   part.leg = static_cast<Leg>(*leg);
   part.reached = reached.get<std::size_t>();
   const bool at_end = part.leg == Leg::ended || part.leg == Leg::landing || part.leg == Leg::landed;
@@ -119,7 +123,10 @@ Result<MissionRun> MissionRun::restore(std::string_view text, const RunConfig& c
   run->paused_ = run->active() && paused.get<bool>();
   run->why_ = printable(why.get<std::string>());
   run->recovering_ = run->active();
-  if (run->phase_ == RunPhase::aborted) run->land_all();  // whoever is still in the air
+  // Of an aborted one those land that were not seen to; of another one that is for its rules.
+  if (run->phase_ != RunPhase::aborted) {
+    for (Part& part : run->parts_) part.to_land = part.landing_due = false;
+  }
   return run;
 }
 

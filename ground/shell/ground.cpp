@@ -165,21 +165,22 @@ void Ground::see_off(TimeNs now_ns) {
       if (core_.lease(drone).holder != who || core_.lease(drone).commander != core_.config().self) continue;
       held.push_back(drone);
       const DronePhase phase = core_.status(drone).phase;
-      if (is_in_air(phase) || phase == DronePhase::landing) aloft.push_back(drone);
+      const Seen& seen = core_.seen(drone);
+      if (is_in_air(phase) || phase == DronePhase::landing || (seen.has_state && in_flight(seen.state.phase)))
+        aloft.push_back(drone);
     }
-    if (!aloft.empty() && now_ns < one->until_ns) {
-      if (now_ns >= one->next_ns) {
+    if (now_ns < one->from_ns || (!aloft.empty() && now_ns < one->until_ns)) {
+      if (now_ns >= std::max(one->from_ns, one->next_ns)) {
         one->next_ns = now_ns + ns_per_s;
         for (const std::size_t drone : aloft) wish(drone, who, [](PilotWish& wished) { wished.land = true; });
       }
       ++one;
       continue;
     }
-    for (const std::size_t drone : held) {
-      const Status asked = desk_->submit(one->who, {.kind = service::OperatorCall::Kind::release, .drone = drone});
-      if (!asked) spdlog::warn("{}: not given back: {}", names_[drone], asked.error().what);
+    if (!desk_->see_off(one->who, held) && now_ns < one->until_ns) {  // too much waits to be signed
+      ++one;
+      continue;
     }
-    desk_->forget(one->who);
     one = leaving_.erase(one);
   }
 }
@@ -191,6 +192,10 @@ void Ground::open_missions(service::MissionSettings settings) {
       .core = core_,
       .client = *urgent_,
       .sign = [this](std::size_t who, const service::OperatorCall& call) { return desk_->submit(who, call); },
+      .signed_in =
+          [this](std::size_t who) {
+            return std::none_of(leaving_.begin(), leaving_.end(), [&](const Leaving& one) { return one.who == who; });
+          },
       .wish =
           [this](const PilotWish& one) {
             wish(one.drone, one.by, [&](PilotWish& wished) { service::merge(one, wished); });
@@ -212,6 +217,7 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
     if (Status opened = open_desk(settings.operators, ledger); !opened) return opened;
   }
   self_ = ledger.identity.serialized;
+  session_idle_ns_ = settings.session_idle_ns;
   const FlightConfig& flight = core_.config();
   auto server = service::Server::start(
       settings, names_,
@@ -311,7 +317,7 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
     unshown_.push_back(board_.tell(monotonic_ns(), told->level, told->drone, told->words));
   } else if (const auto* change = std::get_if<SessionChange>(&letter)) {
     std::erase_if(leaving_, [&](const Leaving& one) { return one.who == change->who; });
-    if (!change->in) leaving_.push_back({change->who, monotonic_ns() + leaving_limit_ns, 0});
+    if (!change->in) leaving_.push_back({change->who, 0, monotonic_ns() + leaving_limit_ns, 0});
   } else if (const auto* read = std::get_if<ControlsRead>(&letter)) {
     if (!read->controls) return read->controls.error();
     // The blocks that waited come next, before any that came behind them.
@@ -324,6 +330,11 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
 
 Result<bool> Ground::run(const std::atomic<bool>& quit) {
   flying_ = true;
+  // Whose drones an earlier ground left to us may come back for them.
+  for (std::size_t who = 0; desk_ && who < desk_->operators().size(); ++who) {
+    const TimeNs from_ns = monotonic_ns() + session_idle_ns_;
+    leaving_.push_back({who, from_ns, from_ns + leaving_limit_ns, 0});
+  }
   TimeNs leave_ns = 0;
   while (!core_.done()) {
     const auto letter = next_letter(tick_ns);
@@ -352,6 +363,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
     if (output_.status_period_ns > 0 && now_ns >= next_status_ns_) write_status(now_ns);
   }
   if (output_.status_period_ns > 0) write_status(monotonic_ns());
+  flying_ = false;  // from here on the page is answered that nothing flies
   if (server_) {
     next_show_ns_ = 0;
     show(monotonic_ns());
@@ -368,10 +380,9 @@ void Ground::step(FlightInputs inputs) {
     auto ended = [this, id = submission.id, function = submission.call.function](fabric::Outcome outcome) {
       mailbox_.put(Ended{id, function, std::move(outcome)});
     };
-    if (submission.by)
-      desk_->stop(*submission.by, std::move(submission.call), std::move(ended));
-    else
-      (submission.urgent ? urgent_ : client_)->submit(std::move(submission.call), std::move(ended));
+    // A stop whose stopper has signed out meanwhile is ground's own.
+    if (submission.by && desk_->stop(*submission.by, submission.call, ended)) continue;
+    (submission.urgent ? urgent_ : client_)->submit(std::move(submission.call), std::move(ended));
   }
   recorder_.add(out.traces);
   for (const std::string& note : out.notes) spdlog::warn("{}", note);

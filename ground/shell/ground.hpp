@@ -133,10 +133,12 @@ class Ground {
 
   struct Leaving {
     std::size_t who;
+    TimeNs from_ns;   ///< not before: he may come back
     TimeNs until_ns;  ///< then his key is forgotten, whatever he holds
     TimeNs next_ns;   ///< then they are asked again to land
   };
   std::vector<Leaving> leaving_;  ///< operators
+  TimeNs session_idle_ns_ = 0;
 
   // Last, so that they end first: their callbacks use all of the above.
   std::unique_ptr<OperatorDesk> desk_;     ///< null: nobody signs in

@@ -8,7 +8,9 @@
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/belief/identity.hpp"
+#include "common/belief/roles.hpp"
 #include "common/msg/contract.hpp"
+#include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "ground/mission/parse.hpp"
 #include "ledgerline.pb.h"
@@ -21,6 +23,7 @@ using service::ApiAnswer;
 using service::MissionAsk;
 using service::refusal;
 
+constexpr int max_tasks = 4;
 constexpr TimeNs again_ns = 2 * ns_per_s;  // until the ledger is asked again
 constexpr const char* accepted = R"({"accepted":true})";
 
@@ -34,6 +37,25 @@ fabric::Call anchor_call(const std::string& digest, const std::string& what) {
   call.set_digest(digest);
   call.set_what(what);
   return {contract::anchor, {call.SerializeAsString()}};
+}
+
+/// Who has anchored this digest with these words, and is an operator or a supervisor now.
+Result<std::vector<crypto::IdentityName>> approvers_of(fabric::Client& client, const std::string& digest,
+                                                       const std::string& words) {
+  AnchorCall call;
+  call.set_digest(digest);
+  const auto answer = client.evaluate({contract::verify, {call.SerializeAsString()}});
+  if (!answer) return answer.error();
+  Anchors anchors;
+  if (const Status read = parse_message(*answer, anchors); !read) return read.error();
+  const auto roles = belief::read_roles([&](const fabric::Call& c) { return client.evaluate(c); });
+  if (!roles) return roles.error();
+  std::vector<crypto::IdentityName> signers;
+  for (const Anchor& anchor : anchors.anchors()) {
+    const crypto::IdentityName signer = belief::to_name(anchor.signer());
+    if (anchor.what() == words && is_operator(roles->of(signer))) signers.push_back(signer);
+  }
+  return signers;
 }
 
 std::string bytes_of(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
@@ -56,6 +78,10 @@ void MissionDesk::close() {
     const std::lock_guard lock(worker_mutex_);
     ending = std::move(worker_);
   }
+  ending.reset();
+  tasks_.close();
+  (void)tasks_.take_all();
+  waiting_.clear();
 }
 
 Status MissionDesk::restore() {
@@ -95,46 +121,45 @@ void MissionDesk::ask(MissionAsk asked, Answer answer) {
 void MissionDesk::add(const MissionAsk& asked, const Answer& answer) {
   auto mission = asked.csv ? mission::mission_from_csv(asked.text, asked.name) : mission::mission_from_json(asked.text);
   if (!mission) return answer(refusal(400, mission.error().what));
-  later([this, mission = std::move(*mission), answer] { take(mission, answer); });
+  auto run = mission::MissionRun::make(std::move(*mission), parts_.settings.run);
+  if (!run) return answer(refusal(400, run.error().what));
+  const auto made = std::make_shared<mission::MissionRun>(std::move(*run));
+  later([this, made, answer] { take(std::move(*made), answer); });
 }
 
-void MissionDesk::take(mission::Mission mission, const Answer& answer) {
-  const auto id = book_.add(std::move(mission));
+void MissionDesk::take(mission::MissionRun run, const Answer& answer) {
+  const auto id = book_.add(std::move(run));
   if (!id) return answer(refusal(409, id.error().what));
   keep(*id);
   read_signers(*id);
-  check(*id, [this, id = *id, answer](std::vector<mission::Finding> findings) {
-    book_.set_findings(id, std::move(findings));
+  check(book_.mission(*id), [this, id = *id, answer](Checked checked) {
+    book_.set_findings(id, std::move(checked.findings));
     answer(book_.has(id) ? ApiAnswer{201, book_.show(id)} : refusal(409, "it was removed at once"));
   });
 }
 
-void MissionDesk::check(const std::string& id, std::function<void(std::vector<mission::Finding>)> then) {
-  std::vector<mission::DroneNow> now;
-  for (std::size_t i = 0; i < parts_.core.drones().size(); ++i) now.push_back(mission::drone_now(parts_.core, i));
-  const bool taken = work([this, mission = book_.mission(id), now = std::move(now), then] {
-    auto findings = mission::check(mission, book_.check_config(), now);
-    later([then, findings = std::move(findings)]() mutable { then(std::move(findings)); });
+void MissionDesk::check(const mission::Mission& mission, std::function<void(Checked)> then) {
+  Checked checked;
+  for (std::size_t i = 0; i < parts_.core.drones().size(); ++i)
+    checked.then.push_back(mission::drone_now(parts_.core, i));
+  const bool taken = work([this, mission, checked, then]() mutable {
+    checked.findings = mission::check(mission, book_.check_config(), checked.then);
+    later([then, checked = std::move(checked)]() mutable { then(std::move(checked)); });
   });
   if (taken) return;
   mission::Finding waits;
   waits.words = "it was not checked: too many missions wait to be looked at";
-  then({std::move(waits)});
+  checked.findings = {std::move(waits)};
+  then(std::move(checked));
 }
 
 void MissionDesk::read_signers(const std::string& id) {
-  const std::string digest = bytes_of(book_.digest(id));
-  const bool taken = work([this, id, digest] {
-    AnchorCall call;
-    call.set_digest(digest);
-    const auto answer = parts_.client.evaluate({contract::verify, {call.SerializeAsString()}});
-    Anchors anchors;
-    const Status read = answer ? parse_message(*answer, anchors) : Status(answer.error());
-    std::vector<crypto::IdentityName> signers;
-    for (const Anchor& anchor : anchors.anchors()) signers.push_back(belief::to_name(anchor.signer()));
-    later([this, id, read, signers = std::move(signers)] {
-      if (read) return book_.set_signers(id, signers);
-      spdlog::warn("mission {}: who approved it cannot be read yet: {}", id, read.error().what);
+  const std::string digest = bytes_of(book_.digest(id)), words = service::approval_words(book_.mission(id).name);
+  const bool taken = work([this, id, digest, words] {
+    auto signers = approvers_of(parts_.client, digest, words);
+    later([this, id, signers = std::move(signers)] {
+      if (signers) return book_.set_signers(id, *signers);
+      spdlog::warn("mission {}: who approved it cannot be read yet: {}", id, signers.error().what);
       unread_[id] = monotonic_ns() + again_ns;
     });
   });
@@ -174,13 +199,17 @@ void MissionDesk::answer_on_flight(const MissionAsk& asked, const Answer& answer
     case Kind::approve:
       return approve(asked, answer);
     case Kind::start:
-      return check(asked.id, [this, asked, answer](const std::vector<mission::Finding>& findings) {
-        answer(done_or(book_.start(asked.id, asked.by, findings, parts_.core)));
+      return check(book_.mission(asked.id), [this, asked, answer](const Checked& checked) {
+        if (const Status in = signed_in(asked); !in) return answer(done_or(in));
+        answer(done_or(book_.start(asked.id, asked.by, checked, parts_.core)));
       });
     case Kind::pause:
       return answer(done_or(book_.pause(asked.id)));
     case Kind::resume:
-      return answer(done_or(book_.resume(asked.id)));
+      return check(book_.rest(asked.id), [this, asked, answer](const Checked& checked) {
+        if (const Status in = signed_in(asked); !in) return answer(done_or(in));
+        answer(done_or(book_.resume(asked.id, asked.by, checked, parts_.core)));
+      });
     case Kind::land:
       return answer(done_or(book_.land(asked.id, "somebody had all land")));
     case Kind::remove: {
@@ -194,6 +223,12 @@ void MissionDesk::answer_on_flight(const MissionAsk& asked, const Answer& answer
   }
 }
 
+// He may have signed out while it was checked.
+Status MissionDesk::signed_in(const MissionAsk& asked) const {
+  if (!asked.who || parts_.signed_in(*asked.who)) return done;
+  return Error{"whoever asked for it has signed out"};
+}
+
 void MissionDesk::approve(const MissionAsk& asked, const Answer& answer) {
   const mission::Mission& mission = book_.mission(asked.id);
   if (asked.who) {
@@ -203,7 +238,7 @@ void MissionDesk::approve(const MissionAsk& asked, const Answer& answer) {
     const Status asked_now = parts_.sign(*asked.who, call);
     return answer(asked_now ? ApiAnswer{202, accepted} : refusal(503, asked_now.error().what));
   }
-  const std::string what = fmt::format("mission {} may be flown", mission.name);
+  const std::string what = service::approval_words(mission.name);
   parts_.client.submit(anchor_call(bytes_of(book_.digest(asked.id)), what),
                        [this, name = mission.name](const fabric::Outcome& outcome) {
                          if (outcome.kind == fabric::Outcome::Kind::committed) return;
@@ -215,7 +250,14 @@ void MissionDesk::approve(const MissionAsk& asked, const Answer& answer) {
 }
 
 void MissionDesk::step(TimeNs now) {
-  for (const Task& task : tasks_.take_all()) task();
+  for (Task& task : tasks_.take_all()) waiting_.push_back(std::move(task));
+  // A few a step: whoever asks much waits, and no command does.
+  for (int i = 0; i < max_tasks && !waiting_.empty(); ++i) {
+    const Task task = std::move(waiting_.front());
+    waiting_.pop_front();
+    task();
+  }
+  if (!waiting_.empty()) parts_.wake();
   if (!unread_.empty()) ask_again(now);
   if (book_.busy()) {
     service::MissionBook::Outputs out = book_.step(now, parts_.core);

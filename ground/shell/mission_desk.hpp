@@ -1,4 +1,5 @@
 #pragma once
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -25,6 +26,7 @@ class MissionDesk {
     fabric::Client& client;  ///< to ask, and for what ground's own identity anchors
     /// Has an operator sign his approval; the error says why he cannot now.
     std::function<Status(std::size_t who, const service::OperatorCall& call)> sign;
+    std::function<bool(std::size_t who)> signed_in;  ///< on the flight's thread
     std::function<void(const PilotWish& wish)> wish;
     std::function<void(Level level, const std::string& drone, const std::string& words)> tell;
     std::function<void(std::string list)> publish;  ///< [MISSION...]
@@ -48,11 +50,13 @@ class MissionDesk {
 
  private:
   using Task = std::function<void()>;
+  using Checked = service::MissionBook::Checked;
   void later(Task task);  ///< on the flight's thread
   bool work(Task task);
   void add(const service::MissionAsk& asked, const Answer& answer);
-  void take(mission::Mission mission, const Answer& answer);
-  void check(const std::string& id, std::function<void(std::vector<mission::Finding>)> then);
+  void take(mission::MissionRun run, const Answer& answer);
+  void check(const mission::Mission& mission, std::function<void(Checked)> then);
+  Status signed_in(const service::MissionAsk& asked) const;
   void read_signers(const std::string& id);
   void answer_on_flight(const service::MissionAsk& asked, const Answer& answer);
   void approve(const service::MissionAsk& asked, const Answer& answer);
@@ -65,7 +69,8 @@ class MissionDesk {
   Parts parts_;
   service::MissionBook book_;
   std::map<std::string, TimeNs> unread_;  ///< whose signers could not be read, and when to ask again
-  Mailbox<Task> tasks_;  ///< for the flight's thread; at most as many as requests and tasks of the worker
+  Mailbox<Task> tasks_;       ///< for the flight's thread; at most as many as requests and tasks of the worker
+  std::deque<Task> waiting_;  ///< taken out of it
   std::mutex worker_mutex_;
   std::unique_ptr<Workers> worker_ = std::make_unique<Workers>(1, max_waiting);
 };

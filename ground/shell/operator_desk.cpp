@@ -41,6 +41,7 @@ Result<std::unique_ptr<OperatorDesk>> OperatorDesk::create(Parts parts) {
     desk->folders_.push_back(folder.string());
   }
   desk->clients_.resize(found.size());
+  desk->left_.resize(found.size());
   return desk;
 }
 
@@ -71,22 +72,31 @@ Status OperatorDesk::submit(std::size_t who, const OperatorCall& call) {
   return done;
 }
 
-void OperatorDesk::stop(const crypto::IdentityName& who, fabric::Call call,
+bool OperatorDesk::stop(const crypto::IdentityName& who, const fabric::Call& call,
                         std::function<void(fabric::Outcome)> ended) {
   const auto known =
       std::find_if(operators_.begin(), operators_.end(), [&](const auto& one) { return one.identity == who; });
-  const Clients clients =
-      known == operators_.end() ? Clients{} : clients_of(static_cast<std::size_t>(known - operators_.begin()));
-  if (clients.stops) return clients.stops->submit(std::move(call), std::move(ended));
-  ended(fabric::Outcome::failed(fabric::Outcome::Kind::unavailable, "the key of " + who.subject + " is locked"));
+  if (known == operators_.end()) return false;
+  const Clients clients = clients_of(static_cast<std::size_t>(known - operators_.begin()));
+  if (!clients.stops) return false;
+  clients.stops->submit(call, std::move(ended));
+  return true;
 }
 
-void OperatorDesk::forget(std::size_t who) {
-  const auto task = [this, who] {
+void OperatorDesk::leave(std::size_t who) {
+  {
+    const std::lock_guard lock(clients_mutex_);
+    left_[who] = true;
+  }
+  parts_.on_session(who, false);
+}
+
+bool OperatorDesk::see_off(std::size_t who, const std::vector<std::size_t>& drones) {
+  return post([this, who, drones] {
+    for (const std::size_t drone : drones) sign(who, {.kind = OperatorCall::Kind::release, .drone = drone});
     set_clients(who, {});
     spdlog::info("operator {} signed out", operators_[who].name);
-  };
-  if (!post(task)) task();
+  });
 }
 
 Status OperatorDesk::open_key(std::size_t who, std::string& pass_phrase) {
@@ -103,6 +113,10 @@ Status OperatorDesk::open_key(std::size_t who, std::string& pass_phrase) {
   auto leases = fabric::Client::create(config), stops = fabric::Client::create(config);
   if (!leases || !stops) return (leases ? stops : leases).error();
   set_clients(who, {std::move(*leases), std::move(*stops)});
+  {
+    const std::lock_guard lock(clients_mutex_);
+    left_[who] = false;
+  }
   spdlog::info("operator {} signed in as {}", one.name, service::text_of(one.identity));
   parts_.on_session(who, true);
   return done;
@@ -113,7 +127,13 @@ void OperatorDesk::sign(std::size_t who, const OperatorCall& call) {
   const Clients clients = clients_of(who);
   const std::string drone = call.drone ? parts_.drones[*call.drone] : "";
   const std::string what = fmt::format("{}: {}", operators_[who].name, service::words_of(call));
-  if (!clients.leases) return parts_.tell(service::Level::warning, drone, what + ": the key is locked by now");
+  bool left = false;
+  {
+    const std::lock_guard lock(clients_mutex_);
+    left = left_[who] && call.kind != OperatorCall::Kind::release;
+  }
+  if (!clients.leases || left)
+    return parts_.tell(service::Level::warning, drone, what + ": not signed: the session is over");
   const fabric::Call contract = service::contract_call(call, drone, parts_.ledger.identity.name);
   const fabric::Outcome outcome = fabric::submit_repeatedly(*clients.leases, contract, limits, nullptr);
   if (outcome.kind == fabric::Outcome::Kind::committed) return parts_.tell(service::Level::info, drone, what);

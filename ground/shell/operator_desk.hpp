@@ -34,12 +34,13 @@ class OperatorDesk final : public service::OperatorKeys {
 
   const std::vector<service::Operator>& operators() const override { return operators_; }
   void unlock(std::size_t who, std::string pass_phrase, std::function<void(Status)> answer) override;
-  void leave(std::size_t who) override { parts_.on_session(who, false); }
+  void leave(std::size_t who) override;
   Status submit(std::size_t who, const service::OperatorCall& call) override;
-  /// A stop, at once; `ended` comes exactly once, at once where he is not signed in.
-  void stop(const crypto::IdentityName& who, fabric::Call call, std::function<void(fabric::Outcome)> ended);
-  /// Forgets his key, behind the calls that wait.
-  void forget(std::size_t who);
+  /// A stop, at once; `ended` comes exactly once. False: his key is locked, and nothing comes.
+  bool stop(const crypto::IdentityName& who, const fabric::Call& call, std::function<void(fabric::Outcome)> ended);
+  /// Behind the calls that wait: gives these drones back, and what he has taken by then, and forgets his key. False: too
+  /// much waits.
+  bool see_off(std::size_t who, const std::vector<std::size_t>& drones);
   /// Nothing is unlocked or submitted from here on; what waits is refused.
   void close();
 
@@ -62,6 +63,7 @@ class OperatorDesk final : public service::OperatorKeys {
   std::vector<std::string> folders_;  ///< of each
   mutable std::mutex clients_mutex_;
   std::vector<Clients> clients_;  ///< of each; null: locked
+  std::vector<bool> left_;        ///< whose session is over: what still waits is not signed
   std::atomic<bool> closed_{false};
   std::mutex worker_mutex_;
   std::unique_ptr<Workers> worker_ = std::make_unique<Workers>(1, max_waiting);

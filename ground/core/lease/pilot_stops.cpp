@@ -80,4 +80,9 @@ bool PilotStops::pending() const {
   return std::any_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.stop.has_value(); });
 }
 
+bool PilotStops::pending(std::size_t drone) const {
+  return std::any_of(slots_.begin(), slots_.end(),
+                     [&](const Slot& slot) { return slot.drone == drone && slot.stop.has_value(); });
+}
+
 }  // namespace ledgerline::ground

@@ -30,6 +30,8 @@ class PilotStops {
   std::optional<Ended> take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id);
   /// One is not on the ledger yet.
   bool pending() const;
+  /// Of this drone.
+  bool pending(std::size_t drone) const;
 
  private:
   struct Slot {

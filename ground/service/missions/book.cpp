@@ -11,9 +11,9 @@
 namespace ledgerline::ground::service {
 namespace {
 
+using ground::json::dump;
 using mission::MissionRun;
 using mission::RunPhase;
-using ground::json::dump;
 using nlohmann::json;
 
 constexpr std::size_t id_digits = 12;
@@ -22,6 +22,22 @@ constexpr std::size_t max_told_findings = 20;
 constexpr int max_kept_depth = 8;
 
 Error unknown(const std::string& id) { return Error{fmt::format("there is no mission \"{}\"", id.substr(0, 64))}; }
+
+/// {"tello1":[[x,y,z]...]}, in text: it is as long as the mission.
+std::string paths_of(const mission::Mission& mission, double height_m) {
+  std::string paths = "{";
+  for (const mission::MissionDrone& drone : mission.drones) {
+    paths += fmt::format(R"({}"{}":[)", paths.size() > 1 ? "," : "", drone.drone);
+    bool first = true;
+    for (const motion::Waypoint& waypoint : drone.way()) {
+      paths += fmt::format("{}[{},{},{}]", first ? "" : ",", waypoint.at_m.x(), waypoint.at_m.y(),
+                           waypoint.height_m.value_or(height_m));
+      first = false;
+    }
+    paths += "]";
+  }
+  return paths + "}";
+}
 
 json texts_of(const std::vector<crypto::IdentityName>& all) {
   json texts = json::array();
@@ -41,7 +57,8 @@ Result<std::string> MissionBook::put(MissionRun run, std::optional<crypto::Ident
   if (has(id)) return Error{fmt::format("mission {} is here already, as {}", run.mission().name, id)};
   if (missions_.size() >= max_missions)
     return Error{fmt::format("there are {} missions already: remove one", max_missions)};
-  Entry entry{.run = std::make_unique<MissionRun>(std::move(run)), .by = std::move(by)};
+  Entry entry{.run = std::make_unique<MissionRun>(std::move(run)), .paths = {}, .by = std::move(by)};
+  entry.paths = paths_of(entry.run->mission(), settings_.check.flight.height_m);
   entry.phase = entry.run->phase();
   entry.stirred = entry.run->active() || entry.phase == RunPhase::aborted;  // a restored one has drones to find
   missions_.emplace(id, std::move(entry));
@@ -49,11 +66,7 @@ Result<std::string> MissionBook::put(MissionRun run, std::optional<crypto::Ident
   return id;
 }
 
-Result<std::string> MissionBook::add(mission::Mission mission) {
-  auto run = MissionRun::make(std::move(mission), settings_.run);
-  if (!run) return run.error();
-  return put(std::move(*run), std::nullopt);
-}
+Result<std::string> MissionBook::add(MissionRun run) { return put(std::move(run), std::nullopt); }
 
 Result<std::string> MissionBook::restore(std::string_view text) {
   const auto kept = ground::json::object_from(text, "the kept mission", max_kept_depth);
@@ -73,7 +86,8 @@ Result<std::string> MissionBook::restore(std::string_view text) {
 Status MissionBook::remove(const std::string& id) {
   const Entry* entry = find(id);
   if (entry == nullptr) return unknown(id);
-  if (entry->run->active()) return Error{fmt::format("mission {} is flown", entry->run->mission().name)};
+  if (entry->run->active() || entry->stirred)
+    return Error{fmt::format("mission {} is flown, or its drones are landing", entry->run->mission().name)};
   missions_.erase(id);
   changed_ = true;
   return done;
@@ -106,14 +120,14 @@ void MissionBook::set_findings(const std::string& id, std::vector<mission::Findi
   changed_ = true;
 }
 
-Status MissionBook::whole_lease(const Entry& entry, const std::optional<crypto::IdentityName>& by,
-                                const FlightCore& core) const {
-  const crypto::IdentityName& who = by ? *by : self_;
-  for (const mission::MissionDrone& one : entry.run->mission().drones) {
+Status MissionBook::may_fly(const Entry& entry, const mission::Mission& part,
+                            const std::optional<crypto::IdentityName>& by, const Checked& checked,
+                            const FlightCore& core) const {
+  for (const mission::MissionDrone& one : part.drones) {
     const auto drone = index_of(core.drones(), one.drone);
     if (!drone) continue;  // a finding
     const Lease& lease = core.lease(*drone);
-    if (lease.holder != who || lease.commander != core.config().self) {
+    if (lease.holder != whose(by) || lease.commander != core.config().self) {
       return Error{fmt::format("{}: its lease is {}: take control of it first", one.drone,
                                lease.holder ? "held by " + holder_words(lease) : "nobody's")};
     }
@@ -121,21 +135,34 @@ Status MissionBook::whole_lease(const Entry& entry, const std::optional<crypto::
       const auto& drones = other.run->mission().drones;
       const bool has_it =
           std::any_of(drones.begin(), drones.end(), [&](const auto& d) { return d.drone == one.drone; });
-      if (other.run->active() && has_it)
+      if (&other != &entry && other.run->active() && has_it)
         return Error{fmt::format("{} flies in mission {}", one.drone, other.run->mission().name)};
     }
+  }
+  const auto forbids = std::find_if(checked.findings.begin(), checked.findings.end(),
+                                    [](const mission::Finding& finding) { return finding.forbids; });
+  if (forbids != checked.findings.end()) return Error{forbids->words};
+  for (const mission::DroneNow& then : checked.then) {
+    const mission::DroneNow now = mission::drone_now(core, *index_of(core.drones(), then.name));
+    const bool moved = then.at_m.has_value() != now.at_m.has_value() ||
+                       (now.at_m && (*now.at_m - *then.at_m).norm() > settings_.check.start_near_m);
+    if (moved || then.phase != now.phase)
+      return Error{fmt::format("{} has moved since it was checked: try again", then.name)};
   }
   return done;
 }
 
-Status MissionBook::start(const std::string& id, const std::optional<crypto::IdentityName>& by,
-                          const std::vector<mission::Finding>& findings, const FlightCore& core) {
+Status MissionBook::start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
+                          const FlightCore& core) {
   Entry* entry = find(id);
   if (entry == nullptr) return unknown(id);
   if (!core.config().manual) return Error{"this flight flies a path of its own"};
-  set_findings(id, findings);
-  if (const Status held = whole_lease(*entry, by, core); !held) return held;
-  if (const Status started = entry->run->start(findings); !started) return started;
+  set_findings(id, checked.findings);
+  // What is missing is said first: one that is flown already is not where it was checked.
+  if (entry->run->phase() < RunPhase::taking_off) {
+    if (const Status may = may_fly(*entry, entry->run->mission(), by, checked, core); !may) return may;
+  }
+  if (const Status started = entry->run->start(checked.findings); !started) return started;
   entry->by = by;
   entry->stirred = true;
   return done;
@@ -149,9 +176,13 @@ Status MissionBook::pause(const std::string& id) {
   return done;
 }
 
-Status MissionBook::resume(const std::string& id) {
+Status MissionBook::resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
+                           const FlightCore& core) {
   Entry* entry = find(id);
   if (entry == nullptr) return unknown(id);
+  if (whose(by) != whose(entry->by))
+    return Error{fmt::format("{} started it, who alone has it go on", text_of(whose(entry->by)))};
+  if (const Status may = may_fly(*entry, entry->run->rest(), by, checked, core); !may) return may;
   if (const Status resumed = entry->run->resume(); !resumed) return resumed;
   changed_ = entry->stirred = true;
   return done;
@@ -170,6 +201,20 @@ bool MissionBook::busy() const {
                      [](const auto& one) { return one.second.stirred || one.second.run->active(); });
 }
 
+// A drone that its starter holds no more, or that we do not command, is lost for its mission, whatever it does.
+std::vector<mission::DroneNow> MissionBook::seen_by(const Entry& entry, std::vector<mission::DroneNow> drones,
+                                                    const FlightCore& core) const {
+  for (std::size_t i = 0; i < drones.size(); ++i) {
+    const Lease& lease = core.lease(i);
+    // Without a record nothing is known yet: after a restart it is waited for.
+    if (!lease.record || (lease.holder == whose(entry.by) && lease.commander == core.config().self)) continue;
+    drones[i].phase = DronePhase::failed;
+    drones[i].on_ground = true;  // it is not ours to land
+    drones[i].why = "its lease is " + (lease.holder ? "held by " + holder_words(lease) : "nobody's");
+  }
+  return drones;
+}
+
 MissionBook::Outputs MissionBook::step(TimeNs now, const FlightCore& core) {
   std::vector<mission::DroneNow> drones;
   for (std::size_t i = 0; i < core.drones().size(); ++i) drones.push_back(mission::drone_now(core, i));
@@ -178,7 +223,7 @@ MissionBook::Outputs MissionBook::step(TimeNs now, const FlightCore& core) {
     if (!entry.stirred && !entry.run->active()) continue;
     if (entry.run->phase() == RunPhase::aborted && entry.quiet_ns == 0) entry.quiet_ns = now + landing_ns;
     entry.stirred = now < entry.quiet_ns;
-    mission::RunOutputs made = entry.run->step(now, drones);
+    mission::RunOutputs made = entry.run->step(now, seen_by(entry, drones, core));
     for (PilotWish& wish : made.wishes) {
       wish.by = entry.by;
       out.wishes.push_back(std::move(wish));
@@ -234,34 +279,27 @@ std::string MissionBook::list() const {
 
 std::string MissionBook::show(const std::string& id) const {
   const Entry& entry = missions_.at(id);
-  json shown = json_of(id, entry), paths = json::object();
-  for (const mission::MissionDrone& drone : entry.run->mission().drones) {
-    json path = json::array();
-    for (const motion::Waypoint& waypoint : drone.way())
-      path.push_back(
-          {waypoint.at_m.x(), waypoint.at_m.y(), waypoint.height_m.value_or(settings_.check.flight.height_m)});
-    paths[drone.drone] = std::move(path);
-  }
-  shown["paths"] = std::move(paths);
-  return dump(shown);
+  std::string shown = dump(json_of(id, entry));
+  shown.back() = ',';
+  return shown + R"("paths":)" + entry.paths + "}";
 }
 
 std::string MissionBook::keep(const std::string& id) const {
   const Entry& entry = missions_.at(id);
-  json kept{{"run", json::parse(entry.run->saved())}};
-  kept["by"] = entry.by ? json::array({entry.by->msp_id, entry.by->subject}) : json();
-  return dump(kept);
+  const json by = entry.by ? json::array({entry.by->msp_id, entry.by->subject}) : json();
+  return fmt::format(R"({{"by":{},"run":{}}})", dump(by), entry.run->saved());
 }
 
 std::string MissionBook::record(const std::string& id, std::int64_t realtime_s) const {
   const Entry& entry = missions_.at(id);
-  json record = json_of(id, entry);
-  record.erase("id");
-  record.erase("findings");
-  record["by"] = text_of(entry.by ? *entry.by : self_);
-  record["unix_time_s"] = realtime_s;
-  record["mission"] = json::parse(mission::canonical(entry.run->mission()));
-  return dump(record);
+  json told = json_of(id, entry);
+  told.erase("id");
+  told.erase("findings");
+  told["by"] = text_of(whose(entry.by));
+  told["unix_time_s"] = realtime_s;
+  std::string record = dump(told);
+  record.back() = ',';
+  return record + R"("mission":)" + entry.run->canonical() + "}";
 }
 
 }  // namespace ledgerline::ground::service

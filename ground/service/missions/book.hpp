@@ -30,22 +30,29 @@ class MissionBook {
   MissionBook(MissionSettings settings, crypto::IdentityName self);
 
   /// The error, or the id of the new mission: the first digits of its hash.
-  Result<std::string> add(mission::Mission mission);
+  Result<std::string> add(mission::MissionRun run);
   /// What keep() gave. The error: it is none.
   Result<std::string> restore(std::string_view text);
-  /// Of one that is not flown.
+  /// Of one that is not flown, and of which no drone has yet to land.
   Status remove(const std::string& id);
   /// As read from the ledger: who has anchored its digest.
   void set_signers(const std::string& id, const std::vector<crypto::IdentityName>& signers);
   /// What check() found.
   void set_findings(const std::string& id, std::vector<mission::Finding> findings);
 
-  /// `lease`: of each drone of the flight, in its order; `by`: who wants it, none: ourselves. Whoever starts it has to hold
-  /// all of its drones, and no other mission may fly one of them.
-  Status start(const std::string& id, const std::optional<crypto::IdentityName>& by,
-               const std::vector<mission::Finding>& findings, const FlightCore& core);
+  /// What check() said of a mission, and of which moment.
+  struct Checked {
+    std::vector<mission::Finding> findings{};
+    std::vector<mission::DroneNow> then{};
+  };
+  /// `by`: who wants it, none: ourselves. Whoever starts it has to hold all of its drones, no other mission may fly one of
+  /// them, and each must still be where it was checked.
+  Status start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
+               const FlightCore& core);
   Status pause(const std::string& id);
-  Status resume(const std::string& id);
+  /// By who started it alone, who must still hold the drones that are left. `checked`: rest().
+  Status resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
+                const FlightCore& core);
   Status land(const std::string& id, const std::string& why);
 
   struct Outputs {
@@ -61,6 +68,7 @@ class MissionBook {
 
   bool has(const std::string& id) const { return missions_.contains(id); }
   const mission::Mission& mission(const std::string& id) const { return missions_.at(id).run->mission(); }
+  mission::Mission rest(const std::string& id) const { return missions_.at(id).run->rest(); }
   const crypto::Digest& digest(const std::string& id) const { return missions_.at(id).run->digest(); }
   const mission::CheckConfig& check_config() const { return settings_.check; }
   std::vector<std::string> ids() const;
@@ -78,6 +86,7 @@ class MissionBook {
  private:
   struct Entry {
     std::unique_ptr<mission::MissionRun> run;
+    std::string paths;  ///< JSON, of show()
     std::optional<crypto::IdentityName> by{};
     std::vector<crypto::IdentityName> signers{};
     std::vector<mission::Finding> findings{};
@@ -87,7 +96,12 @@ class MissionBook {
   };
   Result<std::string> put(mission::MissionRun run, std::optional<crypto::IdentityName> by);
   Entry* find(const std::string& id);
-  Status whole_lease(const Entry& entry, const std::optional<crypto::IdentityName>& by, const FlightCore& core) const;
+  const crypto::IdentityName& whose(const std::optional<crypto::IdentityName>& by) const { return by ? *by : self_; }
+  /// What speaks against flying these drones of it now.
+  Status may_fly(const Entry& entry, const mission::Mission& part, const std::optional<crypto::IdentityName>& by,
+                 const Checked& checked, const FlightCore& core) const;
+  std::vector<mission::DroneNow> seen_by(const Entry& entry, std::vector<mission::DroneNow> drones,
+                                         const FlightCore& core) const;
   nlohmann::json json_of(const std::string& id, const Entry& entry) const;
 
   MissionSettings settings_;

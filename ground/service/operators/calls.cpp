@@ -26,6 +26,8 @@ const Row& row_of(OperatorCall::Kind kind) { return rows[static_cast<std::size_t
 
 }  // namespace
 
+std::string approval_words(const std::string& mission) { return "mission " + mission + " may be flown"; }
+
 std::string words_of(const OperatorCall& call) {
   const std::string words = row_of(call.kind).words;
   return call.mission.empty() ? words : words + " mission " + call.mission;
@@ -50,7 +52,7 @@ fabric::Call contract_call(const OperatorCall& call, const std::string& drone, c
   if (call.kind == Kind::approve) {
     AnchorCall anchor;
     anchor.set_digest(std::string(call.digest.begin(), call.digest.end()));
-    anchor.set_what("mission " + call.mission + " may be flown");
+    anchor.set_what(approval_words(call.mission));
     return as_call(anchor);
   }
   LeaseCall lease;

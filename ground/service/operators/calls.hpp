@@ -28,6 +28,9 @@ struct OperatorCall {
   std::string mission{};               ///< its name
 };
 
+/// What an approval of a mission says on the ledger.
+std::string approval_words(const std::string& mission);
+
 /// In words: "take control", ...
 std::string words_of(const OperatorCall& call);
 

@@ -34,6 +34,7 @@ class SignIns {
 
   /// Why a pass phrase is not looked at now; empty: it is.
   std::string refused(TimeNs now, std::size_t who) const;
+  /// One that is looked at counts as wrong until begin().
   void failed(TimeNs now, std::size_t who);
   /// From here on the token is this operator's.
   void begin(TimeNs now, std::size_t who, std::string_view token);

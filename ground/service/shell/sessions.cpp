@@ -296,6 +296,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
   std::optional<Response> sign_in(TimeNs now, SignIn asked) {
     const std::string early = hub_.sign_ins().refused(now, asked.who);
     if (!early.empty()) return respond(parser_->get(), refusal(429, early));
+    hub_.sign_ins().failed(now, asked.who);  // until it is seen to be right, so that many at once are many
     socket_.expires_never();
     hub_.keys().unlock(
         asked.who, std::move(asked.pass_phrase), [self = shared_from_this(), who = asked.who](Status unlocked) {
@@ -318,10 +319,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
 
   void signed_in(std::size_t who, const Status& unlocked) {
     const TimeNs now = monotonic_ns();
-    if (!unlocked) {
-      hub_.sign_ins().failed(now, who);
-      return write(respond(parser_->get(), refusal(403, unlocked.error().what)));
-    }
+    if (!unlocked) return write(respond(parser_->get(), refusal(403, unlocked.error().what)));
     const std::string token = crypto::hex(crypto::random_bytes(token_digits / 2));
     hub_.sign_ins().begin(now, who, token);
     write(respond(parser_->get(), {200, session_text(token, hub_.operators()[who])}));

@@ -60,10 +60,10 @@ class KeptEntry final : public Entry {
     const std::string mission =
         R"("mission":{"name":"m","drones":[{"drone":"tello1","waypoints":[{"x":0,"y":0},{"x":1,"y":0}],"then":"land"}]}})";
     return {R"({"version":1,"phase":"flying","paused":false,"why":"",)"
-            R"("drones":[{"drone":"tello1","leg":"halted","reached":1}],)" +
+            R"("drones":[{"drone":"tello1","leg":"halted","reached":1,"to_land":false}],)" +
                 mission,
             R"({"version":1,"phase":"aborted","paused":false,"why":"enough",)"
-            R"("drones":[{"drone":"tello1","leg":"landing","reached":2}],)" +
+            R"("drones":[{"drone":"tello1","leg":"landing","reached":2,"to_land":true}],)" +
                 mission};
   }
   Outcome feed(std::string_view bytes) override {

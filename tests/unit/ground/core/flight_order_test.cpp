@@ -382,6 +382,21 @@ TEST(PilotOrder, VelocitiesThatWereHeldBackAreSaidAndNotFlown) {
   EXPECT_TRUE(hovers(world.newest_plan()));
 }
 
+TEST(PilotOrder, WhileAStopIsOnItsWayNothingTakesOffWhoeverWishes) {
+  FlightWorld world(order_config());
+  world.run(1);
+  const crypto::IdentityName alice{"Org2MSP", "CN=alice"};
+  std::vector<PilotWish> wishes{{.drone = 0, .takeoff = true}, {.drone = 0, .by = alice, .stop = true}};
+  FlightInputs inputs;
+  inputs.wishes = wishes;
+  const FlightOutputs out = world.core.step(world.now_ns, inputs);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
+  ASSERT_EQ(out.notes.size(), 1U);
+  EXPECT_THAT(out.notes[0], HasSubstr("a stop of it is on its way"));
+  ASSERT_EQ(out.submissions.size(), 1U);
+  EXPECT_EQ(out.submissions[0].by, alice);
+}
+
 TEST(PilotOrder, AVelocityOfBeforeIsNotFlownBehindAPathThatEndsAtOnce) {
   InAir world;
   world.say({.drone = 0, .velocity = Twist{{0.1, 0, 0}, {}}});

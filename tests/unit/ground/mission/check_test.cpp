@@ -160,6 +160,21 @@ TEST_F(MissionCheck, StartsThatAreTooNear) {
   EXPECT_THAT(forbidden(), HasSubstr("drone tello1: at the start it is 0.50 m from tello2"));
 }
 
+TEST_F(MissionCheck, AnotherThatIsUnderWayMayBeAnywhereOnItsPath) {
+  now.push_back(hovering("tello3", 10, -3, 1.2));
+  EXPECT_THAT(words(), IsEmpty());
+  now.back().phase = DronePhase::path;
+  now.back().way = {{10, 3, 1.2}, {-10, 3, 1.2}};
+  EXPECT_THAT(words(), IsEmpty());
+  now.back().way.push_back({-10, -10, 1.2});
+  now.back().way.push_back({10, 0.1, 1.2});
+  EXPECT_FALSE(forbidden().empty());
+  now.back().way.resize(200, {10, 3, 1.2});
+  EXPECT_THAT(forbidden(), HasSubstr("too long to be held against"));
+  now.back().at_m.reset();
+  EXPECT_THAT(forbidden(), HasSubstr("nobody knows where"));
+}
+
 TEST_F(MissionCheck, ADroneWithoutAPartInItKeepsItsPlace) {
   now.push_back(hovering("tello3", 3, 0.2));
   EXPECT_THAT(forbidden(), HasSubstr("m from tello3 and 0.00 m in height, which then stays"));

@@ -34,8 +34,22 @@ FlightConfig config_of(int drones) {
 /// A flight whose drones ground holds itself, and its missions.
 class Book : public testing::Test {
  protected:
+  Result<std::string> add(const mission::Mission& mission) {
+    auto run = mission::MissionRun::make(mission, {});
+    if (!run) return run.error();
+    return book.add(std::move(*run));
+  }
+  MissionBook::Checked checked(std::vector<mission::Finding> findings = {}) const {
+    MissionBook::Checked now{std::move(findings), {}};
+    for (std::size_t i = 0; i < world.core.drones().size(); ++i) now.then.push_back(mission::drone_now(world.core, i));
+    return now;
+  }
+  Status resume(const std::string& id, const std::optional<crypto::IdentityName>& by = {},
+                const std::vector<mission::Finding>& findings = {}) {
+    return book.resume(id, by, checked(findings), world.core);
+  }
   std::string approved(const std::string& name, const std::vector<std::string>& drones) {
-    const auto id = book.add(mission_of(name, drones));
+    const auto id = add(mission_of(name, drones));
     EXPECT_TRUE(id) << id.error().what;
     book.set_signers(*id, {operator_name});
     return *id;
@@ -53,7 +67,7 @@ class Book : public testing::Test {
   json one(const std::string& id) const { return json::parse(book.show(id)); }
   Status start(const std::string& id, const std::optional<crypto::IdentityName>& by = {},
                const std::vector<mission::Finding>& findings = {}) {
-    return book.start(id, by, findings, world.core);
+    return book.start(id, by, checked(findings), world.core);
   }
 
   FlightWorld world{config_of(3)};
@@ -86,7 +100,7 @@ TEST_F(Book, AMissionIsAddedApprovedFlownAndRecorded) {
 
 TEST_F(Book, WithoutApprovalsByTheRightOrganisationNothingStarts) {
   world.run(1);
-  const auto id = book.add(mission_of("survey", {"tello1"}));
+  const auto id = add(mission_of("survey", {"tello1"}));
   ASSERT_TRUE(id);
   EXPECT_THAT(start(*id).error().what, HasSubstr("0 of 1 approvals"));
   book.set_signers(*id, {stranger_name});
@@ -115,7 +129,10 @@ TEST_F(Book, ADroneFliesInOneMissionAtATime) {
   run(15);
   EXPECT_EQ(one(first)["phase"], "aborted");
   EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_THAT(book.remove(first).error().what, HasSubstr("landing")) << "its drones are looked after for a while";
   EXPECT_TRUE(start(second));
+  ASSERT_TRUE(book.land(second, "test"));
+  run(65);
   EXPECT_TRUE(book.remove(first));
   EXPECT_FALSE(book.has(first));
 }
@@ -132,12 +149,81 @@ TEST_F(Book, WhatForbidsItIsToldAndForbidsIt) {
   EXPECT_TRUE(start(id, {}, {finding}));
 }
 
+TEST_F(Book, WhoeverStartedItAloneHasItGoOn) {
+  world.run(1);
+  const std::string id = approved("survey", {"tello1"});
+  ASSERT_TRUE(start(id));
+  run(1);
+  ASSERT_TRUE(book.pause(id));
+  run(10);
+  EXPECT_THAT(resume(id, alice).error().what, HasSubstr("CN=User1@org2 started it, who alone"));
+  mission::Finding finding;
+  finding.words = "something stands in its way by now";
+  EXPECT_THAT(resume(id, {}, {finding}).error().what, HasSubstr("stands in its way"));
+  EXPECT_TRUE(resume(id)) << book.list();
+}
+
+TEST_F(Book, ADroneThatIsHandedOverIsLostForItsMissionAndHovers) {
+  const crypto::IdentityName bob{"Org2MSP", "CN=bob"};
+  for (const char* drone : {"tello1", "tello2"}) {
+    Control record = control_record(drone, alice, 2);
+    record.mutable_delegate()->set_msp_id(operator_name.msp_id);
+    record.mutable_delegate()->set_subject(operator_name.subject);
+    ASSERT_TRUE(world.core.set_control(record.SerializeAsString()));
+  }
+  world.run(1);
+  const std::string id = approved("survey", {"tello1", "tello2"});
+  ASSERT_TRUE(start(id, alice));
+  for (int i = 0; i < 100 && one(id)["phase"] != "to_start"; ++i) run(0.1);
+  ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+  Control record = control_record("tello1", bob, 3);
+  record.mutable_delegate()->set_msp_id(operator_name.msp_id);
+  record.mutable_delegate()->set_subject(operator_name.subject);
+  ASSERT_TRUE(world.core.set_control(record.SerializeAsString()));
+  run(0.5);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual) << "a path is its giver's";
+  EXPECT_THAT(told, Contains(HasSubstr("lost it: ")));
+  run(2);
+  EXPECT_TRUE(one(id)["paused"].get<bool>());
+  EXPECT_EQ(world.core.status(1).phase, DronePhase::manual) << "all hover";
+}
+
+TEST_F(Book, ADroneThatHasMovedSinceItWasCheckedIsCheckedAgain) {
+  world.run(1);
+  const std::string id = approved("survey", {"tello1"});
+  MissionBook::Checked before = checked();
+  before.then[1].at_m->x() += 0.6;
+  EXPECT_THAT(book.start(id, {}, before, world.core).error().what, HasSubstr("tello2 has moved"));
+  EXPECT_TRUE(start(id));
+}
+
+TEST_F(Book, AnAbortedMissionOfBeforeLandsNobody) {
+  world.run(1);
+  const std::string id = approved("survey", {"tello1"});
+  ASSERT_TRUE(start(id));
+  run(5);
+  ASSERT_TRUE(book.land(id, "test"));
+  run(10);
+  ASSERT_EQ(world.core.status(0).phase, DronePhase::landed);
+  const std::string kept = book.keep(id);
+  world.say({.drone = 0, .takeoff = true});
+  world.run(6);
+  ASSERT_EQ(world.core.status(0).phase, DronePhase::manual);
+  MissionBook other({}, operator_name);
+  ASSERT_TRUE(other.restore(kept));
+  for (int i = 0; i < 100; ++i) {
+    world.run(0.05);
+    for (const PilotWish& wish : other.step(world.now_ns, world.core).wishes) world.say(wish);
+  }
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual) << "it was seen down once";
+}
+
 TEST_F(Book, TheSameMissionIsThereOnceAndThereAreNotTooMany) {
-  ASSERT_TRUE(book.add(mission_of("m", {"tello1"})));
-  EXPECT_THAT(book.add(mission_of("m", {"tello1"})).error().what, HasSubstr("is here already"));
+  ASSERT_TRUE(add(mission_of("m", {"tello1"})));
+  EXPECT_THAT(add(mission_of("m", {"tello1"})).error().what, HasSubstr("is here already"));
   for (std::size_t i = 1; i < MissionBook::max_missions; ++i)
-    ASSERT_TRUE(book.add(mission_of("m" + std::to_string(i), {"tello1"})));
-  EXPECT_THAT(book.add(mission_of("more", {"tello1"})).error().what, HasSubstr("remove one"));
+    ASSERT_TRUE(add(mission_of("m" + std::to_string(i), {"tello1"})));
+  EXPECT_THAT(add(mission_of("more", {"tello1"})).error().what, HasSubstr("remove one"));
 }
 
 TEST_F(Book, WhatIsKeptIsRestoredWithWhoStartedIt) {
@@ -169,8 +255,7 @@ TEST_F(Book, WhatWasNotKeptByABookIsRefused) {
 }
 
 TEST_F(Book, OfAnUnknownMissionEverythingIsRefused) {
-  for (const Status& status :
-       {start("0a"), book.pause("0a"), book.resume("0a"), book.land("0a", ""), book.remove("0a")})
+  for (const Status& status : {start("0a"), book.pause("0a"), resume("0a"), book.land("0a", ""), book.remove("0a")})
     EXPECT_THAT(status.error().what, HasSubstr("there is no mission"));
 }
 
