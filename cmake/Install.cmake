@@ -45,3 +45,6 @@ install(FILES ground/plugin/example.cpp DESTINATION ${examples} RENAME controlle
 install(DIRECTORY hil/fault/own/examples/ DESTINATION ${examples} COMPONENT faults FILES_MATCHING PATTERN *.py)
 install(FILES ${CMAKE_BINARY_DIR}/share/ledgerline/fault-script.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline COMPONENT faults
   OPTIONAL)
+# What a shell completes of `ledgerline` (docs/commands.md).
+install(FILES tools/command/completion.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ledgerline COMPONENT tools)
+install(FILES tools/command/completion.zsh DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/site-functions RENAME _ledgerline COMPONENT tools)

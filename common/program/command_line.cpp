@@ -74,7 +74,54 @@ Verb CommandLine::verb(const std::string& name, const std::string& about, const 
   return Verb(made);
 }
 
+void CommandLine::verbs_are_optional() {
+  app_->require_subcommand(0, 1);
+  for (CLI::App* verb : app_->get_subcommands({})) verb->fallthrough();
+}
+
+namespace {
+std::vector<const CLI::App*> verbs_of(const CLI::App& app) {
+  return app.get_subcommands([](const CLI::App*) { return true; });
+}
+}  // namespace
+
+std::string CommandLine::completions(const std::vector<std::string>& words) const {
+  const CLI::App* at = app_;
+  const std::string typed = words.empty() ? "" : words.back();
+  for (std::size_t i = 0; i + 1 < words.size(); ++i) {
+    for (const CLI::App* verb : verbs_of(*at)) {
+      if (verb->get_name() == words[i]) at = verb;
+    }
+  }
+  const auto option = [&](const std::string& name) -> const CLI::Option* {
+    const CLI::Option* own = at->get_option_no_throw(name);
+    return own || !at->get_fallthrough() ? own : app_->get_option_no_throw(name);
+  };
+  if (words.size() > 1 && words[words.size() - 2].starts_with("--")) {
+    const CLI::Option* before = option(words[words.size() - 2]);
+    if (before && before->get_items_expected_max() > 0) return "";  // a value is typed
+  }
+  std::string found;
+  const auto offer = [&](const std::string& word) {
+    if (word.starts_with(typed)) found += word + "\n";
+  };
+  const auto offer_options = [&](const CLI::App* app) {
+    for (const CLI::Option* one : app->get_options()) {
+      for (const std::string& name : one->get_lnames()) offer("--" + name);
+    }
+  };
+  if (typed.starts_with("-")) {
+    offer_options(at);
+    if (at != app_ && at->get_fallthrough()) offer_options(app_);
+  } else {
+    for (const CLI::App* verb : verbs_of(*at)) offer(verb->get_name());
+  }
+  return found;
+}
+
 std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& arguments) {
+  if (!arguments.empty() && arguments.front() == completion_word)
+    return EarlyEnd{0, completions({arguments.begin() + 1, arguments.end()})};
   try {
     app_->parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));  // CLI11 takes the last one first
     return std::nullopt;

@@ -67,6 +67,9 @@ class Verb : public Arguments {
   std::string name() const;
 };
 
+/// The first word of a question for completions.
+inline constexpr const char* completion_word = "__complete";
+
 /// A program's end before its work: help, its version, or what is wrong with what it was given.
 struct EarlyEnd {
   int exit_code = 0;
@@ -84,13 +87,19 @@ class CommandLine : public Arguments {
 
   /// With verbs, one of them must be given.
   Verb verb(const std::string& name, const std::string& about, const std::string& notes = "");
+  /// After the verbs: without one the program does something, too, and its own options may stand behind a verb as well.
+  void verbs_are_optional();
 
-  /// nullopt: the values are there, and the program goes on.
+  /// nullopt: the values are there, and the program goes on. `__complete WORD... TYPED`, which shells ask
+  /// (`ledgerline completion`), is an early end with what TYPED may become, a line each: verbs, or options if it begins with
+  /// "-".
   std::optional<EarlyEnd> read(const std::vector<std::string>& arguments);
   /// read() for main(): prints an early end, and returns its exit code; else starts the log in the program's name.
   std::optional<int> parse(int argc, char** argv);
 
  private:
+  std::string completions(const std::vector<std::string>& words) const;
+
   std::string name_;
   std::unique_ptr<CLI::App> owned_;
 };

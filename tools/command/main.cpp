@@ -7,9 +7,12 @@
 #include <filesystem>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/completion.hpp"
 
 namespace {
 
@@ -42,7 +45,25 @@ void help(std::FILE* to) {
       "is.\n\n"
       "Examples:\n  ledgerline fly --drones 3\n  ledgerline control --config operator.toml stop tello1\n\nVerbs:");
   for (const std::string& verb : verbs_in(own_directory())) std::fprintf(to, " %s", verb.c_str());
-  std::fprintf(to, "\n");
+  std::fprintf(to, "\n\n`ledgerline completion bash` (or zsh) prints what completes all this in that shell.\n");
+}
+
+int print_completion(const std::string& shell) {
+  if (shell != "bash" && shell != "zsh") {
+    std::fprintf(stderr, "Usage: ledgerline completion bash|zsh\n");
+    return exit_usage;
+  }
+  std::fputs(shell == "bash" ? ledgerline::bash_completion : ledgerline::zsh_completion, stdout);
+  return 0;
+}
+
+/// What the first word may become.
+void print_verbs(const std::string& typed) {
+  std::set<std::string> words = verbs_in(own_directory());
+  words.insert({"completion", "help", "version"});
+  for (const std::string& word : words) {
+    if (word.starts_with(typed)) std::printf("%s\n", word.c_str());
+  }
 }
 
 }  // namespace
@@ -61,12 +82,25 @@ int main(int argc, char** argv) {
     help(stderr);
     return exit_usage;
   }
-  const std::string name = prefix + verb;
+  if (verb == "completion") return print_completion(argc == 3 ? argv[2] : "");
+  const bool completes = verb == ledgerline::completion_word;
+  if (completes && argc <= 3) {
+    print_verbs(argc == 3 ? argv[2] : "");
+    return 0;
+  }
+  if (completes && std::string(argv[2]) == "completion") {
+    std::printf("bash\nzsh\n");
+    return 0;
+  }
+  // What may stand behind a verb its own program knows.
+  const std::string name = prefix + (completes ? argv[2] : verb);
   std::vector<char*> command(argv + 1, argv + argc);
+  if (completes) std::swap(command[0], command[1]);
   command[0] = const_cast<char*>(name.c_str());
   command.push_back(nullptr);
   ::execv((own_directory() / name).c_str(), command.data());
   if (errno == ENOENT) ::execvp(name.c_str(), command.data());
+  if (completes) return 0;
   if (errno != ENOENT) {
     std::fprintf(stderr, "ledgerline: %s cannot be run: %s\n", name.c_str(), std::strerror(errno));
     return 1;

@@ -111,5 +111,49 @@ TEST(AList, OfOneAtATimeTakesNoWordThatIsNotIts) {
   EXPECT_EQ(line.read({"--channel", "teleop", "yard"})->exit_code, exit_usage);
 }
 
+TEST(ACommandLineWithVerbs, SaysWhatAWordMayBecome) {
+  bool json = false, all = false;
+  std::string file;
+  std::vector<std::string> names;
+  CommandLine line("drones", "", "");
+  line.flag("--json", json, "");
+  line.option("--token-file", file, "");
+  Verb stop = line.verb("stop", "");
+  stop.option("NAME", names, "");
+  stop.flag("--all", all, "");
+  line.verb("show", "");
+  line.verbs_are_optional();
+  const auto completed = [&](std::vector<std::string> words) {
+    words.insert(words.begin(), completion_word);
+    const auto end = line.read(words);
+    EXPECT_TRUE(end && end->exit_code == 0);
+    return end ? end->text : "";
+  };
+  EXPECT_EQ(completed({""}), "stop\nshow\n");
+  EXPECT_EQ(completed({"st"}), "stop\n");
+  EXPECT_EQ(completed({"--j"}), "--json\n");
+  EXPECT_EQ(completed({"stop", ""}), "") << "a name is typed";
+  EXPECT_EQ(completed({"stop", "tello1", "--a"}), "--all\n");
+  EXPECT_EQ(completed({"stop", "--j"}), "--json\n") << "the program's own stand behind a verb, too";
+  EXPECT_EQ(completed({"--token-file", "s"}), "") << "a value is typed";
+  EXPECT_EQ(completed({"--json", "s"}), "stop\nshow\n") << "a flag has none";
+  EXPECT_EQ(completed({}), "stop\nshow\n");
+}
+
+TEST(ACommandLineWithVerbs, MayDoWithoutOne) {
+  bool json = false;
+  std::vector<std::string> names;
+  CommandLine line("drones", "", "");
+  line.flag("--json", json, "");
+  Verb stop = line.verb("stop", "");
+  stop.option("NAME", names, "").required();
+  line.verbs_are_optional();
+  EXPECT_FALSE(line.read({}));
+  EXPECT_FALSE(stop.given());
+  EXPECT_FALSE(line.read({"stop", "tello1", "--json"}));
+  EXPECT_TRUE(stop.given() && json);
+  EXPECT_TRUE(line.read({"land"}));
+}
+
 }  // namespace
 }  // namespace ledgerline
