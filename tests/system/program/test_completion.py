@@ -29,6 +29,9 @@ def test_bash_completes_verbs_their_verbs_and_their_options(script):
     assert completed(script, "contr") == {"control"}
     assert completed(script, "fly", "--dro") == {"--drones"}
     assert completed(script, "control", "sto") == {"stop"}
+    assert completed(script, "drones", "hand") == {"hand_over"}
+    assert completed(script, "drones", "stop", "tello1", "--a") == {"--all"}
+    assert completed(script, "drones", "stop", "--j") == {"--json"}
     assert completed(script, "completion", "") == {"bash", "zsh"}
     assert completed(script, "no-such-verb", "--") == set()
 

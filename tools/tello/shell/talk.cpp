@@ -1,16 +1,15 @@
 #include "tools/tello/shell/talk.hpp"
 
 #include <fmt/format.h>
-#include <termios.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
-#include <iostream>
 
 #include "common/base/file.hpp"
 #include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
+#include "common/program/secrets.hpp"
 #include "common/program/stop_signals.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
 #include "tools/tello/core/landing.hpp"
@@ -83,21 +82,8 @@ Result<std::string> read_password(const std::string& file) {
     if (!content) return content.error();
     return content->substr(0, content->find_first_of("\r\n"));
   }
-  termios before{};
-  const bool terminal = ::tcgetattr(STDIN_FILENO, &before) == 0;
-  if (terminal) {
-    termios unseen = before;
-    unseen.c_lflag &= ~static_cast<tcflag_t>(ECHO);
-    ::tcsetattr(STDIN_FILENO, TCSAFLUSH, &unseen);
-    fmt::print(stderr, "Password of that Wi-Fi: ");
-  }
-  std::string password;
-  const bool read = static_cast<bool>(std::getline(std::cin, password));
-  if (terminal) {
-    ::tcsetattr(STDIN_FILENO, TCSAFLUSH, &before);
-    fmt::print(stderr, "\n");
-  }
-  if (!read) return Error{"no password was given: at the terminal, or with --password-file"};
+  auto password = ask_secret("Password of that Wi-Fi");
+  if (!password) return Error{"no password was given: at the terminal, or with --password-file"};
   return password;
 }
 

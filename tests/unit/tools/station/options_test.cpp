@@ -1,0 +1,111 @@
+#include "tools/station/shell/options.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "common/base/file.hpp"
+#include "common/program/secrets.hpp"
+#include "tests/fuzz/directory.hpp"
+
+namespace ledgerline::station {
+namespace {
+
+using testing::HasSubstr;
+
+class AStationsOptions : public testing::Test {
+ protected:
+  Result<Target> target() {
+    return target_of(options, [this](const char* name) { return environment[name]; });
+  }
+  std::string config(const std::string& text) {
+    const std::string file = directory.path + "/ground.toml";
+    EXPECT_TRUE(write_file(file, text));
+    return file;
+  }
+
+  fuzz::Directory directory;
+  Options options;
+  std::map<std::string, std::string> environment{{"HOME", "/home/pilot"}};
+};
+
+TEST_F(AStationsOptions, NameTheStationAndItsToken) {
+  environment = {{"LEDGERLINE_STATION", "http://127.0.0.1:1"}, {"LEDGERLINE_TOKEN_FILE", "env.token"}, {"HOME", "/h"}};
+  EXPECT_EQ(target()->place.port, 1);
+  EXPECT_EQ(target()->token_file, "env.token");
+  options.config = config("[flight]\nwings = 2\n[service]\nlisten = \"127.0.0.1:2\"\ntoken_file = \"config.token\"\n");
+  EXPECT_EQ(target()->place.port, 2) << "what else is in the file is ground's to judge";
+  EXPECT_EQ(target()->token_file, "config.token");
+  options.url = "http://127.0.0.1:3";
+  options.token_file = "own.token";
+  EXPECT_EQ(target()->place.port, 3);
+  EXPECT_EQ(target()->token_file, "own.token");
+}
+
+TEST_F(AStationsOptions, AreAskedForWhereTheyLack) {
+  EXPECT_THAT(target().error().what, HasSubstr("LEDGERLINE_STATION"));
+  options.url = "http://127.0.0.1:3";
+  EXPECT_THAT(target().error().what, HasSubstr("LEDGERLINE_TOKEN_FILE"));
+}
+
+TEST_F(AStationsOptions, CannotKnowAPortThatGroundChooses) {
+  options.config = config("[service]\nlisten = \"127.0.0.1:0\"\ntoken_file = \"t\"\n");
+  EXPECT_THAT(target().error().what, HasSubstr("port 0"));
+  options.config = config("[flight]\n");
+  EXPECT_THAT(target().error().what, HasSubstr("listen is not set"));
+  options.config = config("[service]\nlisten = \"127.0.0.1:1\"\ntoken_file = \"t\"\nwings = 2\n");
+  EXPECT_THAT(target().error().what, HasSubstr("wings"));
+}
+
+TEST_F(AStationsOptions, KeepASessionForEachStation) {
+  options.url = "http://127.0.0.1:3";
+  options.token_file = "t";
+  EXPECT_EQ(target()->session_file, "/home/pilot/.cache/ledgerline/session-127.0.0.1-3");
+  environment["XDG_RUNTIME_DIR"] = "/run/user/1";
+  EXPECT_EQ(target()->session_file, "/run/user/1/ledgerline/session-127.0.0.1-3");
+  environment.clear();
+  EXPECT_EQ(target()->session_file, "");
+  options.session_file = "s";
+  EXPECT_EQ(target()->session_file, "s");
+}
+
+TEST_F(AStationsOptions, TakeNoTokenThatOthersMayRead) {
+  Target target{.place = {"127.0.0.1", 1}, .token_file = directory.path + "/token", .session_file = {}};
+  EXPECT_FALSE(open(target));
+  ASSERT_TRUE(write_file(target.token_file, std::string(64, 'a') + "\n", 0644));
+  EXPECT_THAT(open(target).error().what, HasSubstr("chmod 600"));
+  ASSERT_TRUE(replace_file(target.token_file, "too short\n", 0600));
+  EXPECT_THAT(open(target).error().what, HasSubstr("64 hex digits"));
+  ASSERT_TRUE(replace_file(target.token_file, std::string(64, 'a') + "\n", 0600));
+  EXPECT_TRUE(open(target));
+}
+
+TEST_F(AStationsOptions, AreNotStoppedByASessionThatCannotBeRead) {
+  Target target{.place = {"127.0.0.1", 1},
+                .token_file = directory.path + "/token",
+                .session_file = directory.path + "/session",
+                .session_named = true};
+  ASSERT_TRUE(replace_file(target.token_file, std::string(64, 'a'), 0600));
+  EXPECT_TRUE(open(target));
+  ASSERT_TRUE(write_file(target.session_file, "readable by all\n", 0644));
+  EXPECT_TRUE(open(target));
+}
+
+TEST_F(AStationsOptions, ReadTheFirstLineOfASecret) {
+  const std::string file = directory.path + "/secret";
+  ASSERT_TRUE(replace_file(file, "open sesame\r\nmore\n", 0600));
+  EXPECT_EQ(*read_secret(file), "open sesame");
+  ASSERT_TRUE(replace_file(file, std::string(5'000, 'a'), 0600));
+  EXPECT_FALSE(read_secret(file));
+  EXPECT_THAT(read_secret(directory.path).error().what, HasSubstr("no regular file"));
+}
+
+TEST(AStationThatIsGone, IsSaidSo) {
+  Station station({"127.0.0.1", 1}, {std::string(64, 'a'), "", ""});
+  EXPECT_THAT(station.ask({.target = "drones"}).error().what, HasSubstr("127.0.0.1:1 is not reached"));
+  EXPECT_THAT(station.now_ms().error().what, HasSubstr("is not reached"));
+}
+
+}  // namespace
+}  // namespace ledgerline::station

@@ -1,0 +1,140 @@
+#include "tools/station/core/requests.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "ground/service/core/api.hpp"
+#include "tools/station/core/place.hpp"
+
+namespace ledgerline::station {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+/// What the station itself makes of a request.
+ground::service::ApiAnswer answered(const Request& request) {
+  static const std::vector<std::string> names{"tello1", "tello2"};
+  static const std::deque<ground::service::Event> events;
+  static const std::vector<ground::service::Operator> operators{{"alice", {"Org2MSP", "CN=alice"}}};
+  const std::string target = "/api/v1/" + request.target;
+  return ground::service::answer({request.method, target, request.body, 0, request.content_type},
+                                 {names, "[]", "{}", events, operators});
+}
+
+TEST(ARequest, IsOneThatTheStationTakes) {
+  for (const char* verb :
+       {"takeoff", "land", "stop", "cut", "pause", "resume", "return", "acquire", "release", "request", "lift"})
+    EXPECT_EQ(answered(drone_request("tello1", verb)).status, 202U) << verb;
+  const std::string to = to_body("Org2MSP", "CN=bob \"b\"");
+  for (const char* verb : {"hand_over", "deny"}) {
+    const auto answer = answered(drone_request("tello1", verb, to));
+    ASSERT_EQ(answer.status, 202U) << answer.body;
+    EXPECT_EQ(answer.call->to.subject, "CN=bob \"b\"");
+  }
+  EXPECT_EQ(answered(stop_all(false)).wishes.size(), 2U);
+  EXPECT_TRUE(answered(stop_all(true)).wishes.at(0).cut);
+  EXPECT_FALSE(answered(stop_all(false)).wishes.at(0).cut);
+  EXPECT_EQ(answered(events_since(17)).status, 200U);
+  EXPECT_EQ(answered(sign_in("alice", "open \"sesame\"")).sign_in->pass_phrase, "open \"sesame\"");
+}
+
+TEST(ARequest, IsOneOfMissions) {
+  using Kind = ground::service::MissionAsk::Kind;
+  const std::string id = "3f5a9c01d2e4";
+  for (const auto& [verb, kind] : std::initializer_list<std::pair<const char*, Kind>>{{"approve", Kind::approve},
+                                                                                      {"start", Kind::start},
+                                                                                      {"pause", Kind::pause},
+                                                                                      {"resume", Kind::resume},
+                                                                                      {"land", Kind::land}}) {
+    const auto answer = answered(mission_request(id, verb));
+    ASSERT_TRUE(answer.mission) << verb << ": " << answer.body;
+    EXPECT_TRUE(answer.mission->kind == kind && answer.mission->id == id) << verb;
+  }
+  const auto added = answered(*mission_to_add("two.csv", "drone,x,y\n", ""));
+  ASSERT_TRUE(added.mission);
+  EXPECT_TRUE(added.mission->csv && added.mission->name == "two" && added.mission->text == "drone,x,y\n");
+  EXPECT_FALSE(answered(*mission_to_add("two.json", "{}", "")).mission->csv);
+}
+
+TEST(ARequest, IsAnybodysWhereItOnlyLooksOrLands) {
+  EXPECT_TRUE(drone_request("tello1", "land").anybodys && drone_request("tello1", "stop").anybodys);
+  EXPECT_TRUE(drone_request("tello1", "cut").anybodys && stop_all(true).anybodys && events_since(0).anybodys);
+  EXPECT_FALSE(drone_request("tello1", "takeoff").anybodys || drone_request("tello1", "acquire").anybodys);
+  EXPECT_TRUE(mission_request("3f", "land").anybodys);
+  EXPECT_FALSE(mission_request("3f", "start").anybodys || mission_request("3f", "approve").anybodys);
+}
+
+TEST(APath, IsReadFromCsvInTheMap) {
+  const auto body = path_body("x,y,z,speed\n1,2\n# there\n3,2,1.5,0.4\n", "way.csv", true);
+  ASSERT_TRUE(body) << body.error().what;
+  EXPECT_EQ(json::parse(*body), json::parse(R"({"waypoints":[{"x":1.0,"y":2.0},{"x":3.0,"y":2.0,"z":1.5,"speed":0.4}],
+    "then":"land"})"));
+  EXPECT_EQ(answered(drone_request("tello1", "path", *body)).status, 202U);
+  EXPECT_EQ(answered(drone_request("tello1", "path", *path_body("1,1\n", "way.csv", false))).status, 202U);
+}
+
+TEST(APath, ThatIsWrongIsRefusedByFileAndLine) {
+  EXPECT_THAT(path_body("1,2\nnorth,2\n", "way.csv", false).error().what, HasSubstr("way.csv:2: "));
+  EXPECT_THAT(path_body("# nothing\n", "way.csv", false).error().what, HasSubstr("no point"));
+  std::string many;
+  for (int i = 0; i < 501; ++i) many += "1,2\n";
+  EXPECT_THAT(path_body(many, "way.csv", false).error().what, HasSubstr("more than 500"));
+}
+
+TEST(AMissionToAdd, IsJsonOrCsvByItsName) {
+  const auto csv = mission_to_add("some/two.csv", "drone,x,y\n", "");
+  ASSERT_TRUE(csv);
+  EXPECT_EQ(csv->target, "missions?name=two");
+  EXPECT_EQ(csv->content_type, "text/csv");
+  EXPECT_EQ(mission_to_add("two.csv", "", "survey-2")->target, "missions?name=survey-2");
+  EXPECT_EQ(mission_to_add("two.json", "{}", "")->content_type, "application/json");
+  EXPECT_THAT(mission_to_add("two.json", "{}", "other").error().what, HasSubstr("--name is for CSV"));
+  EXPECT_THAT(mission_to_add("two.txt", "", "").error().what, HasSubstr("neither"));
+  EXPECT_THAT(mission_to_add("a b&c.csv", "", "").error().what, HasSubstr("no mission's name"));
+  EXPECT_THAT(mission_to_add("two.csv", std::string(4'194'305, '1'), "").error().what, HasSubstr("4194304 may be"));
+}
+
+TEST(AnAnswer, IsARefusalInTheStationsWords) {
+  EXPECT_EQ(refusal_of({202, R"({"accepted":true})"}), "");
+  EXPECT_EQ(refusal_of({409, R"({"error":"it is flown"})"}), "the station answers 409: it is flown");
+  EXPECT_THAT(refusal_of({500, "<html>"}), HasSubstr("500"));
+  EXPECT_THAT(refusal_of({301, ""}), HasSubstr("301"));
+}
+
+TEST(ASession, IsTakenFromTheAnswerAlone) {
+  const std::string token(64, 'a');
+  const auto session =
+      session_from(json{{"session", token}, {"operator", "alice"}, {"identity", "Org2MSP CN=alice"}}.dump());
+  ASSERT_TRUE(session);
+  EXPECT_EQ(session->token, token);
+  EXPECT_FALSE(session_from(R"({"session":"../../x","operator":"a","identity":"b"})"));
+  EXPECT_FALSE(session_from("[]"));
+  EXPECT_EQ(*signed_in_as(R"({"operators":[],"you":"alice"})"), "alice");
+  EXPECT_EQ(*signed_in_as(R"({"operators":[],"you":null})"), "");
+  EXPECT_FALSE(signed_in_as("{}"));
+}
+
+TEST(APlace, IsThisComputerAlone) {
+  EXPECT_EQ(text_of(*place_from_url("http://127.0.0.1:8800")), "127.0.0.1:8800");
+  EXPECT_EQ(text_of(*place_from_url("http://localhost:80/")), "127.0.0.1:80");
+  for (const char* wrong : {"127.0.0.1:8800", "https://127.0.0.1:8800", "http://10.0.0.1:8800", "http://a.example:80",
+                            "http://127.0.0.1", "http://127.0.0.1:0", "http://127.0.0.1:65536", "http://127.0.0.1:8x",
+                            "http://127.0.0.1:80/api", "http://127.0.0.1@evil.example:80", ""})
+    EXPECT_FALSE(place_from_url(wrong)) << wrong;
+}
+
+TEST(APlace, ThatIsThePagesAddressDoesNotShowItsTokenInTheError) {
+  const std::string token(64, 'a');
+  EXPECT_THAT(place_from_url("http://127.0.0.1:8800/#token=" + token).error().what, testing::Not(HasSubstr(token)));
+}
+
+TEST(APlace, OfAConfigWithAnyPortIsNotKnown) {
+  EXPECT_TRUE(place_from_listen("127.0.0.1:8800"));
+  EXPECT_THAT(place_from_listen("127.0.0.1:0").error().what, HasSubstr("port 0"));
+}
+
+}  // namespace
+}  // namespace ledgerline::station

@@ -1,0 +1,167 @@
+#include "tools/station/core/show.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::station {
+namespace {
+
+using nlohmann::json;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+json drone(const std::string& name, const std::string& phase) {
+  return {{"name", name},
+          {"phase", phase},
+          {"paused", false},
+          {"has_state", true},
+          {"link_phase", "flying"},
+          {"mode", "none"},
+          {"cause_words", ""},
+          {"battery_percent", 87},
+          {"state_age_ms", 41.7},
+          {"position", {1.0, -0.04, 1.26}},
+          {"lease", {{"holder", "Org2MSP CN=alice"}}},
+          {"stopped_by", json::array()}};
+}
+std::string drones(const std::vector<json>& all) { return json{{"drones", all}}.dump(); }
+
+json mission_json(const std::string& phase) {
+  return {{"id", "3f5a9c01d2e4"},
+          {"hash", "77"},
+          {"name", "survey"},
+          {"drones", {"tello1", "tello2"}},
+          {"phase", phase},
+          {"paused", false},
+          {"why", ""},
+          {"by", "Org2MSP CN=alice"},
+          {"approvals", {"Org2MSP CN=bob"}},
+          {"approvals_needed", 1},
+          {"findings", {{{"drone", "tello1"}, {"waypoint", nullptr}, {"words", "no fence"}, {"forbids", false}}}},
+          {"reached", {{"tello1", 3}}}};
+}
+std::string missions(const std::vector<json>& all) { return json{{"missions", all}}.dump(); }
+
+TEST(ATable, HasColumnsAsWideAsWhatIsInThem) {
+  EXPECT_EQ(aligned({{"a", "b", "c"}, {"long", "µ", "x"}, {"m", "yy", ""}}), "a     b   c\nlong  µ   x\nm     yy  \n");
+}
+
+TEST(TheTableOfDrones, SaysWhatIsKnownOfEach) {
+  json held = drone("tello2", "manual");
+  held["paused"] = true;
+  held["mode"] = "hold";
+  held["cause_words"] = "no new command";
+  held["stopped_by"] = {"Org1MSP CN=eve"};
+  json unknown = drone("tello3", "waiting");
+  for (const char* key : {"battery_percent", "state_age_ms", "position"}) unknown[key] = nullptr;
+  unknown["has_state"] = false;
+  unknown["lease"]["holder"] = "";
+  const auto rows = drone_rows(drones({drone("tello1", "path"), held, unknown}));
+  ASSERT_TRUE(rows) << rows.error().what;
+  ASSERT_EQ(rows->size(), 4U);
+  EXPECT_THAT((*rows)[1],
+              ElementsAre("tello1", "path (flying)", "-", "87 %", "42 ms", "1.0 0.0 1.3", "Org2MSP CN=alice", "-"));
+  EXPECT_EQ((*rows)[2][1], "manual, paused (flying)");
+  EXPECT_EQ((*rows)[2][2], "hold (no new command)");
+  EXPECT_EQ((*rows)[2][7], "Org1MSP CN=eve");
+  EXPECT_THAT((*rows)[3], ElementsAre("tello3", "waiting (not heard)", "-", "-", "-", "-", "-", "-"));
+}
+
+TEST(TheTableOfDrones, IsTheSameUntilMoreThanAgesChange) {
+  json later = drone("tello1", "path"), moved = later;
+  later["state_age_ms"] = 99;
+  moved["position"][0] = 1.1;
+  const auto now = drone_rows(drones({drone("tello1", "path")}));
+  EXPECT_EQ(settled(*now), settled(*drone_rows(drones({later}))));
+  EXPECT_NE(settled(*now), settled(*drone_rows(drones({moved}))));
+}
+
+TEST(WhatTheStationSays, IsMadePrintable) {
+  json wild = drone("tello1", "path");
+  wild["lease"]["holder"] = "Org2MSP CN=\x1b[2J\nroot";
+  const auto rows = drone_rows(drones({wild}));
+  ASSERT_TRUE(rows);
+  EXPECT_THAT(aligned(*rows), testing::Not(HasSubstr("\x1b")));
+  EXPECT_EQ(aligned(*rows).find("root"), aligned(*rows).rfind("root"));
+}
+
+TEST(WhatTheStationSays, IsAnErrorWhereItIsNotTheApi) {
+  for (const char* body : {"", "[]", "{}", R"({"drones":{"a":1}})", R"({"drones":[{"name":"tello1"}]})"}) {
+    const auto rows = drone_rows(body);
+    ASSERT_FALSE(rows) << body;
+    EXPECT_THAT(rows.error().what, HasSubstr("version 1"));
+  }
+  EXPECT_FALSE(mission_rows("{}"));
+  EXPECT_FALSE(mission_text("[]"));
+  EXPECT_FALSE(events_from(R"({"events":[{"n":-1}]})"));
+}
+
+TEST(TheTableOfMissions, CountsApprovals) {
+  const auto rows = mission_rows(missions({mission_json("checked")}));
+  ASSERT_TRUE(rows) << rows.error().what;
+  EXPECT_THAT((*rows)[1], ElementsAre("3f5a9c01d2e4", "survey", "checked", "1 of 1", "tello1, tello2", "-"));
+}
+
+TEST(AMission, IsShownWithWhatItsCheckFound) {
+  json one = mission_json("aborted");
+  one["why"] = "tello2 was stopped";
+  one["findings"].push_back({{"drone", "tello2"}, {"waypoint", 1}, {"words", "too near"}, {"forbids", true}});
+  one["paths"] = {{"tello1", {{0, 0, 1}, {1, 0, 1}}}};
+  const auto text = mission_text(one.dump());
+  ASSERT_TRUE(text) << text.error().what;
+  for (const char* part : {"survey: aborted: tello2 was stopped", "approved by 1 of 1: Org2MSP CN=bob",
+                           "started by Org2MSP CN=alice", "tello1 has reached 3 waypoints", "warning: no fence",
+                           "forbids its start: too near", "tello1 flies 2 waypoints"})
+    EXPECT_THAT(*text, HasSubstr(part));
+}
+
+TEST(AMission, SaysHowManyApprovalsItHas) {
+  const auto approvals = approvals_from(mission_json("checked").dump());
+  ASSERT_TRUE(approvals) << approvals.error().what;
+  EXPECT_EQ(approvals->name, "survey");
+  EXPECT_EQ(approvals->count, 1U);
+  EXPECT_FALSE(approvals_from("{}"));
+}
+
+TEST(AnEvent, IsALine) {
+  const auto events = events_from(R"({"events":[{"n":7,"t_ms":5.5,"level":"alarm","drone":"tello1","text":"failed"},
+    {"n":8,"t_ms":6,"level":"info","drone":"","text":"reached"}]})");
+  ASSERT_TRUE(events) << events.error().what;
+  EXPECT_EQ(events->at(0).number, 7U);
+  EXPECT_EQ(event_line(events->at(0), "12:00:00"), "12:00:00  alarm    tello1: failed");
+  EXPECT_EQ(event_line(events->at(1), "12:00:00"), "12:00:00  info     reached");
+}
+
+ShownEvent takeoff(const std::string& name, double t_ms) { return {1, t_ms, "info", name, "takeoff"}; }
+
+TEST(Flights, AreMissionsUnderWayAndDronesBesideThem) {
+  const auto flown = flown_from(drones({drone("tello1", "path"), drone("tello2", "landed"), drone("tello3", "manual"),
+                                        drone("tello4", "waiting")}),
+                                missions({mission_json("flying"), mission_json("done")}),
+                                {takeoff("tello1", 500), takeoff("tello1", 2'000)}, 5'000);
+  ASSERT_TRUE(flown) << flown.error().what;
+  ASSERT_EQ(flown->size(), 2U);
+  EXPECT_EQ(flown->at(0).what, "mission");
+  EXPECT_THAT(flown->at(0).drones, ElementsAre("tello1", "tello2"));
+  EXPECT_EQ(flown->at(0).since_s, 3.0) << "its newest take-off";
+  EXPECT_EQ(flown->at(1).what, "hand");
+  EXPECT_THAT(flown->at(1).drones, ElementsAre("tello3"));
+  EXPECT_EQ(flown->at(1).since_s, std::nullopt) << "its take-off is forgotten";
+  const json told = json::parse(flown_json(*flown));
+  EXPECT_EQ(told["flights"][0]["mission"], "3f5a9c01d2e4");
+  EXPECT_TRUE(told["flights"][1]["since_s"].is_null());
+  EXPECT_THAT(aligned(flown_rows(*flown)), HasSubstr("mission survey (3f5a9c01d2e4)"));
+}
+
+TEST(Flights, AreNoneOnTheGround) {
+  const auto flown = flown_from(drones({drone("tello1", "landed")}), missions({mission_json("aborted")}), {}, 0);
+  ASSERT_TRUE(flown);
+  EXPECT_THAT(*flown, IsEmpty());
+  EXPECT_FALSE(flown_from("{}", missions({}), {}, 0));
+}
+
+}  // namespace
+}  // namespace ledgerline::station

@@ -1,0 +1,67 @@
+#include <fmt/format.h>
+
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "common/program/stop_signals.hpp"
+#include "tools/station/core/show.hpp"
+#include "tools/station/shell/options.hpp"
+#include "tools/station/shell/watch.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using namespace ledgerline::station;
+
+struct Wish {
+  station::Options options;
+  bool watch = false, all = false;
+};
+
+Status show(Station& station, const Wish& wish) {
+  const auto now_ms = station.now_ms();
+  if (!now_ms) return now_ms.error();
+  const TimeNs asked_ns = monotonic_ns();
+  if (wish.watch) catch_stop_signals();
+  std::uint64_t number = 0;
+  do {
+    const auto body = station.ask(events_since(number));
+    if (!body) return body.error();
+    // One that has begun anew counts from 1: what is behind `number` would be none for long.
+    if (station.connections() > 1) return Error{"the station closed the connection: it may have begun anew"};
+    const auto events = events_from(*body);
+    if (!events) return events.error();
+    if (wish.options.json && (number == 0 || !events->empty())) print_line(*body);
+    for (const ShownEvent& event : *events) {
+      number = event.number;
+      if (!wish.options.json && (wish.all || event.level != "info"))
+        print_line(event_line(event, time_of_day(event.t_ms, *now_ms + to_ms(monotonic_ns() - asked_ns))));
+    }
+    if (wish.watch) rest(ns_per_s);
+  } while (wish.watch && !stop_requested);
+  return done;
+}
+
+constexpr const char* about = "The alarms and warnings of a station, oldest first.";
+const std::string notes = R"(Examples:
+  ledgerline alarms
+  ledgerline alarms --watch
+  ledgerline alarms --all --watch >> flight.log
+
+The station keeps its newest 1,000 events. Times are this computer's. --json is the station's answer as it is, with every level.
+)" + std::string(shared_notes);
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CommandLine line("alarms", about, notes);
+  Wish wish;
+  add_options(line, wish.options);
+  line.flag("--watch", wish.watch, "go on with what comes, until SIGINT");
+  line.flag("--all", wish.all, "info as well");
+  if (const auto end = line.parse(argc, argv)) return *end;
+  const auto target = target_of(wish.options);
+  if (!target) return fail(target.error(), exit_usage);
+  const auto station = open(*target);
+  if (!station) return fail(station.error());
+  return exit_code(show(**station, wish));
+}

@@ -1,0 +1,50 @@
+#pragma once
+#include <string>
+#include <string_view>
+
+#include "common/base/result.hpp"
+
+/// What the station is asked (docs/station.md), and what its answers look like to a person. Pure; any thread.
+namespace ledgerline::station {
+
+struct Request {
+  std::string method = "GET";
+  std::string target;  ///< below /api/v1/
+  std::string body{};
+  std::string content_type = "application/json";
+  bool anybodys = true;  ///< is answered to whoever knows the page's token: what looks on, lands and stops
+};
+
+struct Answer {
+  unsigned status = 0;
+  std::string body;
+};
+
+/// `verb`: "takeoff", "land", "hand_over" ... as the API has them.
+Request drone_request(const std::string& drone, const std::string& verb, std::string body = "{}");
+Request stop_all(bool cut);
+/// {"to":{...}} of hand_over and deny.
+std::string to_body(const std::string& msp, const std::string& subject);
+/// {"waypoints":[...]} of a CSV text, x,y[,z[,speed]] a line, in the map. The error names file and line.
+Result<std::string> path_body(const std::string& csv, const std::string& file, bool land);
+
+Request events_since(std::uint64_t number);
+Request sign_in(const std::string& name, const std::string& pass_phrase);
+
+/// `file` ends in .json or .csv; `name` is of CSV alone, which has none in it.
+Result<Request> mission_to_add(const std::string& file, std::string text, const std::string& name);
+/// `verb`: "approve", "start", "pause", "resume", "land".
+Request mission_request(const std::string& id, const std::string& verb);
+
+/// What the station said against a request; empty: it took it.
+std::string refusal_of(const Answer& answer);
+
+/// Of a sign-in's answer.
+struct Session {
+  std::string token, name, identity;
+};
+Result<Session> session_from(const std::string& body);
+/// Who this client is signed in as; empty: nobody. Of GET operators.
+Result<std::string> signed_in_as(const std::string& body);
+
+}  // namespace ledgerline::station

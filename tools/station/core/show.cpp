@@ -1,0 +1,164 @@
+#include "tools/station/core/show.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "common/base/printable.hpp"
+#include "tools/station/core/read.hpp"
+
+namespace ledgerline::station {
+namespace {
+
+constexpr std::size_t age_column = 4;
+
+/// Characters, not bytes.
+std::size_t width(const std::string& text) {
+  return static_cast<std::size_t>(
+      std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+}
+
+std::string mode_of(const json& drone) {
+  const std::string mode = text_at(drone, "mode"), words = text_at(drone, "cause_words");
+  if (mode == "none") return "-";
+  return words.empty() ? mode : fmt::format("{} ({})", mode, words);
+}
+
+std::string position_of(const json& drone) {
+  const json& position = drone.at("position");
+  if (position.is_null()) return "-";
+  const auto shown = [&](std::size_t axis) {
+    const double tenths = std::round(10 * position.at(axis).get<double>());
+    return tenths == 0 ? 0.0 : tenths / 10;  // no -0.0
+  };
+  return fmt::format("{:.1f} {:.1f} {:.1f}", shown(0), shown(1), shown(2));
+}
+
+std::string number_or_none(const json& value, std::string_view unit, int digits) {
+  return value.is_null() ? "-" : fmt::format("{:.{}f}{}", value.get<double>(), digits, unit);
+}
+
+std::vector<std::string> drone_row(const json& drone) {
+  const bool heard = drone.at("has_state").get<bool>();
+  const std::string holder = text_at(drone.at("lease"), "holder");
+  std::vector<std::string> stops;
+  for (const json& one : drone.at("stopped_by")) stops.push_back(text_of(one));
+  const std::string phase = text_at(drone, "phase") + (drone.at("paused").get<bool>() ? ", paused" : "");
+  return {text_at(drone, "name"),
+          fmt::format("{} ({})", phase, heard ? text_at(drone, "link_phase") : "not heard"),
+          mode_of(drone),
+          number_or_none(drone.at("battery_percent"), " %", 0),
+          number_or_none(drone.at("state_age_ms"), " ms", 0),
+          position_of(drone),
+          holder.empty() ? "-" : holder,
+          stops.empty() ? "-" : fmt::format("{}", fmt::join(stops, ", "))};
+}
+
+std::string shown_phase(const json& mission) {
+  return text_at(mission, "phase") + (mission.at("paused").get<bool>() ? ", paused" : "");
+}
+
+std::string joined(const json& texts) {
+  std::vector<std::string> all;
+  for (const json& one : texts) all.push_back(text_of(one));
+  return fmt::format("{}", fmt::join(all, ", "));
+}
+
+std::string finding_line(const json& finding) {
+  return fmt::format("  {}: {}\n", finding.at("forbids").get<bool>() ? "forbids its start" : "warning",
+                     text_at(finding, "words"));
+}
+
+}  // namespace
+
+std::string aligned(const Rows& rows) {
+  std::vector<std::size_t> widths;
+  for (const auto& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()));
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], width(row[i]));
+  }
+  std::string text;
+  for (const auto& row : rows) {
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      text += row[i];
+      if (i + 1 < row.size()) text.append(widths[i] - width(row[i]) + 2, ' ');
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+Result<Rows> drone_rows(std::string_view body) {
+  return read_answer<Rows>(body, "drones", [](const json& read) {
+    Rows rows{{"drone", "phase", "failsafe", "battery", "age", "position m", "lease", "stopped by"}};
+    for (const json& drone : read.at("drones")) rows.push_back(drone_row(drone));
+    return rows;
+  });
+}
+
+Rows settled(Rows rows) {
+  for (auto& row : rows) {
+    if (row.size() > age_column) row[age_column].clear();
+  }
+  return rows;
+}
+
+Result<Rows> mission_rows(std::string_view body) {
+  return read_answer<Rows>(body, "missions", [](const json& read) {
+    Rows rows{{"id", "name", "phase", "approvals", "drones", "why"}};
+    for (const json& mission : read.at("missions")) {
+      const std::string why = text_at(mission, "why");
+      rows.push_back(
+          {text_at(mission, "id"), text_at(mission, "name"), shown_phase(mission),
+           fmt::format("{} of {}", mission.at("approvals").size(), mission.at("approvals_needed").get<int>()),
+           joined(mission.at("drones")), why.empty() ? "-" : why});
+    }
+    return rows;
+  });
+}
+
+Result<std::string> mission_text(std::string_view body) {
+  return read_answer<std::string>(body, "a mission", [](const json& mission) {
+    const std::string by = text_at(mission, "by"), why = text_at(mission, "why"),
+                      approvals = joined(mission.at("approvals"));
+    std::string text = fmt::format("{} {}: {}{}\n", text_at(mission, "id"), text_at(mission, "name"),
+                                   shown_phase(mission), why.empty() ? "" : ": " + why);
+    text += fmt::format("  digest {}\n  drones {}\n", text_at(mission, "hash"), joined(mission.at("drones")));
+    text += fmt::format("  approved by {} of {}{}\n", mission.at("approvals").size(),
+                        mission.at("approvals_needed").get<int>(), approvals.empty() ? "" : ": " + approvals);
+    if (!by.empty()) text += fmt::format("  started by {}\n", by);
+    for (const auto& [drone, count] : mission.at("reached").items())
+      text += fmt::format("  {} has reached {} waypoints\n", printable(drone), count.get<std::size_t>());
+    for (const json& finding : mission.at("findings")) text += finding_line(finding);
+    if (const auto paths = mission.find("paths"); paths != mission.end()) {
+      for (const auto& [drone, path] : paths->items())
+        text += fmt::format("  {} flies {} waypoints\n", printable(drone), path.size());
+    }
+    return text;
+  });
+}
+
+Result<Approvals> approvals_from(std::string_view body) {
+  return read_answer<Approvals>(body, "a mission", [](const json& mission) {
+    return Approvals{text_at(mission, "name"), mission.at("approvals").size()};
+  });
+}
+
+Result<std::vector<ShownEvent>> events_from(std::string_view body) {
+  return read_answer<std::vector<ShownEvent>>(body, "events", [](const json& read) {
+    std::vector<ShownEvent> all;
+    for (const json& event : read.at("events"))
+      all.push_back({event.at("n").get<std::uint64_t>(), event.at("t_ms").get<double>(), text_at(event, "level"),
+                     text_at(event, "drone"), text_at(event, "text")});
+    return all;
+  });
+}
+
+std::string event_line(const ShownEvent& event, const std::string& time) {
+  return fmt::format("{}  {:<7}  {}{}", time, event.level, event.drone.empty() ? "" : event.drone + ": ", event.text);
+}
+
+}  // namespace ledgerline::station

@@ -1,0 +1,63 @@
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.hpp"
+
+/// The station's answers as text for people. What comes from there is made printable; an answer that is not what version 1 of
+/// the API says is an error.
+namespace ledgerline::station {
+
+using Rows = std::vector<std::vector<std::string>>;  ///< the first one is the heading
+
+/// Columns as wide as what is in them, two blanks apart.
+std::string aligned(const Rows& rows);
+
+/// Of GET drones.
+Result<Rows> drone_rows(std::string_view body);
+/// The same without what changes all the time: equal, nothing has changed that is worth a new table.
+Rows settled(Rows rows);
+
+/// Of GET missions.
+Result<Rows> mission_rows(std::string_view body);
+/// Of GET missions/ID, or of what POST missions answers.
+Result<std::string> mission_text(std::string_view body);
+
+struct Approvals {
+  std::string name;  ///< of the mission
+  std::size_t count = 0;
+};
+/// Of GET missions/ID.
+Result<Approvals> approvals_from(std::string_view body);
+
+struct ShownEvent {
+  std::uint64_t number = 0;
+  double t_ms = 0;  ///< ground's clock
+  std::string level, drone, text;
+};
+/// Of GET events, in order.
+Result<std::vector<ShownEvent>> events_from(std::string_view body);
+/// "12:00:01  alarm    tello1  stopped by ...".
+std::string event_line(const ShownEvent& event, const std::string& time);
+
+/// What is in the air, and the missions that are under way.
+struct Flown {
+  std::string what{};     ///< "mission", "path" or "hand"
+  std::string mission{};  ///< its id, of a mission
+  std::string name{};     ///< its name
+  std::vector<std::string> drones{};
+  std::string phase{};
+  std::string by{};                 ///< who started it, or who commands the drone
+  std::optional<double> since_s{};  ///< from the first take-off; nothing: longer ago than the events that are kept
+};
+/// Of GET drones, GET missions and GET events; `t_ms`: ground's clock now.
+Result<std::vector<Flown>> flown_from(std::string_view drones, std::string_view missions,
+                                      const std::vector<ShownEvent>& events, double t_ms);
+Rows flown_rows(const std::vector<Flown>& flown);
+std::string flown_json(const std::vector<Flown>& flown);  ///< {"flights":[...]}
+
+}  // namespace ledgerline::station

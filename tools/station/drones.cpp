@@ -1,0 +1,228 @@
+#include <fmt/format.h>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "common/program/secrets.hpp"
+#include "common/program/stop_signals.hpp"
+#include "ground/mission/mission.hpp"
+#include "tools/station/core/show.hpp"
+#include "tools/station/shell/options.hpp"
+#include "tools/station/shell/signing.hpp"
+#include "tools/station/shell/watch.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using namespace ledgerline::station;
+
+constexpr TimeNs watch_every_ns = 500 * ns_per_ms;
+
+struct Wish {
+  station::Options options;
+  bool watch = false, all = false, land = false;
+  std::vector<std::string> names;
+  std::string drone, path_file, msp, subject, name, pass_phrase_file;
+  unsigned priority = 0;
+};
+
+Status show(Station& station, const Wish& wish) {
+  if (wish.watch) catch_stop_signals();
+  Rows before;
+  do {
+    const auto body = station.ask({.target = "drones"});
+    if (!body) return body.error();
+    const auto rows = drone_rows(*body);
+    if (!rows) return rows.error();
+    if (Rows now = settled(*rows); now != before) {
+      before = std::move(now);
+      if (wish.options.json)
+        print_line(*body);
+      else if (wish.watch)
+        print_anew(aligned(*rows));
+      else
+        fmt::print("{}", aligned(*rows));
+    }
+    if (wish.watch) rest(watch_every_ns);
+  } while (wish.watch && !stop_requested);
+  return done;
+}
+
+/// All of them, whatever came of those before: a stop that fails must not keep another drone in the air.
+Status each(const std::vector<std::string>& names, const std::function<Status(const std::string&)>& act) {
+  if (names.size() == 1) return act(names.front());
+  std::size_t failed = 0;
+  for (const std::string& name : names) {
+    const Status acted = act(name);
+    if (acted) continue;
+    ++failed;
+    spdlog::error("{}: {}", name, acted.error().what);
+  }
+  if (failed == 0) return done;
+  return Error{fmt::format("{} of {} drones: not done", failed, names.size())};
+}
+
+Status tell(Station& station, const Wish& wish, const std::string& verb, const Request& request,
+            const std::string& whom) {
+  const auto body = station.ask(request);
+  if (!body) return body.error();
+  print_line(wish.options.json ? *body : fmt::format("{}: {}: accepted", whom, verb));
+  return done;
+}
+
+Status fly_path(Station& station, const Wish& wish) {
+  const auto csv = read_file(wish.path_file);
+  if (!csv) return csv.error();
+  auto body = path_body(*csv, wish.path_file, wish.land);
+  if (!body) return body.error();
+  const std::string& name = wish.names.front();
+  return tell(station, wish, "path", drone_request(name, "path", std::move(*body)), name);
+}
+
+Status sign(Station& station, const Wish& wish, const std::string& verb) {
+  std::string body = "{}";
+  if (verb == "hand_over" || verb == "deny") body = to_body(wish.msp, wish.subject);
+  if ((verb == "acquire" || verb == "request") && wish.priority > 0)
+    body = fmt::format(R"({{"priority":{}}})", wish.priority);
+  return each(wish.names, [&](const std::string& name) {
+    auto signed_call = call_and_wait(station, name, verb, body);
+    if (signed_call) print_line(wish.options.json ? R"({"accepted":true})" : fmt::format("{}: {}: done", name, verb));
+    return signed_call;
+  });
+}
+
+Status log_in(Station& station, const Target& target, const Wish& wish) {
+  const auto phrase =
+      wish.pass_phrase_file.empty() ? ask_secret("Pass phrase of " + wish.name) : read_secret(wish.pass_phrase_file);
+  if (!phrase) return phrase.error();
+  const auto session = open_session(station, target, wish.name, *phrase);
+  if (!session) return session.error();
+  fmt::print("{} is signed in as {}; the session is in {}\n", session->name, session->identity, target.session_file);
+  fmt::print(
+      "A session of which nothing is heard for [service] session_idle_s ends, and what it holds lands: "
+      "`ledgerline drones --watch` keeps it.\n");
+  return done;
+}
+
+Status log_out(Station& station, const Target& target) {
+  if (auto ended = close_session(station, target); !ended) return ended;
+  print_line("Signed out. What was held lands and is given back.");
+  return done;
+}
+
+Status act(Station& station, const Target& target, const Wish& wish, const std::string& verb) {
+  if (verb.empty()) return show(station, wish);
+  if (verb == "login") return log_in(station, target, wish);
+  if (verb == "logout") return log_out(station, target);
+  if (verb == "path") return fly_path(station, wish);
+  if (is_signed_call(verb)) return sign(station, wish, verb);
+  if (wish.all) return tell(station, wish, verb, stop_all(verb == "cut"), "all");
+  return each(wish.names,
+              [&](const std::string& name) { return tell(station, wish, verb, drone_request(name, verb), name); });
+}
+
+/// Empty: what was asked for makes sense.
+std::string nonsense(const Wish& wish, const std::string& verb) {
+  if (!verb.empty() && wish.watch) return "--watch goes with the table alone";
+  if ((verb == "stop" || verb == "cut") && wish.names.empty() != wish.all) return "either names, or --all";
+  for (const std::string& name : wish.names) {
+    if (!ground::mission::is_name(name)) return fmt::format("\"{}\" cannot be a drone's name", name);
+  }
+  return "";
+}
+
+constexpr const char* about =
+    "Shows the station's drones, or tells one what to do: a client of its API (docs/station.md).\n"
+    "Where the station has operators, one signs in first: `ledgerline drones login --operator alice`.";
+const std::string notes = R"(Examples:
+  ledgerline drones --url http://127.0.0.1:8800 --token-file page.token
+  ledgerline drones --watch
+  ledgerline drones takeoff tello1 tello2
+  ledgerline drones path tello1 way.csv --land
+  ledgerline drones stop --all
+
+takeoff, land, pause ...: done is that the station has taken it; what comes of it the table and `ledgerline alarms` show.
+acquire, release, request, lift, hand_over, deny: done is that the ledger has it.
+)" + std::string(shared_notes);
+
+/// In the order in which help lists them.
+struct Verbs {
+  Verbs(CommandLine& line, Wish& wish) {
+    for (const auto& [name, help] :
+         std::initializer_list<std::pair<const char*, const char*>>{{"takeoff", "Take off"},
+                                                                    {"land", "Land"},
+                                                                    {"pause", "Hover, and keep the rest of the path"},
+                                                                    {"resume", "Fly the rest of the path"},
+                                                                    {"return", "Fly to where it took off"},
+                                                                    {"release", "Give the lease back"},
+                                                                    {"lift", "Lift the stop"}})
+      with_names(line, wish, name, help).required();
+    for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
+             {"acquire", "Take the lease: take control"}, {"request", "Ask its holder for the lease"}}) {
+      with_names(line, wish, name, help).required();
+      all.back().option("--priority", wish.priority, "of the lease or the request");
+    }
+    for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
+             {"stop", "Stop: land, and stay there until somebody lifts it"},
+             {"cut", "Stop with motors off, at once"}}) {
+      with_names(line, wish, name, help);
+      all.back().flag("--all", wish.all, "every drone");
+    }
+    for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
+             {"hand_over", "Give the lease to one who has asked for it"}, {"deny", "End somebody's request"}}) {
+      one_drone(line, wish, name, help);
+      all.back().option("--msp", wish.msp, "whose, as the request says: Org2MSP").required();
+      all.back().option("--subject", wish.subject, "CN=...").required();
+    }
+    one_drone(line, wish, "path", "Fly along a CSV file, x,y[,z[,speed]] a line in the map, in a manual flight");
+    all.back().option("FILE", wish.path_file, "of waypoints").required().existing_file();
+    all.back().flag("--land", wish.land, "at its end; else hover");
+    all.push_back(line.verb("login", "Sign in as an operator"));
+    all.back().option("--operator", wish.name, "who").required();
+    all.back().option("--pass-phrase-file", wish.pass_phrase_file,
+                      "file that nobody else may read; else it is asked for");
+    all.push_back(line.verb("logout", "Sign out: what this operator holds is landed and given back"));
+    line.verbs_are_optional();
+  }
+  std::string given() const {
+    for (const Verb& verb : all) {
+      if (verb.given()) return verb.name();
+    }
+    return "";
+  }
+
+ private:
+  Option with_names(CommandLine& line, Wish& wish, const char* name, const char* help) {
+    all.push_back(line.verb(name, help));
+    return all.back().option("NAME", wish.names, "of drones");
+  }
+  void one_drone(CommandLine& line, Wish& wish, const char* name, const char* help) {
+    all.push_back(line.verb(name, help));
+    all.back().option("NAME", wish.drone, "of a drone").required();
+  }
+  std::vector<Verb> all;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CommandLine line("drones", about, notes);
+  Wish wish;
+  add_options(line, wish.options);
+  line.flag("--watch", wish.watch, "print anew at each change, until SIGINT");
+  const Verbs verbs(line, wish);
+  if (const auto end = line.parse(argc, argv)) return *end;
+  const std::string verb = verbs.given();
+  if (!wish.drone.empty()) wish.names = {wish.drone};
+  if (const std::string why = nonsense(wish, verb); !why.empty()) return fail(Error{why}, exit_usage);
+  const auto target = target_of(wish.options);
+  if (!target) return fail(target.error(), exit_usage);
+  const auto station = open(*target);
+  if (!station) return fail(station.error());
+  return exit_code(act(**station, *target, wish, verb));
+}

@@ -1,0 +1,56 @@
+#include <fmt/format.h>
+
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "tools/station/core/show.hpp"
+#include "tools/station/shell/options.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using namespace ledgerline::station;
+
+Status show(Station& station, bool as_json) {
+  const auto drones = station.ask({.target = "drones"});
+  if (!drones) return drones.error();
+  const auto missions = station.ask({.target = "missions"});
+  if (!missions) return missions.error();
+  const auto event_list = station.ask(events_since(0));
+  if (!event_list) return event_list.error();
+  const auto events = events_from(*event_list);
+  if (!events) return events.error();
+  const auto now_ms = station.now_ms();
+  if (!now_ms) return now_ms.error();
+  const auto flown = flown_from(*drones, *missions, *events, *now_ms);
+  if (!flown) return flown.error();
+  if (as_json) {
+    print_line(flown_json(*flown));
+  } else if (flown->empty()) {
+    print_line("Nothing is in the air, and no mission is under way.");
+  } else {
+    fmt::print("{}", aligned(flown_rows(*flown)));
+  }
+  return done;
+}
+
+constexpr const char* about = "What a station flies now: missions under way, and drones along a path or by hand.";
+const std::string notes = R"(Examples:
+  ledgerline flights
+  ledgerline flights --json | jq .
+
+since: seconds from the first take-off; "-" where it is longer ago than the 1,000 events that the station keeps.
+)" + std::string(shared_notes);
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CommandLine line("flights", about, notes);
+  station::Options options;
+  add_options(line, options);
+  if (const auto end = line.parse(argc, argv)) return *end;
+  const auto target = target_of(options);
+  if (!target) return fail(target.error(), exit_usage);
+  const auto station = open(*target);
+  if (!station) return fail(station.error());
+  return exit_code(show(**station, options.json));
+}

@@ -1,0 +1,108 @@
+#include "tools/station/shell/options.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdlib>
+
+#include "common/base/log.hpp"
+#include "common/config/config.hpp"
+#include "common/program/secrets.hpp"
+#include "ground/shell/settings.hpp"
+
+namespace ledgerline::station {
+namespace {
+
+constexpr const char* station_variable = "LEDGERLINE_STATION";
+constexpr const char* token_variable = "LEDGERLINE_TOKEN_FILE";
+
+/// [service] of ground's own file. The rest of it is ground's to judge.
+Result<ground::service::ServiceSettings> service_of(const std::string& file) {
+  const auto whole = Config::load(file);
+  if (!whole) return whole.error();
+  auto config = Config::parse(whole->table_text("service"), file);
+  if (!config) return config.error();
+  auto settings = ground::service_settings(*config);
+  if (auto status = config->finish(); !status) return status.error();
+  if (settings.listen.empty())
+    return Error{file + ": [service] listen is not set: this ground serves no page and no API"};
+  return settings;
+}
+
+/// Per station, since a token is known to one alone; where a log-out or a restart removes it, if there is such a place.
+std::string usual_session_file(const Place& place, const Environment& environment) {
+  std::string folder = environment("XDG_RUNTIME_DIR");
+  if (folder.empty() && !environment("HOME").empty()) folder = environment("HOME") + "/.cache";
+  return folder.empty() ? "" : fmt::format("{}/ledgerline/session-{}-{}", folder, place.address, place.port);
+}
+
+std::string session_in(const Target& target) {
+  if (target.session_file.empty()) return "";
+  const bool there = ::access(target.session_file.c_str(), F_OK) == 0;
+  if (!there && !target.session_named) return "";
+  const auto session = read_secret(target.session_file);
+  if (session && is_token(*session)) return *session;
+  spdlog::warn("without a session: {}", session ? target.session_file + " holds none" : session.error().what);
+  return "";
+}
+
+}  // namespace
+
+const char* const shared_notes =
+    "The station: --url and --token-file, else [service] of --config, else LEDGERLINE_STATION (http://127.0.0.1:8800) "
+    "and\n"
+    "LEDGERLINE_TOKEN_FILE.\n"
+    "Exit codes: 0 done; 1 the station refused, or is not reached; 2 bad usage.";
+
+void add_options(CommandLine& line, Options& options) {
+  line.option("--url", options.url, "the station's address, as http://127.0.0.1:8800");
+  line.option("--token-file", options.token_file, "file of the page's token, which nobody else may read");
+  line.option("--config", options.config, "ground.toml, whose [service] says both").existing_file();
+  line.option("--session-file", options.session_file, "file of an operator's session; else one for each station");
+  line.flag("--json", options.json, "JSON in a table's place");
+}
+
+Result<Target> target_of(const Options& options, const Environment& environment) {
+  ground::service::ServiceSettings service;
+  if (!options.config.empty()) {
+    auto read = service_of(options.config);
+    if (!read) return read.error();
+    service = std::move(*read);
+  }
+  Target target;
+  const std::string url = !options.url.empty()     ? options.url
+                          : service.listen.empty() ? environment(station_variable)
+                                                   : "";
+  if (url.empty() && service.listen.empty())
+    return Error{
+        fmt::format("which station? --url http://127.0.0.1:8800, --config ground.toml, or {}", station_variable)};
+  auto place = url.empty() ? place_from_listen(service.listen) : place_from_url(url);
+  if (!place && url.empty()) return Error{fmt::format("{}: service.listen {}", options.config, place.error().what)};
+  if (!place) return place.error();
+  target.place = std::move(*place);
+  target.token_file = !options.token_file.empty()   ? options.token_file
+                      : !service.token_file.empty() ? service.token_file
+                                                    : environment(token_variable);
+  if (target.token_file.empty())
+    return Error{fmt::format("which token? --token-file FILE, --config ground.toml, or {}", token_variable)};
+  target.session_named = !options.session_file.empty();
+  target.session_file = target.session_named ? options.session_file : usual_session_file(target.place, environment);
+  return target;
+}
+
+Result<Target> target_of(const Options& options) {
+  return target_of(options, [](const char* name) -> std::string {
+    const char* value = std::getenv(name);
+    return value ? value : "";
+  });
+}
+
+Result<std::unique_ptr<Station>> open(const Target& target) {
+  auto token = read_secret(target.token_file);
+  if (!token) return token.error();
+  if (!is_token(*token)) return Error{target.token_file + " must hold 64 hex digits, as ground made it"};
+  return std::make_unique<Station>(target.place,
+                                   Credentials{std::move(*token), session_in(target), target.session_file});
+}
+
+}  // namespace ledgerline::station

@@ -1,0 +1,42 @@
+#pragma once
+#include <memory>
+#include <string>
+
+#include "common/base/result.hpp"
+#include "tools/station/core/place.hpp"
+#include "tools/station/core/requests.hpp"
+
+namespace ledgerline::station {
+
+/// How a client shows who it is.
+struct Credentials {
+  std::string token;         ///< of the page; 64 hex digits
+  std::string session;       ///< of an operator; empty: nobody is signed in
+  std::string session_file;  ///< where that came from, for errors
+};
+
+/// A client of one station: requests one after the other over one connection, which is made anew where the station has closed
+/// it. Each call waits, some seconds at most. One thread.
+class Station {
+ public:
+  Station(Place place, Credentials credentials);
+  ~Station();
+
+  /// The answer's body; what the station refuses is an error in its words. An operator's session that is over keeps nobody
+  /// from landing or stopping a drone: what is anybody's is then asked with the page's token.
+  Result<std::string> ask(const Request& request);
+  /// Ground's clock, as the stream tells it.
+  Result<double> now_ms();
+  /// How many connections were made for requests: one more, and the station may be another than before.
+  unsigned connections() const;
+
+ private:
+  struct Wire;
+  Result<Answer> send(const Request& request, const std::string& token);
+
+  const Place place_;
+  const Credentials credentials_;
+  std::unique_ptr<Wire> wire_;
+};
+
+}  // namespace ledgerline::station
