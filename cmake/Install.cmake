@@ -45,6 +45,12 @@ install(FILES ground/plugin/example.cpp DESTINATION ${examples} RENAME controlle
 install(DIRECTORY hil/fault/own/examples/ DESTINATION ${examples} COMPONENT faults FILES_MATCHING PATTERN *.py)
 install(FILES ${CMAKE_BINARY_DIR}/share/ledgerline/fault-script.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline COMPONENT faults
   OPTIONAL)
+# The ground station's command line, and what `ledgerline demo` starts.
+foreach(program ledgerline ledgerline-demo ledgerline-drones ledgerline-missions ledgerline-flights ledgerline-alarms ledgerline-fly
+    ledgerline-roudi ledgerline-sim ledgerline-link ledgerline-agent ledgerline-ground ledgerline-node ledgerline-control)
+  install(PROGRAMS $<TARGET_FILE:${program}> DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools OPTIONAL)
+endforeach()
+install(FILES docs/examples/mission-two.csv DESTINATION ${examples} COMPONENT tools)
 # What a shell completes of `ledgerline` (docs/commands.md).
 install(FILES tools/command/completion.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ledgerline COMPONENT tools)
 install(FILES tools/command/completion.zsh DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/site-functions RENAME _ledgerline COMPONENT tools)

@@ -6,11 +6,13 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "sim/core/pads.hpp"
 #include "tools/launcher/machine.hpp"
+#include "tools/launcher/page/open_page.hpp"
 #include "tools/timing/usage.hpp"
 
 namespace ledgerline::fly {
@@ -87,9 +89,19 @@ void Launcher::take_line(const std::string& name, const std::string& line) {
 
 // The token is no word for a log: the terminal alone has it.
 void Launcher::tell_page(const std::string& url) {
-  const auto token = read_file(files_.page_token());
-  live_.say(token ? fmt::format("The page: {}/#token={}", url, *token)
-                  : fmt::format("The page: {}, but its token cannot be read: {}", url, token.error().what));
+  auto token = read_file(files_.page_token());
+  if (!token) {
+    live_.say(fmt::format("The page: {}, but its token cannot be read: {}", url, token.error().what));
+    return;
+  }
+  while (token->ends_with('\n')) token->pop_back();
+  const std::string page = fmt::format("{}/#token={}", url, *token);
+  live_.say("The page: " + page);
+  live_.say(
+      fmt::format("By commands: export LEDGERLINE_STATION={} LEDGERLINE_TOKEN_FILE={}", url, files_.page_token()));
+  if (!std::exchange(options_.open, false)) return;  // a ground that comes back has its page open
+  if (const Status opened = open_in_browser(page, files_.in("open.html")); !opened)
+    live_.say("Open the page yourself: " + opened.error().what);
 }
 
 void Launcher::ended_early(const std::string& name) {

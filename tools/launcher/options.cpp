@@ -153,6 +153,7 @@ void add_run_options(CommandLine& line, Options& o) {
   const Option watch = line.flag(
       "--watch", o.watch,
       "Ground serves a page to look on, to fly by hand and to stop all; its address is printed (docs/station.md)");
+  line.flag("--open", o.open, "Open the page in the browser, where there is xdg-open").needs(watch);
   line.option("--operators", o.operators,
               "Who sign in at the page with keys of their own, such as alice,bob; their pass phrases are printed. "
               "Without,\n"

@@ -57,6 +57,7 @@ struct Options {
   bool shim = false;   ///< simulated drones are reached through shared memory in place of UDP (docs/shim.md)
   bool proxy = false;  ///< drones and ledger are reached through ledgerline-hil proxy
   bool watch = false;  ///< ground serves its page (docs/station.md)
+  bool open = false;   ///< in the browser
   std::vector<std::string>
       operators{};           ///< who sign in there with keys of their own; none: ground's identity signs all
   std::string faults;        ///< file of what the proxy switches when; empty: none

@@ -1,0 +1,197 @@
+"""`ledgerline drones`, `missions`, `flights` and `alarms`: flights that are flown by nothing else."""
+import json
+import pathlib
+import signal
+import time
+
+from commands import Person
+from flights import assert_nothing_left, fly, no_flight_outlives_its_test, printed
+from station import PATIENCE_S, Station
+
+STOPPED = 1  # exit code of a flight: a stopped drone is something that went wrong
+MISSION = pathlib.Path(__file__).resolve().parents[3] / "docs/examples/mission-two.csv"
+
+
+def take_off_by_commands(person: Person, station: Station, *names: str) -> None:
+    person.says("drones", "takeoff", *names)
+    for name in names:
+        station.wait(name, lambda drone: drone["phase"] == "manual")
+
+
+def with_operators(out: pathlib.Path) -> tuple:
+    flight = fly(out, "--drones", "2", "--shape", "manual", "--watch", "--operators", "alice,bob")
+    station = Station(out, flight)
+    for name in ("tello1", "tello2"):
+        station.wait(name, lambda drone: drone["link_phase"] == "on_ground" and drone["position"])
+    return flight, station, Person(out / "alice", station, out, "alice")
+
+
+def test_two_operators_fly_by_commands(tmp_path):
+    flight, station, alice = with_operators(tmp_path)
+    bob, anybody = Person(tmp_path / "bob", station, tmp_path, "bob"), Person(tmp_path / "anybody", station, tmp_path)
+
+    table = anybody.says("drones").splitlines()
+    assert len(table) == 3 and table[1].startswith("tello1  waiting (on_ground)"), table
+    assert anybody.json("drones")["drones"][1]["name"] == "tello2"
+    assert "sign in first" in anybody.refused("drones", "takeoff", "tello1")
+    assert "nothing is in the air" in anybody.says("flights").lower() and anybody.json("flights") == {"flights": []}
+
+    phrase = alice.phrase_file()
+    phrase.chmod(0o644)
+    assert "chmod 600" in alice.refused("drones", "login", "--operator", "alice", "--pass-phrase-file", phrase)
+    assert "403" in bob.refused("drones", "login", "--operator", "alice", "--pass-phrase-file", bob.phrase_file())
+    assert "404" in bob.refused("drones", "login", "--operator", "eve", "--pass-phrase-file", bob.phrase_file())
+    assert "alice is signed in as Org2MSP" in alice.log_in()
+    assert oct(alice.session_file().stat().st_mode & 0o777) == "0o600"
+    bob.log_in()
+
+    # Leases: each is on the ledger when its command ends.
+    alice.says("drones", "acquire", "tello1", "tello2")
+    assert all("alice" in drone["lease"]["holder"] for drone in anybody.json("drones")["drones"])
+    assert "refused" in bob.refused("drones", "acquire", "tello1")
+    bob.says("drones", "request", "tello1", "--priority", "0")
+    asked = station.drone("tello1")["requests"][0]
+    him = ("--msp", asked["msp"], "--subject", asked["subject"])
+    alice.says("drones", "deny", "tello1", *him)
+    assert station.drone("tello1")["requests"] == []
+    bob.says("drones", "request", "tello1")
+    alice.says("drones", "hand_over", "tello1", *him)
+    assert "bob" in station.drone("tello1")["lease"]["holder"]
+    bob.says("drones", "release", "tello1")
+    alice.says("drones", "acquire", "tello1")
+
+    watching = anybody.start("drones", "--watch")
+    following = anybody.start("alarms", "--watch")
+    take_off_by_commands(alice, station, "tello1", "tello2")
+    flown = anybody.json("flights")["flights"]
+    assert [(one["what"], one["drones"], "alice" in one["by"]) for one in flown] == [("hand", ["tello1"], True), ("hand", ["tello2"], True)]
+    assert all(0 < one["since_s"] < PATIENCE_S for one in flown), flown
+    way = tmp_path / "way.csv"
+    way.write_text("x,y,z,speed\n0,1.5\n0,0,1.2,0.3\n")
+    alice.says("drones", "path", "tello1", way)
+    station.wait("tello1", lambda drone: drone["phase"] == "path" or drone["progress"] > 0)
+    alice.says("drones", "pause", "tello1")
+    station.wait("tello1", lambda drone: drone["paused"])
+    assert "paused" in anybody.says("drones")
+    alice.says("drones", "resume", "tello1")
+    station.wait("tello1", lambda drone: not drone["paused"])
+    alice.says("drones", "return", "tello1")
+    way.write_text("north,1\n")
+    assert f"{way}:1: " in alice.refused("drones", "path", "tello1", way)
+
+    alice.says("drones", "stop", "tello2")
+    station.wait("tello2", lambda drone: drone["stopped_by"] and drone["phase"] == "landed")
+    assert "stopped by Org2MSP" in anybody.says("alarms") and "link reaches it" not in anybody.says("alarms")
+    assert "link reaches it" in anybody.says("alarms", "--all")
+    assert anybody.json("alarms")["events"][0]["n"] == 1
+    alice.says("drones", "lift", "tello2")
+    assert station.drone("tello2")["stopped_by"] == []
+    alice.says("drones", "land", "tello1")
+    station.wait("tello1", lambda drone: drone["phase"] == "landed")
+    for program, shown in ((watching, "landed"), (following, "stopped by")):
+        program.send_signal(signal.SIGINT)
+        text = program.communicate(timeout=30)[0]
+        assert program.returncode == 0 and shown in text, text
+        if program is watching:
+            assert text.count("failsafe") > 3, "a table at each change"
+
+    # Elsewhere she signs in anew: this session is over, and still stops a drone.
+    elsewhere = Person(tmp_path / "elsewhere", station, tmp_path, "alice")
+    screen = elsewhere.log_in_at_a_terminal()
+    assert "alice is signed in" in screen and alice.phrase_file().read_text().strip() not in screen, "what is typed is not shown"
+    assert "is over" in alice.refused("drones", "takeoff", "tello1")
+    assert "asking without it" in alice.run("drones", "stop", "tello1").stderr
+    station.wait("tello1", lambda drone: drone["stopped_by"])
+    assert "lands and is given back" in elsewhere.says("drones", "logout") and not list((elsewhere.home / "ledgerline").iterdir())
+    assert "sign in first" in elsewhere.refused("drones", "acquire", "tello2")
+
+    anybody.says("drones", "cut", "--all")
+    station.wait("tello2", lambda drone: drone["stopped_by"])
+    flight.send_signal(signal.SIGINT)
+    assert flight.wait(60) == STOPPED, printed(tmp_path)
+    assert_nothing_left()
+    for verb in ("drones", "missions", "flights", "alarms"):
+        assert "is not reached" in anybody.refused(verb)
+
+
+def test_a_mission_is_flown_by_commands(tmp_path):
+    flight, station, alice = with_operators(tmp_path)
+    assert alice.json("missions") == {"missions": []}
+    alice.log_in()
+    alice.says("drones", "acquire", "tello1", "tello2")
+    added = alice.json("missions", "add", MISSION)
+    assert added["name"] == "mission-two" and added["phase"] == "checked", added
+    assert not any(finding["forbids"] for finding in added["findings"]), added
+    mission = added["id"]
+
+    def wait(*phases: str) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while (now := alice.json("missions", "show", mission))["phase"] not in phases:
+            assert time.monotonic() < deadline, now
+            time.sleep(0.1)
+
+    assert "409" in alice.refused("missions", "start", mission)
+    alice.says("missions", "approve", mission)
+    assert alice.json("missions", "show", mission)["phase"] == "approved", "its approval counts when the command ends"
+    alice.says("missions", "start", mission)
+    wait("to_start", "flying")
+    flown = alice.json("flights")["flights"]
+    assert len(flown) == 1 and flown[0]["mission"] == mission and flown[0]["drones"] == ["tello1", "tello2"] and flown[0]["since_s"] > 0, flown
+    assert mission in alice.says("missions")
+    assert "409" in alice.refused("missions", "remove", mission)
+    alice.says("missions", "pause", mission)
+    assert ", paused" in alice.says("missions", "show", mission)
+    alice.says("missions", "resume", mission)
+    alice.says("missions", "land", mission)
+    for name in ("tello1", "tello2"):
+        station.wait(name, lambda drone: drone["phase"] == "landed")
+    wait("aborted")
+    alice.says("missions", "remove", mission)
+    assert alice.json("missions") == {"missions": []}
+    named = tmp_path / "two.csv"
+    named.write_text(MISSION.read_text())
+    assert alice.json("missions", "add", named, "--name", "again")["name"] == "again"
+    named.write_text("drone,x,y,z,speed\ntello9,far,0,,\n")
+    assert "line 2" in alice.refused("missions", "add", named)
+    flight.send_signal(signal.SIGINT)
+    assert flight.wait(60) == 0, printed(tmp_path)
+    assert_nothing_left()
+
+
+def test_what_makes_no_sense_is_bad_usage_and_a_wrong_token_is_refused(tmp_path):
+    flight = fly(tmp_path, "--shape", "manual", "--watch")
+    station = Station(tmp_path, flight)
+    person = Person(tmp_path / "person", station, tmp_path)
+    wrong = tmp_path / "wrong.token"
+    wrong.write_text("0" * 64)
+    wrong.chmod(0o600)
+    for verb in ("drones", "missions"):
+        assert "401" in person.refused(verb, "--token-file", wrong)
+    assert "token" in person.refused("flights", "--token-file", wrong) + person.refused("alarms", "--token-file", wrong)
+    wrong.chmod(0o644)
+    assert "chmod 600" in person.refused("drones", "--token-file", wrong)
+    assert "which station?" in person.misused("drones", LEDGERLINE_STATION="")
+    assert "which token?" in person.misused("drones", LEDGERLINE_TOKEN_FILE="")
+    assert "no TLS" in person.misused("drones", "--url", "http://192.0.2.1:80")
+    config = tmp_path / "run" / "ground.toml"
+    assert person.run("drones", "--config", config, LEDGERLINE_STATION="", LEDGERLINE_TOKEN_FILE="").stdout.count("tello1") == 1
+    any_port = tmp_path / "any.toml"
+    any_port.write_text(config.read_text().replace(station.place, "127.0.0.1:0"))
+    assert "port 0" in person.misused("alarms", "--config", any_port)
+    for words in (("stop",), ("stop", "tello1", "--all"), ("takeoff",), ("wings",), ("takeoff", "a/b"), ("stop", "--all", "--watch"), ("path", "tello1", "none.csv"),
+                  ("hand_over", "tello1"), ("login",)):
+        person.misused("drones", *words)
+    for words in (("add", "none.csv"), ("start",), ("start", "../x")):
+        person.misused("missions", *words)
+    told = person.refused("drones", "land", "tello8", "tello9")
+    assert told.count("flies here") == 2 and "2 of 2 drones: not done" in told
+    # Without operators ground's own identity signs all, and nobody signs in.
+    assert "404" in person.refused("drones", "acquire", "tello1")
+    assert "404" in person.refused("drones", "login", "--operator", "alice", "--pass-phrase-file", person.environment["LEDGERLINE_TOKEN_FILE"])
+    station.wait("tello1", lambda drone: drone["link_phase"] == "on_ground" and drone["position"])
+    take_off_by_commands(person, station, "tello1")
+    person.says("drones", "land", "tello1")
+    station.wait("tello1", lambda drone: drone["phase"] == "landed")
+    flight.send_signal(signal.SIGINT)
+    assert flight.wait(60) == 0, printed(tmp_path)
+    assert_nothing_left()
