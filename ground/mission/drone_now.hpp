@@ -15,6 +15,7 @@ struct DroneNow {
   bool seen = false;       ///< a state came from it
   bool on_ground = false;  ///< as its newest state says
   bool paused = false;
+  bool held = false;                      ///< its failsafe brakes it: it takes no path now
   std::uint64_t paths = 0;                ///< FlightStatus::paths
   std::size_t reached = 0;                ///< FlightStatus::reached
   std::string why{};                      ///< what went wrong with its flight
@@ -32,6 +33,7 @@ inline DroneNow drone_now(const FlightCore& core, std::size_t drone) {
                seen.has_state,
                seen.has_state && on_ground(state.phase),
                status.paused,
+               seen.has_state && state.mode == FailsafeMode::brake,
                status.paths,
                status.reached,
                status.why};

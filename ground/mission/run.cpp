@@ -12,6 +12,7 @@ namespace ledgerline::ground::mission {
 namespace {
 
 constexpr std::size_t max_approvals = 1'000;  // of all that were ever given for one mission
+constexpr TimeNs again_ns = 300 * ns_per_ms;  // FlightCore takes an order at once, or refuses it
 constexpr std::size_t max_why = 300;          // bytes of a reason
 
 bool hovers(const DroneNow& seen) { return seen.phase == DronePhase::manual && !seen.on_ground; }
@@ -267,6 +268,7 @@ void MissionRun::order(TimeNs now, std::size_t drone, const DroneNow& seen, std:
   part.paths = seen.paths;
   PilotWish wish{.drone = index};
   wish.order = PilotOrder{PilotOrder::Kind::path, std::move(rest), mission_.drones[drone].land_behind};
+  part.told_ns = now;
   wishes_.push_back(std::move(wish));
 }
 
@@ -275,12 +277,18 @@ void MissionRun::conduct(TimeNs now, std::span<const DroneNow> drones, std::span
   bool one_waits = false;
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     Part& part = parts_[i];
-    const bool waits = part.leg == Leg::ready || part.leg == Leg::halted;
+    const bool ready = part.leg == Leg::ready || part.leg == Leg::halted;
+    const bool waits = ready && !drones[indices[i]].held;
     one_waits = one_waits || waits;
     all_wait = all_wait && (waits || is_over(i) || part.leg == Leg::landing);
     if (paused_ && (part.leg == Leg::ordered || part.leg == Leg::flying) &&
         drones[indices[i]].phase == DronePhase::path) {
       wishes_.push_back({.drone = indices[i], .pause = true});
+    } else if (!paused_ && part.leg == Leg::ordered && now - part.told_ns >= again_ns) {
+      // Its failsafe may have braked it for a moment; order_ns says when it is too late for the others.
+      const TimeNs asked_ns = part.asked_ns;
+      order(now, i, drones[indices[i]], indices[i]);
+      part.asked_ns = asked_ns;
     } else if (!paused_ && part.leg == Leg::standing) {
       part.leg = Leg::rising;
       part.asked_ns = now;

@@ -222,6 +222,27 @@ TEST(MissionRun, ALossIsAnsweredByItsRule) {
   }
 }
 
+TEST(MissionRun, ADroneThatItsFailsafeBrakesForAMomentIsWaitedForAndToldAgain) {
+  Flight flight;
+  ASSERT_TRUE(flight.run.start({}));
+  flight.step();
+  flight.drone("tello2").held = true;
+  flight.rises("tello1");
+  flight.rises("tello2");
+  flight.step();
+  flight.step();
+  EXPECT_THAT(flight.wished(), IsEmpty()) << "all begin in the same step";
+  flight.drone("tello2").held = false;
+  flight.deaf = "tello2";  // it refuses, for a moment
+  flight.step();
+  EXPECT_THAT(flight.wished(), testing::UnorderedElementsAre("tello1 path", "tello2 path"));
+  flight.step();
+  EXPECT_THAT(flight.wished(), IsEmpty());
+  flight.deaf = "";
+  for (int i = 0; i < 4; ++i) flight.step();
+  EXPECT_EQ(flight.drone("tello2").phase, DronePhase::path);
+}
+
 TEST(MissionRun, WhoeverDoesNotTakeOffOrDoesNotBeginItsPathIsLost) {
   Flight flight;
   flight.deaf = "tello1";
