@@ -1,7 +1,8 @@
-// The way to the station: the token, the stream with its reconnects, and plain requests that do not need the stream.
+// The way to the station: the tokens, the stream with its reconnects, and plain requests that do not need the stream.
 
 const TOKEN = /^[0-9a-f]{64}$/i;
 const REQUEST_MS = 3000;
+const SIGN_IN_MS = 15000; // a key is unlocked, and its way to the ledger is made
 const SILENT_MS = 5000; // states come 30 times a second: a stream that is silent for so long is dead
 const FIRST_WAIT_MS = 250;
 const MAX_WAIT_MS = 5000;
@@ -11,14 +12,28 @@ export function takeToken() {
   const found = new URLSearchParams(location.hash.slice(1)).get('token');
   if (found !== null) {
     history.replaceState(null, '', location.pathname);
-    if (TOKEN.test(found)) sessionStorage.setItem('token', found);
+    if (TOKEN.test(found) && found !== sessionStorage.getItem('token')) {
+      sessionStorage.setItem('token', found);
+      sessionStorage.removeItem('session'); // that was another station's
+    }
   }
   return sessionStorage.getItem('token');
 }
 
-/// Events: `hello`, `state`, `events`, `blocks` (detail: the message), `link` (detail: {up, words}), `token` (detail: why one is needed).
+function keptSession() {
+  try {
+    const kept = JSON.parse(sessionStorage.getItem('session'));
+    return TOKEN.test(kept?.token) ? kept : null;
+  } catch {
+    return null;
+  }
+}
+
+/// Events: `hello`, `state`, `events`, `blocks`, `missions` (detail: the message), `link` (detail: {up, words}), `token` (detail: why one is
+/// needed), `session` (detail: what happened to it, in words).
 export class Connection extends EventTarget {
-  #token = null;
+  #token = null; // the page's own
+  #session = null; // {token, operator, identity} of who is signed in: its token goes before the page's
   #socket = null;
   #fails = 0;
   #heard = 0;
@@ -31,6 +46,15 @@ export class Connection extends EventTarget {
     return this.#socket?.readyState === WebSocket.OPEN;
   }
 
+  /// Who is signed in, by name and as the ledger knows him; null: nobody.
+  get operator() {
+    return this.#session?.operator ?? null;
+  }
+
+  get identity() {
+    return this.#session?.identity ?? null;
+  }
+
   start(token) {
     if (!TOKEN.test(token ?? '')) {
       this.#say('token', token ? 'A token is 64 hex digits.' : 'This page needs the token of the ground station.');
@@ -38,24 +62,58 @@ export class Connection extends EventTarget {
     }
     this.#token = token;
     sessionStorage.setItem('token', token);
+    this.#session = keptSession();
     this.#fails = 0;
     this.#open();
   }
 
-  /// Answers {ok, words, body}; never throws.
+  /// Answers {ok, status, words, body}; never throws. `body`: an object, or {text, type} of a file as it is.
   async request(method, path, body) {
+    const session = this.#session;
+    const answer = await this.#ask(session?.token ?? this.#token, method, path, body);
+    if (answer.status !== 401 || !session) return answer;
+    if (session === this.#session) this.#change(null, `The session of ${session.operator} is over: the station does not know it any more.`);
+    return this.#ask(this.#token, method, path, body); // a stop and a landing need no session
+  }
+
+  async signIn(operator, passphrase) {
+    const answer = await this.#ask(this.#token, 'POST', 'session', { operator, passphrase }, SIGN_IN_MS);
+    if (answer.ok) this.#change({ token: answer.body.session, operator, identity: answer.body.identity }, `${operator} is signed in.`);
+    return answer;
+  }
+
+  async signOut() {
+    const session = this.#session;
+    if (!session) return;
+    const answer = await this.#ask(session.token, 'DELETE', 'session');
+    if (session !== this.#session) return;
+    const told = answer.ok || answer.status === 401;
+    this.#change(null, told ? `${session.operator} is signed out.` : `${session.operator} is signed out here, and the station does not know: ${answer.words}.`);
+  }
+
+  #change(session, words) {
+    this.#session = session;
+    if (session) sessionStorage.setItem('session', JSON.stringify(session));
+    else sessionStorage.removeItem('session');
+    this.#say('session', words);
+    this.#fails = 0;
+    this.#open();
+  }
+
+  async #ask(token, method, path, body, patience_ms = REQUEST_MS) {
+    const file = body && 'text' in body;
     try {
       const answer = await fetch(`/api/v1/${path}`, {
         method,
-        headers: { Authorization: `Bearer ${this.#token}`, ...(body && { 'Content-Type': 'application/json' }) },
-        body: body && JSON.stringify(body),
-        signal: AbortSignal.timeout(REQUEST_MS),
+        headers: { Authorization: `Bearer ${token}`, ...(body && { 'Content-Type': file ? body.type : 'application/json' }) },
+        body: file ? body.text : body && JSON.stringify(body),
+        signal: AbortSignal.timeout(patience_ms),
         cache: 'no-store',
       });
       const said = await answer.json().catch(() => ({}));
       return { ok: answer.ok, status: answer.status, body: said, words: answer.ok ? 'accepted' : said.error ?? `refused (${answer.status})` };
     } catch (error) {
-      const words = error.name === 'TimeoutError' ? `no answer within ${REQUEST_MS / 1000} s` : 'the station cannot be reached';
+      const words = error.name === 'TimeoutError' ? `no answer within ${patience_ms / 1000} s` : 'the station cannot be reached';
       return { ok: false, status: 0, body: {}, words };
     }
   }
@@ -86,7 +144,7 @@ export class Connection extends EventTarget {
   #open() {
     clearTimeout(this.#wait);
     this.#socket?.close();
-    const socket = new WebSocket(`ws://${location.host}/api/v1/stream`, ['ledgerline.v1', `token.${this.#token}`]);
+    const socket = new WebSocket(`ws://${location.host}/api/v1/stream`, ['ledgerline.v1', `token.${this.#session?.token ?? this.#token}`]);
     this.#socket = socket;
     this.#say('link', { up: false, words: 'Connecting' });
     socket.onopen = () => {
@@ -113,8 +171,7 @@ export class Connection extends EventTarget {
       this.stateMs = message.t_ms;
       message.drones = this.withPaths(message.drones);
     }
-    if (['hello', 'state', 'events'].includes(message.op)) this.#say(message.op, message);
-    if (message.op === 'blocks') this.#say('blocks', message);
+    if (['hello', 'state', 'events', 'blocks', 'missions'].includes(message.op)) this.#say(message.op, message);
   }
 
   async #lost(socket) {
@@ -134,6 +191,8 @@ export class Connection extends EventTarget {
     this.#socket?.close();
     this.#socket = null;
     sessionStorage.removeItem('token');
+    sessionStorage.removeItem('session');
+    this.#session = null;
     this.#say('link', { up: false, words: 'Not connected: the station refuses the token' });
     this.#say('token', `The station refuses this token: ${asked.words}. Paste the one that it uses now.`);
   }

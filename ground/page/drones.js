@@ -1,6 +1,8 @@
 // A card for each drone: what it does, how fresh that is, who may command it, and its buttons.
 
 import { BatteryTime, timeLeft } from './look/battery.js';
+import { Control } from './operators/control.js';
+import { nameOf, whyNotMine } from './operators/rules.js';
 
 export const LATE_MS = 300;
 export const STALE_MS = 1000;
@@ -10,7 +12,10 @@ const LINKS = { disconnected: '■ does not reach it', on_ground: '● reaches i
 const MODES = { hold: 'holds its place', brake: 'brakes', land: 'lands', cut: 'motors cut' };
 export const FLYING = ['takeoff', 'path', 'manual', 'landing'];
 
-/// [the button, what it asks, when it can be asked, else why not]
+/// Those that only the holder may ask, where operators sign in; to land and to stop it is anybody's.
+const HOLDERS = ['takeoff', 'pause', 'return'];
+
+/// [the button, when it can be asked, else why not]
 const ACTIONS = {
   takeoff: ['Take off', (drone) => !FLYING.includes(drone.phase), 'is in the air already'],
   land: ['Land', (drone) => FLYING.includes(drone.phase), 'is not in the air'],
@@ -43,12 +48,6 @@ export function cleaned(drone) {
   };
 }
 
-/// "Org2MSP CN=User1@org2.ledgerline,OU=client": "User1@org2.ledgerline (Org2MSP)".
-function shortName(identity) {
-  const found = /^(\S+) .*?CN=([^,]+)/.exec(identity);
-  return found ? `${found[2]} (${found[1]})` : identity;
-}
-
 /// Fixed digits; what rounds to zero has no sign.
 export const fixed = (value, digits) => (Number(value.toFixed(digits)) + 0).toFixed(digits);
 
@@ -61,24 +60,19 @@ export function freshness(age_ms, connected) {
   return age_ms > LATE_MS ? { words: `${words}, late`, level: 'late' } : { words, level: 'fresh' };
 }
 
-// While a drone is stopped nobody may command it, its holder neither.
-function leaseWords({ lease, stopped_by }) {
-  if (!lease?.holder) return 'nobody holds it';
-  const who = shortName(lease.holder);
-  if (!lease.ours) return `NOT ours: ${who}`;
-  return stopped_by?.length ? `ours, no commands while stopped: ${who}` : `ours: ${who}`;
-}
-
 class Card {
   #connection;
+  #who;
+  #control;
   #fields = {};
   #buttons = {};
   #drone = null;
   #battery = new BatteryTime();
   #replied = 0;
 
-  constructor(connection, name, number, pick) {
+  constructor(connection, who, name, number, pick) {
     this.#connection = connection;
+    this.#who = who;
     this.name = name;
     this.element = document.getElementById('card').content.firstElementChild.cloneNode(true);
     this.element.classList.add(`drone${number % 6}`);
@@ -99,20 +93,30 @@ class Card {
       this.#buttons[what] = button;
       this.#fields.actions.append(button);
     }
+    this.#control = new Control(name, this.#fields, connection, who, (words) => this.reply(words));
+  }
+
+  /// Why it is not to be asked now; null: it can be.
+  #whyNot(action, drone) {
+    const [, possible, why] = ACTIONS[action];
+    const others = this.#who.operators.length && HOLDERS.includes(action) ? whyNotMine(drone, this.#who) : null;
+    // What is stale may be wrong: then the station decides.
+    return others ?? (this.fresh && !possible(drone) ? `${this.name} ${why}.` : null);
   }
 
   async #ask(action) {
-    const [label, possible, why] = ACTIONS[action];
-    // What is stale may be wrong: then the station decides.
-    if (this.#drone && this.fresh && !possible(this.#drone)) return this.#reply(`${this.name} ${why}.`);
+    const [label] = ACTIONS[action];
+    const why = this.#drone && this.#whyNot(action, this.#drone);
+    if (why) return this.reply(why);
     const what = action === 'pause' && this.#drone?.paused ? 'resume' : action;
     const said = what === 'resume' ? 'Resume' : label;
-    this.#reply(`${said}: sent`);
+    this.reply(`${said}: sent`);
     const answer = await this.#connection.request('POST', `drones/${encodeURIComponent(this.name)}/${what}`);
-    return this.#reply(`${said}: ${answer.words}`);
+    return this.reply(`${said}: ${answer.words}`);
   }
 
-  #reply(words) {
+  /// Says what came of something, for a while.
+  reply(words) {
     put(this.#fields.reply, words);
     this.#replied = performance.now();
   }
@@ -147,17 +151,14 @@ class Card {
     const calm = drone.mode === 'none';
     put(fields.failsafe, calm ? 'not active' : `${MODES[drone.mode] ?? drone.mode}: ${drone.cause_words || drone.cause}`);
     fields.failsafe.classList.toggle('bad', !calm);
-    const holder = drone.lease?.holder;
-    put(fields.lease, leaseWords(drone));
-    fields.lease.title = holder ?? '';
-    fields.lease.classList.toggle('warn', !drone.lease?.ours);
+    this.#control.show(drone, this.fresh && FLYING.includes(drone.phase));
     const place = drone.position ? drone.position.map((each) => fixed(each, 2)).join(', ') : 'unknown';
     put(fields.place, `${place} m at ${Math.hypot(...(drone.velocity ?? [0])).toFixed(2)} m/s`);
-    this.#optional('stopped', (drone.stopped_by ?? []).map(shortName).join(', '));
+    this.#optional('stopped', (drone.stopped_by ?? []).map((each) => nameOf(each, this.#who)).join(', '));
     fields.stopped.title = (drone.stopped_by ?? []).join('; ');
     this.#optional('limit', drone.limit_mps === null ? '' : `${drone.limit_mps.toFixed(1)} m/s`);
     this.#optional('why', [drone.why, drone.ledger_doubted ? 'the ledger is doubted' : ''].filter(Boolean).join('; '));
-    for (const [what, button] of Object.entries(this.#buttons)) button.setAttribute('aria-disabled', this.fresh && !ACTIONS[what][1](drone));
+    for (const [what, button] of Object.entries(this.#buttons)) button.setAttribute('aria-disabled', this.#whyNot(what, drone) !== null);
     const pause = drone.paused ? 'Resume' : 'Pause';
     if (this.#buttons.pause.textContent !== pause) {
       this.#buttons.pause.textContent = pause;
@@ -180,6 +181,7 @@ class Card {
 /// The cards, who is selected, and how old what is known is.
 export class Fleet {
   #connection;
+  #who;
   #list = document.getElementById('drones');
   #cards = new Map();
   #heard = 0;
@@ -187,8 +189,9 @@ export class Fleet {
   selected = null;
   onselect = () => {};
 
-  constructor(connection) {
+  constructor(connection, who) {
     this.#connection = connection;
+    this.#who = who;
   }
 
   get drone() {
@@ -200,7 +203,7 @@ export class Fleet {
     this.#heard = now;
     for (const [number, drone] of drones.entries()) {
       if (!this.#cards.has(drone.name)) {
-        const card = new Card(this.#connection, drone.name, number, (name) => this.select(name));
+        const card = new Card(this.#connection, this.#who, drone.name, number, (name) => this.select(name));
         this.#cards.set(drone.name, card);
         this.#list.append(card.element);
       }
@@ -212,6 +215,13 @@ export class Fleet {
       this.#cards.delete(name);
     }
     if (!this.drone && drones.length) this.select(drones[0].name);
+  }
+
+  /// What came of this operator's calls is said on the drone's card, too.
+  hear(events) {
+    for (const { drone, text, level } of events) {
+      if (this.#who.operator && text.startsWith(`${this.#who.operator}: `)) this.#cards.get(drone)?.reply(`${text}${level === 'info' ? ': done' : ''}`);
+    }
   }
 
   select(name) {

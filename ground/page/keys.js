@@ -1,5 +1,6 @@
 // Flying by hand: every source of a wish (keys, gamepad, touch pads) is a deadman. While one is held, velocities go out;
 // when the last is let go, zero goes out once, and then nothing.
+import { inDialog } from './operators/session.js';
 
 const SEND_MS = 66; // 15 a second; the station holds a velocity for cmd_timeout_ms
 const YAW_RATE = 1.0; // rad/s at full deflection
@@ -82,7 +83,7 @@ export function flyByKeys(hand, enabled) {
   hand.addEventListener('release', () => down.clear());
   addEventListener('keydown', (event) => {
     if (!(event.code in MOVES) || event.defaultPrevented || event.ctrlKey || event.altKey || event.metaKey) return;
-    if (typing(event.target) || !enabled()) return;
+    if (typing(event.target) || inDialog() || !enabled()) return;
     event.preventDefault();
     if (event.repeat) return;
     down.add(event.code);
@@ -98,8 +99,9 @@ export function flyByKeys(hand, enabled) {
 export function bindKeys(actions) {
   addEventListener('keydown', (event) => {
     if (event.repeat || event.defaultPrevented || event.ctrlKey || event.altKey || event.metaKey) return;
-    // In a field, keys are for its text; a list has no use for Backspace.
-    if (typing(event.target) && !(event.key === 'Backspace' && event.target.matches('select'))) return;
+    // In a field, keys are for its text; a list and a check box have no use for Backspace.
+    if (typing(event.target) && !(event.key === 'Backspace' && event.target.matches('select, [type=checkbox]'))) return;
+    if (inDialog() && event.key !== 'Backspace') return;
     const act = actions[event.key] ?? (/^[1-9]$/.test(event.key) ? actions.digit : undefined);
     if (act?.(event)) event.preventDefault();
   });

@@ -9,8 +9,13 @@ import { Blocks } from './look/blocks.js';
 import { SpaceSwitch } from './look/space.js';
 import { bindKeys, flyByKeys, Hand } from './keys.js';
 import { PlanView } from './map.js';
+import { Missions } from './missions/panel.js';
+import { isOurs, nameOf, whyNotMine } from './operators/rules.js';
+import { closeDialogs, Operators } from './operators/session.js';
 import { flyByGamepad, flyByTouch } from './pads.js';
 import { StopAll } from './stop.js';
+
+const NEWS_MS = 5000; // an older event is history
 
 const at = (id) => document.getElementById(id);
 
@@ -51,13 +56,17 @@ function themeSwitch(changed) {
 const { ink, forget } = inks();
 themeSwitch(forget);
 const connection = new Connection();
-const fleet = new Fleet(connection);
+const operators = new Operators(connection, () => fleet.drones.filter((drone) => isOurs(drone, operators)).map((drone) => drone.name));
+const fleet = new Fleet(connection, operators);
 const map = new PlanView(at('map'), ink);
 const delay = new DelayPlot(at('delay'), ink, libraries);
 const events = new Events();
 const blocks = new Blocks();
-const stopAll = new StopAll(connection);
+const stopAll = new StopAll(connection, (identity) => nameOf(identity, operators));
 const draft = new Draft(map, at('map'), connection, () => fleet.drone);
+const missions = new Missions(connection, operators, map);
+draft.onkeep = (path) => missions.keep(path);
+missions.onmade = () => draft.on && draft.toggle(false);
 const space = new SpaceSwitch(map, draft, ink, libraries);
 
 let keysOn = true;
@@ -66,7 +75,7 @@ let delayMs = null;
 let stationMs = () => 0; // the station's clock
 
 const inManual = () => connection.hello.manual && fleet.drone?.phase === 'manual';
-const mayFly = () => connection.up && inManual() && !stopAll.pending;
+const mayFly = () => connection.up && inManual() && !stopAll.pending && whyNotMine(fleet.drone, operators) === null;
 const hand = new Hand(
   (drone, linear, yaw_rate) => connection.send({ op: 'velocity', drone, linear, yaw_rate, t_ms: connection.stateMs }),
   () => (mayFly() ? fleet.selected : null),
@@ -79,11 +88,15 @@ if (matchMedia('(pointer: coarse)').matches) showPads();
 addEventListener('pointerdown', (event) => event.pointerType === 'touch' && showPads()); // a screen beside a mouse
 hand.onchange = (flown) => at('fly').classList.toggle('flying', flown !== null);
 
-stopAll.onstop = () => hand.release();
+stopAll.onstop = () => {
+  hand.release();
+  closeDialogs();
+};
+for (const button of document.querySelectorAll('.stop-here')) button.addEventListener('click', () => stopAll.stop(fleet.drones)); // a dialog covers the other
 fleet.onselect = (name) => {
   hand.release();
-  if (map.selected && draft.on) draft.toggle(false);
   map.selected = name;
+  if (draft.on) draft.reselect();
 };
 map.onpick = (name) => fleet.select(name);
 
@@ -92,6 +105,7 @@ bindKeys({
   Escape: () => draft.clear(),
   Enter: (event) => !event.target.closest?.('button, a, summary') && draft.fly(),
   v: () => (space.toggle(), true),
+  m: () => (missions.toggle(), true),
   digit: (event) => keysOn && fleet.drones[Number(event.key) - 1] && (fleet.select(fleet.drones[Number(event.key) - 1].name), true),
 });
 at('keys-on').addEventListener('click', () => {
@@ -111,6 +125,7 @@ at('blocks-on').addEventListener('click', () => {
 
 connection.addEventListener('hello', async () => {
   blocks.restart();
+  operators.load().then(() => missions.refresh());
   hand.speed_mps = connection.hello.speed_mps;
   const answer = await connection.request('GET', 'events?since=0');
   if (!answer.ok) return;
@@ -133,7 +148,15 @@ connection.addEventListener('state', ({ detail }) => {
   delay.add(now, delayMs, Math.max(0, ...fleet.drones.filter((drone) => drone.has_state).map((drone) => drone.state_age_ms)), fleet.drones);
 });
 connection.addEventListener('blocks', ({ detail }) => blocks.add(detail.blocks));
-connection.addEventListener('events', ({ detail }) => events.add(detail.events));
+connection.addEventListener('events', ({ detail }) => {
+  events.add(detail.events);
+  fleet.hear(detail.events.filter((event) => connection.stateMs - event.t_ms < NEWS_MS));
+});
+connection.addEventListener('missions', ({ detail }) => missions.update(detail.missions));
+connection.addEventListener('session', () => {
+  hand.release();
+  missions.refresh();
+});
 connection.addEventListener('link', ({ detail }) => {
   linkWords = detail.words;
   if (detail.up) at('token').hidden = true;
@@ -161,12 +184,14 @@ function showLink(now) {
 
 function showFlying() {
   const drone = fleet.drone;
+  // Without operators the station takes the lease when it takes off.
+  const others = drone && (operators.operators.length || inManual()) ? whyNotMine(drone, operators) : null;
   const words = !connection.up ? 'Not connected: keys and pads do nothing.'
     : !connection.hello.manual ? 'This flight is not flown by hand: keys and pads do nothing.'
       : !drone ? 'No drone is selected.'
         : stopAll.pending ? 'Stopping: keys and pads do nothing.'
-          : !inManual() ? `${drone.name} cannot be flown by hand now: ${drone.phase === 'path' ? 'it is on its path' : FLYING.includes(drone.phase) ? 'wait' : 'take off first'}.`
-            : hand.flown ? `Flying ${drone.name}. Let go to hover.` : `Hold a key${document.body.classList.contains('touch') ? ' or a pad' : ''} to fly ${drone.name} at ${hand.speed_mps} m/s. Let go to hover.`;
+          : others ?? (!inManual() ? `${drone.name} cannot be flown by hand now: ${drone.phase === 'path' ? 'it is on its path' : FLYING.includes(drone.phase) ? 'wait' : 'take off first'}.`
+            : hand.flown ? `Flying ${drone.name}. Let go to hover.` : `Hold a key${document.body.classList.contains('touch') ? ' or a pad' : ''} to fly ${drone.name} at ${hand.speed_mps} m/s. Let go to hover.`);
   put(at('fly-words'), words);
   put(at('keys-on'), keysOn ? 'Keys: on' : 'Keys: off');
 }

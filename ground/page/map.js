@@ -14,6 +14,7 @@ export class PlanView {
   trails = new Map(); // name -> [{t, x, y, z}]
   selected = null;
   draft = [];
+  previews = []; // [{drone, path}]: what missions would fly; z may be null
   cursor = null; // where the keyboard's cross stands while drawing
   onplace = () => {};
   onpick = () => {};
@@ -43,6 +44,11 @@ export class PlanView {
     this.#view.zoom(factor, atX, atY);
   }
 
+  /// Moves no more than is needed to see that place.
+  reveal({ x, y }) {
+    this.#view.reveal(x, y);
+  }
+
   /// Takes the newest state; keeps what was flown in the last minute.
   update(drones, now) {
     this.drones = drones;
@@ -65,12 +71,14 @@ export class PlanView {
     ctx.fillRect(0, 0, width, height);
     this.#grid(width, height);
     this.drones.forEach((drone, number) => this.#way(drone, number, now));
+    for (const preview of this.previews) this.#preview(preview);
     this.#draftPath();
     this.drones.forEach((drone, number) => drone.position && this.#drone(drone, number, ageOf(drone)));
   }
 
   #points() {
     const points = this.drones.flatMap((drone) => [drone.position, drone.origin, ...(drone.path ?? [])].filter(Boolean));
+    points.push(...this.previews.flatMap(({ path }) => path));
     for (const trail of this.trails.values()) points.push(...trail.map((each) => [each.x, each.y]));
     return points;
   }
@@ -136,6 +144,23 @@ export class PlanView {
     this.#ctx.beginPath();
     this.#ctx.arc(...this.#view.pixels(x, y), radius, 0, 2 * Math.PI);
     this.#ctx.fill();
+  }
+
+  #preview({ drone, path }) {
+    const number = this.drones.findIndex((each) => each.name === drone);
+    const colour = this.#ink(number < 0 ? 'muted' : `drone${number % 6}`);
+    const start = this.drones[number]?.position;
+    const corners = start && path.length ? [start, ...path] : path;
+    this.#line(corners, { colour, dash: [12, 4, 2, 4], width: 2 });
+    const ctx = this.#ctx;
+    ctx.strokeStyle = colour;
+    ctx.fillStyle = this.#ink('map');
+    ctx.lineWidth = 1.5;
+    for (const [x, y] of path) {
+      const [px, py] = this.#view.pixels(x, y);
+      ctx.fillRect(px - 4, py - 4, 8, 8);
+      ctx.strokeRect(px - 4, py - 4, 8, 8);
+    }
   }
 
   #draftPath() {

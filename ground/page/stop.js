@@ -12,6 +12,7 @@ function stepsOf(drone) {
 
 export class StopAll {
   #connection;
+  #nameOf;
   #panel = document.getElementById('stop-panel');
   #words = document.getElementById('stop-words');
   #list = document.getElementById('stop-list');
@@ -21,8 +22,10 @@ export class StopAll {
   #running = false;
   onstop = () => {};
 
-  constructor(connection) {
+  /// `nameOf(identity)`: the short name of who has stopped.
+  constructor(connection, nameOf) {
     this.#connection = connection;
+    this.#nameOf = nameOf;
     document.getElementById('stop-all').addEventListener('click', () => this.stop());
     document.getElementById('stop-close').addEventListener('click', () => {
       this.#panel.hidden = true;
@@ -68,7 +71,9 @@ export class StopAll {
     if (!this.open || !this.#accepted) return;
     for (const drone of drones) {
       this.#mark(drone.name, 'accepted');
-      for (const [step, done] of Object.entries(stepsOf(drone))) if (done) this.#mark(drone.name, step);
+      for (const [step, done] of Object.entries(stepsOf(drone))) {
+        if (done) this.#mark(drone.name, step, step === 'on ledger' ? `: ${drone.stopped_by.map(this.#nameOf).join(', ')}` : '');
+      }
     }
   }
 
@@ -76,7 +81,7 @@ export class StopAll {
     return this.open && this.#accepted && [...this.#rows.values()].some((row) => !row.done.has('on ground'));
   }
 
-  #mark(name, step) {
+  #mark(name, step, more = '') {
     let entry = this.#rows.get(name);
     if (!entry) {
       const row = document.createElement('li');
@@ -98,6 +103,6 @@ export class StopAll {
     if (step === 'on ground' && !entry.done.has('landing')) entry.row.children[1 + STEPS.indexOf('landing')].hidden = true;
     const mark = entry.row.children[1 + STEPS.indexOf(step)];
     mark.classList.add('done');
-    mark.textContent = `✓ ${step}`;
+    mark.textContent = `✓ ${step}${more}`;
   }
 }

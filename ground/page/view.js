@@ -1,6 +1,7 @@
 // Which part of the world a canvas shows: pixels to metres and back; x to the right, y up.
 
 const ROOM_PX = 46; // around what is there, for names and heights
+const EDGE_PX = 24;
 const MIN_SPAN_M = 3;
 const calm = matchMedia('(prefers-reduced-motion: reduce)');
 
@@ -47,6 +48,14 @@ export class View {
     this.#x -= dx / this.scale;
     this.#y += dy / this.scale;
     this.byHand = true;
+  }
+
+  reveal(x, y) {
+    const { clientWidth, clientHeight } = this.#canvas;
+    const [px, py] = this.pixels(x, y);
+    const beyond = (at, size) => Math.min(0, at - EDGE_PX) + Math.max(0, at - size + EDGE_PX);
+    this.#x += beyond(px, clientWidth) / this.scale;
+    this.#y -= beyond(py, clientHeight) / this.scale;
   }
 
   zoom(factor, atX = this.#canvas.clientWidth / 2, atY = this.#canvas.clientHeight / 2) {

@@ -37,6 +37,7 @@ export class SpaceView {
   drones = [];
   trails = new Map();
   selected = null;
+  previews = []; // [{drone, path}] of missions; a path without heights is the plan's alone
 
   /// Throws where the browser has no WebGL.
   constructor(canvas, ink) {
@@ -66,7 +67,7 @@ export class SpaceView {
   draw(now, ageOf) {
     const { clientWidth: width, clientHeight: height } = this.#canvas;
     if (!width || !height || document.hidden || now - this.#drawn < EVERY_MS) return;
-    const seen = this.drones.map((drone) => this.#seen(drone, ageOf(drone))).join('|');
+    const seen = [...this.drones.map((drone) => this.#seen(drone, ageOf(drone))), ...this.#ahead().map(({ drone, path }) => `${drone} ${path}`)].join('|');
     const size = `${width} ${height} ${devicePixelRatio}`;
     const lit = `${this.#extent()} ${this.#ink('map')}`;
     if (!this.#turned && seen === this.#shown && size === this.#size && lit === this.#lit && !this.#moved(height)) return;
@@ -104,7 +105,12 @@ export class SpaceView {
   }
 
   #points() {
-    return this.drones.flatMap((drone) => [drone.position, drone.origin && [...drone.origin, 0], ...drone.path].filter(Boolean));
+    const ahead = this.#ahead().flatMap(({ path }) => path);
+    return [...this.drones.flatMap((drone) => [drone.position, drone.origin && [...drone.origin, 0], ...drone.path].filter(Boolean)), ...ahead];
+  }
+
+  #ahead() {
+    return this.previews.filter(({ path }) => path.length > 1 && path.every((corner) => corner.every(Number.isFinite)));
   }
 
   /// How far the ground reaches to each side of the origin, m; it only grows, until it is fitted anew.
@@ -150,6 +156,10 @@ export class SpaceView {
 
   #things(now, ageOf) {
     forget(this.#moving);
+    for (const { drone, path } of this.#ahead()) {
+      const number = this.drones.findIndex((each) => each.name === drone);
+      this.#moving.add(line(path, new THREE.Color(this.#ink(number < 0 ? 'muted' : `drone${number % 6}`)), { dashed: true, dots: true }));
+    }
     this.drones.forEach((drone, number) => {
       const colour = new THREE.Color(this.#ink(`drone${number % 6}`));
       const trail = this.trails.get(drone.name);

@@ -1,0 +1,164 @@
+// The missions: their list, files that are loaded, and the paths that were drawn and kept to be flown as one.
+import { put } from '../drones.js';
+import { Entry } from './entry.js';
+import { isOver, MAX_FILE_BYTES, missionOf, nameOfFile, phaseWords } from './words.js';
+
+const at = (id) => document.getElementById(id);
+
+export class Missions {
+  #connection;
+  #who;
+  #plan;
+  #entries = new Map(); // id -> Entry
+  #kept = new Map(); // drone -> {drone, waypoints, then}
+  #shown = null; // id of the mission whose paths are seen
+  #paths = {}; // of that one
+  #making = false;
+  onmade = () => {}; // the kept paths have become a mission
+
+  /// `plan` shows paths: `previews` is a list of {drone, path}.
+  constructor(connection, who, plan) {
+    this.#connection = connection;
+    this.#who = who;
+    this.#plan = plan;
+    at('missions-on').addEventListener('click', () => this.toggle());
+    at('mission-load').addEventListener('click', () => at('mission-file').click());
+    at('mission-file').addEventListener('change', () => {
+      this.#load(at('mission-file').files[0]);
+      at('mission-file').value = ''; // the same file may be chosen anew, mended
+    });
+    const panel = at('missions');
+    panel.addEventListener('dragover', (event) => {
+      event.preventDefault();
+      panel.classList.add('drop');
+    });
+    panel.addEventListener('dragleave', (event) => !panel.contains(event.relatedTarget) && panel.classList.remove('drop'));
+    panel.addEventListener('drop', (event) => {
+      event.preventDefault();
+      panel.classList.remove('drop');
+      this.#load(event.dataTransfer.files[0]);
+    });
+    at('mission-make').addEventListener('submit', (event) => {
+      event.preventDefault();
+      this.#make();
+    });
+  }
+
+  toggle(on = at('missions').hidden) {
+    at('missions').hidden = !on;
+    at('missions-on').setAttribute('aria-pressed', on);
+  }
+
+  /// All that the station has.
+  update(missions) {
+    for (const [id, entry] of this.#entries) {
+      if (missions.some((each) => each.id === id)) continue;
+      if (entry.element.contains(document.activeElement)) at('mission-load').focus();
+      entry.element.remove();
+      this.#entries.delete(id);
+      this.#say(`${entry.mission.name} is removed.`);
+      if (this.#shown === id) this.#see(null);
+    }
+    for (const mission of missions) this.#take(mission);
+  }
+
+  /// Who is signed in has changed.
+  refresh() {
+    for (const entry of this.#entries.values()) entry.show();
+  }
+
+  /// A drawn path that waits to be made a part of a mission; one a drone.
+  keep(path) {
+    this.#kept.set(path.drone, path);
+    this.toggle(true);
+    this.#showKept();
+  }
+
+  #take(mission) {
+    let entry = this.#entries.get(mission.id);
+    const before = entry ? phaseWords(entry.mission) : '';
+    if (!entry) {
+      entry = new Entry(mission, this.#connection, this.#who, (each) => this.#see(each.mission.id === this.#shown ? null : each.mission));
+      this.#entries.set(mission.id, entry);
+      at('mission-list').prepend(entry.element);
+    }
+    entry.show(mission);
+    if (before !== phaseWords(mission)) this.#say(`${mission.name}: ${phaseWords(mission).toLowerCase()}`);
+    if (!before && !isOver(mission)) this.#see(mission);
+  }
+
+  async #see(mission) {
+    this.#shown = mission?.id ?? null;
+    this.#paths = {};
+    for (const [id, entry] of this.#entries) entry.shown = id === this.#shown;
+    this.#preview();
+    if (!mission) return;
+    const answer = await this.#connection.request('GET', `missions/${encodeURIComponent(mission.id)}`);
+    if (this.#shown !== mission.id) return;
+    if (!answer.ok) this.#entries.get(mission.id)?.reply(`Its paths cannot be shown: ${answer.words}`);
+    this.#paths = answer.body.paths ?? {};
+    this.#preview();
+  }
+
+  #preview() {
+    const kept = [...this.#kept.values()].map(({ drone, waypoints }) => ({ drone, path: waypoints.map(({ x, y, z }) => [x, y, z ?? null]) }));
+    this.#plan.previews = [...Object.entries(this.#paths).map(([drone, path]) => ({ drone, path })), ...kept];
+    at('plan').classList.toggle('previews', this.#plan.previews.length > 0);
+  }
+
+  #showKept() {
+    at('mission-make').hidden = this.#kept.size === 0;
+    at('mission-kept').replaceChildren(...[...this.#kept.values()].map(({ drone, waypoints, then }) => {
+      const row = document.createElement('li');
+      const drop = Object.assign(document.createElement('button'), { type: 'button', textContent: 'Drop' });
+      drop.setAttribute('aria-label', `Drop the path of ${drone}`);
+      drop.addEventListener('click', () => {
+        this.#kept.delete(drone);
+        this.#showKept();
+        at('mission-load').focus();
+      });
+      row.append(Object.assign(document.createElement('span'), { textContent: `${drone}: ${waypoints.length} waypoint${waypoints.length > 1 ? 's' : ''}, then ${then}` }), drop);
+      return row;
+    }));
+    this.#preview();
+  }
+
+  async #load(file) {
+    if (!file) return;
+    if (file.size > MAX_FILE_BYTES) return this.#say(`${file.name} is not loaded: it has more than 4 MB.`);
+    const csv = /\.csv$/i.test(file.name) || file.type === 'text/csv';
+    this.#say(`${file.name}: sent`);
+    const text = await file.text();
+    return this.#send(file.name, csv ? `missions?name=${nameOfFile(file.name)}` : 'missions', { text, type: csv ? 'text/csv' : 'application/json' });
+  }
+
+  async #make() {
+    const name = at('mission-name');
+    if (this.#making || !name.reportValidity()) return;
+    const kept = [...this.#kept.values()];
+    const places = Object.fromEntries(this.#plan.drones.map((drone) => [drone.name, drone.position]));
+    const lost = kept.find(({ drone }) => at('mission-start').checked && !places[drone]);
+    if (lost) return this.#say(`Nobody knows where ${lost.drone} is.`);
+    this.#making = true;
+    const made = await this.#send(name.value, 'missions', missionOf(name.value, kept, at('mission-start').checked ? places : null));
+    this.#making = false;
+    if (!made) return;
+    this.#kept.clear();
+    this.#showKept();
+    name.value = '';
+    this.onmade();
+    at('mission-load').focus(); // a field that keeps the focus would keep the keys
+  }
+
+  /// Whether it was taken.
+  async #send(what, path, body) {
+    const answer = await this.#connection.request('POST', path, body);
+    if (!answer.ok) this.#say(`${what} is not taken: ${answer.words}`);
+    else this.#take(answer.body);
+    return answer.ok;
+  }
+
+  #say(words) {
+    put(at('missions-words'), words);
+  }
+}

@@ -1,0 +1,59 @@
+// What a mission says of itself, and what may be asked of it now, in words.
+import { nameOf, SIGN_IN } from '../operators/rules.js';
+
+export const MAX_FILE_BYTES = 4 << 20;
+const PHASES = { checked: 'Checked', approved: 'Approved', taking_off: 'Taking off', to_start: 'To its start', flying: 'Flying', done: 'Done', aborted: 'Aborted' };
+const FLOWN = ['taking_off', 'to_start', 'flying'];
+
+export const isFlown = (mission) => FLOWN.includes(mission.phase);
+export const isOver = (mission) => mission.phase === 'done' || mission.phase === 'aborted';
+export const phaseWords = (mission) => (mission.paused ? `Paused: ${(PHASES[mission.phase] ?? mission.phase).toLowerCase()}` : PHASES[mission.phase] ?? mission.phase);
+
+export function approvalWords({ approvals, approvals_needed }, who) {
+  return `${approvals.length} of ${approvals_needed} approved${approvals.length ? `: ${approvals.map((each) => nameOf(each, who)).join(', ')}` : ''}`;
+}
+
+/// "tello1, 3 reached; tello2"
+export const droneWords = ({ drones, reached }) => drones.map((drone) => (reached?.[drone] ? `${drone}, ${reached[drone]} reached` : drone)).join('; ');
+
+/// [sign and word, so not by colour alone; where and what]
+export function findingWords({ drone, waypoint, words, forbids }) {
+  const where = [drone, Number.isInteger(waypoint) ? `waypoint ${waypoint + 1}` : ''].filter(Boolean).join(', ');
+  return [forbids ? '■ Forbids the start' : '▲ Warning', `${where ? `${where}: ` : ''}${words}`];
+}
+
+const enough = ({ approvals, approvals_needed }) => approvals.length >= approvals_needed;
+
+/// [the button, why it cannot be asked now (null: it can)]
+export const ACTIONS = {
+  approve: ['Approve', (mission, who) => {
+    if (isFlown(mission) || isOver(mission)) return 'it is flown already';
+    if (who.identity && mission.approvals.includes(who.identity)) return 'you have approved it';
+    return enough(mission) ? 'it has its approvals' : null;
+  }],
+  start: ['Start', (mission) => {
+    if (isFlown(mission)) return 'it is flown already';
+    if (isOver(mission)) return 'it is over';
+    if (mission.findings.some((each) => each.forbids)) return 'a finding forbids it';
+    return enough(mission) ? null : 'it lacks approvals';
+  }],
+  pause: ['Pause', (mission) => (isFlown(mission) ? null : 'it is not flown')],
+  land: ['Land', (mission) => (isFlown(mission) ? null : 'it is not flown')],
+  remove: ['Remove', (mission) => (isFlown(mission) ? 'it is flown: land it first' : null)],
+};
+
+/// Where operators sign in, all but the landing is theirs.
+export function whyNot(what, mission, who) {
+  if (who.operators.length && !who.identity && what !== 'land') return SIGN_IN;
+  return ACTIONS[what][1](mission, who);
+}
+
+/// A mission's name from a file's: "Survey 2.csv": "Survey_2".
+export const nameOfFile = (file) => file.replace(/\.[^.]*$/, '').replace(/[^A-Za-z0-9_-]+/g, '_').slice(0, 64) || 'mission';
+
+/// As it is sent. `kept`: [{drone, waypoints, then}]; `starts`: {tello1: [x, y, z]}, or null: wherever they stand.
+export function missionOf(name, kept, starts) {
+  const start = ([x, y]) => ({ x: Math.round(x * 100) / 100, y: Math.round(y * 100) / 100 });
+  const drones = kept.map(({ drone, waypoints, then }) => ({ drone, ...(starts && { start: start(starts[drone]) }), waypoints, then }));
+  return { name, drones };
+}

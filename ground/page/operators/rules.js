@@ -1,0 +1,49 @@
+// Who may do what with a drone, in words. With operators a drone obeys its lease's holder alone; without, whoever knows the page's token.
+
+/// "Org2MSP CN=User1@org2.ledgerline,OU=client": "User1@org2.ledgerline (Org2MSP)".
+export function shortName(identity) {
+  const found = /^(\S+) .*?CN=([^,]+)/.exec(identity);
+  return found ? `${found[2]} (${found[1]})` : identity;
+}
+
+/// `who`: {operators: [{name, identity}], operator, identity}: who may sign in, and who is signed in (null: nobody).
+export const nameOf = (identity, who) => who.operators.find((each) => each.identity === identity)?.name ?? shortName(identity);
+
+export const SIGN_IN = 'Sign in first: who clicks is who signs.';
+const hasOperators = (who) => who.operators.length > 0;
+const isHeld = (drone) => Boolean(drone.lease?.holder);
+const isMine = (drone, who) => who.identity !== null && drone.lease?.holder === who.identity;
+const isStopped = (drone) => drone.stopped_by?.length > 0;
+export const identityOf = ({ msp, subject }) => `${msp} ${subject}`;
+const hasAsked = (drone, who) => (drone.requests ?? []).some((each) => identityOf(each) === who.identity);
+
+/// Why keys, paths and take-offs of this person are not for this drone; null: they are.
+export function whyNotMine(drone, who) {
+  if (hasOperators(who) && !who.identity) return SIGN_IN;
+  if (!isHeld(drone)) return `${drone.name} is held by nobody${hasOperators(who) ? ': take control first' : ''}.`;
+  if (hasOperators(who) && !isMine(drone, who)) return `${drone.name} is held by ${nameOf(drone.lease.holder, who)}: ask for it.`;
+  if (drone.lease.ours) return null;
+  return hasOperators(who) ? `${drone.name} is yours, but commanded from elsewhere: take control here.` : `${drone.name} is held by ${nameOf(drone.lease.holder, who)}.`;
+}
+
+/// What the ledger knows of who holds it.
+export function leaseWords(drone, who) {
+  const { lease } = drone;
+  if (!isHeld(drone)) return 'nobody holds it';
+  const name = nameOf(lease.holder, who);
+  const stopped = isStopped(drone) ? ', no commands while stopped' : ''; // its holder's neither
+  if (hasOperators(who)) return `${isMine(drone, who) ? `yours (${name})` : `held by ${name}`}${lease.ours ? '' : `, commanded by ${nameOf(lease.commander ?? lease.holder, who)}`}${stopped}`;
+  return lease.ours ? `ours${stopped}: ${name}` : `NOT ours: ${name}`;
+}
+
+export const isOurs = (drone, who) => (hasOperators(who) ? isMine(drone, who) : drone.lease?.ours === true);
+
+/// What an operator signs for a drone: [the button, whether it is shown, why it cannot be asked now (null: it can)]
+export const CONTROLS = {
+  acquire: ['Take control', (drone, who) => !isHeld(drone) || (isMine(drone, who) && !drone.lease.ours), () => null],
+  release: ['Give back', isMine, () => null],
+  request: ['Ask for it', (drone, who) => isHeld(drone) && !isMine(drone, who), (drone, who) => (hasAsked(drone, who) ? `${drone.name} is asked for already: its holder answers.` : null)],
+  lift: ['Lift the stop', isStopped, (drone, _who, flying) => (flying ? `${drone.name} is still landing.` : null)],
+};
+
+export const whyNotControl = (what, drone, who, flying) => (who.identity ? CONTROLS[what][2](drone, who, flying) : SIGN_IN);
