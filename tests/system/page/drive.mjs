@@ -5,47 +5,25 @@
 //   OUTDIR   gets screenshots
 // Prints one JSON object. Exit code: 0 all went well; 1 not (`wrong` says what); 2 usage, or no browser.
 // LEDGERLINE_PAGE_NPM: where playwright-core and axe-core are installed, else build/npm-page; LEDGERLINE_CHROMIUM: the browser.
-import { mkdirSync } from 'node:fs';
-import { createRequire } from 'node:module';
 import { join } from 'node:path';
+import { cardOf, launch, SIZES, Watcher } from './watcher.mjs';
 import { openSpace, pictureDelays, readBlocks, turnSpace, withoutLibraries } from './look.mjs';
 
 const TAKEOFF_MS = 45000;
 const PATH_MS = 60000;
 const LANDED_MS = 30000;
-const SIZES = { desktop: { width: 1280, height: 800 }, phone: { width: 390, height: 844 } };
-const THEMES = ['light', 'dark'];
-const WEBGL = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']; // drawn by the processor
 
 const [url, outdir, flag, named] = process.argv.slice(2);
 if (!url || !outdir || (flag && (flag !== '--drone' || !named))) {
   console.error('usage: node drive.mjs URL OUTDIR [--drone NAME]');
   process.exit(2);
 }
-const packages = process.env.LEDGERLINE_PAGE_NPM ?? join(import.meta.dirname, '../../../build/npm-page');
-const { chromium, axe } = (() => {
-  const require = createRequire(join(packages, 'any.js'));
-  try {
-    return { ...require('playwright-core'), axe: require('axe-core') };
-  } catch (error) {
-    console.error(`drive.mjs: ${packages} lacks what package.json names (${error.code}); copy package.json and package-lock.json there and run npm ci`);
-    process.exit(2);
-  }
-})();
-
-const saw = { requests: 0, bytes: 0, console_errors: [], axe: {}, phases: [], velocities_sent: 0, by_finger: 0, flown_m: 0, zeros_after_release: 0,
-  waypoints_sent: 0, stop: [], alarms: [], wide_by_px: {}, wrong: [] };
-const check = (good, words) => good || saw.wrong.push(words);
-const velocities = []; // every velocity that the page sent
-
-function watch(page) {
-  page.on('console', (message) => message.type() === 'error' && saw.console_errors.push(message.text()));
-  page.on('pageerror', (error) => saw.console_errors.push(String(error)));
-  page.on('websocket', (socket) => socket.on('framesent', ({ payload }) => {
-    const message = JSON.parse(payload);
-    if (message.op === 'velocity') velocities.push(message);
-  }));
-}
+const watcher = new Watcher(outdir, { requests: 0, bytes: 0, phases: [], velocities_sent: 0, by_finger: 0, flown_m: 0, zeros_after_release: 0,
+  waypoints_sent: 0, stop: [], alarms: [] });
+const { saw, velocities } = watcher;
+const check = (good, words) => watcher.check(good, words);
+const watch = (page) => watcher.watch(page);
+const pictures = (page, size, moment) => watcher.pictures(page, size, moment, ['flight', 'space'].includes(moment));
 
 async function countLoad(page) {
   const loads = [];
@@ -59,32 +37,6 @@ async function countLoad(page) {
   saw.requests = files.length;
   saw.bytes = sizes.reduce((sum, size) => sum + size.responseBodySize + size.responseHeadersSize, 0);
   check(!page.url().includes('token'), 'the token stays in the address bar');
-}
-
-async function axeOf(page, name) {
-  await page.evaluate(axe.source);
-  const found = await page.evaluate(() => globalThis.axe.run(document, { runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'] }));
-  saw.axe[name] = found.violations.map(({ id, nodes }) => `${id}: ${nodes.slice(0, 4).map((node) => node.target.join(' ')).join(', ')}`);
-  check(saw.axe[name].length === 0, `axe finds violations (${name})`);
-}
-
-async function pictures(page, size, moment) {
-  for (const theme of THEMES) {
-    await page.emulateMedia({ colorScheme: theme });
-    await page.waitForTimeout(400);
-    await page.screenshot({ path: join(outdir, `${moment}-${size}-${theme}.png`) });
-    if (['flight', 'space'].includes(moment)) await axeOf(page, `${moment} ${size} ${theme}`);
-  }
-  const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
-  saw.wide_by_px[size] = wide;
-  check(wide <= 0, `the page is wider than the screen (${size})`);
-}
-
-function cardOf(page, name) {
-  const card = page.locator('.card', { has: page.locator('.name', { hasText: new RegExp(`^${name}$`) }) });
-  const phase = (words, timeout) => card.locator('.phase', { hasText: new RegExp(`^(${words})$`) }).waitFor({ timeout });
-  const place = async () => (await card.locator('[data-field=place]').textContent()).match(/-?\d+\.\d+/g).map(Number);
-  return { card, phase, place };
 }
 
 async function takeOff(page, drone) {
@@ -199,8 +151,7 @@ async function stopAll(page, name) {
 }
 
 async function main() {
-  mkdirSync(outdir, { recursive: true });
-  const browser = await chromium.launch({ executablePath: process.env.LEDGERLINE_CHROMIUM ?? '/usr/bin/chromium', args: [...WEBGL, ...(process.getuid() === 0 ? ['--no-sandbox'] : [])] });
+  const browser = await launch();
   const page = await browser.newPage({ viewport: SIZES.desktop });
   watch(page);
   try {

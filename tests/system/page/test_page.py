@@ -1,7 +1,8 @@
-"""The ground station's page in a real browser, flown as a person would: drive.mjs has the steps."""
+"""The ground station's page in a real browser, flown as a person would: drive.mjs and crew.mjs have the steps."""
 import json
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -16,23 +17,50 @@ MAX_BYTES, MAX_REQUESTS = 200_000, 25  # of a load: what a slow link carries in 
 MAX_SPACE_BYTES, MAX_SPACE_REQUESTS = 600_000, 8  # of the 3-D view, once it is asked for: three.js, as gzip has it
 
 
-def test_a_person_flies_by_the_page(tmp_path):
+def start(tmp_path: pathlib.Path, *options: str) -> tuple[subprocess.Popen, Station]:
+    """A flight by hand of two drones, which both stand on the ground."""
     if shutil.which("node") is None or not (NPM / "node_modules").is_dir():
         pytest.skip("Node.js or the page's packages are missing (./run-tests installs them)")
     if not (NPM.parent / "npm-station" / "node_modules").is_dir():
         pytest.skip("the page is built without its libraries (./run-tests installs them)")
-    flight = fly(tmp_path, "--drones", "2", "--shape", "manual", "--watch")
+    flight = fly(tmp_path, "--drones", "2", "--shape", "manual", "--watch", *options)
     station = Station(tmp_path, flight)
-    station.wait("tello1", lambda drone: drone["link_phase"] == "on_ground" and drone["position"])
-    done = subprocess.run(["node", HERE / "drive.mjs", f"{station.url}/#token={station.token}", tmp_path / "pictures"],
+    for name in ("tello1", "tello2"):
+        station.wait(name, lambda drone: drone["link_phase"] == "on_ground" and drone["position"])
+    return flight, station
+
+
+def drive(script: str, station: Station, pictures: pathlib.Path, *arguments: str) -> dict:
+    """What the script saw."""
+    done = subprocess.run(["node", HERE / script, f"{station.url}/#token={station.token}", pictures, *arguments],
                           env={**os.environ, "LEDGERLINE_PAGE_NPM": str(NPM)}, stdout=subprocess.PIPE, text=True, timeout=400)
     print(done.stdout)
     saw = json.loads(done.stdout)
     assert done.returncode == 0 and not saw["wrong"], saw
     assert saw["console_errors"] == [] and all(not found for found in saw["axe"].values()), saw
-    assert saw["bytes"] < MAX_BYTES and saw["requests"] <= MAX_REQUESTS, saw
-    assert saw["space"]["bytes"] < MAX_SPACE_BYTES and saw["space"]["requests"] <= MAX_SPACE_REQUESTS, saw
-    assert {"Taking off", "By hand", "On its path", "Landed"} <= set(saw["phases"]), saw
+    return saw
+
+
+def end(flight: subprocess.Popen, tmp_path: pathlib.Path) -> None:
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == 1, printed(tmp_path)  # it was stopped, and says so
     assert_nothing_left()
+
+
+def test_a_person_flies_by_the_page(tmp_path):
+    flight, station = start(tmp_path)
+    saw = drive("drive.mjs", station, tmp_path / "pictures")
+    assert saw["bytes"] < MAX_BYTES and saw["requests"] <= MAX_REQUESTS, saw
+    assert saw["space"]["bytes"] < MAX_SPACE_BYTES and saw["space"]["requests"] <= MAX_SPACE_REQUESTS, saw
+    assert {"Taking off", "By hand", "On its path", "Landed"} <= set(saw["phases"]), saw
+    end(flight, tmp_path)
+
+
+def test_two_operators_share_the_drones_at_their_pages(tmp_path):
+    flight, station = start(tmp_path, "--operators", "alice,bob")
+    phrases = dict(re.findall(r"Operator (\w+): pass phrase (\S+)", printed(tmp_path)))
+    saw = drive("crew.mjs", station, tmp_path / "pictures", phrases["alice"], phrases["bob"])
+    assert saw["signed_in"][:2] == ["alice", "bob"] and saw["sent_in_vain"] == 0, saw
+    for words in ("alice: take control", "bob: ask for control", "alice: hand over", "alice: lift the stop", "bob: lift the stop"):
+        assert f"tello1: {words}" in saw["events"], saw["events"]
+    end(flight, tmp_path)

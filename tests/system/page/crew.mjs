@@ -1,0 +1,188 @@
+// Two operators at two browsers, as they would: each signs in, one flies by hand, hands over to the other, stops all; both lift. And a
+// mission of two drones, drawn, approved, and flown.
+//
+// Usage: node crew.mjs URL OUTDIR ALICES_PASS_PHRASE BOBS_PASS_PHRASE [--no-mission]
+//   URL      of the page, with #token=...; its station flies tello1 and tello2 by hand, for the operators alice and bob; both stand
+// Prints one JSON object. Exit code: as drive.mjs.
+import { join } from 'node:path';
+import { fly_mission } from './mission.mjs';
+import { cardOf, launch, SIZES, Watcher } from './watcher.mjs';
+
+const LEDGER_MS = 20000;
+const FLIGHT_MS = 60000;
+
+const [url, outdir, of_alice, of_bob, flag] = process.argv.slice(2);
+if (!of_bob || (flag && flag !== '--no-mission')) {
+  console.error('usage: node crew.mjs URL OUTDIR ALICES_PASS_PHRASE BOBS_PASS_PHRASE [--no-mission]');
+  process.exit(2);
+}
+const watcher = new Watcher(outdir, { signed_in: [], refused: [], flown_m: {}, sent_in_vain: 0, stop: [], events: [] });
+const { saw } = watcher;
+const check = (good, words) => watcher.check(good, words);
+const meant = /status of 40[13]/; // a wrong pass phrase, and a session that is over
+
+async function open(browser, size, more = {}) {
+  const context = await browser.newContext({ viewport: SIZES[size], ...more });
+  const page = await context.newPage();
+  const velocities = [];
+  watcher.watch(page, { velocities, meant });
+  await page.goto(url);
+  await page.waitForSelector('.card');
+  await page.locator('#sign').waitFor();
+  return { page, velocities, drone: (name) => cardOf(page, name) };
+}
+
+const field = (drone, name, words) => drone.card.locator(`[data-field=${name}]`, { hasText: words }).waitFor({ timeout: LEDGER_MS });
+
+/// By the keyboard alone.
+async function press(drone, action) {
+  await drone.card.locator(`[data-action=${action}]`).first().focus();
+  await drone.card.page().keyboard.press('Enter');
+}
+
+async function signed_out(alice) {
+  const drone = alice.drone('tello1');
+  for (const action of ['takeoff', 'acquire']) {
+    await press(drone, action);
+    await field(drone, 'reply', 'Sign in first');
+  }
+  await alice.page.locator('#fly-words', { hasText: 'Sign in first' }).waitFor();
+  await watcher.pictures(alice.page, 'desktop', 'signed-out');
+}
+
+async function sign_in({ page }, name, phrase) {
+  await page.locator('#sign').focus();
+  await page.keyboard.press('Enter');
+  const inside = () => page.evaluate(() => document.activeElement === document.body || document.querySelector('#sign-dialog').contains(document.activeElement));
+  for (let i = 0; i < 9; ++i) {
+    check(await inside(), 'the keyboard leaves the dialog');
+    await page.keyboard.press('Tab');
+  }
+  await page.locator('#sign-name').focus();
+  await page.keyboard.press(name[0]);
+  await page.keyboard.press('Tab');
+  await page.keyboard.type('not this one');
+  await page.keyboard.press('Enter');
+  await page.locator('#sign-refused', { hasText: 'Not signed in' }).waitFor({ timeout: LEDGER_MS });
+  saw.refused.push(await page.locator('#sign-refused').textContent());
+  if (name === 'alice') await watcher.pictures(page, 'desktop', 'sign-in');
+  await page.keyboard.type(phrase); // the wrong one is selected
+  await page.keyboard.press('Enter');
+  await page.locator('#who', { hasText: `Signed in: ${name}` }).waitFor({ timeout: LEDGER_MS });
+  check(await page.locator('#sign-dialog').isHidden(), 'the dialog stays');
+  check(await page.evaluate(() => sessionStorage.getItem('token') !== null && JSON.parse(sessionStorage.getItem('session')).token !== sessionStorage.getItem('token')),
+    "the page's own token is not kept beside the session's");
+  saw.signed_in.push(name);
+}
+
+async function take_off(pilot, name) {
+  await press(pilot.drone(name), 'takeoff');
+  await pilot.drone(name).phase('By hand', FLIGHT_MS);
+}
+
+/// How far the drone came while the key was held.
+async function fly(pilot, name) {
+  const drone = pilot.drone(name);
+  await drone.card.locator('.select').click();
+  const before = await drone.place();
+  await pilot.page.keyboard.down('w');
+  await pilot.page.waitForTimeout(1800);
+  await pilot.page.keyboard.up('w');
+  await pilot.page.waitForTimeout(1500);
+  const after = await drone.place();
+  return Number(Math.hypot(after[0] - before[0], after[1] - before[1]).toFixed(2));
+}
+
+async function cannot_fly(pilot, name, words) {
+  await pilot.drone(name).card.locator('.select').click();
+  await pilot.page.locator('#fly-words', { hasText: words }).waitFor({ timeout: LEDGER_MS });
+  const count = pilot.velocities.length;
+  await pilot.page.keyboard.down('w');
+  await pilot.page.waitForTimeout(600);
+  await pilot.page.keyboard.up('w');
+  saw.sent_in_vain += pilot.velocities.length - count;
+  check(pilot.velocities.length === count, `keys are sent that fly nothing (${words})`);
+}
+
+async function hand_over(alice, bob, phone) {
+  await cannot_fly(bob, 'tello1', 'tello1 is held by alice: ask for it.');
+  await press(bob.drone('tello1'), 'request');
+  const requests = alice.drone('tello1').card.locator('.requests');
+  await requests.locator('li', { hasText: 'bob asks for it' }).waitFor({ timeout: LEDGER_MS });
+  await watcher.pictures(alice.page, 'desktop', 'request');
+  await phone.drone('tello1').card.locator('.requests').waitFor({ timeout: LEDGER_MS });
+  await phone.drone('tello1').card.scrollIntoViewIfNeeded();
+  await watcher.pictures(phone.page, 'phone', 'request');
+  await press(alice.drone('tello1'), 'hand_over');
+  await field(bob.drone('tello1'), 'lease', 'yours (bob)');
+  await field(alice.drone('tello1'), 'lease', 'held by bob');
+  await requests.waitFor({ state: 'hidden', timeout: LEDGER_MS });
+  await cannot_fly(alice, 'tello1', 'tello1 is held by bob: ask for it.');
+  saw.flown_m.bob = await fly(bob, 'tello1');
+  check(saw.flown_m.bob > 0.2, "bob's keys do not move what he holds");
+}
+
+async function stop_all(alice, bob) {
+  await press(bob.drone('tello1'), 'stop'); // two stop it: each lifts his own
+  await alice.page.locator('#map').focus();
+  await alice.page.keyboard.press('Backspace');
+  for (const name of ['tello1', 'tello2']) {
+    const row = alice.page.locator('#stop-list li', { has: alice.page.locator('strong', { hasText: new RegExp(`^${name}$`) }) });
+    await row.locator('.done', { hasText: 'on ledger' }).waitFor({ timeout: LEDGER_MS });
+    await row.locator('.done', { hasText: 'on ground' }).waitFor({ timeout: FLIGHT_MS });
+    await field(alice.drone(name), 'stopped', 'alice');
+  }
+  await field(alice.drone('tello1'), 'stopped', 'bob');
+  saw.stop = await alice.page.locator('#stop-list li').evaluateAll((rows) => rows.map((each) => [...each.children].map((part) => part.textContent).join(' ')));
+  check(saw.stop.some((row) => /on ledger: .*(alice|bob)/.test(row)), 'nothing says who has stopped');
+  await watcher.pictures(alice.page, 'desktop', 'stopped');
+  for (const name of ['tello1', 'tello2']) await press(alice.drone(name), 'lift');
+  await press(bob.drone('tello1'), 'lift');
+  for (const name of ['tello1', 'tello2']) await alice.drone(name).card.locator('[data-field=stopped]').waitFor({ state: 'hidden', timeout: LEDGER_MS });
+}
+
+/// A session that another one has ended: said aloud, and the page looks on with its own token.
+async function over(browser, alice) {
+  const other = await open(browser, 'desktop');
+  await sign_in(other, 'alice', of_alice);
+  await alice.page.locator('#sign-words', { hasText: 'The session of alice is over' }).waitFor({ timeout: LEDGER_MS });
+  await alice.page.locator('#link-words', { hasText: /^Connected$/ }).waitFor({ timeout: LEDGER_MS });
+  await press(other.drone('tello2'), 'release');
+  await field(other.drone('tello2'), 'lease', 'nobody holds it');
+  await other.page.locator('#sign').click();
+  await other.page.locator('#sign-words', { hasText: 'alice is signed out.' }).waitFor({ timeout: LEDGER_MS });
+  await other.page.locator('#who', { hasText: 'Nobody signed in' }).waitFor();
+}
+
+async function main() {
+  const browser = await launch();
+  const [alice, bob, phone] = [await open(browser, 'desktop'), await open(browser, 'desktop'), await open(browser, 'phone', { hasTouch: true, isMobile: true, deviceScaleFactor: 2 })];
+  try {
+    await watcher.pictures(phone.page, 'phone', 'signed-out');
+    await signed_out(alice);
+    await sign_in(alice, 'alice', of_alice);
+    for (const name of ['tello1', 'tello2']) {
+      await press(alice.drone(name), 'acquire');
+      await field(alice.drone(name), 'lease', 'yours (alice)');
+    }
+    await watcher.pictures(alice.page, 'desktop', 'signed-in');
+    if (!flag) await fly_mission(alice, phone, watcher);
+    await take_off(alice, 'tello1');
+    saw.flown_m.alice = await fly(alice, 'tello1');
+    check(saw.flown_m.alice > 0.2, "alice's keys do not move what she holds");
+    await sign_in(bob, 'bob', of_bob);
+    await hand_over(alice, bob, phone);
+    await stop_all(alice, bob);
+    await over(browser, alice);
+  } catch (error) {
+    saw.wrong.push(String(error.message).split('\n')[0] + (error.stack.match(/crew\.mjs:\d+|mission\.mjs:\d+/g) ?? []).slice(0, 3).map((each) => ` ${each}`).join(''));
+    for (const [who, { page }] of Object.entries({ alice, bob, phone })) await page.screenshot({ path: join(outdir, `wrong-${who}.png`) });
+  }
+  saw.events = await alice.page.locator('#events-list .event span').evaluateAll((all) => all.slice(0, 150).map((each) => each.textContent).reverse());
+  await browser.close();
+  check(saw.console_errors.length === 0, 'the console has errors');
+  console.log(JSON.stringify(saw, null, 1));
+  process.exit(saw.wrong.length ? 1 : 0);
+}
+
+await main();

@@ -1,0 +1,78 @@
+// A mission of two drones at the page: one that is forbidden, from a file; one that is drawn, approved, flown, paused, resumed, to its end.
+const LEDGER_MS = 20000;
+const FLIGHT_MS = 120000;
+const HIGH = ['drone,x,y,z', 'tello1,1,0,1.2', 'tello2,1,0.1,1.2', ''].join('\n'); // both to one place
+
+const entryOf = (page, name) => page.locator('.mission', { has: page.locator('h3', { hasText: new RegExp(`^${name}$`) }) });
+const phase = (entry, words, timeout = LEDGER_MS) => entry.locator('.phase', { hasText: words }).waitFor({ timeout });
+
+async function press(entry, action) {
+  await entry.locator(`[data-action=${action}]`).focus();
+  await entry.page().keyboard.press('Enter');
+}
+
+async function load_forbidden(page, watcher) {
+  await page.locator('#mission-file').setInputFiles({ name: 'too near.csv', mimeType: 'text/csv', buffer: Buffer.from(HIGH) });
+  const entry = entryOf(page, 'too_near');
+  await entry.locator('.findings li', { hasText: '■ Forbids the start' }).first().waitFor({ timeout: LEDGER_MS });
+  watcher.saw.findings = await entry.locator('.findings li').allTextContents();
+  await press(entry, 'start');
+  await entry.locator('.reply', { hasText: 'a finding forbids it' }).waitFor();
+}
+
+/// A path of two waypoints ahead of a drone, by the cross that arrow keys move.
+async function draw(page, number) {
+  await page.keyboard.press(`${number}`);
+  if ((await page.locator('#draw').getAttribute('aria-pressed')) === 'false') {
+    await page.locator('#draw').focus();
+    await page.keyboard.press('Enter');
+  }
+  await page.locator('#map').focus();
+  for (const keys of [8, 6]) {
+    for (let i = 0; i < keys; ++i) await page.keyboard.press('ArrowUp');
+    await page.keyboard.press('Space');
+  }
+  await page.locator('#draft-then').selectOption('land');
+  await page.locator('#draft-keep').focus();
+  await page.keyboard.press('Enter');
+  await page.locator('#mission-kept li', { hasText: `tello${number}: 2 waypoints, then land` }).waitFor();
+}
+
+export async function fly_mission(alice, phone, watcher) {
+  const { page } = alice;
+  const { saw } = watcher;
+  await page.locator('#map').focus();
+  await page.keyboard.press('m');
+  await load_forbidden(page, watcher);
+  for (const number of [1, 2]) await draw(page, number);
+  await page.locator('#mission-name').focus();
+  await page.keyboard.type('both');
+  await page.keyboard.press('Enter');
+  const entry = entryOf(page, 'both');
+  await phase(entry, 'Checked');
+  await page.waitForTimeout(1000);
+  await watcher.pictures(page, 'desktop', 'missions');
+  await phone.page.locator('#missions-on').tap();
+  await entryOf(phone.page, 'both').waitFor({ timeout: LEDGER_MS });
+  await phone.page.locator('#missions').scrollIntoViewIfNeeded();
+  await watcher.pictures(phone.page, 'phone', 'missions');
+  await press(entry, 'approve');
+  await entry.locator('[data-field=approvals]', { hasText: '1 of 1 approved: alice' }).waitFor({ timeout: LEDGER_MS });
+  await phase(entry, 'Approved');
+  await press(entry, 'start');
+  await page.locator('#confirm-yes').waitFor();
+  await page.locator('#confirm-yes').focus();
+  await page.keyboard.press('Enter');
+  await phase(entry, 'Flying', FLIGHT_MS);
+  await press(entry, 'pause');
+  await phase(entry, 'Paused');
+  for (const name of ['tello1', 'tello2']) await alice.drone(name).phase('Paused', LEDGER_MS);
+  await watcher.pictures(page, 'desktop', 'mission-paused');
+  await press(entry, 'pause');
+  await phase(entry, 'Flying', LEDGER_MS);
+  await phase(entry, 'Done', FLIGHT_MS);
+  saw.mission = { approvals: await entry.locator('[data-field=approvals]').textContent(), drones: await entry.locator('[data-field=drones]').textContent() };
+  for (const name of ['tello1', 'tello2']) await alice.drone(name).phase('Landed', FLIGHT_MS);
+  await press(entry, 'remove');
+  await entry.waitFor({ state: 'detached', timeout: LEDGER_MS });
+}
