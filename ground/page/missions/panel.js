@@ -27,15 +27,17 @@ export class Missions {
       this.#load(at('mission-file').files[0]);
       at('mission-file').value = ''; // the same file may be chosen anew, mended
     });
+    // Anywhere on the page: a file that misses would else take the page's place.
     const panel = at('missions');
-    panel.addEventListener('dragover', (event) => {
+    addEventListener('dragover', (event) => {
       event.preventDefault();
       panel.classList.add('drop');
     });
-    panel.addEventListener('dragleave', (event) => !panel.contains(event.relatedTarget) && panel.classList.remove('drop'));
-    panel.addEventListener('drop', (event) => {
+    addEventListener('dragleave', (event) => event.relatedTarget === null && panel.classList.remove('drop'));
+    addEventListener('drop', (event) => {
       event.preventDefault();
       panel.classList.remove('drop');
+      this.toggle(true);
       this.#load(event.dataTransfer.files[0]);
     });
     at('mission-make').addEventListener('submit', (event) => {
@@ -59,7 +61,8 @@ export class Missions {
       this.#say(`${entry.mission.name} is removed.`);
       if (this.#shown === id) this.#see(null);
     }
-    for (const mission of missions) this.#take(mission);
+    const fresh = missions.filter((mission) => this.#take(mission) && !isOver(mission)).at(-1);
+    if (fresh) this.#see(fresh);
   }
 
   /// Who is signed in has changed.
@@ -74,6 +77,7 @@ export class Missions {
     this.#showKept();
   }
 
+  /// Whether it was not known.
   #take(mission) {
     let entry = this.#entries.get(mission.id);
     const before = entry ? phaseWords(entry.mission) : '';
@@ -84,7 +88,8 @@ export class Missions {
     }
     entry.show(mission);
     if (before !== phaseWords(mission)) this.#say(`${mission.name}: ${phaseWords(mission).toLowerCase()}`);
-    if (!before && !isOver(mission)) this.#see(mission);
+    if (this.#shown === mission.id && isOver(mission)) this.#see(null);
+    return !before;
   }
 
   async #see(mission) {
@@ -154,7 +159,7 @@ export class Missions {
   async #send(what, path, body) {
     const answer = await this.#connection.request('POST', path, body);
     if (!answer.ok) this.#say(`${what} is not taken: ${answer.words}`);
-    else this.#take(answer.body);
+    else if (this.#take(answer.body)) this.#see(answer.body);
     return answer.ok;
   }
 

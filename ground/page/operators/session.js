@@ -54,7 +54,7 @@ export class Operators {
 
   async load() {
     const answer = await this.#connection.request('GET', 'operators');
-    if (!answer.ok) return;
+    if (!answer.ok || JSON.stringify(answer.body.operators) === JSON.stringify(this.operators)) return;
     this.operators = answer.body.operators;
     at('sign-name').replaceChildren(...this.operators.map(({ name, identity }) => Object.assign(document.createElement('option'), { value: name, textContent: name, title: identity })));
     this.#show();
