@@ -19,7 +19,7 @@ if (!of_bob || (flag && flag !== '--no-mission')) {
 const watcher = new Watcher(outdir, { signed_in: [], refused: [], flown_m: {}, sent_in_vain: 0, stop: [], events: [] });
 const { saw } = watcher;
 const check = (good, words) => watcher.check(good, words);
-const meant = /status of 40[13]/; // a wrong pass phrase, and a session that is over
+const meant = /status of 40[013]/; // a file that is none, a session that is over, a wrong pass phrase
 
 async function open(browser, size, more = {}) {
   const context = await browser.newContext({ viewport: SIZES[size], ...more });
@@ -149,9 +149,24 @@ async function over(browser, alice) {
   await alice.page.locator('#link-words', { hasText: /^Connected$/ }).waitFor({ timeout: LEDGER_MS });
   await press(other.drone('tello2'), 'release');
   await field(other.drone('tello2'), 'lease', 'nobody holds it');
+  await press(other.drone('tello2'), 'acquire');
+  await field(other.drone('tello2'), 'lease', 'yours (alice)');
   await other.page.locator('#sign').click();
+  await other.page.locator('#confirm-words', { hasText: 'tello2' }).waitFor();
+  await other.page.locator('#confirm-yes').click();
   await other.page.locator('#sign-words', { hasText: 'alice is signed out.' }).waitFor({ timeout: LEDGER_MS });
   await other.page.locator('#who', { hasText: 'Nobody signed in' }).waitFor();
+  await field(other.drone('tello2'), 'lease', 'nobody holds it');
+}
+
+/// In the air it is asked; Esc is no.
+async function keep({ page, drone }, name) {
+  await press(drone(name), 'release');
+  await page.locator('#confirm-words', { hasText: 'lands by its failsafe' }).waitFor();
+  await watcher.pictures(page, 'desktop', 'give-back');
+  await page.keyboard.press('Escape');
+  await page.waitForTimeout(500);
+  await field(drone(name), 'lease', 'yours');
 }
 
 async function main() {
@@ -166,10 +181,14 @@ async function main() {
       await field(alice.drone(name), 'lease', 'yours (alice)');
     }
     await watcher.pictures(alice.page, 'desktop', 'signed-in');
+    await alice.page.reload(); // the tab keeps the session
+    await alice.page.locator('#who', { hasText: 'Signed in: alice' }).waitFor({ timeout: LEDGER_MS });
+    await field(alice.drone('tello1'), 'lease', 'yours (alice)');
     if (!flag) await fly_mission(alice, phone, watcher);
     await take_off(alice, 'tello1');
     saw.flown_m.alice = await fly(alice, 'tello1');
     check(saw.flown_m.alice > 0.2, "alice's keys do not move what she holds");
+    await keep(alice, 'tello1');
     await sign_in(bob, 'bob', of_bob);
     await hand_over(alice, bob, phone);
     await stop_all(alice, bob);

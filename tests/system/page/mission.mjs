@@ -11,6 +11,17 @@ async function press(entry, action) {
   await entry.page().keyboard.press('Enter');
 }
 
+async function drop_nonsense(page, watcher) {
+  const file = await page.evaluateHandle(() => {
+    const data = new DataTransfer();
+    data.items.add(new File(['drone,x,y\ntello1,nan,0\n'], 'bad.csv', { type: 'text/csv' }));
+    return data;
+  });
+  await page.dispatchEvent('#map', 'drop', { dataTransfer: file });
+  await page.locator('#missions-words', { hasText: 'bad.csv is not taken: ' }).waitFor({ timeout: LEDGER_MS });
+  watcher.saw.not_taken = await page.locator('#missions-words').textContent();
+}
+
 async function load_forbidden(page, watcher) {
   await page.locator('#mission-file').setInputFiles({ name: 'too near.csv', mimeType: 'text/csv', buffer: Buffer.from(HIGH) });
   const entry = entryOf(page, 'too_near');
@@ -41,8 +52,12 @@ async function draw(page, number) {
 export async function fly_mission(alice, phone, watcher) {
   const { page } = alice;
   const { saw } = watcher;
+  await drop_nonsense(page, watcher); // opens the panel
   await page.locator('#map').focus();
-  await page.keyboard.press('m');
+  for (const hidden of [true, false]) {
+    await page.keyboard.press('m');
+    watcher.check((await page.locator('#missions').isHidden()) === hidden, 'M does not open and close the missions');
+  }
   await load_forbidden(page, watcher);
   for (const number of [1, 2]) await draw(page, number);
   await page.locator('#mission-name').focus();
