@@ -31,9 +31,9 @@ export function leaseWords(drone, who) {
   const { lease } = drone;
   if (!isHeld(drone)) return 'nobody holds it';
   const name = nameOf(lease.holder, who);
-  const stopped = isStopped(drone) ? ', no commands while stopped' : ''; // its holder's neither
-  if (hasOperators(who)) return `${isMine(drone, who) ? `yours (${name})` : `held by ${name}`}${lease.ours ? '' : `, commanded by ${nameOf(lease.commander ?? lease.holder, who)}`}${stopped}`;
-  return lease.ours ? `ours${stopped}: ${name}` : `NOT ours: ${name}`;
+  if (!hasOperators(who)) return lease.ours ? `ours${isStopped(drone) ? ', no commands while stopped' : ''}: ${name}` : `NOT ours: ${name}`;
+  const held = isMine(drone, who) ? `yours (${name})` : `held by ${name}`;
+  return lease.ours ? held : `${held}, commanded by ${nameOf(lease.commander ?? lease.holder, who)}`;
 }
 
 export const isOurs = (drone, who) => (hasOperators(who) ? isMine(drone, who) : drone.lease?.ours === true);
