@@ -5,8 +5,6 @@ const BEEP_EVERY_MS = 1400;
 const CLOCK_STEP_MS = 2000; // less is the way of the message, more a new clock
 const MARKS = { info: '○ Info', warning: '▲ Warning', alarm: '■ Alarm' }; // shape and word, not colour alone
 
-const sayOf = (event) => (event.drone ? `${event.drone}: ${event.text}` : event.text);
-
 /// A beep every now and then while it is on. Browsers allow sound only after a gesture.
 class Beeper {
   #audio = null;
@@ -61,8 +59,11 @@ export class Events {
   #seen = Number(sessionStorage.getItem('seen') ?? 0); // number of the newest alarm that a person has acknowledged
   #open = []; // alarms nobody has acknowledged
   #offset_ms = null;
+  #named;
 
-  constructor() {
+  /// `named(text)`: with short names in it.
+  constructor(named) {
+    this.#named = named;
     this.#button.addEventListener('click', () => this.acknowledge());
     setInterval(() => this.#open.length && this.#tellSound(), 1000);
   }
@@ -104,6 +105,10 @@ export class Events {
     this.#show();
   }
 
+  #sayOf({ drone, text }) {
+    return this.#named(drone ? `${drone}: ${text}` : text);
+  }
+
   #tellTime(time) {
     if (this.#offset_ms !== null) time.textContent = new Date(Number(time.dataset.t) + this.#offset_ms).toTimeString().slice(0, 8);
   }
@@ -115,7 +120,8 @@ export class Events {
     level.textContent = MARKS[event.level] ?? MARKS.info;
     time.dataset.t = event.t_ms;
     this.#tellTime(time);
-    text.textContent = sayOf(event);
+    text.textContent = this.#sayOf(event);
+    text.title = event.text;
     row.append(level, ' ', time, ' ', text);
     return row;
   }
@@ -124,7 +130,7 @@ export class Events {
     const count = this.#open.length;
     this.#strip.classList.toggle('on', count > 0);
     this.#button.hidden = count === 0;
-    const words = count === 0 ? 'No alarm' : `■ ${count > 1 ? `${count} alarms. ` : 'Alarm. '}${sayOf(this.#open.at(-1))}`;
+    const words = count === 0 ? 'No alarm' : `■ ${count > 1 ? `${count} alarms. ` : 'Alarm. '}${this.#sayOf(this.#open.at(-1))}`;
     if (this.#words.textContent !== words) this.#words.textContent = words;
     this.#beeper.on = count > 0;
     this.#tellSound();

@@ -10,7 +10,7 @@ import { SpaceSwitch } from './look/space.js';
 import { bindKeys, flyByKeys, Hand } from './keys.js';
 import { PlanView } from './map.js';
 import { Missions } from './missions/panel.js';
-import { isOurs, nameOf, whyNotMine } from './operators/rules.js';
+import { isOurs, named, nameOf, whyNotMine } from './operators/rules.js';
 import { closeDialogs, Operators } from './operators/session.js';
 import { flyByGamepad, flyByTouch } from './pads.js';
 import { StopAll } from './stop.js';
@@ -60,7 +60,7 @@ const operators = new Operators(connection, () => fleet.drones.filter((drone) =>
 const fleet = new Fleet(connection, operators);
 const map = new PlanView(at('map'), ink);
 const delay = new DelayPlot(at('delay'), ink, libraries);
-const events = new Events();
+const events = new Events((text) => named(text, operators));
 const blocks = new Blocks();
 const stopAll = new StopAll(connection, (identity) => nameOf(identity, operators));
 const draft = new Draft(map, at('map'), connection, () => fleet.drone);
@@ -125,8 +125,9 @@ at('blocks-on').addEventListener('click', () => {
 
 connection.addEventListener('hello', async () => {
   blocks.restart();
-  operators.load().then(() => missions.refresh());
   hand.speed_mps = connection.hello.speed_mps;
+  await operators.load();
+  missions.refresh();
   const answer = await connection.request('GET', 'events?since=0');
   if (!answer.ok) return;
   events.restart(answer.body.events);

@@ -97,12 +97,13 @@ export class StopAll {
       entry = { row, done: new Set() };
       this.#rows.set(name, entry);
     }
-    if (entry.done.has(step)) return;
+    const mark = entry.row.children[1 + STEPS.indexOf(step)];
+    const words = `✓ ${step}${more}`;
+    if (mark.textContent === words) return;
+    mark.textContent = words;
     entry.done.add(step);
     // It stood on the ground all the time, or its landing was not seen.
     if (step === 'on ground' && !entry.done.has('landing')) entry.row.children[1 + STEPS.indexOf('landing')].hidden = true;
-    const mark = entry.row.children[1 + STEPS.indexOf(step)];
     mark.classList.add('done');
-    mark.textContent = `✓ ${step}${more}`;
   }
 }

@@ -1,7 +1,7 @@
 // One mission in the panel's list: what is known of it, and its buttons.
 import { nameOf } from '../operators/rules.js';
 import { confirmed } from '../operators/session.js';
-import { ACTIONS, approvalWords, droneWords, findingWords, phaseWords, whyNot } from './words.js';
+import { ACTIONS, approvalWords, droneWords, findingWords, isForbidden, phaseWords, whyNot } from './words.js';
 
 const HASH_SHOWN = 12;
 const put = (element, text) => element.textContent !== text && (element.textContent = text);
@@ -109,7 +109,8 @@ export class Entry {
     const label = this.#buttons[what].textContent;
     const why = whyNot(what, this.mission, this.#who);
     if (why) return this.reply(`${label}: ${why}`);
-    if (what === 'start' && !(await confirmed(`Start ${name}?`, `${drones.join(', ')} take off, and fly their paths together.`, 'Start'))) return undefined;
+    const flies = `${drones.join(', ')} take off, and fly their paths together.${isForbidden(this.mission) ? ' A finding forbade that when it was checked last: it is checked anew.' : ''}`;
+    if (what === 'start' && !(await confirmed(`Start ${name}?`, flies, 'Start'))) return undefined;
     this.reply(`${label}: sent`);
     const path = `missions/${encodeURIComponent(id)}`;
     const answer = what === 'remove' ? await this.#connection.request('DELETE', path) : await this.#connection.request('POST', `${path}/${what === 'pause' && paused ? 'resume' : what}`, {});

@@ -17,10 +17,10 @@ export function approvalWords({ approvals, approvals_needed }, who) {
 export const droneWords = ({ drones, reached }) => drones.map((drone) => (reached?.[drone] ? `${drone}, ${reached[drone]} reached` : drone)).join('; ');
 
 /// [sign and word, so not by colour alone; where and what]
-export function findingWords({ drone, waypoint, words, forbids }) {
-  const where = [drone, Number.isInteger(waypoint) ? `waypoint ${waypoint + 1}` : ''].filter(Boolean).join(', ');
-  return [forbids ? '■ Forbids the start' : '▲ Warning', `${where ? `${where}: ` : ''}${words}`];
-}
+export const findingWords = ({ words, forbids }) => [forbids ? '■ Forbids the start' : '▲ Warning', words];
+
+/// They are of when it was checked last, and a start is checked anew.
+export const isForbidden = ({ findings }) => findings.some((each) => each.forbids);
 
 const enough = ({ approvals, approvals_needed }) => approvals.length >= approvals_needed;
 
@@ -34,7 +34,6 @@ export const ACTIONS = {
   start: ['Start', (mission) => {
     if (isFlown(mission)) return 'it is flown already';
     if (isOver(mission)) return 'it is over';
-    if (mission.findings.some((each) => each.forbids)) return 'a finding forbids it';
     return enough(mission) ? null : 'it lacks approvals';
   }],
   pause: ['Pause', (mission) => (isFlown(mission) ? null : 'it is not flown')],

@@ -9,6 +9,11 @@ export function shortName(identity) {
 /// `who`: {operators: [{name, identity}], operator, identity}: who may sign in, and who is signed in (null: nobody).
 export const nameOf = (identity, who) => who.operators.find((each) => each.identity === identity)?.name ?? shortName(identity);
 
+/// A text of the station with operators' names in place of their identities; one that only begins as an operator's stays.
+export function named(text, who) {
+  return who.operators.reduce((said, { name, identity }) => said.split(identity).reduce((before, after) => `${before}${/^($|[\s;)]|, )/.test(after) ? name : identity}${after}`), text);
+}
+
 export const SIGN_IN = 'Sign in first: who clicks is who signs.';
 const hasOperators = (who) => who.operators.length > 0;
 const isHeld = (drone) => Boolean(drone.lease?.holder);

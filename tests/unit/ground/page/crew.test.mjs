@@ -46,6 +46,12 @@ test('a card shows what can be signed for its drone now', () => {
   assert.match(rules.whyNotControl('lift', held(bob), of_alice, true), /landing/);
 });
 
+test('what is told of an operator is told by name, and of nobody else', () => {
+  assert.equal(rules.named(`stopped by ${alice}, ${bob}`, of_alice), 'stopped by alice, bob');
+  assert.equal(rules.named(`held by ${alice}, who lets ${ground} command it`, of_alice), `held by alice, who lets ${ground} command it`);
+  for (const other of [`${alice}x`, `${alice},O=org3`]) assert.equal(rules.named(`held by ${other}`, of_alice), `held by ${other}`);
+});
+
 const mission = (more) => ({ name: 'survey', drones: ['tello1', 'tello2'], phase: 'checked', paused: false, approvals: [], approvals_needed: 2, findings: [], reached: {}, ...more });
 
 test('a mission counts its approvals, and says whose they are', () => {
@@ -58,13 +64,14 @@ test('a mission counts its approvals, and says whose they are', () => {
 });
 
 test('a finding forbids the start or warns, by sign and word', () => {
-  const near = { drone: 'tello1', waypoint: 0, words: 'too near', forbids: true };
+  const near = { drone: 'tello1', waypoint: 0, words: 'drone tello1, waypoint 1: too near', forbids: true };
   const fence = { drone: '', waypoint: null, words: 'no fence', forbids: false };
-  assert.deepEqual(words.findingWords(near), ['■ Forbids the start', 'tello1, waypoint 1: too near']);
+  assert.deepEqual(words.findingWords(near), ['■ Forbids the start', 'drone tello1, waypoint 1: too near']);
   assert.deepEqual(words.findingWords(fence), ['▲ Warning', 'no fence']);
-  const approved = { approvals: [alice, bob], phase: 'approved' };
-  assert.equal(words.whyNot('start', mission({ ...approved, findings: [fence, near] }), of_alice), 'a finding forbids it');
-  assert.equal(words.whyNot('start', mission({ ...approved, findings: [fence] }), of_alice), null);
+  assert.ok(words.isForbidden(mission({ findings: [fence, near] })));
+  assert.ok(!words.isForbidden(mission({ findings: [fence] })));
+  const approved = mission({ approvals: [alice, bob], phase: 'approved', findings: [near] });
+  assert.equal(words.whyNot('start', approved, of_alice), null, 'the drones may stand elsewhere by now: it is checked anew');
 });
 
 test('what is flown can be paused and landed, and not removed', () => {
