@@ -14,7 +14,7 @@ export class PlanView {
   trails = new Map(); // name -> [{t, x, y, z}]
   selected = null;
   draft = [];
-  previews = []; // [{drone, path}]: what missions would fly; z may be null
+  previews = []; // [{drone, path, begins}]: what missions fly, z may be null; `begins`: from where the drone is
   cursor = null; // where the keyboard's cross stands while drawing
   onplace = () => {};
   onpick = () => {};
@@ -146,10 +146,10 @@ export class PlanView {
     this.#ctx.fill();
   }
 
-  #preview({ drone, path }) {
+  #preview({ drone, path, begins }) {
     const number = this.drones.findIndex((each) => each.name === drone);
     const colour = this.#ink(number < 0 ? 'muted' : `drone${number % 6}`);
-    const start = this.drones[number]?.position;
+    const start = begins && this.drones[number]?.position;
     const corners = start && path.length ? [start, ...path] : path;
     this.#line(corners, { colour, dash: [12, 4, 2, 4], width: 2 });
     const ctx = this.#ctx;

@@ -1,7 +1,7 @@
 // The missions: their list, files that are loaded, and the paths that were drawn and kept to be flown as one.
 import { put } from '../drones.js';
 import { Entry } from './entry.js';
-import { isOver, MAX_FILE_BYTES, missionOf, nameOfFile, phaseWords } from './words.js';
+import { isFlown, isOver, MAX_FILE_BYTES, missionOf, nameOfFile, phaseWords } from './words.js';
 
 const at = (id) => document.getElementById(id);
 
@@ -16,7 +16,7 @@ export class Missions {
   #making = false;
   onmade = () => {}; // the kept paths have become a mission
 
-  /// `plan` shows paths: `previews` is a list of {drone, path}.
+  /// `plan` shows paths: see its `previews`.
   constructor(connection, who, plan) {
     this.#connection = connection;
     this.#who = who;
@@ -89,6 +89,7 @@ export class Missions {
     entry.show(mission);
     if (before !== phaseWords(mission)) this.#say(`${mission.name}: ${phaseWords(mission).toLowerCase()}`);
     if (this.#shown === mission.id && isOver(mission)) this.#see(null);
+    else if (this.#shown === mission.id) this.#preview();
     return !before;
   }
 
@@ -106,8 +107,10 @@ export class Missions {
   }
 
   #preview() {
-    const kept = [...this.#kept.values()].map(({ drone, waypoints }) => ({ drone, path: waypoints.map(({ x, y, z }) => [x, y, z ?? null]) }));
-    this.#plan.previews = [...Object.entries(this.#paths).map(([drone, path]) => ({ drone, path })), ...kept];
+    const kept = [...this.#kept.values()].map(({ drone, waypoints }) => ({ drone, path: waypoints.map(({ x, y, z }) => [x, y, z ?? null]), begins: true }));
+    const shown = this.#entries.get(this.#shown);
+    const flown = shown && isFlown(shown.mission);
+    this.#plan.previews = [...Object.entries(this.#paths).map(([drone, path]) => ({ drone, path, begins: !flown })), ...kept];
     at('plan').classList.toggle('previews', this.#plan.previews.length > 0);
   }
 

@@ -7,7 +7,7 @@ const FLOWN = ['taking_off', 'to_start', 'flying'];
 
 export const isFlown = (mission) => FLOWN.includes(mission.phase);
 export const isOver = (mission) => mission.phase === 'done' || mission.phase === 'aborted';
-export const phaseWords = (mission) => (mission.paused ? `Paused: ${(PHASES[mission.phase] ?? mission.phase).toLowerCase()}` : PHASES[mission.phase] ?? mission.phase);
+export const phaseWords = (mission) => (mission.paused ? 'Paused' : PHASES[mission.phase] ?? mission.phase);
 
 export function approvalWords({ approvals, approvals_needed }, who) {
   return `${approvals.length} of ${approvals_needed} approved${approvals.length ? `: ${approvals.map((each) => nameOf(each, who)).join(', ')}` : ''}`;

@@ -107,7 +107,7 @@ export class Control {
     if (!this.#who.identity) return this.#reply(SIGN_IN);
     this.#reply(`${label}: sent`);
     const answer = await this.#connection.request('POST', `drones/${encodeURIComponent(this.#name)}/${what}`, body);
-    // The ledger's word comes as an event.
-    return this.#reply(answer.ok ? `${label}: goes to the ledger` : `${label}: ${answer.words}`);
+    // The ledger's word comes as an event, often before this answer.
+    return answer.ok || this.#reply(`${label}: ${answer.words}`);
   }
 }

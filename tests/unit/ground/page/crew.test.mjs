@@ -86,7 +86,7 @@ test('what is flown can be paused and landed, and not removed', () => {
     assert.notEqual(words.whyNot('land', mission({ phase }), of_alice), null);
     assert.equal(words.whyNot('remove', mission({ phase }), of_alice), null);
   }
-  assert.equal(words.phaseWords(mission({ phase: 'to_start', paused: true })), 'Paused: to its start');
+  assert.equal(words.phaseWords(mission({ phase: 'to_start', paused: true })), 'Paused');
 });
 
 test('kept paths become one mission, and a file gives it its name', () => {
