@@ -19,6 +19,7 @@ export class Control {
   #lease;
   #actions;
   #requests;
+  #select;
   #buttons = {};
   #rows = new Map(); // identity -> row
   #drone = null;
@@ -33,6 +34,7 @@ export class Control {
     this.#lease = fields.lease;
     this.#actions = fields.control;
     this.#requests = fields.requests;
+    this.#select = fields.select;
     this.#requests.setAttribute('aria-label', `Who asks for ${name}`);
     for (const [what, [label]] of Object.entries(CONTROLS)) {
       this.#buttons[what] = button(label, name, () => this.#ask(what));
@@ -52,11 +54,15 @@ export class Control {
     const shown = this.#who.operators.length > 0;
     this.#actions.hidden = !shown;
     if (!shown) return;
+    const focused = document.activeElement;
+    const held = this.#actions.contains(focused) || this.#requests.contains(focused);
     for (const [what, each] of Object.entries(this.#buttons)) {
       each.hidden = !CONTROLS[what][1](drone, this.#who);
       each.setAttribute('aria-disabled', whyNotControl(what, drone, this.#who, flying) !== null);
     }
     this.#showRequests(drone);
+    // What has gone does not take the keyboard with it; nor does another button get an Enter that was meant for it.
+    if (held && !focused.checkVisibility()) this.#select.focus();
   }
 
   #showRequests({ requests = [] }) {
