@@ -32,6 +32,13 @@ async function open(browser, size, more = {}) {
   return { page, velocities, drone: (name) => cardOf(page, name) };
 }
 
+/// Open only as long as it is looked at: each page that is drawn takes the time of the flight beside it.
+async function onPhone(browser, look) {
+  const phone = await open(browser, 'phone', { hasTouch: true, isMobile: true, deviceScaleFactor: 2 });
+  await look(phone);
+  await phone.page.context().close();
+}
+
 const field = (drone, name, words) => drone.card.locator(`[data-field=${name}]`, { hasText: words }).waitFor({ timeout: LEDGER_MS });
 
 /// By the keyboard alone.
@@ -104,15 +111,17 @@ async function cannot_fly(pilot, name, words) {
   check(pilot.velocities.length === count, `keys are sent that fly nothing (${words})`);
 }
 
-async function hand_over(alice, bob, phone) {
+async function hand_over(alice, bob, browser) {
   await cannot_fly(bob, 'tello1', 'tello1 is held by alice: ask for it.');
   await press(bob.drone('tello1'), 'request');
   const requests = alice.drone('tello1').card.locator('.requests');
   await requests.locator('li', { hasText: 'bob asks for it' }).waitFor({ timeout: LEDGER_MS });
   await watcher.pictures(alice.page, 'desktop', 'request');
-  await phone.drone('tello1').card.locator('.requests').waitFor({ timeout: LEDGER_MS });
-  await phone.drone('tello1').card.scrollIntoViewIfNeeded();
-  await watcher.pictures(phone.page, 'phone', 'request');
+  await onPhone(browser, async (phone) => {
+    await phone.drone('tello1').card.locator('.requests').waitFor({ timeout: LEDGER_MS });
+    await phone.drone('tello1').card.scrollIntoViewIfNeeded();
+    await watcher.pictures(phone.page, 'phone', 'request');
+  });
   await press(alice.drone('tello1'), 'hand_over');
   await field(bob.drone('tello1'), 'lease', 'yours (bob)');
   await field(alice.drone('tello1'), 'lease', 'held by bob');
@@ -124,8 +133,10 @@ async function hand_over(alice, bob, phone) {
 
 async function stop_all(alice, bob) {
   await press(bob.drone('tello1'), 'stop'); // two stop it: each lifts his own
-  await alice.page.locator('#map').focus();
-  await alice.page.keyboard.press('Backspace');
+  await alice.page.locator('#sign').click();
+  await alice.page.locator('#confirm-no:focus').waitFor();
+  await alice.page.keyboard.press('Backspace'); // in a dialog, too
+  check(await alice.page.locator('#confirm').isHidden(), 'a dialog covers the stop');
   for (const name of ['tello1', 'tello2']) {
     const row = alice.page.locator('#stop-list li', { has: alice.page.locator('strong', { hasText: new RegExp(`^${name}$`) }) });
     await row.locator('.done', { hasText: 'on ledger' }).waitFor({ timeout: LEDGER_MS });
@@ -171,31 +182,34 @@ async function keep({ page, drone }, name) {
 
 async function main() {
   const browser = await launch();
-  const [alice, bob, phone] = [await open(browser, 'desktop'), await open(browser, 'desktop'), await open(browser, 'phone', { hasTouch: true, isMobile: true, deviceScaleFactor: 2 })];
+  const alice = await open(browser, 'desktop');
+  let bob = null;
   try {
-    await watcher.pictures(phone.page, 'phone', 'signed-out');
+    await onPhone(browser, ({ page }) => watcher.pictures(page, 'phone', 'signed-out'));
     await signed_out(alice);
     await sign_in(alice, 'alice', of_alice);
     for (const name of ['tello1', 'tello2']) {
       await press(alice.drone(name), 'acquire');
       await field(alice.drone(name), 'lease', 'yours (alice)');
+      check((await alice.page.evaluate(() => document.activeElement.className)) === 'select', 'a button that goes takes the keyboard with it');
     }
     await watcher.pictures(alice.page, 'desktop', 'signed-in');
     await alice.page.reload(); // the tab keeps the session
     await alice.page.locator('#who', { hasText: 'Signed in: alice' }).waitFor({ timeout: LEDGER_MS });
     await field(alice.drone('tello1'), 'lease', 'yours (alice)');
-    if (!flag) await fly_mission(alice, phone, watcher);
+    if (!flag) await fly_mission(alice, (look) => onPhone(browser, look), watcher);
     await take_off(alice, 'tello1');
     saw.flown_m.alice = await fly(alice, 'tello1');
     check(saw.flown_m.alice > 0.2, "alice's keys do not move what she holds");
     await keep(alice, 'tello1');
+    bob = await open(browser, 'desktop');
     await sign_in(bob, 'bob', of_bob);
-    await hand_over(alice, bob, phone);
+    await hand_over(alice, bob, browser);
     await stop_all(alice, bob);
     await over(browser, alice);
   } catch (error) {
     saw.wrong.push(String(error.message).split('\n')[0] + (error.stack.match(/crew\.mjs:\d+|mission\.mjs:\d+/g) ?? []).slice(0, 3).map((each) => ` ${each}`).join(''));
-    for (const [who, { page }] of Object.entries({ alice, bob, phone })) await page.screenshot({ path: join(outdir, `wrong-${who}.png`) });
+    for (const [who, at] of Object.entries({ alice, bob })) await at?.page.screenshot({ path: join(outdir, `wrong-${who}.png`) });
   }
   saw.events = await alice.page.locator('#events-list .event span').evaluateAll((all) => all.slice(0, 150).map((each) => each.textContent).reverse());
   await browser.close();

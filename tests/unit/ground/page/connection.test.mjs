@@ -1,0 +1,71 @@
+// The page's two tokens: whose a request is, and what is done when a session is over; needs no browser: node --test connection.test.mjs
+import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import test from 'node:test';
+
+const text = readFileSync(join(import.meta.dirname, '../../../../ground/page/connection.js'), 'utf8');
+const { Connection } = await import(`data:text/javascript;base64,${Buffer.from(text).toString('base64')}`);
+const own = 'a'.repeat(64);
+const session = { token: 'b'.repeat(64), operator: 'alice', identity: 'Org2MSP CN=alice' };
+
+/// A station that answers by `answer(token, method, path)`: [status, body]. `asked`: what it was asked; `streams`: with which tokens.
+function station(answer, kept = null) {
+  const told = { asked: [], streams: [], said: [] };
+  const store = new Map(kept ? [['session', JSON.stringify(kept)]] : []);
+  globalThis.sessionStorage = { getItem: (key) => store.get(key) ?? null, setItem: (key, value) => store.set(key, value), removeItem: (key) => store.delete(key) };
+  globalThis.location = { host: '127.0.0.1:8800' };
+  globalThis.WebSocket = class {
+    static OPEN = 1;
+    constructor(_url, protocols) {
+      told.streams.push(protocols[1].slice('token.'.length));
+    }
+    close() {}
+  };
+  globalThis.fetch = async (path, { method, headers }) => {
+    const token = headers.Authorization.slice('Bearer '.length);
+    told.asked.push([token, method, path]);
+    const [status, body] = answer(token, method, path);
+    return { ok: status < 300, status, json: async () => body };
+  };
+  const connection = new Connection();
+  connection.addEventListener('session', ({ detail }) => told.said.push(detail));
+  connection.start(own);
+  return { connection, told, store };
+}
+
+test('a stop gets through with the own token when the session is over', async () => {
+  const { connection, told, store } = station((token) => (token === own ? [202, {}] : [401, { error: 'over' }]), session);
+  assert.equal(connection.operator, 'alice');
+  assert.ok((await connection.request('POST', 'stop', { cut: false })).ok);
+  assert.deepEqual(told.asked.map(([token]) => token), [session.token, own]);
+  assert.equal(connection.operator, null);
+  assert.match(told.said[0], /session of alice is over/);
+  assert.ok(!store.has('session') && store.get('token') === own, 'only the session is forgotten');
+  assert.deepEqual(told.streams, [session.token, own]);
+});
+
+test('what the own token may not is refused, and asked once', async () => {
+  const { connection, told } = station(() => [403, { error: 'sign in first' }]);
+  assert.equal((await connection.request('POST', 'drones/tello1/takeoff')).words, 'sign in first');
+  assert.equal(told.asked.length, 1);
+});
+
+test('who signs in asks by his session, and signing out goes back to the own token', async () => {
+  const { connection, told, store } = station((_token, method) => (method === 'POST' ? [200, { session: session.token, identity: session.identity }] : [202, {}]));
+  assert.ok((await connection.signIn('alice', 'phrase')).ok);
+  await connection.request('GET', 'drones');
+  await connection.signOut();
+  await connection.request('GET', 'drones');
+  assert.deepEqual(told.asked.map(([token]) => token), [own, session.token, session.token, own]);
+  assert.deepEqual(told.streams, [own, session.token, own]);
+  assert.deepEqual(told.said, ['alice is signed in.', 'alice is signed out.']);
+  assert.ok(!store.has('session'));
+});
+
+test('a wrong pass phrase changes nothing, and a kept session that is none is not used', async () => {
+  const { connection, told } = station(() => [403, { error: 'wrong' }], { token: 'short', operator: 'alice' });
+  assert.equal(connection.operator, null);
+  assert.equal((await connection.signIn('alice', 'no')).words, 'wrong');
+  assert.deepEqual([connection.operator, told.said, told.streams], [null, [], [own]]);
+});
