@@ -6,10 +6,11 @@
 // Prints one JSON object. Exit code: as drive.mjs.
 import { join } from 'node:path';
 import { fly_mission } from './mission.mjs';
-import { cardOf, launch, SIZES, Watcher } from './watcher.mjs';
+import { calm, cardOf, launch, SIZES, Watcher } from './watcher.mjs';
 
 const LEDGER_MS = 20000;
 const FLIGHT_MS = 60000;
+const HELD_MS = 10000;
 
 const [url, outdir, of_alice, of_bob, flag] = process.argv.slice(2);
 if (!of_bob || (flag && flag !== '--no-mission')) {
@@ -87,17 +88,20 @@ async function take_off(pilot, name) {
   await pilot.drone(name).phase('By hand', FLIGHT_MS);
 }
 
-/// How far the drone came while the key was held.
+/// How far the drone came while the key was held: until it has moved, or for long.
 async function fly(pilot, name) {
   const drone = pilot.drone(name);
   await drone.card.locator('.select').click();
+  await calm(pilot.page);
   const before = await drone.place();
+  const flown = async () => {
+    const now = await drone.place();
+    return Number(Math.hypot(now[0] - before[0], now[1] - before[1]).toFixed(2));
+  };
   await pilot.page.keyboard.down('w');
-  await pilot.page.waitForTimeout(1800);
+  for (const end = Date.now() + HELD_MS; Date.now() < end && (await flown()) < 0.3; ) await pilot.page.waitForTimeout(100);
   await pilot.page.keyboard.up('w');
-  await pilot.page.waitForTimeout(1500);
-  const after = await drone.place();
-  return Number(Math.hypot(after[0] - before[0], after[1] - before[1]).toFixed(2));
+  return flown();
 }
 
 async function cannot_fly(pilot, name, words) {

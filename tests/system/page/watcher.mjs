@@ -6,6 +6,8 @@ import { join } from 'node:path';
 
 export const SIZES = { desktop: { width: 1280, height: 800 }, phone: { width: 390, height: 844 } };
 const THEMES = ['light', 'dark'];
+const CALM_MS = 2500;
+const PATIENCE_MS = 120000;
 const WEBGL = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']; // drawn by the processor
 
 const packages = process.env.LEDGERLINE_PAGE_NPM ?? join(import.meta.dirname, '../../../build/npm-page');
@@ -26,6 +28,16 @@ export function cardOf(page, name) {
   const phase = (words, timeout) => card.locator('.phase', { hasText: new RegExp(`^(${words})$`) }).waitFor({ timeout });
   const place = async () => (await card.locator('[data-field=place]').textContent()).match(/-?\d+\.\d+/g).map(Number);
   return { card, phase, place };
+}
+
+/// Until no failsafe has held a drone for a while: what a busy host does to a pose is not what is tested here.
+export async function calm(page) {
+  await page.waitForFunction((calm_ms) => {
+    const held = [...document.querySelectorAll('.card [data-field=failsafe]')].some((each) => each.textContent !== 'not active');
+    if (held) globalThis.calmSince = undefined;
+    else globalThis.calmSince ??= performance.now();
+    return performance.now() - globalThis.calmSince > calm_ms;
+  }, CALM_MS, { timeout: PATIENCE_MS, polling: 50 });
 }
 
 export class Watcher {
