@@ -6,7 +6,7 @@ import time
 
 from flights import BIN, fly, no_flight_outlives_its_test, printed
 from station import Station, take_off, velocity
-from test_station import STOPPED, end
+from test_station import end
 
 
 class Signed(Station):
@@ -95,7 +95,7 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
         assert f"Org2MSP/User1@org2.ledgerline for Org2MSP/{name}@org2.ledgerline" in commanded, commanded
     stops = [word for word in told["drones"]["tello1"]["words"] if word["what"] == "stop"]
     assert all("alice@" in json.dumps(stop) for stop in stops) and stops, stops
-    end(flight, tmp_path, STOPPED)
+    end(flight, tmp_path)  # what went wrong was over with the next take-off
     assert "ENCRYPTED" in (run / "operators" / "alice" / "keystore" / "priv_sk").read_text()
     logs = "".join(log.read_text(errors="replace") for log in run.glob("*.log"))
     for secret in (alice.token, bob.token, *re.findall(r"pass phrase (\w+)", printed(tmp_path))):
