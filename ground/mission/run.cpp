@@ -48,6 +48,11 @@ Result<MissionRun> MissionRun::make(Mission mission, const RunConfig& config) {
   return MissionRun(std::move(mission), config);
 }
 
+bool MissionRun::landing_due() const {
+  return phase_ == RunPhase::aborted &&
+         std::any_of(parts_.begin(), parts_.end(), [](const Part& part) { return part.landing_due; });
+}
+
 Mission MissionRun::rest() const {
   Mission rest{mission_.name, {}};
   for (std::size_t i = 0; i < parts_.size(); ++i) {

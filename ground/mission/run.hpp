@@ -81,6 +81,8 @@ class MissionRun {
   const std::string& why() const { return why_; }  ///< of an aborted one
   /// Taken off, and not at its end: its drones are nobody else's.
   bool active() const { return phase_ >= RunPhase::taking_off && phase_ < RunPhase::done; }
+  /// Of an aborted one: a drone of it was not seen down yet.
+  bool landing_due() const;
   std::size_t reached(std::size_t drone) const { return parts_[drone].reached; }  ///< waypoints
 
   /// Another mission in the place of this one; refused once it is started.

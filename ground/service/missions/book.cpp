@@ -17,7 +17,6 @@ using mission::RunPhase;
 using nlohmann::json;
 
 constexpr std::size_t id_digits = 12;
-constexpr TimeNs landing_ns = 60 * ns_per_s;  // so long the drones of an aborted one are looked after
 constexpr std::size_t max_told_findings = 20;
 constexpr int max_kept_depth = 8;
 
@@ -60,7 +59,7 @@ Result<std::string> MissionBook::put(MissionRun run, std::optional<crypto::Ident
   Entry entry{.run = std::make_unique<MissionRun>(std::move(run)), .paths = {}, .by = std::move(by)};
   entry.paths = paths_of(entry.run->mission(), settings_.check.flight.height_m);
   entry.phase = entry.run->phase();
-  entry.stirred = entry.run->active() || entry.phase == RunPhase::aborted;  // a restored one has drones to find
+  entry.stirred = entry.run->active() || entry.run->landing_due();  // a restored one has drones to find
   missions_.emplace(id, std::move(entry));
   changed_ = true;
   return id;
@@ -86,7 +85,7 @@ Result<std::string> MissionBook::restore(std::string_view text) {
 Status MissionBook::remove(const std::string& id) {
   const Entry* entry = find(id);
   if (entry == nullptr) return unknown(id);
-  if (entry->run->active() || entry->stirred)
+  if (entry->run->active() || entry->run->landing_due())
     return Error{fmt::format("mission {} is flown, or its drones are landing", entry->run->mission().name)};
   missions_.erase(id);
   changed_ = true;
@@ -221,9 +220,8 @@ MissionBook::Outputs MissionBook::step(TimeNs now, const FlightCore& core) {
   Outputs out;
   for (auto& [id, entry] : missions_) {
     if (!entry.stirred && !entry.run->active()) continue;
-    if (entry.run->phase() == RunPhase::aborted && entry.quiet_ns == 0) entry.quiet_ns = now + landing_ns;
-    entry.stirred = now < entry.quiet_ns;
     mission::RunOutputs made = entry.run->step(now, seen_by(entry, drones, core));
+    entry.stirred = entry.run->landing_due();
     for (PilotWish& wish : made.wishes) {
       wish.by = entry.by;
       out.wishes.push_back(std::move(wish));

@@ -91,7 +91,6 @@ class MissionBook {
     std::vector<crypto::IdentityName> signers{};
     std::vector<mission::Finding> findings{};
     bool stirred = false;  ///< step() has something to tell of it
-    TimeNs quiet_ns = 0;   ///< of an aborted one: then not any more
     mission::RunPhase phase = mission::RunPhase::checked;
   };
   Result<std::string> put(mission::MissionRun run, std::optional<crypto::IdentityName> by);
