@@ -126,12 +126,12 @@ def test_a_ground_that_is_killed_goes_on_with_its_mission(tmp_path):
         pid = pid_of("ledgerline-ground")
         os.kill(pid, signal.SIGKILL)
         comes_back(station, pid)
-        told = until(station, one, lambda told: told["phase"] in ("to_start", "flying") and not told["paused"])
+        for name in flown:  # what was kept says nothing of now
+            station.wait(name, lambda drone: drone["link_phase"] == "flying" and drone["lease"]["ours"] and drone["phase"] == "path")
+        flown = dict(phase_of(station, one)["reached"])
         told = until(station, one, lambda told: all(told["reached"][name] > flown[name] for name in flown))
+        assert told["phase"] in ("to_start", "flying") and not told["paused"], told
         flown = dict(told["reached"])
-        for name in flown:
-            drone = station.drone(name)
-            assert drone["link_phase"] == "flying" and drone["lease"]["ours"], drone
     print(f"{kills} kills in the middle of a mission: each went on, waypoints {flown}")
     station.say(f"missions/{one}/land")
     for name in flown:
