@@ -8,29 +8,33 @@
 
 namespace ledgerline {
 
-/// A fixed number of threads and a bounded queue before them; its end waits until all that was posted is done. All methods
-/// from any thread.
+/// A fixed number of threads and a bounded queue before them. All methods from any thread, but for the tasks' own.
 class Workers {
  public:
   explicit Workers(int threads, std::size_t max_waiting = 1000) : max_waiting_(max_waiting) {
     for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { run(); });
   }
-  ~Workers() {
-    {
-      const std::lock_guard lock(mutex_);
-      over_ = true;
-    }
-    changed_.notify_all();
-    for (std::thread& thread : threads_) thread.join();
-  }
+  ~Workers() { close(); }
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
 
-  /// False: too many wait already.
+  /// Nothing is taken from here on; waits until all that was is done. Once, and again to no effect.
+  void close() {
+    std::vector<std::thread> ending;
+    {
+      const std::lock_guard lock(mutex_);
+      over_ = true;
+      ending.swap(threads_);
+    }
+    changed_.notify_all();
+    for (std::thread& thread : ending) thread.join();
+  }
+
+  /// False: too many wait already, or it is closed.
   bool post(std::function<void()> task) {
     {
       const std::lock_guard lock(mutex_);
-      if (tasks_.size() >= max_waiting_) return false;
+      if (over_ || tasks_.size() >= max_waiting_) return false;
       tasks_.push_back(std::move(task));
     }
     changed_.notify_one();

@@ -67,18 +67,8 @@ void MissionDesk::later(Task task) {
   parts_.wake();
 }
 
-bool MissionDesk::work(Task task) {
-  const std::lock_guard lock(worker_mutex_);
-  return worker_ && worker_->post(std::move(task));
-}
-
 void MissionDesk::close() {
-  std::unique_ptr<Workers> ending;
-  {
-    const std::lock_guard lock(worker_mutex_);
-    ending = std::move(worker_);
-  }
-  ending.reset();
+  worker_.close();
   tasks_.close();
   (void)tasks_.take_all();
   waiting_.clear();
@@ -111,7 +101,7 @@ Status MissionDesk::restore() {
 
 void MissionDesk::ask(MissionAsk asked, Answer answer) {
   if (asked.kind == MissionAsk::Kind::add) {
-    if (!work([this, asked = std::move(asked), answer] { add(asked, answer); })) answer(busy());
+    if (!worker_.post([this, asked = std::move(asked), answer] { add(asked, answer); })) answer(busy());
     return;
   }
   later([this, asked = std::move(asked), answer = std::move(answer)] { answer_on_flight(asked, answer); });
@@ -142,7 +132,7 @@ void MissionDesk::check(const mission::Mission& mission, std::function<void(Chec
   Checked checked;
   for (std::size_t i = 0; i < parts_.core.drones().size(); ++i)
     checked.then.push_back(mission::drone_now(parts_.core, i));
-  const bool taken = work([this, mission, checked, then]() mutable {
+  const bool taken = worker_.post([this, mission, checked, then]() mutable {
     checked.findings = mission::check(mission, book_.check_config(), checked.then);
     later([then, checked = std::move(checked)]() mutable { then(std::move(checked)); });
   });
@@ -155,7 +145,7 @@ void MissionDesk::check(const mission::Mission& mission, std::function<void(Chec
 
 void MissionDesk::read_signers(const std::string& id) {
   const std::string digest = bytes_of(book_.digest(id)), words = service::approval_words(book_.mission(id).name);
-  const bool taken = work([this, id, digest, words] {
+  const bool taken = worker_.post([this, id, digest, words] {
     auto signers = approvers_of(parts_.client, digest, words);
     later([this, id, signers = std::move(signers)] {
       if (signers) return book_.set_signers(id, *signers);
@@ -271,7 +261,7 @@ void MissionDesk::step(TimeNs now) {
 
 void MissionDesk::keep(const std::string& id) {
   if (parts_.settings.folder.empty()) return;
-  const bool taken = work([file = file_of(id), text = book_.keep(id)] {
+  const bool taken = worker_.post([file = file_of(id), text = book_.keep(id)] {
     if (const Status kept = replace_file(file, text, 0600); !kept)
       spdlog::error("a mission is not kept: {}", kept.error().what);
   });
@@ -280,7 +270,7 @@ void MissionDesk::keep(const std::string& id) {
 
 void MissionDesk::forget(const std::string& id) {
   if (parts_.settings.folder.empty()) return;
-  const bool taken = work([file = file_of(id)] {
+  const bool taken = worker_.post([file = file_of(id)] {
     std::error_code error;
     fs::remove(file, error);
     if (error) spdlog::error("{} is not removed: {}", file, error.message());
@@ -298,7 +288,7 @@ void MissionDesk::write_record(const std::string& id) {
   });
   if (parts_.settings.folder.empty()) return;
   const std::string file = fmt::format("{}/{}.record.json", parts_.settings.folder, id);
-  const bool taken = work([file, text] {
+  const bool taken = worker_.post([file, text] {
     if (const Status written = replace_file(file, text, 0644); !written) spdlog::error("{}", written.error().what);
   });
   if (!taken) spdlog::error("{} is not written: too much waits for the disk", file);

@@ -3,7 +3,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
@@ -52,7 +51,6 @@ class MissionDesk {
   using Task = std::function<void()>;
   using Checked = service::MissionBook::Checked;
   void later(Task task);  ///< on the flight's thread
-  bool work(Task task);
   void add(const service::MissionAsk& asked, const Answer& answer);
   void take(mission::MissionRun run, const Answer& answer);
   void check(const mission::Mission& mission, std::function<void(Checked)> then);
@@ -71,8 +69,7 @@ class MissionDesk {
   std::map<std::string, TimeNs> unread_;  ///< whose signers could not be read, and when to ask again
   Mailbox<Task> tasks_;       ///< for the flight's thread; at most as many as requests and tasks of the worker
   std::deque<Task> waiting_;  ///< taken out of it
-  std::mutex worker_mutex_;
-  std::unique_ptr<Workers> worker_ = std::make_unique<Workers>(1, max_waiting);
+  Workers worker_{1, max_waiting};
 };
 
 }  // namespace ledgerline::ground

@@ -1,7 +1,6 @@
 #include "ground/shell/operator_desk.hpp"
 
 #include <fmt/format.h>
-#include <openssl/crypto.h>
 
 #include <algorithm>
 #include <cstring>
@@ -41,34 +40,24 @@ Result<std::unique_ptr<OperatorDesk>> OperatorDesk::create(Parts parts) {
     desk->folders_.push_back(folder.string());
   }
   desk->clients_.resize(found.size());
-  desk->left_.resize(found.size());
   return desk;
 }
 
 void OperatorDesk::close() {
   closed_ = true;
-  std::unique_ptr<Workers> ending;
-  {
-    const std::lock_guard lock(worker_mutex_);
-    ending = std::move(worker_);
-  }
-}
-
-bool OperatorDesk::post(std::function<void()> task) {
-  const std::lock_guard lock(worker_mutex_);
-  return worker_ && worker_->post(std::move(task));
+  worker_.close();
 }
 
 void OperatorDesk::unlock(std::size_t who, std::string pass_phrase, std::function<void(Status)> answer) {
   const auto task = [this, who, phrase = std::move(pass_phrase), answer]() mutable {
     answer(closed_ ? Status(Error{"the ground ends"}) : open_key(who, phrase));
   };
-  if (!post(task)) answer(Error{"too much waits to be signed: try again"});
+  if (!worker_.post(task)) answer(Error{"too much waits to be signed: try again"});
 }
 
 Status OperatorDesk::submit(std::size_t who, const OperatorCall& call) {
   if (!clients_of(who).leases) return Error{"the key is locked: sign in anew"};
-  if (!post([this, who, call] { sign(who, call); })) return Error{"too much waits to be signed: try again"};
+  if (!worker_.post([this, who, call] { sign(who, call); })) return Error{"too much waits to be signed: try again"};
   return done;
 }
 
@@ -86,13 +75,13 @@ bool OperatorDesk::stop(const crypto::IdentityName& who, const fabric::Call& cal
 void OperatorDesk::leave(std::size_t who) {
   {
     const std::lock_guard lock(clients_mutex_);
-    left_[who] = true;
+    clients_[who].left = true;
   }
   parts_.on_session(who, false);
 }
 
 bool OperatorDesk::see_off(std::size_t who, const std::vector<std::size_t>& drones) {
-  return post([this, who, drones] {
+  return worker_.post([this, who, drones] {
     for (const std::size_t drone : drones) sign(who, {.kind = OperatorCall::Kind::release, .drone = drone});
     set_clients(who, {});
     spdlog::info("operator {} signed out", operators_[who].name);
@@ -113,10 +102,6 @@ Status OperatorDesk::open_key(std::size_t who, std::string& pass_phrase) {
   auto leases = fabric::Client::create(config), stops = fabric::Client::create(config);
   if (!leases || !stops) return (leases ? stops : leases).error();
   set_clients(who, {std::move(*leases), std::move(*stops)});
-  {
-    const std::lock_guard lock(clients_mutex_);
-    left_[who] = false;
-  }
   spdlog::info("operator {} signed in as {}", one.name, service::text_of(one.identity));
   parts_.on_session(who, true);
   return done;
@@ -127,12 +112,7 @@ void OperatorDesk::sign(std::size_t who, const OperatorCall& call) {
   const Clients clients = clients_of(who);
   const std::string drone = call.drone ? parts_.drones[*call.drone] : "";
   const std::string what = fmt::format("{}: {}", operators_[who].name, service::words_of(call));
-  bool left = false;
-  {
-    const std::lock_guard lock(clients_mutex_);
-    left = left_[who] && call.kind != OperatorCall::Kind::release;
-  }
-  if (!clients.leases || left)
+  if (!clients.leases || (clients.left && call.kind != OperatorCall::Kind::release))
     return parts_.tell(service::Level::warning, drone, what + ": not signed: the session is over");
   const fabric::Call contract = service::contract_call(call, drone, parts_.ledger.identity.name);
   const fabric::Outcome outcome = fabric::submit_repeatedly(*clients.leases, contract, limits, nullptr);

@@ -47,11 +47,10 @@ class OperatorDesk final : public service::OperatorKeys {
  private:
   struct Clients {
     std::shared_ptr<fabric::Client> leases, stops;
+    bool left = false;  ///< the session is over: of what still waits releases alone are signed
   };
 
   explicit OperatorDesk(Parts parts) : parts_(std::move(parts)) {}
-  /// False: too much waits, or the desk is closed.
-  bool post(std::function<void()> task);
   /// On the worker.
   Status open_key(std::size_t who, std::string& pass_phrase);
   void sign(std::size_t who, const service::OperatorCall& call);
@@ -63,10 +62,8 @@ class OperatorDesk final : public service::OperatorKeys {
   std::vector<std::string> folders_;  ///< of each
   mutable std::mutex clients_mutex_;
   std::vector<Clients> clients_;  ///< of each; null: locked
-  std::vector<bool> left_;        ///< whose session is over: what still waits is not signed
   std::atomic<bool> closed_{false};
-  std::mutex worker_mutex_;
-  std::unique_ptr<Workers> worker_ = std::make_unique<Workers>(1, max_waiting);
+  Workers worker_{1, max_waiting};
 };
 
 }  // namespace ledgerline::ground
