@@ -21,7 +21,7 @@ struct DroneNow {
   std::string why{};                      ///< what went wrong with its flight
   std::optional<Eigen::Vector3d> at_m{};  ///< map; nothing: it has no pose, or its newest is old
   std::optional<double> battery_share{};  ///< 0 to 1
-  std::vector<Eigen::Vector3d> way{};     ///< corners of the path that it flies or has paused
+  std::vector<Eigen::Vector3d> way{};     ///< way_of(), of those that check() looks at
 };
 
 inline DroneNow drone_now(const FlightCore& core, std::size_t drone) {
@@ -41,8 +41,21 @@ inline DroneNow drone_now(const FlightCore& core, std::size_t drone) {
                         state.stamp_ns - state.pose_stamp_ns <= core.config().controller.pose_lost_ns;
   if (has_pose) now.at_m = Eigen::Vector3d::Map(state.position_m.data());
   if (seen.has_state && state.sdk_state_fresh) now.battery_share = static_cast<double>(state.battery);
-  for (const auto& corner : status.planned) now.way.push_back(Eigen::Vector3d::Map(corner.data()));
   return now;
+}
+
+/// Of all drones of the flight, in its order.
+inline std::vector<DroneNow> drones_now(const FlightCore& core) {
+  std::vector<DroneNow> all;
+  for (std::size_t i = 0; i < core.drones().size(); ++i) all.push_back(drone_now(core, i));
+  return all;
+}
+
+/// Corners of the path that a drone flies or has paused. It may be long, and a flight's step has no use for it.
+inline std::vector<Eigen::Vector3d> way_of(const FlightCore& core, std::size_t drone) {
+  std::vector<Eigen::Vector3d> way;
+  for (const auto& corner : core.status(drone).planned) way.push_back(Eigen::Vector3d::Map(corner.data()));
+  return way;
 }
 
 }  // namespace ledgerline::ground::mission

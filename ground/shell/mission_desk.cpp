@@ -32,13 +32,6 @@ ApiAnswer done_or(const Status& status) {
   return status ? ApiAnswer{202, accepted} : refusal(409, status.error().what);
 }
 
-fabric::Call anchor_call(const std::string& digest, const std::string& what) {
-  AnchorCall call;
-  call.set_digest(digest);
-  call.set_what(what);
-  return {contract::anchor, {call.SerializeAsString()}};
-}
-
 /// Who has anchored this digest with these words, and is an operator or a supervisor now.
 Result<std::vector<crypto::IdentityName>> approvers_of(fabric::Client& client, const std::string& digest,
                                                        const std::string& words) {
@@ -130,8 +123,8 @@ void MissionDesk::take(mission::MissionRun run, const Answer& answer) {
 
 void MissionDesk::check(const mission::Mission& mission, std::function<void(Checked)> then) {
   Checked checked;
-  for (std::size_t i = 0; i < parts_.core.drones().size(); ++i)
-    checked.then.push_back(mission::drone_now(parts_.core, i));
+  checked.then = mission::drones_now(parts_.core);
+  for (std::size_t i = 0; i < checked.then.size(); ++i) checked.then[i].way = mission::way_of(parts_.core, i);
   const bool taken = worker_.post([this, mission, checked, then]() mutable {
     checked.findings = mission::check(mission, book_.check_config(), checked.then);
     later([then, checked = std::move(checked)]() mutable { then(std::move(checked)); });
@@ -189,17 +182,11 @@ void MissionDesk::answer_on_flight(const MissionAsk& asked, const Answer& answer
     case Kind::approve:
       return approve(asked, answer);
     case Kind::start:
-      return check(book_.mission(asked.id), [this, asked, answer](const Checked& checked) {
-        if (const Status in = signed_in(asked); !in) return answer(done_or(in));
-        answer(done_or(book_.start(asked.id, asked.by, checked, parts_.core)));
-      });
+      return fly(book_.mission(asked.id), &service::MissionBook::start, asked, answer);
     case Kind::pause:
       return answer(done_or(book_.pause(asked.id)));
     case Kind::resume:
-      return check(book_.rest(asked.id), [this, asked, answer](const Checked& checked) {
-        if (const Status in = signed_in(asked); !in) return answer(done_or(in));
-        answer(done_or(book_.resume(asked.id, asked.by, checked, parts_.core)));
-      });
+      return fly(book_.rest(asked.id), &service::MissionBook::resume, asked, answer);
     case Kind::land:
       return answer(done_or(book_.land(asked.id, "somebody had all land")));
     case Kind::remove: {
@@ -213,24 +200,24 @@ void MissionDesk::answer_on_flight(const MissionAsk& asked, const Answer& answer
   }
 }
 
-// He may have signed out while it was checked.
-Status MissionDesk::signed_in(const MissionAsk& asked) const {
-  if (!asked.who || parts_.signed_in(*asked.who)) return done;
-  return Error{"whoever asked for it has signed out"};
+void MissionDesk::fly(const mission::Mission& part, Begin begin, const MissionAsk& asked, const Answer& answer) {
+  check(part, [this, begin, asked, answer](const Checked& checked) {
+    if (asked.who && !parts_.signed_in(*asked.who))  // he may have signed out while it was checked
+      return answer(refusal(409, "whoever asked for it has signed out"));
+    answer(done_or((book_.*begin)(asked.id, asked.by, checked, parts_.core)));
+  });
 }
 
 void MissionDesk::approve(const MissionAsk& asked, const Answer& answer) {
-  const mission::Mission& mission = book_.mission(asked.id);
+  service::OperatorCall call{.kind = service::OperatorCall::Kind::approve};
+  call.digest = book_.digest(asked.id);
+  call.mission = book_.mission(asked.id).name;
   if (asked.who) {
-    service::OperatorCall call{.kind = service::OperatorCall::Kind::approve};
-    call.digest = book_.digest(asked.id);
-    call.mission = mission.name;
     const Status asked_now = parts_.sign(*asked.who, call);
     return answer(asked_now ? ApiAnswer{202, accepted} : refusal(503, asked_now.error().what));
   }
-  const std::string what = service::approval_words(mission.name);
-  parts_.client.submit(anchor_call(bytes_of(book_.digest(asked.id)), what),
-                       [this, name = mission.name](const fabric::Outcome& outcome) {
+  parts_.client.submit(service::contract_call(call, "", parts_.core.config().self),
+                       [this, name = call.mission](const fabric::Outcome& outcome) {
                          if (outcome.kind == fabric::Outcome::Kind::committed) return;
                          later([this, name, words = outcome.message] {
                            parts_.tell(Level::warning, "", fmt::format("mission {} was not approved: {}", name, words));
@@ -282,7 +269,7 @@ void MissionDesk::forget(const std::string& id) {
 void MissionDesk::write_record(const std::string& id) {
   const std::string text = book_.record(id, realtime_ns() / ns_per_s);
   const std::string what = fmt::format("what became of mission {}", book_.mission(id).name);
-  parts_.client.submit(anchor_call(bytes_of(crypto::sha256(text)), what), [id](const fabric::Outcome& outcome) {
+  parts_.client.submit(service::anchor_call(crypto::sha256(text), what), [id](const fabric::Outcome& outcome) {
     if (outcome.kind != fabric::Outcome::Kind::committed)
       spdlog::error("what became of mission {} is not on the ledger: {}", id, outcome.message);
   });

@@ -54,7 +54,10 @@ class MissionDesk {
   void add(const service::MissionAsk& asked, const Answer& answer);
   void take(mission::MissionRun run, const Answer& answer);
   void check(const mission::Mission& mission, std::function<void(Checked)> then);
-  Status signed_in(const service::MissionAsk& asked) const;
+  using Begin = Status (service::MissionBook::*)(const std::string&, const std::optional<crypto::IdentityName>&,
+                                                 const Checked&, const FlightCore&);
+  /// Checks that part of the mission, and begins it.
+  void fly(const mission::Mission& part, Begin begin, const service::MissionAsk& asked, const Answer& answer);
   void read_signers(const std::string& id);
   void answer_on_flight(const service::MissionAsk& asked, const Answer& answer);
   void approve(const service::MissionAsk& asked, const Answer& answer);

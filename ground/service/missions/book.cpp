@@ -151,48 +151,46 @@ Status MissionBook::may_fly(const Entry& entry, const mission::Mission& part,
   return done;
 }
 
-Status MissionBook::start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
-                          const FlightCore& core) {
+template <typename Say>
+Status MissionBook::stir(const std::string& id, const Say& say) {
   Entry* entry = find(id);
   if (entry == nullptr) return unknown(id);
-  if (!core.config().manual) return Error{"this flight flies a path of its own"};
-  set_findings(id, checked.findings);
-  // What is missing is said first: one that is flown already is not where it was checked.
-  if (entry->run->phase() < RunPhase::taking_off) {
-    if (const Status may = may_fly(*entry, entry->run->mission(), by, checked, core); !may) return may;
-  }
-  if (const Status started = entry->run->start(checked.findings); !started) return started;
-  entry->by = by;
-  entry->stirred = true;
+  if (const Status said = say(*entry); !said) return said;
+  changed_ = entry->stirred = true;
   return done;
 }
 
+Status MissionBook::start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
+                          const FlightCore& core) {
+  return stir(id, [&](Entry& entry) -> Status {
+    if (!core.config().manual) return Error{"this flight flies a path of its own"};
+    set_findings(id, checked.findings);
+    // What is missing is said first: one that is flown already is not where it was checked.
+    if (entry.run->phase() < RunPhase::taking_off) {
+      if (const Status may = may_fly(entry, entry.run->mission(), by, checked, core); !may) return may;
+    }
+    if (const Status started = entry.run->start(checked.findings); !started) return started;
+    entry.by = by;
+    return done;
+  });
+}
+
 Status MissionBook::pause(const std::string& id) {
-  Entry* entry = find(id);
-  if (entry == nullptr) return unknown(id);
-  if (const Status paused = entry->run->pause(); !paused) return paused;
-  changed_ = entry->stirred = true;
-  return done;
+  return stir(id, [](const Entry& entry) { return entry.run->pause(); });
 }
 
 Status MissionBook::resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
                            const FlightCore& core) {
-  Entry* entry = find(id);
-  if (entry == nullptr) return unknown(id);
-  if (whose(by) != whose(entry->by))
-    return Error{fmt::format("{} started it, who alone has it go on", text_of(whose(entry->by)))};
-  if (const Status may = may_fly(*entry, entry->run->rest(), by, checked, core); !may) return may;
-  if (const Status resumed = entry->run->resume(); !resumed) return resumed;
-  changed_ = entry->stirred = true;
-  return done;
+  return stir(id, [&](Entry& entry) -> Status {
+    if (whose(by) != whose(entry.by))
+      return Error{fmt::format("{} started it, who alone has it go on", text_of(whose(entry.by)))};
+    if (const Status may = may_fly(entry, entry.run->rest(), by, checked, core); !may) return may;
+    return entry.run->resume();
+  });
 }
 
 Status MissionBook::land(const std::string& id, const std::string& why) {
-  Entry* entry = find(id);
-  if (entry == nullptr) return unknown(id);
-  if (const Status ended = entry->run->end(why); !ended) return ended;
-  changed_ = entry->stirred = true;
-  return done;
+  return stir(id, [&](const Entry& entry) { return entry.run->end(why); });
 }
 
 bool MissionBook::busy() const {
@@ -215,8 +213,7 @@ std::vector<mission::DroneNow> MissionBook::seen_by(const Entry& entry, std::vec
 }
 
 MissionBook::Outputs MissionBook::step(TimeNs now, const FlightCore& core) {
-  std::vector<mission::DroneNow> drones;
-  for (std::size_t i = 0; i < core.drones().size(); ++i) drones.push_back(mission::drone_now(core, i));
+  const std::vector<mission::DroneNow> drones = mission::drones_now(core);
   Outputs out;
   for (auto& [id, entry] : missions_) {
     if (!entry.stirred && !entry.run->active()) continue;

@@ -95,6 +95,9 @@ class MissionBook {
   };
   Result<std::string> put(mission::MissionRun run, std::optional<crypto::IdentityName> by);
   Entry* find(const std::string& id);
+  /// What somebody says of one; where that does not fail, step() and list() have something to tell.
+  template <typename Say>
+  Status stir(const std::string& id, const Say& say);
   const crypto::IdentityName& whose(const std::optional<crypto::IdentityName>& by) const { return by ? *by : self_; }
   /// What speaks against flying these drones of it now.
   Status may_fly(const Entry& entry, const mission::Mission& part, const std::optional<crypto::IdentityName>& by,

@@ -28,6 +28,13 @@ const Row& row_of(OperatorCall::Kind kind) { return rows[static_cast<std::size_t
 
 std::string approval_words(const std::string& mission) { return "mission " + mission + " may be flown"; }
 
+fabric::Call anchor_call(const crypto::Digest& digest, const std::string& what) {
+  AnchorCall call;
+  call.set_digest(std::string(digest.begin(), digest.end()));
+  call.set_what(what);
+  return {contract::anchor, {call.SerializeAsString()}};
+}
+
 std::string words_of(const OperatorCall& call) {
   const std::string words = row_of(call.kind).words;
   return call.mission.empty() ? words : words + " mission " + call.mission;
@@ -49,12 +56,7 @@ fabric::Call contract_call(const OperatorCall& call, const std::string& drone, c
     drones.add_drones(drone);
     return as_call(drones);
   }
-  if (call.kind == Kind::approve) {
-    AnchorCall anchor;
-    anchor.set_digest(std::string(call.digest.begin(), call.digest.end()));
-    anchor.set_what(approval_words(call.mission));
-    return as_call(anchor);
-  }
+  if (call.kind == Kind::approve) return anchor_call(call.digest, approval_words(call.mission));
   LeaseCall lease;
   lease.add_drones(drone);
   lease.set_priority(call.priority);

@@ -31,6 +31,9 @@ struct OperatorCall {
 /// What an approval of a mission says on the ledger.
 std::string approval_words(const std::string& mission);
 
+/// Anchors that digest with these words.
+fabric::Call anchor_call(const crypto::Digest& digest, const std::string& what);
+
 /// In words: "take control", ...
 std::string words_of(const OperatorCall& call);
 

@@ -40,9 +40,7 @@ class Book : public testing::Test {
     return book.add(std::move(*run));
   }
   MissionBook::Checked checked(std::vector<mission::Finding> findings = {}) const {
-    MissionBook::Checked now{std::move(findings), {}};
-    for (std::size_t i = 0; i < world.core.drones().size(); ++i) now.then.push_back(mission::drone_now(world.core, i));
-    return now;
+    return {std::move(findings), mission::drones_now(world.core)};
   }
   Status resume(const std::string& id, const std::optional<crypto::IdentityName>& by = {},
                 const std::vector<mission::Finding>& findings = {}) {
