@@ -59,9 +59,5 @@ int main(int argc, char** argv) {
   line.flag("--watch", wish.watch, "go on with what comes, until SIGINT");
   line.flag("--all", wish.all, "info as well");
   if (const auto end = line.parse(argc, argv)) return *end;
-  const auto target = target_of(wish.options);
-  if (!target) return fail(target.error(), exit_usage);
-  const auto station = open(*target);
-  if (!station) return fail(station.error());
-  return exit_code(show(**station, wish));
+  return run(wish.options, [&](Station& station, const Target&) { return show(station, wish); });
 }

@@ -220,9 +220,5 @@ int main(int argc, char** argv) {
   const std::string verb = verbs.given();
   if (!wish.drone.empty()) wish.names = {wish.drone};
   if (const std::string why = nonsense(wish, verb); !why.empty()) return fail(Error{why}, exit_usage);
-  const auto target = target_of(wish.options);
-  if (!target) return fail(target.error(), exit_usage);
-  const auto station = open(*target);
-  if (!station) return fail(station.error());
-  return exit_code(act(**station, *target, wish, verb));
+  return run(wish.options, [&](Station& station, const Target& target) { return act(station, target, wish, verb); });
 }

@@ -48,9 +48,5 @@ int main(int argc, char** argv) {
   station::Options options;
   add_options(line, options);
   if (const auto end = line.parse(argc, argv)) return *end;
-  const auto target = target_of(options);
-  if (!target) return fail(target.error(), exit_usage);
-  const auto station = open(*target);
-  if (!station) return fail(station.error());
-  return exit_code(show(**station, options.json));
+  return run(options, [&](Station& station, const Target&) { return show(station, options.json); });
 }

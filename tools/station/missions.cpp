@@ -105,9 +105,5 @@ int main(int argc, char** argv) {
   for (const Verb& one : verbs) verb += one.given() ? one.name() : "";
   if (!wish.id.empty() && !ground::mission::is_name(wish.id))
     return fail(Error{"ID is a mission's, as `ledgerline missions` lists it"}, exit_usage);
-  const auto target = target_of(wish.options);
-  if (!target) return fail(target.error(), exit_usage);
-  const auto station = open(*target);
-  if (!station) return fail(station.error());
-  return exit_code(act(**station, wish, verb));
+  return run(wish.options, [&](Station& station, const Target&) { return act(station, wish, verb); });
 }

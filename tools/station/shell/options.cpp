@@ -7,6 +7,7 @@
 
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
+#include "common/program/program.hpp"
 #include "common/program/secrets.hpp"
 #include "ground/shell/settings.hpp"
 
@@ -103,6 +104,14 @@ Result<std::unique_ptr<Station>> open(const Target& target) {
   if (!is_token(*token)) return Error{target.token_file + " must hold 64 hex digits, as ground made it"};
   return std::make_unique<Station>(target.place,
                                    Credentials{std::move(*token), session_in(target), target.session_file});
+}
+
+int run(const Options& options, const std::function<Status(Station& station, const Target& target)>& act) {
+  const auto target = target_of(options);
+  if (!target) return fail(target.error(), exit_usage);
+  const auto station = open(*target);
+  if (!station) return fail(station.error());
+  return exit_code(act(**station, *target));
 }
 
 }  // namespace ledgerline::station

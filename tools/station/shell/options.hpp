@@ -33,4 +33,7 @@ Result<Target> target_of(const Options& options);  ///< by this process's enviro
 /// does not keep a drone in the air.
 Result<std::unique_ptr<Station>> open(const Target& target);
 
+/// The rest of a program: acts at the station that the options name; the exit code.
+int run(const Options& options, const std::function<Status(Station& station, const Target& target)>& act);
+
 }  // namespace ledgerline::station
