@@ -10,7 +10,7 @@ namespace {
 
 // What is wrong with the settings; empty: nothing.
 std::string wrong_in(const CheckConfig& config) {
-  const auto within = [](double value, double least, double greatest) { return value >= least && value <= greatest; };
+  const auto within = [](double value, double min, double max) { return value >= min && value <= max; };
   if (!within(config.battery_endurance_s, 60, 1'800)) return "battery_endurance_s must be from 60 to 1800";
   if (!within(config.battery_reserve, 0, 1)) return "battery_reserve must be from 0 to 1";
   if (!within(config.apart.level_m, 0, 100) || !within(config.apart.height_m, 0, 100))

@@ -100,8 +100,8 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
 }
 
 std::string wrong_in(const Waypoint& point) {
-  const auto within = [](const std::optional<double>& value, double least, double greatest) {
-    return !value || (*value >= least && *value <= greatest);
+  const auto within = [](const std::optional<double>& value, double min, double max) {
+    return !value || (*value >= min && *value <= max);
   };
   if (!within(point.height_m, min_height_m, max_height_m))
     return fmt::format("has z {} m; {} to {} may be", *point.height_m, min_height_m, max_height_m);

@@ -17,12 +17,11 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(from, text.find_last_not_of(" \t\r") - from + 1);
 }
 
-Result<double> number_in(std::string_view cell, const char* what, double least, double greatest) {
+Result<double> number_in(std::string_view cell, const char* what, double min, double max) {
   double value = 0;
   const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error != std::errc{} || end != cell.data() + cell.size() || !(value >= least && value <= greatest))
-    return Error{
-        fmt::format("{} \"{}\" is no number from {} to {}", what, printable(cell, max_shown), least, greatest)};
+  if (error != std::errc{} || end != cell.data() + cell.size() || !(value >= min && value <= max))
+    return Error{fmt::format("{} \"{}\" is no number from {} to {}", what, printable(cell, max_shown), min, max)};
   return value;
 }
 
