@@ -97,10 +97,10 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
   ending_ = ending_ || (config_.manual && (time_is_up || !inputs.land.empty()));
   // Of all that is wished in one step the safest counts, whoever says it.
   for (const PilotWish& wish : inputs.wishes) {
-    if (wish.stop || wish.cut || wish.land) take_wish(now_ns, wish, out);
+    if (brings_down(wish)) take_wish(now_ns, wish, out);
   }
   for (const PilotWish& wish : inputs.wishes) {
-    if (!wish.stop && !wish.cut && !wish.land) take_wish(now_ns, wish, out);
+    if (!brings_down(wish)) take_wish(now_ns, wish, out);
   }
   for (std::size_t i = 0; i < drones_.size(); ++i) step_drone(now_ns, i, inputs, out);
   stops_.submit(now_ns, leases_, next_id_, out.submissions);

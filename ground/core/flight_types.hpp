@@ -105,6 +105,9 @@ struct PilotWish {
   std::uint64_t late = 0;             ///< velocities that were held back on their way: not flown
 };
 
+/// What everybody may say who may say anything, at any time, and what comes before all else.
+inline bool brings_down(const PilotWish& wish) { return wish.stop || wish.cut || wish.land; }
+
 struct FlightInputs {
   const fabric::Block* block = nullptr;      ///< the next of the stream, checked as a chain by the client
   const fabric::Outcome* outcome = nullptr;  ///< of submission `outcome_id`

@@ -140,6 +140,10 @@ void Ground::wish(std::size_t drone, const std::optional<crypto::IdentityName>& 
   mailbox_.wake();
 }
 
+void Ground::wish(const PilotWish& one) {
+  wish(one.drone, one.by, [&](PilotWish& wished) { service::merge(one, wished); });
+}
+
 Status Ground::open_desk(const std::string& folder, const fabric::ClientConfig& ledger) {
   auto desk = OperatorDesk::create({.folder = folder,
                                     .ledger = ledger,
@@ -172,7 +176,7 @@ void Ground::see_off(TimeNs now_ns) {
     if (now_ns < one->from_ns || (!aloft.empty() && now_ns < one->until_ns)) {
       if (now_ns >= std::max(one->from_ns, one->next_ns)) {
         one->next_ns = now_ns + ns_per_s;
-        for (const std::size_t drone : aloft) wish(drone, who, [](PilotWish& wished) { wished.land = true; });
+        for (const std::size_t drone : aloft) wish({.drone = drone, .by = who, .land = true});
       }
       ++one;
       continue;
@@ -196,10 +200,7 @@ void Ground::open_missions(service::MissionSettings settings) {
           [this](std::size_t who) {
             return std::none_of(leaving_.begin(), leaving_.end(), [&](const Leaving& one) { return one.who == who; });
           },
-      .wish =
-          [this](const PilotWish& one) {
-            wish(one.drone, one.by, [&](PilotWish& wished) { service::merge(one, wished); });
-          },
+      .wish = [this](const PilotWish& one) { wish(one); },
       .tell =
           [this](Level level, const std::string& drone, const std::string& words) {
             spdlog::log(level == Level::info ? spdlog::level::info : spdlog::level::warn, "{}{}{}", drone,
@@ -236,8 +237,8 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
 
 // A stop may wait until the ledger is reached, and so may a landing; nobody wants another word then that he gave before.
 Status Ground::take(const PilotWish& one) {
-  if (!flying_ && !one.stop && !one.cut && !one.land) return Error{"the ledger is not reached yet: nothing can fly"};
-  wish(one.drone, one.by, [&](PilotWish& wished) { service::merge(one, wished); });
+  if (!flying_ && !brings_down(one)) return Error{"the ledger is not reached yet: nothing can fly"};
+  wish(one);
   return done;
 }
 

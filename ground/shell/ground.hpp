@@ -88,6 +88,7 @@ class Ground {
   /// Changes what is wished of a drone, and wakes the core's thread. Any thread.
   void wish(std::size_t drone, const std::optional<crypto::IdentityName>& by,
             const std::function<void(PilotWish&)>& change);
+  void wish(const PilotWish& one);
   void open_missions(service::MissionSettings settings);
   Status open_desk(const std::string& folder, const fabric::ClientConfig& ledger);
   /// Lands what somebody holds who has left, gives it back, and forgets his key.

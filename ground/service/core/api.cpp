@@ -47,6 +47,12 @@ json events_json(const std::deque<Event>& events, std::size_t first) {
 }
 
 Result<json> object_from(std::string_view body) { return strict::object_from(body, "the body", max_depth); }
+Result<json> object_from(std::string_view body, std::initializer_list<std::string_view> allowed) {
+  auto object = object_from(body);
+  if (!object) return object;
+  if (const Status keys = only(*object, allowed); !keys) return keys.error();
+  return object;
+}
 
 std::optional<std::size_t> find(const std::vector<std::string>& names, std::string_view name) {
   const auto at = std::find(names.begin(), names.end(), name);
@@ -85,6 +91,13 @@ Result<crypto::IdentityName> identity_from(const json& body) {
   return crypto::IdentityName{msp.get<std::string>(), subject.get<std::string>()};
 }
 
+/// Of a verb in a table of verbs.
+template <typename Verbs>
+auto kind_in(const Verbs& verbs, std::string_view verb) {
+  const auto row = std::find_if(verbs.begin(), verbs.end(), [&](const auto& one) { return one.first == verb; });
+  return row == verbs.end() ? std::nullopt : std::optional(row->second);
+}
+
 std::optional<OperatorCall::Kind> call_of(std::string_view verb) {
   using Kind = OperatorCall::Kind;
   constexpr std::array<std::pair<std::string_view, Kind>, enum_count<Kind> - 1> verbs{{{"acquire", Kind::acquire},
@@ -93,8 +106,7 @@ std::optional<OperatorCall::Kind> call_of(std::string_view verb) {
                                                                                        {"hand_over", Kind::hand_over},
                                                                                        {"deny", Kind::deny},
                                                                                        {"lift", Kind::resume}}};
-  const auto row = std::find_if(verbs.begin(), verbs.end(), [&](const auto& one) { return one.first == verb; });
-  return row == verbs.end() ? std::nullopt : std::optional(row->second);
+  return kind_in(verbs, verb);
 }
 
 /// What an operator signs for a drone.
@@ -128,9 +140,8 @@ ApiAnswer answer_session(const ApiRequest& request, const Known& known) {
     return {.status = 202, .body = taken, .sign_out = true};
   }
   if (request.method != "POST") return refusal(405, "POST it, or DELETE it");
-  const auto body = object_from(request.body);
+  const auto body = object_from(request.body, {"operator", "passphrase"});
   if (!body) return refusal(400, body.error().what);
-  if (const Status keys = only(*body, {"operator", "passphrase"}); !keys) return refusal(400, keys.error().what);
   const json name = body->value("operator", json()), phrase = body->value("passphrase", json());
   if (!name.is_string() || !phrase.is_string() || phrase.get_ref<const std::string&>().size() > max_pass_phrase)
     return refusal(400, fmt::format("needs operator and passphrase, of {} bytes at most", max_pass_phrase));
@@ -158,8 +169,7 @@ std::optional<MissionAsk::Kind> mission_verb(std::string_view verb) {
                                                                     {"pause", Kind::pause},
                                                                     {"resume", Kind::resume},
                                                                     {"land", Kind::land}}};
-  const auto row = std::find_if(verbs.begin(), verbs.end(), [&](const auto& one) { return one.first == verb; });
-  return row == verbs.end() ? std::nullopt : std::optional(row->second);
+  return kind_in(verbs, verb);
 }
 
 ApiAnswer ask_mission(const ApiRequest& request, MissionAsk asked, const Known& known) {
@@ -199,9 +209,7 @@ ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std:
   const auto verb = mission_verb(rest.substr(slash + 1));
   if (!verb) return refusal(404, "a mission knows approve, start, pause, resume, land");
   if (request.method != "POST") return refusal(405, "POST it");
-  const auto body = object_from(request.body);
-  if (!body) return refusal(400, body.error().what);
-  if (const Status keys = only(*body, {}); !keys) return refusal(400, keys.error().what);
+  if (const auto body = object_from(request.body, {}); !body) return refusal(400, body.error().what);
   asked.kind = *verb;
   return ask_mission(request, std::move(asked), known);
 }
@@ -248,9 +256,8 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const K
 
 ApiAnswer answer_stop(const ApiRequest& request, const Known& known) {
   if (request.method != "POST") return refusal(405, "POST it");
-  const auto body = object_from(request.body);
+  const auto body = object_from(request.body, {"cut"});
   if (!body) return refusal(400, body.error().what);
-  if (const Status keys = only(*body, {"cut"}); !keys) return refusal(400, keys.error().what);
   const json cut = body->value("cut", json(false));
   if (!cut.is_boolean()) return refusal(400, "cut must be true or false");
   std::vector<PilotWish> wishes;
@@ -318,8 +325,7 @@ ApiAnswer answer(const ApiRequest& request, const Known& known) {
   ApiAnswer made = answer_any(request, known);
   if (made.wishes.empty() || known.operators.empty()) return made;
   // Nobody has to look for a pass phrase to stop a drone.
-  const bool lands =
-      std::all_of(made.wishes.begin(), made.wishes.end(), [](const PilotWish& one) { return one.stop || one.land; });
+  const bool lands = std::all_of(made.wishes.begin(), made.wishes.end(), brings_down);
   if (!request.who && !lands) return refusal(403, "sign in first: who clicks is who signs; a stop needs no operator");
   if (!request.who) return made;
   for (PilotWish& wish : made.wishes) wish.by = known.operators[*request.who].identity;

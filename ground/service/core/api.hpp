@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "ground/core/flight_types.hpp"
+#include "ground/mission/mission.hpp"
 #include "ground/service/missions/asked.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "ground/service/operators/sign_ins.hpp"
@@ -16,7 +17,7 @@
 namespace ledgerline::ground::service {
 
 inline constexpr std::size_t max_body_bytes = 65'536;
-inline constexpr std::size_t max_mission_body_bytes = 4'194'304;
+inline constexpr std::size_t max_mission_body_bytes = mission::max_mission_bytes;
 /// Of the body of a request for this target.
 std::size_t body_limit(std::string_view target);
 

@@ -9,6 +9,7 @@
 #include "common/belief/identity.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
+#include "ground/json/strict.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -117,7 +118,7 @@ std::string Board::drones(TimeNs now, const FlightCore& core) {
   json all = json::array();
   for (std::size_t i = 0; i < core.drones().size(); ++i) all.push_back(drone_json(now, core, i));
   // A subject of somebody's certificate may be no UTF-8.
-  return all.dump(-1, ' ', false, json::error_handler_t::replace);
+  return ground::json::dump(all);
 }
 
 std::string Board::state_message(TimeNs now, const FlightCore& core, const std::string& drones) {

@@ -273,8 +273,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
                      .content_type = view(request[http::field::content_type])};
     if (judged.session) asked.who = judged.session->who;
     ApiAnswer made = answer(asked, hub_.known());
-    const bool lands =
-        std::any_of(made.wishes.begin(), made.wishes.end(), [](const PilotWish& w) { return w.stop || w.land; });
+    const bool lands = std::any_of(made.wishes.begin(), made.wishes.end(), brings_down);
     // A budget is no reason to keep a drone in the air.
     if (!budget_.take(now) && !lands) return respond(request, refusal(429, "more than 100 requests a second"));
     for (const PilotWish& wish : made.wishes) {
