@@ -1,5 +1,6 @@
 """How soon a stop lands: sixteen drones in the air, each stopped by itself, by four people of three organisations."""
 import json
+import os
 import subprocess
 
 import pytest
@@ -24,7 +25,7 @@ def quantile(values: list[float], share: float) -> float:
     return sorted(values)[min(len(values) - 1, int(share * len(values)))]
 
 
-@pytest.mark.parametrize("ledger", ["embedded", "fabric"])
+@pytest.mark.parametrize("ledger", ["embedded", "fabric"] if os.environ.get("LEDGERLINE_LONG") == "1" else ["fabric"])
 def test_each_stop_lands_its_drone_while_the_holder_fights(tmp_path, ledger):
     if ledger == "fabric":
         needs_fabric()
