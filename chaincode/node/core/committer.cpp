@@ -3,6 +3,7 @@
 #include "chaincode/node/core/tx/proposal.hpp"
 #include "common/fabric/judge/transaction_judge.hpp"
 #include "common/fabric/tx/form.hpp"
+#include "msp/identities.pb.h"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::node {
@@ -27,6 +28,23 @@ bool configures(const common::Block& block, const std::string& channel) {
          channel_header.channel_id() == channel;
 }
 
+/// Of a transaction that is valid: each layer parses.
+std::string creator_of(const std::string& bytes) {
+  common::Envelope envelope;
+  common::Payload payload;
+  common::SignatureHeader header;
+  envelope.ParseFromString(bytes);
+  payload.ParseFromString(envelope.payload());
+  header.ParseFromString(payload.header().signature_header());
+  return header.creator();
+}
+
+std::string msp_of(const std::string& creator) {
+  msp::SerializedIdentity identity;
+  identity.ParseFromString(creator);
+  return identity.mspid();
+}
+
 }  // namespace
 
 Committer::Committer(const CoreConfig& config, std::shared_ptr<crypto::MspRegistry> members, Ledger& ledger)
@@ -45,7 +63,10 @@ CutBlock Committer::validate(OrderedBlock ordered) {
   } else {
     for (fabric::Verdict& verdict : fabric::judge_transactions(block, view_, *members_, rules_)) {
       const Version at{cut.number, cut.transactions.size()};
-      if (verdict.code == protos::VALID) writes.push_back({at, set_of(verdict.sets, config_.contract)});
+      if (verdict.code == protos::VALID) {
+        const std::string& envelope = block.data().data(static_cast<int>(cut.transactions.size()));
+        writes.push_back({at, set_of(verdict.sets, config_.contract), msp_of(creator_of(envelope))});
+      }
       cut.transactions.push_back({std::move(verdict.tx_id), cut.number, verdict.code});
     }
   }
@@ -62,7 +83,7 @@ Applied Committer::apply(const CutBlock& block) {
   applied.block = block.number;
   applied.transactions = block.transactions;
   for (const Write& write : under_way_->writes) {
-    ledger_.state().write(write.set, write.version);
+    ledger_.state().write(write.set, write.version, write.writer);
   }
   ledger_.add_block(std::move(under_way_->hash));
   under_way_.reset();
@@ -106,7 +127,8 @@ void Committer::replay_transaction(std::string_view envelope, Version at, int co
   if (code != protos::VALID) ++counts_.invalid;
   if (!tx_id.empty() && code != protos::BAD_PROPOSAL_TXID) ledger_.state().add_tx(tx_id, {at.block, code});
   if (code != protos::VALID) return;
-  ledger_.state().write(set_of(fabric::read_sets(transaction.action.results()), config_.contract), at);
+  ledger_.state().write(set_of(fabric::read_sets(transaction.action.results()), config_.contract), at,
+                        msp_of(transaction.signature_header.creator()));
 }
 
 Status Committer::replay(std::string_view bytes) {

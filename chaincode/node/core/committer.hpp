@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "chaincode/node/core/ledger/ledger.hpp"
-#include "chaincode/node/core/orderer.hpp"
+#include "chaincode/node/core/ordering/orderer.hpp"
 #include "chaincode/node/core/types.hpp"
 #include "common/fabric/judge/transaction_judge.hpp"
 
@@ -69,6 +69,7 @@ class Committer {
   struct Write {
     Version version;
     kvrwset::KVRWSet set;
+    std::string writer;  ///< MSP id
   };
   struct UnderWay {
     std::string hash;

@@ -8,7 +8,7 @@
 
 #include "chaincode/node/core/committer.hpp"
 #include "chaincode/node/core/endorser.hpp"
-#include "chaincode/node/core/orderer.hpp"
+#include "chaincode/node/core/ordering/orderer.hpp"
 #include "chaincode/node/core/types.hpp"
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
@@ -59,6 +59,8 @@ class NodeCore {
   /// permission_denied for FORBIDDEN, unavailable for SERVICE_UNAVAILABLE, not_found for BAD_REQUEST as well, but the
   /// gateway tells it apart: an unknown channel.
   Reply order(std::string_view envelope, Now now) { return orderer_.order(envelope, now); }
+  /// Whether the disk is nearly full: then order() takes nothing but commands, stops and who may do what.
+  void keep_room(bool nearly_full) { orderer_.keep_room(nearly_full); }
   /// Checks a signed request of a member: `signature` of `message` by `serialized` (a msp.SerializedIdentity).
   Result<crypto::IdentityName> check_signer(std::string_view serialized, std::string_view message,
                                             std::string_view signature, Now now) const;

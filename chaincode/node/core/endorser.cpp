@@ -4,6 +4,7 @@
 
 #include "chaincode/node/core/system_contracts.hpp"
 #include "common/base/printable.hpp"
+#include "common/msg/contract.hpp"
 #include "ledger/rwset/rwset.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/transaction.pb.h"
@@ -112,6 +113,20 @@ std::string Endorser::response_payload(const ProposalParts& proposal, const Simu
   return to_payload(proposal, action);
 }
 
+/// Why the caller's organisation may not write that much more. Commands, and who may do what, are written by anybody.
+std::optional<std::string> Endorser::over_share(const Simulation& simulation, const std::string& function,
+                                                const std::string& msp_id) const {
+  const std::int64_t growth = simulation.growth_bytes();
+  const std::size_t stored = ledger_.state().stored_bytes(msp_id);
+  if (contract::is_urgent(function) || growth <= 0 ||
+      stored + static_cast<std::size_t>(growth) <= config_.max_stored_bytes) {
+    return std::nullopt;
+  }
+  return "the values that " + msp_id + " has written take " + std::to_string(stored) + " bytes, " +
+         std::to_string(growth) + " more would be above " + std::to_string(config_.max_stored_bytes) +
+         ": delete some of them";
+}
+
 std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(Result<SignedProposalParts> read, Now now) {
   if (!read) return Unanswered{Kind::malformed, read.error().what};
   ProposalParts* const proposal = &read->proposal;
@@ -144,6 +159,10 @@ std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(Resul
   Simulation simulation(ledger_.state(), read_version_, **member, definition_ ? Ranges::as_fabric : Ranges::as_wanted);
   Simulated result;
   result.response = chaincode::invoke(simulation, proposal->function, proposal->args);
+  if (!definition_ && result.response.status < 400) {
+    if (auto why = over_share(simulation, proposal->function, (*member)->name.msp_id))
+      result.response = chaincode::Response{500, *why, {}};
+  }
   if (result.response.status < 400 || definition_)
     result.payload = response_payload(*proposal, simulation, result.response, *definition);
   result.proposal = std::move(*proposal);

@@ -50,6 +50,8 @@ class Endorser {
   struct Simulated;
   struct Unanswered;
   std::variant<Simulated, Unanswered> simulate(Result<SignedProposalParts> read, Now now);
+  std::optional<std::string> over_share(const Simulation& simulation, const std::string& function,
+                                        const std::string& msp_id) const;
   Reply reply_of_peer(const std::variant<Simulated, Unanswered>& answer, std::size_t peer) const;
   std::string response_payload(const ProposalParts& proposal, const Simulation& simulation,
                                const chaincode::Response& response, const Definition& definition) const;

@@ -41,14 +41,17 @@ struct Now {
 struct CoreConfig {
   std::string channel = "teleop";
   std::string contract = "ledgerline";
-  std::size_t batch_count = 1;                 ///< a block is cut when this many envelopes wait,
-  std::size_t batch_bytes = 2'000'000;         ///< or this many bytes,
-  TimeNs batch_timeout_ns = 10 * ns_per_ms;    ///< or the oldest has waited this long
-  std::size_t max_envelope_bytes = 10 << 20;   ///< larger ones are refused (Fabric's AbsoluteMaxBytes)
-  std::size_t max_waiting = 10'000;            ///< envelopes that wait for a block; more are refused
-  std::size_t max_waiting_bytes = 64'000'000;  ///< of them together; one alone is always taken
-  std::vector<crypto::MspRoot> organisations;  ///< of the channel: a majority of them endorses; in the config block
-  crypto::MspRoot orderers;                    ///< likewise: whose orderer signs blocks; no name: of nobody
+  std::size_t batch_count = 1;                    ///< a block is cut when this many envelopes wait,
+  std::size_t batch_bytes = 2'000'000;            ///< or this many bytes,
+  TimeNs batch_timeout_ns = 10 * ns_per_ms;       ///< or the oldest has waited this long
+  std::size_t max_envelope_bytes = 10 << 20;      ///< larger ones are refused (Fabric's AbsoluteMaxBytes)
+  std::size_t max_waiting = 10'000;               ///< envelopes that wait for a block; more are refused
+  std::size_t max_waiting_bytes = 64'000'000;     ///< of them together; one alone is always taken
+  std::size_t identity_bytes_per_s = 8'000'000;   ///< that one identity may send for ordering on average,
+  std::size_t identity_burst_bytes = 24'000'000;  ///< and at once; one alone is always taken
+  std::size_t max_stored_bytes = 256'000'000;     ///< of the values that one organisation has written
+  std::vector<crypto::MspRoot> organisations;     ///< of the channel: a majority of them endorses; in the config block
+  crypto::MspRoot orderers;                       ///< likewise: whose orderer signs blocks; no name: of nobody
 };
 
 }  // namespace ledgerline::node

@@ -1,5 +1,7 @@
 #include "chaincode/node/shell/node.hpp"
 
+#include <sys/statvfs.h>
+
 #include "chaincode/identities/first_calls.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
@@ -16,6 +18,7 @@ constexpr TimeNs slow_disk_ns = 100 * ns_per_ms;  // everybody waits that long: 
 Result<std::unique_ptr<Node>> Node::open(Options options) {
   std::unique_ptr<Node> node(new Node);
   node->dir_ = options.dir;
+  node->kept_bytes_ = options.kept_bytes;
   auto files = open_directory(options.dir + "/ledger");
   if (!files) return files.error();
   node->files_ = std::move(*files);
@@ -134,6 +137,7 @@ void Node::on_failure(std::function<void(const std::string&)> handler) {
 void Node::run_core() {
   constexpr int max_in_a_row = 16;
   int in_a_row = 0;
+  TimeNs look_at_disk_ns = 0;
   std::unique_lock lock(mutex_);
   for (;;) {
     const auto idle = [&] { return tasks_.empty() && later_.empty(); };
@@ -157,6 +161,10 @@ void Node::run_core() {
     }
     const bool may_cut = !failed_;
     lock.unlock();
+    if (const TimeNs now = monotonic_ns(); now >= look_at_disk_ns) {
+      look_at_disk_ns = now + ns_per_s;
+      look_at_disk();
+    }
     if (written) apply(*written);
     if (task) std::exchange(task, nullptr)(*core_);
     if (may_cut) {
@@ -168,6 +176,24 @@ void Node::run_core() {
   }
   core_ended_ = true;
   writer_wakes_.notify_one();
+}
+
+/// What commands and stops need is kept for them before the disk is full for all.
+void Node::look_at_disk() {
+  struct statvfs disk {};
+  // A disk that cannot be asked is one that cannot be written either: that is told where a block is.
+  if (::statvfs(dir_.c_str(), &disk) != 0) return;
+  const std::uint64_t free = std::uint64_t{disk.f_bavail} * disk.f_frsize, all = disk.f_blocks * disk.f_frsize;
+  const bool nearly_full = free < std::min(kept_bytes_, all / 32);
+  if (nearly_full != nearly_full_) {
+    if (nearly_full) {
+      spdlog::error("{} has {} kB left: commands, stops and control alone are ordered", dir_, free / 1'000);
+    } else {
+      spdlog::warn("{} has room again: everything is ordered", dir_);
+    }
+  }
+  nearly_full_ = nearly_full;
+  core_->keep_room(nearly_full);
 }
 
 void Node::hand_to_writer(CutBlock block) {

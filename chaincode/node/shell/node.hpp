@@ -27,6 +27,7 @@ class Node {
   struct Options {
     std::string dir;
     CoreConfig core;
+    std::uint64_t kept_bytes = 64'000'000;  ///< of the disk, for what is urgent; of a small one a thirty-second
   };
   /// Opens or makes everything under dir, replays the ledger, enrolls who comes with a new one, starts the threads.
   static Result<std::unique_ptr<Node>> open(Options options);
@@ -71,6 +72,7 @@ class Node {
   void run_core();
   void run_writer();
   Status store(const CutBlock& block);
+  void look_at_disk();
   void hand_to_writer(CutBlock block);
   void apply(const CutBlock& block);
 
@@ -82,7 +84,9 @@ class Node {
   std::unique_ptr<BlockFeed> feed_;
   std::unique_ptr<NodeCore> core_;
   NodeCore::Counts counts_;
-  Histogram disk_;  // of the writer thread
+  std::uint64_t kept_bytes_ = 0;
+  bool nearly_full_ = false;  // of the core thread
+  Histogram disk_;            // of the writer thread
   std::function<void(std::uint64_t, const TxStatus&)> on_answer_;
   std::function<void(const std::string&)> on_failure_;
 

@@ -97,4 +97,14 @@ kvrwset::KVRWSet Simulation::read_write_set() const {
   return set;
 }
 
+std::int64_t Simulation::growth_bytes() const {
+  std::int64_t growth = 0;
+  for (const auto& [key, value] : writes_) {
+    const State::Value* now = state_.find(key);
+    growth += static_cast<std::int64_t>(value.size());
+    if (now != nullptr && now->writer == caller_.name.msp_id) growth -= static_cast<std::int64_t>(now->bytes.size());
+  }
+  return growth;
+}
+
 }  // namespace ledgerline::node

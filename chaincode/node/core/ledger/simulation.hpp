@@ -38,6 +38,8 @@ class Simulation final : public chaincode::Stub {
 
   /// Reads and writes in order of their keys, as Fabric writes them.
   kvrwset::KVRWSet read_write_set() const;
+  /// By how many bytes what the caller's organisation has written would grow.
+  std::int64_t growth_bytes() const;
   bool has_event() const { return !event_name_.empty(); }
   const std::string& event_name() const { return event_name_; }
   const std::string& event_payload() const { return event_payload_; }

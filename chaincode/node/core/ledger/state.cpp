@@ -14,18 +14,30 @@ const std::vector<Version>* State::history(const std::string& key) const {
   return found == history_.end() ? nullptr : &found->second;
 }
 
-void State::write(const kvrwset::KVRWSet& set, Version version) {
+std::size_t State::stored_bytes(const std::string& writer) const {
+  const auto found = stored_.find(writer);
+  return found == stored_.end() ? 0 : found->second;
+}
+
+void State::write(const kvrwset::KVRWSet& set, Version version, const std::string& writer) {
   for (const kvrwset::KVWrite& one : set.writes()) history_[one.key()].push_back(version);
   for (auto& [key, effect] : fabric::effects_of(set)) {
+    const auto found = values_.find(key);
     if (effect.kind == fabric::KeyEffect::Kind::deletion) {
-      values_.erase(key);
+      if (found == values_.end()) continue;
+      stored_[found->second.writer] -= found->second.bytes.size();
+      values_.erase(found);
       continue;
     }
-    const auto found = values_.find(key);
     const bool policy_alone = effect.kind == fabric::KeyEffect::Kind::policy;
     if (found == values_.end() && policy_alone) continue;
     Value& value = found == values_.end() ? values_[key] : found->second;
-    if (!policy_alone) value.bytes = effect.value;
+    if (!policy_alone) {
+      stored_[value.writer] -= value.bytes.size();
+      stored_[writer] += effect.value.size();
+      value.bytes = effect.value;
+      value.writer = writer;
+    }
     if (effect.kind != fabric::KeyEffect::Kind::value) value.policy = effect.policy;
     value.version = version;
   }

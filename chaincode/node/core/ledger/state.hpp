@@ -23,6 +23,7 @@ class State {
     std::string bytes;
     Version version;
     std::string policy{};  ///< the key's own, common.SignaturePolicyEnvelope; empty: the contract's
+    std::string writer{};  ///< MSP id
   };
   using Values = std::map<std::string, Value>;
 
@@ -30,8 +31,10 @@ class State {
   const Values& values() const { return values_; }
   /// Oldest first; nullptr: never written.
   const std::vector<Version>* history(const std::string& key) const;
-  /// What a transaction does to keys (fabric::effects_of).
-  void write(const kvrwset::KVRWSet& set, Version version);
+  /// What a transaction of a member of `writer` does to keys (fabric::effects_of).
+  void write(const kvrwset::KVRWSet& set, Version version, const std::string& writer = {});
+  /// Of the values that an organisation's members wrote last.
+  std::size_t stored_bytes(const std::string& writer) const;
 
   struct Tx {
     std::uint64_t block = 0;
@@ -43,6 +46,7 @@ class State {
 
  private:
   Values values_;
+  std::map<std::string, std::size_t> stored_;  // by who wrote
   std::map<std::string, std::vector<Version>> history_;
   std::unordered_map<std::string, Tx> txs_;  // looked up only, never walked: its order would not repeat
 };

@@ -15,6 +15,14 @@ bool parse(google::protobuf::MessageLite& message, std::string_view bytes) {
 
 }  // namespace
 
+std::optional<CalledFunction> read_called(const std::string& proposal_payload) {
+  protos::ChaincodeProposalPayload payload;
+  protos::ChaincodeInvocationSpec spec;
+  if (!payload.ParseFromString(proposal_payload) || !spec.ParseFromString(payload.input())) return std::nullopt;
+  const auto& args = spec.chaincode_spec().input().args();
+  return CalledFunction{spec.chaincode_spec().chaincode_id().name(), args.empty() ? "" : args[0]};
+}
+
 Result<ProposalParts> read_proposal(std::string_view proposal_bytes) {
   ProposalParts parts;
   protos::Proposal proposal;

@@ -1,4 +1,5 @@
 #pragma once
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,6 +25,11 @@ struct ProposalParts {
   std::vector<std::string> args;
   std::string payload;  ///< ChaincodeProposalPayload without the transient map: what goes into the transaction
 };
+/// Which contract and function a transaction asked for, by its ChaincodeProposalPayload. nullopt: it does not parse.
+struct CalledFunction {
+  std::string contract, function;
+};
+std::optional<CalledFunction> read_called(const std::string& proposal_payload);
 Result<ProposalParts> read_proposal(std::string_view proposal_bytes);
 
 /// The same with its creator's signature, of which nothing is checked either.

@@ -33,6 +33,25 @@ TEST_F(EndorserTest, ARefusalOfTheContractIsAbortedWithItsWords) {
   EXPECT_EQ(missing.detail, "chaincode response 500, tello1/none: not found");
 }
 
+TEST_F(EndorserTest, AnOrganisationStoresSoManyBytesAndNoMoreUntilItHasDeletedSome) {
+  net.config.max_stored_bytes = 3'000;
+  net.restart();
+  const auto set = [&](const crypto::SigningIdentity& who, const std::string& id, std::size_t bytes) {
+    const std::string call = R"({"id":")" + id + R"(","msgType":"t","msgData":")" + std::string(bytes, 'A') + "\"}";
+    const Reply reply = net.core->endorse(net.propose(who, "set", call).signed_proposal, net.now);
+    if (reply.code == Code::ok) net.submit(who, "set", call);
+    return reply.detail;
+  };
+  EXPECT_EQ(set(net.pilot, "Org2MSP/a", 2'000), "");
+  EXPECT_THAT(set(net.pilot, "Org2MSP/b", 2'000), HasSubstr("the values that Org2MSP has written take"));
+  EXPECT_EQ(set(net.pilot, "Org2MSP/a", 1'900), "") << "it grows no more";
+  EXPECT_EQ(set(net.admin1, "Org1MSP/a", 2'000), "") << "others have a share of their own";
+  net.restart();
+  EXPECT_THAT(set(net.pilot, "Org2MSP/b", 2'000), HasSubstr("delete some of them")) << "nothing is forgotten";
+  net.submit(net.pilot, "delete", "Org2MSP/a");
+  EXPECT_EQ(set(net.pilot, "Org2MSP/b", 2'000), "");
+}
+
 TEST_F(EndorserTest, AWrongSignatureOfAProposalIsDenied) {
   protos::SignedProposal proposal;
   proposal.ParseFromString(net.propose(net.host, "set", note("tello1/a")).signed_proposal);

@@ -6,6 +6,7 @@
 
 #include <condition_variable>
 #include <filesystem>
+#include <fstream>
 #include <thread>
 
 #include "chaincode/node/shell/block_view.hpp"
@@ -56,6 +57,7 @@ class ShellTest : public ::testing::Test {
     node.reset();
     Node::Options options;
     options.dir = dir_;
+    options.kept_bytes = kept_bytes;
     options.core.batch_count = 3;
     options.core.batch_timeout_ns = 2 * ns_per_ms;
     auto opened = Node::open(options);
@@ -78,6 +80,7 @@ class ShellTest : public ::testing::Test {
   }
 
   std::filesystem::path dir_;
+  std::uint64_t kept_bytes = Node::Options().kept_bytes;
   Inbox<TxStatus> answers;
   std::unique_ptr<Node> node;
   crypto::SigningIdentity user;
@@ -149,6 +152,7 @@ TEST_F(ShellTest, AFullDiskConfirmsNothingUntilThereIsRoom) {
   if (::unshare(CLONE_NEWNS) != 0 || ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
       ::mount("none", dir_.c_str(), "tmpfs", 0, "size=4m") != 0)
     GTEST_SKIP() << "no file system of its own without root";
+  kept_bytes = 0;
   start();
   submit(R"({"id":"tello1/a","msgType":"t"})");
   ASSERT_EQ(answers.wait_for(1)[0].code, 0);
@@ -167,6 +171,37 @@ TEST_F(ShellTest, AFullDiskConfirmsNothingUntilThereIsRoom) {
   for (const TxStatus& status : answers.wait_for(9)) EXPECT_EQ(status.code, 0) << status.tx_id;
   start();
   EXPECT_GT(node->feed().height(), height) << "all of it is there after a restart";
+  node.reset();
+  ::umount2(dir_.c_str(), MNT_DETACH);
+}
+
+TEST_F(ShellTest, ADiskThatIsNearlyFullTakesWhatIsUrgentAlone) {
+  node.reset();
+  kept_bytes = UINT64_MAX;
+  std::filesystem::remove_all(dir_);
+  std::filesystem::create_directories(dir_);
+  if (::unshare(CLONE_NEWNS) != 0 || ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
+      ::mount("none", dir_.c_str(), "tmpfs", 0, "size=4m") != 0)
+    GTEST_SKIP() << "no file system of its own without root";
+  start();
+  std::ofstream(dir_ / "filler") << std::string(3'950'000, 'x');
+  std::this_thread::sleep_for(std::chrono::milliseconds(1'100));
+  node->post([](NodeCore&) {});
+  const auto order = [&](const std::string& function, const std::string& argument) {
+    const auto asker = *crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", user_msp_dir(dir_, 1, "User1"));
+    Inbox<Reply> replies;
+    node->post([&](NodeCore& core) {
+      const Now now{monotonic_ns(), realtime_ns()};
+      const auto proposal =
+          *fabric::make_proposal(asker, {}, {function, {argument}}, now.real_ns, crypto::random_bytes(24));
+      const Reply endorsed = core.endorse(proposal.signed_proposal, now);
+      EXPECT_EQ(endorsed.code, Code::ok) << endorsed.detail;
+      replies.put(core.order(*fabric::sign_envelope(asker, endorsed.bytes), now));
+    });
+    return replies.wait_for(1)[0];
+  };
+  EXPECT_THAT(order("set", R"({"id":"Org1MSP/a","msgType":"t"})").detail, HasSubstr("the disk is nearly full"));
+  EXPECT_EQ(order("stop", "tello1").code, Code::ok);
   node.reset();
   ::umount2(dir_.c_str(), MNT_DETACH);
 }

@@ -1,11 +1,11 @@
 #pragma once
 #include <cstddef>
-#include <deque>
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "chaincode/node/core/member_check.hpp"
+#include "chaincode/node/core/ordering/waiting.hpp"
 #include "chaincode/node/core/tx/block.hpp"
 #include "chaincode/node/core/types.hpp"
 #include "common/common.pb.h"
@@ -18,36 +18,33 @@ struct OrderedBlock {
   std::string warning;  ///< not empty: the block has no orderer's signature, and why
 };
 
-/// The channel's ordering service: takes members' envelopes in the order in which they come, at most so many at a time,
-/// and cuts them into signed blocks by count, bytes and time. It does not look into transactions. `config` must outlive
-/// it. One thread at a time.
+/// The channel's ordering service: takes members' envelopes, at most so many at a time, and cuts them into signed blocks
+/// by count, bytes and time; who is first, and how much is whose, says Waiting. Of a transaction it looks at the called
+/// function alone. `config` must outlive it. One thread at a time.
 class Orderer {
  public:
   Orderer(const CoreConfig& config, MemberCheck members, crypto::SigningIdentity identity)
-      : config_(config), members_(std::move(members)), identity_(std::move(identity)) {}
+      : config_(config), members_(std::move(members)), identity_(std::move(identity)), waiting_(config_) {}
 
   /// The config block, as number 0.
   OrderedBlock genesis() const;
   /// NodeCore::order.
   Reply order(std::string_view envelope, Now now);
+  /// Whether the disk is nearly full: then nothing is taken but what is urgent.
+  void keep_room(bool nearly_full) { nearly_full_ = nearly_full; }
   /// When cut() has to be called: now or in the past when a block is full; nullopt when nothing waits.
   std::optional<TimeNs> next_cut() const;
   /// The block that follows `end`, if one is due.
   std::optional<OrderedBlock> cut(Now now, const ChainEnd& end);
 
  private:
-  struct Pending {
-    std::string envelope;
-    TimeNs arrived_ns;
-  };
-  std::vector<std::string> take_batch();
   OrderedBlock sign(common::Block block) const;
 
   const CoreConfig& config_;
   const MemberCheck members_;
   const crypto::SigningIdentity identity_;
-  std::deque<Pending> pending_;
-  std::size_t pending_bytes_ = 0;
+  Waiting waiting_;
+  bool nearly_full_ = false;
 };
 
 }  // namespace ledgerline::node

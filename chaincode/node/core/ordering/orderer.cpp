@@ -1,9 +1,12 @@
-#include "chaincode/node/core/orderer.hpp"
+#include "chaincode/node/core/ordering/orderer.hpp"
 
 #include <algorithm>
 
+#include "chaincode/node/core/tx/proposal.hpp"
 #include "common/base/printable.hpp"
+#include "common/msg/contract.hpp"
 #include "msp/identities.pb.h"
+#include "peer/transaction.pb.h"
 
 namespace ledgerline::node {
 namespace {
@@ -14,6 +17,19 @@ bool has_expired(const std::string& serialized, Now now) {
   if (!identity.ParseFromString(serialized)) return false;
   const auto certificate = crypto::parse_certificate(identity.id_bytes());
   return certificate && certificate->not_after_s < now.real_ns / ns_per_s;
+}
+
+/// Commands, stops, and who may do what. It is what the sender says: whether it is true shows at validation.
+bool asks_urgently(const common::Payload& payload, const std::string& contract) {
+  constexpr std::size_t max_urgent_bytes = 64'000;
+  protos::Transaction transaction;
+  protos::ChaincodeActionPayload action;
+  if (payload.data().size() > max_urgent_bytes || !transaction.ParseFromString(payload.data()) ||
+      transaction.actions_size() != 1 || !action.ParseFromString(transaction.actions(0).payload())) {
+    return false;
+  }
+  const auto called = read_called(action.chaincode_proposal_payload());
+  return called && called->contract == contract && contract::is_urgent(called->function);
 }
 
 Reply refuse_order(Code code, const std::string& status, const std::string& info) {
@@ -52,35 +68,22 @@ Reply Orderer::order(std::string_view bytes, Now now) {
     return refuse_order(Code::invalid_argument, "BAD_REQUEST", "broadcast client identity expired");
   }
   if (!member) return refuse_order(Code::permission_denied, "FORBIDDEN", member.error().what);
-  const bool heavy = !pending_.empty() && pending_bytes_ + bytes.size() > config_.max_waiting_bytes;
-  if (pending_.size() >= config_.max_waiting || heavy) {
+  const bool urgent = asks_urgently(payload, config_.contract);
+  if (nearly_full_ && !urgent) {
     return refuse_order(Code::unavailable, "SERVICE_UNAVAILABLE",
-                        std::to_string(pending_.size()) + " envelopes wait for a block already");
+                        "the disk is nearly full: commands, stops and control alone are ordered");
   }
-  pending_.push_back({std::string(bytes), now.monotonic_ns});
-  pending_bytes_ += bytes.size();
+  if (const auto why = waiting_.add({signature_header.creator(), urgent}, std::string(bytes), now.monotonic_ns)) {
+    return refuse_order(Code::unavailable, "SERVICE_UNAVAILABLE", *why);
+  }
   return {};
 }
 
 std::optional<TimeNs> Orderer::next_cut() const {
-  if (pending_.empty()) return std::nullopt;
-  const TimeNs oldest = pending_.front().arrived_ns;
-  const bool full = pending_.size() >= config_.batch_count || pending_bytes_ >= config_.batch_bytes;
+  if (waiting_.empty()) return std::nullopt;
+  const TimeNs oldest = waiting_.oldest_ns();
+  const bool full = waiting_.count() >= config_.batch_count || waiting_.bytes() >= config_.batch_bytes;
   return full ? oldest : oldest + config_.batch_timeout_ns;
-}
-
-std::vector<std::string> Orderer::take_batch() {
-  std::vector<std::string> envelopes;
-  std::size_t bytes = 0;
-  while (!pending_.empty() && envelopes.size() < std::max<std::size_t>(config_.batch_count, 1)) {
-    const std::size_t size = pending_.front().envelope.size();
-    if (!envelopes.empty() && bytes + size > config_.batch_bytes) break;
-    bytes += size;
-    pending_bytes_ -= size;
-    envelopes.push_back(std::move(pending_.front().envelope));
-    pending_.pop_front();
-  }
-  return envelopes;
 }
 
 OrderedBlock Orderer::sign(common::Block block) const {
@@ -91,7 +94,7 @@ OrderedBlock Orderer::sign(common::Block block) const {
 std::optional<OrderedBlock> Orderer::cut(Now now, const ChainEnd& end) {
   const auto due = next_cut();
   if (!due || *due > now.monotonic_ns) return std::nullopt;
-  return sign(make_block(end, take_batch()));
+  return sign(make_block(end, waiting_.take(std::max<std::size_t>(config_.batch_count, 1), config_.batch_bytes)));
 }
 
 OrderedBlock Orderer::genesis() const { return sign(make_block({}, {make_config_envelope(config_, identity_)})); }

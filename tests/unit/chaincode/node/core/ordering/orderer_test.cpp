@@ -1,4 +1,4 @@
-#include "chaincode/node/core/orderer.hpp"
+#include "chaincode/node/core/ordering/orderer.hpp"
 
 #include <gmock/gmock.h>
 
@@ -90,7 +90,7 @@ TEST_F(OrdererTest, AnEnvelopeThatIsTooLargeIsTold) {
 }
 
 TEST_F(OrdererTest, TooManyWaitingEnvelopesAreRefused) {
-  config.max_waiting = 2;
+  config.max_waiting = 8;  // a quarter of them for one identity
   restart();
   for (int i = 0; i < 2; ++i) order();
   EXPECT_EQ(orderer->order(envelope(), now).code, Code::unavailable);
